@@ -1,0 +1,75 @@
+"""Geodesy: degrees on WGS-84 to metres on a local plane and back, and distances on the ellipsoid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import overload
+
+import numpy as np
+from numpy.typing import NDArray
+from pyproj import Geod, Transformer
+
+Floats = NDArray[np.float64]
+LatLon = tuple[float, float]
+"""latitude, longitude [deg], WGS-84"""
+
+_ELLIPSOID = Geod(ellps="WGS84")
+
+
+@lru_cache(maxsize=64)
+def _projection(lat_deg: float, lon_deg: float) -> Transformer:
+    # A Transformer may be used from several threads, a bare Proj is not promised to be.
+    return Transformer.from_pipeline(
+        "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad "
+        f"+step +proj=aeqd +lat_0={lat_deg!r} +lon_0={lon_deg!r} +ellps=WGS84 +units=m"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class LocalFrame:
+    """A plane touching the ellipsoid at (lat_deg, lon_deg), axes east and north.
+
+    The azimuthal equidistant projection: distance and direction from the origin are exact, and 50 km away
+    from it a metre is still a metre to about 10 parts in a million.
+    """
+
+    lat_deg: float
+    lon_deg: float
+
+    def __post_init__(self) -> None:
+        if not (-90.0 <= self.lat_deg <= 90.0 and -180.0 <= self.lon_deg <= 180.0):
+            raise ValueError(
+                f"origin ({self.lat_deg}, {self.lon_deg}): expected a latitude in [-90, 90] and a longitude "
+                "in [-180, 180], in degrees and in this order"
+            )
+
+    @overload
+    def to_local(self, lat_deg: float, lon_deg: float) -> tuple[float, float]: ...
+    @overload
+    def to_local(self, lat_deg: Floats, lon_deg: Floats) -> tuple[Floats, Floats]: ...
+    def to_local(
+        self, lat_deg: float | Floats, lon_deg: float | Floats
+    ) -> tuple[float | Floats, float | Floats]:
+        """(east, north) [m] of points in degrees; what cannot be projected comes out as inf or nan."""
+        east_m, north_m = _projection(self.lat_deg, self.lon_deg).transform(lon_deg, lat_deg)
+        return east_m, north_m
+
+    @overload
+    def to_geodetic(self, east_m: float, north_m: float) -> tuple[float, float]: ...
+    @overload
+    def to_geodetic(self, east_m: Floats, north_m: Floats) -> tuple[Floats, Floats]: ...
+    def to_geodetic(
+        self, east_m: float | Floats, north_m: float | Floats
+    ) -> tuple[float | Floats, float | Floats]:
+        """(latitude, longitude) [deg] of points in metres east and north of the origin."""
+        lon_deg, lat_deg = _projection(self.lat_deg, self.lon_deg).transform(
+            east_m, north_m, direction="INVERSE"
+        )
+        return lat_deg, lon_deg
+
+
+def distance_m(a: LatLon, b: LatLon) -> float:
+    """Length of the geodesic from `a` to `b` [m]."""
+    _, _, metres = _ELLIPSOID.inv(a[1], a[0], b[1], b[0])
+    return float(metres)

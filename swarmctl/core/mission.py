@@ -1,0 +1,53 @@
+"""What a vehicle is asked to fly, free of any autopilot's habits.
+
+A `FlightPlan` is what an agent decides; the autopilot dialects in `swarmctl.mavlink` turn it into the
+`MissionItem`s of one firmware (home placeholder, frames, which sequence number comes first).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Waypoint:
+    """A point to fly over: WGS-84 degrees, altitude above home [m]."""
+
+    lat_deg: float
+    lon_deg: float
+    alt_rel_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class FlightPlan:
+    """Take off where the vehicle stands, fly `track` in order, land at `landing`.
+
+    `landing.alt_rel_m` is the altitude from which the vehicle comes down. A plan for a vehicle that flies
+    already still has its take-off, because some firmwares refuse a mission without one; it is then started
+    at the first waypoint.
+    """
+
+    takeoff_alt_m: float
+    track: tuple[Waypoint, ...]
+    landing: Waypoint
+
+
+@dataclass(frozen=True, slots=True)
+class MissionItem:
+    """One MISSION_ITEM_INT without its address: positions in degrees × 1e7 as on the wire."""
+
+    command: int
+    """MAV_CMD"""
+    frame: int
+    """MAV_FRAME"""
+    x: int
+    """latitude [degE7]"""
+    y: int
+    """longitude [degE7]"""
+    z: float
+    """altitude [m] in `frame`"""
+    param1: float = 0.0
+    param2: float = 0.0
+    param3: float = 0.0
+    param4: float = 0.0
+    autocontinue: int = 1

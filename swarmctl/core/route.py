@@ -1,0 +1,110 @@
+"""From a route over cells to points on the ground that a vehicle can fly."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+from swarmctl.core.geo import LatLon
+from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.mission import FlightPlan, Waypoint
+
+CORNER_TOLERANCE = 0.02
+"""How far from the shared corner of two diagonal cells a leg may pass [cells]. Between centres it meets the
+corner exactly; a vehicle that follows such a leg is off it by about this much anyhow."""
+
+LANDING_SPACING_M = 12.0
+"""Most that vehicles landing in one cell are set apart [m]."""
+
+
+def thin(cells: Sequence[Cell]) -> tuple[Cell, ...]:
+    """The ends and the turns of a route over neighbouring cells: what lies straight between them is left out.
+
+    The track from centre to centre covers the same cells as before (`cells_under_track`).
+    """
+    if len(cells) < 3:
+        return tuple(cells)
+    turns = (
+        here
+        for before, here, after in zip(cells, cells[1:], cells[2:], strict=False)
+        if _step(before, here) != _step(here, after)
+    )
+    return (cells[0], *turns, cells[-1])
+
+
+def cells_under_track(turns: Sequence[Cell]) -> tuple[Cell, ...]:
+    """The cells under a track of straight or diagonal legs between the centres of `turns`, in flown order.
+
+    A diagonal leg passes through the corners that its cells share and covers no cell beside them.
+    """
+    covered = list(turns[:1])
+    for here, there in pairwise(turns):
+        d_row, d_col = there[0] - here[0], there[1] - here[1]
+        n_steps = max(abs(d_row), abs(d_col))
+        if not (d_row == 0 or d_col == 0 or abs(d_row) == abs(d_col)):
+            raise ValueError(f"the leg {here} to {there} is neither straight nor diagonal")
+        covered += [
+            (here[0] + k * d_row // n_steps, here[1] + k * d_col // n_steps) for k in range(1, n_steps + 1)
+        ]
+    return tuple(covered)
+
+
+def flight_plan(
+    grid: Grid,
+    cells: Sequence[Cell],
+    *,
+    altitude_m: float,
+    landing_lat_lon: LatLon,
+    position: LatLon | None = None,
+) -> FlightPlan:
+    """The plan to fly a route over neighbouring cells and land.
+
+    Waypoints are the centres of the turns. A vehicle whose `position` is already within cells[0] does not
+    go back to the centre of that cell, unless the way from where it is would lead over cells that are not on
+    the route.
+    """
+    if not cells:
+        raise ValueError("a route without cells cannot be flown: expected at least the cell of its goal")
+    turns = thin(cells)
+    if position is not None and len(turns) > 1 and _may_skip_first_centre(grid, turns, position):
+        turns = turns[1:]
+    track = tuple(Waypoint(*grid.centre(cell), altitude_m) for cell in turns)
+    return FlightPlan(altitude_m, track, Waypoint(*landing_lat_lon, altitude_m))
+
+
+def landing_spot(grid: Grid, cell: Cell, index: int, count: int) -> LatLon:
+    """Where the vehicle `index` of `count` that share a goal cell comes down.
+
+    Distinct points inside the cell, on a square lattice about its centre, as far apart as fits and at most
+    LANDING_SPACING_M.
+    """
+    if not 0 <= index < count:
+        raise ValueError(f"landing place {index} of {count}: expected 0 to {count - 1}")
+    east_m, north_m = grid.centre_m(cell)
+    n_cols = math.isqrt(count - 1) + 1
+    n_rows = -(-count // n_cols)
+    spacing_m = min(LANDING_SPACING_M, grid.cell_size_m / n_cols)
+    row, col = divmod(index, n_cols)
+    return grid.frame.to_geodetic(
+        east_m + (col - (n_cols - 1) / 2) * spacing_m, north_m + (row - (n_rows - 1) / 2) * spacing_m
+    )
+
+
+def _step(here: Cell, there: Cell) -> Cell:
+    return there[0] - here[0], there[1] - here[1]
+
+
+def _may_skip_first_centre(grid: Grid, turns: Sequence[Cell], position: LatLon) -> bool:
+    if grid.cell_at(*position) != turns[0]:
+        return False
+    (row, col), (next_row, next_col) = turns[0], turns[1]
+    if row == next_row or col == next_col:
+        return True  # both ends lie in one straight row of cells, and so does everything between them
+    # A diagonal leg converges on the line of centres, so it passes the first shared corner at its widest.
+    x, y = (metres / grid.cell_size_m for metres in grid.frame.to_local(*position))
+    corner_x = col + 1.0 if next_col > col else float(col)
+    corner_y = row + 1.0 if next_row > row else float(row)
+    leg_x, leg_y = next_col + 0.5 - x, next_row + 0.5 - y
+    across = (corner_x - x) * leg_y - (corner_y - y) * leg_x
+    return abs(across) <= CORNER_TOLERANCE * math.hypot(leg_x, leg_y)

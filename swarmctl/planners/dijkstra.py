@@ -1,0 +1,63 @@
+"""The paper's planner: the route of least Eq. 5, C_mn = (1 − w)·ψ·d_mn + w·P_s(n).
+
+A field of the cost that is still to come is spread backwards from the goals, and the route runs down it (the
+paper's hill climbing). One field serves every start.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmctl.core.grid import Cell
+from swarmctl.planners import kernels
+from swarmctl.planners.base import Problem, Route, Unreachable, check_cell, check_field, eq5_route
+
+
+@dataclass(frozen=True, slots=True)
+class Params:
+    """Nothing to choose: w and ψ are part of the problem."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CostToGo:
+    """The least cost by Eq. 5 from every cell to the nearest goal."""
+
+    cost: NDArray[np.float64]
+    """(rows, cols); infinite where no way leads to a goal"""
+    _field: kernels.Field
+
+    def cells_from(self, start: Cell) -> tuple[Cell, ...]:
+        """The route from `start` to a goal, both included; any tail of it is the route from where it begins.
+
+        Raises BadProblem where the start is outside the area, Unreachable where no way leads to a goal.
+        """
+        check_cell("start", start, self.cost)
+        return _cells(self._field, start)
+
+
+def plan(problem: Problem, _params: Params) -> Route:
+    """The route of least cost by Eq. 5; among equals the shortest, and among these always the same."""
+    field = kernels.spread(
+        problem.exposure, problem.goals, problem.w, problem.psi_per_cell, until=problem.start
+    )
+    return eq5_route(problem, _cells(field, problem.start))
+
+
+def cost_to_go(
+    exposure: NDArray[np.float64], goals: Sequence[Cell], w: float, psi_per_cell: float
+) -> CostToGo:
+    """The whole field for P_s of shape (rows, cols), for all vehicles with these goals. Raises BadProblem."""
+    check_field(exposure, goals, w, psi_per_cell)
+    field = kernels.spread(exposure, goals, w, psi_per_cell)
+    return CostToGo(field.unpadded_cost(), field)
+
+
+def _cells(field: kernels.Field, start: Cell) -> tuple[Cell, ...]:
+    if math.isinf(field.cost_of(start)):
+        raise Unreachable(f"no way leads from {start} to a goal: walls of infinite exposure lie between")
+    return field.run_down(start)

@@ -1,0 +1,153 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from swarmctl.core.belief import CLEAR, OCCUPIED, UNKNOWN, Belief, Observation
+
+QUICK = settings(max_examples=60, deadline=None, derandomize=True)
+ROWS, COLS = 4, 5
+
+
+def seen(observer: int, seq: int, *cells: tuple[int, int, bool]) -> Observation:
+    return Observation(observer, seq, 0.5 * seq, cells)
+
+
+cells = st.tuples(st.integers(0, ROWS - 1), st.integers(0, COLS - 1), st.booleans())
+contents = st.lists(cells, max_size=9).map(tuple)
+# one content a name, as an honest swarm has it; contradictions between observations are included
+heard = st.dictionaries(st.tuples(st.integers(1, 3), st.integers(0, 4)), contents, max_size=10).map(
+    lambda by_name: [Observation(o, s, float(s), c) for (o, s), c in by_name.items()]
+)
+
+
+@QUICK
+@given(heard, st.randoms(use_true_random=False), st.integers(0, 3))
+def test_order_repetition_and_grouping_do_not_matter(observations, random, n_repeats) -> None:
+    at_once = Belief.prior(ROWS, COLS, 6).merge(observations)
+    shuffled = observations * (1 + n_repeats)
+    random.shuffle(shuffled)
+    one_by_one = Belief.prior(ROWS, COLS, 6)
+    for observation in shuffled:
+        one_by_one = one_by_one.merge([observation])
+    np.testing.assert_array_equal(one_by_one.known, at_once.known)
+    assert list(one_by_one.observations()) == list(at_once.observations())
+    assert set(at_once.observations()) == set(observations)
+
+
+@QUICK
+@given(heard, heard)
+def test_merging_leaves_the_belief_it_came_from_alone(first, second) -> None:
+    observers = {(o.observer, o.seq) for o in first}
+    before = Belief.prior(ROWS, COLS, 6).merge(first)
+    known, held = before.known.copy(), list(before.observations())
+    before.merge(o for o in second if (o.observer, o.seq) not in observers)
+    np.testing.assert_array_equal(before.known, known)
+    assert list(before.observations()) == held
+
+
+@QUICK
+@given(heard)
+def test_what_is_known_already_gives_back_the_same_belief(observations) -> None:
+    belief = Belief.prior(ROWS, COLS, 6).merge(observations)
+    assert belief.merge(observations) is belief
+    assert belief.merge([]) is belief
+
+
+@QUICK
+@given(heard, st.integers(0, ROWS * COLS))
+def test_occupancy_is_a_probability_whatever_was_announced(observations, n_hostiles) -> None:
+    belief = Belief.prior(ROWS, COLS, n_hostiles).merge(observations)
+    p = belief.occupancy()
+    assert p.shape == (ROWS, COLS)
+    assert ((p >= 0.0) & (p <= 1.0)).all()
+    assert (p[belief.known == OCCUPIED] == 1.0).all()
+    assert (p[belief.known == CLEAR] == 0.0).all()
+    if not (belief.announced_too_low or belief.announced_too_high):
+        assert p.sum() == pytest.approx(n_hostiles)
+
+
+def test_prior_of_the_model() -> None:
+    belief = Belief.prior(20, 20, 24)
+    assert (belief.known == UNKNOWN).all()
+    np.testing.assert_allclose(belief.occupancy(), 0.06, rtol=1e-12)
+
+
+def test_eq_4_after_nine_cells_of_the_model() -> None:
+    around = ((r, c, (r, c) == (10, 10)) for r in (9, 10, 11) for c in (9, 10, 11))
+    belief = Belief.prior(20, 20, 24).merge([seen(1, 0, *around)])
+    assert (belief.n_observed, belief.n_found) == (9, 1)
+    p = belief.occupancy()
+    assert p[0, 0] == pytest.approx(0.0588235, abs=5e-8)
+    assert p[10, 10] == 1.0
+    assert p[9, 11] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("n_hostiles", "n_occupied", "n_clear", "p_unseen", "too_low_too_high"),
+    [
+        (2, 3, 0, 0.0, (True, False)),  # more found than announced: no negative probability
+        (2, 2, 0, 0.0, (False, False)),
+        (18, 0, 4, 1.0, (False, True)),  # 18 missing, 16 cells left: no probability above one
+        (16, 0, 4, 1.0, (False, False)),
+        (3, 3, 17, 0.0, (False, False)),  # every cell observed: nothing to divide by
+        (4, 3, 17, 0.0, (False, True)),
+        (2, 3, 17, 0.0, (True, False)),
+    ],
+)
+def test_a_wrong_announcement_is_a_fact_and_not_a_crash(
+    n_hostiles: int, n_occupied: int, n_clear: int, p_unseen: float, too_low_too_high: tuple[bool, bool]
+) -> None:
+    told = [(i // COLS, i % COLS, i < n_occupied) for i in range(n_occupied + n_clear)]
+    belief = Belief.prior(ROWS, COLS, n_hostiles).merge([seen(1, 0, *told)])
+    assert (belief.announced_too_low, belief.announced_too_high) == too_low_too_high
+    assert (belief.occupancy()[belief.known == UNKNOWN] == p_unseen).all()
+
+
+def test_occupied_wins_over_clear_in_either_order() -> None:
+    clear, occupied = seen(1, 0, (2, 2, False)), seen(2, 0, (2, 2, True))
+    prior = Belief.prior(ROWS, COLS, 6)
+    assert prior.merge([clear]).merge([occupied]).known[2, 2] == OCCUPIED
+    assert prior.merge([occupied]).merge([clear]).known[2, 2] == OCCUPIED
+
+
+def test_it_counts_who_told_what() -> None:
+    belief = Belief.prior(ROWS, COLS, 6).merge(
+        [
+            seen(7, 0, (0, 0, False), (0, 1, True)),
+            seen(7, 4, (0, 1, True), (0, 2, False)),
+            seen(9, 1, (0, 0, False)),
+        ]
+    )
+    assert (belief.n_cells_from(7), belief.n_cells_from(9), belief.n_cells_from(8)) == (3, 1, 0)
+    assert (belief.newest_seq(7), belief.newest_seq(9), belief.newest_seq(8)) == (4, 1, None)
+    assert (belief.n_observed, belief.n_found) == (3, 1)
+
+
+@pytest.mark.parametrize("cell", [(-1, 0), (0, -1), (ROWS, 0), (0, COLS)])
+def test_a_cell_outside_is_refused_and_nothing_is_taken(cell: tuple[int, int]) -> None:
+    prior = Belief.prior(ROWS, COLS, 6)
+    with pytest.raises(ValueError, match=r"observation 3 of vehicle 7: cell .* outside the area of 4 × 5"):
+        prior.merge([seen(1, 0, (0, 0, True)), seen(7, 3, (*cell, True))])
+    assert prior.n_observed == 0
+
+
+def test_one_name_with_two_contents_is_refused() -> None:
+    belief = Belief.prior(ROWS, COLS, 6).merge([seen(7, 3, (0, 0, True))])
+    with pytest.raises(ValueError, match="observation 3 of vehicle 7 came with two different contents"):
+        belief.merge([seen(7, 3, (0, 0, False))])
+
+
+def test_nobody_can_write_into_what_is_known() -> None:
+    for belief in (
+        Belief.prior(ROWS, COLS, 6),
+        Belief.prior(ROWS, COLS, 6).merge([seen(1, 0, (0, 0, True))]),
+    ):
+        with pytest.raises(ValueError, match="read-only"):
+            belief.known[0, 0] = CLEAR
+
+
+@pytest.mark.parametrize(("rows", "cols", "n"), [(0, 5, 0), (5, 5, -1), (5, 5, 26)])
+def test_a_prior_that_cannot_be_is_refused(rows: int, cols: int, n: int) -> None:
+    with pytest.raises(ValueError, match="expected"):
+        Belief.prior(rows, cols, n)

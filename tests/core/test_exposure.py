@@ -1,0 +1,113 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from swarmctl.core.belief import Belief, Observation
+from swarmctl.core.exposure import exposure, exposure_sum, length_cells, prior_inner_exposure, safety_factor
+from swarmctl.core.grid import Cell
+from swarmctl.core.threat import FiringStrength
+
+STRENGTH = FiringStrength(0.6, 0.3, 0.1)
+PRIOR = Belief.prior(20, 20, 24)
+
+
+def test_eq_3_on_the_prior_of_the_model() -> None:
+    p_s = exposure(PRIOR.occupancy(), STRENGTH)
+    inner, edge, corner = p_s[1:-1, 1:-1], p_s[0, 1:-1], p_s[0, 0]
+    np.testing.assert_allclose(inner, 0.132, rtol=1e-12)
+    np.testing.assert_allclose(edge, 0.102, rtol=1e-12)
+    assert corner == pytest.approx(0.078, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("cell", "p_s"),
+    [
+        ((10, 10), 0.6),
+        ((10, 11), 0.329411765),
+        ((11, 11), 0.152941176),
+        ((10, 12), 0.1),
+        ((10, 13), 0.129411765),
+        ((12, 12), 0.123529412),
+        ((0, 0), 0.076470588),
+        ((5, 5), 0.129411765),
+    ],
+)
+def test_eq_3_after_nine_cells_of_the_model(cell: Cell, p_s: float) -> None:
+    around = tuple((r, c, (r, c) == (10, 10)) for r in (9, 10, 11) for c in (9, 10, 11))
+    belief = PRIOR.merge([Observation(1, 0, 0.0, around)])
+    assert exposure(belief.occupancy(), STRENGTH)[cell] == pytest.approx(p_s, abs=5e-10)
+
+
+@settings(max_examples=30, deadline=None, derandomize=True)
+@given(st.integers(1, 6), st.integers(1, 6), st.data())
+def test_it_is_the_sum_of_eq_1_over_all_hostiles(rows: int, cols: int, data: st.DataObject) -> None:
+    all_cells = [(r, c) for r in range(rows) for c in range(cols)]
+    hostiles = data.draw(st.sets(st.sampled_from(all_cells)))
+    occupied = np.zeros((rows, cols))
+    expected = np.zeros((rows, cols))
+    for r, c in hostiles:
+        occupied[r, c] = 1.0
+        for i, j in all_cells:
+            steps = abs(i - r) + abs(j - c)
+            if max(abs(i - r), abs(j - c)) <= 1:
+                expected[i, j] += (0.6, 0.3, 0.1)[steps]
+    np.testing.assert_allclose(exposure(occupied, STRENGTH), expected, atol=1e-12)
+
+
+def test_the_default_weight_of_distance_is_the_exposure_of_an_inner_cell() -> None:
+    assert prior_inner_exposure(20, 20, 24, STRENGTH) == pytest.approx(0.132, rel=1e-12)
+
+
+def test_measures_leave_the_start_out_and_count_the_goal() -> None:
+    p_s = np.array([[0.9, 0.2, 0.5], [0.0, 0.0, 1.7]])
+    assert exposure_sum(p_s, [(0, 0), (0, 1), (0, 2)]) == pytest.approx(0.7)
+    assert safety_factor(p_s, [(0, 0), (0, 1), (0, 2)]) == pytest.approx(0.8 * 0.5)
+    assert exposure_sum(p_s, [(0, 0)]) == 0.0
+    assert safety_factor(p_s, [(0, 0)]) == 1.0
+    assert safety_factor(p_s, [(0, 1), (1, 2)]) == 0.0  # clipped: nothing is worse than certain
+
+
+def test_length_counts_a_diagonal_as_root_two() -> None:
+    assert length_cells([(0, 0), (0, 1), (1, 2), (2, 2)]) == pytest.approx(2.0 + math.sqrt(2.0))
+    assert length_cells([(3, 3)]) == 0.0
+    for leap in [(0, 2), (0, 0), (2, 1), (2, 2)]:
+        with pytest.raises(ValueError, match="no step between neighbouring cells"):
+            length_cells([(0, 0), leap])
+
+
+def test_least_exposure_is_not_greatest_safety() -> None:
+    # ERRATUM: the paper says the two routes are one.
+    p_s = np.array([[0.0, 0.50, 0.0, 0.0], [0.0, 0.26, 0.26, 0.0]])
+    one_cell, two_cells = [(0, 0), (0, 1), (0, 2)], [(0, 0), (1, 1), (1, 2)]
+    assert exposure_sum(p_s, one_cell) == pytest.approx(0.50)
+    assert exposure_sum(p_s, two_cells) == pytest.approx(0.52)
+    assert safety_factor(p_s, one_cell) == pytest.approx(0.500)
+    assert safety_factor(p_s, two_cells) == pytest.approx(0.548, abs=5e-4)
+
+
+def test_the_sum_of_exposures_is_no_probability() -> None:
+    # ERRATUM: the paper calls P_s one.
+    p_s = exposure(np.ones((3, 3)), FiringStrength(0.9, 0.5, 0.3))
+    assert p_s[1, 1] == pytest.approx(4.1)
+
+
+def test_the_safety_factor_is_not_the_survival() -> None:
+    # ERRATUM: neighbouring cells fear the same unknown hostile, which the product counts as many.
+    crossing = [(10, col) for col in range(20)]
+    p_s = exposure(PRIOR.occupancy(), STRENGTH)
+    assert exposure_sum(p_s, crossing) == pytest.approx(2.5, abs=0.05)
+    assert safety_factor(p_s, crossing) == pytest.approx(0.07, abs=0.005)
+
+    rng = np.random.default_rng(20)
+    n_worlds = 4000
+    survival = np.empty(n_worlds)
+    for world in range(n_worlds):
+        occupied = np.zeros(400)
+        occupied[rng.choice(400, 24, replace=False)] = 1.0
+        survival[world] = safety_factor(exposure(occupied.reshape(20, 20), STRENGTH), crossing)
+    standard_error = survival.std() / math.sqrt(n_worlds)
+    assert survival.mean() == pytest.approx(0.13, abs=0.005 + 4.0 * standard_error)
+    assert survival.mean() - 4.0 * standard_error > safety_factor(p_s, crossing)

@@ -1,0 +1,106 @@
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from swarmctl.core.geo import LatLon, distance_m
+from swarmctl.core.grid import Cell, Grid
+
+GRID = Grid(rows=6, cols=9, cell_size_m=50.0, origin_lat_deg=47.4, origin_lon_deg=8.5)
+QUICK = settings(max_examples=60, deadline=None, derandomize=True)
+
+
+def at(east_m: float, north_m: float) -> LatLon:
+    return GRID.frame.to_geodetic(east_m, north_m)
+
+
+@pytest.mark.parametrize("cell", [(row, col) for row in range(6) for col in range(9)])
+def test_the_centre_of_a_cell_lies_in_it(cell: Cell) -> None:
+    assert GRID.cell_at(*GRID.centre(cell)) == cell
+    assert GRID.nearest_cell(*GRID.centre(cell)) == cell
+
+
+def test_rows_grow_north_and_columns_east_from_the_south_west_corner() -> None:
+    assert GRID.cell_at(*at(1.0, 1.0)) == (0, 0)
+    assert GRID.cell_at(*at(449.0, 1.0)) == (0, 8)
+    assert GRID.cell_at(*at(1.0, 299.0)) == (5, 0)
+    assert GRID.cell_at(*at(149.0, 51.0)) == (1, 2)
+
+
+@pytest.mark.parametrize(
+    ("east_m", "north_m", "nearest", "nearest_border"),
+    [
+        (-500.0, 120.0, (2, 0), (2, 0)),
+        (900.0, 120.0, (2, 8), (2, 8)),
+        (120.0, -1.0, (0, 2), (0, 2)),
+        (120.0, 5000.0, (5, 2), (5, 2)),
+        (-10.0, -10.0, (0, 0), (0, 0)),
+        (999.0, 999.0, (5, 8), (5, 8)),
+        (225.0, 110.0, (2, 4), (0, 4)),  # inside: 110 m from the south, the nearest side
+        (225.0, 190.0, (3, 4), (5, 4)),
+        (105.0, 149.0, (2, 2), (2, 0)),
+        (345.0, 149.0, (2, 6), (2, 8)),
+        (20.0, 149.0, (2, 0), (2, 0)),  # already on the rim
+    ],
+)
+def test_points_in_and_around_the_area(
+    east_m: float, north_m: float, nearest: Cell, nearest_border: Cell
+) -> None:
+    assert GRID.nearest_cell(*at(east_m, north_m)) == nearest
+    assert GRID.nearest_border_cell(*at(east_m, north_m)) == nearest_border
+    inside = 0 <= east_m < 450 and 0 <= north_m < 300
+    assert GRID.cell_at(*at(east_m, north_m)) == (nearest if inside else None)
+
+
+@QUICK
+@given(east_m=st.floats(-2000, 2000), north_m=st.floats(-2000, 2000))
+def test_no_border_cell_is_nearer_than_the_nearest(east_m: float, north_m: float) -> None:
+    def gap(cell: Cell) -> float:
+        south, west = cell[0] * 50.0, cell[1] * 50.0
+        return math.hypot(
+            max(west - east_m, east_m - west - 50.0, 0.0), max(south - north_m, north_m - south - 50.0, 0.0)
+        )
+
+    rim = [(r, c) for r in range(6) for c in range(9) if r in (0, 5) or c in (0, 8)]
+    assert gap(GRID.nearest_border_cell(*at(east_m, north_m))) == pytest.approx(min(map(gap, rim)), abs=1e-3)
+
+
+def test_neighbouring_centres_are_a_cell_apart_on_the_ground() -> None:
+    assert distance_m(GRID.centre((2, 3)), GRID.centre((2, 4))) == pytest.approx(50.0, abs=1e-3)
+    assert distance_m(GRID.centre((2, 3)), GRID.centre((3, 4))) == pytest.approx(
+        50.0 * math.sqrt(2), abs=1e-3
+    )
+
+
+def test_corners_go_round_from_the_south_west() -> None:
+    south_west, south_east, north_east, north_west = GRID.corners()
+    assert south_west == pytest.approx((47.4, 8.5))
+    assert distance_m(south_west, south_east) == pytest.approx(450.0, abs=1e-3)
+    assert distance_m(south_east, north_east) == pytest.approx(300.0, abs=1e-3)
+    assert distance_m(north_east, north_west) == pytest.approx(450.0, abs=1e-3)
+
+
+def test_a_point_that_is_no_position_is_in_no_cell() -> None:
+    assert GRID.cell_at(math.nan, 8.5) is None
+    with pytest.raises(ValueError, match="no position"):
+        GRID.nearest_cell(math.nan, 8.5)
+
+
+@pytest.mark.parametrize(
+    ("rows", "cols", "size", "says"),
+    [
+        (0, 5, 50.0, "at least 1"),
+        (5, -1, 50.0, "at least 1"),
+        (5, 5, 0.0, "cell size"),
+        (5, 5, math.nan, "cell size"),
+    ],
+)
+def test_an_area_that_cannot_be_is_refused(rows: int, cols: int, size: float, says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        Grid(rows, cols, size, 47.0, 8.0)
+
+
+def test_the_centre_of_a_cell_outside_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"\(6, 0\) is outside the area: expected row 0..5"):
+        GRID.centre((6, 0))

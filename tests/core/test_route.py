@@ -1,0 +1,139 @@
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from swarmctl.core.geo import LatLon, distance_m
+from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.mission import FlightPlan, Waypoint
+from swarmctl.core.route import cells_under_track, flight_plan, landing_spot, thin
+
+GRID = Grid(rows=8, cols=8, cell_size_m=50.0, origin_lat_deg=47.4, origin_lon_deg=8.5)
+QUICK = settings(max_examples=80, deadline=None, derandomize=True)
+STEPS = [(r, c) for r in (-1, 0, 1) for c in (-1, 0, 1) if (r, c) != (0, 0)]
+HOME = (47.39, 8.49)
+
+
+def walk(start: Cell, steps: list[Cell]) -> list[Cell]:
+    rows, cols = zip(start, *steps, strict=True)
+    return list(zip(itertools.accumulate(rows), itertools.accumulate(cols), strict=True))
+
+
+def at(east_m: float, north_m: float) -> LatLon:
+    return GRID.frame.to_geodetic(east_m, north_m)
+
+
+def tracks(plan: FlightPlan) -> list[Cell | None]:
+    return [GRID.cell_at(point.lat_deg, point.lon_deg) for point in plan.track]
+
+
+@QUICK
+@given(st.tuples(st.integers(0, 9), st.integers(0, 9)), st.lists(st.sampled_from(STEPS), max_size=40))
+def test_thinning_keeps_the_cells_under_the_track(start: Cell, steps: list[Cell]) -> None:
+    cells = walk(start, steps)
+    turns = thin(cells)
+    assert cells_under_track(turns) == tuple(cells)
+    assert thin(turns) == turns or len(turns) < len(cells)
+
+
+@pytest.mark.parametrize(
+    ("cells", "turns"),
+    [
+        ([(0, 0)], [(0, 0)]),
+        ([(0, 0), (0, 1)], [(0, 0), (0, 1)]),
+        ([(0, 0), (0, 1), (0, 2), (0, 3)], [(0, 0), (0, 3)]),
+        ([(0, 0), (1, 1), (2, 2), (2, 3), (2, 4)], [(0, 0), (2, 2), (2, 4)]),
+        ([(0, 0), (0, 1), (0, 0)], [(0, 0), (0, 1), (0, 0)]),
+    ],
+)
+def test_only_ends_and_turns_remain(cells: list[Cell], turns: list[Cell]) -> None:
+    assert thin(cells) == tuple(turns)
+
+
+def test_a_leg_that_is_neither_straight_nor_diagonal_has_no_cells_under_it() -> None:
+    with pytest.raises(ValueError, match="neither straight nor diagonal"):
+        cells_under_track([(0, 0), (1, 2)])
+
+
+@QUICK
+@given(
+    start=st.tuples(st.integers(3, 4), st.integers(3, 4)),
+    direction=st.sampled_from(STEPS),
+    n_steps=st.integers(1, 2),
+    turn=st.sampled_from(STEPS),
+    inside=st.tuples(st.floats(0.001, 0.999), st.floats(0.001, 0.999)),
+)
+def test_a_vehicle_under_way_never_leaves_the_cells_of_its_route(
+    start: Cell, direction: Cell, n_steps: int, turn: Cell, inside: tuple[float, float]
+) -> None:
+    cells = walk(start, [direction] * n_steps + [turn])
+    position = at((start[1] + inside[0]) * 50.0, (start[0] + inside[1]) * 50.0)
+    plan = flight_plan(GRID, cells, altitude_m=30.0, landing_lat_lon=HOME, position=position)
+    points = [position, *((p.lat_deg, p.lon_deg) for p in plan.track)]
+    local = np.array([GRID.frame.to_local(*point) for point in points]) / 50.0
+    for here, there in itertools.pairwise(local):
+        for share in np.linspace(0.0, 1.0, 101):
+            east, north = here + share * (there - here)
+            outside = min(
+                max(abs(east - col - 0.5) - 0.5, abs(north - row - 0.5) - 0.5, 0.0) for row, col in cells
+            )
+            assert outside <= 0.02 + 1e-6  # a corner may be cut by a fiftieth of a cell
+
+
+@pytest.mark.parametrize(
+    ("cells", "east_m", "north_m", "track"),
+    [
+        ([(2, 2), (2, 3), (2, 4)], 140.0, 120.0, [(2, 4)]),  # straight on: not back to the centre
+        ([(2, 2), (3, 3), (4, 4)], 140.0, 110.0, [(2, 2), (4, 4)]),  # would fly over (2, 3)
+        ([(2, 2), (3, 3), (4, 4)], 140.0, 140.0, [(4, 4)]),  # on the diagonal already
+        ([(2, 2), (3, 3), (4, 4)], 140.3, 139.7, [(4, 4)]),  # as good as on it
+        ([(2, 2), (1, 1), (0, 0)], 110.0, 110.0, [(0, 0)]),
+        ([(2, 2), (3, 1)], 110.0, 141.0, [(3, 1)]),
+        ([(2, 2), (2, 3), (3, 4)], 101.0, 149.0, [(2, 3), (3, 4)]),
+        ([(2, 2)], 140.0, 110.0, [(2, 2)]),
+        ([(2, 0), (2, 1)], -200.0, 120.0, [(2, 0), (2, 1)]),  # not in the area yet: to the entry cell first
+        ([(2, 2), (2, 3)], 190.0, 120.0, [(2, 2), (2, 3)]),  # in another cell than the route begins in
+    ],
+)
+def test_whether_the_first_centre_is_flown_through(
+    cells: list[Cell], east_m: float, north_m: float, track: list[Cell]
+) -> None:
+    plan = flight_plan(GRID, cells, altitude_m=30.0, landing_lat_lon=HOME, position=at(east_m, north_m))
+    assert tracks(plan) == track
+
+
+def test_a_plan_has_the_centres_of_the_turns_and_lands_where_it_is_told() -> None:
+    plan = flight_plan(GRID, [(0, 0), (0, 1), (0, 2), (1, 3)], altitude_m=30.0, landing_lat_lon=HOME)
+    assert tracks(plan) == [(0, 0), (0, 2), (1, 3)]
+    assert plan.takeoff_alt_m == 30.0
+    assert plan.landing == Waypoint(*HOME, 30.0)
+    assert plan.track[0] == Waypoint(*GRID.centre((0, 0)), 30.0)
+
+
+def test_a_route_without_cells_is_refused() -> None:
+    with pytest.raises(ValueError, match="without cells"):
+        flight_plan(GRID, [], altitude_m=30.0, landing_lat_lon=HOME)
+
+
+@pytest.mark.parametrize("cell_size_m", [2.0, 50.0])
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 9, 10, 20, 100])
+def test_vehicles_that_share_a_goal_land_apart_and_inside_it(count: int, cell_size_m: float) -> None:
+    grid = Grid(4, 4, cell_size_m, 47.4, 8.5)
+    spots = [landing_spot(grid, (1, 2), index, count) for index in range(count)]
+    assert {grid.cell_at(*spot) for spot in spots} == {(1, 2)}
+    apart = [distance_m(a, b) for a, b in itertools.combinations(spots, 2)]
+    side = next(n for n in range(1, 20) if n * n >= count)
+    assert min(apart, default=12.0) >= min(12.0, cell_size_m / side) - 1e-3
+    assert min(apart, default=12.0) <= 12.0 + 1e-3
+
+
+def test_a_vehicle_alone_lands_in_the_middle() -> None:
+    assert distance_m(landing_spot(GRID, (3, 3), 0, 1), GRID.centre((3, 3))) < 1e-3
+
+
+@pytest.mark.parametrize(("index", "count"), [(1, 1), (-1, 3), (0, 0)])
+def test_a_landing_place_that_is_not_there_is_refused(index: int, count: int) -> None:
+    with pytest.raises(ValueError, match="landing place"):
+        landing_spot(GRID, (3, 3), index, count)

@@ -1,0 +1,36 @@
+import math
+
+import numpy as np
+import pytest
+
+from swarmctl.core.threat import FiringStrength
+
+
+def test_eq_1_falls_from_the_middle_to_the_diagonals() -> None:
+    np.testing.assert_array_equal(
+        FiringStrength(0.6, 0.3, 0.1).kernel, [[0.1, 0.3, 0.1], [0.3, 0.6, 0.3], [0.1, 0.3, 0.1]]
+    )
+
+
+@pytest.mark.parametrize("strengths", [(1.0, 0.5, 0.0), (0.6, 0.3, 0.1), (1e-3, 1e-4, 1e-5)])
+def test_strictly_decreasing_probabilities_are_taken(strengths: tuple[float, float, float]) -> None:
+    assert FiringStrength(*strengths).kernel[1, 1] == strengths[0]
+
+
+@pytest.mark.parametrize(
+    "strengths",
+    [
+        (0.3, 0.3, 0.1),
+        (0.6, 0.1, 0.1),
+        (0.1, 0.3, 0.6),
+        (1.1, 0.3, 0.1),
+        (0.6, 0.3, -0.1),
+        (math.nan, 0.3, 0.1),
+        (0.6, math.nan, 0.1),
+        (0.6, 0.3, math.nan),
+        (0.0, 0.0, 0.0),
+    ],
+)
+def test_all_others_are_refused_with_what_was_found(strengths: tuple[float, float, float]) -> None:
+    with pytest.raises(ValueError, match=f"direct {strengths[0]}.*decrease strictly"):
+        FiringStrength(*strengths)

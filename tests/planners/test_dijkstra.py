@@ -1,0 +1,165 @@
+"""Eq. 5 against the model's numbers, against scipy and against trying everything."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra as scipy_dijkstra
+
+from swarmctl.core.exposure import exposure, exposure_sum, length_cells
+from swarmctl.core.grid import Cell
+from swarmctl.core.threat import FiringStrength
+from swarmctl.planners import Problem, Route
+from swarmctl.planners.dijkstra import Params, cost_to_go, plan
+
+STEPS = [(r, c) for r in (-1, 0, 1) for c in (-1, 0, 1) if (r, c) != (0, 0)]
+ROOT2 = math.sqrt(2.0)
+
+
+def route(p_s: NDArray[np.float64], start: Cell, goals: tuple[Cell, ...], w: float, psi: float) -> Route:
+    return plan(Problem(p_s, start, goals, w, psi), Params())
+
+
+def eq5(p_s: NDArray[np.float64], cells: tuple[Cell, ...], w: float, psi: float) -> float:
+    return (1.0 - w) * psi * length_cells(cells) + w * exposure_sum(p_s, cells)
+
+
+@pytest.mark.parametrize(
+    ("w", "cost", "length", "total", "safety"),
+    [(0.0, 0.4, 4.0, 1.7, 0.0756), (0.5, 0.391421356, 6.828427, 0.1, 0.9), (1.0, 0.1, None, 0.1, 0.9)],
+)
+def test_five_by_five_of_the_model(
+    w: float, cost: float, length: float | None, total: float, safety: float
+) -> None:
+    occupied = np.zeros((5, 5))
+    occupied[2, 2] = occupied[1, 3] = 1.0
+    found = route(exposure(occupied, FiringStrength(0.6, 0.3, 0.1)), (2, 0), ((2, 4),), w, 0.1)
+    assert found.cost == pytest.approx(cost, abs=5e-10)
+    assert found.exposure_sum == pytest.approx(total, abs=1e-12)
+    assert found.safety_factor == pytest.approx(safety, abs=1e-12)
+    if length is not None:
+        assert found.length_cells == pytest.approx(length, abs=5e-7)
+
+
+def scipy_costs(
+    p_s: NDArray[np.float64], goals: tuple[Cell, ...], w: float, psi: float
+) -> NDArray[np.float64]:
+    """Least cost from every cell to the nearest goal, by another implementation on an explicit graph."""
+    rows, cols = p_s.shape
+    tails, heads, costs = [], [], []
+    for row in range(rows):
+        for col in range(cols):
+            for d_row, d_col in STEPS:
+                r, c = row + d_row, col + d_col
+                if 0 <= r < rows and 0 <= c < cols:
+                    d = ROOT2 if d_row and d_col else 1.0
+                    # backwards: scipy searches from the goals. It drops edges of cost 0, hence the tiny one.
+                    tails.append(r * cols + c)
+                    heads.append(row * cols + col)
+                    costs.append(max((1.0 - w) * psi * d + w * p_s[r, c], 1e-300))
+    graph = csr_array((costs, (tails, heads)), shape=(rows * cols, rows * cols))
+    indices = sorted({r * cols + c for r, c in goals})
+    return np.asarray(scipy_dijkstra(graph, indices=indices)).min(axis=0).reshape(rows, cols)
+
+
+@pytest.mark.parametrize("w", [0.0, 0.5, 1.0, None])
+@pytest.mark.parametrize("shape", [(1, 1), (1, 9), (9, 1), (2, 2), (7, 12), (20, 20), (33, 18)])
+@pytest.mark.parametrize("levels", ["random", "mostly zero", "all zero", "few"])
+def test_the_field_is_scipys(shape: tuple[int, int], w: float | None, levels: str) -> None:
+    rng = np.random.default_rng([*shape, len(levels), 0 if w is None else int(10 * w) + 1])
+    p_s = {
+        "random": rng.random(shape),
+        "mostly zero": rng.random(shape) * (rng.random(shape) < 0.2),
+        "all zero": np.zeros(shape),
+        "few": rng.choice([0.1, 0.2, 0.3], shape),
+    }[levels]
+    w = float(rng.random()) if w is None else w
+    psi = float(rng.choice([0.0, 0.132, 1.0]))
+    goals = tuple(
+        (int(rng.integers(shape[0])), int(rng.integers(shape[1]))) for _ in range(rng.integers(1, 4))
+    )
+    field = cost_to_go(p_s, goals, w, psi)
+    np.testing.assert_allclose(field.cost, scipy_costs(p_s, goals, w, psi), rtol=1e-11, atol=1e-250)
+    for _ in range(5):
+        start = (int(rng.integers(shape[0])), int(rng.integers(shape[1])))
+        found = route(p_s, start, goals, w, psi)
+        assert found.cost == pytest.approx(field.cost[start], rel=1e-11, abs=1e-250)
+        assert found.cost == pytest.approx(eq5(p_s, found.cells, w, psi), rel=1e-14)
+        assert found.cells == field.cells_from(start)
+
+
+def simple_paths(cells: tuple[Cell, ...], shape: tuple[int, int], goal: Cell) -> Iterator[tuple[Cell, ...]]:
+    row, col = cells[-1]
+    if (row, col) == goal:
+        yield cells
+        return
+    for d_row, d_col in STEPS:
+        step = (row + d_row, col + d_col)
+        if 0 <= step[0] < shape[0] and 0 <= step[1] < shape[1] and step not in cells:
+            yield from simple_paths((*cells, step), shape, goal)
+
+
+@pytest.mark.parametrize("shape", [(1, 3), (2, 2), (2, 3), (3, 3), (2, 4)])
+def test_no_path_whatever_is_cheaper_and_of_equals_none_is_shorter(shape: tuple[int, int]) -> None:
+    rng = np.random.default_rng(shape)
+    start, goal = (0, 0), (shape[0] - 1, shape[1] - 1)
+    paths = list(simple_paths((start,), shape, goal))
+    for w in (0.0, 0.5, 1.0, float(rng.random())):
+        for p_s in (rng.random(shape), rng.choice([0.0, 0.5], shape), np.zeros(shape)):
+            costs = [eq5(p_s, cells, w, 0.3) for cells in paths]
+            found = route(p_s, start, (goal,), w, 0.3)
+            assert found.cost == pytest.approx(min(costs), rel=1e-12, abs=1e-15)
+            equals = [cells for cells, cost in zip(paths, costs, strict=True) if cost <= min(costs) + 1e-12]
+            assert found.length_cells == pytest.approx(min(map(length_cells, equals)))
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(st.integers(0, 10_000), st.sampled_from([0.0, 0.3, 1.0]))
+def test_many_goals_cost_what_the_best_single_one_costs(seed: int, w: float) -> None:
+    rng = np.random.default_rng(seed)
+    p_s = rng.random((6, 8)).round(1)
+    goals = tuple((int(rng.integers(6)), int(rng.integers(8))) for _ in range(3))
+    together = cost_to_go(p_s, goals, w, 0.2).cost
+    single = [cost_to_go(p_s, (goal,), w, 0.2).cost for goal in goals]
+    np.testing.assert_allclose(together, np.minimum.reduce(single), rtol=1e-12)
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(st.integers(0, 10_000), st.sampled_from([0.0, 0.5, 1.0]), st.sampled_from(["prior", "levels", "zero"]))
+def test_who_replans_on_the_way_with_nothing_new_flies_on(seed: int, w: float, kind: str) -> None:
+    rng = np.random.default_rng(seed)
+    p_s = {
+        "prior": exposure(np.full((12, 15), 0.06), FiringStrength(0.6, 0.3, 0.1)),
+        "levels": rng.choice([0.1, 0.2, 0.3], (12, 15)),
+        "zero": np.zeros((12, 15)),
+    }[kind]
+    start, goal = (int(rng.integers(12)), 0), (int(rng.integers(12)), 14)
+    cells = route(p_s, start, (goal,), w, 0.132).cells
+    for k in range(len(cells)):
+        assert route(p_s, cells[k], (goal,), w, 0.132).cells == cells[k:]
+
+
+def test_rounding_in_the_last_place_does_not_move_a_route() -> None:
+    rng = np.random.default_rng(7)
+    for _ in range(20):
+        # few levels, so that many routes cost the same and only rounding could tell them apart
+        p_s = rng.choice([0.1, 0.2, 0.3], (15, 15))
+        jittered = p_s * (1.0 + rng.choice([-1.0, 0.0, 1.0], p_s.shape) * np.finfo(float).eps)
+        for w in (0.25, 0.5):
+            assert (
+                route(p_s, (7, 0), ((7, 14),), w, 0.2).cells
+                == route(jittered, (7, 0), ((7, 14),), w, 0.2).cells
+            )
+
+
+def test_w_0_is_the_shortest_route_whatever_the_threat() -> None:
+    # ERRATUM: a paragraph of the paper's results swaps w = 0 and w = 1; Eq. 5 decides.
+    p_s = np.zeros((5, 5))
+    p_s[2, 1:4] = 0.9
+    assert route(p_s, (2, 0), ((2, 4),), 0.0, 0.1).length_cells == 4.0
+    assert route(p_s, (2, 0), ((2, 4),), 1.0, 0.1).exposure_sum == 0.0

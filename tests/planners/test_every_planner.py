@@ -1,0 +1,142 @@
+"""What every planner in the registry has to keep, whatever it makes least."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from swarmctl.core.exposure import exposure_sum, length_cells, safety_factor
+from swarmctl.core.grid import Cell
+from swarmctl.planners import PLANNERS, BadProblem, Planner, Problem, Route, Unreachable
+
+QUICK = settings(max_examples=30, deadline=None, derandomize=True)
+every_planner = pytest.mark.parametrize("planner", PLANNERS.values(), ids=PLANNERS.keys())
+
+
+def solve(planner: Planner, problem: Problem) -> Route:
+    return planner.plan(problem, planner.Params())
+
+
+@st.composite
+def problems(draw: st.DrawFn) -> Problem:
+    rows, cols = draw(st.integers(1, 7)), draw(st.integers(1, 7))
+    levels = draw(st.sampled_from([(0.0,), (0.0, 0.25, 0.5), tuple(np.linspace(0.0, 1.2, 50).tolist())]))
+    n = rows * cols
+    values = draw(st.lists(st.sampled_from(levels), min_size=n, max_size=n))
+    cell = st.tuples(st.integers(0, rows - 1), st.integers(0, cols - 1))
+    return Problem(
+        exposure=np.array(values).reshape(rows, cols),
+        start=draw(cell),
+        goals=tuple(draw(st.lists(cell, min_size=1, max_size=3))),
+        w=draw(st.sampled_from([0.0, 0.5, 1.0]) | st.floats(0.0, 1.0)),
+        psi_per_cell=draw(st.sampled_from([0.0, 0.132]) | st.floats(0.0, 2.0)),
+    )
+
+
+@every_planner
+@QUICK
+@given(problem=problems())
+def test_a_route_leads_from_the_start_to_a_goal_and_visits_no_cell_twice(
+    planner: Planner, problem: Problem
+) -> None:
+    route = solve(planner, problem)
+    assert route.cells[0] == problem.start
+    assert route.cells[-1] in problem.goals
+    assert not set(route.cells[:-1]) & set(problem.goals)
+    assert len(set(route.cells)) == len(route.cells)
+    assert all(type(index) is int for cell in route.cells for index in cell)
+
+
+@every_planner
+@QUICK
+@given(problem=problems())
+def test_what_a_route_says_of_itself_is_so(planner: Planner, problem: Problem) -> None:
+    route = solve(planner, problem)
+    assert route.length_cells == length_cells(route.cells)
+    assert route.exposure_sum == exposure_sum(problem.exposure, route.cells)
+    assert route.safety_factor == safety_factor(problem.exposure, route.cells)
+
+
+@every_planner
+@QUICK
+@given(problem=problems())
+def test_equal_input_gives_equal_output(planner: Planner, problem: Problem) -> None:
+    again = dataclasses.replace(problem, exposure=problem.exposure.copy())
+    assert solve(planner, problem) == solve(planner, again)
+
+
+@every_planner
+@QUICK
+@given(problem=problems())
+def test_the_problem_is_left_as_it_was(planner: Planner, problem: Problem) -> None:
+    before = problem.exposure.copy()
+    problem.exposure.flags.writeable = False
+    solve(planner, problem)
+    np.testing.assert_array_equal(problem.exposure, before)
+
+
+@every_planner
+def test_at_the_goal_already_there_is_nothing_to_fly(planner: Planner) -> None:
+    route = solve(planner, Problem(np.full((3, 3), 0.5), (1, 1), ((0, 0), (1, 1)), 0.5, 0.1))
+    assert route == Route(((1, 1),), 0.0, 0.0, 0.0, 1.0)
+
+
+@every_planner
+def test_walls_are_walked_round(planner: Planner) -> None:
+    walled = np.zeros((3, 5))
+    walled[:2, 2] = math.inf
+    for w in (0.0, 0.5, 1.0):
+        route = solve(planner, Problem(walled, (0, 0), ((0, 4),), w, 0.1))
+        assert (2, 2) in route.cells
+
+
+@every_planner
+@pytest.mark.parametrize("w", [0.0, 0.5, 1.0])
+def test_where_walls_leave_no_way_it_says_so(planner: Planner, w: float) -> None:
+    walled = np.zeros((3, 5))
+    walled[:, 2] = math.inf
+    with pytest.raises(Unreachable, match=r"from \(0, 0\) to a goal"):
+        solve(planner, Problem(walled, (0, 0), ((0, 4),), w, 0.1))
+    with pytest.raises(Unreachable):
+        solve(planner, Problem(walled, (0, 0), ((1, 2),), w, 0.1))
+
+
+@every_planner
+def test_one_may_leave_a_wall_one_stands_in(planner: Planner) -> None:
+    walled = np.zeros((1, 4))
+    walled[0, 0] = math.inf
+    assert solve(planner, Problem(walled, (0, 0), ((0, 3),), 0.5, 0.1)).length_cells == 3.0
+
+
+FIELD = np.full((4, 5), 0.1)
+NAN_FIELD, NEGATIVE_FIELD = FIELD.copy(), FIELD.copy()
+NAN_FIELD[2, 3], NEGATIVE_FIELD[1, 4] = math.nan, -0.1
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"exposure": NAN_FIELD}, r"exposure of cell \(2, 3\) is nan: expected 0 or more"),
+        ({"exposure": NEGATIVE_FIELD}, r"exposure of cell \(1, 4\) is -0.1: expected 0 or more"),
+        ({"exposure": FIELD[0]}, r"exposure of shape \(5,\): expected \(rows, cols\)"),
+        ({"exposure": FIELD[:0]}, r"exposure of shape \(0, 5\)"),
+        ({"start": (4, 0)}, r"start \(4, 0\) is outside the area: expected row 0..3 and column 0..4"),
+        ({"start": (0, -1)}, r"start \(0, -1\) is outside the area"),
+        ({"goals": ((0, 0), (0, 5))}, r"goal \(0, 5\) is outside the area"),
+        ({"goals": ()}, "no goal"),
+        ({"w": -0.1}, "distance anxiety w = -0.1: expected 0"),
+        ({"w": 1.1}, "distance anxiety w = 1.1"),
+        ({"w": math.nan}, "distance anxiety w = nan"),
+        ({"psi_per_cell": -1.0}, "ψ = -1.0 per cell: expected a finite number"),
+        ({"psi_per_cell": math.inf}, "ψ = inf"),
+        ({"psi_per_cell": math.nan}, "ψ = nan"),
+    ],
+)
+def test_a_problem_that_makes_no_sense_is_refused(change: dict[str, object], says: str) -> None:
+    start: Cell = (0, 0)
+    sound = Problem(FIELD, start, ((3, 4),), 0.5, 0.1)
+    with pytest.raises(BadProblem, match=says):
+        dataclasses.replace(sound, **change)
