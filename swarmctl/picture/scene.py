@@ -1,0 +1,88 @@
+"""What a map shows, and where that lies in metres."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from swarmctl.core.belief import OCCUPIED
+from swarmctl.core.geo import LatLon
+from swarmctl.core.grid import Cell, Grid
+
+Points = NDArray[np.float64]
+"""(n, 2) metres east and north of the area's south-west corner"""
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedTrack:
+    """One planned line of a vehicle; equal labels are drawn and explained alike, e.g. "w = 0.5"."""
+
+    label: str
+    points: Sequence[LatLon]
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleTrack:
+    """Where one vehicle was to fly, where it flew and how it ended; all positions (latitude, longitude)."""
+
+    name: str
+    start: LatLon
+    goal_cells: Sequence[Cell]
+    planned: Sequence[PlannedTrack] = ()
+    flown: Sequence[LatLon] = ()
+    strikes: Sequence[LatLon] = ()
+    """where it was hit"""
+    outcome: str = ""
+    """a few words for the key, e.g. "landed, 2 strikes" """
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MapPicture:
+    """All that is drawn."""
+
+    grid: Grid
+    hostiles: frozenset[Cell] | None
+    """the truth, None where nobody knows it (real flights): then the hostiles found are shaded"""
+    known: NDArray[np.int8]
+    """(rows, cols) of `swarmctl.core.belief`, at the end"""
+    tracks: Sequence[VehicleTrack]
+    title: str
+    subtitle: str = ""
+
+
+def local_m(grid: Grid, points: Sequence[LatLon]) -> Points:
+    """(n, 2) metres east and north of the south-west corner"""
+    lat_lon = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+    return np.stack(grid.frame.to_local(lat_lon[:, 0], lat_lon[:, 1]), axis=1)
+
+
+def view_of(picture: MapPicture) -> tuple[float, float, float, float]:
+    """West, south, east, north [m]: the area and what happened around it, as long as the area stays large."""
+    grid = picture.grid
+    around = [p for t in picture.tracks for p in (t.start, *t.flown)]
+    points = np.vstack([local_m(grid, around), [[0.0, 0.0], [grid.width_m, grid.height_m]]])
+    side = max(grid.width_m, grid.height_m)
+    reach, pad = 0.3 * side, 0.035 * side
+    low = np.maximum(points.min(axis=0), -reach) - pad
+    high = np.minimum(points.max(axis=0), [grid.width_m + reach, grid.height_m + reach]) + pad
+    # a long narrow area would leave no room for its labels
+    spare = np.maximum((high - low).max() * 0.25 - (high - low), 0.0) / 2
+    (west, south), (east, north) = low - spare, high + spare
+    return west, south, east, north
+
+
+def shading(picture: MapPicture) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
+    """Cells that are a hostile's, N1 of one, N2 of one; the graver shade where a cell is several."""
+    hostile = np.zeros(picture.known.shape, dtype=bool)
+    if picture.hostiles is None:
+        hostile = picture.known == OCCUPIED
+    else:
+        for cell in picture.hostiles:
+            hostile[cell] = True
+    nearest = ndimage.binary_dilation(hostile, ndimage.generate_binary_structure(2, 1))
+    around = ndimage.binary_dilation(hostile, ndimage.generate_binary_structure(2, 2))
+    return hostile, nearest & ~hostile, around & ~nearest
