@@ -1,0 +1,29 @@
+"""Geodetic coordinates to local metres and back, for whole arrays at once."""
+
+import numpy as np
+import numpy.typing as npt
+from pyproj import Proj
+
+Floats = npt.NDArray[np.float64]
+
+
+class LocalFrame:
+    """Azimuthal equidistant plane centred on one point of the WGS84 ellipsoid: east and north in metres."""
+
+    def __init__(self, origin_lat_deg: float, origin_lon_deg: float) -> None:
+        self._projection = Proj(proj="aeqd", lat_0=origin_lat_deg, lon_0=origin_lon_deg, datum="WGS84")
+
+    def to_local(self, lat_deg: Floats, lon_deg: Floats) -> tuple[Floats, Floats]:
+        """(n,), (n,) [deg] -> east, north (n,), (n,) [m]."""
+        east_m, north_m = self._projection(lon_deg, lat_deg)
+        return np.asarray(east_m), np.asarray(north_m)
+
+    def to_geodetic(self, east_m: Floats, north_m: Floats) -> tuple[Floats, Floats]:
+        """(n,), (n,) [m] -> latitude, longitude (n,), (n,) [deg]."""
+        lon_deg, lat_deg = self._projection(east_m, north_m, inverse=True)
+        return np.asarray(lat_deg), np.asarray(lon_deg)
+
+    def point_to_local(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
+        """One point [deg] -> east, north [m]."""
+        east_m, north_m = self._projection(lon_deg, lat_deg)
+        return float(east_m), float(north_m)

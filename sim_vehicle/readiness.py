@@ -1,0 +1,31 @@
+"""When a vehicle that has just booted knows where it is."""
+
+from dataclasses import dataclass
+
+FULL_READY_S = 41.0
+GPS_FIX_S = 10.0
+HOME_S = 20.0
+MODE_UNDONE_S = 2.0  # the RC mode switch is read for the first time and undoes what was set before
+
+
+@dataclass(frozen=True, slots=True)
+class Readiness:
+    """Milestones after a boot at `boot_s` [s], scaled so that the position is there after `ready_s` [s]."""
+
+    boot_s: float
+    ready_s: float
+
+    def _passed(self, milestone_s: float, now: float) -> bool:
+        return now - self.boot_s >= milestone_s * self.ready_s / FULL_READY_S - 1e-9
+
+    def gps_fix(self, now: float) -> bool:
+        return self._passed(GPS_FIX_S, now)
+
+    def home(self, now: float) -> bool:
+        return self._passed(HOME_S, now)
+
+    def position(self, now: float) -> bool:
+        return self._passed(FULL_READY_S, now)
+
+    def mode_switch_read(self, now: float) -> bool:
+        return self._passed(MODE_UNDONE_S, now)

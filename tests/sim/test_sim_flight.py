@@ -1,0 +1,337 @@
+"""Whole flights in virtual time: what the vehicle does with a mission, by mode, and when told to stop."""
+
+import math
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from station import LAT_DEG, LON_DEG, Station, home_item, item, land, scenario, takeoff, waypoint
+
+from sim_vehicle.fleet import Fleet
+
+
+def place_m(station: Station) -> tuple[float, float]:
+    """North and east of the start [m]."""
+    truth = station.fleet.positions()
+    return (truth.lat_deg[0] - LAT_DEG) * 111_195, (truth.lon_deg[0] - LON_DEG) * 77_450
+
+
+def reached(station: Station) -> list[int]:
+    return [m.seq for m in station.of("MISSION_ITEM_REACHED")]
+
+
+def test_a_full_flight_from_boot_to_landing() -> None:
+    station = Station(ready_s=41.0)
+    station.until(lambda: "EKF3 IMU0 origin set" in station.texts(), 30)
+    station.wait(25)
+    station.stream(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
+    station.fly_mission([takeoff(), waypoint(150, 0), waypoint(150, 100, 30), land(150, 100)])
+    station.until(lambda: reached(station) == [1, 2, 3])
+    assert station.heartbeat().system_status == mavlink.MAV_STATE_ACTIVE
+    station.until(lambda: not station.armed)
+    assert place_m(station) == pytest.approx((150, 100), abs=1.0)
+    assert station.height_m == 0
+    # AUTOPILOTS 1.12: back to item 0, complete, and still AUTO
+    current = station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT)
+    assert (current.seq, current.mission_state, current.total) == (0, mavlink.MISSION_STATE_COMPLETE, 4)
+    assert station.mode == "AUTO"
+    speeds = [math.hypot(m.vx, m.vy) / 100 for m in station.of("GLOBAL_POSITION_INT")]
+    assert 9.5 < max(speeds) < 10.3  # WPNAV_SPEED 1000 cm/s
+
+
+def test_a_waypoint_is_passed_within_the_radius_and_without_a_wild_overshoot() -> None:
+    station = Station()
+    station.fly_mission([takeoff(), waypoint(200, 0), waypoint(200, 200), land(200, 200)])
+    farthest_m = 0.0
+
+    def watch() -> bool:
+        nonlocal farthest_m
+        farthest_m = max(farthest_m, place_m(station)[0])
+        return not station.armed
+
+    station.until(watch)
+    assert 198.0 <= farthest_m < 208.0
+
+
+def test_a_plan_without_a_home_placeholder_silently_loses_its_take_off() -> None:
+    # AUTOPILOTS 2, item 0: accepted, but the take-off was item 0 and became home
+    station = Station()
+    assert station.upload([takeoff(), waypoint(100, 0), land(100, 0)]) == mavlink.MAV_MISSION_ACCEPTED
+    assert [m.command for m in station.download()] == [16, 16, 21]
+    assert station.set_mode(4) == 0
+    assert station.arm() == 0
+    # AUTOPILOTS 1.8
+    assert station.command(mavlink.MAV_CMD_MISSION_START) == mavlink.MAV_RESULT_FAILED
+    assert "Auto: Missing Takeoff Cmd" in station.texts()
+
+
+def test_auto_is_refused_on_the_ground_with_the_mission_past_its_take_off() -> None:
+    # AUTOPILOTS 1.8: landed by hand in the middle of a mission, still armed
+    station = Station()
+    station.fly_mission([takeoff(5), waypoint(300, 0, 5), land(300, 0)])
+    station.until(lambda: reached(station) == [1])
+    assert station.set_mode(5) == 0
+    station.until(lambda: station.height_m == 0, 30)
+    assert station.armed
+    assert station.set_mode(3) == mavlink.MAV_RESULT_FAILED
+    assert station.texts()[-1] == "Auto: Missing Takeoff Cmd"
+
+
+def test_the_same_mission_is_flown_again_after_landing() -> None:
+    station = Station()
+    station.fly_mission([takeoff(5), waypoint(20, 0, 5), land(20, 0)])
+    station.until(lambda: not station.armed)
+    assert station.set_mode(4) == 0
+    assert station.arm() == 0
+    assert station.command(mavlink.MAV_CMD_MISSION_START) == 0
+    station.until(lambda: reached(station) == [1, 2, 1, 2], 60)
+
+
+def test_a_swap_in_flight_by_hold_upload_set_current_and_auto() -> None:
+    station = Station()
+    station.fly_mission([takeoff(), waypoint(300, 0), land(300, 0)])
+    station.until(lambda: place_m(station)[0] > 100)
+    assert station.set_mode(4) == 0
+    assert station.upload([home_item(), takeoff(), waypoint(100, 100), waypoint(0, 100), land(0, 100)]) == 0
+    assert not any("restart" in text for text in station.texts())
+    assert station.command(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, 2) == 0
+    assert station.set_mode(3) == 0
+    assert station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).seq == 2
+    station.until(lambda: not station.armed)
+    assert reached(station) == [1, 2, 3]
+    assert place_m(station) == pytest.approx((0, 100), abs=1.0)
+
+
+def test_armed_and_set_to_auto_alone_it_sits_and_disarms_itself() -> None:
+    # AUTOPILOTS 1.7
+    station = Station()
+    assert station.upload([home_item(), takeoff(), land(0, 0)]) == 0
+    assert station.set_mode(4) == 0
+    assert station.arm() == 0
+    assert station.set_mode(3) == 0
+    took_s = station.until(lambda: not station.armed, 20)
+    assert took_s == pytest.approx(10, abs=0.5)
+    assert station.height_m == 0
+
+
+def test_a_guided_take_off_and_then_auto_flies_the_mission() -> None:
+    # AUTOPILOTS 1.7
+    station = Station()
+    assert station.upload([home_item(), takeoff(10), waypoint(60, 0), land(60, 0)]) == 0
+    station.fly(10)
+    assert station.set_mode(3) == 0
+    station.until(lambda: 2 in reached(station), 60)
+
+
+def test_auto_options_3_lets_it_arm_and_fly_in_auto() -> None:
+    # AUTOPILOTS 1.7
+    station = Station()
+    station.send(mavlink.MAVLink_param_set_message(1, 0, b"AUTO_OPTIONS", 3, 9))
+    assert station.upload([home_item(), takeoff(10), land(0, 0)]) == 0
+    assert station.set_mode(3) == 0
+    assert station.arm() == 0
+    station.until(lambda: station.height_m > 8, 30)
+
+
+def test_a_mission_start_on_a_disarmed_vehicle_is_accepted_and_nothing_flies() -> None:
+    # AUTOPILOTS 1.7
+    station = Station()
+    assert station.upload([home_item(), takeoff(), land(0, 0)]) == 0
+    assert station.command(mavlink.MAV_CMD_MISSION_START) == 0
+    station.wait(15)
+    assert (station.mode, station.height_m) == ("AUTO", 0)
+
+
+def test_an_empty_mission_can_be_entered_disarmed_but_not_in_the_air() -> None:
+    # AUTOPILOTS 1.9
+    station = Station()
+    assert station.set_mode(3) == 0
+    assert station.set_mode(4) == 0
+    station.fly()
+    assert station.set_mode(3) == mavlink.MAV_RESULT_FAILED
+
+
+def test_hold_time_speed_change_delay_and_jump_are_flown() -> None:
+    station = Station()
+    station.fly_mission(
+        [
+            takeoff(10),
+            item(mavlink.MAV_CMD_DO_CHANGE_SPEED, param1=1, param2=4.0),
+            waypoint(60, 0, 10, param1=5),
+            waypoint(60, 30, 10),
+            item(mavlink.MAV_CMD_DO_JUMP, param1=3, param2=1),
+            item(mavlink.MAV_CMD_NAV_LOITER_TIME, 60, 30, 10, param1=7),
+            item(mavlink.MAV_CMD_CONDITION_DELAY, param1=2),
+            item(mavlink.MAV_CMD_DO_CHANGE_SPEED, param1=1, param2=8.0),
+            item(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH),
+        ]
+    )
+    fastest_m_s = 0.0
+
+    def watch() -> bool:
+        nonlocal fastest_m_s
+        if 6 not in reached(station):
+            fastest_m_s = max(fastest_m_s, float(station.fleet.positions().speed_m_s[0]))
+        return not station.armed
+
+    station.until(watch)
+    assert reached(station) == [1, 3, 4, 3, 4, 6]
+    assert 3.9 < fastest_m_s < 4.2
+    assert place_m(station) == pytest.approx((0, 0), abs=1.0)
+    assert station.mode == "AUTO"  # AUTOPILOTS 1.12: RTL as an item never shows mode 6
+
+
+def test_return_climbs_flies_home_waits_and_lands() -> None:
+    station = Station()
+    station.fly(8)
+    place = (round((LAT_DEG + 80 / 111_195) * 1e7), round(LON_DEG * 1e7))
+    assert station.command_int(mavlink.MAV_CMD_DO_REPOSITION, 6, *place, 8, -1, 1) == 0
+    station.until(lambda: place_m(station)[0] > 79, 60)
+    assert station.command(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH) == 0
+    highest_m = 0.0
+
+    def watch() -> bool:
+        nonlocal highest_m
+        highest_m = max(highest_m, station.height_m)
+        return not station.armed
+
+    station.until(watch)
+    assert highest_m == pytest.approx(15, abs=0.3)  # RTL_ALT
+    assert place_m(station) == pytest.approx((0, 0), abs=1.0)
+
+
+def test_landing_is_slow_below_ten_metres() -> None:
+    station = Station()
+    station.fly(20)
+    assert station.command(mavlink.MAV_CMD_NAV_LAND) == 0
+    fast_s = station.until(lambda: station.height_m < 10.5)
+    assert fast_s == pytest.approx(9.5 / 1.5, abs=1.5)  # WPNAV_SPEED_DN
+    slow_s = station.until(lambda: not station.armed)
+    assert slow_s == pytest.approx(9 / 0.5 + 1.5, abs=2.5)  # LAND_SPEED
+
+
+@pytest.mark.parametrize(
+    "mode", [5, 7, 2, 16, 0], ids=["LOITER", "CIRCLE", "ALT_HOLD", "POSHOLD", "STABILIZE"]
+)
+def test_without_a_stick_it_sinks_into_the_ground(mode: int) -> None:
+    # AUTOPILOTS 1.6
+    station = Station()
+    station.fly(20)
+    assert station.set_mode(mode) == 0
+    station.until(lambda: station.height_m == 0, 15)
+    station.wait(0.2)
+    (hit,) = [text for text in station.texts() if text.startswith("SIM Hit ground at")]
+    assert mode == 0 or hit == "SIM Hit ground at 2.50 m/s"
+
+
+@pytest.mark.parametrize("mode", [17, 4], ids=["BRAKE", "GUIDED"])
+def test_it_holds_in_flight(mode: int) -> None:
+    # AUTOPILOTS 1.6
+    station = Station()
+    station.fly_mission([takeoff(), waypoint(500, 0), land(500, 0)])
+    station.until(lambda: place_m(station)[0] > 100)
+    assert station.set_mode(mode) == 0
+    station.wait(10)
+    there = place_m(station)
+    station.wait(30)
+    assert place_m(station) == pytest.approx(there, abs=0.5)
+    assert station.height_m == pytest.approx(20, abs=0.5)
+    assert station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).mission_state == mavlink.MISSION_STATE_PAUSED
+    assert station.set_mode(3) == 0
+    station.until(lambda: place_m(station)[0] > 400, 60)
+
+
+def test_pause_and_continue() -> None:
+    # AUTOPILOTS 1.6 and 2, pause/continue
+    station = Station()
+    pause, resume = (mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0), (mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 1)
+    station.fly_mission([takeoff(), waypoint(300, 0), land(300, 0)])
+    station.until(lambda: place_m(station)[0] > 100)
+    assert station.command(*pause) == 0
+    station.wait(30)
+    assert 100 < place_m(station)[0] < 150
+    assert station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).mission_state == mavlink.MISSION_STATE_PAUSED
+    assert station.command(*resume) == 0
+    station.until(lambda: place_m(station)[0] > 290, 60)
+
+
+def test_setting_the_current_item_in_flight_changes_the_target_at_once() -> None:
+    # AUTOPILOTS 2, DO_SET_MISSION_CURRENT
+    station = Station()
+    set_current = mavlink.MAV_CMD_DO_SET_MISSION_CURRENT
+    station.fly_mission([takeoff(), waypoint(300, 0), waypoint(0, 300), land(0, 300)])
+    station.until(lambda: place_m(station)[0] > 50)
+    assert station.command(set_current, 3) == 0
+    assert station.command(set_current, 9) == mavlink.MAV_RESULT_DENIED
+    station.until(lambda: place_m(station)[1] > 100, 60)
+    assert station.command(set_current, 0) == 0  # restart: through the take-off to item 2
+    station.wait(1)
+    assert station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).seq == 2
+    station.heard.clear()
+    station.send(mavlink.MAVLink_mission_set_current_message(1, 0, 3))
+    assert [m.seq for m in station.of("MISSION_CURRENT")] == [3]
+
+
+def test_a_changed_item_redirects_the_vehicle_that_flies_to_it() -> None:
+    # AUTOPILOTS 2, re-upload in AUTO
+    station = Station()
+    station.fly_mission([takeoff(), waypoint(300, 0), land(300, 0)])
+    station.until(lambda: place_m(station)[0] > 50)
+    assert station.upload([home_item(), takeoff(), waypoint(0, 300), land(0, 300)]) == 0
+    changed = [text for text in station.texts() if text == "Auto mission changed, restarted command"]
+    assert len(changed) == 2
+    assert station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).seq == 2
+    station.until(lambda: place_m(station)[1] > 200, 60)
+
+
+def test_a_shorter_mission_is_accepted_and_the_deleted_waypoint_still_flown() -> None:
+    # AUTOPILOTS 2, shorter mission than the current index
+    station = Station()
+    station.fly_mission([takeoff(), waypoint(50, 0), waypoint(200, 0), land(200, 0)])
+    station.until(lambda: reached(station) == [1, 2])
+    assert station.upload([home_item(), takeoff(), waypoint(50, 0)]) == 0
+    assert "Auto mission changed but failed to restart command" in station.texts()
+    station.until(lambda: place_m(station)[0] > 198, 60)
+    station.wait(1)
+    current = station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT)
+    assert (current.seq, current.total, current.mission_state) == (3, 2, mavlink.MISSION_STATE_COMPLETE)
+    assert station.armed
+
+
+def test_home_moves_with_every_arming() -> None:
+    # AUTOPILOTS 1.11
+    station = Station()
+    station.fly_mission([takeoff(10), waypoint(100, 0, 10), land(100, 0)])
+    station.until(lambda: not station.armed)
+    before = station.download()[0].x
+    assert station.set_mode(4) == 0
+    assert station.arm() == 0
+    assert (station.download()[0].x - before) * 1e-7 * 111_195 == pytest.approx(100, abs=1)
+
+
+def test_the_battery_runs_down_faster_in_the_air_and_an_empty_one_brings_it_down() -> None:
+    vehicle = scenario().vehicles[0].model_copy(update={"params": {"BATT_CAPACITY": 500.0}})
+    station = Station(Fleet(scenario().model_copy(update={"vehicles": [vehicle]}), ready_s=0))
+    full_v = station.ask(mavlink.MAVLINK_MSG_ID_SYS_STATUS).voltage_battery
+    station.wait(10)
+    resting = station.ask(mavlink.MAVLINK_MSG_ID_BATTERY_STATUS).battery_remaining
+    assert resting >= 99
+    station.fly(10)
+    station.until(lambda: station.height_m == 0, 200)
+    empty = station.ask(mavlink.MAVLINK_MSG_ID_SYS_STATUS)
+    assert empty.battery_remaining == 0
+    assert empty.voltage_battery < 0.8 * full_v
+
+
+def test_the_gcs_failsafe_returns_when_the_ground_station_falls_silent() -> None:
+    # AUTOPILOTS 1.20, 1.13
+    station = Station()
+    station.send(mavlink.MAVLink_param_set_message(1, 0, b"FS_GCS_ENABLE", 1, 9))
+    heartbeat = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3)
+    station.send(heartbeat)
+    station.fly(10)  # quiet for longer than FS_GCS_TIMEOUT
+    station.wait(6)
+    assert station.mode == "RTL"
+    assert station.heartbeat().system_status == mavlink.MAV_STATE_CRITICAL
+    station.send(heartbeat)
+    station.wait(0.2)
+    assert station.heartbeat().system_status == mavlink.MAV_STATE_ACTIVE

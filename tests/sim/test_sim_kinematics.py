@@ -1,0 +1,82 @@
+"""Properties of the motion, whatever the plan: limits kept, every waypoint met, the ground reached softly."""
+
+import math
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from station import LAT_DEG, LON_DEG, Station, land, takeoff, waypoint
+
+from sim_vehicle.dynamics import Dynamics, Vertical
+
+Plan = list[tuple[int, int, int]]
+PLANS = st.lists(
+    st.tuples(st.integers(-150, 150), st.integers(-150, 150), st.integers(5, 60)), min_size=1, max_size=6
+)
+RADIUS_M, SPEED_M_S, ACCELERATION_M_S2 = 2.0, 10.0, 2.5
+
+
+@settings(max_examples=12, derandomize=True, deadline=None)
+@given(PLANS)
+def test_every_plan_is_flown_to_its_end_within_the_limits(plan: Plan) -> None:
+    station = Station()
+    station.fly_mission([takeoff(10), *(waypoint(*point) for point in plan), land(*plan[-1][:2])])
+    nearest_m = [math.inf] * len(plan)
+    highest_m = 0.0
+
+    def watch() -> bool:
+        nonlocal highest_m
+        truth = station.fleet.positions()
+        here = (
+            (truth.lat_deg[0] - LAT_DEG) * 111_195,
+            (truth.lon_deg[0] - LON_DEG) * 77_450,
+            truth.height_m[0],
+        )
+        for i, point in enumerate(plan):
+            nearest_m[i] = min(nearest_m[i], math.dist(here, point))
+        highest_m = max(highest_m, truth.height_m[0])
+        assert truth.speed_m_s[0] <= SPEED_M_S + 0.01
+        return not station.armed
+
+    station.until(watch, limit_s=900)
+    assert [m.seq for m in station.of("MISSION_ITEM_REACHED")] == list(range(1, len(plan) + 2))
+    assert max(nearest_m) <= 3 * RADIUS_M + 1.0
+    assert highest_m <= max(10, *(point[2] for point in plan)) + 1.0
+    assert [t for t in station.texts() if "Hit ground" in t] == ["SIM Hit ground at 0.50 m/s"]
+    assert station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).mission_state == mavlink.MISSION_STATE_COMPLETE
+
+
+@settings(max_examples=30, derandomize=True, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_accelerations_stay_within_their_limits(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n, dt_s = 20, 0.05
+    dynamics = Dynamics(np.zeros((n, 3)))
+    for _ in range(5):
+        dynamics.target_m[:] = rng.uniform((-200, -200, 5), (200, 200, 80), (n, 3))
+        dynamics.leg_start_m[:] = dynamics.position_m[:, :2]
+        dynamics.pass_speed_m_s[:] = rng.choice((0.0, 5.0, 10.0), n)
+        dynamics.vertical[:] = Vertical.POSITION
+        for _ in range(60):
+            before = dynamics.velocity_m_s.copy()
+            dynamics.step(dt_s)
+            change = (dynamics.velocity_m_s - before) / dt_s
+            assert np.hypot(change[:, 0], change[:, 1]).max() <= ACCELERATION_M_S2 + 1e-9
+            assert np.abs(change[:, 2]).max() <= 1.0 + 1e-9
+            assert (
+                np.hypot(dynamics.velocity_m_s[:, 0], dynamics.velocity_m_s[:, 1]).max() <= SPEED_M_S + 0.01
+            )
+
+
+def test_a_stop_from_full_speed_ends_where_braking_ends() -> None:
+    station = Station()
+    station.fly_mission([takeoff(), waypoint(800, 0), land(800, 0)])
+    station.until(lambda: station.fleet.positions().speed_m_s[0] > 9.99)
+    before = station.fleet.positions().lat_deg[0]
+    assert station.set_mode(17) == 0
+    station.wait(15)
+    truth = station.fleet.positions()
+    braking_m = (truth.lat_deg[0] - before) * 111_195
+    assert abs(braking_m - SPEED_M_S**2 / (2 * ACCELERATION_M_S2)) < 5.0
+    assert truth.speed_m_s[0] < 0.01

@@ -1,0 +1,113 @@
+"""Strikes against Eq. 1: who is in reach, how often it hits, and how the vehicle tells it."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from station import LAT_DEG, LON_DEG, Station, land, scenario, takeoff, waypoint
+
+from sim_vehicle.fleet import Fleet
+from sim_vehicle.threats import OUTSIDE, Threats
+
+STRENGTH = (0.6, 0.3, 0.1)
+ENTRIES = 4000
+
+
+@pytest.mark.parametrize(
+    ("cell", "strength"),
+    [((2, 2), 0.6), ((2, 3), 0.3), ((1, 2), 0.3), ((3, 3), 0.1), ((1, 1), 0.1), ((2, 4), 0.0), ((4, 2), 0.0)],
+)
+def test_the_share_of_entries_that_are_struck_is_the_firing_strength(
+    cell: tuple[int, int], strength: float
+) -> None:
+    # Eq. 1, within four standard deviations of the binomial
+    threats = Threats(5, 5, 50.0, STRENGTH, [(2, 2)])
+    rng = np.random.default_rng(11)
+    hits = sum(len(threats.fire(cell[0] * 5 + cell[1], rng)) for _ in range(ENTRIES))
+    deviation = math.sqrt(ENTRIES * strength * (1 - strength))
+    assert abs(hits - ENTRIES * strength) <= 4 * deviation
+
+
+def test_every_hostile_in_reach_draws_for_itself() -> None:
+    threats = Threats(3, 3, 50.0, (1.0, 0.9, 0.8), [(r, c) for r in range(3) for c in range(3)])
+    rng = np.random.default_rng(5)
+    hits = [len(threats.fire(4, rng)) for _ in range(500)]
+    assert np.mean(hits) == pytest.approx(1 + 4 * 0.9 + 4 * 0.8, abs=0.2)
+
+
+def test_cells_grow_north_and_east_from_the_south_west_corner() -> None:
+    threats = Threats(3, 4, 50.0, STRENGTH, [])
+    places = np.array([[0.0, 0, 9], [199.9, 0, 9], [0, 149.9, 9], [60, 110, 9], [-0.1, 5, 9], [5, 150.0, 9]])
+    cells = threats.cells(places).tolist()
+    assert [threats.row_col(c) if c != OUTSIDE else None for c in cells] == [
+        (0, 0), (0, 3), (2, 0), (2, 1), None, None,
+    ]  # fmt: skip
+
+
+def area_station(firing_strength: tuple[float, float, float]) -> Station:
+    """The vehicle stands 25 m south of the middle of column 0; hostile in cell (3, 0), cells of 50 m."""
+    origin_lat_deg, origin_lon_deg = LAT_DEG + 25 / 111_195, LON_DEG - 25 / 77_450
+    area = {"origin_lat_deg": origin_lat_deg, "origin_lon_deg": origin_lon_deg}
+    area |= {"rows": 6, "cols": 6, "cell_size_m": 50.0}
+    extra = {"area": area, "firing_strength": firing_strength, "hostiles": [[3, 0]]}
+    return Station(Fleet(scenario(**extra), ready_s=0))
+
+
+def test_a_crossing_is_struck_once_for_each_cell_entered_and_flies_on() -> None:
+    # certain hits from the own cell, nearly certain ones from its neighbours
+    station = area_station((1.0, 0.999, 0.998))
+    station.fly_mission([takeoff(), waypoint(290, 0), land(290, 0)])
+    station.until(lambda: not station.armed)
+    strikes = [m for m in station.of("STATUSTEXT") if m.text.startswith("STRIKE")]
+    assert [m.text for m in strikes] == [
+        "STRIKE 1 over 2,0 from 3,0",
+        "STRIKE 2 over 3,0 from 3,0",
+        "STRIKE 3 over 4,0 from 3,0",
+    ]
+    assert {m.severity for m in strikes} == {mavlink.MAV_SEVERITY_WARNING}
+    assert station.fleet.positions().strikes.tolist() == [3]
+
+
+def test_a_vehicle_on_the_ground_is_not_fired_at() -> None:
+    area = {"origin_lat_deg": LAT_DEG - 0.0002, "origin_lon_deg": LON_DEG - 0.0002}
+    area |= {"rows": 3, "cols": 3, "cell_size_m": 50.0}
+    extra = {"area": area, "firing_strength": (1.0, 0.5, 0.1), "hostiles": [[0, 0]]}
+    station = Station(Fleet(scenario(**extra), ready_s=0))
+    station.wait(5)
+    assert station.fleet.positions().strikes.tolist() == [0]
+    station.fly(5)  # lifting off is entering the cell
+    assert station.fleet.positions().strikes.tolist() == [1]
+
+
+def test_the_running_count_is_sent_once_a_second_when_streams_are_wanted() -> None:
+    station = area_station((1.0, 0.999, 0.998))
+    assert [m for m in station.wait(5) if m.get_type() == "NAMED_VALUE_INT"] == []
+    station.stream(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
+    counts = [m for m in station.wait(10) if m.get_type() == "NAMED_VALUE_INT"]
+    assert len(counts) == pytest.approx(10, abs=1)
+    station.fly_mission([takeoff(), waypoint(290, 0), land(290, 0)])
+    station.until(lambda: not station.armed)
+    last = station.of("NAMED_VALUE_INT")[-1]
+    assert (last.name, last.value) == ("strikes", 3)
+
+
+def test_over_many_flights_the_number_of_strikes_is_the_sum_of_exposure() -> None:
+    # sum of P_s over the cells entered: 0.3 + 0.6 + 0.3 for a straight crossing of the hostile's cell
+    vehicles = [scenario().vehicles[0].model_copy(update={"sysid": i + 1}).model_dump() for i in range(200)]
+    area = {"origin_lat_deg": LAT_DEG + 25 / 111_195, "origin_lon_deg": LON_DEG - 25 / 77_450}
+    area |= {"rows": 6, "cols": 6, "cell_size_m": 50.0}
+    extra = {"area": area, "firing_strength": STRENGTH, "hostiles": [[3, 0]], "vehicles": vehicles}
+    station = Station(Fleet(scenario(**extra), ready_s=0), target=0)
+    station.send(mavlink.MAVLink_command_long_message(0, 0, 176, 0, 1, 4, 0, 0, 0, 0, 0))
+    station.send(mavlink.MAVLink_command_long_message(0, 0, 400, 0, 1, 0, 0, 0, 0, 0, 0))
+    station.send(mavlink.MAVLink_command_long_message(0, 0, 22, 0, 0, 0, 0, 0, 0, 0, 15))
+    station.wait(12)
+    goal = (round((LAT_DEG + 295 / 111_195) * 1e7), round(LON_DEG * 1e7))
+    station.send(mavlink.MAVLink_command_int_message(0, 0, 6, 192, 0, 0, -1, 1, 0, 0, *goal, 15))
+    station.wait(45)
+    strikes = int(station.fleet.positions().strikes.sum())
+    deviation = math.sqrt(200 * (0.3 * 0.7 * 2 + 0.6 * 0.4))
+    assert abs(strikes - 200 * 1.2) <= 4 * deviation
+    assert re.search(rb"STRIKE \d over 3,0 from 3,0", station.raw)

@@ -1,0 +1,131 @@
+"""What a vehicle sends, when it was asked and when it was not; and that equal runs give equal bytes."""
+
+from collections import Counter
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from station import LAT_DEG, LON_DEG, Station, land, scenario, takeoff, waypoint
+
+from sim_vehicle.fleet import Fleet
+from sim_vehicle.telemetry import BUILDERS
+
+UNASKED = {"HEARTBEAT", "TIMESYNC", "STATUSTEXT", "HOME_POSITION", "GPS_GLOBAL_ORIGIN"}
+
+
+def test_without_a_request_there_are_no_streams() -> None:
+    # AUTOPILOTS 1.1
+    station = Station(ready_s=41.0)
+    station.wait(60)
+    counts = Counter(m.get_type() for m in station.heard)
+    assert set(counts) == UNASKED
+    assert counts["HEARTBEAT"] == 60
+    assert counts["HOME_POSITION"] == counts["GPS_GLOBAL_ORIGIN"] == 1
+
+
+def test_the_link_carries_plain_text_at_boot() -> None:
+    # AUTOPILOTS 1.2
+    assert Station().raw.startswith(b"\n\nInit ArduCopter V4.6.2")
+
+
+@pytest.mark.parametrize("message_id", sorted(set(BUILDERS) - {mavlink.MAVLINK_MSG_ID_HEARTBEAT}))
+def test_each_message_comes_at_the_rate_asked_for_and_stops(message_id: int) -> None:
+    station = Station()
+    station.stream(message_id, hz=5)
+    rate = [m for m in station.wait(10) if m.get_msgId() == message_id]
+    assert len(rate) == pytest.approx(50, abs=1)
+    assert station.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, -1) == 0
+    assert [m for m in station.wait(5) if m.get_msgId() == message_id] == []
+
+
+def test_a_data_stream_brings_its_group() -> None:
+    # AUTOPILOTS 1.1
+    station = Station()
+    station.send(mavlink.MAVLink_request_data_stream_message(1, 0, mavlink.MAV_DATA_STREAM_POSITION, 4, 1))
+    counts = Counter(m.get_type() for m in station.wait(10))
+    assert counts["GLOBAL_POSITION_INT"] == counts["LOCAL_POSITION_NED"] == pytest.approx(40, abs=1)
+    assert "ATTITUDE" not in counts
+    station.send(mavlink.MAVLink_request_data_stream_message(1, 0, mavlink.MAV_DATA_STREAM_ALL, 4, 1))
+    assert {"SYS_STATUS", "ATTITUDE", "VFR_HUD", "EKF_STATUS_REPORT"} <= {
+        m.get_type() for m in station.wait(2)
+    }
+    station.send(mavlink.MAVLink_request_data_stream_message(1, 0, mavlink.MAV_DATA_STREAM_ALL, 0, 0))
+    assert {m.get_type() for m in station.wait(5)} <= {"HEARTBEAT", "TIMESYNC"}
+
+
+def test_positions_agree_with_each_other_and_with_the_truth() -> None:
+    station = Station()
+    station.fly_mission([takeoff(), waypoint(100, 50), land(100, 50)])
+    station.wait(20)
+    truth = station.fleet.positions()
+    position = station.ask(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
+    assert (position.lat, position.lon) == pytest.approx(
+        (truth.lat_deg[0] * 1e7, truth.lon_deg[0] * 1e7), abs=1
+    )
+    assert position.relative_alt == pytest.approx(truth.height_m[0] * 1000, abs=1)
+    local = station.ask(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED)
+    north_m = (truth.lat_deg[0] - LAT_DEG) * 111_160
+    assert (local.x, local.z) == pytest.approx((north_m, -truth.height_m[0]), abs=0.1)
+    assert local.y == pytest.approx((truth.lon_deg[0] - LON_DEG) * 77_410, rel=0.01)
+    hud = station.ask(mavlink.MAVLINK_MSG_ID_VFR_HUD)
+    assert hud.groundspeed == pytest.approx(truth.speed_m_s[0], abs=1e-5)
+    assert hud.heading == pytest.approx(27, abs=1)  # atan(50 / 100)
+
+
+def test_landed_state_follows_the_flight() -> None:
+    station = Station()
+    station.stream(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE)
+    station.wait(1)
+    station.fly_mission([takeoff(), waypoint(50, 0), land(50, 0)])
+    station.until(lambda: not station.armed)
+    states = [m.landed_state for m in station.of("EXTENDED_SYS_STATE")]
+    order = [s for i, s in enumerate(states) if i == 0 or s != states[i - 1]]
+    assert order == [
+        mavlink.MAV_LANDED_STATE_ON_GROUND,
+        mavlink.MAV_LANDED_STATE_TAKEOFF,
+        mavlink.MAV_LANDED_STATE_IN_AIR,
+        mavlink.MAV_LANDED_STATE_LANDING,
+        mavlink.MAV_LANDED_STATE_ON_GROUND,
+    ]
+
+
+def test_timesync_is_answered() -> None:
+    station = Station()
+    station.wait(3)
+    (reply,) = station.send(mavlink.MAVLink_timesync_message(0, 12345))
+    assert (reply.ts1, reply.tc1) == (12345, 3_000_000_000)
+
+
+def flight_bytes(step_s: float, seed: int = 1) -> list[tuple[int, bytes]]:
+    """A short flight of three vehicles; what is sent to them does not depend on the step."""
+    vehicles = [scenario().vehicles[0].model_copy(update={"sysid": sysid}) for sysid in (1, 2, 3)]
+    area = {"origin_lat_deg": LAT_DEG, "origin_lon_deg": LON_DEG, "rows": 9, "cols": 9, "cell_size_m": 20}
+    extra = {"area": area, "firing_strength": [0.6, 0.3, 0.1], "hostiles": [[1, 0], [3, 1]], "seed": seed}
+    fleet = Fleet(scenario(**extra, vehicles=[v.model_dump() for v in vehicles]), ready_s=0)
+    codec = mavlink.MAVLink(None, srcSystem=255)
+    out: list[tuple[int, bytes]] = []
+
+    def send(message: Any, now: float) -> None:
+        out.extend(fleet.receive(message.pack(codec), now))
+
+    for sysid in (1, 2, 3):
+        send(mavlink.MAVLink_request_data_stream_message(sysid, 0, 0, 4, 1), 1.0)
+        for command in ((176, 1, 4, 0), (400, 1, 0, 0), (22, 0, 0, 15)):
+            params = (command[1], command[2], 0, 0, 0, 0, command[3])
+            send(mavlink.MAVLink_command_long_message(sysid, 0, command[0], 0, *params), 1.5)
+    target = (460_500_000, 145_061_000, 15)
+    for i in range(round(20 / step_s)):
+        out.extend(fleet.step(1.5 + i * step_s))
+    send(mavlink.MAVLink_command_int_message(0, 0, 6, 192, 0, 0, -1, 1, 0, 0, *target), 22.0)
+    for i in range(round(40 / step_s) + 1):
+        out.extend(fleet.step(22.0 + i * step_s))
+    return out
+
+
+def test_two_equal_runs_give_the_same_bytes_however_often_they_are_stepped() -> None:
+    once = flight_bytes(0.1)
+    assert flight_bytes(0.1) == once
+    assert flight_bytes(0.02) == once
+    assert flight_bytes(1.0) == once
+    assert flight_bytes(0.1, seed=2) != once
+    assert any(b"STRIKE" in frame for _, frame in once)
