@@ -1,0 +1,56 @@
+"""What the ground station knows of one vehicle, as last told by its telemetry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+
+class Landed(IntEnum):
+    """MAV_LANDED_STATE."""
+
+    UNDEFINED = 0
+    ON_GROUND = 1
+    IN_AIR = 2
+    TAKEOFF = 3
+    LANDING = 4
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleState:
+    """One snapshot; None means the vehicle has not said it yet."""
+
+    time_boot_s: float = 0.0
+    """the vehicle's own clock since boot [s]; simulated seconds where the vehicle is simulated"""
+    lat_deg: float | None = None
+    lon_deg: float | None = None
+    alt_rel_m: float | None = None
+    """above home [m]"""
+    alt_amsl_m: float | None = None
+    ground_speed_m_s: float = 0.0
+    climb_m_s: float = 0.0
+    """upwards positive [m/s]"""
+    heading_deg: float | None = None
+    mode: str = ""
+    """the firmware's own name of the mode, e.g. AUTO"""
+    armed: bool = False
+    landed: Landed = Landed.UNDEFINED
+    ready: bool = False
+    """it would arm now and fly a mission: pre-arm checks and position estimate"""
+    not_ready: tuple[str, ...] = ()
+    """why not, in the vehicle's words where it has said so"""
+    battery_percent: int | None = None
+    battery_v: float | None = None
+    mission_seq: int | None = None
+    mission_total: int | None = None
+    home_lat_deg: float | None = None
+    home_lon_deg: float | None = None
+    home_alt_amsl_m: float | None = None
+    strikes: int = 0
+    """strikes the vehicle has reported (simulated vehicles do)"""
+    status_text: str = ""
+    """its last STATUSTEXT of severity WARNING or worse"""
+
+    @property
+    def has_position(self) -> bool:
+        return self.lat_deg is not None and self.lon_deg is not None and self.alt_rel_m is not None

@@ -1,0 +1,179 @@
+"""What every link offers, what it reports, and how it fails.
+
+A `Link` is one vehicle as the runner sees it. All waits have time-outs; cancelling a call cancels what it
+was doing on the wire. Only one of connect/prepare/upload/launch/swap/hold/return_home/land runs at a time;
+`hold`, `return_home` and `land` interrupt whatever else runs, because they are what an operator needs when
+something goes wrong; any other second call raises `Busy`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+from swarmctl.core.mission import FlightPlan, MissionItem
+from swarmctl.core.vehicle import VehicleState
+from swarmctl.mavlink.events import (
+    Heard,
+    Identity,
+    Lost,
+    ProcedureDone,
+    Rebooted,
+    Restored,
+    SessionEvent,
+    StateChanged,
+    Text,
+)
+
+__all__ = [
+    "AddressChanged",
+    "Busy",
+    "CommandFailed",
+    "Conflict",
+    "Flying",
+    "Heard",
+    "Identity",
+    "LaunchFailed",
+    "Link",
+    "LinkError",
+    "LinkEvent",
+    "Lost",
+    "NobodyAnswers",
+    "NotReady",
+    "PrepareFailed",
+    "ProcedureDone",
+    "Rebooted",
+    "Restored",
+    "StateChanged",
+    "SwapFailed",
+    "Text",
+    "TransportError",
+    "UnsupportedVehicle",
+    "UploadFailed",
+]
+
+Flying = Literal["old", "hold", "unknown"]
+
+
+@dataclass(frozen=True, slots=True)
+class AddressChanged:
+    """The vehicle speaks from another address now (a reboot over UDP does that) and was followed."""
+
+    address: str
+
+
+@dataclass(frozen=True, slots=True)
+class Conflict:
+    """Two senders use this system id at once; the second one's frames are dropped."""
+
+    address: str
+    """of the second sender"""
+
+
+LinkEvent = SessionEvent | AddressChanged | Conflict
+
+
+class LinkError(Exception):
+    """Something about one vehicle's link; the text names the vehicle and where it was looked for."""
+
+
+class TransportError(LinkError):
+    """A port that is taken, a device that is missing, an address that cannot be reached."""
+
+
+class NobodyAnswers(LinkError):
+    """No heartbeat of this system id came."""
+
+    def __init__(self, text: str, *, url: str, sysid: int, tried_s: float) -> None:
+        super().__init__(text)
+        self.url = url
+        self.sysid = sysid
+        self.tried_s = tried_s
+
+
+class UnsupportedVehicle(LinkError):
+    """It answers, but this ground station cannot fly such a vehicle."""
+
+
+class PrepareFailed(LinkError):
+    """It answers, but refuses what it needs before a flight (streams, mode)."""
+
+
+class NotReady(LinkError):
+    """It did not become ready to arm in time."""
+
+    def __init__(self, text: str, *, reasons: tuple[str, ...]) -> None:
+        super().__init__(text)
+        self.reasons = reasons
+
+
+class UploadFailed(LinkError):
+    """The plan is not verified to be on the vehicle."""
+
+
+class LaunchFailed(LinkError):
+    """It did not arm, start or leave the ground."""
+
+
+class SwapFailed(LinkError):
+    """The new plan is not being flown; `flying` says what is.
+
+    "old": the plan from before, verified; "hold": it stands still in the air; "unknown": nobody knows (the
+    link went away in the middle, or somebody else took the vehicle over).
+    """
+
+    def __init__(self, text: str, *, flying: Flying) -> None:
+        super().__init__(text)
+        self.flying = flying
+
+
+class CommandFailed(LinkError):
+    """hold, return_home or land was refused, or was not seen to happen."""
+
+
+class Busy(LinkError):
+    """Another procedure runs on this vehicle."""
+
+
+class Link(Protocol):
+    """One vehicle. Times are those of the running loop [s]."""
+
+    async def connect(self, timeout_s: float) -> Identity:
+        """Hear its heartbeat and ask who it is. Raises NobodyAnswers, UnsupportedVehicle."""
+
+    async def prepare(self, timeout_s: float, on_waiting: Callable[[tuple[str, ...]], None]) -> None:
+        """Streams on, GUIDED, ready to arm; reports whenever the reasons for waiting change.
+
+        Raises NotReady with the last reasons, PrepareFailed.
+        """
+
+    async def upload(self, plan: FlightPlan) -> None:
+        """On the ground: upload, read back, compare. Raises UploadFailed."""
+
+    async def launch(self) -> None:
+        """Arm and start the mission; returns when it climbs. Raises LaunchFailed. THIS ARMS THE VEHICLE."""
+
+    async def swap(self, plan: FlightPlan) -> None:
+        """In flight: hold, upload, verify, fly `plan` from its first waypoint. Raises SwapFailed."""
+
+    async def hold(self) -> None:
+        """Stand still in the air. Raises CommandFailed."""
+
+    async def return_home(self) -> None:
+        """Return to launch. Raises CommandFailed."""
+
+    async def land(self) -> None:
+        """Land where it is. Raises CommandFailed."""
+
+    def state(self) -> VehicleState:
+        """Its last known state."""
+
+    def age_s(self) -> float:
+        """Since its last heartbeat [s]; infinite before the first."""
+
+    def items(self) -> tuple[MissionItem, ...]:
+        """The mission items last verified on the vehicle, item 0 included; empty if none or in doubt."""
+
+    def close(self) -> None:
+        """Stop timers, leave the front end, close its tlog. Idempotent."""

@@ -1,0 +1,288 @@
+"""`DirectLink`: one vehicle by our own protocol machines, over the front end."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from swarmctl.core.mission import FlightPlan, MissionItem
+from swarmctl.core.vehicle import VehicleState
+from swarmctl.links.base import (
+    Busy,
+    CommandFailed,
+    Heard,
+    Identity,
+    LaunchFailed,
+    LinkError,
+    LinkEvent,
+    NobodyAnswers,
+    NotReady,
+    PrepareFailed,
+    ProcedureDone,
+    SwapFailed,
+    UnsupportedVehicle,
+    UploadFailed,
+)
+from swarmctl.links.frontend import Channel, FrontEnd
+from swarmctl.links.url import Endpoint
+from swarmctl.mavlink import procedures
+from swarmctl.mavlink.codec import Message
+from swarmctl.mavlink.conversation import Peer
+from swarmctl.mavlink.procedure import Context, Procedure
+from swarmctl.mavlink.procedures import Done, Swapped
+from swarmctl.mavlink.session import Session, Step
+
+REPORT_PERIOD_S = 1.0
+
+
+class DirectLink:
+    """Fits `Link`. The asyncio shell around a `Session`: one timer, one waiter, no polling.
+
+    `on_event` is called from the loop, in the order of things, and must not block.
+    """
+
+    def __init__(
+        self,
+        front_end: FrontEnd,
+        endpoint: Endpoint,
+        sysid: int,
+        *,
+        name: str,
+        on_event: Callable[[LinkEvent], None],
+        tlog: Path | None = None,
+        lost_after_s: float = 5.0,
+    ) -> None:
+        self.name = name
+        self.sysid = sysid
+        self.endpoint = endpoint
+        self._front_end = front_end
+        self._on_event = on_event
+        self._tlog = tlog
+        self._session = Session(
+            Peer(sysid, own_sysid=front_end.sysid, own_compid=front_end.compid), lost_after_s
+        )
+        self._channel: Channel | None = None
+        self._heard = asyncio.Event()
+        self._waiter: asyncio.Future[Any] | None = None
+        self._timer: asyncio.TimerHandle | None = None
+        self._on_waiting: Callable[[tuple[str, ...]], None] | None = None
+        self._reasons: tuple[str, ...] = ()
+        self._report_at = 0.0
+
+    # What is known
+
+    def state(self) -> VehicleState:
+        return self._session.state
+
+    def age_s(self) -> float:
+        return self._session.age_s(asyncio.get_running_loop().time())
+
+    def items(self) -> tuple[MissionItem, ...]:
+        return self._session.items
+
+    # What can be asked of the vehicle
+
+    async def connect(self, timeout_s: float) -> Identity:
+        await self._attach()
+        try:
+            async with asyncio.timeout(timeout_s):
+                await self._heard.wait()
+                if self._session.unsupported:
+                    raise UnsupportedVehicle(f"{self._who}: {self._session.unsupported}")
+                self._take(self._session.keep_streams(self._now()))
+                version = await self._perform("identify", procedures.identify)
+        except TimeoutError:
+            raise self._nobody_answers(timeout_s) from None
+        return self._session.identity(version)
+
+    async def prepare(self, timeout_s: float, on_waiting: Callable[[tuple[str, ...]], None]) -> None:
+        self._on_waiting, self._reasons = on_waiting, ()
+        try:
+            async with asyncio.timeout(timeout_s):
+                done: Done = await self._perform("prepare", procedures.prepare)
+        except TimeoutError:
+            raise self._not_ready(timeout_s) from None
+        finally:
+            self._on_waiting = None
+        if done.failure:
+            raise PrepareFailed(f"{self._who} cannot be prepared: {done.failure}")
+
+    async def upload(self, plan: FlightPlan) -> None:
+        self._require_heard()
+        items = self._session.dialect.mission_items(plan)
+        done: Done = await self._perform("upload", partial(procedures.upload, items=items))
+        if done.failure:
+            raise UploadFailed(f"{self._who}: the mission is not verified on the vehicle: {done.failure}")
+
+    async def launch(self) -> None:
+        done: Done = await self._perform("launch", procedures.launch)
+        if done.failure:
+            raise LaunchFailed(f"{self._who}: {done.failure}")
+
+    async def swap(self, plan: FlightPlan) -> None:
+        self._require_heard()
+        items = self._session.dialect.mission_items(plan)
+        done: Swapped = await self._perform("swap", partial(procedures.swap, new=items))
+        if done.failure:
+            flying = "unknown" if done.flying == "new" else done.flying
+            now_flies = {
+                "old": "it flies its old mission",
+                "hold": "it stands in hold",
+                "unknown": "what it flies is not known",
+            }[flying]
+            raise SwapFailed(f"{self._who}: mission not changed, {now_flies}: {done.failure}", flying=flying)
+
+    async def hold(self) -> None:
+        await self._must("hold", procedures.hold)
+
+    async def return_home(self) -> None:
+        await self._must("return_home", procedures.return_home)
+
+    async def land(self) -> None:
+        await self._must("land", procedures.land)
+
+    def close(self) -> None:
+        if self._waiter is not None:
+            self._interrupt("closing the link")
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        if self._channel is not None:
+            self._channel.detach()
+            self._channel = None
+
+    # How it is done
+
+    async def _attach(self) -> None:
+        if self._channel is not None:
+            return
+        await self._front_end.open(self.endpoint)
+        try:
+            self._channel = self._front_end.attach(
+                self.endpoint,
+                self.sysid,
+                on_message=self._on_message,
+                on_event=self._on_event,
+                tlog=self._tlog,
+            )
+        except LinkError as error:
+            raise LinkError(f"{self.name}: {error}") from None
+
+    async def _must(self, name: str, procedure: Callable[[Context], Procedure[Done]]) -> None:
+        """For what an operator needs when things go wrong: interrupts whatever else runs."""
+        if self._waiter is not None:
+            self._interrupt(name)
+        done: Done = await self._perform(name, procedure)
+        if done.failure:
+            raise CommandFailed(f"{self._who}: {name}: {done.failure}")
+
+    async def _perform(self, name: str, procedure: Callable[[Context], Procedure[Any]]) -> Any:
+        self._require_heard()
+        if self._session.busy_with is not None:
+            raise Busy(f"{self._who}: {name} while {self._session.busy_with} runs; wait for it, or hold")
+        waiter = self._waiter = asyncio.get_running_loop().create_future()
+        self._take(self._session.begin(name, procedure, self._now()))
+        try:
+            return await waiter
+        except asyncio.CancelledError:
+            if self._waiter is waiter:
+                self._waiter = None
+                self._take(self._session.cancel(self._now()))
+            raise
+
+    def _interrupt(self, by: str) -> None:
+        waiter, self._waiter = self._waiter, None
+        self._take(self._session.cancel(self._now()))
+        if waiter is not None and not waiter.done():
+            # A Swapped is a Done, so it fits whatever was waited for.
+            waiter.set_result(Swapped(f"interrupted by {by}"))
+
+    def _on_message(self, message: Message) -> None:
+        self._take(self._session.receive(message, self._now()))
+
+    def _on_timer(self) -> None:
+        self._timer = None
+        self._take(self._session.tick(self._now()))
+
+    def _take(self, step: Step) -> None:
+        if self._channel is not None:
+            self._channel.send(step.messages)
+        self._arm_timer()
+        for event in step.events:
+            if isinstance(event, Heard):
+                self._heard.set()
+            elif isinstance(event, ProcedureDone) and self._waiter is not None:
+                waiter, self._waiter = self._waiter, None
+                if not waiter.done():
+                    waiter.set_result(self._session.result)
+            self._on_event(event)
+        self._report_waiting()
+
+    def _report_waiting(self) -> None:
+        """The reasons for waiting when they change, for people: not more than once a second."""
+        if self._on_waiting is None or self._now() < self._report_at:
+            return
+        reasons = self._session.state.not_ready
+        if reasons and reasons != self._reasons:
+            self._reasons = reasons
+            self._report_at = self._now() + REPORT_PERIOD_S
+            self._on_waiting(reasons)
+
+    def _arm_timer(self) -> None:
+        deadline = self._session.next_deadline
+        if deadline is None or self._channel is None:
+            return
+        if self._timer is not None:
+            # Firing too early costs one idle tick, re-arming at every message would cost more.
+            if self._timer.when() <= deadline:
+                return
+            self._timer.cancel()
+        self._timer = asyncio.get_running_loop().call_at(deadline, self._on_timer)
+
+    def _now(self) -> float:
+        return asyncio.get_running_loop().time()
+
+    # What is said when it fails
+
+    @property
+    def _who(self) -> str:
+        return f"{self.name} (system {self.sysid} at {self.endpoint})"
+
+    def _require_heard(self) -> None:
+        if not self._heard.is_set() or self._session.unsupported:
+            raise LinkError(f"{self._who}: not connected; connect first")
+
+    def _nobody_answers(self, tried_s: float) -> NobodyAnswers:
+        if self._heard.is_set():
+            problem = "its heartbeats come, but it does not say who it is (AUTOPILOT_VERSION)"
+            check = "does the link carry our requests back to it (one-way link, wrong port, signing)?"
+        else:
+            problem = "nobody answers"
+            check = _CHECKS[self.endpoint.kind]
+            others = sorted(self._front_end.heard_on(self.endpoint) - {self.sysid})
+            if others:
+                check = f"heard there: system {', '.join(map(str, others))}; is the system id right?"
+        trouble = self._front_end.trouble_on(self.endpoint)
+        because = f" ({trouble})" if trouble else ""
+        text = f"{self._who}: {problem}{because}; tried for {tried_s:g} s; {check}"
+        return NobodyAnswers(text, url=str(self.endpoint), sysid=self.sysid, tried_s=tried_s)
+
+    def _not_ready(self, tried_s: float) -> NotReady:
+        reasons = self._session.state.not_ready or ("it does not say why",)
+        silent_s = self.age_s()
+        silence = f"; nothing heard from it for {silent_s:.0f} s" if silent_s > 3.0 else ""
+        text = f"{self._who}: not ready to arm after {tried_s:g} s: {'; '.join(reasons)}{silence}"
+        return NotReady(text, reasons=reasons)
+
+
+_CHECKS = {
+    "udpin": "does the vehicle (or simulator) send to this machine and port, and is it switched on?",
+    "udpout": "does it listen at that host and port?",
+    "tcpin": "does it connect to this machine and port?",
+    "tcpout": "does it listen at that host and port?",
+    "serial": "is it switched on, and are the baud rate and the cable right?",
+    "memory": "does the simulator play this system id?",
+}

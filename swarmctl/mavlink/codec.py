@@ -1,0 +1,161 @@
+"""Bytes to frames to messages and back, on pymavlink's generated dialect (MAVLink 1 and 2 in, 2 out).
+
+Frame layouts: https://mavlink.io/en/guide/serialization.html
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+Message = Any
+"""A pymavlink message object; pymavlink is untyped."""
+
+GCS_SYSID = 255
+GCS_COMPID = int(mavlink.MAV_COMP_ID_MISSIONPLANNER)
+
+_V1, _V2 = 0xFE, 0xFD
+_V1_OVERHEAD, _V2_OVERHEAD = 8, 12
+_SIGNED = 0x01
+_SIGNATURE = 13
+_CRC_EXTRA: dict[int, int] = {msgid: kind.crc_extra for msgid, kind in mavlink.mavlink_map.items()}
+
+
+class Frame(NamedTuple):
+    """One frame with those header fields that decide whether its payload is worth decoding."""
+
+    data: bytes
+    sysid: int
+    compid: int
+    msgid: int
+
+    @property
+    def known(self) -> bool:
+        """Its checksum could be, and was, verified; of others not even the header is certain."""
+        return self.msgid in _CRC_EXTRA
+
+
+@dataclass(slots=True)
+class Counters:
+    """What came in on one stream."""
+
+    bytes: int = 0
+    frames: int = 0
+    bad_crc: int = 0
+    unknown: int = 0
+    garbage_bytes: int = 0
+    """plain text (autopilots print some while booting), line noise, remains of broken frames"""
+
+
+class FrameSplitter:
+    """Cuts one byte stream into frames; never raises, whatever the bytes are."""
+
+    def __init__(self, counters: Counters | None = None) -> None:
+        self.counters = Counters() if counters is None else counters
+        self._buffer = bytearray()
+
+    def feed(self, data: bytes) -> list[Frame]:
+        """Frames completed by `data`, in order. An incomplete one waits for more bytes."""
+        self.counters.bytes += len(data)
+        self._buffer += data
+        frames: list[Frame] = []
+        buffer, at = self._buffer, 0
+        while (start := _next_magic(buffer, at)) is not None:
+            self.counters.garbage_bytes += start - at
+            at = start
+            length = _frame_length(buffer, at)
+            if length is None or at + length > len(buffer):
+                break
+            frame = self._accept(bytes(buffer[at : at + length]), _follows(buffer, at + length))
+            if frame is None:
+                # The start byte may have been part of noise: a good frame can begin inside.
+                self.counters.garbage_bytes += 1
+                at += 1
+            else:
+                frames.append(frame)
+                at += length
+        else:
+            self.counters.garbage_bytes += len(buffer) - at
+            at = len(buffer)
+        del buffer[:at]
+        self.counters.frames += len(frames)
+        return frames
+
+    def _accept(self, data: bytes, plausible_end: bool) -> Frame | None:
+        if data[0] == _V2:
+            if data[2] & ~_SIGNED:
+                return None
+            frame = Frame(data, data[5], data[6], data[7] | data[8] << 8 | data[9] << 16)
+            end = len(data) - (_SIGNATURE if data[2] & _SIGNED else 0)
+        else:
+            frame = Frame(data, data[3], data[4], data[5])
+            end = len(data)
+        extra = _CRC_EXTRA.get(frame.msgid)
+        if extra is None:
+            # No checksum can be verified without the message's definition.
+            self.counters.unknown += plausible_end
+            return frame if plausible_end else None
+        crc = mavlink.x25crc(data[1 : end - 2] + bytes((extra,))).crc
+        if crc != data[end - 2] | data[end - 1] << 8:
+            self.counters.bad_crc += 1
+            return None
+        return frame
+
+
+def _next_magic(buffer: bytearray, at: int) -> int | None:
+    found = [i for i in (buffer.find(_V1, at), buffer.find(_V2, at)) if i >= 0]
+    return min(found) if found else None
+
+
+def _frame_length(buffer: bytearray, at: int) -> int | None:
+    """Whole length of the frame that would begin at `at`; None while its header is incomplete."""
+    if len(buffer) < at + 3:
+        return None
+    if buffer[at] == _V1:
+        return buffer[at + 1] + _V1_OVERHEAD
+    return buffer[at + 1] + _V2_OVERHEAD + (_SIGNATURE if buffer[at + 2] & _SIGNED else 0)
+
+
+def _follows(buffer: bytearray, end: int) -> bool:
+    return end == len(buffer) or buffer[end] in (_V1, _V2)
+
+
+class Decoder:
+    """Decodes verified frames; keeps no state between them."""
+
+    def __init__(self) -> None:
+        self._mav = mavlink.MAVLink(None)
+
+    def decode(self, frame: Frame) -> Message | None:
+        """The message, or None where this dialect does not know it or its payload does not fit.
+
+        pymavlink would return messages it does not know with source system 0: a vehicle that does not exist.
+        """
+        if not frame.known:
+            return None
+        try:
+            return self._mav.decode(bytearray(frame.data))
+        except mavlink.MAVError:
+            return None
+
+
+class Encoder:
+    """Packs messages as one ground station; each channel counts its own sequence numbers.
+
+    The receiver of a channel takes gaps in the sequence for packet loss, and we send unicast: so every
+    address is a channel.
+    """
+
+    def __init__(self, sysid: int = GCS_SYSID, compid: int = GCS_COMPID) -> None:
+        self.sysid = sysid
+        self.compid = compid
+        self._mav = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=compid)
+        self._next_seq: dict[Hashable, int] = {}
+
+    def pack(self, message: Message, channel: Hashable) -> bytes:
+        self._mav.seq = self._next_seq.get(channel, 0)
+        self._next_seq[channel] = (self._mav.seq + 1) % 256
+        return bytes(message.pack(self._mav))

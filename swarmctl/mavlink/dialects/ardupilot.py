@@ -1,0 +1,135 @@
+"""ArduCopter 4.x. Facts observed on 4.6.2 in software-in-the-loop."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from math import isfinite, trunc
+from types import MappingProxyType
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
+from swarmctl.mavlink.dialects.base import Readiness
+
+_MODES: Mapping[int, str] = MappingProxyType(
+    {
+        number: entry.name.removeprefix("COPTER_MODE_")
+        for number, entry in mavlink.enums["COPTER_MODE"].items()
+        if not entry.name.endswith("ENUM_END")
+    }
+)
+_NUMBERS: Mapping[str, int] = MappingProxyType({name: number for number, name in _MODES.items()})
+
+_RELATIVE = int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT)
+_STORED_FRAME = MappingProxyType(
+    {
+        mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT: mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
+        mavlink.MAV_FRAME_GLOBAL_INT: mavlink.MAV_FRAME_GLOBAL,
+        mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT: mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT,
+    }
+)
+_CENTIMETRE_M = 0.01
+
+
+class ArduCopter:
+    """Fits `Dialect`."""
+
+    name = "ArduPilot"
+    # GUIDED, not LOITER: without a radio control LOITER reads the throttle stick as "down" and lands hard.
+    # Not BRAKE either: it holds as well, but a launch needs GUIDED anyway; one mode fewer to know.
+    hold_mode = "GUIDED"
+    mission_mode = "AUTO"
+    return_mode = "RTL"
+    land_mode = "LAND"
+    streams_hz: Mapping[int, float] = MappingProxyType(
+        {
+            mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 4.0,
+            mavlink.MAVLINK_MSG_ID_SYS_STATUS: 1.0,
+            mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: 1.0,
+            mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 2.0,
+            mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: 2.0,
+            mavlink.MAVLINK_MSG_ID_HOME_POSITION: 0.2,
+        }
+    )
+    required = tuple(msgid for msgid in streams_hz if msgid != mavlink.MAVLINK_MSG_ID_HOME_POSITION)
+    first_waypoint_seq = 2
+    """after home and the take-off"""
+    upload_timeout_s = 9.0
+    """it gives a transfer up after 8 s without an item"""
+
+    def mode_name(self, custom_mode: int) -> str:
+        return _MODES.get(custom_mode, f"MODE {custom_mode}")
+
+    def mode_number(self, name: str) -> int:
+        return _NUMBERS[name]
+
+    def not_ready(self, readiness: Readiness) -> tuple[str, ...]:
+        """The pre-arm bit tells of a position only in modes that need one; in STABILIZE it comes earlier."""
+        return tuple(self._reasons(readiness))
+
+    def _reasons(self, readiness: Readiness) -> Iterator[str]:
+        if readiness.mode not in (self.hold_mode, self.mission_mode):
+            yield f"mode is {readiness.mode or 'unknown'}, not {self.hold_mode}"
+        if readiness.prearm_ok is False:
+            yield "; ".join(readiness.complaints) or "pre-arm checks not passed"
+        if readiness.ekf_flags is not None and not readiness.ekf_flags & mavlink.EKF_POS_HORIZ_ABS:
+            yield "no position estimate yet"
+
+    def mission_items(self, plan: FlightPlan) -> tuple[MissionItem, ...]:
+        """Home placeholder, take-off, waypoints, landing.
+
+        Item 0 is home and is overwritten by the vehicle; whoever sends a plan without it loses the take-off.
+        NAV_LAND flies to its place at the altitude it has, so a waypoint sets that altitude where the track
+        does not end on it.
+        """
+        track = plan.track
+        if not track or track[-1].alt_rel_m != plan.landing.alt_rel_m:
+            track = (*track, plan.landing)
+        for what, point in (*((f"waypoint {i}", p) for i, p in enumerate(track)), ("landing", plan.landing)):
+            _check(what, point)
+        if not (isfinite(plan.takeoff_alt_m) and plan.takeoff_alt_m > 0):
+            raise ValueError(f"take-off altitude: expected metres above 0, found {plan.takeoff_alt_m}")
+        home = MissionItem(int(mavlink.MAV_CMD_NAV_WAYPOINT), int(mavlink.MAV_FRAME_GLOBAL), 0, 0, 0.0)
+        takeoff = MissionItem(int(mavlink.MAV_CMD_NAV_TAKEOFF), _RELATIVE, 0, 0, plan.takeoff_alt_m)
+        waypoints = (_at(int(mavlink.MAV_CMD_NAV_WAYPOINT), point, point.alt_rel_m) for point in track)
+        return (home, takeoff, *waypoints, _at(int(mavlink.MAV_CMD_NAV_LAND), plan.landing, 0.0))
+
+    def differences(self, sent: Sequence[MissionItem], found: Sequence[MissionItem]) -> tuple[str, ...]:
+        if len(sent) != len(found):
+            return (f"{len(found)} items instead of {len(sent)}",)
+        return tuple(
+            f"item {seq}: sent {a}, found {b}"
+            for seq, (a, b) in enumerate(zip(sent, found, strict=True))
+            # Item 0 is home: the vehicle's, not ours.
+            if seq > 0 and not _same(a, b)
+        )
+
+
+def _at(command: int, point: Waypoint, alt_m: float) -> MissionItem:
+    return MissionItem(command, _RELATIVE, round(point.lat_deg * 1e7), round(point.lon_deg * 1e7), alt_m)
+
+
+def _check(what: str, point: Waypoint) -> None:
+    if not (-90 <= point.lat_deg <= 90 and -180 <= point.lon_deg <= 180 and isfinite(point.alt_rel_m)):
+        raise ValueError(f"{what}: expected latitude, longitude and altitude of a real place, found {point}")
+
+
+def _same(sent: MissionItem, found: MissionItem) -> bool:
+    """Equal but for ArduCopter's storage: whole centimetres cut toward zero, `_INT` frames by their old
+    numbers, and of the parameters of a waypoint only a whole param1. A landing's param4 reads 1."""
+    kept = _as_stored(sent)
+    # The cut is done in float32 there: of 20.3 a whole centimetre goes (20.29).
+    z_gap_m = abs(kept.z) - abs(found.z)
+    z_fits = -1e-3 <= z_gap_m <= _CENTIMETRE_M + 1e-3 and kept.z * found.z >= 0
+    return z_fits and replace(kept, z=0.0) == replace(_as_stored(found), z=0.0)
+
+
+def _as_stored(item: MissionItem) -> MissionItem:
+    frame = int(_STORED_FRAME.get(item.frame, item.frame))
+    if item.command == mavlink.MAV_CMD_NAV_WAYPOINT:
+        p1 = float(trunc(item.param1))
+        return replace(item, frame=frame, param1=p1, param2=0.0, param3=0.0, param4=0.0)
+    if item.command == mavlink.MAV_CMD_NAV_LAND:
+        return replace(item, frame=frame, param4=0.0)
+    return replace(item, frame=frame)

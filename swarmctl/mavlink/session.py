@@ -1,0 +1,224 @@
+"""Everything of one vehicle without I/O: presence, telemetry, streams, and one procedure at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from swarmctl.core.mission import MissionItem
+from swarmctl.core.vehicle import VehicleState
+from swarmctl.mavlink.codec import Message
+from swarmctl.mavlink.conversation import IllegalEvent, Peer
+from swarmctl.mavlink.dialects import Dialect, Unsupported, dialect_for
+from swarmctl.mavlink.events import (
+    Heard,
+    Identity,
+    Lost,
+    ProcedureDone,
+    Rebooted,
+    Restored,
+    SessionEvent,
+    StateChanged,
+    Text,
+)
+from swarmctl.mavlink.presence import LinkState, Presence, is_vehicle_heartbeat
+from swarmctl.mavlink.procedure import Context, Driver, Procedure
+from swarmctl.mavlink.procedures import Done
+from swarmctl.mavlink.streams import AFTER_SILENCE_S, StreamKeeper
+from swarmctl.mavlink.telemetry import Telemetry
+
+WANTED = frozenset(
+    {
+        mavlink.MAVLINK_MSG_ID_HEARTBEAT,
+        mavlink.MAVLINK_MSG_ID_SYS_STATUS,
+        mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+        mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
+        mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
+        mavlink.MAVLINK_MSG_ID_HOME_POSITION,
+        mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT,
+        mavlink.MAVLINK_MSG_ID_STATUSTEXT,
+        mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
+        mavlink.MAVLINK_MSG_ID_COMMAND_ACK,
+        mavlink.MAVLINK_MSG_ID_MISSION_ACK,
+        mavlink.MAVLINK_MSG_ID_MISSION_COUNT,
+        mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
+        mavlink.MAVLINK_MSG_ID_MISSION_ITEM_INT,
+        mavlink.MAVLINK_MSG_ID_MISSION_REQUEST,
+        mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_INT,
+    }
+)
+"""ids of the messages a session looks at; everything else need not be decoded"""
+
+
+class Step(NamedTuple):
+    """What one input led to."""
+
+    messages: list[Message]
+    events: list[SessionEvent]
+
+
+class Session:
+    """One vehicle. Every input returns the messages to send and what there is to report."""
+
+    def __init__(self, peer: Peer, lost_after_s: float = 5.0) -> None:
+        self.peer = peer
+        self.unsupported: str | None = None
+        """why this vehicle cannot be flown, once its heartbeat has told what it is"""
+        self.result: Any = None
+        """what the last procedure returned; read it on ProcedureDone"""
+        self._presence = Presence(lost_after_s)
+        self._context: Context | None = None
+        self._streams: StreamKeeper | None = None
+        self._heard: Heard | None = None
+        self._driver: Driver[Any] | None = None
+        self._procedure_name = ""
+
+    # What is known
+
+    @property
+    def link_state(self) -> LinkState:
+        return self._presence.state
+
+    @property
+    def state(self) -> VehicleState:
+        return VehicleState() if self._context is None else self._context.state
+
+    @property
+    def items(self) -> tuple[MissionItem, ...]:
+        return () if self._context is None else self._context.on_vehicle
+
+    @property
+    def busy_with(self) -> str | None:
+        return self._procedure_name if self._driver is not None else None
+
+    @property
+    def dialect(self) -> Dialect:
+        """Raises IllegalEvent before the first heartbeat."""
+        return self._known().dialect
+
+    def age_s(self, now: float) -> float:
+        return self._presence.age_s(now)
+
+    def identity(self, version: Message) -> Identity:
+        """Who it is, by its heartbeat and this AUTOPILOT_VERSION."""
+        if self._heard is None:
+            raise IllegalEvent("identity before the first heartbeat")
+        number = int(version.flight_sw_version)
+        firmware = f"{self.dialect.name} {number >> 24}.{number >> 16 & 0xFF}.{number >> 8 & 0xFF}"
+        return Identity(
+            self.peer.sysid, self._heard.autopilot, self._heard.vehicle_type, firmware, bytes(version.uid2)
+        )
+
+    @property
+    def next_deadline(self) -> float | None:
+        parts = (self._presence, self._streams, self._driver)
+        due = [p.next_deadline for p in parts if p is not None and p.next_deadline is not None]
+        return min(due, default=None)
+
+    # What happens
+
+    def receive(self, message: Message, now: float) -> Step:
+        step = Step([], [])
+        if (message.get_srcSystem(), message.get_srcComponent()) != (self.peer.sysid, self.peer.compid):
+            return step
+        if is_vehicle_heartbeat(message):
+            self._on_heartbeat(message, now, step)
+        if self._context is None:
+            return step
+        self._fold(self._context, message, now, step)
+        if self._driver is not None:
+            step.messages.extend(self._driver.receive(message, now))
+            self._report_end(step)
+        return step
+
+    def tick(self, now: float) -> Step:
+        step = Step([], [])
+        if self._presence.tick(now):
+            step.events.append(Lost(self._presence.age_s(now)))
+        if self._streams is not None:
+            step.messages.extend(self._streams.tick(now))
+        if self._driver is not None:
+            step.messages.extend(self._driver.tick(now))
+            self._report_end(step)
+        return step
+
+    def begin(self, name: str, procedure: Callable[[Context], Procedure[Any]], now: float) -> Step:
+        """Start a procedure. Raises IllegalEvent while another runs or before the first heartbeat."""
+        if self._driver is not None:
+            raise IllegalEvent(f"{name} while {self._procedure_name} runs")
+        context = self._known()
+        self._procedure_name = name
+        self._driver = Driver(procedure(context), context)
+        step = Step(self._driver.start(now), [])
+        self._report_end(step)
+        return step
+
+    def cancel(self, now: float) -> Step:
+        """Stop the running procedure, if any, telling the vehicle where it has to know."""
+        step = Step([], [])
+        if self._driver is not None:
+            step.messages.extend(self._driver.cancel(now))
+            self._driver = None
+            step.events.append(ProcedureDone(self._procedure_name, "cancelled"))
+        return step
+
+    def keep_streams(self, now: float) -> Step:
+        """Ask for telemetry from now on, again whenever it stays away."""
+        self._known()
+        if self._streams is not None and self._streams.next_deadline is None:
+            self._streams.demand(now)
+            return Step(self._streams.tick(now), [])
+        return Step([], [])
+
+    def _on_heartbeat(self, message: Message, now: float, step: Step) -> None:
+        silent_s = self._presence.age_s(now)
+        before = self._presence.heard(now)
+        if before is LinkState.LOST:
+            step.events.append(Restored(silent_s))
+            if self._streams is not None and self._streams.next_deadline is not None:
+                self._streams.demand(now + AFTER_SILENCE_S)
+        elif before is LinkState.NEVER_HEARD:
+            self._heard = Heard(int(message.autopilot), int(message.type))
+            step.events.append(self._heard)
+            self._get_to_know(self._heard)
+
+    def _get_to_know(self, heard: Heard) -> None:
+        try:
+            dialect = dialect_for(heard.autopilot, heard.vehicle_type)
+        except Unsupported as error:
+            self.unsupported = str(error)
+            return
+        self._context = Context(self.peer, dialect, Telemetry(dialect))
+        self._streams = StreamKeeper(self.peer, dialect.streams_hz)
+
+    def _fold(self, context: Context, message: Message, now: float, step: Step) -> None:
+        telemetry = context.telemetry
+        texts, reboots = len(telemetry.texts), telemetry.reboots
+        context.now = now
+        snapshot = telemetry.receive(message)
+        step.events.extend(Text(severity, text) for severity, text in telemetry.texts[texts:])
+        if telemetry.reboots != reboots:
+            step.events.append(Rebooted())
+            context.on_vehicle = ()
+            if self._streams is not None and self._streams.next_deadline is not None:
+                self._streams.demand(now)
+                step.messages.extend(self._streams.tick(now))
+        if self._streams is not None:
+            self._streams.saw(message.get_msgId(), now)
+        if snapshot:
+            step.events.append(StateChanged(telemetry.state))
+
+    def _report_end(self, step: Step) -> None:
+        if self._driver is None or self._driver.result is None:
+            return
+        self.result = self._driver.result
+        self._driver = None
+        failure = self.result.failure if isinstance(self.result, Done) else None
+        step.events.append(ProcedureDone(self._procedure_name, failure))
+
+    def _known(self) -> Context:
+        if self._context is None:
+            raise IllegalEvent(f"system {self.peer.sysid} is unknown: no usable heartbeat heard yet")
+        return self._context

@@ -1,0 +1,286 @@
+"""The front end over real sockets and a pseudo terminal."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import socket
+import tty
+
+import pytest
+from scripted_copter import Copter, Script
+
+from swarmctl.links.base import AddressChanged, Conflict, NobodyAnswers, TransportError
+from swarmctl.links.direct import DirectLink
+from swarmctl.links.frontend import FrontEnd
+from swarmctl.links.url import Endpoint
+
+pytestmark = pytest.mark.interop
+HOST = "127.0.0.1"
+AWAKE = Script(boot_s=0.0)
+
+
+def free_port(kind: int = socket.SOCK_DGRAM) -> int:
+    with socket.socket(socket.AF_INET, kind) as s:
+        s.bind((HOST, 0))
+        return s.getsockname()[1]
+
+
+def play(story) -> None:
+    async def bounded():
+        async with asyncio.timeout(20):
+            await story
+
+    asyncio.run(bounded())
+
+
+def front_end() -> FrontEnd:
+    return FrontEnd(wall_time_us=lambda: 0)
+
+
+async def until(condition) -> None:
+    async with asyncio.timeout(10):
+        while not condition():  # noqa: ASYNC110 - waits for the outside world
+            await asyncio.sleep(0.01)
+
+
+async def pump(copter: Copter, send) -> None:
+    """Play a copter whose bytes leave through `send`."""
+    while True:
+        for frame in copter.step(asyncio.get_running_loop().time()):
+            send(frame)
+        await asyncio.sleep(0.02)
+
+
+@contextlib.asynccontextmanager
+async def playing(copter: Copter, send):
+    copter.boot(asyncio.get_running_loop().time())
+    task = asyncio.create_task(pump(copter, send))
+    try:
+        yield
+    finally:
+        task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await task
+
+
+class Peer(asyncio.DatagramProtocol):
+    """A copter behind a UDP socket of its own."""
+
+    def __init__(self, copter: Copter, to=None) -> None:
+        self.copter, self.to = copter, to
+
+    def connection_made(self, transport) -> None:
+        self.transport = transport
+
+    def datagram_received(self, data, addr) -> None:
+        self.to = self.to or addr
+        for frame in self.copter.receive(data, asyncio.get_running_loop().time()):
+            self.send(frame)
+
+    def send(self, frame: bytes) -> None:
+        if self.to is not None:
+            self.transport.sendto(frame, self.to)
+
+
+async def udp_peer(copter: Copter, to=None, port: int = 0) -> Peer:
+    loop = asyncio.get_running_loop()
+    _, peer = await loop.create_datagram_endpoint(lambda: Peer(copter, to), local_addr=(HOST, port))
+    return peer
+
+
+def link(front: FrontEnd, endpoint: Endpoint, events: list | None = None) -> DirectLink:
+    return DirectLink(
+        front, endpoint, 1, name="alpha", on_event=[].append if events is None else events.append
+    )
+
+
+def test_udp_follows_a_reboot_to_another_port():
+    async def story():
+        here = Endpoint("udpin", HOST, free_port())
+        async with front_end() as front:
+            events: list = []
+            alpha = link(front, here, events)
+            copter = Copter(1, AWAKE)
+            await front.open(here)
+            first = await udp_peer(copter, (HOST, here.port))
+            async with playing(copter, first.send):
+                assert (await alpha.connect(10)).simulated
+            first.transport.close()
+            second = await udp_peer(copter, (HOST, here.port))
+            async with playing(copter, second.send):
+                await until(lambda: any(isinstance(e, AddressChanged) for e in events))
+                await alpha.hold()
+            port = second.transport.get_extra_info("sockname")[1]
+            assert AddressChanged(f"{HOST}:{port}") in events
+            second.transport.close()
+
+    play(story())
+
+
+def test_udp_reports_two_vehicles_with_one_system_id():
+    async def story():
+        here = Endpoint("udpin", HOST, free_port())
+        async with front_end() as front:
+            events: list = []
+            alpha = link(front, here, events)
+            copter, double = Copter(1, AWAKE), Copter(1, AWAKE)
+            await front.open(here)
+            a = await udp_peer(copter, (HOST, here.port))
+            b = await udp_peer(double, (HOST, here.port))
+            async with playing(copter, a.send):
+                await alpha.connect(10)
+                async with playing(double, b.send):
+                    await until(lambda: any(isinstance(e, Conflict) for e in events))
+            assert front.traffic()[here].dropped > 0
+            a.transport.close()
+            b.transport.close()
+
+    play(story())
+
+
+def test_udpout_says_hello_first():
+    async def story():
+        copter, port = Copter(1, AWAKE), free_port()
+        peer = await udp_peer(copter, port=port)
+        async with front_end() as front, playing(copter, peer.send):
+            await link(front, Endpoint("udpout", HOST, port)).connect(10)
+        peer.transport.close()
+
+    play(story())
+
+
+@pytest.mark.parametrize(
+    ("kind", "sock"), [("udpin", socket.SOCK_DGRAM), ("tcpin", socket.SOCK_STREAM)], ids=["udp", "tcp"]
+)
+def test_a_port_that_is_taken_is_a_clear_error(kind, sock):
+    async def story():
+        with socket.socket(socket.AF_INET, sock) as other:
+            other.bind((HOST, 0))
+            if sock == socket.SOCK_STREAM:
+                other.listen()
+            here = Endpoint(kind, HOST, other.getsockname()[1])
+            async with front_end() as front:
+                with pytest.raises(TransportError, match=r"port .*is taken by another program"):
+                    await front.open(here)
+
+    play(story())
+
+
+def test_two_front_ends_cannot_share_a_udp_port():
+    async def story():
+        here = Endpoint("udpin", HOST, free_port())
+        async with front_end() as one, front_end() as two:
+            await one.open(here)
+            await one.open(here)
+            with pytest.raises(TransportError, match="taken"):
+                await two.open(here)
+
+    play(story())
+
+
+@pytest.mark.parametrize(
+    "endpoint",
+    [Endpoint("udpin", "192.0.2.1", 14550), Endpoint("udpout", "no-such-host.invalid", 1)],
+    ids=["not our address", "no such host"],
+)
+def test_an_impossible_address_is_a_clear_error(endpoint):
+    async def story():
+        async with front_end() as front:
+            with pytest.raises(TransportError, match="cannot be opened"):
+                await front.open(endpoint)
+
+    play(story())
+
+
+async def serve_tcp(copter: Copter, port: int):
+    writers = []
+
+    async def client(reader, writer):
+        writers.append(writer)
+        while data := await reader.read(4096):
+            for frame in copter.receive(data, asyncio.get_running_loop().time()):
+                writer.write(frame)
+        writer.close()
+
+    return await asyncio.start_server(client, HOST, port), writers
+
+
+def test_tcp_out_connects_when_the_vehicle_comes_up_and_again_when_it_was_cut():
+    async def story():
+        copter, port = Copter(1, AWAKE), free_port(socket.SOCK_STREAM)
+        there = Endpoint("tcpout", HOST, port)
+        async with front_end() as front:
+            alpha = link(front, there)
+            with pytest.raises(NobodyAnswers, match=r"[Rr]efused|failed"):
+                await alpha.connect(0.1)
+            server, writers = await serve_tcp(copter, port)
+            async with playing(copter, lambda f: [w.write(f) for w in writers[-1:]]):
+                await alpha.connect(10)
+                writers[-1].close()
+                await until(lambda: len(writers) == 2)
+                await alpha.hold()
+            server.close()
+
+    play(story())
+
+
+def test_tcp_in_serves_the_vehicle_that_connects():
+    async def story():
+        copter, port = Copter(1, AWAKE), free_port(socket.SOCK_STREAM)
+        here = Endpoint("tcpin", HOST, port)
+        async with front_end() as front:
+            alpha = link(front, here)
+            await front.open(here)
+            reader, writer = await asyncio.open_connection(HOST, port)
+
+            async def read():
+                while data := await reader.read(4096):
+                    for frame in copter.receive(data, asyncio.get_running_loop().time()):
+                        writer.write(frame)
+
+            reading = asyncio.create_task(read())
+            async with playing(copter, writer.write):
+                await alpha.connect(10)
+            writer.close()
+            await reading
+
+    play(story())
+
+
+def test_serial_speaks_through_a_terminal_and_survives_its_end():
+    async def story():
+        ours, theirs = os.openpty()
+        tty.setraw(ours)
+        tty.setraw(theirs)
+        copter = Copter(1, AWAKE)
+        loop = asyncio.get_running_loop()
+
+        def answer():
+            for frame in copter.receive(os.read(ours, 4096), loop.time()):
+                os.write(ours, frame)
+
+        loop.add_reader(ours, answer)
+        device = Endpoint("serial", os.ttyname(theirs), baud=57600)
+        async with front_end() as front:
+            alpha = link(front, device)
+            async with playing(copter, lambda f: os.write(ours, f)):
+                await alpha.connect(10)
+                await alpha.hold()
+            loop.remove_reader(ours)
+            os.close(ours)
+            await until(lambda: front.trouble_on(device))
+            assert "device" in front.trouble_on(device)
+        os.close(theirs)
+
+    play(story())
+
+
+def test_a_missing_serial_device_is_a_clear_error():
+    async def story():
+        async with front_end() as front:
+            with pytest.raises(TransportError, match=r"/dev/no-such-tty.* check the cable"):
+                await front.open(Endpoint("serial", "/dev/no-such-tty", baud=57600))
+
+    play(story())

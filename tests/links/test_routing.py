@@ -1,0 +1,39 @@
+"""At which address a vehicle is: rows of (sender, time) -> verdict."""
+
+from __future__ import annotations
+
+import pytest
+
+from swarmctl.links.routing import Route, Verdict
+
+OK, MOVED, DROPPED, CONFLICT = Verdict.ACCEPTED, Verdict.MOVED, Verdict.DROPPED, Verdict.CONFLICT
+
+
+@pytest.mark.parametrize(
+    "story",
+    [
+        [("a", 0.0, OK), ("a", 1.0, OK), ("a", 9.0, OK)],
+        [("a", 0.0, OK), ("b", 2.0, MOVED), ("b", 2.1, OK)],
+        [("a", 0.0, OK), ("b", 0.3, DROPPED), ("b", 1.3, DROPPED), ("b", 2.3, MOVED), ("b", 3.0, OK)],
+        [("a", 0.0, OK), ("b", 0.3, DROPPED), ("a", 0.5, CONFLICT), ("b", 0.7, DROPPED), ("a", 0.9, OK)],
+        [
+            ("a", 0.0, OK),
+            ("b", 0.3, DROPPED),
+            ("a", 1.9, CONFLICT),
+            ("c", 2.0, DROPPED),
+            ("a", 2.1, CONFLICT),
+        ],
+        [("a", 0.0, OK), ("b", 0.3, DROPPED), ("a", 0.4, CONFLICT), ("b", 2.4, MOVED), ("a", 2.5, DROPPED)],
+    ],
+    ids=[
+        "one vehicle",
+        "a reboot comes back from another port after a silence",
+        "a quick reboot is followed once the old port has been silent",
+        "two at once: reported once, the second dropped",
+        "a third one is reported too",
+        "the first one of two falls silent",
+    ],
+)
+def test_story(story):
+    route = Route()
+    assert [(sender, now, route.hear(sender, now)) for sender, now, _ in story] == story

@@ -1,0 +1,299 @@
+"""Rows of (state, input, now) -> (output, deadline) for each single conversation."""
+
+from __future__ import annotations
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from swarmctl.core.mission import MissionItem
+from swarmctl.mavlink.command import Command, CommandOutcome, PositionCommand, command_long
+from swarmctl.mavlink.conversation import IllegalEvent, Peer, State
+from swarmctl.mavlink.mission_download import Download, DownloadOutcome
+from swarmctl.mavlink.mission_upload import Upload, UploadOutcome
+from swarmctl.mavlink.wait import Ask, Until, wait
+
+PEER = Peer(1)
+ITEMS = tuple(MissionItem(16, 3, 460_000_000 + i, 145_000_000, 20.0 + i) for i in range(3))
+
+
+def ack(command: int, result: int, to: int = 255):
+    return mavlink.MAVLink_command_ack_message(command, result, 0, 0, to, 190)
+
+
+def request(seq: int, *, to: int = 255, kind: int = 0, legacy: bool = True):
+    make = mavlink.MAVLink_mission_request_message if legacy else mavlink.MAVLink_mission_request_int_message
+    return make(to, 190, seq, kind)
+
+
+def mission_ack(result: int, *, to: int = 255, kind: int = 0):
+    return mavlink.MAVLink_mission_ack_message(to, 190, result, kind)
+
+
+def kinds(messages) -> list[str]:
+    return [m.get_type() for m in messages]
+
+
+# Command
+
+
+@pytest.mark.parametrize(
+    ("result", "outcome", "text"),
+    [
+        (0, CommandOutcome.ACCEPTED, "MISSION_START: ACCEPTED"),
+        (2, CommandOutcome.REFUSED, "MISSION_START: DENIED"),
+        (3, CommandOutcome.REFUSED, "MISSION_START: UNSUPPORTED"),
+        (4, CommandOutcome.REFUSED, "MISSION_START: FAILED"),
+        (99, CommandOutcome.REFUSED, "MISSION_START: MAV_RESULT 99"),
+    ],
+)
+def test_a_command_ends_with_the_vehicles_result_by_name(result, outcome, text):
+    command = Command(PEER, 300)
+    command.start(0.0)
+    command.receive(ack(300, result), 0.1)
+    assert (command.result.outcome, command.result.text) == (outcome, text)
+    assert command.next_deadline is None
+
+
+def test_a_command_is_repeated_with_its_confirmation_counted_up_then_given_up():
+    command = Command(PEER, 300)
+    sent, now = command.start(0.0), 0.0
+    while command.result is None:
+        now = command.next_deadline
+        sent += command.tick(now)
+    assert [m.confirmation for m in sent] == [0, 1, 2, 3, 4]
+    assert (now, command.result.outcome) == (5.0, CommandOutcome.NO_ANSWER)
+
+
+@pytest.mark.parametrize("other", [ack(301, 0), ack(300, 0, to=254)], ids=["other command", "other station"])
+def test_an_acknowledgement_of_something_else_is_not_ours(other):
+    command = Command(PEER, 300)
+    command.start(0.0)
+    command.receive(other, 0.1)
+    assert command.result is None
+    assert command.next_deadline == 1.0
+
+
+def test_in_progress_extends_the_wait_and_temporarily_rejected_tries_again():
+    command = Command(PEER, 300)
+    command.start(0.0)
+    command.receive(ack(300, 5), 0.5)
+    assert command.next_deadline == 10.5
+    command.receive(ack(300, 1), 0.6)
+    assert command.next_deadline == 1.6
+    assert kinds(command.tick(1.6)) == ["COMMAND_LONG"]
+    command.receive(ack(300, 0), 1.7)
+    assert command.result.accepted
+
+
+def test_a_position_goes_as_command_int():
+    command = Command(PEER, 192, -1.0, position=PositionCommand(6, 460_000_000, 145_000_000, 30.0))
+    (message,) = command.start(0.0)
+    assert (message.get_type(), message.x, message.y, message.z) == (
+        "COMMAND_INT",
+        460_000_000,
+        145_000_000,
+        30.0,
+    )
+
+
+@pytest.mark.parametrize("code", [21196.0, 2989.0])
+@pytest.mark.parametrize("arm", [0.0, 1.0])
+def test_forced_arming_and_disarming_cannot_be_written(arm, code):
+    with pytest.raises(ValueError, match="never sent"):
+        Command(PEER, 400, arm, code)
+    with pytest.raises(ValueError, match="never sent"):
+        command_long(PEER, 400, (arm, code))
+
+
+# Upload
+
+
+def started_upload(*, asked: int = 0) -> Upload:
+    upload = Upload(PEER, ITEMS)
+    upload.start(0.0)
+    for seq in range(asked):
+        upload.receive(request(seq), 0.1)
+    return upload
+
+
+@pytest.mark.parametrize("legacy", [True, False], ids=["MISSION_REQUEST", "MISSION_REQUEST_INT"])
+def test_both_kinds_of_request_are_answered_with_item_int(legacy):
+    upload = started_upload()
+    sent = [m for seq in range(3) for m in upload.receive(request(seq, legacy=legacy), 0.1)]
+    assert [(m.get_type(), m.seq, m.x) for m in sent] == [
+        ("MISSION_ITEM_INT", i, ITEMS[i].x) for i in range(3)
+    ]
+    upload.receive(mission_ack(0), 0.2)
+    assert upload.result.outcome is UploadOutcome.ACCEPTED
+
+
+def test_the_count_is_announced_every_second_until_the_first_request():
+    upload = Upload(PEER, ITEMS)
+    sent = [(0.0, m.count) for m in upload.start(0.0)]
+    while upload.result is None:
+        now = upload.next_deadline
+        sent += [(now, getattr(m, "count", m.get_type())) for m in upload.tick(now)]
+    assert sent == [*((float(t), 3) for t in range(6)), (6.0, "MISSION_ACK")]
+    assert upload.result.outcome is UploadOutcome.NO_ANSWER
+
+
+@pytest.mark.parametrize(
+    ("asked", "message", "outcome"),
+    [
+        (0, request(2), None),  # an earlier transfer goes on
+        (0, request(0, kind=1), None),
+        (0, request(0, to=254), None),
+        (2, request(7), None),
+        (2, mission_ack(0), None),  # late, of an earlier transfer: not all was sent
+        (2, mission_ack(13), None),  # a duplicate; it goes on asking
+        (0, mission_ack(15), None),  # the earlier transfer is given up
+        (2, mission_ack(5, kind=1), None),
+        (2, mission_ack(5, to=254), None),
+        (2, mission_ack(5), UploadOutcome.REJECTED),
+        (0, mission_ack(4), UploadOutcome.REJECTED),
+        (0, mission_ack(14), UploadOutcome.DENIED),
+        (2, mission_ack(15), UploadOutcome.CANCELLED),
+        (3, mission_ack(13), None),
+        (3, mission_ack(1), UploadOutcome.UNCONFIRMED),  # a repeated last item after a lost acceptance
+        (2, mission_ack(1), None),  # the same, late, of an earlier transfer
+        (3, mission_ack(0), UploadOutcome.ACCEPTED),
+    ],
+)
+def test_what_each_answer_means_for_an_upload_of_three(asked, message, outcome):
+    upload = started_upload(asked=asked)
+    assert upload.receive(message, 0.2) == []
+    assert (upload.result and upload.result.outcome) == outcome
+
+
+def test_requests_again_and_out_of_order_are_answered():
+    upload = started_upload(asked=1)
+    answers = [upload.receive(request(seq), 0.3)[0].seq for seq in (2, 1, 1, 0, 2)]
+    assert answers == [2, 1, 1, 0, 2]
+
+
+@pytest.mark.parametrize(
+    ("asked", "outcome"), [(2, UploadOutcome.INCOMPLETE), (3, UploadOutcome.UNCONFIRMED)]
+)
+def test_silence_ends_an_upload_after_six_seconds(asked, outcome):
+    upload = started_upload(asked=asked)
+    assert upload.next_deadline == pytest.approx(6.1)
+    assert upload.tick(6.0) == []
+    (farewell,) = upload.tick(6.1)
+    assert (farewell.get_type(), farewell.type) == ("MISSION_ACK", 15)
+    assert upload.result.outcome is outcome
+
+
+def test_a_vehicle_that_asks_for_one_item_for_ever_is_given_up():
+    upload, now = started_upload(asked=2), 0.0
+    while upload.result is None and now < 100:
+        now += 1.0
+        upload.receive(request(1), now)
+        upload.tick(now)
+    assert upload.result.outcome is UploadOutcome.INCOMPLETE
+    assert now == 26.0
+
+
+# Download
+
+
+def test_a_download_asks_item_by_item_and_thanks():
+    download = Download(PEER)
+    assert kinds(download.start(0.0)) == ["MISSION_REQUEST_LIST"]
+    sent = download.receive(mavlink.MAVLink_mission_count_message(255, 190, 2, 0), 0.1)
+    for seq in (0, 1):
+        assert [m.seq for m in sent] == [seq]
+        item = mavlink.MAVLink_mission_item_int_message(
+            255, 190, seq, 3, 16, 0, 1, 0, 0, 0, 0, 10 + seq, 20, 30.0, 0
+        )
+        sent = download.receive(item, 0.2)
+        assert seq == 1 or download.receive(item, 0.2) == [], "a duplicate is ignored"
+    assert [m.type for m in sent] == [0]
+    assert download.result.outcome is DownloadOutcome.COMPLETE
+    assert [i.x for i in download.result.items] == [10, 11]
+
+
+@pytest.mark.parametrize(
+    ("code", "outcome"),
+    [
+        (14, DownloadOutcome.REFUSED),
+        (1, DownloadOutcome.REFUSED),
+        (0, None),
+        (13, None),
+        (15, None),
+    ],
+)
+def test_only_errors_of_this_download_end_it(code, outcome):
+    download = Download(PEER)
+    download.start(0.0)
+    download.receive(mission_ack(code), 0.1)
+    assert (download.result and download.result.outcome) == outcome
+
+
+def test_an_empty_mission_is_a_complete_one():
+    download = Download(PEER)
+    download.start(0.0)
+    download.receive(mavlink.MAVLink_mission_count_message(255, 190, 0, 0), 0.1)
+    assert download.result.items == ()
+    assert download.result.outcome is DownloadOutcome.COMPLETE
+
+
+@pytest.mark.parametrize("counted", [False, True], ids=["no count", "no item"])
+def test_a_download_repeats_each_question_six_times(counted):
+    download = Download(PEER)
+    sent = download.start(0.0)
+    if counted:
+        sent = download.receive(mavlink.MAVLink_mission_count_message(255, 190, 2, 0), 0.0)
+    while download.result is None:
+        sent += download.tick(download.next_deadline)
+    wanted = "MISSION_REQUEST_INT" if counted else "MISSION_REQUEST_LIST"
+    assert kinds(sent) == [wanted] * 6 + ["MISSION_ACK"]
+    assert download.result.outcome is DownloadOutcome.NO_ANSWER
+
+
+# Waiting
+
+
+def test_until_sees_it_or_gives_up():
+    seen = []
+    until = Until(lambda: bool(seen), 3.0)
+    until.start(10.0)
+    assert (until.result, until.next_deadline) == (None, 13.0)
+    seen.append(1)
+    until.receive(ack(1, 0), 11.0)
+    assert until.result is True
+    pause = wait(2.0)
+    pause.start(0.0)
+    pause.tick(1.9)
+    assert pause.result is None
+    pause.tick(2.0)
+    assert pause.result is False
+
+
+def test_ask_repeats_every_second_until_the_message_comes():
+    ask = Ask(PEER, 148)
+    assert [m.param1 for m in ask.start(0.0)] == [148.0]
+    assert ask.tick(0.5) == []
+    assert kinds(ask.tick(1.0)) == ["COMMAND_LONG"]
+    message = mavlink.MAVLink_autopilot_version_message(0, 1, 0, 0, 0, b"", b"", b"", 0, 0, 0)
+    ask.receive(message, 1.5)
+    assert ask.result is message
+
+
+# All
+
+
+@pytest.mark.parametrize(
+    "conversation", [Command(PEER, 300), Upload(PEER, ITEMS), Download(PEER), wait(1.0), Ask(PEER, 148)]
+)
+def test_an_illegal_event_names_the_state_and_late_words_are_ignored(conversation):
+    name = type(conversation).__name__
+    with pytest.raises(IllegalEvent, match=f"{name}: receive while new"):
+        conversation.receive(ack(300, 0), 0.0)
+    conversation.start(0.0)
+    with pytest.raises(IllegalEvent, match=f"{name}: start while waiting"):
+        conversation.start(0.0)
+    conversation.cancel(0.1)
+    assert conversation.state is State.DONE
+    assert conversation.receive(ack(300, 0), 0.2) == []
+    assert conversation.tick(99.0) == []
+    assert (conversation.result, conversation.next_deadline) == (None, None)

@@ -1,0 +1,318 @@
+"""Whole jobs against a scripted copter: prepare, upload, launch, swap, hold; over good and bad wires."""
+
+from __future__ import annotations
+
+import pytest
+from bench import Bench, Faults, plan
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from scripted_copter import Script
+
+from swarmctl.mavlink import procedures
+from swarmctl.mavlink.events import ProcedureDone, Rebooted
+
+OLD, NEW = plan(north=8), plan(north=6, east=0.002, alt=33.333)
+MODEST = settings(
+    max_examples=25, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.data_too_large]
+)
+
+
+def names(bench: Bench, kind: str) -> list:
+    return [m for _, m in bench.sent if m.get_type() == kind]
+
+
+def swap(bench: Bench, new=NEW):
+    return bench.do("swap", lambda c: procedures.swap(c, bench.items(new)))
+
+
+def upload(bench: Bench, what=OLD):
+    return bench.do("upload", lambda c: procedures.upload(c, bench.items(what)))
+
+
+def test_prepare_sets_guided_again_because_the_first_one_was_undone():
+    bench = Bench(Script(boot_s=4.0, ready_at_s=6.0)).prepared()
+    assert bench.copter.mode_name == "GUIDED"
+    assert bench.session.state.ready
+    assert sum(command == 176 for command, _ in bench.copter.commands) >= 2
+    assert bench.now >= 6.0
+
+
+def test_prepare_waits_and_says_why():
+    bench = Bench(Script(ready_at_s=30.0)).connected()
+    bench.take(bench.session.begin("prepare", procedures.prepare, bench.now))
+    assert not bench.run(20, lambda: bench.session.busy_with is None)
+    assert any("no position estimate" in reason for reason in bench.session.state.not_ready)
+    assert bench.run(20, lambda: bench.session.busy_with is None)
+
+
+def test_prepare_refuses_a_vehicle_that_is_armed():
+    bench = Bench().prepared()
+    bench.copter.armed = True
+    bench.run(2)
+    assert "armed already" in bench.do("prepare", procedures.prepare).failure
+
+
+def test_an_upload_onto_a_flying_vehicle_is_refused():
+    bench = Bench().flying(OLD)
+    before = len(bench.sent)
+    assert "is swapped" in upload(bench, NEW).failure
+    assert len(bench.sent) == before
+
+
+def test_launch_takes_off_and_flies_the_mission():
+    bench = Bench().flying(OLD)
+    assert bench.copter.mode_name == "AUTO"
+    assert bench.run(120, lambda: not bench.copter.armed), "it lands and disarms at the end of its mission"
+    assert bench.copter.alt == 0.0
+
+
+def test_launch_without_a_mission_arms_nothing():
+    bench = Bench().prepared()
+    assert "upload one first" in bench.do("launch", procedures.launch).failure
+    assert not bench.copter.armed
+
+
+@pytest.mark.parametrize("late", [False, True], ids=["text before the ack", "text after the ack"])
+def test_launch_says_in_the_vehicles_words_why_it_does_not_arm(late):
+    bench = Bench(Script(refuse_arming="Compass not calibrated", late_texts=late)).prepared()
+    upload(bench)
+    failure = bench.do("launch", procedures.launch).failure
+    assert "COMPONENT_ARM_DISARM: FAILED" in failure
+    assert "Compass not calibrated" in failure
+
+
+def test_launch_that_stays_on_the_ground_ends_disarmed():
+    bench = Bench(Script(stays_on_ground=True)).prepared()
+    upload(bench)
+    assert "does not take off" in bench.do("launch", procedures.launch).failure
+    assert not bench.copter.armed
+
+
+def test_swap_flies_the_new_plan_from_its_first_waypoint():
+    bench = Bench().flying(OLD)
+    assert swap(bench) == procedures.Swapped(None, "new")
+    assert bench.mission_is(NEW)
+    assert bench.copter.mode_name == "AUTO"
+    assert bench.copter.seq == 2
+    assert bench.session.items[1:] == tuple(i for i in bench.session.items[1:])
+    assert len(bench.session.items) == len(bench.items(NEW))
+
+
+@pytest.mark.parametrize(
+    ("script", "flying", "says"),
+    [
+        (Script(refuse_item=3), "old", "INVALID"),
+        (Script(refuse_item=3, refusals_left=99), "hold", "INVALID"),
+        (Script(refuse_mode="GUIDED"), "old", "Mode change to GUIDED failed"),
+        (Script(refuse_mode="AUTO"), "hold", "Mode change to AUTO failed"),
+        (Script(refuse_set_current=True), "hold", "DO_SET_MISSION_CURRENT: DENIED"),
+        (Script(spoil_item=4), "hold", "item 4: sent"),
+        (Script(never_moves=True), "hold", "does not fly on"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_a_failed_swap_leaves_a_whole_plan_or_hold_and_says_which(script, flying, says):
+    bench = Bench().flying(OLD)
+    bench.copter.script = script
+    result = swap(bench)
+    assert result.flying == flying
+    assert says in result.failure
+    assert bench.copter.mode_name == ("GUIDED" if flying == "hold" else "AUTO")
+    if flying == "old":
+        assert bench.mission_is(OLD)
+
+
+def test_a_swap_right_after_the_launch_lets_it_climb_first():
+    bench = Bench().prepared()
+    upload(bench)
+    assert bench.do("launch", procedures.launch).failure is None
+    assert bench.copter.alt < 5.0
+    bench.take(bench.session.begin("swap", lambda c: procedures.swap(c, bench.items(NEW)), bench.now))
+    assert bench.run(60, lambda: bench.copter.mode_name == "GUIDED")
+    assert bench.copter.alt == OLD.takeoff_alt_m
+    assert bench.run(60, lambda: bench.session.busy_with is None)
+    assert bench.session.result.flying == "new"
+
+
+def test_a_vehicle_that_comes_down_is_not_called_back():
+    bench = Bench().flying(OLD)
+    assert bench.run(120, lambda: bench.session.state.landed == 4)
+    result = swap(bench)
+    assert (result.flying, "lands just now" in result.failure) == ("old", True)
+    assert bench.run(60, lambda: not bench.session.state.armed)
+    result = swap(bench)
+    assert (result.flying, result.failure) == ("old", "it is not flying")
+
+
+@pytest.mark.parametrize("mode", [5, 6, 9], ids=["LOITER", "RTL", "LAND"])
+def test_swap_leaves_a_vehicle_alone_that_somebody_else_has_taken(mode):
+    bench = Bench().flying(OLD)
+    bench.copter.mode = mode
+    bench.run(2)
+    before = len(bench.sent)
+    assert swap(bench).flying == "unknown"
+    assert len(bench.sent) == before
+    assert bench.mission_is(OLD)
+
+
+def test_a_pilot_who_takes_over_during_the_upload_keeps_the_vehicle():
+    bench = Bench(faults=Faults(max_delay_s=0.3)).flying(OLD)
+    bench.take(bench.session.begin("swap", lambda c: procedures.swap(c, bench.items(NEW)), bench.now))
+    assert bench.run(20, lambda: bench.copter.transfer is not None)
+    bench.copter.mode = 5
+    assert bench.run(200, lambda: bench.session.busy_with is None)
+    assert bench.session.result.flying == "unknown"
+    assert bench.copter.mode_name == "LOITER"
+    assert 224 not in [command for command, _ in bench.copter.commands], "nor is its current item changed"
+
+
+def test_a_swap_after_a_failed_one_starts_from_hold():
+    bench = Bench().flying(OLD)
+    bench.copter.script = Script(refuse_set_current=True)
+    assert swap(bench).flying == "hold"
+    bench.copter.script = Script()
+    assert swap(bench).flying == "new"
+    assert bench.mission_is(NEW)
+
+
+@pytest.mark.parametrize(
+    ("procedure", "mode"),
+    [(procedures.hold, "GUIDED"), (procedures.return_home, "RTL"), (procedures.land, "LAND")],
+    ids=["hold", "return_home", "land"],
+)
+def test_an_operators_command_is_seen_in_the_heartbeat(procedure, mode):
+    bench = Bench().flying(OLD)
+    assert bench.do("command", procedure).failure is None
+    assert bench.copter.mode_name == mode
+    assert bench.session.state.mode == mode
+
+
+def test_an_operators_command_outlasts_a_boot_that_undoes_it():
+    bench = Bench(Script(boot_s=4.0)).connected()
+    assert bench.do("hold", procedures.hold).failure is None
+    assert bench.copter.mode_name == "GUIDED"
+
+
+def test_a_swap_on_a_perfect_wire_waits_for_two_heartbeats_only():
+    bench = Bench().flying(OLD)
+    before = bench.now
+    assert swap(bench).flying == "new"
+    assert bench.now - before < 2.5
+
+
+def test_a_link_that_dies_in_a_swap_ends_in_unknown():
+    bench = Bench(faults=Faults(max_delay_s=0.3)).flying(OLD)
+    bench.take(bench.session.begin("swap", lambda c: procedures.swap(c, bench.items(NEW)), bench.now))
+    assert bench.run(20, lambda: bench.copter.transfer is not None)
+    bench.silent = True
+    assert bench.run(400, lambda: bench.session.busy_with is None)
+    assert bench.session.result.flying == "unknown"
+    assert bench.copter.mode_name == "GUIDED", "and the mixture on it is not flown"
+
+
+def test_cancelling_an_upload_tells_the_vehicle():
+    bench = Bench(faults=Faults(max_delay_s=0.5)).prepared()
+    bench.take(bench.session.begin("upload", lambda c: procedures.upload(c, bench.items(OLD)), bench.now))
+    assert bench.run(20, lambda: bench.copter.transfer is not None and bench.copter.transfer.asked > 2)
+    bench.take(bench.session.cancel(bench.now))
+    bench.run(1)
+    assert bench.copter.acks_received == [15]
+    assert bench.session.busy_with is None
+    assert bench.session.items == ()
+    assert ProcedureDone("upload", "cancelled") in bench.events
+
+
+def test_a_lost_final_ack_is_settled_by_reading_back():
+    bench = Bench().prepared()
+    bench.block_down = lambda m: m.get_type() == "MISSION_ACK"
+    assert upload(bench).failure is None
+    assert bench.mission_is(OLD)
+    assert len(names(bench, "MISSION_COUNT")) == 1
+
+
+def test_an_upload_over_a_mission_that_was_never_given_up_is_tried_again_later():
+    bench = Bench().prepared()
+    bench.block = lambda m: m.get_type() == "MISSION_ITEM_INT" and m.seq == 3 and bench.now < 30
+    assert upload(bench).failure is None
+    counts = [now for now, m in bench.sent if m.get_type() == "MISSION_COUNT"]
+    assert counts[-1] - counts[0] >= 9.0
+    assert bench.mission_is(OLD)
+
+
+def test_after_a_reboot_the_streams_come_back_and_the_mission_is_in_doubt():
+    bench = Bench().prepared()
+    upload(bench)
+    bench.run(10)
+    bench.copter.boot(bench.now)
+    assert bench.run(15, lambda: 33 in bench.copter.streams and Rebooted() in bench.events)
+    assert bench.session.items == ()
+    assert bench.run(15, lambda: set(bench.copter.streams) == {33, 1, 193, 245, 42, 242})
+
+
+def test_a_vehicle_that_rebooted_while_it_was_lost_is_asked_for_its_streams_at_once():
+    bench = Bench().prepared()
+    bench.silent = True
+    bench.run(60)
+    bench.copter.boot(bench.now)
+    bench.silent = False
+    assert bench.run(3, lambda: set(bench.copter.streams) == {33, 1, 193, 245, 42, 242})
+
+
+faults = st.builds(
+    Faults,
+    loss=st.sampled_from([0.0, 0.05, 0.2, 0.4]),
+    doubling=st.sampled_from([0.0, 0.1, 0.5]),
+    max_delay_s=st.sampled_from([0.0, 0.3, 1.5]),
+    seed=st.integers(0, 2**16),
+)
+
+
+@MODEST
+@given(faults=faults, count=st.integers(1, 12))
+def test_an_upload_ends_with_exactly_that_mission_or_says_that_it_did_not(faults, count):
+    bench = Bench(faults=faults)
+    assert bench.run(200, lambda: bench.session.state.mode != "")
+    what = plan(north=count)
+    done = upload(bench, what)
+    if done.failure is None:
+        assert bench.mission_is(what)
+        assert bench.session.dialect.differences(bench.items(what), bench.session.items) == ()
+    else:
+        assert bench.session.items == ()
+
+
+@MODEST
+@given(faults=faults)
+def test_two_uploads_one_after_the_other_never_mix(faults):
+    bench = Bench(faults=faults)
+    assert bench.run(200, lambda: bench.session.state.mode != "")
+    bench.take(bench.session.begin("upload", lambda c: procedures.upload(c, bench.items(OLD)), bench.now))
+    bench.run(1.0)
+    bench.take(bench.session.cancel(bench.now))
+    if upload(bench, NEW).failure is None:
+        assert bench.mission_is(NEW)
+
+
+@MODEST
+@given(faults=faults)
+def test_a_swap_on_a_bad_wire_never_flies_a_mixture_and_tells_the_truth(faults):
+    bench = Bench().flying(OLD)
+    bench.faults = faults
+    bench._rng.seed(faults.seed)
+    mixed = []
+
+    def watch() -> bool:
+        if bench.copter.mode_name == "AUTO" and not (bench.mission_is(OLD) or bench.mission_is(NEW)):
+            mixed.append(bench.now)
+        return bench.session.busy_with is None
+
+    bench.take(bench.session.begin("swap", lambda c: procedures.swap(c, bench.items(NEW)), bench.now))
+    assert bench.run(600, watch)
+    assert mixed == []
+    flying = bench.session.result.flying
+    if flying == "new":
+        assert bench.mission_is(NEW)
+    if flying == "old":
+        assert bench.mission_is(OLD)
+    if flying == "hold":
+        assert bench.copter.mode_name == "GUIDED"

@@ -1,0 +1,316 @@
+"""What messages make of a vehicle's state."""
+
+from __future__ import annotations
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
+from swarmctl.core.vehicle import Landed
+from swarmctl.mavlink.conversation import IllegalEvent, Peer
+from swarmctl.mavlink.dialects import Readiness, Unsupported, dialect_for
+from swarmctl.mavlink.events import Heard, Identity, Lost, Restored, StateChanged, Text
+from swarmctl.mavlink.presence import LinkState, Presence
+from swarmctl.mavlink.session import Session
+from swarmctl.mavlink.streams import StreamKeeper
+from swarmctl.mavlink.telemetry import Telemetry
+from swarmctl.mavlink.wait import wait
+
+COPTER = dialect_for(3, 2)
+M = mavlink
+
+
+def position(boot_ms: int = 1000, lat: int = 460_490_000, lon: int = 145_060_000, **kw):
+    fields = {"alt": 300_000, "relative_alt": 20_500, "vx": 300, "vy": 400, "vz": -150, "hdg": 9000} | kw
+    return M.MAVLink_global_position_int_message(boot_ms, lat, lon, *fields.values())
+
+
+def heartbeat(mode: int = 4, armed: bool = False, autopilot: int = 3, kind: int = 2, comp: int = 1):
+    message = M.MAVLink_heartbeat_message(kind, autopilot, 81 | 128 * armed, mode, 3, 3)
+    message.get_header().srcSystem, message.get_header().srcComponent = 1, comp
+    return message
+
+
+def sys_status(ok: bool = True, percent: int = 88, millivolts: int = 15_800):
+    health = M.MAV_SYS_STATUS_PREARM_CHECK * ok
+    return M.MAVLink_sys_status_message(0, 0, health, 0, millivolts, 0, percent, 0, 0, 0, 0, 0, 0)
+
+
+def text(words: str, severity: int = 4, msg_id: int = 0, chunk: int = 0):
+    return M.MAVLink_statustext_message(severity, words.encode(), msg_id, chunk)
+
+
+def folded(*messages) -> Telemetry:
+    telemetry = Telemetry(COPTER)
+    for message in messages:
+        telemetry.receive(message)
+    return telemetry
+
+
+def test_a_snapshot_is_complete_with_a_position():
+    telemetry = folded(heartbeat(3, armed=True), sys_status())
+    assert telemetry.receive(position())
+    state = telemetry.state
+    assert (state.mode, state.armed, state.battery_percent, state.battery_v) == ("AUTO", True, 88, 15.8)
+    assert (state.lat_deg, state.lon_deg, state.alt_rel_m) == (46.049, 14.506, 20.5)
+    assert (state.ground_speed_m_s, state.climb_m_s, state.heading_deg) == (5.0, 1.5, 90.0)
+    assert state.time_boot_s == 1.0
+
+
+@pytest.mark.parametrize(
+    ("message", "field", "value"),
+    [
+        (position(lat=0, lon=0), "lat_deg", None),
+        (position(hdg=65_535), "heading_deg", None),
+        (sys_status(percent=-1), "battery_percent", None),
+        (sys_status(millivolts=65_535), "battery_v", None),
+        (M.MAVLink_extended_sys_state_message(0, 2), "landed", Landed.IN_AIR),
+        (M.MAVLink_extended_sys_state_message(0, 77), "landed", Landed.UNDEFINED),
+        (M.MAVLink_mission_current_message(4, 9), "mission_seq", 4),
+        (M.MAVLink_mission_current_message(4, 65_535), "mission_total", None),
+        (heartbeat(99), "mode", "MODE 99"),
+        (text("low battery", 4), "status_text", "low battery"),
+        (text("just so", 6), "status_text", ""),
+    ],
+)
+def test_each_field_comes_from_its_message(message, field, value):
+    assert getattr(folded(message).state, field) == value
+
+
+def test_a_position_overtaken_by_a_newer_one_is_not_news():
+    telemetry = folded(position(5000))
+    assert not telemetry.receive(position(4000, lat=1))
+    assert telemetry.state.lat_deg == 46.049
+    assert telemetry.reboots == 0
+
+
+def test_a_clock_that_goes_back_is_a_reboot_and_forgets_what_was():
+    telemetry = folded(heartbeat(4), sys_status(), text("STRIKE 2 over 1,1 from 1,2"), position(60_000))
+    telemetry.receive(position(500))
+    assert telemetry.reboots == 1
+    assert (telemetry.state.strikes, telemetry.state.battery_v, telemetry.state.ready) == (0, None, False)
+    assert telemetry.receive(position(700))
+
+
+@pytest.mark.parametrize(
+    ("messages", "strikes"),
+    [
+        ([text("STRIKE 1 over 3,4 from 3,5")], 1),
+        ([text("STRIKE 3 over 3,4 from 3,5"), text("STRIKE 2 over 3,3 from 3,5")], 3),
+        ([M.MAVLink_named_value_int_message(9, b"strikes", 5), text("STRIKE 4 over 3,4 from 3,5")], 5),
+        ([M.MAVLink_named_value_int_message(9, b"other", 5)], 0),
+        ([text("STRIKE x over 3,4 from 3,5"), text("a STRIKE 9 over 1,1 from 1,1")], 0),
+    ],
+)
+def test_strikes_are_the_greatest_running_count_heard(messages, strikes):
+    assert folded(*messages).state.strikes == strikes
+
+
+def test_a_long_text_is_put_together_and_a_hole_in_it_shown():
+    a, b, c = "a" * 50, "b" * 50, "the end"
+    telemetry = folded(
+        text(a, 4, 7, 0), text(b, 4, 7, 1), text(c, 4, 7, 2), text(a, 4, 8, 0), text(c, 4, 8, 2)
+    )
+    assert telemetry.texts == [(4, a + b + c), (4, f"{a} ... {c}")]
+
+
+READY = Readiness("GUIDED", True, 16, ())
+
+
+@pytest.mark.parametrize(
+    ("readiness", "reasons"),
+    [
+        (READY, ()),
+        (Readiness("AUTO", True, 0x3F, ()), ()),
+        (Readiness("STABILIZE", True, 16, ()), ("mode is STABILIZE, not GUIDED",)),
+        (Readiness("GUIDED", False, 16, ()), ("pre-arm checks not passed",)),
+        (Readiness("GUIDED", False, 16, ("PreArm: Hello",)), ("PreArm: Hello",)),
+        (Readiness("GUIDED", True, 15, ()), ("no position estimate yet",)),
+    ],
+)
+def test_ready_is_guided_and_prearm_and_a_position_estimate(readiness, reasons):
+    assert COPTER.not_ready(readiness) == reasons
+
+
+def test_nothing_is_ready_before_everything_was_heard():
+    telemetry = folded(heartbeat(4), sys_status(), position())
+    assert telemetry.state.not_ready == (
+        "no EKF_STATUS_REPORT, EXTENDED_SYS_STATE, MISSION_CURRENT heard yet",
+    )
+    telemetry.receive(M.MAVLink_ekf_status_report_message(16, 0, 0, 0, 0, 0))
+    telemetry.receive(M.MAVLink_extended_sys_state_message(0, 1))
+    telemetry.receive(M.MAVLink_mission_current_message(0, 0))
+    assert telemetry.state.ready
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "kind", "says"),
+    [(12, 2, "PX4 vehicles cannot be flown yet"), (3, 1, "FIXED_WING"), (0, 2, "GENERIC")],
+)
+def test_other_vehicles_are_refused_by_name(autopilot, kind, says):
+    with pytest.raises(Unsupported, match=says):
+        dialect_for(autopilot, kind)
+
+
+# The mission of a plan
+
+A, B = Waypoint(46.0, 14.0, 20.0), Waypoint(46.001, 14.0, 20.0)
+
+
+@pytest.mark.parametrize(
+    ("plan", "commands"),
+    [
+        (FlightPlan(20.0, (A, B), B), [16, 22, 16, 16, 21]),
+        (FlightPlan(20.0, (A,), Waypoint(46.001, 14.0, 12.0)), [16, 22, 16, 16, 21]),
+        (FlightPlan(20.0, (), B), [16, 22, 16, 21]),
+    ],
+    ids=["lands where the track ends", "comes down from another altitude", "only a landing"],
+)
+def test_a_plan_becomes_home_takeoff_waypoints_land(plan, commands):
+    items = COPTER.mission_items(plan)
+    assert [i.command for i in items] == commands
+    assert {i.frame for i in items[1:]} == {3}
+    assert items[1].z == 20.0
+    assert (items[-1].x, items[-1].y) == (round(plan.landing.lat_deg * 1e7), 140_000_000)
+    assert items[-2].z == plan.landing.alt_rel_m
+
+
+@pytest.mark.parametrize(
+    ("plan", "says"),
+    [
+        (FlightPlan(float("nan"), (A,), B), "take-off altitude"),
+        (FlightPlan(20.0, (A, Waypoint(91.0, 0.0, 1.0)), B), "waypoint 1"),
+        (FlightPlan(20.0, (A,), Waypoint(float("nan"), 0.0, 20.0)), "landing"),
+    ],
+)
+def test_a_plan_that_cannot_be_flown_is_refused(plan, says):
+    with pytest.raises(ValueError, match=says):
+        COPTER.mission_items(plan)
+
+
+WP = MissionItem(16, 3, 1, 2, 20.0)
+
+
+@pytest.mark.parametrize(
+    ("sent", "found", "equal"),
+    [
+        (MissionItem(16, 3, 1, 2, 20.3), MissionItem(16, 3, 1, 2, 20.29), True),
+        (MissionItem(16, 3, 1, 2, 33.333), MissionItem(16, 3, 1, 2, 33.33), True),
+        (MissionItem(16, 3, 1, 2, -5.555), MissionItem(16, 3, 1, 2, -5.55), True),
+        (MissionItem(16, 6, 1, 2, 20.0), WP, True),
+        (MissionItem(16, 5, 1, 2, 20.0), MissionItem(16, 0, 1, 2, 20.0), True),
+        (MissionItem(16, 3, 1, 2, 20.0, 2.7, 5.0, 6.0, 7.0), MissionItem(16, 3, 1, 2, 20.0, 2.0), True),
+        (MissionItem(21, 3, 1, 2, 0.0), MissionItem(21, 3, 1, 2, 0.0, param4=1.0), True),
+        (WP, MissionItem(16, 3, 2, 2, 20.0), False),
+        (WP, MissionItem(16, 3, 1, 3, 20.0), False),
+        (WP, MissionItem(16, 3, 1, 2, 19.9), False),
+        (WP, MissionItem(16, 3, 1, 2, 20.1), False),
+        (WP, MissionItem(16, 0, 1, 2, 20.0), False),
+        (WP, MissionItem(17, 3, 1, 2, 20.0), False),
+        (MissionItem(16, 3, 1, 2, 20.0, 9.0), WP, False),
+        (MissionItem(16, 3, 1, 2, 5.0), MissionItem(16, 3, 1, 2, -5.0), False),
+    ],
+)
+def test_read_back_is_compared_modulo_arducopters_storage(sent, found, equal):
+    home = MissionItem(16, 0, 0, 0, 0.0)
+    theirs = MissionItem(16, 0, 460_000_000, 145_000_000, 300.0)
+    gaps = COPTER.differences((home, sent), (theirs, found))
+    assert (gaps == ()) is equal
+    assert all("item 1" in gap for gap in gaps)
+
+
+def test_a_mission_of_another_length_is_another_mission():
+    assert COPTER.differences((WP, WP), (WP,)) == ("1 items instead of 2",)
+
+
+# Presence and streams
+
+
+def test_presence_is_lost_after_five_seconds_and_comes_back():
+    presence = Presence()
+    assert (presence.state, presence.next_deadline) == (LinkState.NEVER_HEARD, None)
+    assert presence.age_s(3.0) == float("inf")
+    assert presence.heard(10.0) is LinkState.NEVER_HEARD
+    assert presence.next_deadline == 15.0
+    assert not presence.tick(14.9)
+    assert presence.tick(15.0)
+    assert not presence.tick(16.0)
+    assert presence.heard(20.0) is LinkState.LOST
+    assert presence.state is LinkState.ALIVE
+
+
+@pytest.mark.parametrize(
+    "message",
+    [heartbeat(comp=190), heartbeat(autopilot=8), heartbeat(kind=6), position()],
+    ids=["another component", "no autopilot", "a ground station", "no heartbeat"],
+)
+def test_only_the_autopilots_heartbeat_makes_a_vehicle(message):
+    message.get_header().srcSystem = 1
+    session = Session(Peer(1))
+    assert session.receive(message, 0.0) == ([], [])
+    assert session.link_state is LinkState.NEVER_HEARD
+
+
+def test_streams_are_asked_for_again_while_they_stay_away_and_ever_more_seldom():
+    keeper = StreamKeeper(Peer(1), {33: 4.0, 1: 1.0})
+    assert keeper.tick(0.0) == []
+    keeper.demand(0.0)
+    first = keeper.tick(0.0)
+    assert [(m.command, m.param1, m.param2) for m in first] == [(511, 33, 250_000), (511, 1, 1_000_000)]
+    keeper.saw(33, 2.0)
+    times = []
+    for now in range(1, 100):
+        keeper.saw(33, float(now))
+        times += [now for m in keeper.tick(float(now)) if m.param1 == 1]
+    assert times == [3, 9, 21, 45, 75]
+
+
+def told(session: Session, now: float, *messages) -> list:
+    events = []
+    for message in messages:
+        message.get_header().srcSystem, message.get_header().srcComponent = 1, 1
+        events += session.receive(message, now).events
+    return events
+
+
+def test_a_session_reports_a_closed_list_of_events():
+    session = Session(Peer(1))
+    first = told(session, 0.0, heartbeat(0))
+    assert first == [Heard(3, 2), StateChanged(session.state)]
+    assert told(session, 0.5, text("Init", 6)) == [Text(6, "Init")]
+    assert told(session, 1.0, position()) == [StateChanged(session.state)]
+    assert session.next_deadline == 5.0
+    assert session.tick(5.0).events == [Lost(5.0)]
+    assert told(session, 9.0, heartbeat(0)) == [Restored(9.0)]
+
+
+def test_a_session_runs_one_procedure_at_a_time_and_none_before_it_knows_the_vehicle():
+    session = Session(Peer(1))
+
+    def endless(ctx):
+        yield wait(1e9)
+
+    with pytest.raises(IllegalEvent, match="no usable heartbeat"):
+        session.begin("first", endless, 0.0)
+    told(session, 0.0, heartbeat())
+    session.begin("first", endless, 0.0)
+    with pytest.raises(IllegalEvent, match="second while first runs"):
+        session.begin("second", endless, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("uid2", "simulated"),
+    [
+        (b"sim_vehicle".ljust(17, b"\0") + b"\x07", True),
+        (b"sim_vehicleX".ljust(18, b"\0"), False),
+        (b"sim_vehicl".ljust(18, b"\0"), False),
+        (bytes(18), False),
+    ],
+)
+def test_only_our_simulators_mark_means_that_no_aircraft_is_there(uid2, simulated):
+    session = Session(Peer(1))
+    told(session, 0.0, heartbeat())
+    version = M.MAVLink_autopilot_version_message(0, 0x040602FF, 0, 0, 0, b"", b"", b"", 0, 0, 0, list(uid2))
+    identity = session.identity(version)
+    assert identity == Identity(1, 3, 2, "ArduPilot 4.6.2", uid2)
+    assert identity.simulated is simulated
