@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 from swarmctl.core.geo import LatLon
@@ -57,18 +57,22 @@ def flight_plan(
     altitude_m: float,
     landing_lat_lon: LatLon,
     position: LatLon | None = None,
+    may_clip: Callable[[Cell], bool] = lambda _: False,
 ) -> FlightPlan:
     """The plan to fly a route over neighbouring cells and land.
 
     Waypoints are the centres of the turns. A vehicle whose `position` is already within cells[0] does not
-    go back to the centre of that cell, unless the way from where it is would lead over cells that are not on
-    the route.
+    go back to the centre of that cell, unless the way from where it is would lead over a cell that is not on
+    the route and that `may_clip` does not allow.
     """
     if not cells:
         raise ValueError("a route without cells cannot be flown: expected at least the cell of its goal")
     turns = thin(cells)
-    if position is not None and len(turns) > 1 and _may_skip_first_centre(grid, turns, position):
-        turns = turns[1:]
+    if position is not None and len(turns) > 1 and grid.cell_at(*position) == turns[0]:
+        if _may_skip_first_centre(grid, turns, position):
+            turns = turns[1:]
+        elif may_clip(_clipped(grid, cells[0], cells[1], position)):
+            turns = thin(cells[1:])
     track = tuple(Waypoint(*grid.centre(cell), altitude_m) for cell in turns)
     return FlightPlan(altitude_m, track, Waypoint(*landing_lat_lon, altitude_m))
 
@@ -96,15 +100,30 @@ def _step(here: Cell, there: Cell) -> Cell:
 
 
 def _may_skip_first_centre(grid: Grid, turns: Sequence[Cell], position: LatLon) -> bool:
-    if grid.cell_at(*position) != turns[0]:
-        return False
     (row, col), (next_row, next_col) = turns[0], turns[1]
     if row == next_row or col == next_col:
         return True  # both ends lie in one straight row of cells, and so does everything between them
     # A diagonal leg converges on the line of centres, so it passes the first shared corner at its widest.
+    leg, across = _leg(grid, turns[0], turns[1], position)
+    return abs(across) <= CORNER_TOLERANCE * leg
+
+
+def _clipped(grid: Grid, here: Cell, there: Cell, position: LatLon) -> Cell:
+    """The cell beside the shared corner that the way from `position` to the diagonal neighbour leads over."""
+    _, across = _leg(grid, here, there, position)
+    d_row, d_col = _step(here, there)
+    # Corner to the left of the leg: it passes on the corner's right, which is east of it when flying north.
+    passes_beside_column = (across > 0.0) == (d_row * d_col > 0)
+    return (here[0], there[1]) if passes_beside_column else (there[0], here[1])
+
+
+def _leg(grid: Grid, here: Cell, there: Cell, position: LatLon) -> tuple[float, float]:
+    """Length of the leg from `position` to the centre of `there` [cells], and the cross product leg × corner:
+    positive where the corner that `here` shares with its diagonal neighbour lies to the left of the leg."""
+    (row, col), (next_row, next_col) = here, there
     x, y = (metres / grid.cell_size_m for metres in grid.frame.to_local(*position))
     corner_x = col + 1.0 if next_col > col else float(col)
     corner_y = row + 1.0 if next_row > row else float(row)
     leg_x, leg_y = next_col + 0.5 - x, next_row + 0.5 - y
-    across = (corner_x - x) * leg_y - (corner_y - y) * leg_x
-    return abs(across) <= CORNER_TOLERANCE * math.hypot(leg_x, leg_y)
+    across = leg_x * (corner_y - y) - leg_y * (corner_x - x)
+    return math.hypot(leg_x, leg_y), across

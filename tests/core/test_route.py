@@ -137,3 +137,49 @@ def test_a_vehicle_alone_lands_in_the_middle() -> None:
 def test_a_landing_place_that_is_not_there_is_refused(index: int, count: int) -> None:
     with pytest.raises(ValueError, match="landing place"):
         landing_spot(GRID, (3, 3), index, count)
+
+
+@given(
+    east=st.floats(0.001, 0.999),
+    north=st.floats(0.001, 0.999),
+    step=st.sampled_from([(1, 1), (1, -1), (-1, 1), (-1, -1)]),
+)
+@settings(max_examples=100, deadline=None, derandomize=True)
+def test_a_cut_corner_leads_over_the_one_cell_that_was_asked_about(
+    east: float, north: float, step: Cell
+) -> None:
+    here, there = (3, 3), (3 + step[0], 3 + step[1])
+    position = at((3 + east) * GRID.cell_size_m, (3 + north) * GRID.cell_size_m)
+    asked: list[Cell] = []
+
+    def allow(cell: Cell) -> bool:
+        asked.append(cell)
+        return True
+
+    plan = flight_plan(
+        GRID, [here, there], altitude_m=30.0, landing_lat_lon=HOME, position=position, may_clip=allow
+    )
+    assert tracks(plan) == [there]
+    target = GRID.centre(there)
+    on_the_way = {
+        GRID.cell_at(
+            position[0] + (target[0] - position[0]) * k / 200,
+            position[1] + (target[1] - position[1]) * k / 200,
+        )
+        for k in range(201)
+    }
+    if asked:
+        assert on_the_way <= {here, there, asked[0]}
+
+
+def test_a_corner_is_not_cut_over_a_cell_that_is_not_allowed() -> None:
+    position = at(3.9 * GRID.cell_size_m, 3.5 * GRID.cell_size_m)
+    plan = flight_plan(
+        GRID,
+        [(3, 3), (4, 4)],
+        altitude_m=30.0,
+        landing_lat_lon=HOME,
+        position=position,
+        may_clip=lambda cell: cell != (3, 4),
+    )
+    assert tracks(plan) == [(3, 3), (4, 4)]

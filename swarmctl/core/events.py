@@ -1,0 +1,145 @@
+"""The closed lists of what can happen to an agent (events) and what it can ask for (effects).
+
+Both are plain data, so that a run is recorded as it happened and folded again by `swarmctl replay`.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Literal
+
+import msgspec
+
+from swarmctl.core.grid import Cell
+from swarmctl.core.messages import Message
+from swarmctl.core.mission import FlightPlan
+from swarmctl.core.vehicle import VehicleState
+
+ObservationId = tuple[int, int]
+"""(observer, seq)"""
+
+
+class Order(StrEnum):
+    """What a vehicle can be told to do besides flying a mission."""
+
+    LAUNCH = "launch"
+    HOLD = "hold"
+    RETURN = "return"
+    LAND = "land"
+
+
+Flying = Literal["old", "hold", "unknown"]
+"""Which plan a vehicle is left with after a swap that failed."""
+
+
+class _Fact(msgspec.Struct, frozen=True, tag=True):
+    pass
+
+
+# --- events
+
+
+class Ready(_Fact, frozen=True):
+    """The vehicle answers, is the one it should be, and would arm now."""
+
+
+class TelemetryReceived(_Fact, frozen=True):
+    state: VehicleState
+
+
+class Observed(_Fact, frozen=True):
+    """The vehicle's own sensor looked: (row, col, occupied) of each cell in its footprint."""
+
+    cells: tuple[tuple[int, int, bool], ...]
+
+
+class Heard(_Fact, frozen=True):
+    message: Message
+
+
+class MissionAccepted(_Fact, frozen=True):
+    """The vehicle holds plan `plan_id`, read back and compared."""
+
+    plan_id: int
+
+
+class MissionFailed(_Fact, frozen=True):
+    plan_id: int
+    flying: Flying
+    reason: str
+
+
+class OrderDone(_Fact, frozen=True):
+    order: Order
+
+
+class OrderFailed(_Fact, frozen=True):
+    order: Order
+    reason: str
+
+
+class LinkLost(_Fact, frozen=True):
+    age_s: float
+
+
+class LinkRestored(_Fact, frozen=True):
+    pass
+
+
+class OperatorCommand(_Fact, frozen=True):
+    order: Order
+
+
+class Failed(_Fact, frozen=True):
+    """The runner gives the vehicle up: it never became ready, or stayed silent for too long."""
+
+    reason: str
+
+
+class Tick(_Fact, frozen=True):
+    """Everything that had arrived has been handed over: decide now."""
+
+
+Event = (
+    Ready
+    | TelemetryReceived
+    | Observed
+    | Heard
+    | MissionAccepted
+    | MissionFailed
+    | OrderDone
+    | OrderFailed
+    | LinkLost
+    | LinkRestored
+    | OperatorCommand
+    | Failed
+    | Tick
+)
+
+# --- effects
+
+
+class Publish(_Fact, frozen=True):
+    message: Message
+
+
+class SwapMission(_Fact, frozen=True):
+    """Give the vehicle this plan; on the ground an upload, in flight a transaction."""
+
+    plan_id: int
+    plan: FlightPlan
+    cells: tuple[Cell, ...]
+    """the lattice route behind the plan"""
+    because: tuple[ObservationId, ...]
+    """the observations merged since the last decision"""
+    cost: float
+    exposure_sum: float
+    safety_factor: float
+    length_m: float
+
+
+class Command(_Fact, frozen=True):
+    order: Order
+
+
+Effect = Publish | SwapMission | Command
