@@ -1,0 +1,32 @@
+"""Every key of the bus, in one table.
+
+| key | from | to | payload |
+|---|---|---|---|
+| `swarmctl/SWARM/uav/TO/inform/observation/FROM` | a UAV | a UAV in its reach | ObservationShared |
+| `swarmctl/SWARM/uav/TO/inform/state/FROM` | a UAV | a UAV in its reach | StateShared |
+
+Every UAV reads its own inbox only; SWARM is the configuration's name, TO and FROM are system ids.
+"""
+
+from __future__ import annotations
+
+from swarmctl.core.messages import Message, ObservationShared
+
+ROOT = "swarmctl"
+
+
+def inform(swarm: str, to: int, message: Message) -> str:
+    """The key under which `message` goes into the inbox of UAV `to`."""
+    kind = "observation" if isinstance(message, ObservationShared) else "state"
+    return f"{ROOT}/{swarm}/uav/{to}/inform/{kind}/{message.sender}"
+
+
+def inbox(swarm: str, uav: int) -> str:
+    """The key expression that matches everything sent to `uav`."""
+    return f"{ROOT}/{swarm}/uav/{uav}/**"
+
+
+def sender_of(key: str) -> int | None:
+    """The UAV a key says it comes from; None where it names none (a wildcard, a foreign key)."""
+    last = key.rsplit("/", 1)[-1]
+    return int(last) if last.isascii() and last.isdigit() else None

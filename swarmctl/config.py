@@ -1,0 +1,299 @@
+"""The configuration: what a YAML file may say, and every error in it at once.
+
+Keys carry their units. `load` reads a file into a frozen `Config`; `ConfigError` lists what is wrong with
+file, line and cure. What the values mean together (a goal inside the area, a start that can enter it) is
+judged by `swarmctl.scenario`, whose problems are reported the same way.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+
+from swarmctl import yaml_lines
+from swarmctl.core.threat import FiringStrength
+from swarmctl.links.url import parse_url
+from swarmctl.planners import PLANNERS
+
+Cell = tuple[int, int]
+
+
+def _planner(name: str) -> str:
+    if name not in PLANNERS:
+        raise ValueError(f"no planner of this name; there is {', '.join(sorted(PLANNERS))}")
+    return name
+
+
+def _url(text: str) -> str:
+    parse_url(text)
+    return text
+
+
+def _cells(value: Any) -> Any:
+    """One cell, or a list of cells."""
+    is_cell = isinstance(value, (list, tuple)) and len(value) == 2 and all(type(v) is int for v in value)
+    return [value] if is_cell else value
+
+
+Cells = Annotated[tuple[Cell, ...], BeforeValidator(_cells), Field(min_length=1)]
+Side = Literal["north", "east", "south", "west"]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Area(_Section):
+    """The square cells over which threats hide."""
+
+    origin_lat_deg: float = Field(ge=-89.0, le=89.0, description="latitude of the south-west corner [deg]")
+    origin_lon_deg: float = Field(ge=-180.0, le=180.0, description="longitude of the south-west corner [deg]")
+    rows: int = Field(ge=1, le=10_000, description="cells from south to north; row 0 is the southernmost")
+    cols: int = Field(ge=1, le=10_000, description="cells from west to east")
+    cell_size_m: float = Field(gt=0.0, description="side of a cell [m]")
+    no_fly: tuple[Cell, ...] = Field((), description="cells [row, col] that no route may enter")
+
+
+class Strength(_Section):
+    """Eq. 1: the chance that a hostile hits a vehicle, by where the vehicle is."""
+
+    direct: float = Field(description="over the hostile's own cell")
+    first_neighbour: float = Field(description="over one of the 4 nearest cells")
+    second_neighbour: float = Field(description="over one of the 4 diagonal cells")
+
+    def model_post_init(self, _context: object) -> None:
+        FiringStrength(self.direct, self.first_neighbour, self.second_neighbour)
+
+
+class Threats(_Section):
+    """What hides in the area. `hostiles` is the truth: only the simulated sensor and the simulator see it."""
+
+    count: int = Field(ge=0, description="how many hostiles the UAVs are told there are (n_HA)")
+    firing_strength: Strength = Strength(direct=0.6, first_neighbour=0.3, second_neighbour=0.1)
+    hostiles: Literal["random"] | tuple[Cell, ...] = Field(
+        "random", description="true cells [row, col], or random: `count` cells drawn from the seed"
+    )
+
+
+class PlannerSection(_Section):
+    """How routes are chosen."""
+
+    name: Annotated[str, AfterValidator(_planner)] = "dijkstra"
+    w: float = Field(0.5, ge=0.0, le=1.0, description="0: the shortest route, 1: the least exposed (Eq. 5)")
+    psi_per_cell: float | None = Field(
+        None, gt=0.0, description="what a cell's length costs; default: the prior P_s of an inner cell"
+    )
+
+
+class Communication(_Section):
+    """Who hears whom."""
+
+    bus: Literal["zenoh", "memory"] = "zenoh"
+    range: Literal["all"] | Annotated[int, Field(ge=0)] = Field(
+        "all", description="how many UAVs, the nearest, a UAV can send to"
+    )
+    penalty_per_m: float = Field(
+        0.0, ge=0.0, description="cost of communicating a metre flown; reported only"
+    )
+    connect: tuple[str, ...] = Field((), description="Zenoh endpoints to connect to, e.g. tcp/10.0.0.1:7447")
+    listen: tuple[str, ...] = Field((), description="Zenoh endpoints to listen at")
+
+
+class Flight(_Section):
+    """How vehicles fly, and what becomes of them."""
+
+    altitude_m: float = Field(40.0, gt=2.0, le=1000.0, description="of the first vehicle, above home [m]")
+    altitude_step_m: float = Field(5.0, ge=0.0, description="each next vehicle flies this much higher [m]")
+    on_exit: Literal["hold", "return", "land"] = Field("return", description="on Ctrl-C, after holding")
+    on_exit_deadline_s: float = Field(30.0, gt=0.0, description="wall time given to it [s]")
+    connect_timeout_s: float = Field(15.0, gt=0.0, description="for the first heartbeat [s]")
+    ready_timeout_s: float = Field(120.0, gt=0.0, description="for a vehicle to become ready to arm [s]")
+    lost_timeout_s: float = Field(
+        60.0, gt=0.0, description="of silence after which the run goes on without [s]"
+    )
+    max_start_distance_m: float = Field(5000.0, gt=0.0, description="from a start to the area [m]")
+
+
+class Simulate(_Section):
+    """Vehicles in software, started and stopped with the flight, spread along a side of the area."""
+
+    count: int = Field(ge=1, le=250)
+    speedup: float = Field(1.0, ge=0.1, le=100.0, description="simulated seconds in a real one")
+    url: Annotated[str, AfterValidator(_url)] = Field(
+        "udpin://127.0.0.1:0", description="where the ground station listens for them; port 0: any free one"
+    )
+    home_alt_amsl_m: float = Field(300.0, ge=-400.0, le=8000.0, description="of the ground [m]")
+    ready_s: float = Field(5.0, ge=0.0, description="from boot to a position estimate [s]; real ones take 41")
+    speed_m_s: float = Field(10.0, gt=0.5, le=35.0, description="over ground [m/s]")
+    start_side: Side = "west"
+    start_distance_m: float = Field(60.0, gt=0.0, description="from the area [m]")
+    goal_side: Side = "east"
+    goal: Cells | None = Field(None, description="a cell or a zone for all; default: across, on goal_side")
+    delay_step_s: float = Field(0.0, ge=0.0, description="each next vehicle starts this much later [s]")
+
+
+class Start(_Section):
+    lat_deg: float = Field(ge=-90.0, le=90.0)
+    lon_deg: float = Field(ge=-180.0, le=180.0)
+
+
+class Vehicle(_Section):
+    """A vehicle reached by its MAVLink URL."""
+
+    name: str = Field(pattern=r"^[A-Za-z0-9_.-]{1,32}$")
+    url: Annotated[str, AfterValidator(_url)]
+    sysid: int = Field(ge=1, le=254)
+    link: Literal["direct"] = "direct"
+    start: Start = Field(description="where it stands; usually outside the area")
+    goal: Cells = Field(description="a cell [row, col], or a list of cells: its target zone")
+    entry: Cell | None = Field(None, description="border cell by which it enters; default: the nearest")
+    altitude_m: float | None = Field(None, gt=2.0, le=1000.0, description="above home [m]; default: flight's")
+    delay_s: float = Field(0.0, ge=0.0, description="after the others [s]")
+
+
+class Config(_Section):
+    """A swarm and its flight."""
+
+    name: str = Field(
+        "swarm", pattern=r"^[A-Za-z0-9_.-]{1,64}$", description="names the run folder and the bus"
+    )
+    seed: int = Field(0, ge=0, description="of everything drawn by chance")
+    area: Area
+    threats: Threats
+    planner: PlannerSection = PlannerSection()
+    communication: Communication = Communication()
+    flight: Flight = Flight()
+    simulate: Simulate | None = None
+    vehicles: tuple[Vehicle, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One thing that is wrong; `path` leads to it in the file."""
+
+    path: yaml_lines.Path
+    text: str
+
+
+class ConfigError(Exception):
+    """What is wrong with a configuration; one line each, `file:line: key: what, what to do`."""
+
+    def __init__(self, lines: list[str]) -> None:
+        super().__init__("\n".join(lines))
+        self.lines = lines
+
+
+def load(path: Path, judge: Callable[[Config], Iterable[Problem]] = lambda _: ()) -> Config:
+    """Read and check a file; `judge` adds what it finds across sections. Raises ConfigError."""
+    try:
+        document = yaml_lines.parse(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ConfigError([f"{path}: there is no such file; --config names a YAML file"]) from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError([f"{path}: cannot be read: {error}"]) from error
+    except yaml_lines.YamlError as error:
+        raise ConfigError([f"{path}:{error.line}: {error.text}"]) from error
+    config, problems = _validate(document.data, judge)
+    if problems or config is None:
+        found = sorted((document.line_of(p.path), _dotted(p.path), p.text) for p in problems)
+        raise ConfigError([f"{path}:{line}: {key}: {text}" for line, key, text in found])
+    return config
+
+
+def _validate(data: Any, judge: Callable[[Config], Iterable[Problem]]) -> tuple[Config | None, list[Problem]]:
+    try:
+        config = Config.model_validate(data)
+    except ValidationError as error:
+        problems = _merged(_problem(dict(e)) for e in error.errors(include_url=False))
+        return None, problems + list(_judged_rest(data, [p.path for p in problems], judge))
+    return config, list(judge(config))
+
+
+def _judged_rest(
+    data: Any, wrong: list[yaml_lines.Path], judge: Callable[[Config], Iterable[Problem]]
+) -> Iterator[Problem]:
+    """Judge what is left when the wrong values are taken out, so that one round of mending is enough."""
+    if not isinstance(data, dict):
+        return
+    vehicles = data.get("vehicles")
+    kept = list(range(len(vehicles))) if isinstance(vehicles, list) else []
+    kept = [i for i in kept if not any(_touches(("vehicles", i), w) for w in wrong)]
+    rest = _without(data, wrong)
+    if isinstance(vehicles, list) and "vehicles" in rest:
+        rest["vehicles"] = [vehicles[i] for i in kept]
+    try:
+        config = Config.model_validate(rest)
+    except ValidationError:
+        return
+    for problem in judge(config):
+        path = problem.path
+        if len(path) > 1 and path[0] == "vehicles" and isinstance(path[1], int):
+            path = ("vehicles", kept[path[1]], *path[2:])
+        if not any(_touches(path, w) for w in wrong):
+            yield Problem(path, problem.text)
+
+
+def _merged(problems: Iterable[Problem]) -> list[Problem]:
+    """One problem a key: a value that fits no member of a union is wrong once, not once a member."""
+    texts: dict[yaml_lines.Path, list[str]] = {}
+    for problem in problems:
+        texts.setdefault(problem.path, []).append(problem.text)
+    return [Problem(path, "; or ".join(dict.fromkeys(several))) for path, several in texts.items()]
+
+
+def _problem(error: dict[str, Any]) -> Problem:
+    path = tuple(error["loc"])
+    if error["type"] == "extra_forbidden":
+        return Problem(path, _unknown_key(path))
+    text = str(error["msg"]).removeprefix("Value error, ")
+    if error["type"] == "missing":
+        return Problem(path, "is missing")
+    found = error.get("input")
+    if isinstance(found, (str, int, float, bool)):
+        text = f"{text}, found {found!r}"
+    return Problem(tuple(p for p in path if not _is_union_tag(p)), text[:1].lower() + text[1:])
+
+
+def _is_union_tag(part: str | int) -> bool:
+    """pydantic names the member of a union it tried; a file has no such key."""
+    return isinstance(part, str) and not part.isidentifier()
+
+
+def _unknown_key(path: yaml_lines.Path) -> str:
+    model: type[BaseModel] | None = Config
+    for part in path[:-1]:
+        if model is not None and isinstance(part, str):
+            model = _model_in(model.model_fields[part].annotation)
+    known = sorted(model.model_fields) if model is not None else []
+    close = difflib.get_close_matches(str(path[-1]), known, n=1)
+    hint = f"did you mean {close[0]!r}?" if close else f"there is {', '.join(known)}"
+    return f"unknown key; {hint}"
+
+
+def _model_in(annotation: Any) -> type[BaseModel] | None:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next((m for m in map(_model_in, get_args(annotation)) if m is not None), None)
+
+
+def _without(data: Any, paths: list[yaml_lines.Path], here: yaml_lines.Path = ()) -> Any:
+    if isinstance(data, dict):
+        return {k: _without(v, paths, (*here, k)) for k, v in data.items() if (*here, str(k)) not in paths}
+    return data
+
+
+def _touches(path: yaml_lines.Path, other: yaml_lines.Path) -> bool:
+    shorter = min(len(path), len(other))
+    return path[:shorter] == other[:shorter]
+
+
+def _dotted(path: yaml_lines.Path) -> str:
+    text = ""
+    for part in path:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
+    return text or "(file)"

@@ -1,0 +1,44 @@
+"""When to try again: a policy as a pure function, and the loop that follows it."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Backoff:
+    """Wait `first_s`, then `factor` times as long each time, at most `most_s`; `attempts` tries in all."""
+
+    attempts: int
+    first_s: float
+    factor: float = 2.0
+    most_s: float = 60.0
+
+    def delay_s(self, failed: int) -> float | None:
+        """How long to wait after the `failed`-th failure (from 1) [s]; None: give up."""
+        if failed >= self.attempts:
+            return None
+        return min(self.first_s * self.factor ** (failed - 1), self.most_s)
+
+
+async def retrying(
+    attempt: Callable[[], Awaitable[T]],
+    policy: Backoff,
+    retry_on: type[Exception] | tuple[type[Exception], ...],
+) -> T:
+    """The first success; the last failure where the policy gives up. Other exceptions pass through."""
+    failed = 0
+    while True:
+        try:
+            return await attempt()
+        except retry_on:
+            failed += 1
+            delay_s = policy.delay_s(failed)
+            if delay_s is None:
+                raise
+        await asyncio.sleep(delay_s)

@@ -1,0 +1,353 @@
+"""The policy of one vehicle, told as stories: events in, effects out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from swarmctl import agent
+from swarmctl.agent import AgentState, Phase, Task
+from swarmctl.core import events as ev
+from swarmctl.core.belief import Belief, Observation
+from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.messages import ObservationShared, StateShared
+from swarmctl.core.threat import FiringStrength
+from swarmctl.core.vehicle import Landed, VehicleState
+from swarmctl.planners import PLANNERS
+
+GRID = Grid(9, 9, 50.0, 46.0, 14.0)
+PLANNER = PLANNERS["dijkstra"]
+
+
+def task(**changes: object) -> Task:
+    plain = Task(
+        uav=1,
+        name="uav1",
+        grid=GRID,
+        strength=FiringStrength(0.6, 0.3, 0.1),
+        w=0.5,
+        psi_per_cell=0.1,
+        entry=(4, 0),
+        goals=((4, 8),),
+        altitude_m=30.0,
+        plan=lambda problem: PLANNER.plan(problem, PLANNER.Params()),
+    )
+    return replace(plain, **changes)  # type: ignore[arg-type]
+
+
+class Story:
+    """Folds events one after the other and keeps what came of the last."""
+
+    def __init__(self, **changes: object) -> None:
+        self.state = agent.begin(task(**changes), Belief.prior(GRID.rows, GRID.cols, 4))
+        self.now = 0.0
+        self.effects: list[ev.Effect] = []
+
+    def __call__(self, event: ev.Event) -> list[ev.Effect]:
+        self.now += 1.0
+        self.state, self.effects = agent.step(self.state, event, self.now)
+        return self.effects
+
+    def tick(self) -> list[ev.Effect]:
+        return self(ev.Tick()) if agent.wants_tick(self.state, self.now) else []
+
+    def swap(self) -> ev.SwapMission:
+        (effect,) = (e for e in self.tick() if isinstance(e, ev.SwapMission))
+        return effect
+
+    def accept(self) -> list[ev.Effect]:
+        assert self.state.pending is not None
+        return self(ev.MissionAccepted(self.state.pending.plan_id))
+
+    def over(self, cell: Cell, **changes: object) -> list[ev.Effect]:
+        lat_deg, lon_deg = GRID.centre(cell)
+        state = VehicleState(
+            time_boot_s=self.now, lat_deg=lat_deg, lon_deg=lon_deg, alt_rel_m=30.0, mode="AUTO", armed=True,
+            landed=Landed.IN_AIR,
+        )  # fmt: skip
+        return self(ev.TelemetryReceived(replace(state, **changes)))  # type: ignore[arg-type]
+
+    def hear(self, *cells: tuple[int, int, bool], observer: int = 2, seq: int = 1) -> list[ev.Effect]:
+        observation = Observation(observer, seq, self.now, cells)
+        return self(ev.Heard(ObservationShared(observer, observation)))
+
+    def flying(self) -> Story:
+        self(ev.Ready())
+        self.swap()
+        self.accept()
+        self(ev.OperatorCommand(ev.Order.LAUNCH))
+        self(ev.OrderDone(ev.Order.LAUNCH))
+        self.over((4, 0))
+        assert self.state.phase is Phase.FLYING
+        return self
+
+
+def publications(effects: list[ev.Effect]) -> list[object]:
+    return [e.message for e in effects if isinstance(e, ev.Publish)]
+
+
+def orders(effects: list[ev.Effect]) -> list[ev.Order]:
+    return [e.order for e in effects if isinstance(e, ev.Command)]
+
+
+def test_nothing_is_sent_to_a_vehicle_that_is_not_ready() -> None:
+    story = Story()
+    assert story.tick() == []
+    assert story(ev.OperatorCommand(ev.Order.LAUNCH)) == []
+    assert story.state.phase is Phase.WAITING
+
+
+def test_from_ready_to_launch() -> None:
+    story = Story()
+    story(ev.Ready())
+    swap = story.swap()
+    assert swap.cells[0] == (4, 0)
+    assert swap.cells[-1] == (4, 8)
+    assert swap.plan.takeoff_alt_m == 30.0
+    assert story(ev.OperatorCommand(ev.Order.LAUNCH)) == []
+    assert orders(story.accept()) == [ev.Order.LAUNCH]
+    assert story.state.phase is Phase.LAUNCHING
+
+
+def test_what_it_sees_first_it_tells_the_others_once() -> None:
+    story = Story().flying()
+    effects = story(ev.Observed(((4, 0, False), (4, 1, True))))
+    (message,) = publications(effects)
+    assert isinstance(message, ObservationShared)
+    assert (message.observation.observer, message.observation.seq) == (1, 1)
+    assert message.observation.cells == ((4, 0, False), (4, 1, True))
+    assert story(ev.Observed(((4, 0, False), (4, 1, True)))) == []
+
+
+def test_what_it_has_heard_of_it_does_not_tell_again() -> None:
+    story = Story().flying()
+    story.hear((4, 1, True))
+    (message,) = publications(story(ev.Observed(((4, 1, True), (5, 1, False)))))
+    assert isinstance(message, ObservationShared)
+    assert message.observation.cells == ((5, 1, False),)
+
+
+def test_a_hostile_ahead_changes_the_mission_and_says_because_of_what() -> None:
+    story = Story().flying()
+    assert story.state.route is not None
+    assert (4, 4) in story.state.route.cells
+    story.hear((4, 4, True), observer=3, seq=7)
+    swap = story.swap()
+    assert (4, 4) not in swap.cells
+    assert swap.because == ((3, 7),)
+    story.accept()
+    assert story.state.replans == 1
+
+
+def test_news_that_changes_nothing_ahead_swaps_no_mission() -> None:
+    story = Story().flying()
+    story.hear((0, 8, False))
+    assert story.tick() == []
+    assert not story.state.dirty
+
+
+def test_news_during_a_swap_waits_for_its_end_and_then_counts() -> None:
+    story = Story().flying()
+    story.hear((4, 4, True))
+    first = story.swap()
+    for seq, row in enumerate((3, 5), start=2):
+        story.hear((row, 4, True), seq=seq)
+        assert story.tick() == []
+    story.accept()
+    second = story.swap()
+    assert second.plan_id > first.plan_id
+    assert second.because == ((2, 2), (2, 3))
+    assert not {(3, 4), (4, 4), (5, 4)} & set(second.cells)
+
+
+def test_replanning_starts_from_where_the_vehicle_is() -> None:
+    story = Story().flying()
+    story.over((4, 3))
+    story.hear((4, 5, True))
+    assert story.swap().cells[0] == (4, 3)
+
+
+def test_a_leg_that_clips_a_cell_beside_the_route_is_no_reason_to_swap() -> None:
+    story = Story(goals=((8, 8),)).flying()
+    assert story.state.route is not None
+    diagonal = next(i for i in range(8) if story.state.route.cells[i + 1][0] > story.state.route.cells[i][0])
+    (row, col) = story.state.route.cells[diagonal]
+    for cell in story.state.route.cells[: diagonal + 1]:
+        story.over(cell)
+    story.over((row, col + 1))
+    story.hear((0, 8, False))
+    assert story.tick() == []
+
+
+def test_a_failed_swap_that_left_the_old_plan_is_tried_again_later() -> None:
+    story = Story().flying()
+    story.hear((4, 4, True))
+    swap = story.swap()
+    story(ev.MissionFailed(swap.plan_id, "old", "no answer"))
+    assert story.tick() == []
+    story.now += agent.RETRY_AFTER_S
+    again = story.swap()
+    assert again.because == swap.because
+
+
+def test_a_vehicle_left_in_hold_gets_a_plan_even_if_nothing_is_new() -> None:
+    story = Story().flying()
+    before = story.state.route
+    story.hear((4, 4, True))
+    swap = story.swap()
+    story(ev.MissionFailed(swap.plan_id, "hold", "no answer"))
+    assert story.state.route is None
+    story.now += agent.RETRY_AFTER_S
+    assert before is not None
+    assert story.swap().cells[-1] == before.cells[-1]
+
+
+def test_a_vehicle_whose_mission_cannot_be_changed_comes_home() -> None:
+    story = Story().flying()
+    for seq in range(1, agent.MAX_FAILED_SWAPS + 1):
+        story.hear((4, 1 + seq, True), seq=seq)
+        swap = story.swap()
+        effects = story(ev.MissionFailed(swap.plan_id, "hold", "refused"))
+        story.now += agent.RETRY_AFTER_S
+    assert orders(effects) == [ev.Order.RETURN]
+    story.over((4, 0), armed=False, landed=Landed.ON_GROUND)
+    assert story.state.phase is Phase.FAILED
+    assert "refused" in story.state.outcome
+
+
+def test_a_lost_vehicle_gets_no_mission_until_it_is_heard_again() -> None:
+    story = Story().flying()
+    story(ev.LinkLost(5.0))
+    story.hear((4, 4, True))
+    assert story.tick() == []
+    story(ev.LinkRestored())
+    assert (4, 4) not in story.swap().cells
+
+
+def test_it_arrives_when_it_is_down_at_its_goal() -> None:
+    story = Story().flying()
+    for col in range(1, 9):
+        story.over((4, col))
+    assert story.state.phase is Phase.LANDING
+    story.over((4, 8), armed=False, landed=Landed.ON_GROUND)
+    assert (story.state.phase, story.state.outcome) == (Phase.DONE, "arrived")
+
+
+def test_over_its_goal_it_is_not_sent_elsewhere() -> None:
+    story = Story().flying()
+    story.over((4, 8))
+    story.hear((4, 8, True))
+    assert story.tick() == []
+
+
+def test_down_short_of_its_goal_it_has_failed_and_says_where() -> None:
+    story = Story().flying()
+    story.over((4, 3), armed=False, landed=Landed.ON_GROUND)
+    assert story.state.phase is Phase.FAILED
+    assert "(4, 3)" in story.state.outcome
+
+
+def test_over_its_goal_and_stuck_in_hold_it_is_told_to_land() -> None:
+    story = Story().flying()
+    story.hear((4, 4, True))
+    swap = story.swap()
+    story.over((4, 8))
+    assert orders(story(ev.MissionFailed(swap.plan_id, "hold", "no answer"))) == [ev.Order.LAND]
+
+
+@pytest.mark.parametrize(
+    ("armed", "expected", "phase"), [(False, [], Phase.FAILED), (True, [ev.Order.LAND], Phase.LEAVING)]
+)
+def test_a_launch_that_failed_leaves_no_armed_vehicle_alone(
+    armed: bool, expected: list[ev.Order], phase: Phase
+) -> None:
+    story = Story()
+    story(ev.Ready())
+    story.swap()
+    story.accept()
+    story(ev.OperatorCommand(ev.Order.LAUNCH))
+    story.over((4, 0), armed=armed)
+    assert orders(story(ev.OrderFailed(ev.Order.LAUNCH, "it did not climb"))) == expected
+    assert story.state.phase is phase
+
+
+def test_on_the_ground_an_order_to_leave_ends_it_without_a_command() -> None:
+    story = Story()
+    story(ev.Ready())
+    assert story(ev.OperatorCommand(ev.Order.RETURN)) == []
+    assert (story.state.phase, story.state.outcome) == (Phase.DONE, "not launched")
+
+
+@pytest.mark.parametrize("order", [ev.Order.HOLD, ev.Order.RETURN, ev.Order.LAND])
+def test_an_order_in_flight_is_followed_and_ends_the_planning(order: ev.Order) -> None:
+    story = Story().flying()
+    assert orders(story(ev.OperatorCommand(order))) == [order]
+    story.hear((4, 4, True))
+    assert story.tick() == []
+
+
+def test_an_observation_outside_the_area_is_refused_and_counted() -> None:
+    story = Story().flying()
+    before = story.state.belief
+    assert story.hear((99, 99, True)) == []
+    assert story.state.belief is before
+    assert story.state.refused == 1
+
+
+def test_its_state_is_shared_about_once_a_second_of_its_own_time() -> None:
+    story = Story().flying()
+    shared = 0
+    for tenth in range(100, 150):
+        effects = story.over((4, 1), time_boot_s=tenth / 10)
+        shared += sum(isinstance(m, StateShared) for m in publications(effects))
+    assert shared == 5
+
+
+def test_flown_exposure_is_what_was_believed_when_each_cell_was_chosen() -> None:
+    story = Story().flying()
+    assert story.state.exposure is not None
+    before = story.state.flown_exposure
+    believed = float(story.state.exposure[4, 1])
+    story.over((4, 1))
+    assert story.state.flown_exposure - before == pytest.approx(believed)
+    assert story.state.flown_safety < 1.0
+
+
+def test_no_route_enters_a_forbidden_cell() -> None:
+    wall = frozenset((row, 4) for row in range(8))
+    story = Story(no_fly=wall)
+    story(ev.Ready())
+    assert not wall & set(story.swap().cells)
+
+
+OBSERVED = st.lists(
+    st.tuples(st.integers(2, 4), st.integers(1, 5), st.integers(0, 8), st.integers(0, 8), st.booleans()),
+    max_size=12,
+)
+
+
+@given(OBSERVED, st.randoms(use_true_random=False))
+@settings(max_examples=40, deadline=None, derandomize=True)
+def test_the_order_in_which_news_arrives_does_not_change_the_route(
+    rows: list[tuple[int, int, int, int, bool]], random: object
+) -> None:
+    unique = {(observer, seq): (r, c, o) for observer, seq, r, c, o in rows}
+    told = list(unique.items())
+    shuffled = [*told, *told[:3]]
+    random.shuffle(shuffled)  # type: ignore[attr-defined]
+    ends: list[AgentState] = []
+    for sequence in (told, shuffled):
+        story = Story().flying()
+        for (observer, seq), cell in sequence:
+            story.hear(cell, observer=observer, seq=seq)
+        if story.tick():
+            story.accept()
+        ends.append(story.state)
+    assert np.array_equal(ends[0].belief.known, ends[1].belief.known)
+    assert ends[0].route is not None
+    assert ends[1].route is not None
+    assert ends[0].route.cells == ends[1].route.cells
