@@ -1,0 +1,339 @@
+"""The composition root: a `Scenario` becomes parts, the parts one task tree, the tree one flight."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import signal
+import socket
+import time
+from collections.abc import AsyncIterator, Coroutine, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal, Protocol
+
+from swarmctl import simulator
+from swarmctl.agent import AgentState
+from swarmctl.bus.base import BusError, Transport
+from swarmctl.bus.memory import MemoryBus
+from swarmctl.bus.network import Network
+from swarmctl.bus.zenoh_bus import ZenohBus
+from swarmctl.core.messages import Message
+from swarmctl.director import Director, Member, Permission, PreflightFailed, left_how
+from swarmctl.display import Picture, row
+from swarmctl.links import LINKS
+from swarmctl.links.base import LinkError
+from swarmctl.links.frontend import FrontEnd
+from swarmctl.links.memory import MemoryWire
+from swarmctl.links.url import Endpoint, parse_url
+from swarmctl.planners import warm_up
+from swarmctl.record import Recorder
+from swarmctl.runner import Runner
+from swarmctl.scenario import Scenario, build
+from swarmctl.sensors.footprint import Footprint
+from swarmctl.summary import Ledger, summary
+from swarmctl.virtual import Carry, fleet_on, undisturbed
+
+Clock = Literal["real", "virtual"]
+VIRTUAL_EPOCH_NS = 1_767_225_600 * 10**9
+"""Virtual runs happen at the beginning of 2026, so that equal runs leave equal files."""
+REFRESH_S = 0.25
+OFFLOAD_CELLS = 100_000
+"""Areas of more cells are searched in a thread, so that the loop serves the links meanwhile."""
+
+EXPECTED = (PreflightFailed, simulator.SimulatorFailed, LinkError, BusError)
+
+
+class Ui(Protocol):
+    """Where a flight is shown."""
+
+    def say(self, text: str) -> None:
+        """Something a person should read."""
+
+    def log(self, text: str) -> None:
+        """Something for who asked for all of it."""
+
+    def refresh(self, picture: Picture) -> None: ...
+
+
+@dataclass(slots=True)
+class Report:
+    """How a flight ended."""
+
+    ended: Literal["ended", "stopped", "abandoned", "failed"]
+    trouble: tuple[str, ...]
+    """what went wrong before or beside the flight"""
+    left: tuple[str, ...]
+    """how each vehicle was left"""
+    states: dict[int, AgentState]
+    ledger: Ledger
+    summary: dict[str, Any]
+
+    @property
+    def all_arrived(self) -> bool:
+        return bool(self.states) and all(s.outcome == "arrived" for s in self.states.values())
+
+
+@dataclass(slots=True)
+class _Chatter:
+    """Passes on what vehicles say to whoever asked for it."""
+
+    ui: Ui
+    names: dict[int, str]
+
+    def folded(
+        self, before: AgentState, event: object, after: AgentState, effects: object, now: float
+    ) -> None:
+        if after.phase is not before.phase:
+            note = f" ({after.outcome})" if after.outcome else ""
+            self.ui.log(f"{after.task.name}: {before.phase} → {after.phase}{note}")
+        if after.lost is not before.lost:
+            self.ui.say(f"{after.task.name}: " + ("link lost" if after.lost else "heard again"))
+
+    def sent(self, uav: int, message: Message, recipients: int, now: float) -> None:
+        pass
+
+    def said(self, uav: int, text: str, now: float) -> None:
+        self.ui.log(f"{self.names[uav]}: {text}")
+
+
+async def fly(
+    scenario: Scenario,
+    folder: Path,
+    ui: Ui,
+    *,
+    clock: Clock,
+    permission: Permission,
+    carry: Carry = undisturbed,
+) -> Report:
+    """Fly the scenario; leaves `run.mcap` and the tlogs in `folder`. The rest is for `outputs` to write."""
+    if clock == "real":
+        scenario = _with_free_port(scenario)
+    names = {task.uav: task.name for task in scenario.tasks}
+    began_s, ledger = time.monotonic(), Ledger()
+    members: list[Member] = []
+    trouble: list[str] = []
+    ended: Literal["ended", "stopped", "abandoned", "failed"] = "failed"
+    async with contextlib.AsyncExitStack() as stack:
+        recorder = Recorder(folder / "run.mcap", scenario.config, names, _epoch_ns(clock))
+        stack.callback(recorder.close)
+        try:
+            async with _parts(scenario, folder, clock, carry) as (front_end, bus, played):
+                network = Network(bus, scenario.config.name, _reach(scenario))
+                observers = (recorder, ledger, _Chatter(ui, names))
+                members += _members(scenario, folder, front_end, network, observers, clock)
+                director = _director(scenario, members, ui, clock, permission)
+                ended = await _conduct(director, members, played, _show(members, ledger, ui, scenario))
+        except* EXPECTED as group:
+            for error in _leaves(group):
+                trouble += str(error).splitlines()
+    states = {m.spec.sysid: m.state for m in members}
+    wall_s = time.monotonic() - began_s if clock == "real" else None
+    content = summary(scenario, states, ledger, clock=clock, wall_s=wall_s) if states else {}
+    return Report(ended, tuple(trouble), tuple(left_how(m) for m in members), states, ledger, content)
+
+
+@contextlib.asynccontextmanager
+async def _parts(
+    scenario: Scenario, folder: Path, clock: Clock, carry: Carry
+) -> AsyncIterator[tuple[FrontEnd, Transport, asyncio.Task[None] | None]]:
+    """What does the I/O: the front end, the bus, and whoever plays the simulated vehicles."""
+    wire, epoch_ns = MemoryWire(), _epoch_ns(clock)
+    loop = asyncio.get_running_loop()
+
+    def wall_time_us() -> int:
+        return (epoch_ns + round(loop.time() * 1e9)) // 1000
+
+    async with contextlib.AsyncExitStack() as stack:
+        played: asyncio.Task[None] | None = None
+        front_end = await stack.enter_async_context(
+            FrontEnd(wall_time_us=wall_time_us, memory={"fleet": wire})
+        )
+        if scenario.config.simulate is not None:
+            if clock == "virtual":
+                played = await stack.enter_async_context(fleet_on(wire, scenario, carry))
+            else:
+                # The port is ours before anybody sends to it, and a taken one is said before all else.
+                endpoint = parse_url(scenario.config.simulate.url)
+                await front_end.open(endpoint)
+                url = f"{'udpout' if endpoint.kind == 'udpin' else 'tcpout'}://{_reachable(endpoint)}"
+                played = await stack.enter_async_context(simulator.running(scenario, url, folder))
+        if clock == "real":
+            # The first time on a machine this compiles for some seconds: before anything listens to us.
+            await asyncio.to_thread(warm_up)
+        else:
+            warm_up()
+        communication = scenario.config.communication
+        bus: Transport
+        if communication.bus == "zenoh" and clock == "real":
+            bus = stack.enter_context(ZenohBus(communication.connect, communication.listen))
+        else:
+            bus = MemoryBus()
+        yield front_end, bus, played
+
+
+def _members(
+    scenario: Scenario,
+    folder: Path,
+    front_end: FrontEnd,
+    network: Network,
+    observers: tuple[Any, ...],
+    clock: Clock,
+) -> Iterator[Member]:
+    for spec, task in zip(scenario.specs, scenario.tasks, strict=True):
+        endpoint = parse_url(spec.url)
+        if spec.simulated and clock == "virtual":
+            endpoint = Endpoint("memory", "fleet")
+        inlet = _Inlet()
+        link = LINKS[spec.link](
+            front_end,
+            endpoint,
+            spec.sysid,
+            name=spec.name,
+            on_event=inlet,
+            tlog=folder / f"{spec.name}.tlog",
+        )
+        runner = Runner(
+            task,
+            scenario.prior,
+            link,
+            Footprint(scenario.grid, scenario.hostiles),
+            network,
+            observers,
+            offload=clock == "real" and scenario.grid.n_cells > OFFLOAD_CELLS,
+        )
+        inlet.runner = runner
+        yield Member(spec, runner)
+
+
+class _Inlet:
+    """A link needs somebody to report to before the runner that owns it exists."""
+
+    runner: Runner
+
+    def __call__(self, event: Any) -> None:
+        self.runner.on_link_event(event)
+
+
+def _director(
+    scenario: Scenario, members: Sequence[Member], ui: Ui, clock: Clock, permission: Permission
+) -> Director:
+    simulate = scenario.config.simulate
+    speedup = simulate.speedup if simulate is not None and clock == "real" else 1.0
+    return Director(
+        members, scenario.config.flight, seconds_per_delay=1.0 / speedup, say=ui.say, permission=permission
+    )
+
+
+async def _conduct(
+    director: Director,
+    members: Sequence[Member],
+    played: asyncio.Task[None] | None,
+    show: Coroutine[Any, Any, None],
+) -> Literal["ended", "stopped", "abandoned"]:
+    """Everything that runs during a flight, under one task group; ends when the director does."""
+    abandoned = False
+    async with asyncio.TaskGroup() as tasks:
+        helpers = [tasks.create_task(m.runner.run()) for m in members]
+        helpers.append(tasks.create_task(show))
+        if played is not None:
+            helpers.append(tasks.create_task(_until_it_fails(played)))
+        flight = asyncio.create_task(director.fly())
+
+        def interrupted() -> None:
+            nonlocal abandoned
+            abandoned = director.stop.is_set()
+            if abandoned:
+                flight.cancel()
+            director.stop.set()
+
+        with _signals(interrupted):
+            try:
+                ended = await flight
+            except asyncio.CancelledError:
+                if not abandoned:
+                    await _ended(flight)
+                    raise
+                ended = "stopped"
+            finally:
+                for helper in helpers:
+                    helper.cancel()
+    return "abandoned" if abandoned else ended
+
+
+async def _until_it_fails(played: asyncio.Task[None]) -> None:
+    await asyncio.shield(played)
+
+
+async def _ended(task: asyncio.Task[Any]) -> None:
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
+
+
+@contextlib.contextmanager
+def _signals(interrupted: Any) -> Iterator[None]:
+    """Ctrl-C and a polite kill ask for an orderly end; a second one for leaving at once."""
+    loop = asyncio.get_running_loop()
+    wanted = (signal.SIGINT, signal.SIGTERM)
+    try:
+        for number in wanted:
+            loop.add_signal_handler(number, interrupted)
+    except (ValueError, RuntimeError):  # not the main thread: whoever runs us there has other means
+        yield
+        return
+    try:
+        yield
+    finally:
+        for number in wanted:
+            loop.remove_signal_handler(number)
+
+
+async def _show(members: Sequence[Member], ledger: Ledger, ui: Ui, scenario: Scenario) -> None:
+    marks: list[tuple[float, float]] = []
+    while True:
+        clocks = [m.state.vehicle.time_boot_s for m in members]
+        marks = [*marks[-20:], (time.monotonic(), max(clocks, default=0.0))]
+        (t0, v0), (t1, v1) = marks[0], marks[-1]
+        rows = [row(m.state, m.runner.link.age_s(), "; ".join(m.waiting_for)) for m in members]
+        speed = (v1 - v0) / (t1 - t0) if t1 > t0 and v0 > 0.0 else None
+        ui.refresh(Picture(scenario.config.name, ledger.flown_s, speed, rows))
+        await asyncio.sleep(REFRESH_S)
+
+
+def _leaves(group: BaseExceptionGroup[Any]) -> Iterator[BaseException]:
+    for error in group.exceptions:
+        if isinstance(error, BaseExceptionGroup):
+            yield from _leaves(error)
+        else:
+            yield error
+
+
+def _reach(scenario: Scenario) -> int | None:
+    reach = scenario.config.communication.range
+    return None if reach == "all" else reach
+
+
+def _epoch_ns(clock: Clock) -> int:
+    """The wall time at which the loop's clock showed zero."""
+    if clock == "virtual":
+        return VIRTUAL_EPOCH_NS
+    return time.time_ns() - round(asyncio.get_running_loop().time() * 1e9)
+
+
+def _reachable(endpoint: Endpoint) -> str:
+    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(endpoint.host, endpoint.host)
+    return f"[{host}]:{endpoint.port}" if ":" in host else f"{host}:{endpoint.port}"
+
+
+def _with_free_port(scenario: Scenario) -> Scenario:
+    """Port 0 means any free one: the simulator has to be told which."""
+    simulate = scenario.config.simulate
+    if simulate is None or (endpoint := parse_url(simulate.url)).port != 0:
+        return scenario
+    kind = socket.SOCK_DGRAM if endpoint.kind == "udpin" else socket.SOCK_STREAM
+    family = socket.AF_INET6 if ":" in endpoint.host else socket.AF_INET
+    with socket.socket(family, kind) as probe:
+        probe.bind((endpoint.host, 0))
+        url = str(replace(endpoint, port=probe.getsockname()[1]))
+    config = scenario.config
+    return build(config.model_copy(update={"simulate": simulate.model_copy(update={"url": url})}))

@@ -1,0 +1,314 @@
+"""The command line: the only place that prints and exits.
+
+Exit codes: 0 done, 1 something expected went wrong and was said, 2 wrong usage or configuration, 3 a bug,
+130 interrupted.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import sys
+import traceback
+from collections.abc import Sequence
+from datetime import datetime
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, NoReturn
+
+import typer
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from swarmctl import __version__, app, outputs, preflight, record
+from swarmctl.app import Report
+from swarmctl.clock import run_virtual
+from swarmctl.config import Config, ConfigError, Problem, load
+from swarmctl.director import Member, Permission, PreflightFailed
+from swarmctl.planners import Route
+from swarmctl.scenario import Scenario, build, judge, judge_routes
+from swarmctl.terminal import LiveTable, PlainLines, Terminal
+
+OK, EXPECTED, USAGE, BUG, INTERRUPTED = 0, 1, 2, 3, 130
+
+cli = typer.Typer(
+    name="swarmctl",
+    help="Fly a swarm of MAVLink vehicles across an area whose threats nobody knows beforehand.\n\n"
+    "Start here: `swarmctl fly --config configs/swarm.yaml` flies five simulated copters; "
+    "the run folder it names holds a map, a summary and every log. `swarmctl plan` shows first routes "
+    "without flying, `swarmctl check` finds what is wrong with a configuration.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+)
+out = Console()
+err = Console(stderr=True)
+
+
+class Clock(StrEnum):
+    REAL = "real"
+    VIRTUAL = "virtual"
+
+
+ConfigOption = Annotated[
+    Path,
+    typer.Option("--config", "-c", help="The swarm, as YAML; see configs/swarm.yaml.", show_default=False),
+]
+OutOption = Annotated[Path, typer.Option("--out", help="Where run folders are made.")]
+
+
+def _say_version(wanted: bool) -> None:
+    if wanted:
+        out.print(f"swarmctl {__version__}", highlight=False)
+        raise typer.Exit
+
+
+@cli.callback()
+def _root(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_say_version, is_eager=True, help="Say the version and exit."),
+    ] = False,
+) -> None:
+    pass
+
+
+@cli.command()
+def fly(
+    config: ConfigOption,
+    clock: Annotated[
+        Clock,
+        typer.Option(help="virtual: simulated vehicles in this process, as fast as it computes, repeatable."),
+    ] = Clock.REAL,
+    real: Annotated[
+        bool, typer.Option("--real", help="Allow arming vehicles that the built-in simulator does not play.")
+    ] = False,
+    confirm: Annotated[
+        str,
+        typer.Option(metavar="NAME,NAME", help="With --real, for scripts: the vehicles that may be armed."),
+    ] = "",
+    out_folder: OutOption = Path("runs"),
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Show everything that is said.")] = False,
+) -> None:
+    """Fly the swarm, simulated or real, from the ground to the last landing."""
+    scenario = _scenario(config)
+    if clock is Clock.VIRTUAL and scenario.config.vehicles:
+        _fail(
+            [f"{config}: vehicles with a URL fly in real time; `--clock virtual` is for `simulate` only"],
+            USAGE,
+        )
+    allowed = _confirmed(scenario, confirm) if real else frozenset()
+    folder = _run_folder(out_folder, scenario.config.name)
+    terminal: Terminal = (LiveTable if out.is_terminal else PlainLines)(out, verbose=verbose)
+    with terminal.shown():
+        flight = app.fly(scenario, folder, terminal, clock=clock.value, permission=_permission(allowed))
+        report = run_virtual(flight) if clock is Clock.VIRTUAL else asyncio.run(flight)
+    if report.states:
+        outputs.write_run(folder, scenario, report)
+    _tell(report, folder)
+    if report.ended in ("stopped", "abandoned"):
+        raise typer.Exit(INTERRUPTED)
+    if report.trouble or not report.all_arrived:
+        raise typer.Exit(EXPECTED)
+
+
+@cli.command()
+def plan(config: ConfigOption, out_folder: OutOption = Path("runs")) -> None:
+    """Plan the first routes for w = 0, 0.5 and 1 without flying: a table, a map and .plan files."""
+    scenario = _scenario(config)
+    folder = _run_folder(out_folder, f"{scenario.config.name}-plan")
+    routes = outputs.first_routes(scenario)
+    outputs.write_plans(folder, scenario, routes)
+    out.print(_plan_table(scenario, routes))
+    out.print(
+        "ΣP_s is a sum of chances, and ∏(1 − P_s) takes cells as independent: neither is the chance of "
+        "getting through.",
+        style="bright_black",
+        highlight=False,
+    )
+    out.print(f"map and missions: {folder}", highlight=False, soft_wrap=True)
+
+
+@cli.command()
+def check(config: ConfigOption, out_folder: OutOption = Path("runs")) -> None:
+    """Say everything that is wrong with a configuration, here and now, without starting anything."""
+    scenario = _scenario(config)
+    found = list(preflight.troubles(scenario, out_folder))
+    if found:
+        _fail(found, EXPECTED)
+    n, grid = len(scenario.specs), scenario.grid
+    text = (
+        f"{config}: good. {n} vehicle{'s' if n != 1 else ''}, {grid.rows} × {grid.cols} cells of "
+        f"{grid.cell_size_m:g} m, {scenario.config.threats.count} hostiles announced."
+    )
+    out.print(text, highlight=False, soft_wrap=True)
+
+
+@cli.command()
+def replay(
+    run: Annotated[Path, typer.Argument(help="A run folder, or its run.mcap.", show_default=False)],
+) -> None:
+    """Fold the recorded events of a run again and say whether the same was decided."""
+    try:
+        verdict = record.replay(run / "run.mcap" if run.is_dir() else run)
+    except record.RecordError as error:
+        _fail([str(error)], USAGE)
+    if verdict.difference:
+        _fail([f"differs: {verdict.difference}"], EXPECTED)
+    out.print(
+        f"the same: {verdict.events} events gave the {verdict.effects} effects recorded", highlight=False
+    )
+
+
+@cli.command()
+def schema() -> None:
+    """Print the JSON schema of configurations, for editors."""
+    out.print_json(
+        json.dumps({"$schema": "https://json-schema.org/draft/2020-12/schema", **Config.model_json_schema()})
+    )
+
+
+def main() -> None:
+    """The entry point of the package."""
+    try:
+        cli()
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
+    except Exception:  # noqa: BLE001 - the one place where a bug becomes an exit code
+        traceback.print_exc()
+        err.print("swarmctl: this is a bug; please report it with the text above", style="bold red")
+        sys.exit(BUG)
+
+
+def _scenario(path: Path) -> Scenario:
+    try:
+        config = load(path, judge)
+        scenario = build(config)
+        wrong: list[Problem] = list(judge_routes(scenario))
+    except ConfigError as error:
+        _fail(error.lines, USAGE)
+    if wrong:
+        _fail([f"{path}: {problem.text}" for problem in wrong], USAGE)
+    return scenario
+
+
+def _fail(lines: Sequence[str], code: int) -> NoReturn:
+    for text in lines:
+        err.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
+    raise typer.Exit(code)
+
+
+def _run_folder(parent: Path, name: str) -> Path:
+    stamp = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
+    for suffix in ("", *(f"-{n}" for n in range(2, 1000))):
+        folder = parent / f"{stamp}-{name}{suffix}"
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            _fail([f"the run folder {folder} cannot be made: {error.strerror or error}"], EXPECTED)
+        return folder
+    raise AssertionError("a thousand runs in a second")
+
+
+def _confirmed(scenario: Scenario, confirm: str) -> frozenset[str]:
+    """The vehicles the operator has named, which must be all that are not simulated here."""
+    names = [spec.name for spec in scenario.specs if not spec.simulated]
+    if not names:
+        _fail(["--real: every vehicle of this configuration is simulated; leave --real away"], USAGE)
+    if not confirm:
+        if not sys.stdin.isatty():
+            _fail([f"--real needs a terminal to confirm at, or --confirm {','.join(names)}"], USAGE)
+        for spec in scenario.specs:
+            if not spec.simulated:
+                out.print(f"  {spec.name}: system {spec.sysid} at {spec.url}", highlight=False)
+        confirm = typer.prompt("These will be armed and fly. Type their names, separated by commas")
+    typed = [name.strip() for name in confirm.split(",") if name.strip()]
+    if sorted(typed) != sorted(names):
+        _fail(
+            [f"not confirmed: expected {','.join(names)}, found {','.join(typed)}; nothing was started"],
+            USAGE,
+        )
+    return frozenset(names)
+
+
+def _permission(allowed: frozenset[str]) -> Permission:
+    def permit(foreign: Sequence[Member]) -> None:
+        refused = [m for m in foreign if m.name not in allowed]
+        if refused:
+            raise PreflightFailed([_refusal(m) for m in refused])
+
+    return permit
+
+
+def _refusal(member: Member) -> str:
+    found = member.identity.firmware if member.identity is not None else "an unknown autopilot"
+    return (
+        f"{member.name}: {found} at {member.spec.url} is not played by the built-in simulator, so it is not "
+        "armed; to fly it, give --real and type the names of the vehicles"
+    )
+
+
+def _plan_table(scenario: Scenario, routes: dict[float, tuple[Route, ...]]) -> Table:
+    grid = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False)
+    grid.add_column("vehicle")
+    for title in ("w", "length [m]", "ΣP_s", "∏(1 − P_s)"):
+        grid.add_column(title, justify="right")
+    for index, spec in enumerate(scenario.specs):
+        for w, planned in routes.items():
+            route = planned[index]
+            length_m = route.length_cells * scenario.grid.cell_size_m
+            chosen = "bold" if w == scenario.config.planner.w else ""
+            grid.add_row(
+                spec.name if w == min(routes) else "",
+                f"{w:g}",
+                f"{length_m:.0f}",
+                f"{route.exposure_sum:.3f}",
+                f"{route.safety_factor:.4f}",
+                style=chosen,
+            )
+        grid.add_section()
+    return grid
+
+
+def _tell(report: Report, folder: Path) -> None:
+    for text in report.trouble:
+        err.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
+    if report.ended in ("ended", "stopped", "abandoned"):
+        out.print(_summary_table(report))
+    if report.ended != "ended" or not report.all_arrived:
+        if report.ended == "abandoned":
+            out.print("left at once, without waiting for any vehicle:", style="yellow", highlight=False)
+        for text in report.left:
+            out.print(text, highlight=False, markup=False, soft_wrap=True)
+    arrived = sum(s.outcome == "arrived" for s in report.states.values())
+    if report.ended == "failed":
+        out.print("nothing was flown to the end; see above", highlight=False)
+    else:
+        out.print(f"{arrived} of {len(report.states)} arrived", highlight=False)
+    out.print(f"run folder: {folder}", highlight=False, soft_wrap=True)
+
+
+def _summary_table(report: Report) -> Table:
+    grid = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False)
+    grid.add_column("vehicle", no_wrap=True)
+    for title in ("flown [m]", "time [s]", "ΣP_s", "∏(1−P_s)", "strikes", "replans", "sent"):
+        grid.add_column(title, justify="right", no_wrap=True)
+    grid.add_column("outcome", min_width=8)
+    for v in report.summary["vehicles"]:
+        time_s = "–" if v["flight_time_s"] is None else f"{v['flight_time_s']:.0f}"
+        grid.add_row(
+            v["name"],
+            f"{v['flown_m']:.0f}",
+            time_s,
+            f"{v['exposure_sum_at_decisions']:.3f}",
+            f"{v['safety_factor_at_decisions']:.4f}",
+            str(v["strikes"]),
+            str(v["replans"]),
+            str(v["messages_sent"]),
+            v["outcome"],
+        )
+    return grid

@@ -1,0 +1,234 @@
+"""The course of a flight: everyone answers, everyone is ready, everyone holds a mission, then they launch.
+
+Until the launch one vehicle in trouble stops all, because nothing is lost by it; afterwards a vehicle that
+fails is reported and the others fly on.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from swarmctl.agent import IN_FLIGHT, AgentState, Phase
+from swarmctl.config import Flight
+from swarmctl.core import events as ev
+from swarmctl.core.geo import distance_m
+from swarmctl.links.base import Identity, LinkError
+from swarmctl.runner import Runner
+from swarmctl.scenario import Spec
+
+START_TOLERANCE_M = 100.0
+"""A vehicle that stands farther than this from its configured start is not the one that was planned for."""
+HOLD_DEADLINE_S = 8.0
+WAITING_SAID_EVERY_S = 3.0
+
+
+class PreflightFailed(Exception):
+    """Nothing was armed; one line a vehicle says why."""
+
+    def __init__(self, lines: Sequence[str]) -> None:
+        super().__init__("\n".join(lines))
+        self.lines = tuple(lines)
+
+
+@dataclass(slots=True)
+class Member:
+    """A vehicle of the swarm while it is flown."""
+
+    spec: Spec
+    runner: Runner
+    identity: Identity | None = None
+    waiting_for: tuple[str, ...] = ()
+
+    @property
+    def state(self) -> AgentState:
+        return self.runner.state
+
+    @property
+    def name(self) -> str:
+        return self.spec.name
+
+    def silent_for(self, limit_s: float) -> bool:
+        return self.state.lost and self.runner.link.age_s() > limit_s
+
+
+Permission = Callable[[Sequence[Member]], None]
+"""Called with the vehicles that the built-in simulator does not play; raises PreflightFailed to forbid."""
+
+
+class Director:
+    """Leads the members through one flight. `stop` asks for an early, orderly end."""
+
+    def __init__(
+        self,
+        members: Sequence[Member],
+        flight: Flight,
+        *,
+        seconds_per_delay: float,
+        say: Callable[[str], None],
+        permission: Permission,
+    ) -> None:
+        self._members = members
+        self._flight = flight
+        self._seconds_per_delay = seconds_per_delay
+        self._say = say
+        self._permission = permission
+        self.stop = asyncio.Event()
+
+    async def fly(self) -> Literal["ended", "stopped"]:
+        """From the first heartbeat to the last landing. Raises PreflightFailed before anything is armed."""
+        flight = asyncio.create_task(self._fly())
+        stop = asyncio.create_task(self.stop.wait())
+        try:
+            await asyncio.wait((flight, stop), return_when=asyncio.FIRST_COMPLETED)
+            if flight.done():
+                flight.result()
+                return "ended"
+        finally:
+            await _cancelled(flight, stop)
+        await self._leave()
+        return "stopped"
+
+    async def _fly(self) -> None:
+        await self._all(self._connect)
+        foreign = [m for m in self._members if m.identity is None or not m.identity.simulated]
+        impostors = [m for m in foreign if m.spec.simulated]
+        if impostors:
+            raise PreflightFailed([_impostor(m) for m in impostors])
+        if foreign:
+            self._permission(foreign)
+        for member in self._members:
+            member.runner.may_arm = True
+        await self._all(self._prepare)
+        await self._until(lambda m: m.state.phase is Phase.STANDBY or m.state.ended, self._members)
+        failed = [m for m in self._members if m.state.phase is Phase.FAILED]
+        if failed:
+            raise PreflightFailed([f"{m.name}: {m.state.outcome}" for m in failed])
+        self._say("every vehicle holds its mission, read back and compared; launching")
+        async with asyncio.TaskGroup() as launches:
+            for member in self._members:
+                launches.create_task(self._launch(member))
+            launches.create_task(self._until(self._is_over, self._members))
+
+    async def _all(self, act: Callable[[Member], asyncio.Future[None]] | Callable[[Member], object]) -> None:
+        """One preflight step on every member at once; all failures in one report."""
+        outcomes = await asyncio.gather(
+            *(act(m) for m in self._members),  # type: ignore[call-overload]
+            return_exceptions=True,
+        )
+        for outcome in outcomes:
+            if isinstance(outcome, BaseException) and not isinstance(outcome, (LinkError, PreflightFailed)):
+                raise outcome
+        failures = [str(o) for o in outcomes if isinstance(o, Exception)]
+        if failures:
+            raise PreflightFailed(failures)
+
+    async def _connect(self, member: Member) -> None:
+        member.identity = await member.runner.link.connect(self._flight.connect_timeout_s)
+        self._say(f"{member.name}: system {member.identity.sysid} answers, {member.identity.firmware}")
+
+    async def _prepare(self, member: Member) -> None:
+        clock = asyncio.get_running_loop().time
+        said_s = clock()
+
+        def waiting(reasons: tuple[str, ...]) -> None:
+            nonlocal said_s
+            member.waiting_for = reasons
+            # The first seconds bring a new list with every message; what stays is worth a line.
+            if reasons and clock() - said_s >= WAITING_SAID_EVERY_S:
+                said_s = clock()
+                self._say(f"{member.name} is not ready: {'; '.join(reasons)}")
+
+        await member.runner.link.prepare(self._flight.ready_timeout_s, waiting)
+        member.waiting_for = ()
+        where = member.runner.link.state()
+        if where.lat_deg is None or where.lon_deg is None:
+            raise PreflightFailed([f"{member.name}: it says it is ready but has told no position"])
+        away_m = distance_m((where.lat_deg, where.lon_deg), member.spec.start)
+        if away_m > START_TOLERANCE_M:
+            raise PreflightFailed([_misplaced(member, away_m)])
+        member.runner.post(ev.Ready())
+
+    async def _launch(self, member: Member) -> None:
+        await asyncio.sleep(member.spec.delay_s * self._seconds_per_delay)
+        member.runner.post(ev.OperatorCommand(ev.Order.LAUNCH))
+
+    def _is_over(self, member: Member) -> bool:
+        return member.state.ended or member.silent_for(self._flight.lost_timeout_s)
+
+    async def _leave(self) -> None:
+        """Hold all, then what the configuration says, within its deadline."""
+        in_flight = [
+            m for m in self._members if m.state.phase in IN_FLIGHT or m.state.phase is Phase.LAUNCHING
+        ]
+        self._say(f"stopping: {_names(in_flight) or 'no vehicle'} in flight to hold")
+        self._order(self._members, ev.Order.HOLD)
+        await self._within(HOLD_DEADLINE_S, lambda m: m.runner.holds or m.state.ended, in_flight)
+        if self._flight.on_exit == "hold":
+            return
+        flying = [m for m in in_flight if not m.state.ended]
+        self._say(f"{_names(flying) or 'no vehicle'} to {self._flight.on_exit}")
+        self._order(flying, ev.Order(self._flight.on_exit))
+        await self._within(self._flight.on_exit_deadline_s, lambda m: m.state.ended, flying)
+
+    def _order(self, members: Iterable[Member], order: ev.Order) -> None:
+        for member in members:
+            member.runner.post(ev.OperatorCommand(order))
+
+    async def _within(
+        self, deadline_s: float, condition: Callable[[Member], bool], members: Sequence[Member]
+    ) -> None:
+        try:
+            async with asyncio.timeout(deadline_s):
+                await self._until(condition, members)
+        except TimeoutError:
+            late = [m for m in members if not condition(m)]
+            self._say(f"not within {deadline_s:g} s: {_names(late)}")
+
+    async def _until(self, condition: Callable[[Member], bool], members: Sequence[Member]) -> None:
+        # Looked at a few times a second: silence, unlike a change of phase, wakes nobody.
+        while not all(condition(m) for m in members):  # noqa: ASYNC110
+            await asyncio.sleep(0.1)
+
+
+async def _cancelled(*tasks: asyncio.Task[object] | asyncio.Task[None]) -> None:
+    for task in tasks:
+        task.cancel()
+    await asyncio.gather(*tasks, return_exceptions=True)
+
+
+def left_how(member: Member) -> str:
+    """How a vehicle was left, for whoever has to fetch it."""
+    state, vehicle = member.state, member.state.vehicle
+    if state.lost:
+        age_s = member.runner.link.age_s()
+        return f"{member.name}: lost, last heard {age_s:.0f} s ago in mode {vehicle.mode or '?'}"
+    if state.ended and not vehicle.armed:
+        return f"{member.name}: {state.outcome}"
+    if not vehicle.armed:
+        return f"{member.name}: on the ground, disarmed"
+    height = "at unknown height" if vehicle.alt_rel_m is None else f"{vehicle.alt_rel_m:.0f} m above home"
+    return f"{member.name}: in the air, {height}, mode {vehicle.mode or '?'} ({state.outcome or state.phase})"
+
+
+def _names(members: Sequence[Member]) -> str:
+    return ", ".join(m.name for m in members)
+
+
+def _impostor(member: Member) -> str:
+    found = member.identity.firmware if member.identity is not None else "nothing known"
+    return (
+        f"{member.name}: expected a vehicle of the built-in simulator at {member.spec.url}, system "
+        f"{member.spec.sysid}, found {found}; another autopilot sends to this port: stop it, or list it "
+        "under `vehicles` and fly with --real"
+    )
+
+
+def _misplaced(member: Member, away_m: float) -> str:
+    lat_deg, lon_deg = member.spec.start
+    return (
+        f"{member.name}: it stands {away_m:.0f} m from its configured start ({lat_deg:.6f}, {lon_deg:.6f}), "
+        f"expected at most {START_TOLERANCE_M:g} m; correct `start`, or carry it there"
+    )

@@ -1,0 +1,143 @@
+"""What a person sees while the swarm flies: one row a vehicle, as data and as a Rich table. No printing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rich import box
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
+
+from swarmctl.agent import AgentState, Phase
+
+BAR = 12
+COLOURS = {
+    Phase.WAITING: "yellow",
+    Phase.UPLOADING: "cyan",
+    Phase.STANDBY: "cyan",
+    Phase.LAUNCHING: "cyan",
+    Phase.FLYING: "green",
+    Phase.LANDING: "green",
+    Phase.HOLDING: "yellow",
+    Phase.LEAVING: "yellow",
+    Phase.DONE: "bright_black",
+    Phase.FAILED: "red",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One vehicle."""
+
+    name: str
+    phase: Phase
+    mode: str
+    battery_percent: int | None
+    progress: float
+    """share of its present route that is behind it, 0..1"""
+    cells_own: int
+    cells_heard: int
+    hostiles_known: int
+    replans: int
+    strikes: int
+    link: str
+    note: str
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """The whole swarm at one moment."""
+
+    name: str
+    flown_s: float
+    """by the vehicles' clocks"""
+    speed: float | None
+    """vehicle seconds in a second of the wall clock; None before it is known"""
+    rows: Sequence[Row]
+
+
+def row(state: AgentState, age_s: float, note: str = "") -> Row:
+    """`age_s`: since the last heartbeat; infinite before the first."""
+    own = state.belief.n_cells_from(state.task.uav)
+    return Row(
+        name=state.task.name,
+        phase=state.phase,
+        mode=state.vehicle.mode,
+        battery_percent=state.vehicle.battery_percent,
+        progress=_progress(state),
+        cells_own=own,
+        cells_heard=state.belief.n_observed - own,
+        hostiles_known=state.belief.n_found,
+        replans=state.replans,
+        strikes=state.vehicle.strikes,
+        link=_link(state, age_s),
+        note=note or state.outcome,
+    )
+
+
+def _progress(state: AgentState) -> float:
+    if state.phase in (Phase.DONE, Phase.LANDING) and state.outcome in ("", "arrived"):
+        return 1.0
+    if state.route is None or len(state.route.cells) < 2 or not state.flown_cells:
+        return 0.0
+    entered = len(state.flown_cells)
+    ahead = len(state.route.cells) - 1 - state.progress
+    return entered / max(entered + ahead, 1)
+
+
+def _link(state: AgentState, age_s: float) -> str:
+    if age_s == float("inf"):
+        return "never heard"
+    return f"lost {age_s:.0f} s" if state.lost else "ok"
+
+
+def table(picture: Picture) -> Group:
+    """The live table."""
+    speed = "" if picture.speed is None else f" · {picture.speed:.1f}× real time"
+    head = Text.assemble(
+        (picture.name, "bold"), f"  flown {_minutes(picture.flown_s)}{speed} · Ctrl-C: hold and leave"
+    )
+    grid = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")
+    for title, justify in (
+        ("vehicle", "left"), ("phase", "left"), ("mode", "left"), ("battery", "right"), ("route", "left"),
+        ("cells own+heard", "right"), ("hostiles", "right"), ("replans", "right"), ("strikes", "right"),
+        ("link", "left"), ("", "left"),
+    ):  # fmt: skip
+        grid.add_column(title, justify=justify, no_wrap=title != "")  # type: ignore[arg-type]
+    for r in picture.rows:
+        grid.add_row(
+            r.name,
+            Text(r.phase, style=COLOURS[r.phase]),
+            r.mode,
+            "–" if r.battery_percent is None else f"{r.battery_percent} %",
+            _bar(r.progress),
+            f"{r.cells_own}+{r.cells_heard}",
+            str(r.hostiles_known),
+            str(r.replans),
+            Text(str(r.strikes), style="red" if r.strikes else ""),
+            Text(r.link, style="" if r.link == "ok" else "red"),
+            Text(r.note, style="bright_black"),
+        )
+    return Group(head, grid)
+
+
+def _bar(share: float) -> Text:
+    full = round(share * BAR)
+    return Text.assemble(("━" * full, "green"), ("━" * (BAR - full), "bright_black"), f" {share:4.0%}")
+
+
+def _minutes(seconds: float) -> str:
+    return f"{int(seconds) // 60}:{int(seconds) % 60:02d}"
+
+
+def line(row: Row) -> str:
+    """One vehicle as a plain line, for where there is no terminal."""
+    battery = "?" if row.battery_percent is None else f"{row.battery_percent} %"
+    text = (
+        f"{row.name}: {row.phase} {row.mode}, route {row.progress:.0%}, battery {battery}, "
+        f"cells {row.cells_own}+{row.cells_heard}, hostiles {row.hostiles_known}, replans {row.replans}, "
+        f"strikes {row.strikes}, link {row.link}"
+    )
+    return f"{text} ({row.note})" if row.note else text

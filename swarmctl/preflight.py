@@ -1,0 +1,57 @@
+"""What can be found wrong with a configuration on this machine without starting anything."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+from swarmctl.links.url import Endpoint, parse_url
+from swarmctl.scenario import Scenario
+
+
+def troubles(scenario: Scenario, runs: Path) -> Iterator[str]:
+    """One line for each thing that would stop a flight."""
+    endpoints: dict[Endpoint, str] = {}
+    for spec in scenario.specs:
+        endpoints.setdefault(parse_url(spec.url), spec.name)
+    for endpoint, name in endpoints.items():
+        yield from _endpoint_trouble(endpoint, name)
+    yield from _folder_trouble(runs)
+
+
+def _endpoint_trouble(endpoint: Endpoint, name: str) -> Iterator[str]:
+    if endpoint.kind == "serial":
+        if not Path(endpoint.host).exists():
+            yield f"{name}: {endpoint}: there is no device {endpoint.host}; is the radio plugged in?"
+    elif endpoint.listens:
+        kind = socket.SOCK_DGRAM if endpoint.kind == "udpin" else socket.SOCK_STREAM
+        family = socket.AF_INET6 if ":" in endpoint.host else socket.AF_INET
+        with contextlib.closing(socket.socket(family, kind)) as probe:
+            try:
+                probe.bind((endpoint.host, endpoint.port))
+            except OSError as error:
+                yield f"{name}: {endpoint}: {_cure(endpoint, error)}"
+    elif endpoint.kind in ("udpout", "tcpout"):
+        try:
+            socket.getaddrinfo(endpoint.host, endpoint.port)
+        except OSError as error:
+            yield f"{name}: {endpoint}: the host is unknown: {error.strerror or error}"
+
+
+def _cure(endpoint: Endpoint, error: OSError) -> str:
+    if error.errno == errno.EADDRINUSE:
+        return f"port {endpoint.port} is taken; stop the other ground station, or choose another port"
+    return f"cannot be listened at: {error.strerror or error}; is it an address of this machine?"
+
+
+def _folder_trouble(runs: Path) -> Iterator[str]:
+    try:
+        runs.mkdir(parents=True, exist_ok=True)
+        probe = runs / ".writable"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        yield f"the run folder {runs} cannot be written to: {error.strerror or error}; choose one with --out"

@@ -1,0 +1,225 @@
+"""The record of a run, and the same fold again over it.
+
+`run.mcap` holds every event, effect and bus message as JSON with its schema, so that Foxglove and any other
+reader of MCAP opens it without this program. Two runs on the virtual clock write the same bytes.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+from swarmctl import __version__, agent
+from swarmctl.agent import AgentState
+from swarmctl.config import Config
+from swarmctl.core import events as ev
+from swarmctl.core.messages import Message
+from swarmctl.scenario import build
+
+FORMAT = 1
+
+LOCATION_FIX = {
+    "title": "foxglove.LocationFix",
+    "type": "object",
+    "properties": {
+        "timestamp": {
+            "type": "object",
+            "title": "time",
+            "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}},
+        },
+        "frame_id": {"type": "string"},
+        "latitude": {"type": "number"},
+        "longitude": {"type": "number"},
+        "altitude": {"type": "number"},
+        "position_covariance": {"type": "array", "items": {"type": "number"}},
+        "position_covariance_type": {"type": "integer"},
+    },
+}
+"""Foxglove's well-known schema: its map panel draws such a topic without being told how."""
+
+
+class EventRecord(msgspec.Struct, frozen=True):
+    now_s: float
+    event: ev.Event
+
+
+class EffectRecord(msgspec.Struct, frozen=True):
+    now_s: float
+    effect: ev.Effect
+
+
+class BusRecord(msgspec.Struct, frozen=True):
+    now_s: float
+    recipients: int
+    message: Message
+
+
+class TextRecord(msgspec.Struct, frozen=True):
+    now_s: float
+    text: str
+
+
+class Recorder:
+    """Writes one `run.mcap`; an `Observer` of runners. Close it, or the file has no index."""
+
+    def __init__(self, path: Path, config: Config, names: dict[int, str], epoch_ns: int) -> None:
+        self._file = path.open("wb")
+        self._writer = Writer(self._file)
+        self._writer.start(profile="", library=f"swarmctl {__version__}")
+        # The configuration is what a replay builds its agents from.
+        self._writer.add_metadata(
+            "swarmctl",
+            {"format": str(FORMAT), "version": __version__, "config": config.model_dump_json()},
+        )
+        self._names = names
+        self._epoch_ns = epoch_ns
+        self._sequence = 0
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+
+    def close(self) -> None:
+        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._file.close()
+
+    def folded(
+        self, before: AgentState, event: ev.Event, after: AgentState, effects: list[ev.Effect], now: float
+    ) -> None:
+        uav = after.task.uav
+        self._write(uav, f"event/{type(event).__name__}", EventRecord(now, event), now)
+        for effect in effects:
+            self._write(uav, f"effect/{type(effect).__name__}", EffectRecord(now, effect), now)
+        if isinstance(event, ev.TelemetryReceived) and event.state.has_position:
+            self._location(uav, event, now)
+
+    def sent(self, uav: int, message: Message, recipients: int, now: float) -> None:
+        self._write(uav, f"bus/{type(message).__name__}", BusRecord(now, recipients, message), now)
+
+    def said(self, uav: int, text: str, now: float) -> None:
+        self._write(uav, "text", TextRecord(now, text), now)
+
+    def _location(self, uav: int, event: ev.TelemetryReceived, now: float) -> None:
+        state, log_time = event.state, self._log_time(now)
+        fix = {
+            "timestamp": {"sec": log_time // 10**9, "nsec": log_time % 10**9},
+            "frame_id": self._names[uav],
+            "latitude": state.lat_deg,
+            "longitude": state.lon_deg,
+            "altitude": state.alt_amsl_m or 0.0,
+            "position_covariance": [0.0] * 9,
+            "position_covariance_type": 0,
+        }
+        topic = f"/{self._names[uav]}/location"
+        self._add(topic, "foxglove.LocationFix", LOCATION_FIX, json.dumps(fix).encode(), now)
+
+    def _write(self, uav: int, topic: str, record: msgspec.Struct, now: float) -> None:
+        topic = f"/{self._names[uav]}/{topic}"
+        self._add(topic, type(record).__name__, type(record), msgspec.json.encode(record), now)
+
+    def _add(
+        self,
+        topic: str,
+        schema: str,
+        definition: dict[str, Any] | type[msgspec.Struct],
+        data: bytes,
+        now: float,
+    ) -> None:
+        channel = self._channels.get(topic)
+        if channel is None:
+            channel = self._channels[topic] = self._writer.register_channel(
+                topic, "json", self._schema(schema, definition)
+            )
+        time_ns = self._log_time(now)
+        self._writer.add_message(channel, time_ns, data, time_ns, self._sequence)
+        self._sequence += 1
+
+    def _schema(self, name: str, definition: dict[str, Any] | type[msgspec.Struct]) -> int:
+        if name not in self._schemas:
+            content = definition if isinstance(definition, dict) else object_schema(definition)
+            self._schemas[name] = self._writer.register_schema(
+                name, "jsonschema", json.dumps(content).encode()
+            )
+        return self._schemas[name]
+
+    def _log_time(self, now: float) -> int:
+        return self._epoch_ns + round(now * 1e9)
+
+
+def object_schema(struct: type[msgspec.Struct]) -> dict[str, Any]:
+    """The JSON schema with `type: object` at its top, as readers of MCAP want it, instead of a reference."""
+    (reference,), components = msgspec.json.schema_components((struct,), ref_template="#/$defs/{name}")
+    top: dict[str, Any] = components.pop(reference["$ref"].rsplit("/", 1)[-1])
+    return {**top, "$defs": components}
+
+
+class RecordError(Exception):
+    """A record that cannot be read; the text says which file and what is wrong with it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What folding a record again showed."""
+
+    events: int
+    effects: int
+    difference: str
+    """where the first difference is; empty if there is none"""
+
+
+def replay(path: Path) -> Verdict:
+    """Fold the recorded events of every agent again and compare effects. Raises RecordError."""
+    config, records = _read(path)
+    scenario = build(config)
+    states = {task.name: agent.begin(task, scenario.prior) for task in scenario.tasks}
+    expected: dict[str, list[ev.Effect]] = {name: [] for name in states}
+    events = effects = 0
+    for name, record in records:
+        if isinstance(record, EffectRecord):
+            effects += 1
+            due = expected[name]
+            if not due or due[0] != record.effect:
+                found = due[0] if due else "nothing"
+                text = f"{name} at {record.now_s:.3f} s: recorded {record.effect}, now {found}"
+                return Verdict(events, effects, text)
+            due.pop(0)
+            continue
+        if expected[name]:
+            text = f"{name} before {record.now_s:.3f} s: nothing recorded, now {expected[name][0]}"
+            return Verdict(events, effects, text)
+        events += 1
+        states[name], expected[name] = agent.step(states[name], record.event, record.now_s)
+    return Verdict(events, effects, "")
+
+
+def _read(path: Path) -> tuple[Config, list[tuple[str, EventRecord | EffectRecord]]]:
+    try:
+        with path.open("rb") as file:
+            reader = make_reader(file)
+            metadata = next((m for m in reader.iter_metadata() if m.name == "swarmctl"), None)
+            if metadata is None or metadata.metadata.get("format") != str(FORMAT):
+                raise RecordError(f"{path}: no record of this program, or of another version of it")
+            config = Config.model_validate_json(metadata.metadata["config"])
+            return config, list(_records(reader))
+    except FileNotFoundError:
+        raise RecordError(f"{path}: there is no such file; give a run folder that has a run.mcap") from None
+    except (OSError, McapError, ValueError, msgspec.DecodeError) as error:
+        raise RecordError(f"{path}: cannot be read as a record: {error}") from error
+
+
+def _records(reader: Any) -> Iterator[tuple[str, EventRecord | EffectRecord]]:
+    events = msgspec.json.Decoder(EventRecord)
+    effects = msgspec.json.Decoder(EffectRecord)
+    rows = [(m.sequence, c.topic, m.data) for _, c, m in reader.iter_messages()]
+    for _, topic, data in sorted(rows):
+        _, name, kind, *_ = topic.split("/")
+        if kind == "event":
+            yield name, events.decode(data)
+        elif kind == "effect":
+            yield name, effects.decode(data)

@@ -1,0 +1,188 @@
+"""The I/O shell of one agent: what the link, the sensor and the bus report goes in, effects come out.
+
+The runner alone performs effects, and feeds how they ended back as events. It decides nothing.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Callable, Coroutine
+from typing import Any, Protocol
+
+from swarmctl import agent
+from swarmctl.agent import AgentState, Task
+from swarmctl.bus.network import Network
+from swarmctl.core import events as ev
+from swarmctl.core.belief import Belief
+from swarmctl.core.messages import Message
+from swarmctl.core.vehicle import VehicleState
+from swarmctl.links.base import (
+    Link,
+    LinkError,
+    LinkEvent,
+    Lost,
+    Restored,
+    StateChanged,
+    SwapFailed,
+    Text,
+    UploadFailed,
+)
+from swarmctl.supervise import Backoff, retrying
+
+UPLOADS = Backoff(attempts=3, first_s=2.0)
+
+
+class Sensor(Protocol):
+    def look(self, vehicle: VehicleState) -> tuple[tuple[int, int, bool], ...]: ...
+
+
+class Observer(Protocol):
+    """Whoever wants to know what happens: recorder, summary."""
+
+    def folded(
+        self, before: AgentState, event: ev.Event, after: AgentState, effects: list[ev.Effect], now: float
+    ) -> None: ...
+
+    def sent(self, uav: int, message: Message, recipients: int, now: float) -> None: ...
+
+    def said(self, uav: int, text: str, now: float) -> None: ...
+
+
+class NotAllowed(RuntimeError):
+    """A launch nobody allowed reached the runner: a bug, and the last barrier before a real aircraft arms."""
+
+
+class Runner:
+    """One vehicle, from its mission on the ground to its landing. Use `run` as a task of its own."""
+
+    def __init__(
+        self,
+        task: Task,
+        prior: Belief,
+        link: Link,
+        sensor: Sensor,
+        network: Network,
+        observers: tuple[Observer, ...],
+        *,
+        offload: bool = False,
+    ) -> None:
+        self.state = agent.begin(task, prior)
+        self.link = link
+        self.may_arm = False
+        """set once identity and permission are established; nothing is launched without"""
+        self.holds = False
+        """the last order it was seen to follow was to hold"""
+        self._sensor = sensor
+        self._network = network
+        self._observers = observers
+        self._offload = offload
+        self._inbox: deque[ev.Event] = deque()
+        self._wake = asyncio.Event()
+        self._job: asyncio.Task[None] | None = None
+        network.join(task.uav, lambda message: self.post(ev.Heard(message)))
+
+    def post(self, event: ev.Event) -> None:
+        """Hand over an event; it is folded in its turn."""
+        self._inbox.append(event)
+        self._wake.set()
+
+    def on_link_event(self, event: LinkEvent) -> None:
+        """What the link reports, as events of the agent. Called from the receive path: only appends."""
+        match event:
+            case StateChanged(state):
+                self.post(ev.TelemetryReceived(state))
+                if cells := self._sensor.look(state):
+                    self.post(ev.Observed(cells))
+            case Lost(age_s):
+                self.post(ev.LinkLost(age_s))
+            case Restored():
+                self.post(ev.LinkRestored())
+            case Text(_, text):
+                self._tell(text)
+            case _:
+                self._tell(str(event))
+
+    async def run(self) -> None:
+        """Fold events until cancelled. The jobs it starts end with it."""
+        async with asyncio.TaskGroup() as jobs:
+            while True:
+                await self._wake.wait()
+                self._wake.clear()
+                while self._inbox:
+                    await self._fold(self._inbox.popleft(), jobs)
+                if agent.wants_tick(self.state, asyncio.get_running_loop().time()):
+                    await self._fold(ev.Tick(), jobs)
+
+    async def _fold(self, event: ev.Event, jobs: asyncio.TaskGroup) -> None:
+        now = asyncio.get_running_loop().time()
+        before = self.state
+        if self._offload and isinstance(event, ev.Tick):
+            # A search over a large area holds no GIL; the loop serves the other vehicles meanwhile.
+            self.state, effects = await asyncio.to_thread(agent.step, before, event, now)
+        else:
+            self.state, effects = agent.step(before, event, now)
+        for observer in self._observers:
+            observer.folded(before, event, self.state, effects, now)
+        for effect in effects:
+            self._perform(effect, jobs)
+
+    def _perform(self, effect: ev.Effect, jobs: asyncio.TaskGroup) -> None:
+        match effect:
+            case ev.Publish(message):
+                recipients = self._network.publish(message)
+                now = asyncio.get_running_loop().time()
+                for observer in self._observers:
+                    observer.sent(self.state.task.uav, message, recipients, now)
+            case ev.SwapMission():
+                self._start(self._swap(effect), jobs)
+            case ev.Command(order):
+                self._start(self._order(order), jobs)
+
+    def _start(self, work: Coroutine[Any, Any, None], jobs: asyncio.TaskGroup) -> None:
+        """One job at a time; an order ends whatever runs, and the agent swaps only when nothing does."""
+        previous = self._job
+
+        async def job() -> None:
+            if previous is not None and not previous.done():
+                previous.cancel()
+                await asyncio.wait((previous,))
+            await work
+
+        self._job = jobs.create_task(job())
+
+    async def _swap(self, swap: ev.SwapMission) -> None:
+        on_ground = self.state.phase in agent.ON_GROUND
+        try:
+            if on_ground:
+                await retrying(lambda: self.link.upload(swap.plan), UPLOADS, UploadFailed)
+            else:
+                await self.link.swap(swap.plan)
+        except LinkError as error:
+            flying = error.flying if isinstance(error, SwapFailed) else "unknown"
+            self.post(ev.MissionFailed(swap.plan_id, flying, str(error)))
+        else:
+            self.post(ev.MissionAccepted(swap.plan_id))
+
+    async def _order(self, order: ev.Order) -> None:
+        if order is ev.Order.LAUNCH and not self.may_arm:
+            raise NotAllowed(f"{self.state.task.name}: launch without permission to arm")
+        self.holds = False
+        actions: dict[ev.Order, Callable[[], Coroutine[Any, Any, None]]] = {
+            ev.Order.LAUNCH: self.link.launch,
+            ev.Order.HOLD: self.link.hold,
+            ev.Order.RETURN: self.link.return_home,
+            ev.Order.LAND: self.link.land,
+        }
+        try:
+            await actions[order]()
+        except LinkError as error:
+            self.post(ev.OrderFailed(order, str(error)))
+        else:
+            self.holds = order is ev.Order.HOLD
+            self.post(ev.OrderDone(order))
+
+    def _tell(self, text: str) -> None:
+        now = asyncio.get_running_loop().time()
+        for observer in self._observers:
+            observer.said(self.state.task.uav, text, now)

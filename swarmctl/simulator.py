@@ -1,0 +1,94 @@
+"""The simulator beside a flight: a process of its own that knows nothing of ours but a file and a port."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import sys
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+from swarmctl.scenario import Scenario
+
+STOP_DEADLINE_S = 5.0
+
+
+class SimulatorFailed(Exception):
+    """The simulator did not stay up; the text is what it said last."""
+
+
+def scenario_json(scenario: Scenario) -> dict[str, Any]:
+    """What the simulator has to know: who stands where, and the truth about the threats."""
+    simulate = scenario.config.simulate
+    assert simulate is not None
+    grid, strength = scenario.grid, scenario.strength
+    return {
+        "seed": scenario.config.seed,
+        "vehicles": [
+            {
+                "sysid": spec.sysid,
+                "lat_deg": spec.start[0],
+                "lon_deg": spec.start[1],
+                "alt_amsl_m": simulate.home_alt_amsl_m,
+                "params": {"WPNAV_SPEED": 100.0 * simulate.speed_m_s},
+            }
+            for spec in scenario.specs
+            if spec.simulated
+        ],
+        "area": {
+            "origin_lat_deg": grid.origin_lat_deg,
+            "origin_lon_deg": grid.origin_lon_deg,
+            "rows": grid.rows,
+            "cols": grid.cols,
+            "cell_size_m": grid.cell_size_m,
+        },
+        "firing_strength": [strength.direct, strength.first_neighbour, strength.second_neighbour],
+        "hostiles": [list(cell) for cell in sorted(scenario.hostiles)],
+    }
+
+
+@contextlib.asynccontextmanager
+async def running(scenario: Scenario, url: str, folder: Path) -> AsyncIterator[asyncio.Task[None]]:
+    """A simulator process that sends to `url`; yields a task that raises SimulatorFailed if it ends early."""
+    simulate = scenario.config.simulate
+    assert simulate is not None
+    file, log = folder / "scenario.json", folder / "simulator.log"
+    file.write_text(json.dumps(scenario_json(scenario), indent=1) + "\n", encoding="utf-8")
+    command = [
+        sys.executable, "-m", "sim_vehicle",
+        "--scenario", str(file), "--url", url, "--speedup", str(simulate.speedup),
+        "--ready-s", str(simulate.ready_s), "--parent-pid", str(os.getpid()),
+    ]  # fmt: skip
+    with log.open("wb") as output:
+        # A session of its own: Ctrl-C is for the ground station, which still needs its vehicles then.
+        process = await asyncio.create_subprocess_exec(
+            *command, stdin=asyncio.subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True
+        )
+    watch = asyncio.create_task(_watch(process, log))
+    try:
+        yield watch
+    finally:
+        watch.cancel()
+        await asyncio.gather(watch, return_exceptions=True)
+        await _stopped(process)
+
+
+async def _watch(process: asyncio.subprocess.Process, log: Path) -> None:
+    code = await process.wait()
+    said = log.read_text(encoding="utf-8", errors="replace").strip().splitlines()[-3:]
+    raise SimulatorFailed(f"the simulator ended with code {code}: {' / '.join(said) or 'it said nothing'}")
+
+
+async def _stopped(process: asyncio.subprocess.Process) -> None:
+    if process.returncode is not None:
+        return
+    process.terminate()
+    try:
+        async with asyncio.timeout(STOP_DEADLINE_S):
+            await process.wait()
+    except TimeoutError:
+        process.kill()
+        await process.wait()

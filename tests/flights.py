@@ -1,0 +1,59 @@
+"""Flying small swarms on the virtual clock, for tests."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from swarmctl import app, outputs
+from swarmctl.app import Report
+from swarmctl.clock import run_virtual
+from swarmctl.config import Config
+from swarmctl.display import Picture
+from swarmctl.scenario import Scenario, build
+from swarmctl.virtual import Carry, undisturbed
+
+
+@dataclass
+class Ui:
+    """Keeps what was shown."""
+
+    said: list[str] = field(default_factory=list)
+    logged: list[str] = field(default_factory=list)
+    pictures: list[Picture] = field(default_factory=list)
+
+    def say(self, text: str) -> None:
+        self.said.append(text)
+
+    def log(self, text: str) -> None:
+        self.logged.append(text)
+
+    def refresh(self, picture: Picture) -> None:
+        self.pictures.append(picture)
+
+
+AREA = {"origin_lat_deg": 46.0, "origin_lon_deg": 14.4, "rows": 8, "cols": 8, "cell_size_m": 50.0}
+
+
+def small(**sections: object) -> Scenario:
+    """Three copters over 8 × 8 cells with 5 hostiles, unless `sections` say otherwise."""
+    content: dict[str, object] = {
+        "name": "small",
+        "seed": 3,
+        "area": AREA,
+        "threats": {"count": 5},
+        "communication": {"bus": "memory"},
+        "simulate": {"count": 3, "ready_s": 3.0},
+    }
+    return build(Config.model_validate({**content, **sections}))
+
+
+def fly(scenario: Scenario, folder: Path, *, carry: Carry = undisturbed, ui: Ui | None = None) -> Report:
+    """Fly on the virtual clock and write the run folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    flight = app.fly(
+        scenario, folder, ui or Ui(), clock="virtual", permission=lambda foreign: None, carry=carry
+    )
+    report = run_virtual(flight)
+    outputs.write_run(folder, scenario, report)
+    return report

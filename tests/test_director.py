@@ -1,0 +1,227 @@
+"""What keeps a swarm on the ground: identity, permission, readiness, place."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import pytest
+from flights import small
+
+from swarmctl.bus.memory import MemoryBus
+from swarmctl.bus.network import Network
+from swarmctl.clock import run_virtual
+from swarmctl.core import events as ev
+from swarmctl.core.mission import FlightPlan, MissionItem
+from swarmctl.core.vehicle import VehicleState
+from swarmctl.director import Director, Member, PreflightFailed
+from swarmctl.links.base import CommandFailed, Identity, LaunchFailed, NobodyAnswers, NotReady, UploadFailed
+from swarmctl.runner import NotAllowed, Runner
+from swarmctl.scenario import Scenario
+from swarmctl.sensors.footprint import Footprint
+
+MARK = b"sim_vehicle\0"
+
+
+@dataclass
+class StubLink:
+    """Does at once what it is told, and remembers it."""
+
+    identity: Identity
+    where: tuple[float, float]
+    fails: Exception | None = None
+    calls: list[str] = field(default_factory=list)
+
+    async def _do(self, name: str, *failures: type[Exception]) -> None:
+        self.calls.append(name)
+        if isinstance(self.fails, failures):
+            raise self.fails
+
+    async def connect(self, timeout_s: float) -> Identity:
+        await self._do("connect", NobodyAnswers)
+        return self.identity
+
+    async def prepare(self, timeout_s: float, on_waiting: Callable[[tuple[str, ...]], None]) -> None:
+        await self._do("prepare", NotReady)
+
+    async def upload(self, plan: FlightPlan) -> None:
+        await self._do("upload", UploadFailed)
+
+    async def launch(self) -> None:
+        await self._do("launch", LaunchFailed)
+
+    async def swap(self, plan: FlightPlan) -> None:
+        await self._do("swap")
+
+    async def hold(self) -> None:
+        await self._do("hold", CommandFailed)
+
+    async def return_home(self) -> None:
+        await self._do("return_home")
+
+    async def land(self) -> None:
+        await self._do("land")
+
+    def state(self) -> VehicleState:
+        return VehicleState(lat_deg=self.where[0], lon_deg=self.where[1], alt_rel_m=0.0)
+
+    def age_s(self) -> float:
+        return 0.0
+
+    def items(self) -> tuple[MissionItem, ...]:
+        return ()
+
+    def close(self) -> None: ...
+
+
+@dataclass
+class Ground:
+    """A swarm of stub links with its director."""
+
+    scenario: Scenario = field(default_factory=small)
+    identities: dict[int, bytes] = field(default_factory=dict)
+    fails: dict[int, Exception] = field(default_factory=dict)
+    moved: dict[int, tuple[float, float]] = field(default_factory=dict)
+    simulated: bool = True
+    allowed: bool = True
+    links: list[StubLink] = field(default_factory=list)
+    asked: list[str] = field(default_factory=list)
+
+    def fly(self, until: Callable[[Sequence[Member]], bool]) -> None:
+        run_virtual(self._fly(until))
+
+    async def _fly(self, until: Callable[[Sequence[Member]], bool]) -> None:
+        network = Network(MemoryBus(), "test", None)
+        members = [self._member(index, network) for index in range(len(self.scenario.specs))]
+        director = Director(
+            members,
+            self.scenario.config.flight,
+            seconds_per_delay=1.0,
+            say=lambda _: None,
+            permission=self._permit,
+        )
+        runs = [asyncio.create_task(m.runner.run()) for m in members]
+        flight = asyncio.create_task(director.fly())
+        try:
+            async with asyncio.timeout(100.0):
+                while not (flight.done() or until(members)):  # noqa: ASYNC110
+                    await asyncio.sleep(0.1)
+            if flight.done():
+                flight.result()
+        finally:
+            for task in (flight, *runs):
+                task.cancel()
+            await asyncio.gather(flight, *runs, return_exceptions=True)
+
+    def _member(self, index: int, network: Network) -> Member:
+        spec = replace(self.scenario.specs[index], simulated=self.simulated)
+        uid2 = self.identities.get(spec.sysid, MARK)
+        link = StubLink(
+            Identity(spec.sysid, 3, 2, "ArduPilot 4.6.2", uid2.ljust(18, b"\0")),
+            self.moved.get(spec.sysid, spec.start),
+            self.fails.get(spec.sysid),
+        )
+        self.links.append(link)
+        sensor = Footprint(self.scenario.grid, self.scenario.hostiles)
+        return Member(
+            spec, Runner(self.scenario.tasks[index], self.scenario.prior, link, sensor, network, ())
+        )
+
+    def _permit(self, foreign: Sequence[Member]) -> None:
+        self.asked += [m.name for m in foreign]
+        if not self.allowed:
+            raise PreflightFailed(["not allowed"])
+
+
+def all_launched(members: Sequence[Member]) -> bool:
+    return all(m.state.phase == "flying" for m in members)
+
+
+def test_simulated_vehicles_launch_without_being_asked_for() -> None:
+    ground = Ground()
+    ground.fly(all_launched)
+    assert [link.calls for link in ground.links] == [["connect", "prepare", "upload", "launch"]] * 3
+    assert ground.asked == []
+
+
+def test_an_autopilot_in_the_place_of_a_simulated_vehicle_stops_all() -> None:
+    ground = Ground(identities={2: b"\x12\x34"})
+    with pytest.raises(PreflightFailed, match="uav2: expected a vehicle of the built-in simulator"):
+        ground.fly(all_launched)
+    assert [link.calls for link in ground.links] == [["connect"]] * 3
+
+
+@pytest.mark.parametrize("uid2", [b"", b"sim_vehicle", b"sim_vehicleX", b"Sim_vehicle\0"])
+def test_only_the_exact_mark_is_a_simulator(uid2: bytes) -> None:
+    simulated = Identity(1, 3, 2, "", uid2.ljust(18, b"\xff") if uid2 == b"sim_vehicle" else uid2).simulated
+    assert not simulated
+
+
+def test_what_is_not_simulated_needs_permission_for_exactly_that_vehicle() -> None:
+    ground = Ground(simulated=False, identities={2: b"\x12\x34"})
+    ground.fly(all_launched)
+    assert ground.asked == ["uav2"]
+
+
+def test_without_permission_nothing_is_even_prepared() -> None:
+    ground = Ground(simulated=False, identities={2: b"\x12\x34"}, allowed=False)
+    with pytest.raises(PreflightFailed, match="not allowed"):
+        ground.fly(all_launched)
+    assert {call for link in ground.links for call in link.calls} == {"connect"}
+
+
+def test_a_launch_that_nobody_allowed_is_a_bug_not_a_take_off() -> None:
+    async def scene() -> StubLink:
+        scenario = small()
+        link = StubLink(Identity(1, 3, 2, "", MARK), scenario.specs[0].start)
+        runner = Runner(
+            scenario.tasks[0],
+            scenario.prior,
+            link,
+            Footprint(scenario.grid, frozenset()),
+            Network(MemoryBus(), "test", None),
+            (),
+        )
+        runner.post(ev.Ready())
+        runner.post(ev.OperatorCommand(ev.Order.LAUNCH))
+        with pytest.raises(ExceptionGroup) as raised:
+            await runner.run()
+        assert isinstance(raised.value.exceptions[0], NotAllowed)
+        return link
+
+    assert "launch" not in run_virtual(scene()).calls
+
+
+TROUBLE: list[tuple[Exception, str]] = [
+    (NobodyAnswers("uav2: nobody answers", url="u", sysid=2, tried_s=1.0), "nobody answers"),
+    (NotReady("uav2: not ready", reasons=("no GPS",)), "not ready"),
+    (UploadFailed("uav2: not verified"), "not verified"),
+]
+
+
+@pytest.mark.parametrize(("failure", "said"), TROUBLE, ids=["silent", "not ready", "mission refused"])
+def test_one_vehicle_in_trouble_keeps_all_on_the_ground(failure: Exception, said: str) -> None:
+    ground = Ground(fails={2: failure})
+    with pytest.raises(PreflightFailed, match=said):
+        ground.fly(all_launched)
+    assert all("launch" not in link.calls for link in ground.links)
+
+
+def test_a_vehicle_far_from_its_start_is_not_flown() -> None:
+    ground = Ground(moved={3: (46.01, 14.4)})
+    with pytest.raises(PreflightFailed, match=r"uav3: it stands \d+ m from its configured start"):
+        ground.fly(all_launched)
+    assert all("launch" not in link.calls for link in ground.links)
+
+
+def test_a_launch_that_fails_does_not_stop_the_others() -> None:
+    ground = Ground(fails={1: LaunchFailed("uav1: arming refused")})
+    states: list[tuple[str, str]] = []
+
+    def settled(members: Sequence[Member]) -> bool:
+        states[:] = [(m.state.phase, m.state.outcome) for m in members]
+        return [phase for phase, _ in states] == ["failed", "flying", "flying"]
+
+    ground.fly(settled)
+    assert "arming refused" in states[0][1]

@@ -1,0 +1,133 @@
+"""Who may import whom, as data, held against the code."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+
+# Part of the tree -> the parts of this repository it may import. A part may always import itself.
+MAY_IMPORT: dict[str, set[str]] = {
+    "swarmctl.core": set(),
+    "swarmctl.planners": {"swarmctl.core"},
+    "swarmctl.sensors": {"swarmctl.core"},
+    "swarmctl.mavlink": {"swarmctl.core"},
+    "swarmctl.links": {"swarmctl.core", "swarmctl.mavlink"},
+    "swarmctl.bus": {"swarmctl.core"},
+    "swarmctl.picture": {"swarmctl.core"},
+    "swarmctl.clock": set(),
+    "swarmctl.supervise": set(),
+    "swarmctl.yaml_lines": set(),
+    "swarmctl.planfile": {"swarmctl.core"},
+    "swarmctl.agent": {"swarmctl.core", "swarmctl.planners"},
+    "swarmctl.config": {
+        "swarmctl.core", "swarmctl.planners", "swarmctl.links.url", "swarmctl.yaml_lines",
+    },
+    "swarmctl.scenario": {
+        "swarmctl.core", "swarmctl.planners", "swarmctl.links.url", "swarmctl.yaml_lines", "swarmctl.config",
+        "swarmctl.agent",
+    },
+    "swarmctl.runner": {
+        "swarmctl.core", "swarmctl.agent", "swarmctl.bus", "swarmctl.links", "swarmctl.supervise",
+    },
+    "swarmctl.record": {"swarmctl.core", "swarmctl.agent", "swarmctl.config", "swarmctl.scenario"},
+    "swarmctl.summary": {"swarmctl.core", "swarmctl.agent", "swarmctl.scenario"},
+    "swarmctl.display": {"swarmctl.agent"},
+    "swarmctl.director": {
+        "swarmctl.core", "swarmctl.agent", "swarmctl.config", "swarmctl.links", "swarmctl.runner",
+        "swarmctl.scenario",
+    },
+    "swarmctl.simulator": {"swarmctl.scenario"},
+    "swarmctl.virtual": {"swarmctl.links", "swarmctl.scenario", "swarmctl.simulator", "sim_vehicle"},
+    "swarmctl.preflight": {"swarmctl.links.url", "swarmctl.scenario"},
+    "swarmctl.app": {
+        "swarmctl.core", "swarmctl.planners", "swarmctl.sensors", "swarmctl.links", "swarmctl.bus",
+        "swarmctl.agent", "swarmctl.runner", "swarmctl.director", "swarmctl.display", "swarmctl.record",
+        "swarmctl.scenario", "swarmctl.simulator", "swarmctl.summary", "swarmctl.virtual",
+    },
+    "swarmctl.outputs": {
+        "swarmctl.core", "swarmctl.planners", "swarmctl.agent", "swarmctl.app", "swarmctl.picture",
+        "swarmctl.planfile", "swarmctl.scenario",
+    },
+    "swarmctl.terminal": {"swarmctl.agent", "swarmctl.app", "swarmctl.display"},
+    "swarmctl.cli": {"swarmctl"},
+    "sim_vehicle": set(),
+}  # fmt: skip
+
+VERSION = {"swarmctl.__version__"}
+
+# Package of others -> the only parts that may import it.
+ONLY_IN: dict[str, set[str]] = {
+    "zenoh": {"swarmctl.bus.zenoh_bus"},
+    "mavsdk": set(),
+    "numba": {"swarmctl.planners.kernels"},
+    "pymavlink": {"swarmctl.mavlink", "sim_vehicle"},
+    "serial": {"swarmctl.links.serial", "sim_vehicle.server"},
+    "socket": {"swarmctl.links", "swarmctl.app", "swarmctl.preflight", "sim_vehicle.server"},
+    "matplotlib": {"swarmctl.picture"},
+    "mcap": {"swarmctl.record"},
+    "typer": {"swarmctl.cli", "sim_vehicle.__main__"},
+    "yaml": {"swarmctl.yaml_lines"},
+}
+
+# What nothing pure may import: the parts that only decide take time, randomness and bytes as arguments.
+PURE = {
+    "swarmctl.core", "swarmctl.planners", "swarmctl.mavlink", "swarmctl.agent", "swarmctl.sensors",
+    "sim_vehicle.autopilot", "sim_vehicle.fleet", "sim_vehicle.dynamics", "sim_vehicle.mission",
+}  # fmt: skip
+IMPURE = {"time", "random", "asyncio", "socket", "threading", "subprocess", "os", "datetime"}
+
+MODULES = sorted(path for package in ("swarmctl", "sim_vehicle") for path in (ROOT / package).rglob("*.py"))
+
+
+def name_of(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imports(path: Path) -> set[str]:
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: a relative import hides what is imported"
+            assert node.module is not None
+            found |= {
+                f"{node.module}.{a.name}" if (ROOT / node.module.replace(".", "/")).is_dir() else node.module
+                for a in node.names
+            }
+    return found
+
+
+def within(module: str, parts: set[str]) -> bool:
+    return any(module == part or module.startswith(f"{part}.") for part in parts)
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name_of)
+def test_a_module_imports_only_what_the_table_allows(path: Path) -> None:
+    module = name_of(path)
+    if module == "swarmctl":
+        return
+    parts = [part for part in MAY_IMPORT if within(module, {part})]
+    assert parts, f"{module} is in no part of the table"
+    part = max(parts, key=len)
+    ours = {name for name in imports(path) if within(name, {"swarmctl", "sim_vehicle"})}
+    wrong = {name for name in ours - VERSION if not within(name, {part} | MAY_IMPORT[part])}
+    assert not wrong, f"{module} must not import {sorted(wrong)}"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name_of)
+def test_a_foreign_package_is_imported_only_where_it_belongs(path: Path) -> None:
+    module = name_of(path)
+    for package, parts in ONLY_IN.items():
+        if any(within(name, {package}) for name in imports(path)):
+            assert within(module, parts), f"{module} must not import {package}"
+
+
+@pytest.mark.parametrize("path", [p for p in MODULES if within(name_of(p), PURE)], ids=name_of)
+def test_what_decides_reads_no_clock_and_does_no_io(path: Path) -> None:
+    assert not {name.split(".")[0] for name in imports(path)} & IMPURE
