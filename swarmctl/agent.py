@@ -54,11 +54,13 @@ class Phase(StrEnum):
     """by order"""
     LEAVING = "leaving"
     """returning or landing by order"""
+    RELEASED = "released"
+    """a pilot, a failsafe or another station has taken it over: it is not fought for"""
     DONE = "done"
     FAILED = "failed"
 
 
-ENDED = frozenset({Phase.DONE, Phase.FAILED})
+ENDED = frozenset({Phase.RELEASED, Phase.DONE, Phase.FAILED})
 ON_GROUND = frozenset({Phase.WAITING, Phase.UPLOADING, Phase.STANDBY})
 IN_FLIGHT = frozenset({Phase.FLYING, Phase.LANDING, Phase.HOLDING, Phase.LEAVING})
 PLANNING = frozenset({Phase.UPLOADING, Phase.STANDBY, Phase.FLYING})
@@ -222,6 +224,9 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, _now: float) -> S
     state = _moved(state, vehicle)
     if state.phase in IN_FLIGHT and not vehicle.armed:
         state = _touched_down(state)
+    elif state.phase in (Phase.FLYING, Phase.LANDING) and not vehicle.under_our_control:
+        reason = f"in mode {vehicle.mode}, which nobody here has ordered; let go"
+        state = replace(state, phase=Phase.RELEASED, dirty=False, outcome=reason)
     elif state.phase is Phase.FLYING and state.cell in state.task.goals:
         state = replace(state, phase=Phase.LANDING, dirty=False)
     return _share_state(state)
@@ -299,8 +304,6 @@ def _observed(state: AgentState, event: ev.Observed, now: float) -> Step:
 
 
 def _heard(state: AgentState, event: ev.Heard, _now: float) -> Step:
-    if not isinstance(event.message, ObservationShared):
-        return state, []
     try:
         return _learn(state, event.message.observation), []
     except ValueError as error:  # a cell outside the area, or one name with two contents

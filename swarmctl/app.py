@@ -236,6 +236,7 @@ async def _conduct(
     async with asyncio.TaskGroup() as tasks:
         helpers = [tasks.create_task(m.runner.run()) for m in members]
         helpers.append(tasks.create_task(show))
+        helpers.append(tasks.create_task(_any_bug()))
         if played is not None:
             helpers.append(tasks.create_task(_until_it_fails(played)))
         flight = asyncio.create_task(director.fly())
@@ -259,6 +260,22 @@ async def _conduct(
                 for helper in helpers:
                     helper.cancel()
     return "abandoned" if abandoned else ended
+
+
+async def _any_bug() -> None:
+    """Raises what a callback raised: asyncio would log it and go on, but a bug stops everything."""
+    loop = asyncio.get_running_loop()
+    bug: asyncio.Future[None] = loop.create_future()
+
+    def caught(_loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        if not bug.done():
+            bug.set_exception(context.get("exception") or RuntimeError(context["message"]))
+
+    loop.set_exception_handler(caught)
+    try:
+        await bug
+    finally:
+        loop.set_exception_handler(None)
 
 
 async def _until_it_fails(played: asyncio.Task[None]) -> None:

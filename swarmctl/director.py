@@ -7,7 +7,7 @@ fails is reported and the others fly on.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Coroutine, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -112,12 +112,9 @@ class Director:
                 launches.create_task(self._launch(member))
             launches.create_task(self._until(self._is_over, self._members))
 
-    async def _all(self, act: Callable[[Member], asyncio.Future[None]] | Callable[[Member], object]) -> None:
+    async def _all(self, act: Callable[[Member], Coroutine[None, None, None]]) -> None:
         """One preflight step on every member at once; all failures in one report."""
-        outcomes = await asyncio.gather(
-            *(act(m) for m in self._members),  # type: ignore[call-overload]
-            return_exceptions=True,
-        )
+        outcomes = await asyncio.gather(*map(act, self._members), return_exceptions=True)
         for outcome in outcomes:
             if isinstance(outcome, BaseException) and not isinstance(outcome, (LinkError, PreflightFailed)):
                 raise outcome

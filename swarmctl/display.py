@@ -12,7 +12,9 @@ from rich.text import Text
 
 from swarmctl.agent import AgentState, Phase
 
-BAR = 12
+BAR = 10
+WIDE = 92
+"""columns from which the bar fits"""
 COLOURS = {
     Phase.WAITING: "yellow",
     Phase.UPLOADING: "cyan",
@@ -22,6 +24,7 @@ COLOURS = {
     Phase.LANDING: "green",
     Phase.HOLDING: "yellow",
     Phase.LEAVING: "yellow",
+    Phase.RELEASED: "red",
     Phase.DONE: "bright_black",
     Phase.FAILED: "red",
 }
@@ -93,39 +96,42 @@ def _link(state: AgentState, age_s: float) -> str:
     return f"lost {age_s:.0f} s" if state.lost else "ok"
 
 
-def table(picture: Picture) -> Group:
-    """The live table."""
+def table(picture: Picture, width: int) -> Group:
+    """The live table, for a terminal of `width` columns."""
     speed = "" if picture.speed is None else f" · {picture.speed:.1f}× real time"
     head = Text.assemble(
         (picture.name, "bold"), f"  flown {_minutes(picture.flown_s)}{speed} · Ctrl-C: hold and leave"
     )
-    grid = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")
-    for title, justify in (
-        ("vehicle", "left"), ("phase", "left"), ("mode", "left"), ("battery", "right"), ("route", "left"),
-        ("cells own+heard", "right"), ("hostiles", "right"), ("replans", "right"), ("strikes", "right"),
-        ("link", "left"), ("", "left"),
-    ):  # fmt: skip
-        grid.add_column(title, justify=justify, no_wrap=title != "")  # type: ignore[arg-type]
+    grid = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold")
+    columns = [
+        ("vehicle", "left"), ("phase", "left"), ("mode", "left"), ("batt", "right"), ("route", "left"),
+        ("cells\nown+heard", "right"), ("hostiles\nknown", "right"), ("replans", "right"),
+        ("strikes", "right"), ("link", "left"),
+    ]  # fmt: skip
+    for title, justify in columns:
+        grid.add_column(title, justify=justify, no_wrap=True)  # type: ignore[arg-type]
     for r in picture.rows:
         grid.add_row(
             r.name,
             Text(r.phase, style=COLOURS[r.phase]),
             r.mode,
             "–" if r.battery_percent is None else f"{r.battery_percent} %",
-            _bar(r.progress),
+            _bar(r.progress, BAR if width >= WIDE else 0),
             f"{r.cells_own}+{r.cells_heard}",
             str(r.hostiles_known),
             str(r.replans),
             Text(str(r.strikes), style="red" if r.strikes else ""),
             Text(r.link, style="" if r.link == "ok" else "red"),
-            Text(r.note, style="bright_black"),
         )
-    return Group(head, grid)
+    notes = [
+        Text(f"{r.name}: {r.note}", style="yellow") for r in picture.rows if r.note not in ("", "arrived")
+    ]
+    return Group(head, grid, *notes)
 
 
-def _bar(share: float) -> Text:
-    full = round(share * BAR)
-    return Text.assemble(("━" * full, "green"), ("━" * (BAR - full), "bright_black"), f" {share:4.0%}")
+def _bar(share: float, length: int) -> Text:
+    full = round(share * length)
+    return Text.assemble(("━" * full, "green"), ("━" * (length - full), "bright_black"), f"{share:5.0%}")
 
 
 def _minutes(seconds: float) -> str:

@@ -15,6 +15,8 @@ from swarmctl.agent import Phase
 from swarmctl.display import Picture, line, table
 
 LINE_EVERY_S = 30.0
+MESSAGE_FOR_S = 20.0
+"""how long a message stays, in seconds flown"""
 
 
 class Terminal(app.Ui, Protocol):
@@ -29,6 +31,7 @@ class LiveTable:
         self._live = Live(console=console, auto_refresh=False)
         self._verbose = verbose
         self._message = ""
+        self._said_s = 0.0
         self._picture: Picture | None = None
 
     @contextlib.contextmanager
@@ -40,6 +43,7 @@ class LiveTable:
 
     def say(self, text: str) -> None:
         self._message = text
+        self._said_s = self._picture.flown_s if self._picture is not None else 0.0
         self.log(text)
         self._draw()
 
@@ -49,11 +53,14 @@ class LiveTable:
 
     def refresh(self, picture: Picture) -> None:
         self._picture = picture
+        if picture.flown_s - self._said_s > MESSAGE_FOR_S:
+            self._message = ""
         self._draw()
 
     def _draw(self) -> None:
         message = Text(self._message, style="bright_black")
-        body = Group(table(self._picture), message) if self._picture is not None else message
+        width = self._live.console.width
+        body = Group(table(self._picture, width), message) if self._picture is not None else message
         self._live.update(body, refresh=True)
 
 

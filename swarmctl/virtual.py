@@ -36,14 +36,17 @@ async def fleet_on(
     fleet = Fleet(FleetScenario.model_validate(scenario_json(scenario)), ready_s=simulate.ready_s)
     loop = asyncio.get_running_loop()
 
+    sysid_at: dict[Address, int] = {}
+
     def send(frames: list[tuple[int, bytes]]) -> None:
         for sysid, data in frames:
             address = carry(sysid, loop.time())
             if address is not None:
+                sysid_at[address] = sysid
                 wire.from_vehicle(data, address)
 
     def receive(data: bytes, address: Address) -> None:
-        if address in {carry(sysid, loop.time()) for sysid in fleet.sysids}:
+        if carry(sysid_at[address], loop.time()) == address:
             send(fleet.receive(data, loop.time(), peer=address))
 
     async def move() -> None:

@@ -228,6 +228,19 @@ def test_a_lost_vehicle_gets_no_mission_until_it_is_heard_again() -> None:
     assert (4, 4) not in story.swap().cells
 
 
+def test_a_vehicle_that_somebody_else_has_taken_over_is_let_go() -> None:
+    story = Story().flying()
+    story.hear((4, 4, True))
+    swap = story.swap()
+    assert orders(story.over((4, 1), mode="LOITER", under_our_control=False)) == []
+    assert story.state.phase is Phase.RELEASED
+    assert "LOITER" in story.state.outcome
+    assert story(ev.MissionFailed(swap.plan_id, "unknown", "its mode is LOITER")) == []
+    assert story(ev.OperatorCommand(ev.Order.HOLD)) == []
+    story.hear((4, 5, True), seq=2)
+    assert story.tick() == []
+
+
 def test_it_arrives_when_it_is_down_at_its_goal() -> None:
     story = Story().flying()
     for col in range(1, 9):

@@ -67,7 +67,7 @@ def test_messages_of_one_sender_arrive_in_order(
             inboxes: dict[int, list[Message]] = {1: [], 2: []}
             for uav, inbox in inboxes.items():
                 network.join(uav, inbox.append)
-            said = [state(1, 46.0 + n / 100) for n in range(50)]
+            said = [ObservationShared(1, Observation(1, n, 0.0, ())) for n in range(50)]
             for message in said:
                 network.publish(message)
             await heard(inboxes, 50)
@@ -97,10 +97,10 @@ def test_what_is_no_message_of_its_sender_is_refused_and_counted(
             network.join(3, inbox.append)
             network.join(1, inbox.append)
             transport.put(keys.inform("test", 3, SEEN)[:-1] + str(key_from), payload)
-            network.publish(state(1, 46.0))
+            network.publish(SEEN)
             await heard({3: inbox}, 1)
             assert network.refused == 1
-            assert inbox == [state(1, 46.0)]
+            assert inbox == [SEEN]
 
     asyncio.run(scene())
 

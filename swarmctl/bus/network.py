@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from swarmctl.bus import keys
 from swarmctl.bus.base import Transport
 from swarmctl.core.geo import distance_m
-from swarmctl.core.messages import BadMessage, Message, StateShared, decode, encode
+from swarmctl.core.messages import BadMessage, Message, ObservationShared, StateShared, decode, encode
 
 
 def recipients(sender: int, states: Mapping[int, StateShared | None], k: int | None) -> tuple[int, ...]:
@@ -40,8 +40,11 @@ class Network:
         self._states: dict[int, StateShared | None] = {}
         self.refused = 0
 
-    def join(self, uav: int, on_message: Callable[[Message], None]) -> None:
-        """Deliver to `on_message` what others send to `uav`; what is no message of theirs is refused."""
+    def join(self, uav: int, on_message: Callable[[ObservationShared], None]) -> None:
+        """Deliver to `on_message` what others observe and send to `uav`; what is no message is refused.
+
+        Where others are is for the reach model alone.
+        """
 
         def receive(key: str, payload: bytes) -> None:
             try:
@@ -52,7 +55,10 @@ class Network:
             if message.sender != keys.sender_of(key) or message.sender == uav:
                 self.refused += 1
                 return
-            on_message(message)
+            if isinstance(message, StateShared):
+                self._states[message.sender] = message
+            else:
+                on_message(message)
 
         self._states[uav] = None
         self._transport.subscribe(keys.inbox(self._swarm, uav), receive)

@@ -11,7 +11,7 @@ from typing import Literal
 import msgspec
 
 from swarmctl.core.grid import Cell
-from swarmctl.core.messages import Message
+from swarmctl.core.messages import Message, ObservationShared
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.vehicle import VehicleState
 
@@ -54,7 +54,7 @@ class Observed(_Fact, frozen=True):
 
 
 class Heard(_Fact, frozen=True):
-    message: Message
+    message: ObservationShared
 
 
 class MissionAccepted(_Fact, frozen=True):

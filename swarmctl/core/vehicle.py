@@ -33,6 +33,8 @@ class VehicleState:
     heading_deg: float | None = None
     mode: str = ""
     """the firmware's own name of the mode, e.g. AUTO"""
+    under_our_control: bool = True
+    """its mode is one in which it flies what a ground station gave it, none that a pilot or failsafe chose"""
     armed: bool = False
     landed: Landed = Landed.UNDEFINED
     ready: bool = False

@@ -76,7 +76,8 @@ class Telemetry:
         mode = self._dialect.mode_name(int(message.custom_mode))
         armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
         news = mode != self.state.mode or armed != self.state.armed
-        self._changes |= {"mode": mode, "armed": armed}
+        ours = mode in (self._dialect.hold_mode, self._dialect.mission_mode)
+        self._changes |= {"mode": mode, "armed": armed, "under_our_control": ours}
         return news
 
     def _global_position(self, message: Message) -> bool:

@@ -1,0 +1,108 @@
+"""How long a virtual flight takes for 5, 20 and 100 vehicles, and how fast an observation changes missions.
+
+Run: `python benchmarks/flight.py`. Wall times are of this machine at this moment; the last column is the
+ratio to the flight of 5 vehicles in the same run, per vehicle.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import resource
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from swarmctl import app
+from swarmctl.app import Report
+from swarmctl.clock import run_virtual
+from swarmctl.config import load
+from swarmctl.display import Picture
+from swarmctl.planners import warm_up
+from swarmctl.scenario import Scenario, build, judge
+
+SHIPPED = Path(__file__).parent.parent / "configs" / "swarm.yaml"
+
+
+class Quiet:
+    def say(self, text: str) -> None: ...
+
+    def log(self, text: str) -> None: ...
+
+    def refresh(self, picture: Picture) -> None: ...
+
+
+@dataclass(frozen=True)
+class Flight:
+    count: int
+    report: Report
+    wall_s: float
+    cpu_s: float
+
+
+def scenario(count: int) -> Scenario:
+    """The shipped configuration with another number of vehicles."""
+    config = load(SHIPPED, judge)
+    assert config.simulate is not None
+    simulate = config.simulate.model_copy(update={"count": count})
+    # A step of 5 m would take a hundred vehicles into the flight levels.
+    flight = config.flight.model_copy(update={"altitude_step_m": min(5.0, 100.0 / count)})
+    return build(config.model_copy(update={"simulate": simulate, "flight": flight}))
+
+
+def fly(count: int, clock: app.Clock) -> Flight:
+    began_s, cpu_s = time.perf_counter(), time.process_time()
+    with tempfile.TemporaryDirectory() as folder:
+        flight = app.fly(scenario(count), Path(folder), Quiet(), clock=clock, permission=lambda foreign: None)
+        report = run_virtual(flight) if clock == "virtual" else asyncio.run(flight)
+    return Flight(count, report, time.perf_counter() - began_s, time.process_time() - cpu_s)
+
+
+def virtual_flights(counts: tuple[int, ...]) -> Table:
+    table = Table(title="the shipped configuration on the virtual clock", box=box.SIMPLE_HEAD)
+    for title in ("vehicles", "arrived", "flown [s]", "wall [s]", "times real time", "wall a vehicle, ratio"):
+        table.add_column(title, justify="right")
+    base: float | None = None
+    for count in counts:
+        flight = fly(count, "virtual")
+        a_vehicle = flight.wall_s / count
+        base = base or a_vehicle
+        flown_s = flight.report.ledger.flown_s
+        table.add_row(
+            str(count),
+            str(flight.report.summary["arrived"]),
+            f"{flown_s:.0f}",
+            f"{flight.wall_s:.2f}",
+            f"{flown_s / flight.wall_s:.0f}",
+            f"{a_vehicle / base:.2f}",
+        )
+    return table
+
+
+def latency() -> Table:
+    flight = fly(5, "real")
+    table = Table(title="5 vehicles, 10 times real time, UDP and Zenoh: wall time", box=box.SIMPLE_HEAD)
+    table.add_column("from an observation to")
+    for title in ("n", "p50 [ms]", "p99 [ms]", "max [ms]"):
+        table.add_column(title, justify="right")
+    for name, found in flight.report.summary["latency"].items():
+        what = name.removeprefix("observation_to_").removesuffix("_s").replace("_", " ")
+        row = [f"{1e3 * found[q]:.1f}" for q in ("p50", "p99", "max")]
+        table.add_row(what, str(found["n"]), *row)
+    share = 100.0 * flight.cpu_s / flight.wall_s
+    memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    table.caption = (
+        f"ground station: {share:.0f} % of a core, at most {memory_mb:.0f} MB in this process so far"
+    )
+    return table
+
+
+if __name__ == "__main__":
+    console = Console()
+    warm_up()
+    console.print(virtual_flights((5, 20, 100)))
+    console.print(latency())
