@@ -138,3 +138,9 @@ def test_the_same_seed_hides_the_same_hostiles(tmp_path: Path) -> None:
         file.write_text(GOOD + f"seed: {seed}\n")
         draws.append(scenario.build(config.load(file, scenario.judge)).hostiles)
     assert draws[0] == draws[1] != draws[2]
+
+
+@pytest.mark.parametrize("file", sorted(SHIPPED.parent.glob("*.yaml")), ids=lambda file: file.name)
+def test_every_configuration_we_ship_is_good(file: Path) -> None:
+    built = scenario.build(config.load(file, scenario.judge))
+    assert list(scenario.judge_routes(built)) == []
