@@ -94,11 +94,12 @@ class Ledger:
         """The longest flight so far."""
         return max((v.flight_time_s or 0.0 for v in self.vehicles.values()), default=0.0)
 
-    def latencies(self) -> dict[str, Any]:
-        """From an observation to what it brought about [s]."""
+    def latencies(self, observer: int | None = None) -> dict[str, Any]:
+        """From an observation, of one vehicle or of all, to what it brought about [s]."""
+        observed_s = {o: t for o, t in self._observed_s.items() if observer in (None, o[0])}
         return {
-            "observation_to_last_peers_belief_s": _quantiles(self._observed_s, self._believed_s),
-            "observation_to_last_changed_mission_s": _quantiles(self._observed_s, self._flown_s),
+            "observation_to_last_peers_belief_s": _quantiles(observed_s, self._believed_s),
+            "observation_to_last_changed_mission_s": _quantiles(observed_s, self._flown_s),
         }
 
 
@@ -158,6 +159,7 @@ def _vehicle(scenario: Scenario, state: AgentState, ledger: Ledger) -> dict[str,
         "replans": state.replans,
         "messages_sent": mine.messages_sent,
         "communication_penalty": scenario.config.communication.penalty_per_m * state.flown_m,
+        "latency": ledger.latencies(task.uav),
         "cells_own": own,
         "cells_heard": state.belief.n_observed - own,
         "hostiles_known": state.belief.n_found,

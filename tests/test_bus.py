@@ -36,10 +36,18 @@ def bus(request: pytest.FixtureRequest) -> Callable[[], AbstractContextManager[T
     return BUSES[request.param]
 
 
-async def heard(inboxes: dict[int, list[Message]], count: int) -> None:
-    async with asyncio.timeout(5.0):
-        while sum(map(len, inboxes.values())) < count:  # noqa: ASYNC110
-            await asyncio.sleep(0)
+class Swarm:
+    """UAVs on one network, and what each hears."""
+
+    def __init__(self, transport: Transport, *uavs: int) -> None:
+        self.network = Network(transport, "test", None)
+        self.inboxes: dict[int, asyncio.Queue[Message]] = {uav: asyncio.Queue() for uav in uavs}
+        for uav, inbox in self.inboxes.items():
+            self.network.join(uav, inbox.put_nowait)
+
+    async def next_of(self, uav: int) -> Message:
+        async with asyncio.timeout(5.0):
+            return await self.inboxes[uav].get()
 
 
 def test_everyone_hears_what_one_says_and_itself_does_not(
@@ -47,13 +55,10 @@ def test_everyone_hears_what_one_says_and_itself_does_not(
 ) -> None:
     async def scene() -> None:
         with bus() as transport:
-            network = Network(transport, "test", None)
-            inboxes: dict[int, list[Message]] = {n: [] for n in (1, 2, 3)}
-            for uav, inbox in inboxes.items():
-                network.join(uav, inbox.append)
-            assert network.publish(SEEN) == 2
-            await heard(inboxes, 2)
-            assert inboxes == {1: [], 2: [SEEN], 3: [SEEN]}
+            swarm = Swarm(transport, 1, 2, 3)
+            assert swarm.network.publish(SEEN) == 2
+            assert [await swarm.next_of(2), await swarm.next_of(3)] == [SEEN, SEEN]
+            assert swarm.inboxes[1].empty()
 
     asyncio.run(scene())
 
@@ -63,15 +68,11 @@ def test_messages_of_one_sender_arrive_in_order(
 ) -> None:
     async def scene() -> None:
         with bus() as transport:
-            network = Network(transport, "test", None)
-            inboxes: dict[int, list[Message]] = {1: [], 2: []}
-            for uav, inbox in inboxes.items():
-                network.join(uav, inbox.append)
+            swarm = Swarm(transport, 1, 2)
             said = [ObservationShared(1, Observation(1, n, 0.0, ())) for n in range(50)]
             for message in said:
-                network.publish(message)
-            await heard(inboxes, 50)
-            assert inboxes[2] == said
+                swarm.network.publish(message)
+            assert [await swarm.next_of(2) for _ in said] == said
 
     asyncio.run(scene())
 
@@ -92,15 +93,11 @@ def test_what_is_no_message_of_its_sender_is_refused_and_counted(
 ) -> None:
     async def scene() -> None:
         with bus() as transport:
-            network = Network(transport, "test", None)
-            inbox: list[Message] = []
-            network.join(3, inbox.append)
-            network.join(1, inbox.append)
+            swarm = Swarm(transport, 1, 3)
             transport.put(keys.inform("test", 3, SEEN)[:-1] + str(key_from), payload)
-            network.publish(SEEN)
-            await heard({3: inbox}, 1)
-            assert network.refused == 1
-            assert inbox == [SEEN]
+            swarm.network.publish(SEEN)
+            assert await swarm.next_of(3) == SEEN
+            assert swarm.network.refused == 1
 
     asyncio.run(scene())
 

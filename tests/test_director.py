@@ -21,6 +21,8 @@ from swarmctl.runner import NotAllowed, Runner
 from swarmctl.scenario import Scenario
 from swarmctl.sensors.footprint import Footprint
 
+pytestmark = pytest.mark.virtual
+
 MARK = b"sim_vehicle\0"
 
 

@@ -19,6 +19,8 @@ from swarmctl.app import Report
 from swarmctl.links.transport import Address
 from swarmctl.scenario import Scenario, build, judge
 
+pytestmark = pytest.mark.virtual
+
 SHIPPED = Path(__file__).parent.parent / "configs" / "swarm.yaml"
 
 
@@ -63,6 +65,10 @@ def test_the_summary_says_what_was_promised(shipped: tuple[Scenario, Report, Pat
     for name in ("observation_to_last_peers_belief_s", "observation_to_last_changed_mission_s"):
         latency = summary["latency"][name]
         assert 0.0 <= latency["p50"] <= latency["p99"] <= latency["max"]
+    assert (
+        sum(row["latency"]["observation_to_last_peers_belief_s"]["n"] for row in summary["vehicles"])
+        == summary["latency"]["observation_to_last_peers_belief_s"]["n"]
+    )
     for row, state in zip(summary["vehicles"], report.states.values(), strict=True):
         assert row["flown_m"] == state.flown_m
         assert row["strikes"] == state.vehicle.strikes
