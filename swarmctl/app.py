@@ -307,14 +307,22 @@ def _signals(interrupted: Any) -> Iterator[None]:
 
 async def _show(members: Sequence[Member], ledger: Ledger, ui: Ui, scenario: Scenario) -> None:
     marks: list[tuple[float, float]] = []
-    while True:
+
+    def refresh() -> None:
+        nonlocal marks
         clocks = [m.state.vehicle.time_boot_s for m in members]
         marks = [*marks[-20:], (time.monotonic(), max(clocks, default=0.0))]
         (t0, v0), (t1, v1) = marks[0], marks[-1]
         rows = [row(m.state, m.runner.link.age_s(), "; ".join(m.waiting_for)) for m in members]
         speed = (v1 - v0) / (t1 - t0) if t1 > t0 and v0 > 0.0 else None
         ui.refresh(Picture(scenario.config.name, ledger.flown_s, speed, rows))
-        await asyncio.sleep(REFRESH_S)
+
+    try:
+        while True:
+            refresh()
+            await asyncio.sleep(REFRESH_S)
+    finally:
+        refresh()  # the last picture is of the end
 
 
 def _leaves(group: BaseExceptionGroup[Any]) -> Iterator[BaseException]:

@@ -293,7 +293,7 @@ def _tell(report: Report, folder: Path) -> None:
 
 
 def _summary_table(report: Report) -> Table:
-    grid = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False)
+    grid = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
     grid.add_column("vehicle", no_wrap=True)
     for title in ("flown [m]", "time [s]", "ΣP_s", "∏(1−P_s)", "strikes", "replans", "sent"):
         grid.add_column(title, justify="right", no_wrap=True)

@@ -102,7 +102,7 @@ def table(picture: Picture, width: int) -> Group:
     head = Text.assemble(
         (picture.name, "bold"), f"  flown {_minutes(picture.flown_s)}{speed} · Ctrl-C: hold and leave"
     )
-    grid = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold")
+    grid = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=0, header_style="bold")
     columns = [
         ("vehicle", "left"), ("phase", "left"), ("mode", "left"), ("batt", "right"), ("route", "left"),
         ("cells\nown+heard", "right"), ("hostiles\nknown", "right"), ("replans", "right"),

@@ -1,149 +1,25 @@
-"""The policy of one vehicle: `step(state, event, now) -> (state, effects)`. Pure.
-
-Nothing here waits, reads a clock or talks to anybody. New information only marks the plan dirty; the next
-`Tick` plans once with all of it, and a changed plan becomes one `SwapMission`, of which at most one is under
-way. Whatever happens meanwhile waits for its end, and the newest belief wins.
-"""
+"""The fold: one handler an event."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from enum import StrEnum
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from swarmctl.agent.decide import decide
+from swarmctl.agent.state import IN_FLIGHT, ON_GROUND, PLANNING, AgentState, Phase
 from swarmctl.core import events as ev
-from swarmctl.core.belief import UNKNOWN, Belief, Observation
-from swarmctl.core.exposure import exposure, exposure_sum, length_cells
+from swarmctl.core.belief import UNKNOWN, Observation
 from swarmctl.core.geo import distance_m
-from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.grid import Cell
 from swarmctl.core.messages import ObservationShared, StateShared
-from swarmctl.core.mission import FlightPlan
-from swarmctl.core.route import flight_plan, landing_spot
-from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import VehicleState
-from swarmctl.planners.base import Problem, Route
 
 SHARE_STATE_EVERY_S = 1.0
 RETRY_AFTER_S = 5.0
 MAX_FAILED_SWAPS = 3
-BETTER_BY = 1e-9
-"""A new route must beat the one being flown by this share of its cost: rounding alone swaps no mission."""
-
-STEPS = {(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1)}
-
-
-class Phase(StrEnum):
-    """Where a vehicle is in its flight."""
-
-    WAITING = "waiting"
-    """not ready yet"""
-    UPLOADING = "uploading"
-    """ready; its first mission is planned or on its way"""
-    STANDBY = "standby"
-    """on the ground with a verified mission"""
-    LAUNCHING = "launching"
-    FLYING = "flying"
-    LANDING = "landing"
-    """over its goal, coming down"""
-    HOLDING = "holding"
-    """by order"""
-    LEAVING = "leaving"
-    """returning or landing by order"""
-    RELEASED = "released"
-    """a pilot, a failsafe or another station has taken it over: it is not fought for"""
-    DONE = "done"
-    FAILED = "failed"
-
-
-ENDED = frozenset({Phase.RELEASED, Phase.DONE, Phase.FAILED})
-ON_GROUND = frozenset({Phase.WAITING, Phase.UPLOADING, Phase.STANDBY})
-IN_FLIGHT = frozenset({Phase.FLYING, Phase.LANDING, Phase.HOLDING, Phase.LEAVING})
-PLANNING = frozenset({Phase.UPLOADING, Phase.STANDBY, Phase.FLYING})
-
-
-@dataclass(frozen=True, slots=True)
-class Task:
-    """What one vehicle has to do and by which rules; constant during a run."""
-
-    uav: int
-    name: str
-    grid: Grid
-    strength: FiringStrength
-    w: float
-    psi_per_cell: float
-    entry: Cell
-    goals: tuple[Cell, ...]
-    altitude_m: float
-    """flown at, above home [m]"""
-    plan: Callable[[Problem], Route] = field(repr=False)
-    no_fly: frozenset[Cell] = frozenset()
-    landing_index: int = 0
-    landing_count: int = 1
-    """which of how many landing spots in the goal cell is this vehicle's"""
-    fallback: ev.Order = ev.Order.RETURN
-    """what it does when its mission cannot be changed any more"""
-
-
-@dataclass(frozen=True, slots=True)
-class AgentState:
-    """Everything an agent knows; replaced, never changed, by `step`."""
-
-    task: Task
-    belief: Belief
-    phase: Phase = Phase.WAITING
-    vehicle: VehicleState = field(default_factory=VehicleState)
-    cell: Cell | None = None
-    """the cell of the area it is over; None outside or unknown"""
-    lost: bool = False
-    route: ev.SwapMission | None = None
-    """the plan the vehicle holds"""
-    progress: int = 0
-    """index in `route.cells` of the cell it was last seen over"""
-    pending: ev.SwapMission | None = None
-    """the plan on its way to the vehicle"""
-    dirty: bool = False
-    because: tuple[ev.ObservationId, ...] = ()
-    """observations merged since the last decision"""
-    exposure: NDArray[np.float64] | None = None
-    """P_s as of the last decision, (rows, cols)"""
-    retry_at_s: float = -math.inf
-    failed_swaps: int = 0
-    """in a row"""
-    launch_ordered: bool = False
-    next_seq: int = 1
-    next_plan_id: int = 1
-    last_shared_s: float = -math.inf
-    searches: int = 0
-    replans: int = 0
-    """missions changed in flight"""
-    flown_m: float = 0.0
-    flown_cells: tuple[Cell, ...] = ()
-    flown_exposure: float = 0.0
-    """ΣP_s over the cells entered, each as believed when the vehicle decided to enter it"""
-    flown_safety: float = 1.0
-    """∏(1 − P_s) over the same"""
-    refused: int = 0
-    """observations of others that cannot be"""
-    given_up: bool = False
-    """it is coming down because its mission could not be flown"""
-    outcome: str = ""
-    """how it ended, or what is wrong, in words"""
-
-    @property
-    def ended(self) -> bool:
-        return self.phase in ENDED
-
 
 Step = tuple[AgentState, list[ev.Effect]]
-
-
-def begin(task: Task, belief: Belief) -> AgentState:
-    return AgentState(task=task, belief=belief)
 
 
 def step(state: AgentState, event: ev.Event, now: float) -> Step:
@@ -333,90 +209,6 @@ def _tick(state: AgentState, _event: ev.Tick, now: float) -> Step:
     if not wants_tick(state, now):
         return state, []
     return decide(state)
-
-
-def decide(state: AgentState) -> Step:
-    """Plan with all that is known; change the mission if that brings something."""
-    task = state.task
-    p_s = believed_exposure(task, state.belief)
-    start = _planning_start(state)
-    route = task.plan(Problem(p_s, start, task.goals, task.w, task.psi_per_cell))
-    ahead = _cells_ahead(state, start)
-    state = replace(state, exposure=p_s, searches=state.searches + 1, dirty=False)
-    if ahead is not None and edge_costs(task, p_s, ahead) <= route.cost * (1.0 + BETTER_BY):
-        return replace(state, because=()), []
-    swap = ev.SwapMission(
-        plan_id=state.next_plan_id,
-        plan=_flight_plan(state, route.cells, p_s),
-        cells=route.cells,
-        because=state.because,
-        cost=route.cost,
-        exposure_sum=route.exposure_sum,
-        safety_factor=route.safety_factor,
-        length_m=route.length_cells * task.grid.cell_size_m,
-    )
-    return replace(state, pending=swap, because=(), next_plan_id=state.next_plan_id + 1), [swap]
-
-
-def believed_exposure(task: Task, belief: Belief) -> NDArray[np.float64]:
-    """P_s (rows, cols), Eq. 3 over Eq. 4; infinite where flying is forbidden."""
-    p_s = exposure(belief.occupancy(), task.strength)
-    for cell in task.no_fly:
-        p_s[cell] = math.inf
-    return p_s
-
-
-def first_route(task: Task, belief: Belief, w: float | None = None) -> Route:
-    """The route from the entry cell, as planned before anything is flown."""
-    p_s = believed_exposure(task, belief)
-    return task.plan(Problem(p_s, task.entry, task.goals, task.w if w is None else w, task.psi_per_cell))
-
-
-def edge_costs(task: Task, p_s: NDArray[np.float64], cells: tuple[Cell, ...]) -> float:
-    """Σ C_mn along `cells` (Eq. 5)."""
-    distance = (1.0 - task.w) * task.psi_per_cell * length_cells(cells)
-    return distance + (task.w * exposure_sum(p_s, cells) if task.w > 0.0 else 0.0)
-
-
-def _planning_start(state: AgentState) -> Cell:
-    """The cell it is over; the entry before it is in the area; the next one where it only cuts a corner."""
-    cell = state.cell
-    if cell is None:
-        in_flight = state.phase is Phase.FLYING and state.flown_cells
-        return state.flown_cells[-1] if in_flight else state.task.entry
-    if state.route is not None and cell not in state.route.cells:
-        between = state.route.cells[state.progress : state.progress + 2]
-        if len(between) == 2 and all((a - cell[0], b - cell[1]) in STEPS for a, b in between):
-            return between[1]
-    return cell
-
-
-def _cells_ahead(state: AgentState, start: Cell) -> tuple[Cell, ...] | None:
-    """What remains of the route being flown, from `start`; None if it does not lead there."""
-    if state.route is None or start not in state.route.cells:
-        return None
-    return state.route.cells[state.route.cells.index(start) :]
-
-
-def _flight_plan(state: AgentState, cells: tuple[Cell, ...], p_s: NDArray[np.float64]) -> FlightPlan:
-    task, vehicle = state.task, state.vehicle
-    position = None
-    if state.phase is Phase.FLYING and vehicle.lat_deg is not None and vehicle.lon_deg is not None:
-        position = (vehicle.lat_deg, vehicle.lon_deg)
-
-    def may_clip(cell: Cell) -> bool:
-        # DEVIATION: a vehicle past the centre of its cell would fly back to it to turn off diagonally. It
-        # cuts the corner instead where the cell it passes over is no worse than the two it flies between.
-        return bool(p_s[cell] <= max(p_s[cells[0]], p_s[cells[1]]))
-
-    return flight_plan(
-        task.grid,
-        cells,
-        altitude_m=task.altitude_m,
-        landing_lat_lon=landing_spot(task.grid, cells[-1], task.landing_index, task.landing_count),
-        position=position,
-        may_clip=may_clip,
-    )
 
 
 def _mission_accepted(state: AgentState, event: ev.MissionAccepted, _now: float) -> Step:

@@ -1,0 +1,28 @@
+"""The policy of one vehicle: `step(state, event, now) -> (state, effects)`. Pure.
+
+Nothing here waits, reads a clock or talks to anybody. New information only marks the plan dirty; the next
+`Tick` plans once with all of it, and a changed plan becomes one `SwapMission`, of which at most one is under
+way. Whatever happens meanwhile waits for its end, and the newest belief wins.
+
+state: what an agent has to do and knows; step: one handler an event; decide: the planning. Imports core and
+planners.
+"""
+
+from swarmctl.agent.decide import first_route
+from swarmctl.agent.state import ENDED, IN_FLIGHT, ON_GROUND, AgentState, Phase, Task, begin
+from swarmctl.agent.step import MAX_FAILED_SWAPS, RETRY_AFTER_S, step, wants_tick
+
+__all__ = [
+    "ENDED",
+    "IN_FLIGHT",
+    "MAX_FAILED_SWAPS",
+    "ON_GROUND",
+    "RETRY_AFTER_S",
+    "AgentState",
+    "Phase",
+    "Task",
+    "begin",
+    "first_route",
+    "step",
+    "wants_tick",
+]

@@ -1,0 +1,124 @@
+"""What an agent has to do and what it knows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmctl.core import events as ev
+from swarmctl.core.belief import Belief
+from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.threat import FiringStrength
+from swarmctl.core.vehicle import VehicleState
+from swarmctl.planners.base import Problem, Route
+
+
+class Phase(StrEnum):
+    """Where a vehicle is in its flight."""
+
+    WAITING = "waiting"
+    """not ready yet"""
+    UPLOADING = "uploading"
+    """ready; its first mission is planned or on its way"""
+    STANDBY = "standby"
+    """on the ground with a verified mission"""
+    LAUNCHING = "launching"
+    FLYING = "flying"
+    LANDING = "landing"
+    """over its goal, coming down"""
+    HOLDING = "holding"
+    """by order"""
+    LEAVING = "leaving"
+    """returning or landing by order"""
+    RELEASED = "released"
+    """a pilot, a failsafe or another station has taken it over: it is not fought for"""
+    DONE = "done"
+    FAILED = "failed"
+
+
+ENDED = frozenset({Phase.RELEASED, Phase.DONE, Phase.FAILED})
+ON_GROUND = frozenset({Phase.WAITING, Phase.UPLOADING, Phase.STANDBY})
+IN_FLIGHT = frozenset({Phase.FLYING, Phase.LANDING, Phase.HOLDING, Phase.LEAVING})
+PLANNING = frozenset({Phase.UPLOADING, Phase.STANDBY, Phase.FLYING})
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What one vehicle has to do and by which rules; constant during a run."""
+
+    uav: int
+    name: str
+    grid: Grid
+    strength: FiringStrength
+    w: float
+    psi_per_cell: float
+    entry: Cell
+    goals: tuple[Cell, ...]
+    altitude_m: float
+    """flown at, above home [m]"""
+    plan: Callable[[Problem], Route] = field(repr=False)
+    no_fly: frozenset[Cell] = frozenset()
+    landing_index: int = 0
+    landing_count: int = 1
+    """which of how many landing spots in the goal cell is this vehicle's"""
+    fallback: ev.Order = ev.Order.RETURN
+    """what it does when its mission cannot be changed any more"""
+
+
+@dataclass(frozen=True, slots=True)
+class AgentState:
+    """Everything an agent knows; replaced, never changed, by `step`."""
+
+    task: Task
+    belief: Belief
+    phase: Phase = Phase.WAITING
+    vehicle: VehicleState = field(default_factory=VehicleState)
+    cell: Cell | None = None
+    """the cell of the area it is over; None outside or unknown"""
+    lost: bool = False
+    route: ev.SwapMission | None = None
+    """the plan the vehicle holds"""
+    progress: int = 0
+    """index in `route.cells` of the cell it was last seen over"""
+    pending: ev.SwapMission | None = None
+    """the plan on its way to the vehicle"""
+    dirty: bool = False
+    because: tuple[ev.ObservationId, ...] = ()
+    """observations merged since the last decision"""
+    exposure: NDArray[np.float64] | None = None
+    """P_s as of the last decision, (rows, cols)"""
+    retry_at_s: float = -math.inf
+    failed_swaps: int = 0
+    """in a row"""
+    launch_ordered: bool = False
+    next_seq: int = 1
+    next_plan_id: int = 1
+    last_shared_s: float = -math.inf
+    searches: int = 0
+    replans: int = 0
+    """missions changed in flight"""
+    flown_m: float = 0.0
+    flown_cells: tuple[Cell, ...] = ()
+    flown_exposure: float = 0.0
+    """ΣP_s over the cells entered, each as believed when the vehicle decided to enter it"""
+    flown_safety: float = 1.0
+    """∏(1 − P_s) over the same"""
+    refused: int = 0
+    """observations of others that cannot be"""
+    given_up: bool = False
+    """it is coming down because its mission could not be flown"""
+    outcome: str = ""
+    """how it ended, or what is wrong, in words"""
+
+    @property
+    def ended(self) -> bool:
+        return self.phase in ENDED
+
+
+def begin(task: Task, belief: Belief) -> AgentState:
+    return AgentState(task=task, belief=belief)
