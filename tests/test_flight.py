@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import json
+import random
 import signal
 from collections import Counter
 from itertools import pairwise
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
 from flights import Ui, fly, small
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from mcap.reader import make_reader
 from pymavlink import mavutil
 
@@ -266,3 +270,28 @@ def test_vehicles_take_off_one_after_the_other_where_told(tmp_path: Path) -> Non
     assert all(s is not None for s in starts)
     gaps = [b - a for a, b in pairwise(starts)]  # type: ignore[operator]
     assert gaps == pytest.approx([10.0, 10.0], abs=1.5)
+
+
+@pytest.mark.parametrize("loss", [0.1, 0.3])
+def test_a_link_that_loses_frames_delays_the_swarm_but_does_not_stop_it(loss: float, tmp_path: Path) -> None:
+    rng = random.Random(1)
+    report = fly(small(), tmp_path, carry=lambda sysid, _: None if rng.random() < loss else ("radio", sysid))
+    assert [s.outcome for s in report.states.values()] == ["arrived"] * 3
+
+
+OUTAGES = st.lists(st.tuples(st.integers(1, 3), st.floats(10.0, 120.0), st.floats(0.5, 30.0)), max_size=6)
+
+
+@given(OUTAGES)
+@settings(max_examples=6, deadline=None, derandomize=True)
+def test_whatever_links_fail_in_flight_every_vehicle_arrives_once_they_are_back(
+    outages: list[tuple[int, float, float]],
+) -> None:
+    def carry(sysid: int, now: float) -> Address | None:
+        out = any(who == sysid and since <= now < since + for_s for who, since, for_s in outages)
+        return None if out else ("radio", sysid)
+
+    with TemporaryDirectory() as folder:
+        report = fly(small(), Path(folder), carry=carry)
+    assert report.ended == "ended"
+    assert [s.outcome for s in report.states.values()] == ["arrived"] * 3
