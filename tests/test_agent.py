@@ -264,12 +264,25 @@ def test_down_short_of_its_goal_it_has_failed_and_says_where() -> None:
     assert "(4, 3)" in story.state.outcome
 
 
-def test_over_its_goal_and_stuck_in_hold_it_is_told_to_land() -> None:
+def test_over_its_goal_and_stuck_in_hold_it_is_told_to_land_and_arrives() -> None:
     story = Story().flying()
     story.hear((4, 4, True))
     swap = story.swap()
     story.over((4, 8))
     assert orders(story(ev.MissionFailed(swap.plan_id, "hold", "no answer"))) == [ev.Order.LAND]
+    story.over((4, 8), mode="LAND", under_our_control=False)
+    assert story.state.phase is Phase.LANDING
+    story.over((4, 8), mode="LAND", under_our_control=False, armed=False)
+    assert (story.state.phase, story.state.outcome) == (Phase.DONE, "arrived")
+
+
+@pytest.mark.parametrize("seen", [True, False])
+def test_an_order_that_a_lost_vehicle_did_not_get_is_given_again(seen: bool) -> None:
+    story = Story().flying()
+    story(ev.LinkLost(5.0))
+    story(ev.OperatorCommand(ev.Order.RETURN))
+    story(ev.OrderDone(ev.Order.RETURN) if seen else ev.OrderFailed(ev.Order.RETURN, "no answer"))
+    assert orders(story(ev.LinkRestored())) == ([] if seen else [ev.Order.RETURN])
 
 
 @pytest.mark.parametrize(

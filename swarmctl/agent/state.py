@@ -96,6 +96,10 @@ class AgentState:
     failed_swaps: int = 0
     """in a row"""
     launch_ordered: bool = False
+    ordered: ev.Order | None = None
+    """the last order it was given"""
+    order_seen: bool = False
+    """and it was seen to follow it"""
     next_seq: int = 1
     next_plan_id: int = 1
     last_shared_s: float = -math.inf

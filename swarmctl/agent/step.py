@@ -60,18 +60,22 @@ def _operator(state: AgentState, event: ev.OperatorCommand, _now: float) -> Step
     if state.phase in ON_GROUND:
         return replace(state, phase=Phase.DONE, outcome="not launched", pending=None), []
     phase = Phase.HOLDING if order is ev.Order.HOLD else Phase.LEAVING
-    return replace(state, phase=phase, pending=None, dirty=False, outcome=f"{order} ordered"), [
-        ev.Command(order)
-    ]
+    return _command(replace(state, phase=phase, pending=None, dirty=False, outcome=f"{order} ordered"), order)
+
+
+def _command(state: AgentState, order: ev.Order) -> Step:
+    return replace(state, ordered=order, order_seen=False), [ev.Command(order)]
 
 
 def _launch_if_possible(state: AgentState) -> Step:
     if state.phase is Phase.STANDBY and state.launch_ordered and state.pending is None:
-        return replace(state, phase=Phase.LAUNCHING), [ev.Command(ev.Order.LAUNCH)]
+        return _command(replace(state, phase=Phase.LAUNCHING), ev.Order.LAUNCH)
     return state, []
 
 
 def _order_done(state: AgentState, event: ev.OrderDone, _now: float) -> Step:
+    if event.order is state.ordered:
+        state = replace(state, order_seen=True)
     if event.order is ev.Order.LAUNCH and state.phase is Phase.LAUNCHING:
         return replace(state, phase=Phase.FLYING), []
     return state, []
@@ -84,10 +88,10 @@ def _order_failed(state: AgentState, event: ev.OrderFailed, _now: float) -> Step
         return replace(state, outcome=reason), []
     if state.phase is not Phase.LAUNCHING:
         return state, []
-    if not state.vehicle.armed:
+    if not state.vehicle.armed and not state.lost:
         return replace(state, phase=Phase.FAILED, outcome=reason), []
-    # Armed and not seen to climb: it must not be left to itself.
-    return replace(state, phase=Phase.LEAVING, given_up=True, outcome=reason), [ev.Command(ev.Order.LAND)]
+    # Armed, as far as is known, and not seen to climb: it must not be left to itself.
+    return _command(replace(state, phase=Phase.LEAVING, given_up=True, outcome=reason), ev.Order.LAND)
 
 
 # --- what the vehicle, its sensor and the others say
@@ -100,7 +104,11 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, _now: float) -> S
     state = _moved(state, vehicle)
     if state.phase in IN_FLIGHT and not vehicle.armed:
         state = _touched_down(state)
-    elif state.phase in (Phase.FLYING, Phase.LANDING) and not vehicle.under_our_control:
+    elif (
+        state.phase in (Phase.FLYING, Phase.LANDING)
+        and state.ordered is ev.Order.LAUNCH
+        and not vehicle.under_our_control
+    ):
         reason = f"in mode {vehicle.mode}, which nobody here has ordered; let go"
         state = replace(state, phase=Phase.RELEASED, dirty=False, outcome=reason)
     elif state.phase is Phase.FLYING and state.cell in state.task.goals:
@@ -199,7 +207,11 @@ def _link_lost(state: AgentState, _event: ev.LinkLost, _now: float) -> Step:
 
 
 def _link_restored(state: AgentState, _event: ev.LinkRestored, _now: float) -> Step:
-    return replace(state, lost=False), []
+    state = replace(state, lost=False)
+    if state.phase in IN_FLIGHT and state.ordered not in (None, ev.Order.LAUNCH) and not state.order_seen:
+        # What it was told while nobody could reach it still holds.
+        return state, [ev.Command(state.ordered)]
+    return state, []
 
 
 # --- deciding
@@ -232,11 +244,11 @@ def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> S
         return replace(state, phase=Phase.FAILED), []
     if state.phase is Phase.LANDING and event.flying != "old":
         # Over its goal and standing still: there is nothing left to plan.
-        return state, [ev.Command(ev.Order.LAND)]
+        return _command(state, ev.Order.LAND)
     if state.phase is not Phase.FLYING:
         return state, []
     if state.failed_swaps >= MAX_FAILED_SWAPS:
-        return replace(state, phase=Phase.LEAVING, given_up=True), [ev.Command(state.task.fallback)]
+        return _command(replace(state, phase=Phase.LEAVING, given_up=True), state.task.fallback)
     # Decide again with all that is known by then. Unless it flies the old plan, any plan is better than none.
     return replace(
         state,
