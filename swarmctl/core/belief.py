@@ -82,7 +82,8 @@ class Belief:
         known = self.known.copy()
         for observation in news:
             for row, col, occupied in observation.cells:
-                # UNKNOWN < CLEAR < OCCUPIED: the greatest of all that was said, in whatever order it was.
+                # DEVIATION: the paper's sensors never contradict each other. Where observations do, occupied
+                # wins: UNKNOWN < CLEAR < OCCUPIED, the greatest of all that was said, in whatever order.
                 known[row, col] = max(int(known[row, col]), OCCUPIED if occupied else CLEAR)
         known.flags.writeable = False
         return Belief(self.n_hostiles, known, seen)
@@ -102,11 +103,6 @@ class Belief:
         """More hostiles were found than announced."""
         return self.n_found > self.n_hostiles
 
-    @property
-    def announced_too_high(self) -> bool:
-        """The hostiles still missing would not fit into the cells not seen yet."""
-        return self.n_hostiles - self.n_found > self.known.size - self.n_observed
-
     def occupancy(self) -> NDArray[np.float64]:
         """p_O, the probability that a hostile holds a cell: Eq. 4, shape (rows, cols), in [0, 1]."""
         unseen = self.known.size - self.n_observed  # n_C - v
@@ -120,10 +116,6 @@ class Belief:
             by_seq = self._seen[observer]
             for seq in sorted(by_seq):
                 yield by_seq[seq]
-
-    def newest_seq(self, observer: int) -> int | None:
-        """The greatest seq held of this observer, None if it was never heard."""
-        return max(self._seen.get(observer, {}), default=None)
 
     def n_cells_from(self, observer: int) -> int:
         """How many different cells this observer has told of."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from itertools import pairwise
 
 from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Cell, Grid
@@ -21,7 +20,7 @@ LANDING_SPACING_M = 12.0
 def thin(cells: Sequence[Cell]) -> tuple[Cell, ...]:
     """The ends and the turns of a route over neighbouring cells: what lies straight between them is left out.
 
-    The track from centre to centre covers the same cells as before (`cells_under_track`).
+    The track from centre to centre covers the same cells as before.
     """
     if len(cells) < 3:
         return tuple(cells)
@@ -31,23 +30,6 @@ def thin(cells: Sequence[Cell]) -> tuple[Cell, ...]:
         if _step(before, here) != _step(here, after)
     )
     return (cells[0], *turns, cells[-1])
-
-
-def cells_under_track(turns: Sequence[Cell]) -> tuple[Cell, ...]:
-    """The cells under a track of straight or diagonal legs between the centres of `turns`, in flown order.
-
-    A diagonal leg passes through the corners that its cells share and covers no cell beside them.
-    """
-    covered = list(turns[:1])
-    for here, there in pairwise(turns):
-        d_row, d_col = there[0] - here[0], there[1] - here[1]
-        n_steps = max(abs(d_row), abs(d_col))
-        if not (d_row == 0 or d_col == 0 or abs(d_row) == abs(d_col)):
-            raise ValueError(f"the leg {here} to {there} is neither straight nor diagonal")
-        covered += [
-            (here[0] + k * d_row // n_steps, here[1] + k * d_col // n_steps) for k in range(1, n_steps + 1)
-        ]
-    return tuple(covered)
 
 
 def flight_plan(

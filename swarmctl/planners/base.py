@@ -27,11 +27,14 @@ class Problem:
     """Find the best way from `start` to one of `goals`. Raises BadProblem where that is no question."""
 
     exposure: NDArray[np.float64]
-    """P_s, shape (rows, cols), not negative; an infinite one is a wall that nobody may enter"""
+    """P_s, shape (rows, cols), not negative; an infinite one is a wall that nobody may enter, nor pass its
+    corner diagonally; a start in a wall may be left in any direction"""
     start: Cell
     goals: tuple[Cell, ...]
     w: float
     """distance anxiety in [0, 1]: 0 is the shortest route, 1 the least exposed one"""
+    # ERRATUM: a paragraph of the paper's results swaps the two ("for w = 0 the paths with least ...
+    # probability sums, but with maximum distances"). Eq. 5 and section 3 decide.
     psi_per_cell: float
     """ψ, what one cell of way costs"""
 

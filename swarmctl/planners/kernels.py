@@ -99,6 +99,16 @@ def _offsets(width: int) -> Ints:
 
 
 @njit(nogil=True, cache=True)
+def _squeezes(enter: Floats, offsets: Ints, m: int, k: int) -> bool:
+    """Whether the diagonal step from m in direction k (4 to 7) leads past the corner of a wall."""
+    # DEVIATION: the paper's lattice has every diagonal edge. A vehicle of finite size that flies one passes
+    # over the corner of both cells beside it, so it is no way where either is a wall. Who stands in a wall
+    # may leave it all the same, in any direction: getting out comes first.
+    beside, other = m + offsets[k - 4], m + offsets[(k - 3) & 3]
+    return bool(enter[m] != np.inf and (enter[beside] == np.inf or enter[other] == np.inf))
+
+
+@njit(nogil=True, cache=True)
 def _sift_up(heap: Ints, place: Ints, slot: int, cost: Floats, length: Floats) -> None:
     """Moves the cell in `slot` up to where no cell above it has a greater (cost, length)."""
     cell = heap[slot]
@@ -176,7 +186,7 @@ def _spread(
         through = cost[n] + enter[n]
         for k in range(8):
             m = n + offsets[k]
-            if place[m] == -2:
+            if place[m] == -2 or (k >= 4 and _squeezes(enter, offsets, m, k ^ 2)):  # k ^ 2: back from m to n
                 continue
             d = 1.0 if k < 4 else ROOT2
             new_cost = through + step * d  # Eq. 5
@@ -207,7 +217,11 @@ def _run_down(enter: Floats, step: float, width: int, start: int, cost: Floats, 
         for k in range(8):
             n = m + offsets[k]
             d = 1.0 if k < 4 else ROOT2
-            if cost[n] + enter[n] + step * d <= tie and length[n] + d < best_length - LENGTH_TIE:
+            if (
+                cost[n] + enter[n] + step * d <= tie
+                and length[n] + d < best_length - LENGTH_TIE
+                and not (k >= 4 and _squeezes(enter, offsets, m, k))
+            ):
                 best = n
                 best_length = length[n] + d
         m = best

@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import dijkstra as scipy_dijkstra
 from swarmctl.core.exposure import exposure, exposure_sum, length_cells
 from swarmctl.core.grid import Cell
 from swarmctl.core.threat import FiringStrength
-from swarmctl.planners import Problem, Route
+from swarmctl.planners import Problem, Route, Unreachable
 from swarmctl.planners.dijkstra import Params, cost_to_go, plan
 
 STEPS = [(r, c) for r in (-1, 0, 1) for c in (-1, 0, 1) if (r, c) != (0, 0)]
@@ -46,6 +46,12 @@ def test_five_by_five_of_the_model(
         assert found.length_cells == pytest.approx(length, abs=5e-7)
 
 
+def is_open(p_s: NDArray[np.float64], here: Cell, there: Cell) -> bool:
+    """No wall is entered, and none passed at its corner but out of one."""
+    beside = p_s[here[0], there[1]], p_s[there[0], here[1]]
+    return math.isfinite(p_s[there]) and (math.isinf(p_s[here]) or max(beside) < math.inf)
+
+
 def scipy_costs(
     p_s: NDArray[np.float64], goals: tuple[Cell, ...], w: float, psi: float
 ) -> NDArray[np.float64]:
@@ -56,7 +62,7 @@ def scipy_costs(
         for col in range(cols):
             for d_row, d_col in STEPS:
                 r, c = row + d_row, col + d_col
-                if 0 <= r < rows and 0 <= c < cols:
+                if 0 <= r < rows and 0 <= c < cols and is_open(p_s, (row, col), (r, c)):
                     d = ROOT2 if d_row and d_col else 1.0
                     # backwards: scipy searches from the goals. It drops edges of cost 0, hence the tiny one.
                     tails.append(r * cols + c)
@@ -69,7 +75,7 @@ def scipy_costs(
 
 @pytest.mark.parametrize("w", [0.0, 0.5, 1.0, None])
 @pytest.mark.parametrize("shape", [(1, 1), (1, 9), (9, 1), (2, 2), (7, 12), (20, 20), (33, 18)])
-@pytest.mark.parametrize("levels", ["random", "mostly zero", "all zero", "few"])
+@pytest.mark.parametrize("levels", ["random", "mostly zero", "all zero", "few", "walls"])
 def test_the_field_is_scipys(shape: tuple[int, int], w: float | None, levels: str) -> None:
     rng = np.random.default_rng([*shape, len(levels), 0 if w is None else int(10 * w) + 1])
     p_s = {
@@ -77,6 +83,7 @@ def test_the_field_is_scipys(shape: tuple[int, int], w: float | None, levels: st
         "mostly zero": rng.random(shape) * (rng.random(shape) < 0.2),
         "all zero": np.zeros(shape),
         "few": rng.choice([0.1, 0.2, 0.3], shape),
+        "walls": np.where(rng.random(shape) < 0.15, math.inf, rng.random(shape)),
     }[levels]
     w = float(rng.random()) if w is None else w
     psi = float(rng.choice([0.0, 0.132, 1.0]))
@@ -87,6 +94,10 @@ def test_the_field_is_scipys(shape: tuple[int, int], w: float | None, levels: st
     np.testing.assert_allclose(field.cost, scipy_costs(p_s, goals, w, psi), rtol=1e-11, atol=1e-250)
     for _ in range(5):
         start = (int(rng.integers(shape[0])), int(rng.integers(shape[1])))
+        if math.isinf(field.cost[start]):
+            with pytest.raises(Unreachable):
+                route(p_s, start, goals, w, psi)
+            continue
         found = route(p_s, start, goals, w, psi)
         assert found.cost == pytest.approx(field.cost[start], rel=1e-11, abs=1e-250)
         assert found.cost == pytest.approx(eq5(p_s, found.cells, w, psi), rel=1e-14)

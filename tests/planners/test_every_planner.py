@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -91,6 +92,24 @@ def test_walls_are_walked_round(planner: Planner) -> None:
     for w in (0.0, 0.5, 1.0):
         route = solve(planner, Problem(walled, (0, 0), ((0, 4),), w, 0.1))
         assert (2, 2) in route.cells
+
+
+@every_planner
+@QUICK
+@given(problem=problems(), data=st.data())
+def test_no_route_enters_a_wall_or_passes_the_corner_of_one(
+    planner: Planner, problem: Problem, data: st.DataObject
+) -> None:
+    cells = set(np.ndindex(*problem.exposure.shape)) - {problem.start}
+    walls = data.draw(st.sets(st.sampled_from(sorted(cells)))) if cells else set()
+    for wall in walls:
+        problem.exposure[wall] = math.inf
+    try:
+        route = solve(planner, problem)
+    except Unreachable:
+        return
+    for here, there in pairwise(route.cells):
+        assert not walls & {here, there, (here[0], there[1]), (there[0], here[1])}
 
 
 @every_planner
