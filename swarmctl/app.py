@@ -13,11 +13,12 @@ from pathlib import Path
 from typing import Any, Literal, Protocol
 
 from swarmctl import simulator
-from swarmctl.agent import AgentState
+from swarmctl.agent import ARRIVED, AgentState, Phase
 from swarmctl.bus.base import BusError, Transport
 from swarmctl.bus.memory import MemoryBus
 from swarmctl.bus.network import Network
 from swarmctl.bus.zenoh_bus import ZenohBus
+from swarmctl.core.events import Order
 from swarmctl.core.messages import Message
 from swarmctl.director import Director, Member, Permission, PreflightFailed, left_how
 from swarmctl.display import Picture, row
@@ -35,9 +36,11 @@ from swarmctl.summary import Ledger, summary
 from swarmctl.virtual import Carry, fleet_on, undisturbed
 
 Clock = Literal["real", "virtual"]
+Ending = Literal["ended", "stopped", "abandoned", "failed"]
 VIRTUAL_EPOCH_NS = 1_767_225_600 * 10**9
 """Virtual runs happen at the beginning of 2026, so that equal runs leave equal files."""
 REFRESH_S = 0.25
+LAST_RESORT_S = 10.0
 OFFLOAD_CELLS = 100_000
 """Areas of more cells are searched in a thread, so that the loop serves the links meanwhile."""
 
@@ -60,7 +63,7 @@ class Ui(Protocol):
 class Report:
     """How a flight ended."""
 
-    ended: Literal["ended", "stopped", "abandoned", "failed"]
+    ended: Ending
     trouble: tuple[str, ...]
     """what went wrong before or beside the flight"""
     left: tuple[str, ...]
@@ -68,10 +71,16 @@ class Report:
     states: dict[int, AgentState]
     ledger: Ledger
     summary: dict[str, Any]
+    bug: Exception | None = None
+    """what broke the flight and should not have been possible"""
+
+    @property
+    def arrived(self) -> int:
+        return sum(s.outcome == ARRIVED for s in self.states.values())
 
     @property
     def all_arrived(self) -> bool:
-        return bool(self.states) and all(s.outcome == "arrived" for s in self.states.values())
+        return bool(self.states) and self.arrived == len(self.states)
 
 
 @dataclass(slots=True)
@@ -93,8 +102,32 @@ class _Chatter:
     def sent(self, uav: int, message: Message, recipients: int, now: float) -> None:
         pass
 
-    def said(self, uav: int, text: str, now: float) -> None:
-        self.ui.log(f"{self.names[uav]}: {text}")
+    def said(self, uav: int, text: str, now: float, *, aloud: bool) -> None:
+        (self.ui.say if aloud else self.ui.log)(f"{self.names[uav]}: {text}")
+
+
+class _Steady:
+    """A face that may break (a closed pipe, a full disk) without taking the flight with it."""
+
+    def __init__(self, ui: Ui) -> None:
+        self._ui: Ui | None = ui
+
+    def say(self, text: str) -> None:
+        self._show("say", text)
+
+    def log(self, text: str) -> None:
+        self._show("log", text)
+
+    def refresh(self, picture: Picture) -> None:
+        self._show("refresh", picture)
+
+    def _show(self, how: str, what: Any) -> None:
+        if self._ui is None:
+            return
+        try:
+            getattr(self._ui, how)(what)
+        except (OSError, ValueError, SystemExit):  # Rich exits where standard output is closed
+            self._ui = None
 
 
 async def fly(
@@ -110,27 +143,58 @@ async def fly(
     if clock == "real":
         scenario = _with_free_port(scenario)
     names = {task.uav: task.name for task in scenario.tasks}
-    began_s, ledger = time.monotonic(), Ledger()
+    began_s, ledger, face = time.monotonic(), Ledger(), _Steady(ui)
     members: list[Member] = []
     trouble: list[str] = []
-    ended: Literal["ended", "stopped", "abandoned", "failed"] = "failed"
-    async with contextlib.AsyncExitStack() as stack:
-        recorder = Recorder(folder / "run.mcap", scenario.config, names, _epoch_ns(clock))
-        stack.callback(recorder.close)
-        try:
-            async with _parts(scenario, folder, clock, carry) as (front_end, bus, played):
-                network = Network(bus, scenario.config.name, _reach(scenario))
-                observers = (recorder, ledger, _Chatter(ui, names))
-                members += _members(scenario, folder, front_end, network, observers, clock)
-                director = _director(scenario, members, ui, clock, permission)
-                ended = await _conduct(director, members, played, _show(members, ledger, ui, scenario))
-        except* EXPECTED as group:
-            for error in _leaves(group):
-                trouble += str(error).splitlines()
+    ended: Ending = "failed"
+    bug: Exception | None = None
+    recorder = Recorder(folder / "run.mcap", scenario.config, names, _epoch_ns(clock))
+    try:
+        async with _parts(scenario, folder, clock, carry) as (front_end, bus, played):
+            network = Network(bus, scenario.config.name, _reach(scenario))
+            observers = (recorder, ledger, _Chatter(face, names))
+            members += _members(scenario, folder, front_end, network, observers, clock)
+            director = _director(scenario, members, face, clock, permission)
+            show = _show(members, ledger, face, scenario)
+            try:
+                ended = await _conduct(director, members, played, face, show)
+            except Exception:
+                await _last_resort(members, played, Order(scenario.config.flight.on_exit), face)
+                raise
+    except Exception as error:  # noqa: BLE001 - whatever it was, the vehicles are accounted for
+        for leaf in _leaves(error):
+            if isinstance(leaf, EXPECTED):
+                trouble += str(leaf).splitlines()
+            else:
+                bug = error
+    finally:
+        recorder.close()
+    trouble += [recorder.trouble] if recorder.trouble else []
     states = {m.spec.sysid: m.state for m in members}
     wall_s = time.monotonic() - began_s if clock == "real" else None
     content = summary(scenario, states, ledger, clock=clock, wall_s=wall_s) if states else {}
-    return Report(ended, tuple(trouble), tuple(left_how(m) for m in members), states, ledger, content)
+    left = tuple(left_how(m) for m in members)
+    return Report(ended, tuple(trouble), left, states, ledger, content, bug)
+
+
+async def _last_resort(
+    members: Sequence[Member], played: asyncio.Task[None] | None, order: Order, ui: Ui
+) -> None:
+    """The flight is broken: nobody decides for the vehicles any more, so each is told to leave the air."""
+    reachable = [m for m in members if not (m.spec.simulated and played is not None and played.done())]
+    armed = [m for m in reachable if m.state.vehicle.armed and m.state.phase is not Phase.RELEASED]
+    if not armed:
+        return
+    ui.say(f"the flight is broken: {', '.join(m.name for m in armed)} to {order}")
+
+    async def bring(member: Member) -> None:
+        link = member.runner.link
+        action = {Order.HOLD: link.hold, Order.LAND: link.land}.get(order, link.return_home)
+        with contextlib.suppress(LinkError, TimeoutError):
+            async with asyncio.timeout(LAST_RESORT_S):
+                await action()
+
+    await asyncio.gather(*map(bring, armed))
 
 
 @contextlib.asynccontextmanager
@@ -163,10 +227,9 @@ async def _parts(
             await asyncio.to_thread(warm_up)
         else:
             warm_up()
-        communication = scenario.config.communication
         bus: Transport
-        if communication.bus == "zenoh" and clock == "real":
-            bus = stack.enter_context(ZenohBus(communication.connect, communication.listen))
+        if scenario.config.communication.bus == "zenoh" and clock == "real":
+            bus = stack.enter_context(ZenohBus())
         else:
             bus = MemoryBus()
         yield front_end, bus, played
@@ -229,6 +292,7 @@ async def _conduct(
     director: Director,
     members: Sequence[Member],
     played: asyncio.Task[None] | None,
+    ui: Ui,
     show: Coroutine[Any, Any, None],
 ) -> Literal["ended", "stopped", "abandoned"]:
     """Everything that runs during a flight, under one task group; ends when the director does."""
@@ -238,7 +302,7 @@ async def _conduct(
         helpers.append(tasks.create_task(show))
         helpers.append(tasks.create_task(_any_bug()))
         if played is not None:
-            helpers.append(tasks.create_task(_until_it_fails(played)))
+            helpers.append(tasks.create_task(_until_it_fails(played, members, ui)))
         flight = asyncio.create_task(director.fly())
 
         def interrupted() -> None:
@@ -268,8 +332,9 @@ async def _any_bug() -> None:
     bug: asyncio.Future[None] = loop.create_future()
 
     def caught(_loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-        if not bug.done():
-            bug.set_exception(context.get("exception") or RuntimeError(context["message"]))
+        error = context.get("exception")
+        if error is not None and not bug.done():
+            bug.set_exception(error)
 
     loop.set_exception_handler(caught)
     try:
@@ -278,8 +343,13 @@ async def _any_bug() -> None:
         loop.set_exception_handler(None)
 
 
-async def _until_it_fails(played: asyncio.Task[None]) -> None:
-    await asyncio.shield(played)
+async def _until_it_fails(played: asyncio.Task[None], members: Sequence[Member], ui: Ui) -> None:
+    try:
+        await asyncio.shield(played)
+    except simulator.SimulatorFailed as error:
+        if all(m.spec.simulated for m in members):
+            raise
+        ui.say(f"{error}; the vehicles that are not simulated fly on")
 
 
 async def _ended(task: asyncio.Task[Any]) -> None:
@@ -291,7 +361,7 @@ async def _ended(task: asyncio.Task[Any]) -> None:
 def _signals(interrupted: Any) -> Iterator[None]:
     """Ctrl-C and a polite kill ask for an orderly end; a second one for leaving at once."""
     loop = asyncio.get_running_loop()
-    wanted = (signal.SIGINT, signal.SIGTERM)
+    wanted = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     try:
         for number in wanted:
             loop.add_signal_handler(number, interrupted)
@@ -325,12 +395,12 @@ async def _show(members: Sequence[Member], ledger: Ledger, ui: Ui, scenario: Sce
         refresh()  # the last picture is of the end
 
 
-def _leaves(group: BaseExceptionGroup[Any]) -> Iterator[BaseException]:
-    for error in group.exceptions:
-        if isinstance(error, BaseExceptionGroup):
-            yield from _leaves(error)
-        else:
-            yield error
+def _leaves(error: BaseException) -> Iterator[BaseException]:
+    if isinstance(error, BaseExceptionGroup):
+        for part in error.exceptions:
+            yield from _leaves(part)
+    else:
+        yield error
 
 
 def _reach(scenario: Scenario) -> int | None:

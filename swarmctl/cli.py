@@ -20,14 +20,15 @@ import typer
 from rich import box
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from swarmctl import __version__, app, outputs, preflight, record
 from swarmctl.app import Report
 from swarmctl.clock import run_virtual
-from swarmctl.config import Config, ConfigError, Problem, load
+from swarmctl.config import Config, ConfigError, load
 from swarmctl.director import Member, Permission, PreflightFailed
 from swarmctl.planners import Route
-from swarmctl.scenario import Scenario, build, judge, judge_routes
+from swarmctl.scenario import Scenario, build, judge
 from swarmctl.terminal import LiveTable, PlainLines, Terminal
 
 OK, EXPECTED, USAGE, BUG, INTERRUPTED = 0, 1, 2, 3, 130
@@ -105,9 +106,12 @@ def fly(
     with terminal.shown():
         flight = app.fly(scenario, folder, terminal, clock=clock.value, permission=_permission(allowed))
         report = run_virtual(flight) if clock is Clock.VIRTUAL else asyncio.run(flight)
-    if report.states:
-        outputs.write_run(folder, scenario, report)
+    trouble = _written(folder, scenario, report)
     _tell(report, folder)
+    if trouble:
+        _fail([trouble], EXPECTED)
+    if report.bug is not None:
+        raise report.bug
     if report.ended in ("stopped", "abandoned"):
         raise typer.Exit(INTERRUPTED)
     if report.trouble or not report.all_arrived:
@@ -184,14 +188,9 @@ def main() -> None:
 
 def _scenario(path: Path) -> Scenario:
     try:
-        config = load(path, judge)
-        scenario = build(config)
-        wrong: list[Problem] = list(judge_routes(scenario))
+        return build(load(path, judge))
     except ConfigError as error:
         _fail(error.lines, USAGE)
-    if wrong:
-        _fail([f"{path}: {problem.text}" for problem in wrong], USAGE)
-    return scenario
 
 
 def _fail(lines: Sequence[str], code: int) -> NoReturn:
@@ -284,12 +283,21 @@ def _tell(report: Report, folder: Path) -> None:
             out.print("left at once, without waiting for any vehicle:", style="yellow", highlight=False)
         for text in report.left:
             out.print(text, highlight=False, markup=False, soft_wrap=True)
-    arrived = sum(s.outcome == "arrived" for s in report.states.values())
     if report.ended == "failed":
         out.print("nothing was flown to the end; see above", highlight=False)
     else:
-        out.print(f"{arrived} of {len(report.states)} arrived", highlight=False)
+        out.print(f"{report.arrived} of {len(report.states)} arrived", highlight=False)
     out.print(f"run folder: {folder}", highlight=False, soft_wrap=True)
+
+
+def _written(folder: Path, scenario: Scenario, report: Report) -> str:
+    """Writes what a run leaves for people; returns what went wrong with it."""
+    try:
+        if report.states:
+            outputs.write_run(folder, scenario, report)
+    except OSError as error:
+        return f"{folder}: the run's files could not be written: {error.strerror or error}"
+    return ""
 
 
 def _summary_table(report: Report) -> Table:
@@ -309,6 +317,6 @@ def _summary_table(report: Report) -> Table:
             str(v["strikes"]),
             str(v["replans"]),
             str(v["messages_sent"]),
-            v["outcome"],
+            Text(v["outcome"]),
         )
     return grid

@@ -100,8 +100,6 @@ class Communication(_Section):
     penalty_per_m: float = Field(
         0.0, ge=0.0, description="cost of communicating a metre flown; reported only"
     )
-    connect: tuple[str, ...] = Field((), description="Zenoh endpoints to connect to, e.g. tcp/10.0.0.1:7447")
-    listen: tuple[str, ...] = Field((), description="Zenoh endpoints to listen at")
 
 
 class Flight(_Section):
@@ -123,7 +121,7 @@ class Simulate(_Section):
     """Vehicles in software, started and stopped with the flight, spread along a side of the area."""
 
     count: int = Field(ge=1, le=250)
-    speedup: float = Field(1.0, ge=0.1, le=100.0, description="simulated seconds in a real one")
+    speedup: float = Field(1.0, ge=1.0, le=100.0, description="simulated seconds in a real one")
     url: Annotated[str, AfterValidator(_url)] = Field(
         "udpin://127.0.0.1:0", description="where the ground station listens for them; port 0: any free one"
     )

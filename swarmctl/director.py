@@ -15,6 +15,7 @@ from swarmctl.agent import IN_FLIGHT, AgentState, Phase
 from swarmctl.config import Flight
 from swarmctl.core import events as ev
 from swarmctl.core.geo import distance_m
+from swarmctl.core.vehicle import Landed
 from swarmctl.links.base import Identity, LinkError
 from swarmctl.runner import Runner
 from swarmctl.scenario import Spec
@@ -93,6 +94,22 @@ class Director:
 
     async def _fly(self) -> None:
         await self._all(self._connect)
+        self._permit()
+        await self._all(self._make_ready)
+        lost = [m for m in self._members if m.state.lost]
+        if lost:
+            raise PreflightFailed([left_how(m) for m in lost])
+        self._say("every vehicle holds its mission, read back and compared; launching")
+        async with asyncio.TaskGroup() as launches:
+            for member in self._members:
+                launches.create_task(self._launch(member))
+        await self._until(self._is_over, self._members)
+
+    def _permit(self) -> None:
+        """Who each vehicle is decides what it may be sent from here on. Raises PreflightFailed."""
+        rivals = [m for m in self._members if m.runner.conflict]
+        if rivals:
+            raise PreflightFailed([f"{m.name}: {m.runner.conflict}; give each its own" for m in rivals])
         foreign = [m for m in self._members if m.identity is None or not m.identity.simulated]
         impostors = [m for m in foreign if m.spec.simulated]
         if impostors:
@@ -100,17 +117,7 @@ class Director:
         if foreign:
             self._permission(foreign)
         for member in self._members:
-            member.runner.may_arm = True
-        await self._all(self._prepare)
-        await self._until(lambda m: m.state.phase is Phase.STANDBY or m.state.ended, self._members)
-        failed = [m for m in self._members if m.state.phase is Phase.FAILED]
-        if failed:
-            raise PreflightFailed([f"{m.name}: {m.state.outcome}" for m in failed])
-        self._say("every vehicle holds its mission, read back and compared; launching")
-        async with asyncio.TaskGroup() as launches:
-            for member in self._members:
-                launches.create_task(self._launch(member))
-            launches.create_task(self._until(self._is_over, self._members))
+            member.runner.armable = member.identity
 
     async def _all(self, act: Callable[[Member], Coroutine[None, None, None]]) -> None:
         """One preflight step on every member at once; all failures in one report."""
@@ -125,6 +132,20 @@ class Director:
     async def _connect(self, member: Member) -> None:
         member.identity = await member.runner.link.connect(self._flight.connect_timeout_s)
         self._say(f"{member.name}: system {member.identity.sysid} answers, {member.identity.firmware}")
+
+    async def _make_ready(self, member: Member) -> None:
+        """Until it holds a verified mission; begins again where it boots anew meanwhile."""
+        while not (member.state.phase is Phase.STANDBY or member.state.ended):
+            await self._prepare(member)
+            member.runner.post(ev.Ready())
+            await self._until(lambda m: m.state.phase is not Phase.WAITING or m.state.lost, [member])
+            await self._until(lambda m: m.state.phase is not Phase.UPLOADING or m.state.lost, [member])
+            if member.state.lost:
+                break
+        if member.state.ended:
+            raise PreflightFailed([f"{member.name}: {member.state.outcome}"])
+        if member.state.lost:
+            raise PreflightFailed([left_how(member)])
 
     async def _prepare(self, member: Member) -> None:
         clock = asyncio.get_running_loop().time
@@ -146,10 +167,16 @@ class Director:
         away_m = distance_m((where.lat_deg, where.lon_deg), member.spec.start)
         if away_m > START_TOLERANCE_M:
             raise PreflightFailed([_misplaced(member, away_m)])
-        member.runner.post(ev.Ready())
 
     async def _launch(self, member: Member) -> None:
+        """After its delay, during which it may have booted anew, fallen silent, or been taken over."""
         await asyncio.sleep(member.spec.delay_s * self._seconds_per_delay)
+        try:
+            await self._make_ready(member)
+        except (LinkError, PreflightFailed) as error:
+            self._say(f"{error}; it stays on the ground")
+            member.runner.post(ev.OperatorCommand(ev.Order.HOLD))
+            return
         member.runner.post(ev.OperatorCommand(ev.Order.LAUNCH))
 
     def _is_over(self, member: Member) -> bool:
@@ -162,7 +189,7 @@ class Director:
         ]
         self._say(f"stopping: {_names(in_flight) or 'no vehicle'} in flight to hold")
         self._order(self._members, ev.Order.HOLD)
-        await self._within(HOLD_DEADLINE_S, lambda m: m.runner.holds or m.state.ended, in_flight)
+        await self._within(HOLD_DEADLINE_S, _holds, in_flight)
         if self._flight.on_exit == "hold":
             return
         flying = [m for m in in_flight if not m.state.ended]
@@ -190,6 +217,12 @@ class Director:
             await asyncio.sleep(0.1)
 
 
+def _holds(member: Member) -> bool:
+    """It follows the order to hold, or has something better to do: it is down, or on its way down."""
+    state = member.state
+    return (state.phase is Phase.HOLDING and state.order_seen) or state.ended or state.launch_aborted
+
+
 async def _cancelled(*tasks: asyncio.Task[object] | asyncio.Task[None]) -> None:
     for task in tasks:
         task.cancel()
@@ -198,16 +231,20 @@ async def _cancelled(*tasks: asyncio.Task[object] | asyncio.Task[None]) -> None:
 
 def left_how(member: Member) -> str:
     """How a vehicle was left, for whoever has to fetch it."""
-    state, vehicle = member.state, member.state.vehicle
+    state, vehicle = member.state, member.runner.link.state()
+    age_s = member.runner.link.age_s()
+    if age_s == float("inf"):
+        return f"{member.name}: never heard"
     if state.lost:
-        age_s = member.runner.link.age_s()
         return f"{member.name}: lost, last heard {age_s:.0f} s ago in mode {vehicle.mode or '?'}"
-    if state.ended and not vehicle.armed:
+    if state.ended and not vehicle.armed and state.outcome:
         return f"{member.name}: {state.outcome}"
     if not vehicle.armed:
         return f"{member.name}: on the ground, disarmed"
     height = "at unknown height" if vehicle.alt_rel_m is None else f"{vehicle.alt_rel_m:.0f} m above home"
-    return f"{member.name}: in the air, {height}, mode {vehicle.mode or '?'} ({state.outcome or state.phase})"
+    where = "armed on the ground" if vehicle.landed is Landed.ON_GROUND else f"in the air, {height}"
+    how = state.outcome or state.trouble or state.phase
+    return f"{member.name}: {where}, mode {vehicle.mode or '?'} ({how})"
 
 
 def _names(members: Sequence[Member]) -> str:

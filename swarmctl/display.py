@@ -10,7 +10,7 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from swarmctl.agent import AgentState, Phase
+from swarmctl.agent import ARRIVED, AgentState, Phase
 
 BAR = 10
 WIDE = 92
@@ -76,12 +76,12 @@ def row(state: AgentState, age_s: float, note: str = "") -> Row:
         replans=state.replans,
         strikes=state.vehicle.strikes,
         link=_link(state, age_s),
-        note=note or state.outcome,
+        note=note or state.outcome or state.trouble,
     )
 
 
 def _progress(state: AgentState) -> float:
-    if state.phase in (Phase.DONE, Phase.LANDING) and state.outcome in ("", "arrived"):
+    if state.phase is Phase.LANDING or state.outcome == ARRIVED:
         return 1.0
     if state.route is None or len(state.route.cells) < 2 or not state.flown_cells:
         return 0.0
@@ -123,9 +123,7 @@ def table(picture: Picture, width: int) -> Group:
             Text(str(r.strikes), style="red" if r.strikes else ""),
             Text(r.link, style="" if r.link == "ok" else "red"),
         )
-    notes = [
-        Text(f"{r.name}: {r.note}", style="yellow") for r in picture.rows if r.note not in ("", "arrived")
-    ]
+    notes = [Text(f"{r.name}: {r.note}", style="yellow") for r in picture.rows if r.note not in ("", ARRIVED)]
     return Group(head, grid, *notes)
 
 

@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import json
-from functools import reduce
 from pathlib import Path
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from swarmctl.agent import Task, first_route
 from swarmctl.app import Report
@@ -19,6 +15,7 @@ from swarmctl.picture import MapPicture, PlannedTrack, VehicleTrack, draw_map
 from swarmctl.planfile import plan_json
 from swarmctl.planners import Route
 from swarmctl.scenario import Scenario, Spec
+from swarmctl.summary import known_to_any
 
 PLAN_WEIGHTS = (0.0, 0.5, 1.0)
 
@@ -27,9 +24,9 @@ def write_run(folder: Path, scenario: Scenario, report: Report) -> None:
     """`summary.json`, one `.plan` a vehicle that held a mission, and `map.png`."""
     _write_json(folder / "summary.json", {**report.summary, "ended": report.ended, "trouble": report.trouble})
     for spec in scenario.specs:
-        route = report.states[spec.sysid].route
-        if route is not None:
-            _write_plan(folder / f"{spec.name}.plan", scenario, spec, route.plan)
+        accepted = report.states[spec.sysid].accepted
+        if accepted is not None:
+            _write_plan(folder / f"{spec.name}.plan", scenario, spec, accepted.plan)
     draw_map(folder / "map.png", _flown_picture(scenario, report))
 
 
@@ -105,17 +102,11 @@ def _flown_picture(scenario: Scenario, report: Report) -> MapPicture:
     return MapPicture(
         grid=scenario.grid,
         hostiles=scenario.hostiles,
-        known=_known_at_the_end(scenario, report),
+        known=known_to_any(scenario, report.states),
         tracks=tracks,
         title=scenario.config.name,
         subtitle=_facts(scenario),
     )
-
-
-def _known_at_the_end(scenario: Scenario, report: Report) -> NDArray[np.int8]:
-    """What any vehicle knew: beliefs merge by union, and UNKNOWN < CLEAR < OCCUPIED."""
-    known = [state.belief.known for state in report.states.values()]
-    return reduce(np.maximum, known, scenario.prior.known)
 
 
 def _facts(scenario: Scenario, weights: Any = None) -> str:
@@ -129,4 +120,6 @@ def _facts(scenario: Scenario, weights: Any = None) -> str:
 
 
 def _write_json(path: Path, content: dict[str, Any]) -> None:
-    path.write_text(json.dumps(content, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    path.write_text(
+        json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8"
+    )

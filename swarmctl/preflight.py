@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import os
 import socket
 from collections.abc import Iterator
 from pathlib import Path
@@ -48,10 +49,6 @@ def _cure(endpoint: Endpoint, error: OSError) -> str:
 
 
 def _folder_trouble(runs: Path) -> Iterator[str]:
-    try:
-        runs.mkdir(parents=True, exist_ok=True)
-        probe = runs / ".writable"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        yield f"the run folder {runs} cannot be written to: {error.strerror or error}; choose one with --out"
+    there = next(folder for folder in (runs, *runs.absolute().parents) if folder.exists())
+    if not (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):
+        yield f"the run folder {runs} cannot be made or written to ({there}); choose another with --out"

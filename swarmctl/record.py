@@ -25,6 +25,8 @@ from swarmctl.core.messages import Message
 from swarmctl.scenario import build
 
 FORMAT = 1
+CHUNK_BYTES = 1 << 16
+"""What a crash may cost; a run that is cut off keeps all chunks before."""
 
 LOCATION_FIX = {
     "title": "foxglove.LocationFix",
@@ -71,8 +73,11 @@ class Recorder:
     """Writes one `run.mcap`; an `Observer` of runners. Close it, or the file has no index."""
 
     def __init__(self, path: Path, config: Config, names: dict[int, str], epoch_ns: int) -> None:
+        self.trouble = ""
+        """why it ends early: a disk that is full costs the record, not the flight"""
+        self._path = path
         self._file = path.open("wb")
-        self._writer = Writer(self._file)
+        self._writer = Writer(self._file, chunk_size=CHUNK_BYTES)
         self._writer.start(profile="", library=f"swarmctl {__version__}")
         # The configuration is what a replay builds its agents from.
         self._writer.add_metadata(
@@ -86,8 +91,12 @@ class Recorder:
         self._channels: dict[str, int] = {}
 
     def close(self) -> None:
-        self._writer.finish()  # type: ignore[no-untyped-call]
-        self._file.close()
+        try:
+            if not self.trouble:
+                self._writer.finish()  # type: ignore[no-untyped-call]
+            self._file.close()
+        except OSError as error:
+            self._broken(error)
 
     def folded(
         self, before: AgentState, event: ev.Event, after: AgentState, effects: list[ev.Effect], now: float
@@ -102,7 +111,7 @@ class Recorder:
     def sent(self, uav: int, message: Message, recipients: int, now: float) -> None:
         self._write(uav, f"bus/{type(message).__name__}", BusRecord(now, recipients, message), now)
 
-    def said(self, uav: int, text: str, now: float) -> None:
+    def said(self, uav: int, text: str, now: float, *, aloud: bool) -> None:
         self._write(uav, "text", TextRecord(now, text), now)
 
     def _location(self, uav: int, event: ev.TelemetryReceived, now: float) -> None:
@@ -131,14 +140,20 @@ class Recorder:
         data: bytes,
         now: float,
     ) -> None:
-        channel = self._channels.get(topic)
-        if channel is None:
-            channel = self._channels[topic] = self._writer.register_channel(
-                topic, "json", self._schema(schema, definition)
-            )
-        time_ns = self._log_time(now)
-        self._writer.add_message(channel, time_ns, data, time_ns, self._sequence)
-        self._sequence += 1
+        if self.trouble:
+            return
+        try:
+            if topic not in self._channels:
+                schema_id = self._schema(schema, definition)
+                self._channels[topic] = self._writer.register_channel(topic, "json", schema_id)
+            time_ns = self._log_time(now)
+            self._writer.add_message(self._channels[topic], time_ns, data, time_ns, self._sequence)
+            self._sequence += 1
+        except OSError as error:
+            self._broken(error)
+
+    def _broken(self, error: OSError) -> None:
+        self.trouble = f"{self._path}: the record ends here: {error.strerror or error}"
 
     def _schema(self, name: str, definition: dict[str, Any] | type[msgspec.Struct]) -> int:
         if name not in self._schemas:
@@ -195,6 +210,9 @@ def replay(path: Path) -> Verdict:
             return Verdict(events, effects, text)
         events += 1
         states[name], expected[name] = agent.step(states[name], record.event, record.now_s)
+    for name, due in expected.items():
+        if due:
+            return Verdict(events, effects, f"{name} at the end: nothing recorded, now {due[0]}")
     return Verdict(events, effects, "")
 
 
@@ -210,7 +228,8 @@ def _read(path: Path) -> tuple[Config, list[tuple[str, EventRecord | EffectRecor
     except FileNotFoundError:
         raise RecordError(f"{path}: there is no such file; give a run folder that has a run.mcap") from None
     except (OSError, McapError, ValueError, msgspec.DecodeError) as error:
-        raise RecordError(f"{path}: cannot be read as a record: {error}") from error
+        reason = str(error) or f"it ends too early or is damaged ({type(error).__name__})"
+        raise RecordError(f"{path}: cannot be read as a record: {reason}") from error
 
 
 def _records(reader: Any) -> Iterator[tuple[str, EventRecord | EffectRecord]]:

@@ -18,10 +18,14 @@ from swarmctl.core.belief import Belief
 from swarmctl.core.messages import Message
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.links.base import (
+    AddressChanged,
+    Conflict,
+    Identity,
     Link,
     LinkError,
     LinkEvent,
     Lost,
+    Rebooted,
     Restored,
     StateChanged,
     SwapFailed,
@@ -31,6 +35,7 @@ from swarmctl.links.base import (
 from swarmctl.supervise import Backoff, retrying
 
 UPLOADS = Backoff(attempts=3, first_s=2.0)
+IDENTIFY_TIMEOUT_S = 15.0
 
 
 class Sensor(Protocol):
@@ -46,7 +51,7 @@ class Observer(Protocol):
 
     def sent(self, uav: int, message: Message, recipients: int, now: float) -> None: ...
 
-    def said(self, uav: int, text: str, now: float) -> None: ...
+    def said(self, uav: int, text: str, now: float, *, aloud: bool) -> None: ...
 
 
 class NotAllowed(RuntimeError):
@@ -69,10 +74,10 @@ class Runner:
     ) -> None:
         self.state = agent.begin(task, prior)
         self.link = link
-        self.may_arm = False
-        """set once identity and permission are established; nothing is launched without"""
-        self.holds = False
-        """the last order it was seen to follow was to hold"""
+        self.armable: Identity | None = None
+        """whom permission was given to arm; nobody else is launched at this address"""
+        self.conflict = ""
+        """another sender uses its system id"""
         self._sensor = sensor
         self._network = network
         self._observers = observers
@@ -98,6 +103,14 @@ class Runner:
                 self.post(ev.LinkLost(age_s))
             case Restored():
                 self.post(ev.LinkRestored())
+            case Rebooted():
+                self.post(ev.Rebooted())
+                self._tell("it has rebooted", aloud=True)
+            case Conflict(address):
+                self.conflict = f"another sender, at {address}, uses its system id {self.state.task.uav}"
+                self._tell(f"{self.conflict}; its frames are dropped", aloud=True)
+            case AddressChanged(address):
+                self._tell(f"speaks from {address} now", aloud=True)
             case Text(_, text):
                 self._tell(text)
             case _:
@@ -138,6 +151,9 @@ class Runner:
                 self._start(self._swap(effect), jobs)
             case ev.Command(order):
                 self._start(self._order(order), jobs)
+            case ev.Release():
+                if self._job is not None:
+                    self._job.cancel()
 
     def _start(self, work: Coroutine[Any, Any, None], jobs: asyncio.TaskGroup) -> None:
         """One job at a time; an order ends whatever runs, and the agent swaps only when nothing does."""
@@ -165,11 +181,8 @@ class Runner:
             self.post(ev.MissionAccepted(swap.plan_id))
 
     async def _order(self, order: ev.Order) -> None:
-        if order is ev.Order.LAUNCH and not self.may_arm:
-            raise NotAllowed(f"{self.state.task.name}: launch without permission to arm")
-        self.holds = False
         actions: dict[ev.Order, Callable[[], Coroutine[Any, Any, None]]] = {
-            ev.Order.LAUNCH: self.link.launch,
+            ev.Order.LAUNCH: self._launch,
             ev.Order.HOLD: self.link.hold,
             ev.Order.RETURN: self.link.return_home,
             ev.Order.LAND: self.link.land,
@@ -179,10 +192,24 @@ class Runner:
         except LinkError as error:
             self.post(ev.OrderFailed(order, str(error)))
         else:
-            self.holds = order is ev.Order.HOLD
             self.post(ev.OrderDone(order))
 
-    def _tell(self, text: str) -> None:
+    async def _launch(self) -> None:
+        if self.armable is None:
+            raise NotAllowed(f"{self.state.task.name}: launch without permission to arm")
+        found = await self.link.identify(IDENTIFY_TIMEOUT_S)
+        if found != self.armable:
+            raise LinkError(
+                f"{self.state.task.name}: another vehicle answers than the one that may be armed: "
+                f"expected {_identity(self.armable)}, found {_identity(found)}"
+            )
+        await self.link.launch()
+
+    def _tell(self, text: str, *, aloud: bool = False) -> None:
         now = asyncio.get_running_loop().time()
         for observer in self._observers:
-            observer.said(self.state.task.uav, text, now)
+            observer.said(self.state.task.uav, text, now, aloud=aloud)
+
+
+def _identity(identity: Identity) -> str:
+    return f"{identity.firmware}, uid {identity.uid2.hex()}"

@@ -20,6 +20,9 @@ from swarmctl.links.url import parse_url
 from swarmctl.planners import PLANNERS, Unreachable
 from swarmctl.yaml_lines import Path as KeyPath
 
+MAX_ALTITUDE_M = 1000.0
+MIN_LANDING_APART_M = 3.0
+
 
 @dataclass(frozen=True, slots=True)
 class Spec:
@@ -56,12 +59,15 @@ class Scenario:
 
 
 def judge(config: Config) -> Iterator[Problem]:
-    """What is wrong across sections."""
+    """What is wrong across sections; how vehicles fly only where nothing else is wrong."""
     grid = _grid(config)
-    yield from _judge_threats(config, grid)
-    yield from _judge_vehicles(config, grid)
+    problems = [*_judge_threats(config, grid), *_judge_vehicles(config, grid)]
     if config.simulate is None and not config.vehicles:
-        yield Problem(("vehicles",), "no vehicle: give `simulate: {count: 5}` or a list of vehicles")
+        text = "no vehicle: give `simulate: {count: 5}` or a list of vehicles"
+        problems.append(Problem(("vehicles",), text))
+    yield from problems
+    if not problems:
+        yield from _judge_flights(build(config))
 
 
 def build(config: Config) -> Scenario:
@@ -78,17 +84,50 @@ def build(config: Config) -> Scenario:
     return Scenario(config, grid, strength, _hostiles(config), psi, specs, tasks)
 
 
-def judge_routes(scenario: Scenario) -> Iterator[Problem]:
-    """Vehicles that no route leads to their goal."""
-    n_simulated = config.count if (config := scenario.config.simulate) is not None else 0
-    for index, task in enumerate(scenario.tasks):
+def _judge_flights(scenario: Scenario) -> Iterator[Problem]:
+    simulate = scenario.config.simulate
+    n_simulated = simulate.count if simulate is not None else 0
+    for index, (spec, task) in enumerate(zip(scenario.specs, scenario.tasks, strict=True)):
+        here: KeyPath = ("simulate",) if index < n_simulated else ("vehicles", index - n_simulated)
+        yield from _judge_way_in(scenario, spec, here)
+        yield from _judge_landing(scenario, task, (*here, "goal"))
+        if spec.altitude_m > MAX_ALTITUDE_M:
+            text = f"{spec.name} would fly at {spec.altitude_m:g} m, above {MAX_ALTITUDE_M:g}; lower the step"
+            yield Problem(("flight", "altitude_step_m"), text)
         try:
             first_route(task, scenario.prior)
         except Unreachable as error:
-            path: KeyPath = (
-                ("simulate",) if index < n_simulated else ("vehicles", index - n_simulated, "goal")
-            )
-            yield Problem(path, f"{task.name} cannot reach its goal: {error}; open a way in area.no_fly")
+            text = f"{task.name} cannot reach its goal: {error}; open a way in area.no_fly"
+            yield Problem((*here, "goal"), text)
+
+
+def _judge_way_in(scenario: Scenario, spec: Spec, here: KeyPath) -> Iterator[Problem]:
+    """A vehicle flies straight from its start to its entry; no route was planned for that."""
+    grid = scenario.grid
+    (east_m, north_m), (to_east_m, to_north_m) = grid.frame.to_local(*spec.start), grid.centre_m(spec.entry)
+    n = 1 + math.ceil(20 * math.hypot(to_east_m - east_m, to_north_m - north_m) / grid.cell_size_m)
+    over: set[Cell] = set()
+    for k in range(n + 1):
+        east, north = east_m + (to_east_m - east_m) * k / n, north_m + (to_north_m - north_m) * k / n
+        cell = (math.floor(north / grid.cell_size_m), math.floor(east / grid.cell_size_m))
+        if grid.contains(cell):
+            over.add(cell)
+    forbidden = sorted(over & set(scenario.config.area.no_fly))
+    far = sorted(c for c in over if max(abs(c[0] - spec.entry[0]), abs(c[1] - spec.entry[1])) > 1)
+    key = (*here, "entry") if here[0] == "vehicles" else here
+    if forbidden:
+        text = f"{spec.name} would fly over {forbidden[0]} of area.no_fly on its way in to {spec.entry}"
+        yield Problem(key, f"{text}; give it another start or entry")
+    elif far and grid.cell_at(*spec.start) is None:
+        text = f"{spec.name} would cross the area over {far[0]} on its straight way in to {spec.entry}"
+        yield Problem(key, f"{text}; give it an entry on its own side")
+
+
+def _judge_landing(scenario: Scenario, task: Task, path: KeyPath) -> Iterator[Problem]:
+    apart_m = scenario.grid.cell_size_m / (math.isqrt(max(task.landing_count - 1, 0)) + 1)
+    if task.landing_count > 1 and apart_m < MIN_LANDING_APART_M:
+        text = f"{task.landing_count} vehicles that share goals would land {apart_m:.1f} m apart in one cell"
+        yield Problem(path, f"{text}, less than {MIN_LANDING_APART_M:g} m; give them goals of their own")
 
 
 def _grid(config: Config) -> Grid:
@@ -162,9 +201,12 @@ def _judge_entry(config: Config, grid: Grid, index: int) -> Iterator[Problem]:
         yield Problem((*here, "start"), f"it stands in cell {inside}, which is in area.no_fly")
     if vehicle.entry is not None:
         where: KeyPath = (*here, "entry")
+        if inside is not None:
+            yield Problem(where, f"it starts inside the area, in cell {inside}; leave entry away")
+            return
         if not grid.contains(vehicle.entry):
             yield from _outside(grid, [vehicle.entry], where, "entry", listed=False)
-        elif inside is None and not _on_border(grid, vehicle.entry):
+        elif not _on_border(grid, vehicle.entry):
             yield Problem(where, f"{vehicle.entry} is no border cell: it cannot be entered from outside")
         elif vehicle.entry in config.area.no_fly:
             yield Problem(where, f"{vehicle.entry} is in area.no_fly")
@@ -235,7 +277,8 @@ def _simulated(config: Config, grid: Grid) -> Iterator[Spec]:
     if simulate is None:
         return
     for i in range(simulate.count):
-        start = _beside(grid, simulate.start_side, (i + 0.5) / simulate.count, simulate.start_distance_m)
+        share = (i + 0.5) / simulate.count
+        start = _beside(grid, simulate.start_side, share, simulate.start_distance_m, simulate.count)
         entry = _entry(config, grid, start)
         assert entry is not None
         yield Spec(
@@ -259,9 +302,12 @@ def _simulated_goals(config: Config, grid: Grid, index: int) -> tuple[Cell, ...]
     return simulate.goal or (_border_cell(grid, simulate.goal_side, share),)
 
 
-def _beside(grid: Grid, side: Side, share: float, away_m: float) -> LatLon:
-    """A point `away_m` outside the middle of the border cell at `share` of a side's length."""
-    east_m, north_m = grid.centre_m(_border_cell(grid, side, share))
+def _beside(grid: Grid, side: Side, share: float, away_m: float, crowded: int) -> LatLon:
+    """A point `away_m` outside a side at `share` of its length, opposite the middle of a cell if that has
+    room for all."""
+    east_m, north_m = share * grid.width_m, share * grid.height_m
+    if crowded <= (grid.rows if side in ("west", "east") else grid.cols):
+        east_m, north_m = grid.centre_m(_border_cell(grid, side, share))
     match side:
         case "west":
             east_m = -away_m
@@ -315,8 +361,9 @@ def _tasks(
     params = planner.Params()
     no_fly = frozenset(config.area.no_fly)
     for index, spec in enumerate(specs):
-        # Vehicles whose target zones overlap may choose the same cell: each has a spot of its own there.
-        sharing = [i for i, other in enumerate(specs) if set(other.goals) & set(spec.goals)]
+        # DEVIATION: the paper's UAVs may share a place in the air and on the ground. Ours fly at altitudes of
+        # their own (`Spec.altitude_m`) and land apart.
+        sharing = _sharing(specs, index)
         yield Task(
             uav=spec.sysid,
             name=spec.name,
@@ -331,5 +378,17 @@ def _tasks(
             no_fly=no_fly,
             landing_index=sharing.index(index),
             landing_count=len(sharing),
-            fallback=Order(config.flight.on_exit),
+            # A vehicle given up comes down in any case: nobody is there to end a hold.
+            fallback=Order.LAND if config.flight.on_exit == "land" else Order.RETURN,
         )
+
+
+def _sharing(specs: tuple[Spec, ...], index: int) -> list[int]:
+    """Which vehicles have goals in common with this one, directly or by way of others: each needs a landing
+    spot that none of them has."""
+    group = {index}
+    goals = set(specs[index].goals)
+    while more := {i for i, s in enumerate(specs) if i not in group and goals & set(s.goals)}:
+        group |= more
+        goals |= {goal for i in more for goal in specs[i].goals}
+    return sorted(group)

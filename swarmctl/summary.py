@@ -5,14 +5,17 @@ from __future__ import annotations
 import platform
 from collections import defaultdict
 from dataclasses import dataclass, field
+from functools import reduce
 from importlib.metadata import version
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swarmctl import __version__
-from swarmctl.agent import AgentState
+from swarmctl.agent import ARRIVED, AgentState
 from swarmctl.core import events as ev
+from swarmctl.core.belief import OCCUPIED
 from swarmctl.core.geo import LatLon
 from swarmctl.core.messages import Message, ObservationShared
 from swarmctl.scenario import Scenario
@@ -69,7 +72,7 @@ class Ledger:
     def sent(self, uav: int, message: Message, recipients: int, now: float) -> None:
         self.vehicles[uav].messages_sent += recipients
 
-    def said(self, uav: int, text: str, now: float) -> None:
+    def said(self, uav: int, text: str, now: float, *, aloud: bool) -> None:
         pass
 
     def _moved(self, vehicle: VehicleLedger, before: AgentState, after: AgentState) -> None:
@@ -123,14 +126,15 @@ def summary(
         "clock": clock,
         "wall_time_s": wall_s,
         "versions": _versions(),
-        "arrived": sum(s.outcome == "arrived" for s in states.values()),
+        "arrived": sum(s.outcome == ARRIVED for s in states.values()),
         "hostiles": {
             "announced": scenario.config.threats.count,
             "true": len(scenario.hostiles),
-            "found": max((s.belief.n_found for s in states.values()), default=0),
+            "found": int(np.count_nonzero(known_to_any(scenario, states) == OCCUPIED)),
             "announced_count_was_too_low": any(s.belief.announced_too_low for s in states.values()),
         },
         "psi_per_cell": scenario.psi_per_cell,
+        "latency_clock": "simulated seconds" if clock == "virtual" else "wall seconds",
         "latency": ledger.latencies(),
         "vehicles": [_vehicle(scenario, states[t.uav], ledger) for t in scenario.tasks],
         "configuration": scenario.config.model_dump(mode="json"),
@@ -141,6 +145,11 @@ def summary(
     }
 
 
+def known_to_any(scenario: Scenario, states: dict[int, AgentState]) -> NDArray[np.int8]:
+    """What any vehicle knew: beliefs merge by union, and UNKNOWN < CLEAR < OCCUPIED."""
+    return reduce(np.maximum, (s.belief.known for s in states.values()), scenario.prior.known)
+
+
 def _vehicle(scenario: Scenario, state: AgentState, ledger: Ledger) -> dict[str, Any]:
     task, mine = state.task, ledger.vehicles[state.task.uav]
     own = state.belief.n_cells_from(task.uav)
@@ -148,12 +157,14 @@ def _vehicle(scenario: Scenario, state: AgentState, ledger: Ledger) -> dict[str,
         "name": task.name,
         "sysid": task.uav,
         "outcome": state.outcome or state.phase,
+        "trouble": state.trouble,
         "phase": state.phase,
         "flight_time_s": mine.flight_time_s,
         "flown_m": state.flown_m,
         "exposure_sum_at_decisions": state.flown_exposure,
         "safety_factor_at_decisions": state.flown_safety,
         "cells_entered": len(state.flown_cells),
+        "no_fly_cells_entered": state.no_fly_entered,
         "strikes": state.vehicle.strikes,
         "searches": state.searches,
         "replans": state.replans,

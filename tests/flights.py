@@ -48,12 +48,21 @@ def small(**sections: object) -> Scenario:
     return build(Config.model_validate({**content, **sections}))
 
 
-def fly(scenario: Scenario, folder: Path, *, carry: Carry = undisturbed, ui: Ui | None = None) -> Report:
-    """Fly on the virtual clock and write the run folder."""
+def fly(
+    scenario: Scenario,
+    folder: Path,
+    *,
+    carry: Carry = undisturbed,
+    ui: Ui | None = None,
+    broken: bool = False,
+) -> Report:
+    """Fly on the virtual clock and write the run folder; a bug is raised unless it is `broken` on purpose."""
     folder.mkdir(parents=True, exist_ok=True)
     flight = app.fly(
         scenario, folder, ui or Ui(), clock="virtual", permission=lambda foreign: None, carry=carry
     )
     report = run_virtual(flight)
+    if report.bug is not None and not broken:
+        raise report.bug
     outputs.write_run(folder, scenario, report)
     return report

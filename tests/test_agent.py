@@ -66,20 +66,31 @@ class Story:
     def over(self, cell: Cell, **changes: object) -> list[ev.Effect]:
         lat_deg, lon_deg = GRID.centre(cell)
         state = VehicleState(
-            time_boot_s=self.now, lat_deg=lat_deg, lon_deg=lon_deg, alt_rel_m=30.0, mode="AUTO", armed=True,
+            time_boot_s=self.now,
+            lat_deg=lat_deg,
+            lon_deg=lon_deg,
+            alt_rel_m=30.0,
+            mode="AUTO",
+            mode_role="mission",
+            armed=True,
             landed=Landed.IN_AIR,
-        )  # fmt: skip
+        )
         return self(ev.TelemetryReceived(replace(state, **changes)))  # type: ignore[arg-type]
 
     def hear(self, *cells: tuple[int, int, bool], observer: int = 2, seq: int = 1) -> list[ev.Effect]:
         observation = Observation(observer, seq, self.now, cells)
         return self(ev.Heard(ObservationShared(observer, observation)))
 
-    def flying(self) -> Story:
+    def launching(self) -> Story:
         self(ev.Ready())
         self.swap()
         self.accept()
         self(ev.OperatorCommand(ev.Order.LAUNCH))
+        assert self.state.phase is Phase.LAUNCHING
+        return self
+
+    def flying(self) -> Story:
+        self.launching()
         self(ev.OrderDone(ev.Order.LAUNCH))
         self.over((4, 0))
         assert self.state.phase is Phase.FLYING
@@ -232,13 +243,140 @@ def test_a_vehicle_that_somebody_else_has_taken_over_is_let_go() -> None:
     story = Story().flying()
     story.hear((4, 4, True))
     swap = story.swap()
-    assert orders(story.over((4, 1), mode="LOITER", under_our_control=False)) == []
+    assert story.over((4, 1), mode="LOITER", mode_role="other") == [ev.Release()]
     assert story.state.phase is Phase.RELEASED
     assert "LOITER" in story.state.outcome
     assert story(ev.MissionFailed(swap.plan_id, "unknown", "its mode is LOITER")) == []
     assert story(ev.OperatorCommand(ev.Order.HOLD)) == []
     story.hear((4, 5, True), seq=2)
     assert story.tick() == []
+
+
+@pytest.mark.parametrize("role", ["return", "land"])
+def test_a_failsafe_that_brings_it_home_is_not_fought(role: str) -> None:
+    story = Story().flying()
+    assert story.over((4, 1), mode_role=role) == [ev.Release()]
+
+
+def test_without_a_position_a_takeover_is_seen_too() -> None:
+    story = Story().flying()
+    lost_gps = VehicleState(mode="LAND", mode_role="land", armed=True)
+    assert story(ev.TelemetryReceived(lost_gps)) == [ev.Release()]
+
+
+def test_held_by_another_station_it_is_let_go_but_not_for_a_late_heartbeat_of_its_own_swap() -> None:
+    story = Story().flying()
+    story.over((4, 1), mode_role="hold")
+    story.over((4, 1), mode_role="mission")
+    assert story.state.phase is Phase.FLYING
+    story.over((4, 1), mode_role="hold")
+    story.now += agent.STALE_MODE_S
+    assert story.over((4, 1), mode_role="hold") == [ev.Release()]
+
+
+@pytest.mark.parametrize("order", [ev.Order.HOLD, ev.Order.RETURN, ev.Order.LAND])
+def test_a_pilot_who_takes_over_after_an_order_is_not_ordered_again(order: ev.Order) -> None:
+    story = Story().flying()
+    story(ev.OperatorCommand(order))
+    story(ev.OrderFailed(order, "no answer"))
+    story.now += agent.RETRY_AFTER_S
+    assert story.over((4, 1), mode="LOITER", mode_role="other") == [ev.Release()]
+
+
+def test_an_order_that_was_not_followed_is_given_again_after_a_while() -> None:
+    story = Story().flying()
+    story(ev.OperatorCommand(ev.Order.LAND))
+    story(ev.OrderFailed(ev.Order.LAND, "refused"))
+    assert orders(story.over((4, 1))) == []
+    story.now += agent.RETRY_AFTER_S
+    assert orders(story.over((4, 1))) == [ev.Order.LAND]
+
+
+def test_a_vehicle_that_somebody_arms_on_the_ground_is_not_launched() -> None:
+    story = Story()
+    story(ev.Ready())
+    story.swap()
+    story.accept()
+    assert story.over((4, 0), mode="LOITER", mode_role="other") == [ev.Release()]
+    assert story(ev.OperatorCommand(ev.Order.LAUNCH)) == []
+
+
+def test_a_pilot_who_takes_over_during_the_launch_is_not_landed() -> None:
+    story = Story().launching()
+    assert story.over((4, 0), mode="ALT_HOLD", mode_role="other") == [ev.Release()]
+    assert story(ev.OrderFailed(ev.Order.LAUNCH, "its mode is ALT_HOLD")) == []
+
+
+@pytest.mark.parametrize("order", [ev.Order.HOLD, ev.Order.RETURN])
+def test_a_launch_that_is_broken_off_goes_down_whatever_else_is_ordered(order: ev.Order) -> None:
+    story = Story().launching()
+    assert orders(story(ev.OperatorCommand(order))) == [ev.Order.LAND]
+    assert story(ev.OperatorCommand(ev.Order.RETURN)) == []
+    # The last heartbeat before said "disarmed"; the arm command was on its way.
+    story.over((4, 0), armed=False)
+    assert not story.state.ended
+    story.over((4, 0), armed=True, mode_role="land")
+    story.over((4, 0), armed=False, mode_role="land")
+    assert (story.state.phase, story.state.outcome) == (Phase.DONE, "launch broken off; landed")
+
+
+def test_a_launch_broken_off_before_it_armed_ends_when_the_landing_mode_is_seen() -> None:
+    story = Story().launching()
+    story.over((4, 0), armed=False, mode_role="hold")
+    story(ev.OperatorCommand(ev.Order.HOLD))
+    story.over((4, 0), armed=False, mode_role="land")
+    story(ev.OrderDone(ev.Order.LAND))
+    assert (story.state.phase, story.state.outcome) == (Phase.DONE, "launch broken off")
+
+
+def test_a_vehicle_that_boots_on_the_ground_is_made_ready_again() -> None:
+    story = Story()
+    story(ev.Ready())
+    story.swap()
+    story.accept()
+    story(ev.Rebooted())
+    assert story.state.phase is Phase.WAITING
+    assert story(ev.OperatorCommand(ev.Order.LAUNCH)) == []
+    story(ev.Ready())
+    story.swap()
+    assert orders(story.accept()) == [ev.Order.LAUNCH]
+
+
+def test_where_no_way_leads_on_it_flies_the_plan_it_has() -> None:
+    wall = frozenset((row, col) for row in range(6, 9) for col in range(3) if (row, col) != (7, 1))
+    story = Story(no_fly=wall).flying()
+    before = story.state.route
+    story.over((7, 1))
+    story.hear((0, 8, False))
+    assert story.tick() == []
+    assert story.state.route is before
+    assert "no way" in story.state.trouble
+
+
+def test_held_where_no_way_leads_on_it_comes_home() -> None:
+    wall = frozenset((row, col) for row in range(6, 9) for col in range(3) if (row, col) != (7, 1))
+    story = Story(no_fly=wall).flying()
+    story.hear((4, 4, True))
+    story(ev.MissionFailed(story.swap().plan_id, "hold", "no answer"))
+    story.over((7, 1), mode_role="hold")
+    story.now += agent.RETRY_AFTER_S
+    assert orders(story.tick()) == [ev.Order.RETURN]
+
+
+def test_it_has_not_arrived_if_it_came_down_beside_its_goal() -> None:
+    story = Story().flying()
+    story.over((4, 8))
+    story.over((5, 8), armed=False)
+    assert story.state.phase is Phase.FAILED
+    assert "(5, 8)" in story.state.outcome
+
+
+def test_the_start_is_not_counted_and_forbidden_cells_are_counted_apart() -> None:
+    story = Story(no_fly=frozenset({(0, 0)})).flying()
+    assert story.state.flown_exposure == 0.0
+    story.over((0, 0))
+    assert story.state.no_fly_entered == 1
+    assert story.state.flown_exposure == 0.0
 
 
 def test_it_arrives_when_it_is_down_at_its_goal() -> None:
@@ -270,9 +408,9 @@ def test_over_its_goal_and_stuck_in_hold_it_is_told_to_land_and_arrives() -> Non
     swap = story.swap()
     story.over((4, 8))
     assert orders(story(ev.MissionFailed(swap.plan_id, "hold", "no answer"))) == [ev.Order.LAND]
-    story.over((4, 8), mode="LAND", under_our_control=False)
+    story.over((4, 8), mode="LAND", mode_role="land")
     assert story.state.phase is Phase.LANDING
-    story.over((4, 8), mode="LAND", under_our_control=False, armed=False)
+    story.over((4, 8), mode="LAND", armed=False)
     assert (story.state.phase, story.state.outcome) == (Phase.DONE, "arrived")
 
 
@@ -282,20 +420,18 @@ def test_an_order_that_a_lost_vehicle_did_not_get_is_given_again(seen: bool) -> 
     story(ev.LinkLost(5.0))
     story(ev.OperatorCommand(ev.Order.RETURN))
     story(ev.OrderDone(ev.Order.RETURN) if seen else ev.OrderFailed(ev.Order.RETURN, "no answer"))
-    assert orders(story(ev.LinkRestored())) == ([] if seen else [ev.Order.RETURN])
+    story(ev.LinkRestored())
+    role = "return" if seen else "mission"
+    assert orders(story.over((4, 1), mode_role=role)) == ([] if seen else [ev.Order.RETURN])
 
 
 @pytest.mark.parametrize(
     ("armed", "expected", "phase"), [(False, [], Phase.FAILED), (True, [ev.Order.LAND], Phase.LEAVING)]
 )
-def test_a_launch_that_failed_leaves_no_armed_vehicle_alone(
+def test_a_launch_that_failed_leaves_no_vehicle_alone_that_it_armed(
     armed: bool, expected: list[ev.Order], phase: Phase
 ) -> None:
-    story = Story()
-    story(ev.Ready())
-    story.swap()
-    story.accept()
-    story(ev.OperatorCommand(ev.Order.LAUNCH))
+    story = Story().launching()
     story.over((4, 0), armed=armed)
     assert orders(story(ev.OrderFailed(ev.Order.LAUNCH, "it did not climb"))) == expected
     assert story.state.phase is phase

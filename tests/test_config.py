@@ -31,8 +31,8 @@ def problems(text: str, tmp_path: Path) -> list[str]:
         loaded = config.load(file, scenario.judge)
     except config.ConfigError as error:
         return [line.removeprefix(str(file)) for line in error.lines]
-    built = scenario.build(loaded)
-    return [p.text for p in scenario.judge_routes(built)]
+    scenario.build(loaded)
+    return []
 
 
 def test_the_shipped_configuration_is_as_promised() -> None:
@@ -42,7 +42,6 @@ def test_the_shipped_configuration_is_as_promised() -> None:
     assert len(built.hostiles) == 24
     assert built.strength.kernel[1].tolist() == [0.3, 0.6, 0.3]
     assert built.psi_per_cell == pytest.approx(0.132)
-    assert list(scenario.judge_routes(built)) == []
 
 
 def test_a_good_configuration_has_no_problems(tmp_path: Path) -> None:
@@ -119,7 +118,7 @@ def test_a_goal_behind_a_wall_is_unreachable_and_named(tmp_path: Path) -> None:
     text = GOOD.replace("cell_size_m: 50}", f"cell_size_m: 50, no_fly: {wall}}}")
     found = problems(text, tmp_path)
     assert len(found) == 2
-    assert found[0].startswith("a cannot reach its goal")
+    assert found[0].startswith(":9: vehicles[0].goal: a cannot reach its goal")
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
@@ -142,5 +141,4 @@ def test_the_same_seed_hides_the_same_hostiles(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("file", sorted(SHIPPED.parent.glob("*.yaml")), ids=lambda file: file.name)
 def test_every_configuration_we_ship_is_good(file: Path) -> None:
-    built = scenario.build(config.load(file, scenario.judge))
-    assert list(scenario.judge_routes(built)) == []
+    assert scenario.build(config.load(file, scenario.judge)).tasks

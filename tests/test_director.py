@@ -16,7 +16,16 @@ from swarmctl.core import events as ev
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.director import Director, Member, PreflightFailed
-from swarmctl.links.base import CommandFailed, Identity, LaunchFailed, NobodyAnswers, NotReady, UploadFailed
+from swarmctl.links.base import (
+    CommandFailed,
+    Conflict,
+    Identity,
+    LaunchFailed,
+    NobodyAnswers,
+    NotReady,
+    Rebooted,
+    UploadFailed,
+)
 from swarmctl.runner import NotAllowed, Runner
 from swarmctl.scenario import Scenario
 from swarmctl.sensors.footprint import Footprint
@@ -34,6 +43,8 @@ class StubLink:
     where: tuple[float, float]
     fails: Exception | None = None
     calls: list[str] = field(default_factory=list)
+    answers: Identity | None = None
+    """who answers later, if not the same"""
 
     async def _do(self, name: str, *failures: type[Exception]) -> None:
         self.calls.append(name)
@@ -43,6 +54,10 @@ class StubLink:
     async def connect(self, timeout_s: float) -> Identity:
         await self._do("connect", NobodyAnswers)
         return self.identity
+
+    async def identify(self, timeout_s: float) -> Identity:
+        await self._do("identify")
+        return self.answers or self.identity
 
     async def prepare(self, timeout_s: float, on_waiting: Callable[[tuple[str, ...]], None]) -> None:
         await self._do("prepare", NotReady)
@@ -140,10 +155,15 @@ def all_launched(members: Sequence[Member]) -> bool:
     return all(m.state.phase == "flying" for m in members)
 
 
+CALLS = ["connect", "prepare", "upload", "identify", "launch"]
+
+
 def test_simulated_vehicles_launch_without_being_asked_for() -> None:
     ground = Ground()
     ground.fly(all_launched)
-    assert [link.calls for link in ground.links] == [["connect", "prepare", "upload", "launch"]] * 3
+    assert [link.calls for link in ground.links] == [
+        ["connect", "prepare", "upload", "identify", "launch"]
+    ] * 3
     assert ground.asked == []
 
 
@@ -208,6 +228,67 @@ def test_one_vehicle_in_trouble_keeps_all_on_the_ground(failure: Exception, said
     with pytest.raises(PreflightFailed, match=said):
         ground.fly(all_launched)
     assert all("launch" not in link.calls for link in ground.links)
+
+
+def test_another_vehicle_at_the_same_address_is_not_launched() -> None:
+    ground = Ground()
+    states: list[str] = []
+
+    def settled(members: Sequence[Member]) -> bool:
+        ground.links[1].answers = Identity(2, 3, 2, "ArduPilot 4.6.2", bytes(range(18)))
+        states[:] = [m.state.outcome for m in members]
+        return [m.state.phase for m in members] == ["flying", "failed", "flying"]
+
+    ground.fly(settled)
+    assert "another vehicle answers than the one that may be armed" in states[1]
+    assert "launch" not in ground.links[1].calls
+
+
+def test_two_senders_with_one_system_id_keep_all_on_the_ground() -> None:
+    ground = Ground()
+
+    def conflicting(members: Sequence[Member]) -> bool:
+        members[2].runner.on_link_event(Conflict("127.0.0.1:9"))
+        return False
+
+    with pytest.raises(PreflightFailed, match=r"uav3: another sender, at 127\.0\.0\.1:9, uses its"):
+        ground.fly(conflicting)
+    assert {call for link in ground.links for call in link.calls} == {"connect"}
+
+
+def test_a_vehicle_that_falls_silent_before_the_launch_keeps_all_on_the_ground() -> None:
+    ground = Ground()
+
+    def silenced(members: Sequence[Member]) -> bool:
+        members[0].runner.post(ev.LinkLost(5.0))
+        return False
+
+    with pytest.raises(PreflightFailed, match="uav1: lost"):
+        ground.fly(silenced)
+    assert all("launch" not in link.calls for link in ground.links)
+
+
+def test_a_vehicle_that_boots_while_it_waits_for_its_turn_is_made_ready_again() -> None:
+    scenario = small(simulate={"count": 2, "delay_step_s": 20.0})
+    ground = Ground(scenario)
+    booted: list[bool] = []
+
+    def boot_once(members: Sequence[Member]) -> bool:
+        if not booted and members[0].state.phase == "flying":
+            booted.append(True)
+            members[1].runner.on_link_event(Rebooted())
+        return all_launched(members)
+
+    ground.fly(boot_once)
+    assert ground.links[1].calls == [
+        "connect",
+        "prepare",
+        "upload",
+        "prepare",
+        "upload",
+        "identify",
+        "launch",
+    ]
 
 
 def test_a_vehicle_far_from_its_start_is_not_flown() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import random
 import signal
@@ -12,7 +13,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
-from flights import Ui, fly, small
+from flights import AREA, Ui, fly, small
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
@@ -20,6 +21,7 @@ from pymavlink import mavutil
 
 from swarmctl import config, record
 from swarmctl.app import Report
+from swarmctl.display import Picture
 from swarmctl.links.transport import Address
 from swarmctl.scenario import Scenario, build, judge
 
@@ -248,19 +250,23 @@ def test_before_the_launch_ctrl_c_leaves_everything_on_the_ground(tmp_path: Path
     assert not any(s.vehicle.armed for s in report.states.values())
 
 
-@pytest.mark.parametrize(("k", "heard"), [(0, 0), (1, 1), ("all", 2)])
-def test_who_hears_whom_follows_the_communication_range(k: int | str, heard: int, tmp_path: Path) -> None:
-    report = fly(small(communication={"bus": "memory", "range": k}), tmp_path)
-    assert [s.outcome for s in report.states.values()] == ["arrived"] * 3
+@pytest.mark.parametrize("k", [0, 1, 2, "all"])
+def test_who_hears_whom_follows_the_communication_range(k: int | str, tmp_path: Path) -> None:
+    scenario = small(communication={"bus": "memory", "range": k}, simulate={"count": 4, "ready_s": 3.0})
+    report = fly(scenario, tmp_path)
+    assert report.all_arrived
+    reach = 3 if k == "all" else k
+    topics: Counter[str] = Counter()
+    with (tmp_path / "run.mcap").open("rb") as file:
+        for _, channel, message in make_reader(file).iter_messages():
+            if "/bus/" in channel.topic:
+                assert json.loads(message.data)["recipients"] == reach
+                topics[channel.topic] += 1
     for sysid, state in report.states.items():
-        sent = report.ledger.vehicles[sysid].messages_sent
-        assert (sent > 0) is (heard > 0)
+        own = topics[f"/uav{sysid}/bus/ObservationShared"] + topics[f"/uav{sysid}/bus/StateShared"]
+        assert report.ledger.vehicles[sysid].messages_sent == own * reach
         others = {o.observer for o in state.belief.observations()} - {sysid}
-        assert len(others) <= 2
-        if heard == 0:
-            assert others == set()
-        if heard == 2:
-            assert len(others) == 2
+        assert bool(others) is (reach > 0)
 
 
 def test_vehicles_take_off_one_after_the_other_where_told(tmp_path: Path) -> None:
@@ -295,3 +301,66 @@ def test_whatever_links_fail_in_flight_every_vehicle_arrives_once_they_are_back(
         report = fly(small(), Path(folder), carry=carry)
     assert report.ended == "ended"
     assert [s.outcome for s in report.states.values()] == ["arrived"] * 3
+
+
+class FaultyUi(Ui):
+    """Breaks in mid-flight."""
+
+    def __init__(self, error: BaseException) -> None:
+        super().__init__()
+        self.error = error
+
+    def refresh(self, picture: Picture) -> None:
+        super().refresh(picture)
+        if picture.flown_s > 20.0:
+            raise self.error
+
+
+def test_a_bug_in_flight_brings_every_vehicle_home_and_says_how_each_was_left(tmp_path: Path) -> None:
+    report = fly(small(), tmp_path, ui=FaultyUi(RuntimeError("a bug")), broken=True)
+    assert isinstance(report.bug, ExceptionGroup)
+    assert report.ended == "failed"
+    assert len(report.left) == 3
+    assert all("in the air" in line and "mode RTL" in line for line in report.left)
+    assert json.loads((tmp_path / "summary.json").read_text())["ended"] == "failed"
+
+
+@pytest.mark.parametrize("error", [BrokenPipeError(), SystemExit(1)], ids=["closed pipe", "Rich's way out"])
+def test_a_terminal_that_goes_away_does_not_end_the_flight(error: BaseException, tmp_path: Path) -> None:
+    report = fly(small(), tmp_path, ui=FaultyUi(error))
+    assert report.all_arrived
+
+
+def test_a_full_disk_costs_the_record_and_not_the_flight(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("mcap.writer.Writer.add_message", full)
+    report = fly(small(), tmp_path)
+    assert report.all_arrived
+    (line,) = report.trouble
+    assert "run.mcap: the record ends here: No space left on device" in line
+
+
+def test_no_route_leads_past_the_corner_of_a_forbidden_cell(tmp_path: Path) -> None:
+    block = [[row, col] for row in (3, 4) for col in (3, 4)]
+    report = fly(small(area={**AREA, "no_fly": block}), tmp_path)
+    assert report.all_arrived
+    for state in report.states.values():
+        assert state.no_fly_entered == 0
+        assert not {tuple(cell) for cell in block} & set(state.flown_cells)
+
+
+def test_vehicles_that_share_goals_in_a_chain_land_apart(tmp_path: Path) -> None:
+    start = {"lat_deg": 46.0, "lon_deg": 14.399}
+    zones = [[[3, 6], [3, 7]], [[3, 7], [4, 7]], [[4, 7], [4, 6]]]
+    vehicles = [
+        {"name": f"v{n}", "url": "udpin://:14550", "sysid": n, "start": start, "goal": zone}
+        for n, zone in enumerate(zones, start=1)
+    ]
+    tasks = small(vehicles=vehicles, simulate=None).tasks
+    spots = {(t.landing_index, t.landing_count) for t in tasks}
+    assert len(spots) == 3
+    assert {count for _, count in spots} == {3}

@@ -50,7 +50,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     },
     "swarmctl.outputs": {
         "swarmctl.core", "swarmctl.planners", "swarmctl.agent", "swarmctl.app", "swarmctl.picture",
-        "swarmctl.planfile", "swarmctl.scenario",
+        "swarmctl.planfile", "swarmctl.scenario", "swarmctl.summary",
     },
     "swarmctl.terminal": {"swarmctl.agent", "swarmctl.app", "swarmctl.display"},
     "swarmctl.cli": {"swarmctl"},

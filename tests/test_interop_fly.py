@@ -10,7 +10,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -199,8 +199,8 @@ def test_an_autopilot_that_is_not_simulated_gets_no_mission_and_no_arming_withou
         assert process.returncode == 1
     assert "alpha: ArduPilot 4.6.2" in said
     assert "is not played by the built-in simulator" in said
-    asked_for = {mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL}
-    assert {command for kind, command in foreigner.received if kind == "COMMAND_LONG"} == asked_for
+    asked = {command for kind, command in foreigner.received if kind == "COMMAND_LONG"}
+    assert asked == {mavlink.MAV_CMD_REQUEST_MESSAGE}
     assert {kind for kind, _ in foreigner.received} <= {"COMMAND_LONG", "HEARTBEAT"}
 
 
@@ -209,19 +209,43 @@ def test_no_simulator_is_left_behind(tmp_path: Path) -> None:
     config.write_text(SMALL + "simulate: {count: 1, speedup: 20}\n")
     with started("fly", "--config", config, cwd=tmp_path) as process:
         read_until(process, "uav1: flying")
+        (simulator,) = children_with(f"--parent-pid\0{process.pid}\0")
         process.kill()
         process.wait(timeout=10.0)
-        mark = f"--parent-pid\0{process.pid}"
+    assert ends_within(simulator, 10.0), "the simulator outlived the ground station"
+
+
+def test_a_terminal_that_hangs_up_brings_them_home_first(tmp_path: Path) -> None:
+    config = tmp_path / "small.yaml"
+    config.write_text(SMALL + "simulate: {count: 1, speedup: 20}\nflight: {on_exit: land}\n")
+    with started("fly", "--config", config, cwd=tmp_path) as process:
+        read_until(process, "uav1: flying")
+        process.send_signal(signal.SIGHUP)
+        lines = read_until(process, "run folder:")
+        assert process.wait(timeout=30.0) == 130
+    assert any("uav1: land ordered; landed" in line for line in lines)
+
+
+def test_a_simulator_that_dies_is_named_with_its_last_words(tmp_path: Path) -> None:
+    config = tmp_path / "small.yaml"
+    config.write_text(SMALL + "simulate: {count: 1, speedup: 5}\n")
+    with started("fly", "--config", config, cwd=tmp_path) as process:
+        read_until(process, "uav1: flying")
+        (simulator,) = children_with(f"--parent-pid\0{process.pid}\0")
+        os.kill(simulator, signal.SIGKILL)
+        lines = read_until(process, "run folder:")
+        assert process.wait(timeout=30.0) == 1
+    assert any(line.startswith("the simulator ended with code -9") for line in lines)
+    assert any(line.startswith("uav1: ") and "in the air" in line for line in lines)
+
+
+def children_with(mark: str) -> list[int]:
+    found = []
     for path in Path("/proc").glob("[0-9]*/cmdline"):
-        if mark in _cmdline(path):
-            assert ends_within(int(path.parent.name), 10.0), "the simulator outlived the ground station"
-
-
-def _cmdline(path: Path) -> str:
-    try:
-        return path.read_text(errors="replace")
-    except OSError:  # it has ended meanwhile
-        return ""
+        with suppress(OSError):  # it has ended meanwhile
+            if mark in path.read_text(errors="replace"):
+                found.append(int(path.parent.name))
+    return found
 
 
 def ends_within(pid: int, seconds: float) -> bool:

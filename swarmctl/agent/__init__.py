@@ -9,15 +9,17 @@ planners.
 """
 
 from swarmctl.agent.decide import first_route
-from swarmctl.agent.state import ENDED, IN_FLIGHT, ON_GROUND, AgentState, Phase, Task, begin
-from swarmctl.agent.step import MAX_FAILED_SWAPS, RETRY_AFTER_S, step, wants_tick
+from swarmctl.agent.state import ARRIVED, ENDED, IN_FLIGHT, ON_GROUND, AgentState, Phase, Task, begin
+from swarmctl.agent.step import MAX_FAILED_SWAPS, RETRY_AFTER_S, STALE_MODE_S, step, wants_tick
 
 __all__ = [
+    "ARRIVED",
     "ENDED",
     "IN_FLIGHT",
     "MAX_FAILED_SWAPS",
     "ON_GROUND",
     "RETRY_AFTER_S",
+    "STALE_MODE_S",
     "AgentState",
     "Phase",
     "Task",

@@ -95,7 +95,7 @@ def _flight_plan(state: AgentState, cells: tuple[Cell, ...], p_s: NDArray[np.flo
     def may_clip(cell: Cell) -> bool:
         # DEVIATION: a vehicle past the centre of its cell would fly back to it to turn off diagonally. It
         # cuts the corner instead where the cell it passes over is no worse than the two it flies between.
-        return bool(p_s[cell] <= max(p_s[cells[0]], p_s[cells[1]]))
+        return math.isfinite(p_s[cell]) and bool(p_s[cell] <= max(p_s[cells[0]], p_s[cells[1]]))
 
     return flight_plan(
         task.grid,

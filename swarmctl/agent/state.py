@@ -17,6 +17,9 @@ from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.planners.base import Problem, Route
 
+ARRIVED = "arrived"
+"""the outcome of a flight that did what it was for"""
+
 
 class Phase(StrEnum):
     """Where a vehicle is in its flight."""
@@ -67,7 +70,7 @@ class Task:
     landing_count: int = 1
     """which of how many landing spots in the goal cell is this vehicle's"""
     fallback: ev.Order = ev.Order.RETURN
-    """what it does when its mission cannot be changed any more"""
+    """what it does when its mission cannot be changed any more: RETURN or LAND"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +85,9 @@ class AgentState:
     """the cell of the area it is over; None outside or unknown"""
     lost: bool = False
     route: ev.SwapMission | None = None
-    """the plan the vehicle holds"""
+    """the plan the vehicle flies, or will once it is launched"""
+    accepted: ev.SwapMission | None = None
+    """the last plan that was verified on the vehicle, flown or not"""
     progress: int = 0
     """index in `route.cells` of the cell it was last seen over"""
     pending: ev.SwapMission | None = None
@@ -100,6 +105,13 @@ class AgentState:
     """the last order it was given"""
     order_seen: bool = False
     """and it was seen to follow it"""
+    order_again_at_s: float = math.inf
+    """when to give an order again that it was not seen to follow"""
+    launch_aborted: bool = False
+    armed_seen: bool = False
+    """its own launch has armed it"""
+    foreign_since_s: float | None = None
+    """since when it has been in a mode that this agent did not choose"""
     next_seq: int = 1
     next_plan_id: int = 1
     last_shared_s: float = -math.inf
@@ -109,15 +121,19 @@ class AgentState:
     flown_m: float = 0.0
     flown_cells: tuple[Cell, ...] = ()
     flown_exposure: float = 0.0
-    """ΣP_s over the cells entered, each as believed when the vehicle decided to enter it"""
+    """ΣP_s over the cells entered after the first, each as believed when it was decided to enter it"""
     flown_safety: float = 1.0
     """∏(1 − P_s) over the same"""
+    no_fly_entered: int = 0
+    """times it came over a cell that no route may enter"""
     refused: int = 0
     """observations of others that cannot be"""
     given_up: bool = False
     """it is coming down because its mission could not be flown"""
     outcome: str = ""
-    """how it ended, or what is wrong, in words"""
+    """how it ended, in words; empty before"""
+    trouble: str = ""
+    """what went wrong last, in words"""
 
     @property
     def ended(self) -> bool:

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 from swarmctl.agent.decide import decide
-from swarmctl.agent.state import IN_FLIGHT, ON_GROUND, PLANNING, AgentState, Phase
+from swarmctl.agent.state import ARRIVED, IN_FLIGHT, ON_GROUND, PLANNING, AgentState, Phase
 from swarmctl.core import events as ev
 from swarmctl.core.belief import UNKNOWN, Observation
 from swarmctl.core.geo import distance_m
 from swarmctl.core.grid import Cell
 from swarmctl.core.messages import ObservationShared, StateShared
 from swarmctl.core.vehicle import VehicleState
+from swarmctl.planners.base import Unreachable
 
 SHARE_STATE_EVERY_S = 1.0
 RETRY_AFTER_S = 5.0
 MAX_FAILED_SWAPS = 3
+STALE_MODE_S = 2.0
+"""a mode of ours that was left may show for so long in a heartbeat that was overtaken"""
 
 Step = tuple[AgentState, list[ev.Effect]]
 
@@ -38,7 +42,7 @@ def wants_tick(state: AgentState, now: float) -> bool:
     )
 
 
-# --- what happens on the ground
+# --- the ground, the launch, and orders
 
 
 def _ready(state: AgentState, _event: ev.Ready, _now: float) -> Step:
@@ -47,24 +51,32 @@ def _ready(state: AgentState, _event: ev.Ready, _now: float) -> Step:
     return replace(state, phase=Phase.UPLOADING, dirty=True), []
 
 
-def _failed(state: AgentState, event: ev.Failed, _now: float) -> Step:
-    return replace(state, phase=Phase.FAILED, outcome=event.reason, pending=None), []
+def _rebooted(state: AgentState, _event: ev.Rebooted, _now: float) -> Step:
+    if state.phase not in ON_GROUND:
+        return replace(state, trouble="it has rebooted"), []
+    # Readiness and mission are to be established again.
+    return replace(state, phase=Phase.WAITING, route=None, pending=None, trouble="it has rebooted"), []
 
 
 def _operator(state: AgentState, event: ev.OperatorCommand, _now: float) -> Step:
     order = event.order
-    if state.ended:
+    if state.ended or state.launch_aborted:
         return state, []
     if order is ev.Order.LAUNCH:
         return _launch_if_possible(replace(state, launch_ordered=True))
     if state.phase in ON_GROUND:
         return replace(state, phase=Phase.DONE, outcome="not launched", pending=None), []
+    if state.phase is Phase.LAUNCHING:
+        # On the ground or just above it, armed or about to be: the way out of both is down.
+        state = replace(state, phase=Phase.LEAVING, launch_aborted=True, outcome="launch broken off")
+        return _command(state, ev.Order.LAND)
     phase = Phase.HOLDING if order is ev.Order.HOLD else Phase.LEAVING
     return _command(replace(state, phase=phase, pending=None, dirty=False, outcome=f"{order} ordered"), order)
 
 
 def _command(state: AgentState, order: ev.Order) -> Step:
-    return replace(state, ordered=order, order_seen=False), [ev.Command(order)]
+    state = replace(state, ordered=order, order_seen=False, order_again_at_s=math.inf, foreign_since_s=None)
+    return state, [ev.Command(order)]
 
 
 def _launch_if_possible(state: AgentState) -> Step:
@@ -74,46 +86,85 @@ def _launch_if_possible(state: AgentState) -> Step:
 
 
 def _order_done(state: AgentState, event: ev.OrderDone, _now: float) -> Step:
-    if event.order is state.ordered:
-        state = replace(state, order_seen=True)
-    if event.order is ev.Order.LAUNCH and state.phase is Phase.LAUNCHING:
+    if event.order is not state.ordered:
+        return state, []
+    state = replace(state, order_seen=True, order_again_at_s=math.inf)
+    if state.phase is Phase.LAUNCHING:
         return replace(state, phase=Phase.FLYING), []
+    if state.launch_aborted and not state.vehicle.armed:
+        return replace(state, phase=Phase.DONE), []
     return state, []
 
 
-def _order_failed(state: AgentState, event: ev.OrderFailed, _now: float) -> Step:
-    reason = f"{event.order} failed: {event.reason}"
-    if event.order is not ev.Order.LAUNCH:
-        # It stays what it was ordered to be: the operator sees the reason and may order again.
-        return replace(state, outcome=reason), []
-    if state.phase is not Phase.LAUNCHING:
+def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> Step:
+    if event.order is not state.ordered or state.ended:
         return state, []
-    if not state.vehicle.armed and not state.lost:
-        return replace(state, phase=Phase.FAILED, outcome=reason), []
-    # Armed, as far as is known, and not seen to climb: it must not be left to itself.
-    return _command(replace(state, phase=Phase.LEAVING, given_up=True, outcome=reason), ev.Order.LAND)
+    state = replace(state, trouble=f"{event.order} failed: {event.reason}")
+    if state.phase is not Phase.LAUNCHING:
+        # The order stands: it is given again while the vehicle is still ours to order.
+        return replace(state, order_again_at_s=now + RETRY_AFTER_S), []
+    if state.armed_seen or state.lost:
+        # Armed, as far as is known, and not seen to climb: it must not be left to itself.
+        return _command(replace(state, phase=Phase.LEAVING, given_up=True), ev.Order.LAND)
+    return replace(state, phase=Phase.FAILED, outcome=state.trouble), []
 
 
 # --- what the vehicle, its sensor and the others say
 
 
-def _telemetry(state: AgentState, event: ev.TelemetryReceived, _now: float) -> Step:
+def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> Step:
     vehicle = event.state
-    if not vehicle.has_position:
-        return replace(state, vehicle=vehicle), []
-    state = _moved(state, vehicle)
-    if state.phase in IN_FLIGHT and not vehicle.armed:
-        state = _touched_down(state)
-    elif (
-        state.phase in (Phase.FLYING, Phase.LANDING)
-        and state.ordered is ev.Order.LAUNCH
-        and not vehicle.under_our_control
-    ):
-        reason = f"in mode {vehicle.mode}, which nobody here has ordered; let go"
-        state = replace(state, phase=Phase.RELEASED, dirty=False, outcome=reason)
-    elif state.phase is Phase.FLYING and state.cell in state.task.goals:
+    state = _moved(state, vehicle) if vehicle.has_position else replace(state, vehicle=vehicle)
+    if vehicle.armed and (state.phase is Phase.LAUNCHING or state.phase in IN_FLIGHT):
+        state = replace(state, armed_seen=True)
+    state = _watch_mode(state, now)
+    if state.phase in IN_FLIGHT and state.armed_seen and not vehicle.armed:
+        return _share_state(_touched_down(state))
+    if reason := _taken_over(state, now):
+        return replace(state, phase=Phase.RELEASED, dirty=False, outcome=f"{reason}; let go"), [ev.Release()]
+    if state.phase is Phase.FLYING and state.cell in state.task.goals:
         state = replace(state, phase=Phase.LANDING, dirty=False)
+    if state.phase in IN_FLIGHT and now >= state.order_again_at_s and state.ordered is not None:
+        return _command(state, state.ordered)
     return _share_state(state)
+
+
+ROLES = {ev.Order.HOLD: "hold", ev.Order.RETURN: "return", ev.Order.LAND: "land"}
+
+
+def _roles_of_ours(state: AgentState) -> set[str]:
+    """The roles of modes that this agent itself may have put the vehicle in."""
+    if state.phase is Phase.WAITING:
+        return {"hold", "mission", "return", "land", "other"}  # a vehicle boots in any mode
+    if state.phase in ON_GROUND or state.phase is Phase.LAUNCHING:
+        return {"hold", "mission"}
+    if state.ordered in (None, ev.Order.LAUNCH):
+        in_a_swap = state.pending is not None or state.route is None
+        return {"mission", "hold"} if in_a_swap else {"mission"}
+    ordered = ROLES[state.ordered]
+    return {ordered} if state.order_seen else {ordered, "hold", "mission"}
+
+
+def _watch_mode(state: AgentState, now: float) -> AgentState:
+    ours = state.vehicle.mode_role in {"", *_roles_of_ours(state)}
+    if ours or state.ended:
+        return replace(state, foreign_since_s=None)
+    return state if state.foreign_since_s is not None else replace(state, foreign_since_s=now)
+
+
+def _taken_over(state: AgentState, now: float) -> str:
+    """Why the vehicle is no longer this agent's: a pilot, a failsafe or another station has it."""
+    if state.ended:
+        return ""
+    if state.phase in ON_GROUND and state.vehicle.armed:
+        return f"armed by somebody else, in mode {state.vehicle.mode}"
+    if state.foreign_since_s is None:
+        return ""
+    # A heartbeat that was overtaken on its way may show a mode of ours from before: wait for the next.
+    known = state.vehicle.mode_role in ("hold", "mission")
+    if known and now - state.foreign_since_s < STALE_MODE_S:
+        return ""
+    return f"in mode {state.vehicle.mode}, which nobody here has ordered"
 
 
 def _moved(state: AgentState, vehicle: VehicleState) -> AgentState:
@@ -134,22 +185,27 @@ def _entered(state: AgentState, cell: Cell) -> AgentState:
         state = replace(state, progress=state.route.cells.index(cell))
     if state.exposure is None:
         return state
-    p_s = float(state.exposure[cell])
+    first, p_s = not state.flown_cells, float(state.exposure[cell])
+    state = replace(state, flown_cells=(*state.flown_cells, cell))
+    if first:
+        return state  # the start cell is not counted, as in a planned route
+    if math.isinf(p_s):
+        return replace(state, no_fly_entered=state.no_fly_entered + 1)
     return replace(
         state,
-        flown_cells=(*state.flown_cells, cell),
         flown_exposure=state.flown_exposure + p_s,
         flown_safety=state.flown_safety * (1.0 - min(p_s, 1.0)),
     )
 
 
 def _touched_down(state: AgentState) -> AgentState:
-    """It flew and is disarmed now."""
-    if state.phase is Phase.LANDING:
-        return replace(state, phase=Phase.DONE, outcome="arrived", pending=None)
+    """It was armed by its launch and is disarmed now."""
+    if state.phase is Phase.LANDING and state.cell in state.task.goals:
+        return replace(state, phase=Phase.DONE, outcome=ARRIVED, pending=None)
     if state.phase is Phase.LEAVING:
         phase = Phase.FAILED if state.given_up else Phase.DONE
-        return replace(state, phase=phase, outcome=f"{state.outcome}; landed", pending=None)
+        said = state.trouble if state.given_up else state.outcome
+        return replace(state, phase=phase, outcome=f"{said}; landed", pending=None)
     where = f"in cell {state.cell}" if state.cell is not None else "outside the area"
     reason = f"disarmed {where}, short of its goal, in mode {state.vehicle.mode or 'unknown'}"
     return replace(state, phase=Phase.FAILED, outcome=reason, pending=None)
@@ -157,6 +213,8 @@ def _touched_down(state: AgentState) -> AgentState:
 
 def _share_state(state: AgentState) -> Step:
     vehicle = state.vehicle
+    if not vehicle.has_position:
+        return state, []
     # A vehicle's own clock falls back when it boots again.
     elapsed_s = vehicle.time_boot_s - state.last_shared_s
     if 0.0 <= elapsed_s < SHARE_STATE_EVERY_S:
@@ -191,7 +249,7 @@ def _heard(state: AgentState, event: ev.Heard, _now: float) -> Step:
     try:
         return _learn(state, event.message.observation), []
     except ValueError as error:  # a cell outside the area, or one name with two contents
-        return replace(state, refused=state.refused + 1, outcome=str(error)), []
+        return replace(state, refused=state.refused + 1, trouble=str(error)), []
 
 
 def _learn(state: AgentState, observation: Observation) -> AgentState:
@@ -206,11 +264,11 @@ def _link_lost(state: AgentState, _event: ev.LinkLost, _now: float) -> Step:
     return replace(state, lost=True), []
 
 
-def _link_restored(state: AgentState, _event: ev.LinkRestored, _now: float) -> Step:
+def _link_restored(state: AgentState, _event: ev.LinkRestored, now: float) -> Step:
     state = replace(state, lost=False)
-    if state.phase in IN_FLIGHT and state.ordered not in (None, ev.Order.LAUNCH) and not state.order_seen:
-        # What it was told while nobody could reach it still holds.
-        return state, [ev.Command(state.ordered)]
+    if state.ordered in ROLES and not state.order_seen:
+        # What it was told while nobody could reach it still holds, if its next words show it is still ours.
+        return replace(state, order_again_at_s=now), []
     return state, []
 
 
@@ -220,14 +278,29 @@ def _link_restored(state: AgentState, _event: ev.LinkRestored, _now: float) -> S
 def _tick(state: AgentState, _event: ev.Tick, now: float) -> Step:
     if not wants_tick(state, now):
         return state, []
-    return decide(state)
+    try:
+        return decide(state)
+    except Unreachable as error:
+        return _no_way(replace(state, dirty=False, because=(), trouble=str(error)))
+
+
+def _no_way(state: AgentState) -> Step:
+    """No route leads from where it is to its goal."""
+    if state.phase in ON_GROUND:
+        return replace(state, phase=Phase.FAILED, outcome=state.trouble), []
+    if state.route is not None:
+        return state, []  # it flies on as planned, which is better than anything known
+    return _command(replace(state, phase=Phase.LEAVING, given_up=True), state.task.fallback)
 
 
 def _mission_accepted(state: AgentState, event: ev.MissionAccepted, _now: float) -> Step:
     swap = state.pending
     if swap is None or swap.plan_id != event.plan_id:
         return state, []
-    state = replace(state, route=swap, pending=None, progress=0, failed_swaps=0, outcome="")
+    state = replace(state, accepted=swap, pending=None)
+    if state.ended:
+        return state, []
+    state = replace(state, route=swap, progress=0, failed_swaps=0, trouble="")
     if state.phase in IN_FLIGHT:
         return replace(state, replans=state.replans + 1), []
     if state.phase is Phase.UPLOADING:
@@ -239,9 +312,9 @@ def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> S
     swap = state.pending
     if swap is None or swap.plan_id != event.plan_id:
         return state, []
-    state = replace(state, pending=None, failed_swaps=state.failed_swaps + 1, outcome=event.reason)
+    state = replace(state, pending=None, failed_swaps=state.failed_swaps + 1, trouble=event.reason)
     if state.phase in ON_GROUND:
-        return replace(state, phase=Phase.FAILED), []
+        return replace(state, phase=Phase.FAILED, outcome=event.reason), []
     if state.phase is Phase.LANDING and event.flying != "old":
         # Over its goal and standing still: there is nothing left to plan.
         return _command(state, ev.Order.LAND)
@@ -271,6 +344,6 @@ _HANDLERS: dict[type[Any], Callable[[AgentState, Any, float], Step]] = {
     ev.LinkLost: _link_lost,
     ev.LinkRestored: _link_restored,
     ev.OperatorCommand: _operator,
-    ev.Failed: _failed,
+    ev.Rebooted: _rebooted,
     ev.Tick: _tick,
 }

@@ -27,6 +27,11 @@ def inbox(swarm: str, uav: int) -> str:
 
 
 def sender_of(key: str) -> int | None:
-    """The UAV a key says it comes from; None where it names none (a wildcard, a foreign key)."""
+    """The UAV a key says it comes from; None where it names none.
+
+    A put on a wildcard key reaches every inbox and passes a router's deny rules: such a key is nobody's.
+    """
+    if "*" in key or "$" in key:
+        return None
     last = key.rsplit("/", 1)[-1]
     return int(last) if last.isascii() and last.isdigit() else None

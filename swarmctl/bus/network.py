@@ -30,6 +30,11 @@ def recipients(sender: int, states: Mapping[int, StateShared | None], k: int | N
     return tuple(sorted(others, key=far)[:k])
 
 
+def _own(message: Message) -> bool:
+    """Nobody speaks for another: what it tells it has seen itself."""
+    return not isinstance(message, ObservationShared) or message.observation.observer == message.sender
+
+
 class Network:
     """The swarm's agents on one transport."""
 
@@ -52,7 +57,7 @@ class Network:
             except BadMessage:
                 self.refused += 1
                 return
-            if message.sender != keys.sender_of(key) or message.sender == uav:
+            if message.sender != keys.sender_of(key) or message.sender == uav or not _own(message):
                 self.refused += 1
                 return
             if isinstance(message, StateShared):

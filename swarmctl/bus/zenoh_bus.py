@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Sequence
 from types import TracebackType
 
 import zenoh
@@ -15,15 +14,13 @@ from swarmctl.bus.base import BusError, Receive
 QUEUE = 4096
 
 
-def _config(connect: Sequence[str], listen: Sequence[str]) -> zenoh.Config:
-    """Explicit endpoints only: no multicast scouting, no gossip, no shared memory."""
+def _config() -> zenoh.Config:
+    """Nobody is looked for and nobody listened to: no multicast scouting, no gossip, no shared memory."""
     config = zenoh.Config()
-    quoted = {name: "[" + ",".join(f'"{e}"' for e in ends) + "]" for name, ends in
-              (("connect", connect), ("listen", listen))}  # fmt: skip
     for key, value in (
         ("mode", '"peer"'),
-        ("connect/endpoints", quoted["connect"]),
-        ("listen/endpoints", quoted["listen"]),
+        ("connect/endpoints", "[]"),
+        ("listen/endpoints", "[]"),
         ("scouting/multicast/enabled", "false"),
         ("scouting/gossip/enabled", "false"),
         ("transport/shared_memory/enabled", "false"),
@@ -35,17 +32,16 @@ def _config(connect: Sequence[str], listen: Sequence[str]) -> zenoh.Config:
 class ZenohBus:
     """A context manager: a session that is not closed keeps the process alive for ever."""
 
-    def __init__(self, connect: Sequence[str] = (), listen: Sequence[str] = ()) -> None:
+    def __init__(self) -> None:
         self.dropped = 0
         self._queue: deque[tuple[Receive, str, bytes]] = deque()
         self._loop = asyncio.get_running_loop()
         self._closed = False
         try:
-            self._session = zenoh.open(_config(connect, listen))
+            self._session = zenoh.open(_config())
         except zenoh.ZError as error:
-            raise BusError(
-                f"Zenoh cannot open a session (connect {list(connect)}, listen {list(listen)}): {error}"
-            ) from error
+            text = f"Zenoh cannot open a session: {error}; `communication: {{bus: memory}}` needs none"
+            raise BusError(text) from error
 
     def __enter__(self) -> ZenohBus:
         return self

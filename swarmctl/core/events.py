@@ -90,10 +90,8 @@ class OperatorCommand(_Fact, frozen=True):
     order: Order
 
 
-class Failed(_Fact, frozen=True):
-    """The runner gives the vehicle up: it never became ready, or stayed silent for too long."""
-
-    reason: str
+class Rebooted(_Fact, frozen=True):
+    """Its clock went back: what was set on it may be gone."""
 
 
 class Tick(_Fact, frozen=True):
@@ -112,7 +110,7 @@ Event = (
     | LinkLost
     | LinkRestored
     | OperatorCommand
-    | Failed
+    | Rebooted
     | Tick
 )
 
@@ -142,4 +140,8 @@ class Command(_Fact, frozen=True):
     order: Order
 
 
-Effect = Publish | SwapMission | Command
+class Release(_Fact, frozen=True):
+    """Stop whatever is being done to the vehicle: somebody else has it."""
+
+
+Effect = Publish | SwapMission | Command | Release

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Literal
+
+ModeRole = Literal["", "hold", "mission", "return", "land", "other"]
 
 
 class Landed(IntEnum):
@@ -33,8 +36,8 @@ class VehicleState:
     heading_deg: float | None = None
     mode: str = ""
     """the firmware's own name of the mode, e.g. AUTO"""
-    under_our_control: bool = True
-    """its mode is one in which it flies what a ground station gave it, none that a pilot or failsafe chose"""
+    mode_role: ModeRole = ""
+    """what its mode is for, whatever the firmware calls it; "" until it has told"""
     armed: bool = False
     landed: Landed = Landed.UNDEFINED
     ready: bool = False

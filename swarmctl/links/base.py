@@ -1,9 +1,9 @@
 """What every link offers, what it reports, and how it fails.
 
 A `Link` is one vehicle as the runner sees it. All waits have time-outs; cancelling a call cancels what it
-was doing on the wire. Only one of connect/prepare/upload/launch/swap/hold/return_home/land runs at a time;
-`hold`, `return_home` and `land` interrupt whatever else runs, because they are what an operator needs when
-something goes wrong; any other second call raises `Busy`.
+was doing on the wire. Only one of connect/identify/prepare/upload/launch/swap/hold/return_home/land runs at
+a time; `hold`, `return_home` and `land` interrupt whatever else runs, because they are what an operator needs
+when something goes wrong; any other second call raises `Busy`.
 """
 
 from __future__ import annotations
@@ -140,7 +140,13 @@ class Link(Protocol):
     """One vehicle. Times are those of the running loop [s]."""
 
     async def connect(self, timeout_s: float) -> Identity:
-        """Hear its heartbeat and ask who it is. Raises NobodyAnswers, UnsupportedVehicle."""
+        """Hear its heartbeat and `identify` it. Raises NobodyAnswers, UnsupportedVehicle."""
+
+    async def identify(self, timeout_s: float) -> Identity:
+        """Ask a vehicle that is connected who it is, also again: an address may have changed hands.
+
+        Nothing else is sent to it. Raises NobodyAnswers.
+        """
 
     async def prepare(self, timeout_s: float, on_waiting: Callable[[tuple[str, ...]], None]) -> None:
         """Streams on, GUIDED, ready to arm; reports whenever the reasons for waiting change.
@@ -152,13 +158,23 @@ class Link(Protocol):
         """On the ground: upload, read back, compare. Raises UploadFailed."""
 
     async def launch(self) -> None:
-        """Arm and start the mission; returns when it climbs. Raises LaunchFailed. THIS ARMS THE VEHICLE."""
+        """Arm and start the mission; returns when it climbs. Raises LaunchFailed. THIS ARMS THE VEHICLE.
+
+        Nothing is commanded any more once somebody else has chosen a mode or armed it.
+        """
 
     async def swap(self, plan: FlightPlan) -> None:
-        """In flight: hold, upload, verify, fly `plan` from its first waypoint. Raises SwapFailed."""
+        """In flight: hold, upload, verify, fly `plan` from its first waypoint. Raises SwapFailed.
+
+        Nothing is commanded any more once somebody else has chosen a mode.
+        """
 
     async def hold(self) -> None:
-        """Stand still in the air. Raises CommandFailed."""
+        """Stand still in the air. Raises CommandFailed.
+
+        As `return_home` and `land`: sent at once whatever its mode, and again only while nobody else has
+        chosen one since.
+        """
 
     async def return_home(self) -> None:
         """Return to launch. Raises CommandFailed."""

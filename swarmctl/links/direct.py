@@ -87,18 +87,34 @@ class DirectLink:
 
     async def connect(self, timeout_s: float) -> Identity:
         await self._attach()
+        until_s = self._now() + timeout_s
         try:
-            async with asyncio.timeout(timeout_s):
+            async with asyncio.timeout_at(until_s):
                 await self._heard.wait()
-                if self._session.unsupported:
-                    raise UnsupportedVehicle(f"{self._who}: {self._session.unsupported}")
-                self._take(self._session.keep_streams(self._now()))
-                version = await self._perform("identify", procedures.identify)
         except TimeoutError:
             raise self._nobody_answers(timeout_s) from None
+        if self._session.unsupported:
+            raise UnsupportedVehicle(f"{self._who}: {self._session.unsupported}")
+        return await self._identify(until_s, timeout_s)
+
+    async def identify(self, timeout_s: float) -> Identity:
+        return await self._identify(self._now() + timeout_s, timeout_s)
+
+    async def _identify(self, until_s: float, timeout_s: float) -> Identity:
+        try:
+            async with asyncio.timeout_at(until_s):
+                version: Message | Done = await self._perform("identify", procedures.identify)
+        except TimeoutError:
+            raise self._nobody_answers(timeout_s) from None
+        if isinstance(version, Done):
+            raise LinkError(f"{self._who}: it was not heard who it is: {version.failure}")
         return self._session.identity(version)
 
     async def prepare(self, timeout_s: float, on_waiting: Callable[[tuple[str, ...]], None]) -> None:
+        self._require_heard()
+        self._take(self._session.keep_streams(self._now()))
+        self._require_heard()
+        self._take(self._session.keep_streams(self._now()))
         self._on_waiting, self._reasons = on_waiting, ()
         try:
             async with asyncio.timeout(timeout_s):

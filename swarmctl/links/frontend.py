@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -25,7 +24,6 @@ from swarmctl.links.url import Endpoint
 from swarmctl.mavlink.codec import (
     GCS_COMPID,
     GCS_SYSID,
-    Counters,
     Decoder,
     Encoder,
     Frame,
@@ -37,17 +35,6 @@ from swarmctl.mavlink.session import WANTED
 
 _STREAMS_LIMIT = 1024
 """addresses on one endpoint whose half frames are remembered"""
-
-
-@dataclass(slots=True)
-class Traffic:
-    """Counters of one endpoint."""
-
-    incoming: Counters = field(default_factory=Counters)
-    dropped: int = 0
-    """frames of system ids nobody asked for, or from a wrong address"""
-    sent_frames: int = 0
-    sent_bytes: int = 0
 
 
 class Channel:
@@ -78,6 +65,10 @@ class Channel:
         if self._tlog is not None:
             self._tlog.write(data)
 
+    def flush_log(self) -> None:
+        if self._tlog is not None:
+            self._tlog.flush()
+
     def detach(self) -> None:
         """Idempotent."""
         if self._line.channels.get(self.sysid) is self:
@@ -93,7 +84,6 @@ class _Line:
     def __init__(self, endpoint: Endpoint, transport: Transport, encoder: Encoder, decoder: Decoder) -> None:
         self.transport = transport
         self.channels: dict[int, Channel] = {}
-        self.traffic = Traffic()
         self.heard: set[int] = set()
         self._endpoint = endpoint
         self._encoder = encoder
@@ -103,8 +93,6 @@ class _Line:
     def send(self, message: Message, address: Address) -> bytes:
         data = self._encoder.pack(message, (self._endpoint, address))
         self.transport.send(data, address)
-        self.traffic.sent_frames += 1
-        self.traffic.sent_bytes += len(data)
         return data
 
     def heartbeat(self) -> None:
@@ -118,12 +106,16 @@ class _Line:
             for channel in channels:
                 channel.log(data)
 
+    def flush_logs(self) -> None:
+        for channel in self.channels.values():
+            channel.flush_log()
+
     def receive(self, data: bytes, address: Address) -> None:
         splitter = self._splitters.get(address)
         if splitter is None:
             if len(self._splitters) >= _STREAMS_LIMIT:
                 del self._splitters[next(iter(self._splitters))]
-            splitter = self._splitters[address] = FrameSplitter(self.traffic.incoming)
+            splitter = self._splitters[address] = FrameSplitter()
         now = asyncio.get_running_loop().time()
         for frame in splitter.feed(data):
             self._dispatch(frame, address, now)
@@ -134,7 +126,6 @@ class _Line:
             self.heard.add(frame.sysid)
         channel = self.channels.get(frame.sysid)
         if channel is None:
-            self.traffic.dropped += 1
             return
         if not from_autopilot:
             # Cameras and companions, and what cannot be verified: logged, but it moves no vehicle.
@@ -143,7 +134,6 @@ class _Line:
             return
         verdict = channel.route.hear(address, now)
         if verdict is Verdict.DROPPED:
-            self.traffic.dropped += 1
             return
         if verdict is Verdict.MOVED:
             channel.on_event(AddressChanged(_text(address)))
@@ -234,9 +224,6 @@ class FrontEnd:
         """What its transport knows to be wrong at the moment."""
         return self._lines[endpoint].transport.trouble if endpoint in self._lines else ""
 
-    def traffic(self) -> dict[Endpoint, Traffic]:
-        return {endpoint: line.traffic for endpoint, line in self._lines.items()}
-
     async def close(self) -> None:
         if self._timer is not None:
             self._timer.cancel()
@@ -251,6 +238,8 @@ class FrontEnd:
         self._timer = asyncio.get_running_loop().call_later(HEARTBEAT_PERIOD_S, self._heartbeat)
         for line in self._lines.values():
             line.heartbeat()
+            # A log is wanted most of all after the process died.
+            line.flush_logs()
 
     def _transport(self, endpoint: Endpoint) -> Transport:
         match endpoint.kind:

@@ -19,5 +19,9 @@ class TlogWriter:
     def write(self, frame: bytes) -> None:
         self._file.write(_TIME.pack(self._wall_time_us()) + frame)
 
+    def flush(self) -> None:
+        """What was written is the operating system's now, and outlives this process."""
+        self._file.flush()
+
     def close(self) -> None:
         self._file.close()

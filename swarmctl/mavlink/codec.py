@@ -6,7 +6,6 @@ Frame layouts: https://mavlink.io/en/guide/serialization.html
 from __future__ import annotations
 
 from collections.abc import Hashable
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -38,33 +37,21 @@ class Frame(NamedTuple):
         return self.msgid in _CRC_EXTRA
 
 
-@dataclass(slots=True)
-class Counters:
-    """What came in on one stream."""
-
-    bytes: int = 0
-    frames: int = 0
-    bad_crc: int = 0
-    unknown: int = 0
-    garbage_bytes: int = 0
-    """plain text (autopilots print some while booting), line noise, remains of broken frames"""
-
-
 class FrameSplitter:
-    """Cuts one byte stream into frames; never raises, whatever the bytes are."""
+    """Cuts one byte stream into frames; never raises, whatever the bytes are.
 
-    def __init__(self, counters: Counters | None = None) -> None:
-        self.counters = Counters() if counters is None else counters
+    What is no frame is skipped: plain text (autopilots print some while booting), line noise, remains.
+    """
+
+    def __init__(self) -> None:
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> list[Frame]:
         """Frames completed by `data`, in order. An incomplete one waits for more bytes."""
-        self.counters.bytes += len(data)
         self._buffer += data
         frames: list[Frame] = []
         buffer, at = self._buffer, 0
         while (start := _next_magic(buffer, at)) is not None:
-            self.counters.garbage_bytes += start - at
             at = start
             length = _frame_length(buffer, at)
             if length is None or at + length > len(buffer):
@@ -72,16 +59,13 @@ class FrameSplitter:
             frame = self._accept(bytes(buffer[at : at + length]), _follows(buffer, at + length))
             if frame is None:
                 # The start byte may have been part of noise: a good frame can begin inside.
-                self.counters.garbage_bytes += 1
                 at += 1
             else:
                 frames.append(frame)
                 at += length
         else:
-            self.counters.garbage_bytes += len(buffer) - at
             at = len(buffer)
         del buffer[:at]
-        self.counters.frames += len(frames)
         return frames
 
     def _accept(self, data: bytes, plausible_end: bool) -> Frame | None:
@@ -96,11 +80,9 @@ class FrameSplitter:
         extra = _CRC_EXTRA.get(frame.msgid)
         if extra is None:
             # No checksum can be verified without the message's definition.
-            self.counters.unknown += plausible_end
             return frame if plausible_end else None
         crc = mavlink.x25crc(data[1 : end - 2] + bytes((extra,))).crc
         if crc != data[end - 2] | data[end - 1] << 8:
-            self.counters.bad_crc += 1
             return None
         return frame
 

@@ -22,6 +22,8 @@ FORCE_CODES = (21196.0, 2989.0)
 class CommandOutcome(Enum):
     ACCEPTED = "accepted"
     REFUSED = "refused"
+    NOT_NOW = "not now"
+    """MAV_RESULT_TEMPORARILY_REJECTED"""
     NO_ANSWER = "no answer"
 
 
@@ -32,8 +34,14 @@ class CommandResult:
     """for people: the command and the vehicle's MAV_RESULT by name"""
 
     @property
-    def accepted(self) -> bool:
-        return self.outcome is CommandOutcome.ACCEPTED
+    def final(self) -> bool:
+        """Another try would bring no other answer."""
+        return self.outcome in (CommandOutcome.ACCEPTED, CommandOutcome.REFUSED)
+
+    @property
+    def may_have_happened(self) -> bool:
+        """Also without an answer: it may have been the answer that was lost."""
+        return self.outcome in (CommandOutcome.ACCEPTED, CommandOutcome.NO_ANSWER)
 
 
 def command_long(peer: Peer, command: int, params: Sequence[float], confirmation: int = 0) -> Message:
@@ -43,58 +51,35 @@ def command_long(peer: Peer, command: int, params: Sequence[float], confirmation
     return mavlink.MAVLink_command_long_message(peer.sysid, peer.compid, command, confirmation, *p)
 
 
-@dataclass(frozen=True, slots=True)
-class PositionCommand:
-    """What COMMAND_INT carries besides param1-4."""
-
-    frame: int
-    x: int
-    """latitude [degE7]"""
-    y: int
-    """longitude [degE7]"""
-    z: float
-    """altitude [m]"""
-
-
-def command_int(peer: Peer, command: int, params: Sequence[float], position: PositionCommand) -> Message:
-    """COMMAND_INT with missing parameters 0. Raises ValueError for a forced arming or disarming."""
-    p = (*params, *(0.0,) * (4 - len(params)))
-    _refuse_force(command, p)
-    at = (position.x, position.y, position.z)
-    return mavlink.MAVLink_command_int_message(
-        peer.sysid, peer.compid, position.frame, command, 0, 0, *p, *at
-    )
-
-
 def _refuse_force(command: int, params: Sequence[float]) -> None:
     if command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM and params[1] in FORCE_CODES:
         raise ValueError(f"forced arming and disarming (param2 = {params[1]:g}) is never sent")
 
 
 class Command(Conversation[CommandResult]):
-    """Send until answered: COMMAND_LONG, or COMMAND_INT where `position` is given."""
+    """One COMMAND_LONG and what comes of it; `confirmation` counts how often it was sent before.
 
-    RETRY_S = 1.0
-    TRIES = 5
+    It does not repeat itself: what has changed on the vehicle meanwhile has to be looked at first.
+    """
+
+    ANSWER_S = 1.0
     IN_PROGRESS_S = 10.0
     """how long one IN_PROGRESS keeps us waiting"""
     IN_PROGRESS_LIMIT = 6
 
-    def __init__(
-        self, peer: Peer, command: int, *params: float, position: PositionCommand | None = None
-    ) -> None:
+    def __init__(self, peer: Peer, command: int, *params: float, confirmation: int = 0) -> None:
         super().__init__()
         self._peer = peer
         self._command = command
-        self._params = params
-        self._position = position
-        self._sent = 0
+        # A forbidden command fails here, where it was written.
+        self._message = command_long(peer, command, params, confirmation)
+        self._outcome = CommandOutcome.NO_ANSWER
         self._in_progress = 0
         self._last_word = ""
-        self._message()  # a forbidden command fails here, where it was written
 
     def _begin(self, now: float) -> list[Message]:
-        return self._send(now)
+        self.next_deadline = now + self.ANSWER_S
+        return [self._message]
 
     def _on_message(self, message: Message, now: float) -> list[Message]:
         if message.get_type() != "COMMAND_ACK" or message.command != self._command:
@@ -104,37 +89,27 @@ class Command(Conversation[CommandResult]):
         code = int(message.result)
         self._last_word = name_of("MAV_RESULT", code)
         if code == mavlink.MAV_RESULT_ACCEPTED:
-            self._finish(CommandResult(CommandOutcome.ACCEPTED, self._text()))
+            self._end(CommandOutcome.ACCEPTED)
         elif code == mavlink.MAV_RESULT_IN_PROGRESS and self._in_progress < self.IN_PROGRESS_LIMIT:
             self._in_progress += 1
             if self.state is State.WAITING:
                 self._enter(State.EXCHANGING)
             self.next_deadline = now + self.IN_PROGRESS_S
-        elif code == mavlink.MAV_RESULT_TEMPORARILY_REJECTED and self._sent < self.TRIES:
-            self.next_deadline = now + self.RETRY_S
+        elif code == mavlink.MAV_RESULT_TEMPORARILY_REJECTED:
+            # Not at once: the next try would hear the same.
+            self._outcome = CommandOutcome.NOT_NOW
+            self.next_deadline = now + self.ANSWER_S
         else:
-            self._finish(CommandResult(CommandOutcome.REFUSED, self._text()))
+            self._end(CommandOutcome.REFUSED)
         return []
 
     def _on_deadline(self, now: float) -> list[Message]:
-        if self._sent < self.TRIES:
-            return self._send(now)
-        self._finish(CommandResult(CommandOutcome.NO_ANSWER, self._text()))
+        self._end(self._outcome)
         return []
 
-    def _send(self, now: float) -> list[Message]:
-        message = self._message()
-        self._sent += 1
-        self.next_deadline = now + self.RETRY_S
-        return [message]
-
-    def _message(self) -> Message:
-        if self._position is not None:
-            return command_int(self._peer, self._command, self._params, self._position)
-        return command_long(self._peer, self._command, self._params, confirmation=self._sent)
-
-    def _text(self) -> str:
-        return f"{name_of('MAV_CMD', self._command)}: {self._last_word or 'no answer'}"
+    def _end(self, outcome: CommandOutcome) -> None:
+        text = f"{name_of('MAV_CMD', self._command)}: {self._last_word or 'no answer'}"
+        self._finish(CommandResult(outcome, text))
 
 
 def name_of(enum: str, value: int) -> str:

@@ -5,7 +5,6 @@ Acknowledgements are not believed: every step is done when the telemetry shows i
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -14,14 +13,22 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from swarmctl.core.mission import MissionItem
 from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.mavlink.codec import Message
-from swarmctl.mavlink.command import Command, CommandOutcome, CommandResult
+from swarmctl.mavlink.command import Command
+from swarmctl.mavlink.guarded import (
+    HEARTBEAT_WAIT_S,
+    MODE_ENABLED,
+    HandsOff,
+    foreign,
+    guarded,
+    in_modes,
+    look,
+    set_mode,
+)
 from swarmctl.mavlink.mission_download import Download, DownloadOutcome, DownloadResult
 from swarmctl.mavlink.mission_upload import Upload, UploadOutcome, UploadResult
 from swarmctl.mavlink.procedure import Context, Procedure
-from swarmctl.mavlink.wait import Ask, Until, wait
+from swarmctl.mavlink.wait import Ask, Look, Until, wait
 
-HEARTBEAT_WAIT_S = 5.0
-"""a heartbeat a second, and several may be lost"""
 MODE_AGAIN_S = 3.0
 """how often a mode that did not stay is set again before the flight"""
 CLIMB_WAIT_S = 20.0
@@ -29,12 +36,9 @@ CLIMB_WAIT_S = 20.0
 CLIMB_LIMIT_S = 60.0
 """until it is up at its take-off altitude"""
 MOVE_WAIT_S = 10.0
-TEXT_WAIT_S = 0.5
 MODE_TRIES = 3
 UPLOAD_TRIES = 3
 DOWNLOAD_TRIES = 4
-
-_WARNING = int(mavlink.MAV_SEVERITY_WARNING)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,11 +67,13 @@ def prepare(ctx: Context) -> Procedure[Done]:
     The streams are kept coming by the session. Has no time limit of its own: booting takes what it takes.
     """
     while True:
+        heard = yield Look(ctx.peer, lambda: True, HEARTBEAT_WAIT_S)
         if ctx.state.armed:
             return Done("it is armed already; prepare it on the ground, disarmed")
         # A mode set in the first seconds after boot is acknowledged and silently undone.
-        if ctx.state.mode != ctx.dialect.hold_mode:
-            yield _mode_command(ctx, ctx.dialect.hold_mode)
+        if heard and ctx.state.mode != ctx.dialect.hold_mode:
+            number = float(ctx.dialect.mode_number(ctx.dialect.hold_mode))
+            yield Command(ctx.peer, mavlink.MAV_CMD_DO_SET_MODE, MODE_ENABLED, number)
         ready = yield Until(ctx.after_heartbeat(lambda s: s.ready), MODE_AGAIN_S)
         if ready and ctx.state.ready:
             return Done()
@@ -127,26 +133,46 @@ def launch(ctx: Context) -> Procedure[Done]:
     if not ctx.on_vehicle:
         return Done("no verified mission is on the vehicle; upload one first")
     if ctx.state.armed:
-        return Done("it is armed already")
-    failure = yield from set_mode(ctx, ctx.dialect.hold_mode)
+        return Done(f"it is armed already, in {ctx.state.mode}; nothing was sent")
+    try:
+        return Done((yield from _take_off(ctx)))
+    except HandsOff as why:
+        return Done(str(why))
+
+
+def _take_off(ctx: Context) -> Procedure[str | None]:
+    hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
+    # After a landing it stands there in its mission mode.
+    stands = in_modes({hold, mission}, armed=False)
+    failure = yield from set_mode(ctx, hold, stands, armed=False)
     if failure:
-        return Done(failure)
-    failure = yield from _command_seen(
-        ctx, Command(ctx.peer, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0), lambda s: s.armed
+        return failure
+    may_start = in_modes({hold}, armed=True)
+    failure = yield from guarded(
+        ctx, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (1.0,), in_modes({hold}, armed=False), may_start
     )
     if failure:
-        return Done(f"it does not arm: {failure}")
+        return f"it does not arm: {failure}"
     ground_m = ctx.state.alt_rel_m or 0.0
-    failure = yield from _command_seen(
+    started = in_modes({mission}, armed=True)
+    failure = yield from guarded(
         ctx,
-        Command(ctx.peer, mavlink.MAV_CMD_MISSION_START),
-        lambda s: s.mode == ctx.dialect.mission_mode and _has_left_ground(s, ground_m),
+        mavlink.MAV_CMD_MISSION_START,
+        (),
+        may_start,
+        started,
+        seen=lambda s: started(s) and _has_left_ground(s, ground_m),
         wait_s=CLIMB_WAIT_S,
     )
-    if failure and ctx.state.landed is Landed.ON_GROUND:
+    if failure is None:
+        return None
+    if ctx.state.landed is Landed.ON_GROUND:
         # Armed, on the ground and not going anywhere: an ordinary disarm, which a flying vehicle refuses.
-        yield Command(ctx.peer, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)
-    return Done(f"it does not take off: {failure}" if failure else None)
+        still = in_modes({hold, mission}, armed=True)
+        yield from guarded(
+            ctx, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0.0,), still, stands, skip_if_done=True
+        )
+    return f"it does not take off: {failure}"
 
 
 def _has_left_ground(state: VehicleState, ground_m: float) -> bool:
@@ -159,33 +185,39 @@ def swap(ctx: Context, new: tuple[MissionItem, ...]) -> Procedure[Swapped]:
 
     The upload of some firmwares is not atomic and steers a vehicle that flies the mission with every item,
     so: hold, upload, read back, set the current item, fly; or go back to the old mission the same way; or
-    stay in hold. Nothing is touched where somebody else has chosen another mode.
+    stay in hold. Nothing is touched any more where somebody else has chosen another mode.
     """
     old = ctx.on_vehicle
     # Held on its first metres it would go on to the first waypoint from down there.
     yield Until(lambda: not _takes_off(ctx), CLIMB_LIMIT_S)
     if ctx.state.mode not in (ctx.dialect.hold_mode, ctx.dialect.mission_mode):
-        return Swapped(f"its mode is {ctx.state.mode}, set by its pilot, its failsafe or another station")
+        return Swapped(foreign(ctx.state))
     if not ctx.state.armed or ctx.state.landed is Landed.ON_GROUND:
         return Swapped("it is not flying", "old" if old else "unknown")
     if _takes_off(ctx) or ctx.state.landed is Landed.LANDING:
         return Swapped("it takes off or lands just now", "old" if old else "unknown")
-    failure = yield from set_mode(ctx, ctx.dialect.hold_mode)
-    mode = (yield from _mode_now(ctx)) if failure else ctx.dialect.hold_mode
-    if mode != ctx.dialect.hold_mode:
-        flies_old = mode == ctx.dialect.mission_mode and old
-        return Swapped(f"it does not hold: {failure}", "old" if flies_old else "unknown")
+    try:
+        return (yield from _swap(ctx, old, new))
+    except HandsOff as why:
+        return Swapped(str(why), "unknown")
+
+
+def _swap(ctx: Context, old: tuple[MissionItem, ...], new: tuple[MissionItem, ...]) -> Procedure[Swapped]:
+    hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
+    failure = yield from set_mode(ctx, hold, in_modes({hold, mission}, armed=True), armed=True)
+    if failure:
+        yield from look(ctx, in_modes({mission}, armed=True))
+        return Swapped(f"it does not hold: {failure}", "old" if old else "unknown")
     failure = yield from _fly_from_hold(ctx, new)
     if not failure:
         return Swapped(None, "new")
-    holds = yield from _returns_to_hold(ctx)
-    if holds and old:
+    if old:
         second = yield from _fly_from_hold(ctx, old)
         if not second:
             return Swapped(failure, "old")
         failure = f"{failure}; back to the old mission: {second}"
-        holds = yield from _returns_to_hold(ctx)
-    return Swapped(failure, "hold" if holds else "unknown")
+    yield from look(ctx, in_modes({hold}, armed=True))
+    return Swapped(failure, "hold")
 
 
 def _takes_off(ctx: Context) -> bool:
@@ -198,28 +230,36 @@ def _takes_off(ctx: Context) -> bool:
 
 
 def _fly_from_hold(ctx: Context, items: tuple[MissionItem, ...]) -> Procedure[str | None]:
-    """Upload to a vehicle that holds, and see it fly the mission from its first waypoint."""
+    """Upload to a vehicle that holds, and see it fly the mission from its first waypoint.
+
+    Where that fails it holds again. Raises HandsOff where somebody else has it.
+    """
+    hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
+    holds = in_modes({hold}, armed=True)
+    yield from look(ctx, holds)
     uploaded: Done = yield from _put(ctx, items)
     if uploaded.failure:
         return uploaded.failure
-    if ctx.state.mode != ctx.dialect.hold_mode:
-        return f"its mode became {ctx.state.mode} meanwhile"
     first = ctx.dialect.first_waypoint_seq
-    failure = yield from _command_seen(
+    failure = yield from guarded(
         ctx,
-        Command(ctx.peer, mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, float(first)),
-        lambda s: s.mission_seq == first,
-        lags=False,
+        mavlink.MAV_CMD_DO_SET_MISSION_CURRENT,
+        (float(first),),
+        holds,
+        lambda s: holds(s) and s.mission_seq == first,
     )
     if failure:
         return failure
-    if ctx.state.mode != ctx.dialect.hold_mode:
-        return f"its mode became {ctx.state.mode} meanwhile"
-    failure = yield from set_mode(ctx, ctx.dialect.mission_mode)
-    if failure:
-        return failure
-    flies = yield Until(lambda: _flies_on(ctx, first), MOVE_WAIT_S)
-    return None if flies else f"it does not fly on: {ctx.state.mode}, item {ctx.state.mission_seq}"
+    failure = yield from set_mode(ctx, mission, holds, armed=True)
+    if not failure:
+        yield Until(lambda: _flies_on(ctx, first) or ctx.state.mode not in (hold, mission), MOVE_WAIT_S)
+        if _flies_on(ctx, first):
+            return None
+        failure = f"it does not fly on: {ctx.state.mode}, item {ctx.state.mission_seq}"
+    back = yield from set_mode(ctx, hold, in_modes({hold, mission}, armed=True), armed=True)
+    if back:
+        raise HandsOff(f"{failure}; nor does it hold: {back}")
+    return failure
 
 
 def _flies_on(ctx: Context, first: int) -> bool:
@@ -228,21 +268,6 @@ def _flies_on(ctx: Context, first: int) -> bool:
         return False
     moves = state.ground_speed_m_s > 0.5 or abs(state.climb_m_s) > 0.3
     return first < state.mission_seq <= last or (state.mission_seq == first and moves)
-
-
-def _returns_to_hold(ctx: Context) -> Procedure[bool]:
-    """Hold again, unless somebody else has taken the vehicle over."""
-    mode = yield from _mode_now(ctx)
-    if mode not in ("", ctx.dialect.hold_mode, ctx.dialect.mission_mode):
-        return False
-    failure = yield from set_mode(ctx, ctx.dialect.hold_mode)
-    return failure is None or (yield from _mode_now(ctx)) == ctx.dialect.hold_mode
-
-
-def _mode_now(ctx: Context) -> Procedure[str]:
-    """The mode in its next heartbeat, or "" if none comes."""
-    heard = yield Until(ctx.after_heartbeat(lambda _: True), HEARTBEAT_WAIT_S)
-    return ctx.state.mode if heard else ""
 
 
 def hold(ctx: Context) -> Procedure[Done]:
@@ -258,50 +283,19 @@ def land(ctx: Context) -> Procedure[Done]:
 
 
 def _insist(ctx: Context, mode: str) -> Procedure[str | None]:
-    """For what the operator wants: more than one try, also against a vehicle that has just booted."""
-    failure: str | None = None
-    for _ in range(MODE_TRIES):
-        failure = yield from set_mode(ctx, mode)
-        if failure is None:
-            break
-    return failure
+    """What the operator wants now: at once and more than once, also against one that has just booted.
 
-
-def set_mode(ctx: Context, mode: str) -> Procedure[str | None]:
-    """Command a mode and see it in a heartbeat; returns the failure."""
-    return (yield from _command_seen(ctx, _mode_command(ctx, mode), _in_mode(mode)))
-
-
-def _in_mode(mode: str) -> Callable[[VehicleState], bool]:
-    return lambda s: s.mode == mode
-
-
-def _mode_command(ctx: Context, mode: str) -> Command:
-    custom = float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
-    return Command(ctx.peer, mavlink.MAV_CMD_DO_SET_MODE, custom, float(ctx.dialect.mode_number(mode)))
-
-
-def _command_seen(
-    ctx: Context,
-    command: Command,
-    seen: Callable[[VehicleState], bool],
-    *,
-    wait_s: float = HEARTBEAT_WAIT_S,
-    lags: bool = True,
-) -> Procedure[str | None]:
-    """Send a command and see its effect, where it `lags` only after a new heartbeat; returns the failure.
-
-    A command without an answer may still have been taken, so only a refusal ends the matter at once. The
-    reasons for refusals come as STATUSTEXT, before or after the acknowledgement.
+    But only the first time unseen: once the vehicle has told of a mode that was neither there before nor is
+    one of ours, somebody else has chosen it since.
     """
-    texts_before = len(ctx.telemetry.texts)
-    fresh = ctx.after_heartbeat(seen)
-    result: CommandResult = yield command
-    if result.outcome is CommandOutcome.REFUSED:
-        yield wait(TEXT_WAIT_S)
-    elif (yield Until(fresh if lags or not result.accepted else lambda: seen(ctx.state), wait_s)):
-        return None
-    said = [text for severity, text in ctx.telemetry.texts[texts_before:] if severity <= _WARNING]
-    suffix = f" (the vehicle says: {'; '.join(said[-3:])})" if said else ""
-    not_seen = ", but it was not seen to happen" if result.accepted else ""
-    return f"{result.text}{not_seen}{suffix}"
+    dialect = ctx.dialect
+    ours = {dialect.hold_mode, dialect.mission_mode, dialect.return_mode, dialect.land_mode, ctx.state.mode}
+    failure: str | None = None
+    try:
+        for attempt in range(MODE_TRIES):
+            failure = yield from set_mode(ctx, mode, in_modes(ours), at_once=attempt == 0)
+            if failure is None:
+                break
+    except HandsOff as why:
+        return str(why) if failure is None else f"{failure}; {why}"
+    return failure

@@ -123,11 +123,12 @@ class Session:
         step = Step([], [])
         if (message.get_srcSystem(), message.get_srcComponent()) != (self.peer.sysid, self.peer.compid):
             return step
-        if is_vehicle_heartbeat(message):
-            self._on_heartbeat(message, now, step)
+        silent_s = self._on_heartbeat(message, now, step) if is_vehicle_heartbeat(message) else None
         if self._context is None:
+            if silent_s is not None:
+                step.events.append(Restored(silent_s))
             return step
-        self._fold(self._context, message, now, step)
+        self._fold(self._context, message, now, step, silent_s)
         if self._driver is not None:
             step.messages.extend(self._driver.receive(message, now))
             self._report_end(step)
@@ -172,17 +173,20 @@ class Session:
             return Step(self._streams.tick(now), [])
         return Step([], [])
 
-    def _on_heartbeat(self, message: Message, now: float, step: Step) -> None:
+    def _on_heartbeat(self, message: Message, now: float, step: Step) -> float | None:
+        """How long it had been lost, if it was [s]."""
         silent_s = self._presence.age_s(now)
         before = self._presence.heard(now)
-        if before is LinkState.LOST:
-            step.events.append(Restored(silent_s))
-            if self._streams is not None and self._streams.next_deadline is not None:
-                self._streams.demand(now + AFTER_SILENCE_S)
-        elif before is LinkState.NEVER_HEARD:
-            self._heard = Heard(int(message.autopilot), int(message.type))
-            step.events.append(self._heard)
-            self._get_to_know(self._heard)
+        heard = Heard(int(message.autopilot), int(message.type))
+        if before is LinkState.NEVER_HEARD:
+            step.events.append(heard)
+            self._get_to_know(heard)
+        self._heard = heard
+        if before is not LinkState.LOST:
+            return None
+        if self._streams is not None and self._streams.next_deadline is not None:
+            self._streams.demand(now + AFTER_SILENCE_S)
+        return silent_s
 
     def _get_to_know(self, heard: Heard) -> None:
         try:
@@ -193,7 +197,9 @@ class Session:
         self._context = Context(self.peer, dialect, Telemetry(dialect))
         self._streams = StreamKeeper(self.peer, dialect.streams_hz)
 
-    def _fold(self, context: Context, message: Message, now: float, step: Step) -> None:
+    def _fold(
+        self, context: Context, message: Message, now: float, step: Step, silent_s: float | None
+    ) -> None:
         telemetry = context.telemetry
         texts, reboots = len(telemetry.texts), telemetry.reboots
         context.now = now
@@ -207,7 +213,10 @@ class Session:
                 step.messages.extend(self._streams.tick(now))
         if self._streams is not None:
             self._streams.saw(message.get_msgId(), now)
-        if snapshot:
+        if silent_s is not None:
+            # Whoever hears of it decides by the state that follows: it must be that of this heartbeat.
+            step.events.append(Restored(silent_s))
+        if snapshot or silent_s is not None:
             step.events.append(StateChanged(telemetry.state))
 
     def _report_end(self, step: Step) -> None:

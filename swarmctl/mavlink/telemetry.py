@@ -8,7 +8,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.core.vehicle import Landed, VehicleState
+from swarmctl.core.vehicle import Landed, ModeRole, VehicleState
 from swarmctl.mavlink.codec import Message
 from swarmctl.mavlink.dialects import Dialect, Readiness
 from swarmctl.mavlink.statustext import TextAssembler, strike_count
@@ -41,6 +41,12 @@ class Telemetry:
         self._ekf_flags: int | None = None
         self._complaints: tuple[str, ...] = ()
         self._missing = set(dialect.required)
+        self._roles: dict[str, ModeRole] = {
+            dialect.hold_mode: "hold",
+            dialect.mission_mode: "mission",
+            dialect.return_mode: "return",
+            dialect.land_mode: "land",
+        }
         self._fold: dict[str, Callable[[Message], bool]] = {
             "HEARTBEAT": self._heartbeat,
             "GLOBAL_POSITION_INT": self._global_position,
@@ -76,8 +82,7 @@ class Telemetry:
         mode = self._dialect.mode_name(int(message.custom_mode))
         armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
         news = mode != self.state.mode or armed != self.state.armed
-        ours = mode in (self._dialect.hold_mode, self._dialect.mission_mode)
-        self._changes |= {"mode": mode, "armed": armed, "under_our_control": ours}
+        self._changes |= {"mode": mode, "mode_role": self._roles.get(mode, "other"), "armed": armed}
         return news
 
     def _global_position(self, message: Message) -> bool:
@@ -102,7 +107,10 @@ class Telemetry:
         if time_boot_s >= self.state.time_boot_s - REBOOT_S:
             return False
         # Keep what is said by heartbeats, which come unasked; the rest is of a life before.
-        self._state = VehicleState(time_boot_s=time_boot_s, mode=self.state.mode, armed=self.state.armed)
+        last = self.state
+        self._state = VehicleState(
+            time_boot_s=time_boot_s, mode=last.mode, mode_role=last.mode_role, armed=last.armed
+        )
         self._changes = {}
         self._prearm_ok = self._ekf_flags = None
         self._complaints = ()

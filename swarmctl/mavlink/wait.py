@@ -1,4 +1,4 @@
-"""Conversations that send nothing or ask once: wait, see it happen, ask for one message."""
+"""Conversations that command nothing: wait, see it happen, look at it anew, ask for one message."""
 
 from __future__ import annotations
 
@@ -42,6 +42,45 @@ class Until(Conversation[bool]):
 def wait(seconds: float) -> Until:
     """Let time pass."""
     return Until(lambda: False, seconds)
+
+
+class Look(Conversation[bool]):
+    """Ask for a heartbeat: True as soon as one has come since and `seen()` holds, False after `timeout_s`.
+
+    Mode and arming are told by heartbeats only. ArduPilot sends one for MAV_CMD_REQUEST_MESSAGE at its next
+    turn; whoever does not know that request sends one a second, and that will do.
+    """
+
+    REPEAT_S = 1.0
+
+    def __init__(self, peer: Peer, seen: Callable[[], bool], timeout_s: float) -> None:
+        super().__init__()
+        self._seen = seen
+        self._timeout_s = timeout_s
+        self._heard = False
+        self._end = 0.0
+        heartbeat = float(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
+        self._request = command_long(peer, mavlink.MAV_CMD_REQUEST_MESSAGE, (heartbeat,))
+
+    def _begin(self, now: float) -> list[Message]:
+        self._end = now + self._timeout_s
+        return self._ask(now)
+
+    def _on_message(self, message: Message, now: float) -> list[Message]:
+        self._heard |= message.get_msgId() == mavlink.MAVLINK_MSG_ID_HEARTBEAT
+        if self._heard and self._seen():
+            self._finish(True)
+        return []
+
+    def _on_deadline(self, now: float) -> list[Message]:
+        if now >= self._end:
+            self._finish(False)
+            return []
+        return self._ask(now)
+
+    def _ask(self, now: float) -> list[Message]:
+        self.next_deadline = min(self._end, now + self.REPEAT_S)
+        return [self._request]
 
 
 class Ask(Conversation[Message]):

@@ -7,6 +7,7 @@ import contextlib
 
 import pytest
 from pymavlink import mavutil
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_copter import Copter, Script
 
 from swarmctl.core.mission import FlightPlan, Waypoint
@@ -157,6 +158,61 @@ def test_a_whole_flight_with_a_swap():
             done = [e.name for e in world.events if isinstance(e, ProcedureDone)]
             assert done == ["identify", "prepare", "upload", "launch", "swap"]
             assert isinstance(world.events[0], Heard)
+
+    play(story())
+
+
+def asked_of(world: World) -> set[tuple[str, float]]:
+    """(message, its first parameter) of all that went out to the vehicles, heartbeats aside."""
+    parser = mavlink.MAVLink(None)
+    parser.robust_parsing = True
+    messages = [m for data, _ in world.to_vehicles for m in parser.parse_buffer(data) or []]
+    return {(m.get_type(), getattr(m, "param1", 0.0)) for m in messages if m.get_type() != "HEARTBEAT"}
+
+
+def test_a_vehicle_that_is_only_connected_is_asked_who_it_is_and_nothing_else():
+    async def story():
+        async with World(Copter(1)) as world:
+            link = world.link()
+            await link.connect(10)
+            await asyncio.sleep(20)
+            assert asked_of(world) == {("COMMAND_LONG", 148.0)}
+            assert world.copters[1].streams == {}
+            await link.prepare(30, lambda _: None)
+            assert set(world.copters[1].streams) == {33, 1, 193, 245, 42, 242}
+
+    play(story())
+
+
+def test_identify_asks_again_and_hears_that_another_vehicle_is_there_now():
+    async def story():
+        async with World(Copter(1)) as world:
+            link = world.link()
+            with pytest.raises(LinkError, match="connect first"):
+                await link.identify(5)
+            assert (await link.connect(10)).simulated
+            world.copters[1].uid2 = b"an aircraft"
+            again = await link.identify(5)
+            assert not again.simulated
+            world.silent = True
+            with pytest.raises(NobodyAnswers, match=r"AUTOPILOT_VERSION.*tried for 5 s"):
+                await link.identify(5)
+
+    play(story())
+
+
+def test_an_order_interrupts_identify():
+    async def story():
+        async with World(Copter(1)) as world:
+            link = world.link()
+            await link.connect(10)
+            world.wire.to_vehicles = lambda data, address: None
+            asking = asyncio.create_task(link.identify(30))
+            await asyncio.sleep(1)
+            world.wire.to_vehicles = world._to_vehicles
+            await link.hold()
+            with pytest.raises(LinkError, match="interrupted by hold"):
+                await asking
 
     play(story())
 
@@ -373,7 +429,7 @@ def test_a_command_that_was_lost_is_sent_again_after_a_second_and_not_later():
             sent, loop = [], asyncio.get_running_loop()
 
             def lossy(data, address):
-                if data[7:10] == b"\x4c\0\0":  # COMMAND_LONG
+                if data[7:10] == b"\x4c\0\0" and data[38:40] == b"\xb0\0":  # COMMAND_LONG: DO_SET_MODE
                     sent.append(loop.time())
                     if len(sent) == 1:
                         return
@@ -452,3 +508,23 @@ def test_the_tlog_is_read_by_pymavlink_with_both_directions(tmp_path):
     stamps = [m[2] for m in messages]
     assert stamps == sorted(stamps)
     assert 1_700_000_000 <= stamps[0] < 1_700_000_001
+
+
+def test_what_was_received_is_on_disk_within_a_second_or_so(tmp_path):
+    path = tmp_path / "alpha.tlog"
+
+    async def story():
+        async with World(Copter(1), tlog=path) as world:
+            link = world.link()
+            await link.connect(10)
+            await asyncio.sleep(10)
+            world.silent = True
+            await asyncio.sleep(1.1)
+            logged = path.read_bytes()
+            world.copters[1].text(4, "the last words")
+            world.silent = False
+            await asyncio.sleep(1.1)
+            assert b"the last words" not in logged
+            assert b"the last words" in path.read_bytes()
+
+    play(story())

@@ -133,7 +133,6 @@ def test_udp_reports_two_vehicles_with_one_system_id():
                 await alpha.connect(10)
                 async with playing(double, b.send):
                     await until(lambda: any(isinstance(e, Conflict) for e in events))
-            assert front.traffic()[here].dropped > 0
             a.transport.close()
             b.transport.close()
 

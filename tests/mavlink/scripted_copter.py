@@ -35,6 +35,8 @@ class Script:
     refusals_left: int = 1
     stays_on_ground: bool = False
     never_moves: bool = False
+    heartbeats_unasked_only: bool = False
+    """it sends one a second, but none for MAV_CMD_REQUEST_MESSAGE"""
     spoil_item: int | None = None
     """stored half a kilometre off, without a word"""
 
@@ -106,6 +108,8 @@ class Copter:
             self.streams[int(m.param1)] = m.param2 / 1e6
             self.due[int(m.param1)] = self.now
             do = lambda *_: 0  # noqa: E731
+        elif m.command == 512 and m.param1 == 0:
+            do = lambda *_: 3 if self.script.heartbeats_unasked_only else self.telemeter(0) or 0  # noqa: E731
         elif m.command == 512:
             self.send(
                 mavlink.MAVLink_autopilot_version_message(

@@ -6,11 +6,11 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.mission import MissionItem
-from swarmctl.mavlink.command import Command, CommandOutcome, PositionCommand, command_long
+from swarmctl.mavlink.command import Command, CommandOutcome, command_long
 from swarmctl.mavlink.conversation import IllegalEvent, Peer, State
 from swarmctl.mavlink.mission_download import Download, DownloadOutcome
 from swarmctl.mavlink.mission_upload import Upload, UploadOutcome
-from swarmctl.mavlink.wait import Ask, Until, wait
+from swarmctl.mavlink.wait import Ask, Look, Until, wait
 
 PEER = Peer(1)
 ITEMS = tuple(MissionItem(16, 3, 460_000_000 + i, 145_000_000, 20.0 + i) for i in range(3))
@@ -54,14 +54,15 @@ def test_a_command_ends_with_the_vehicles_result_by_name(result, outcome, text):
     assert command.next_deadline is None
 
 
-def test_a_command_is_repeated_with_its_confirmation_counted_up_then_given_up():
-    command = Command(PEER, 300)
-    sent, now = command.start(0.0), 0.0
-    while command.result is None:
-        now = command.next_deadline
-        sent += command.tick(now)
-    assert [m.confirmation for m in sent] == [0, 1, 2, 3, 4]
-    assert (now, command.result.outcome) == (5.0, CommandOutcome.NO_ANSWER)
+def test_a_command_is_sent_once_and_waits_a_second_for_its_answer():
+    command = Command(PEER, 300, confirmation=3)
+    assert [m.confirmation for m in command.start(0.0)] == [3]
+    assert command.next_deadline == 1.0
+    assert command.tick(1.0) == []
+    assert (command.result.outcome, command.result.text) == (
+        CommandOutcome.NO_ANSWER,
+        "MISSION_START: no answer",
+    )
 
 
 @pytest.mark.parametrize("other", [ack(301, 0), ack(300, 0, to=254)], ids=["other command", "other station"])
@@ -73,27 +74,23 @@ def test_an_acknowledgement_of_something_else_is_not_ours(other):
     assert command.next_deadline == 1.0
 
 
-def test_in_progress_extends_the_wait_and_temporarily_rejected_tries_again():
+def test_in_progress_extends_the_wait():
     command = Command(PEER, 300)
     command.start(0.0)
     command.receive(ack(300, 5), 0.5)
     assert command.next_deadline == 10.5
-    command.receive(ack(300, 1), 0.6)
-    assert command.next_deadline == 1.6
-    assert kinds(command.tick(1.6)) == ["COMMAND_LONG"]
     command.receive(ack(300, 0), 1.7)
-    assert command.result.accepted
+    assert command.result.outcome is CommandOutcome.ACCEPTED
 
 
-def test_a_position_goes_as_command_int():
-    command = Command(PEER, 192, -1.0, position=PositionCommand(6, 460_000_000, 145_000_000, 30.0))
-    (message,) = command.start(0.0)
-    assert (message.get_type(), message.x, message.y, message.z) == (
-        "COMMAND_INT",
-        460_000_000,
-        145_000_000,
-        30.0,
-    )
+def test_temporarily_rejected_is_not_now_after_a_pause():
+    command = Command(PEER, 300)
+    command.start(0.0)
+    command.receive(ack(300, 1), 0.6)
+    assert (command.result, command.next_deadline) == (None, 1.6)
+    command.tick(1.6)
+    assert command.result.outcome is CommandOutcome.NOT_NOW
+    assert not command.result.final
 
 
 @pytest.mark.parametrize("code", [21196.0, 2989.0])
@@ -269,6 +266,25 @@ def test_until_sees_it_or_gives_up():
     assert pause.result is False
 
 
+def test_look_asks_for_a_heartbeat_and_takes_none_for_new_that_came_before():
+    beat = mavlink.MAVLink_heartbeat_message(2, 3, 81, 4, 3, 3)
+    seen = [1]
+    look = Look(PEER, lambda: bool(seen), 2.5)
+    (request,) = look.start(10.0)
+    assert (request.command, request.param1) == (512, 0.0)
+    look.receive(ack(512, 0), 10.1)
+    assert look.result is None
+    seen.clear()
+    look.receive(beat, 10.2)
+    assert look.result is None
+    assert (kinds(look.tick(11.0)), kinds(look.tick(12.0))) == (["COMMAND_LONG"], ["COMMAND_LONG"])
+    assert (look.tick(12.5), look.result) == ([], False)
+    again = Look(PEER, lambda: True, 2.5)
+    again.start(0.0)
+    again.receive(beat, 0.1)
+    assert again.result is True
+
+
 def test_ask_repeats_every_second_until_the_message_comes():
     ask = Ask(PEER, 148)
     assert [m.param1 for m in ask.start(0.0)] == [148.0]
@@ -283,7 +299,15 @@ def test_ask_repeats_every_second_until_the_message_comes():
 
 
 @pytest.mark.parametrize(
-    "conversation", [Command(PEER, 300), Upload(PEER, ITEMS), Download(PEER), wait(1.0), Ask(PEER, 148)]
+    "conversation",
+    [
+        Command(PEER, 300),
+        Upload(PEER, ITEMS),
+        Download(PEER),
+        wait(1.0),
+        Ask(PEER, 148),
+        Look(PEER, bool, 1.0),
+    ],
 )
 def test_an_illegal_event_names_the_state_and_late_words_are_ignored(conversation):
     name = type(conversation).__name__

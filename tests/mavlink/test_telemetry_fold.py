@@ -69,6 +69,12 @@ def test_a_snapshot_is_complete_with_a_position():
         (M.MAVLink_mission_current_message(4, 9), "mission_seq", 4),
         (M.MAVLink_mission_current_message(4, 65_535), "mission_total", None),
         (heartbeat(99), "mode", "MODE 99"),
+        (heartbeat(4), "mode_role", "hold"),
+        (heartbeat(3), "mode_role", "mission"),
+        (heartbeat(6), "mode_role", "return"),
+        (heartbeat(9), "mode_role", "land"),
+        (heartbeat(5), "mode_role", "other"),
+        (position(), "mode_role", ""),
         (text("low battery", 4), "status_text", "low battery"),
         (text("just so", 6), "status_text", ""),
     ],
@@ -89,6 +95,7 @@ def test_a_clock_that_goes_back_is_a_reboot_and_forgets_what_was():
     telemetry.receive(position(500))
     assert telemetry.reboots == 1
     assert (telemetry.state.strikes, telemetry.state.battery_v, telemetry.state.ready) == (0, None, False)
+    assert (telemetry.state.mode, telemetry.state.mode_role) == ("GUIDED", "hold")
     assert telemetry.receive(position(700))
 
 
@@ -281,7 +288,16 @@ def test_a_session_reports_a_closed_list_of_events():
     assert told(session, 1.0, position()) == [StateChanged(session.state)]
     assert session.next_deadline == 5.0
     assert session.tick(5.0).events == [Lost(5.0)]
-    assert told(session, 9.0, heartbeat(0)) == [Restored(9.0)]
+    assert told(session, 9.0, heartbeat(0)) == [Restored(9.0), StateChanged(session.state)]
+
+
+def test_the_first_state_after_a_silence_has_the_mode_of_the_heartbeat_that_ended_it():
+    session = Session(Peer(1))
+    told(session, 0.0, heartbeat(3, armed=True))
+    session.tick(5.0)
+    restored, changed = told(session, 9.0, heartbeat(5, armed=True))
+    assert restored == Restored(9.0)
+    assert (changed.state.mode, changed.state.mode_role) == ("LOITER", "other")
 
 
 def test_a_session_runs_one_procedure_at_a_time_and_none_before_it_knows_the_vehicle():

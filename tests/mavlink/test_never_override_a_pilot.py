@@ -1,0 +1,196 @@
+"""A pilot takes over by radio control, asking nobody: nothing is commanded against that any more."""
+
+from __future__ import annotations
+
+from math import inf
+
+import pytest
+from bench import STEP_S, Bench, Faults, plan
+from scripted_copter import Script
+
+from swarmctl.mavlink import procedures
+
+OLD, NEW = plan(north=8), plan(north=6, east=0.002)
+LOITER = 5
+MODE, ARM, START, CURRENT = 176, 400, 300, 224
+DELAY_S = 0.3
+WIRES = [
+    (Script(), Faults()),
+    (Script(), Faults(max_delay_s=DELAY_S, seed=1)),
+    (Script(), Faults(max_delay_s=DELAY_S, doubling=0.2, loss=0.2, seed=2)),
+    (Script(heartbeats_unasked_only=True), Faults(max_delay_s=DELAY_S, seed=3)),
+]
+WIRE_NAMES = ["perfect wire", "slow wire", "bad wire", "heartbeats unasked only"]
+EVERY_TENTH = [n * 0.1 for n in range(90)]
+
+
+def orders(bench: Bench, since: int) -> list[tuple[float, int]]:
+    """(now, command) of all commands that change a mode or start something."""
+    sent = [(now, m.command) for now, m in bench.sent[since:] if m.get_type() == "COMMAND_LONG"]
+    return [(now, command) for now, command in sent if command in (MODE, ARM, START, CURRENT)]
+
+
+def taken_over(bench: Bench, name: str, procedure, after_s: float) -> tuple[list[tuple[float, int]], object]:
+    """A pilot takes over `after_s` into a procedure, and once more whenever a command crossed that.
+
+    Returns the orders that were sent when no heartbeat from before was on its way any more, and the result.
+    """
+    take_s = bench.now + after_s
+    window_s = bench.faults.max_delay_s + STEP_S / 2
+    taken_s, checked = inf, len(bench.sent)
+    late: list[tuple[float, int]] = []
+
+    def watch() -> bool:
+        nonlocal taken_s, checked
+        late.extend(order for order in orders(bench, checked) if order[0] - taken_s > window_s)
+        checked = len(bench.sent)
+        if bench.copter.mode != LOITER and bench.now >= take_s:
+            bench.copter.mode, taken_s = LOITER, bench.now
+        return bench.session.busy_with is None
+
+    bench.take(bench.session.begin(name, procedure, bench.now))
+    assert bench.run(400, watch), f"{name} does not end"
+    return late, bench.session.result
+
+
+@pytest.mark.parametrize(("script", "faults"), WIRES, ids=WIRE_NAMES)
+def test_a_pilot_who_takes_over_at_any_moment_of_a_swap_keeps_the_vehicle(script, faults):
+    foreign = 0
+    for after_s in EVERY_TENTH:
+        bench = Bench(script).flying(OLD)
+        bench.faults = faults
+        late, result = taken_over(bench, "swap", lambda c, b=bench: procedures.swap(c, b.items(NEW)), after_s)
+        assert late == [], f"taken over after {after_s:.1f} s: {result}"
+        if result.failure is not None and "LOITER" in result.failure:
+            foreign += 1
+            assert result.flying == "unknown"
+            assert bench.copter.mode == LOITER
+    assert foreign > 0, "the pilot never came during a swap: the test tests nothing"
+
+
+@pytest.mark.parametrize(("script", "faults"), WIRES, ids=WIRE_NAMES)
+def test_a_pilot_who_takes_over_at_any_moment_of_a_launch_keeps_the_vehicle(script, faults):
+    foreign = 0
+    for after_s in EVERY_TENTH[:40]:
+        bench = Bench(script).prepared()
+        uploaded = bench.do("upload", lambda c, b=bench: procedures.upload(c, b.items(OLD)))
+        assert uploaded.failure is None
+        bench.faults = faults
+        late, result = taken_over(bench, "launch", procedures.launch, after_s)
+        assert late == [], f"taken over after {after_s:.1f} s: {result}"
+        if result.failure is not None and "LOITER" in result.failure:
+            foreign += 1
+            assert bench.copter.mode == LOITER
+    assert foreign > 0, "the pilot never came during a launch: the test tests nothing"
+
+
+@pytest.mark.parametrize("command", [ARM, START, CURRENT, MODE])
+def test_an_unanswered_command_is_not_repeated_against_a_pilot(command):
+    """Its first one is lost; before the second one would go out the pilot has taken over."""
+    launches = command in (ARM, START)
+    bench = Bench().prepared() if launches else Bench().flying(OLD)
+    if launches:
+        bench.do("upload", lambda c: procedures.upload(c, bench.items(OLD)))
+    bench.block = lambda m: m.get_type() == "COMMAND_LONG" and m.command == command
+    begun = len(bench.sent)
+    job = procedures.launch if launches else (lambda c: procedures.swap(c, bench.items(NEW)))
+    bench.take(bench.session.begin("job", job, bench.now))
+    assert bench.run(10, lambda: command in [c for _, c in orders(bench, begun)])
+    sent = len(bench.sent)
+    bench.copter.mode = LOITER
+    assert bench.run(100, lambda: bench.session.busy_with is None)
+    assert orders(bench, sent) == []
+    assert "LOITER" in bench.session.result.failure
+
+
+def test_an_unanswered_command_is_repeated_where_nobody_has_taken_over():
+    bench = Bench().flying(OLD)
+    lost = []
+
+    def block(message) -> bool:
+        if message.get_type() == "COMMAND_LONG" and message.command in (MODE, CURRENT) and len(lost) < 3:
+            lost.append(message.confirmation)
+            return True
+        return False
+
+    bench.block = block
+    result = bench.do("swap", lambda c: procedures.swap(c, bench.items(NEW)))
+    assert (result.flying, lost) == ("new", [0, 1, 2])
+
+
+def test_launch_sends_nothing_to_a_vehicle_that_is_armed_already():
+    bench = Bench().prepared()
+    bench.do("upload", lambda c: procedures.upload(c, bench.items(OLD)))
+    bench.copter.armed = True
+    bench.run(2)
+    sent = len(bench.sent)
+    assert "armed already" in bench.do("launch", procedures.launch).failure
+    assert len(bench.sent) == sent
+
+
+def test_launch_orders_nothing_where_a_pilot_armed_it_since_its_last_heartbeat():
+    bench = Bench().prepared()
+    bench.do("upload", lambda c: procedures.upload(c, bench.items(OLD)))
+    bench.copter.armed = True
+    sent = len(bench.sent)
+    assert not bench.session.state.armed
+    assert "armed" in bench.do("launch", procedures.launch).failure
+    assert orders(bench, sent) == []
+
+
+def test_launch_is_not_begun_in_a_mode_that_a_pilot_chose_after_the_preparations():
+    bench = Bench().prepared()
+    bench.do("upload", lambda c: procedures.upload(c, bench.items(OLD)))
+    bench.copter.mode = LOITER
+    sent = len(bench.sent)
+    assert "LOITER" in bench.do("launch", procedures.launch).failure
+    assert orders(bench, sent) == []
+
+
+def test_a_launch_that_failed_is_not_disarmed_against_a_pilot():
+    bench = Bench(Script(stays_on_ground=True)).prepared()
+    bench.do("upload", lambda c: procedures.upload(c, bench.items(OLD)))
+    bench.take(bench.session.begin("launch", procedures.launch, bench.now))
+    assert bench.run(10, lambda: bench.copter.mode_name == "AUTO")
+    sent = len(bench.sent)
+    bench.copter.mode = LOITER
+    assert bench.run(60, lambda: bench.session.busy_with is None)
+    assert "LOITER" in bench.session.result.failure
+    assert orders(bench, sent) == []
+    assert bench.copter.armed
+
+
+def test_prepare_leaves_a_vehicle_alone_that_a_pilot_armed_since_its_last_heartbeat():
+    bench = Bench().connected()
+    bench.run(3)
+    bench.copter.mode, bench.copter.armed = LOITER, True
+    sent = len(bench.sent)
+    assert "armed already" in bench.do("prepare", procedures.prepare).failure
+    assert orders(bench, sent) == []
+
+
+@pytest.mark.parametrize("job", [procedures.hold, procedures.return_home, procedures.land])
+def test_an_operators_order_goes_out_at_once_but_not_again_against_a_pilot(job):
+    bench = Bench().flying(OLD)
+    bench.block = lambda m: m.get_type() == "COMMAND_LONG" and m.command == MODE
+    sent = len(bench.sent)
+    bench.take(bench.session.begin("order", job, bench.now))
+    assert orders(bench, sent) == [(bench.now, MODE)]
+    bench.copter.mode = LOITER
+    assert bench.run(100, lambda: bench.session.busy_with is None)
+    assert len(orders(bench, sent)) == 1
+    assert "LOITER" in bench.session.result.failure
+
+
+@pytest.mark.parametrize("mode", [0, 3, 4, 5, 6, 9], ids="mode {}".format)
+def test_an_operators_order_is_repeated_in_the_mode_it_found_and_in_modes_of_ours(mode):
+    bench = Bench().flying(OLD)
+    bench.copter.mode = mode
+    bench.run(2)
+    lost = []
+    bench.block = lambda m: (
+        m.get_type() == "COMMAND_LONG" and m.command == MODE and len(lost) < 2 and not lost.append(m)
+    )
+    assert bench.do("land", procedures.land).failure is None
+    assert bench.copter.mode_name == "LAND"
+    assert len(lost) == (1 if mode == 9 else 2), "where it lands already, that is enough"
