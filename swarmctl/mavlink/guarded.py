@@ -85,18 +85,20 @@ def guarded(
     texts_before = len(ctx.telemetry.texts)
     ours = _either(before, after)
     result: CommandResult | None = None
+    done = False
     for attempt in range(TRIES):
         if attempt or not at_once:
             sent_or_needless = attempt > 0 or skip_if_done
             yield from look(ctx, ours if sent_or_needless else before)
-            if sent_or_needless and after(ctx.state):
+            done = sent_or_needless and after(ctx.state)
+            if done:
                 break
         result = yield Command(ctx.peer, command, *params, confirmation=attempt)
         if result.final:
             break
     if result is None:
         return None
-    if not result.may_have_happened:
+    if not (done or result.may_have_happened):
         # The reasons for refusals come as STATUSTEXT, before or after the acknowledgement.
         yield wait(TEXT_WAIT_S)
     elif (yield from _see(ctx, ours, seen or after, wait_s)):

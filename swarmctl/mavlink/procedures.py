@@ -252,8 +252,12 @@ def _fly_from_hold(ctx: Context, items: tuple[MissionItem, ...]) -> Procedure[st
         return failure
     failure = yield from set_mode(ctx, mission, holds, armed=True)
     if not failure:
-        yield Until(lambda: _flies_on(ctx, first) or ctx.state.mode not in (hold, mission), MOVE_WAIT_S)
-        if _flies_on(ctx, first):
+        # The last position may be of the way to where it held.
+        since_s = ctx.state.time_boot_s
+        yield Until(
+            lambda: _flies_on(ctx, first, since_s) or ctx.state.mode not in (hold, mission), MOVE_WAIT_S
+        )
+        if _flies_on(ctx, first, since_s):
             return None
         failure = f"it does not fly on: {ctx.state.mode}, item {ctx.state.mission_seq}"
     back = yield from set_mode(ctx, hold, in_modes({hold, mission}, armed=True), armed=True)
@@ -262,9 +266,9 @@ def _fly_from_hold(ctx: Context, items: tuple[MissionItem, ...]) -> Procedure[st
     return failure
 
 
-def _flies_on(ctx: Context, first: int) -> bool:
+def _flies_on(ctx: Context, first: int, since_s: float) -> bool:
     state, last = ctx.state, len(ctx.on_vehicle) - 1
-    if state.mode != ctx.dialect.mission_mode or state.mission_seq is None:
+    if state.mode != ctx.dialect.mission_mode or state.mission_seq is None or state.time_boot_s <= since_s:
         return False
     moves = state.ground_speed_m_s > 0.5 or abs(state.climb_m_s) > 0.3
     return first < state.mission_seq <= last or (state.mission_seq == first and moves)

@@ -118,6 +118,22 @@ def test_an_unanswered_command_is_repeated_where_nobody_has_taken_over():
     assert (result.flying, lost) == ("new", [0, 1, 2])
 
 
+def test_a_command_that_is_temporarily_rejected_is_tried_again_after_a_look():
+    bench = Bench().flying(OLD)
+    real, said = bench.copter.set_mode, []
+
+    def busy_twice(*params) -> int:
+        said.append(1 if len(said) < 2 else 0)
+        return said[-1] or real(*params)
+
+    bench.copter.set_mode = busy_twice
+    begun = len(bench.sent)
+    assert bench.do("land", procedures.land).failure is None
+    assert said == [1, 1, 0]
+    looks = [m.command for _, m in bench.sent[begun:] if m.command in (512, MODE)]
+    assert looks[:5] == [MODE, 512, MODE, 512, MODE]
+
+
 def test_launch_sends_nothing_to_a_vehicle_that_is_armed_already():
     bench = Bench().prepared()
     bench.do("upload", lambda c: procedures.upload(c, bench.items(OLD)))
@@ -136,6 +152,30 @@ def test_launch_orders_nothing_where_a_pilot_armed_it_since_its_last_heartbeat()
     assert not bench.session.state.armed
     assert "armed" in bench.do("launch", procedures.launch).failure
     assert orders(bench, sent) == []
+
+
+@pytest.mark.parametrize(
+    ("look", "pilot", "orders_before"),
+    [(2, {"armed": True}, []), (4, {"mode": 3}, [ARM]), (4, {"armed": False}, [ARM])],
+    ids=["arms it before we do", "starts the mission before we do", "disarms what we armed"],
+)
+def test_launch_goes_no_further_where_a_pilot_does_its_next_step(look, pilot, orders_before):
+    """Just before the answer to the `look`-th question for a heartbeat."""
+    bench = Bench().prepared()
+    bench.do("upload", lambda c: procedures.upload(c, bench.items(OLD)))
+    asked = []
+
+    def interfere(message) -> bool:
+        if message.get_type() == "COMMAND_LONG" and message.command == 512:
+            asked.append(message)
+            if len(asked) == look:
+                vars(bench.copter).update(pilot)
+        return False
+
+    bench.block = interfere
+    begun = len(bench.sent)
+    assert "set by its pilot" in bench.do("launch", procedures.launch).failure
+    assert [command for _, command in orders(bench, begun)] == orders_before
 
 
 def test_launch_is_not_begun_in_a_mode_that_a_pilot_chose_after_the_preparations():
