@@ -148,6 +148,7 @@ async def fly(
     trouble: list[str] = []
     ended: Ending = "failed"
     bug: Exception | None = None
+    failures: list[BaseException] = []
     recorder = Recorder(folder / "run.mcap", scenario.config, names, _epoch_ns(clock))
     try:
         async with _parts(scenario, folder, clock, carry) as (front_end, bus, played):
@@ -155,14 +156,15 @@ async def fly(
             observers = (recorder, ledger, _Chatter(face, names))
             members += _members(scenario, folder, front_end, network, observers, clock)
             director = _director(scenario, members, face, clock, permission)
-            show = _show(members, ledger, face, scenario)
+            show = _show(members, ledger, face, scenario, director)
             try:
                 ended = await _conduct(director, members, played, face, show)
             except Exception:
                 await _last_resort(members, played, Order(scenario.config.flight.on_exit), face)
                 raise
     except Exception as error:  # noqa: BLE001 - whatever it was, the vehicles are accounted for
-        for leaf in _leaves(error):
+        failures += _leaves(error)
+        for leaf in failures:
             if isinstance(leaf, EXPECTED):
                 trouble += str(leaf).splitlines()
             else:
@@ -173,7 +175,10 @@ async def fly(
     states = {m.spec.sysid: m.state for m in members}
     wall_s = time.monotonic() - began_s if clock == "real" else None
     content = summary(scenario, states, ledger, clock=clock, wall_s=wall_s) if states else {}
-    left = tuple(left_how(m) for m in members)
+    gone = any(isinstance(leaf, simulator.SimulatorFailed) for leaf in failures)
+    left = tuple(
+        f"{m.name}: gone with the simulator" if gone and m.spec.simulated else left_how(m) for m in members
+    )
     return Report(ended, tuple(trouble), left, states, ledger, content, bug)
 
 
@@ -375,7 +380,9 @@ def _signals(interrupted: Any) -> Iterator[None]:
             loop.remove_signal_handler(number)
 
 
-async def _show(members: Sequence[Member], ledger: Ledger, ui: Ui, scenario: Scenario) -> None:
+async def _show(
+    members: Sequence[Member], ledger: Ledger, ui: Ui, scenario: Scenario, director: Director
+) -> None:
     marks: list[tuple[float, float]] = []
 
     def refresh() -> None:
@@ -385,7 +392,8 @@ async def _show(members: Sequence[Member], ledger: Ledger, ui: Ui, scenario: Sce
         (t0, v0), (t1, v1) = marks[0], marks[-1]
         rows = [row(m.state, m.runner.link.age_s(), "; ".join(m.waiting_for)) for m in members]
         speed = (v1 - v0) / (t1 - t0) if t1 > t0 and v0 > 0.0 else None
-        ui.refresh(Picture(scenario.config.name, ledger.flown_s, speed, rows))
+        on_ctrl_c = "leave at once" if director.stop.is_set() else "hold and leave"
+        ui.refresh(Picture(scenario.config.name, ledger.flown_s, speed, rows, on_ctrl_c))
 
     try:
         while True:

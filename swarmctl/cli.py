@@ -44,7 +44,9 @@ cli = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-out = Console()
+WIDE = 140
+"""columns where nobody looks at a terminal"""
+out = Console(width=None if sys.stdout.isatty() else WIDE)
 err = Console(stderr=True)
 
 
@@ -101,6 +103,8 @@ def fly(
             USAGE,
         )
     allowed = _confirmed(scenario, confirm) if real else frozenset()
+    if clock is Clock.REAL and (found := list(preflight.troubles(scenario, out_folder))):
+        _fail(found, EXPECTED)
     folder = _run_folder(out_folder, scenario.config.name)
     terminal: Terminal = (LiveTable if out.is_terminal else PlainLines)(out, verbose=verbose)
     with terminal.shown():
@@ -254,7 +258,7 @@ def _refusal(member: Member) -> str:
 def _plan_table(scenario: Scenario, routes: dict[float, tuple[Route, ...]]) -> Table:
     grid = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False)
     grid.add_column("vehicle")
-    for title in ("w", "length [m]", "ΣP_s", "∏(1 − P_s)"):
+    for title in ("w", Text("length [m]"), "ΣP_s", "∏(1 − P_s)"):
         grid.add_column(title, justify="right")
     for index, spec in enumerate(scenario.specs):
         for w, planned in routes.items():
@@ -303,7 +307,7 @@ def _written(folder: Path, scenario: Scenario, report: Report) -> str:
 def _summary_table(report: Report) -> Table:
     grid = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
     grid.add_column("vehicle", no_wrap=True)
-    for title in ("flown [m]", "time [s]", "ΣP_s", "∏(1−P_s)", "strikes", "replans", "sent"):
+    for title in (Text("flown [m]"), Text("time [s]"), "ΣP_s", "∏(1−P_s)", "strikes", "replans", "sent"):
         grid.add_column(title, justify="right", no_wrap=True)
     grid.add_column("outcome", min_width=8)
     for v in report.summary["vehicles"]:

@@ -37,7 +37,11 @@ def _url(text: str) -> str:
 def _cells(value: Any) -> Any:
     """One cell, or a list of cells."""
     is_cell = isinstance(value, (list, tuple)) and len(value) == 2 and all(type(v) is int for v in value)
-    return [value] if is_cell else value
+    if is_cell:
+        value = (value,)
+    if not isinstance(value, (list, tuple)):
+        return value
+    return tuple(tuple(cell) if isinstance(cell, list) else cell for cell in value)
 
 
 Cells = Annotated[tuple[Cell, ...], BeforeValidator(_cells), Field(min_length=1)]
@@ -45,7 +49,7 @@ Side = Literal["north", "east", "south", "west"]
 
 
 class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 
 
 class Area(_Section):
@@ -108,7 +112,9 @@ class Flight(_Section):
     altitude_m: float = Field(40.0, gt=2.0, le=1000.0, description="of the first vehicle, above home [m]")
     altitude_step_m: float = Field(5.0, ge=0.0, description="each next vehicle flies this much higher [m]")
     on_exit: Literal["hold", "return", "land"] = Field("return", description="on Ctrl-C, after holding")
-    on_exit_deadline_s: float = Field(30.0, gt=0.0, description="wall time given to it [s]")
+    on_exit_deadline_s: float = Field(
+        300.0, gt=0.0, description="wall time given to it, until the last has landed [s]"
+    )
     connect_timeout_s: float = Field(15.0, gt=0.0, description="for the first heartbeat [s]")
     ready_timeout_s: float = Field(120.0, gt=0.0, description="for a vehicle to become ready to arm [s]")
     lost_timeout_s: float = Field(
@@ -192,11 +198,13 @@ def load(path: Path, judge: Callable[[Config], Iterable[Problem]] = lambda _: ()
         document = yaml_lines.parse(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise ConfigError([f"{path}: there is no such file; --config names a YAML file"]) from None
+    except IsADirectoryError:
+        raise ConfigError([f"{path}: is a folder; --config names a YAML file in it"]) from None
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError([f"{path}: cannot be read: {error}"]) from error
     except yaml_lines.YamlError as error:
         raise ConfigError([f"{path}:{error.line}: {error.text}"]) from error
-    config, problems = _validate(document.data, judge)
+    config, problems = _validate(_tupled(document.data), judge)
     if problems or config is None:
         found = sorted((document.line_of(p.path), _dotted(p.path), p.text) for p in problems)
         raise ConfigError([f"{path}:{line}: {key}: {text}" for line, key, text in found])
@@ -219,11 +227,11 @@ def _judged_rest(
     if not isinstance(data, dict):
         return
     vehicles = data.get("vehicles")
-    kept = list(range(len(vehicles))) if isinstance(vehicles, list) else []
+    kept = list(range(len(vehicles))) if isinstance(vehicles, tuple) else []
     kept = [i for i in kept if not any(_touches(("vehicles", i), w) for w in wrong)]
     rest = _without(data, wrong)
-    if isinstance(vehicles, list) and "vehicles" in rest:
-        rest["vehicles"] = [vehicles[i] for i in kept]
+    if isinstance(vehicles, tuple) and "vehicles" in rest:
+        rest["vehicles"] = tuple(vehicles[i] for i in kept)
     try:
         config = Config.model_validate(rest)
     except ValidationError:
@@ -252,7 +260,7 @@ def _problem(error: dict[str, Any]) -> Problem:
     if error["type"] == "missing":
         return Problem(path, "is missing")
     found = error.get("input")
-    if isinstance(found, (str, int, float, bool)):
+    if isinstance(found, (str, int, float, bool)) and repr(found) not in text:
         text = f"{text}, found {found!r}"
     return Problem(tuple(p for p in path if not _is_union_tag(p)), text[:1].lower() + text[1:])
 
@@ -277,6 +285,13 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     return next((m for m in map(_model_in, get_args(annotation)) if m is not None), None)
+
+
+def _tupled(data: Any) -> Any:
+    """YAML knows lists only; types are checked strictly, so that `yes` is no number and "20" neither."""
+    if isinstance(data, dict):
+        return {key: _tupled(value) for key, value in data.items()}
+    return tuple(map(_tupled, data)) if isinstance(data, list) else data
 
 
 def _without(data: Any, paths: list[yaml_lines.Path], here: yaml_lines.Path = ()) -> Any:

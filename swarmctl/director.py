@@ -244,6 +244,8 @@ def left_how(member: Member) -> str:
     height = "at unknown height" if vehicle.alt_rel_m is None else f"{vehicle.alt_rel_m:.0f} m above home"
     where = "armed on the ground" if vehicle.landed is Landed.ON_GROUND else f"in the air, {height}"
     how = state.outcome or state.trouble or state.phase
+    if state.phase in (Phase.HOLDING, Phase.LEAVING) and not state.order_seen:
+        how = f"{how}, not seen to follow"
     return f"{member.name}: {where}, mode {vehicle.mode or '?'} ({how})"
 
 

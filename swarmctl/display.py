@@ -10,8 +10,12 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from swarmctl.agent import ARRIVED, AgentState, Phase
+from swarmctl.agent import ARRIVED, ENDED, AgentState, Phase
 
+OTHER_LINES = 9
+"""of the screen that are not vehicles"""
+SILENT_S = 3.0
+"""without a heartbeat, before the link says so"""
 BAR = 10
 WIDE = 92
 """columns from which the bar fits"""
@@ -59,6 +63,7 @@ class Picture:
     speed: float | None
     """vehicle seconds in a second of the wall clock; None before it is known"""
     rows: Sequence[Row]
+    on_ctrl_c: str = "hold and leave"
 
 
 def row(state: AgentState, age_s: float, note: str = "") -> Row:
@@ -93,14 +98,19 @@ def _progress(state: AgentState) -> float:
 def _link(state: AgentState, age_s: float) -> str:
     if age_s == float("inf"):
         return "never heard"
-    return f"lost {age_s:.0f} s" if state.lost else "ok"
+    if state.lost:
+        return f"lost {age_s:.0f} s"
+    return "ok" if age_s < SILENT_S else f"{age_s:.0f} s ago"
 
 
-def table(picture: Picture, width: int) -> Group:
-    """The live table, for a terminal of `width` columns."""
+def table(picture: Picture, width: int, height: int) -> Group:
+    """The live table, for a terminal of `width` columns and `height` lines.
+
+    Where not all vehicles fit, those that have ended make room first.
+    """
     speed = "" if picture.speed is None else f" · {picture.speed:.1f}× real time"
     head = Text.assemble(
-        (picture.name, "bold"), f"  flown {_minutes(picture.flown_s)}{speed} · Ctrl-C: hold and leave"
+        (picture.name, "bold"), f"  flown {_minutes(picture.flown_s)}{speed} · Ctrl-C: {picture.on_ctrl_c}"
     )
     grid = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=0, header_style="bold")
     columns = [
@@ -110,7 +120,10 @@ def table(picture: Picture, width: int) -> Group:
     ]  # fmt: skip
     for title, justify in columns:
         grid.add_column(title, justify=justify, no_wrap=True)  # type: ignore[arg-type]
-    for r in picture.rows:
+    room = max(height - OTHER_LINES, 1)
+    ranked = sorted(picture.rows, key=lambda r: r.phase in ENDED)
+    shown = picture.rows if len(picture.rows) <= room else ranked[: room - 1]
+    for r in shown:
         grid.add_row(
             r.name,
             Text(r.phase, style=COLOURS[r.phase]),
@@ -123,13 +136,15 @@ def table(picture: Picture, width: int) -> Group:
             Text(str(r.strikes), style="red" if r.strikes else ""),
             Text(r.link, style="" if r.link == "ok" else "red"),
         )
-    notes = [Text(f"{r.name}: {r.note}", style="yellow") for r in picture.rows if r.note not in ("", ARRIVED)]
+    hidden = len(picture.rows) - len(shown)
+    notes = [Text(f"and {hidden} more", style="bright_black")] if hidden else []
+    notes += [Text(f"{r.name}: {r.note}", style="yellow") for r in shown if r.note not in ("", ARRIVED)]
     return Group(head, grid, *notes)
 
 
 def _bar(share: float, length: int) -> Text:
     full = round(share * length)
-    return Text.assemble(("━" * full, "green"), ("━" * (length - full), "bright_black"), f"{share:5.0%}")
+    return Text.assemble(("━" * full, "green"), ("╌" * (length - full), "bright_black"), f"{share:5.0%}")
 
 
 def _minutes(seconds: float) -> str:

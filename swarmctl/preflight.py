@@ -18,23 +18,27 @@ def troubles(scenario: Scenario, runs: Path) -> Iterator[str]:
     endpoints: dict[Endpoint, str] = {}
     for spec in scenario.specs:
         endpoints.setdefault(parse_url(spec.url), spec.name)
-    for endpoint, name in endpoints.items():
-        yield from _endpoint_trouble(endpoint, name)
+    # All are held at once: 0.0.0.0 and 127.0.0.1 with one port exclude each other too.
+    with contextlib.ExitStack() as held:
+        for endpoint, name in endpoints.items():
+            yield from _endpoint_trouble(endpoint, name, held)
     yield from _folder_trouble(runs)
 
 
-def _endpoint_trouble(endpoint: Endpoint, name: str) -> Iterator[str]:
+def _endpoint_trouble(endpoint: Endpoint, name: str, held: contextlib.ExitStack) -> Iterator[str]:
     if endpoint.kind == "serial":
         if not Path(endpoint.host).exists():
             yield f"{name}: {endpoint}: there is no device {endpoint.host}; is the radio plugged in?"
     elif endpoint.listens:
         kind = socket.SOCK_DGRAM if endpoint.kind == "udpin" else socket.SOCK_STREAM
         family = socket.AF_INET6 if ":" in endpoint.host else socket.AF_INET
-        with contextlib.closing(socket.socket(family, kind)) as probe:
-            try:
-                probe.bind((endpoint.host, endpoint.port))
-            except OSError as error:
-                yield f"{name}: {endpoint}: {_cure(endpoint, error)}"
+        probe = held.enter_context(contextlib.closing(socket.socket(family, kind)))
+        if kind is socket.SOCK_STREAM:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as a server does
+        try:
+            probe.bind((endpoint.host, endpoint.port))
+        except OSError as error:
+            yield f"{name}: {endpoint}: {_cure(endpoint, error)}"
     elif endpoint.kind in ("udpout", "tcpout"):
         try:
             socket.getaddrinfo(endpoint.host, endpoint.port)

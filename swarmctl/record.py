@@ -7,6 +7,7 @@ reader of MCAP opens it without this program. Two runs on the virtual clock writ
 from __future__ import annotations
 
 import json
+import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -226,8 +227,10 @@ def _read(path: Path) -> tuple[Config, list[tuple[str, EventRecord | EffectRecor
             config = Config.model_validate_json(metadata.metadata["config"])
             return config, list(_records(reader))
     except FileNotFoundError:
-        raise RecordError(f"{path}: there is no such file; give a run folder that has a run.mcap") from None
-    except (OSError, McapError, ValueError, msgspec.DecodeError) as error:
+        raise RecordError(
+            f"{path}: there is no record; give the folder of a run, which has a run.mcap"
+        ) from None
+    except (OSError, McapError, ValueError, struct.error, msgspec.DecodeError) as error:
         reason = str(error) or f"it ends too early or is damaged ({type(error).__name__})"
         raise RecordError(f"{path}: cannot be read as a record: {reason}") from error
 

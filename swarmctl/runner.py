@@ -20,11 +20,13 @@ from swarmctl.core.vehicle import VehicleState
 from swarmctl.links.base import (
     AddressChanged,
     Conflict,
+    Heard,
     Identity,
     Link,
     LinkError,
     LinkEvent,
     Lost,
+    ProcedureDone,
     Rebooted,
     Restored,
     StateChanged,
@@ -113,8 +115,10 @@ class Runner:
                 self._tell(f"speaks from {address} now", aloud=True)
             case Text(_, text):
                 self._tell(text)
-            case _:
-                self._tell(str(event))
+            case ProcedureDone(name, failure):
+                self._tell(f"{name}: {failure or 'done'}")
+            case Heard():
+                self._tell("first heartbeat")
 
     async def run(self) -> None:
         """Fold events until cancelled. The jobs it starts end with it."""

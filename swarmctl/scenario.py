@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -21,6 +22,9 @@ from swarmctl.planners import PLANNERS, Unreachable
 from swarmctl.yaml_lines import Path as KeyPath
 
 MAX_ALTITUDE_M = 1000.0
+MAX_CELLS = 4_000_000
+MIN_ALTITUDES_APART_M = 1.0
+MIN_STARTS_APART_M = 1.0
 MIN_LANDING_APART_M = 3.0
 
 
@@ -61,6 +65,10 @@ class Scenario:
 def judge(config: Config) -> Iterator[Problem]:
     """What is wrong across sections; how vehicles fly only where nothing else is wrong."""
     grid = _grid(config)
+    if grid.n_cells > MAX_CELLS:
+        text = f"{grid.rows} × {grid.cols} are {grid.n_cells} cells, more than {MAX_CELLS}; make them larger"
+        yield Problem(("area",), text)
+        return
     problems = [*_judge_threats(config, grid), *_judge_vehicles(config, grid)]
     if config.simulate is None and not config.vehicles:
         text = "no vehicle: give `simulate: {count: 5}` or a list of vehicles"
@@ -87,6 +95,7 @@ def build(config: Config) -> Scenario:
 def _judge_flights(scenario: Scenario) -> Iterator[Problem]:
     simulate = scenario.config.simulate
     n_simulated = simulate.count if simulate is not None else 0
+    yield from _judge_apart(scenario)
     for index, (spec, task) in enumerate(zip(scenario.specs, scenario.tasks, strict=True)):
         here: KeyPath = ("simulate",) if index < n_simulated else ("vehicles", index - n_simulated)
         yield from _judge_way_in(scenario, spec, here)
@@ -99,6 +108,25 @@ def _judge_flights(scenario: Scenario) -> Iterator[Problem]:
         except Unreachable as error:
             text = f"{task.name} cannot reach its goal: {error}; open a way in area.no_fly"
             yield Problem((*here, "goal"), text)
+
+
+def _judge_apart(scenario: Scenario) -> Iterator[Problem]:
+    """Altitude alone keeps vehicles apart in the air, and their starts on the ground."""
+    by_altitude = sorted(scenario.specs, key=lambda spec: spec.altitude_m)
+    for low, high in pairwise(by_altitude):
+        if high.altitude_m - low.altitude_m < MIN_ALTITUDES_APART_M:
+            text = (
+                f"{low.name} and {high.name} would fly at {low.altitude_m:g} and {high.altitude_m:g} m, less "
+                f"than {MIN_ALTITUDES_APART_M:g} m apart"
+            )
+            yield Problem(("flight", "altitude_step_m"), text)
+            break
+    frame = scenario.grid.frame
+    starts = sorted((frame.to_local(*spec.start), spec.name) for spec in scenario.specs)
+    for (here, name), (there, other) in pairwise(starts):
+        if math.dist(here, there) < MIN_STARTS_APART_M:
+            yield Problem(("vehicles",), f"{name} and {other} start at one spot; give each its own")
+            break
 
 
 def _judge_way_in(scenario: Scenario, spec: Spec, here: KeyPath) -> Iterator[Problem]:
@@ -177,11 +205,17 @@ def _judge_simulate(config: Config, grid: Grid) -> Iterator[Problem]:
     for i in range(simulate.count):
         goals = _simulated_goals(config, grid, i)
         if no_fly.issuperset(goals):
-            yield Problem(
-                ("simulate", "goal"), f"uav{i + 1}: every goal cell, {list(goals)}, is in area.no_fly"
-            )
+            key = "goal" if simulate.goal is not None else "goal_side"
+            text = f"uav{i + 1}: every goal cell, {list(goals)}, is in area.no_fly"
+            yield Problem(("simulate", key), text)
     if _entry(config, grid, grid.frame.to_geodetic(-1.0, -1.0)) is None:
         yield Problem(("area", "no_fly"), "the area cannot be entered: no border cell is left free")
+    if simulate.start_distance_m > config.flight.max_start_distance_m:
+        text = (
+            f"the area cannot be entered from {simulate.start_distance_m:g} m away, more than flight."
+            f"max_start_distance_m = {config.flight.max_start_distance_m:g}"
+        )
+        yield Problem(("simulate", "start_distance_m"), text)
     endpoint = parse_url(simulate.url)
     if endpoint.kind not in ("udpin", "tcpin"):
         yield Problem(

@@ -78,8 +78,10 @@ async def running(scenario: Scenario, url: str, folder: Path) -> AsyncIterator[a
 
 async def _watch(process: asyncio.subprocess.Process, log: Path) -> None:
     code = await process.wait()
-    said = log.read_text(encoding="utf-8", errors="replace").strip().splitlines()[-3:]
-    raise SimulatorFailed(f"the simulator ended with code {code}: {' / '.join(said) or 'it said nothing'}")
+    how = f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"
+    said = log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
+    last = f"; its last words: {' / '.join(said[-3:])}" if code > 0 and said else ""
+    raise SimulatorFailed(f"the simulator {how}{last}")
 
 
 async def _stopped(process: asyncio.subprocess.Process) -> None:

@@ -59,8 +59,12 @@ class LiveTable:
 
     def _draw(self) -> None:
         message = Text(self._message, style="bright_black")
-        width = self._live.console.width
-        body = Group(table(self._picture, width), message) if self._picture is not None else message
+        size = self._live.console.size
+        body = (
+            Group(table(self._picture, size.width, size.height), message)
+            if self._picture is not None
+            else message
+        )
         self._live.update(body, refresh=True)
 
 

@@ -34,8 +34,9 @@ class Document:
 
 def parse(text: str) -> Document:
     """Raises YamlError."""
-    loader = yaml.SafeLoader(text)
+    loader = None
     try:
+        loader = yaml.SafeLoader(text)
         node = loader.get_single_node()
         if node is None:
             raise YamlError(1, "the file is empty; start from `configs/swarm.yaml`")
@@ -47,9 +48,10 @@ def parse(text: str) -> Document:
         line = mark.line + 1 if mark is not None else 1
         raise YamlError(line, f"this is not YAML: {error.problem or error.context}") from error
     except yaml.YAMLError as error:
-        raise YamlError(1, f"this is not YAML: {error}") from error
+        raise YamlError(1, f"this is not YAML: {str(error).splitlines()[0]}") from error
     finally:
-        loader.dispose()
+        if loader is not None:
+            loader.dispose()
 
 
 def _walk(node: yaml.Node, path: Path, lines: dict[Path, int]) -> None:

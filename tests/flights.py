@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -45,7 +46,7 @@ def small(**sections: object) -> Scenario:
         "communication": {"bus": "memory"},
         "simulate": {"count": 3, "ready_s": 3.0},
     }
-    return build(Config.model_validate({**content, **sections}))
+    return build(Config.model_validate_json(json.dumps({**content, **sections})))
 
 
 def fly(

@@ -22,7 +22,7 @@ area: {origin_lat_deg: 46.0, origin_lon_deg: 14.0, rows: 8, cols: 8, cell_size_m
 threats: {count: 5}
 vehicles:
   - {name: alpha, url: "udpin://:PORT", sysid: 1, start: {lat_deg: 46.0, lon_deg: 13.99}, goal: [3, 7]}
-  - {name: beta, url: "udpin://:PORT", sysid: 2, start: {lat_deg: 46.0, lon_deg: 13.99}, goal: [4, 7]}
+  - {name: beta, url: "udpin://:PORT", sysid: 2, start: {lat_deg: 46.001, lon_deg: 13.99}, goal: [4, 7]}
 """
 
 

@@ -20,7 +20,7 @@ planner: {name: dijkstra, w: 0.5}
 communication: {bus: memory, range: all}
 vehicles:
   - {name: a, url: "udpin://:14550", sysid: 1, start: {lat_deg: 46.0, lon_deg: 13.99}, goal: [3, 19]}
-  - {name: b, url: "udpin://:14550", sysid: 2, start: {lat_deg: 46.0, lon_deg: 13.99}, goal: [[4, 9], [5, 9]]}
+  - {name: b, url: "udpin://:14550", sysid: 2,start: {lat_deg: 46.001, lon_deg: 13.99}, goal: [[4, 9],[5, 9]]}
 """
 
 
@@ -92,6 +92,44 @@ BAD = [
         "goal: [3, 19], entry: [5, 5]",
         [":9: vehicles[0].entry: (5, 5) is no border cell"],
     ),
+    ("a start in another's place", "46.001,", "46.0,", [":8: vehicles: a and b start at one spot"]),
+    (
+        "altitudes that do not differ",
+        "planner:",
+        "flight: {altitude_step_m: 0}\nplanner:",
+        [":6: flight.altitude_step_m: a and b would fly at 40 and 40 m"],
+    ),
+    (
+        "a word for a number",
+        "count: 24",
+        "count: yes",
+        [":4: threats.count: input should be a valid integer, found"],
+    ),
+    (
+        "a text for a number",
+        "rows: 20",
+        'rows: "20"',
+        [":2: area.rows: input should be a valid integer, found '20'"],
+    ),
+    (
+        "too many cells",
+        "rows: 20, cols: 20",
+        "rows: 9999, cols: 9999",
+        [":2: area: 9999 × 9999 are 99980001 cells"],
+    ),
+    (
+        "a way in over a forbidden cell",
+        "cell_size_m: 50}",
+        f"cell_size_m: 50, no_fly: {[[row, 0] for row in range(20)]}}}",
+        [":9: vehicles[0].entry: a would fly over (0, 0) of area.no_fly", ":10: vehicles[1].entry: b would"],
+    ),
+    (
+        "an entry across the area",
+        "goal: [3, 19]",
+        "goal: [3, 19], entry: [0, 19]",
+        [":9: vehicles[0].entry: a would cross the area"],
+    ),
+    ("a NUL byte", "name: test", "name: te\0st", [":1: this is not YAML"]),
     ("not YAML", "vehicles:", "vehicles: [", [":9: this is not YAML"]),
     ("a key twice", "planner:", "name: again\nplanner:", [":6: key 'name' is given twice, first on line 1"]),
 ]
@@ -121,6 +159,16 @@ def test_a_goal_behind_a_wall_is_unreachable_and_named(tmp_path: Path) -> None:
     assert found[0].startswith(":9: vehicles[0].goal: a cannot reach its goal")
 
 
+def test_vehicles_too_many_for_their_goal_are_refused(tmp_path: Path) -> None:
+    crowd = "area: {origin_lat_deg: 46.0, origin_lon_deg: 14.0, rows: 20, cols: 20, cell_size_m: 10}\n"
+    crowd += "threats: {count: 2}\nsimulate: {count: 30, goal: [3, 19]}\n"
+    (found,) = {line.split("; ")[0] for line in problems(crowd, tmp_path)}
+    assert (
+        found
+        == ":3: simulate.goal: 30 vehicles that share goals would land 1.7 m apart in one cell, less than 3 m"
+    )
+
+
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(config.ConfigError, match=r"nowhere\.yaml: there is no such file"):
         config.load(tmp_path / "nowhere.yaml")
@@ -141,4 +189,6 @@ def test_the_same_seed_hides_the_same_hostiles(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("file", sorted(SHIPPED.parent.glob("*.yaml")), ids=lambda file: file.name)
 def test_every_configuration_we_ship_is_good(file: Path) -> None:
-    assert scenario.build(config.load(file, scenario.judge)).tasks
+    loaded = config.load(file, scenario.judge)
+    assert scenario.build(loaded).tasks
+    assert config.Config.model_validate_json(loaded.model_dump_json()) == loaded

@@ -54,6 +54,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     },
     "swarmctl.terminal": {"swarmctl.agent", "swarmctl.app", "swarmctl.display"},
     "swarmctl.cli": {"swarmctl"},
+    "swarmctl.entry": {"swarmctl.cli"},
     "sim_vehicle": set(),
 }  # fmt: skip
 

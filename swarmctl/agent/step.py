@@ -207,7 +207,9 @@ def _touched_down(state: AgentState) -> AgentState:
         said = state.trouble if state.given_up else state.outcome
         return replace(state, phase=phase, outcome=f"{said}; landed", pending=None)
     where = f"in cell {state.cell}" if state.cell is not None else "outside the area"
-    reason = f"disarmed {where}, short of its goal, in mode {state.vehicle.mode or 'unknown'}"
+    battery = state.vehicle.battery_percent
+    rest = "" if battery is None else f", battery {battery} %"
+    reason = f"disarmed {where}, short of its goal, in mode {state.vehicle.mode or 'unknown'}{rest}"
     return replace(state, phase=Phase.FAILED, outcome=reason, pending=None)
 
 

@@ -16,6 +16,7 @@ from swarmctl.core.grid import Grid
 from swarmctl.picture.scene import MapPicture, Points, local_m, shading
 from swarmctl.picture.style import (
     BADGE_PT,
+    FORBIDDEN,
     FOUND,
     GRID_LINE,
     HATCH,
@@ -56,6 +57,12 @@ def draw_area(axes: Axes, picture: MapPicture, points_per_m: float) -> None:
     width = 0.7 if cell_pt > 8.0 else 0.4
     _draw_lines(axes, grid, hatch, colors=HATCH, linewidths=width, zorder=2)
 
+    crosses: list[Ends] = []
+    for row, col in sorted(picture.no_fly):
+        crosses += [((col, row), (col + 1, row + 1)), ((col, row + 1), (col + 1, row))]
+    _draw_lines(axes, grid, crosses, colors=FORBIDDEN, linewidths=1.2, zorder=3.5)
+    for row, col in sorted(picture.no_fly):
+        _outline(axes, grid, row, col, edgecolor=FORBIDDEN, lw=1.2, zorder=3.5)
     for row, col in np.argwhere(missed).tolist():
         _outline(axes, grid, row, col, edgecolor=FOUND, lw=0.8, ls=(0, (2, 1.5)), zorder=3)
     for row, col in sorted({cell for track in picture.tracks for cell in track.goal_cells}):

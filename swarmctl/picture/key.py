@@ -12,6 +12,7 @@ from matplotlib.patches import Rectangle
 from swarmctl.core.belief import OCCUPIED, UNKNOWN
 from swarmctl.picture.scene import MapPicture, VehicleTrack, shading
 from swarmctl.picture.style import (
+    FORBIDDEN,
     FOUND,
     GRID_LINE,
     HATCH,
@@ -65,6 +66,7 @@ def cell_rows(picture: MapPicture) -> list[Row]:
     missed = {"facecolor": NEVER_FOUND, "edgecolor": FOUND, "ls": (0, (2, 1.5))}
     rows = {
         _cell_row("goal", {"edgecolor": INK, "lw": 2.0}): True,
+        _cell_row("no-fly", {"edgecolor": FORBIDDEN, "lw": 1.2}, hatch="crossed"): bool(picture.no_fly),
         _cell_row(f"hostile, found ({n_found})", {"facecolor": FOUND}): n_found > 0,
         _cell_row(f"hostile, not found ({n_missed})", missed): n_missed > 0,
         _cell_row("next to a hostile (N1)", {}, hatch="level"): first.any(),
@@ -114,6 +116,9 @@ def _cell_row(text: str, style: dict[str, Any], *, hatch: str = "") -> Row:
         for share in (side / 8, 3 * side / 8, 5 * side / 8, 7 * side / 8):
             if hatch == "level":
                 axes.plot([left, left + side], [top + share, top + share], color=HATCH, lw=0.7)
+            elif hatch == "crossed":
+                axes.plot([left, left + side], [top, top + side], color=FORBIDDEN, lw=1.2)
+                axes.plot([left, left + side], [top + side, top], color=FORBIDDEN, lw=1.2)
             elif hatch == "upright":
                 axes.plot([left + share, left + share], [top, top + side], color=HATCH, lw=0.7)
         _text(axes, x, y, text)

@@ -52,6 +52,8 @@ class MapPicture:
     tracks: Sequence[VehicleTrack]
     title: str
     subtitle: str = ""
+    no_fly: frozenset[Cell] = frozenset()
+    """cells that no route may enter"""
 
 
 def local_m(grid: Grid, points: Sequence[LatLon]) -> Points:

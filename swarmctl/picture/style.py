@@ -16,6 +16,7 @@ STRIKE = "#F0E442"
 INK, QUIET = "#222222", "#777777"
 OUTSIDE, SEEN, VEIL, GRID_LINE = "#F3F1EC", "#FFFFFF", "#E4EBF3", "#D5DBE2"
 FOUND, NEVER_FOUND, HATCH = "#7A7A7A", "#BDBDBD", "#9C9C9C"
+FORBIDDEN = "#B3261E"
 DASHES: tuple[Dashes, ...] = ((0, (4.0, 2.0)), (0, (1.0, 1.4)), (0, (7.0, 1.6, 1.2, 1.6)))
 """for the planned lines of a vehicle, in their order, beside flown ones, which are solid"""
 BANDS = ((5.4, 0.30), (3.2, 0.62), (1.2, 1.0))
