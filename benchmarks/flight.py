@@ -22,8 +22,9 @@ from swarmctl.app import Report
 from swarmctl.clock import run_virtual
 from swarmctl.config import load
 from swarmctl.display import Picture
+from swarmctl.judge import judge
 from swarmctl.planners import warm_up
-from swarmctl.scenario import Scenario, build, judge
+from swarmctl.scenario import Scenario, build
 
 SHIPPED = Path(__file__).parent.parent / "configs" / "swarm.yaml"
 

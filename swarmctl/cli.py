@@ -27,8 +27,9 @@ from swarmctl.app import Report
 from swarmctl.clock import run_virtual
 from swarmctl.config import Config, ConfigError, load
 from swarmctl.director import Member, Permission, PreflightFailed
+from swarmctl.judge import judge
 from swarmctl.planners import Route
-from swarmctl.scenario import Scenario, build, judge
+from swarmctl.scenario import Scenario, build
 from swarmctl.terminal import LiveTable, PlainLines, Terminal
 
 OK, EXPECTED, USAGE, BUG, INTERRUPTED = 0, 1, 2, 3, 130

@@ -2,7 +2,7 @@
 
 Keys carry their units. `load` reads a file into a frozen `Config`; `ConfigError` lists what is wrong with
 file, line and cure. What the values mean together (a goal inside the area, a start that can enter it) is
-judged by `swarmctl.scenario`, whose problems are reported the same way.
+judged by `swarmctl.judge`, whose problems are reported the same way.
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from swarmctl import config, scenario
+from swarmctl.judge import judge
 
 SHIPPED = Path(__file__).parent.parent / "configs" / "swarm.yaml"
 
@@ -28,7 +29,7 @@ def problems(text: str, tmp_path: Path) -> list[str]:
     file = tmp_path / "swarm.yaml"
     file.write_text(text)
     try:
-        loaded = config.load(file, scenario.judge)
+        loaded = config.load(file, judge)
     except config.ConfigError as error:
         return [line.removeprefix(str(file)) for line in error.lines]
     scenario.build(loaded)
@@ -36,7 +37,7 @@ def problems(text: str, tmp_path: Path) -> list[str]:
 
 
 def test_the_shipped_configuration_is_as_promised() -> None:
-    built = scenario.build(config.load(SHIPPED, scenario.judge))
+    built = scenario.build(config.load(SHIPPED, judge))
     assert len(built.specs) == 5
     assert (built.grid.rows, built.grid.cols, built.grid.cell_size_m) == (20, 20, 50.0)
     assert len(built.hostiles) == 24
@@ -183,12 +184,12 @@ def test_the_same_seed_hides_the_same_hostiles(tmp_path: Path) -> None:
     draws = []
     for seed in (1, 1, 2):
         file.write_text(GOOD + f"seed: {seed}\n")
-        draws.append(scenario.build(config.load(file, scenario.judge)).hostiles)
+        draws.append(scenario.build(config.load(file, judge)).hostiles)
     assert draws[0] == draws[1] != draws[2]
 
 
 @pytest.mark.parametrize("file", sorted(SHIPPED.parent.glob("*.yaml")), ids=lambda file: file.name)
 def test_every_configuration_we_ship_is_good(file: Path) -> None:
-    loaded = config.load(file, scenario.judge)
+    loaded = config.load(file, judge)
     assert scenario.build(loaded).tasks
     assert config.Config.model_validate_json(loaded.model_dump_json()) == loaded

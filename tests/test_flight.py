@@ -22,8 +22,9 @@ from pymavlink import mavutil
 from swarmctl import config, record
 from swarmctl.app import Report
 from swarmctl.display import Picture
+from swarmctl.judge import judge
 from swarmctl.links.transport import Address
-from swarmctl.scenario import Scenario, build, judge
+from swarmctl.scenario import Scenario, build
 
 pytestmark = pytest.mark.virtual
 

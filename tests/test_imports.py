@@ -30,6 +30,10 @@ MAY_IMPORT: dict[str, set[str]] = {
         "swarmctl.core", "swarmctl.planners", "swarmctl.links.url", "swarmctl.yaml_lines", "swarmctl.config",
         "swarmctl.agent",
     },
+    "swarmctl.judge": {
+        "swarmctl.core", "swarmctl.planners", "swarmctl.links.url", "swarmctl.yaml_lines", "swarmctl.config",
+        "swarmctl.agent", "swarmctl.scenario",
+    },
     "swarmctl.runner": {
         "swarmctl.core", "swarmctl.agent", "swarmctl.bus", "swarmctl.links", "swarmctl.supervise",
     },
