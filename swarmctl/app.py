@@ -10,7 +10,7 @@ import time
 from collections.abc import AsyncIterator, Coroutine, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 from swarmctl import simulator
 from swarmctl.agent import ARRIVED, AgentState, Phase
@@ -19,9 +19,9 @@ from swarmctl.bus.memory import MemoryBus
 from swarmctl.bus.network import Network
 from swarmctl.bus.zenoh_bus import ZenohBus
 from swarmctl.core.events import Order
-from swarmctl.core.messages import Message
 from swarmctl.director import Director, Member, Permission, PreflightFailed, left_how
 from swarmctl.display import Picture, row
+from swarmctl.face import Chatter, Steady, Ui
 from swarmctl.links import LINKS
 from swarmctl.links.base import LinkError
 from swarmctl.links.frontend import FrontEnd
@@ -45,18 +45,6 @@ OFFLOAD_CELLS = 100_000
 """Areas of more cells are searched in a thread, so that the loop serves the links meanwhile."""
 
 EXPECTED = (PreflightFailed, simulator.SimulatorFailed, LinkError, BusError)
-
-
-class Ui(Protocol):
-    """Where a flight is shown."""
-
-    def say(self, text: str) -> None:
-        """Something a person should read."""
-
-    def log(self, text: str) -> None:
-        """Something for who asked for all of it."""
-
-    def refresh(self, picture: Picture) -> None: ...
 
 
 @dataclass(slots=True)
@@ -83,53 +71,6 @@ class Report:
         return bool(self.states) and self.arrived == len(self.states)
 
 
-@dataclass(slots=True)
-class _Chatter:
-    """Passes on what vehicles say to whoever asked for it."""
-
-    ui: Ui
-    names: dict[int, str]
-
-    def folded(
-        self, before: AgentState, event: object, after: AgentState, effects: object, now: float
-    ) -> None:
-        if after.phase is not before.phase:
-            note = f" ({after.outcome})" if after.outcome else ""
-            self.ui.log(f"{after.task.name}: {before.phase} → {after.phase}{note}")
-        if after.lost is not before.lost:
-            self.ui.say(f"{after.task.name}: " + ("link lost" if after.lost else "heard again"))
-
-    def sent(self, uav: int, message: Message, recipients: int, now: float) -> None:
-        pass
-
-    def said(self, uav: int, text: str, now: float, *, aloud: bool) -> None:
-        (self.ui.say if aloud else self.ui.log)(f"{self.names[uav]}: {text}")
-
-
-class _Steady:
-    """A face that may break (a closed pipe, a full disk) without taking the flight with it."""
-
-    def __init__(self, ui: Ui) -> None:
-        self._ui: Ui | None = ui
-
-    def say(self, text: str) -> None:
-        self._show("say", text)
-
-    def log(self, text: str) -> None:
-        self._show("log", text)
-
-    def refresh(self, picture: Picture) -> None:
-        self._show("refresh", picture)
-
-    def _show(self, how: str, what: Any) -> None:
-        if self._ui is None:
-            return
-        try:
-            getattr(self._ui, how)(what)
-        except (OSError, ValueError, SystemExit):  # Rich exits where standard output is closed
-            self._ui = None
-
-
 async def fly(
     scenario: Scenario,
     folder: Path,
@@ -143,7 +84,7 @@ async def fly(
     if clock == "real":
         scenario = _with_free_port(scenario)
     names = {task.uav: task.name for task in scenario.tasks}
-    began_s, ledger, face = time.monotonic(), Ledger(), _Steady(ui)
+    began_s, ledger, face = time.monotonic(), Ledger(), Steady(ui)
     members: list[Member] = []
     trouble: list[str] = []
     ended: Ending = "failed"
@@ -153,7 +94,7 @@ async def fly(
     try:
         async with _parts(scenario, folder, clock, carry) as (front_end, bus, played):
             network = Network(bus, scenario.config.name, _reach(scenario))
-            observers = (recorder, ledger, _Chatter(face, names))
+            observers = (recorder, ledger, Chatter(face, names))
             members += _members(scenario, folder, front_end, network, observers, clock)
             director = _director(scenario, members, face, clock, permission)
             show = _show(members, ledger, face, scenario, director)

@@ -10,16 +10,16 @@ from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
-from swarmctl import app
 from swarmctl.agent import Phase
 from swarmctl.display import Picture, line, table
+from swarmctl.face import Ui
 
 LINE_EVERY_S = 30.0
 MESSAGE_FOR_S = 20.0
 """how long a message stays, in seconds flown"""
 
 
-class Terminal(app.Ui, Protocol):
+class Terminal(Ui, Protocol):
     def shown(self) -> contextlib.AbstractContextManager[None]:
         """While the flight lasts."""
 

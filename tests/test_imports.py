@@ -49,14 +49,16 @@ MAY_IMPORT: dict[str, set[str]] = {
     "swarmctl.preflight": {"swarmctl.links.url", "swarmctl.scenario"},
     "swarmctl.app": {
         "swarmctl.core", "swarmctl.planners", "swarmctl.sensors", "swarmctl.links", "swarmctl.bus",
-        "swarmctl.agent", "swarmctl.runner", "swarmctl.director", "swarmctl.display", "swarmctl.record",
+        "swarmctl.agent", "swarmctl.runner", "swarmctl.director", "swarmctl.display", "swarmctl.face",
+        "swarmctl.record",
         "swarmctl.scenario", "swarmctl.simulator", "swarmctl.summary", "swarmctl.virtual",
     },
     "swarmctl.outputs": {
         "swarmctl.core", "swarmctl.planners", "swarmctl.agent", "swarmctl.app", "swarmctl.picture",
         "swarmctl.planfile", "swarmctl.scenario", "swarmctl.summary",
     },
-    "swarmctl.terminal": {"swarmctl.agent", "swarmctl.app", "swarmctl.display"},
+    "swarmctl.face": {"swarmctl.core", "swarmctl.agent", "swarmctl.display"},
+    "swarmctl.terminal": {"swarmctl.agent", "swarmctl.display", "swarmctl.face"},
     "swarmctl.cli": {"swarmctl"},
     "swarmctl.entry": {"swarmctl.cli"},
     "sim_vehicle": set(),

@@ -1,0 +1,69 @@
+"""Where a flight is shown: what a face offers, one that cannot break the flight, and who feeds it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from swarmctl.agent import AgentState
+from swarmctl.core.messages import Message
+from swarmctl.display import Picture
+
+
+class Ui(Protocol):
+    """Where a flight is shown."""
+
+    def say(self, text: str) -> None:
+        """Something a person should read."""
+
+    def log(self, text: str) -> None:
+        """Something for who asked for all of it."""
+
+    def refresh(self, picture: Picture) -> None: ...
+
+
+class Steady:
+    """A face that may break (a closed pipe, a full disk) without taking the flight with it."""
+
+    def __init__(self, ui: Ui) -> None:
+        self._ui: Ui | None = ui
+
+    def say(self, text: str) -> None:
+        self._show("say", text)
+
+    def log(self, text: str) -> None:
+        self._show("log", text)
+
+    def refresh(self, picture: Picture) -> None:
+        self._show("refresh", picture)
+
+    def _show(self, how: str, what: Any) -> None:
+        if self._ui is None:
+            return
+        try:
+            getattr(self._ui, how)(what)
+        except (OSError, ValueError, SystemExit):  # Rich exits where standard output is closed
+            self._ui = None
+
+
+@dataclass(slots=True)
+class Chatter:
+    """Passes on what vehicles say to whoever asked for it."""
+
+    ui: Ui
+    names: dict[int, str]
+
+    def folded(
+        self, before: AgentState, event: object, after: AgentState, effects: object, now: float
+    ) -> None:
+        if after.phase is not before.phase:
+            note = f" ({after.outcome})" if after.outcome else ""
+            self.ui.log(f"{after.task.name}: {before.phase} → {after.phase}{note}")
+        if after.lost is not before.lost:
+            self.ui.say(f"{after.task.name}: " + ("link lost" if after.lost else "heard again"))
+
+    def sent(self, uav: int, message: Message, recipients: int, now: float) -> None:
+        pass
+
+    def said(self, uav: int, text: str, now: float, *, aloud: bool) -> None:
+        (self.ui.say if aloud else self.ui.log)(f"{self.names[uav]}: {text}")
