@@ -6,6 +6,7 @@ reader of MCAP opens it without this program. Two runs on the virtual clock writ
 
 from __future__ import annotations
 
+import inspect
 import json
 import struct
 from collections.abc import Iterator
@@ -172,7 +173,16 @@ def object_schema(struct: type[msgspec.Struct]) -> dict[str, Any]:
     """The JSON schema with `type: object` at its top, as readers of MCAP want it, instead of a reference."""
     (reference,), components = msgspec.json.schema_components((struct,), ref_template="#/$defs/{name}")
     top: dict[str, Any] = components.pop(reference["$ref"].rsplit("/", 1)[-1])
-    return {**top, "$defs": components}
+    return {name: _dedented(part) for name, part in {**top, "$defs": components}.items()}
+
+
+def _dedented(schema: Any) -> Any:
+    """Docstrings become descriptions, which Python strips of their indentation from 3.13 on only."""
+    if isinstance(schema, dict):
+        return {name: _dedented(part) for name, part in schema.items()}
+    if isinstance(schema, list):
+        return [_dedented(part) for part in schema]
+    return inspect.cleandoc(schema) if isinstance(schema, str) else schema
 
 
 class RecordError(Exception):
