@@ -33,6 +33,7 @@ from swarmctl.runner import Runner
 from swarmctl.scenario import Scenario, build
 from swarmctl.sensors.footprint import Footprint
 from swarmctl.summary import Ledger, summary
+from swarmctl.supervise import cancelled
 from swarmctl.virtual import Carry, fleet_on, undisturbed
 
 Clock = Literal["real", "virtual"]
@@ -263,7 +264,7 @@ async def _conduct(
                 ended = await flight
             except asyncio.CancelledError:
                 if not abandoned:
-                    await _ended(flight)
+                    await cancelled(flight)
                     raise
                 ended = "stopped"
             finally:
@@ -296,11 +297,6 @@ async def _until_it_fails(played: asyncio.Task[None], members: Sequence[Member],
         if all(m.spec.simulated for m in members):
             raise
         ui.say(f"{error}; the vehicles that are not simulated fly on")
-
-
-async def _ended(task: asyncio.Task[Any]) -> None:
-    task.cancel()
-    await asyncio.gather(task, return_exceptions=True)
 
 
 @contextlib.contextmanager

@@ -19,6 +19,7 @@ from swarmctl.core.vehicle import Landed
 from swarmctl.links.base import Identity, LinkError
 from swarmctl.runner import Runner
 from swarmctl.scenario import Spec
+from swarmctl.supervise import cancelled
 
 START_TOLERANCE_M = 100.0
 """A vehicle that stands farther than this from its configured start is not the one that was planned for."""
@@ -88,7 +89,7 @@ class Director:
                 flight.result()
                 return "ended"
         finally:
-            await _cancelled(flight, stop)
+            await cancelled(flight, stop)
         await self._leave()
         return "stopped"
 
@@ -221,12 +222,6 @@ def _holds(member: Member) -> bool:
     """It follows the order to hold, or has something better to do: it is down, or on its way down."""
     state = member.state
     return (state.phase is Phase.HOLDING and state.order_seen) or state.ended or state.launch_aborted
-
-
-async def _cancelled(*tasks: asyncio.Task[object] | asyncio.Task[None]) -> None:
-    for task in tasks:
-        task.cancel()
-    await asyncio.gather(*tasks, return_exceptions=True)
 
 
 def left_how(member: Member) -> str:

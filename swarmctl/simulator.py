@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from swarmctl.scenario import Scenario
+from swarmctl.supervise import cancelled
 
 STOP_DEADLINE_S = 5.0
 
@@ -71,8 +72,7 @@ async def running(scenario: Scenario, url: str, folder: Path) -> AsyncIterator[a
     try:
         yield watch
     finally:
-        watch.cancel()
-        await asyncio.gather(watch, return_exceptions=True)
+        await cancelled(watch)
         await _stopped(process)
 
 

@@ -1,11 +1,11 @@
-"""When to try again: a policy as a pure function, and the loop that follows it."""
+"""When to try again (a policy as a pure function, and the loop that follows it), and how tasks are ended."""
 
 from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 T = TypeVar("T")
 
@@ -42,3 +42,10 @@ async def retrying(
             if delay_s is None:
                 raise
         await asyncio.sleep(delay_s)
+
+
+async def cancelled(*tasks: asyncio.Task[Any]) -> None:
+    """Cancel tasks and wait until they have ended, whatever they end with."""
+    for task in tasks:
+        task.cancel()
+    await asyncio.gather(*tasks, return_exceptions=True)

@@ -15,6 +15,7 @@ from swarmctl.links.memory import MemoryWire
 from swarmctl.links.transport import Address
 from swarmctl.scenario import Scenario
 from swarmctl.simulator import scenario_json
+from swarmctl.supervise import cancelled
 
 STEP_S = 0.05
 
@@ -60,5 +61,4 @@ async def fleet_on(
         yield mover
     finally:
         wire.to_vehicles = None
-        mover.cancel()
-        await asyncio.gather(mover, return_exceptions=True)
+        await cancelled(mover)

@@ -42,16 +42,19 @@ MAY_IMPORT: dict[str, set[str]] = {
     "swarmctl.display": {"swarmctl.agent"},
     "swarmctl.director": {
         "swarmctl.core", "swarmctl.agent", "swarmctl.config", "swarmctl.links", "swarmctl.runner",
-        "swarmctl.scenario",
+        "swarmctl.scenario", "swarmctl.supervise",
     },
-    "swarmctl.simulator": {"swarmctl.scenario"},
-    "swarmctl.virtual": {"swarmctl.links", "swarmctl.scenario", "swarmctl.simulator", "sim_vehicle"},
+    "swarmctl.simulator": {"swarmctl.scenario", "swarmctl.supervise"},
+    "swarmctl.virtual": {
+        "swarmctl.links", "swarmctl.scenario", "swarmctl.simulator", "swarmctl.supervise", "sim_vehicle",
+    },
     "swarmctl.preflight": {"swarmctl.links.url", "swarmctl.scenario"},
     "swarmctl.app": {
         "swarmctl.core", "swarmctl.planners", "swarmctl.sensors", "swarmctl.links", "swarmctl.bus",
         "swarmctl.agent", "swarmctl.runner", "swarmctl.director", "swarmctl.display", "swarmctl.face",
         "swarmctl.record",
         "swarmctl.scenario", "swarmctl.simulator", "swarmctl.summary", "swarmctl.virtual",
+        "swarmctl.supervise",
     },
     "swarmctl.outputs": {
         "swarmctl.core", "swarmctl.planners", "swarmctl.agent", "swarmctl.app", "swarmctl.picture",

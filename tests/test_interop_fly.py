@@ -226,7 +226,7 @@ def test_a_terminal_that_hangs_up_brings_them_home_first(tmp_path: Path) -> None
     assert any("uav1: land ordered; landed" in line for line in lines)
 
 
-def test_a_simulator_that_dies_is_named_with_its_last_words(tmp_path: Path) -> None:
+def test_a_simulator_that_dies_is_named_and_so_are_its_vehicles(tmp_path: Path) -> None:
     config = tmp_path / "small.yaml"
     config.write_text(SMALL + "simulate: {count: 1, speedup: 5}\n")
     with started("fly", "--config", config, cwd=tmp_path) as process:
