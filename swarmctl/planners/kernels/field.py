@@ -1,8 +1,4 @@
-"""All compiled code: the cost-to-go field and the way down it.
-
-The compiled functions release the interpreter lock and are cached on disk. They see flat arrays of the area
-with one cell of padding around it, so that every cell has eight neighbours and no bounds need checking; index
-(row + 1) * (cols + 2) + col + 1.
+"""The cost-to-go field and the way down it.
 
 Two things make the way down independent of rounding and free of circles. Beside the least cost the field
 keeps the length of the way that has it, the second key of the order; and on the way down costs within REL_TIE
@@ -12,20 +8,15 @@ at least a whole step each time, also where costs are zero.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from swarmctl.core.grid import Cell
+from swarmctl.planners.kernels.lattice import ROOT2, Floats, Ints, offsets_of, squeezes
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-
-ROOT2 = math.sqrt(2.0)
 REL_TIE = 1e-12
 """Costs closer than this, relatively, are equal: rounding of a sum over thousands of cells stays below."""
 LENGTH_TIE = 1e-9
@@ -93,22 +84,6 @@ def warm_up() -> None:
 
 
 @njit(nogil=True, cache=True)
-def _offsets(width: int) -> Ints:
-    """OFFSETS: the straight steps E, N, W, S, then the diagonal ones NE, NW, SW, SE."""
-    return np.array([1, width, -1, -width, width + 1, width - 1, -width - 1, -width + 1])
-
-
-@njit(nogil=True, cache=True)
-def _squeezes(enter: Floats, offsets: Ints, m: int, k: int) -> bool:
-    """Whether the diagonal step from m in direction k (4 to 7) leads past the corner of a wall."""
-    # DEVIATION: the paper's lattice has every diagonal edge. A vehicle of finite size that flies one passes
-    # over the corner of both cells beside it, so it is no way where either is a wall. Who stands in a wall
-    # may leave it all the same, in any direction: getting out comes first.
-    beside, other = m + offsets[k - 4], m + offsets[(k - 3) & 3]
-    return bool(enter[m] != np.inf and (enter[beside] == np.inf or enter[other] == np.inf))
-
-
-@njit(nogil=True, cache=True)
 def _sift_up(heap: Ints, place: Ints, slot: int, cost: Floats, length: Floats) -> None:
     """Moves the cell in `slot` up to where no cell above it has a greater (cost, length)."""
     cell = heap[slot]
@@ -157,7 +132,7 @@ def _spread(
     and -2 once it is settled; the padding is settled from the beginning, so that nothing spreads into it.
     """
     width = cols + 2
-    offsets = _offsets(width)
+    offsets = offsets_of(width)
     place = np.full(enter.size, -2, dtype=np.int64)
     for row in range(1, rows + 1):
         place[row * width + 1 : row * width + cols + 1] = -1
@@ -186,7 +161,7 @@ def _spread(
         through = cost[n] + enter[n]
         for k in range(8):
             m = n + offsets[k]
-            if place[m] == -2 or (k >= 4 and _squeezes(enter, offsets, m, k ^ 2)):  # k ^ 2: back from m to n
+            if place[m] == -2 or (k >= 4 and squeezes(enter, offsets, m, k ^ 2)):  # k ^ 2: back from m to n
                 continue
             d = 1.0 if k < 4 else ROOT2
             new_cost = through + step * d  # Eq. 5
@@ -205,7 +180,7 @@ def _spread(
 def _run_down(enter: Floats, step: float, width: int, start: int, cost: Floats, length: Floats) -> Ints:
     """Flat indices from `start`, whose cost is finite, to a goal: always to a neighbour through which the way
     is cheapest, of these through which it is shortest, of these the first in the order of OFFSETS."""
-    offsets = _offsets(width)
+    offsets = offsets_of(width)
     path = np.empty(int(length[start]) + 2, dtype=np.int64)
     m = start
     path[0] = m
@@ -220,7 +195,7 @@ def _run_down(enter: Floats, step: float, width: int, start: int, cost: Floats, 
             if (
                 cost[n] + enter[n] + step * d <= tie
                 and length[n] + d < best_length - LENGTH_TIE
-                and not (k >= 4 and _squeezes(enter, offsets, m, k))
+                and not (k >= 4 and squeezes(enter, offsets, m, k))
             ):
                 best = n
                 best_length = length[n] + d
