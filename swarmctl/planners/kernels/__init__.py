@@ -1,0 +1,10 @@
+"""All compiled code of the planners.
+
+The compiled functions release the interpreter lock and are cached on disk. They see flat arrays of the area
+with one cell of padding around it, so that every cell has eight neighbours and no bounds need checking; index
+(row + 1) * (cols + 2) + col + 1.
+"""
+
+from swarmctl.planners.kernels.field import Field, spread, warm_up
+
+__all__ = ["Field", "spread", "warm_up"]
