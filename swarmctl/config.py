@@ -18,7 +18,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from swarmctl import yaml_lines
 from swarmctl.core.threat import FiringStrength
 from swarmctl.links.url import parse_url
-from swarmctl.planners import PLANNERS
+from swarmctl.planners import PLANNERS, method
 
 Cell = tuple[int, int]
 
@@ -92,6 +92,14 @@ class PlannerSection(_Section):
     psi_per_cell: float | None = Field(
         None, gt=0.0, description="what a cell's length costs; default: the prior P_s of an inner cell"
     )
+    max_exposure: float | None = Field(
+        None, gt=0.0, description="cells whose P_s exceeds this are not entered; default: none is too exposed"
+    )
+    options: dict[str, Any] = Field({}, description="what else the planner lets one choose, by its name")
+
+    def model_post_init(self, _context: object) -> None:
+        if self.name in PLANNERS:
+            method(self.name, PLANNERS[self.name], self.options)
 
 
 class Communication(_Section):

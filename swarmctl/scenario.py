@@ -16,7 +16,7 @@ from swarmctl.core.exposure import prior_inner_exposure
 from swarmctl.core.geo import LatLon, distance_m
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.threat import FiringStrength
-from swarmctl.planners import PLANNERS
+from swarmctl.planners import PLANNERS, method
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,8 +184,8 @@ def _configured(config: Config, grid: Grid) -> Iterator[Spec]:
 def _tasks(
     config: Config, grid: Grid, strength: FiringStrength, psi: float, specs: tuple[Spec, ...]
 ) -> Iterator[Task]:
-    planner = PLANNERS[config.planner.name]
-    params = planner.Params()
+    planner = config.planner
+    chosen = method(planner.name, PLANNERS[planner.name], planner.options)
     no_fly = frozenset(config.area.no_fly)
     for index, spec in enumerate(specs):
         # DEVIATION: the paper's UAVs may share a place in the air and on the ground. Ours fly at altitudes of
@@ -201,7 +201,8 @@ def _tasks(
             entry=spec.entry,
             goals=tuple(g for g in spec.goals if g not in no_fly),
             altitude_m=spec.altitude_m,
-            plan=lambda problem: planner.plan(problem, params),
+            method=chosen,
+            max_exposure=math.inf if planner.max_exposure is None else planner.max_exposure,
             no_fly=no_fly,
             landing_index=sharing.index(index),
             landing_count=len(sharing),

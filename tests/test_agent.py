@@ -17,10 +17,10 @@ from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.messages import ObservationShared, StateShared
 from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import Landed, VehicleState
-from swarmctl.planners import PLANNERS
+from swarmctl.planners import PLANNERS, Method
 
 GRID = Grid(9, 9, 50.0, 46.0, 14.0)
-PLANNER = PLANNERS["dijkstra"]
+DIJKSTRA = Method("dijkstra", PLANNERS["dijkstra"], PLANNERS["dijkstra"].Params())
 
 
 def task(**changes: object) -> Task:
@@ -34,7 +34,7 @@ def task(**changes: object) -> Task:
         entry=(4, 0),
         goals=((4, 8),),
         altitude_m=30.0,
-        plan=lambda problem: PLANNER.plan(problem, PLANNER.Params()),
+        method=DIJKSTRA,
     )
     return replace(plain, **changes)  # type: ignore[arg-type]
 

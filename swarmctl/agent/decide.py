@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from swarmctl.agent.state import AgentState, Phase, Task
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
-from swarmctl.core.exposure import exposure, exposure_sum, length_cells
+from swarmctl.core.exposure import exposure
 from swarmctl.core.grid import Cell
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.route import flight_plan, landing_spot
@@ -28,10 +28,11 @@ def decide(state: AgentState) -> tuple[AgentState, list[ev.Effect]]:
     task = state.task
     p_s = believed_exposure(task, state.belief)
     start = _planning_start(state)
-    route = task.plan(Problem(p_s, start, task.goals, task.w, task.psi_per_cell))
+    problem = _problem(task, p_s, start, task.w)
+    route = task.method.plan(problem)
     ahead = _cells_ahead(state, start)
     state = replace(state, exposure=p_s, searches=state.searches + 1, dirty=False)
-    if ahead is not None and edge_costs(task, p_s, ahead) <= route.cost * (1.0 + BETTER_BY):
+    if ahead is not None and task.method.measure(problem, ahead) <= route.cost * (1.0 + BETTER_BY):
         return replace(state, because=()), []
     swap = ev.SwapMission(
         plan_id=state.next_plan_id,
@@ -57,13 +58,12 @@ def believed_exposure(task: Task, belief: Belief) -> NDArray[np.float64]:
 def first_route(task: Task, belief: Belief, w: float | None = None) -> Route:
     """The route from the entry cell, as planned before anything is flown."""
     p_s = believed_exposure(task, belief)
-    return task.plan(Problem(p_s, task.entry, task.goals, task.w if w is None else w, task.psi_per_cell))
+    w = task.w if w is None else w
+    return task.method.plan(_problem(task, p_s, task.entry, w))
 
 
-def edge_costs(task: Task, p_s: NDArray[np.float64], cells: tuple[Cell, ...]) -> float:
-    """Σ C_mn along `cells` (Eq. 5)."""
-    distance = (1.0 - task.w) * task.psi_per_cell * length_cells(cells)
-    return distance + (task.w * exposure_sum(p_s, cells) if task.w > 0.0 else 0.0)
+def _problem(task: Task, p_s: NDArray[np.float64], start: Cell, w: float) -> Problem:
+    return Problem(p_s, start, task.goals, w, task.psi_per_cell, max_exposure=task.max_exposure)
 
 
 def _planning_start(state: AgentState) -> Cell:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
 
@@ -15,7 +14,7 @@ from swarmctl.core.belief import Belief
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import VehicleState
-from swarmctl.planners.base import Problem, Route
+from swarmctl.planners.base import Method
 
 ARRIVED = "arrived"
 """the outcome of a flight that did what it was for"""
@@ -64,7 +63,9 @@ class Task:
     goals: tuple[Cell, ...]
     altitude_m: float
     """flown at, above home [m]"""
-    plan: Callable[[Problem], Route] = field(repr=False)
+    method: Method
+    max_exposure: float = math.inf
+    """cells whose P_s exceeds this are not entered"""
     no_fly: frozenset[Cell] = frozenset()
     landing_index: int = 0
     landing_count: int = 1

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from itertools import pairwise
 from typing import Any, Protocol
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +23,14 @@ class BadProblem(ValueError):
 
 class Unreachable(ValueError):
     """No way leads from the start to a goal."""
+
+
+class BoundTooTight(Unreachable):
+    """Ways lead to a goal, but none within the bounds; `nearest` is the one that misses them least."""
+
+    def __init__(self, text: str, nearest: Route) -> None:
+        super().__init__(text)
+        self.nearest = nearest
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,10 +48,46 @@ class Problem:
     # probability sums, but with maximum distances"). Eq. 5 and section 3 decide.
     psi_per_cell: float
     """ψ, what one cell of way costs"""
+    max_exposure: float = math.inf
+    """a cell whose P_s exceeds this is a wall too"""
+    min_length_cells: float = 0.0
+    max_length_cells: float = math.inf
+    """bounds on the length of the route [cells], for planners that keep them: a time bound or an arrival
+    window at the vehicle's speed"""
 
     def __post_init__(self) -> None:
         check_field(self.exposure, self.goals, self.w, self.psi_per_cell)
         check_cell("start", self.start, self.exposure)
+        if not self.max_exposure >= 0.0:
+            raise BadProblem(f"maximum exposure {self.max_exposure}: expected 0 or more")
+        if not 0.0 <= self.min_length_cells <= self.max_length_cells:
+            raise BadProblem(
+                f"a route of {self.min_length_cells} to {self.max_length_cells} cells: expected two lengths, "
+                "0 or more, the lesser first"
+            )
+
+    @property
+    def passable(self) -> NDArray[np.float64]:
+        """P_s with everything that may not be entered made a wall; what a search runs on."""
+        if math.isinf(self.max_exposure):
+            return self.exposure
+        return np.where(self.exposure > self.max_exposure, math.inf, self.exposure)
+
+    def unreachable(self) -> Unreachable:
+        """The error of a search that found no way."""
+        walls = "walls of infinite exposure"
+        if not math.isinf(self.max_exposure):
+            walls = f"cells whose exposure exceeds the maximum of {self.max_exposure:g}, or walls,"
+        return Unreachable(f"no way leads from {self.start} to a goal: {walls} lie between")
+
+
+@dataclass(frozen=True, slots=True)
+class Searched:
+    """A route that was looked at on the way to the answer."""
+
+    w: float
+    length_cells: float
+    exposure_sum: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +102,10 @@ class Route:
     """ΣP_s without the start cell"""
     safety_factor: float
     """∏(1 − P_s) without the start cell"""
+    searched: tuple[Searched, ...] = ()
+    """by planners that search more than once: what each search found, in their order"""
+    lower_bound: float | None = None
+    """by planners that prove one: no route costs less. `cost` is the least where the two are equal"""
 
 
 class Planner(Protocol):
@@ -67,13 +118,72 @@ class Planner(Protocol):
     def plan(self, problem: Problem, params: Any, /) -> Route:
         """The best route by this planner's measure. Raises Unreachable."""
 
+    def measure(self, problem: Problem, cells: Sequence[Cell], params: Any, /) -> float:
+        """What `plan` makes least, of any route from the start to a goal; infinite where that is no answer to
+        the problem (through a wall, out of bounds). A vehicle changes its mission only for a lesser one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """A planner with its parameters: how a vehicle's routes are chosen."""
+
+    name: str
+    planner: Planner
+    params: Any
+
+    def plan(self, problem: Problem) -> Route:
+        """The best route. Raises Unreachable."""
+        return self.planner.plan(problem, self.params)
+
+    def measure(self, problem: Problem, cells: Sequence[Cell]) -> float:
+        """What `plan` makes least, of any route; infinite where it is no answer to the problem."""
+        return self.planner.measure(problem, cells, self.params)
+
+
+def method(name: str, planner: Planner, options: Mapping[str, object]) -> Method:
+    """A planner with the parameters that `options` name. Raises ValueError, saying what there is."""
+    known = sorted(f.name for f in fields(planner.Params))
+    for option in options:
+        if option not in known:
+            there_is = f"there is {', '.join(known)}" if known else "it has none"
+            raise ValueError(f"planner {name} has no option {option!r}; {there_is}")
+    try:
+        return Method(name, planner, msgspec.convert(dict(options), planner.Params))
+    except msgspec.ValidationError as error:
+        raise ValueError(f"options of planner {name}: {str(error)[:1].lower()}{str(error)[1:]}") from error
+
 
 def eq5_route(problem: Problem, cells: Sequence[Cell]) -> Route:
     """A route with its cost by Eq. 5, summed over its edges."""
-    length = measures.length_cells(cells)
-    total = measures.exposure_sum(problem.exposure, cells)
-    cost = (1.0 - problem.w) * problem.psi_per_cell * length + problem.w * total  # Eq. 5
-    return Route(tuple(cells), cost, length, total, measures.safety_factor(problem.exposure, cells))
+    return route_of(problem, cells, eq5_cost(problem, cells))
+
+
+def route_of(problem: Problem, cells: Sequence[Cell], cost: float) -> Route:
+    """A route with what it adds up to; `cost` is its planner's own measure."""
+    return Route(
+        tuple(cells),
+        cost,
+        measures.length_cells(cells),
+        measures.exposure_sum(problem.exposure, cells),
+        measures.safety_factor(problem.exposure, cells),
+    )
+
+
+def eq5_cost(problem: Problem, cells: Sequence[Cell]) -> float:
+    """Σ C_mn over a route (Eq. 5)."""
+    distance = (1.0 - problem.w) * problem.psi_per_cell * measures.length_cells(cells)
+    return distance + (problem.w * measures.exposure_sum(problem.exposure, cells) if problem.w > 0.0 else 0.0)
+
+
+def is_open(problem: Problem, cells: Sequence[Cell]) -> bool:
+    """Whether a route over neighbouring cells enters no wall and passes none at its corner; who stands in
+    one may leave it in any direction."""
+    field, limit = problem.exposure, min(problem.max_exposure, sys.float_info.max)
+    for here, there in pairwise(cells):
+        touched = [there] if field[here] > limit else [there, (here[0], there[1]), (there[0], here[1])]
+        if any(field[cell] > limit for cell in touched if cell != here):
+            return False
+    return True
 
 
 def check_field(exposure: NDArray[np.float64], goals: Sequence[Cell], w: float, psi_per_cell: float) -> None:

@@ -15,7 +15,16 @@ from numpy.typing import NDArray
 
 from swarmctl.core.grid import Cell
 from swarmctl.planners import kernels
-from swarmctl.planners.base import Problem, Route, Unreachable, check_cell, check_field, eq5_route
+from swarmctl.planners.base import (
+    Problem,
+    Route,
+    Unreachable,
+    check_cell,
+    check_field,
+    eq5_cost,
+    eq5_route,
+    is_open,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,15 +46,24 @@ class CostToGo:
         Raises BadProblem where the start is outside the area, Unreachable where no way leads to a goal.
         """
         check_cell("start", start, self.cost)
-        return _cells(self._field, start)
+        if math.isinf(self._field.cost_of(start)):
+            raise Unreachable(f"no way leads from {start} to a goal: walls of infinite exposure lie between")
+        return self._field.run_down(start)
 
 
 def plan(problem: Problem, _params: Params) -> Route:
     """The route of least cost by Eq. 5; among equals the shortest, and among these always the same."""
     field = kernels.spread(
-        problem.exposure, problem.goals, problem.w, problem.psi_per_cell, until=problem.start
+        problem.passable, problem.goals, problem.w, problem.psi_per_cell, until=problem.start
     )
-    return eq5_route(problem, _cells(field, problem.start))
+    if math.isinf(field.cost_of(problem.start)):
+        raise problem.unreachable()
+    return eq5_route(problem, field.run_down(problem.start))
+
+
+def measure(problem: Problem, cells: Sequence[Cell], _params: Params) -> float:
+    """Σ C_mn (Eq. 5); infinite through a wall."""
+    return eq5_cost(problem, cells) if is_open(problem, cells) else math.inf
 
 
 def cost_to_go(
@@ -55,9 +73,3 @@ def cost_to_go(
     check_field(exposure, goals, w, psi_per_cell)
     field = kernels.spread(exposure, goals, w, psi_per_cell)
     return CostToGo(field.unpadded_cost(), field)
-
-
-def _cells(field: kernels.Field, start: Cell) -> tuple[Cell, ...]:
-    if math.isinf(field.cost_of(start)):
-        raise Unreachable(f"no way leads from {start} to a goal: walls of infinite exposure lie between")
-    return field.run_down(start)

@@ -64,6 +64,40 @@ def test_what_a_route_says_of_itself_is_so(planner: Planner, problem: Problem) -
 @every_planner
 @QUICK
 @given(problem=problems())
+def test_its_measure_of_its_own_route_is_the_routes_cost(planner: Planner, problem: Problem) -> None:
+    route = solve(planner, problem)
+    assert planner.measure(problem, route.cells, planner.Params()) == pytest.approx(route.cost, rel=1e-12)
+
+
+@every_planner
+def test_its_measure_of_a_route_through_a_wall_is_infinite(planner: Planner) -> None:
+    field = np.full((2, 3), 0.1)
+    field[0, 1] = 0.5
+    problem = Problem(field, (0, 0), ((0, 2),), 0.5, 0.1)
+    for limit, walled in ((0.4, True), (0.5, False)):
+        limited = dataclasses.replace(problem, max_exposure=limit)
+        for cells in (((0, 0), (0, 1), (0, 2)), ((0, 0), (1, 1), (0, 2))):
+            assert math.isinf(planner.measure(limited, cells, planner.Params())) == walled
+
+
+@every_planner
+@QUICK
+@given(problem=problems(), limit=st.sampled_from([0.0, 0.3, 0.6]))
+def test_a_maximum_exposure_makes_walls(planner: Planner, problem: Problem, limit: float) -> None:
+    limited = dataclasses.replace(problem, max_exposure=limit)
+    walls = np.where(problem.exposure > limit, math.inf, problem.exposure)
+    try:
+        cells = solve(planner, dataclasses.replace(problem, exposure=walls)).cells
+    except Unreachable:
+        with pytest.raises(Unreachable, match=f"cells whose exposure exceeds the maximum of {limit:g}"):
+            solve(planner, limited)
+        return
+    assert solve(planner, limited).cells == cells
+
+
+@every_planner
+@QUICK
+@given(problem=problems())
 def test_equal_input_gives_equal_output(planner: Planner, problem: Problem) -> None:
     again = dataclasses.replace(problem, exposure=problem.exposure.copy())
     assert solve(planner, problem) == solve(planner, again)
@@ -149,6 +183,11 @@ NAN_FIELD[2, 3], NEGATIVE_FIELD[1, 4] = math.nan, -0.1
         ({"w": -0.1}, "distance anxiety w = -0.1: expected 0"),
         ({"w": 1.1}, "distance anxiety w = 1.1"),
         ({"w": math.nan}, "distance anxiety w = nan"),
+        ({"max_exposure": -0.5}, "maximum exposure -0.5: expected 0 or more"),
+        ({"max_exposure": math.nan}, "maximum exposure nan"),
+        ({"max_length_cells": -1.0}, "a route of 0.0 to -1.0 cells"),
+        ({"min_length_cells": 5.0, "max_length_cells": 4.0}, "a route of 5.0 to 4.0 cells: expected two"),
+        ({"min_length_cells": math.nan}, "a route of nan to inf cells"),
         ({"psi_per_cell": -1.0}, "ψ = -1.0 per cell: expected a finite number"),
         ({"psi_per_cell": math.inf}, "ψ = inf"),
         ({"psi_per_cell": math.nan}, "ψ = nan"),
