@@ -7,6 +7,7 @@ paper's hill climbing). One field serves every start.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -53,12 +54,29 @@ class CostToGo:
 
 def plan(problem: Problem, _params: Params) -> Route:
     """The route of least cost by Eq. 5; among equals the shortest, and among these always the same."""
-    field = kernels.spread(
-        problem.passable, problem.goals, problem.w, problem.psi_per_cell, until=problem.start
-    )
-    if math.isinf(field.cost_of(problem.start)):
-        raise problem.unreachable()
-    return eq5_route(problem, field.run_down(problem.start))
+    field = _field_of(problem)
+    try:
+        if math.isinf(field.cost_of(problem.start)):
+            raise problem.unreachable()
+        return eq5_route(problem, field.run_down(problem.start))
+    finally:
+        _kept.append(field)
+
+
+_kept: deque[kernels.Field] = deque(maxlen=2)
+"""The last fields: vehicles with one goal and one belief ask one after the other for the same, and what is
+not asked for again leaves its memory to the next. Who uses a field takes it out meanwhile, so that threads do
+not meet in one. Whether it is found here or not, the answer is the same."""
+
+
+def _field_of(problem: Problem) -> kernels.Field:
+    """The field of the problem: one that was kept, or a new one in the memory of the oldest."""
+    asked = np.ascontiguousarray(problem.passable, dtype=np.float64), problem.goals, problem.w
+    taken = [_kept.popleft() for _ in range(len(_kept))]
+    found = next((field for field in taken if field.answers(*asked, problem.psi_per_cell)), None)
+    spare = taken[0] if found is None and len(taken) == _kept.maxlen else None
+    _kept.extend(field for field in taken if field is not found and field is not spare)
+    return found or kernels.spread(*asked, problem.psi_per_cell, into=spare)
 
 
 def measure(problem: Problem, cells: Sequence[Cell], _params: Params) -> float:

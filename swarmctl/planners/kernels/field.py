@@ -1,205 +1,173 @@
-"""The cost-to-go field and the way down it.
+"""The field of the cost that is still to come, from every cell to the nearest goal.
 
-Two things make the way down independent of rounding and free of circles. Beside the least cost the field
-keeps the length of the way that has it, the second key of the order; and on the way down costs within REL_TIE
-of each other count as equal and the length decides, then the order of OFFSETS. The length to go shrinks by
-at least a whole step each time, also where costs are zero.
+A cell's label is the cost of the way from it plus what entering it costs, so that a neighbour's cost is the
+label and the length of the step between. Labels are the least fixed point of
+
+    label[m] = min over n (label[n], + extra if diagonal) + straight[m]
+
+where `straight` is what a straight step into a cell costs and `extra` what a diagonal one costs more.
+Rounded additions are monotone, so this fixed point is one and the same bit for bit, whatever finds it:
+sweeps, buckets, or a repair of an older field.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from swarmctl.core.grid import Cell
-from swarmctl.planners.kernels.lattice import ROOT2, Floats, Ints, offsets_of, squeezes
+from swarmctl.planners.kernels import buckets, descent, sweep
+from swarmctl.planners.kernels.lattice import ROOT2, Bytes, Floats, Ints
 
-REL_TIE = 1e-12
-"""Costs closer than this, relatively, are equal: rounding of a sum over thousands of cells stays below."""
-LENGTH_TIE = 1e-9
-"""Lengths closer than this are equal [cells]; two that differ in steps differ by more on any real area."""
-SETTLE_MARGIN = 1e-9
-"""An early stop still settles all costs up to this part above the start's, more than ties can add up to, so
-that it leads to the same route as the whole field."""
+NONE = np.empty(0)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class Field:
-    """Padded flat arrays, and how to read them."""
+    """Padded flat arrays of an area of `rows` × `cols` cells, and how to read them."""
 
-    rows: int
-    cols: int
-    enter: Floats
-    step: float
-    cost: Floats
-    length: Floats
+    def __init__(self, rows: int, cols: int) -> None:
+        size = (rows + 2) * (cols + 2)
+        self.rows = rows
+        self.cols = cols
+        self.w = 0.0
+        self.step = 0.0
+        """what a straight step costs whatever it enters: (1 − w)·ψ"""
+        self.straight: Floats = np.empty(size)
+        self.label: Floats = np.empty(size)
+        self.goals: Ints = np.empty(0, dtype=np.int64)
+        """flat indices, sorted"""
+        self.served = 0
+        """cells the search had to look at after the sweeps"""
+        self._length: Floats = NONE
+        self._length_is_of_now = False
+        self._waiting: Bytes = np.zeros(size, dtype=np.uint8)
+
+    @property
+    def width(self) -> int:
+        return self.cols + 2
+
+    @property
+    def extra(self) -> float:
+        """what a diagonal step costs more than a straight one"""
+        return self.step * (ROOT2 - 1.0)
+
+    @property
+    def cost(self) -> Floats:
+        """The least cost from every cell, padded and flat, infinite outside; worked out anew."""
+        return descent.costs(
+            self.label, self.step, self.extra, self.straight, self.rows, self.cols, self.goals
+        )
 
     def unpadded_cost(self) -> Floats:
         """(rows, cols), read-only"""
-        cost = self.cost.reshape(self.rows + 2, self.cols + 2)[1:-1, 1:-1].copy()
+        cost = self.cost.reshape(self.rows + 2, self.width)[1:-1, 1:-1].copy()
         cost.flags.writeable = False
         return cost
 
+    def answers(self, exposure: Floats, goals: Sequence[Cell], w: float, psi_per_cell: float) -> bool:
+        """Whether this is the field that `spread` would find for these."""
+        asked = self.w == w and self.step == (1.0 - w) * psi_per_cell
+        return (
+            asked
+            and exposure.shape == (self.rows, self.cols)
+            and np.array_equal(self.goals, self._flat(goals))
+            and sweep.is_prepared(exposure, w, self.step, self.straight)
+        )
+
     def cost_of(self, cell: Cell) -> float:
-        return float(self.cost[self._index(cell)])
+        m = self.index(cell)
+        if descent.is_goal(self.goals, m):
+            return 0.0
+        return float(descent.cost_of(self.label, self.step, self.extra, self.straight, self.width, m))
 
     def run_down(self, start: Cell) -> tuple[Cell, ...]:
         """The cells from a start with a finite cost to a goal."""
-        width = self.cols + 2
-        path = _run_down(self.enter, self.step, width, self._index(start), self.cost, self.length)
-        return tuple((index // width - 1, index % width - 1) for index in path.tolist())
+        parts: list[int] = []
+        m, arrived = self.index(start), False
+        while not arrived:
+            path, arrived = descent.run_down(
+                self.label,
+                self.step,
+                self.extra,
+                self.straight,
+                self.width,
+                self.goals,
+                m,
+                self._known_lengths,
+            )
+            m = int(path[-1])
+            parts += path.tolist() if arrived else path[:-1].tolist()
+            if not arrived:
+                self._find_lengths(m)
+        width = self.width
+        return tuple((index // width - 1, index % width - 1) for index in parts)
 
-    def _index(self, cell: Cell) -> int:
-        return (cell[0] + 1) * (self.cols + 2) + cell[1] + 1
+    def index(self, cell: Cell) -> int:
+        return (cell[0] + 1) * self.width + cell[1] + 1
+
+    @property
+    def _known_lengths(self) -> Floats:
+        return self._length if self._length_is_of_now else NONE
+
+    def _find_lengths(self, m: int) -> None:
+        if self._length.size == 0:
+            self._length = np.empty(self.label.size)
+        if not self._length_is_of_now:
+            self._length.fill(descent.UNKNOWN)
+            self._length_is_of_now = True
+        descent.find_lengths(
+            self.label, self.step, self.extra, self.straight, self.width, self.goals, m, self._length
+        )
+
+    def _flat(self, goals: Sequence[Cell]) -> Ints:
+        return np.unique(np.array([self.index(goal) for goal in goals], dtype=np.int64))
+
+    def spread(self, exposure: Floats, goals: Sequence[Cell], w: float, psi_per_cell: float) -> None:
+        """Becomes the field for P_s of shape (rows, cols); no checks."""
+        self.w = w
+        self.step = (1.0 - w) * psi_per_cell
+        self.goals = self._flat(goals)
+        rows, cols, width, extra = self.rows, self.cols, self.width, self.extra
+        least, greatest, walls = sweep.prepare(exposure, w, self.step, self.straight)
+        self.label.fill(np.inf)
+        self._length_is_of_now = False
+        at_goals = exposure[self.goals // width - 1, self.goals % width - 1]
+        self.label[self.goals] = np.where(np.isinf(at_goals), np.inf, w * np.minimum(at_goals, 1e300))
+        seeds = self.goals
+        if not walls:
+            # Outward from the goals; where they lie apart the ways cross.
+            goal_rows, goal_cols = self.goals // width, self.goals % width
+            columns = ((int(goal_cols.min()), cols + 1, 1), (int(goal_cols.max()), 0, -1))
+            for first, end, way in columns:
+                sweep.sweep_columns(self.label, self.straight, extra, width, rows, first, end, way)
+            for first, end, way in ((int(goal_rows.min()), rows + 1, 1), (int(goal_rows.max()), 0, -1)):
+                sweep.sweep_rows(self.label, self.straight, extra, width, cols, first, end, way)
+            seeds = sweep.improvable(self.label, self.straight, extra, rows, cols)
+        self.served = buckets.correct(
+            self.label, self.straight, extra, width, seeds, least, greatest, walls, self._waiting
+        )
 
 
 def spread(
-    exposure: Floats, goals: Sequence[Cell], w: float, psi_per_cell: float, *, until: Cell | None = None
+    exposure: Floats, goals: Sequence[Cell], w: float, psi_per_cell: float, *, into: Field | None = None
 ) -> Field:
     """The cost-to-go field by Eq. 5 for P_s of shape (rows, cols); no checks.
 
-    With `until` only as much of it as the way down from that cell needs.
+    `into` is an older field of the same shape that is not needed any more: its memory is used again.
     """
     rows, cols = exposure.shape
-    enter = np.full((rows + 2, cols + 2), np.inf)
-    inner = enter[1:-1, 1:-1]
-    inner[...] = exposure
-    inner[np.isfinite(inner)] *= w  # a wall stays one for w = 0 too
-    flat = enter.reshape(-1)
-    field = Field(
-        rows, cols, flat, (1.0 - w) * psi_per_cell, np.full(flat.size, np.inf), np.full(flat.size, np.inf)
-    )
-    seeds = np.array([field._index(goal) for goal in goals], dtype=np.int64)
-    stop = -1 if until is None else field._index(until)
-    _spread(field.enter, field.step, rows, cols, seeds, stop, field.cost, field.length)
-    return field
+    if into is None or (into.rows, into.cols) != (rows, cols):
+        into = Field(rows, cols)
+    into.spread(np.ascontiguousarray(exposure, dtype=np.float64), goals, w, psi_per_cell)
+    return into
 
 
 def warm_up() -> None:
     """Compiles the kernels or loads them from the cache: no vehicle shall wait for a compiler in flight."""
-    spread(np.zeros((2, 2)), [(1, 1)], 0.5, 1.0, until=(0, 0)).run_down((0, 0))
-
-
-@njit(nogil=True, cache=True)
-def _sift_up(heap: Ints, place: Ints, slot: int, cost: Floats, length: Floats) -> None:
-    """Moves the cell in `slot` up to where no cell above it has a greater (cost, length)."""
-    cell = heap[slot]
-    while slot > 0:
-        parent_slot = (slot - 1) >> 1
-        parent = heap[parent_slot]
-        if cost[parent] < cost[cell] or (cost[parent] == cost[cell] and length[parent] <= length[cell]):
-            break
-        heap[slot] = parent
-        place[parent] = slot
-        slot = parent_slot
-    heap[slot] = cell
-    place[cell] = slot
-
-
-@njit(nogil=True, cache=True)
-def _sift_down(heap: Ints, place: Ints, size: int, cell: int, cost: Floats, length: Floats) -> None:
-    """Puts `cell` into the empty top of the heap and down to where none below has a lesser (cost, length)."""
-    slot = 0
-    while True:
-        child_slot = 2 * slot + 1
-        if child_slot >= size:
-            break
-        child = heap[child_slot]
-        if child_slot + 1 < size:
-            other = heap[child_slot + 1]
-            if cost[other] < cost[child] or (cost[other] == cost[child] and length[other] < length[child]):
-                child_slot += 1
-                child = other
-        if cost[cell] < cost[child] or (cost[cell] == cost[child] and length[cell] <= length[child]):
-            break
-        heap[slot] = child
-        place[child] = slot
-        slot = child_slot
-    heap[slot] = cell
-    place[cell] = slot
-
-
-@njit(nogil=True, cache=True)
-def _spread(
-    enter: Floats, step: float, rows: int, cols: int, seeds: Ints, stop: int, cost: Floats, length: Floats
-) -> None:
-    """Dijkstra's algorithm backwards from the cells `seeds`, least (cost, length) first.
-
-    `cost` and `length` come in all infinite. `place` is a cell's slot in the heap, -1 before it was reached
-    and -2 once it is settled; the padding is settled from the beginning, so that nothing spreads into it.
-    """
-    width = cols + 2
-    offsets = offsets_of(width)
-    place = np.full(enter.size, -2, dtype=np.int64)
-    for row in range(1, rows + 1):
-        place[row * width + 1 : row * width + cols + 1] = -1
-    heap = np.empty(rows * cols, dtype=np.int64)
-    size = 0
-    for seed in seeds:
-        if place[seed] == -1:
-            cost[seed] = 0.0
-            length[seed] = 0.0
-            heap[size] = seed
-            place[seed] = size
-            size += 1
-    limit = np.inf
-    while size > 0:
-        n = heap[0]
-        if cost[n] > limit:
-            break
-        size -= 1
-        if size > 0:
-            _sift_down(heap, place, size, heap[size], cost, length)
-        place[n] = -2
-        if n == stop:
-            limit = cost[n] * (1.0 + SETTLE_MARGIN)
-        if enter[n] == np.inf:
-            continue  # a wall: one may stand in it, but not come in
-        through = cost[n] + enter[n]
-        for k in range(8):
-            m = n + offsets[k]
-            if place[m] == -2 or (k >= 4 and squeezes(enter, offsets, m, k ^ 2)):  # k ^ 2: back from m to n
-                continue
-            d = 1.0 if k < 4 else ROOT2
-            new_cost = through + step * d  # Eq. 5
-            new_length = length[n] + d
-            if new_cost < cost[m] or (new_cost == cost[m] and new_length < length[m]):
-                cost[m] = new_cost
-                length[m] = new_length
-                if place[m] == -1:
-                    place[m] = size
-                    heap[size] = m
-                    size += 1
-                _sift_up(heap, place, place[m], cost, length)
-
-
-@njit(nogil=True, cache=True)
-def _run_down(enter: Floats, step: float, width: int, start: int, cost: Floats, length: Floats) -> Ints:
-    """Flat indices from `start`, whose cost is finite, to a goal: always to a neighbour through which the way
-    is cheapest, of these through which it is shortest, of these the first in the order of OFFSETS."""
-    offsets = offsets_of(width)
-    path = np.empty(int(length[start]) + 2, dtype=np.int64)
-    m = start
-    path[0] = m
-    count = 1
-    while length[m] > 0.0:
-        tie = cost[m] * (1.0 + REL_TIE)
-        best = -1
-        best_length = np.inf
-        for k in range(8):
-            n = m + offsets[k]
-            d = 1.0 if k < 4 else ROOT2
-            if (
-                cost[n] + enter[n] + step * d <= tie
-                and length[n] + d < best_length - LENGTH_TIE
-                and not (k >= 4 and squeezes(enter, offsets, m, k))
-            ):
-                best = n
-                best_length = length[n] + d
-        m = best
-        path[count] = m
-        count += 1
-    return path[:count]
+    uneven = np.zeros((5, 5))
+    uneven[1::2, 1] = uneven[2, 3] = 1.0
+    for exposure in (uneven, np.where(uneven > 0.0, np.inf, 0.0)):
+        found = spread(exposure, [(4, 4)], 1.0, 1.0)
+        found.run_down((0, 0))
+        found.unpadded_cost()

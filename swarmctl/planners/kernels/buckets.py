@@ -1,0 +1,124 @@
+"""Puts right what is left of a field: a label-correcting search with a queue of buckets.
+
+Cells wait in buckets by their label, each `span` of it wide; the buckets are used in a circle, for no edge
+costs more than the circle is long. Where no edge is cheaper than a bucket is wide, a label in the current
+bucket is final whatever the order (Dial; Denardo and Fox), and each cell is served once; where edges of next
+to no cost make that impossible, a cell whose label is bettered is served again (as in Δ-stepping), generation
+by generation. A bucket is a pile of blocks from a common pool, so that memory follows the front of the search
+and not the area.
+
+The queue's arrays are local to one long function: handed to smaller ones, as arguments or as a tuple, they
+made the search three times slower.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from swarmctl.planners.kernels.lattice import Bytes, Floats, Int32s, Ints, offsets_of
+
+BLOCK = 256
+MAX_BUCKETS = 64
+
+
+@njit(nogil=True, cache=True)
+def correct(
+    label: Floats,
+    straight: Floats,
+    extra: float,
+    width: int,
+    seeds: Ints,
+    least: float,
+    greatest: float,
+    walls: bool,
+    waiting: Bytes,
+) -> int:
+    """Serves the neighbours of `seeds`, whose labels were bettered, and so on until no label can be bettered.
+
+    `least` and `greatest` bound the finite values of `straight`; `waiting` comes and goes all zero. Returns
+    how many cells were served.
+    """
+    span = max(least * (1.0 - 1e-9), (greatest + extra) / MAX_BUCKETS)
+    if not 0.0 < span < np.inf:
+        span = 1.0  # nothing costs anything, or nothing can be entered
+    per_span = 1.0 / span
+    n_buckets = int((greatest + extra) * per_span) + 3
+    top = np.full(n_buckets, -1, dtype=np.int64)  # of each bucket, the block that is being filled; -1: empty
+    fill = np.full(n_buckets, BLOCK, dtype=np.int64)  # of each bucket, how much of that block is
+    pool, below, free = _more_blocks(np.empty(0, dtype=np.int32), np.empty(0, dtype=np.int64))
+    n_free = free.size
+    offsets = offsets_of(width)
+    seeds = seeds[np.argsort(label[seeds])]
+    joined, queued, served = 0, 0, 0
+    key, bucket = np.int64(0), 0
+    while queued > 0 or joined < seeds.size:
+        if queued == 0:
+            key = np.int64(label[seeds[joined]] * per_span)
+        seed = joined
+        while joined < seeds.size and np.int64(label[seeds[joined]] * per_span) <= key:
+            joined += 1
+        while seed < joined or top[bucket] >= 0:
+            block, filled = top[bucket], fill[bucket]
+            top[bucket] = -1
+            fill[bucket] = BLOCK
+            while seed < joined or block >= 0:
+                if seed < joined:
+                    n = seeds[seed]
+                    seed += 1
+                else:
+                    filled -= 1
+                    queued -= 1
+                    n = np.int64(pool[block * BLOCK + filled])
+                    if filled == 0:
+                        free[n_free] = block
+                        n_free += 1
+                        block = below[block]
+                        filled = BLOCK
+                    if waiting[n] == 0:
+                        continue  # it was served with this label already
+                waiting[n] = 0
+                served += 1
+                along, across = label[n], label[n] + extra
+                for k in range(8):
+                    m = n + offsets[k]
+                    better = (along if k < 4 else across) + straight[m]
+                    if better >= label[m]:
+                        continue
+                    if walls and k >= 4:  # as in `squeezes`: m is no wall, its label would not be bettered
+                        beside, other = n + offsets[k - 4], n + offsets[(k - 3) & 3]
+                        if straight[beside] == np.inf or straight[other] == np.inf:
+                            continue
+                    label[m] = better
+                    waiting[m] = 1
+                    q = bucket + int(np.int64(better * per_span) - key)
+                    if q >= n_buckets:
+                        q -= n_buckets
+                    if fill[q] == BLOCK:
+                        if n_free == 0:
+                            pool, below, free = _more_blocks(pool, below)
+                            n_free = free.size // 2
+                        n_free -= 1
+                        below[free[n_free]] = top[q]
+                        top[q] = free[n_free]
+                        fill[q] = 0
+                    pool[top[q] * BLOCK + fill[q]] = m
+                    fill[q] += 1
+                    queued += 1
+        key += 1
+        bucket = bucket + 1 if bucket + 1 < n_buckets else 0
+    return served
+
+
+@njit(nogil=True, cache=True)
+def _more_blocks(pool: Int32s, below: Ints) -> tuple[Int32s, Ints, Ints]:
+    """The pool twice as large, the block under each, and which are free: the new ones, first in `free`."""
+    n = below.size
+    n_new = max(n, 64)
+    free = np.zeros(n + n_new, dtype=np.int64)
+    free[:n_new] = np.arange(n, n + n_new)
+    return (
+        np.concatenate((pool, np.empty(n_new * BLOCK, dtype=np.int32))),
+        np.concatenate((below, np.full(n_new, -1, dtype=np.int64))),
+        free,
+    )
