@@ -33,11 +33,12 @@ def correct(
     greatest: float,
     walls: bool,
     waiting: Bytes,
-) -> int:
+    until: float = np.inf,
+) -> tuple[int, Ints]:
     """Serves the neighbours of `seeds`, whose labels were bettered, and so on until no label can be bettered.
 
-    `least` and `greatest` bound the finite values of `straight`; `waiting` comes and goes all zero. Returns
-    how many cells were served.
+    `least` and `greatest` bound the finite values of `straight`; `waiting` comes all zero. Stops where the
+    least label that waits is `until` or more. Returns how many cells were served, and which wait.
     """
     span = max(least * (1.0 - 1e-9), (greatest + extra) / MAX_BUCKETS)
     if not 0.0 < span < np.inf:
@@ -55,6 +56,8 @@ def correct(
     while queued > 0 or joined < seeds.size:
         if queued == 0:
             key = np.int64(label[seeds[joined]] * per_span)
+        if key * span >= until:
+            break
         seed = joined
         while joined < seeds.size and np.int64(label[seeds[joined]] * per_span) <= key:
             joined += 1
@@ -107,7 +110,25 @@ def correct(
                     queued += 1
         key += 1
         bucket = bucket + 1 if bucket + 1 < n_buckets else 0
-    return served
+    left = np.empty(queued + seeds.size - joined, dtype=np.int64)
+    size = 0
+    for seed in range(joined, seeds.size):
+        waiting[seeds[seed]] = 1
+        left[size] = seeds[seed]
+        size += 1
+    for q in range(n_buckets):
+        block, filled = top[q], fill[q]
+        while block >= 0:
+            left[size : size + filled] = pool[block * BLOCK : block * BLOCK + filled]
+            size += filled
+            block, filled = below[block], BLOCK
+    kept = 0
+    for i in range(size):
+        if waiting[left[i]] != 0:
+            waiting[left[i]] = 0
+            left[kept] = left[i]
+            kept += 1
+    return served, left[:kept]
 
 
 @njit(nogil=True, cache=True)

@@ -11,14 +11,17 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from swarmctl.planners.kernels.lattice import ROOT2, Floats, Ints, offsets_of, squeezes
+from swarmctl.planners.kernels.lattice import ROOT2, Floats, Ints, offsets_of, pop_least, push, squeezes
 
 REL_TIE = 1e-12
 """Costs closer than this, relatively, are equal: rounding of a sum over thousands of cells stays below."""
 LENGTH_TIE = 1e-9
 """Lengths closer than this are equal [cells]; two that differ in steps differ by more on any real area."""
 UNKNOWN = np.inf
-"""in `length`: nobody asked yet; while it is being worked out: -2 minus the cell's place among those"""
+"""in `length`: nobody asked yet"""
+ON_STACK = -1.0
+"""in `length`: being worked out, depth first; -2 minus its place among the cells: the other way"""
+MANY_GOALS = 4
 
 
 @njit(nogil=True, cache=True)
@@ -60,34 +63,52 @@ def run_down(
 ) -> tuple[Ints, bool]:
     """Flat indices from m, whose cost is finite, to one of the sorted `goals`; whether it got there.
 
-    It stops short at a cell from which several ways cost the same, if `length` does not know them.
+    Where several ways cost the same and `length` (or nothing, of size 0) does not know them, it hopes for one
+    as short as the lattice allows, which is the shortest if it is there; where that hope fails it stops short,
+    at the cell where it began to hope.
     """
     offsets = offsets_of(width)
     path = np.empty(256, dtype=np.int64)
     path[0] = m
-    count = 1
+    count, hoped_since = 1, 0
     while not is_goal(goals, m):
         bound = cost_of(label, step, extra, straight, width, m) * (1.0 + REL_TIE)
+        known = length.size > 0 and length[m] != UNKNOWN
         best, ties, best_length = -1, 0, np.inf
         for k in range(8):
             n = m + offsets[k]
-            d = 1.0 if k < 4 else ROOT2
             if label[n] + (0.0 if k < 4 else extra) + step > bound:
                 continue
             if k >= 4 and squeezes(straight, offsets, m, k):
                 continue
             ties += 1
-            if best < 0 or (length.size > 0 and length[n] + d < best_length - LENGTH_TIE):
+            to_go = length[n] if known else _least_length(goals, width, n)
+            to_go += 1.0 if k < 4 else ROOT2
+            if to_go < best_length - LENGTH_TIE:
                 best = n
-                best_length = length[n] + d if length.size > 0 else np.inf
-        if ties > 1 and (length.size == 0 or length[m] == UNKNOWN):
-            return path[:count], False
+                best_length = to_go
+        if not known and ties > 1 and hoped_since == 0:
+            hoped_since = count
+        if hoped_since > 0 and not known and best_length > _least_length(goals, width, m) + LENGTH_TIE:
+            return path[:hoped_since], False
         m = best
         if count == path.size:
             path = np.concatenate((path, np.empty(path.size, dtype=np.int64)))
         path[count] = m
         count += 1
     return path[:count], True
+
+
+@njit(nogil=True, cache=True)
+def _least_length(goals: Ints, width: int, m: int) -> float:
+    """How short a way from m to the nearest goal can be on the lattice; of many goals, 0."""
+    if goals.size > MANY_GOALS:
+        return 0.0
+    least = np.inf
+    for goal in goals:
+        rows, cols = abs(goal // width - m // width), abs(goal % width - m % width)
+        least = min(least, max(rows, cols) + (ROOT2 - 1.0) * min(rows, cols))
+    return least
 
 
 @njit(nogil=True, cache=True)
@@ -106,9 +127,73 @@ def find_lengths(
     goals: Ints,
     start: int,
     length: Floats,
-) -> None:
+) -> bool:
     """Writes into `length` how long the shortest of the cheapest ways is, from `start` and from every cell on
-    any of them: Dijkstra's algorithm over the edges that lose nothing."""
+    any of them. Depth first; gives up where free steps lead in a circle."""
+    offsets = offsets_of(width)
+    stack = np.empty(1024, dtype=np.int64)
+    ways, to_look = np.empty(1024, dtype=np.int64), np.empty(1024, dtype=np.int64)  # bits, one a direction
+    size, m = 0, start
+    while True:
+        if length[m] == UNKNOWN:  # come to a new cell
+            if size == stack.size:
+                stack = np.concatenate((stack, stack))
+                ways = np.concatenate((ways, ways))
+                to_look = np.concatenate((to_look, to_look))
+            stack[size] = m
+            length[m] = ON_STACK
+            ways[size] = 0 if is_goal(goals, m) else _ways(label, step, extra, straight, width, offsets, m)
+            to_look[size] = ways[size]
+            size += 1
+        elif length[m] == ON_STACK:
+            for i in range(size):
+                length[stack[i]] = UNKNOWN
+            return False
+        here = stack[size - 1]
+        if to_look[size - 1] != 0:
+            k = 0
+            while (to_look[size - 1] >> k) & 1 == 0:
+                k += 1
+            to_look[size - 1] &= to_look[size - 1] - 1
+            m = here + offsets[k]
+            continue
+        best = np.inf if ways[size - 1] != 0 else 0.0
+        for k in range(8):
+            if (ways[size - 1] >> k) & 1 != 0:
+                best = min(best, length[here + offsets[k]] + (1.0 if k < 4 else ROOT2))
+        length[here] = best
+        size -= 1
+        if size == 0:
+            return True
+        m = here
+
+
+@njit(nogil=True, cache=True)
+def _ways(
+    label: Floats, step: float, extra: float, straight: Floats, width: int, offsets: Ints, m: int
+) -> int:
+    """Which directions lead on from m without loss, a bit each."""
+    bound = cost_of(label, step, extra, straight, width, m) * (1.0 + REL_TIE)
+    ways = 0
+    for k in range(8):
+        loses = label[m + offsets[k]] + (0.0 if k < 4 else extra) + step > bound
+        if not loses and (k < 4 or not squeezes(straight, offsets, m, k)):
+            ways |= 1 << k
+    return ways
+
+
+@njit(nogil=True, cache=True)
+def find_lengths_in_circles(
+    label: Floats,
+    step: float,
+    extra: float,
+    straight: Floats,
+    width: int,
+    goals: Ints,
+    start: int,
+    length: Floats,
+) -> None:
+    """As `find_lengths`, also where steps are free: Dijkstra's algorithm over the edges that lose nothing."""
     offsets = offsets_of(width)
     cells, bounds, size = _without_loss(label, step, extra, straight, width, goals, start, length)
     heap_cell = np.empty(64, dtype=np.int64)
@@ -124,10 +209,10 @@ def find_lengths(
                 if not loses and not (k >= 4 and squeezes(straight, offsets, m, k)):
                     best = min(best, length[n] + (1.0 if k < 4 else ROOT2))
         if best < np.inf:
-            heap_cell, heap_length, n_heap = _push(heap_cell, heap_length, n_heap, m, best)
+            heap_cell, heap_length, n_heap = push(heap_cell, heap_length, n_heap, m, best)
     while n_heap > 0:
         n, known = heap_cell[0], heap_length[0]
-        n_heap = _pop(heap_cell, heap_length, n_heap)
+        n_heap = pop_least(heap_cell, heap_length, n_heap)
         if length[n] >= 0.0:
             continue
         length[n] = known
@@ -140,7 +225,7 @@ def find_lengths(
             loses = label[n] + (0.0 if k < 4 else extra) + step > bounds[place]
             if not loses and not (k >= 4 and squeezes(straight, offsets, m, back)):
                 d = 1.0 if k < 4 else ROOT2
-                heap_cell, heap_length, n_heap = _push(heap_cell, heap_length, n_heap, m, known + d)
+                heap_cell, heap_length, n_heap = push(heap_cell, heap_length, n_heap, m, known + d)
 
 
 @njit(nogil=True, cache=True)
@@ -183,39 +268,3 @@ def _without_loss(
             length[n] = -2.0 - size
             size += 1
     return cells, bounds, size
-
-
-@njit(nogil=True, cache=True)
-def _push(cells: Ints, keys: Floats, size: int, cell: int, key: float) -> tuple[Ints, Floats, int]:
-    if size == cells.size:
-        cells = np.concatenate((cells, np.empty(size, dtype=np.int64)))
-        keys = np.concatenate((keys, np.empty(size)))
-    slot = size
-    while slot > 0 and keys[(slot - 1) >> 1] > key:
-        cells[slot] = cells[(slot - 1) >> 1]
-        keys[slot] = keys[(slot - 1) >> 1]
-        slot = (slot - 1) >> 1
-    cells[slot] = cell
-    keys[slot] = key
-    return cells, keys, size + 1
-
-
-@njit(nogil=True, cache=True)
-def _pop(cells: Ints, keys: Floats, size: int) -> int:
-    size -= 1
-    cell, key = cells[size], keys[size]
-    slot = 0
-    while True:
-        child = 2 * slot + 1
-        if child >= size:
-            break
-        if child + 1 < size and keys[child + 1] < keys[child]:
-            child += 1
-        if keys[child] >= key:
-            break
-        cells[slot] = cells[child]
-        keys[slot] = keys[child]
-        slot = child
-    cells[slot] = cell
-    keys[slot] = key
-    return size

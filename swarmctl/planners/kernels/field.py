@@ -21,6 +21,7 @@ from swarmctl.planners.kernels import buckets, descent, sweep
 from swarmctl.planners.kernels.lattice import ROOT2, Bytes, Floats, Ints
 
 NONE = np.empty(0)
+MAX_FLOAT = np.finfo(np.float64).max
 
 
 class Field:
@@ -37,6 +38,8 @@ class Field:
         self.label: Floats = np.empty(size)
         self.goals: Ints = np.empty(0, dtype=np.int64)
         """flat indices, sorted"""
+        self.least, self.greatest, self.walls = 0.0, 0.0, False
+        """of what a straight step costs, walls apart, and whether there are any"""
         self.served = 0
         """cells the search had to look at after the sweeps"""
         self._length: Floats = NONE
@@ -116,37 +119,56 @@ class Field:
         if not self._length_is_of_now:
             self._length.fill(descent.UNKNOWN)
             self._length_is_of_now = True
-        descent.find_lengths(
-            self.label, self.step, self.extra, self.straight, self.width, self.goals, m, self._length
-        )
+        of = (self.label, self.step, self.extra, self.straight, self.width, self.goals, m, self._length)
+        if not descent.find_lengths(*of):
+            descent.find_lengths_in_circles(*of)
 
     def _flat(self, goals: Sequence[Cell]) -> Ints:
         return np.unique(np.array([self.index(goal) for goal in goals], dtype=np.int64))
 
-    def spread(self, exposure: Floats, goals: Sequence[Cell], w: float, psi_per_cell: float) -> None:
+    def become(self, exposure: Floats, goals: Sequence[Cell], w: float, psi_per_cell: float) -> None:
         """Becomes the field for P_s of shape (rows, cols); no checks."""
         self.w = w
         self.step = (1.0 - w) * psi_per_cell
         self.goals = self._flat(goals)
-        rows, cols, width, extra = self.rows, self.cols, self.width, self.extra
-        least, greatest, walls = sweep.prepare(exposure, w, self.step, self.straight)
-        self.label.fill(np.inf)
+        self.least, self.greatest, self.walls = sweep.prepare(exposure, w, self.step, self.straight)
         self._length_is_of_now = False
-        at_goals = exposure[self.goals // width - 1, self.goals % width - 1]
-        self.label[self.goals] = np.where(np.isinf(at_goals), np.inf, w * np.minimum(at_goals, 1e300))
-        seeds = self.goals
-        if not walls:
-            # Outward from the goals; where they lie apart the ways cross.
-            goal_rows, goal_cols = self.goals // width, self.goals % width
-            columns = ((int(goal_cols.min()), cols + 1, 1), (int(goal_cols.max()), 0, -1))
-            for first, end, way in columns:
-                sweep.sweep_columns(self.label, self.straight, extra, width, rows, first, end, way)
-            for first, end, way in ((int(goal_rows.min()), rows + 1, 1), (int(goal_rows.max()), 0, -1)):
-                sweep.sweep_rows(self.label, self.straight, extra, width, cols, first, end, way)
-            seeds = sweep.improvable(self.label, self.straight, extra, rows, cols)
-        self.served = buckets.correct(
-            self.label, self.straight, extra, width, seeds, least, greatest, walls, self._waiting
-        )
+        at_goals = exposure[self.goals // self.width - 1, self.goals % self.width - 1]
+        self.label.fill(np.inf)
+        self.label[self.goals] = np.where(np.isinf(at_goals), np.inf, w * np.minimum(at_goals, MAX_FLOAT))
+        self._settle(self.label, self.goals)
+
+    def labels_from(self, start: Cell) -> Floats:
+        """What it costs to come to each cell from `start`, which is no wall: padded and flat."""
+        labels = np.full(self.label.size, np.inf)
+        m = self.index(start)
+        labels[m] = 0.0
+        self._settle(labels, np.array([m]))
+        return labels
+
+    def _settle(self, label: Floats, seeds: Ints) -> None:
+        """Spreads labels from `seeds`, the only finite ones, until no neighbour betters any."""
+        rows, cols, width, extra = self.rows, self.cols, self.width, self.extra
+        if not self.walls:
+            # Outward from the seeds; where they lie apart the ways cross.
+            seed_rows, seed_cols = seeds // width, seeds % width
+            for first, end, way in ((int(seed_cols.min()), cols + 1, 1), (int(seed_cols.max()), 0, -1)):
+                sweep.sweep_columns(label, self.straight, extra, width, rows, first, end, way)
+            for first, end, way in ((int(seed_rows.min()), rows + 1, 1), (int(seed_rows.max()), 0, -1)):
+                sweep.sweep_rows(label, self.straight, extra, width, cols, first, end, way)
+            seeds = sweep.improvable(label, self.straight, extra, rows, cols)
+        self._correct(label, seeds, np.inf)
+
+    def lower(self, cells: Ints, until: float) -> Ints:
+        """Passes on the lowered labels of `cells`, least first, up to `until`; returns which still wait."""
+        return self._correct(self.label, cells, until)
+
+    def _correct(self, label: Floats, seeds: Ints, until: float) -> Ints:
+        self.served, waiting = buckets.correct(
+            label, self.straight, self.extra, self.width, seeds,
+            self.least, self.greatest, self.walls, self._waiting, until,
+        )  # fmt: skip
+        return waiting
 
 
 def spread(
@@ -159,7 +181,7 @@ def spread(
     rows, cols = exposure.shape
     if into is None or (into.rows, into.cols) != (rows, cols):
         into = Field(rows, cols)
-    into.spread(np.ascontiguousarray(exposure, dtype=np.float64), goals, w, psi_per_cell)
+    into.become(np.ascontiguousarray(exposure, dtype=np.float64), goals, w, psi_per_cell)
     return into
 
 

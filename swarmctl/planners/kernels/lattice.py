@@ -1,4 +1,4 @@
-"""The 8-connected lattice as compiled code sees it."""
+"""The 8-connected lattice as compiled code sees it, and a heap."""
 
 from __future__ import annotations
 
@@ -30,3 +30,41 @@ def squeezes(enter: Floats, offsets: Ints, m: int, k: int) -> bool:
     # may leave it all the same, in any direction: getting out comes first.
     beside, other = m + offsets[k - 4], m + offsets[(k - 3) & 3]
     return bool(enter[m] != np.inf and (enter[beside] == np.inf or enter[other] == np.inf))
+
+
+@njit(nogil=True, cache=True)
+def push(cells: Ints, keys: Floats, size: int, cell: int, key: float) -> tuple[Ints, Floats, int]:
+    """Adds to a binary heap, least key first, which grows where it must."""
+    if size == cells.size:
+        cells = np.concatenate((cells, np.empty(size, dtype=np.int64)))
+        keys = np.concatenate((keys, np.empty(size)))
+    slot = size
+    while slot > 0 and keys[(slot - 1) >> 1] > key:
+        cells[slot] = cells[(slot - 1) >> 1]
+        keys[slot] = keys[(slot - 1) >> 1]
+        slot = (slot - 1) >> 1
+    cells[slot] = cell
+    keys[slot] = key
+    return cells, keys, size + 1
+
+
+@njit(nogil=True, cache=True)
+def pop_least(cells: Ints, keys: Floats, size: int) -> int:
+    """Takes the least out of the heap; returns how many are left."""
+    size -= 1
+    cell, key = cells[size], keys[size]
+    slot = 0
+    while True:
+        child = 2 * slot + 1
+        if child >= size:
+            break
+        if child + 1 < size and keys[child + 1] < keys[child]:
+            child += 1
+        if keys[child] >= key:
+            break
+        cells[slot] = cells[child]
+        keys[slot] = keys[child]
+        slot = child
+    cells[slot] = cell
+    keys[slot] = key
+    return size

@@ -1,0 +1,69 @@
+"""What an older field of the whole area proves about a box in it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from swarmctl.planners.kernels.lattice import Bytes, Floats, Ints, offsets_of
+
+
+@njit(nogil=True, cache=True)
+def run_down_roughly(
+    label: Floats, extra: float, width: int, goals: Bytes, m: int, most: int
+) -> tuple[Ints, bool]:
+    """A way from m to a goal over ever lesser labels, without regard to ties; whether it got there."""
+    offsets = offsets_of(width)
+    path = np.empty(most, dtype=np.int64)
+    for count in range(most):
+        path[count] = m
+        if goals[m] != 0:
+            return path[: count + 1], True
+        best = np.inf
+        onward = -1
+        for k in range(8):
+            through = label[m + offsets[k]] + (0.0 if k < 4 else extra)
+            if through < best:
+                best = through
+                onward = m + offsets[k]
+        if onward < 0:
+            break
+        m = onward
+    return path[:0], False
+
+
+@njit(nogil=True, cache=True)
+def least_way_out(
+    come: Floats,
+    rows: int,
+    cols: int,
+    label: Floats,
+    old_straight: Floats,
+    width: int,
+    top: int,
+    left: int,
+    area_rows: int,
+    unsure: float,
+    rate: float,
+) -> float:
+    """A lower bound of the cost of every way from the start to a goal that leaves a box.
+
+    `come` is what it costs to come to each cell of the box, (rows, cols) padded and flat, with its corner at
+    cell (top, left) of the area; `label` and `old_straight` are the lower bounds over the whole area of
+    `area_rows` rows and width - 2 columns, sure below `unsure`, in the measure of costs divided by `rate`.
+    """
+    best = np.inf
+    box_width = cols + 2
+    for row in range(1, rows + 1):
+        inner = (row > 1 or top == 0) and (row < rows or top + rows == area_rows)
+        step = max(cols - 1, 1) if inner else 1
+        for col in range(1, cols + 1, step):
+            on_side = (col == 1 and left > 0) or (col == cols and left + cols < width - 2)
+            if inner and not on_side:
+                continue
+            here = row * box_width + col
+            there = (row + top) * width + col + left
+            to_go = rate * (min(label[there], unsure) - old_straight[there])
+            if come[here] < np.inf:
+                best = min(best, come[here] + to_go)
+    return best

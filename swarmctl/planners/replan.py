@@ -1,0 +1,179 @@
+"""Planning again and again while an area becomes known: exact, and touching little.
+
+An observation changes P_s a little everywhere, for the unseen share what is left of the hostiles, and a lot
+in a few cells. A vehicle's new route lies near its old one nearly always. So only a box around the old route
+is searched, with costs as they are now, and then it is proved that no way out of the box and back pays: to
+come to each cell of the box's rim costs so much, which the box knows, and from there to a goal at least so
+much, which an older field of the whole area knows, scaled by the least ratio of new to old costs and lowered
+where cells have become cheaper. Where that is no proof the box grows, and after some growing the whole area
+is searched, whose field is the next to be old.
+
+What comes out is what a search of the whole area would find, to the last tie.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmctl.core.grid import Cell
+from swarmctl.planners.base import BadProblem, Unreachable, check_cell, check_field
+from swarmctl.planners.kernels import bounds
+from swarmctl.planners.kernels.field import Field, spread
+from swarmctl.planners.kernels.lattice import Floats
+
+FIRST_MARGIN = 12
+"""how far around the old route the box reaches at first [cells]"""
+LARGEST_BOX = 0.25
+"""of the area; beyond, the whole is searched, which no proof follows"""
+WHOLE = slice(None)
+SURE = 1.0 + 1e-9
+"""by how much a way out of the box must cost more: rounding alone proves nothing"""
+
+
+@dataclass(slots=True, eq=False)
+class Layers:
+    """P_s in two layers, `known + p_unseen · unseen`, each of shape (rows, cols).
+
+    That is Eq. 3 over Eq. 4: what is known of the cells seen, and the kernel's weight of the cells not seen,
+    which all have the same p_O. An infinite `known` is a wall. Who owns the layers changes them in place and
+    tells the `Replanner` which cells they were.
+    """
+
+    known: NDArray[np.float64]
+    unseen: NDArray[np.float64]
+    p_unseen: float
+
+    def within(self, rows: slice, cols: slice, p_unseen: float | None = None) -> Floats:
+        """P_s of a part of the area."""
+        p = self.p_unseen if p_unseen is None else p_unseen
+        return self.known[rows, cols] + p * self.unseen[rows, cols]
+
+
+class Replanner:
+    """Routes to one set of goals by Eq. 5, from any start, in an area that changes.
+
+    The routes are those of `dijkstra`, ties included. Raises BadProblem as a Problem does.
+    """
+
+    def __init__(self, exposure: Layers, goals: Sequence[Cell], w: float, psi_per_cell: float) -> None:
+        if exposure.known.shape != exposure.unseen.shape:
+            raise BadProblem(
+                f"layers of shape {exposure.known.shape} and {exposure.unseen.shape}: expected the same"
+            )
+        check_field(exposure.within(WHOLE, WHOLE), goals, w, psi_per_cell)
+        self._now = exposure
+        self.goals = tuple(goals)
+        self._w = w
+        self._psi = psi_per_cell
+        self._old = Field(*exposure.known.shape)
+        self._is_goal = np.zeros(self._old.label.size, dtype=np.uint8)
+        self._is_goal[[self._old.index(goal) for goal in goals]] = 1
+        self._margin = FIRST_MARGIN
+        self.searched_cells = 0
+        """how many cells the last route took"""
+        self._search_all()
+
+    def changed(self, cells: Iterable[Cell]) -> None:
+        """Tell that the layers were changed at `cells`; p_unseen may have changed with or without."""
+        field, p = self._old, self._p_unseen
+        for row, col in cells:
+            m = field.index((row, col))
+            exposure = float(self._now.within(slice(row, row + 1), slice(col, col + 1), p)[0, 0])
+            if not exposure >= 0.0:
+                raise BadProblem(f"exposure of cell ({row}, {col}) is {exposure}: expected 0 or more")
+            straight = self._w * exposure + field.step if math.isfinite(exposure) else math.inf
+            was = float(field.straight[m])
+            if straight >= was:
+                continue  # what is dearer only makes a lower bound lower still
+            if math.isinf(was):
+                self._outdated = True  # a wall has gone: bounds from before mean nothing beside it
+                return
+            field.straight[m] = straight
+            field.label[m] -= was - straight
+            self._lowered.append(m)
+
+    def route(self, start: Cell) -> tuple[Cell, ...]:
+        """The route from `start` with all that was told, both ends included. Raises Unreachable."""
+        check_cell("start", start, self._now.known)
+        if start in self.goals:
+            self.searched_cells = 0
+            return (start,)
+        if not self._outdated and math.isfinite(self._now.known[start]):
+            guess = self._guess(start)
+            margin = self._margin
+            while guess.size > 0:
+                box = self._box(guess, margin)
+                if (box[1] - box[0]) * (box[3] - box[2]) > LARGEST_BOX * self._now.known.size:
+                    break
+                found = self._within(box, start)
+                if found:
+                    self._margin = margin
+                    return found
+                margin *= 2
+        self._search_all()
+        if math.isinf(self._old.cost_of(start)):
+            raise Unreachable(f"no way leads from {start} to a goal: walls of infinite exposure lie between")
+        return self._old.run_down(start)
+
+    def _search_all(self) -> None:
+        self._old = spread(self._now.within(WHOLE, WHOLE), self.goals, self._w, self._psi, into=self._old)
+        self._p_unseen = self._now.p_unseen
+        self._lowered: list[int] = []
+        """cells whose label was lowered, but not yet their neighbours'"""
+        self._outdated = False
+        self.searched_cells = self._now.known.size
+
+    def _guess(self, start: Cell) -> NDArray[np.int64]:
+        """Flat indices of a way that was good, after everything cheaper on the way to it is taken in."""
+        old, m = self._old, self._old.index(start)
+        waiting = np.unique(np.array(self._lowered, dtype=np.int64))
+        self._lowered = old.lower(waiting, float(old.label[m]) * SURE).tolist()
+        most = 4 * (old.rows + old.cols)
+        path, arrived = bounds.run_down_roughly(old.label, old.extra, old.width, self._is_goal, m, most)
+        return path if arrived else path[:0]
+
+    def _box(self, guess: NDArray[np.int64], margin: int) -> tuple[int, int, int, int]:
+        """(first row, end row, first column, end column) of the cells within `margin` of a way."""
+        rows, cols = guess // self._old.width - 1, guess % self._old.width - 1
+        return (
+            max(int(rows.min()) - margin, 0),
+            min(int(rows.max()) + margin + 1, self._old.rows),
+            max(int(cols.min()) - margin, 0),
+            min(int(cols.max()) + margin + 1, self._old.cols),
+        )
+
+    def _within(self, box: tuple[int, int, int, int], start: Cell) -> tuple[Cell, ...]:
+        """The route in the box, if it is proved that none outside is as good; empty if not."""
+        top, bottom, left, right = box
+        goals = [(r - top, c - left) for r, c in self.goals if top <= r < bottom and left <= c < right]
+        exposure = self._now.within(slice(top, bottom), slice(left, right))
+        field = spread(exposure, goals, self._w, self._psi)
+        self.searched_cells = exposure.size
+        inside = (start[0] - top, start[1] - left)
+        cost, old = field.cost_of(inside), self._old
+        way_out = bounds.least_way_out(
+            field.labels_from(inside), field.rows, field.cols,
+            old.label, old.straight, old.width, top, left, old.rows,
+            self._unsure(), self._rate(),
+        )  # fmt: skip
+        if not way_out > cost * SURE:
+            return ()
+        return tuple((r + top, c + left) for r, c in field.run_down(inside))
+
+    def _unsure(self) -> float:
+        """The labels of the old field from here on are no lower bounds, but no true one is less."""
+        return float(self._old.label[self._lowered].min()) if self._lowered else math.inf
+
+    def _rate(self) -> float:
+        """No cell's cost has fallen below this share of what the old field takes it for."""
+        if self._now.p_unseen >= self._p_unseen:
+            return 1.0
+        # A cost s + w(K + pU) falls the most, relatively, where K = 0 and pU is the greatest there is.
+        step, greatest = self._old.step, self._old.greatest
+        fallen = step + (greatest - step) * self._now.p_unseen / self._p_unseen
+        return fallen / greatest if greatest > 0.0 else 1.0

@@ -1,0 +1,177 @@
+"""Replanning is exact: after any history of observations it answers as a search of the whole area would."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from swarmctl.core.grid import Cell
+from swarmctl.core.threat import FiringStrength
+from swarmctl.planners import BadProblem, Problem, Route, Unreachable, dijkstra, replan
+from swarmctl.planners.replan import Layers, Replanner
+
+KERNEL = FiringStrength(0.6, 0.3, 0.1).kernel
+
+
+class World:
+    """Hostiles that are found cell by cell, and the layers that follow (Eq. 3 over Eq. 4)."""
+
+    def __init__(self, rng: np.random.Generator, shape: tuple[int, int], walls: float) -> None:
+        self.truth = rng.random(shape) < 0.08
+        self.seen = np.zeros(shape, dtype=bool)
+        self.walls = rng.random(shape) < walls
+        self.layers = Layers(np.empty(shape), np.empty(shape), 0.0)
+        self.refresh()
+
+    def look(self, cell: Cell) -> list[Cell]:
+        """The 3 × 3 cells around are seen; returns the cells whose layers that changes."""
+        self.seen[tuple(slice(max(i - 1, 0), i + 2) for i in cell)] = True
+        self.refresh()
+        rows, cols = self.truth.shape
+        return [
+            (r, c)
+            for r in range(max(cell[0] - 2, 0), min(cell[0] + 3, rows))
+            for c in range(max(cell[1] - 2, 0), min(cell[1] + 3, cols))
+        ]
+
+    def refresh(self) -> None:
+        def around(cells: NDArray[np.bool_]) -> NDArray[np.float64]:
+            return ndimage.correlate(cells.astype(float), KERNEL, mode="constant")
+
+        self.layers.known[...] = np.where(self.walls, math.inf, around(self.truth & self.seen))
+        self.layers.unseen[...] = around(~self.seen)
+        left = int((self.truth & ~self.seen).sum())
+        self.layers.p_unseen = left / max(int((~self.seen).sum()), 1)
+
+    def exposure(self) -> NDArray[np.float64]:
+        return self.layers.known + self.layers.p_unseen * self.layers.unseen
+
+
+def agree(
+    planner: Replanner, exposure: NDArray[np.float64], start: Cell, w: float, psi: float
+) -> Route | None:
+    """Both find the same route, or both none."""
+    problem = Problem(exposure, start, planner.goals, w, psi)
+    try:
+        expected = dijkstra.plan(problem, dijkstra.Params())
+    except Unreachable:
+        with pytest.raises(Unreachable):
+            planner.route(start)
+        return None
+    assert planner.route(start) == expected.cells
+    return expected
+
+
+@pytest.fixture
+def boxes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Small boxes, and no fear of large ones, so that small areas show what large ones do."""
+    monkeypatch.setattr(replan, "FIRST_MARGIN", 1)
+    monkeypatch.setattr(replan, "LARGEST_BOX", 0.9)
+
+
+@pytest.mark.usefixtures("boxes")
+@pytest.mark.parametrize("walls", [0.0, 0.1])
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 10_000), w=st.sampled_from([0.0, 0.3, 0.5, 0.9, 1.0]))
+def test_every_answer_is_that_of_a_fresh_search(walls: float, seed: int, w: float) -> None:
+    rng = np.random.default_rng(seed)
+    shape = (int(rng.integers(3, 28)), int(rng.integers(3, 40)))
+    world = World(rng, shape, walls)
+    goals = tuple((int(rng.integers(shape[0])), shape[1] - 1) for _ in range(int(rng.choice([1, 1, 3]))))
+    start = (int(rng.integers(shape[0])), 0)
+    planner = Replanner(world.layers, goals, w, 0.13)
+    for _ in range(25):
+        peer = (int(rng.integers(shape[0])), int(rng.integers(shape[1])))
+        planner.changed(world.look(start if rng.random() < 0.6 else peer))
+        expected = agree(planner, world.exposure(), start, w, 0.13)
+        if expected is None:
+            return
+        if len(expected.cells) > 1 and rng.random() < 0.5:
+            start = expected.cells[1]
+        elif rng.random() < 0.1:
+            start = (int(rng.integers(shape[0])), int(rng.integers(shape[1])))
+
+
+def test_a_long_flight_over_a_large_area_searches_little_of_it() -> None:
+    rng = np.random.default_rng(1)
+    world = World(rng, (150, 300), 0.0)
+    start, goal = (75, 0), (75, 299)
+    planner = Replanner(world.layers, (goal,), 0.5, 0.13)
+    searched = []
+    for step in range(200):
+        peer = (int(rng.integers(150)), int(rng.integers(300)))
+        planner.changed(world.look(peer if step % 10 == 9 else start))
+        route = planner.route(start)
+        searched.append(planner.searched_cells)
+        if step % 20 == 0:
+            problem = Problem(world.exposure(), start, (goal,), 0.5, 0.13)
+            assert route == dijkstra.plan(problem, dijkstra.Params()).cells
+        start = route[1]
+    assert np.median(searched) < 0.2 * world.truth.size
+
+
+def test_arbitrary_changes_of_the_layers_are_taken_in() -> None:
+    rng = np.random.default_rng(5)
+    layers = Layers(rng.random((20, 60)) * 0.3, rng.random((20, 60)), 0.2)
+    planner = Replanner(layers, ((10, 59),), 0.7, 0.2)
+    for _ in range(60):
+        cells = [(int(rng.integers(20)), int(rng.integers(60))) for _ in range(4)]
+        for cell in cells:
+            layers.known[cell] = rng.choice([0.0, 0.1, 2.0, math.inf])
+            layers.unseen[cell] = rng.random()
+        layers.p_unseen *= float(rng.uniform(0.9, 1.1))
+        planner.changed(cells)
+        start = (int(rng.integers(20)), int(rng.integers(30)))
+        agree(planner, layers.known + layers.p_unseen * layers.unseen, start, 0.7, 0.2)
+
+
+@pytest.mark.usefixtures("boxes")
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 10_000), w=st.sampled_from([0.6, 0.95]))
+def test_gates_that_open_and_close_far_from_the_route_are_noticed(seed: int, w: float) -> None:
+    rng = np.random.default_rng(seed)
+    known = rng.random((25, 40)) * 0.05
+    ridges = [(row, col) for row in range(3, 25, 4) for col in range(40)]
+    ridges += [(row, col) for col in range(5, 40, 8) for row in range(25)]
+    for ridge in ridges:
+        known[ridge] = 3.0
+    layers = Layers(known, np.zeros_like(known), 0.0)
+    goal = (int(rng.integers(25)), int(rng.integers(40)))
+    start = (int(rng.integers(25)), int(rng.integers(40)))
+    planner = Replanner(layers, (goal,), w, 0.05)
+    for _ in range(20):
+        gates = [ridges[int(i)] for i in rng.integers(len(ridges), size=2)]
+        for gate in gates:
+            known[gate] = rng.choice([0.0, 3.0, 9.0], p=[0.7, 0.15, 0.15])
+        if rng.random() < 0.3:  # dearer where it is to fly, so that what lies far off begins to pay
+            ahead = planner.route(start)[1:4]
+            for cell in ahead:
+                known[cell] += 1.0
+            gates += ahead
+        planner.changed(gates)
+        agree(planner, known, start, w, 0.05)
+
+
+def test_who_is_there_stays() -> None:
+    planner = Replanner(Layers(np.ones((3, 3)), np.ones((3, 3)), 0.1), ((1, 1),), 0.5, 0.1)
+    assert planner.route((1, 1)) == ((1, 1),)
+
+
+def test_bad_layers_are_refused() -> None:
+    known, unseen = np.zeros((3, 4)), np.ones((3, 4))
+    with pytest.raises(BadProblem, match=r"layers of shape \(3, 4\) and \(3, 3\): expected the same"):
+        Replanner(Layers(known, unseen[:, :3], 0.1), ((0, 0),), 0.5, 0.1)
+    with pytest.raises(BadProblem, match=r"exposure of cell \(0, 0\) is -1.0"):
+        Replanner(Layers(known, -unseen, 1.0), ((0, 0),), 0.5, 0.1)
+    with pytest.raises(BadProblem, match=r"w = 1\.5"):
+        Replanner(Layers(known, unseen, 0.1), ((0, 0),), 1.5, 0.1)
+    planner = Replanner(Layers(known, unseen, 0.1), ((0, 0),), 0.5, 0.1)
+    with pytest.raises(BadProblem, match=r"start \(3, 0\) is outside the area"):
+        planner.route((3, 0))
+    known[1, 2] = math.nan
+    with pytest.raises(BadProblem, match=r"exposure of cell \(1, 2\) is nan: expected 0 or more"):
+        planner.changed([(1, 2)])
