@@ -190,9 +190,8 @@ def check_field(exposure: NDArray[np.float64], goals: Sequence[Cell], w: float, 
     """Raises BadProblem where Eq. 5 has no meaning."""
     if exposure.ndim != 2 or exposure.size == 0:
         raise BadProblem(f"exposure of shape {exposure.shape}: expected (rows, cols), both at least 1")
-    bad = ~(exposure >= 0.0)
-    if bad.any():
-        row, col = (int(index) for index in np.argwhere(bad)[0])
+    if not exposure.min() >= 0.0:  # which is NaN where anything is
+        row, col = (int(index) for index in np.argwhere(~(exposure >= 0.0))[0])
         raise BadProblem(f"exposure of cell ({row}, {col}) is {exposure[row, col]}: expected 0 or more")
     if not 0.0 <= w <= 1.0:
         raise BadProblem(f"distance anxiety w = {w}: expected 0 (shortest route) to 1 (least exposed)")

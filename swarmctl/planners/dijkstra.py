@@ -46,10 +46,22 @@ class CostToGo:
 
         Raises BadProblem where the start is outside the area, Unreachable where no way leads to a goal.
         """
-        check_cell("start", start, self.cost)
-        if math.isinf(self._field.cost_of(start)):
-            raise Unreachable(f"no way leads from {start} to a goal: walls of infinite exposure lie between")
+        self._check(start)
         return self._field.run_down(start)
+
+    def paths_from(self, starts: Sequence[Cell]) -> list[NDArray[np.int64]]:
+        """The routes of a whole swarm at once: for each start the (row, col) of its cells, shape (n, 2).
+
+        Raises as `cells_from` does.
+        """
+        for start in starts:
+            self._check(start)
+        return self._field.run_down_all(starts)
+
+    def _check(self, start: Cell) -> None:
+        check_cell("start", start, self.cost)
+        if math.isinf(self.cost[start]):
+            raise Unreachable(f"no way leads from {start} to a goal: walls of infinite exposure lie between")
 
 
 def plan(problem: Problem, _params: Params) -> Route:

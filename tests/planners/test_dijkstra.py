@@ -14,11 +14,12 @@ from scipy.sparse.csgraph import dijkstra as scipy_dijkstra
 from swarmctl.core.exposure import exposure, exposure_sum, length_cells
 from swarmctl.core.grid import Cell
 from swarmctl.core.threat import FiringStrength
-from swarmctl.planners import Problem, Route, Unreachable
+from swarmctl.planners import BadProblem, Problem, Route, Unreachable
 from swarmctl.planners.dijkstra import Params, cost_to_go, plan
 
 STEPS = [(r, c) for r in (-1, 0, 1) for c in (-1, 0, 1) if (r, c) != (0, 0)]
 ROOT2 = math.sqrt(2.0)
+FIRING = FiringStrength(0.6, 0.3, 0.1)
 
 
 def route(p_s: NDArray[np.float64], start: Cell, goals: tuple[Cell, ...], w: float, psi: float) -> Route:
@@ -153,6 +154,22 @@ def test_who_replans_on_the_way_with_nothing_new_flies_on(seed: int, w: float, k
     cells = route(p_s, start, (goal,), w, 0.132).cells
     for k in range(len(cells)):
         assert route(p_s, cells[k], (goal,), w, 0.132).cells == cells[k:]
+
+
+@pytest.mark.parametrize("kind", ["prior", "random"])
+def test_a_swarm_gets_the_routes_its_vehicles_would_get(kind: str) -> None:
+    rng = np.random.default_rng(2)
+    p_s = rng.random((30, 40)) if kind == "random" else exposure(np.full((30, 40), 0.06), FIRING)
+    p_s[10:20, 20] = math.inf
+    goals = ((3, 39), (25, 38))
+    field = cost_to_go(p_s, goals, 0.5, 0.132)
+    starts = [(row, 0) for row in range(30)] + [(3, 39)]
+    paths = field.paths_from(starts)
+    assert [tuple(map(tuple, path.tolist())) for path in paths] == [field.cells_from(s) for s in starts]
+    assert [tuple(path[0]) for path in paths] == starts
+    assert field.paths_from([]) == []
+    with pytest.raises(BadProblem, match=r"start \(30, 0\) is outside"):
+        field.paths_from([(0, 0), (30, 0)])
 
 
 def test_rounding_in_the_last_place_does_not_move_a_route() -> None:

@@ -25,9 +25,8 @@ MANY_GOALS = 4
 
 
 @njit(nogil=True, cache=True)
-def cost_of(label: Floats, step: float, extra: float, straight: Floats, width: int, m: int) -> float:
+def cost_of(label: Floats, step: float, extra: float, straight: Floats, offsets: Ints, m: int) -> float:
     """The least cost from m, no goal, to a goal."""
-    offsets = offsets_of(width)
     best = np.inf
     for k in range(8):
         cost = label[m + offsets[k]] + (0.0 if k < 4 else extra)
@@ -38,15 +37,24 @@ def cost_of(label: Floats, step: float, extra: float, straight: Floats, width: i
 
 @njit(nogil=True, cache=True)
 def costs(
-    label: Floats, step: float, extra: float, straight: Floats, rows: int, cols: int, goals: Ints
+    label: Floats, step: float, extra: float, straight: Floats, rows: int, cols: int, walls: bool
 ) -> Floats:
-    """The least cost from every cell: padded and flat, infinite outside."""
+    """The least cost from every cell, as if none were a goal: (rows, cols)."""
     width = cols + 2
-    cost = np.full(label.size, np.inf)
-    for row in range(1, rows + 1):
-        for m in range(row * width + 1, row * width + cols + 1):
-            cost[m] = cost_of(label, step, extra, straight, width, m)
-    cost[goals] = 0.0
+    offsets = offsets_of(width)
+    cost = np.empty((rows, cols))
+    for row in range(rows):
+        base = (row + 1) * width + 1
+        if walls:
+            for col in range(cols):
+                cost[row, col] = cost_of(label, step, extra, straight, offsets, base + col)
+            continue
+        for col in range(cols):
+            m = base + col
+            near = min(label[m - 1], label[m + 1], label[m - width], label[m + width])
+            low = min(label[m - width - 1], label[m - width + 1])
+            high = min(label[m + width - 1], label[m + width + 1])
+            cost[row, col] = min(near, min(low, high) + extra) + step
     return cost
 
 
@@ -56,47 +64,117 @@ def run_down(
     step: float,
     extra: float,
     straight: Floats,
+    walls: bool,
+    width: int,
+    goals: Ints,
+    starts: Ints,
+    length: Floats,
+) -> tuple[Ints, Ints, Floats]:
+    """Flat indices from each start, whose cost is finite, to one of the sorted `goals`: all ways one after
+    the other, where each ends, and `length` with what had to be found out.
+
+    Where several ways cost the same and `length` (or nothing, of size 0) does not know them, it hopes for one
+    as short as the lattice allows, which is the shortest if it is there; where that hope fails it goes back
+    to where it began to hope and finds out.
+    """
+    offsets = offsets_of(width)
+    offers = np.empty(8)
+    path = np.empty(512 * starts.size, dtype=np.int64)
+    ends = np.empty(starts.size, dtype=np.int64)
+    passed = np.zeros(label.size if starts.size > 1 else 0, dtype=np.int32)  # where in `path`, plus 1
+    count = 0
+    for way in range(starts.size):
+        m, hoped_since = starts[way], -1
+        path[count] = m
+        count += 1
+        begin = count
+        while not is_goal(goals, m):
+            if starts.size > 1 and hoped_since < 0 and passed[m] > 0:  # the rest is an earlier way's
+                first = passed[m]
+                end = ends[np.searchsorted(ends[:way], first, side="right")]
+                while count + end - first >= path.size:
+                    path = np.concatenate((path, np.empty(path.size, dtype=np.int64)))
+                path[count : count + end - first] = path[first:end]
+                count += end - first
+                break
+            bound = np.inf
+            for k in range(8):
+                offers[k] = label[m + offsets[k]] + (0.0 if k < 4 else extra) + step
+                if walls and k >= 4 and squeezes(straight, offsets, m, k):
+                    offers[k] = np.inf
+                bound = min(bound, offers[k])
+            bound *= 1.0 + REL_TIE
+            best, ties = -1, 0
+            for k in range(7, -1, -1):
+                if offers[k] <= bound:
+                    ties += 1
+                    best = m + offsets[k]
+            if ties > 1 and hoped_since < 0 and (length.size == 0 or length[m] == UNKNOWN):
+                hoped_since = count
+            if ties > 1 or hoped_since >= 0:
+                best, hope_fails = _shortest(
+                    offers, bound, width, offsets, goals, m, length, hoped_since >= 0
+                )
+                if hope_fails:
+                    count, hoped_since = hoped_since, -1
+                    m = path[count - 1]
+                    length = _with_lengths_from(label, step, extra, straight, width, goals, m, length)
+                    continue
+            m = best
+            if count == path.size:
+                path = np.concatenate((path, np.empty(path.size, dtype=np.int64)))
+            path[count] = m
+            count += 1
+        ends[way] = count
+        for place in range(begin - 1, count if starts.size > 1 else 0):
+            if passed[path[place]] > 0:
+                break
+            passed[path[place]] = place + 1
+        if count == path.size:
+            path = np.concatenate((path, np.empty(path.size, dtype=np.int64)))
+    return path[:count], ends, length
+
+
+@njit(nogil=True, cache=True)
+def _with_lengths_from(
+    label: Floats,
+    step: float,
+    extra: float,
+    straight: Floats,
     width: int,
     goals: Ints,
     m: int,
     length: Floats,
-) -> tuple[Ints, bool]:
-    """Flat indices from m, whose cost is finite, to one of the sorted `goals`; whether it got there.
+) -> Floats:
+    """`length`, or a new one if it has no size, that knows m and all cells on the cheapest ways from m."""
+    if length.size == 0:
+        length = np.full(label.size, UNKNOWN)
+    if not find_lengths(label, step, extra, straight, width, goals, m, length):
+        find_lengths_in_circles(label, step, extra, straight, width, goals, m, length)
+    return length
 
-    Where several ways cost the same and `length` (or nothing, of size 0) does not know them, it hopes for one
-    as short as the lattice allows, which is the shortest if it is there; where that hope fails it stops short,
-    at the cell where it began to hope.
-    """
-    offsets = offsets_of(width)
-    path = np.empty(256, dtype=np.int64)
-    path[0] = m
-    count, hoped_since = 1, 0
-    while not is_goal(goals, m):
-        bound = cost_of(label, step, extra, straight, width, m) * (1.0 + REL_TIE)
-        known = length.size > 0 and length[m] != UNKNOWN
-        best, ties, best_length = -1, 0, np.inf
-        for k in range(8):
+
+@njit(nogil=True, cache=True)
+def _shortest(
+    offers: Floats,
+    bound: float,
+    width: int,
+    offsets: Ints,
+    goals: Ints,
+    m: int,
+    length: Floats,
+    hoping: bool,
+) -> tuple[int, bool]:
+    """The neighbour of m on the shortest way of those that cost no more than `bound`, by `length` or, hoping,
+    by how short ways can be; and whether no such way is as short as hoped."""
+    best, best_length = -1, np.inf
+    for k in range(8):
+        if offers[k] <= bound:
             n = m + offsets[k]
-            if label[n] + (0.0 if k < 4 else extra) + step > bound:
-                continue
-            if k >= 4 and squeezes(straight, offsets, m, k):
-                continue
-            ties += 1
-            to_go = length[n] if known else _least_length(goals, width, n)
-            to_go += 1.0 if k < 4 else ROOT2
+            to_go = (1.0 if k < 4 else ROOT2) + (_least_length(goals, width, n) if hoping else length[n])
             if to_go < best_length - LENGTH_TIE:
-                best = n
-                best_length = to_go
-        if not known and ties > 1 and hoped_since == 0:
-            hoped_since = count
-        if hoped_since > 0 and not known and best_length > _least_length(goals, width, m) + LENGTH_TIE:
-            return path[:hoped_since], False
-        m = best
-        if count == path.size:
-            path = np.concatenate((path, np.empty(path.size, dtype=np.int64)))
-        path[count] = m
-        count += 1
-    return path[:count], True
+                best, best_length = n, to_go
+    return best, hoping and best_length > _least_length(goals, width, m) + LENGTH_TIE
 
 
 @njit(nogil=True, cache=True)
@@ -113,6 +191,8 @@ def _least_length(goals: Ints, width: int, m: int) -> float:
 
 @njit(nogil=True, cache=True)
 def is_goal(goals: Ints, m: int) -> bool:
+    if goals.size == 1:
+        return bool(goals[0] == m)
     place = np.searchsorted(goals, m)
     return bool(place < goals.size and goals[place] == m)
 
@@ -142,7 +222,7 @@ def find_lengths(
                 to_look = np.concatenate((to_look, to_look))
             stack[size] = m
             length[m] = ON_STACK
-            ways[size] = 0 if is_goal(goals, m) else _ways(label, step, extra, straight, width, offsets, m)
+            ways[size] = 0 if is_goal(goals, m) else _ways(label, step, extra, straight, offsets, m)
             to_look[size] = ways[size]
             size += 1
         elif length[m] == ON_STACK:
@@ -169,11 +249,9 @@ def find_lengths(
 
 
 @njit(nogil=True, cache=True)
-def _ways(
-    label: Floats, step: float, extra: float, straight: Floats, width: int, offsets: Ints, m: int
-) -> int:
+def _ways(label: Floats, step: float, extra: float, straight: Floats, offsets: Ints, m: int) -> int:
     """Which directions lead on from m without loss, a bit each."""
-    bound = cost_of(label, step, extra, straight, width, m) * (1.0 + REL_TIE)
+    bound = cost_of(label, step, extra, straight, offsets, m) * (1.0 + REL_TIE)
     ways = 0
     for k in range(8):
         loses = label[m + offsets[k]] + (0.0 if k < 4 else extra) + step > bound
@@ -252,7 +330,7 @@ def _without_loss(
             bounds[looked_at] = -1.0  # no way leads on from a goal
             looked_at += 1
             continue
-        bound = cost_of(label, step, extra, straight, width, m) * (1.0 + REL_TIE)
+        bound = cost_of(label, step, extra, straight, offsets, m) * (1.0 + REL_TIE)
         bounds[looked_at] = bound
         looked_at += 1
         for k in range(8):

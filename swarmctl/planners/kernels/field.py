@@ -18,7 +18,7 @@ import numpy as np
 
 from swarmctl.core.grid import Cell
 from swarmctl.planners.kernels import buckets, descent, sweep
-from swarmctl.planners.kernels.lattice import ROOT2, Bytes, Floats, Ints
+from swarmctl.planners.kernels.lattice import ROOT2, Bytes, Floats, Ints, offsets_of
 
 NONE = np.empty(0)
 MAX_FLOAT = np.finfo(np.float64).max
@@ -43,7 +43,6 @@ class Field:
         self.served = 0
         """cells the search had to look at after the sweeps"""
         self._length: Floats = NONE
-        self._length_is_of_now = False
         self._waiting: Bytes = np.zeros(size, dtype=np.uint8)
 
     @property
@@ -58,13 +57,16 @@ class Field:
     @property
     def cost(self) -> Floats:
         """The least cost from every cell, padded and flat, infinite outside; worked out anew."""
-        return descent.costs(
-            self.label, self.step, self.extra, self.straight, self.rows, self.cols, self.goals
-        )
+        padded = np.full((self.rows + 2, self.width), np.inf)
+        padded[1:-1, 1:-1] = self.unpadded_cost()
+        return padded.reshape(-1)
 
     def unpadded_cost(self) -> Floats:
-        """(rows, cols), read-only"""
-        cost = self.cost.reshape(self.rows + 2, self.width)[1:-1, 1:-1].copy()
+        """(rows, cols), read-only; worked out anew"""
+        cost = descent.costs(
+            self.label, self.step, self.extra, self.straight, self.rows, self.cols, self.walls
+        )
+        cost[self.goals // self.width - 1, self.goals % self.width - 1] = 0.0
         cost.flags.writeable = False
         return cost
 
@@ -82,46 +84,28 @@ class Field:
         m = self.index(cell)
         if descent.is_goal(self.goals, m):
             return 0.0
-        return float(descent.cost_of(self.label, self.step, self.extra, self.straight, self.width, m))
+        return float(
+            descent.cost_of(self.label, self.step, self.extra, self.straight, offsets_of(self.width), m)
+        )
 
     def run_down(self, start: Cell) -> tuple[Cell, ...]:
         """The cells from a start with a finite cost to a goal."""
-        parts: list[int] = []
-        m, arrived = self.index(start), False
-        while not arrived:
-            path, arrived = descent.run_down(
-                self.label,
-                self.step,
-                self.extra,
-                self.straight,
-                self.width,
-                self.goals,
-                m,
-                self._known_lengths,
-            )
-            m = int(path[-1])
-            parts += path.tolist() if arrived else path[:-1].tolist()
-            if not arrived:
-                self._find_lengths(m)
-        width = self.width
-        return tuple((index // width - 1, index % width - 1) for index in parts)
+        (path,) = self.run_down_all([start])
+        rows, cols = path.T.tolist()
+        return tuple(zip(rows, cols, strict=True))
+
+    def run_down_all(self, starts: Sequence[Cell]) -> list[Ints]:
+        """For each start, whose cost is finite, the cells to a goal: rows and columns, (n, 2)."""
+        if not starts:
+            return []
+        path, ends, self._length = descent.run_down(
+            self.label, self.step, self.extra, self.straight, self.walls, self.width, self.goals,
+            np.array([self.index(start) for start in starts], dtype=np.int64), self._length,
+        )  # fmt: skip
+        return np.split(np.stack(np.divmod(path, self.width), axis=1) - 1, ends[:-1])
 
     def index(self, cell: Cell) -> int:
         return (cell[0] + 1) * self.width + cell[1] + 1
-
-    @property
-    def _known_lengths(self) -> Floats:
-        return self._length if self._length_is_of_now else NONE
-
-    def _find_lengths(self, m: int) -> None:
-        if self._length.size == 0:
-            self._length = np.empty(self.label.size)
-        if not self._length_is_of_now:
-            self._length.fill(descent.UNKNOWN)
-            self._length_is_of_now = True
-        of = (self.label, self.step, self.extra, self.straight, self.width, self.goals, m, self._length)
-        if not descent.find_lengths(*of):
-            descent.find_lengths_in_circles(*of)
 
     def _flat(self, goals: Sequence[Cell]) -> Ints:
         return np.unique(np.array([self.index(goal) for goal in goals], dtype=np.int64))
@@ -132,7 +116,7 @@ class Field:
         self.step = (1.0 - w) * psi_per_cell
         self.goals = self._flat(goals)
         self.least, self.greatest, self.walls = sweep.prepare(exposure, w, self.step, self.straight)
-        self._length_is_of_now = False
+        self._length = NONE
         at_goals = exposure[self.goals // self.width - 1, self.goals % self.width - 1]
         self.label.fill(np.inf)
         self.label[self.goals] = np.where(np.isinf(at_goals), np.inf, w * np.minimum(at_goals, MAX_FLOAT))

@@ -1,0 +1,260 @@
+"""How fast routes are found, as ratios to what one could use instead, all in one run and on one core.
+
+Run: `pip install -e '.[bench]'`, then `python benchmarks/planning.py` (some minutes; `--quick` leaves out the
+largest area). Times are medians of this machine at this moment; what is compared was timed in turns.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import os
+import time
+from collections.abc import Callable, Iterator
+from itertools import cycle
+
+import numpy as np
+import psutil
+from numpy.typing import NDArray
+from peers import PEERS
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from scenes import Crossing, observed, random_field
+
+from swarmctl.planners import Problem, Unreachable, constrained, time_bound, warm_up
+from swarmctl.planners.dijkstra import CostToGo, cost_to_go
+from swarmctl.planners.replan import Replanner
+
+PSI = 0.132
+"""the prior P_s of an inner cell: 6 hostiles in 100 cells at 0.6/0.3/0.1"""
+Floats = NDArray[np.float64]
+console = Console(width=110)
+
+
+def timed(run: Callable[[], object]) -> float:
+    began_s = time.perf_counter()
+    run()
+    return time.perf_counter() - began_s
+
+
+def in_turns(runs: dict[str, Callable[[], object]], times: int) -> dict[str, float]:
+    """The median of each [s]; all take turns, so that a noisy moment meets all."""
+    found: dict[str, list[float]] = {name: [] for name in runs}
+    for _ in range(times):
+        for name, run in runs.items():
+            found[name].append(timed(run))
+    return {name: float(np.median(several)) for name, several in found.items()}
+
+
+def table(title: str, *columns: str) -> Table:
+    made = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left")
+    for index, column in enumerate(columns):
+        made.add_column(column, justify="left" if index == 0 else "right")
+    return made
+
+
+def full_fields(sides: tuple[int, ...]) -> Iterator[Table]:
+    """The cost-to-go field of the whole area against the peers."""
+    for kind, make in (("as observed, w = 0.5", observed), ("random in [0, 0.3], w = 0.5", random_field)):
+        made = table(
+            f"cost to go from every cell, P_s {kind}: times longer than swarmctl takes",
+            "peer",
+            *(f"{side}²" for side in sides),
+        )
+        ratios: dict[str, list[str]] = {name: [] for name in PEERS}
+        own = []
+        for side in sides:
+            exposure, goal = make(side), (side // 2, side - 1)
+            runs = {"swarmctl": lambda: cost_to_go(exposure, [goal], 0.5, PSI)}  # noqa: B023
+            for name, (prepare, largest) in PEERS.items():
+                if side <= largest:
+                    runs[name] = prepare(exposure, goal, 0.5, PSI)
+            found = in_turns(runs, 3 if side >= 1000 else 7)
+            own.append(found["swarmctl"] / side**2)
+            for name in PEERS:
+                ratios[name].append(f"{found[name] / found['swarmctl']:.1f}" if name in found else "–")
+            del runs
+            gc.collect()
+        for name, row in ratios.items():
+            made.add_row(name, *row)
+        made.add_section()
+        made.add_row("swarmctl [ns a cell]", *(f"{1e9 * s:.1f}" for s in own))
+        yield made
+
+
+def hard_fields(side: int) -> Table:
+    """Where the sweeps do not help: random costs with hardly any weight on the way's length, and walls."""
+    made = table(
+        f"{side}², harder fields: ns a cell, and times scipy (graph built)", "P_s", "w", "ns a cell", "ratio"
+    )
+    rng = np.random.default_rng(5)
+    walled = random_field(side)
+    walled[rng.random(walled.shape) < 0.1] = np.inf
+    walled[side // 2, side - 1] = 0.1
+    for name, exposure, w in (
+        ("as observed", observed(side), 0.9),
+        ("as observed", observed(side), 1.0),
+        ("random", random_field(side), 0.9),
+        ("random", random_field(side), 1.0),
+        ("random, a tenth walls", walled, 0.5),
+    ):
+        goal = (side // 2, side - 1)
+        runs: dict[str, Callable[[], object]] = {"swarmctl": lambda: cost_to_go(exposure, [goal], w, PSI)}  # noqa: B023
+        runs["scipy"] = PEERS["scipy, graph built"][0](np.minimum(exposure, 1e6), goal, w, PSI)
+        found = in_turns(runs, 3)
+        ratio = found["scipy"] / found["swarmctl"]
+        made.add_row(name, f"{w:g}", f"{1e9 * found['swarmctl'] / side**2:.1f}", f"{ratio:.1f}")
+    return made
+
+
+def replans(side: int, times: int) -> Table:
+    """One 3 × 3 observation, then the new route, against the field of the whole area made anew."""
+    made = table(
+        f"{side}², vehicle half-way, one 3 × 3 observation: replanning against a fresh field",
+        "who observes, where to",
+        "fresh [ms]",
+        "replan p50 [ms]",
+        "p99 [ms]",
+        "fresh / p50",
+        "fresh / p99",
+        "cells searched",
+    )
+    for who, goal_row, seen, peers in (
+        ("itself, straight across", side // 2, 0.0, False),
+        ("itself, a third of the area seen", side // 2 - 20, 0.33, False),
+        ("itself, goal well to one side", side * 3 // 10, 0.0, False),
+        ("a peer anywhere, straight across", side // 2, 0.0, True),
+        ("a peer anywhere, a third seen", side // 2 - 20, 0.33, True),
+    ):
+        crossing = Crossing(side, (goal_row, side - 1), seen)
+        planner = Replanner(crossing.layers, [crossing.goal], 0.5, PSI)
+        route = planner.route(crossing.position)
+        fresh, replan, searched = [], [], []
+        for turn in range(times):
+            if not peers and len(route) > side // 10:
+                crossing.position = route[1]
+            cells = crossing.observe(anywhere=peers)
+
+            def again() -> None:
+                nonlocal route
+                planner.changed(cells)  # noqa: B023
+                route = planner.route(crossing.position)  # noqa: B023
+
+            replan.append(timed(again))
+            searched.append(planner.searched_cells)
+            if turn % 25 == 0:
+                exposure = crossing.layers.known + crossing.layers.p_unseen * crossing.layers.unseen
+                full: list[CostToGo] = []
+                fresh.append(
+                    timed(lambda: full.append(cost_to_go(exposure, [crossing.goal], 0.5, PSI)))  # noqa: B023
+                )
+                assert full[0].cells_from(crossing.position) == route, "replanning is exact"
+        f, p50, p99 = np.median(fresh), np.median(replan), np.quantile(replan, 0.99)
+        made.add_row(
+            who, f"{1e3 * f:.1f}", f"{1e3 * p50:.2f}", f"{1e3 * p99:.2f}", f"{f / p50:.1f}",
+            f"{f / p99:.1f}", f"{int(np.median(searched))}",
+        )  # fmt: skip
+    return made
+
+
+def swarm(side: int, count: int) -> Table:
+    """All vehicles with one goal share one search."""
+    made = table(f"{count} vehicles with one goal on {side}²", "", "[ms]", "ratio")
+    exposure, goal = observed(side), (side // 2, side - 1)
+    starts = [(int(row), 0) for row in np.linspace(0, side - 1, count)]
+
+    def plan(of: list[tuple[int, int]]) -> None:
+        cost_to_go(exposure, [goal], 0.5, PSI).paths_from(of)
+
+    found = in_turns({"one": lambda: plan(starts[count // 3 :][:1]), "all": lambda: plan(starts)}, 41)
+    for name, s in found.items():
+        made.add_row(f"{name} replanned", f"{1e3 * s:.2f}", f"{s / found['one']:.2f}")
+    return made
+
+
+def bounded(side: int, n_fields: int) -> Table:
+    """The planners that keep a bound, in searches: fields of the whole area."""
+    made = table(
+        f"{side}², a bound halfway along the front, {n_fields} fields each: in the time of a full field",
+        "planner, P_s",
+        "p50",
+        "p90",
+        "max",
+        "proved exact",
+    )
+    planners = (("time_bound", time_bound), ("constrained", constrained))
+    for kind, make in (("random", random_field), ("as observed", observed)):
+        taken: dict[str, list[float]] = {name: [] for name, _ in planners}
+        exact = {name: 0 for name, _ in planners}
+        for seed in range(n_fields):
+            exposure = make(side, seed)
+            problem = halfway(exposure)
+            search_s = float(np.median([timed(lambda: cost_to_go(exposure, problem.goals, 0.5, PSI)) for _ in range(5)]))  # noqa: B023, E501
+            for name, planner in planners:
+                found = []
+                taken[name].append(
+                    timed(lambda: found.append(planner.plan(problem, planner.Params()))) / search_s  # noqa: B023
+                )
+                exact[name] += found[0].lower_bound is None or found[0].cost <= found[0].lower_bound * (1 + 1e-9)
+        for name, _ in planners:
+            p50, p90, top = np.quantile(taken[name], (0.5, 0.9, 1.0))
+            made.add_row(f"{name}, {kind}", f"{p50:.1f}", f"{p90:.1f}", f"{top:.1f}", f"{exact[name]} of {n_fields}")
+    return made
+
+
+def halfway(exposure: Floats) -> Problem:
+    """From side to side within the mean of the shortest and the least exposed route's lengths."""
+    side = exposure.shape[0]
+    start, goals = (side // 2, 0), ((side // 3, side - 1),)
+    lengths = []
+    for w in (0.0, 1.0):
+        cells = cost_to_go(exposure, goals, w, PSI).cells_from(start)
+        steps = np.abs(np.diff(np.array(cells), axis=0)).sum(axis=1)
+        lengths.append(float(np.sqrt(steps).sum()))
+    return Problem(exposure, start, goals, 0.5, PSI, max_length_cells=sum(lengths) / 2)
+
+
+def memory(side: int) -> Table:
+    """What a field holds, and what a thousand replans leave behind."""
+    made = table("memory", "", "")
+    process, exposure = psutil.Process(os.getpid()), observed(side)
+    gc.collect()
+    before = process.memory_info().rss
+    field = cost_to_go(exposure, [(side // 2, side - 1)], 0.5, PSI)
+    field.cells_from((side // 3, 0))
+    held = process.memory_info().rss - before
+    made.add_row(f"the field of {side}² and a route in it, bytes a cell", f"{held / side**2:.1f}")
+    del field
+    crossing = Crossing(side, (side // 2, side - 1), 0.0)
+    planner = Replanner(crossing.layers, [crossing.goal], 0.5, PSI)
+    held_mb = []
+    for turn in range(1100):
+        planner.changed(crossing.observe(anywhere=True))
+        try:
+            planner.route(crossing.position)
+        except Unreachable:
+            break
+        if turn in (100, 1099):
+            gc.collect()
+            held_mb.append(process.memory_info().rss / 2**20)
+    made.add_row("a thousand replans later, MB more", f"{held_mb[1] - held_mb[0]:+.1f}")
+    return made
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--quick", action="store_true")
+    quick = parser.parse_args().quick
+    warm_up()
+    for made in full_fields((100, 300, 1000) if quick else (100, 300, 1000, 2000)):
+        console.print(made)
+    console.print(hard_fields(1000))
+    console.print(replans(1000, 200 if quick else 1000))
+    console.print(swarm(200, 50))
+    console.print(bounded(200, 10 if quick else 50))
+    console.print(memory(1000))
+
+
+if __name__ == "__main__":
+    main()
