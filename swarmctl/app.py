@@ -8,16 +8,17 @@ import signal
 import socket
 import time
 from collections.abc import AsyncIterator, Coroutine, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
 from swarmctl import simulator
 from swarmctl.agent import ARRIVED, AgentState, Phase
 from swarmctl.bus.base import BusError, Transport
+from swarmctl.bus.desk import Desk, Tally
 from swarmctl.bus.memory import MemoryBus
 from swarmctl.bus.network import Network
-from swarmctl.bus.zenoh_bus import ZenohBus
+from swarmctl.bus.open import opened
 from swarmctl.core.events import Order
 from swarmctl.director import Director, Member, Permission, PreflightFailed, left_how
 from swarmctl.display import Picture, row
@@ -30,7 +31,7 @@ from swarmctl.links.url import Endpoint, parse_url
 from swarmctl.planners import warm_up
 from swarmctl.record import Recorder
 from swarmctl.runner import Runner
-from swarmctl.scenario import Scenario, build
+from swarmctl.scenario import Purpose, Scenario, build
 from swarmctl.sensors.footprint import Footprint
 from swarmctl.summary import Ledger, summary
 from swarmctl.supervise import cancelled
@@ -80,8 +81,12 @@ async def fly(
     clock: Clock,
     permission: Permission,
     carry: Carry = undisturbed,
+    bus: Transport | None = None,
 ) -> Report:
-    """Fly the scenario; leaves `run.mcap` and the tlogs in `folder`. The rest is for `outputs` to write."""
+    """Fly the scenario; leaves `run.mcap` and the tlogs in `folder`. The rest is for `outputs` to write.
+
+    `bus` is one that is open already; else the configuration's, or one in memory on a virtual clock.
+    """
     if clock == "real":
         scenario = _with_free_port(scenario)
     names = {task.uav: task.name for task in scenario.tasks}
@@ -91,12 +96,14 @@ async def fly(
     ended: Ending = "failed"
     bug: Exception | None = None
     failures: list[BaseException] = []
+    commands = Tally()
     recorder = Recorder(folder / "run.mcap", scenario.config, names, _epoch_ns(clock))
     try:
-        async with _parts(scenario, folder, clock, carry) as (front_end, bus, played):
-            network = Network(bus, scenario.config.name, _reach(scenario))
+        async with _parts(scenario, folder, clock, carry, bus, face) as (front_end, transport, played):
+            network = Network(transport, scenario.config.name, _reach(scenario))
+            desk = Desk(transport, scenario.config.name, face.say, commands)
             observers = (recorder, ledger, Chatter(face, names))
-            members += _members(scenario, folder, front_end, network, observers, clock)
+            members += _members(scenario, folder, front_end, network, desk, observers, clock)
             director = _director(scenario, members, face, clock, permission)
             show = _show(members, ledger, face, scenario, director)
             try:
@@ -116,7 +123,11 @@ async def fly(
     trouble += [recorder.trouble] if recorder.trouble else []
     states = {m.spec.sysid: m.state for m in members}
     wall_s = time.monotonic() - began_s if clock == "real" else None
-    content = summary(scenario, states, ledger, clock=clock, wall_s=wall_s) if states else {}
+    content = (
+        summary(scenario, states, ledger, clock=clock, wall_s=wall_s, commands=asdict(commands))
+        if states
+        else {}
+    )
     gone = any(isinstance(leaf, simulator.SimulatorFailed) for leaf in failures)
     left = tuple(
         f"{m.name}: gone with the simulator" if gone and m.spec.simulated else left_how(m) for m in members
@@ -146,7 +157,7 @@ async def _last_resort(
 
 @contextlib.asynccontextmanager
 async def _parts(
-    scenario: Scenario, folder: Path, clock: Clock, carry: Carry
+    scenario: Scenario, folder: Path, clock: Clock, carry: Carry, bus: Transport | None, ui: Ui
 ) -> AsyncIterator[tuple[FrontEnd, Transport, asyncio.Task[None] | None]]:
     """What does the I/O: the front end, the bus, and whoever plays the simulated vehicles."""
     wire, epoch_ns = MemoryWire(), _epoch_ns(clock)
@@ -174,12 +185,10 @@ async def _parts(
             await asyncio.to_thread(warm_up)
         else:
             warm_up()
-        bus: Transport
-        if scenario.config.communication.bus == "zenoh" and clock == "real":
-            bus = stack.enter_context(ZenohBus())
-        else:
-            bus = MemoryBus()
-        yield front_end, bus, played
+        communication = scenario.config.communication
+        if bus is None and communication.bus == "zenoh" and clock == "real":
+            bus = stack.enter_context(opened(scenario.config.name, communication.listen, ui.say))
+        yield front_end, bus or MemoryBus(), played
 
 
 def _members(
@@ -187,6 +196,7 @@ def _members(
     folder: Path,
     front_end: FrontEnd,
     network: Network,
+    desk: Desk,
     observers: tuple[Any, ...],
     clock: Clock,
 ) -> Iterator[Member]:
@@ -207,9 +217,15 @@ def _members(
             task,
             scenario.prior,
             link,
-            Footprint(scenario.grid, scenario.hostiles),
+            Footprint(
+                scenario.grid,
+                scenario.hostiles,
+                scenario.prior.sensor,
+                scenario.generator(Purpose.SENSOR, spec.sysid),
+            ),
             network,
             observers,
+            desk=desk,
             offload=clock == "real" and scenario.grid.n_cells > OFFLOAD_CELLS,
         )
         inlet.runner = runner

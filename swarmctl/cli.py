@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import typer
 from rich import box
@@ -22,13 +22,18 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from swarmctl import __version__, app, outputs, preflight, record
+from swarmctl import __version__, app, front_report, operate, outputs, preflight, record
 from swarmctl.app import Report
+from swarmctl.bus.base import BusError
 from swarmctl.clock import run_virtual
 from swarmctl.config import Config, ConfigError, load
+from swarmctl.core.chance import WORLDS, Chance
+from swarmctl.core.messages import SetWeights
 from swarmctl.director import Member, Permission, PreflightFailed
+from swarmctl.display import told
 from swarmctl.judge import judge
 from swarmctl.planners import Route
+from swarmctl.planners.front import MAX_LABELS
 from swarmctl.scenario import Scenario, build
 from swarmctl.terminal import LiveTable, PlainLines, Terminal
 
@@ -124,8 +129,26 @@ def fly(
 
 
 @cli.command()
-def plan(config: ConfigOption, out_folder: OutOption = Path("runs")) -> None:
+def plan(
+    config: ConfigOption,
+    out_folder: OutOption = Path("runs"),
+    front: Annotated[
+        bool,
+        typer.Option("--front", help="All routes worth flying: what each metre more saves in exposure."),
+    ] = False,
+    uav: Annotated[
+        str, typer.Option(metavar="NAME", help="With --front: this vehicle only.", show_default=False)
+    ] = "",
+    max_labels: Annotated[
+        int, typer.Option(min=1, help="With --front: partial routes that a vehicle's search may cost.")
+    ] = MAX_LABELS,
+) -> None:
     """Plan the first routes for w = 0, 0.5 and 1 without flying: a table, a map and .plan files."""
+    if front:
+        _plan_front(config, out_folder, uav, max_labels)
+        return
+    if uav:
+        _fail(["--uav chooses whose front is shown; give --front too"], USAGE)
     scenario = _scenario(config)
     folder = _run_folder(out_folder, f"{scenario.config.name}-plan")
     routes = outputs.first_routes(scenario)
@@ -133,7 +156,7 @@ def plan(config: ConfigOption, out_folder: OutOption = Path("runs")) -> None:
     out.print(_plan_table(scenario, routes))
     out.print(
         "ΣP_s is a sum of chances, and ∏(1 − P_s) takes cells as independent: neither is the chance of "
-        "getting through.",
+        f"getting through. That is simulated, in {WORLDS} worlds drawn from what is believed.",
         style="bright_black",
         highlight=False,
     )
@@ -150,9 +173,63 @@ def check(config: ConfigOption, out_folder: OutOption = Path("runs")) -> None:
     n, grid = len(scenario.specs), scenario.grid
     text = (
         f"{config}: good. {n} vehicle{'s' if n != 1 else ''}, {grid.rows} × {grid.cols} cells of "
-        f"{grid.cell_size_m:g} m, {scenario.config.threats.count} hostiles announced."
+        f"{grid.cell_size_m:g} m, {scenario.prior.count} hostiles announced."
     )
     out.print(text, highlight=False, soft_wrap=True)
+
+
+@cli.command("set")
+def set_weights(
+    uav: Annotated[
+        list[int] | None,
+        typer.Option("--uav", metavar="N", help="System id of a vehicle; may be repeated."),
+    ] = None,
+    everyone: Annotated[bool, typer.Option("--all", help="Every vehicle of the swarm.")] = False,
+    w: Annotated[
+        float | None, typer.Option("--w", help="Distance anxiety: 0 the shortest route, 1 the least exposed.")
+    ] = None,
+    firing_strength: Annotated[
+        str,
+        typer.Option(metavar="D,N1,N2", help="The three below in one: 0.7,0.3,0.1."),
+    ] = "",
+    direct: Annotated[float | None, typer.Option(help="Firing strength over a hostile's cell.")] = None,
+    first_neighbour: Annotated[float | None, typer.Option(help="Over the 4 nearest cells.")] = None,
+    second_neighbour: Annotated[float | None, typer.Option(help="Over the 4 diagonal cells.")] = None,
+    swarm: Annotated[
+        str | None, typer.Option(help="Its name, where more than one flies on this machine.")
+    ] = None,
+    config: Annotated[
+        Path | None, typer.Option("--config", "-c", help="The swarm's configuration, instead of its name.")
+    ] = None,
+    connect: Annotated[
+        str | None,
+        typer.Option(metavar="tcp/HOST:PORT", help="Where the flight listens, if not on this machine."),
+    ] = None,
+) -> None:
+    """Change w and the firing strengths of vehicles in flight, from their next plans on."""
+    try:
+        strengths = operate.strengths(firing_strength, (direct, first_neighbour, second_neighbour))
+        command = SetWeights(operate.meant(uav or [], everyone), w, strengths)
+        station = operate.find(swarm, load(config) if config is not None else None, connect)
+    except ConfigError as error:
+        _fail(error.lines, USAGE)
+    except ValueError as error:
+        _fail([str(error)], USAGE)
+    except BusError as error:
+        _fail([str(error)], EXPECTED)
+    try:
+        answer = asyncio.run(operate.set_weights(station, command))
+    except (BusError, operate.NoAnswer) as error:
+        _fail([str(error)], EXPECTED)
+    if answer.refused:
+        _fail([f"{station.swarm} refused: {answer.refused}"], EXPECTED)
+    for vehicle in answer.vehicles:
+        text = told(command.w, command.strength, vehicle)
+        (out if vehicle.outcome == "taken" else err).print(
+            text, highlight=False, markup=False, soft_wrap=True
+        )
+    if operate.has_failed(command, answer):
+        raise typer.Exit(EXPECTED)
 
 
 @cli.command()
@@ -256,22 +333,37 @@ def _refusal(member: Member) -> str:
     )
 
 
-def _plan_table(scenario: Scenario, routes: dict[float, tuple[Route, ...]]) -> Table:
+def _plan_front(config: Path, out_folder: Path, uav: str, max_labels: int) -> None:
+    scenario = _scenario(config)
+    names = [spec.name for spec in scenario.specs]
+    if uav and uav not in names:
+        _fail([f"--uav {uav}: no vehicle of this name; there is {', '.join(names)}"], USAGE)
+    found = front_report.fronts(scenario, [uav] if uav else names, max_labels)
+    folder = _run_folder(out_folder, f"{scenario.config.name}-front")
+    front_report.write_fronts(folder, scenario, found)
+    out.print(front_report.front_table(found))
+    for text in [*front_report.left_out(found), front_report.WHAT_IS_WHAT]:
+        out.print(text, style="bright_black", highlight=False, markup=False, soft_wrap=True)
+    out.print(f"all routes, with their cells, and the picture: {folder}", highlight=False, soft_wrap=True)
+
+
+def _plan_table(scenario: Scenario, routes: dict[str, tuple[Route, ...]]) -> Table:
     grid = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False)
     grid.add_column("vehicle")
-    for title in ("w", Text("length [m]"), "ΣP_s", "∏(1 − P_s)"):
+    for title in ("w", Text("length [m]"), "ΣP_s", "∏(1 − P_s)", "chance by simulation, 95 %"):
         grid.add_column(title, justify="right")
-    for index, spec in enumerate(scenario.specs):
-        for w, planned in routes.items():
+    for index, (spec, task) in enumerate(zip(scenario.specs, scenario.tasks, strict=True)):
+        for name, planned in routes.items():
             route = planned[index]
             length_m = route.length_cells * scenario.grid.cell_size_m
-            chosen = "bold" if w == scenario.config.planner.w else ""
+            chosen = "bold" if name == scenario.chosen_by else ""
             grid.add_row(
-                spec.name if w == min(routes) else "",
-                f"{w:g}",
+                spec.name if name == next(iter(routes)) else "",
+                name.removeprefix("w = "),
                 f"{length_m:.0f}",
                 f"{route.exposure_sum:.3f}",
                 f"{route.safety_factor:.4f}",
+                str(scenario.chance(task.uav, scenario.prior, task.strength, route.cells)),
                 style=chosen,
             )
         grid.add_section()
@@ -308,20 +400,34 @@ def _written(folder: Path, scenario: Scenario, report: Report) -> str:
 def _summary_table(report: Report) -> Table:
     grid = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
     grid.add_column("vehicle", no_wrap=True)
-    for title in (Text("flown [m]"), Text("time [s]"), "ΣP_s", "∏(1−P_s)", "strikes", "replans", "sent"):
-        grid.add_column(title, justify="right", no_wrap=True)
-    grid.add_column("outcome", min_width=8)
+    titles = (
+        "flown\n[m]", "time\n[s]", "ΣP_s", "∏\n(1−P_s)", "chance at take-off,\nsimulated, 95 %",
+        "by true\nhostiles", "strikes", "re-\nplans", "sent",
+    )  # fmt: skip
+    for title in titles:
+        grid.add_column(Text(title), justify="right", no_wrap=True)
+    grid.add_column("outcome", min_width=7)
     for v in report.summary["vehicles"]:
         time_s = "–" if v["flight_time_s"] is None else f"{v['flight_time_s']:.0f}"
+        true_chance = v["chance_among_true_hostiles"]
         grid.add_row(
             v["name"],
             f"{v['flown_m']:.0f}",
             time_s,
             f"{v['exposure_sum_at_decisions']:.3f}",
             f"{v['safety_factor_at_decisions']:.4f}",
+            _chance(v["at_takeoff"]),
+            "–" if true_chance is None else f"{true_chance:.3f}",
             str(v["strikes"]),
             str(v["replans"]),
             str(v["messages_sent"]),
             Text(v["outcome"]),
         )
     return grid
+
+
+def _chance(at_takeoff: dict[str, Any] | None) -> str:
+    if at_takeoff is None:
+        return "–"
+    chance = at_takeoff["chance_by_simulation"]
+    return str(Chance(chance["estimate"], chance["low_95"], chance["high_95"], chance["worlds"]))

@@ -13,9 +13,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, ValidationError
 
 from swarmctl import yaml_lines
+from swarmctl.bus.endpoint import parse_endpoint
+from swarmctl.bus.keys import SWARM_NAME
+from swarmctl.config_base import Section as _Section
+from swarmctl.config_count import Count
+from swarmctl.core.corners import Counting
+from swarmctl.core.sensor import SensorModel
 from swarmctl.core.threat import FiringStrength
 from swarmctl.links.url import parse_url
 from swarmctl.planners import PLANNERS, method
@@ -34,6 +40,12 @@ def _url(text: str) -> str:
     return text
 
 
+def _listen(text: str) -> str:
+    if text != "none":
+        parse_endpoint(text)
+    return text
+
+
 def _cells(value: Any) -> Any:
     """One cell, or a list of cells."""
     is_cell = isinstance(value, (list, tuple)) and len(value) == 2 and all(type(v) is int for v in value)
@@ -46,10 +58,6 @@ def _cells(value: Any) -> Any:
 
 Cells = Annotated[tuple[Cell, ...], BeforeValidator(_cells), Field(min_length=1)]
 Side = Literal["north", "east", "south", "west"]
-
-
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 
 
 class Area(_Section):
@@ -77,11 +85,25 @@ class Strength(_Section):
 class Threats(_Section):
     """What hides in the area. `hostiles` is the truth: only the simulated sensor and the simulator see it."""
 
-    count: int = Field(ge=0, description="how many hostiles the UAVs are told there are (n_HA)")
+    count: Count = Field(
+        description="how many hostiles the UAVs are told there are (n_HA): a number, or a prior over it"
+    )
     firing_strength: Strength = Strength(direct=0.6, first_neighbour=0.3, second_neighbour=0.1)
     hostiles: Literal["random"] | tuple[Cell, ...] = Field(
-        "random", description="true cells [row, col], or random: `count` cells drawn from the seed"
+        "random", description="true cells [row, col], or random: as many as `count` says, drawn from the seed"
     )
+
+
+class Sensor(_Section):
+    """What one look at a cell gets wrong. Beliefs reckon with it, and simulated sensors err by it."""
+
+    p_miss: float = Field(0.0, ge=0.0, lt=1.0, description="chance that a hostile is not seen")
+    p_false_alarm: float = Field(
+        0.0, ge=0.0, lt=1.0, description="chance that one is seen where there is none"
+    )
+
+    def model_post_init(self, _context: object) -> None:
+        SensorModel(self.p_miss, self.p_false_alarm)
 
 
 class PlannerSection(_Section):
@@ -106,6 +128,11 @@ class Communication(_Section):
     """Who hears whom."""
 
     bus: Literal["zenoh", "memory"] = "zenoh"
+    listen: Annotated[str, AfterValidator(_listen)] = Field(
+        "tcp/127.0.0.1:0",
+        description="where `swarmctl set` reaches a flight on the bus zenoh: tcp/HOST:PORT, or none; "
+        "port 0: any free one",
+    )
     range: Literal["all"] | Annotated[int, Field(ge=0)] = Field(
         "all", description="how many UAVs, the nearest, a UAV can send to"
     )
@@ -119,6 +146,17 @@ class Flight(_Section):
 
     altitude_m: float = Field(40.0, gt=2.0, le=1000.0, description="of the first vehicle, above home [m]")
     altitude_step_m: float = Field(5.0, ge=0.0, description="each next vehicle flies this much higher [m]")
+    any_angle: bool = Field(
+        False,
+        description="whether routes are pulled straight where neither length nor exposure gets worse; "
+        "false: the paper's lattice route is flown unchanged",
+    )
+    any_angle_exposure: Counting = Field(
+        Counting.INTEGRAL,
+        description="what must not get worse: integral (P_s along the track) or entered (ΣP_s over the cells "
+        "entered too, of which a straight track enters more: pulls less)",
+        strict=False,
+    )
     on_exit: Literal["hold", "return", "land"] = Field("return", description="on Ctrl-C, after holding")
     on_exit_deadline_s: float = Field(
         300.0, gt=0.0, description="wall time given to it, until the last has landed [s]"
@@ -147,6 +185,12 @@ class Simulate(_Section):
     goal_side: Side = "east"
     goal: Cells | None = Field(None, description="a cell or a zone for all; default: across, on goal_side")
     delay_step_s: float = Field(0.0, ge=0.0, description="each next vehicle starts this much later [s]")
+    arrive_within_s: float | None = Field(
+        None, gt=0.0, description="time bound: over its goal at most this long after its take-off [s]"
+    )
+    arrive_after_s: float = Field(
+        0.0, ge=0.0, description="arrival window: and not earlier than this after its take-off [s]"
+    )
 
 
 class Start(_Section):
@@ -166,17 +210,30 @@ class Vehicle(_Section):
     entry: Cell | None = Field(None, description="border cell by which it enters; default: the nearest")
     altitude_m: float | None = Field(None, gt=2.0, le=1000.0, description="above home [m]; default: flight's")
     delay_s: float = Field(0.0, ge=0.0, description="after the others [s]")
+    turn_radius_m: float = Field(
+        0.0,
+        ge=0.0,
+        description="of its turns, with flight.any_angle; 0: on the spot [m]",
+    )
+    speed_m_s: float | None = Field(
+        None, gt=0.5, le=35.0, description="what it flies over ground [m/s]; needed with a time bound"
+    )
+    arrive_within_s: float | None = Field(
+        None, gt=0.0, description="time bound: over its goal at most this long after its take-off [s]"
+    )
+    arrive_after_s: float = Field(
+        0.0, ge=0.0, description="arrival window: and not earlier than this after its take-off [s]"
+    )
 
 
 class Config(_Section):
     """A swarm and its flight."""
 
-    name: str = Field(
-        "swarm", pattern=r"^[A-Za-z0-9_.-]{1,64}$", description="names the run folder and the bus"
-    )
+    name: str = Field("swarm", pattern=SWARM_NAME, description="names the run folder and the bus")
     seed: int = Field(0, ge=0, description="of everything drawn by chance")
     area: Area
     threats: Threats
+    sensor: Sensor = Sensor()
     planner: PlannerSection = PlannerSection()
     communication: Communication = Communication()
     flight: Flight = Flight()
@@ -223,7 +280,7 @@ def _validate(data: Any, judge: Callable[[Config], Iterable[Problem]]) -> tuple[
     try:
         config = Config.model_validate(data)
     except ValidationError as error:
-        problems = _merged(_problem(dict(e)) for e in error.errors(include_url=False))
+        problems = _merged(_problem(dict(e), data) for e in error.errors(include_url=False))
         return None, problems + list(_judged_rest(data, [p.path for p in problems], judge))
     return config, list(judge(config))
 
@@ -260,39 +317,55 @@ def _merged(problems: Iterable[Problem]) -> list[Problem]:
     return [Problem(path, "; or ".join(dict.fromkeys(several))) for path, several in texts.items()]
 
 
-def _problem(error: dict[str, Any]) -> Problem:
-    path = tuple(error["loc"])
+def _problem(error: dict[str, Any], data: Any) -> Problem:
+    path = _in_file(tuple(error["loc"]), data, keep_last=error["type"] in ("missing", "extra_forbidden"))
     if error["type"] == "extra_forbidden":
-        return Problem(path, _unknown_key(path))
+        return Problem(path, _unknown_key(tuple(error["loc"])))
     text = str(error["msg"]).removeprefix("Value error, ")
     if error["type"] == "missing":
         return Problem(path, "is missing")
     found = error.get("input")
     if isinstance(found, (str, int, float, bool)) and repr(found) not in text:
         text = f"{text}, found {found!r}"
-    return Problem(tuple(p for p in path if not _is_union_tag(p)), text[:1].lower() + text[1:])
+    return Problem(path, text[:1].lower() + text[1:])
 
 
-def _is_union_tag(part: str | int) -> bool:
-    """pydantic names the member of a union it tried; a file has no such key."""
-    return isinstance(part, str) and not part.isidentifier()
+def _in_file(path: yaml_lines.Path, data: Any, *, keep_last: bool) -> yaml_lines.Path:
+    """The path without what no file has: pydantic names the member of a union it tried, too."""
+    there: list[str | int] = []
+    for i, part in enumerate(path):
+        if isinstance(data, dict):
+            keys = {str(key): key for key in data}
+            if str(part) in keys:
+                there.append(str(part))
+                data = data[keys[str(part)]]
+            elif keep_last and i == len(path) - 1:
+                there.append(part)
+        elif isinstance(data, tuple) and isinstance(part, int) and part < len(data):
+            there.append(part)
+            data = data[part]
+    return tuple(there)
 
 
 def _unknown_key(path: yaml_lines.Path) -> str:
-    model: type[BaseModel] | None = Config
+    models: list[type[BaseModel]] = [Config]
     for part in path[:-1]:
-        if model is not None and isinstance(part, str):
-            model = _model_in(model.model_fields[part].annotation)
-    known = sorted(model.model_fields) if model is not None else []
+        fields = models[0].model_fields if models else {}
+        if isinstance(part, str) and part in fields:
+            models = list(_models_in(fields[part].annotation))
+        elif isinstance(part, str):  # the member of a union that was tried
+            models = [m for m in models if m.__name__.lower() == part]
+    known = sorted(models[0].model_fields) if models else []
     close = difflib.get_close_matches(str(path[-1]), known, n=1)
     hint = f"did you mean {close[0]!r}?" if close else f"there is {', '.join(known)}"
     return f"unknown key; {hint}"
 
 
-def _model_in(annotation: Any) -> type[BaseModel] | None:
+def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    return next((m for m in map(_model_in, get_args(annotation)) if m is not None), None)
+        yield annotation
+    for part in get_args(annotation):
+        yield from _models_in(part)
 
 
 def _tupled(data: Any) -> Any:

@@ -11,6 +11,8 @@ from rich.table import Table
 from rich.text import Text
 
 from swarmctl.agent import ARRIVED, ENDED, AgentState, Phase
+from swarmctl.core.messages import VehicleAnswer
+from swarmctl.core.threat import FiringStrength
 
 OTHER_LINES = 9
 """of the screen that are not vehicles"""
@@ -51,6 +53,8 @@ class Row:
     strikes: int
     link: str
     note: str
+    weights: str = ""
+    """w, and the firing strengths if they are not those it began with; empty where nothing was changed"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +85,28 @@ def row(state: AgentState, age_s: float, note: str = "") -> Row:
         replans=state.replans,
         strikes=state.vehicle.strikes,
         link=_link(state, age_s),
-        note=note or state.outcome or state.trouble,
+        weights=_weights(state),
+        note=note or state.outcome or state.trouble or state.late,
     )
+
+
+def _weights(state: AgentState) -> str:
+    task, fs = state.task, state.strength
+    if fs != task.strength:
+        return f"{state.w:g}; {fs.direct:g}/{fs.first_neighbour:g}/{fs.second_neighbour:g}"
+    return f"{state.w:g}" if state.w != task.w else ""
+
+
+def told(w: float | None, strength: FiringStrength | None, answer: VehicleAnswer) -> str:
+    """What a vehicle made of new weights, as a line."""
+    if answer.outcome != "taken":
+        return f"{answer.name}: {'not changed' if answer.outcome == 'over' else 'unknown'}: {answer.note}"
+    parts = [] if w is None else [f"w = {w:g}"]
+    if strength is not None:
+        fs = (strength.direct, strength.first_neighbour, strength.second_neighbour)
+        parts.append("firing strengths " + ", ".join(f"{value:g}" for value in fs))
+    note = f" ({answer.note})" if answer.note else ""
+    return f"{answer.name}: {' and '.join(parts)} from plan {answer.from_plan} on{note}"
 
 
 def _progress(state: AgentState) -> float:
@@ -118,6 +142,9 @@ def table(picture: Picture, width: int, height: int) -> Group:
         ("cells\nown+heard", "right"), ("hostiles\nknown", "right"), ("replans", "right"),
         ("strikes", "right"), ("link", "left"),
     ]  # fmt: skip
+    reweighted = any(r.weights for r in picture.rows)
+    if reweighted:
+        columns.append(("new w", "left"))
     for title, justify in columns:
         grid.add_column(title, justify=justify, no_wrap=True)  # type: ignore[arg-type]
     room = max(height - OTHER_LINES, 1)
@@ -135,6 +162,7 @@ def table(picture: Picture, width: int, height: int) -> Group:
             str(r.replans),
             Text(str(r.strikes), style="red" if r.strikes else ""),
             Text(r.link, style="" if r.link == "ok" else "red"),
+            *([Text(r.weights, style="yellow")] if reweighted else []),
         )
     hidden = len(picture.rows) - len(shown)
     notes = [Text(f"and {hidden} more", style="bright_black")] if hidden else []
@@ -159,4 +187,5 @@ def line(row: Row) -> str:
         f"cells {row.cells_own}+{row.cells_heard}, hostiles {row.hostiles_known}, replans {row.replans}, "
         f"strikes {row.strikes}, link {row.link}"
     )
+    text += f", w {row.weights}" if row.weights else ""
     return f"{text} ({row.note})" if row.note else text

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from swarmctl.agent import AgentState
+from swarmctl.core import events as ev
 from swarmctl.core.messages import Message
-from swarmctl.display import Picture
+from swarmctl.display import Picture, told
 
 
 class Ui(Protocol):
@@ -54,13 +55,18 @@ class Chatter:
     names: dict[int, str]
 
     def folded(
-        self, before: AgentState, event: object, after: AgentState, effects: object, now: float
+        self, before: AgentState, event: ev.Event, after: AgentState, effects: list[ev.Effect], now: float
     ) -> None:
         if after.phase is not before.phase:
             note = f" ({after.outcome})" if after.outcome else ""
             self.ui.log(f"{after.task.name}: {before.phase} → {after.phase}{note}")
+        if after.late and not before.late:
+            self.ui.say(f"{after.task.name}: {after.late}")
         if after.lost is not before.lost:
             self.ui.say(f"{after.task.name}: " + ("link lost" if after.lost else "heard again"))
+        for effect in effects:
+            if isinstance(event, ev.WeightsChanged) and isinstance(effect, ev.Answer):
+                self.ui.say(told(event.w, event.strength, effect.answer))
 
     def sent(self, uav: int, message: Message, recipients: int, now: float) -> None:
         pass

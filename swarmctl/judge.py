@@ -6,12 +6,14 @@ import math
 from collections.abc import Iterator
 from itertools import pairwise
 
-from swarmctl.agent import Task, first_route
+from swarmctl.agent import Task, first_flight, first_route
 from swarmctl.config import Config, Problem
+from swarmctl.config_count import Binomial, Poisson, Uniform, Weights
 from swarmctl.core.geo import distance_m
 from swarmctl.core.grid import Cell, Grid
+from swarmctl.judge_bounds import judge_bounds, unmet_bound
 from swarmctl.links.url import parse_url
-from swarmctl.planners import Unreachable
+from swarmctl.planners import BoundTooTight, Route, Unreachable
 from swarmctl.scenario import (
     Scenario,
     Spec,
@@ -58,10 +60,32 @@ def _judge_flights(scenario: Scenario) -> Iterator[Problem]:
             text = f"{spec.name} would fly at {spec.altitude_m:g} m, above {MAX_ALTITUDE_M:g}; lower the step"
             yield Problem(("flight", "altitude_step_m"), text)
         try:
-            first_route(task, scenario.prior)
+            route = first_route(task, scenario.prior)
+        except BoundTooTight as error:
+            yield from unmet_bound(task, error.nearest.length_cells, here)
         except Unreachable as error:
             text = f"{task.name} cannot reach its goal: {error}; open a way in area.no_fly"
             yield Problem((*here, "goal"), text)
+        else:
+            yield from _judge_turns(scenario, task, route, (*here, "turn_radius_m"))
+
+
+def _judge_turns(scenario: Scenario, task: Task, route: Route, path: KeyPath) -> Iterator[Problem]:
+    if task.turn_radius_m == 0.0:
+        return
+    if task.any_angle is None:
+        text = "turns are planned only where routes are pulled straight; set flight.any_angle: true"
+        yield Problem(path, text)
+        return
+    side_m = max(scenario.grid.width_m, scenario.grid.height_m)
+    if task.turn_radius_m > side_m:
+        yield Problem(path, f"{task.turn_radius_m:g} m is more than the area is long, {side_m:g} m")
+        return
+    try:
+        first_flight(task, scenario.prior, route)
+    except Unreachable as error:
+        text = f"{task.name} cannot fly its first route: {error}"
+        yield Problem(path, f"{text}; give the area larger cells, or the vehicle another entry or goal")
 
 
 def _judge_apart(scenario: Scenario) -> Iterator[Problem]:
@@ -113,14 +137,30 @@ def _judge_landing(scenario: Scenario, task: Task, path: KeyPath) -> Iterator[Pr
 
 
 def _judge_threats(config: Config, grid: Grid) -> Iterator[Problem]:
-    if config.threats.count > grid.n_cells:
-        text = f"{config.threats.count} hostiles do not fit into {grid.n_cells} cells, one a cell"
-        yield Problem(("threats", "count"), text)
+    key, most = _most_hostiles(config)
+    if most > grid.n_cells:
+        text = f"{most:g} hostiles do not fit into {grid.n_cells} cells, one a cell"
+        yield Problem(("threats", "count", *key), text)
     if config.threats.hostiles != "random":
         yield from _outside(grid, config.threats.hostiles, ("threats", "hostiles"), "hostile")
         if len(set(config.threats.hostiles)) < len(config.threats.hostiles):
             yield Problem(("threats", "hostiles"), "a cell is listed twice; a cell holds one hostile")
     yield from _outside(grid, config.area.no_fly, ("area", "no_fly"), "cell")
+
+
+def _most_hostiles(config: Config) -> tuple[KeyPath, float]:
+    """The greatest number that is announced, the mean where there is no greatest; and which key says so."""
+    match config.threats.count:
+        case Poisson(mean=mean):
+            return ("mean",), mean
+        case Binomial(trials=trials):
+            return ("trials",), trials
+        case Uniform(max=greatest):
+            return ("max",), greatest
+        case Weights(weights=weights):
+            return ("weights", str(max(weights))), max(weights)
+        case n:
+            return (), n
 
 
 def _judge_vehicles(config: Config, grid: Grid) -> Iterator[Problem]:
@@ -133,6 +173,7 @@ def _judge_vehicles(config: Config, grid: Grid) -> Iterator[Problem]:
         if no_fly.issuperset(vehicle.goal):
             yield Problem((*here, "goal"), "every goal cell is in area.no_fly")
         yield from _judge_entry(config, grid, i)
+    yield from judge_bounds(config)
     yield from _judge_identities(config)
 
 

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from swarmctl.agent import Task, first_route
+from swarmctl.agent import AT_ANY_TIME, Task, first_flight, first_route
 from swarmctl.app import Report
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan
-from swarmctl.core.route import flight_plan, landing_spot
+from swarmctl.core.turns import rounded
 from swarmctl.picture import MapPicture, PlannedTrack, VehicleTrack, draw_map
 from swarmctl.planfile import plan_json
-from swarmctl.planners import Route
-from swarmctl.scenario import Scenario, Spec
+from swarmctl.planners import Method, Route, Unreachable
+from swarmctl.scenario import PAPERS, Scenario, Spec
 from swarmctl.summary import known_to_any
 
 PLAN_WEIGHTS = (0.0, 0.5, 1.0)
@@ -30,24 +31,28 @@ def write_run(folder: Path, scenario: Scenario, report: Report) -> None:
     draw_map(folder / "map.png", _flown_picture(scenario, report))
 
 
-def first_routes(scenario: Scenario) -> dict[float, tuple[Route, ...]]:
-    """All vehicles' routes before anything is observed, for each w of PLAN_WEIGHTS and the configured."""
-    weights = sorted({*PLAN_WEIGHTS, scenario.config.planner.w})
-    return {w: tuple(first_route(task, scenario.prior, w) for task in scenario.tasks) for w in weights}
+def first_routes(scenario: Scenario) -> dict[str, tuple[Route, ...]]:
+    """All vehicles' routes before anything is observed: the paper's for each w of PLAN_WEIGHTS, and the
+    configured ones."""
+    papers = Method("dijkstra", PAPERS, PAPERS.Params())
+    weighed = [replace(task, method=papers, arrival=AT_ANY_TIME) for task in scenario.tasks]
+    routes = {
+        f"w = {w:g}": tuple(first_route(task, scenario.prior, w) for task in weighed) for w in PLAN_WEIGHTS
+    }
+    routes[scenario.chosen_by] = tuple(first_route(t, scenario.prior) for t in scenario.tasks)
+    return dict(sorted(routes.items(), key=lambda item: (not item[0].startswith("w = "), item[0])))
 
 
-def write_plans(folder: Path, scenario: Scenario, routes: dict[float, tuple[Route, ...]]) -> None:
-    """The `.plan` files for the configured w, and the map of the routes for every w."""
-    for spec, task, route in zip(
-        scenario.specs, scenario.tasks, routes[scenario.config.planner.w], strict=True
-    ):
-        _write_plan(folder / f"{spec.name}.plan", scenario, spec, _first_plan(task, route))
+def write_plans(folder: Path, scenario: Scenario, routes: dict[str, tuple[Route, ...]]) -> None:
+    """The `.plan` files for the configured choice, and the map of all routes."""
+    for spec, task, route in zip(scenario.specs, scenario.tasks, routes[scenario.chosen_by], strict=True):
+        _write_plan(folder / f"{spec.name}.plan", scenario, spec, first_flight(task, scenario.prior, route))
     tracks = [
         VehicleTrack(
             name=spec.name,
             start=spec.start,
             goal_cells=spec.goals,
-            planned=[PlannedTrack(f"w = {w:g}", _track(spec, task, routes[w][i])) for w in routes],
+            planned=[PlannedTrack(name, _track(scenario, spec, task, routes[name][i])) for name in routes],
         )
         for i, (spec, task) in enumerate(zip(scenario.specs, scenario.tasks, strict=True))
     ]
@@ -58,19 +63,21 @@ def write_plans(folder: Path, scenario: Scenario, routes: dict[float, tuple[Rout
         no_fly=frozenset(scenario.config.area.no_fly),
         tracks=tracks,
         title=f"{scenario.config.name}: first routes",
-        subtitle=_facts(scenario, weights=routes),
+        subtitle=_facts(scenario, ", ".join(routes)),
     )
     draw_map(folder / "map.png", picture)
 
 
-def _first_plan(task: Task, route: Route) -> FlightPlan:
-    spot = landing_spot(task.grid, route.cells[-1], task.landing_index, task.landing_count)
-    return flight_plan(task.grid, route.cells, altitude_m=task.altitude_m, landing_lat_lon=spot)
-
-
-def _track(spec: Spec, task: Task, route: Route) -> list[LatLon]:
-    plan = _first_plan(task, route)
-    return [spec.start, *_points(plan)]
+def _track(scenario: Scenario, spec: Spec, task: Task, route: Route) -> list[LatLon]:
+    try:
+        points = [spec.start, *_points(first_flight(task, scenario.prior, route))]
+    except Unreachable:  # too tight for this vehicle: what it would have to fly if it could
+        return [spec.start, *map(task.grid.centre, route.cells)]
+    if task.turn_radius_m == 0.0:
+        return points
+    frame = task.grid.frame
+    flown, _ = rounded([frame.to_local(*point) for point in points[1:-1]], task.turn_radius_m)
+    return [points[0], *(frame.to_geodetic(*point) for point in flown), points[-1]]
 
 
 def _points(plan: FlightPlan) -> list[LatLon]:
@@ -80,8 +87,7 @@ def _points(plan: FlightPlan) -> list[LatLon]:
 def _write_plan(path: Path, scenario: Scenario, spec: Spec, plan: FlightPlan) -> None:
     simulate = scenario.config.simulate
     home_alt_m = simulate.home_alt_amsl_m if simulate is not None and spec.simulated else 0.0
-    speed_m_s = simulate.speed_m_s if simulate is not None and spec.simulated else 10.0
-    path.write_text(plan_json(plan, spec.start, home_alt_m, speed_m_s), encoding="utf-8")
+    path.write_text(plan_json(plan, spec.start, home_alt_m, spec.speed_m_s), encoding="utf-8")
 
 
 def _flown_picture(scenario: Scenario, report: Report) -> MapPicture:
@@ -111,13 +117,13 @@ def _flown_picture(scenario: Scenario, report: Report) -> MapPicture:
     )
 
 
-def _facts(scenario: Scenario, weights: Any = None) -> str:
+def _facts(scenario: Scenario, routes: str = "") -> str:
     config = scenario.config
     n = len(scenario.specs)
-    w = config.planner.w if weights is None else ", ".join(f"{w:g}" for w in weights)
+    routes = routes or ", ".join(dict.fromkeys((config.planner.name, scenario.chosen_by)))
     return (
-        f"{n} vehicle{'s' if n != 1 else ''} · {len(scenario.hostiles)} hostiles · "
-        f"{config.planner.name}, w = {w} · seed {config.seed}"
+        f"{n} vehicle{'s' if n != 1 else ''} · {len(scenario.hostiles)} hostiles · {routes} · "
+        f"seed {config.seed}"
     )
 
 

@@ -9,6 +9,8 @@ import socket
 from collections.abc import Iterator
 from pathlib import Path
 
+from swarmctl.bus.endpoint import parse_endpoint
+from swarmctl.config import Communication
 from swarmctl.links.url import Endpoint, parse_url
 from swarmctl.scenario import Scenario
 
@@ -22,6 +24,7 @@ def troubles(scenario: Scenario, runs: Path) -> Iterator[str]:
     with contextlib.ExitStack() as held:
         for endpoint, name in endpoints.items():
             yield from _endpoint_trouble(endpoint, name, held)
+        yield from _listen_trouble(scenario.config.communication, held)
     yield from _folder_trouble(runs)
 
 
@@ -44,6 +47,25 @@ def _endpoint_trouble(endpoint: Endpoint, name: str, held: contextlib.ExitStack)
             socket.getaddrinfo(endpoint.host, endpoint.port)
         except OSError as error:
             yield f"{name}: {endpoint}: the host is unknown: {error.strerror or error}"
+
+
+def _listen_trouble(communication: Communication, held: contextlib.ExitStack) -> Iterator[str]:
+    if communication.bus != "zenoh" or communication.listen == "none":
+        return
+    endpoint = parse_endpoint(communication.listen)
+    probe = held.enter_context(contextlib.closing(_stream_socket(endpoint.host)))
+    try:
+        probe.bind((endpoint.host, endpoint.port))
+    except OSError as error:
+        taken = f"port {endpoint.port} is taken; stop who has it, or give another: 0 is any free one"
+        cure = f"{error.strerror or error}; is it an address of this machine?"
+        yield f"communication.listen: {endpoint}: {taken if error.errno == errno.EADDRINUSE else cure}"
+
+
+def _stream_socket(host: str) -> socket.socket:
+    made = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_STREAM)
+    made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as a server does
+    return made
 
 
 def _cure(endpoint: Endpoint, error: OSError) -> str:

@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 from swarmctl import agent
 from swarmctl.agent import AgentState, Task
+from swarmctl.bus.desk import Desk
 from swarmctl.bus.network import Network
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
@@ -72,6 +73,7 @@ class Runner:
         network: Network,
         observers: tuple[Observer, ...],
         *,
+        desk: Desk | None = None,
         offload: bool = False,
     ) -> None:
         self.state = agent.begin(task, prior)
@@ -83,11 +85,14 @@ class Runner:
         self._sensor = sensor
         self._network = network
         self._observers = observers
+        self._desk = desk
         self._offload = offload
         self._inbox: deque[ev.Event] = deque()
         self._wake = asyncio.Event()
         self._job: asyncio.Task[None] | None = None
         network.join(task.uav, lambda message: self.post(ev.Heard(message)))
+        if desk is not None:
+            desk.join(task.uav, task.name, self.post)
 
     def post(self, event: ev.Event) -> None:
         """Hand over an event; it is folded in its turn."""
@@ -158,6 +163,9 @@ class Runner:
             case ev.Release():
                 if self._job is not None:
                     self._job.cancel()
+            case ev.Answer(command, answer):
+                if self._desk is not None:
+                    self._desk.answered(command, answer)
 
     def _start(self, work: Coroutine[Any, Any, None], jobs: asyncio.TaskGroup) -> None:
         """One job at a time; an order ends whatever runs, and the agent swaps only when nothing does."""

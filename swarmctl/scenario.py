@@ -3,20 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
 
-from swarmctl.agent import Task
+from swarmctl.agent import Arrival, Task
 from swarmctl.config import Config, Side
+from swarmctl.config_count import Binomial, Poisson, Uniform, Weights
 from swarmctl.core.belief import Belief
+from swarmctl.core.chance import Chance, chance_of_getting_through
 from swarmctl.core.events import Order
 from swarmctl.core.exposure import prior_inner_exposure
 from swarmctl.core.geo import LatLon, distance_m
 from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.hostiles import HostileCount
+from swarmctl.core.sensor import SensorModel
 from swarmctl.core.threat import FiringStrength
 from swarmctl.planners import PLANNERS, method
+
+PAPERS = PLANNERS["dijkstra"]
+"""the paper's planner, beside which every other is shown"""
+
+DEFAULT_SPEED_M_S = 10.0
+"""what a vehicle is taken to fly where nobody says: ArduCopter's WPNAV_SPEED as it comes"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +44,18 @@ class Spec:
     goals: tuple[Cell, ...]
     altitude_m: float
     delay_s: float
+    speed_m_s: float = DEFAULT_SPEED_M_S
+    arrive_after_s: float = 0.0
+    arrive_within_s: float = math.inf
+    """infinite where it may take as long as it likes"""
+    turn_radius_m: float = 0.0
+
+
+class Purpose(IntEnum):
+    """What chance is drawn for."""
+
+    SENSOR = 1
+    CHANCE = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,10 +70,23 @@ class Scenario:
     psi_per_cell: float
     specs: tuple[Spec, ...]
     tasks: tuple[Task, ...]
+    prior: Belief
+    """what every vehicle believes before it takes off"""
 
     @property
-    def prior(self) -> Belief:
-        return Belief.prior(self.grid.rows, self.grid.cols, self.config.threats.count)
+    def chosen_by(self) -> str:
+        """What chooses the routes: w, where it is the paper's planner, or the name of another."""
+        planner = self.config.planner
+        return f"w = {planner.w:g}" if PLANNERS[planner.name] is PAPERS else planner.name
+
+    def generator(self, purpose: Purpose, uav: int) -> np.random.Generator:
+        """A vehicle's own source of chance, spawned from the run's seed; the same again at each call."""
+        return np.random.default_rng(np.random.SeedSequence(self.config.seed, spawn_key=(purpose, uav)))
+
+    def chance(self, uav: int, belief: Belief, strength: FiringStrength, cells: Sequence[Cell]) -> Chance:
+        """The chance that a vehicle gets through on a route, by simulation over what is believed; equal
+        questions get equal answers."""
+        return chance_of_getting_through(belief, strength, cells, self.generator(Purpose.CHANCE, uav))
 
 
 def build(config: Config) -> Scenario:
@@ -59,12 +95,15 @@ def build(config: Config) -> Scenario:
     s = config.threats.firing_strength
     strength = FiringStrength(s.direct, s.first_neighbour, s.second_neighbour)
     specs = tuple(_simulated(config, grid)) + tuple(_configured(config, grid))
+    count = count_of(config)
     psi = config.planner.psi_per_cell or (
         # Without any threat every ψ gives the same routes.
-        prior_inner_exposure(grid.rows, grid.cols, config.threats.count, strength) or 1.0
+        prior_inner_exposure(grid.rows, grid.cols, count.mean, strength) or 1.0
     )
     tasks = tuple(_tasks(config, grid, strength, psi, specs))
-    return Scenario(config, grid, strength, _hostiles(config), psi, specs, tasks)
+    sensor = SensorModel(config.sensor.p_miss, config.sensor.p_false_alarm)
+    prior = Belief.prior(grid.rows, grid.cols, count, sensor)
+    return Scenario(config, grid, strength, _hostiles(config, count), psi, specs, tasks, prior)
 
 
 def grid_of(config: Config) -> Grid:
@@ -72,12 +111,27 @@ def grid_of(config: Config) -> Grid:
     return Grid(a.rows, a.cols, a.cell_size_m, a.origin_lat_deg, a.origin_lon_deg)
 
 
-def _hostiles(config: Config) -> frozenset[Cell]:
+def count_of(config: Config) -> HostileCount:
+    """How many hostiles the UAVs are told there are."""
+    match config.threats.count:
+        case Poisson(mean=mean):
+            return HostileCount.poisson(mean, config.area.rows * config.area.cols)
+        case Binomial(trials=trials, p=p):
+            return HostileCount.binomial(trials, p)
+        case Uniform(min=least, max=greatest):
+            return HostileCount.uniform(least, greatest)
+        case Weights(weights=weights):
+            return HostileCount.weighted(weights)
+        case n:
+            return HostileCount.known(n)
+
+
+def _hostiles(config: Config, count: HostileCount) -> frozenset[Cell]:
     if config.threats.hostiles != "random":
         return frozenset(config.threats.hostiles)
     rows, cols = config.area.rows, config.area.cols
     rng = np.random.default_rng(config.seed)
-    drawn = rng.choice(rows * cols, size=config.threats.count, replace=False)
+    drawn = rng.choice(rows * cols, size=count.draw(rng), replace=False)
     return frozenset((int(i) // cols, int(i) % cols) for i in drawn)
 
 
@@ -119,6 +173,9 @@ def _simulated(config: Config, grid: Grid) -> Iterator[Spec]:
             goals=simulated_goals(config, grid, i),
             altitude_m=config.flight.altitude_m + i * config.flight.altitude_step_m,
             delay_s=i * simulate.delay_step_s,
+            speed_m_s=simulate.speed_m_s,
+            arrive_after_s=simulate.arrive_after_s,
+            arrive_within_s=math.inf if simulate.arrive_within_s is None else simulate.arrive_within_s,
         )
 
 
@@ -178,6 +235,10 @@ def _configured(config: Config, grid: Grid) -> Iterator[Spec]:
             goals=vehicle.goal,
             altitude_m=vehicle.altitude_m or default_m,
             delay_s=vehicle.delay_s,
+            speed_m_s=DEFAULT_SPEED_M_S if vehicle.speed_m_s is None else vehicle.speed_m_s,
+            arrive_after_s=vehicle.arrive_after_s,
+            arrive_within_s=math.inf if vehicle.arrive_within_s is None else vehicle.arrive_within_s,
+            turn_radius_m=vehicle.turn_radius_m,
         )
 
 
@@ -202,13 +263,21 @@ def _tasks(
             goals=tuple(g for g in spec.goals if g not in no_fly),
             altitude_m=spec.altitude_m,
             method=chosen,
+            arrival=_arrival(grid, spec),
             max_exposure=math.inf if planner.max_exposure is None else planner.max_exposure,
             no_fly=no_fly,
             landing_index=sharing.index(index),
             landing_count=len(sharing),
+            any_angle=config.flight.any_angle_exposure if config.flight.any_angle else None,
+            turn_radius_m=spec.turn_radius_m,
             # A vehicle given up comes down in any case: nobody is there to end a hold.
             fallback=Order.LAND if config.flight.on_exit == "land" else Order.RETURN,
         )
+
+
+def _arrival(grid: Grid, spec: Spec) -> Arrival:
+    approach_m = distance_m(spec.start, grid.centre(spec.entry))
+    return Arrival(spec.speed_m_s, spec.arrive_after_s, spec.arrive_within_s, approach_m)
 
 
 def _sharing(specs: tuple[Spec, ...], index: int) -> list[int]:

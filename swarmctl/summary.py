@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import platform
 from collections import defaultdict
-from dataclasses import dataclass, field
-from functools import reduce
+from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from typing import Any
 
@@ -15,10 +15,22 @@ from numpy.typing import NDArray
 from swarmctl import __version__
 from swarmctl.agent import ARRIVED, AgentState
 from swarmctl.core import events as ev
-from swarmctl.core.belief import OCCUPIED
+from swarmctl.core.belief import Belief
+from swarmctl.core.chance import chance_among
 from swarmctl.core.geo import LatLon
 from swarmctl.core.messages import Message, ObservationShared
+from swarmctl.core.threat import FiringStrength
+from swarmctl.planners import Route
 from swarmctl.scenario import Scenario
+
+
+@dataclass(frozen=True, slots=True)
+class Prospect:
+    """A route, and what was believed when it was taken."""
+
+    route: ev.SwapMission
+    belief: Belief
+    strength: FiringStrength
 
 
 @dataclass(slots=True)
@@ -33,6 +45,10 @@ class VehicleLedger:
     took_off_s: float | None = None
     last_s: float | None = None
     """by the vehicle's own clock"""
+    prospect: Prospect | None = None
+    """of the route it took off with"""
+    weights: list[tuple[float | None, int, float, FiringStrength]] = field(default_factory=list)
+    """each change: its flight time then, the first plan made with them, and what they were from then on"""
 
     @property
     def flight_time_s(self) -> float | None:
@@ -65,6 +81,10 @@ class Ledger:
             case _:
                 pass
         for effect in effects:
+            if isinstance(effect, ev.Answer) and effect.answer.from_plan is not None:
+                vehicle.weights.append(
+                    (vehicle.flight_time_s, effect.answer.from_plan, after.w, after.strength)
+                )
             if isinstance(effect, ev.Publish) and isinstance(effect.message, ObservationShared):
                 observation = effect.message.observation
                 self._observed_s[observation.observer, observation.seq] = now
@@ -84,6 +104,8 @@ class Ledger:
         vehicle.strikes += [here] * (state.strikes - before.vehicle.strikes)
         if vehicle.took_off_s is None:
             vehicle.took_off_s = state.time_boot_s
+            if after.route is not None:
+                vehicle.prospect = Prospect(after.route, after.belief, after.strength)
         vehicle.last_s = state.time_boot_s
 
     def _accepted(self, vehicle: VehicleLedger, swap: ev.SwapMission, now: float) -> None:
@@ -117,9 +139,16 @@ def _quantiles(
 
 
 def summary(
-    scenario: Scenario, states: dict[int, AgentState], ledger: Ledger, *, clock: str, wall_s: float | None
+    scenario: Scenario,
+    states: dict[int, AgentState],
+    ledger: Ledger,
+    *,
+    clock: str,
+    wall_s: float | None,
+    commands: dict[str, int],
 ) -> dict[str, Any]:
     """The content of `summary.json`."""
+    together = _belief_of_all(scenario, states)
     return {
         "name": scenario.config.name,
         "seed": scenario.config.seed,
@@ -128,14 +157,16 @@ def summary(
         "versions": _versions(),
         "arrived": sum(s.outcome == ARRIVED for s in states.values()),
         "hostiles": {
-            "announced": scenario.config.threats.count,
+            "announced": scenario.config.model_dump(mode="json")["threats"]["count"],
             "true": len(scenario.hostiles),
-            "found": int(np.count_nonzero(known_to_any(scenario, states) == OCCUPIED)),
+            "found": together.n_found,
+            "expected": float(together.occupancy().sum()),
             "announced_count_was_too_low": any(s.belief.announced_too_low for s in states.values()),
         },
         "psi_per_cell": scenario.psi_per_cell,
         "latency_clock": "simulated seconds" if clock == "virtual" else "wall seconds",
         "latency": ledger.latencies(),
+        "operator_commands": commands,
         "vehicles": [_vehicle(scenario, states[t.uav], ledger) for t in scenario.tasks],
         "configuration": scenario.config.model_dump(mode="json"),
         "resolved": {
@@ -146,8 +177,14 @@ def summary(
 
 
 def known_to_any(scenario: Scenario, states: dict[int, AgentState]) -> NDArray[np.int8]:
-    """What any vehicle knew: beliefs merge by union, and UNKNOWN < CLEAR < OCCUPIED."""
-    return reduce(np.maximum, (s.belief.known for s in states.values()), scenario.prior.known)
+    """What all vehicles together knew."""
+    return _belief_of_all(scenario, states).known
+
+
+def _belief_of_all(scenario: Scenario, states: dict[int, AgentState]) -> Belief:
+    """Of two contents under one name, the first counts."""
+    told = {(o.observer, o.seq): o for s in reversed(states.values()) for o in s.belief.observations()}
+    return scenario.prior.merge(told.values())
 
 
 def _vehicle(scenario: Scenario, state: AgentState, ledger: Ledger) -> dict[str, Any]:
@@ -160,14 +197,22 @@ def _vehicle(scenario: Scenario, state: AgentState, ledger: Ledger) -> dict[str,
         "trouble": state.trouble,
         "phase": state.phase,
         "flight_time_s": mine.flight_time_s,
+        **_arrival(state),
         "flown_m": state.flown_m,
+        "at_takeoff": None if mine.prospect is None else _prospect(scenario, task.uav, mine.prospect),
+        "chance_among_true_hostiles": _chance_among_true(scenario, state),
         "exposure_sum_at_decisions": state.flown_exposure,
         "safety_factor_at_decisions": state.flown_safety,
         "cells_entered": len(state.flown_cells),
         "no_fly_cells_entered": state.no_fly_entered,
         "strikes": state.vehicle.strikes,
         "searches": state.searches,
+        "last_plan": None if state.planned is None else _plan(state.planned),
         "replans": state.replans,
+        "weights": [
+            _weights(None, 1, task.w, task.strength),
+            *(_weights(*change) for change in mine.weights),
+        ],
         "messages_sent": mine.messages_sent,
         "communication_penalty": scenario.config.communication.penalty_per_m * state.flown_m,
         "latency": ledger.latencies(task.uav),
@@ -175,6 +220,72 @@ def _vehicle(scenario: Scenario, state: AgentState, ledger: Ledger) -> dict[str,
         "cells_heard": state.belief.n_observed - own,
         "hostiles_known": state.belief.n_found,
         "battery_percent": state.vehicle.battery_percent,
+    }
+
+
+def _arrival(state: AgentState) -> dict[str, Any]:
+    """The bound and how it was met; times from the take-off, by the vehicle's own clock."""
+    arrival, arrived_s = state.task.arrival, None
+    if state.arrived_boot_s is not None and state.launched_boot_s is not None:
+        arrived_s = state.arrived_boot_s - state.launched_boot_s
+    kept = arrived_s is not None and arrival.after_s <= arrived_s <= arrival.within_s
+    return {
+        "arrived_s": arrived_s,
+        "arrive_after_s": arrival.after_s,
+        "arrive_within_s": _finite(arrival.within_s),
+        "arrival_bound_kept": kept if arrival.is_bounded else None,
+    }
+
+
+def _prospect(scenario: Scenario, uav: int, prospect: Prospect) -> dict[str, Any]:
+    """What the route it took off with promised, by what was believed then: three numbers that differ."""
+    route = prospect.route
+    entered = route.cells if route.track is None else route.track.over
+    chance = scenario.chance(uav, prospect.belief, prospect.strength, entered)
+    return {
+        "length_m": route.length_m,
+        "exposure_sum": route.exposure_sum,
+        "safety_factor": route.safety_factor,
+        "chance_by_simulation": {
+            "estimate": chance.estimate,
+            "low_95": chance.low,
+            "high_95": chance.high,
+            "worlds": chance.n_worlds,
+        },
+    }
+
+
+def _chance_among_true(scenario: Scenario, state: AgentState) -> float | None:
+    """Of surviving the cells it entered, by where the hostiles truly are: exact; the strikes are one draw."""
+    if not state.flown_cells:
+        return None
+    shape = (scenario.grid.rows, scenario.grid.cols)
+    return chance_among(scenario.hostiles, scenario.strength, state.flown_cells, shape)
+
+
+def _plan(route: Route) -> dict[str, Any]:
+    """What the planner looked at for its last answer, and how good it has proven that to be."""
+    return {
+        "cost": _finite(route.cost),
+        "lower_bound": None if route.lower_bound is None else _finite(route.lower_bound),
+        "searched": [asdict(searched) for searched in route.searched],
+    }
+
+
+def _finite(number: float) -> float | None:
+    """JSON has no infinity."""
+    return number if math.isfinite(number) else None
+
+
+def _weights(
+    flight_time_s: float | None, from_plan: int, w: float, strength: FiringStrength
+) -> dict[str, Any]:
+    """What it planned with, from a plan on; `flight_time_s` is None before its take-off."""
+    return {
+        "flight_time_s": flight_time_s,
+        "from_plan": from_plan,
+        "w": w,
+        "firing_strength": asdict(strength),
     }
 
 

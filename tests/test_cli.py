@@ -85,7 +85,7 @@ def test_plan_shows_three_weights_and_leaves_missions_and_a_map(tmp_path: Path) 
     ]
     assert len(rows) == 15
     for shortest, _, safest in zip(rows[0::3], rows[1::3], rows[2::3], strict=True):
-        length, exposure = -3, -2
+        length, exposure = -5, -4
         assert float(shortest[length]) <= float(safest[length])
         assert float(shortest[exposure]) >= float(safest[exposure])
     assert json.loads((folder / "uav3.plan").read_text())["mission"]["items"][0]["command"] == 22

@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
 import pytest
 from flights import small
 
@@ -14,6 +15,7 @@ from swarmctl.bus.network import Network
 from swarmctl.clock import run_virtual
 from swarmctl.core import events as ev
 from swarmctl.core.mission import FlightPlan, MissionItem
+from swarmctl.core.sensor import PERFECT
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.director import Director, Member, PreflightFailed
 from swarmctl.links.base import (
@@ -140,7 +142,7 @@ class Ground:
             self.fails.get(spec.sysid),
         )
         self.links.append(link)
-        sensor = Footprint(self.scenario.grid, self.scenario.hostiles)
+        sensor = Footprint(self.scenario.grid, self.scenario.hostiles, PERFECT, np.random.default_rng(0))
         return Member(
             spec, Runner(self.scenario.tasks[index], self.scenario.prior, link, sensor, network, ())
         )
@@ -201,7 +203,7 @@ def test_a_launch_that_nobody_allowed_is_a_bug_not_a_take_off() -> None:
             scenario.tasks[0],
             scenario.prior,
             link,
-            Footprint(scenario.grid, frozenset()),
+            Footprint(scenario.grid, frozenset(), PERFECT, np.random.default_rng(0)),
             Network(MemoryBus(), "test", None),
             (),
         )

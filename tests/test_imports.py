@@ -23,23 +23,32 @@ MAY_IMPORT: dict[str, set[str]] = {
     "swarmctl.yaml_lines": set(),
     "swarmctl.planfile": {"swarmctl.core"},
     "swarmctl.agent": {"swarmctl.core", "swarmctl.planners"},
+    "swarmctl.config_base": set(),
+    "swarmctl.config_count": {"swarmctl.config_base"},
     "swarmctl.config": {
+        "swarmctl.config_base", "swarmctl.config_count",
         "swarmctl.core", "swarmctl.planners", "swarmctl.links.url", "swarmctl.yaml_lines",
+        "swarmctl.bus.endpoint", "swarmctl.bus.keys",
     },
     "swarmctl.scenario": {
+        "swarmctl.config_count",
         "swarmctl.core", "swarmctl.planners", "swarmctl.links.url", "swarmctl.yaml_lines", "swarmctl.config",
         "swarmctl.agent",
     },
     "swarmctl.judge": {
+        "swarmctl.config_count",
         "swarmctl.core", "swarmctl.planners", "swarmctl.links.url", "swarmctl.yaml_lines", "swarmctl.config",
-        "swarmctl.agent", "swarmctl.scenario",
+        "swarmctl.agent", "swarmctl.scenario", "swarmctl.judge_bounds",
+    },
+    "swarmctl.judge_bounds": {
+        "swarmctl.planners", "swarmctl.yaml_lines", "swarmctl.config", "swarmctl.agent",
     },
     "swarmctl.runner": {
         "swarmctl.core", "swarmctl.agent", "swarmctl.bus", "swarmctl.links", "swarmctl.supervise",
     },
     "swarmctl.record": {"swarmctl.core", "swarmctl.agent", "swarmctl.config", "swarmctl.scenario"},
-    "swarmctl.summary": {"swarmctl.core", "swarmctl.agent", "swarmctl.scenario"},
-    "swarmctl.display": {"swarmctl.agent"},
+    "swarmctl.summary": {"swarmctl.core", "swarmctl.planners", "swarmctl.agent", "swarmctl.scenario"},
+    "swarmctl.display": {"swarmctl.core", "swarmctl.agent"},
     "swarmctl.director": {
         "swarmctl.core", "swarmctl.agent", "swarmctl.config", "swarmctl.links", "swarmctl.runner",
         "swarmctl.scenario", "swarmctl.supervise",
@@ -48,7 +57,9 @@ MAY_IMPORT: dict[str, set[str]] = {
     "swarmctl.virtual": {
         "swarmctl.links", "swarmctl.scenario", "swarmctl.simulator", "swarmctl.supervise", "sim_vehicle",
     },
-    "swarmctl.preflight": {"swarmctl.links.url", "swarmctl.scenario"},
+    "swarmctl.preflight": {
+        "swarmctl.links.url", "swarmctl.scenario", "swarmctl.config", "swarmctl.bus.endpoint",
+    },
     "swarmctl.app": {
         "swarmctl.core", "swarmctl.planners", "swarmctl.sensors", "swarmctl.links", "swarmctl.bus",
         "swarmctl.agent", "swarmctl.runner", "swarmctl.director", "swarmctl.display", "swarmctl.face",
@@ -60,8 +71,12 @@ MAY_IMPORT: dict[str, set[str]] = {
         "swarmctl.core", "swarmctl.planners", "swarmctl.agent", "swarmctl.app", "swarmctl.picture",
         "swarmctl.planfile", "swarmctl.scenario", "swarmctl.summary",
     },
+    "swarmctl.front_report": {
+        "swarmctl.core", "swarmctl.planners", "swarmctl.agent", "swarmctl.picture", "swarmctl.scenario",
+    },
     "swarmctl.face": {"swarmctl.core", "swarmctl.agent", "swarmctl.display"},
     "swarmctl.terminal": {"swarmctl.agent", "swarmctl.display", "swarmctl.face"},
+    "swarmctl.operate": {"swarmctl.core", "swarmctl.bus", "swarmctl.config"},
     "swarmctl.cli": {"swarmctl"},
     "swarmctl.entry": {"swarmctl.cli"},
     "sim_vehicle": set(),

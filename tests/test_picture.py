@@ -144,6 +144,16 @@ def test_the_key_names_every_vehicle_and_only_what_is_on_the_map() -> None:
     assert "and 11 more" in said(picture(n_vehicles=40))
 
 
+def test_a_cell_wrongly_taken_for_a_hostile_is_outlined_and_in_the_key() -> None:
+    shown = picture()
+    known = shown.known.copy()
+    known[3, 3] = OCCUPIED
+    mistaken = figure_of(dataclasses.replace(shown, known=known))
+    said = {text.get_text() for key in mistaken.axes[1:] for text in texts_of(key)}
+    assert {"hostile, found (1)", "hostile, not found (1)", "false alarm believed (1)"} <= said
+    assert len(mistaken.axes[0].patches) == len(figure_of(shown).axes[0].patches) + 1
+
+
 def test_the_flown_track_runs_over_the_cells_it_covered(tmp_path: Path) -> None:
     shown = picture(n_vehicles=1)
     draw_map(tmp_path / "map.png", shown)

@@ -4,16 +4,19 @@ Nothing here waits, reads a clock or talks to anybody. New information only mark
 `Tick` plans once with all of it, and a changed plan becomes one `SwapMission`, of which at most one is under
 way. Whatever happens meanwhile waits for its end, and the newest belief wins.
 
-state: what an agent has to do and knows; step: one handler an event; decide: the planning. Imports core and
-planners.
+state: what an agent has to do and knows; step: one handler an event; decide: the planning; realise: from a
+route to what is flown; bounds: from a time bound to a length. Imports core and planners.
 """
 
-from swarmctl.agent.decide import first_route
+from swarmctl.agent.bounds import AT_ANY_TIME, CLIMB_M_S, Arrival, before_takeoff
+from swarmctl.agent.decide import first_flight, first_problem, first_route
 from swarmctl.agent.state import ARRIVED, ENDED, IN_FLIGHT, ON_GROUND, AgentState, Phase, Task, begin
 from swarmctl.agent.step import MAX_FAILED_SWAPS, RETRY_AFTER_S, STALE_MODE_S, step, wants_tick
 
 __all__ = [
     "ARRIVED",
+    "AT_ANY_TIME",
+    "CLIMB_M_S",
     "ENDED",
     "IN_FLIGHT",
     "MAX_FAILED_SWAPS",
@@ -21,9 +24,13 @@ __all__ = [
     "RETRY_AFTER_S",
     "STALE_MODE_S",
     "AgentState",
+    "Arrival",
     "Phase",
     "Task",
+    "before_takeoff",
     "begin",
+    "first_flight",
+    "first_problem",
     "first_route",
     "step",
     "wants_tick",

@@ -8,62 +8,168 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmctl.agent.bounds import Underway, Window, before_takeoff, change_cells, turns_cells, window
+from swarmctl.agent.realise import index_abreast, pulled, realised, track_holds
 from swarmctl.agent.state import AgentState, Phase, Task
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
-from swarmctl.core.exposure import exposure
+from swarmctl.core.exposure import exposure, length_cells
+from swarmctl.core.geo import LatLon, distance_m
 from swarmctl.core.grid import Cell
 from swarmctl.core.mission import FlightPlan
-from swarmctl.core.route import flight_plan, landing_spot
-from swarmctl.planners.base import Problem, Route
+from swarmctl.core.threat import FiringStrength
+from swarmctl.planners.base import BoundTooTight, Problem, Route, is_open
 
 BETTER_BY = 1e-9
 """A new route must beat the one being flown by this share of its cost: rounding alone swaps no mission."""
+
+HALF_CELL = 0.5
+"""A vehicle is over its goal cell by so much before the centre, to which lengths are counted [cells]."""
 
 _STEPS = {(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1)}
 
 
 def decide(state: AgentState) -> tuple[AgentState, list[ev.Effect]]:
     """Plan with all that is known; change the mission if that brings something."""
+    p_s = believed_exposure(state.task, state.belief, state.strength)
+    return _decide_from(state, p_s, _planning_start(state))
+
+
+def _decide_from(
+    state: AgentState, p_s: NDArray[np.float64], start: Cell
+) -> tuple[AgentState, list[ev.Effect]]:
     task = state.task
-    p_s = believed_exposure(task, state.belief)
-    start = _planning_start(state)
-    problem = _problem(task, p_s, start, task.w)
-    route = task.method.plan(problem)
     ahead = _cells_ahead(state, start)
-    state = replace(state, exposure=p_s, searches=state.searches + 1, dirty=False)
-    if ahead is not None and task.method.measure(problem, ahead) <= route.cost * (1.0 + BETTER_BY):
-        return replace(state, because=()), []
+    underway = _underway(state, start, ahead)
+    problem = _problem(task, p_s, start, state.w, underway)
+    change = change_cells(task.arrival, task.grid.cell_size_m) if state.phase is Phase.FLYING else 0.0
+    try:
+        route = _route_in_time(task, problem, underway, change)
+    except BoundTooTight as error:
+        route = error.nearest  # a vehicle that is late is not stopped for it
+    keeps = ahead is not None and _is_no_worse(task, problem, ahead, route, change)
+    keeps = keeps and track_holds(state, p_s, start)
+    if not keeps and state.cell not in (None, start) and _is_on_track(state):
+        # So far the route was looked at from abreast of the vehicle; a new one begins at the vehicle.
+        return _decide_from(replace(state, searches=state.searches + 1), p_s, state.cell)
+    length = length_cells(ahead) if ahead is not None and keeps else route.length_cells
+    late = _late(state, problem, underway, length)
+    state = replace(state, exposure=p_s, searches=state.searches + 1, dirty=False, planned=route, late=late)
+    if keeps:
+        return replace(state, held=p_s, because=()), []
+    track = pulled(task, problem, route)
+    flown = route if track is None else track
     swap = ev.SwapMission(
         plan_id=state.next_plan_id,
-        plan=_flight_plan(state, route.cells, p_s),
+        plan=realised(task, p_s, route, track, _position(state)),
         cells=route.cells,
         because=state.because,
         cost=route.cost,
-        exposure_sum=route.exposure_sum,
-        safety_factor=route.safety_factor,
-        length_m=route.length_cells * task.grid.cell_size_m,
+        exposure_sum=flown.exposure_sum,
+        safety_factor=flown.safety_factor,
+        length_m=flown.length_cells * task.grid.cell_size_m,
+        track=track,
     )
     return replace(state, pending=swap, because=(), next_plan_id=state.next_plan_id + 1), [swap]
 
 
-def believed_exposure(task: Task, belief: Belief) -> NDArray[np.float64]:
+def believed_exposure(task: Task, belief: Belief, strength: FiringStrength) -> NDArray[np.float64]:
     """P_s (rows, cols), Eq. 3 over Eq. 4; infinite where flying is forbidden."""
-    p_s = exposure(belief.occupancy(), task.strength)
+    p_s = exposure(belief.occupancy(), strength)
     for cell in task.no_fly:
         p_s[cell] = math.inf
     return p_s
 
 
 def first_route(task: Task, belief: Belief, w: float | None = None) -> Route:
-    """The route from the entry cell, as planned before anything is flown."""
-    p_s = believed_exposure(task, belief)
-    w = task.w if w is None else w
-    return task.method.plan(_problem(task, p_s, task.entry, w))
+    """The route from the entry cell, as planned before anything is flown. Raises Unreachable; BoundTooTight
+    where no route meets the task's bound, whatever is kept free for turns."""
+    underway = before_takeoff(task.arrival, task.altitude_m)
+    return _route_in_time(task, first_problem(task, belief, w), underway, 0.0)
 
 
-def _problem(task: Task, p_s: NDArray[np.float64], start: Cell, w: float) -> Problem:
-    return Problem(p_s, start, task.goals, w, task.psi_per_cell, max_exposure=task.max_exposure)
+def first_problem(task: Task, belief: Belief, w: float | None = None) -> Problem:
+    """What a planner is asked before anything is flown."""
+    p_s = believed_exposure(task, belief, task.strength)
+    underway = before_takeoff(task.arrival, task.altitude_m)
+    return _problem(task, p_s, task.entry, task.w if w is None else w, underway)
+
+
+def first_flight(task: Task, belief: Belief, route: Route, w: float | None = None) -> FlightPlan:
+    """The mission for a route from the entry cell. Raises Unreachable where a vehicle that needs room to turn
+    cannot fly it."""
+    problem = first_problem(task, belief, w)
+    return realised(task, problem.exposure, route, pulled(task, problem, route))
+
+
+def _problem(task: Task, p_s: NDArray[np.float64], start: Cell, w: float, underway: Underway) -> Problem:
+    bounds = window(task.arrival, task.grid.cell_size_m, underway)
+    return Problem(
+        p_s,
+        start,
+        task.goals,
+        w,
+        task.psi_per_cell,
+        task.max_exposure,
+        bounds.min_cells,
+        bounds.max_cells,
+    )
+
+
+def _underway(state: AgentState, start: Cell, ahead: tuple[Cell, ...] | None) -> Underway:
+    """How far a vehicle is that is to fly a route from `start`: counted along the route it flies, if that
+    leads there; others begin within a cell of it."""
+    task, vehicle = state.task, state.vehicle
+    if state.launched_boot_s is None or vehicle.lat_deg is None or vehicle.lon_deg is None:
+        return before_takeoff(task.arrival, task.altitude_m)
+    grid, here = task.grid, (vehicle.lat_deg, vehicle.lon_deg)
+    if ahead is not None and len(ahead) > 1 and state.cell == start:
+        step_m = math.dist(ahead[0], ahead[1]) * grid.cell_size_m
+        lead_m = distance_m(here, grid.centre(ahead[1])) - step_m
+    else:
+        lead_m = distance_m(here, grid.centre(start))
+    elapsed_s = max(vehicle.time_boot_s - state.launched_boot_s, 0.0)
+    return Underway(elapsed_s, max(task.altitude_m - (vehicle.alt_rel_m or 0.0), 0.0), lead_m)
+
+
+def _route_in_time(task: Task, problem: Problem, underway: Underway, change: float) -> Route:
+    """The best route that keeps something free for turns and for `change` [cells], else any that meets the
+    bound. Raises Unreachable, BoundTooTight."""
+    bounds = _bounds(problem)
+    spare = change + turns_cells(task.arrival, task.grid.cell_size_m, underway)
+    try:
+        return task.method.plan(replace(problem, max_length_cells=bounds.less(spare).max_cells))
+    except BoundTooTight as error:
+        if bounds.misses_by(error.nearest.length_cells) == 0.0:
+            return error.nearest
+    return task.method.plan(problem)
+
+
+def _is_no_worse(task: Task, problem: Problem, ahead: tuple[Cell, ...], route: Route, change: float) -> bool:
+    """Whether the vehicle may as well fly on as it does. A change takes its time, which what is flown does
+    not; of two that miss the bound the one is better that misses it less."""
+    if not is_open(problem, ahead):
+        return False
+    bounds = _bounds(problem)
+    missed = bounds.misses_by(length_cells(ahead))
+    would_miss = bounds.less(change).misses_by(route.length_cells)
+    if missed > 0.0 or would_miss > 0.0:
+        return missed <= would_miss
+    return task.method.measure(problem, ahead) <= route.cost * (1.0 + BETTER_BY)
+
+
+def _bounds(problem: Problem) -> Window:
+    return Window(problem.min_length_cells, problem.max_length_cells)
+
+
+def _late(state: AgentState, problem: Problem, underway: Underway, length: float) -> str:
+    """What to say of a vehicle whose route does not meet its bound; the same as long as that is so."""
+    arrival = state.task.arrival
+    if _bounds(problem).misses_by(length) <= HALF_CELL:
+        return ""
+    arrives_s = underway.arrives_s(arrival, (length - HALF_CELL) * state.task.grid.cell_size_m)
+    text = f"no route meets its bound of {arrival} any more; over its goal after {arrives_s:.1f} s"
+    return state.late or text
 
 
 def _planning_start(state: AgentState) -> Cell:
@@ -72,7 +178,11 @@ def _planning_start(state: AgentState) -> Cell:
     if cell is None:
         in_flight = state.phase is Phase.FLYING and state.flown_cells
         return state.flown_cells[-1] if in_flight else state.task.entry
-    if state.route is not None and cell not in state.route.cells:
+    if state.route is None:
+        return cell
+    if (index := index_abreast(state.route, cell, state.progress)) is not None:
+        return state.route.cells[index]
+    if cell not in state.route.cells:
         between = state.route.cells[state.progress : state.progress + 2]
         if len(between) == 2 and all((a - cell[0], b - cell[1]) in _STEPS for a, b in between):
             return between[1]
@@ -86,22 +196,14 @@ def _cells_ahead(state: AgentState, start: Cell) -> tuple[Cell, ...] | None:
     return state.route.cells[state.route.cells.index(start) :]
 
 
-def _flight_plan(state: AgentState, cells: tuple[Cell, ...], p_s: NDArray[np.float64]) -> FlightPlan:
-    task, vehicle = state.task, state.vehicle
-    position = None
+def _is_on_track(state: AgentState) -> bool:
+    """Whether the vehicle is over a track that stands for its route."""
+    swap, cell = state.route, state.cell
+    return swap is not None and swap.track is not None and cell in swap.track.over
+
+
+def _position(state: AgentState) -> LatLon | None:
+    vehicle = state.vehicle
     if state.phase is Phase.FLYING and vehicle.lat_deg is not None and vehicle.lon_deg is not None:
-        position = (vehicle.lat_deg, vehicle.lon_deg)
-
-    def may_clip(cell: Cell) -> bool:
-        # DEVIATION: a vehicle past the centre of its cell would fly back to it to turn off diagonally. It
-        # cuts the corner instead where the cell it passes over is no worse than the two it flies between.
-        return math.isfinite(p_s[cell]) and bool(p_s[cell] <= max(p_s[cells[0]], p_s[cells[1]]))
-
-    return flight_plan(
-        task.grid,
-        cells,
-        altitude_m=task.altitude_m,
-        landing_lat_lon=landing_spot(task.grid, cells[-1], task.landing_index, task.landing_count),
-        position=position,
-        may_clip=may_clip,
-    )
+        return vehicle.lat_deg, vehicle.lon_deg
+    return None

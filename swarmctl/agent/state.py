@@ -9,12 +9,14 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmctl.agent.bounds import AT_ANY_TIME, Arrival
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
+from swarmctl.core.corners import Counting
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import VehicleState
-from swarmctl.planners.base import Method
+from swarmctl.planners.base import Method, Route
 
 ARRIVED = "arrived"
 """the outcome of a flight that did what it was for"""
@@ -46,12 +48,17 @@ class Phase(StrEnum):
 ENDED = frozenset({Phase.RELEASED, Phase.DONE, Phase.FAILED})
 ON_GROUND = frozenset({Phase.WAITING, Phase.UPLOADING, Phase.STANDBY})
 IN_FLIGHT = frozenset({Phase.FLYING, Phase.LANDING, Phase.HOLDING, Phase.LEAVING})
+PLANS_NO_MORE = ENDED | {Phase.LANDING, Phase.HOLDING, Phase.LEAVING}
 PLANNING = frozenset({Phase.UPLOADING, Phase.STANDBY, Phase.FLYING})
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What one vehicle has to do and by which rules; constant during a run."""
+    """What one vehicle has to do and by which rules; constant during a run.
+
+    `strength` and `w` are those it begins with: an operator may change an agent's own (`AgentState`), as with
+    the paper's sliders. ψ stays as it is, whatever the weights become.
+    """
 
     uav: int
     name: str
@@ -64,12 +71,18 @@ class Task:
     altitude_m: float
     """flown at, above home [m]"""
     method: Method
+    arrival: Arrival = AT_ANY_TIME
+    """when it is to be over its goal"""
     max_exposure: float = math.inf
     """cells whose P_s exceeds this are not entered"""
     no_fly: frozenset[Cell] = frozenset()
     landing_index: int = 0
     landing_count: int = 1
     """which of how many landing spots in the goal cell is this vehicle's"""
+    any_angle: Counting | None = None
+    """whether its routes are pulled straight, and how exposure then counts; None: lattice routes are flown"""
+    turn_radius_m: float = 0.0
+    """it turns no tighter, where its routes are pulled straight; 0: it turns on the spot"""
     fallback: ev.Order = ev.Order.RETURN
     """what it does when its mission cannot be changed any more: RETURN or LAND"""
 
@@ -80,6 +93,10 @@ class AgentState:
 
     task: Task
     belief: Belief
+    w: float
+    """distance anxiety of the next plan (Eq. 5)"""
+    strength: FiringStrength
+    """firing strengths of the next plan (Eq. 1)"""
     phase: Phase = Phase.WAITING
     vehicle: VehicleState = field(default_factory=VehicleState)
     cell: Cell | None = None
@@ -98,6 +115,8 @@ class AgentState:
     """observations merged since the last decision"""
     exposure: NDArray[np.float64] | None = None
     """P_s as of the last decision, (rows, cols)"""
+    held: NDArray[np.float64] | None = None
+    """P_s by which the route being flown was last found good, (rows, cols)"""
     retry_at_s: float = -math.inf
     failed_swaps: int = 0
     """in a row"""
@@ -109,6 +128,14 @@ class AgentState:
     order_again_at_s: float = math.inf
     """when to give an order again that it was not seen to follow"""
     launch_aborted: bool = False
+    launched_boot_s: float | None = None
+    """when it was first seen armed, by the vehicle's own clock; its time bound counts from here"""
+    arrived_boot_s: float | None = None
+    """when it was first seen over its goal"""
+    planned: Route | None = None
+    """what the planner answered last, whether it was flown or not"""
+    late: str = ""
+    """why it will not arrive in time, in words; empty as long as it will"""
     armed_seen: bool = False
     """its own launch has armed it"""
     foreign_since_s: float | None = None
@@ -142,4 +169,4 @@ class AgentState:
 
 
 def begin(task: Task, belief: Belief) -> AgentState:
-    return AgentState(task=task, belief=belief)
+    return AgentState(task=task, belief=belief, w=task.w, strength=task.strength)

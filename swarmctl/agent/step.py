@@ -8,12 +8,13 @@ from dataclasses import replace
 from typing import Any
 
 from swarmctl.agent.decide import decide
-from swarmctl.agent.state import ARRIVED, IN_FLIGHT, ON_GROUND, PLANNING, AgentState, Phase
+from swarmctl.agent.realise import index_abreast
+from swarmctl.agent.state import ARRIVED, IN_FLIGHT, ON_GROUND, PLANNING, PLANS_NO_MORE, AgentState, Phase
 from swarmctl.core import events as ev
-from swarmctl.core.belief import UNKNOWN, Observation
+from swarmctl.core.belief import Observation
 from swarmctl.core.geo import distance_m
 from swarmctl.core.grid import Cell
-from swarmctl.core.messages import ObservationShared, StateShared
+from swarmctl.core.messages import ObservationShared, StateShared, VehicleAnswer
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.planners.base import Unreachable
 
@@ -74,6 +75,20 @@ def _operator(state: AgentState, event: ev.OperatorCommand, _now: float) -> Step
     return _command(replace(state, phase=phase, pending=None, dirty=False, outcome=f"{order} ordered"), order)
 
 
+def _weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) -> Step:
+    """The paper's sliders. A plan under way is not called back: the next one has the new weights."""
+    if state.phase in PLANS_NO_MORE:
+        why = f"it plans no more: {state.phase}" + (f", {state.outcome}" if state.outcome else "")
+        over = VehicleAnswer(state.task.uav, state.task.name, "over", note=why)
+        return state, [ev.Answer(event.command, over)]
+    w = state.w if event.w is None else event.w
+    strength = state.strength if event.strength is None else event.strength
+    state = replace(state, w=w, strength=strength, dirty=True)
+    later = "its link is lost; it plans when it is heard again" if state.lost else ""
+    taken = VehicleAnswer(state.task.uav, state.task.name, "taken", state.next_plan_id, later)
+    return state, [ev.Answer(event.command, taken)]
+
+
 def _command(state: AgentState, order: ev.Order) -> Step:
     state = replace(state, ordered=order, order_seen=False, order_again_at_s=math.inf, foreign_since_s=None)
     return state, [ev.Command(order)]
@@ -116,14 +131,15 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
     vehicle = event.state
     state = _moved(state, vehicle) if vehicle.has_position else replace(state, vehicle=vehicle)
     if vehicle.armed and (state.phase is Phase.LAUNCHING or state.phase in IN_FLIGHT):
-        state = replace(state, armed_seen=True)
+        launched_s = vehicle.time_boot_s if state.launched_boot_s is None else state.launched_boot_s
+        state = replace(state, armed_seen=True, launched_boot_s=launched_s)
     state = _watch_mode(state, now)
     if state.phase in IN_FLIGHT and state.armed_seen and not vehicle.armed:
         return _share_state(_touched_down(state))
     if reason := _taken_over(state, now):
         return replace(state, phase=Phase.RELEASED, dirty=False, outcome=f"{reason}; let go"), [ev.Release()]
     if state.phase is Phase.FLYING and state.cell in state.task.goals:
-        state = replace(state, phase=Phase.LANDING, dirty=False)
+        state = replace(state, phase=Phase.LANDING, dirty=False, arrived_boot_s=vehicle.time_boot_s)
     if state.phase in IN_FLIGHT and now >= state.order_again_at_s and state.ordered is not None:
         return _command(state, state.ordered)
     return _share_state(state)
@@ -181,8 +197,8 @@ def _moved(state: AgentState, vehicle: VehicleState) -> AgentState:
 
 
 def _entered(state: AgentState, cell: Cell) -> AgentState:
-    if state.route is not None and cell in state.route.cells:
-        state = replace(state, progress=state.route.cells.index(cell))
+    if state.route is not None and (index := index_abreast(state.route, cell, state.progress)) is not None:
+        state = replace(state, progress=index)
     if state.exposure is None:
         return state
     first, p_s = not state.flown_cells, float(state.exposure[cell])
@@ -238,8 +254,7 @@ def _share_state(state: AgentState) -> Step:
 
 
 def _observed(state: AgentState, event: ev.Observed, now: float) -> Step:
-    # What is known, own or heard, need not be sensed again (paper, section 3).
-    new = tuple(c for c in event.cells if state.belief.known[c[0], c[1]] == UNKNOWN)
+    new = state.belief.unsettled(event.cells)
     if not new:
         return state, []
     observation = Observation(observer=state.task.uav, seq=state.next_seq, time_s=now, cells=new)
@@ -302,7 +317,7 @@ def _mission_accepted(state: AgentState, event: ev.MissionAccepted, _now: float)
     state = replace(state, accepted=swap, pending=None)
     if state.ended:
         return state, []
-    state = replace(state, route=swap, progress=0, failed_swaps=0, trouble="")
+    state = replace(state, route=swap, held=state.exposure, progress=0, failed_swaps=0, trouble="")
     if state.phase in IN_FLIGHT:
         return replace(state, replans=state.replans + 1), []
     if state.phase is Phase.UPLOADING:
@@ -346,6 +361,7 @@ _HANDLERS: dict[type[Any], Callable[[AgentState, Any, float], Step]] = {
     ev.LinkLost: _link_lost,
     ev.LinkRestored: _link_restored,
     ev.OperatorCommand: _operator,
+    ev.WeightsChanged: _weights_changed,
     ev.Rebooted: _rebooted,
     ev.Tick: _tick,
 }

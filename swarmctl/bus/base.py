@@ -7,6 +7,10 @@ from typing import Protocol
 
 Receive = Callable[[str, bytes], None]
 """(key, payload), called on the event loop's thread"""
+Reply = Callable[[bytes], None]
+"""answers a question, once, on the event loop's thread; a question let go unanswered ends by itself"""
+Serve = Callable[[str, bytes, Reply], None]
+"""(key, payload, reply), called on the event loop's thread"""
 
 
 class BusError(Exception):
@@ -21,5 +25,11 @@ class Transport(Protocol):
     def put(self, key: str, payload: bytes) -> None: ...
 
     def subscribe(self, key_expression: str, receive: Receive) -> None: ...
+
+    def serve(self, key: str, serve: Serve) -> None:
+        """Answer what is asked under `key`. The key handed over is the asker's, which may be a wildcard."""
+
+    async def ask(self, key: str, payload: bytes, timeout_s: float) -> tuple[bytes, ...]:
+        """Every answer; none where nobody serves the key. Raises TimeoutError if they are not all there."""
 
     def close(self) -> None: ...

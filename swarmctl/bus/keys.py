@@ -4,6 +4,7 @@
 |---|---|---|---|
 | `swarmctl/SWARM/uav/TO/inform/observation/FROM` | a UAV | a UAV in its reach | ObservationShared |
 | `swarmctl/SWARM/uav/TO/inform/state/FROM` | a UAV | a UAV in its reach | StateShared |
+| `swarmctl/SWARM/operator/weights` | an operator, who asks | the ground station | SetWeights; WeightsAnswer |
 
 Every UAV reads its own inbox only; SWARM is the configuration's name, TO and FROM are system ids.
 """
@@ -13,6 +14,8 @@ from __future__ import annotations
 from swarmctl.core.messages import Message, ObservationShared
 
 ROOT = "swarmctl"
+SWARM_NAME = r"^[A-Za-z0-9_.-]{1,64}$"
+"""what a swarm may be called: one part of a key, no wildcard"""
 
 
 def inform(swarm: str, to: int, message: Message) -> str:
@@ -24,6 +27,11 @@ def inform(swarm: str, to: int, message: Message) -> str:
 def inbox(swarm: str, uav: int) -> str:
     """The key expression that matches everything sent to `uav`."""
     return f"{ROOT}/{swarm}/uav/{uav}/**"
+
+
+def weights(swarm: str) -> str:
+    """Where an operator changes the weights of a swarm."""
+    return f"{ROOT}/{swarm}/operator/weights"
 
 
 def sender_of(key: str) -> int | None:

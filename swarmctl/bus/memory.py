@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 
-from swarmctl.bus.base import Receive
+from swarmctl.bus.base import Receive, Serve
 
 
 class MemoryBus:
@@ -13,6 +13,7 @@ class MemoryBus:
     def __init__(self) -> None:
         self.dropped = 0
         self._subscribers: dict[str, list[Receive]] = {}
+        self._served: dict[str, Serve] = {}
 
     def put(self, key: str, payload: bytes) -> None:
         loop = asyncio.get_running_loop()
@@ -27,5 +28,23 @@ class MemoryBus:
             raise ValueError(f"expected a key expression that ends in /**, found {key_expression!r}")
         self._subscribers.setdefault(key_expression.removesuffix("**"), []).append(receive)
 
+    def serve(self, key: str, serve: Serve) -> None:
+        self._served[key] = serve
+
+    async def ask(self, key: str, payload: bytes, timeout_s: float) -> tuple[bytes, ...]:
+        if key not in self._served:
+            return ()
+        loop = asyncio.get_running_loop()
+        answer: asyncio.Future[bytes] = loop.create_future()
+
+        def reply(payload: bytes) -> None:
+            if not answer.done():
+                answer.set_result(payload)
+
+        loop.call_soon(self._served[key], key, payload, reply)
+        async with asyncio.timeout(timeout_s):
+            return (await answer,)
+
     def close(self) -> None:
         self._subscribers.clear()
+        self._served.clear()

@@ -1,12 +1,18 @@
-"""What a vehicle knows of the hostiles: a set of observations, and the occupancy it implies (Eq. 4)."""
+"""What a vehicle knows of the hostiles: a set of observations, and the occupancy it implies."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
+from swarmctl.core import occupancy
+from swarmctl.core.hostiles import HostileCount
+from swarmctl.core.occupancy import Classes
+from swarmctl.core.sensor import PERFECT, SensorModel
 
 UNKNOWN = -1
 CLEAR = 0
@@ -26,35 +32,43 @@ class Observation:
     """(row, col, occupied)"""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Belief:
-    """An immutable set of observations of an area of (rows, cols) cells that hides `n_hostiles` hostiles.
+    """An immutable set of observations of an area of (rows, cols) cells in which hostiles hide.
 
-    Merging is set union, so it does not matter in which order observations come, or how often. Two vehicles
-    that contradict each other on a cell are settled the same way everywhere: occupied wins.
+    Merging is set union, so it does not matter in which order observations come, or how often: all that is
+    believed follows from how often each cell was looked at and how often a hostile was seen there.
     """
 
-    n_hostiles: int
+    count: HostileCount
     """n_HA, as announced beforehand"""
-    known: NDArray[np.int8]
-    """(rows, cols) of UNKNOWN, CLEAR or OCCUPIED; read-only"""
+    sensor: SensorModel
+    """how reliable looks are taken to be"""
+    looks: NDArray[np.int32]
+    """(rows, cols) how often each cell was looked at; read-only"""
+    hits: NDArray[np.int32]
+    """(rows, cols) how many of these looks showed a hostile; read-only"""
     _seen: Mapping[int, Mapping[int, Observation]]
     """observer -> seq -> observation. Never changed in place: a merge copies the outer dictionary and the
     inner ones that grow, all others are shared with the belief it came from."""
 
     @classmethod
-    def prior(cls, rows: int, cols: int, n_hostiles: int) -> Belief:
-        """Nothing observed yet. Raises ValueError for an area or a number of hostiles that cannot be."""
+    def prior(
+        cls, rows: int, cols: int, hostiles: int | HostileCount, sensor: SensorModel = PERFECT
+    ) -> Belief:
+        """Nothing observed yet; the paper's belief for a number of hostiles and a perfect sensor.
+
+        Raises ValueError for an area or a number of hostiles that cannot be.
+        """
         if rows < 1 or cols < 1:
             raise ValueError(f"an area of {rows} × {cols} cells: expected at least 1 × 1")
-        if not 0 <= n_hostiles <= rows * cols:
+        count = HostileCount.known(hostiles) if isinstance(hostiles, int) else hostiles
+        if count.greatest > rows * cols:
             raise ValueError(
-                f"{n_hostiles} hostiles in {rows} × {cols} cells: expected 0 to {rows * cols}, "
+                f"{count.greatest} hostiles in {rows} × {cols} cells: expected 0 to {rows * cols}, "
                 "at most one a cell"
             )
-        known = np.full((rows, cols), UNKNOWN, dtype=np.int8)
-        known.flags.writeable = False
-        return cls(n_hostiles, known, {})
+        return cls(count, sensor, _read_only(rows, cols), _read_only(rows, cols), {})
 
     def merge(self, observations: Iterable[Observation]) -> Belief:
         """The union with `observations`; `self` where they bring nothing new.
@@ -79,36 +93,71 @@ class Belief:
             news.append(observation)
         if not news:
             return self
-        known = self.known.copy()
+        looks, hits = self.looks.copy(), self.hits.copy()
         for observation in news:
             for row, col, occupied in observation.cells:
-                # DEVIATION: the paper's sensors never contradict each other. Where observations do, occupied
-                # wins: UNKNOWN < CLEAR < OCCUPIED, the greatest of all that was said, in whatever order.
-                known[row, col] = max(int(known[row, col]), OCCUPIED if occupied else CLEAR)
-        known.flags.writeable = False
-        return Belief(self.n_hostiles, known, seen)
+                looks[row, col] += 1
+                hits[row, col] += occupied
+        looks.flags.writeable = hits.flags.writeable = False
+        return Belief(self.count, self.sensor, looks, hits, seen)
 
     @property
     def n_observed(self) -> int:
         """v, cells observed so far"""
-        return int(np.count_nonzero(self.known != UNKNOWN))
+        return int(self._seen_cells.size)
 
-    @property
+    @cached_property
     def n_found(self) -> int:
-        """n_V, hostiles found so far"""
-        return int(np.count_nonzero(self.known == OCCUPIED))
+        """n_V, hostiles found so far: cells that were looked at and hold one more likely than not"""
+        classes, _ = self._classes
+        return int(classes.n_cells[(classes.looks > 0) & (self._p_occupied > 0.5)].sum())
 
-    @property
+    @cached_property
     def announced_too_low(self) -> bool:
-        """More hostiles were found than announced."""
-        return self.n_found > self.n_hostiles
+        """More hostiles were found than can be, by what was announced; with 95 % where sensors err."""
+        return occupancy.announced_too_low(self.count, self.sensor, self._classes[0])
+
+    @cached_property
+    def known(self) -> NDArray[np.int8]:
+        """(rows, cols) of UNKNOWN, CLEAR or OCCUPIED, for pictures: a cell that was looked at is taken for
+        what it is more likely than not; read-only"""
+        _, which = self._classes
+        known = np.full(self.looks.shape, UNKNOWN, dtype=np.int8)
+        known.ravel()[self._seen_cells] = np.where(self._p_occupied > 0.5, OCCUPIED, CLEAR)[which]
+        known.flags.writeable = False
+        return known
 
     def occupancy(self) -> NDArray[np.float64]:
-        """p_O, the probability that a hostile holds a cell: Eq. 4, shape (rows, cols), in [0, 1]."""
-        unseen = self.known.size - self.n_observed  # n_C - v
-        # DEVIATION: Eq. 4 has no value once v = n_C, and leaves [0, 1] when the announced count was wrong.
-        p_unseen = min(max((self.n_hostiles - self.n_found) / unseen, 0.0), 1.0) if unseen else 0.0  # Eq. 4
-        return np.where(self.known == UNKNOWN, p_unseen, np.where(self.known == OCCUPIED, 1.0, 0.0))
+        """p_O, the probability that a hostile holds a cell, shape (rows, cols), in [0, 1].
+
+        Eq. 4 for the paper's belief, else its generalisation (`swarmctl.core.occupancy.bayes`).
+        """
+        classes, which = self._classes
+        p_unseen = self._p_occupied[0] if classes.looks[0] == 0 else 0.0
+        p_occupied = np.full(self.looks.shape, p_unseen)
+        p_occupied.ravel()[self._seen_cells] = self._p_occupied[which]
+        return p_occupied
+
+    def unsettled(self, cells: Iterable[tuple[int, int, bool]]) -> tuple[tuple[int, int, bool], ...]:
+        """Those of a look's cells of which one more look can teach something.
+
+        What the paper's sensor has seen need not be sensed again (section 3); where sensors err, every look
+        counts until a cell is certain.
+        """
+        return tuple(
+            (r, c, occupied)
+            for r, c, occupied in cells
+            if not self.sensor.settled(int(self.looks[r, c]), int(self.hits[r, c]))
+        )
+
+    def seen_of(self, flat: NDArray[np.int64]) -> NDArray[np.int64]:
+        """(n, 2) looks and hits of cells given as row · cols + col"""
+        return np.stack([self.looks.ravel()[flat], self.hits.ravel()[flat]], axis=1).astype(np.int64)
+
+    @property
+    def classes(self) -> Classes:
+        """The cells of the area, by what was seen of them."""
+        return self._classes[0]
 
     def observations(self) -> Iterator[Observation]:
         """Everything held, for a peer that joins late; in order of observer and seq."""
@@ -122,14 +171,43 @@ class Belief:
         by_seq = self._seen.get(observer, {})
         return len({(row, col) for seen in by_seq.values() for row, col, _ in seen.cells})
 
+    @cached_property
+    def _seen_cells(self) -> NDArray[np.int64]:
+        return np.flatnonzero(self.looks)
+
+    @cached_property
+    def _classes(self) -> tuple[Classes, NDArray[np.int64]]:
+        """The classes in order of looks and hits, and the class of each cell seen."""
+        pairs = self.seen_of(self._seen_cells)
+        packed = pairs[:, 0] << 32 | pairs[:, 1]
+        kinds, which, n_cells = np.unique(packed, return_inverse=True, return_counts=True)
+        n_unseen = self.looks.size - packed.size
+        if n_unseen:
+            kinds, n_cells, which = np.append(0, kinds), np.append(n_unseen, n_cells), which + 1
+        return Classes(kinds >> 32, kinds & 0xFFFFFFFF, n_cells.astype(np.int64)), which
+
+    @cached_property
+    def _p_occupied(self) -> NDArray[np.float64]:
+        """p_O of each class"""
+        classes, _ = self._classes
+        if self.sensor.is_perfect and self.count.is_number:
+            return occupancy.eq4(self.count.greatest, classes)
+        return occupancy.bayes(self.count, self.sensor, classes)
+
     def _check_cells(self, observation: Observation) -> None:
-        rows, cols = self.known.shape
+        rows, cols = self.looks.shape
         for row, col, _ in observation.cells:
             if not (0 <= row < rows and 0 <= col < cols):
                 raise ValueError(
                     f"observation {observation.seq} of vehicle {observation.observer}: cell ({row}, {col}) "
                     f"is outside the area of {rows} × {cols} cells; do both fly the same configuration?"
                 )
+
+
+def _read_only(rows: int, cols: int) -> NDArray[np.int32]:
+    zeros = np.zeros((rows, cols), dtype=np.int32)
+    zeros.flags.writeable = False
+    return zeros
 
 
 def _two_contents(observation: Observation) -> str:

@@ -10,9 +10,11 @@ from typing import Literal
 
 import msgspec
 
+from swarmctl.core.any_angle import Track
 from swarmctl.core.grid import Cell
-from swarmctl.core.messages import Message, ObservationShared
+from swarmctl.core.messages import Message, ObservationShared, VehicleAnswer
 from swarmctl.core.mission import FlightPlan
+from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import VehicleState
 
 ObservationId = tuple[int, int]
@@ -90,6 +92,15 @@ class OperatorCommand(_Fact, frozen=True):
     order: Order
 
 
+class WeightsChanged(_Fact, frozen=True):
+    """An operator wants other weights from the next plan on; None leaves one as it is."""
+
+    command: int
+    """the operator desk's running number, which the `Answer` repeats"""
+    w: float | None = None
+    strength: FiringStrength | None = None
+
+
 class Rebooted(_Fact, frozen=True):
     """Its clock went back: what was set on it may be gone."""
 
@@ -110,6 +121,7 @@ Event = (
     | LinkLost
     | LinkRestored
     | OperatorCommand
+    | WeightsChanged
     | Rebooted
     | Tick
 )
@@ -134,6 +146,9 @@ class SwapMission(_Fact, frozen=True):
     exposure_sum: float
     safety_factor: float
     length_m: float
+    track: Track | None = None
+    """what is flown instead of the lattice route, where routes are pulled straight; exposure_sum,
+    safety_factor and length_m are then the track's, `cost` the route's"""
 
 
 class Command(_Fact, frozen=True):
@@ -144,4 +159,11 @@ class Release(_Fact, frozen=True):
     """Stop whatever is being done to the vehicle: somebody else has it."""
 
 
-Effect = Publish | SwapMission | Command | Release
+class Answer(_Fact, frozen=True):
+    """What became of an operator's command, for whoever gave it."""
+
+    command: int
+    answer: VehicleAnswer
+
+
+Effect = Publish | SwapMission | Command | Release | Answer

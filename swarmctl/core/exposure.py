@@ -26,7 +26,7 @@ def exposure(p_occupied: NDArray[np.float64], strength: FiringStrength) -> NDArr
     return ndimage.correlate(p_occupied, strength.kernel, output=np.float64, mode="constant", cval=0.0)
 
 
-def prior_inner_exposure(rows: int, cols: int, n_hostiles: int, strength: FiringStrength) -> float:
+def prior_inner_exposure(rows: int, cols: int, n_hostiles: float, strength: FiringStrength) -> float:
     """P_s of a cell away from the border before anything was observed.
 
     This is the default ψ per cell: one cell of way then weighs as much as one cell of unknown threat.

@@ -1,20 +1,27 @@
-"""What agents tell each other, and its bytes on the bus.
+"""What agents tell each other, what an operator tells them, and its bytes on the bus.
 
-A message is one version byte and a MessagePack map (msgspec); a field that a later version adds is ignored by
-an earlier one, a missing field or another version is refused.
+A message is one version byte and a MessagePack map (msgspec); another version, a missing field or a value
+that makes no sense is refused. A field that a later version adds is ignored by an earlier one, with one
+exception: a command that says more than its receiver knows is refused, because half of it was not ordered.
 """
 
 from __future__ import annotations
 
+from typing import Literal, TypeVar
+
 import msgspec
 
 from swarmctl.core.belief import Observation
+from swarmctl.core.threat import FiringStrength
 
 VERSION = 1
 
 
+# --- among the UAVs
+
+
 class ObservationShared(msgspec.Struct, frozen=True, tag="observation"):
-    """A UAV has seen something for the first time."""
+    """A UAV has seen something that was not certain before."""
 
     sender: int
     observation: Observation
@@ -36,25 +43,94 @@ class StateShared(msgspec.Struct, frozen=True, tag="state"):
 Message = ObservationShared | StateShared
 
 
+# --- between an operator and the swarm
+
+
+class SetWeights(msgspec.Struct, frozen=True, tag="set_weights", forbid_unknown_fields=True):
+    """An operator's command: other weights from the next plan on. Raises ValueError if it makes no sense."""
+
+    uavs: tuple[int, ...] | None
+    """system ids; None: all of the swarm"""
+    w: float | None = None
+    """distance anxiety in [0, 1]; None leaves it as it is"""
+    firing_strength: tuple[float, float, float] | None = None
+    """direct, first and second neighbour (Eq. 1); None leaves them as they are"""
+
+    def __post_init__(self) -> None:
+        if self.uavs is not None and not self.uavs:
+            raise ValueError("no vehicle named: expected system ids, or all")
+        if self.w is None and self.firing_strength is None:
+            raise ValueError("nothing to change: expected w, firing strengths, or both")
+        if self.w is not None and not 0.0 <= self.w <= 1.0:
+            raise ValueError(f"w = {self.w:g}: expected 0 (the shortest route) to 1 (the least exposed)")
+        _ = self.strength
+
+    @property
+    def strength(self) -> FiringStrength | None:
+        return None if self.firing_strength is None else FiringStrength(*self.firing_strength)
+
+
+Outcome = Literal["taken", "over", "unconfirmed"]
+
+
+class VehicleAnswer(msgspec.Struct, frozen=True):
+    """What a vehicle made of a command."""
+
+    uav: int
+    name: str
+    outcome: Outcome
+    """over: it plans no more; unconfirmed: it has the command and has not come to it yet"""
+    from_plan: int | None = None
+    """the number of the first plan that is made with the new weights"""
+    note: str = ""
+    """why not, or what else is to be known"""
+
+
+class WeightsAnswer(msgspec.Struct, frozen=True, tag="weights_answer"):
+    """The swarm's answer to `SetWeights`."""
+
+    vehicles: tuple[VehicleAnswer, ...] = ()
+    """those that were named, in the order of the swarm"""
+    refused: str = ""
+    """why the whole command was refused, with nothing done; empty if it was not"""
+
+
 class BadMessage(ValueError):
     """Bytes from the bus that are no message of ours; says what was found."""
 
 
+T = TypeVar("T")
 _encoder = msgspec.msgpack.Encoder()
-_decoder: msgspec.msgpack.Decoder[Message] = msgspec.msgpack.Decoder(Message)
+_messages: msgspec.msgpack.Decoder[Message] = msgspec.msgpack.Decoder(Message)
+_commands = msgspec.msgpack.Decoder(SetWeights)
+_answers = msgspec.msgpack.Decoder(WeightsAnswer)
 
 
-def encode(message: Message) -> bytes:
+def encode(message: Message | SetWeights | WeightsAnswer) -> bytes:
     return bytes((VERSION,)) + _encoder.encode(message)
 
 
 def decode(data: bytes) -> Message:
-    """Raises BadMessage; never anything else, whatever the bytes."""
+    """What a UAV says. Raises BadMessage; never anything else, whatever the bytes."""
+    return _decode(data, _messages)
+
+
+def decode_command(data: bytes) -> SetWeights:
+    """What an operator says. Raises BadMessage; never anything else, whatever the bytes."""
+    return _decode(data, _commands)
+
+
+def decode_answer(data: bytes) -> WeightsAnswer:
+    """What an operator is answered. Raises BadMessage; never anything else, whatever the bytes."""
+    return _decode(data, _answers)
+
+
+def _decode(data: bytes, decoder: msgspec.msgpack.Decoder[T]) -> T:
     if not data:
         raise BadMessage("empty payload, expected a version byte and MessagePack")
     if data[0] != VERSION:
         raise BadMessage(f"message version {data[0]}, this program speaks version {VERSION}")
     try:
-        return _decoder.decode(memoryview(data)[1:])
+        return decoder.decode(memoryview(data)[1:])
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise BadMessage(f"not a message of version {VERSION}: {error}") from error

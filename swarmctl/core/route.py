@@ -55,7 +55,34 @@ def flight_plan(
             turns = turns[1:]
         elif may_clip(_clipped(grid, cells[0], cells[1], position)):
             turns = thin(cells[1:])
-    track = tuple(Waypoint(*grid.centre(cell), altitude_m) for cell in turns)
+    return _plan(grid, turns, altitude_m, landing_lat_lon)
+
+
+def track_plan(
+    grid: Grid,
+    corners: Sequence[Cell],
+    *,
+    altitude_m: float,
+    landing_lat_lon: LatLon,
+    position: LatLon | None = None,
+    may_join: Callable[[tuple[float, float], Cell], bool] = lambda _point, _corner: False,
+) -> FlightPlan:
+    """The plan to fly straight from corner to corner, which are cells, and land.
+
+    A vehicle whose `position` is already within corners[0] does not go back to the centre of that cell if
+    `may_join` allows it to fly straight from its place, in cells (x, y), to the next corner.
+    """
+    if not corners:
+        raise ValueError("a track without corners cannot be flown: expected at least the cell of its goal")
+    if position is not None and len(corners) > 1 and grid.cell_at(*position) == corners[0]:
+        east_m, north_m = grid.frame.to_local(*position)
+        if may_join((east_m / grid.cell_size_m, north_m / grid.cell_size_m), corners[1]):
+            corners = corners[1:]
+    return _plan(grid, corners, altitude_m, landing_lat_lon)
+
+
+def _plan(grid: Grid, corners: Sequence[Cell], altitude_m: float, landing_lat_lon: LatLon) -> FlightPlan:
+    track = tuple(Waypoint(*grid.centre(cell), altitude_m) for cell in corners)
     return FlightPlan(altitude_m, track, Waypoint(*landing_lat_lon, altitude_m))
 
 

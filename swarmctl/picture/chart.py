@@ -40,6 +40,7 @@ def draw_area(axes: Axes, picture: MapPicture, points_per_m: float) -> None:
     grid = picture.grid
     hostile, first, second = shading(picture)
     missed = hostile & (picture.known != OCCUPIED)
+    mistaken = ~hostile & (picture.known == OCCUPIED)
     colours = np.array([_rgb(colour) for colour in (SEEN, VEIL, FOUND, NEVER_FOUND)], dtype=np.uint8)
     image = colours[np.where(hostile, np.where(missed, 3, 2), picture.known == UNKNOWN)]
     extent = (0.0, grid.width_m, 0.0, grid.height_m)
@@ -65,6 +66,8 @@ def draw_area(axes: Axes, picture: MapPicture, points_per_m: float) -> None:
         _outline(axes, grid, row, col, edgecolor=FORBIDDEN, lw=1.2, zorder=3.5)
     for row, col in np.argwhere(missed).tolist():
         _outline(axes, grid, row, col, edgecolor=FOUND, lw=0.8, ls=(0, (2, 1.5)), zorder=3)
+    for row, col in np.argwhere(mistaken).tolist():
+        _outline(axes, grid, row, col, edgecolor=FOUND, lw=1.6, zorder=3)
     for row, col in sorted({cell for track in picture.tracks for cell in track.goal_cells}):
         _outline(axes, grid, row, col, edgecolor=INK, lw=2.0, zorder=5)
     axes.add_patch(Rectangle((0.0, 0.0), grid.width_m, grid.height_m, fill=False, edgecolor=INK, zorder=4))

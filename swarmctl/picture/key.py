@@ -62,6 +62,7 @@ def cell_rows(picture: MapPicture) -> list[Row]:
     hostile, first, second = shading(picture)
     occupied, unseen = picture.known == OCCUPIED, picture.known == UNKNOWN
     n_found, n_missed = int((hostile & occupied).sum()), int((hostile & ~occupied).sum())
+    n_mistaken = int((~hostile & occupied).sum())
     n_unseen, n_seen = int(unseen.sum()), int((~unseen).sum())
     missed = {"facecolor": NEVER_FOUND, "edgecolor": FOUND, "ls": (0, (2, 1.5))}
     rows = {
@@ -69,6 +70,7 @@ def cell_rows(picture: MapPicture) -> list[Row]:
         _cell_row("no-fly", {"edgecolor": FORBIDDEN, "lw": 1.2}, hatch="crossed"): bool(picture.no_fly),
         _cell_row(f"hostile, found ({n_found})", {"facecolor": FOUND}): n_found > 0,
         _cell_row(f"hostile, not found ({n_missed})", missed): n_missed > 0,
+        _cell_row(f"false alarm believed ({n_mistaken})", {"edgecolor": FOUND, "lw": 1.6}): n_mistaken > 0,
         _cell_row("next to a hostile (N1)", {}, hatch="level"): first.any(),
         _cell_row("diagonal to one (N2)", {}, hatch="upright"): second.any(),
         _cell_row(f"seen ({n_seen} cells)", {}): n_seen > 0,

@@ -46,7 +46,7 @@ def figure_of(picture: MapPicture) -> Figure:
     beside, below = _divided(picture, map_high_in)
     beside_in = max(len(beside) * ROW_IN + FOOT_IN, map_high_in)
     below_in = -(-len(below) // BELOW_COLUMNS) * ROW_IN
-    sheet = _Sheet(TOP_IN + max(beside_in, map_high_in + BOTTOM_IN + below_in) + 0.15)
+    sheet = Sheet(TOP_IN + max(beside_in, map_high_in + BOTTOM_IN + below_in) + 0.15)
 
     axes = sheet.axes_at(LEFT_IN, TOP_IN, map_wide_in, map_high_in)
     axes.set(xlim=(west, east), ylim=(south, north), facecolor=OUTSIDE)
@@ -81,7 +81,7 @@ def _draw_rows(key: Axes, rows: Sequence[Row], left_in: float) -> None:
         draw_row(key, left_in, (index + 0.5) * ROW_IN)
 
 
-class _Sheet:
+class Sheet:
     """A figure addressed in inches from its upper left corner."""
 
     def __init__(self, high_in: float) -> None:
@@ -102,5 +102,5 @@ class _Sheet:
         axes.set_axis_off()
         return axes
 
-    def write(self, top_in: float, text: str, **style: Any) -> None:
-        self.figure.text(LEFT_IN / WIDTH_IN, 1.0 - top_in / self._high_in, text, va="top", **style)
+    def write(self, top_in: float, text: str, *, left_in: float = LEFT_IN, **style: Any) -> None:
+        self.figure.text(left_in / WIDTH_IN, 1.0 - top_in / self._high_in, text, va="top", **style)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from swarmctl.planners import dijkstra
+from swarmctl.planners import constrained, dijkstra, kernels, survival, time_bound
 from swarmctl.planners.base import (
     BadProblem,
     BoundTooTight,
@@ -21,16 +21,27 @@ from swarmctl.planners.base import (
     Unreachable,
     method,
 )
-from swarmctl.planners.kernels import warm_up
+from swarmctl.planners.front import Front, pareto_front
 
 PLANNERS: Mapping[str, Planner] = {
     "dijkstra": dijkstra,
+    "time_bound": time_bound,
+    "constrained": constrained,
+    "survival": survival,
 }
+
+
+def warm_up() -> None:
+    """Compiles all kernels or loads them from the cache: no vehicle shall wait for a compiler in flight."""
+    kernels.warm_up()
+    kernels.warm_up_labels()
+
 
 __all__ = [
     "PLANNERS",
     "BadProblem",
     "BoundTooTight",
+    "Front",
     "Method",
     "Planner",
     "Problem",
@@ -38,5 +49,6 @@ __all__ = [
     "Searched",
     "Unreachable",
     "method",
+    "pareto_front",
     "warm_up",
 ]

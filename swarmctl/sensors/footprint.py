@@ -1,4 +1,4 @@
-"""The paper's sensor: the 3×3 cells around the vehicle, without misses or false alarms.
+"""The paper's sensor: the 3×3 cells around the vehicle; perfect, or with misses and false alarms.
 
 It owns the true positions of the threats: they never reach an agent or a planner.
 """
@@ -7,7 +7,10 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.sensor import SensorModel
 from swarmctl.core.vehicle import Landed, VehicleState
 
 SEES_ABOVE_M = 2.0
@@ -15,11 +18,19 @@ SEES_ABOVE_M = 2.0
 
 
 class Footprint:
-    """One vehicle's sensor; it looks once over every cell, also just outside the area."""
+    """One vehicle's sensor; it looks once each time the vehicle comes over a cell, in the area or beside it.
 
-    def __init__(self, grid: Grid, hostiles: frozenset[Cell]) -> None:
+    Staying over a cell brings no further look: it would err as the first did, and looks are taken to err
+    independently.
+    """
+
+    def __init__(
+        self, grid: Grid, hostiles: frozenset[Cell], model: SensorModel, rng: np.random.Generator
+    ) -> None:
         self._grid = grid
         self._hostiles = hostiles
+        self._model = model
+        self._rng = rng
         self._last: Cell | None = None
 
     def look(self, vehicle: VehicleState) -> tuple[tuple[int, int, bool], ...]:
@@ -36,4 +47,11 @@ class Footprint:
             return ()
         self._last = (row, col)
         around = ((row + dr, col + dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1))
-        return tuple((r, c, (r, c) in self._hostiles) for r, c in around if self._grid.contains((r, c)))
+        return tuple((r, c, self._shows((r, c))) for r, c in around if self._grid.contains((r, c)))
+
+    def _shows(self, cell: Cell) -> bool:
+        is_hostile = cell in self._hostiles
+        if self._model.is_perfect:
+            return is_hostile
+        p_hit = 1.0 - self._model.p_miss if is_hostile else self._model.p_false_alarm
+        return bool(self._rng.random() < p_hit)

@@ -5,6 +5,18 @@ with one cell of padding around it, so that every cell has eight neighbours and 
 (row + 1) * (cols + 2) + col + 1.
 """
 
+from swarmctl.planners.kernels.descent import LENGTH_TIE, REL_TIE
 from swarmctl.planners.kernels.field import Field, spread, warm_up
+from swarmctl.planners.kernels.labels import Found, ToGo, label_search, warm_up_labels
 
-__all__ = ["Field", "spread", "warm_up"]
+__all__ = [
+    "LENGTH_TIE",
+    "REL_TIE",
+    "Field",
+    "Found",
+    "ToGo",
+    "label_search",
+    "spread",
+    "warm_up",
+    "warm_up_labels",
+]

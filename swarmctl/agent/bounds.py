@@ -1,0 +1,117 @@
+"""From a time bound of a vehicle to bounds on the length of what remains of its route. Pure.
+
+A bound counts from the take-off, which is when the vehicle is first seen armed, to when it is over its goal
+cell; what it takes to come down is not counted. Times are by the vehicle's own clock.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+CLIMB_M_S = 2.5
+"""at which vehicles are taken to climb to their altitude: ArduCopter's WPNAV_SPEED_UP as it comes"""
+
+TURNS_SHARE = 0.05
+"""of the time that remains, kept free when a route is chosen: a vehicle slows down for turns, and the lattice
+knows only lengths. A route once chosen may use it up."""
+
+CHANGE_S = 2.0
+"""what changing the mission in flight costs: braking, holding while it is uploaded, and speeding up"""
+
+ROUNDING_CELLS = 1e-6
+"""by so much the sums of a planner may differ from ours; it is some micrometres of way"""
+
+HALF_DIAGONAL_CELLS = math.sqrt(0.5)
+"""before its centre, at most, a vehicle is over its goal cell"""
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """When a vehicle is to be over its goal, and what turns that time into length."""
+
+    speed_m_s: float = 10.0
+    """over ground"""
+    after_s: float = 0.0
+    """not earlier, from its take-off"""
+    within_s: float = math.inf
+    """not later, from its take-off"""
+    approach_m: float = 0.0
+    """from where it takes off to the centre of its entry cell"""
+
+    def __str__(self) -> str:
+        if self.after_s > 0.0:
+            return f"{self.after_s:g} to {self.within_s:g} s"
+        return f"{self.within_s:g} s"
+
+    @property
+    def is_bounded(self) -> bool:
+        return self.after_s > 0.0 or not math.isinf(self.within_s)
+
+
+AT_ANY_TIME = Arrival()
+
+
+@dataclass(frozen=True, slots=True)
+class Underway:
+    """What is behind a vehicle, and what lies between it and the route that is planned."""
+
+    elapsed_s: float
+    """since its take-off"""
+    climb_m: float
+    """still to climb"""
+    lead_m: float
+    """from where it is to the centre of the cell the route begins in; negative where it is past it already"""
+
+    def arrives_s(self, arrival: Arrival, length_m: float) -> float:
+        """When it is over its goal with a route of this length, from its take-off."""
+        climb_s = max(self.climb_m, 0.0) / CLIMB_M_S
+        return self.elapsed_s + climb_s + (self.lead_m + length_m) / arrival.speed_m_s
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """Bounds on the length of a route [cells]."""
+
+    min_cells: float = 0.0
+    max_cells: float = math.inf
+
+    def misses_by(self, length_cells: float) -> float:
+        """How far outside a length lies [cells]; 0 inside, and where rounding may have put it outside."""
+        missed = max(self.min_cells - length_cells, length_cells - self.max_cells)
+        return missed if missed > ROUNDING_CELLS else 0.0
+
+    def less(self, cells: float) -> Window:
+        """With so much kept free at its late end, but never more than half of it."""
+        kept = max(self.max_cells - cells, 0.5 * (self.min_cells + self.max_cells))
+        return Window(self.min_cells, min(kept, self.max_cells))
+
+
+def before_takeoff(arrival: Arrival, altitude_m: float) -> Underway:
+    """A vehicle on the ground: it climbs first, then flies to its entry."""
+    return Underway(elapsed_s=0.0, climb_m=altitude_m, lead_m=arrival.approach_m)
+
+
+def window(arrival: Arrival, cell_size_m: float, underway: Underway) -> Window:
+    """What the bound leaves for the length of the route. Where nothing is left, both ends are 0."""
+    if not arrival.is_bounded:
+        return Window()
+    at_once_s = underway.arrives_s(arrival, 0.0)
+    cells_per_s = arrival.speed_m_s / cell_size_m
+    latest = max((arrival.within_s - at_once_s) * cells_per_s, 0.0)
+    earliest = (arrival.after_s - at_once_s) * cells_per_s + HALF_DIAGONAL_CELLS
+    earliest = min(max(earliest, 0.0), latest) if arrival.after_s > 0.0 else 0.0
+    return Window(earliest, latest)
+
+
+def turns_cells(arrival: Arrival, cell_size_m: float, underway: Underway) -> float:
+    """What to keep free for turns when a route is chosen [cells]."""
+    if math.isinf(arrival.within_s):
+        return 0.0
+    remaining_s = arrival.within_s - underway.elapsed_s
+    return TURNS_SHARE * max(remaining_s, 0.0) * arrival.speed_m_s / cell_size_m
+
+
+def change_cells(arrival: Arrival, cell_size_m: float) -> float:
+    """What changing the mission in flight costs [cells]."""
+    return CHANGE_S * arrival.speed_m_s / cell_size_m

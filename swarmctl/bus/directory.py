@@ -1,0 +1,86 @@
+"""Which swarms of this machine and user fly now, and where each listens: how one is found by its name.
+
+A file a flight, in a folder that is the user's own. The flight holds a lock on it, so that what a killed one
+left behind is known for that and removed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+import stat
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from swarmctl.bus.base import BusError
+from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
+
+
+@dataclass(frozen=True, slots=True)
+class Listed:
+    """A swarm that flies now."""
+
+    swarm: str
+    endpoint: BusEndpoint
+    pid: int
+
+
+@contextlib.contextmanager
+def listed(swarm: str, endpoint: BusEndpoint) -> Iterator[None]:
+    """Be found as long as this lasts. Raises BusError."""
+    try:
+        folder = _folder()
+        path = folder / f"{swarm}.{os.getpid()}.json"
+        draft = folder / f".{path.name}"
+        file = draft.open("w", encoding="utf-8")
+    except OSError as error:
+        raise BusError(f"{error.filename or 'the folder of swarms'}: {error.strerror or error}") from error
+    with file:
+        # Locked before it can be seen: unlocked, it would be taken for what a killed flight left.
+        fcntl.flock(file, fcntl.LOCK_EX)
+        json.dump({"swarm": swarm, "endpoint": str(endpoint), "pid": os.getpid()}, file)
+        file.flush()
+        draft.rename(path)
+        try:
+            yield
+        finally:
+            path.unlink(missing_ok=True)
+
+
+def flying() -> list[Listed]:
+    """Every swarm that can be found, by name. Raises BusError."""
+    try:
+        found = [_read(path) for path in sorted(_folder().glob("[!.]*.json"))]
+    except OSError as error:
+        raise BusError(f"{error.filename or 'the folder of swarms'}: {error.strerror or error}") from error
+    return [entry for entry in found if entry is not None]
+
+
+def _read(path: Path) -> Listed | None:
+    try:
+        with path.open(encoding="utf-8") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            except BlockingIOError:
+                content = json.load(file)
+                return Listed(content["swarm"], parse_endpoint(content["endpoint"]), content["pid"])
+            path.unlink()
+    except (FileNotFoundError, ValueError, KeyError, TypeError):
+        pass  # it ended meanwhile, or is none of ours
+    return None
+
+
+def _folder() -> Path:
+    """Made if it is not there. Raises OSError where it is somebody else's: a lie there would be believed."""
+    # Not below XDG_RUNTIME_DIR: a flight under cron or sudo, and the shell beside it, have different ones.
+    folder = Path(tempfile.gettempdir()) / f"swarmctl-{os.getuid()}"
+    with contextlib.suppress(FileExistsError):
+        folder.mkdir(mode=0o700)
+    found = folder.lstat()
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o022:
+        raise OSError(0, "must be a folder of this user's that nobody else can write to", str(folder))
+    return folder

@@ -1,0 +1,241 @@
+"""Independent cells conditioned on how many of them are held in all: the conditional Bernoulli distribution.
+
+Hostiles lie without replacement, every set S of |S| = n cells as likely as any other, and what was seen of a
+cell multiplies its odds by a ratio λ: P(S) ∝ ∏_{i in S} λ_i. Cells of one λ are exchangeable, so the number
+of hostiles in each group of them says everything, and groups are few whatever the area.
+
+Method (Chen and Liu, "Statistical applications of the Poisson-binomial and conditional Bernoulli
+distributions", 1997): conditioned on the total, cells are the same independent cells whatever common factor
+e^t their odds are given. With the t that makes the total the expected one, the numbers of the groups are
+binomial, their sum is built by convolving them (forward), and the total is conditioned on going back
+(backward). All terms are positive, so that nothing cancels, and near the total nothing underflows; of each
+distribution the tails below TAIL are left out. A total that is itself uncertain is split into stretches that
+have a t each; a saddle point bound says which totals matter at all.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+TAIL = 1e-40
+"""what is left out of a distribution, as a share of its largest term"""
+NEGLIGIBLE = 60.0
+"""totals less likely than the likeliest by e to this power are left out"""
+REACH_SIGMA = 6.0
+"""how far from its middle a stretch of totals goes [standard deviations]: tails keep their precision there"""
+KNOT_SIGMA = 3.0
+"""from one knot of the saddle point bound to the next [standard deviations]"""
+MAX_KNOTS = 257
+STEPS = 32
+"""bisections for t, which need not be exact"""
+
+
+@dataclass(frozen=True, slots=True)
+class _Window:
+    """Values at lo, lo + 1, ...; zero elsewhere."""
+
+    lo: int
+    values: Floats
+
+    @property
+    def end(self) -> int:
+        return self.lo + self.values.size
+
+    def spread(self, lo: int, end: int) -> Floats:
+        """The values at lo .. end − 1, which may leave some out."""
+        wide = np.zeros(end - lo)
+        first, last = max(lo, self.lo), min(end, self.end)
+        if first < last:
+            wide[first - lo : last - lo] = self.values[first - self.lo : last - self.lo]
+        return wide
+
+
+class Groups:
+    """How many hostiles each group of alike cells holds, given how likely each total is.
+
+    Parameters
+    ----------
+    log_ratio: (g,) finite, log λ of the cells of each group.
+    n_cells: (g,) cells in each, at least 1.
+    totals: (k,) ascending, from 0 to the number of cells: how many hostiles there may be in all.
+    log_weight: (k,) log of the weight of *one* set of so many cells, up to a common constant.
+    """
+
+    def __init__(self, log_ratio: Floats, n_cells: Ints, totals: Ints, log_weight: Floats) -> None:
+        self.n_groups = int(n_cells.size)
+        kept = _that_matter(log_ratio, n_cells, totals, log_weight)
+        self._stretches = [
+            _Stretch(log_ratio, n_cells, t, totals[part], log_weight[part])
+            for t, part in _stretches(log_ratio, n_cells, totals, kept)
+        ]
+        log_evidence = np.array([s.log_evidence for s in self._stretches])
+        weight = np.exp(log_evidence - log_evidence.max())
+        self._weight = weight / weight.sum()
+
+    def means(self) -> Floats:
+        """(g,) expected number of hostiles in each group."""
+        parts = zip(self._weight.tolist(), self._stretches, strict=True)
+        means = np.zeros(self.n_groups)
+        for weight, stretch in parts:
+            means += weight * stretch.means()
+        return means
+
+    def draw(self, rng: np.random.Generator, size: int, n_groups: int) -> Ints:
+        """(size, n_groups) numbers of hostiles in the first `n_groups` groups, independent draws."""
+        shares = rng.multinomial(size, self._weight).tolist()
+        parts = zip(shares, self._stretches, strict=True)
+        return np.concatenate([stretch.draw(rng, n, n_groups) for n, stretch in parts if n])
+
+
+class _Stretch:
+    """Totals near each other, under one t."""
+
+    def __init__(self, log_ratio: Floats, n_cells: Ints, t: float, totals: Ints, log_weight: Floats) -> None:
+        odds = np.clip(log_ratio + t, -700.0, 700.0)
+        self._groups = [_binomial(m, o) for m, o in zip(n_cells.tolist(), odds.tolist(), strict=True)]
+        self._forward = [_Window(0, np.ones(1))]
+        for group in self._groups:
+            before = self._forward[-1]
+            after = np.convolve(before.values, group.values)
+            self._forward.append(_trimmed(_Window(before.lo + group.lo, after)))
+        last = self._forward[-1]
+        inside = (totals >= last.lo) & (totals < last.end)
+        tilted = log_weight[inside] - t * totals[inside]
+        top = float(tilted.max())
+        weight = np.zeros(last.values.size)
+        weight[totals[inside] - last.lo] = np.exp(tilted - top)
+        self._given = _Window(last.lo, weight)
+        self._sum = float(last.values @ weight)
+        self.log_evidence = math.log(self._sum) + top + float(n_cells @ np.logaddexp(0.0, log_ratio + t))
+
+    def means(self) -> Floats:
+        means = np.zeros(len(self._groups))
+        given = self._given
+        for g in range(len(self._groups) - 1, -1, -1):
+            before, group = self._forward[g], self._groups[g]
+            wide = given.spread(before.lo + group.lo, before.end + group.end - 1)
+            number = np.arange(group.lo, group.end)
+            means[g] = before.values @ np.correlate(wide, number * group.values, "valid") / self._sum
+            given = _Window(before.lo, np.correlate(wide, group.values, "valid"))
+        return means
+
+    def draw(self, rng: np.random.Generator, size: int, n_groups: int) -> Ints:
+        given = self._given
+        for g in range(len(self._groups) - 1, n_groups - 1, -1):
+            before, group = self._forward[g], self._groups[g]
+            wide = given.spread(before.lo + group.lo, before.end + group.end - 1)
+            given = _Window(before.lo, np.correlate(wide, group.values, "valid"))
+        held = self._forward[n_groups]
+        chance = np.cumsum(held.values * given.values)
+        left = held.lo + np.searchsorted(chance, rng.random(size) * chance[-1], side="right")
+        numbers = np.zeros((size, n_groups), dtype=np.int64)
+        for g in range(n_groups - 1, 0, -1):
+            numbers[:, g] = self._draw_group(rng, g, left)
+            left = left - numbers[:, g]
+        if n_groups:
+            numbers[:, 0] = left
+        return numbers
+
+    def _draw_group(self, rng: np.random.Generator, g: int, left: Ints) -> Ints:
+        """Of `left` hostiles in the groups up to g, those in g."""
+        before, group = self._forward[g], self._groups[g]
+        possible, which = np.unique(left, return_inverse=True)
+        rest = possible[:, None] - np.arange(group.lo, group.end)[None, :] - before.lo
+        inside = (rest >= 0) & (rest < before.values.size)
+        ways = np.where(inside, before.values[np.where(inside, rest, 0)], 0.0) * group.values
+        chance = np.cumsum(ways, axis=1)
+        reached = chance[which] <= (rng.random(left.size) * chance[which, -1])[:, None]
+        return group.lo + np.asarray(reached.sum(axis=1), dtype=np.int64)
+
+
+def _binomial(n: int, log_odds: float) -> _Window:
+    """Binomial probabilities without their tails; by ratios of neighbours, outwards from the likeliest."""
+    p, q = float(expit(log_odds)), float(expit(-log_odds))
+    # Bernstein: a tail of e^-l lies no farther than this from the mean.
+    log_tail = -math.log(TAIL) + 5.0
+    reach = log_tail / 3.0 + math.sqrt(log_tail**2 / 9.0 + 2.0 * log_tail * n * p * q)
+    lo, hi = max(0, math.floor(n * p - reach)), min(n, math.ceil(n * p + reach))
+    mode = min(max(math.floor((n + 1) * p), lo), hi)
+    odds = math.exp(log_odds)
+    up = np.arange(mode, hi)
+    down = np.arange(mode, lo, -1)
+    values = np.concatenate(
+        [
+            np.cumprod(down / ((n - down + 1) * odds))[::-1],
+            np.ones(1),
+            np.cumprod((n - up) * odds / (up + 1)),
+        ]
+    )
+    return _trimmed(_Window(lo, values / values.sum()))
+
+
+def _trimmed(window: _Window) -> _Window:
+    kept = np.flatnonzero(window.values > TAIL * window.values.max())
+    return _Window(window.lo + int(kept[0]), window.values[kept[0] : kept[-1] + 1])
+
+
+def _tilt(log_ratio: Floats, n_cells: Ints, expected: Floats) -> Floats:
+    """t at which the groups hold `expected` hostiles in all, which lies inside 0 .. number of cells."""
+    margin = math.log(2.0 * float(n_cells.sum())) + 1.0
+    low = np.full(expected.shape, -float(log_ratio.max()) - margin)
+    high = np.full(expected.shape, -float(log_ratio.min()) + margin)
+    for _ in range(STEPS):
+        middle = 0.5 * (low + high)
+        too_few = expit(log_ratio + middle[:, None]) @ n_cells < expected
+        low, high = np.where(too_few, middle, low), np.where(too_few, high, middle)
+    return np.asarray(0.5 * (low + high))
+
+
+def _inside(expected: Floats, n_cells: Ints) -> Floats:
+    return np.clip(expected, 0.5, float(n_cells.sum()) - 0.5)
+
+
+def _that_matter(log_ratio: Floats, n_cells: Ints, totals: Ints, log_weight: Floats) -> Ints:
+    """Indices of the totals that are not negligible; never leaves out one that matters.
+
+    e_J(λ), the weight of all sets of J cells, is less than e^U(J), U(J) = min over t of Σ m log(1 + λ e^t) −
+    J t, and less by no more than some powers of J. U is concave: between knots a chord lies below it,
+    tangents above.
+    """
+    if totals.size <= 2:
+        return np.arange(totals.size)
+    cells = float(n_cells.sum())
+    # Even steps of the angle are even shares of the standard deviation of a binomial, 2 √cells an angle of 1.
+    first, last = np.arcsin(np.sqrt(np.array([totals[0], totals[-1]]) / cells)).tolist()
+    n_knots = min(2 + math.ceil((last - first) * 2.0 * math.sqrt(cells) / KNOT_SIGMA), MAX_KNOTS)
+    at = np.unique(_inside(cells * np.sin(np.linspace(first, last, n_knots)) ** 2, n_cells))
+    t = _tilt(log_ratio, n_cells, at)
+    top = np.logaddexp(0.0, log_ratio + t[:, None]) @ n_cells
+    least = log_weight + np.interp(totals, at, top - at * t)
+    right = np.clip(np.searchsorted(at, totals), 1, at.size - 1) if at.size > 1 else np.zeros_like(totals)
+    left = np.maximum(right - 1, 0)
+    most = log_weight + np.minimum(top[left] - totals * t[left], top[right] - totals * t[right])
+    return np.flatnonzero(most >= least.max() - NEGLIGIBLE)
+
+
+def _stretches(log_ratio: Floats, n_cells: Ints, totals: Ints, kept: Ints) -> list[tuple[float, Ints]]:
+    """(t, indices of totals) for stretches that one t serves."""
+    stretches: list[tuple[float, Ints]] = []
+    while kept.size:
+        first = totals[kept[:1]].astype(np.float64)
+        t, sigma = _tilt_and_sigma(log_ratio, n_cells, first)
+        middle = np.minimum(first + REACH_SIGMA * sigma, 0.5 * (first + totals[kept[-1]]))
+        t, sigma = _tilt_and_sigma(log_ratio, n_cells, middle)
+        served = totals[kept] <= max(first[0], middle[0] + REACH_SIGMA * sigma)
+        stretches.append((t, kept[served]))
+        kept = kept[~served]
+    return stretches
+
+
+def _tilt_and_sigma(log_ratio: Floats, n_cells: Ints, expected: Floats) -> tuple[float, float]:
+    t = float(_tilt(log_ratio, n_cells, _inside(expected, n_cells))[0])
+    p = expit(log_ratio + t)
+    return t, math.sqrt(float((p * expit(-log_ratio - t)) @ n_cells))

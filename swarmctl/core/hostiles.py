@@ -1,0 +1,100 @@
+"""How many hostiles there are, as announced beforehand: n_HA as a number, or as a prior over it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammaln, xlog1py, xlogy
+
+LOG_RANGE = 745.0
+"""numbers less likely than the likeliest by e to this power, the range of a double, count as impossible"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HostileCount:
+    """A prior over n_HA. Raises ValueError unless numbers are 0 or more, ascending, of finite weight."""
+
+    n: NDArray[np.int64]
+    """(k,) the numbers that are possible, ascending"""
+    log_weight: NDArray[np.float64]
+    """(k,) logarithm of the weight of each, up to a common constant"""
+
+    def __post_init__(self) -> None:
+        if self.n.size == 0 or self.n.shape != self.log_weight.shape:
+            raise ValueError("a prior over the number of hostiles without any number that is possible")
+        if self.n[0] < 0 or (np.diff(self.n) <= 0).any():
+            raise ValueError(f"numbers of hostiles {self.n.tolist()}: expected 0 or more, ascending")
+        if not np.isfinite(self.log_weight).all():
+            raise ValueError("a number of hostiles whose weight is not a positive, finite number")
+
+    @classmethod
+    def known(cls, n: int) -> HostileCount:
+        """The paper's n_HA, announced as a number."""
+        return cls(np.array([n], dtype=np.int64), np.zeros(1))
+
+    @classmethod
+    def uniform(cls, least: int, greatest: int) -> HostileCount:
+        """Every number from `least` to `greatest` is as likely as any other."""
+        n = np.arange(least, greatest + 1, dtype=np.int64)
+        return cls(n, np.zeros(n.size))
+
+    @classmethod
+    def poisson(cls, mean: float, n_cells: int) -> HostileCount:
+        """Poisson, cut off where the cells are full."""
+        n = np.arange(n_cells + 1, dtype=np.int64)
+        return cls._of_possible(n, xlogy(n, mean) - gammaln(n + 1))
+
+    @classmethod
+    def binomial(cls, trials: int, p: float) -> HostileCount:
+        """Each of `trials` hostiles is there with probability p, independently of the others."""
+        n = np.arange(trials + 1, dtype=np.int64)
+        log_ways = gammaln(trials + 1) - gammaln(n + 1) - gammaln(trials - n + 1)
+        return cls._of_possible(n, log_ways + xlogy(n, p) + xlog1py(trials - n, -p))
+
+    @classmethod
+    def weighted(cls, weights: Mapping[int, float]) -> HostileCount:
+        """Number of hostiles -> its weight; weights need not add up to 1, those of 0 are left out."""
+        n = np.array(sorted(weights), dtype=np.int64)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return cls._of_possible(n, np.log([weights[int(k)] for k in n]))
+
+    @classmethod
+    def _of_possible(cls, n: NDArray[np.int64], log_weight: NDArray[np.float64]) -> HostileCount:
+        possible = log_weight > log_weight.max(initial=-np.inf) - LOG_RANGE
+        return cls(n[possible], log_weight[possible])
+
+    @property
+    def is_number(self) -> bool:
+        return self.n.size == 1
+
+    @property
+    def least(self) -> int:
+        return int(self.n[0])
+
+    @property
+    def greatest(self) -> int:
+        return int(self.n[-1])
+
+    @property
+    def pmf(self) -> NDArray[np.float64]:
+        """(k,) the probability of each number"""
+        weight = np.exp(self.log_weight - self.log_weight.max())
+        return np.asarray(weight / weight.sum())
+
+    @property
+    def mean(self) -> float:
+        return float(self.pmf @ self.n)
+
+    def __str__(self) -> str:
+        """The number, or the range it is in with 95 %."""
+        if self.is_number:
+            return str(self.least)
+        low, high = self.n[np.searchsorted(np.cumsum(self.pmf), (0.025, 0.975)).clip(max=self.n.size - 1)]
+        return f"{low} to {high} (95 %)"
+
+    def draw(self, rng: np.random.Generator) -> int:
+        """A number by its probability; draws nothing where there is only one."""
+        return self.least if self.is_number else int(rng.choice(self.n, p=self.pmf))

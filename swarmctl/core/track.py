@@ -1,0 +1,165 @@
+"""Straight tracks over the cells: what they pass over, how far, and how exposed that is.
+
+Points are (x, y) in cells from the south-west corner of cell (0, 0), so the centre of cell (row, col) is
+(col + 0.5, row + 0.5).
+
+Two measures of exposure, because Eq. 5 has none for a track between cells:
+
+entered
+    ΣP_s over the cells a track enters, as Eq. 5 counts a route and as strikes are drawn: once each time a
+    cell is entered, however short the way through it. A track through the corner of two cells enters only the
+    diagonal one, as a diagonal step does. A straight track at a skew angle enters more cells than the lattice
+    route beside it.
+integral
+    ∫ P_s ds along the track [cells], which counts the way and not the number of cells.
+
+On one lattice route the two differ: a diagonal step enters one cell in √2 cells of way.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmctl.core.grid import Cell
+
+Floats = NDArray[np.float64]
+Point = tuple[float, float]
+
+CORNER_WAY = 1e-9
+"""Two grid lines crossed within so much way [cells] are crossed at their corner. Between centres of up to
+10 000 cells the crossings are either one or 5e-5 cells apart."""
+
+WALL_MARGIN = 0.1
+"""How far a track keeps from the corner of a wall [cells]: for the vehicle's error of position and of
+following. Between the centres of neighbouring cells there is no other way to come near a wall."""
+
+NO_CHANCE = 1e-12
+"""1 − P_s of a cell over which being hit is certain, so that its logarithm is a number."""
+
+
+def centre(cell: Cell) -> Point:
+    return cell[1] + 0.5, cell[0] + 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Passed:
+    """The cells under a track in the order flown, each once a visit, with the way over each [cells]."""
+
+    cells: tuple[Cell, ...]
+    ways: tuple[float, ...]
+    legs: tuple[int, ...]
+    """on which leg of the track each was entered"""
+
+
+def passed(points: Sequence[Point]) -> Passed:
+    """What a track of straight legs passes over; a point on a grid line is north or east of it."""
+    cells: list[Cell] = []
+    ways: list[float] = []
+    legs: list[int] = []
+    for leg, (a, b) in enumerate(pairwise(points)):
+        for cell, way in zip(*_crossed(a, b), strict=True):
+            if cells and cells[-1] == cell:
+                ways[-1] += way
+            else:
+                cells.append(cell)
+                ways.append(way)
+                legs.append(leg)
+    if not cells and points:
+        (x, y) = points[0]
+        return Passed(((math.floor(y), math.floor(x)),), (0.0,), (0,))
+    return Passed(tuple(cells), tuple(ways), tuple(legs))
+
+
+def _crossed(a: Point, b: Point) -> tuple[list[Cell], list[float]]:
+    length = math.dist(a, b)
+    if length == 0.0:
+        return [], []
+    shares = np.concatenate(([0.0, 1.0], _crossings(a[0], b[0]), _crossings(a[1], b[1])))
+    shares.sort()
+    # Crossings at one corner become one: the piece between them has no length.
+    pieces = np.flatnonzero(np.diff(shares) * length > CORNER_WAY)
+    middle = (shares[pieces] + shares[pieces + 1]) / 2.0
+    cols = np.floor(a[0] + middle * (b[0] - a[0])).astype(int)
+    rows = np.floor(a[1] + middle * (b[1] - a[1])).astype(int)
+    ways = (shares[pieces + 1] - shares[pieces]) * length
+    return list(zip(rows.tolist(), cols.tolist(), strict=True)), ways.tolist()
+
+
+def _crossings(here: float, there: float) -> Floats:
+    """Where between two coordinates the grid lines lie, as shares of the way."""
+    if here == there:
+        return np.empty(0)
+    low, high = min(here, there), max(here, there)
+    lines = np.arange(math.floor(low) + 1, math.ceil(high), dtype=np.float64)
+    return (lines - here) / (there - here)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Threat:
+    """P_s as tracks are judged by it. Walls (infinite P_s) count nothing: to meet one is another matter."""
+
+    p_s: Floats
+    """(rows, cols), finite"""
+    hazard: Floats
+    """−ln(1 − P_s), (rows, cols), finite: its sum is that of the safety factor"""
+    blocked: NDArray[np.bool_]
+    """(rows, cols): may not be entered"""
+
+    @classmethod
+    def of(cls, p_s: Floats, max_exposure: float = math.inf) -> Threat:
+        """`p_s` (rows, cols), infinite where nobody may fly; nor where it exceeds `max_exposure`."""
+        blocked = ~np.isfinite(p_s) | (p_s > max_exposure)
+        finite = np.where(np.isfinite(p_s), p_s, 0.0)
+        return cls(finite, -np.log(np.maximum(1.0 - finite, NO_CHANCE)), blocked)
+
+    def entered(self, cells: Sequence[Cell]) -> Floats:
+        """(2,): ΣP_s and Σ −ln(1 − P_s) over cells, each of which is entered."""
+        rows, cols = _indices(cells)
+        return np.array([self.p_s[rows, cols].sum(), self.hazard[rows, cols].sum()])
+
+    def integral(self, cells: Sequence[Cell], ways: Sequence[float]) -> Floats:
+        """(2,): ∫ P_s ds and ∫ −ln(1 − P_s) ds over cells and the way over each [cells]."""
+        rows, cols = _indices(cells)
+        return np.array([self.p_s[rows, cols] @ ways, self.hazard[rows, cols] @ ways])
+
+
+def _indices(cells: Sequence[Cell]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    array = np.array(cells, dtype=np.int64).reshape(-1, 2)
+    return array[:, 0], array[:, 1]
+
+
+def is_clear(threat: Threat, points: Sequence[Point], margin: float = WALL_MARGIN) -> bool:
+    """Whether a track enters no wall, nor comes within `margin` [cells] of the corner of one. The cell it
+    begins in does not count: who is in a wall may leave it."""
+    rows, cols = threat.blocked.shape
+    begin = passed(points).cells[0]
+
+    def is_wall(row: int, col: int) -> bool:
+        inside = 0 <= row < rows and 0 <= col < cols
+        return inside and (row, col) != begin and bool(threat.blocked[row, col])
+
+    for a, b in pairwise(points):
+        cells = passed((a, b)).cells
+        if any(is_wall(*cell) for cell in cells):
+            return False
+        # What is that near the track is a corner of a cell under it.
+        for y, x in {(row + up, col + right) for row, col in cells for up in (0, 1) for right in (0, 1)}:
+            around = ((y - 1, x - 1), (y - 1, x), (y, x - 1), (y, x))
+            if any(is_wall(*cell) for cell in around) and _distance((x, y), a, b) <= margin + CORNER_WAY:
+                return False
+    return True
+
+
+def _distance(p: Point, a: Point, b: Point) -> float:
+    """From a point to a straight leg."""
+    (ax, ay), (bx, by) = a, b
+    squared = (bx - ax) ** 2 + (by - ay) ** 2
+    share = ((p[0] - ax) * (bx - ax) + (p[1] - ay) * (by - ay)) / squared if squared else 0.0
+    share = min(max(share, 0.0), 1.0)
+    return math.dist(p, (ax + share * (bx - ax), ay + share * (by - ay)))

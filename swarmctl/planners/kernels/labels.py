@@ -1,0 +1,272 @@
+"""Label setting: routes by two sums at once, length and exposure.
+
+A label is a way from the start to a cell with its length and its exposure. It lives while no other label of
+its cell is at most as long and at most as exposed, and while it can still lead to something: three fields of
+what is to come (the least length, the least exposure, the least exposure + price · length) say what it adds
+up to at least. Labels are extended in the order of the third sum, so the ones that come out at a goal are
+final, and what is still in the queue says how good the rest can be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from swarmctl.core.grid import Cell
+from swarmctl.planners.kernels.descent import LENGTH_TIE, REL_TIE
+from swarmctl.planners.kernels.field import Field, spread
+from swarmctl.planners.kernels.lattice import ROOT2, Floats, Ints, offsets_of, pop_least, push, squeezes
+
+KEY_TIE = 1e-13
+"""What promises to be better by less than this, relatively, is not."""
+FIRST_POOL = 1 << 12
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ToGo:
+    """What is to come from each cell, at least: padded flat arrays, 0 in a wall (only a start can be one)."""
+
+    length: Floats
+    exposure: Floats
+    priced: Floats
+    """exposure + price · length"""
+    price: float
+
+    @classmethod
+    def of(cls, shortest: Field, safest: Field | None, cheapest: Field, price: float) -> ToGo:
+        """From fields at w = 0 with ψ = 1, at w = 1 (none: taken as 0), and at w = 1/2 with ψ = price."""
+        length = _to_go(shortest)
+        exposure = np.zeros_like(length) if safest is None else _to_go(safest)
+        return cls(length, exposure, 2.0 * _to_go(cheapest), price)
+
+
+def _to_go(field: Field) -> Floats:
+    """`Field.cost` without looking at the neighbours."""
+    entering = field.straight - field.step
+    return np.subtract(field.label, entering, out=np.zeros(entering.size), where=np.isfinite(entering))
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What a label search brought."""
+
+    ways: tuple[tuple[Cell, ...], ...]
+    """in the order in which they were found; each from the start to a goal, none of them dominated"""
+    least_open: float
+    """exposure + price · length of any way not in `ways` that was asked for is at least this; infinite if
+    there is none"""
+    labels: int
+
+
+def label_search(
+    exposure: Floats,
+    start: Cell,
+    goals: Sequence[Cell],
+    to_go: ToGo,
+    *,
+    longest_cells: float,
+    below: float,
+    whole: bool,
+    max_labels: int = 0,
+) -> Found:
+    """Ways no longer than `longest_cells` and less exposed than `below`, for P_s of shape (rows, cols).
+
+    `whole`: every one that no other dominates; else ever less exposed ones, the last of them the least
+    exposed of all. With `max_labels` (0: as many as it takes) the search ends when so many were made.
+    """
+    rows, cols = exposure.shape
+    width = cols + 2
+    enter = np.full((rows + 2, width), np.inf)
+    enter[1:-1, 1:-1] = exposure
+    is_goal = np.zeros(enter.size, dtype=np.bool_)
+    for row, col in goals:
+        is_goal[(row + 1) * width + col + 1] = True
+    first = (start[0] + 1) * width + start[1] + 1
+    ends, cell, parent, least_open = _search(
+        enter.reshape(-1), width, first, is_goal, to_go.length, to_go.exposure, to_go.priced, to_go.price,
+        longest_cells, below, whole, max_labels,
+    )  # fmt: skip
+    ways = []
+    for end in ends.tolist():
+        path = []
+        label = end
+        while label >= 0:
+            index = int(cell[label])
+            path.append((index // width - 1, index % width - 1))
+            label = int(parent[label])
+        ways.append(tuple(reversed(path)))
+    return Found(tuple(ways), float(least_open), len(cell))
+
+
+def warm_up_labels() -> None:
+    """Compiles the kernel or loads it from the cache."""
+    exposure = np.zeros((2, 2))
+    shortest, cheapest = (spread(exposure, [(1, 1)], w, 1.0) for w in (0.0, 0.5))
+    to_go = ToGo.of(shortest, None, cheapest, 1.0)
+    label_search(exposure, (0, 0), [(1, 1)], to_go, longest_cells=3.0, below=1.0, whole=False)
+
+
+@njit(nogil=True, cache=True)
+def _search(
+    enter: Floats,
+    width: int,
+    first: int,
+    is_goal: NDArray[np.bool_],
+    to_length: Floats,
+    to_exposure: Floats,
+    to_priced: Floats,
+    price: float,
+    longest: float,
+    below: float,
+    whole: bool,
+    max_labels: int,
+) -> tuple[Ints, NDArray[np.int32], NDArray[np.int32], float]:
+    """Labels at the goals in the order found, cell and parent of every label, least key that is open."""
+    offsets = offsets_of(width)
+    head = np.full(
+        enter.size, -1, dtype=np.int32
+    )  # the living labels of a cell: a list from here over `after`
+    cell = np.empty(FIRST_POOL, dtype=np.int32)
+    parent = np.empty(FIRST_POOL, dtype=np.int32)
+    after = np.empty(FIRST_POOL, dtype=np.int32)
+    sums = np.empty((FIRST_POOL, 2))
+    alive = np.empty(FIRST_POOL, dtype=np.bool_)
+    heap, keys, size = np.empty(FIRST_POOL, dtype=np.int64), np.empty(FIRST_POOL), 0
+    stairs = np.empty((16, 2))  # what was found, longer and less exposed from step to step
+    stairs[0, 0], stairs[0, 1] = 0.0, below
+    n_stairs = 1
+    ends = np.empty(16, dtype=np.int64)
+    n_ends = 0
+    cutoff = (below + price * longest) * (1.0 - KEY_TIE)
+    cell[0] = first
+    parent[0] = -1
+    after[0] = -1
+    sums[0, 0], sums[0, 1] = 0.0, 0.0
+    alive[0] = True
+    head[first] = 0
+    count = 1
+    heap, keys, size = push(heap, keys, size, 0, to_priced[first])
+    while size > 0 and keys[0] < cutoff:
+        key, label = keys[0], heap[0]
+        size = pop_least(heap, keys, size)
+        if not alive[label]:
+            continue
+        m = cell[label]
+        length, exposure = sums[label, 0], sums[label, 1]
+        if _is_above(stairs, n_stairs, length + to_length[m], exposure + to_exposure[m]):
+            continue
+        if is_goal[m]:
+            if n_ends == ends.size:
+                ends = np.append(ends, ends)
+            ends[n_ends] = label
+            n_ends += 1
+            if not whole:
+                n_stairs = 0
+                length = 0.0
+            if n_stairs + 1 >= stairs.shape[0]:
+                stairs = np.append(stairs, stairs, axis=0)
+            n_stairs = _insert(stairs, n_stairs, length, exposure)
+            cutoff = _highest_corner(stairs, n_stairs, price, longest) * (1.0 - KEY_TIE)
+            continue
+        if max_labels > 0 and count >= max_labels:
+            return ends[:n_ends], cell[:count], parent[:count], key
+        if count + 8 > cell.size:
+            cell = np.append(cell, cell)
+            parent = np.append(parent, parent)
+            after = np.append(after, after)
+            sums = np.append(sums, sums, axis=0)
+            alive = np.append(alive, alive)
+        for k in range(8):
+            n = m + offsets[k]
+            if enter[n] == np.inf or (k >= 4 and squeezes(enter, offsets, m, k)):
+                continue
+            new_length = length + (1.0 if k < 4 else ROOT2)
+            new_exposure = exposure + enter[n]
+            new_key = new_exposure + price * new_length + to_priced[n]
+            if (
+                new_key >= cutoff
+                or new_length + to_length[n] > longest
+                or _is_above(stairs, n_stairs, new_length + to_length[n], new_exposure + to_exposure[n])
+                or not _enters(head, after, alive, sums, n, new_length, new_exposure)
+            ):
+                continue
+            cell[count] = n
+            parent[count] = label
+            after[count] = head[n]
+            head[n] = count
+            sums[count, 0] = new_length
+            sums[count, 1] = new_exposure
+            alive[count] = True
+            heap, keys, size = push(heap, keys, size, count, new_key)
+            count += 1
+    return ends[:n_ends], cell[:count], parent[:count], np.inf
+
+
+@njit(nogil=True, cache=True)
+def _enters(
+    head: NDArray[np.int32],
+    after: NDArray[np.int32],
+    alive: NDArray[np.bool_],
+    sums: Floats,
+    n: int,
+    length: float,
+    exposure: float,
+) -> bool:
+    """Whether no label of cell n dominates these sums; if so, those that they dominate die."""
+    before = -1
+    label = head[n]
+    longer = length + LENGTH_TIE
+    shorter = length - LENGTH_TIE
+    most = exposure * (1.0 + REL_TIE)
+    while label >= 0:
+        if sums[label, 0] <= longer and sums[label, 1] <= most:
+            return False
+        follower = after[label]
+        if sums[label, 0] >= shorter and sums[label, 1] >= exposure:
+            alive[label] = False
+            if before < 0:
+                head[n] = follower
+            else:
+                after[before] = follower
+        else:
+            before = label
+        label = follower
+    return True
+
+
+@njit(nogil=True, cache=True)
+def _is_above(stairs: Floats, n_stairs: int, length: float, exposure: float) -> bool:
+    """Whether something found is at most as long and at most as exposed."""
+    low, high = 0, n_stairs  # the first step that is longer
+    while low < high:
+        middle = (low + high) >> 1
+        if stairs[middle, 0] <= length + LENGTH_TIE:
+            low = middle + 1
+        else:
+            high = middle
+    return bool(low > 0 and stairs[low - 1, 1] <= exposure * (1.0 + REL_TIE))
+
+
+@njit(nogil=True, cache=True)
+def _insert(stairs: Floats, n_stairs: int, length: float, exposure: float) -> int:
+    """Puts a step between the shorter and the longer ones; their number after that."""
+    slot = n_stairs
+    while slot > 0 and stairs[slot - 1, 0] > length:
+        stairs[slot] = stairs[slot - 1]
+        slot -= 1
+    stairs[slot, 0] = length
+    stairs[slot, 1] = exposure
+    return n_stairs + 1
+
+
+@njit(nogil=True, cache=True)
+def _highest_corner(stairs: Floats, n_stairs: int, price: float, longest: float) -> float:
+    """The greatest exposure + price · length that a way between the steps can have."""
+    highest = stairs[n_stairs - 1, 1] + price * longest
+    for step in range(n_stairs - 1):
+        highest = max(highest, stairs[step, 1] + price * stairs[step + 1, 0])
+    return float(highest)

@@ -1,0 +1,58 @@
+"""The route of the greatest safety factor ∏(1 − P_s), by the least Σ −ln(1 − P_s)."""
+
+# ERRATUM: the paper holds that the route of least ΣP_s "would also be the one that gives the maximum value of
+# the safety factor". It need not be: one cell of 0.50 has the lesser sum, two of 0.26 the better chance
+# (0.548). Least is Σ −ln(1 − P_s), which is the same as ΣP_s only where P_s is small. The paper's planner is
+# `dijkstra` at w = 1.
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmctl.core.grid import Cell
+from swarmctl.planners import kernels
+from swarmctl.planners.base import Problem, Route, is_open, route_of
+
+CERTAIN_LOSS = 1e6
+"""What a cell of P_s ≥ 1 counts for instead of −ln(0) = ∞: more than the rest of any route can add up to, so
+that a route enters as few of them as there is a way to, and is still an answer. An infinite P_s is a wall."""
+
+
+@dataclass(frozen=True, slots=True)
+class Params:
+    """Nothing to choose."""
+
+
+def plan(problem: Problem, _params: Params) -> Route:
+    """The route of least Σ −ln(1 − P_s), which is its cost; among equals the shortest.
+
+    w and ψ do not matter, bounds on length are not kept. Raises Unreachable.
+    """
+    field = kernels.spread(_losses(problem.passable), problem.goals, 1.0, 0.0)
+    if math.isinf(field.cost_of(problem.start)):
+        raise problem.unreachable()
+    cells = field.run_down(problem.start)
+    return route_of(problem, cells, _sum(problem, cells))
+
+
+def measure(problem: Problem, cells: Sequence[Cell], _params: Params) -> float:
+    """Σ −ln(1 − P_s), with CERTAIN_LOSS for a cell of P_s ≥ 1; infinite through a wall."""
+    return _sum(problem, cells) if is_open(problem, cells) else math.inf
+
+
+def _losses(exposure: NDArray[np.float64]) -> NDArray[np.float64]:
+    """−ln(1 − P_s) of each cell, as it is counted."""
+    losses = np.where(np.isinf(exposure), math.inf, CERTAIN_LOSS)
+    survivable = exposure < 1.0
+    losses[survivable] = -np.log1p(-exposure[survivable])
+    return losses
+
+
+def _sum(problem: Problem, cells: Sequence[Cell]) -> float:
+    entered = np.array([problem.exposure[cell] for cell in cells[1:]])
+    return math.fsum(_losses(entered))

@@ -1,0 +1,373 @@
+"""Pulling lattice routes straight: never worse, the fewest legs, and turns that a fixed wing can fly."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from swarmctl.core.any_angle import (
+    Track,
+    index_abreast,
+    may_join,
+    pull_straight,
+    still_holds,
+)
+from swarmctl.core.corners import Counting, Unflyable, Weights
+from swarmctl.core.exposure import exposure_sum, length_cells, safety_factor
+from swarmctl.core.grid import Cell
+from swarmctl.core.route import thin
+from swarmctl.core.track import WALL_MARGIN, Threat, centre, is_clear, passed
+from swarmctl.core.turns import rounded, tangent
+from swarmctl.planners import PLANNERS, Problem, Unreachable
+
+QUICK = settings(max_examples=80, deadline=None, derandomize=True)
+BOTH = pytest.mark.parametrize("counting", list(Counting))
+DIJKSTRA = PLANNERS["dijkstra"]
+
+
+@dataclass(frozen=True)
+class Case:
+    p_s: np.ndarray
+    route: tuple[Cell, ...]
+    w: float
+
+    @property
+    def threat(self) -> Threat:
+        return Threat.of(self.p_s)
+
+
+@st.composite
+def cases(draw: st.DrawFn, largest: int = 16) -> Case:
+    """A route of the planner over a random field with walls, flat parts and cells known to be clear."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    rows, cols = draw(st.integers(2, largest)), draw(st.integers(2, largest))
+    p_s = rng.choice([0.0, 0.13, 0.13, 0.3], (rows, cols)) + rng.random((rows, cols)) * draw(
+        st.sampled_from([0.0, 0.2])
+    )
+    p_s[rng.random((rows, cols)) < draw(st.sampled_from([0.0, 0.15]))] = math.inf
+    start, goal = ((int(rng.integers(rows)), int(rng.integers(cols))) for _ in range(2))
+    w = draw(st.sampled_from([0.0, 0.3, 0.7, 1.0]))
+    try:
+        route = DIJKSTRA.plan(Problem(p_s, start, (goal,), w, 0.13), DIJKSTRA.Params())
+    except Unreachable:
+        assume(False)
+    return Case(p_s, route.cells, w)
+
+
+def measures(threat: Threat, cells: list[Cell], counting: Counting) -> np.ndarray:
+    """Length and exposures of the straight legs between cells, one leg after the other."""
+    points = [centre(cell) for cell in cells]
+    under = passed(points)
+    length = sum(math.dist(a, b) for a, b in itertools.pairwise(points))
+    rows = [length, *threat.integral(under.cells, under.ways)]
+    if counting is Counting.ENTERED:
+        rows += [*threat.entered(under.cells[1:])]
+    return np.array(rows)
+
+
+def indices(route: tuple[Cell, ...], track: Track) -> list[int]:
+    return [route.index(corner) for corner in track.corners]
+
+
+@BOTH
+@given(case=cases())
+@QUICK
+def test_a_track_is_never_worse_than_its_route(counting: Counting, case: Case) -> None:
+    track = pull_straight(case.threat, case.route, counting)
+    pulled = measures(case.threat, list(track.corners), counting)
+    assert (pulled <= measures(case.threat, list(case.route), counting) + 1e-7).all()
+    assert track.length_cells == pytest.approx(pulled[0])
+    if counting is Counting.ENTERED:
+        assert track.exposure_sum <= exposure_sum(case.p_s, case.route) + 1e-7
+        assert track.safety_factor >= safety_factor(case.p_s, case.route) - 1e-7
+
+
+@BOTH
+@given(case=cases())
+@QUICK
+def test_a_track_keeps_its_ends_clear_of_walls_and_has_no_more_items(counting: Counting, case: Case) -> None:
+    track = pull_straight(case.threat, case.route, counting)
+    assert (track.corners[0], track.corners[-1]) == (case.route[0], case.route[-1])
+    assert len(track.corners) <= len(thin(case.route))
+    assert indices(case.route, track) == sorted(indices(case.route, track))
+    assert not any(math.isinf(case.p_s[cell]) for cell in track.over[1:])
+    for a, b in itertools.pairwise(track.corners):
+        k, m = case.route.index(a), case.route.index(b)
+        if len(thin(case.route[k : m + 1])) > 2:  # no straight piece of the lattice route
+            assert is_clear(case.threat, (centre(a), centre(b)), WALL_MARGIN)
+
+
+@BOTH
+@given(case=cases(7))
+@QUICK
+def test_there_are_no_fewer_legs_and_of_as_many_none_are_shorter(counting: Counting, case: Case) -> None:
+    route, threat = case.route, case.threat
+    assume(len(route) <= 9)
+
+    def good(i: int, j: int) -> bool:
+        a, b = route[i], route[j]
+        if math.dist(a, b) == pytest.approx(length_cells(route[i : j + 1])):
+            return True
+        leg, replaced = (measures(threat, list(c), counting) for c in ((a, b), route[i : j + 1]))
+        return bool((leg <= replaced + 1e-9).all()) and is_clear(threat, (centre(a), centre(b)))
+
+    inner = range(1, len(route) - 1)
+    best = (math.inf, math.inf)
+    for n in range(len(route)):
+        for chosen in itertools.combinations(inner, n):
+            corners = (0, *chosen, len(route) - 1) if len(route) > 1 else (0,)
+            if all(good(i, j) for i, j in itertools.pairwise(corners)):
+                length = sum(math.dist(route[i], route[j]) for i, j in itertools.pairwise(corners))
+                best = min(best, (len(corners), length))
+    track = pull_straight(threat, route, counting)
+    assert len(track.corners) == best[0]
+    assert track.length_cells == pytest.approx(best[1])
+
+
+@BOTH
+@given(case=cases())
+@QUICK
+def test_a_track_that_was_pulled_is_pulled_no_further(counting: Counting, case: Case) -> None:
+    once = pull_straight(case.threat, case.route, counting)
+    if all(len(thin(case.route[i : j + 1])) <= 2 for i, j in itertools.pairwise(indices(case.route, once))):
+        again = pull_straight(case.threat, once.over, counting)  # the track is a lattice route itself
+        assert len(again.corners) == len(once.corners)
+
+
+@pytest.mark.parametrize(
+    ("counting", "corners"),
+    [
+        (Counting.INTEGRAL, ((0, 0), (1, 2))),
+        (Counting.ENTERED, ((0, 0), (0, 1), (1, 2))),  # the straight line enters three cells, the route two
+    ],
+)
+def test_a_knights_move_where_nothing_is_known(counting: Counting, corners: tuple[Cell, ...]) -> None:
+    threat = Threat.of(np.full((2, 3), 0.13))
+    assert pull_straight(threat, [(0, 0), (0, 1), (1, 2)], counting).corners == corners
+
+
+@BOTH
+def test_a_knights_move_over_cells_known_to_be_clear(counting: Counting) -> None:
+    track = pull_straight(Threat.of(np.zeros((2, 3))), [(0, 0), (0, 1), (1, 2)], counting)
+    assert track == Track(
+        ((0, 0), (1, 2)), ((0, 0), (0, 1), (1, 1), (1, 2)), (0, 1, 2, 2), math.sqrt(5), 0.0, 1.0
+    )
+
+
+@BOTH
+def test_a_wall_beside_the_way_is_kept_clear_of(counting: Counting) -> None:
+    p_s = np.zeros((3, 5))
+    p_s[1, 2] = math.inf
+    route = ((0, 0), (0, 1), (0, 2), (0, 3), (1, 4))
+    assert pull_straight(Threat.of(np.zeros((3, 5))), route, counting).corners == ((0, 0), (1, 4))
+    track = pull_straight(Threat.of(p_s), route, counting)
+    assert track.corners[0:1] + track.corners[-1:] == ((0, 0), (1, 4))
+    assert (1, 2) not in track.over
+    assert len(track.corners) == 3
+
+
+@pytest.mark.parametrize("route", [[(1, 1)], [(1, 1), (1, 2)], [(1, 1), (1, 2), (1, 1)]])
+def test_routes_of_few_cells(route: list[Cell]) -> None:
+    track = pull_straight(Threat.of(np.full((3, 3), 0.1)), route, Counting.ENTERED)
+    assert track.corners == tuple(route)
+    assert track.over == tuple(route)
+    assert track.exposure_sum == pytest.approx(0.1 * (len(route) - 1))
+
+
+def test_a_start_where_nobody_may_fly_is_left() -> None:
+    p_s = np.zeros((4, 4))
+    p_s[0, 0] = math.inf
+    track = pull_straight(Threat.of(p_s), [(0, 0), (0, 1), (1, 2), (1, 3)], Counting.ENTERED)
+    assert track.corners == ((0, 0), (1, 3))
+    assert track.exposure_sum == 0.0
+
+
+def test_a_long_route_is_pulled_as_well() -> None:
+    threat = Threat.of(np.zeros((200, 400)))
+    route = tuple((min(k // 2, 199), k) for k in range(400))
+    assert pull_straight(threat, route, Counting.ENTERED).corners == ((0, 0), (199, 399))
+    straight = tuple((0, k) for k in range(400))
+    assert pull_straight(Threat.of(np.full((1, 400), 0.1)), straight, Counting.ENTERED).corners == (
+        (0, 0),
+        (0, 399),
+    )
+
+
+# --- what stands for what
+
+
+@BOTH
+@given(case=cases(), radius=st.sampled_from([0.0, 0.4]))
+@QUICK
+def test_every_cell_under_a_track_has_one_of_the_route_beside_it(
+    counting: Counting, case: Case, radius: float
+) -> None:
+    try:
+        track = pull_straight(
+            case.threat, case.route, counting, radius_cells=radius, weights=Weights(0.5, 0.1)
+        )
+    except Unflyable:
+        return
+    assert len(track.abreast) == len(track.over)
+    assert list(track.abreast) == sorted(track.abreast)
+    assert (track.abreast[0], track.abreast[-1]) == (0, len(case.route) - 1)
+    for cell, k in zip(track.over, track.abreast, strict=True):
+        assert index_abreast(track, cell, k) == k
+        if radius == 0.0 and cell in track.corners:
+            assert case.route[k] == cell
+
+
+def test_a_cell_that_is_not_under_a_track_has_none() -> None:
+    track = pull_straight(Threat.of(np.zeros((3, 3))), [(0, 0), (0, 1), (0, 2)], Counting.ENTERED)
+    assert index_abreast(track, (2, 2)) is None
+
+
+# --- a vehicle under way
+
+FIELD = np.zeros((4, 9))
+ROUTE = (*tuple((0, k) for k in range(6)), (1, 6), (2, 7), (3, 8))
+TRACK = pull_straight(Threat.of(FIELD), ROUTE, Counting.ENTERED)
+assert TRACK.corners == ((0, 0), (3, 8))
+
+
+@pytest.mark.parametrize(
+    ("news", "over", "holds"),
+    [
+        ({}, (0, 1), True),
+        ({(1, 3): 0.3}, (0, 1), False),  # on the track ahead, not on the route
+        ({(1, 3): 0.3}, (2, 5), True),  # behind
+        ({(0, 4): 0.3}, (0, 1), True),  # on the route alone: the track is the better for it
+        ({(3, 8): 0.6}, (0, 1), True),  # on both: the planner's affair
+        ({(1, 3): math.inf}, (0, 1), False),
+        ({(1, 3): 0.3, (0, 4): 0.4}, (0, 1), True),  # the route is worse
+        ({(0, 1): 0.9, (1, 3): 0.3}, (1, 1), False),  # it was, behind
+    ],
+)
+def test_news_about_what_lies_ahead_ends_a_track(news: dict[Cell, float], over: Cell, holds: bool) -> None:
+    p_s = FIELD.copy()
+    for cell, value in news.items():
+        p_s[cell] = value
+    index = index_abreast(TRACK, over)
+    assert index is not None
+    now, before = Threat.of(p_s), Threat.of(FIELD)
+    verdict = still_holds(
+        now, before, Counting.ENTERED, ROUTE, TRACK, radius_cells=0.0, cell=over, index=index
+    )
+    assert verdict is holds
+
+
+@BOTH
+@given(case=cases())
+@QUICK
+def test_without_news_a_track_holds_everywhere_on_it(counting: Counting, case: Case) -> None:
+    track = pull_straight(case.threat, case.route, counting)
+    for cell, index in zip(track.over, track.abreast, strict=True):
+        assert still_holds(
+            case.threat, case.threat, counting, case.route, track, radius_cells=0.0, cell=cell, index=index
+        )
+
+
+@pytest.mark.parametrize(
+    ("position", "wall", "dear", "joins"),
+    [
+        ((0.9, 0.5), None, None, True),
+        ((0.95, 0.5), None, None, True),  # over (0, 1) instead of (1, 0): no worse
+        ((0.95, 0.5), None, (0, 1), False),
+        ((0.95, 0.5), (0, 1), None, False),
+        ((0.5, 0.05), (0, 1), None, True),
+    ],
+)
+def test_whether_a_vehicle_goes_back_to_the_centre_of_its_cell(
+    position: tuple[float, float], wall: Cell | None, dear: Cell | None, joins: bool
+) -> None:
+    p_s = np.full((3, 4), 0.1)
+    if wall is not None:
+        p_s[wall] = math.inf
+    if dear is not None:
+        p_s[dear] = 0.5
+    assert may_join(Threat.of(p_s), position, (0, 0), (2, 1)) is joins
+
+
+# --- room to turn
+
+
+def turns(track: Track) -> list[tuple[tuple[float, float], ...]]:
+    points = [centre(corner) for corner in track.corners]
+    return list(zip(points, points[1:], points[2:], strict=False))
+
+
+@BOTH
+@given(case=cases(), radius=st.sampled_from([0.3, 0.8, 1.5, 4.0]))
+@QUICK
+def test_turns_are_as_wide_as_asked_and_clear_of_walls(counting: Counting, case: Case, radius: float) -> None:
+    try:
+        track = pull_straight(
+            case.threat, case.route, counting, radius_cells=radius, weights=Weights(case.w, 0.13)
+        )
+    except Unflyable:
+        return
+    corners = [centre(corner) for corner in track.corners]
+    for before, corner, after in turns(track):
+        away = tangent(before, corner, after, radius)
+        assert away <= math.dist(before, corner) * (1.0 if before == corners[0] else 0.5) + 1e-9
+        assert away <= math.dist(corner, after) * (1.0 if after == corners[-1] else 0.5) + 1e-9
+    flown, _ = rounded(corners, radius)
+    assert not any(math.isinf(case.p_s[cell]) for cell in passed(flown).cells[1:])
+    length = sum(math.dist(a, b) for a, b in itertools.pairwise(flown))
+    assert track.length_cells == pytest.approx(length)
+    # Menger's curvature: three neighbouring points on a track lie on no tighter circle, but for the joints.
+    for a, b, c in zip(flown, flown[1:], flown[2:], strict=False):
+        assert (
+            math.degrees(_turn(a, b, c))
+            <= math.degrees(2.0 * math.acos(max(1.0 - 0.005 / radius, 0.0))) + 1e-6
+        )
+
+
+def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+    (ix, iy), (ox, oy) = (b[0] - a[0], b[1] - a[1]), (c[0] - b[0], c[1] - b[1])
+    return abs(math.atan2(ix * oy - iy * ox, ix * ox + iy * oy))
+
+
+def test_a_zigzag_that_cannot_be_flown_is_flown_straight_even_if_that_is_worse() -> None:
+    p_s = np.full((3, 9), 0.4)
+    route = tuple((k % 2, k) for k in range(9))
+    for cell in route:
+        p_s[cell] = 0.1
+    threat = Threat.of(p_s)
+    assert len(pull_straight(threat, route, Counting.ENTERED, radius_cells=0.2).corners) == 9
+    wide = pull_straight(threat, route, Counting.ENTERED, radius_cells=3.0, weights=Weights(1.0, 0.1))
+    assert len(wide.corners) < 9
+    assert wide.exposure_sum > exposure_sum(p_s, route)
+
+
+def test_what_cannot_be_flown_is_refused() -> None:
+    p_s = np.full((3, 3), math.inf)
+    route = ((0, 0), (0, 1), (0, 2), (1, 2), (2, 2))
+    for cell in route:
+        p_s[cell] = 0.1
+    threat = Threat.of(p_s)
+    assert pull_straight(threat, route, Counting.ENTERED, radius_cells=1.0).corners == (
+        (0, 0),
+        (0, 2),
+        (2, 2),
+    )
+    with pytest.raises(Unflyable, match=r"5 cells from \(0, 0\) to \(2, 2\).*radius of 2.5 cells"):
+        pull_straight(threat, route, Counting.ENTERED, radius_cells=2.5)
+
+
+def test_an_arc_that_would_cut_over_a_dear_cell_is_not_flown() -> None:
+    p_s = np.full((7, 7), 0.1)
+    route = (*((0, k) for k in range(7)), *((k, 6) for k in range(1, 7)))
+    p_s[:, :] = 0.9
+    for cell in route:
+        p_s[cell] = 0.1
+    sharp = pull_straight(Threat.of(p_s), route, Counting.ENTERED, radius_cells=0.5)
+    assert sharp.exposure_sum == pytest.approx(1.2)
+    wide = pull_straight(Threat.of(p_s), route, Counting.ENTERED, radius_cells=5.0, weights=Weights(1.0, 0.1))
+    assert wide.exposure_sum > 1.2  # it has no choice, and says so

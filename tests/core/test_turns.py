@@ -1,0 +1,72 @@
+"""Arcs for corners."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from swarmctl.core.track import Point
+from swarmctl.core.turns import ARC_ERROR, arc, rounded, tangent
+
+QUICK = settings(max_examples=150, deadline=None, derandomize=True)
+POINT = st.tuples(st.floats(-20.0, 20.0), st.floats(-20.0, 20.0))
+
+
+@pytest.mark.parametrize(
+    ("after", "away"),
+    [
+        ((2.0, 0.0), 0.0),  # straight on
+        ((1.0, 1.0), 3.0),  # 90°: r · tan 45°
+        ((2.0, 1.0), 3.0 * math.tan(math.pi / 8)),  # 45°
+        ((0.0, 1.0), 3.0 * math.tan(3 * math.pi / 8)),  # 135°
+        ((0.5, 0.0), math.inf),  # back
+    ],
+)
+def test_an_arc_begins_where_geometry_says(after: Point, away: float) -> None:
+    assert tangent((0.0, 0.0), (1.0, 0.0), after, 3.0) == pytest.approx(away)
+
+
+@QUICK
+@given(POINT, POINT, POINT, st.floats(0.1, 5.0))
+def test_an_arc_has_the_radius_and_touches_both_legs(
+    before: Point, corner: Point, after: Point, radius: float
+) -> None:
+    assume(math.dist(before, corner) > 0.5 and math.dist(corner, after) > 0.5)
+    away = tangent(before, corner, after, radius)
+    assume(1e-3 < away < 40.0)
+    points = arc(before, corner, after, radius)
+    for end, towards in ((points[0], before), (points[-1], after)):
+        share = away / math.dist(corner, towards)
+        on_leg = tuple(c + share * (t - c) for c, t in zip(corner, towards, strict=True))
+        assert math.dist(end, on_leg) < 1e-6
+    # The centre lies across the leg from where the arc begins, and at one distance from all of the arc.
+    (bx, by), (cx, cy) = points[0], corner
+    length = math.dist(points[0], corner)
+    normal = ((by - cy) / length, (cx - bx) / length)
+    centres = [(bx + side * radius * normal[0], by + side * radius * normal[1]) for side in (1.0, -1.0)]
+    apart = [max(abs(math.dist(centre, point) - radius) for point in points) for centre in centres]
+    assert min(apart) < 1e-6
+    for a, b in itertools.pairwise(points):
+        half = math.dist(a, b) / 2.0
+        assert radius - math.sqrt(max(radius**2 - half**2, 0.0)) <= ARC_ERROR + 1e-9
+
+
+def test_a_rounded_track_keeps_its_ends_and_names_the_leg_of_each_piece() -> None:
+    corners = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (20.0, 10.0)]
+    points, legs = rounded(corners, 2.0)
+    assert (points[0], points[-1]) == (corners[0], corners[-1])
+    assert len(legs) == len(points) - 1
+    assert legs == sorted(legs)
+    assert set(legs) == {0, 1, 2}
+    length = sum(math.dist(a, b) for a, b in itertools.pairwise(points))
+    assert length == pytest.approx(30.0 - 2 * (4.0 - math.pi), abs=0.02)
+
+
+def test_on_the_spot_a_track_is_its_corners() -> None:
+    corners = [(0.5, 0.5), (3.5, 0.5), (0.5, 0.5)]
+    assert rounded(corners, 0.0) == (corners, [0, 1])
+    assert rounded(corners[:1], 4.0) == (corners[:1], [])

@@ -1,0 +1,131 @@
+"""Every way through a small area, to hold searches against: no search of its own to be wrong in."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from swarmctl.core.exposure import length_cells
+from swarmctl.core.grid import Cell
+from swarmctl.planners import Problem
+
+TIE = 1e-9
+STEPS = [(r, c) for r in (-1, 0, 1) for c in (-1, 0, 1) if (r, c) != (0, 0)]
+Point = tuple[float, float]
+"""(length, exposure)"""
+
+
+@dataclass(frozen=True)
+class Ways:
+    """All ways from a start to the first of some goals that visit no cell twice."""
+
+    lengths: NDArray[np.float64]
+    entered: NDArray[np.float64]
+    """(ways, cells), 1 where a way enters a cell"""
+    touched: NDArray[np.float64]
+    """(ways, cells), 1 where it enters a cell or passes its corner"""
+
+    def points(self, exposure: NDArray[np.float64]) -> list[Point]:
+        """Length and exposure of every way that no wall closes."""
+        walls = np.isinf(exposure).reshape(-1)
+        is_open = self.touched @ walls == 0.0
+        sums = self.entered[is_open] @ np.where(walls, 0.0, exposure.reshape(-1))
+        return list(zip(self.lengths[is_open].tolist(), sums.tolist(), strict=True))
+
+
+@functools.cache
+def ways(shape: tuple[int, int], start: Cell, goals: frozenset[Cell]) -> Ways:
+    """For walls that leave the start free."""
+    found = list(_walk((start,), shape, goals))
+    entered = np.zeros((len(found), *shape))
+    touched = np.zeros((len(found), *shape))
+    for i, cells in enumerate(found):
+        for here, there in pairwise(cells):
+            entered[i][there] = 1.0
+            for cell in (there, (here[0], there[1]), (there[0], here[1])):
+                touched[i][cell] = 1.0
+    flat = (len(found), -1)
+    return Ways(
+        np.array([length_cells(cells) for cells in found]), entered.reshape(flat), touched.reshape(flat)
+    )
+
+
+def _walk(
+    cells: tuple[Cell, ...], shape: tuple[int, int], goals: frozenset[Cell]
+) -> Iterator[tuple[Cell, ...]]:
+    if cells[-1] in goals:
+        yield cells
+        return
+    row, col = cells[-1]
+    for d_row, d_col in STEPS:
+        step = (row + d_row, col + d_col)
+        if 0 <= step[0] < shape[0] and 0 <= step[1] < shape[1] and step not in cells:
+            yield from _walk((*cells, step), shape, goals)
+
+
+def all_points(problem: Problem) -> list[Point]:
+    """(length, exposure) of every way."""
+    found = ways(problem.exposure.shape, problem.start, frozenset(problem.goals))
+    return found.points(problem.passable)
+
+
+def front_of(points: list[Point]) -> list[Point]:
+    """Those that no other dominates, by length; those closer than TIE are one."""
+    front: list[Point] = []
+    for length, exposure in sorted((round(length, 9), exposure) for length, exposure in points):
+        if not front or exposure < front[-1][1] - TIE:
+            front.append((length, exposure))
+    return front
+
+
+def found_by_some_w(points: list[Point]) -> list[Point]:
+    """What Eq. 5 gives over all w in (0, 1], the shortest of the cheapest: by trying every price of length at which
+    two of the front cost the same, and one between each two such prices."""
+    front = front_of(points)
+    crossings = {(a[1] - b[1]) / (b[0] - a[0]) for i, a in enumerate(front) for b in front[i + 1 :]}
+    prices = sorted({0.0, *crossings})
+    prices += [(low + high) / 2.0 for low, high in pairwise(prices)] + [prices[-1] + 1.0]
+    found = set()
+    for price in prices:
+        least = min(exposure + price * length for length, exposure in front)
+        found.add(min(p for p in front if p[1] + price * p[0] <= least + TIE))
+    return sorted(found)
+
+
+@st.composite
+def small_problems(draw: st.DrawFn, *, walls: bool = True) -> Problem:
+    """Few levels, whose sums tie, exactly or but for rounding, and many, whose sums do not."""
+    shape = draw(st.sampled_from([(1, 5), (2, 2), (2, 4), (3, 3), (3, 3), (3, 4), (4, 3)]))
+    n = shape[0] * shape[1]
+    kind = draw(st.sampled_from(["exact", "rounded", "any", "any"]))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    field = {
+        "exact": rng.choice([0.0, 0.25, 0.5, 1.0], shape),
+        "rounded": rng.choice([0.1, 0.2, 0.3, 0.7], shape),
+        "any": rng.random(shape) ** 3,
+    }[kind]
+    first, *others = rng.permutation(n).tolist()
+    n_goals = draw(st.sampled_from([1, 1, 2]))
+    if walls and n > 4:
+        field.reshape(-1)[others[n_goals : n_goals + draw(st.integers(0, 2))]] = np.inf
+    return Problem(
+        field,
+        start=divmod(first, shape[1]),
+        goals=tuple(divmod(goal, shape[1]) for goal in others[:n_goals]),
+        w=0.5,
+        psi_per_cell=draw(st.sampled_from([0.0, 0.132, 1.0])),
+    )
+
+
+def three_arms() -> Problem:
+    """Three ways between walls, to three goals: (length, exposure) is (2, 2), (3, 1) and (4, 0), on one line."""
+    field = np.full((4, 7), np.inf)
+    field[0, :] = field[:, 2] = 0.0
+    field[0, 0], field[3, 2] = 2.0, 1.0
+    return Problem(field, (0, 2), ((0, 0), (3, 2), (0, 6)), w=0.5, psi_per_cell=1.0)

@@ -1,0 +1,94 @@
+"""What cannot be answered, or whose answer is evident, for every search."""
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from swarmctl.planners import PLANNERS, BadProblem, BoundTooTight, Problem, Route, Unreachable, pareto_front
+
+Search = Callable[[Problem], Route]
+
+
+def by(name: str) -> Search:
+    return lambda problem: PLANNERS[name].plan(problem, PLANNERS[name].Params())
+
+
+def least_exposed_of_the_front(problem: Problem) -> Route:
+    return pareto_front(problem).routes[-1]
+
+
+SEARCHES: dict[str, Search] = {name: by(name) for name in PLANNERS} | {"front": least_exposed_of_the_front}
+every_search = pytest.mark.parametrize("search", SEARCHES.values(), ids=SEARCHES.keys())
+bounded_search = pytest.mark.parametrize(
+    "search", [SEARCHES[name] for name in ("time_bound", "constrained", "front")]
+)
+
+ROW = Problem(np.array([[0.1, 0.2, 0.3, 0.4]]), (0, 0), ((0, 3),), 0.5, 0.1)
+
+
+@every_search
+@pytest.mark.parametrize("turned", [False, True])
+def test_in_a_single_row_or_column_there_is_one_way(search: Search, turned: bool) -> None:
+    problem, cells = ROW, ((0, 0), (0, 1), (0, 2), (0, 3))
+    if turned:
+        problem = Problem(ROW.exposure.T.copy(), (0, 0), ((3, 0),), 0.5, 0.1)
+        cells = ((0, 0), (1, 0), (2, 0), (3, 0))
+    route = search(problem)
+    assert route.cells == cells
+    assert route.exposure_sum == pytest.approx(0.9)
+
+
+@every_search
+def test_an_area_of_one_cell(search: Search) -> None:
+    assert search(Problem(np.array([[0.7]]), (0, 0), ((0, 0),), 0.5, 0.1)).cells == ((0, 0),)
+
+
+@every_search
+def test_a_goal_walled_in_by_a_maximum_exposure(search: Search) -> None:
+    limited = dataclasses.replace(ROW, max_exposure=0.25)
+    with pytest.raises(Unreachable, match=r"from \(0, 0\) to a goal: cells whose exposure exceeds .* 0.25"):
+        search(limited)
+
+
+@bounded_search
+def test_a_bound_no_way_can_keep_because_there_is_no_way(search: Search) -> None:
+    limited = dataclasses.replace(ROW, max_exposure=0.25, max_length_cells=2.0)
+    with pytest.raises(Unreachable, match="from") as caught:
+        search(limited)
+    assert not isinstance(caught.value, BoundTooTight)
+
+
+@bounded_search
+def test_a_bound_shorter_than_the_shortest_way(search: Search) -> None:
+    with pytest.raises(
+        BoundTooTight, match=r"at most 2.90 cells long: the shortest one takes 3.00 cells"
+    ) as caught:
+        search(dataclasses.replace(ROW, max_length_cells=2.9))
+    assert caught.value.nearest.cells == ((0, 0), (0, 1), (0, 2), (0, 3))
+
+
+@every_search
+@pytest.mark.parametrize("scale", [1e-12, 1e-3, 1.0, 1e9, 1e150])
+def test_exposures_of_any_size_are_weighed(search: Search, scale: float) -> None:
+    field = np.array([[9.0, 9.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.25]]) * scale
+    route = search(Problem(field, (1, 0), ((1, 2),), 1.0, 0.1))
+    assert route.cells in (((1, 0), (2, 1), (1, 2)), ((1, 0), (2, 1), (2, 2), (1, 2)))
+    assert route.exposure_sum == 0.0
+
+
+@every_search
+@pytest.mark.parametrize("start", [(0, 0), (1, 1)])
+def test_where_nothing_is_dangerous_the_shortest_way_is_taken(search: Search, start: tuple[int, int]) -> None:
+    route = search(Problem(np.zeros((4, 6)), start, ((3, 5),), 1.0, 0.1))
+    rows, cols = 3 - start[0], 5 - start[1]
+    assert route.length_cells == pytest.approx(max(rows, cols) + min(rows, cols) * (math.sqrt(2.0) - 1.0))
+
+
+@every_search
+def test_who_stands_in_a_wall_may_leave_it(search: Search) -> None:
+    field = np.array([[0.0, 0.1, 0.0], [np.inf, np.inf, 0.0], [0.0, 0.3, 0.0]])
+    route = search(Problem(field, (1, 0), ((1, 2),), 1.0, 0.1))
+    assert route.cells == ((1, 0), (0, 1), (0, 2), (1, 2))

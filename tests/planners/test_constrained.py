@@ -1,0 +1,119 @@
+"""The least exposed of all ways within a bound, against every way there is."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from every_way import all_points, front_of, small_problems, three_arms
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from swarmctl.planners import PLANNERS, BadProblem, BoundTooTight, Problem, constrained, method, time_bound
+from swarmctl.planners.constrained import Params
+
+EXACT = Params(max_labels=0)
+
+
+@settings(max_examples=300, deadline=None, derandomize=True)
+@given(problem=small_problems(), share=st.floats(0.0, 1.1), on_a_route=st.booleans())
+def test_nothing_within_the_bound_is_less_exposed_and_of_equals_none_is_shorter(
+    problem: Problem, share: float, on_a_route: bool
+) -> None:
+    points = all_points(problem)
+    if not points:
+        return
+    front = front_of(points)
+    bound = front[0][0] + share * (front[-1][0] - front[0][0])
+    if on_a_route:
+        bound = min((length for length, _ in front), key=lambda length: abs(length - bound))
+    problem = dataclasses.replace(problem, max_length_cells=bound)
+    best = [point for point in front if point[0] <= bound + 1e-9][-1]
+    found = constrained.plan(problem, EXACT)
+    assert (found.length_cells, found.exposure_sum) == pytest.approx(best, abs=1e-9)
+    assert found.lower_bound == found.cost == found.exposure_sum
+
+
+@settings(max_examples=100, deadline=None, derandomize=True)
+@given(problem=small_problems(), share=st.floats(0.0, 1.0), max_labels=st.integers(1, 30))
+def test_when_the_budget_is_spent_the_best_so_far_comes_with_what_is_proved(
+    problem: Problem, share: float, max_labels: int
+) -> None:
+    points = all_points(problem)
+    if not points:
+        return
+    front = front_of(points)
+    bound = front[0][0] + share * (front[-1][0] - front[0][0])
+    problem = dataclasses.replace(problem, max_length_cells=bound)
+    best = [point for point in front if point[0] <= bound + 1e-9][-1]
+    found = constrained.plan(problem, Params(max_labels))
+    assert found.lower_bound is not None
+    assert found.lower_bound <= best[1] + 1e-9
+    assert best[1] - 1e-9 <= found.cost
+    assert found.length_cells <= bound + 1e-9
+
+
+@pytest.mark.parametrize("shape", [(4, 4), (3, 5)])
+@pytest.mark.parametrize("seed", range(10))
+def test_from_corner_to_corner_of_a_larger_map(shape: tuple[int, int], seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    field = rng.random(shape) ** 4
+    free = Problem(field, (0, 0), ((shape[0] - 1, shape[1] - 1),), 0.5, 1.0)
+    points = all_points(free)
+    for bound in {round(length, 9) for length, _ in points if length < 12.0}:
+        found = constrained.plan(dataclasses.replace(free, max_length_cells=bound), EXACT)
+        best = min(total for length, total in points if length <= bound + 1e-8)
+        assert found.exposure_sum == pytest.approx(best, abs=1e-12)
+
+
+def test_a_route_that_no_w_finds() -> None:
+    bounded = dataclasses.replace(three_arms(), max_length_cells=3.5)
+    found = constrained.plan(bounded, EXACT)
+    assert (found.length_cells, found.exposure_sum) == (3.0, 1.0)
+    assert time_bound.plan(bounded, time_bound.Params()).exposure_sum == 2.0
+
+
+def rough(seed: int) -> Problem:
+    field = np.random.default_rng(seed).random((60, 60)) * 0.3
+    return Problem(field, (30, 0), ((30, 59),), 0.5, 0.15)
+
+
+def test_what_is_proved_grows_with_the_budget_until_it_is_the_cost() -> None:
+    gaps = []
+    for seed in range(8):
+        bounded = dataclasses.replace(rough(seed), max_length_cells=66.0)
+        by_w = time_bound.plan(bounded, time_bound.Params())
+        steps = [constrained.plan(bounded, Params(n)) for n in (1, 30, 100, 300, 0)]
+        best = steps[-1].cost
+        for less, more in zip(steps, steps[1:], strict=False):
+            assert less.lower_bound is not None
+            assert more.lower_bound is not None
+            assert less.lower_bound <= more.lower_bound + 1e-12
+            assert less.cost >= more.cost
+            assert less.lower_bound <= best + 1e-12
+        assert steps[-1].lower_bound == best
+        assert best <= by_w.exposure_sum
+        gaps.append(by_w.exposure_sum - best)
+    assert max(gaps) > 0.01  # on most fields a sweep of w leaves something lying
+
+
+def test_a_lower_bound_on_length_is_refused_with_who_keeps_one() -> None:
+    with pytest.raises(BadProblem, match=r"at least 3 cells: .* take time_bound for an arrival window"):
+        constrained.plan(dataclasses.replace(rough(0), min_length_cells=3.0), EXACT)
+
+
+def test_a_bound_that_no_route_keeps_says_what_the_shortest_one_takes() -> None:
+    bounded = dataclasses.replace(rough(0), max_length_cells=58.0)
+    with pytest.raises(
+        BoundTooTight, match=r"at most 58.00 cells long: the shortest one takes 59.00"
+    ) as caught:
+        constrained.plan(bounded, EXACT)
+    assert caught.value.nearest.length_cells == 59.0
+    assert constrained.measure(bounded, caught.value.nearest.cells, EXACT) == math.inf
+
+
+def test_a_budget_below_nothing_is_refused_where_the_configuration_is_read() -> None:
+    with pytest.raises(
+        ValueError, match="options of planner constrained: max_labels = -1: expected 0 or more"
+    ):
+        method("constrained", PLANNERS["constrained"], {"max_labels": -1})

@@ -1,0 +1,203 @@
+"""The whole front, against every way there is and, on larger maps, against an exchange of fronts between cells."""
+
+import dataclasses
+import itertools
+import math
+
+import numpy as np
+import pytest
+from every_way import Point, all_points, found_by_some_w, front_of, small_problems, three_arms
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from swarmctl.core.grid import Cell
+from swarmctl.planners import (
+    BadProblem,
+    BoundTooTight,
+    Front,
+    Problem,
+    Unreachable,
+    constrained,
+    dijkstra,
+    pareto_front,
+    time_bound,
+)
+
+
+def points_of(front: Front) -> list[Point]:
+    return [(route.length_cells, route.exposure_sum) for route in front.routes]
+
+
+def same(found: list[Point], expected: list[Point]) -> bool:
+    return len(found) == len(expected) and all(
+        a == pytest.approx(b, abs=1e-8) for a, b in zip(found, expected, strict=True)
+    )
+
+
+@settings(max_examples=250, deadline=None, derandomize=True)
+@given(small_problems())
+def test_it_is_what_no_way_beats_in_both(problem: Problem) -> None:
+    points = all_points(problem)
+    if not points:
+        with pytest.raises(Unreachable):
+            pareto_front(problem)
+        return
+    front = pareto_front(problem)
+    assert front.complete
+    assert same(points_of(front), front_of(points))
+    supported = [point for point, by_w in zip(points_of(front), front.supported, strict=True) if by_w]
+    assert same(supported, found_by_some_w(points))
+
+
+def front_by_exchange(field: NDArray[np.float64], start: Cell, goal: Cell) -> list[Point]:
+    """Every cell takes over what its neighbours have and one step more, until nobody learns anything."""
+    cells = list(np.ndindex(*field.shape))
+    known: dict[Cell, list[Point]] = {cell: [] for cell in cells}
+    known[goal] = [(0.0, 0.0)]
+    changed = {goal}
+    while changed:
+        news, changed = changed, set()
+        for n in news:
+            for m in itertools.product(range(n[0] - 1, n[0] + 2), range(n[1] - 1, n[1] + 2)):
+                if m in (n, goal) or m not in known:
+                    continue
+                d = math.dist(m, n)
+                offered = [(length + d, total + field[n]) for length, total in known[n]]
+                merged = front_of([*known[m], *offered])
+                if merged != known[m]:
+                    known[m] = merged
+                    changed.add(m)
+    return known[start]
+
+
+@pytest.mark.parametrize("kind", ["any", "few", "mostly zero"])
+@pytest.mark.parametrize("seed", range(3))
+def test_on_a_larger_map_too(kind: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    shape = (9, 11)
+    field = {
+        "any": rng.random(shape),
+        "few": rng.choice([0.25, 0.5, 1.5], shape),
+        "mostly zero": rng.random(shape) * (rng.random(shape) < 0.5),
+    }[kind]
+    front = pareto_front(Problem(field, (4, 0), ((5, 10),), 0.5, 0.1))
+    assert same(points_of(front), front_by_exchange(field, (4, 0), (5, 10)))
+
+
+def rough(seed: int) -> Problem:
+    field = np.random.default_rng(seed).random((40, 40)) * 0.3
+    return Problem(field, (20, 0), ((20, 39),), 0.5, 0.15)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_dijkstra_gives_a_point_for_just_the_w_of_its_range(seed: int) -> None:
+    front = pareto_front(rough(seed))
+    ranges = [
+        (route, between) for route, between in zip(front.routes, front.w_ranges, strict=True) if between
+    ]
+    assert ranges[0][1][0] == 0.0
+    assert ranges[-1][1][1] == 1.0
+    for (_, left), (_, right) in itertools.pairwise(ranges):
+        assert left[1] == right[0]
+    for route, (low, high) in ranges:
+        for w in (0.999 * low + 0.001 * high, 0.5 * (low + high), 0.001 * low + 0.999 * high):
+            found = dijkstra.plan(dataclasses.replace(rough(seed), w=w), dijkstra.Params())
+            assert (found.length_cells, found.exposure_sum) == pytest.approx(
+                (route.length_cells, route.exposure_sum), abs=1e-9
+            )
+    assert any(between is None for between in front.w_ranges)
+    assert [between is not None for between in front.w_ranges] == list(front.supported)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_no_planner_beats_it_and_what_keeps_a_bound_lies_on_it(seed: int) -> None:
+    points = points_of(pareto_front(rough(seed)))
+    for w in np.linspace(0.0, 1.0, 21).tolist():
+        found = dijkstra.plan(dataclasses.replace(rough(seed), w=w), dijkstra.Params())
+        assert any(
+            length <= found.length_cells + 1e-9 and total <= found.exposure_sum + 1e-9
+            for length, total in points
+        )
+    for bound in np.linspace(39.0, points[-1][0] + 1.0, 15).tolist():
+        bounded = dataclasses.replace(rough(seed), max_length_cells=bound)
+        for found in (
+            constrained.plan(bounded, constrained.Params()),
+            time_bound.plan(bounded, time_bound.Params("exposure")),
+            time_bound.plan(bounded, time_bound.Params("distance")),
+        ):
+            here = (found.length_cells, found.exposure_sum)
+            assert any(here == pytest.approx(point, abs=1e-9) for point in points)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 3), ends=st.tuples(st.floats(35.0, 70.0), st.floats(39.0, 70.0)))
+def test_within_bounds_it_is_the_part_between_them(seed: int, ends: tuple[float, float]) -> None:
+    least, greatest = min(ends), max(ends)
+    whole = pareto_front(rough(seed))
+    inside = [
+        (route, by_w, between)
+        for route, by_w, between in zip(whole.routes, whole.supported, whole.w_ranges, strict=True)
+        if least <= route.length_cells <= greatest
+    ]
+    bounded = dataclasses.replace(rough(seed), min_length_cells=least, max_length_cells=greatest)
+    if not inside:
+        with pytest.raises(BoundTooTight):
+            pareto_front(bounded)
+        return
+    part = pareto_front(bounded)
+    assert same(points_of(part), [(route.length_cells, route.exposure_sum) for route, _, _ in inside])
+    assert part.supported == tuple(by_w for _, by_w, _ in inside)
+    assert part.w_ranges == tuple(between for _, _, between in inside)
+
+
+def test_a_route_on_an_edge_of_the_hull_is_of_no_w() -> None:
+    front = pareto_front(three_arms())
+    assert points_of(front) == [(2.0, 2.0), (3.0, 1.0), (4.0, 0.0)]
+    assert front.supported == (True, False, True)
+    assert front.w_ranges == ((0.0, 0.5), None, (0.5, 1.0))
+
+
+def test_where_length_weighs_nothing_a_w_finds_the_ends_alone() -> None:
+    front = pareto_front(dataclasses.replace(rough(0), psi_per_cell=0.0))
+    assert points_of(front) == points_of(pareto_front(rough(0)))
+    assert front.w_ranges[0] == (0.0, 0.0)
+    assert front.w_ranges[-1] == (0.0, 1.0)
+    assert not any(front.w_ranges[1:-1])
+
+
+def test_with_the_labels_spent_the_supported_points_are_all_there_and_the_others_are_true() -> None:
+    whole = pareto_front(rough(1), max_labels=0)
+    sizes = set()
+    for max_labels in (1, 200, 1000):
+        part = pareto_front(rough(1), max_labels=max_labels)
+        assert not part.complete
+        assert set(points_of(part)) <= set(points_of(whole))
+        assert sum(part.supported) == sum(whole.supported)
+        sizes.add(len(part.routes))
+    assert len(sizes) == 3
+    assert whole.complete
+
+
+@pytest.mark.parametrize(
+    ("window", "says"),
+    [
+        ((0.0, 38.0), "at most 38.00 cells long: the shortest one takes 39.00"),
+        ((39.1, 39.2), "no route of the front is 39.10 to 39.20 cells long: the nearest one takes 39.00"),
+        ((900.0, math.inf), "no route of the front is 900.00 or more cells long: the nearest one takes"),
+    ],
+)
+def test_bounds_that_no_point_keeps(window: tuple[float, float], says: str) -> None:
+    with pytest.raises(BoundTooTight, match=says):
+        pareto_front(dataclasses.replace(rough(0), min_length_cells=window[0], max_length_cells=window[1]))
+
+
+def test_a_budget_below_nothing_is_refused() -> None:
+    with pytest.raises(BadProblem, match="max_labels = -5: expected 0 or more"):
+        pareto_front(rough(0), max_labels=-5)
+
+
+def test_at_the_goal_the_front_is_a_point() -> None:
+    front = pareto_front(Problem(np.ones((2, 2)), (1, 1), ((1, 1),), 0.5, 0.1))
+    assert points_of(front) == [(0.0, 0.0)]
+    assert (front.supported, front.w_ranges, front.complete) == ((True,), ((0.0, 1.0),), True)

@@ -1,0 +1,96 @@
+"""The greatest safety factor, and that the paper's route does not always have it."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from every_way import TIE, small_problems, ways
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from swarmctl.planners import Problem, Unreachable, dijkstra, survival
+from swarmctl.planners.survival import CERTAIN_LOSS
+
+PARAMS = survival.Params()
+
+
+def test_the_route_of_least_exposure_need_not_have_the_greatest_safety_factor() -> None:
+    # ERRATUM: "the path that minimizes the sum of probabilities would also be the one that gives the maximum
+    # value of the safety factor". One way enters 0.50, the other 0.26 twice.
+    field = np.array([[0.0, 0.50, 0.0], [0.0, np.inf, 0.0], [0.26, 0.26, 0.0]])
+    problem = Problem(field, (0, 0), ((0, 2),), 1.0, 0.1)
+    papers = dijkstra.plan(problem, dijkstra.Params())
+    safest = survival.plan(problem, PARAMS)
+    assert (papers.exposure_sum, papers.safety_factor) == pytest.approx((0.50, 0.500))
+    assert (safest.exposure_sum, safest.safety_factor) == pytest.approx((0.52, 0.5476))
+    assert safest.cost == pytest.approx(-math.log(0.5476))
+
+
+def test_on_random_fields_the_two_differ_in_a_few_per_cent_of_the_cases_and_never_the_other_way() -> None:
+    rng = np.random.default_rng(1)
+    better = 0
+    for _ in range(300):
+        problem = Problem(rng.random((10, 10)) * 0.3, (5, 0), ((5, 9),), 1.0, 0.1)
+        safest = survival.plan(problem, PARAMS).safety_factor
+        papers = dijkstra.plan(problem, dijkstra.Params()).safety_factor
+        assert safest >= papers * (1.0 - 1e-12)
+        better += safest > papers * (1.0 + 1e-9)
+    assert 3 <= better <= 60
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(small_problems(walls=False))
+def test_no_way_is_safer_and_where_all_are_lost_none_enters_fewer_certain_losses(problem: Problem) -> None:
+    found = ways(problem.exposure.shape, problem.start, frozenset(problem.goals))
+    flat = problem.exposure.reshape(-1)
+    certain = found.entered @ (flat >= 1.0)
+    rest = found.entered @ -np.log1p(-np.where(flat >= 1.0, 0.0, flat))
+    fewest = certain.min()
+    route = survival.plan(problem, PARAMS)
+    assert sum(problem.exposure[cell] >= 1.0 for cell in route.cells[1:]) == fewest
+    assert route.cost == pytest.approx(
+        CERTAIN_LOSS * fewest + rest[certain == fewest].min(), abs=TIE, rel=1e-11
+    )
+    if fewest == 0:
+        assert route.safety_factor == pytest.approx(math.exp(-route.cost), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("certain", "cells"),
+    [
+        (1.0, ((0, 0), (0, 1), (0, 2))),  # the only way leads through it
+        (7.5, ((0, 0), (0, 1), (0, 2))),
+        (math.inf, None),  # a wall lets nobody through
+    ],
+)
+def test_a_certain_loss_is_entered_where_there_is_no_other_way(
+    certain: float, cells: tuple[tuple[int, int], ...] | None
+) -> None:
+    problem = Problem(np.array([[0.0, certain, 0.2]]), (0, 0), ((0, 2),), 0.5, 0.1)
+    if cells is None:
+        with pytest.raises(Unreachable):
+            survival.plan(problem, PARAMS)
+        return
+    route = survival.plan(problem, PARAMS)
+    assert route.cells == cells
+    assert route.safety_factor == 0.0
+    assert route.cost == pytest.approx(CERTAIN_LOSS - math.log(0.8))
+
+
+def test_round_a_certain_loss_however_long_the_way() -> None:
+    field = np.full((3, 40), 0.9)
+    field[0, 20] = field[1, 20] = 1.0
+    route = survival.plan(Problem(field, (0, 0), ((0, 39),), 0.0, 0.1), PARAMS)
+    assert (2, 20) in route.cells
+    assert route.cost < CERTAIN_LOSS
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(small_problems(), st.floats(0.0, 1.0), st.floats(0.0, 2.0))
+def test_w_and_psi_do_not_matter(problem: Problem, w: float, psi: float) -> None:
+    try:
+        route = survival.plan(problem, PARAMS)
+    except Unreachable:
+        return
+    assert survival.plan(dataclasses.replace(problem, w=w, psi_per_cell=psi), PARAMS) == route

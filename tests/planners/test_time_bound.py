@@ -1,0 +1,153 @@
+"""Figure 7 against every way there is, and against `dijkstra` at the w that were searched."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from every_way import all_points, found_by_some_w, small_problems, three_arms
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from swarmctl.core.exposure import exposure
+from swarmctl.core.threat import FiringStrength
+from swarmctl.planners import BoundTooTight, Problem, dijkstra, time_bound
+from swarmctl.planners.time_bound import Params
+
+LEAST_EXPOSED, LEAST_DISTANT = Params("exposure"), Params("distance")
+
+
+def misses_by(problem: Problem, length: float) -> float:
+    return max(problem.min_length_cells - length, length - problem.max_length_cells, 0.0)
+
+
+@settings(max_examples=250, deadline=None, derandomize=True)
+@given(
+    problem=small_problems(),
+    ends=st.tuples(st.floats(-0.2, 1.3), st.floats(-0.2, 1.3)),
+    on_a_route=st.booleans(),
+    params=st.sampled_from([LEAST_EXPOSED, LEAST_DISTANT]),
+)
+def test_of_the_routes_over_all_w_that_keep_the_window_it_is_the_best(
+    problem: Problem, ends: tuple[float, float], on_a_route: bool, params: Params
+) -> None:
+    points = all_points(problem)
+    if not points:
+        return
+    routes = found_by_some_w(points)
+    shortest, longest = routes[0][0], routes[-1][0]
+    window = [max(shortest + share * (longest - shortest), 0.0) for share in ends]
+    if on_a_route:
+        window = [min((length for length, _ in routes), key=lambda x: abs(x - end)) for end in window]
+    problem = dataclasses.replace(problem, min_length_cells=min(window), max_length_cells=max(window))
+    keep = [(length, total) for length, total in routes if misses_by(problem, length) <= 1e-8]
+    if not keep:
+        with pytest.raises(BoundTooTight) as caught:
+            time_bound.plan(problem, params)
+        nearest = misses_by(problem, caught.value.nearest.length_cells)
+        assert nearest == pytest.approx(min(misses_by(problem, length) for length, _ in routes), abs=1e-8)
+        return
+    best = keep[-1] if params is LEAST_EXPOSED else keep[0]
+    found = time_bound.plan(problem, params)
+    assert (found.length_cells, found.exposure_sum) == pytest.approx(best, abs=1e-9)
+    assert found.cost == (found.exposure_sum if params is LEAST_EXPOSED else found.length_cells)
+
+
+def terrain(seed: int, side: int) -> NDArray[np.float64]:
+    rng = np.random.default_rng(seed)
+    if seed % 2:
+        return rng.random((side, side)) * 0.3
+    seen = rng.random((side, side)) < 0.7
+    occupied = np.where(seen, rng.random((side, side)) < 0.06, 0.06)
+    return exposure(occupied, FiringStrength(0.6, 0.3, 0.1))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_every_search_is_a_route_of_dijkstras_and_few_are_needed(seed: int) -> None:
+    field = terrain(seed, 200)
+    free = Problem(field, (100, 0), ((100, 199),), 0.5, 0.132)
+    safest = dijkstra.plan(dataclasses.replace(free, w=1.0), dijkstra.Params())
+    for share in (0.05, 0.5, 0.95):
+        bound = 199.0 + share * (safest.length_cells - 199.0)
+        found = time_bound.plan(dataclasses.replace(free, max_length_cells=bound), LEAST_EXPOSED)
+        assert found.length_cells <= bound
+        assert len(found.searched) <= 15
+        best = min(s.exposure_sum for s in found.searched if s.length_cells <= bound)
+        assert found.exposure_sum == best
+        for searched in found.searched[1:4]:
+            route = dijkstra.plan(dataclasses.replace(free, w=searched.w), dijkstra.Params())
+            assert route.length_cells == pytest.approx(searched.length_cells)
+            assert route.exposure_sum == pytest.approx(searched.exposure_sum)
+
+
+def test_no_w_however_close_finds_a_better_one_within_the_bound() -> None:
+    field = terrain(3, 30)
+    free = Problem(field, (15, 0), ((15, 29),), 0.5, 0.15)
+    every_w = [
+        dijkstra.plan(dataclasses.replace(free, w=float(w)), dijkstra.Params())
+        for w in np.linspace(0.001, 1.0, 400)
+    ]
+    for bound in np.linspace(29.0, 60.0, 25).tolist():
+        found = time_bound.plan(dataclasses.replace(free, max_length_cells=bound), LEAST_EXPOSED)
+        best = min((r.exposure_sum for r in every_w if r.length_cells <= bound), default=math.inf)
+        assert found.exposure_sum <= best + 1e-12
+
+
+def detours() -> Problem:
+    """Straight on, 2 cells through 1.0; or round it, 2√2 cells through nothing."""
+    field = np.array([[9.0, 0.0, 9.0], [0.0, 1.0, 0.0]])
+    return Problem(field, (1, 0), ((1, 2),), 0.5, 1.0)
+
+
+def test_a_looser_bound_brings_the_longer_and_less_exposed_route() -> None:
+    short = time_bound.plan(dataclasses.replace(detours(), max_length_cells=2.5), LEAST_EXPOSED)
+    assert (short.length_cells, short.exposure_sum) == (2.0, 1.0)
+    long = time_bound.plan(dataclasses.replace(detours(), max_length_cells=3.0), LEAST_EXPOSED)
+    assert (long.length_cells, long.exposure_sum) == (pytest.approx(2.0 * math.sqrt(2.0)), 0.0)
+
+
+def test_a_route_that_ties_with_a_shorter_one_wherever_it_is_cheapest_is_found_by_no_w() -> None:
+    bounded = dataclasses.replace(three_arms(), max_length_cells=3.5)
+    assert time_bound.plan(bounded, LEAST_EXPOSED).exposure_sum == 2.0
+    with pytest.raises(BoundTooTight):
+        time_bound.plan(dataclasses.replace(bounded, min_length_cells=2.5), LEAST_EXPOSED)
+
+
+def test_a_bound_equal_to_a_length_but_for_rounding_is_kept() -> None:
+    bound = math.nextafter(2.0 * math.sqrt(2.0), 0.0)
+    found = time_bound.plan(dataclasses.replace(detours(), max_length_cells=bound), LEAST_EXPOSED)
+    assert found.exposure_sum == 0.0
+    assert (
+        time_bound.measure(dataclasses.replace(detours(), max_length_cells=bound), found.cells, LEAST_EXPOSED)
+        == found.cost
+    )
+
+
+@pytest.mark.parametrize(
+    ("window", "says", "nearest"),
+    [
+        ((0.0, 1.5), r"at most 1.50 cells long: the shortest one takes 2.00 cells; allow as much", 2.0),
+        ((2.2, 2.5), r"no route that a w finds is 2.20 to 2.50 cells long: the nearest one takes 2.00", 2.0),
+        ((2.2, 2.8), r"2.20 to 2.80 cells long: the nearest one takes 2.83 cells; widen the window", 2.83),
+        ((9.0, 9.5), r"9.00 to 9.50 cells long: the nearest one takes 2.83", 2.83),
+        ((9.0, math.inf), r"9.00 or more cells long: the nearest one takes 2.83", 2.83),
+    ],
+)
+@pytest.mark.parametrize("params", [LEAST_EXPOSED, LEAST_DISTANT])
+def test_bounds_that_no_route_keeps(
+    window: tuple[float, float], says: str, nearest: float, params: Params
+) -> None:
+    problem = dataclasses.replace(detours(), min_length_cells=window[0], max_length_cells=window[1])
+    with pytest.raises(BoundTooTight, match=says) as caught:
+        time_bound.plan(problem, params)
+    assert caught.value.nearest.length_cells == pytest.approx(nearest, abs=0.005)
+    assert caught.value.nearest.searched
+    assert time_bound.measure(problem, caught.value.nearest.cells, params) == math.inf
+
+
+def test_who_is_at_the_goal_cannot_wait_there() -> None:
+    problem = Problem(np.zeros((2, 2)), (0, 0), ((0, 0),), 0.5, 1.0, min_length_cells=3.0)
+    with pytest.raises(BoundTooTight, match=r"3.00 or more cells long: the nearest one takes 0.00") as caught:
+        time_bound.plan(problem, LEAST_EXPOSED)
+    assert caught.value.nearest.cells == ((0, 0),)

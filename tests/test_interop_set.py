@@ -1,0 +1,114 @@
+"""`swarmctl set` as a person uses it: two swarms fly in processes of their own, commands come from others."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from test_interop_fly import ROOT, SWARMCTL, read_until
+
+pytestmark = pytest.mark.interop
+
+SMALL = """\
+name: NAME
+area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m: 50}
+threats: {count: 5}
+planner: {w: 0.5}
+simulate: {count: 2, speedup: 2}
+flight: {on_exit: hold}
+"""
+
+
+@dataclass
+class Place:
+    """A folder in which swarms fly and are found."""
+
+    folder: Path
+
+    @property
+    def environment(self) -> dict[str, str]:
+        return {**os.environ, "TMPDIR": str(self.folder), "PYTHONPATH": str(ROOT)}
+
+    def configuration(self, name: str) -> Path:
+        path = self.folder / f"{name}.yaml"
+        path.write_text(SMALL.replace("NAME", name))
+        return path
+
+    def fly(self, name: str) -> subprocess.Popen[str]:
+        words = ["fly", "--config", str(self.configuration(name)), "--out", str(self.folder / name)]
+        return subprocess.Popen(
+            [*SWARMCTL, *words],
+            cwd=self.folder,
+            env=self.environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+
+    def set(self, *words: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [*SWARMCTL, "set", *words],
+            cwd=self.folder,
+            env=self.environment,
+            timeout=60.0,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+    def summary(self, name: str) -> dict[str, object]:
+        (run,) = (self.folder / name).iterdir()
+        content: dict[str, object] = json.loads((run / "summary.json").read_text())
+        return content
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Place:
+    return Place(tmp_path)
+
+
+def test_one_of_two_swarms_takes_a_command_and_the_other_hears_nothing_of_it(place: Place) -> None:
+    with place.fly("one") as one, place.fly("two") as two:
+        try:
+            for flight in (one, two):
+                read_until(flight, "uav2: flying")
+            taken = place.set("--swarm", "one", "--uav", "2", "--w", "0.9")
+            assert (taken.returncode, taken.stderr) == (0, "")
+            assert taken.stdout.startswith("uav2: w = 0.9 from plan ")
+            read_until(one, taken.stdout.strip())
+
+            unclear = place.set("--uav", "2", "--w", "0.9")
+            assert unclear.returncode == 2
+            assert "2 swarms fly here: one at tcp/127.0.0.1:" in unclear.stderr
+
+            unknown = place.set("--swarm", "one", "--uav", "7", "--w", "0.1")
+            assert unknown.returncode == 1
+            assert "one refused: no vehicle of this swarm has system id 7" in unknown.stderr
+
+            for flight in (one, two):
+                flight.send_signal(signal.SIGINT)
+            for flight in (one, two):
+                read_until(flight, "run folder:")
+                assert flight.wait(timeout=30.0) == 130
+        finally:
+            one.kill()
+            two.kill()
+    changed, untouched = place.summary("one"), place.summary("two")
+    assert changed["operator_commands"] == {"passed_on": 1, "refused": 1}
+    assert untouched["operator_commands"] == {"passed_on": 0, "refused": 0}
+    assert weights(changed) == [[0.5], [0.5, 0.9]]
+    assert weights(untouched) == [[0.5], [0.5]]
+    gone = place.set("--config", "one.yaml", "--all", "--w", "0.1")
+    assert gone.returncode == 1
+    assert "no swarm one of this user flies on this machine" in gone.stderr
+
+
+def weights(summary: dict[str, object]) -> list[list[float]]:
+    vehicles = summary["vehicles"]
+    assert isinstance(vehicles, list)
+    return [[entry["w"] for entry in vehicle["weights"]] for vehicle in vehicles]

@@ -1,0 +1,565 @@
+"""An operator's commands on the wire: what is taken, what is refused, and who can come in at all."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import math
+import os
+import socket
+import stat
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+from flights import small
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from swarmctl import operate, preflight
+from swarmctl.bus import directory, keys
+from swarmctl.bus.base import BusError, Transport
+from swarmctl.bus.desk import Desk, Tally
+from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
+from swarmctl.bus.memory import MemoryBus
+from swarmctl.bus.open import opened
+from swarmctl.bus.zenoh_bus import ZenohBus
+from swarmctl.cli import cli
+from swarmctl.clock import run_virtual
+from swarmctl.core import events as ev
+from swarmctl.core.messages import (
+    BadMessage,
+    SetWeights,
+    VehicleAnswer,
+    WeightsAnswer,
+    decode_answer,
+    decode_command,
+    encode,
+)
+from swarmctl.core.threat import FiringStrength
+
+KEY = "swarmctl/test/operator/weights"
+ANYWHERE = BusEndpoint("127.0.0.1", 0)
+
+
+def packed(**fields: object) -> bytes:
+    return b"\x01" + msgspec.msgpack.encode({"type": "set_weights", **fields})
+
+
+WRONG: dict[str, tuple[bytes, str]] = {
+    "empty": (b"", "empty payload"),
+    "no MessagePack": (b"\x01nonsense", "not a message of version 1"),
+    "another version": (b"\x02" + packed(uavs=[1], w=0.5)[1:], "message version 2"),
+    "a message of UAVs": (b"\x01" + msgspec.msgpack.encode({"type": "state", "sender": 1}), "Invalid value"),
+    "w above 1": (packed(uavs=[1], w=1.5), "w = 1.5: expected 0"),
+    "w below 0": (packed(uavs=[1], w=-0.1), "w = -0.1: expected 0"),
+    "w not a number": (packed(uavs=[1], w=math.nan), "w = nan: expected 0"),
+    "w a truth value": (packed(uavs=[1], w=True), "Expected `float | null`, got `bool`"),
+    "strengths that grow": (packed(uavs=[1], firing_strength=[0.1, 0.3, 0.6]), "decrease strictly"),
+    "strengths above 1": (packed(uavs=[1], firing_strength=[1.1, 0.3, 0.1]), "probabilities in [0, 1]"),
+    "two strengths": (packed(uavs=[1], firing_strength=[0.6, 0.3]), "length 3, got 2"),
+    "nothing to change": (packed(uavs=[1]), "nothing to change"),
+    "nobody named": (packed(uavs=[], w=0.5), "no vehicle named"),
+    "silent about whom": (packed(w=0.5), "missing required field `uavs`"),
+    "more than is known": (packed(uavs=[1], w=0.5, psi=3.0), "unknown field `psi`"),
+    "a vehicle of another swarm": (packed(uavs=[1, 9], w=0.5), "system id 9: there is 1 (uav1), 2 (uav2)"),
+}
+
+
+@pytest.mark.parametrize("name", [n for n in WRONG if n != "a vehicle of another swarm"])
+def test_what_makes_no_sense_is_no_command(name: str) -> None:
+    payload, why = WRONG[name]
+    with pytest.raises(BadMessage) as refused:
+        decode_command(payload)
+    assert why in str(refused.value)
+
+
+@given(
+    uavs=st.none() | st.lists(st.integers(1, 254), min_size=1, max_size=5).map(tuple),
+    w=st.floats(0.0, 1.0),
+    strengths=st.none() | st.just((0.7, 0.3, 0.1)),
+)
+@settings(max_examples=40, deadline=None, derandomize=True)
+def test_a_command_survives_the_wire(
+    uavs: tuple[int, ...] | None, w: float, strengths: tuple[float, float, float] | None
+) -> None:
+    command = SetWeights(uavs, w, strengths)
+    assert decode_command(encode(command)) == command
+
+
+@given(st.binary(max_size=60))
+@settings(max_examples=150, deadline=None, derandomize=True)
+def test_whatever_arrives_at_the_desk_is_a_command_or_refused(data: bytes) -> None:
+    with suppress(BadMessage):
+        decode_command(b"\x01" + data)
+    with suppress(BadMessage):
+        decode_answer(b"\x01" + data)
+
+
+def test_an_answer_of_a_later_version_is_understood_as_far_as_it_is_known() -> None:
+    later = {"type": "weights_answer", "refused": "no", "vehicles": [], "more": 1}
+    assert decode_answer(b"\x01" + msgspec.msgpack.encode(later)) == WeightsAnswer(refused="no")
+
+
+# --- the desk, over every transport
+
+
+class Station:
+    """A desk with two agents that take everything at once, unless they are slow."""
+
+    def __init__(self, transport: Transport, *, slow: tuple[int, ...] = ()) -> None:
+        self.said: list[str] = []
+        self.tally = Tally()
+        self.posted: list[tuple[int, ev.WeightsChanged]] = []
+        self.desk = Desk(transport, "test", self.said.append, self.tally)
+        for uav in (1, 2):
+            self.desk.join(uav, f"uav{uav}", self._agent(uav, slow=uav in slow))
+
+    def _agent(self, uav: int, *, slow: bool) -> Callable[[ev.WeightsChanged], None]:
+        def post(event: ev.WeightsChanged) -> None:
+            self.posted.append((uav, event))
+            if not slow:
+                self.desk.answered(event.command, VehicleAnswer(uav, f"uav{uav}", "taken", 5))
+
+        return post
+
+
+@contextmanager
+def in_memory() -> Iterator[tuple[Transport, Transport]]:
+    bus = MemoryBus()
+    yield bus, bus
+
+
+@contextmanager
+def over_zenoh() -> Iterator[tuple[Transport, Transport]]:
+    """(the ground station's bus, the operator's), as two processes would have them."""
+    with ZenohBus(listen=ANYWHERE, open_keys=(KEY,)) as ground:
+        assert ground.endpoint is not None
+        with ZenohBus(connect=ground.endpoint) as operator:
+            yield ground, operator
+
+
+Both = Callable[[], contextlib.AbstractContextManager[tuple[Transport, Transport]]]
+
+
+@pytest.fixture(params=[in_memory, over_zenoh])
+def both(request: pytest.FixtureRequest) -> Both:
+    made: Both = request.param
+    return made
+
+
+def test_a_command_reaches_the_vehicles_it_names_and_their_answers_come_back(both: Both) -> None:
+    async def scene() -> None:
+        with both() as (ground, operator):
+            station = Station(ground)
+            command = SetWeights((2,), firing_strength=(0.7, 0.3, 0.1))
+            (answer,) = await operator.ask(KEY, encode(command), 5.0)
+            assert decode_answer(answer) == WeightsAnswer((VehicleAnswer(2, "uav2", "taken", 5),))
+            assert station.posted == [(2, ev.WeightsChanged(1, None, FiringStrength(0.7, 0.3, 0.1)))]
+            (answer,) = await operator.ask(KEY, encode(SetWeights(None, w=0.2)), 5.0)
+            assert [v.uav for v in decode_answer(answer).vehicles] == [1, 2]
+            assert [event.command for _, event in station.posted] == [1, 2, 2]
+
+    asyncio.run(scene())
+
+
+def test_what_is_no_command_for_this_swarm_moves_nobody_is_counted_shown_and_answered(both: Both) -> None:
+    async def scene() -> None:
+        with both() as (ground, operator):
+            station = Station(ground)
+            for number, (payload, why) in enumerate(WRONG.values(), start=1):
+                (answer,) = await operator.ask(KEY, payload, 5.0)
+                assert why in decode_answer(answer).refused
+                assert station.tally == Tally(passed_on=0, refused=number)
+                assert why in station.said[-1]
+            assert station.posted == []
+
+    asyncio.run(scene())
+
+
+def test_what_is_shown_of_a_command_cannot_steer_a_terminal() -> None:
+    async def scene() -> None:
+        bus = MemoryBus()
+        station = Station(bus)
+        await bus.ask(KEY, packed(uavs=[1], **{"\x1b[2J" + "x" * 9999: 1}), 5.0)
+        (text,) = station.said
+        assert text.isprintable()
+        assert len(text) < 500
+
+    asyncio.run(scene())
+
+
+def test_nobody_answers_for_another_swarm(both: Both) -> None:
+    async def scene() -> None:
+        with both() as (ground, operator):
+            station = Station(ground)
+            assert await operator.ask(keys.weights("other"), encode(SetWeights(None, w=0.2)), 5.0) == ()
+            assert station.posted == []
+
+    asyncio.run(scene())
+
+
+def test_a_vehicle_that_is_busy_is_not_waited_for() -> None:
+    async def scene() -> tuple[WeightsAnswer, float]:
+        bus = MemoryBus()
+        Station(bus, slow=(2,))
+        began_s = asyncio.get_running_loop().time()
+        answer = await operate.ask(bus, operate.Station("test", ANYWHERE), SetWeights(None, w=0.2))
+        return answer, asyncio.get_running_loop().time() - began_s
+
+    answer, took_s = run_virtual(scene())
+    assert [v.outcome for v in answer.vehicles] == ["taken", "unconfirmed"]
+    assert "has not come to it within 3 s" in answer.vehicles[1].note
+    assert took_s == pytest.approx(3.0)
+    assert operate.has_failed(SetWeights(None, w=0.2), answer)
+
+
+def test_an_answer_that_comes_too_late_does_no_harm() -> None:
+    async def scene() -> None:
+        bus = MemoryBus()
+        station = Station(bus, slow=(1, 2))
+        await operate.ask(bus, operate.Station("test", ANYWHERE), SetWeights((1,), w=0.2))
+        station.desk.answered(1, VehicleAnswer(1, "uav1", "taken", 5))
+
+    run_virtual(scene())
+
+
+def test_a_station_that_is_stuck_is_said_to_leave_it_open() -> None:
+    async def scene() -> None:
+        bus = MemoryBus()
+        bus.serve(KEY, lambda key, payload, reply: None)
+        await operate.ask(bus, operate.Station("test", ANYWHERE), SetWeights((1,), w=0.2))
+
+    with pytest.raises(operate.NoAnswer, match="whether it took the command is not known"):
+        run_virtual(scene())
+
+
+# --- who can come in
+
+
+def test_a_wildcard_is_refused_and_counted() -> None:
+    """Asked inside the process, where no access rule stands before the desk."""
+
+    async def scene() -> None:
+        with ZenohBus() as bus:
+            station = Station(bus)
+            for key in ("swarmctl/*/operator/weights", "swarmctl/test/**", "**"):
+                assert await bus.ask(key, encode(SetWeights(None, w=0.2)), 5.0) == ()
+            assert station.posted == []
+            assert station.tally.refused == 3
+
+    asyncio.run(scene())
+
+
+def test_from_outside_one_can_ask_under_one_key_and_nothing_else() -> None:
+    async def scene() -> None:
+        heard: list[str] = []
+        overheard: list[str] = []
+        with over_zenoh() as (ground, operator):
+            station = Station(ground)
+            ground.subscribe(keys.inbox("test", 1), lambda key, _: heard.append(key))
+            ground.subscribe("**", lambda key, _: heard.append(key))
+            operator.subscribe("swarmctl/test/**", lambda key, _: overheard.append(key))
+            for key in (
+                "swarmctl/test/uav/1/inform/state/9",
+                "swarmctl/test/uav/*/inform/state/9",
+                "**",
+                KEY,
+            ):
+                operator.put(key, b"from outside")
+            for key in ("swarmctl/*/operator/weights", "swarmctl/test/**", "**"):
+                assert await operator.ask(key, encode(SetWeights(None, w=0.2)), 5.0) == ()
+            ground.put("swarmctl/test/uav/1/inform/state/2", b"among ourselves")
+            # What came before on the same connection has been looked at when this is answered.
+            assert len(await operator.ask(KEY, encode(SetWeights((1,), w=0.2)), 5.0)) == 1
+            assert heard == ["swarmctl/test/uav/1/inform/state/2"] * 2
+            assert station.tally == Tally(passed_on=1, refused=0)
+            # Its own it hears at once; of the swarm's nothing.
+            assert "swarmctl/test/uav/1/inform/state/9" in overheard
+            assert "swarmctl/test/uav/1/inform/state/2" not in overheard
+
+    asyncio.run(scene())
+
+
+def test_a_bus_by_itself_lets_nobody_in() -> None:
+    async def scene() -> None:
+        with ZenohBus() as bus:
+            assert bus.endpoint is None
+
+    asyncio.run(scene())
+
+
+def taken_port(held: contextlib.ExitStack) -> int:
+    holder = held.enter_context(contextlib.closing(socket.socket()))
+    holder.bind(("127.0.0.1", 0))
+    holder.listen()
+    return int(holder.getsockname()[1])
+
+
+def test_a_taken_port_is_said_with_the_cure() -> None:
+    async def scene(port: int) -> None:
+        with opened("test", f"tcp/127.0.0.1:{port}", print):
+            pass
+
+    with contextlib.ExitStack() as held:
+        port = taken_port(held)
+        with pytest.raises(
+            BusError, match=rf"cannot listen at tcp/127.0.0.1:{port}: the port is taken; .*none"
+        ):
+            asyncio.run(scene(port))
+        scenario = small(communication={"bus": "zenoh", "listen": f"tcp/127.0.0.1:{port}"})
+        (line,) = preflight.troubles(scenario, Path())
+        assert f"communication.listen: tcp/127.0.0.1:{port}: port {port} is taken" in line
+
+
+def test_where_nobody_listens_is_said() -> None:
+    async def scene() -> None:
+        with contextlib.ExitStack() as held:
+            station = operate.Station("test", BusEndpoint("127.0.0.1", taken_port(held)))
+        await operate.set_weights(station, SetWeights(None, w=0.2))
+
+    with pytest.raises(BusError, match=r"no swarm listens at tcp/127\.0\.0\.1:.* has its flight ended"):
+        asyncio.run(scene())
+
+
+@pytest.mark.parametrize(
+    ("text", "host", "port", "loopback"),
+    [
+        ("tcp/127.0.0.1:7447", "127.0.0.1", 7447, True),
+        ("tcp/localhost:0", "localhost", 0, True),
+        ("tcp/[::1]:7447", "::1", 7447, True),
+        ("tcp/0.0.0.0:7447", "0.0.0.0", 7447, False),
+        ("tcp/ground.example:7447", "ground.example", 7447, False),
+    ],
+)
+def test_an_endpoint_is_read_and_written(text: str, host: str, port: int, loopback: bool) -> None:
+    endpoint = parse_endpoint(text)
+    assert (endpoint.host, endpoint.port, endpoint.is_loopback) == (host, port, loopback)
+    assert str(endpoint) == text
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "127.0.0.1:7447", "tcp/127.0.0.1", "tcp/:7447", "udp/127.0.0.1:7447", "tcp/a:70000", "tcp/*:1"],
+)
+def test_what_is_no_endpoint_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match=r"expected tcp/HOST:PORT"):
+        parse_endpoint(text)
+
+
+# --- finding a swarm
+
+
+@pytest.fixture
+def nobody_flies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    return tmp_path / f"swarmctl-{os.getuid()}"
+
+
+HERE, THERE = BusEndpoint("127.0.0.1", 4001), BusEndpoint("127.0.0.1", 4002)
+
+
+def test_a_flight_is_found_by_its_name_as_long_as_it_lasts(nobody_flies: Path) -> None:
+    with directory.listed("one", HERE), directory.listed("two", THERE):
+        assert operate.find("two", None, None) == operate.Station("two", THERE)
+        assert stat.S_IMODE(nobody_flies.stat().st_mode) == 0o700
+    assert directory.flying() == []
+
+
+def test_the_only_flight_need_not_be_named(nobody_flies: Path) -> None:
+    with directory.listed("one", HERE):
+        assert operate.find(None, None, None) == operate.Station("one", HERE)
+
+
+def test_of_several_flights_none_is_guessed(nobody_flies: Path) -> None:
+    with directory.listed("one", HERE), directory.listed("two", THERE):
+        with pytest.raises(operate.Unclear, match=r"one at tcp/127.0.0.1:4001 .*two at .*--swarm NAME"):
+            operate.find(None, None, None)
+        with pytest.raises(BusError, match=r"no swarm three of this user flies .*; there is one, two"):
+            operate.find("three", None, None)
+
+
+LISTED_FOR_EVER = """\
+import sys, time
+from swarmctl.bus import directory
+from swarmctl.bus.endpoint import BusEndpoint
+with directory.listed("killed", BusEndpoint("127.0.0.1", 4003)):
+    print("listed", flush=True)
+    time.sleep(60)
+"""
+
+
+def test_what_a_killed_flight_left_is_known_for_that_and_removed(nobody_flies: Path) -> None:
+    command = [sys.executable, "-c", LISTED_FOR_EVER]
+    environment = {**os.environ, "TMPDIR": str(nobody_flies.parent)}
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "listed\n"
+        (entry,) = directory.flying()
+        assert (entry.swarm, entry.pid) == ("killed", process.pid)
+        process.kill()
+    assert len(list(nobody_flies.iterdir())) == 1
+    assert directory.flying() == []
+    assert list(nobody_flies.iterdir()) == []
+
+
+def test_a_folder_that_others_can_write_to_is_not_believed(nobody_flies: Path) -> None:
+    nobody_flies.mkdir(mode=0o700)
+    nobody_flies.chmod(0o777)
+    with pytest.raises(BusError, match="nobody else can write to"):
+        directory.flying()
+
+
+def test_a_flight_that_cannot_be_listed_says_how_it_is_reached(nobody_flies: Path) -> None:
+    nobody_flies.write_text("in the way")
+    said: list[str] = []
+
+    async def scene() -> None:
+        with opened("test", "tcp/127.0.0.1:0", said.append) as bus:
+            assert bus.endpoint is not None
+            assert f"--connect {bus.endpoint}" in said[0]
+
+    asyncio.run(scene())
+
+
+@pytest.mark.parametrize(
+    ("listen", "warned"),
+    [("tcp/127.0.0.1:0", False), ("tcp/localhost:0", False), ("none", False), ("tcp/0.0.0.0:0", True)],
+)
+def test_who_listens_to_others_than_this_machine_says_so(
+    listen: str, warned: bool, nobody_flies: Path
+) -> None:
+    said: list[str] = []
+
+    async def scene() -> None:
+        with opened("test", listen, said.append) as bus:
+            found = [entry.endpoint for entry in directory.flying()]
+            assert found == ([bus.endpoint.reachable] if bus.endpoint is not None else [])
+
+    asyncio.run(scene())
+    assert any("can change this swarm's weights" in text for text in said) is warned
+
+
+def listening(**communication: object) -> Any:
+    return small(communication=communication).config
+
+
+@pytest.mark.parametrize(
+    ("swarm", "config", "connect", "expected"),
+    [
+        (None, listening(listen="tcp/0.0.0.0:7447"), None, ("small", BusEndpoint("127.0.0.1", 7447))),
+        (None, listening(), "tcp/ground:7447", ("small", BusEndpoint("ground", 7447))),
+        ("one", None, "tcp/[::1]:7447", ("one", BusEndpoint("::1", 7447))),
+    ],
+)
+def test_an_endpoint_that_is_said_needs_no_search(
+    nobody_flies: Path, swarm: str | None, config: Any, connect: str | None, expected: tuple[str, BusEndpoint]
+) -> None:
+    assert operate.find(swarm, config, connect) == operate.Station(*expected)
+
+
+@pytest.mark.parametrize(
+    ("swarm", "config", "connect", "why"),
+    [
+        (None, None, "tcp/ground:7447", "which swarm"),
+        ("one", None, "ground:7447", "expected tcp/HOST:PORT"),
+        ("one", None, "tcp/ground:0", "port 0"),
+        ("o*", None, None, "expected a name"),
+        ("a/b", None, None, "expected a name"),
+        ("one", listening(), None, "the configuration is that of small"),
+        (None, listening(listen="none"), None, "listens to nobody"),
+        (None, listening(bus="memory"), None, "listens to nobody"),
+    ],
+)
+def test_what_does_not_say_which_swarm_is_meant_is_refused(
+    nobody_flies: Path, swarm: str | None, config: Any, connect: str | None, why: str
+) -> None:
+    with pytest.raises(operate.Unclear, match=why):
+        operate.find(swarm, config, connect)
+
+
+def test_the_configuration_refuses_what_is_no_endpoint() -> None:
+    with pytest.raises(ValueError, match="expected tcp/HOST:PORT"):
+        listening(listen="127.0.0.1:7447")
+    assert json.loads(listening().model_dump_json())["communication"]["listen"] == "tcp/127.0.0.1:0"
+
+
+# --- the command line
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        ("--w 0.5", "which vehicles? give --uav N, which may be repeated, or --all"),
+        ("--all --uav 1 --w 0.5", "which vehicles?"),
+        ("--all", "nothing to change"),
+        ("--all --w 1.5", "w = 1.5: expected 0"),
+        ("--all --w nan", "w = nan: expected 0"),
+        ("--all --w a", "Invalid value for '--w'"),
+        ("--all --direct 0.7", "found 1, expected three"),
+        ("--all --firing-strength 0.7,0.3", "found 2, expected three"),
+        ("--all --firing-strength a,b,c", "expected three numbers"),
+        ("--all --firing-strength 0.1,0.3,0.7", "decrease strictly"),
+        ("--all --firing-strength 0.7,0.3,0.1 --direct 0.7", "says all three"),
+        ("--all --w 0.5 --connect tcp/127.0.0.1:7447", "which swarm"),
+        ("--all --w 0.5 --config nowhere.yaml", "there is no such file"),
+    ],
+)
+def test_a_command_that_is_not_clear_is_a_wrong_usage(words: str, why: str, nobody_flies: Path) -> None:
+    result = CliRunner().invoke(cli, ["set", *words.split()])
+    assert result.exit_code == 2
+    assert why in result.stderr
+
+
+def test_where_no_swarm_flies_it_says_so(nobody_flies: Path) -> None:
+    result = CliRunner().invoke(cli, ["set", "--uav", "3", "--w", "0.2"])
+    assert result.exit_code == 1
+    assert "no swarm of this user flies on this machine" in result.stderr
+
+
+@contextmanager
+def station_in_a_thread() -> Iterator[Station]:
+    """A ground station that listens while the command line runs beside it."""
+    ready, over = threading.Event(), threading.Event()
+    made: list[Station] = []
+
+    async def scene() -> None:
+        with opened("test", "tcp/127.0.0.1:0", print) as bus:
+            made.append(Station(bus))
+            ready.set()
+            await asyncio.to_thread(over.wait)
+
+    thread = threading.Thread(target=asyncio.run, args=(scene(),))
+    thread.start()
+    try:
+        assert ready.wait(10.0)
+        yield made[0]
+    finally:
+        over.set()
+        thread.join()
+
+
+def test_a_command_is_given_and_answered(nobody_flies: Path) -> None:
+    with station_in_a_thread() as station:
+        words = "set --all --w 0.2 --direct 0.7 --first-neighbour 0.3 --second-neighbour 0.1"
+        result = CliRunner().invoke(cli, words.split())
+    assert result.exit_code == 0
+    said = "w = 0.2 and firing strengths 0.7, 0.3, 0.1 from plan 5 on"
+    assert result.stdout.splitlines() == [f"uav1: {said}", f"uav2: {said}"]
+    assert station.posted[0] == (1, ev.WeightsChanged(1, 0.2, FiringStrength(0.7, 0.3, 0.1)))
+
+
+def test_a_command_for_a_vehicle_that_is_not_there_is_an_error_said_by_the_swarm(nobody_flies: Path) -> None:
+    with station_in_a_thread():
+        result = CliRunner().invoke(cli, ["set", "--uav", "1", "--uav", "9", "--w", "0.2"])
+    assert result.exit_code == 1
+    assert "test refused: no vehicle of this swarm has system id 9" in result.stderr
