@@ -26,6 +26,7 @@ from swarmctl.planners.base import (
     eq5_route,
     is_open,
 )
+from swarmctl.planners.replan import Layers, Replanner
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,35 +66,69 @@ class CostToGo:
 
 
 def plan(problem: Problem, _params: Params) -> Route:
-    """The route of least cost by Eq. 5; among equals the shortest, and among these always the same."""
-    field = _field_of(problem)
+    """The route of least cost by Eq. 5; among equals the shortest, and among these always the same.
+
+    What was searched before for the same goals and weights is used again; whether it is or not, the answer is
+    the same.
+    """
+    exposure = np.ascontiguousarray(problem.passable, dtype=np.float64)
+    search = _search_again if exposure.size >= LARGE else _search_all
     try:
-        if math.isinf(field.cost_of(problem.start)):
-            raise problem.unreachable()
-        return eq5_route(problem, field.run_down(problem.start))
-    finally:
-        _kept.append(field)
-
-
-_kept: deque[kernels.Field] = deque(maxlen=2)
-"""The last fields: vehicles with one goal and one belief ask one after the other for the same, and what is
-not asked for again leaves its memory to the next. Who uses a field takes it out meanwhile, so that threads do
-not meet in one. Whether it is found here or not, the answer is the same."""
-
-
-def _field_of(problem: Problem) -> kernels.Field:
-    """The field of the problem: one that was kept, or a new one in the memory of the oldest."""
-    asked = np.ascontiguousarray(problem.passable, dtype=np.float64), problem.goals, problem.w
-    taken = [_kept.popleft() for _ in range(len(_kept))]
-    found = next((field for field in taken if field.answers(*asked, problem.psi_per_cell)), None)
-    spare = taken[0] if found is None and len(taken) == _kept.maxlen else None
-    _kept.extend(field for field in taken if field is not found and field is not spare)
-    return found or kernels.spread(*asked, problem.psi_per_cell, into=spare)
+        return eq5_route(problem, search(problem, exposure))
+    except Unreachable:
+        raise problem.unreachable() from None
 
 
 def measure(problem: Problem, cells: Sequence[Cell], _params: Params) -> float:
     """Σ C_mn (Eq. 5); infinite through a wall."""
     return eq5_cost(problem, cells) if is_open(problem, cells) else math.inf
+
+
+LARGE = 100_000
+"""Areas of more cells are replanned in a box, which pays there."""
+KEPT_CELLS = 8_000_000
+"""of large areas whose old fields are kept, some 40 bytes each"""
+
+# Who uses one takes it out meanwhile, so that threads do not meet in it.
+_fields: deque[kernels.Field] = deque()
+_replanners: deque[Replanner] = deque()
+
+
+def _search_all(problem: Problem, exposure: NDArray[np.float64]) -> tuple[Cell, ...]:
+    """By a field of the whole area, the last one if it is of the same problem: vehicles with one goal and one
+    belief ask one after the other for the same."""
+    asked = exposure, problem.goals, problem.w
+    taken = [_fields.popleft() for _ in range(len(_fields))]
+    field = taken[0] if taken else None
+    if field is None or not field.answers(*asked, problem.psi_per_cell):
+        field = kernels.spread(*asked, problem.psi_per_cell, into=field)
+    try:
+        if math.isinf(field.cost_of(problem.start)):
+            raise problem.unreachable()
+        return field.run_down(problem.start)
+    finally:
+        _fields.append(field)
+        while len(_fields) > 1:
+            _fields.popleft()
+
+
+def _search_again(problem: Problem, exposure: NDArray[np.float64]) -> tuple[Cell, ...]:
+    """By what is known from the last time somebody asked for these goals at this weight."""
+    asked = exposure.shape, problem.goals, problem.w, problem.psi_per_cell
+    taken = [_replanners.popleft() for _ in range(len(_replanners))]
+    planner = next((kept for kept in taken if kept.asked == asked), None)
+    _replanners.extend(kept for kept in taken if kept is not planner)
+    if planner is None:
+        layers = Layers(exposure, np.broadcast_to(0.0, exposure.shape), 0.0)
+        planner = Replanner(layers, problem.goals, problem.w, problem.psi_per_cell)
+    else:
+        planner.renew(exposure)
+    try:
+        return planner.route(problem.start)
+    finally:
+        _replanners.append(planner)
+        while sum(math.prod(kept.asked[0]) for kept in _replanners) > max(KEPT_CELLS, exposure.size):
+            _replanners.popleft()
 
 
 def cost_to_go(

@@ -30,6 +30,8 @@ FIRST_MARGIN = 12
 """how far around the old route the box reaches at first [cells]"""
 LARGEST_BOX = 0.25
 """of the area; beyond, the whole is searched, which no proof follows"""
+STRIDE = 997
+"""every so many cells one is asked how much all have drifted"""
 WHOLE = slice(None)
 SURE = 1.0 + 1e-9
 """by how much a way out of the box must cost more: rounding alone proves nothing"""
@@ -74,9 +76,15 @@ class Replanner:
         self._is_goal = np.zeros(self._old.label.size, dtype=np.uint8)
         self._is_goal[[self._old.index(goal) for goal in goals]] = 1
         self._margin = FIRST_MARGIN
+        self._outdated = False
         self.searched_cells = 0
         """how many cells the last route took"""
         self._search_all()
+
+    @property
+    def asked(self) -> tuple[tuple[int, ...], tuple[Cell, ...], float, float]:
+        """What it is for: shape, goals, w and ψ per cell."""
+        return self._now.known.shape, self.goals, self._w, self._psi
 
     def changed(self, cells: Iterable[Cell]) -> None:
         """Tell that the layers were changed at `cells`; p_unseen may have changed with or without."""
@@ -87,15 +95,27 @@ class Replanner:
             if not exposure >= 0.0:
                 raise BadProblem(f"exposure of cell ({row}, {col}) is {exposure}: expected 0 or more")
             straight = self._w * exposure + field.step if math.isfinite(exposure) else math.inf
-            was = float(field.straight[m])
-            if straight >= was:
-                continue  # what is dearer only makes a lower bound lower still
-            if math.isinf(was):
-                self._outdated = True  # a wall has gone: bounds from before mean nothing beside it
-                return
-            field.straight[m] = straight
-            field.label[m] -= was - straight
-            self._lowered.append(m)
+            if straight < field.straight[m]:  # what is dearer only makes a lower bound lower still
+                self._lower(np.array([m]), np.array([straight]))
+
+    def renew(self, exposure: NDArray[np.float64]) -> None:
+        """Take P_s of shape (rows, cols) from here on; what has changed is looked for in every cell.
+
+        The array is kept, not copied. Raises BadProblem for another shape, NaN and negative numbers.
+        """
+        check_field(exposure, self.goals, self._w, self._psi)
+        if exposure.shape != self._now.known.shape:
+            raise BadProblem(
+                f"exposure of shape {exposure.shape}: expected {self._now.known.shape}, as before"
+            )
+        self._now = Layers(exposure, np.broadcast_to(0.0, exposure.shape), 0.0)
+        self._p_unseen = 0.0
+        self._drift, cells, costs = bounds.compare(
+            exposure, self._w, self._old.step, self._old.straight, STRIDE, exposure.size // 50 + 50
+        )
+        self._outdated = self._outdated or self._drift == 0.0
+        if not self._outdated:
+            self._lower(cells, costs)
 
     def route(self, start: Cell) -> tuple[Cell, ...]:
         """The route from `start` with all that was told, both ends included. Raises Unreachable."""
@@ -120,12 +140,22 @@ class Replanner:
             raise Unreachable(f"no way leads from {start} to a goal: walls of infinite exposure lie between")
         return self._old.run_down(start)
 
+    def _lower(self, cells: NDArray[np.int64], costs: Floats) -> None:
+        """Takes in that a straight step into `cells` costs less than the old field makes of it."""
+        old, straight = self._old, costs / self._drift
+        if np.isinf(old.straight[cells]).any():
+            self._outdated = True  # a wall has gone: bounds from before mean nothing beside it
+            return
+        old.label[cells] -= np.maximum(old.straight[cells] - straight, 0.0)
+        old.straight[cells] = np.minimum(old.straight[cells], straight)
+        self._lowered += cells.tolist()
+
     def _search_all(self) -> None:
         self._old = spread(self._now.within(WHOLE, WHOLE), self.goals, self._w, self._psi, into=self._old)
         self._p_unseen = self._now.p_unseen
         self._lowered: list[int] = []
         """cells whose label was lowered, but not yet their neighbours'"""
-        self._outdated = False
+        self._outdated, self._drift = False, 1.0
         self.searched_cells = self._now.known.size
 
     def _guess(self, start: Cell) -> NDArray[np.int64]:
@@ -172,8 +202,8 @@ class Replanner:
     def _rate(self) -> float:
         """No cell's cost has fallen below this share of what the old field takes it for."""
         if self._now.p_unseen >= self._p_unseen:
-            return 1.0
+            return self._drift
         # A cost s + w(K + pU) falls the most, relatively, where K = 0 and pU is the greatest there is.
         step, greatest = self._old.step, self._old.greatest
         fallen = step + (greatest - step) * self._now.p_unseen / self._p_unseen
-        return fallen / greatest if greatest > 0.0 else 1.0
+        return self._drift * (fallen / greatest if greatest > 0.0 else 1.0)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from swarmctl.core.exposure import exposure
 from swarmctl.core.threat import FiringStrength
-from swarmctl.planners import Problem
+from swarmctl.planners import Problem, dijkstra
 from swarmctl.planners.dijkstra import Params, cost_to_go, plan
 
 ROOT2 = math.sqrt(2.0)
@@ -70,7 +70,9 @@ def best_offer(
     return offers
 
 
-def test_an_exposure_changed_in_place_is_seen() -> None:
+@pytest.mark.parametrize("large", [1, 10**9])
+def test_an_exposure_changed_in_place_is_seen(large: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dijkstra, "LARGE", large)
     p_s = np.full((5, 5), 0.1)
     problem = Problem(p_s, (2, 0), ((2, 4),), 0.9, 0.01)
     straight = plan(problem, Params())
@@ -81,7 +83,10 @@ def test_an_exposure_changed_in_place_is_seen() -> None:
     assert plan(problem, Params()) == straight
 
 
-def test_what_was_planned_before_changes_nothing() -> None:
+@pytest.mark.parametrize("large", [1, 10**9])
+def test_what_was_planned_before_changes_nothing(large: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dijkstra, "LARGE", large)
+    monkeypatch.setattr(dijkstra, "KEPT_CELLS", 500)
     rng = np.random.default_rng(3)
     fields = [field_of(kind, (12, 17), rng) for kind in ("random", "belief", "random")]
     problems = [

@@ -71,6 +71,7 @@ def boxes(monkeypatch: pytest.MonkeyPatch) -> None:
     """Small boxes, and no fear of large ones, so that small areas show what large ones do."""
     monkeypatch.setattr(replan, "FIRST_MARGIN", 1)
     monkeypatch.setattr(replan, "LARGEST_BOX", 0.9)
+    monkeypatch.setattr(replan, "STRIDE", 3)
 
 
 @pytest.mark.usefixtures("boxes")
@@ -156,6 +157,28 @@ def test_gates_that_open_and_close_far_from_the_route_are_noticed(seed: int, w: 
         agree(planner, known, start, w, 0.05)
 
 
+@pytest.mark.usefixtures("boxes")
+@pytest.mark.parametrize("walls", [0.0, 0.05])
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 10_000), w=st.sampled_from([0.5, 0.9, 1.0]))
+def test_a_whole_new_exposure_finds_out_itself_what_changed(walls: float, seed: int, w: float) -> None:
+    rng = np.random.default_rng(seed)
+    shape = (25, 40)
+    base = rng.random(shape) * rng.choice([0.05, 1.0])
+    base[3::4] += 2.0
+    base[rng.random(shape) < walls] = math.inf
+    goal, start = (int(rng.integers(25)), 39), (int(rng.integers(25)), 3)
+    planner = Replanner(Layers(base, np.zeros(shape), 0.0), (goal,), w, 0.05)
+    for _ in range(15):
+        base = base * rng.uniform(0.9, 1.1)
+        for _ in range(int(rng.integers(4))):
+            gate = (int(rng.integers(25)), int(rng.integers(40)))
+            base[gate] = rng.choice([0.0, 0.01, 3.0, math.inf], p=[0.4, 0.3, 0.2, 0.1])
+        planner.renew(base)
+        agree(planner, base, start, w, 0.05)
+        start = (int(rng.integers(25)), int(rng.integers(40)))
+
+
 def test_who_is_there_stays() -> None:
     planner = Replanner(Layers(np.ones((3, 3)), np.ones((3, 3)), 0.1), ((1, 1),), 0.5, 0.1)
     assert planner.route((1, 1)) == ((1, 1),)
@@ -172,6 +195,10 @@ def test_bad_layers_are_refused() -> None:
     planner = Replanner(Layers(known, unseen, 0.1), ((0, 0),), 0.5, 0.1)
     with pytest.raises(BadProblem, match=r"start \(3, 0\) is outside the area"):
         planner.route((3, 0))
+    with pytest.raises(BadProblem, match=r"exposure of shape \(3, 5\): expected \(3, 4\), as before"):
+        planner.renew(np.zeros((3, 5)))
+    with pytest.raises(BadProblem, match=r"exposure of cell \(0, 0\) is -1.0"):
+        planner.renew(np.full((3, 4), -1.0))
     known[1, 2] = math.nan
     with pytest.raises(BadProblem, match=r"exposure of cell \(1, 2\) is nan: expected 0 or more"):
         planner.changed([(1, 2)])

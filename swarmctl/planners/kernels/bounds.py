@@ -9,6 +9,47 @@ from swarmctl.planners.kernels.lattice import Bytes, Floats, Ints, offsets_of
 
 
 @njit(nogil=True, cache=True)
+def compare(
+    exposure: Floats, w: float, step: float, straight: Floats, stride: int, most: int
+) -> tuple[float, Ints, Floats]:
+    """How the costs of now, from P_s of shape (rows, cols), stand to older ones.
+
+    Returns a rate of at most 1, the cells whose cost has fallen below that share of `straight`, and what they
+    cost. The rate is the least of every `stride`-th cell, so that a drift all over is no news of each cell;
+    it is 0 where more than `most` cells have fallen.
+    """
+    rows, cols = exposure.shape
+    width = cols + 2
+    rate = 1.0
+    for sample in range(0, rows * cols, stride):
+        row = sample // cols
+        col = sample - row * cols
+        was = straight[(row + 1) * width + col + 1]
+        if 0.0 < was < np.inf:
+            rate = min(rate, (w * exposure[row, col] + step) / was)
+    fallen = np.empty(most, dtype=np.int64)
+    costs = np.empty(most)
+    size = 0
+    limit = rate * (1.0 - 1e-12)
+    for row in range(rows):
+        base = (row + 1) * width + 1
+        n_fallen = 0
+        for col in range(cols):
+            n_fallen += w * exposure[row, col] + step < limit * straight[base + col]
+        if n_fallen == 0:
+            continue
+        if size + n_fallen > most:
+            return 0.0, fallen[:0], costs[:0]
+        for col in range(cols):
+            cost = w * exposure[row, col] + step
+            if cost < limit * straight[base + col]:
+                fallen[size] = base + col
+                costs[size] = cost
+                size += 1
+    return rate, fallen[:size], costs[:size]
+
+
+@njit(nogil=True, cache=True)
 def run_down_roughly(
     label: Floats, extra: float, width: int, goals: Bytes, m: int, most: int
 ) -> tuple[Ints, bool]:
