@@ -11,10 +11,10 @@ import gc
 import os
 import time
 from collections.abc import Callable, Iterator
-from itertools import cycle
 
 import numpy as np
 import psutil
+from echo import round_trips_s
 from numpy.typing import NDArray
 from peers import PEERS
 from rich import box
@@ -22,7 +22,7 @@ from rich.console import Console
 from rich.table import Table
 from scenes import Crossing, observed, random_field
 
-from swarmctl.planners import Problem, Unreachable, constrained, time_bound, warm_up
+from swarmctl.planners import Problem, Unreachable, constrained, plan, time_bound, warm_up
 from swarmctl.planners.dijkstra import CostToGo, cost_to_go
 from swarmctl.planners.replan import Replanner
 
@@ -164,43 +164,53 @@ def swarm(side: int, count: int) -> Table:
     exposure, goal = observed(side), (side // 2, side - 1)
     starts = [(int(row), 0) for row in np.linspace(0, side - 1, count)]
 
-    def plan(of: list[tuple[int, int]]) -> None:
+    def replan(of: list[tuple[int, int]]) -> None:
         cost_to_go(exposure, [goal], 0.5, PSI).paths_from(of)
 
-    found = in_turns({"one": lambda: plan(starts[count // 3 :][:1]), "all": lambda: plan(starts)}, 41)
+    found = in_turns({"one": lambda: replan(starts[count // 3 :][:1]), "all": lambda: replan(starts)}, 41)
     for name, s in found.items():
         made.add_row(f"{name} replanned", f"{1e3 * s:.2f}", f"{s / found['one']:.2f}")
     return made
 
 
 def bounded(side: int, n_fields: int) -> Table:
-    """The planners that keep a bound, in searches: fields of the whole area."""
+    """The planners that keep a bound. A search is a field of the whole area: at w = 0.5, or as long as one at
+    the weights that the planner searched, which take longer the nearer to 1 they are."""
     made = table(
-        f"{side}², a bound halfway along the front, {n_fields} fields each: in the time of a full field",
+        f"{side}², a bound halfway along the front, {n_fields} fields each: time in searches",
         "planner, P_s",
-        "p50",
+        "made",
+        "at w = 0.5: p50",
         "p90",
-        "max",
+        "at its own w: p50",
+        "p90",
         "proved exact",
     )
     planners = (("time_bound", time_bound), ("constrained", constrained))
     for kind, make in (("random", random_field), ("as observed", observed)):
-        taken: dict[str, list[float]] = {name: [] for name, _ in planners}
-        exact = {name: 0 for name, _ in planners}
-        for seed in range(n_fields):
-            exposure = make(side, seed)
-            problem = halfway(exposure)
-            search_s = float(np.median([timed(lambda: cost_to_go(exposure, problem.goals, 0.5, PSI)) for _ in range(5)]))  # noqa: B023, E501
-            for name, planner in planners:
-                found = []
-                taken[name].append(
-                    timed(lambda: found.append(planner.plan(problem, planner.Params()))) / search_s  # noqa: B023
-                )
-                exact[name] += found[0].lower_bound is None or found[0].cost <= found[0].lower_bound * (1 + 1e-9)
-        for name, _ in planners:
-            p50, p90, top = np.quantile(taken[name], (0.5, 0.9, 1.0))
-            made.add_row(f"{name}, {kind}", f"{p50:.1f}", f"{p90:.1f}", f"{top:.1f}", f"{exact[name]} of {n_fields}")
+        for name, planner in planners:
+            made_n, by_half, by_own, exact = [], [], [], 0
+            for seed in range(n_fields):
+                problem = halfway(make(side, seed))
+                route = planner.plan(problem, planner.Params())
+                taken_s = min(timed(lambda: planner.plan(problem, planner.Params())) for _ in range(2))  # noqa: B023
+                own_s = [search_s(problem, searched.w) for searched in route.searched]
+                made_n.append(len(own_s))
+                by_half.append(taken_s / search_s(problem, 0.5))
+                by_own.append(taken_s / np.mean(own_s))
+                exact += route.lower_bound is not None and route.cost <= route.lower_bound * (1 + 1e-9)
+            made.add_row(
+                f"{name}, {kind}",
+                f"{np.median(made_n):.0f}",
+                *(f"{np.quantile(of, q):.1f}" for of in (by_half, by_own) for q in (0.5, 0.9)),
+                f"{exact} of {n_fields}" if name == "constrained" else "–",
+            )
     return made
+
+
+def search_s(problem: Problem, w: float) -> float:
+    """One field of the whole area [s]."""
+    return min(timed(lambda: cost_to_go(problem.exposure, problem.goals, w, PSI)) for _ in range(3))
 
 
 def halfway(exposure: Floats) -> Problem:
@@ -242,6 +252,25 @@ def memory(side: int) -> Table:
     return made
 
 
+def echo(side: int, count: int) -> Table:
+    """Whether others in the process get their turn while a planner searches."""
+    made = table(
+        f"a Zenoh echo over TCP, {count} times", "beside it in the process", "p50 [ms]", "p99", "max"
+    )
+    exposure, goal = observed(side), (side // 2, side - 1)
+    problem = Problem(exposure, (side // 2, 0), (goal,), 0.5, PSI)
+    in_time = halfway(observed(200))
+    for name, beside in (
+        ("nothing", None),
+        (f"the full field of {side}² without a pause", lambda: cost_to_go(exposure, [goal], 0.5, PSI)),
+        (f"dijkstra on {side}² without a pause", lambda: plan(problem)),
+        ("constrained on 200² without a pause", lambda: plan(in_time, "constrained")),
+    ):
+        p50, p99, top = 1e3 * np.quantile(round_trips_s(count, beside), (0.5, 0.99, 1.0))
+        made.add_row(name, f"{p50:.2f}", f"{p99:.2f}", f"{top:.2f}")
+    return made
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--quick", action="store_true")
@@ -254,6 +283,7 @@ def main() -> None:
     console.print(swarm(200, 50))
     console.print(bounded(200, 10 if quick else 50))
     console.print(memory(1000))
+    console.print(echo(1000, 500 if quick else 3000))
 
 
 if __name__ == "__main__":

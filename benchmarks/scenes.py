@@ -50,9 +50,12 @@ class Crossing:
         near, wide = self._square(row, col, 1), self._square(row, col, 3)
         self._seen[near] = True
         known, unseen = self._around((self._truth & self._seen)[wide]), self._around(~self._seen[wide])
-        changed, inner = self._square(row, col, 2), tuple(
-            slice(max(i - 2, 0) - max(i - 3, 0), None if i + 3 >= n else -1)
-            for i, n in zip((row, col), self._seen.shape, strict=True)
+        changed, inner = (
+            self._square(row, col, 2),
+            tuple(
+                slice(max(i - 2, 0) - max(i - 3, 0), None if i + 3 >= n else -1)
+                for i, n in zip((row, col), self._seen.shape, strict=True)
+            ),
         )
         self.layers.known[changed], self.layers.unseen[changed] = known[inner], unseen[inner]
         self._share()

@@ -9,15 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swarmctl.agent.bounds import (
-    CHANGE_S,
     HALF_DIAGONAL_CELLS,
-    TURNS_SHARE,
     Arrival,
     Underway,
     Window,
     before_takeoff,
-    change_cells,
-    turns_cells,
     window,
 )
 
@@ -27,7 +23,6 @@ AT_10_M_S = Arrival(speed_m_s=10.0, within_s=120.0, approach_m=85.0)
 
 def test_without_a_bound_every_length_is_good() -> None:
     assert window(Arrival(), CELL_M, before_takeoff(Arrival(), 40.0)) == Window(0.0, math.inf)
-    assert turns_cells(Arrival(), CELL_M, before_takeoff(Arrival(), 40.0)) == 0.0
 
 
 def test_before_the_take_off_the_climb_and_the_way_to_the_entry_are_counted() -> None:
@@ -65,12 +60,6 @@ def test_a_vehicle_is_over_its_goal_cell_before_its_centre_and_must_not_be_so_to
 def test_a_window_shorter_than_a_cell_closes_but_never_turns_round() -> None:
     found = window(Arrival(10.0, after_s=119.0, within_s=120.0), CELL_M, Underway(60.0, 0.0, 0.0))
     assert found.min_cells == found.max_cells == pytest.approx(12.0)
-
-
-def test_what_is_kept_free_for_turns_is_a_share_of_what_remains() -> None:
-    assert turns_cells(AT_10_M_S, CELL_M, Underway(20.0, 0.0, 0.0)) == pytest.approx(TURNS_SHARE * 20.0)
-    assert turns_cells(AT_10_M_S, CELL_M, Underway(150.0, 0.0, 0.0)) == 0.0
-    assert change_cells(AT_10_M_S, CELL_M) == pytest.approx(CHANGE_S * 10.0 / 50.0)
 
 
 MISSES = [(3.0, 1.0), (4.0, 0.0), (7.0, 0.0), (10.0, 0.0), (12.5, 2.5)]

@@ -4,12 +4,21 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from flights import small as small_swarm
 from test_cli import SHIPPED, swarmctl
+
+from swarmctl import front_report
+from swarmctl.agent import first_route
+from swarmctl.core.belief import Observation
+from swarmctl.planners import PLANNERS, Method
+from swarmctl.scenario import Scenario
 
 SMALL = """\
 name: small
@@ -127,3 +136,51 @@ def test_without_front_the_planners_own_route_stands_beside_the_papers(small: Pa
     rows = [line.split() for line in result.output.splitlines()]
     names = [word for row in rows for word in row[:2] if word in ("0", "0.5", "1", "constrained")]
     assert names == ["0", "0.5", "1", "constrained"] * 2
+
+
+def after_looking(rows: int, share: float) -> Scenario:
+    """One vehicle that is to cross `rows` × `rows` cells of which a share has been looked at."""
+    area = {"origin_lat_deg": 46.0, "origin_lon_deg": 14.4, "rows": rows, "cols": rows, "cell_size_m": 50.0}
+    scenario = small_swarm(
+        area=area, threats={"count": rows**2 // 16}, planner={"name": "time_bound"}, simulate={"count": 1}
+    )
+    rng = np.random.default_rng(5)
+    looks = [
+        (r, c, (r, c) in scenario.hostiles) for r in range(rows) for c in range(rows) if rng.random() < share
+    ]
+    return replace(scenario, prior=scenario.prior.merge((Observation(9, 1, 0.0, tuple(looks)),)))
+
+
+def test_of_a_long_front_the_ends_the_configured_and_the_knees_are_shown() -> None:
+    (vehicle,) = front_report.fronts(after_looking(40, 0.6))
+    n = len(vehicle.front.routes)
+    assert n > front_report.ROWS
+    assert len(vehicle.shown) == front_report.ROWS
+    assert {0, n - 1, vehicle.chosen_index} <= set(vehicle.shown)
+    assert front_report.left_out([vehicle]) == [
+        f"uav1: {n - front_report.ROWS} more of its {n} in front.json"
+    ]
+    table = front_report.front_table([vehicle])
+    assert table.row_count == front_report.ROWS
+    # What is left out lies close to the line through what is shown.
+    points = np.array([(r.length_cells, r.exposure_sum) for r in vehicle.front.routes])
+    shown = points[list(vehicle.shown)]
+    off = np.abs(np.interp(points[:, 0], shown[:, 0], shown[:, 1]) - points[:, 1]) / np.ptp(points[:, 1])
+    assert off.max() < 0.05
+
+
+def test_each_route_says_for_which_w_the_papers_planner_gives_it() -> None:
+    scenario = after_looking(20, 0.5)
+    (vehicle,) = front_report.fronts(scenario)
+    paper = Method("dijkstra", PLANNERS["dijkstra"], PLANNERS["dijkstra"].Params())
+    for index, route in enumerate(vehicle.front.routes):
+        said = front_report.weights(vehicle.front, index)
+        if said.startswith("none"):
+            assert not vehicle.front.supported[index]
+            continue
+        low, high = (float(word) for word in said.split(" to "))
+        task = replace(vehicle.task, method=paper)
+        found = first_route(task, scenario.prior, (low + high) / 2)
+        assert (found.length_cells, found.exposure_sum) == pytest.approx(
+            (route.length_cells, route.exposure_sum)
+        )

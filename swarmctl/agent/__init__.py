@@ -5,7 +5,8 @@ Nothing here waits, reads a clock or talks to anybody. New information only mark
 way. Whatever happens meanwhile waits for its end, and the newest belief wins.
 
 state: what an agent has to do and knows; step: one handler an event; decide: the planning; realise: from a
-route to what is flown; bounds: from a time bound to a length. Imports core and planners.
+route to what is flown; bounds: from a time bound to a length; in_time: which route meets it. Imports core and
+planners.
 """
 
 from swarmctl.agent.bounds import AT_ANY_TIME, CLIMB_M_S, Arrival, before_takeoff

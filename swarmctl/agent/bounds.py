@@ -12,11 +12,7 @@ from dataclasses import dataclass
 CLIMB_M_S = 2.5
 """at which vehicles are taken to climb to their altitude: ArduCopter's WPNAV_SPEED_UP as it comes"""
 
-TURNS_SHARE = 0.05
-"""of the time that remains, kept free when a route is chosen: a vehicle slows down for turns, and the lattice
-knows only lengths. A route once chosen may use it up."""
-
-CHANGE_S = 2.0
+CHANGE_S = 3.0
 """what changing the mission in flight costs: braking, holding while it is uploaded, and speeding up"""
 
 ROUNDING_CELLS = 1e-6
@@ -102,16 +98,3 @@ def window(arrival: Arrival, cell_size_m: float, underway: Underway) -> Window:
     earliest = (arrival.after_s - at_once_s) * cells_per_s + HALF_DIAGONAL_CELLS
     earliest = min(max(earliest, 0.0), latest) if arrival.after_s > 0.0 else 0.0
     return Window(earliest, latest)
-
-
-def turns_cells(arrival: Arrival, cell_size_m: float, underway: Underway) -> float:
-    """What to keep free for turns when a route is chosen [cells]."""
-    if math.isinf(arrival.within_s):
-        return 0.0
-    remaining_s = arrival.within_s - underway.elapsed_s
-    return TURNS_SHARE * max(remaining_s, 0.0) * arrival.speed_m_s / cell_size_m
-
-
-def change_cells(arrival: Arrival, cell_size_m: float) -> float:
-    """What changing the mission in flight costs [cells]."""
-    return CHANGE_S * arrival.speed_m_s / cell_size_m

@@ -8,23 +8,25 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmctl.agent.bounds import Underway, Window, before_takeoff, change_cells, turns_cells, window
+from swarmctl.agent.bounds import Underway, before_takeoff
+from swarmctl.agent.in_time import (
+    bounds_of,
+    change_cells,
+    is_no_worse,
+    lateness,
+    route_in_time,
+    underway_to,
+)
 from swarmctl.agent.realise import index_abreast, pulled, realised, track_holds
 from swarmctl.agent.state import AgentState, Phase, Task
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
 from swarmctl.core.exposure import exposure, length_cells
-from swarmctl.core.geo import LatLon, distance_m
+from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Cell
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.threat import FiringStrength
-from swarmctl.planners.base import BoundTooTight, Problem, Route, is_open
-
-BETTER_BY = 1e-9
-"""A new route must beat the one being flown by this share of its cost: rounding alone swaps no mission."""
-
-HALF_CELL = 0.5
-"""A vehicle is over its goal cell by so much before the centre, to which lengths are counted [cells]."""
+from swarmctl.planners.base import BoundTooTight, Problem, Route
 
 _STEPS = {(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1)}
 
@@ -40,20 +42,20 @@ def _decide_from(
 ) -> tuple[AgentState, list[ev.Effect]]:
     task = state.task
     ahead = _cells_ahead(state, start)
-    underway = _underway(state, start, ahead)
+    underway = underway_to(state, start, ahead)
     problem = _problem(task, p_s, start, state.w, underway)
-    change = change_cells(task.arrival, task.grid.cell_size_m) if state.phase is Phase.FLYING else 0.0
+    change = change_cells(state, start, underway)
     try:
-        route = _route_in_time(task, problem, underway, change)
+        route = route_in_time(task, problem, change)
     except BoundTooTight as error:
         route = error.nearest  # a vehicle that is late is not stopped for it
-    keeps = ahead is not None and _is_no_worse(task, problem, ahead, route, change)
+    keeps = ahead is not None and is_no_worse(task, problem, ahead, route, change)
     keeps = keeps and track_holds(state, p_s, start)
     if not keeps and state.cell not in (None, start) and _is_on_track(state):
         # So far the route was looked at from abreast of the vehicle; a new one begins at the vehicle.
         return _decide_from(replace(state, searches=state.searches + 1), p_s, state.cell)
     length = length_cells(ahead) if ahead is not None and keeps else route.length_cells
-    late = _late(state, problem, underway, length)
+    late = lateness(state, problem, underway, length)
     state = replace(state, exposure=p_s, searches=state.searches + 1, dirty=False, planned=route, late=late)
     if keeps:
         return replace(state, held=p_s, because=()), []
@@ -83,9 +85,8 @@ def believed_exposure(task: Task, belief: Belief, strength: FiringStrength) -> N
 
 def first_route(task: Task, belief: Belief, w: float | None = None) -> Route:
     """The route from the entry cell, as planned before anything is flown. Raises Unreachable; BoundTooTight
-    where no route meets the task's bound, whatever is kept free for turns."""
-    underway = before_takeoff(task.arrival, task.altitude_m)
-    return _route_in_time(task, first_problem(task, belief, w), underway, 0.0)
+    where no route meets the task's bound."""
+    return route_in_time(task, first_problem(task, belief, w))
 
 
 def first_problem(task: Task, belief: Belief, w: float | None = None) -> Problem:
@@ -103,7 +104,7 @@ def first_flight(task: Task, belief: Belief, route: Route, w: float | None = Non
 
 
 def _problem(task: Task, p_s: NDArray[np.float64], start: Cell, w: float, underway: Underway) -> Problem:
-    bounds = window(task.arrival, task.grid.cell_size_m, underway)
+    bounds = bounds_of(task, underway)
     return Problem(
         p_s,
         start,
@@ -114,62 +115,6 @@ def _problem(task: Task, p_s: NDArray[np.float64], start: Cell, w: float, underw
         bounds.min_cells,
         bounds.max_cells,
     )
-
-
-def _underway(state: AgentState, start: Cell, ahead: tuple[Cell, ...] | None) -> Underway:
-    """How far a vehicle is that is to fly a route from `start`: counted along the route it flies, if that
-    leads there; others begin within a cell of it."""
-    task, vehicle = state.task, state.vehicle
-    if state.launched_boot_s is None or vehicle.lat_deg is None or vehicle.lon_deg is None:
-        return before_takeoff(task.arrival, task.altitude_m)
-    grid, here = task.grid, (vehicle.lat_deg, vehicle.lon_deg)
-    if ahead is not None and len(ahead) > 1 and state.cell == start:
-        step_m = math.dist(ahead[0], ahead[1]) * grid.cell_size_m
-        lead_m = distance_m(here, grid.centre(ahead[1])) - step_m
-    else:
-        lead_m = distance_m(here, grid.centre(start))
-    elapsed_s = max(vehicle.time_boot_s - state.launched_boot_s, 0.0)
-    return Underway(elapsed_s, max(task.altitude_m - (vehicle.alt_rel_m or 0.0), 0.0), lead_m)
-
-
-def _route_in_time(task: Task, problem: Problem, underway: Underway, change: float) -> Route:
-    """The best route that keeps something free for turns and for `change` [cells], else any that meets the
-    bound. Raises Unreachable, BoundTooTight."""
-    bounds = _bounds(problem)
-    spare = change + turns_cells(task.arrival, task.grid.cell_size_m, underway)
-    try:
-        return task.method.plan(replace(problem, max_length_cells=bounds.less(spare).max_cells))
-    except BoundTooTight as error:
-        if bounds.misses_by(error.nearest.length_cells) == 0.0:
-            return error.nearest
-    return task.method.plan(problem)
-
-
-def _is_no_worse(task: Task, problem: Problem, ahead: tuple[Cell, ...], route: Route, change: float) -> bool:
-    """Whether the vehicle may as well fly on as it does. A change takes its time, which what is flown does
-    not; of two that miss the bound the one is better that misses it less."""
-    if not is_open(problem, ahead):
-        return False
-    bounds = _bounds(problem)
-    missed = bounds.misses_by(length_cells(ahead))
-    would_miss = bounds.less(change).misses_by(route.length_cells)
-    if missed > 0.0 or would_miss > 0.0:
-        return missed <= would_miss
-    return task.method.measure(problem, ahead) <= route.cost * (1.0 + BETTER_BY)
-
-
-def _bounds(problem: Problem) -> Window:
-    return Window(problem.min_length_cells, problem.max_length_cells)
-
-
-def _late(state: AgentState, problem: Problem, underway: Underway, length: float) -> str:
-    """What to say of a vehicle whose route does not meet its bound; the same as long as that is so."""
-    arrival = state.task.arrival
-    if _bounds(problem).misses_by(length) <= HALF_CELL:
-        return ""
-    arrives_s = underway.arrives_s(arrival, (length - HALF_CELL) * state.task.grid.cell_size_m)
-    text = f"no route meets its bound of {arrival} any more; over its goal after {arrives_s:.1f} s"
-    return state.late or text
 
 
 def _planning_start(state: AgentState) -> Cell:

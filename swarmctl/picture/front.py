@@ -177,7 +177,7 @@ def _dress(axes: Axes, panel: FrontPanel) -> None:
     axes.set_xlabel("length through the area [m]", fontsize=8.5, color=QUIET, labelpad=2)
     axes.set_ylabel("exposure ΣP_s", fontsize=8.5, color=QUIET)
     for axis, n in ((axes.xaxis, 6), (axes.yaxis, 5)):
-        axis.set_major_locator(MaxNLocator(n, steps=[1, 2, 2.5, 5, 10]))
+        axis.set_major_locator(MaxNLocator(n, steps=[1, 2, 2.5, 5, 10], min_n_ticks=3))
     axes.ticklabel_format(useOffset=False)
     axes.tick_params(labelsize=8, colors=QUIET, length=3)
     axes.grid(color=GRID_LINE, lw=0.5, alpha=0.7)

@@ -71,7 +71,7 @@ def plan(problem: Problem, _params: Params) -> Route:
     What was searched before for the same goals and weights is used again; whether it is or not, the answer is
     the same.
     """
-    exposure = np.ascontiguousarray(problem.passable, dtype=np.float64)
+    exposure = kernels.compilable(problem.passable)
     search = _search_again if exposure.size >= LARGE else _search_all
     try:
         return eq5_route(problem, search(problem, exposure))

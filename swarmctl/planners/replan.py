@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from swarmctl.core.grid import Cell
 from swarmctl.planners.base import BadProblem, Unreachable, check_cell, check_field
 from swarmctl.planners.kernels import bounds
-from swarmctl.planners.kernels.field import Field, spread
+from swarmctl.planners.kernels.field import Field, compilable, spread
 from swarmctl.planners.kernels.lattice import Floats
 
 FIRST_MARGIN = 12
@@ -108,6 +108,7 @@ class Replanner:
             raise BadProblem(
                 f"exposure of shape {exposure.shape}: expected {self._now.known.shape}, as before"
             )
+        exposure = compilable(exposure)
         self._now = Layers(exposure, np.broadcast_to(0.0, exposure.shape), 0.0)
         self._p_unseen = 0.0
         self._drift, cells, costs = bounds.compare(

@@ -85,8 +85,8 @@ def front_of(points: list[Point]) -> list[Point]:
 
 
 def found_by_some_w(points: list[Point]) -> list[Point]:
-    """What Eq. 5 gives over all w in (0, 1], the shortest of the cheapest: by trying every price of length at which
-    two of the front cost the same, and one between each two such prices."""
+    """What Eq. 5 gives over all w in (0, 1], the shortest of the cheapest: by trying every price of length at
+    which two of the front cost the same, and one between each two such prices."""
     front = front_of(points)
     crossings = {(a[1] - b[1]) / (b[0] - a[0]) for i, a in enumerate(front) for b in front[i + 1 :]}
     prices = sorted({0.0, *crossings})
@@ -124,7 +124,8 @@ def small_problems(draw: st.DrawFn, *, walls: bool = True) -> Problem:
 
 
 def three_arms() -> Problem:
-    """Three ways between walls, to three goals: (length, exposure) is (2, 2), (3, 1) and (4, 0), on one line."""
+    """Three ways between walls, to three goals: (length, exposure) is (2, 2), (3, 1) and (4, 0), on one
+    line."""
     field = np.full((4, 7), np.inf)
     field[0, :] = field[:, 2] = 0.0
     field[0, 0], field[3, 2] = 2.0, 1.0

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from swarmctl.planners import PLANNERS, BadProblem, BoundTooTight, Problem, Route, Unreachable, pareto_front
+from swarmctl.planners import PLANNERS, BoundTooTight, Problem, Route, Unreachable, pareto_front
 
 Search = Callable[[Problem], Route]
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -78,23 +79,23 @@ def rough(seed: int) -> Problem:
     return Problem(field, (30, 0), ((30, 59),), 0.5, 0.15)
 
 
-def test_what_is_proved_grows_with_the_budget_until_it_is_the_cost() -> None:
-    gaps = []
+@pytest.mark.parametrize("bound", [63.0, 65.0, 68.0])
+def test_what_is_proved_grows_with_the_budget_until_it_is_the_cost(bound: float) -> None:
+    gains = []
     for seed in range(8):
-        bounded = dataclasses.replace(rough(seed), max_length_cells=66.0)
-        by_w = time_bound.plan(bounded, time_bound.Params())
+        bounded = dataclasses.replace(rough(seed), max_length_cells=bound)
         steps = [constrained.plan(bounded, Params(n)) for n in (1, 30, 100, 300, 0)]
         best = steps[-1].cost
-        for less, more in zip(steps, steps[1:], strict=False):
+        for less, more in pairwise(steps):
             assert less.lower_bound is not None
             assert more.lower_bound is not None
             assert less.lower_bound <= more.lower_bound + 1e-12
-            assert less.cost >= more.cost
             assert less.lower_bound <= best + 1e-12
+            assert less.cost >= more.cost
         assert steps[-1].lower_bound == best
-        assert best <= by_w.exposure_sum
-        gaps.append(by_w.exposure_sum - best)
-    assert max(gaps) > 0.01  # on most fields a sweep of w leaves something lying
+        gains.append(time_bound.plan(bounded, time_bound.Params()).exposure_sum - best)
+    assert min(gains) >= 0.0
+    assert max(gains) > 0.01  # what a sweep of w leaves lying
 
 
 def test_a_lower_bound_on_length_is_refused_with_who_keeps_one() -> None:

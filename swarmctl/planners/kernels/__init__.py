@@ -5,8 +5,9 @@ with one cell of padding around it, so that every cell has eight neighbours and 
 (row + 1) * (cols + 2) + col + 1.
 """
 
+from swarmctl.planners.kernels.bounds import warm_up_bounds
 from swarmctl.planners.kernels.descent import LENGTH_TIE, REL_TIE
-from swarmctl.planners.kernels.field import Field, spread, warm_up
+from swarmctl.planners.kernels.field import Field, compilable, spread, warm_up
 from swarmctl.planners.kernels.labels import Found, ToGo, label_search, warm_up_labels
 
 __all__ = [
@@ -15,8 +16,10 @@ __all__ = [
     "Field",
     "Found",
     "ToGo",
+    "compilable",
     "label_search",
     "spread",
     "warm_up",
+    "warm_up_bounds",
     "warm_up_labels",
 ]

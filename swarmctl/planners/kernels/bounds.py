@@ -108,3 +108,11 @@ def least_way_out(
             if come[here] < np.inf:
                 best = min(best, come[here] + to_go)
     return best
+
+
+def warm_up_bounds() -> None:
+    """Compiles what replanning needs beside the search itself."""
+    ones, padded, goals = np.ones((1, 1)), np.ones(9), np.ones(9, dtype=np.uint8)
+    compare(ones, 0.5, 0.5, padded, 1, 1)
+    run_down_roughly(padded, 0.2, 3, goals, 4, 1)
+    least_way_out(padded, 1, 1, padded, padded, 3, 0, 0, 1, np.inf, 1.0)

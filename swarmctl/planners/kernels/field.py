@@ -165,8 +165,13 @@ def spread(
     rows, cols = exposure.shape
     if into is None or (into.rows, into.cols) != (rows, cols):
         into = Field(rows, cols)
-    into.become(np.ascontiguousarray(exposure, dtype=np.float64), goals, w, psi_per_cell)
+    into.become(compilable(exposure), goals, w, psi_per_cell)
     return into
+
+
+def compilable(exposure: Floats) -> Floats:
+    """The array, or a copy of the one kind that the kernels are compiled for: contiguous and writeable."""
+    return np.require(exposure, dtype=np.float64, requirements=["C", "W"])
 
 
 def warm_up() -> None:
