@@ -11,6 +11,7 @@ import json
 import sys
 import traceback
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
@@ -27,6 +28,7 @@ from swarmctl.app import Report
 from swarmctl.bus.base import BusError
 from swarmctl.clock import run_virtual
 from swarmctl.config import Config, ConfigError, load
+from swarmctl.core.belief import Belief
 from swarmctl.core.chance import WORLDS, Chance
 from swarmctl.core.messages import SetWeights
 from swarmctl.director import Member, Permission, PreflightFailed
@@ -142,14 +144,20 @@ def plan(
     max_labels: Annotated[
         int, typer.Option(min=1, help="With --front: partial routes that a vehicle's search may cost.")
     ] = MAX_LABELS,
+    known: Annotated[
+        Path | None,
+        typer.Option(metavar="RUN", help="Plan with what an earlier run over the area has seen."),
+    ] = None,
 ) -> None:
     """Plan the first routes for w = 0, 0.5 and 1 without flying: a table, a map and .plan files."""
+    scenario = _scenario(config)
+    if known is not None:
+        scenario = replace(scenario, prior=_with_known(scenario, known))
     if front:
-        _plan_front(config, out_folder, uav, max_labels)
+        _plan_front(scenario, out_folder, uav, max_labels)
         return
     if uav:
         _fail(["--uav chooses whose front is shown; give --front too"], USAGE)
-    scenario = _scenario(config)
     folder = _run_folder(out_folder, f"{scenario.config.name}-plan")
     routes = outputs.first_routes(scenario)
     outputs.write_plans(folder, scenario, routes)
@@ -238,7 +246,7 @@ def replay(
 ) -> None:
     """Fold the recorded events of a run again and say whether the same was decided."""
     try:
-        verdict = record.replay(run / "run.mcap" if run.is_dir() else run)
+        verdict = record.replay(_record_of(run))
     except record.RecordError as error:
         _fail([str(error)], USAGE)
     if verdict.difference:
@@ -333,8 +341,20 @@ def _refusal(member: Member) -> str:
     )
 
 
-def _plan_front(config: Path, out_folder: Path, uav: str, max_labels: int) -> None:
-    scenario = _scenario(config)
+def _with_known(scenario: Scenario, run: Path) -> Belief:
+    try:
+        return scenario.prior.merge(record.observations(_record_of(run)))
+    except record.RecordError as error:
+        _fail([f"--known {error}"], USAGE)
+    except ValueError as error:  # cells outside the area
+        _fail([f"--known {run}: {error}"], USAGE)
+
+
+def _record_of(run: Path) -> Path:
+    return run / "run.mcap" if run.is_dir() else run
+
+
+def _plan_front(scenario: Scenario, out_folder: Path, uav: str, max_labels: int) -> None:
     names = [spec.name for spec in scenario.specs]
     if uav and uav not in names:
         _fail([f"--uav {uav}: no vehicle of this name; there is {', '.join(names)}"], USAGE)

@@ -23,7 +23,8 @@ from swarmctl import __version__, agent
 from swarmctl.agent import AgentState
 from swarmctl.config import Config
 from swarmctl.core import events as ev
-from swarmctl.core.messages import Message
+from swarmctl.core.belief import Observation
+from swarmctl.core.messages import Message, ObservationShared
 from swarmctl.scenario import build
 
 FORMAT = 1
@@ -225,6 +226,17 @@ def replay(path: Path) -> Verdict:
         if due:
             return Verdict(events, effects, f"{name} at the end: nothing recorded, now {due[0]}")
     return Verdict(events, effects, "")
+
+
+def observations(path: Path) -> Iterator[Observation]:
+    """What all vehicles of a recorded run saw. Raises RecordError."""
+    _, records = _read(path)
+    for _, record in records:
+        match record:
+            case EffectRecord(effect=ev.Publish(ObservationShared(observation=observation))):
+                yield observation
+            case _:
+                pass
 
 
 def _read(path: Path) -> tuple[Config, list[tuple[str, EventRecord | EffectRecord]]]:

@@ -1,0 +1,63 @@
+"""`swarmctl plan --known RUN`: planning with what an earlier run has seen."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from test_cli import swarmctl
+
+SMALL = """\
+name: small
+area: {{origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: {rows}, cols: 8, cell_size_m: 50}}
+threats: {{count: 5}}
+simulate: {{count: 2, ready_s: 3.0}}
+"""
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run folder."""
+    folder = tmp_path_factory.mktemp("known")
+    (folder / "small.yaml").write_text(SMALL.format(rows=8))
+    done = swarmctl("fly", "--clock", "virtual", "--config", folder / "small.yaml", "--out", folder / "runs")
+    assert done.exit_code == 0, done.output
+    (run,) = (folder / "runs").iterdir()
+    return run
+
+
+def exposures(folder: Path, *words: str | Path) -> list[float]:
+    config = folder / "small.yaml"
+    config.write_text(SMALL.format(rows=8))
+    done = swarmctl("plan", "--front", "--config", config, "--out", folder / "runs", *words)
+    assert done.exit_code == 0, done.output
+    (run,) = (folder / "runs").iterdir()
+    content = json.loads((run / "front.json").read_text())
+    return [route["exposure_sum"] for vehicle in content["vehicles"] for route in vehicle["routes"]]
+
+
+def test_what_was_seen_changes_the_front(flown: Path, tmp_path: Path) -> None:
+    (tmp_path / "with").mkdir()
+    (tmp_path / "without").mkdir()
+    known = exposures(tmp_path / "with", "--known", flown)
+    assert min(known) < min(exposures(tmp_path / "without"))
+    summary = json.loads((flown / "summary.json").read_text())
+    assert summary["hostiles"]["found"] > 0
+
+
+@pytest.mark.parametrize("words", [(), ("--front",)])
+def test_a_run_over_another_area_is_refused(words: tuple[str, ...], flown: Path, tmp_path: Path) -> None:
+    config = tmp_path / "small.yaml"
+    config.write_text(SMALL.format(rows=3))
+    done = swarmctl("plan", "--config", config, "--out", tmp_path / "runs", "--known", flown, *words)
+    assert done.exit_code == 2
+    assert "is outside the area of 3 × 8 cells; do both fly the same configuration?" in done.output
+    assert not (tmp_path / "runs").exists()
+
+
+def test_what_is_no_run_is_named(flown: Path, tmp_path: Path) -> None:
+    config = flown.parent.parent / "small.yaml"
+    done = swarmctl("plan", "--config", config, "--out", tmp_path / "runs", "--known", tmp_path)
+    assert done.exit_code == 2
+    assert "there is no record; give the folder of a run, which has a run.mcap" in done.output
