@@ -133,14 +133,13 @@ class Field:
     def _settle(self, label: Floats, seeds: Ints) -> None:
         """Spreads labels from `seeds`, the only finite ones, until no neighbour betters any."""
         rows, cols, width, extra = self.rows, self.cols, self.width, self.extra
-        if not self.walls:
-            # Outward from the seeds; where they lie apart the ways cross.
-            seed_rows, seed_cols = seeds // width, seeds % width
-            for first, end, way in ((int(seed_cols.min()), cols + 1, 1), (int(seed_cols.max()), 0, -1)):
-                sweep.sweep_columns(label, self.straight, extra, width, rows, first, end, way)
-            for first, end, way in ((int(seed_rows.min()), rows + 1, 1), (int(seed_rows.max()), 0, -1)):
-                sweep.sweep_rows(label, self.straight, extra, width, cols, first, end, way)
-            seeds = sweep.improvable(label, self.straight, extra, rows, cols)
+        # Outward from the seeds; where they lie apart the ways cross.
+        seed_rows, seed_cols = seeds // width, seeds % width
+        for first, end, way in ((int(seed_cols.min()), cols + 1, 1), (int(seed_cols.max()), 0, -1)):
+            sweep.sweep_columns(label, self.straight, extra, self.walls, width, rows, first, end, way)
+        for first, end, way in ((int(seed_rows.min()), rows + 1, 1), (int(seed_rows.max()), 0, -1)):
+            sweep.sweep_rows(label, self.straight, extra, self.walls, width, cols, first, end, way)
+        seeds = sweep.improvable(label, self.straight, extra, self.walls, rows, cols)
         self._correct(label, seeds, np.inf)
 
     def lower(self, cells: Ints, until: float) -> Ints:
