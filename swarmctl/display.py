@@ -100,7 +100,8 @@ def _weights(state: AgentState) -> str:
 def told(w: float | None, strength: FiringStrength | None, answer: VehicleAnswer) -> str:
     """What a vehicle made of new weights, as a line."""
     if answer.outcome != "taken":
-        return f"{answer.name}: {'not changed' if answer.outcome == 'over' else 'unknown'}: {answer.note}"
+        how = "unknown" if answer.outcome == "unconfirmed" else "not changed"
+        return f"{answer.name}: {how}: {answer.note}"
     parts = [] if w is None else [f"w = {w:g}"]
     if strength is not None:
         fs = (strength.direct, strength.first_neighbour, strength.second_neighbour)

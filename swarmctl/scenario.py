@@ -77,7 +77,7 @@ class Scenario:
     def chosen_by(self) -> str:
         """What chooses the routes: w, where it is the paper's planner, or the name of another."""
         planner = self.config.planner
-        return f"w = {planner.w:g}" if PLANNERS[planner.name] is PAPERS else planner.name
+        return f"w = {planner.w:g}" if PLANNERS[planner.name].USES_W else planner.name
 
     def generator(self, purpose: Purpose, uav: int) -> np.random.Generator:
         """A vehicle's own source of chance, spawned from the run's seed; the same again at each call."""

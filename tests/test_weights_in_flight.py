@@ -26,6 +26,7 @@ from swarmctl.core.exposure import exposure
 from swarmctl.core.messages import SetWeights, VehicleAnswer, WeightsAnswer
 from swarmctl.core.threat import FiringStrength
 from swarmctl.display import Picture, line, row, table, told
+from swarmctl.planners import PLANNERS, method
 from swarmctl.scenario import Scenario
 
 STRONGER = FiringStrength(0.9, 0.8, 0.7)
@@ -119,6 +120,20 @@ def test_before_the_launch_the_mission_is_uploaded_again() -> None:
     assert (4, 3) not in story.swap().cells
     assert orders(story.accept()) == []
     assert story.state.phase is Phase.STANDBY
+
+
+@pytest.mark.parametrize("name", [name for name, planner in PLANNERS.items() if not planner.USES_W])
+def test_a_planner_that_does_not_go_by_w_is_no_place_to_change_it(name: str) -> None:
+    story = Story(method=method(name, PLANNERS[name], {})).flying()
+    before = story.state
+    for strength in (None, STRONGER):
+        answer = answer_to(story(ev.WeightsChanged(3, w=0.2, strength=strength)), 3)
+        assert (answer.outcome, answer.note) == (
+            "refused", f"its planner, {name}, does not go by w; give firing strengths alone",
+        )  # fmt: skip
+        assert told(0.2, strength, answer) == f"uav1: not changed: {answer.note}"
+        assert story.state == before
+    assert answer_to(story(ev.WeightsChanged(4, strength=STRONGER)), 4).outcome == "taken"
 
 
 def test_while_the_link_is_lost_it_is_taken_and_said_to_wait() -> None:

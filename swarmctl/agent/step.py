@@ -81,6 +81,11 @@ def _weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) -
         why = f"it plans no more: {state.phase}" + (f", {state.outcome}" if state.outcome else "")
         over = VehicleAnswer(state.task.uav, state.task.name, "over", note=why)
         return state, [ev.Answer(event.command, over)]
+    method = state.task.method
+    if event.w is not None and not method.planner.USES_W:
+        why = f"its planner, {method.name}, does not go by w; give firing strengths alone"
+        refused = VehicleAnswer(state.task.uav, state.task.name, "refused", note=why)
+        return state, [ev.Answer(event.command, refused)]
     w = state.w if event.w is None else event.w
     strength = state.strength if event.strength is None else event.strength
     state = replace(state, w=w, strength=strength, dirty=True)

@@ -70,7 +70,7 @@ class SetWeights(msgspec.Struct, frozen=True, tag="set_weights", forbid_unknown_
         return None if self.firing_strength is None else FiringStrength(*self.firing_strength)
 
 
-Outcome = Literal["taken", "over", "unconfirmed"]
+Outcome = Literal["taken", "refused", "over", "unconfirmed"]
 
 
 class VehicleAnswer(msgspec.Struct, frozen=True):
@@ -79,7 +79,8 @@ class VehicleAnswer(msgspec.Struct, frozen=True):
     uav: int
     name: str
     outcome: Outcome
-    """over: it plans no more; unconfirmed: it has the command and has not come to it yet"""
+    """refused: it could change nothing; over: it plans no more; unconfirmed: it has the command and has not
+    come to it yet"""
     from_plan: int | None = None
     """the number of the first plan that is made with the new weights"""
     note: str = ""

@@ -14,9 +14,9 @@ Rows and columns are indices of plain arrays, lengths are in cells (√2 for a d
 of length costs. A cell that must not be entered has an infinite exposure. `Replanner` plans again and again
 while the area becomes known. All of it holds no interpreter lock while it searches.
 
-A planner is one module with a frozen dataclass `Params`, the functions `plan(problem, params)` and
-`measure(problem, cells, params)`, and one line in `PLANNERS`. Imports core, numpy and numba, and nothing that
-does I/O; all compiled code is in `kernels`.
+A planner is one module with a frozen dataclass `Params`, the constant `USES_W`, the functions
+`plan(problem, params)` and `measure(problem, cells, params)`, and one line in `PLANNERS`. Imports core, numpy
+and numba, and nothing that does I/O; all compiled code is in `kernels`.
 """
 
 from __future__ import annotations

@@ -112,6 +112,10 @@ class Planner(Protocol):
     """What a module in `PLANNERS` has to offer."""
 
     @property
+    def USES_W(self) -> bool:  # noqa: N802 - a constant of a module
+        """Whether its routes depend on the problem's w."""
+
+    @property
     def Params(self) -> Any:  # noqa: N802 - it is a class, found in a module
         """A frozen dataclass that can be made without arguments."""
 

@@ -23,6 +23,9 @@ ENOUGH = 0.02
 """A gap between the bounds of this share is closed faster by labels than by one more search."""
 
 
+USES_W = False
+
+
 @dataclass(frozen=True, slots=True)
 class Params:
     """How long to search."""

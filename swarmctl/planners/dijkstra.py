@@ -28,6 +28,8 @@ from swarmctl.planners.base import (
 )
 from swarmctl.planners.replan import Layers, Replanner
 
+USES_W = True
+
 
 @dataclass(frozen=True, slots=True)
 class Params:

@@ -23,6 +23,9 @@ CERTAIN_LOSS = 1e6
 that a route enters as few of them as there is a way to, and is still an answer. An infinite P_s is a wall."""
 
 
+USES_W = False
+
+
 @dataclass(frozen=True, slots=True)
 class Params:
     """Nothing to choose."""

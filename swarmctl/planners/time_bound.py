@@ -24,6 +24,9 @@ from swarmctl.planners.envelope import Summed, Sweep
 # routes that only values between them find; here no w is left out.
 
 
+USES_W = False
+
+
 @dataclass(frozen=True, slots=True)
 class Params:
     """What is made least among the routes that keep the bounds."""

@@ -114,6 +114,14 @@ def test_the_problem_is_left_as_it_was(planner: Planner, problem: Problem) -> No
 
 
 @every_planner
+def test_it_says_whether_it_goes_by_w(planner: Planner) -> None:
+    field = np.random.default_rng(4).random((9, 15))
+    problem = Problem(field, (4, 0), ((4, 14),), 0.0, 0.3)
+    routes = {solve(planner, dataclasses.replace(problem, w=w)).cells for w in (0.0, 0.5, 1.0)}
+    assert (len(routes) > 1) == planner.USES_W
+
+
+@every_planner
 def test_at_the_goal_already_there_is_nothing_to_fly(planner: Planner) -> None:
     route = solve(planner, Problem(np.full((3, 3), 0.5), (1, 1), ((0, 0), (1, 1)), 0.5, 0.1))
     assert route == Route(((1, 1),), 0.0, 0.0, 0.0, 1.0)
