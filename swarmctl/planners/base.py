@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import operator
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from itertools import pairwise
 from typing import Any, Protocol
@@ -15,6 +16,10 @@ from numpy.typing import NDArray
 
 from swarmctl.core import exposure as measures
 from swarmctl.core.grid import Cell
+from swarmctl.planners import kernels
+
+LARGEST = 1e200
+"""of an exposure and of ψ: sums of these over any route are still numbers"""
 
 
 class BadProblem(ValueError):
@@ -35,32 +40,43 @@ class BoundTooTight(Unreachable):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """Find the best way from `start` to one of `goals`. Raises BadProblem where that is no question."""
+    """Find the best way from `start` to one of `goals`. Raises BadProblem where that is no question.
+
+    `exposure` is P_s, shape (rows, cols), 0 or more; an infinite one is a wall that nobody may enter, nor
+    pass its corner diagonally; a start in a wall may be left in any direction. It is not copied if it is an
+    array of floats. `start` is a (row, col), `goals` one or several of them.
+
+    `w` is the distance anxiety in [0, 1]: 0 is the shortest route, 1 the least exposed one; `psi_per_cell` is
+    ψ, what one cell of way costs. Planners that do not go by Eq. 5 ignore the two.
+
+    A cell whose P_s exceeds `max_exposure` is a wall too. `min_length_cells` and `max_length_cells` bound the
+    length of the route [cells], for planners that keep them: a time bound or an arrival window at the
+    vehicle's speed.
+    """
 
     exposure: NDArray[np.float64]
-    """P_s, shape (rows, cols), not negative; an infinite one is a wall that nobody may enter, nor pass its
-    corner diagonally; a start in a wall may be left in any direction"""
     start: Cell
     goals: tuple[Cell, ...]
     w: float
-    """distance anxiety in [0, 1]: 0 is the shortest route, 1 the least exposed one"""
-    # ERRATUM: a paragraph of the paper's results swaps the two ("for w = 0 the paths with least ...
+    # ERRATUM: a paragraph of the paper's results swaps the two ends ("for w = 0 the paths with least ...
     # probability sums, but with maximum distances"). Eq. 5 and section 3 decide.
     psi_per_cell: float
-    """ψ, what one cell of way costs"""
     max_exposure: float = math.inf
-    """a cell whose P_s exceeds this is a wall too"""
     min_length_cells: float = 0.0
     max_length_cells: float = math.inf
-    """bounds on the length of the route [cells], for planners that keep them: a time bound or an arrival
-    window at the vehicle's speed"""
 
     def __post_init__(self) -> None:
-        check_field(self.exposure, self.goals, self.w, self.psi_per_cell)
-        check_cell("start", self.start, self.exposure)
-        if not self.max_exposure >= 0.0:
+        exposure, goals = checked_field(self.exposure, self.goals, self.w, self.psi_per_cell)
+        for name, value in (
+            ("exposure", exposure),
+            ("goals", goals),
+            ("start", checked_cell("start", self.start, exposure)),
+        ):
+            object.__setattr__(self, name, value)
+        if not _number("maximum exposure", self.max_exposure) >= 0.0:
             raise BadProblem(f"maximum exposure {self.max_exposure}: expected 0 or more")
-        if not 0.0 <= self.min_length_cells <= self.max_length_cells:
+        least = _number("least length", self.min_length_cells)
+        if not 0.0 <= least <= _number("greatest length", self.max_length_cells):
             raise BadProblem(
                 f"a route of {self.min_length_cells} to {self.max_length_cells} cells: expected two lengths, "
                 "0 or more, the lesser first"
@@ -190,27 +206,56 @@ def is_open(problem: Problem, cells: Sequence[Cell]) -> bool:
     return True
 
 
-def check_field(exposure: NDArray[np.float64], goals: Sequence[Cell], w: float, psi_per_cell: float) -> None:
-    """Raises BadProblem where Eq. 5 has no meaning."""
-    if exposure.ndim != 2 or exposure.size == 0:
-        raise BadProblem(f"exposure of shape {exposure.shape}: expected (rows, cols), both at least 1")
-    if not exposure.min() >= 0.0:  # which is NaN where anything is
-        row, col = (int(index) for index in np.argwhere(~(exposure >= 0.0))[0])
-        raise BadProblem(f"exposure of cell ({row}, {col}) is {exposure[row, col]}: expected 0 or more")
-    if not 0.0 <= w <= 1.0:
+def checked_field(
+    exposure: object, goals: object, w: float, psi_per_cell: float
+) -> tuple[NDArray[np.float64], tuple[Cell, ...]]:
+    """P_s as an array of floats (rows, cols), the same one if it is one, and the goals as cells.
+
+    Raises BadProblem where Eq. 5 has no meaning.
+    """
+    array = np.asarray(exposure)
+    if array.dtype.kind not in "fiu":
+        raise BadProblem(f"exposure of type {array.dtype}: expected an array of numbers")
+    array = array.astype(np.float64, copy=False)
+    if array.ndim != 2 or array.size == 0:
+        raise BadProblem(f"exposure of shape {array.shape}: expected (rows, cols), both at least 1")
+    n_bad, greatest = kernels.extent(array)
+    if n_bad or greatest > LARGEST:
+        bad = ~(array >= 0.0) if n_bad else np.isfinite(array) & (array > LARGEST)
+        row, col = (int(index) for index in np.argwhere(bad)[0])
+        expected = "0 or more" if n_bad else f"at most {LARGEST:g}, or infinite for a wall"
+        raise BadProblem(f"exposure of cell ({row}, {col}) is {array[row, col]}: expected {expected}")
+    if not 0.0 <= _number("distance anxiety w", w) <= 1.0:
         raise BadProblem(f"distance anxiety w = {w}: expected 0 (shortest route) to 1 (least exposed)")
-    if not (math.isfinite(psi_per_cell) and psi_per_cell >= 0.0):
+    if not 0.0 <= _number("ψ per cell", psi_per_cell) <= LARGEST:
         raise BadProblem(f"ψ = {psi_per_cell} per cell: expected a finite number, 0 or more")
-    if not goals:
+    return array, _goals(goals, array)
+
+
+def _goals(goals: object, exposure: NDArray[np.float64]) -> tuple[Cell, ...]:
+    several = list(goals) if isinstance(goals, Iterable) else [goals]
+    if len(several) == 2 and not any(isinstance(part, Iterable) for part in several):
+        several = [goals]  # a single cell
+    if not several:
         raise BadProblem("no goal: expected at least one cell")
-    for goal in goals:
-        check_cell("goal", goal, exposure)
+    return tuple(checked_cell("goal", goal, exposure) for goal in several)
 
 
-def check_cell(what: str, cell: Cell, exposure: NDArray[np.float64]) -> None:
-    """Raises BadProblem where a cell is outside the area."""
+def checked_cell(what: str, cell: object, exposure: NDArray[np.float64]) -> Cell:
+    """A (row, col) of whole numbers in the area. Raises BadProblem."""
+    try:
+        row, col = (operator.index(part) for part in cell)  # type: ignore[attr-defined]
+    except (TypeError, ValueError):
+        raise BadProblem(f"{what} {cell!r}: expected (row, col), two whole numbers") from None
     rows, cols = exposure.shape
-    if not (0 <= cell[0] < rows and 0 <= cell[1] < cols):
+    if not (0 <= row < rows and 0 <= col < cols):
         raise BadProblem(
-            f"{what} {cell} is outside the area: expected row 0..{rows - 1} and column 0..{cols - 1}"
+            f"{what} {(row, col)} is outside the area: expected row 0..{rows - 1} and column 0..{cols - 1}"
         )
+    return row, col
+
+
+def _number(what: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+        raise BadProblem(f"{what} is {value!r}: expected a number")
+    return float(value)

@@ -7,7 +7,6 @@ paper's hill climbing). One field serves every start.
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -20,13 +19,14 @@ from swarmctl.planners.base import (
     Problem,
     Route,
     Unreachable,
-    check_cell,
-    check_field,
+    checked_cell,
+    checked_field,
     eq5_cost,
     eq5_route,
     is_open,
 )
 from swarmctl.planners.replan import Layers, Replanner
+from swarmctl.planners.shelf import Shelf
 
 USES_W = True
 
@@ -49,22 +49,20 @@ class CostToGo:
 
         Raises BadProblem where the start is outside the area, Unreachable where no way leads to a goal.
         """
-        self._check(start)
-        return self._field.run_down(start)
+        return self._field.run_down(self._checked(start))
 
     def paths_from(self, starts: Sequence[Cell]) -> list[NDArray[np.int64]]:
         """The routes of a whole swarm at once: for each start the (row, col) of its cells, shape (n, 2).
 
         Raises as `cells_from` does.
         """
-        for start in starts:
-            self._check(start)
-        return self._field.run_down_all(starts)
+        return self._field.run_down_all([self._checked(start) for start in starts])
 
-    def _check(self, start: Cell) -> None:
-        check_cell("start", start, self.cost)
-        if math.isinf(self.cost[start]):
-            raise Unreachable(f"no way leads from {start} to a goal: walls of infinite exposure lie between")
+    def _checked(self, start: Cell) -> Cell:
+        cell = checked_cell("start", start, self.cost)
+        if math.isinf(self.cost[cell]):
+            raise Unreachable(f"no way leads from {cell} to a goal: walls of infinite exposure lie between")
+        return cell
 
 
 def plan(problem: Problem, _params: Params) -> Route:
@@ -91,17 +89,16 @@ LARGE = 100_000
 KEPT_CELLS = 8_000_000
 """of large areas whose old fields are kept, some 40 bytes each"""
 
-# Who uses one takes it out meanwhile, so that threads do not meet in it.
-_fields: deque[kernels.Field] = deque()
-_replanners: deque[Replanner] = deque()
+_fields: Shelf[kernels.Field] = Shelf()
+_replanners: Shelf[Replanner] = Shelf()
 
 
 def _search_all(problem: Problem, exposure: NDArray[np.float64]) -> tuple[Cell, ...]:
     """By a field of the whole area, the last one if it is of the same problem: vehicles with one goal and one
     belief ask one after the other for the same."""
     asked = exposure, problem.goals, problem.w
-    taken = [_fields.popleft() for _ in range(len(_fields))]
-    field = taken[0] if taken else None
+    taken = _fields.take_all()
+    field = taken[-1] if taken else None
     if field is None or not field.answers(*asked, problem.psi_per_cell):
         field = kernels.spread(*asked, problem.psi_per_cell, into=field)
     try:
@@ -109,17 +106,15 @@ def _search_all(problem: Problem, exposure: NDArray[np.float64]) -> tuple[Cell, 
             raise problem.unreachable()
         return field.run_down(problem.start)
     finally:
-        _fields.append(field)
-        while len(_fields) > 1:
-            _fields.popleft()
+        _fields.put([field], lambda _: 1, most=1)
 
 
 def _search_again(problem: Problem, exposure: NDArray[np.float64]) -> tuple[Cell, ...]:
     """By what is known from the last time somebody asked for these goals at this weight."""
     asked = exposure.shape, problem.goals, problem.w, problem.psi_per_cell
-    taken = [_replanners.popleft() for _ in range(len(_replanners))]
+    taken = _replanners.take_all()
     planner = next((kept for kept in taken if kept.asked == asked), None)
-    _replanners.extend(kept for kept in taken if kept is not planner)
+    _replanners.put([kept for kept in taken if kept is not planner], Replanner.size, KEPT_CELLS)
     if planner is None:
         layers = Layers(exposure, np.broadcast_to(0.0, exposure.shape), 0.0)
         planner = Replanner(layers, problem.goals, problem.w, problem.psi_per_cell)
@@ -128,15 +123,13 @@ def _search_again(problem: Problem, exposure: NDArray[np.float64]) -> tuple[Cell
     try:
         return planner.route(problem.start)
     finally:
-        _replanners.append(planner)
-        while sum(math.prod(kept.asked[0]) for kept in _replanners) > max(KEPT_CELLS, exposure.size):
-            _replanners.popleft()
+        _replanners.put([planner], Replanner.size, KEPT_CELLS)
 
 
 def cost_to_go(
     exposure: NDArray[np.float64], goals: Sequence[Cell], w: float, psi_per_cell: float
 ) -> CostToGo:
     """The whole field for P_s of shape (rows, cols), for all vehicles with these goals. Raises BadProblem."""
-    check_field(exposure, goals, w, psi_per_cell)
-    field = kernels.spread(exposure, goals, w, psi_per_cell)
+    array, cells = checked_field(exposure, goals, w, psi_per_cell)
+    field = kernels.spread(array, cells, w, psi_per_cell)
     return CostToGo(field.unpadded_cost(), field)

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl.core.grid import Cell
-from swarmctl.planners.base import BadProblem, Unreachable, check_cell, check_field
+from swarmctl.planners.base import BadProblem, Unreachable, checked_cell, checked_field
 from swarmctl.planners.kernels import bounds
 from swarmctl.planners.kernels.field import Field, compilable, spread
 from swarmctl.planners.kernels.lattice import Floats
@@ -33,6 +33,8 @@ LARGEST_BOX = 0.25
 STRIDE = 997
 """every so many cells one is asked how much all have drifted"""
 WHOLE = slice(None)
+MOST_LOST = 4096.0
+"""A label that falls to less than this part of itself keeps too few digits to be a bound."""
 SURE = 1.0 + 1e-9
 """by how much a way out of the box must cost more: rounding alone proves nothing"""
 
@@ -67,14 +69,13 @@ class Replanner:
             raise BadProblem(
                 f"layers of shape {exposure.known.shape} and {exposure.unseen.shape}: expected the same"
             )
-        check_field(exposure.within(WHOLE, WHOLE), goals, w, psi_per_cell)
+        _, self.goals = checked_field(exposure.within(WHOLE, WHOLE), goals, w, psi_per_cell)
         self._now = exposure
-        self.goals = tuple(goals)
         self._w = w
         self._psi = psi_per_cell
         self._old = Field(*exposure.known.shape)
         self._is_goal = np.zeros(self._old.label.size, dtype=np.uint8)
-        self._is_goal[[self._old.index(goal) for goal in goals]] = 1
+        self._is_goal[[self._old.index(goal) for goal in self.goals]] = 1
         self._margin = FIRST_MARGIN
         self._outdated = False
         self.searched_cells = 0
@@ -86,10 +87,18 @@ class Replanner:
         """What it is for: shape, goals, w and ψ per cell."""
         return self._now.known.shape, self.goals, self._w, self._psi
 
+    def size(self) -> int:
+        """How many cells it keeps a field of."""
+        return self._now.known.size
+
     def changed(self, cells: Iterable[Cell]) -> None:
-        """Tell that the layers were changed at `cells`; p_unseen may have changed with or without."""
+        """Tell that the layers were changed at `cells`; p_unseen may have changed with or without.
+
+        Raises BadProblem for a cell outside the area, NaN and negative exposures.
+        """
         field, p = self._old, self._p_unseen
-        for row, col in cells:
+        for cell in cells:
+            row, col = checked_cell("changed cell", cell, self._now.known)
             m = field.index((row, col))
             exposure = float(self._now.within(slice(row, row + 1), slice(col, col + 1), p)[0, 0])
             if not exposure >= 0.0:
@@ -103,7 +112,7 @@ class Replanner:
 
         The array is kept, not copied. Raises BadProblem for another shape, NaN and negative numbers.
         """
-        check_field(exposure, self.goals, self._w, self._psi)
+        checked_field(exposure, self.goals, self._w, self._psi)
         if exposure.shape != self._now.known.shape:
             raise BadProblem(
                 f"exposure of shape {exposure.shape}: expected {self._now.known.shape}, as before"
@@ -119,8 +128,14 @@ class Replanner:
             self._lower(cells, costs)
 
     def route(self, start: Cell) -> tuple[Cell, ...]:
-        """The route from `start` with all that was told, both ends included. Raises Unreachable."""
-        check_cell("start", start, self._now.known)
+        """The route from `start` with all that was told, both ends included.
+
+        Raises Unreachable; BadProblem for a start outside the area, and where p_unseen is no chance or some
+        exposure none that may be.
+        """
+        start = checked_cell("start", start, self._now.known)
+        if not 0.0 <= self._now.p_unseen < math.inf:
+            raise BadProblem(f"p_unseen is {self._now.p_unseen}: expected a finite number, 0 or more")
         if start in self.goals:
             self.searched_cells = 0
             return (start,)
@@ -143,16 +158,22 @@ class Replanner:
 
     def _lower(self, cells: NDArray[np.int64], costs: Floats) -> None:
         """Takes in that a straight step into `cells` costs less than the old field makes of it."""
-        old, straight = self._old, costs / self._drift
-        if np.isinf(old.straight[cells]).any():
-            self._outdated = True  # a wall has gone: bounds from before mean nothing beside it
+        if self._outdated:
             return
-        old.label[cells] -= np.maximum(old.straight[cells] - straight, 0.0)
-        old.straight[cells] = np.minimum(old.straight[cells], straight)
+        old, straight = self._old, np.minimum(costs / self._drift, self._old.straight[cells])
+        with np.errstate(invalid="ignore"):
+            label = old.label[cells] - (old.straight[cells] - straight)
+        if not (old.label[cells] <= MOST_LOST * label).all():
+            # A wall has gone, or what was as good as one: beside it old bounds are nothing but rounding.
+            self._outdated = True
+            return
+        old.label[cells], old.straight[cells] = label, straight
         self._lowered += cells.tolist()
 
     def _search_all(self) -> None:
-        self._old = spread(self._now.within(WHOLE, WHOLE), self.goals, self._w, self._psi, into=self._old)
+        exposure = self._now.within(WHOLE, WHOLE)
+        checked_field(exposure, self.goals, self._w, self._psi)
+        self._old = spread(exposure, self.goals, self._w, self._psi, into=self._old)
         self._p_unseen = self._now.p_unseen
         self._lowered: list[int] = []
         """cells whose label was lowered, but not yet their neighbours'"""
@@ -183,6 +204,7 @@ class Replanner:
         top, bottom, left, right = box
         goals = [(r - top, c - left) for r, c in self.goals if top <= r < bottom and left <= c < right]
         exposure = self._now.within(slice(top, bottom), slice(left, right))
+        checked_field(exposure, goals, self._w, self._psi)
         field = spread(exposure, goals, self._w, self._psi)
         self.searched_cells = exposure.size
         inside = (start[0] - top, start[1] - left)

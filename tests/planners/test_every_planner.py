@@ -188,6 +188,20 @@ NAN_FIELD[2, 3], NEGATIVE_FIELD[1, 4] = math.nan, -0.1
         ({"start": (0, -1)}, r"start \(0, -1\) is outside the area"),
         ({"goals": ((0, 0), (0, 5))}, r"goal \(0, 5\) is outside the area"),
         ({"goals": ()}, "no goal"),
+        ({"exposure": "many"}, "exposure of type <U4: expected an array of numbers"),
+        ({"exposure": FIELD.astype(complex)}, "exposure of type complex128"),
+        (
+            {"exposure": FIELD * 1e300},
+            r"exposure of cell \(0, 0\) is 1e\+299: expected at most 1e\+200, or inf",
+        ),
+        ({"start": (1.5, 0)}, r"start \(1.5, 0\): expected \(row, col\), two whole numbers"),
+        ({"start": (1, 0, 0)}, r"start \(1, 0, 0\): expected \(row, col\)"),
+        ({"start": 3}, r"start 3: expected \(row, col\)"),
+        ({"goals": ((1, 2), (0.5, 1))}, r"goal \(0.5, 1\): expected \(row, col\)"),
+        ({"goals": 7}, "goal 7: expected"),
+        ({"w": "0.5"}, "distance anxiety w is '0.5': expected a number"),
+        ({"max_length_cells": None}, "greatest length is None: expected a number"),
+        ({"psi_per_cell": True}, "ψ per cell is True: expected a number"),
         ({"w": -0.1}, "distance anxiety w = -0.1: expected 0"),
         ({"w": 1.1}, "distance anxiety w = 1.1"),
         ({"w": math.nan}, "distance anxiety w = nan"),
@@ -206,3 +220,15 @@ def test_a_problem_that_makes_no_sense_is_refused(change: dict[str, object], say
     sound = Problem(FIELD, start, ((3, 4),), 0.5, 0.1)
     with pytest.raises(BadProblem, match=says):
         dataclasses.replace(sound, **change)
+
+
+def test_lists_arrays_and_a_single_goal_will_do() -> None:
+    sound = Problem(FIELD, (0, 0), ((3, 4),), 0.5, 0.1)
+    for exposure in (FIELD.tolist(), FIELD.astype(np.float32), FIELD.T.copy().T):
+        for start in ([0, 0], np.array([0, 0])):
+            for goals in ((3, 4), [3, 4], [[3, 4]], np.array([[3, 4]]), [(3, 4), (3, 4)]):
+                asked = Problem(exposure, start, goals, 0.5, 0.1)  # type: ignore[arg-type]
+                assert asked.start == (0, 0)
+                assert set(asked.goals) == {(3, 4)}
+                np.testing.assert_allclose(asked.exposure, sound.exposure, rtol=1e-6)
+    assert sound.exposure is FIELD

@@ -14,7 +14,7 @@ from swarmctl.planners import Problem, dijkstra
 from swarmctl.planners.dijkstra import Params, cost_to_go, plan
 
 ROOT2 = math.sqrt(2.0)
-KINDS = ("random", "belief", "mostly zero", "ridges", "maze")
+KINDS = ("random", "belief", "mostly zero", "ridges", "maze", "soft walls")
 
 
 def field_of(kind: str, shape: tuple[int, int], rng: np.random.Generator) -> NDArray[np.float64]:
@@ -28,6 +28,8 @@ def field_of(kind: str, shape: tuple[int, int], rng: np.random.Generator) -> NDA
         values *= 0.01
         values[::4, :-1] = 5.0
         values[2::4, 1:] = 5.0
+    if kind == "soft walls":
+        return np.where(rng.random(shape) < 0.3, 10.0 ** rng.integers(1, 9), values)
     if kind == "maze":
         return np.where(rng.random(shape) < 0.35, math.inf, values)
     return values

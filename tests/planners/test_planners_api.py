@@ -2,13 +2,14 @@
 
 import subprocess
 import sys
-import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
 from swarmctl import planners
-from swarmctl.planners import PLANNERS, Problem, plan, warm_up
+from swarmctl.planners import PLANNERS, Problem, cost_to_go, dijkstra, plan, warm_up
 
 FIELD = np.random.default_rng(1).random((12, 20)) * 0.3
 PROBLEM = Problem(FIELD, (6, 0), ((6, 19),), 0.5, 0.13, max_length_cells=25.0)
@@ -62,7 +63,28 @@ print([name for name in {foreign} if name in sys.modules])
     assert done.stdout == "3\n[]\n"
 
 
-def test_threads_that_plan_at_once_find_what_each_would_find_alone() -> None:
+@pytest.fixture
+def hurried() -> Iterator[None]:
+    """Threads take turns as often as they can."""
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    yield
+    sys.setswitchinterval(before)
+
+
+def in_threads(work: Callable[[int], list[bool]]) -> list[bool]:
+    """What four threads find at once; raises what any of them raises."""
+    with ThreadPoolExecutor(4) as threads:
+        return [answer for answers in threads.map(work, range(4)) for answer in answers]
+
+
+@pytest.mark.usefixtures("hurried")
+@pytest.mark.parametrize("large", [1, 10**9])
+def test_threads_that_plan_at_once_find_what_each_would_find_alone(
+    large: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(dijkstra, "LARGE", large)
+    monkeypatch.setattr(dijkstra, "KEPT_CELLS", 3 * FIELD.size)
     warm_up()
     problems = [
         Problem(FIELD, (row, 0), ((goal, 19),), w, 0.13)
@@ -71,16 +93,23 @@ def test_threads_that_plan_at_once_find_what_each_would_find_alone() -> None:
         for w in (0.5, 0.9)
     ]
     alone = [plan(problem) for problem in problems]
-    found: dict[int, list[object]] = {}
 
-    def work(thread: int) -> None:
-        order = np.random.default_rng(thread).permutation(len(problems) * 20) % len(problems)
-        found[thread] = [plan(problems[i]) == alone[i] for i in order]
+    def work(thread: int) -> list[bool]:
+        order = np.random.default_rng(thread).permutation(len(problems) * 60) % len(problems)
+        return [plan(problems[i]) == alone[i] for i in order]
 
-    threads = [threading.Thread(target=work, args=(n,)) for n in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert all(all(answers) for answers in found.values())
-    assert len(found) == 4
+    answers = in_threads(work)
+    assert len(answers) == 4 * 60 * len(problems)
+    assert all(answers)
+
+
+@pytest.mark.usefixtures("hurried")
+def test_threads_may_share_a_field() -> None:
+    walled = np.where(np.random.default_rng(3).random((60, 80)) < 0.1, np.inf, 0.1)
+    walled[30, 79] = walled[:, 0] = 0.1
+    for w in (0.0, 1.0):  # many ways of equal cost, so that lengths have to be found out
+        starts = [(row, 0) for row in range(60)]
+        alone = [cost_to_go(walled, [(30, 79)], w, 0.1).cells_from(start) for start in starts]
+        for _ in range(5):
+            field = cost_to_go(walled, [(30, 79)], w, 0.1)
+            assert all(in_threads(lambda _: [field.cells_from(s) == a for s, a in zip(starts, alone)]))  # noqa: B023, B905

@@ -115,6 +115,45 @@ def test_a_long_flight_over_a_large_area_searches_little_of_it() -> None:
     assert np.median(searched) < 0.2 * world.truth.size
 
 
+VALUES = {
+    "levels": (0.0, 0.1, 0.2, 0.3, 0.7),
+    "zero": (0.0, 0.0, 0.0, 1.0, math.inf),
+    "walls": (0.05, 0.3, 0.6, 0.9, math.inf),
+    "soft walls": (0.1, 0.2, 0.3, 1e9, 1e17),
+    "tiny": (1e-300, 1e-150, 1e-20, 1e-3, 1.0),
+}
+
+
+@pytest.mark.usefixtures("boxes")
+@pytest.mark.parametrize("kind", VALUES)
+@settings(max_examples=30, deadline=None, derandomize=True)
+@given(
+    seed=st.integers(0, 100_000),
+    w=st.sampled_from([0.0, 0.3, 0.9, 1.0]),
+    psi=st.sampled_from([0.0, 0.05, 1.0]),
+)
+def test_any_cell_may_take_any_value_at_any_time(kind: str, seed: int, w: float, psi: float) -> None:
+    rng = np.random.default_rng(seed)
+    shape = (int(rng.integers(2, 26)), int(rng.integers(8, 40)))
+    layers = Layers(rng.choice(VALUES[kind], shape), rng.choice([0.0, 1.0], shape), 0.1)
+    goals = [(int(rng.integers(shape[0])), int(rng.integers(shape[1]))) for _ in range(rng.choice([1, 2, 6]))]
+    planner = Replanner(layers, goals, w, psi)
+    start = (int(rng.integers(shape[0])), 0)
+    for _ in range(12):
+        cells = [
+            (int(rng.integers(shape[0])), int(rng.integers(shape[1]))) for _ in range(rng.integers(0, 6))
+        ]
+        for cell in cells:
+            layers.known[cell] = rng.choice(VALUES[kind])
+            layers.unseen[cell] = rng.choice([0.0, 1.0, 3.0])
+        layers.p_unseen *= float(rng.choice([0.5, 0.9, 1.0, 1.1]))
+        planner.changed(cells)
+        if rng.random() < 0.3:
+            start = (int(rng.integers(shape[0])), int(rng.integers(shape[1])))
+        agree(planner, layers.known + layers.p_unseen * layers.unseen, start, w, psi)
+
+
+@pytest.mark.usefixtures("boxes")
 def test_arbitrary_changes_of_the_layers_are_taken_in() -> None:
     rng = np.random.default_rng(5)
     layers = Layers(rng.random((20, 60)) * 0.3, rng.random((20, 60)), 0.2)
@@ -179,6 +218,23 @@ def test_a_whole_new_exposure_finds_out_itself_what_changed(walls: float, seed: 
         start = (int(rng.integers(25)), int(rng.integers(40)))
 
 
+@pytest.mark.usefixtures("boxes")
+def test_a_wall_in_all_but_name_that_goes_leaves_no_rounding_behind() -> None:
+    known = np.full((25, 40), 0.2)
+    known[3] = 0.0
+    known[1:6, 30] = 3.0
+    known[3, 30] = 1e17
+    layers = Layers(known, np.zeros_like(known), 0.0)
+    planner = Replanner(layers, (20, 39), 0.9, 0.02)
+    shut = planner.route((20, 0))
+    known[3, 30] = 0.0
+    planner.changed([(3, 30)])
+    opened = agree(planner, known, (20, 0), 0.9, 0.02)
+    assert opened is not None
+    assert (3, 30) in opened.cells
+    assert (3, 30) not in shut
+
+
 def test_who_is_there_stays() -> None:
     planner = Replanner(Layers(np.ones((3, 3)), np.ones((3, 3)), 0.1), ((1, 1),), 0.5, 0.1)
     assert planner.route((1, 1)) == ((1, 1),)
@@ -199,6 +255,32 @@ def test_bad_layers_are_refused() -> None:
         planner.renew(np.zeros((3, 5)))
     with pytest.raises(BadProblem, match=r"exposure of cell \(0, 0\) is -1.0"):
         planner.renew(np.full((3, 4), -1.0))
+    with pytest.raises(BadProblem, match=r"changed cell \(3, 0\) is outside the area"):
+        planner.changed([(3, 0)])
+    with pytest.raises(BadProblem, match=r"changed cell \(0.5, 0\): expected \(row, col\)"):
+        planner.changed([(0.5, 0)])  # type: ignore[list-item]
     known[1, 2] = math.nan
     with pytest.raises(BadProblem, match=r"exposure of cell \(1, 2\) is nan: expected 0 or more"):
         planner.changed([(1, 2)])
+
+
+@pytest.mark.parametrize("p_unseen", [math.nan, -1.0, -0.05, math.inf])
+@pytest.mark.parametrize("told", [True, False])
+def test_no_chance_is_no_p_unseen(p_unseen: float, told: bool) -> None:
+    layers = Layers(np.full((9, 9), 0.1), np.ones((9, 9)), 0.1)
+    planner = Replanner(layers, ((4, 8),), 0.5, 0.1)
+    layers.p_unseen = p_unseen
+    if told:
+        planner.changed([])
+    with pytest.raises(BadProblem, match=r"p_unseen is .*: expected a finite number, 0 or more"):
+        planner.route((4, 0))
+
+
+@pytest.mark.usefixtures("boxes")
+@pytest.mark.parametrize("value", [-5.0, math.nan])
+def test_what_may_not_be_is_no_route_even_if_nobody_told(value: float) -> None:
+    layers = Layers(np.full((9, 60), 0.1), np.zeros((9, 60)), 0.0)
+    planner = Replanner(layers, ((4, 59),), 0.5, 0.1)
+    layers.known[4, 30] = value
+    with pytest.raises(BadProblem, match="expected 0 or more"):
+        planner.route((4, 0))

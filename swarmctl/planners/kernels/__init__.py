@@ -7,7 +7,7 @@ with one cell of padding around it, so that every cell has eight neighbours and 
 
 from swarmctl.planners.kernels.bounds import warm_up_bounds
 from swarmctl.planners.kernels.descent import LENGTH_TIE, REL_TIE
-from swarmctl.planners.kernels.field import Field, compilable, spread, warm_up
+from swarmctl.planners.kernels.field import Field, compilable, extent, spread, warm_up
 from swarmctl.planners.kernels.labels import Found, ToGo, label_search, warm_up_labels
 
 __all__ = [
@@ -17,6 +17,7 @@ __all__ = [
     "Found",
     "ToGo",
     "compilable",
+    "extent",
     "label_search",
     "spread",
     "warm_up",

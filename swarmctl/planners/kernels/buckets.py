@@ -1,11 +1,12 @@
 """Puts right what is left of a field: a label-correcting search with a queue of buckets.
 
-Cells wait in buckets by their label, each `span` of it wide; the buckets are used in a circle, for no edge
-costs more than the circle is long. Where no edge is cheaper than a bucket is wide, a label in the current
-bucket is final whatever the order (Dial; Denardo and Fox), and each cell is served once; where edges of next
-to no cost make that impossible, a cell whose label is bettered is served again (as in Δ-stepping), generation
-by generation. A bucket is a pile of blocks from a common pool, so that memory follows the front of the search
-and not the area.
+Cells wait in buckets by their label, each `span` of it wide; the buckets are used in a circle. Few edges
+cost more than the circle is long; where they lead, cells wait on a pile of their own until it has come
+round. Where no edge is cheaper than a bucket is wide, a label in the current bucket is final whatever the
+order (Dial; Denardo and Fox), and each cell is served once; where edges of next to no cost make that
+impossible, a cell whose label is bettered is served again (as in Δ-stepping), generation by generation. A
+bucket is a pile of blocks from a common pool, so that memory follows the front of the search and not the
+area.
 
 The queue's arrays are local to one long function: handed to smaller ones, as arguments or as a tuple, they
 made the search three times slower.
@@ -19,7 +20,13 @@ from numba import njit
 from swarmctl.planners.kernels.lattice import Bytes, Floats, Int32s, Ints, offsets_of
 
 BLOCK = 256
-MAX_BUCKETS = 64
+N_BUCKETS = 1024
+TYPICAL_SPANS = 24
+"""into so many a typical edge is divided, where the cheapest one is cheaper"""
+N_SAMPLES = 128
+MAX_KEY = np.int64(2**62)
+MOST_CELLS = 2**23
+"""of a way: so many times the dearest edge must be less than MAX_KEY spans"""
 
 
 @njit(nogil=True, cache=True)
@@ -40,24 +47,50 @@ def correct(
     `least` and `greatest` bound the finite values of `straight`; `waiting` comes all zero. Stops where the
     least label that waits is `until` or more. Returns how many cells were served, and which wait.
     """
-    span = max(least * (1.0 - 1e-9), (greatest + extra) / MAX_BUCKETS)
-    if not 0.0 < span < np.inf:
-        span = 1.0  # nothing costs anything, or nothing can be entered
+    span = _span(straight, least, greatest)
     per_span = 1.0 / span
-    n_buckets = int((greatest + extra) * per_span) + 3
+    n_buckets = min(int((greatest + extra) * per_span) + 3, N_BUCKETS)
     top = np.full(n_buckets, -1, dtype=np.int64)  # of each bucket, the block that is being filled; -1: empty
     fill = np.full(n_buckets, BLOCK, dtype=np.int64)  # of each bucket, how much of that block is
+    far = np.empty(BLOCK, dtype=np.int32)
+    n_far, far_key = 0, MAX_KEY
     pool, below, free = _more_blocks(np.empty(0, dtype=np.int32), np.empty(0, dtype=np.int64))
     n_free = free.size
     offsets = offsets_of(width)
     seeds = seeds[np.argsort(label[seeds])]
     joined, queued, served = 0, 0, 0
     key, bucket = np.int64(0), 0
-    while queued > 0 or joined < seeds.size:
+    while queued > 0 or joined < seeds.size or n_far > 0:
         if queued == 0:
-            key = np.int64(label[seeds[joined]] * per_span)
+            key = far_key
+            if joined < seeds.size:
+                key = min(key, np.int64(label[seeds[joined]] * per_span))
         if key * span >= until:
             break
+        if far_key <= key:  # those whose time is near go from the pile to their buckets
+            n_waiting, n_far, far_key = n_far, 0, MAX_KEY
+            for i in range(n_waiting):
+                m = np.int64(far[i])
+                m_key = np.int64(label[m] * per_span)
+                if m_key - key >= n_buckets:
+                    far[n_far] = m
+                    n_far += 1
+                    far_key = min(far_key, m_key)
+                    continue
+                q = bucket + (int(m_key - key) if m_key > key else 0)
+                if q >= n_buckets:
+                    q -= n_buckets
+                if fill[q] == BLOCK:
+                    if n_free == 0:
+                        pool, below, free = _more_blocks(pool, below)
+                        n_free = free.size // 2
+                    n_free -= 1
+                    below[free[n_free]] = top[q]
+                    top[q] = free[n_free]
+                    fill[q] = 0
+                pool[top[q] * BLOCK + fill[q]] = m
+                fill[q] += 1
+                queued += 1
         seed = joined
         while joined < seeds.size and np.int64(label[seeds[joined]] * per_span) <= key:
             joined += 1
@@ -95,6 +128,13 @@ def correct(
                     label[m] = better
                     waiting[m] = 1
                     q = bucket + int(np.int64(better * per_span) - key)
+                    if q - bucket >= n_buckets:
+                        if n_far == far.size:
+                            far = np.concatenate((far, np.empty(n_far, dtype=np.int32)))
+                        far[n_far] = m
+                        n_far += 1
+                        far_key = min(far_key, np.int64(better * per_span))
+                        continue
                     if q >= n_buckets:
                         q -= n_buckets
                     if fill[q] == BLOCK:
@@ -110,8 +150,9 @@ def correct(
                     queued += 1
         key += 1
         bucket = bucket + 1 if bucket + 1 < n_buckets else 0
-    left = np.empty(queued + seeds.size - joined, dtype=np.int64)
-    size = 0
+    left = np.empty(queued + seeds.size - joined + n_far, dtype=np.int64)
+    left[:n_far] = far[:n_far]
+    size = n_far
     for seed in range(joined, seeds.size):
         waiting[seeds[seed]] = 1
         left[size] = seeds[seed]
@@ -129,6 +170,19 @@ def correct(
             left[kept] = left[i]
             kept += 1
     return served, left[:kept]
+
+
+@njit(nogil=True, cache=True)
+def _span(straight: Floats, least: float, greatest: float) -> float:
+    """How wide a bucket is: as the cheapest edge, or as a part of a typical one, whichever is more. A few
+    very dear cells, walls in all but name, do not count."""
+    samples = straight[:: max(straight.size // N_SAMPLES, 1)]
+    finite = samples[samples < np.inf]
+    typical = np.median(finite) if finite.size > 0 else 0.0
+    if typical == 0.0:
+        typical = greatest
+    span = max(least * (1.0 - 1e-9), typical / TYPICAL_SPANS, greatest / MAX_KEY * MOST_CELLS, 1e-280)
+    return span if span < np.inf else 1.0
 
 
 @njit(nogil=True, cache=True)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from swarmctl.planners.kernels.lattice import ROOT2, Floats, Ints, offsets_of, pop_least, push, squeezes
+from swarmctl.planners.kernels.lattice import ROOT2, Floats, Ints, offsets_of, squeezes
 
 REL_TIE = 1e-12
 """Costs closer than this, relatively, are equal: rounding of a sum over thousands of cells stays below."""
@@ -271,12 +271,13 @@ def find_lengths_in_circles(
     start: int,
     length: Floats,
 ) -> None:
-    """As `find_lengths`, also where steps are free: Dijkstra's algorithm over the edges that lose nothing."""
+    """As `find_lengths`, also where steps are free: Dijkstra's algorithm over the edges that lose nothing. No
+    edge is shorter than a bucket is wide, nor longer than two."""
     offsets = offsets_of(width)
     cells, bounds, size = _without_loss(label, step, extra, straight, width, goals, start, length)
-    heap_cell = np.empty(64, dtype=np.int64)
-    heap_length = np.empty(64)
-    n_heap = 0
+    least = np.full(size, np.inf)
+    seeds = np.empty(size, dtype=np.int64)
+    n_seeds = 0
     for place in range(size):  # the cells next to those whose length is known
         m = cells[place]
         best = 0.0 if is_goal(goals, m) else np.inf
@@ -287,23 +288,53 @@ def find_lengths_in_circles(
                 if not loses and not (k >= 4 and squeezes(straight, offsets, m, k)):
                     best = min(best, length[n] + (1.0 if k < 4 else ROOT2))
         if best < np.inf:
-            heap_cell, heap_length, n_heap = push(heap_cell, heap_length, n_heap, m, best)
-    while n_heap > 0:
-        n, known = heap_cell[0], heap_length[0]
-        n_heap = pop_least(heap_cell, heap_length, n_heap)
-        if length[n] >= 0.0:
-            continue
-        length[n] = known
-        for k in range(8):
-            m = n + offsets[k]
-            if length[m] >= 0.0:  # known, or of no interest
+            least[place] = best
+            seeds[n_seeds] = place
+            n_seeds += 1
+    seeds = seeds[:n_seeds]
+    seeds = seeds[np.argsort(least[seeds])]
+    piles = np.empty((3, 256), dtype=np.int64)  # places, by whole cells of length in a circle
+    heights = np.zeros(3, dtype=np.int64)
+    joined, key = 0, np.int64(0)
+    while joined < n_seeds or heights.sum() > 0:
+        if heights.sum() == 0:
+            key = np.int64(least[seeds[joined]])
+        pile = key % 3
+        while joined < n_seeds and least[seeds[joined]] < key + 1:
+            piles = _on_top(piles, heights, int(pile), seeds[joined])
+            joined += 1
+        while heights[pile] > 0:
+            heights[pile] -= 1
+            place = piles[pile, heights[pile]]
+            n, known = cells[place], least[place]
+            if length[n] >= 0.0:
                 continue
-            place = int(-length[m]) - 2
-            back = k ^ 2 if k >= 4 else k
-            loses = label[n] + (0.0 if k < 4 else extra) + step > bounds[place]
-            if not loses and not (k >= 4 and squeezes(straight, offsets, m, back)):
-                d = 1.0 if k < 4 else ROOT2
-                heap_cell, heap_length, n_heap = push(heap_cell, heap_length, n_heap, m, known + d)
+            length[n] = known
+            for k in range(8):
+                m = n + offsets[k]
+                if length[m] >= 0.0:  # known, or of no interest
+                    continue
+                other = int(-length[m]) - 2
+                longer = known + (1.0 if k < 4 else ROOT2)
+                if longer >= least[other] or label[n] + (0.0 if k < 4 else extra) + step > bounds[other]:
+                    continue
+                if k >= 4 and squeezes(straight, offsets, m, k ^ 2):
+                    continue
+                least[other] = longer
+                piles = _on_top(piles, heights, int(longer) % 3, other)
+        key += 1
+
+
+@njit(nogil=True, cache=True)
+def _on_top(piles: Ints, heights: Ints, pile: int, place: int) -> Ints:
+    """Puts a place on a pile; returns the piles, larger where they had to be."""
+    if heights[pile] == piles.shape[1]:
+        larger = np.empty((3, 2 * piles.shape[1]), dtype=np.int64)
+        larger[:, : piles.shape[1]] = piles
+        piles = larger
+    piles[pile, heights[pile]] = place
+    heights[pile] += 1
+    return piles
 
 
 @njit(nogil=True, cache=True)

@@ -42,7 +42,9 @@ class Field:
         """of what a straight step costs, walls apart, and whether there are any"""
         self.served = 0
         """cells the search had to look at after the sweeps"""
-        self._length: Floats = NONE
+        self._lengths: list[Floats] = []
+        """what was found out about the lengths of ways; who runs down takes it out meanwhile, so that threads
+        that share a field do not meet in it"""
         self._waiting: Bytes = np.zeros(size, dtype=np.uint8)
 
     @property
@@ -98,10 +100,15 @@ class Field:
         """For each start, whose cost is finite, the cells to a goal: rows and columns, (n, 2)."""
         if not starts:
             return []
-        path, ends, self._length = descent.run_down(
+        try:
+            length = self._lengths.pop()
+        except IndexError:
+            length = NONE
+        path, ends, length = descent.run_down(
             self.label, self.step, self.extra, self.straight, self.walls, self.width, self.goals,
-            np.array([self.index(start) for start in starts], dtype=np.int64), self._length,
+            np.array([self.index(start) for start in starts], dtype=np.int64), length,
         )  # fmt: skip
+        self._lengths[:] = [length]
         return np.split(np.stack(np.divmod(path, self.width), axis=1) - 1, ends[:-1])
 
     def index(self, cell: Cell) -> int:
@@ -116,7 +123,7 @@ class Field:
         self.step = (1.0 - w) * psi_per_cell
         self.goals = self._flat(goals)
         self.least, self.greatest, self.walls = sweep.prepare(exposure, w, self.step, self.straight)
-        self._length = NONE
+        self._lengths.clear()
         at_goals = exposure[self.goals // self.width - 1, self.goals % self.width - 1]
         self.label.fill(np.inf)
         self.label[self.goals] = np.where(np.isinf(at_goals), np.inf, w * np.minimum(at_goals, MAX_FLOAT))
@@ -173,10 +180,17 @@ def compilable(exposure: Floats) -> Floats:
     return np.require(exposure, dtype=np.float64, requirements=["C", "W"])
 
 
+def extent(exposure: Floats) -> tuple[int, float]:
+    """How many values are NaN or negative, and the greatest finite one."""
+    n_bad, greatest = sweep.extent(compilable(exposure))
+    return int(n_bad), float(greatest)
+
+
 def warm_up() -> None:
     """Compiles the kernels or loads them from the cache: no vehicle shall wait for a compiler in flight."""
     uneven = np.zeros((5, 5))
     uneven[1::2, 1] = uneven[2, 3] = 1.0
+    extent(uneven)
     for exposure in (uneven, np.where(uneven > 0.0, np.inf, 0.0)):
         found = spread(exposure, [(4, 4)], 1.0, 1.0)
         found.run_down((0, 0))

@@ -19,6 +19,19 @@ from swarmctl.planners.kernels.lattice import Floats, Ints
 
 
 @njit(nogil=True, cache=True)
+def extent(exposure: Floats) -> tuple[int, float]:
+    """How many values are NaN or negative, and the greatest finite one."""
+    n_bad, greatest = 0, 0.0
+    rows, cols = exposure.shape
+    for row in range(rows):
+        for col in range(cols):
+            p_s = exposure[row, col]
+            n_bad += not p_s >= 0.0
+            greatest = max(greatest, p_s if p_s < np.inf else 0.0)
+    return n_bad, greatest
+
+
+@njit(nogil=True, cache=True)
 def prepare(exposure: Floats, w: float, step: float, straight: Floats) -> tuple[float, float, bool]:
     """Writes what a straight step into each cell costs, (rows, cols) into the padded flat `straight`.
 
