@@ -220,16 +220,16 @@ def test_a_whole_new_exposure_finds_out_itself_what_changed(walls: float, seed: 
 
 @pytest.mark.usefixtures("boxes")
 def test_a_wall_in_all_but_name_that_goes_leaves_no_rounding_behind() -> None:
-    known = np.full((25, 40), 0.2)
+    known = np.full((25, 40), 4.0)
     known[3] = 0.0
-    known[1:6, 30] = 3.0
-    known[3, 30] = 1e17
+    known[:18, 30] = 60.0
+    known[3, 30] = 1e18
     layers = Layers(known, np.zeros_like(known), 0.0)
-    planner = Replanner(layers, (20, 39), 0.9, 0.02)
+    planner = Replanner(layers, (20, 39), 0.9, 0.4)
     shut = planner.route((20, 0))
     known[3, 30] = 0.0
     planner.changed([(3, 30)])
-    opened = agree(planner, known, (20, 0), 0.9, 0.02)
+    opened = agree(planner, known, (20, 0), 0.9, 0.4)
     assert opened is not None
     assert (3, 30) in opened.cells
     assert (3, 30) not in shut
