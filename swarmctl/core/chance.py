@@ -23,9 +23,9 @@ from swarmctl.core.threat import FiringStrength
 WORLDS = 4096
 Z_95 = 1.959964
 """two-sided 95 % of a normal distribution"""
-RESOLUTION = 5e-4
-"""The least half width of an interval, unless everything is known. A chance as near to 0 or 1 rests on a few
-worlds among thousands, and the normal interval would be too narrow: it held 1e-9 in 4 of 10 runs."""
+ENOUGH = 100.0
+"""of worlds that count, n·mean²/mean of squares, for the normal interval: where the average rests on a few of
+thousands it is too narrow, and Wilson's is taken, which holds for any spread between 0 and 1"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,16 @@ class Chance:
     n_worlds: int
 
     def __str__(self) -> str:
-        return f"{self.estimate:.3f} ({self.low:.3f}–{self.high:.3f})"
+        if self.low == self.high:
+            return f"{_digits(self.estimate)} (certain)"
+        return f"{_digits(self.estimate)} ({_digits(self.low)}–{_digits(self.high)})"
+
+
+def _digits(chance: float) -> str:
+    """Three decimals, or more where they would be all 0 or 1."""
+    if chance in (0.0, 1.0) or 0.001 <= chance <= 0.999:
+        return f"{chance:.3f}"
+    return f"{chance:.1e}" if chance < 0.001 else f"{chance:.5f}"
 
 
 def chance_of_getting_through(
@@ -55,8 +64,11 @@ def chance_of_getting_through(
 
     The shots are not drawn: given the hostiles, the chance to survive them is a product, and its average over
     worlds has the same mean as the share of vehicles that get through and a smaller variance (Rao-Blackwell).
-    The interval is the normal one of that average, RESOLUTION at least, cut to [0, 1].
+    The interval is the normal one of that average; Wilson's where few worlds count; none where all is known.
+    Raises ValueError for fewer than 2 worlds.
     """
+    if n_worlds < 2:
+        raise ValueError(f"{n_worlds} worlds: expected 2 or more")
     reached, entries = _in_reach(belief.looks.shape, cells)
     # Cells in reach that are alike in what was seen of them and in how they are passed are one kind.
     alike = np.hstack([belief.seen_of(reached), entries])
@@ -70,9 +82,25 @@ def chance_of_getting_through(
     mean = float(survived.mean())
     p_occupied = belief.occupancy().ravel()[reached]
     is_certain = bool(((p_occupied == 0.0) | (p_occupied == 1.0)).all())
-    error = float(survived.std(ddof=1)) / math.sqrt(n_worlds)
-    half = 0.0 if is_certain else max(Z_95 * error, RESOLUTION)
-    return Chance(mean, max(mean - half, 0.0), min(mean + half, 1.0), n_worlds)
+    low, high = (mean, mean) if is_certain else _interval(survived, mean)
+    return Chance(mean, low, high, n_worlds)
+
+
+def _interval(survived: NDArray[np.float64], mean: float) -> tuple[float, float]:
+    """95 % of the mean of values in [0, 1]."""
+    n = survived.size
+    half = Z_95 * float(survived.std(ddof=1)) / math.sqrt(n)
+    low, high = mean - half, mean + half
+    # What is rare may be to get through or not to.
+    least = min(mean, 1.0 - mean)
+    rare = survived if mean <= 0.5 else 1.0 - survived
+    squares = float(np.mean(rare**2))
+    if squares == 0.0 or n * least**2 / squares < ENOUGH:
+        z2 = Z_95**2 / n
+        centre = (mean + z2 / 2.0) / (1.0 + z2)
+        spread = Z_95 / (1.0 + z2) * math.sqrt(mean * (1.0 - mean) / n + z2 / (4.0 * n))
+        low, high = min(low, centre - spread), max(high, centre + spread)
+    return max(low, 0.0), min(high, 1.0)
 
 
 def chance_among(
