@@ -45,9 +45,12 @@ class Crossing:
         self._share()
 
     def observe(self, *, anywhere: bool) -> list[Cell]:
-        """Around the vehicle, or anywhere in the area; returns the cells whose layers changed."""
+        """Around the vehicle, or anywhere in the area; returns the cells whose layers changed, none where all
+        was seen before."""
         row, col = self._rng.integers(0, self._seen.shape[0], 2).tolist() if anywhere else self.position
         near, wide = self._square(row, col, 1), self._square(row, col, 3)
+        if self._seen[near].all():
+            return []
         self._seen[near] = True
         known, unseen = self._around((self._truth & self._seen)[wide]), self._around(~self._seen[wide])
         changed, inner = (
