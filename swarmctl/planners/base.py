@@ -108,20 +108,24 @@ class Searched:
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """Neighbouring cells from the start to a goal, both included, and what they add up to."""
+    """Neighbouring cells from the start to a goal, both included, and what they add up to.
+
+    `cost` is what the planner made least: for `dijkstra` the sum of Eq. 5 over the route. `length_cells`
+    counts √2 for a diagonal step. `exposure_sum` is ΣP_s and `safety_factor` ∏(1 − P_s), both without the
+    start cell; neither is the chance of getting through.
+
+    Planners that search more than once leave in `searched` what each search found, in their order. Those that
+    prove that no route costs less than some cost leave that in `lower_bound`: `cost` is the least where the
+    two are equal.
+    """
 
     cells: tuple[Cell, ...]
     cost: float
-    """what the planner made least; for `dijkstra` the sum of Eq. 5 over the route"""
     length_cells: float
     exposure_sum: float
-    """ΣP_s without the start cell"""
     safety_factor: float
-    """∏(1 − P_s) without the start cell"""
     searched: tuple[Searched, ...] = ()
-    """by planners that search more than once: what each search found, in their order"""
     lower_bound: float | None = None
-    """by planners that prove one: no route costs less. `cost` is the least where the two are equal"""
 
 
 class Planner(Protocol):

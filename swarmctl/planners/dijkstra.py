@@ -25,7 +25,7 @@ from swarmctl.planners.base import (
     eq5_route,
     is_open,
 )
-from swarmctl.planners.replan import Layers, Replanner
+from swarmctl.planners.replan import Replanner
 from swarmctl.planners.shelf import Shelf
 
 USES_W = True
@@ -116,8 +116,7 @@ def _search_again(problem: Problem, exposure: NDArray[np.float64]) -> tuple[Cell
     planner = next((kept for kept in taken if kept.asked == asked), None)
     _replanners.put([kept for kept in taken if kept is not planner], Replanner.size, KEPT_CELLS)
     if planner is None:
-        layers = Layers(exposure, np.broadcast_to(0.0, exposure.shape), 0.0)
-        planner = Replanner(layers, problem.goals, problem.w, problem.psi_per_cell)
+        planner = Replanner(exposure, problem.goals, problem.w, problem.psi_per_cell)
     else:
         planner.renew(exposure)
     try:

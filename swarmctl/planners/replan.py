@@ -61,10 +61,24 @@ class Layers:
 class Replanner:
     """Routes to one set of goals by Eq. 5, from any start, in an area that changes.
 
-    The routes are those of `dijkstra`, ties included. Raises BadProblem as a Problem does.
+        exposure = np.full((500, 500), 0.13)             # P_s, (rows, cols)
+        replanner = Replanner(exposure, (250, 499), w=0.5, psi_per_cell=0.13)
+        replanner.route((250, 0))                        # cells, both ends included
+        exposure[250, 200:203] = 0.6                     # something is learned …
+        replanner.changed([(250, 200), (250, 201), (250, 202)])
+        replanner.route((250, 100))                      # … and all but little of the work was done before
+
+    The routes are those of `dijkstra` without a maximum exposure, ties included. `exposure` is an array, or
+    `Layers` where all cells not seen have one p_O that drifts; either is kept, not copied: change it in place
+    and say where, or hand over another with `renew`. Raises BadProblem as a Problem does.
     """
 
-    def __init__(self, exposure: Layers, goals: Sequence[Cell], w: float, psi_per_cell: float) -> None:
+    def __init__(
+        self, exposure: Layers | NDArray[np.float64], goals: Sequence[Cell], w: float, psi_per_cell: float
+    ) -> None:
+        if not isinstance(exposure, Layers):
+            array, _ = checked_field(exposure, goals, w, psi_per_cell)
+            exposure = Layers(array, np.broadcast_to(0.0, array.shape), 0.0)
         if exposure.known.shape != exposure.unseen.shape:
             raise BadProblem(
                 f"layers of shape {exposure.known.shape} and {exposure.unseen.shape}: expected the same"
@@ -92,7 +106,7 @@ class Replanner:
         return self._now.known.size
 
     def changed(self, cells: Iterable[Cell]) -> None:
-        """Tell that the layers were changed at `cells`; p_unseen may have changed with or without.
+        """Say that P_s was changed at `cells`. That p_unseen has changed need not be said.
 
         Raises BadProblem for a cell outside the area, NaN and negative exposures.
         """

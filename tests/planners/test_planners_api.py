@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from swarmctl import planners
-from swarmctl.planners import PLANNERS, Problem, cost_to_go, dijkstra, plan, warm_up
+from swarmctl.planners import PLANNERS, Problem, Replanner, cost_to_go, dijkstra, plan, warm_up
 
 FIELD = np.random.default_rng(1).random((12, 20)) * 0.3
 PROBLEM = Problem(FIELD, (6, 0), ((6, 19),), 0.5, 0.13, max_length_cells=25.0)
@@ -48,6 +48,19 @@ def test_the_example_in_the_documentation_runs() -> None:
     example = [line[4:] for line in (planners.__doc__ or "").splitlines() if line.startswith("    ")]
     assert "pareto_front(problem)" in "\n".join(example)
     exec(compile("\n".join(example), "example", "exec"), {})
+
+
+def test_the_example_of_the_replanner_runs() -> None:
+    example = [line[8:] for line in (Replanner.__doc__ or "").splitlines() if line.startswith("        ")]
+    assert "replanner.changed(" in "\n".join(example)
+    scope: dict[str, object] = {"np": np, "Replanner": Replanner}
+    exec(compile("\n".join(example), "example", "exec"), scope)
+    exposure = scope["exposure"]
+    assert isinstance(exposure, np.ndarray)
+    problem = Problem(exposure, (250, 100), (250, 499), 0.5, 0.13)  # type: ignore[arg-type]
+    replanner = scope["replanner"]
+    assert isinstance(replanner, Replanner)
+    assert replanner.route((250, 100)) == plan(problem).cells
 
 
 def test_planning_loads_nothing_that_talks_to_vehicles_or_people() -> None:
