@@ -11,7 +11,6 @@ import json
 import sys
 import traceback
 from collections.abc import Sequence
-from dataclasses import replace
 from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
@@ -23,18 +22,18 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from swarmctl import __version__, app, front_report, operate, outputs, preflight, record
+from swarmctl import __version__, app, front_report, operate, outputs, plan_report, preflight, record
 from swarmctl.app import Report
 from swarmctl.bus.base import BusError
 from swarmctl.clock import run_virtual
 from swarmctl.config import Config, ConfigError, load
-from swarmctl.core.belief import Belief
 from swarmctl.core.chance import WORLDS, Chance
 from swarmctl.core.messages import SetWeights
+from swarmctl.core.roster import meant_by
 from swarmctl.director import Member, Permission, PreflightFailed
 from swarmctl.display import told
 from swarmctl.judge import judge
-from swarmctl.planners import Route
+from swarmctl.known import NotKnown, with_known, without_a_way
 from swarmctl.planners.front import MAX_LABELS
 from swarmctl.scenario import Scenario, build
 from swarmctl.terminal import LiveTable, PlainLines, Terminal
@@ -126,7 +125,7 @@ def fly(
         raise report.bug
     if report.ended in ("stopped", "abandoned"):
         raise typer.Exit(INTERRUPTED)
-    if report.trouble or not report.all_arrived:
+    if report.trouble or not report.all_arrived or _missed(report):
         raise typer.Exit(EXPECTED)
 
 
@@ -139,7 +138,10 @@ def plan(
         typer.Option("--front", help="All routes worth flying: what each metre more saves in exposure."),
     ] = False,
     uav: Annotated[
-        str, typer.Option(metavar="NAME", help="With --front: this vehicle only.", show_default=False)
+        str,
+        typer.Option(
+            metavar="NAME", help="With --front: this vehicle only; a name or system id.", show_default=False
+        ),
     ] = "",
     max_labels: Annotated[
         int, typer.Option(min=1, help="With --front: partial routes that a vehicle's search may cost.")
@@ -152,7 +154,7 @@ def plan(
     """Plan the first routes for w = 0, 0.5 and 1 without flying: a table, a map and .plan files."""
     scenario = _scenario(config)
     if known is not None:
-        scenario = replace(scenario, prior=_with_known(scenario, known))
+        scenario = _with_known(scenario, known)
     if front:
         _plan_front(scenario, out_folder, uav, max_labels)
         return
@@ -161,7 +163,7 @@ def plan(
     folder = _run_folder(out_folder, f"{scenario.config.name}-plan")
     routes = outputs.first_routes(scenario)
     outputs.write_plans(folder, scenario, routes)
-    out.print(_plan_table(scenario, routes))
+    out.print(plan_report.plan_table(scenario, routes))
     out.print(
         "ΣP_s is a sum of chances, and ∏(1 − P_s) takes cells as independent: neither is the chance of "
         f"getting through. That is simulated, in {WORLDS} worlds drawn from what is believed.",
@@ -189,8 +191,13 @@ def check(config: ConfigOption, out_folder: OutOption = Path("runs")) -> None:
 @cli.command("set")
 def set_weights(
     uav: Annotated[
-        list[int] | None,
-        typer.Option("--uav", metavar="N", help="System id of a vehicle; may be repeated."),
+        list[str] | None,
+        typer.Option(
+            "--uav",
+            metavar="NAME",
+            help="A vehicle's name or system id; may be repeated.",
+            show_default=False,
+        ),
     ] = None,
     everyone: Annotated[bool, typer.Option("--all", help="Every vehicle of the swarm.")] = False,
     w: Annotated[
@@ -246,7 +253,7 @@ def replay(
 ) -> None:
     """Fold the recorded events of a run again and say whether the same was decided."""
     try:
-        verdict = record.replay(_record_of(run))
+        verdict = record.replay(record.of(run))
     except record.RecordError as error:
         _fail([str(error)], USAGE)
     if verdict.difference:
@@ -341,53 +348,31 @@ def _refusal(member: Member) -> str:
     )
 
 
-def _with_known(scenario: Scenario, run: Path) -> Belief:
+def _with_known(scenario: Scenario, run: Path) -> Scenario:
     try:
-        return scenario.prior.merge(record.observations(_record_of(run)))
-    except record.RecordError as error:
-        _fail([f"--known {error}"], USAGE)
-    except ValueError as error:  # cells outside the area
-        _fail([f"--known {run}: {error}"], USAGE)
-
-
-def _record_of(run: Path) -> Path:
-    return run / "run.mcap" if run.is_dir() else run
+        scenario, said = with_known(scenario, run)
+    except NotKnown as error:
+        _fail([str(error)], USAGE)
+    for text in said:
+        out.print(text, highlight=False, markup=False, soft_wrap=True)
+    if closed := list(without_a_way(scenario)):
+        _fail(closed, EXPECTED)
+    return scenario
 
 
 def _plan_front(scenario: Scenario, out_folder: Path, uav: str, max_labels: int) -> None:
-    names = [spec.name for spec in scenario.specs]
-    if uav and uav not in names:
-        _fail([f"--uav {uav}: no vehicle of this name; there is {', '.join(names)}"], USAGE)
-    found = front_report.fronts(scenario, [uav] if uav else names, max_labels)
+    names = {spec.sysid: spec.name for spec in scenario.specs}
+    try:
+        wanted = meant_by([uav], names) if uav else list(names)
+    except ValueError as error:
+        _fail([f"--uav {uav}: {error}"], USAGE)
+    found = front_report.fronts(scenario, [names[sysid] for sysid in wanted], max_labels)
     folder = _run_folder(out_folder, f"{scenario.config.name}-front")
     front_report.write_fronts(folder, scenario, found)
     out.print(front_report.front_table(found))
     for text in [*front_report.left_out(found), front_report.WHAT_IS_WHAT]:
         out.print(text, style="bright_black", highlight=False, markup=False, soft_wrap=True)
     out.print(f"all routes, with their cells, and the picture: {folder}", highlight=False, soft_wrap=True)
-
-
-def _plan_table(scenario: Scenario, routes: dict[str, tuple[Route, ...]]) -> Table:
-    grid = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False)
-    grid.add_column("vehicle")
-    for title in ("w", Text("length [m]"), "ΣP_s", "∏(1 − P_s)", "chance by simulation, 95 %"):
-        grid.add_column(title, justify="right")
-    for index, (spec, task) in enumerate(zip(scenario.specs, scenario.tasks, strict=True)):
-        for name, planned in routes.items():
-            route = planned[index]
-            length_m = route.length_cells * scenario.grid.cell_size_m
-            chosen = "bold" if name == scenario.chosen_by else ""
-            grid.add_row(
-                spec.name if name == next(iter(routes)) else "",
-                name.removeprefix("w = "),
-                f"{length_m:.0f}",
-                f"{route.exposure_sum:.3f}",
-                f"{route.safety_factor:.4f}",
-                str(scenario.chance(task.uav, scenario.prior, task.strength, route.cells)),
-                style=chosen,
-            )
-        grid.add_section()
-    return grid
 
 
 def _tell(report: Report, folder: Path) -> None:
@@ -404,6 +389,8 @@ def _tell(report: Report, folder: Path) -> None:
         out.print("nothing was flown to the end; see above", highlight=False)
     else:
         out.print(f"{report.arrived} of {len(report.states)} arrived", highlight=False)
+        if missed := _missed(report):
+            err.print(f"out of time: {', '.join(missed)}", style="red", highlight=False, soft_wrap=True)
     out.print(f"run folder: {folder}", highlight=False, soft_wrap=True)
 
 
@@ -424,16 +411,19 @@ def _summary_table(report: Report) -> Table:
         "flown\n[m]", "time\n[s]", "ΣP_s", "∏\n(1−P_s)", "chance at take-off,\nsimulated, 95 %",
         "by true\nhostiles", "strikes", "re-\nplans", "sent",
     )  # fmt: skip
-    for title in titles:
+    vehicles = report.summary["vehicles"]
+    bounded = any(v["arrival_bound_kept"] is not None for v in vehicles)
+    for title in titles[:2] + ("over goal /\nbound [s]",) * bounded + titles[2:]:
         grid.add_column(Text(title), justify="right", no_wrap=True)
     grid.add_column("outcome", min_width=7)
-    for v in report.summary["vehicles"]:
+    for v in vehicles:
         time_s = "–" if v["flight_time_s"] is None else f"{v['flight_time_s']:.0f}"
         true_chance = v["chance_among_true_hostiles"]
         grid.add_row(
             v["name"],
             f"{v['flown_m']:.0f}",
             time_s,
+            *([_over_goal(v)] if bounded else []),
             f"{v['exposure_sum_at_decisions']:.3f}",
             f"{v['safety_factor_at_decisions']:.4f}",
             _chance(v["at_takeoff"]),
@@ -444,6 +434,22 @@ def _summary_table(report: Report) -> Table:
             Text(v["outcome"]),
         )
     return grid
+
+
+def _over_goal(v: dict[str, Any]) -> Text:
+    """When a vehicle was over its goal, and when it was to be; red where it was not."""
+    if v["arrival_bound_kept"] is None:
+        return Text("–")
+    after_s, within_s, arrived_s = v["arrive_after_s"], v["arrive_within_s"], v["arrived_s"]
+    bound = "" if within_s is None else f"{within_s:g}"
+    bound = f"{after_s:g}–{bound}" if after_s > 0.0 else bound
+    arrived = "–" if arrived_s is None else f"{arrived_s:.1f}"
+    return Text(f"{arrived} / {bound}", style="" if v["arrival_bound_kept"] else "red")
+
+
+def _missed(report: Report) -> list[str]:
+    """The vehicles that did not keep their time bounds."""
+    return [v["name"] for v in report.summary["vehicles"] if v["arrival_bound_kept"] is False]
 
 
 def _chance(at_takeoff: dict[str, Any] | None) -> str:

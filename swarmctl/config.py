@@ -13,7 +13,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+)
 
 from swarmctl import yaml_lines
 from swarmctl.bus.endpoint import parse_endpoint
@@ -119,9 +127,12 @@ class PlannerSection(_Section):
     )
     options: dict[str, Any] = Field({}, description="what else the planner lets one choose, by its name")
 
-    def model_post_init(self, _context: object) -> None:
-        if self.name in PLANNERS:
-            method(self.name, PLANNERS[self.name], self.options)
+    @field_validator("options")
+    @classmethod
+    def _known_to_the_planner(cls, options: dict[str, Any], info: ValidationInfo) -> dict[str, Any]:
+        if (name := info.data.get("name")) is not None:
+            method(name, PLANNERS[name], options)
+        return options
 
 
 class Communication(_Section):
@@ -148,13 +159,14 @@ class Flight(_Section):
     altitude_step_m: float = Field(5.0, ge=0.0, description="each next vehicle flies this much higher [m]")
     any_angle: bool = Field(
         False,
-        description="whether routes are pulled straight where neither length nor exposure gets worse; "
-        "false: the paper's lattice route is flown unchanged",
+        description="whether routes are pulled straight where neither length nor exposure gets worse, as "
+        "any_angle_exposure counts it; false: the paper's lattice route is flown unchanged",
     )
     any_angle_exposure: Counting = Field(
-        Counting.INTEGRAL,
-        description="what must not get worse: integral (P_s along the track) or entered (ΣP_s over the cells "
-        "entered too, of which a straight track enters more: pulls less)",
+        Counting.ENTERED,
+        description="what must not get worse: entered (ΣP_s over the cells entered, as strikes are drawn, "
+        "and P_s along the track) or integral (P_s along the track alone: pulls more, but enters more cells, "
+        "so that ΣP_s may rise and the chance of getting through fall)",
         strict=False,
     )
     on_exit: Literal["hold", "return", "land"] = Field("return", description="on Ctrl-C, after holding")
@@ -247,6 +259,8 @@ class Problem:
 
     path: yaml_lines.Path
     text: str
+    given: yaml_lines.Path = ()
+    """another value that it comes of: where that is wrong, nobody knows whether this is"""
 
 
 class ConfigError(Exception):
@@ -305,7 +319,8 @@ def _judged_rest(
         path = problem.path
         if len(path) > 1 and path[0] == "vehicles" and isinstance(path[1], int):
             path = ("vehicles", kept[path[1]], *path[2:])
-        if not any(_touches(path, w) for w in wrong):
+        concerned = [path, problem.given] if problem.given else [path]
+        if not any(_touches(key, w) for key in concerned for w in wrong):
             yield Problem(path, problem.text)
 
 

@@ -64,8 +64,11 @@ class Chatter:
             self.ui.say(f"{after.task.name}: {after.late}")
         if after.lost is not before.lost:
             self.ui.say(f"{after.task.name}: " + ("link lost" if after.lost else "heard again"))
+        changed = (after.w, after.strength) != (before.w, before.strength)
         for effect in effects:
-            if isinstance(event, ev.WeightsChanged) and isinstance(effect, ev.Answer):
+            if not isinstance(event, ev.WeightsChanged) or not isinstance(effect, ev.Answer):
+                continue
+            if changed or effect.answer.outcome != "taken":  # what changes nothing is its operator's to know
                 self.ui.say(told(event.w, event.strength, effect.answer))
 
     def sent(self, uav: int, message: Message, recipients: int, now: float) -> None:

@@ -10,7 +10,6 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +19,23 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from swarmctl.agent import Task, before_takeoff, first_problem, first_route
+from swarmctl.agent import (
+    Flown,
+    Task,
+    before_takeoff,
+    bounds_of,
+    first_problem,
+    first_route,
+    flown_for,
+    route_lost_s,
+    unpulled,
+)
 from swarmctl.core.chance import Chance
 from swarmctl.core.geo import LatLon
+from swarmctl.core.turns import rounded
+from swarmctl.figures import product_text
 from swarmctl.picture import FrontBound, FrontPanel, FrontPoint, draw_fronts
-from swarmctl.planners import Route
+from swarmctl.planners import Problem, Route, Unreachable
 from swarmctl.planners.front import Front, pareto_front
 from swarmctl.scenario import Scenario, Spec
 
@@ -39,6 +50,25 @@ WHAT_IS_WHAT = (
 )
 
 
+PULLED = (
+    "Routes are pulled straight: each row tells what is flown for a route of the front, and may beat another "
+    "in both."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """A route, and what is flown for it."""
+
+    route: Route
+    flown: Flown
+    """the route itself where the vehicle could not fly it"""
+    is_flyable: bool
+    """False if no track for it has turns as wide as the vehicle needs"""
+    chance: Chance
+    """of getting through with what is flown"""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class VehicleFront:
     """One vehicle's front at take-off, and what the configuration makes of it."""
@@ -48,29 +78,34 @@ class VehicleFront:
     exposure: NDArray[np.float64]
     """P_s (rows, cols) at take-off"""
     front: Front
-    chosen: Route
+    offers: tuple[Offer, ...]
+    """one a route of the front"""
+    chosen: Offer
     chosen_by: str
     chosen_index: int | None
     """on the front; None where the configured planner minds something else than the two"""
     shown: tuple[int, ...]
     """those worth a row"""
-    chances: dict[int, Chance]
-    """of the shown ones"""
 
     @property
     def name(self) -> str:
         return self.spec.name
 
-    def length_m(self, route: Route) -> float:
-        return route.length_cells * self.task.grid.cell_size_m
+    def length_m(self, flown: Flown) -> float:
+        return flown.length_cells * self.task.grid.cell_size_m
 
-    def arrives_s(self, route: Route) -> float:
-        underway = before_takeoff(self.task.arrival, self.task.altitude_m)
-        return underway.arrives_s(self.task.arrival, self.length_m(route))
+    def arrives_s(self, flown: Flown) -> float:
+        """With what its turns cost, as the vehicle reckons."""
+        task = self.task
+        underway = before_takeoff(task.arrival, task.altitude_m)
+        return underway.arrives_s(task.arrival, self.length_m(flown), route_lost_s(task, flown.corners))
 
-    def is_in_time(self, route: Route) -> bool:
-        arrival = self.task.arrival
-        return arrival.after_s <= self.arrives_s(route) <= arrival.within_s
+    def is_in_time(self, flown: Flown) -> bool:
+        """By the rule of its planner."""
+        task, cell_m = self.task, self.task.grid.cell_size_m
+        lost_cells = route_lost_s(task, flown.corners) * task.arrival.speed_m_s / cell_m
+        window = bounds_of(task, before_takeoff(task.arrival, task.altitude_m))
+        return window.misses_by(flown.length_cells, lost_cells) == 0.0
 
 
 def fronts(
@@ -89,13 +124,23 @@ def _front(scenario: Scenario, index: int, spec: Spec, max_labels: int | None) -
     problem = first_problem(task, scenario.prior)
     unbounded = replace(problem, min_length_cells=0.0, max_length_cells=math.inf)
     front = pareto_front(unbounded, max_labels=max_labels)
-    chosen = first_route(task, scenario.prior)
-    at = next((i for i, route in enumerate(front.routes) if _equals(route, chosen)), None)
+    chosen = _offer(scenario, task, problem, first_route(task, scenario.prior))
+    at = next((i for i, route in enumerate(front.routes) if _equals(route, chosen.route)), None)
+    # Of routes that are one point of the front, the configured one is flown.
+    offers = tuple(
+        chosen if i == at else _offer(scenario, task, problem, route) for i, route in enumerate(front.routes)
+    )
     shown = _knees(front, at)
-    chances = {
-        i: scenario.chance(task.uav, scenario.prior, scenario.strength, front.routes[i].cells) for i in shown
-    }
-    return VehicleFront(spec, task, problem.exposure, front, chosen, scenario.chosen_by, at, shown, chances)
+    return VehicleFront(spec, task, problem.exposure, front, offers, chosen, scenario.chosen_by, at, shown)
+
+
+def _offer(scenario: Scenario, task: Task, problem: Problem, route: Route) -> Offer:
+    try:
+        flown, is_flyable = flown_for(task, problem, route), True
+    except Unreachable:
+        flown, is_flyable = unpulled(route), False
+    chance = scenario.chance(task.uav, scenario.prior, task.strength, flown.cells)
+    return Offer(route, flown, is_flyable, chance)
 
 
 def _equals(one: Route, other: Route) -> bool:
@@ -105,8 +150,9 @@ def _equals(one: Route, other: Route) -> bool:
 
 
 def _knees(front: Front, always: int | None) -> tuple[int, ...]:
-    """At most ROWS of a front: its ends, the configured one, and then what bends most (Douglas and Peucker's
-    order: always the point farthest from the line through those already there)."""
+    """At most ROWS of a front: its ends, the configured one, then those that some w finds, then the others;
+    of each what bends most first (Douglas and Peucker's order: always the point farthest from the line
+    through those already there)."""
     n = len(front.routes)
     points = np.array([(route.length_cells, route.exposure_sum) for route in front.routes])
     points = (points - points.min(axis=0)) / np.maximum(np.ptp(points, axis=0), SAME)
@@ -116,6 +162,8 @@ def _knees(front: Front, always: int | None) -> tuple[int, ...]:
         between = np.interp(points[:, 0], points[line, 0], points[line, 1])
         away = np.abs(points[:, 1] - between)
         away[line] = -1.0
+        if any(s and i not in kept for i, s in enumerate(front.supported)):
+            away[~np.array(front.supported)] = -1.0
         kept.add(int(away.argmax()))
     return tuple(sorted(kept))
 
@@ -135,31 +183,31 @@ def front_table(found: Sequence[VehicleFront]) -> Table:
         for row, index in enumerate(vehicle.shown):
             _add_row(grid, vehicle, index, first=row == 0)
         if vehicle.chosen_index is None:
-            _add_numbers(grid, "", vehicle, vehicle.chosen, "", "not on the front", _mark(vehicle), "bold")
+            _add_numbers(grid, "", vehicle, vehicle.chosen, "not on the front", _mark(vehicle), "bold")
         grid.add_section()
     return grid
 
 
 def _add_row(grid: Table, vehicle: VehicleFront, index: int, *, first: bool) -> None:
-    route, front = vehicle.front.routes[index], vehicle.front
+    offer = vehicle.offers[index]
     is_chosen = index == vehicle.chosen_index
-    style = "bold" if is_chosen else "" if vehicle.is_in_time(route) else "bright_black"
-    mark = _mark(vehicle) if is_chosen else "" if vehicle.is_in_time(route) else "out of its time bound"
+    mark = _mark(vehicle) if is_chosen else _fault(vehicle, offer)
+    style = "bold" if is_chosen else "bright_black" if mark else ""
     name = vehicle.name if first else ""
-    chance = str(vehicle.chances[index])
-    _add_numbers(grid, name, vehicle, route, chance, weights(front, index), mark, style)
+    _add_numbers(grid, name, vehicle, offer, weights(vehicle.front, index), mark, style)
 
 
 def _add_numbers(
-    grid: Table, name: str, vehicle: VehicleFront, route: Route, chance: str, w: str, mark: str, style: str
+    grid: Table, name: str, vehicle: VehicleFront, offer: Offer, w: str, mark: str, style: str
 ) -> None:
+    flown = offer.flown
     grid.add_row(
         name,
-        f"{vehicle.length_m(route):.0f}",
-        f"{vehicle.arrives_s(route):.1f}",
-        f"{route.exposure_sum:.3f}",
-        f"{route.safety_factor:.4f}",
-        chance,
+        f"{vehicle.length_m(flown):.0f}",
+        f"{vehicle.arrives_s(flown):.1f}",
+        f"{flown.exposure_sum:.3f}",
+        product_text(flown.safety_factor),
+        str(offer.chance),
         w,
         mark,
         style=style,
@@ -167,21 +215,36 @@ def _add_numbers(
 
 
 def _mark(vehicle: VehicleFront) -> str:
-    return f"← {vehicle.chosen_by}"
+    fault = _fault(vehicle, vehicle.chosen)
+    return f"← {vehicle.chosen_by}" + (f", {fault}" if fault else "")
+
+
+def _fault(vehicle: VehicleFront, offer: Offer) -> str:
+    """Why a vehicle would not fly this."""
+    if not offer.is_flyable:
+        return "turns too tight for it"
+    return "" if vehicle.is_in_time(offer.flown) else "out of its time bound"
 
 
 def weights(front: Front, index: int) -> str:
-    """For which w the planner of the paper gives a route, with as many digits as that takes."""
+    """For which w the planner of the paper gives a route, with as many digits as tell the w apart at which
+    routes change."""
     w_range = front.w_ranges[index]
     if not front.supported[index] or w_range is None:
         return "none: constrained only"
+    ends = {0.0, 1.0} | {w for weights in front.w_ranges if weights is not None for w in weights}
     low, high = w_range
     if high - low < SAME:
-        return f"{low:.4g} alone"
-    for digits in count(2):
-        if (a := f"{low:.{digits}g}") != (b := f"{high:.{digits}g}") or digits > 8:
-            return f"{a} to {b}"
-    raise AssertionError
+        return f"{_weight(low, ends)} alone"
+    return f"{_weight(low, ends)} to {_weight(high, ends)}"
+
+
+def _weight(w: float, ends: set[float]) -> str:
+    """Off by less than a quarter of the way to the next of `ends`, so that no two are written alike and none
+    that is not 0 or 1 is written as these."""
+    spare = min(abs(w - other) for other in ends if abs(w - other) >= SAME) / 4.0
+    texts = (f"{w:.{digits}g}" for digits in range(2, 18))
+    return next(text for text in texts if abs(float(text) - w) <= spare)
 
 
 def left_out(found: Sequence[VehicleFront]) -> list[str]:
@@ -196,6 +259,8 @@ def left_out(found: Sequence[VehicleFront]) -> list[str]:
                 f"{vehicle.name}: the search was cut off, so there may be more between these routes; "
                 "give a greater --max-labels"
             )
+    if any(offer.flown.is_pulled for vehicle in found for offer in vehicle.offers):
+        lines.append(PULLED)
     return lines
 
 
@@ -214,7 +279,7 @@ def write_fronts(folder: Path, scenario: Scenario, found: Sequence[VehicleFront]
     for first in range(0, len(found), PANELS_A_SHEET):
         sheet = 1 + first // PANELS_A_SHEET
         name = "front.png" if sheet == 1 else f"front-{sheet}.png"
-        panels = [_panel(vehicle) for vehicle in found[first : first + PANELS_A_SHEET]]
+        panels = [panel_of(vehicle) for vehicle in found[first : first + PANELS_A_SHEET]]
         title = f"{scenario.config.name}: what length buys"
         draw_fronts(folder / name, scenario.grid, panels, title, _subtitle(scenario, found))
 
@@ -230,32 +295,37 @@ def _vehicle(vehicle: VehicleFront) -> dict[str, Any]:
         "configured": {**_numbers(vehicle, vehicle.chosen), "index": vehicle.chosen_index},
         "routes": [
             {
-                **_numbers(vehicle, route),
+                **_numbers(vehicle, offer),
                 "supported": front.supported[index],
                 "w": front.w_ranges[index],
-                "chance_by_simulation": _chance(vehicle.chances.get(index)),
             }
-            for index, route in enumerate(front.routes)
+            for index, offer in enumerate(vehicle.offers)
         ],
     }
 
 
-def _numbers(vehicle: VehicleFront, route: Route) -> dict[str, Any]:
-    return {
-        "length_m": vehicle.length_m(route),
-        "length_cells": route.length_cells,
-        "arrives_s": vehicle.arrives_s(route),
-        "in_time": vehicle.is_in_time(route),
+def _numbers(vehicle: VehicleFront, offer: Offer) -> dict[str, Any]:
+    """Of what is flown; and from which route that was pulled, if it was."""
+    flown, route, chance = offer.flown, offer.route, offer.chance
+    pulled_from = {
+        "length_m": route.length_cells * vehicle.task.grid.cell_size_m,
         "exposure_sum": route.exposure_sum,
         "safety_factor": route.safety_factor,
         "cells": route.cells,
     }
-
-
-def _chance(chance: Chance | None) -> dict[str, float] | None:
-    if chance is None:
-        return None
-    return {"estimate": chance.estimate, "low_95": chance.low, "high_95": chance.high}
+    return {
+        "length_m": vehicle.length_m(flown),
+        "length_cells": flown.length_cells,
+        "arrives_s": vehicle.arrives_s(flown),
+        "in_time": vehicle.is_in_time(flown),
+        "flyable": offer.is_flyable,
+        "exposure_sum": flown.exposure_sum,
+        "safety_factor": flown.safety_factor,
+        "chance_by_simulation": {"estimate": chance.estimate, "low_95": chance.low, "high_95": chance.high},
+        "cells": flown.cells,
+        "corners": flown.corners,
+        "pulled_from": pulled_from if flown.is_pulled else None,
+    }
 
 
 def _subtitle(scenario: Scenario, found: Sequence[VehicleFront]) -> str:
@@ -266,8 +336,9 @@ def _subtitle(scenario: Scenario, found: Sequence[VehicleFront]) -> str:
     )
 
 
-def _panel(vehicle: VehicleFront) -> FrontPanel:
-    front, arrival = vehicle.front, vehicle.task.arrival
+def panel_of(vehicle: VehicleFront) -> FrontPanel:
+    """What is drawn of a vehicle's front."""
+    front, arrival, chosen = vehicle.front, vehicle.task.arrival, vehicle.chosen
     n, n_hull = len(front.routes), sum(front.supported)
     about = f"{n} route{'s' if n != 1 else ''}, {n_hull} on the hull"
     before_s = before_takeoff(arrival, vehicle.task.altitude_m).arrives_s(arrival, 0.0)
@@ -277,20 +348,21 @@ def _panel(vehicle: VehicleFront) -> FrontPanel:
         about=about if front.complete else f"{about}; cut off, there may be more",
         points=[
             FrontPoint(
-                vehicle.length_m(route),
-                route.exposure_sum,
+                vehicle.length_m(offer.flown),
+                offer.flown.exposure_sum,
                 front.supported[index],
-                _track(vehicle, route) if index in vehicle.shown else None,
+                _track(vehicle, offer) if index in vehicle.shown else None,
             )
-            for index, route in enumerate(front.routes)
+            for index, offer in enumerate(vehicle.offers)
         ],
         exposure=vehicle.exposure,
         start=vehicle.spec.start,
         goal_cells=vehicle.task.goals,
         before_s=before_s,
         speed_m_s=arrival.speed_m_s,
-        chosen=(vehicle.length_m(vehicle.chosen), vehicle.chosen.exposure_sum),
+        chosen=(vehicle.length_m(chosen.flown), chosen.flown.exposure_sum),
         chosen_by=vehicle.chosen_by,
+        chosen_track=_track(vehicle, chosen) if vehicle.chosen_index is None else None,
         bounds=[
             FrontBound((end_s - before_s) * arrival.speed_m_s, f"{words} {end_s:g} s", words == "within")
             for end_s, words in ends
@@ -299,5 +371,10 @@ def _panel(vehicle: VehicleFront) -> FrontPanel:
     )
 
 
-def _track(vehicle: VehicleFront, route: Route) -> list[LatLon]:
-    return [vehicle.spec.start, *(vehicle.task.grid.centre(cell) for cell in route.cells)]
+def _track(vehicle: VehicleFront, offer: Offer) -> list[LatLon]:
+    """From the start over the corners, whose turns are drawn as they are flown."""
+    grid, radius_m = vehicle.task.grid, vehicle.task.turn_radius_m
+    points = [grid.frame.to_local(*grid.centre(cell)) for cell in offer.flown.corners]
+    if offer.is_flyable and radius_m > 0.0:
+        points, _ = rounded(points, radius_m)
+    return [vehicle.spec.start, *(grid.frame.to_geodetic(*point) for point in points)]

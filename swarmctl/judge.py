@@ -13,7 +13,7 @@ from swarmctl.core.geo import distance_m
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.judge_bounds import judge_bounds, unmet_bound
 from swarmctl.links.url import parse_url
-from swarmctl.planners import BoundTooTight, Route, Unreachable
+from swarmctl.planners import PLANNERS, BoundTooTight, Route, Unreachable
 from swarmctl.scenario import (
     Scenario,
     Spec,
@@ -39,7 +39,7 @@ def judge(config: Config) -> Iterator[Problem]:
         text = f"{grid.rows} × {grid.cols} are {grid.n_cells} cells, more than {MAX_CELLS}; make them larger"
         yield Problem(("area",), text)
         return
-    problems = [*_judge_threats(config, grid), *_judge_vehicles(config, grid)]
+    problems = [*_judge_unused(config), *_judge_threats(config, grid), *_judge_vehicles(config, grid)]
     if config.simulate is None and not config.vehicles:
         text = "no vehicle: give `simulate: {count: 5}` or a list of vehicles"
         problems.append(Problem(("vehicles",), text))
@@ -62,7 +62,7 @@ def _judge_flights(scenario: Scenario) -> Iterator[Problem]:
         try:
             route = first_route(task, scenario.prior)
         except BoundTooTight as error:
-            yield from unmet_bound(task, error.nearest.length_cells, here)
+            yield from unmet_bound(task, error.nearest, here)
         except Unreachable as error:
             text = f"{task.name} cannot reach its goal: {error}; open a way in area.no_fly"
             yield Problem((*here, "goal"), text)
@@ -134,6 +134,19 @@ def _judge_landing(scenario: Scenario, task: Task, path: KeyPath) -> Iterator[Pr
     if task.landing_count > 1 and apart_m < MIN_LANDING_APART_M:
         text = f"{task.landing_count} vehicles that share goals would land {apart_m:.1f} m apart in one cell"
         yield Problem(path, f"{text}, less than {MIN_LANDING_APART_M:g} m; give them goals of their own")
+
+
+def _judge_unused(config: Config) -> Iterator[Problem]:
+    """Keys that are given and would do nothing. (ψ always does something: the paper's routes stand beside the
+    planner's own in `plan`.)"""
+    planner, flight = config.planner, config.flight
+    if "w" in planner.model_fields_set and not PLANNERS[planner.name].USES_W:
+        users = " or ".join(name for name, other in PLANNERS.items() if other.USES_W)
+        text = f"planner {planner.name} does not go by w; leave it away, or give planner.name: {users}"
+        yield Problem(("planner", "w"), text)
+    if "any_angle_exposure" in flight.model_fields_set and not flight.any_angle:
+        text = "does nothing without flight.any_angle: true; give that too, or leave this away"
+        yield Problem(("flight", "any_angle_exposure"), text)
 
 
 def _judge_threats(config: Config, grid: Grid) -> Iterator[Problem]:

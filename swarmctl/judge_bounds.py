@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from swarmctl.agent import CLIMB_M_S, Task, before_takeoff
+from swarmctl.agent import CLIMB_M_S, Task, arrives_s, before_takeoff
 from swarmctl.config import Config, Problem, Simulate, Vehicle
-from swarmctl.planners import PLANNERS, BadProblem, Method, method
+from swarmctl.planners import PLANNERS, BadProblem, Method, Route, method
 from swarmctl.planners import Problem as Question
 from swarmctl.yaml_lines import Path as KeyPath
 
@@ -43,20 +43,22 @@ def _judge_keeping(config: Config, path: KeyPath, keeps: Callable[[Method], bool
         return
     others = [name for name, planner in PLANNERS.items() if keeps(method(name, planner, {}))]
     text = f"planner {chosen.name} does not keep it; give planner.name: {' or '.join(others)}"
-    yield Problem(path, text)
+    yield Problem(path, text, given=("planner", "name"))
 
 
-def unmet_bound(task: Task, nearest_cells: float, here: KeyPath) -> Iterator[Problem]:
-    """No route of the planner meets it; `nearest_cells` long is the one that misses it least."""
+def unmet_bound(task: Task, nearest: Route, here: KeyPath) -> Iterator[Problem]:
+    """No route of the planner meets it; `nearest` is the one that misses it least."""
     arrival, underway = task.arrival, before_takeoff(task.arrival, task.altitude_m)
-    way_m = nearest_cells * task.grid.cell_size_m
-    takes_s = underway.arrives_s(arrival, way_m)
+    takes_s = arrives_s(task, nearest)
     climb_s, lead_s = task.altitude_m / CLIMB_M_S, underway.lead_m / arrival.speed_m_s
-    through_s = way_m / arrival.speed_m_s
-    parts = f"{climb_s:.1f} s to climb, {lead_s:.1f} s to the area and {through_s:.1f} s through it"
+    through_s = nearest.length_cells * task.grid.cell_size_m / arrival.speed_m_s
+    lost_s = takes_s - climb_s - lead_s - through_s
+    parts = f"{climb_s:.1f} s to climb, {lead_s:.1f} s to the area, {through_s:.1f} s through it and "
+    parts += f"{lost_s:.1f} s for speeding up and turns"
     if takes_s > arrival.within_s:
-        text = f"{arrival.within_s:g} is too soon for {task.name}: the fastest route takes {takes_s:.1f} s"
-        yield Problem((*here, "arrive_within_s"), f"{text} ({parts}); allow more")
+        needed_s = math.ceil(10.0 * takes_s) / 10.0
+        text = f"{arrival.within_s:g} is too soon for {task.name}: the fastest route found takes "
+        yield Problem((*here, "arrive_within_s"), f"{text}{needed_s:.1f} s ({parts}); allow more")
     else:
         text = f"no route that {task.method.name} finds takes {task.name} {arrival} from its take-off to its "
         text += f"goal: the nearest takes {takes_s:.1f} s ({parts}); widen the window"

@@ -33,10 +33,10 @@ class Station:
     endpoint: BusEndpoint
 
 
-def meant(uavs: list[int], everyone: bool) -> tuple[int, ...] | None:
-    """System ids; None for all. Raises Unclear."""
+def meant(uavs: list[str], everyone: bool) -> tuple[str, ...] | None:
+    """Names or system ids, as given: the swarm knows which is which. None for all. Raises Unclear."""
     if everyone == bool(uavs):
-        raise Unclear("which vehicles? give --uav N, which may be repeated, or --all")
+        raise Unclear("which vehicles? give --uav NAME (or its system id), which may be repeated, or --all")
     return None if everyone else tuple(uavs)
 
 
@@ -82,7 +82,10 @@ def find(swarm: str | None, config: Config | None, connect: str | None) -> Stati
         there = ", ".join(f"{e.swarm} at {e.endpoint} (process {e.pid})" for e in meant)
         raise Unclear(f"{len(meant)} swarms fly here: {there}; --swarm NAME or --connect says which is meant")
     others = f"; there is {', '.join(e.swarm for e in flying)}" if flying else ""
-    raise BusError(f"no swarm {swarm or ''}".rstrip() + f" of this user flies on this machine{others}")
+    raise BusError(
+        f"no swarm {swarm or ''}".rstrip() + f" of this user flies on this machine{others}; a flight takes "
+        "commands in real time only (not with --clock virtual), and not with bus: memory or listen: none"
+    )
 
 
 def _name(swarm: str | None, config: Config | None) -> str | None:
@@ -119,7 +122,10 @@ async def ask(bus: Transport, station: Station, command: SetWeights) -> WeightsA
             "the command is not known; look at its table, or give it again"
         ) from None
     if not answers:
-        raise NoAnswer(f"no swarm {station.swarm} is at {station.endpoint}; nothing was changed")
+        raise NoAnswer(
+            f"no swarm {station.swarm} is at {station.endpoint}, or it is asked more than it can answer; "
+            "nothing was changed"
+        )
     try:
         return decode_answer(answers[0])
     except BadMessage as error:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from swarmctl.core.mission import FlightPlan
 from swarmctl.core.turns import rounded
 from swarmctl.picture import MapPicture, PlannedTrack, VehicleTrack, draw_map
 from swarmctl.planfile import plan_json
-from swarmctl.planners import Method, Route, Unreachable
+from swarmctl.planners import PLANNERS, Method, Route, Unreachable
 from swarmctl.scenario import PAPERS, Scenario, Spec
 from swarmctl.summary import known_to_any
 
@@ -31,30 +31,46 @@ def write_run(folder: Path, scenario: Scenario, report: Report) -> None:
     draw_map(folder / "map.png", _flown_picture(scenario, report))
 
 
-def first_routes(scenario: Scenario) -> dict[str, tuple[Route, ...]]:
-    """All vehicles' routes before anything is observed: the paper's for each w of PLAN_WEIGHTS, and the
-    configured ones."""
+@dataclass(frozen=True, slots=True)
+class FirstRoute:
+    """A vehicle's route before anything is observed."""
+
+    task: Task
+    """the vehicle's, with the planner, w and bound by which this route was chosen"""
+    route: Route
+
+
+def first_routes(scenario: Scenario) -> dict[str, tuple[FirstRoute, ...]]:
+    """All vehicles' routes before anything is observed, by what chose them: the paper's for each w of
+    PLAN_WEIGHTS, and the configured ones, with which the vehicles would fly."""
     papers = Method("dijkstra", PAPERS, PAPERS.Params())
-    weighed = [replace(task, method=papers, arrival=AT_ANY_TIME) for task in scenario.tasks]
-    routes = {
-        f"w = {w:g}": tuple(first_route(task, scenario.prior, w) for task in weighed) for w in PLAN_WEIGHTS
+    choices = {
+        w: tuple(replace(task, method=papers, arrival=AT_ANY_TIME, w=w) for task in scenario.tasks)
+        for w in PLAN_WEIGHTS
     }
-    routes[scenario.chosen_by] = tuple(first_route(t, scenario.prior) for t in scenario.tasks)
-    return dict(sorted(routes.items(), key=lambda item: (not item[0].startswith("w = "), item[0])))
+    if PLANNERS[scenario.config.planner.name].USES_W:
+        choices[scenario.config.planner.w] = scenario.tasks
+    named = {f"w = {w:g}": tasks for w, tasks in sorted(choices.items())}
+    named[scenario.chosen_by] = scenario.tasks
+    return {
+        name: tuple(FirstRoute(task, first_route(task, scenario.prior)) for task in tasks)
+        for name, tasks in named.items()
+    }
 
 
-def write_plans(folder: Path, scenario: Scenario, routes: dict[str, tuple[Route, ...]]) -> None:
+def write_plans(folder: Path, scenario: Scenario, routes: dict[str, tuple[FirstRoute, ...]]) -> None:
     """The `.plan` files for the configured choice, and the map of all routes."""
-    for spec, task, route in zip(scenario.specs, scenario.tasks, routes[scenario.chosen_by], strict=True):
-        _write_plan(folder / f"{spec.name}.plan", scenario, spec, first_flight(task, scenario.prior, route))
+    for spec, first in zip(scenario.specs, routes[scenario.chosen_by], strict=True):
+        plan = first_flight(first.task, scenario.prior, first.route)
+        _write_plan(folder / f"{spec.name}.plan", scenario, spec, plan)
     tracks = [
         VehicleTrack(
             name=spec.name,
             start=spec.start,
             goal_cells=spec.goals,
-            planned=[PlannedTrack(name, _track(scenario, spec, task, routes[name][i])) for name in routes],
+            planned=[PlannedTrack(name, _track(scenario, spec, routes[name][i])) for name in routes],
         )
-        for i, (spec, task) in enumerate(zip(scenario.specs, scenario.tasks, strict=True))
+        for i, spec in enumerate(scenario.specs)
     ]
     picture = MapPicture(
         grid=scenario.grid,
@@ -68,7 +84,8 @@ def write_plans(folder: Path, scenario: Scenario, routes: dict[str, tuple[Route,
     draw_map(folder / "map.png", picture)
 
 
-def _track(scenario: Scenario, spec: Spec, task: Task, route: Route) -> list[LatLon]:
+def _track(scenario: Scenario, spec: Spec, first: FirstRoute) -> list[LatLon]:
+    task, route = first.task, first.route
     try:
         points = [spec.start, *_points(first_flight(task, scenario.prior, route))]
     except Unreachable:  # too tight for this vehicle: what it would have to fly if it could

@@ -228,15 +228,17 @@ def replay(path: Path) -> Verdict:
     return Verdict(events, effects, "")
 
 
-def observations(path: Path) -> Iterator[Observation]:
-    """What all vehicles of a recorded run saw. Raises RecordError."""
-    _, records = _read(path)
-    for _, record in records:
-        match record:
-            case EffectRecord(effect=ev.Publish(ObservationShared(observation=observation))):
-                yield observation
-            case _:
-                pass
+def seen(run: Path) -> tuple[Config, list[Observation]]:
+    """The configuration of a recorded run and what all its vehicles saw. Raises RecordError."""
+    config, records = _read(of(run))
+    effects = (record.effect for _, record in records if isinstance(record, EffectRecord))
+    messages = (effect.message for effect in effects if isinstance(effect, ev.Publish))
+    return config, [m.observation for m in messages if isinstance(m, ObservationShared)]
+
+
+def of(run: Path) -> Path:
+    """The record of a run, given as its folder or as the file."""
+    return run / "run.mcap" if run.is_dir() else run
 
 
 def _read(path: Path) -> tuple[Config, list[tuple[str, EventRecord | EffectRecord]]]:

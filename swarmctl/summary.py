@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import platform
-from collections import defaultdict
+from collections import defaultdict, deque
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from typing import Any
@@ -22,6 +22,9 @@ from swarmctl.core.messages import Message, ObservationShared
 from swarmctl.core.threat import FiringStrength
 from swarmctl.planners import Route
 from swarmctl.scenario import Scenario
+
+MAX_WEIGHTS = 500
+"""changes of weights that are kept of a vehicle: the last"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,8 +50,12 @@ class VehicleLedger:
     """by the vehicle's own clock"""
     prospect: Prospect | None = None
     """of the route it took off with"""
-    weights: list[tuple[float | None, int, float, FiringStrength]] = field(default_factory=list)
-    """each change: its flight time then, the first plan made with them, and what they were from then on"""
+    weights: deque[tuple[float | None, int, float, FiringStrength]] = field(
+        default_factory=lambda: deque(maxlen=MAX_WEIGHTS)
+    )
+    """the last changes: its flight time then, the first plan made with them, what they were from then on"""
+    weight_changes: int = 0
+    """all of them"""
 
     @property
     def flight_time_s(self) -> float | None:
@@ -81,7 +88,9 @@ class Ledger:
             case _:
                 pass
         for effect in effects:
-            if isinstance(effect, ev.Answer) and effect.answer.from_plan is not None:
+            changed = (after.w, after.strength) != (before.w, before.strength)
+            if changed and isinstance(effect, ev.Answer) and effect.answer.from_plan is not None:
+                vehicle.weight_changes += 1
                 vehicle.weights.append(
                     (vehicle.flight_time_s, effect.answer.from_plan, after.w, after.strength)
                 )
@@ -197,7 +206,7 @@ def _vehicle(scenario: Scenario, state: AgentState, ledger: Ledger) -> dict[str,
         "trouble": state.trouble,
         "phase": state.phase,
         "flight_time_s": mine.flight_time_s,
-        **_arrival(state),
+        **arrival_of(state),
         "flown_m": state.flown_m,
         "at_takeoff": None if mine.prospect is None else _prospect(scenario, task.uav, mine.prospect),
         "chance_among_true_hostiles": _chance_among_true(scenario, state),
@@ -213,6 +222,7 @@ def _vehicle(scenario: Scenario, state: AgentState, ledger: Ledger) -> dict[str,
             _weights(None, 1, task.w, task.strength),
             *(_weights(*change) for change in mine.weights),
         ],
+        "weight_changes": mine.weight_changes,
         "messages_sent": mine.messages_sent,
         "communication_penalty": scenario.config.communication.penalty_per_m * state.flown_m,
         "latency": ledger.latencies(task.uav),
@@ -223,7 +233,7 @@ def _vehicle(scenario: Scenario, state: AgentState, ledger: Ledger) -> dict[str,
     }
 
 
-def _arrival(state: AgentState) -> dict[str, Any]:
+def arrival_of(state: AgentState) -> dict[str, Any]:
     """The bound and how it was met; times from the take-off, by the vehicle's own clock."""
     arrival, arrived_s = state.task.arrival, None
     if state.arrived_boot_s is not None and state.launched_boot_s is not None:

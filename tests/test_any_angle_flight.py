@@ -14,7 +14,7 @@ from flights import AREA, fly, small
 from mcap.reader import make_reader
 
 from swarmctl import agent, config, outputs, record
-from swarmctl.agent import AgentState, Phase
+from swarmctl.agent import AgentState, Phase, flown_for
 from swarmctl.agent.realise import pulled
 from swarmctl.config import ConfigError
 from swarmctl.core import events as ev
@@ -28,6 +28,7 @@ from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.judge import judge
 from swarmctl.planners import Problem
 from swarmctl.scenario import Scenario, build
+from swarmctl.summary import Ledger, Prospect, summary
 
 BOTH = pytest.mark.parametrize("counting", list(Counting))
 LARGER = {**AREA, "rows": 16, "cols": 16}
@@ -119,6 +120,47 @@ def test_a_route_that_must_not_be_too_short_is_not_pulled() -> None:
     assert track is not None
     assert track.corners == ((0, 0), (1, 2))
     assert pulled(task, replace(problem, min_length_cells=2.3), route) is None
+
+
+def test_what_is_promised_at_take_off_is_of_the_track_by_what_was_believed_then() -> None:
+    plain = scenario(Counting.INTEGRAL)
+    task = plain.tasks[0]
+    seen = Observation(9, 1, 0.0, tuple((12, col, (12, col) in plain.hostiles) for col in range(16)))
+    belief = plain.prior.merge((seen,))
+    state, _ = agent.step(agent.begin(task, belief), ev.Ready(), 0.0)
+    _, (swap,) = agent.step(state, ev.Tick(), 1.0)
+    assert isinstance(swap, ev.SwapMission)
+    assert swap.track is not None
+    assert swap.track.over != swap.cells
+    ledger = Ledger()
+    ledger.vehicles[task.uav].prospect = Prospect(swap, belief, task.strength)
+    states = {t.uav: agent.begin(t, plain.prior) for t in plain.tasks}
+    told = summary(plain, states, ledger, clock="virtual", wall_s=None, commands={})
+    promised = told["vehicles"][0]["at_takeoff"]
+    chances = [
+        plain.chance(task.uav, held, task.strength, cells).estimate
+        for held in (belief, plain.prior)
+        for cells in (swap.track.over, swap.cells)
+    ]
+    assert len(set(chances)) == 4
+    assert promised["chance_by_simulation"]["estimate"] == chances[0]
+    assert promised["exposure_sum"] == swap.track.exposure_sum
+    assert promised["length_m"] == pytest.approx(swap.track.length_cells * 50.0)
+
+
+def losing_turns(planner: str) -> set[tuple[Cell, ...]]:
+    """The corners, at w = 0 and w = 1, of what a vehicle flies that cannot turn as its route does."""
+    plain = small(area=LARGER, threats={"count": 14}, planner={"name": planner}, flight=ON)
+    task = replace(plain.tasks[0], turn_radius_m=60.0)
+    problem = Problem(0.9 * np.random.default_rng(0).random((16, 16)), (3, 0), ((3, 12),), 1.0, 0.1)
+    route = scenario(Counting.ENTERED).tasks[0].method.plan(problem)
+    return {flown_for(task, replace(problem, w=w), route).corners for w in (0.0, 1.0)}
+
+
+def test_w_decides_what_a_turn_may_cost_only_where_the_planner_goes_by_it() -> None:
+    assert len(losing_turns("dijkstra")) == 2
+    assert len(losing_turns("constrained")) == 1
+    assert losing_turns("constrained") < losing_turns("dijkstra")
 
 
 # --- one vehicle under way

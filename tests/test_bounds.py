@@ -26,10 +26,21 @@ def test_without_a_bound_every_length_is_good() -> None:
 
 
 def test_before_the_take_off_the_climb_and_the_way_to_the_entry_are_counted() -> None:
-    # 120 s less 40 m at 2.5 m/s and 85 m at 10 m/s are 95.5 s, in which it flies 955 m or 19.1 cells.
+    # 40 m at 2.5 m/s and 1.5 s to lift off, 85 m at 10 m/s from rest to rest: speeding up by 2.5 m/s² costs
+    # 2 s, braking by 1.75 m/s² 20/7 s. Of 120 s that leaves 95.5 s less 1.5 and 4.857 s.
     on_ground = before_takeoff(AT_10_M_S, altitude_m=40.0)
-    assert window(AT_10_M_S, CELL_M, on_ground) == Window(0.0, pytest.approx(19.1))
-    assert on_ground.arrives_s(AT_10_M_S, 955.0) == pytest.approx(120.0)
+    left_m = 955.0 - 15.0 - 10.0 * (2.0 + 20.0 / 7.0)
+    assert window(AT_10_M_S, CELL_M, on_ground) == Window(0.0, pytest.approx(left_m / CELL_M))
+    assert on_ground.arrives_s(AT_10_M_S, left_m) == pytest.approx(120.0)
+
+
+def test_what_may_be_lost_is_not_counted_on_to_be_late_enough() -> None:
+    between = Arrival(10.0, 80.0, 120.0)
+    plain, losing = Underway(60.0, 0.0, 0.0), Underway(60.0, 0.0, 0.0, lost_s=5.0)
+    assert window(between, CELL_M, losing).min_cells == window(between, CELL_M, plain).min_cells
+    assert window(between, CELL_M, losing).max_cells == pytest.approx(11.0)
+    assert Window(4.0, 10.0).misses_by(3.0, 5.0) == pytest.approx(1.0)
+    assert Window(4.0, 10.0).misses_by(9.0, 1.5) == pytest.approx(0.5)
 
 
 WAYS = [

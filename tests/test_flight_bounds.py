@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
 import pytest
 from flights import Ui, fly, small
+from typer.testing import CliRunner
 
-from swarmctl import record
+from swarmctl import cli, record
+from swarmctl.agent import arrives_s, first_route
+from swarmctl.core.route import thin
+from swarmctl.planners import BoundTooTight
 from swarmctl.scenario import Scenario
 
 pytestmark = pytest.mark.virtual
@@ -97,3 +102,43 @@ def test_a_bound_that_cannot_be_met_is_said_once_and_nobody_stops(tmp_path: Path
             if text.startswith(f"{vehicle['name']}: no route meets its bound of 84 s")
         ]
         assert len(said) == 1
+
+
+@pytest.mark.parametrize("speed_m_s", [6.0, 10.0])
+def test_the_tightest_bound_that_is_accepted_is_kept_around_many_corners(
+    speed_m_s: float, tmp_path: Path
+) -> None:
+    gaps = {2: 5, 5: 8, 8: 5, 11: 8}  # column: row
+    walls = [[row, col] for col, gap in gaps.items() for row in range(14) if row != gap]
+    sections = {"area": {**AREA, "no_fly": walls}, "threats": {"count": 0}, "planner": {"name": "time_bound"}}
+
+    def bounded(within_s: float) -> Scenario:
+        return small(**sections, simulate={"count": 1, "speed_m_s": speed_m_s, "arrive_within_s": within_s})
+
+    free = bounded(1000.0)
+    (task,) = free.tasks
+    with pytest.raises(BoundTooTight) as refused:
+        first_route(bounded(30.0).tasks[0], free.prior)
+    tightest_s = math.ceil(10.0 * arrives_s(task, refused.value.nearest)) / 10.0
+    assert len(thin(refused.value.nearest.cells)) >= 7  # it does turn
+    ui = Ui()
+    (vehicle,) = flown(bounded(tightest_s), tmp_path, ui)
+    assert vehicle["arrival_bound_kept"] is True
+    assert tightest_s - 25.0 < vehicle["arrived_s"] <= tightest_s
+    assert not [text for text in ui.said if "no route meets" in text]
+
+
+def test_a_flight_that_missed_its_bound_does_not_look_fine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cli, "judge", lambda config: ())  # which would refuse the bound
+    file = tmp_path / "late.yaml"
+    sections = "threats: {count: 0}\nplanner: {name: time_bound}\ncommunication: {bus: memory}\n"
+    area = "area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 4, cols: 4, cell_size_m: 50}\n"
+    for within_s, code in ((30, 1), (90, 0)):
+        file.write_text(f"{area}{sections}simulate: {{count: 1, ready_s: 3, arrive_within_s: {within_s}}}\n")
+        words = ["fly", "--clock", "virtual", "--config", str(file), "--out", str(tmp_path / "runs")]
+        result = CliRunner().invoke(cli.cli, words, env={"COLUMNS": "200"})
+        assert result.exit_code == code, result.output
+        assert f"/ {within_s}" in result.output
+        assert ("out of time: uav1" in result.output) is (code == 1)

@@ -103,6 +103,31 @@ def test_the_configured_route_is_ringed_and_named() -> None:
     assert "constrained" in {text.get_text() for text in chart.texts}
 
 
+OFF = [GRID.centre((3, col)) for col in (0, 9, 19)]
+"""a track that is none of a front's"""
+
+
+def test_a_configured_route_off_the_front_is_drawn_on_the_map_and_filled_in_the_chart() -> None:
+    figure = drawn(panel(3, chosen=(1400.0, 6.0), chosen_track=OFF))
+    dashed = [line for line in figure.axes[2].lines if line.get_linestyle() == "--"]
+    assert [len(line.get_xdata()) for line in dashed] == [3]
+    assert [(x, y) for x, y, _ in marks(charts(figure)[0])][-1] == (1400.0, 6.0)
+    on_it = drawn(panel(3))
+    assert not [line for line in on_it.axes[2].lines if line.get_linestyle() == "--"]
+
+
+@pytest.mark.parametrize("exposure", [0.0, 1e-9, 17.5])
+def test_a_front_of_one_route_says_so_and_shows_how_exposed_it_is(exposure: float) -> None:
+    shown = panel(1, points=[FrontPoint(950.0, exposure, True)], chosen=(950.0, exposure))
+    (chart,) = charts(drawn(shown))
+    assert "one route is best in both" in {text.get_text() for text in chart.texts}
+    low, high = chart.get_ylim()
+    assert low < 0.0 <= exposure < high
+    assert -low < 0.2 * high
+    (more,) = charts(drawn(panel(2)))
+    assert "one route is best in both" not in {text.get_text() for text in more.texts}
+
+
 def test_a_bound_is_a_line_that_lies_in_the_chart() -> None:
     (chart,) = charts(drawn(panel()))
     (line,) = [line for line in chart.lines if line.get_linestyle() == "--"]
@@ -139,6 +164,9 @@ def texts_of(figure: Figure) -> list[Text]:
 SHEETS = [
     ("one vehicle", [panel()]),
     ("one route", [panel(1)]),
+    ("one route and another configured", [panel(1, chosen=(1400.0, 6.0), chosen_track=OFF)]),
+    ("one route without any threat", [panel(1, points=[FrontPoint(950.0, 0.0, True)], chosen=(950.0, 0.0))]),
+    ("one route each", [panel(1)] * 3),
     ("two hundred routes", [panel(200)]),
     ("five vehicles", [panel(4 + k, f"uav{k + 1}") for k in range(5)]),
     (

@@ -47,6 +47,9 @@ MAY_IMPORT: dict[str, set[str]] = {
         "swarmctl.core", "swarmctl.agent", "swarmctl.bus", "swarmctl.links", "swarmctl.supervise",
     },
     "swarmctl.record": {"swarmctl.core", "swarmctl.agent", "swarmctl.config", "swarmctl.scenario"},
+    "swarmctl.known": {
+        "swarmctl.core", "swarmctl.agent", "swarmctl.planners", "swarmctl.record", "swarmctl.scenario",
+    },
     "swarmctl.summary": {"swarmctl.core", "swarmctl.planners", "swarmctl.agent", "swarmctl.scenario"},
     "swarmctl.display": {"swarmctl.core", "swarmctl.agent"},
     "swarmctl.director": {
@@ -72,8 +75,13 @@ MAY_IMPORT: dict[str, set[str]] = {
         "swarmctl.planfile", "swarmctl.scenario", "swarmctl.summary",
     },
     "swarmctl.front_report": {
-        "swarmctl.core", "swarmctl.planners", "swarmctl.agent", "swarmctl.picture", "swarmctl.scenario",
+        "swarmctl.core", "swarmctl.planners", "swarmctl.agent", "swarmctl.figures", "swarmctl.picture",
+        "swarmctl.scenario",
     },
+    "swarmctl.plan_report": {
+        "swarmctl.planners", "swarmctl.agent", "swarmctl.figures", "swarmctl.outputs", "swarmctl.scenario",
+    },
+    "swarmctl.figures": set(),
     "swarmctl.face": {"swarmctl.core", "swarmctl.agent", "swarmctl.display"},
     "swarmctl.terminal": {"swarmctl.agent", "swarmctl.display", "swarmctl.face"},
     "swarmctl.operate": {"swarmctl.core", "swarmctl.bus", "swarmctl.config"},

@@ -77,7 +77,7 @@ def test_one_of_two_swarms_takes_a_command_and_the_other_hears_nothing_of_it(pla
         try:
             for flight in (one, two):
                 read_until(flight, "uav2: flying")
-            taken = place.set("--swarm", "one", "--uav", "2", "--w", "0.9")
+            taken = place.set("--swarm", "one", "--uav", "uav2", "--w", "0.9")
             assert (taken.returncode, taken.stderr) == (0, "")
             assert taken.stdout.startswith("uav2: w = 0.9 from plan ")
             read_until(one, taken.stdout.strip())
@@ -88,7 +88,9 @@ def test_one_of_two_swarms_takes_a_command_and_the_other_hears_nothing_of_it(pla
 
             unknown = place.set("--swarm", "one", "--uav", "7", "--w", "0.1")
             assert unknown.returncode == 1
-            assert "one refused: no vehicle of this swarm has system id 7" in unknown.stderr
+            assert (
+                "one refused: nothing was changed: no vehicle has the system id or name 7" in unknown.stderr
+            )
 
             for flight in (one, two):
                 flight.send_signal(signal.SIGINT)

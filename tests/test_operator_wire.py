@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
+import fcntl
 import json
 import math
 import os
+import re
 import socket
 import stat
 import subprocess
@@ -26,13 +29,13 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from swarmctl import operate, preflight
-from swarmctl.bus import directory, keys
-from swarmctl.bus.base import BusError, Transport
+from swarmctl.bus import desk, directory, keys
+from swarmctl.bus.base import MAX_QUESTION_BYTES, BusError, Transport
 from swarmctl.bus.desk import Desk, Tally
 from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
 from swarmctl.bus.memory import MemoryBus
 from swarmctl.bus.open import opened
-from swarmctl.bus.zenoh_bus import ZenohBus
+from swarmctl.bus.zenoh_bus import MAX_FROM_OUTSIDE_BYTES, QUESTIONS, ZenohBus
 from swarmctl.cli import cli
 from swarmctl.clock import run_virtual
 from swarmctl.core import events as ev
@@ -45,6 +48,7 @@ from swarmctl.core.messages import (
     decode_command,
     encode,
 )
+from swarmctl.core.roster import meant_by
 from swarmctl.core.threat import FiringStrength
 
 KEY = "swarmctl/test/operator/weights"
@@ -71,11 +75,31 @@ WRONG: dict[str, tuple[bytes, str]] = {
     "nobody named": (packed(uavs=[], w=0.5), "no vehicle named"),
     "silent about whom": (packed(w=0.5), "missing required field `uavs`"),
     "more than is known": (packed(uavs=[1], w=0.5, psi=3.0), "unknown field `psi`"),
-    "a vehicle of another swarm": (packed(uavs=[1, 9], w=0.5), "system id 9: there is 1 (uav1), 2 (uav2)"),
+    "more vehicles than there can be": (
+        packed(uavs=[1] * 255, w=0.5),
+        "255 vehicles named: expected at most",
+    ),
+    "no system id": (packed(uavs=[0], w=0.5), "system id 0: expected 1 to 254"),
+    "a system id too high": (packed(uavs=[255], w=0.5), "system id 255: expected 1 to 254"),
+    "an empty name": (packed(uavs=[""], w=0.5), "name of 0 characters"),
+    "a name too long": (packed(uavs=["x" * 33], w=0.5), "name of 33 characters"),
 }
+FOREIGN: dict[str, tuple[bytes, str]] = {
+    "a vehicle of another swarm": (
+        packed(uavs=[1, 9], w=0.5),
+        "nothing was changed: no vehicle has the system id or name 9; there is 1 (uav1), 2 (uav2)",
+    ),
+    "a name of another swarm": (packed(uavs=["alpha"], w=0.5), "no vehicle has the system id or name alpha;"),
+    "many of another swarm": (
+        packed(uavs=list(range(10, 100)), w=0.5),
+        "name 10, 11, 12, 13, 14, 15, 16, 17, 18, 19 and 80 more; there is 1 (uav1)",
+    ),
+    "too long to be read": (packed(uavs=[1], w=0.5) + bytes(MAX_QUESTION_BYTES), "more than 16384 bytes"),
+}
+"""what the desk alone can refuse"""
 
 
-@pytest.mark.parametrize("name", [n for n in WRONG if n != "a vehicle of another swarm"])
+@pytest.mark.parametrize("name", WRONG)
 def test_what_makes_no_sense_is_no_command(name: str) -> None:
     payload, why = WRONG[name]
     with pytest.raises(BadMessage) as refused:
@@ -84,13 +108,14 @@ def test_what_makes_no_sense_is_no_command(name: str) -> None:
 
 
 @given(
-    uavs=st.none() | st.lists(st.integers(1, 254), min_size=1, max_size=5).map(tuple),
+    uavs=st.none()
+    | st.lists(st.integers(1, 254) | st.text(min_size=1, max_size=32), min_size=1, max_size=5).map(tuple),
     w=st.floats(0.0, 1.0),
     strengths=st.none() | st.just((0.7, 0.3, 0.1)),
 )
 @settings(max_examples=40, deadline=None, derandomize=True)
 def test_a_command_survives_the_wire(
-    uavs: tuple[int, ...] | None, w: float, strengths: tuple[float, float, float] | None
+    uavs: tuple[int | str, ...] | None, w: float, strengths: tuple[float, float, float] | None
 ) -> None:
     command = SetWeights(uavs, w, strengths)
     assert decode_command(encode(command)) == command
@@ -172,16 +197,99 @@ def test_a_command_reaches_the_vehicles_it_names_and_their_answers_come_back(bot
     asyncio.run(scene())
 
 
-def test_what_is_no_command_for_this_swarm_moves_nobody_is_counted_shown_and_answered(both: Both) -> None:
+def test_what_is_no_command_for_this_swarm_moves_nobody_is_counted_shown_and_answered(
+    both: Both, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(desk, "BURST", 99)
+
     async def scene() -> None:
         with both() as (ground, operator):
             station = Station(ground)
-            for number, (payload, why) in enumerate(WRONG.values(), start=1):
+            for number, (payload, why) in enumerate((WRONG | FOREIGN).values(), start=1):
                 (answer,) = await operator.ask(KEY, payload, 5.0)
                 assert why in decode_answer(answer).refused
                 assert station.tally == Tally(passed_on=0, refused=number)
                 assert why in station.said[-1]
             assert station.posted == []
+
+    asyncio.run(scene())
+
+
+def test_the_largest_command_that_makes_sense_is_read() -> None:
+    names = tuple("\N{BLACK STAR}" * 8 + f"{n:08}" for n in range(254))
+    assert all(len(name.encode()) == 32 for name in names)
+    assert len(encode(SetWeights(names, 0.5, (0.7, 0.3, 0.1)))) <= MAX_QUESTION_BYTES
+
+
+def test_a_flood_of_bytes_ends_at_the_door() -> None:
+    """Zenoh drops what is larger than its listener allows; the operator hears of it as of silence."""
+
+    async def scene() -> None:
+        with over_zenoh() as (ground, operator):
+            station = Station(ground)
+            with suppress(TimeoutError):
+                assert await operator.ask(KEY, bytes(4 * MAX_FROM_OUTSIDE_BYTES), 1.0) == ()
+            assert station.tally == Tally()
+            assert ground.endpoint is not None
+            with ZenohBus(connect=ground.endpoint) as another:
+                assert len(await another.ask(KEY, encode(SetWeights((1,), w=0.2)), 5.0)) == 1
+
+    asyncio.run(scene())
+
+
+def test_commands_that_come_too_fast_are_refused_and_said_once_until_there_was_a_pause() -> None:
+    async def scene() -> None:
+        bus = MemoryBus()
+        station = Station(bus)
+
+        async def give(n: int) -> list[str]:
+            answers = [await bus.ask(KEY, encode(SetWeights((1,), w=0.2)), 5.0) for _ in range(n)]
+            return [decode_answer(answer).refused for (answer,) in answers]
+
+        for flood in (1, 2):
+            refused = await give(30)
+            assert refused[:8] == [""] * 8
+            assert all("faster than 4 a second; nothing was changed" in why for why in refused[8:])
+            assert station.tally == Tally(passed_on=8 * flood, refused=22 * flood)
+            assert len(station.posted) == 8 * flood
+            assert len(station.said) == flood
+            await asyncio.sleep(2.0)
+        await give(8)
+        await asyncio.sleep(0.5)
+        assert await give(2) == ["", ""]
+        assert len(station.said) == 2
+
+    run_virtual(scene())
+
+
+def test_a_wildcard_that_comes_too_fast_is_not_even_said() -> None:
+    async def scene() -> None:
+        bus = MemoryBus()
+        station = Station(bus)
+        served = bus._served[KEY]  # which matches no wildcards by itself
+        for _ in range(99):
+            served("**", b"", lambda _: pytest.fail("a wildcard was answered"))
+        assert station.tally.refused == 99
+        assert len(station.said) == desk.BURST + 1
+
+    run_virtual(scene())
+
+
+def test_questions_displace_nothing_that_vehicles_tell_each_other() -> None:
+    """None is served before the loop turns: what is too much by then is let go, its asker told nothing."""
+
+    async def scene() -> None:
+        heard: list[bytes] = []
+        with ZenohBus() as bus:
+            bus.subscribe("swarmctl/test/uav/1/**", lambda _, payload: heard.append(payload))
+            bus.serve(KEY, lambda _, payload, reply: reply(payload or b""))
+            asked = [asyncio.create_task(bus.ask(KEY, b"?", 5.0)) for _ in range(5 * QUESTIONS)]
+            await asyncio.sleep(0)
+            bus.put("swarmctl/test/uav/1/inform/state/2", b"here")
+            answers = await asyncio.gather(*asked)
+            assert heard == [b"here"]
+            assert [a for a in answers if a] == [(b"?",)] * (len(answers) - bus.dropped)
+            assert bus.dropped > 0
 
     asyncio.run(scene())
 
@@ -223,14 +331,64 @@ def test_a_vehicle_that_is_busy_is_not_waited_for() -> None:
     assert operate.has_failed(SetWeights(None, w=0.2), answer)
 
 
-def test_an_answer_that_comes_too_late_does_no_harm() -> None:
+def test_a_vehicle_is_given_no_command_before_it_has_come_to_the_last() -> None:
     async def scene() -> None:
-        bus = MemoryBus()
-        station = Station(bus, slow=(1, 2))
-        await operate.ask(bus, operate.Station("test", ANYWHERE), SetWeights((1,), w=0.2))
-        station.desk.answered(1, VehicleAnswer(1, "uav1", "taken", 5))
+        bus, there = MemoryBus(), operate.Station("test", ANYWHERE)
+        station = Station(bus, slow=(2,))
+        await operate.ask(bus, there, SetWeights((2,), w=0.2))
+        assert len(station.posted) == 1
+
+        both_named = await operate.ask(bus, there, SetWeights(None, w=0.3))
+        assert [(v.uav, v.outcome) for v in both_named.vehicles] == [(1, "taken"), (2, "refused")]
+        assert "has not come to the command before" in both_named.vehicles[1].note
+        assert operate.has_failed(SetWeights(None, w=0.3), both_named)
+
+        alone = await operate.ask(bus, there, SetWeights((2,), w=0.3))
+        assert "has come to the command before" in alone.refused
+        assert [(uav, event.command) for uav, event in station.posted] == [(2, 1), (1, 2)]
+        assert station.tally == Tally(passed_on=2, refused=1)
+
+        # Its answer comes after all: nobody waits for it, but it is free.
+        station.desk.answered(1, VehicleAnswer(2, "uav2", "taken", 5))
+        await operate.ask(bus, there, SetWeights((2,), w=0.3))
+        assert [(uav, event.command) for uav, event in station.posted] == [(2, 1), (1, 2), (2, 3)]
 
     run_virtual(scene())
+
+
+def test_a_vehicle_is_named_by_its_name_or_its_system_id() -> None:
+    async def scene() -> None:
+        bus = MemoryBus()
+        station = Station(bus)
+        for uavs in ((2,), ("2",), ("uav2",), ("uav2", 2)):
+            answer = await operate.ask(bus, operate.Station("test", ANYWHERE), SetWeights(uavs, w=0.2))
+            assert [v.uav for v in answer.vehicles] == [2]
+        assert [uav for uav, _ in station.posted] == [2] * 4
+
+    run_virtual(scene())
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        (["alpha"], [3]), (["3"], [3]), ([3], [3]), (["7"], [5]), (["5"], [5]), (["9", "alpha", 3], [3, 9]),
+        (["03"], "no vehicle has the system id or name 03; there is 3 (alpha), 5 (7), 9 (3x), 11 (9x)"),
+        (["Alpha"], "no vehicle has"),
+        ([""], "no vehicle has"),
+    ],
+)  # fmt: skip
+def test_a_name_or_system_id_means_one_vehicle(words: list[int | str], meant: list[int] | str) -> None:
+    names = {3: "alpha", 5: "7", 9: "3x", 11: "9x"}
+    if isinstance(meant, list):
+        assert meant_by(words, names) == meant
+    else:
+        with pytest.raises(ValueError, match=re.escape(meant)):
+            meant_by(words, names)
+
+
+def test_a_word_that_is_the_name_of_one_and_the_system_id_of_another_is_not_guessed() -> None:
+    with pytest.raises(ValueError, match=r"3 means two vehicles, 3 \(alpha\), 5 \(3\): say the one by"):
+        meant_by(["3"], {3: "alpha", 5: "3"})
 
 
 def test_a_station_that_is_stuck_is_said_to_leave_it_open() -> None:
@@ -412,6 +570,72 @@ def test_what_a_killed_flight_left_is_known_for_that_and_removed(nobody_flies: P
     assert list(nobody_flies.iterdir()) == []
 
 
+KILLED_BEFORE_IT_WAS_LISTED = """\
+import os, pathlib, signal
+from swarmctl.bus import directory
+from swarmctl.bus.endpoint import BusEndpoint
+pathlib.Path.rename = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
+with directory.listed("killed", BusEndpoint("127.0.0.1", 4003)):
+    pass
+"""
+
+
+def test_what_a_flight_left_that_was_killed_before_it_was_listed_is_removed(nobody_flies: Path) -> None:
+    command = [sys.executable, "-c", KILLED_BEFORE_IT_WAS_LISTED]
+    subprocess.run(command, env={**os.environ, "TMPDIR": str(nobody_flies.parent)}, check=False)
+    assert [path.name[:8] for path in nobody_flies.iterdir()] == [".killed."]
+    assert directory.flying() == []
+    assert list(nobody_flies.iterdir()) == []
+
+
+def test_a_flight_that_is_about_to_be_listed_is_neither_removed_nor_found(
+    nobody_flies: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Somebody looks just before it has its lock, and just before it has its name."""
+    lock, rename, looks = fcntl.flock, Path.rename, []
+
+    def locks(file: Any, how: int) -> None:
+        if how == fcntl.LOCK_EX and not looks:
+            looks.append(directory.flying())
+        lock(file, how)
+
+    def renames(draft: Path, path: Path) -> Path:
+        looks.append(directory.flying())
+        return rename(draft, path)
+
+    monkeypatch.setattr(fcntl, "flock", locks)
+    monkeypatch.setattr(Path, "rename", renames)
+    with directory.listed("one", HERE):
+        assert looks == [[], []]
+        assert [entry.swarm for entry in directory.flying()] == ["one"]
+    assert list(nobody_flies.iterdir()) == []
+
+
+def test_a_folder_that_can_not_be_written_to_is_said_and_nothing_is_left(
+    nobody_flies: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: Any) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(json, "dump", full)
+    with pytest.raises(BusError, match="No space left"), directory.listed("one", HERE):
+        pass
+    assert list(nobody_flies.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", [".", "..", ".dot", "-x", "_x", "", "a/b", "a*", "x" * 65])
+def test_a_name_that_nobody_could_find_is_refused(name: str) -> None:
+    with pytest.raises(ValueError, match="name"):
+        small(name=name)
+
+
+@pytest.mark.parametrize("name", ["a", "7", "a.b", "x" * 64])
+def test_a_swarm_of_any_other_name_is_found(name: str, nobody_flies: Path) -> None:
+    assert small(name=name).config.name == name
+    with directory.listed(name, HERE):
+        assert operate.find(name, None, None) == operate.Station(name, HERE)
+
+
 def test_a_folder_that_others_can_write_to_is_not_believed(nobody_flies: Path) -> None:
     nobody_flies.mkdir(mode=0o700)
     nobody_flies.chmod(0o777)
@@ -474,6 +698,7 @@ def test_an_endpoint_that_is_said_needs_no_search(
         ("one", None, "ground:7447", "expected tcp/HOST:PORT"),
         ("one", None, "tcp/ground:0", "port 0"),
         ("o*", None, None, "expected a name"),
+        (".dot", None, None, "expected a name"),
         ("a/b", None, None, "expected a name"),
         ("one", listening(), None, "the configuration is that of small"),
         (None, listening(listen="none"), None, "listens to nobody"),
@@ -499,7 +724,7 @@ def test_the_configuration_refuses_what_is_no_endpoint() -> None:
 @pytest.mark.parametrize(
     ("words", "why"),
     [
-        ("--w 0.5", "which vehicles? give --uav N, which may be repeated, or --all"),
+        ("--w 0.5", "which vehicles? give --uav NAME (or its system id), which may be repeated, or --all"),
         ("--all --uav 1 --w 0.5", "which vehicles?"),
         ("--all", "nothing to change"),
         ("--all --w 1.5", "w = 1.5: expected 0"),
@@ -523,7 +748,8 @@ def test_a_command_that_is_not_clear_is_a_wrong_usage(words: str, why: str, nobo
 def test_where_no_swarm_flies_it_says_so(nobody_flies: Path) -> None:
     result = CliRunner().invoke(cli, ["set", "--uav", "3", "--w", "0.2"])
     assert result.exit_code == 1
-    assert "no swarm of this user flies on this machine" in result.stderr
+    assert "no swarm of this user flies on this machine; a flight takes commands in real" in result.stderr
+    assert "--clock virtual" in result.stderr
 
 
 @contextmanager
@@ -562,4 +788,11 @@ def test_a_command_for_a_vehicle_that_is_not_there_is_an_error_said_by_the_swarm
     with station_in_a_thread():
         result = CliRunner().invoke(cli, ["set", "--uav", "1", "--uav", "9", "--w", "0.2"])
     assert result.exit_code == 1
-    assert "test refused: no vehicle of this swarm has system id 9" in result.stderr
+    assert "test refused: nothing was changed: no vehicle has the system id or name 9" in result.stderr
+
+
+def test_a_command_names_vehicles_by_name_or_system_id(nobody_flies: Path) -> None:
+    with station_in_a_thread() as station:
+        result = CliRunner().invoke(cli, ["set", "--uav", "uav2", "--uav", "1", "--w", "0.2"])
+    assert result.exit_code == 0
+    assert [uav for uav, _ in station.posted] == [1, 2]

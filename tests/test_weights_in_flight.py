@@ -26,8 +26,10 @@ from swarmctl.core.exposure import exposure
 from swarmctl.core.messages import SetWeights, VehicleAnswer, WeightsAnswer
 from swarmctl.core.threat import FiringStrength
 from swarmctl.display import Picture, line, row, table, told
+from swarmctl.face import Chatter, Steady
 from swarmctl.planners import PLANNERS, method
 from swarmctl.scenario import Scenario
+from swarmctl.summary import MAX_WEIGHTS, Ledger
 
 STRONGER = FiringStrength(0.9, 0.8, 0.7)
 HOSTILE = (4, 3, True)
@@ -215,6 +217,41 @@ def test_the_live_table_has_a_column_for_them_from_then_on() -> None:
     assert "0.25" in shown(story)
 
 
+def after(story: Story, event: ev.Event) -> tuple[Any, ...]:
+    """What an observer is told of one event."""
+    before = story.state
+    effects = story(event)
+    return before, event, story.state, effects, 0.0
+
+
+def test_a_change_that_changes_nothing_is_neither_announced_nor_kept() -> None:
+    story, ui, ledger = Story(w=0.5).flying(), Ui(), Ledger()
+    chatter = Chatter(Steady(ui), {1: "uav1"})
+    for w in (0.2, 0.2, 0.2, 0.5):
+        told_of = after(story, ev.WeightsChanged(1, w=w))
+        chatter.folded(*told_of)
+        ledger.folded(*told_of)
+    assert ui.said == ["uav1: w = 0.2 from plan 2 on", "uav1: w = 0.5 from plan 2 on"]
+    assert [w for _, _, w, _ in ledger.vehicles[1].weights] == [0.2, 0.5]
+    assert ledger.vehicles[1].weight_changes == 2
+
+
+def test_a_change_that_is_not_taken_is_announced() -> None:
+    story, ui = Story().flying(), Ui()
+    arrived(story)
+    Chatter(Steady(ui), {1: "uav1"}).folded(*after(story, ev.WeightsChanged(1, w=0.2)))
+    assert ui.said == ["uav1: not changed: it plans no more: done, arrived"]
+
+
+def test_of_very_many_changes_the_last_are_kept_and_all_are_counted() -> None:
+    story, ledger = Story().flying(), Ledger()
+    for n in range(MAX_WEIGHTS + 7):
+        ledger.folded(*after(story, ev.WeightsChanged(n, w=n / 1000)))
+    kept = ledger.vehicles[1].weights
+    assert [w for _, _, w, _ in kept] == [n / 1000 for n in range(7, MAX_WEIGHTS + 7)]
+    assert ledger.vehicles[1].weight_changes == MAX_WEIGHTS + 7
+
+
 # --- a whole swarm
 
 
@@ -302,6 +339,7 @@ def test_the_summary_has_the_history_of_the_weights(flown: Flown) -> None:
     assert third == [began_with]
     assert first[0] == began_with
     assert first[1]["w"] == 1.0
+    assert [v["weight_changes"] for v in summary["vehicles"]] == [1, 1, 0]
     assert first[1]["from_plan"] == flown.answer.vehicles[0].from_plan
     assert 0.0 < first[1]["flight_time_s"] < 30.0
     assert summary["psi_per_cell"] == flown.scenario.psi_per_cell

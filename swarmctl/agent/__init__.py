@@ -5,12 +5,14 @@ Nothing here waits, reads a clock or talks to anybody. New information only mark
 way. Whatever happens meanwhile waits for its end, and the newest belief wins.
 
 state: what an agent has to do and knows; step: one handler an event; decide: the planning; realise: from a
-route to what is flown; bounds: from a time bound to a length; in_time: which route meets it. Imports core and
-planners.
+route to what is flown; bounds: from a time bound to a length; pace: what turns cost; in_time: which route
+meets it. Imports core and planners.
 """
 
 from swarmctl.agent.bounds import AT_ANY_TIME, CLIMB_M_S, Arrival, before_takeoff
 from swarmctl.agent.decide import first_flight, first_problem, first_route
+from swarmctl.agent.in_time import arrives_s, bounds_of, route_lost_s
+from swarmctl.agent.realise import Flown, flown_for, unpulled
 from swarmctl.agent.state import ARRIVED, ENDED, IN_FLIGHT, ON_GROUND, AgentState, Phase, Task, begin
 from swarmctl.agent.step import MAX_FAILED_SWAPS, RETRY_AFTER_S, STALE_MODE_S, step, wants_tick
 
@@ -26,13 +28,19 @@ __all__ = [
     "STALE_MODE_S",
     "AgentState",
     "Arrival",
+    "Flown",
     "Phase",
     "Task",
+    "arrives_s",
     "before_takeoff",
     "begin",
+    "bounds_of",
     "first_flight",
     "first_problem",
     "first_route",
+    "flown_for",
+    "route_lost_s",
     "step",
+    "unpulled",
     "wants_tick",
 ]

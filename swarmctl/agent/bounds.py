@@ -9,11 +9,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from swarmctl.agent import pace
+
 CLIMB_M_S = 2.5
 """at which vehicles are taken to climb to their altitude: ArduCopter's WPNAV_SPEED_UP as it comes"""
 
-CHANGE_S = 3.0
-"""what changing the mission in flight costs: braking, holding while it is uploaded, and speeding up"""
+LIFT_S = 1.5
+"""what leaving the ground costs beyond that: until the motors turn and the climb is under way"""
+
+HOLD_S = 0.5
+"""for so long a vehicle holds while its mission is changed in flight"""
 
 ROUNDING_CELLS = 1e-6
 """by so much the sums of a planner may differ from ours; it is some micrometres of way"""
@@ -58,11 +63,15 @@ class Underway:
     """still to climb"""
     lead_m: float
     """from where it is to the centre of the cell the route begins in; negative where it is past it already"""
+    lost_s: float = 0.0
+    """what leaving the ground, and stopping where the route begins, cost on that way"""
 
-    def arrives_s(self, arrival: Arrival, length_m: float) -> float:
-        """When it is over its goal with a route of this length, from its take-off."""
+    def arrives_s(self, arrival: Arrival, length_m: float, lost_s: float = 0.0) -> float:
+        """When it is over its goal with a route of this length, from its take-off; `lost_s` at its turns
+        (`pace.lost_s`)."""
         climb_s = max(self.climb_m, 0.0) / CLIMB_M_S
-        return self.elapsed_s + climb_s + (self.lead_m + length_m) / arrival.speed_m_s
+        at_speed_s = (self.lead_m + length_m) / arrival.speed_m_s
+        return self.elapsed_s + climb_s + self.lost_s + at_speed_s + lost_s
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,9 +81,10 @@ class Window:
     min_cells: float = 0.0
     max_cells: float = math.inf
 
-    def misses_by(self, length_cells: float) -> float:
-        """How far outside a length lies [cells]; 0 inside, and where rounding may have put it outside."""
-        missed = max(self.min_cells - length_cells, length_cells - self.max_cells)
+    def misses_by(self, length_cells: float, lost_cells: float = 0.0) -> float:
+        """How far outside a length lies [cells]; 0 inside, and where rounding may have put it outside.
+        `lost_cells` could be flown in the time lost at turns: they make it late, and never late enough."""
+        missed = max(self.min_cells - length_cells, length_cells + lost_cells - self.max_cells)
         return missed if missed > ROUNDING_CELLS else 0.0
 
     def less(self, cells: float) -> Window:
@@ -84,17 +94,27 @@ class Window:
 
 
 def before_takeoff(arrival: Arrival, altitude_m: float) -> Underway:
-    """A vehicle on the ground: it climbs first, then flies to its entry."""
-    return Underway(elapsed_s=0.0, climb_m=altitude_m, lead_m=arrival.approach_m)
+    """A vehicle on the ground: it climbs first, then flies to its entry, where it may have to turn by any
+    angle and is taken to stop."""
+    approach = ((0.0, 0.0), (arrival.approach_m, 0.0))
+    lost_s = LIFT_S + pace.lost_s(approach, arrival.speed_m_s)
+    return Underway(elapsed_s=0.0, climb_m=altitude_m, lead_m=arrival.approach_m, lost_s=lost_s)
+
+
+def change_s(arrival: Arrival) -> float:
+    """What changing the mission in flight costs before the new route is begun, from a stop."""
+    return pace.brake_s(arrival.speed_m_s) + HOLD_S
 
 
 def window(arrival: Arrival, cell_size_m: float, underway: Underway) -> Window:
-    """What the bound leaves for the length of the route. Where nothing is left, both ends are 0."""
+    """What the bound leaves for the length of the route, if it loses no time at turns. Where nothing is left,
+    both ends are 0. At the early end nothing is reckoned lost: it must hold however well a vehicle turns."""
     if not arrival.is_bounded:
         return Window()
     at_once_s = underway.arrives_s(arrival, 0.0)
+    at_best_s = at_once_s - underway.lost_s
     cells_per_s = arrival.speed_m_s / cell_size_m
     latest = max((arrival.within_s - at_once_s) * cells_per_s, 0.0)
-    earliest = (arrival.after_s - at_once_s) * cells_per_s + HALF_DIAGONAL_CELLS
+    earliest = (arrival.after_s - at_best_s) * cells_per_s + HALF_DIAGONAL_CELLS
     earliest = min(max(earliest, 0.0), latest) if arrival.after_s > 0.0 else 0.0
     return Window(earliest, latest)

@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 
 from swarmctl.agent.bounds import Underway, before_takeoff
 from swarmctl.agent.in_time import (
+    ahead_lost_s,
     bounds_of,
     change_cells,
     is_no_worse,
-    lateness,
+    lateness_s,
     route_in_time,
+    route_lost_s,
     underway_to,
 )
 from swarmctl.agent.realise import index_abreast, pulled, realised, track_holds
@@ -49,14 +51,18 @@ def _decide_from(
         route = route_in_time(task, problem, change)
     except BoundTooTight as error:
         route = error.nearest  # a vehicle that is late is not stopped for it
-    keeps = ahead is not None and is_no_worse(task, problem, ahead, route, change)
+    lost_s = 0.0 if ahead is None else ahead_lost_s(state, start, ahead)
+    keeps = ahead is not None and is_no_worse(task, problem, ahead, route, change, lost_s)
     keeps = keeps and track_holds(state, p_s, start)
     if not keeps and state.cell not in (None, start) and _is_on_track(state):
         # So far the route was looked at from abreast of the vehicle; a new one begins at the vehicle.
         return _decide_from(replace(state, searches=state.searches + 1), p_s, state.cell)
     length = length_cells(ahead) if ahead is not None and keeps else route.length_cells
-    late = lateness(state, problem, underway, length)
-    state = replace(state, exposure=p_s, searches=state.searches + 1, dirty=False, planned=route, late=late)
+    lost_s = lost_s if keeps else route_lost_s(task, route.cells)
+    late_s = lateness_s(state, problem, underway, length, lost_s)
+    state = replace(
+        state, exposure=p_s, searches=state.searches + 1, dirty=False, planned=route, late_s=late_s
+    )
     if keeps:
         return replace(state, held=p_s, because=()), []
     track = pulled(task, problem, route)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
-from swarmctl.agent.bounds import CHANGE_S, Underway, Window, before_takeoff, window
+from swarmctl.agent.bounds import Underway, Window, before_takeoff, change_s, window
+from swarmctl.agent.pace import lost_s
 from swarmctl.agent.state import AgentState, Phase, Task
 from swarmctl.core.exposure import length_cells
 from swarmctl.core.geo import distance_m
@@ -14,6 +16,9 @@ from swarmctl.planners.base import BoundTooTight, Problem, Route, is_open
 
 BETTER_BY = 1e-9
 """A new route must beat the one being flown by this share of its cost: rounding alone swaps no mission."""
+
+MAX_TRIES = 5
+"""searches for a route that meets its bound with its turns, of which the last is for the shortest"""
 
 HALF_CELL = 0.5
 """A vehicle is over its goal cell by so much before the centre, to which lengths are counted [cells]."""
@@ -46,44 +51,118 @@ def change_cells(state: AgentState, start: Cell, underway: Underway) -> float:
     if state.phase is not Phase.FLYING or vehicle.lat_deg is None or vehicle.lon_deg is None:
         return 0.0
     back_m = distance_m((vehicle.lat_deg, vehicle.lon_deg), task.grid.centre(start)) - underway.lead_m
-    return (CHANGE_S * task.arrival.speed_m_s + back_m) / task.grid.cell_size_m
+    return (change_s(task.arrival) * task.arrival.speed_m_s + back_m) / task.grid.cell_size_m
+
+
+def route_lost_s(task: Task, cells: Sequence[Cell]) -> float:
+    """What a vehicle with a time bound loses on a route over these cells that it begins from a stop [s]; for
+    one without, whose speed need not be known, nothing is reckoned. A track pulled straight from the route
+    turns less, so that is early."""
+    return _lost_s(task, [task.grid.centre_m(cell) for cell in cells], 0.0)
+
+
+def arrives_s(task: Task, route: Route) -> float:
+    """When a vehicle on the ground will be over its goal with a route, from its take-off."""
+    underway = before_takeoff(task.arrival, task.altitude_m)
+    length_m = route.length_cells * task.grid.cell_size_m
+    return underway.arrives_s(task.arrival, length_m, route_lost_s(task, route.cells))
+
+
+def ahead_lost_s(state: AgentState, start: Cell, ahead: Sequence[Cell]) -> float:
+    """The same for what remains of the route being flown, from where the vehicle is and as fast as it is."""
+    task, vehicle = state.task, state.vehicle
+    if state.launched_boot_s is None or vehicle.lat_deg is None or vehicle.lon_deg is None:
+        return route_lost_s(task, ahead)
+    over = ahead[1:] if state.cell == start and len(ahead) > 1 else ahead
+    here = task.grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg)
+    return _lost_s(task, [here, *(task.grid.centre_m(cell) for cell in over)], vehicle.ground_speed_m_s)
+
+
+def _lost_s(task: Task, track: Sequence[tuple[float, float]], begins_m_s: float) -> float:
+    if math.isinf(task.arrival.within_s):
+        return 0.0
+    half_m = HALF_CELL * task.grid.cell_size_m
+    return lost_s(track, task.arrival.speed_m_s, begins_m_s=begins_m_s, ends_m=half_m)
+
+
+def _in_cells(task: Task, seconds: float) -> float:
+    return seconds * task.arrival.speed_m_s / task.grid.cell_size_m
 
 
 def route_in_time(task: Task, problem: Problem, change: float = 0.0) -> Route:
     """The best route that meets the bounds although it costs `change` [cells] to begin it, else one that
-    meets them at least without. Raises Unreachable; BoundTooTight where there is none."""
+    meets them at least without. Raises Unreachable; BoundTooTight where none was found."""
     bounds = _bounds(problem)
-    if change > 0.0 and not math.isinf(bounds.max_cells):
+    if math.isinf(bounds.max_cells):
+        return task.method.plan(problem)
+    if change > 0.0:
         try:
-            return task.method.plan(replace(problem, max_length_cells=bounds.less(change).max_cells))
+            return _with_turns(task, problem, bounds.less(change).max_cells)
         except BoundTooTight as error:
-            if bounds.misses_by(error.nearest.length_cells) == 0.0:
+            if _misses_by(task, bounds, error.nearest) == 0.0:
                 return error.nearest
-    return task.method.plan(problem)
+    return _with_turns(task, problem, bounds.max_cells)
 
 
-def is_no_worse(task: Task, problem: Problem, ahead: tuple[Cell, ...], route: Route, change: float) -> bool:
-    """Whether a vehicle may as well fly on (`ahead`) as change to a route, which costs `change` [cells]. Of
-    two that miss the bounds that one is better that misses them less."""
+def _with_turns(task: Task, problem: Problem, latest_cells: float) -> Route:
+    """A route that with what it loses at its turns is no longer than this. Planners bound length alone, so
+    the bound is drawn in by what the route they find loses, until one fits; at last the shortest is tried."""
+    bounds = Window(problem.min_length_cells, latest_cells)
+    greatest, seen = latest_cells, list[Route]()
+    for tries in range(MAX_TRIES):
+        if tries == MAX_TRIES - 1 or greatest < bounds.min_cells:
+            greatest = bounds.min_cells
+        try:
+            route = task.method.plan(replace(problem, max_length_cells=greatest))
+        except BoundTooTight as error:
+            route, greatest = error.nearest, bounds.min_cells
+        if _misses_by(task, bounds, route) == 0.0:
+            return route
+        seen.append(route)
+        if greatest == bounds.min_cells:
+            break
+        greatest = latest_cells - _in_cells(task, route_lost_s(task, route.cells))
+    nearest = min(seen, key=lambda route: _misses_by(task, bounds, route))
+    lost = _in_cells(task, route_lost_s(task, nearest.cells))
+    text = f"no route is at most {latest_cells:.2f} cells long with what it loses at its turns: the nearest "
+    text += f"one takes {nearest.length_cells:.2f} and loses {lost:.2f}; allow as much"
+    raise BoundTooTight(text, nearest)
+
+
+def _misses_by(task: Task, bounds: Window, route: Route) -> float:
+    return bounds.misses_by(route.length_cells, _in_cells(task, route_lost_s(task, route.cells)))
+
+
+def is_no_worse(
+    task: Task, problem: Problem, ahead: tuple[Cell, ...], route: Route, change: float, lost_s: float = 0.0
+) -> bool:
+    """Whether a vehicle may as well fly on (`ahead`, where it loses `lost_s`) as change to a route, which
+    costs `change` [cells]. Of two that miss the bounds that one is better that misses them less."""
     if not is_open(problem, ahead):
         return False
     bounds = _bounds(problem)
-    misses = bounds.misses_by(length_cells(ahead))
-    would_miss = bounds.less(change).misses_by(route.length_cells)
+    misses = bounds.misses_by(length_cells(ahead), _in_cells(task, lost_s))
+    would_miss = _misses_by(task, bounds.less(change), route)
     if misses > 0.0 or would_miss > 0.0:
         return misses <= would_miss
     return task.method.measure(problem, ahead) <= route.cost * (1.0 + BETTER_BY)
 
 
-def lateness(state: AgentState, problem: Problem, underway: Underway, length: float) -> str:
-    """What to say of a vehicle whose route, `length` cells long, does not meet its bound; the same as long as
-    that is so. Empty where it does."""
-    arrival = state.task.arrival
-    if _bounds(problem).misses_by(length) <= HALF_CELL:
-        return ""
-    arrives_s = underway.arrives_s(arrival, (length - HALF_CELL) * state.task.grid.cell_size_m)
-    text = f"no route meets its bound of {arrival} any more; over its goal after {arrives_s:.1f} s"
-    return state.late or text
+def lateness_s(
+    state: AgentState, problem: Problem, underway: Underway, length: float, lost_s: float
+) -> float | None:
+    """When a vehicle is over its goal whose route, `length` cells long, does not meet its bound [s]; None
+    where it does, or misses it by less than what is reckoned too much."""
+    task = state.task
+    if _bounds(problem).misses_by(length, _in_cells(task, lost_s)) <= HALF_CELL:
+        return None
+    length_m = length * task.grid.cell_size_m
+    slow_s = underway.arrives_s(task.arrival, length_m, lost_s)
+    if slow_s > task.arrival.within_s:
+        return slow_s
+    # Too early: however well it turns, and at the edge of its goal cell.
+    edge_m = length_m - HALF_CELL * task.grid.cell_size_m
+    return underway.arrives_s(task.arrival, edge_m) - underway.lost_s
 
 
 def _bounds(problem: Problem) -> Window:

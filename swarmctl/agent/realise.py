@@ -7,6 +7,7 @@ for it as long as it is no worse.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,19 +20,60 @@ from swarmctl.core.corners import Unflyable, Weights
 from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Cell
 from swarmctl.core.mission import FlightPlan
-from swarmctl.core.route import flight_plan, landing_spot, track_plan
+from swarmctl.core.route import flight_plan, landing_spot, thin, track_plan
 from swarmctl.core.track import Point, Threat
 from swarmctl.planners.base import Problem, Route, Unreachable
 
 
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """What is flown for a route, and what that adds up to."""
+
+    cells: tuple[Cell, ...]
+    """passed over, in this order"""
+    corners: tuple[Cell, ...]
+    """both ends and where it turns"""
+    length_cells: float
+    exposure_sum: float
+    """ΣP_s over the cells entered after the first"""
+    safety_factor: float
+    """∏(1 − P_s) over the same"""
+    is_pulled: bool
+    """a track; else the lattice route itself"""
+
+
+def flown_for(task: Task, problem: Problem, route: Route) -> Flown:
+    """What a vehicle flies for a route. Raises Unreachable as `pulled` does."""
+    track = pulled(task, problem, route)
+    if track is None:
+        return unpulled(route)
+    return Flown(
+        track.over, track.corners, track.length_cells, track.exposure_sum, track.safety_factor, is_pulled=True
+    )
+
+
+def unpulled(route: Route) -> Flown:
+    """The lattice route itself."""
+    cells = route.cells
+    return Flown(
+        cells, thin(cells), route.length_cells, route.exposure_sum, route.safety_factor, is_pulled=False
+    )
+
+
 def pulled(task: Task, problem: Problem, route: Route) -> Track | None:
     """The track to fly for a route; None where the lattice route itself is flown. Raises Unreachable where
-    no track has turns wide enough."""
+    no track has turns wide enough.
+
+    Where turns that wide cannot be had without loss, the loss is kept small by Eq. 5 for a planner that goes
+    by w, and by exposure alone for the others: no track is longer than its route, so bounds on the time are
+    kept.
+    """
     if task.any_angle is None:
         return None
     radius_cells = task.turn_radius_m / task.grid.cell_size_m
     threat = Threat.of(problem.exposure, problem.max_exposure)
-    weights = Weights(problem.w, problem.psi_per_cell)
+    goes_by_w = task.method.planner.USES_W
+    weights = Weights(problem.w, problem.psi_per_cell) if goes_by_w else Weights(1.0, 0.0)
     try:
         track = pull_straight(threat, route.cells, task.any_angle, radius_cells=radius_cells, weights=weights)
     except Unflyable as error:

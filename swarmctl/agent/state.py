@@ -134,8 +134,8 @@ class AgentState:
     """when it was first seen over its goal"""
     planned: Route | None = None
     """what the planner answered last, whether it was flown or not"""
-    late: str = ""
-    """why it will not arrive in time, in words; empty as long as it will"""
+    late_s: float | None = None
+    """when it will be over its goal, from its take-off, by its last decision; None while that is in time"""
     armed_seen: bool = False
     """its own launch has armed it"""
     foreign_since_s: float | None = None
@@ -162,6 +162,17 @@ class AgentState:
     """how it ended, in words; empty before"""
     trouble: str = ""
     """what went wrong last, in words"""
+
+    @property
+    def late(self) -> str:
+        """Why it will not arrive in time, in words; empty as long as it will."""
+        arrival = self.task.arrival
+        if self.late_s is None:
+            return ""
+        # Rounded away from the bound, so that it never seems kept.
+        away = math.ceil if self.late_s > arrival.within_s else math.floor
+        over_s = away(10.0 * self.late_s) / 10.0
+        return f"no route meets its bound of {arrival} any more; over its goal after {over_s:.1f} s"
 
     @property
     def ended(self) -> bool:

@@ -88,7 +88,8 @@ def _weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) -
         return state, [ev.Answer(event.command, refused)]
     w = state.w if event.w is None else event.w
     strength = state.strength if event.strength is None else event.strength
-    state = replace(state, w=w, strength=strength, dirty=True)
+    changed = (w, strength) != (state.w, state.strength)
+    state = replace(state, w=w, strength=strength, dirty=state.dirty or changed)
     later = "its link is lost; it plans when it is heard again" if state.lost else ""
     taken = VehicleAnswer(state.task.uav, state.task.name, "taken", state.next_plan_id, later)
     return state, [ev.Answer(event.command, taken)]

@@ -9,8 +9,11 @@ Receive = Callable[[str, bytes], None]
 """(key, payload), called on the event loop's thread"""
 Reply = Callable[[bytes], None]
 """answers a question, once, on the event loop's thread; a question let go unanswered ends by itself"""
-Serve = Callable[[str, bytes, Reply], None]
-"""(key, payload, reply), called on the event loop's thread"""
+Serve = Callable[[str, bytes | None, Reply], None]
+"""(key, payload, reply), called on the event loop's thread; None in place of what is too long to be read"""
+
+MAX_QUESTION_BYTES = 16_384
+"""A payload that asks; a command that names 254 vehicles takes less than 10 000."""
 
 
 class BusError(Exception):
@@ -27,9 +30,15 @@ class Transport(Protocol):
     def subscribe(self, key_expression: str, receive: Receive) -> None: ...
 
     def serve(self, key: str, serve: Serve) -> None:
-        """Answer what is asked under `key`. The key handed over is the asker's, which may be a wildcard."""
+        """Answer what is asked under `key`. The key handed over is the asker's, which may be a wildcard.
+
+        A payload of more than `MAX_QUESTION_BYTES` is not read: None is handed over.
+        """
 
     async def ask(self, key: str, payload: bytes, timeout_s: float) -> tuple[bytes, ...]:
-        """Every answer; none where nobody serves the key. Raises TimeoutError if they are not all there."""
+        """Every answer; none where nobody serves the key, or who does has no time for more questions.
+
+        Raises TimeoutError if they are not all there.
+        """
 
     def close(self) -> None: ...

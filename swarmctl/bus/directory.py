@@ -15,6 +15,7 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TextIO
 
 from swarmctl.bus.base import BusError
 from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
@@ -32,32 +33,48 @@ class Listed:
 @contextlib.contextmanager
 def listed(swarm: str, endpoint: BusEndpoint) -> Iterator[None]:
     """Be found as long as this lasts. Raises BusError."""
-    try:
-        folder = _folder()
-        path = folder / f"{swarm}.{os.getpid()}.json"
-        draft = folder / f".{path.name}"
-        file = draft.open("w", encoding="utf-8")
-    except OSError as error:
-        raise BusError(f"{error.filename or 'the folder of swarms'}: {error.strerror or error}") from error
-    with file:
-        # Locked before it can be seen: unlocked, it would be taken for what a killed flight left.
-        fcntl.flock(file, fcntl.LOCK_EX)
-        json.dump({"swarm": swarm, "endpoint": str(endpoint), "pid": os.getpid()}, file)
-        file.flush()
-        draft.rename(path)
+    entry = {"swarm": swarm, "endpoint": str(endpoint), "pid": os.getpid()}
+    with contextlib.ExitStack() as held:
         try:
-            yield
-        finally:
-            path.unlink(missing_ok=True)
+            path = _folder() / f"{swarm}.{os.getpid()}.json"
+            draft = path.with_name(f".{path.name}")
+            file = held.enter_context(_locked(draft))
+            held.callback(draft.unlink, missing_ok=True)
+            json.dump(entry, file)
+            file.flush()
+            draft.rename(path)
+            held.callback(path.unlink, missing_ok=True)
+        except OSError as error:
+            raise _unusable(error) from error
+        yield
 
 
 def flying() -> list[Listed]:
     """Every swarm that can be found, by name. Raises BusError."""
     try:
-        found = [_read(path) for path in sorted(_folder().glob("[!.]*.json"))]
+        found = [(path, _read(path)) for path in sorted(_folder().glob("*.json"))]
     except OSError as error:
-        raise BusError(f"{error.filename or 'the folder of swarms'}: {error.strerror or error}") from error
-    return [entry for entry in found if entry is not None]
+        raise _unusable(error) from error
+    return [entry for path, entry in found if entry is not None and not path.name.startswith(".")]
+
+
+def _locked(draft: Path) -> TextIO:
+    """A new file, locked before it gets its name: unlocked, it is taken for what a killed flight left.
+
+    Raises OSError.
+    """
+    while True:
+        with contextlib.ExitStack() as opened:
+            file = opened.enter_context(draft.open("w", encoding="utf-8"))
+            fcntl.flock(file, fcntl.LOCK_EX)
+            if os.fstat(file.fileno()).st_nlink:
+                opened.pop_all()
+                return file
+            # Taken for left behind, and removed, before the lock was had: once more.
+
+
+def _unusable(error: OSError) -> BusError:
+    return BusError(f"{error.filename or 'the folder of swarms'}: {error.strerror or error}")
 
 
 def _read(path: Path) -> Listed | None:

@@ -14,8 +14,8 @@ from __future__ import annotations
 from swarmctl.core.messages import Message, ObservationShared
 
 ROOT = "swarmctl"
-SWARM_NAME = r"^[A-Za-z0-9_.-]{1,64}$"
-"""what a swarm may be called: one part of a key, no wildcard"""
+SWARM_NAME = r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$"
+"""what a swarm may be called: one part of a key, no wildcard; of a file's name, not a hidden one"""
 
 
 def inform(swarm: str, to: int, message: Message) -> str:

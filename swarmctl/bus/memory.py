@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 
-from swarmctl.bus.base import Receive, Serve
+from swarmctl.bus.base import MAX_QUESTION_BYTES, Receive, Serve
 
 
 class MemoryBus:
@@ -41,7 +41,7 @@ class MemoryBus:
             if not answer.done():
                 answer.set_result(payload)
 
-        loop.call_soon(self._served[key], key, payload, reply)
+        loop.call_soon(self._served[key], key, payload if len(payload) <= MAX_QUESTION_BYTES else None, reply)
         async with asyncio.timeout(timeout_s):
             return (await answer,)
 

@@ -14,10 +14,14 @@ from typing import Any
 import zenoh
 from zenoh.handlers import Callback
 
-from swarmctl.bus.base import BusError, Receive, Serve
+from swarmctl.bus.base import MAX_QUESTION_BYTES, BusError, Receive, Serve
 from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
 
 QUEUE = 4096
+QUESTIONS = 32
+"""that wait for an answer: whoever asks too much displaces nothing that the UAVs tell each other"""
+MAX_FROM_OUTSIDE_BYTES = 65_536
+"""a message from another process; Zenoh's own limit is 1 GiB"""
 JOIN_TIMEOUT_S = 3.0
 ADMIN_TIMEOUT_S = 2.0
 
@@ -41,6 +45,7 @@ class ZenohBus:
         self.endpoint: BusEndpoint | None = None
         """where it listens"""
         self._queue: deque[Callable[[], None]] = deque()
+        self._questions: deque[Callable[[], None]] = deque()
         self._loop = asyncio.get_running_loop()
         self._closed = False
         try:
@@ -63,7 +68,8 @@ class ZenohBus:
 
     def subscribe(self, key_expression: str, receive: Receive) -> None:
         def arrived(sample: zenoh.Sample) -> None:
-            self._hand_over(partial(receive, str(sample.key_expr), bytes(sample.payload)))
+            delivery = partial(receive, str(sample.key_expr), bytes(sample.payload))
+            self._hand_over(self._queue, QUEUE, delivery)
 
         self._session.declare_subscriber(key_expression, Callback(arrived, indirect=False))
 
@@ -75,8 +81,9 @@ class ZenohBus:
                     # zenoh-python types drop() and close() as untyped.
                     query.drop()  # type: ignore[no-untyped-call]
 
-            payload = bytes(query.payload) if query.payload is not None else b""
-            self._hand_over(partial(serve, str(query.key_expr), payload, reply))
+            delivery = partial(serve, str(query.key_expr), _read(query.payload), reply)
+            if not self._hand_over(self._questions, QUESTIONS, delivery):
+                query.drop()  # type: ignore[no-untyped-call]
 
         self._session.declare_queryable(key, Callback(asked, indirect=False))
 
@@ -105,16 +112,17 @@ class ZenohBus:
             self._closed = True
             self._session.close()  # type: ignore[no-untyped-call]
 
-    def _hand_over(self, delivery: Callable[[], None]) -> None:
+    def _hand_over(self, queue: deque[Callable[[], None]], room: int, delivery: Callable[[], None]) -> bool:
         # Called on a thread of Zenoh's, or inside put: nothing here but append and wake.
-        if self._closed or len(self._queue) >= QUEUE:
+        if self._closed or len(queue) >= room:
             self.dropped += 1
-            return
-        self._queue.append(delivery)
-        self._loop.call_soon_threadsafe(self._deliver_one)
+            return False
+        queue.append(delivery)
+        self._loop.call_soon_threadsafe(self._deliver_one, queue)
+        return True
 
-    def _deliver_one(self) -> None:
-        delivery = self._queue.popleft()
+    def _deliver_one(self, queue: deque[Callable[[], None]]) -> None:
+        delivery = queue.popleft()
         if not self._closed:
             delivery()
 
@@ -126,6 +134,13 @@ class ZenohBus:
                     return parse_endpoint(locator).port
         self.close()
         raise BusError("Zenoh does not tell which port it listens at; give `communication.listen` one")
+
+
+def _read(payload: zenoh.ZBytes | None) -> bytes | None:
+    """None in place of what is too long: it is not even copied."""
+    if payload is None:
+        return b""
+    return bytes(payload) if len(payload) <= MAX_QUESTION_BYTES else None
 
 
 def _config(
@@ -144,7 +159,11 @@ def _config(
         "transport/shared_memory/enabled": False,
     }
     if listen is not None:
-        values |= {"adminspace/enabled": True, "access_control": _access(open_keys)}
+        values |= {
+            "adminspace/enabled": True,
+            "access_control": _access(open_keys),
+            "transport/link/rx/max_message_size": MAX_FROM_OUTSIDE_BYTES,
+        }
     config = zenoh.Config()
     for key, value in values.items():
         config.insert_json5(key, json.dumps(value))

@@ -15,6 +15,10 @@ from swarmctl.core.belief import Observation
 from swarmctl.core.threat import FiringStrength
 
 VERSION = 1
+MAX_SYSTEM_ID = 254
+"""MAVLink's; 255 is a ground station's by custom"""
+MAX_NAME = 32
+"""characters of a vehicle's name"""
 
 
 # --- among the UAVs
@@ -49,8 +53,8 @@ Message = ObservationShared | StateShared
 class SetWeights(msgspec.Struct, frozen=True, tag="set_weights", forbid_unknown_fields=True):
     """An operator's command: other weights from the next plan on. Raises ValueError if it makes no sense."""
 
-    uavs: tuple[int, ...] | None
-    """system ids; None: all of the swarm"""
+    uavs: tuple[int | str, ...] | None
+    """system ids or names; None: all of the swarm"""
     w: float | None = None
     """distance anxiety in [0, 1]; None leaves it as it is"""
     firing_strength: tuple[float, float, float] | None = None
@@ -58,7 +62,9 @@ class SetWeights(msgspec.Struct, frozen=True, tag="set_weights", forbid_unknown_
 
     def __post_init__(self) -> None:
         if self.uavs is not None and not self.uavs:
-            raise ValueError("no vehicle named: expected system ids, or all")
+            raise ValueError("no vehicle named: expected system ids or names, or all")
+        if self.uavs is not None:
+            _check_named(self.uavs)
         if self.w is None and self.firing_strength is None:
             raise ValueError("nothing to change: expected w, firing strengths, or both")
         if self.w is not None and not 0.0 <= self.w <= 1.0:
@@ -70,6 +76,16 @@ class SetWeights(msgspec.Struct, frozen=True, tag="set_weights", forbid_unknown_
         return None if self.firing_strength is None else FiringStrength(*self.firing_strength)
 
 
+def _check_named(uavs: tuple[int | str, ...]) -> None:
+    if len(uavs) > MAX_SYSTEM_ID:
+        raise ValueError(f"{len(uavs)} vehicles named: expected at most {MAX_SYSTEM_ID}, or all")
+    for uav in uavs:
+        if isinstance(uav, int) and not 1 <= uav <= MAX_SYSTEM_ID:
+            raise ValueError(f"system id {uav}: expected 1 to {MAX_SYSTEM_ID}")
+        if isinstance(uav, str) and not 1 <= len(uav) <= MAX_NAME:
+            raise ValueError(f"a vehicle's name of {len(uav)} characters: expected 1 to {MAX_NAME}")
+
+
 Outcome = Literal["taken", "refused", "over", "unconfirmed"]
 
 
@@ -79,8 +95,8 @@ class VehicleAnswer(msgspec.Struct, frozen=True):
     uav: int
     name: str
     outcome: Outcome
-    """refused: it could change nothing; over: it plans no more; unconfirmed: it has the command and has not
-    come to it yet"""
+    """refused: it could change nothing, or has not come to the command before; over: it plans no more;
+    unconfirmed: it has the command and has not come to it yet"""
     from_plan: int | None = None
     """the number of the first plan that is made with the new weights"""
     note: str = ""

@@ -35,10 +35,15 @@ HALO = withStroke(linewidth=2.5, foreground="white")
 HEAD_IN, KEY_IN, ROW_HEAD_IN, ROW_FOOT_IN = 0.74, 0.34, 0.58, 0.52
 CHART_WIDE_IN, MAP_WIDE_IN, GAP_IN = 4.45, 3.1, 0.45
 RIGHT_IN = LEFT_IN + CHART_WIDE_IN + GAP_IN + MAP_WIDE_IN
+FLAT = 1e-9
+"""share of the greatest exposure by which rounding alone may part them"""
 ALONE_HIGH_IN, SHARED_HIGH_IN = 3.6, 2.15
 """height of a chart that has the sheet to itself, and of one among others"""
 WIDEST_PT, NARROWEST_PT, WIDEST_CELLS = 5.0, 1.2, 0.6
 """of the lines on the map: the first is the widest, so that each still shows beside the next"""
+
+CHOSEN_DASHES = (0, (3, 1.5))
+"""on the map, of a configured route that is none of the front's"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +87,8 @@ class FrontPanel:
     chosen: tuple[float, float] | None = None
     """(length [m], ΣP_s) of what the configuration chooses"""
     chosen_by: str = ""
+    chosen_track: Sequence[LatLon] | None = None
+    """where that leads, if it is none of `points`"""
     bounds: Sequence[FrontBound] = ()
 
 
@@ -128,7 +135,14 @@ def _draw_chart(axes: Axes, panel: FrontPanel) -> None:
         )
     if panel.chosen is not None:
         axes.plot(*panel.chosen, "o", ms=size + 5.5, mfc="none", mec=INK, mew=1.4, zorder=6)
+        if panel.chosen_track is not None:
+            axes.plot(*panel.chosen, "o", ms=size, mfc=INK, mec=INK, mew=1.1, zorder=6)
         _label_chosen(axes, panel.chosen, panel.chosen_by)
+    if len(points) == 1:
+        axes.text(
+            0.5, 0.25, "one route is best in both", transform=axes.transAxes, fontsize=8.5, color=QUIET,
+            ha="center", va="bottom", zorder=8, path_effects=[HALO],
+        )  # fmt: skip
     _draw_bounds(axes, panel)
     _dress(axes, panel)
 
@@ -139,6 +153,8 @@ def _set_limits(axes: Axes, panel: FrontPanel, length_m: ArrayLike, exposure: Ar
         lengths, exposures = np.append(lengths, panel.chosen[0]), np.append(exposures, panel.chosen[1])
     shown = [bound.length_m for bound in panel.bounds if 0.0 < bound.length_m < 1.6 * lengths.max()]
     lengths = np.append(lengths, shown)
+    if exposures.max() - exposures.min() <= FLAT * exposures.max():  # of which no axis can be made
+        exposures = np.append(exposures, 0.0 if exposures.max() > 0.0 else 1.0)
     for set_limits, values in ((axes.set_xlim, lengths), (axes.set_ylim, exposures)):
         low, high = float(values.min()), float(values.max())
         spare = 0.09 * (high - low) or 0.05 * high or 1.0
@@ -194,7 +210,7 @@ def _dress(axes: Axes, panel: FrontPanel) -> None:
     seconds = axes.secondary_xaxis("top", functions=(to_s, to_m))
     seconds.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]))
     seconds.tick_params(labelsize=7, colors=QUIET, length=2, pad=1)
-    seconds.set_xlabel("seconds from take-off to goal", fontsize=7.5, color=QUIET, labelpad=3)
+    seconds.set_xlabel("seconds from take-off to goal, without turns", fontsize=7.5, color=QUIET, labelpad=3)
     seconds.spines["top"].set_visible(False)
 
 
@@ -228,6 +244,9 @@ def _draw_tracks(axes: Axes, grid: Grid, panel: FrontPanel, cell_pt: float) -> N
         for colour, point in zip(colours(len(panel.points)), panel.points, strict=True)
         if point.track is not None
     ]
+    if panel.chosen_track is not None:
+        line = local_m(grid, panel.chosen_track)
+        axes.plot(*line.T, color=INK, lw=1.6, ls=CHOSEN_DASHES, zorder=7, path_effects=[HALO])
     widest = max(min(WIDEST_PT, WIDEST_CELLS * cell_pt), 1.8 * NARROWEST_PT)
     widths = np.linspace(widest, NARROWEST_PT, len(drawn))
     # The least exposed lies lowest and widest: it strays farthest, and is seen where others leave it.
