@@ -9,6 +9,8 @@ from __future__ import annotations
 import argparse
 import gc
 import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 
@@ -281,16 +283,25 @@ def echo(side: int, count: int) -> Table:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--quick", action="store_true")
-    quick = parser.parse_args().quick
+    parser.add_argument(
+        "--quick", action="store_true", help="leave out the largest area, and most repetitions"
+    )
+    parser.add_argument(
+        "--memory", action="store_true", help="only the memory, of a process that did nothing else"
+    )
+    asked = parser.parse_args()
+    quick: bool = asked.quick
     warm_up()
+    if asked.memory:
+        console.print(memory(1000))
+        return
     for made in full_fields((100, 300, 1000) if quick else (100, 300, 1000, 2000)):
         console.print(made)
     console.print(hard_fields(1000))
     console.print(replans(1000, 100 if quick else 1000))
     console.print(swarm(200, 50))
     console.print(bounded(200, 10 if quick else 50))
-    console.print(memory(1000))
+    subprocess.run([sys.executable, __file__, "--memory"], check=True)
     console.print(echo(1000, 500 if quick else 3000))
 
 

@@ -14,24 +14,22 @@ from collections.abc import Sequence
 from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, NoReturn
 
 import typer
-from rich import box
 from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
 from swarmctl import __version__, app, front_report, operate, outputs, plan_report, preflight, record
 from swarmctl.app import Report
 from swarmctl.bus.base import BusError
 from swarmctl.clock import run_virtual
 from swarmctl.config import Config, ConfigError, load
-from swarmctl.core.chance import WORLDS, Chance
+from swarmctl.core.chance import WORLDS
 from swarmctl.core.messages import SetWeights
 from swarmctl.core.roster import meant_by
 from swarmctl.director import Member, Permission, PreflightFailed
 from swarmctl.display import told
+from swarmctl.flight_report import flight_table, missed
 from swarmctl.judge import judge
 from swarmctl.known import NotKnown, with_known, without_a_way
 from swarmctl.planners.front import MAX_LABELS
@@ -125,7 +123,7 @@ def fly(
         raise report.bug
     if report.ended in ("stopped", "abandoned"):
         raise typer.Exit(INTERRUPTED)
-    if report.trouble or not report.all_arrived or _missed(report):
+    if report.trouble or not report.all_arrived or missed(report.summary):
         raise typer.Exit(EXPECTED)
 
 
@@ -379,7 +377,7 @@ def _tell(report: Report, folder: Path) -> None:
     for text in report.trouble:
         err.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
     if report.ended in ("ended", "stopped", "abandoned"):
-        out.print(_summary_table(report))
+        out.print(flight_table(report.summary))
     if report.ended != "ended" or not report.all_arrived:
         if report.ended == "abandoned":
             out.print("left at once, without waiting for any vehicle:", style="yellow", highlight=False)
@@ -389,8 +387,8 @@ def _tell(report: Report, folder: Path) -> None:
         out.print("nothing was flown to the end; see above", highlight=False)
     else:
         out.print(f"{report.arrived} of {len(report.states)} arrived", highlight=False)
-        if missed := _missed(report):
-            err.print(f"out of time: {', '.join(missed)}", style="red", highlight=False, soft_wrap=True)
+        if late := missed(report.summary):
+            err.print(f"out of time: {', '.join(late)}", style="red", highlight=False, soft_wrap=True)
     out.print(f"run folder: {folder}", highlight=False, soft_wrap=True)
 
 
@@ -402,58 +400,3 @@ def _written(folder: Path, scenario: Scenario, report: Report) -> str:
     except OSError as error:
         return f"{folder}: the run's files could not be written: {error.strerror or error}"
     return ""
-
-
-def _summary_table(report: Report) -> Table:
-    grid = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
-    grid.add_column("vehicle", no_wrap=True)
-    titles = (
-        "flown\n[m]", "time\n[s]", "ΣP_s", "∏\n(1−P_s)", "chance at take-off,\nsimulated, 95 %",
-        "by true\nhostiles", "strikes", "re-\nplans", "sent",
-    )  # fmt: skip
-    vehicles = report.summary["vehicles"]
-    bounded = any(v["arrival_bound_kept"] is not None for v in vehicles)
-    for title in titles[:2] + ("over goal /\nbound [s]",) * bounded + titles[2:]:
-        grid.add_column(Text(title), justify="right", no_wrap=True)
-    grid.add_column("outcome", min_width=7)
-    for v in vehicles:
-        time_s = "–" if v["flight_time_s"] is None else f"{v['flight_time_s']:.0f}"
-        true_chance = v["chance_among_true_hostiles"]
-        grid.add_row(
-            v["name"],
-            f"{v['flown_m']:.0f}",
-            time_s,
-            *([_over_goal(v)] if bounded else []),
-            f"{v['exposure_sum_at_decisions']:.3f}",
-            f"{v['safety_factor_at_decisions']:.4f}",
-            _chance(v["at_takeoff"]),
-            "–" if true_chance is None else f"{true_chance:.3f}",
-            str(v["strikes"]),
-            str(v["replans"]),
-            str(v["messages_sent"]),
-            Text(v["outcome"]),
-        )
-    return grid
-
-
-def _over_goal(v: dict[str, Any]) -> Text:
-    """When a vehicle was over its goal, and when it was to be; red where it was not."""
-    if v["arrival_bound_kept"] is None:
-        return Text("–")
-    after_s, within_s, arrived_s = v["arrive_after_s"], v["arrive_within_s"], v["arrived_s"]
-    bound = "" if within_s is None else f"{within_s:g}"
-    bound = f"{after_s:g}–{bound}" if after_s > 0.0 else bound
-    arrived = "–" if arrived_s is None else f"{arrived_s:.1f}"
-    return Text(f"{arrived} / {bound}", style="" if v["arrival_bound_kept"] else "red")
-
-
-def _missed(report: Report) -> list[str]:
-    """The vehicles that did not keep their time bounds."""
-    return [v["name"] for v in report.summary["vehicles"] if v["arrival_bound_kept"] is False]
-
-
-def _chance(at_takeoff: dict[str, Any] | None) -> str:
-    if at_takeoff is None:
-        return "–"
-    chance = at_takeoff["chance_by_simulation"]
-    return str(Chance(chance["estimate"], chance["low_95"], chance["high_95"], chance["worlds"]))

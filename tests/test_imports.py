@@ -81,6 +81,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "swarmctl.plan_report": {
         "swarmctl.planners", "swarmctl.agent", "swarmctl.figures", "swarmctl.outputs", "swarmctl.scenario",
     },
+    "swarmctl.flight_report": {"swarmctl.core", "swarmctl.figures"},
     "swarmctl.figures": set(),
     "swarmctl.face": {"swarmctl.core", "swarmctl.agent", "swarmctl.display"},
     "swarmctl.terminal": {"swarmctl.agent", "swarmctl.display", "swarmctl.face"},

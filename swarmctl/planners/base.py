@@ -179,24 +179,28 @@ def method(name: str, planner: Planner, options: Mapping[str, object]) -> Method
 
 def eq5_route(problem: Problem, cells: Sequence[Cell]) -> Route:
     """A route with its cost by Eq. 5, summed over its edges."""
-    return route_of(problem, cells, eq5_cost(problem, cells))
+    return route_of(problem, cells, None)
 
 
-def route_of(problem: Problem, cells: Sequence[Cell], cost: float) -> Route:
-    """A route with what it adds up to; `cost` is its planner's own measure."""
-    return Route(
-        tuple(cells),
-        cost,
-        measures.length_cells(cells),
-        measures.exposure_sum(problem.exposure, cells),
-        measures.safety_factor(problem.exposure, cells),
-    )
+def route_of(problem: Problem, cells: Sequence[Cell], cost: float | None) -> Route:
+    """A route with what it adds up to; `cost` is its planner's own measure, None that of Eq. 5."""
+    # Once an array: what makes one of a thousand tuples keeps everybody else in the process waiting.
+    way = np.asarray(cells, dtype=np.int64)
+    length, total = measures.length_cells(way), measures.exposure_sum(problem.exposure, way)
+    if cost is None:
+        cost = _eq5(problem, length, total)
+    return Route(tuple(cells), cost, length, total, measures.safety_factor(problem.exposure, way))
 
 
 def eq5_cost(problem: Problem, cells: Sequence[Cell]) -> float:
     """Σ C_mn over a route (Eq. 5)."""
-    distance = (1.0 - problem.w) * problem.psi_per_cell * measures.length_cells(cells)
-    return distance + (problem.w * measures.exposure_sum(problem.exposure, cells) if problem.w > 0.0 else 0.0)
+    way = np.asarray(cells, dtype=np.int64)
+    return _eq5(problem, measures.length_cells(way), measures.exposure_sum(problem.exposure, way))
+
+
+def _eq5(problem: Problem, length: float, total: float) -> float:
+    distance = (1.0 - problem.w) * problem.psi_per_cell * length
+    return distance + (problem.w * total if problem.w > 0.0 else 0.0)
 
 
 def is_open(problem: Problem, cells: Sequence[Cell]) -> bool:

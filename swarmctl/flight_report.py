@@ -1,0 +1,68 @@
+"""The end of a flight as a table, from the content of `summary.json`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich import box
+from rich.table import Table
+from rich.text import Text
+
+from swarmctl.core.chance import Chance
+from swarmctl.figures import product_text
+
+
+def flight_table(summary: dict[str, Any]) -> Table:
+    """What became of each vehicle."""
+    grid = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
+    grid.add_column("vehicle", no_wrap=True)
+    titles = (
+        "flown\n[m]", "time\n[s]", "ΣP_s", "∏\n(1−P_s)", "chance at take-off,\nsimulated, 95 %",
+        "by true\nhostiles", "strikes", "re-\nplans", "sent",
+    )  # fmt: skip
+    vehicles = summary["vehicles"]
+    bounded = any(v["arrival_bound_kept"] is not None for v in vehicles)
+    for title in titles[:2] + ("over goal /\nbound [s]",) * bounded + titles[2:]:
+        grid.add_column(Text(title), justify="right", no_wrap=True)
+    grid.add_column("outcome", min_width=7)
+    for v in vehicles:
+        time_s = "–" if v["flight_time_s"] is None else f"{v['flight_time_s']:.0f}"
+        true_chance = v["chance_among_true_hostiles"]
+        grid.add_row(
+            v["name"],
+            f"{v['flown_m']:.0f}",
+            time_s,
+            *([_over_goal(v)] if bounded else []),
+            f"{v['exposure_sum_at_decisions']:.3f}",
+            product_text(v["safety_factor_at_decisions"]),
+            _chance(v["at_takeoff"]),
+            "–" if true_chance is None else f"{true_chance:.3f}",
+            str(v["strikes"]),
+            str(v["replans"]),
+            str(v["messages_sent"]),
+            Text(v["outcome"]),
+        )
+    return grid
+
+
+def _over_goal(v: dict[str, Any]) -> Text:
+    """When a vehicle was over its goal, and when it was to be; red where it was not."""
+    if v["arrival_bound_kept"] is None:
+        return Text("–")
+    after_s, within_s, arrived_s = v["arrive_after_s"], v["arrive_within_s"], v["arrived_s"]
+    bound = "" if within_s is None else f"{within_s:g}"
+    bound = f"{after_s:g}–{bound}" if after_s > 0.0 else bound
+    arrived = "–" if arrived_s is None else f"{arrived_s:.1f}"
+    return Text(f"{arrived} / {bound}", style="" if v["arrival_bound_kept"] else "red")
+
+
+def missed(summary: dict[str, Any]) -> list[str]:
+    """The vehicles that did not keep their time bounds."""
+    return [v["name"] for v in summary["vehicles"] if v["arrival_bound_kept"] is False]
+
+
+def _chance(at_takeoff: dict[str, Any] | None) -> str:
+    if at_takeoff is None:
+        return "–"
+    chance = at_takeoff["chance_by_simulation"]
+    return str(Chance(chance["estimate"], chance["low_95"], chance["high_95"], chance["worlds"]))
