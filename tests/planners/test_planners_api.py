@@ -4,6 +4,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from inspect import getdoc
 
 import numpy as np
 import pytest
@@ -44,17 +45,22 @@ def test_what_there_is_not_is_said(planner: str, options: dict[str, object], say
         plan(PROBLEM, planner, **options)
 
 
+def example_of(documented: object) -> str:
+    """The indented lines of its documentation."""
+    return "\n".join(line[4:] for line in (getdoc(documented) or "").splitlines() if line.startswith("    "))
+
+
 def test_the_example_in_the_documentation_runs() -> None:
-    example = [line[4:] for line in (planners.__doc__ or "").splitlines() if line.startswith("    ")]
-    assert "pareto_front(problem)" in "\n".join(example)
-    exec(compile("\n".join(example), "example", "exec"), {})
+    example = example_of(planners)
+    assert "pareto_front(problem)" in example
+    exec(compile(example, "example", "exec"), {})
 
 
 def test_the_example_of_the_replanner_runs() -> None:
-    example = [line[8:] for line in (Replanner.__doc__ or "").splitlines() if line.startswith("        ")]
-    assert "replanner.changed(" in "\n".join(example)
+    example = example_of(Replanner)
+    assert "replanner.changed(" in example
     scope: dict[str, object] = {"np": np, "Replanner": Replanner}
-    exec(compile("\n".join(example), "example", "exec"), scope)
+    exec(compile(example, "example", "exec"), scope)
     exposure = scope["exposure"]
     assert isinstance(exposure, np.ndarray)
     problem = Problem(exposure, (250, 100), (250, 499), 0.5, 0.13)  # type: ignore[arg-type]
