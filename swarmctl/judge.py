@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 
-from swarmctl.agent import Task, first_flight, first_route
+import numpy as np
+
+from swarmctl.agent import Task, first_flight, first_problem, first_route
 from swarmctl.config import Config, Problem
 from swarmctl.config_count import Binomial, Poisson, Uniform, Weights
 from swarmctl.core.geo import distance_m
@@ -64,10 +68,33 @@ def _judge_flights(scenario: Scenario) -> Iterator[Problem]:
         except BoundTooTight as error:
             yield from unmet_bound(task, error.nearest, here)
         except Unreachable as error:
+            if (least := _least_that_opens(task, scenario)) is not None:
+                text = f"{task.name} cannot reach its goal: {task.max_exposure:g} closes every way"
+                yield Problem(("planner", "max_exposure"), f"{text}; the least that opens one is {least:g}")
+                continue
             text = f"{task.name} cannot reach its goal: {error}; open a way in area.no_fly"
             yield Problem((*here, "goal"), text)
         else:
             yield from _judge_turns(scenario, task, route, (*here, "turn_radius_m"))
+
+
+def _least_that_opens(task: Task, scenario: Scenario) -> float | None:
+    """The least maximum exposure with which a vehicle has a way; None if none is to blame."""
+    exposure = first_problem(task, scenario.prior).exposure
+    levels = np.unique(exposure[np.isfinite(exposure) & (exposure > task.max_exposure)])
+
+    def is_open(level: float) -> bool:
+        try:
+            first_route(replace(task, max_exposure=level), scenario.prior)
+        except BoundTooTight:
+            return True
+        except Unreachable:
+            return False
+        return True
+
+    index = bisect_left(levels, True, key=lambda level: is_open(float(level)))
+    # Rounded up, so that what is read opens a way.
+    return None if index == levels.size else math.ceil(float(levels[index]) * 1e4) / 1e4
 
 
 def _judge_turns(scenario: Scenario, task: Task, route: Route, path: KeyPath) -> Iterator[Problem]:
