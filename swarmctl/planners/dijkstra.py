@@ -131,4 +131,4 @@ def cost_to_go(
     """The whole field for P_s of shape (rows, cols), for all vehicles with these goals. Raises BadProblem."""
     array, cells = checked_field(exposure, goals, w, psi_per_cell)
     field = kernels.spread(array, cells, w, psi_per_cell)
-    return CostToGo(field.unpadded_cost(), field)
+    return CostToGo(field.cost(), field)

@@ -52,6 +52,11 @@ class Layers:
     unseen: NDArray[np.float64]
     p_unseen: float
 
+    @classmethod
+    def of(cls, exposure: Floats) -> Layers:
+        """All of it known."""
+        return cls(exposure, np.broadcast_to(0.0, exposure.shape), 0.0)
+
     def within(self, rows: slice, cols: slice, p_unseen: float | None = None) -> Floats:
         """P_s of a part of the area."""
         p = self.p_unseen if p_unseen is None else p_unseen
@@ -77,24 +82,19 @@ class Replanner:
         self, exposure: Layers | NDArray[np.float64], goals: Sequence[Cell], w: float, psi_per_cell: float
     ) -> None:
         if not isinstance(exposure, Layers):
-            array, _ = checked_field(exposure, goals, w, psi_per_cell)
-            exposure = Layers(array, np.broadcast_to(0.0, array.shape), 0.0)
+            exposure = Layers.of(checked_field(exposure, goals, w, psi_per_cell)[0])
         if exposure.known.shape != exposure.unseen.shape:
             raise BadProblem(
                 f"layers of shape {exposure.known.shape} and {exposure.unseen.shape}: expected the same"
             )
-        _, self.goals = checked_field(exposure.within(WHOLE, WHOLE), goals, w, psi_per_cell)
         self._now = exposure
         self._w = w
         self._psi = psi_per_cell
-        self._old = Field(*exposure.known.shape)
-        self._is_goal = np.zeros(self._old.label.size, dtype=np.uint8)
-        self._is_goal[[self._old.index(goal) for goal in self.goals]] = 1
+        whole, self.goals = checked_field(exposure.within(WHOLE, WHOLE), goals, w, psi_per_cell)
+        self._old = Field(*whole.shape)
         self._margin = FIRST_MARGIN
         self._outdated = False
-        self.searched_cells = 0
-        """how many cells the last route took"""
-        self._search_all()
+        self._begin_from(whole)
 
     @property
     def asked(self) -> tuple[tuple[int, ...], tuple[Cell, ...], float, float]:
@@ -132,7 +132,7 @@ class Replanner:
                 f"exposure of shape {exposure.shape}: expected {self._now.known.shape}, as before"
             )
         exposure = compilable(exposure)
-        self._now = Layers(exposure, np.broadcast_to(0.0, exposure.shape), 0.0)
+        self._now = Layers.of(exposure)
         self._p_unseen = 0.0
         self._drift, cells, costs = bounds.compare(
             exposure, self._w, self._old.step, self._old.straight, STRIDE, exposure.size // 50 + 50
@@ -185,14 +185,17 @@ class Replanner:
         self._lowered += cells.tolist()
 
     def _search_all(self) -> None:
-        exposure = self._now.within(WHOLE, WHOLE)
-        checked_field(exposure, self.goals, self._w, self._psi)
+        exposure, _ = checked_field(self._now.within(WHOLE, WHOLE), self.goals, self._w, self._psi)
+        self._begin_from(exposure)
+
+    def _begin_from(self, exposure: Floats) -> None:
         self._old = spread(exposure, self.goals, self._w, self._psi, into=self._old)
         self._p_unseen = self._now.p_unseen
         self._lowered: list[int] = []
         """cells whose label was lowered, but not yet their neighbours'"""
         self._outdated, self._drift = False, 1.0
         self.searched_cells = self._now.known.size
+        """how many cells the last route took"""
 
     def _guess(self, start: Cell) -> NDArray[np.int64]:
         """Flat indices of a way that was good, after everything cheaper on the way to it is taken in."""
@@ -200,7 +203,7 @@ class Replanner:
         waiting = np.unique(np.array(self._lowered, dtype=np.int64))
         self._lowered = old.lower(waiting, float(old.label[m]) * SURE).tolist()
         most = 4 * (old.rows + old.cols)
-        path, arrived = bounds.run_down_roughly(old.label, old.extra, old.width, self._is_goal, m, most)
+        path, arrived = bounds.run_down_roughly(old.label, old.extra, old.width, old.goals, m, most)
         return path if arrived else path[:0]
 
     def _box(self, guess: NDArray[np.int64], margin: int) -> tuple[int, int, int, int]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from swarmctl.planners.kernels.lattice import Bytes, Floats, Ints, offsets_of
+from swarmctl.planners.kernels.descent import is_goal
+from swarmctl.planners.kernels.lattice import Floats, Ints, offsets_of
 
 
 @njit(nogil=True, cache=True)
@@ -51,14 +52,15 @@ def compare(
 
 @njit(nogil=True, cache=True)
 def run_down_roughly(
-    label: Floats, extra: float, width: int, goals: Bytes, m: int, most: int
+    label: Floats, extra: float, width: int, goals: Ints, m: int, most: int
 ) -> tuple[Ints, bool]:
-    """A way from m to a goal over ever lesser labels, without regard to ties; whether it got there."""
+    """A way from m to one of the sorted `goals` over ever lesser labels, without regard to ties; whether it
+    got there."""
     offsets = offsets_of(width)
     path = np.empty(most, dtype=np.int64)
     for count in range(most):
         path[count] = m
-        if goals[m] != 0:
+        if is_goal(goals, m):
             return path[: count + 1], True
         best = np.inf
         onward = -1
@@ -112,7 +114,7 @@ def least_way_out(
 
 def warm_up_bounds() -> None:
     """Compiles what replanning needs beside the search itself."""
-    ones, padded, goals = np.ones((1, 1)), np.ones(9), np.ones(9, dtype=np.uint8)
+    ones, padded, goals = np.ones((1, 1)), np.ones(9), np.array([4])
     compare(ones, 0.5, 0.5, padded, 1, 1)
     run_down_roughly(padded, 0.2, 3, goals, 4, 1)
     least_way_out(padded, 1, 1, padded, padded, 3, 0, 0, 1, np.inf, 1.0)

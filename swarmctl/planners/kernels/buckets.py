@@ -41,67 +41,48 @@ def correct(
     walls: bool,
     waiting: Bytes,
     until: float = np.inf,
-) -> tuple[int, Ints]:
+) -> Ints:
     """Serves the neighbours of `seeds`, whose labels were bettered, and so on until no label can be bettered.
 
     `least` and `greatest` bound the finite values of `straight`; `waiting` comes all zero. Stops where the
-    least label that waits is `until` or more. Returns how many cells were served, and which wait.
+    least label that waits is `until` or more, and returns which wait.
     """
     span = _span(straight, least, greatest)
     per_span = 1.0 / span
     n_buckets = min(int((greatest + extra) * per_span) + 3, N_BUCKETS)
     top = np.full(n_buckets, -1, dtype=np.int64)  # of each bucket, the block that is being filled; -1: empty
     fill = np.full(n_buckets, BLOCK, dtype=np.int64)  # of each bucket, how much of that block is
-    far = np.empty(BLOCK, dtype=np.int32)
-    n_far, far_key = 0, MAX_KEY
+    far = seeds.copy()  # those that wait for their time, in no order
+    n_far, far_key = far.size, np.int64(0)
+    due = far[:0]  # those whose time has come near, by label
     pool, below, free = _more_blocks(np.empty(0, dtype=np.int32), np.empty(0, dtype=np.int64))
     n_free = free.size
     offsets = offsets_of(width)
-    seeds = seeds[np.argsort(label[seeds])]
-    joined, queued, served = 0, 0, 0
+    waiting[seeds] = 1
+    joined, queued = 0, 0
     key, bucket = np.int64(0), 0
-    while queued > 0 or joined < seeds.size or n_far > 0:
+    while queued > 0 or joined < due.size or n_far > 0:
         if queued == 0:
             key = far_key
-            if joined < seeds.size:
-                key = min(key, np.int64(label[seeds[joined]] * per_span))
+            if joined < due.size:
+                key = min(key, np.int64(label[due[joined]] * per_span))
         if key * span >= until:
             break
-        if far_key <= key:  # those whose time is near go from the pile to their buckets
-            n_waiting, n_far, far_key = n_far, 0, MAX_KEY
-            for i in range(n_waiting):
-                m = np.int64(far[i])
-                m_key = np.int64(label[m] * per_span)
-                if m_key - key >= n_buckets:
-                    far[n_far] = m
-                    n_far += 1
-                    far_key = min(far_key, m_key)
-                    continue
-                q = bucket + (int(m_key - key) if m_key > key else 0)
-                if q >= n_buckets:
-                    q -= n_buckets
-                if fill[q] == BLOCK:
-                    if n_free == 0:
-                        pool, below, free = _more_blocks(pool, below)
-                        n_free = free.size // 2
-                    n_free -= 1
-                    below[free[n_free]] = top[q]
-                    top[q] = free[n_free]
-                    fill[q] = 0
-                pool[top[q] * BLOCK + fill[q]] = m
-                fill[q] += 1
-                queued += 1
-        seed = joined
-        while joined < seeds.size and np.int64(label[seeds[joined]] * per_span) <= key:
+        if far_key <= key:
+            due = np.concatenate((due[joined:], far[:n_far]))
+            due = due[np.argsort(label[due])]
+            joined, n_far, far_key = 0, 0, MAX_KEY
+        next_due = joined
+        while joined < due.size and np.int64(label[due[joined]] * per_span) <= key:
             joined += 1
-        while seed < joined or top[bucket] >= 0:
+        while next_due < joined or top[bucket] >= 0:
             block, filled = top[bucket], fill[bucket]
             top[bucket] = -1
             fill[bucket] = BLOCK
-            while seed < joined or block >= 0:
-                if seed < joined:
-                    n = seeds[seed]
-                    seed += 1
+            while next_due < joined or block >= 0:
+                if next_due < joined:
+                    n = due[next_due]
+                    next_due += 1
                 else:
                     filled -= 1
                     queued -= 1
@@ -111,10 +92,9 @@ def correct(
                         n_free += 1
                         block = below[block]
                         filled = BLOCK
-                    if waiting[n] == 0:
-                        continue  # it was served with this label already
+                if waiting[n] == 0:
+                    continue  # it was served with this label already
                 waiting[n] = 0
-                served += 1
                 along, across = label[n], label[n] + extra
                 for k in range(8):
                     m = n + offsets[k]
@@ -130,7 +110,7 @@ def correct(
                     q = bucket + int(np.int64(better * per_span) - key)
                     if q - bucket >= n_buckets:
                         if n_far == far.size:
-                            far = np.concatenate((far, np.empty(n_far, dtype=np.int32)))
+                            far = np.concatenate((far, np.empty(n_far, dtype=np.int64)))
                         far[n_far] = m
                         n_far += 1
                         far_key = min(far_key, np.int64(better * per_span))
@@ -150,13 +130,9 @@ def correct(
                     queued += 1
         key += 1
         bucket = bucket + 1 if bucket + 1 < n_buckets else 0
-    left = np.empty(queued + seeds.size - joined + n_far, dtype=np.int64)
-    left[:n_far] = far[:n_far]
-    size = n_far
-    for seed in range(joined, seeds.size):
-        waiting[seeds[seed]] = 1
-        left[size] = seeds[seed]
-        size += 1
+    left = np.empty(queued + due.size - joined + n_far, dtype=np.int64)
+    size = n_far + due.size - joined
+    left[:size] = np.concatenate((due[joined:], far[:n_far]))
     for q in range(n_buckets):
         block, filled = top[q], fill[q]
         while block >= 0:
@@ -169,7 +145,7 @@ def correct(
             waiting[left[i]] = 0
             left[kept] = left[i]
             kept += 1
-    return served, left[:kept]
+    return left[:kept]
 
 
 @njit(nogil=True, cache=True)

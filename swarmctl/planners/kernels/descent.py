@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from swarmctl.planners.kernels.lattice import ROOT2, Floats, Ints, offsets_of, squeezes
+from swarmctl.planners.kernels.lattice import ROOT2, Floats, Ints, offered, offsets_of, squeezes
 
 REL_TIE = 1e-12
 """Costs closer than this, relatively, are equal: rounding of a sum over thousands of cells stays below."""
@@ -50,11 +50,7 @@ def costs(
                 cost[row, col] = cost_of(label, step, extra, straight, offsets, base + col)
             continue
         for col in range(cols):
-            m = base + col
-            near = min(label[m - 1], label[m + 1], label[m - width], label[m + width])
-            low = min(label[m - width - 1], label[m - width + 1])
-            high = min(label[m + width - 1], label[m + width + 1])
-            cost[row, col] = min(near, min(low, high) + extra) + step
+            cost[row, col] = offered(label, extra, width, base + col) + step
     return cost
 
 
@@ -222,7 +218,7 @@ def find_lengths(
                 to_look = np.concatenate((to_look, to_look))
             stack[size] = m
             length[m] = ON_STACK
-            ways[size] = 0 if is_goal(goals, m) else _ways(label, step, extra, straight, offsets, m)
+            ways[size] = _ways(label, step, extra, straight, offsets, goals, m)
             to_look[size] = ways[size]
             size += 1
         elif length[m] == ON_STACK:
@@ -249,8 +245,12 @@ def find_lengths(
 
 
 @njit(nogil=True, cache=True)
-def _ways(label: Floats, step: float, extra: float, straight: Floats, offsets: Ints, m: int) -> int:
-    """Which directions lead on from m without loss, a bit each."""
+def _ways(
+    label: Floats, step: float, extra: float, straight: Floats, offsets: Ints, goals: Ints, m: int
+) -> int:
+    """Which directions lead on from m without loss, a bit each; none from a goal."""
+    if is_goal(goals, m):
+        return 0
     bound = cost_of(label, step, extra, straight, offsets, m) * (1.0 + REL_TIE)
     ways = 0
     for k in range(8):
@@ -274,7 +274,7 @@ def find_lengths_in_circles(
     """As `find_lengths`, also where steps are free: Dijkstra's algorithm over the edges that lose nothing. No
     edge is shorter than a bucket is wide, nor longer than two."""
     offsets = offsets_of(width)
-    cells, bounds, size = _without_loss(label, step, extra, straight, width, goals, start, length)
+    cells, ways, size = _without_loss(label, step, extra, straight, width, goals, start, length)
     least = np.full(size, np.inf)
     seeds = np.empty(size, dtype=np.int64)
     n_seeds = 0
@@ -282,11 +282,9 @@ def find_lengths_in_circles(
         m = cells[place]
         best = 0.0 if is_goal(goals, m) else np.inf
         for k in range(8):
-            n = m + offsets[k]
-            if 0.0 <= length[n] < np.inf and best > 0.0:
-                loses = label[n] + (0.0 if k < 4 else extra) + step > bounds[place]
-                if not loses and not (k >= 4 and squeezes(straight, offsets, m, k)):
-                    best = min(best, length[n] + (1.0 if k < 4 else ROOT2))
+            known = length[m + offsets[k]]
+            if (ways[place] >> k) & 1 != 0 and known >= 0.0:
+                best = min(best, known + (1.0 if k < 4 else ROOT2))
         if best < np.inf:
             least[place] = best
             seeds[n_seeds] = place
@@ -316,9 +314,8 @@ def find_lengths_in_circles(
                     continue
                 other = int(-length[m]) - 2
                 longer = known + (1.0 if k < 4 else ROOT2)
-                if longer >= least[other] or label[n] + (0.0 if k < 4 else extra) + step > bounds[other]:
-                    continue
-                if k >= 4 and squeezes(straight, offsets, m, k ^ 2):
+                back = k ^ 2
+                if longer >= least[other] or (ways[other] >> back) & 1 == 0:
                     continue
                 least[other] = longer
                 piles = _on_top(piles, heights, int(longer) % 3, other)
@@ -347,33 +344,27 @@ def _without_loss(
     goals: Ints,
     start: int,
     length: Floats,
-) -> tuple[Ints, Floats, int]:
-    """The cells on the cheapest ways from `start` whose length is not known, and what counts as cheapest."""
+) -> tuple[Ints, Ints, int]:
+    """The cells on the cheapest ways from `start` whose length is not known, and which directions lead on
+    from each (`_ways`)."""
     offsets = offsets_of(width)
     cells = np.empty(256, dtype=np.int64)
-    bounds = np.empty(256)
+    ways = np.empty(256, dtype=np.int64)
     cells[0] = start
     length[start] = -2.0
     size, looked_at = 1, 0
     while looked_at < size:
         m = cells[looked_at]
-        if is_goal(goals, m):
-            bounds[looked_at] = -1.0  # no way leads on from a goal
-            looked_at += 1
-            continue
-        bound = cost_of(label, step, extra, straight, offsets, m) * (1.0 + REL_TIE)
-        bounds[looked_at] = bound
-        looked_at += 1
+        ways[looked_at] = _ways(label, step, extra, straight, offsets, goals, m)
         for k in range(8):
             n = m + offsets[k]
-            if length[n] != UNKNOWN or label[n] + (0.0 if k < 4 else extra) + step > bound:
-                continue
-            if k >= 4 and squeezes(straight, offsets, m, k):
+            if (ways[looked_at] >> k) & 1 == 0 or length[n] != UNKNOWN:
                 continue
             if size == cells.size:
                 cells = np.concatenate((cells, np.empty(size, dtype=np.int64)))
-                bounds = np.concatenate((bounds, np.empty(size)))
+                ways = np.concatenate((ways, np.empty(size, dtype=np.int64)))
             cells[size] = n
             length[n] = -2.0 - size
             size += 1
-    return cells, bounds, size
+        looked_at += 1
+    return cells, ways, size

@@ -40,8 +40,6 @@ class Field:
         """flat indices, sorted"""
         self.least, self.greatest, self.walls = 0.0, 0.0, False
         """of what a straight step costs, walls apart, and whether there are any"""
-        self.served = 0
-        """cells the search had to look at after the sweeps"""
         self._lengths: list[Floats] = []
         """what was found out about the lengths of ways; who runs down takes it out meanwhile, so that threads
         that share a field do not meet in it"""
@@ -56,15 +54,8 @@ class Field:
         """what a diagonal step costs more than a straight one"""
         return self.step * (ROOT2 - 1.0)
 
-    @property
     def cost(self) -> Floats:
-        """The least cost from every cell, padded and flat, infinite outside; worked out anew."""
-        padded = np.full((self.rows + 2, self.width), np.inf)
-        padded[1:-1, 1:-1] = self.unpadded_cost()
-        return padded.reshape(-1)
-
-    def unpadded_cost(self) -> Floats:
-        """(rows, cols), read-only; worked out anew"""
+        """The least cost from every cell, (rows, cols), read-only; worked out anew."""
         cost = descent.costs(
             self.label, self.step, self.extra, self.straight, self.rows, self.cols, self.walls
         )
@@ -154,7 +145,7 @@ class Field:
         return self._correct(self.label, cells, until)
 
     def _correct(self, label: Floats, seeds: Ints, until: float) -> Ints:
-        self.served, waiting = buckets.correct(
+        waiting: Ints = buckets.correct(
             label, self.straight, self.extra, self.width, seeds,
             self.least, self.greatest, self.walls, self._waiting, until,
         )  # fmt: skip
@@ -194,4 +185,4 @@ def warm_up() -> None:
     for exposure in (uneven, np.where(uneven > 0.0, np.inf, 0.0)):
         found = spread(exposure, [(4, 4)], 1.0, 1.0)
         found.run_down((0, 0))
-        found.unpadded_cost()
+        found.cost()

@@ -45,7 +45,7 @@ class ToGo:
 
 
 def _to_go(field: Field) -> Floats:
-    """`Field.cost` without looking at the neighbours."""
+    """`Field.cost`, padded and flat, without looking at the neighbours."""
     entering = field.straight - field.step
     return np.subtract(field.label, entering, out=np.zeros(entering.size), where=np.isfinite(entering))
 

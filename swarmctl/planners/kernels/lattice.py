@@ -33,6 +33,15 @@ def squeezes(enter: Floats, offsets: Ints, m: int, k: int) -> bool:
 
 
 @njit(nogil=True, cache=True)
+def offered(label: Floats, extra: float, width: int, m: int) -> float:
+    """The least that any neighbour of m offers, `extra` more across; where there are no walls."""
+    near = min(label[m - 1], label[m + 1], label[m - width], label[m + width])
+    low = min(label[m - width - 1], label[m - width + 1])
+    high = min(label[m + width - 1], label[m + width + 1])
+    return float(min(near, min(low, high) + extra))
+
+
+@njit(nogil=True, cache=True)
 def push(cells: Ints, keys: Floats, size: int, cell: int, key: float) -> tuple[Ints, Floats, int]:
     """Adds to a binary heap, least key first, which grows where it must."""
     if size == cells.size:

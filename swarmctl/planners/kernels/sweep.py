@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from swarmctl.planners.kernels.lattice import Floats, Ints
+from swarmctl.planners.kernels.lattice import Floats, Ints, offered
 
 
 @njit(nogil=True, cache=True)
@@ -156,10 +156,12 @@ def improvable(label: Floats, straight: Floats, extra: float, walls: bool, rows:
         count = 0
         if walls:
             for here in range(row * width + 1, row * width + cols + 1):
-                count += _served_past_walls(label, straight, extra, width, here) < label[here]
+                count += (
+                    _offered_past_walls(label, straight, extra, width, here) + straight[here] < label[here]
+                )
         else:
             for here in range(row * width + 1, row * width + cols + 1):
-                count += _served(label, straight, extra, width, here) < label[here]
+                count += offered(label, extra, width, here) + straight[here] < label[here]
         counts[row] = count
     found = np.empty(counts.sum(), dtype=np.int64)
     better = np.empty(found.size)
@@ -169,9 +171,10 @@ def improvable(label: Floats, straight: Floats, extra: float, walls: bool, rows:
             continue
         for here in range(row * width + 1, row * width + cols + 1):
             if walls:
-                served = _served_past_walls(label, straight, extra, width, here)
+                served = _offered_past_walls(label, straight, extra, width, here)
             else:
-                served = _served(label, straight, extra, width, here)
+                served = offered(label, extra, width, here)
+            served += straight[here]
             if served < label[here]:
                 found[size] = here
                 better[size] = served
@@ -181,24 +184,14 @@ def improvable(label: Floats, straight: Floats, extra: float, walls: bool, rows:
 
 
 @njit(nogil=True, cache=True)
-def _served(label: Floats, straight: Floats, extra: float, width: int, here: int) -> float:
-    """The least label that the neighbours offer."""
-    beside = min(label[here - 1], label[here + 1])
-    above = min(label[here - width], label[here + width])
-    low = min(label[here - width - 1], label[here - width + 1])
-    high = min(label[here + width - 1], label[here + width + 1])
-    return float(min(beside, above, min(low, high) + extra) + straight[here])
-
-
-@njit(nogil=True, cache=True)
-def _served_past_walls(label: Floats, straight: Floats, extra: float, width: int, here: int) -> float:
-    """The same, where diagonal steps may be closed."""
+def _offered_past_walls(label: Floats, straight: Floats, extra: float, width: int, here: int) -> float:
+    """As `offered`, where diagonal steps may be closed."""
     west, east = straight[here - 1], straight[here + 1]
     south, north = straight[here - width], straight[here + width]
     low = min(_past(label[here - width - 1], west, south), _past(label[here - width + 1], east, south))
     high = min(_past(label[here + width - 1], west, north), _past(label[here + width + 1], east, north))
     near = min(label[here - 1], label[here + 1], label[here - width], label[here + width])
-    return float(min(near, min(low, high) + extra) + straight[here])
+    return float(min(near, min(low, high) + extra))
 
 
 @njit(nogil=True, cache=True)
