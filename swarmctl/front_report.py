@@ -22,12 +22,13 @@ from rich.text import Text
 from swarmctl.agent import (
     Flown,
     Task,
+    arrives_s,
     before_takeoff,
     bounds_of,
     first_problem,
-    first_route,
     flown_for,
-    route_lost_s,
+    misses_by,
+    route_in_time,
     unpulled,
 )
 from swarmctl.core.chance import Chance
@@ -96,16 +97,12 @@ class VehicleFront:
 
     def arrives_s(self, flown: Flown) -> float:
         """With what its turns cost, as the vehicle reckons."""
-        task = self.task
-        underway = before_takeoff(task.arrival, task.altitude_m)
-        return underway.arrives_s(task.arrival, self.length_m(flown), route_lost_s(task, flown.corners))
+        return arrives_s(self.task, flown.length_cells, flown.corners)
 
     def is_in_time(self, flown: Flown) -> bool:
         """By the rule of its planner."""
-        task, cell_m = self.task, self.task.grid.cell_size_m
-        lost_cells = route_lost_s(task, flown.corners) * task.arrival.speed_m_s / cell_m
-        window = bounds_of(task, before_takeoff(task.arrival, task.altitude_m))
-        return window.misses_by(flown.length_cells, lost_cells) == 0.0
+        bounds = bounds_of(self.task, before_takeoff(self.task.arrival, self.task.altitude_m))
+        return misses_by(self.task, bounds, flown.length_cells, flown.corners) == 0.0
 
 
 def fronts(
@@ -124,7 +121,7 @@ def _front(scenario: Scenario, index: int, spec: Spec, max_labels: int | None) -
     problem = first_problem(task, scenario.prior)
     unbounded = replace(problem, min_length_cells=0.0, max_length_cells=math.inf)
     front = pareto_front(unbounded, max_labels=max_labels)
-    chosen = _offer(scenario, task, problem, first_route(task, scenario.prior))
+    chosen = _offer(scenario, task, problem, route_in_time(task, problem))
     at = next((i for i, route in enumerate(front.routes) if _equals(route, chosen.route)), None)
     # Of routes that are one point of the front, the configured one is flown.
     offers = tuple(

@@ -109,7 +109,7 @@ def _judge_turns(scenario: Scenario, task: Task, route: Route, path: KeyPath) ->
         yield Problem(path, f"{task.turn_radius_m:g} m is more than the area is long, {side_m:g} m")
         return
     try:
-        first_flight(task, scenario.prior, route)
+        first_flight(task, first_problem(task, scenario.prior), route)
     except Unreachable as error:
         text = f"{task.name} cannot fly its first route: {error}"
         yield Problem(path, f"{text}; give the area larger cells, or the vehicle another entry or goal")

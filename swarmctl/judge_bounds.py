@@ -49,7 +49,7 @@ def _judge_keeping(config: Config, path: KeyPath, keeps: Callable[[Method], bool
 def unmet_bound(task: Task, nearest: Route, here: KeyPath) -> Iterator[Problem]:
     """No route of the planner meets it; `nearest` is the one that misses it least."""
     arrival, underway = task.arrival, before_takeoff(task.arrival, task.altitude_m)
-    takes_s = arrives_s(task, nearest)
+    takes_s = arrives_s(task, nearest.length_cells, nearest.cells)
     climb_s, lead_s = task.altitude_m / CLIMB_M_S, underway.lead_m / arrival.speed_m_s
     through_s = nearest.length_cells * task.grid.cell_size_m / arrival.speed_m_s
     lost_s = takes_s - climb_s - lead_s - through_s

@@ -7,14 +7,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from swarmctl.agent import AT_ANY_TIME, Task, first_flight, first_route
+from swarmctl.agent import AT_ANY_TIME, Task, first_flight, first_problem, route_in_time
 from swarmctl.app import Report
+from swarmctl.core.belief import Belief
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.turns import rounded
 from swarmctl.picture import MapPicture, PlannedTrack, VehicleTrack, draw_map
 from swarmctl.planfile import plan_json
-from swarmctl.planners import PLANNERS, Method, Route, Unreachable
+from swarmctl.planners import PLANNERS, Method, Problem, Route, Unreachable
 from swarmctl.scenario import PAPERS, Scenario, Spec
 from swarmctl.summary import known_to_any
 
@@ -37,6 +38,8 @@ class FirstRoute:
 
     task: Task
     """the vehicle's, with the planner, w and bound by which this route was chosen"""
+    problem: Problem
+    """what its planner was asked"""
     route: Route
 
 
@@ -53,22 +56,26 @@ def first_routes(scenario: Scenario) -> dict[str, tuple[FirstRoute, ...]]:
     named = {f"w = {w:g}": tasks for w, tasks in sorted(choices.items())}
     named[scenario.chosen_by] = scenario.tasks
     return {
-        name: tuple(FirstRoute(task, first_route(task, scenario.prior)) for task in tasks)
-        for name, tasks in named.items()
+        name: tuple(_first_route(task, scenario.prior) for task in tasks) for name, tasks in named.items()
     }
+
+
+def _first_route(task: Task, prior: Belief) -> FirstRoute:
+    problem = first_problem(task, prior)
+    return FirstRoute(task, problem, route_in_time(task, problem))
 
 
 def write_plans(folder: Path, scenario: Scenario, routes: dict[str, tuple[FirstRoute, ...]]) -> None:
     """The `.plan` files for the configured choice, and the map of all routes."""
     for spec, first in zip(scenario.specs, routes[scenario.chosen_by], strict=True):
-        plan = first_flight(first.task, scenario.prior, first.route)
+        plan = first_flight(first.task, first.problem, first.route)
         _write_plan(folder / f"{spec.name}.plan", scenario, spec, plan)
     tracks = [
         VehicleTrack(
             name=spec.name,
             start=spec.start,
             goal_cells=spec.goals,
-            planned=[PlannedTrack(name, _track(scenario, spec, routes[name][i])) for name in routes],
+            planned=[PlannedTrack(name, _track(spec, routes[name][i])) for name in routes],
         )
         for i, spec in enumerate(scenario.specs)
     ]
@@ -84,10 +91,10 @@ def write_plans(folder: Path, scenario: Scenario, routes: dict[str, tuple[FirstR
     draw_map(folder / "map.png", picture)
 
 
-def _track(scenario: Scenario, spec: Spec, first: FirstRoute) -> list[LatLon]:
+def _track(spec: Spec, first: FirstRoute) -> list[LatLon]:
     task, route = first.task, first.route
     try:
-        points = [spec.start, *_points(first_flight(task, scenario.prior, route))]
+        points = [spec.start, *_points(first_flight(task, first.problem, route))]
     except Unreachable:  # too tight for this vehicle: what it would have to fly if it could
         return [spec.start, *map(task.grid.centre, route.cells)]
     if task.turn_radius_m == 0.0:

@@ -6,7 +6,7 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from swarmctl.agent import first_problem, flown_for
+from swarmctl.agent import flown_for
 from swarmctl.figures import product_text
 from swarmctl.outputs import FirstRoute
 from swarmctl.planners import Unreachable
@@ -35,7 +35,7 @@ def plan_table(scenario: Scenario, routes: dict[str, tuple[FirstRoute, ...]]) ->
 def _numbers(scenario: Scenario, first: FirstRoute) -> tuple[str, str, str, str]:
     task = first.task
     try:
-        flown = flown_for(task, first_problem(task, scenario.prior), first.route)
+        flown = flown_for(task, first.problem, first.route)
     except Unreachable:
         return "–", "–", "–", f"has no turns of {task.turn_radius_m:g} m"
     return (

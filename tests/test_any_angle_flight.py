@@ -307,7 +307,9 @@ def test_a_vehicle_that_needs_room_gets_turns_it_can_fly(tmp_path: Path) -> None
     scenario = build(config.load(written(tmp_path, "{any_angle: true}", 80.0), judge))
     (task,) = scenario.tasks
     assert task.turn_radius_m == 80.0
-    plan = agent.first_flight(task, scenario.prior, agent.first_route(task, scenario.prior))
+    plan = agent.first_flight(
+        task, agent.first_problem(task, scenario.prior), agent.first_route(task, scenario.prior)
+    )
     points = [task.grid.frame.to_local(p.lat_deg, p.lon_deg) for p in plan.track]
     for before, corner, after in zip(points, points[1:], points[2:], strict=False):
         come, go = (math.atan2(b[1] - a[1], b[0] - a[0]) for a, b in ((before, corner), (corner, after)))

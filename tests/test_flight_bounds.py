@@ -119,8 +119,9 @@ def test_the_tightest_bound_that_is_accepted_is_kept_around_many_corners(
     (task,) = free.tasks
     with pytest.raises(BoundTooTight) as refused:
         first_route(bounded(30.0).tasks[0], free.prior)
-    tightest_s = math.ceil(10.0 * arrives_s(task, refused.value.nearest)) / 10.0
-    assert len(thin(refused.value.nearest.cells)) >= 7  # it does turn
+    nearest = refused.value.nearest
+    tightest_s = math.ceil(10.0 * arrives_s(task, nearest.length_cells, nearest.cells)) / 10.0
+    assert len(thin(nearest.cells)) >= 7  # it does turn
     ui = Ui()
     (vehicle,) = flown(bounded(tightest_s), tmp_path, ui)
     assert vehicle["arrival_bound_kept"] is True

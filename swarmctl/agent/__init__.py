@@ -11,7 +11,7 @@ meets it. Imports core and planners.
 
 from swarmctl.agent.bounds import AT_ANY_TIME, CLIMB_M_S, Arrival, before_takeoff
 from swarmctl.agent.decide import first_flight, first_problem, first_route
-from swarmctl.agent.in_time import arrives_s, bounds_of, route_lost_s
+from swarmctl.agent.in_time import arrives_s, bounds_of, misses_by, route_in_time
 from swarmctl.agent.realise import Flown, flown_for, unpulled
 from swarmctl.agent.state import ARRIVED, ENDED, IN_FLIGHT, ON_GROUND, AgentState, Phase, Task, begin
 from swarmctl.agent.step import MAX_FAILED_SWAPS, RETRY_AFTER_S, STALE_MODE_S, step, wants_tick
@@ -39,7 +39,8 @@ __all__ = [
     "first_problem",
     "first_route",
     "flown_for",
-    "route_lost_s",
+    "misses_by",
+    "route_in_time",
     "step",
     "unpulled",
     "wants_tick",

@@ -102,10 +102,9 @@ def first_problem(task: Task, belief: Belief, w: float | None = None) -> Problem
     return _problem(task, p_s, task.entry, task.w if w is None else w, underway)
 
 
-def first_flight(task: Task, belief: Belief, route: Route, w: float | None = None) -> FlightPlan:
-    """The mission for a route from the entry cell. Raises Unreachable where a vehicle that needs room to turn
-    cannot fly it."""
-    problem = first_problem(task, belief, w)
+def first_flight(task: Task, problem: Problem, route: Route) -> FlightPlan:
+    """The mission for a route from the entry cell that answers `first_problem`. Raises Unreachable where a
+    vehicle that needs room to turn cannot fly it."""
     return realised(task, problem.exposure, route, pulled(task, problem, route))
 
 

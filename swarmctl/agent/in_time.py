@@ -61,11 +61,15 @@ def route_lost_s(task: Task, cells: Sequence[Cell]) -> float:
     return _lost_s(task, [task.grid.centre_m(cell) for cell in cells], 0.0)
 
 
-def arrives_s(task: Task, route: Route) -> float:
-    """When a vehicle on the ground will be over its goal with a route, from its take-off."""
+def arrives_s(task: Task, length: float, cells: Sequence[Cell]) -> float:
+    """When a vehicle on the ground will be over its goal, `length` [cells] over these, from its take-off."""
     underway = before_takeoff(task.arrival, task.altitude_m)
-    length_m = route.length_cells * task.grid.cell_size_m
-    return underway.arrives_s(task.arrival, length_m, route_lost_s(task, route.cells))
+    return underway.arrives_s(task.arrival, length * task.grid.cell_size_m, route_lost_s(task, cells))
+
+
+def misses_by(task: Task, bounds: Window, length: float, cells: Sequence[Cell]) -> float:
+    """How far outside its bounds a route is, `length` [cells] over these, with what is lost at its turns."""
+    return bounds.misses_by(length, _in_cells(task, route_lost_s(task, cells)))
 
 
 def ahead_lost_s(state: AgentState, start: Cell, ahead: Sequence[Cell]) -> float:
@@ -130,7 +134,7 @@ def _with_turns(task: Task, problem: Problem, latest_cells: float) -> Route:
 
 
 def _misses_by(task: Task, bounds: Window, route: Route) -> float:
-    return bounds.misses_by(route.length_cells, _in_cells(task, route_lost_s(task, route.cells)))
+    return misses_by(task, bounds, route.length_cells, route.cells)
 
 
 def is_no_worse(
