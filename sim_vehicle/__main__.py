@@ -1,117 +1,205 @@
-"""`python -m sim_vehicle`: a fleet of copters on a MAVLink link."""
+"""`python -m sim_vehicle`: a fleet on MAVLink links; `run` and `conformance` are commands of their own."""
 
-import asyncio
-import contextlib
+import importlib
 import signal
 import sys
 from pathlib import Path
-from typing import Annotated
+from types import FrameType
+from typing import Annotated, Any, Never
 
 import typer
-from rich.console import Console
-from rich.live import Live
-
-from sim_vehicle.display import fleet_table
-from sim_vehicle.fleet import Fleet
-from sim_vehicle.scenario import Scenario, ScenarioError, default_scenario, load_scenario
-from sim_vehicle.server import LinkError, Server
-from sim_vehicle.url import FORMS, UrlError, parse_url
 
 USAGE_ERROR = 2
-DEFAULT_HOME = "46.0490,14.5060,300"  # Ljubljana, Slovenia
-REFRESH_HZ = 4.0
+# Imported only when asked for: a fleet should be up in a moment.
+COMMANDS = {
+    "run": ("sim_vehicle.run.command", "run"),
+    "conformance": ("sim_vehicle.conformance.cli", "conformance"),
+}
+DEFAULT_URL = "udpout:127.0.0.1:14550"
+HELP_FAULTS = "help"
+# The class of all that can be wrong with a command line; its own name has moved between versions of typer.
+USAGE: type[Any] = typer.BadParameter.__mro__[2]
 
-app = typer.Typer(add_completion=False, rich_markup_mode=None)
 
-
-@app.command()
-def main(
-    count: Annotated[int, typer.Option(min=1, max=250, help="How many copters (without --scenario).")] = 1,
+def fleet(
+    count: Annotated[
+        int | None,
+        typer.Option("--count", "-n", min=1, max=10_000, help="How many vehicles; 1 if not given."),
+    ] = None,
     home: Annotated[
-        str,
+        str | None,
         typer.Option(
-            metavar="LAT,LON,ALT",
+            "--home",
+            "-l",
+            "--custom-location",
+            metavar="LAT,LON,ALT[,HDG]",
             help="Where the first stands [deg, deg, m above sea level]; the others 5 m apart to the east. "
-            "The default is in Ljubljana, Slovenia.",
+            "If not given, in Ljubljana, Slovenia.",
         ),
-    ] = DEFAULT_HOME,
-    speedup: Annotated[float, typer.Option(min=0.1, max=1000, help="Simulated seconds per second.")] = 1.0,
-    seed: Annotated[
-        int | None, typer.Option(min=0, help="Of all randomness; overrides the scenario's.")
+    ] = None,
+    personality: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="ardupilot (if not given), px4, mixed (in turn), or ardupilot:3,px4:2."
+        ),
+    ] = None,
+    kind: Annotated[
+        str | None,
+        typer.Option("--type", "--vehicle", "-v", metavar="TYPE", help="copter (if not given) or plane."),
+    ] = None,
+    speedup: Annotated[
+        float | None,
+        typer.Option(
+            "--speedup", "-S", min=0.1, max=1000, help="Simulated seconds per second; 1 if not given."
+        ),
+    ] = None,
+    url: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--url",
+            "--out",
+            help="Where to talk, more than once for more: udpout:HOST:PORT, udpin:HOST:PORT, "
+            f"tcpin:HOST:PORT, tcpout:HOST:PORT, serial:DEVICE:BAUD. If not given, {DEFAULT_URL}.",
+        ),
+    ] = None,
+    per_port: Annotated[
+        int | None,
+        typer.Option(min=1, max=250, help="Vehicles on a port, more on further ports; 250 if not given."),
+    ] = None,
+    port_step: Annotated[
+        int, typer.Option(min=1, max=1000, help="From one port to the next (ArduPilot's instances: 10).")
+    ] = 1,
+    sysid: Annotated[
+        int | None, typer.Option(min=1, max=250, help="System id of the first; 1 if not given.")
     ] = None,
     ready_s: Annotated[
-        float,
-        typer.Option(min=0, max=3600, help="Simulated seconds from boot to a position estimate; 0: at once."),
-    ] = 41.0,
-    scenario: Annotated[Path | None, typer.Option(help="JSON file with vehicles, area and hostiles.")] = None,
-    url: Annotated[str, typer.Option(help=f"Where to talk: {FORMS}.")] = "udpout:127.0.0.1:14550",
-    sysid: Annotated[
-        int, typer.Option(min=1, max=250, help="System id of the first (without --scenario).")
-    ] = 1,
+        float | None,
+        typer.Option(
+            min=0,
+            max=3600,
+            help="Simulated seconds from boot to a position estimate; 0: at once. "
+            "If not given, as long as the real ones take.",
+        ),
+    ] = None,
+    wind: Annotated[
+        str | None, typer.Option(metavar="SPEED,FROM[,GUST]", help="[m/s, deg, m/s]; none if not given.")
+    ] = None,
+    param: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--param", "-P", metavar="NAME=VALUE", help="A parameter of those vehicles that have it."
+        ),
+    ] = None,
+    param_file: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--param-file", "--add-param-file", help="Parameters in a file: NAME VALUE in each line."
+        ),
+    ] = None,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME[:k=v,...]",
+            help="What goes wrong, e.g. packet_loss:rate=0.2,at=30,for=10; help lists.",
+        ),
+    ] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Of all randomness; 0 if not given.")] = None,
+    scenario: Annotated[
+        Path | None, typer.Option(help="File with vehicles, faults, area and hostiles, YAML or JSON.")
+    ] = None,
+    step: Annotated[
+        bool,
+        typer.Option(
+            "--step",
+            help="Time stands still but for the lines `step SECONDS` on standard input, each "
+            "answered by `at SECONDS`; `quit` ends.",
+        ),
+    ] = False,
+    tlog: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write what each vehicle sends there.")
+    ] = None,
+    table: Annotated[bool, typer.Option(help="Show the fleet live, where output is a terminal.")] = True,
     parent_pid: Annotated[int | None, typer.Option(help="Stop when this process is gone.")] = None,
 ) -> None:
-    """Simulated copters that behave like ArduCopter 4.6 on a MAVLink link. Ctrl-C stops them."""
+    """Vehicles in software that fly and speak MAVLink like ArduPilot and PX4. Ctrl-C stops them.
+
+    `python -m sim_vehicle run --help` flies scenarios and judges them; `... conformance --help` examines any
+    autopilot. Exit codes: 0 ended as it should, 2 something given is wrong.
+    """  # fmt: skip
+    # --help needs none of these, which take a while
+    from sim_vehicle.faults.spec import help_text  # noqa: PLC0415
+    from sim_vehicle.links import LinkError  # noqa: PLC0415
+    from sim_vehicle.options import FleetOptions, OptionError, read_options  # noqa: PLC0415
+    from sim_vehicle.serve import Serving, serve  # noqa: PLC0415
+
+    if fault and HELP_FAULTS in fault:
+        typer.echo(help_text())
+        return
+    if step and speedup is not None:
+        _refuse("--speedup: not with --step, where time passes only when it is told to; drop one of them")
+    options = FleetOptions(
+        count=count,
+        home=home,
+        personality=personality,
+        kind=kind,
+        sysid=sysid,
+        seed=seed,
+        per_port=per_port,
+        wind=wind,
+        params=param or (),
+        param_files=param_file or (),
+        faults=fault or (),
+        scenario=scenario,
+    )
     try:
-        link_url = parse_url(url)
-        chosen = _scenario(scenario, count, home, sysid, seed)
-        server = Server(
-            Fleet(chosen, ready_s=ready_s), link_url, speedup=speedup, parent_pid=parent_pid, warn=_warn
+        chosen, urls, notes = read_options(options, url or [DEFAULT_URL])
+        for note in notes:
+            typer.echo(f"sim_vehicle: {note}", err=True)
+        serve(
+            chosen,
+            Serving(
+                urls=urls,
+                port_step=port_step,
+                ready_s=ready_s,
+                speedup=None if step else speedup or chosen.speedup or 1.0,
+                tlog=tlog,
+                table=table,
+                parent_pid=parent_pid,
+            ),
         )
-        asyncio.run(_run(server, f"{_fleet_words(server.fleet)}, {link_url}, {speedup:g}x real time"))
-    except (ScenarioError, UrlError, LinkError) as error:
-        typer.echo(f"sim_vehicle: {error}", err=True)
-        raise typer.Exit(USAGE_ERROR) from error
+    except (OptionError, LinkError) as error:
+        _refuse(str(error))
 
 
-def _warn(text: str) -> None:
-    typer.echo(f"sim_vehicle: {text}", err=True)
+def _refuse(text: str) -> Never:
+    for line in text.splitlines():
+        typer.echo(f"sim_vehicle: {line}", err=True)
+    raise typer.Exit(USAGE_ERROR)
 
 
-def _scenario(path: Path | None, count: int, home: str, sysid: int, seed: int | None) -> Scenario:
-    if path is not None:
-        loaded = load_scenario(path)
-        return loaded if seed is None else loaded.model_copy(update={"seed": seed})
-    return default_scenario(count, home=_parse_home(home), first_sysid=sysid, seed=seed or 0)
+def _leave(_number: int, _frame: FrameType | None) -> None:
+    sys.exit(0)
 
 
-def _parse_home(text: str) -> tuple[float, float, float]:
+def main() -> None:
+    """The entry point of the package: the fleet, or one of the other commands."""
+    for number in (signal.SIGINT, signal.SIGTERM):  # from the first moment on, also while things are imported
+        signal.signal(number, _leave)
+    name, arguments = "sim_vehicle", sys.argv[1:]
+    app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+    if arguments and arguments[0] in COMMANDS:
+        module, function = COMMANDS[arguments[0]]
+        app.command()(getattr(importlib.import_module(module), function))
+        name, arguments = f"{name} {arguments[0]}", arguments[1:]
+    else:
+        app.command()(fleet)
     try:
-        lat_deg, lon_deg, alt_m = (float(part) for part in text.split(","))
-    except ValueError as error:
-        raise ScenarioError(f"--home {text!r} is not LAT,LON,ALT, for example {DEFAULT_HOME}") from error
-    return lat_deg, lon_deg, alt_m
-
-
-def _fleet_words(fleet: Fleet) -> str:
-    sysids = sorted(fleet.sysids)
-    if len(sysids) == 1:
-        return f"1 copter, sysid {sysids[0]}"
-    contiguous = sysids == list(range(sysids[0], sysids[-1] + 1))
-    named = f"{sysids[0]}-{sysids[-1]}" if contiguous else ",".join(map(str, sysids))
-    return f"{len(sysids)} copters, sysid {named}"
-
-
-async def _run(server: Server, words: str) -> None:
-    """Run until SIGINT, SIGTERM or the parent's end."""
-    loop = asyncio.get_running_loop()
-    running = asyncio.ensure_future(server.run(on_open=lambda: typer.echo(f"sim_vehicle: {words}")))
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, running.cancel)
-    showing = asyncio.ensure_future(_show(server)) if sys.stdout.isatty() else None
-    try:
-        with contextlib.suppress(asyncio.CancelledError):
-            await running
-    finally:
-        if showing is not None:
-            showing.cancel()
-
-
-async def _show(server: Server) -> None:
-    with Live(console=Console(), auto_refresh=False) as live:
-        while True:
-            live.update(fleet_table(server.fleet, server.simulated_s, server.speedup), refresh=True)
-            await asyncio.sleep(1 / REFRESH_HZ)
+        code = typer.main.get_command(app)(arguments, prog_name=f"python -m {name}", standalone_mode=False)
+    except USAGE as error:
+        typer.echo(f"{name}: {' '.join(error.format_message().split())} (--help says more)", err=True)
+        code = USAGE_ERROR
+    sys.exit(code)
 
 
 if __name__ == "__main__":
-    app()
+    main()

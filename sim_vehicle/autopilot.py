@@ -1,27 +1,70 @@
-"""One vehicle without I/O: messages and time in, bytes out."""
+"""One vehicle without I/O: messages and time in, messages out.
 
+It decides only when something happened: a message came, its body reports an event (a target reached, ground
+left or touched, the position lost), or a deadline that it named has come (`alarm_s`). What it knows goes into
+its row of the fleet's `Status`, from which telemetry is made for all vehicles at once.
+"""
+
+import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle import commands, telemetry
-from sim_vehicle.flight import Flight, Place
+from sim_vehicle import commands
+from sim_vehicle.afflictions import Afflictions, ModeStuck
+from sim_vehicle.arming import Arming
+from sim_vehicle.body import Body
+from sim_vehicle.failsafe import Failsafes
+from sim_vehicle.faults.failure_command import Replace
+from sim_vehicle.faults.sim_parameters import faults_of
+from sim_vehicle.fence import Fence
+from sim_vehicle.fence_watch import FenceWatch
+from sim_vehicle.flight import Flight
+from sim_vehicle.jobs import Jobs
+from sim_vehicle.logs.recorder import LogLimits
 from sim_vehicle.mission import Item, Mission, MissionState
-from sim_vehicle.mission_transfer import MissionTransfer
 from sim_vehicle.params import Parameters
-from sim_vehicle.personalities.base import Behaviour, Mode, Personality
+from sim_vehicle.personalities.base import Behaviour, Mode, Personality, Tuning
+from sim_vehicle.place import Place
+from sim_vehicle.publish import publish
+from sim_vehicle.rally import Rally
 from sim_vehicle.readiness import Readiness
-from sim_vehicle.telemetry import STRIKES_INTERVAL_S, Streams
-from sim_vehicle.world import Body
+from sim_vehicle.setpoints import Setpoints
+from sim_vehicle.signing import Signing
+from sim_vehicle.singles import SINGLES
+from sim_vehicle.status import Status
+from sim_vehicle.streams import Streams
+from sim_vehicle.telemetry import STREAMS
 
 HEARTBEAT_S = 1.0
 TIMESYNC_S = 10.0
 PREARM_TEXT_S = 30.0
 REBOOT_SILENCE_S = 1.5
-COMPONENT = mavlink.MAV_COMP_ID_AUTOPILOT1
-POSITION_ONLY = 0x0007  # bits of a SET_POSITION_TARGET type mask that would ignore the position
+STRIKES, STRIKES_S = int(mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT), 1.0
+IDLE_LOOK_S = 1.0  # every vehicle looks around so often, whatever it waits for
+BUSY_LOOK_S = 0.1
+COMPONENT = int(mavlink.MAV_COMP_ID_AUTOPILOT1)
+EPSILON_S = 1e-9
+TEXT_BYTES = 50  # of one STATUSTEXT
+ACKNOWLEDGEMENTS = frozenset({mavlink.MAVLINK_MSG_ID_COMMAND_ACK, mavlink.MAVLINK_MSG_ID_MISSION_ACK})
+
+
+class Outlet(Protocol):
+    """Where a vehicle's messages go: the fleet's encoder and link."""
+
+    def message(self, vehicle: int, message: Any) -> None:
+        """Pack and send."""
+        ...
+
+    def raw(self, vehicle: int, data: bytes) -> None:
+        """Send bytes that are no MAVLink (boot text)."""
+        ...
+
+    def stream_now(self, vehicle: int, message_id: int, now: float) -> bool:
+        """Send one of STREAMS; False if the vehicle has nothing to say there yet."""
+        ...
 
 
 class Autopilot:
@@ -29,16 +72,21 @@ class Autopilot:
 
     Parameters
     ----------
-    sysid: MAVLink system id.
+    index, sysid: its place in the fleet's arrays, its MAVLink system id.
     body: its airframe in the world.
     personality: which autopilot it behaves like.
     parameters: changes to the personality's parameters.
     ready_s: from boot to a position estimate [s].
     rng: the vehicle's own randomness.
+    status, streams, outlet: the fleet's columns, message intervals and way out.
+    afflictions: what is wrong with the vehicle.
+    replace_faults: ends the faults that it began under a key, and begins others.
+    log_limits: how much of its flights it records.
     """
 
     def __init__(
         self,
+        index: int,
         sysid: int,
         body: Body,
         personality: Personality,
@@ -46,60 +94,78 @@ class Autopilot:
         *,
         ready_s: float,
         rng: np.random.Generator,
+        status: Status,
+        streams: Streams,
+        outlet: Outlet,
+        afflictions: Afflictions,
+        replace_faults: Replace,
+        log_limits: LogLimits,
     ) -> None:
-        self.sysid, self.body, self.personality, self.rng = sysid, body, personality, rng
-        values = {**personality.parameters, "SYSID_THISMAV": sysid, **parameters}
-        self.params = Parameters(values, read_only=personality.read_only_parameters)
-        self.mission = Mission(home=self._home_item)
-        self.transfer = MissionTransfer(
-            self.mission,
-            store_item=personality.store_item,
-            max_items=personality.max_mission_items,
-            send=self.send,
-            say=self.say,
-            changed=self._mission_changed,
-            flying=lambda: (
-                self.mode.behaviour is Behaviour.MISSION and self.mission.state is MissionState.ACTIVE
-            ),
+        self.afflictions, self.replace_faults, self.signing = afflictions, replace_faults, Signing()
+        self._late: list[tuple[float, Any]] = []  # acknowledgements that a fault holds back, and until when
+        self.index, self.sysid, self.body, self.personality, self.rng = index, sysid, body, personality, rng
+        self.status, self._streams, self._outlet = status, streams, outlet
+        values = {**personality.parameters, personality.system_id_parameter: sysid, **parameters}
+        self.params = Parameters(
+            values, read_only=personality.read_only_parameters, byte_wise=personality.parameters_byte_wise
         )
+        self.tuning: Tuning = personality.tuning(self.params)
+        self.singles = {**SINGLES, **personality.singles}
+        self.fence, self.rally = Fence(), Rally()
+        make = personality.mission
+        self.mission = Mission(home=self.home_item) if make is None else make(self)
         self.flight = Flight(
             body,
-            self.params,
             self.mission,
+            tuning=lambda: self.tuning,
             home=lambda: self.home or self.here(),
-            say=self.say,
+            return_place=self._return_place,
+            tell=self.tell,
             send=self.send,
-            disarm=self._disarm,
+            disarm=self._landed,
+            taken_off=self._taken_off,
+            mission_over=self._mission_over,
+            set_home=lambda place: self.set_home(place, self.now, locked=True),
         )
-        self._codec = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=COMPONENT)
-        self._outbox: list[bytes] = []
+        self.arming = Arming(self)
+        self.fence_watch = FenceWatch(self)
+        self.transfer = personality.transfer(self)
+        self.jobs = Jobs(self.acknowledge)
+        self.setpoints = Setpoints(self)
+        self.storage = personality.storage(self, log_limits)
         self._ready_s = ready_s
+        self._phase_s = float(rng.random())
+        self.now = 0.0
+        self.alarm_s = 0.0
         self.strikes = 0
         self.boots = 0
+        self._text_id = 0
         self.reboot_after_reply = False
+        self.booted = False
         self._boot_due_s = 0.0
-        self._booted = False
-        self._phase_s = float(rng.random())
-        self.home: Place | None = None
         self._forget(0.0)
 
     def _forget(self, now: float) -> None:
         """Everything that does not survive a reboot; parameters and the mission do."""
         self.readiness = Readiness(now, self._ready_s)
         self.mode: Mode = self.personality.modes[self.personality.boot_mode]
-        self.streams = Streams()
-        self.armed = False
-        self._armed_at_s = now
-        self.home, self._home_locked = None, False
+        self._armable_mode = self.mode
+        self.mission_checked_s = now
+        self.home: Place | None = None
+        self.home_locked = False
         self.origin: Place | None = None
+        self.origin_m = (0.0, 0.0, 0.0)
+        self.failsafes = Failsafes(self)
+        self.fence_watch = FenceWatch(self)
         self._switch_read = False
-        self.failsafe = False
-        self._gcs_heard_s: float | None = None
-        self._next_heartbeat_s = now + self._phase_s * HEARTBEAT_S
-        self._next_timesync_s = now + TIMESYNC_S
         self._next_prearm_s = now + PREARM_TEXT_S
-        self._next_strikes_s = now
+        self.arming.armed = False
         self.transfer.reset()
+        self.storage.reboot(now)
+        self.signing.reboot()
+        self._late.clear()
+        self.jobs.reset()
+        self.setpoints.reset()
         self.mission.reset()
         self.mission.state = MissionState.NOT_STARTED
         self.flight.armed = self.flight.cleared_for_takeoff = False
@@ -108,61 +174,162 @@ class Autopilot:
     # -- out ---------------------------------------------------------------------------------------------
 
     def send(self, message: Any) -> None:
-        """Pack a message into the outbox."""
-        self._outbox.append(bytes(message.pack(self._codec)))
+        """Send one message to whoever is there; faults may hold or lose an acknowledgement."""
+        if message.get_msgId() in ACKNOWLEDGEMENTS:
+            if self.afflictions.loses_ack():
+                return
+            if self.afflictions.ack_delay_s > 0:
+                self._late.append((self.now + self.afflictions.ack_delay_s, message))
+                return
+        self._outlet.message(self.index, message)
 
     def say(self, severity: int, text: str) -> None:
-        """STATUSTEXT."""
-        self.send(mavlink.MAVLink_statustext_message(severity, text.encode()[:50]))
+        """STATUSTEXT; a long one in several, which a ground station puts together by their id."""
+        self.storage.text(self.now, severity, text)
+        data = text.encode()
+        if len(data) <= TEXT_BYTES:
+            self.send(mavlink.MAVLink_statustext_message(severity, data))
+            return
+        self._text_id = self._text_id % 0xFFFF + 1
+        for chunk, start in enumerate(range(0, len(data) + 1, TEXT_BYTES)):
+            part = data[start : start + TEXT_BYTES]
+            self.send(mavlink.MAVLink_statustext_message(severity, part, self._text_id, chunk))
 
-    def drain(self) -> list[bytes]:
-        """Frames (and boot text) since the last call, in order."""
-        frames, self._outbox = self._outbox, []
-        return frames
+    def tell(self, what: str, **facts: Any) -> None:
+        """Say something in the personality's words, if it says anything about it."""
+        if what in self.personality.texts:
+            severity, template = self.personality.texts[what]
+            self.say(severity, template.format(**facts))
 
-    def send_built(self, message_id: int, now: float) -> bool:
-        """Send one telemetry message now; False if it is unknown or has nothing to say yet."""
-        builder = telemetry.BUILDERS.get(message_id)
-        message = builder(self, now) if builder is not None else None
-        if message is not None:
+    def wording(self, what: str, **facts: Any) -> list[str]:
+        """The personality's words for something, to be said with something else; empty if it has none."""
+        if what not in self.personality.texts:
+            return []
+        return [self.personality.texts[what][1].format(**facts)]
+
+    def tell_refusals(self, how: str, now: float) -> None:
+        """Say every reason against arming: `how` is prearm or arm_refused."""
+        for reason in self.personality.refusals(self, now):
+            self.tell(how, reason=reason)
+
+    def acknowledge(self, command: int, result: int, progress: int, sender: tuple[int, int]) -> None:
+        """COMMAND_ACK."""
+        self.send(mavlink.MAVLink_command_ack_message(command, result, progress, 0, *sender))
+
+    def send_now(self, message_id: int, now: float, parameter: float = 0.0) -> bool:
+        """Send one message on request; False if it is unknown or has nothing to say yet."""
+        if self.streams_message(message_id):
+            self.publish(now)
+            return self._outlet.stream_now(self.index, message_id, now)
+        if message_id not in self.singles:
+            return False
+        made = self.singles[message_id](self, parameter)
+        for message in made:
             self.send(message)
-        return message is not None
+        return bool(made)
+
+    def streams_message(self, message_id: int) -> bool:
+        """Whether this autopilot can send a message at a rate."""
+        return message_id in STREAMS and message_id not in self.personality.lacks
 
     def set_message_interval(self, message_id: int, interval_s: float, now: float) -> None:
-        self.streams.set_interval(message_id, interval_s, now)
+        """KeyError for a message that cannot be streamed. Whoever wants telemetry also hears of strikes."""
+        self._streams.set_interval(self.index, message_id, interval_s, now)
+        if interval_s > 0 and self.message_interval_s(STRIKES) is None:
+            self._streams.set_interval(self.index, STRIKES, STRIKES_S, now)
+
+    def reset_message_interval(self, message_id: int, now: float) -> None:
+        """Back to the rate that flows without being asked for."""
+        rate_hz = self.personality.default_rates_hz.get(message_id, 0.0)
+        self.set_message_interval(message_id, 1.0 / rate_hz if rate_hz else 0.0, now)
+
+    def message_interval_s(self, message_id: int) -> float | None:
+        """What is kept [s]; None where it does not stream, or cannot."""
+        if not self.streams_message(message_id):
+            return None
+        return self._streams.interval_s(self.index, message_id)
+
+    def publish(self, now: float) -> None:
+        """Write this vehicle's row of the status."""
+        publish(self, now)
 
     # -- in ----------------------------------------------------------------------------------------------
 
     def receive(self, message: Any, now: float) -> None:
-        """Take one message that is for this vehicle or for all; replies are in the outbox."""
-        if not self._booted:
+        """Take one message that is for this vehicle or for all."""
+        if not self.booted:
             return
         kind = message.get_type()
+        if kind == "HEARTBEAT":
+            self._on_heartbeat(message, now)
+            return
+        self.now = now
         if self.transfer.handles(kind):
             self.transfer.receive(message, now)
+        elif self.storage.handles(kind):
+            self.storage.receive(message, now)
         elif kind in RECEIVERS:
             RECEIVERS[kind](self, message, now)
+        else:
+            return
+        self.storage.note(now)
+        self.alarm_s = now
+        self.publish(now)
+
+    def _for_me(self, message: Any) -> bool:
+        return self.personality.any_component or message.target_component in (0, COMPONENT)
 
     def _on_command(self, message: Any, now: float) -> None:
+        if not self._for_me(message):
+            return
         command = commands.Command.from_message(message)
         result = commands.execute(self, command, now)
-        self.send(
-            mavlink.MAVLink_command_ack_message(
-                command.command, result, 0, 0, message.get_srcSystem(), message.get_srcComponent()
-            )
-        )
+        self.acknowledge(command.command, result, 0, command.sender)
         if self.reboot_after_reply:
             self.reboot_after_reply = False
-            self._booted = False
-            self._boot_due_s = now + REBOOT_SILENCE_S
+            self.reboot(now)
+
+    def _on_cancel(self, message: Any, _now: float) -> None:
+        self.jobs.cancel(message)
 
     def _on_set_mode(self, message: Any, now: float) -> None:
-        if message.base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
-            self.set_mode(message.custom_mode, now)
+        accepted = message.base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED and self.set_mode(
+            message.custom_mode, now
+        )
+        if self.personality.acknowledges_set_mode:
+            result = mavlink.MAV_RESULT_ACCEPTED if accepted else mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+            sender = (message.get_srcSystem(), message.get_srcComponent())
+            self.acknowledge(mavlink.MAV_CMD_DO_SET_MODE, result, 0, sender)
 
     def _on_parameter(self, message: Any, _now: float) -> None:
-        if self.params.receive(message, self.send):
-            self.flight.apply_limits()
+        name = self.params.receive(message, self.send)
+        if name is not None:
+            self._parameter_changed(name)
+
+    def set_parameter(self, name: str, value: float) -> None:
+        """Set a known parameter as if a ground station had; KeyError for another name."""
+        self.params.set(name, value)
+        self._parameter_changed(name)
+
+    def _parameter_changed(self, name: str) -> None:
+        self.retune()
+        self.simulate(name)
+        self.storage.parameter(self.now, name)
+
+    def retune(self) -> None:
+        """A parameter has changed."""
+        self.tuning = self.personality.tuning(self.params)
+        self.flight.apply_limits()
+
+    def simulate(self, name: str) -> None:
+        """A parameter has changed that may make something fail."""
+        found = faults_of(name, self.params.__getitem__)
+        if found is not None:
+            self.replace_faults(*found, self.now)
+
+    def _on_setup_signing(self, message: Any, now: float) -> None:
+        if self.personality.signs and not self.signing.set_up(message, now, armed=self.armed):
+            self.tell("signing_refused")
 
     def _on_data_stream(self, message: Any, now: float) -> None:
         rate_hz = message.req_message_rate if message.start_stop else 0
@@ -174,126 +341,172 @@ class Autopilot:
 
     def _on_timesync(self, message: Any, now: float) -> None:
         if message.tc1 == 0:
-            clock_ns = round((now - self.readiness.boot_s) * 1e9)
+            clock_ns = round((now - self.readiness.boot_s + self.clock_ahead_s(now)) * 1e9)
             self.send(mavlink.MAVLink_timesync_message(clock_ns, message.ts1))
 
+    def clock_ahead_s(self, now: float) -> float:
+        """By how much the vehicle's own clock is ahead of simulated time [s]."""
+        status, i = self.status, self.index
+        return float(status.clock_offset_s[i] + (now - status.clock_since_s[i]) * status.clock_drift[i])
+
     def _on_heartbeat(self, message: Any, now: float) -> None:
-        if message.get_srcSystem() == self.params["SYSID_MYGCS"]:
-            self._gcs_heard_s = now
+        if message.type == mavlink.MAV_TYPE_GCS or message.get_srcSystem() == self.tuning.gcs_sysid:
+            self.failsafes.heard_ground_station(message.get_srcSystem(), now)
+
+    def _on_ping(self, message: Any, _now: float) -> None:
+        asked = message.target_system == message.target_component == 0
+        if asked and self.personality.answers_ping:
+            sender = (message.get_srcSystem(), message.get_srcComponent())
+            self.send(mavlink.MAVLink_ping_message(message.time_usec, message.seq, *sender))
 
     def _on_set_current(self, message: Any, now: float) -> None:
         if self.set_current(message.seq):
-            self.send_built(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT, now)
+            self.send_now(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT, now)
 
-    def _on_position_target(self, message: Any, _now: float) -> None:
-        """SET_POSITION_TARGET_GLOBAL_INT: positions in GUIDED; velocities are ignored."""
-        frame = message.coordinate_frame
-        if self.mode.behaviour is not Behaviour.GUIDED or message.type_mask & POSITION_ONLY:
-            return
-        lat_deg, lon_deg = message.lat_int * 1e-7, message.lon_int * 1e-7
-        if frame not in commands.FRAMES_WITH_ALTITUDE or abs(lat_deg) > 90 or abs(lon_deg) > 180:
-            return
-        if abs(message.alt) < 1e5:  # also false for NaN
-            self.flight.guided_go(lat_deg, lon_deg, self.flight.altitude_amsl_m(frame, message.alt))
+    def _on_setpoint(self, message: Any, now: float) -> None:
+        self.setpoints.receive(message, now)
 
     # -- time --------------------------------------------------------------------------------------------
 
     def update(self, now: float) -> None:
-        """Decide, some ten times a second: boot, readiness, mode, landing, failsafe, transfers."""
-        if not self._booted:
-            if now + 1e-9 < self._boot_due_s:
+        """Decide: boot, readiness, mode, landing, failsafes, transfers; names its next alarm."""
+        self.now = now
+        if not self.booted:
+            self.alarm_s = self._boot_due_s
+            if now + EPSILON_S < self._boot_due_s:
                 return
             self._boot(now)
         self._note_readiness(now)
-        self._watch_ground_station(now)
+        self._send_late(now)
+        failsafe_s = self.failsafes.update(now)
         self.flight.run(now)
+        self._end_setpoint(now)
         touchdown_m_s = self.body.take_touchdown_m_s()
         if touchdown_m_s > 0:
-            self.say(mavlink.MAV_SEVERITY_WARNING, f"SIM Hit ground at {touchdown_m_s:.2f} m/s")
-        delay_s = self.params["DISARM_DELAY"]
-        idle_since_s = max(self._armed_at_s, self.flight.ground_since_s)
-        if self.armed and delay_s > 0 and self.flight.landed(now) and now - idle_since_s >= delay_s:
-            self._disarm()
+            self.tell("touchdown", speed=touchdown_m_s)
+        if self.body.crashed and self.armed:
+            self.arming.stop("crashed")
+        self.fence_watch.update(now)
+        disarm_s = self.arming.update(now)
         self.transfer.tick(now)
+        self.storage.tick(now)
+        self.storage.note(now)
+        self.alarm_s = min(
+            now + IDLE_LOOK_S,
+            failsafe_s,
+            disarm_s,
+            self.flight.next_look_s(now),
+            self.readiness.next_s(now),
+            self.jobs.tick(now),
+            self._setpoint_deadline_s(),
+            self.transfer.next_deadline_s,
+            self.storage.next_s(now),
+            self._late[0][0] if self._late else math.inf,
+            now + BUSY_LOOK_S if self.fence_watch.active else math.inf,
+        )
+        self.publish(now)
 
-    def stream(self, now: float) -> None:
-        """Send what is due by `now` [s]."""
-        if not self._booted:
-            return
-        if now + 1e-9 >= self._next_heartbeat_s:
-            self._next_heartbeat_s += HEARTBEAT_S
-            self.send_built(mavlink.MAVLINK_MSG_ID_HEARTBEAT, now)
-        if now + 1e-9 >= self._next_timesync_s:
-            self._next_timesync_s += TIMESYNC_S
-            self.send(mavlink.MAVLink_timesync_message(0, round((now - self.readiness.boot_s) * 1e9)))
-        for message_id in self.streams.due(now):
-            self.send_built(message_id, now)
-        if now + 1e-9 >= self._next_strikes_s:
-            self._next_strikes_s = now + STRIKES_INTERVAL_S
-            if self.streams.wanted:
-                self.send(telemetry.strikes(self, now))
+    def _setpoint_deadline_s(self) -> float:
+        timeout_s = self.tuning.setpoint_timeout_s
+        if self.mode.setpoints_only:
+            return self.setpoints.heard_s + timeout_s if self.flight.flying else math.inf
+        return self.setpoints.deadline_s(timeout_s)
+
+    def _end_setpoint(self, now: float) -> None:
+        if now + EPSILON_S >= self._setpoint_deadline_s():
+            self.setpoints.reset()
+            if self.mode.setpoints_only:
+                self.tell("setpoints_lost")
+                self.failsafes.act(self.tuning.setpoint_action, now, at_once=True)
+            elif self.mode.behaviour is Behaviour.GUIDED and self.flight.flying:
+                self.body.stop()
+
+    def _send_late(self, now: float) -> None:
+        while self._late and self._late[0][0] <= now + EPSILON_S:
+            self._outlet.message(self.index, self._late.pop(0)[1])
+
+    def reboot(self, now: float, silence_s: float = REBOOT_SILENCE_S) -> None:
+        """Go silent; back after the boot."""
+        self.storage.reboot(now)
+        self.booted = False
+        self.status.booted[self.index] = False
+        self._boot_due_s = self.alarm_s = now + silence_s
+        if self.arming.armed:
+            self.body.arm(False)
 
     def _boot(self, now: float) -> None:
         self.boots += 1
-        self._booted = True
+        self.booted = True
         self._forget(now)
-        self._outbox.extend(self.personality.boot_text)
+        for text in self.personality.boot_text:
+            self._outlet.raw(self.index, text)
+        self._streams.clear(self.index)
+        first_s = now + self._phase_s * HEARTBEAT_S
+        rates_hz = {**self.personality.default_rates_hz, mavlink.MAVLINK_MSG_ID_HEARTBEAT: 1.0 / HEARTBEAT_S}
+        for message_id, rate_hz in rates_hz.items():
+            self._streams.set_interval(self.index, message_id, 1.0 / rate_hz, now, first_s=first_s)
 
     def _note_readiness(self, now: float) -> None:
         if not self._switch_read and self.readiness.mode_switch_read(now):
             self._switch_read = True
-            if (
-                self.mode.number != self.personality.boot_mode
-                and not self.armed
-                and self.readiness.ready_s > 0
-            ):
-                self._enter(self.personality.modes[self.personality.boot_mode])
+            boot_mode = self.personality.modes[self.personality.boot_mode]
+            undoes = self.personality.rereads_mode_switch and self.readiness.ready_s > 0
+            if self.mode is not boot_mode and not self.armed and undoes:
+                self._enter(boot_mode)
         if self.origin is None and self.readiness.home(now):
-            self.origin = self.here()
-            self.say(mavlink.MAV_SEVERITY_INFO, "EKF3 IMU0 origin set")
-            self.send_built(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, now)
+            self.origin, self.origin_m = self.here(), self.body.position_m
+            self.tell("origin_set")
+            self.send_now(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, now)
             self.set_home(self.origin, now)
         if not self.armed and now >= self._next_prearm_s:
             self._next_prearm_s += PREARM_TEXT_S
-            for reason in self.arming_refusals(now):
-                self.say(mavlink.MAV_SEVERITY_CRITICAL, f"PreArm: {reason}")
+            self.tell_refusals("prearm", now)
 
-    def _watch_ground_station(self, now: float) -> None:
-        action = self.params["FS_GCS_ENABLE"]
-        late = (
-            action != 0
-            and self._gcs_heard_s is not None
-            and now - self._gcs_heard_s > self.params["FS_GCS_TIMEOUT"]
-        )
-        if late and not self.failsafe and self.armed:
-            self.say(mavlink.MAV_SEVERITY_WARNING, "GCS Failsafe")
-            if self.body.airborne:
-                self.set_behaviour(Behaviour.LAND if action == 5 else Behaviour.RETURN, now)
-            self.failsafe = True
-        elif self.failsafe and not late:
-            self.say(mavlink.MAV_SEVERITY_WARNING, "GCS Failsafe Cleared")
-            self.failsafe = False
-
-    def struck(self, over: tuple[int, int], by: tuple[int, int]) -> None:
+    def struck(self, over: tuple[int, int], by: tuple[int, int], now: float) -> None:
         """A hostile hit the vehicle; it flies on."""
+        self.now = now
         self.strikes += 1
+        self.status.strikes[self.index] = self.strikes
+        self.storage.strike(now, over, by)
         text = f"STRIKE {self.strikes} over {over[0]},{over[1]} from {by[0]},{by[1]}"
         self.say(mavlink.MAV_SEVERITY_WARNING, text)
 
-    # -- home --------------------------------------------------------------------------------------------
+    # -- home and position -------------------------------------------------------------------------------
+
+    def position_known(self, now: float) -> bool:
+        """Whether it has a position estimate it may navigate by."""
+        return self.readiness.position(now) and self.body.position_ok
 
     def here(self) -> Place:
         return Place(*self.body.lat_lon_deg, self.body.alt_amsl_m)
+
+    @property
+    def home_deg(self) -> tuple[float, float]:
+        """Latitude and longitude of home, or of where it is while there is none."""
+        return (self.home.lat_deg, self.home.lon_deg) if self.home else self.body.lat_lon_deg
 
     @property
     def height_above_home_m(self) -> float:
         return self.body.alt_amsl_m - (self.home.alt_amsl_m if self.home else self.body.ground_amsl_m)
 
     def set_home(self, place: Place, now: float, *, locked: bool = False) -> None:
-        self.home, self._home_locked = place, self._home_locked or locked
-        self.send_built(mavlink.MAVLINK_MSG_ID_HOME_POSITION, now)
+        self.home, self.home_locked = place, self.home_locked or locked
+        self.send_now(mavlink.MAVLINK_MSG_ID_HOME_POSITION, now)
 
-    def _home_item(self) -> Item:
+    def _return_place(self) -> Place:
+        """The nearest rally point, or home."""
+        home = self.home or self.here()
+        point = self.rally.nearest(
+            self.body.lat_lon_deg,
+            (home.lat_deg, home.lon_deg),
+            limit_m=self.tuning.rally_limit_m,
+            include_home=self.tuning.rally_includes_home,
+        )
+        if point is None or point.place_deg is None:
+            return home
+        return Place(*point.place_deg, home.alt_amsl_m)
+
+    def home_item(self) -> Item:
         home = self.home or Place(0.0, 0.0, 0.0)
         return Item(
             mavlink.MAV_CMD_NAV_WAYPOINT,
@@ -304,80 +517,95 @@ class Autopilot:
 
     # -- arming and modes --------------------------------------------------------------------------------
 
-    def arming_refusals(self, now: float) -> list[str]:
-        """Why the vehicle would not arm now, apart from the mode being armable at all."""
-        if self.mode.needs_position and not self.readiness.position(now):
-            return ["Need Position Estimate"]
-        if self.params["ARMING_CHECK"] != 0 and not self.readiness.home(now):
-            return ["AHRS: waiting for home"]
-        return []
+    @property
+    def armed(self) -> bool:
+        return self.arming.armed
 
     def arm(self, now: float, *, force: bool) -> bool:
         """Start the motors; the reasons of a refusal go out as texts."""
-        if self.armed:
-            return True
-        reasons = [] if force else self.arming_refusals(now)
-        in_auto = self.mode.behaviour is Behaviour.MISSION and int(self.params["AUTO_OPTIONS"]) & 1
-        if not (self.mode.armable or in_auto or force):
-            reasons.append(f"{self.mode.name} mode not armable")
-        if reasons:
-            for reason in reasons:
-                self.say(mavlink.MAV_SEVERITY_CRITICAL, f"Arm: {reason}")
-            return False
-        if self.readiness.home(now) and not self._home_locked:
-            self.set_home(self.here(), now)
-        self.armed, self._armed_at_s = True, now
-        self.flight.armed = True
-        if in_auto and int(self.params["AUTO_OPTIONS"]) & 2:
-            self.flight.cleared_for_takeoff = True
-        self.body.arm(True)
-        self.say(mavlink.MAV_SEVERITY_INFO, "Arming motors")
-        return True
+        return self.arming.arm(now, force=force)
 
     def disarm(self, *, force: bool) -> bool:
         """Stop the motors on demand: in the air only if forced, and then the vehicle falls."""
-        if self.body.airborne and self.armed and not force:
-            return False
-        if self.armed:
-            self._disarm()
-        return True
-
-    def _disarm(self) -> None:
-        self.armed = self.flight.armed = self.flight.cleared_for_takeoff = False
-        self.body.arm(False)
-        self.mission.reset()
-        self.say(mavlink.MAV_SEVERITY_INFO, "Disarming motors")
+        return self.arming.disarm(force=force)
 
     def set_behaviour(self, behaviour: Behaviour, now: float) -> bool:
-        """Change to the personality's mode of this behaviour."""
-        mode = next(mode for mode in self.personality.modes.values() if mode.behaviour is behaviour)
-        return self.set_mode(mode.number, now)
+        """Change to the personality's mode of this behaviour, as if a ground station had asked."""
+        return self.set_mode(self.personality.mode_of(behaviour).number, now)
+
+    def change_by_itself(self, behaviour: Behaviour, now: float) -> None:
+        """Change to the mode of this behaviour, whatever a ground station may do."""
+        self.now = now
+        self._enter(self.personality.mode_of(behaviour))
+
+    def enter_mode(self, number: int) -> None:
+        """Change to a mode by its number, one that cannot be asked for included."""
+        self._enter(self.personality.modes[number])
 
     def set_mode(self, number: int, now: float) -> bool:
         """Change mode by its wire number, if it may be entered now."""
+        if self.afflictions.mode_stuck is not None:
+            return self.afflictions.mode_stuck is ModeStuck.ACCEPTED
         mode = self.personality.modes.get(number)
-        if mode is None:
-            self.say(mavlink.MAV_SEVERITY_WARNING, f"No such mode {number}")
+        if mode is None or not mode.selectable:
+            self.tell("no_such_mode", number=number)
             return False
         if mode is self.mode:
             return True
-        if self.armed and mode.needs_position and not self.readiness.position(now):
-            self.say(mavlink.MAV_SEVERITY_WARNING, f"Mode change to {mode.name} failed: requires position")
+        if self.armed and mode.needs_position and not self.position_known(now):
+            self.tell("mode_needs_position", mode=mode.name)
+            return False
+        if self.armed and mode.setpoints_only and not self.setpoints.streaming(now):
+            self.tell("mode_needs_setpoints", mode=mode.name)
+            return False
+        if self.armed and mode.needs_pilot and self.tuning.pilot_missing:
+            self.tell("mode_needs_pilot", mode=mode.name)
             return False
         if mode.behaviour is Behaviour.MISSION and self.armed and not self._mission_may_start():
+            self.tell("mode_needs_mission", mode=mode.name)
             return False
+        self.fence_watch.pilot_took_over(now)
         self._enter(mode)
         return True
 
     def _enter(self, mode: Mode) -> None:
         self.mode = mode
+        if mode.armable:
+            self._armable_mode = mode
+        self.setpoints.reset()
         self.flight.enter(mode)
 
+    def disarmed(self) -> None:
+        """The motors have stopped."""
+        if self.personality.disarm_restores_mode:
+            self._enter(self._armable_mode)
+
+    def _taken_off(self) -> None:
+        then = self.tuning.after_takeoff
+        if then is Behaviour.MISSION and not self.mission_ready(self.now):
+            then = Behaviour.HOLD
+        aim_m = self.flight.guided_target_m
+        self.change_by_itself(then, self.now)
+        if then is Behaviour.HOLD and aim_m is not None:
+            self.flight.go(aim_m)  # what is left of the climb
+
+    def _landed(self) -> None:
+        if self.personality.landing_disarms:
+            self.arming.stop()
+
+    def _mission_over(self) -> None:
+        if self.personality.mission_ends_in is not None and self.flight.flying:
+            self.change_by_itself(self.personality.mission_ends_in, self.now)
+
+    def mission_ready(self, now: float) -> bool:
+        """Whether there is a mission, checked since it came, that can be flown."""
+        return not self.mission.empty and self.mission.flyable and now + EPSILON_S >= self.mission_checked_s
+
     def _mission_may_start(self) -> bool:
-        if self.mission.count < 2:
+        if not self.mission_ready(self.now):
             return False
-        if not self.body.airborne and not self.mission.starts_with_takeoff():
-            self.say(mavlink.MAV_SEVERITY_CRITICAL, "Auto: Missing Takeoff Cmd")
+        if self.personality.home_item and not self.body.airborne and not self.mission.starts_with_takeoff():
+            self.tell("mission_without_takeoff")
             return False
         return True
 
@@ -385,32 +613,37 @@ class Autopilot:
 
     def start_mission_if_stopped(self) -> None:
         if self.mission.state is not MissionState.ACTIVE:
-            self.mission.start_or_resume(self.flight)
+            self.mission.start_or_resume(self.flight.pilot)
 
     def set_current(self, index: int) -> bool:
-        return self.mission.set_current(self.flight, index)
+        return self.mission.set_current(self.flight.pilot, index)
 
-    def _mission_changed(self, index: int) -> None:
+    def mission_changed(self, index: int) -> None:
         """An item became another one (or the list was cut, -1) while the mission may be flown."""
-        flown = self.mode.behaviour is Behaviour.MISSION and self.mission.state is MissionState.ACTIVE
-        if not flown or index == 0 or (index == -1 and self.mission.index < self.mission.count):
+        if not self.flies_mission or index == 0 or (index == -1 and self.mission.index < self.mission.count):
             return
-        if self.mission.restart_current(self.flight):
-            self.say(mavlink.MAV_SEVERITY_CRITICAL, "Auto mission changed, restarted command")
-        else:
-            self.say(mavlink.MAV_SEVERITY_CRITICAL, "Auto mission changed but failed to restart command")
+        restarted = self.mission.restart_current(self.flight.pilot)
+        self.tell("mission_changed" if restarted else "mission_change_failed")
+
+    @property
+    def flies_mission(self) -> bool:
+        return self.mode.behaviour is Behaviour.MISSION and self.mission.state is MissionState.ACTIVE
 
 
 RECEIVERS: dict[str, Callable[[Autopilot, Any, float], None]] = {
     "COMMAND_LONG": Autopilot._on_command,
     "COMMAND_INT": Autopilot._on_command,
+    "COMMAND_CANCEL": Autopilot._on_cancel,
     "SET_MODE": Autopilot._on_set_mode,
+    "SETUP_SIGNING": Autopilot._on_setup_signing,
     "PARAM_REQUEST_LIST": Autopilot._on_parameter,
     "PARAM_REQUEST_READ": Autopilot._on_parameter,
     "PARAM_SET": Autopilot._on_parameter,
     "REQUEST_DATA_STREAM": Autopilot._on_data_stream,
     "TIMESYNC": Autopilot._on_timesync,
-    "HEARTBEAT": Autopilot._on_heartbeat,
+    "PING": Autopilot._on_ping,
     "MISSION_SET_CURRENT": Autopilot._on_set_current,
-    "SET_POSITION_TARGET_GLOBAL_INT": Autopilot._on_position_target,
+    "SET_POSITION_TARGET_GLOBAL_INT": Autopilot._on_setpoint,
+    "SET_POSITION_TARGET_LOCAL_NED": Autopilot._on_setpoint,
+    "SET_ATTITUDE_TARGET": Autopilot._on_setpoint,
 }

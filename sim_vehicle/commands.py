@@ -1,4 +1,8 @@
-"""MAV_CMD commands, as COMMAND_LONG or COMMAND_INT; each handler returns a MAV_RESULT."""
+"""MAV_CMD commands, as COMMAND_LONG or COMMAND_INT; each handler returns a MAV_RESULT.
+
+What is here both autopilots share, or only one has; a personality replaces and adds handlers by its own
+table.
+"""
 
 import math
 from collections.abc import Callable
@@ -7,9 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.flight import Place
 from sim_vehicle.personalities.base import Behaviour
-from sim_vehicle.telemetry import BUILDERS
+from sim_vehicle.place import Place
 
 if TYPE_CHECKING:
     from sim_vehicle.autopilot import Autopilot
@@ -30,6 +33,9 @@ ACCEPTED = int(mavlink.MAV_RESULT_ACCEPTED)
 DENIED = int(mavlink.MAV_RESULT_DENIED)
 FAILED = int(mavlink.MAV_RESULT_FAILED)
 UNSUPPORTED = int(mavlink.MAV_RESULT_UNSUPPORTED)
+TEMPORARILY_REJECTED = int(mavlink.MAV_RESULT_TEMPORARILY_REJECTED)
+IN_PROGRESS = int(mavlink.MAV_RESULT_IN_PROGRESS)
+CALIBRATION_S = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +52,7 @@ class Command:
     z: float
     frame: int
     as_int: bool
+    sender: tuple[int, int]  # system and component id
 
     @classmethod
     def from_message(cls, message: Any) -> "Command":
@@ -61,6 +68,7 @@ class Command:
             z=message.z if as_int else message.param7,
             frame=message.frame if as_int else mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
             as_int=as_int,
+            sender=(message.get_srcSystem(), message.get_srcComponent()),
         )
 
     def place(self) -> tuple[float, float] | None:
@@ -77,39 +85,41 @@ def whole(value: float) -> int:
 
 def execute(vehicle: "Autopilot", command: Command, now: float) -> int:
     """Carry out `command`; MAV_RESULT."""
-    handler = HANDLERS.get(command.command)
+    handler = vehicle.personality.commands.get(command.command) or HANDLERS.get(command.command)
     return UNSUPPORTED if handler is None else handler(vehicle, command, now)
 
 
-def _arm_disarm(vehicle: "Autopilot", command: Command, now: float) -> int:
+def arm_disarm(vehicle: "Autopilot", command: Command, now: float) -> int:
     force = whole(command.param2) == FORCE
     if command.param1 == 1:
-        return ACCEPTED if vehicle.arm(now, force=force) else FAILED
+        return ACCEPTED if vehicle.arm(now, force=force) else vehicle.personality.arm_refused
     if command.param1 == 0:
-        return ACCEPTED if vehicle.disarm(force=force) else FAILED
+        return ACCEPTED if vehicle.disarm(force=force) else vehicle.personality.disarm_refused
     return UNSUPPORTED
 
 
-def _do_set_mode(vehicle: "Autopilot", command: Command, now: float) -> int:
+def do_set_mode(vehicle: "Autopilot", command: Command, now: float) -> int:
     if not whole(command.param1) & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
         return DENIED
     return ACCEPTED if vehicle.set_mode(whole(command.param2), now) else FAILED
 
 
-def _change_to(behaviour: Behaviour) -> Callable[["Autopilot", Command, float], int]:
+def change_to(behaviour: Behaviour) -> Callable[["Autopilot", Command, float], int]:
     def handler(vehicle: "Autopilot", _command: Command, now: float) -> int:
         return ACCEPTED if vehicle.set_behaviour(behaviour, now) else FAILED
 
     return handler
 
 
-def _takeoff(vehicle: "Autopilot", command: Command, _now: float) -> int:
+def takeoff(vehicle: "Autopilot", command: Command, _now: float) -> int:
+    """In a guided mode, to a height above home."""
     if vehicle.mode.behaviour is not Behaviour.GUIDED or not abs(command.z) < MAX_ALTITUDE_M:
         return FAILED
-    return ACCEPTED if vehicle.flight.guided_takeoff(command.z) else FAILED
+    up_m = vehicle.flight.home().alt_amsl_m + command.z
+    return ACCEPTED if vehicle.flight.takeoff_to(up_m) else FAILED
 
 
-def _mission_start(vehicle: "Autopilot", _command: Command, now: float) -> int:
+def mission_start(vehicle: "Autopilot", _command: Command, now: float) -> int:
     """Sets AUTO; on an armed vehicle it clears the take-off, on a disarmed one nothing flies."""
     if not vehicle.set_behaviour(Behaviour.MISSION, now):
         return FAILED
@@ -119,7 +129,7 @@ def _mission_start(vehicle: "Autopilot", _command: Command, now: float) -> int:
     return ACCEPTED
 
 
-def _reposition(vehicle: "Autopilot", command: Command, now: float) -> int:
+def reposition(vehicle: "Autopilot", command: Command, now: float) -> int:
     if not command.as_int:
         return UNSUPPORTED
     place = command.place()
@@ -131,17 +141,21 @@ def _reposition(vehicle: "Autopilot", command: Command, now: float) -> int:
             return DENIED
         if not vehicle.set_behaviour(Behaviour.GUIDED, now):
             return FAILED
+    up_m = vehicle.flight.altitude_amsl_m(command.frame, command.z)
+    watch = vehicle.fence_watch
+    if watch.enabled and watch.find(*place, up_m - vehicle.flight.home().alt_amsl_m):
+        return FAILED
     if command.param1 > 0:
         vehicle.flight.change_speed(mavlink.SPEED_TYPE_GROUNDSPEED, command.param1)
-    vehicle.flight.guided_go(*place, vehicle.flight.altitude_amsl_m(command.frame, command.z))
+    vehicle.flight.guided_go(*place, up_m)
     return ACCEPTED
 
 
-def _change_speed(vehicle: "Autopilot", command: Command, _now: float) -> int:
+def change_speed(vehicle: "Autopilot", command: Command, _now: float) -> int:
     return ACCEPTED if vehicle.flight.change_speed(whole(command.param1), command.param2) else FAILED
 
 
-def _set_mission_current(vehicle: "Autopilot", command: Command, _now: float) -> int:
+def set_mission_current(vehicle: "Autopilot", command: Command, _now: float) -> int:
     index = whole(command.param1)
     if index < -1:
         return DENIED
@@ -152,7 +166,7 @@ def _set_mission_current(vehicle: "Autopilot", command: Command, _now: float) ->
     return ACCEPTED if vehicle.set_current(index) else DENIED
 
 
-def _pause_continue(vehicle: "Autopilot", command: Command, _now: float) -> int:
+def pause_continue(vehicle: "Autopilot", command: Command, _now: float) -> int:
     if command.param1 == 0:
         return ACCEPTED if vehicle.flight.pause() else FAILED
     if command.param1 == 1:
@@ -160,30 +174,50 @@ def _pause_continue(vehicle: "Autopilot", command: Command, _now: float) -> int:
     return DENIED
 
 
-def _set_message_interval(vehicle: "Autopilot", command: Command, now: float) -> int:
+def set_message_interval(vehicle: "Autopilot", command: Command, now: float) -> int:
     message_id = whole(command.param1)
-    if message_id not in BUILDERS:
+    if not vehicle.streams_message(message_id):
         return DENIED
-    # 0 asks for the default rate, and the default is not to send.
     interval_us = command.param2 if math.isfinite(command.param2) else -1
-    vehicle.set_message_interval(message_id, interval_us / 1e6, now)
+    if interval_us == 0:
+        vehicle.reset_message_interval(message_id, now)
+    else:
+        vehicle.set_message_interval(message_id, interval_us / 1e6, now)
     return ACCEPTED
 
 
-def _request_message(vehicle: "Autopilot", command: Command, now: float) -> int:
-    return ACCEPTED if vehicle.send_built(whole(command.param1), now) else FAILED
+def get_message_interval(vehicle: "Autopilot", command: Command, _now: float) -> int:
+    message_id = whole(command.param1)
+    if not 0 <= message_id <= 0xFFFF:
+        return DENIED
+    interval_s = vehicle.message_interval_s(message_id)
+    # 0 says that the message does not exist here, -1 that it does not stream.
+    interval_us = -1 if interval_s is None else round(interval_s * 1e6)
+    known = vehicle.streams_message(message_id) or message_id in vehicle.singles
+    vehicle.send(mavlink.MAVLink_message_interval_message(message_id, interval_us if known else 0))
+    return ACCEPTED
 
 
-def _request_capabilities(vehicle: "Autopilot", _command: Command, now: float) -> int:
-    return ACCEPTED if vehicle.send_built(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION, now) else FAILED
+def request_message(vehicle: "Autopilot", command: Command, now: float) -> int:
+    message_id = whole(command.param1)
+    if message_id == mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL:
+        interval_s = vehicle.message_interval_s(whole(command.param2))
+        microseconds = -1 if interval_s is None else round(interval_s * 1e6)
+        vehicle.send(mavlink.MAVLink_message_interval_message(whole(command.param2) & 0xFFFF, microseconds))
+        return ACCEPTED
+    return ACCEPTED if vehicle.send_now(message_id, now, command.param2) else FAILED
 
 
-def _get_home(vehicle: "Autopilot", _command: Command, now: float) -> int:
-    return ACCEPTED if vehicle.send_built(mavlink.MAVLINK_MSG_ID_HOME_POSITION, now) else FAILED
+def request_capabilities(vehicle: "Autopilot", _command: Command, now: float) -> int:
+    return ACCEPTED if vehicle.send_now(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION, now) else FAILED
 
 
-def _set_home(vehicle: "Autopilot", command: Command, now: float) -> int:
-    if not vehicle.readiness.position(now):
+def get_home(vehicle: "Autopilot", _command: Command, now: float) -> int:
+    return ACCEPTED if vehicle.send_now(mavlink.MAVLINK_MSG_ID_HOME_POSITION, now) else FAILED
+
+
+def set_home(vehicle: "Autopilot", command: Command, now: float) -> int:
+    if not vehicle.position_known(now):
         return FAILED
     if command.param1 == 1:
         vehicle.set_home(vehicle.here(), now, locked=True)
@@ -197,7 +231,7 @@ def _set_home(vehicle: "Autopilot", command: Command, now: float) -> int:
     return ACCEPTED
 
 
-def _reboot(vehicle: "Autopilot", command: Command, _now: float) -> int:
+def reboot(vehicle: "Autopilot", command: Command, _now: float) -> int:
     if command.param1 not in (1, 3):
         return UNSUPPORTED
     if vehicle.armed:
@@ -206,21 +240,84 @@ def _reboot(vehicle: "Autopilot", command: Command, _now: float) -> int:
     return ACCEPTED
 
 
+def condition_yaw(vehicle: "Autopilot", command: Command, _now: float) -> int:
+    if vehicle.mode.behaviour not in (Behaviour.GUIDED, Behaviour.MISSION, Behaviour.HOLD):
+        return FAILED
+    if not (math.isfinite(command.param1) and abs(command.param1) <= 360):
+        return DENIED
+    turned = vehicle.flight.turn(
+        command.param1,
+        command.param2,
+        direction=whole(command.param3),
+        relative=command.param4 == 1,
+    )
+    return ACCEPTED if turned else FAILED
+
+
+def fence_enable(vehicle: "Autopilot", command: Command, _now: float) -> int:
+    """Overrides the parameter until the next boot, without changing it."""
+    if command.param1 not in (0, 1):
+        return FAILED
+    vehicle.fence_watch.switch = command.param1 == 1
+    return ACCEPTED
+
+
+def terminate(vehicle: "Autopilot", command: Command, _now: float) -> int:
+    if command.param1 <= 0.5:
+        return DENIED
+    vehicle.disarm(force=True)
+    return ACCEPTED
+
+
+def run_prearm_checks(vehicle: "Autopilot", _command: Command, now: float) -> int:
+    if vehicle.armed:
+        return TEMPORARILY_REJECTED
+    vehicle.tell_refusals("prearm", now)
+    return ACCEPTED
+
+
+def calibrate(vehicle: "Autopilot", command: Command, now: float) -> int:
+    """Gyroscopes, level and pressure take a few seconds on the ground, and may be cancelled meanwhile."""
+    wanted = (command.param1, command.param2, command.param3, command.param4, command.lat_deg)
+    if not any(value > 0 for value in wanted if math.isfinite(value)):
+        return UNSUPPORTED
+    if vehicle.armed:
+        return FAILED
+    return IN_PROGRESS if vehicle.jobs.begin(command, CALIBRATION_S, now) else TEMPORARILY_REJECTED
+
+
+def storage(_vehicle: "Autopilot", command: Command, _now: float) -> int:
+    """Parameters are kept as they are set: there is nothing to write, and read again."""
+    return ACCEPTED if command.param1 in (0, 1) else FAILED
+
+
+def protocol_version(vehicle: "Autopilot", _command: Command, now: float) -> int:
+    return ACCEPTED if vehicle.send_now(mavlink.MAVLINK_MSG_ID_PROTOCOL_VERSION, now) else FAILED
+
+
 HANDLERS: dict[int, Callable[["Autopilot", Command, float], int]] = {
-    mavlink.MAV_CMD_COMPONENT_ARM_DISARM: _arm_disarm,
-    mavlink.MAV_CMD_DO_SET_MODE: _do_set_mode,
-    mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: _change_to(Behaviour.RETURN),
-    mavlink.MAV_CMD_NAV_LAND: _change_to(Behaviour.LAND),
-    mavlink.MAV_CMD_NAV_TAKEOFF: _takeoff,
-    mavlink.MAV_CMD_MISSION_START: _mission_start,
-    mavlink.MAV_CMD_DO_REPOSITION: _reposition,
-    mavlink.MAV_CMD_DO_CHANGE_SPEED: _change_speed,
-    mavlink.MAV_CMD_DO_SET_MISSION_CURRENT: _set_mission_current,
-    mavlink.MAV_CMD_DO_PAUSE_CONTINUE: _pause_continue,
-    mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: _set_message_interval,
-    mavlink.MAV_CMD_REQUEST_MESSAGE: _request_message,
-    mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: _request_capabilities,
-    mavlink.MAV_CMD_GET_HOME_POSITION: _get_home,
-    mavlink.MAV_CMD_DO_SET_HOME: _set_home,
-    mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: _reboot,
+    mavlink.MAV_CMD_COMPONENT_ARM_DISARM: arm_disarm,
+    mavlink.MAV_CMD_DO_SET_MODE: do_set_mode,
+    mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: change_to(Behaviour.RETURN),
+    mavlink.MAV_CMD_NAV_LAND: change_to(Behaviour.LAND),
+    mavlink.MAV_CMD_NAV_TAKEOFF: takeoff,
+    mavlink.MAV_CMD_MISSION_START: mission_start,
+    mavlink.MAV_CMD_DO_REPOSITION: reposition,
+    mavlink.MAV_CMD_DO_CHANGE_SPEED: change_speed,
+    mavlink.MAV_CMD_DO_SET_MISSION_CURRENT: set_mission_current,
+    mavlink.MAV_CMD_DO_PAUSE_CONTINUE: pause_continue,
+    mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: set_message_interval,
+    mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: get_message_interval,
+    mavlink.MAV_CMD_REQUEST_MESSAGE: request_message,
+    mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: request_capabilities,
+    mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION: protocol_version,
+    mavlink.MAV_CMD_GET_HOME_POSITION: get_home,
+    mavlink.MAV_CMD_DO_SET_HOME: set_home,
+    mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: reboot,
+    mavlink.MAV_CMD_PREFLIGHT_CALIBRATION: calibrate,
+    mavlink.MAV_CMD_PREFLIGHT_STORAGE: storage,
+    mavlink.MAV_CMD_CONDITION_YAW: condition_yaw,
+    mavlink.MAV_CMD_DO_FENCE_ENABLE: fence_enable,
+    mavlink.MAV_CMD_DO_FLIGHTTERMINATION: terminate,
+    mavlink.MAV_CMD_RUN_PREARM_CHECKS: run_prearm_checks,
 }

@@ -1,146 +1,173 @@
 """How the airframes move: arrays over the whole fleet, one fixed time step, no Python per vehicle.
 
-The model is kinematic and honest about limits: a copter follows the straight leg to its target by pursuing a
-point ahead of it on the leg, its horizontal and vertical accelerations are bounded, and it brakes in time to
-pass the target at the speed it was allowed there (0 to stop). Wind and aerodynamics are not modelled.
+`copter` and `plane` turn orders into velocities; here is what they share: what failures leave of the orders,
+leaving and touching the ground, arriving. The ground is flat at the altitude of each vehicle's start.
 """
 
-from enum import IntEnum
-
 import numpy as np
-import numpy.typing as npt
 
+from sim_vehicle import copter, plane
 from sim_vehicle.geodesy import Floats
+from sim_vehicle.motion import GRAVITY_M_S2, Bools, Motion, Order, Selection
+from sim_vehicle.wind import Wind, WindSettings
 
-GRAVITY_M_S2 = 9.80665
-TERMINAL_FALL_M_S = 15.0
-BRAKING_SHARE = 0.7  # of the acceleration limit is planned for braking, the rest corrects the path
-POSITION_GAIN_HZ = 2.0  # speed per metre close to a stopping point, where the square root would chatter
-YAW_RATE_RAD_S = np.deg2rad(90.0)
-
-
-class Vertical(IntEnum):
-    """What the vertical axis of a vehicle is told to do."""
-
-    GROUNDED = 0  # motors off or idling, on the ground
-    POSITION = 1  # go to the target's altitude and stay
-    RATE = 2  # climb or sink at a given rate
-    FALL = 3  # no thrust
+CRASH_M_S = 5.0  # a harder contact breaks the airframe
+FAILING_SINK_M_S = 3.0  # of a copter with an empty battery or one motor less
+PASSING_RADII = 3.0  # a target that is flown through may be missed by a little at speed
+ALTITUDE_REACHED_M = 5.0  # of a plane that circles
+CIRCLE_REACHED_SHARE = 0.25  # outside the circle
 
 
-class Dynamics:
-    """State and set-points of n vehicles; axes are east, north, up in metres, `up` above mean sea level.
+class Dynamics(Motion):
+    """The motion of n vehicles that start at `position_m` (n, 3): east, north, up above mean sea level [m].
 
     Parameters
     ----------
-    position_m: (n, 3) start positions [m]; the ground under a vehicle is flat at its start altitude.
+    planes: (n,) who is a fixed wing; nobody, if not given.
+    wind: calm, if not given.
     """
 
-    def __init__(self, position_m: Floats) -> None:
+    def __init__(self, position_m: Floats, *, planes: Bools | None = None, wind: Wind | None = None) -> None:
         n = len(position_m)
-        self.position_m = position_m.astype(np.float64).copy()  # (n, 3)
-        self.velocity_m_s = np.zeros((n, 3))
-        self.acceleration_m_s2 = np.zeros((n, 2))  # horizontal
-        self.heading_rad = np.zeros(n)  # clockwise from north
-        self.ground_m = self.position_m[:, 2].copy()
-        self.airborne: npt.NDArray[np.bool_] = np.zeros(n, dtype=bool)
-        self.touchdown_m_s = np.zeros(n)  # speed of the last contact, 0 once it has been read
-
-        self.leg_start_m = self.position_m[:, :2].copy()
-        self.target_m = self.position_m.copy()
-        self.pass_speed_m_s = np.zeros(n)  # speed allowed at the target
-        self.reached: npt.NDArray[np.bool_] = np.zeros(n, dtype=bool)  # latched until the next target
-        self.vertical = np.full(n, Vertical.GROUNDED, dtype=np.int64)
-        self.rate_m_s = np.zeros(n)  # for Vertical.RATE, up positive
-
-        self.speed_m_s = np.full(n, 10.0)
-        self.climb_m_s = np.full(n, 2.5)
-        self.descent_m_s = np.full(n, 1.5)
-        self.acceleration_limit_m_s2 = np.full(n, 2.5)
-        self.vertical_acceleration_limit_m_s2 = np.full(n, 1.0)
-        self.radius_m = np.full(n, 2.0)  # within which a target counts as reached
+        planes = np.zeros(n, dtype=bool) if planes is None else np.asarray(planes, dtype=bool)
+        super().__init__(position_m, planes, wind or Wind(WindSettings(), [np.random.default_rng(0)] * n))
+        self._copters: Selection = np.flatnonzero(~planes) if np.count_nonzero(planes) else slice(None)
+        self._planes: Selection = slice(None) if planes.all() else np.flatnonzero(planes)
+        self._has_copters, self._has_planes = not planes.all(), bool(planes.any())
+        self._derived: dict[str, Floats] = {}
 
     def step(self, dt_s: float) -> None:
         """Advance every vehicle by `dt_s` [s]."""
-        self._lift_off()
-        vertical_error_m = self.target_m[:, 2] - self.position_m[:, 2]
-        self._move_horizontally(dt_s, vertical_error_m)
-        self._move_vertically(dt_s, vertical_error_m)
-        self._touch_ground()
-        self._note_reached()
+        self._derived.clear()
+        self._put_orders_in_force()
+        if np.count_nonzero(self.armed & ~self.airborne):
+            self._lift_off()
+        rolls = self._has_planes and bool(np.count_nonzero(plane.rolls(self)))
+        if rolls or np.count_nonzero(self.airborne):
+            self._move(dt_s, rolls=rolls)
+        elif np.count_nonzero(self.acceleration):
+            self.acceleration[:] = 0.0
+        np.add(self.position, self.error, out=self.estimate)
+        np.add(self.velocity, self.velocity_error, out=self.estimate_velocity)
+        if np.count_nonzero(self.airborne & ~self.reached):
+            self._note_reached()
+
+    def _move(self, dt_s: float, *, rolls: bool) -> None:
+        before = self.velocity.copy()
+        if self._has_copters and (not self._has_planes or np.count_nonzero(self.airborne[self._copters])):
+            copter.fly(self, self._copters, dt_s)
+        if self._has_planes and (rolls or np.count_nonzero(self.airborne[self._planes])):
+            plane.fly(self, self._planes, dt_s)
+        self.position += self.velocity * dt_s
+        touches = self.airborne & (self.position[2] <= self.ground_m) & (self.velocity[2] <= 0)
+        if np.count_nonzero(touches):
+            self._touch_ground(touches)
+        np.subtract(self.velocity, before, out=self.acceleration)
+        self.acceleration /= dt_s
+
+    def _put_orders_in_force(self) -> None:
+        """An order is only carried out as far as the airframe still can."""
+        self.any_motor_lost = bool(np.count_nonzero(self.motors_lost))
+        if not (self.any_motor_lost or np.count_nonzero(self.exhausted)):
+            self.acting, self.acting_rate_m_s = self.order, self.rate_m_s
+            return
+        steered = self.airborne & ~self.planes & (self.order != Order.GROUNDED) & (self.order != Order.FALL)
+        sinks = steered & (self.exhausted | (self.motors_lost == 1))
+        self.acting, self.acting_rate_m_s = self.order.copy(), self.rate_m_s.copy()
+        self.acting[sinks] = Order.RATE
+        self.acting_rate_m_s[sinks] = -FAILING_SINK_M_S
+        self.acting[steered & (self.motors_lost > 1)] = Order.FALL
 
     def _lift_off(self) -> None:
-        climbs = ((self.vertical == Vertical.POSITION) & (self.target_m[:, 2] > self.ground_m + 0.1)) | (
-            (self.vertical == Vertical.RATE) & (self.rate_m_s > 0)
-        )
-        self.airborne |= climbs
+        lifts = copter.lifts_off(self)
+        if self._has_planes:
+            lifts |= plane.lifts_off(self)
+        self.airborne |= lifts
+        self.events |= lifts
 
-    def _move_horizontally(self, dt_s: float, vertical_error_m: Floats) -> None:
-        position = self.position_m[:, :2]
-        velocity = self.velocity_m_s[:, :2]
-        to_target = self.target_m[:, :2] - position
-        distance = np.hypot(to_target[:, 0], to_target[:, 1])
-
-        leg = self.target_m[:, :2] - self.leg_start_m
-        leg_length = np.maximum(np.hypot(leg[:, 0], leg[:, 1]), 1e-9)
-        along = np.einsum("ij,ij->i", position - self.leg_start_m, leg) / leg_length
-        ahead = np.clip(along + np.maximum(3.0, self.speed_m_s), 0.0, leg_length) / leg_length
-        to_carrot = self.leg_start_m + leg * ahead[:, None] - position
-        to_carrot /= np.maximum(np.hypot(to_carrot[:, 0], to_carrot[:, 1]), 1e-9)[:, None]
-
-        limit = self.acceleration_limit_m_s2
-        braking = np.sqrt(self.pass_speed_m_s**2 + 2 * BRAKING_SHARE * limit * distance)
-        stopping = np.minimum(braking, POSITION_GAIN_HZ * distance)
-        speed = np.minimum(self.speed_m_s, np.where(self.pass_speed_m_s > 0, braking, stopping))
-        # Both axes arrive together, so that a leg is a straight line in space.
-        climb_limit = np.where(vertical_error_m > 0, self.climb_m_s, self.descent_m_s)
-        climb_time = np.abs(vertical_error_m) / np.maximum(climb_limit, 0.1)
-        coupled = (self.vertical == Vertical.POSITION) & (climb_time > 1.0)
-        speed = np.where(coupled, np.minimum(speed, distance / np.maximum(climb_time, 1e-9)), speed)
-
-        change = to_carrot * speed[:, None] - velocity
-        size = np.maximum(np.hypot(change[:, 0], change[:, 1]), 1e-12)
-        change *= np.minimum(1.0, limit * dt_s / size)[:, None]
-        change[self.vertical == Vertical.FALL] = 0.0
-        change[~self.airborne] = 0.0
-        self.acceleration_m_s2 = change / dt_s
-        velocity += change
-        position += velocity * dt_s
-        self._turn(dt_s, leg, distance)
-
-    def _turn(self, dt_s: float, leg: Floats, distance: Floats) -> None:
-        turns = self.airborne & (distance > 2.0)
-        wanted = np.arctan2(leg[:, 0], leg[:, 1])
-        error = (wanted - self.heading_rad + np.pi) % (2 * np.pi) - np.pi
-        step = np.clip(error, -YAW_RATE_RAD_S * dt_s, YAW_RATE_RAD_S * dt_s)
-        self.heading_rad = np.where(turns, self.heading_rad + step, self.heading_rad) % (2 * np.pi)
-
-    def _move_vertically(self, dt_s: float, error_m: Floats) -> None:
-        limit = self.vertical_acceleration_limit_m_s2
-        size = np.abs(error_m)
-        to_position = np.minimum(np.sqrt(2 * BRAKING_SHARE * limit * size), POSITION_GAIN_HZ * size)
-        to_position = np.clip(np.sign(error_m) * to_position, -self.descent_m_s, self.climb_m_s)
-        wanted = np.where(self.vertical == Vertical.RATE, self.rate_m_s, to_position)
-        change = np.clip(wanted - self.velocity_m_s[:, 2], -limit * dt_s, limit * dt_s)
-        falls = self.vertical == Vertical.FALL
-        change = np.where(falls, -GRAVITY_M_S2 * dt_s, change)
-        climb = np.maximum(self.velocity_m_s[:, 2] + change, -TERMINAL_FALL_M_S)
-        self.velocity_m_s[:, 2] = np.where(self.airborne, climb, 0.0)
-        self.position_m[:, 2] += self.velocity_m_s[:, 2] * dt_s
-
-    def _touch_ground(self) -> None:
-        touches = self.airborne & (self.position_m[:, 2] <= self.ground_m) & (self.velocity_m_s[:, 2] <= 0)
-        self.touchdown_m_s = np.where(touches, -self.velocity_m_s[:, 2], self.touchdown_m_s)
+    def _touch_ground(self, touches: Bools) -> None:
+        speed = -self.velocity[2]
+        self.touchdown_m_s[touches] = np.maximum(speed, 1e-3)[touches]
+        breaks = touches & (speed > CRASH_M_S)
+        self.crashed |= breaks
+        self.armed &= ~breaks
         self.airborne &= ~touches
-        self.velocity_m_s[~self.airborne] = 0.0
-        below = touches | ~self.airborne
-        self.position_m[:, 2] = np.where(below, self.ground_m, self.position_m[:, 2])
+        self.events |= touches
+        self.position[2, touches] = self.ground_m[touches]
+        self.velocity[2, touches] = 0.0
+        self.velocity[:2, touches & (breaks | ~self.planes)] = 0.0
+        self.attitude[:2, touches] = 0.0
+        self.attitude_rate[:, touches] = 0.0
+        self.airspeed_m_s[touches & ~self.planes] = 0.0
+        self.thrust[touches & ~self.planes] = 0.0
 
     def _note_reached(self) -> None:
-        error = self.target_m - self.position_m
-        distance = np.sqrt(np.einsum("ij,ij->i", error, error))
-        leg = self.target_m[:, :2] - self.leg_start_m
-        past = np.einsum("ij,ij->i", error[:, :2], leg) <= 0
-        # A target that is flown through may be missed by a little at speed: passing it close by counts.
-        passed = past & (self.pass_speed_m_s > 0) & (distance <= 3 * self.radius_m)
-        self.reached |= (distance <= self.radius_m) | passed
+        error = self.target - self.estimate
+        level = np.hypot(error[0], error[1])
+        past = error[0] * self.leg_direction[0] + error[1] * self.leg_direction[1] <= 0
+        distance = np.hypot(level, error[2])
+        passed = past & (self.pass_speed_m_s > 0) & (distance <= PASSING_RADII * self.radius_m)
+        reached = (distance <= self.radius_m) | passed
+        if self._has_planes:
+            around = level <= np.abs(self.circle_m) * (1.0 + CIRCLE_REACHED_SHARE)
+            circles = around & (np.abs(error[2]) <= ALTITUDE_REACHED_M)
+            flown_by = (level <= self.radius_m) | past
+            reached = np.where(self.planes, np.where(self.circle_m != 0, circles, flown_by), reached)
+        newly = reached & self.airborne & ~self.reached
+        self.reached |= newly
+        self.events |= newly
+
+    # -- what follows from the state ---------------------------------------------------------------------
+
+    @property
+    def throttle(self) -> Floats:
+        """Share of the full throttle, (n,)."""
+        if "throttle" not in self._derived:
+            self._derived["throttle"] = np.where(self.planes, self.thrust, copter.throttle(self, slice(None)))
+        return self._derived["throttle"]
+
+    @property
+    def load_w(self) -> Floats:
+        """Electrical power of the motors, (n,) [W]."""
+        load = np.zeros(len(self.thrust))
+        if self._has_copters:
+            load[self._copters] = copter.load_w(self, self._copters)
+        if self._has_planes:
+            load[self._planes] = plane.load_w(self, self._planes)
+        return load
+
+    @property
+    def rates_rad_s(self) -> Floats:
+        """Body rates about the forward, right and down axes, (n, 3) [rad/s]."""
+        if "rates" not in self._derived:
+            roll, pitch, _ = self.attitude
+            roll_rate, pitch_rate, yaw_rate = self.attitude_rate
+            sin, cos = np.sin(roll), np.cos(roll)
+            level = yaw_rate * np.cos(pitch)
+            rates = (
+                roll_rate - yaw_rate * np.sin(pitch),
+                pitch_rate * cos + level * sin,
+                level * cos - pitch_rate * sin,
+            )
+            self._derived["rates"] = np.column_stack(rates)
+        return self._derived["rates"]
+
+    @property
+    def specific_force_m_s2(self) -> Floats:
+        """What an accelerometer feels, forward, right and down, (n, 3) [m/s2]; at rest 0, 0, -g."""
+        if "force" not in self._derived:
+            roll, pitch, yaw = self.attitude
+            east, north, up = self.acceleration
+            down = -up - GRAVITY_M_S2
+            ahead, aside = east * np.sin(yaw) + north * np.cos(yaw), east * np.cos(yaw) - north * np.sin(yaw)
+            forward = ahead * np.cos(pitch) - down * np.sin(pitch)
+            below = ahead * np.sin(pitch) + down * np.cos(pitch)
+            right = aside * np.cos(roll) + below * np.sin(roll)
+            below = below * np.cos(roll) - aside * np.sin(roll)
+            self._derived["force"] = np.column_stack((forward, right, below))
+        return self._derived["force"]
+
+    @property
+    def heading_rad(self) -> Floats:
+        """Clockwise from north, (n,) in [0, 2 pi)."""
+        return np.asarray(self.attitude[2] % (2 * np.pi))

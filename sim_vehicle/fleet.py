@@ -1,22 +1,39 @@
 """The whole fleet without I/O: bytes of ground stations and simulated time in, bytes of vehicles out."""
 
-from collections.abc import Hashable
+from collections.abc import Collection, Hashable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.autopilot import Autopilot
+from sim_vehicle.afflictions import Afflictions
+from sim_vehicle.autopilot import COMPONENT, Autopilot
+from sim_vehicle.body import Body
+from sim_vehicle.encode import Encoder
+from sim_vehicle.faults.schedule import Patient, Schedule
+from sim_vehicle.faults.spec import FaultSpec
 from sim_vehicle.geodesy import Floats, LocalFrame
-from sim_vehicle.personalities import PERSONALITIES
+from sim_vehicle.gps import GpsSettings
+from sim_vehicle.harm import Harm
+from sim_vehicle.logs.recorder import limits_for
+from sim_vehicle.logs.sampling import samples
+from sim_vehicle.outbox import Frames, Outbox
+from sim_vehicle.personalities import personality_of
 from sim_vehicle.scenario import Scenario
+from sim_vehicle.status import Status
+from sim_vehicle.streams import Streams
+from sim_vehicle.telemetry import View
 from sim_vehicle.threats import OUTSIDE, Threats
-from sim_vehicle.world import Body, World
+from sim_vehicle.wind import WindSettings
+from sim_vehicle.wires import Wires
+from sim_vehicle.world import World
 
 TICK_S = 0.05
 TICKS_PER_DECISION = 2
-Frames = list[tuple[int, bytes]]
+EPSILON_S = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +48,7 @@ class Truth:
     speed_m_s: Floats  # horizontal
     airborne: npt.NDArray[np.bool_]
     armed: npt.NDArray[np.bool_]
+    crashed: npt.NDArray[np.bool_]  # hit the ground too hard
     battery_remaining: Floats  # share, in [0, 1]
     strikes: npt.NDArray[np.int64]
     mode: tuple[str, ...]
@@ -53,31 +71,59 @@ class Fleet:
     equal times give equal bytes.
     """
 
-    def __init__(self, scenario: Scenario, *, ready_s: float = 41.0) -> None:
-        """`ready_s`: from boot to a position estimate [s]; 0 is at once."""
+    def __init__(
+        self, scenario: Scenario, *, ready_s: float | None = None, trusted_links: Collection[int] = ()
+    ) -> None:
+        """`ready_s`: from boot to a position estimate [s], 0 is at once; None: the scenario's or autopilot's.
+
+        `trusted_links` need no signatures from vehicles that have a key, as an autopilot's USB needs none.
+        """
         specs = scenario.vehicles
         area = scenario.area
         centre = (area.origin_lat_deg, area.origin_lon_deg) if area else (specs[0].lat_deg, specs[0].lon_deg)
-        self._world = World(
-            LocalFrame(*centre),
-            np.array([spec.lat_deg for spec in specs]),
-            np.array([spec.lon_deg for spec in specs]),
-            np.array([spec.alt_amsl_m for spec in specs]),
-        )
+        self.scenario = scenario
         generators = np.random.default_rng(scenario.seed).spawn(len(specs))
-        self._vehicles = [
-            Autopilot(
-                spec.sysid,
-                Body(self._world, index),
-                PERSONALITIES["ardupilot"],
-                spec.params,
-                ready_s=ready_s,
-                rng=generators[index],
+        self.world = _world(scenario, centre, [own.spawn(1)[0] for own in generators])
+        self.status = Status(len(specs))
+        self.sysids = tuple(spec.sysid for spec in specs)
+        self.links = tuple(spec.link for spec in specs)
+        self._streams = Streams(len(specs), TICK_S)
+        self._outbox = Outbox(Encoder(self.sysids, COMPONENT), self.world, self.status)
+        chosen_s = ready_s if ready_s is not None else scenario.ready_s
+        self.vehicles: list[Autopilot] = []
+        for index, spec in enumerate(specs):
+            personality = personality_of(spec.personality, spec.kind)
+            self.vehicles.append(
+                Autopilot(
+                    index,
+                    spec.sysid,
+                    Body(self.world, index),
+                    personality,
+                    dict(spec.params),
+                    ready_s=personality.ready_s if chosen_s is None else chosen_s,
+                    rng=generators[index],
+                    status=self.status,
+                    streams=self._streams,
+                    outlet=self._outbox,
+                    afflictions=Afflictions(
+                        generators[index].spawn(1)[0], Harm(self.world, self.status, index)
+                    ),
+                    replace_faults=partial(self._replace_faults, index),
+                    log_limits=limits_for(len(specs)),
+                )
             )
-            for index, spec in enumerate(specs)
-        ]
+        self._by_address: dict[tuple[int, int], Autopilot] = {}
+        self._by_link: dict[int, list[Autopilot]] = {}
+        for vehicle, link in zip(self.vehicles, self.links, strict=True):
+            self._by_address[link, vehicle.sysid] = vehicle
+            self._by_link.setdefault(link, []).append(vehicle)
+        self._alarm_s = np.zeros(len(specs))
+        self._wires = Wires([vehicle.signing for vehicle in self.vehicles], self.links, trusted_links)
+        self._ready: Frames = []  # what has got through before somebody took it
+        self._schedule = Schedule(scenario.faults, self.sysids, self._patient, scenario.seed)
         self._threats: Threats | None = None
         if area is not None and scenario.firing_strength is not None:
+            self.status.threatened[:] = bool(scenario.hostiles)
             self._threats = Threats(
                 area.rows, area.cols, area.cell_size_m, scenario.firing_strength, scenario.hostiles
             )
@@ -85,24 +131,24 @@ class Fleet:
         self._next_tick = 0
         self._parsers: dict[Hashable, mavlink.MAVLink] = {}
         self.counters = Counters()
+        for vehicle, spec in zip(self.vehicles, specs, strict=True):
+            for name in spec.params:
+                vehicle.simulate(name)
 
-    @property
-    def sysids(self) -> tuple[int, ...]:
-        return tuple(vehicle.sysid for vehicle in self._vehicles)
+    def boots(self) -> tuple[int, ...]:
+        """How often each vehicle has booted."""
+        return tuple(vehicle.boots for vehicle in self.vehicles)
 
-    def boots(self) -> dict[int, int]:
-        """How often each vehicle has booted, by system id."""
-        return {vehicle.sysid: vehicle.boots for vehicle in self._vehicles}
+    def receive(self, data: bytes, now: float, *, peer: Hashable = None, link: int = 0) -> Frames:
+        """Take bytes of one ground station at `now` [s] and return (vehicle, bytes) to send.
 
-    def receive(self, data: bytes, now: float, *, peer: Hashable = None) -> Frames:
-        """Take bytes of one ground station at `now` [s] and return (system id, bytes) to send.
-
-        Bytes of one stream may be cut anywhere; `peer` tells streams apart where there are several. The
-        simulation is brought up to `now` first, and what that sends is returned as well.
+        Bytes of one stream may be cut anywhere; `peer` tells streams apart where there are several, and
+        `link` which vehicles hear it. The simulation is brought up to `now` first, and what that sends is
+        returned as well.
         """
-        out = self.step(now)
+        self._advance(now)
         self.counters.bytes_in += len(data)
-        for message in self._parser(peer).parse_buffer(data) or ():
+        for message in self._parser((link, peer)).parse_buffer(data) or ():
             kind = message.get_type()
             if kind == "BAD_DATA":
                 self.counters.bad_data += 1
@@ -110,30 +156,53 @@ class Fleet:
                 self.counters.unknown_messages += 1
             else:
                 self.counters.messages_in += 1
-                target = getattr(message, "target_system", 0)
-                for vehicle in self._vehicles:
-                    if target in (0, vehicle.sysid):
-                        vehicle.receive(message, now)
-        self._collect(out)
-        return out
+                self._deliver(message, link, now)
+        return self._take(now)
 
-    def forget_peer(self, peer: Hashable) -> None:
+    def _deliver(self, message: Any, link: int, now: float) -> None:
+        target = getattr(message, "target_system", 0)
+        if target:
+            vehicle = self._by_address.get((link, target))
+            addressed = [] if vehicle is None else [vehicle]
+        else:
+            addressed = self._by_link.get(link, [])
+        for vehicle in addressed:
+            if not self._wires.takes(vehicle.index, message, now):
+                self._hand_over(vehicle, message, now)
+
+    def _hand_over(self, vehicle: Autopilot, message: Any, now: float) -> None:
+        """A message has come through to a vehicle."""
+        if not self._wires.accepts(vehicle.index, message, now):
+            return
+        vehicle.receive(message, now)
+        self._alarm_s[vehicle.index] = vehicle.alarm_s
+        if message.get_msgId() == mavlink.MAVLINK_MSG_ID_SETUP_SIGNING:
+            self._collect(now)
+            self._wires.note_key(vehicle.index)
+
+    def forget_peer(self, peer: Hashable, *, link: int = 0) -> None:
         """A stream ended; what it left half-sent is dropped."""
-        self._parsers.pop(peer, None)
+        self._parsers.pop((link, peer), None)
 
     def step(self, now: float) -> Frames:
-        """Run physics and streams up to `now` [s since the fleet started]; (system id, bytes) to send."""
-        out: Frames = []
-        while self._next_tick * TICK_S <= now + 1e-9:
-            self._tick(self._next_tick * TICK_S)
-            self._next_tick += 1
-            self._collect(out)
-        return out
+        """Run physics and streams up to `now` [s since the fleet started]; (vehicle, bytes) to send."""
+        self._advance(now)
+        return self._take(now)
 
-    def positions(self) -> Truth:
-        """The truth, for tests and displays; no vehicle or ground station sees it."""
-        dynamics = self._world.dynamics
-        lat_deg, lon_deg = self._world.geodetic()
+    def inject(self, spec: FaultSpec, now: float) -> None:
+        """Begin a fault, `spec.at_s` after `now` [s]; FaultError if it names a vehicle that is not there."""
+        self._advance(now)
+        self._collect(now)
+        self._schedule.inject(spec, now)
+
+    def faults_on(self, index: int) -> tuple[str, ...]:
+        """Names of the faults that a vehicle has now."""
+        return self._schedule.names(index)
+
+    def truth(self) -> Truth:
+        """For tests, checks and displays; no vehicle or ground station sees it."""
+        dynamics = self.world.dynamics
+        lat_deg, lon_deg = self.world.geodetic()
         return Truth(
             sysid=np.array(self.sysids),
             lat_deg=lat_deg.copy(),
@@ -142,10 +211,11 @@ class Fleet:
             height_m=dynamics.position_m[:, 2] - dynamics.ground_m,
             speed_m_s=np.hypot(dynamics.velocity_m_s[:, 0], dynamics.velocity_m_s[:, 1]),
             airborne=dynamics.airborne.copy(),
-            armed=self._world.armed.copy(),
-            battery_remaining=self._world.batteries.remaining.copy(),
-            strikes=np.array([vehicle.strikes for vehicle in self._vehicles]),
-            mode=tuple(vehicle.mode.name for vehicle in self._vehicles),
+            armed=self.world.armed.copy(),
+            crashed=dynamics.crashed.copy(),
+            battery_remaining=self.world.batteries.remaining.copy(),
+            strikes=self.status.strikes.astype(np.int64),
+            mode=tuple(vehicle.mode.name for vehicle in self.vehicles),
         )
 
     def _parser(self, peer: Hashable) -> mavlink.MAVLink:
@@ -154,28 +224,107 @@ class Fleet:
             self._parsers[peer].robust_parsing = True
         return self._parsers[peer]
 
-    def _collect(self, out: Frames) -> None:
-        for vehicle in self._vehicles:
-            out.extend((vehicle.sysid, frame) for frame in vehicle.drain())
+    def _advance(self, now: float) -> None:
+        while self._next_tick * TICK_S <= now + EPSILON_S:
+            tick_s = self._next_tick * TICK_S
+            self._arrive(tick_s)
+            self._tick(tick_s)
+            if not self._wires.plain:
+                self._collect(tick_s)
+            self._next_tick += 1
+        self._arrive(now)
 
     def _tick(self, now: float) -> None:
         if self._next_tick > 0:
-            self._world.step(TICK_S)
-            self._fire()
+            self.world.step(TICK_S)
+            self._fire(now)
+        if self._schedule.next_due_s <= now + EPSILON_S:
+            self._collect(now)
+            self._schedule.tick(now)
         if self._next_tick % TICKS_PER_DECISION == 0:
-            for vehicle in self._vehicles:
-                vehicle.update(now)
-        for vehicle in self._vehicles:
-            vehicle.stream(now)
+            self._decide(now)
+            self._record(now)
+        self._outbox.stream(self._streams, now)
 
-    def _fire(self) -> None:
+    def _decide(self, now: float) -> None:
+        """Let every vehicle decide that something has happened to, or whose alarm rings."""
+        due = (self._alarm_s <= now + EPSILON_S) | self.world.events
+        for index in np.flatnonzero(due).tolist():
+            vehicle = self.vehicles[index]
+            vehicle.body.take_events()
+            vehicle.update(now)
+            self._alarm_s[index] = vehicle.alarm_s
+
+    def _record(self, now: float) -> None:
+        """Tell the flight logs that are due how their vehicles are."""
+        due = [vehicle.index for vehicle in self.vehicles if vehicle.storage.recorder.due(now)]
+        if due:
+            view = View(self.world, self.status, np.array(due), now)
+            for index, sample in zip(due, samples(view), strict=True):
+                self.vehicles[index].storage.sample(now, sample)
+
+    # -- what goes wrong ---------------------------------------------------------------------------------
+
+    def _patient(self, index: int) -> Patient:
+        vehicle = self.vehicles[index]
+        return Patient(partial(self._wires.channel, index), vehicle.afflictions, partial(self._reboot, index))
+
+    def _reboot(self, index: int, now: float, silence_s: float) -> None:
+        self.vehicles[index].reboot(now, silence_s)
+        self._alarm_s[index] = now
+
+    def _replace_faults(self, index: int, key: Hashable, specs: Sequence[FaultSpec], now: float) -> None:
+        self._collect(now)
+        self._schedule.replace(index, key, specs, now)
+
+    def _arrive(self, now: float) -> None:
+        """Hand over what has come through spoilt wires to vehicles by `now` [s]."""
+        for due_s, index, message in self._wires.arrivals_at_vehicles(now):
+            if message.get_type() != "BAD_DATA" and not message.get_type().startswith("UNKNOWN_"):
+                self._hand_over(self.vehicles[index], message, due_s)
+                self._collect(due_s)
+
+    def _collect(self, now: float) -> None:
+        """Sign and send on its way what vehicles have said by `now` [s]."""
+        self._ready += self._wires.send(self._outbox.take(), now)
+
+    def _take(self, now: float) -> Frames:
+        """What arrives at ground stations by `now` [s]."""
+        if self._wires.plain and not self._ready:
+            return self._outbox.take()
+        self._arrive(now)
+        self._collect(now)
+        frames, self._ready = self._ready + self._wires.arrivals_at_stations(now), []
+        return frames
+
+    def _fire(self, now: float) -> None:
         """Each vehicle in the air that has entered another cell is fired at."""
         if self._threats is None:
             return
-        dynamics = self._world.dynamics
+        dynamics = self.world.dynamics
         cells = np.where(dynamics.airborne, self._threats.cells(dynamics.position_m), OUTSIDE)
         for index in np.flatnonzero((cells != self._cells) & (cells != OUTSIDE)).tolist():
-            vehicle, cell = self._vehicles[index], int(cells[index])
+            vehicle, cell = self.vehicles[index], int(cells[index])
             for hostile in self._threats.fire(cell, vehicle.rng):
-                vehicle.struck(self._threats.row_col(cell), hostile)
+                vehicle.struck(self._threats.row_col(cell), hostile, now)
         self._cells = cells
+
+
+def _world(
+    scenario: Scenario, centre: tuple[float, float], generators: Sequence[np.random.Generator]
+) -> World:
+    specs, wind, gps = scenario.vehicles, scenario.wind, scenario.gps
+    good = GpsSettings()
+    return World(
+        LocalFrame(*centre),
+        np.array([spec.lat_deg for spec in specs]),
+        np.array([spec.lon_deg for spec in specs]),
+        np.array([spec.alt_amsl_m for spec in specs]),
+        planes=np.array([spec.kind == "plane" for spec in specs]),
+        rngs=generators,
+        wind=WindSettings(wind.speed_m_s, wind.from_deg, wind.gust_m_s),
+        gps=GpsSettings(
+            good.noise_m if gps.noise_m is None else gps.noise_m,
+            good.drift_m if gps.drift_m is None else gps.drift_m,
+        ),
+    )

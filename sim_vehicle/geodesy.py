@@ -1,10 +1,21 @@
 """Geodetic coordinates to local metres and back, for whole arrays at once."""
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 from pyproj import Proj
 
 Floats = npt.NDArray[np.float64]
+_RADIUS_M, _ECCENTRICITY_SQUARED = 6_378_137.0, 6.694379990141e-3  # WGS84
+
+
+def metres_per_degree(lat_deg: float) -> tuple[float, float]:
+    """Length of a degree of latitude and of longitude [m] at a latitude [deg] of the WGS84 ellipsoid."""
+    squared = 1.0 - _ECCENTRICITY_SQUARED * math.sin(math.radians(lat_deg)) ** 2
+    meridional_m = _RADIUS_M * (1.0 - _ECCENTRICITY_SQUARED) / squared**1.5
+    normal_m = _RADIUS_M / math.sqrt(squared)
+    return math.radians(meridional_m), math.radians(normal_m * math.cos(math.radians(lat_deg)))
 
 
 class LocalFrame:
@@ -27,3 +38,8 @@ class LocalFrame:
         """One point [deg] -> east, north [m]."""
         east_m, north_m = self._projection(lon_deg, lat_deg)
         return float(east_m), float(north_m)
+
+    def point_to_geodetic(self, east_m: float, north_m: float) -> tuple[float, float]:
+        """One point [m] -> latitude, longitude [deg]."""
+        lon_deg, lat_deg = self._projection(east_m, north_m, inverse=True)
+        return float(lat_deg), float(lon_deg)

@@ -1,8 +1,8 @@
 """The stored mission and how it is flown: index, jumps, delays; without the protocol that writes it.
 
-Vocabulary: a *navigation* command takes the vehicle somewhere and is current until it is done; *do* and
-*condition* commands between two navigation commands run when the first one is done, one after another,
-while the second is being flown.
+`Mission` is flown as ArduPilot does. Vocabulary: a *navigation* command takes the vehicle somewhere and is
+current until it is done; *do* and *condition* commands between two navigation commands run when the first
+one is done, one after another, while the second is being flown. PX4's way is in `mission_px4`.
 """
 
 from collections.abc import Callable
@@ -16,12 +16,21 @@ NAVIGATION = frozenset(
     {
         mavlink.MAV_CMD_NAV_TAKEOFF,
         mavlink.MAV_CMD_NAV_WAYPOINT,
+        mavlink.MAV_CMD_NAV_SPLINE_WAYPOINT,
         mavlink.MAV_CMD_NAV_LOITER_UNLIM,
+        mavlink.MAV_CMD_NAV_LOITER_TURNS,
         mavlink.MAV_CMD_NAV_LOITER_TIME,
+        mavlink.MAV_CMD_NAV_LOITER_TO_ALT,
+        mavlink.MAV_CMD_NAV_CONTINUE_AND_CHANGE_ALT,
+        mavlink.MAV_CMD_NAV_DELAY,
         mavlink.MAV_CMD_NAV_LAND,
         mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH,
+        mavlink.MAV_CMD_NAV_VTOL_TAKEOFF,
+        mavlink.MAV_CMD_NAV_VTOL_LAND,
+        mavlink.MAV_CMD_CONDITION_GATE,
     }
 )
+CONDITIONS = frozenset({mavlink.MAV_CMD_CONDITION_DISTANCE, mavlink.MAV_CMD_CONDITION_YAW})
 MAX_JUMPS_IN_A_ROW = 64  # a mission of jumps alone must not hang the vehicle
 
 
@@ -48,6 +57,7 @@ class Item:
     x: int = 0
     y: int = 0
     z: float = 0.0
+    autocontinue: bool = True
 
     @property
     def place_deg(self) -> tuple[float, float] | None:
@@ -58,15 +68,32 @@ class Item:
 class Pilot(Protocol):
     """What the executor needs of the vehicle."""
 
-    def start_navigation(self, item: Item, following: Item | None) -> None: ...
+    @property
+    def armed(self) -> bool: ...
 
-    def navigation_done(self, now: float) -> bool: ...
+    def start_navigation(self, item: Item, following: Item | None) -> None:
+        """Fly a navigation command; `following` is the one after it, for the corner between them."""
 
-    def do(self, item: Item) -> None: ...
+    def navigation_done(self, now: float) -> bool:
+        """Whether the navigation command flown now (`Mission.flown`) is done."""
+        ...
+
+    def do(self, item: Item) -> None:
+        """Carry out a do-command, or begin what a condition waits for (a turn)."""
+
+    def condition_met(self, item: Item) -> bool:
+        """Whether CONDITION_DISTANCE (within param1 [m] of the target) or CONDITION_YAW (turned) is met."""
+        ...
+
+    def mission_item_started(self, index: int, item: Item) -> None: ...
 
     def mission_item_reached(self, index: int, item: Item) -> None: ...
 
-    def mission_ended(self) -> None: ...
+    def mission_ended(self) -> None:
+        """The last command is done, or there is nothing to fly any more."""
+
+    def no_mission(self) -> None:
+        """The mission mode is on, and there is no mission that can be flown (PX4)."""
 
 
 @dataclass
@@ -82,13 +109,29 @@ class Mission:
     flown: Item | None = None  # that command as it was read when it was started; outlives its deletion
     state: MissionState = MissionState.NOT_STARTED
     paused: bool = False
+    disarms_on_landing: bool = True  # a landing as an item ends the mission and stops the motors
     _jumps: dict[int, int] = field(default_factory=dict)
-    _pending: list[Item] = field(default_factory=list)  # do-commands still to run
-    _delay_until_s: float = 0.0
+    _pending: list[int] = field(default_factory=list)  # indices of the do-commands still to run
+    _condition_begun_s: float | None = None  # of the first pending one
 
     @property
     def count(self) -> int:
         return len(self.items)
+
+    @property
+    def empty(self) -> bool:
+        """Whether there is nothing to fly."""
+        return self.count < 2
+
+    @property
+    def flyable(self) -> bool:
+        """Whether what is stored would be flown."""
+        return True
+
+    @property
+    def waiting(self) -> bool:
+        """Whether a condition is being waited for, so that time alone may move the mission."""
+        return bool(self._pending)
 
     def item(self, index: int) -> Item:
         return self.home() if index == 0 else self.items[index]
@@ -96,7 +139,7 @@ class Mission:
     @property
     def reported_state(self) -> MissionState:
         """MISSION_CURRENT.mission_state."""
-        if self.count < 2:
+        if self.empty:
             return MissionState.NO_MISSION
         return MissionState.PAUSED if self.paused and self.state is MissionState.ACTIVE else self.state
 
@@ -106,7 +149,18 @@ class Mission:
         found = self._find_navigation(start, {}, [])
         return found is not None and self.items[found].command == mavlink.MAV_CMD_NAV_TAKEOFF
 
-    def _find_navigation(self, start: int, jumps: dict[int, int], passed: list[Item]) -> int | None:
+    def land_start(self, distance_m: Callable[[Item], float]) -> int | None:
+        """Index of the nearest DO_LAND_START; one without a place is where the next command goes."""
+        found: list[tuple[float, int]] = []
+        for index in range(1, self.count):
+            if self.items[index].command == mavlink.MAV_CMD_DO_LAND_START:
+                placed = (item for item in self.items[index:] if item.place_deg is not None)
+                place = next(placed, None)
+                if place is not None:
+                    found.append((distance_m(place), index))
+        return min(found)[1] if found else None
+
+    def _find_navigation(self, start: int, jumps: dict[int, int], passed: list[int]) -> int | None:
         """Index of the next navigation command from `start`, following jumps; collects do-commands."""
         index, in_a_row = start, 0
         while 1 <= index < self.count:
@@ -123,7 +177,7 @@ class Mission:
                     index = int(item.param1)
                     continue
             else:
-                passed.append(item)
+                passed.append(index)
             index += 1
         return None
 
@@ -192,22 +246,35 @@ class Mission:
             self._advance(pilot, self.index + 1)
 
     def _run_pending(self, pilot: Pilot, now: float) -> None:
-        while self._pending:
-            item = self._pending[0]
-            if item.command == mavlink.MAV_CMD_CONDITION_DELAY:
-                if self._delay_until_s == 0.0:
-                    self._delay_until_s = now + item.param1
-                if now < self._delay_until_s:
-                    return
-                self._delay_until_s = 0.0
-            else:
+        while self._pending and self.state is MissionState.ACTIVE:
+            index = self._pending[0]
+            if index >= self.count:  # the list was cut while they waited
+                self._pending.clear()
+                return
+            item = self.items[index]
+            if self._condition_begun_s is None:
+                self._condition_begun_s = now
+                pilot.mission_item_started(index, item)
                 pilot.do(item)
+            if not self._passed(pilot, item, now - self._condition_begun_s):
+                return
+            self._condition_begun_s = None
             self._pending.pop(0)
+            pilot.mission_item_reached(index, item)
+
+    def _passed(self, pilot: Pilot, item: Item, waited_s: float) -> bool:
+        if item.command == mavlink.MAV_CMD_CONDITION_DELAY:
+            return waited_s >= item.param1
+        return item.command not in CONDITIONS or pilot.condition_met(item)
 
     def _advance(self, pilot: Pilot, start: int) -> None:
-        self._pending, self._delay_until_s = [], 0.0
+        self._pending, self._condition_begun_s = [], None
         found = self._find_navigation(start, self._jumps, self._pending)
         if found is None:
+            if self._pending:  # of those behind the last navigation command only the first is begun
+                pilot.mission_item_started(self._pending[0], self.items[self._pending[0]])
+                pilot.do(self.items[self._pending[0]])
+                self._pending.clear()
             self.state = MissionState.COMPLETE
             self.flown = None
             pilot.mission_ended()
@@ -218,4 +285,5 @@ class Mission:
     def _start(self, pilot: Pilot, index: int) -> None:
         self.index, self.flown = index, self.items[index]
         following = self._find_navigation(index + 1, dict(self._jumps), [])
+        pilot.mission_item_started(index, self.flown)
         pilot.start_navigation(self.flown, None if following is None else self.items[following])

@@ -1,11 +1,13 @@
 """When a vehicle that has just booted knows where it is."""
 
+import math
 from dataclasses import dataclass
 
 FULL_READY_S = 41.0
 GPS_FIX_S = 10.0
 HOME_S = 20.0
 MODE_UNDONE_S = 2.0  # the RC mode switch is read for the first time and undoes what was set before
+MILESTONES_S = (MODE_UNDONE_S, GPS_FIX_S, HOME_S, FULL_READY_S)
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,3 +31,9 @@ class Readiness:
 
     def mode_switch_read(self, now: float) -> bool:
         return self._passed(MODE_UNDONE_S, now)
+
+    def next_s(self, now: float) -> float:
+        """When the next milestone comes [s]; inf after the last."""
+        scale = self.ready_s / FULL_READY_S
+        due_s = (self.boot_s + milestone_s * scale for milestone_s in MILESTONES_S)
+        return min((s for s in due_s if s > now), default=math.inf)

@@ -1,232 +1,108 @@
-"""The fleet on sockets and on the wall clock: the only I/O of the package.
+"""The fleet on its links, at some pace: what joins the pure fleet to sockets and clocks."""
 
-One link carries the whole fleet: over UDP out of one socket, like a multiplexer in front of SITL; a vehicle
-that reboots comes back from a socket of its own, because a real one returns from another port. (Over TCP a
-real vehicle's connection would close; here the others are on it as well, so it stays.)
-"""
-
-import asyncio
-import contextlib
 import os
-import socket
-import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from functools import partial
 
-from sim_vehicle.fleet import Fleet, Frames
-from sim_vehicle.url import Url
+from sim_vehicle.fleet import TICK_S, Fleet
+from sim_vehicle.lateness import Lateness
+from sim_vehicle.links import Ends, Link, LinkError, make_link
+from sim_vehicle.outbox import Frames
+from sim_vehicle.pace import Pace
+from sim_vehicle.url import MAX_PORT, Url
 
-TICK_WALL_S = 0.02
-LAG_REPORTED_S = 1.0
-LAG_REPORT_EVERY_S = 10.0
-MAX_STEP_WALL_S = 0.2  # between two looks at the sockets when catching up
-RECONNECT_S = 0.5
-CLIENT_BUFFER_BYTES = 4_000_000
 DATAGRAM_BYTES = 1200
-Deliver = Callable[[bytes, object, "Link"], None]
-
-
-class LinkError(OSError):
-    """The link cannot be opened; the text says why and what to do."""
-
-
-class Link:
-    """Bytes to and from ground stations. Subclasses open themselves and call `deliver(data, peer, link)`."""
-
-    async def open(self) -> None:
-        raise NotImplementedError
-
-    def send(self, sysid: int, data: bytes) -> None:
-        """Send to every ground station that is there."""
-        raise NotImplementedError
-
-    def rebooted(self, sysid: int) -> None:
-        """A vehicle has come back from a reboot."""
-
-    def close(self) -> None:
-        raise NotImplementedError
-
-
-class _Datagrams(asyncio.DatagramProtocol):
-    def __init__(self, received: Callable[[bytes, tuple[str, int]], None]) -> None:
-        self._received = received
-
-    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
-        self._received(data, addr)
-
-    def error_received(self, exc: Exception) -> None:
-        """Nobody listens at the other end (yet); real vehicles go on sending too."""
-
-
-class UdpLink(Link):
-    """UDP, to one address (udpout) or to whoever has spoken to us (udpin)."""
-
-    def __init__(self, url: Url, deliver: Deliver) -> None:
-        self._url, self._deliver = url, deliver
-        self._peers: list[tuple[str, int]] = []
-        self._shared: asyncio.DatagramTransport | None = None
-        self._own: dict[int, socket.socket] = {}  # of vehicles that have been rebooted
-
-    async def open(self) -> None:
-        loop = asyncio.get_running_loop()
-        address = (self._url.host, self._url.port)
-        try:
-            if self._url.listens:
-                self._shared, _ = await loop.create_datagram_endpoint(self._protocol, local_addr=address)
-            else:
-                self._shared, _ = await loop.create_datagram_endpoint(self._protocol, remote_addr=address)
-        except OSError as error:
-            raise _open_error(self._url, error) from error
-
-    def _protocol(self) -> _Datagrams:
-        return _Datagrams(self._received)
-
-    def _received(self, data: bytes, address: tuple[str, int]) -> None:
-        if self._url.listens and address not in self._peers:
-            self._peers.append(address)
-        self._deliver(data, address, self)
-
-    def send(self, sysid: int, data: bytes) -> None:
-        if sysid in self._own:
-            with contextlib.suppress(OSError):  # as with the shared socket: nobody there is no error
-                self._own[sysid].send(data)
-        elif self._shared is not None:
-            for address in self._peers if self._url.listens else (None,):
-                self._shared.sendto(data, address)
-
-    def rebooted(self, sysid: int) -> None:
-        """Give the vehicle a socket, and so a port, of its own; a listening one keeps its port."""
-        if self._url.listens or self._shared is None:
-            return
-        self._drop(sysid)
-        remote = self._shared.get_extra_info("peername")
-        self._own[sysid] = socket.socket(self._shared.get_extra_info("socket").family, socket.SOCK_DGRAM)
-        self._own[sysid].setblocking(False)
-        self._own[sysid].connect(remote)
-        asyncio.get_running_loop().add_reader(self._own[sysid], self._read, sysid, remote)
-
-    def _read(self, sysid: int, remote: tuple[str, int]) -> None:
-        with contextlib.suppress(OSError):
-            self._received(self._own[sysid].recv(65_536), remote)
-
-    def _drop(self, sysid: int) -> None:
-        own = self._own.pop(sysid, None)
-        if own is not None:
-            asyncio.get_running_loop().remove_reader(own)
-            own.close()
-
-    def close(self) -> None:
-        if self._shared is not None:
-            self._shared.close()
-        for sysid in list(self._own):
-            self._drop(sysid)
-
-
-class TcpLink(Link):
-    """TCP: a server for any number of clients (tcpin), or a client that connects again and again (tcpout)."""
-
-    def __init__(self, url: Url, deliver: Deliver, gone: Callable[[object], None]) -> None:
-        self._url, self._deliver, self._gone = url, deliver, gone
-        self._writers: list[asyncio.StreamWriter] = []
-        self._server: asyncio.Server | None = None
-        self._dialling: asyncio.Task[None] | None = None
-
-    async def open(self) -> None:
-        if not self._url.listens:
-            self._dialling = asyncio.create_task(self._dial())
-            return
-        try:
-            self._server = await asyncio.start_server(self._serve, self._url.host, self._url.port)
-        except OSError as error:
-            raise _open_error(self._url, error) from error
-
-    async def _dial(self) -> None:
-        while True:
-            with contextlib.suppress(OSError):
-                reader, writer = await asyncio.open_connection(self._url.host, self._url.port)
-                await self._serve(reader, writer)
-            await asyncio.sleep(RECONNECT_S)
-
-    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        self._writers.append(writer)
-        try:
-            with contextlib.suppress(OSError):
-                while data := await reader.read(65_536):
-                    self._deliver(data, writer, self)
-        finally:
-            self._writers.remove(writer)
-            self._gone(writer)
-            writer.close()
-
-    def send(self, sysid: int, data: bytes) -> None:
-        for writer in self._writers:
-            if writer.transport.get_write_buffer_size() > CLIENT_BUFFER_BYTES:
-                writer.transport.abort()  # a client that does not read must not fill the memory
-            elif not writer.is_closing():
-                writer.write(data)
-
-    def close(self) -> None:
-        if self._dialling is not None:
-            self._dialling.cancel()
-        if self._server is not None:
-            self._server.close()
-        for writer in self._writers:
-            writer.close()
-
-
-def _open_error(url: Url, error: OSError) -> LinkError:
-    return LinkError(
-        f"cannot open {url}: {error.strerror or error}. Is another program using it? "
-        "Choose another port with --url."
-    )
+HEARTBEAT_ID = b"\x00\x00\x00"  # where a MAVLink 2 frame has its message id
+V2 = 0xFD
 
 
 class Server:
-    """Runs a fleet at `speedup` times real time on one link until it is stopped."""
+    """Runs a fleet until it is stopped; each of its links has a port of each URL."""
 
     def __init__(
         self,
         fleet: Fleet,
-        url: Url,
+        urls: Sequence[Url],
+        pace: Pace,
         *,
-        speedup: float,
-        parent_pid: int | None,
         warn: Callable[[str], None],
+        port_step: int = 1,
+        parent_pid: int | None = None,
+        record: Callable[[Frames, float], None] | None = None,
     ) -> None:
-        """`parent_pid`: stop when that process is gone; `warn` takes a text for the operator."""
-        self.fleet, self.speedup, self._warn = fleet, speedup, warn
-        self._parent_pid = parent_pid
-        self._link: Link
-        if url.udp:
-            self._link = UdpLink(url, self._deliver)
-        else:
-            self._link = TcpLink(url, self._deliver, fleet.forget_peer)
-        self._started_s = 0.0
-        self._lost_s = 0.0  # wall time by which the simulation was too slow and that was given up
-        self._lag_reported_s = -LAG_REPORT_EVERY_S
-        self._simulated_s = 0.0
+        """`port_step` from one link's port to the next; ends when the process `parent_pid` is gone.
+
+        `warn` takes a line for the operator, `record` everything that is sent, with the simulated time [s].
+        Raises LinkError for URLs that cannot carry the fleet.
+        """
+        self.fleet, self.pace, self.urls, self.port_step = fleet, pace, tuple(urls), port_step
+        self._parent_pid, self._record = parent_pid, record
+        self.lateness = Lateness()  # of heartbeats, wall time
+        self.sent = [0] * len(fleet.sysids)  # messages by vehicle
+        self.simulated_s = 0.0
+        self._ticks = 0
         self._boots = fleet.boots()
+        self._links: dict[int, list[Link]] = {}
+        for link in sorted(set(fleet.links)):
+            alone = fleet.links.count(link) == 1
+            ends = Ends(self._receiver(link), partial(fleet.forget_peer, link=link), warn)
+            self._links[link] = [make_link(self._at(url, link), ends, alone=alone) for url in urls]
+
+    def _at(self, url: Url, link: int) -> Url:
+        """Where a link of the fleet is; each has a port of its own."""
+        if url.serial:
+            if link > 0:
+                raise LinkError(
+                    f"{url}: a serial line carries one link, but this fleet has more; "
+                    "use UDP or TCP, or fewer vehicles, without --per-port"
+                )
+            return url
+        port = url.port + link * self.port_step
+        if port > MAX_PORT:
+            raise LinkError(
+                f"{url}: link {link} would need port {port}, but {MAX_PORT} is the last; begin lower"
+            )
+        return url.shifted(link * self.port_step)
 
     @property
-    def simulated_s(self) -> float:
-        """How far the simulation has come [s]."""
-        return self._simulated_s
+    def dropped(self) -> int:
+        """Datagrams and chunks that nobody took in time."""
+        return sum(link.dropped for links in self._links.values() for link in links)
 
-    def _now(self) -> float:
-        """Simulated time by the wall clock, never further than one step ahead of what has been simulated."""
-        due_s = (time.monotonic() - self._started_s - self._lost_s) * self.speedup
-        return max(self._simulated_s, min(due_s, self._simulated_s + MAX_STEP_WALL_S * self.speedup))
+    def stations(self) -> int:
+        """Ground stations that are there, the same one on two links counted twice."""
+        return sum(link.stations() for links in self._links.values() for link in links)
+
+    def ports_words(self) -> str:
+        """`udpout 127.0.0.1:14550 to 14553 and tcpin 0.0.0.0:5760 to 5763`."""
+        most = max(self.fleet.links) * self.port_step
+        steps = f" by {self.port_step}" if self.port_step > 1 else ""
+        return " and ".join(f"{url} to {url.port + most}{steps}" if most else str(url) for url in self.urls)
 
     async def run(self, *, on_open: Callable[[], None] = lambda: None) -> None:
-        """Open the link and run until cancelled, or until the parent process is gone."""
-        await self._link.open()
+        """Open the links and run until cancelled, the pace is finished, or the parent process is gone."""
         try:
-            self._started_s = time.monotonic()
+            for links in self._links.values():
+                for link in links:
+                    link.open()
+            self.pace.start()
             on_open()
-            self._send(self.fleet.step(0.0))
-            while not self._orphaned():
-                await self._tick()
+            while not (self.pace.finished or self._orphaned()):
+                if await self.pace.due(self._ticks * TICK_S):
+                    self._tick()
         finally:
-            self._link.close()
+            for links in self._links.values():
+                for link in links:
+                    link.close()
+
+    def _tick(self) -> None:
+        self.simulated_s = self._ticks * TICK_S
+        self._ticks += 1
+        frames = self.fleet.step(self.simulated_s)
+        self._note_reboots()
+        self._send(frames)
+        beats = sum(frame[7:10] == HEARTBEAT_ID and frame[0] == V2 for _, frame in frames)
+        self.lateness.add(self.pace.late_s(self.simulated_s), beats)
 
     def _orphaned(self) -> bool:
         if self._parent_pid is None:
@@ -239,46 +115,51 @@ class Server:
             return False
         return False
 
-    async def _tick(self) -> None:
-        began_s = time.monotonic()
-        self._simulated_s = self._now()
-        self._send(self.fleet.step(self._simulated_s))
-        self._report_lag()
-        await asyncio.sleep(max(0.0, TICK_WALL_S - (time.monotonic() - began_s)))
+    def _receiver(self, link: int) -> Callable[[bytes, Hashable, int | None], None]:
+        def received(data: bytes, peer: Hashable, _only: int | None) -> None:
+            self.simulated_s = self.pace.now_s(self.simulated_s, self._ticks * TICK_S)
+            self._send(self.fleet.receive(data, self.simulated_s, peer=peer, link=link))
 
-    def _report_lag(self) -> None:
-        wall_s = time.monotonic() - self._started_s
-        behind_s = wall_s - self._lost_s - self._simulated_s / self.speedup
-        if behind_s < LAG_REPORTED_S:
+        return received
+
+    def _note_reboots(self) -> None:
+        boots = self.fleet.boots()
+        if boots == self._boots:
             return
-        self._lost_s += behind_s
-        if wall_s - self._lag_reported_s >= LAG_REPORT_EVERY_S:
-            self._lag_reported_s = wall_s
-            self._warn(f"cannot keep up with {self.speedup:g}x real time, {self._lost_s:.1f} s lost so far")
-
-    def _deliver(self, data: bytes, peer: object, link: Link) -> None:
-        self._simulated_s = self._now()
-        self._send(self.fleet.receive(data, self._simulated_s, peer=peer))
+        for index, (before, after) in enumerate(zip(self._boots, boots, strict=True)):
+            if 0 < before < after:
+                for link in self._links[self.fleet.links[index]]:
+                    link.rebooted(index)
+        self._boots = boots
 
     def _send(self, frames: Frames) -> None:
-        for sysid, boots in self.fleet.boots().items():
-            if boots != self._boots[sysid]:
-                if self._boots[sysid] > 0:
-                    self._link.rebooted(sysid)
-                self._boots[sysid] = boots
-        for sysid, data in _joined(frames):
-            self._link.send(sysid, data)
+        if not frames:
+            return
+        if self._record is not None:
+            self._record(frames, self.simulated_s)
+        batches: dict[int, list[tuple[int, bytes]]] = {}
+        for index, _ in frames:
+            self.sent[index] += 1
+        for index, data in joined(frames):
+            batches.setdefault(self.fleet.links[index], []).append((index, data))
+        for number, batch in batches.items():
+            for link in self._links[number]:
+                link.send(batch)
 
 
-def _joined(frames: Frames) -> Iterable[tuple[int, bytes]]:
-    """Neighbouring frames of one vehicle in one datagram, as an autopilot's link buffer does."""
-    current, parts, size = 0, list[bytes](), 0
-    for sysid, frame in frames:
-        if parts and (sysid != current or size + len(frame) > DATAGRAM_BYTES):
-            yield current, b"".join(parts)
-            parts, size = [], 0
-        current = sysid
-        parts.append(frame)
-        size += len(frame)
-    if parts:
-        yield current, b"".join(parts)
+def joined(frames: Frames) -> Iterable[tuple[int, bytes]]:
+    """The frames of each vehicle in as few datagrams as they fit in, in their order."""
+    parts: dict[int, list[bytes]] = {}
+    sizes: dict[int, int] = {}
+    out: list[tuple[int, bytes]] = []
+    for index, frame in frames:
+        waiting = parts.setdefault(index, [])
+        size = sizes.get(index, 0) + len(frame)
+        if waiting and size > DATAGRAM_BYTES:
+            out.append((index, b"".join(waiting)))
+            waiting.clear()
+            size = len(frame)
+        waiting.append(frame)
+        sizes[index] = size
+    out.extend((index, b"".join(waiting)) for index, waiting in parts.items())
+    return out

@@ -1,11 +1,16 @@
-"""Where the fleet talks: `udpout:127.0.0.1:14550`, `udpin`, `tcpin`, `tcpout`, with or without `//`."""
+"""Where the fleet talks: `udpout:127.0.0.1:14550`, `serial:/dev/ttyUSB0:57600` and so on; // may follow."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-FORMS = "udpout:HOST:PORT, udpin:HOST:PORT, tcpin:HOST:PORT or tcpout:HOST:PORT"
-_URL = re.compile(r"(?P<kind>[a-z]+):(?://)?(?P<host>[^:/]*):(?P<port>\d+)/?")
+FORMS = "udpout:HOST:PORT, udpin:HOST:PORT, tcpin:HOST:PORT, tcpout:HOST:PORT or serial:DEVICE:BAUD"
 KINDS = ("udpout", "udpin", "tcpin", "tcpout")
+_ALIASES = {"tcp": "tcpout", "tcpclient": "tcpout", "tcpserver": "tcpin", "": "udpout"}  # of other tools
+_AMBIGUOUS = {"udp": "udpout:HOST:PORT sends there, udpin:HOST:PORT waits for whoever speaks first"}
+_NETWORK = re.compile(r"(?:(?P<kind>[a-z]+):(?://)?)?(?P<host>\[[^\]\s]*\]|[^:/\[\]\s]*):(?P<port>\d+)/?")
+_SERIAL = re.compile(r"serial:(?://(?=/))?(?P<device>[^:\s]+):(?P<baud>\d+)")
+MAX_PORT = 65_535
+MAX_BAUD = 12_500_000
 
 
 class UrlError(ValueError):
@@ -14,29 +19,59 @@ class UrlError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Url:
+    """One place to talk; `host` is the device and `port` the baud rate of a serial one."""
+
     kind: str
     host: str
     port: int
 
     def __str__(self) -> str:
-        return f"{self.kind} {self.host}:{self.port}"
+        return f"{self.kind} {f'[{self.host}]' if ':' in self.host else self.host}:{self.port}"
 
     @property
     def udp(self) -> bool:
         return self.kind.startswith("udp")
 
     @property
+    def serial(self) -> bool:
+        return self.kind == "serial"
+
+    @property
     def listens(self) -> bool:
         return self.kind.endswith("in")
 
+    def shifted(self, ports: int) -> "Url":
+        """The same so many ports further on."""
+        return replace(self, port=self.port + ports)
+
 
 def parse_url(text: str) -> Url:
-    """Parse one of the forms; UrlError otherwise."""
-    match = _URL.fullmatch(text.strip())
-    if match is None or match["kind"] not in KINDS:
+    """Parse one of the forms; `tcp:` is tcpout, HOST:PORT alone udpout; UrlError otherwise."""
+    stripped = text.strip()
+    if stripped.startswith("serial:"):
+        return _serial(stripped, text)
+    match = _NETWORK.fullmatch(stripped)
+    kind = "" if match is None or match["kind"] is None else match["kind"]
+    if kind in _AMBIGUOUS:
+        raise UrlError(f"--url {text!r}: {kind} can mean two things; {_AMBIGUOUS[kind]}")
+    kind = _ALIASES.get(kind, kind)
+    if match is None or kind not in KINDS or not (match["kind"] or match["host"]):
         raise UrlError(f"--url {text!r} is not understood; expected {FORMS}")
     port = int(match["port"])
-    if not 0 < port < 65_536:
-        raise UrlError(f"--url {text!r}: port {port} is not between 1 and 65535")
-    host = match["host"] or ("0.0.0.0" if match["kind"].endswith("in") else "127.0.0.1")
-    return Url(match["kind"], host, port)
+    if not 0 < port <= MAX_PORT:
+        raise UrlError(f"--url {text!r}: port {port} is not between 1 and {MAX_PORT}")
+    host = match["host"].strip("[]") or ("0.0.0.0" if kind.endswith("in") else "127.0.0.1")
+    return Url(kind, host, port)
+
+
+def _serial(stripped: str, text: str) -> Url:
+    match = _SERIAL.fullmatch(stripped)
+    if match is None:
+        raise UrlError(
+            f"--url {text!r} is not understood; expected serial:DEVICE:BAUD, "
+            "for example serial:/dev/ttyUSB0:57600"
+        )
+    baud = int(match["baud"])
+    if not 0 < baud <= MAX_BAUD:
+        raise UrlError(f"--url {text!r}: {baud} baud is not between 1 and {MAX_BAUD}")
+    return Url("serial", match["device"], baud)

@@ -40,7 +40,8 @@ async def fleet_on(
     sysid_at: dict[Address, int] = {}
 
     def send(frames: list[tuple[int, bytes]]) -> None:
-        for sysid, data in frames:
+        for index, data in frames:
+            sysid = fleet.sysids[index]
             address = carry(sysid, loop.time())
             if address is not None:
                 sysid_at[address] = sysid

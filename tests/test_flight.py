@@ -263,11 +263,14 @@ def test_who_hears_whom_follows_the_communication_range(k: int | str, tmp_path: 
             if "/bus/" in channel.topic:
                 assert json.loads(message.data)["recipients"] == reach
                 topics[channel.topic] += 1
+    hear = 0
     for sysid, state in report.states.items():
         own = topics[f"/uav{sysid}/bus/ObservationShared"] + topics[f"/uav{sysid}/bus/StateShared"]
         assert report.ledger.vehicles[sysid].messages_sent == own * reach
         others = {o.observer for o in state.belief.observations()} - {sysid}
-        assert bool(others) is (reach > 0)
+        hear += bool(others)
+    # With one or two neighbours in reach a vehicle may be nobody's nearest, and then it hears nothing.
+    assert (hear == 4) if reach == 3 else (hear > 0) is (reach > 0)
 
 
 def test_vehicles_take_off_one_after_the_other_where_told(tmp_path: Path) -> None:

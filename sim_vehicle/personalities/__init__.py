@@ -1,8 +1,17 @@
-"""What differs between autopilots, one module each, as data where it can be."""
+"""What differs between autopilots, one package each, as data where it can be."""
+
+from collections.abc import Mapping
 
 from sim_vehicle.personalities.ardupilot import ARDUPILOT
 from sim_vehicle.personalities.base import Behaviour, Mode, Personality
+from sim_vehicle.personalities.px4 import PX4
 
-PERSONALITIES: dict[str, Personality] = {"ardupilot": ARDUPILOT}
+PERSONALITIES: dict[str, Mapping[str, Personality]] = {"ardupilot": ARDUPILOT, "px4": PX4}
 
-__all__ = ["PERSONALITIES", "Behaviour", "Mode", "Personality"]
+
+def personality_of(name: str, kind: str) -> Personality:
+    """The personality of an autopilot for an airframe (`copter`, `plane`); KeyError otherwise."""
+    return PERSONALITIES[name][kind]
+
+
+__all__ = ["PERSONALITIES", "Behaviour", "Mode", "Personality", "personality_of"]

@@ -14,7 +14,9 @@ STEP_S = 0.1
 
 def scenario(**extra: Any) -> Scenario:
     vehicle = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M}
-    return Scenario.model_validate({"seed": 1, "vehicles": [vehicle], **extra})
+    # What is tested to the centimetre is tested without the noise of a receiver.
+    quiet = {"gps": {"noise_m": 0.0, "drift_m": 0.0}}
+    return Scenario.model_validate({"seed": 1, "vehicles": [vehicle], **quiet, **extra})
 
 
 def item(
@@ -70,7 +72,8 @@ class Station:
         self._take(self.fleet.step(0.0))
 
     def _take(self, frames: Sequence[tuple[int, bytes]]) -> None:
-        for sysid, frame in frames:
+        for index, frame in frames:
+            sysid = self.fleet.sysids[index]
             self.raw += frame
             for message in self._decoder.parse_buffer(frame) or ():
                 if message.get_type() != "BAD_DATA" and sysid == self.target:
@@ -176,15 +179,15 @@ class Station:
 
     @property
     def height_m(self) -> float:
-        return float(self.fleet.positions().height_m[0])
+        return float(self.fleet.truth().height_m[0])
 
     @property
     def armed(self) -> bool:
-        return bool(self.fleet.positions().armed[0])
+        return bool(self.fleet.truth().armed[0])
 
     @property
     def mode(self) -> str:
-        return self.fleet.positions().mode[0]
+        return self.fleet.truth().mode[0]
 
     def fly(self, height_m: float = 20.0) -> None:
         """Take off in GUIDED and be at a height."""

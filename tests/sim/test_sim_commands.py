@@ -16,6 +16,7 @@ def prearm_ok(station: Station) -> bool:
     return bool(station.ask(mavlink.MAVLINK_MSG_ID_SYS_STATUS).onboard_control_sensors_health & PREARM)
 
 
+@pytest.mark.autopilots("1.3", "1.7")
 @pytest.mark.parametrize(
     ("age_s", "mode", "text"),
     [
@@ -29,7 +30,6 @@ def prearm_ok(station: Station) -> bool:
     ],
 )
 def test_arming_is_refused_with_the_reason_in_a_text(age_s: float, mode: int, text: str) -> None:
-    # AUTOPILOTS 1.3, 1.7
     station = Station(ready_s=41.0)
     station.wait(age_s)
     assert station.set_mode(mode) == 0
@@ -38,8 +38,8 @@ def test_arming_is_refused_with_the_reason_in_a_text(age_s: float, mode: int, te
     assert not station.armed
 
 
+@pytest.mark.autopilots("1.3")
 def test_readiness_grows_with_the_time_from_boot() -> None:
-    # AUTOPILOTS 1.3
     station = Station(ready_s=41.0)
     station.wait(3)
     assert station.set_mode(4) == 0
@@ -61,8 +61,8 @@ def test_readiness_grows_with_the_time_from_boot() -> None:
     assert station.arm() == 0
 
 
+@pytest.mark.autopilots("1.4")
 def test_a_mode_set_right_after_boot_is_acknowledged_and_silently_undone() -> None:
-    # AUTOPILOTS 1.4
     station = Station(ready_s=41.0)
     station.wait(0.5)
     assert station.set_mode(4) == 0
@@ -74,13 +74,14 @@ def test_a_mode_set_right_after_boot_is_acknowledged_and_silently_undone() -> No
     assert station.mode == "GUIDED"
 
 
+@pytest.mark.autopilots("1.5")
 def test_the_set_mode_message_works_and_is_not_acknowledged() -> None:
-    # AUTOPILOTS 1.5
     station = Station()
     assert station.send(mavlink.MAVLink_set_mode_message(1, 1, 4)) == []
     assert station.heartbeat().custom_mode == 4
 
 
+@pytest.mark.autopilots("1.5")
 @pytest.mark.parametrize("number", [0, 2, 3, 4, 5, 6, 7, 9, 16, 17])
 def test_every_mode_shows_its_number(number: int) -> None:
     station = Station()
@@ -96,8 +97,8 @@ def test_an_unknown_mode_fails() -> None:
     assert station.set_mode(99) == FAILED
 
 
+@pytest.mark.autopilots("1.7", "1.13")
 def test_armed_on_the_ground_is_standby_and_idling_disarms() -> None:
-    # AUTOPILOTS 1.13, 1.7
     station = Station()
     assert station.set_mode(4) == 0
     assert station.arm() == 0
@@ -107,8 +108,8 @@ def test_armed_on_the_ground_is_standby_and_idling_disarms() -> None:
     assert station.until(lambda: not station.armed, 20) == pytest.approx(10, abs=0.5)
 
 
+@pytest.mark.autopilots("1.14")
 def test_disarming_in_flight_needs_force_and_then_it_falls() -> None:
-    # AUTOPILOTS 1.14
     station = Station()
     station.fly()
     assert station.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0) == FAILED
@@ -117,16 +118,16 @@ def test_disarming_in_flight_needs_force_and_then_it_falls() -> None:
     assert station.until(lambda: station.height_m == 0, 10) < 4
 
 
+@pytest.mark.autopilots("1.14")
 def test_force_arms_without_a_position() -> None:
-    # AUTOPILOTS 1.14
     station = Station(ready_s=41.0)
     station.wait(3)
     assert station.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, 21196) == 0
     assert station.armed
 
 
+@pytest.mark.autopilots("1.15")
 def test_the_target_component_does_not_matter_but_the_system_does() -> None:
-    # AUTOPILOTS 1.15
     station = Station()
     for component in (0, 77, 190):
         replies = station.send(
@@ -138,13 +139,13 @@ def test_the_target_component_does_not_matter_but_the_system_does() -> None:
     assert [(m.result, m.target_system) for m in replies] == [(0, 255)]
 
 
+@pytest.mark.autopilots("1.17", "MAVSDK 5 goto_location")
 def test_reposition_comes_as_command_int_only() -> None:
-    # AUTOPILOTS 1.17
     station = Station()
     station.fly()
     assert station.command(mavlink.MAV_CMD_DO_REPOSITION, -1, 1, 0, 0, 46.05, 14.506, 20) == UNSUPPORTED
     assert station.command_int(mavlink.MAV_CMD_DO_REPOSITION, 6, 460500000, 145060000, 20, -1, 1) == 0
-    station.until(lambda: station.fleet.positions().lat_deg[0] > 46.0499, 60)
+    station.until(lambda: station.fleet.truth().lat_deg[0] > 46.0499, 60)
     assert station.set_mode(17) == 0
     assert station.command_int(mavlink.MAV_CMD_DO_REPOSITION, 6, 460490000, 145060000, 20) == DENIED
 
@@ -169,8 +170,8 @@ def test_commands_that_are_refused(command: tuple[float, ...], result: int) -> N
     assert station.command(int(command[0]), *command[1:]) == result
 
 
+@pytest.mark.autopilots("1.1", "1.2", "1.18")
 def test_a_reboot_is_silent_then_boots_again_and_loses_the_streams() -> None:
-    # AUTOPILOTS 1.1, 1.2, 1.18
     station = Station(ready_s=5)
     station.wait(6)
     station.stream(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
@@ -222,8 +223,8 @@ def test_identity_says_that_no_aircraft_is_behind_it() -> None:
     assert station.command(mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, 1) == 0
 
 
+@pytest.mark.autopilots("1.16")
 def test_parameters_are_listed_read_and_set() -> None:
-    # AUTOPILOTS 1.16
     station = Station()
     listed = station.send(mavlink.MAVLink_param_request_list_message(1, 0))
     assert [m.param_index for m in listed] == list(range(listed[0].param_count))
@@ -245,11 +246,12 @@ def test_a_speed_parameter_acts() -> None:
     station.send(mavlink.MAVLink_param_set_message(1, 0, b"WPNAV_SPEED", 300, 9))
     station.fly_mission([takeoff(10), waypoint(300, 0, 10)])
     station.wait(30)
-    assert station.fleet.positions().speed_m_s[0] == pytest.approx(3, abs=0.1)
+    assert station.fleet.truth().speed_m_s[0] == pytest.approx(3, abs=0.1)
 
 
+@pytest.mark.autopilots("1.10")
 def test_a_mission_moves_on_in_auto_while_disarmed() -> None:
-    # AUTOPILOTS 1.10: a waypoint where the vehicle stands is "reached" on the ground
+    # A waypoint where the vehicle stands is "reached" on the ground.
     station = Station()
     assert station.upload([home_item(), waypoint(0, 0, 0.5), waypoint(100, 0)]) == 0
     assert station.set_mode(3) == 0

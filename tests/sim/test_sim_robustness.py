@@ -135,7 +135,7 @@ def test_well_formed_nonsense_is_survived_on_the_ground_and_in_the_air(seed: int
         constructor = getattr(mavlink, f"MAVLink_{kind.lower()}_message")
         station.send(constructor(*message_values(kind, source)))
         station.wait(source.choice((0.0, 0.1, 2.0)))
-    truth = station.fleet.positions()
+    truth = station.fleet.truth()
     assert math.isfinite(truth.lat_deg[0])
     assert math.isfinite(truth.height_m[0])
 
@@ -172,4 +172,4 @@ def test_a_legacy_mavlink_1_command_is_obeyed() -> None:
         codec, force_mavlink1=True
     )
     fleet.receive(frame, 0.0)
-    assert fleet.positions().mode == ("GUIDED",)
+    assert fleet.truth().mode == ("GUIDED",)

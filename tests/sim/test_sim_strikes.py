@@ -67,7 +67,7 @@ def test_a_crossing_is_struck_once_for_each_cell_entered_and_flies_on() -> None:
         "STRIKE 3 over 4,0 from 3,0",
     ]
     assert {m.severity for m in strikes} == {mavlink.MAV_SEVERITY_WARNING}
-    assert station.fleet.positions().strikes.tolist() == [3]
+    assert station.fleet.truth().strikes.tolist() == [3]
 
 
 def test_a_vehicle_on_the_ground_is_not_fired_at() -> None:
@@ -76,9 +76,9 @@ def test_a_vehicle_on_the_ground_is_not_fired_at() -> None:
     extra = {"area": area, "firing_strength": (1.0, 0.5, 0.1), "hostiles": [[0, 0]]}
     station = Station(Fleet(scenario(**extra), ready_s=0))
     station.wait(5)
-    assert station.fleet.positions().strikes.tolist() == [0]
+    assert station.fleet.truth().strikes.tolist() == [0]
     station.fly(5)  # lifting off is entering the cell
-    assert station.fleet.positions().strikes.tolist() == [1]
+    assert station.fleet.truth().strikes.tolist() == [1]
 
 
 def test_the_running_count_is_sent_once_a_second_when_streams_are_wanted() -> None:
@@ -107,7 +107,7 @@ def test_over_many_flights_the_number_of_strikes_is_the_sum_of_exposure() -> Non
     goal = (round((LAT_DEG + 295 / 111_195) * 1e7), round(LON_DEG * 1e7))
     station.send(mavlink.MAVLink_command_int_message(0, 0, 6, 192, 0, 0, -1, 1, 0, 0, *goal, 15))
     station.wait(45)
-    strikes = int(station.fleet.positions().strikes.sum())
+    strikes = int(station.fleet.truth().strikes.sum())
     deviation = math.sqrt(200 * (0.3 * 0.7 * 2 + 0.6 * 0.4))
     assert abs(strikes - 200 * 1.2) <= 4 * deviation
     assert re.search(rb"STRIKE \d over 3,0 from 3,0", station.raw)

@@ -8,13 +8,24 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import LAT_DEG, LON_DEG, Station, land, scenario, takeoff, waypoint
 
 from sim_vehicle.fleet import Fleet
-from sim_vehicle.telemetry import BUILDERS
+from sim_vehicle.telemetry import STREAMS
 
 UNASKED = {"HEARTBEAT", "TIMESYNC", "STATUSTEXT", "HOME_POSITION", "GPS_GLOBAL_ORIGIN"}
+NOT_ARDUPILOTS = {
+    mavlink.MAVLINK_MSG_ID_ALTITUDE,
+    mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS,
+    mavlink.MAVLINK_MSG_ID_HIGHRES_IMU,
+    mavlink.MAVLINK_MSG_ID_WIND_COV,
+    380,  # TIME_ESTIMATE_TO_TARGET
+    411,  # CURRENT_EVENT_SEQUENCE
+    436,  # CURRENT_MODE
+}
+ONLY_WITH_HOSTILES = mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT
+ASKED_FOR = set(STREAMS) - NOT_ARDUPILOTS - {mavlink.MAVLINK_MSG_ID_HEARTBEAT, ONLY_WITH_HOSTILES}
 
 
+@pytest.mark.autopilots("1.1", "MAVSDK 5 telemetry")
 def test_without_a_request_there_are_no_streams() -> None:
-    # AUTOPILOTS 1.1
     station = Station(ready_s=41.0)
     station.wait(60)
     counts = Counter(m.get_type() for m in station.heard)
@@ -23,12 +34,13 @@ def test_without_a_request_there_are_no_streams() -> None:
     assert counts["HOME_POSITION"] == counts["GPS_GLOBAL_ORIGIN"] == 1
 
 
+@pytest.mark.autopilots("1.2")
 def test_the_link_carries_plain_text_at_boot() -> None:
-    # AUTOPILOTS 1.2
     assert Station().raw.startswith(b"\n\nInit ArduCopter V4.6.2")
 
 
-@pytest.mark.parametrize("message_id", sorted(set(BUILDERS) - {mavlink.MAVLINK_MSG_ID_HEARTBEAT}))
+@pytest.mark.autopilots("1.1")
+@pytest.mark.parametrize("message_id", sorted(ASKED_FOR))
 def test_each_message_comes_at_the_rate_asked_for_and_stops(message_id: int) -> None:
     station = Station()
     station.stream(message_id, hz=5)
@@ -38,8 +50,16 @@ def test_each_message_comes_at_the_rate_asked_for_and_stops(message_id: int) -> 
     assert [m for m in station.wait(5) if m.get_msgId() == message_id] == []
 
 
+@pytest.mark.autopilots("MAVSDK 5 telemetry")
+@pytest.mark.parametrize("message_id", sorted(NOT_ARDUPILOTS))
+def test_what_ardupilot_does_not_send_is_denied(message_id: int) -> None:
+    station = Station()
+    assert station.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, 1e6) == mavlink.MAV_RESULT_DENIED
+    assert station.command(mavlink.MAV_CMD_REQUEST_MESSAGE, message_id) == mavlink.MAV_RESULT_FAILED
+
+
+@pytest.mark.autopilots("1.1")
 def test_a_data_stream_brings_its_group() -> None:
-    # AUTOPILOTS 1.1
     station = Station()
     station.send(mavlink.MAVLink_request_data_stream_message(1, 0, mavlink.MAV_DATA_STREAM_POSITION, 4, 1))
     counts = Counter(m.get_type() for m in station.wait(10))
@@ -57,7 +77,7 @@ def test_positions_agree_with_each_other_and_with_the_truth() -> None:
     station = Station()
     station.fly_mission([takeoff(), waypoint(100, 50), land(100, 50)])
     station.wait(20)
-    truth = station.fleet.positions()
+    truth = station.fleet.truth()
     position = station.ask(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
     assert (position.lat, position.lon) == pytest.approx(
         (truth.lat_deg[0] * 1e7, truth.lon_deg[0] * 1e7), abs=1

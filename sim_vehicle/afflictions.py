@@ -1,0 +1,109 @@
+"""What is wrong with one vehicle itself, its wire aside: what faults write and the vehicle reads."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+
+class ModeStuck(Enum):
+    """What a vehicle that cannot change its mode says to a request."""
+
+    ACCEPTED = "accepted"
+    REFUSED = "refused"
+
+
+@dataclass(frozen=True, slots=True)
+class MissionRefusal:
+    """MAV_MISSION_RESULT that an upload ends with: at the item `at_item`, or at its announcement (None)."""
+
+    result: int
+    at_item: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effect:
+    """What one fault does; nothing by default."""
+
+    gps_lost: bool = False
+    gps_offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  # east, north, up
+    battery_sag_v: float = 0.0
+    battery_at_most: float = 1.0  # share of the full charge that is left at most
+    motors_lost: int = 0
+    rc_lost: bool = False
+    mission_refusal: MissionRefusal | None = None
+    ack_delay_s: float = 0.0
+    ack_loss: float = 0.0  # share, in [0, 1]
+    mode_stuck: ModeStuck | None = None
+    unhealthy_sensors: int = 0  # MAV_SYS_STATUS_SENSOR bits
+    clock_drift_ppm: float = 0.0
+
+
+class Afflictions:
+    """All effects on one vehicle together, as attributes of the names of `Effect`.
+
+    Offsets, sags, losses of motors and drifts add up; of delays and shares the worst counts; of answers the
+    one that came last. `changed(afflictions, now)` is called after each change.
+    """
+
+    def __init__(
+        self,
+        rng: np.random.Generator,
+        changed: Callable[["Afflictions", float], None] = lambda _afflictions, _now: None,
+    ) -> None:
+        self._rng = rng
+        self._changed = changed
+        self._effects: dict[int, Effect] = {}
+        self._begun = 0
+        self._clock_offset_s = 0.0
+        self._clock_since_s = 0.0
+        self._combine()
+
+    def begin(self, effect: Effect, now: float) -> Callable[[float], None]:
+        """Add an effect at `now` [s]; returns what ends it, to be called with the time of that [s]."""
+        key = self._begun
+        self._begun += 1
+        self._set(key, effect, now)
+        return lambda end_s: self._set(key, None, end_s)
+
+    def loses_ack(self) -> bool:
+        """Whether the acknowledgement that is about to be sent gets lost."""
+        return self.ack_loss > 0 and bool(self._rng.random() < self.ack_loss)
+
+    def clock_offset_s(self, now: float) -> float:
+        """By how much the vehicle's clock is ahead at `now` [s]; what it has drifted away stays."""
+        return self._clock_offset_s + (now - self._clock_since_s) * self.clock_drift_ppm * 1e-6
+
+    def _set(self, key: int, effect: Effect | None, now: float) -> None:
+        self._clock_offset_s = self.clock_offset_s(now)
+        self._clock_since_s = now
+        if effect is None:
+            self._effects.pop(key, None)
+        else:
+            self._effects[key] = effect
+        self._combine()
+        self._changed(self, now)
+
+    def _combine(self) -> None:
+        effects = tuple(self._effects.values())
+        self.gps_lost = any(e.gps_lost for e in effects)
+        self.gps_offset_m = (
+            sum(e.gps_offset_m[0] for e in effects),
+            sum(e.gps_offset_m[1] for e in effects),
+            sum(e.gps_offset_m[2] for e in effects),
+        )
+        self.battery_sag_v = sum(e.battery_sag_v for e in effects)
+        self.battery_at_most = min((e.battery_at_most for e in effects), default=1.0)
+        self.motors_lost = sum(e.motors_lost for e in effects)
+        self.rc_lost = any(e.rc_lost for e in effects)
+        self.ack_delay_s = max((e.ack_delay_s for e in effects), default=0.0)
+        self.ack_loss = max((e.ack_loss for e in effects), default=0.0)
+        self.unhealthy_sensors = 0
+        for effect in effects:
+            self.unhealthy_sensors |= effect.unhealthy_sensors
+        self.clock_drift_ppm = sum(e.clock_drift_ppm for e in effects)
+        refusals = [e.mission_refusal for e in effects if e.mission_refusal is not None]
+        self.mission_refusal = refusals[-1] if refusals else None
+        stuck = [e.mode_stuck for e in effects if e.mode_stuck is not None]
+        self.mode_stuck = stuck[-1] if stuck else None

@@ -1,0 +1,320 @@
+"""Checks: one-line named questions that a scenario asks of every vehicle, on every step.
+
+A check is a function of the `View` and of its argument: whether it holds, (n,), and the number found, (n,).
+Another one is one more function here.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from sim_vehicle.geodesy import Floats
+
+if TYPE_CHECKING:
+    from sim_vehicle.fleet import Truth
+
+Bools = npt.NDArray[np.bool_]
+When = Literal["always", "eventually", "end"]
+Need = Literal["goal", "fence", "area", "mission"]
+Found = Floats | Sequence[str]
+TIMES = ("from_s", "until_s", "by_s")
+COMMON = ("vehicles", "when", *TIMES)
+
+
+@dataclass(frozen=True)
+class View:
+    """What checks look at: the truth, and what a ground station has heard; (n,) in the scenario's order.
+
+    Lengths are metres east, north, up (above mean sea level) in one plane for all vehicles.
+    """
+
+    now: float
+    truth: "Truth"
+    position_m: Floats  # (n, 3)
+    start_m: Floats  # (n, 3)
+    goal_m: Floats  # (n, 2), NaN where there is none
+    flown: Bools  # has been in the air
+    silent_s: Floats  # since the last heartbeat
+    mission_done: Bools
+    outside_fence_m: Floats  # beyond the fence, 0 inside
+    area_m: tuple[float, float, float, float] | None  # west, south, east, north edges
+    texts: Sequence[Sequence[str]]  # of STATUSTEXT, a vehicle
+
+    @cached_property
+    def height_m(self) -> Floats:
+        """Above the start, where home is."""
+        return self.position_m[:, 2] - self.start_m[:, 2]
+
+    @cached_property
+    def from_start_m(self) -> Floats:
+        return _distance(self.position_m, self.start_m)
+
+    @cached_property
+    def from_goal_m(self) -> Floats:
+        return _distance(self.position_m, self.goal_m)
+
+    @cached_property
+    def separation_m(self) -> Floats:
+        """From each vehicle in the air to the nearest other one in the air; infinite for the others."""
+        from scipy.spatial import KDTree  # noqa: PLC0415 (a tenth of a second that every start would pay)
+
+        found = np.full(len(self.position_m), np.inf)
+        flying = np.flatnonzero(self.truth.airborne)
+        if len(flying) > 1:
+            places = self.position_m[flying]
+            distances = np.asarray(KDTree(places).query(places, k=2)[0])
+            found[flying] = distances[:, 1]
+        return found
+
+    @cached_property
+    def outside_area_m(self) -> Floats:
+        if self.area_m is None:
+            return np.zeros(len(self.position_m))
+        west, south, east, north = self.area_m
+        x, y = self.position_m[:, 0], self.position_m[:, 1]
+        return np.hypot(
+            np.maximum(0, np.maximum(west - x, x - east)), np.maximum(0, np.maximum(south - y, y - north))
+        )
+
+    def heard(self, words: str) -> Bools:
+        """Whether a text had these words in it, in whatever case."""
+        wanted = words.casefold()
+        return np.array([any(wanted in said.casefold() for said in texts) for texts in self.texts])
+
+
+def _distance(a: Floats, b: Floats) -> Floats:
+    distance: Floats = np.hypot(a[:, 0] - b[:, 0], a[:, 1] - b[:, 1])
+    return distance
+
+
+CheckFunction = Callable[[View, Any], tuple[Bools, Found]]
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """A check with what a scenario's author has to know of it."""
+
+    name: str
+    summary: str
+    when: When
+    function: CheckFunction
+    argument: str | None  # the name of its argument, None: takes none
+    default: float | str | None  # None: the argument must be given
+    text: bool  # the argument is words, not a number
+    unit: str
+    needs: Need | None
+
+
+CHECKS: dict[str, Check] = {}
+
+
+def check(
+    when: When,
+    argument: str | None = None,
+    *,
+    default: float | str | None = None,
+    text: bool = False,
+    unit: str = "",
+    needs: Need | None = None,
+) -> Callable[[CheckFunction], CheckFunction]:
+    """Register a check under its function's name; its docstring is its summary."""
+
+    def register(function: CheckFunction) -> CheckFunction:
+        name = function.__name__
+        summary = (function.__doc__ or "").strip()
+        CHECKS[name] = Check(name, summary, when, function, argument, default, text, unit, needs)
+        return function
+
+    return register
+
+
+@check("always")
+def no_crash(view: View, _: None) -> tuple[Bools, Found]:
+    """It has not hit the ground too hard."""
+    return ~view.truth.crashed, ["crashed" if broken else "whole" for broken in view.truth.crashed]
+
+
+@check("eventually")
+def crashed(view: View, _: None) -> tuple[Bools, Found]:
+    """It has hit the ground too hard."""
+    return view.truth.crashed, ["crashed" if broken else "whole" for broken in view.truth.crashed]
+
+
+@check("always", "metres", unit="m")
+def min_separation_m(view: View, metres: float) -> tuple[Bools, Found]:
+    """In the air it is so far from the nearest other vehicle in the air."""
+    return view.separation_m >= metres, view.separation_m
+
+
+@check("always", "metres", unit="m")
+def max_height_m(view: View, metres: float) -> tuple[Bools, Found]:
+    """It is no higher above its start."""
+    return view.height_m <= metres, view.height_m
+
+
+@check("always", "metres", unit="m")
+def min_height_m(view: View, metres: float) -> tuple[Bools, Found]:
+    """It is no lower above its start (give `from_s` and `until_s`)."""
+    return view.height_m >= metres, view.height_m
+
+
+@check("always", "speed", unit="m/s")
+def max_speed_m_s(view: View, speed: float) -> tuple[Bools, Found]:
+    """It is no faster over the ground."""
+    return view.truth.speed_m_s <= speed, view.truth.speed_m_s
+
+
+@check("always", "metres", unit="m")
+def stays_within_m(view: View, metres: float) -> tuple[Bools, Found]:
+    """It stays so near to its start."""
+    return view.from_start_m <= metres, view.from_start_m
+
+
+@check("always", "margin_m", default=0.0, unit="m outside", needs="area")
+def stays_in_area(view: View, margin_m: float) -> tuple[Bools, Found]:
+    """It stays inside the scenario's area."""
+    return view.outside_area_m <= margin_m, view.outside_area_m
+
+
+@check("always", "margin_m", default=0.0, unit="m outside", needs="fence")
+def no_fence_breach(view: View, margin_m: float) -> tuple[Bools, Found]:
+    """It does not cross its fence by more than the margin."""
+    return view.outside_fence_m <= margin_m, view.outside_fence_m
+
+
+@check("always", "share", unit="of the charge")
+def battery_above(view: View, share: float) -> tuple[Bools, Found]:
+    """More than this share of the charge is left."""
+    return view.truth.battery_remaining > share, view.truth.battery_remaining
+
+
+@check("always")
+def no_strike(view: View, _: None) -> tuple[Bools, Found]:
+    """No hostile has hit it."""
+    return view.truth.strikes == 0, view.truth.strikes.astype(float)
+
+
+@check("always", "count", unit="strikes")
+def strikes_at_most(view: View, count: float) -> tuple[Bools, Found]:
+    """Hostiles have hit it no more often."""
+    return view.truth.strikes <= count, view.truth.strikes.astype(float)
+
+
+@check("always", "silence_s", default=3.0, unit="s silent")
+def alive(view: View, silence_s: float) -> tuple[Bools, Found]:
+    """The ground station hears its heartbeat, never silent for longer."""
+    return view.silent_s <= silence_s, view.silent_s
+
+
+@check("always", "words", text=True)
+def never_says(view: View, words: str) -> tuple[Bools, Found]:
+    """It says no text with these words in it."""
+    heard = view.heard(words)
+    return ~heard, ["said" if said else "not said" for said in heard]
+
+
+@check("eventually", "words", text=True)
+def heard_text(view: View, words: str) -> tuple[Bools, Found]:
+    """The ground station hears a text with these words in it."""
+    heard = view.heard(words)
+    return heard, ["said" if said else "not said" for said in heard]
+
+
+@check("eventually", "mode", text=True)
+def mode_is(view: View, mode: str) -> tuple[Bools, Found]:
+    """It is in this mode, or in one of several (`RTL|Return`)."""
+    wanted = mode.casefold().split("|")
+    return np.array([now.casefold() in wanted for now in view.truth.mode]), view.truth.mode
+
+
+@check("eventually")
+def armed(view: View, _: None) -> tuple[Bools, Found]:
+    """It is armed."""
+    return view.truth.armed, ["armed" if is_armed else "disarmed" for is_armed in view.truth.armed]
+
+
+@check("end")
+def disarmed(view: View, _: None) -> tuple[Bools, Found]:
+    """It is disarmed."""
+    return ~view.truth.armed, ["armed" if is_armed else "disarmed" for is_armed in view.truth.armed]
+
+
+@check("eventually")
+def airborne(view: View, _: None) -> tuple[Bools, Found]:
+    """It is in the air."""
+    return view.truth.airborne, view.height_m
+
+
+@check("eventually", unit="m high")
+def landed(view: View, _: None) -> tuple[Bools, Found]:
+    """It has flown, is on the ground and disarmed."""
+    return view.flown & ~view.truth.airborne & ~view.truth.armed, view.height_m
+
+
+@check("end", "metres", unit="m from its start")
+def lands_within_m(view: View, metres: float) -> tuple[Bools, Found]:
+    """It has flown and stands so near to its start."""
+    return view.flown & ~view.truth.airborne & (view.from_start_m <= metres), view.from_start_m
+
+
+@check("eventually", "within_m", default=5.0, unit="m away", needs="goal")
+def reached_goal(view: View, within_m: float) -> tuple[Bools, Found]:
+    """It comes so near to its goal: `goal`, or the last place of its mission."""
+    return view.from_goal_m <= within_m, view.from_goal_m
+
+
+@check("eventually", needs="mission")
+def mission_complete(view: View, _: None) -> tuple[Bools, Found]:
+    """It reports its mission's last item as reached."""
+    return view.mission_done, ["complete" if done else "not complete" for done in view.mission_done]
+
+
+def settings_of(data: Any) -> Any:
+    """A check as a scenario writes it -> the fields of a CheckSpec; ValueError says what is wrong.
+
+    `no_crash`, `min_separation_m: 5` and `landed: {by_s: 300, vehicles: [2]}` are all checks.
+    """
+    name: Any
+    given: Any
+    if isinstance(data, dict) and "name" in data:
+        name, given = data["name"], {key: value for key, value in data.items() if key != "name"}
+    elif isinstance(data, str):
+        name, given = data, {}
+    elif isinstance(data, dict) and len(data) == 1:
+        ((name, given),) = data.items()
+    else:
+        raise ValueError(f"a check is a name, or `name: argument`, found {data!r}; see `run --list-checks`")
+    known = CHECKS.get(name)
+    if known is None:
+        raise ValueError(f"no such check: {name!r}; known are {', '.join(CHECKS)}")
+    if given is None:
+        given = {}
+    if not isinstance(given, dict):
+        given = {"value": given}
+    given = {key: value for key, value in given.items() if value is not None}
+    return {"when": known.when, **_renamed(known, given), "name": name}
+
+
+def _renamed(known: Check, given: dict[str, Any]) -> dict[str, Any]:
+    fields = {key: value for key, value in given.items() if key in COMMON}
+    for key in given.keys() - fields.keys():
+        if known.argument is None or key not in ("value", known.argument):
+            takes = ", ".join([*([known.argument] if known.argument else []), *COMMON])
+            raise ValueError(f"{known.name} does not take {key!r}; it takes {takes}")
+        fields["value"] = given[key]
+    if known.argument is None:
+        return fields
+    value = fields.setdefault("value", known.default)
+    if value is None:
+        raise ValueError(
+            f"{known.name} needs its argument, as in `{known.name}: {'RTL' if known.text else 5}`"
+        )
+    fits = isinstance(value, str if known.text else int | float) and not isinstance(value, bool)
+    if not fits:
+        kind = "words" if known.text else "a number"
+        raise ValueError(f"{known.name} takes {kind} ({known.argument}), found {value!r}")
+    return fields

@@ -1,0 +1,126 @@
+"""MAVLink 2 frames for a whole fleet at once: columns of numbers in, one frame a vehicle out.
+
+A message's layout (wire order, types, CRC extra) is pymavlink's; what is ours is that the payloads of all
+vehicles are one structured array, so that a stream costs a few array operations and about a microsecond a
+frame instead of an object, a field-by-field pack and a Python CRC each.
+"""
+
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from fastcrc.crc16 import mcrf4xx
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+MAGIC = b"\xfd"
+_HEADER = struct.Struct(
+    "<BBBBBBBBB"
+)  # length, incompatible and compatible flags, seq, system, component, id x 3
+_CRC = struct.Struct("<H")
+_NUMPY_TYPES = {
+    "uint8_t": "u1",
+    "int8_t": "i1",
+    "uint16_t": "<u2",
+    "int16_t": "<i2",
+    "uint32_t": "<u4",
+    "int32_t": "<i4",
+    "uint64_t": "<u8",
+    "int64_t": "<i8",
+    "float": "<f4",
+    "double": "<f8",
+    "uint8_t_mavlink_version": "u1",
+}
+Records = npt.NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """One message on the wire: its id and the dtype of its payload in wire order, without padding."""
+
+    message_id: int
+    name: str
+    crc_extra: bytes
+    dtype: np.dtype[Any]
+
+
+def layout_of(message_id: int) -> Layout:
+    """Layout of a message of the dialect; KeyError for an unknown id."""
+    message = mavlink.mavlink_map[message_id]
+    types = dict(zip(message.fieldnames, message.fieldtypes, strict=True))
+    lengths = dict(zip(message.ordered_fieldnames, message.array_lengths, strict=True))
+    fields: list[Any] = []
+    for name in message.ordered_fieldnames:
+        length = lengths[name]
+        if types[name] == "char":
+            fields.append((name, f"S{max(length, 1)}"))
+        elif length:
+            fields.append((name, _NUMPY_TYPES[types[name]], (length,)))
+        else:
+            fields.append((name, _NUMPY_TYPES[types[name]]))
+    return Layout(message_id, message.msgname, bytes([message.crc_extra]), np.dtype(fields))
+
+
+def records(layout: Layout, n: int, columns: Mapping[str, Any]) -> Records:
+    """Payloads of `n` vehicles from columns (scalars, (n,) or (n, length)); what is not named stays 0.
+
+    Numbers for integer fields are rounded and cut to the field's range, where a float would wrap around; a
+    number that is none becomes 0.
+    """
+    made = np.zeros(n, layout.dtype)
+    for name, values in columns.items():
+        base = layout.dtype[name].base
+        array = np.asarray(values)
+        if base.kind in "iu" and array.dtype.kind == "f":
+            limits = np.iinfo(base)
+            array = np.clip(np.rint(np.nan_to_num(array)), limits.min, limits.max)
+        made[name] = array
+    return made
+
+
+def frames(
+    layout: Layout, payloads: Records, systems: Sequence[int], sequences: Sequence[int], component: int
+) -> list[bytes]:
+    """One unsigned MAVLink 2 frame a payload; trailing zeros are cut as the protocol wants it."""
+    size, blob = layout.dtype.itemsize, payloads.tobytes()
+    id_0, id_1, id_2 = layout.message_id & 0xFF, layout.message_id >> 8 & 0xFF, layout.message_id >> 16
+    pack, extra, crc = _HEADER.pack, layout.crc_extra, _CRC.pack
+    made = []
+    start = 0
+    for system, sequence in zip(systems, sequences, strict=True):
+        payload = blob[start : start + size].rstrip(b"\0") or b"\0"
+        start += size
+        body = pack(len(payload), 0, 0, sequence, system, component, id_0, id_1, id_2) + payload
+        made.append(MAGIC + body + crc(mcrf4xx(body + extra)))
+    return made
+
+
+class Encoder:
+    """The frames of a fleet, with one sequence of numbers a vehicle for all it sends.
+
+    Parameters
+    ----------
+    systems: system id of each vehicle.
+    component: component id of all of them.
+    """
+
+    def __init__(self, systems: Sequence[int], component: int) -> None:
+        self._systems = np.array(systems)
+        self._component = component
+        self._sequences = np.zeros(len(systems), dtype=np.uint8)
+        self._codec = mavlink.MAVLink(None, srcComponent=component)
+
+    def pack(self, vehicle: int, message: Any) -> bytes:
+        """One message of one vehicle."""
+        self._codec.srcSystem = int(self._systems[vehicle])
+        self._codec.seq = int(self._sequences[vehicle])
+        self._sequences[vehicle] = (self._codec.seq + 1) % 256
+        return bytes(message.pack(self._codec))
+
+    def frames(self, layout: Layout, payloads: Records, vehicles: npt.NDArray[np.int64]) -> list[bytes]:
+        """One message of each of several vehicles."""
+        sequences = self._sequences[vehicles].tolist()
+        self._sequences[vehicles] += 1
+        return frames(layout, payloads, self._systems[vehicles].tolist(), sequences, self._component)

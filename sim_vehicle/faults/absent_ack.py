@@ -1,0 +1,17 @@
+"""Commands and uploads are obeyed but not acknowledged."""
+
+from pydantic import Field
+
+from sim_vehicle.afflictions import Effect
+from sim_vehicle.faults.base import End, Fault, FaultParams, Share, Target
+
+
+class Params(FaultParams):
+    rate: Share = Field(default=1.0, description="share of the acknowledgements that does not come")
+
+
+def begin(target: Target, params: Params, now: float) -> End:
+    return target.afflict(Effect(ack_loss=params.rate), now)
+
+
+FAULT = Fault("absent_ack", "COMMAND_ACK and MISSION_ACK do not come", Params, begin)

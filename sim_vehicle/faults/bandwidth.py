@@ -1,0 +1,47 @@
+"""A thin line: so many bytes a second, and a buffer before it that can run over."""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from sim_vehicle.channel import Passed
+from sim_vehicle.faults.base import DIRECTION, End, Fault, FaultParams, Target, Way
+
+
+class Params(FaultParams):
+    rate_bytes_s: Annotated[float, Field(ge=10)] = Field(
+        default=5000.0, description="bytes a second, each way"
+    )
+    buffer_bytes: Annotated[int, Field(ge=300)] = Field(
+        default=2048, description="bytes that may wait; what finds it full is lost"
+    )
+    direction: Way = DIRECTION
+
+
+class Bandwidth:
+    """Sends one frame after the other at a rate; drops those that find the buffer full."""
+
+    in_order = True
+
+    def __init__(self, rate_bytes_s: float, buffer_bytes: int) -> None:
+        self._rate_bytes_s, self._buffer_bytes = rate_bytes_s, buffer_bytes
+        self._free_s = 0.0
+
+    def __call__(self, frame: bytes, due_s: float) -> Passed:
+        start_s = max(self._free_s, due_s)
+        waiting_bytes = (start_s - due_s) * self._rate_bytes_s
+        if waiting_bytes + len(frame) > self._buffer_bytes:
+            return []
+        self._free_s = start_s + len(frame) / self._rate_bytes_s
+        return [(frame, self._free_s)]
+
+
+def begin(target: Target, params: Params, _now: float) -> End:
+    def stage(_rng: np.random.Generator) -> Bandwidth:
+        return Bandwidth(params.rate_bytes_s, params.buffer_bytes)
+
+    return target.disturb(params.direction, stage)
+
+
+FAULT = Fault("bandwidth", "a cap on bytes a second, with a finite buffer", Params, begin)

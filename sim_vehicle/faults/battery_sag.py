@@ -1,0 +1,20 @@
+"""The battery gives less voltage than its charge should, or has less charge than it had."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from sim_vehicle.afflictions import Effect
+from sim_vehicle.faults.base import End, Fault, FaultParams, Share, Target
+
+
+class Params(FaultParams):
+    sag_v: Annotated[float, Field(ge=0, le=60)] = Field(default=1.5, description="voltage that is missing")
+    at_most: Share = Field(default=1.0, description="share of the full charge that is left at most")
+
+
+def begin(target: Target, params: Params, now: float) -> End:
+    return target.afflict(Effect(battery_sag_v=params.sag_v, battery_at_most=params.at_most), now)
+
+
+FAULT = Fault("battery_sag", "the battery's voltage drops, or its charge", Params, begin)

@@ -1,0 +1,22 @@
+"""The vehicle's clock is fast or slow."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from sim_vehicle.afflictions import Effect
+from sim_vehicle.faults.base import End, Fault, FaultParams, Target
+
+
+class Params(FaultParams):
+    # A crystal is off by some 20 ppm, an oscillator without one by some 10 000.
+    drift_ppm: Annotated[float, Field(ge=-500_000, le=500_000)] = Field(
+        default=1000.0, description="by how much it is fast (negative: slow), in millionths"
+    )
+
+
+def begin(target: Target, params: Params, now: float) -> End:
+    return target.afflict(Effect(clock_drift_ppm=params.drift_ppm), now)
+
+
+FAULT = Fault("clock_drift", "time since boot, TIMESYNC and SYSTEM_TIME drift away", Params, begin)

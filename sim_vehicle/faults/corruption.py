@@ -1,0 +1,41 @@
+"""Bits flip on the way; the receiver's checksum has to notice."""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from sim_vehicle.channel import Passed
+from sim_vehicle.faults.base import DIRECTION, End, Fault, FaultParams, Share, Target, Way
+
+
+class Params(FaultParams):
+    rate: Share = Field(default=0.1, description="share of the frames that is spoilt")
+    # The checksum of MAVLink notices any three flipped bits for certain, of more nearly all.
+    bits: Annotated[int, Field(ge=1, le=64)] = Field(default=3, description="most bits that flip in a frame")
+    direction: Way = DIRECTION
+
+
+class Corruption:
+    """Flips 1 to `bits` different bits in a share of the frames."""
+
+    in_order = True
+
+    def __init__(self, rate: float, bits: int, rng: np.random.Generator) -> None:
+        self._rate, self._bits, self._rng = rate, bits, rng
+
+    def __call__(self, frame: bytes, due_s: float) -> Passed:
+        if not frame or self._rng.random() >= self._rate:
+            return [(frame, due_s)]
+        flips = min(int(self._rng.integers(1, self._bits + 1)), 8 * len(frame))
+        spoilt = bytearray(frame)
+        for bit in self._rng.choice(8 * len(frame), size=flips, replace=False).tolist():
+            spoilt[bit // 8] ^= 1 << bit % 8
+        return [(bytes(spoilt), due_s)]
+
+
+def begin(target: Target, params: Params, _now: float) -> End:
+    return target.disturb(params.direction, lambda rng: Corruption(params.rate, params.bits, rng))
+
+
+FAULT = Fault("corruption", "bits flip on the way", Params, begin)

@@ -1,0 +1,46 @@
+"""Frames come later than they should, in their order."""
+
+import math
+from typing import Annotated, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from sim_vehicle.channel import Passed
+from sim_vehicle.faults.base import DIRECTION, End, Fault, FaultParams, Target, Way
+
+Seconds = Annotated[float, Field(ge=0, le=60)]
+
+
+class Params(FaultParams):
+    delay_s: Seconds = Field(default=0.5, description="mean delay each way")
+    jitter_s: Seconds = Field(default=0.0, description="the delay varies by as much either way")
+    direction: Way = DIRECTION
+
+    @model_validator(mode="after")
+    def _no_time_travel(self) -> Self:
+        if self.jitter_s > self.delay_s:
+            raise ValueError(f"jitter_s {self.jitter_s:g} must not exceed delay_s {self.delay_s:g}")
+        return self
+
+
+class Delay:
+    """Holds each frame for delay_s, give or take jitter_s (uniform); none overtakes another."""
+
+    in_order = True
+
+    def __init__(self, delay_s: float, jitter_s: float, rng: np.random.Generator) -> None:
+        self._delay_s, self._jitter_s, self._rng = delay_s, jitter_s, rng
+        self._last_due_s = -math.inf
+
+    def __call__(self, frame: bytes, due_s: float) -> Passed:
+        held_s = self._delay_s + self._jitter_s * self._rng.uniform(-1.0, 1.0)
+        self._last_due_s = max(due_s + held_s, self._last_due_s)
+        return [(frame, self._last_due_s)]
+
+
+def begin(target: Target, params: Params, _now: float) -> End:
+    return target.disturb(params.direction, lambda rng: Delay(params.delay_s, params.jitter_s, rng))
+
+
+FAULT = Fault("delay", "frames come late, with jitter", Params, begin)

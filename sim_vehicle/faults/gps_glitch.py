@@ -1,0 +1,50 @@
+"""The GPS receiver is sure of a wrong place: at once, or walking off as when somebody spoofs it."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from sim_vehicle.afflictions import Effect
+from sim_vehicle.faults.base import End, Fault, FaultParams, Target
+
+Offset = Annotated[float, Field(ge=-1e6, le=1e6)]
+
+
+class Params(FaultParams):
+    east_m: Offset = Field(default=30.0, description="error eastward")
+    north_m: Offset = Field(default=0.0, description="error northward")
+    up_m: Offset = Field(default=0.0, description="error upward")
+    ramp_s: Annotated[float, Field(ge=0)] = Field(
+        default=0.0, description="time over which the error grows to that; 0: it jumps"
+    )
+
+
+def begin(target: Target, params: Params, now: float) -> End:
+    def effect(share: float) -> Effect:
+        return Effect(
+            gps_offset_m=(params.east_m * share, params.north_m * share, params.up_m * share),
+        )
+
+    if params.ramp_s == 0:
+        return target.afflict(effect(1.0), now)
+
+    end_present = target.afflict(effect(0.0), now)
+
+    def grow(tick_s: float) -> None:
+        nonlocal end_present
+        end_present(tick_s)
+        share = min((tick_s - now) / params.ramp_s, 1.0)
+        end_present = target.afflict(effect(share), tick_s)
+        if share == 1.0:
+            stop_growing()
+
+    stop_growing = target.every_tick(grow)
+
+    def end(end_s: float) -> None:
+        stop_growing()
+        end_present(end_s)
+
+    return end
+
+
+FAULT = Fault("gps_glitch", "the GPS reports a place that is off, by a jump or by a ramp", Params, begin)

@@ -1,0 +1,15 @@
+"""The GPS receiver has no fix."""
+
+from sim_vehicle.afflictions import Effect
+from sim_vehicle.faults.base import End, Fault, FaultParams, Target
+
+
+class Params(FaultParams):
+    pass
+
+
+def begin(target: Target, _params: Params, now: float) -> End:
+    return target.afflict(Effect(gps_lost=True), now)
+
+
+FAULT = Fault("gps_loss", "no GPS fix", Params, begin)

@@ -1,0 +1,42 @@
+"""Mission uploads are refused."""
+
+from enum import Enum
+from typing import Annotated
+
+from pydantic import Field
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.afflictions import Effect, MissionRefusal
+from sim_vehicle.faults.base import End, Fault, FaultParams, Target
+
+
+class Result(Enum):
+    """What an upload ends with: MAV_MISSION_RESULT."""
+
+    ERROR = "error"
+    UNSUPPORTED_FRAME = "unsupported_frame"
+    UNSUPPORTED = "unsupported"
+    NO_SPACE = "no_space"
+    INVALID = "invalid"
+    INVALID_SEQUENCE = "invalid_sequence"
+    DENIED = "denied"
+    OPERATION_CANCELLED = "operation_cancelled"
+
+    @property
+    def number(self) -> int:
+        return int(getattr(mavlink, f"MAV_MISSION_{self.name}"))
+
+
+class Params(FaultParams):
+    result: Result = Field(default=Result.ERROR, description="the MAV_MISSION_RESULT")
+    at_item: Annotated[int, Field(ge=0)] | None = Field(
+        default=None, description="refused when this item comes; none: when the upload is announced"
+    )
+
+
+def begin(target: Target, params: Params, now: float) -> End:
+    refusal = MissionRefusal(params.result.number, params.at_item)
+    return target.afflict(Effect(mission_refusal=refusal), now)
+
+
+FAULT = Fault("mission_refused", "mission uploads are refused", Params, begin)

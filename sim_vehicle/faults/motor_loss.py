@@ -1,0 +1,19 @@
+"""Motors stop."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from sim_vehicle.afflictions import Effect
+from sim_vehicle.faults.base import End, Fault, FaultParams, Target
+
+
+class Params(FaultParams):
+    motors: Annotated[int, Field(ge=1, le=4)] = Field(default=1, description="how many motors stop")
+
+
+def begin(target: Target, params: Params, now: float) -> End:
+    return target.afflict(Effect(motors_lost=params.motors), now)
+
+
+FAULT = Fault("motor_loss", "motors stop: a copter spins down or falls, a plane glides", Params, begin)

@@ -1,0 +1,21 @@
+"""The link carries one direction only."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from sim_vehicle.faults.base import End, Fault, FaultParams, Target
+from sim_vehicle.faults.link_outage import Silence
+
+
+class Params(FaultParams):
+    dead: Literal["to_vehicle", "from_vehicle"] = Field(
+        default="to_vehicle", description="the direction in which nothing gets through"
+    )
+
+
+def begin(target: Target, params: Params, _now: float) -> End:
+    return target.disturb(params.dead, lambda _rng: Silence())
+
+
+FAULT = Fault("one_way", "the link is dead in one direction", Params, begin)

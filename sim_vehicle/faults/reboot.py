@@ -1,0 +1,21 @@
+"""The autopilot restarts, in flight too."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from sim_vehicle.faults.base import End, Fault, FaultParams, Target
+
+
+class Params(FaultParams):
+    silence_s: Annotated[float, Field(gt=0, le=600)] = Field(
+        default=1.5, description="time until the boot text"
+    )
+
+
+def begin(target: Target, params: Params, now: float) -> End:
+    target.reboot(now, params.silence_s)
+    return lambda _now: None
+
+
+FAULT = Fault("reboot", "the autopilot restarts: silence, motors off, boot text", Params, begin)

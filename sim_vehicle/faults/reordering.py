@@ -1,0 +1,37 @@
+"""Frames overtake each other."""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from sim_vehicle.channel import Passed
+from sim_vehicle.faults.base import DIRECTION, End, Fault, FaultParams, Share, Target, Way
+
+
+class Params(FaultParams):
+    rate: Share = Field(default=0.1, description="share of the frames that is held back")
+    hold_s: Annotated[float, Field(gt=0, le=60)] = Field(
+        default=0.2, description="longest time that a frame is held back"
+    )
+    direction: Way = DIRECTION
+
+
+class Reordering:
+    """Holds a share of the frames for up to hold_s (uniform); later ones overtake them."""
+
+    in_order = False
+
+    def __init__(self, rate: float, hold_s: float, rng: np.random.Generator) -> None:
+        self._rate, self._hold_s, self._rng = rate, hold_s, rng
+
+    def __call__(self, frame: bytes, due_s: float) -> Passed:
+        held = self._rng.random() < self._rate
+        return [(frame, due_s + (self._hold_s * self._rng.random() if held else 0.0))]
+
+
+def begin(target: Target, params: Params, _now: float) -> End:
+    return target.disturb(params.direction, lambda rng: Reordering(params.rate, params.hold_s, rng))
+
+
+FAULT = Fault("reordering", "frames overtake each other", Params, begin)

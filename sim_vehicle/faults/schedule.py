@@ -1,0 +1,176 @@
+"""Begins and ends faults at their times."""
+
+import heapq
+import itertools
+import math
+from collections import Counter
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from sim_vehicle.afflictions import Afflictions
+from sim_vehicle.channel import Channel
+from sim_vehicle.faults import FAULTS
+from sim_vehicle.faults.base import End, Target
+from sim_vehicle.faults.spec import FaultError, FaultSpec
+
+RANDOMNESS = 0xFA17  # keeps the faults' randomness apart from that of the vehicles
+
+
+@dataclass(frozen=True, slots=True)
+class Patient:
+    """What the fleet gives of a vehicle: its channel (made on demand), its afflictions, and its reboot."""
+
+    channel: Callable[[], Channel]
+    afflictions: Afflictions
+    reboot: Callable[[float, float], None]
+
+
+@dataclass(slots=True)
+class _Course:
+    """One fault on one vehicle, from its planning to its end."""
+
+    index: int
+    spec: FaultSpec
+    over: bool = False
+    stop: End | None = None  # while it runs
+
+    @property
+    def runs(self) -> bool:
+        return self.stop is not None
+
+    def end(self, now: float) -> None:
+        self.over = True
+        if self.stop is not None:
+            self.stop(now)
+            self.stop = None
+
+
+class Schedule:
+    """The faults of a fleet.
+
+    Parameters
+    ----------
+    specs: what is to happen; FaultError if one names a vehicle that is not there.
+    sysids: system ids by vehicle index; a system id may occur on several links.
+    patient: the vehicle of an index.
+    seed: of the scenario.
+    """
+
+    def __init__(
+        self,
+        specs: Sequence[FaultSpec],
+        sysids: Sequence[int],
+        patient: Callable[[int], Patient],
+        seed: int,
+    ) -> None:
+        self._sysids, self._patient, self._seed = tuple(sysids), patient, seed
+        self._events: list[tuple[float, int, Callable[[float], None]]] = []
+        self._order = itertools.count()
+        self._courses: list[_Course] = []
+        self._generators_made: Counter[int] = Counter()
+        self._replaceable: dict[tuple[int, Hashable], list[_Course]] = {}
+        self._tickers: dict[int, Callable[[float], None]] = {}
+        for spec in specs:
+            self._plan(spec, self._indices(spec), spec.at_s)
+
+    @property
+    def next_due_s(self) -> float:
+        """When something has to be done next [s]; inf: never."""
+        if self._tickers:
+            return -math.inf
+        return self._events[0][0] if self._events else math.inf
+
+    def tick(self, now: float) -> None:
+        """Begin and end what is due at `now` [s], in the order of time."""
+        while self._events and self._events[0][0] <= now + 1e-9:
+            due_s, _, act = heapq.heappop(self._events)
+            act(due_s)
+        for grow in tuple(self._tickers.values()):
+            grow(now)
+
+    def inject(self, spec: FaultSpec, now: float) -> None:
+        """Begin a fault `at_s` after `now` [s]; FaultError if it names a vehicle that is not there."""
+        self._plan(spec, self._indices(spec), now + spec.at_s)
+        self.tick(now)
+
+    def replace(self, index: int, key: Hashable, specs: Sequence[FaultSpec], now: float) -> None:
+        """End what was begun on one vehicle under this key, and begin these instead (none: all is well)."""
+        for course in self._replaceable.pop((index, key), ()):
+            course.end(now)
+        if specs:
+            self._replaceable[index, key] = [
+                course for spec in specs for course in self._plan(spec, [index], now + spec.at_s)
+            ]
+        self.tick(now)
+
+    def names(self, index: int) -> tuple[str, ...]:
+        """What is wrong with a vehicle now."""
+        return tuple(course.spec.fault for course in self._courses if course.index == index and course.runs)
+
+    def _indices(self, spec: FaultSpec) -> list[int]:
+        if spec.vehicles is None:
+            return list(range(len(self._sysids)))
+        missing = sorted(set(spec.vehicles) - set(self._sysids))
+        if missing:
+            here = _ranges(self._sysids)
+            raise FaultError(f"fault {spec.fault}: there is no vehicle {missing[0]}; system ids here: {here}")
+        return [index for index, sysid in enumerate(self._sysids) if sysid in spec.vehicles]
+
+    def _plan(self, spec: FaultSpec, indices: Sequence[int], at_s: float) -> list[_Course]:
+        """Set the times of one fault on some vehicles."""
+        courses = [_Course(index, spec) for index in indices]
+        for course in courses:
+            self._at(at_s, partial(self._begin, course))
+            if spec.for_s is not None:
+                self._at(at_s + spec.for_s, course.end)
+        return courses
+
+    def _at(self, time_s: float, act: Callable[[float], None]) -> None:
+        heapq.heappush(self._events, (time_s, next(self._order), act))
+
+    def _begin(self, course: _Course, now: float) -> None:
+        if course.over:
+            return
+        self._courses = [other for other in self._courses if not other.over] + [course]
+        fault = FAULTS[course.spec.fault]
+        course.stop = fault.begin(self._target(course.index), course.spec.parameters(), now)
+
+    def _target(self, index: int) -> Target:
+        patient = self._patient(index)
+        return Target(
+            patient.channel,
+            patient.afflictions,
+            lambda: self._generator(index),
+            patient.reboot,
+            self._every_tick,
+        )
+
+    def _generator(self, index: int) -> np.random.Generator:
+        count = self._generators_made[index]
+        self._generators_made[index] += 1
+        return np.random.default_rng(
+            np.random.SeedSequence(entropy=self._seed, spawn_key=(RANDOMNESS, index, count))
+        )
+
+    def _every_tick(self, grow: Callable[[float], None]) -> Callable[[], None]:
+        key = next(self._order)
+        self._tickers[key] = grow
+
+        def stop() -> None:
+            self._tickers.pop(key, None)
+
+        return stop
+
+
+def _ranges(sysids: Sequence[int]) -> str:
+    """1, 2, 3, 7 -> `1-3, 7`."""
+    runs: list[list[int]] = []
+    for sysid in sorted(set(sysids)):
+        if runs and sysid == runs[-1][-1] + 1:
+            runs[-1].append(sysid)
+        else:
+            runs.append([sysid])
+    return ", ".join(f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs)

@@ -1,0 +1,154 @@
+"""A bad pair of SiK radios: one slow frequency for both directions, bursts of loss, and reports of their own.
+
+After each heartbeat that a radio sends on, it puts a RADIO_STATUS into what it hands to its own side, as
+system '3', component 'D'. The two radios take turns in speaking, so that a frame waits for a turn, for those
+before it, and for its own time in the air.
+"""
+
+from collections import deque
+from typing import Annotated, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.channel import Channel, Direction, Passed
+from sim_vehicle.faults.base import End, Fault, FaultParams, Share, Target
+from sim_vehicle.faults.burst_loss import BurstLoss
+from sim_vehicle.faults.burst_loss import Params as BurstParams
+from sim_vehicle.faults.corruption import Corruption
+
+RADIO_SYSTEM, RADIO_COMPONENT = ord("3"), ord("D")
+PACKET_OVERHEAD_BYTES = 16  # preamble, synchronisation, header, trailer and checksum in the air
+SIGNAL_SPREAD = 4.0  # of the reported signal strength from report to report
+
+
+class Params(FaultParams):
+    air_rate_bit_s: Annotated[float, Field(ge=2000, le=250_000)] = Field(
+        default=57_600.0, description="bits a second in the air, both directions together"
+    )
+    rate: Share = Field(default=0.12, description="share of the frames that is lost")
+    burst_frames: Annotated[float, Field(ge=1)] = Field(
+        default=4.0, description="mean length of a burst of losses, in frames"
+    )
+    spoilt: Share = Field(default=0.005, description="share of the frames that comes with flipped bits")
+    turn_s: Annotated[float, Field(ge=0, le=1)] = Field(
+        default=0.06, description="longest wait for the radio's turn to speak"
+    )
+    buffer_bytes: Annotated[int, Field(ge=300)] = Field(
+        default=2048, description="bytes that may wait in a radio; what finds it full is lost"
+    )
+    rssi: Annotated[int, Field(ge=0, le=254)] = Field(default=75, description="reported signal strength, raw")
+    noise: Annotated[int, Field(ge=0, le=254)] = Field(default=50, description="reported noise, raw")
+
+    @model_validator(mode="after")
+    def _bursts_can_be(self) -> Self:
+        self.bursts()
+        return self
+
+    def bursts(self) -> BurstParams:
+        return BurstParams(rate=self.rate, burst_frames=self.burst_frames)
+
+
+class _Air:
+    """The frequency that both radios share."""
+
+    def __init__(self) -> None:
+        self.free_s = 0.0
+        self.speaker: Radio | None = None
+
+
+class Radio:
+    """The radio that takes frames of one direction from its side and sends them through the air.
+
+    Parameters
+    ----------
+    to_own_side: hands a frame of its own to its side at a time [s].
+    """
+
+    in_order = True
+
+    def __init__(self, params: Params, air: _Air, channel: Channel, way: Direction, rng: np.random.Generator):
+        self._params, self._air, self._channel, self._way, self._rng = params, air, channel, way, rng
+        self._loss = BurstLoss(params.bursts(), rng)
+        self._corruption = Corruption(params.spoilt, 3, rng)
+        self._waiting: deque[tuple[float, int]] = deque()  # when a frame has been sent, its length
+        self._waiting_bytes = 0
+        self._codec = mavlink.MAVLink(None, srcSystem=RADIO_SYSTEM, srcComponent=RADIO_COMPONENT)
+        self.other: Radio | None = None
+        self.lost = 0  # of the frames it sent
+
+    def __call__(self, frame: bytes, due_s: float) -> Passed:
+        self._empty_buffer(due_s)
+        if is_heartbeat(frame):
+            self._report(due_s)
+        if self._waiting_bytes + len(frame) > self._params.buffer_bytes:
+            return []
+        sent_s = self._speak(len(frame), due_s)
+        self._waiting.append((sent_s, len(frame)))
+        self._waiting_bytes += len(frame)
+        arrived = self._loss(frame, sent_s)
+        if not arrived:
+            self.lost += 1
+            return []
+        return self._corruption(*arrived[0])
+
+    def _empty_buffer(self, now: float) -> None:
+        while self._waiting and self._waiting[0][0] <= now:
+            self._waiting_bytes -= self._waiting.popleft()[1]
+
+    def _speak(self, length: int, due_s: float) -> float:
+        """Take the air for one frame; returns when it has been sent [s]."""
+        air = self._air
+        start_s = max(due_s, air.free_s)
+        if air.speaker is not self or start_s > air.free_s:  # a new turn
+            start_s += self._params.turn_s * self._rng.random()
+        air.speaker = self
+        air.free_s = start_s + 8.0 * (length + PACKET_OVERHEAD_BYTES) / self._params.air_rate_bit_s
+        return air.free_s
+
+    def _report(self, now: float) -> None:
+        params = self._params
+        free = 1.0 - self._waiting_bytes / params.buffer_bytes
+        heard_wrong = 0 if self.other is None else self.other.lost
+        report = mavlink.MAVLink_radio_status_message(
+            self._raw(params.rssi),
+            self._raw(params.rssi),
+            round(100 * max(free, 0.0)),
+            self._raw(params.noise),
+            self._raw(params.noise),
+            heard_wrong & 0xFFFF,
+            0,
+        )
+        back = next(way for way in Direction if way is not self._way)
+        self._channel.inject(back, bytes(report.pack(self._codec)), now)
+        self._codec.seq = (self._codec.seq + 1) % 256
+
+    def _raw(self, mean: int) -> int:
+        return int(np.clip(round(self._rng.normal(mean, SIGNAL_SPREAD)), 0, 254))
+
+
+def is_heartbeat(frame: bytes) -> bool:
+    if frame[:1] == b"\xfd":
+        return frame[7:10] == b"\0\0\0"
+    return frame[:1] == b"\xfe" and frame[5:6] == b"\0"
+
+
+def begin(target: Target, params: Params, _now: float) -> End:
+    channel, air = target.channel(), _Air()
+    ground = Radio(params, air, channel, Direction.TO_VEHICLE, target.generator())
+    vehicle = Radio(params, air, channel, Direction.FROM_VEHICLE, target.generator())
+    ground.other, vehicle.other = vehicle, ground
+    remove_ground = channel.add(Direction.TO_VEHICLE, ground)
+    remove_vehicle = channel.add(Direction.FROM_VEHICLE, vehicle)
+
+    def end(_end_s: float) -> None:
+        remove_ground()
+        remove_vehicle()
+
+    return end
+
+
+FAULT = Fault(
+    "sik_radio", "a bad SiK radio: slow, shared, in turns, bursts of loss, RADIO_STATUS", Params, begin
+)

@@ -1,0 +1,59 @@
+"""ArduPilot's simulation parameters that make something fail: which fault a value of theirs is.
+
+SIM_BATT_VOLTAGE, SIM_RC_FAIL and the wind are no faults: the personality's tuning reads them.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+
+from sim_vehicle.faults.spec import FaultSpec
+
+Read = Callable[[str], float]
+METRES_PER_DEGREE = 111_319.5
+FARTHEST_M = 1e6
+MOTORS = 4
+
+
+def _gps(read: Read) -> list[FaultSpec]:
+    return [FaultSpec(fault="gps_loss")] if read("SIM_GPS_DISABLE") else []
+
+
+def _glitch(read: Read) -> list[FaultSpec]:
+    """X and Y are degrees of latitude and of longitude (taken as long as at the equator), Z metres."""
+    offsets = {
+        "north_m": read("SIM_GPS_GLITCH_X") * METRES_PER_DEGREE,
+        "east_m": read("SIM_GPS_GLITCH_Y") * METRES_PER_DEGREE,
+        "up_m": read("SIM_GPS_GLITCH_Z"),
+    }
+    if not any(offsets.values()):
+        return []
+    params = {name: min(max(offset, -FARTHEST_M), FARTHEST_M) for name, offset in offsets.items()}
+    return [FaultSpec(fault="gps_glitch", params=params)]
+
+
+def _engine(read: Read) -> list[FaultSpec]:
+    """A mask of motors, and what these still give of their thrust; half a motor counts as one."""
+    mask = read("SIM_ENGINE_FAIL")
+    if not math.isfinite(mask) or read("SIM_ENGINE_MUL") > 0.5:
+        return []
+    motors = (int(mask) & (2**MOTORS - 1)).bit_count()
+    return [FaultSpec(fault="motor_loss", params={"motors": motors})] if motors else []
+
+
+_GROUPS: dict[str, Callable[[Read], list[FaultSpec]]] = {
+    "SIM_GPS_DISABLE": _gps,
+    "SIM_GPS_GLITCH_X": _glitch,
+    "SIM_GPS_GLITCH_Y": _glitch,
+    "SIM_GPS_GLITCH_Z": _glitch,
+    "SIM_ENGINE_FAIL": _engine,
+    "SIM_ENGINE_MUL": _engine,
+}
+
+
+def faults_of(name: str, read: Read) -> tuple[str, Sequence[FaultSpec]] | None:
+    """What the parameter that has changed means now: the key to replace under, and the faults.
+
+    None where it makes nothing fail. `read` gives the values of parameters, of all those of a group.
+    """
+    faults = _GROUPS.get(name)
+    return None if faults is None else (faults.__name__, faults(read))

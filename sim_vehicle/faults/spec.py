@@ -1,0 +1,236 @@
+"""Which fault, on whom, when: from the command line, from a scenario file, or made in code."""
+
+import difflib
+from dataclasses import dataclass
+from enum import Enum
+from typing import Annotated, Any, Literal, Self, Union, get_args, get_origin
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic.fields import FieldInfo
+
+from sim_vehicle.faults import FAULTS
+from sim_vehicle.faults.base import FaultParams
+
+SystemId = Annotated[int, Field(ge=1, le=255)]
+RESERVED = {
+    "at": "start [s]",
+    "for": "duration [s]",
+    "sysid": "system ids: 3, or 1+4, or 2-6; all if left out",
+}
+# The longest suffixes first: `_bytes_s` ends in `_s` too.
+UNITS = {"_bytes_s": "B/s", "_bit_s": "bit/s", "_ppm": "ppm", "_bytes": "B", "_s": "s", "_m": "m", "_v": "V"}
+
+
+class FaultError(ValueError):
+    """A fault that cannot be; the text says which, what was found, and what is allowed."""
+
+
+class FaultSpec(BaseModel):
+    """One fault of a scenario.
+
+    params: of the fault, checked against it; vehicles: system ids, all where it is None; at_s: when it begins
+    [s since the start, or since it is injected]; for_s: how long it lasts [s], to the end where it is None.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    fault: str
+    params: dict[str, Any] = {}
+    vehicles: Annotated[list[SystemId], Field(min_length=1)] | None = None
+    at_s: Annotated[float, Field(ge=0)] = 0.0
+    for_s: Annotated[float, Field(gt=0)] | None = None
+
+    @model_validator(mode="after")
+    def _fault_is_known_and_takes_these(self) -> Self:
+        self.parameters()
+        return self
+
+    def parameters(self) -> FaultParams:
+        """The parameters, checked and with their defaults."""
+        return _parameters(self.fault, self.params)
+
+    def __str__(self) -> str:
+        """The text that `parse_fault` makes this of."""
+        pairs = {key: _text(value) for key, value in self.params.items()}
+        if self.at_s:
+            pairs["at"] = f"{self.at_s:g}"
+        if self.for_s is not None:
+            pairs["for"] = f"{self.for_s:g}"
+        if self.vehicles is not None:
+            pairs["sysid"] = "+".join(map(str, self.vehicles))
+        listed = ",".join(f"{key}={value}" for key, value in pairs.items())
+        return f"{self.fault}:{listed}" if listed else self.fault
+
+
+def parse_fault(text: str) -> FaultSpec:
+    """`NAME[:key=value,...]` -> FaultSpec, or FaultError; at, for and sysid are keys of every fault."""
+    name, _, rest = text.strip().partition(":")
+    _check_name(name)
+    given: dict[str, str] = {}
+    for pair in filter(None, (part.strip() for part in rest.split(","))):
+        key, equals, value = (part.strip() for part in pair.partition("="))
+        if not equals or not value:
+            raise FaultError(f"fault {name}: {pair!r} is no key=value; allowed: {_allowed(name)}")
+        if key in given:
+            raise FaultError(f"fault {name}: {key} is given twice")
+        given[key] = value
+    reserved = {key: given.pop(key, None) for key in RESERVED}
+    try:
+        return FaultSpec(
+            fault=name,
+            params=given,
+            vehicles=None if reserved["sysid"] is None else _sysids(name, reserved["sysid"]),
+            at_s=_seconds(name, "at", reserved["at"] or "0"),
+            for_s=None if reserved["for"] is None else _seconds(name, "for", reserved["for"]),
+        )
+    except ValidationError as error:
+        raise FaultError(_first_finding(name, error)) from error
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterHelp:
+    """One parameter of a fault; `unit` is empty where it has none."""
+
+    name: str
+    unit: str
+    default: str
+    allowed: str
+    description: str
+
+
+@dataclass(frozen=True, slots=True)
+class FaultHelp:
+    """One fault: name, one line, parameters."""
+
+    name: str
+    summary: str
+    parameters: tuple[ParameterHelp, ...]
+
+
+def describe() -> list[FaultHelp]:
+    """Every fault there is, in the registry's order."""
+    return [
+        FaultHelp(fault.name, fault.summary, tuple(_parameter_help(fault.params)))
+        for fault in FAULTS.values()
+    ]
+
+
+def help_text() -> str:
+    """What `--fault help` prints."""
+    lines = ["--fault NAME[:key=value,...], more than once where there are more; for every fault:"]
+    lines += [f"    {key:<14} {meaning}" for key, meaning in RESERVED.items()]
+    for fault in describe():
+        lines.append(f"{fault.name}: {fault.summary}")
+        for p in fault.parameters:
+            unit = f" [{p.unit}]" if p.unit else ""
+            lines.append(f"    {p.name:<14} {p.description}{unit}; {p.allowed}, default {p.default}")
+    return "\n".join(lines)
+
+
+def _parameters(name: str, params: dict[str, Any]) -> FaultParams:
+    _check_name(name)
+    model = FAULTS[name].params
+    unknown = [key for key in params if key not in model.model_fields]
+    if unknown:
+        raise FaultError(
+            f"fault {name}: it has no {unknown[0]!r}{_meant(unknown[0], [*model.model_fields, *RESERVED])}; "
+            f"allowed: {_allowed(name)}"
+        )
+    try:
+        return model.model_validate(params)
+    except ValidationError as error:
+        raise FaultError(_first_finding(name, error)) from error
+
+
+def _check_name(name: str) -> None:
+    if name not in FAULTS:
+        raise FaultError(
+            f"there is no fault {name!r}{_meant(name, list(FAULTS))}; there are: {', '.join(sorted(FAULTS))}"
+        )
+
+
+def _meant(word: str, words: list[str]) -> str:
+    close = difflib.get_close_matches(word, words, n=1)
+    return f" (meant: {close[0]}?)" if close else ""
+
+
+def _first_finding(name: str, error: ValidationError) -> str:
+    finding = error.errors(include_url=False)[0]
+    text = finding["msg"].removeprefix("Value error, ")
+    if text.startswith(("fault ", "there is no fault")):
+        return text
+    if not finding["loc"]:
+        return f"fault {name}: {text}"
+    names = {"at_s": "at", "for_s": "for", "vehicles": "sysid"}
+    key = names.get(str(finding["loc"][0]), str(finding["loc"][0]))
+    return f"fault {name}: {key}={_text(finding['input'])}: {text}; allowed: {_allowed(name)}"
+
+
+def _allowed(name: str) -> str:
+    own = [f"{p.name} ({p.allowed}, default {p.default})" for p in _parameter_help(FAULTS[name].params)]
+    return ", ".join([*own, *RESERVED])
+
+
+def _seconds(name: str, key: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        raise FaultError(
+            f"fault {name}: {key}={text} is no time in seconds; give for example {key}=30"
+        ) from error
+
+
+def _sysids(name: str, text: str) -> list[int]:
+    sysids: list[int] = []
+    for part in text.split("+"):
+        first, dash, last = part.partition("-")
+        try:
+            low, high = int(first), int(last if dash else first)
+        except ValueError as error:
+            raise FaultError(f"fault {name}: sysid={text}: give {RESERVED['sysid']}") from error
+        if not 1 <= low <= high <= 255:
+            raise FaultError(f"fault {name}: sysid={text}: system ids are 1 to 255, from low to high")
+        sysids += range(low, high + 1)
+    return sysids
+
+
+def _parameter_help(model: type[FaultParams]) -> list[ParameterHelp]:
+    return [
+        ParameterHelp(
+            name=name,
+            unit=next((unit for suffix, unit in UNITS.items() if name.endswith(suffix)), ""),
+            default="none" if field.default is None else _text(field.default),
+            allowed=_allowed_values(field),
+            description=field.description or "",
+        )
+        for name, field in model.model_fields.items()
+    ]
+
+
+def _allowed_values(field: FieldInfo) -> str:
+    kind: Any = field.annotation
+    metadata = list(field.metadata)
+    if get_origin(kind) is Union or type(kind).__name__ == "UnionType":
+        kind = next(part for part in get_args(kind) if part is not type(None))
+    if get_origin(kind) is Annotated:
+        kind, *inner = get_args(kind)
+        metadata += [m for part in inner for m in getattr(part, "metadata", ())]
+    if get_origin(kind) is Literal:
+        return "|".join(get_args(kind))
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        return "|".join(str(member.value) for member in kind)
+    bounds = {
+        sign: getattr(m, name)
+        for m in metadata
+        for name, sign in (("ge", ">="), ("gt", ">"), ("le", "<="), ("lt", "<"))
+        if hasattr(m, name)
+    }
+    if ">=" in bounds and "<=" in bounds:
+        return f"{bounds['>=']:g} to {bounds['<=']:g}"
+    return " and ".join(f"{sign} {bound:g}" for sign, bound in bounds.items()) or "a number"
+
+
+def _text(value: object) -> str:
+    if isinstance(value, Enum):
+        return str(value.value)
+    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,93 @@
+"""A serial line: a telemetry radio, or the other end of a pseudo-terminal."""
+
+import asyncio
+import functools
+import os
+
+import serial
+
+from sim_vehicle.links.base import Batch, Ends, LinkError
+from sim_vehicle.links.stream import Stream
+from sim_vehicle.url import Url
+
+REOPEN_S = 1.0
+BACKLOG_S = 0.5  # of the line's speed: an autopilot's buffer is small too, and old telemetry is of no use
+BITS_PER_BYTE = 10  # with start and stop bit
+
+
+class SerialLink:
+    """One device that is opened again when it comes back; what a slow line cannot carry is dropped."""
+
+    def __init__(self, url: Url, ends: Ends) -> None:
+        self._url, self._ends = url, ends
+        self._dropped = 0
+        self._port: serial.Serial | None = None
+        self._stream: Stream | None = None
+        self._again: asyncio.TimerHandle | None = None
+
+    @property
+    def dropped(self) -> int:
+        return self._dropped + (self._stream.dropped if self._stream is not None else 0)
+
+    def open(self) -> None:
+        try:
+            self._open()
+        except (OSError, ValueError) as error:
+            raise LinkError(
+                f"cannot open {self._url}: {error}. Check the cable, the device's name, the baud rate, "
+                "and that you may use it (group dialout)."
+            ) from error
+
+    def _open(self) -> None:
+        self._port = serial.Serial(self._url.host, self._url.port, timeout=0, write_timeout=0, exclusive=True)
+        file = self._port.fileno()
+        self._stream = Stream(
+            file,
+            functools.partial(os.read, file),
+            functools.partial(os.write, file),
+            backlog_bytes=max(4096, int(BACKLOG_S * self._url.port / BITS_PER_BYTE)),
+            received=lambda data: self._ends.received(data, self._url, None),
+            ended=self._ended,
+        )
+
+    def _ended(self, why: str) -> None:
+        self._ends.warn(f"{self._url}: the device is gone ({why}); trying again every {REOPEN_S:g} s")
+        self._close()
+        self._later()
+
+    def _later(self) -> None:
+        self._again = asyncio.get_running_loop().call_later(REOPEN_S, self._reopen)
+
+    def _reopen(self) -> None:
+        try:
+            self._open()
+        except (OSError, ValueError):
+            self._later()
+        else:
+            self._ends.warn(f"{self._url}: the device is back")
+
+    def send(self, batch: Batch) -> None:
+        if self._stream is not None:
+            self._stream.send(batch)
+
+    def rebooted(self, index: int) -> None:
+        """The line stays."""
+
+    def stations(self) -> int:
+        """A line does not say whether somebody is at its other end."""
+        return int(self._stream is not None)
+
+    def _close(self) -> None:
+        if self._stream is not None:
+            self._dropped += self._stream.dropped
+            self._stream.detach()
+            self._stream = None
+            self._ends.gone(self._url)
+        if self._port is not None:
+            self._port.close()
+            self._port = None
+
+    def close(self) -> None:
+        if self._again is not None:
+            self._again.cancel()
+        self._close()

@@ -1,0 +1,92 @@
+"""A connected stream of bytes on the event loop: whole frames or nothing, and never more kept than agreed."""
+
+import asyncio
+import time
+from collections.abc import Callable
+
+from sim_vehicle.links.base import RECEIVE_BYTES, Batch
+
+STALLED_S = 30.0  # a reader that has taken nothing for so long is given up
+
+
+class Stream:
+    """Reads what comes and writes what fits; beyond the limit chunks of frames are dropped and counted."""
+
+    def __init__(
+        self,
+        file: int,
+        read: Callable[[int], bytes],
+        write: Callable[[memoryview], int],
+        *,
+        backlog_bytes: int,
+        received: Callable[[bytes], None],
+        ended: Callable[[str], None],
+    ) -> None:
+        """`file`: a descriptor with its non-blocking `read` and `write`; `ended` is called once, with why."""
+        self.dropped = 0
+        self._file, self._read, self._write = file, read, write
+        self._limit = backlog_bytes
+        self._received, self._ended = received, ended
+        self._backlog = bytearray()
+        self._progress_s = 0.0
+        self._open = True
+        self._loop = asyncio.get_running_loop()
+        self._loop.add_reader(file, self._readable)
+
+    def _readable(self) -> None:
+        try:
+            data = self._read(RECEIVE_BYTES)
+        except BlockingIOError:
+            return
+        except OSError as error:
+            self._end(error.strerror or str(error))
+            return
+        if data:
+            self._received(data)
+        else:
+            self._end("closed by the other end")
+
+    def send(self, batch: Batch) -> None:
+        """(vehicle, frames) in order; what does not fit any more is dropped."""
+        if not self._open:
+            return
+        waiting = bool(self._backlog)
+        for _, data in batch:
+            if len(self._backlog) + len(data) > self._limit:
+                self.dropped += 1
+            else:
+                self._backlog += data
+        if not waiting:
+            self._progress_s = time.monotonic()
+            self._flush()
+        elif time.monotonic() - self._progress_s > STALLED_S:
+            self._end(f"has read nothing for {STALLED_S:.0f} s")
+
+    def _flush(self) -> None:
+        try:
+            with memoryview(self._backlog) as view:
+                written = self._write(view)
+        except BlockingIOError:
+            written = 0
+        except OSError as error:
+            self._end(error.strerror or str(error))
+            return
+        if written:
+            self._progress_s = time.monotonic()
+            del self._backlog[:written]
+        if self._backlog:
+            self._loop.add_writer(self._file, self._flush)
+        else:
+            self._loop.remove_writer(self._file)
+
+    def _end(self, why: str) -> None:
+        if self._open:
+            self.detach()
+            self._ended(why)
+
+    def detach(self) -> None:
+        """Let go of the descriptor, which the owner closes."""
+        if self._open:
+            self._open = False
+            self._loop.remove_reader(self._file)
+            self._loop.remove_writer(self._file)

@@ -1,0 +1,181 @@
+"""TCP: a server for many ground stations, or a client that connects again and again."""
+
+import asyncio
+import errno
+import os
+import socket
+from collections.abc import Hashable
+
+from sim_vehicle.links.base import Address, Batch, Ends, cannot_open, resolve
+from sim_vehicle.links.stream import Stream
+from sim_vehicle.url import Url
+
+MAX_CLIENTS = 32
+BACKLOG_BYTES = 1_000_000
+RECONNECT_S = 0.5
+
+
+class _Connections:
+    """The connections of one URL."""
+
+    def __init__(self, url: Url, ends: Ends) -> None:
+        self._url, self._ends = url, ends
+        self._open: dict[Stream, tuple[socket.socket, Hashable]] = {}
+        self._dropped = 0  # by those that have ended
+
+    @property
+    def dropped(self) -> int:
+        return self._dropped + sum(stream.dropped for stream in self._open)
+
+    def stations(self) -> int:
+        return len(self._open)
+
+    def _add(self, connected: socket.socket, peer: Hashable) -> None:
+        connected.setblocking(False)
+        connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+        def ended(_why: str) -> None:
+            self._remove(stream)
+            self._ended()
+
+        stream = Stream(
+            connected.fileno(),
+            connected.recv,
+            connected.send,
+            backlog_bytes=BACKLOG_BYTES,
+            received=lambda data: self._ends.received(data, peer, None),
+            ended=ended,
+        )
+        self._open[stream] = connected, peer
+
+    def _ended(self) -> None:
+        """A connection has ended."""
+
+    def _remove(self, stream: Stream) -> None:
+        self._dropped += stream.dropped
+        stream.detach()
+        connected, peer = self._open.pop(stream)
+        connected.close()
+        self._ends.gone(peer)
+
+    def send(self, batch: Batch) -> None:
+        for stream in list(self._open):
+            stream.send(batch)
+
+    def _hang_up(self) -> None:
+        for stream in list(self._open):
+            self._remove(stream)
+
+
+class TcpIn(_Connections):
+    """A server; the reboot of a vehicle that has the port to itself closes its connections, as SITL does."""
+
+    def __init__(self, url: Url, ends: Ends, *, alone: bool) -> None:
+        super().__init__(url, ends)
+        self._alone = alone
+        self._server: socket.socket | None = None
+
+    def open(self) -> None:
+        family, address = resolve(self._url, socket.SOCK_STREAM)
+        self._server = socket.socket(family, socket.SOCK_STREAM)
+        try:
+            self._server.setblocking(False)
+            self._server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            self._server.bind(address)
+            self._server.listen(MAX_CLIENTS)
+        except OSError as error:
+            self._server.close()
+            self._server = None
+            raise cannot_open(self._url, error) from error
+        asyncio.get_running_loop().add_reader(self._server, self._accept, self._server)
+
+    def _accept(self, server: socket.socket) -> None:
+        try:
+            connected, address = server.accept()
+        except OSError:  # it was gone before we came
+            return
+        if len(self._open) >= MAX_CLIENTS:
+            self._ends.warn(f"{self._url}: {MAX_CLIENTS} are connected; one more was turned away")
+            connected.close()
+        else:
+            self._add(connected, (self._url, address))
+
+    def rebooted(self, index: int) -> None:
+        if self._alone:
+            self._hang_up()
+
+    def close(self) -> None:
+        self._hang_up()
+        if self._server is not None:
+            asyncio.get_running_loop().remove_reader(self._server)
+            self._server.close()
+            self._server = None
+
+
+class TcpOut(_Connections):
+    """A client; it says once that nobody is there and goes on trying."""
+
+    def __init__(self, url: Url, ends: Ends, *, alone: bool) -> None:
+        super().__init__(url, ends)
+        self._alone = alone
+        self._family = socket.AF_INET
+        self._address: Address = ()
+        self._dialling: socket.socket | None = None
+        self._again: asyncio.TimerHandle | None = None
+        self._said = False
+
+    def open(self) -> None:
+        self._family, self._address = resolve(self._url, socket.SOCK_STREAM)
+        self._dial()
+
+    def _dial(self) -> None:
+        self._again = None
+        self._dialling = socket.socket(self._family, socket.SOCK_STREAM)
+        self._dialling.setblocking(False)
+        try:
+            self._dialling.connect(self._address)
+        except BlockingIOError:
+            asyncio.get_running_loop().add_writer(self._dialling, self._answered, self._dialling)
+        except OSError as error:
+            self._failed(error.strerror or str(error))
+        else:
+            self._answered(self._dialling)
+
+    def _answered(self, dialling: socket.socket) -> None:
+        asyncio.get_running_loop().remove_writer(dialling)
+        number = dialling.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+        if number:
+            self._failed(os.strerror(number))
+        elif dialling.getsockname() == dialling.getpeername():  # on loopback a dialler can meet itself
+            self._failed(os.strerror(errno.ECONNREFUSED))
+        else:
+            self._dialling, self._said = None, False
+            self._add(dialling, self._url)
+
+    def _failed(self, why: str) -> None:
+        if self._dialling is not None:
+            self._dialling.close()
+            self._dialling = None
+        if not self._said:
+            self._said = True
+            self._ends.warn(f"{self._url}: nobody is there ({why}); trying again every {RECONNECT_S:g} s")
+        self._later()
+
+    def _ended(self) -> None:
+        self._later()
+
+    def _later(self) -> None:
+        self._again = asyncio.get_running_loop().call_later(RECONNECT_S, self._dial)
+
+    def rebooted(self, index: int) -> None:
+        if self._alone and self._open:
+            self._hang_up()
+            self._later()
+
+    def close(self) -> None:
+        if self._again is not None:
+            self._again.cancel()
+        if self._dialling is not None:
+            asyncio.get_running_loop().remove_writer(self._dialling)
+            self._dialling.close()
+        self._hang_up()

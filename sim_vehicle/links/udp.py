@@ -1,0 +1,192 @@
+"""UDP, to one address or to whoever has spoken; one datagram carries whole frames of one vehicle.
+
+Sockets are used directly: that costs less a datagram than a transport of the event loop. A datagram that does
+not fit into the kernel's buffer is dropped and counted, as a radio would drop it.
+"""
+
+import asyncio
+import contextlib
+import socket
+import time
+
+from sim_vehicle.links.base import (
+    DATAGRAMS_PER_WAKE,
+    HEARD_S,
+    RECEIVE_BYTES,
+    Address,
+    Batch,
+    Ends,
+    cannot_open,
+    resolve,
+)
+from sim_vehicle.url import Url
+
+BUFFER_BYTES = 4_000_000
+MAX_PEERS = 32
+SILENT_S = 60.0  # then a peer of a listening port is forgotten; ground stations send a heartbeat a second
+
+
+class UdpOut:
+    """To one address, as SITL does: out of one socket that hears only that address.
+
+    A vehicle that reboots comes back from a socket, and so a port, of its own.
+    """
+
+    def __init__(self, url: Url, ends: Ends, *, alone: bool) -> None:
+        """`alone`: the port belongs to one vehicle, whose reboot renews it."""
+        self.dropped = 0
+        self._url, self._ends, self._alone = url, ends, alone
+        self._address: Address = ()
+        self._family = socket.AF_INET
+        self._shared: socket.socket | None = None
+        self._own: dict[int, socket.socket] = {}  # of vehicles that have been rebooted
+        self._heard_s = -HEARD_S
+
+    def open(self) -> None:
+        self._family, self._address = resolve(self._url, socket.SOCK_DGRAM)
+        self._shared = self._connected(None)
+
+    def _connected(self, index: int | None) -> socket.socket:
+        opened = socket.socket(self._family, socket.SOCK_DGRAM)
+        try:
+            _make_ready(opened)
+            opened.connect(self._address)
+        except OSError as error:
+            opened.close()
+            raise cannot_open(self._url, error) from error
+        asyncio.get_running_loop().add_reader(opened, self._read, opened, index)
+        return opened
+
+    def _read(self, opened: socket.socket, index: int | None) -> None:
+        for _ in range(DATAGRAMS_PER_WAKE):
+            try:
+                data = opened.recv(RECEIVE_BYTES)
+            except BlockingIOError:
+                return
+            except OSError:  # nobody listens at the other end (yet); real vehicles go on sending too
+                continue
+            self._heard_s = time.monotonic()
+            self._ends.received(data, (self._url, index), index)
+            if opened.fileno() < 0:  # what it said made us close this socket
+                return
+
+    def send(self, batch: Batch) -> None:
+        for index, data in batch:
+            to = self._own.get(index, self._shared)
+            if to is None:
+                continue
+            try:
+                to.send(data)
+            except BlockingIOError:
+                self.dropped += 1
+            except OSError:  # what came of an earlier datagram, reported only now
+                self._again(to, data)
+
+    def _again(self, to: socket.socket, data: bytes) -> None:
+        try:
+            to.send(data)
+        except BlockingIOError:
+            self.dropped += 1
+        except OSError:  # no way there at the moment: lost, as it is for a real vehicle
+            pass
+
+    def rebooted(self, index: int) -> None:
+        if self._alone and self._shared is not None:
+            _drop(self._shared)
+            self._shared = self._connected(None)
+        elif not self._alone:
+            if index in self._own:
+                _drop(self._own.pop(index))
+            self._own[index] = self._connected(index)
+
+    def stations(self) -> int:
+        return int(time.monotonic() - self._heard_s < HEARD_S)
+
+    def close(self) -> None:
+        for opened in (self._shared, *self._own.values()):
+            if opened is not None:
+                _drop(opened)
+        self._shared = None
+        self._own.clear()
+
+
+class UdpIn:
+    """On a port of its own, to everybody who has spoken there lately."""
+
+    def __init__(self, url: Url, ends: Ends) -> None:
+        self.dropped = 0
+        self._url, self._ends = url, ends
+        self._socket: socket.socket | None = None
+        self._heard_s: dict[Address, float] = {}  # by peer, the one that has been silent longest first
+
+    def open(self) -> None:
+        family, address = resolve(self._url, socket.SOCK_DGRAM)
+        self._socket = socket.socket(family, socket.SOCK_DGRAM)
+        try:
+            _make_ready(self._socket)
+            self._socket.bind(address)
+        except OSError as error:
+            self.close()
+            raise cannot_open(self._url, error) from error
+        asyncio.get_running_loop().add_reader(self._socket, self._read, self._socket)
+
+    def _read(self, opened: socket.socket) -> None:
+        for _ in range(DATAGRAMS_PER_WAKE):
+            try:
+                data, address = opened.recvfrom(RECEIVE_BYTES)
+            except BlockingIOError:
+                return
+            except OSError:
+                continue
+            self._keep(address)
+            self._ends.received(data, (self._url, address), None)
+
+    def _keep(self, address: Address) -> None:
+        now = time.monotonic()
+        self._heard_s.pop(address, None)
+        if len(self._heard_s) >= MAX_PEERS:
+            self._forget(next(iter(self._heard_s)))
+        self._heard_s[address] = now
+
+    def _forget(self, address: Address) -> None:
+        del self._heard_s[address]
+        self._ends.gone((self._url, address))
+
+    def send(self, batch: Batch) -> None:
+        if self._socket is None:
+            return
+        now = time.monotonic()
+        for address in [peer for peer, heard_s in self._heard_s.items() if now - heard_s > SILENT_S]:
+            self._forget(address)
+        for address in self._heard_s:
+            for _, data in batch:
+                try:
+                    self._socket.sendto(data, address)
+                except BlockingIOError:
+                    self.dropped += 1
+                except OSError:  # no way there at the moment
+                    continue
+
+    def rebooted(self, index: int) -> None:
+        """A listening port stays what it is."""
+
+    def stations(self) -> int:
+        now = time.monotonic()
+        return sum(now - heard_s < HEARD_S for heard_s in self._heard_s.values())
+
+    def close(self) -> None:
+        if self._socket is not None:
+            _drop(self._socket)
+            self._socket = None
+
+
+def _make_ready(opened: socket.socket) -> None:
+    opened.setblocking(False)
+    for option in (socket.SO_SNDBUF, socket.SO_RCVBUF):
+        with contextlib.suppress(OSError):
+            opened.setsockopt(socket.SOL_SOCKET, option, BUFFER_BYTES)
+
+
+def _drop(opened: socket.socket) -> None:
+    asyncio.get_running_loop().remove_reader(opened)
+    opened.close()

@@ -1,0 +1,290 @@
+"""What the command line says about the fleet, as a scenario; every finding a line of its own."""
+
+import difflib
+import itertools
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from sim_vehicle.faults.spec import FaultError, parse_fault
+from sim_vehicle.personalities import personality_of
+from sim_vehicle.scenario import Scenario, ScenarioError, default_scenario, load_scenario
+from sim_vehicle.url import Url, UrlError, parse_url
+
+MAX_SYSID = 250
+DEFAULT_HOME = "46.0490,14.5060,300"  # Ljubljana, Slovenia
+PERSONALITIES = ("ardupilot", "px4")
+KINDS = {"copter": "copter", "plane": "plane", "arducopter": "copter", "arduplane": "plane"}
+Value = TypeVar("Value")
+
+
+class OptionError(ValueError):
+    """The command line cannot be used; one line a finding: where, what was found, what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class FleetOptions:
+    """The options as they were typed; None: not given."""
+
+    count: int | None = None
+    home: str | None = None
+    personality: str | None = None
+    kind: str | None = None
+    sysid: int | None = None
+    seed: int | None = None
+    per_port: int | None = None
+    wind: str | None = None
+    params: Sequence[str] = ()
+    param_files: Sequence[Path] = ()
+    faults: Sequence[str] = ()
+    scenario: Path | None = None
+
+
+def read_options(options: FleetOptions, urls: Sequence[str]) -> tuple[Scenario, list[Url], list[str]]:
+    """Scenario, URLs, and what the operator should know; OptionError with all that is wrong."""
+    findings: list[str] = []
+    made = _try(findings, make_scenario, options)
+    parsed = _try(findings, parse_urls, urls)
+    if made is None or parsed is None:
+        raise OptionError("\n".join(findings))
+    scenario, notes = made
+    return scenario, parsed, notes
+
+
+def make_scenario(options: FleetOptions) -> tuple[Scenario, list[str]]:
+    """The scenario of these options, and what the operator should know about it; OptionError."""
+    findings: list[str] = []
+    faults = [_try(findings, parse_fault, text, "--fault ") for text in options.faults]
+    wind = None if options.wind is None else _try(findings, parse_wind, options.wind)
+    params = [_try(findings, parse_param, text) for text in options.params]
+    files = [_try(findings, read_param_file, path) for path in options.param_files]
+    base = _try(findings, _base, options)
+    if findings or base is None:
+        raise OptionError("\n".join(findings))
+    data = base.model_dump()
+    notes: list[str] = []
+    for path, given in zip(options.param_files, files, strict=True):
+        left_out = _set_params(data["vehicles"], given or {})
+        if left_out:
+            notes.append(
+                f"{path}: {len(left_out)} of {len(given or {})} parameters are not simulated, left out"
+            )
+    given = dict(filter(None, params))
+    unknown = _set_params(data["vehicles"], given)
+    if unknown:
+        raise OptionError("\n".join(_no_such_parameter(name, data["vehicles"]) for name in unknown))
+    if options.seed is not None:
+        data["seed"] = options.seed
+    if wind is not None:
+        data["wind"] = wind
+    data["faults"] = [*data["faults"], *(fault.model_dump() for fault in faults if fault is not None)]
+    if base.script or base.checks:
+        notes.append(
+            f"{options.scenario}: its script and checks are for `python -m sim_vehicle run`, not used here"
+        )
+    return _validated(data), notes
+
+
+def _validated(data: Mapping[str, object]) -> Scenario:
+    try:
+        return Scenario.model_validate(data)
+    except ValueError as error:  # a value out of bounds, or a system id that no vehicle has
+        lines = [line.strip() for line in str(error).splitlines() if "Value error, " in line]
+        text = lines[0].partition("Value error, ")[2].partition(" [type=")[0] if lines else str(error)
+        raise OptionError(text) from error
+
+
+def _try(findings: list[str], parse: Callable[..., Value], given: object, prefix: str = "") -> Value | None:
+    try:
+        return parse(given)
+    except (OptionError, FaultError, ScenarioError, UrlError) as error:
+        findings.extend(f"{prefix}{line}" for line in str(error).splitlines())
+        return None
+
+
+def parse_urls(texts: Iterable[str]) -> list[Url]:
+    """Every URL, each once; OptionError."""
+    findings: list[str] = []
+    urls = [url for text in texts if (url := _try(findings, parse_url, text)) is not None]
+    twice = sorted({str(url) for url in urls if urls.count(url) > 1})
+    findings += [f"--url {url} is given twice; leave one out" for url in twice]
+    if findings:
+        raise OptionError("\n".join(findings))
+    return urls
+
+
+# -- vehicles ------------------------------------------------------------------------------------------
+
+
+def _base(options: FleetOptions) -> Scenario:
+    if options.scenario is None:
+        return _counted(options)
+    names = {"count": "--count", "home": "--home", "personality": "--personality", "kind": "--type"}
+    names |= {"sysid": "--sysid", "per_port": "--per-port"}
+    excluded = [text for name, text in names.items() if getattr(options, name) is not None]
+    if excluded:
+        raise OptionError(
+            f"{', '.join(excluded)}: not with --scenario, whose file says which vehicles there are"
+        )
+    return load_scenario(options.scenario)
+
+
+def _counted(options: FleetOptions) -> Scenario:
+    personalities = parse_personality(options.personality or "ardupilot", options.count)
+    count, first = len(personalities), options.sysid or 1
+    most = MAX_SYSID - first + 1
+    per_port = options.per_port or most
+    distinct = count <= most
+    if not distinct and per_port > most:
+        raise OptionError(
+            f"--per-port {per_port}: system ids end at {MAX_SYSID}, and the first is {first} (--sysid); "
+            f"at most {most} fit on a port"
+        )
+    home = parse_home(options.home or DEFAULT_HOME)
+    kind = parse_kind(options.kind or "copter")
+    data = default_scenario(count, home=home).model_dump()
+    for i, vehicle in enumerate(data["vehicles"]):
+        vehicle["sysid"] = first + (i if distinct else i % per_port)
+        vehicle["link"] = i // per_port
+        vehicle["personality"] = personalities[i]
+        vehicle["kind"] = kind
+    return _validated(data)
+
+
+def parse_personality(text: str, count: int | None) -> list[str]:
+    """One name a vehicle: `px4`, `mixed` (in turn), or `ardupilot:3,px4:2`."""
+    if text in PERSONALITIES:
+        return [text] * (count or 1)
+    if text == "mixed":
+        return list(itertools.islice(itertools.cycle(PERSONALITIES), count or len(PERSONALITIES)))
+    found: list[str] = []
+    for part in text.split(","):
+        name, _, number = part.strip().partition(":")
+        if name not in PERSONALITIES or not number.isdecimal() or int(number) < 1:
+            expected = f"{', '.join(PERSONALITIES)}, mixed, or numbers of each: ardupilot:3,px4:2"
+            raise OptionError(
+                f"--personality {text!r}: {part.strip()!r} is not understood; expected {expected}"
+            )
+        found += [name] * int(number)
+    if count is not None and count != len(found):
+        raise OptionError(
+            f"--personality {text!r} makes {len(found)} vehicles, but --count is {count}; drop --count"
+        )
+    return found
+
+
+def parse_kind(text: str) -> str:
+    """copter or plane, also by ArduPilot's names for the firmware."""
+    if text.lower() not in KINDS:
+        raise OptionError(f"--type {text!r}: expected copter or plane (or ArduCopter, ArduPlane)")
+    return KINDS[text.lower()]
+
+
+def parse_home(text: str) -> tuple[float, float, float]:
+    """Latitude, longitude [deg], altitude [m above sea level]; a heading may follow, as in sim_vehicle.py."""
+    numbers = _numbers(text)
+    if len(numbers) not in (3, 4):
+        raise OptionError(f"--home {text!r} is not LAT,LON,ALT[,HEADING], for example {DEFAULT_HOME}")
+    for value, low, high, name in zip(
+        numbers, (-90, -180, -500, -360), (90, 180, 9000, 360),
+        ("latitude", "longitude", "altitude", "heading"), strict=False,
+    ):  # fmt: skip
+        if not low <= value <= high:
+            raise OptionError(f"--home {text!r}: the {name} {value:g} is not between {low} and {high}")
+    return numbers[0], numbers[1], numbers[2]
+
+
+def parse_wind(text: str) -> dict[str, float]:
+    """SPEED,FROM[,GUST] in m/s, degrees and m/s, as a scenario has it."""
+    numbers = _numbers(text)
+    if len(numbers) not in (2, 3):
+        raise OptionError(
+            f"--wind {text!r} is not SPEED,FROM[,GUST] in m/s, degrees, m/s; for example 5,270,2"
+        )
+    bounds = ((0, 60, "speed", " m/s"), (0, 360, "direction", " degrees"), (0, 30, "gust", " m/s"))
+    for value, (low, high, name, unit) in zip(numbers, bounds, strict=False):
+        if not low <= value <= high:
+            raise OptionError(f"--wind {text!r}: the {name} {value:g} is not between {low} and {high}{unit}")
+    return dict(zip(("speed_m_s", "from_deg", "gust_m_s"), numbers, strict=False))
+
+
+def _numbers(text: str) -> list[float]:
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        return []
+    return numbers if all(map(math.isfinite, numbers)) else []
+
+
+# -- parameters ----------------------------------------------------------------------------------------
+
+
+def parse_param(text: str) -> tuple[str, float]:
+    """NAME=VALUE."""
+    name, equals, value = (part.strip() for part in text.partition("="))
+    if not name or not equals or (number := _number(value)) is None:
+        raise OptionError(f"--param {text!r} is not NAME=VALUE, for example WPNAV_SPEED=800")
+    return name, number
+
+
+def read_param_file(path: Path) -> dict[str, float]:
+    """Lines `NAME VALUE` or `NAME,VALUE`, or QGroundControl's five columns; # begins a comment."""
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except OSError as error:
+        raise OptionError(f"--param-file {path}: cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        raise OptionError(f"--param-file {path}: is not UTF-8 text") from error
+    found: dict[str, float] = {}
+    findings: list[str] = []
+    for number, line in enumerate(lines, 1):
+        words = line.partition("#")[0].replace(",", " ").replace("=", " ").split()
+        if not words:
+            continue
+        if len(words) == 5 and words[0].isdecimal() and words[1].isdecimal():
+            words = words[2:4]
+        value = _number(words[1]) if len(words) == 2 else None
+        if value is None:
+            findings.append(f"--param-file {path}:{number}: {line.strip()!r:.60} is not NAME VALUE")
+        else:
+            found[words[0]] = value
+    if findings:
+        raise OptionError("\n".join(findings))
+    return found
+
+
+def _number(text: str) -> float | None:
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+def _set_params(vehicles: list[dict[str, object]], given: Mapping[str, float]) -> list[str]:
+    """Give each vehicle the parameters that it has; those that none has."""
+    unknown = dict.fromkeys(given)
+    for vehicle in vehicles:
+        known = personality_of(str(vehicle["personality"]), str(vehicle["kind"])).parameters
+        own = {name: value for name, value in given.items() if name in known}
+        params = vehicle["params"]
+        assert isinstance(params, dict)
+        params.update(own)
+        for name in own:
+            unknown.pop(name, None)
+    return list(unknown)
+
+
+def _no_such_parameter(name: str, vehicles: list[dict[str, object]]) -> str:
+    known = {
+        parameter
+        for kind in {(str(v["personality"]), str(v["kind"])) for v in vehicles}
+        for parameter in personality_of(*kind).parameters
+    }
+    near = difflib.get_close_matches(name.upper(), known, n=3)
+    cure = (
+        f"did you mean {' or '.join(near)}?" if near else "PARAM_REQUEST_LIST, or a ground station, lists all"
+    )
+    return f"--param {name}: no vehicle of this fleet has it; {cure}"

@@ -1,0 +1,22 @@
+"""How many bytes a second a long answer may take of the link, so that a slow link is not flooded."""
+
+import math
+
+
+class Pacer:
+    """A bucket that fills at `bytes_s` [bytes/s] up to `most_bytes`; it is full when time begins."""
+
+    def __init__(self, bytes_s: float, most_bytes: float) -> None:
+        self._bytes_s, self._most = bytes_s, most_bytes
+        self._bytes = most_bytes
+        self._filled_s = -math.inf
+
+    def take(self, size: int, now: float) -> bool:
+        """Whether `size` bytes may go out at `now` [s]; if so they are taken."""
+        if now > self._filled_s:
+            self._bytes = min(self._bytes + (now - self._filled_s) * self._bytes_s, self._most)
+            self._filled_s = now
+        if self._bytes < min(size, self._most):
+            return False
+        self._bytes -= size
+        return True

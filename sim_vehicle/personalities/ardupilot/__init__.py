@@ -1,0 +1,237 @@
+"""ArduCopter and ArduPlane 4.6.2 as they show themselves on the wire."""
+
+from dataclasses import replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.mission import Item, Mission
+from sim_vehicle.personalities.ardupilot import parameters, tuning
+from sim_vehicle.personalities.ardupilot.items import store_item, store_plane_item
+from sim_vehicle.personalities.ardupilot.modes import COPTER_MODES, PLANE_MODES
+from sim_vehicle.personalities.ardupilot.storage import storage
+from sim_vehicle.personalities.base import Behaviour, Personality
+from sim_vehicle.telemetry.px4 import CURRENT_EVENT_SEQUENCE, CURRENT_MODE, TIME_ESTIMATE_TO_TARGET
+from sim_vehicle.transfer import ArduPilotTransfer
+
+if TYPE_CHECKING:
+    from sim_vehicle.autopilot import Autopilot
+
+_STREAMS = {
+    mavlink.MAV_DATA_STREAM_RAW_SENSORS: (
+        mavlink.MAVLINK_MSG_ID_RAW_IMU,
+        mavlink.MAVLINK_MSG_ID_SCALED_IMU2,
+        mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE,
+    ),
+    mavlink.MAV_DATA_STREAM_EXTENDED_STATUS: (
+        mavlink.MAVLINK_MSG_ID_SYS_STATUS,
+        mavlink.MAVLINK_MSG_ID_POWER_STATUS,
+        mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
+        mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,
+        mavlink.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT,
+        mavlink.MAVLINK_MSG_ID_FENCE_STATUS,
+        mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
+    ),
+    mavlink.MAV_DATA_STREAM_RC_CHANNELS: (
+        mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW,
+        mavlink.MAVLINK_MSG_ID_RC_CHANNELS,
+    ),
+    mavlink.MAV_DATA_STREAM_POSITION: (
+        mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+        mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+    ),
+    mavlink.MAV_DATA_STREAM_EXTRA1: (mavlink.MAVLINK_MSG_ID_ATTITUDE,),
+    mavlink.MAV_DATA_STREAM_EXTRA2: (mavlink.MAVLINK_MSG_ID_VFR_HUD,),
+    mavlink.MAV_DATA_STREAM_EXTRA3: (
+        mavlink.MAVLINK_MSG_ID_SYSTEM_TIME,
+        mavlink.MAVLINK_MSG_ID_WIND,
+        mavlink.MAVLINK_MSG_ID_BATTERY_STATUS,
+        mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
+        mavlink.MAVLINK_MSG_ID_VIBRATION,
+    ),
+}
+
+# Of the messages that a fleet can stream these are PX4's.
+_LACKS = frozenset(
+    {
+        mavlink.MAVLINK_MSG_ID_ALTITUDE,
+        mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS,
+        mavlink.MAVLINK_MSG_ID_HIGHRES_IMU,
+        mavlink.MAVLINK_MSG_ID_WIND_COV,
+        CURRENT_EVENT_SEQUENCE.message_id,
+        CURRENT_MODE.message_id,
+        TIME_ESTIMATE_TO_TARGET.message_id,
+    }
+)
+
+_DEFAULT_RATES_HZ = {mavlink.MAVLINK_MSG_ID_TIMESYNC: 0.1}
+
+_INFO, _NOTICE = mavlink.MAV_SEVERITY_INFO, mavlink.MAV_SEVERITY_NOTICE
+_WARNING, _CRITICAL = mavlink.MAV_SEVERITY_WARNING, mavlink.MAV_SEVERITY_CRITICAL
+_ERROR, _EMERGENCY = mavlink.MAV_SEVERITY_ERROR, mavlink.MAV_SEVERITY_EMERGENCY
+_TEXTS = {
+    "armed": (_INFO, "Arming motors"),
+    "crashed": (_EMERGENCY, "Crash: Disarming"),
+    "disarmed": (_INFO, "Disarming motors"),
+    "disarmed_landed": (_INFO, "Disarming motors"),
+    "disarmed_unflown": (_INFO, "Disarming motors"),
+    "arm_refused": (_CRITICAL, "Arm: {reason}"),
+    "not_armable": (_CRITICAL, "{mode} mode not armable"),
+    "prearm": (_CRITICAL, "PreArm: {reason}"),
+    "origin_set": (_INFO, "EKF3 IMU0 origin set"),
+    "signing_refused": (_ERROR, "ERROR: Won't setup signing when armed"),
+    "no_such_mode": (_WARNING, "No such mode {number}"),
+    "mode_needs_position": (_WARNING, "Mode change to {mode} failed: requires position"),
+    "mission_without_takeoff": (_CRITICAL, "Auto: Missing Takeoff Cmd"),
+    "mission_changed": (_CRITICAL, "Auto mission changed, restarted command"),
+    "mission_change_failed": (_CRITICAL, "Auto mission changed but failed to restart command"),
+    "item_started": (_INFO, "Mission: {index} {name}"),
+    "item_reached": (_INFO, "Reached command #{index}"),
+    "touchdown": (_WARNING, "SIM Hit ground at {speed:.2f} m/s"),
+    "gcs_lost": (_WARNING, "GCS Failsafe"),
+    "gcs_back": (_WARNING, "GCS Failsafe Cleared"),
+    "rc_lost": (_WARNING, "Radio Failsafe"),
+    "rc_back": (_WARNING, "Radio Failsafe Cleared"),
+    "battery_low": (_WARNING, "Battery 1 is low {volts:.2f}V used {used_mah:.0f} mAh"),
+    "battery_critical": (_CRITICAL, "Battery 1 is critical {volts:.2f}V used {used_mah:.0f} mAh"),
+    "position_lost": (_WARNING, "EKF Failsafe"),
+    "position_back": (_WARNING, "EKF Failsafe Cleared"),
+    "fence_breached": (_NOTICE, "{names} breached"),
+    "fence_cleared": (_NOTICE, "Fence breach cleared"),
+    "fence_recovery": (_INFO, "Manual recovery started"),
+    "terminated": (_CRITICAL, "Terminating due to failsafe"),
+}
+
+
+def _mission(vehicle: "Autopilot") -> Mission:
+    return Mission(home=vehicle.home_item)
+
+
+_TOTALS = {
+    mavlink.MAV_MISSION_TYPE_MISSION: "MIS_TOTAL",
+    mavlink.MAV_MISSION_TYPE_FENCE: "FENCE_TOTAL",
+    mavlink.MAV_MISSION_TYPE_RALLY: "RALLY_TOTAL",
+}
+
+
+def _transfer(vehicle: "Autopilot") -> ArduPilotTransfer:
+    return ArduPilotTransfer(
+        vehicle.mission,
+        vehicle.fence,
+        vehicle.rally,
+        store_item=vehicle.personality.store_item,
+        max_items=vehicle.personality.max_mission_items,
+        send=vehicle.send,
+        say=vehicle.say,
+        changed=vehicle.mission_changed,
+        flying=lambda: vehicle.flies_mission,
+        stored=lambda kind, total: vehicle.params.keep(_TOTALS[kind], total),
+        guided=lambda item, altitude_only: _go(vehicle, item, altitude_only=altitude_only),
+        refusal=lambda: vehicle.afflictions.mission_refusal,
+    )
+
+
+def _go(vehicle: "Autopilot", item: Item, *, altitude_only: bool) -> bool:
+    """The mission item with `current` 2: fly there, in GUIDED."""
+    if vehicle.mode.behaviour is not Behaviour.GUIDED or not vehicle.flight.flying:
+        return False
+    place_deg = vehicle.body.lat_lon_deg if altitude_only or item.place_deg is None else item.place_deg
+    vehicle.flight.guided_go(*place_deg, vehicle.flight.altitude_amsl_m(item.frame, item.z))
+    return True
+
+
+_UNHEALTHY = {
+    mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO: "Gyros not healthy",
+    mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL: "Accels not healthy",
+    mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG: "Compass not healthy",
+    mavlink.MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE: "Barometer not healthy",
+    mavlink.MAV_SYS_STATUS_SENSOR_DIFFERENTIAL_PRESSURE: "Airspeed not healthy",
+    mavlink.MAV_SYS_STATUS_SENSOR_GPS: "GPS 1: not healthy",
+    mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER: "RC not found",
+    mavlink.MAV_SYS_STATUS_AHRS: "AHRS: not healthy",
+    mavlink.MAV_SYS_STATUS_LOGGING: "Logging failed",
+    mavlink.MAV_SYS_STATUS_SENSOR_BATTERY: "Battery 1 unhealthy",
+}
+
+
+def _refusals(vehicle: "Autopilot", now: float) -> list[str]:
+    """Why it would not arm now, apart from the mode being armable at all."""
+    if vehicle.mode.needs_position and not vehicle.position_known(now):
+        return ["Need Position Estimate"]
+    if vehicle.tuning.arming_checks and not vehicle.readiness.home(now):
+        return ["AHRS: waiting for home"]
+    outside = vehicle.fence_watch.refusal()
+    if outside is not None:
+        return [outside]
+    unhealthy = vehicle.afflictions.unhealthy_sensors
+    return [text for bit, text in _UNHEALTHY.items() if unhealthy & bit and vehicle.tuning.arming_checks]
+
+
+_COPTER = Personality(
+    name="ardupilot",
+    autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
+    vehicle_type=mavlink.MAV_TYPE_QUADROTOR,
+    plane=False,
+    modes=MappingProxyType(COPTER_MODES),
+    boot_mode=0,
+    boot_text=(
+        b"\n\nInit ArduCopter V4.6.2 (sim_vehicle)",
+        b"\n\nFree RAM: 131072\n",
+        b"load_all took 48us\n",
+        b"Init Gyro",
+        *[b"*"] * 4,
+        b"\n",
+    ),
+    flight_sw_version=0x040602FF,  # 4.6.2, official release
+    capabilities=mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FLOAT
+    | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
+    | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
+    | mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+    | mavlink.MAV_PROTOCOL_CAPABILITY_FTP
+    | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
+    | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
+    | mavlink.MAV_PROTOCOL_CAPABILITY_SET_ATTITUDE_TARGET
+    | mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2,
+    parameters=MappingProxyType(parameters.COPTER),
+    read_only_parameters=parameters.READ_ONLY,
+    parameters_byte_wise=False,
+    system_id_parameter="SYSID_THISMAV",
+    tuning=tuning.copter_tuning,
+    commands=MappingProxyType({}),
+    arm_refused=mavlink.MAV_RESULT_FAILED,
+    disarm_refused=mavlink.MAV_RESULT_FAILED,
+    any_component=True,
+    acknowledges_set_mode=False,
+    home_item=True,
+    empty_mission_total=0,
+    tells_mission_state=True,
+    texts=MappingProxyType(_TEXTS),
+    streams=MappingProxyType(_STREAMS),
+    default_rates_hz=MappingProxyType(_DEFAULT_RATES_HZ),
+    lacks=_LACKS,
+    singles=MappingProxyType({}),
+    store_item=store_item,
+    max_mission_items=650,
+    mission=_mission,
+    transfer=_transfer,
+    refusals=_refusals,
+    signs=True,
+    ready_s=41.0,
+    storage=storage,
+    banner=("ArduCopter V4.6.2 (sim_vehicle)", "Frame: QUAD/PLUS"),
+)
+
+_PLANE = replace(
+    _COPTER,
+    vehicle_type=mavlink.MAV_TYPE_FIXED_WING,
+    plane=True,
+    modes=MappingProxyType(PLANE_MODES),
+    boot_text=(b"\n\nInit ArduPlane V4.6.2 (sim_vehicle)", *_COPTER.boot_text[1:]),
+    banner=("ArduPlane V4.6.2 (sim_vehicle)",),
+    parameters=MappingProxyType(parameters.PLANE),
+    tuning=tuning.plane_tuning,
+    store_item=store_plane_item,
+)
+
+ARDUPILOT = MappingProxyType({"copter": _COPTER, "plane": _PLANE})

@@ -1,0 +1,42 @@
+"""Flight modes of ArduCopter and ArduPlane 4.6: numbers, names, and what they do with nobody at a stick."""
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.personalities.base import Behaviour, Mode
+
+_STABILIZED = mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED | mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
+_GUIDED = _STABILIZED | mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
+_PLANE_AUTO = mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED | mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
+
+
+def _table(*modes: Mode) -> dict[int, Mode]:
+    return {mode.number: mode for mode in modes}
+
+
+COPTER_MODES = _table(
+    Mode(0, "STABILIZE", Behaviour.DROP, armable=True, needs_position=False, base_mode=_STABILIZED),
+    Mode(1, "ACRO", Behaviour.DROP, armable=True, needs_position=False, base_mode=_STABILIZED),
+    Mode(2, "ALT_HOLD", Behaviour.SINK, armable=True, needs_position=False, base_mode=_STABILIZED),
+    Mode(3, "AUTO", Behaviour.MISSION, base_mode=_GUIDED),
+    Mode(4, "GUIDED", Behaviour.GUIDED, armable=True, base_mode=_GUIDED),
+    Mode(5, "LOITER", Behaviour.SINK, armable=True, base_mode=_GUIDED),
+    Mode(6, "RTL", Behaviour.RETURN, base_mode=_GUIDED),
+    Mode(7, "CIRCLE", Behaviour.SINK, base_mode=_GUIDED),
+    Mode(9, "LAND", Behaviour.LAND, needs_position=False, base_mode=_STABILIZED),
+    Mode(16, "POSHOLD", Behaviour.SINK, armable=True, base_mode=_GUIDED),
+    Mode(17, "BRAKE", Behaviour.HOLD, base_mode=_GUIDED),
+)
+
+PLANE_MODES = _table(
+    Mode(0, "MANUAL", Behaviour.DROP, armable=True, needs_position=False, base_mode=64),
+    Mode(1, "CIRCLE", Behaviour.HOLD, armable=True, needs_position=False, base_mode=_PLANE_AUTO),
+    Mode(2, "STABILIZE", Behaviour.DROP, armable=True, needs_position=False, base_mode=_STABILIZED),
+    Mode(5, "FBWA", Behaviour.DROP, armable=True, needs_position=False, base_mode=_STABILIZED),
+    Mode(6, "FBWB", Behaviour.DROP, armable=True, needs_position=False, base_mode=_STABILIZED),
+    Mode(7, "CRUISE", Behaviour.DROP, armable=True, needs_position=False, base_mode=_STABILIZED),
+    Mode(10, "AUTO", Behaviour.MISSION, armable=True, base_mode=_PLANE_AUTO),
+    Mode(11, "RTL", Behaviour.RETURN, base_mode=_PLANE_AUTO),
+    Mode(12, "LOITER", Behaviour.HOLD, armable=True, base_mode=_PLANE_AUTO),
+    Mode(13, "TAKEOFF", Behaviour.TAKEOFF, armable=True, base_mode=_PLANE_AUTO),
+    Mode(15, "GUIDED", Behaviour.GUIDED, armable=True, base_mode=_PLANE_AUTO),
+)

@@ -1,0 +1,98 @@
+"""Parameters of ArduCopter and ArduPlane 4.6 that act here, with their names, units and defaults.
+
+Integers are those of the firmware; on ArduPilot's wire they travel as plain floats all the same.
+"""
+
+_COMMON: dict[str, float | int] = {
+    "ARMING_CHECK": 1,  # 0: only what cannot be waived is checked
+    "BATT_CAPACITY": 3300,  # mAh
+    "BATT_CRT_MAH": 0.0,  # mAh left, 0: not watched
+    "BATT_CRT_VOLT": 0.0,  # V, 0: not watched
+    "BATT_FS_CRT_ACT": 0,
+    "BATT_FS_LOW_ACT": 0,
+    "BATT_LOW_MAH": 0.0,  # mAh left, 0: not watched
+    "BATT_LOW_TIMER": 10,  # s for which the voltage has to be low
+    "BATT_LOW_VOLT": 10.5,  # V, 0: not watched
+    "BATT_MONITOR": 4,
+    "FENCE_ALT_MAX": 100.0,  # m above home
+    "FENCE_ALT_MIN": -10.0,  # m above home
+    "FENCE_ENABLE": 0,
+    "FENCE_MARGIN": 2.0,  # m
+    "FENCE_RADIUS": 300.0,  # m around home
+    "FENCE_TOTAL": 0,  # points stored, by the vehicle's own count
+    "FORMAT_VERSION": 120,
+    "LOG_BACKEND_TYPE": 1,
+    "LOG_DISARMED": 0,
+    "MIS_RESTART": 0,  # 1: AUTO starts at the beginning
+    "MIS_TOTAL": 0,  # commands stored
+    "RALLY_TOTAL": 0,
+    "SIM_BATT_VOLTAGE": 12.6,  # V, full and at rest
+    "SIM_ENGINE_FAIL": 0,  # bits of motors that SIM_ENGINE_MUL applies to
+    "SIM_ENGINE_MUL": 1.0,  # share of their thrust that is left
+    "SIM_GPS_DISABLE": 0,
+    "SIM_GPS_GLITCH_X": 0.0,  # deg of latitude
+    "SIM_GPS_GLITCH_Y": 0.0,  # deg of longitude
+    "SIM_GPS_GLITCH_Z": 0.0,  # m
+    "SIM_RC_FAIL": 0,  # 1: no pulses
+    "SIM_WIND_DIR": 180.0,  # deg the wind comes from
+    "SIM_WIND_SPD": 0.0,  # m/s
+    "SYSID_ENFORCE": 0,  # 1: only SYSID_MYGCS is obeyed
+    "SYSID_MYGCS": 255,
+    "SYSID_THISMAV": 1,
+}
+
+COPTER: dict[str, float | int] = _COMMON | {
+    "AUTO_OPTIONS": 0,  # bit 0: AUTO can be armed; bit 1: take-off without raising the throttle
+    "DISARM_DELAY": 10,  # s, 0 never
+    "FENCE_ACTION": 1,  # 0 report, 1 RTL or land, 2 land, 3 as 1, 4 brake or land, 5 as 1
+    "FENCE_TYPE": 7,  # bits: 0 maximum altitude, 1 circle, 2 polygons, 3 minimum altitude
+    "FRAME_CLASS": 1,
+    "FRAME_TYPE": 0,
+    "FS_EKF_ACTION": 1,  # 0 report, 1 land, 2 altitude hold, 3 land even in stabilize
+    "FS_GCS_ENABLE": 0,  # 0 nothing, 1 RTL, 2 as 1, 3 as 1, 4 and 5 land, 7 brake or land
+    "FS_GCS_TIMEOUT": 5.0,  # s
+    "FS_THR_ENABLE": 1,  # 0 nothing, 1 RTL, 2 as 1, 3 land, 4 and 5 as 1, 7 brake or land
+    "GUID_TIMEOUT": 3.0,  # s after which a set-point of velocity or attitude ends
+    "LAND_ALT_LOW": 1000,  # cm above home, below which LAND_SPEED applies
+    "LAND_SPEED": 50,  # cm/s
+    "LAND_SPEED_HIGH": 0,  # cm/s, 0: WPNAV_SPEED_DN
+    "PILOT_SPEED_DN": 0,  # cm/s, 0: PILOT_SPEED_UP
+    "PILOT_SPEED_UP": 250,  # cm/s
+    "RALLY_INCL_HOME": 1,  # 0: home only where there is no rally point
+    "RALLY_LIMIT_KM": 0.3,  # km, 0: none
+    "RTL_ALT": 1500,  # cm above home
+    "RTL_LOIT_TIME": 5000,  # ms
+    "RTL_SPEED": 0,  # cm/s, 0: WPNAV_SPEED
+    "WPNAV_ACCEL": 250.0,  # cm/s/s
+    "WPNAV_ACCEL_Z": 100.0,  # cm/s/s
+    "WPNAV_RADIUS": 200.0,  # cm
+    "WPNAV_SPEED": 1000.0,  # cm/s
+    "WPNAV_SPEED_DN": 150.0,  # cm/s
+    "WPNAV_SPEED_UP": 250.0,  # cm/s
+}
+
+PLANE: dict[str, float | int] = _COMMON | {
+    "AIRSPEED_CRUISE": 15.0,  # m/s
+    "AIRSPEED_MAX": 22,  # m/s
+    "AIRSPEED_MIN": 9,  # m/s
+    "FENCE_ACTION": 0,  # 0 report, 1 RTL, 6 guided, 7 guided with throttle pass-through
+    "FENCE_TYPE": 7,
+    "FS_GCS_ENABL": 0,  # 0 nothing, 1 heartbeats
+    "FS_LONG_ACTN": 0,  # 0 go on, 1 RTL, 2 glide
+    "FS_LONG_TIMEOUT": 5.0,  # s
+    "LAND_FLARE_SEC": 2.0,  # s
+    "LAND_DISARMDELAY": 20,  # s, 0 never
+    "RALLY_INCL_HOME": 0,  # 0: home only where there is no rally point
+    "RALLY_LIMIT_KM": 5.0,  # km, 0: none
+    "ROLL_LIMIT_DEG": 45.0,  # deg
+    "RTL_ALTITUDE": 100.0,  # m above home, -1: the present one
+    "RTL_AUTOLAND": 0,
+    "TECS_CLMB_MAX": 5.0,  # m/s
+    "TECS_SINK_MAX": 5.0,  # m/s
+    "THR_FAILSAFE": 1,
+    "TKOFF_ALT": 50.0,  # m
+    "WP_LOITER_RAD": 60,  # m, negative: counter-clockwise
+    "WP_RADIUS": 90,  # m
+}
+
+READ_ONLY = frozenset({"SYSID_THISMAV", "FORMAT_VERSION", "MIS_TOTAL", "FENCE_TOTAL", "RALLY_TOTAL"})

@@ -1,0 +1,102 @@
+"""ArduPilot's logs and files: DataFlash, packed parameters and missions."""
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle import ftp_rules, log_transfer
+from sim_vehicle.logs.dataflash import DataFlashLog
+from sim_vehicle.logs.recorder import LogLimits
+from sim_vehicle.mission import Item
+from sim_vehicle.packed_files import Parameter, UploadedMission
+from sim_vehicle.storage import Storage
+from sim_vehicle.transfer.stores import FenceStore, MissionStore, RallyStore, Store
+from sim_vehicle.transfer.wire import MISSION, item_from_message, item_message
+from sim_vehicle.vehicle_files import ardupilot_files
+
+if TYPE_CHECKING:
+    from sim_vehicle.autopilot import Autopilot
+
+_TOTALS = {
+    mavlink.MAV_MISSION_TYPE_MISSION: "MIS_TOTAL",
+    mavlink.MAV_MISSION_TYPE_FENCE: "FENCE_TOTAL",
+    mavlink.MAV_MISSION_TYPE_RALLY: "RALLY_TOTAL",
+}
+_NOBODY = (0, 0)
+
+
+def storage(vehicle: "Autopilot", limits: LogLimits) -> Storage:
+    """The storage of one vehicle."""
+    stores = _stores(vehicle)
+    params = vehicle.params
+
+    def parameters() -> list[Parameter]:
+        return [Parameter(name, value, params.defaults[name]) for name, value in params.items()]
+
+    def set_parameter(name: str, value: float) -> None:
+        if name in params:
+            vehicle.set_parameter(name, value)
+
+    def set_items(kind: int, upload: UploadedMission) -> bool:
+        taken = _take(stores[kind], upload, may_update=kind == MISSION)
+        params.keep(_TOTALS[kind], stores[kind].total)
+        return taken
+
+    return Storage(
+        vehicle,
+        new_log=DataFlashLog,
+        files=lambda recorder: ardupilot_files(
+            parameters=parameters,
+            set_parameter=set_parameter,
+            banner=lambda: _banner(vehicle),
+            items=lambda kind: _items(stores[kind], kind),
+            set_items=set_items,
+            recorder=recorder,
+            system={},
+        ),
+        ftp_rules=ftp_rules.ARDUPILOT,
+        log_rules=log_transfer.ARDUPILOT,
+        limits=limits,
+    )
+
+
+def _stores(vehicle: "Autopilot") -> Mapping[int, Store]:
+    mission = MissionStore(
+        vehicle.mission,
+        vehicle.personality.store_item,
+        vehicle.personality.max_mission_items,
+        say=vehicle.say,
+        changed=vehicle.mission_changed,
+        flying=lambda: vehicle.flies_mission,
+    )
+    return dict(enumerate((mission, FenceStore(vehicle.fence, say=vehicle.say), RallyStore(vehicle.rally))))
+
+
+def _banner(vehicle: "Autopilot") -> None:
+    for text in vehicle.personality.banner:
+        vehicle.say(mavlink.MAV_SEVERITY_INFO, text)
+
+
+def _items(store: Store, kind: int) -> Iterator[Any]:
+    for seq in range(store.count):
+        item = store.read(seq)
+        if isinstance(item, Item):
+            yield item_message(_NOBODY, seq, item, kind, as_int=True, autocontinue=store.autocontinue)
+
+
+def _take(store: Store, upload: UploadedMission, *, may_update: bool) -> bool:
+    """Write an uploaded file; a mission is written item by item, so a bad one leaves a mixture."""
+    last = upload.start + len(upload.items) - 1
+    if last >= store.max_items or not (upload.clear or may_update):
+        return False
+    if upload.clear:
+        store.begin(len(upload.items))
+    else:
+        store.begin_update()
+    for index, message in enumerate(upload.items, start=upload.start):
+        item = item_from_message(message)
+        if item is None or store.put(index, item, last) != mavlink.MAV_MISSION_ACCEPTED:
+            store.abandon()
+            return False
+    return bool(store.complete() == mavlink.MAV_MISSION_ACCEPTED)

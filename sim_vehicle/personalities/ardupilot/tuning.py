@@ -1,0 +1,203 @@
+"""ArduPilot's parameters in SI units, as the vehicle flies by them."""
+
+import math
+
+from sim_vehicle.logs.record import LogWhen
+from sim_vehicle.params import Parameters
+from sim_vehicle.personalities.base import FailsafeAction, Tuning
+
+SLOWEST_M_S, FASTEST_M_S = 0.1, 50.0
+FENCE_ALT_MAX, FENCE_CIRCLE, FENCE_POLYGONS, FENCE_ALT_MIN = 1, 2, 4, 8
+_BATTERY_ACTIONS = {
+    0: FailsafeAction.WARN,
+    1: FailsafeAction.LAND,
+    2: FailsafeAction.RETURN,
+    3: FailsafeAction.RETURN,
+    4: FailsafeAction.LAND,
+    5: FailsafeAction.TERMINATE,
+    6: FailsafeAction.RETURN,
+    7: FailsafeAction.LAND,
+}
+_PLANE_BATTERY_ACTIONS = {
+    0: FailsafeAction.WARN,
+    1: FailsafeAction.RETURN,
+    2: FailsafeAction.LAND,
+    3: FailsafeAction.TERMINATE,
+}
+_LINK_ACTIONS = {
+    0: FailsafeAction.NOTHING,
+    1: FailsafeAction.RETURN,
+    2: FailsafeAction.RETURN,
+    3: FailsafeAction.RETURN,
+    4: FailsafeAction.LAND,
+    5: FailsafeAction.LAND,
+    6: FailsafeAction.RETURN,
+    7: FailsafeAction.LAND,
+}
+_THROTTLE_ACTIONS = {
+    0: FailsafeAction.NOTHING,
+    1: FailsafeAction.RETURN,
+    2: FailsafeAction.RETURN,
+    3: FailsafeAction.LAND,
+    4: FailsafeAction.RETURN,
+    5: FailsafeAction.LAND,
+    6: FailsafeAction.RETURN,
+    7: FailsafeAction.LAND,
+}
+_FENCE_ACTIONS = {
+    0: FailsafeAction.WARN,
+    1: FailsafeAction.RETURN,
+    2: FailsafeAction.LAND,
+    3: FailsafeAction.RETURN,
+    4: FailsafeAction.HOLD,
+    5: FailsafeAction.RETURN,
+}
+_PLANE_FENCE_ACTIONS = {
+    0: FailsafeAction.WARN,
+    1: FailsafeAction.RETURN,
+    6: FailsafeAction.HOLD,
+    7: FailsafeAction.HOLD,
+}
+_PLANE_LONG_ACTIONS = {0: FailsafeAction.WARN, 1: FailsafeAction.RETURN, 2: FailsafeAction.LAND}
+
+
+def _m_s(params: Parameters, *names: str) -> float:
+    """The first of these [cm/s] that is not 0, in m/s, within what the airframe can do."""
+    value = next((params[name] for name in names if params[name] != 0), 0.0)
+    return min(max(value / 100, SLOWEST_M_S), FASTEST_M_S)
+
+
+def _share(params: Parameters, name: str) -> float:
+    return params[name] / max(params["BATT_CAPACITY"], 1.0)
+
+
+def _logs(params: Parameters) -> LogWhen:
+    if params["LOG_BACKEND_TYPE"] == 0:
+        return LogWhen.NEVER
+    return LogWhen.ALWAYS if params["LOG_DISARMED"] != 0 else LogWhen.ARMED
+
+
+def copter_tuning(params: Parameters) -> Tuning:
+    """ArduCopter's parameters -> what it flies by."""
+    options = int(params["AUTO_OPTIONS"])
+    fence = int(params["FENCE_TYPE"])
+    delay_s = params["DISARM_DELAY"] if params["DISARM_DELAY"] > 0 else math.inf
+    gcs = _LINK_ACTIONS.get(int(params["FS_GCS_ENABLE"]), FailsafeAction.RETURN)
+    return Tuning(
+        speed_m_s=_m_s(params, "WPNAV_SPEED"),
+        climb_m_s=_m_s(params, "WPNAV_SPEED_UP"),
+        descent_m_s=_m_s(params, "WPNAV_SPEED_DN"),
+        acceleration_m_s2=max(params["WPNAV_ACCEL"], 10.0) / 100,
+        vertical_acceleration_m_s2=max(params["WPNAV_ACCEL_Z"], 10.0) / 100,
+        waypoint_radius_m=max(params["WPNAV_RADIUS"], 10.0) / 100,
+        capacity_mah=params["BATT_CAPACITY"],
+        full_v=params["SIM_BATT_VOLTAGE"],
+        takeoff_height_m=10.0,
+        return_height_m=params["RTL_ALT"] / 100,
+        return_speed_m_s=_m_s(params, "RTL_SPEED", "WPNAV_SPEED"),
+        return_wait_s=params["RTL_LOIT_TIME"] / 1000,
+        landing_speed_m_s=_m_s(params, "LAND_SPEED"),
+        landing_slow_below_m=params["LAND_ALT_LOW"] / 100,
+        landing_speed_high_m_s=_m_s(params, "LAND_SPEED_HIGH", "WPNAV_SPEED_DN"),
+        pilot_descent_m_s=_m_s(params, "PILOT_SPEED_DN", "PILOT_SPEED_UP"),
+        arming_checks=params["ARMING_CHECK"] != 0,
+        mission_mode_armable=bool(options & 1),
+        mission_takes_off=bool(options & 2),
+        mission_restarts=params["MIS_RESTART"] == 1,
+        disarm_landed_s=delay_s,
+        disarm_unflown_s=delay_s,
+        gcs_sysid=int(params["SYSID_MYGCS"]),
+        gcs_timeout_s=params["FS_GCS_TIMEOUT"] if gcs is not FailsafeAction.NOTHING else math.inf,
+        gcs_action=gcs,
+        battery_low_v=params["BATT_LOW_VOLT"],
+        battery_low_share=_share(params, "BATT_LOW_MAH"),
+        battery_low_action=_BATTERY_ACTIONS.get(int(params["BATT_FS_LOW_ACT"]), FailsafeAction.WARN),
+        battery_critical_v=params["BATT_CRT_VOLT"],
+        battery_critical_share=_share(params, "BATT_CRT_MAH"),
+        battery_critical_action=_BATTERY_ACTIONS.get(int(params["BATT_FS_CRT_ACT"]), FailsafeAction.WARN),
+        battery_delay_s=params["BATT_LOW_TIMER"],
+        rc_required=params["SIM_RC_FAIL"] == 1,
+        rc_action=_THROTTLE_ACTIONS.get(int(params["FS_THR_ENABLE"]), FailsafeAction.RETURN),
+        setpoint_timeout_s=params["GUID_TIMEOUT"],
+        setpoint_action=FailsafeAction.HOLD,
+        position_lost_action=(
+            FailsafeAction.WARN if int(params["FS_EKF_ACTION"]) == 0 else FailsafeAction.LAND
+        ),
+        logs=_logs(params),
+        fence_enabled=params["FENCE_ENABLE"] == 1,
+        fence_action=_FENCE_ACTIONS.get(int(params["FENCE_ACTION"]), FailsafeAction.RETURN),
+        fence_max_height_m=params["FENCE_ALT_MAX"] if fence & FENCE_ALT_MAX else math.inf,
+        fence_min_height_m=params["FENCE_ALT_MIN"] if fence & FENCE_ALT_MIN else -math.inf,
+        fence_radius_m=params["FENCE_RADIUS"] if fence & FENCE_CIRCLE else math.inf,
+        fence_polygons=bool(fence & FENCE_POLYGONS),
+        fence_margin_m=params["FENCE_MARGIN"],
+        rally_limit_m=params["RALLY_LIMIT_KM"] * 1000 if params["RALLY_LIMIT_KM"] > 0 else math.inf,
+        rally_includes_home=params["RALLY_INCL_HOME"] == 1,
+        wind_m_s=params["SIM_WIND_SPD"] if params["SIM_WIND_SPD"] > 0 else None,
+        wind_from_deg=params["SIM_WIND_DIR"],
+    )
+
+
+def plane_tuning(params: Parameters) -> Tuning:
+    """ArduPlane's parameters -> what it flies by."""
+    fence = int(params["FENCE_TYPE"])
+    watched = params["FS_GCS_ENABL"] != 0
+    delay_s = params["LAND_DISARMDELAY"] if params["LAND_DISARMDELAY"] > 0 else math.inf
+    long_action = _PLANE_LONG_ACTIONS.get(int(params["FS_LONG_ACTN"]), FailsafeAction.RETURN)
+    return Tuning(
+        speed_m_s=params["AIRSPEED_CRUISE"],
+        climb_m_s=max(params["TECS_CLMB_MAX"], SLOWEST_M_S),
+        descent_m_s=max(params["TECS_SINK_MAX"], SLOWEST_M_S),
+        acceleration_m_s2=3.0,
+        vertical_acceleration_m_s2=3.0,
+        waypoint_radius_m=max(params["WP_RADIUS"], 1.0),
+        capacity_mah=params["BATT_CAPACITY"],
+        full_v=params["SIM_BATT_VOLTAGE"],
+        takeoff_height_m=params["TKOFF_ALT"],
+        return_height_m=params["RTL_ALTITUDE"],
+        return_speed_m_s=params["AIRSPEED_CRUISE"],
+        return_wait_s=math.inf,  # it circles over home and lands only as a mission says
+        landing_speed_m_s=2.0,
+        landing_slow_below_m=10.0,
+        landing_speed_high_m_s=max(params["TECS_SINK_MAX"], SLOWEST_M_S),
+        pilot_descent_m_s=3.0,
+        arming_checks=params["ARMING_CHECK"] != 0,
+        mission_mode_armable=True,
+        mission_takes_off=True,
+        mission_restarts=params["MIS_RESTART"] == 1,
+        disarm_landed_s=delay_s,
+        disarm_unflown_s=math.inf,
+        gcs_sysid=int(params["SYSID_MYGCS"]),
+        gcs_timeout_s=params["FS_LONG_TIMEOUT"] if watched else math.inf,
+        gcs_action=long_action if watched else FailsafeAction.NOTHING,
+        battery_low_v=params["BATT_LOW_VOLT"],
+        battery_low_share=_share(params, "BATT_LOW_MAH"),
+        battery_low_action=_PLANE_BATTERY_ACTIONS.get(int(params["BATT_FS_LOW_ACT"]), FailsafeAction.WARN),
+        battery_critical_v=params["BATT_CRT_VOLT"],
+        battery_critical_share=_share(params, "BATT_CRT_MAH"),
+        battery_critical_action=_PLANE_BATTERY_ACTIONS.get(
+            int(params["BATT_FS_CRT_ACT"]), FailsafeAction.WARN
+        ),
+        battery_delay_s=params["BATT_LOW_TIMER"],
+        rc_required=params["SIM_RC_FAIL"] == 1 and params["THR_FAILSAFE"] == 1,
+        rc_action=long_action,
+        setpoint_timeout_s=3.0,
+        setpoint_action=FailsafeAction.HOLD,
+        position_lost_action=FailsafeAction.WARN,  # it flies on by dead reckoning
+        logs=_logs(params),
+        fence_enabled=params["FENCE_ENABLE"] == 1,
+        fence_action=_PLANE_FENCE_ACTIONS.get(int(params["FENCE_ACTION"]), FailsafeAction.WARN),
+        fence_max_height_m=params["FENCE_ALT_MAX"] if fence & FENCE_ALT_MAX else math.inf,
+        fence_min_height_m=params["FENCE_ALT_MIN"] if fence & FENCE_ALT_MIN else -math.inf,
+        fence_radius_m=params["FENCE_RADIUS"] if fence & FENCE_CIRCLE else math.inf,
+        fence_polygons=bool(fence & FENCE_POLYGONS),
+        fence_margin_m=params["FENCE_MARGIN"],
+        rally_limit_m=params["RALLY_LIMIT_KM"] * 1000 if params["RALLY_LIMIT_KM"] > 0 else math.inf,
+        rally_includes_home=params["RALLY_INCL_HOME"] == 1,
+        airspeed_min_m_s=params["AIRSPEED_MIN"],
+        airspeed_max_m_s=params["AIRSPEED_MAX"],
+        loiter_radius_m=params["WP_LOITER_RAD"],
+        bank_limit_deg=params["ROLL_LIMIT_DEG"],
+        wind_m_s=params["SIM_WIND_SPD"] if params["SIM_WIND_SPD"] > 0 else None,
+        wind_from_deg=params["SIM_WIND_DIR"],
+    )

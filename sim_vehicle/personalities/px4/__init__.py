@@ -1,0 +1,145 @@
+"""PX4 1.15.2, multicopter and fixed wing, as it shows itself on the wire."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.mission import Item
+from sim_vehicle.mission_px4 import Px4Mission
+from sim_vehicle.personalities.base import Behaviour, Personality
+from sim_vehicle.personalities.px4 import parameters, storage, tuning
+from sim_vehicle.personalities.px4.commands import COMMANDS
+from sim_vehicle.personalities.px4.items import store_item
+from sim_vehicle.personalities.px4.messages import DEFAULT_RATES_HZ, SINGLES
+from sim_vehicle.personalities.px4.modes import HOLD, MODES
+from sim_vehicle.personalities.px4.readiness import feasible, refusals
+from sim_vehicle.personalities.px4.texts import TEXTS
+from sim_vehicle.transfer.px4 import Px4Transfer
+
+if TYPE_CHECKING:
+    from sim_vehicle.autopilot import Autopilot
+
+MAX_MISSION_ITEMS = 6000
+MISSION_CHECK_S = 0.7
+READY_S = 37.0
+
+
+def _mission(vehicle: "Autopilot") -> Px4Mission:
+    return Px4Mission(feasible=lambda items: feasible(vehicle, items))
+
+
+def _transfer(vehicle: "Autopilot") -> Px4Transfer:
+    mission = vehicle.mission
+    assert isinstance(mission, Px4Mission)
+
+    def take(items: Sequence[Item], current: int) -> None:
+        vehicle.mission_checked_s = vehicle.now + MISSION_CHECK_S
+        mission.replace(vehicle.flight.pilot, items, current)
+
+    def set_current(index: int) -> None:
+        vehicle.set_current(index)
+
+    return Px4Transfer(
+        mission,
+        vehicle.fence,
+        vehicle.rally,
+        sysid=vehicle.sysid,
+        store_item=store_item,
+        max_items=MAX_MISSION_ITEMS,
+        send=vehicle.send,
+        say=vehicle.say,
+        replace=take,
+        set_current=set_current,
+        changed=lambda kind: _drop_violated(vehicle) if kind == mavlink.MAV_MISSION_TYPE_FENCE else None,
+        refusal=lambda: vehicle.afflictions.mission_refusal,
+    )
+
+
+def _drop_violated(vehicle: "Autopilot") -> None:
+    """Parts of a new fence that home, or a vehicle in the air, already violates are kept but not obeyed."""
+    if vehicle.home is not None and vehicle.fence.discard_violated(*vehicle.home_deg):
+        vehicle.tell("fence_without_home")
+    watched = vehicle.flight.flying and vehicle.tuning.fence_enabled
+    if watched and vehicle.fence.discard_violated(*vehicle.body.lat_lon_deg):
+        vehicle.tell("fence_without_vehicle")
+
+
+# Of the messages that a fleet can stream these are ArduPilot's.
+_LACKS = frozenset(
+    {
+        mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
+        mavlink.MAVLINK_MSG_ID_FENCE_STATUS,
+        mavlink.MAVLINK_MSG_ID_POWER_STATUS,
+        mavlink.MAVLINK_MSG_ID_RAW_IMU,
+        mavlink.MAVLINK_MSG_ID_SCALED_IMU2,
+        mavlink.MAVLINK_MSG_ID_WIND,
+    }
+)
+
+_COPTER = Personality(
+    name="px4",
+    autopilot=mavlink.MAV_AUTOPILOT_PX4,
+    vehicle_type=mavlink.MAV_TYPE_QUADROTOR,
+    plane=False,
+    modes=MappingProxyType(MODES),
+    boot_mode=HOLD,
+    boot_text=(),
+    flight_sw_version=0x010F02FF,  # 1.15.2, official release
+    capabilities=mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
+    | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
+    | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
+    | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
+    | mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+    | mavlink.MAV_PROTOCOL_CAPABILITY_FTP
+    | mavlink.MAV_PROTOCOL_CAPABILITY_SET_ATTITUDE_TARGET
+    | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
+    | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
+    | mavlink.MAV_PROTOCOL_CAPABILITY_FLIGHT_TERMINATION
+    | mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2,
+    parameters=MappingProxyType(parameters.COPTER),
+    read_only_parameters=frozenset({"MAV_SYS_ID"}),
+    parameters_byte_wise=True,
+    system_id_parameter="MAV_SYS_ID",
+    tuning=tuning.copter_tuning,
+    commands=COMMANDS,
+    arm_refused=mavlink.MAV_RESULT_TEMPORARILY_REJECTED,
+    disarm_refused=mavlink.MAV_RESULT_TEMPORARILY_REJECTED,
+    any_component=False,
+    acknowledges_set_mode=True,
+    home_item=False,
+    empty_mission_total=65_535,
+    tells_mission_state=False,
+    texts=MappingProxyType(TEXTS),
+    streams=MappingProxyType({}),
+    default_rates_hz=MappingProxyType(DEFAULT_RATES_HZ),
+    lacks=_LACKS,
+    singles=MappingProxyType(SINGLES | storage.SINGLES),
+    store_item=store_item,
+    max_mission_items=MAX_MISSION_ITEMS,
+    transfer=_transfer,
+    refusals=refusals,
+    ready_s=READY_S,
+    storage=storage.storage,
+    banner=("PX4 1.15.2 (sim_vehicle)",),
+    mission=_mission,
+    mission_ends_in=Behaviour.HOLD,
+    rereads_mode_switch=False,
+    active_when_armed=True,
+    force_arms=False,
+    landing_disarms=False,
+    disarm_restores_mode=True,
+    answers_ping=True,
+)
+
+_PLANE = replace(
+    _COPTER,
+    vehicle_type=mavlink.MAV_TYPE_FIXED_WING,
+    plane=True,
+    parameters=MappingProxyType(parameters.PLANE),
+    tuning=tuning.plane_tuning,
+)
+
+PX4 = MappingProxyType({"copter": _COPTER, "plane": _PLANE})

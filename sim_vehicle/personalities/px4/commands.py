@@ -1,0 +1,362 @@
+"""What PX4 1.15 answers to commands, where that is not what every autopilot does.
+
+Most commands are a change of mode. On the ground any mode may be chosen; in the air one that cannot run is
+TEMPORARILY_REJECTED, with a text.
+"""
+
+import math
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle import commands as common
+from sim_vehicle.faults import failure_command as failures
+from sim_vehicle.personalities.base import CommandHandler
+from sim_vehicle.personalities.px4 import modes
+from sim_vehicle.personalities.px4.orbit import Orbit
+from sim_vehicle.place import Place
+
+if TYPE_CHECKING:
+    from sim_vehicle.autopilot import Autopilot
+    from sim_vehicle.commands import Command
+
+ACCEPTED, DENIED = int(mavlink.MAV_RESULT_ACCEPTED), int(mavlink.MAV_RESULT_DENIED)
+FAILED, UNSUPPORTED = int(mavlink.MAV_RESULT_FAILED), int(mavlink.MAV_RESULT_UNSUPPORTED)
+TEMPORARILY_REJECTED = int(mavlink.MAV_RESULT_TEMPORARILY_REJECTED)
+CUSTOM, AUTO = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, mavlink.MAV_MODE_FLAG_AUTO_ENABLED
+STICKS, GUIDED = mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED, mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
+STABILIZED = mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
+ORBIT_RADIUS_M, ORBIT_SPEED_M_S = 10.0, 3.0
+CALIBRATIONS = ("gyro", "mag", "baro", "rc", "accel")  # by parameter
+TURNED_BY_HAND = frozenset({"mag", "accel"})
+
+
+def _whole(value: float) -> int:
+    """A parameter that is meant to be an integer; -1 where it is no number."""
+    return int(value) if math.isfinite(value) else -1
+
+
+def _change(vehicle: "Autopilot", number: int, now: float) -> int:
+    return ACCEPTED if vehicle.set_mode(number, now) else TEMPORARILY_REJECTED
+
+
+def set_mode(vehicle: "Autopilot", command: "Command", now: float) -> int:
+    """param1: base_mode, param2: main mode, param3: sub mode; an unknown main mode is taken for none."""
+    base_mode, main, sub = (
+        _whole(value) & 0xFF for value in (command.param1, command.param2, command.param3)
+    )
+    number = _wanted_mode(base_mode, main, sub)
+    if number is None:
+        return ACCEPTED  # and nothing changes
+    return _change(vehicle, number, now)
+
+
+def _wanted_mode(base_mode: int, main: int, sub: int) -> int | None:
+    if base_mode & CUSTOM:
+        if main == modes.MAIN_AUTO:
+            return modes.number(main, sub) if sub else modes.MISSION
+        if main == modes.MAIN_POSITION:
+            return modes.POSITION_SLOW if sub == modes.SUB_SLOW else modes.POSITION
+        number = modes.number(main)
+        return number if number in modes.MODES and modes.MODES[number].selectable else None
+    if base_mode & AUTO:
+        return modes.MISSION
+    if base_mode & STICKS:
+        if base_mode & GUIDED:
+            return modes.POSITION
+        return modes.STABILIZED if base_mode & STABILIZED else modes.MANUAL
+    return None
+
+
+def set_standard_mode(vehicle: "Autopilot", command: "Command", now: float) -> int:
+    standard = _whole(command.param1)
+    for mode in modes.MODES.values():
+        if mode.standard == standard > 0 and mode.selectable:
+            return _change(vehicle, mode.number, now)
+    return FAILED
+
+
+def arm_disarm(vehicle: "Autopilot", command: "Command", now: float) -> int:
+    """A forced arming from outside is checked like any other; a forced disarming is not."""
+    action = round(command.param1) if math.isfinite(command.param1) else -1
+    if action == 1:
+        return ACCEPTED if vehicle.arm(now, force=False) else TEMPORARILY_REJECTED
+    if action == 0:
+        forced = _whole(command.param2) == common.FORCE
+        return ACCEPTED if vehicle.disarm(force=forced) else TEMPORARILY_REJECTED
+    return UNSUPPORTED
+
+
+def takeoff(vehicle: "Autopilot", command: "Command", now: float) -> int:
+    """Mode TAKEOFF, to param7 above mean sea level; no number, or too low: to MIS_TAKEOFF_ALT above home."""
+    if not vehicle.set_mode(modes.TAKEOFF, now):
+        return TEMPORARILY_REJECTED
+    aim_m = command.z if math.isfinite(command.z) else None
+    least_m = vehicle.flight.home().alt_amsl_m + vehicle.tuning.takeoff_height_m
+    if aim_m is not None and aim_m < least_m - 0.1:
+        vehicle.tell("takeoff_raised", height=vehicle.tuning.takeoff_height_m)
+    vehicle.flight.takeoff_amsl_m = aim_m
+    vehicle.flight.begin_takeoff()
+    return ACCEPTED
+
+
+def land(vehicle: "Autopilot", _command: "Command", now: float) -> int:
+    if not vehicle.set_mode(modes.LAND, now):
+        return TEMPORARILY_REJECTED
+    vehicle.tell("landing")
+    return ACCEPTED
+
+
+def return_to_launch(vehicle: "Autopilot", _command: "Command", now: float) -> int:
+    if not vehicle.set_mode(modes.RETURN, now):
+        return TEMPORARILY_REJECTED
+    vehicle.tell("returning")
+    return ACCEPTED
+
+
+def mission_start(vehicle: "Autopilot", command: "Command", now: float) -> int:
+    """Mission mode, armed: it takes off by itself. param1: the first item, -1 the current one."""
+    if not vehicle.mission_ready(now):
+        vehicle.tell("no_mission_to_start")
+        return DENIED
+    if not (math.isfinite(command.param1) and -1 <= command.param1 < vehicle.mission.count):
+        return DENIED
+    if not vehicle.set_mode(modes.MISSION, now):
+        return TEMPORARILY_REJECTED
+    if not vehicle.arming.arm(now, force=False, text="armed_by_mission"):
+        vehicle.tell("mode_needs_mission", mode=modes.MODES[modes.MISSION].name)
+        return TEMPORARILY_REJECTED
+    if command.param1 >= 0:
+        vehicle.set_current(_whole(command.param1))
+    return ACCEPTED
+
+
+def reposition(vehicle: "Autopilot", command: "Command", now: float) -> int:
+    """Hold, and there: in whatever frame, the altitude is above mean sea level. What is no number stays."""
+    if _whole(command.param2) != mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE:
+        return UNSUPPORTED
+    if not vehicle.set_mode(modes.HOLD, now):
+        return TEMPORARILY_REJECTED
+    here = vehicle.here()
+    placed = math.isfinite(command.lat_deg) and math.isfinite(command.lon_deg)
+    lat_deg, lon_deg = (command.lat_deg, command.lon_deg) if placed else (here.lat_deg, here.lon_deg)
+    if abs(lat_deg) > 90 or abs(lon_deg) > 180 or abs(command.z) >= common.MAX_ALTITUDE_M:
+        return ACCEPTED  # the commander has answered before the navigator looks at the numbers
+    up_m = command.z if math.isfinite(command.z) else here.alt_amsl_m
+    _go(vehicle, Place(lat_deg, lon_deg, up_m))
+    if command.param1 > 0:
+        vehicle.flight.change_speed(mavlink.SPEED_TYPE_GROUNDSPEED, command.param1)
+    if math.isfinite(command.param4) and vehicle.flight.flying and not vehicle.body.plane:
+        vehicle.body.face(command.param4 % (2 * math.pi))
+    return ACCEPTED
+
+
+def _go(vehicle: "Autopilot", place: Place) -> None:
+    height_m = place.alt_amsl_m - vehicle.flight.home().alt_amsl_m
+    if vehicle.fence_watch.enabled and vehicle.fence_watch.find(place.lat_deg, place.lon_deg, height_m):
+        vehicle.tell("reposition_outside_fence")
+        return
+    vehicle.flight.guided_go(place.lat_deg, place.lon_deg, place.alt_amsl_m)
+
+
+def change_altitude(vehicle: "Autopilot", command: "Command", now: float) -> int:
+    """param1: altitude above mean sea level, held where the vehicle is."""
+    if not vehicle.set_mode(modes.HOLD, now):
+        return TEMPORARILY_REJECTED
+    if math.isfinite(command.param1):
+        here = vehicle.here()
+        _go(vehicle, Place(here.lat_deg, here.lon_deg, command.param1))
+    return ACCEPTED
+
+
+def change_speed(vehicle: "Autopilot", command: "Command", _now: float) -> int:
+    """Of whatever kind the speed is said to be, it is the cruising speed; none restores it."""
+    if not vehicle.flight.change_speed(mavlink.SPEED_TYPE_GROUNDSPEED, command.param2):
+        vehicle.body.limit(speed_m_s=vehicle.tuning.speed_m_s)
+    return ACCEPTED
+
+
+def orbit(vehicle: "Autopilot", command: "Command", now: float) -> int:
+    """Circle a place, a plane in Hold. param1: radius [m], left about if negative; param2: speed [m/s]."""
+    if not vehicle.flight.flying or not vehicle.position_known(now):
+        vehicle.tell("orbit_refused")
+        return TEMPORARILY_REJECTED
+    here = vehicle.here()
+    placed = math.isfinite(command.lat_deg) and math.isfinite(command.lon_deg)
+    centre = (command.lat_deg, command.lon_deg) if placed else (here.lat_deg, here.lon_deg)
+    radius_m = command.param1 if math.isfinite(command.param1) and command.param1 else ORBIT_RADIUS_M
+    up_m = command.z if math.isfinite(command.z) else here.alt_amsl_m
+    if vehicle.body.plane:
+        vehicle.enter_mode(modes.HOLD)
+        vehicle.body.loiter(*vehicle.body.locate(*centre), up_m, radius_m)
+        return ACCEPTED
+    vehicle.enter_mode(modes.ORBIT)
+    speed_m_s = abs(command.param2) if math.isfinite(command.param2) and command.param2 else ORBIT_SPEED_M_S
+    vehicle.flight.fly(Orbit(vehicle.body, vehicle.body.locate(*centre), up_m, radius_m, speed_m_s))
+    return ACCEPTED
+
+
+def set_home(vehicle: "Autopilot", command: "Command", now: float) -> int:
+    if vehicle.params["COM_HOME_EN"] != 1:
+        return DENIED
+    here = command.param1 > 0.5
+    numbers = (command.lat_deg, command.lon_deg, command.z)
+    if not here and not all(math.isfinite(number) for number in numbers):
+        return DENIED
+    if not vehicle.position_known(now):
+        return TEMPORARILY_REJECTED
+    if here:
+        vehicle.set_home(vehicle.here(), now, locked=True)
+        return ACCEPTED
+    place = command.place()
+    if place is None:
+        return DENIED
+    vehicle.set_home(Place(*place, command.z), now, locked=True)
+    return ACCEPTED
+
+
+def terminate(vehicle: "Autopilot", command: "Command", _now: float) -> int:
+    if not (command.param1 > 0.5 and vehicle.armed):
+        return DENIED
+    vehicle.enter_mode(modes.TERMINATION)
+    vehicle.disarm(force=True)
+    return ACCEPTED
+
+
+def reboot(vehicle: "Autopilot", command: "Command", _now: float) -> int:
+    """0 nothing, 1 reboot, 3 stay in the bootloader (which comes back as well); refused while armed."""
+    if command.param1 == 0:
+        return ACCEPTED
+    if command.param1 not in (1, 3) or vehicle.armed:
+        return DENIED
+    vehicle.reboot_after_reply = True
+    return ACCEPTED
+
+
+def calibrate(vehicle: "Autopilot", command: "Command", _now: float) -> int:
+    """Says how it goes in texts. What needs the vehicle turned by hand fails: here nobody turns it."""
+    if vehicle.armed:
+        return TEMPORARILY_REJECTED
+    wanted = (command.param1, command.param2, command.param3, command.param4, command.lat_deg)
+    chosen = [name for name, value in zip(CALIBRATIONS, wanted, strict=True) if _whole(value) == 1]
+    if _whole(command.lat_deg) == 2:
+        chosen.append("level")
+    for name in chosen[:1]:
+        vehicle.say(mavlink.MAV_SEVERITY_INFO, f"[cal] calibration started: 2 {name}")
+        done = "failed: timeout" if name in TURNED_BY_HAND else f"done: {name}"
+        vehicle.say(mavlink.MAV_SEVERITY_INFO, f"[cal] calibration {done}")
+    return ACCEPTED
+
+
+def storage(vehicle: "Autopilot", command: "Command", _now: float) -> int:
+    """0 read, 1 write (nothing to do: what is set is kept); 2 and 4: back to the defaults."""
+    if vehicle.armed:
+        return TEMPORARILY_REJECTED
+    action = _whole(command.param1)
+    if action not in range(5):
+        return DENIED
+    if action in (2, 4):
+        for name, value in vehicle.params.defaults.items():
+            vehicle.params.set(name, value)
+        vehicle.retune()
+    return ACCEPTED
+
+
+def run_prearm_checks(vehicle: "Autopilot", _command: "Command", now: float) -> int:
+    vehicle.tell_refusals("prearm_check", now)
+    return ACCEPTED
+
+
+def set_message_interval(vehicle: "Autopilot", command: "Command", now: float) -> int:
+    return FAILED if common.set_message_interval(vehicle, command, now) != ACCEPTED else ACCEPTED
+
+
+def request_message(vehicle: "Autopilot", command: "Command", now: float) -> int:
+    return DENIED if common.request_message(vehicle, command, now) != ACCEPTED else ACCEPTED
+
+
+def get_home(vehicle: "Autopilot", command: "Command", now: float) -> int:
+    return DENIED if common.get_home(vehicle, command, now) != ACCEPTED else ACCEPTED
+
+
+def flight_information(vehicle: "Autopilot", _command: "Command", now: float) -> int:
+    return ACCEPTED if vehicle.send_now(mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION, now) else DENIED
+
+
+def inject_failure(vehicle: "Autopilot", command: "Command", now: float) -> int:
+    """Only where SYS_FAILURE_EN allows it."""
+    if vehicle.params["SYS_FAILURE_EN"] != 1:
+        return DENIED
+    return failures.inject_failure(
+        command.param1, command.param2, command.param3, vehicle.replace_faults, now
+    )
+
+
+def actuator_test(vehicle: "Autopilot", command: "Command", _now: float) -> int:
+    """Motors and servos have nothing to show; what counts is when it is allowed."""
+    if vehicle.armed or vehicle.params["COM_MOT_TEST_EN"] != 1:
+        return DENIED
+    output = _whole(command.lat_deg)
+    return ACCEPTED if 1 <= output <= 12 or 33 <= output <= 40 or output >= 1000 else UNSUPPORTED
+
+
+def _accept(_vehicle: "Autopilot", _command: "Command", _now: float) -> int:
+    return ACCEPTED
+
+
+def _unsupported(_vehicle: "Autopilot", _command: "Command", _now: float) -> int:
+    return UNSUPPORTED
+
+
+def _high_latency(vehicle: "Autopilot", _command: "Command", _now: float) -> int:
+    vehicle.tell("no_high_latency")
+    return FAILED
+
+
+_NOT_HERE = (
+    mavlink.MAV_CMD_DO_PAUSE_CONTINUE,
+    mavlink.MAV_CMD_DO_FENCE_ENABLE,
+    mavlink.MAV_CMD_DO_SET_MISSION_CURRENT,
+    mavlink.MAV_CMD_CONDITION_YAW,
+    mavlink.MAV_CMD_DO_MOTOR_TEST,
+)
+_TAKEN = (
+    mavlink.MAV_CMD_NAV_ROI,
+    mavlink.MAV_CMD_DO_SET_ROI,
+    mavlink.MAV_CMD_DO_SET_ROI_LOCATION,
+    mavlink.MAV_CMD_DO_SET_ROI_WPNEXT_OFFSET,
+    mavlink.MAV_CMD_DO_SET_ROI_NONE,
+    mavlink.MAV_CMD_DO_SET_ACTUATOR,
+)
+
+COMMANDS: MappingProxyType[int, CommandHandler] = MappingProxyType(
+    dict.fromkeys(_NOT_HERE, _unsupported)
+    | dict.fromkeys(_TAKEN, _accept)
+    | {
+        mavlink.MAV_CMD_COMPONENT_ARM_DISARM: arm_disarm,
+        mavlink.MAV_CMD_DO_SET_MODE: set_mode,
+        mavlink.MAV_CMD_DO_SET_STANDARD_MODE: set_standard_mode,
+        mavlink.MAV_CMD_NAV_TAKEOFF: takeoff,
+        mavlink.MAV_CMD_NAV_LAND: land,
+        mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: return_to_launch,
+        mavlink.MAV_CMD_MISSION_START: mission_start,
+        mavlink.MAV_CMD_DO_REPOSITION: reposition,
+        mavlink.MAV_CMD_DO_CHANGE_ALTITUDE: change_altitude,
+        mavlink.MAV_CMD_DO_CHANGE_SPEED: change_speed,
+        mavlink.MAV_CMD_DO_ORBIT: orbit,
+        mavlink.MAV_CMD_DO_SET_HOME: set_home,
+        mavlink.MAV_CMD_DO_FLIGHTTERMINATION: terminate,
+        mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: reboot,
+        mavlink.MAV_CMD_PREFLIGHT_CALIBRATION: calibrate,
+        mavlink.MAV_CMD_PREFLIGHT_STORAGE: storage,
+        mavlink.MAV_CMD_RUN_PREARM_CHECKS: run_prearm_checks,
+        mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: set_message_interval,
+        mavlink.MAV_CMD_REQUEST_MESSAGE: request_message,
+        mavlink.MAV_CMD_GET_HOME_POSITION: get_home,
+        mavlink.MAV_CMD_REQUEST_FLIGHT_INFORMATION: flight_information,
+        mavlink.MAV_CMD_INJECT_FAILURE: inject_failure,
+        mavlink.MAV_CMD_ACTUATOR_TEST: actuator_test,
+        mavlink.MAV_CMD_CONTROL_HIGH_LATENCY: _high_latency,
+    }
+)

@@ -1,0 +1,100 @@
+"""What PX4 takes as a mission, fence or rally item: the commands, and the frame each of them needs."""
+
+import math
+from dataclasses import replace
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.mission import Item
+
+# Frames that name a place, and the frame an item is read back in.
+READ_BACK_FRAME = {
+    mavlink.MAV_FRAME_GLOBAL: mavlink.MAV_FRAME_GLOBAL_INT,
+    mavlink.MAV_FRAME_GLOBAL_INT: mavlink.MAV_FRAME_GLOBAL_INT,
+    mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT: mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+    mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT: mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+}
+
+_WITH_PLACE = frozenset(
+    {
+        mavlink.MAV_CMD_NAV_WAYPOINT,
+        mavlink.MAV_CMD_NAV_LOITER_UNLIM,
+        mavlink.MAV_CMD_NAV_LOITER_TIME,
+        mavlink.MAV_CMD_NAV_LAND,
+        mavlink.MAV_CMD_NAV_TAKEOFF,
+        mavlink.MAV_CMD_NAV_LOITER_TO_ALT,
+        mavlink.MAV_CMD_NAV_VTOL_TAKEOFF,
+        mavlink.MAV_CMD_NAV_VTOL_LAND,
+        mavlink.MAV_CMD_NAV_ROI,
+        mavlink.MAV_CMD_DO_SET_ROI,
+        mavlink.MAV_CMD_DO_SET_ROI_LOCATION,
+        mavlink.MAV_CMD_CONDITION_GATE,
+        mavlink.MAV_CMD_NAV_FENCE_RETURN_POINT,
+        mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION,
+        mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION,
+        mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION,
+        mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION,
+        mavlink.MAV_CMD_NAV_RALLY_POINT,
+    }
+)
+_ROI = frozenset({mavlink.MAV_CMD_NAV_ROI, mavlink.MAV_CMD_DO_SET_ROI})
+_ROI_WITH_PLACE = frozenset({mavlink.MAV_ROI_LOCATION, mavlink.MAV_ROI_NONE})
+_ROI_WITHOUT_PLACE = frozenset({mavlink.MAV_ROI_NONE, mavlink.MAV_ROI_WPNEXT, mavlink.MAV_ROI_WPINDEX})
+
+# Commands without a place; they are taken in frame MISSION only.
+_WITHOUT_PLACE = frozenset(
+    {
+        mavlink.MAV_CMD_DO_JUMP,
+        mavlink.MAV_CMD_NAV_ROI,
+        mavlink.MAV_CMD_DO_SET_ROI,
+        mavlink.MAV_CMD_DO_WINCH,
+        mavlink.MAV_CMD_DO_GRIPPER,
+        mavlink.MAV_CMD_DO_CHANGE_SPEED,
+        mavlink.MAV_CMD_DO_SET_HOME,
+        mavlink.MAV_CMD_DO_LAND_START,
+        mavlink.MAV_CMD_DO_DIGICAM_CONTROL,
+        mavlink.MAV_CMD_DO_MOUNT_CONFIGURE,
+        mavlink.MAV_CMD_DO_MOUNT_CONTROL,
+        mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW,
+        mavlink.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE,
+        mavlink.MAV_CMD_IMAGE_START_CAPTURE,
+        mavlink.MAV_CMD_IMAGE_STOP_CAPTURE,
+        mavlink.MAV_CMD_VIDEO_START_CAPTURE,
+        mavlink.MAV_CMD_VIDEO_STOP_CAPTURE,
+        mavlink.MAV_CMD_DO_CONTROL_VIDEO,
+        mavlink.MAV_CMD_DO_SET_CAM_TRIGG_DIST,
+        mavlink.MAV_CMD_OBLIQUE_SURVEY,
+        mavlink.MAV_CMD_DO_SET_CAM_TRIGG_INTERVAL,
+        mavlink.MAV_CMD_DO_TRIGGER_CONTROL,
+        mavlink.MAV_CMD_SET_CAMERA_MODE,
+        mavlink.MAV_CMD_SET_CAMERA_ZOOM,
+        mavlink.MAV_CMD_SET_CAMERA_FOCUS,
+        mavlink.MAV_CMD_DO_VTOL_TRANSITION,
+        mavlink.MAV_CMD_NAV_DELAY,
+        mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH,
+        mavlink.MAV_CMD_DO_SET_ROI_WPNEXT_OFFSET,
+        mavlink.MAV_CMD_DO_SET_ROI_NONE,
+        mavlink.MAV_CMD_CONDITION_DELAY,
+        mavlink.MAV_CMD_CONDITION_DISTANCE,
+        mavlink.MAV_CMD_DO_SET_ACTUATOR,
+    }
+)
+
+
+def store_item(item: Item) -> Item | int:
+    """What PX4 keeps of an item; or the MAV_MISSION_RESULT it refuses it with.
+
+    All parameters are kept, and whether the numbers make sense is not looked at here: a NaN altitude, a
+    latitude of 100 degrees and a jump to an item that does not exist are stored and read back.
+    """
+    if item.frame in READ_BACK_FRAME:
+        commands, regions, frame = _WITH_PLACE, _ROI_WITH_PLACE, READ_BACK_FRAME[item.frame]
+    elif item.frame == mavlink.MAV_FRAME_MISSION:
+        commands, regions, frame = _WITHOUT_PLACE, _ROI_WITHOUT_PLACE, item.frame
+    else:
+        return int(mavlink.MAV_MISSION_UNSUPPORTED_FRAME)
+    if item.command not in commands:
+        return int(mavlink.MAV_MISSION_UNSUPPORTED)
+    if item.command in _ROI and not (math.isfinite(item.param1) and int(item.param1) in regions):
+        return int(mavlink.MAV_MISSION_INVALID_PARAM1)
+    return replace(item, frame=frame)

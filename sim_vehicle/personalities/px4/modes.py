@@ -1,0 +1,130 @@
+"""Flight modes of PX4 1.15: how they are numbered, and what they do with nobody at a stick.
+
+custom_mode on the wire is sub mode << 24 | main mode << 16. A mode that a pilot flies (`needs_pilot`) can be
+chosen on the ground, but neither armed in nor entered in the air while there is no manual control.
+"""
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.personalities.base import Behaviour, Mode
+
+MAIN_MANUAL, MAIN_ALTITUDE, MAIN_POSITION, MAIN_AUTO = 1, 2, 3, 4
+MAIN_ACRO, MAIN_OFFBOARD, MAIN_STABILIZED, MAIN_TERMINATION = 5, 6, 7, 10
+SUB_ORBIT, SUB_SLOW = 1, 2  # of MAIN_POSITION
+SUB_TAKEOFF, SUB_HOLD, SUB_MISSION, SUB_RETURN, SUB_LAND, SUB_PRECISION_LAND = (
+    2,
+    3,
+    4,
+    5,
+    6,
+    9,
+)  # of MAIN_AUTO
+
+_PILOT = mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED | mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
+_AUTO = (
+    mavlink.MAV_MODE_FLAG_AUTO_ENABLED
+    | mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
+    | mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
+)
+
+
+def number(main: int, sub: int = 0) -> int:
+    """custom_mode of a main and a sub mode."""
+    return sub << 24 | main << 16
+
+
+def main_and_sub(custom_mode: int) -> tuple[int, int]:
+    """The reverse of `number`."""
+    return custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF
+
+
+MANUAL = number(MAIN_MANUAL)
+ALTITUDE = number(MAIN_ALTITUDE)
+POSITION = number(MAIN_POSITION)
+ORBIT = number(MAIN_POSITION, SUB_ORBIT)
+POSITION_SLOW = number(MAIN_POSITION, SUB_SLOW)
+TAKEOFF = number(MAIN_AUTO, SUB_TAKEOFF)
+HOLD = number(MAIN_AUTO, SUB_HOLD)
+MISSION = number(MAIN_AUTO, SUB_MISSION)
+RETURN = number(MAIN_AUTO, SUB_RETURN)
+LAND = number(MAIN_AUTO, SUB_LAND)
+PRECISION_LAND = number(MAIN_AUTO, SUB_PRECISION_LAND)
+ACRO = number(MAIN_ACRO)
+OFFBOARD = number(MAIN_OFFBOARD)
+STABILIZED = number(MAIN_STABILIZED)
+TERMINATION = number(MAIN_TERMINATION)
+
+
+def _pilot(
+    custom_mode: int,
+    name: str,
+    behaviour: Behaviour,
+    base_mode: int,
+    *,
+    position: bool = False,
+    standard: int = 0,
+) -> Mode:
+    return Mode(
+        custom_mode,
+        name,
+        behaviour,
+        armable=True,
+        needs_position=position,
+        base_mode=base_mode,
+        standard=standard,
+        needs_pilot=True,
+    )
+
+
+def _auto(
+    custom_mode: int, name: str, behaviour: Behaviour, standard: int = 0, *, armable: bool = False
+) -> Mode:
+    return Mode(custom_mode, name, behaviour, armable=armable, base_mode=_AUTO, standard=standard)
+
+
+_MODES = (
+    _pilot(MANUAL, "Manual", Behaviour.DROP, _PILOT),
+    _pilot(ALTITUDE, "Altitude", Behaviour.HOLD, _PILOT, standard=mavlink.MAV_STANDARD_MODE_ALTITUDE_HOLD),
+    _pilot(
+        POSITION,
+        "Position",
+        Behaviour.HOLD,
+        _PILOT,
+        position=True,
+        standard=mavlink.MAV_STANDARD_MODE_POSITION_HOLD,
+    ),
+    _pilot(POSITION_SLOW, "Position Slow", Behaviour.HOLD, _PILOT, position=True),
+    _auto(MISSION, "Mission", Behaviour.MISSION, mavlink.MAV_STANDARD_MODE_MISSION, armable=True),
+    _auto(HOLD, "Hold", Behaviour.HOLD, armable=True),
+    _auto(RETURN, "Return", Behaviour.RETURN, mavlink.MAV_STANDARD_MODE_SAFE_RECOVERY),
+    _pilot(ACRO, "Acro", Behaviour.DROP, mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED),
+    Mode(
+        OFFBOARD,
+        "Offboard",
+        Behaviour.GUIDED,
+        armable=True,
+        base_mode=mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED,
+        setpoints_only=True,
+    ),
+    _pilot(STABILIZED, "Stabilized", Behaviour.DROP, _PILOT),
+    _auto(TAKEOFF, "Takeoff", Behaviour.TAKEOFF, mavlink.MAV_STANDARD_MODE_TAKEOFF, armable=True),
+    Mode(
+        LAND,
+        "Land",
+        Behaviour.LAND,
+        needs_position=False,
+        base_mode=_AUTO,
+        standard=mavlink.MAV_STANDARD_MODE_LAND,
+    ),
+    _auto(PRECISION_LAND, "Precision Landing", Behaviour.LAND),
+    Mode(
+        ORBIT,
+        "Orbit",
+        Behaviour.HOLD,
+        base_mode=_AUTO,
+        standard=mavlink.MAV_STANDARD_MODE_ORBIT,
+        selectable=False,
+    ),
+    Mode(TERMINATION, "Termination", Behaviour.DROP, needs_position=False, selectable=False),
+)
+MODES: dict[int, Mode] = {mode.number: mode for mode in _MODES}

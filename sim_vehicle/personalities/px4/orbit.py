@@ -1,0 +1,47 @@
+"""A circle around a place, flown by a multicopter that faces the middle."""
+
+import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sim_vehicle.body import Body
+
+CORRECTION_PER_S = 0.5  # of a distance from the circle
+CENTRIPETAL_M_S2 = 2.0  # what the airframe holds on a circle, which limits the speed on a narrow one
+NARROWEST_M, WIDEST_M = 1.0, 1000.0
+
+
+class Orbit:
+    """Flown until something else is: `update` never says that it is done.
+
+    centre_m: east, north [m]; up_m: altitude above mean sea level; radius_m: negative is counter-clockwise.
+    """
+
+    def __init__(
+        self, body: "Body", centre_m: tuple[float, float], up_m: float, radius_m: float, speed_m_s: float
+    ) -> None:
+        self._body, self._centre_m, self._up_m = body, centre_m, up_m
+        self._radius_m = min(max(abs(radius_m), NARROWEST_M), WIDEST_M)
+        self._turns = -1.0 if radius_m < 0 else 1.0
+        self._speed_m_s = min(speed_m_s, math.sqrt(CENTRIPETAL_M_S2 * self._radius_m))
+
+    def update(self, _now: float) -> bool:
+        east_m, north_m, up_m = self._body.position_m
+        away_m = (east_m - self._centre_m[0], north_m - self._centre_m[1])
+        distance_m = math.hypot(*away_m)
+        east, north = (away_m[0] / distance_m, away_m[1] / distance_m) if distance_m > 0.1 else (1.0, 0.0)
+        outward_m_s = self._limited((self._radius_m - distance_m) * CORRECTION_PER_S)
+        # Along the circle only once it is near; clockwise is the tangent (north, -east) of (east, north).
+        nearness = max(0.0, 1.0 - abs(self._radius_m - distance_m) / self._radius_m)
+        along_m_s = self._turns * self._speed_m_s * nearness
+        velocity_m_s = (
+            outward_m_s * east + along_m_s * north,
+            outward_m_s * north - along_m_s * east,
+            self._limited((self._up_m - up_m) * CORRECTION_PER_S),
+        )
+        # On a circle the velocity turns; the target velocity leads by what the airframe needs to follow.
+        self._body.move(velocity_m_s, yaw_rad=math.atan2(-east, -north))
+        return False
+
+    def _limited(self, speed_m_s: float) -> float:
+        return min(max(speed_m_s, -self._speed_m_s), self._speed_m_s)

@@ -1,0 +1,90 @@
+"""Why a PX4 would not arm, and whether it has a mission that it would fly."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.mission import Item
+from sim_vehicle.personalities.base import Behaviour
+
+if TYPE_CHECKING:
+    from sim_vehicle.autopilot import Autopilot
+
+_TAKEOFFS = frozenset({mavlink.MAV_CMD_NAV_TAKEOFF, mavlink.MAV_CMD_NAV_VTOL_TAKEOFF})
+_LANDINGS = frozenset({mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_VTOL_LAND})
+TAKEOFF_REQUIRED, LANDING_REQUIRED, BOTH_REQUIRED, BOTH_OR_NONE = 1, 2, 3, 4  # MIS_TKO_LAND_REQ
+
+_UNHEALTHY = {
+    mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO: "No valid data from Gyro 0",
+    mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL: "No valid data from Accel 0",
+    mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG: "No valid data from Compass 0",
+    mavlink.MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE: "No valid data from Baro 0",
+    mavlink.MAV_SYS_STATUS_SENSOR_DIFFERENTIAL_PRESSURE: "Airspeed invalid",
+    mavlink.MAV_SYS_STATUS_SENSOR_GPS: "GPS fix too low",
+    mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER: "No manual control input",
+    mavlink.MAV_SYS_STATUS_AHRS: "ekf2 missing data",
+    mavlink.MAV_SYS_STATUS_LOGGING: "Logger not running",
+    mavlink.MAV_SYS_STATUS_SENSOR_BATTERY: "Battery unhealthy",
+}
+
+
+def refusals(vehicle: "Autopilot", now: float) -> list[str]:
+    """Everything that speaks against arming in the present mode, in PX4's words."""
+    return [*_estimate(vehicle, now), *_mode(vehicle, now), *_system(vehicle)]
+
+
+def _estimate(vehicle: "Autopilot", now: float) -> list[str]:
+    if not vehicle.mode.needs_position or vehicle.position_known(now):
+        return []
+    if not vehicle.readiness.gps_fix(now):
+        return ["ekf2 missing data"]
+    return ["No valid global position estimate"]
+
+
+def _mode(vehicle: "Autopilot", now: float) -> list[str]:
+    mode = vehicle.mode
+    if not mode.armable:
+        return ["Mode not suitable for takeoff"]
+    if mode.needs_pilot and vehicle.tuning.pilot_missing:
+        return ["No manual control input"]
+    if mode.setpoints_only and not vehicle.setpoints.streaming(now):
+        return ["No offboard signal"]
+    if mode.behaviour is Behaviour.MISSION and not vehicle.mission_ready(now):
+        return ["No valid mission available"]
+    return []
+
+
+def _system(vehicle: "Autopilot") -> list[str]:
+    reasons = []
+    if vehicle.failsafes.gcs_missing:
+        reasons.append("No connection to the ground control station")
+    if vehicle.body.battery_remaining < vehicle.tuning.battery_warning_share:
+        reasons.append("Low battery")
+    if vehicle.params["COM_ARM_MIS_REQ"] == 1 and vehicle.mission.empty:
+        reasons.append("No valid mission")
+    unhealthy = vehicle.afflictions.unhealthy_sensors
+    return reasons + [reason for bit, reason in _UNHEALTHY.items() if unhealthy & bit]
+
+
+def feasible(vehicle: "Autopilot", items: Sequence[Item]) -> bool:
+    """Whether a mission would be flown; why not is said in a text."""
+    refusal = _infeasible(items, int(vehicle.params["MIS_TKO_LAND_REQ"]))
+    if refusal is not None:
+        vehicle.say(mavlink.MAV_SEVERITY_CRITICAL, refusal)
+    return refusal is None and bool(items)
+
+
+def _infeasible(items: Sequence[Item], required: int) -> str | None:
+    if not items:
+        return None
+    takeoff = any(item.command in _TAKEOFFS for item in items)
+    landing = any(item.command in _LANDINGS for item in items)
+    if required in (TAKEOFF_REQUIRED, BOTH_REQUIRED) and not takeoff:
+        return "Mission rejected: Takeoff waypoint required."
+    if required in (LANDING_REQUIRED, BOTH_REQUIRED) and not landing:
+        return "Mission rejected: Landing waypoint/pattern required."
+    if required == BOTH_OR_NONE and takeoff != landing:
+        missing = "Landing item" if takeoff else "Takeoff item"
+        return f"Mission rejected: Add {missing} or remove the other."
+    return None

@@ -1,0 +1,64 @@
+"""PX4's logs and files: ULog and the component metadata."""
+
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from sim_vehicle import ftp_rules, log_transfer
+from sim_vehicle.component_metadata import (
+    COMPONENT_INFORMATION,
+    COMPONENT_INFORMATION_BASIC,
+    COMPONENT_METADATA,
+    Component,
+    ComponentMetadata,
+    ParameterMeta,
+)
+from sim_vehicle.logs.recorder import LogLimits
+from sim_vehicle.logs.ulog import UlogLog
+from sim_vehicle.personalities.px4 import parameters
+from sim_vehicle.storage import Storage
+from sim_vehicle.vehicle_files import px4_files
+
+if TYPE_CHECKING:
+    from sim_vehicle.autopilot import Autopilot
+
+
+def storage(vehicle: "Autopilot", limits: LogLimits) -> Storage:
+    """The storage of one vehicle."""
+    return Storage(
+        vehicle,
+        new_log=UlogLog,
+        files=lambda recorder: px4_files(metadata=lambda: _metadata_of(vehicle), recorder=recorder),
+        ftp_rules=ftp_rules.PX4,
+        log_rules=log_transfer.PX4,
+        limits=limits,
+    )
+
+
+def _metadata_of(vehicle: "Autopilot") -> ComponentMetadata:
+    personality = vehicle.personality
+    return _metadata(personality.plane, personality.flight_sw_version, personality.capabilities)
+
+
+@cache
+def _metadata(plane: bool, flight_sw_version: int, capabilities: int) -> ComponentMetadata:
+    """One object for all vehicles of a kind, made when the first of them is asked."""
+    version = ".".join(str(flight_sw_version >> shift & 0xFF) for shift in (24, 16, 8))
+    values = parameters.PLANE if plane else parameters.COPTER
+    described = [ParameterMeta(name, value) for name, value in sorted(values.items())]
+    return ComponentMetadata(Component("PX4", "sim_vehicle", version, capabilities), described)
+
+
+def _message(message_id: int) -> Callable[["Autopilot", float], Sequence[Any]]:
+    def made(vehicle: "Autopilot", _parameter: float) -> Sequence[Any]:
+        boot_ms = round((vehicle.now - vehicle.readiness.boot_s) * 1000)
+        message = _metadata_of(vehicle).message(message_id, boot_ms)
+        return [] if message is None else [message]
+
+    return made
+
+
+SINGLES = {
+    message_id: _message(message_id)
+    for message_id in (COMPONENT_METADATA, COMPONENT_INFORMATION, COMPONENT_INFORMATION_BASIC)
+}

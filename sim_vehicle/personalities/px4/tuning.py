@@ -1,0 +1,178 @@
+"""PX4's parameters in SI units, as the vehicle flies by them."""
+
+import math
+
+from sim_vehicle.logs.record import LogWhen
+from sim_vehicle.params import Parameters
+from sim_vehicle.personalities.base import Behaviour, FailsafeAction, Tuning
+
+SLOWEST_M_S = 0.1
+DEFAULT_CAPACITY_MAH = 5000.0
+STICKS_DISABLED = 4  # COM_RC_IN_MODE
+DELAY_WORTH_S = 0.1  # a shorter COM_FAIL_ACT_T counts as none
+
+# NAV_DLL_ACT and NAV_RCL_ACT
+_LINK_ACTIONS = {
+    0: FailsafeAction.NOTHING,
+    1: FailsafeAction.HOLD,
+    2: FailsafeAction.RETURN,
+    3: FailsafeAction.LAND,
+    5: FailsafeAction.TERMINATE,
+    6: FailsafeAction.TERMINATE,
+}
+_FENCE_ACTIONS = {
+    0: FailsafeAction.NOTHING,
+    1: FailsafeAction.WARN,
+    2: FailsafeAction.HOLD,
+    3: FailsafeAction.RETURN,
+    4: FailsafeAction.TERMINATE,
+    5: FailsafeAction.LAND,
+}
+# COM_LOW_BAT_ACT at the critical and at the emergency level
+_CRITICAL_ACTIONS = {
+    1: FailsafeAction.RETURN,
+    2: FailsafeAction.LAND,
+    3: FailsafeAction.RETURN,
+}
+_EMERGENCY_ACTIONS = {
+    1: FailsafeAction.RETURN,
+    2: FailsafeAction.LAND,
+    3: FailsafeAction.LAND,
+}
+# COM_OBL_RC_ACT; the first three are modes a pilot flies
+_OFFBOARD_ACTIONS = {
+    3: FailsafeAction.RETURN,
+    4: FailsafeAction.LAND,
+    5: FailsafeAction.HOLD,
+    6: FailsafeAction.TERMINATE,
+    7: FailsafeAction.TERMINATE,
+}
+
+
+_LOGS = {-1: LogWhen.NEVER, 0: LogWhen.ARMED, 1: LogWhen.FROM_BOOT, 2: LogWhen.ALWAYS}
+
+
+def _offboard_lost(params: Parameters) -> FailsafeAction:
+    """Without a pilot none of the modes that need one can run, and what is left is a return."""
+    without_pilot = FailsafeAction.RETURN if _pilot_missing(params) else FailsafeAction.HOLD
+    return _OFFBOARD_ACTIONS.get(int(params["COM_OBL_RC_ACT"]), without_pilot)
+
+
+def _pilot_missing(params: Parameters) -> bool:
+    # No vehicle here has a receiver; with stick input disabled altogether PX4 does not ask for one.
+    return int(params["COM_RC_IN_MODE"]) != STICKS_DISABLED
+
+
+def _seconds(value: float) -> float:
+    return value if value > 0 else math.inf
+
+
+def _limit(value: float) -> float:
+    return value if value > 0 else math.inf
+
+
+def _at_least(value: float) -> float:
+    return max(value, SLOWEST_M_S)
+
+
+def _common(params: Parameters) -> dict[str, object]:
+    """What does not depend on the airframe."""
+    capacity_mah = params["BAT1_CAPACITY"]
+    cells = max(int(params["BAT1_N_CELLS"]), 1)
+    act = int(params["COM_LOW_BAT_ACT"])
+    gcs = _LINK_ACTIONS.get(int(params["NAV_DLL_ACT"]), FailsafeAction.NOTHING)
+    fence = _FENCE_ACTIONS.get(int(params["GF_ACTION"]), FailsafeAction.WARN)
+    delay_s = params["COM_FAIL_ACT_T"]
+    wait_s = params["RTL_LAND_DELAY"]
+    return {
+        "waypoint_radius_m": max(params["NAV_ACC_RAD"], 0.05),
+        "capacity_mah": capacity_mah if capacity_mah > 0 else DEFAULT_CAPACITY_MAH,
+        "full_v": cells * params["BAT1_V_CHARGED"],
+        "takeoff_height_m": params["MIS_TAKEOFF_ALT"],
+        "after_takeoff": Behaviour.MISSION if params["COM_TAKEOFF_ACT"] == 1 else Behaviour.HOLD,
+        "return_height_m": params["RTL_RETURN_ALT"],
+        "return_hover_height_m": params["RTL_DESCEND_ALT"],
+        "return_wait_s": wait_s if wait_s >= 0 else math.inf,
+        "arming_checks": True,
+        "mission_mode_armable": True,
+        "mission_takes_off": True,
+        "mission_restarts": False,
+        "disarm_landed_s": _seconds(params["COM_DISARM_LAND"]),
+        "disarm_unflown_s": _seconds(params["COM_DISARM_PRFLT"]),
+        "gcs_sysid": None,
+        "gcs_timeout_s": math.inf if gcs is FailsafeAction.NOTHING else float(params["COM_DL_LOSS_T"]),
+        "gcs_action": gcs,
+        "gcs_missed_unheard": True,
+        "battery_warning_share": params["BAT_LOW_THR"],
+        "battery_low_v": 0.0,
+        "battery_low_share": params["BAT_CRIT_THR"],
+        "battery_low_action": _CRITICAL_ACTIONS.get(act, FailsafeAction.WARN),
+        "battery_critical_v": 0.0,
+        "battery_critical_share": params["BAT_EMERGEN_THR"],
+        "battery_critical_action": _EMERGENCY_ACTIONS.get(act, FailsafeAction.WARN),
+        "battery_delay_s": 0.0,
+        # A link to a pilot that was lost already at arming is not missed in the air.
+        "rc_required": False,
+        "rc_action": _LINK_ACTIONS.get(int(params["NAV_RCL_ACT"]), FailsafeAction.NOTHING),
+        "pilot_missing": _pilot_missing(params),
+        "setpoint_timeout_s": params["COM_OF_LOSS_T"],
+        "setpoint_action": _offboard_lost(params),
+        "position_lost_action": FailsafeAction.LAND,
+        "failsafe_delay_s": delay_s if delay_s > DELAY_WORTH_S else 0.0,
+        "logs": _LOGS.get(int(params["SDLOG_MODE"]), LogWhen.ARMED),
+        "fence_enabled": fence is not FailsafeAction.NOTHING,
+        "fence_action": fence,
+        "fence_max_height_m": _limit(params["GF_MAX_VER_DIST"]),
+        "fence_min_height_m": -math.inf,
+        "fence_radius_m": _limit(params["GF_MAX_HOR_DIST"]),
+        "fence_polygons": True,
+        "fence_margin_m": 0.0,
+        "wind_m_s": params["SIM_WIND_SPD"] if params["SIM_WIND_SPD"] > 0 else None,
+        "wind_from_deg": params["SIM_WIND_DIR"],
+    }
+
+
+def copter_tuning(params: Parameters) -> Tuning:
+    """The multicopter's parameters -> what it flies by."""
+    cruise_m_s = _at_least(min(params["MPC_XY_CRUISE"], params["MPC_XY_VEL_MAX"]))
+    descent_m_s = _at_least(min(params["MPC_Z_V_AUTO_DN"], params["MPC_Z_VEL_MAX_DN"]))
+    return Tuning(
+        **_common(params),  # type: ignore[arg-type]
+        speed_m_s=cruise_m_s,
+        climb_m_s=_at_least(min(params["MPC_Z_V_AUTO_UP"], params["MPC_Z_VEL_MAX_UP"])),
+        descent_m_s=descent_m_s,
+        acceleration_m_s2=_at_least(params["MPC_ACC_HOR"]),
+        vertical_acceleration_m_s2=_at_least(min(params["MPC_ACC_UP_MAX"], params["MPC_ACC_DOWN_MAX"])),
+        takeoff_speed_m_s=_at_least(params["MPC_TKO_SPEED"]),
+        return_speed_m_s=cruise_m_s,
+        return_cone_deg=float(params["RTL_CONE_ANG"]),
+        landing_speed_m_s=_at_least(params["MPC_LAND_SPEED"]),
+        landing_slow_below_m=params["MPC_LAND_ALT2"],
+        landing_slowing_below_m=params["MPC_LAND_ALT1"],
+        landing_speed_high_m_s=descent_m_s,
+        pilot_descent_m_s=_at_least(params["MPC_Z_VEL_MAX_DN"]),
+    )
+
+
+def plane_tuning(params: Parameters) -> Tuning:
+    """The fixed wing's parameters -> what it flies by."""
+    sink_m_s = _at_least(params["FW_T_SINK_R_SP"])
+    landing_m_s = params["FW_LND_AIRSPD"] if params["FW_LND_AIRSPD"] > 0 else params["FW_AIRSPD_MIN"]
+    glide_m_s = _at_least(landing_m_s * math.tan(math.radians(params["FW_LND_ANG"])))
+    return Tuning(
+        **_common(params),  # type: ignore[arg-type]
+        speed_m_s=_at_least(params["FW_AIRSPD_TRIM"]),
+        climb_m_s=_at_least(params["FW_T_CLMB_MAX"]),
+        descent_m_s=_at_least(params["FW_T_SINK_MAX"]),
+        acceleration_m_s2=3.0,
+        vertical_acceleration_m_s2=3.0,
+        return_speed_m_s=_at_least(params["FW_AIRSPD_TRIM"]),
+        landing_speed_m_s=glide_m_s,
+        landing_slow_below_m=10.0,
+        landing_speed_high_m_s=sink_m_s,
+        pilot_descent_m_s=sink_m_s,
+        airspeed_min_m_s=_at_least(params["FW_AIRSPD_MIN"]),
+        airspeed_max_m_s=_at_least(params["FW_AIRSPD_MAX"]),
+        loiter_radius_m=params["NAV_LOITER_RAD"],
+        bank_limit_deg=params["FW_R_LIM"],
+    )

@@ -1,0 +1,186 @@
+"""What a ground station says to one vehicle and waits for, one machine each, without I/O."""
+
+import struct
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.mission import Item
+from sim_vehicle.params import as_float32
+
+RESEND_S = 1.5
+STALLED_S = 12.0  # an upload in which nothing happens for so long begins again
+COMPONENT = mavlink.MAV_COMP_ID_AUTOPILOT1
+
+Send = Callable[[Any], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How an exchange ended; `text` says what was answered."""
+
+    accepted: bool
+    text: str
+
+
+class Exchange:
+    """Begun once at a time; `outcome` is None until the vehicle has answered."""
+
+    def __init__(self, sysid: int, send: Send) -> None:
+        self.sysid, self._send = sysid, send
+        self.outcome: Outcome | None = None
+        self._sent_s = 0.0
+
+    def begin(self, now: float) -> None:
+        self.outcome = None
+        self._say(now)
+
+    def _say(self, now: float) -> None:
+        self._sent_s = now
+        self._send(self.message())
+
+    def message(self) -> Any:
+        raise NotImplementedError
+
+    def receive(self, message: Any, now: float) -> None:
+        """Any message of the vehicle."""
+
+    def tick(self, now: float) -> None:
+        if self.outcome is None and now - self._sent_s >= RESEND_S:
+            self._say(now)
+
+
+class LongCommand(Exchange):
+    """COMMAND_LONG, sent again until it is acknowledged."""
+
+    def __init__(self, sysid: int, send: Send, command: int, params: Sequence[float] = ()) -> None:
+        super().__init__(sysid, send)
+        self.command = command
+        self._params = [*params, *[0.0] * (7 - len(params))]
+        self._confirmation = 0
+
+    def begin(self, now: float) -> None:
+        self._confirmation = 0
+        super().begin(now)
+
+    def message(self) -> Any:
+        confirmation = self._confirmation
+        self._confirmation = min(confirmation + 1, 255)
+        return mavlink.MAVLink_command_long_message(
+            self.sysid, COMPONENT, self.command, confirmation, *self._params
+        )
+
+    def receive(self, message: Any, now: float) -> None:
+        if message.get_type() != "COMMAND_ACK" or message.command != self.command:
+            return
+        if message.result == mavlink.MAV_RESULT_IN_PROGRESS:
+            self._sent_s = now
+        else:
+            name = mavlink.enums["MAV_RESULT"][message.result].name.removeprefix("MAV_RESULT_")
+            self.outcome = Outcome(message.result == mavlink.MAV_RESULT_ACCEPTED, name)
+
+
+class Reposition(LongCommand):
+    """DO_REPOSITION as COMMAND_INT, changing the mode."""
+
+    def __init__(self, sysid: int, send: Send, x: int, y: int, height_m: float) -> None:
+        super().__init__(sysid, send, mavlink.MAV_CMD_DO_REPOSITION)
+        self._place = (x, y, height_m)
+
+    def message(self) -> Any:
+        flags = float(mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE)
+        frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
+        return mavlink.MAVLink_command_int_message(
+            self.sysid, COMPONENT, frame, self.command, 0, 0, -1.0, flags, 0.0, float("nan"), *self._place
+        )
+
+
+class ChangeMode(LongCommand):
+    """DO_SET_MODE, done when the heartbeat shows the mode: an acknowledged one may be undone."""
+
+    def __init__(self, sysid: int, send: Send, number: int, params: Sequence[float]) -> None:
+        super().__init__(sysid, send, mavlink.MAV_CMD_DO_SET_MODE, params)
+        self._number = number
+
+    def receive(self, message: Any, now: float) -> None:
+        if message.get_type() == "HEARTBEAT" and message.custom_mode == self._number:
+            self.outcome = Outcome(True, "ACCEPTED")
+            return
+        super().receive(message, now)
+        if self.outcome is not None and self.outcome.accepted:
+            self.outcome, self._sent_s = None, now + RESEND_S  # two seconds and a half for the heartbeat
+
+
+class SetParameter(Exchange):
+    """Reads a parameter for its type, sets it, and waits for the value to come back."""
+
+    def __init__(self, sysid: int, send: Send, name: str, value: float, *, byte_wise: bool) -> None:
+        super().__init__(sysid, send)
+        self._name, self._value, self._byte_wise = name, value, byte_wise
+        self._type: int | None = None
+
+    def message(self) -> Any:
+        name = self._name.encode()
+        if self._type is None:
+            return mavlink.MAVLink_param_request_read_message(self.sysid, COMPONENT, name, -1)
+        return mavlink.MAVLink_param_set_message(self.sysid, COMPONENT, name, self._wire(), self._type)
+
+    def _wire(self) -> float:
+        if self._byte_wise and self._type != mavlink.MAV_PARAM_TYPE_REAL32:
+            (as_float,) = struct.unpack("<f", struct.pack("<i", round(self._value)))
+            return float(as_float)
+        return as_float32(self._value)
+
+    def receive(self, message: Any, now: float) -> None:
+        if message.get_type() != "PARAM_VALUE" or message.param_id != self._name:
+            return
+        if self._type is None:
+            self._type = message.param_type
+            self._say(now)
+        else:
+            same = repr(as_float32(message.param_value)) == repr(self._wire())
+            self.outcome = Outcome(same, "ACCEPTED" if same else f"{self._name} is {message.param_value:g}")
+
+
+class Upload(Exchange):
+    """A mission or a fence; asks again from the beginning where the vehicle falls silent."""
+
+    def __init__(self, sysid: int, send: Send, items: Sequence[Item], mission_type: int) -> None:
+        super().__init__(sysid, send)
+        self._items, self._type = items, mission_type
+        self._asked = False
+
+    def begin(self, now: float) -> None:
+        self._asked = False
+        super().begin(now)
+
+    def message(self) -> Any:
+        return mavlink.MAVLink_mission_count_message(self.sysid, COMPONENT, len(self._items), self._type)
+
+    def receive(self, message: Any, now: float) -> None:
+        kind = message.get_type()
+        if getattr(message, "mission_type", None) != self._type or self.outcome is not None:
+            return
+        if kind in ("MISSION_REQUEST", "MISSION_REQUEST_INT") and message.seq < len(self._items):
+            self._asked, self._sent_s = True, now
+            self._send(self._item(message.seq))
+        elif kind == "MISSION_ACK" and message.type != mavlink.MAV_MISSION_INVALID_SEQUENCE:
+            # An INVALID_SEQUENCE answers one repeated item; the upload goes on.
+            name = mavlink.enums["MAV_MISSION_RESULT"][message.type].name.removeprefix("MAV_MISSION_")
+            self.outcome = Outcome(message.type == mavlink.MAV_MISSION_ACCEPTED, name)
+
+    def tick(self, now: float) -> None:
+        if self._asked and now - self._sent_s >= STALLED_S:
+            self._asked = False
+        if not self._asked:
+            super().tick(now)
+
+    def _item(self, seq: int) -> Any:
+        item = self._items[seq]
+        params = (item.param1, item.param2, item.param3, item.param4)
+        return mavlink.MAVLink_mission_item_int_message(
+            self.sysid, COMPONENT, seq, item.frame, item.command, 0, 1, *params,
+            item.x, item.y, item.z, self._type,
+        )  # fmt: skip

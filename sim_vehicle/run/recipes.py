@@ -1,0 +1,109 @@
+"""From one step of a script to the exchanges it takes with one vehicle, as its autopilot wants them."""
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.personalities import Personality, personality_of
+from sim_vehicle.personalities.base import Behaviour
+from sim_vehicle.run.exchanges import (
+    ChangeMode,
+    Exchange,
+    LongCommand,
+    Reposition,
+    Send,
+    SetParameter,
+    Upload,
+)
+from sim_vehicle.scenario.model import VehicleSpec
+from sim_vehicle.scenario.plan import PlanWriter, number
+from sim_vehicle.scenario.steps import Step
+
+NAN = float("nan")
+
+
+class Recipes:
+    """What to say to one vehicle; `send` packs and sends a message to it."""
+
+    def __init__(self, spec: VehicleSpec, send: Send) -> None:
+        self._spec, self._send = spec, send
+        self._personality: Personality = personality_of(spec.personality, spec.kind)
+        self._writer = PlanWriter(spec.lat_deg, spec.lon_deg)
+        self._ardupilot = spec.personality == "ardupilot"
+
+    def exchanges(self, step: Step) -> list[Exchange]:
+        """In order; each begins when the one before has been accepted."""
+        chosen = step.chosen
+        if chosen == "fly_mission":
+            return [self._mission(), *self._start()]
+        if chosen == "upload_mission":
+            return [self._mission()]
+        if chosen == "upload_fence":
+            items = self._writer.fence(self._spec.fence)
+            return [Upload(self._spec.sysid, self._send, items, mavlink.MAV_MISSION_TYPE_FENCE)]
+        if chosen == "start_mission":
+            return self._start()
+        if step.takeoff is not None:
+            return self._takeoff(step.takeoff)
+        if step.mode is not None:
+            return [self._mode(self.mode_number(step.mode))]
+        if step.goto is not None:
+            place = self._writer.place(step.goto.east_m, step.goto.north_m)
+            return [Reposition(self._spec.sysid, self._send, *place, step.goto.height_m)]
+        if step.param is not None:
+            return [self._parameter(name, value) for name, value in step.param.items()]
+        return [self._plain(step)]
+
+    def mode_number(self, name: str) -> int:
+        """Of the first that the autopilot has of `RTL|Return`."""
+        numbers = {mode.name.casefold(): mode.number for mode in self._personality.modes.values()}
+        return next(numbers[wanted] for wanted in name.casefold().split("|") if wanted in numbers)
+
+    def _plain(self, step: Step) -> Exchange:
+        if step.command is not None:
+            return self._long(number("MAV_CMD_", step.command.command), *step.command.params)
+        return {
+            "arm": lambda: self._long(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0),
+            "disarm": lambda: self._long(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0),
+            "rtl": lambda: self._long(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH),
+            "land": lambda: self._long(mavlink.MAV_CMD_NAV_LAND, 0.0, 0.0, 0.0, NAN, NAN, NAN, NAN),
+            "reboot": lambda: self._long(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1.0),
+        }[step.chosen]()
+
+    def _long(self, command: int, *params: float) -> Exchange:
+        return LongCommand(self._spec.sysid, self._send, command, params)
+
+    def _mode(self, custom_mode: int) -> Exchange:
+        custom = float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
+        main, sub = float(custom_mode >> 16 & 0xFF), float(custom_mode >> 24 & 0xFF)
+        params = (custom, float(custom_mode)) if self._ardupilot else (custom, main, sub)
+        return ChangeMode(self._spec.sysid, self._send, custom_mode, params)
+
+    def _behaving(self, behaviour: Behaviour) -> Exchange:
+        modes = self._personality.modes.values()
+        return self._mode(next(mode.number for mode in modes if mode.behaviour is behaviour))
+
+    def _mission(self) -> Exchange:
+        items = self._writer.mission(self._spec.mission, home_first=self._ardupilot)
+        return Upload(self._spec.sysid, self._send, items, mavlink.MAV_MISSION_TYPE_MISSION)
+
+    def _start(self) -> list[Exchange]:
+        arm = self._long(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
+        if not self._ardupilot:
+            return [arm, self._behaving(Behaviour.MISSION)]
+        if self._personality.plane:
+            return [self._behaving(Behaviour.MISSION), arm]
+        # AUTO itself cannot be armed, and takes off only when it is told to start.
+        return [self._behaving(Behaviour.GUIDED), arm, self._long(mavlink.MAV_CMD_MISSION_START)]
+
+    def _takeoff(self, height_m: float) -> list[Exchange]:
+        arm = self._long(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
+        if not self._ardupilot:  # its altitude is above mean sea level
+            up_m = self._spec.alt_amsl_m + height_m
+            return [arm, self._long(mavlink.MAV_CMD_NAV_TAKEOFF, NAN, 0.0, 0.0, NAN, NAN, NAN, up_m)]
+        if self._personality.plane:
+            return [self._parameter("TKOFF_ALT", height_m), self._behaving(Behaviour.TAKEOFF), arm]
+        takeoff = self._long(mavlink.MAV_CMD_NAV_TAKEOFF, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, height_m)
+        return [self._behaving(Behaviour.GUIDED), arm, takeoff]
+
+    def _parameter(self, name: str, value: float) -> Exchange:
+        byte_wise = self._personality.parameters_byte_wise
+        return SetParameter(self._spec.sysid, self._send, name, value, byte_wise=byte_wise)

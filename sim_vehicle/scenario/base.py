@@ -1,0 +1,69 @@
+"""What every section of a scenario has in common."""
+
+from typing import Annotated, Any, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Latitude = Annotated[float, Field(strict=True, ge=-90, le=90)]
+Longitude = Annotated[float, Field(strict=True, ge=-180, le=180)]
+Altitude = Annotated[float, Field(strict=True, ge=-500, le=9000)]
+Probability = Annotated[float, Field(strict=True, ge=0, le=1)]
+Metres = Annotated[float, Field(strict=True, ge=-100_000, le=100_000)]
+Length = Annotated[float, Field(strict=True, gt=0, le=100_000)]
+Seconds = Annotated[float, Field(strict=True, ge=0, le=1e6)]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+SystemId = Annotated[int, Field(strict=True, ge=1, le=250)]
+
+
+class Section(BaseModel):
+    """Unknown keys are errors, and nothing changes after loading."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Nothing(Section):
+    """A key without settings."""
+
+
+class OneOf(Section):
+    """Exactly one of the optional fields is given, beside those named in `common`.
+
+    A bare word is the same as the word with nothing behind it: `rtl` is `rtl: {}`.
+    """
+
+    @classmethod
+    def common(cls) -> frozenset[str]:
+        """Fields that may accompany each choice."""
+        return frozenset()
+
+    @classmethod
+    def choices(cls) -> list[str]:
+        return [name for name in cls.model_fields if name not in cls.common()]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_words(cls, data: Any) -> Any:
+        if isinstance(data, str):
+            data = {data: {}}
+        if not isinstance(data, dict):
+            return data
+        filled = {key: value for key, value in data.items() if value is not None}
+        if not filled.keys() & set(cls.choices()):  # `rtl:` with nothing behind it
+            filled = {key: {} if value is None else value for key, value in data.items()}
+        unknown = [key for key in filled if key not in cls.model_fields]
+        found = [key for key in filled if key in cls.choices()]
+        if not unknown and len(found) != 1:
+            names = " and ".join(found) or "none"
+            raise ValueError(f"exactly one of {', '.join(cls.choices())} is needed here, found {names}")
+        return filled
+
+    @property
+    def chosen(self) -> str:
+        """The name of the field that is given."""
+        return next(name for name in self.choices() if getattr(self, name) is not None)
+
+    @model_validator(mode="after")
+    def _one_is_given(self) -> Self:
+        if not any(getattr(self, name) is not None for name in self.choices()):
+            raise ValueError(f"exactly one of {', '.join(self.choices())} is needed here")
+        return self

@@ -1,0 +1,133 @@
+"""MAVLink 2 signing (https://mavlink.io/en/guide/message_signing.html), on the simulation's clock.
+
+Works on finished frames, so that it does not matter who packed them.
+"""
+
+import hashlib
+import hmac
+import struct
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+TICKS_PER_S = 100_000  # a time stamp counts 10 us since the start of 2015
+NEW_STREAM_AGE = 60 * TICKS_PER_S  # how far behind a stream may be that was never heard before
+MOST_STREAMS = 16
+MAVLINK2 = 0xFD
+SIGNED = 0x01  # bit of the incompatibility flags, the third byte
+HEADER_BYTES = 10
+SIGNATURE_BYTES = 13  # link id, time stamp of 6 bytes, 6 bytes of the hash
+UNSIGNED_ALLOWED = frozenset({mavlink.MAVLINK_MSG_ID_RADIO_STATUS, mavlink.MAVLINK_MSG_ID_RADIO})
+NO_KEY = bytes(32)
+
+
+def _crc_changes() -> list[int]:
+    """How a frame's checksum changes when bit SIGNED flips, by the number of bytes behind the flags.
+
+    The checksum is linear: what a flipped bit does to it depends only on where the bit is. So a frame can be
+    given its new checksum without the seed that belongs to its message.
+    """
+    changes = []
+    crc, byte = 0, SIGNED
+    for _ in range(HEADER_BYTES + 255):
+        mixed = byte ^ (crc & 0xFF)
+        mixed = (mixed ^ (mixed << 4)) & 0xFF
+        crc = ((crc >> 8) ^ (mixed << 8) ^ (mixed << 3) ^ (mixed >> 4)) & 0xFFFF
+        changes.append(crc)
+        byte = 0
+    return changes
+
+
+CRC_CHANGES = _crc_changes()
+
+
+class Signing:
+    """One vehicle's key, time stamps and what it has heard; without a key everything passes as it is."""
+
+    def __init__(self) -> None:
+        self._key: bytes | None = None
+        self._timestamp = 0  # the last one used or heard
+        self._ahead = 0  # time stamp at second 0 of the simulation
+        self._streams: dict[tuple[int, int, int], int] = {}
+        self.refused = 0
+
+    @property
+    def active(self) -> bool:
+        """Whether messages are signed, and have to be."""
+        return self._key is not None
+
+    def set_key(self, key: bytes, timestamp: int, now: float) -> None:
+        """Take a key of 32 bytes and the time stamp of now [10 us]; both all zero: signing ends."""
+        if len(key) != len(NO_KEY):
+            raise ValueError(f"a signing key has {len(NO_KEY)} bytes, found {len(key)}")
+        self._key = None if key == NO_KEY and timestamp == 0 else key
+        self._timestamp = timestamp
+        self._ahead = timestamp - int(now * TICKS_PER_S)
+
+    def set_up(self, message: Any, now: float, *, armed: bool) -> bool:
+        """Take SETUP_SIGNING, which `accepts` has let through; False if the vehicle is armed: not then."""
+        if not armed:
+            self.set_key(bytes(message.secret_key), message.initial_timestamp, now)
+        return not armed
+
+    def reboot(self) -> None:
+        """Streams are forgotten, the key and the time are kept."""
+        self._streams.clear()
+
+    def sign(self, frame: bytes, link_id: int, now: float) -> bytes:
+        """The frame with a signature; anything but an unsigned frame of MAVLink 2 is left as it is."""
+        if self._key is None or not _is_unsigned_mavlink2(frame):
+            return frame
+        self._timestamp = max(self._timestamp + 1, self._clock(now))
+        (crc,) = struct.unpack("<H", frame[-2:])
+        crc ^= CRC_CHANGES[len(frame) - 4]  # what follows the flags, with the seed in place of the checksum
+        covered = b"".join(
+            (
+                frame[:2],
+                bytes([frame[2] | SIGNED]),
+                frame[3:-2],
+                struct.pack("<H", crc),
+                struct.pack("<BQ", link_id & 0xFF, self._timestamp)[:7],
+            )
+        )
+        return covered + self._hash(covered)
+
+    def accepts(self, frame: bytes, now: float) -> bool:
+        """Whether a whole frame, its checksum right, may be obeyed that came at `now` [s]."""
+        if self._key is None:
+            return True
+        signed = frame[0] == MAVLINK2 and bool(frame[2] & SIGNED)
+        accepted = self._verified(frame, now) if signed else _message_id(frame) in UNSIGNED_ALLOWED
+        self.refused += not accepted
+        return accepted
+
+    def _verified(self, frame: bytes, now: float) -> bool:
+        if not hmac.compare_digest(self._hash(frame[:-6]), frame[-6:]):
+            return False
+        stream = (frame[-SIGNATURE_BYTES], frame[5], frame[6])  # link, system, component
+        timestamp = int.from_bytes(frame[-12:-6], "little")
+        last = self._streams.get(stream)
+        if last is None:
+            own = max(self._timestamp, self._clock(now))
+            if len(self._streams) >= MOST_STREAMS or timestamp + NEW_STREAM_AGE < own:
+                return False
+        elif timestamp <= last:
+            return False
+        self._streams[stream] = timestamp
+        self._timestamp = max(self._timestamp, timestamp)
+        return True
+
+    def _clock(self, now: float) -> int:
+        return self._ahead + int(now * TICKS_PER_S)
+
+    def _hash(self, covered: bytes) -> bytes:
+        assert self._key is not None
+        return hashlib.sha256(self._key + covered).digest()[:6]
+
+
+def _is_unsigned_mavlink2(frame: bytes) -> bool:
+    return len(frame) >= HEADER_BYTES + 2 and frame[0] == MAVLINK2 and not frame[2] & SIGNED
+
+
+def _message_id(frame: bytes) -> int:
+    return int.from_bytes(frame[7:10], "little") if frame[0] == MAVLINK2 else frame[5]

@@ -1,0 +1,64 @@
+"""Which message of which vehicle is due when: intervals of the whole fleet as one table.
+
+Streams run on the simulation's tick, so nothing is sent more often than once a tick.
+"""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from sim_vehicle.telemetry import STREAMS
+
+IDS = tuple(STREAMS)
+ROWS = {message_id: row for row, message_id in enumerate(IDS)}
+EPSILON_S = 1e-9
+
+
+class Streams:
+    """Intervals of n vehicles; `tick_s` [s] is the shortest that is kept."""
+
+    def __init__(self, n: int, tick_s: float) -> None:
+        self._tick_s = tick_s
+        self._interval_s = np.full((len(IDS), n), np.inf)
+        self._due_s = np.full((len(IDS), n), np.inf)
+        self._row_due_s = np.full(len(IDS), np.inf)
+
+    def set_interval(
+        self, vehicle: int, message_id: int, interval_s: float, now: float, *, first_s: float | None = None
+    ) -> None:
+        """Send `message_id` every `interval_s` [s] from `now` on; 0 or less stops it. KeyError: not streamed.
+
+        `first_s` is when the first one goes out, if not one interval from now.
+        """
+        row = ROWS[message_id]
+        if interval_s <= 0:
+            self._interval_s[row, vehicle] = self._due_s[row, vehicle] = np.inf
+        else:
+            interval_s = max(interval_s, self._tick_s)
+            self._interval_s[row, vehicle] = interval_s
+            self._due_s[row, vehicle] = now + interval_s if first_s is None else first_s
+        self._row_due_s[row] = self._due_s[row].min()
+
+    def interval_s(self, vehicle: int, message_id: int) -> float | None:
+        """The interval kept [s]; None where the message does not stream. KeyError: it never could."""
+        interval_s = float(self._interval_s[ROWS[message_id], vehicle])
+        return None if math.isinf(interval_s) else interval_s
+
+    def wanted(self, vehicle: int, message_id: int) -> bool:
+        return bool(np.isfinite(self._interval_s[ROWS[message_id], vehicle]))
+
+    def clear(self, vehicle: int) -> None:
+        """A vehicle rebooted: nothing streams."""
+        self._interval_s[:, vehicle] = self._due_s[:, vehicle] = np.inf
+        self._row_due_s = self._due_s.min(axis=1)
+
+    def due(self, now: float) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
+        """(message id, vehicles) that are due by `now`; each counts as sent."""
+        for row in np.flatnonzero(self._row_due_s <= now + EPSILON_S).tolist():
+            due_s = self._due_s[row]
+            vehicles = np.flatnonzero(due_s <= now + EPSILON_S)
+            due_s[vehicles] = np.maximum(due_s[vehicles] + self._interval_s[row, vehicles], now)
+            self._row_due_s[row] = due_s.min()
+            yield IDS[row], vehicles

@@ -1,0 +1,1 @@
+"""Vehicles for other people's tests: what the pytest fixtures hand out."""

@@ -1,0 +1,326 @@
+"""One fleet under test and its time: stepped by the test itself, or served on a port by a thread."""
+
+import inspect
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.faults.spec import parse_fault
+from sim_vehicle.fleet import Fleet
+from sim_vehicle.outbox import Frames
+from sim_vehicle.run.station import Station
+from sim_vehicle.scenario import Scenario, ScenarioError, default_scenario, load_scenario
+from sim_vehicle.scenario.steps import Step
+
+STEP_S = 0.05
+HOME = (46.0490, 14.5060, 300.0)  # latitude, longitude [deg], above mean sea level [m]
+GCS_SYSTEM, GCS_COMPONENT = 255, mavlink.MAV_COMP_ID_MISSIONPLANNER
+PEER = "the test"
+Result = TypeVar("Result")
+
+
+class NotWithinTimeError(AssertionError):
+    """What was waited for did not come about."""
+
+
+class Serving(Protocol):
+    """A thread that moves the fleet, if there is one."""
+
+    def call(self, function: Callable[[], Result]) -> Result:
+        """Run a function between two ticks of the fleet."""
+
+    def wait(self) -> None:
+        """A moment of wall time."""
+
+    @property
+    def now(self) -> float:
+        """Simulated time [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleTruth:
+    """Where one vehicle really is; no ground station sees this."""
+
+    lat_deg: float
+    lon_deg: float
+    alt_amsl_m: float
+    height_m: float  # above the ground
+    speed_m_s: float  # horizontal
+    airborne: bool
+    armed: bool
+    crashed: bool
+    battery_remaining: float  # share, in [0, 1]
+    strikes: int
+    mode: str
+
+
+class Vehicle:
+    """One vehicle of the fleet under test."""
+
+    def __init__(self, rig: "Rig", index: int) -> None:
+        self._rig, self.index = rig, index
+        assert rig.fleet is not None
+        self.sysid, self.link = rig.fleet.sysids[index], rig.fleet.links[index]
+        self._decoder = mavlink.MAVLink(None)
+        self._decoder.robust_parsing = True
+        self._raw: list[bytes] = []
+        self._decoded = 0
+        self._received: list[Any] = []
+
+    def __repr__(self) -> str:
+        truth = self.truth
+        state = "armed" if truth.armed else "disarmed"
+        return f"<vehicle {self.sysid}: {truth.mode}, {state}, {truth.height_m:.1f} m high>"
+
+    def send(self, message: Any) -> list[Any]:
+        """Send a pymavlink message, or bytes, as a ground station does; what came back at once."""
+        before = len(self.received)
+        self._rig.deliver(message, self.link)
+        return self.received[before:]
+
+    @property
+    def received(self) -> list[Any]:
+        """Every message that came from this vehicle, in order."""
+        while self._decoded < len(self._raw):
+            parsed = self._decoder.parse_buffer(self._raw[self._decoded]) or ()
+            self._decoded += 1
+            self._received += [message for message in parsed if message.get_type() != "BAD_DATA"]
+        return self._received
+
+    @property
+    def raw(self) -> bytes:
+        """Every byte that came from this vehicle, boot text included."""
+        return b"".join(self._raw)
+
+    def messages(self, kind: str) -> list[Any]:
+        """Those received of one kind, for example HEARTBEAT."""
+        return [message for message in self.received if message.get_type() == kind]
+
+    @property
+    def texts(self) -> list[str]:
+        """What it said by STATUSTEXT."""
+        return [message.text for message in self.messages("STATUSTEXT")]
+
+    @property
+    def truth(self) -> VehicleTruth:
+        return self._rig.truth(self.index)
+
+    @property
+    def mode(self) -> str:
+        return self.truth.mode
+
+    @property
+    def armed(self) -> bool:
+        return self.truth.armed
+
+    @property
+    def height_m(self) -> float:
+        return self.truth.height_m
+
+    def inject(self, fault: str) -> None:
+        """Begin a fault now: `gps_loss:for=10`, written as for `--fault`; `at` counts from now."""
+        self._rig.inject(fault, self.sysid)
+
+    def do(self, action: str, value: Any = None) -> None:
+        """Have a small ground station do one thing with it: `do("takeoff", 20)`, `do("mode", "RTL")`.
+
+        The actions are those of a scenario's script. It begins as time passes; a step that fails raises from
+        the clock.
+        """
+        self._rig.do(self.index, Step.model_validate({action: value}))
+
+
+class Swarm(Sequence[Vehicle]):
+    """The vehicles of the fleet under test, in order."""
+
+    def __init__(self, vehicles: Sequence[Vehicle], scenario: Scenario) -> None:
+        self._vehicles, self.scenario = tuple(vehicles), scenario
+
+    def __getitem__(self, index: Any) -> Any:
+        return self._vehicles[index]
+
+    def __len__(self) -> int:
+        return len(self._vehicles)
+
+    def __iter__(self) -> Iterator[Vehicle]:
+        return iter(self._vehicles)
+
+
+class Rig:
+    """The fleet of one test; `serving` is set while a thread moves it."""
+
+    def __init__(self, seed: int) -> None:
+        self.seed = seed
+        self.fleet: Fleet | None = None
+        self.vehicles: list[Vehicle] = []
+        self.serving: Serving | None = None
+        self._codec = mavlink.MAVLink(None, GCS_SYSTEM, GCS_COMPONENT)
+        self._station: Station | None = None
+        self._now = 0.0
+        self._ticks = 0
+
+    @property
+    def now(self) -> float:
+        return self._now if self.serving is None else self.serving.now
+
+    def create(self, scenario: Scenario, ready_s: float | None) -> Swarm:
+        if self.fleet is not None:
+            raise RuntimeError(
+                "a test has one fleet; ask for all its vehicles in one call of swarm(count=...)"
+            )
+        self.fleet = Fleet(scenario, ready_s=ready_s)
+        self.vehicles = [Vehicle(self, index) for index in range(len(scenario.vehicles))]
+        self.take(self.fleet.step(0.0), 0.0)
+        return Swarm(self.vehicles, scenario)
+
+    def existing(self) -> Fleet:
+        if self.fleet is None:
+            raise RuntimeError(
+                "there is no vehicle yet; ask for the fixture `vehicle`, or call swarm() first"
+            )
+        return self.fleet
+
+    def take(self, frames: Frames, _now: float) -> None:
+        """What the fleet sent."""
+        for index, frame in frames:
+            self.vehicles[index]._raw.append(frame)
+            if self._station is not None:
+                self._station.receive(index, frame, self.now)
+
+    def _call(self, function: Callable[[], Result]) -> Result:
+        return function() if self.serving is None else self.serving.call(function)
+
+    def truth(self, index: int) -> VehicleTruth:
+        truth = self._call(self.existing().truth)
+        return VehicleTruth(
+            lat_deg=float(truth.lat_deg[index]),
+            lon_deg=float(truth.lon_deg[index]),
+            alt_amsl_m=float(truth.alt_amsl_m[index]),
+            height_m=float(truth.height_m[index]),
+            speed_m_s=float(truth.speed_m_s[index]),
+            airborne=bool(truth.airborne[index]),
+            armed=bool(truth.armed[index]),
+            crashed=bool(truth.crashed[index]),
+            battery_remaining=float(truth.battery_remaining[index]),
+            strikes=int(truth.strikes[index]),
+            mode=truth.mode[index],
+        )
+
+    def deliver(self, message: Any, link: int) -> None:
+        fleet = self.existing()
+        data = message if isinstance(message, bytes) else bytes(message.pack(self._codec))
+
+        def received() -> None:
+            self.take(fleet.receive(data, self.now, peer=PEER, link=link), self.now)
+
+        self._call(received)
+
+    def inject(self, fault: str, sysid: int) -> None:
+        spec = parse_fault(fault).model_copy(update={"vehicles": [sysid]})
+        self._call(lambda: self.existing().inject(spec, self.now))
+
+    def do(self, index: int, step: Step) -> None:
+        if self._station is None:
+            self._station = Station(self.existing().scenario)
+            for vehicle in self.vehicles:
+                for frame in vehicle._raw:
+                    self._station.receive(vehicle.index, frame, self.now)
+        self._station.begin(index, step)
+
+    def tick(self) -> None:
+        """Let 0.05 s pass."""
+        if self.serving is not None:
+            self.serving.wait()
+        else:
+            self._ticks += 1
+            self._now = self._ticks * STEP_S
+            if self.fleet is not None:
+                self.take(self.fleet.step(self._now), self._now)
+        self._call(self._run_station)
+        if self._station is not None and self._station.failures:
+            failed = self._station.failures.pop(0)
+            raise NotWithinTimeError(f"vehicle {failed.sysid}: {failed.action} failed: {failed.text}")
+
+    def _run_station(self) -> None:
+        if self._station is None or self.fleet is None:
+            return
+        for link, data in self._station.step(self.now):
+            self.take(self.fleet.receive(data, self.now, peer=self._station, link=link), self.now)
+
+    def state(self) -> str:
+        """Each vehicle and the last thing it said, for a failing test's reader."""
+        lines = [
+            f"{vehicle!r}; last text: {(vehicle.texts or ['none'])[-1]}" for vehicle in self.vehicles[:10]
+        ]
+        return "\n".join(lines)
+
+
+class Clock:
+    """Simulated time; it passes only inside these calls, unless the fleet is served on a link."""
+
+    def __init__(self, rig: Rig) -> None:
+        self._rig = rig
+
+    @property
+    def now(self) -> float:
+        """Simulated seconds since the fleet started."""
+        return self._rig.now
+
+    def run_for(self, seconds: float) -> None:
+        """Let time pass."""
+        end = self.now + seconds
+        while self.now < end - 1e-9:
+            self._rig.tick()
+
+    def run_until(self, condition: Callable[[], object], timeout: float = 60.0) -> float:
+        """Let time pass until the condition holds; how long that took [s].
+
+        `timeout` is in simulated seconds; NotWithinTimeError, an AssertionError, when it is over.
+        """
+        start = self.now
+        while not condition():
+            if self.now - start >= timeout - 1e-9:
+                raise NotWithinTimeError(
+                    f"not within {timeout:g} s: {_words(condition)}\n{self._rig.state()}"
+                )
+            self._rig.tick()
+        return self.now - start
+
+
+def _words(condition: Callable[[], object]) -> str:
+    try:
+        return inspect.getsource(condition).strip()
+    except (OSError, TypeError):
+        return repr(condition)
+
+
+def scenario_for(
+    count: int,
+    *,
+    seed: int,
+    personality: str = "ardupilot",
+    kind: str = "copter",
+    faults: Sequence[str] = (),
+    params: Mapping[str, float] | None = None,
+    home: tuple[float, float, float] = HOME,
+    wind: Mapping[str, float] | None = None,
+    scenario: Scenario | Path | str | None = None,
+) -> Scenario:
+    """What `swarm(...)` makes; ScenarioError where that cannot be."""
+    if isinstance(scenario, str | Path):
+        scenario = load_scenario(Path(scenario))
+    if scenario is None:
+        scenario = default_scenario(count, home=home, seed=seed, personality=personality, kind=kind)
+    data = scenario.model_dump()
+    data["seed"] = seed
+    data["faults"] = [*data["faults"], *faults]
+    data["wind"] = {**data["wind"], **(wind or {})}
+    for vehicle in data["vehicles"]:
+        vehicle["params"] = {**vehicle["params"], **(params or {})}
+    try:
+        return Scenario.model_validate(data)
+    except ValueError as error:
+        raise ScenarioError(str(error)) from error

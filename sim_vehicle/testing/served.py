@@ -1,0 +1,162 @@
+"""A fleet under test served over UDP by a thread of its own, in real time × speedup."""
+
+import asyncio
+import concurrent.futures
+import contextlib
+import socket
+import threading
+import time
+import warnings
+from collections.abc import Callable
+from typing import TypeVar
+
+from sim_vehicle.pace import RealTime
+from sim_vehicle.server import Server
+from sim_vehicle.testing.rig import Rig
+from sim_vehicle.url import parse_url
+
+DEADLINE_S = 10.0
+WAIT_S = 0.005
+Result = TypeVar("Result")
+
+
+class Thread:
+    """Runs a server until `stop`; everything else that touches the fleet goes through `call`."""
+
+    def __init__(self, rig: Rig, url: str, speedup: float) -> None:
+        self._rig, self._url, self._speedup = rig, url, speedup
+        self._opened = threading.Event()
+        self._error: BaseException | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._task: asyncio.Task[None] | None = None
+        self._server: Server | None = None
+        self._thread = threading.Thread(target=self._main, name="sim_vehicle", daemon=True)
+        self._thread.start()
+        if not self._opened.wait(DEADLINE_S):
+            raise TimeoutError(f"the fleet was not up on {url} within {DEADLINE_S:g} s")
+        if self._error is not None:
+            raise self._error
+
+    def _main(self) -> None:
+        try:
+            asyncio.run(self._serve())
+        except BaseException as error:  # noqa: BLE001 (raised again in the test's own thread)
+            self._error = error
+        finally:
+            self._opened.set()
+
+    async def _serve(self) -> None:
+        self._loop, self._task = asyncio.get_running_loop(), asyncio.current_task()
+        self._server = Server(
+            self._rig.existing(),
+            [parse_url(self._url)],
+            RealTime(self._speedup, self._too_slow),
+            warn=self._too_slow,
+            record=self._rig.take,
+        )
+        with contextlib.suppress(asyncio.CancelledError):
+            await self._server.run(on_open=self._opened.set)
+
+    def _too_slow(self, text: str) -> None:
+        warnings.warn(text, RuntimeWarning, stacklevel=2)
+
+    @property
+    def now(self) -> float:
+        return 0.0 if self._server is None else self._server.simulated_s
+
+    def call(self, function: Callable[[], Result]) -> Result:
+        """Run a function between two ticks, in the thread that moves the fleet."""
+        if self._error is not None:
+            raise self._error
+        if threading.current_thread() is self._thread or not self._thread.is_alive():
+            return function()
+        assert self._loop is not None
+        done: concurrent.futures.Future[Result] = concurrent.futures.Future()
+
+        def run() -> None:
+            try:
+                done.set_result(function())
+            except BaseException as error:  # noqa: BLE001 (it belongs to the caller)
+                done.set_exception(error)
+
+        self._loop.call_soon_threadsafe(run)
+        return done.result(DEADLINE_S)
+
+    def wait(self) -> None:
+        time.sleep(WAIT_S)
+        if self._error is not None:
+            raise self._error
+
+    def stop(self) -> None:
+        if self._loop is not None and self._task is not None and self._thread.is_alive():
+            self._loop.call_soon_threadsafe(self._task.cancel)
+        self._thread.join(DEADLINE_S)
+        if self._error is not None:
+            raise self._error
+
+
+class Link:
+    """Serves the fleet of a test when its URL is first asked for.
+
+    One port carries up to 250 vehicles, each with a system id of its own; further ports follow it.
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        self._rig = rig
+        self._thread: Thread | None = None
+        self._port = 0
+
+    def serve(self, url: str | None = None, *, speedup: float = 1.0) -> "Link":
+        """Begin now: listen on a free port, or talk at a URL like `udpout:127.0.0.1:14550`."""
+        if self._thread is not None:
+            raise RuntimeError("the fleet is served already; call link.serve() before link.url is used")
+        if url is None:
+            self._port = _free_port(1 + max(self._rig.existing().links))
+            url = f"udpin:127.0.0.1:{self._port}"
+        self._thread = Thread(self._rig, url, speedup)
+        self._rig.serving = self._thread
+        return self
+
+    @property
+    def port(self) -> int:
+        """Where the fleet listens on 127.0.0.1; it speaks to whoever has spoken to it."""
+        if self._thread is None:
+            self.serve()
+        return self._port
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Host and port for a socket of one's own."""
+        return ("127.0.0.1", self.port)
+
+    @property
+    def url(self) -> str:
+        """For pymavlink and MAVProxy."""
+        return f"udpout:127.0.0.1:{self.port}"
+
+    @property
+    def mavsdk_url(self) -> str:
+        return f"udpout://127.0.0.1:{self.port}"
+
+    def close(self) -> None:
+        if self._thread is not None:
+            self._thread.stop()
+            self._thread = None
+
+
+def _free_port(count: int) -> int:
+    """The first of so many neighbouring UDP ports that nobody uses."""
+    for _ in range(100):
+        with contextlib.ExitStack() as probes:
+            first = _bound(probes, 0)
+            with contextlib.suppress(OSError):
+                for port in range(first + 1, first + count):
+                    _bound(probes, port)
+                return first
+    raise OSError(f"no {count} neighbouring free UDP ports on 127.0.0.1")
+
+
+def _bound(probes: contextlib.ExitStack, port: int) -> int:
+    probe = probes.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+    probe.bind(("127.0.0.1", port))
+    return int(probe.getsockname()[1])

@@ -1,0 +1,88 @@
+"""YAML and JSON that remember on which line each key stands."""
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+import yaml
+
+KeyPath = tuple[str | int, ...]
+
+
+class FileSyntaxError(ValueError):
+    """Neither YAML nor JSON, or a key given twice; `line` counts from 1."""
+
+    def __init__(self, line: int, text: str) -> None:
+        super().__init__(text)
+        self.line, self.text = line, text
+
+
+@dataclass(frozen=True, slots=True)
+class Document:
+    """What a file holds, and where: the line of each key path."""
+
+    data: Any
+    lines: dict[KeyPath, int]
+
+    def line_of(self, path: KeyPath) -> int:
+        """The line of the deepest part of `path` that the file has."""
+        for length in range(len(path), 0, -1):
+            if path[:length] in self.lines:
+                return self.lines[path[:length]]
+        return 1
+
+
+def parse(text: str, *, as_json: bool = False) -> Document:
+    """Read one document; FileSyntaxError says where it breaks off.
+
+    JSON is read by its own rules; its lines are found by YAML, which it is a subset of but for tabs.
+    """
+    if not as_json:
+        return _parse_yaml(text)
+    try:
+        data = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise FileSyntaxError(
+            error.lineno, f"this is not JSON: {error.msg} (column {error.colno})"
+        ) from error
+    return Document(data, _parse_yaml(text.replace("\t", " ")).lines)
+
+
+def _parse_yaml(text: str) -> Document:
+    loader = None
+    try:
+        loader = yaml.SafeLoader(text)
+        node = loader.get_single_node()
+        if node is None:
+            raise FileSyntaxError(1, "the file is empty; it must hold at least `vehicles` or `count`")
+        lines: dict[KeyPath, int] = {}
+        _walk(node, (), lines)
+        return Document(loader.construct_document(node), lines)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line = mark.line + 1 if mark is not None else 1
+        raise FileSyntaxError(line, f"this is not YAML: {error.problem or error.context}") from error
+    except yaml.YAMLError as error:
+        raise FileSyntaxError(1, f"this is not YAML: {str(error).splitlines()[0]}") from error
+    except RecursionError as error:
+        raise FileSyntaxError(1, "this is nested too deeply") from error
+    finally:
+        if loader is not None:
+            loader.dispose()
+
+
+def _walk(node: yaml.Node, path: KeyPath, lines: dict[KeyPath, int]) -> None:
+    if isinstance(node, yaml.MappingNode):
+        for key_node, value_node in node.value:
+            here = (*path, str(key_node.value))
+            line = key_node.start_mark.line + 1
+            if here in lines:
+                raise FileSyntaxError(
+                    line, f"key {here[-1]!r} is given twice, first on line {lines[here]}; keep one of them"
+                )
+            lines[here] = line
+            _walk(value_node, here, lines)
+    elif isinstance(node, yaml.SequenceNode):
+        for index, item in enumerate(node.value):
+            lines[(*path, index)] = item.start_mark.line + 1
+            _walk(item, (*path, index), lines)

@@ -1,0 +1,143 @@
+"""The other end of FTP and of the log messages, for tests on virtual time: messages in, messages out."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from pymavlink import mavftp
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.filesystem import FileSystem
+from sim_vehicle.ftp import HEADER, FtpServer
+from sim_vehicle.ftp_rules import FtpRules, Opcode
+
+TICK_S = 0.1
+
+
+class Wire:
+    """Messages over the wire format, from a ground station to a machine and back."""
+
+    def __init__(self, *, sysid: int = 255, compid: int = 190) -> None:
+        self._station = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=compid)
+        self._vehicle = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+        self._decoder = mavlink.MAVLink(None)
+
+    def to_vehicle(self, message: Any) -> Any:
+        (decoded,) = self._decoder.parse_buffer(message.pack(self._station))
+        return decoded
+
+    def to_station(self, message: Any) -> Any:
+        (decoded,) = self._decoder.parse_buffer(message.pack(self._vehicle))
+        return decoded
+
+
+@dataclass(frozen=True)
+class Reply:
+    """One answer of the server."""
+
+    seq: int
+    session: int
+    opcode: int
+    request: int
+    complete: int
+    offset: int
+    data: bytes
+
+    @property
+    def error(self) -> int:
+        assert self.opcode == Opcode.NAK, self
+        return self.data[0]
+
+
+class FtpClient:
+    """Sends requests to a server as they are given; time passes only in `wait`."""
+
+    def __init__(self, files: FileSystem, rules: FtpRules, **pace: float) -> None:
+        self.sent: list[Any] = []
+        self.server = FtpServer(files, rules, send=self.sent.append, **pace)
+        self.now = 0.0
+        self.seq = 0
+        self.wire = Wire()
+
+    def request(
+        self,
+        opcode: int,
+        data: bytes = b"",
+        *,
+        session: int = 0,
+        offset: int = 0,
+        size: int | None = None,
+        seq: int | None = None,
+        wire: Wire | None = None,
+    ) -> list[Reply]:
+        """One request; the answers that came at once."""
+        if seq is None:
+            self.seq = (self.seq + 1) & 0xFFFF
+            seq = self.seq
+        length = len(data) if size is None else size
+        payload = HEADER.pack(seq, session, opcode, length, 0, 0, offset) + data
+        return self.send(payload.ljust(251, b"\0")[:251], wire)
+
+    def send(self, payload: bytes, wire: Wire | None = None) -> list[Reply]:
+        wire = wire or self.wire
+        message = mavlink.MAVLink_file_transfer_protocol_message(0, 1, 1, payload)
+        self.server.receive(wire.to_vehicle(message), self.now)
+        return self.take()
+
+    def one(self, opcode: int, data: bytes = b"", **fields: Any) -> Reply:
+        (reply,) = self.request(opcode, data, **fields)
+        return reply
+
+    def take(self) -> list[Reply]:
+        replies = []
+        for message in self.sent:
+            payload = bytes(self.wire.to_station(message).payload)
+            seq, session, opcode, size, request, complete, offset = HEADER.unpack_from(payload)
+            data = payload[HEADER.size : HEADER.size + size]
+            replies.append(Reply(seq, session, opcode, request, complete, offset, data))
+        self.sent.clear()
+        return replies
+
+    def wait(self, seconds: float) -> list[Reply]:
+        end, replies = self.now + seconds, self.take()
+        while self.now < end - 1e-9:
+            self.now += TICK_S
+            self.server.tick(self.now)
+            replies += self.take()
+        return replies
+
+
+class _Link:
+    """What pymavlink's MAVFTP believes to be a connection; every poll without a message lets time pass."""
+
+    source_system, source_component = 255, 190
+
+    def __init__(self, client: FtpClient, drop: Callable[[], bool]) -> None:
+        self.mav = self
+        self._client, self._drop = client, drop
+        self._inbox: list[Any] = []
+
+    def file_transfer_protocol_send(self, network: int, system: int, component: int, payload: bytes) -> None:
+        if not self._drop():
+            message = mavlink.MAVLink_file_transfer_protocol_message(
+                network, system, component, bytes(payload)
+            )
+            self._client.server.receive(self._client.wire.to_vehicle(message), self._client.now)
+            self._collect()
+
+    def recv_match(self, **_wanted: Any) -> Any:
+        if not self._inbox:
+            self._client.now += TICK_S
+            self._client.server.tick(self._client.now)
+            self._collect()
+        return self._inbox.pop(0) if self._inbox else None
+
+    def _collect(self) -> None:
+        arrived = [self._client.wire.to_station(message) for message in self._client.sent]
+        self._client.sent.clear()
+        self._inbox += [message for message in arrived if not self._drop()]
+
+
+def pymavlink_ftp(client: FtpClient, *, drop: Callable[[], bool] = lambda: False) -> mavftp.MAVFTP:
+    """pymavlink's own FTP client, talking to the server of `client`; `drop` loses messages."""
+    return mavftp.MAVFTP(_Link(client, drop), 1, 1)

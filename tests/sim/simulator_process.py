@@ -1,0 +1,169 @@
+"""`python -m sim_vehicle` as a process, and what a ground station of a few lines needs to talk to it."""
+
+import os
+import select
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+LIMIT_S = 20.0
+
+
+@contextmanager
+def simulator(*arguments: str, errors: Callable[[str], bool] = lambda text: text == "") -> Iterator[Any]:
+    """Runs until the block ends; then it has to have ended with code 0 and errors that pass `errors`."""
+    command = [sys.executable, "-m", "sim_vehicle", "--ready-s", "1", *arguments]
+    process = subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        yield process
+    finally:
+        process.terminate()
+        _, said = process.communicate(timeout=LIMIT_S)
+    assert process.returncode == 0, said
+    assert errors(said), said
+
+
+def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """Runs to the end."""
+    command = [sys.executable, "-m", "sim_vehicle", *arguments]
+    return subprocess.run(
+        command, capture_output=True, text=True, timeout=LIMIT_S, check=False, stdin=subprocess.DEVNULL
+    )
+
+
+def line(process: Any, limit_s: float = LIMIT_S) -> str:
+    """The next line of standard output; an error if none comes. Lines have to be asked for one at a time."""
+    assert select.select([process.stdout], [], [], limit_s)[0], f"no line within {limit_s} s"
+    return str(process.stdout.readline())
+
+
+def udp_socket(port: int = 0) -> tuple[socket.socket, int]:
+    udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    udp.bind(("127.0.0.1", port))
+    udp.settimeout(LIMIT_S)
+    return udp, udp.getsockname()[1]
+
+
+def udp_sockets(count: int, step: int = 1) -> list[socket.socket]:
+    """Bound to ports that are `step` apart."""
+    for _ in range(100):
+        first, port = udp_socket()
+        opened = [first]
+        try:
+            opened += [udp_socket(port + i * step)[0] for i in range(1, count)]
+        except (OSError, OverflowError):
+            for udp in opened:
+                udp.close()
+        else:
+            return opened
+    raise AssertionError(f"no {count} free ports {step} apart")
+
+
+def free_tcp_port(count: int = 1, step: int = 1) -> int:
+    """The first of `count` free ports that are `step` apart."""
+    for _ in range(100):
+        probes: list[socket.socket] = []
+        try:
+            probes.append(socket.create_server(("127.0.0.1", 0)))
+            port = int(probes[0].getsockname()[1])
+            probes += [socket.create_server(("127.0.0.1", port + i * step)) for i in range(1, count)]
+        except (OSError, OverflowError):
+            continue
+        else:
+            return port
+        finally:
+            for probe in probes:
+                probe.close()
+    raise AssertionError(f"no {count} free ports {step} apart")
+
+
+class Ground:
+    """Decodes what arrives on a socket or file, and sends; every wait has its end."""
+
+    def __init__(self, source: Any, address: Any = None, *, sysid: int = 255) -> None:
+        self._source, self.address = source, address
+        self.codec = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=190)
+        self._decoder = mavlink.MAVLink(None)
+        self._decoder.robust_parsing = True
+        self.heard: list[Any] = []
+        self.raw = b""
+
+    def __enter__(self) -> "Ground":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._source.close()
+
+    def _read(self, until_s: float) -> None:
+        left_s = until_s - time.monotonic()
+        file = self._source if isinstance(self._source, int) else self._source.fileno()
+        if left_s <= 0 or not select.select([file], [], [], left_s)[0]:
+            kinds = sorted({m.get_type() for m in self.heard})
+            raise AssertionError(f"not within {LIMIT_S} s; heard {kinds}")
+        if isinstance(self._source, int):
+            data = os.read(self._source, 65_536)
+        elif self._source.type == socket.SOCK_DGRAM:
+            data, self.address = self._source.recvfrom(65_536)
+        else:
+            data = self._source.recv(65_536)
+            if not data:
+                raise ConnectionError("closed by the simulator")
+        self.raw += data
+        for message in self._decoder.parse_buffer(data) or ():
+            if message.get_type() != "BAD_DATA":
+                self.heard.append(message)
+
+    def until(self, condition: Callable[[Any], bool]) -> Any:
+        """The next message that satisfies a condition."""
+        end_s = time.monotonic() + LIMIT_S
+        begin = len(self.heard)
+        while True:
+            for message in self.heard[begin:]:
+                if condition(message):
+                    return message
+            begin = len(self.heard)
+            self._read(end_s)
+
+    def systems(self, *sysids: int) -> None:
+        """Wait for a heartbeat of each of these."""
+        missing = set(sysids)
+        while missing:
+            missing.discard(self.until(lambda m: m.get_type() == "HEARTBEAT").get_srcSystem())
+
+    @property
+    def heard_systems(self) -> set[int]:
+        return {m.get_srcSystem() for m in self.heard if m.get_type() == "HEARTBEAT"}
+
+    def send(self, message: Any, address: Any = None) -> None:
+        self.send_raw(message.pack(self.codec), address)
+
+    def send_raw(self, data: bytes, address: Any = None) -> None:
+        if isinstance(self._source, int):
+            os.write(self._source, data)
+        elif self._source.type == socket.SOCK_DGRAM:
+            self._source.sendto(data, address or self.address)
+        else:
+            self._source.sendall(data)
+
+    def answered(self, ts1: int, target: int, address: Any = None) -> Any:
+        """Send a TIMESYNC request and wait for the answer of one vehicle."""
+        self.send(mavlink.MAVLink_timesync_message(0, ts1), address)
+        return self.until(
+            lambda m: m.get_type() == "TIMESYNC" and m.ts1 == ts1 and m.tc1 and m.get_srcSystem() == target
+        )
+
+    def reboot(self, target: int) -> None:
+        self.send(mavlink.MAVLink_command_long_message(target, 0, 246, 0, 1, 0, 0, 0, 0, 0, 0))
+
+
+def heartbeat() -> Any:
+    """Of a ground station."""
+    return mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3)

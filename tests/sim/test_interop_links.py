@@ -1,0 +1,306 @@
+"""Every transport against plain sockets: ports, several stations, reboots, peers that are slow or babble."""
+
+import asyncio
+import contextlib
+import os
+import random
+import socket
+import tty
+
+import pytest
+from simulator_process import (
+    LIMIT_S,
+    Ground,
+    free_tcp_port,
+    heartbeat,
+    line,
+    simulator,
+    udp_socket,
+    udp_sockets,
+)
+
+from sim_vehicle.links import Ends, make_link
+from sim_vehicle.links.stream import Stream
+from sim_vehicle.links.udp import MAX_PEERS
+from sim_vehicle.url import parse_url
+
+pytestmark = pytest.mark.interop
+
+
+def client(port: int) -> Ground:
+    return Ground(socket.create_connection(("127.0.0.1", port), LIMIT_S))
+
+
+# -- UDP ---------------------------------------------------------------------------------------------------
+
+
+def test_the_whole_fleet_comes_out_of_one_udp_socket() -> None:
+    udp, port = udp_socket()
+    addresses = set()
+    more = ("--count", "3", "--sysid", "11", "--speedup", "5", "--url", f"udpout:127.0.0.1:{port}")
+    with udp, simulator(*more):
+        ground = Ground(udp)
+        while ground.heard_systems != {11, 12, 13}:
+            ground.until(lambda m: m.get_type() == "HEARTBEAT")
+            addresses.add(ground.address)
+    assert len(addresses) == 1
+
+
+def test_a_port_each_and_each_hears_its_own() -> None:
+    opened = udp_sockets(3)
+    url = f"udpout:127.0.0.1:{opened[0].getsockname()[1]}"
+    with simulator("--count", "3", "--per-port", "1", "--speedup", "5", "--url", url) as process:
+        assert f"{url.replace(':', ' ', 1)} to {opened[2].getsockname()[1]}" in line(process)
+        grounds = [Ground(udp) for udp in opened]
+        for sysid, ground in enumerate(grounds, 1):
+            ground.systems(sysid)
+        # A command to everybody on one port reaches the vehicle that is there and no other.
+        grounds[1].answered(5, 2)
+        grounds[2].answered(6, 3)
+        assert [m for m in grounds[2].heard if m.get_type() == "TIMESYNC" and m.ts1 == 5] == []
+        assert [ground.heard_systems for ground in grounds] == [{1}, {2}, {3}]
+    for udp in opened:
+        udp.close()
+
+
+def test_vehicles_on_further_ports_begin_again_with_the_first_system_id() -> None:
+    opened = udp_sockets(2, step=10)
+    url = f"udpout:127.0.0.1:{opened[0].getsockname()[1]}"
+    more = ("--count", "255", "--port-step", "10", "--speedup", "5", "--url", url)
+    with simulator(*more):
+        first, second = (Ground(udp) for udp in opened)
+        first.systems(1, 250)
+        second.systems(1, 5)
+        assert max(second.heard_systems) == 5
+    for udp in opened:
+        udp.close()
+
+
+@pytest.mark.autopilots("1.18")
+def test_a_rebooted_vehicle_comes_back_from_another_port_and_still_answers() -> None:
+    udp, port = udp_socket()
+    with udp, simulator("--count", "2", "--speedup", "5", "--url", f"udpout:127.0.0.1:{port}"):
+        ground = Ground(udp)
+        ground.systems(1, 2)
+        shared = ground.address
+        ground.reboot(2)
+        ground.until(
+            lambda m: m.get_type() == "HEARTBEAT" and m.get_srcSystem() == 2 and ground.address != shared
+        )
+        moved = ground.address
+        assert b"Init ArduCopter" in ground.raw
+        ground.answered(99, 2, moved)
+        ground.answered(100, 1, shared)
+
+
+def test_a_vehicle_with_a_port_of_its_own_comes_back_from_another_port() -> None:
+    udp, port = udp_socket()
+    with udp, simulator("--per-port", "1", "--speedup", "5", "--url", f"udpout:127.0.0.1:{port}"):
+        ground = Ground(udp)
+        ground.systems(1)
+        before = ground.address
+        ground.reboot(1)
+        ground.until(lambda m: m.get_type() == "HEARTBEAT" and ground.address != before)
+        ground.answered(7, 1)
+
+
+@pytest.mark.autopilots("1.18")
+def test_nobody_there_at_first_is_no_trouble() -> None:
+    udp, port = udp_socket()
+    udp.close()
+    with simulator("--speedup", "20", "--url", f"udpout:127.0.0.1:{port}") as process:
+        assert line(process)
+        for _ in range(2):  # it also comes and goes
+            udp, _ = udp_socket(port)
+            with udp:
+                Ground(udp).systems(1)
+
+
+def test_a_listening_udp_fleet_answers_whoever_speaks() -> None:
+    udp, port = udp_socket()
+    udp.close()
+    with simulator("--speedup", "5", "--url", f"udpin:127.0.0.1:{port}") as process:
+        assert line(process)
+        one, _ = udp_socket()
+        other, _ = udp_socket()
+        with one, other:
+            grounds = [Ground(udp, ("127.0.0.1", port), sysid=i) for i, udp in enumerate((one, other), 254)]
+            for ground in grounds:
+                ground.send(heartbeat())
+            for ground in grounds:
+                ground.systems(1)
+            grounds[0].answered(3, 1)
+            grounds[1].until(
+                lambda m: m.get_type() == "TIMESYNC" and m.ts1 == 3
+            )  # both hear all, as on a radio
+
+
+def test_a_listening_port_keeps_a_bounded_number_of_peers() -> None:
+    async def crowd() -> tuple[int, list[object]]:
+        gone: list[object] = []
+        enough = asyncio.Event()
+
+        def forgotten(peer: object) -> None:
+            gone.append(peer)
+            if len(gone) == 8:
+                enough.set()
+
+        probe, port = udp_socket()
+        probe.close()
+        link = make_link(
+            parse_url(f"udpin:127.0.0.1:{port}"),
+            Ends(lambda data, peer, only: None, forgotten, lambda text: None),
+            alone=False,
+        )
+        link.open()
+        with contextlib.ExitStack() as peers:
+            for _ in range(MAX_PEERS + 8):
+                peers.enter_context(udp_socket()[0]).sendto(b"here", ("127.0.0.1", port))
+            async with asyncio.timeout(LIMIT_S):
+                await enough.wait()
+        stations = link.stations()
+        link.close()
+        return stations, gone
+
+    stations, gone = asyncio.run(crowd())
+    assert stations == MAX_PEERS
+    assert len(set(gone)) == 8
+
+
+# -- TCP ---------------------------------------------------------------------------------------------------
+
+
+def test_several_tcp_clients_each_see_the_fleet_and_may_leave() -> None:
+    port = free_tcp_port()
+    with simulator("--count", "2", "--speedup", "5", "--url", f"tcpin:127.0.0.1:{port}") as process:
+        assert line(process)
+        for _ in range(2):
+            with client(port) as one, client(port) as other:
+                one.systems(1, 2)
+                other.systems(1, 2)
+
+
+@pytest.mark.autopilots("1.18")
+def test_a_reboot_closes_the_connection_of_a_vehicle_with_a_port_of_its_own() -> None:
+    port = free_tcp_port(2, step=10)
+    more = ("--count", "2", "--per-port", "1", "--port-step", "10", "--url", f"tcpin:127.0.0.1:{port}")
+    with simulator(*more, "--speedup", "5") as process:
+        assert line(process)
+        with client(port) as first:
+            with client(port + 10) as second:
+                first.systems(1)
+                second.systems(2)
+                second.reboot(2)
+                with pytest.raises(ConnectionError):
+                    second.until(lambda m: False)
+            with client(port + 10) as again:
+                again.systems(2)
+            first.answered(4, 1)
+            assert first.heard_systems == {1}
+
+
+def test_it_dials_out_over_tcp_again_and_again() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(LIMIT_S)
+        with simulator("--speedup", "5", "--url", f"tcpout:127.0.0.1:{server.getsockname()[1]}"):
+            for _ in range(2):
+                connection, _ = server.accept()
+                with connection:
+                    Ground(connection).systems(1)
+
+
+def test_it_says_once_that_nobody_is_there() -> None:
+    port = free_tcp_port()
+
+    def errors(text: str) -> bool:
+        return text == (
+            f"sim_vehicle: tcpout 127.0.0.1:{port}: nobody is there (Connection refused); "
+            "trying again every 0.5 s\n"
+        )
+
+    with simulator("--speedup", "5", "--url", f"tcp:127.0.0.1:{port}", errors=errors) as process:
+        assert line(process)
+        with socket.create_server(("127.0.0.1", port)) as server:
+            server.settimeout(LIMIT_S)
+            connection, _ = server.accept()
+            with connection:
+                Ground(connection).systems(1)
+
+
+def test_a_client_that_does_not_read_costs_bounded_memory_and_gets_whole_frames() -> None:
+    async def flood() -> tuple[bytes, int]:
+        writer, reader = socket.socketpair()
+        writer.setblocking(False)
+        received = bytearray()
+        stream = Stream(
+            writer.fileno(), writer.recv, writer.send,
+            backlog_bytes=10_000, received=lambda data: None, ended=lambda why: None,
+        )  # fmt: skip
+        for number in range(5000):
+            stream.send([(0, number.to_bytes(4, "big") * 100)])
+        reader.setblocking(False)
+        loop = asyncio.get_running_loop()
+        sent = (5000 - stream.dropped) * 400
+        async with asyncio.timeout(LIMIT_S):
+            while len(received) < sent:
+                received += await loop.sock_recv(reader, 65_536)
+        stream.detach()
+        writer.close()
+        reader.close()
+        return bytes(received), stream.dropped
+
+    received, dropped = asyncio.run(flood())
+    assert dropped > 1000
+    chunks = [received[i : i + 400] for i in range(0, len(received), 400)]
+    assert all(chunk == chunk[:4] * 100 for chunk in chunks)
+    numbers = [int.from_bytes(chunk[:4], "big") for chunk in chunks]
+    assert numbers == sorted(set(numbers))
+
+
+# -- serial ------------------------------------------------------------------------------------------------
+
+
+def test_a_serial_line_carries_the_fleet() -> None:
+    ours, theirs = os.openpty()
+    tty.setraw(ours)
+    tty.setraw(theirs)
+    with simulator(
+        "--count", "2", "--speedup", "5", "--url", f"serial:{os.ttyname(theirs)}:57600"
+    ) as process:
+        assert f"serial {os.ttyname(theirs)}:57600" in line(process)
+        ground = Ground(ours)
+        ground.systems(1, 2)
+        ground.answered(11, 2)
+    os.close(ours)
+    os.close(theirs)
+
+
+# -- several at once, and nonsense -------------------------------------------------------------------------
+
+
+def test_one_fleet_at_several_urls() -> None:
+    udp, udp_port = udp_socket()
+    port = free_tcp_port()
+    urls = ("--url", f"127.0.0.1:{udp_port}", "--url", f"tcpin:127.0.0.1:{port}")
+    with udp, simulator("--speedup", "5", *urls) as process:
+        assert f"udpout 127.0.0.1:{udp_port} and tcpin 127.0.0.1:{port}" in line(process)
+        over_udp = Ground(udp)
+        with client(port) as over_tcp:
+            over_udp.systems(1)
+            over_tcp.systems(1)
+            over_tcp.answered(21, 1)
+            over_udp.until(lambda m: m.get_type() == "TIMESYNC" and m.ts1 == 21)
+            over_udp.answered(22, 1)
+
+
+def test_nonsense_from_one_station_does_not_disturb_another() -> None:
+    port = free_tcp_port()
+    noise = random.Random(4)
+    with simulator("--speedup", "5", "--url", f"tcpin:127.0.0.1:{port}") as process:
+        assert line(process)
+        with client(port) as ground:
+            with client(port) as babbler:
+                for ts1 in range(30, 35):
+                    babbler.send_raw(noise.randbytes(5000) + b"\xfd\xff\x00" + noise.randbytes(100))
+                    ground.answered(ts1, 1)
+            ground.answered(40, 1)

@@ -1,0 +1,132 @@
+"""The real MAVProxy, headless and scripted, flies the real `python -m sim_vehicle` over loopback."""
+
+import math
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from mavproxy_process import LIMIT_S, MAVProxy, mavproxy
+from simulator_process import free_tcp_port, line, simulator, udp_socket
+
+pytestmark = pytest.mark.interop
+
+ANSWER_S = 2.0
+PLAN = """QGC WPL 110
+0\t1\t0\t16\t0\t0\t0\t0\t46.049\t14.506\t300\t1
+1\t0\t3\t22\t0\t0\t0\t0\t0\t0\t20\t1
+2\t0\t3\t16\t0\t0\t0\t0\t46.0495\t14.5065\t20.3\t1
+3\t0\t3\t21\t0\t0\t0\t0\t46.0495\t14.5065\t0\t1
+"""
+FENCE = """QGC WPL 110
+0\t0\t3\t5001\t4\t0\t0\t0\t46.048\t14.505\t0\t1
+1\t0\t3\t5001\t4\t0\t0\t0\t46.050\t14.505\t0\t1
+2\t0\t3\t5001\t4\t0\t0\t0\t46.050\t14.507\t0\t1
+3\t0\t3\t5001\t4\t0\t0\t0\t46.048\t14.507\t0\t1
+"""
+
+
+def test_an_ardupilot_copter_is_set_up_and_flown(tmp_path: Path) -> None:
+    port = free_tcp_port()
+    (tmp_path / "plan.txt").write_text(PLAN)
+    (tmp_path / "fence.txt").write_text(FENCE)
+    with simulator("--speedup", "5", "--url", f"tcpin:127.0.0.1:{port}") as process:
+        assert line(process)
+        with mavproxy(f"tcp:127.0.0.1:{port}", tmp_path) as proxy:
+            proxy.expect(r"online system 1")
+            proxy.expect(r"Mode STABILIZE")
+            proxy.expect(r"AP: ArduCopter V4\.6")
+            count = int(proxy.expect(r"Received (\d+) parameters")[1])
+            assert count > 50
+            proxy.ask("param show WPNAV_SPEED", r"WPNAV_SPEED +1000\.0")
+            proxy.command("param set WPNAV_SPEED 700")
+            asked(proxy, "param fetch WPNAV_SPEED", r"WPNAV_SPEED = ([\d.]+)", lambda value: value == 700)
+
+            proxy.ask("wp load plan.txt", r"Sent all 4 waypoints")
+            proxy.expect(r"TYPE_MISSION: ACCEPTED")
+            proxy.ask("wp list", r"Requesting 4 waypoints")
+            proxy.expect(r"^22 3 .* 20\.000000 p1")
+            proxy.expect(r"^16 3 46\.0495000000 14\.5065000000 20\.29\d* p1")  # cut to whole centimetres
+            proxy.expect(r"Saved 4 waypoints")
+
+            proxy.ask("fence load fence.txt", r"Sent all 4 fence items")
+            proxy.expect(r"TYPE_FENCE: ACCEPTED")
+            proxy.ask("fence list", r"Requesting 4 fence items")
+            for corner in (r"46\.048\d* 14\.505", r"46\.050\d* 14\.505", r"46\.050\d* 14\.507"):
+                proxy.expect(rf"^5001 0 {corner}")
+            proxy.ask("fence enable", r"DO_FENCE_ENABLE: ACCEPTED")
+
+            proxy.ask("mode GUIDED", r"Mode GUIDED")
+            proxy.ask("arm throttle", r"^(\w+> )?ARMED")
+            proxy.ask("takeoff 15", r"NAV_TAKEOFF: ACCEPTED")
+            height = r"GLOBAL_POSITION_INT .*relative_alt : (-?\d+)"
+            asked(proxy, "status GLOBAL_POSITION_INT", height, lambda value: value > 14_500)
+            proxy.ask("rtl", r"Mode RTL")
+            proxy.expect(r"^(\w+> )?DISARMED")
+
+
+def test_a_mission_is_flown_in_auto(tmp_path: Path) -> None:
+    udp, port = udp_socket()
+    udp.close()
+    (tmp_path / "plan.txt").write_text(PLAN)
+    with (
+        mavproxy(f"udpin:127.0.0.1:{port}", tmp_path) as proxy,
+        simulator("--speedup", "10", "--url", f"udpout:127.0.0.1:{port}"),
+    ):
+        proxy.expect(r"online system 1")
+        proxy.expect(r"Received \d+ parameters")
+        proxy.command("set flushlogs True")
+        proxy.ask("wp load plan.txt", r"TYPE_MISSION: ACCEPTED")
+        proxy.ask("mode GUIDED", r"Mode GUIDED")
+        proxy.ask("arm throttle", r"^(\w+> )?ARMED")
+        proxy.ask("long MISSION_START 0 0", r"MISSION_START: ACCEPTED")
+        proxy.expect(r"AP: Mission: 2 WP")
+        proxy.expect(r"AP: Mission: 3 Land")
+        proxy.expect(r"^(\w+> )?DISARMED")
+    extract_mission(tmp_path, wanted=[16, 22, 16, 21])
+
+
+def test_a_px4_copter_is_set_up_and_flown(tmp_path: Path) -> None:
+    port = free_tcp_port()
+    (tmp_path / "plan.txt").write_text(PLAN)
+    more = ("--personality", "px4", "--speedup", "5", "--url", f"tcpin:127.0.0.1:{port}")
+    with simulator(*more) as process:
+        assert line(process)
+        with mavproxy(f"tcp:127.0.0.1:{port}", tmp_path) as proxy:
+            proxy.expect(r"online system 1")
+            proxy.expect(r"Received \d+ parameters")
+            proxy.ask("wp load plan.txt", r"TYPE_MISSION: ACCEPTED")
+            proxy.ask("wp list", r"Requesting 4 waypoints")
+            proxy.expect(r"Saved 4 waypoints")
+            proxy.ask("arm throttle", r"^(\w+> )?ARMED")
+            # `mode` is broken for PX4 in MAVProxy itself: it packs a tuple as a number.
+            proxy.ask("long DO_SET_MODE 209 4 2", r"Mode TAKEOFF")
+            proxy.expect(r"Mode LOITER")
+            proxy.ask("long NAV_RETURN_TO_LAUNCH", r"Mode RTL")
+            proxy.expect(r"^(\w+> )?DISARMED")
+
+
+def asked(proxy: MAVProxy, command: str, pattern: str, condition: Callable[[float], bool]) -> None:
+    """Ask again and again for a number until it is as wanted; an answer may also be missing at first."""
+    end_s = time.monotonic() + LIMIT_S
+    value = math.nan
+    while not condition(value):
+        assert time.monotonic() < end_s, f"{command}: still {value} after {LIMIT_S} s"
+        proxy.command(command)
+        found = proxy.look(pattern, ANSWER_S)
+        value = math.nan if found is None else float(found[1])
+
+
+def extract_mission(folder: Path, *, wanted: list[int]) -> None:
+    """pymavlink's mavmission reads the plan out of MAVProxy's own log of the flight."""
+    (log,) = folder.glob("test/logs/*/flight1/flight.tlog")
+    tool = Path(sys.executable).with_name("mavmission.py")
+    plan = folder / "from_log.txt"
+    done = subprocess.run(
+        [sys.executable, str(tool), "--output", str(plan), str(log)],
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert [int(row.split("\t")[3]) for row in plan.read_text().splitlines()[1:]] == wanted

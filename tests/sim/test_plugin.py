@@ -1,0 +1,119 @@
+"""The pytest plug-in in a pytest of its own: what a failing test prints, and that it repeats the failure."""
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent.parent
+MODULE = "sim_vehicle.pytest_plugin"
+DEADLINE_S = 120
+
+FAILING = """
+def test_hovers(vehicle, clock):
+    clock.run_for(5)
+    print("noise", vehicle.raw.hex())
+    assert vehicle.height_m > 1
+
+def test_plain():
+    assert False
+
+class TestNamed:
+    def test_times(self, swarm, clock):
+        swarm(count=2, personality="px4")
+        clock.run_until(lambda: False, timeout=1)
+"""
+
+
+def run_pytest(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return run([sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *arguments], folder)
+
+
+def run(command: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
+    path = os.pathsep.join([str(ROOT), str(folder / "installed")])
+    environment = {**os.environ, "PYTHONPATH": path, "PYTEST_ADDOPTS": "", "COLUMNS": "200"}
+    return subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=DEADLINE_S, check=False
+    )
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    """Somebody else's project; it loads the plug-in as an entry point would."""
+    (tmp_path / "pytest.ini").write_text("[pytest]\nfilterwarnings = error\n")
+    folder = tmp_path / "checks of mine"
+    folder.mkdir()
+    (folder / "test_mine.py").write_text(FAILING)
+    return tmp_path
+
+
+@pytest.mark.interop
+def test_a_failing_test_prints_its_seed_and_the_command_that_repeats_it(project: Path) -> None:
+    first = run_pytest(project, "-p", MODULE)
+    assert first.returncode == 1, first.stdout + first.stderr
+    assert first.stdout.count("repeat with:") == 2  # not for the test without vehicles
+    commands = re.findall(r"repeat with: (.*)", first.stdout)
+    assert re.search(r"seed \d+, 1 vehicle, 5\.00 s simulated", first.stdout)
+    assert re.search(r"seed \d+, 2 vehicles, 1\.00 s simulated", first.stdout)
+    assert "TestNamed::test_times" in commands[1]
+    words = shlex.split(commands[0])
+    assert words[:3] == ["python", "-m", "pytest"]
+    again = run([sys.executable, *words[1:]], project)
+    assert again.returncode == 1
+    assert again.stdout.count("repeat with:") == 1
+    noise = [re.search(r"noise (\w+)", output).group(1) for output in (first.stdout, again.stdout)]  # type: ignore[union-attr]
+    assert noise[0] == noise[1]
+    other = run([sys.executable, *words[1:-1], "12345"], project)
+    assert "seed 12345, 1 vehicle" in other.stdout
+    assert re.search(r"noise (\w+)", other.stdout).group(1) != noise[0]  # type: ignore[union-attr]
+
+
+@pytest.mark.interop
+@pytest.mark.parametrize("asked_for_as_well", [[], ["-p", MODULE]], ids=["entry point", "and by name"])
+def test_an_installed_package_needs_no_option(project: Path, asked_for_as_well: list[str]) -> None:
+    distribution = project / "installed" / "somebody-1.0.dist-info"
+    distribution.mkdir(parents=True)
+    (distribution / "METADATA").write_text("Metadata-Version: 2.1\nName: somebody\nVersion: 1.0\n")
+    entry_points = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]["pytest11"]
+    lines = [f"{name} = {module}\n" for name, module in entry_points.items()]
+    (distribution / "entry_points.txt").write_text("[pytest11]\n" + "".join(lines))
+    first = run_pytest(project, "-k", "hovers", *asked_for_as_well)
+    assert first.returncode == 1, first.stdout + first.stderr
+    (command,) = re.findall(r"repeat with: (.*)", first.stdout)
+    again = run([sys.executable, *shlex.split(command)[1:]], project)
+    assert again.stdout.count("repeat with:") == 1
+
+
+@pytest.mark.interop
+def test_the_command_works_from_the_folder_in_which_pytest_was_started(project: Path) -> None:
+    inner = project / "checks of mine"
+    first = run_pytest(inner, "-p", MODULE, "-k", "hovers")
+    (command,) = re.findall(r"repeat with: (.*)", first.stdout)
+    assert shlex.split(command)[-3] == "test_mine.py::test_hovers"
+    again = run([sys.executable, *shlex.split(command)[1:]], inner)
+    assert "1 failed" in again.stdout
+
+
+@pytest.mark.interop
+def test_nothing_heavy_is_imported_until_a_fixture_is_used(project: Path) -> None:
+    (project / "checks of mine" / "test_mine.py").write_text(
+        "import sys\n"
+        "def test_light():\n"
+        "    heavy = {'numpy', 'pymavlink', 'pydantic', 'scipy', 'rich', 'sim_vehicle.fleet'}\n"
+        "    assert not heavy & set(sys.modules)\n"
+    )
+    done = run_pytest(project, "-p", MODULE)
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.interop
+def test_the_fixtures_are_listed_with_their_use(project: Path) -> None:
+    listed = run_pytest(project, "-p", MODULE, "--fixtures")
+    for name in ("vehicle", "swarm", "clock", "link", "sim_seed"):
+        assert re.search(rf"^{name}\b", listed.stdout, re.MULTILINE), name
+    assert "--sim-seed=N" in run_pytest(project, "-p", MODULE, "--help").stdout

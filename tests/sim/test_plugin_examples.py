@@ -1,0 +1,181 @@
+"""What the fixtures are for: a ground station of one's own under test, on the virtual clock and over UDP.
+
+Read from top to bottom as documentation; README has the first two.
+"""
+
+import socket
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from pymavlink import mavutil
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.scenario import ScenarioError
+from sim_vehicle.testing.rig import Clock, NotWithinTimeError, Rig, Swarm, Vehicle, scenario_for
+from sim_vehicle.testing.served import Link
+
+pytest_plugins = ["sim_vehicle.pytest_plugin"]
+MakeSwarm = Callable[..., Swarm]
+
+
+# -- a ground station without sockets, under test on the virtual clock -------------------------------------
+
+
+class Lander:
+    """Ten lines of somebody's ground station: it lands a vehicle whose battery is low."""
+
+    def __init__(self, send: Callable[[Any], object]) -> None:
+        self._send = send
+        self.landing = False
+
+    def receive(self, message: Any) -> None:
+        if message.get_type() == "BATTERY_STATUS" and message.battery_remaining < 30 and not self.landing:
+            self.landing = True
+            target, land = message.get_srcSystem(), mavlink.MAV_CMD_NAV_LAND
+            self._send(mavlink.MAVLink_command_long_message(target, 1, land, 0, 0, 0, 0, 0, 0, 0, 0))
+
+
+def test_lands_on_a_low_battery(vehicle: Vehicle, clock: Clock) -> None:
+    lander = Lander(vehicle.send)
+
+    def pump() -> bool:
+        while vehicle.received:
+            lander.receive(vehicle.received.pop(0))
+        return not vehicle.truth.airborne
+
+    ask = mavlink.MAVLink_request_data_stream_message(vehicle.sysid, 1, mavlink.MAV_DATA_STREAM_ALL, 2, 1)
+    vehicle.send(ask)
+    vehicle.do("takeoff", 10)
+    clock.run_until(lambda: vehicle.height_m > 9, timeout=30)
+    vehicle.inject("battery_sag:at_most=0.2")
+    clock.run_until(pump, timeout=60)
+    assert lander.landing
+    assert vehicle.mode == "LAND"
+
+
+# -- a ground station with a socket, under test in real time -----------------------------------------------
+
+
+def count_heartbeats(url: str, wanted: int) -> set[int]:
+    """Somebody's ground station: the vehicles that it hears on a link."""
+    connection = mavutil.mavlink_connection(url, source_system=255)
+    heard: set[int] = set()
+    while len(heard) < wanted:
+        connection.mav.heartbeat_send(mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 0)
+        message = connection.recv_match(type="HEARTBEAT", blocking=True, timeout=1)
+        if message is not None and message.autopilot != mavlink.MAV_AUTOPILOT_INVALID:
+            heard.add(message.get_srcSystem())
+    connection.close()
+    return heard
+
+
+@pytest.mark.interop
+def test_hears_every_vehicle_over_udp(swarm: MakeSwarm, link: Link) -> None:
+    swarm(count=3, personality="mixed")
+    assert count_heartbeats(link.url, wanted=3) == {1, 2, 3}
+
+
+@pytest.mark.interop
+def test_a_socket_is_enough(vehicle: Vehicle, link: Link, clock: Clock) -> None:
+    link.serve(speedup=10)
+    codec = mavlink.MAVLink(None, srcSystem=255)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
+        station.settimeout(10)
+        heartbeat = mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, 8, 0, 0, 0, 3)
+        station.sendto(heartbeat.pack(codec), link.address)
+        data, _ = station.recvfrom(4096)
+    assert data
+    vehicle.do("takeoff", 5)
+    clock.run_until(lambda: vehicle.height_m > 4, timeout=60)  # simulated seconds, here ten times as quick
+
+
+@pytest.mark.interop
+def test_a_station_that_listens(vehicle: Vehicle, link: Link) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
+        station.bind(("127.0.0.1", 0))
+        station.settimeout(10)
+        link.serve(f"udpout:127.0.0.1:{station.getsockname()[1]}", speedup=5)
+        data, _ = station.recvfrom(4096)
+    assert data
+    assert vehicle.raw
+
+
+# -- the rest of what there is -----------------------------------------------------------------------------
+
+
+def test_time_stands_still_between_calls(vehicle: Vehicle, clock: Clock) -> None:
+    assert clock.now == 0
+    clock.run_for(2.5)
+    assert clock.now == pytest.approx(2.5)
+    before = len(vehicle.received)
+    assert len(vehicle.received) == before
+    took = clock.run_until(lambda: len(vehicle.messages("HEARTBEAT")) >= 5, timeout=10)
+    assert 1.5 < took < 4
+    assert clock.now == pytest.approx(2.5 + took)
+
+
+def test_a_condition_that_does_not_come_about_says_what_there_was(vehicle: Vehicle, clock: Clock) -> None:
+    with pytest.raises(NotWithinTimeError, match=r"(?s)not within 3 s: .*armed.*vehicle 1: STABILIZE"):
+        clock.run_until(lambda: vehicle.armed, timeout=3)
+
+
+def test_what_is_sent_is_answered(vehicle: Vehicle, clock: Clock) -> None:
+    clock.run_for(1)
+    command = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+    arm = mavlink.MAVLink_command_long_message(vehicle.sysid, 1, command, 0, 1, 0, 0, 0, 0, 0, 0)
+    guided = mavlink.MAVLink_set_mode_message(vehicle.sysid, mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, 4)
+    vehicle.send(guided)
+    answers = vehicle.send(arm)
+    assert [m.result for m in answers if m.get_type() == "COMMAND_ACK"] == [mavlink.MAV_RESULT_ACCEPTED]
+    assert vehicle.armed
+    vehicle.send(b"\x00garbage\xfd\x01")
+    clock.run_for(1)
+    assert vehicle.armed
+
+
+def test_a_swarm_of_any_kind(swarm: MakeSwarm, clock: Clock) -> None:
+    vehicles = swarm(count=4, personality="px4", faults=["link_outage:at=3,for=4,sysid=2"])
+    clock.run_for(3)
+    before = [len(vehicle.messages("HEARTBEAT")) for vehicle in vehicles]
+    clock.run_for(3.5)
+    after = [len(vehicle.messages("HEARTBEAT")) for vehicle in vehicles]
+    assert [late - early >= 3 for early, late in zip(before, after, strict=True)] == [True, False, True, True]
+    assert after[1] == before[1]
+
+
+def test_params_are_those_of_the_autopilot(swarm: MakeSwarm, clock: Clock) -> None:
+    vehicle = swarm(params={"RTL_ALT": 500})[0]
+    read = mavlink.MAVLink_param_request_read_message(vehicle.sysid, 1, b"RTL_ALT", -1)
+    clock.run_for(1)
+    assert [m.param_value for m in vehicle.send(read) if m.get_type() == "PARAM_VALUE"] == [500]
+
+
+def test_an_unknown_parameter_is_an_error(swarm: MakeSwarm) -> None:
+    with pytest.raises(ScenarioError, match="no such parameters of px4 copter: RTL_ALT"):
+        swarm(personality="px4", params={"RTL_ALT": 500})
+
+
+def test_a_step_that_fails_fails_the_test(vehicle: Vehicle, clock: Clock) -> None:
+    vehicle.do("command", {"command": "DO_PARACHUTE", "params": [2]})
+    with pytest.raises(NotWithinTimeError, match="vehicle 1: command failed"):
+        clock.run_for(200)
+
+
+def test_one_fleet_a_test(vehicle: Vehicle, swarm: MakeSwarm) -> None:
+    with pytest.raises(RuntimeError, match="one call of swarm"):
+        swarm(count=2)
+
+
+def test_equal_seeds_are_equal_bytes(swarm: MakeSwarm, clock: Clock, sim_seed: int) -> None:
+    options: dict[str, Any] = {"faults": ["packet_loss:rate=0.3"], "personality": "mixed"}
+    vehicles = swarm(count=2, **options)
+    clock.run_for(20)
+    again = Rig(sim_seed)
+    twins = again.create(scenario_for(2, seed=sim_seed, **options), 0.0)
+    Clock(again).run_for(20)
+    other = Rig(sim_seed + 1)
+    others = other.create(scenario_for(2, seed=sim_seed + 1, **options), 0.0)
+    Clock(other).run_for(20)
+    assert [vehicle.raw for vehicle in vehicles] == [twin.raw for twin in twins]
+    assert [vehicle.raw for vehicle in vehicles] != [stranger.raw for stranger in others]

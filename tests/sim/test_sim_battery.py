@@ -1,0 +1,137 @@
+"""Batteries: charge and voltage follow the load, and endurance the flight."""
+
+import bodies
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sim_vehicle.battery import AVIONICS_W, Batteries
+from sim_vehicle.wind import WindSettings
+
+
+def endurance_s(load_w: float, capacity_mah: float = 3300.0) -> float:
+    batteries = Batteries(1)
+    batteries.capacity_mah[:] = capacity_mah
+    seconds = 0.0
+    while not batteries.empty()[0]:
+        batteries.step(1.0, np.array([load_w]))
+        seconds += 1.0
+    return seconds
+
+
+def test_endurance_is_energy_over_load() -> None:
+    # 3.3 Ah at a mean resting voltage of about 0.9 * 12.6 V, minus what the resistance eats.
+    seconds = endurance_s(165.0 - AVIONICS_W)
+    current_a = 165.0 / (0.9 * 12.6)
+    energy_j = 3.3 * 3600 * (0.905 * 12.6 - 0.02 * current_a)
+    assert seconds == pytest.approx(energy_j / 165.0, rel=0.02)
+
+
+@settings(max_examples=20, derandomize=True, deadline=None)
+@given(st.floats(20.0, 400.0), st.floats(300.0, 5000.0))
+def test_twice_the_load_is_less_than_half_the_endurance(load_w: float, capacity_mah: float) -> None:
+    once, twice = endurance_s(load_w, capacity_mah), endurance_s(2 * load_w + AVIONICS_W, capacity_mah)
+    assert 0.35 * once - 2 <= twice <= 0.5 * once + 1
+
+
+def test_the_current_rises_as_the_voltage_falls() -> None:
+    batteries = Batteries(1)
+    load = np.array([160.0])
+    batteries.step(0.1, load)
+    batteries.step(0.1, load)
+    full_a = float(batteries.current_a[0])
+    assert batteries.voltage_v[0] == pytest.approx(12.6 - 0.02 * full_a, abs=0.01)
+    batteries.used_mah[:] = 0.95 * batteries.capacity_mah
+    batteries.step(0.1, load)
+    batteries.step(0.1, load)
+    assert batteries.current_a[0] > 1.15 * full_a
+    assert batteries.voltage_v[0] == pytest.approx(12.6 * 0.81 - 0.02 * batteries.current_a[0], abs=0.02)
+
+
+def test_the_load_lowers_the_voltage_at_once_and_it_recovers() -> None:
+    batteries = Batteries(1)
+    batteries.step(0.1, np.array([0.0]))
+    resting_v = float(batteries.voltage_v[0])
+    batteries.step(0.1, np.array([400.0]))
+    assert resting_v - batteries.voltage_v[0] == pytest.approx(0.02 * 400 / 12.6, abs=0.02)
+    batteries.step(0.1, np.array([0.0]))
+    assert batteries.voltage_v[0] == pytest.approx(resting_v, abs=0.01)
+
+
+def test_a_sag_is_missing_from_the_voltage_and_not_from_the_charge() -> None:
+    batteries = Batteries(2)
+    batteries.sag_v[1] = 1.5
+    for _ in range(10):
+        batteries.step(0.1, np.array([100.0, 100.0]))
+    assert batteries.voltage_v[0] - batteries.voltage_v[1] == pytest.approx(1.5, abs=0.05)
+    assert batteries.remaining[0] == pytest.approx(batteries.remaining[1], abs=1e-3)
+
+
+@settings(max_examples=30, derandomize=True, deadline=None)
+@given(st.lists(st.floats(0.0, 2000.0), min_size=1, max_size=50), st.floats(1.0, 6000.0))
+def test_charge_is_never_won_and_nothing_leaves_its_range(loads_w: list[float], capacity_mah: float) -> None:
+    batteries = Batteries(1)
+    batteries.capacity_mah[:] = capacity_mah
+    before = 1.0
+    for load_w in loads_w:
+        batteries.step(1.0, np.array([load_w]))
+        assert 0.0 <= batteries.remaining[0] <= before
+        assert 0.0 <= batteries.voltage_v[0] <= 12.6
+        before = float(batteries.remaining[0])
+    assert batteries.used_j[0] == pytest.approx(sum(loads_w) + AVIONICS_W * len(loads_w))
+
+
+def used_mah(manoeuvre: str, wind: WindSettings | None = None) -> float:
+    """Charge that half a minute of a manoeuvre takes."""
+    world = bodies.world(wind=wind)
+    body = bodies.copter(world)
+    east, north, up = body.position_m
+    if manoeuvre == "climb":
+        body.fly_to(east, north, up + 200)
+    elif manoeuvre == "fast":
+        body.fly_to(east + 2000, north, up)
+    bodies.wait(world, 5.0)
+    before_mah = body.used_mah
+    bodies.wait(world, 30.0)
+    return body.used_mah - before_mah
+
+
+def test_climbing_speed_and_wind_cost_more_than_hovering() -> None:
+    hover = used_mah("hover")
+    assert hover == pytest.approx(15.5 * 30 / 3.6, rel=0.05)  # about 15 A
+    assert used_mah("climb") > 1.2 * hover
+    assert used_mah("fast") > 1.1 * hover
+    assert used_mah("hover", WindSettings(12.0, 90.0)) > 1.15 * hover
+
+
+def test_a_plane_that_circles_pays_less_than_a_copter_that_hovers() -> None:
+    world = bodies.world(planes=True)
+    body = bodies.plane(world)
+    assert body.current_a < 10
+    straight = bodies.plane(flying_straight := bodies.world(planes=True))
+    straight.fly_to(0, 3000, bodies.GROUND_M + 50)
+    bodies.wait(flying_straight, 20.0)
+    assert straight.current_a < body.current_a  # lift for a turn has its drag
+
+
+def test_motors_idle_when_armed_and_rest_when_not() -> None:
+    world = bodies.world()
+    bodies.wait(world, 0.5)
+    body = bodies.copter(world, height_m=None)
+    resting_a = body.current_a
+    bodies.wait(world, 0.5)
+    assert resting_a == pytest.approx(AVIONICS_W / 12.6, rel=0.01)
+    assert body.current_a - resting_a == pytest.approx(16.0 / 12.6, rel=0.01)
+
+
+def test_an_empty_battery_brings_a_copter_down_whole_and_it_cannot_leave_again() -> None:
+    world = bodies.world()
+    body = bodies.copter(world)
+    body.set_battery(capacity_mah=body.used_mah + 20.0, full_v=12.6)
+    bodies.until(world, lambda: body.battery_remaining == 0)
+    bodies.until(world, lambda: not body.airborne)
+    assert body.take_touchdown_m_s() == pytest.approx(3.0, abs=0.1)
+    body.fly_to(0, 0, bodies.GROUND_M + 20)
+    bodies.wait(world, 5.0)
+    assert not body.airborne

@@ -1,0 +1,302 @@
+"""The spoilt wire alone: what goes in, what comes out, and when."""
+
+import math
+from collections import Counter
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from scipy import stats
+
+from sim_vehicle.afflictions import Afflictions
+from sim_vehicle.channel import Channel, Direction
+from sim_vehicle.faults import FAULTS
+from sim_vehicle.faults.schedule import Patient, Schedule
+from sim_vehicle.faults.spec import parse_fault
+
+UP, DOWN = Direction.TO_VEHICLE, Direction.FROM_VEHICLE
+WIRE = (
+    "packet_loss", "burst_loss", "delay", "duplication", "reordering", "corruption", "bandwidth", "sik_radio",
+    "link_outage", "one_way",
+)  # fmt: skip
+
+
+class Wire:
+    """One channel with faults on it, given as on the command line."""
+
+    def __init__(self, *texts: str, seed: int = 1) -> None:
+        self.channel = Channel()
+        afflictions = Afflictions(np.random.default_rng(0))
+        patient = Patient(lambda: self.channel, afflictions, lambda _now, _silence_s: None)
+        self.schedule = Schedule([parse_fault(text) for text in texts], [1], lambda _: patient, seed)
+        self.schedule.tick(0.0)
+
+    def carry(
+        self, frames: list[bytes], direction: Direction = DOWN, gap_s: float = 0.1
+    ) -> list[tuple[bytes, float]]:
+        for i, frame in enumerate(frames):
+            self.channel.put(direction, frame, i * gap_s)
+        return self.channel.take(direction, math.inf)
+
+
+def numbered(count: int, length: int = 20) -> list[bytes]:
+    return [i.to_bytes(4, "big") + bytes(length - 4) for i in range(count)]
+
+
+def frame_of(message: mavlink.MAVLink_message, seq: int = 0) -> bytes:
+    codec = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+    codec.seq = seq
+    return bytes(message.pack(codec))
+
+
+def heartbeat() -> bytes:
+    return frame_of(mavlink.MAVLink_heartbeat_message(2, 3, 0, 0, 0, 3))
+
+
+def binomial_bounds(count: int, rate: float) -> tuple[float, float]:
+    """Between which the number of losses lies but for one case in a million."""
+    low, high = stats.binom.interval(1 - 1e-6, count, rate)
+    return float(low), float(high)
+
+
+@pytest.mark.parametrize("rate", [0.02, 0.2, 0.7])
+def test_random_loss_loses_its_share_within_binomial_bounds(rate: float) -> None:
+    frames = numbered(4000)
+    lost = len(frames) - len(Wire(f"packet_loss:rate={rate}").carry(frames))
+    low, high = binomial_bounds(len(frames), rate)
+    assert low <= lost <= high
+
+
+def losses_in_a_row(sent: list[bytes], arrived: list[tuple[bytes, float]]) -> list[int]:
+    got = {int.from_bytes(frame[:4], "big") for frame, _ in arrived}
+    runs, run = [], 0
+    for i in range(len(sent)):
+        if i in got:
+            runs += [run] if run else []
+            run = 0
+        else:
+            run += 1
+    return runs
+
+
+def test_burst_loss_loses_its_share_in_bursts_of_its_length() -> None:
+    frames = numbered(30_000)
+    runs = losses_in_a_row(frames, Wire("burst_loss:rate=0.15,burst_frames=6").carry(frames))
+    # Lengths are geometric with mean 6 and standard deviation sqrt(30): five standard errors of the mean.
+    assert np.mean(runs) == pytest.approx(6.0, abs=5 * math.sqrt(30 / len(runs)))
+    # The variance of the share is that of a two-state chain: its frames are correlated over 1 / (p + r).
+    correlation = 1 - (1 / 6) / 0.85
+    error = math.sqrt(0.15 * 0.85 / len(frames) * (1 + correlation) / (1 - correlation))
+    assert sum(runs) / len(frames) == pytest.approx(0.15, abs=5 * error)
+
+
+@settings(derandomize=True, deadline=None, max_examples=40)
+@given(
+    lengths=st.lists(st.integers(1, 280), max_size=40),
+    seed=st.integers(0, 2**32),
+    gap_s=st.floats(0, 0.5),
+)
+def test_what_has_nothing_to_lose_loses_nothing_and_keeps_order(
+    lengths: list[int], seed: int, gap_s: float
+) -> None:
+    wire = Wire(
+        "packet_loss:rate=0", "burst_loss:rate=0", "duplication:rate=0", "corruption:rate=0",
+        "reordering:rate=0", "delay:delay_s=0.4,jitter_s=0.4",
+        "bandwidth:rate_bytes_s=1000,buffer_bytes=1000000",
+        seed=seed,
+    )  # fmt: skip
+    frames = [bytes([i]) * length for i, length in enumerate(lengths)]
+    arrived = wire.carry(frames, gap_s=gap_s)
+    assert [frame for frame, _ in arrived] == frames
+    assert all(due_s >= i * gap_s for i, (_, due_s) in enumerate(arrived))
+
+
+@settings(derandomize=True, deadline=None, max_examples=60)
+@given(name=st.sampled_from(WIRE), seed=st.integers(0, 2**32), gap_s=st.floats(0, 0.3))
+def test_any_wire_fault_lets_out_what_went_in_and_holds_nothing_for_ever(
+    name: str, seed: int, gap_s: float
+) -> None:
+    frames = numbered(60, length=40)
+    wire = Wire(name, seed=seed)
+    arrived = wire.carry(frames, gap_s=gap_s)
+    last_s = 60 * gap_s + 60.0
+    assert all(due_s <= last_s for _, due_s in arrived)
+    assert wire.channel.next_due_s() == math.inf
+    if name in ("corruption", "sik_radio"):
+        assert all(len(frame) == 40 for frame, _ in arrived)
+    else:
+        assert not Counter(frame for frame, _ in arrived) - Counter(frames + frames)
+    if name not in ("duplication", "reordering", "corruption", "sik_radio"):
+        assert [frame for frame, _ in arrived] == sorted(frame for frame, _ in arrived)
+
+
+@pytest.mark.parametrize("name", WIRE)
+def test_equal_seeds_give_equal_bytes_at_equal_times_and_others_do_not(name: str) -> None:
+    frames = numbered(300)
+    first, again, other = (Wire(name, seed=seed).carry(frames) for seed in (5, 5, 6))
+    assert first == again
+    if name not in ("bandwidth", "link_outage", "one_way", "delay"):
+        assert first != other
+
+
+def test_delay_and_jitter_stay_within_their_bounds() -> None:
+    arrived = Wire("delay:delay_s=0.5,jitter_s=0.2").carry(numbered(500), gap_s=1.0)
+    held = np.array([due_s - i for i, (_, due_s) in enumerate(arrived)])
+    assert held.min() >= 0.3
+    assert held.max() <= 0.7
+    assert np.ptp(held) > 0.35  # it varies over nearly all of that
+
+
+def test_duplication_copies_its_share() -> None:
+    frames = numbered(3000)
+    counts = Counter(frame for frame, _ in Wire("duplication:rate=0.3").carry(frames))
+    low, high = binomial_bounds(len(frames), 0.3)
+    assert set(counts.values()) == {1, 2}
+    assert low <= sum(n - 1 for n in counts.values()) <= high
+
+
+def test_reordering_lets_frames_overtake_and_loses_none() -> None:
+    frames = numbered(500)
+    arrived = [frame for frame, _ in Wire("reordering:rate=0.2,hold_s=0.5").carry(frames)]
+    assert sorted(arrived) == frames
+    assert sum(a > b for a, b in pairwise(arrived)) > 30
+
+
+def test_flipped_bits_are_noticed_by_the_receivers_checksum() -> None:
+    sent = [frame_of(mavlink.MAVLink_attitude_message(i, 0.1, 0.2, 0.3, 0, 0, 0)) for i in range(400)]
+    arrived = Wire("corruption:rate=1").carry(sent)
+    assert all(
+        1 <= sum((a ^ b).bit_count() for a, b in zip(frame, good, strict=True)) <= 3
+        for (frame, _), good in zip(arrived, sent, strict=True)
+    )
+    heard = []
+    for frame, _ in arrived:
+        receiver = mavlink.MAVLink(None)
+        receiver.robust_parsing = True
+        heard += [m for m in receiver.parse_buffer(frame + bytes(300)) or [] if m.get_type() != "BAD_DATA"]
+    assert [m for m in heard if not m.get_type().startswith("UNKNOWN")] == []
+
+
+def test_a_thin_line_takes_the_time_that_bytes_take() -> None:
+    arrived = Wire("bandwidth:rate_bytes_s=1000,buffer_bytes=1000").carry(numbered(5, 100), gap_s=0.0)
+    assert [due_s for _, due_s in arrived] == pytest.approx([0.1, 0.2, 0.3, 0.4, 0.5])
+
+
+def test_a_full_buffer_drops_what_comes_last() -> None:
+    frames = numbered(50, 100)
+    arrived = Wire("bandwidth:rate_bytes_s=1000,buffer_bytes=1000").carry(frames, gap_s=0.0)
+    assert [frame for frame, _ in arrived] == frames[:10]
+
+
+def test_a_line_fed_above_its_rate_delivers_at_its_rate() -> None:
+    arrived = Wire("bandwidth:rate_bytes_s=1000,buffer_bytes=1000").carry(numbered(1000, 100), gap_s=0.05)
+    span_s = arrived[-1][1] - arrived[0][1]
+    assert 100 * (len(arrived) - 1) / span_s == pytest.approx(1000.0, rel=0.01)
+
+
+def test_outage_and_one_way() -> None:
+    outage, one_way = Wire("link_outage"), Wire("one_way:dead=to_vehicle")
+    frames = numbered(20)
+    assert outage.carry(frames, UP) == outage.carry(frames, DOWN) == one_way.carry(frames, UP) == []
+    assert [frame for frame, _ in one_way.carry(frames, DOWN)] == frames
+
+
+def test_a_direction_that_is_not_named_is_left_alone() -> None:
+    wire = Wire("packet_loss:rate=1,direction=to_vehicle")
+    frames = numbered(20)
+    assert [frame for frame, _ in wire.carry(frames, DOWN)] == frames
+    assert wire.carry(frames, UP) == []
+
+
+def test_frames_do_not_overtake_those_that_a_fault_held_when_it_ended() -> None:
+    wire = Wire("delay:delay_s=2,for=1")
+    wire.channel.put(DOWN, b"held", 0.9)
+    wire.schedule.tick(1.0)
+    wire.channel.put(DOWN, b"later", 1.1)
+    assert wire.channel.take(DOWN, 2.89) == []
+    assert [frame for frame, _ in wire.channel.take(DOWN, 2.9)] == [b"held", b"later"]
+
+
+def test_a_channel_without_faults_and_frames_is_idle() -> None:
+    wire = Wire("delay:delay_s=2,for=1")
+    assert not wire.channel.idle
+    wire.channel.put(DOWN, b"held", 0.9)
+    wire.schedule.tick(1.0)
+    assert not wire.channel.idle
+    wire.channel.take(DOWN, 3.0)
+    assert wire.channel.idle
+
+
+# -- the bad SiK radio ------------------------------------------------------------------------------------
+
+
+def mixed(seconds: int, rate_hz: int = 20) -> list[tuple[bytes, float]]:
+    """A vehicle's stream: a heartbeat each second, attitudes between."""
+    attitude = mavlink.MAVLink_attitude_message(1, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
+    out = []
+    for i in range(seconds * rate_hz):
+        frame = heartbeat() if i % rate_hz == 0 else frame_of(attitude, i % 256)
+        out.append((frame, i / rate_hz))
+    return out
+
+
+def test_sik_radio_loses_in_bursts_and_is_late() -> None:
+    wire = Wire("sik_radio")
+    sent = mixed(300)
+    for frame, at_s in sent:
+        wire.channel.put(DOWN, frame, at_s)
+    arrived = wire.channel.take(DOWN, math.inf)
+    assert 0.05 < 1 - len(arrived) / len(sent) < 0.20
+    assert [due_s for _, due_s in arrived] == sorted(due_s for _, due_s in arrived)
+    sent_at = dict(sent[-256:])
+    late = [due_s - sent_at[frame] for frame, due_s in arrived[-200:] if frame in sent_at]
+    assert 0.01 < np.median(late) < 0.15
+
+
+def test_sik_radio_shares_the_air_between_both_directions() -> None:
+    alone, shared = Wire("sik_radio:rate=0,spoilt=0,turn_s=0"), Wire("sik_radio:rate=0,spoilt=0,turn_s=0")
+    frames = numbered(10, 200)
+    shared.carry(numbered(10, 200), UP, gap_s=0.0)
+    lone_s = alone.carry(frames, gap_s=0.0)[-1][1]
+    shared_s = shared.carry(frames, gap_s=0.0)[-1][1]
+    assert lone_s == pytest.approx(10 * 216 * 8 / 57_600)
+    assert shared_s == pytest.approx(2 * lone_s)
+
+
+def test_sik_radio_reports_itself_to_the_side_whose_heartbeat_it_sends() -> None:
+    wire = Wire("sik_radio:rssi=80,noise=40")
+    for second in range(20):
+        wire.channel.put(UP, heartbeat(), float(second))
+    receiver = mavlink.MAVLink(None)
+    reports = [m for frame, _ in wire.channel.take(DOWN, math.inf) for m in receiver.parse_buffer(frame)]
+    assert len(reports) == 20
+    assert {m.get_type() for m in reports} == {"RADIO_STATUS"}
+    assert {(m.get_srcSystem(), m.get_srcComponent()) for m in reports} == {(ord("3"), ord("D"))}
+    assert [m.get_seq() for m in reports] == list(range(20))
+    assert np.mean([m.rssi for m in reports]) == pytest.approx(80, abs=5)
+    assert all(m.txbuf == 100 for m in reports)
+
+
+def test_sik_radio_reports_a_full_buffer() -> None:
+    wire = Wire("sik_radio:air_rate_bit_s=2000")
+    for i in range(200):
+        wire.channel.put(UP, heartbeat() if i % 20 == 0 else numbered(1, 100)[0], i * 0.05)
+    receiver = mavlink.MAVLink(None)
+    reports = [m for frame, _ in wire.channel.take(DOWN, math.inf) for m in receiver.parse_buffer(frame)]
+    assert reports[0].txbuf == 100
+    assert reports[-1].txbuf < 10
+
+
+def test_every_fault_can_begin_and_end_alone() -> None:
+    for name in FAULTS:
+        wire = Wire(f"{name}:at=1,for=2")
+        wire.schedule.tick(0.5)
+        assert wire.schedule.names(0) == ()
+        wire.schedule.tick(1.0)
+        assert wire.schedule.names(0) == (name,)
+        wire.schedule.tick(3.0)
+        assert wire.schedule.names(0) == ()
+        assert wire.channel.idle

@@ -1,0 +1,235 @@
+"""The checks held against made-up moments: what they find, when they fail, and what they say."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sim_vehicle.checks import CHECKS, View
+from sim_vehicle.run.geometry import outside_m
+from sim_vehicle.run.judging import Judge
+from sim_vehicle.scenario import default_scenario
+from sim_vehicle.scenario.plan import FenceShape
+from sim_vehicle.scenario.steps import CheckSpec
+
+N = 3
+SCENARIO = default_scenario(N, home=(46.0, 14.5, 300.0))
+
+
+class FakeTruth:
+    """The fields of Truth that checks read."""
+
+    def __init__(self, **fields: Any) -> None:
+        self.sysid = np.array([1, 2, 3])
+        self.speed_m_s = np.zeros(N)
+        self.airborne = np.zeros(N, dtype=bool)
+        self.armed = np.zeros(N, dtype=bool)
+        self.crashed = np.zeros(N, dtype=bool)
+        self.battery_remaining = np.ones(N)
+        self.strikes = np.zeros(N, dtype=np.int64)
+        self.mode = ("STABILIZE",) * N
+        self.__dict__.update(fields)
+
+
+def view(now: float = 0.0, *, truth: dict[str, Any] | None = None, **fields: Any) -> View:
+    start_m = np.array([[0.0, 0.0, 300.0], [5.0, 0.0, 300.0], [10.0, 0.0, 300.0]])
+    values: dict[str, Any] = {
+        "position_m": start_m.copy(),
+        "start_m": start_m,
+        "goal_m": np.full((N, 2), np.nan),
+        "flown": np.zeros(N, dtype=bool),
+        "silent_s": np.zeros(N),
+        "mission_done": np.zeros(N, dtype=bool),
+        "outside_fence_m": np.zeros(N),
+        "area_m": None,
+        "texts": [[] for _ in range(N)],
+    } | fields
+    made: Any = FakeTruth(**(truth or {}))
+    return View(now=now, truth=made, **values)
+
+
+def judge(line: Any) -> Judge:
+    return Judge(CheckSpec.model_validate(line), SCENARIO)
+
+
+def at(east_m: float, north_m: float, up_m: float) -> list[float]:
+    return [east_m, north_m, 300.0 + up_m]
+
+
+FLYING = {"airborne": np.array([True, True, False])}
+YES = np.array([True, True, True])
+
+
+@pytest.mark.parametrize(
+    ("line", "moment", "failed"),
+    [
+        ("no_crash", view(truth={"crashed": np.array([False, True, False])}), [2]),
+        (
+            {"min_separation_m": 5},
+            view(position_m=np.array([at(0, 0, 9), at(3, 0, 13), at(0, 0, 0)]), truth=FLYING),
+            [],
+        ),
+        (
+            {"min_separation_m": 5.1},
+            view(position_m=np.array([at(0, 0, 9), at(3, 0, 13), at(0, 0, 0)]), truth=FLYING),
+            [1, 2],
+        ),
+        ({"max_height_m": 20}, view(position_m=np.array([at(0, 0, 20), at(0, 0, 20.1), at(0, 0, -3)])), [2]),
+        ({"min_height_m": 5}, view(position_m=np.array([at(0, 0, 5), at(0, 0, 4), at(0, 0, 9)])), [2]),
+        ({"max_speed_m_s": 5}, view(truth={"speed_m_s": np.array([5.0, 6.0, 0.0])}), [2]),
+        ({"stays_within_m": 5}, view(position_m=np.array([at(3, 4, 0), at(5, 6, 0), at(10, 0, 99)])), [2]),
+        (
+            "stays_in_area",
+            view(area_m=(0, -1, 9, 1), position_m=np.array([at(0, 1, 0), at(9, 0, 0), at(10, 0, 0)])),
+            [3],
+        ),
+        ("no_fence_breach", view(outside_fence_m=np.array([0.0, 0.1, 0.0])), [2]),
+        ({"no_fence_breach": 3}, view(outside_fence_m=np.array([0.0, 3.0, 3.1])), [3]),
+        ({"battery_above": 0.2}, view(truth={"battery_remaining": np.array([0.3, 0.2, 0.0])}), [2, 3]),
+        ("no_strike", view(truth={"strikes": np.array([0, 1, 0])}), [2]),
+        ({"strikes_at_most": 1}, view(truth={"strikes": np.array([0, 1, 2])}), [3]),
+        ("alive", view(silent_s=np.array([1.0, 3.0, 3.1])), [3]),
+        ({"never_says": "Fail"}, view(texts=[["Failsafe"], [], ["a fail", ""]]), [1, 3]),
+    ],
+)
+def test_what_must_always_hold_fails_at_once_and_by_vehicle(
+    line: Any, moment: View, failed: list[int]
+) -> None:
+    checked = judge(line)
+    assert [failure.sysid for failure in checked.look(moment)] == failed
+    assert checked.look(moment) == []  # once each
+    assert checked.end(moment) == []
+
+
+@pytest.mark.parametrize(
+    ("line", "moment"),
+    [
+        ({"heard_text": "Glitch"}, view(texts=[["GPS Glitch"], ["x", "Glitch cleared"], ["Glitch"]])),
+        ({"mode_is": "rtl|Return"}, view(truth={"mode": ("RTL", "Return", "rtl")})),
+        ("armed", view(truth={"armed": YES})),
+        ("crashed", view(truth={"crashed": YES})),
+        ("airborne", view(truth={"airborne": YES})),
+        ("landed", view(flown=YES)),
+        ({"reached_goal": {"within_m": 5}}, view(goal_m=np.array([[3, 4], [5, 5], [10, -5]]))),
+        ("mission_complete", view(mission_done=YES)),
+    ],
+)
+def test_what_must_come_about_is_remembered_once_it_has(line: Any, moment: View) -> None:
+    fulfilled, missed = judge(line), judge(line)
+    assert fulfilled.look(moment) == []
+    assert fulfilled.settled(0.0)
+    assert not missed.settled(0.0)
+    nothing = view(now=9.0)
+    assert fulfilled.look(nothing) == fulfilled.end(nothing) == []
+    assert missed.look(nothing) == []
+    assert [failure.sysid for failure in missed.end(nothing)] == [1, 2, 3]
+
+
+@pytest.mark.parametrize(
+    ("line", "moment"),
+    [
+        ("disarmed", view()),
+        ({"lands_within_m": 2}, view(flown=YES)),
+        ({"mode_is": {"mode": "STABILIZE", "when": "end"}}, view()),
+    ],
+)
+def test_what_must_hold_at_the_end_may_be_otherwise_before(line: Any, moment: View) -> None:
+    other = view(truth={"armed": YES, "airborne": YES, "mode": ("AUTO",) * N})
+    checked = judge(line)
+    assert checked.look(other) == []
+    assert checked.end(moment) == []
+    failing = judge(line)
+    assert failing.look(moment) == []
+    assert len(failing.end(other)) == N
+
+
+def test_a_check_is_about_the_vehicles_and_the_times_it_names() -> None:
+    crash = {"crashed": YES}
+    checked = judge({"no_crash": {"vehicles": [1, 3], "from_s": 10, "until_s": 20}})
+    assert checked.look(view(9.9, truth=crash)) == []
+    assert checked.look(view(20.1, truth=crash)) == []
+    assert [failure.sysid for failure in checked.look(view(20.0, truth=crash))] == [1, 3]
+
+
+def test_a_deadline_fails_when_it_passes_not_at_the_end() -> None:
+    checked = judge({"airborne": {"by_s": 30}})
+    assert checked.look(view(29.95)) == []
+    (first, *_) = checked.look(view(30.0, position_m=np.array([at(0, 0, 1.5)] * N)))
+    assert (first.t_s, first.found) == (30.0, "1.5")
+    assert checked.look(view(31.0, truth={"airborne": YES})) == []
+    assert len(checked.failures) == N
+
+
+def test_a_failure_says_when_who_what_and_the_number() -> None:
+    moment = view(34.5, position_m=np.array([at(0, 0, 9), at(3, 0, 9), at(0, 0, 0)]), truth=FLYING)
+    (first, _) = judge({"min_separation_m": 5}).look(moment)
+    assert str(first) == "t=34.50 s, vehicle 1: min_separation_m 5: failed, found 3 m"
+
+
+def test_every_check_says_what_it_is_about() -> None:
+    for name, check in CHECKS.items():
+        assert check.summary.endswith((".", ").")), name
+        assert check.name == name
+
+
+@settings(max_examples=60, derandomize=True, deadline=None)
+@given(
+    count=st.integers(0, N),
+    places=st.lists(st.tuples(*[st.floats(-50, 50)] * 3), min_size=N, max_size=N),
+)
+def test_separation_is_the_distance_to_the_nearest_other_in_the_air(
+    count: int, places: list[tuple[float, float, float]]
+) -> None:
+    airborne = np.arange(N) < count
+    found = view(position_m=np.array(places), truth={"airborne": airborne}).separation_m
+    for i in range(N):
+        others = [math.dist(places[i], places[j]) for j in range(N) if j != i and airborne[i] and airborne[j]]
+        assert found[i] == pytest.approx(min(others, default=math.inf))
+
+
+# -- fences ----------------------------------------------------------------------------------------------
+
+
+def shape(**fields: Any) -> FenceShape:
+    return FenceShape.model_validate(fields)
+
+
+SQUARE = [(0, 0), (10, 0), (10, 10), (0, 10)]
+L_SHAPE = [(0, 0), (20, 0), (20, 10), (10, 10), (10, 20), (0, 20)]
+
+
+@pytest.mark.parametrize(
+    ("shapes", "place", "beyond_m"),
+    [
+        ([shape(keep_in=SQUARE)], (5, 5), 0),
+        ([shape(keep_in=SQUARE)], (13, 14), 5),
+        ([shape(keep_in=SQUARE)], (5, -2), 2),
+        ([shape(keep_in=L_SHAPE)], (13, 13), 3),
+        ([shape(keep_out=SQUARE)], (5, 4), 4),
+        ([shape(keep_out=SQUARE)], (11, 4), 0),
+        ([shape(keep_in_circle={"east_m": 3, "north_m": 4, "radius_m": 5})], (0, 0), 0),
+        ([shape(keep_in_circle={"east_m": 3, "north_m": 4, "radius_m": 4})], (0, 0), 1),
+        ([shape(keep_out_circle={"east_m": 3, "north_m": 4, "radius_m": 6})], (0, 0), 1),
+        ([shape(keep_in=SQUARE), shape(keep_out=SQUARE)], (5, 4), 4),
+        ([], (1e6, 0), 0),
+    ],
+)
+def test_how_far_a_place_is_beyond_the_fence(
+    shapes: list[FenceShape], place: tuple[float, float], beyond_m: float
+) -> None:
+    assert outside_m(shapes, *place) == pytest.approx(beyond_m)
+
+
+@settings(max_examples=100, derandomize=True, deadline=None)
+@given(east_m=st.floats(-30, 30), north_m=st.floats(-30, 30))
+def test_a_place_is_beyond_keeping_in_or_beyond_keeping_out_but_for_the_edge(
+    east_m: float, north_m: float
+) -> None:
+    beyond: Callable[[FenceShape], float] = lambda fence: outside_m([fence], east_m, north_m)  # noqa: E731
+    inside = 0 <= east_m <= 10 and 0 <= north_m <= 10
+    assert (beyond(shape(keep_in=SQUARE)) == 0) == inside or beyond(shape(keep_in=SQUARE)) < 1e-9
+    assert min(beyond(shape(keep_in=SQUARE)), beyond(shape(keep_out=SQUARE))) == 0

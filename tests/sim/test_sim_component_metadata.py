@@ -1,0 +1,95 @@
+"""Component metadata: the messages on the wire and the files they name."""
+
+import json
+import lzma
+import re
+import struct
+import zlib
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.generator.mavcrc import x25crc
+
+from sim_vehicle.component_metadata import Component, ComponentMetadata, ParameterMeta
+
+PARAMETERS = [
+    ParameterMeta("MIS_TAKEOFF_ALT", 2.5, short="Take-off height", units="m"),
+    ParameterMeta("NAV_RCL_ACT", 2, group="Commander", reboot_required=True),
+    ParameterMeta("SYS_AUTOSTART", 0, read_only=True),
+    ParameterMeta("NOT_SET", float("nan")),
+]
+METADATA = ComponentMetadata(Component("PX4", "SITL", "1.15.2", capabilities=0xE0EF), PARAMETERS)
+# Messages of the common dialect: id -> CRC extra, bytes of the payload.
+KNOWN = {395: (0, 212), 396: (50, 160), 397: (182, 108)}
+
+
+def payload(message_id: int) -> bytes:
+    """The payload of the frame, zeros at its end restored, its checksum checked."""
+    message = METADATA.message(message_id, 1234)
+    assert message is not None
+    frame = message.pack(mavlink.MAVLink(None, srcSystem=3, srcComponent=1))
+    crc_extra, size = KNOWN[message_id]
+    length = frame[1]
+    assert int.from_bytes(frame[7:10], "little") == message_id
+    assert len(frame) == 12 + length
+    crc = x25crc(frame[1:-2])
+    crc.accumulate([crc_extra])
+    assert frame[-2:] == struct.pack("<H", crc.crc)
+    return bytes(frame[10:-2].ljust(size, b"\0"))
+
+
+def test_component_metadata_names_the_general_file_and_its_checksum() -> None:
+    time_ms, crc, uri = struct.unpack("<II100s", payload(397))
+    assert time_ms == 1234
+    assert uri.rstrip(b"\0") == b"mftp:///etc/extras/component_general.json.xz"
+    content = METADATA.files["etc/extras/component_general.json.xz"]
+    assert crc == zlib.crc32(content, 0xFFFFFFFF) ^ 0xFFFFFFFF
+
+
+def test_component_information_names_the_same_file_and_no_peripherals() -> None:
+    _, crc, no_crc, uri, none = struct.unpack("<III100s100s", payload(395))
+    assert struct.unpack("<II100s", payload(397))[1:] == (crc, uri)
+    assert (no_crc, none) == (0, bytes(100))
+
+
+def test_component_information_basic_says_who_it_is() -> None:
+    fields = struct.unpack("<QII32s32s24s24s32s", payload(396))
+    assert fields[:3] == (0xE0EF, 1234, 0)
+    assert [text.rstrip(b"\0") for text in fields[3:]] == [b"PX4", b"SITL", b"1.15.2", b"", b""]
+
+
+def test_there_is_no_other_message() -> None:
+    assert METADATA.message(0, 0) is None
+
+
+def unpacked(path: str) -> dict:  # type: ignore[type-arg]
+    content = lzma.LZMADecompressor(format=lzma.FORMAT_XZ)
+    text = content.decompress(METADATA.files[path])
+    assert content.check == lzma.CHECK_CRC32
+    loaded: dict = json.loads(text)  # type: ignore[type-arg]
+    return loaded
+
+
+def test_the_general_file_lists_the_parameters_with_their_checksum() -> None:
+    general = unpacked("etc/extras/component_general.json.xz")
+    assert general["version"] == 1
+    assert re.fullmatch(r"\d+\.\d+\.\d+(\.\d+)?", general["firmwareVersion"])
+    (only,) = general["metadataTypes"]
+    path = only["uri"].removeprefix("mftp:///")
+    assert only["type"] == 1
+    assert only["fileCrc"] == zlib.crc32(METADATA.files[path], 0xFFFFFFFF) ^ 0xFFFFFFFF
+
+
+@pytest.mark.parametrize("parameter", PARAMETERS, ids=lambda p: p.name)
+def test_each_parameter_is_described(parameter: ParameterMeta) -> None:
+    file = unpacked("etc/extras/parameters.json.xz")
+    assert file["version"] >= 3
+    (found,) = [row for row in file["parameters"] if row["name"] == parameter.name]
+    assert set(found) <= {
+        "name", "type", "default", "shortDesc", "units", "group", "readOnly", "rebootRequired",
+    }  # fmt: skip
+    assert found["type"] == ("Int32" if isinstance(parameter.default, int) else "Float")
+    assert (
+        found.get("default", parameter.default) is parameter.default or found["default"] == parameter.default
+    )
+    assert ("default" in found) == (parameter.default == parameter.default)

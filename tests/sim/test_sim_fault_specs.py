@@ -1,0 +1,319 @@
+"""Faults as they are written down, planned, and described."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import ValidationError
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.afflictions import Afflictions, ModeStuck
+from sim_vehicle.channel import Channel
+from sim_vehicle.faults import FAULTS
+from sim_vehicle.faults.failure_command import inject_failure
+from sim_vehicle.faults.schedule import Patient, Schedule
+from sim_vehicle.faults.sim_parameters import faults_of
+from sim_vehicle.faults.spec import FaultError, FaultSpec, describe, help_text, parse_fault
+
+
+class Ward:
+    """Some vehicles that faults can act on."""
+
+    def __init__(self, *texts: str, sysids: tuple[int, ...] = (1, 2, 3)) -> None:
+        self.afflictions = [Afflictions(np.random.default_rng(i)) for i in range(len(sysids))]
+        self.channels = [Channel() for _ in sysids]
+        self.reboots: list[tuple[int, float, float]] = []
+        specs = [parse_fault(text) for text in texts]
+        self.schedule = Schedule(specs, sysids, self._patient, seed=3)
+
+    def _patient(self, index: int) -> Patient:
+        return Patient(
+            lambda: self.channels[index],
+            self.afflictions[index],
+            lambda now, silence_s: self.reboots.append((index, now, silence_s)),
+        )
+
+    def replace(self, key: Any, specs: Any, now: float) -> None:
+        self.schedule.replace(0, key, specs, now)
+
+
+def test_the_text_of_the_command_line() -> None:
+    spec = parse_fault("packet_loss:rate=0.2,at=30,for=10,sysid=2")
+    assert spec == FaultSpec(fault="packet_loss", params={"rate": "0.2"}, vehicles=[2], at_s=30, for_s=10)
+    assert spec.parameters().model_dump() == {"rate": 0.2, "direction": "both"}
+    assert parse_fault("gps_loss") == FaultSpec(fault="gps_loss")
+    assert parse_fault("gps_loss:sysid=1+4-6").vehicles == [1, 4, 5, 6]
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("pakcet_loss", ["no fault 'pakcet_loss'", "meant: packet_loss?", "link_outage"]),
+        ("packet_loss:rat=1", ["fault packet_loss", "'rat'", "meant: rate?", "rate (0 to 1, default 0.1)"]),
+        ("packet_loss:rate=2", ["rate=2", "less than or equal to 1"]),
+        ("packet_loss:rate", ["'rate' is no key=value"]),
+        ("packet_loss:rate=1,rate=1", ["rate is given twice"]),
+        ("packet_loss:rate=nan", ["rate=nan", "finite"]),
+        ("packet_loss:direction=up", ["direction=up", "both|to_vehicle|from_vehicle"]),
+        ("delay:jitter_s=2", ["jitter_s 2 must not exceed delay_s 0.5"]),
+        ("burst_loss:rate=0.9,burst_frames=2", ["raise burst_frames"]),
+        ("burst_loss:rate=0.9,bad_loss=0.5", ["between good_loss 0 and bad_loss 0.5"]),
+        ("gps_loss:at=x", ["at=x is no time in seconds"]),
+        ("gps_loss:at=-1", ["at=-1", "greater than or equal to 0"]),
+        ("gps_loss:for=0", ["for=0", "greater than 0"]),
+        ("gps_loss:sysid=a", ["sysid=a", "1+4"]),
+        ("gps_loss:sysid=300", ["sysid=300", "1 to 255"]),
+        ("stuck_mode:answer=x", ["answer=x", "accepted|refused"]),
+    ],
+)
+def test_a_wrong_fault_is_named_with_what_is_allowed(text: str, parts: list[str]) -> None:
+    with pytest.raises(FaultError) as caught:
+        parse_fault(text)
+    for part in parts:
+        assert part in str(caught.value)
+
+
+def test_the_dictionary_of_a_scenario_is_checked_alike() -> None:
+    good = {"fault": "delay", "params": {"delay_s": 1}, "vehicles": [1], "at_s": 5, "for_s": 2}
+    assert str(FaultSpec.model_validate(good)) == "delay:delay_s=1,at=5,for=2,sysid=1"
+    with pytest.raises(ValidationError, match="meant: delay_s"):
+        FaultSpec.model_validate({"fault": "delay", "params": {"delay": 1}})
+    with pytest.raises(ValidationError, match="no fault 'dealy'"):
+        FaultSpec.model_validate({"fault": "dealy"})
+
+
+@settings(derandomize=True, deadline=None, max_examples=200)
+@given(
+    st.text(max_size=40)
+    | st.from_regex(r"[a-z_]{1,12}:([a-z_]{1,8}=[-0-9a-z.+]{0,6},?){0,4}", fullmatch=True)
+)
+def test_no_text_is_an_error_of_another_kind(text: str) -> None:
+    try:
+        spec = parse_fault(text)
+    except FaultError:
+        return
+    assert spec.fault in FAULTS
+
+
+@settings(derandomize=True, deadline=None, max_examples=50)
+@given(
+    name=st.sampled_from(sorted(FAULTS)),
+    at_s=st.integers(0, 1000),
+    for_s=st.none() | st.integers(1, 1000),
+    vehicles=st.none() | st.lists(st.integers(1, 255), min_size=1, max_size=5),
+)
+def test_a_fault_reads_back_from_its_own_text(
+    name: str, at_s: int, for_s: int | None, vehicles: list[int] | None
+) -> None:
+    spec = FaultSpec(fault=name, at_s=at_s, for_s=for_s, vehicles=vehicles)
+    assert parse_fault(str(spec)) == spec
+
+
+def test_every_fault_is_described_with_its_parameters() -> None:
+    described = {fault.name: fault for fault in describe()}
+    assert set(described) == set(FAULTS)
+    for name, fault in described.items():
+        assert fault.summary
+        assert [p.name for p in fault.parameters] == list(FAULTS[name].params.model_fields)
+        assert all(p.description and p.default and p.allowed for p in fault.parameters)
+        assert name in help_text()
+    units = {p.name: p.unit for fault in described.values() for p in fault.parameters}
+    assert units["rate_bytes_s"] == "B/s"
+    assert units["air_rate_bit_s"] == "bit/s"
+    assert units["sag_v"] == "V"
+    assert units["rate"] == ""
+
+
+# -- the schedule -----------------------------------------------------------------------------------------
+
+
+def test_faults_begin_and_end_at_their_times_on_their_vehicles() -> None:
+    ward = Ward("gps_loss:at=10,for=5,sysid=2", "battery_sag:sag_v=2,at=12")
+    seen = {}
+    for now in (0.0, 9.95, 10.0, 12.0, 15.0):
+        ward.schedule.tick(now)
+        seen[now] = [(a.gps_lost, a.battery_sag_v) for a in ward.afflictions]
+    assert seen[9.95] == [(False, 0.0)] * 3
+    assert seen[10.0] == [(False, 0.0), (True, 0.0), (False, 0.0)]
+    assert seen[12.0] == [(False, 2.0), (True, 2.0), (False, 2.0)]
+    assert seen[15.0] == [(False, 2.0)] * 3
+
+
+def test_a_fault_is_over_when_both_of_its_kind_are() -> None:
+    ward = Ward(
+        "gps_loss:at=0,for=10", "gps_loss:at=5,for=10", "battery_sag:sag_v=0.1", "battery_sag:sag_v=0.2,for=9"
+    )
+    ward.schedule.tick(6.0)
+    assert ward.afflictions[0].battery_sag_v == pytest.approx(0.3)
+    ward.schedule.tick(12.0)
+    assert ward.afflictions[0].gps_lost
+    assert ward.afflictions[0].battery_sag_v == 0.1
+    ward.schedule.tick(15.0)
+    assert not ward.afflictions[0].gps_lost
+
+
+def test_a_fault_of_a_vehicle_that_is_not_there_is_refused() -> None:
+    with pytest.raises(FaultError, match=r"no vehicle 9; system ids here: 1-3, 7"):
+        Ward("gps_loss:sysid=2+9", sysids=(1, 2, 3, 7))
+
+
+def test_a_system_id_that_occurs_on_two_links_means_both() -> None:
+    ward = Ward("gps_loss:sysid=2", sysids=(1, 2, 1, 2))
+    ward.schedule.tick(0.0)
+    assert [a.gps_lost for a in ward.afflictions] == [False, True, False, True]
+
+
+def test_an_injected_fault_begins_at_once_and_lasts_as_long_as_it_says() -> None:
+    ward = Ward()
+    ward.schedule.tick(20.0)
+    ward.schedule.inject(parse_fault("stuck_mode:answer=refused,for=5,sysid=1"), 20.0)
+    assert ward.afflictions[0].mode_stuck is ModeStuck.REFUSED
+    assert ward.schedule.names(0) == ("stuck_mode",)
+    ward.schedule.tick(25.0)
+    assert ward.afflictions[0].mode_stuck is None
+
+
+def test_a_ramp_grows_to_its_offset_and_leaves_nothing_behind() -> None:
+    ward = Ward("gps_glitch:east_m=0,north_m=50,ramp_s=10,for=20")
+    offsets = []
+    for tick in range(400):
+        ward.schedule.tick(tick * 0.05)
+        offsets.append(ward.afflictions[1].gps_offset_m[1])
+    assert offsets[100] == pytest.approx(25.0)
+    assert offsets[200:] == [50.0] * 200
+    assert np.all(np.diff(offsets) >= 0)
+    ward.schedule.tick(20.0)
+    assert ward.afflictions[1].gps_offset_m == (0.0, 0.0, 0.0)
+
+
+def test_a_clock_drifts_and_keeps_what_it_has_drifted() -> None:
+    ward = Ward("clock_drift:drift_ppm=2000,at=100,for=50")
+    for now in (0.0, 100.0):
+        ward.schedule.tick(now)
+        assert ward.afflictions[0].clock_offset_s(now) == 0.0
+    assert ward.afflictions[0].clock_offset_s(125.0) == pytest.approx(0.05)
+    ward.schedule.tick(150.0)
+    assert ward.afflictions[0].clock_offset_s(1000.0) == pytest.approx(0.1)
+
+
+def test_acknowledgements_are_lost_at_their_share() -> None:
+    ward = Ward("absent_ack:rate=0.5,sysid=1", "absent_ack:sysid=2")
+    ward.schedule.tick(0.0)
+    lost = [sum(a.loses_ack() for _ in range(1000)) for a in ward.afflictions]
+    assert 400 < lost[0] < 600
+    assert lost[1:] == [1000, 0]
+
+
+def test_reboot_is_handed_on_with_its_silence() -> None:
+    ward = Ward("reboot:at=7,silence_s=3,sysid=3")
+    ward.schedule.tick(7.0)
+    assert ward.reboots == [(2, 7.0, 3.0)]
+
+
+# -- MAV_CMD_INJECT_FAILURE -------------------------------------------------------------------------------
+
+
+ACCEPTED, UNSUPPORTED = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_UNSUPPORTED
+OK, OFF, STUCK, WRONG = (
+    mavlink.FAILURE_TYPE_OK, mavlink.FAILURE_TYPE_OFF, mavlink.FAILURE_TYPE_STUCK, mavlink.FAILURE_TYPE_WRONG,
+)  # fmt: skip
+
+
+def inject(ward: Ward, unit: int, kind: int, instance: int = 0, now: float = 1.0) -> int:
+    return inject_failure(unit, kind, instance, ward.replace, now)
+
+
+def test_a_failure_begins_changes_and_ends() -> None:
+    ward = Ward()
+    gps = mavlink.FAILURE_UNIT_SENSOR_GPS
+    assert inject(ward, gps, OFF) == ACCEPTED
+    assert ward.afflictions[0].gps_lost
+    assert not ward.afflictions[1].gps_lost
+    assert inject(ward, gps, WRONG) == ACCEPTED
+    assert not ward.afflictions[0].gps_lost
+    assert ward.afflictions[0].gps_offset_m == (100.0, 0.0, 0.0)
+    assert inject(ward, gps, OK) == ACCEPTED
+    assert ward.schedule.names(0) == ()
+    assert ward.afflictions[0].gps_offset_m == (0.0, 0.0, 0.0)
+
+
+def test_motors_fail_one_by_one_or_all() -> None:
+    ward = Ward()
+    motor = mavlink.FAILURE_UNIT_SYSTEM_MOTOR
+    lost = []
+    for kind, instance in ((OFF, 2), (OFF, 2), (OFF, 3), (OK, 2), (OFF, 0), (OK, 0)):
+        assert inject(ward, motor, kind, instance) == ACCEPTED
+        lost.append(ward.afflictions[0].motors_lost)
+    assert lost == [1, 1, 2, 1, 4, 0]
+    assert inject(ward, motor, OFF, 9) == UNSUPPORTED
+
+
+@pytest.mark.parametrize(
+    ("unit", "kind", "bit"),
+    [
+        (mavlink.FAILURE_UNIT_SENSOR_GYRO, OFF, mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO),
+        (mavlink.FAILURE_UNIT_SENSOR_ACCEL, STUCK, mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL),
+        (mavlink.FAILURE_UNIT_SENSOR_MAG, OFF, mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG),
+        (mavlink.FAILURE_UNIT_SENSOR_BARO, STUCK, mavlink.MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE),
+    ],
+)
+def test_a_sensor_that_fails_is_unhealthy(unit: int, kind: int, bit: int) -> None:
+    ward = Ward()
+    assert inject(ward, unit, kind) == ACCEPTED
+    assert ward.afflictions[0].unhealthy_sensors == bit
+
+
+def test_a_link_switched_off_comes_back_since_nobody_could_call_it_back() -> None:
+    ward = Ward()
+    assert inject(ward, mavlink.FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL, OFF) == ACCEPTED
+    ward.schedule.tick(1.2)
+    assert ward.schedule.names(0) == ()  # the acknowledgement gets out
+    ward.schedule.tick(1.4)
+    assert ward.schedule.names(0) == ("link_outage",)
+    ward.schedule.tick(31.4)
+    assert ward.schedule.names(0) == ()
+
+
+def test_a_failure_that_is_ended_before_it_begins_does_not_begin() -> None:
+    ward = Ward()
+    inject(ward, mavlink.FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL, OFF)
+    inject(ward, mavlink.FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL, OK, now=1.1)
+    ward.schedule.tick(5.0)
+    assert ward.schedule.names(0) == ()
+
+
+@settings(derandomize=True, deadline=None, max_examples=200)
+@given(*[st.floats(width=32) | st.integers(-1, 110).map(float)] * 3)
+def test_any_parameters_are_answered(unit: float, kind: float, instance: float) -> None:
+    ward = Ward()
+    assert inject_failure(unit, kind, instance, ward.replace, 1.0) in (ACCEPTED, UNSUPPORTED)
+
+
+# -- SIM_ parameters --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "expected"),
+    [
+        ("SIM_GPS_DISABLE", {"SIM_GPS_DISABLE": 1}, ["gps_loss"]),
+        ("SIM_GPS_DISABLE", {"SIM_GPS_DISABLE": 0}, []),
+        ("SIM_ENGINE_FAIL", {"SIM_ENGINE_FAIL": 5, "SIM_ENGINE_MUL": 0}, ["motor_loss:motors=2"]),
+        ("SIM_ENGINE_MUL", {"SIM_ENGINE_FAIL": 5, "SIM_ENGINE_MUL": 1}, []),
+        ("SIM_ENGINE_MUL", {"SIM_ENGINE_FAIL": 0, "SIM_ENGINE_MUL": 0}, []),
+        (
+            "SIM_GPS_GLITCH_Z",
+            {"SIM_GPS_GLITCH_X": 0, "SIM_GPS_GLITCH_Y": 0, "SIM_GPS_GLITCH_Z": 12},
+            ["gps_glitch:north_m=0,east_m=0,up_m=12"],
+        ),
+    ],
+)
+def test_a_simulation_parameter_is_a_fault(name: str, values: dict[str, float], expected: list[str]) -> None:
+    found = faults_of(name, values.__getitem__)
+    assert found is not None
+    assert [str(spec) for spec in found[1]] == expected
+
+
+def test_other_parameters_are_none() -> None:
+    assert faults_of("WPNAV_SPEED", lambda _: 1.0) is None

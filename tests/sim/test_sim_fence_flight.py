@@ -1,0 +1,211 @@
+"""The geofence and the rally points in flight, as ArduCopter 4.6 uses them."""
+
+import math
+from typing import Any
+
+import pytest
+from px4_station import Px4Station
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from station import LAT_DEG, LON_DEG, Station, item, land, takeoff, waypoint
+
+FENCE, RALLY = 1, 2
+ENABLE = mavlink.MAV_CMD_DO_FENCE_ENABLE
+GUIDED, AUTO, RTL, LAND = 4, 3, 6, 9
+
+
+def place_m(station: Station) -> tuple[float, float]:
+    truth = station.fleet.truth()
+    return (truth.lat_deg[0] - LAT_DEG) * 111_195, (truth.lon_deg[0] - LON_DEG) * 77_450
+
+
+def upload(station: Station, items: list[dict[str, Any]], kind: int) -> int:
+    replies = station.send(mavlink.MAVLink_mission_count_message(1, 0, len(items), kind))
+    for seq, f in enumerate(items):
+        replies = station.send(
+            mavlink.MAVLink_mission_item_int_message(
+                1, 0, seq, f["frame"], f["command"], 0, 1,
+                f["param1"], f["param2"], f["param3"], f["param4"], f["x"], f["y"], f["z"], kind,
+            )
+        )  # fmt: skip
+    (result,) = [m.type for m in replies if m.get_type() == "MISSION_ACK"]
+    return int(result)
+
+
+def square(half_m: float, north_m: float = 0.0, command: int = 5001) -> list[dict[str, Any]]:
+    corners = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+    return [item(command, north_m + a * half_m, b * half_m, param1=4, frame=3) for a, b in corners]
+
+
+def parameter(station: Station, name: str) -> float:
+    replies = station.send(mavlink.MAVLink_param_request_read_message(1, 0, name.encode(), -1))
+    (value,) = [m.param_value for m in replies if m.get_type() == "PARAM_VALUE"]
+    return float(value)
+
+
+def set_parameter(station: Station, name: str, value: float) -> None:
+    station.send(mavlink.MAVLink_param_set_message(1, 0, name.encode(), value, 9))
+
+
+def notices(station: Station) -> list[tuple[int, str]]:
+    return [(m.severity, m.text) for m in station.of("STATUSTEXT") if "ence" in m.text or "ecovery" in m.text]
+
+
+def fenced(*fence: dict[str, Any], kind: int = 4) -> Station:
+    """On the ground with an enabled fence of some types (bits of FENCE_TYPE)."""
+    station = Station()
+    assert upload(station, list(fence) or square(100), FENCE) == 0
+    set_parameter(station, "FENCE_TYPE", kind)
+    set_parameter(station, "FENCE_ENABLE", 1)
+    station.wait(1.1)
+    return station
+
+
+@pytest.mark.autopilots("2 fence", "2 fence use")
+def test_fence_total_is_a_parameter_and_enabling_by_command_does_not_change_one() -> None:
+    station = Station()
+    upload(station, square(100), FENCE)
+    assert parameter(station, "FENCE_TOTAL") == 6
+    assert station.command(ENABLE, 1) == 0
+    assert parameter(station, "FENCE_ENABLE") == 0
+    assert station.command(ENABLE, 5) == mavlink.MAV_RESULT_FAILED
+
+
+@pytest.mark.autopilots("2 fence use")
+def test_it_is_not_armed_outside_the_fence() -> None:
+    station = fenced(*square(50, north_m=200))
+    assert station.set_mode(GUIDED) == 0
+    assert station.arm() == mavlink.MAV_RESULT_FAILED
+    assert station.texts()[-1] == "Arm: Vehicle breaching Polygon fence"
+    assert station.command(ENABLE, 0) == 0
+    assert station.arm() == 0
+
+
+@pytest.mark.autopilots("2 fence use")
+def test_a_reposition_out_of_the_fence_fails() -> None:
+    station = fenced()
+    station.fly(20)
+    inside, outside = (round((LAT_DEG + north / 111_195) * 1e7) for north in (80, 120))
+    y = round(LON_DEG * 1e7)
+    assert (
+        station.command_int(mavlink.MAV_CMD_DO_REPOSITION, 6, outside, y, 20, -1, 1)
+        == mavlink.MAV_RESULT_FAILED
+    )
+    assert station.command_int(mavlink.MAV_CMD_DO_REPOSITION, 6, inside, y, 20, -1, 1) == 0
+
+
+@pytest.mark.autopilots("2 fence use")
+def test_a_mission_out_of_the_fence_is_flown_until_the_breach_and_a_mode_change_after_it_wins() -> None:
+    station = fenced()
+    station.fly_mission([takeoff(), waypoint(400, 0), land(400, 0)])
+    station.until(lambda: station.mode == "RTL", 60)
+    assert place_m(station)[0] == pytest.approx(100, abs=3)
+    assert notices(station) == [(mavlink.MAV_SEVERITY_NOTICE, "Polygon fence breached")]
+    assert station.set_mode(AUTO) == 0
+    assert notices(station)[-1] == (mavlink.MAV_SEVERITY_INFO, "Manual recovery started")
+    station.until(lambda: place_m(station)[0] > 390, 60)
+    assert station.mode == "AUTO"
+
+
+def test_coming_back_clears_the_breach_and_the_status_says_so() -> None:
+    station = fenced()
+    station.stream(mavlink.MAVLINK_MSG_ID_FENCE_STATUS)
+    station.fly_mission([takeoff(), waypoint(400, 0), land(400, 0)])
+    station.until(lambda: station.mode == "RTL", 60)
+    breached_s = station.now
+    station.wait(0.5)
+    status = station.of("FENCE_STATUS")[-1]
+    assert (status.breach_status, status.breach_count) == (1, 1)
+    assert status.breach_type == mavlink.FENCE_BREACH_BOUNDARY
+    assert status.breach_time == pytest.approx(breached_s * 1000, abs=200)
+    station.until(lambda: notices(station)[-1][1] == "Fence breach cleared", 60)
+    station.wait(0.5)
+    status = station.of("FENCE_STATUS")[-1]
+    assert (status.breach_status, status.breach_type) == (0, mavlink.FENCE_BREACH_NONE)
+
+
+def test_a_hole_in_the_fence_is_kept_out_of() -> None:
+    station = fenced(*square(300), *square(20, north_m=120, command=5002))
+    station.fly_mission([takeoff(), waypoint(200, 0), land(200, 0)])
+    station.until(lambda: station.mode == "RTL", 60)
+    assert place_m(station)[0] == pytest.approx(100, abs=3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "value", "target", "text"),
+    [
+        pytest.param(1, "FENCE_ALT_MAX", 30.0, (0, 0, 80), "Max Alt fence breached", id="maximum altitude"),
+        pytest.param(2, "FENCE_RADIUS", 60.0, (200, 0, 20), "Circle fence breached", id="circle around home"),
+        pytest.param(8, "FENCE_ALT_MIN", 10.0, (150, 0, 2), "Min Alt fence breached", id="minimum altitude"),
+    ],
+)
+def test_limits_by_parameter(
+    kind: int, name: str, value: float, target: tuple[float, ...], text: str
+) -> None:
+    station = fenced(kind=kind)
+    set_parameter(station, name, value)
+    station.fly_mission([takeoff(20), waypoint(*target)])
+    station.until(lambda: station.mode == "RTL", 60)
+    assert notices(station)[-1] == (mavlink.MAV_SEVERITY_NOTICE, text)
+
+
+@pytest.mark.parametrize(
+    ("action", "mode"), [(0, "AUTO"), (2, "LAND"), (4, "BRAKE")], ids=["report only", "land", "brake"]
+)
+def test_what_follows_a_breach(action: int, mode: str) -> None:
+    station = fenced()
+    set_parameter(station, "FENCE_ACTION", action)
+    station.fly_mission([takeoff(), waypoint(400, 0)])
+    station.until(lambda: any(text == "Polygon fence breached" for _, text in notices(station)), 60)
+    station.wait(0.5)
+    assert station.mode == mode
+
+
+def test_a_breach_of_the_circle_that_goes_unheeded_acts_again_20_m_farther_out() -> None:
+    station = fenced(kind=2)
+    set_parameter(station, "FENCE_RADIUS", 60.0)
+    station.fly_mission([takeoff(), waypoint(400, 0)])
+    station.until(lambda: station.mode == "RTL", 60)
+    assert station.set_mode(AUTO) == 0
+    overruled_s = station.now
+    station.wait(0.2)
+    station.until(lambda: station.mode == "RTL", 60)
+    assert station.now - overruled_s > 10  # the pilot is left alone for so long
+    assert 120 < place_m(station)[0] < 200
+    texts = [text for _, text in notices(station)]
+    assert texts == ["Circle fence breached", "Manual recovery started", "Circle fence breached"]
+
+
+def test_a_return_goes_to_the_nearest_rally_point() -> None:
+    station = Station()
+    points = [item(5100, north, 0, 25, frame=3) for north in (90.0, 250.0)]
+    assert upload(station, points, RALLY) == 0
+    assert parameter(station, "RALLY_TOTAL") == 2
+    station.fly_mission([takeoff(), waypoint(300, 0)])
+    station.until(lambda: place_m(station)[0] > 120, 60)
+    assert station.set_mode(RTL) == 0
+    station.until(lambda: not station.armed, 120)
+    assert math.dist(place_m(station), (90, 0)) < 1.0
+
+
+def test_px4_keeps_a_fence_that_home_is_outside_of_but_does_not_obey_it() -> None:
+    station = Px4Station()
+    station.wait(1.0)
+    assert upload(station, square(50, north_m=300), FENCE) == 0
+    assert station.texts()[-1] == "Geofence invalid, doesn't contain Home position"
+    station.upload_and_wait([takeoff(10), waypoint(60, 0, 10), waypoint(0, 0, 10)])
+    assert station.change(4, 4) == 0
+    assert station.arm() == 0
+    station.until(lambda: "Mission finished, loitering" in station.texts(), 120)
+
+
+@pytest.mark.autopilots("2 fence use", "MAVSDK 5 geofence", of="px4")
+def test_px4_holds_at_the_edge_of_its_fence() -> None:
+    station = Px4Station(params={"GF_ACTION": 2})
+    station.wait(1.0)
+    assert upload(station, square(80), FENCE) == 0
+    station.upload_and_wait([takeoff(10), waypoint(300, 0, 10)])
+    assert station.change(4, 4) == 0
+    assert station.arm() == 0
+    station.until(lambda: station.custom_mode == (4, 3), 60)
+    station.wait(20)
+    assert 75 < place_m(station)[0] < 110

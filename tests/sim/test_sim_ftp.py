@@ -1,0 +1,360 @@
+"""MAVLink FTP: what each autopilot answers, and that the bytes read are the file's."""
+
+import errno
+import struct
+import zlib
+from typing import Any
+
+import pytest
+from files_client import FtpClient, Reply, Wire, pymavlink_ftp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink import mavftp
+
+from sim_vehicle import ftp_rules as ftp
+from sim_vehicle.filesystem import FileError, FileSystem, Source, constant
+from sim_vehicle.ftp_rules import FtpError, FtpRules, Opcode
+
+BOTH = pytest.mark.parametrize("rules", [ftp.ARDUPILOT, ftp.PX4], ids=["ardupilot", "px4"])
+TEXT = bytes(range(256)) * 40
+FILES = {"etc/motd": b"hello", "etc/big.bin": TEXT, "etc/empty": b""}
+
+
+def files(**more: Source) -> FileSystem:
+    sources = {name: constant(content) for name, content in FILES.items()} | more
+    return FileSystem(lambda: sources, writable=("disk",), most_bytes=10_000)
+
+
+def client(rules: FtpRules, **pace: float) -> FtpClient:
+    return FtpClient(files(), rules, **pace)
+
+
+def opened(client: FtpClient, path: bytes, opcode: int = Opcode.OPEN_FILE_RO, session: int = 0) -> int:
+    reply = client.one(opcode, path, session=session)
+    assert reply.opcode == Opcode.ACK, reply
+    return reply.session
+
+
+# -- reading -------------------------------------------------------------------------------------------
+
+
+@BOTH
+def test_open_tells_the_size_and_reading_past_the_end_says_so(rules: FtpRules) -> None:
+    c = client(rules)
+    reply = c.one(Opcode.OPEN_FILE_RO, b"/etc/motd")
+    assert (reply.seq, reply.request, reply.data) == (2, Opcode.OPEN_FILE_RO, struct.pack("<I", 5))
+    read = c.one(Opcode.READ_FILE, session=reply.session, offset=1, size=239)
+    assert (read.opcode, read.offset, read.data) == (Opcode.ACK, 1, b"ello")
+    assert c.one(Opcode.READ_FILE, session=reply.session, offset=5, size=239).error == FtpError.END_OF_FILE
+    assert c.one(Opcode.TERMINATE_SESSION, session=reply.session).opcode == Opcode.ACK
+
+
+def test_ardupilot_reads_as_much_as_was_asked_for_and_px4_a_full_message() -> None:
+    for rules, length in ((ftp.ARDUPILOT, 10), (ftp.PX4, 239)):
+        c = client(rules)
+        session = opened(c, b"/etc/big.bin")
+        assert len(c.one(Opcode.READ_FILE, session=session, size=10).data) == length
+
+
+@BOTH
+@settings(derandomize=True, deadline=None, max_examples=40)
+@given(content=st.binary(max_size=2000), reads=st.lists(st.tuples(st.integers(0, 2100), st.integers(1, 239))))
+def test_every_read_is_that_part_of_the_file(
+    rules: FtpRules, content: bytes, reads: list[tuple[int, int]]
+) -> None:
+    c = FtpClient(FileSystem(lambda: {"a": constant(content)}), rules)
+    session = opened(c, b"a")
+    for offset, size in reads:
+        reply = c.one(Opcode.READ_FILE, session=session, offset=offset, size=size)
+        length = size if rules.obeys_read_size else 239
+        if offset < len(content):
+            assert reply.data == content[offset : offset + length]
+        else:
+            assert reply.error == FtpError.END_OF_FILE
+
+
+@BOTH
+@settings(derandomize=True, deadline=None, max_examples=40)
+@given(
+    content=st.binary(max_size=3000),
+    offset=st.integers(0, 3100),
+    size=st.integers(0, 239),
+    first=st.integers(0, 65535),
+)
+def test_a_burst_is_the_rest_of_the_file_in_order(
+    rules: FtpRules, content: bytes, offset: int, size: int, first: int
+) -> None:
+    c = FtpClient(FileSystem(lambda: {"a": constant(content)}), rules)
+    session = opened(c, b"a")
+    replies = c.request(Opcode.BURST_READ_FILE, session=session, offset=offset, size=size, seq=first)
+    replies += c.wait(10.0)
+    *data, end = replies
+    assert end.error == FtpError.END_OF_FILE
+    assert end.offset == max(offset, len(content))
+    assert b"".join(reply.data for reply in data) == content[offset:]
+    assert [reply.seq for reply in replies] == [(first + 1 + i) & 0xFFFF for i in range(len(replies))]
+    assert not any(reply.complete for reply in data)
+
+
+@BOTH
+def test_a_burst_is_paced_and_stops_to_be_asked_again(rules: FtpRules) -> None:
+    big = bytes(400_000)
+    c = FtpClient(FileSystem(lambda: {"a": constant(big)}), rules, bytes_s=20_000, most_bytes_at_once=5_000)
+    session = opened(c, b"a")
+    at_once = c.request(Opcode.BURST_READ_FILE, session=session, size=239)
+    assert sum(len(reply.data) + 38 for reply in at_once) <= 5_000
+    in_a_second = c.wait(1.0)
+    assert 15_000 < sum(len(reply.data) for reply in in_a_second) < 21_000
+    replies = at_once + in_a_second + c.wait(20.0)
+    assert len(replies) == rules.burst_messages
+    assert [reply.complete for reply in replies] == [0] * (len(replies) - 1) + [1]
+    assert not c.server.busy
+
+
+@BOTH
+def test_terminating_ends_a_burst(rules: FtpRules) -> None:
+    c = FtpClient(FileSystem(lambda: {"a": constant(TEXT)}), rules, bytes_s=1_000, most_bytes_at_once=300)
+    session = opened(c, b"a")
+    c.request(Opcode.BURST_READ_FILE, session=session, size=239)
+    assert c.one(Opcode.TERMINATE_SESSION, session=session).opcode == Opcode.ACK
+    assert c.wait(5.0) == []
+
+
+def test_a_file_is_read_as_it_was_when_it_was_opened() -> None:
+    content = bytearray(b"one")
+    source = Source(read=lambda _query: bytes(content), size=lambda: len(content))
+    c = FtpClient(FileSystem(lambda: {"log": source}), ftp.ARDUPILOT)
+    session = opened(c, b"log")
+    content += b" two"
+    assert c.one(Opcode.READ_FILE, session=session, size=239).data == b"one"
+
+
+# -- requests that come again, sessions ----------------------------------------------------------------
+
+
+@BOTH
+def test_a_repeated_request_gets_the_same_answer_and_acts_once(rules: FtpRules) -> None:
+    c = client(rules)
+    first = c.request(Opcode.CREATE_DIRECTORY, b"/disk/a", seq=7)
+    again = c.request(Opcode.CREATE_DIRECTORY, b"/disk/a", seq=7)
+    assert first == again
+    assert first[0].opcode == Opcode.ACK
+    assert c.one(Opcode.CREATE_DIRECTORY, b"/disk/a", seq=8).error == FtpError.FILE_EXISTS
+
+
+@BOTH
+def test_the_sequence_number_wraps(rules: FtpRules) -> None:
+    assert client(rules).one(Opcode.NONE, seq=65535).seq == 0
+
+
+def test_px4_has_one_session_and_closes_it_when_it_is_left() -> None:
+    c = client(ftp.PX4)
+    assert c.one(Opcode.READ_FILE, size=10).error == FtpError.INVALID_SESSION
+    assert c.one(Opcode.TERMINATE_SESSION).error == FtpError.INVALID_SESSION
+    assert opened(c, b"/etc/motd", session=3) == 0
+    assert c.one(Opcode.OPEN_FILE_RO, b"/etc/big.bin").error == FtpError.NO_SESSIONS_AVAILABLE
+    assert c.one(Opcode.READ_FILE, session=3, size=10).error == FtpError.INVALID_SESSION
+    c.wait(10.5)
+    assert opened(c, b"/etc/big.bin") == 0
+
+
+def test_on_ardupilot_the_client_names_the_session_and_another_waits_three_seconds() -> None:
+    c = client(ftp.ARDUPILOT)
+    assert c.one(Opcode.READ_FILE, size=10).error == FtpError.FILE_NOT_FOUND
+    assert c.one(Opcode.TERMINATE_SESSION, session=9).opcode == Opcode.ACK
+    assert opened(c, b"/etc/motd", session=3) == 3
+    other = Wire(sysid=254)
+    assert c.one(Opcode.OPEN_FILE_RO, b"/etc/motd", session=3).error == FtpError.FAIL
+    assert c.one(Opcode.OPEN_FILE_RO, b"/etc/motd", session=4, wire=other).error == FtpError.INVALID_SESSION
+    assert c.one(Opcode.RESET_SESSIONS, session=4, wire=other).opcode == Opcode.ACK
+    assert c.one(Opcode.READ_FILE, session=3, size=10).data == b"hello"
+    c.wait(3.1)
+    assert opened(c, b"/etc/motd", session=4) == 4
+
+
+@BOTH
+def test_what_goes_wrong_has_the_autopilots_error(rules: FtpRules) -> None:
+    c = client(rules)
+    assert c.one(Opcode.OPEN_FILE_RO, b"/nowhere").error == FtpError.FILE_NOT_FOUND
+    assert c.one(Opcode.LIST_DIRECTORY, b"/nowhere").error == FtpError.FILE_NOT_FOUND
+    assert c.one(Opcode.OPEN_FILE_RO, b"").error == FtpError.INVALID_DATA_SIZE
+    assert c.one(Opcode.OPEN_FILE_RO, b"x" * 200, size=250).error == FtpError.INVALID_DATA_SIZE
+    assert c.one(99).error == (FtpError.FAIL if rules is ftp.ARDUPILOT else FtpError.UNKNOWN_COMMAND)
+    read_only = c.one(Opcode.CREATE_FILE, b"/etc/new")
+    assert list(read_only.data) == [FtpError.FAIL_ERRNO, errno.EROFS]
+    assert list(c.one(Opcode.REMOVE_FILE, b"/etc/motd").data) == [FtpError.FAIL_ERRNO, errno.EROFS]
+    assert c.request(Opcode.ACK) == []
+
+
+@BOTH
+@settings(derandomize=True, deadline=None, max_examples=60)
+@given(
+    payloads=st.lists(st.binary(min_size=251, max_size=251), max_size=12),
+    opcodes=st.lists(st.integers(0, 17)),
+)
+def test_no_payload_stops_the_server(rules: FtpRules, payloads: list[bytes], opcodes: list[int]) -> None:
+    c = client(rules)
+    for payload in payloads:
+        c.send(payload)
+    for opcode in opcodes:
+        c.request(opcode, b"/disk/x\0/disk/y", offset=1_000)
+        c.request(opcode, b"/etc/motd", offset=2**32 - 1, size=239)
+    c.wait(15.0)
+    c.request(Opcode.RESET_SESSIONS)
+    c.wait(1.0)
+    assert opened(c, b"/etc/motd") == 0
+
+
+# -- directories and writing ---------------------------------------------------------------------------
+
+
+def listed(c: FtpClient, path: bytes) -> list[bytes]:
+    names: list[bytes] = []
+    while True:
+        reply = c.one(Opcode.LIST_DIRECTORY, path, offset=len(names))
+        if reply.opcode == Opcode.NAK:
+            assert reply.error == FtpError.END_OF_FILE
+            return names
+        names += reply.data.removesuffix(b"\0").split(b"\0")
+
+
+def test_a_directory_is_listed_in_as_many_answers_as_it_takes() -> None:
+    many = {f"logs/{i:08d}.BIN": constant(bytes(i)) for i in range(60)}
+    c = FtpClient(FileSystem(lambda: many), ftp.ARDUPILOT)
+    assert listed(c, b"/logs") == [b"F%08d.BIN\t%d" % (i, i) for i in range(60)]
+    assert listed(c, b"/") == [b"Dlogs"]
+    assert listed(FtpClient(FileSystem(lambda: many), ftp.PX4), b"/")[2:] == [b"Dlogs"]
+
+
+@BOTH
+def test_a_file_is_written_read_measured_renamed_and_removed(rules: FtpRules) -> None:
+    c = client(rules)
+    assert c.one(Opcode.CREATE_DIRECTORY, b"/disk/a").opcode == Opcode.ACK
+    session = opened(c, b"/disk/a/f", Opcode.CREATE_FILE)
+    for offset in (200, 0, 100):
+        assert (
+            c.one(Opcode.WRITE_FILE, TEXT[offset : offset + 100], session=session, offset=offset).offset
+            == offset
+        )
+    c.one(Opcode.TERMINATE_SESSION, session=session)
+    crc = c.one(Opcode.CALC_FILE_CRC32, b"/disk/a/f").data
+    assert crc == struct.pack("<I", zlib.crc32(TEXT[:300], 0xFFFFFFFF) ^ 0xFFFFFFFF)
+    assert c.one(Opcode.RENAME, b"/disk/a/f\0/disk/g").opcode == Opcode.ACK
+    assert [line for line in listed(c, b"/disk") if line != b"S"] == [b"Da", b"Fg\t300"]
+    session = opened(c, b"disk/g")
+    assert c.one(Opcode.READ_FILE, session=session, offset=100, size=239).data == TEXT[100:300]
+    c.one(Opcode.TERMINATE_SESSION, session=session)
+    assert c.one(Opcode.REMOVE_FILE, b"/disk/g").opcode == Opcode.ACK
+    assert c.one(Opcode.REMOVE_DIRECTORY, b"/disk/a").opcode == Opcode.ACK
+    assert [line for line in listed(c, b"/disk") if line != b"S"] == []
+
+
+def test_the_disk_is_small() -> None:
+    c = client(ftp.PX4)
+    session = opened(c, b"/disk/f", Opcode.CREATE_FILE)
+    full = c.one(Opcode.WRITE_FILE, b"x", session=session, offset=2**31)
+    assert list(full.data) == [FtpError.FAIL_ERRNO, errno.ENOSPC]
+    assert c.one(Opcode.TRUNCATE_FILE, b"/disk/f", offset=9_999).opcode == Opcode.ACK
+    assert c.one(Opcode.TRUNCATE_FILE, b"/disk/f", offset=10_001).data[1] == errno.ENOSPC
+
+
+def test_only_px4_truncates() -> None:
+    assert client(ftp.ARDUPILOT).one(Opcode.TRUNCATE_FILE, b"/disk/f").error == FtpError.FAIL
+
+
+PATHS = st.sampled_from(
+    ["disk/a", "disk/a/b", "disk/a/b/c", "disk/d", "disk", "etc/motd", "etc", "", "disk/../x"]
+)
+STEPS = st.tuples(st.sampled_from(["make", "rmdir", "write", "remove", "rename", "truncate"]), PATHS, PATHS)
+
+
+@settings(derandomize=True, deadline=None, max_examples=150)
+@given(steps=st.lists(STEPS, max_size=14))
+def test_whatever_is_done_to_the_files_every_entry_that_is_listed_can_be_opened(steps: list[Any]) -> None:
+    tree = files()
+    for kind, path, other in steps:
+        try:
+            if kind == "make":
+                tree.make_directory(path)
+            elif kind == "rmdir":
+                tree.remove_directory(path)
+            elif kind == "write":
+                tree.write(tree.open_to_write(path, truncate=True), 3, b"abc")
+            elif kind == "remove":
+                tree.remove(path)
+            elif kind == "rename":
+                tree.rename(path, other)
+            else:
+                tree.truncate(path, 2)
+        except FileError:
+            pass
+    waiting = [""]
+    while waiting:
+        path = waiting.pop()
+        for entry in tree.entries(path):
+            full = f"{path}/{entry.name}"
+            if entry.size is None:
+                waiting.append(full)
+            else:
+                assert len(tree.read(full)) == entry.size
+    assert tree.read("etc/motd") == b"hello"
+
+
+@BOTH
+@settings(derandomize=True, deadline=None, max_examples=40)
+@given(content=st.binary(min_size=1, max_size=900), fates=st.lists(st.sampled_from("rqd-"), max_size=60))
+def test_a_file_survives_the_way_there_and_back_over_a_bad_link(
+    rules: FtpRules, content: bytes, fates: list[str]
+) -> None:
+    """An exchange may lose the request or its reply, or come twice; the client asks until answered."""
+    c, waiting = client(rules), list(fates)
+
+    def ask(opcode: int, data: bytes = b"", **fields: Any) -> Reply:
+        c.seq += 1
+        while True:
+            fate = waiting.pop() if waiting else "-"
+            if fate == "q":
+                continue
+            replies = c.request(opcode, data, seq=c.seq, **fields)
+            if fate == "d":
+                assert c.request(opcode, data, seq=c.seq, **fields) == replies
+            if fate != "r":
+                assert replies[0].seq == c.seq + 1
+                return replies[0]
+
+    session = ask(Opcode.CREATE_FILE, b"/disk/f").session
+    for offset in range(0, len(content), 100):
+        data = content[offset : offset + 100]
+        assert ask(Opcode.WRITE_FILE, data, session=session, offset=offset).opcode == Opcode.ACK
+    assert ask(Opcode.TERMINATE_SESSION, session=session).opcode == Opcode.ACK
+    opened = ask(Opcode.OPEN_FILE_RO, b"/disk/f")
+    assert opened.data == struct.pack("<I", len(content))
+    read = b""
+    while len(read) < len(content):
+        read += ask(Opcode.READ_FILE, session=opened.session, offset=len(read), size=239).data
+    assert read == content
+    assert ask(Opcode.TERMINATE_SESSION, session=opened.session).opcode == Opcode.ACK
+
+
+# -- pymavlink's client --------------------------------------------------------------------------------
+
+
+@BOTH
+def test_pymavlinks_client_lists_reads_and_writes(rules: FtpRules, tmp_path: Any) -> None:
+    c = client(rules)
+    theirs = pymavlink_ftp(c)
+    listing = theirs.cmd_list(["/etc"])
+    assert listing.error_code == mavftp.FtpError.Success
+    assert {(e.name, e.size_b) for e in listing.directory_listing} == {
+        (name.removeprefix("etc/"), len(content)) for name, content in FILES.items()
+    }
+    target = tmp_path / "big.bin"
+    theirs.cmd_get(["/etc/big.bin", str(target)])
+    theirs.process_ftp_reply("OpenFileRO", timeout=10)
+    assert target.read_bytes() == TEXT
+    source = tmp_path / "up.bin"
+    source.write_bytes(TEXT[:3000])
+    theirs.cmd_put([str(source), "/disk/up.bin"])
+    assert theirs.process_ftp_reply("put", timeout=10).error_code == mavftp.FtpError.Success
+    session = opened(c, b"/disk/up.bin")
+    assert b"".join(r.data for r in c.request(Opcode.BURST_READ_FILE, session=session)[:-1]) == TEXT[:3000]

@@ -1,0 +1,265 @@
+"""The commands a mission may be made of: what is kept of them, and what a copter does with them."""
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from px4_station import Px4Station
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from station import LAT_DEG, LON_DEG, Station, item, land, takeoff, waypoint
+
+from sim_vehicle.mission import Item
+from sim_vehicle.personalities.ardupilot.items import store_item, store_plane_item
+
+TURNS, TO_ALT, DELAY, SPLINE = (
+    mavlink.MAV_CMD_NAV_LOITER_TURNS,
+    mavlink.MAV_CMD_NAV_LOITER_TO_ALT,
+    mavlink.MAV_CMD_NAV_DELAY,
+    mavlink.MAV_CMD_NAV_SPLINE_WAYPOINT,
+)
+YAW, DISTANCE, SPEED = (
+    mavlink.MAV_CMD_CONDITION_YAW,
+    mavlink.MAV_CMD_CONDITION_DISTANCE,
+    mavlink.MAV_CMD_DO_CHANGE_SPEED,
+)
+NAN = math.nan
+
+
+def place_m(station: Station) -> tuple[float, float]:
+    truth = station.fleet.truth()
+    return (truth.lat_deg[0] - LAT_DEG) * 111_195, (truth.lon_deg[0] - LON_DEG) * 77_450
+
+
+def reached(station: Station) -> list[int]:
+    """In order, a repetition at once left out."""
+    seqs = [m.seq for m in station.of("MISSION_ITEM_REACHED")]
+    return [seq for before, seq in zip([-1, *seqs], seqs, strict=False) if seq != before]
+
+
+@pytest.mark.autopilots("2 read-back")
+@pytest.mark.parametrize(
+    ("command", "sent", "kept"),
+    [
+        pytest.param(TURNS, (3.9, 9, 300.0, 1), (3, 0, 300, 1), id="LOITER_TURNS"),
+        pytest.param(TURNS, (0.5, 0, -12.7, 0), (0.5, 0, -12, 0), id="LOITER_TURNS, half a turn"),
+        pytest.param(TURNS, (300, 0, 1234.0, 0), (255, 0, 1230, 0), id="LOITER_TURNS, wide"),
+        pytest.param(mavlink.MAV_CMD_NAV_LOITER_UNLIM, (9, 9, -25.9, 9), (0, 0, -25, 0), id="LOITER_UNLIM"),
+        pytest.param(TO_ALT, (1, -40.5, 3, 0), (0, -40, 0, 0), id="LOITER_TO_ALT"),
+        pytest.param(SPLINE, (4.7, 1, 2, 3), (4, 0, 0, 0), id="SPLINE_WAYPOINT"),
+        pytest.param(DELAY, (5.5, 23, 59, -1), (5.5, 23, 59, -1), id="NAV_DELAY"),
+        pytest.param(YAW, (90.5, 10, -1, 1), (90.5, 10, -1, 1), id="CONDITION_YAW"),
+        pytest.param(DISTANCE, (12.5, 1, 1, 1), (12.5, 0, 0, 0), id="CONDITION_DISTANCE"),
+        pytest.param(mavlink.MAV_CMD_DO_SET_SERVO, (9, 1500, 3, 4), (9, 1500, 0, 0), id="DO_SET_SERVO"),
+        pytest.param(mavlink.MAV_CMD_DO_SET_RELAY, (1, 1, 3, 4), (1, 1, 0, 0), id="DO_SET_RELAY"),
+        pytest.param(
+            mavlink.MAV_CMD_DO_REPEAT_SERVO, (9, 1100, 4, 2.5), (9, 1100, 4, 2.5), id="REPEAT_SERVO"
+        ),
+        pytest.param(
+            mavlink.MAV_CMD_DO_MOUNT_CONTROL, (-45.5, 1, 2, 3), (-45.5, 1, 2, 0), id="MOUNT_CONTROL"
+        ),
+        pytest.param(
+            mavlink.MAV_CMD_DO_SET_CAM_TRIGG_DIST, (7.5, 1, 1, 1), (7.5, 0, 1, 0), id="CAM_TRIGG_DIST"
+        ),
+        pytest.param(mavlink.MAV_CMD_DO_JUMP, (3.9, -1, 1, 1), (3, -1, 0, 0), id="DO_JUMP"),
+        pytest.param(mavlink.MAV_CMD_DO_FENCE_ENABLE, (1, 1, 1, 1), (1, 0, 0, 0), id="DO_FENCE_ENABLE"),
+        pytest.param(mavlink.MAV_CMD_DO_LAND_START, (1, 1, 1, 1), (0, 0, 0, 0), id="DO_LAND_START"),
+        pytest.param(mavlink.MAV_CMD_DO_SET_ROI, (3, 1, 1, 1), (3, 0, 0, 0), id="DO_SET_ROI"),
+        pytest.param(mavlink.MAV_CMD_IMAGE_START_CAPTURE, (0, 2.5, 3, 1), (0, 2.5, 3, 1), id="IMAGE_START"),
+    ],
+)
+def test_what_ardupilot_keeps(command: int, sent: tuple[float, ...], kept: tuple[float, ...]) -> None:
+    p1, p2, p3, p4 = sent
+    stored = store_item(Item(command, 6, p1, p2, p3, p4, x=460_000_000, y=145_000_000, z=20.0))
+    assert isinstance(stored, Item)
+    assert (stored.param1, stored.param2, stored.param3, stored.param4) == kept
+
+
+@pytest.mark.parametrize(
+    ("command", "sent", "result"),
+    [
+        pytest.param(0, {}, mavlink.MAV_MISSION_INVALID, id="command 0"),
+        pytest.param(TURNS, {"param4": NAN}, mavlink.MAV_MISSION_INVALID_PARAM4, id="NaN p4 of LOITER_TURNS"),
+        pytest.param(YAW, {"param3": math.inf}, mavlink.MAV_MISSION_INVALID_PARAM3, id="infinite p3"),
+        pytest.param(2999, {"param1": NAN}, mavlink.MAV_MISSION_INVALID_PARAM1, id="parameters come first"),
+        pytest.param(SPLINE, {"z": 90_000.0}, mavlink.MAV_MISSION_INVALID_PARAM7, id="altitude"),
+    ],
+)
+def test_what_ardupilot_refuses(command: int, sent: dict[str, Any], result: int) -> None:
+    assert store_item(Item(command, **sent)) == result
+
+
+def test_a_plane_keeps_the_radii_of_a_waypoint_and_knows_no_spline() -> None:
+    stored = store_plane_item(Item(16, 3, 5.0, 30.7, 400.0, NAN, 1, 1, 50.0))
+    assert isinstance(stored, Item)
+    assert (stored.param1, stored.param2, stored.param3, stored.param4) == (0, 30, 255, 0)
+    assert store_plane_item(Item(SPLINE)) == mavlink.MAV_MISSION_UNSUPPORTED
+
+
+@settings(derandomize=True, deadline=None, max_examples=150)
+@given(
+    st.integers(0, 3000),
+    st.integers(0, 12),
+    st.lists(st.floats(width=32), min_size=5, max_size=5),
+    st.integers(-(2**31), 2**31 - 1),
+    st.sampled_from([store_item, store_plane_item]),
+)
+def test_what_is_kept_once_is_kept_as_it_is(
+    command: int, frame: int, numbers: list[float], x: int, store: Any
+) -> None:
+    p1, p2, p3, p4, z = numbers
+    stored = store(Item(command, frame, p1, p2, p3, p4, x, x, z))
+    if isinstance(stored, Item):
+        again = store(stored)
+        # centimetres are cut once more, as they are in the storage
+        assert again.z == pytest.approx(stored.z, abs=0.011, rel=1e-6)
+        assert (again.param1, again.param2, again.param3, again.param4, again.x) == (
+            stored.param1,
+            stored.param2,
+            stored.param3,
+            stored.param4,
+            stored.x,
+        )
+
+
+def test_turns_are_flown_around_the_place() -> None:
+    station = Station()
+    station.fly_mission([takeoff(), item(TURNS, 80, 0, 20, param1=2, param3=20), waypoint(0, 0), land(0, 0)])
+    station.until(lambda: reached(station)[-1:] == [1], 60)
+    angles: list[float] = []
+    distances: list[float] = []
+
+    def watch() -> bool:
+        north_m, east_m = place_m(station)
+        if math.hypot(north_m - 80, east_m) < 26:
+            angles.append(math.atan2(east_m, north_m - 80))
+            distances.append(math.hypot(north_m - 80, east_m))
+        return reached(station)[-1] == 2
+
+    station.until(watch, 200)
+    swept = sum(math.remainder(b - a, 2 * math.pi) for a, b in pairwise(angles))
+    assert swept == pytest.approx(4 * math.pi, abs=0.6)
+    assert sorted(distances)[len(distances) // 2] == pytest.approx(20, abs=2.5)
+    assert "Mission: 2 LoitTurns" in station.texts()
+
+
+def test_a_delay_holds_the_vehicle_where_it_is() -> None:
+    station = Station()
+    station.fly_mission([takeoff(10), waypoint(30, 0, 10), item(DELAY, param1=8), waypoint(60, 0, 10)])
+    station.until(lambda: reached(station)[-1:] == [2], 60)
+    waited_s = station.until(lambda: reached(station)[-1] == 3, 30)
+    assert waited_s == pytest.approx(8, abs=0.5)
+    assert place_m(station)[0] == pytest.approx(30, abs=3)
+
+
+def test_a_change_of_altitude_at_a_place() -> None:
+    station = Station()
+    station.fly_mission([takeoff(10), item(TO_ALT, 40, 0, 35), land(40, 0)])
+    station.until(lambda: reached(station)[-1:] == [2], 90)
+    assert station.height_m == pytest.approx(35, abs=2.1)  # within the radius of a waypoint
+    assert place_m(station)[0] == pytest.approx(40, abs=2)
+
+
+def test_a_condition_of_distance_holds_a_do_command_back() -> None:
+    station = Station()
+    station.fly_mission(
+        [
+            takeoff(10),
+            item(DISTANCE, param1=50),
+            item(SPEED, param1=1, param2=3.0),
+            waypoint(150, 0, 10),
+            land(150, 0),
+        ]
+    )
+    station.until(lambda: 2 in reached(station), 60)
+    assert 150 - place_m(station)[0] == pytest.approx(50, abs=3)
+    station.wait(6)
+    assert station.fleet.truth().speed_m_s[0] == pytest.approx(3, abs=0.3)
+
+
+def test_a_condition_of_yaw_turns_the_vehicle() -> None:
+    station = Station()
+    station.stream(mavlink.MAVLINK_MSG_ID_ATTITUDE)
+    station.fly_mission([takeoff(10), item(YAW, param1=135), waypoint(300, 0, 10), land(300, 0)])
+    station.until(lambda: reached(station)[-1:] == [2], 60)
+    station.wait(0.5)
+    assert math.degrees(station.of("ATTITUDE")[-1].yaw) == pytest.approx(135, abs=6)
+
+
+def test_a_landing_sequence_and_a_payload_that_is_not_there_do_not_stop_a_mission() -> None:
+    station = Station()
+    idle = [
+        mavlink.MAV_CMD_DO_LAND_START,
+        mavlink.MAV_CMD_DO_SET_SERVO,
+        mavlink.MAV_CMD_DO_SET_ROI_NONE,
+        mavlink.MAV_CMD_DO_DIGICAM_CONTROL,
+        mavlink.MAV_CMD_DO_MOUNT_CONTROL,
+        mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW,
+        mavlink.MAV_CMD_DO_SET_RELAY,
+    ]
+    station.fly_mission([takeoff(5), *(item(command) for command in idle), waypoint(20, 0, 5), land(20, 0)])
+    station.until(lambda: not station.armed, 120)
+    assert reached(station) == [1, *range(2, 10)]
+
+
+def test_home_can_be_set_on_the_way() -> None:
+    station = Station()
+    home = item(mavlink.MAV_CMD_DO_SET_HOME, 50, 0, 0, param1=0)
+    station.fly_mission([takeoff(10), home, waypoint(100, 0, 10), item(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)])
+    station.until(lambda: not station.armed, 200)
+    assert place_m(station)[0] == pytest.approx(50, abs=1.5)
+
+
+# -- PX4 -------------------------------------------------------------------------------------------------
+
+
+def px4_item(command: int, *args: float, **fields: Any) -> dict[str, Any]:
+    """A command without a place, in the frame PX4 wants for it."""
+    return item(command, frame=2, x=0, y=0, **fields)
+
+
+def test_px4_flies_a_mission_over_its_do_commands_and_holds_at_the_end() -> None:
+    station = Px4Station()
+    station.upload_and_wait(
+        [takeoff(10), px4_item(SPEED, param1=1, param2=4.0), waypoint(40, 0, 10), px4_item(DELAY, param1=3)]
+    )
+    assert station.change(4, 4) == 0
+    assert station.arm() == 0
+    station.until(lambda: "Mission finished, loitering" in station.texts(), 120)
+    assert reached(station) == [0, 1, 2, 3]
+    station.wait(0.5)
+    assert station.custom_mode == (4, 3)
+
+
+@pytest.mark.autopilots("2 count", "2 CLEAR_ALL", "MAVSDK 5 clear_mission", of="px4")
+def test_px4_clears_the_mission_it_flies_and_holds() -> None:
+    station = Px4Station()
+    station.upload_and_wait([takeoff(10), waypoint(300, 0, 10)])
+    station.change(4, 4)
+    station.arm()
+    station.until(lambda: place_m(station)[0] > 50, 60)
+    replies = station.send(mavlink.MAVLink_mission_clear_all_message(1, 1, 0))
+    assert [m.type for m in replies if m.get_type() == "MISSION_ACK"] == [0]
+    assert "No valid mission available, loitering" in station.texts()
+    assert station.custom_mode == (4, 3)
+    assert station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).total == 65_535  # count
+    station.wait(20)
+    assert place_m(station)[0] < 120
+
+
+@pytest.mark.autopilots("2 re-upload in AUTO", "2 MISSION_SET_CURRENT", "MAVSDK 3 replace mid-flight", of="px4")
+def test_px4_takes_a_new_mission_in_flight_at_its_index() -> None:
+    station = Px4Station()
+    station.upload_and_wait([takeoff(10), waypoint(50, 0, 10), waypoint(400, 0, 10)])
+    station.change(4, 4)
+    station.arm()
+    station.until(lambda: place_m(station)[0] > 100, 60)
+    assert station.upload([takeoff(10), waypoint(0, 100, 10), waypoint(0, 200, 10), waypoint(0, 0, 10)]) == 0
+    station.until(lambda: place_m(station)[1] > 150, 90)
+    assert station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).seq == 2
+    station.send(mavlink.MAVLink_mission_set_current_message(1, 1, 1))
+    station.wait(0.2)
+    assert station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).seq == 1
+    station.until(lambda: place_m(station)[1] < 110, 60)

@@ -1,0 +1,190 @@
+"""What the command line means: URLs, homes, personalities, wind, parameters, ports and system ids."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sim_vehicle.options import (
+    FleetOptions,
+    OptionError,
+    make_scenario,
+    parse_home,
+    parse_personality,
+    parse_urls,
+    parse_wind,
+    read_param_file,
+)
+from sim_vehicle.url import Url, UrlError, parse_url
+
+PROPERTY = settings(derandomize=True, deadline=None, max_examples=60)
+
+
+@pytest.mark.parametrize(
+    ("text", "url"),
+    [
+        ("udpout:127.0.0.1:14550", Url("udpout", "127.0.0.1", 14550)),
+        ("udpin://:14550", Url("udpin", "0.0.0.0", 14550)),
+        ("tcp://drone.local:5760", Url("tcpout", "drone.local", 5760)),
+        ("tcpin:[::1]:5760/", Url("tcpin", "::1", 5760)),
+        ("10.0.0.7:14551", Url("udpout", "10.0.0.7", 14551)),
+        ("serial:/dev/ttyUSB0:57600", Url("serial", "/dev/ttyUSB0", 57600)),
+        ("serial:///dev/ttyACM0:115200", Url("serial", "/dev/ttyACM0", 115200)),
+        ("serial:COM3:57600", Url("serial", "COM3", 57600)),
+    ],
+)
+def test_a_url_in_the_notations_of_the_field(text: str, url: Url) -> None:
+    assert parse_url(text) == url
+
+
+@pytest.mark.parametrize(
+    "text", ["", ":14550", "udpout:x", "udpout:x:0", "udpout:x:65536", "ftp:x:1", "a:b:c:1"]
+)
+def test_a_url_that_is_none(text: str) -> None:
+    with pytest.raises(UrlError, match="--url"):
+        parse_url(text)
+
+
+@PROPERTY
+@given(st.text(max_size=30))
+def test_any_text_is_a_url_or_an_error_that_names_it(text: str) -> None:
+    try:
+        url = parse_url(text)
+    except UrlError as error:
+        url, said = None, str(error)
+    if url is None:
+        assert repr(text) in said
+    else:
+        assert url.port > 0
+        assert parse_url(str(url).replace(" ", ":", 1)) == url
+
+
+def test_a_url_twice_is_an_error() -> None:
+    with pytest.raises(OptionError, match="given twice"):
+        parse_urls(["udpout:127.0.0.1:1", "127.0.0.1:1"])
+
+
+@pytest.mark.parametrize(
+    ("text", "count", "names"),
+    [
+        ("px4", None, ["px4"]),
+        ("px4", 2, ["px4", "px4"]),
+        ("mixed", 3, ["ardupilot", "px4", "ardupilot"]),
+        ("mixed", None, ["ardupilot", "px4"]),
+        ("ardupilot:2, px4:1", None, ["ardupilot", "ardupilot", "px4"]),
+        ("px4:2", 2, ["px4", "px4"]),
+    ],
+)
+def test_who_plays_which_autopilot(text: str, count: int | None, names: list[str]) -> None:
+    assert parse_personality(text, count) == names
+
+
+@pytest.mark.parametrize(
+    ("text", "count"), [("px5", 1), ("px4:0", None), ("px4:", None), ("px4:2", 3), ("", 1)]
+)
+def test_a_personality_that_cannot_be(text: str, count: int | None) -> None:
+    with pytest.raises(OptionError, match="--personality"):
+        parse_personality(text, count)
+
+
+def test_a_home_may_have_a_heading() -> None:
+    assert parse_home("46,14.5,300") == (46, 14.5, 300)
+    assert parse_home("-35.36,149.16,584,353") == (-35.36, 149.16, 584)
+
+
+@pytest.mark.parametrize(
+    "text", ["46,14", "91,0,0", "0,181,0", "0,0,nan", "0,0,0,400", "a,b,c", "1,2,3,4,5", ""]
+)
+def test_a_home_that_is_none(text: str) -> None:
+    with pytest.raises(OptionError, match="--home"):
+        parse_home(text)
+
+
+def test_wind() -> None:
+    assert parse_wind("5,270") == {"speed_m_s": 5, "from_deg": 270}
+    assert parse_wind("5,270,2") == {"speed_m_s": 5, "from_deg": 270, "gust_m_s": 2}
+
+
+@pytest.mark.parametrize("text", ["5", "-1,0", "61,0", "5,361", "5,0,31", "inf,0", "x,y"])
+def test_a_wind_that_cannot_blow(text: str) -> None:
+    with pytest.raises(OptionError, match="--wind"):
+        parse_wind(text)
+
+
+@PROPERTY
+@given(count=st.integers(1, 600), per_port=st.none() | st.integers(1, 250), first=st.integers(1, 250))
+def test_system_ids_differ_on_a_port_and_everywhere_where_that_is_possible(
+    count: int, per_port: int | None, first: int
+) -> None:
+    try:
+        scenario, _ = make_scenario(FleetOptions(count=count, per_port=per_port, sysid=first))
+    except OptionError as error:
+        scenario, said = None, str(error)
+    if scenario is None:
+        assert per_port is not None
+        assert f"at most {251 - first}" in said
+        return
+    places = [(v.link, v.sysid) for v in scenario.vehicles]
+    assert len(set(places)) == count
+    assert {sysid for _, sysid in places} <= set(range(first, 251))
+    if first + count <= 251:
+        assert [sysid for _, sysid in places] == list(range(first, first + count))
+    fullest = max(sum(link == other for other, _ in places) for link, _ in places)
+    assert fullest <= (per_port or 250)
+
+
+def test_parameters_go_to_those_that_have_them() -> None:
+    scenario, notes = make_scenario(
+        FleetOptions(personality="mixed", params=["WPNAV_SPEED=800", "MPC_XY_CRUISE = 7.5"])
+    )
+    ardupilot, px4 = scenario.vehicles
+    assert ardupilot.params == {"WPNAV_SPEED": 800}
+    assert px4.params == {"MPC_XY_CRUISE": 7.5}
+    assert notes == []
+
+
+def test_a_parameter_that_nobody_has() -> None:
+    with pytest.raises(OptionError, match=r"--param WPNAV_SPEDE: .* did you mean .*WPNAV_SPEED"):
+        make_scenario(FleetOptions(params=["WPNAV_SPEDE=800"]))
+
+
+def test_a_parameter_file_in_the_formats_of_the_field(tmp_path: Path) -> None:
+    path = tmp_path / "some.parm"
+    path.write_text("# comment\nWPNAV_SPEED 700\n\nRTL_ALT,2500 # cm\n1\t1\tBATT_CAPACITY\t5000\t9\n")
+    assert read_param_file(path) == {"WPNAV_SPEED": 700, "RTL_ALT": 2500, "BATT_CAPACITY": 5000}
+    path.write_text("WPNAV_SPEED 700\nINS_ACC_ID 17\n")
+    scenario, notes = make_scenario(FleetOptions(param_files=[path], params=["WPNAV_SPEED=800"]))
+    assert scenario.vehicles[0].params == {"WPNAV_SPEED": 800}
+    assert notes == [f"{path}: 1 of 2 parameters are not simulated, left out"]
+
+
+def test_a_bad_line_of_a_parameter_file_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "some.parm"
+    path.write_text("A 1\nB two\nC\n")
+    with pytest.raises(OptionError) as caught:
+        read_param_file(path)
+    assert [line.partition(" is not ")[0] for line in str(caught.value).splitlines()] == [
+        f"--param-file {path}:2: 'B two'",
+        f"--param-file {path}:3: 'C'",
+    ]
+
+
+def test_options_on_top_of_a_scenario(tmp_path: Path) -> None:
+    path = tmp_path / "two.yaml"
+    path.write_text("home: {lat_deg: 46, lon_deg: 14.5}\ncount: 2\nseed: 3\nfaults: ['gps_loss:at=5']\n")
+    options = FleetOptions(
+        scenario=path, wind="4,90", faults=["packet_loss:rate=0.5"], params=["WPNAV_SPEED=900"]
+    )
+    scenario, _ = make_scenario(options)
+    assert scenario.seed == 3
+    assert scenario.wind.speed_m_s == 4
+    assert [fault.fault for fault in scenario.faults] == ["gps_loss", "packet_loss"]
+    assert [vehicle.params for vehicle in scenario.vehicles] == [{"WPNAV_SPEED": 900}] * 2
+    with pytest.raises(OptionError, match="--count, --home: not with --scenario"):
+        make_scenario(FleetOptions(scenario=path, count=3, home="1,2,3"))
+
+
+def test_a_fault_on_nobody() -> None:
+    with pytest.raises(OptionError, match="no vehicle has system id"):
+        make_scenario(FleetOptions(count=2, faults=["gps_loss:sysid=9"]))

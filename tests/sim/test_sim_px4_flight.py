@@ -1,0 +1,415 @@
+"""PX4 in the air: take-off, return, landing, hold, offboard, missions, failsafes, and the fixed wing."""
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from px4_station import (
+    ACCEPTED,
+    AUTO,
+    HOLD,
+    MISSION,
+    NAN,
+    OFFBOARD,
+    POSITION,
+    RETURN,
+    TAKEOFF,
+    TEMPORARILY_REJECTED,
+    UNSUPPORTED,
+    Px4Station,
+)
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from station import ALT_M, LAT_DEG, LON_DEG, land, takeoff, waypoint
+
+E7 = 10_000_000
+NORTH_DEG_PER_M = 1 / 111_195.0
+
+
+def position_m(station: Px4Station) -> tuple[float, float]:
+    """North and east of the start, in truth."""
+    truth = station.fleet.truth()
+    return (truth.lat_deg[0] - LAT_DEG) * 111_195.0, (truth.lon_deg[0] - LON_DEG) * 77_450.0
+
+
+def away_m(station: Px4Station) -> float:
+    return math.hypot(*position_m(station))
+
+
+def rtl_item() -> dict[str, Any]:
+    return {
+        **waypoint(0, 0, 0.0),
+        "command": mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH,
+        "frame": 2,
+        "x": 0,
+        "y": 0,
+    }
+
+
+# -- take-off --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.autopilots("2 PX4 otherwise", of="px4")
+def test_takeoff_altitude_is_above_mean_sea_level_and_hold_follows() -> None:
+    station = Px4Station()
+    assert station.arm() == ACCEPTED
+    assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, NAN, NAN, NAN, ALT_M + 15) == ACCEPTED
+    assert station.custom_mode == (AUTO, TAKEOFF)
+    station.until(lambda: station.custom_mode == (AUTO, HOLD), 60)
+    assert station.height_m == pytest.approx(15, abs=0.7)
+    assert "Takeoff detected" in station.texts()
+    station.wait(20)
+    assert station.height_m == pytest.approx(15, abs=1.0)
+
+
+@pytest.mark.parametrize("altitude_m", [NAN, 5.0])
+def test_takeoff_without_an_altitude_or_too_low_goes_to_the_parameters_height(altitude_m: float) -> None:
+    station = Px4Station(params={"MIS_TAKEOFF_ALT": 8.0})
+    assert station.arm() == ACCEPTED
+    assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, NAN, NAN, NAN, altitude_m) == ACCEPTED
+    station.until(lambda: station.mode == "Hold", 60)
+    assert station.height_m == pytest.approx(8, abs=0.7)
+    raised = any(text.startswith("Using minimum takeoff altitude") for text in station.texts())
+    assert raised is (altitude_m == 5.0)
+
+
+def test_armed_in_takeoff_mode_it_takes_off() -> None:
+    station = Px4Station()
+    assert station.change(AUTO, TAKEOFF) == ACCEPTED
+    station.wait(5)
+    assert not station.armed
+    assert station.arm() == ACCEPTED
+    station.until(lambda: station.mode == "Hold", 30)
+    assert station.height_m == pytest.approx(2.5, abs=0.5)
+
+
+@pytest.mark.autopilots("2 PX4 otherwise", of="px4")
+def test_armed_without_any_heartbeat_of_a_ground_station() -> None:
+    station = Px4Station()
+    station.fly(10)
+    station.wait(30)
+    assert station.mode == "Hold"
+
+
+# -- disarming, landing, return --------------------------------------------------------------------------
+
+
+@pytest.mark.autopilots("1.14", of="px4")
+def test_disarming_in_flight_is_temporarily_rejected_unless_forced() -> None:
+    station = Px4Station()
+    station.fly(10)
+    disarm = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+    assert station.command(disarm, 0) == TEMPORARILY_REJECTED
+    assert "Disarming denied: not landed" in station.texts()
+    assert station.armed
+    assert station.command(disarm, 0, 21_196) == ACCEPTED
+    assert not station.armed
+    station.until(lambda: not station.fleet.truth().airborne[0], 20)
+
+
+def test_land_slows_down_and_disarms_two_seconds_after_touchdown() -> None:
+    station = Px4Station()
+    station.fly(20)
+    assert station.command(mavlink.MAV_CMD_NAV_LAND) == ACCEPTED
+    assert "Landing at current position" in station.texts()
+    station.until(lambda: station.height_m < 4.5, 60)
+    start_s, start_m = station.now, station.height_m
+    station.wait(3.0)
+    assert (start_m - station.height_m) / (station.now - start_s) == pytest.approx(
+        0.7, abs=0.1
+    )  # MPC_LAND_SPEED
+    station.until(lambda: not station.fleet.truth().airborne[0], 30)
+    touched_s = station.now
+    station.until(lambda: not station.armed, 10)
+    assert station.now - touched_s == pytest.approx(2.0, abs=0.3)  # COM_DISARM_LAND
+    assert station.texts()[-2:] == ["Landing detected", "Disarmed by landing"]
+    assert station.mode == "Hold"  # the last mode it may be armed in
+
+
+def test_return_climbs_comes_home_descends_and_lands() -> None:
+    station = Px4Station()
+    station.fly(12)
+    there = (round((LAT_DEG + 60 * NORTH_DEG_PER_M) * E7), round(LON_DEG * E7), ALT_M + 12)
+    assert station.command_int(mavlink.MAV_CMD_DO_REPOSITION, 5, *there, -1, 1, 0, NAN) == ACCEPTED
+    station.until(lambda: abs(position_m(station)[0] - 60) < 2, 60)
+    assert station.command(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH) == ACCEPTED
+    assert "Returning to launch" in station.texts()
+    station.until(lambda: station.height_m > 29, 30)  # RTL_RETURN_ALT
+    assert away_m(station) > 55
+    station.until(lambda: away_m(station) < 2, 60)
+    station.until(lambda: not station.armed, 120)
+    assert away_m(station) < 2
+
+
+def test_close_to_home_a_return_does_not_climb_to_its_full_height() -> None:
+    station = Px4Station()
+    station.fly(5)
+    assert station.change(AUTO, RETURN) == ACCEPTED
+    highest_m = 0.0
+    while station.armed:
+        station.wait(0.5)
+        highest_m = max(highest_m, station.height_m)
+    assert highest_m == pytest.approx(10, abs=1.0)  # RTL_DESCEND_ALT, under the cone of RTL_CONE_ANG
+
+
+def test_a_return_waits_over_home_or_stays_there() -> None:
+    station = Px4Station(params={"RTL_LAND_DELAY": -1.0})
+    station.fly(20)
+    assert station.change(AUTO, RETURN) == ACCEPTED
+    station.wait(60)
+    assert station.armed
+    assert station.height_m == pytest.approx(10, abs=1.0)  # RTL_DESCEND_ALT
+
+
+# -- going where it is told ------------------------------------------------------------------------------
+
+
+@pytest.mark.autopilots("1.17", "MAVSDK 5 goto_location", of="px4")
+@pytest.mark.parametrize("as_int", [False, True])
+def test_reposition_as_long_and_as_int(as_int: bool) -> None:
+    station = Px4Station()
+    station.fly(10)
+    lat_deg = LAT_DEG + 30 * NORTH_DEG_PER_M
+    if as_int:
+        place = (round(lat_deg * E7), round(LON_DEG * E7), ALT_M + 20)
+        result = station.command_int(mavlink.MAV_CMD_DO_REPOSITION, 5, *place, -1, 1, 0, NAN)
+    else:
+        result = station.command(mavlink.MAV_CMD_DO_REPOSITION, -1, 1, 0, NAN, lat_deg, LON_DEG, ALT_M + 20)
+    assert result == ACCEPTED
+    station.until(lambda: abs(position_m(station)[0] - 30) < 1.5 and station.height_m > 19, 60)
+    assert station.mode == "Hold"
+
+
+def test_reposition_without_the_flag_is_unsupported_and_a_fence_keeps_it_inside() -> None:
+    station = Px4Station(params={"GF_MAX_HOR_DIST": 50.0})
+    station.fly(10)
+    far = (LAT_DEG + 200 * NORTH_DEG_PER_M, LON_DEG, ALT_M + 10)
+    assert station.command(mavlink.MAV_CMD_DO_REPOSITION, -1, 0, 0, NAN, *far) == UNSUPPORTED
+    assert station.command(mavlink.MAV_CMD_DO_REPOSITION, -1, 1, 0, NAN, *far) == ACCEPTED
+    assert "Reposition is outside geofence" in station.texts()
+    station.wait(20)
+    assert away_m(station) < 3
+
+
+@pytest.mark.autopilots("MAVSDK 5 set_current_speed", of="px4")
+def test_speed_follows_the_parameter_and_the_command() -> None:
+    station = Px4Station()
+    station.fly(10)
+    far = (LAT_DEG + 400 * NORTH_DEG_PER_M, LON_DEG, ALT_M + 10)
+    assert station.command(mavlink.MAV_CMD_DO_REPOSITION, -1, 1, 0, NAN, *far) == ACCEPTED
+    station.wait(8)
+    assert station.fleet.truth().speed_m_s[0] == pytest.approx(5.0, abs=0.4)  # MPC_XY_CRUISE
+    assert station.command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, 9.0) == ACCEPTED
+    station.wait(8)
+    assert station.fleet.truth().speed_m_s[0] == pytest.approx(9.0, abs=0.5)
+
+
+def test_altitude_change_holds_the_place() -> None:
+    station = Px4Station()
+    station.fly(10)
+    assert station.command(mavlink.MAV_CMD_DO_CHANGE_ALTITUDE, ALT_M + 25) == ACCEPTED
+    station.until(lambda: station.height_m > 24, 30)
+    assert away_m(station) < 2
+
+
+def test_orbit_circles_a_place() -> None:
+    station = Px4Station()
+    station.fly(10)
+    orbit = (20.0, 4.0, 0, NAN, LAT_DEG, LON_DEG, ALT_M + 10)
+    assert station.command(mavlink.MAV_CMD_DO_ORBIT, *orbit) == ACCEPTED
+    assert station.custom_mode == (POSITION, 1)
+    station.wait(40)
+    distances, angles = [], []
+    for _ in range(40):
+        station.wait(0.5)
+        distances.append(away_m(station))
+        angles.append(math.atan2(position_m(station)[1], position_m(station)[0]))
+    assert min(distances) > 17
+    assert max(distances) < 24
+    turned = sum(math.remainder(b - a, 2 * math.pi) for a, b in pairwise(angles))
+    assert turned > 2.5  # clockwise, at about 4 m/s on 20 m
+
+
+def test_a_pilots_mode_is_not_available_in_the_air_without_a_pilot() -> None:
+    station = Px4Station()
+    station.fly(10)
+    assert station.change(POSITION) == TEMPORARILY_REJECTED
+    assert "Switching to Position is currently not available" in station.texts()
+    assert station.mode == "Hold"
+
+
+# -- offboard --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.autopilots("MAVSDK 5 offboard", of="px4")
+def test_offboard_needs_setpoints_first() -> None:
+    station = Px4Station()
+    station.fly(10)
+    assert station.change(OFFBOARD) == TEMPORARILY_REJECTED
+    assert "Switching to Offboard is currently not available" in station.texts()
+    station.stream_setpoints(1.5, 0, 0, 10)
+    assert station.change(OFFBOARD) == ACCEPTED
+    station.stream_setpoints(15, 20, 10, 12)
+    north_m, east_m = position_m(station)
+    assert (north_m, east_m, station.height_m) == (
+        pytest.approx(20, abs=1.5),
+        pytest.approx(10, abs=1.5),
+        pytest.approx(12, abs=1.0),
+    )
+
+
+def test_armed_in_offboard_a_setpoint_above_takes_off() -> None:
+    station = Px4Station()
+    station.stream_setpoints(1.5, 0, 0, 5)
+    assert station.change(OFFBOARD) == ACCEPTED
+    assert station.arm() == ACCEPTED
+    station.stream_setpoints(10, 0, 0, 5)
+    assert station.height_m == pytest.approx(5, abs=0.7)
+
+
+@pytest.mark.parametrize(("action", "mode"), [(0, "Return"), (4, "Land"), (5, "Hold")])
+def test_lost_setpoints_end_offboard_as_the_parameter_says(action: int, mode: str) -> None:
+    # Without a pilot position mode (0) cannot run, and what is left is a return.
+    station = Px4Station(params={"COM_OBL_RC_ACT": action, "COM_OF_LOSS_T": 1.0})
+    station.fly(10)
+    station.stream_setpoints(1.5, 0, 0, 10)
+    assert station.change(OFFBOARD) == ACCEPTED
+    station.stream_setpoints(2, 0, 0, 10)
+    station.wait(0.7)
+    assert station.mode == "Offboard"
+    station.wait(0.6)
+    assert station.mode == mode
+    assert "Failsafe activated" in station.texts()
+
+
+# -- missions --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.autopilots("2 PX4 otherwise", of="px4")
+def test_armed_in_mission_mode_it_starts_by_itself_and_holds_at_the_end() -> None:
+    station = Px4Station()
+    station.upload_and_wait([takeoff(10), waypoint(40, 0, 10), waypoint(40, 40, 15)])
+    assert station.change(AUTO, MISSION) == ACCEPTED
+    station.wait(2)
+    assert not station.armed
+    assert station.height_m < 0.1
+    assert station.arm() == ACCEPTED
+    station.until(lambda: station.mode == "Hold", 120)
+    assert position_m(station) == (pytest.approx(40, abs=3), pytest.approx(40, abs=3))
+    assert [m.seq for m in station.of("MISSION_ITEM_REACHED")] == [0, 1, 2]
+    assert "Mission finished, loitering" in station.texts()
+
+
+def test_a_mission_that_ends_with_a_return_lands_and_disarms() -> None:
+    station = Px4Station()
+    station.upload_and_wait([takeoff(10), waypoint(30, 0, 10), rtl_item()])
+    assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
+    station.until(lambda: not station.armed, 240)
+    assert away_m(station) < 3
+
+
+def test_a_mission_lands_where_it_says() -> None:
+    station = Px4Station()
+    station.upload_and_wait([takeoff(10), waypoint(30, 0, 10), land(30, 20)])
+    assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
+    station.until(lambda: not station.armed, 240)
+    assert position_m(station) == (pytest.approx(30, abs=2), pytest.approx(20, abs=2))
+
+
+@pytest.mark.autopilots("2 pause/continue", "2 PX4 otherwise", "MAVSDK 5 hold", "MAVSDK 5 start_mission", of="px4")
+def test_pause_and_resume_are_modes() -> None:
+    station = Px4Station()
+    station.upload_and_wait([takeoff(10), waypoint(100, 0, 10), waypoint(100, 50, 10)])
+    assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
+    station.until(lambda: position_m(station)[0] > 40, 60)
+    assert station.change(AUTO, HOLD) == ACCEPTED
+    station.wait(6)
+    held_m = position_m(station)[0]
+    station.wait(5)
+    assert position_m(station)[0] == pytest.approx(held_m, abs=1.0)
+    assert station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).mission_state == 0  # always
+    assert station.change(AUTO, MISSION) == ACCEPTED
+    station.until(lambda: position_m(station)[0] > 95, 60)
+
+
+@pytest.mark.autopilots("2 CLEAR_ALL", of="px4")
+def test_a_mission_cleared_in_flight_leaves_it_in_hold() -> None:
+    station = Px4Station()
+    station.upload_and_wait([takeoff(10), waypoint(200, 0, 10)])
+    assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
+    station.until(lambda: position_m(station)[0] > 20, 60)
+    replies = station.send(mavlink.MAVLink_mission_clear_all_message(1, 1, 0))
+    assert [m.type for m in replies if m.get_type() == "MISSION_ACK"] == [0]
+    station.wait(1)
+    assert station.mode == "Hold"
+    assert "No valid mission available, loitering" in station.texts()
+
+
+# -- failsafes -------------------------------------------------------------------------------------------
+
+
+def test_a_lost_ground_station_is_answered_after_a_while_in_hold() -> None:
+    station = Px4Station(params={"COM_DL_LOSS_T": 6})
+    station.fly(10)
+    station.beat()
+    station.set_parameter("NAV_DLL_ACT", 2)
+    station.wait(5.5)
+    assert station.texts().count("Failsafe activated") == 0
+    station.wait(1.0)
+    assert "Failsafe activated: entering Hold for 5 seconds" in station.texts()
+    assert station.mode == "Hold"
+    station.wait(5.0)
+    assert station.mode == "Return"
+    assert station.heartbeat().system_status == mavlink.MAV_STATE_CRITICAL
+    station.beat()
+    station.wait(0.5)
+    assert "GCS connection regained" in station.texts()
+
+
+def test_a_mode_chosen_during_the_hold_takes_over() -> None:
+    station = Px4Station(params={"COM_DL_LOSS_T": 6})
+    station.fly(10)
+    station.beat()
+    station.set_parameter("NAV_DLL_ACT", 2)
+    station.until(lambda: any("entering Hold" in text for text in station.texts()), 10)
+    station.upload_and_wait([waypoint(50, 0), waypoint(100, 0)])
+    assert station.change(AUTO, MISSION) == ACCEPTED
+    station.wait(8)
+    assert station.mode == "Mission"
+
+
+@pytest.mark.autopilots("2 fence use", of="px4")
+@pytest.mark.parametrize(("action", "mode"), [(1, "Mission"), (2, "Hold"), (5, "Land")])
+def test_a_fence_around_home_acts_as_the_parameter_says(action: int, mode: str) -> None:
+    station = Px4Station(params={"GF_ACTION": action, "GF_MAX_HOR_DIST": 30.0, "COM_FAIL_ACT_T": 0.0})
+    station.upload_and_wait([takeoff(10), waypoint(150, 0, 10), waypoint(150, 10, 10)])
+    assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
+    station.until(lambda: position_m(station)[0] > 31, 60)
+    station.wait(1.0)
+    assert station.mode == mode
+    assert "Failsafe activated" in station.texts()
+
+
+def test_the_battery_has_its_stages() -> None:
+    params = {"COM_LOW_BAT_ACT": 3, "COM_FAIL_ACT_T": 0.0, "BAT1_CAPACITY": 800.0}
+    station = Px4Station(params={**params, "BAT_LOW_THR": 0.5, "BAT_CRIT_THR": 0.4, "BAT_EMERGEN_THR": 0.3})
+    station.fly(30)
+    station.until(lambda: "Low battery level" in station.texts(), 600)
+    assert station.mode == "Hold"
+    station.until(lambda: "Critical battery level" in station.texts(), 600)
+    assert station.mode == "Return"
+
+
+# -- fixed wing ------------------------------------------------------------------------------------------
+
+
+def test_a_plane_takes_off_and_circles() -> None:
+    station = Px4Station("plane")
+    assert station.heartbeat().type == mavlink.MAV_TYPE_FIXED_WING
+    assert station.arm() == ACCEPTED
+    assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, NAN, NAN, NAN, ALT_M + 50) == ACCEPTED
+    station.until(lambda: station.mode == "Hold", 120)
+    assert station.height_m > 40
+    station.wait(60)
+    assert station.fleet.truth().speed_m_s[0] > 8
+    assert station.height_m == pytest.approx(50, abs=5)

@@ -1,0 +1,445 @@
+"""PX4 on the ground: modes, arming and its refusals, parameters, streams, answers to commands."""
+
+import struct
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from px4_station import (
+    ACCEPTED,
+    ALTITUDE,
+    AUTO,
+    DENIED,
+    FAILED,
+    HOLD,
+    LAND,
+    MISSION,
+    NAN,
+    OFFBOARD,
+    POSITION,
+    RETURN,
+    STABILIZED,
+    TAKEOFF,
+    TEMPORARILY_REJECTED,
+    UNSUPPORTED,
+    Px4Station,
+)
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from station import ALT_M, takeoff, waypoint
+
+FORCED_DISARM = (0, 21_196)
+
+
+def prearm_ok(station: Px4Station) -> bool:
+    health = station.ask(mavlink.MAVLINK_MSG_ID_SYS_STATUS).onboard_control_sensors_health
+    return bool(health & mavlink.MAV_SYS_STATUS_PREARM_CHECK)
+
+
+def integer(message: object) -> int:
+    """The value of an INT32 parameter as it is meant."""
+    return int(struct.unpack("<i", struct.pack("<f", message.param_value))[0])  # type: ignore[attr-defined]
+
+
+# -- boot and readiness ----------------------------------------------------------------------------------
+
+
+def test_boots_into_hold_without_a_word_that_is_not_mavlink() -> None:
+    station = Px4Station()
+    station.wait(1.0)
+    assert station.raw[0] == 0xFD
+    assert station.custom_mode == (AUTO, HOLD)
+    beat = station.heartbeat()
+    assert (beat.autopilot, beat.type) == (mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_TYPE_QUADROTOR)
+    assert beat.base_mode == 29  # auto, stabilized, guided, custom
+    assert beat.system_status == mavlink.MAV_STATE_STANDBY
+
+
+@pytest.mark.autopilots("2 PX4 otherwise", of="px4")
+def test_ready_after_36_to_38_seconds_and_until_then_temporarily_rejected() -> None:
+    station = Px4Station(ready_s=None)
+    station.wait(36.0)
+    assert not prearm_ok(station)
+    assert station.arm() == TEMPORARILY_REJECTED
+    assert "Preflight Fail: No valid global position estimate" in station.texts()
+    assert any(text.startswith("Arming denied: Resolve") for text in station.texts())
+    station.wait(2.0)
+    assert prearm_ok(station)
+    assert station.arm() == ACCEPTED
+    assert "Armed by external command" in station.texts()
+
+
+def test_a_mode_set_right_after_boot_stays() -> None:
+    station = Px4Station(ready_s=None)
+    station.wait(0.5)
+    assert station.change(ALTITUDE) == ACCEPTED
+    station.wait(10.0)
+    assert station.custom_mode == (ALTITUDE, 0)
+
+
+@pytest.mark.autopilots("2 PX4 otherwise", "MAVSDK 5 telemetry", of="px4")
+def test_streams_flow_without_a_request() -> None:
+    station = Px4Station()
+    station.wait(2.0)
+    before = len(station.heard)
+    station.wait(10.0)
+    names = [m.get_type() for m in station.heard[before:]]
+    for name, expected in {
+        "HEARTBEAT": 10,
+        "GLOBAL_POSITION_INT": 50,
+        "ATTITUDE": 150,
+        "ATTITUDE_QUATERNION": 100,
+        "VFR_HUD": 40,
+        "SYS_STATUS": 10,
+        "GPS_RAW_INT": 10,
+        "LOCAL_POSITION_NED": 10,
+        "EXTENDED_SYS_STATE": 10,
+        "HOME_POSITION": 5,
+        "BATTERY_STATUS": 5,
+        "ESTIMATOR_STATUS": 5,
+        "MISSION_CURRENT": 10,
+        "ALTITUDE": 10,
+    }.items():
+        assert names.count(name) == pytest.approx(expected, abs=1), name
+
+
+@pytest.mark.autopilots("1.19", of="px4")
+def test_messages_pymavlink_does_not_know_come_as_phantoms_without_a_system_id() -> None:
+    station = Px4Station()
+    station.wait(10.0)
+    phantoms = {m.get_type() for m in station.heard if m.get_type().startswith("UNKNOWN_")}
+    assert phantoms >= {"UNKNOWN_380", "UNKNOWN_411", "UNKNOWN_436"}
+    assert {m.get_srcSystem() for m in station.heard if m.get_type() in phantoms} == {0}
+
+
+def test_a_ping_to_nobody_in_particular_is_answered() -> None:
+    station = Px4Station()
+    replies = station.send(mavlink.MAVLink_ping_message(123_456, 7, 0, 0))
+    (answer,) = [m for m in replies if m.get_type() == "PING"]
+    assert (answer.time_usec, answer.seq) == (123_456, 7)
+    assert (answer.target_system, answer.target_component) == (255, 190)
+    replies = station.send(mavlink.MAVLink_ping_message(123_456, 7, 1, 1))  # an answer to one of its own
+    assert [m for m in replies if m.get_type() == "PING"] == []
+
+
+def test_data_streams_are_not_known() -> None:
+    station = Px4Station()
+    station.wait(2.0)
+    station.send(mavlink.MAVLink_request_data_stream_message(1, 1, mavlink.MAV_DATA_STREAM_ALL, 10, 1))
+    station.wait(1.0)
+    assert station.of("SCALED_IMU2") == []
+
+
+# -- modes -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.autopilots("2 PX4 otherwise", of="px4")
+@pytest.mark.parametrize(
+    ("main", "sub", "number"),
+    [
+        (1, 0, 0x00010000),
+        (ALTITUDE, 0, 0x00020000),
+        (POSITION, 0, 0x00030000),
+        (AUTO, TAKEOFF, 0x02040000),
+        (AUTO, HOLD, 0x03040000),
+        (AUTO, MISSION, 0x04040000),
+        (AUTO, RETURN, 0x05040000),
+        (AUTO, LAND, 0x06040000),
+        (5, 0, 0x00050000),
+        (OFFBOARD, 0, 0x00060000),
+        (STABILIZED, 0, 0x00070000),
+    ],
+)
+def test_mode_numbers(main: int, sub: int, number: int) -> None:
+    station = Px4Station()
+    assert station.change(main, sub) == ACCEPTED  # on the ground any mode may be chosen
+    assert station.heartbeat().custom_mode == number
+
+
+@pytest.mark.autopilots("1.5", of="px4")
+def test_the_set_mode_message_is_acknowledged() -> None:
+    station = Px4Station()
+    replies = station.send(mavlink.MAVLink_set_mode_message(1, 1, 0x00020000))
+    (ack,) = [m for m in replies if m.get_type() == "COMMAND_ACK"]
+    assert (ack.command, ack.result) == (mavlink.MAV_CMD_DO_SET_MODE, ACCEPTED)
+    assert station.custom_mode == (ALTITUDE, 0)
+
+
+def test_auto_without_a_sub_mode_is_mission_and_an_unknown_sub_mode_is_rejected() -> None:
+    station = Px4Station()
+    assert station.change(AUTO) == ACCEPTED
+    assert station.custom_mode == (AUTO, MISSION)
+    assert station.change(AUTO, 7) == TEMPORARILY_REJECTED
+    assert "Unsupported auto mode" in station.texts()
+
+
+def test_available_modes_list_every_mode_once() -> None:
+    station = Px4Station()
+    start = len(station.raw)
+    assert station.command(mavlink.MAV_CMD_REQUEST_MESSAGE, 435, 0) == ACCEPTED
+    assert station.raw[start:].count(b"Hold") == station.raw[start:].count(b"Precision Landing") == 1
+    start = len(station.raw)
+    assert station.command(mavlink.MAV_CMD_REQUEST_MESSAGE, 435, 1) == ACCEPTED
+    assert b"Manual" in station.raw[start:]
+    assert b"Hold" not in station.raw[start:]
+
+
+def test_standard_modes() -> None:
+    station = Px4Station()
+    assert (
+        station.command(mavlink.MAV_CMD_DO_SET_STANDARD_MODE, mavlink.MAV_STANDARD_MODE_MISSION) == ACCEPTED
+    )
+    assert station.custom_mode == (AUTO, MISSION)
+    assert station.command(mavlink.MAV_CMD_DO_SET_STANDARD_MODE, mavlink.MAV_STANDARD_MODE_CRUISE) == FAILED
+
+
+# -- arming ----------------------------------------------------------------------------------------------
+
+
+def test_armed_on_the_ground_is_active_and_disarms_after_10_seconds() -> None:
+    station = Px4Station()
+    assert station.arm() == ACCEPTED
+    beat = station.heartbeat()
+    assert beat.base_mode == 29 | mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+    assert beat.system_status == mavlink.MAV_STATE_ACTIVE
+    station.wait(9.5)
+    assert station.armed
+    station.wait(1.0)
+    assert not station.armed
+    assert "Disarmed by auto preflight disarming" in station.texts()
+
+
+def test_disarm_delay_is_a_parameter() -> None:
+    station = Px4Station(params={"COM_DISARM_PRFLT": -1.0})
+    assert station.arm() == ACCEPTED
+    station.wait(60.0)
+    assert station.armed
+
+
+@pytest.mark.parametrize(
+    ("main", "sub", "reason"),
+    [
+        (AUTO, RETURN, "Mode not suitable for takeoff"),
+        (AUTO, LAND, "Mode not suitable for takeoff"),
+        (POSITION, 0, "No manual control input"),
+        (OFFBOARD, 0, "No offboard signal"),
+        (AUTO, MISSION, "No valid mission available"),
+    ],
+)
+def test_modes_that_may_not_be_armed_in(main: int, sub: int, reason: str) -> None:
+    station = Px4Station()
+    assert station.change(main, sub) == ACCEPTED
+    assert station.arm() == TEMPORARILY_REJECTED
+    assert f"Preflight Fail: {reason}" in station.texts()
+    assert not prearm_ok(station)
+
+
+def test_with_stick_input_disabled_a_pilots_mode_can_be_armed() -> None:
+    station = Px4Station(params={"COM_RC_IN_MODE": 4})
+    assert station.change(POSITION) == ACCEPTED
+    assert station.arm() == ACCEPTED
+
+
+def test_a_ground_station_that_is_watched_has_to_be_there() -> None:
+    station = Px4Station(params={"NAV_DLL_ACT": 2})
+    assert station.arm() == TEMPORARILY_REJECTED
+    station.beat()
+    assert station.arm() == ACCEPTED
+
+
+@pytest.mark.autopilots("2 PX4 otherwise", of="px4")
+def test_reboot_is_denied_when_armed() -> None:
+    station = Px4Station()
+    assert station.command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 0) == ACCEPTED
+    assert station.fleet.boots() == (1,)
+    assert station.arm() == ACCEPTED
+    assert station.command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == DENIED
+    assert station.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0) == ACCEPTED
+    assert station.command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == ACCEPTED
+    station.wait(5.0)
+    assert station.fleet.boots() == (2,)
+    before = len(station.heard)
+    station.wait(2.0)
+    assert "ATTITUDE" in {m.get_type() for m in station.heard[before:]}  # it streams again by itself
+
+
+def test_commands_to_another_component_are_not_answered() -> None:
+    station = Px4Station()
+    replies = station.send(
+        mavlink.MAVLink_command_long_message(1, 77, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, 1, *[0] * 6)
+    )
+    assert [m for m in replies if m.get_type() == "COMMAND_ACK"] == []
+    assert not station.armed
+
+
+# -- answers to commands ---------------------------------------------------------------------------------
+
+
+@pytest.mark.autopilots("2 DO_SET_MISSION_CURRENT", "2 pause/continue", "2 fence use", of="px4")
+@pytest.mark.parametrize(
+    "command",
+    [
+        mavlink.MAV_CMD_DO_SET_MISSION_CURRENT,  # MISSION_SET_CURRENT is the only way
+        mavlink.MAV_CMD_DO_PAUSE_CONTINUE,  # the modes Hold and Mission instead
+        mavlink.MAV_CMD_DO_FENCE_ENABLE,  # GF_ACTION instead
+        mavlink.MAV_CMD_CONDITION_YAW,
+        mavlink.MAV_CMD_DO_MOTOR_TEST,
+        31_999,
+    ],
+)
+def test_unsupported_commands(command: int) -> None:
+    station = Px4Station()
+    assert station.command(command, 1) == UNSUPPORTED
+
+
+def test_messages_on_request() -> None:
+    station = Px4Station(ready_s=None)
+    assert station.command(mavlink.MAV_CMD_GET_HOME_POSITION) == DENIED
+    assert station.command(mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_HOME_POSITION) == DENIED
+    assert station.command(mavlink.MAV_CMD_REQUEST_MESSAGE, 60_000) == DENIED
+    assert station.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 60_000, 1e5) == FAILED
+    version = station.ask(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
+    assert version.flight_sw_version == 0x010F02FF
+    assert version.capabilities & mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
+    assert bytes(version.uid2).startswith(b"sim_vehicle")
+    assert station.ask(mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION).flight_uuid == 0
+
+
+def test_an_interval_of_0_is_the_default_rate_again() -> None:
+    station = Px4Station()
+    interval = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+
+    def per_second() -> float:
+        before = len(station.of("GLOBAL_POSITION_INT"))
+        station.wait(4.0)
+        return (len(station.of("GLOBAL_POSITION_INT")) - before) / 4
+
+    assert station.command(interval, mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 1e5) == ACCEPTED
+    assert per_second() == pytest.approx(10, abs=0.5)
+    assert station.command(interval, mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, -1) == ACCEPTED
+    assert per_second() == 0
+    assert station.command(interval, mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 0) == ACCEPTED
+    assert per_second() == pytest.approx(5, abs=0.5)
+
+
+def test_home_is_set_by_command() -> None:
+    station = Px4Station(ready_s=None)
+    set_home = mavlink.MAV_CMD_DO_SET_HOME
+    assert station.command(set_home, 1) == TEMPORARILY_REJECTED
+    station.wait(40.0)
+    assert station.command(set_home, 1) == ACCEPTED
+    assert station.command(set_home, 0, 0, 0, 0, NAN, NAN, NAN) == DENIED
+    assert station.command(set_home, 0, 0, 0, 0, 46.05, 14.51, 312.0) == ACCEPTED
+    home = station.ask(mavlink.MAVLINK_MSG_ID_HOME_POSITION)
+    assert (home.latitude, home.altitude) == (pytest.approx(460_500_000, abs=50), 312_000)
+    station.set_parameter("COM_HOME_EN", 0)
+    assert station.command(set_home, 1) == DENIED
+
+
+def test_calibration_is_told_in_texts() -> None:
+    station = Px4Station()
+    assert station.command(mavlink.MAV_CMD_PREFLIGHT_CALIBRATION, 1) == ACCEPTED
+    assert station.texts()[-2:] == ["[cal] calibration started: 2 gyro", "[cal] calibration done: gyro"]
+    assert station.arm() == ACCEPTED
+    assert station.command(mavlink.MAV_CMD_PREFLIGHT_CALIBRATION, 1) == TEMPORARILY_REJECTED
+
+
+# -- parameters ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.autopilots("1.16", of="px4")
+def test_integers_travel_as_their_bytes() -> None:
+    station = Px4Station()
+    replies = station.send(mavlink.MAVLink_param_request_read_message(1, 1, b"MAV_SYS_ID", -1))
+    (value,) = [m for m in replies if m.get_type() == "PARAM_VALUE"]
+    assert value.param_type == mavlink.MAV_PARAM_TYPE_INT32
+    assert value.param_value == pytest.approx(1.4e-45, abs=1e-46)
+    assert integer(value) == 1
+
+
+@settings(derandomize=True, deadline=None, max_examples=30)
+@given(st.integers(-(2**31), 2**31 - 1))
+def test_every_integer_survives(number: int) -> None:
+    station = Px4Station()
+    payload_before = len(station.raw)
+    wire = struct.pack("<i", number)
+    message = mavlink.MAVLink_param_set_message(1, 1, b"COM_FLTMODE1", 0.0, mavlink.MAV_PARAM_TYPE_INT32)
+    frame = bytearray(message.pack(station.codec))
+    # The value is the first field of the payload; a float variable would not keep every pattern.
+    payload = wire + bytes(frame[14:-2])
+    raw = mavlink.MAVLink_param_set_message(1, 1, b"COM_FLTMODE1", 0.0, mavlink.MAV_PARAM_TYPE_INT32)
+    station._take(station.fleet.receive(raw._pack(station.codec, raw.crc_extra, payload), 0.0))
+    assert wire.rstrip(b"\0") in station.raw[payload_before:]
+
+
+@pytest.mark.autopilots("1.16", of="px4")
+def test_a_wrong_type_and_an_unknown_name_get_no_reply() -> None:
+    station = Px4Station()
+
+    def answers(name: bytes, kind: int) -> list[object]:
+        replies = station.send(mavlink.MAVLink_param_set_message(1, 1, name, 5.0, kind))
+        return [m for m in replies if m.get_type() in ("PARAM_VALUE", "PARAM_ERROR")]
+
+    assert answers(b"NO_SUCH_PARAM", mavlink.MAV_PARAM_TYPE_REAL32) == []
+    assert answers(b"NAV_DLL_ACT", mavlink.MAV_PARAM_TYPE_REAL32) == []
+    assert answers(b"MIS_TAKEOFF_ALT", mavlink.MAV_PARAM_TYPE_INT32) == []
+    assert len(answers(b"MIS_TAKEOFF_ALT", mavlink.MAV_PARAM_TYPE_REAL32)) == 1
+
+
+def test_the_list_begins_with_a_hash_that_changes_with_the_values() -> None:
+    station = Px4Station()
+    replies = station.send(mavlink.MAVLink_param_request_list_message(1, 1))
+    values = [m for m in replies if m.get_type() == "PARAM_VALUE"]
+    assert (values[0].param_id, values[0].param_type) == ("_HASH_CHECK", mavlink.MAV_PARAM_TYPE_UINT32)
+    assert [m.param_index for m in values[1:]] == list(range(values[0].param_count))
+    station.set_parameter("MIS_TAKEOFF_ALT", 7.5)
+    replies = station.send(mavlink.MAVLink_param_request_read_message(1, 1, b"_HASH_CHECK", -1))
+    assert replies[0].param_value != values[0].param_value
+
+
+@settings(derandomize=True, deadline=None, max_examples=20)
+@given(st.lists(st.floats(allow_nan=True, allow_infinity=True, width=32), min_size=7, max_size=7), st.data())
+def test_no_command_breaks_the_vehicle(params: list[float], data: st.DataObject) -> None:
+    station = Px4Station()
+    known = sorted(station.fleet.vehicles[0].personality.commands)
+    for command in (*data.draw(st.lists(st.sampled_from(known), max_size=4)), 22):
+        station.send(mavlink.MAVLink_command_long_message(1, 1, command, 0, *params))
+    station.wait(1.0)
+    assert station.of("HEARTBEAT")
+
+
+def test_mission_start_arms_and_needs_a_mission() -> None:
+    station = Px4Station()
+    assert station.command(mavlink.MAV_CMD_MISSION_START) == DENIED
+    assert "Mission start denied! No valid mission" in station.texts()
+    station.upload_and_wait([takeoff(), waypoint(30, 0)])
+    assert station.command(mavlink.MAV_CMD_MISSION_START, 5) == DENIED
+    assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
+    assert station.armed
+    assert "Armed by mission start" in station.texts()
+    station.until(lambda: station.height_m > 15, 60)
+
+
+@pytest.mark.autopilots("MAVSDK 3 replace mid-flight", of="px4")
+def test_right_after_an_upload_the_mission_is_not_available() -> None:
+    station = Px4Station()
+    station.fly(15)
+    assert station.upload([waypoint(30, 0), waypoint(0, 0)]) == 0
+    assert station.change(AUTO, MISSION) == TEMPORARILY_REJECTED
+    assert "Switching to Mission is currently not available" in station.texts()
+    assert station.command(mavlink.MAV_CMD_MISSION_START) == DENIED
+    station.wait(0.8)
+    assert station.change(AUTO, MISSION) == ACCEPTED
+
+
+def test_a_mission_without_the_required_landing_is_kept_and_not_flown() -> None:
+    station = Px4Station(params={"MIS_TKO_LAND_REQ": 2})
+    station.upload_and_wait([takeoff(), waypoint(30, 0)])
+    assert "Mission rejected: Landing waypoint/pattern required." in station.texts()
+    assert station.command(mavlink.MAV_CMD_MISSION_START) == DENIED
+    assert len(station.download()) == 2
+
+
+def test_position_is_held_on_the_ground_at_home() -> None:
+    station = Px4Station()
+    home = station.ask(mavlink.MAVLINK_MSG_ID_HOME_POSITION)
+    assert home.altitude == pytest.approx(ALT_M * 1000, abs=2000)

@@ -1,0 +1,262 @@
+"""Runs of scenarios: the shipped ones, verdicts and exit codes, the files, the ground station's steps."""
+
+import json
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+from pymavlink import mavutil
+from typer.testing import CliRunner, Result
+
+from sim_vehicle.run.command import run
+from sim_vehicle.run.runner import Run, Verdict
+from sim_vehicle.run.shipped import FOLDER, shipped
+from sim_vehicle.scenario import Scenario, load_scenario
+from sim_vehicle.scenario.file import parse_scenario
+from sim_vehicle.tlog import EPOCH_US
+
+HOME = "home: {lat_deg: 46.0490, lon_deg: 14.5060, alt_amsl_m: 300}\nready_s: 0\n"
+HOP = (
+    HOME
+    + """
+vehicles:
+  - {}
+  - {personality: px4, east_m: 20}
+script:
+  - takeoff: 8
+  - {at_s: 14, land: }
+checks:
+  - no_crash
+  - landed
+  - max_height_m: 12
+until_s: 60
+"""
+)
+app = typer.Typer(add_completion=False, rich_markup_mode=None)
+app.command()(run)
+
+
+def flown(text: str, **changes: Any) -> Verdict:
+    return Run(parse_scenario(text, "test.yaml").model_copy(update=changes)).run()
+
+
+def failed(verdict: Verdict) -> list[str]:
+    return [check.check for check in verdict.checks if not check.passed]
+
+
+def invoke(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+# -- the shipped scenarios -------------------------------------------------------------------------------
+
+
+@pytest.mark.virtual
+@pytest.mark.parametrize("path", sorted(FOLDER.glob("*.yaml")), ids=lambda path: path.stem)
+def test_a_shipped_scenario_passes(path: Path) -> None:
+    lines: list[str] = []
+    assert Run(load_scenario(path), said=lines.append).run().passed, lines
+
+
+@pytest.mark.virtual
+@pytest.mark.parametrize("name", ["gps_loss_in_auto", "battery_failsafe", "motor_loss", "reboot_in_flight"])
+def test_without_its_faults_a_scenario_fails(name: str) -> None:
+    scenario = load_scenario(FOLDER / f"{name}.yaml").model_copy(update={"faults": ()})
+    assert not Run(scenario).run().passed
+
+
+def test_ten_and_more_are_shipped_and_say_what_they_are_about() -> None:
+    assert len(shipped()) >= 10
+    assert all(scenario.about.endswith(".") for scenario in shipped())
+    listed = invoke("--list")
+    assert listed.exit_code == 0
+    assert all(scenario.name in listed.output for scenario in shipped())
+    assert "min_separation_m" in invoke("--list-checks").output
+
+
+# -- verdict, exit code, files ---------------------------------------------------------------------------
+
+
+@pytest.fixture
+def hop(tmp_path: Path) -> Path:
+    path = tmp_path / "hop.yaml"
+    path.write_text(HOP)
+    return path
+
+
+def test_a_passed_run_exits_with_0_and_leaves_its_files(hop: Path, tmp_path: Path) -> None:
+    done = invoke(hop, "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    folder = tmp_path / "out" / "hop"
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "vehicle-1.tlog",
+        "vehicle-2.tlog",
+        "verdict.json",
+    ]
+    verdict = json.loads((folder / "verdict.json").read_text())
+    assert verdict["passed"] is True
+    assert [vehicle["flown_m"] > 14 for vehicle in verdict["vehicles"]] == [True, True]
+    assert verdict["simulated_s"] < 50  # not to the end: everybody is down
+
+
+def test_a_failed_run_exits_with_1_and_its_command_repeats_it(hop: Path, tmp_path: Path) -> None:
+    hop.write_text(HOP.replace("max_height_m: 12", "max_height_m: 5"))
+    first = invoke(hop, "--out", tmp_path / "first", "--seed", 77)
+    assert first.exit_code == 1
+    assert "vehicle 1: max_height_m 5: failed, found 5." in first.output
+    (command,) = [line for line in first.output.splitlines() if line.startswith("repeat it with: ")]
+    words = shlex.split(command.removeprefix("repeat it with: "))
+    assert words[:4] == ["python", "-m", "sim_vehicle", "run"]
+    assert words[-2:] == ["--seed", "77"]
+    again = invoke(*words[4:], "--out", tmp_path / "again")
+    assert again.exit_code == 1
+    for name in ("vehicle-1.tlog", "vehicle-2.tlog", "verdict.json"):
+        assert (tmp_path / "first/hop" / name).read_bytes() == (tmp_path / "again/hop" / name).read_bytes()
+
+
+def test_several_scenarios_fail_if_one_does(hop: Path, tmp_path: Path) -> None:
+    bad = tmp_path / "low.yaml"
+    bad.write_text(HOP.replace("max_height_m: 12", "max_height_m: 1"))
+    done = invoke(bad, hop, "--out", tmp_path / "out")
+    assert done.exit_code == 1
+    assert "hop: passed" in done.output
+    assert "low: FAILED" in done.output
+
+
+def test_a_bad_scenario_exits_with_2_before_anything_is_flown(hop: Path, tmp_path: Path) -> None:
+    bad = tmp_path / "bad.yaml"
+    bad.write_text(HOP.replace("no_crash", "no_crsh"))
+    done = invoke(hop, bad, "--out", tmp_path / "out")
+    assert done.exit_code == 2
+    assert "bad.yaml:11: checks.0: no such check: 'no_crsh'" in done.output
+    assert not (tmp_path / "out").exists()
+    assert invoke().exit_code == 2
+    assert invoke("no such file.yaml").exit_code == 2
+
+
+def test_another_seed_is_another_flight(hop: Path, tmp_path: Path) -> None:
+    for seed in (1, 2):
+        assert invoke(hop, "--out", tmp_path / str(seed), "--seed", seed).exit_code == 0
+    first, second = ((tmp_path / seed / "hop/vehicle-1.tlog").read_bytes() for seed in "12")
+    assert first != second
+
+
+@pytest.mark.interop
+def test_the_package_runs_scenarios(hop: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "sim_vehicle", "run", str(hop), "--out", str(tmp_path / "out")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    hop.write_text(HOP.replace("count", "number").replace("max_height_m: 12", "max_height_m: 1"))
+    assert subprocess.run(command, capture_output=True, timeout=120, check=False).returncode == 1
+    hop.write_text("nothing: 1")
+    assert subprocess.run(command, capture_output=True, timeout=120, check=False).returncode == 2
+
+
+@pytest.mark.interop
+def test_speedup_paces_the_run(hop: Path, tmp_path: Path) -> None:
+    hop.write_text(HOP.replace("until_s: 60", "until_s: 10").replace("  - landed\n", ""))
+    done = invoke(hop, "--out", tmp_path / "out", "--speedup", 20)
+    took_s = float(done.output.split("simulated in ")[1].split(" s")[0])
+    assert took_s >= 0.5
+
+
+# -- tlogs -----------------------------------------------------------------------------------------------
+
+
+def test_a_tlog_is_read_by_mavutil(hop: Path, tmp_path: Path) -> None:
+    hop.write_text(HOP + "faults: [sik_radio]\n")
+    invoke(hop, "--out", tmp_path / "out")
+    log = mavutil.mavlink_connection(str(tmp_path / "out/hop/vehicle-1.tlog"))
+    read = []
+    while (message := log.recv_match()) is not None:
+        read.append(message)
+    log.close()
+    kinds = {message.get_type() for message in read}
+    assert {"HEARTBEAT", "GLOBAL_POSITION_INT", "COMMAND_LONG", "COMMAND_ACK", "RADIO_STATUS"} <= kinds
+    assert not {kind for kind in kinds if kind.startswith(("BAD_DATA", "UNKNOWN"))}
+    assert {message.get_srcSystem() for message in read} == {1, 255, ord("3")}
+    times = [message._timestamp for message in read]
+    assert times == sorted(times)
+    assert times[0] == pytest.approx(EPOCH_US / 1e6, abs=2)
+    assert 15 < times[-1] - times[0] < 61
+
+
+@pytest.mark.interop
+def test_a_tlog_is_read_by_mavlogdump(hop: Path, tmp_path: Path) -> None:
+    invoke(hop, "--out", tmp_path / "out")
+    tool = Path(sys.executable).parent / "mavlogdump.py"
+    command = [sys.executable, "-W", "ignore", str(tool), "--types", "COMMAND_ACK", "vehicle-2.tlog"]
+    done = subprocess.run(
+        command, cwd=tmp_path / "out/hop", capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "2025-01-01 " in done.stdout
+    assert "command : 400" in done.stdout
+
+
+# -- the ground station's steps --------------------------------------------------------------------------
+
+
+def test_a_step_waits_until_the_vehicle_is_ready() -> None:
+    verdict = flown(HOP.replace("ready_s: 0", "ready_s: 12").replace("at_s: 14", "at_s: 30"))
+    assert verdict.passed, verdict
+    assert all(vehicle.flown_m > 14 for vehicle in verdict.vehicles)
+
+
+def test_a_step_that_is_refused_for_good_fails_the_run() -> None:
+    script = "script: [{command: {command: NAV_TAKEOFF, params: [0, 0, 0, 0, 0, 0, 9]}, timeout_s: 5}]"
+    verdict = flown(HOME + "count: 1\n" + script + "\nuntil_s: 30")
+    assert not verdict.passed
+    (step,) = verdict.steps_failed
+    assert (step.action, step.sysid, step.text.split(";")[0]) == ("command", 1, "FAILED")
+
+
+def test_a_refusal_may_be_what_is_wanted() -> None:
+    refused = "{command: {command: DO_PARACHUTE}, expect: refused}"
+    accepted = "{mode: GUIDED, expect: refused, timeout_s: 5}"
+    verdict = flown(HOME + f"count: 1\nscript: [{refused}, {accepted}]\nuntil_s: 30")
+    assert [step.action for step in verdict.steps_failed] == ["mode"]
+    assert "should have been refused" in verdict.steps_failed[0].text
+
+
+def test_a_step_without_an_answer_fails_when_its_time_is_over() -> None:
+    script = "script: [{at_s: 5, disarm: , timeout_s: 4}]\nfaults: ['link_outage:at=4.5']"
+    scenario = parse_scenario(HOME + "count: 1\n" + script + "\nuntil_s: 30", "test.yaml")
+    (step,) = Run(scenario).run().steps_failed
+    assert step.text == "no answer"
+    assert step.t_s == pytest.approx(9, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    ("personality", "name", "value"),
+    [
+        ("ardupilot", "RTL_ALT", 2500),
+        ("ardupilot", "WPNAV_SPEED", 512.5),
+        ("px4", "RTL_RETURN_ALT", 22.5),
+        ("px4", "NAV_DLL_ACT", 2),
+    ],
+)
+def test_a_parameter_is_set_as_the_autopilot_carries_it(personality: str, name: str, value: float) -> None:
+    text = (
+        HOME
+        + f"vehicles: [{{personality: {personality}}}]\nscript: [{{param: {{{name}: {value}}}}}]\nuntil_s: 12"
+    )
+    scenario: Scenario = parse_scenario(text, "test.yaml")
+    flight = Run(scenario)
+    assert flight.run().passed
+    assert flight.fleet.vehicles[0].params[name] == value
+
+
+def test_a_step_that_did_not_end_is_a_failure() -> None:
+    verdict = flown(HOME + "count: 1\nscript: [{at_s: 500, arm: }]\nuntil_s: 10")
+    assert [(step.action, step.text) for step in verdict.steps_failed] == [("arm", "did not end")]
+
+
+def test_a_run_goes_on_until_everything_that_is_watched_has_been() -> None:
+    assert flown(HOP + "", until_s=300.0).simulated_s < 60
+    watched = HOP.replace("- no_crash", "- no_crash: {from_s: 100}")
+    assert 100 <= flown(watched, until_s=300.0).simulated_s < 110

@@ -1,0 +1,184 @@
+"""MAVLink 2 signing of finished frames, judged by pymavlink's own."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.signing import Signing
+
+KEY = bytes(range(32))
+START = 500_000_000_000  # a time stamp of some day in 2020
+
+
+def station(key: bytes | None = KEY, *, timestamp: int = START, link_id: int = 3) -> mavlink.MAVLink:
+    codec = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+    codec.robust_parsing = True
+    codec.signing.timestamp = timestamp
+    codec.signing.link_id = link_id
+    if key is not None:
+        codec.signing.secret_key = key
+        codec.signing.sign_outgoing = True
+    return codec
+
+
+def keyed(*, now: float = 0.0) -> Signing:
+    signing = Signing()
+    signing.set_key(KEY, START, now)
+    return signing
+
+
+def attitude(time_ms: int = 7) -> mavlink.MAVLink_attitude_message:
+    return mavlink.MAVLink_attitude_message(time_ms, 0.1, -0.2, 0.3, 0, 0, 0)
+
+
+def packed(message: mavlink.MAVLink_message, codec: mavlink.MAVLink | None = None, **kwargs: bool) -> bytes:
+    return bytes(message.pack(codec or station(None), **kwargs))
+
+
+def test_without_a_key_all_passes_as_it_is() -> None:
+    signing = Signing()
+    frame = packed(attitude())
+    assert signing.sign(frame, 0, 1.0) == frame
+    assert signing.accepts(frame, 1.0)
+    assert signing.accepts(packed(attitude(), station()), 1.0)
+    assert not signing.active
+
+
+@settings(derandomize=True, deadline=None, max_examples=100)
+@given(text=st.binary(min_size=1, max_size=50), severity=st.integers(0, 7), seq=st.integers(0, 255))
+def test_what_is_signed_is_believed_by_pymavlink(text: bytes, severity: int, seq: int) -> None:
+    codec = station(None)
+    codec.seq = seq
+    message = mavlink.MAVLink_statustext_message(severity, text)
+    signed = keyed().sign(packed(message, codec), 9, 5.0)
+    receiver = station()
+    (heard,) = receiver.parse_buffer(signed)
+    assert heard.get_type() == "STATUSTEXT"
+    assert heard.get_signed()
+    assert heard.get_link_id() == 9
+    assert heard.severity == severity
+    assert receiver.signing.goodsig_count == 1
+
+
+def test_longest_and_shortest_frames_are_signed() -> None:
+    receiver = station()
+    signing = keyed()
+    longest = mavlink.MAVLink_file_transfer_protocol_message(0, 1, 1, [1] * 251)
+    for message in (mavlink.MAVLink_system_time_message(0, 0), longest):
+        (heard,) = receiver.parse_buffer(signing.sign(packed(message), 0, 1.0))
+        assert heard.get_signed()
+
+
+def test_another_key_is_not_believed() -> None:
+    signed = keyed().sign(packed(attitude()), 0, 1.0)
+    assert [m.get_type() for m in station(bytes(32)).parse_buffer(signed)] == ["BAD_DATA"]
+    assert not keyed().accepts(packed(attitude(), station(bytes(31) + b"x")), 1.0)
+
+
+def test_time_stamps_follow_the_clock_and_never_repeat() -> None:
+    signing = keyed(now=10.0)
+    frames = [signing.sign(packed(attitude()), 0, now) for now in (10.0, 10.0, 10.0, 12.5, 12.5)]
+    stamps = [int.from_bytes(frame[-12:-6], "little") for frame in frames]
+    assert stamps == [START + 1, START + 2, START + 3, START + 250_000, START + 250_001]
+
+
+def test_boot_text_and_mavlink1_are_not_signed() -> None:
+    signing = keyed()
+    old = packed(attitude(), force_mavlink1=True)
+    for data in (b"\n\nInit ArduCopter", b"", old):
+        assert signing.sign(data, 0, 1.0) == data
+
+
+def test_signed_frames_are_accepted_once() -> None:
+    signing = keyed()
+    frame = packed(attitude(), station())
+    assert signing.accepts(frame, 0.0)
+    assert not signing.accepts(frame, 0.0)  # replayed
+    assert signing.refused == 1
+
+
+def test_an_older_frame_of_a_stream_is_refused_and_another_stream_has_its_own_time() -> None:
+    signing = keyed()
+    early = packed(attitude(), station(timestamp=START + 100))
+    late = packed(attitude(), station(timestamp=START + 200))
+    elsewhere = packed(attitude(), station(timestamp=START + 150, link_id=4))
+    assert signing.accepts(late, 0.0)
+    assert not signing.accepts(early, 0.0)
+    assert signing.accepts(elsewhere, 0.0)
+
+
+def test_a_new_stream_may_be_a_minute_behind_and_no_more() -> None:
+    minute = 60 * 100_000
+    assert keyed().accepts(packed(attitude(), station(timestamp=START - minute)), 0.0)
+    assert not keyed().accepts(packed(attitude(), station(timestamp=START - minute - 1)), 0.0)
+    assert not keyed().accepts(packed(attitude(), station(timestamp=START - minute)), 1.0)
+
+
+def test_a_forged_frame_does_not_move_the_clock_of_its_stream() -> None:
+    signing = keyed()
+    forged = bytearray(packed(attitude(), station(timestamp=START + 10**9)))
+    forged[-1] ^= 1
+    assert not signing.accepts(bytes(forged), 0.0)
+    assert signing.accepts(packed(attitude(), station()), 0.0)
+
+
+@settings(derandomize=True, deadline=None, max_examples=100)
+@given(st.integers(0, 10_000), st.integers(1, 255))
+def test_no_changed_byte_goes_unnoticed(place: int, change: int) -> None:
+    frame = bytearray(packed(attitude(), station()))
+    place %= len(frame) - 1
+    frame[1 + place] ^= change
+    assert not keyed().accepts(bytes(frame), 0.0)
+
+
+def test_unsigned_is_refused_but_for_the_radios_report() -> None:
+    signing = keyed()
+    assert not signing.accepts(packed(attitude()), 0.0)
+    assert not signing.accepts(packed(attitude(), force_mavlink1=True), 0.0)
+    report = mavlink.MAVLink_radio_status_message(80, 80, 100, 40, 40, 0, 0)
+    assert signing.accepts(packed(report), 0.0)
+    assert signing.accepts(packed(report, force_mavlink1=True), 0.0)
+
+
+def setup_message(key: bytes = KEY, timestamp: int = START) -> mavlink.MAVLink_setup_signing_message:
+    return mavlink.MAVLink_setup_signing_message(1, 1, list(key), timestamp)
+
+
+def test_a_key_is_set_up_over_the_wire_and_taken_away_again() -> None:
+    signing = Signing()
+    (message,) = station(None).parse_buffer(packed(setup_message()))
+    assert signing.set_up(message, 3.0, armed=False)
+    assert signing.active
+    assert not signing.accepts(packed(setup_message(bytes(32), 0)), 3.0)  # not by a stranger
+    away = packed(setup_message(bytes(32), 0), station())
+    assert signing.accepts(away, 3.0)
+    assert signing.set_up(station(None).parse_buffer(away)[0], 3.0, armed=False)
+    assert not signing.active
+
+
+def test_an_armed_vehicle_takes_no_key() -> None:
+    signing = Signing()
+    (message,) = station(None).parse_buffer(packed(setup_message()))
+    assert not signing.set_up(message, 0.0, armed=True)
+    assert not signing.active
+
+
+def test_a_reboot_keeps_the_key_and_forgets_the_streams() -> None:
+    signing = keyed()
+    frame = packed(attitude(), station())
+    assert signing.accepts(frame, 0.0)
+    signing.reboot()
+    assert signing.active
+    assert signing.accepts(frame, 0.0)
+
+
+def test_more_streams_than_there_is_room_for_are_refused() -> None:
+    signing = keyed()
+    accepted = [signing.accepts(packed(attitude(), station(link_id=i)), 0.0) for i in range(20)]
+    assert accepted == [True] * 16 + [False] * 4
+
+
+def test_a_key_of_a_wrong_length_is_an_error() -> None:
+    with pytest.raises(ValueError, match="32 bytes, found 5"):
+        Signing().set_key(b"short", START, 0.0)

@@ -1,0 +1,262 @@
+"""A vehicle's own logs and files, from the outside: flights are flown, logs downloaded, files read."""
+
+import json
+import lzma
+import struct
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pymavlink import DFReader, mavftp
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from station import ALT_M, LAT_DEG, LON_DEG, Station, home_item, land, scenario, takeoff, waypoint
+
+from sim_vehicle.fleet import Fleet
+from sim_vehicle.ftp import HEADER
+from sim_vehicle.ftp_rules import FtpError, Opcode
+
+RTL = 6
+
+
+def fleet(*, seed: int = 1, count: int = 1, **spec: Any) -> Fleet:
+    vehicle = {"lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M, **spec}
+    return Fleet(
+        scenario(seed=seed, vehicles=[{"sysid": i + 1, **vehicle} for i in range(count)]), ready_s=0.0
+    )
+
+
+class Ground(Station):
+    """A station that also knows the log and file messages."""
+
+    def log_list(self) -> list[Any]:
+        before = len(self.heard)
+        self.send(mavlink.MAVLink_log_request_list_message(self.target, 1, 0, 0xFFFF))
+        self.wait(0.5)
+        return [m for m in self.heard[before:] if m.get_type() == "LOG_ENTRY"]
+
+    def log(self, log_id: int) -> bytes:
+        before = len(self.heard)
+        self.send(mavlink.MAVLink_log_request_data_message(self.target, 1, log_id, 0, 2**32 - 1))
+        self.until(lambda: self.of("LOG_DATA") and self.of("LOG_DATA")[-1].count < 90, 60)
+        chunks = {m.ofs: bytes(m.data[: m.count]) for m in self.heard[before:] if m.get_type() == "LOG_DATA"}
+        self.send(mavlink.MAVLink_log_request_end_message(self.target, 1))
+        return b"".join(chunks[offset] for offset in sorted(chunks))
+
+    def ftp(self, opcode: int, data: bytes = b"", *, offset: int = 0, size: int | None = None) -> bytes:
+        """One request that succeeds; the data of the answer."""
+        self.seq = getattr(self, "seq", 0) + 1
+        head = HEADER.pack(self.seq, 0, opcode, len(data) if size is None else size, 0, 0, offset)
+        payload = (head + data).ljust(251, b"\0")
+        replies = self.send(mavlink.MAVLink_file_transfer_protocol_message(0, self.target, 1, payload))
+        (reply,) = [m for m in replies if m.get_type() == "FILE_TRANSFER_PROTOCOL"]
+        answer = bytes(reply.payload)
+        _, _, result, length, _, _, _ = HEADER.unpack_from(answer)
+        body = answer[HEADER.size : HEADER.size + length]
+        assert result == Opcode.ACK, FtpError(body[0])
+        return body
+
+    def file(self, path: bytes) -> bytes:
+        (size,) = struct.unpack("<I", self.ftp(Opcode.OPEN_FILE_RO, path))
+        content = b""
+        while len(content) < size:
+            content += self.ftp(Opcode.READ_FILE, offset=len(content), size=239)
+        self.ftp(Opcode.TERMINATE_SESSION)
+        return content
+
+    def hop(self) -> None:
+        """Up, and down again until the motors stop."""
+        self.fly(10.0)
+        assert self.set_mode(9) == 0
+        self.until(lambda: not self.armed)
+
+
+def read(content: bytes, path: Path) -> list[Any]:
+    path.write_bytes(content)
+    with DFReader.DFReader_binary(str(path)) as reader:
+        messages = []
+        while (message := reader.recv_msg()) is not None:
+            messages.append(message)
+    return messages
+
+
+def of(messages: list[Any], kind: str) -> list[Any]:
+    return [m for m in messages if m.get_type() == kind]
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Ground, list[Any]]:
+    """A mission flown by an ArduCopter, and its log as it was downloaded."""
+    station = Ground(fleet())
+    station.stream(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, hz=10.0)
+    station.fly_mission([takeoff(15.0), waypoint(40.0, 0.0, 15.0), land(40.0, 30.0)])
+    station.until(lambda: not station.armed)
+    (entry,) = station.log_list()
+    content = station.log(entry.id)
+    assert len(content) == entry.size
+    return station, read(content, tmp_path_factory.mktemp("log") / "a.BIN")
+
+
+@pytest.mark.autopilots("MAVSDK 5 log_files")
+def test_the_log_shows_the_flight_that_telemetry_showed(flown: tuple[Ground, list[Any]]) -> None:
+    station, messages = flown
+    told = {m.time_boot_ms: m for m in station.of("GLOBAL_POSITION_INT")}
+    compared = 0
+    for logged in of(messages, "POS"):
+        message = told.get(round(logged.TimeUS / 1000))
+        if message is not None:
+            compared += 1
+            assert abs(logged.Lat - message.lat * 1e-7) < 2e-7
+            assert abs(logged.Alt - message.alt * 1e-3) < 0.01
+            assert abs(logged.RelHomeAlt - message.relative_alt * 1e-3) < 0.01
+    assert compared > 50
+    assert max(m.RelHomeAlt for m in of(messages, "POS")) == pytest.approx(15.0, abs=1.0)
+
+
+def test_the_log_tells_the_story_of_the_flight(flown: tuple[Ground, list[Any]]) -> None:
+    station, messages = flown
+    texts = [m.Message for m in of(messages, "MSG")]
+    assert texts[0].startswith("ArduCopter V4.6.2")
+    sent = station.texts()
+    flight = sent[sent.index("Arming motors") : sent.index("Disarming motors") + 1]
+    assert [text for text in texts if text in flight] == flight
+    assert [m.Id for m in of(messages, "EV")] == [10, 28, 18, 11]
+    modes = [m.ModeNum for m in of(messages, "MODE")]
+    assert (modes[0], modes[-1]) == (4, 3)
+    assert [m.CNum for m in of(messages, "CMD")] == [1, 2, 3]
+    assert {m.Name: m.Value for m in of(messages, "PARM")}["RTL_ALT"] == 1500
+    used = [m.CurrTot for m in of(messages, "BAT")]
+    assert used == sorted(used)
+    assert used[-1] > used[0]
+
+
+def test_each_flight_is_a_log_and_they_can_be_erased() -> None:
+    station = Ground(fleet())
+    assert [(m.num_logs, m.size) for m in station.log_list()] == [(0, 0)]
+    for _ in range(2):
+        station.hop()
+        station.wait(5.0)
+    entries = station.log_list()
+    assert [(m.id, m.num_logs, m.last_log_num) for m in entries] == [(1, 2, 2), (2, 2, 2)]
+    assert entries[0].time_utc < entries[1].time_utc
+    assert station.file(b"/APM/LOGS/00000002.BIN") == station.log(2)
+    assert station.file(b"/APM/LOGS/LASTLOG.TXT") == b"2\r\n"
+    station.send(mavlink.MAVLink_log_erase_message(1, 1))
+    assert [m.num_logs for m in station.log_list()] == [0]
+
+
+def test_ardupilot_wants_to_be_disarmed_for_a_download() -> None:
+    station = Ground(fleet())
+    station.fly(10.0)
+    assert station.log_list() == []
+    assert station.texts()[-1] == "Disarm for log download"
+
+
+def test_a_parameter_set_in_flight_and_a_failsafe_are_in_the_log(tmp_path: Path) -> None:
+    station = Ground(fleet())
+    station.fly(10.0)
+    for name, value in ((b"BATT_FS_LOW_ACT", 1), (b"BATT_LOW_VOLT", 13.0)):
+        station.send(mavlink.MAVLink_param_set_message(1, 1, name, value, mavlink.MAV_PARAM_TYPE_REAL32))
+    station.until(lambda: not station.armed)
+    messages = read(station.log(1), tmp_path / "a.BIN")
+    assert [m.Value for m in of(messages, "PARM") if m.Name == "BATT_LOW_VOLT"] == [10.5, 13.0]
+    assert [(m.Subsys, m.ECode) for m in of(messages, "ERR")] == [(6, 1)]
+    assert [m.ModeNum for m in of(messages, "MODE")] == [4, 9]
+
+
+def test_log_disarmed_records_from_the_boot_and_a_backend_of_none_never() -> None:
+    always = Ground(fleet(params={"LOG_DISARMED": 1}))
+    always.wait(3.0)
+    assert [(m.id, m.num_logs) for m in always.log_list()] == [(1, 1)]
+    never = Ground(fleet(params={"LOG_BACKEND_TYPE": 0}))
+    never.hop()
+    assert [m.num_logs for m in never.log_list()] == [0]
+
+
+def test_a_reboot_ends_the_log_and_keeps_it(tmp_path: Path) -> None:
+    station = Ground(fleet())
+    station.hop()
+    assert station.command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == 0
+    station.wait(5.0)
+    (entry,) = station.log_list()
+    assert len(station.log(entry.id)) == entry.size > 0
+
+
+def test_the_parameters_come_as_a_file() -> None:
+    station = Ground(fleet(params={"RTL_ALT": 3000}))
+    data = mavftp.MAVFTP.ftp_param_decode(station.file(b"@PARAM/param.pck?withdefaults=1"))
+    assert data is not None
+    values = {name.decode(): value for name, value, _ in data.params}
+    assert values["RTL_ALT"] == 3000
+    station.send(mavlink.MAVLink_param_request_list_message(1, 1))
+    assert {m.param_id: m.param_value for m in station.of("PARAM_VALUE")} == pytest.approx(values)
+    assert any(text.startswith("ArduCopter V4.6.2") for text in station.texts())
+
+
+def test_a_mission_put_as_a_file_is_the_mission() -> None:
+    station = Ground(fleet())
+    assert station.upload([home_item(), takeoff(), waypoint(10, 10)]) == 0
+    content = station.file(b"@MISSION/mission.dat")
+    assert struct.unpack_from("<HHHHH", content) == (0x763D, 0, 0, 0, 3)
+    longer = content[:8] + struct.pack("<H", 4) + content[10:] + content[-38:]
+    station.ftp(Opcode.CREATE_FILE, b"@MISSION/mission.dat")
+    for offset in range(0, len(longer), 200):
+        station.ftp(Opcode.WRITE_FILE, longer[offset : offset + 200], offset=offset)
+    station.ftp(Opcode.TERMINATE_SESSION)
+    assert [m.command for m in station.download()] == [16, 22, 16, 16]
+
+
+# -- PX4 -------------------------------------------------------------------------------------------------
+
+
+def px4(**spec: Any) -> Ground:
+    station = Ground(fleet(personality="px4", **spec))
+    station.wait(2.0)
+    return station
+
+
+@pytest.mark.autopilots("MAVSDK 5 log_files", of="px4")
+def test_px4_logs_from_the_boot_to_the_first_disarming_and_then_each_flight() -> None:
+    station = px4()
+    assert [(m.id, m.num_logs) for m in station.log_list()] == [(0, 1)]
+    content = station.log(0)
+    assert content.startswith(b"ULog\x01\x12\x35\x01")
+    for name in (b"vehicle_attitude", b"vehicle_global_position", b"battery_status", b"vehicle_status"):
+        assert name in content
+
+
+def test_px4s_logs_are_files_by_day_and_time() -> None:
+    station = px4()
+    (day,) = [
+        line
+        for line in station.ftp(Opcode.LIST_DIRECTORY, b"/fs/microsd/log").split(b"\0")
+        if line[:1] == b"D"
+    ]
+    assert day == b"D2026-01-01"
+    lines = station.ftp(Opcode.LIST_DIRECTORY, b"/fs/microsd/log/2026-01-01").split(b"\0")
+    assert [line.split(b"\t")[0] for line in lines if line[:1] == b"F"] == [b"F00_00_00.ulg"]
+
+
+@pytest.mark.parametrize(("personality", "answers"), [("ardupilot", 1), ("px4", 0)])
+def test_only_ardupilot_serves_files_to_any_component(personality: str, answers: int) -> None:
+    station = Ground(fleet(personality=personality))
+    payload = HEADER.pack(1, 0, Opcode.NONE, 0, 0, 0, 0).ljust(251, b"\0")
+    replies = station.send(mavlink.MAVLink_file_transfer_protocol_message(0, 1, 77, payload))
+    assert sum(m.get_type() == "FILE_TRANSFER_PROTOCOL" for m in replies) == answers
+
+
+def test_px4s_metadata_is_found_and_describes_its_parameters() -> None:
+    station = px4()
+    request = mavlink.MAVLink_command_long_message(
+        1, 1, mavlink.MAV_CMD_REQUEST_MESSAGE, 0, 397, 0, 0, 0, 0, 0, 0
+    )
+    replies = station.send(request)
+    assert any(m.get_type() == "COMMAND_ACK" and m.result == 0 for m in replies)
+    (message,) = [m for m in replies if m.get_msgId() == 397 or m.get_type() == "UNKNOWN_397"]
+    frame = bytes(message.get_msgbuf())
+    uri = frame[10 + 8 : -2].rstrip(b"\0").decode()
+    general = json.loads(lzma.decompress(station.file(uri.removeprefix("mftp://").encode())))
+    (parameters,) = general["metadataTypes"]
+    file = station.file(parameters["uri"].removeprefix("mftp://").encode())
+    names = {row["name"] for row in json.loads(lzma.decompress(file))["parameters"]}
+    station.send(mavlink.MAVLink_param_request_list_message(1, 1))
+    assert names == {m.param_id for m in station.of("PARAM_VALUE")} - {"_HASH_CHECK"}

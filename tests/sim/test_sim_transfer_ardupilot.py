@@ -1,0 +1,333 @@
+"""Fences, rally points and the rest of the mission protocol as ArduCopter 4.6 speaks it."""
+
+import math
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from transfer_bench import (
+    CIRCLE,
+    EXCLUDED,
+    FENCE,
+    MISSION,
+    NOT_CIRCLE,
+    POLYGON,
+    RALLY,
+    RALLY_POINT,
+    RETURN_POINT,
+    WP,
+    ardupilot,
+    fields,
+    kinds,
+    requests,
+    results,
+    square,
+    waypoints,
+)
+
+from sim_vehicle.afflictions import MissionRefusal
+
+OTHER = (254, 190)
+ACCEPTED, ERROR, UNSUPPORTED_FRAME, UNSUPPORTED, NO_SPACE = 0, 1, 2, 3, 4
+INVALID_SEQUENCE, DENIED, CANCELLED = 13, 14, 15
+
+
+def ring(vertices: int, command: int = POLYGON) -> list[dict[str, Any]]:
+    corners = [
+        (math.cos(2 * math.pi * i / vertices), math.sin(2 * math.pi * i / vertices)) for i in range(vertices)
+    ]
+    return [
+        fields(
+            i,
+            command,
+            frame=3,
+            param1=vertices,
+            x=460_000_000 + round(1e4 * a),
+            y=145_000_000 + round(1e4 * b),
+        )
+        for i, (a, b) in enumerate(corners)
+    ]
+
+
+# -- fence -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.autopilots("2 fence")
+@pytest.mark.parametrize("frame", [0, 3, 5, 6])
+def test_a_fence_is_read_back_in_frame_0_without_altitude(frame: int) -> None:
+    bench = ardupilot()
+    sent = [
+        *square(frame=frame),
+        fields(4, NOT_CIRCLE, frame=frame, param1=30.5),
+        fields(5, RETURN_POINT, frame=frame),
+    ]
+    assert bench.upload(sent, FENCE) == ACCEPTED
+    kept = bench.download(FENCE)
+    assert [(m.command, m.frame, m.param1, m.z) for m in kept] == [
+        *[(POLYGON, 0, 4.0, 0.0)] * 4,
+        (NOT_CIRCLE, 0, 30.5, 0.0),
+        (RETURN_POINT, 0, 0.0, 0.0),
+    ]
+    assert [(m.x, m.y) for m in kept] == [(values["x"], values["y"]) for values in sent]
+    assert {m.mission_type for m in kept} == {FENCE}
+
+
+@pytest.mark.autopilots("2 fence")
+@pytest.mark.parametrize(
+    ("sent", "result"),
+    [
+        pytest.param({"frame": 2}, UNSUPPORTED_FRAME, id="frame 2"),
+        pytest.param({"frame": 1}, UNSUPPORTED_FRAME, id="frame 1"),
+        pytest.param({"command": WP}, UNSUPPORTED, id="a waypoint"),
+    ],
+)
+def test_a_refused_item_ends_the_upload_at_once(sent: dict[str, Any], result: int) -> None:
+    bench = ardupilot()
+    items = square()
+    items[1] |= sent
+    assert bench.upload(items, FENCE) == result
+    assert results(bench.item(items[1], FENCE)) == [ERROR]
+
+
+@pytest.mark.autopilots("2 fence")
+@pytest.mark.parametrize(
+    ("items", "text"),
+    [
+        pytest.param(square(vertices=6), "Incorrect item count", id="wrong vertex count"),
+        pytest.param(square(vertices=2)[:2], "Invalid vertex count (2)", id="2-vertex polygon"),
+        pytest.param([fields(0, CIRCLE, param1=0.0)], "Non-positive circle radius", id="circle of 0 m"),
+        pytest.param(
+            [fields(0, CIRCLE, param1=math.nan)], "Non-positive circle radius", id="circle of NaN m"
+        ),
+        pytest.param(
+            [fields(0, RETURN_POINT), fields(1, RETURN_POINT)], "Multiple return points", id="returns"
+        ),
+        pytest.param([fields(0, CIRCLE, param1=5.0, x=910_000_000)], "Bad lat or lon", id="latitude 91"),
+    ],
+)
+def test_a_wrong_fence_is_refused_at_the_end_and_the_old_one_kept(
+    items: list[dict[str, Any]], text: str
+) -> None:
+    bench = ardupilot()
+    assert bench.upload(square(), FENCE) == ACCEPTED
+    replies = bench.count(len(items), FENCE)
+    for seq, values in enumerate(items):
+        assert requests(replies) == [seq]
+        replies = bench.item(values, FENCE)
+    assert results(replies) == [ERROR]
+    assert bench.texts == [text, "Fence validation failed"]
+    assert len(bench.download(FENCE)) == 4
+
+
+def test_a_polygon_that_changes_its_kind_or_count_on_the_way_is_refused() -> None:
+    bench = ardupilot()
+    mixed = square()
+    mixed[2] |= {"command": EXCLUDED}
+    assert bench.upload(mixed, FENCE) == ERROR
+    uneven = square()
+    uneven[2] |= {"param1": 5.0}
+    assert bench.upload(uneven, FENCE) == ERROR
+    assert bench.fence.items == ()
+
+
+@pytest.mark.autopilots("2 fence")
+def test_a_polygon_that_crosses_itself_is_accepted() -> None:
+    bench = ardupilot()
+    items = square()
+    items[1], items[2] = items[2] | {"seq": 1}, items[1] | {"seq": 2}
+    assert bench.upload(items, FENCE) == ACCEPTED
+
+
+@pytest.mark.autopilots("2 fence")
+def test_the_storage_of_a_fence_is_limited() -> None:
+    bench = ardupilot()
+    assert results(bench.count(200, FENCE)) == [NO_SPACE]
+    assert bench.texts == ["Only 70 items are supported"]
+    assert bench.upload(ring(69), FENCE) == ACCEPTED
+    assert bench.upload(ring(70), FENCE) == ERROR
+    assert bench.texts[-1] == "Fence exceeds storage size"
+    assert len(bench.download(FENCE)) == 69
+
+
+@pytest.mark.autopilots("2 fence")
+def test_fence_total_is_told() -> None:
+    bench = ardupilot()
+    bench.upload(square(), FENCE)
+    bench.upload([fields(0, CIRCLE, param1=9.0)], FENCE)
+    bench.upload(square(), FENCE)
+    assert bench.clear(FENCE) == [ACCEPTED]
+    assert bench.calls == [("stored", FENCE, total) for total in (6, 0, 6, 0)]
+
+
+def test_an_empty_fence_is_a_count_of_0() -> None:
+    bench = ardupilot()
+    bench.upload(square(), FENCE)
+    assert results(bench.count(0, FENCE)) == [ACCEPTED]
+    assert bench.download(FENCE) == []
+
+
+@pytest.mark.autopilots("2 fence")
+def test_an_abandoned_fence_upload_leaves_the_old_fence() -> None:
+    bench = ardupilot()
+    bench.upload(square(), FENCE)
+    bench.count(3, FENCE)
+    bench.item(ring(3)[0], FENCE)
+    heard = bench.wait(9)
+    assert requests(heard) == [1] * 7
+    assert results(heard) == [CANCELLED]
+    assert bench.texts == ["Fence upload timeout"]
+    assert len(bench.download(FENCE)) == 4
+
+
+def test_part_of_a_fence_can_be_replaced() -> None:
+    bench = ardupilot()
+    bench.upload(square(), FENCE)
+    replies = bench.send(mavlink.MAVLink_mission_write_partial_list_message(1, 1, 2, 2, FENCE))
+    assert requests(replies) == [2]
+    assert results(bench.item(square()[2] | {"x": 461_000_000}, FENCE)) == [ACCEPTED]
+    assert [m.x == 461_000_000 for m in bench.download(FENCE)] == [False, False, True, False]
+    bench.send(mavlink.MAVLink_mission_write_partial_list_message(1, 1, 4, 4, FENCE))
+    assert results(bench.item(fields(4, POLYGON, param1=4.0), FENCE)) == [INVALID_SEQUENCE]
+
+
+def test_reading_beyond_the_fence() -> None:
+    bench = ardupilot()
+    bench.upload(square(), FENCE)
+    assert results(bench.read(4, FENCE)) == [ERROR]
+    assert results(bench.read(5, FENCE)) == [INVALID_SEQUENCE]
+
+
+@pytest.mark.autopilots("2 fence")
+def test_mission_and_fence_uploads_may_run_interleaved() -> None:
+    bench = ardupilot()
+    bench.count(4)
+    bench.count(4, FENCE, peer=OTHER)
+    for seq in range(4):
+        mission = bench.item(waypoints(4)[seq])
+        fence = bench.item(square()[seq], FENCE, peer=OTHER)
+    assert results(mission) == results(fence) == [ACCEPTED]
+    assert (bench.mission.count, len(bench.fence.items)) == (4, 4)
+
+
+# -- rally points ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.autopilots("2 types 2 / 3 / 255")
+@pytest.mark.parametrize(("frame", "kept"), [(0, 0), (3, 3), (5, 0), (6, 3), (11, 10)])
+def test_rally_points(frame: int, kept: int) -> None:
+    bench = ardupilot()
+    assert [m.count for m in bench.ask_list(RALLY)] == [0]
+    assert (
+        bench.upload([fields(seq, RALLY_POINT, frame=frame, z=25.7) for seq in range(2)], RALLY) == ACCEPTED
+    )
+    read = bench.download(RALLY)
+    assert [(m.command, m.frame, m.z, m.x) for m in read] == [
+        (RALLY_POINT, kept, 25.0, 460_000_000),
+        (RALLY_POINT, kept, 25.0, 460_000_001),
+    ]
+    assert bench.clear(RALLY) == [ACCEPTED]
+    assert bench.download(RALLY) == []
+
+
+@pytest.mark.parametrize(
+    ("sent", "result"),
+    [
+        pytest.param({"command": WP}, UNSUPPORTED, id="a waypoint"),
+        pytest.param({"frame": 2}, UNSUPPORTED_FRAME, id="frame 2"),
+        pytest.param({"x": 1_000_000_000}, 10, id="latitude 100"),
+        pytest.param({"y": 1_900_000_000}, 11, id="longitude 190"),
+        pytest.param({"z": 40_000.0}, 12, id="altitude"),
+        pytest.param({"z": math.nan}, 12, id="NaN altitude"),
+    ],
+)
+def test_refused_rally_points(sent: dict[str, Any], result: int) -> None:
+    bench = ardupilot()
+    assert bench.upload([fields(0, **({"command": RALLY_POINT} | sent))], RALLY) == result
+
+
+def test_rally_points_are_not_atomic_and_limited() -> None:
+    bench = ardupilot()
+    points = [fields(seq, RALLY_POINT) for seq in range(4)]
+    bench.upload(points, RALLY)
+    bench.count(3, RALLY)
+    bench.item(points[0] | {"z": 99.0}, RALLY)
+    bench.wait(9)
+    assert bench.texts == ["Rally upload timeout"]
+    assert [m.z for m in bench.download(RALLY)] == [99.0, 20.0, 20.0]
+    assert results(bench.count(47, RALLY)) == [NO_SPACE]
+    assert results(bench.read(3, RALLY)) == [INVALID_SEQUENCE]
+
+
+# -- missions --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.autopilots("2 types 2 / 3 / 255")
+@pytest.mark.parametrize("kind", [3, 4, 255])
+def test_other_types_are_unsupported_and_nothing_is_cleared(kind: int) -> None:
+    bench = ardupilot()
+    for upload, of_kind in ((waypoints(3), MISSION), (square(), FENCE), ([fields(0, RALLY_POINT)], RALLY)):
+        assert bench.upload(upload, of_kind) == ACCEPTED
+    assert bench.clear(kind) == [UNSUPPORTED]
+    assert results(bench.ask_list(kind)) == [UNSUPPORTED]
+    assert [len(bench.download(of_kind)) for of_kind in (MISSION, FENCE, RALLY)] == [3, 4, 1]
+
+
+@pytest.mark.autopilots("2 requests")
+def test_every_item_is_asked_for_with_a_legacy_request() -> None:
+    bench = ardupilot()
+    replies = bench.count(3)
+    for values in waypoints(3):
+        assert kinds(replies) == ["MISSION_REQUEST"]
+        replies = bench.item(values)
+    assert results(replies) == [ACCEPTED]
+
+
+def test_the_next_deadline_is_that_of_whoever_waits() -> None:
+    bench = ardupilot()
+    assert bench.machine.next_deadline_s == math.inf
+    bench.count(3)
+    assert bench.machine.next_deadline_s == pytest.approx(101.0)
+    bench.wait(0.5)
+    bench.count(3, FENCE)
+    assert bench.machine.next_deadline_s == pytest.approx(101.0)
+    bench.wait(7.4)
+    assert bench.machine.next_deadline_s == pytest.approx(108.0)
+    bench.machine.reset()
+    assert bench.machine.next_deadline_s == math.inf
+
+
+def test_a_request_lost_on_the_way_is_made_again_on_a_repeated_count() -> None:
+    bench = ardupilot()
+    bench.count(3)
+    bench.item(fields(0))
+    assert requests(bench.count(3)) == [0]
+    assert requests(bench.item(fields(0))) == [1]
+
+
+def test_an_item_with_current_2_is_where_to_go_now() -> None:
+    bench = ardupilot()
+    assert results(bench.item(fields(0, current=2))) == [ERROR]
+    bench.pilot.armed = True
+    assert results(bench.item(fields(0, current=2))) == [ACCEPTED]
+    assert results(bench.item(fields(0, current=3, z=33.0))) == [ACCEPTED]
+    assert results(bench.item(fields(0, current=2, command=2999))) == [UNSUPPORTED]
+    assert bench.calls == [("guided", 20.0, False), ("guided", 20.0, False), ("guided", 33.0, True)]
+    assert bench.mission.count == 0
+
+
+def test_a_refused_mission() -> None:
+    bench = ardupilot()
+    bench.refusal = MissionRefusal(DENIED)
+    assert bench.upload(waypoints(3)) == DENIED
+    bench.refusal = MissionRefusal(NO_SPACE, at_item=1)
+    assert bench.upload(waypoints(3)) == NO_SPACE
+    assert bench.mission.count == 1
+    bench.refusal = None
+    assert bench.upload(waypoints(3)) == ACCEPTED
+    assert bench.calls[-1] == ("stored", MISSION, 3)
+
+
+def test_this_autopilot_keeps_no_ids() -> None:
+    bench = ardupilot()
+    bench.upload(waypoints(3))
+    assert bench.machine.ids == (0, 0, 0)

@@ -1,0 +1,156 @@
+"""Any order of mission messages, from two ground stations, with gaps: what holds whatever comes."""
+
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from transfer_bench import (
+    CIRCLE,
+    FENCE,
+    GCS,
+    MISSION,
+    POLYGON,
+    RALLY,
+    RALLY_POINT,
+    Bench,
+    ardupilot,
+    fields,
+    px4,
+    requests,
+    results,
+    square,
+    waypoints,
+)
+
+PEERS = [GCS, (250, 190), (1, 191)]
+KINDS = [MISSION, FENCE, RALLY, 3, 255]
+REQUEST_AGAIN_S = {"ardupilot": 1.0, "px4": 0.25}
+QUIET_S = 10.0  # longer than either waits for an item
+
+seqs = st.integers(0, 5)
+kinds = st.sampled_from(KINDS)
+numbers = st.one_of(st.sampled_from([0.0, 1.0, 3.0, 4.0, 20.3, -7.5, float("nan"), float("inf"), 1e38]))
+commands = st.sampled_from([16, 20, 21, 22, 93, 112, 177, 178, 2999, POLYGON, CIRCLE, RALLY_POINT])
+frames = st.sampled_from([0, 2, 3, 5, 6, 9, 10])
+
+
+def _item(seq: int, command: int, frame: int, p1: float, p2: float, z: float, current: int, kind: int) -> Any:
+    return mavlink.MAVLink_mission_item_int_message(
+        1, 1, seq, frame, command, current, seq % 2, p1, p2, 0.0, float("nan"), 460_000_000 + seq, -5, z, kind
+    )
+
+
+def _legacy(seq: int, command: int, frame: int, x: float, z: float, kind: int) -> Any:
+    return mavlink.MAVLink_mission_item_message(1, 1, seq, frame, command, 0, 1, 0, 0, 0, 0, x, x, z, kind)
+
+
+messages = st.one_of(
+    st.builds(
+        lambda n, k: mavlink.MAVLink_mission_count_message(1, 1, n, k),
+        st.sampled_from([0, 1, 2, 3, 4, 700]),
+        kinds,
+    ),
+    st.builds(_item, seqs, commands, frames, numbers, numbers, numbers, st.integers(0, 3), kinds),
+    st.builds(_legacy, seqs, commands, frames, numbers, numbers, kinds),
+    st.builds(lambda k: mavlink.MAVLink_mission_request_list_message(1, 1, k), kinds),
+    st.builds(lambda s, k: mavlink.MAVLink_mission_request_int_message(1, 1, s, k), seqs, kinds),
+    st.builds(lambda s, k: mavlink.MAVLink_mission_request_message(1, 1, s, k), seqs, kinds),
+    st.builds(lambda k: mavlink.MAVLink_mission_clear_all_message(1, 1, k), kinds),
+    st.builds(
+        lambda r, k: mavlink.MAVLink_mission_ack_message(1, 1, r, k), st.sampled_from([0, 1, 3, 15]), kinds
+    ),
+    st.builds(lambda s: mavlink.MAVLink_mission_set_current_message(1, 1, s), seqs),
+    st.builds(
+        lambda a, b, k: mavlink.MAVLink_mission_write_partial_list_message(1, 1, a, b, k),
+        st.integers(-2, 5),
+        st.integers(-2, 5),
+        kinds,
+    ),
+)
+events = st.lists(
+    st.one_of(
+        st.tuples(st.just("say"), st.sampled_from(PEERS), messages),
+        st.tuples(st.just("wait"), st.sampled_from([0.1, 0.3, 1.1, 6.0]), st.none()),
+    ),
+    max_size=30,
+)
+
+
+def play(bench: Bench, script: list[Any]) -> None:
+    for what, who_or_how_long, message in script:
+        if what == "wait":
+            bench.wait(who_or_how_long)
+        else:
+            bench.send(message, who_or_how_long)
+        assert bench.machine.next_deadline_s >= bench.now - 1e-6 or not bench.wait(0.05)
+
+
+def stored(bench: Bench) -> tuple[Any, ...]:
+    return tuple(bench.mission.items), bench.fence.items, bench.rally.items
+
+
+@pytest.mark.parametrize("make", [ardupilot, px4], ids=["ardupilot", "px4"])
+@settings(derandomize=True, deadline=None, max_examples=60)
+@given(script=events)
+def test_a_clean_upload_succeeds_after_anything(make: Any, script: list[Any]) -> None:
+    bench: Bench = make()
+    play(bench, script)
+    bench.wait(QUIET_S)
+    for items, kind in ((waypoints(4), MISSION), (square(), FENCE), ([fields(0, RALLY_POINT)], RALLY)):
+        assert bench.upload(items, kind) == 0
+        assert len(bench.download(kind)) == len(items)
+
+
+@settings(derandomize=True, deadline=None, max_examples=100)
+@given(script=events)
+def test_px4_never_stores_part_of_a_list(script: list[Any]) -> None:
+    """Whatever is stored is empty or was announced and sent completely: its size was counted out."""
+    bench = px4()
+    bench.upload(waypoints(4))
+    sizes: set[int] = {0, 4}
+    for what, who, message in script:
+        before = stored(bench)
+        if what == "wait":
+            bench.wait(who)
+            assert stored(bench) == before
+            continue
+        if message.get_type() == "MISSION_COUNT":
+            sizes.add(message.count)
+        replies = bench.send(message, who)
+        if stored(bench) != before:
+            assert 0 in results(replies)
+        assert all(len(items) in sizes for items in stored(bench))
+
+
+@pytest.mark.parametrize("make", [ardupilot, px4], ids=["ardupilot", "px4"])
+@settings(derandomize=True, deadline=None, max_examples=60)
+@given(lost=st.lists(st.booleans(), max_size=40))
+def test_an_upload_over_a_link_with_losses_ends_in_the_whole_mission(make: Any, lost: list[bool]) -> None:
+    """A station that repeats the count until asked, and answers every request, gets there in the end."""
+    bench: Bench = make()
+    losses = iter(lost)
+    items = waypoints(5)
+
+    def through(replies: list[Any]) -> list[Any]:
+        return [] if next(losses, False) else replies
+
+    accepted = False
+    wanted = through(bench.count(5)) if not next(losses, False) else []
+    for _ in range(200):
+        if 0 in results(wanted):
+            accepted = True
+            break
+        asked = requests(wanted)
+        if asked:
+            wanted = through(bench.item(items[asked[-1]])) if not next(losses, False) else []
+        else:
+            heard = through(bench.wait(1.05))
+            if not heard and bench.machine.next_deadline_s == float("inf"):
+                if bench.mission.count == 5:
+                    break  # only the acknowledgement was lost
+                heard = bench.count(5)
+            wanted = heard
+    assert accepted or bench.mission.count == 5
+    assert [item.x for item in bench.mission.items] == [values["x"] for values in items]

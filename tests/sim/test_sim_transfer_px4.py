@@ -1,0 +1,386 @@
+"""The mission protocol as PX4 1.15 speaks it, message by message."""
+
+import math
+import struct
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from transfer_bench import (
+    CIRCLE,
+    EXCLUDED,
+    FENCE,
+    MISSION,
+    POLYGON,
+    RALLY,
+    RALLY_POINT,
+    Bench,
+    fields,
+    kinds,
+    px4,
+    requests,
+    results,
+    square,
+    waypoints,
+)
+
+from sim_vehicle.afflictions import MissionRefusal
+
+OTHER = (254, 190)
+ACCEPTED, ERROR, UNSUPPORTED, UNSUPPORTED_FRAME = 0, 1, 3, 2
+
+
+def places(items: list[Any]) -> list[tuple[int, int, float]]:
+    return [(m.x, m.y, m.z) for m in items]
+
+
+@pytest.mark.autopilots("2 item 0", "2 count", "MAVSDK 5 mission_raw item 0", of="px4")
+def test_item_0_is_an_ordinary_item_and_the_count_is_of_all() -> None:
+    bench = px4()
+    assert bench.upload(waypoints(6)) == ACCEPTED
+    kept = bench.download()
+    assert [m.x for m in kept] == [460_000_000 + seq for seq in range(6)]
+    assert bench.mission.count == 6
+
+
+@pytest.mark.autopilots("2 requests", of="px4")
+def test_the_very_first_request_is_a_legacy_one_and_then_int() -> None:
+    bench = px4()
+    assert kinds(bench.count(3)) == ["MISSION_REQUEST"]
+    assert kinds(bench.item(fields(0))) == ["MISSION_REQUEST_INT"]
+    bench.item(fields(1))
+    bench.item(fields(2))
+    assert kinds(bench.count(1)) == ["MISSION_REQUEST_INT"]
+    bench.machine.reset()
+    assert kinds(bench.count(1)) == ["MISSION_REQUEST"]
+
+
+@pytest.mark.autopilots("2 upload is atomic?", of="px4")
+def test_an_upload_that_fails_or_dies_leaves_the_old_mission() -> None:
+    bench = px4()
+    assert bench.upload(waypoints(7)) == ACCEPTED
+    bench.count(5)
+    for seq in range(3):
+        bench.item(fields(seq, x=1))
+    bench.wait(6)
+    assert len(bench.download()) == 7
+    assert bench.upload([fields(0, x=1), fields(1, command=2999)]) == UNSUPPORTED
+    kept = bench.download()
+    assert [m.x for m in kept] == [460_000_000 + seq for seq in range(7)]
+
+
+@pytest.mark.autopilots("2 re-upload in AUTO", "2 shorter mission", of="px4")
+def test_a_re_upload_keeps_the_index_and_a_shorter_mission_moves_it_to_the_last_item() -> None:
+    bench = px4()
+    bench.upload(waypoints(8))
+    bench.mission.set_current(bench.pilot, 5)
+    bench.upload(waypoints(8, z=30.0))
+    assert bench.mission.index == 5
+    bench.upload(waypoints(3))
+    assert bench.mission.index == 2
+    bench.upload([fields(0), fields(1, current=1, z=9.0), fields(2)])
+    assert bench.mission.index == 1
+
+
+def test_the_same_mission_again_changes_nothing() -> None:
+    bench = px4()
+    bench.upload(waypoints(3))
+    before = bench.mission.items[0]
+    bench.mission.set_current(bench.pilot, 2)
+    assert bench.upload(waypoints(3)) == ACCEPTED
+    assert bench.mission.items[0] is before
+    assert bench.mission.index == 2
+
+
+@pytest.mark.autopilots("2 abandoned upload", of="px4")
+def test_an_abandoned_upload_is_asked_for_every_quarter_second_and_dropped_without_an_ack() -> None:
+    bench = px4()
+    bench.count(4)
+    bench.item(fields(0))
+    heard = bench.wait(5.1)
+    assert requests(heard) == [1] * 19
+    assert results(heard) == []
+    assert bench.texts == ["Operation timeout"]
+    assert bench.wait(10) == []
+    assert bench.machine.next_deadline_s == math.inf
+
+
+@pytest.mark.autopilots("2 second GCS / download during upload", of="px4")
+def test_a_download_during_an_upload_gets_no_answer() -> None:
+    bench = px4()
+    bench.upload(waypoints(2))
+    for sent in range(3):
+        bench.count(4)
+        for seq in range(sent):
+            bench.item(fields(seq, x=1))
+        assert bench.ask_list() == []
+        assert bench.ask_list(peer=OTHER) == []
+        bench.wait(6)
+    assert "Mission download request ignored, already active" in bench.texts
+
+
+@pytest.mark.autopilots("2 second GCS / download during upload", of="px4")
+def test_another_count_during_an_upload_is_an_error_but_at_item_0_the_old_count_stays() -> None:
+    bench = px4()
+    bench.count(4)
+    assert requests(bench.count(2)) == [0]
+    for seq in range(3):
+        assert requests(bench.item(fields(seq))) == [seq + 1]
+        assert results(bench.count(2)) == [ERROR]
+        assert results(bench.count(2, peer=OTHER)) == [ERROR]
+    assert results(bench.item(fields(3))) == [ACCEPTED]
+    assert bench.mission.count == 4
+
+
+@pytest.mark.autopilots("2 wrong / duplicate item", of="px4")
+def test_a_wrong_or_duplicate_item_is_ignored_and_a_repeated_last_one_is_accepted_again() -> None:
+    bench = px4()
+    bench.count(3)
+    for seq in (0, 0, 2, 1):
+        assert results(bench.item(fields(seq))) == []
+    (ack,) = bench.item(fields(2))
+    (again,) = bench.item(fields(2))
+    assert (ack.type, again.type) == (ACCEPTED, ACCEPTED)
+    assert results(bench.item(fields(1))) == [ERROR]
+    assert bench.texts == ["IGN MISSION_ITEM: No transfer"]
+
+
+@pytest.mark.autopilots("2 error codes", "2 RTL item", of="px4")
+@pytest.mark.parametrize(
+    ("sent", "result"),
+    [
+        pytest.param({"command": 2999}, UNSUPPORTED, id="unknown command"),
+        pytest.param({"frame": 9}, UNSUPPORTED_FRAME, id="unknown frame"),
+        pytest.param({"z": math.nan}, ACCEPTED, id="NaN z"),
+        pytest.param({"x": 1_000_000_000}, ACCEPTED, id="latitude 100"),
+        pytest.param({"command": 177, "frame": 2, "param1": 99.0}, ACCEPTED, id="DO_JUMP to 99"),
+        pytest.param({"x": 465_000_000}, ACCEPTED, id="waypoint 50 km away"),
+        pytest.param({"command": 20, "frame": 2}, ACCEPTED, id="RTL in frame 2"),
+        pytest.param({"command": 20, "frame": 6}, UNSUPPORTED, id="RTL in frame 6"),
+    ],
+)
+def test_what_is_refused_at_upload(sent: dict[str, Any], result: int) -> None:
+    assert px4().upload([fields(0), fields(1, **sent)]) == result
+
+
+@pytest.mark.autopilots("2 error codes", of="px4")
+def test_a_count_of_3000_is_accepted_and_requested() -> None:
+    bench = px4()
+    assert requests(bench.count(3000)) == [0]
+    bench.wait(6)
+    assert results(bench.count(65_535)) == [mavlink.MAV_MISSION_NO_SPACE]
+    assert results(bench.count(129, FENCE)) == [mavlink.MAV_MISSION_NO_SPACE]
+
+
+@pytest.mark.autopilots("2 read-back", of="px4")
+def test_everything_is_kept_but_frame_0_reads_back_as_5() -> None:
+    bench = px4()
+    sent = [
+        fields(0, frame=0, z=math.nan, param4=math.nan, param1=2.75),
+        fields(1, frame=3, z=20.3),
+        fields(2, frame=5, autocontinue=0),
+        fields(3, frame=6, z=33.333),
+        fields(4, command=178, frame=2, param1=1.0, param2=7.5, x=3, y=4, z=5.5),
+    ]
+    assert bench.upload(sent) == ACCEPTED
+    kept = bench.download()
+    assert [m.frame for m in kept] == [5, 6, 5, 6, 2]
+    assert [m.autocontinue for m in kept] == [1, 1, 0, 1, 1]
+    assert math.isnan(kept[0].z)
+    assert math.isnan(kept[0].param4)
+    assert kept[0].param1 == 2.75
+    assert (kept[1].z, kept[3].z) == pytest.approx((20.3, 33.333), rel=1e-6)
+    assert (kept[4].param2, kept[4].x, kept[4].y, kept[4].z) == (7.5, 3, 4, 5.5)
+    assert [m.current for m in kept] == [1, 0, 0, 0, 0]
+
+
+@pytest.mark.autopilots("2 MISSION_WRITE_PARTIAL_LIST", of="px4")
+def test_a_partial_write_gets_no_reply_at_all() -> None:
+    bench = px4()
+    bench.upload(waypoints(5))
+    assert bench.send(mavlink.MAVLink_mission_write_partial_list_message(1, 1, 1, 2, 0)) == []
+    assert bench.wait(2) == []
+
+
+@pytest.mark.autopilots("2 MISSION_SET_CURRENT", of="px4")
+def test_mission_set_current_works_and_says_when_it_does_not() -> None:
+    bench = px4()
+    bench.upload(waypoints(4))
+    bench.send(mavlink.MAVLink_mission_set_current_message(1, 1, 3))
+    assert bench.calls[-1] == ("current", 3)
+    bench.send(mavlink.MAVLink_mission_set_current_message(1, 1, 4))
+    bench.count(2)
+    bench.send(mavlink.MAVLink_mission_set_current_message(1, 1, 1))
+    assert bench.texts == ["WPM: WP CURR CMD: Not in list", "WPM: IGN WP CURR CMD: Busy"]
+
+
+@pytest.mark.autopilots("2 fence", of="px4")
+@pytest.mark.parametrize("frame", [0, 3])
+def test_fences_are_read_back_in_frame_5(frame: int) -> None:
+    bench = px4()
+    circle = fields(4, CIRCLE, frame=frame, param1=50.5)
+    assert bench.upload([*square(frame=frame), circle], FENCE) == ACCEPTED
+    kept = bench.download(FENCE)
+    assert [(m.command, m.frame, m.param1, m.autocontinue) for m in kept] == [
+        *[(POLYGON, 5, 4.0, 0)] * 4,
+        (CIRCLE, 5, 50.5, 0),
+    ]
+    assert all(m.mission_type == FENCE for m in kept)
+    assert bench.calls[-1] == ("changed", FENCE)
+
+
+@pytest.mark.autopilots("2 fence", of="px4")
+def test_a_wrong_vertex_count_is_accepted_and_two_vertices_are_not() -> None:
+    bench = px4()
+    assert bench.upload(square(vertices=6), FENCE) == ACCEPTED
+    assert bench.fence.zones == ()
+    assert bench.upload(square(vertices=2)[:2], FENCE) == ERROR
+    assert len(bench.download(FENCE)) == 4
+
+
+@pytest.mark.autopilots("2 types 2 / 3 / 255", of="px4")
+def test_rally_points_are_kept_with_their_frame() -> None:
+    bench = px4()
+    sent = [fields(seq, RALLY_POINT, frame=frame) for seq, frame in enumerate((3, 0))]
+    assert bench.upload(sent, RALLY) == ACCEPTED
+    kept = bench.download(RALLY)
+    assert [(m.command, m.frame, m.z) for m in kept] == [(RALLY_POINT, 6, 20.0), (RALLY_POINT, 5, 20.0)]
+
+
+@pytest.mark.autopilots("2 types 2 / 3 / 255", of="px4")
+def test_other_types_are_empty_and_clear_all_clears_all() -> None:
+    bench = px4()
+    assert [m.count for m in bench.ask_list(3)] == [0]
+    bench.ack(0, 3)
+    bench.upload(waypoints(3))
+    bench.upload(square(), FENCE)
+    bench.upload([fields(0, RALLY_POINT)], RALLY)
+    assert 0 not in bench.machine.ids
+    assert bench.clear(255) == [ACCEPTED]
+    assert [len(bench.download(kind)) for kind in (MISSION, FENCE, RALLY)] == [0, 0, 0]
+    assert bench.machine.ids == (0, 0, 0)
+
+
+def test_lists_are_cleared_one_by_one_and_by_a_count_of_0() -> None:
+    bench = px4()
+    bench.upload(waypoints(3))
+    bench.upload(square(EXCLUDED), FENCE)
+    assert results(bench.count(0)) == [ACCEPTED]
+    assert bench.mission.empty
+    assert len(bench.download(FENCE)) == 4
+    assert bench.clear(FENCE) == [ACCEPTED]
+    assert bench.download(FENCE) == []
+
+
+def test_the_opaque_id_in_the_ack_is_the_one_of_the_download_and_of_the_lists() -> None:
+    bench = px4()
+    bench.count(2)
+    bench.item(fields(0))
+    sent: list[Any] = []
+    bench.machine._send = sent.append
+    bench.item(fields(1))
+    bench.ask_list()
+    codec = mavlink.MAVLink(None)
+    ack, count = (message.pack(codec) for message in sent)
+    (mission_id, _, _) = bench.machine.ids
+    assert mission_id != 0
+    assert ack[10:-2] == bytes([255, 190, 0, 0]) + struct.pack("<I", mission_id)
+    assert count[10:-2] == struct.pack("<HBBB", 2, 255, 190, 0) + struct.pack("<I", mission_id)
+
+
+def test_equal_lists_have_equal_ids_and_others_do_not() -> None:
+    one, two, three = px4(), px4(), px4()
+    one.upload(waypoints(4))
+    two.upload(waypoints(4))
+    three.upload(waypoints(4, z=21.0))
+    assert one.machine.ids == two.machine.ids != three.machine.ids
+
+
+def test_a_ground_station_may_cancel_an_upload() -> None:
+    bench = px4()
+    bench.count(4)
+    bench.item(fields(0))
+    bench.ack(mavlink.MAV_MISSION_OPERATION_CANCELLED)
+    assert bench.wait(6) == []
+    assert bench.upload(waypoints(2)) == ACCEPTED
+
+
+def test_a_ground_station_that_knows_no_legacy_requests_says_so() -> None:
+    bench = px4()
+    assert kinds(bench.count(2)) == ["MISSION_REQUEST"]
+    assert kinds(bench.ack(mavlink.MAV_MISSION_UNSUPPORTED)) == ["MISSION_REQUEST_INT"]
+
+
+def test_a_download_asks_in_order_and_an_unexpected_request_ends_it() -> None:
+    bench = px4()
+    bench.upload(waypoints(3))
+    bench.ask_list()
+    for seq in (0, 0, 1):
+        assert [m.seq for m in bench.read(seq)] == [seq]
+    assert results(bench.read(0)) == [ERROR]
+    assert bench.texts == ["WPM: REJ. CMD: Req. WP was unexpected"]
+    assert bench.read(0) == []  # no transfer: silence
+
+
+def test_who_is_not_the_partner_is_told_in_a_text() -> None:
+    bench = px4()
+    bench.count(2)
+    assert bench.item(fields(0), peer=OTHER) == []
+    assert bench.read(0, peer=OTHER) == []
+    bench.ack(15, peer=OTHER)
+    assert bench.texts == [
+        "REJ. MIS ITEM: partner id mismatch",
+        "WPM: REJ. CMD: partner id mismatch",
+        "REJ. WP CMD: partner id mismatch",
+    ]
+    assert bench.upload(waypoints(2)) == ACCEPTED
+
+
+def test_a_count_during_a_download_is_busy_until_the_ground_station_acknowledges() -> None:
+    bench = px4()
+    bench.upload(waypoints(2))
+    bench.ask_list()
+    assert results(bench.count(2)) == [ERROR]
+    bench.read(0)
+    bench.read(1)
+    bench.ack()
+    assert requests(bench.count(2)) == [0]
+
+
+def test_an_item_of_another_list_is_an_error_and_the_upload_goes_on() -> None:
+    bench = px4()
+    bench.count(1)
+    assert results(bench.item(fields(0), FENCE)) == [ERROR]
+    assert results(bench.item(fields(0))) == [ACCEPTED]
+    assert bench.upload(square()) == ERROR  # vertices are not for a mission
+
+
+def test_legacy_items_are_taken_and_given() -> None:
+    bench = px4()
+    bench.count(1)
+    legacy = mavlink.MAVLink_mission_item_message(1, 1, 0, 3, 16, 0, 1, 0, 0, 0, 0, 46.05, 14.51, 12.0, 0)
+    assert results(bench.send(legacy)) == [ACCEPTED]
+    bench.ask_list()
+    (got,) = bench.send(mavlink.MAVLink_mission_request_message(1, 1, 0, 0))
+    assert (got.get_type(), got.frame) == ("MISSION_ITEM", 3)
+    assert (got.x, got.y, got.z) == pytest.approx((46.05, 14.51, 12.0), abs=1e-5)
+
+
+def test_only_messages_to_this_autopilot_are_for_it() -> None:
+    bench = px4()
+    for system, component in ((0, 0), (2, 1), (1, 154)):
+        assert bench.send(mavlink.MAVLink_mission_count_message(system, component, 2, 0)) == []
+    for component in (0, 1, 190):
+        assert requests(bench.send(mavlink.MAVLink_mission_count_message(1, component, 2, 0))) == [0]
+
+
+@pytest.mark.parametrize("make", [px4], ids=["px4"])
+def test_a_refused_mission(make: Any) -> None:
+    bench: Bench = make()
+    bench.refusal = MissionRefusal(mavlink.MAV_MISSION_DENIED)
+    assert bench.upload(waypoints(3)) == mavlink.MAV_MISSION_DENIED
+    bench.refusal = MissionRefusal(mavlink.MAV_MISSION_NO_SPACE, at_item=1)
+    assert bench.upload(waypoints(3)) == mavlink.MAV_MISSION_NO_SPACE
+    assert bench.mission.empty
+    bench.refusal = None
+    assert bench.upload(waypoints(3)) == ACCEPTED

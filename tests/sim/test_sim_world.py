@@ -1,0 +1,136 @@
+"""The world as a whole: equal seeds, vehicles that do not disturb each other, and what happens is noted."""
+
+from collections.abc import Sequence
+
+import bodies
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sim_vehicle.body import Body
+from sim_vehicle.gps import GpsSettings
+from sim_vehicle.noise import BLOCK, Normals
+from sim_vehicle.wind import WindSettings
+from sim_vehicle.world import World
+
+WIND, GPS = WindSettings(5.0, 40.0, 1.5), GpsSettings()
+
+
+def flown(planes: Sequence[bool], seeds: Sequence[int]) -> World:
+    """A world after the same flight of each vehicle, by its seed."""
+    world = bodies.world(len(planes), planes=planes, seeds=seeds, wind=WIND, gps=GPS)
+    for index, seed in enumerate(seeds):
+        make = bodies.plane if planes[index] else bodies.copter
+        body = make(world, index, height_m=None)
+        if planes[index]:
+            body.loiter(10.0 * seed, 50.0, bodies.GROUND_M + 40)
+        else:
+            body.fly_to(10.0 * seed, 50.0, bodies.GROUND_M + 40)
+    bodies.wait(world, 40.0)
+    return world
+
+
+def rows(world: World, index: int) -> list[list[float]]:
+    m = world.dynamics
+    return [
+        array[index].tolist()
+        for array in (
+            m.position_m,
+            m.velocity_m_s,
+            m.attitude_rad,
+            m.rates_rad_s,
+            world.estimate_m,
+            world.estimate_velocity_m_s,
+            world.gps.position_m,
+            world.wind_m_s,
+            np.column_stack([world.batteries.voltage_v, world.batteries.used_mah, m.airspeed_m_s]),
+        )
+    ]
+
+
+@settings(max_examples=6, derandomize=True, deadline=None)
+@given(st.lists(st.tuples(st.booleans(), st.integers(0, 50)), min_size=2, max_size=6))
+def test_together_each_flies_as_it_would_alone(fleet: list[tuple[bool, int]]) -> None:
+    together = flown([plane for plane, _ in fleet], [seed for _, seed in fleet])
+    for index, (plane, seed) in enumerate(fleet):
+        assert rows(together, index) == rows(flown([plane], [seed]), 0)
+
+
+def test_equal_seeds_are_equal_and_others_are_not() -> None:
+    first, again, other = flown([False], [1]), flown([False], [1]), flown([False], [2])
+    assert rows(first, 0) == rows(again, 0)
+    assert rows(first, 0) != rows(other, 0)
+
+
+def test_draws_do_not_depend_on_how_many_draw() -> None:
+    alone = Normals([np.random.default_rng(7)], 3)
+    among = Normals([np.random.default_rng(seed) for seed in range(5, 75)], 3)
+    for _ in range(3 * BLOCK):
+        assert alone.take()[:, 0].tolist() == among.take()[:, 2].tolist()
+
+
+def happened(body: Body, world: World) -> bool:
+    """Whether there is an event, which is taken; a second look finds none."""
+    shown, taken = bool(world.events[0]), body.take_events()
+    assert shown == taken
+    assert not body.take_events()
+    return taken
+
+
+def test_what_happens_is_noted_once() -> None:
+    world = bodies.world()
+    body = bodies.copter(world, height_m=None)
+    bodies.wait(world, 1.0)
+    assert not happened(body, world)
+    body.fly_to(0, 0, bodies.GROUND_M + 10)
+    bodies.wait(world, 0.1)
+    assert happened(body, world)  # in the air
+    bodies.wait(world, 1.0)
+    assert not happened(body, world)
+    bodies.until(world, lambda: body.reached)
+    assert happened(body, world)
+    bodies.wait(world, 5.0)
+    assert not happened(body, world)
+    body.move_vertically(-1.0)
+    bodies.until(world, lambda: not body.airborne)
+    assert happened(body, world)  # touchdown
+    body.set_battery(capacity_mah=1.0, full_v=12.6)
+    bodies.wait(world, 0.2)
+    assert happened(body, world)  # empty
+
+
+def test_only_what_changed_is_woken() -> None:
+    world = bodies.world(3)
+    fleet = [bodies.copter(world, index, height_m=None) for index in range(3)]
+    fleet[1].fly_to(0, 0, bodies.GROUND_M + 10)
+    bodies.wait(world, 0.1)
+    assert world.events.tolist() == [False, True, False]
+
+
+def test_limits_are_kept_where_the_equations_stand() -> None:
+    world = bodies.world(planes=True)
+    body = bodies.plane(world, height_m=None)
+    before = world.dynamics.speed_m_s[0]
+    body.limit(speed_m_s=float("nan"), bank_limit_deg=float("inf"), radius_m=-5.0, acceleration_m_s2=0.0)
+    assert world.dynamics.speed_m_s[0] == before
+    assert np.degrees(world.dynamics.bank_limit_rad[0]) == pytest.approx(45.0)
+    assert world.dynamics.radius_m[0] > 0
+    assert world.dynamics.acceleration_limit_m_s2[0] > 0
+
+
+@pytest.mark.parametrize("order", ["fly_to", "loiter", "land_at", "move"])
+def test_a_place_that_is_none_is_no_order(order: str) -> None:
+    world = bodies.world(planes=True)
+    body = bodies.plane(world)
+    before = rows(world, 0)
+    nan = float("nan")
+    if order == "move":
+        body.move((nan, 0.0, 0.0))
+    elif order == "land_at":
+        body.land_at(nan, 0.0)
+    else:
+        getattr(body, order)(nan, 0.0, 0.0)
+    assert rows(world, 0) == before
+    bodies.wait(world, 5.0)
+    assert np.isfinite(world.dynamics.position).all()
