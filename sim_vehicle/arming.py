@@ -46,7 +46,7 @@ class Arming:
         reasons = vehicle.personality.refusals(vehicle, now)
         armable = vehicle.mode.armable or (in_mission and vehicle.tuning.mission_mode_armable)
         if not armable:
-            reasons = [*reasons, *vehicle.wording("not_armable", mode=vehicle.mode.name)]
+            reasons = [*reasons, *vehicle.voice.wording("not_armable", mode=vehicle.mode.name)]
         for reason in reasons:
             vehicle.tell("arm_refused", reason=reason)
         if reasons:
@@ -69,7 +69,7 @@ class Arming:
         vehicle.body.arm(False)
         vehicle.mission.reset()
         vehicle.tell(text)
-        vehicle.disarmed()
+        vehicle.modes.disarmed()
 
     def update(self, now: float) -> float:
         """Disarm after a landing, or after an arming that no flight followed; when to look again [s]."""

@@ -6,14 +6,12 @@ its row of the fleet's `Status`, from which telemetry is made for all vehicles a
 """
 
 import math
-from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle import commands
-from sim_vehicle.afflictions import Afflictions, ModeStuck
+from sim_vehicle.afflictions import Afflictions
 from sim_vehicle.arming import Arming
 from sim_vehicle.body import Body
 from sim_vehicle.failsafe import Failsafes
@@ -25,30 +23,26 @@ from sim_vehicle.flight import Flight
 from sim_vehicle.jobs import Jobs
 from sim_vehicle.logs.recorder import LogLimits
 from sim_vehicle.mission import Item, Mission, MissionState
+from sim_vehicle.modes import Modes
 from sim_vehicle.params import Parameters
 from sim_vehicle.personalities.base import Behaviour, Mode, Personality, Tuning
 from sim_vehicle.place import Place
 from sim_vehicle.publish import publish
 from sim_vehicle.rally import Rally
 from sim_vehicle.readiness import Readiness
+from sim_vehicle.receivers import RECEIVERS
 from sim_vehicle.setpoints import Setpoints
 from sim_vehicle.signing import Signing
 from sim_vehicle.singles import SINGLES
 from sim_vehicle.status import Status
-from sim_vehicle.streams import Streams
-from sim_vehicle.telemetry import STREAMS
+from sim_vehicle.streams import Rates, Streams
+from sim_vehicle.voice import Voice
 
-HEARTBEAT_S = 1.0
-TIMESYNC_S = 10.0
 PREARM_TEXT_S = 30.0
 REBOOT_SILENCE_S = 1.5
-STRIKES, STRIKES_S = int(mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT), 1.0
 IDLE_LOOK_S = 1.0  # every vehicle looks around so often, whatever it waits for
 BUSY_LOOK_S = 0.1
-COMPONENT = int(mavlink.MAV_COMP_ID_AUTOPILOT1)
 EPSILON_S = 1e-9
-TEXT_BYTES = 50  # of one STATUSTEXT
-ACKNOWLEDGEMENTS = frozenset({mavlink.MAVLINK_MSG_ID_COMMAND_ACK, mavlink.MAVLINK_MSG_ID_MISSION_ACK})
 
 
 class Outlet(Protocol):
@@ -102,9 +96,17 @@ class Autopilot:
         log_limits: LogLimits,
     ) -> None:
         self.afflictions, self.replace_faults, self.signing = afflictions, replace_faults, Signing()
-        self._late: list[tuple[float, Any]] = []  # acknowledgements that a fault holds back, and until when
         self.index, self.sysid, self.body, self.personality, self.rng = index, sysid, body, personality, rng
-        self.status, self._streams, self._outlet = status, streams, outlet
+        self.status, self._outlet = status, outlet
+        self.rates = Rates(streams, index, personality)
+        self.voice = Voice(
+            personality,
+            afflictions,
+            send=lambda message: outlet.message(index, message),
+            clock=lambda: self.now,
+            record=self._record_text,
+        )
+        self.send, self.say, self.tell = self.voice.send, self.voice.say, self.voice.tell
         values = {**personality.parameters, personality.system_id_parameter: sysid, **parameters}
         self.params = Parameters(
             values, read_only=personality.read_only_parameters, byte_wise=personality.parameters_byte_wise
@@ -114,6 +116,7 @@ class Autopilot:
         self.fence, self.rally = Fence(), Rally()
         make = personality.mission
         self.mission = Mission(home=self.home_item) if make is None else make(self)
+        self.modes = Modes(self)
         self.flight = Flight(
             body,
             self.mission,
@@ -123,14 +126,14 @@ class Autopilot:
             tell=self.tell,
             send=self.send,
             disarm=self._landed,
-            taken_off=self._taken_off,
-            mission_over=self._mission_over,
+            taken_off=self.modes.taken_off,
+            mission_over=self.modes.mission_over,
             set_home=lambda place: self.set_home(place, self.now, locked=True),
         )
         self.arming = Arming(self)
         self.fence_watch = FenceWatch(self)
         self.transfer = personality.transfer(self)
-        self.jobs = Jobs(self.acknowledge)
+        self.jobs = Jobs(self.voice.acknowledge)
         self.setpoints = Setpoints(self)
         self.storage = personality.storage(self, log_limits)
         self._ready_s = ready_s
@@ -139,7 +142,6 @@ class Autopilot:
         self.alarm_s = 0.0
         self.strikes = 0
         self.boots = 0
-        self._text_id = 0
         self.reboot_after_reply = False
         self.booted = False
         self._boot_due_s = 0.0
@@ -148,9 +150,7 @@ class Autopilot:
     def _forget(self, now: float) -> None:
         """Everything that does not survive a reboot; parameters and the mission do."""
         self.readiness = Readiness(now, self._ready_s)
-        self.mode: Mode = self.personality.modes[self.personality.boot_mode]
-        self._armable_mode = self.mode
-        self.mission_checked_s = now
+        self.modes.reset(now)
         self.home: Place | None = None
         self.home_locked = False
         self.origin: Place | None = None
@@ -163,7 +163,7 @@ class Autopilot:
         self.transfer.reset()
         self.storage.reboot(now)
         self.signing.reboot()
-        self._late.clear()
+        self.voice.reset()
         self.jobs.reset()
         self.setpoints.reset()
         self.mission.reset()
@@ -173,52 +173,17 @@ class Autopilot:
 
     # -- out ---------------------------------------------------------------------------------------------
 
-    def send(self, message: Any) -> None:
-        """Send one message to whoever is there; faults may hold or lose an acknowledgement."""
-        if message.get_msgId() in ACKNOWLEDGEMENTS:
-            if self.afflictions.loses_ack():
-                return
-            if self.afflictions.ack_delay_s > 0:
-                self._late.append((self.now + self.afflictions.ack_delay_s, message))
-                return
-        self._outlet.message(self.index, message)
-
-    def say(self, severity: int, text: str) -> None:
-        """STATUSTEXT; a long one in several, which a ground station puts together by their id."""
-        self.storage.text(self.now, severity, text)
-        data = text.encode()
-        if len(data) <= TEXT_BYTES:
-            self.send(mavlink.MAVLink_statustext_message(severity, data))
-            return
-        self._text_id = self._text_id % 0xFFFF + 1
-        for chunk, start in enumerate(range(0, len(data) + 1, TEXT_BYTES)):
-            part = data[start : start + TEXT_BYTES]
-            self.send(mavlink.MAVLink_statustext_message(severity, part, self._text_id, chunk))
-
-    def tell(self, what: str, **facts: Any) -> None:
-        """Say something in the personality's words, if it says anything about it."""
-        if what in self.personality.texts:
-            severity, template = self.personality.texts[what]
-            self.say(severity, template.format(**facts))
-
-    def wording(self, what: str, **facts: Any) -> list[str]:
-        """The personality's words for something, to be said with something else; empty if it has none."""
-        if what not in self.personality.texts:
-            return []
-        return [self.personality.texts[what][1].format(**facts)]
+    def _record_text(self, now: float, severity: int, text: str) -> None:
+        self.storage.text(now, severity, text)
 
     def tell_refusals(self, how: str, now: float) -> None:
         """Say every reason against arming: `how` is prearm or arm_refused."""
         for reason in self.personality.refusals(self, now):
             self.tell(how, reason=reason)
 
-    def acknowledge(self, command: int, result: int, progress: int, sender: tuple[int, int]) -> None:
-        """COMMAND_ACK."""
-        self.send(mavlink.MAVLink_command_ack_message(command, result, progress, 0, *sender))
-
     def send_now(self, message_id: int, now: float, parameter: float = 0.0) -> bool:
         """Send one message on request; False if it is unknown or has nothing to say yet."""
-        if self.streams_message(message_id):
+        if self.rates.can(message_id):
             self.publish(now)
             return self._outlet.stream_now(self.index, message_id, now)
         if message_id not in self.singles:
@@ -227,27 +192,6 @@ class Autopilot:
         for message in made:
             self.send(message)
         return bool(made)
-
-    def streams_message(self, message_id: int) -> bool:
-        """Whether this autopilot can send a message at a rate."""
-        return message_id in STREAMS and message_id not in self.personality.lacks
-
-    def set_message_interval(self, message_id: int, interval_s: float, now: float) -> None:
-        """KeyError for a message that cannot be streamed. Whoever wants telemetry also hears of strikes."""
-        self._streams.set_interval(self.index, message_id, interval_s, now)
-        if interval_s > 0 and self.message_interval_s(STRIKES) is None:
-            self._streams.set_interval(self.index, STRIKES, STRIKES_S, now)
-
-    def reset_message_interval(self, message_id: int, now: float) -> None:
-        """Back to the rate that flows without being asked for."""
-        rate_hz = self.personality.default_rates_hz.get(message_id, 0.0)
-        self.set_message_interval(message_id, 1.0 / rate_hz if rate_hz else 0.0, now)
-
-    def message_interval_s(self, message_id: int) -> float | None:
-        """What is kept [s]; None where it does not stream, or cannot."""
-        if not self.streams_message(message_id):
-            return None
-        return self._streams.interval_s(self.index, message_id)
 
     def publish(self, now: float) -> None:
         """Write this vehicle's row of the status."""
@@ -261,7 +205,7 @@ class Autopilot:
             return
         kind = message.get_type()
         if kind == "HEARTBEAT":
-            self._on_heartbeat(message, now)
+            self._hear(message, now)
             return
         self.now = now
         if self.transfer.handles(kind):
@@ -276,42 +220,17 @@ class Autopilot:
         self.alarm_s = now
         self.publish(now)
 
-    def _for_me(self, message: Any) -> bool:
-        return self.personality.any_component or message.target_component in (0, COMPONENT)
-
-    def _on_command(self, message: Any, now: float) -> None:
-        if not self._for_me(message):
-            return
-        command = commands.Command.from_message(message)
-        result = commands.execute(self, command, now)
-        self.acknowledge(command.command, result, 0, command.sender)
-        if self.reboot_after_reply:
-            self.reboot_after_reply = False
-            self.reboot(now)
-
-    def _on_cancel(self, message: Any, _now: float) -> None:
-        self.jobs.cancel(message)
-
-    def _on_set_mode(self, message: Any, now: float) -> None:
-        accepted = message.base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED and self.set_mode(
-            message.custom_mode, now
-        )
-        if self.personality.acknowledges_set_mode:
-            result = mavlink.MAV_RESULT_ACCEPTED if accepted else mavlink.MAV_RESULT_TEMPORARILY_REJECTED
-            sender = (message.get_srcSystem(), message.get_srcComponent())
-            self.acknowledge(mavlink.MAV_CMD_DO_SET_MODE, result, 0, sender)
-
-    def _on_parameter(self, message: Any, _now: float) -> None:
-        name = self.params.receive(message, self.send)
-        if name is not None:
-            self._parameter_changed(name)
+    def _hear(self, heartbeat: Any, now: float) -> None:
+        sysid = heartbeat.get_srcSystem()
+        if heartbeat.type == mavlink.MAV_TYPE_GCS or sysid == self.tuning.gcs_sysid:
+            self.failsafes.heard_ground_station(sysid, now)
 
     def set_parameter(self, name: str, value: float) -> None:
         """Set a known parameter as if a ground station had; KeyError for another name."""
         self.params.set(name, value)
-        self._parameter_changed(name)
+        self.parameter_changed(name)
 
-    def _parameter_changed(self, name: str) -> None:
+    def parameter_changed(self, name: str) -> None:
         self.retune()
         self.simulate(name)
         self.storage.parameter(self.now, name)
@@ -327,44 +246,10 @@ class Autopilot:
         if found is not None:
             self.replace_faults(*found, self.now)
 
-    def _on_setup_signing(self, message: Any, now: float) -> None:
-        if self.personality.signs and not self.signing.set_up(message, now, armed=self.armed):
-            self.tell("signing_refused")
-
-    def _on_data_stream(self, message: Any, now: float) -> None:
-        rate_hz = message.req_message_rate if message.start_stop else 0
-        wanted = message.req_stream_id
-        for stream, message_ids in self.personality.streams.items():
-            if wanted in (mavlink.MAV_DATA_STREAM_ALL, stream):
-                for message_id in message_ids:
-                    self.set_message_interval(message_id, 1.0 / rate_hz if rate_hz else 0.0, now)
-
-    def _on_timesync(self, message: Any, now: float) -> None:
-        if message.tc1 == 0:
-            clock_ns = round((now - self.readiness.boot_s + self.clock_ahead_s(now)) * 1e9)
-            self.send(mavlink.MAVLink_timesync_message(clock_ns, message.ts1))
-
     def clock_ahead_s(self, now: float) -> float:
         """By how much the vehicle's own clock is ahead of simulated time [s]."""
         status, i = self.status, self.index
         return float(status.clock_offset_s[i] + (now - status.clock_since_s[i]) * status.clock_drift[i])
-
-    def _on_heartbeat(self, message: Any, now: float) -> None:
-        if message.type == mavlink.MAV_TYPE_GCS or message.get_srcSystem() == self.tuning.gcs_sysid:
-            self.failsafes.heard_ground_station(message.get_srcSystem(), now)
-
-    def _on_ping(self, message: Any, _now: float) -> None:
-        asked = message.target_system == message.target_component == 0
-        if asked and self.personality.answers_ping:
-            sender = (message.get_srcSystem(), message.get_srcComponent())
-            self.send(mavlink.MAVLink_ping_message(message.time_usec, message.seq, *sender))
-
-    def _on_set_current(self, message: Any, now: float) -> None:
-        if self.set_current(message.seq):
-            self.send_now(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT, now)
-
-    def _on_setpoint(self, message: Any, now: float) -> None:
-        self.setpoints.receive(message, now)
 
     # -- time --------------------------------------------------------------------------------------------
 
@@ -377,7 +262,7 @@ class Autopilot:
                 return
             self._boot(now)
         self._note_readiness(now)
-        self._send_late(now)
+        self.voice.send_late(now)
         failsafe_s = self.failsafes.update(now)
         self.flight.run(now)
         self._end_setpoint(now)
@@ -401,7 +286,7 @@ class Autopilot:
             self._setpoint_deadline_s(),
             self.transfer.next_deadline_s,
             self.storage.next_s(now),
-            self._late[0][0] if self._late else math.inf,
+            self.voice.next_s,
             now + BUSY_LOOK_S if self.fence_watch.active else math.inf,
         )
         self.publish(now)
@@ -421,10 +306,6 @@ class Autopilot:
             elif self.mode.behaviour is Behaviour.GUIDED and self.flight.flying:
                 self.body.stop()
 
-    def _send_late(self, now: float) -> None:
-        while self._late and self._late[0][0] <= now + EPSILON_S:
-            self._outlet.message(self.index, self._late.pop(0)[1])
-
     def reboot(self, now: float, silence_s: float = REBOOT_SILENCE_S) -> None:
         """Go silent; back after the boot."""
         self.storage.reboot(now)
@@ -440,19 +321,13 @@ class Autopilot:
         self._forget(now)
         for text in self.personality.boot_text:
             self._outlet.raw(self.index, text)
-        self._streams.clear(self.index)
-        first_s = now + self._phase_s * HEARTBEAT_S
-        rates_hz = {**self.personality.default_rates_hz, mavlink.MAVLINK_MSG_ID_HEARTBEAT: 1.0 / HEARTBEAT_S}
-        for message_id, rate_hz in rates_hz.items():
-            self._streams.set_interval(self.index, message_id, 1.0 / rate_hz, now, first_s=first_s)
+        self.rates.boot(now, now + self._phase_s)
 
     def _note_readiness(self, now: float) -> None:
         if not self._switch_read and self.readiness.mode_switch_read(now):
             self._switch_read = True
-            boot_mode = self.personality.modes[self.personality.boot_mode]
-            undoes = self.personality.rereads_mode_switch and self.readiness.ready_s > 0
-            if self.mode is not boot_mode and not self.armed and undoes:
-                self._enter(boot_mode)
+            if self.readiness.ready_s > 0:
+                self.modes.mode_switch_read()
         if self.origin is None and self.readiness.home(now):
             self.origin, self.origin_m = self.here(), self.body.position_m
             self.tell("origin_set")
@@ -515,7 +390,11 @@ class Autopilot:
             z=round(home.alt_amsl_m, 2),
         )
 
-    # -- arming and modes --------------------------------------------------------------------------------
+    # -- arming and mode ---------------------------------------------------------------------------------
+
+    @property
+    def mode(self) -> Mode:
+        return self.modes.mode
 
     @property
     def armed(self) -> bool:
@@ -529,85 +408,9 @@ class Autopilot:
         """Stop the motors on demand: in the air only if forced, and then the vehicle falls."""
         return self.arming.disarm(force=force)
 
-    def set_behaviour(self, behaviour: Behaviour, now: float) -> bool:
-        """Change to the personality's mode of this behaviour, as if a ground station had asked."""
-        return self.set_mode(self.personality.mode_of(behaviour).number, now)
-
-    def change_by_itself(self, behaviour: Behaviour, now: float) -> None:
-        """Change to the mode of this behaviour, whatever a ground station may do."""
-        self.now = now
-        self._enter(self.personality.mode_of(behaviour))
-
-    def enter_mode(self, number: int) -> None:
-        """Change to a mode by its number, one that cannot be asked for included."""
-        self._enter(self.personality.modes[number])
-
-    def set_mode(self, number: int, now: float) -> bool:
-        """Change mode by its wire number, if it may be entered now."""
-        if self.afflictions.mode_stuck is not None:
-            return self.afflictions.mode_stuck is ModeStuck.ACCEPTED
-        mode = self.personality.modes.get(number)
-        if mode is None or not mode.selectable:
-            self.tell("no_such_mode", number=number)
-            return False
-        if mode is self.mode:
-            return True
-        if self.armed and mode.needs_position and not self.position_known(now):
-            self.tell("mode_needs_position", mode=mode.name)
-            return False
-        if self.armed and mode.setpoints_only and not self.setpoints.streaming(now):
-            self.tell("mode_needs_setpoints", mode=mode.name)
-            return False
-        if self.armed and mode.needs_pilot and self.tuning.pilot_missing:
-            self.tell("mode_needs_pilot", mode=mode.name)
-            return False
-        if mode.behaviour is Behaviour.MISSION and self.armed and not self._mission_may_start():
-            self.tell("mode_needs_mission", mode=mode.name)
-            return False
-        self.fence_watch.pilot_took_over(now)
-        self._enter(mode)
-        return True
-
-    def _enter(self, mode: Mode) -> None:
-        self.mode = mode
-        if mode.armable:
-            self._armable_mode = mode
-        self.setpoints.reset()
-        self.flight.enter(mode)
-
-    def disarmed(self) -> None:
-        """The motors have stopped."""
-        if self.personality.disarm_restores_mode:
-            self._enter(self._armable_mode)
-
-    def _taken_off(self) -> None:
-        then = self.tuning.after_takeoff
-        if then is Behaviour.MISSION and not self.mission_ready(self.now):
-            then = Behaviour.HOLD
-        aim_m = self.flight.guided_target_m
-        self.change_by_itself(then, self.now)
-        if then is Behaviour.HOLD and aim_m is not None:
-            self.flight.go(aim_m)  # what is left of the climb
-
     def _landed(self) -> None:
         if self.personality.landing_disarms:
             self.arming.stop()
-
-    def _mission_over(self) -> None:
-        if self.personality.mission_ends_in is not None and self.flight.flying:
-            self.change_by_itself(self.personality.mission_ends_in, self.now)
-
-    def mission_ready(self, now: float) -> bool:
-        """Whether there is a mission, checked since it came, that can be flown."""
-        return not self.mission.empty and self.mission.flyable and now + EPSILON_S >= self.mission_checked_s
-
-    def _mission_may_start(self) -> bool:
-        if not self.mission_ready(self.now):
-            return False
-        if self.personality.home_item and not self.body.airborne and not self.mission.starts_with_takeoff():
-            self.tell("mission_without_takeoff")
-            return False
-        return True
 
     # -- mission -----------------------------------------------------------------------------------------
 
@@ -628,22 +431,3 @@ class Autopilot:
     @property
     def flies_mission(self) -> bool:
         return self.mode.behaviour is Behaviour.MISSION and self.mission.state is MissionState.ACTIVE
-
-
-RECEIVERS: dict[str, Callable[[Autopilot, Any, float], None]] = {
-    "COMMAND_LONG": Autopilot._on_command,
-    "COMMAND_INT": Autopilot._on_command,
-    "COMMAND_CANCEL": Autopilot._on_cancel,
-    "SET_MODE": Autopilot._on_set_mode,
-    "SETUP_SIGNING": Autopilot._on_setup_signing,
-    "PARAM_REQUEST_LIST": Autopilot._on_parameter,
-    "PARAM_REQUEST_READ": Autopilot._on_parameter,
-    "PARAM_SET": Autopilot._on_parameter,
-    "REQUEST_DATA_STREAM": Autopilot._on_data_stream,
-    "TIMESYNC": Autopilot._on_timesync,
-    "PING": Autopilot._on_ping,
-    "MISSION_SET_CURRENT": Autopilot._on_set_current,
-    "SET_POSITION_TARGET_GLOBAL_INT": Autopilot._on_setpoint,
-    "SET_POSITION_TARGET_LOCAL_NED": Autopilot._on_setpoint,
-    "SET_ATTITUDE_TARGET": Autopilot._on_setpoint,
-}

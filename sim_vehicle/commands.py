@@ -101,12 +101,12 @@ def arm_disarm(vehicle: "Autopilot", command: Command, now: float) -> int:
 def do_set_mode(vehicle: "Autopilot", command: Command, now: float) -> int:
     if not whole(command.param1) & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
         return DENIED
-    return ACCEPTED if vehicle.set_mode(whole(command.param2), now) else FAILED
+    return ACCEPTED if vehicle.modes.set(whole(command.param2), now) else FAILED
 
 
 def change_to(behaviour: Behaviour) -> Callable[["Autopilot", Command, float], int]:
     def handler(vehicle: "Autopilot", _command: Command, now: float) -> int:
-        return ACCEPTED if vehicle.set_behaviour(behaviour, now) else FAILED
+        return ACCEPTED if vehicle.modes.set_behaviour(behaviour, now) else FAILED
 
     return handler
 
@@ -121,7 +121,7 @@ def takeoff(vehicle: "Autopilot", command: Command, _now: float) -> int:
 
 def mission_start(vehicle: "Autopilot", _command: Command, now: float) -> int:
     """Sets AUTO; on an armed vehicle it clears the take-off, on a disarmed one nothing flies."""
-    if not vehicle.set_behaviour(Behaviour.MISSION, now):
+    if not vehicle.modes.set_behaviour(Behaviour.MISSION, now):
         return FAILED
     if vehicle.armed:
         vehicle.flight.cleared_for_takeoff = True
@@ -139,7 +139,7 @@ def reposition(vehicle: "Autopilot", command: Command, now: float) -> int:
         change = whole(command.param2) & mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
         if whole(command.param2) < 0 or not change:
             return DENIED
-        if not vehicle.set_behaviour(Behaviour.GUIDED, now):
+        if not vehicle.modes.set_behaviour(Behaviour.GUIDED, now):
             return FAILED
     up_m = vehicle.flight.altitude_amsl_m(command.frame, command.z)
     watch = vehicle.fence_watch
@@ -176,13 +176,13 @@ def pause_continue(vehicle: "Autopilot", command: Command, _now: float) -> int:
 
 def set_message_interval(vehicle: "Autopilot", command: Command, now: float) -> int:
     message_id = whole(command.param1)
-    if not vehicle.streams_message(message_id):
+    if not vehicle.rates.can(message_id):
         return DENIED
     interval_us = command.param2 if math.isfinite(command.param2) else -1
     if interval_us == 0:
-        vehicle.reset_message_interval(message_id, now)
+        vehicle.rates.reset(message_id, now)
     else:
-        vehicle.set_message_interval(message_id, interval_us / 1e6, now)
+        vehicle.rates.set(message_id, interval_us / 1e6, now)
     return ACCEPTED
 
 
@@ -190,10 +190,10 @@ def get_message_interval(vehicle: "Autopilot", command: Command, _now: float) ->
     message_id = whole(command.param1)
     if not 0 <= message_id <= 0xFFFF:
         return DENIED
-    interval_s = vehicle.message_interval_s(message_id)
+    interval_s = vehicle.rates.interval_s(message_id)
     # 0 says that the message does not exist here, -1 that it does not stream.
     interval_us = -1 if interval_s is None else round(interval_s * 1e6)
-    known = vehicle.streams_message(message_id) or message_id in vehicle.singles
+    known = vehicle.rates.can(message_id) or message_id in vehicle.singles
     vehicle.send(mavlink.MAVLink_message_interval_message(message_id, interval_us if known else 0))
     return ACCEPTED
 
@@ -201,7 +201,7 @@ def get_message_interval(vehicle: "Autopilot", command: Command, _now: float) ->
 def request_message(vehicle: "Autopilot", command: Command, now: float) -> int:
     message_id = whole(command.param1)
     if message_id == mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL:
-        interval_s = vehicle.message_interval_s(whole(command.param2))
+        interval_s = vehicle.rates.interval_s(whole(command.param2))
         microseconds = -1 if interval_s is None else round(interval_s * 1e6)
         vehicle.send(mavlink.MAVLink_message_interval_message(whole(command.param2) & 0xFFFF, microseconds))
         return ACCEPTED

@@ -82,7 +82,7 @@ class Failsafes:
         if delayed and self._waiting is None and vehicle.position_known(now) and not self._comes_down(action):
             self._waiting = (action, now + delay_s)
             vehicle.tell("failsafe_waits", seconds=round(delay_s))
-            vehicle.change_by_itself(Behaviour.HOLD, now)
+            vehicle.modes.by_itself(Behaviour.HOLD)
             return
         vehicle.tell("failsafe")
         self._waiting = None
@@ -115,7 +115,7 @@ class Failsafes:
         if behaviour in (Behaviour.RETURN, Behaviour.HOLD) and not vehicle.position_known(now):
             behaviour = Behaviour.LAND
         if _HOMEWARD.get(vehicle.mode.behaviour, 0) < _HOMEWARD.get(behaviour, 1):
-            vehicle.change_by_itself(behaviour, now)
+            vehicle.modes.by_itself(behaviour)
 
     def _watch_gcs(self, now: float) -> None:
         vehicle, tuning = self._vehicle, self._vehicle.tuning

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.afflictions import Afflictions
-from sim_vehicle.autopilot import COMPONENT, Autopilot
+from sim_vehicle.autopilot import Autopilot
 from sim_vehicle.body import Body
 from sim_vehicle.encode import Encoder
 from sim_vehicle.faults.schedule import Patient, Schedule
@@ -22,6 +22,7 @@ from sim_vehicle.logs.recorder import limits_for
 from sim_vehicle.logs.sampling import samples
 from sim_vehicle.outbox import Frames, Outbox
 from sim_vehicle.personalities import personality_of
+from sim_vehicle.receivers import COMPONENT
 from sim_vehicle.scenario import Scenario
 from sim_vehicle.status import Status
 from sim_vehicle.streams import Streams

@@ -8,12 +8,16 @@ from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.personalities.base import Personality
 from sim_vehicle.telemetry import STREAMS
 
 IDS = tuple(STREAMS)
 ROWS = {message_id: row for row, message_id in enumerate(IDS)}
 EPSILON_S = 1e-9
+HEARTBEAT, HEARTBEAT_HZ = int(mavlink.MAVLINK_MSG_ID_HEARTBEAT), 1.0
+STRIKES, STRIKES_S = int(mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT), 1.0
 
 
 class Streams:
@@ -62,3 +66,36 @@ class Streams:
             due_s[vehicles] = np.maximum(due_s[vehicles] + self._interval_s[row, vehicles], now)
             self._row_due_s[row] = due_s.min()
             yield IDS[row], vehicles
+
+
+class Rates:
+    """One vehicle's intervals: what its autopilot can send at a rate, and what flows without being asked."""
+
+    def __init__(self, streams: Streams, vehicle: int, personality: Personality) -> None:
+        self._streams, self._vehicle, self._personality = streams, vehicle, personality
+
+    def can(self, message_id: int) -> bool:
+        """Whether this autopilot can send a message at a rate."""
+        return message_id in STREAMS and message_id not in self._personality.lacks
+
+    def set(self, message_id: int, interval_s: float, now: float) -> None:
+        """KeyError for a message that cannot be streamed. Whoever wants telemetry also hears of strikes."""
+        self._streams.set_interval(self._vehicle, message_id, interval_s, now)
+        if interval_s > 0 and self.interval_s(STRIKES) is None:
+            self._streams.set_interval(self._vehicle, STRIKES, STRIKES_S, now)
+
+    def reset(self, message_id: int, now: float) -> None:
+        """Back to the rate that flows without being asked for."""
+        rate_hz = self._personality.default_rates_hz.get(message_id, 0.0)
+        self.set(message_id, 1.0 / rate_hz if rate_hz else 0.0, now)
+
+    def interval_s(self, message_id: int) -> float | None:
+        """What is kept [s]; None where it does not stream, or cannot."""
+        return self._streams.interval_s(self._vehicle, message_id) if self.can(message_id) else None
+
+    def boot(self, now: float, first_s: float) -> None:
+        """Everything is forgotten but what flows by itself, from `first_s` [s] on."""
+        self._streams.clear(self._vehicle)
+        rates_hz = {**self._personality.default_rates_hz, HEARTBEAT: HEARTBEAT_HZ}
+        for message_id, rate_hz in rates_hz.items():
+            self._streams.set_interval(self._vehicle, message_id, 1.0 / rate_hz, now, first_s=first_s)

@@ -8,6 +8,7 @@ import socket
 import tty
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from simulator_process import (
     LIMIT_S,
     Ground,
@@ -91,6 +92,18 @@ def test_a_rebooted_vehicle_comes_back_from_another_port_and_still_answers() -> 
         assert b"Init ArduCopter" in ground.raw
         ground.answered(99, 2, moved)
         ground.answered(100, 1, shared)
+
+
+@pytest.mark.autopilots("1.18")
+def test_what_comes_from_another_port_than_it_sends_to_is_not_heard() -> None:
+    udp, port = udp_socket()
+    stranger, _ = udp_socket()
+    with udp, stranger, simulator("--speedup", "5", "--url", f"udpout:127.0.0.1:{port}"):
+        ground = Ground(udp)
+        ground.systems(1)
+        Ground(stranger, ground.address).send(mavlink.MAVLink_timesync_message(0, 7))
+        ground.answered(8, 1)
+        assert [m.ts1 for m in ground.heard if m.get_type() == "TIMESYNC" and m.tc1] == [8]
 
 
 def test_a_vehicle_with_a_port_of_its_own_comes_back_from_another_port() -> None:

@@ -36,7 +36,7 @@ def _transfer(vehicle: "Autopilot") -> Px4Transfer:
     assert isinstance(mission, Px4Mission)
 
     def take(items: Sequence[Item], current: int) -> None:
-        vehicle.mission_checked_s = vehicle.now + MISSION_CHECK_S
+        vehicle.modes.mission_checked_s = vehicle.now + MISSION_CHECK_S
         mission.replace(vehicle.flight.pilot, items, current)
 
     def set_current(index: int) -> None:

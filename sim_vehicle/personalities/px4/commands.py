@@ -38,7 +38,7 @@ def _whole(value: float) -> int:
 
 
 def _change(vehicle: "Autopilot", number: int, now: float) -> int:
-    return ACCEPTED if vehicle.set_mode(number, now) else TEMPORARILY_REJECTED
+    return ACCEPTED if vehicle.modes.set(number, now) else TEMPORARILY_REJECTED
 
 
 def set_mode(vehicle: "Autopilot", command: "Command", now: float) -> int:
@@ -90,7 +90,7 @@ def arm_disarm(vehicle: "Autopilot", command: "Command", now: float) -> int:
 
 def takeoff(vehicle: "Autopilot", command: "Command", now: float) -> int:
     """Mode TAKEOFF, to param7 above mean sea level; no number, or too low: to MIS_TAKEOFF_ALT above home."""
-    if not vehicle.set_mode(modes.TAKEOFF, now):
+    if not vehicle.modes.set(modes.TAKEOFF, now):
         return TEMPORARILY_REJECTED
     aim_m = command.z if math.isfinite(command.z) else None
     least_m = vehicle.flight.home().alt_amsl_m + vehicle.tuning.takeoff_height_m
@@ -102,14 +102,14 @@ def takeoff(vehicle: "Autopilot", command: "Command", now: float) -> int:
 
 
 def land(vehicle: "Autopilot", _command: "Command", now: float) -> int:
-    if not vehicle.set_mode(modes.LAND, now):
+    if not vehicle.modes.set(modes.LAND, now):
         return TEMPORARILY_REJECTED
     vehicle.tell("landing")
     return ACCEPTED
 
 
 def return_to_launch(vehicle: "Autopilot", _command: "Command", now: float) -> int:
-    if not vehicle.set_mode(modes.RETURN, now):
+    if not vehicle.modes.set(modes.RETURN, now):
         return TEMPORARILY_REJECTED
     vehicle.tell("returning")
     return ACCEPTED
@@ -117,12 +117,12 @@ def return_to_launch(vehicle: "Autopilot", _command: "Command", now: float) -> i
 
 def mission_start(vehicle: "Autopilot", command: "Command", now: float) -> int:
     """Mission mode, armed: it takes off by itself. param1: the first item, -1 the current one."""
-    if not vehicle.mission_ready(now):
+    if not vehicle.modes.mission_ready(now):
         vehicle.tell("no_mission_to_start")
         return DENIED
     if not (math.isfinite(command.param1) and -1 <= command.param1 < vehicle.mission.count):
         return DENIED
-    if not vehicle.set_mode(modes.MISSION, now):
+    if not vehicle.modes.set(modes.MISSION, now):
         return TEMPORARILY_REJECTED
     if not vehicle.arming.arm(now, force=False, text="armed_by_mission"):
         vehicle.tell("mode_needs_mission", mode=modes.MODES[modes.MISSION].name)
@@ -136,7 +136,7 @@ def reposition(vehicle: "Autopilot", command: "Command", now: float) -> int:
     """Hold, and there: in whatever frame, the altitude is above mean sea level. What is no number stays."""
     if _whole(command.param2) != mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE:
         return UNSUPPORTED
-    if not vehicle.set_mode(modes.HOLD, now):
+    if not vehicle.modes.set(modes.HOLD, now):
         return TEMPORARILY_REJECTED
     here = vehicle.here()
     placed = math.isfinite(command.lat_deg) and math.isfinite(command.lon_deg)
@@ -162,7 +162,7 @@ def _go(vehicle: "Autopilot", place: Place) -> None:
 
 def change_altitude(vehicle: "Autopilot", command: "Command", now: float) -> int:
     """param1: altitude above mean sea level, held where the vehicle is."""
-    if not vehicle.set_mode(modes.HOLD, now):
+    if not vehicle.modes.set(modes.HOLD, now):
         return TEMPORARILY_REJECTED
     if math.isfinite(command.param1):
         here = vehicle.here()
@@ -188,10 +188,10 @@ def orbit(vehicle: "Autopilot", command: "Command", now: float) -> int:
     radius_m = command.param1 if math.isfinite(command.param1) and command.param1 else ORBIT_RADIUS_M
     up_m = command.z if math.isfinite(command.z) else here.alt_amsl_m
     if vehicle.body.plane:
-        vehicle.enter_mode(modes.HOLD)
+        vehicle.modes.enter(modes.HOLD)
         vehicle.body.loiter(*vehicle.body.locate(*centre), up_m, radius_m)
         return ACCEPTED
-    vehicle.enter_mode(modes.ORBIT)
+    vehicle.modes.enter(modes.ORBIT)
     speed_m_s = abs(command.param2) if math.isfinite(command.param2) and command.param2 else ORBIT_SPEED_M_S
     vehicle.flight.fly(Orbit(vehicle.body, vehicle.body.locate(*centre), up_m, radius_m, speed_m_s))
     return ACCEPTED
@@ -219,7 +219,7 @@ def set_home(vehicle: "Autopilot", command: "Command", now: float) -> int:
 def terminate(vehicle: "Autopilot", command: "Command", _now: float) -> int:
     if not (command.param1 > 0.5 and vehicle.armed):
         return DENIED
-    vehicle.enter_mode(modes.TERMINATION)
+    vehicle.modes.enter(modes.TERMINATION)
     vehicle.disarm(force=True)
     return ACCEPTED
 

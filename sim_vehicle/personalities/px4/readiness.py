@@ -50,7 +50,7 @@ def _mode(vehicle: "Autopilot", now: float) -> list[str]:
         return ["No manual control input"]
     if mode.setpoints_only and not vehicle.setpoints.streaming(now):
         return ["No offboard signal"]
-    if mode.behaviour is Behaviour.MISSION and not vehicle.mission_ready(now):
+    if mode.behaviour is Behaviour.MISSION and not vehicle.modes.mission_ready(now):
         return ["No valid mission available"]
     return []
 
