@@ -17,6 +17,17 @@ class Arming:
         self.armed = False
         self._armed_at_s = 0.0
         self._flown = self._was_airborne = False
+        self._taken_off_at_s = math.nan
+
+    @property
+    def armed_since_s(self) -> float:
+        """nan while it is not armed."""
+        return self._armed_at_s if self.armed else math.nan
+
+    @property
+    def flying_since_s(self) -> float:
+        """The latest take-off since it was armed; nan if there was none."""
+        return self._taken_off_at_s if self.armed else math.nan
 
     def arm(self, now: float, *, force: bool, text: str = "armed") -> bool:
         """Start the motors; the reasons of a refusal go out as texts."""
@@ -30,10 +41,11 @@ class Arming:
         in_mission = vehicle.mode.behaviour is Behaviour.MISSION
         if not force and not self._may_arm(in_mission=in_mission, now=now):
             return False
-        if vehicle.readiness.home(now) and not vehicle.home_locked:
+        if vehicle.home is not None and not vehicle.home_locked:
             vehicle.set_home(vehicle.here(), now)
         self.armed, self._armed_at_s, self._flown = True, now, False
         self._was_airborne = vehicle.body.airborne
+        self._taken_off_at_s = math.nan
         vehicle.flight.armed = True
         vehicle.flight.cleared_for_takeoff = in_mission and vehicle.tuning.mission_takes_off
         vehicle.body.arm(True)
@@ -68,6 +80,9 @@ class Arming:
         self.armed = vehicle.flight.armed = vehicle.flight.cleared_for_takeoff = False
         vehicle.body.arm(False)
         vehicle.mission.reset()
+        counter = vehicle.personality.flight_counter
+        if counter is not None:
+            vehicle.params.keep(counter, vehicle.params[counter] + 1)
         vehicle.tell(text)
         vehicle.modes.disarmed()
 
@@ -79,6 +94,8 @@ class Arming:
         airborne = vehicle.body.airborne
         if airborne != self._was_airborne:
             self._was_airborne = airborne
+            if airborne:
+                self._taken_off_at_s = now
             vehicle.tell("taken_off" if airborne else "touched_down")
         self._flown = self._flown or airborne
         if airborne:

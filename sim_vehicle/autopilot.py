@@ -108,6 +108,7 @@ class Autopilot:
         )
         self.send, self.say, self.tell = self.voice.send, self.voice.say, self.voice.tell
         values = {**personality.parameters, personality.system_id_parameter: sysid, **parameters}
+        body.set_gps_fix(personality.gps_fix_type)
         self.params = Parameters(
             values, read_only=personality.read_only_parameters, byte_wise=personality.parameters_byte_wise
         )
@@ -329,10 +330,9 @@ class Autopilot:
             if self.readiness.ready_s > 0:
                 self.modes.mode_switch_read()
         if self.origin is None and self.readiness.home(now):
-            self.origin, self.origin_m = self.here(), self.body.position_m
-            self.tell("origin_set")
-            self.send_now(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, now)
-            self.set_home(self.origin, now)
+            self.set_origin(self.here(), now)
+        if self.home is None and self._home_due(now):
+            self.set_home(self.here(), now)
         if not self.armed and now >= self._next_prearm_s:
             self._next_prearm_s += PREARM_TEXT_S
             self.tell_refusals("prearm", now)
@@ -363,6 +363,17 @@ class Autopilot:
     @property
     def height_above_home_m(self) -> float:
         return self.body.alt_amsl_m - (self.home.alt_amsl_m if self.home else self.body.ground_amsl_m)
+
+    def _home_due(self, now: float) -> bool:
+        late = self.personality.home_with_position
+        return self.position_known(now) if late else self.readiness.home(now)
+
+    def set_origin(self, place: Place, now: float) -> None:
+        """Where local coordinates are counted from."""
+        self.origin = place
+        self.origin_m = (*self.body.locate(place.lat_deg, place.lon_deg), place.alt_amsl_m)
+        self.tell("origin_set")
+        self.send_now(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, now)
 
     def set_home(self, place: Place, now: float, *, locked: bool = False) -> None:
         self.home, self.home_locked = place, self.home_locked or locked

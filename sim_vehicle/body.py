@@ -58,6 +58,12 @@ class Body:
         return float(self._motion.attitude[2, self._index]) % (2 * math.pi)
 
     @property
+    def attitude_rad(self) -> tuple[float, float, float]:
+        """Roll, pitch and yaw."""
+        roll, pitch, yaw = self._motion.attitude[:, self._index].tolist()
+        return roll, pitch, yaw
+
+    @property
     def airborne(self) -> bool:
         return bool(self._motion.airborne[self._index])
 
@@ -214,12 +220,26 @@ class Body:
             self._set_leg(here[0], here[1], here[0] + east / speed, here[1] + north / speed)
         motion.circle_m[i] = 0.0
         self._begin(Order.VELOCITY)
-        if yaw_rad is not None:
-            self.face(yaw_rad)
-        elif yaw_rate_rad_s is not None and _sound(yaw_rate_rad_s):
-            self.face(self.heading_rad)
-            limit = float(motion.yaw_rate_limit_rad_s[i])
-            motion.wanted_yaw_rate_rad_s[i] = max(-limit, min(yaw_rate_rad_s, limit))
+        self._turn(yaw_rad, yaw_rate_rad_s)
+
+    def lean(
+        self,
+        acceleration_m_s2: tuple[float, float],
+        climb_m_s: float,
+        *,
+        yaw_rad: float | None = None,
+        yaw_rate_rad_s: float | None = None,
+    ) -> None:
+        """Lean a copter so that its thrust accelerates it east, north [m/s2], whatever the air does to it."""
+        i, motion = self._index, self._motion
+        if not _sound(*acceleration_m_s2, climb_m_s):
+            return
+        motion.wanted_lean[:, i] = acceleration_m_s2
+        motion.rate_m_s[i] = max(-float(motion.descent_m_s[i]), min(climb_m_s, float(motion.climb_m_s[i])))
+        motion.target[:, i] = self.position_m
+        motion.circle_m[i] = 0.0
+        self._begin(Order.LEAN)
+        self._turn(yaw_rad, yaw_rate_rad_s)
 
     def move_vertically(self, rate_m_s: float) -> None:
         """Climb (positive) or sink at a rate over the target's place; a plane along its leg or circle."""
@@ -282,6 +302,11 @@ class Body:
         turn_radius_m = float(motion.radius_m[i]) / widening
         return min(speed, math.sqrt(float(motion.acceleration_limit_m_s2[i]) * turn_radius_m))
 
+    def set_gps_fix(self, fix_type: int) -> None:
+        """GPS_FIX_TYPE of its receiver at its best."""
+        gps = self._world.gps
+        gps.best_fix_type[self._index] = gps.fix_type[self._index] = fix_type
+
     def set_battery(self, *, capacity_mah: float, full_v: float) -> None:
         """What the battery holds when full, and its voltage then, at rest."""
         self._world.batteries.capacity_mah[self._index] = max(capacity_mah, 1.0)
@@ -311,6 +336,15 @@ class Body:
         else:
             motion.leg_direction[:, i] = 0.0
             motion.leg_heading_rad[i] = motion.attitude[2, i]
+
+    def _turn(self, yaw_rad: float | None, yaw_rate_rad_s: float | None) -> None:
+        i, motion = self._index, self._motion
+        if yaw_rad is not None:
+            self.face(yaw_rad)
+        elif yaw_rate_rad_s is not None and _sound(yaw_rate_rad_s):
+            self.face(self.heading_rad)
+            limit = float(motion.yaw_rate_limit_rad_s[i])
+            motion.wanted_yaw_rate_rad_s[i] = max(-limit, min(yaw_rate_rad_s, limit))
 
     def _face_along(self) -> None:
         i, motion = self._index, self._motion

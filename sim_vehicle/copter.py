@@ -36,6 +36,9 @@ def fly(m: Motion, i: Selection, dt_s: float) -> None:
     known_air = m.velocity[:2, i] - m.wind.known[:, i]
     known_drag = known_air * (np.hypot(known_air[0], known_air[1]) * DRAG_PER_M)
     lean = (pushes + known_drag) * thrusts
+    leans = order == Order.LEAN
+    if np.count_nonzero(leans):
+        np.copyto(lean, m.wanted_lean[:, i], where=leans & thrusts)
     size = np.hypot(lean[0], lean[1])
     if size.max(initial=0.0) > LEAN_LIMIT_M_S2:
         lean *= np.minimum(1.0, LEAN_LIMIT_M_S2 / np.maximum(size, 1e-9))
@@ -144,6 +147,6 @@ def throttle(m: Motion, i: Selection) -> Floats:
 def lifts_off(m: Motion) -> Bools:
     """Copters on the ground that are told to climb and can, (n,)."""
     up = (m.order == Order.POSITION) & (m.target[2] > m.ground_m + 0.1)
-    up |= ((m.order == Order.RATE) | (m.order == Order.VELOCITY)) & (m.rate_m_s > 0)
+    up |= ((m.order == Order.RATE) | (m.order == Order.VELOCITY) | (m.order == Order.LEAN)) & (m.rate_m_s > 0)
     fit = ~(m.crashed | m.exhausted | m.planes | m.airborne) & (m.motors_lost == 0)
     return np.asarray(up & m.armed & fit)

@@ -114,10 +114,10 @@ def summary(truth: Truth, page: int, pages: int) -> Text:
         f"{len(truth.mode)} vehicles",
         ", ".join(named),
         f"{int(truth.armed.sum())} armed",
-        f"{int(truth.airborne.sum())} in the air",
-        f"battery from {float(truth.battery_remaining.min()):.0%}",
+        f"{int(truth.airborne.sum())} flying",
+        f"battery >= {float(truth.battery_remaining.min()):.0%}",
     ]
-    words = [f"page {page + 1} of {pages}", *words] if pages > 1 else words
+    words = [f"page {page + 1}/{pages}", *words] if pages > 1 else words
     return Text("  ".join(words), style="dim")
 
 
@@ -133,14 +133,15 @@ def _cut(text: Text, width: int) -> Text:
 
 
 async def showing(server: Server) -> None:
-    """Keep the picture up to date until cancelled."""
+    """Keep the picture up to date until cancelled; a thread draws it, as heartbeats are due meanwhile."""
     console = Console()
     display, loop = Display(server), asyncio.get_running_loop()
     with Live(console=console, auto_refresh=False) as live:
         try:
             while True:
                 picture = display.render(loop.time(), console.width, console.height)
-                live.update(picture, refresh=True)
+                live.update(picture)
+                await asyncio.to_thread(live.refresh)
                 await asyncio.sleep(REFRESH_S)
         finally:
-            live.update(display.render(loop.time(), console.width, console.height), refresh=True)
+            live.update(display.render(loop.time(), console.width, console.height))

@@ -33,6 +33,11 @@ _NUMPY_TYPES = {
     "double": "<f8",
     "uint8_t_mavlink_version": "u1",
 }
+# What an integer field can hold, as floats that convert back without an overflow.
+_LIMITS = {
+    np.dtype(kind).str: (float(np.iinfo(kind).min), np.nextafter(float(np.iinfo(kind).max) + 1, 0))
+    for kind in (np.uint8, np.int8, np.uint16, np.int16, np.uint32, np.int32, np.uint64, np.int64)
+}
 Records = npt.NDArray[Any]
 
 
@@ -74,8 +79,10 @@ def records(layout: Layout, n: int, columns: Mapping[str, Any]) -> Records:
         base = layout.dtype[name].base
         array = np.asarray(values)
         if base.kind in "iu" and array.dtype.kind == "f":
-            limits = np.iinfo(base)
-            array = np.clip(np.rint(np.nan_to_num(array)), limits.min, limits.max)
+            lowest, highest = _LIMITS[base.str]
+            array = np.minimum(np.maximum(np.rint(array), lowest), highest)
+            if np.isnan(array).any():
+                array = np.nan_to_num(array)
         made[name] = array
     return made
 

@@ -54,7 +54,18 @@ class FenceWatch:
     @property
     def active(self) -> bool:
         """Whether the vehicle has to look often."""
-        return self.enabled and self._vehicle.armed and self._vehicle.body.airborne
+        vehicle = self._vehicle
+        return self.enabled and vehicle.armed and vehicle.body.airborne and self._has_limits
+
+    @property
+    def _has_limits(self) -> bool:
+        tuning = self._vehicle.tuning
+        return (
+            math.isfinite(tuning.fence_max_height_m)
+            or math.isfinite(tuning.fence_radius_m)
+            or math.isfinite(tuning.fence_min_height_m)
+            or (tuning.fence_polygons and bool(self._vehicle.fence.zones))
+        )
 
     @property
     def kind(self) -> int:
@@ -82,7 +93,7 @@ class FenceWatch:
         if vehicle.tuning.fence_enabled != self._parameter:
             self._parameter, self.switch = vehicle.tuning.fence_enabled, None
         before = self.breached
-        if not self.enabled:
+        if not (self.enabled and self._has_limits):
             self.breached, self._above_floor = frozenset(), False
             self._again_m.clear()
             return

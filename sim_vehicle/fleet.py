@@ -140,12 +140,20 @@ class Fleet:
         """How often each vehicle has booted."""
         return tuple(vehicle.boots for vehicle in self.vehicles)
 
-    def receive(self, data: bytes, now: float, *, peer: Hashable = None, link: int = 0) -> Frames:
+    def receive(
+        self,
+        data: bytes,
+        now: float,
+        *,
+        peer: Hashable = None,
+        link: int = 0,
+        reach: Collection[int] | None = None,
+    ) -> Frames:
         """Take bytes of one ground station at `now` [s] and return (vehicle, bytes) to send.
 
         Bytes of one stream may be cut anywhere; `peer` tells streams apart where there are several, and
-        `link` which vehicles hear it. The simulation is brought up to `now` first, and what that sends is
-        returned as well.
+        `link` which vehicles hear it, `reach` which of those if not all. The simulation is brought up to
+        `now` first, and what that sends is returned as well.
         """
         self._advance(now)
         self.counters.bytes_in += len(data)
@@ -157,10 +165,10 @@ class Fleet:
                 self.counters.unknown_messages += 1
             else:
                 self.counters.messages_in += 1
-                self._deliver(message, link, now)
+                self._deliver(message, link, reach, now)
         return self._take(now)
 
-    def _deliver(self, message: Any, link: int, now: float) -> None:
+    def _deliver(self, message: Any, link: int, reach: Collection[int] | None, now: float) -> None:
         target = getattr(message, "target_system", 0)
         if target:
             vehicle = self._by_address.get((link, target))
@@ -168,6 +176,8 @@ class Fleet:
         else:
             addressed = self._by_link.get(link, [])
         for vehicle in addressed:
+            if reach is not None and vehicle.index not in reach:
+                continue
             if not self._wires.takes(vehicle.index, message, now):
                 self._hand_over(vehicle, message, now)
 

@@ -35,6 +35,7 @@ class Gps:
         self._noise_m, self._drift_m = settings.noise_m * axes, settings.drift_m * axes
         self.lost: npt.NDArray[np.bool_] = np.zeros(n, dtype=bool)
         self.offset_m = np.zeros((n, 3))  # of a receiver that is sure of a wrong place
+        self.best_fix_type = np.full(n, FIX)
         self.fix_type = np.full(n, FIX)
         self.satellites = np.full(n, SATELLITES)
         self.eph_m = np.full(n, HDOP)
@@ -61,7 +62,7 @@ class Gps:
             self.error += draws[:3] * self._noise_m
             np.multiply(draws[6:9], self._noise_m * SPEED_NOISE_PER_S, out=self.velocity_error)
         np.add(truth, self.error, out=self._position)
-        np.copyto(self.fix_type, np.where(self.lost, NO_FIX, FIX))
+        np.copyto(self.fix_type, np.where(self.lost, NO_FIX, self.best_fix_type))
         np.copyto(self.satellites, np.where(self.lost, 0, SATELLITES))
         self._geodetic = None
 

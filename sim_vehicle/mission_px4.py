@@ -18,13 +18,24 @@ def _always(_items: Sequence[Item]) -> bool:
     return True
 
 
-class Px4Mission(Mission):
-    """Items from 0 on; `feasible` is asked about new ones, and what is not feasible is kept but not flown."""
+def _nothing() -> None:
+    pass
 
-    def __init__(self, feasible: Callable[[Sequence[Item]], bool] = _always) -> None:
+
+class Px4Mission(Mission):
+    """Items from 0 on; `feasible` is asked about new ones, and what is not feasible is kept but not flown.
+
+    An item that returns is a command to the vehicle, `go_home`, which thereby leaves the mission's mode.
+    """
+
+    def __init__(
+        self,
+        feasible: Callable[[Sequence[Item]], bool] = _always,
+        go_home: Callable[[], None] = _nothing,
+    ) -> None:
         super().__init__(home=lambda: Item(mavlink.MAV_CMD_NAV_WAYPOINT))
         self.disarms_on_landing = False
-        self._feasible = feasible
+        self._feasible, self._go_home = feasible, go_home
         self._valid = True
         self._wanted = False  # the mission mode is on
         self._flown_once = False  # this mission has been active
@@ -151,7 +162,9 @@ class Px4Mission(Mission):
     def _begin(self, pilot: Pilot, index: int) -> None:
         self.index, self.flown, self._step_begun_s = index, self.items[index], None
         pilot.mission_item_started(index, self.flown)
-        if self.flown.command in NAVIGATION:
+        if self.flown.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
+            self._go_home()
+        elif self.flown.command in NAVIGATION:
             pilot.start_navigation(self.flown, self._following(index))
         else:
             pilot.do(self.flown)

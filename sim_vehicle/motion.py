@@ -29,6 +29,7 @@ class Order:
     VELOCITY = 3  # move at a velocity; a plane flies in its direction
     GLIDE = 4  # a plane: down along the leg, to touch the ground at the target
     FALL = 5  # no thrust
+    LEAN = 6  # a copter: accelerate as a lean does, climb at a rate
 
 
 class Motion:
@@ -85,8 +86,9 @@ class Motion:
         self.slope = np.zeros(n)  # for Order.GLIDE: height lost per length of the leg
         self.pass_speed_m_s = np.zeros(n)  # speed allowed at the target
         self.reached: Bools = np.zeros(n, dtype=bool)  # latched until the next target
-        self.rate_m_s = np.zeros(n)  # for Order.RATE and VELOCITY, up positive
+        self.rate_m_s = np.zeros(n)  # for Order.RATE, VELOCITY and LEAN, up positive
         self.wanted_velocity = np.zeros((2, n))  # for Order.VELOCITY
+        self.wanted_lean = np.zeros((2, n))  # for Order.LEAN: the acceleration of its thrust
         self.wanted_heading_rad = np.zeros(n)
         self.wanted_yaw_rate_rad_s = np.zeros(n)  # by which that heading goes round
         self.faces: Bools = np.zeros(n, dtype=bool)  # a heading it was told, not along the leg

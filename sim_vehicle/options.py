@@ -80,6 +80,8 @@ def make_scenario(options: FleetOptions) -> tuple[Scenario, list[str]]:
     if wind is not None:
         data["wind"] = wind
     data["faults"] = [*data["faults"], *(fault.model_dump() for fault in faults if fault is not None)]
+    if options.home is not None and options.home.count(",") == 3:
+        notes.append("--home: the heading is not used; vehicles start facing north")
     if base.script or base.checks:
         notes.append(
             f"{options.scenario}: its script and checks are for `python -m sim_vehicle run`, not used here"

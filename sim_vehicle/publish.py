@@ -47,6 +47,10 @@ def _heartbeat(vehicle: "Autopilot") -> None:
     status.vehicle_type[i] = personality.vehicle_type
     armed = int(mavlink.MAV_MODE_FLAG_SAFETY_ARMED) if vehicle.armed else 0
     status.armed[i] = vehicle.armed
+    status.armed_since_s[i] = vehicle.arming.armed_since_s
+    status.flying_since_s[i] = vehicle.arming.flying_since_s
+    if personality.flight_counter is not None:
+        status.flights[i] = vehicle.params[personality.flight_counter]
     status.base_mode[i] = ALWAYS_SET | mode.base_mode | armed
     status.custom_mode[i] = mode.number
     status.standard_mode[i] = mode.standard

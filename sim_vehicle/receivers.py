@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle import commands
+from sim_vehicle.place import Place
 
 if TYPE_CHECKING:
     from sim_vehicle.autopilot import Autopilot
@@ -80,6 +81,15 @@ def _on_set_current(vehicle: "Autopilot", message: Any, now: float) -> None:
         vehicle.send_now(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT, now)
 
 
+def _on_set_origin(vehicle: "Autopilot", message: Any, now: float) -> None:
+    lat_deg, lon_deg = message.latitude * 1e-7, message.longitude * 1e-7
+    moves = vehicle.personality.origin_moves
+    if abs(lat_deg) <= 90 and abs(lon_deg) <= 180 and (vehicle.origin is None or moves):
+        vehicle.set_origin(Place(lat_deg, lon_deg, message.altitude * 1e-3), now)
+    elif moves:
+        vehicle.send_now(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, now)
+
+
 def _on_setpoint(vehicle: "Autopilot", message: Any, now: float) -> None:
     vehicle.setpoints.receive(message, now)
 
@@ -97,6 +107,7 @@ RECEIVERS: dict[str, Callable[["Autopilot", Any, float], None]] = {
     "TIMESYNC": _on_timesync,
     "PING": _on_ping,
     "MISSION_SET_CURRENT": _on_set_current,
+    "SET_GPS_GLOBAL_ORIGIN": _on_set_origin,
     "SET_POSITION_TARGET_GLOBAL_INT": _on_setpoint,
     "SET_POSITION_TARGET_LOCAL_NED": _on_setpoint,
     "SET_ATTITUDE_TARGET": _on_setpoint,

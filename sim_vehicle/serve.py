@@ -6,7 +6,7 @@ import os
 import resource
 import signal
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -70,11 +70,11 @@ async def _run(scenario: Scenario, how: Serving, record: Callable[[Frames, float
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, running.cancel)
-    with contextlib.ExitStack() as around:
+    async with contextlib.AsyncExitStack() as around:
         if isinstance(pace, ByHand):
             around.enter_context(stepped_from(sys.stdin.fileno(), pace, _say, _warn))
         if how.table and sys.stdout.isatty():
-            around.enter_context(_shown(server))
+            await around.enter_async_context(_shown(server))
         with contextlib.suppress(asyncio.CancelledError):
             await running
     _say(f"sim_vehicle: {summary(server)}")
@@ -120,8 +120,8 @@ def _recorded(folder: Path, scenario: Scenario) -> Iterator[Callable[[Frames, fl
         yield record
 
 
-@contextlib.contextmanager
-def _shown(server: Server) -> Iterator[None]:
+@contextlib.asynccontextmanager
+async def _shown(server: Server) -> AsyncIterator[None]:
     from sim_vehicle.display import showing  # noqa: PLC0415 - rich, for terminals only
 
     task = asyncio.ensure_future(showing(server))
@@ -129,6 +129,8 @@ def _shown(server: Server) -> Iterator[None]:
         yield
     finally:
         task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await task
 
 
 def fleet_words(scenario: Scenario) -> str:

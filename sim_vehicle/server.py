@@ -1,7 +1,7 @@
 """The fleet on its links, at some pace: what joins the pure fleet to sockets and clocks."""
 
 import os
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Sequence
 from functools import partial
 
 from sim_vehicle.fleet import TICK_S, Fleet
@@ -44,9 +44,9 @@ class Server:
         self._boots = fleet.boots()
         self._links: dict[int, list[Link]] = {}
         for link in sorted(set(fleet.links)):
-            alone = fleet.links.count(link) == 1
+            vehicles = [index for index, its in enumerate(fleet.links) if its == link]
             ends = Ends(self._receiver(link), partial(fleet.forget_peer, link=link), warn)
-            self._links[link] = [make_link(self._at(url, link), ends, alone=alone) for url in urls]
+            self._links[link] = [make_link(self._at(url, link), ends, vehicles=vehicles) for url in urls]
 
     def _at(self, url: Url, link: int) -> Url:
         """Where a link of the fleet is; each has a port of its own."""
@@ -115,10 +115,10 @@ class Server:
             return False
         return False
 
-    def _receiver(self, link: int) -> Callable[[bytes, Hashable, int | None], None]:
-        def received(data: bytes, peer: Hashable, _only: int | None) -> None:
+    def _receiver(self, link: int) -> Callable[[bytes, Hashable, Collection[int] | None], None]:
+        def received(data: bytes, peer: Hashable, reach: Collection[int] | None) -> None:
             self.simulated_s = self.pace.now_s(self.simulated_s, self._ticks * TICK_S)
-            self._send(self.fleet.receive(data, self.simulated_s, peer=peer, link=link))
+            self._send(self.fleet.receive(data, self.simulated_s, peer=peer, link=link, reach=reach))
 
         return received
 

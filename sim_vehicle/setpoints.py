@@ -1,7 +1,8 @@
 """Set-points of a ground station or companion: positions, velocities and attitudes, and how long they hold.
 
 SET_POSITION_TARGET_LOCAL_NED, SET_POSITION_TARGET_GLOBAL_INT and SET_ATTITUDE_TARGET, obeyed in guided modes.
-A position is flown to and kept; a velocity or an attitude holds only as long as new ones come.
+A position is flown to and kept; a velocity, an acceleration or an attitude holds only as long as new ones
+come.
 """
 
 import math
@@ -10,21 +11,28 @@ from typing import TYPE_CHECKING, Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.commands import FRAMES_WITH_ALTITUDE
-from sim_vehicle.motion import GRAVITY_M_S2
+from sim_vehicle.lean import Lean
 from sim_vehicle.personalities.base import Behaviour
 
 if TYPE_CHECKING:
     from sim_vehicle.autopilot import Autopilot
 
-IGNORE_POSITION, IGNORE_VELOCITY, IGNORE_YAW, IGNORE_YAW_RATE = 0x0007, 0x0038, 0x0400, 0x0800
-ATTITUDE_IGNORED = mavlink.ATTITUDE_TARGET_TYPEMASK_ATTITUDE_IGNORE
+IGNORE_POSITION, IGNORE_VELOCITY, IGNORE_ACCELERATION = 0x0007, 0x0038, 0x01C0
+IGNORE_YAW, IGNORE_YAW_RATE = 0x0400, 0x0800
 BODY_FRAMES = frozenset(
     {mavlink.MAV_FRAME_BODY_NED, mavlink.MAV_FRAME_BODY_OFFSET_NED, mavlink.MAV_FRAME_BODY_FRD}
 )
 LOCAL_FRAMES = BODY_FRAMES | {mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_LOCAL_OFFSET_NED}
 FAR_M = 1e5
-HOVER_THRUST = 0.5
 NEVER_S = -math.inf
+
+
+def _turning(message: Any) -> tuple[float | None, float | None]:
+    """The yaw [rad] and the yaw rate [rad/s] it asks for."""
+    mask = message.type_mask
+    yaw_rad = None if mask & IGNORE_YAW or not math.isfinite(message.yaw) else message.yaw
+    rate = None if mask & IGNORE_YAW_RATE or not math.isfinite(message.yaw_rate) else message.yaw_rate
+    return yaw_rad, rate
 
 
 class Setpoints:
@@ -34,11 +42,12 @@ class Setpoints:
         self._vehicle = vehicle
         self._heard_s = NEVER_S
         self._expires = False  # the one in force ends when no other follows
-        self._velocity_m_s = (0.0, 0.0, 0.0)
+        self._lean = Lean(vehicle)
 
     def reset(self) -> None:
         """Forget it: the mode changed or the vehicle rebooted."""
         self._expires = False
+        self._lean.reset()
 
     def streaming(self, now: float) -> bool:
         """Whether one came so recently that a mode that lives on them may be entered."""
@@ -54,6 +63,7 @@ class Setpoints:
 
     def receive(self, message: Any, now: float) -> None:
         """Take one set-point message at `now` [s]."""
+        since_s = now - self._heard_s
         self._heard_s = now
         vehicle = self._vehicle
         # Only a mode made for set-points takes off by one.
@@ -61,11 +71,16 @@ class Setpoints:
         if vehicle.mode.behaviour is not Behaviour.GUIDED or not ready:
             return
         if message.get_type() == "SET_ATTITUDE_TARGET":
-            self._attitude(message)
-        elif not message.type_mask & IGNORE_POSITION:
+            if self._lean.to_attitude(message, since_s):
+                self._expires, vehicle.flight.taking_off = True, False
+            return
+        self._lean.reset()
+        if not message.type_mask & IGNORE_POSITION:
             self._position(message)
         elif not message.type_mask & IGNORE_VELOCITY:
             self._velocity(message)
+        elif not message.type_mask & IGNORE_ACCELERATION:
+            self._acceleration(message, since_s)
 
     def _position(self, message: Any) -> None:
         flight, body = self._vehicle.flight, self._vehicle.body
@@ -113,35 +128,31 @@ class Setpoints:
         self._move((east, north, -down), message)
 
     def _move(self, velocity_m_s: tuple[float, float, float], message: Any) -> None:
-        self._velocity_m_s, self._expires = velocity_m_s, True
-        mask = message.type_mask
-        yaw_rad = None if mask & IGNORE_YAW or not math.isfinite(message.yaw) else message.yaw
-        rate = None if mask & IGNORE_YAW_RATE or not math.isfinite(message.yaw_rate) else message.yaw_rate
-        self._vehicle.flight.taking_off = False
-        self._vehicle.body.move(velocity_m_s, yaw_rad=yaw_rad, yaw_rate_rad_s=rate)
+        self._expires, self._vehicle.flight.taking_off = True, False
+        yaw_rad, rate_rad_s = _turning(message)
+        self._vehicle.body.move(velocity_m_s, yaw_rad=yaw_rad, yaw_rate_rad_s=rate_rad_s)
+
+    def _acceleration(self, message: Any, since_s: float) -> None:
+        """A plane, which leans to turn, takes it for the change of its velocity."""
+        north, east, down = message.afx, message.afy, message.afz
+        if not all(math.isfinite(a) for a in (north, east, down)):
+            return
+        if message.coordinate_frame in BODY_FRAMES:
+            north, east = self._turned(north, east)
+        body = self._vehicle.body
+        lasts_s = since_s if since_s < self._vehicle.tuning.setpoint_timeout_s else 0.0
+        velocity_m_s = body.velocity_m_s
+        climb_m_s = velocity_m_s[2] - down * lasts_s
+        if body.plane:
+            moved = (velocity_m_s[0] + east * lasts_s, velocity_m_s[1] + north * lasts_s, climb_m_s)
+            self._move(moved, message)
+            return
+        self._expires, self._vehicle.flight.taking_off = True, False
+        yaw_rad, rate_rad_s = _turning(message)
+        body.lean((east, north), climb_m_s, yaw_rad=yaw_rad, yaw_rate_rad_s=rate_rad_s)
 
     def _yaw(self, message: Any) -> None:
         if message.type_mask & IGNORE_YAW or not math.isfinite(message.yaw):
             self._vehicle.body.face(None)
         else:
             self._vehicle.body.face(message.yaw)
-
-    def _attitude(self, message: Any) -> None:
-        """Lean angles push the vehicle: their acceleration adds to the velocity until the next message."""
-        if message.type_mask & ATTITUDE_IGNORED or not all(math.isfinite(q) for q in message.q):
-            return
-        w, x, y, z = message.q
-        roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-        pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
-        yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-        tuning, body = self._vehicle.tuning, self._vehicle.body
-        # A lean that is held reaches the speed at which drag balances it: about full speed at 30 degrees.
-        scale = tuning.speed_m_s / (GRAVITY_M_S2 * math.tan(math.radians(30.0)))
-        forward = -GRAVITY_M_S2 * math.tan(pitch) * scale
-        right = GRAVITY_M_S2 * math.tan(roll) * scale
-        north = forward * math.cos(yaw) - right * math.sin(yaw)
-        east = forward * math.sin(yaw) + right * math.cos(yaw)
-        thrust = min(max(message.thrust, 0.0), 1.0) - HOVER_THRUST
-        climbs = tuning.climb_m_s if thrust > 0 else tuning.descent_m_s
-        self._velocity_m_s, self._expires = (east, north, 2 * thrust * climbs), True
-        body.move(self._velocity_m_s, yaw_rad=yaw)

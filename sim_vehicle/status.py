@@ -37,6 +37,9 @@ class Status:
         self.gps_seen = column("?")  # its receiver has had its first fix since the boot
         self.position_known = column("?")
         self.armed = column("?")
+        self.armed_since_s = column("f8", np.nan)  # nan: not armed
+        self.flying_since_s = column("f8", np.nan)  # since the take-off of this arming; nan: none yet
+        self.flights = column("u4")  # a count that a parameter keeps
         self.landed_state = column("u1")
         self.has_home = column("?")
         self.home_e7 = np.zeros((n, 2), dtype="i4")

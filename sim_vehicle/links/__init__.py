@@ -1,5 +1,7 @@
 """The only sockets of the package, one transport a file; they hand bytes over and know no MAVLink."""
 
+from collections.abc import Collection
+
 from sim_vehicle.links.base import Batch, Ends, Link, LinkError
 from sim_vehicle.links.tcp import TcpIn, TcpOut
 from sim_vehicle.links.udp import UdpIn, UdpOut
@@ -8,12 +10,13 @@ from sim_vehicle.url import Url
 __all__ = ["Batch", "Ends", "Link", "LinkError", "make_link"]
 
 
-def make_link(url: Url, ends: Ends, *, alone: bool) -> Link:
-    """The link of a URL, not open yet; `alone`: only one vehicle will talk there."""
+def make_link(url: Url, ends: Ends, *, vehicles: Collection[int]) -> Link:
+    """The link of a URL, not open yet, for these vehicles."""
     if url.serial:
         from sim_vehicle.links.serial import SerialLink  # noqa: PLC0415 - few need pyserial
 
         return SerialLink(url, ends)
     if url.udp:
-        return UdpIn(url, ends) if url.listens else UdpOut(url, ends, alone=alone)
+        return UdpIn(url, ends) if url.listens else UdpOut(url, ends, vehicles)
+    alone = len(vehicles) == 1
     return TcpIn(url, ends, alone=alone) if url.listens else TcpOut(url, ends, alone=alone)

@@ -1,7 +1,7 @@
 """What every transport is to the server, and how addresses and errors are read."""
 
 import socket
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Collection, Hashable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -22,8 +22,8 @@ class LinkError(OSError):
 class Ends:
     """Where a link hands over what it gets."""
 
-    received: Callable[[bytes, Hashable, int | None], None]
-    """bytes, who sent them, and the one vehicle they can reach (None: all that have no way of their own)"""
+    received: Callable[[bytes, Hashable, Collection[int] | None], None]
+    """bytes, who sent them, and the vehicles that they reach (None: all of the link)"""
     gone: Callable[[Hashable], None]
     """a stream ended; nothing more comes from that sender"""
     warn: Callable[[str], None]

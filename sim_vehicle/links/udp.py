@@ -8,6 +8,7 @@ import asyncio
 import contextlib
 import socket
 import time
+from collections.abc import Collection
 
 from sim_vehicle.links.base import (
     DATAGRAMS_PER_WAKE,
@@ -32,13 +33,14 @@ class UdpOut:
     A vehicle that reboots comes back from a socket, and so a port, of its own.
     """
 
-    def __init__(self, url: Url, ends: Ends, *, alone: bool) -> None:
-        """`alone`: the port belongs to one vehicle, whose reboot renews it."""
+    def __init__(self, url: Url, ends: Ends, vehicles: Collection[int]) -> None:
         self.dropped = 0
-        self._url, self._ends, self._alone = url, ends, alone
+        self._url, self._ends = url, ends
+        self._vehicles = frozenset(vehicles)
         self._address: Address = ()
         self._family = socket.AF_INET
         self._shared: socket.socket | None = None
+        self._sharing: frozenset[int] | None = None  # vehicles; None: all
         self._own: dict[int, socket.socket] = {}  # of vehicles that have been rebooted
         self._heard_s = -HEARD_S
 
@@ -66,7 +68,8 @@ class UdpOut:
             except OSError:  # nobody listens at the other end (yet); real vehicles go on sending too
                 continue
             self._heard_s = time.monotonic()
-            self._ends.received(data, (self._url, index), index)
+            # A ground station that sends to all addresses it knows is heard once by each vehicle.
+            self._ends.received(data, (self._url, index), self._sharing if index is None else (index,))
             if opened.fileno() < 0:  # what it said made us close this socket
                 return
 
@@ -91,13 +94,13 @@ class UdpOut:
             pass
 
     def rebooted(self, index: int) -> None:
-        if self._alone and self._shared is not None:
+        if index in self._own:
+            _drop(self._own.pop(index))
+        self._own[index] = self._connected(index)
+        self._sharing = self._vehicles - self._own.keys()
+        if not self._sharing and self._shared is not None:
             _drop(self._shared)
-            self._shared = self._connected(None)
-        elif not self._alone:
-            if index in self._own:
-                _drop(self._own.pop(index))
-            self._own[index] = self._connected(index)
+            self._shared = None
 
     def stations(self) -> int:
         return int(time.monotonic() - self._heard_s < HEARD_S)

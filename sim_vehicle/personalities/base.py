@@ -192,6 +192,10 @@ class Personality:
     signs: bool = False  # knows MAVLink 2 signing; else signatures are not looked at
     disarm_restores_mode: bool = False  # the last mode that may be armed in follows a flight
     answers_ping: bool = False  # PING to nobody in particular
+    home_with_position: bool = False  # set once the position estimate is there, not before
+    origin_moves: bool = False  # wherever SET_GPS_GLOBAL_ORIGIN says; else only while there is none
+    flight_counter: str | None = None  # the parameter that a disarming counts up
+    gps_fix_type: int = 6  # GPS_FIX_TYPE that its own simulator reports
 
     def mode_of(self, behaviour: Behaviour) -> Mode:
         """The mode in which a vehicle does this by itself; KeyError where there is none."""

@@ -36,6 +36,10 @@ def _everyone(v: View) -> Mask:
     return np.ones(len(v.i), dtype=bool)
 
 
+def _nobody(v: View) -> Mask:
+    return np.zeros(len(v.i), dtype=bool)
+
+
 def _has_home(v: View) -> Mask:
     return v.status.has_home[v.i]
 
@@ -83,6 +87,11 @@ _TABLE: dict[int, tuple[Builder, Callable[[View], Mask]]] = {
     mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: (sensors.servo_output_raw, _everyone),
     mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT: (vehicle.strikes, _threatened),
     mavlink.MAVLINK_MSG_ID_TIMESYNC: (sensors.timesync, _everyone),
+    mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR: (sensors.distance_sensor, _nobody),
+    mavlink.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: (px4.actuator_output_status, _everyone),
+    mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION: (px4.flight_information, _everyone),
+    mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION: (px4.hil_state_quaternion, _everyone),
+    mavlink.MAVLINK_MSG_ID_ODOMETRY: (px4.odometry, _has_origin),
 }
 _BY_DEFINITION: tuple[tuple[Layout, Builder, Callable[[View], Mask]], ...] = (
     (px4.TIME_ESTIMATE_TO_TARGET, px4.time_estimate_to_target, _has_origin),

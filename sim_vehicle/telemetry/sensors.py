@@ -171,6 +171,11 @@ def rc_channels(v: View) -> Columns:
     return {"time_boot_ms": v.boot_ms(), "chancount": 0, "rssi": 255, **channels}
 
 
+def distance_sensor(_v: View) -> Columns:
+    """No vehicle has one: it may be asked for at a rate, and nothing comes."""
+    return {}
+
+
 def servo_output_raw(v: View) -> Columns:
     microseconds = np.where(v.status.armed[v.i], 1100 + 800 * v.world.dynamics.throttle[v.i], 1000.0)
     outputs = {f"servo{n}_raw": microseconds for n in range(1, 5)}

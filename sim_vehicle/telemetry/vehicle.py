@@ -1,6 +1,7 @@
 """What a vehicle is and does: heartbeat, health, landed state, mission, home, fence."""
 
 import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.telemetry.view import Columns, View
 
@@ -48,8 +49,15 @@ def mission_current(v: View) -> Columns:
 
 
 def home_position(v: View) -> Columns:
+    """Only PX4 says where home is in local coordinates, too."""
     s, i = v.status, v.i
+    east_m, north_m = v.world.frame.to_local(s.home_e7[i, 0] * 1e-7, s.home_e7[i, 1] * 1e-7)
+    local_m = np.column_stack([east_m, north_m, s.home_amsl_m[i]]) - s.origin_m[i]
+    local_m *= (s.autopilot[i] == mavlink.MAV_AUTOPILOT_PX4)[:, None]
     return {
+        "x": local_m[:, 1],
+        "y": local_m[:, 0],
+        "z": -local_m[:, 2],
         "latitude": s.home_e7[i, 0],
         "longitude": s.home_e7[i, 1],
         "altitude": s.home_amsl_m[i] * 1000,

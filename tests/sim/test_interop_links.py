@@ -92,6 +92,13 @@ def test_a_rebooted_vehicle_comes_back_from_another_port_and_still_answers() -> 
         assert b"Init ArduCopter" in ground.raw
         ground.answered(99, 2, moved)
         ground.answered(100, 1, shared)
+        # MAVSDK sends everything to every address it knows: each vehicle takes it once all the same.
+        for address in (moved, shared):
+            ground.send(mavlink.MAVLink_timesync_message(0, 101), address)
+        ground.answered(102, 2, moved)
+        ground.answered(103, 1, shared)
+        answers = [m.get_srcSystem() for m in ground.heard if m.get_type() == "TIMESYNC" and m.ts1 == 101]
+        assert sorted(answers) == [1, 2]
 
 
 @pytest.mark.autopilots("1.18")
@@ -162,8 +169,8 @@ def test_a_listening_port_keeps_a_bounded_number_of_peers() -> None:
         probe.close()
         link = make_link(
             parse_url(f"udpin:127.0.0.1:{port}"),
-            Ends(lambda data, peer, only: None, forgotten, lambda text: None),
-            alone=False,
+            Ends(lambda data, peer, reach: None, forgotten, lambda text: None),
+            vehicles=[0],
         )
         link.open()
         with contextlib.ExitStack() as peers:

@@ -249,7 +249,9 @@ def test_px4_clears_the_mission_it_flies_and_holds() -> None:
     assert place_m(station)[0] < 120
 
 
-@pytest.mark.autopilots("2 re-upload in AUTO", "2 MISSION_SET_CURRENT", "MAVSDK 3 replace mid-flight", of="px4")
+@pytest.mark.autopilots(
+    "2 re-upload in AUTO", "2 MISSION_SET_CURRENT", "MAVSDK 3 replace mid-flight", of="px4"
+)
 def test_px4_takes_a_new_mission_in_flight_at_its_index() -> None:
     station = Px4Station()
     station.upload_and_wait([takeoff(10), waypoint(50, 0, 10), waypoint(400, 0, 10)])

@@ -304,6 +304,7 @@ def test_a_mission_that_ends_with_a_return_lands_and_disarms() -> None:
     station = Px4Station()
     station.upload_and_wait([takeoff(10), waypoint(30, 0, 10), rtl_item()])
     assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
+    station.until(lambda: station.mode == "Return", 60)  # a command to itself, as MAVSDK waits for
     station.until(lambda: not station.armed, 240)
     assert away_m(station) < 3
 
@@ -316,7 +317,9 @@ def test_a_mission_lands_where_it_says() -> None:
     assert position_m(station) == (pytest.approx(30, abs=2), pytest.approx(20, abs=2))
 
 
-@pytest.mark.autopilots("2 pause/continue", "2 PX4 otherwise", "MAVSDK 5 hold", "MAVSDK 5 start_mission", of="px4")
+@pytest.mark.autopilots(
+    "2 pause/continue", "2 PX4 otherwise", "MAVSDK 5 hold", "MAVSDK 5 start_mission", of="px4"
+)
 def test_pause_and_resume_are_modes() -> None:
     station = Px4Station()
     station.upload_and_wait([takeoff(10), waypoint(100, 0, 10), waypoint(100, 50, 10)])

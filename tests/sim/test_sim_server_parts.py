@@ -133,7 +133,7 @@ def test_every_vehicle_is_on_some_page() -> None:
     seen = set()
     for page in range(4):
         lines = picture(FleetOptions(count=40), 80, 16, wall_s=page * 5.0)
-        assert f"page {page + 1} of 4  40 vehicles" in lines[-1]
+        assert f"page {page + 1}/4  40 vehicles" in lines[-1]
         seen |= {int(text.split()[0]) for text in lines if text.split()[0].isdecimal()}
     assert seen == set(range(1, 41))
 

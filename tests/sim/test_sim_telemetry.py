@@ -12,16 +12,22 @@ from sim_vehicle.telemetry import STREAMS
 
 UNASKED = {"HEARTBEAT", "TIMESYNC", "STATUSTEXT", "HOME_POSITION", "GPS_GLOBAL_ORIGIN"}
 NOT_ARDUPILOTS = {
+    mavlink.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS,
     mavlink.MAVLINK_MSG_ID_ALTITUDE,
     mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS,
-    mavlink.MAVLINK_MSG_ID_HIGHRES_IMU,
+    mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION,
+    mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION,
+    mavlink.MAVLINK_MSG_ID_ODOMETRY,
     mavlink.MAVLINK_MSG_ID_WIND_COV,
     380,  # TIME_ESTIMATE_TO_TARGET
     411,  # CURRENT_EVENT_SEQUENCE
     436,  # CURRENT_MODE
 }
 ONLY_WITH_HOSTILES = mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT
-ASKED_FOR = set(STREAMS) - NOT_ARDUPILOTS - {mavlink.MAVLINK_MSG_ID_HEARTBEAT, ONLY_WITH_HOSTILES}
+WITHOUT_A_SENSOR = mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR
+ASKED_FOR = (
+    set(STREAMS) - NOT_ARDUPILOTS - {mavlink.MAVLINK_MSG_ID_HEARTBEAT, ONLY_WITH_HOSTILES, WITHOUT_A_SENSOR}
+)
 
 
 @pytest.mark.autopilots("1.1", "MAVSDK 5 telemetry")
@@ -48,6 +54,12 @@ def test_each_message_comes_at_the_rate_asked_for_and_stops(message_id: int) -> 
     assert len(rate) == pytest.approx(50, abs=1)
     assert station.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, -1) == 0
     assert [m for m in station.wait(5) if m.get_msgId() == message_id] == []
+
+
+def test_what_a_missing_sensor_would_tell_is_accepted_and_does_not_come() -> None:
+    station = Station()
+    station.stream(WITHOUT_A_SENSOR, hz=5)
+    assert [m for m in station.wait(5) if m.get_msgId() == WITHOUT_A_SENSOR] == []
 
 
 @pytest.mark.autopilots("MAVSDK 5 telemetry")

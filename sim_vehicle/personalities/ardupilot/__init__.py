@@ -55,9 +55,12 @@ _STREAMS = {
 # Of the messages that a fleet can stream these are PX4's.
 _LACKS = frozenset(
     {
+        mavlink.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS,
         mavlink.MAVLINK_MSG_ID_ALTITUDE,
         mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS,
-        mavlink.MAVLINK_MSG_ID_HIGHRES_IMU,
+        mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION,
+        mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION,
+        mavlink.MAVLINK_MSG_ID_ODOMETRY,
         mavlink.MAVLINK_MSG_ID_WIND_COV,
         CURRENT_EVENT_SEQUENCE.message_id,
         CURRENT_MODE.message_id,
@@ -192,6 +195,8 @@ _COPTER = Personality(
     | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
     | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
     | mavlink.MAV_PROTOCOL_CAPABILITY_SET_ATTITUDE_TARGET
+    | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
+    | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
     | mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2,
     parameters=MappingProxyType(parameters.COPTER),
     read_only_parameters=parameters.READ_ONLY,
@@ -232,6 +237,8 @@ _PLANE = replace(
     parameters=MappingProxyType(parameters.PLANE),
     tuning=tuning.plane_tuning,
     store_item=store_plane_item,
+    mission_ends_in=Behaviour.RETURN,
+    texts=MappingProxyType({**_TEXTS, "mission_ended": (_INFO, "Mission complete, changing mode to RTL")}),
 )
 
 ARDUPILOT = MappingProxyType({"copter": _COPTER, "plane": _PLANE})

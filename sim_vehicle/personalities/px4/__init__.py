@@ -28,7 +28,11 @@ READY_S = 37.0
 
 
 def _mission(vehicle: "Autopilot") -> Px4Mission:
-    return Px4Mission(feasible=lambda items: feasible(vehicle, items))
+    def go_home() -> None:
+        vehicle.tell("returning")
+        vehicle.modes.by_itself(Behaviour.RETURN)
+
+    return Px4Mission(feasible=lambda items: feasible(vehicle, items), go_home=go_home)
 
 
 def _transfer(vehicle: "Autopilot") -> Px4Transfer:
@@ -132,6 +136,10 @@ _COPTER = Personality(
     landing_disarms=False,
     disarm_restores_mode=True,
     answers_ping=True,
+    home_with_position=True,
+    origin_moves=True,
+    flight_counter="COM_FLIGHT_UUID",
+    gps_fix_type=mavlink.GPS_FIX_TYPE_3D_FIX,
 )
 
 _PLANE = replace(

@@ -74,14 +74,6 @@ def available_modes(vehicle: "Autopilot", parameter: float) -> Sequence[Any]:
     return made[int(parameter) - 1 : int(parameter)] if 1 <= parameter <= len(made) else []
 
 
-def flight_information(vehicle: "Autopilot", _parameter: float) -> Sequence[Any]:
-    """Times since the boot; there is no clock of the day."""
-    boot_ms = round((vehicle.now - vehicle.readiness.boot_s) * 1000)
-    uuid = int(vehicle.params["COM_FLIGHT_UUID"])
-    return [mavlink.MAVLink_flight_information_message(boot_ms, 0, 0, uuid)]
-
-
 SINGLES = {
     AVAILABLE_MODES: available_modes,
-    mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION: flight_information,
 }

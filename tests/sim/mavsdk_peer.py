@@ -1,0 +1,238 @@
+"""The real MAVSDK at one end of a UDP link, `python -m sim_vehicle` at the other, and waiting with an end.
+
+One simulator serves many tests: each takes vehicles that none before it has touched.
+"""
+
+import math
+import queue
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cached_property
+from typing import Any
+
+import pytest
+from mavsdk import Autopilot, ComponentType, Configuration, ConnectionResult, Mavsdk
+from mavsdk.exceptions import MavsdkError
+from mavsdk.plugins.action import Action
+from mavsdk.plugins.geofence import Geofence
+from mavsdk.plugins.info import Info
+from mavsdk.plugins.mission import Mission
+from mavsdk.plugins.mission_raw import MissionItem, MissionRaw
+from mavsdk.plugins.offboard import Offboard
+from mavsdk.plugins.param import Param
+from mavsdk.plugins.telemetry import FlightMode, Telemetry
+from simulator_process import LIMIT_S, simulator, udp_socket
+
+FLIGHT_S = 60.0
+AUTOPILOTS = {"ardupilot": Autopilot.ARDUPILOT, "px4": Autopilot.PX4}
+METRES_PER_DEGREE = 111_195.0
+ARDUPILOT_RATES = ("health", "home", "in_air", "position", "velocity_ned", "attitude_euler")
+
+
+class Vehicle:
+    """One system and its plug-ins; `until` looks again whenever telemetry arrives."""
+
+    def __init__(self, system: Any, personality: str) -> None:
+        self.system, self.personality = system, personality
+        self.telemetry = Telemetry(system)
+        self.texts: list[str] = []
+        self._news = threading.Condition()
+        self.telemetry.subscribe_armed(self._hear, None)
+        self.telemetry.subscribe_position(self._hear, None)
+        self.telemetry.subscribe_status_text(self._hear_text, None)
+
+    @cached_property
+    def action(self) -> Action:
+        return Action(self.system)
+
+    @cached_property
+    def param(self) -> Param:
+        return Param(self.system)
+
+    @cached_property
+    def mission(self) -> Mission:
+        return Mission(self.system)
+
+    @cached_property
+    def mission_raw(self) -> MissionRaw:
+        return MissionRaw(self.system)
+
+    @cached_property
+    def geofence(self) -> Geofence:
+        return Geofence(self.system)
+
+    @cached_property
+    def offboard(self) -> Offboard:
+        return Offboard(self.system)
+
+    @cached_property
+    def info(self) -> Info:
+        return Info(self.system)
+
+    @property
+    def px4(self) -> bool:
+        return self.personality == "px4"
+
+    def _hear(self, _value: Any, _user_data: Any) -> None:
+        with self._news:
+            self._news.notify_all()
+
+    def _hear_text(self, text: Any, _user_data: Any) -> None:
+        self.texts.append(text.text)
+
+    # -- what it does --------------------------------------------------------------------------------------
+
+    def until(self, condition: Callable[[], Any], what: str, limit_s: float = FLIGHT_S) -> None:
+        with self._news:
+            passed = self._news.wait_for(condition, limit_s)
+        assert passed, f"{what}: not within {limit_s} s; mode {self.mode.name}, texts {self.texts[-5:]}"
+
+    def ask_for_telemetry(self, rate_hz: float = 10.0) -> None:
+        """ArduPilot says next to nothing until it is asked to."""
+        for what in ARDUPILOT_RATES:
+            getattr(self.telemetry, f"set_rate_{what}")(rate_hz)
+
+    def ready(self) -> None:
+        telemetry = self.telemetry
+        self.until(lambda: telemetry.health_all_ok() and telemetry.health().is_armable, "ready", LIMIT_S)
+
+    def take_off(self, height_m: float) -> None:
+        """Arm, climb, and be there; in Hold, where that is what follows."""
+        self.ready()
+        self.action.set_takeoff_altitude(height_m)
+        self.action.arm()
+        self.action.takeoff()
+        self.until(lambda: abs(self.height_m - height_m) < 0.6, f"{height_m} m high")
+        if self.px4:
+            self.in_mode(FlightMode.HOLD)
+
+    def in_mode(self, mode: FlightMode, limit_s: float = FLIGHT_S) -> None:
+        self.until(lambda: self.mode == mode, f"mode {mode.name}", limit_s)
+
+    def disarmed(self) -> None:
+        self.until(lambda: not self.telemetry.armed(), "disarmed")
+
+    # -- where it is ---------------------------------------------------------------------------------------
+
+    @property
+    def mode(self) -> FlightMode:
+        return FlightMode(self.telemetry.flight_mode())
+
+    @property
+    def height_m(self) -> float:
+        return float(self.telemetry.position().relative_altitude_m)
+
+    def offset_m(self) -> tuple[float, float]:
+        """North and east of home."""
+        home, here = self.telemetry.home(), self.telemetry.position()
+        narrowing = math.cos(math.radians(home.latitude_deg))
+        north_deg, east_deg = here.latitude_deg - home.latitude_deg, here.longitude_deg - home.longitude_deg
+        return north_deg * METRES_PER_DEGREE, east_deg * METRES_PER_DEGREE * narrowing
+
+    def near(self, north_m: float, east_m: float, within_m: float = 3.0) -> bool:
+        """Whether it is there, from home."""
+        north, east = self.offset_m()
+        return math.hypot(north - north_m, east - east_m) < within_m
+
+    def place_deg(self, north_m: float, east_m: float) -> tuple[float, float]:
+        """Latitude and longitude of a place from home."""
+        home = self.telemetry.home()
+        narrowing = math.cos(math.radians(home.latitude_deg))
+        return (
+            home.latitude_deg + north_m / METRES_PER_DEGREE,
+            home.longitude_deg + east_m / (METRES_PER_DEGREE * narrowing),
+        )
+
+    @property
+    def ground_speed_m_s(self) -> float:
+        velocity = self.telemetry.velocity_ned()
+        return math.hypot(velocity.north_m_s, velocity.east_m_s)
+
+
+class Peer:
+    """MAVSDK, connected to one simulator."""
+
+    def __init__(self, mavsdk: Mavsdk) -> None:
+        self._mavsdk = mavsdk
+        self._taken: set[int] = set()
+        self._found = threading.Event()
+        mavsdk.subscribe_on_new_system(self._hear, None)
+
+    def _hear(self, _user_data: Any) -> None:
+        self._found.set()
+
+    def take(self, personality: str, *, telemetry: bool = True) -> Vehicle:
+        """A vehicle that no test has had before; one of ArduPilot's is asked for its telemetry."""
+        vehicle = Vehicle(self._untouched(personality), personality)
+        if telemetry and not vehicle.px4:
+            vehicle.ask_for_telemetry()
+        return vehicle
+
+    def _untouched(self, personality: str) -> Any:
+        while True:
+            self._found.clear()
+            for system in self._mavsdk.get_systems():
+                number = system.get_system_id()
+                if number not in self._taken and system.autopilot_type() == AUTOPILOTS[personality]:
+                    self._taken.add(number)
+                    return system
+            assert self._found.wait(LIMIT_S), f"no {personality} is left; taken: {sorted(self._taken)}"
+
+
+@contextmanager
+def connected(*arguments: str) -> Iterator[Peer]:
+    """A simulator with these arguments, and MAVSDK listening to it."""
+    probe, port = udp_socket()
+    probe.close()
+    mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
+    assert mavsdk.add_any_connection(f"udpin://127.0.0.1:{port}") == ConnectionResult.SUCCESS
+    try:
+        with simulator("--no-table", "--url", f"udpout:127.0.0.1:{port}", *arguments):
+            yield Peer(mavsdk)
+    finally:
+        mavsdk.destroy()
+
+
+class Values:
+    """What a subscription has brought; a callback that remembers."""
+
+    def __init__(self) -> None:
+        self._queue: queue.Queue[Any] = queue.Queue()
+        self.seen: list[Any] = []
+
+    def __call__(self, value: Any, *_: Any) -> None:
+        self._queue.put(value)
+
+    def next(self, limit_s: float = LIMIT_S) -> Any:
+        value = self._queue.get(timeout=limit_s)
+        self.seen.append(value)
+        return value
+
+    def until(self, condition: Callable[[Any], bool], limit_s: float = LIMIT_S) -> Any:
+        """The first one that satisfies a condition."""
+        while not condition(value := self.next(limit_s)):
+            pass
+        return value
+
+
+def finish(start: Callable[[Callable[..., None]], Any]) -> tuple[Any, ...]:
+    """Begin something asynchronous; what its last callback says (NEXT is an interim result)."""
+    said: queue.Queue[tuple[Any, ...]] = queue.Queue()
+    start(lambda *values: said.put(values))
+    while True:
+        values = said.get(timeout=LIMIT_S)
+        if values[0].name != "NEXT":
+            return values
+
+
+def refusal(call: Callable[..., Any], *arguments: Any) -> str:
+    """The name of the result with which MAVSDK reports that a call failed."""
+    with pytest.raises(MavsdkError) as caught:
+        call(*arguments)
+    return str(caught.value.result.name)  # type: ignore[attr-defined]
+
+
+def raw_item(seq: int, fields: dict[str, Any]) -> MissionItem:
+    """An item of `station` for the plug-in that sends them as they are."""
+    return MissionItem(seq=seq, current=int(seq == 0), autocontinue=1, mission_type=0, **fields)

@@ -1,0 +1,124 @@
+"""From boot to ready, as observed: text on the link, when what is there, what a heartbeat shows and when."""
+
+from collections import Counter
+
+import pytest
+from px4_station import Px4Station
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from station import Station, takeoff, waypoint
+
+PREARM_BIT = 0x1000_0000
+EKF_POSITION = 16
+GUIDED, AUTO, STABILIZE = 4, 3, 0
+
+
+def prearm_ok(station: Station) -> bool:
+    return bool(station.ask(mavlink.MAVLINK_MSG_ID_SYS_STATUS).onboard_control_sensors_health & PREARM_BIT)
+
+
+def position_estimated(station: Station) -> bool:
+    return bool(station.ask(mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT).flags & EKF_POSITION)
+
+
+@pytest.mark.autopilots("1.2")
+def test_each_boot_brings_nine_pieces_of_text_that_a_strict_parser_does_not_survive() -> None:
+    station = Station()
+    before = station.fleet.boots()
+    assert station.command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == 0
+    pieces: list[bytes] = []
+    while len(pieces) < 9 and station.now < 10:
+        station.now += 0.1
+        pieces += [frame for _, frame in station.fleet.step(station.now) if frame[0] != 0xFD]
+    assert station.fleet.boots() != before
+    station.now += 5
+    assert [frame for _, frame in station.fleet.step(station.now) if frame[0] != 0xFD] == []
+    assert len(pieces) == 9
+    assert pieces[0].startswith(b"\n\nInit ArduCopter V4.6.2")
+    assert all(piece.isascii() for piece in pieces)
+    strict = mavlink.MAVLink(None)
+    with pytest.raises(mavlink.MAVError):
+        strict.parse_buffer(b"".join(pieces))
+
+
+@pytest.mark.autopilots("1.3")
+def test_gps_home_and_position_come_after_10_20_and_41_seconds() -> None:
+    station = Station(ready_s=41.0)
+    station.wait(2.5)  # from then on a mode stays
+    assert station.set_mode(GUIDED) == 0
+    station.until(lambda: station.ask(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT).fix_type >= 3, 60)
+    assert station.now == pytest.approx(10, abs=1)
+    station.until(lambda: station.of("HOME_POSITION") != [], 60)
+    assert station.now == pytest.approx(20, abs=1)
+    station.until(lambda: position_estimated(station), 60)
+    assert station.now == pytest.approx(41, abs=1)
+    assert prearm_ok(station)
+
+
+@pytest.mark.autopilots("1.3")
+def test_the_prearm_bit_asks_for_a_position_in_guided_and_in_auto_but_not_in_stabilize() -> None:
+    station = Station(ready_s=41.0)
+    station.wait(21)
+    ready = {}
+    for mode in (STABILIZE, GUIDED, AUTO):
+        assert station.set_mode(mode) == 0
+        ready[mode] = prearm_ok(station)
+    assert ready == {STABILIZE: True, GUIDED: False, AUTO: False}
+    assert not position_estimated(station)
+    station.wait(21)
+    for mode in (STABILIZE, GUIDED, AUTO):
+        assert station.set_mode(mode) == 0
+        assert prearm_ok(station)
+
+
+@pytest.mark.autopilots("1.5")
+def test_the_heartbeat_shows_a_new_mode_up_to_a_second_after_the_acknowledgement() -> None:
+    station = Station()
+    station.wait(3)
+    lags_s = []
+    for tenths in range(10):
+        station.wait(1.05 + tenths / 10)
+        mode = STABILIZE if station.mode == "GUIDED" else GUIDED
+        set_mode = mavlink.MAVLink_command_long_message(1, 0, 176, 0, 1, mode, 0, 0, 0, 0, 0)
+        assert [m.get_type() for m in station.send(set_mode)] == ["COMMAND_ACK"]
+        acknowledged_s, heard = station.now, len(station.of("HEARTBEAT"))
+        station.until(lambda heard=heard: len(station.of("HEARTBEAT")) > heard, 2)
+        assert station.of("HEARTBEAT")[-1].custom_mode == mode
+        lags_s.append(station.now - acknowledged_s)
+    assert min(lags_s) < 0.3
+    assert 0.8 < max(lags_s) < 1.0 + 1e-6
+
+
+@pytest.mark.autopilots("1.13")
+def test_status_5_stays_while_a_failsafe_is_latched_even_landed_and_disarmed() -> None:
+    station = Station()
+    for name, value in ((b"BATT_FS_LOW_ACT", 1), (b"BATT_LOW_VOLT", 11)):
+        station.send(mavlink.MAVLink_param_set_message(1, 0, name, value, 9))
+    station.fly(8)
+    station.send(mavlink.MAVLink_param_set_message(1, 0, b"SIM_BATT_VOLTAGE", 10.5, 9))
+    station.until(lambda: station.mode == "LAND", 20)
+    station.until(lambda: not station.armed, 60)
+    station.wait(30)
+    assert station.height_m == 0
+    assert station.heartbeat().system_status == mavlink.MAV_STATE_CRITICAL == 5
+
+
+@pytest.mark.autopilots("2 PX4 otherwise", of="px4")
+def test_px4s_mission_state_is_0_whatever_happens_to_the_mission() -> None:
+    station = Px4Station()
+    states = Counter[int]()
+
+    def look() -> None:
+        station.wait(1)
+        states[station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).mission_state] += 1
+
+    look()
+    station.upload_and_wait([takeoff(10), waypoint(40, 0, 10)])
+    look()
+    assert station.command(mavlink.MAV_CMD_MISSION_START) == 0
+    look()
+    assert station.change(4, 3) == 0
+    look()
+    assert station.change(4, 4) == 0
+    station.until(lambda: "Mission finished, loitering" in station.texts(), 90)
+    look()
+    assert states == {0: 5}

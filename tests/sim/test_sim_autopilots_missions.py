@@ -1,0 +1,219 @@
+"""What becomes of a mission that is changed, cut or cleared while it is flown, as both autopilots do it."""
+
+import math
+from typing import Any
+
+import pytest
+from px4_station import Px4Station
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from station import LAT_DEG, LON_DEG, Station, acks, home_item, item, land, takeoff, waypoint
+
+GUIDED, AUTO = 4, 3
+ACCEPTED, DENIED, FAILED = 0, 2, 4
+CURRENT = mavlink.MAVLINK_MSG_ID_MISSION_CURRENT
+SET_CURRENT = mavlink.MAV_CMD_DO_SET_MISSION_CURRENT
+RESTARTED = (2, "Auto mission changed, restarted command")
+
+
+def place_m(station: Station) -> tuple[float, float]:
+    """North and east of the start [m]."""
+    truth = station.fleet.truth()
+    return (truth.lat_deg[0] - LAT_DEG) * 111_195, (truth.lon_deg[0] - LON_DEG) * 77_450
+
+
+def said(station: Station) -> list[tuple[int, str]]:
+    return [(m.severity, m.text) for m in station.of("STATUSTEXT") if m.text.startswith("Auto mission")]
+
+
+def reached(station: Station) -> list[int]:
+    return [m.seq for m in station.of("MISSION_ITEM_REACHED")]
+
+
+def northbound(more: int = 0) -> Station:
+    """An ArduCopter in AUTO on its way to item 2, far in the north; items behind it as wanted."""
+    station = Station()
+    station.fly_mission([takeoff(), waypoint(600, 0), *(waypoint(600, 50.0 * i) for i in range(1, more + 1))])
+    station.until(lambda: place_m(station)[0] > 50, 60)
+    return station
+
+
+def send_some(station: Station, announced: int, items: list[dict[str, Any]]) -> list[Any]:
+    replies = station.count(announced)
+    for seq, fields in enumerate(items):
+        replies = station.send(station.item_message(seq, fields))
+    return replies
+
+
+@pytest.mark.autopilots("2 upload is atomic?", "2 re-upload in AUTO", "2 abandoned upload")
+def test_an_upload_that_dies_after_item_2_has_already_turned_the_vehicle() -> None:
+    station = northbound(more=4)
+    before_m = place_m(station)
+    send_some(station, 5, [home_item(), takeoff(), waypoint(before_m[0], 500)])
+    assert said(station) == [RESTARTED]
+    station.until(lambda: mavlink.MAV_MISSION_OPERATION_CANCELLED in acks(station.heard), 9)
+    station.wait(10)
+    north_m, east_m = place_m(station)
+    assert east_m > 60
+    assert abs(north_m - before_m[0]) < 40
+    assert station.ask(CURRENT).seq == 2
+    kept = station.download()
+    assert len(kept) == 5  # cut at the count, three new and two old
+    assert [round((m.x * 1e-7 - LAT_DEG) * 111_195) for m in kept[3:]] == [600, 600]
+
+
+@pytest.mark.autopilots("2 re-upload in AUTO")
+def test_each_changed_item_restarts_the_current_command_once() -> None:
+    station = northbound(more=2)
+    new = [home_item(), takeoff(), *(waypoint(300, 100.0 * i) for i in range(3))]
+    assert station.upload(new) == ACCEPTED
+    assert said(station) == [RESTARTED] * 3
+    assert station.mode == "AUTO"
+    assert station.ask(CURRENT).seq == 2
+
+
+@pytest.mark.autopilots("2 shorter mission")
+def test_after_a_shorter_mission_the_index_is_greater_than_the_total() -> None:
+    station = Station()
+    legs = [waypoint(20.0 * i, 0) for i in range(1, 4)]
+    station.fly_mission([takeoff(), *legs[:2], waypoint(200, 0), waypoint(300, 0)])
+    station.until(lambda: reached(station) == [1, 2, 3], 60)
+    assert station.upload([home_item(), takeoff(), *legs[:2]]) == ACCEPTED
+    assert said(station)[-1][1] == "Auto mission changed but failed to restart command"
+    station.until(lambda: place_m(station)[0] > 198, 60)
+    station.wait(1)
+    current = station.ask(CURRENT)
+    assert (current.seq, current.total, current.mission_state) == (4, 3, 5)
+
+
+@pytest.mark.autopilots("2 CLEAR_ALL")
+def test_an_empty_upload_in_auto_is_accepted_and_leaves_it_loitering() -> None:
+    station = northbound()
+    assert acks(station.send(mavlink.MAVLink_mission_clear_all_message(1, 0, 0))) == [1]
+    assert acks(station.count(0)) == [ACCEPTED]
+    station.wait(60)
+    there_m, height_m = place_m(station), station.height_m
+    station.wait(20)
+    assert math.dist(place_m(station), there_m) < 0.5
+    assert station.height_m == pytest.approx(height_m, abs=0.3)
+    assert height_m > 15
+    assert station.armed
+    assert station.mode == "AUTO"
+    assert station.download() == []
+
+
+@pytest.mark.autopilots("2 MISSION_WRITE_PARTIAL_LIST")
+def test_a_partial_write_in_auto_of_the_current_item_turns_the_vehicle_at_once() -> None:
+    station = northbound()
+    before_m = place_m(station)
+    station.send(mavlink.MAVLink_mission_write_partial_list_message(1, 0, 2, 2, 0))
+    assert acks(station.send(station.item_message(2, waypoint(before_m[0], 500)))) == [ACCEPTED]
+    station.wait(15)
+    assert place_m(station)[1] > 60
+    assert abs(place_m(station)[0] - before_m[0]) < 40
+
+
+@pytest.mark.autopilots("2 DO_SET_MISSION_CURRENT")
+@pytest.mark.parametrize("as_int", [False, True], ids=["LONG", "INT"])
+def test_the_current_item_is_set_by_either_message_and_on_an_unarmed_vehicle_too(as_int: bool) -> None:
+    station = Station()
+    assert station.upload([home_item(), takeoff(), waypoint(50, 0), waypoint(90, 0)]) == 0
+
+    def set_current(index: int) -> int:
+        if as_int:
+            return station.command_int(SET_CURRENT, 0, 0, 0, 0.0, index)
+        return station.command(SET_CURRENT, index)
+
+    assert [set_current(index) for index in (3, 4, 99, 2)] == [ACCEPTED, DENIED, DENIED, ACCEPTED]
+    assert station.ask(CURRENT).seq == 2
+    assert set_current(0) == ACCEPTED
+    assert station.ask(CURRENT).seq == 1
+
+
+@pytest.mark.autopilots("2 DO_SET_MISSION_CURRENT")
+def test_setting_the_current_item_with_a_reset_forgets_the_jumps() -> None:
+    def flown(reset: int) -> list[int]:
+        station = Station()
+        jump = item(mavlink.MAV_CMD_DO_JUMP, param1=2, param2=1)
+        station.fly_mission([takeoff(5), waypoint(15, 0, 5), waypoint(30, 0, 5), jump, land(30, 10)])
+        station.until(lambda: reached(station) == [1, 2, 3, 2], 90)
+        assert station.command(SET_CURRENT, 3, reset) == ACCEPTED
+        station.until(lambda: not station.armed, 180)
+        return reached(station)
+
+    assert flown(reset=0) == [1, 2, 3, 2, 3]
+    assert flown(reset=1) == [1, 2, 3, 2, 3, 2, 3]
+
+
+@pytest.mark.autopilots("2 pause/continue")
+def test_an_empty_mission_cannot_be_paused() -> None:
+    station = Station()
+    assert station.set_mode(AUTO) == 0
+    assert station.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0) == FAILED
+
+
+@pytest.mark.autopilots("MAVSDK 3 replace mid-flight")
+def test_set_current_after_an_upload_in_auto_flies_the_new_plan_from_its_start() -> None:
+    station = northbound()
+    new = [home_item(), waypoint(50, 60), waypoint(50, 200), waypoint(0, 200)]
+    assert station.upload(new) == ACCEPTED
+    assert station.command(SET_CURRENT, 1) == ACCEPTED
+    station.heard.clear()
+    station.until(lambda: reached(station) == [1, 2, 3], 120)
+    assert station.mode == "AUTO"
+
+
+# -- PX4 ---------------------------------------------------------------------------------------------------
+
+
+def px4_northbound(more: int = 0) -> Px4Station:
+    """A PX4 on its way to item 1, far in the north; items behind it as wanted."""
+    station = Px4Station()
+    behind = (waypoint(600, 50.0 * i, 10) for i in range(1, more + 1))
+    station.upload_and_wait([takeoff(10), waypoint(600, 0, 10), *behind])
+    assert station.command(mavlink.MAV_CMD_MISSION_START) == 0
+    station.until(lambda: place_m(station)[0] > 20, 60)
+    return station
+
+
+@pytest.mark.autopilots("2 count", of="px4")
+def test_px4_counts_the_same_everywhere() -> None:
+    station = Px4Station()
+    assert station.ask(CURRENT).total == 65_535
+    station.upload_and_wait([takeoff(10), *(waypoint(10.0 * i, 0) for i in range(5))])
+    (count,) = station.send(mavlink.MAVLink_mission_request_list_message(1, 1, 0))
+    assert (count.count, station.ask(CURRENT).total) == (6, 6)
+
+
+@pytest.mark.autopilots("2 upload is atomic?", "2 abandoned upload", of="px4")
+def test_px4_flies_on_as_before_when_an_upload_dies() -> None:
+    station = px4_northbound(more=2)
+    send_some(station, 4, [takeoff(10), waypoint(0, 400, 10)])
+    begun = len(station.heard)
+    station.wait(6)
+    assert "Operation timeout" in station.texts()
+    assert acks(station.heard[begun:]) == []
+    station.wait(10)
+    assert abs(place_m(station)[1]) < 3
+    assert station.ask(CURRENT).total == 4
+
+
+@pytest.mark.autopilots("2 shorter mission", of="px4")
+def test_px4_flies_to_the_last_item_of_a_mission_that_became_shorter() -> None:
+    station = Px4Station()
+    near = [waypoint(10.0 * i, 0, 10) for i in range(1, 4)]
+    station.upload_and_wait([takeoff(10), *near, waypoint(600, 0, 10), waypoint(600, 9, 10)])
+    assert station.command(mavlink.MAV_CMD_MISSION_START) == 0
+    station.until(lambda: reached(station)[-1:] == [3], 90)
+    assert station.upload([takeoff(10), waypoint(0, 50, 10), waypoint(0, 200, 10)]) == ACCEPTED
+    station.wait(1)
+    assert station.ask(CURRENT).seq == 2
+    station.until(lambda: place_m(station)[1] > 190, 120)
+
+
+@pytest.mark.autopilots("MAVSDK 3 replace mid-flight", of="px4")
+def test_px4_set_current_0_after_an_upload_flies_the_new_plan_from_its_start() -> None:
+    station = px4_northbound(more=2)
+    assert station.upload([waypoint(60, 40, 10), waypoint(60, 120, 10), waypoint(0, 120, 10)]) == ACCEPTED
+    station.heard.clear()
+    station.send(mavlink.MAVLink_mission_set_current_message(1, 1, 0))
+    station.until(lambda: reached(station) == [0, 1, 2], 200)

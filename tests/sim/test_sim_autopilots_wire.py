@@ -1,0 +1,117 @@
+"""What ArduCopter makes of ids, sizes and kinds on the wire; home, which moves; and returns as an item."""
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from station import LAT_DEG, Station, home_item, item, land, takeoff, waypoint
+
+GUIDED, AUTO, RTL = 4, 3, 6
+
+
+def north_m(lat_e7: float) -> float:
+    return (lat_e7 * 1e-7 - LAT_DEG) * 111_195
+
+
+@pytest.mark.autopilots("1.15")
+@pytest.mark.parametrize("component", [0, 77, 190])
+def test_mission_requests_to_any_component_are_answered(component: int) -> None:
+    station = Station()
+    assert station.upload([home_item(), takeoff(), waypoint(10, 0)]) == 0
+    (count,) = station.send(mavlink.MAVLink_mission_request_list_message(1, component, 0))
+    assert count.count == 3
+    (got,) = station.send(mavlink.MAVLink_mission_request_int_message(1, component, 2, 0))
+    assert (got.get_type(), got.seq) == ("MISSION_ITEM_INT", 2)
+    (request,) = station.send(mavlink.MAVLink_mission_count_message(1, component, 2, 0))
+    assert (request.get_type(), request.seq) == ("MISSION_REQUEST", 0)
+
+
+@pytest.mark.autopilots("1.15")
+@pytest.mark.parametrize("sysid", [1, 42, 245, 254])
+def test_commands_of_any_ground_station_are_obeyed(sysid: int) -> None:
+    station = Station(sysid=sysid)
+    assert station.set_mode(GUIDED) == 0
+    assert station.arm() == 0
+    assert station.armed
+
+
+@pytest.mark.autopilots("1.16", "MAVSDK 5 params")
+def test_integer_parameters_say_so_and_are_plain_floats() -> None:
+    station = Station()
+    station.send(mavlink.MAVLink_param_request_list_message(1, 0))
+    values = {m.param_id: m for m in station.of("PARAM_VALUE")}
+    integers = {
+        mavlink.MAV_PARAM_TYPE_INT8,
+        mavlink.MAV_PARAM_TYPE_INT16,
+        mavlink.MAV_PARAM_TYPE_INT32,
+    }
+    for name, value in (("DISARM_DELAY", 10.0), ("SYSID_MYGCS", 255.0), ("RTL_ALT", 1500.0)):
+        assert values[name].param_type in integers
+        assert values[name].param_value == value
+    assert values["WPNAV_SPEED"].param_type == mavlink.MAV_PARAM_TYPE_REAL32
+
+
+@pytest.mark.autopilots("1.11")
+def test_a_return_goes_to_where_it_was_armed_last() -> None:
+    station = Station()
+    station.fly_mission([takeoff(10), waypoint(100, 0, 10), land(100, 0)])
+    station.until(lambda: not station.armed, 120)
+    station.fly(10)
+    away = round((LAT_DEG + 160 / 111_195) * 1e7)
+    assert station.command_int(mavlink.MAV_CMD_DO_REPOSITION, 6, away, 145_060_000, 10, -1, 1) == 0
+    station.until(lambda: north_m(station.fleet.truth().lat_deg[0] * 1e7) > 158, 60)
+    assert station.command(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH) == 0
+    station.until(lambda: not station.armed, 120)
+    assert north_m(station.fleet.truth().lat_deg[0] * 1e7) == pytest.approx(100, abs=1.5)
+
+
+@pytest.mark.autopilots("1.11")
+def test_relative_altitudes_are_above_where_it_was_armed_last() -> None:
+    station = Station()
+    station.fly(30)
+    switch = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+    assert station.command(switch, 0, 21_196) == 0  # the only way here to be armed at another height
+    station.wait(0.5)
+    assert station.command(switch, 1, 21_196) == 0
+    position = station.ask(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
+    assert abs(position.relative_alt) < 500
+    assert position.alt > 320_000
+    assert station.download() == []
+    assert station.of("HOME_POSITION")[-1].altitude == pytest.approx(position.alt, abs=500)
+
+
+@pytest.mark.autopilots("1.12")
+def test_a_return_as_an_item_never_shows_its_mode_and_the_mission_begins_anew() -> None:
+    station = Station()
+    rtl = item(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
+    station.fly_mission([takeoff(10), waypoint(40, 0, 10), rtl])
+    begun = len(station.heard)
+    station.until(lambda: not station.armed, 120)
+    station.wait(5)
+    beats = [m for m in station.heard[begun:] if m.get_type() == "HEARTBEAT"]
+    assert {m.custom_mode for m in beats} == {AUTO}
+    current = station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT)
+    assert (current.seq, current.mission_state) == (0, 5)
+
+
+@pytest.mark.autopilots("2 RTL item")
+@pytest.mark.parametrize("frame", [0, 2, 3, 5, 6, 10, 11])
+def test_a_return_is_taken_in_any_frame(frame: int) -> None:
+    station = Station()
+    rtl = item(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, frame=frame)
+    assert station.upload([home_item(), takeoff(), rtl]) == mavlink.MAV_MISSION_ACCEPTED
+
+
+@pytest.mark.autopilots("2 frame 2 on a WP")
+def test_a_waypoint_in_the_mission_frame_is_flown_above_mean_sea_level() -> None:
+    station = Station()
+    station.fly_mission([takeoff(10), waypoint(50, 0, 325.0, frame=2), waypoint(50, 30, 25)])
+    station.until(lambda: 2 in [m.seq for m in station.of("MISSION_ITEM_REACHED")], 90)
+    assert station.height_m == pytest.approx(25, abs=2.1)  # 300 m is the ground; within the radius
+
+
+@pytest.mark.autopilots("2 count")
+def test_the_count_is_with_home_and_the_total_without() -> None:
+    station = Station()
+    assert station.upload([home_item(), takeoff(), *(waypoint(10.0 * i, 0) for i in range(5))]) == 0
+    (count,) = station.send(mavlink.MAVLink_mission_request_list_message(1, 0, 0))
+    total = station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).total
+    assert (count.count, total) == (7, 6)

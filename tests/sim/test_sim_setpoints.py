@@ -1,0 +1,164 @@
+"""Set-points that lean the vehicle: attitudes, body rates and accelerations, in both autopilots."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from px4_station import OFFBOARD, Px4Station
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from station import Station
+
+ATTITUDE = mavlink.MAVLINK_MSG_ID_ATTITUDE
+HOVER = 0.5
+ONLY_ACCELERATION, WITHOUT_RATES, WITHOUT_ATTITUDE = 0x0C3F, 0x07, 0x80
+IDENTITY = (1.0, 0.0, 0.0, 0.0)
+
+
+def attitude(roll_deg: float, pitch_deg: float, yaw_deg: float, thrust: float = HOVER) -> Any:
+    roll, pitch, yaw = (math.radians(angle) / 2 for angle in (roll_deg, pitch_deg, yaw_deg))
+    (cr, cp, cy), (sr, sp, sy) = map(math.cos, (roll, pitch, yaw)), map(math.sin, (roll, pitch, yaw))
+    q = (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
+    return mavlink.MAVLink_set_attitude_target_message(0, 1, 1, WITHOUT_RATES, q, 0, 0, 0, thrust)
+
+
+def rates(roll: float, pitch: float, yaw: float) -> Any:
+    """Body rates [deg/s]."""
+    wanted = (math.radians(rate) for rate in (roll, pitch, yaw))
+    return mavlink.MAVLink_set_attitude_target_message(0, 1, 1, WITHOUT_ATTITUDE, IDENTITY, *wanted, HOVER)
+
+
+def acceleration(north: float, east: float, down: float) -> Any:
+    return mavlink.MAVLink_set_position_target_local_ned_message(
+        0, 1, 1, mavlink.MAV_FRAME_LOCAL_NED, ONLY_ACCELERATION, 0, 0, 0, 0, 0, 0, north, east, down, 0, 0
+    )
+
+
+def hold(station: Station, message: Any, seconds: float) -> None:
+    for _ in range(round(seconds * 10)):
+        station.send(message)
+        station.wait(0.1)
+
+
+def ardupilot() -> Station:
+    station = Station()
+    station.fly(30)
+    return station
+
+
+def px4() -> Station:
+    station = Px4Station()
+    station.fly(30)
+    hold(station, acceleration(0, 0, 0), 1)
+    assert station.change(OFFBOARD) == 0
+    return station
+
+
+BOTH = pytest.mark.parametrize("flying", [ardupilot, px4])
+
+
+@BOTH
+def test_an_attitude_is_flown_and_accelerates_by_its_lean(flying: Callable[[], Station]) -> None:
+    station = flying()
+    hold(station, attitude(0, 0, 0), 4)
+    hold(station, attitude(0, -10, 0), 3)
+    shown = station.ask(ATTITUDE)
+    assert math.degrees(shown.pitch) == pytest.approx(-10, abs=0.5)
+    assert math.degrees(shown.roll) == pytest.approx(0, abs=0.5)
+    position = station.ask(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
+    # g tan(10 deg) for 3 s, less the drag of the air
+    assert 4.0 < position.vx / 100 < 3 * 9.81 * math.tan(math.radians(10))
+    assert abs(position.vy) < 20
+    assert station.height_m == pytest.approx(30, abs=0.5)
+
+
+@BOTH
+def test_a_roll_pushes_to_the_right_of_the_heading(flying: Callable[[], Station]) -> None:
+    station = flying()
+    hold(station, attitude(0, 0, 90), 4)
+    hold(station, attitude(15, 0, 90), 2)
+    position = station.ask(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
+    assert position.hdg / 100 == pytest.approx(90, abs=1)
+    assert position.vx / 100 < -3
+    assert abs(position.vy) < 30
+
+
+@BOTH
+def test_thrust_above_hovering_climbs_and_below_sinks(flying: Callable[[], Station]) -> None:
+    station = flying()
+    hold(station, attitude(0, 0, 0, 0.75), 4)
+    high_m = station.height_m
+    assert high_m > 33
+    hold(station, attitude(0, 0, 0, 0.25), 6)
+    assert station.height_m < high_m - 1
+
+
+@BOTH
+def test_body_rates_turn_the_vehicle_and_lean_it(flying: Callable[[], Station]) -> None:
+    station = flying()
+    hold(station, attitude(0, 0, 0), 4)
+    hold(station, rates(0, 0, 30), 2)
+    assert math.degrees(station.ask(ATTITUDE).yaw) == pytest.approx(60, abs=6)
+    hold(station, rates(10, 0, 0), 1.5)
+    shown = station.ask(ATTITUDE)
+    assert math.degrees(shown.roll) == pytest.approx(14, abs=2.5)
+    assert math.degrees(shown.yaw) == pytest.approx(60, abs=8)
+
+
+@BOTH
+def test_an_acceleration_is_flown(flying: Callable[[], Station]) -> None:
+    station = flying()
+    hold(station, attitude(0, 0, 0), 4)
+    hold(station, acceleration(0, 1.5, 0), 2)
+    position = station.ask(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
+    assert position.vy / 100 == pytest.approx(3.0, abs=0.4)
+    assert abs(position.vx) < 20
+    hold(station, acceleration(0, 0, -0.5), 2)
+    assert station.ask(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT).vz / 100 == pytest.approx(-1.0, abs=0.3)
+
+
+def test_a_lean_that_is_not_repeated_ends_and_the_vehicle_stops() -> None:
+    station = ardupilot()
+    hold(station, attitude(0, -10, 0), 3)
+    station.wait(12)
+    position = station.ask(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
+    assert math.hypot(position.vx, position.vy) < 20
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        mavlink.MAVLink_set_attitude_target_message(0, 1, 1, WITHOUT_RATES, [math.nan] * 4, 0, 0, 0, HOVER),
+        mavlink.MAVLink_set_attitude_target_message(0, 1, 1, WITHOUT_RATES, [0.0] * 4, 0, 0, 0, HOVER),
+        mavlink.MAVLink_set_attitude_target_message(0, 1, 1, 0x87, IDENTITY, 1, 1, 1, HOVER),
+        mavlink.MAVLink_set_attitude_target_message(0, 1, 1, 0x80, IDENTITY, math.inf, 0, 0, HOVER),
+        acceleration(math.nan, 0, 0),
+    ],
+)
+def test_what_is_no_setpoint_changes_nothing(message: Any) -> None:
+    station = ardupilot()
+    before = station.fleet.truth()
+    hold(station, message, 2)
+    after = station.fleet.truth()
+    assert abs(after.lat_deg[0] - before.lat_deg[0]) < 1e-6
+    assert after.height_m[0] == pytest.approx(before.height_m[0], abs=0.3)
+    assert station.mode == "GUIDED"
+
+
+def test_a_plane_turns_toward_a_lean() -> None:
+    """Whoever leans a plane to the right has it turn to the right."""
+    station = Px4Station("plane")
+    assert station.arm() == 0
+    assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, *[math.nan] * 6, 360) == 0
+    station.until(lambda: station.mode == "Hold", 120)
+    hold(station, acceleration(0, 0, 0), 1)
+    assert station.change(OFFBOARD) == 0
+    before = station.ask(ATTITUDE).yaw
+    hold(station, attitude(25, 0, math.degrees(before)), 3)
+    turned = (station.ask(ATTITUDE).yaw - before + math.pi) % (2 * math.pi) - math.pi
+    assert math.degrees(turned) > 20
