@@ -138,7 +138,7 @@ class Autopilot:
         self.setpoints = Setpoints(self)
         self.storage = personality.storage(self, log_limits)
         self._ready_s = ready_s
-        self._phase_s = float(rng.random())
+        self._phase_s = self._idle_look_s = float(rng.random())
         self.now = 0.0
         self.alarm_s = 0.0
         self.strikes = 0
@@ -277,8 +277,11 @@ class Autopilot:
         self.transfer.tick(now)
         self.storage.tick(now)
         self.storage.note(now)
+        # Not a whole second from now: a fleet that booted together would look around all at once.
+        while self._idle_look_s <= now + EPSILON_S:
+            self._idle_look_s += IDLE_LOOK_S
         self.alarm_s = min(
-            now + IDLE_LOOK_S,
+            self._idle_look_s,
             failsafe_s,
             disarm_s,
             self.flight.next_look_s(now),

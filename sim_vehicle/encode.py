@@ -68,6 +68,19 @@ def layout_of(message_id: int) -> Layout:
     return Layout(message_id, message.msgname, bytes([message.crc_extra]), np.dtype(fields))
 
 
+class DefinedMessage(mavlink.MAVLink_message):  # type: ignore[misc]
+    """A message that the dialect does not know, from its layout; packed like pymavlink's own."""
+
+    def __init__(self, layout: Layout, **fields: Any) -> None:
+        super().__init__(layout.message_id, layout.name)
+        self._layout = layout
+        self._payload = records(layout, 1, fields).tobytes()
+
+    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
+        extra = self._layout.crc_extra[0]
+        return bytes(self._pack(mav, extra, self._payload, force_mavlink1=force_mavlink1))
+
+
 def records(layout: Layout, n: int, columns: Mapping[str, Any]) -> Records:
     """Payloads of `n` vehicles from columns (scalars, (n,) or (n, length)); what is not named stays 0.
 

@@ -55,10 +55,11 @@ class FenceWatch:
     def active(self) -> bool:
         """Whether the vehicle has to look often."""
         vehicle = self._vehicle
-        return self.enabled and vehicle.armed and vehicle.body.airborne and self._has_limits
+        return self.enabled and vehicle.armed and vehicle.body.airborne and self.has_limits
 
     @property
-    def _has_limits(self) -> bool:
+    def has_limits(self) -> bool:
+        """Whether there is anything to stay inside or outside of."""
         tuning = self._vehicle.tuning
         return (
             math.isfinite(tuning.fence_max_height_m)
@@ -93,7 +94,7 @@ class FenceWatch:
         if vehicle.tuning.fence_enabled != self._parameter:
             self._parameter, self.switch = vehicle.tuning.fence_enabled, None
         before = self.breached
-        if not (self.enabled and self._has_limits):
+        if not (self.enabled and self.has_limits):
             self.breached, self._above_floor = frozenset(), False
             self._again_m.clear()
             return

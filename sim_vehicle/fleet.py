@@ -326,7 +326,7 @@ def _world(
 ) -> World:
     specs, wind, gps = scenario.vehicles, scenario.wind, scenario.gps
     good = GpsSettings()
-    return World(
+    world = World(
         LocalFrame(*centre),
         np.array([spec.lat_deg for spec in specs]),
         np.array([spec.lon_deg for spec in specs]),
@@ -339,3 +339,6 @@ def _world(
             good.drift_m if gps.drift_m is None else gps.drift_m,
         ),
     )
+    headings_rad = np.deg2rad([spec.heading_deg for spec in specs])
+    world.dynamics.attitude[2] = np.arctan2(np.sin(headings_rad), np.cos(headings_rad))
+    return world

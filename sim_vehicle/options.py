@@ -80,8 +80,6 @@ def make_scenario(options: FleetOptions) -> tuple[Scenario, list[str]]:
     if wind is not None:
         data["wind"] = wind
     data["faults"] = [*data["faults"], *(fault.model_dump() for fault in faults if fault is not None)]
-    if options.home is not None and options.home.count(",") == 3:
-        notes.append("--home: the heading is not used; vehicles start facing north")
     if base.script or base.checks:
         notes.append(
             f"{options.scenario}: its script and checks are for `python -m sim_vehicle run`, not used here"
@@ -144,14 +142,15 @@ def _counted(options: FleetOptions) -> Scenario:
             f"--per-port {per_port}: system ids end at {MAX_SYSID}, and the first is {first} (--sysid); "
             f"at most {most} fit on a port"
         )
-    home = parse_home(options.home or DEFAULT_HOME)
+    *home, heading_deg = parse_home(options.home or DEFAULT_HOME)
     kind = parse_kind(options.kind or "copter")
-    data = default_scenario(count, home=home).model_dump()
+    data = default_scenario(count, home=(home[0], home[1], home[2])).model_dump()
     for i, vehicle in enumerate(data["vehicles"]):
         vehicle["sysid"] = first + (i if distinct else i % per_port)
         vehicle["link"] = i // per_port
         vehicle["personality"] = personalities[i]
         vehicle["kind"] = kind
+        vehicle["heading_deg"] = heading_deg
     return _validated(data)
 
 
@@ -184,8 +183,8 @@ def parse_kind(text: str) -> str:
     return KINDS[text.lower()]
 
 
-def parse_home(text: str) -> tuple[float, float, float]:
-    """Latitude, longitude [deg], altitude [m above sea level]; a heading may follow, as in sim_vehicle.py."""
+def parse_home(text: str) -> tuple[float, float, float, float]:
+    """Latitude, longitude [deg], altitude [m above sea level], heading [deg]; north if none is given."""
     numbers = _numbers(text)
     if len(numbers) not in (3, 4):
         raise OptionError(f"--home {text!r} is not LAT,LON,ALT[,HEADING], for example {DEFAULT_HOME}")
@@ -195,7 +194,8 @@ def parse_home(text: str) -> tuple[float, float, float]:
     ):  # fmt: skip
         if not low <= value <= high:
             raise OptionError(f"--home {text!r}: the {name} {value:g} is not between {low} and {high}")
-    return numbers[0], numbers[1], numbers[2]
+    heading_deg = numbers[3] % 360 if len(numbers) == 4 else 0.0
+    return numbers[0], numbers[1], numbers[2], heading_deg
 
 
 def parse_wind(text: str) -> dict[str, float]:

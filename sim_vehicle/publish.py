@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from sim_vehicle.autopilot import Autopilot
 
 ALWAYS_SET = int(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
+GEOFENCE = int(mavlink.MAV_SYS_STATUS_GEOFENCE)
 SENSORS = int(
     mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
     | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
@@ -83,8 +84,13 @@ def _health(vehicle: "Autopilot", now: float) -> None:
     if not vehicle.armed and vehicle.personality.refusals(vehicle, now):
         health &= ~mavlink.MAV_SYS_STATUS_PREARM_CHECK
     unhealthy = vehicle.afflictions.unhealthy_sensors
-    vehicle.status.sensors[vehicle.index] = SENSORS | unhealthy
-    vehicle.status.health[vehicle.index] = health & ~unhealthy
+    present = SENSORS | unhealthy
+    watch, i = vehicle.fence_watch, vehicle.index
+    if not watch.breached:
+        health |= GEOFENCE
+    vehicle.status.sensors[i] = present | (GEOFENCE if watch.has_limits else 0)
+    vehicle.status.sensors_enabled[i] = present | (GEOFENCE if watch.enabled and watch.has_limits else 0)
+    vehicle.status.health[i] = health & ~unhealthy
 
 
 def _places(vehicle: "Autopilot") -> None:

@@ -31,7 +31,8 @@ class Status:
         self.system_status = column("u1")
         self.standard_mode = column("u1")
         # SYS_STATUS
-        self.sensors = column("u4")
+        self.sensors = column("u4")  # present
+        self.sensors_enabled = column("u4")
         self.health = column("u4")
         # what it knows about itself
         self.gps_seen = column("?")  # its receiver has had its first fix since the boot

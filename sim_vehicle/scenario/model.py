@@ -43,6 +43,7 @@ class VehicleSpec(Section):
     lat_deg: Latitude
     lon_deg: Longitude
     alt_amsl_m: Altitude = 10.0
+    heading_deg: Annotated[float, Field(strict=True, ge=0, le=360)] = 0.0  # clockwise from north
     personality: Literal["ardupilot", "px4"] = "ardupilot"
     kind: Annotated[Literal["copter", "plane"], Field(validation_alias=AliasChoices("type", "kind"))] = (
         "copter"

@@ -22,7 +22,7 @@ def sys_status(v: View) -> Columns:
     s, i, batteries = v.status, v.i, v.world.batteries
     return {
         "onboard_control_sensors_present": s.sensors[i],
-        "onboard_control_sensors_enabled": s.sensors[i],
+        "onboard_control_sensors_enabled": s.sensors_enabled[i],
         "onboard_control_sensors_health": s.health[i],
         "load": s.load[i],
         "voltage_battery": batteries.voltage_v[i] * 1000,

@@ -1,11 +1,13 @@
 """What the command line means: URLs, homes, personalities, wind, parameters, ports and system ids."""
 
+import math
 from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sim_vehicle.fleet import Fleet
 from sim_vehicle.options import (
     FleetOptions,
     OptionError,
@@ -89,8 +91,8 @@ def test_a_personality_that_cannot_be(text: str, count: int | None) -> None:
 
 
 def test_a_home_may_have_a_heading() -> None:
-    assert parse_home("46,14.5,300") == (46, 14.5, 300)
-    assert parse_home("-35.36,149.16,584,353") == (-35.36, 149.16, 584)
+    assert parse_home("46,14.5,300") == (46, 14.5, 300, 0)
+    assert parse_home("-35.36,149.16,584,353") == (-35.36, 149.16, 584, 353)
 
 
 @pytest.mark.parametrize(
@@ -188,3 +190,9 @@ def test_options_on_top_of_a_scenario(tmp_path: Path) -> None:
 def test_a_fault_on_nobody() -> None:
     with pytest.raises(OptionError, match="no vehicle has system id"):
         make_scenario(FleetOptions(count=2, faults=["gps_loss:sysid=9"]))
+
+
+def test_the_heading_of_home_is_where_vehicles_face() -> None:
+    scenario, _ = make_scenario(FleetOptions(home="46,14.5,300,270", count=2))
+    fleet = Fleet(scenario, ready_s=0.0)
+    assert fleet.world.dynamics.heading_rad == pytest.approx([1.5 * math.pi] * 2)

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle import commands as common
 from sim_vehicle.faults import failure_command as failures
 from sim_vehicle.personalities.base import CommandHandler
-from sim_vehicle.personalities.px4 import modes
+from sim_vehicle.personalities.px4 import messages, modes
 from sim_vehicle.personalities.px4.orbit import Orbit
 from sim_vehicle.place import Place
 
@@ -330,10 +330,16 @@ _TAKEN = (
     mavlink.MAV_CMD_DO_SET_ACTUATOR,
 )
 
+
+def protocol_version(vehicle: "Autopilot", _command: "Command", now: float) -> int:
+    return ACCEPTED if vehicle.send_now(messages.PROTOCOL_VERSION.message_id, now) else DENIED
+
+
 COMMANDS: MappingProxyType[int, CommandHandler] = MappingProxyType(
     dict.fromkeys(_NOT_HERE, _unsupported)
     | dict.fromkeys(_TAKEN, _accept)
     | {
+        mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION: protocol_version,
         mavlink.MAV_CMD_COMPONENT_ARM_DISARM: arm_disarm,
         mavlink.MAV_CMD_DO_SET_MODE: set_mode,
         mavlink.MAV_CMD_DO_SET_STANDARD_MODE: set_standard_mode,

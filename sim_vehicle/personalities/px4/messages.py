@@ -1,11 +1,12 @@
 """What PX4 sends without being asked, and what it answers to a request for a message."""
 
-import struct
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.encode import DefinedMessage, Layout
 from sim_vehicle.personalities.base import Mode
 from sim_vehicle.personalities.px4 import modes
 
@@ -48,32 +49,68 @@ DEFAULT_RATES_HZ: dict[int, float] = {
 }
 
 
-class AvailableMode(mavlink.MAVLink_message):  # type: ignore[misc]
-    """AVAILABLE_MODES, which pymavlink's ArduPilot dialect does not have."""
+# Messages that pymavlink's ArduPilot dialect does not have.
+_AVAILABLE_MODES = Layout(
+    AVAILABLE_MODES,
+    "AVAILABLE_MODES",
+    bytes([134]),
+    np.dtype(
+        [
+            ("custom_mode", "<u4"),
+            ("properties", "<u4"),
+            ("number_modes", "u1"),
+            ("mode_index", "u1"),
+            ("standard_mode", "u1"),
+            ("mode_name", "S35"),
+        ]
+    ),
+)
+PROTOCOL_VERSION = Layout(
+    300,
+    "PROTOCOL_VERSION",
+    bytes([217]),
+    np.dtype(
+        [
+            ("version", "<u2"),
+            ("min_version", "<u2"),
+            ("max_version", "<u2"),
+            ("spec_version_hash", "u1", (8,)),
+            ("library_version_hash", "u1", (8,)),
+        ]
+    ),
+)
 
-    crc_extra = 134
 
-    def __init__(self, index: int, total: int, mode: Mode) -> None:
-        super().__init__(AVAILABLE_MODES, "AVAILABLE_MODES")
-        properties = ADVANCED if mode.number in _ADVANCED_MODES else 0
-        if not mode.selectable:
-            properties |= NOT_SELECTABLE
-        name = mode.name.encode()
-        self._fields = struct.pack("<IIBBB35s", mode.number, properties, total, index, mode.standard, name)
-
-    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
-        return bytes(self._pack(mav, self.crc_extra, self._fields, force_mavlink1=force_mavlink1))
+def _available_mode(index: int, total: int, mode: Mode) -> DefinedMessage:
+    properties = ADVANCED if mode.number in _ADVANCED_MODES else 0
+    if not mode.selectable:
+        properties |= NOT_SELECTABLE
+    return DefinedMessage(
+        _AVAILABLE_MODES,
+        custom_mode=mode.number,
+        properties=properties,
+        number_modes=total,
+        mode_index=index,
+        standard_mode=mode.standard,
+        mode_name=mode.name.encode(),
+    )
 
 
 def available_modes(vehicle: "Autopilot", parameter: float) -> Sequence[Any]:
     """Every mode (parameter 0), or the one with this index, counted from 1."""
     every = list(vehicle.personality.modes.values())
-    made = [AvailableMode(index, len(every), mode) for index, mode in enumerate(every, start=1)]
+    made = [_available_mode(index, len(every), mode) for index, mode in enumerate(every, start=1)]
     if parameter == 0:
         return made
     return made[int(parameter) - 1 : int(parameter)] if 1 <= parameter <= len(made) else []
 
 
+def protocol_version(_vehicle: "Autopilot", _parameter: float) -> Sequence[Any]:
+    """MAVLink 2.0, and 1.0 is understood as well."""
+    return [DefinedMessage(PROTOCOL_VERSION, version=200, min_version=100, max_version=200)]
+
+
 SINGLES = {
     AVAILABLE_MODES: available_modes,
+    PROTOCOL_VERSION.message_id: protocol_version,
 }

@@ -1,0 +1,1 @@
+"""The checks, one file a category; each registers its functions when it is imported."""

@@ -1,0 +1,58 @@
+"""Who the vehicle is, and one frame of it."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.conformance.dialects import PLANE_TYPES
+
+SIMULATOR_MARK = b"sim_vehicle"
+SIGNED = 0x01  # incompatibility flag of a signed frame
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """One frame of the vehicle: when it came [s], what it says, and its header."""
+
+    at_s: float
+    kind: str
+    message: Any
+    sysid: int
+    component: int
+    seq: int
+    raw: bytes
+
+    @property
+    def msgid(self) -> int:
+        return int.from_bytes(self.raw[7:10], "little") if self.raw[0] == 0xFD else self.raw[5]
+
+    @property
+    def payload(self) -> bytes:
+        start = 10 if self.raw[0] == 0xFD else 6
+        return self.raw[start : start + self.raw[1]]
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """Who the vehicle is; `capabilities` are MAV_PROTOCOL_CAPABILITY bits, 0 where it would not tell."""
+
+    sysid: int
+    component: int
+    autopilot: int
+    vehicle_type: int
+    capabilities: int = 0
+    software: int = 0
+    uid2: bytes = b""
+
+    @property
+    def simulator(self) -> bool:
+        return self.uid2.startswith(SIMULATOR_MARK)
+
+    @property
+    def kind(self) -> str:
+        return "plane" if self.vehicle_type in PLANE_TYPES else "copter"
+
+    def claims(self, capability: str) -> bool:
+        bit: int = getattr(mavlink, f"MAV_PROTOCOL_CAPABILITY_{capability}")
+        return bool(self.capabilities & bit)

@@ -1,0 +1,157 @@
+"""A client of the MAVLink file transfer protocol."""
+
+import struct
+from dataclasses import dataclass
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.conformance.peer import Peer
+from sim_vehicle.conformance.registry import CheckFailed
+
+# Operations and errors of the protocol.
+TERMINATE, RESET, LIST, OPEN_READ, READ, CALC_CRC, BURST = 1, 2, 3, 4, 5, 14, 15
+ACK, NAK = 128, 129
+FAIL, FAIL_ERRNO, EOF, UNKNOWN_COMMAND, NOT_FOUND = 1, 2, 6, 7, 10
+HEADER = struct.Struct("<HBBBBBxI")  # seq, session, opcode, size, request opcode, burst complete, offset
+CHUNK = 239
+REPLY_S, ATTEMPTS = 1.5, 4
+MAX_BYTES = 4_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """One payload of the vehicle."""
+
+    seq: int
+    session: int
+    opcode: int
+    request: int
+    complete: bool
+    offset: int
+    data: bytes
+
+    @property
+    def ok(self) -> bool:
+        return self.opcode == ACK
+
+    @property
+    def error(self) -> int:
+        """Error code of a NAK."""
+        return self.data[0] if self.data else FAIL
+
+
+class Ftp:
+    """One client with its own sequence numbers."""
+
+    def __init__(self, peer: Peer) -> None:
+        self.peer = peer
+        self.seq = 0
+
+    def send(
+        self, opcode: int, data: bytes = b"", *, session: int = 0, offset: int = 0, size: int | None = None
+    ) -> int:
+        """Send a request; its sequence number. `size` where it is not the length of the data."""
+        self.seq = (self.seq + 1) % 65_536
+        self.resend(opcode, data, session=session, offset=offset, size=size)
+        return self.seq
+
+    def resend(
+        self, opcode: int, data: bytes = b"", *, session: int = 0, offset: int = 0, size: int | None = None
+    ) -> None:
+        """The same with the sequence number of the last."""
+        length = len(data) if size is None else size
+        payload = HEADER.pack(self.seq, session, opcode, length, 0, 0, offset) + data
+        message = mavlink.MAVLink_file_transfer_protocol_message(
+            0, *self.peer.target, payload.ljust(251, b"\0")
+        )
+        self.peer.send(message)
+
+    def reply(self, mark: int, within_s: float = REPLY_S) -> tuple[Reply, int] | None:
+        """The next payload behind a mark, and the mark behind it."""
+        place = self.peer.seek(("FILE_TRANSFER_PROTOCOL",), within_s=within_s, mark=mark)
+        return None if place is None else (_reply(bytes(self.peer.heard[place].message.payload)), place + 1)
+
+    def ask(
+        self, opcode: int, data: bytes = b"", *, session: int = 0, offset: int = 0, size: int | None = None
+    ) -> Reply:
+        """Request and answer, again with the same number where nothing comes."""
+        mark = self.peer.mark()
+        self.send(opcode, data, session=session, offset=offset, size=size)
+        for _ in range(ATTEMPTS):
+            found = self.reply(mark)
+            if found is not None:
+                return found[0]
+            self.resend(opcode, data, session=session, offset=offset, size=size)
+        raise CheckFailed(f"expected an answer to operation {opcode}, saw none")
+
+    def reset(self) -> None:
+        self.ask(RESET)
+
+    def open(self, path: str) -> tuple[int, int]:
+        """Session and size of a file to be read; CheckFailed where it cannot be opened."""
+        answer = self.ask(OPEN_READ, path.encode())
+        if not answer.ok:
+            raise CheckFailed(f"opening {path}: expected ACK, saw error {answer.error}")
+        size = int.from_bytes(answer.data[:4], "little")
+        return answer.session, size
+
+    def read(self, path: str, limit: int = MAX_BYTES) -> bytes:
+        """The bytes of a file by single reads."""
+        session, _ = self.open(path)
+        found = bytearray()
+        while len(found) < limit:
+            answer = self.ask(READ, session=session, offset=len(found), size=CHUNK)
+            if not answer.ok:
+                if answer.error == EOF:
+                    break
+                raise CheckFailed(f"reading {path} at {len(found)}: error {answer.error}")
+            found += answer.data
+        self.ask(TERMINATE, session=session)
+        return bytes(found)
+
+    def burst(self, path: str) -> bytes:
+        """The bytes of a file by burst reads."""
+        session, size = self.open(path)
+        parts: dict[int, bytes] = {}
+        offset, rounds = 0, 0
+        while offset < size and rounds < 2000:
+            rounds += 1
+            mark = self.peer.mark()
+            self.send(BURST, session=session, offset=offset, size=CHUNK)
+            while (found := self.reply(mark)) is not None:
+                answer, mark = found
+                if not answer.ok:
+                    break
+                parts[answer.offset] = answer.data
+                if answer.complete:
+                    break
+            offset = _contiguous(parts)
+        self.ask(TERMINATE, session=session)
+        return b"".join(parts[o] for o in sorted(parts))[:offset]
+
+    def list(self, path: str) -> list[str]:
+        """Entries of a directory as the protocol has them: `Fname\\tsize`, `Dname`, `S`."""
+        entries: list[str] = []
+        while True:
+            answer = self.ask(LIST, path.encode(), offset=len(entries))
+            if not answer.ok:
+                if answer.error == EOF or entries:
+                    return entries
+                raise CheckFailed(f"listing {path}: error {answer.error}")
+            found = [part.decode("ascii", "replace") for part in answer.data.split(b"\0") if part]
+            if not found:
+                return entries
+            entries += found
+
+
+def _reply(payload: bytes) -> Reply:
+    seq, session, opcode, size, request, complete, offset = HEADER.unpack_from(payload)
+    return Reply(seq, session, opcode, request, bool(complete), offset, payload[12 : 12 + size])
+
+
+def _contiguous(parts: dict[int, bytes]) -> int:
+    """How many bytes there are from the beginning without a gap."""
+    end = 0
+    while parts.get(end):
+        end += len(parts[end])
+    return end

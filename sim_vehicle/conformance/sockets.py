@@ -1,0 +1,202 @@
+"""Real links to a vehicle: the suite's only I/O and its only clock."""
+
+import contextlib
+import select
+import socket
+import time
+from collections.abc import Callable
+from typing import Any
+
+import serial
+
+from sim_vehicle.conformance.wire import Wire, WireError
+from sim_vehicle.url import Url
+
+DATAGRAM_BYTES = 65_536
+REDIAL_S = 0.5  # between attempts to reach a TCP server that is away, as a rebooting vehicle is
+V1, V2 = 0xFE, 0xFD
+
+
+class _Clocked:
+    """Vehicle time is wall time times `speedup`."""
+
+    def __init__(self, speedup: float) -> None:
+        self._speedup = speedup
+        self._started_s = time.monotonic()
+
+    def now_s(self) -> float:
+        return (time.monotonic() - self._started_s) * self._speedup
+
+    def _wall_s(self, vehicle_s: float) -> float:
+        return max(0.0, vehicle_s / self._speedup)
+
+
+class UdpWire(_Clocked):
+    """One UDP socket, bound (udpin) or sending first (udpout); the vehicle is followed where it goes."""
+
+    def __init__(self, url: Url, speedup: float) -> None:
+        super().__init__(speedup)
+        self._addresses: dict[int, Any] = {}
+        self._sysid: int | None = None
+        self._server: Any = None
+        try:
+            family, _, _, _, address = socket.getaddrinfo(url.host, url.port, type=socket.SOCK_DGRAM)[0]
+            self._socket = socket.socket(family, socket.SOCK_DGRAM)
+            if url.listens:
+                self._socket.bind(address)
+            else:
+                self._server = address
+        except OSError as error:
+            cure = "is the port taken?" if url.listens else "is that a host?"
+            raise WireError(f"cannot open {url}: {error.strerror or error}; {cure}") from error
+        self._socket.setblocking(False)
+
+    def send(self, data: bytes) -> None:
+        if self._server is not None:
+            targets = [self._server]
+        elif self._sysid is not None:
+            targets = [self._addresses[self._sysid]] if self._sysid in self._addresses else []
+        else:
+            targets = list(dict.fromkeys(self._addresses.values()))
+        for address in targets:
+            # A vehicle that is away for a moment refuses; the checks see that it does not answer.
+            with contextlib.suppress(OSError):
+                self._socket.sendto(data, address)
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        ready, _, _ = select.select([self._socket], [], [], self._wall_s(timeout_s))
+        if not ready:
+            return None
+        try:
+            data, address = self._socket.recvfrom(DATAGRAM_BYTES)
+        except OSError:
+            return None
+        sysid = _source(data)
+        if sysid is not None:
+            self._addresses[sysid] = address
+        return data
+
+    def follow(self, sysid: int) -> None:
+        self._sysid = sysid
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class TcpWire(_Clocked):
+    """A TCP connection that is made again when the vehicle comes back from a reboot."""
+
+    def __init__(self, url: Url, speedup: float) -> None:
+        super().__init__(speedup)
+        self._url = url
+        self._connection: socket.socket | None = None
+        self._listener: socket.socket | None = None
+        try:
+            if url.listens:
+                family = socket.AF_INET6 if ":" in url.host else socket.AF_INET
+                self._listener = socket.create_server((url.host, url.port), family=family)
+            else:
+                self._connection = socket.create_connection((url.host, url.port), timeout=5.0)
+        except OSError as error:
+            raise WireError(
+                f"cannot open {url}: {error.strerror or error}; does a vehicle listen there?"
+            ) from error
+
+    def send(self, data: bytes) -> None:
+        if self._connection is not None:
+            try:
+                self._connection.sendall(data)
+            except OSError:
+                self._drop()
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        end_s = time.monotonic() + self._wall_s(timeout_s)
+        while True:
+            left_s = max(0.0, end_s - time.monotonic())
+            if self._connection is None and not self._connect(left_s):
+                return None
+            assert self._connection is not None
+            ready, _, _ = select.select([self._connection], [], [], max(0.0, end_s - time.monotonic()))
+            if not ready:
+                return None
+            with contextlib.suppress(OSError):
+                if data := self._connection.recv(DATAGRAM_BYTES):
+                    return data
+            self._drop()
+
+    def _connect(self, left_s: float) -> bool:
+        """Try for at most `left_s` [s of wall time]; whether there is a connection."""
+        if self._listener is not None:
+            ready, _, _ = select.select([self._listener], [], [], left_s)
+            if ready:
+                self._connection, _ = self._listener.accept()
+            return bool(ready)
+        try:
+            self._connection = socket.create_connection(
+                (self._url.host, self._url.port), timeout=max(left_s, 0.01)
+            )
+        except OSError:
+            time.sleep(min(left_s, REDIAL_S))
+            return False
+        return True
+
+    def _drop(self) -> None:
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
+
+    def follow(self, sysid: int) -> None:
+        """A connection is one vehicle's, or shared: nothing to choose."""
+
+    def close(self) -> None:
+        self._drop()
+        if self._listener is not None:
+            self._listener.close()
+
+
+class SerialWire(_Clocked):
+    """A serial port."""
+
+    def __init__(self, device: str, baud: int, speedup: float) -> None:
+        super().__init__(speedup)
+        try:
+            self._port = serial.Serial(device, baud, timeout=0)
+        except serial.SerialException as error:
+            raise WireError(f"cannot open {device} at {baud} baud: {error}") from error
+
+    def send(self, data: bytes) -> None:
+        self._port.write(data)
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        self._port.timeout = self._wall_s(timeout_s)
+        first = self._port.read(1)
+        return first + self._port.read(self._port.in_waiting) if first else None
+
+    def follow(self, sysid: int) -> None:
+        """Nothing to choose on a serial port."""
+
+    def close(self) -> None:
+        self._port.close()
+
+
+def _source(data: bytes) -> int | None:
+    """System id of the first frame of a datagram; None where it does not begin with one."""
+    if len(data) >= 8 and data[0] == V1:
+        return data[3]
+    if len(data) >= 12 and data[0] == V2:
+        return data[5]
+    return None
+
+
+def open_wire(url: Url, *, speedup: float = 1.0) -> Wire:
+    """The wire for a URL; WireError where it cannot be opened."""
+    makers: dict[str, Callable[[], Wire]] = {
+        "udpin": lambda: UdpWire(url, speedup),
+        "udpout": lambda: UdpWire(url, speedup),
+        "tcpin": lambda: TcpWire(url, speedup),
+        "tcpout": lambda: TcpWire(url, speedup),
+        "serial": lambda: SerialWire(url.host, url.port, speedup),
+    }
+    if url.kind not in makers:
+        raise WireError(f"{url.kind} is no link the suite can open; expected one of {', '.join(makers)}")
+    return makers[url.kind]()

@@ -1,0 +1,70 @@
+"""A vehicle for the conformance suite on the virtual clock, and one that is bent on its way out."""
+
+from collections.abc import Callable, Collection
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.conformance.peer import Peer
+from sim_vehicle.conformance.registry import select
+from sim_vehicle.conformance.runner import Outcome, Report, permissions, run
+from sim_vehicle.conformance.virtual import FleetWire
+from sim_vehicle.fleet import Fleet
+from sim_vehicle.scenario import default_scenario
+
+HOME = (46.0490, 14.5060, 300.0)
+GROUND = ("heartbeat", "version", "parameters", "commands", "mission.download")
+Bend = Callable[[Any], list[Any]]
+
+
+def fleet(personality: str = "ardupilot", kind: str = "copter", *, ready_s: float | None = None) -> Fleet:
+    return Fleet(default_scenario(1, home=HOME, seed=1, personality=personality, kind=kind), ready_s=ready_s)
+
+
+def conform(wire: FleetWire, *patterns: str, allow: Collection[str] = ()) -> Report:
+    """The checks that fit, on the vehicle behind a wire."""
+    peer = Peer(wire)
+    facts = peer.meet()
+    peer.permits = set(permissions(facts, frozenset(allow), ground_only=False))
+    return run(peer, select(patterns))
+
+
+def named(report: Report, outcome: Outcome) -> set[str]:
+    return {result.check.name for result in report.results if result.outcome is outcome}
+
+
+def told(report: Report) -> str:
+    failed = [r for r in report.results if r.outcome is Outcome.FAILED]
+    return "\n".join(f"{result.check.name}: {result.seen}" for result in failed)
+
+
+class BentWire(FleetWire):
+    """What the vehicle sends goes through `bend`: message in, messages out."""
+
+    def __init__(self, inner: Fleet, bend: Bend) -> None:
+        super().__init__(inner)
+        self._bend = bend
+        self._parser = mavlink.MAVLink(None)
+        self._parser.robust_parsing = True
+        self.armed_seen = False
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        data = super().receive(timeout_s)
+        self.armed_seen |= bool(self.fleet.truth().armed[0])
+        if data is None:
+            return None
+        out = b""
+        for message in self._parser.parse_buffer(data) or ():
+            if message.get_type() == "BAD_DATA" or message.get_type().startswith("UNKNOWN_"):
+                out += bytes(message.get_msgbuf())
+                continue
+            for bent in self._bend(message):
+                codec = mavlink.MAVLink(None, message.get_srcSystem(), message.get_srcComponent())
+                codec.seq = message.get_seq()
+                out += bytes(bent.pack(codec))
+        return out
+
+
+def bent(bend: Bend, *patterns: str) -> set[str]:
+    """The checks that fail on a vehicle that is bent so."""
+    return named(conform(BentWire(fleet(ready_s=0.0), bend), *patterns), Outcome.FAILED)

@@ -1,0 +1,271 @@
+"""MAVSDK's telemetry, info, param and action plug-ins with vehicles that stand on the ground."""
+
+import math
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import pytest
+from mavsdk.plugins.action import OrbitYawBehavior, RelayCommand
+from mavsdk.plugins.telemetry import FixType, FlightMode, LandedState, Odometry
+from mavsdk_peer import Peer, Values, Vehicle, connected, refusal
+
+pytestmark = pytest.mark.interop
+SPEEDUP = 5.0
+PERSONALITIES = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+LAT_DEG, LON_DEG, ALT_M, HEADING_DEG = 47.397742, 8.545594, 488.0, 30.0
+EPOCH_2020_US = 1_577_836_800_000_000
+RATED = (
+    "position", "home", "in_air", "landed_state", "vtol_state", "attitude_quaternion", "attitude_euler",
+    "velocity_ned", "gps_info", "raw_gps", "battery", "rc_status", "position_velocity_ned", "imu",
+    "fixedwing_metrics", "scaled_imu", "unix_epoch_time", "health", "distance_sensor",
+)  # fmt: skip
+RATED_BY = {
+    "ardupilot": {"raw_imu"},
+    "px4": {"altitude", "ground_truth", "odometry", "actuator_output_status"},
+}
+NEVER_RATED = "actuator_control_target"  # gone from PX4 since 1.14, never ArduPilot's
+
+
+@pytest.fixture(scope="module")
+def peer() -> Iterator[Peer]:
+    home = f"{LAT_DEG},{LON_DEG},{ALT_M},{HEADING_DEG}"
+    fleet = ("--personality", "ardupilot:6,px4:7", "--home", home, "--speedup", str(SPEEDUP))
+    with connected(*fleet) as found:
+        yield found
+
+
+def first(vehicle: Vehicle, what: str) -> Any:
+    """The next that a stream brings."""
+    values = Values()
+    getattr(vehicle.telemetry, f"subscribe_{what}")(values, None)
+    return values.next()
+
+
+# -- telemetry -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.autopilots("MAVSDK 5 telemetry")
+@PERSONALITIES
+def test_telemetry_comes_at_the_rate_asked_for(peer: Peer, personality: str) -> None:
+    vehicle = peer.take(personality, telemetry=False)
+    telemetry = vehicle.telemetry
+    if not vehicle.px4:
+        first(vehicle, "armed")  # of the heartbeat, which is all there is
+        assert math.isnan(telemetry.position().latitude_deg)
+        assert math.isnan(telemetry.battery().voltage_v)
+    ours = RATED_BY[personality]
+    for what in (*RATED, *ours):
+        getattr(telemetry, f"set_rate_{what}")(10.0)
+    others = RATED_BY["ardupilot" if vehicle.px4 else "px4"]
+    for what in (*others, NEVER_RATED):
+        refused = refusal(getattr(telemetry, f"set_rate_{what}"), 10.0)
+        assert refused == ("UNKNOWN" if vehicle.px4 else "COMMAND_DENIED")  # of FAILED it knows nothing
+    for rate_hz in (10.0, 2.0):
+        telemetry.set_rate_attitude_euler(rate_hz)
+        values = Values()
+        handle = telemetry.subscribe_attitude_euler(values, None)
+        for _ in range(6):
+            values.next()
+        telemetry.unsubscribe_attitude_euler(handle)
+        stamps = [value.timestamp_us for value in values.seen[1:]]
+        assert stamps[-1] - stamps[0] == pytest.approx((len(stamps) - 1) * 1e6 / rate_hz, rel=0.01)
+
+
+@pytest.mark.autopilots("MAVSDK 5 telemetry")
+@PERSONALITIES
+def test_telemetry_of_a_vehicle_that_stands(peer: Peer, personality: str) -> None:
+    vehicle = peer.take(personality)
+    telemetry = vehicle.telemetry
+    for what in ("landed_state", "battery", "gps_info", "unix_epoch_time", "attitude_quaternion", "raw_gps"):
+        getattr(telemetry, f"set_rate_{what}")(10.0)
+    vehicle.ready()
+    here, home = telemetry.position(), telemetry.home()
+    assert here.latitude_deg == pytest.approx(LAT_DEG, abs=2e-5)
+    assert here.longitude_deg == pytest.approx(LON_DEG, abs=2e-3)  # each stands beside the one before it
+    assert here.absolute_altitude_m == pytest.approx(ALT_M, abs=1.5)
+    assert here.relative_altitude_m == pytest.approx(0, abs=1.5)
+    assert home.latitude_deg == pytest.approx(here.latitude_deg, abs=1e-5)
+    assert home.absolute_altitude_m == pytest.approx(here.absolute_altitude_m, abs=1.5)
+    assert telemetry.heading().heading_deg == pytest.approx(HEADING_DEG, abs=0.1)
+    euler, q = first(vehicle, "attitude_euler"), first(vehicle, "attitude_quaternion")
+    assert (euler.roll_deg, euler.pitch_deg) == (pytest.approx(0, abs=1), pytest.approx(0, abs=1))
+    assert math.degrees(2 * math.atan2(q.z, q.w)) == pytest.approx(euler.yaw_deg, abs=0.5)
+    assert vehicle.ground_speed_m_s < 0.3
+    gps = first(vehicle, "gps_info")
+    assert gps.num_satellites == 10
+    assert gps.fix_type == (FixType.FIX_3D if vehicle.px4 else FixType.RTK_FIXED)
+    battery = first(vehicle, "battery")
+    assert battery.voltage_v == pytest.approx(16.2 if vehicle.px4 else 12.6, abs=0.2)
+    assert battery.remaining_percent == pytest.approx(100, abs=1)
+    assert first(vehicle, "landed_state") == LandedState.ON_GROUND
+    assert first(vehicle, "unix_epoch_time") > EPOCH_2020_US
+    assert not telemetry.armed()
+    assert not telemetry.in_air()
+    assert vehicle.mode == (FlightMode.HOLD if vehicle.px4 else FlightMode.STABILIZED)
+    origin = telemetry.get_gps_global_origin()
+    assert origin.latitude_deg == pytest.approx(LAT_DEG, abs=2e-5)
+    assert origin.altitude_m == pytest.approx(ALT_M, abs=1.5)
+
+
+def test_what_only_px4_streams(peer: Peer) -> None:
+    vehicle = peer.take("px4")
+    telemetry = vehicle.telemetry
+    for what in RATED_BY["px4"]:
+        getattr(telemetry, f"set_rate_{what}")(10.0)
+    vehicle.ready()
+    assert first(vehicle, "altitude").altitude_amsl_m == pytest.approx(ALT_M, abs=1.5)
+    truth = first(vehicle, "ground_truth")
+    assert truth.latitude_deg == pytest.approx(telemetry.position().latitude_deg, abs=1e-5)
+    odometry = first(vehicle, "odometry")
+    assert (
+        odometry.frame_id == Odometry.MavFrame.UNDEF
+    )  # MAVSDK knows no local frame but of vision and estimators
+    assert math.hypot(odometry.position_body.x_m, odometry.position_body.y_m) < 1.5
+    assert first(vehicle, "actuator_output_status").active == 4
+    assert first(vehicle, "scaled_pressure").absolute_pressure_hpa == pytest.approx(956, abs=3)
+    assert first(vehicle, "wind").wind_x_ned_m_s == pytest.approx(0, abs=0.5)
+
+
+# -- info ------------------------------------------------------------------------------------------------
+
+
+@PERSONALITIES
+def test_info(peer: Peer, personality: str) -> None:
+    vehicle, other = peer.take(personality), peer.take(personality)
+    version = vehicle.info.get_version()
+    numbers = (version.flight_sw_major, version.flight_sw_minor, version.flight_sw_patch)
+    assert numbers == ((1, 15, 2) if vehicle.px4 else (4, 6, 2))
+    assert version.flight_sw_version_type.name == "RELEASE"
+    assert vehicle.info.get_product().vendor_name == "undefined"
+    ids = {v.info.get_identification().hardware_uid for v in (vehicle, other)}
+    assert len(ids) == 2
+    first(vehicle, "attitude_euler")
+    vehicle.until(lambda: factor(vehicle) is not None, "speed factor", 10)
+    # From the time between two messages, which a busy machine bunches.
+    assert factor(vehicle) == pytest.approx(SPEEDUP, rel=0.8)
+
+
+def factor(vehicle: Vehicle) -> float | None:
+    try:
+        value = float(vehicle.info.get_speed_factor())
+    except Exception as error:
+        if getattr(error, "result", None) is None:
+            raise
+        return None
+    return value if math.isfinite(value) else None
+
+
+# -- parameters ------------------------------------------------------------------------------------------
+
+INT_AND_FLOAT = {
+    "ardupilot": ("FENCE_ENABLE", "FENCE_ALT_MAX"),
+    "px4": ("COM_FLTMODE1", "MPC_XY_CRUISE"),
+}
+
+
+@pytest.mark.autopilots("MAVSDK 5 params", "1.16")
+@PERSONALITIES
+def test_parameters_of_both_types(peer: Peer, personality: str) -> None:
+    vehicle = peer.take(personality)
+    param = vehicle.param
+    whole, real = INT_AND_FLOAT[personality]
+    for value in (-1, 6, 2**31 - 1) if vehicle.px4 else (1, 0):
+        param.set_param_int(whole, value)
+        assert param.get_param_int(whole) == value
+    param.set_param_float(real, 4.25)
+    assert param.get_param_float(real) == 4.25
+    assert refusal(param.get_param_int, real) == "WRONG_TYPE"
+    assert refusal(param.get_param_float, whole) == "WRONG_TYPE"
+    every = param.get_all_params()
+    ints = {p.name: p.value for p in every.int_params}
+    floats = {p.name: p.value for p in every.float_params}
+    assert whole in ints
+    assert floats[real] == 4.25
+    number = vehicle.system.get_system_id()
+    assert ints["MAV_SYS_ID" if vehicle.px4 else "SYSID_THISMAV"] == number
+
+
+@pytest.mark.autopilots("1.16")
+def test_what_is_not_answered_times_out(peer: Peer) -> None:
+    """Three seconds each, which is MAVSDK's own patience; side by side."""
+    ardupilot, px4 = peer.take("ardupilot"), peer.take("px4")
+
+    def of_ardupilot() -> None:
+        assert refusal(ardupilot.param.get_param_int, "NO_SUCH") == "TIMEOUT"
+        # It looks for a parameter of later versions first.
+        ardupilot.action.set_return_to_launch_altitude(27.0)
+        assert ardupilot.param.get_param_int("RTL_ALT") == 2700
+
+    def of_px4() -> None:
+        assert refusal(px4.param.set_param_float, "NO_SUCH", 1.0) == "TIMEOUT"
+        assert refusal(px4.param.set_param_int, "MPC_XY_CRUISE", 3) == "TIMEOUT"  # it is no integer
+        assert px4.param.get_param_float("MPC_XY_CRUISE") == 5.0
+        px4.action.set_return_to_launch_altitude(27.0)
+        assert px4.action.get_return_to_launch_altitude() == 27.0
+
+    with ThreadPoolExecutor() as pool:
+        for done in [pool.submit(of_ardupilot), pool.submit(of_px4)]:
+            done.result(timeout=30)
+
+
+# -- actions that are refused ----------------------------------------------------------------------------
+
+
+@pytest.mark.autopilots("MAVSDK 5 takeoff", "MAVSDK 5 set_takeoff_altitude")
+@PERSONALITIES
+def test_what_a_vehicle_that_stands_refuses(personality: str) -> None:
+    with connected("--personality", personality, "--speedup", str(SPEEDUP)) as peer:
+        vehicle = peer.take(personality)
+        vehicle.ready()
+        action, here = vehicle.action, vehicle.telemetry.position()
+        place = (here.latitude_deg, here.longitude_deg, here.absolute_altitude_m + 10)
+        action.set_takeoff_altitude(7.5)
+        assert action.get_takeoff_altitude() == 7.5
+        action.disarm()  # it is
+        if vehicle.px4:
+            action.takeoff()  # a mode that may be chosen on the ground
+            assert vehicle.param.get_param_float("MIS_TAKEOFF_ALT") == 7.5
+        else:
+            assert refusal(action.takeoff) == "FAILED"
+        action.hold()
+        vehicle.in_mode(FlightMode.HOLD)
+        orbit = (10.0, 2.0, OrbitYawBehavior.HOLD_FRONT_TO_CIRCLE_CENTER, *place)
+        assert refusal(action.do_orbit, *orbit) == ("COMMAND_DENIED" if vehicle.px4 else "UNSUPPORTED")
+        first(vehicle, "vtol_state")
+        assert refusal(action.transition_to_fixedwing) == "NO_VTOL_TRANSITION_SUPPORT"
+        assert refusal(action.set_relay, 0, RelayCommand.ON) == "UNSUPPORTED"
+        assert refusal(action.shutdown) == ("COMMAND_DENIED" if vehicle.px4 else "UNSUPPORTED")
+        if vehicle.px4:
+            assert refusal(action.terminate) == "COMMAND_DENIED"
+            action.set_gps_global_origin(place[0], place[1], here.absolute_altitude_m)
+        else:
+            # Once the estimator has an origin it keeps it, and says nothing.
+            assert refusal(action.set_gps_global_origin, *place) == "TIMEOUT"
+        north_deg = here.latitude_deg + 0.001
+        # In a frame relative to home, so that only PX4 takes the altitude for what MAVSDK says it is.
+        action.set_home(False, north_deg, here.longitude_deg, here.absolute_altitude_m - 10)
+        vehicle.until(lambda: abs(vehicle.telemetry.home().latitude_deg - north_deg) < 1e-6, "home moved", 10)
+        assert not vehicle.telemetry.armed()
+
+
+@pytest.mark.autopilots("1.3", "1.18")
+@PERSONALITIES
+def test_arming_before_it_is_ready_is_refused_with_a_reason_and_a_reboot_begins_anew(
+    personality: str,
+) -> None:
+    with connected("--personality", personality, "--speedup", str(SPEEDUP), "--ready-s", "600") as peer:
+        vehicle = peer.take(personality)
+        vehicle.until(lambda: vehicle.telemetry.attitude_euler().timestamp_us > 4e6, "4 s after boot")
+        refused = refusal(vehicle.action.arm)
+        assert refused == ("COMMAND_DENIED" if vehicle.px4 else "FAILED")
+        reason = "ekf2 missing data" if vehicle.px4 else "Arm: AHRS: waiting for home"
+        vehicle.until(lambda: any(reason in text for text in vehicle.texts), "a reason", 10)
+        assert not vehicle.telemetry.health_all_ok()
+        assert not vehicle.telemetry.health().is_armable
+        vehicle.action.reboot()
+        back: Callable[[], bool] = lambda: vehicle.telemetry.attitude_euler().timestamp_us < 4e6  # noqa: E731
+        if not vehicle.px4:
+            first(vehicle, "armed")
+            vehicle.ask_for_telemetry()  # its streams are forgotten
+        vehicle.until(back, "a clock that began anew", 20)
