@@ -40,6 +40,7 @@ from sim_vehicle.voice import Voice
 
 PREARM_TEXT_S = 30.0
 REBOOT_SILENCE_S = 1.5
+PHASES = 5  # of a second, in which vehicles begin to stream after a boot
 IDLE_LOOK_S = 1.0  # every vehicle looks around so often, whatever it waits for
 BUSY_LOOK_S = 0.1
 EPSILON_S = 1e-9
@@ -138,7 +139,9 @@ class Autopilot:
         self.setpoints = Setpoints(self)
         self.storage = personality.storage(self, log_limits)
         self._ready_s = ready_s
-        self._phase_s = self._idle_look_s = float(rng.random())
+        self._idle_look_s = float(rng.random())
+        # A few phases, so that what streams once a second is encoded for many vehicles at a time.
+        self._phase_s = math.floor(self._idle_look_s * PHASES) / PHASES
         self.now = 0.0
         self.alarm_s = 0.0
         self.strikes = 0
