@@ -9,6 +9,7 @@ SHORTEST_LEG_M = 2.0  # along which a copter faces
 # lowest and highest limits that the equations stand
 SPEEDS_M_S, ACCELERATIONS_M_S2, RADII_M = (0.05, 100.0), (0.05, 30.0), (0.05, 1e4)
 BANKS_RAD = (math.radians(5.0), math.radians(75.0))
+STRONGEST_WIND_M_S = 100.0
 
 
 def _sound(*numbers: float) -> bool:
@@ -313,7 +314,12 @@ class Body:
         self._world.batteries.full_v[self._index] = max(full_v, 1.0)
 
     def set_wind(self, speed_m_s: float | None, from_deg: float) -> None:
-        """The steady wind here and where it comes from; None: the scenario's."""
+        """The steady wind here, as strong as there is any on earth, and where it comes from.
+
+        None: the scenario's.
+        """
+        if speed_m_s is not None:
+            speed_m_s = min(speed_m_s, STRONGEST_WIND_M_S)
         self._world.wind.set_steady(self._index, speed_m_s, from_deg)
 
     # -- how -----------------------------------------------------------------------------------------------

@@ -36,6 +36,7 @@ UNSUPPORTED = int(mavlink.MAV_RESULT_UNSUPPORTED)
 TEMPORARILY_REJECTED = int(mavlink.MAV_RESULT_TEMPORARILY_REJECTED)
 IN_PROGRESS = int(mavlink.MAV_RESULT_IN_PROGRESS)
 CALIBRATION_S = 3.0
+LONGEST_INTERVAL_US = 2**31 - 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +107,8 @@ def do_set_mode(vehicle: "Autopilot", command: Command, now: float) -> int:
 
 def change_to(behaviour: Behaviour) -> Callable[["Autopilot", Command, float], int]:
     def handler(vehicle: "Autopilot", _command: Command, now: float) -> int:
+        if vehicle.personality.find_mode(behaviour) is None:
+            return UNSUPPORTED
         return ACCEPTED if vehicle.modes.set_behaviour(behaviour, now) else FAILED
 
     return handler
@@ -190,20 +193,25 @@ def get_message_interval(vehicle: "Autopilot", command: Command, _now: float) ->
     message_id = whole(command.param1)
     if not 0 <= message_id <= 0xFFFF:
         return DENIED
-    interval_s = vehicle.rates.interval_s(message_id)
+    interval_us = _interval_us(vehicle, message_id)
     # 0 says that the message does not exist here, -1 that it does not stream.
-    interval_us = -1 if interval_s is None else round(interval_s * 1e6)
     known = vehicle.rates.can(message_id) or message_id in vehicle.singles
     vehicle.send(mavlink.MAVLink_message_interval_message(message_id, interval_us if known else 0))
     return ACCEPTED
 
 
+def _interval_us(vehicle: "Autopilot", message_id: int) -> int:
+    """As MESSAGE_INTERVAL has it: -1 where the message does not stream."""
+    interval_s = vehicle.rates.interval_s(message_id)
+    return -1 if interval_s is None else round(min(interval_s * 1e6, LONGEST_INTERVAL_US))
+
+
 def request_message(vehicle: "Autopilot", command: Command, now: float) -> int:
     message_id = whole(command.param1)
     if message_id == mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL:
-        interval_s = vehicle.rates.interval_s(whole(command.param2))
-        microseconds = -1 if interval_s is None else round(interval_s * 1e6)
-        vehicle.send(mavlink.MAVLink_message_interval_message(whole(command.param2) & 0xFFFF, microseconds))
+        wanted = whole(command.param2)
+        interval_us = _interval_us(vehicle, wanted)
+        vehicle.send(mavlink.MAVLink_message_interval_message(wanted & 0xFFFF, interval_us))
         return ACCEPTED
     return ACCEPTED if vehicle.send_now(message_id, now, command.param2) else FAILED
 
@@ -291,10 +299,6 @@ def storage(_vehicle: "Autopilot", command: Command, _now: float) -> int:
     return ACCEPTED if command.param1 in (0, 1) else FAILED
 
 
-def protocol_version(vehicle: "Autopilot", _command: Command, now: float) -> int:
-    return ACCEPTED if vehicle.send_now(mavlink.MAVLINK_MSG_ID_PROTOCOL_VERSION, now) else FAILED
-
-
 HANDLERS: dict[int, Callable[["Autopilot", Command, float], int]] = {
     mavlink.MAV_CMD_COMPONENT_ARM_DISARM: arm_disarm,
     mavlink.MAV_CMD_DO_SET_MODE: do_set_mode,
@@ -310,7 +314,6 @@ HANDLERS: dict[int, Callable[["Autopilot", Command, float], int]] = {
     mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: get_message_interval,
     mavlink.MAV_CMD_REQUEST_MESSAGE: request_message,
     mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: request_capabilities,
-    mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION: protocol_version,
     mavlink.MAV_CMD_GET_HOME_POSITION: get_home,
     mavlink.MAV_CMD_DO_SET_HOME: set_home,
     mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: reboot,

@@ -114,6 +114,8 @@ class Failsafes:
         behaviour = _BEHAVIOURS[action]
         if behaviour in (Behaviour.RETURN, Behaviour.HOLD) and not vehicle.position_known(now):
             behaviour = Behaviour.LAND
+        if vehicle.personality.find_mode(behaviour) is None:  # a plane whose only landings are missions'
+            behaviour = Behaviour.RETURN if vehicle.position_known(now) else Behaviour.HOLD
         if _HOMEWARD.get(vehicle.mode.behaviour, 0) < _HOMEWARD.get(behaviour, 1):
             vehicle.modes.by_itself(behaviour)
 

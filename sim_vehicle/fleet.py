@@ -21,6 +21,7 @@ from sim_vehicle.harm import Harm
 from sim_vehicle.logs.recorder import limits_for
 from sim_vehicle.logs.sampling import samples
 from sim_vehicle.outbox import Frames, Outbox
+from sim_vehicle.parser import Parser
 from sim_vehicle.personalities import personality_of
 from sim_vehicle.receivers import COMPONENT
 from sim_vehicle.scenario import Scenario
@@ -69,7 +70,7 @@ class Fleet:
     """All vehicles of a scenario under one simulated clock that starts at 0.
 
     Physics and telemetry advance in fixed ticks of 0.05 s, however often `step` is called, so equal inputs at
-    equal times give equal bytes.
+    equal times give equal bytes of each vehicle; their order among each other is equal for equal steps.
     """
 
     def __init__(
@@ -130,7 +131,7 @@ class Fleet:
             )
         self._cells = np.full(len(specs), OUTSIDE)
         self._next_tick = 0
-        self._parsers: dict[Hashable, mavlink.MAVLink] = {}
+        self._parsers: dict[Hashable, Parser] = {}
         self.counters = Counters()
         for vehicle, spec in zip(self.vehicles, specs, strict=True):
             for name in spec.params:
@@ -157,7 +158,7 @@ class Fleet:
         """
         self._advance(now)
         self.counters.bytes_in += len(data)
-        for message in self._parser((link, peer)).parse_buffer(data) or ():
+        for message in self._parser((link, peer)).feed(data):
             kind = message.get_type()
             if kind == "BAD_DATA":
                 self.counters.bad_data += 1
@@ -229,10 +230,9 @@ class Fleet:
             mode=tuple(vehicle.mode.name for vehicle in self.vehicles),
         )
 
-    def _parser(self, peer: Hashable) -> mavlink.MAVLink:
+    def _parser(self, peer: Hashable) -> Parser:
         if peer not in self._parsers:
-            self._parsers[peer] = mavlink.MAVLink(None)
-            self._parsers[peer].robust_parsing = True
+            self._parsers[peer] = Parser()
         return self._parsers[peer]
 
     def _advance(self, now: float) -> None:

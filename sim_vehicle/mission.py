@@ -190,8 +190,8 @@ class Mission:
             self._jumps.clear()
             self._advance(pilot, 1)
         else:
-            self.state = MissionState.ACTIVE
-            self._start(pilot, self.index)
+            # The list may have become another one, or shorter, since it was left.
+            self._advance(pilot, self.index if self.index < self.count else 1)
 
     def stop(self) -> None:
         """The mission mode was left."""

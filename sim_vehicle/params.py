@@ -55,10 +55,13 @@ class Parameters:
         return isinstance(self._values[name], int)
 
     def set(self, name: str, value: float) -> None:
-        """Set a known parameter; KeyError for another name. An integer one takes the nearest integer."""
+        """Set a known parameter; KeyError for another name. An integer one takes the nearest integer.
+
+        What is no finite number changes nothing.
+        """
         if name not in self._values:
             raise KeyError(name)
-        if name not in self._read_only:
+        if name not in self._read_only and math.isfinite(value):
             self._values[name] = _kept(self._values[name], value)
 
     def keep(self, name: str, value: float) -> None:
@@ -88,9 +91,7 @@ class Parameters:
         if kind == "PARAM_SET":
             if self._byte_wise and message.param_type != self._wire_type(message.param_id):
                 return None  # of another type than the parameter: dropped without an answer
-            value = self._from_wire(message)
-            if math.isfinite(value):
-                self.set(message.param_id, value)
+            self.set(message.param_id, self._from_wire(message))
         send(self.value_message(self._index[message.param_id]))
         return str(message.param_id) if kind == "PARAM_SET" else None
 

@@ -51,7 +51,7 @@ def _heartbeat(vehicle: "Autopilot") -> None:
     status.armed_since_s[i] = vehicle.arming.armed_since_s
     status.flying_since_s[i] = vehicle.arming.flying_since_s
     if personality.flight_counter is not None:
-        status.flights[i] = vehicle.params[personality.flight_counter]
+        status.flights[i] = int(vehicle.params[personality.flight_counter]) & 0xFFFFFFFF
     status.base_mode[i] = ALWAYS_SET | mode.base_mode | armed
     status.custom_mode[i] = mode.number
     status.standard_mode[i] = mode.standard

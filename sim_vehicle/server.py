@@ -1,8 +1,10 @@
 """The fleet on its links, at some pace: what joins the pure fleet to sockets and clocks."""
 
+import asyncio
 import os
 from collections.abc import Callable, Collection, Hashable, Iterable, Sequence
 from functools import partial
+from typing import Any
 
 from sim_vehicle.fleet import TICK_S, Fleet
 from sim_vehicle.lateness import Lateness
@@ -42,6 +44,7 @@ class Server:
         self.simulated_s = 0.0
         self._ticks = 0
         self._boots = fleet.boots()
+        self._bug: Exception | None = None
         self._links: dict[int, list[Link]] = {}
         for link in sorted(set(fleet.links)):
             vehicles = [index for index, its in enumerate(fleet.links) if its == link]
@@ -81,6 +84,7 @@ class Server:
 
     async def run(self, *, on_open: Callable[[], None] = lambda: None) -> None:
         """Open the links and run until cancelled, the pace is finished, or the parent process is gone."""
+        asyncio.get_running_loop().set_exception_handler(self._note_bug)
         try:
             for links in self._links.values():
                 for link in links:
@@ -88,7 +92,10 @@ class Server:
             self.pace.start()
             on_open()
             while not (self.pace.finished or self._orphaned()):
-                if await self.pace.due(self._ticks * TICK_S):
+                due = await self.pace.due(self._ticks * TICK_S)
+                if self._bug is not None:
+                    raise self._bug
+                if due:
                     self._tick()
         finally:
             for links in self._links.values():
@@ -103,6 +110,14 @@ class Server:
         self._send(frames)
         beats = sum(frame[7:10] == HEARTBEAT_ID and frame[0] == V2 for _, frame in frames)
         self.lateness.add(self.pace.late_s(self.simulated_s), beats)
+
+    def _note_bug(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """An exception in a callback is a bug like one in a tick: it stops everything."""
+        error = context.get("exception")
+        if isinstance(error, Exception) and self._bug is None:
+            self._bug = error
+        else:
+            loop.default_exception_handler(context)
 
     def _orphaned(self) -> bool:
         if self._parent_pid is None:

@@ -14,7 +14,7 @@ from sim_vehicle.logs.record import Failsafe, FlightLog, LogFacts, LogWhen, Samp
 from sim_vehicle.logs.recorder import FlightRecorder, LogLimits
 from sim_vehicle.mission import MissionState
 from sim_vehicle.place import Place
-from sim_vehicle.telemetry.sensors import EPOCH_US
+from sim_vehicle.epoch import EPOCH_US
 
 if TYPE_CHECKING:
     from sim_vehicle.autopilot import Autopilot

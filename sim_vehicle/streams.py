@@ -73,6 +73,7 @@ class Rates:
 
     def __init__(self, streams: Streams, vehicle: int, personality: Personality) -> None:
         self._streams, self._vehicle, self._personality = streams, vehicle, personality
+        self._usual_hz = {**personality.default_rates_hz, HEARTBEAT: HEARTBEAT_HZ}
 
     def can(self, message_id: int) -> bool:
         """Whether this autopilot can send a message at a rate."""
@@ -86,7 +87,7 @@ class Rates:
 
     def reset(self, message_id: int, now: float) -> None:
         """Back to the rate that flows without being asked for."""
-        rate_hz = self._personality.default_rates_hz.get(message_id, 0.0)
+        rate_hz = self._usual_hz.get(message_id, 0.0)
         self.set(message_id, 1.0 / rate_hz if rate_hz else 0.0, now)
 
     def interval_s(self, message_id: int) -> float | None:
@@ -96,6 +97,5 @@ class Rates:
     def boot(self, now: float, first_s: float) -> None:
         """Everything is forgotten but what flows by itself, from `first_s` [s] on."""
         self._streams.clear(self._vehicle)
-        rates_hz = {**self._personality.default_rates_hz, HEARTBEAT: HEARTBEAT_HZ}
-        for message_id, rate_hz in rates_hz.items():
+        for message_id, rate_hz in self._usual_hz.items():
             self._streams.set_interval(self._vehicle, message_id, 1.0 / rate_hz, now, first_s=first_s)

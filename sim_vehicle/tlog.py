@@ -3,9 +3,7 @@
 import struct
 from typing import BinaryIO
 
-EPOCH_US = (
-    1_735_689_600_000_000  # 2025-01-01 00:00 UTC is simulated time 0, so that equal runs are equal files
-)
+from sim_vehicle.epoch import EPOCH_US
 
 
 class Tlog:

@@ -3,10 +3,9 @@
 from collections.abc import Collection, Iterable, Iterator
 from typing import Any
 
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
-
 from sim_vehicle.channel import Channel, Direction
 from sim_vehicle.outbox import Frames
+from sim_vehicle.parser import Parser
 from sim_vehicle.signing import Signing
 
 Arrival = tuple[float, int, Any]  # when [s], vehicle's index, message
@@ -27,7 +26,7 @@ class Wires:
         self._signings, self._links, self._trusted_links = tuple(signings), links, trusted_links
         self._signing: dict[int, Signing] = {}  # those that sign
         self._channels: dict[int, Channel] = {}  # those that are spoilt
-        self._parsers: dict[int, mavlink.MAVLink] = {}
+        self._parsers: dict[int, Parser] = {}
 
     @property
     def plain(self) -> bool:
@@ -38,8 +37,7 @@ class Wires:
         """The spoilt wire of a vehicle, from now on."""
         if index not in self._channels:
             self._channels[index] = Channel()
-            self._parsers[index] = mavlink.MAVLink(None)
-            self._parsers[index].robust_parsing = True
+            self._parsers[index] = Parser()
         return self._channels[index]
 
     def note_key(self, index: int) -> None:
@@ -81,7 +79,7 @@ class Wires:
             while channel.next_due_s(Direction.TO_VEHICLE) <= now:
                 due_s = channel.next_due_s(Direction.TO_VEHICLE)
                 for frame, _ in channel.take(Direction.TO_VEHICLE, due_s):
-                    for message in self._parsers[index].parse_buffer(frame) or ():
+                    for message in self._parsers[index].feed(frame):
                         yield due_s, index, message
 
     def arrivals_at_stations(self, now: float) -> Frames:

@@ -91,9 +91,6 @@ MAY_IMPORT: dict[str, set[str]] = {
     "sim_vehicle": set(),
     # It judges autopilots, so it must not know how the simulated ones are made.
     "sim_vehicle.conformance": {"sim_vehicle.url"},
-    "sim_vehicle.conformance.virtual": {
-        "sim_vehicle.conformance", "sim_vehicle.url", "sim_vehicle.fleet", "sim_vehicle.scenario",
-    },
 }  # fmt: skip
 
 VERSION = {"swarmctl.__version__"}

@@ -199,8 +199,15 @@ class Personality:
 
     def mode_of(self, behaviour: Behaviour) -> Mode:
         """The mode in which a vehicle does this by itself; KeyError where there is none."""
+        mode = self.find_mode(behaviour)
+        if mode is None:
+            raise KeyError(behaviour)
+        return mode
+
+    def find_mode(self, behaviour: Behaviour) -> Mode | None:
+        """The mode in which a vehicle does this by itself, if there is one."""
         for mode in self.modes.values():
             asks = mode.setpoints_only or mode.needs_pilot or not mode.selectable
             if mode.behaviour is behaviour and not asks:
                 return mode
-        raise KeyError(behaviour)
+        return None

@@ -3,11 +3,11 @@
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.epoch import EPOCH_US
 from sim_vehicle.geodesy import Floats
 from sim_vehicle.motion import GRAVITY_M_S2
 from sim_vehicle.telemetry.view import UNKNOWN_I16, UNKNOWN_U16, Columns, View
 
-EPOCH_US = 1_767_225_600_000_000  # 2026-01-01T00:00:00Z: what a GPS says when the simulation begins
 SEA_LEVEL_HPA, SEA_LEVEL_K = 1013.25, 288.15
 FIELD_MGAUSS = (214.0, 9.0, 421.0)  # the earth's magnetic field in Ljubljana: north, east, down
 

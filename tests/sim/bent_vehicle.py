@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.conformance.peer import Peer
 from sim_vehicle.conformance.registry import select
 from sim_vehicle.conformance.runner import Outcome, Report, permissions, run
-from sim_vehicle.conformance.virtual import FleetWire
+from fleet_wire import FleetWire
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenario import default_scenario
 

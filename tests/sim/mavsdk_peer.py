@@ -6,6 +6,7 @@ One simulator serves many tests: each takes vehicles that none before it has tou
 import math
 import queue
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cached_property
@@ -37,7 +38,7 @@ class Vehicle:
         self.system, self.personality = system, personality
         self.telemetry = Telemetry(system)
         self.texts: list[str] = []
-        self._news = threading.Condition()
+        self._news = threading.Event()
         self.telemetry.subscribe_armed(self._hear, None)
         self.telemetry.subscribe_position(self._hear, None)
         self.telemetry.subscribe_status_text(self._hear_text, None)
@@ -75,8 +76,7 @@ class Vehicle:
         return self.personality == "px4"
 
     def _hear(self, _value: Any, _user_data: Any) -> None:
-        with self._news:
-            self._news.notify_all()
+        self._news.set()
 
     def _hear_text(self, text: Any, _user_data: Any) -> None:
         self.texts.append(text.text)
@@ -84,9 +84,14 @@ class Vehicle:
     # -- what it does --------------------------------------------------------------------------------------
 
     def until(self, condition: Callable[[], Any], what: str, limit_s: float = FLIGHT_S) -> None:
-        with self._news:
-            passed = self._news.wait_for(condition, limit_s)
-        assert passed, f"{what}: not within {limit_s} s; mode {self.mode.name}, texts {self.texts[-5:]}"
+        end_s = time.monotonic() + limit_s
+        self._news.clear()
+        while not condition():
+            # Nothing is held meanwhile: a condition may ask MAVSDK, which answers in the callbacks' thread.
+            left_s = end_s - time.monotonic()
+            heard = left_s > 0 and self._news.wait(left_s)
+            assert heard, f"{what}: not within {limit_s} s; mode {self.mode.name}, texts {self.texts[-5:]}"
+            self._news.clear()
 
     def ask_for_telemetry(self, rate_hz: float = 10.0) -> None:
         """ArduPilot says next to nothing until it is asked to."""
@@ -170,14 +175,16 @@ class Peer:
         return vehicle
 
     def _untouched(self, personality: str) -> Any:
-        while True:
+        end_s = time.monotonic() + LIMIT_S
+        while time.monotonic() < end_s:
             self._found.clear()
             for system in self._mavsdk.get_systems():
                 number = system.get_system_id()
                 if number not in self._taken and system.autopilot_type() == AUTOPILOTS[personality]:
                     self._taken.add(number)
                     return system
-            assert self._found.wait(LIMIT_S), f"no {personality} is left; taken: {sorted(self._taken)}"
+            self._found.wait(0.2)  # also of one that is known already its heartbeat may be still to come
+        raise AssertionError(f"no {personality} is left; taken: {sorted(self._taken)}")
 
 
 @contextmanager

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 import typer
 from bent_vehicle import GROUND, BentWire, conform, fleet, named, told
+from fleet_wire import FleetWire
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from typer.testing import CliRunner
 
@@ -16,7 +17,6 @@ from sim_vehicle.conformance.peer import Peer
 from sim_vehicle.conformance.registry import CATEGORIES, all_checks, check, select
 from sim_vehicle.conformance.report import as_json
 from sim_vehicle.conformance.runner import Outcome, permissions, run
-from sim_vehicle.conformance.virtual import FleetWire
 
 VEHICLES = [(name, kind) for name in ("ardupilot", "px4") for kind in ("copter", "plane")]
 

@@ -4,11 +4,11 @@ from typing import Any
 
 import pytest
 from bent_vehicle import GROUND, bent, conform, fleet, named
+from fleet_wire import FleetWire
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.registry import select
 from sim_vehicle.conformance.runner import Outcome
-from sim_vehicle.conformance.virtual import FleetWire
 
 
 def unchanged(message: Any) -> list[Any]:

@@ -210,8 +210,14 @@ def test_a_position_target_moves_it_in_guided_only() -> None:
     target = mavlink.MAVLink_set_position_target_global_int_message(
         0, 1, 0, 6, 0x0FF8, 460493000, 145060000, 25, 0, 0, 0, 0, 0, 0, 0, 0
     )
+    assert station.set_mode(17) == 0  # BRAKE
+    station.send(target)
+    station.wait(15)
+    assert station.height_m == pytest.approx(20, abs=0.5)
+    assert station.set_mode(4) == 0
     station.send(target)
     station.until(lambda: station.height_m > 24.5, 30)
+    station.until(lambda: abs(station.fleet.truth().lat_deg[0] - 46.0493) < 2e-5, 30)
 
 
 def test_identity_says_that_no_aircraft_is_behind_it() -> None:

@@ -305,8 +305,10 @@ def test_no_state_of_a_vehicle_stops_a_log(
             roll_rad=roll_rad, pitch_rad=pitch_rad, yaw_rad=yaw_rad, gps_hdop=hdop,
         ),
     )  # fmt: skip
+    before = len(log.content)
     log.text(ARM_S, 9, text)
     log.mode(ARM_S, 2**32 - 1)
+    assert len(log.content) > before
 
 
 @BOTH

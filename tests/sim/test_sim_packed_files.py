@@ -91,9 +91,12 @@ def test_a_query_that_makes_no_sense_is_refused(query: str) -> None:
 def test_any_upload_is_taken_or_refused(content: bytes, head: bool) -> None:
     if head:
         content = struct.pack("<HHH", 0x671B, 3, len(content) + 6) + content
-    unpack_parameters(content)
-    unpack_mission(0, content)
-    unpack_mission(0, struct.pack("<HHHHH", 0x763D, 0, 0, 0, len(content) // 38) + content)
+    parameters = unpack_parameters(content)
+    assert parameters is None or all(isinstance(name, str) for name in parameters)
+    assert unpack_mission(0, content) is None  # too short for its magic, or another file's
+    items = len(content) // 38
+    mission = unpack_mission(0, struct.pack("<HHHHH", 0x763D, 0, 0, 0, items) + content)
+    assert (mission is not None) == (len(content) == 38 * items)
 
 
 # -- the vehicle's tree ----------------------------------------------------------------------------------

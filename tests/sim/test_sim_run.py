@@ -194,7 +194,7 @@ def test_a_tlog_is_read_by_mavlogdump(hop: Path, tmp_path: Path) -> None:
         command, cwd=tmp_path / "out/hop", capture_output=True, text=True, timeout=60, check=False
     )
     assert done.returncode == 0, done.stderr
-    assert "2025-01-01 " in done.stdout
+    assert "2026-01-01 " in done.stdout
     assert "command : 400" in done.stdout
 
 

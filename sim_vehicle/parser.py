@@ -1,0 +1,69 @@
+"""From the bytes of one stream to messages."""
+
+import struct
+from typing import Any
+
+from fastcrc.crc16 import mcrf4xx
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+COMMAND_CANCEL, _CANCEL_EXTRA = 80, b"\x0e"  # younger than the dialect
+_CANCEL = struct.Struct("<HBB")
+_UNKNOWN_CANCEL = f"UNKNOWN_{COMMAND_CANCEL}"
+_MAVLINK1 = 0xFE
+
+
+class Parser:
+    """Takes a stream that may be cut anywhere; what cannot be read comes out as BAD_DATA or UNKNOWN_n."""
+
+    def __init__(self) -> None:
+        self._codec = mavlink.MAVLink(None)
+        self._codec.robust_parsing = True
+
+    def feed(self, data: bytes) -> list[Any]:
+        """The messages that are complete now."""
+        codec = self._codec
+        messages = codec.parse_buffer(data) or []
+        # pymavlink lets go of what it has read only where a stream pauses between two frames; one that never
+        # does would be kept whole.
+        del codec.buf[: codec.buf_index]
+        codec.buf_index = 0
+        return [_known(message) for message in messages]
+
+    @property
+    def waiting_bytes(self) -> int:
+        """Of a message that is not complete yet."""
+        return int(self._codec.buf_len())
+
+
+class CommandCancel(mavlink.MAVLink_message):  # type: ignore[misc]
+    """COMMAND_CANCEL."""
+
+    def __init__(self, target_system: int, target_component: int, command: int) -> None:
+        super().__init__(COMMAND_CANCEL, "COMMAND_CANCEL")
+        self.target_system, self.target_component, self.command = target_system, target_component, command
+
+    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
+        payload = _CANCEL.pack(self.command, self.target_system, self.target_component)
+        return bytes(self._pack(mav, _CANCEL_EXTRA[0], payload, force_mavlink1=force_mavlink1))
+
+
+def _known(message: Any) -> Any:
+    """A message that the dialect does not know but a vehicle does, else the message as it is."""
+    return _cancel(message) or message if message.get_type() == _UNKNOWN_CANCEL else message
+
+
+def _cancel(unknown: Any) -> CommandCancel | None:
+    """COMMAND_CANCEL from its frame; None if the checksum is wrong."""
+    frame = bytes(unknown.get_msgbuf())
+    length, start = frame[1], 6 if frame[0] == _MAVLINK1 else 10
+    payload = frame[start : start + length]
+    crc = mcrf4xx(frame[1 : start + length] + _CANCEL_EXTRA)
+    if struct.unpack_from("<H", frame, start + length)[0] != crc:
+        return None
+    command, system, component = _CANCEL.unpack(payload[: _CANCEL.size].ljust(_CANCEL.size, b"\0"))
+    cancel = CommandCancel(system, component, command)
+    flags = (0, 0) if frame[0] == _MAVLINK1 else (frame[2], frame[3])
+    sender = frame[start - 4 : start - 1] if frame[0] == _MAVLINK1 else frame[4:7]
+    cancel._header = mavlink.MAVLink_header(COMMAND_CANCEL, *flags, length, *sender)
+    cancel._msgbuf = bytearray(frame)
+    return cancel

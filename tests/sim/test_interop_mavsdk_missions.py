@@ -1,0 +1,286 @@
+"""MAVSDK's mission and mission_raw plug-ins with copters and planes of both autopilots."""
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import pytest
+from mavsdk.plugins.mission import MissionItem, MissionPlan
+from mavsdk.plugins.mission_raw import MissionRawError
+from mavsdk.plugins.telemetry import FlightMode, LandedState
+from mavsdk_peer import Peer, Values, Vehicle, connected, finish, raw_item, refusal
+from station import LAT_DEG, LON_DEG, home_item, item, land, takeoff, waypoint
+
+pytestmark = pytest.mark.interop
+PERSONALITIES = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+ROUTE = [takeoff(15.0), waypoint(40, 0, 15.0), waypoint(40, 40, 20.3), land(40, 40)]
+FLEET = ("--home", f"{LAT_DEG},{LON_DEG},300", "--speedup", "15", "--ready-s", "0")
+NAN = math.nan
+
+
+@pytest.fixture(scope="module")
+def copters() -> Iterator[Peer]:
+    with connected("--personality", "ardupilot:4,px4:4", *FLEET) as peer:
+        yield peer
+
+
+@pytest.fixture(scope="module")
+def planes() -> Iterator[Peer]:
+    with connected("--type", "plane", "--personality", "ardupilot:1,px4:1", *FLEET) as peer:
+        yield peer
+
+
+def placed(vehicle: Vehicle, route: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The route from where this vehicle stands; ArduPilot's begins with a placeholder for home."""
+    east_e7 = round((vehicle.telemetry.home().longitude_deg - LON_DEG) * 1e7)
+    moved = [fields | {"x": fields["x"], "y": fields["y"] + east_e7} for fields in route]
+    return moved if vehicle.px4 else [home_item(), *moved]
+
+
+def upload(vehicle: Vehicle, route: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    plan = placed(vehicle, route)
+    vehicle.mission_raw.upload_mission([raw_item(seq, fields) for seq, fields in enumerate(plan)])
+    return plan
+
+
+def start(vehicle: Vehicle, plugin: Any) -> None:
+    """As often as it takes: right after an upload PX4 says no."""
+
+    def accepted() -> bool:
+        try:
+            plugin.start_mission()
+        except Exception as error:
+            if getattr(error, "result", None) is None:
+                raise
+            return False
+        return True
+
+    vehicle.until(accepted, "mission started", 10)
+    vehicle.in_mode(FlightMode.MISSION)
+
+
+# -- mission_raw -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.autopilots("2 item 0", "2 read-back", "MAVSDK 5 mission_raw item 0", "MAVSDK 5 start_mission")
+@PERSONALITIES
+def test_a_raw_mission_is_kept_and_flown_until_it_has_landed(copters: Peer, personality: str) -> None:
+    vehicle = copters.take(personality)
+    vehicle.ready()
+    raw, landed_at = vehicle.mission_raw, (40, 40)
+    plan = upload(vehicle, ROUTE)
+    kept = raw.download_mission()
+    assert [found.command for found in kept] == [fields["command"] for fields in plan]
+    places = [(found.x, found.y) for found in kept]
+    last = plan[-1]
+    assert places[-1] == (last["x"], last["y"])
+    assert kept[-2].z == pytest.approx(20.3 if vehicle.px4 else 20.29)
+    progress = Values()
+    raw.subscribe_mission_progress(progress, None)
+    vehicle.action.arm()
+    start(vehicle, raw)
+    vehicle.until(lambda: vehicle.height_m > 18, "18 m high")
+    vehicle.disarmed()
+    assert vehicle.near(*landed_at)
+    assert progress.until(lambda p: p.current >= len(ROUTE) - 1).total == len(plan)
+    raw.clear_mission()
+    assert len(raw.download_mission()) == (0 if vehicle.px4 else 1)  # ArduPilot's home stays
+
+
+@pytest.mark.autopilots("2 MISSION_SET_CURRENT", "MAVSDK 3 replace mid-flight")
+@PERSONALITIES
+def test_the_current_item_of_a_raw_mission_is_set_and_a_pause_goes_on(
+    copters: Peer, personality: str
+) -> None:
+    vehicle = copters.take(personality)
+    vehicle.take_off(10.0)
+    raw, first = vehicle.mission_raw, 0 if vehicle.px4 else 1
+    changed, progress = Values(), Values()
+    raw.subscribe_mission_changed(changed, None)
+    raw.subscribe_mission_progress(progress, None)
+    upload(vehicle, [waypoint(30, 0, 10), waypoint(60, 0, 10), waypoint(60, -30, 10)])
+    if vehicle.px4:
+        changed.next()  # told by the checksum or the id of the plan
+    start(vehicle, raw)
+    raw.set_current_mission_item(first + 2)
+    vehicle.until(lambda: vehicle.offset_m()[1] < -5, "on the way to the last item")
+    assert vehicle.offset_m()[0] < 55
+    raw.pause_mission()
+    vehicle.in_mode(FlightMode.HOLD)
+    vehicle.until(lambda: vehicle.ground_speed_m_s < 0.3, "standing")
+    assert not vehicle.near(60, -30)
+    with pytest.raises(MissionRawError, match="INVALID_ARGUMENT"):
+        raw.set_current_mission_item(9)
+    start(vehicle, raw)
+    vehicle.until(lambda: vehicle.near(60, -30), "at the last item")
+    if vehicle.px4:
+        vehicle.until(raw.is_mission_finished, "finished")
+    else:
+        # MISSION_CURRENT's total does not count home, which is one less than MAVSDK takes it for.
+        progress.until(lambda p: p.current == p.total == 4)
+        assert not raw.is_mission_finished()
+
+
+def plan_of(vehicle: Vehicle) -> str:
+    """A plan as QGroundControl saves it."""
+
+    def simple(command: int, frame: int, north_m: float, east_m: float, up_m: float) -> dict[str, Any]:
+        return {
+            "type": "SimpleItem", "autoContinue": True, "command": command, "frame": frame,
+            "doJumpId": 1, "Altitude": up_m, "AltitudeMode": 1, "AMSLAltAboveTerrain": None,
+            "params": [0, 0, 0, None, *vehicle.place_deg(north_m, east_m), up_m],
+        }  # fmt: skip
+
+    back = {
+        "type": "SimpleItem", "autoContinue": True, "command": 20, "frame": 2, "doJumpId": 3,
+        "params": [0, 0, 0, 0, 0, 0, 0],
+    }  # fmt: skip
+    return json.dumps(
+        {
+            "fileType": "Plan", "groundStation": "QGroundControl", "version": 1,
+            "mission": {
+                "version": 2, "firmwareType": 12 if vehicle.px4 else 3, "vehicleType": 2,
+                "cruiseSpeed": 15, "hoverSpeed": 5, "globalPlanAltitudeMode": 1,
+                "plannedHomePosition": [*vehicle.place_deg(0, 0), 300],
+                "items": [simple(22, 3, 0, 0, 12), simple(16, 3, 25, 0, 12), back],
+            },
+            "geoFence": {"circles": [], "polygons": [], "version": 2},
+            "rallyPoints": {"points": [[*vehicle.place_deg(-20, 0), 10]], "version": 2},
+        }
+    )  # fmt: skip
+
+
+@PERSONALITIES
+def test_a_plan_of_qgroundcontrol_and_its_rally_point(copters: Peer, personality: str) -> None:
+    vehicle = copters.take(personality)
+    vehicle.ready()
+    raw = vehicle.mission_raw
+    imported = raw.import_qgroundcontrol_mission_from_string(plan_of(vehicle))
+    assert [found.command for found in imported.mission_items][-3:] == [22, 16, 20]
+    assert len(imported.mission_items) == (3 if vehicle.px4 else 4)
+    raw.upload_mission(imported.mission_items)
+    (point,) = imported.rally_items
+    raw.upload_rally_points([point])
+    (kept,) = raw.download_rallypoints()
+    assert (kept.command, kept.x, kept.y) == (5100, point.x, point.y)
+    vehicle.action.arm()
+    start(vehicle, raw)
+    vehicle.until(lambda: vehicle.near(25, 0), "25 m north")
+    if vehicle.px4:
+        vehicle.in_mode(FlightMode.RETURN_TO_LAUNCH)
+    vehicle.disarmed()
+    assert vehicle.near(-20, 0) or vehicle.near(0, 0)
+
+
+# -- mission ---------------------------------------------------------------------------------------------
+
+
+def to(vehicle: Vehicle, north_m: float, east_m: float, up_m: float, **fields: Any) -> MissionItem:
+    return MissionItem(*vehicle.place_deg(north_m, east_m), up_m, **({"is_fly_through": True} | fields))
+
+
+def test_px4_flies_what_the_mission_plugin_makes_of_a_plan_and_returns(copters: Peer) -> None:
+    vehicle = copters.take("px4")
+    vehicle.ready()
+    mission = vehicle.mission
+    mission.set_return_to_launch_after_mission(True)
+    plan = [
+        to(vehicle, 0, 0, 10.0, vehicle_action=MissionItem.VehicleAction.TAKEOFF),
+        to(vehicle, 30, 0, 12.0, speed_m_s=6.0, gimbal_pitch_deg=-30.0, gimbal_yaw_deg=0.0,
+           camera_action=MissionItem.CameraAction.TAKE_PHOTO),
+        to(vehicle, 30, 30, 12.0, is_fly_through=False, loiter_time_s=2.0, yaw_deg=90.0),
+        to(vehicle, 0, 30, 12.0),
+    ]  # fmt: skip
+    shares: list[float] = []
+
+    def told(tell: Any) -> Any:
+        def progress(result: Any, data: Any, _: Any) -> None:
+            shares.append(data.progress)
+            tell(result)
+
+        return mission.upload_mission_with_progress_async(MissionPlan(plan), progress, None)
+
+    assert finish(told)[0].name == "SUCCESS"
+    assert max(shares) == pytest.approx(1.0)
+    kept = mission.download_mission().mission_items
+    assert len(kept) == len(plan)
+    for sent, found in zip(plan, kept, strict=True):
+        assert found.latitude_deg == pytest.approx(sent.latitude_deg, abs=1e-6)
+        assert found.relative_altitude_m == sent.relative_altitude_m
+    assert (kept[1].speed_m_s, kept[1].gimbal_pitch_deg) == (6.0, -30.0)
+    assert (kept[2].loiter_time_s, kept[2].yaw_deg) == (2.0, 90.0)
+    assert not mission.is_mission_finished()
+    progress = Values()
+    mission.subscribe_mission_progress(progress, None)
+    vehicle.action.arm()
+    start(vehicle, mission)
+    vehicle.until(lambda: vehicle.offset_m()[0] > 15, "15 m north")
+    mission.pause_mission()
+    vehicle.in_mode(FlightMode.HOLD)
+    vehicle.until(lambda: vehicle.ground_speed_m_s < 0.3, "standing")
+    start(vehicle, mission)
+    vehicle.until(lambda: vehicle.near(30, 30, 1.5), "at the corner")
+    mission.set_current_mission_item(1)
+    vehicle.until(lambda: vehicle.near(30, 0), "back at the first corner")
+    mission.set_current_mission_item(3)
+    vehicle.until(mission.is_mission_finished, "finished")
+    assert progress.until(lambda p: p.current == p.total).total == len(plan)
+    vehicle.in_mode(FlightMode.RETURN_TO_LAUNCH)
+    vehicle.disarmed()
+    assert vehicle.near(0, 0)
+    mission.clear_mission()
+    assert mission.download_mission().mission_items == []
+
+
+@pytest.mark.autopilots("2 error codes", "MAVSDK 5 mission_raw item 0")
+def test_ardupilot_takes_plain_waypoints_from_the_mission_plugin(copters: Peer) -> None:
+    """What is not set MAVSDK sends as no number, which ArduPilot takes for the yaw of a waypoint only."""
+    vehicle = copters.take("ardupilot")
+    vehicle.take_off(10.0)
+    mission = vehicle.mission
+    for wrong in (
+        [to(vehicle, 0, 0, 10.0, vehicle_action=MissionItem.VehicleAction.TAKEOFF)],
+        [to(vehicle, 0, 0, 10.0), to(vehicle, 10, 0, 10.0, speed_m_s=3.0)],
+    ):
+        assert refusal(mission.upload_mission, MissionPlan(wrong)) == "INVALID_ARGUMENT"
+    route = [(0, 0), (25, 0), (25, 25), (0, 25)]  # the first is home's
+    mission.upload_mission(MissionPlan([to(vehicle, *place, 12.0) for place in route]))
+    assert len(mission.download_mission().mission_items) == len(route)
+    start(vehicle, mission)
+    vehicle.until(lambda: vehicle.near(25, 0, 4), "at the first waypoint")
+    mission.pause_mission()
+    vehicle.in_mode(FlightMode.HOLD)
+    vehicle.until(lambda: vehicle.ground_speed_m_s < 0.3, "standing")
+    start(vehicle, mission)
+    vehicle.until(lambda: vehicle.near(0, 25), "at the last one")
+    vehicle.until(mission.is_mission_finished, "finished")
+    vehicle.action.return_to_launch()
+    vehicle.disarmed()
+
+
+# -- planes ----------------------------------------------------------------------------------------------
+
+
+@PERSONALITIES
+def test_a_plane_flies_a_mission_and_circles(planes: Peer, personality: str) -> None:
+    vehicle = planes.take(personality)
+    telemetry = vehicle.telemetry
+    telemetry.set_rate_fixedwing_metrics(5.0)
+    vehicle.ready()
+    loiter = item(17, 400, 250, 60.0, param3=80.0)
+    upload(vehicle, [item(22, 250, 0, 40.0), waypoint(400, 0, 60.0), loiter])
+    progress = Values()
+    vehicle.mission_raw.subscribe_mission_progress(progress, None)
+    vehicle.action.arm()
+    start(vehicle, vehicle.mission_raw)
+    vehicle.until(lambda: vehicle.height_m > 35, "35 m high")
+    vehicle.until(lambda: vehicle.near(400, 0, 90), "at the waypoint")
+    vehicle.until(lambda: vehicle.near(400, 250, 110), "at the circle")
+    assert telemetry.fixedwing_metrics().airspeed_m_s > 10
+    assert telemetry.landed_state() == LandedState.IN_AIR
+    progress.until(lambda p: p.current == p.total - 1)
+    vehicle.action.return_to_launch()
+    vehicle.in_mode(FlightMode.RETURN_TO_LAUNCH)
+    vehicle.until(lambda: vehicle.near(0, 0, 130), "circling over home")
+    assert telemetry.armed()
