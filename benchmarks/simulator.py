@@ -25,6 +25,7 @@ import psutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from sim_vehicle.fleet import Fleet
@@ -203,16 +204,15 @@ def main() -> None:
     console = Console()
     real = Table(title="In real time over UDP", box=box.SIMPLE_HEAD)
     for name in (
-        "vehicles", "messages/s", "each", "CPU [% of a core]", "CPU each [us/s]", "RSS [MB]", "heard",
-        "heartbeat late p50 [ms]", "p99 [ms]",
+        "vehicles", "msg/s", "each", "CPU [%]", "each [us/s]", "RSS [MB]", "heard", "late p50 [ms]", "p99 [ms]",
     ):  # fmt: skip
-        real.add_column(name, justify="right")
+        real.add_column(escape(name), justify="right")
     for count in (10, 100, 250, 1000):
         real.add_row(*in_real_time(count))
     console.print(real)
     virtual = Table(title="On the virtual clock, one core", box=box.SIMPLE_HEAD)
-    for name in ("autopilot", "vehicles", "messages/s each", "times real time", "CPU each [us/simulated s]"):
-        virtual.add_column(name, justify="left" if name == "autopilot" else "right")
+    for name in ("autopilot", "vehicles", "msg/s each", "times real time", "CPU each [us/s]"):
+        virtual.add_column(escape(name), justify="left" if name == "autopilot" else "right")
     for personality in ("ardupilot", "px4"):
         for count, simulated_s in ((10, 200.0), (100, 100.0), (1000, 20.0)):
             virtual.add_row(*on_the_virtual_clock(personality, count, simulated_s))

@@ -14,10 +14,13 @@ class Arming:
 
     def __init__(self, vehicle: "Autopilot") -> None:
         self._vehicle = vehicle
-        self.armed = False
         self._armed_at_s = 0.0
         self._flown = self._was_airborne = False
         self._taken_off_at_s = math.nan
+
+    @property
+    def armed(self) -> bool:
+        return self._vehicle.body.armed
 
     @property
     def armed_since_s(self) -> float:
@@ -43,10 +46,9 @@ class Arming:
             return False
         if vehicle.home is not None and not vehicle.home_locked:
             vehicle.set_home(vehicle.here(), now)
-        self.armed, self._armed_at_s, self._flown = True, now, False
+        self._armed_at_s, self._flown = now, False
         self._was_airborne = vehicle.body.airborne
         self._taken_off_at_s = math.nan
-        vehicle.flight.armed = True
         vehicle.flight.cleared_for_takeoff = in_mission and vehicle.tuning.mission_takes_off
         vehicle.body.arm(True)
         vehicle.tell(text)
@@ -77,7 +79,7 @@ class Arming:
     def stop(self, text: str = "disarmed") -> None:
         """Stop the motors, whatever the vehicle does."""
         vehicle = self._vehicle
-        self.armed = vehicle.flight.armed = vehicle.flight.cleared_for_takeoff = False
+        vehicle.flight.cleared_for_takeoff = False
         vehicle.body.arm(False)
         vehicle.mission.reset()
         counter = vehicle.personality.flight_counter

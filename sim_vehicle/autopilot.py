@@ -163,16 +163,15 @@ class Autopilot:
         self.fence_watch = FenceWatch(self)
         self._switch_read = False
         self._next_prearm_s = now + PREARM_TEXT_S
-        self.arming.armed = False
         self.transfer.reset()
+        self.params.reboot()
         self.storage.reboot(now)
         self.signing.reboot()
         self.voice.reset()
         self.jobs.reset()
         self.setpoints.reset()
-        self.mission.reset()
-        self.mission.state = MissionState.NOT_STARTED
-        self.flight.armed = self.flight.cleared_for_takeoff = False
+        self.mission.reboot()
+        self.flight.cleared_for_takeoff = False
         self.flight.enter(self.mode)
 
     # -- out ---------------------------------------------------------------------------------------------
@@ -205,7 +204,7 @@ class Autopilot:
 
     def receive(self, message: Any, now: float) -> None:
         """Take one message that is for this vehicle or for all."""
-        if not self.booted:
+        if not self.booted or (self.tuning.gcs_only and message.get_srcSystem() != self.tuning.gcs_sysid):
             return
         kind = message.get_type()
         if kind == "HEARTBEAT":
@@ -241,8 +240,8 @@ class Autopilot:
 
     def retune(self) -> None:
         """A parameter has changed."""
-        self.tuning = self.personality.tuning(self.params)
-        self.flight.apply_limits()
+        before, self.tuning = self.tuning, self.personality.tuning(self.params)
+        self.flight.retune(before)
 
     def simulate(self, name: str) -> None:
         """A parameter has changed that may make something fail."""
@@ -278,6 +277,7 @@ class Autopilot:
         self.fence_watch.update(now)
         disarm_s = self.arming.update(now)
         self.transfer.tick(now)
+        self.params.tick(self.send, now)
         self.storage.tick(now)
         self.storage.note(now)
         # Not a whole second from now: a fleet that booted together would look around all at once.
@@ -294,7 +294,7 @@ class Autopilot:
             self.transfer.next_deadline_s,
             self.storage.next_s(now),
             self.voice.next_s,
-            now + BUSY_LOOK_S if self.fence_watch.active else math.inf,
+            now + BUSY_LOOK_S if self.fence_watch.active or self.params.listing else math.inf,
         )
         self.publish(now)
 
@@ -396,7 +396,7 @@ class Autopilot:
         )
         if point is None or point.place_deg is None:
             return home
-        return Place(*point.place_deg, home.alt_amsl_m)
+        return Place(*point.place_deg, self.flight.altitude_amsl_m(point.frame, point.z))
 
     def home_item(self) -> Item:
         home = self.home or Place(0.0, 0.0, 0.0)

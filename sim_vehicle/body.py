@@ -10,6 +10,8 @@ SHORTEST_LEG_M = 2.0  # along which a copter faces
 SPEEDS_M_S, ACCELERATIONS_M_S2, RADII_M = (0.05, 100.0), (0.05, 30.0), (0.05, 1e4)
 BANKS_RAD = (math.radians(5.0), math.radians(75.0))
 STRONGEST_WIND_M_S = 100.0
+STALLS_M_S = (2.0, 50.0)
+CAPACITIES_MAH, VOLTAGES_V = (1.0, 1e6), (1.0, 1000.0)
 
 
 def _sound(*numbers: float) -> bool:
@@ -67,6 +69,11 @@ class Body:
     @property
     def airborne(self) -> bool:
         return bool(self._motion.airborne[self._index])
+
+    @property
+    def armed(self) -> bool:
+        """Whether its motors run, or may: what everything else calls armed."""
+        return bool(self._motion.armed[self._index])
 
     @property
     def reached(self) -> bool:
@@ -127,10 +134,6 @@ class Body:
         if not (math.isfinite(east_m) and math.isfinite(north_m)):
             east_m, north_m, _ = self.position_m
         return east_m, north_m
-
-    def geodetic_of(self, east_m: float, north_m: float) -> tuple[float, float]:
-        """Latitude and longitude [deg] of a place [m]."""
-        return self._world.frame.point_to_geodetic(east_m, north_m)
 
     # -- what it orders ----------------------------------------------------------------------------------
 
@@ -274,6 +277,7 @@ class Body:
         airspeed_max_m_s: float | None = None,
         loiter_radius_m: float | None = None,
         bank_limit_deg: float | None = None,
+        stall_m_s: float | None = None,
     ) -> None:
         """Set the limits that are given, as near as the equations stand; a plane's speed is its airspeed."""
         i, motion = self._index, self._motion
@@ -289,6 +293,7 @@ class Body:
             (motion.airspeed_max_m_s, airspeed_max_m_s, SPEEDS_M_S),
             (motion.loiter_radius_m, loiter_radius_m, (-RADII_M[1], RADII_M[1])),
             (motion.bank_limit_rad, bank_limit_rad, BANKS_RAD),
+            (motion.stall_m_s, stall_m_s, STALLS_M_S),
         ):
             if value is not None and math.isfinite(value):
                 array[i] = max(lowest, min(value, highest))
@@ -309,9 +314,10 @@ class Body:
         gps.best_fix_type[self._index] = gps.fix_type[self._index] = fix_type
 
     def set_battery(self, *, capacity_mah: float, full_v: float) -> None:
-        """What the battery holds when full, and its voltage then, at rest."""
-        self._world.batteries.capacity_mah[self._index] = max(capacity_mah, 1.0)
-        self._world.batteries.full_v[self._index] = max(full_v, 1.0)
+        """What the battery holds when full, and its voltage then, at rest; as there are batteries."""
+        i, batteries = self._index, self._world.batteries
+        batteries.capacity_mah[i] = max(CAPACITIES_MAH[0], min(capacity_mah, CAPACITIES_MAH[1]))
+        batteries.full_v[i] = max(VOLTAGES_V[0], min(full_v, VOLTAGES_V[1]))
 
     def set_wind(self, speed_m_s: float | None, from_deg: float) -> None:
         """The steady wind here, as strong as there is any on earth, and where it comes from.

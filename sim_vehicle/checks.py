@@ -269,7 +269,7 @@ def reached_goal(view: View, within_m: float) -> tuple[Bools, Found]:
 
 @check("eventually", needs="mission")
 def mission_complete(view: View, _: None) -> tuple[Bools, Found]:
-    """It reports its mission's last item as reached."""
+    """It reports its mission's last item as reached, or is at one that returns in another mode (PX4)."""
     return view.mission_done, ["complete" if done else "not complete" for done in view.mission_done]
 
 

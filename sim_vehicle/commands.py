@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.numbers import whole
 from sim_vehicle.personalities.base import Behaviour
 from sim_vehicle.place import Place
 
@@ -79,11 +80,6 @@ class Command:
         return (self.lat_deg, self.lon_deg) if self.lat_deg or self.lon_deg else None
 
 
-def whole(value: float) -> int:
-    """A parameter that is meant to be an integer; -1 where it is no number."""
-    return int(value) if math.isfinite(value) else -1
-
-
 def execute(vehicle: "Autopilot", command: Command, now: float) -> int:
     """Carry out `command`; MAV_RESULT."""
     handler = vehicle.personality.commands.get(command.command) or HANDLERS.get(command.command)
@@ -122,8 +118,13 @@ def takeoff(vehicle: "Autopilot", command: Command, _now: float) -> int:
     return ACCEPTED if vehicle.flight.takeoff_to(up_m) else FAILED
 
 
-def mission_start(vehicle: "Autopilot", _command: Command, now: float) -> int:
-    """Sets AUTO; on an armed vehicle it clears the take-off, on a disarmed one nothing flies."""
+def mission_start(vehicle: "Autopilot", command: Command, now: float) -> int:
+    """Sets AUTO; on an armed vehicle it clears the take-off, on a disarmed one nothing flies.
+
+    A first or last item (param1, param2) is not supported.
+    """
+    if command.param1 != 0 or command.param2 != 0:
+        return DENIED
     if not vehicle.modes.set_behaviour(Behaviour.MISSION, now):
         return FAILED
     if vehicle.armed:

@@ -19,6 +19,7 @@ LEAN_LIMIT_M_S2 = GRAVITY_M_S2 * np.tan(np.deg2rad(40.0))
 LEAN_TIME_S = 0.15  # in which the attitude follows
 SPIN_RAD_S = TURN_RAD  # with one motor lost
 SPINNING_LIMIT_M_S2 = 0.5
+LIMPING_SINK_M_S2 = 0.3 * GRAVITY_M_S2  # two motors of four lift that much less than the weight
 HOVER_W, MASS_KG, EFFICIENCY = 172.0, 1.5, 0.6
 HOVER_THROTTLE = 0.35
 IDLE_W = 16.0
@@ -96,6 +97,8 @@ def _pursuit(m: Motion, i: Selection, order: Ints, climb_error_m: Floats) -> Flo
 def _climb(m: Motion, i: Selection, order: Ints, error_m: Floats, dt_s: float) -> Floats:
     """Vertical speed after the step, (n,) [m/s]."""
     limit = m.vertical_acceleration_limit_m_s2[i]
+    if m.any_motor_lost:
+        limit = np.where(m.motors_lost[i] == 1, LIMPING_SINK_M_S2, limit)
     size = np.abs(error_m)
     wanted = np.minimum(np.sqrt((2 * BRAKING_SHARE) * limit * size), POSITION_GAIN_HZ * size)
     wanted = np.where(error_m > 0, np.minimum(wanted, m.climb_m_s[i]), -np.minimum(wanted, m.descent_m_s[i]))

@@ -12,7 +12,7 @@ from sim_vehicle.motion import GRAVITY_M_S2, Bools, Motion, Order, Selection
 from sim_vehicle.wind import Wind, WindSettings
 
 CRASH_M_S = 5.0  # a harder contact breaks the airframe
-FAILING_SINK_M_S = 3.0  # of a copter with an empty battery or one motor less
+LIMPING_SINK_M_S = 8.0  # of a copter with one motor less, in the end
 PASSING_RADII = 3.0  # a target that is flown through may be missed by a little at speed
 ALTITUDE_REACHED_M = 5.0  # of a plane that circles
 CIRCLE_REACHED_SHARE = 0.25  # outside the circle
@@ -66,17 +66,22 @@ class Dynamics(Motion):
         self.acceleration /= dt_s
 
     def _put_orders_in_force(self) -> None:
-        """An order is only carried out as far as the airframe still can."""
+        """An order is only carried out as far as the airframe still can.
+
+        A copter with an empty battery, or with two motors less, falls. With one less of four it gives up its
+        heading to stay level, and the motor across has to slow down: the other two do not carry the weight,
+        so it sinks the faster the longer, and only from a few metres it comes down whole.
+        """
         self.any_motor_lost = bool(np.count_nonzero(self.motors_lost))
         if not (self.any_motor_lost or np.count_nonzero(self.exhausted)):
             self.acting, self.acting_rate_m_s = self.order, self.rate_m_s
             return
         steered = self.airborne & ~self.planes & (self.order != Order.GROUNDED) & (self.order != Order.FALL)
-        sinks = steered & (self.exhausted | (self.motors_lost == 1))
+        sinks = steered & (self.motors_lost == 1)
         self.acting, self.acting_rate_m_s = self.order.copy(), self.rate_m_s.copy()
         self.acting[sinks] = Order.RATE
-        self.acting_rate_m_s[sinks] = -FAILING_SINK_M_S
-        self.acting[steered & (self.motors_lost > 1)] = Order.FALL
+        self.acting_rate_m_s[sinks] = -LIMPING_SINK_M_S
+        self.acting[steered & (self.exhausted | (self.motors_lost > 1))] = Order.FALL
 
     def _lift_off(self) -> None:
         lifts = copter.lifts_off(self)
@@ -90,7 +95,6 @@ class Dynamics(Motion):
         self.touchdown_m_s[touches] = np.maximum(speed, 1e-3)[touches]
         breaks = touches & (speed > CRASH_M_S)
         self.crashed |= breaks
-        self.armed &= ~breaks
         self.airborne &= ~touches
         self.events |= touches
         self.position[2, touches] = self.ground_m[touches]

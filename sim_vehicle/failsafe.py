@@ -18,6 +18,7 @@ _BEHAVIOURS = {
     FailsafeAction.HOLD: Behaviour.HOLD,
     FailsafeAction.RETURN: Behaviour.RETURN,
     FailsafeAction.LAND: Behaviour.LAND,
+    FailsafeAction.RETURN_POINT: Behaviour.GUIDED,
 }
 # How grave they are: a failsafe does not interrupt one that brings the vehicle down already.
 _HOMEWARD = {Behaviour.RETURN: 1, Behaviour.LAND: 2}
@@ -71,13 +72,19 @@ class Failsafes:
     def act(self, action: FailsafeAction, now: float, *, at_once: bool = False) -> None:
         """Carry out what a failsafe or a fence asks for, if the vehicle is in the air.
 
+        On the ground there is nothing to bring down: there the motors stop, where the personality says so.
         Where the tuning says so, the vehicle holds for a while first, in which a ground station may choose
         another mode instead; `at_once` leaves that out.
         """
         vehicle = self._vehicle
         delay_s = vehicle.tuning.failsafe_delay_s
         delayed = action in (FailsafeAction.RETURN, FailsafeAction.LAND) and not at_once and delay_s > 0
-        if not vehicle.flight.flying or action is FailsafeAction.NOTHING:
+        if action is FailsafeAction.NOTHING:
+            return
+        if not vehicle.flight.flying:
+            disarms = vehicle.personality.failsafe_disarms and action is not FailsafeAction.WARN
+            if disarms and vehicle.armed:
+                vehicle.arming.stop()
             return
         if delayed and self._waiting is None and vehicle.position_known(now) and not self._comes_down(action):
             self._waiting = (action, now + delay_s)
@@ -112,18 +119,33 @@ class Failsafes:
             vehicle.disarm(force=True)
             return
         behaviour = _BEHAVIOURS[action]
-        if behaviour in (Behaviour.RETURN, Behaviour.HOLD) and not vehicle.position_known(now):
+        needs_position = behaviour in (Behaviour.RETURN, Behaviour.HOLD, Behaviour.GUIDED)
+        if needs_position and not vehicle.position_known(now):
             behaviour = Behaviour.LAND
         if vehicle.personality.find_mode(behaviour) is None:  # a plane whose only landings are missions'
             behaviour = Behaviour.RETURN if vehicle.position_known(now) else Behaviour.HOLD
         if _HOMEWARD.get(vehicle.mode.behaviour, 0) < _HOMEWARD.get(behaviour, 1):
             vehicle.modes.by_itself(behaviour)
+            if behaviour is Behaviour.GUIDED:
+                self._go_to_return_point()
+
+    def _go_to_return_point(self) -> None:
+        """The fence's, else home, at the altitude that belongs to it."""
+        vehicle = self._vehicle
+        place_deg = vehicle.fence.return_point_deg or vehicle.home_deg
+        up_m = vehicle.flight.home().alt_amsl_m + vehicle.tuning.fence_return_height_m
+        vehicle.flight.guided_go(*place_deg, up_m)
+
+    def gcs_late(self, now: float) -> bool:
+        """Whether the ground station has been silent for too long."""
+        tuning = self._vehicle.tuning
+        if self._gcs_heard_s is None:
+            return self.gcs_missing and tuning.gcs_missed_unheard
+        return now - self._gcs_heard_s > tuning.gcs_timeout_s
 
     def _watch_gcs(self, now: float) -> None:
         vehicle, tuning = self._vehicle, self._vehicle.tuning
-        heard_s = self._gcs_heard_s
-        late = heard_s is not None and now - heard_s > tuning.gcs_timeout_s
-        late = late or (self.gcs_missing and tuning.gcs_missed_unheard)
+        late = self.gcs_late(now)
         if late and not self.gcs and vehicle.armed:
             self.gcs = True
             vehicle.tell("gcs_lost")

@@ -12,6 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.geodesy import Floats, metres_per_degree
 from sim_vehicle.mission import Item
+from sim_vehicle.numbers import whole
 
 POLYGONS = frozenset(
     {
@@ -44,7 +45,7 @@ def zones_of(items: Sequence[Item]) -> list[Zone]:
     while index < len(items):
         item = items[index]
         inclusion = item.command in _INCLUSIONS
-        vertices = max(int(item.param1), 1) if item.command in POLYGONS else 1
+        vertices = max(whole(item.param1), 1) if item.command in POLYGONS else 1
         places = tuple((point.x * 1e-7, point.y * 1e-7) for point in items[index : index + vertices])
         if item.command in CIRCLES:
             zones.append(Zone(inclusion, places, item.param1))
@@ -83,12 +84,6 @@ class Fence:
         """ArduPilot's FENCE_TOTAL: vertices and circles, and two more if there are at least three."""
         points = sum(item.command in POLYGONS or item.command in CIRCLES for item in self.items)
         return points + 2 if points >= 3 else 0
-
-    @property
-    def smallest_inclusion_m(self) -> float:
-        """The least radius of a circle to stay inside of [m]; inf without any."""
-        radii = [zone.radius_m for zone in self.zones if zone.inclusion and zone.radius_m is not None]
-        return min(radii, default=float("inf"))
 
     @property
     def return_point_deg(self) -> tuple[float, float] | None:

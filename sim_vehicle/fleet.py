@@ -196,6 +196,11 @@ class Fleet:
         """A stream ended; what it left half-sent is dropped."""
         self._parsers.pop((link, peer), None)
 
+    @property
+    def waiting_bytes(self) -> int:
+        """What is kept of messages that have not come whole yet, of all streams."""
+        return sum(parser.waiting_bytes for parser in self._parsers.values())
+
     def step(self, now: float) -> Frames:
         """Run physics and streams up to `now` [s since the fleet started]; (vehicle, bytes) to send."""
         self._advance(now)

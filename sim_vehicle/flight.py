@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.body import Body
 from sim_vehicle.manoeuvres import Landing, Manoeuvre, Return, Takeoff
-from sim_vehicle.mission import Mission, MissionState
+from sim_vehicle.mission import Mission
 from sim_vehicle.mission_pilot import MissionPilot
 from sim_vehicle.personalities.base import Behaviour, Mode, Tuning
 from sim_vehicle.place import Place
@@ -44,7 +44,6 @@ class Flight:
         self._taken_off = taken_off
         self.pilot = MissionPilot(self)
         self.mission_over = mission_over
-        self.armed = False
         self.cleared_for_takeoff = False  # by MISSION_START or a take-off command, until disarmed
         self.behaviour = Behaviour.DROP
         self.landing_now = False  # for EXTENDED_SYS_STATE
@@ -53,12 +52,17 @@ class Flight:
         self._ground_since_s = -math.inf
         self._machine: Manoeuvre | None = None
         self.guided_target_m: tuple[float, float, float] | None = None
+        self._in_force: dict[str, float] = {}  # limits set in flight, by the name of what they replace
 
     # -- facts -------------------------------------------------------------------------------------------
 
     @property
     def tuning(self) -> Tuning:
         return self._tuning()
+
+    @property
+    def armed(self) -> bool:
+        return self.body.armed
 
     def landed(self, now: float) -> bool:
         return not self.body.airborne and now - self._ground_since_s >= LANDED_AFTER_S
@@ -84,8 +88,28 @@ class Flight:
             )
         return tuning.landing_speed_high_m_s
 
+    def limit(self, **limits: float) -> None:
+        """Put limits (as of `Body.limit`) in force until the mode changes, in place of the parameters'."""
+        self._in_force.update(limits)
+        self.body.limit(**limits)
+
+    def restore_speed(self) -> None:
+        """The speed of the parameters again."""
+        self._in_force.pop("speed_m_s", None)
+        self.apply_limits()
+
+    def retune(self, before: Tuning) -> None:
+        """Parameters have changed: a limit set in flight gives way only to a change of its own."""
+        now = self.tuning
+        self._in_force = {
+            name: value
+            for name, value in self._in_force.items()
+            if getattr(before, name) == getattr(now, name)
+        }
+        self.apply_limits()
+
     def apply_limits(self) -> None:
-        """Set the airframe's limits from the parameters."""
+        """Set the airframe's limits: the parameters', and over them what was set in flight."""
         tuning = self.tuning
         self.body.limit(
             speed_m_s=tuning.speed_m_s,
@@ -101,7 +125,9 @@ class Flight:
                 airspeed_max_m_s=tuning.airspeed_max_m_s,
                 loiter_radius_m=tuning.loiter_radius_m,
                 bank_limit_deg=tuning.bank_limit_deg,
+                stall_m_s=tuning.stall_m_s,
             )
+        self.body.limit(**self._in_force)
         self.body.set_wind(tuning.wind_m_s, tuning.wind_from_deg)
         self.body.set_battery(capacity_mah=tuning.capacity_mah, full_v=tuning.full_v)
 
@@ -124,6 +150,7 @@ class Flight:
         self._machine, self.guided_target_m = None, None
         self.pilot.forget()
         self.taking_off = False
+        self._in_force.clear()
         self.apply_limits()
         self.body.face(None)
         if mode.behaviour is Behaviour.MISSION:
@@ -178,7 +205,7 @@ class Flight:
         if not self.body.airborne:
             self.body.rest()
             return
-        self.body.limit(vertical_acceleration_m_s2=PILOT_ACCELERATION_M_S2)
+        self.limit(vertical_acceleration_m_s2=PILOT_ACCELERATION_M_S2)
         sinks_m_s = self.tuning.pilot_descent_m_s if self.behaviour is Behaviour.SINK else DROP_M_S
         self.body.move_vertically(-sinks_m_s)
 
@@ -203,7 +230,7 @@ class Flight:
         """Climb to an altitude above mean sea level, from the ground or in the air."""
         self.cleared_for_takeoff = self.taking_off = True
         if self.tuning.takeoff_speed_m_s is not None:
-            self.body.limit(climb_m_s=self.tuning.takeoff_speed_m_s)
+            self.limit(climb_m_s=self.tuning.takeoff_speed_m_s)
         self._machine = Takeoff(self, up_m)
 
     def fly(self, manoeuvre: Manoeuvre) -> None:
@@ -220,9 +247,8 @@ class Flight:
     def pause(self) -> bool:
         """MAV_CMD_DO_PAUSE_CONTINUE, pause; False where it makes no sense."""
         if self.behaviour is Behaviour.MISSION:
-            if self.mission.state is not MissionState.ACTIVE or self.mission.empty:
+            if not self.mission.pause():
                 return False
-            self.mission.paused = True
         elif self.behaviour is not Behaviour.GUIDED:
             return False
         if self.flying:
@@ -232,8 +258,7 @@ class Flight:
     def resume(self) -> bool:
         """MAV_CMD_DO_PAUSE_CONTINUE, continue."""
         if self.behaviour is Behaviour.MISSION and self.mission.paused:
-            self.mission.paused = False
-            return self.mission.restart_current(self.pilot)
+            return self.mission.resume(self.pilot)
         if self.behaviour is Behaviour.GUIDED and self.guided_target_m is not None and self.body.airborne:
             self.go(self.guided_target_m)
         return self.behaviour in (Behaviour.MISSION, Behaviour.GUIDED)
@@ -244,11 +269,11 @@ class Flight:
             return False
         speed_m_s = min(speed_m_s, FASTEST_M_S)
         if kind in (mavlink.SPEED_TYPE_AIRSPEED, mavlink.SPEED_TYPE_GROUNDSPEED):
-            self.body.limit(speed_m_s=speed_m_s)
+            self.limit(speed_m_s=speed_m_s)
         elif kind == mavlink.SPEED_TYPE_CLIMB_SPEED:
-            self.body.limit(climb_m_s=speed_m_s)
+            self.limit(climb_m_s=speed_m_s)
         elif kind == mavlink.SPEED_TYPE_DESCENT_SPEED:
-            self.body.limit(descent_m_s=speed_m_s)
+            self.limit(descent_m_s=speed_m_s)
         else:
             return False
         return True

@@ -6,6 +6,8 @@ Each is begun by its constructor and asked by `update(now)` whether it is done.
 import math
 from typing import TYPE_CHECKING, Protocol
 
+from sim_vehicle.personalities.base import RallyAltitude
+
 if TYPE_CHECKING:
     from sim_vehicle.flight import Flight
 
@@ -54,8 +56,8 @@ class Return:
         body, tuning = flight.body, flight.tuning
         self._place = flight.return_place()
         east_m, north_m, up_m = body.position_m
-        self._up_m = max(up_m, self._place.alt_amsl_m + self._height_m())
-        body.limit(speed_m_s=tuning.return_speed_m_s)
+        self._up_m = self._travel_m(up_m)
+        flight.limit(speed_m_s=tuning.return_speed_m_s)
         self._hovers = False
         self._flies_home = body.plane  # which climbs on its way
         if body.plane:
@@ -64,6 +66,18 @@ class Return:
             body.fly_to(east_m, north_m, self._up_m)
         self._land_at_s: float | None = None
         self._landing: Landing | None = None
+
+    def _travel_m(self, up_m: float) -> float:
+        """Altitude of the way there from `up_m` [m above mean sea level]."""
+        home, tuning = self._flight.home(), self._flight.tuning
+        place_m = self._place.alt_amsl_m
+        if self._place == home or tuning.rally_altitude is RallyAltitude.GROUND:
+            wanted_m = place_m + self._height_m()
+        elif tuning.rally_altitude is RallyAltitude.EXACT:
+            return place_m
+        else:
+            wanted_m = max(place_m, home.alt_amsl_m + self._height_m())
+        return wanted_m if tuning.return_descends else max(up_m, wanted_m)
 
     def _height_m(self) -> float:
         """Above home, for the way there: less where a cone over home says so."""

@@ -5,12 +5,14 @@ current until it is done; *do* and *condition* commands between two navigation c
 one is done, one after another, while the second is being flown. PX4's way is in `mission_px4`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.numbers import finite, whole
 
 NAVIGATION = frozenset(
     {
@@ -32,6 +34,8 @@ NAVIGATION = frozenset(
 )
 CONDITIONS = frozenset({mavlink.MAV_CMD_CONDITION_DISTANCE, mavlink.MAV_CMD_CONDITION_YAW})
 MAX_JUMPS_IN_A_ROW = 64  # a mission of jumps alone must not hang the vehicle
+MOST_AT_ONCE = 50  # do-commands take no time, but there may be thousands, and jumps back to them
+MOST_BETWEEN = 1000  # do-commands between two navigation commands, repetitions included
 
 
 class MissionState(IntEnum):
@@ -100,23 +104,29 @@ class Pilot(Protocol):
 class Mission:
     """Items (0 is home and not kept here as an item), the current index, and progress.
 
-    `home` gives item 0 whenever it is read.
+    `home` gives item 0 whenever it is read. Items change through `put`, `cut` and `clear` alone, which keep
+    what is counted by index true to them. The index itself outlives its item: a vehicle that flies to an item
+    flies on there when it is deleted, and is heard to do so.
     """
 
     home: Callable[[], Item]
-    items: list[Item] = field(default_factory=list)
     index: int = 0  # of the current navigation command, 0 when there is none
     flown: Item | None = None  # that command as it was read when it was started; outlives its deletion
     state: MissionState = MissionState.NOT_STARTED
     paused: bool = False
     disarms_on_landing: bool = True  # a landing as an item ends the mission and stops the motors
+    _items: list[Item] = field(default_factory=list)
     _jumps: dict[int, int] = field(default_factory=dict)
     _pending: list[int] = field(default_factory=list)  # indices of the do-commands still to run
     _condition_begun_s: float | None = None  # of the first pending one
 
     @property
+    def items(self) -> Sequence[Item]:
+        return self._items
+
+    @property
     def count(self) -> int:
-        return len(self.items)
+        return len(self._items)
 
     @property
     def empty(self) -> bool:
@@ -136,6 +146,44 @@ class Mission:
     def item(self, index: int) -> Item:
         return self.home() if index == 0 else self.items[index]
 
+    # -- changing it -------------------------------------------------------------------------------------
+
+    def put(self, index: int, item: Item) -> bool:
+        """Write an item over another one or behind the last; whether that changed anything.
+
+        IndexError behind that.
+        """
+        if index == self.count:
+            self._items.append(item)
+            return True
+        if self._items[index] == item:
+            return False
+        self._items[index] = item
+        self._jumps.pop(index, None)
+        if self._pending[:1] == [index]:
+            self._condition_begun_s = None  # another one, which has not begun
+        if index in self._pending and item.command in NAVIGATION | {mavlink.MAV_CMD_DO_JUMP}:
+            del self._pending[self._pending.index(index) :]
+        return True
+
+    def cut(self, count: int) -> bool:
+        """Keep the first `count` items; whether there were more."""
+        if count >= self.count:
+            return False
+        del self._items[count:]
+        self._jumps = {index: taken for index, taken in self._jumps.items() if index < count}
+        if self._pending and self._pending[0] >= count:
+            self._condition_begun_s = None
+        self._pending = [index for index in self._pending if index < count]
+        return True
+
+    def clear(self) -> None:
+        """Delete all items; nothing is flown any more."""
+        self.cut(0)
+        self.reset()
+
+    # -- what it says ------------------------------------------------------------------------------------
+
     @property
     def reported_state(self) -> MissionState:
         """MISSION_CURRENT.mission_state."""
@@ -145,8 +193,7 @@ class Mission:
 
     def starts_with_takeoff(self) -> bool:
         """Whether the navigation command that would be flown next is a take-off."""
-        start = max(1, self.index) if self.state is not MissionState.COMPLETE else 1
-        found = self._find_navigation(start, {}, [])
+        found = self._find_navigation(1 if self._starts_over else self.index, {}, [])
         return found is not None and self.items[found].command == mavlink.MAV_CMD_NAV_TAKEOFF
 
     def land_start(self, distance_m: Callable[[Item], float]) -> int | None:
@@ -174,24 +221,46 @@ class Mission:
                 done = jumps.get(index, 0)
                 if item.param2 < 0 or done < item.param2:
                     jumps[index] = done + 1
-                    index = int(item.param1)
+                    index = whole(item.param1)
                     continue
             else:
                 passed.append(index)
+                if len(passed) > MOST_BETWEEN:
+                    return None
             index += 1
         return None
 
     # -- flying it ---------------------------------------------------------------------------------------
 
+    @property
+    def _starts_over(self) -> bool:
+        """Whether the next start is at the first item: the list may have been cut since it was left."""
+        return self.state is MissionState.COMPLETE or not 1 <= self.index < self.count
+
     def start_or_resume(self, pilot: Pilot, *, restart: bool = False) -> None:
         """Fly on from the current command; from the first one if there is none or the mission is over."""
-        self.paused = False
-        if restart or self.index == 0 or self.state is MissionState.COMPLETE:
+        if restart or self._starts_over:
             self._jumps.clear()
             self._advance(pilot, 1)
+        elif self.items[self.index].command in NAVIGATION:
+            self.state, self._condition_begun_s = MissionState.ACTIVE, None
+            self._start(pilot, self.index)  # what was pending still is
         else:
-            # The list may have become another one, or shorter, since it was left.
-            self._advance(pilot, self.index if self.index < self.count else 1)
+            self._advance(pilot, self.index)  # another list has a do-command there
+
+    def pause(self) -> bool:
+        """Fly no further until told to; False if it is not being flown."""
+        if self.state is not MissionState.ACTIVE or self.empty:
+            return False
+        self.paused = True
+        return True
+
+    def resume(self, pilot: Pilot) -> bool:
+        """Go on after a pause; False if there is nothing to go on with."""
+        self.paused = False
+        if not self.restart_current(pilot) and self.flown is not None:
+            pilot.start_navigation(self.flown, None)  # its item was deleted
+        return self.flown is not None
 
     def stop(self) -> None:
         """The mission mode was left."""
@@ -208,6 +277,15 @@ class Mission:
         if self.state is not MissionState.COMPLETE:
             self.state = MissionState.NOT_STARTED
 
+    def end(self) -> None:
+        """A landing has ended it: only the reset of the disarming is still to come."""
+        self.state = MissionState.COMPLETE
+
+    def reboot(self) -> None:
+        """Nothing of what was flown is known any more."""
+        self.reset()
+        self.state = MissionState.NOT_STARTED
+
     def rewind(self) -> None:
         """Forget how often jumps were taken."""
         self._jumps.clear()
@@ -220,20 +298,27 @@ class Mission:
         if self.state is MissionState.ACTIVE:
             self._advance(pilot, index)
             return True
-        found = self._find_navigation(index, {}, [])
+        pending: list[int] = []
+        found = self._find_navigation(index, {}, pending)
         if found is None:
             return False
-        self.index = found
+        self.index, self._pending = found, pending
         self.state = MissionState.PAUSED
         return True
 
     def restart_current(self, pilot: Pilot) -> bool:
-        """Read the current command again and start it; False if it is not there any more."""
+        """Read the current command again and start it, after a pause once that is over.
+
+        False if it is not there any more.
+        """
         if self.state is not MissionState.ACTIVE or not 1 <= self.index < self.count:
             return False
         if self.items[self.index].command not in NAVIGATION:
             return False
-        self._start(pilot, self.index)
+        if self.paused:
+            self.flown = self.items[self.index]
+        else:
+            self._start(pilot, self.index)
         return True
 
     def update(self, pilot: Pilot, now: float) -> None:
@@ -246,11 +331,10 @@ class Mission:
             self._advance(pilot, self.index + 1)
 
     def _run_pending(self, pilot: Pilot, now: float) -> None:
-        while self._pending and self.state is MissionState.ACTIVE:
-            index = self._pending[0]
-            if index >= self.count:  # the list was cut while they waited
-                self._pending.clear()
+        for _ in range(MOST_AT_ONCE):
+            if not self._pending or self.state is not MissionState.ACTIVE:
                 return
+            index = self._pending[0]
             item = self.items[index]
             if self._condition_begun_s is None:
                 self._condition_begun_s = now
@@ -264,11 +348,12 @@ class Mission:
 
     def _passed(self, pilot: Pilot, item: Item, waited_s: float) -> bool:
         if item.command == mavlink.MAV_CMD_CONDITION_DELAY:
-            return waited_s >= item.param1
+            return waited_s >= finite(item.param1)
         return item.command not in CONDITIONS or pilot.condition_met(item)
 
     def _advance(self, pilot: Pilot, start: int) -> None:
         self._pending, self._condition_begun_s = [], None
+        self.paused = False
         found = self._find_navigation(start, self._jumps, self._pending)
         if found is None:
             if self._pending:  # of those behind the last navigation command only the first is begun
@@ -283,7 +368,7 @@ class Mission:
         self._start(pilot, found)
 
     def _start(self, pilot: Pilot, index: int) -> None:
-        self.index, self.flown = index, self.items[index]
+        self.index, self.flown, self.paused = index, self.items[index], False
         following = self._find_navigation(index + 1, dict(self._jumps), [])
         pilot.mission_item_started(index, self.flown)
         pilot.start_navigation(self.flown, None if following is None else self.items[following])

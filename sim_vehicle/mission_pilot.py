@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.manoeuvres import Circling, Landing, Manoeuvre, Return
-from sim_vehicle.mission import Item, MissionState
+from sim_vehicle.mission import Item
+from sim_vehicle.numbers import finite, whole
 from sim_vehicle.place import Place
 
 if TYPE_CHECKING:
@@ -85,7 +86,7 @@ class MissionPilot:
             self._machine = Return(flight)
         elif item.command == mavlink.MAV_CMD_NAV_LOITER_TURNS:
             radius_m = item.param3 or flight.tuning.loiter_radius_m
-            self._machine = Circling(flight, self._target_m, radius_m, item.param1)
+            self._machine = Circling(flight, self._target_m, finite(radius_m), finite(item.param1))
         elif item.command == mavlink.MAV_CMD_NAV_DELAY:
             flight.body.stop()
         else:
@@ -101,11 +102,12 @@ class MissionPilot:
         return self._item_target_m(item)
 
     def _item_target_m(self, item: Item) -> Point:
-        body = self._flight.body
+        body, flight = self._flight.body, self._flight
         east_m, north_m, up_m = body.position_m
+        keeps_altitude = item.z == 0 and (item.place_deg is None or flight.tuning.zero_keeps_altitude)
         if item.place_deg is not None:
             east_m, north_m = body.locate(*item.place_deg)
-        return east_m, north_m, self._flight.altitude_amsl_m(item.frame, item.z) if item.z != 0 else up_m
+        return east_m, north_m, up_m if keeps_altitude else flight.altitude_amsl_m(item.frame, item.z)
 
     def _pass_speed_m_s(self, item: Item, following: Item | None) -> float:
         """Speed at which a waypoint may be flown through; 0 where the vehicle is to stop."""
@@ -149,7 +151,7 @@ class MissionPilot:
         done = self._machine.update(now) if self._machine is not None else flight.landed(now)
         if done and flight.armed and flight.mission.disarms_on_landing:
             # Landing ends the mission: disarming resets it, and the item is not reported as reached.
-            flight.mission.state = MissionState.COMPLETE
+            flight.mission.end()
             flight.disarm()
             return False
         return done
@@ -165,7 +167,7 @@ class MissionPilot:
         if not reached or item.command == mavlink.MAV_CMD_NAV_LOITER_UNLIM:
             return False
         if self._wait_until_s is None:
-            self._wait_until_s = now + (item.param1 if item.command in WAITS else 0.0)
+            self._wait_until_s = now + (finite(item.param1) if item.command in WAITS else 0.0)
         return now >= self._wait_until_s
 
     # -- commands on the way -----------------------------------------------------------------------------
@@ -173,10 +175,10 @@ class MissionPilot:
     def do(self, item: Item) -> None:
         flight = self._flight
         if item.command == mavlink.MAV_CMD_DO_CHANGE_SPEED:
-            flight.change_speed(int(item.param1), item.param2)
+            flight.change_speed(whole(item.param1), item.param2)
         elif item.command == mavlink.MAV_CMD_CONDITION_YAW:
             relative = item.param4 == 1
-            direction = int(item.param3)
+            direction = whole(item.param3)
             if flight.turn(item.param1, item.param2, direction=direction, relative=relative):
                 self._wanted_heading_rad = flight.faced_rad
         elif item.command == mavlink.MAV_CMD_DO_SET_HOME:
@@ -189,7 +191,7 @@ class MissionPilot:
         body = self._flight.body
         if item.command == mavlink.MAV_CMD_CONDITION_DISTANCE:
             east_m, north_m, _ = body.position_m
-            return math.hypot(self._target_m[0] - east_m, self._target_m[1] - north_m) <= item.param1
+            return math.hypot(self._target_m[0] - east_m, self._target_m[1] - north_m) <= finite(item.param1)
         if self._wanted_heading_rad is None:
             return True
         error_rad = math.remainder(body.heading_rad - self._wanted_heading_rad, 2 * math.pi)

@@ -9,7 +9,17 @@ from collections.abc import Callable, Sequence
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.mission import CONDITIONS, MAX_JUMPS_IN_A_ROW, NAVIGATION, Item, Mission, MissionState, Pilot
+from sim_vehicle.mission import (
+    CONDITIONS,
+    MAX_JUMPS_IN_A_ROW,
+    MOST_AT_ONCE,
+    NAVIGATION,
+    Item,
+    Mission,
+    MissionState,
+    Pilot,
+)
+from sim_vehicle.numbers import finite, whole
 
 DELAYS = frozenset({mavlink.MAV_CMD_CONDITION_DELAY})
 
@@ -25,7 +35,8 @@ def _nothing() -> None:
 class Px4Mission(Mission):
     """Items from 0 on; `feasible` is asked about new ones, and what is not feasible is kept but not flown.
 
-    An item that returns is a command to the vehicle, `go_home`, which thereby leaves the mission's mode.
+    An item that returns is a command to the vehicle, `go_home`, which thereby leaves the mission's mode: the
+    item stays the current one and is never reported as reached.
     """
 
     def __init__(
@@ -65,7 +76,7 @@ class Px4Mission(Mission):
     def replace(self, pilot: Pilot, items: Sequence[Item], current: int = -1) -> None:
         """Take a new mission at once; -1 keeps the index, or moves it to the last item of a shorter one."""
         last = max(len(items) - 1, 0)
-        self.items[:] = items
+        self._items[:] = items
         self.index = min(self.index if current < 0 else current, last)
         self._jumps.clear()
         self._at_end = False
@@ -119,7 +130,7 @@ class Px4Mission(Mission):
             return
         if self.state not in (MissionState.ACTIVE, MissionState.COMPLETE) or self._disarmed_since:
             self._activate(pilot)
-        for _ in range(self.count + MAX_JUMPS_IN_A_ROW):  # do-commands take no time
+        for _ in range(MOST_AT_ONCE):
             item = self.flown
             if self.state is not MissionState.ACTIVE or item is None or not self._done(pilot, item, now):
                 return
@@ -161,6 +172,7 @@ class Px4Mission(Mission):
 
     def _begin(self, pilot: Pilot, index: int) -> None:
         self.index, self.flown, self._step_begun_s = index, self.items[index], None
+        self.paused = False
         pilot.mission_item_started(index, self.flown)
         if self.flown.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
             self._go_home()
@@ -175,7 +187,7 @@ class Px4Mission(Mission):
         if self._step_begun_s is None:
             self._step_begun_s = now
         if item.command in DELAYS:
-            return now - self._step_begun_s >= item.param1
+            return now - self._step_begun_s >= finite(item.param1)
         return item.command not in CONDITIONS or pilot.condition_met(item)
 
     def _resolve(self, index: int, *, count: bool) -> int | None:
@@ -192,14 +204,14 @@ class Px4Mission(Mission):
             if item.param2 < 0 or done < item.param2:
                 if count:
                     self._jumps[index] = done + 1
-                index = int(item.param1)
+                index = whole(item.param1)
             else:
                 index += 1
         return None
 
     def _following(self, index: int) -> Item | None:
         """The next navigation command behind `index`, for the corner at it."""
-        for _ in range(self.count):
+        for _ in range(MOST_AT_ONCE):
             found = self._resolve(index + 1, count=False)
             if found is None:
                 return None

@@ -8,7 +8,12 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.pacing import Pacer
+
 HASH_NAME = "_HASH_CHECK"
+FRAME_BYTES = 37  # of a PARAM_VALUE on the link
+BYTES_S = 200_000
+MOST_BYTES_AT_ONCE = 40_000
 INT_LIMITS = (-(2**31), 2**31 - 1)
 
 
@@ -37,6 +42,8 @@ class Parameters:
         self._index = {name: index for index, name in enumerate(self._names)}
         self._read_only = read_only
         self._byte_wise = byte_wise
+        self._pacer = Pacer(BYTES_S, MOST_BYTES_AT_ONCE)
+        self._listed = len(self._names)  # index of the list's next parameter, -1: the hash
 
     def __getitem__(self, name: str) -> float | int:
         return self._values[name]
@@ -68,17 +75,32 @@ class Parameters:
         """Set one that nobody but the vehicle may set (a count of what is stored)."""
         self._values[name] = _kept(self._values[name], value)
 
-    def receive(self, message: Any, send: Callable[[Any], None]) -> str | None:
+    @property
+    def listing(self) -> bool:
+        """Whether a list is under way, so that `tick` has something to send."""
+        return self._listed < len(self._names)
+
+    def tick(self, send: Callable[[Any], None], now: float) -> None:
+        """Send of the list that was asked for what the link takes by `now` [s]."""
+        while self.listing and self._pacer.take(FRAME_BYTES, now):
+            send(self._hash_message() if self._listed < 0 else self.value_message(self._listed))
+            self._listed += 1
+
+    def reboot(self) -> None:
+        """A list that is under way is forgotten; the values stay."""
+        self._listed = len(self._names)
+
+    def receive(self, message: Any, send: Callable[[Any], None], now: float) -> str | None:
         """Answer PARAM_REQUEST_LIST, PARAM_REQUEST_READ or PARAM_SET; the name that was set, if one was.
+
+        Whoever asks for the list while it is being sent has it begin again.
 
         An unknown name gets no reply at all.
         """
         kind: str = message.get_type()
         if kind == "PARAM_REQUEST_LIST":
-            if self._byte_wise:
-                send(self._hash_message())
-            for index in range(len(self._names)):
-                send(self.value_message(index))
+            self._listed = -1 if self._byte_wise else 0
+            self.tick(send, now)
             return None
         if kind == "PARAM_REQUEST_READ" and message.param_index >= 0:
             if message.param_index < len(self._names):

@@ -31,8 +31,8 @@ class Parser:
 
     @property
     def waiting_bytes(self) -> int:
-        """Of a message that is not complete yet."""
-        return int(self._codec.buf_len())
+        """What is kept of a message that is not complete yet."""
+        return len(self._codec.buf)
 
 
 class CommandCancel(mavlink.MAVLink_message):  # type: ignore[misc]

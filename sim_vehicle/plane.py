@@ -70,7 +70,7 @@ def fly(m: Motion, i: Selection, dt_s: float) -> None:
 def lifts_off(m: Motion) -> Bools:
     """Planes that roll fast enough to fly and are told to, (n,)."""
     fast = m.airspeed_m_s >= ROTATE_OVER_STALL * m.stall_m_s
-    fit = m.planes & ~m.airborne & m.armed & (m.motors_lost == 0) & ~m.exhausted
+    fit = m.planes & ~(m.airborne | m.crashed | m.exhausted) & m.armed & (m.motors_lost == 0)
     return np.asarray(fast & fit & _wants_up(m, slice(None), m.order))
 
 
@@ -87,7 +87,7 @@ def load_w(m: Motion, i: Selection) -> Floats:
 
 def _look(m: Motion, i: Selection) -> _Now:
     order = m.acting[i]
-    powered = m.armed[i] & ~m.exhausted[i] & (m.motors_lost[i] == 0)
+    powered = m.armed[i] & ~(m.exhausted[i] | m.crashed[i]) & (m.motors_lost[i] == 0)
     powered &= (order != Order.FALL) & (order != Order.GROUNDED)
     yaw = m.attitude[2][i]
     return _Now(

@@ -38,7 +38,7 @@ def publish(vehicle: "Autopilot", now: float) -> None:
     status.fence_status[i] = bool(watch.breached)
     status.fence_breaches[i] = watch.count
     status.fence_type[i] = watch.kind
-    status.fence_time_ms[i] = round(watch.last_s * 1000)
+    status.fence_time_ms[i] = round(max(watch.last_s - vehicle.readiness.boot_s, 0.0) * 1000)
     status.battery_state[i] = vehicle.failsafes.battery_state
 
 
@@ -47,7 +47,6 @@ def _heartbeat(vehicle: "Autopilot") -> None:
     status.autopilot[i] = personality.autopilot
     status.vehicle_type[i] = personality.vehicle_type
     armed = int(mavlink.MAV_MODE_FLAG_SAFETY_ARMED) if vehicle.armed else 0
-    status.armed[i] = vehicle.armed
     status.armed_since_s[i] = vehicle.arming.armed_since_s
     status.flying_since_s[i] = vehicle.arming.flying_since_s
     if personality.flight_counter is not None:

@@ -43,8 +43,8 @@ def _on_set_mode(vehicle: "Autopilot", message: Any, now: float) -> None:
         vehicle.voice.acknowledge(mavlink.MAV_CMD_DO_SET_MODE, result, 0, sender)
 
 
-def _on_parameter(vehicle: "Autopilot", message: Any, _now: float) -> None:
-    name = vehicle.params.receive(message, vehicle.send)
+def _on_parameter(vehicle: "Autopilot", message: Any, now: float) -> None:
+    name = vehicle.params.receive(message, vehicle.send, now)
     if name is not None:
         vehicle.parameter_changed(name)
 

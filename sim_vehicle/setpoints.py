@@ -22,17 +22,10 @@ IGNORE_YAW, IGNORE_YAW_RATE = 0x0400, 0x0800
 BODY_FRAMES = frozenset(
     {mavlink.MAV_FRAME_BODY_NED, mavlink.MAV_FRAME_BODY_OFFSET_NED, mavlink.MAV_FRAME_BODY_FRD}
 )
+RELATIVE_YAW_FRAMES = frozenset({mavlink.MAV_FRAME_BODY_NED, mavlink.MAV_FRAME_BODY_OFFSET_NED})
 LOCAL_FRAMES = BODY_FRAMES | {mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_LOCAL_OFFSET_NED}
 FAR_M = 1e5
 NEVER_S = -math.inf
-
-
-def _turning(message: Any) -> tuple[float | None, float | None]:
-    """The yaw [rad] and the yaw rate [rad/s] it asks for."""
-    mask = message.type_mask
-    yaw_rad = None if mask & IGNORE_YAW or not math.isfinite(message.yaw) else message.yaw
-    rate = None if mask & IGNORE_YAW_RATE or not math.isfinite(message.yaw_rate) else message.yaw_rate
-    return yaw_rad, rate
 
 
 class Setpoints:
@@ -101,7 +94,7 @@ class Setpoints:
         self._expires = False
         flight.taking_off = False
         flight.go(target_m)
-        self._yaw(message)
+        self._vehicle.body.face(self._yaw_rad(message))
 
     def _local_m(self, frame: int, x: float, y: float, z: float) -> tuple[float, float, float]:
         """North/forward, east/right, down [m] in a local frame -> east, north, up in the fleet's."""
@@ -129,7 +122,7 @@ class Setpoints:
 
     def _move(self, velocity_m_s: tuple[float, float, float], message: Any) -> None:
         self._expires, self._vehicle.flight.taking_off = True, False
-        yaw_rad, rate_rad_s = _turning(message)
+        yaw_rad, rate_rad_s = self._turning(message)
         self._vehicle.body.move(velocity_m_s, yaw_rad=yaw_rad, yaw_rate_rad_s=rate_rad_s)
 
     def _acceleration(self, message: Any, since_s: float) -> None:
@@ -148,11 +141,19 @@ class Setpoints:
             self._move(moved, message)
             return
         self._expires, self._vehicle.flight.taking_off = True, False
-        yaw_rad, rate_rad_s = _turning(message)
+        yaw_rad, rate_rad_s = self._turning(message)
         body.lean((east, north), climb_m_s, yaw_rad=yaw_rad, yaw_rate_rad_s=rate_rad_s)
 
-    def _yaw(self, message: Any) -> None:
+    def _turning(self, message: Any) -> tuple[float | None, float | None]:
+        """The yaw from north [rad] and the yaw rate [rad/s] it asks for."""
+        ignored = message.type_mask & IGNORE_YAW_RATE or not math.isfinite(message.yaw_rate)
+        return self._yaw_rad(message), None if ignored else message.yaw_rate
+
+    def _yaw_rad(self, message: Any) -> float | None:
         if message.type_mask & IGNORE_YAW or not math.isfinite(message.yaw):
-            self._vehicle.body.face(None)
-        else:
-            self._vehicle.body.face(message.yaw)
+            return None
+        yaw_rad = float(message.yaw)
+        relative = message.coordinate_frame in RELATIVE_YAW_FRAMES
+        if relative and self._vehicle.personality.body_yaw_relative:
+            return self._vehicle.body.heading_rad + yaw_rad
+        return yaw_rad

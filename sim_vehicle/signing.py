@@ -11,6 +11,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 TICKS_PER_S = 100_000  # a time stamp counts 10 us since the start of 2015
+LAST_TIMESTAMP = 2**48 - 1  # what fits into a signature
 NEW_STREAM_AGE = 60 * TICKS_PER_S  # how far behind a stream may be that was never heard before
 MOST_STREAMS = 16
 MAVLINK2 = 0xFD
@@ -57,10 +58,14 @@ class Signing:
         return self._key is not None
 
     def set_key(self, key: bytes, timestamp: int, now: float) -> None:
-        """Take a key of 32 bytes and the time stamp of now [10 us]; both all zero: signing ends."""
+        """Take a key of 32 bytes and the time stamp of now [10 us]; both all zero: signing ends.
+
+        Of the time stamp count the 48 bits that a signature has room for.
+        """
         if len(key) != len(NO_KEY):
             raise ValueError(f"a signing key has {len(NO_KEY)} bytes, found {len(key)}")
         self._key = None if key == NO_KEY and timestamp == 0 else key
+        timestamp &= LAST_TIMESTAMP
         self._timestamp = timestamp
         self._ahead = timestamp - int(now * TICKS_PER_S)
 
@@ -78,7 +83,8 @@ class Signing:
         """The frame with a signature; anything but an unsigned frame of MAVLink 2 is left as it is."""
         if self._key is None or not _is_unsigned_mavlink2(frame):
             return frame
-        self._timestamp = max(self._timestamp + 1, self._clock(now))
+        # At the end of time it stands still: nobody believes the vehicle any more, but it lives on.
+        self._timestamp = min(max(self._timestamp + 1, self._clock(now)), LAST_TIMESTAMP)
         (crc,) = struct.unpack("<H", frame[-2:])
         crc ^= CRC_CHANGES[len(frame) - 4]  # what follows the flags, with the seed in place of the checksum
         covered = b"".join(

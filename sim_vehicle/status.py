@@ -37,7 +37,6 @@ class Status:
         # what it knows about itself
         self.gps_seen = column("?")  # its receiver has had its first fix since the boot
         self.position_known = column("?")
-        self.armed = column("?")
         self.armed_since_s = column("f8", np.nan)  # nan: not armed
         self.flying_since_s = column("f8", np.nan)  # since the take-off of this arming; nan: none yet
         self.flights = column("u4")  # a count that a parameter keeps

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.epoch import EPOCH_US
 from sim_vehicle.filesystem import FileSystem
 from sim_vehicle.ftp import FtpServer
 from sim_vehicle.ftp_rules import FtpRules
@@ -14,7 +15,6 @@ from sim_vehicle.logs.record import Failsafe, FlightLog, LogFacts, LogWhen, Samp
 from sim_vehicle.logs.recorder import FlightRecorder, LogLimits
 from sim_vehicle.mission import MissionState
 from sim_vehicle.place import Place
-from sim_vehicle.epoch import EPOCH_US
 
 if TYPE_CHECKING:
     from sim_vehicle.autopilot import Autopilot

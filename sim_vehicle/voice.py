@@ -1,5 +1,6 @@
 """How one vehicle speaks: acknowledgements, texts in its personality's words, and what faults do to both."""
 
+import heapq
 import math
 from collections.abc import Callable
 from typing import Any
@@ -28,7 +29,9 @@ class Voice:
     ) -> None:
         self._personality, self._afflictions = personality, afflictions
         self._send, self._clock, self._record = send, clock, record
-        self._late: list[tuple[float, Any]] = []  # acknowledgements that a fault holds back, and until when
+        # Acknowledgements that a fault holds back: until when, their number, themselves; a heap.
+        self._late: list[tuple[float, int, Any]] = []
+        self._held_back = 0
         self._text_id = 0
 
     def reset(self) -> None:
@@ -46,7 +49,9 @@ class Voice:
             if self._afflictions.loses_ack():
                 return
             if self._afflictions.ack_delay_s > 0:
-                self._late.append((self._clock() + self._afflictions.ack_delay_s, message))
+                due_s = self._clock() + self._afflictions.ack_delay_s
+                heapq.heappush(self._late, (due_s, self._held_back, message))
+                self._held_back += 1
                 return
         self._send(message)
 
@@ -81,4 +86,4 @@ class Voice:
     def send_late(self, now: float) -> None:
         """Send what a fault has held back until `now` [s]."""
         while self._late and self._late[0][0] <= now + EPSILON_S:
-            self._send(self._late.pop(0)[1])
+            self._send(heapq.heappop(self._late)[2])

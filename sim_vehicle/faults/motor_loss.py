@@ -16,4 +16,9 @@ def begin(target: Target, params: Params, now: float) -> End:
     return target.afflict(Effect(motors_lost=params.motors), now)
 
 
-FAULT = Fault("motor_loss", "motors stop: a copter spins down or falls, a plane glides", Params, begin)
+FAULT = Fault(
+    "motor_loss",
+    "motors stop: a copter sinks ever faster (one) or falls (more), a plane glides",
+    Params,
+    begin,
+)

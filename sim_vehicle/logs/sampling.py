@@ -1,15 +1,22 @@
 """The state of vehicles for their logs, taken from the fleet's columns for all that are due at once."""
 
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 
 from sim_vehicle.logs.record import Sample
 from sim_vehicle.telemetry.view import View
 
 WH_PER_J = 1.0 / 3600.0
+FLOAT32_MAX = float(np.finfo(np.float32).max)
 
 
 def samples(v: View) -> list[Sample]:
-    """One sample for each of the vehicles that the view means, in their order."""
+    """One sample for each of the vehicles that the view means, in their order.
+
+    Logs hold floats of 32 bits: what is larger is as large as they get.
+    """
     world, status, i = v.world, v.status, v.i
     gps, batteries, dynamics = world.gps, world.batteries, world.dynamics
     lat_deg, lon_deg = world.estimated_geodetic()
@@ -44,4 +51,8 @@ def samples(v: View) -> list[Sample]:
         gps_lon_deg[i],
         gps.position_m[i, 2],
     )
-    return [Sample(*row) for row in zip(*(column.tolist() for column in columns), strict=True)]
+    return [Sample(*row) for row in zip(*(_fitting(column).tolist() for column in columns), strict=True)]
+
+
+def _fitting(column: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    return np.clip(column, -FLOAT32_MAX, FLOAT32_MAX) if column.dtype.kind == "f" else column

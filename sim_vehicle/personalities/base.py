@@ -60,6 +60,15 @@ class FailsafeAction(Enum):
     RETURN = auto()
     LAND = auto()
     TERMINATE = auto()
+    RETURN_POINT = auto()  # guided to the fence's return point
+
+
+class RallyAltitude(Enum):
+    """What the altitude of a rally point is to a vehicle that returns there."""
+
+    LEAST = auto()  # of the way there, as the height above home is
+    EXACT = auto()  # it is flown to and circled at
+    GROUND = auto()  # heights on the way and over it are counted from it, as they are from home
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +131,8 @@ class Tuning:
     airspeed_max_m_s: float = 0.0
     loiter_radius_m: float = 0.0
     bank_limit_deg: float = 0.0
+    stall_m_s: float = 8.0  # airspeed in level flight
+    fence_return_height_m: float = 0.0  # above home, at the fence's return point
     # environment by parameter (SIM_*)
     wind_m_s: float | None = None  # None: the scenario's
     wind_from_deg: float = 0.0
@@ -136,8 +147,12 @@ class Tuning:
         0.0  # above home; from here to landing_slow_below_m the descent slows evenly
     )
     return_hover_height_m: float | None = None  # above home, where it waits; None: at the height it came
+    zero_keeps_altitude: bool = False  # 0 as the altitude of a mission item is the present one
     rally_limit_m: float = math.inf  # farther rally points do not count
+    rally_altitude: RallyAltitude = RallyAltitude.GROUND
     rally_includes_home: bool = True  # home is returned to where it is nearer than any of them
+    return_descends: bool = False  # to return_height_m, from above it too
+    gcs_only: bool = False  # no other system than gcs_sysid is heard
     return_cone_deg: float = 0.0  # half angle of a cone over home above which it need not climb; 0: none
     logs: LogWhen = LogWhen.ARMED
 
@@ -195,6 +210,8 @@ class Personality:
     home_with_position: bool = False  # set once the position estimate is there, not before
     origin_moves: bool = False  # wherever SET_GPS_GLOBAL_ORIGIN says; else only while there is none
     flight_counter: str | None = None  # the parameter that a disarming counts up
+    failsafe_disarms: bool = False  # one that would act in the air stops the motors on the ground
+    body_yaw_relative: bool = False  # a set-point's yaw in a frame of the body; else it is from north
     gps_fix_type: int = 6  # GPS_FIX_TYPE that its own simulator reports
 
     def mode_of(self, behaviour: Behaviour) -> Mode:

@@ -8,6 +8,7 @@ from typing import BinaryIO
 
 from rich.box import SIMPLE
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from sim_vehicle.run.runner import VehicleEnd, Verdict
@@ -66,7 +67,7 @@ def _show_vehicles(console: Console, vehicles: Sequence[VehicleEnd]) -> None:
     for heading in ("id", "autopilot", "mode", "armed"):
         table.add_column(heading, no_wrap=True)
     for heading in ("up [m]", "off [m]", "flown [m]", "charge", "strikes"):
-        table.add_column(heading, justify="right", no_wrap=True)
+        table.add_column(escape(heading), justify="right", no_wrap=True)
     if with_text:
         table.add_column("last text", no_wrap=True)
     for v in vehicles[:SHOWN_VEHICLES]:

@@ -172,7 +172,9 @@ class Station:
             contact.mission_done = contact.mission_done or message.seq == self._last_item[index]
         elif kind == "MISSION_CURRENT":
             complete = getattr(message, "mission_state", 0) == mavlink.MISSION_STATE_COMPLETE
-            contact.mission_done = contact.mission_done or complete
+            # PX4 hands over to its mode that returns when such an item becomes the current one.
+            returns = message.seq == self._last_item[index] and _ends_in_a_return(contact.spec)
+            contact.mission_done = contact.mission_done or complete or returns
         if contact.jobs and contact.jobs[0].began_s is not None:
             job = contact.jobs[0]
             if job.exchanges and job.retry_s is None and job.exchanges[0].outcome is None:
@@ -277,6 +279,11 @@ def _parser() -> mavlink.MAVLink:
     parser = mavlink.MAVLink(None)
     parser.robust_parsing = True
     return parser
+
+
+def _ends_in_a_return(spec: VehicleSpec) -> bool:
+    """Whether the last item is one that PX4 never reports as reached."""
+    return bool(spec.personality == "px4" and spec.mission and spec.mission[-1].chosen == "rtl")
 
 
 def _last_navigation(spec: VehicleSpec) -> int:

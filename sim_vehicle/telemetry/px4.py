@@ -128,7 +128,7 @@ def odometry(v: View) -> Columns:
 
 def actuator_output_status(v: View) -> Columns:
     """Pulse widths of the motors [us], 1000 while they stand still."""
-    pulse_us = np.where(v.status.armed[v.i], 1100 + 800 * v.world.dynamics.throttle[v.i], 1000.0)
+    pulse_us = np.where(v.world.armed[v.i], 1100 + 800 * v.world.dynamics.throttle[v.i], 1000.0)
     outputs = np.zeros((len(v.i), 32))
     outputs[:, :OUTPUTS] = pulse_us[:, None]
     return {"time_usec": v.boot_us(), "active": OUTPUTS, "actuator": outputs}

@@ -177,6 +177,6 @@ def distance_sensor(_v: View) -> Columns:
 
 
 def servo_output_raw(v: View) -> Columns:
-    microseconds = np.where(v.status.armed[v.i], 1100 + 800 * v.world.dynamics.throttle[v.i], 1000.0)
+    microseconds = np.where(v.world.armed[v.i], 1100 + 800 * v.world.dynamics.throttle[v.i], 1000.0)
     outputs = {f"servo{n}_raw": microseconds for n in range(1, 5)}
     return {"time_usec": np.asarray(v.boot_us() % (1 << 32), dtype=np.uint32), **outputs}

@@ -8,6 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.fence import CIRCLES, POLYGONS, Fence
 from sim_vehicle.mission import Item, Mission
+from sim_vehicle.numbers import whole
 from sim_vehicle.params import as_float32
 from sim_vehicle.rally import Rally
 
@@ -94,8 +95,7 @@ class MissionStore:
         return self._mission.count
 
     def begin(self, count: int) -> None:
-        if count < self._mission.count:
-            del self._mission.items[count:]
+        if self._mission.cut(count):
             self._changed(-1)
 
     def begin_update(self) -> None:
@@ -107,16 +107,12 @@ class MissionStore:
             return stored
         count = self._mission.count
         if stored.command == mavlink.MAV_CMD_DO_JUMP:
-            target = int(stored.param1)
-            if target == 0 or (target >= count and target > last):
+            target = whole(stored.param1)
+            if target <= 0 or (target >= count and target > last):
                 return ERROR
         if index > count or index >= self.max_items:
             return ERROR
-        if index == count:
-            self._mission.items.append(stored)
-            self._changed(index)
-        elif self._mission.items[index] != stored:
-            self._mission.items[index] = stored
+        if self._mission.put(index, stored):
             self._changed(index)
         return ACCEPTED
 
@@ -130,8 +126,7 @@ class MissionStore:
     def clear(self) -> bool:
         if self._flying():
             return False
-        self._mission.items.clear()
-        self._mission.reset()
+        self._mission.clear()
         return True
 
     def read(self, index: int) -> Item | int:

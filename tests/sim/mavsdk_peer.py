@@ -3,6 +3,7 @@
 One simulator serves many tests: each takes vehicles that none before it has touched.
 """
 
+import json
 import math
 import queue
 import threading
@@ -18,12 +19,14 @@ from mavsdk.exceptions import MavsdkError
 from mavsdk.plugins.action import Action
 from mavsdk.plugins.geofence import Geofence
 from mavsdk.plugins.info import Info
+from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
 from mavsdk.plugins.mission import Mission
 from mavsdk.plugins.mission_raw import MissionItem, MissionRaw
 from mavsdk.plugins.offboard import Offboard
 from mavsdk.plugins.param import Param
 from mavsdk.plugins.telemetry import FlightMode, Telemetry
-from simulator_process import LIMIT_S, simulator, udp_socket
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from simulator_process import LIMIT_S, free_udp_port, simulator
 
 FLIGHT_S = 60.0
 AUTOPILOTS = {"ardupilot": Autopilot.ARDUPILOT, "px4": Autopilot.PX4}
@@ -94,9 +97,18 @@ class Vehicle:
             self._news.clear()
 
     def ask_for_telemetry(self, rate_hz: float = 10.0) -> None:
-        """ArduPilot says next to nothing until it is asked to."""
+        """ArduPilot says next to nothing until it is asked to, and no plug-in asks for the mission's state."""
         for what in ARDUPILOT_RATES:
             getattr(self.telemetry, f"set_rate_{what}")(rate_hz)
+        self.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAVLINK_MSG_ID_MISSION_CURRENT, 2e5)
+
+    def command(self, number: int, *params: float) -> None:
+        """COMMAND_LONG as it is, which has to be accepted."""
+        fields: dict[str, float] = {f"param{i}": value for i, value in enumerate(params, start=1)}
+        fields |= {"command": number, "target_system": self.system.get_system_id(), "target_component": 1}
+        message = MavlinkMessage("COMMAND_LONG", fields_json=json.dumps(fields))
+        answer = json.loads(MavlinkDirect(self.system).send_command(message).fields_json)
+        assert answer["result"] == mavlink.MAV_RESULT_ACCEPTED, answer
 
     def ready(self) -> None:
         telemetry = self.telemetry
@@ -190,8 +202,7 @@ class Peer:
 @contextmanager
 def connected(*arguments: str) -> Iterator[Peer]:
     """A simulator with these arguments, and MAVSDK listening to it."""
-    probe, port = udp_socket()
-    probe.close()
+    port = free_udp_port()
     mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
     assert mavsdk.add_any_connection(f"udpin://127.0.0.1:{port}") == ConnectionResult.SUCCESS
     try:

@@ -52,6 +52,12 @@ def udp_socket(port: int = 0) -> tuple[socket.socket, int]:
     return udp, udp.getsockname()[1]
 
 
+def free_udp_port() -> int:
+    probe, port = udp_socket()
+    probe.close()
+    return port
+
+
 def udp_sockets(count: int, step: int = 1) -> list[socket.socket]:
     """Bound to ports that are `step` apart."""
     for _ in range(100):

@@ -1,68 +1,12 @@
-"""Faults as others give them: MAVSDK's failure plug-in, the command line; and signing by mavutil."""
+"""Faults on the command line, and signing by mavutil."""
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import Any
 
 import pytest
-from mavsdk import ComponentType, Configuration, ConnectionResult, Mavsdk
-from mavsdk.plugins.failure import Failure, FailureError, FailureResult, FailureType, FailureUnit
-from mavsdk.plugins.param import Param
-from mavsdk.plugins.telemetry import Telemetry
 from pymavlink import mavutil
-from simulator_process import LIMIT_S, run, simulator, udp_socket
+from simulator_process import LIMIT_S, free_udp_port, run, simulator
 
 pytestmark = pytest.mark.interop
-
-
-def free_udp_port() -> int:
-    probe, port = udp_socket()
-    probe.close()
-    return port
-
-
-@contextmanager
-def system_of(personality: str) -> Iterator[Any]:
-    port = free_udp_port()
-    mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
-    assert mavsdk.add_any_connection(f"udpin://127.0.0.1:{port}") == ConnectionResult.SUCCESS
-    try:
-        with simulator("--personality", personality, "--speedup", "5", "--url", f"udpout:127.0.0.1:{port}"):
-            system = mavsdk.first_autopilot(LIMIT_S)
-            assert system is not None
-            yield system
-    finally:
-        mavsdk.destroy()
-
-
-def until(condition: Callable[[], bool], what: str) -> None:
-    end_s = time.monotonic() + LIMIT_S
-    while not condition():
-        assert time.monotonic() < end_s, f"{what}: not within {LIMIT_S} s"
-        time.sleep(0.02)
-
-
-def inject(failure: Failure, unit: FailureUnit, kind: FailureType) -> FailureResult:
-    try:
-        return failure.inject(unit, kind, 0)
-    except FailureError as error:
-        return error.result
-
-
-def test_mavsdk_injects_failures_into_px4_and_takes_them_back() -> None:
-    with system_of("px4") as system:
-        param, telemetry = Param(system), Telemetry(system)
-        refused = inject(Failure(system), FailureUnit.SENSOR_GPS, FailureType.OFF)
-        assert refused in (FailureResult.DENIED, FailureResult.DISABLED)
-        param.set_param_int("SYS_FAILURE_EN", 1)
-        failure = Failure(system)  # asks for the parameter once
-        until(lambda: telemetry.gps_info().num_satellites > 5, "satellites before")
-        assert inject(failure, FailureUnit.SENSOR_GPS, FailureType.OFF) is FailureResult.SUCCESS
-        until(lambda: telemetry.gps_info().num_satellites == 0, "no satellites")
-        assert inject(failure, FailureUnit.SENSOR_GPS, FailureType.OK) is FailureResult.SUCCESS
-        until(lambda: telemetry.gps_info().num_satellites > 5, "satellites after")
-        assert inject(failure, FailureUnit.SYSTEM_SERVO, FailureType.OFF) is FailureResult.UNSUPPORTED
 
 
 def test_mavutil_signs_and_is_obeyed_and_without_the_key_is_not() -> None:

@@ -41,6 +41,9 @@ def slow() -> Iterator[Peer]:
 
 
 @pytest.mark.autopilots("1.14", "MAVSDK 5 goto_location", "MAVSDK 5 set_current_speed", "MAVSDK 5 hold")
+@pytest.mark.autopilots(
+    "1.14", "MAVSDK 5 goto_location", "MAVSDK 5 set_current_speed", "MAVSDK 5 hold", of="px4"
+)
 @PERSONALITIES
 def test_takeoff_goto_speed_orbit_hold_return_and_landing(fast: Peer, personality: str) -> None:
     vehicle = fast.take(personality)
@@ -103,7 +106,8 @@ def test_landing_on_the_spot_and_killing_in_flight(fast: Peer, personality: str)
 # -- geofence --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.autopilots("MAVSDK 5 geofence", "2 fence (type 1)", "2 fence use")
+@pytest.mark.autopilots("MAVSDK 5 geofence", "2 fence", "2 fence use")
+@pytest.mark.autopilots("MAVSDK 5 geofence", "2 fence", "2 fence use", of="px4")
 @PERSONALITIES
 def test_a_geofence_is_kept_obeyed_and_cleared(fast: Peer, personality: str) -> None:
     vehicle = fast.take(personality)
@@ -143,7 +147,8 @@ def test_a_geofence_is_kept_obeyed_and_cleared(fast: Peer, personality: str) -> 
 # -- offboard --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.autopilots("MAVSDK 5 offboard velocity")
+@pytest.mark.autopilots("MAVSDK 5 offboard")
+@pytest.mark.autopilots("MAVSDK 5 offboard", of="px4")
 @PERSONALITIES
 def test_offboard_positions_velocities_and_attitudes(slow: Peer, personality: str) -> None:
     vehicle = slow.take(personality)
@@ -215,6 +220,7 @@ def test_set_points_that_stop_coming(slow: Peer, personality: str) -> None:
 # -- failure ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.autopilots("MAVSDK 5 failure", of="px4")
 def test_px4_loses_its_satellites_and_finds_them_again(slow: Peer) -> None:
     vehicle = slow.take("px4")
     vehicle.take_off(6.0)
@@ -232,7 +238,7 @@ def test_px4_loses_its_satellites_and_finds_them_again(slow: Peer) -> None:
     assert refusal(failure.inject, FailureUnit.SYSTEM_SERVO, FailureType.OFF, 0) == "UNSUPPORTED"
 
 
-@pytest.mark.autopilots("MAVSDK 5 failure plugin")
+@pytest.mark.autopilots("MAVSDK 5 failure")
 def test_ardupilot_does_not_know_the_failure_command(fast: Peer) -> None:
     vehicle = fast.take("ardupilot")
     refused = refusal(Failure(vehicle.system).inject, FailureUnit.SENSOR_GPS, FailureType.OFF, 0)

@@ -46,6 +46,7 @@ def first(vehicle: Vehicle, what: str) -> Any:
 
 
 @pytest.mark.autopilots("MAVSDK 5 telemetry")
+@pytest.mark.autopilots("MAVSDK 5 telemetry", of="px4")
 @PERSONALITIES
 def test_telemetry_comes_at_the_rate_asked_for(peer: Peer, personality: str) -> None:
     vehicle = peer.take(personality, telemetry=False)
@@ -73,6 +74,7 @@ def test_telemetry_comes_at_the_rate_asked_for(peer: Peer, personality: str) -> 
 
 
 @pytest.mark.autopilots("MAVSDK 5 telemetry")
+@pytest.mark.autopilots("MAVSDK 5 telemetry", of="px4")
 @PERSONALITIES
 def test_telemetry_of_a_vehicle_that_stands(peer: Peer, personality: str) -> None:
     vehicle = peer.take(personality)
@@ -165,6 +167,7 @@ INT_AND_FLOAT = {
 
 
 @pytest.mark.autopilots("MAVSDK 5 params", "1.16")
+@pytest.mark.autopilots("1.16", of="px4")
 @PERSONALITIES
 def test_parameters_of_both_types(peer: Peer, personality: str) -> None:
     vehicle = peer.take(personality)
@@ -212,7 +215,8 @@ def test_what_is_not_answered_times_out(peer: Peer) -> None:
 # -- actions that are refused ----------------------------------------------------------------------------
 
 
-@pytest.mark.autopilots("MAVSDK 5 takeoff", "MAVSDK 5 set_takeoff_altitude")
+@pytest.mark.autopilots("MAVSDK 5 takeoff")
+@pytest.mark.autopilots("MAVSDK 5 takeoff", of="px4")
 @PERSONALITIES
 def test_what_a_vehicle_that_stands_refuses(personality: str) -> None:
     with connected("--personality", personality, "--speedup", str(SPEEDUP)) as peer:

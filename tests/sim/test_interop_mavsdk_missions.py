@@ -64,6 +64,9 @@ def start(vehicle: Vehicle, plugin: Any) -> None:
 
 
 @pytest.mark.autopilots("2 item 0", "2 read-back", "MAVSDK 5 mission_raw item 0", "MAVSDK 5 start_mission")
+@pytest.mark.autopilots(
+    "2 item 0", "2 read-back", "MAVSDK 5 mission_raw item 0", "MAVSDK 5 start_mission", of="px4"
+)
 @PERSONALITIES
 def test_a_raw_mission_is_kept_and_flown_until_it_has_landed(copters: Peer, personality: str) -> None:
     vehicle = copters.take(personality)
@@ -89,6 +92,7 @@ def test_a_raw_mission_is_kept_and_flown_until_it_has_landed(copters: Peer, pers
 
 
 @pytest.mark.autopilots("2 MISSION_SET_CURRENT", "MAVSDK 3 replace mid-flight")
+@pytest.mark.autopilots("2 MISSION_SET_CURRENT", "MAVSDK 3 replace mid-flight", of="px4")
 @PERSONALITIES
 def test_the_current_item_of_a_raw_mission_is_set_and_a_pause_goes_on(
     copters: Peer, personality: str
@@ -114,12 +118,8 @@ def test_the_current_item_of_a_raw_mission_is_set_and_a_pause_goes_on(
         raw.set_current_mission_item(9)
     start(vehicle, raw)
     vehicle.until(lambda: vehicle.near(60, -30), "at the last item")
-    if vehicle.px4:
-        vehicle.until(raw.is_mission_finished, "finished")
-    else:
-        # MISSION_CURRENT's total does not count home, which is one less than MAVSDK takes it for.
-        progress.until(lambda p: p.current == p.total == 4)
-        assert not raw.is_mission_finished()
+    vehicle.until(raw.is_mission_finished, "finished", 10)
+    assert progress.until(lambda p: p.current == p.total).total == first + 3
 
 
 def plan_of(vehicle: Vehicle) -> str:
@@ -235,18 +235,15 @@ def test_px4_flies_what_the_mission_plugin_makes_of_a_plan_and_returns(copters: 
 
 @pytest.mark.autopilots("2 error codes", "MAVSDK 5 mission_raw item 0")
 def test_ardupilot_takes_plain_waypoints_from_the_mission_plugin(copters: Peer) -> None:
-    """What is not set MAVSDK sends as no number, which ArduPilot takes for the yaw of a waypoint only."""
+    """MAVSDK sends what is not set as no number: ArduPilot refuses its take-off, landing and return."""
     vehicle = copters.take("ardupilot")
     vehicle.take_off(10.0)
     mission = vehicle.mission
-    for wrong in (
-        [to(vehicle, 0, 0, 10.0, vehicle_action=MissionItem.VehicleAction.TAKEOFF)],
-        [to(vehicle, 0, 0, 10.0), to(vehicle, 10, 0, 10.0, speed_m_s=3.0)],
-    ):
+    for act in (MissionItem.VehicleAction.TAKEOFF, MissionItem.VehicleAction.LAND):
+        wrong = [to(vehicle, 0, 0, 10.0), to(vehicle, 10, 0, 10.0, vehicle_action=act)]
         assert refusal(mission.upload_mission, MissionPlan(wrong)) == "INVALID_ARGUMENT"
     route = [(0, 0), (25, 0), (25, 25), (0, 25)]  # the first is home's
     mission.upload_mission(MissionPlan([to(vehicle, *place, 12.0) for place in route]))
-    assert len(mission.download_mission().mission_items) == len(route)
     start(vehicle, mission)
     vehicle.until(lambda: vehicle.near(25, 0, 4), "at the first waypoint")
     mission.pause_mission()
@@ -254,7 +251,8 @@ def test_ardupilot_takes_plain_waypoints_from_the_mission_plugin(copters: Peer) 
     vehicle.until(lambda: vehicle.ground_speed_m_s < 0.3, "standing")
     start(vehicle, mission)
     vehicle.until(lambda: vehicle.near(0, 25), "at the last one")
-    vehicle.until(mission.is_mission_finished, "finished")
+    vehicle.until(mission.is_mission_finished, "finished", 10)
+    assert refusal(mission.download_mission) == "UNSUPPORTED"  # it does not know the frame of home
     vehicle.action.return_to_launch()
     vehicle.disarmed()
 

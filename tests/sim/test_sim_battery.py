@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim_vehicle.battery import AVIONICS_W, Batteries
+from sim_vehicle.copter import TERMINAL_FALL_M_S
 from sim_vehicle.wind import WindSettings
 
 
@@ -125,13 +126,14 @@ def test_motors_idle_when_armed_and_rest_when_not() -> None:
     assert body.current_a - resting_a == pytest.approx(16.0 / 12.6, rel=0.01)
 
 
-def test_an_empty_battery_brings_a_copter_down_whole_and_it_cannot_leave_again() -> None:
+def test_a_copter_with_an_empty_battery_falls_and_is_broken() -> None:
     world = bodies.world()
     body = bodies.copter(world)
     body.set_battery(capacity_mah=body.used_mah + 20.0, full_v=12.6)
     bodies.until(world, lambda: body.battery_remaining == 0)
     bodies.until(world, lambda: not body.airborne)
-    assert body.take_touchdown_m_s() == pytest.approx(3.0, abs=0.1)
+    assert body.take_touchdown_m_s() == pytest.approx(TERMINAL_FALL_M_S, abs=0.1)
+    assert body.crashed
     body.fly_to(0, 0, bodies.GROUND_M + 20)
     bodies.wait(world, 5.0)
     assert not body.airborne

@@ -27,7 +27,8 @@ def px4(*items: Item) -> tuple[Px4Mission, IdlePilot]:
 
 def ardupilot(*items: Item) -> tuple[Mission, IdlePilot]:
     mission, pilot = Mission(home=lambda: Item(WP)), IdlePilot()
-    mission.items[:] = [Item(WP), *items]
+    for index, kept in enumerate([Item(WP), *items]):
+        mission.put(index, kept)
     return mission, pilot
 
 
@@ -222,39 +223,63 @@ ITEMS = st.lists(
     ),
     max_size=9,
 )
+CHANGES = ("new", "cut", "write", "clear")
 EVENTS = st.lists(
-    st.sampled_from(["arm", "disarm", "enter", "leave", "arrive", "depart", "set", "new", "cut", "restart"]),
-    max_size=25,
+    st.sampled_from(
+        [
+            *("arm", "disarm", "enter", "leave", "arrive", "depart", "set", "restart", "pause", "resume"),
+            *("reboot", *CHANGES),
+        ]
+    ),
+    max_size=30,
 )
 
 
-@settings(derandomize=True, deadline=None, max_examples=150)
+def happen(event: str, mission: Mission, pilot: IdlePilot, index: int) -> None:
+    """What befalls a mission beside a change of its items."""
+    pilot.armed = event == "arm" or (pilot.armed and event != "disarm")
+    pilot.arrived = event == "arrive" or (pilot.arrived and event != "depart")
+    befall = {
+        "disarm": mission.reset,
+        "enter": lambda: mission.start_or_resume(pilot),
+        "leave": mission.stop,
+        "set": lambda: mission.set_current(pilot, index),
+        "restart": lambda: mission.restart_current(pilot),
+        "pause": mission.pause,
+        "resume": lambda: mission.resume(pilot),
+        "reboot": mission.reboot,
+    }.get(event)
+    if befall is not None:
+        befall()
+
+
+def change(event: str, mission: Mission, pilot: IdlePilot, new: list[Item], index: int) -> None:
+    """Another list: at once as PX4 takes one, or item by item."""
+    if isinstance(mission, Px4Mission):
+        mission.replace(pilot, new if event in ("new", "write") else new[: index // 2])
+        assert mission.index < max(mission.count, 1)
+    elif event == "clear":
+        mission.clear()
+    elif event == "write":
+        for item in new[:1]:
+            mission.put(min(index, mission.count), item)
+    else:
+        mission.cut(max(1, index))
+        for item in new if event == "new" else []:
+            mission.put(mission.count, item)
+
+
+@settings(derandomize=True, deadline=None, max_examples=200)
 @given(ITEMS, ITEMS, EVENTS, st.sampled_from([px4, ardupilot]), st.integers(0, 9))
 def test_no_order_of_events_breaks_a_mission(
     items: list[Item], others: list[Item], events: list[str], make: Any, index: int
 ) -> None:
     mission, pilot = make(*items)
     for step, event in enumerate(events):
-        if event in ("arm", "disarm"):
-            pilot.armed = event == "arm"
-            if not pilot.armed:
-                mission.reset()
-        elif event == "enter":
-            mission.start_or_resume(pilot)
-        elif event == "leave":
-            mission.stop()
-        elif event in ("arrive", "depart"):
-            pilot.arrived = event == "arrive"
-        elif event == "set":
-            mission.set_current(pilot, index)
-        elif event == "restart":
-            mission.restart_current(pilot)
-        elif isinstance(mission, Px4Mission):
-            mission.replace(pilot, others if event == "new" else items[: len(items) // 2])
-            assert mission.index < max(mission.count, 1)
+        if event in CHANGES:
+            change(event, mission, pilot, others, index)
         else:
-            del mission.items[max(1, index) :]
-            mission.items += others if event == "new" else []
+            happen(event, mission, pilot, index)
         mission.update(pilot, float(step))
         assert mission.reported_state in MissionState
         if mission.flown is not None and isinstance(mission, Px4Mission):

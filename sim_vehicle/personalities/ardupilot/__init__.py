@@ -8,6 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.mission import Item, Mission
 from sim_vehicle.personalities.ardupilot import parameters, tuning
+from sim_vehicle.personalities.ardupilot.commands import PLANE_COMMANDS
 from sim_vehicle.personalities.ardupilot.items import store_item, store_plane_item
 from sim_vehicle.personalities.ardupilot.modes import COPTER_MODES, PLANE_MODES
 from sim_vehicle.personalities.ardupilot.storage import storage
@@ -89,6 +90,8 @@ _TEXTS = {
     "mission_without_takeoff": (_CRITICAL, "Auto: Missing Takeoff Cmd"),
     "mission_changed": (_CRITICAL, "Auto mission changed, restarted command"),
     "mission_change_failed": (_CRITICAL, "Auto mission changed but failed to restart command"),
+    "landing_sequence": (_INFO, "Landing sequence start"),
+    "no_landing_sequence": (_WARNING, "Unable to start landing sequence"),
     "item_started": (_INFO, "Mission: {index} {name}"),
     "item_reached": (_INFO, "Reached command #{index}"),
     "touchdown": (_WARNING, "SIM Hit ground at {speed:.2f} m/s"),
@@ -167,8 +170,26 @@ def _refusals(vehicle: "Autopilot", now: float) -> list[str]:
     outside = vehicle.fence_watch.refusal()
     if outside is not None:
         return [outside]
+    if not vehicle.tuning.arming_checks:
+        return []
     unhealthy = vehicle.afflictions.unhealthy_sensors
-    return [text for bit, text in _UNHEALTHY.items() if unhealthy & bit and vehicle.tuning.arming_checks]
+    reasons = [text for bit, text in _UNHEALTHY.items() if unhealthy & bit]
+    if not vehicle.body.plane and vehicle.failsafes.gcs_late(now):
+        reasons.append("GCS failsafe on")
+    return reasons + _battery_refusals(vehicle)
+
+
+def _battery_refusals(vehicle: "Autopilot") -> list[str]:
+    """The first limit that the battery is below now; else that it has been below one since the boot."""
+    tuning, body = vehicle.tuning, vehicle.body
+    limits = (
+        (body.voltage_v < tuning.battery_low_v, "Battery 1 low voltage failsafe"),
+        (body.battery_remaining < tuning.battery_low_share, "Battery 1 low capacity failsafe"),
+        (body.voltage_v < tuning.battery_critical_v, "Battery 1 critical voltage failsafe"),
+        (body.battery_remaining < tuning.battery_critical_share, "Battery 1 critical capacity failsafe"),
+        (vehicle.failsafes.battery > 0, "Battery failsafe"),
+    )
+    return [text for below, text in limits if below][:1]
 
 
 _COPTER = Personality(
@@ -222,6 +243,8 @@ _COPTER = Personality(
     transfer=_transfer,
     refusals=_refusals,
     signs=True,
+    failsafe_disarms=True,
+    body_yaw_relative=True,
     ready_s=41.0,
     storage=storage,
     banner=("ArduCopter V4.6.2 (sim_vehicle)", "Frame: QUAD/PLUS"),
@@ -236,7 +259,9 @@ _PLANE = replace(
     banner=("ArduPlane V4.6.2 (sim_vehicle)",),
     parameters=MappingProxyType(parameters.PLANE),
     tuning=tuning.plane_tuning,
+    commands=PLANE_COMMANDS,
     store_item=store_plane_item,
+    failsafe_disarms=False,
     mission_ends_in=Behaviour.RETURN,
     texts=MappingProxyType({**_TEXTS, "mission_ended": (_INFO, "Mission complete, changing mode to RTL")}),
 )

@@ -1,4 +1,6 @@
-"""Parameters of ArduCopter and ArduPlane 4.6 that act here, with their names, units and defaults.
+"""Parameters of ArduCopter and ArduPlane 4.6, with their names, units and defaults.
+
+They act here, but for those that are marked as there to be read: ground stations look at them.
 
 Integers are those of the firmware; on ArduPilot's wire they travel as plain floats all the same.
 """
@@ -13,14 +15,14 @@ _COMMON: dict[str, float | int] = {
     "BATT_LOW_MAH": 0.0,  # mAh left, 0: not watched
     "BATT_LOW_TIMER": 10,  # s for which the voltage has to be low
     "BATT_LOW_VOLT": 10.5,  # V, 0: not watched
-    "BATT_MONITOR": 4,
+    "BATT_MONITOR": 4,  # to be read
     "FENCE_ALT_MAX": 100.0,  # m above home
     "FENCE_ALT_MIN": -10.0,  # m above home
     "FENCE_ENABLE": 0,
     "FENCE_MARGIN": 2.0,  # m
     "FENCE_RADIUS": 300.0,  # m around home
     "FENCE_TOTAL": 0,  # points stored, by the vehicle's own count
-    "FORMAT_VERSION": 120,
+    "FORMAT_VERSION": 120,  # to be read
     "LOG_BACKEND_TYPE": 1,
     "LOG_DISARMED": 0,
     "MIS_RESTART": 0,  # 1: AUTO starts at the beginning
@@ -36,7 +38,7 @@ _COMMON: dict[str, float | int] = {
     "SIM_RC_FAIL": 0,  # 1: no pulses
     "SIM_WIND_DIR": 180.0,  # deg the wind comes from
     "SIM_WIND_SPD": 0.0,  # m/s
-    "SYSID_ENFORCE": 0,  # 1: only SYSID_MYGCS is obeyed
+    "SYSID_ENFORCE": 0,  # 1: only SYSID_MYGCS is heard
     "SYSID_MYGCS": 255,
     "SYSID_THISMAV": 1,
 }
@@ -46,8 +48,8 @@ COPTER: dict[str, float | int] = _COMMON | {
     "DISARM_DELAY": 10,  # s, 0 never
     "FENCE_ACTION": 1,  # 0 report, 1 RTL or land, 2 land, 3 as 1, 4 brake or land, 5 as 1
     "FENCE_TYPE": 7,  # bits: 0 maximum altitude, 1 circle, 2 polygons, 3 minimum altitude
-    "FRAME_CLASS": 1,
-    "FRAME_TYPE": 0,
+    "FRAME_CLASS": 1,  # to be read
+    "FRAME_TYPE": 0,  # to be read
     "FS_EKF_ACTION": 1,  # 0 report, 1 land, 2 altitude hold, 3 land even in stabilize
     "FS_GCS_ENABLE": 0,  # 0 nothing, 1 RTL, 2 as 1, 3 as 1, 4 and 5 land, 7 brake or land
     "FS_GCS_TIMEOUT": 5.0,  # s
@@ -75,18 +77,20 @@ PLANE: dict[str, float | int] = _COMMON | {
     "AIRSPEED_CRUISE": 15.0,  # m/s
     "AIRSPEED_MAX": 22,  # m/s
     "AIRSPEED_MIN": 9,  # m/s
+    "AIRSPEED_STALL": 0.0,  # m/s, 0: 8 m/s
     "FENCE_ACTION": 0,  # 0 report, 1 RTL, 6 guided, 7 guided with throttle pass-through
+    "FENCE_RET_ALT": 0,  # m above home in guided after a breach, 0: half way from floor to ceiling
     "FENCE_TYPE": 7,
     "FS_GCS_ENABL": 0,  # 0 nothing, 1 heartbeats
     "FS_LONG_ACTN": 0,  # 0 go on, 1 RTL, 2 glide
     "FS_LONG_TIMEOUT": 5.0,  # s
-    "LAND_FLARE_SEC": 2.0,  # s
+    "LAND_FLARE_SEC": 2.0,  # s, to be read
     "LAND_DISARMDELAY": 20,  # s, 0 never
     "RALLY_INCL_HOME": 0,  # 0: home only where there is no rally point
     "RALLY_LIMIT_KM": 5.0,  # km, 0: none
     "ROLL_LIMIT_DEG": 45.0,  # deg
     "RTL_ALTITUDE": 100.0,  # m above home, -1: the present one
-    "RTL_AUTOLAND": 0,
+    "RTL_AUTOLAND": 0,  # to be read
     "TECS_CLMB_MAX": 5.0,  # m/s
     "TECS_SINK_MAX": 5.0,  # m/s
     "THR_FAILSAFE": 1,

@@ -4,9 +4,10 @@ import math
 
 from sim_vehicle.logs.record import LogWhen
 from sim_vehicle.params import Parameters
-from sim_vehicle.personalities.base import FailsafeAction, Tuning
+from sim_vehicle.personalities.base import FailsafeAction, RallyAltitude, Tuning
 
 SLOWEST_M_S, FASTEST_M_S = 0.1, 50.0
+STALL_M_S = 8.0  # of the plane whose parameters do not say
 FENCE_ALT_MAX, FENCE_CIRCLE, FENCE_POLYGONS, FENCE_ALT_MIN = 1, 2, 4, 8
 _BATTERY_ACTIONS = {
     0: FailsafeAction.WARN,
@@ -55,8 +56,8 @@ _FENCE_ACTIONS = {
 _PLANE_FENCE_ACTIONS = {
     0: FailsafeAction.WARN,
     1: FailsafeAction.RETURN,
-    6: FailsafeAction.HOLD,
-    7: FailsafeAction.HOLD,
+    6: FailsafeAction.RETURN_POINT,
+    7: FailsafeAction.RETURN_POINT,
 }
 _PLANE_LONG_ACTIONS = {0: FailsafeAction.WARN, 1: FailsafeAction.RETURN, 2: FailsafeAction.LAND}
 
@@ -107,6 +108,7 @@ def copter_tuning(params: Parameters) -> Tuning:
         disarm_landed_s=delay_s,
         disarm_unflown_s=delay_s,
         gcs_sysid=int(params["SYSID_MYGCS"]),
+        gcs_only=params["SYSID_ENFORCE"] == 1,
         gcs_timeout_s=params["FS_GCS_TIMEOUT"] if gcs is not FailsafeAction.NOTHING else math.inf,
         gcs_action=gcs,
         battery_low_v=params["BATT_LOW_VOLT"],
@@ -131,11 +133,22 @@ def copter_tuning(params: Parameters) -> Tuning:
         fence_radius_m=params["FENCE_RADIUS"] if fence & FENCE_CIRCLE else math.inf,
         fence_polygons=bool(fence & FENCE_POLYGONS),
         fence_margin_m=params["FENCE_MARGIN"],
+        zero_keeps_altitude=True,
         rally_limit_m=params["RALLY_LIMIT_KM"] * 1000 if params["RALLY_LIMIT_KM"] > 0 else math.inf,
+        rally_altitude=RallyAltitude.LEAST,
         rally_includes_home=params["RALLY_INCL_HOME"] == 1,
         wind_m_s=params["SIM_WIND_SPD"] if params["SIM_WIND_SPD"] > 0 else None,
         wind_from_deg=params["SIM_WIND_DIR"],
     )
+
+
+def _fence_return_m(params: Parameters) -> float:
+    """Above home: as it is said, else half way between the fence's floor and ceiling, margins off both."""
+    if params["FENCE_RET_ALT"] > 0:
+        return params["FENCE_RET_ALT"]
+    lowest_m = params["FENCE_ALT_MIN"] + params["FENCE_MARGIN"]
+    highest_m = params["FENCE_ALT_MAX"] - params["FENCE_MARGIN"]
+    return params["RTL_ALTITUDE"] if lowest_m >= highest_m else (lowest_m + highest_m) / 2
 
 
 def plane_tuning(params: Parameters) -> Tuning:
@@ -154,7 +167,8 @@ def plane_tuning(params: Parameters) -> Tuning:
         capacity_mah=params["BATT_CAPACITY"],
         full_v=params["SIM_BATT_VOLTAGE"],
         takeoff_height_m=params["TKOFF_ALT"],
-        return_height_m=params["RTL_ALTITUDE"],
+        return_height_m=params["RTL_ALTITUDE"] if params["RTL_ALTITUDE"] >= 0 else -math.inf,
+        return_descends=params["RTL_ALTITUDE"] >= 0,
         return_speed_m_s=params["AIRSPEED_CRUISE"],
         return_wait_s=math.inf,  # it circles over home and lands only as a mission says
         landing_speed_m_s=2.0,
@@ -168,6 +182,7 @@ def plane_tuning(params: Parameters) -> Tuning:
         disarm_landed_s=delay_s,
         disarm_unflown_s=math.inf,
         gcs_sysid=int(params["SYSID_MYGCS"]),
+        gcs_only=params["SYSID_ENFORCE"] == 1,
         gcs_timeout_s=params["FS_LONG_TIMEOUT"] if watched else math.inf,
         gcs_action=long_action if watched else FailsafeAction.NOTHING,
         battery_low_v=params["BATT_LOW_VOLT"],
@@ -193,11 +208,14 @@ def plane_tuning(params: Parameters) -> Tuning:
         fence_polygons=bool(fence & FENCE_POLYGONS),
         fence_margin_m=params["FENCE_MARGIN"],
         rally_limit_m=params["RALLY_LIMIT_KM"] * 1000 if params["RALLY_LIMIT_KM"] > 0 else math.inf,
+        rally_altitude=RallyAltitude.EXACT,
         rally_includes_home=params["RALLY_INCL_HOME"] == 1,
         airspeed_min_m_s=params["AIRSPEED_MIN"],
         airspeed_max_m_s=params["AIRSPEED_MAX"],
         loiter_radius_m=params["WP_LOITER_RAD"],
         bank_limit_deg=params["ROLL_LIMIT_DEG"],
+        stall_m_s=params["AIRSPEED_STALL"] if params["AIRSPEED_STALL"] > 0 else STALL_M_S,
+        fence_return_height_m=_fence_return_m(params),
         wind_m_s=params["SIM_WIND_SPD"] if params["SIM_WIND_SPD"] > 0 else None,
         wind_from_deg=params["SIM_WIND_DIR"],
     )

@@ -12,6 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle import commands as common
 from sim_vehicle.faults import failure_command as failures
+from sim_vehicle.numbers import whole
 from sim_vehicle.personalities.base import CommandHandler
 from sim_vehicle.personalities.px4 import messages, modes
 from sim_vehicle.personalities.px4.orbit import Orbit
@@ -32,20 +33,13 @@ CALIBRATIONS = ("gyro", "mag", "baro", "rc", "accel")  # by parameter
 TURNED_BY_HAND = frozenset({"mag", "accel"})
 
 
-def _whole(value: float) -> int:
-    """A parameter that is meant to be an integer; -1 where it is no number."""
-    return int(value) if math.isfinite(value) else -1
-
-
 def _change(vehicle: "Autopilot", number: int, now: float) -> int:
     return ACCEPTED if vehicle.modes.set(number, now) else TEMPORARILY_REJECTED
 
 
 def set_mode(vehicle: "Autopilot", command: "Command", now: float) -> int:
     """param1: base_mode, param2: main mode, param3: sub mode; an unknown main mode is taken for none."""
-    base_mode, main, sub = (
-        _whole(value) & 0xFF for value in (command.param1, command.param2, command.param3)
-    )
+    base_mode, main, sub = (whole(value) & 0xFF for value in (command.param1, command.param2, command.param3))
     number = _wanted_mode(base_mode, main, sub)
     if number is None:
         return ACCEPTED  # and nothing changes
@@ -70,7 +64,7 @@ def _wanted_mode(base_mode: int, main: int, sub: int) -> int | None:
 
 
 def set_standard_mode(vehicle: "Autopilot", command: "Command", now: float) -> int:
-    standard = _whole(command.param1)
+    standard = whole(command.param1)
     for mode in modes.MODES.values():
         if mode.standard == standard > 0 and mode.selectable:
             return _change(vehicle, mode.number, now)
@@ -83,7 +77,7 @@ def arm_disarm(vehicle: "Autopilot", command: "Command", now: float) -> int:
     if action == 1:
         return ACCEPTED if vehicle.arm(now, force=False) else TEMPORARILY_REJECTED
     if action == 0:
-        forced = _whole(command.param2) == common.FORCE
+        forced = whole(command.param2) == common.FORCE
         return ACCEPTED if vehicle.disarm(force=forced) else TEMPORARILY_REJECTED
     return UNSUPPORTED
 
@@ -128,13 +122,13 @@ def mission_start(vehicle: "Autopilot", command: "Command", now: float) -> int:
         vehicle.tell("mode_needs_mission", mode=modes.MODES[modes.MISSION].name)
         return TEMPORARILY_REJECTED
     if command.param1 >= 0:
-        vehicle.set_current(_whole(command.param1))
+        vehicle.set_current(whole(command.param1))
     return ACCEPTED
 
 
 def reposition(vehicle: "Autopilot", command: "Command", now: float) -> int:
     """Hold, and there: in whatever frame, the altitude is above mean sea level. What is no number stays."""
-    if _whole(command.param2) != mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE:
+    if whole(command.param2) != mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE:
         return UNSUPPORTED
     if not vehicle.modes.set(modes.HOLD, now):
         return TEMPORARILY_REJECTED
@@ -173,7 +167,7 @@ def change_altitude(vehicle: "Autopilot", command: "Command", now: float) -> int
 def change_speed(vehicle: "Autopilot", command: "Command", _now: float) -> int:
     """Of whatever kind the speed is said to be, it is the cruising speed; none restores it."""
     if not vehicle.flight.change_speed(mavlink.SPEED_TYPE_GROUNDSPEED, command.param2):
-        vehicle.body.limit(speed_m_s=vehicle.tuning.speed_m_s)
+        vehicle.flight.restore_speed()
     return ACCEPTED
 
 
@@ -239,8 +233,8 @@ def calibrate(vehicle: "Autopilot", command: "Command", _now: float) -> int:
     if vehicle.armed:
         return TEMPORARILY_REJECTED
     wanted = (command.param1, command.param2, command.param3, command.param4, command.lat_deg)
-    chosen = [name for name, value in zip(CALIBRATIONS, wanted, strict=True) if _whole(value) == 1]
-    if _whole(command.lat_deg) == 2:
+    chosen = [name for name, value in zip(CALIBRATIONS, wanted, strict=True) if whole(value) == 1]
+    if whole(command.lat_deg) == 2:
         chosen.append("level")
     for name in chosen[:1]:
         vehicle.say(mavlink.MAV_SEVERITY_INFO, f"[cal] calibration started: 2 {name}")
@@ -253,7 +247,7 @@ def storage(vehicle: "Autopilot", command: "Command", _now: float) -> int:
     """0 read, 1 write (nothing to do: what is set is kept); 2 and 4: back to the defaults."""
     if vehicle.armed:
         return TEMPORARILY_REJECTED
-    action = _whole(command.param1)
+    action = whole(command.param1)
     if action not in range(5):
         return DENIED
     if action in (2, 4):
@@ -297,7 +291,7 @@ def actuator_test(vehicle: "Autopilot", command: "Command", _now: float) -> int:
     """Motors and servos have nothing to show; what counts is when it is allowed."""
     if vehicle.armed or vehicle.params["COM_MOT_TEST_EN"] != 1:
         return DENIED
-    output = _whole(command.lat_deg)
+    output = whole(command.lat_deg)
     return ACCEPTED if 1 <= output <= 12 or 33 <= output <= 40 or output >= 1000 else UNSUPPORTED
 
 

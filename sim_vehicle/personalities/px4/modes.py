@@ -33,11 +33,6 @@ def number(main: int, sub: int = 0) -> int:
     return sub << 24 | main << 16
 
 
-def main_and_sub(custom_mode: int) -> tuple[int, int]:
-    """The reverse of `number`."""
-    return custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF
-
-
 MANUAL = number(MAIN_MANUAL)
 ALTITUDE = number(MAIN_ALTITUDE)
 POSITION = number(MAIN_POSITION)

@@ -175,4 +175,5 @@ def plane_tuning(params: Parameters) -> Tuning:
         airspeed_max_m_s=_at_least(params["FW_AIRSPD_MAX"]),
         loiter_radius_m=params["NAV_LOITER_RAD"],
         bank_limit_deg=params["FW_R_LIM"],
+        stall_m_s=params["FW_AIRSPD_STALL"],
     )

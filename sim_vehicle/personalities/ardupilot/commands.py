@@ -1,0 +1,41 @@
+"""What only ArduPlane answers to commands."""
+
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.commands import ACCEPTED, FAILED
+from sim_vehicle.mission import Item
+from sim_vehicle.personalities.base import Behaviour, CommandHandler
+from sim_vehicle.rally import distance_m
+
+if TYPE_CHECKING:
+    from sim_vehicle.autopilot import Autopilot
+    from sim_vehicle.commands import Command
+
+
+def land_start(vehicle: "Autopilot", _command: "Command", now: float) -> int:
+    """AUTO from the nearest landing sequence of the mission on, whatever MIS_RESTART says."""
+
+    def away_m(item: Item) -> float:
+        place_deg = item.place_deg
+        assert place_deg is not None
+        return distance_m(vehicle.body.lat_lon_deg, place_deg)
+
+    index = vehicle.mission.land_start(away_m) if vehicle.position_known(now) else None
+    if index is None or not vehicle.set_current(index):
+        vehicle.tell("no_landing_sequence")
+        return FAILED
+    vehicle.tell("landing_sequence")
+    landing = vehicle.mission.index
+    if not vehicle.modes.set_behaviour(Behaviour.MISSION, now):
+        return FAILED
+    if vehicle.mission.index != landing:
+        vehicle.set_current(index)
+    return ACCEPTED
+
+
+PLANE_COMMANDS: MappingProxyType[int, CommandHandler] = MappingProxyType(
+    {mavlink.MAV_CMD_DO_LAND_START: land_start}
+)

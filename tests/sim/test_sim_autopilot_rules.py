@@ -1,0 +1,358 @@
+"""What a vehicle keeps to whatever a ground station, a parameter or a fault asks for."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from px4_station import Px4Station
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from station import ALT_M, LAT_DEG, LON_DEG, Station, item, scenario, takeoff, waypoint
+
+from sim_vehicle.faults.spec import parse_fault
+from sim_vehicle.fleet import Fleet
+
+GUIDED, RTL, TAKEOFF_PLANE, RTL_PLANE, GUIDED_PLANE = 4, 6, 13, 11, 15
+FAILED = 4
+ONLY_VELOCITY, ONLY_POSITION_AND_YAW = 0x0DC7, 0x0BF8
+M_PER_DEG = 111_195.0
+
+
+def set_parameter(station: Station, name: str, value: float) -> None:
+    replies = station.send(mavlink.MAVLink_param_set_message(1, 1, name.encode(), value, 9))
+    assert [m.param_value for m in replies if m.get_type() == "PARAM_VALUE"] == [pytest.approx(value)]
+
+
+def reposition(station: Station, north_m: float, height_m: float) -> int:
+    x, y = round((LAT_DEG + north_m / M_PER_DEG) * 1e7), round(LON_DEG * 1e7)
+    return station.command_int(mavlink.MAV_CMD_DO_REPOSITION, 6, x, y, height_m, -1, 1)
+
+
+def plane(params: dict[str, float] | None = None, personality: str = "ardupilot") -> Station:
+    vehicle = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M, "type": "plane"}
+    vehicle |= {"params": params or {}, "personality": personality}
+    return Station(Fleet(scenario(vehicles=[vehicle]), ready_s=0))
+
+
+def plane_in_guided(params: dict[str, float] | None = None) -> Station:
+    station = plane(params)
+    assert station.set_mode(TAKEOFF_PLANE) == 0
+    assert station.arm() == 0
+    station.until(lambda: station.height_m > 45, 120)
+    assert station.set_mode(GUIDED_PLANE) == 0
+    return station
+
+
+def beat(station: Station) -> None:
+    station.send(
+        mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
+    )
+
+
+def speed_m_s(station: Station) -> float:
+    return float(station.fleet.truth().speed_m_s[0])
+
+
+# -- limits --------------------------------------------------------------------------------------------------
+
+
+def test_a_parameter_of_something_else_leaves_the_speed_of_a_return_alone() -> None:
+    station = Station()
+    set_parameter(station, "RTL_SPEED", 300)
+    station.fly(20)
+    assert reposition(station, 300, 20) == 0
+    station.wait(30)
+    assert station.set_mode(RTL) == 0
+    station.wait(6)
+    assert speed_m_s(station) == pytest.approx(3.0, abs=0.2)
+    set_parameter(station, "SYSID_MYGCS", 255)
+    station.wait(4)
+    assert speed_m_s(station) == pytest.approx(3.0, abs=0.2)
+
+
+def test_a_changed_speed_holds_until_its_own_parameter_or_the_mode_changes() -> None:
+    station = Station()
+    station.fly(20)
+    assert reposition(station, 1000, 20) == 0
+    assert station.command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, 4) == 0
+    station.wait(10)
+    assert speed_m_s(station) == pytest.approx(4.0, abs=0.2)
+    set_parameter(station, "RTL_ALT", 2000)
+    station.wait(5)
+    assert speed_m_s(station) == pytest.approx(4.0, abs=0.2)
+    set_parameter(station, "WPNAV_SPEED", 700)
+    station.wait(5)
+    assert speed_m_s(station) == pytest.approx(7.0, abs=0.2)
+
+
+def test_on_px4_no_speed_restores_the_cruising_speed() -> None:
+    station = Px4Station()
+    station.upload([takeoff(20), waypoint(2000, 0, 20)])
+    station.wait(2)
+    assert station.command(mavlink.MAV_CMD_MISSION_START) == 0
+    station.until(lambda: speed_m_s(station) > 4.5, 60)
+    assert station.command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, 3) == 0
+    station.wait(5)
+    assert speed_m_s(station) == pytest.approx(3.0, abs=0.2)
+    assert station.command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, -1) == 0
+    station.wait(5)
+    assert speed_m_s(station) == pytest.approx(5.0, abs=0.2)
+
+
+def test_a_voltage_that_no_battery_has_does_not_end_the_log_or_the_vehicle() -> None:
+    station = Px4Station(params={"BAT1_V_CHARGED": 3e38, "BAT1_N_CELLS": 12, "SDLOG_MODE": 2})
+    station.wait(3)
+    assert 0 < station.fleet.world.batteries.voltage_v[0] <= 1000
+    assert station.of("HEARTBEAT")
+
+
+# -- failsafes -----------------------------------------------------------------------------------------------
+
+
+def test_a_low_battery_refuses_arming_by_its_limit() -> None:
+    station = Station()
+    set_parameter(station, "SIM_BATT_VOLTAGE", 10.0)
+    station.wait(1)
+    assert station.set_mode(GUIDED) == 0
+    assert station.arm() == FAILED
+    assert "Arm: Battery 1 low voltage failsafe" in station.texts()
+    set_parameter(station, "SIM_BATT_VOLTAGE", 12.6)
+    station.wait(1)
+    assert station.arm() == 0
+
+
+def test_a_battery_that_was_low_since_the_boot_refuses_arming_until_the_next() -> None:
+    station = Station()
+    set_parameter(station, "SIM_BATT_VOLTAGE", 10.0)
+    station.until(lambda: any("is low" in text for text in station.texts()), 20)
+    set_parameter(station, "SIM_BATT_VOLTAGE", 12.6)
+    station.wait(1)
+    station.set_mode(GUIDED)
+    assert station.arm() == FAILED
+    assert "Arm: Battery failsafe" in station.texts()
+    set_parameter(station, "ARMING_CHECK", 0)
+    assert station.arm() == 0
+
+
+def test_a_silent_ground_station_refuses_arming() -> None:
+    station = Station()
+    set_parameter(station, "FS_GCS_ENABLE", 1)
+    beat(station)
+    station.set_mode(GUIDED)
+    station.wait(7)
+    assert station.arm() == FAILED
+    assert "Arm: GCS failsafe on" in station.texts()
+    beat(station)
+    assert station.arm() == 0
+
+
+def test_a_failsafe_that_would_act_stops_the_motors_on_the_ground() -> None:
+    station = Station()
+    set_parameter(station, "FS_GCS_ENABLE", 1)
+    beat(station)
+    station.set_mode(GUIDED)
+    assert station.arm() == 0
+    took_s = station.until(lambda: not station.armed, 9)
+    assert took_s == pytest.approx(5, abs=0.5)
+    assert station.texts()[-2:] == ["GCS Failsafe", "Disarming motors"]
+
+
+def test_a_failsafe_that_only_warns_leaves_the_motors_on() -> None:
+    station = Station()
+    station.set_mode(GUIDED)
+    assert station.arm() == 0
+    set_parameter(station, "DISARM_DELAY", 0)
+    set_parameter(station, "SIM_BATT_VOLTAGE", 10.0)  # BATT_FS_LOW_ACT 0
+    station.until(lambda: any("is low" in text for text in station.texts()), 20)
+    station.wait(1)
+    assert station.armed
+
+
+@pytest.mark.parametrize("action", [6, 7])
+def test_a_plane_goes_to_the_fences_return_point_in_guided(action: int) -> None:
+    station = plane_in_guided({"FENCE_ACTION": action, "FENCE_TYPE": 2, "FENCE_RADIUS": 300})
+    point = item(mavlink.MAV_CMD_NAV_FENCE_RETURN_POINT, 0, 150, 0, frame=0)
+    replies = station.send(mavlink.MAVLink_mission_count_message(1, 0, 1, 1))
+    assert [m.seq for m in replies if m.get_type() == "MISSION_REQUEST"] == [0]
+    message = station.item_message(0, point)
+    message.mission_type = mavlink.MAV_MISSION_TYPE_FENCE
+    assert [m.type for m in station.send(message) if m.get_type() == "MISSION_ACK"] == [0]
+    assert reposition(station, 700, 60) == 0
+    station.wait(1)
+    set_parameter(station, "FENCE_ENABLE", 1)
+    station.until(lambda: any("breached" in text for text in station.texts()), 60)
+    station.wait(60)
+    truth = station.fleet.truth()
+    east_m = (truth.lon_deg[0] - LON_DEG) * M_PER_DEG * math.cos(math.radians(LAT_DEG))
+    north_m = (truth.lat_deg[0] - LAT_DEG) * M_PER_DEG
+    assert station.mode == "GUIDED"
+    assert math.hypot(north_m, east_m - 150) == pytest.approx(60, abs=15)  # WP_LOITER_RAD
+    assert station.height_m == pytest.approx((-10 + 2 + 100 - 2) / 2, abs=3)
+
+
+def test_a_plane_without_a_return_point_goes_home_at_the_altitude_asked_for() -> None:
+    station = plane_in_guided({"FENCE_ACTION": 6, "FENCE_TYPE": 2, "FENCE_RADIUS": 300, "FENCE_RET_ALT": 80})
+    assert reposition(station, 700, 60) == 0
+    set_parameter(station, "FENCE_ENABLE", 1)
+    station.until(lambda: any("breached" in text for text in station.texts()), 60)
+    station.wait(60)
+    truth = station.fleet.truth()
+    assert station.mode == "GUIDED"
+    assert abs(truth.lat_deg[0] - LAT_DEG) * M_PER_DEG < 75
+    assert station.height_m == pytest.approx(80, abs=3)
+
+
+@pytest.mark.parametrize(
+    ("start_m", "altitude_m", "end_m"), [(160, 100, 100), (50, 100, 100), (160, -1, 160)]
+)
+def test_a_plane_returns_at_its_altitude_from_above_and_below(
+    start_m: float, altitude_m: float, end_m: float
+) -> None:
+    station = plane_in_guided({"RTL_ALTITUDE": altitude_m})
+    assert reposition(station, 200, start_m) == 0
+    station.until(lambda: abs(station.height_m - start_m) < 2, 90)
+    assert station.set_mode(RTL_PLANE) == 0
+    station.wait(60)
+    assert station.height_m == pytest.approx(end_m, abs=4)
+
+
+def test_the_time_of_a_breach_counts_from_the_boot() -> None:
+    station = Station()
+    station.wait(100)
+    assert station.command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == 0
+    station.wait(5)
+    assert station.ask(mavlink.MAVLINK_MSG_ID_FENCE_STATUS).breach_time == 0
+    set_parameter(station, "FENCE_ALT_MAX", 15)
+    set_parameter(station, "FENCE_ACTION", 0)
+    set_parameter(station, "FENCE_ENABLE", 1)
+    station.set_mode(GUIDED)
+    assert station.arm() == 0
+    assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 20) == 0
+    station.until(lambda: any("breached" in text for text in station.texts()), 60)
+    boot_ms = station.ask(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME).time_boot_ms
+    assert station.ask(mavlink.MAVLINK_MSG_ID_FENCE_STATUS).breach_time == pytest.approx(boot_ms, abs=200)
+
+
+# -- set-points ----------------------------------------------------------------------------------------------
+
+
+def yaw_setpoint(frame: int, mask: int, yaw_rad: float, **values: float) -> Any:
+    v = dict.fromkeys(("x", "y", "z", "vx", "vy", "vz"), 0.0) | values
+    return mavlink.MAVLink_set_position_target_local_ned_message(
+        0, 1, 1, frame, mask, v["x"], v["y"], v["z"], v["vx"], v["vy"], v["vz"], 0, 0, 0, yaw_rad, 0
+    )
+
+
+@pytest.mark.parametrize(
+    ("frame", "turns"),
+    [
+        (mavlink.MAV_FRAME_LOCAL_NED, False),
+        (mavlink.MAV_FRAME_LOCAL_OFFSET_NED, False),
+        (mavlink.MAV_FRAME_BODY_NED, True),
+        (mavlink.MAV_FRAME_BODY_OFFSET_NED, True),
+    ],
+)
+def test_a_yaw_in_a_frame_of_the_body_turns_by_that_much(frame: int, turns: bool) -> None:
+    station = Station()
+    station.fly(20)
+    assert station.command(mavlink.MAV_CMD_CONDITION_YAW, 90, 0, 1, 0) == 0
+    station.wait(5)
+    station.send(yaw_setpoint(frame, ONLY_POSITION_AND_YAW, math.radians(30), z=-20 if frame == 1 else 0))
+    station.wait(6)
+    yaw_deg = math.degrees(station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE).yaw)
+    assert yaw_deg == pytest.approx(120 if turns else 30, abs=2)
+
+
+def test_on_px4_a_yaw_in_a_frame_of_the_body_is_from_north() -> None:
+    station = Px4Station()
+    for _ in range(20):
+        station.send(yaw_setpoint(mavlink.MAV_FRAME_LOCAL_NED, ONLY_VELOCITY & ~0x400, 1.0, vz=-1.0))
+        station.wait(0.1)
+    assert station.change(6) == 0
+    assert station.arm() == 0
+    for _ in range(100):
+        station.send(yaw_setpoint(mavlink.MAV_FRAME_BODY_NED, ONLY_VELOCITY & ~0x400, 1.0, vz=-1.0))
+        station.wait(0.1)
+    assert station.height_m > 3
+    assert station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE).yaw == pytest.approx(1.0, abs=0.05)
+
+
+# -- who is heard, and when ----------------------------------------------------------------------------------
+
+
+def test_with_sysid_enforce_only_the_ground_station_is_heard() -> None:
+    station = Station(sysid=42)
+    assert station.set_mode(GUIDED) == 0
+    set_parameter(station, "SYSID_ENFORCE", 1)
+    request = mavlink.MAVLink_param_request_read_message(1, 1, b"RTL_ALT", -1)
+    arm = mavlink.MAVLink_command_long_message(1, 0, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, 1, *[0] * 6)
+    count = mavlink.MAVLink_mission_count_message(1, 0, 1, 0)
+    for message in (request, arm, count):
+        assert station.send(message) == []
+    assert not station.armed
+    station.codec = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+    assert station.arm() == 0
+
+
+def test_late_acknowledgements_come_when_they_are_due() -> None:
+    station = Station()
+    station.fleet.inject(parse_fault("slow_ack:delay_s=10,for=1"), station.now)
+    station.wait(0.2)
+    station.send(mavlink.MAVLink_command_long_message(1, 0, mavlink.MAV_CMD_GET_HOME_POSITION, 0, *[0] * 7))
+    station.wait(1.5)
+    station.fleet.inject(parse_fault("slow_ack:delay_s=1"), station.now)
+    station.wait(0.1)
+    version = mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES
+    station.send(mavlink.MAVLink_command_long_message(1, 0, version, 0, *[0] * 7))
+    took_s = station.until(lambda: version in [m.command for m in station.of("COMMAND_ACK")], 20)
+    assert took_s == pytest.approx(1.0, abs=0.2)
+    station.until(lambda: mavlink.MAV_CMD_GET_HOME_POSITION in [m.command for m in station.of("COMMAND_ACK")])
+    assert station.now == pytest.approx(10.2, abs=0.3)
+
+
+def test_the_last_time_stamp_there_is_ends_nothing() -> None:
+    station = Station()
+    station.send(mavlink.MAVLink_setup_signing_message(1, 1, list(range(32)), 2**64 - 1))
+    frames = [frame for _, frame in station.fleet.step(3.0)]
+    assert frames
+    assert all(frame[2] == 1 and frame[-12:-6] == b"\xff" * 6 for frame in frames)
+
+
+# -- one vehicle, one state ----------------------------------------------------------------------------------
+
+
+def test_a_reboot_in_flight_has_stopped_the_motors_for_everybody() -> None:
+    station = Station()
+    station.fly(40)
+    station.fleet.inject(parse_fault("reboot:silence_s=5"), station.now)
+    station.wait(1)
+    vehicle = station.fleet.vehicles[0]
+    assert (vehicle.armed, vehicle.flight.armed, station.armed) == (False, False, False)
+
+
+def test_a_copter_with_an_empty_battery_falls_out_of_the_sky() -> None:
+    station = Station()
+    station.fly(50)
+    set_parameter(station, "BATT_CAPACITY", 60)
+    station.until(lambda: bool(station.fleet.truth().crashed[0]), 60)
+    station.wait(1)
+    assert not station.armed
+    assert "Crash: Disarming" in station.texts()
+
+
+@pytest.mark.parametrize(
+    ("personality", "name"), [("ardupilot", "AIRSPEED_STALL"), ("px4", "FW_AIRSPD_STALL")]
+)
+def test_the_stall_speed_is_the_parameters(personality: str, name: str) -> None:
+    made = [plane({name: stall_m_s}, personality) for stall_m_s in (6.0, 9.5)]
+    assert [station.fleet.world.dynamics.stall_m_s[0] for station in made] == [6.0, 9.5]
+
+
+def test_a_higher_stall_speed_takes_a_longer_run_to_leave_the_ground() -> None:
+    seconds = []
+    for stall_m_s in (6.0, 11.0):
+        station = plane({"AIRSPEED_STALL": stall_m_s})
+        station.set_mode(TAKEOFF_PLANE)
+        assert station.arm() == 0
+        seconds.append(station.until(lambda: bool(station.fleet.truth().airborne[0]), 30))  # noqa: B023
+    assert np.diff(seconds)[0] == pytest.approx(5.0 * 1.2 / 4.0, abs=0.3)

@@ -1,0 +1,304 @@
+"""Missions that change, pause and hold nonsense while they are flown: nothing hangs, nothing breaks."""
+
+from typing import Any
+
+import pytest
+from px4_station import AUTO, MISSION, NAN, RETURN, Px4Station
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from station import (
+    ALT_M,
+    LAT_DEG,
+    LON_DEG,
+    Station,
+    home_item,
+    item,
+    land,
+    scenario,
+    takeoff,
+    waypoint,
+)
+
+from sim_vehicle.fleet import Fleet
+
+GUIDED, COPTER_AUTO, RTL = 4, 3, 6
+PLANE_AUTO, PLANE_RTL, PLANE_TAKEOFF = 10, 11, 13
+ACCEPTED, DENIED, FAILED = 0, 2, 4
+RALLY, RALLY_POINT = 2, 5100
+
+
+def north_m(station: Station) -> float:
+    return float(station.fleet.truth().lat_deg[0] - LAT_DEG) * 111_195.0
+
+
+def plane() -> Station:
+    vehicle = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M, "type": "plane"}
+    return Station(Fleet(scenario(vehicles=[vehicle]), ready_s=0.0))
+
+
+def current(station: Station) -> int:
+    return int(station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).seq)
+
+
+def upload_rally(station: Station, north_m: float, z: float, frame: int = 3) -> None:
+    fields = item(RALLY_POINT, north_m, 0, z, frame=frame)
+    station.send(mavlink.MAVLink_mission_count_message(1, 0, 1, RALLY))
+    (ack,) = [
+        message
+        for message in station.send(
+            mavlink.MAVLink_mission_item_int_message(
+                1, 0, 0, frame, RALLY_POINT, 0, 1, 0, 0, 0, 0, fields["x"], fields["y"], z, RALLY
+            )
+        )
+        if message.get_type() == "MISSION_ACK"
+    ]
+    assert ack.type == 0
+
+
+def highest_m(station: Station, seconds: int) -> float:
+    heights = []
+    for _ in range(seconds):
+        station.wait(1.0)
+        heights.append(station.height_m)
+    return max(heights)
+
+
+# -- a list that was cut under the index -----------------------------------------------------------------
+
+
+def test_a_mission_cut_under_its_index_on_the_ground_starts_over() -> None:
+    station = Station()
+    assert station.upload([home_item(), takeoff(10), *[waypoint(10 * i, 0, 10) for i in range(5)]]) == 0
+    assert station.command(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, 5) == ACCEPTED
+    assert station.upload([home_item(), takeoff(10), waypoint(30, 0, 10)]) == 0
+    assert station.set_mode(GUIDED) == ACCEPTED
+    assert station.arm() == ACCEPTED
+    assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
+    station.until(lambda: north_m(station) > 29, 60)
+    assert station.texts().count("Mission: 1 Takeoff") == 1
+
+
+def test_a_mission_cut_under_its_index_while_another_mode_flew_starts_over() -> None:
+    station = Station()
+    station.fly_mission([takeoff(10), waypoint(40, 0, 10), waypoint(300, 0, 10)])
+    station.until(lambda: current(station) == 3, 90)
+    assert station.set_mode(GUIDED) == ACCEPTED
+    assert station.upload([home_item(), takeoff(20)]) == 0
+    assert station.set_mode(COPTER_AUTO) == ACCEPTED
+    station.until(lambda: station.height_m > 19.5, 60)
+    assert current(station) == 1
+
+
+def test_a_do_command_that_came_to_the_current_index_is_carried_out_on_the_way() -> None:
+    station = Station()
+    station.fly_mission([takeoff(10), waypoint(80, 0, 10), waypoint(300, 0, 10)])
+    station.until(lambda: current(station) == 2, 60)
+    assert station.set_mode(GUIDED) == ACCEPTED
+    slower = item(mavlink.MAV_CMD_DO_CHANGE_SPEED, param1=1, param2=3)
+    assert station.upload([home_item(), takeoff(10), slower, waypoint(300, 0, 10)]) == 0
+    assert station.set_mode(COPTER_AUTO) == ACCEPTED
+    station.wait(12)
+    assert current(station) == 3
+    assert float(station.fleet.truth().speed_m_s[0]) == pytest.approx(3.0, abs=0.2)
+
+
+def test_do_commands_before_a_chosen_command_are_carried_out_once_it_is_flown() -> None:
+    station = Station()
+    slower = item(mavlink.MAV_CMD_DO_CHANGE_SPEED, param1=1, param2=3)
+    assert station.upload([home_item(), takeoff(10), slower, waypoint(300, 0, 10)]) == 0
+    station.fly(10)
+    assert station.command(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, 2) == ACCEPTED
+    assert current(station) == 3
+    assert station.set_mode(COPTER_AUTO) == ACCEPTED
+    station.wait(12)
+    assert float(station.fleet.truth().speed_m_s[0]) == pytest.approx(3.0, abs=0.2)
+
+
+def test_a_condition_is_still_waited_for_after_another_mode_flew() -> None:
+    station = Station()
+    near = item(mavlink.MAV_CMD_CONDITION_DISTANCE, param1=100)
+    slower = item(mavlink.MAV_CMD_DO_CHANGE_SPEED, param1=1, param2=3)
+    station.fly_mission([takeoff(10), near, slower, waypoint(200, 0, 10)])
+    station.until(lambda: north_m(station) > 30, 60)
+    assert station.set_mode(GUIDED) == ACCEPTED
+    station.wait(4)
+    assert station.set_mode(COPTER_AUTO) == ACCEPTED
+    station.until(lambda: north_m(station) > 130, 60)
+    assert float(station.fleet.truth().speed_m_s[0]) == pytest.approx(3.0, abs=0.2)
+
+
+# -- pauses ----------------------------------------------------------------------------------------------
+
+
+def paused() -> Station:
+    station = Station()
+    station.fly_mission([takeoff(10), waypoint(150, 0, 10), waypoint(200, 0, 10), waypoint(0, 0, 10)])
+    station.until(lambda: north_m(station) > 20, 60)
+    assert station.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0) == ACCEPTED
+    station.wait(6)
+    return station
+
+
+def test_a_command_chosen_during_a_pause_ends_it_and_the_mission_goes_on() -> None:
+    station = paused()
+    assert station.command(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, 3) == ACCEPTED
+    state = station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).mission_state
+    assert state == mavlink.MISSION_STATE_ACTIVE
+    station.until(lambda: current(station) == 4, 90)
+
+
+def test_a_new_mission_during_a_pause_is_flown_only_once_it_ends() -> None:
+    station = paused()
+    here = north_m(station)
+    assert station.upload([home_item(), takeoff(10), waypoint(0, 90, 10), waypoint(0, 0, 10)]) == 0
+    station.wait(15)
+    assert north_m(station) == pytest.approx(here, abs=0.5)
+    state = station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).mission_state
+    assert state == mavlink.MISSION_STATE_PAUSED
+    assert station.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 1) == ACCEPTED
+    station.until(lambda: current(station) == 3, 90)
+
+
+def test_after_a_pause_the_vehicle_flies_on_to_a_command_that_was_deleted() -> None:
+    station = Station()
+    station.fly_mission([takeoff(10), waypoint(20, 0, 10), waypoint(120, 0, 10)])
+    station.until(lambda: current(station) == 3 and north_m(station) > 40, 60)
+    assert station.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0) == ACCEPTED
+    station.wait(6)
+    assert station.upload([home_item(), takeoff(10)]) == 0
+    assert station.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 1) == ACCEPTED
+    station.until(lambda: north_m(station) > 119, 60)
+
+
+# -- numbers that are none -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("command", [16, 19, 93, 112])
+def test_px4_takes_a_hold_or_delay_that_is_no_number_for_none(command: int) -> None:
+    station = Px4Station()
+    placed = command in (16, 19)
+    waits = item(command, 20, 0, 10.0, param1=NAN, frame=6 if placed else 2)
+    station.upload_and_wait([takeoff(10), waits, waypoint(40, 0, 10.0)])
+    assert station.command(mavlink.MAV_CMD_MISSION_START, -1) == ACCEPTED
+    station.until(lambda: north_m(station) > 38, 90)
+
+
+def test_px4_survives_a_change_of_speed_of_no_kind() -> None:
+    station = Px4Station()
+    speed = item(mavlink.MAV_CMD_DO_CHANGE_SPEED, frame=2, param1=NAN, param2=3.0)
+    station.upload_and_wait([takeoff(10), speed, waypoint(40, 0, 10.0)])
+    assert station.command(mavlink.MAV_CMD_MISSION_START, -1) == ACCEPTED
+    station.until(lambda: north_m(station) > 38, 90)
+
+
+def test_an_altitude_of_zero_is_one_for_px4_and_the_present_one_for_arducopter() -> None:
+    copter, px4 = Station(), Px4Station()
+    copter.fly_mission([takeoff(15), waypoint(60, 0, 0.0), waypoint(100, 0, 15.0)])
+    copter.until(lambda: current(copter) == 3, 90)
+    assert copter.height_m == pytest.approx(15, abs=2.0)  # as high as it was when it set out
+    px4.upload_and_wait([takeoff(15), waypoint(60, 0, 0.0)])
+    assert px4.command(mavlink.MAV_CMD_MISSION_START, -1) == ACCEPTED
+    px4.until(lambda: north_m(px4) > 50, 90)
+    px4.wait(20)
+    assert px4.height_m < 1.0
+
+
+# -- rally points ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("frame", "z", "expected_m"), [(3, 60.0, 60.0), (0, ALT_M + 40.0, 40.0), (3, 5.0, 15.0)]
+)
+def test_arducopter_returns_at_the_altitude_of_the_rally_point_if_that_is_above_the_return_altitude(
+    frame: int, z: float, expected_m: float
+) -> None:
+    station = Station()
+    upload_rally(station, 60.0, z, frame)
+    station.fly(10)
+    x = round((LAT_DEG + 100 / 111_195) * 1e7)
+    station.command_int(mavlink.MAV_CMD_DO_REPOSITION, 6, x, round(LON_DEG * 1e7), 10, -1, 1)
+    station.wait(25)
+    assert station.set_mode(RTL) == ACCEPTED
+    assert highest_m(station, 60) == pytest.approx(expected_m, abs=0.7)
+    station.until(lambda: not station.armed, 200)
+    assert north_m(station) == pytest.approx(60, abs=1.5)
+
+
+def test_px4_counts_its_return_altitude_from_the_rally_point() -> None:
+    station = Px4Station(params={"RTL_RETURN_ALT": 20.0, "RTL_CONE_ANG": 0})
+    upload_rally(station, 60.0, 12.0, 3)
+    station.fly(10)
+    x = round((LAT_DEG + 110 / 111_195) * 1e7)
+    station.command_int(mavlink.MAV_CMD_DO_REPOSITION, 0, x, round(LON_DEG * 1e7), ALT_M + 10, -1, 1)
+    station.wait(30)
+    assert station.command(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH) == ACCEPTED
+    assert highest_m(station, 40) == pytest.approx(32, abs=1.0)
+
+
+def test_arduplane_circles_at_the_altitude_of_its_rally_point() -> None:
+    station = plane()
+    upload_rally(station, 300.0, 140.0)
+    assert station.set_mode(PLANE_TAKEOFF) == ACCEPTED
+    assert station.arm() == ACCEPTED
+    station.wait(30)
+    assert station.set_mode(PLANE_RTL) == ACCEPTED
+    station.wait(90)
+    assert station.height_m == pytest.approx(140, abs=5)
+
+
+# -- commands --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("items", [(2, 5), (0, 2), (1, 0), (NAN, 0)])
+def test_arducopter_starts_no_part_of_a_mission(items: tuple[float, float]) -> None:
+    station = Station()
+    assert station.upload([home_item(), takeoff(10), waypoint(50, 0, 10)]) == 0
+    assert station.set_mode(GUIDED) == ACCEPTED
+    assert station.arm() == ACCEPTED
+    assert station.command(mavlink.MAV_CMD_MISSION_START, *items) == DENIED
+    assert station.mode == "GUIDED"
+
+
+def test_px4_starts_at_the_item_it_is_told() -> None:
+    station = Px4Station()
+    station.upload_and_wait([takeoff(10), waypoint(200, 0, 10.0), waypoint(30, 0, 10.0)])
+    assert station.command(mavlink.MAV_CMD_MISSION_START, 3) == DENIED
+    assert station.command(mavlink.MAV_CMD_MISSION_START, 2, 2) == ACCEPTED
+    assert current(station) == 2
+
+
+def test_px4_hands_a_return_as_the_last_item_to_its_mode_and_does_not_report_it() -> None:
+    station = Px4Station()
+    rtl = item(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, frame=2, x=0, y=0)
+    station.upload_and_wait([takeoff(10), waypoint(30, 0, 10.0), rtl])
+    assert station.command(mavlink.MAV_CMD_MISSION_START, -1) == ACCEPTED
+    assert station.custom_mode == (AUTO, MISSION)
+    station.until(lambda: station.custom_mode == (AUTO, RETURN), 90)
+    station.until(lambda: not station.armed, 200)
+    assert {message.seq for message in station.of("MISSION_ITEM_REACHED")} == {0, 1}
+    assert current(station) == 2
+
+
+def landing_mission() -> list[dict[str, Any]]:
+    start = item(mavlink.MAV_CMD_DO_LAND_START, 500, 0)
+    return [home_item(), takeoff(60), waypoint(2500, 0, 60), start, waypoint(400, 0, 50), land(0, 0)]
+
+
+def test_arduplane_goes_on_at_its_landing_sequence_when_it_is_told() -> None:
+    station = plane()
+    assert station.upload(landing_mission()) == 0
+    assert station.set_mode(PLANE_AUTO) == ACCEPTED
+    assert station.arm() == ACCEPTED
+    station.until(lambda: current(station) == 2, 90)
+    station.wait(10)
+    assert station.set_mode(PLANE_RTL) == ACCEPTED
+    assert station.command(mavlink.MAV_CMD_DO_LAND_START) == ACCEPTED
+    assert (station.mode, current(station)) == ("AUTO", 4)
+    assert "Landing sequence start" in station.texts()
+    station.until(lambda: current(station) == 5, 200)
+
+
+def test_arduplane_without_a_landing_sequence_says_so() -> None:
+    station = plane()
+    assert station.upload([home_item(), takeoff(60), waypoint(500, 0, 60)]) == 0
+    assert station.command(mavlink.MAV_CMD_DO_LAND_START) == FAILED
+    assert station.texts()[-1] == "Unable to start landing sequence"
