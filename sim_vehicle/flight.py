@@ -16,6 +16,7 @@ from sim_vehicle.place import Place
 LANDED_AFTER_S = 1.0  # on the ground for so long counts as landed
 DROP_M_S = 8.0
 FASTEST_M_S = 50.0
+FARTHEST_M = 1e6  # up or down: an altitude beyond that is taken for this one
 PILOT_ACCELERATION_M_S2 = 2.5
 LOOK_S = 0.1  # between two looks of whoever is busy
 
@@ -298,6 +299,7 @@ class Flight:
         """
         if not math.isfinite(z_m):
             return self.body.alt_amsl_m
+        z_m = max(-FARTHEST_M, min(z_m, FARTHEST_M))
         if frame in (mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT):
             return z_m
         if frame in (mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT, mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT):

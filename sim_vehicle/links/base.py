@@ -9,7 +9,7 @@ from sim_vehicle.url import Url
 
 HEARD_S = 10.0  # a ground station that has not spoken for so long is not counted any more
 RECEIVE_BYTES = 65_536
-DATAGRAMS_PER_WAKE = 64  # read at once before others have their turn
+DATAGRAMS_PER_WAKE, BYTES_PER_WAKE = 64, 65_536  # read at once before others have their turn
 Address = tuple[Any, ...]  # as the socket module has it
 Batch = Sequence[tuple[int, bytes]]
 

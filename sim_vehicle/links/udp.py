@@ -11,6 +11,7 @@ import time
 from collections.abc import Collection
 
 from sim_vehicle.links.base import (
+    BYTES_PER_WAKE,
     DATAGRAMS_PER_WAKE,
     HEARD_S,
     RECEIVE_BYTES,
@@ -60,6 +61,7 @@ class UdpOut:
         return opened
 
     def _read(self, opened: socket.socket, index: int | None) -> None:
+        left = BYTES_PER_WAKE
         for _ in range(DATAGRAMS_PER_WAKE):
             try:
                 data = opened.recv(RECEIVE_BYTES)
@@ -70,7 +72,8 @@ class UdpOut:
             self._heard_s = time.monotonic()
             # A ground station that sends to all addresses it knows is heard once by each vehicle.
             self._ends.received(data, (self._url, index), self._sharing if index is None else (index,))
-            if opened.fileno() < 0:  # what it said made us close this socket
+            left -= len(data)
+            if opened.fileno() < 0 or left <= 0:  # closed by what it said, or somebody floods us
                 return
 
     def send(self, batch: Batch) -> None:
@@ -134,6 +137,7 @@ class UdpIn:
         asyncio.get_running_loop().add_reader(self._socket, self._read, self._socket)
 
     def _read(self, opened: socket.socket) -> None:
+        left = BYTES_PER_WAKE
         for _ in range(DATAGRAMS_PER_WAKE):
             try:
                 data, address = opened.recvfrom(RECEIVE_BYTES)
@@ -143,6 +147,9 @@ class UdpIn:
                 continue
             self._keep(address)
             self._ends.received(data, (self._url, address), None)
+            left -= len(data)
+            if left <= 0:
+                return
 
     def _keep(self, address: Address) -> None:
         now = time.monotonic()
