@@ -14,7 +14,6 @@ from sim_vehicle.links.base import (
     BYTES_PER_WAKE,
     DATAGRAMS_PER_WAKE,
     HEARD_S,
-    RECEIVE_BYTES,
     Address,
     Batch,
     Ends,
@@ -23,7 +22,11 @@ from sim_vehicle.links.base import (
 )
 from sim_vehicle.url import Url
 
-BUFFER_BYTES = 4_000_000
+SEND_BUFFER_BYTES = 4_000_000
+RECEIVE_BUFFER_BYTES = (
+    500_000  # what does not fit is lost: a flood must not be worked off long after it is over
+)
+DATAGRAM_BYTES = 8192  # of which the rest is lost; ground stations send a message, or a few, at a time
 MAX_PEERS = 32
 SILENT_S = 60.0  # then a peer of a listening port is forgotten; ground stations send a heartbeat a second
 
@@ -64,7 +67,7 @@ class UdpOut:
         left = BYTES_PER_WAKE
         for _ in range(DATAGRAMS_PER_WAKE):
             try:
-                data = opened.recv(RECEIVE_BYTES)
+                data = opened.recv(DATAGRAM_BYTES)
             except BlockingIOError:
                 return
             except OSError:  # nobody listens at the other end (yet); real vehicles go on sending too
@@ -140,7 +143,7 @@ class UdpIn:
         left = BYTES_PER_WAKE
         for _ in range(DATAGRAMS_PER_WAKE):
             try:
-                data, address = opened.recvfrom(RECEIVE_BYTES)
+                data, address = opened.recvfrom(DATAGRAM_BYTES)
             except BlockingIOError:
                 return
             except OSError:
@@ -192,9 +195,10 @@ class UdpIn:
 
 def _make_ready(opened: socket.socket) -> None:
     opened.setblocking(False)
-    for option in (socket.SO_SNDBUF, socket.SO_RCVBUF):
+    sizes = ((socket.SO_SNDBUF, SEND_BUFFER_BYTES), (socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES))
+    for option, size in sizes:
         with contextlib.suppress(OSError):
-            opened.setsockopt(socket.SOL_SOCKET, option, BUFFER_BYTES)
+            opened.setsockopt(socket.SOL_SOCKET, option, size)
 
 
 def _drop(opened: socket.socket) -> None:

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import pytest
 from mavsdk import Autopilot, ComponentType, Configuration, ConnectionResult, Mavsdk
@@ -30,7 +30,13 @@ from simulator_process import LIMIT_S, free_udp_port, simulator
 
 FLIGHT_S = 60.0
 AUTOPILOTS = {"ardupilot": Autopilot.ARDUPILOT, "px4": Autopilot.PX4}
+Plugin = TypeVar("Plugin")
 METRES_PER_DEGREE = 111_195.0
+# What is little time for a vehicle that flies 25 times as fast as MAVSDK's clock runs.
+PATIENT = (
+    "--ready-s", "0", "--param", "DISARM_DELAY=0", "--param", "COM_DISARM_PRFLT=-1",
+    "--param", "COM_OF_LOSS_T=5", "--param", "GUID_TIMEOUT=5",
+)  # fmt: skip
 ARDUPILOT_RATES = ("health", "home", "in_air", "position", "velocity_ned", "attitude_euler")
 
 
@@ -39,40 +45,51 @@ class Vehicle:
 
     def __init__(self, system: Any, personality: str) -> None:
         self.system, self.personality = system, personality
-        self.telemetry = Telemetry(system)
+        self._plugins: list[Any] = []
+        self.telemetry = self.plugin(Telemetry)
         self.texts: list[str] = []
         self._news = threading.Event()
         self.telemetry.subscribe_armed(self._hear, None)
         self.telemetry.subscribe_position(self._hear, None)
         self.telemetry.subscribe_status_text(self._hear_text, None)
 
+    def plugin(self, kind: Callable[[Any], Plugin]) -> Plugin:
+        """A new one that lives as long as MAVSDK: one that was collected earlier has crashed its threads."""
+        made = kind(self.system)
+        self._plugins.append(made)
+        return made
+
     @cached_property
     def action(self) -> Action:
-        return Action(self.system)
+        return self.plugin(Action)
 
     @cached_property
     def param(self) -> Param:
-        return Param(self.system)
+        return self.plugin(Param)
 
     @cached_property
     def mission(self) -> Mission:
-        return Mission(self.system)
+        return self.plugin(Mission)
 
     @cached_property
     def mission_raw(self) -> MissionRaw:
-        return MissionRaw(self.system)
+        return self.plugin(MissionRaw)
 
     @cached_property
     def geofence(self) -> Geofence:
-        return Geofence(self.system)
+        return self.plugin(Geofence)
 
     @cached_property
     def offboard(self) -> Offboard:
-        return Offboard(self.system)
+        return self.plugin(Offboard)
 
     @cached_property
     def info(self) -> Info:
-        return Info(self.system)
+        return self.plugin(Info)
+
+    @cached_property
+    def direct(self) -> MavlinkDirect:
+        return self.plugin(MavlinkDirect)
 
     @property
     def px4(self) -> bool:
@@ -97,7 +114,7 @@ class Vehicle:
             self._news.clear()
 
     def ask_for_telemetry(self, rate_hz: float = 10.0) -> None:
-        """ArduPilot says next to nothing until it is asked to, and no plug-in asks for the mission's state."""
+        """ArduPilot tells next to nothing unasked, and no plug-in asks for the state of the mission."""
         for what in ARDUPILOT_RATES:
             getattr(self.telemetry, f"set_rate_{what}")(rate_hz)
         self.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAVLINK_MSG_ID_MISSION_CURRENT, 2e5)
@@ -107,7 +124,7 @@ class Vehicle:
         fields: dict[str, float] = {f"param{i}": value for i, value in enumerate(params, start=1)}
         fields |= {"command": number, "target_system": self.system.get_system_id(), "target_component": 1}
         message = MavlinkMessage("COMMAND_LONG", fields_json=json.dumps(fields))
-        answer = json.loads(MavlinkDirect(self.system).send_command(message).fields_json)
+        answer = json.loads(self.direct.send_command(message).fields_json)
         assert answer["result"] == mavlink.MAV_RESULT_ACCEPTED, answer
 
     def ready(self) -> None:
@@ -173,6 +190,7 @@ class Peer:
     def __init__(self, mavsdk: Mavsdk) -> None:
         self._mavsdk = mavsdk
         self._taken: set[int] = set()
+        self._vehicles: list[Vehicle] = []  # kept as long as MAVSDK runs
         self._found = threading.Event()
         mavsdk.subscribe_on_new_system(self._hear, None)
 
@@ -182,6 +200,7 @@ class Peer:
     def take(self, personality: str, *, telemetry: bool = True) -> Vehicle:
         """A vehicle that no test has had before; one of ArduPilot's is asked for its telemetry."""
         vehicle = Vehicle(self._untouched(personality), personality)
+        self._vehicles.append(vehicle)
         if telemetry and not vehicle.px4:
             vehicle.ask_for_telemetry()
         return vehicle
@@ -207,7 +226,8 @@ def connected(*arguments: str) -> Iterator[Peer]:
     assert mavsdk.add_any_connection(f"udpin://127.0.0.1:{port}") == ConnectionResult.SUCCESS
     try:
         with simulator("--no-table", "--url", f"udpout:127.0.0.1:{port}", *arguments):
-            yield Peer(mavsdk)
+            peer = Peer(mavsdk)
+            yield peer
     finally:
         mavsdk.destroy()
 
@@ -248,7 +268,7 @@ def refusal(call: Callable[..., Any], *arguments: Any) -> str:
     """The name of the result with which MAVSDK reports that a call failed."""
     with pytest.raises(MavsdkError) as caught:
         call(*arguments)
-    return str(caught.value.result.name)  # type: ignore[attr-defined]
+    return str(caught.value.result.name)
 
 
 def raw_item(seq: int, fields: dict[str, Any]) -> MissionItem:

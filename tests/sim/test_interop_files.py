@@ -8,7 +8,7 @@ import pytest
 from mavsdk.plugins.component_metadata import ComponentMetadata, MetadataType
 from mavsdk.plugins.ftp import Ftp, FtpResult
 from mavsdk.plugins.log_files import LogFiles, LogFilesResult
-from mavsdk_peer import Peer, Values, Vehicle, connected, finish
+from mavsdk_peer import PATIENT, Peer, Values, Vehicle, connected, finish
 from pymavlink import DFReader, mavftp, mavutil
 from simulator_process import LIMIT_S, free_udp_port, simulator
 
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.interop
 
 @pytest.fixture(scope="module")
 def peer() -> Iterator[Peer]:
-    with connected("--personality", "ardupilot:1,px4:4", "--speedup", "5", "--ready-s", "0") as found:
+    with connected("--personality", "ardupilot:1,px4:4", "--speedup", "15", *PATIENT) as found:
         yield found
 
 
@@ -32,7 +32,7 @@ def hop(vehicle: Vehicle) -> None:
 def test_mavsdk_lists_and_downloads_the_log_of_a_flight(peer: Peer, personality: str, tmp_path: Path) -> None:
     vehicle = peer.take(personality)
     hop(vehicle)
-    logs = LogFiles(vehicle.system)
+    logs = vehicle.plugin(LogFiles)
     result, entries = finish(lambda told: logs.get_entries_async(lambda *a: told(*a[:2])))
     assert result == LogFilesResult.SUCCESS
     assert len(entries) == 1
@@ -54,7 +54,7 @@ def test_mavsdk_lists_and_downloads_the_log_of_a_flight(peer: Peer, personality:
 
 @pytest.mark.parametrize("burst", [False, True])
 def test_mavsdk_lists_reads_writes_and_compares_files(peer: Peer, burst: bool, tmp_path: Path) -> None:
-    ftp = Ftp(peer.take("px4").system)
+    ftp = peer.take("px4").plugin(Ftp)
     listed = finish(lambda told: ftp.list_directory_async("/etc/extras", lambda *a: told(*a[:2])))
     assert [entry.name for entry in listed[1].entries] == [
         "component_general.json.xz",
@@ -75,7 +75,7 @@ def test_mavsdk_lists_reads_writes_and_compares_files(peer: Peer, burst: bool, t
 
 
 def test_mavsdk_finds_the_parameter_metadata(peer: Peer) -> None:
-    metadata = ComponentMetadata(peer.take("px4").system)
+    metadata = peer.take("px4").plugin(ComponentMetadata)
     available = Values()
     metadata.subscribe_metadata_available(available, None)
     metadata.request_autopilot_component()

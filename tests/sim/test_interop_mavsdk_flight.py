@@ -17,7 +17,7 @@ from mavsdk.plugins.offboard import (
     VelocityNedYaw,
 )
 from mavsdk.plugins.telemetry import FlightMode, LandedState
-from mavsdk_peer import Peer, Vehicle, connected, refusal
+from mavsdk_peer import PATIENT, Peer, Vehicle, connected, refusal
 
 pytestmark = pytest.mark.interop
 PERSONALITIES = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
@@ -26,14 +26,14 @@ OFFBOARD = FlightMode.OFFBOARD
 
 @pytest.fixture(scope="module")
 def fast() -> Iterator[Peer]:
-    with connected("--personality", "ardupilot:4,px4:3", "--speedup", "15", "--ready-s", "0") as peer:
+    with connected("--personality", "ardupilot:4,px4:3", "--speedup", "25", *PATIENT) as peer:
         yield peer
 
 
 @pytest.fixture(scope="module")
 def slow() -> Iterator[Peer]:
     """Slow enough for MAVSDK's set-points, 20 a second of its own time, to come in time."""
-    with connected("--personality", "ardupilot:2,px4:3", "--speedup", "6", "--ready-s", "0") as peer:
+    with connected("--personality", "ardupilot:2,px4:3", "--speedup", "8", *PATIENT) as peer:
         yield peer
 
 
@@ -49,7 +49,7 @@ def test_takeoff_goto_speed_orbit_hold_return_and_landing(fast: Peer, personalit
     vehicle = fast.take(personality)
     action, telemetry = vehicle.action, vehicle.telemetry
     vehicle.take_off(8.0)
-    assert telemetry.landed_state() == LandedState.IN_AIR
+    vehicle.until(lambda: telemetry.landed_state() == LandedState.IN_AIR, "in the air", 10)
     assert telemetry.in_air()
     assert refusal(action.disarm) == ("COMMAND_DENIED" if vehicle.px4 else "FAILED")
     up_m = telemetry.position().absolute_altitude_m
@@ -224,10 +224,10 @@ def test_set_points_that_stop_coming(slow: Peer, personality: str) -> None:
 def test_px4_loses_its_satellites_and_finds_them_again(slow: Peer) -> None:
     vehicle = slow.take("px4")
     vehicle.take_off(6.0)
-    refused = refusal(Failure(vehicle.system).inject, FailureUnit.SENSOR_GPS, FailureType.OFF, 0)
+    refused = refusal(vehicle.plugin(Failure).inject, FailureUnit.SENSOR_GPS, FailureType.OFF, 0)
     assert refused in ("DENIED", "DISABLED")
     vehicle.param.set_param_int("SYS_FAILURE_EN", 1)
-    failure, telemetry = Failure(vehicle.system), vehicle.telemetry  # asks for the parameter once
+    failure, telemetry = vehicle.plugin(Failure), vehicle.telemetry  # asks for the parameter once
     failure.inject(FailureUnit.SENSOR_GPS, FailureType.OFF, 0)
     vehicle.until(lambda: telemetry.gps_info().num_satellites == 0, "no satellites")
     vehicle.until(lambda: not telemetry.health().is_global_position_ok, "no global position")
@@ -241,5 +241,5 @@ def test_px4_loses_its_satellites_and_finds_them_again(slow: Peer) -> None:
 @pytest.mark.autopilots("MAVSDK 5 failure")
 def test_ardupilot_does_not_know_the_failure_command(fast: Peer) -> None:
     vehicle = fast.take("ardupilot")
-    refused = refusal(Failure(vehicle.system).inject, FailureUnit.SENSOR_GPS, FailureType.OFF, 0)
+    refused = refusal(vehicle.plugin(Failure).inject, FailureUnit.SENSOR_GPS, FailureType.OFF, 0)
     assert refused == "UNSUPPORTED"

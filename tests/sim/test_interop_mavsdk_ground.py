@@ -30,7 +30,7 @@ NEVER_RATED = "actuator_control_target"  # gone from PX4 since 1.14, never ArduP
 @pytest.fixture(scope="module")
 def peer() -> Iterator[Peer]:
     home = f"{LAT_DEG},{LON_DEG},{ALT_M},{HEADING_DEG}"
-    fleet = ("--personality", "ardupilot:6,px4:7", "--home", home, "--speedup", str(SPEEDUP))
+    fleet = ("--personality", "ardupilot:7,px4:8", "--home", home, "--speedup", str(SPEEDUP))
     with connected(*fleet) as found:
         yield found
 
@@ -218,40 +218,39 @@ def test_what_is_not_answered_times_out(peer: Peer) -> None:
 @pytest.mark.autopilots("MAVSDK 5 takeoff")
 @pytest.mark.autopilots("MAVSDK 5 takeoff", of="px4")
 @PERSONALITIES
-def test_what_a_vehicle_that_stands_refuses(personality: str) -> None:
-    with connected("--personality", personality, "--speedup", str(SPEEDUP)) as peer:
-        vehicle = peer.take(personality)
-        vehicle.ready()
-        action, here = vehicle.action, vehicle.telemetry.position()
-        place = (here.latitude_deg, here.longitude_deg, here.absolute_altitude_m + 10)
-        action.set_takeoff_altitude(7.5)
-        assert action.get_takeoff_altitude() == 7.5
-        action.disarm()  # it is
-        if vehicle.px4:
-            action.takeoff()  # a mode that may be chosen on the ground
-            assert vehicle.param.get_param_float("MIS_TAKEOFF_ALT") == 7.5
-        else:
-            assert refusal(action.takeoff) == "FAILED"
-        action.hold()
-        vehicle.in_mode(FlightMode.HOLD)
-        orbit = (10.0, 2.0, OrbitYawBehavior.HOLD_FRONT_TO_CIRCLE_CENTER, *place)
-        assert refusal(action.do_orbit, *orbit) == ("COMMAND_DENIED" if vehicle.px4 else "UNSUPPORTED")
-        for _ in range(2):  # the first may have been for other plug-ins only
-            first(vehicle, "vtol_state")
-        assert refusal(action.transition_to_fixedwing) == "NO_VTOL_TRANSITION_SUPPORT"
-        assert refusal(action.set_relay, 0, RelayCommand.ON) == "UNSUPPORTED"
-        assert refusal(action.shutdown) == ("COMMAND_DENIED" if vehicle.px4 else "UNSUPPORTED")
-        if vehicle.px4:
-            assert refusal(action.terminate) == "COMMAND_DENIED"
-            action.set_gps_global_origin(place[0], place[1], here.absolute_altitude_m)
-        else:
-            # Once the estimator has an origin it keeps it, and says nothing.
-            assert refusal(action.set_gps_global_origin, *place) == "TIMEOUT"
-        north_deg = here.latitude_deg + 0.001
-        # In a frame relative to home, so that only PX4 takes the altitude for what MAVSDK says it is.
-        action.set_home(False, north_deg, here.longitude_deg, here.absolute_altitude_m - 10)
-        vehicle.until(lambda: abs(vehicle.telemetry.home().latitude_deg - north_deg) < 1e-6, "home moved", 10)
-        assert not vehicle.telemetry.armed()
+def test_what_a_vehicle_that_stands_refuses(peer: Peer, personality: str) -> None:
+    vehicle = peer.take(personality)
+    vehicle.ready()
+    action, here = vehicle.action, vehicle.telemetry.position()
+    place = (here.latitude_deg, here.longitude_deg, here.absolute_altitude_m + 10)
+    action.set_takeoff_altitude(7.5)
+    assert action.get_takeoff_altitude() == 7.5
+    action.disarm()  # it is
+    if vehicle.px4:
+        action.takeoff()  # a mode that may be chosen on the ground
+        assert vehicle.param.get_param_float("MIS_TAKEOFF_ALT") == 7.5
+    else:
+        assert refusal(action.takeoff) == "FAILED"
+    action.hold()
+    vehicle.in_mode(FlightMode.HOLD)
+    orbit = (10.0, 2.0, OrbitYawBehavior.HOLD_FRONT_TO_CIRCLE_CENTER, *place)
+    assert refusal(action.do_orbit, *orbit) == ("COMMAND_DENIED" if vehicle.px4 else "UNSUPPORTED")
+    for _ in range(2):  # the first may have been for other plug-ins only
+        first(vehicle, "vtol_state")
+    assert refusal(action.transition_to_fixedwing) == "NO_VTOL_TRANSITION_SUPPORT"
+    assert refusal(action.set_relay, 0, RelayCommand.ON) == "UNSUPPORTED"
+    assert refusal(action.shutdown) == ("COMMAND_DENIED" if vehicle.px4 else "UNSUPPORTED")
+    if vehicle.px4:
+        assert refusal(action.terminate) == "COMMAND_DENIED"
+        action.set_gps_global_origin(place[0], place[1], here.absolute_altitude_m)
+    else:
+        # Once the estimator has an origin it keeps it, and says nothing.
+        assert refusal(action.set_gps_global_origin, *place) == "TIMEOUT"
+    north_deg = here.latitude_deg + 0.001
+    # In a frame relative to home, so that only PX4 takes the altitude for what MAVSDK says it is.
+    action.set_home(False, north_deg, here.longitude_deg, here.absolute_altitude_m - 10)
+    vehicle.until(lambda: abs(vehicle.telemetry.home().latitude_deg - north_deg) < 1e-6, "home moved", 10)
+    assert not vehicle.telemetry.armed()
 
 
 @pytest.mark.autopilots("1.3", "1.18")
