@@ -3,12 +3,12 @@
 from collections.abc import Callable, Collection
 from typing import Any
 
+from fleet_wire import FleetWire
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.peer import Peer
 from sim_vehicle.conformance.registry import select
 from sim_vehicle.conformance.runner import Outcome, Report, permissions, run
-from fleet_wire import FleetWire
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenario import default_scenario
 
