@@ -8,8 +8,8 @@ from typing import Any, Protocol
 from sim_vehicle.url import Url
 
 HEARD_S = 10.0  # a ground station that has not spoken for so long is not counted any more
-RECEIVE_BYTES = 65_536
-DATAGRAMS_PER_WAKE, BYTES_PER_WAKE = 64, 65_536  # read at once before others have their turn
+RECEIVE_BYTES = 8192  # read at once; of a datagram that is longer the rest is lost
+DATAGRAMS_PER_WAKE, BYTES_PER_WAKE = 64, 16_384  # read before others, and the clock, have their turn
 Address = tuple[Any, ...]  # as the socket module has it
 Batch = Sequence[tuple[int, bytes]]
 

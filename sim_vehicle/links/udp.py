@@ -14,6 +14,7 @@ from sim_vehicle.links.base import (
     BYTES_PER_WAKE,
     DATAGRAMS_PER_WAKE,
     HEARD_S,
+    RECEIVE_BYTES,
     Address,
     Batch,
     Ends,
@@ -23,10 +24,7 @@ from sim_vehicle.links.base import (
 from sim_vehicle.url import Url
 
 SEND_BUFFER_BYTES = 4_000_000
-RECEIVE_BUFFER_BYTES = (
-    500_000  # what does not fit is lost: a flood must not be worked off long after it is over
-)
-DATAGRAM_BYTES = 8192  # of which the rest is lost; ground stations send a message, or a few, at a time
+RECEIVE_BUFFER_BYTES = 500_000  # a flood must not be worked off long after it is over
 MAX_PEERS = 32
 SILENT_S = 60.0  # then a peer of a listening port is forgotten; ground stations send a heartbeat a second
 
@@ -67,7 +65,7 @@ class UdpOut:
         left = BYTES_PER_WAKE
         for _ in range(DATAGRAMS_PER_WAKE):
             try:
-                data = opened.recv(DATAGRAM_BYTES)
+                data = opened.recv(RECEIVE_BYTES)
             except BlockingIOError:
                 return
             except OSError:  # nobody listens at the other end (yet); real vehicles go on sending too
@@ -143,7 +141,7 @@ class UdpIn:
         left = BYTES_PER_WAKE
         for _ in range(DATAGRAMS_PER_WAKE):
             try:
-                data, address = opened.recvfrom(DATAGRAM_BYTES)
+                data, address = opened.recvfrom(RECEIVE_BYTES)
             except BlockingIOError:
                 return
             except OSError:

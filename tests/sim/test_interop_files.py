@@ -8,7 +8,7 @@ import pytest
 from mavsdk.plugins.component_metadata import ComponentMetadata, MetadataType
 from mavsdk.plugins.ftp import Ftp, FtpResult
 from mavsdk.plugins.log_files import LogFiles, LogFilesResult
-from mavsdk_peer import PATIENT, Peer, Values, Vehicle, connected, finish
+from mavsdk_peer import COPTERS, Peer, Values, Vehicle, connected, finish
 from pymavlink import DFReader, mavftp, mavutil
 from simulator_process import LIMIT_S, free_udp_port, simulator
 
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.interop
 
 @pytest.fixture(scope="module")
 def peer() -> Iterator[Peer]:
-    with connected("--personality", "ardupilot:1,px4:4", "--speedup", "15", *PATIENT) as found:
+    with connected("--personality", "ardupilot:1,px4:4", "--speedup", "15", *COPTERS) as found:
         yield found
 
 

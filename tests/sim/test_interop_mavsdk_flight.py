@@ -17,7 +17,7 @@ from mavsdk.plugins.offboard import (
     VelocityNedYaw,
 )
 from mavsdk.plugins.telemetry import FlightMode, LandedState
-from mavsdk_peer import PATIENT, Peer, Vehicle, connected, refusal
+from mavsdk_peer import COPTERS, Peer, Vehicle, connected, refusal
 
 pytestmark = pytest.mark.interop
 PERSONALITIES = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
@@ -26,14 +26,14 @@ OFFBOARD = FlightMode.OFFBOARD
 
 @pytest.fixture(scope="module")
 def fast() -> Iterator[Peer]:
-    with connected("--personality", "ardupilot:4,px4:3", "--speedup", "25", *PATIENT) as peer:
+    with connected("--personality", "ardupilot:3,px4:2", "--speedup", "25", *COPTERS) as peer:
         yield peer
 
 
 @pytest.fixture(scope="module")
 def slow() -> Iterator[Peer]:
-    """Slow enough for MAVSDK's set-points, 20 a second of its own time, to come in time."""
-    with connected("--personality", "ardupilot:2,px4:3", "--speedup", "8", *PATIENT) as peer:
+    """Slow enough for MAVSDK's set-points, 20 a second of its own time, and for its transfers."""
+    with connected("--personality", "ardupilot:3,px4:4", "--speedup", "10", *COPTERS) as peer:
         yield peer
 
 
@@ -109,8 +109,8 @@ def test_landing_on_the_spot_and_killing_in_flight(fast: Peer, personality: str)
 @pytest.mark.autopilots("MAVSDK 5 geofence", "2 fence", "2 fence use")
 @pytest.mark.autopilots("MAVSDK 5 geofence", "2 fence", "2 fence use", of="px4")
 @PERSONALITIES
-def test_a_geofence_is_kept_obeyed_and_cleared(fast: Peer, personality: str) -> None:
-    vehicle = fast.take(personality)
+def test_a_geofence_is_kept_obeyed_and_cleared(slow: Peer, personality: str) -> None:
+    vehicle = slow.take(personality)
     vehicle.ready()
     fence, param = vehicle.geofence, vehicle.param
     corners = [(-40, -40), (-40, 40), (40, 40), (40, -40)]

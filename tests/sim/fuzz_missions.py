@@ -1,0 +1,154 @@
+"""The mission protocol in the wrong order, and lists that are in order but for what they hold."""
+
+import math
+import random
+from collections.abc import Iterator
+from typing import Any
+
+from fuzz_bench import Bench
+from fuzz_values import COMPONENTS, FLOATS, TARGETS, number, place
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from station import ALT_M, LAT_DEG, LON_DEG
+
+from sim_vehicle.mission import Item
+from sim_vehicle.personalities import personality_of
+
+FLOWN = (
+    16, 16, 16, 17, 18, 19, 20, 21, 22, 31, 82, 93, 112, 113, 114, 115, 177, 178, 179, 189, 5001, 5003, 5004,
+    5100, 0, 65_535,
+)  # fmt: skip
+
+
+def _item(source: random.Random, seq: int, kind: int) -> Any:
+    target, component = source.choice(TARGETS), source.choice(COMPONENTS)
+    x, y = place(source)
+    params = [source.choice((0.0, 0.0, 1.0, 3.0, number("float", source))) for _ in range(4)]
+    z = source.choice((0.0, 20.0, ALT_M + 20.0, number("float", source)))
+    frame = source.choice((0, 2, 3, 3, 3, 5, 6, 6, 10, 11, 255))
+    head = (
+        target,
+        component,
+        seq,
+        frame,
+        source.choice(FLOWN),
+        source.choice((0, 0, 0, 1, 2, 3, 255)),
+        source.choice((0, 1)),
+    )
+    if source.random() < 0.2:
+        return mavlink.MAVLink_mission_item_message(
+            *head, *params, source.choice((x * 1e-7, *FLOATS)), y * 1e-7, z, kind
+        )
+    return mavlink.MAVLink_mission_item_int_message(*head, *params, x, y, z, kind)
+
+
+def missions(_bench: Bench, source: random.Random) -> Iterator[Any]:
+    """The mission protocol by one who does not care for order, size or truth."""
+    seq = 0
+    for _ in range(120):
+        target, component = source.choice(TARGETS), source.choice(COMPONENTS)
+        kind = source.choice((0, 0, 0, 0, 1, 1, 2, 3, 254, 255))
+        count = source.choice((0, 1, 2, 3, 5, 128, 650, 3000, 65_534, 65_535))
+        at = source.choice((0, 0, 1, 2, 3, seq, 65_535))
+        choice = source.random()
+        if choice < 0.12:
+            seq = 0
+            yield mavlink.MAVLink_mission_count_message(
+                target, component, source.choice((1, 2, 3, count)), kind
+            )
+        elif choice < 0.65:
+            yield _item(source, source.choice((seq, seq, seq, seq, at)), kind)
+            seq += 1
+        elif choice < 0.70:
+            low, high = (source.choice((-32_768, -1, 0, 1, 2, 5, 32_767)) for _ in range(2))
+            yield mavlink.MAVLink_mission_write_partial_list_message(target, component, low, high, kind)
+        elif choice < 0.75:
+            yield mavlink.MAVLink_mission_request_list_message(target, component, kind)
+        elif choice < 0.80:
+            yield mavlink.MAVLink_mission_request_int_message(target, component, at, kind)
+        elif choice < 0.84:
+            yield mavlink.MAVLink_mission_request_message(target, component, at, kind)
+        elif choice < 0.87:
+            yield mavlink.MAVLink_mission_clear_all_message(target, component, kind)
+        elif choice < 0.90:
+            yield mavlink.MAVLink_mission_set_current_message(target, component, at)
+        elif choice < 0.94:
+            yield mavlink.MAVLink_mission_ack_message(target, component, source.randint(0, 255), kind)
+        else:
+            command = source.choice((300, 176, 224, 400, 193, 22, 20, 21))
+            params = (source.choice((0.0, 1.0, 3.0)), source.choice((3.0, 4.0, 10.0, 15.0)), 0, 0, 0, 0, 20)
+            yield mavlink.MAVLink_command_long_message(target, component, command, 0, *params)
+
+
+def _flown(bench: Bench) -> list[tuple[int, int]]:
+    """The frames and commands that this autopilot takes as mission items."""
+    store = personality_of(bench.name, bench.kind).store_item
+    pairs = [(frame, command) for command in FLOWN for frame in (3, 2)]
+    taken = [
+        pair for pair in pairs if isinstance(store(Item(pair[1], frame=pair[0], x=1, y=1, z=12.0)), Item)
+    ]
+    return [pair for pair in taken if pair[0] == 3 or (3, pair[1]) not in taken]
+
+
+def in_order(bench: Bench, source: random.Random, kind: int, count: int) -> list[list[Any]]:
+    """Fields of a list of items that a vehicle would take: frame, command, flags, parameters, place."""
+    items, flown = [], _flown(bench)
+    fenced, vertices = source.choice(((5001, count), (5002, count), (5003, 30), (5004, 5)))
+    for seq in range(count):
+        x, y = (round((at + source.uniform(-1e-4, 1e-4)) * 1e7) for at in (LAT_DEG, LON_DEG + 1e-3))
+        wide = 30_000 if kind == 1 else 0
+        if wide:
+            angle = 2 * math.pi * seq / count
+            x, y = (
+                round(LAT_DEG * 1e7 + wide * math.cos(angle)),
+                round(LON_DEG * 1e7 + wide * math.sin(angle)),
+            )
+        frame, command = {1: (3, fenced), 2: (3, 5100)}.get(
+            kind, (3, 22) if seq < 2 else source.choice(flown)
+        )
+        param1 = float(vertices) if kind == 1 else source.choice((0.0, 0.0, 1.0, 3.0))
+        items.append(
+            [
+                frame,
+                command,
+                0,
+                1,
+                param1,
+                *(source.choice((0.0, 0.0, 1.0, 3.0)) for _ in range(3)),
+                x,
+                y,
+                12.0,
+            ]
+        )
+    return items
+
+
+def spoil(source: random.Random, items: list[list[Any]]) -> None:
+    """Put something that is no good into some fields."""
+    for _ in range(source.choice((0, 1, 1, 2, 4))):
+        fields = source.choice(items)
+        place = source.choice((0, 2, 3, 4, 4, 5, 5, 6, 7, 8, 9, 10))
+        types = ("uint8_t", "", "uint8_t", "uint8_t", *["float"] * 4, "int32_t", "int32_t", "float")
+        fields[place] = source.choice((0, 2, 3, 5, 6, 10, 11)) if place == 0 else number(types[place], source)
+
+
+def flown_missions(bench: Bench, source: random.Random) -> Iterator[Any]:
+    """Lists that are uploaded by the rules, hold what nobody should fly, and are flown."""
+    mode = {"ardupilotcopter": (3, 0), "ardupilotplane": (10, 0)}.get(bench.name + bench.kind, (4, 4))
+    for _ in range(5):
+        sysid, kind = source.choice((1, 1, 2)), source.choice((0, 0, 0, 0, 1, 2))
+        items = in_order(bench, source, kind, source.randint(1, 10))
+        spoil(source, items)
+        yield mavlink.MAVLink_mission_count_message(sysid, 1, len(items), kind)
+        for seq, fields in enumerate(items):
+            yield mavlink.MAVLink_mission_item_int_message(sysid, 1, seq, *fields, kind)
+        bench.wait(1.0)
+        start = source.choice(((176, 1, *mode), (176, 1, 4, 3)))  # a copter is armed in GUIDED
+        for command, *params in start, (400, 1), (300, 0), (224, source.choice((0, 1, 5))), (400, 1):
+            padded = [*params, *[0.0] * (7 - len(params))]
+            yield mavlink.MAVLink_command_long_message(sysid, 1, command, 0, *padded)
+        bench.wait(source.choice((5.0, 25.0)))
+        yield mavlink.MAVLink_mission_set_current_message(sysid, 1, source.randint(0, len(items)))
+        yield mavlink.MAVLink_mission_request_list_message(sysid, 1, kind)
+        for seq in range(len(items)):
+            yield mavlink.MAVLink_mission_request_int_message(sysid, 1, seq, kind)
+        yield mavlink.MAVLink_mission_ack_message(sysid, 1, 0, kind)

@@ -1,0 +1,128 @@
+"""Floods and rudeness on real sockets: who behaves is served all the while, and memory stays bounded."""
+
+import random
+import socket
+import struct
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from simulator_process import Ground, free_tcp_port, heartbeat, line, simulator, udp_socket
+
+pytestmark = pytest.mark.interop
+
+FLOOD_S = 1.5
+MOST_GROWTH_BYTES = 80_000_000
+CODEC = mavlink.MAVLink(None, srcSystem=77)
+
+
+def resident_bytes(process: Any) -> int:
+    text = Path(f"/proc/{process.pid}/status").read_text()
+    return int(text.partition("VmRSS:")[2].split()[0]) * 1024
+
+
+def packed(message: Any, **kwargs: bool) -> bytes:
+    return bytes(message.pack(CODEC, **kwargs))
+
+
+def floods() -> list[bytes]:
+    """Full datagrams of noise, of frames that end early, and of requests that are answered at length."""
+    source = random.Random(3)
+    stream = mavlink.MAVLink_request_data_stream_message(0, 0, 0, 50, 1)
+    requests = (
+        mavlink.MAVLink_param_request_list_message(0, 0),
+        mavlink.MAVLink_log_request_list_message(0, 0, 0, 65_535),
+    )
+    return [
+        source.randbytes(60_000),
+        b"\xfe\0\0" * 20_000,
+        packed(heartbeat())[:9] * 5000,
+        packed(stream),
+        *(packed(request, force_mavlink1=True) * 3000 for request in requests),
+        packed(mavlink.MAVLink_command_long_message(0, 0, 512, 0, 435, 0, 0, 0, 0, 0, 0)) * 500,
+        b"",
+        b"\xfd",
+    ]
+
+
+def says_it_is_late(text: str) -> bool:
+    """Nothing else may be complained about but what is lawful under a flood."""
+    return all("cannot keep up" in said or "turned away" in said for said in text.splitlines())
+
+
+def answered_at_last(ground: Ground, ts1: int, target: int) -> None:
+    """A request may be lost while the port is flooded, so it is sent again with every heartbeat heard."""
+    begin = len(ground.heard)
+    while not any(
+        m.get_type() == "TIMESYNC" and m.ts1 == ts1 and m.get_srcSystem() == target
+        for m in ground.heard[begin:]
+    ):
+        ground.send(heartbeat())
+        ground.send(mavlink.MAVLink_timesync_message(0, ts1))
+        ground.until(lambda m: m.get_type() in ("TIMESYNC", "HEARTBEAT"))
+
+
+def test_floods_over_udp_do_not_keep_a_station_from_being_served() -> None:
+    udp, port = udp_socket()
+    udp.close()
+    with simulator(
+        "--personality", "mixed", "--count", "4", "--url", f"udpin:127.0.0.1:{port}", errors=says_it_is_late
+    ) as process:
+        assert line(process)
+        good, _ = udp_socket()
+        with Ground(good) as ground:
+            ground.address = ("127.0.0.1", port)
+            ground.send(heartbeat())
+            ground.systems(1, 2, 3, 4)
+            before = resident_bytes(process)
+            rude = [udp_socket()[0] for _ in range(40)]  # more than are remembered
+            end_s = time.monotonic() + FLOOD_S
+            kinds = floods()
+            sent = 0
+            while time.monotonic() < end_s:
+                rude[sent % len(rude)].sendto(kinds[sent % len(kinds)], ("127.0.0.1", port))
+                sent += 1
+                if sent % 20 == 0:
+                    ground.send(heartbeat())
+            for other in rude:
+                other.close()
+            for sysid in (1, 2, 3, 4):
+                answered_at_last(ground, 1000 + sysid, sysid)
+            ground.systems(1, 2, 3, 4)
+            assert resident_bytes(process) - before < MOST_GROWTH_BYTES
+
+
+def test_rude_tcp_clients_do_not_keep_a_station_from_being_served() -> None:
+    port = free_tcp_port()
+    reset = struct.pack("ii", 1, 0)  # SO_LINGER: closed without a word
+    with simulator(
+        "--count", "3", "--speedup", "2", "--url", f"tcpin:127.0.0.1:{port}", errors=says_it_is_late
+    ) as process:
+        assert line(process)
+        with Ground(socket.create_connection(("127.0.0.1", port), timeout=10)) as ground:
+            ground.systems(*range(1, 4))
+            before = resident_bytes(process)
+            rude = [socket.create_connection(("127.0.0.1", port), timeout=10) for _ in range(40)]
+            stream = packed(mavlink.MAVLink_request_data_stream_message(0, 0, 0, 50, 1))
+            for i, client in enumerate(rude):
+                client.setblocking(False)
+                try:
+                    client.send((stream + packed(heartbeat())[:7], floods()[i % 9][:3000] or b"\0")[i % 2])
+                    if i % 5 == 1:
+                        client.shutdown(socket.SHUT_WR)
+                    if i % 5 == 2:
+                        client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, reset)
+                        client.close()
+                except OSError:  # it was turned away
+                    client.close()
+            for ts1 in range(1, 4):  # nobody of them ever reads
+                ground.answered(ts1, ts1)
+                ground.systems(*range(1, 4))
+            assert resident_bytes(process) - before < MOST_GROWTH_BYTES
+            for client in rude:
+                client.close()
+        with Ground(socket.create_connection(("127.0.0.1", port), timeout=10)) as late:
+            late.systems(*range(1, 4))
+            late.answered(99, 3)

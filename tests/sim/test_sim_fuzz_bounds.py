@@ -1,0 +1,169 @@
+"""What a message may cost: answers, memory and work stay in proportion to what was sent."""
+
+import random
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from fuzz_bench import CRAFT, Bench
+from fuzz_frames import odd_length
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from station import LAT_DEG, LON_DEG
+
+STORM = 300
+# What long answers may put on a link at once, and a second, in frames of the shortest of them (PARAM_VALUE).
+AT_ONCE, A_SECOND = 40_000 // 37, 200_000 // 37
+PLACE = (round(LAT_DEG * 1e7), round((LON_DEG + 1e-3) * 1e7))
+
+
+def command(number: int, *params: float) -> Any:
+    return mavlink.MAVLink_command_long_message(1, 1, number, 0, *params, *[0.0] * (7 - len(params)))
+
+
+def storm(kind: str) -> Iterator[Any]:
+    """So many of a message that is answered at length."""
+    for i in range(STORM):
+        if kind == "parameters":
+            yield mavlink.MAVLink_param_request_list_message(1, 1)
+        elif kind == "log list":
+            yield mavlink.MAVLink_log_request_list_message(1, 1, 0, 65_535)
+        elif kind == "log data":
+            yield mavlink.MAVLink_log_request_list_message(1, 1, 0, 65_535)
+            yield mavlink.MAVLink_log_request_data_message(1, 1, i % 2, 0, 2**32 - 1)
+        elif kind == "burst":
+            payload = bytes([i % 256, 0, 0, (4, 15)[i % 2], 15, 0, 0, 0]) + bytes(4) + b"@PARAM/param.pck"
+            yield mavlink.MAVLink_file_transfer_protocol_message(0, 1, 1, payload.ljust(251, b"\0"))
+        elif kind == "mission":
+            yield mavlink.MAVLink_mission_count_message(1, 1, 65_535, i % 3)
+
+
+@pytest.mark.parametrize("kind", ["parameters", "log list", "log data", "burst", "mission"])
+@pytest.mark.parametrize(("name", "craft"), CRAFT[::2])
+def test_long_answers_are_paced_however_often_they_are_asked_for(name: str, craft: str, kind: str) -> None:
+    bench = Bench(name, craft)
+    for message in [command(400, 1), command(400, 0)]:  # a log to be had
+        bench.send(message)
+        bench.wait(1.0)
+    before = len(bench.raw)
+    bench.put(b"".join(bench.frame(message) for message in storm(kind)))
+    assert len(bench.raw) - before <= AT_ONCE + 4 * STORM
+    before = len(bench.raw)
+    bench.wait(2.0)
+    assert len(bench.raw) - before <= 2.2 * A_SECOND
+    bench.wait(8.0)
+    before = len(bench.raw)
+    bench.wait(2.0)  # and they come to an end
+    assert len(bench.raw) - before <= 2 * 2 * 80
+    bench.check()
+
+
+def test_a_list_of_parameters_is_whole_in_spite_of_a_storm() -> None:
+    bench = Bench("ardupilot", "copter")
+    bench.put(b"".join(bench.frame(message) for message in storm("parameters")))
+    bench.wait(2.0)
+    values = [m for _, m in bench.heard if m.get_type() == "PARAM_VALUE"]
+    last = values[-values[0].param_count :]
+    assert [m.param_index for m in last] == list(range(values[0].param_count))
+
+
+@pytest.mark.parametrize(("name", "craft"), CRAFT[::2])
+def test_messages_are_asked_for_one_by_one(name: str, craft: str) -> None:
+    """REQUEST_MESSAGE of everything: an acknowledgement and what was asked for, all modes at the most."""
+    bench = Bench(name, craft)
+    for number in (*mavlink.mavlink_map, 300, 380, 396, 397, 410, 411, 435, 436):
+        before = len(bench.raw)
+        bench.send(command(mavlink.MAV_CMD_REQUEST_MESSAGE, number))
+        assert len(bench.raw) - before <= 1 + len(bench.fleet.vehicles[0].personality.modes)
+
+
+def test_no_stream_is_faster_than_the_clock() -> None:
+    bench = Bench("ardupilot", "copter")
+    for number in mavlink.mavlink_map:
+        bench.send(command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, number, 1e-30))
+    before = len(bench.raw)
+    bench.wait(1.0)
+    assert len(bench.raw) - before <= 2 + 20 * 40
+
+
+def endless(name: str) -> list[tuple[int, int, float, float]]:
+    """Frame, command, parameters 1 and 2: hundreds of do-commands, and jumps back to them for ever."""
+    home = [(3, 16, 0.0, 0.0)] if name == "ardupilot" else []
+    frame = 3 if name == "ardupilot" else 2
+    speed = [(frame, 178, 1.0, 5.0)] * 500
+    start = len(home) + 1
+    jumps = [(frame, 177, float(start), 63.0), (frame, 177, float(start), -1.0)]
+    return [*home, (3, 22, 0.0, 0.0), *speed, *jumps, (3, 16, 0.0, 0.0)]
+
+
+@pytest.mark.parametrize(("name", "craft"), CRAFT)
+def test_a_mission_of_commands_that_take_no_time_takes_some(name: str, craft: str) -> None:
+    bench = Bench(name, craft)
+    bench.fly()
+    items = endless(name)
+    bench.send(mavlink.MAVLink_mission_count_message(1, 1, len(items), 0))
+    for seq, (frame, number, param1, param2) in enumerate(items):
+        bench.send(
+            mavlink.MAVLink_mission_item_int_message(
+                1, 1, seq, frame, number, 0, 1, param1, param2, 0, 0, *PLACE, 30.0, 0
+            )
+        )
+    bench.wait(1.0)
+    mode = {"ardupilotcopter": (3,), "ardupilotplane": (10,)}.get(name + craft, (4, 4))
+    assert bench.command(mavlink.MAV_CMD_DO_SET_MODE, 1, *mode) == 0
+    bench.most_frames = 0
+    for _ in range(20):
+        bench.send(command(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, 1, 1))
+        bench.send(mavlink.MAVLink_mission_set_current_message(1, 1, 2))
+        before = len(bench.raw)
+        bench.wait(0.5)
+        assert len(bench.raw) - before <= 5 * 4 * 50 + 100
+    assert bench.most_frames <= 8
+    bench.check()
+
+
+# -- memory ----------------------------------------------------------------------------------------------
+
+
+def test_a_stream_that_never_ends_with_a_frame_is_not_kept() -> None:
+    bench = Bench("ardupilot", "copter")
+    beat = bench.frame(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3))
+    bench.fleet.receive(beat[:5], 0.5, peer="cut")
+    for _ in range(200):
+        bench.fleet.receive((beat * 30)[5:] + beat[:5], 0.5, peer="cut")
+    assert bench.fleet.counters.messages_in == 200 * 30
+    assert bench.fleet.waiting_bytes <= 300
+
+
+def test_peers_are_forgotten_when_they_are_gone() -> None:
+    bench = Bench("ardupilot", "copter")
+    for peer in range(1000):
+        bench.fleet.receive(b"\xfd\xff", 0.5, peer=peer)
+        bench.fleet.forget_peer(peer)
+    assert bench.fleet.waiting_bytes == 0
+
+
+def test_signing_hears_only_so_many_streams() -> None:
+    bench = Bench("ardupilot", "copter")
+    bench.sign()
+    bench.check()  # those who are known stay so
+    codec = mavlink.MAVLink(None)
+    codec.signing.secret_key, codec.signing.sign_outgoing = bytes(range(7, 39)), True
+    beat = mavlink.MAVLink_timesync_message(0, 1)
+    answered = 0
+    for system in range(1, 256):
+        codec.srcSystem, codec.signing.link_id, codec.signing.timestamp = system, system, 10**12 + 10**6
+        answered += len(
+            [m for m in bench.put(bytes(beat.pack(codec)), peer="many") if m.get_type() == "TIMESYNC"]
+        )
+    assert 0 < answered <= 2 * 16
+    bench.check()
+
+
+def test_frames_of_every_length_cost_what_they_hold() -> None:
+    """Unknown ids and payloads longer or shorter than the message: nothing but what was meant is answered."""
+    source = random.Random(5)
+    bench = Bench("px4", "copter")
+    for message_id in [*mavlink.mavlink_map, 80, 300, 397, 410, 12_345, 2**24 - 1]:
+        bench.put(odd_length(message_id, source))
+    assert bench.most_frames <= 2 * (AT_ONCE + 10)
+    bench.check()

@@ -1,0 +1,179 @@
+"""What fuzzing has found, a row each."""
+
+import struct
+from typing import Any
+
+import pytest
+from fuzz_bench import CRAFT, Bench
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from station import LAT_DEG, LON_DEG
+
+from sim_vehicle.ftp import HEADER
+from sim_vehicle.parser import CommandCancel
+
+PLACE = (round(LAT_DEG * 1e7), round((LON_DEG + 1e-3) * 1e7))
+HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
+ATTITUDE = mavlink.MAVLINK_MSG_ID_ATTITUDE
+CALIBRATION = mavlink.MAV_CMD_PREFLIGHT_CALIBRATION
+ACCEPTED, UNSUPPORTED, IN_PROGRESS, CANCELLED = 0, 3, 5, 6
+
+
+def upload(bench: Bench, *items: tuple[Any, ...]) -> list[int]:
+    """Items of (frame, command, parameters 1 to 4, z); the types of the acknowledgements."""
+    replies = bench.send(mavlink.MAVLink_mission_count_message(1, 1, len(items), 0))
+    for seq, (frame, command, *parameters, z) in enumerate(items):
+        head = (1, 1, seq, frame, command, 0, 1, *parameters)
+        replies += bench.send(mavlink.MAVLink_mission_item_int_message(*head, *PLACE, z, 0))
+    return [m.type for m in replies if m.get_type() == "MISSION_ACK"]
+
+
+@pytest.mark.parametrize(("name", "kind"), CRAFT)
+def test_landing_where_there_is_no_mode_for_it(name: str, kind: str) -> None:
+    bench = Bench(name, kind)
+    bench.fly()
+    wanted = UNSUPPORTED if (name, kind) == ("ardupilot", "plane") else ACCEPTED
+    assert bench.command(mavlink.MAV_CMD_NAV_LAND) == wanted
+    bench.check()
+
+
+@pytest.mark.parametrize("parameter", [b"BATT_FS_LOW_ACT", b"FS_LONG_ACTN"])
+def test_a_failsafe_that_lands_a_plane_brings_it_home(parameter: bytes) -> None:
+    bench = Bench("ardupilot", "plane")
+    bench.fly()
+    for key, value in ((parameter, 2), (b"BATT_LOW_VOLT", 50), (b"FS_GCS_ENABL", 1)):
+        bench.send(mavlink.MAVLink_param_set_message(1, 1, key, value, 9))
+    bench.send(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3))
+    bench.wait(20.0)
+    bench.check()
+    assert bench.fleet.truth().mode[0] != "TAKEOFF"
+
+
+@pytest.mark.parametrize(("name", "kind"), CRAFT)
+def test_an_interval_longer_than_its_message_can_say(name: str, kind: str) -> None:
+    bench = Bench(name, kind)
+    assert bench.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, ATTITUDE, 3.4e38) == ACCEPTED
+    bench.command(mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, ATTITUDE)
+    bench.command(mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL, ATTITUDE)
+    told = [m.interval_us for _, m in bench.heard if m.get_type() == "MESSAGE_INTERVAL"]
+    assert told
+    assert set(told) == {2**31 - 1}
+
+
+@pytest.mark.parametrize(("name", "kind"), CRAFT)
+def test_heartbeats_at_their_usual_interval_beat(name: str, kind: str) -> None:
+    bench = Bench(name, kind)
+    for interval_us in (-1, 0):
+        assert bench.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, HEARTBEAT, interval_us) == ACCEPTED
+    beats = [m for m in bench.wait(3.1) if m.get_type() == "HEARTBEAT" and m.get_srcSystem() == 1]
+    assert len(beats) == 3
+
+
+def test_a_negative_count_of_flights() -> None:
+    bench = Bench("px4", "copter")
+    (value,) = struct.unpack("<f", struct.pack("<i", -(2**31)))
+    bench.send(mavlink.MAVLink_param_set_message(1, 1, b"COM_FLIGHT_UUID", value, 6))
+    bench.check()
+
+
+@pytest.mark.parametrize("kind", ["copter", "plane"])
+def test_a_wind_beyond_all_winds(kind: str) -> None:
+    bench = Bench("ardupilot", kind)
+    bench.fly()
+    bench.send(mavlink.MAVLink_param_set_message(1, 1, b"SIM_WIND_SPD", 3.4e38, 9))
+    bench.wait(20.0)
+    assert bench.fleet.truth().speed_m_s[0] < 250
+    bench.check()
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+@pytest.mark.parametrize("parameter", ["RTL_ALT", "WPNAV_SPEED", "SIM_GPS_GLITCH_Z"])
+def test_an_uploaded_file_of_parameters_that_are_no_numbers(parameter: str, value: float) -> None:
+    bench = Bench("ardupilot", "copter")
+    body = bytes([4, (len(parameter) - 1) << 4]) + parameter.encode() + struct.pack("<f", value)
+    content = struct.pack("<HHH", 0x671B, 1, 6 + len(body)) + body
+    for seq, (opcode, data) in enumerate(((6, b"@PARAM/param.pck"), (7, content), (1, b""))):
+        payload = HEADER.pack(seq, 0, opcode, len(data), 0, 0, 0) + data
+        bench.send(mavlink.MAVLink_file_transfer_protocol_message(0, 1, 1, payload.ljust(251, b"\0")))
+    replies = bench.send(mavlink.MAVLink_param_request_read_message(1, 1, parameter.encode(), -1))
+    usual = bench.fleet.vehicles[0].personality.parameters[parameter]
+    assert [m.param_value for m in replies if m.get_type() == "PARAM_VALUE"] == [usual]
+    bench.check()
+
+
+def test_a_mission_that_was_cut_behind_where_it_was_left() -> None:
+    bench = Bench("ardupilot", "copter")
+    bench.fly()
+    waypoint = (3, 16, 0, 0, 0, 0, 30.0)
+    assert upload(bench, *[waypoint] * 6) == [ACCEPTED]
+    assert bench.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 3) == ACCEPTED
+    bench.send(mavlink.MAVLink_mission_set_current_message(1, 1, 5))
+    assert bench.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 4) == ACCEPTED
+    assert upload(bench, waypoint, waypoint) == [ACCEPTED]
+    assert bench.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
+    bench.check()
+
+
+@pytest.mark.parametrize("z", [3.4e38, -3.4e38])
+def test_a_home_beyond_the_sky(z: float) -> None:
+    bench = Bench("px4", "copter")
+    bench.fly()
+    items = [(3, 22, 0, 0, 0, 0, 30.0), (2, 179, 0, 0, 0, 0, z), (3, 16, 0, 0, 0, 0, 40.0)]
+    assert upload(bench, *items) == [ACCEPTED]
+    bench.wait(1.0)
+    assert bench.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 4, 4) == ACCEPTED
+    for _ in range(3):  # each time above the one before
+        bench.send(mavlink.MAVLink_mission_set_current_message(1, 1, 1))
+        bench.wait(5.0)
+    bench.check()
+
+
+@pytest.mark.parametrize("at", [3.4e38, -3.4e38, float("nan"), float("inf"), 214.8])
+@pytest.mark.parametrize(("name", "kind"), CRAFT)
+def test_a_place_that_is_none_on_earth_in_the_old_kind_of_item(name: str, kind: str, at: float) -> None:
+    bench = Bench(name, kind)
+    bench.send(mavlink.MAVLink_mission_count_message(1, 1, 2, 0))
+    for seq in range(2):
+        bench.send(mavlink.MAVLink_mission_item_message(1, 1, seq, 3, 22, 0, 1, 0, 0, 0, 0, at, at, 20, 0))
+    assert any(m.get_type() == "MISSION_ACK" and m.type != ACCEPTED for _, m in bench.heard)
+    bench.check()
+
+
+@pytest.mark.parametrize(("name", "kind"), CRAFT)
+def test_the_protocol_version_is_asked_for(name: str, kind: str) -> None:
+    bench = Bench(name, kind)
+    assert bench.command(mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION, 1) is not None
+    bench.check()
+
+
+# -- COMMAND_CANCEL, which the dialect does not know -------------------------------------------------------
+
+
+def calibration_results(
+    bench: Bench, sysid: int = 1, *, mavlink1: bool = False, spoilt: int = 0
+) -> list[int]:
+    """The results that a calibration is acknowledged with when a cancellation comes after its beginning."""
+    assert bench.command(CALIBRATION, 1) == IN_PROGRESS
+    cancel = bytearray(bench.frame(CommandCancel(sysid, 1, CALIBRATION), mavlink1=mavlink1))
+    cancel[-1] ^= spoilt
+    messages = [*bench.put(bytes(cancel)), *bench.wait(5.0)]
+    acks = [m for m in messages if m.get_type() == "COMMAND_ACK" and m.command == CALIBRATION]
+    return [m.result for m in acks if m.result != IN_PROGRESS]
+
+
+@pytest.mark.parametrize("mavlink1", [False, True])
+@pytest.mark.parametrize("is_signing", [False, True])
+def test_a_cancelled_command_ends(is_signing: bool, mavlink1: bool) -> None:
+    bench = Bench("ardupilot", "copter")
+    if is_signing:
+        bench.sign()
+    # What is not signed is not obeyed where signatures are demanded.
+    wanted = ACCEPTED if is_signing and mavlink1 else CANCELLED
+    assert calibration_results(bench, mavlink1=mavlink1) == [wanted]
+
+
+def test_a_spoilt_cancellation_is_none() -> None:
+    assert calibration_results(Bench("ardupilot", "copter"), spoilt=1) == [ACCEPTED]
+
+
+def test_a_cancellation_for_another_vehicle_is_not_for_this_one() -> None:
+    assert calibration_results(Bench("ardupilot", "copter"), 2) == [ACCEPTED]
