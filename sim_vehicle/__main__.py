@@ -129,8 +129,8 @@ def fleet(
     # --help needs none of these, which take a while
     from sim_vehicle.faults.spec import help_text  # noqa: PLC0415
     from sim_vehicle.links import LinkError  # noqa: PLC0415
-    from sim_vehicle.options import FleetOptions, OptionError, read_options  # noqa: PLC0415
-    from sim_vehicle.serve import Serving, serve  # noqa: PLC0415
+    from sim_vehicle.serving.options import FleetOptions, OptionError, read_options  # noqa: PLC0415
+    from sim_vehicle.serving.serve import Serving, serve  # noqa: PLC0415
 
     if fault and HELP_FAULTS in fault:
         typer.echo(help_text())

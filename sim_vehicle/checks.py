@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from sim_vehicle.geodesy import Floats
+from sim_vehicle.physics.geodesy import Floats
 
 if TYPE_CHECKING:
     from sim_vehicle.fleet import Truth

@@ -9,29 +9,29 @@ import numpy as np
 import numpy.typing as npt
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.afflictions import Afflictions
-from sim_vehicle.autopilot import Autopilot
-from sim_vehicle.body import Body
-from sim_vehicle.encode import Encoder
 from sim_vehicle.faults.schedule import Patient, Schedule
 from sim_vehicle.faults.spec import FaultSpec
-from sim_vehicle.geodesy import Floats, LocalFrame
-from sim_vehicle.gps import GpsSettings
-from sim_vehicle.harm import Harm
-from sim_vehicle.logs.recorder import limits_for
-from sim_vehicle.logs.sampling import samples
-from sim_vehicle.outbox import Frames, Outbox
-from sim_vehicle.parser import Parser
+from sim_vehicle.files.logs.recorder import limits_for
+from sim_vehicle.files.logs.sampling import samples
 from sim_vehicle.personalities import personality_of
-from sim_vehicle.receivers import COMPONENT
+from sim_vehicle.physics.body import Body
+from sim_vehicle.physics.geodesy import Floats, LocalFrame
+from sim_vehicle.physics.gps import GpsSettings
+from sim_vehicle.physics.threats import OUTSIDE, Threats
+from sim_vehicle.physics.wind import WindSettings
+from sim_vehicle.physics.world import World
 from sim_vehicle.scenario import Scenario
-from sim_vehicle.status import Status
-from sim_vehicle.streams import Streams
-from sim_vehicle.telemetry import View
-from sim_vehicle.threats import OUTSIDE, Threats
-from sim_vehicle.wind import WindSettings
-from sim_vehicle.wires import Wires
-from sim_vehicle.world import World
+from sim_vehicle.vehicle.afflictions import Afflictions
+from sim_vehicle.vehicle.autopilot import Autopilot
+from sim_vehicle.vehicle.harm import Harm
+from sim_vehicle.vehicle.receivers import COMPONENT
+from sim_vehicle.wire.encode import Encoder
+from sim_vehicle.wire.outbox import Frames, Outbox
+from sim_vehicle.wire.parser import Parser
+from sim_vehicle.wire.status import Status
+from sim_vehicle.wire.streams import Streams
+from sim_vehicle.wire.telemetry import View
+from sim_vehicle.wire.wires import Wires
 
 TICK_S = 0.05
 TICKS_PER_DECISION = 2

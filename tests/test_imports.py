@@ -89,6 +89,17 @@ MAY_IMPORT: dict[str, set[str]] = {
     "swarmctl.cli": {"swarmctl"},
     "swarmctl.entry": {"swarmctl.cli"},
     "sim_vehicle": set(),
+    "sim_vehicle.physics": set(),
+    "sim_vehicle.wire": {"sim_vehicle.physics", "sim_vehicle.epoch", "sim_vehicle.personalities.base"},
+    "sim_vehicle.files": {
+        "sim_vehicle.physics", "sim_vehicle.wire", "sim_vehicle.epoch", "sim_vehicle.vehicle.mission",
+    },
+    "sim_vehicle.vehicle": {
+        "sim_vehicle.physics", "sim_vehicle.wire", "sim_vehicle.files", "sim_vehicle.personalities.base",
+        "sim_vehicle.faults", "sim_vehicle.epoch",
+    },
+    "sim_vehicle.faults": {"sim_vehicle.vehicle.afflictions", "sim_vehicle.wire"},
+    "sim_vehicle.links": {"sim_vehicle.url"},
     # It judges autopilots, so it must not know how the simulated ones are made.
     "sim_vehicle.conformance": {"sim_vehicle.url"},
 }  # fmt: skip
@@ -115,7 +126,7 @@ ONLY_IN: dict[str, set[str]] = {
     "typer": {
         "swarmctl.cli",
         "sim_vehicle.__main__",
-        "sim_vehicle.serve",
+        "sim_vehicle.serving.serve",
         "sim_vehicle.run.command",
         "sim_vehicle.conformance.cli",
     },
@@ -130,10 +141,10 @@ PURE = {
 }  # fmt: skip
 # The simulator's only sockets, clocks, tasks and processes.
 SHELLS = {
-    "sim_vehicle.__main__", "sim_vehicle.serve", "sim_vehicle.server", "sim_vehicle.links",
-    "sim_vehicle.pace",
-    "sim_vehicle.hand", "sim_vehicle.display", "sim_vehicle.run.command", "sim_vehicle.testing.served",
-    "sim_vehicle.pytest_plugin", "sim_vehicle.conformance.sockets",
+    "sim_vehicle.__main__", "sim_vehicle.links", "sim_vehicle.pytest_plugin",
+    "sim_vehicle.serving.serve", "sim_vehicle.serving.server", "sim_vehicle.serving.pace",
+    "sim_vehicle.serving.hand", "sim_vehicle.serving.display",
+    "sim_vehicle.run.command", "sim_vehicle.testing.served", "sim_vehicle.conformance.sockets",
 }  # fmt: skip
 IMPURE = {"time", "random", "asyncio", "socket", "threading", "subprocess", "os", "datetime"}
 

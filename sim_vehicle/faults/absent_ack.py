@@ -2,8 +2,8 @@
 
 from pydantic import Field
 
-from sim_vehicle.afflictions import Effect
 from sim_vehicle.faults.base import End, Fault, FaultParams, Share, Target
+from sim_vehicle.vehicle.afflictions import Effect
 
 
 class Params(FaultParams):

@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from sim_vehicle.afflictions import Afflictions, Effect
-from sim_vehicle.channel import Channel, Direction, Stage
+from sim_vehicle.vehicle.afflictions import Afflictions, Effect
+from sim_vehicle.wire.channel import Channel, Direction, Stage
 
 End = Callable[[float], None]  # called with the time of the end [s]
 Way = Literal["both", "to_vehicle", "from_vehicle"]

@@ -4,8 +4,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from sim_vehicle.afflictions import Effect
 from sim_vehicle.faults.base import End, Fault, FaultParams, Share, Target
+from sim_vehicle.vehicle.afflictions import Effect
 
 
 class Params(FaultParams):

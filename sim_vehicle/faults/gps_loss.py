@@ -1,7 +1,7 @@
 """The GPS receiver has no fix."""
 
-from sim_vehicle.afflictions import Effect
 from sim_vehicle.faults.base import End, Fault, FaultParams, Target
+from sim_vehicle.vehicle.afflictions import Effect
 
 
 class Params(FaultParams):

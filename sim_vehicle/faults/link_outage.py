@@ -1,7 +1,7 @@
 """Nothing gets through."""
 
-from sim_vehicle.channel import Passed
 from sim_vehicle.faults.base import End, Fault, FaultParams, Target
+from sim_vehicle.wire.channel import Passed
 
 
 class Params(FaultParams):

@@ -5,8 +5,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from sim_vehicle.channel import Passed
 from sim_vehicle.faults.base import DIRECTION, End, Fault, FaultParams, Share, Target, Way
+from sim_vehicle.wire.channel import Passed
 
 
 class Params(FaultParams):

@@ -10,11 +10,11 @@ from functools import partial
 
 import numpy as np
 
-from sim_vehicle.afflictions import Afflictions
-from sim_vehicle.channel import Channel
 from sim_vehicle.faults import FAULTS
 from sim_vehicle.faults.base import End, Target
 from sim_vehicle.faults.spec import FaultError, FaultSpec
+from sim_vehicle.vehicle.afflictions import Afflictions
+from sim_vehicle.wire.channel import Channel
 
 RANDOMNESS = 0xFA17  # keeps the faults' randomness apart from that of the vehicles
 

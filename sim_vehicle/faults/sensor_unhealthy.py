@@ -5,8 +5,8 @@ from enum import Enum
 from pydantic import Field
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.afflictions import Effect
 from sim_vehicle.faults.base import End, Fault, FaultParams, Target
+from sim_vehicle.vehicle.afflictions import Effect
 
 
 class Sensor(Enum):

@@ -12,11 +12,11 @@ import numpy as np
 from pydantic import Field, model_validator
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.channel import Channel, Direction, Passed
 from sim_vehicle.faults.base import End, Fault, FaultParams, Share, Target
 from sim_vehicle.faults.burst_loss import BurstLoss
 from sim_vehicle.faults.burst_loss import Params as BurstParams
 from sim_vehicle.faults.corruption import Corruption
+from sim_vehicle.wire.channel import Channel, Direction, Passed
 
 RADIO_SYSTEM, RADIO_COMPONENT = ord("3"), ord("D")
 PACKET_OVERHEAD_BYTES = 16  # preamble, synchronisation, header, trailer and checksum in the air

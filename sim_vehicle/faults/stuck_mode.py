@@ -2,8 +2,8 @@
 
 from pydantic import Field
 
-from sim_vehicle.afflictions import Effect, ModeStuck
 from sim_vehicle.faults.base import End, Fault, FaultParams, Target
+from sim_vehicle.vehicle.afflictions import Effect, ModeStuck
 
 
 class Params(FaultParams):

@@ -10,14 +10,14 @@ from dataclasses import dataclass
 from enum import Enum, auto
 from typing import TYPE_CHECKING, Any
 
-from sim_vehicle.logs.record import LogWhen
-from sim_vehicle.logs.recorder import LogLimits
-from sim_vehicle.mission import Item, Mission
+from sim_vehicle.files.logs.record import LogWhen
+from sim_vehicle.files.logs.recorder import LogLimits
+from sim_vehicle.vehicle.mission import Item, Mission
 
 if TYPE_CHECKING:
-    from sim_vehicle.autopilot import Autopilot
-    from sim_vehicle.commands import Command
-    from sim_vehicle.params import Parameters
+    from sim_vehicle.vehicle.autopilot import Autopilot
+    from sim_vehicle.vehicle.commands import Command
+    from sim_vehicle.vehicle.params import Parameters
 
 CommandHandler = Callable[["Autopilot", "Command", float], int]
 

@@ -7,8 +7,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.mission import Item
-from sim_vehicle.params import as_float32
+from sim_vehicle.vehicle.mission import Item
+from sim_vehicle.vehicle.params import as_float32
 
 RESEND_S = 1.5
 STALLED_S = 12.0  # an upload in which nothing happens for so long begins again

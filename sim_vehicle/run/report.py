@@ -14,7 +14,7 @@ from rich.table import Table
 from sim_vehicle.run.runner import VehicleEnd, Verdict
 from sim_vehicle.run.station import Heard
 from sim_vehicle.scenario.model import VehicleSpec
-from sim_vehicle.tlog import Tlog
+from sim_vehicle.serving.tlog import Tlog
 
 SHOWN_FAILURES, SHOWN_VEHICLES = 3, 40
 WIDE = 110  # columns of a terminal that has room for texts

@@ -8,7 +8,7 @@ import numpy as np
 
 from sim_vehicle.checks import View
 from sim_vehicle.fleet import Fleet, Truth
-from sim_vehicle.geodesy import Floats, LocalFrame
+from sim_vehicle.physics.geodesy import Floats, LocalFrame
 from sim_vehicle.run.geometry import outside_m
 from sim_vehicle.run.judging import Failure, Judge
 from sim_vehicle.run.station import Heard, Station, StepFailure

@@ -8,7 +8,7 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from sim_vehicle.geodesy import LocalFrame
+from sim_vehicle.physics.geodesy import LocalFrame
 from sim_vehicle.scenario.base import Altitude, Latitude, Length, Longitude, Metres, Section
 from sim_vehicle.scenario.model import Finding, MisfitError, Scenario
 from sim_vehicle.yaml_lines import Document, FileSyntaxError, KeyPath, parse

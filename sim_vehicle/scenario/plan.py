@@ -6,9 +6,9 @@ from typing import Annotated, Any, Self
 from pydantic import BeforeValidator, Field, model_validator
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.geodesy import LocalFrame
-from sim_vehicle.mission import Item
+from sim_vehicle.physics.geodesy import LocalFrame
 from sim_vehicle.scenario.base import Length, Metres, Nothing, Number, OneOf, Seconds, Section
+from sim_vehicle.vehicle.mission import Item
 
 Height = Annotated[float, Field(strict=True, gt=0, le=10_000)]
 

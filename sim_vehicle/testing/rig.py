@@ -10,10 +10,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.faults.spec import parse_fault
 from sim_vehicle.fleet import Fleet
-from sim_vehicle.outbox import Frames
 from sim_vehicle.run.station import Station
 from sim_vehicle.scenario import Scenario, ScenarioError, default_scenario, load_scenario
 from sim_vehicle.scenario.steps import Step
+from sim_vehicle.wire.outbox import Frames
 
 STEP_S = 0.05
 HOME = (46.0490, 14.5060, 300.0)  # latitude, longitude [deg], above mean sea level [m]

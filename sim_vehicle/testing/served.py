@@ -10,8 +10,8 @@ import warnings
 from collections.abc import Callable
 from typing import TypeVar
 
-from sim_vehicle.pace import RealTime
-from sim_vehicle.server import Server
+from sim_vehicle.serving.pace import RealTime
+from sim_vehicle.serving.server import Server
 from sim_vehicle.testing.rig import Rig
 from sim_vehicle.url import parse_url
 

@@ -4,11 +4,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from sim_vehicle.body import Body
-from sim_vehicle.geodesy import LocalFrame
-from sim_vehicle.gps import GpsSettings
-from sim_vehicle.wind import WindSettings
-from sim_vehicle.world import World
+from sim_vehicle.physics.body import Body
+from sim_vehicle.physics.geodesy import LocalFrame
+from sim_vehicle.physics.gps import GpsSettings
+from sim_vehicle.physics.wind import WindSettings
+from sim_vehicle.physics.world import World
 
 STEP_S = 0.05
 LAT_DEG, LON_DEG, GROUND_M = 46.05, 14.5, 300.0

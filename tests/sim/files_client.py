@@ -7,9 +7,9 @@ from typing import Any
 from pymavlink import mavftp
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.filesystem import FileSystem
-from sim_vehicle.ftp import HEADER, FtpServer
-from sim_vehicle.ftp_rules import FtpRules, Opcode
+from sim_vehicle.files.filesystem import FileSystem
+from sim_vehicle.files.ftp import HEADER, FtpServer
+from sim_vehicle.files.ftp_rules import FtpRules, Opcode
 
 TICK_S = 0.1
 

@@ -13,9 +13,9 @@ from fuzz_values import COMPONENTS, DEAFENING, TARGETS, number, place, random_me
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import ALT_M, LAT_DEG, LON_DEG
 
-from sim_vehicle.commands import HANDLERS
-from sim_vehicle.parser import CommandCancel
 from sim_vehicle.personalities import personality_of
+from sim_vehicle.vehicle.commands import HANDLERS
+from sim_vehicle.wire.parser import CommandCancel
 
 Attack = Callable[[Bench, random.Random], Iterator[Any]]
 

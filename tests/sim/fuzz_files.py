@@ -10,8 +10,8 @@ from fuzz_missions import in_order, spoil
 from fuzz_values import COMPONENTS, DEAFENING, TARGETS, number
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.ftp import HEADER
-from sim_vehicle.packed_files import pack_mission
+from sim_vehicle.files.ftp import HEADER
+from sim_vehicle.files.packed_files import pack_mission
 from sim_vehicle.personalities import personality_of
 
 FILES = (

@@ -10,8 +10,8 @@ from fuzz_values import COMPONENTS, FLOATS, TARGETS, number, place
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import ALT_M, LAT_DEG, LON_DEG
 
-from sim_vehicle.mission import Item
 from sim_vehicle.personalities import personality_of
+from sim_vehicle.vehicle.mission import Item
 
 FLOWN = (
     16, 16, 16, 17, 18, 19, 20, 21, 22, 31, 82, 93, 112, 113, 114, 115, 177, 178, 179, 189, 5001, 5003, 5004,

@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 
 from sim_vehicle.fleet import Fleet
-from sim_vehicle.outbox import Frames
-from sim_vehicle.pace import RealTime
 from sim_vehicle.scenario import default_scenario
-from sim_vehicle.server import Server
+from sim_vehicle.serving.pace import RealTime
+from sim_vehicle.serving.server import Server
 from sim_vehicle.url import parse_url
+from sim_vehicle.wire.outbox import Frames
 
 pytestmark = pytest.mark.interop
 LIMIT_S = 10.0

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_vehicle.battery import AVIONICS_W, Batteries
-from sim_vehicle.copter import TERMINAL_FALL_M_S
-from sim_vehicle.wind import WindSettings
+from sim_vehicle.physics.battery import AVIONICS_W, Batteries
+from sim_vehicle.physics.copter import TERMINAL_FALL_M_S
+from sim_vehicle.physics.wind import WindSettings
 
 
 def endurance_s(load_w: float, capacity_mah: float = 3300.0) -> float:

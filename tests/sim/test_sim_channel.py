@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scipy import stats
 
-from sim_vehicle.afflictions import Afflictions
-from sim_vehicle.channel import Channel, Direction
 from sim_vehicle.faults import FAULTS
 from sim_vehicle.faults.schedule import Patient, Schedule
 from sim_vehicle.faults.spec import parse_fault
+from sim_vehicle.vehicle.afflictions import Afflictions
+from sim_vehicle.wire.channel import Channel, Direction
 
 UP, DOWN = Direction.TO_VEHICLE, Direction.FROM_VEHICLE
 WIRE = (

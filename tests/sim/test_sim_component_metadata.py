@@ -10,7 +10,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.generator.mavcrc import x25crc
 
-from sim_vehicle.component_metadata import Component, ComponentMetadata, ParameterMeta
+from sim_vehicle.files.component_metadata import Component, ComponentMetadata, ParameterMeta
 
 PARAMETERS = [
     ParameterMeta("MIS_TAKEOFF_ALT", 2.5, short="Take-off height", units="m"),

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_vehicle.motion import GRAVITY_M_S2
-from sim_vehicle.wind import WindSettings
+from sim_vehicle.physics.motion import GRAVITY_M_S2
+from sim_vehicle.physics.wind import WindSettings
 
 
 def test_a_velocity_is_taken_up_at_the_acceleration_limit_and_kept() -> None:

@@ -9,13 +9,13 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.afflictions import Afflictions, ModeStuck
-from sim_vehicle.channel import Channel
 from sim_vehicle.faults import FAULTS
 from sim_vehicle.faults.failure_command import inject_failure
 from sim_vehicle.faults.schedule import Patient, Schedule
 from sim_vehicle.faults.sim_parameters import faults_of
 from sim_vehicle.faults.spec import FaultError, FaultSpec, describe, help_text, parse_fault
+from sim_vehicle.vehicle.afflictions import Afflictions, ModeStuck
+from sim_vehicle.wire.channel import Channel
 
 
 class Ward:

@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink import mavftp
 
-from sim_vehicle import ftp_rules as ftp
-from sim_vehicle.filesystem import FileError, FileSystem, Source, constant
-from sim_vehicle.ftp_rules import FtpError, FtpRules, Opcode
+from sim_vehicle.files import ftp_rules as ftp
+from sim_vehicle.files.filesystem import FileError, FileSystem, Source, constant
+from sim_vehicle.files.ftp_rules import FtpError, FtpRules, Opcode
 
 BOTH = pytest.mark.parametrize("rules", [ftp.ARDUPILOT, ftp.PX4], ids=["ardupilot", "px4"])
 TEXT = bytes(range(256)) * 40

@@ -8,8 +8,8 @@ from fuzz_bench import CRAFT, Bench
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import LAT_DEG, LON_DEG
 
-from sim_vehicle.ftp import HEADER
-from sim_vehicle.parser import CommandCancel
+from sim_vehicle.files.ftp import HEADER
+from sim_vehicle.wire.parser import CommandCancel
 
 PLACE = (round(LAT_DEG * 1e7), round((LON_DEG + 1e-3) * 1e7))
 HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle import log_transfer
-from sim_vehicle.log_transfer import LogRules, LogTransfer
-from sim_vehicle.logs.recorder import StoredLog
+from sim_vehicle.files import log_transfer
+from sim_vehicle.files.log_transfer import LogRules, LogTransfer
+from sim_vehicle.files.logs.recorder import StoredLog
 
 BOTH = pytest.mark.parametrize("rules", [log_transfer.ARDUPILOT, log_transfer.PX4], ids=["ardupilot", "px4"])
 

@@ -12,11 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink import DFReader
 
-from sim_vehicle.logs.dataflash import DataFlashLog
-from sim_vehicle.logs.record import Failsafe, FlightLog, LogFacts, Sample
-from sim_vehicle.logs.recorder import FLEET_BYTES, FlightRecorder, LogLimits, limits_for
-from sim_vehicle.logs.ulog import UlogLog
-from sim_vehicle.mission import Item
+from sim_vehicle.files.logs.dataflash import DataFlashLog
+from sim_vehicle.files.logs.record import Failsafe, FlightLog, LogFacts, Sample
+from sim_vehicle.files.logs.recorder import FLEET_BYTES, FlightRecorder, LogLimits, limits_for
+from sim_vehicle.files.logs.ulog import UlogLog
+from sim_vehicle.vehicle.mission import Item
 
 UTC_S = 1_763_683_200.0  # 2025-11-21 00:00:00
 BOOT_S = 5.0

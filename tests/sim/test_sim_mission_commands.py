@@ -11,8 +11,8 @@ from px4_station import Px4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import LAT_DEG, LON_DEG, Station, item, land, takeoff, waypoint
 
-from sim_vehicle.mission import Item
 from sim_vehicle.personalities.ardupilot.items import store_item, store_plane_item
+from sim_vehicle.vehicle.mission import Item
 
 TURNS, TO_ALT, DELAY, SPLINE = (
     mavlink.MAV_CMD_NAV_LOITER_TURNS,

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from transfer_bench import IdlePilot
 
-from sim_vehicle.mission import Item, Mission, MissionState
-from sim_vehicle.mission_px4 import Px4Mission
+from sim_vehicle.vehicle.mission import Item, Mission, MissionState
+from sim_vehicle.vehicle.mission_px4 import Px4Mission
 
 TAKEOFF, WP, LAND, RTL, NAV_DELAY = 22, 16, 21, 20, 93
 SPEED, JUMP, DELAY, DISTANCE, YAW, LAND_START = 178, 177, 112, 114, 115, 189

@@ -6,8 +6,8 @@ import bodies
 import numpy as np
 import pytest
 
-from sim_vehicle.gps import FIX, NO_FIX, GpsSettings
-from sim_vehicle.world import World
+from sim_vehicle.physics.gps import FIX, NO_FIX, GpsSettings
+from sim_vehicle.physics.world import World
 
 
 def truth_m(world: World, index: int = 0) -> tuple[float, float]:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim_vehicle.fleet import Fleet
-from sim_vehicle.options import (
+from sim_vehicle.serving.options import (
     FleetOptions,
     OptionError,
     make_scenario,

@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 from pymavlink import mavftp
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle import ftp_rules as ftp
-from sim_vehicle.component_metadata import Component, ComponentMetadata, ParameterMeta
-from sim_vehicle.filesystem import FileError, FileSystem
-from sim_vehicle.ftp_rules import FtpError, Opcode
-from sim_vehicle.logs.dataflash import DataFlashLog
-from sim_vehicle.logs.recorder import FlightRecorder, LogLimits, StoredLog
-from sim_vehicle.packed_files import Parameter, pack_parameters, unpack_mission, unpack_parameters
-from sim_vehicle.vehicle_files import ardupilot_files, px4_files, px4_log_name
+from sim_vehicle.files import ftp_rules as ftp
+from sim_vehicle.files.component_metadata import Component, ComponentMetadata, ParameterMeta
+from sim_vehicle.files.filesystem import FileError, FileSystem
+from sim_vehicle.files.ftp_rules import FtpError, Opcode
+from sim_vehicle.files.logs.dataflash import DataFlashLog
+from sim_vehicle.files.logs.recorder import FlightRecorder, LogLimits, StoredLog
+from sim_vehicle.files.packed_files import Parameter, pack_parameters, unpack_mission, unpack_parameters
+from sim_vehicle.files.vehicle_files import ardupilot_files, px4_files, px4_log_name
 
 NAMES = st.text(alphabet="ABC_12", min_size=1, max_size=16)
 VALUES = st.one_of(st.integers(-(2**31), 2**31 - 1), st.floats(width=32, allow_nan=False))

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_vehicle.body import Body
-from sim_vehicle.motion import GRAVITY_M_S2
-from sim_vehicle.wind import WindSettings
-from sim_vehicle.world import World
+from sim_vehicle.physics.body import Body
+from sim_vehicle.physics.motion import GRAVITY_M_S2
+from sim_vehicle.physics.wind import WindSettings
+from sim_vehicle.physics.world import World
 
 UP_M = bodies.GROUND_M + 50
 

@@ -17,7 +17,7 @@ from sim_vehicle.run.runner import Run, Verdict
 from sim_vehicle.run.shipped import FOLDER, shipped
 from sim_vehicle.scenario import Scenario, load_scenario
 from sim_vehicle.scenario.file import parse_scenario
-from sim_vehicle.tlog import EPOCH_US
+from sim_vehicle.serving.tlog import EPOCH_US
 
 HOME = "home: {lat_deg: 46.0490, lon_deg: 14.5060, alt_amsl_m: 300}\nready_s: 0\n"
 HOP = (

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.faults.spec import parse_fault
-from sim_vehicle.geodesy import LocalFrame
+from sim_vehicle.physics.geodesy import LocalFrame
 from sim_vehicle.scenario import Scenario, ScenarioError, default_scenario, load_scenario
 from sim_vehicle.scenario.file import parse_scenario
 from sim_vehicle.scenario.plan import PlanWriter

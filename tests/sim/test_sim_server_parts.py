@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
-from sim_vehicle.display import Display
 from sim_vehicle.fleet import Fleet
-from sim_vehicle.hand import Hand
-from sim_vehicle.lateness import Lateness
-from sim_vehicle.options import FleetOptions, make_scenario
-from sim_vehicle.pace import ByHand
-from sim_vehicle.server import DATAGRAM_BYTES, Server, joined
+from sim_vehicle.serving.display import Display
+from sim_vehicle.serving.hand import Hand
+from sim_vehicle.serving.lateness import Lateness
+from sim_vehicle.serving.options import FleetOptions, make_scenario
+from sim_vehicle.serving.pace import ByHand
+from sim_vehicle.serving.server import DATAGRAM_BYTES, Server, joined
 from sim_vehicle.url import parse_url
 
 PROPERTY = settings(derandomize=True, deadline=None, max_examples=50)

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.signing import Signing
+from sim_vehicle.wire.signing import Signing
 
 KEY = bytes(range(32))
 START = 500_000_000_000  # a time stamp of some day in 2020

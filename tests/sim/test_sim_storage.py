@@ -11,9 +11,9 @@ from pymavlink import DFReader, mavftp
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import ALT_M, LAT_DEG, LON_DEG, Station, home_item, land, scenario, takeoff, waypoint
 
+from sim_vehicle.files.ftp import HEADER
+from sim_vehicle.files.ftp_rules import FtpError, Opcode
 from sim_vehicle.fleet import Fleet
-from sim_vehicle.ftp import HEADER
-from sim_vehicle.ftp_rules import FtpError, Opcode
 
 RTL = 6
 

@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import LAT_DEG, LON_DEG, Station, land, scenario, takeoff, waypoint
 
 from sim_vehicle.fleet import Fleet
-from sim_vehicle.threats import OUTSIDE, Threats
+from sim_vehicle.physics.threats import OUTSIDE, Threats
 
 STRENGTH = (0.6, 0.3, 0.1)
 ENTRIES = 4000

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import LAT_DEG, LON_DEG, Station, land, scenario, takeoff, waypoint
 
 from sim_vehicle.fleet import Fleet
-from sim_vehicle.telemetry import STREAMS
+from sim_vehicle.wire.telemetry import STREAMS
 
 UNASKED = {"HEARTBEAT", "TIMESYNC", "STATUSTEXT", "HOME_POSITION", "GPS_GLOBAL_ORIGIN"}
 NOT_ARDUPILOTS = {

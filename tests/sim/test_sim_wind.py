@@ -4,7 +4,7 @@ import bodies
 import numpy as np
 import pytest
 
-from sim_vehicle.wind import GUST_TIME_S, WindSettings
+from sim_vehicle.physics.wind import GUST_TIME_S, WindSettings
 
 
 @pytest.mark.parametrize(

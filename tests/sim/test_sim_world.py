@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_vehicle.body import Body
-from sim_vehicle.gps import GpsSettings
-from sim_vehicle.noise import BLOCK, Normals
-from sim_vehicle.wind import WindSettings
-from sim_vehicle.world import World
+from sim_vehicle.physics.body import Body
+from sim_vehicle.physics.gps import GpsSettings
+from sim_vehicle.physics.noise import BLOCK, Normals
+from sim_vehicle.physics.wind import WindSettings
+from sim_vehicle.physics.world import World
 
 WIND, GPS = WindSettings(5.0, 40.0, 1.5), GpsSettings()
 

@@ -5,13 +5,13 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.fence import Fence
-from sim_vehicle.mission import Item, Mission
-from sim_vehicle.mission_px4 import Px4Mission
 from sim_vehicle.personalities.ardupilot.items import store_item as store_ardupilot
 from sim_vehicle.personalities.px4.items import store_item as store_px4
-from sim_vehicle.rally import Rally
-from sim_vehicle.transfer import ArduPilotTransfer, Px4Transfer
+from sim_vehicle.vehicle.fence import Fence
+from sim_vehicle.vehicle.mission import Item, Mission
+from sim_vehicle.vehicle.mission_px4 import Px4Mission
+from sim_vehicle.vehicle.rally import Rally
+from sim_vehicle.vehicle.transfer import ArduPilotTransfer, Px4Transfer
 
 GCS = (255, 190)
 MISSION, FENCE, RALLY = 0, 1, 2

@@ -6,18 +6,18 @@ from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.mission import Item, Mission
 from sim_vehicle.personalities.ardupilot import parameters, tuning
 from sim_vehicle.personalities.ardupilot.commands import PLANE_COMMANDS
 from sim_vehicle.personalities.ardupilot.items import store_item, store_plane_item
 from sim_vehicle.personalities.ardupilot.modes import COPTER_MODES, PLANE_MODES
 from sim_vehicle.personalities.ardupilot.storage import storage
 from sim_vehicle.personalities.base import Behaviour, Personality
-from sim_vehicle.telemetry.px4 import CURRENT_EVENT_SEQUENCE, CURRENT_MODE, TIME_ESTIMATE_TO_TARGET
-from sim_vehicle.transfer import ArduPilotTransfer
+from sim_vehicle.vehicle.mission import Item, Mission
+from sim_vehicle.vehicle.transfer import ArduPilotTransfer
+from sim_vehicle.wire.telemetry.px4 import CURRENT_EVENT_SEQUENCE, CURRENT_MODE, TIME_ESTIMATE_TO_TARGET
 
 if TYPE_CHECKING:
-    from sim_vehicle.autopilot import Autopilot
+    from sim_vehicle.vehicle.autopilot import Autopilot
 
 _STREAMS = {
     mavlink.MAV_DATA_STREAM_RAW_SENSORS: (

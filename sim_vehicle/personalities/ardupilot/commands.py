@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.commands import ACCEPTED, FAILED
-from sim_vehicle.mission import Item
 from sim_vehicle.personalities.base import Behaviour, CommandHandler
-from sim_vehicle.rally import distance_m
+from sim_vehicle.vehicle.commands import ACCEPTED, FAILED
+from sim_vehicle.vehicle.mission import Item
+from sim_vehicle.vehicle.rally import distance_m
 
 if TYPE_CHECKING:
-    from sim_vehicle.autopilot import Autopilot
-    from sim_vehicle.commands import Command
+    from sim_vehicle.vehicle.autopilot import Autopilot
+    from sim_vehicle.vehicle.commands import Command
 
 
 def land_start(vehicle: "Autopilot", _command: "Command", now: float) -> int:

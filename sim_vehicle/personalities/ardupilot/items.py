@@ -8,8 +8,8 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.mission import Item
-from sim_vehicle.params import as_float32
+from sim_vehicle.vehicle.mission import Item
+from sim_vehicle.vehicle.params import as_float32
 
 MAX_ALTITUDE_M = 83_000.0  # what fits into the storage of an altitude
 

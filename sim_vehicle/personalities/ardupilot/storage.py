@@ -5,18 +5,18 @@ from typing import TYPE_CHECKING, Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle import ftp_rules, log_transfer
-from sim_vehicle.logs.dataflash import DataFlashLog
-from sim_vehicle.logs.recorder import LogLimits
-from sim_vehicle.mission import Item
-from sim_vehicle.packed_files import Parameter, UploadedMission
-from sim_vehicle.storage import Storage
-from sim_vehicle.transfer.stores import FenceStore, MissionStore, RallyStore, Store
-from sim_vehicle.transfer.wire import MISSION, item_from_message, item_message
-from sim_vehicle.vehicle_files import ardupilot_files
+from sim_vehicle.files import ftp_rules, log_transfer
+from sim_vehicle.files.logs.dataflash import DataFlashLog
+from sim_vehicle.files.logs.recorder import LogLimits
+from sim_vehicle.files.packed_files import Parameter, UploadedMission
+from sim_vehicle.files.vehicle_files import ardupilot_files
+from sim_vehicle.vehicle.mission import Item
+from sim_vehicle.vehicle.storage import Storage
+from sim_vehicle.vehicle.transfer.stores import FenceStore, MissionStore, RallyStore, Store
+from sim_vehicle.vehicle.transfer.wire import MISSION, item_from_message, item_message
 
 if TYPE_CHECKING:
-    from sim_vehicle.autopilot import Autopilot
+    from sim_vehicle.vehicle.autopilot import Autopilot
 
 _TOTALS = {
     mavlink.MAV_MISSION_TYPE_MISSION: "MIS_TOTAL",

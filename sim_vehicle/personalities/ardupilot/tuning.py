@@ -2,9 +2,9 @@
 
 import math
 
-from sim_vehicle.logs.record import LogWhen
-from sim_vehicle.params import Parameters
+from sim_vehicle.files.logs.record import LogWhen
 from sim_vehicle.personalities.base import FailsafeAction, RallyAltitude, Tuning
+from sim_vehicle.vehicle.params import Parameters
 
 SLOWEST_M_S, FASTEST_M_S = 0.1, 50.0
 STALL_M_S = 8.0  # of the plane whose parameters do not say

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.mission import Item
-from sim_vehicle.mission_px4 import Px4Mission
 from sim_vehicle.personalities.base import Behaviour, Personality
 from sim_vehicle.personalities.px4 import parameters, storage, tuning
 from sim_vehicle.personalities.px4.commands import COMMANDS
@@ -17,10 +15,12 @@ from sim_vehicle.personalities.px4.messages import DEFAULT_RATES_HZ, SINGLES
 from sim_vehicle.personalities.px4.modes import HOLD, MODES
 from sim_vehicle.personalities.px4.readiness import feasible, refusals
 from sim_vehicle.personalities.px4.texts import TEXTS
-from sim_vehicle.transfer.px4 import Px4Transfer
+from sim_vehicle.vehicle.mission import Item
+from sim_vehicle.vehicle.mission_px4 import Px4Mission
+from sim_vehicle.vehicle.transfer.px4 import Px4Transfer
 
 if TYPE_CHECKING:
-    from sim_vehicle.autopilot import Autopilot
+    from sim_vehicle.vehicle.autopilot import Autopilot
 
 MAX_MISSION_ITEMS = 6000
 MISSION_CHECK_S = 0.7

@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle import commands as common
 from sim_vehicle.faults import failure_command as failures
-from sim_vehicle.numbers import whole
 from sim_vehicle.personalities.base import CommandHandler
 from sim_vehicle.personalities.px4 import messages, modes
 from sim_vehicle.personalities.px4.orbit import Orbit
-from sim_vehicle.place import Place
+from sim_vehicle.physics.place import Place
+from sim_vehicle.vehicle import commands as common
+from sim_vehicle.vehicle.numbers import whole
 
 if TYPE_CHECKING:
-    from sim_vehicle.autopilot import Autopilot
-    from sim_vehicle.commands import Command
+    from sim_vehicle.vehicle.autopilot import Autopilot
+    from sim_vehicle.vehicle.commands import Command
 
 ACCEPTED, DENIED = int(mavlink.MAV_RESULT_ACCEPTED), int(mavlink.MAV_RESULT_DENIED)
 FAILED, UNSUPPORTED = int(mavlink.MAV_RESULT_FAILED), int(mavlink.MAV_RESULT_UNSUPPORTED)

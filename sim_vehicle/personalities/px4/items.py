@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.mission import Item
+from sim_vehicle.vehicle.mission import Item
 
 # Frames that name a place, and the frame an item is read back in.
 READ_BACK_FRAME = {

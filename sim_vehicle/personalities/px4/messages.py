@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.encode import DefinedMessage, Layout
 from sim_vehicle.personalities.base import Mode
 from sim_vehicle.personalities.px4 import modes
+from sim_vehicle.wire.encode import DefinedMessage, Layout
 
 if TYPE_CHECKING:
-    from sim_vehicle.autopilot import Autopilot
+    from sim_vehicle.vehicle.autopilot import Autopilot
 
 AVAILABLE_MODES, TIME_ESTIMATE_TO_TARGET, CURRENT_EVENT_SEQUENCE, CURRENT_MODE = 435, 380, 411, 436
 ADVANCED, NOT_SELECTABLE = 1, 2  # MAV_MODE_PROPERTY

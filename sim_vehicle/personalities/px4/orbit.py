@@ -4,7 +4,7 @@ import math
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from sim_vehicle.body import Body
+    from sim_vehicle.physics.body import Body
 
 CORRECTION_PER_S = 0.5  # of a distance from the circle
 CENTRIPETAL_M_S2 = 2.0  # what the airframe holds on a circle, which limits the speed on a narrow one

@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from sim_vehicle import ftp_rules, log_transfer
-from sim_vehicle.component_metadata import (
+from sim_vehicle.files import ftp_rules, log_transfer
+from sim_vehicle.files.component_metadata import (
     COMPONENT_INFORMATION,
     COMPONENT_INFORMATION_BASIC,
     COMPONENT_METADATA,
@@ -13,14 +13,14 @@ from sim_vehicle.component_metadata import (
     ComponentMetadata,
     ParameterMeta,
 )
-from sim_vehicle.logs.recorder import LogLimits
-from sim_vehicle.logs.ulog import UlogLog
+from sim_vehicle.files.logs.recorder import LogLimits
+from sim_vehicle.files.logs.ulog import UlogLog
+from sim_vehicle.files.vehicle_files import px4_files
 from sim_vehicle.personalities.px4 import parameters
-from sim_vehicle.storage import Storage
-from sim_vehicle.vehicle_files import px4_files
+from sim_vehicle.vehicle.storage import Storage
 
 if TYPE_CHECKING:
-    from sim_vehicle.autopilot import Autopilot
+    from sim_vehicle.vehicle.autopilot import Autopilot
 
 
 def storage(vehicle: "Autopilot", limits: LogLimits) -> Storage:

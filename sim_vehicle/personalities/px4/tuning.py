@@ -2,9 +2,9 @@
 
 import math
 
-from sim_vehicle.logs.record import LogWhen
-from sim_vehicle.params import Parameters
+from sim_vehicle.files.logs.record import LogWhen
 from sim_vehicle.personalities.base import Behaviour, FailsafeAction, Tuning
+from sim_vehicle.vehicle.params import Parameters
 
 SLOWEST_M_S = 0.1
 DEFAULT_CAPACITY_MAH = 5000.0

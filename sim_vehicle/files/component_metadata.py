@@ -1,0 +1,203 @@
+"""What a component says of itself to ground stations: the metadata files and the messages that point at them.
+
+The files are those of the component metadata protocol: a general one that lists the others with their
+checksums, and one that describes the parameters. Both are xz with a CRC-32, which small decoders understand.
+"""
+
+import json
+import lzma
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.generator.mavcrc import x25crc
+
+from sim_vehicle.files.ftp import checksum
+
+PARAMETER_TYPE = 1  # COMP_METADATA_TYPE_PARAMETER
+COMPONENT_INFORMATION = 395
+COMPONENT_INFORMATION_BASIC = 396
+COMPONENT_METADATA = 397
+
+# Id -> name and fields on the wire in their order; pymavlink's dialects have none of these messages.
+_MESSAGES: Mapping[int, tuple[str, tuple[tuple[str, str, int], ...]]] = {
+    COMPONENT_INFORMATION: (
+        "COMPONENT_INFORMATION",
+        (
+            ("uint32_t", "time_boot_ms", 0),
+            ("uint32_t", "general_metadata_file_crc", 0),
+            ("uint32_t", "peripherals_metadata_file_crc", 0),
+            ("char", "general_metadata_uri", 100),
+            ("char", "peripherals_metadata_uri", 100),
+        ),
+    ),
+    COMPONENT_INFORMATION_BASIC: (
+        "COMPONENT_INFORMATION_BASIC",
+        (
+            ("uint64_t", "capabilities", 0),
+            ("uint32_t", "time_boot_ms", 0),
+            ("uint32_t", "time_manufacture_s", 0),
+            ("char", "vendor_name", 32),
+            ("char", "model_name", 32),
+            ("char", "software_version", 24),
+            ("char", "hardware_version", 24),
+            ("char", "serial_number", 32),
+        ),
+    ),
+    COMPONENT_METADATA: (
+        "COMPONENT_METADATA",
+        (("uint32_t", "time_boot_ms", 0), ("uint32_t", "file_crc", 0), ("char", "uri", 100)),
+    ),
+}
+_BYTES = {"uint32_t": 4, "uint64_t": 8}
+
+
+@cache
+def crc_extra(message_id: int) -> int:
+    """The seed of a message's checksum, from its definition as MAVLink reckons it."""
+    name, fields = _MESSAGES[message_id]
+    crc = x25crc()
+    crc.accumulate_str(f"{name} ")
+    for kind, field, length in fields:
+        crc.accumulate_str(f"{kind} {field} ")
+        if length:
+            crc.accumulate([length])
+    return int((crc.crc & 0xFF) ^ (crc.crc >> 8))
+
+
+class ComponentMessage(mavlink.MAVLink_message):  # type: ignore[misc]
+    """One of the messages above, ready to be packed like pymavlink's own."""
+
+    def __init__(self, message_id: int, **values: int | str) -> None:
+        name, fields = _MESSAGES[message_id]
+        super().__init__(message_id, name)
+        self._fieldnames = [field for _, field, _ in fields]
+        self._fields = fields
+        for field, value in values.items():
+            setattr(self, field, value)
+
+    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
+        payload = b""
+        for kind, field, length in self._fields:
+            value = getattr(self, field)
+            if length:
+                payload += value.encode()[: length - 1].ljust(length, b"\0")
+            else:
+                payload += value.to_bytes(_BYTES[kind], "little")
+        return bytes(self._pack(mav, crc_extra(self.get_msgId()), payload, force_mavlink1=force_mavlink1))
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterMeta:
+    """What is known of one parameter; an int default makes it an integer."""
+
+    name: str
+    default: float | int
+    short: str = ""
+    units: str = ""
+    group: str = ""
+    read_only: bool = False
+    reboot_required: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Component:
+    """Who a component is; versions are `major.minor.patch`."""
+
+    vendor: str
+    model: str
+    version: str
+    capabilities: int = 0
+
+
+class ComponentMetadata:
+    """The metadata files of one kind of vehicle under `directory`, and the messages that name them.
+
+    One object serves all vehicles of a kind: nothing in it changes.
+    """
+
+    def __init__(
+        self, component: Component, parameters: Iterable[ParameterMeta], *, directory: str = "/etc/extras"
+    ) -> None:
+        self._component = component
+        parameter_path = f"{directory}/parameters.json.xz"
+        parameter_file = _compressed({"version": 3, "parameters": [_described(p) for p in parameters]})
+        self._general_path = f"{directory}/component_general.json.xz"
+        general_file = _compressed(
+            {
+                "version": 1,
+                "vendorName": component.vendor,
+                "modelName": component.model,
+                "firmwareVersion": component.version,
+                "metadataTypes": [
+                    {
+                        "type": PARAMETER_TYPE,
+                        "uri": f"mftp://{parameter_path}",
+                        "fileCrc": checksum(parameter_file),
+                    }
+                ],
+            }
+        )
+        self.files: dict[str, bytes] = {
+            self._general_path.lstrip("/"): general_file,
+            parameter_path.lstrip("/"): parameter_file,
+        }
+
+    def message(self, message_id: int, time_boot_ms: int) -> ComponentMessage | None:
+        """COMPONENT_METADATA, COMPONENT_INFORMATION or COMPONENT_INFORMATION_BASIC; None for another id."""
+        uri = f"mftp://{self._general_path}"
+        crc = checksum(self.files[self._general_path.lstrip("/")])
+        component = self._component
+        if message_id == COMPONENT_METADATA:
+            return ComponentMessage(message_id, time_boot_ms=time_boot_ms, file_crc=crc, uri=uri)
+        if message_id == COMPONENT_INFORMATION:
+            return ComponentMessage(
+                message_id,
+                time_boot_ms=time_boot_ms,
+                general_metadata_file_crc=crc,
+                peripherals_metadata_file_crc=0,
+                general_metadata_uri=uri,
+                peripherals_metadata_uri="",
+            )
+        if message_id == COMPONENT_INFORMATION_BASIC:
+            return ComponentMessage(
+                message_id,
+                capabilities=component.capabilities,
+                time_boot_ms=time_boot_ms,
+                time_manufacture_s=0,
+                vendor_name=component.vendor,
+                model_name=component.model,
+                software_version=component.version,
+                hardware_version="",
+                serial_number="",
+            )
+        return None
+
+
+def _described(parameter: ParameterMeta) -> dict[str, Any]:
+    described: dict[str, Any] = {
+        "name": parameter.name,
+        "type": "Int32" if isinstance(parameter.default, int) else "Float",
+    }
+    if math.isfinite(parameter.default):
+        described["default"] = parameter.default
+    for key, text in (
+        ("shortDesc", parameter.short),
+        ("units", parameter.units),
+        ("group", parameter.group or parameter.name.split("_")[0]),
+    ):
+        if text:
+            described[key] = text
+    if parameter.read_only:
+        described["readOnly"] = True
+    if parameter.reboot_required:
+        described["rebootRequired"] = True
+    return described
+
+
+def _compressed(content: Mapping[str, Any]) -> bytes:
+    text = json.dumps(content, separators=(",", ":"), allow_nan=False)
+    return lzma.compress(text.encode(), format=lzma.FORMAT_XZ, check=lzma.CHECK_CRC32, preset=1)

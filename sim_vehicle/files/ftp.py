@@ -1,0 +1,356 @@
+"""The vehicle's side of the MAVLink file transfer protocol, as a machine without I/O.
+
+Both autopilots serve one open file at a time; what they answer when something is wrong differs, and is data
+(`FtpRules`). Bursts are paced: what does not fit now goes out with the next ticks.
+"""
+
+import errno
+import struct
+import zlib
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.files.filesystem import Entry, FileError, FileSystem
+from sim_vehicle.files.ftp_rules import OPENING, FtpError, FtpRules, Opcode
+from sim_vehicle.files.pacing import Pacer
+
+HEADER = struct.Struct("<HBBBBBxI")  # seq, session, opcode, size, request's opcode, burst complete, offset
+SIZE = struct.Struct("<I")
+MOST_DATA = 239  # bytes of data in one message
+FRAME_BYTES = 277  # of one message on the link
+BYTES_S = 200_000
+MOST_BYTES_AT_ONCE = 40_000
+
+
+class _Nak(Exception):
+    def __init__(self, error: FtpError, number: int | None = None) -> None:
+        super().__init__(error.name)
+        self.error, self.number = error, number
+
+
+@dataclass(frozen=True, slots=True)
+class _Request:
+    peer: tuple[int, int]  # system and component id
+    seq: int
+    session: int
+    opcode: int
+    offset: int
+    size: int
+    data: bytes
+
+
+@dataclass
+class _Open:
+    session: int
+    path: str
+    content: bytes | None  # None: open for writing
+    used_s: float
+
+
+@dataclass
+class _Burst:
+    request: _Request
+    offset: int
+    seq: int
+    left: int  # messages until the client must ask again
+
+
+class FtpServer:
+    """Answers FILE_TRANSFER_PROTOCOL on behalf of one vehicle.
+
+    Parameters
+    ----------
+    files: what is served.
+    rules: whose server it is.
+    send: takes each outgoing message.
+    bytes_s, most_bytes_at_once: pace of bursts on the link.
+    """
+
+    def __init__(
+        self,
+        files: FileSystem,
+        rules: FtpRules,
+        *,
+        send: Callable[[Any], None],
+        bytes_s: float = BYTES_S,
+        most_bytes_at_once: float = MOST_BYTES_AT_ONCE,
+    ) -> None:
+        self._files, self._rules, self._send = files, rules, send
+        self._pacer = Pacer(bytes_s, most_bytes_at_once)
+        self._open: _Open | None = None
+        self._burst: _Burst | None = None
+        self._last: tuple[_Request, bytes] | None = None  # the request answered last, and the answer
+        self._operations: dict[int, Callable[[_Request, float], tuple[bytes, int]]] = {
+            Opcode.NONE: lambda _request, _now: (b"", 0),
+            Opcode.TERMINATE_SESSION: self._terminate,
+            Opcode.RESET_SESSIONS: self._reset_sessions,
+            Opcode.LIST_DIRECTORY: self._list,
+            Opcode.OPEN_FILE_RO: self._open_to_read,
+            Opcode.READ_FILE: self._read,
+            Opcode.CREATE_FILE: self._open_to_write,
+            Opcode.OPEN_FILE_WO: self._open_to_write,
+            Opcode.WRITE_FILE: self._write,
+            Opcode.REMOVE_FILE: self._remove,
+            Opcode.CREATE_DIRECTORY: self._make_directory,
+            Opcode.REMOVE_DIRECTORY: self._remove_directory,
+            Opcode.RENAME: self._rename,
+            Opcode.CALC_FILE_CRC32: self._checksum,
+        }
+        if rules.truncates:
+            self._operations[Opcode.TRUNCATE_FILE] = self._truncate
+
+    @property
+    def busy(self) -> bool:
+        """Whether a burst is under way, so that `tick` has something to send."""
+        return self._burst is not None
+
+    def receive(self, message: Any, now: float) -> None:
+        """Take one FILE_TRANSFER_PROTOCOL at `now` [s]."""
+        payload = bytes(message.payload)
+        seq, session, opcode, size, _, _, offset = HEADER.unpack_from(payload)
+        if opcode in (Opcode.ACK, Opcode.NAK):
+            return
+        peer = (message.get_srcSystem(), message.get_srcComponent())
+        data = payload[HEADER.size : HEADER.size + size]
+        request = _Request(peer, seq, session, opcode, offset, size, data)
+        if self._last is not None and request == self._last[0]:
+            self._transmit(peer, self._last[1])
+            return
+        try:
+            self._answer(request, now)
+        except _Nak as nak:
+            self._reply_nak(request, nak)
+        except FileError as error:
+            self._reply_nak(request, _of_errno(error.number))
+
+    def tick(self, now: float) -> None:
+        """Send what a burst may send by `now` [s], and close what was left idle."""
+        while self._burst is not None and self._pacer.take(FRAME_BYTES, now):
+            self._continue_burst(self._burst, now)
+        opened = self._open
+        idle = opened is not None and now - opened.used_s > self._rules.idle_s
+        if idle and not self._rules.client_names_session:
+            self._abandon()
+
+    def reset(self) -> None:
+        """The vehicle rebooted: what was open is closed; files that were written stay."""
+        self._open = self._burst = self._last = None
+
+    # -- answering ---------------------------------------------------------------------------------------
+
+    def _answer(self, request: _Request, now: float) -> None:
+        if request.size > MOST_DATA:
+            raise _Nak(FtpError.INVALID_DATA_SIZE)
+        self._check_session(request, now)
+        if request.opcode == Opcode.BURST_READ_FILE:
+            self._content()
+            self._burst = _Burst(request, request.offset, request.seq + 1, self._rules.burst_messages)
+            self.tick(now)
+            return
+        operation = self._operations.get(request.opcode)
+        if operation is None:
+            raise _Nak(self._rules.unknown_command)
+        data, offset = operation(request, now)
+        if self._open is not None and self._open.session == request.session:
+            self._open.used_s = now
+        self._reply(request, Opcode.ACK, data, offset)
+
+    def _reply(self, request: _Request, opcode: Opcode, data: bytes, offset: int) -> None:
+        opens = opcode is Opcode.ACK and request.opcode in OPENING
+        session = 0 if opens and not self._rules.client_names_session else request.session
+        seq = (request.seq + 1) & 0xFFFF
+        head = HEADER.pack(seq, session, opcode, len(data), request.opcode, 0, offset)
+        self._last = (request, head + data)
+        self._transmit(request.peer, head + data)
+
+    def _reply_nak(self, request: _Request, nak: _Nak) -> None:
+        self._reply(request, Opcode.NAK, _nak_data(nak), request.offset)
+
+    def _transmit(self, peer: tuple[int, int], payload: bytes) -> None:
+        padded = payload.ljust(HEADER.size + MOST_DATA, b"\0")
+        self._send(mavlink.MAVLink_file_transfer_protocol_message(0, *peer, padded))
+
+    # -- sessions ----------------------------------------------------------------------------------------
+
+    def _check_session(self, request: _Request, now: float) -> None:
+        """A session of another number may not touch the open file, but takes over one that was left."""
+        opened, opcode = self._open, request.opcode
+        if not self._rules.client_names_session:
+            if opcode == Opcode.READ_FILE and request.session != 0:
+                raise _Nak(self._rules.another_session)
+            return
+        ends = opcode in (Opcode.TERMINATE_SESSION, Opcode.RESET_SESSIONS)
+        if opened is None or request.session == opened.session or ends:
+            return
+        if now - opened.used_s < self._rules.idle_s:
+            raise _Nak(self._rules.another_session)
+        self._abandon()
+
+    def _terminate(self, request: _Request, _now: float) -> tuple[bytes, int]:
+        opened = self._open
+        if self._rules.terminate_needs_open and (opened is None or request.session != 0):
+            raise _Nak(self._rules.nothing_open)
+        if opened is not None and request.session == opened.session:
+            self._close()
+        return b"", 0
+
+    def _reset_sessions(self, request: _Request, _now: float) -> tuple[bytes, int]:
+        if self._open is not None and (
+            not self._rules.client_names_session or request.session == self._open.session
+        ):
+            self._close()
+        return b"", 0
+
+    def _close(self) -> None:
+        opened, self._open, self._burst = self._open, None, None
+        if opened is not None and opened.content is None:
+            self._files.close(opened.path)
+
+    def _abandon(self) -> None:
+        """Close what a client left; there is nobody to tell that it was no good."""
+        with suppress(FileError):
+            self._close()
+
+    def _claim(self, request: _Request, now: float) -> int:
+        """The session for a file about to be opened."""
+        opened = self._open
+        if opened is not None and now - opened.used_s > self._rules.idle_s:
+            self._abandon()
+        if self._open is not None:
+            raise _Nak(self._rules.second_open)
+        return request.session if self._rules.client_names_session else 0
+
+    # -- files -------------------------------------------------------------------------------------------
+
+    def _open_to_read(self, request: _Request, now: float) -> tuple[bytes, int]:
+        session = self._claim(request, now)
+        path = _path(request.data)
+        content = self._files.read(path)
+        self._open = _Open(session, path, content, now)
+        return SIZE.pack(len(content)), 0
+
+    def _open_to_write(self, request: _Request, now: float) -> tuple[bytes, int]:
+        session = self._claim(request, now)
+        path = self._files.open_to_write(_path(request.data), truncate=request.opcode == Opcode.CREATE_FILE)
+        self._open = _Open(session, path, None, now)
+        return (SIZE.pack(len(self._files.read(path))) if self._rules.reports_sizes else b""), 0
+
+    def _content(self) -> bytes:
+        if self._open is None:
+            raise _Nak(self._rules.nothing_open)
+        if self._open.content is None:
+            raise _Nak(FtpError.FAIL)
+        return self._open.content
+
+    def _read(self, request: _Request, _now: float) -> tuple[bytes, int]:
+        size = request.size if self._rules.obeys_read_size else MOST_DATA
+        data = self._content()[request.offset : request.offset + size]
+        if not data:
+            raise _Nak(FtpError.END_OF_FILE)
+        return data, request.offset
+
+    def _continue_burst(self, burst: _Burst, now: float) -> None:
+        opened = self._open
+        if opened is None or opened.content is None:
+            self._burst = None
+            return
+        request, rules = burst.request, self._rules
+        opened.used_s = now
+        size = (request.size or MOST_DATA) if rules.obeys_read_size else MOST_DATA
+        data = opened.content[burst.offset : burst.offset + size]
+        burst.left -= 1
+        if data:
+            opcode, complete = Opcode.ACK, burst.left == 0
+        else:
+            opcode, complete, data = Opcode.NAK, rules.obeys_read_size, bytes([FtpError.END_OF_FILE])
+        session = request.session if rules.client_names_session else 0
+        seq = burst.seq & 0xFFFF
+        head = HEADER.pack(seq, session, opcode, len(data), request.opcode, complete, burst.offset)
+        burst.seq += 1
+        burst.offset += len(data)
+        if opcode is Opcode.NAK or complete:
+            self._burst = None
+        self._transmit(request.peer, head + data)
+
+    def _write(self, request: _Request, _now: float) -> tuple[bytes, int]:
+        opened = self._open
+        if opened is None:
+            raise _Nak(self._rules.nothing_open)
+        if opened.content is not None:
+            raise _Nak(FtpError.FAIL)
+        self._files.write(opened.path, request.offset, request.data)
+        return (SIZE.pack(len(request.data)) if self._rules.reports_sizes else b""), request.offset
+
+    def _remove(self, request: _Request, _now: float) -> tuple[bytes, int]:
+        self._files.remove(_path(request.data))
+        return b"", 0
+
+    def _truncate(self, request: _Request, _now: float) -> tuple[bytes, int]:
+        self._files.truncate(_path(request.data), request.offset)
+        return b"", 0
+
+    def _rename(self, request: _Request, _now: float) -> tuple[bytes, int]:
+        old, separator, new = request.data.partition(b"\0")
+        if not separator:
+            raise _Nak(FtpError.INVALID_DATA_SIZE)
+        self._files.rename(_path(old), _path(new))
+        return b"", 0
+
+    def _checksum(self, request: _Request, _now: float) -> tuple[bytes, int]:
+        return SIZE.pack(checksum(self._files.read(_path(request.data)))), 0
+
+    # -- directories -------------------------------------------------------------------------------------
+
+    def _make_directory(self, request: _Request, _now: float) -> tuple[bytes, int]:
+        self._files.make_directory(_path(request.data))
+        return b"", 0
+
+    def _remove_directory(self, request: _Request, _now: float) -> tuple[bytes, int]:
+        self._files.remove_directory(_path(request.data))
+        return b"", 0
+
+    def _list(self, request: _Request, _now: float) -> tuple[bytes, int]:
+        lines = [b"S\0", b"S\0"] if self._rules.lists_dots else []
+        lines += [_line(entry) for entry in self._files.entries(_path(request.data))]
+        lines = [line for line in lines if len(line) <= MOST_DATA]
+        listed = b""
+        for line in lines[request.offset :]:
+            if len(listed) + len(line) > MOST_DATA:
+                break
+            listed += line
+        if not listed:
+            raise _Nak(FtpError.END_OF_FILE)
+        return listed, request.offset
+
+
+def checksum(content: bytes) -> int:
+    """CRC-32 as autopilots and ground stations reckon it here: the usual polynomial without any inversion."""
+    return zlib.crc32(content, 0xFFFFFFFF) ^ 0xFFFFFFFF
+
+
+def _path(data: bytes) -> str:
+    name = data.partition(b"\0")[0]
+    if not name:
+        raise _Nak(FtpError.INVALID_DATA_SIZE)
+    return name.decode("utf-8", "surrogateescape")
+
+
+def _line(entry: Entry) -> bytes:
+    name = entry.name.encode("utf-8", "surrogateescape")
+    return b"D%s\0" % name if entry.size is None else b"F%s\t%d\0" % (name, entry.size)
+
+
+def _of_errno(number: int) -> _Nak:
+    if number == errno.ENOENT:
+        return _Nak(FtpError.FILE_NOT_FOUND)
+    if number == errno.EEXIST:
+        return _Nak(FtpError.FILE_EXISTS)
+    return _Nak(FtpError.FAIL_ERRNO, number)
+
+
+def _nak_data(nak: _Nak) -> bytes:
+    return bytes([nak.error] if nak.number is None else [nak.error, nak.number])

@@ -1,0 +1,196 @@
+"""Listing, downloading and erasing the flight logs over MAVLink, as a machine without I/O.
+
+LOG_ENTRY and LOG_DATA name no receiver: a vehicle that serves one ground station at a time tells another that
+it is busy, one with an answer for each link serves them all.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.files.logs.recorder import StoredLog
+from sim_vehicle.files.pacing import Pacer
+
+CHUNK_BYTES = 90
+FRAME_BYTES = 109  # a LOG_DATA on the link
+BYTES_S = 200_000
+MOST_BYTES_AT_ONCE = 40_000
+MOST_STATIONS = 8
+
+
+@dataclass(frozen=True, slots=True)
+class LogRules:
+    """What differs between autopilots."""
+
+    first_id: int
+    one_at_a_time: bool  # a transfer has to end before the next begins
+    refused_armed: str  # STATUSTEXT while armed, "" where logs can be had in flight
+    list_first: bool  # data only to who has asked for the list since the last LOG_REQUEST_END
+
+
+ARDUPILOT = LogRules(
+    first_id=1, one_at_a_time=True, refused_armed="Disarm for log download", list_first=False
+)
+PX4 = LogRules(first_id=0, one_at_a_time=False, refused_armed="", list_first=True)
+
+
+@dataclass
+class _Transfer:
+    """What one ground station is being sent: entries (`log` is None) or the bytes of a log."""
+
+    next: int
+    last: int  # the last id of entries, the end of the bytes
+    log: StoredLog | None = None
+    log_id: int = 0
+
+
+class LogTransfer:
+    """Answers log messages on behalf of one vehicle.
+
+    Parameters
+    ----------
+    logs: the logs, oldest first.
+    erase: erases them.
+    rules: whose vehicle it is.
+    send, say: take each outgoing message and STATUSTEXT (severity, text).
+    armed: whether the vehicle is armed.
+    bytes_s, most_bytes_at_once: pace on the link.
+    """
+
+    def __init__(
+        self,
+        logs: Callable[[], list[StoredLog]],
+        *,
+        erase: Callable[[], None],
+        rules: LogRules,
+        send: Callable[[Any], None],
+        say: Callable[[int, str], None],
+        armed: Callable[[], bool],
+        bytes_s: float = BYTES_S,
+        most_bytes_at_once: float = MOST_BYTES_AT_ONCE,
+    ) -> None:
+        self._logs, self._erase, self._rules = logs, erase, rules
+        self._send, self._say, self._armed = send, say, armed
+        self._pacer = Pacer(bytes_s, most_bytes_at_once)
+        self._transfers: dict[tuple[int, int], _Transfer] = {}
+        self._listed: dict[tuple[int, int], None] = {}  # who has asked for the list, in order
+        self._warned = False
+        self._handlers: dict[str, Callable[[Any, tuple[int, int]], None]] = {
+            "LOG_REQUEST_LIST": self._request_list,
+            "LOG_REQUEST_DATA": self._request_data,
+            "LOG_ERASE": self._request_erase,
+            "LOG_REQUEST_END": self._request_end,
+        }
+
+    @property
+    def busy(self) -> bool:
+        """Whether a transfer is under way, so that `tick` has something to send."""
+        return bool(self._transfers)
+
+    def handles(self, message_type: str) -> bool:
+        return message_type in self._handlers
+
+    def receive(self, message: Any, now: float) -> None:
+        """Take one log message at `now` [s]."""
+        if self._rules.refused_armed and self._armed():
+            if not self._warned:
+                self._warned = True
+                self._say(mavlink.MAV_SEVERITY_ERROR, self._rules.refused_armed)
+            return
+        self._warned = False
+        peer = (message.get_srcSystem(), message.get_srcComponent())
+        self._handlers[message.get_type()](message, peer)
+        self.tick(now)
+
+    def tick(self, now: float) -> None:
+        """Send what may be sent by `now` [s], in turns to each ground station."""
+        if self._rules.refused_armed and self._armed():
+            return
+        while self._transfers:
+            for peer, transfer in list(self._transfers.items()):
+                if not self._pacer.take(FRAME_BYTES, now):
+                    return
+                if not self._continue(transfer):
+                    del self._transfers[peer]
+
+    def reset(self) -> None:
+        """The vehicle rebooted: transfers are forgotten, the logs stay."""
+        self._transfers.clear()
+        self._listed.clear()
+        self._warned = False
+
+    # -- requests ----------------------------------------------------------------------------------------
+
+    def _is_busy_for(self, peer: tuple[int, int]) -> bool:
+        if not (self._rules.one_at_a_time and self._transfers):
+            return False
+        if peer not in self._transfers:  # who is being served may ask again without being told
+            self._say(mavlink.MAV_SEVERITY_INFO, "Log download in progress")
+        return True
+
+    def _request_list(self, message: Any, peer: tuple[int, int]) -> None:
+        if self._is_busy_for(peer):
+            return
+        self._remember(peer)
+        first = self._rules.first_id
+        newest = first + len(self._logs()) - 1
+        if newest < first:
+            self._transfers[peer] = _Transfer(next=0, last=0)
+        else:
+            last = min(message.end, newest)
+            start = min(max(message.start, first), last) if first else min(message.start, newest)
+            self._transfers[peer] = _Transfer(next=start, last=max(last, start))
+
+    def _request_data(self, message: Any, peer: tuple[int, int]) -> None:
+        if self._is_busy_for(peer):
+            return
+        if self._rules.list_first and peer not in self._listed:
+            return
+        index, logs = message.id - self._rules.first_id, self._logs()
+        if not 0 <= index < len(logs):
+            self._transfers.pop(peer, None)
+            return
+        end = max(min(message.ofs + message.count, len(logs[index].content)), message.ofs)
+        self._transfers[peer] = _Transfer(message.ofs, end, logs[index], message.id)
+
+    def _request_erase(self, _message: Any, _peer: tuple[int, int]) -> None:
+        self._transfers.clear()
+        self._listed.clear()
+        self._erase()
+
+    def _request_end(self, _message: Any, peer: tuple[int, int]) -> None:
+        if self._rules.one_at_a_time:
+            self._transfers.clear()
+        self._transfers.pop(peer, None)
+        self._listed.pop(peer, None)
+
+    def _remember(self, peer: tuple[int, int]) -> None:
+        self._listed.pop(peer, None)
+        if len(self._listed) >= MOST_STATIONS:
+            forgotten = next(iter(self._listed))
+            del self._listed[forgotten]
+            self._transfers.pop(forgotten, None)
+        self._listed[peer] = None
+
+    # -- sending -----------------------------------------------------------------------------------------
+
+    def _continue(self, transfer: _Transfer) -> bool:
+        """Send the next message; whether there are more."""
+        if transfer.log is None:
+            self._send_entry(transfer)
+            transfer.next += 1
+            return transfer.next <= transfer.last
+        data = bytes(transfer.log.content[transfer.next : min(transfer.next + CHUNK_BYTES, transfer.last)])
+        padded = data.ljust(CHUNK_BYTES, b"\0")
+        self._send(mavlink.MAVLink_log_data_message(transfer.log_id, transfer.next, len(data), padded))
+        transfer.next += len(data)
+        return len(data) == CHUNK_BYTES and transfer.next < transfer.last
+
+    def _send_entry(self, transfer: _Transfer) -> None:
+        logs, index = self._logs(), transfer.next - self._rules.first_id
+        utc_s = size = 0
+        if 0 <= index < len(logs):  # else there is none, or the oldest have been erased since
+            utc_s, size = max(int(logs[index].utc_s), 0), len(logs[index].content)
+        self._send(mavlink.MAVLink_log_entry_message(transfer.next, len(logs), transfer.last, utc_s, size))

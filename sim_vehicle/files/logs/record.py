@@ -1,0 +1,93 @@
+"""What a flight log is told, whatever its format."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum, IntEnum, auto
+from typing import Protocol
+
+from sim_vehicle.vehicle.mission import Item
+
+
+class LogWhen(Enum):
+    """When a vehicle records."""
+
+    NEVER = auto()
+    ARMED = auto()  # a log from each arming to the disarming
+    FROM_BOOT = auto()  # the first log begins with the boot, the others with the arming
+    ALWAYS = auto()  # one log from the boot on
+
+
+class Failsafe(IntEnum):
+    """What failed; the numbers are ArduPilot's subsystems."""
+
+    RADIO = 5
+    BATTERY = 6
+    GROUND_STATION = 8
+    FENCE = 9
+    POSITION = 17
+
+
+@dataclass(frozen=True, slots=True)
+class LogFacts:
+    """What a log begins with."""
+
+    utc_s: float  # UNIX time of the beginning
+    boot_s: float  # simulated time of the boot, from which the log counts
+    banner: tuple[str, ...]  # the autopilot's name and version first, as it tells ground stations
+    flight_sw_version: int
+    parameters: Mapping[str, float | int]
+    defaults: Mapping[str, float | int]
+    mode: int  # custom_mode
+
+
+@dataclass(slots=True)
+class Sample:
+    """The state of the vehicle at one moment, as its estimator and sensors have it."""
+
+    lat_deg: float
+    lon_deg: float
+    alt_amsl_m: float
+    above_home_m: float
+    north_m: float  # from the origin
+    east_m: float
+    up_m: float
+    north_m_s: float
+    east_m_s: float
+    down_m_s: float
+    roll_rad: float
+    pitch_rad: float
+    yaw_rad: float
+    voltage_v: float
+    current_a: float
+    used_mah: float
+    used_wh: float
+    remaining: float  # share, in [0, 1]
+    gps_fix: int  # GPS_FIX_TYPE
+    gps_satellites: int
+    gps_hdop: float
+    gps_lat_deg: float
+    gps_lon_deg: float
+    gps_alt_amsl_m: float
+
+
+class FlightLog(Protocol):
+    """One log being written; `content` is the file so far, readable at any moment.
+
+    Times `now` are simulated [s]; modes are custom_mode, severities MAV_SEVERITY.
+    """
+
+    content: bytearray
+
+    def begin(self, now: float, facts: LogFacts) -> None: ...
+    def sample(self, now: float, sample: Sample) -> None: ...
+    def text(self, now: float, severity: int, text: str) -> None: ...
+    def mode(self, now: float, number: int) -> None: ...
+    def origin(self, now: float, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> None: ...
+    def home(self, now: float, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> None: ...
+    def armed(self, now: float, armed: bool) -> None: ...
+    def landed(self, now: float, landed: bool) -> None: ...
+    def failsafe(self, now: float, kind: Failsafe, active: bool) -> None: ...
+    def command(self, now: float, index: int, total: int, item: Item) -> None: ...
+    def parameter(self, now: float, name: str, value: float) -> None: ...
+    def strike(self, now: float, count: int, over: tuple[int, int], by: tuple[int, int]) -> None: ...
+    def end(self, now: float) -> None: ...

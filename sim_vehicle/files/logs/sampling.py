@@ -1,0 +1,58 @@
+"""The state of vehicles for their logs, taken from the fleet's columns for all that are due at once."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from sim_vehicle.files.logs.record import Sample
+from sim_vehicle.wire.telemetry.view import View
+
+WH_PER_J = 1.0 / 3600.0
+FLOAT32_MAX = float(np.finfo(np.float32).max)
+
+
+def samples(v: View) -> list[Sample]:
+    """One sample for each of the vehicles that the view means, in their order.
+
+    Logs hold floats of 32 bits: what is larger is as large as they get.
+    """
+    world, status, i = v.world, v.status, v.i
+    gps, batteries, dynamics = world.gps, world.batteries, world.dynamics
+    lat_deg, lon_deg = world.estimated_geodetic()
+    gps_lat_deg, gps_lon_deg = gps.geodetic()
+    offset_m = world.estimate_m[i] - status.origin_m[i]
+    velocity_m_s = world.estimate_velocity_m_s[i]
+    attitude_rad = dynamics.attitude_rad[i]
+    fix_type = np.where(status.gps_seen[i], gps.fix_type[i], 1)
+    columns = (
+        lat_deg[i],
+        lon_deg[i],
+        world.estimate_m[i, 2],
+        v.height_m(),
+        offset_m[:, 1],
+        offset_m[:, 0],
+        offset_m[:, 2],
+        velocity_m_s[:, 1],
+        velocity_m_s[:, 0],
+        -velocity_m_s[:, 2],
+        attitude_rad[:, 0],
+        attitude_rad[:, 1],
+        attitude_rad[:, 2],
+        batteries.voltage_v[i],
+        batteries.current_a[i],
+        batteries.used_mah[i],
+        batteries.used_j[i] * WH_PER_J,
+        batteries.remaining[i],
+        fix_type,
+        np.where(fix_type >= 2, gps.satellites[i], 0),
+        gps.eph_m[i],
+        gps_lat_deg[i],
+        gps_lon_deg[i],
+        gps.position_m[i, 2],
+    )
+    return [Sample(*row) for row in zip(*(_fitting(column).tolist() for column in columns), strict=True)]
+
+
+def _fitting(column: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    return np.clip(column, -FLOAT32_MAX, FLOAT32_MAX) if column.dtype.kind == "f" else column

@@ -1,0 +1,143 @@
+"""ArduPilot's packed files: all parameters (`@PARAM/param.pck`) and a whole mission (`@MISSION/*.dat`)."""
+
+import errno
+import struct
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.files.filesystem import FileError
+
+PARAMETERS_MAGIC = 0x671B
+PARAMETERS_WITH_DEFAULTS_MAGIC = 0x671C
+PARAMETERS_HEADER = struct.Struct("<HHH")  # magic, parameters in this file, parameters of the vehicle
+MISSION_MAGIC = 0x763D
+MISSION_HEADER = struct.Struct("<HHHHH")  # magic, MAV_MISSION_TYPE, options, index of the first, items
+NO_CLEAR = 1  # option: items replace and extend what is there
+MOST_NAME = 16
+
+_INT32, _FLOAT = 3, 4
+_VALUES = {1: struct.Struct("<b"), 2: struct.Struct("<h"), 3: struct.Struct("<i"), 4: struct.Struct("<f")}
+_ITEM = mavlink.MAVLink_mission_item_int_message
+
+
+class Parameter(NamedTuple):
+    """One parameter; integers are of type int."""
+
+    name: str
+    value: float | int
+    default: float | int
+
+
+def pack_parameters(parameters: Sequence[Parameter], query: str = "") -> bytes:
+    """`param.pck` as the query wants it (`start=`, `count=`, `withdefaults=`); FileError for a bad query.
+
+    Names share their beginning with the name before. The content is fixed when the file is opened, so nothing
+    needs padding to survive a read again.
+    """
+    wanted = _query(query)
+    start, count, defaults = wanted["start"], wanted["count"], bool(wanted["withdefaults"])
+    if start >= max(len(parameters), 1):
+        raise FileError(errno.EINVAL)
+    chosen = parameters[start : start + count] if count else parameters[start:]
+    magic = PARAMETERS_WITH_DEFAULTS_MAGIC if defaults else PARAMETERS_MAGIC
+    packed = bytearray(PARAMETERS_HEADER.pack(magic, len(chosen), len(parameters)))
+    last = b""
+    for name, value, default in chosen:
+        kind = _INT32 if isinstance(value, int) else _FLOAT
+        differs = defaults and default != value
+        encoded = name.encode("ascii")[:MOST_NAME]
+        common = min(_common(last, encoded), len(encoded) - 1)
+        packed += bytes([kind | differs << 4, common | (len(encoded) - common - 1) << 4])
+        packed += encoded[common:] + _value(kind, value)
+        if differs:
+            packed += _value(kind, default)
+        last = encoded
+    return bytes(packed)
+
+
+def unpack_parameters(content: bytes) -> dict[str, float | int] | None:
+    """What an uploaded `param.pck` sets (its header says its length); None if it is malformed."""
+    if len(content) < PARAMETERS_HEADER.size:
+        return None
+    magic, count, length = PARAMETERS_HEADER.unpack_from(content)
+    if magic != PARAMETERS_MAGIC or length != len(content):
+        return None
+    values: dict[str, float | int] = {}
+    at, last = PARAMETERS_HEADER.size, b""
+    for _ in range(count):
+        if at + 2 > length:
+            return None
+        kind, common, more = content[at], content[at + 1] & 15, (content[at + 1] >> 4) + 1
+        form = _VALUES.get(kind)
+        at += 2
+        if form is None or common > len(last) or common + more > MOST_NAME or at + more + form.size > length:
+            return None
+        last = last[:common] + content[at : at + more]
+        try:
+            name = last.decode("ascii")
+        except UnicodeDecodeError:
+            return None
+        values[name] = form.unpack_from(content, at + more)[0]
+        at += more + form.size
+    return values
+
+
+def pack_mission(mission_type: int, items: Iterable[Any]) -> bytes:
+    """`mission.dat`, `fence.dat` or `rally.dat` from MISSION_ITEM_INT messages."""
+    packed = [
+        _ITEM.unpacker.pack(*(getattr(item, field) for field in _ITEM.ordered_fieldnames)) for item in items
+    ]
+    return MISSION_HEADER.pack(MISSION_MAGIC, mission_type, 0, 0, len(packed)) + b"".join(packed)
+
+
+class UploadedMission(NamedTuple):
+    """An uploaded mission file: its items replace those from index `start` on."""
+
+    start: int
+    clear: bool  # everything that was there goes first
+    items: list[Any]  # MISSION_ITEM_INT
+
+
+def unpack_mission(mission_type: int, content: bytes) -> UploadedMission | None:
+    """What an uploaded mission file says; None if it is malformed, of another type or has holes."""
+    if len(content) < MISSION_HEADER.size:
+        return None
+    magic, kind, options, start, count = MISSION_HEADER.unpack_from(content)
+    size = _ITEM.unpacker.size
+    if (magic, kind) != (MISSION_MAGIC, mission_type) or len(content) != MISSION_HEADER.size + count * size:
+        return None
+    items = []
+    for at in range(MISSION_HEADER.size, len(content), size):
+        if not any(content[at : at + size]):  # the client left it out
+            return None
+        fields = _ITEM.unpacker.unpack_from(content, at)
+        items.append(_ITEM(**dict(zip(_ITEM.ordered_fieldnames, fields, strict=True))))
+    return UploadedMission(start, not options & NO_CLEAR, items)
+
+
+def _query(query: str) -> Mapping[str, int]:
+    wanted = {"start": 0, "count": 0, "withdefaults": 0}
+    for part in filter(None, query.split("&")):
+        key, _, text = part.partition("=")
+        if key in wanted:
+            if not text.isascii() or not text.isdigit() or int(text) >= 0xFFFF:
+                raise FileError(errno.EINVAL)
+            wanted[key] = int(text)
+    if wanted["withdefaults"] > 1:
+        raise FileError(errno.EINVAL)
+    return wanted
+
+
+def _common(one: bytes, other: bytes) -> int:
+    length = 0
+    for a, b in zip(one, other, strict=False):
+        if a != b:
+            break
+        length += 1
+    return min(length, 15)
+
+
+def _value(kind: int, value: float) -> bytes:
+    return _VALUES[kind].pack(int(value) if kind == _INT32 else value)

@@ -1,0 +1,124 @@
+"""The file trees that the two autopilots show over MAVLink FTP."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.files.component_metadata import ComponentMetadata
+from sim_vehicle.files.filesystem import FileSystem, Source, constant
+from sim_vehicle.files.logs.recorder import FlightRecorder, StoredLog
+from sim_vehicle.files.packed_files import (
+    Parameter,
+    UploadedMission,
+    pack_mission,
+    pack_parameters,
+    unpack_mission,
+    unpack_parameters,
+)
+
+ARDUPILOT_LOGS = "APM/LOGS"
+PX4_LOGS = "fs/microsd/log"
+MISSION_FILES = {
+    "mission": mavlink.MAV_MISSION_TYPE_MISSION,
+    "fence": mavlink.MAV_MISSION_TYPE_FENCE,
+    "rally": mavlink.MAV_MISSION_TYPE_RALLY,
+}
+
+
+def ardupilot_files(
+    *,
+    parameters: Callable[[], Sequence[Parameter]],
+    set_parameter: Callable[[str, float], None],
+    banner: Callable[[], None],
+    items: Callable[[int], Iterable[Any]],
+    set_items: Callable[[int, UploadedMission], bool],
+    recorder: FlightRecorder,
+    system: Mapping[str, Callable[[], str]],
+) -> FileSystem:
+    """ArduPilot's tree: `@PARAM`, `@MISSION`, `@SYS` and the logs; `/APM` can be written to.
+
+    `parameters` in the order of their index; `set_parameter` is called for each known parameter of an upload;
+    `banner` sends the texts that accompany a download of parameters; `items(mission type)` are
+    MISSION_ITEM_INT, `set_items(mission type, upload)` says whether they could be used; `system` are the
+    texts under `@SYS`.
+    """
+
+    def pack(query: str) -> bytes:
+        banner()
+        return pack_parameters(parameters(), query)
+
+    def unpack(content: bytes) -> bool:
+        values = unpack_parameters(content)
+        for name, value in (values or {}).items():
+            set_parameter(name, value)
+        return values is not None
+
+    fixed = {"@PARAM/param.pck": Source(pack, lambda: len(pack_parameters(parameters())), unpack)}
+    for name, kind in MISSION_FILES.items():
+        fixed[f"@MISSION/{name}.dat"] = _mission_file(kind, items, set_items)
+    for name, text in system.items():
+        fixed[f"@SYS/{name}"] = _text_file(text)
+
+    def sources() -> Mapping[str, Source]:
+        logs = {f"{ARDUPILOT_LOGS}/{log.number:08d}.BIN": _log_file(log, recorder) for log in recorder.logs}
+        if recorder.logs:
+            logs[f"{ARDUPILOT_LOGS}/LASTLOG.TXT"] = constant(b"%d\r\n" % recorder.logs[-1].number)
+        return {**fixed, **logs}
+
+    return FileSystem(sources, writable=("APM",))
+
+
+def px4_files(*, metadata: Callable[[], ComponentMetadata], recorder: FlightRecorder) -> FileSystem:
+    """PX4's tree: `/etc/extras` with the metadata, the logs by day and time; the SD card is writable."""
+
+    def sources() -> Mapping[str, Source]:
+        fixed = {path: constant(content) for path, content in metadata().files.items()}
+        logs = {f"{PX4_LOGS}/{px4_log_name(log)}": _log_file(log, recorder) for log in recorder.logs}
+        return {**fixed, **logs}
+
+    return FileSystem(sources, writable=("fs/microsd",))
+
+
+def px4_log_name(log: StoredLog) -> str:
+    """`YYYY-MM-DD/hh_mm_ss.ulg`, when it was begun (UTC)."""
+    days, seconds = divmod(max(int(log.begun_utc_s), 0), 86_400)
+    year, month, day = _civil(days)
+    minutes, second = divmod(seconds, 60)
+    return f"{year:04d}-{month:02d}-{day:02d}/{minutes // 60:02d}_{minutes % 60:02d}_{second:02d}.ulg"
+
+
+def _civil(days: int) -> tuple[int, int, int]:
+    """Year, month and day of a number of days since 1970-01-01 (the proleptic Gregorian calendar)."""
+    era, day_of_era = divmod(days + 719_468, 146_097)  # eras of 400 years, each from the first of March
+    year_of_era = (day_of_era - day_of_era // 1460 + day_of_era // 36_524 - day_of_era // 146_096) // 365
+    day_of_year = day_of_era - (365 * year_of_era + year_of_era // 4 - year_of_era // 100)
+    shifted = (5 * day_of_year + 2) // 153
+    month = shifted + 3 if shifted < 10 else shifted - 9
+    return year_of_era + era * 400 + (month <= 2), month, day_of_year - (153 * shifted + 2) // 5 + 1
+
+
+def _mission_file(
+    kind: int, items: Callable[[int], Iterable[Any]], set_items: Callable[[int, UploadedMission], bool]
+) -> Source:
+    def write(content: bytes) -> bool:
+        upload = unpack_mission(kind, content)
+        return upload is not None and set_items(kind, upload)
+
+    return Source(
+        read=lambda _query: pack_mission(kind, items(kind)),
+        size=lambda: len(pack_mission(kind, items(kind))),
+        write=write,
+    )
+
+
+def _text_file(text: Callable[[], str]) -> Source:
+    return Source(read=lambda _query: text().encode(), size=lambda: len(text().encode()))
+
+
+def _log_file(log: StoredLog, recorder: FlightRecorder) -> Source:
+    return Source(
+        read=lambda _query: bytes(log.content),
+        size=lambda: len(log.content),
+        remove=lambda: recorder.remove(log),
+    )

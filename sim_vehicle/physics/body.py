@@ -1,0 +1,366 @@
+"""One vehicle's airframe and battery, as its autopilot sees and steers them."""
+
+import math
+
+from sim_vehicle.physics.motion import YAW_RATE_RAD_S, Order
+from sim_vehicle.physics.world import World
+
+SHORTEST_LEG_M = 2.0  # along which a copter faces
+# lowest and highest limits that the equations stand
+SPEEDS_M_S, ACCELERATIONS_M_S2, RADII_M = (0.05, 100.0), (0.05, 30.0), (0.05, 1e4)
+BANKS_RAD = (math.radians(5.0), math.radians(75.0))
+STRONGEST_WIND_M_S = 100.0
+STALLS_M_S = (2.0, 50.0)
+CAPACITIES_MAH, VOLTAGES_V = (1.0, 1e6), (1.0, 1000.0)
+
+
+def _sound(*numbers: float) -> bool:
+    """Whether these are numbers to fly by; an order with others is none."""
+    return all(map(math.isfinite, numbers))
+
+
+class Body:
+    """One vehicle's handle on the world; places are east, north, up above mean sea level [m]."""
+
+    def __init__(self, world: World, index: int) -> None:
+        self._world = world
+        self._motion = world.dynamics
+        self._index = index
+        self.plane = bool(world.dynamics.planes[index])
+
+    # -- what the autopilot knows ------------------------------------------------------------------------
+
+    @property
+    def position_m(self) -> tuple[float, float, float]:
+        """Estimated east, north, up [m]."""
+        east, north, up = self._motion.estimate_m[self._index].tolist()
+        return east, north, up
+
+    @property
+    def velocity_m_s(self) -> tuple[float, float, float]:
+        """Estimated east, north, up [m/s]."""
+        east, north, up = self._motion.estimate_velocity_m_s[self._index].tolist()
+        return east, north, up
+
+    @property
+    def lat_lon_deg(self) -> tuple[float, float]:
+        lat_deg, lon_deg = self._world.estimated_geodetic()
+        return float(lat_deg[self._index]), float(lon_deg[self._index])
+
+    @property
+    def alt_amsl_m(self) -> float:
+        return float(self._motion.estimate[2, self._index])
+
+    @property
+    def ground_amsl_m(self) -> float:
+        return float(self._motion.ground_m[self._index])
+
+    @property
+    def heading_rad(self) -> float:
+        """Clockwise from north, in [0, 2 pi)."""
+        return float(self._motion.attitude[2, self._index]) % (2 * math.pi)
+
+    @property
+    def attitude_rad(self) -> tuple[float, float, float]:
+        """Roll, pitch and yaw."""
+        roll, pitch, yaw = self._motion.attitude[:, self._index].tolist()
+        return roll, pitch, yaw
+
+    @property
+    def airborne(self) -> bool:
+        return bool(self._motion.airborne[self._index])
+
+    @property
+    def armed(self) -> bool:
+        """Whether its motors run, or may: what everything else calls armed."""
+        return bool(self._motion.armed[self._index])
+
+    @property
+    def reached(self) -> bool:
+        """Whether the present target has been reached since it was given."""
+        return bool(self._motion.reached[self._index])
+
+    @property
+    def crashed(self) -> bool:
+        """Whether it hit the ground too hard ever to fly again."""
+        return bool(self._motion.crashed[self._index])
+
+    @property
+    def position_ok(self) -> bool:
+        """Whether the position is one to navigate by."""
+        return bool(self._world.position_ok[self._index])
+
+    @property
+    def gps_fix(self) -> bool:
+        return not bool(self._world.gps.lost[self._index])
+
+    @property
+    def target_m(self) -> tuple[float, float, float]:
+        east, north, up = self._motion.target_m[self._index].tolist()
+        return east, north, up
+
+    @property
+    def voltage_v(self) -> float:
+        return float(self._world.batteries.voltage_v[self._index])
+
+    @property
+    def current_a(self) -> float:
+        return float(self._world.batteries.current_a[self._index])
+
+    @property
+    def used_mah(self) -> float:
+        return float(self._world.batteries.used_mah[self._index])
+
+    @property
+    def battery_remaining(self) -> float:
+        """Share left, in [0, 1]."""
+        return float(self._world.batteries.remaining[self._index])
+
+    def take_touchdown_m_s(self) -> float:
+        """Speed of a ground contact since the last call, 0 if there was none."""
+        speed = float(self._motion.touchdown_m_s[self._index])
+        self._motion.touchdown_m_s[self._index] = 0.0
+        return speed
+
+    def take_events(self) -> bool:
+        """Whether something to act upon has happened since the last call."""
+        happened = bool(self._motion.events[self._index])
+        self._motion.events[self._index] = False
+        return happened
+
+    def locate(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
+        """East and north [m] of a place [deg]; where we are, if the map does not reach it (the antipode)."""
+        east_m, north_m = self._world.frame.point_to_local(lat_deg, lon_deg)
+        if not (math.isfinite(east_m) and math.isfinite(north_m)):
+            east_m, north_m, _ = self.position_m
+        return east_m, north_m
+
+    # -- what it orders ----------------------------------------------------------------------------------
+
+    def arm(self, armed: bool) -> None:
+        """Start or stop the motors; stopped in the air, a copter falls and a plane glides."""
+        i, motion = self._index, self._motion
+        motion.armed[i] = armed and not motion.crashed[i]
+        if not armed:
+            motion.order[i] = Order.FALL if self.airborne else Order.GROUNDED
+        elif self.airborne and motion.order[i] == Order.FALL:
+            self.stop()
+
+    def rest(self) -> None:
+        """Idle on the ground."""
+        self._motion.order[self._index] = Order.GROUNDED
+
+    def fly_to(self, east_m: float, north_m: float, up_m: float, pass_speed_m_s: float = 0.0) -> None:
+        """Fly the straight leg from the target flown until now (if that was reached) or from here.
+
+        A copter stays there, unless it may pass at a speed [m/s]; a plane flies on past it in any case.
+        """
+        i, motion = self._index, self._motion
+        if not _sound(east_m, north_m, up_m):
+            return
+        continues = bool(motion.reached[i]) and motion.order[i] == Order.POSITION and motion.circle_m[i] == 0
+        start = motion.target if continues else motion.estimate
+        self._set_leg(float(start[0, i]), float(start[1, i]), east_m, north_m)
+        motion.target[:, i] = (east_m, north_m, up_m)
+        motion.pass_speed_m_s[i] = pass_speed_m_s
+        motion.circle_m[i] = 0.0
+        self._begin(Order.POSITION)
+
+    def loiter(self, east_m: float, north_m: float, up_m: float, radius_m: float | None = None) -> None:
+        """Circle around a place, clockwise if the radius [m] is positive; None or 0: the usual one."""
+        i, motion = self._index, self._motion
+        if not _sound(east_m, north_m, up_m):
+            return
+        if not radius_m or not math.isfinite(radius_m):
+            radius_m = float(motion.loiter_radius_m[i])
+        motion.circle_m[i] = math.copysign(max(abs(radius_m), 1.0), radius_m)
+        motion.target[:, i] = (east_m, north_m, up_m)
+        self._begin(Order.POSITION)
+
+    def land_at(self, east_m: float, north_m: float) -> None:
+        """A plane's landing: down a straight slope from here to touch the ground at a place."""
+        if not _sound(east_m, north_m):
+            return
+        i, motion = self._index, self._motion
+        here_east_m, here_north_m, up_m = self.position_m
+        self._set_leg(here_east_m, here_north_m, east_m, north_m)
+        motion.target[:, i] = (east_m, north_m, self.ground_amsl_m)
+        motion.slope[i] = (up_m - self.ground_amsl_m) / max(float(motion.leg_length_m[i]), 1.0)
+        motion.circle_m[i] = 0.0
+        self._begin(Order.GLIDE)
+
+    def stop(self) -> None:
+        """Brake and hold the place and altitude where that ends; a plane circles here."""
+        i, motion = self._index, self._motion
+        east, north, up = self.position_m
+        velocity = self.velocity_m_s
+        climb_s = abs(velocity[2]) / (2 * float(motion.vertical_acceleration_limit_m_s2[i]))
+        up += velocity[2] * climb_s
+        if self.plane:
+            self.loiter(east, north, up)
+            return
+        braking_s = math.hypot(*velocity[:2]) / (2 * float(motion.acceleration_limit_m_s2[i]))
+        self.fly_to(east + velocity[0] * braking_s, north + velocity[1] * braking_s, up)
+
+    def move(
+        self,
+        velocity_m_s: tuple[float, float, float],
+        *,
+        yaw_rad: float | None = None,
+        yaw_rate_rad_s: float | None = None,
+    ) -> None:
+        """Move at a velocity east, north, up [m/s] within the limits; a plane flies in its direction."""
+        i, motion = self._index, self._motion
+        east, north, up = velocity_m_s
+        speed = math.hypot(east, north)
+        if not _sound(speed, up):
+            return
+        within = min(1.0, float(motion.speed_m_s[i]) / max(speed, 1e-9))
+        motion.wanted_velocity[:, i] = (east * within, north * within)
+        motion.rate_m_s[i] = max(-float(motion.descent_m_s[i]), min(up, float(motion.climb_m_s[i])))
+        here = self.position_m
+        motion.target[:, i] = here
+        if speed > 0:
+            self._set_leg(here[0], here[1], here[0] + east / speed, here[1] + north / speed)
+        motion.circle_m[i] = 0.0
+        self._begin(Order.VELOCITY)
+        self._turn(yaw_rad, yaw_rate_rad_s)
+
+    def lean(
+        self,
+        acceleration_m_s2: tuple[float, float],
+        climb_m_s: float,
+        *,
+        yaw_rad: float | None = None,
+        yaw_rate_rad_s: float | None = None,
+    ) -> None:
+        """Lean a copter so that its thrust accelerates it east, north [m/s2], whatever the air does to it."""
+        i, motion = self._index, self._motion
+        if not _sound(*acceleration_m_s2, climb_m_s):
+            return
+        motion.wanted_lean[:, i] = acceleration_m_s2
+        motion.rate_m_s[i] = max(-float(motion.descent_m_s[i]), min(climb_m_s, float(motion.climb_m_s[i])))
+        motion.target[:, i] = self.position_m
+        motion.circle_m[i] = 0.0
+        self._begin(Order.LEAN)
+        self._turn(yaw_rad, yaw_rate_rad_s)
+
+    def move_vertically(self, rate_m_s: float) -> None:
+        """Climb (positive) or sink at a rate over the target's place; a plane along its leg or circle."""
+        if _sound(rate_m_s):
+            self._motion.order[self._index] = Order.RATE
+            self._motion.rate_m_s[self._index] = rate_m_s
+
+    def face(self, heading_rad: float | None, rate_rad_s: float | None = None) -> None:
+        """Turn a copter to a heading (None: along its legs, as by default), at a rate at most [rad/s]."""
+        i, motion = self._index, self._motion
+        motion.wanted_yaw_rate_rad_s[i] = 0.0
+        motion.yaw_rate_limit_rad_s[i] = YAW_RATE_RAD_S
+        motion.faces[i] = heading_rad is not None and math.isfinite(heading_rad)
+        if motion.faces[i]:
+            motion.wanted_heading_rad[i] = heading_rad
+            if rate_rad_s is not None and rate_rad_s > 0:
+                motion.yaw_rate_limit_rad_s[i] = min(rate_rad_s, YAW_RATE_RAD_S)
+        elif motion.order[i] == Order.POSITION and not motion.reached[i]:
+            self._face_along()
+
+    def limit(
+        self,
+        *,
+        speed_m_s: float | None = None,
+        climb_m_s: float | None = None,
+        descent_m_s: float | None = None,
+        acceleration_m_s2: float | None = None,
+        vertical_acceleration_m_s2: float | None = None,
+        radius_m: float | None = None,
+        airspeed_min_m_s: float | None = None,
+        airspeed_max_m_s: float | None = None,
+        loiter_radius_m: float | None = None,
+        bank_limit_deg: float | None = None,
+        stall_m_s: float | None = None,
+    ) -> None:
+        """Set the limits that are given, as near as the equations stand; a plane's speed is its airspeed."""
+        i, motion = self._index, self._motion
+        bank_limit_rad = None if bank_limit_deg is None else math.radians(bank_limit_deg)
+        for array, value, (lowest, highest) in (
+            (motion.speed_m_s, speed_m_s, SPEEDS_M_S),
+            (motion.climb_m_s, climb_m_s, SPEEDS_M_S),
+            (motion.descent_m_s, descent_m_s, SPEEDS_M_S),
+            (motion.acceleration_limit_m_s2, acceleration_m_s2, ACCELERATIONS_M_S2),
+            (motion.vertical_acceleration_limit_m_s2, vertical_acceleration_m_s2, ACCELERATIONS_M_S2),
+            (motion.radius_m, radius_m, RADII_M),
+            (motion.airspeed_min_m_s, airspeed_min_m_s, SPEEDS_M_S),
+            (motion.airspeed_max_m_s, airspeed_max_m_s, SPEEDS_M_S),
+            (motion.loiter_radius_m, loiter_radius_m, (-RADII_M[1], RADII_M[1])),
+            (motion.bank_limit_rad, bank_limit_rad, BANKS_RAD),
+            (motion.stall_m_s, stall_m_s, STALLS_M_S),
+        ):
+            if value is not None and math.isfinite(value):
+                array[i] = max(lowest, min(value, highest))
+
+    def corner_speed_m_s(self, turn_rad: float) -> float:
+        """Speed at which a corner can be flown within the waypoint radius under the acceleration limit."""
+        i, motion = self._index, self._motion
+        speed = float(motion.speed_m_s[i])
+        widening = 1.0 / max(math.cos(min(turn_rad, math.pi - 1e-6) / 2), 1e-6) - 1.0
+        if widening < 1e-6:
+            return speed
+        turn_radius_m = float(motion.radius_m[i]) / widening
+        return min(speed, math.sqrt(float(motion.acceleration_limit_m_s2[i]) * turn_radius_m))
+
+    def set_gps_fix(self, fix_type: int) -> None:
+        """GPS_FIX_TYPE of its receiver at its best."""
+        gps = self._world.gps
+        gps.best_fix_type[self._index] = gps.fix_type[self._index] = fix_type
+
+    def set_battery(self, *, capacity_mah: float, full_v: float) -> None:
+        """What the battery holds when full, and its voltage then, at rest; as there are batteries."""
+        i, batteries = self._index, self._world.batteries
+        batteries.capacity_mah[i] = max(CAPACITIES_MAH[0], min(capacity_mah, CAPACITIES_MAH[1]))
+        batteries.full_v[i] = max(VOLTAGES_V[0], min(full_v, VOLTAGES_V[1]))
+
+    def set_wind(self, speed_m_s: float | None, from_deg: float) -> None:
+        """The steady wind here, as strong as there is any on earth, and where it comes from.
+
+        None: the scenario's.
+        """
+        if speed_m_s is not None:
+            speed_m_s = min(speed_m_s, STRONGEST_WIND_M_S)
+        self._world.wind.set_steady(self._index, speed_m_s, from_deg)
+
+    # -- how -----------------------------------------------------------------------------------------------
+
+    def _begin(self, order: int) -> None:
+        self._motion.order[self._index] = order
+        self._motion.reached[self._index] = False
+        if order == Order.POSITION and not self._motion.faces[self._index]:
+            self._face_along()
+
+    def _set_leg(self, start_east_m: float, start_north_m: float, east_m: float, north_m: float) -> None:
+        i, motion = self._index, self._motion
+        leg_east_m, leg_north_m = east_m - start_east_m, north_m - start_north_m
+        length_m = math.hypot(leg_east_m, leg_north_m)
+        motion.leg_start[:, i] = (start_east_m, start_north_m)
+        motion.leg_length_m[i] = length_m
+        if length_m > 1e-6:
+            motion.leg_direction[:, i] = (leg_east_m / length_m, leg_north_m / length_m)
+            motion.leg_heading_rad[i] = math.atan2(leg_east_m, leg_north_m)
+        else:
+            motion.leg_direction[:, i] = 0.0
+            motion.leg_heading_rad[i] = motion.attitude[2, i]
+
+    def _turn(self, yaw_rad: float | None, yaw_rate_rad_s: float | None) -> None:
+        i, motion = self._index, self._motion
+        if yaw_rad is not None:
+            self.face(yaw_rad)
+        elif yaw_rate_rad_s is not None and _sound(yaw_rate_rad_s):
+            self.face(self.heading_rad)
+            limit = float(motion.yaw_rate_limit_rad_s[i])
+            motion.wanted_yaw_rate_rad_s[i] = max(-limit, min(yaw_rate_rad_s, limit))
+
+    def _face_along(self) -> None:
+        i, motion = self._index, self._motion
+        if motion.leg_length_m[i] > SHORTEST_LEG_M:
+            motion.wanted_heading_rad[i] = motion.leg_heading_rad[i]
+        else:
+            motion.wanted_heading_rad[i] = motion.attitude[2, i]

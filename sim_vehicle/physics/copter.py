@@ -1,0 +1,155 @@
+"""How copters fly: arrays over those of the fleet, kinematic and honest about limits.
+
+A copter follows the straight leg to its target by pursuing a point ahead of it on the leg, its horizontal and
+vertical accelerations are bounded, and it brakes in time to pass the target at the speed it is allowed there
+(0 to stop). It leans to accelerate and against the drag of the air, as far as it may: a stronger wind takes
+it along. Its autopilot makes up for the wind it knows; a gust it feels first.
+"""
+
+import numpy as np
+
+from sim_vehicle.physics.geodesy import Floats
+from sim_vehicle.physics.motion import GRAVITY_M_S2, TURN_RAD, Bools, Ints, Motion, Order, Selection, wrapped
+
+TERMINAL_FALL_M_S = 15.0
+BRAKING_SHARE = 0.7  # of the acceleration limit is planned for braking, the rest corrects the path
+POSITION_GAIN_HZ = 2.0  # speed per metre close to a stopping point, where the square root would chatter
+DRAG_PER_M = 0.016  # deceleration by the air per square of the airspeed
+LEAN_LIMIT_M_S2 = GRAVITY_M_S2 * np.tan(np.deg2rad(40.0))
+LEAN_TIME_S = 0.15  # in which the attitude follows
+SPIN_RAD_S = TURN_RAD  # with one motor lost
+SPINNING_LIMIT_M_S2 = 0.5
+LIMPING_SINK_M_S2 = 0.3 * GRAVITY_M_S2  # two motors of four lift that much less than the weight
+HOVER_W, MASS_KG, EFFICIENCY = 172.0, 1.5, 0.6
+HOVER_THROTTLE = 0.35
+IDLE_W = 16.0
+
+
+def fly(m: Motion, i: Selection, dt_s: float) -> None:
+    """Velocities and attitudes of the copters `i` after `dt_s` [s]."""
+    order = m.acting[i]
+    thrusts = m.airborne[i] & (order != Order.FALL)
+    climb_error_m = m.target[2][i] - m.estimate[2][i]
+    pushes = _horizontal_acceleration(m, i, order, climb_error_m, dt_s) * thrusts
+    air = m.velocity[:2, i] - m.wind.now[:, i]
+    airspeed = np.hypot(air[0], air[1])
+    drag = air * (airspeed * DRAG_PER_M)
+    known_air = m.velocity[:2, i] - m.wind.known[:, i]
+    known_drag = known_air * (np.hypot(known_air[0], known_air[1]) * DRAG_PER_M)
+    lean = (pushes + known_drag) * thrusts
+    leans = order == Order.LEAN
+    if np.count_nonzero(leans):
+        np.copyto(lean, m.wanted_lean[:, i], where=leans & thrusts)
+    size = np.hypot(lean[0], lean[1])
+    if size.max(initial=0.0) > LEAN_LIMIT_M_S2:
+        lean *= np.minimum(1.0, LEAN_LIMIT_M_S2 / np.maximum(size, 1e-9))
+    change = (lean - drag) * (dt_s * m.airborne[i])
+    climb = _climb(m, i, order, climb_error_m, dt_s)
+    lift = (GRAVITY_M_S2 + (climb - m.velocity[2][i]) / dt_s) * thrusts
+    m.velocity[:2, i] += change
+    m.velocity[2][i] = climb
+    m.airspeed_m_s[i] = airspeed * m.airborne[i]
+    m.thrust[i] = np.sqrt(lean[0] ** 2 + lean[1] ** 2 + lift**2) / GRAVITY_M_S2
+    _turn(m, i, lean, lift, dt_s)
+
+
+def _horizontal_acceleration(
+    m: Motion, i: Selection, order: Ints, climb_error_m: Floats, dt_s: float
+) -> Floats:
+    """(2, n) [m/s2] toward the velocity that is wanted, within the limit."""
+    wanted = _pursuit(m, i, order, climb_error_m)
+    moves = order == Order.VELOCITY
+    if np.count_nonzero(moves):
+        np.copyto(wanted, m.wanted_velocity[:, i], where=moves)
+    wanted -= m.estimate_velocity[:2, i]
+    limit = m.acceleration_limit_m_s2[i]
+    if m.any_motor_lost:
+        limit = np.where(m.motors_lost[i] > 0, np.minimum(limit, SPINNING_LIMIT_M_S2), limit)
+    wanted *= np.minimum(1.0 / dt_s, limit / np.maximum(np.hypot(wanted[0], wanted[1]), 1e-12))
+    return wanted
+
+
+def _pursuit(m: Motion, i: Selection, order: Ints, climb_error_m: Floats) -> Floats:
+    """(2, n) velocity [m/s] along the leg, slow enough to stop or to pass at its end."""
+    here = m.estimate[:2, i]
+    to_target = m.target[:2, i] - here
+    distance = np.hypot(to_target[0], to_target[1])
+    gone = here - m.leg_start[:, i]
+    leg = m.leg_direction[:, i]
+    ahead = gone[0] * leg[0] + gone[1] * leg[1] + np.maximum(m.speed_m_s[i], 3.0)
+    ahead = np.minimum(np.maximum(ahead, 0.0), m.leg_length_m[i])
+    course: Floats = leg * ahead - gone
+
+    passing = m.pass_speed_m_s[i]
+    braking = np.sqrt(passing**2 + (2 * BRAKING_SHARE) * m.acceleration_limit_m_s2[i] * distance)
+    stopping = np.where(passing > 0, np.inf, POSITION_GAIN_HZ * distance)
+    speed = np.minimum(np.minimum(m.speed_m_s[i], braking), stopping)
+    # Both axes arrive together, so that a leg is a straight line in space.
+    climb_limit = np.where(climb_error_m > 0, m.climb_m_s[i], m.descent_m_s[i])
+    climb_time = np.abs(climb_error_m) / np.maximum(climb_limit, 0.1)
+    coupled = (order == Order.POSITION) & (climb_time > 1.0)
+    if np.count_nonzero(coupled):
+        speed = np.where(coupled, np.minimum(speed, distance / np.maximum(climb_time, 1e-9)), speed)
+    course *= speed / np.maximum(np.hypot(course[0], course[1]), 1e-9)
+    return course
+
+
+def _climb(m: Motion, i: Selection, order: Ints, error_m: Floats, dt_s: float) -> Floats:
+    """Vertical speed after the step, (n,) [m/s]."""
+    limit = m.vertical_acceleration_limit_m_s2[i]
+    if m.any_motor_lost:
+        limit = np.where(m.motors_lost[i] == 1, LIMPING_SINK_M_S2, limit)
+    size = np.abs(error_m)
+    wanted = np.minimum(np.sqrt((2 * BRAKING_SHARE) * limit * size), POSITION_GAIN_HZ * size)
+    wanted = np.where(error_m > 0, np.minimum(wanted, m.climb_m_s[i]), -np.minimum(wanted, m.descent_m_s[i]))
+    wanted = np.where(order == Order.POSITION, wanted, m.acting_rate_m_s[i])
+    step = limit * dt_s
+    change = np.minimum(np.maximum(wanted - m.velocity[2][i], -step), step)
+    falls = order == Order.FALL
+    if np.count_nonzero(falls):
+        change = np.where(falls, -GRAVITY_M_S2 * dt_s, change)
+    return np.asarray(np.maximum(m.velocity[2][i] + change, -TERMINAL_FALL_M_S) * m.airborne[i])
+
+
+def _turn(m: Motion, i: Selection, lean: Floats, lift: Floats, dt_s: float) -> None:
+    """Yaw toward the wanted heading; roll and pitch put the thrust where it is needed."""
+    yaw = m.attitude[2][i]
+    airborne = m.airborne[i]
+    if np.count_nonzero(m.wanted_yaw_rate_rad_s):
+        m.wanted_heading_rad[i] += m.wanted_yaw_rate_rad_s[i] * (dt_s * airborne)
+    limit = m.yaw_rate_limit_rad_s[i]
+    yaw_rate = np.minimum(np.maximum(wrapped(m.wanted_heading_rad[i] - yaw) / dt_s, -limit), limit) * airborne
+    if m.any_motor_lost:
+        yaw_rate = np.where((m.motors_lost[i] > 0) & airborne, SPIN_RAD_S, yaw_rate)
+    sin, cos = np.sin(yaw), np.cos(yaw)
+    forward = lean[0] * sin + lean[1] * cos
+    right = lean[0] * cos - lean[1] * sin
+    up = np.maximum(lift, 1e-3)
+    roll_rate = (np.arctan2(right, np.hypot(forward, up)) - m.attitude[0][i]) * (airborne / LEAN_TIME_S)
+    pitch_rate = (-np.arctan2(forward, up) - m.attitude[1][i]) * (airborne / LEAN_TIME_S)
+    m.attitude_rate[0][i], m.attitude_rate[1][i], m.attitude_rate[2][i] = roll_rate, pitch_rate, yaw_rate
+    m.attitude[0][i] += roll_rate * dt_s
+    m.attitude[1][i] += pitch_rate * dt_s
+    m.attitude[2][i] = wrapped(yaw + yaw_rate * dt_s)
+
+
+def load_w(m: Motion, i: Selection) -> Floats:
+    """Electrical power of the motors, (n,) [W]: the downwash, the climb, and the drag of the air."""
+    thrust, air = m.thrust[i], m.airspeed_m_s[i]
+    climb = np.maximum(m.velocity[2][i], -1.0)
+    work = MASS_KG * (GRAVITY_M_S2 * climb + DRAG_PER_M * air**3) / EFFICIENCY
+    flying = HOVER_W * thrust * np.sqrt(thrust) + work
+    return np.asarray(np.where(m.airborne[i], np.maximum(flying, 0.0), IDLE_W) * m.armed[i])
+
+
+def throttle(m: Motion, i: Selection) -> Floats:
+    """Share of the full throttle, (n,)."""
+    return np.minimum(HOVER_THROTTLE * m.thrust[i], 1.0) * m.airborne[i]
+
+
+def lifts_off(m: Motion) -> Bools:
+    """Copters on the ground that are told to climb and can, (n,)."""
+    up = (m.order == Order.POSITION) & (m.target[2] > m.ground_m + 0.1)
+    up |= ((m.order == Order.RATE) | (m.order == Order.VELOCITY) | (m.order == Order.LEAN)) & (m.rate_m_s > 0)
+    fit = ~(m.crashed | m.exhausted | m.planes | m.airborne) & (m.motors_lost == 0)
+    return np.asarray(up & m.armed & fit)

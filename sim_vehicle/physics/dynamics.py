@@ -1,0 +1,177 @@
+"""How the airframes move: arrays over the whole fleet, one fixed time step, no Python per vehicle.
+
+`copter` and `plane` turn orders into velocities; here is what they share: what failures leave of the orders,
+leaving and touching the ground, arriving. The ground is flat at the altitude of each vehicle's start.
+"""
+
+import numpy as np
+
+from sim_vehicle.physics import copter, plane
+from sim_vehicle.physics.geodesy import Floats
+from sim_vehicle.physics.motion import GRAVITY_M_S2, Bools, Motion, Order, Selection
+from sim_vehicle.physics.wind import Wind, WindSettings
+
+CRASH_M_S = 5.0  # a harder contact breaks the airframe
+LIMPING_SINK_M_S = 8.0  # of a copter with one motor less, in the end
+PASSING_RADII = 3.0  # a target that is flown through may be missed by a little at speed
+ALTITUDE_REACHED_M = 5.0  # of a plane that circles
+CIRCLE_REACHED_SHARE = 0.25  # outside the circle
+
+
+class Dynamics(Motion):
+    """The motion of n vehicles that start at `position_m` (n, 3): east, north, up above mean sea level [m].
+
+    Parameters
+    ----------
+    planes: (n,) who is a fixed wing; nobody, if not given.
+    wind: calm, if not given.
+    """
+
+    def __init__(self, position_m: Floats, *, planes: Bools | None = None, wind: Wind | None = None) -> None:
+        n = len(position_m)
+        planes = np.zeros(n, dtype=bool) if planes is None else np.asarray(planes, dtype=bool)
+        super().__init__(position_m, planes, wind or Wind(WindSettings(), [np.random.default_rng(0)] * n))
+        self._copters: Selection = np.flatnonzero(~planes) if np.count_nonzero(planes) else slice(None)
+        self._planes: Selection = slice(None) if planes.all() else np.flatnonzero(planes)
+        self._has_copters, self._has_planes = not planes.all(), bool(planes.any())
+        self._derived: dict[str, Floats] = {}
+
+    def step(self, dt_s: float) -> None:
+        """Advance every vehicle by `dt_s` [s]."""
+        self._derived.clear()
+        self._put_orders_in_force()
+        if np.count_nonzero(self.armed & ~self.airborne):
+            self._lift_off()
+        rolls = self._has_planes and bool(np.count_nonzero(plane.rolls(self)))
+        if rolls or np.count_nonzero(self.airborne):
+            self._move(dt_s, rolls=rolls)
+        elif np.count_nonzero(self.acceleration):
+            self.acceleration[:] = 0.0
+        np.add(self.position, self.error, out=self.estimate)
+        np.add(self.velocity, self.velocity_error, out=self.estimate_velocity)
+        if np.count_nonzero(self.airborne & ~self.reached):
+            self._note_reached()
+
+    def _move(self, dt_s: float, *, rolls: bool) -> None:
+        before = self.velocity.copy()
+        if self._has_copters and (not self._has_planes or np.count_nonzero(self.airborne[self._copters])):
+            copter.fly(self, self._copters, dt_s)
+        if self._has_planes and (rolls or np.count_nonzero(self.airborne[self._planes])):
+            plane.fly(self, self._planes, dt_s)
+        self.position += self.velocity * dt_s
+        touches = self.airborne & (self.position[2] <= self.ground_m) & (self.velocity[2] <= 0)
+        if np.count_nonzero(touches):
+            self._touch_ground(touches)
+        np.subtract(self.velocity, before, out=self.acceleration)
+        self.acceleration /= dt_s
+
+    def _put_orders_in_force(self) -> None:
+        """An order is only carried out as far as the airframe still can.
+
+        A copter with an empty battery, or with two motors less, falls. With one less of four it gives up its
+        heading to stay level, and the motor across has to slow down: the other two do not carry the weight,
+        so it sinks the faster the longer, and only from a few metres it comes down whole.
+        """
+        self.any_motor_lost = bool(np.count_nonzero(self.motors_lost))
+        if not (self.any_motor_lost or np.count_nonzero(self.exhausted)):
+            self.acting, self.acting_rate_m_s = self.order, self.rate_m_s
+            return
+        steered = self.airborne & ~self.planes & (self.order != Order.GROUNDED) & (self.order != Order.FALL)
+        sinks = steered & (self.motors_lost == 1)
+        self.acting, self.acting_rate_m_s = self.order.copy(), self.rate_m_s.copy()
+        self.acting[sinks] = Order.RATE
+        self.acting_rate_m_s[sinks] = -LIMPING_SINK_M_S
+        self.acting[steered & (self.exhausted | (self.motors_lost > 1))] = Order.FALL
+
+    def _lift_off(self) -> None:
+        lifts = copter.lifts_off(self)
+        if self._has_planes:
+            lifts |= plane.lifts_off(self)
+        self.airborne |= lifts
+        self.events |= lifts
+
+    def _touch_ground(self, touches: Bools) -> None:
+        speed = -self.velocity[2]
+        self.touchdown_m_s[touches] = np.maximum(speed, 1e-3)[touches]
+        breaks = touches & (speed > CRASH_M_S)
+        self.crashed |= breaks
+        self.airborne &= ~touches
+        self.events |= touches
+        self.position[2, touches] = self.ground_m[touches]
+        self.velocity[2, touches] = 0.0
+        self.velocity[:2, touches & (breaks | ~self.planes)] = 0.0
+        self.attitude[:2, touches] = 0.0
+        self.attitude_rate[:, touches] = 0.0
+        self.airspeed_m_s[touches & ~self.planes] = 0.0
+        self.thrust[touches & ~self.planes] = 0.0
+
+    def _note_reached(self) -> None:
+        error = self.target - self.estimate
+        level = np.hypot(error[0], error[1])
+        past = error[0] * self.leg_direction[0] + error[1] * self.leg_direction[1] <= 0
+        distance = np.hypot(level, error[2])
+        passed = past & (self.pass_speed_m_s > 0) & (distance <= PASSING_RADII * self.radius_m)
+        reached = (distance <= self.radius_m) | passed
+        if self._has_planes:
+            around = level <= np.abs(self.circle_m) * (1.0 + CIRCLE_REACHED_SHARE)
+            circles = around & (np.abs(error[2]) <= ALTITUDE_REACHED_M)
+            flown_by = (level <= self.radius_m) | past
+            reached = np.where(self.planes, np.where(self.circle_m != 0, circles, flown_by), reached)
+        newly = reached & self.airborne & ~self.reached
+        self.reached |= newly
+        self.events |= newly
+
+    # -- what follows from the state ---------------------------------------------------------------------
+
+    @property
+    def throttle(self) -> Floats:
+        """Share of the full throttle, (n,)."""
+        if "throttle" not in self._derived:
+            self._derived["throttle"] = np.where(self.planes, self.thrust, copter.throttle(self, slice(None)))
+        return self._derived["throttle"]
+
+    @property
+    def load_w(self) -> Floats:
+        """Electrical power of the motors, (n,) [W]."""
+        load = np.zeros(len(self.thrust))
+        if self._has_copters:
+            load[self._copters] = copter.load_w(self, self._copters)
+        if self._has_planes:
+            load[self._planes] = plane.load_w(self, self._planes)
+        return load
+
+    @property
+    def rates_rad_s(self) -> Floats:
+        """Body rates about the forward, right and down axes, (n, 3) [rad/s]."""
+        if "rates" not in self._derived:
+            roll, pitch, _ = self.attitude
+            roll_rate, pitch_rate, yaw_rate = self.attitude_rate
+            sin, cos = np.sin(roll), np.cos(roll)
+            level = yaw_rate * np.cos(pitch)
+            rates = (
+                roll_rate - yaw_rate * np.sin(pitch),
+                pitch_rate * cos + level * sin,
+                level * cos - pitch_rate * sin,
+            )
+            self._derived["rates"] = np.column_stack(rates)
+        return self._derived["rates"]
+
+    @property
+    def specific_force_m_s2(self) -> Floats:
+        """What an accelerometer feels, forward, right and down, (n, 3) [m/s2]; at rest 0, 0, -g."""
+        if "force" not in self._derived:
+            roll, pitch, yaw = self.attitude
+            east, north, up = self.acceleration
+            down = -up - GRAVITY_M_S2
+            ahead, aside = east * np.sin(yaw) + north * np.cos(yaw), east * np.cos(yaw) - north * np.sin(yaw)
+            forward = ahead * np.cos(pitch) - down * np.sin(pitch)
+            below = ahead * np.sin(pitch) + down * np.cos(pitch)
+            right = aside * np.cos(roll) + below * np.sin(roll)
+            below = below * np.cos(roll) - aside * np.sin(roll)
+            self._derived["force"] = np.column_stack((forward, right, below))
+        return self._derived["force"]
+
+    @property
+    def heading_rad(self) -> Floats:
+        """Clockwise from north, (n,) in [0, 2 pi)."""
+        return np.asarray(self.attitude[2] % (2 * np.pi))

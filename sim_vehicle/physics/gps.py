@@ -1,0 +1,73 @@
+"""What the satellite receivers of the fleet say: the truth, white noise, slow drift, and what faults add."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from sim_vehicle.physics.geodesy import Floats, LocalFrame
+
+NO_FIX, FIX = 1, 6  # GPS_FIX_TYPE; a fix is as good as the autopilots' own simulators report it
+SATELLITES = 10
+HDOP = 1.21
+DRIFT_TIME_S = 60.0  # after which drift has decayed to 1/e
+VERTICAL_SHARE = 1.6  # vertical errors are larger than horizontal ones by this
+SPEED_NOISE_PER_S = 0.25  # noise of the velocity, as a share of the position's, per second
+DRAWS = 9  # of each vehicle and sample
+
+
+@dataclass(frozen=True, slots=True)
+class GpsSettings:
+    """Standard deviations along a horizontal axis [m] of the noise from sample to sample, of the drift."""
+
+    noise_m: float = 0.15
+    drift_m: float = 0.06
+
+
+class Gps:
+    """n receivers; arrays of (3, n) are east, north, up, and `_m` seen a row a vehicle (n, 3)."""
+
+    def __init__(self, settings: GpsSettings, frame: LocalFrame, truth: Floats) -> None:
+        n = truth.shape[1]
+        self._frame = frame
+        axes = np.array([1.0, 1.0, VERTICAL_SHARE])[:, None]
+        self._noise_m, self._drift_m = settings.noise_m * axes, settings.drift_m * axes
+        self.lost: npt.NDArray[np.bool_] = np.zeros(n, dtype=bool)
+        self.offset_m = np.zeros((n, 3))  # of a receiver that is sure of a wrong place
+        self.best_fix_type = np.full(n, FIX)
+        self.fix_type = np.full(n, FIX)
+        self.satellites = np.full(n, SATELLITES)
+        self.eph_m = np.full(n, HDOP)
+        self._drift = np.zeros((3, n))
+        self._position = truth.copy()
+        self.position_m: Floats = self._position.T
+        self.error = np.zeros((3, n))  # of the latest sample
+        self.velocity_error = np.zeros((3, n))
+        self._geodetic: tuple[Floats, Floats] | None = None
+
+    def begin(self, draws: Floats) -> None:
+        """Start somewhere in the drift: draws (DRAWS, n)."""
+        self._drift[:] = draws[3:6] * self._drift_m
+        self.error[:] = self._drift
+
+    def sample(self, dt_s: float, truth: Floats, draws: Floats | None) -> None:
+        """Measure `dt_s` [s] after the last time: truth (3, n); draws (DRAWS, n), None if it is exact."""
+        np.copyto(self.error, self.offset_m.T)
+        if draws is not None:
+            kept = math.exp(-dt_s / DRIFT_TIME_S)
+            self._drift *= kept
+            self._drift += draws[3:6] * (self._drift_m * math.sqrt(1.0 - kept * kept))
+            self.error += self._drift
+            self.error += draws[:3] * self._noise_m
+            np.multiply(draws[6:9], self._noise_m * SPEED_NOISE_PER_S, out=self.velocity_error)
+        np.add(truth, self.error, out=self._position)
+        np.copyto(self.fix_type, np.where(self.lost, NO_FIX, self.best_fix_type))
+        np.copyto(self.satellites, np.where(self.lost, 0, SATELLITES))
+        self._geodetic = None
+
+    def geodetic(self) -> tuple[Floats, Floats]:
+        """Latitude and longitude of the latest measurements, (n,), (n,) [deg]."""
+        if self._geodetic is None:
+            self._geodetic = self._frame.to_geodetic(self._position[0], self._position[1])
+        return self._geodetic

@@ -1,0 +1,237 @@
+"""How fixed wings fly: arrays over those of the fleet; airspeed, bank and climb are what is steered.
+
+Turns are coordinated, so the rate of turn is g tan(bank) / airspeed, and the air carries the plane along: its
+velocity over the ground is that through the air plus the wind. It steers a course that closes in on its leg
+or circle, and heads into the wind by as much as the course needs. Below the stall speed the wing does not
+carry and the plane sinks; without power it glides.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_vehicle.physics.geodesy import Floats
+from sim_vehicle.physics.motion import GRAVITY_M_S2, Bools, Ints, Motion, Order, Selection, wrapped
+
+LOOKAHEAD_S = 2.5  # of flight, over which it closes in on a leg
+CIRCLE_LOOKAHEAD_S = 1.5
+HEADING_GAIN_HZ = 1.2
+ROLL_TIME_S, ROLL_RATE_RAD_S = 0.35, 1.2
+CLIMB_GAIN_HZ = 0.5  # climb per metre of altitude that is missing
+GLIDE_RATIO = 8.0
+GLIDE_OVER_STALL, ROTATE_OVER_STALL, CLIMBS_OVER_STALL = 1.3, 1.2, 1.1
+GLIDE_TRADE_M_S2 = 1.0  # how fast the nose goes up or down for the best glide
+START_M_S2, BRAKE_M_S2 = 4.0, 3.0  # on the ground
+START_THROTTLE = 0.8
+CLIMB_OUT_M, FLARE_M = 15.0, 2.0  # above the ground; wings level until there, and from there
+CLIMB_OUT_BELOW_M = 3.0  # under its target it still climbs out
+APPROACH_M = 20.0  # above the ground, below which it slows down to land
+FLARE_SINK_M_S, FLARE_GAIN_HZ = 0.4, 0.4
+ATTACK_RAD = 0.05  # angle of attack at twice the stall speed
+SLOWEST_M_S = 3.0  # airspeed for which the equations are sound
+MASS_KG, EFFICIENCY, FULL_W = 2.0, 0.5, 300.0
+
+
+@dataclass(slots=True)
+class _Now:
+    """What a step of the planes `i` starts from, each (n,)."""
+
+    order: Ints
+    airborne: Bools
+    powered: Bools
+    starts: Bools  # powered and to leave the ground
+    sinks: Bools  # told to go down to the ground
+    height_m: Floats
+    sin: Floats  # of the yaw
+    cos: Floats
+
+
+def fly(m: Motion, i: Selection, dt_s: float) -> None:
+    """Velocities and attitudes of the planes `i` after `dt_s` [s], those that roll on the ground too."""
+    now = _look(m, i)
+    bank = _bank(m, i, now, dt_s)
+    air = _airspeed(m, i, now, dt_s)
+    climb = _climb(m, i, now, air, bank, dt_s)
+    rolling = np.zeros_like(air)
+    if not now.airborne.all():
+        rolling = _roll(m, i, now, dt_s)
+        tailwind = m.wind.now[0][i] * now.sin + m.wind.now[1][i] * now.cos
+        air = np.where(now.airborne, air, np.maximum(rolling - tailwind, 0.0))
+    sound = np.maximum(air, SLOWEST_M_S)
+    stall = m.stall_m_s[i]
+    attack = ATTACK_RAD * (2.0 * stall / np.maximum(air, stall)) ** 2
+    pitch = (np.arcsin(np.maximum(np.minimum(climb / sound, 1.0), -1.0)) + attack) * now.airborne
+    yaw_rate = GRAVITY_M_S2 * np.tan(bank) / sound * now.airborne
+    _turn(m, i, bank, pitch, yaw_rate, dt_s)
+    _advance(m, i, now, air, climb, rolling)
+    _work(m, i, now, air, climb, bank)
+
+
+def lifts_off(m: Motion) -> Bools:
+    """Planes that roll fast enough to fly and are told to, (n,)."""
+    fast = m.airspeed_m_s >= ROTATE_OVER_STALL * m.stall_m_s
+    fit = m.planes & ~(m.airborne | m.crashed | m.exhausted) & m.armed & (m.motors_lost == 0)
+    return np.asarray(fast & fit & _wants_up(m, slice(None), m.order))
+
+
+def rolls(m: Motion) -> Bools:
+    """Planes on the ground that move or are about to, (n,)."""
+    moving = (m.velocity[0] != 0) | (m.velocity[1] != 0)
+    return np.asarray(m.planes & ~m.airborne & (moving | (m.armed & (m.order != Order.GROUNDED))))
+
+
+def load_w(m: Motion, i: Selection) -> Floats:
+    """Electrical power of the motor, (n,) [W]."""
+    return np.asarray(m.thrust[i] * FULL_W)
+
+
+def _look(m: Motion, i: Selection) -> _Now:
+    order = m.acting[i]
+    powered = m.armed[i] & ~(m.exhausted[i] | m.crashed[i]) & (m.motors_lost[i] == 0)
+    powered &= (order != Order.FALL) & (order != Order.GROUNDED)
+    yaw = m.attitude[2][i]
+    return _Now(
+        order=order,
+        airborne=m.airborne[i],
+        powered=powered,
+        starts=powered & _wants_up(m, i, order),
+        sinks=((order == Order.RATE) & (m.acting_rate_m_s[i] < 0)) | (order == Order.GLIDE),
+        height_m=m.position[2][i] - m.ground_m[i],
+        sin=np.sin(yaw),
+        cos=np.cos(yaw),
+    )
+
+
+def _wants_up(m: Motion, i: Selection, order: Ints) -> Bools:
+    up = (order == Order.POSITION) & (m.target[2][i] > m.ground_m[i] + 0.1)
+    return np.asarray(up | (((order == Order.RATE) | (order == Order.VELOCITY)) & (m.acting_rate_m_s[i] > 0)))
+
+
+def _bank(m: Motion, i: Selection, now: _Now, dt_s: float) -> Floats:
+    """Bank after the step, (n,) [rad], right wing down positive, toward the course along leg or circle."""
+    air = np.maximum(m.airspeed_m_s[i], SLOWEST_M_S)
+    course, turn = _course(m, i, now, air)
+    crosswind = m.wind.known[0][i] * np.cos(course) - m.wind.known[1][i] * np.sin(course)
+    heading = course - np.arcsin(np.maximum(np.minimum(crosswind / air, 1.0), -1.0))
+    turn = turn + HEADING_GAIN_HZ * wrapped(heading - m.attitude[2][i])
+    climbs_out = (now.order == Order.POSITION) & (now.height_m < CLIMB_OUT_M)
+    climbs_out &= m.target[2][i] > m.estimate[2][i] + CLIMB_OUT_BELOW_M
+    level = climbs_out | ((now.sinks | ~now.powered) & (now.height_m < FLARE_M)) | (now.order == Order.FALL)
+    limit = m.bank_limit_rad[i] * ~level
+    wanted = np.minimum(np.maximum(np.arctan(air * turn / GRAVITY_M_S2), -limit), limit)
+    bank = m.attitude[0][i]
+    rate = np.minimum(np.maximum((wanted - bank) / ROLL_TIME_S, -ROLL_RATE_RAD_S), ROLL_RATE_RAD_S)
+    return np.asarray((bank + rate * dt_s) * now.airborne)
+
+
+def _course(m: Motion, i: Selection, now: _Now, air: Floats) -> tuple[Floats, Floats]:
+    """The course over the ground to steer [rad], and the rate at which that turns by itself [rad/s], (n,)."""
+    here = m.estimate[:2, i]
+    gone = here - m.leg_start[:, i]
+    leg = m.leg_direction[:, i]
+    aside = gone[0] * leg[1] - gone[1] * leg[0]  # to the right of the leg
+    aside *= now.order != Order.VELOCITY  # which is a direction only
+    course = m.leg_heading_rad[i] - np.arctan(aside / (LOOKAHEAD_S * air))
+    circle = m.circle_m[i]
+    circles = circle != 0
+    if not np.count_nonzero(circles):
+        return course, np.zeros_like(course)
+    out = here - m.target[:2, i]
+    radius = np.maximum(np.abs(circle), 1.0)
+    off = np.hypot(out[0], out[1]) - radius
+    side = np.sign(circle)
+    tangent = np.arctan2(out[0], out[1]) + side * (np.pi / 2)
+    course = np.where(circles, tangent + side * np.arctan(off / (CIRCLE_LOOKAHEAD_S * air)), course)
+    near = np.maximum(1.0 - np.abs(off) / radius, 0.0)
+    over = m.estimate_velocity[:2, i]
+    return course, side * near * np.hypot(over[0], over[1]) / radius
+
+
+def _airspeed(m: Motion, i: Selection, now: _Now, dt_s: float) -> Floats:
+    """Airspeed after the step, (n,) [m/s]; a gust changes it at once."""
+    air = m.airspeed_m_s[i] - (m.wind.change[0][i] * now.sin + m.wind.change[1][i] * now.cos)
+    lowest, stall = m.airspeed_min_m_s[i], m.stall_m_s[i]
+    wanted = np.minimum(np.maximum(m.speed_m_s[i], lowest), m.airspeed_max_m_s[i])
+    lands = now.sinks & (now.height_m < APPROACH_M)
+    if np.count_nonzero(lands):  # half the headwind on top, so that a lull does not let it fall
+        headwind = -(m.wind.known[0][i] * now.sin + m.wind.known[1][i] * now.cos)
+        approach = np.maximum(GLIDE_OVER_STALL * stall, lowest) + np.maximum(headwind, 0.0) / 2
+        wanted = np.where(lands, np.minimum(wanted, approach), wanted)
+    wanted = np.where(now.powered, wanted, GLIDE_OVER_STALL * stall)
+    step = np.where(now.powered, m.acceleration_limit_m_s2[i], GLIDE_TRADE_M_S2) * dt_s
+    air = np.maximum(air + np.minimum(np.maximum(wanted - air, -step), step), 0.0)
+    # What a plane that falls loses in height it wins in speed.
+    falls = air < m.stall_m_s[i]
+    if np.count_nonzero(falls):
+        sink = np.maximum(-m.velocity[2][i], 0.0)
+        air += falls * (GRAVITY_M_S2 * dt_s) * sink / np.maximum(air, SLOWEST_M_S)
+    return np.asarray(air)
+
+
+def _climb(m: Motion, i: Selection, now: _Now, air: Floats, bank: Floats, dt_s: float) -> Floats:
+    """Vertical speed after the step, (n,) [m/s]."""
+    error = m.target[2][i] - m.estimate[2][i]
+    wanted = np.where(now.order == Order.POSITION, CLIMB_GAIN_HZ * error, m.acting_rate_m_s[i])
+    glides = now.order == Order.GLIDE
+    if np.count_nonzero(glides):
+        wanted = np.where(glides, _down_the_slope(m, i), wanted)
+    highest = m.climb_m_s[i]
+    wanted = np.minimum(np.maximum(wanted, -m.descent_m_s[i]), highest)
+    # Close to the stall nothing is left to climb with.
+    cos = np.cos(bank)
+    over_stall = air * np.sqrt(cos) / m.stall_m_s[i]
+    spare = np.maximum((over_stall - 1.0) / (CLIMBS_OVER_STALL - 1.0), 0.0)
+    wanted = np.minimum(wanted, highest * spare)
+    wanted = np.where(now.powered, wanted, np.minimum(wanted, -air / (GLIDE_RATIO * cos**2)))
+    flares = (now.sinks | ~now.powered) & (now.height_m < FLARE_M)
+    if np.count_nonzero(flares):
+        slowest = -FLARE_SINK_M_S - FLARE_GAIN_HZ * now.height_m
+        wanted = np.where(flares, np.maximum(wanted, slowest), wanted)
+    climb = m.velocity[2][i]
+    limit = m.vertical_acceleration_limit_m_s2[i] * dt_s
+    change = np.minimum(np.maximum(wanted - climb, -limit), limit)
+    stalls = over_stall < 1.0
+    if np.count_nonzero(stalls):
+        change = np.where(stalls, -GRAVITY_M_S2 * (1.0 - over_stall**2) * dt_s, change)
+    return np.asarray((climb + change) * now.airborne)
+
+
+def _down_the_slope(m: Motion, i: Selection) -> Floats:
+    """Vertical speed, (n,) [m/s], on and back to the straight line that ends at the target."""
+    gone = m.estimate[:2, i] - m.leg_start[:, i]
+    leg, over, slope = m.leg_direction[:, i], m.estimate_velocity[:2, i], m.slope[i]
+    left = m.leg_length_m[i] - (gone[0] * leg[0] + gone[1] * leg[1])
+    above = m.estimate[2][i] - m.target[2][i] - slope * left
+    return np.asarray(-slope * (over[0] * leg[0] + over[1] * leg[1]) - CLIMB_GAIN_HZ * above)
+
+
+def _roll(m: Motion, i: Selection, now: _Now, dt_s: float) -> Floats:
+    """Speed along the ground after the step, (n,) [m/s], of those that are on it."""
+    along = m.velocity[0][i] * now.sin + m.velocity[1][i] * now.cos
+    change = np.where(now.starts, START_M_S2, -BRAKE_M_S2) * dt_s
+    return np.asarray(np.maximum(along + change, 0.0))
+
+
+def _turn(m: Motion, i: Selection, bank: Floats, pitch: Floats, yaw_rate: Floats, dt_s: float) -> None:
+    m.attitude_rate[0][i] = (bank - m.attitude[0][i]) / dt_s
+    m.attitude_rate[1][i] = (pitch - m.attitude[1][i]) / dt_s
+    m.attitude_rate[2][i] = yaw_rate
+    m.attitude[0][i], m.attitude[1][i] = bank, pitch
+    m.attitude[2][i] = wrapped(m.attitude[2][i] + yaw_rate * dt_s)
+
+
+def _advance(m: Motion, i: Selection, now: _Now, air: Floats, climb: Floats, rolling: Floats) -> None:
+    yaw = m.attitude[2][i]
+    level = np.where(now.airborne, np.sqrt(np.maximum(air * air - climb * climb, 0.0)), rolling)
+    m.velocity[0][i] = level * np.sin(yaw) + m.wind.now[0][i] * now.airborne
+    m.velocity[1][i] = level * np.cos(yaw) + m.wind.now[1][i] * now.airborne
+    m.velocity[2][i] = climb
+    m.airspeed_m_s[i] = air
+
+
+def _work(m: Motion, i: Selection, now: _Now, air: Floats, climb: Floats, bank: Floats) -> None:
+    """Power against drag, which grows with the lift of a turn, and for the climb."""
+    drag = air / (GLIDE_RATIO * np.cos(bank) ** 2)
+    share = (drag + climb) * (MASS_KG * GRAVITY_M_S2 / (EFFICIENCY * FULL_W))
+    flying = np.minimum(np.maximum(share, 0.0), 1.0) * now.powered
+    m.thrust[i] = np.where(now.airborne, flying, START_THROTTLE * now.starts)

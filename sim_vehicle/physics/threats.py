@@ -1,0 +1,57 @@
+"""Strikes: who is fired at, when entering a cell, by the true positions of the hostiles (Eq. 1)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from sim_vehicle.physics.geodesy import Floats
+
+Ints = npt.NDArray[np.int64]
+OUTSIDE = -1
+
+
+class Threats:
+    """The area's cells and the hostiles in it; row 0 is the south edge, column 0 the west edge.
+
+    Parameters
+    ----------
+    rows, cols, cell_size_m: the area; its south-west corner is the local origin.
+    firing_strength: fs_o, fs_N1, fs_N2 (Eq. 1): own cell, nearest neighbours, diagonal neighbours.
+    hostiles: (row, col) of each.
+    """
+
+    def __init__(
+        self,
+        rows: int,
+        cols: int,
+        cell_size_m: float,
+        firing_strength: tuple[float, float, float],
+        hostiles: Sequence[tuple[int, int]],
+    ) -> None:
+        self._rows, self._cols, self._cell_size_m = rows, cols, cell_size_m
+        self._strength_by_steps = firing_strength
+        self._hostiles = frozenset(hostiles)
+
+    def cells(self, position_m: Floats) -> Ints:
+        """Flat cell index row * cols + col of each position (n, 3) [m], OUTSIDE where it is in none: (n,)."""
+        col = np.floor(position_m[:, 0] / self._cell_size_m).astype(np.int64)
+        row = np.floor(position_m[:, 1] / self._cell_size_m).astype(np.int64)
+        inside = (row >= 0) & (row < self._rows) & (col >= 0) & (col < self._cols)
+        return np.where(inside, row * self._cols + col, OUTSIDE)
+
+    def row_col(self, cell: int) -> tuple[int, int]:
+        return divmod(cell, self._cols)
+
+    def fire(self, cell: int, rng: np.random.Generator) -> list[tuple[int, int]]:
+        """Hostiles that hit a vehicle entering `cell`; each in reach draws once, in a fixed order."""
+        row, col = self.row_col(cell)
+        hits = []
+        for row_step in (-1, 0, 1):
+            for col_step in (-1, 0, 1):
+                hostile = (row + row_step, col + col_step)
+                if hostile in self._hostiles:
+                    strength = self._strength_by_steps[abs(row_step) + abs(col_step)]
+                    if rng.random() < strength:
+                        hits.append(hostile)
+        return hits

@@ -1,0 +1,75 @@
+"""Wind over the fleet: a steady part, and gusts that are first-order Gauss-Markov processes."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_vehicle.physics.geodesy import Floats
+from sim_vehicle.physics.noise import Normals
+
+GUST_TIME_S = 3.0  # after which a gust has decayed to 1/e
+LEARNING_S = 2.0  # in which an autopilot's estimate of the wind follows it
+LEARNT_M_S = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class WindSettings:
+    """`from_deg`: where it comes from, clockwise from north; `gust_m_s`: standard deviation along an axis."""
+
+    speed_m_s: float = 0.0
+    from_deg: float = 0.0
+    gust_m_s: float = 0.0
+
+
+def wind_vector_m_s(speed_m_s: float, from_deg: float) -> tuple[float, float]:
+    """East and north components [m/s] of a wind that comes from a direction [deg]."""
+    return -speed_m_s * math.sin(math.radians(from_deg)), -speed_m_s * math.cos(math.radians(from_deg))
+
+
+class Wind:
+    """The air's motion at n vehicles, east and north [m/s]: arrays of (2, n); each has gusts of its own."""
+
+    def __init__(self, settings: WindSettings, rngs: Sequence[np.random.Generator]) -> None:
+        n = len(rngs)
+        self._settings = settings
+        self.steady = np.zeros((2, n))
+        self.steady[:] = np.array(wind_vector_m_s(settings.speed_m_s, settings.from_deg))[:, None]
+        self.now = self.steady.copy()
+        self.known = self.steady.copy()  # what autopilots have learnt of it
+        self.change = np.zeros((2, n))  # since the step before
+        self._gust = np.zeros((2, n))
+        self._normals = Normals(rngs, 2) if settings.gust_m_s > 0 else None
+        self._still = True  # nothing has changed since the last step
+
+    def set_steady(self, index: int, speed_m_s: float | None, from_deg: float) -> None:
+        """The steady wind at one vehicle; None: the scenario's."""
+        if speed_m_s is None:
+            speed_m_s, from_deg = self._settings.speed_m_s, self._settings.from_deg
+        vector = wind_vector_m_s(speed_m_s, from_deg)
+        if vector != tuple(self.steady[:, index].tolist()):
+            self.steady[:, index] = vector
+            self._still = False
+
+    def step(self, dt_s: float) -> None:
+        """Blow on for `dt_s` [s]."""
+        if self._normals is None and self._still:
+            return
+        before = self.now.copy()
+        if self._normals is not None:
+            kept = math.exp(-dt_s / GUST_TIME_S)
+            self._gust *= kept
+            self._gust += self._normals.take() * (self._settings.gust_m_s * math.sqrt(1.0 - kept * kept))
+        np.add(self.steady, self._gust, out=self.now)
+        np.subtract(self.now, before, out=self.change)
+        self.known += (self.now - self.known) * (1.0 - math.exp(-dt_s / LEARNING_S))
+        if self._normals is None and np.abs(self.now - self.known).max() < LEARNT_M_S:
+            self.known[:] = self.now
+            self.change[:] = 0.0
+            self._still = True
+
+    @property
+    def wind_m_s(self) -> Floats:
+        """East, north, up at each vehicle, (n, 3) [m/s]."""
+        return np.column_stack([self.now[0], self.now[1], np.zeros(self.now.shape[1])])

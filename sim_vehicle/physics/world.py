@@ -1,0 +1,129 @@
+"""The physical side of the fleet: airframes, air, batteries, satellites and the map, stepped in one order."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sim_vehicle.physics import gps as receivers
+from sim_vehicle.physics.battery import Batteries
+from sim_vehicle.physics.dynamics import Dynamics
+from sim_vehicle.physics.estimator import Estimator
+from sim_vehicle.physics.geodesy import Floats, LocalFrame
+from sim_vehicle.physics.gps import Gps, GpsSettings
+from sim_vehicle.physics.motion import Bools
+from sim_vehicle.physics.noise import Normals
+from sim_vehicle.physics.wind import Wind, WindSettings
+
+CALM, GOOD_GPS = WindSettings(), GpsSettings()
+GPS_STEPS = 4  # between two measurements
+BATTERY_STEPS = 2
+
+
+class World:
+    """Arrays of all vehicles.
+
+    Parameters
+    ----------
+    frame: the map.
+    lat_deg, lon_deg, alt_amsl_m: (n,) start positions.
+    planes: (n,) who is a fixed wing; nobody, if not given.
+    rngs: one generator a vehicle; its noise and gusts depend on nothing else.
+    wind, gps: what blows, and how well the receivers measure.
+    """
+
+    def __init__(
+        self,
+        frame: LocalFrame,
+        lat_deg: Floats,
+        lon_deg: Floats,
+        alt_amsl_m: Floats,
+        *,
+        planes: Bools | None = None,
+        rngs: Sequence[np.random.Generator] | None = None,
+        wind: WindSettings = CALM,
+        gps: GpsSettings = GOOD_GPS,
+    ) -> None:
+        n = len(lat_deg)
+        if rngs is None:
+            rngs = np.random.default_rng(0).spawn(n)
+        purposes = [rng.spawn(3) for rng in rngs]
+        self.frame = frame
+        east_m, north_m = frame.to_local(lat_deg, lon_deg)
+        self.wind = Wind(wind, [gusts for gusts, _, _ in purposes])
+        start_m = np.column_stack([east_m, north_m, alt_amsl_m])
+        self.dynamics = Dynamics(start_m, planes=planes, wind=self.wind)
+        self.batteries = Batteries(n)
+        dynamics = self.dynamics
+        self.armed = dynamics.armed
+        self.events = dynamics.events  # (n,) something happened that an autopilot acts upon
+        self.estimate_m, self.estimate_velocity_m_s = dynamics.estimate_m, dynamics.estimate_velocity_m_s
+        self.gps = Gps(gps, frame, dynamics.position)
+        # what faults write
+        self.motors_lost, self.sag_v = dynamics.motors_lost, self.batteries.sag_v
+        self.gps_lost, self.gps_offset_m = self.gps.lost, self.gps.offset_m
+        bias = np.column_stack([sensors.standard_normal(2) for _, _, sensors in purposes])
+        self.estimator = Estimator(dynamics.error, dynamics.velocity_error, bias, gps.drift_m)
+        self._draws: Normals | None = None
+        if gps.noise_m > 0 or gps.drift_m > 0:
+            self._draws = Normals([receiver for _, receiver, _ in purposes], receivers.DRAWS + 1)
+            self.gps.begin(self._draws.take()[: receivers.DRAWS])
+            self.estimator.begin(self.gps)
+        self._steps = 0
+        self._battery_s = self._gps_s = 0.0
+        self._geodetic: tuple[Floats, Floats] | None = None
+        self._estimated_geodetic: tuple[Floats, Floats] | None = None
+
+    def step(self, dt_s: float) -> None:
+        """Physics of one tick [s]."""
+        self._steps += 1
+        self._battery_s += dt_s
+        self._gps_s += dt_s
+        self._geodetic = self._estimated_geodetic = None
+        self.wind.step(dt_s)
+        self.estimator.predict(dt_s)
+        self.dynamics.step(dt_s)
+        if self._steps % GPS_STEPS == 0:
+            self._measure()
+        if self._steps % BATTERY_STEPS == 0:
+            self._draw_current()
+
+    def _measure(self) -> None:
+        gps_draws = height_draws = None
+        if self._draws is not None:
+            draws = self._draws.take()
+            gps_draws, height_draws = draws[: receivers.DRAWS], draws[receivers.DRAWS]
+        self.gps.sample(self._gps_s, self.dynamics.position, gps_draws)
+        known = self.estimator.position_ok
+        self.estimator.correct(self._gps_s, self.gps, height_draws)
+        self.events |= known != self.estimator.position_ok
+        self._gps_s = 0.0
+
+    def _draw_current(self) -> None:
+        self.batteries.step(self._battery_s, self.dynamics.load_w)
+        empty = self.batteries.empty()
+        self.events |= empty != self.dynamics.exhausted
+        self.dynamics.exhausted = empty
+        self._battery_s = 0.0
+
+    @property
+    def position_ok(self) -> Bools:
+        """Whether the estimate is one to navigate by, (n,)."""
+        return self.estimator.position_ok
+
+    @property
+    def wind_m_s(self) -> Floats:
+        """East, north, up at each vehicle, (n, 3) [m/s]."""
+        return self.wind.wind_m_s
+
+    def geodetic(self) -> tuple[Floats, Floats]:
+        """True latitude and longitude of all vehicles now, (n,), (n,) [deg]."""
+        if self._geodetic is None:
+            self._geodetic = self.frame.to_geodetic(self.dynamics.position[0], self.dynamics.position[1])
+        return self._geodetic
+
+    def estimated_geodetic(self) -> tuple[Floats, Floats]:
+        """What the vehicles take for their latitude and longitude, (n,), (n,) [deg]."""
+        if self._estimated_geodetic is None:
+            estimate = self.dynamics.estimate
+            self._estimated_geodetic = self.frame.to_geodetic(estimate[0], estimate[1])
+        return self._estimated_geodetic

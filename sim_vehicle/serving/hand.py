@@ -1,0 +1,84 @@
+"""Time by hand: `step SECONDS` lines on a file descriptor, each answered when so much time has passed."""
+
+import asyncio
+import contextlib
+import math
+import os
+from collections.abc import Callable, Iterator
+
+from sim_vehicle.serving.pace import ByHand
+
+MAX_LINE_BYTES = 4096
+READ_BYTES = 65_536
+FORMS = "`step SECONDS` and `quit`"
+
+
+class Hand:
+    """Takes lines and grants time; without I/O."""
+
+    def __init__(self, pace: ByHand, say: Callable[[str], None], warn: Callable[[str], None]) -> None:
+        self._pace, self._say, self._warn = pace, say, warn
+        self._rest = b""
+        self._over = False
+
+    def feed(self, data: bytes) -> None:
+        """Bytes of the input, cut anywhere; nothing at all is its end."""
+        if not data:
+            self._line(self._rest)
+            self._quit()
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        for line in lines:
+            self._line(line)
+        if len(self._rest) > MAX_LINE_BYTES:
+            self._rest = b""
+            self._warn(f"a line of more than {MAX_LINE_BYTES} bytes; expected {FORMS}")
+
+    def _line(self, line: bytes) -> None:
+        words = line.decode("utf-8", "replace").split()
+        if self._over or not words:
+            return
+        if words == ["quit"]:
+            self._quit()
+        elif len(words) == 2 and words[0] == "step" and (seconds := _seconds(words[1])) is not None:
+            self._pace.grant(seconds, lambda at_s: self._say(f"at {round(at_s, 9):g}"))
+        else:
+            self._warn(f"{' '.join(words)!r:.60} is not understood; expected {FORMS}, for example step 0.5")
+
+    def _quit(self) -> None:
+        if not self._over:
+            self._over = True
+            self._pace.finish()
+
+
+def _seconds(text: str) -> float | None:
+    try:
+        seconds = float(text)
+    except ValueError:
+        return None
+    return seconds if 0 <= seconds < math.inf else None
+
+
+@contextlib.contextmanager
+def stepped_from(
+    file: int, pace: ByHand, say: Callable[[str], None], warn: Callable[[str], None]
+) -> Iterator[None]:
+    """Read lines from a descriptor of any kind while the event loop runs."""
+    hand, loop = Hand(pace, say, warn), asyncio.get_running_loop()
+
+    def readable() -> None:
+        data = os.read(file, READ_BYTES)
+        if not data:
+            loop.remove_reader(file)
+        hand.feed(data)
+
+    try:
+        loop.add_reader(file, readable)
+    except PermissionError:  # a plain file cannot be waited for, and need not be
+        while data := os.read(file, READ_BYTES):
+            hand.feed(data)
+        hand.feed(b"")
+    try:
+        yield
+    finally:
+        with contextlib.suppress(PermissionError, ValueError, OSError):
+            loop.remove_reader(file)

@@ -1,0 +1,180 @@
+"""The fleet on its links, at some pace: what joins the pure fleet to sockets and clocks."""
+
+import asyncio
+import os
+from collections.abc import Callable, Collection, Hashable, Iterable, Sequence
+from functools import partial
+from typing import Any
+
+from sim_vehicle.fleet import TICK_S, Fleet
+from sim_vehicle.links import Ends, Link, LinkError, make_link
+from sim_vehicle.serving.lateness import Lateness
+from sim_vehicle.serving.pace import Pace
+from sim_vehicle.url import MAX_PORT, Url
+from sim_vehicle.wire.outbox import Frames
+
+DATAGRAM_BYTES = 1200
+HEARTBEAT_ID = b"\x00\x00\x00"  # where a MAVLink 2 frame has its message id
+V2 = 0xFD
+
+
+class Server:
+    """Runs a fleet until it is stopped; each of its links has a port of each URL."""
+
+    def __init__(
+        self,
+        fleet: Fleet,
+        urls: Sequence[Url],
+        pace: Pace,
+        *,
+        warn: Callable[[str], None],
+        port_step: int = 1,
+        parent_pid: int | None = None,
+        record: Callable[[Frames, float], None] | None = None,
+    ) -> None:
+        """`port_step` from one link's port to the next; ends when the process `parent_pid` is gone.
+
+        `warn` takes a line for the operator, `record` everything that is sent, with the simulated time [s].
+        Raises LinkError for URLs that cannot carry the fleet.
+        """
+        self.fleet, self.pace, self.urls, self.port_step = fleet, pace, tuple(urls), port_step
+        self._parent_pid, self._record = parent_pid, record
+        self.lateness = Lateness()  # of heartbeats, wall time
+        self.sent = [0] * len(fleet.sysids)  # messages by vehicle
+        self.simulated_s = 0.0
+        self._ticks = 0
+        self._boots = fleet.boots()
+        self._bug: Exception | None = None
+        self._links: dict[int, list[Link]] = {}
+        for link in sorted(set(fleet.links)):
+            vehicles = [index for index, its in enumerate(fleet.links) if its == link]
+            ends = Ends(self._receiver(link), partial(fleet.forget_peer, link=link), warn)
+            self._links[link] = [make_link(self._at(url, link), ends, vehicles=vehicles) for url in urls]
+
+    def _at(self, url: Url, link: int) -> Url:
+        """Where a link of the fleet is; each has a port of its own."""
+        if url.serial:
+            if link > 0:
+                raise LinkError(
+                    f"{url}: a serial line carries one link, but this fleet has more; "
+                    "use UDP or TCP, or fewer vehicles, without --per-port"
+                )
+            return url
+        port = url.port + link * self.port_step
+        if port > MAX_PORT:
+            raise LinkError(
+                f"{url}: link {link} would need port {port}, but {MAX_PORT} is the last; begin lower"
+            )
+        return url.shifted(link * self.port_step)
+
+    @property
+    def dropped(self) -> int:
+        """Datagrams and chunks that nobody took in time."""
+        return sum(link.dropped for links in self._links.values() for link in links)
+
+    def stations(self) -> int:
+        """Ground stations that are there, the same one on two links counted twice."""
+        return sum(link.stations() for links in self._links.values() for link in links)
+
+    def ports_words(self) -> str:
+        """`udpout 127.0.0.1:14550 to 14553 and tcpin 0.0.0.0:5760 to 5763`."""
+        most = max(self.fleet.links) * self.port_step
+        steps = f" by {self.port_step}" if self.port_step > 1 else ""
+        return " and ".join(f"{url} to {url.port + most}{steps}" if most else str(url) for url in self.urls)
+
+    async def run(self, *, on_open: Callable[[], None] = lambda: None) -> None:
+        """Open the links and run until cancelled, the pace is finished, or the parent process is gone."""
+        asyncio.get_running_loop().set_exception_handler(self._note_bug)
+        try:
+            for links in self._links.values():
+                for link in links:
+                    link.open()
+            self.pace.start()
+            on_open()
+            while not (self.pace.finished or self._orphaned()):
+                due = await self.pace.due(self._ticks * TICK_S)
+                if self._bug is not None:
+                    raise self._bug
+                if due:
+                    self._tick()
+        finally:
+            for links in self._links.values():
+                for link in links:
+                    link.close()
+
+    def _tick(self) -> None:
+        self.simulated_s = self._ticks * TICK_S
+        self._ticks += 1
+        frames = self.fleet.step(self.simulated_s)
+        self._note_reboots()
+        self._send(frames)
+        beats = sum(frame[7:10] == HEARTBEAT_ID and frame[0] == V2 for _, frame in frames)
+        self.lateness.add(self.pace.late_s(self.simulated_s), beats)
+
+    def _note_bug(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """An exception in a callback is a bug like one in a tick: it stops everything."""
+        error = context.get("exception")
+        if isinstance(error, Exception) and self._bug is None:
+            self._bug = error
+        else:
+            loop.default_exception_handler(context)
+
+    def _orphaned(self) -> bool:
+        if self._parent_pid is None:
+            return False
+        try:
+            os.kill(self._parent_pid, 0)
+        except ProcessLookupError:
+            return True
+        except PermissionError:
+            return False
+        return False
+
+    def _receiver(self, link: int) -> Callable[[bytes, Hashable, Collection[int] | None], None]:
+        def received(data: bytes, peer: Hashable, reach: Collection[int] | None) -> None:
+            self.simulated_s = self.pace.now_s(self.simulated_s, self._ticks * TICK_S)
+            self._send(self.fleet.receive(data, self.simulated_s, peer=peer, link=link, reach=reach))
+
+        return received
+
+    def _note_reboots(self) -> None:
+        boots = self.fleet.boots()
+        if boots == self._boots:
+            return
+        for index, (before, after) in enumerate(zip(self._boots, boots, strict=True)):
+            if 0 < before < after:
+                for link in self._links[self.fleet.links[index]]:
+                    link.rebooted(index)
+        self._boots = boots
+
+    def _send(self, frames: Frames) -> None:
+        if not frames:
+            return
+        if self._record is not None:
+            self._record(frames, self.simulated_s)
+        batches: dict[int, list[tuple[int, bytes]]] = {}
+        for index, _ in frames:
+            self.sent[index] += 1
+        for index, data in joined(frames):
+            batches.setdefault(self.fleet.links[index], []).append((index, data))
+        for number, batch in batches.items():
+            for link in self._links[number]:
+                link.send(batch)
+
+
+def joined(frames: Frames) -> Iterable[tuple[int, bytes]]:
+    """The frames of each vehicle in as few datagrams as they fit in, in their order."""
+    parts: dict[int, list[bytes]] = {}
+    sizes: dict[int, int] = {}
+    out: list[tuple[int, bytes]] = []
+    for index, frame in frames:
+        waiting = parts.setdefault(index, [])
+        size = sizes.get(index, 0) + len(frame)
+        if waiting and size > DATAGRAM_BYTES:
+            out.append((index, b"".join(waiting)))
+            waiting.clear()
+            size = len(frame)
+        waiting.append(frame)
+        sizes[index] = size
+    out.extend((index, b"".join(waiting)) for index, waiting in parts.items())
+    return out

@@ -1,0 +1,111 @@
+"""Arming and disarming: reasons against it, home, motors, and disarming by itself."""
+
+import math
+from typing import TYPE_CHECKING
+
+from sim_vehicle.personalities.base import Behaviour
+
+if TYPE_CHECKING:
+    from sim_vehicle.vehicle.autopilot import Autopilot
+
+
+class Arming:
+    """Whether the motors of one vehicle may turn."""
+
+    def __init__(self, vehicle: "Autopilot") -> None:
+        self._vehicle = vehicle
+        self._armed_at_s = 0.0
+        self._flown = self._was_airborne = False
+        self._taken_off_at_s = math.nan
+
+    @property
+    def armed(self) -> bool:
+        return self._vehicle.body.armed
+
+    @property
+    def armed_since_s(self) -> float:
+        """nan while it is not armed."""
+        return self._armed_at_s if self.armed else math.nan
+
+    @property
+    def flying_since_s(self) -> float:
+        """The latest take-off since it was armed; nan if there was none."""
+        return self._taken_off_at_s if self.armed else math.nan
+
+    def arm(self, now: float, *, force: bool, text: str = "armed") -> bool:
+        """Start the motors; the reasons of a refusal go out as texts."""
+        vehicle = self._vehicle
+        force = force and vehicle.personality.force_arms
+        if self.armed:
+            return True
+        if vehicle.body.crashed:  # broken, whatever a ground station wants
+            vehicle.tell("arm_refused", reason="Crashed")
+            return False
+        in_mission = vehicle.mode.behaviour is Behaviour.MISSION
+        if not force and not self._may_arm(in_mission=in_mission, now=now):
+            return False
+        if vehicle.home is not None and not vehicle.home_locked:
+            vehicle.set_home(vehicle.here(), now)
+        self._armed_at_s, self._flown = now, False
+        self._was_airborne = vehicle.body.airborne
+        self._taken_off_at_s = math.nan
+        vehicle.flight.cleared_for_takeoff = in_mission and vehicle.tuning.mission_takes_off
+        vehicle.body.arm(True)
+        vehicle.tell(text)
+        vehicle.flight.begin_takeoff()
+        return True
+
+    def _may_arm(self, *, in_mission: bool, now: float) -> bool:
+        vehicle = self._vehicle
+        reasons = vehicle.personality.refusals(vehicle, now)
+        armable = vehicle.mode.armable or (in_mission and vehicle.tuning.mission_mode_armable)
+        if not armable:
+            reasons = [*reasons, *vehicle.voice.wording("not_armable", mode=vehicle.mode.name)]
+        for reason in reasons:
+            vehicle.tell("arm_refused", reason=reason)
+        if reasons:
+            vehicle.tell("arm_denied")
+        return not reasons and armable
+
+    def disarm(self, *, force: bool) -> bool:
+        """Stop the motors on demand: in the air only if forced, and then the vehicle falls."""
+        if self._vehicle.body.airborne and self.armed and not force:
+            self._vehicle.tell("disarm_refused")
+            return False
+        if self.armed:
+            self.stop()
+        return True
+
+    def stop(self, text: str = "disarmed") -> None:
+        """Stop the motors, whatever the vehicle does."""
+        vehicle = self._vehicle
+        vehicle.flight.cleared_for_takeoff = False
+        vehicle.body.arm(False)
+        vehicle.mission.reset()
+        counter = vehicle.personality.flight_counter
+        if counter is not None:
+            vehicle.params.keep(counter, vehicle.params[counter] + 1)
+        vehicle.tell(text)
+        vehicle.modes.disarmed()
+
+    def update(self, now: float) -> float:
+        """Disarm after a landing, or after an arming that no flight followed; when to look again [s]."""
+        if not self.armed:
+            return math.inf
+        vehicle = self._vehicle
+        airborne = vehicle.body.airborne
+        if airborne != self._was_airborne:
+            self._was_airborne = airborne
+            if airborne:
+                self._taken_off_at_s = now
+            vehicle.tell("taken_off" if airborne else "touched_down")
+        self._flown = self._flown or airborne
+        if airborne:
+            return math.inf
+        tuning = vehicle.tuning
+        delay_s = tuning.disarm_landed_s if self._flown else tuning.disarm_unflown_s
+        due_s = max(self._armed_at_s, vehicle.flight.ground_since_s) + delay_s
+        if vehicle.flight.landed(now) and now + 1e-9 >= due_s:
+            self.stop("disarmed_landed" if self._flown else "disarmed_unflown")
+            return math.inf
+        return due_s

@@ -1,0 +1,450 @@
+"""One vehicle without I/O: messages and time in, messages out.
+
+It decides only when something happened: a message came, its body reports an event (a target reached, ground
+left or touched, the position lost), or a deadline that it named has come (`alarm_s`). What it knows goes into
+its row of the fleet's `Status`, from which telemetry is made for all vehicles at once.
+"""
+
+import math
+from typing import Any, Protocol
+
+import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.faults.failure_command import Replace
+from sim_vehicle.faults.sim_parameters import faults_of
+from sim_vehicle.files.logs.recorder import LogLimits
+from sim_vehicle.personalities.base import Behaviour, Mode, Personality, Tuning
+from sim_vehicle.physics.body import Body
+from sim_vehicle.physics.place import Place
+from sim_vehicle.vehicle.afflictions import Afflictions
+from sim_vehicle.vehicle.arming import Arming
+from sim_vehicle.vehicle.failsafe import Failsafes
+from sim_vehicle.vehicle.fence import Fence
+from sim_vehicle.vehicle.fence_watch import FenceWatch
+from sim_vehicle.vehicle.flight import Flight
+from sim_vehicle.vehicle.jobs import Jobs
+from sim_vehicle.vehicle.mission import Item, Mission, MissionState
+from sim_vehicle.vehicle.modes import Modes
+from sim_vehicle.vehicle.params import Parameters
+from sim_vehicle.vehicle.publish import publish
+from sim_vehicle.vehicle.rally import Rally
+from sim_vehicle.vehicle.readiness import Readiness
+from sim_vehicle.vehicle.receivers import RECEIVERS
+from sim_vehicle.vehicle.setpoints import Setpoints
+from sim_vehicle.vehicle.singles import SINGLES
+from sim_vehicle.vehicle.voice import Voice
+from sim_vehicle.wire.signing import Signing
+from sim_vehicle.wire.status import Status
+from sim_vehicle.wire.streams import Rates, Streams
+
+PREARM_TEXT_S = 30.0
+REBOOT_SILENCE_S = 1.5
+PHASES = 5  # of a second, in which vehicles begin to stream after a boot
+IDLE_LOOK_S = 1.0  # every vehicle looks around so often, whatever it waits for
+BUSY_LOOK_S = 0.1
+EPSILON_S = 1e-9
+
+
+class Outlet(Protocol):
+    """Where a vehicle's messages go: the fleet's encoder and link."""
+
+    def message(self, vehicle: int, message: Any) -> None:
+        """Pack and send."""
+        ...
+
+    def raw(self, vehicle: int, data: bytes) -> None:
+        """Send bytes that are no MAVLink (boot text)."""
+        ...
+
+    def stream_now(self, vehicle: int, message_id: int, now: float) -> bool:
+        """Send one of STREAMS; False if the vehicle has nothing to say there yet."""
+        ...
+
+
+class Autopilot:
+    """The state of one vehicle, and what it does with a message or with the passing of time.
+
+    Parameters
+    ----------
+    index, sysid: its place in the fleet's arrays, its MAVLink system id.
+    body: its airframe in the world.
+    personality: which autopilot it behaves like.
+    parameters: changes to the personality's parameters.
+    ready_s: from boot to a position estimate [s].
+    rng: the vehicle's own randomness.
+    status, streams, outlet: the fleet's columns, message intervals and way out.
+    afflictions: what is wrong with the vehicle.
+    replace_faults: ends the faults that it began under a key, and begins others.
+    log_limits: how much of its flights it records.
+    """
+
+    def __init__(
+        self,
+        index: int,
+        sysid: int,
+        body: Body,
+        personality: Personality,
+        parameters: dict[str, float],
+        *,
+        ready_s: float,
+        rng: np.random.Generator,
+        status: Status,
+        streams: Streams,
+        outlet: Outlet,
+        afflictions: Afflictions,
+        replace_faults: Replace,
+        log_limits: LogLimits,
+    ) -> None:
+        self.afflictions, self.replace_faults, self.signing = afflictions, replace_faults, Signing()
+        self.index, self.sysid, self.body, self.personality, self.rng = index, sysid, body, personality, rng
+        self.status, self._outlet = status, outlet
+        self.rates = Rates(streams, index, personality)
+        self.voice = Voice(
+            personality,
+            afflictions,
+            send=lambda message: outlet.message(index, message),
+            clock=lambda: self.now,
+            record=self._record_text,
+        )
+        self.send, self.say, self.tell = self.voice.send, self.voice.say, self.voice.tell
+        values = {**personality.parameters, personality.system_id_parameter: sysid, **parameters}
+        body.set_gps_fix(personality.gps_fix_type)
+        self.params = Parameters(
+            values, read_only=personality.read_only_parameters, byte_wise=personality.parameters_byte_wise
+        )
+        self.tuning: Tuning = personality.tuning(self.params)
+        self.singles = {**SINGLES, **personality.singles}
+        self.fence, self.rally = Fence(), Rally()
+        make = personality.mission
+        self.mission = Mission(home=self.home_item) if make is None else make(self)
+        self.modes = Modes(self)
+        self.flight = Flight(
+            body,
+            self.mission,
+            tuning=lambda: self.tuning,
+            home=lambda: self.home or self.here(),
+            return_place=self._return_place,
+            tell=self.tell,
+            send=self.send,
+            disarm=self._landed,
+            taken_off=self.modes.taken_off,
+            mission_over=self.modes.mission_over,
+            set_home=lambda place: self.set_home(place, self.now, locked=True),
+        )
+        self.arming = Arming(self)
+        self.fence_watch = FenceWatch(self)
+        self.transfer = personality.transfer(self)
+        self.jobs = Jobs(self.voice.acknowledge)
+        self.setpoints = Setpoints(self)
+        self.storage = personality.storage(self, log_limits)
+        self._ready_s = ready_s
+        self._idle_look_s = float(rng.random())
+        # A few phases, so that what streams once a second is encoded for many vehicles at a time.
+        self._phase_s = math.floor(self._idle_look_s * PHASES) / PHASES
+        self.now = 0.0
+        self.alarm_s = 0.0
+        self.strikes = 0
+        self.boots = 0
+        self.reboot_after_reply = False
+        self.booted = False
+        self._boot_due_s = 0.0
+        self._forget(0.0)
+
+    def _forget(self, now: float) -> None:
+        """Everything that does not survive a reboot; parameters and the mission do."""
+        self.readiness = Readiness(now, self._ready_s)
+        self.modes.reset(now)
+        self.home: Place | None = None
+        self.home_locked = False
+        self.origin: Place | None = None
+        self.origin_m = (0.0, 0.0, 0.0)
+        self.failsafes = Failsafes(self)
+        self.fence_watch = FenceWatch(self)
+        self._switch_read = False
+        self._next_prearm_s = now + PREARM_TEXT_S
+        self.transfer.reset()
+        self.params.reboot()
+        self.storage.reboot(now)
+        self.signing.reboot()
+        self.voice.reset()
+        self.jobs.reset()
+        self.setpoints.reset()
+        self.mission.reboot()
+        self.flight.cleared_for_takeoff = False
+        self.flight.enter(self.mode)
+
+    # -- out ---------------------------------------------------------------------------------------------
+
+    def _record_text(self, now: float, severity: int, text: str) -> None:
+        self.storage.text(now, severity, text)
+
+    def tell_refusals(self, how: str, now: float) -> None:
+        """Say every reason against arming: `how` is prearm or arm_refused."""
+        for reason in self.personality.refusals(self, now):
+            self.tell(how, reason=reason)
+
+    def send_now(self, message_id: int, now: float, parameter: float = 0.0) -> bool:
+        """Send one message on request; False if it is unknown or has nothing to say yet."""
+        if self.rates.can(message_id):
+            self.publish(now)
+            return self._outlet.stream_now(self.index, message_id, now)
+        if message_id not in self.singles:
+            return False
+        made = self.singles[message_id](self, parameter)
+        for message in made:
+            self.send(message)
+        return bool(made)
+
+    def publish(self, now: float) -> None:
+        """Write this vehicle's row of the status."""
+        publish(self, now)
+
+    # -- in ----------------------------------------------------------------------------------------------
+
+    def receive(self, message: Any, now: float) -> None:
+        """Take one message that is for this vehicle or for all."""
+        if not self.booted or (self.tuning.gcs_only and message.get_srcSystem() != self.tuning.gcs_sysid):
+            return
+        kind = message.get_type()
+        if kind == "HEARTBEAT":
+            self._hear(message, now)
+            return
+        self.now = now
+        if self.transfer.handles(kind):
+            self.transfer.receive(message, now)
+        elif self.storage.handles(kind):
+            self.storage.receive(message, now)
+        elif kind in RECEIVERS:
+            RECEIVERS[kind](self, message, now)
+        else:
+            return
+        self.storage.note(now)
+        self.alarm_s = now
+        self.publish(now)
+
+    def _hear(self, heartbeat: Any, now: float) -> None:
+        sysid = heartbeat.get_srcSystem()
+        if heartbeat.type == mavlink.MAV_TYPE_GCS or sysid == self.tuning.gcs_sysid:
+            self.failsafes.heard_ground_station(sysid, now)
+
+    def set_parameter(self, name: str, value: float) -> None:
+        """Set a known parameter as if a ground station had; KeyError for another name."""
+        self.params.set(name, value)
+        self.parameter_changed(name)
+
+    def parameter_changed(self, name: str) -> None:
+        self.retune()
+        self.simulate(name)
+        self.storage.parameter(self.now, name)
+
+    def retune(self) -> None:
+        """A parameter has changed."""
+        before, self.tuning = self.tuning, self.personality.tuning(self.params)
+        self.flight.retune(before)
+
+    def simulate(self, name: str) -> None:
+        """A parameter has changed that may make something fail."""
+        found = faults_of(name, self.params.__getitem__)
+        if found is not None:
+            self.replace_faults(*found, self.now)
+
+    def clock_ahead_s(self, now: float) -> float:
+        """By how much the vehicle's own clock is ahead of simulated time [s]."""
+        status, i = self.status, self.index
+        return float(status.clock_offset_s[i] + (now - status.clock_since_s[i]) * status.clock_drift[i])
+
+    # -- time --------------------------------------------------------------------------------------------
+
+    def update(self, now: float) -> None:
+        """Decide: boot, readiness, mode, landing, failsafes, transfers; names its next alarm."""
+        self.now = now
+        if not self.booted:
+            self.alarm_s = self._boot_due_s
+            if now + EPSILON_S < self._boot_due_s:
+                return
+            self._boot(now)
+        self._note_readiness(now)
+        self.voice.send_late(now)
+        failsafe_s = self.failsafes.update(now)
+        self.flight.run(now)
+        self._end_setpoint(now)
+        touchdown_m_s = self.body.take_touchdown_m_s()
+        if touchdown_m_s > 0:
+            self.tell("touchdown", speed=touchdown_m_s)
+        if self.body.crashed and self.armed:
+            self.arming.stop("crashed")
+        self.fence_watch.update(now)
+        disarm_s = self.arming.update(now)
+        self.transfer.tick(now)
+        self.params.tick(self.send, now)
+        self.storage.tick(now)
+        self.storage.note(now)
+        # Not a whole second from now: a fleet that booted together would look around all at once.
+        while self._idle_look_s <= now + EPSILON_S:
+            self._idle_look_s += IDLE_LOOK_S
+        self.alarm_s = min(
+            self._idle_look_s,
+            failsafe_s,
+            disarm_s,
+            self.flight.next_look_s(now),
+            self.readiness.next_s(now),
+            self.jobs.tick(now),
+            self._setpoint_deadline_s(),
+            self.transfer.next_deadline_s,
+            self.storage.next_s(now),
+            self.voice.next_s,
+            now + BUSY_LOOK_S if self.fence_watch.active or self.params.listing else math.inf,
+        )
+        self.publish(now)
+
+    def _setpoint_deadline_s(self) -> float:
+        timeout_s = self.tuning.setpoint_timeout_s
+        if self.mode.setpoints_only:
+            return self.setpoints.heard_s + timeout_s if self.flight.flying else math.inf
+        return self.setpoints.deadline_s(timeout_s)
+
+    def _end_setpoint(self, now: float) -> None:
+        if now + EPSILON_S >= self._setpoint_deadline_s():
+            self.setpoints.reset()
+            if self.mode.setpoints_only:
+                self.tell("setpoints_lost")
+                self.failsafes.act(self.tuning.setpoint_action, now, at_once=True)
+            elif self.mode.behaviour is Behaviour.GUIDED and self.flight.flying:
+                self.body.stop()
+
+    def reboot(self, now: float, silence_s: float = REBOOT_SILENCE_S) -> None:
+        """Go silent; back after the boot."""
+        self.storage.reboot(now)
+        self.booted = False
+        self.status.booted[self.index] = False
+        self._boot_due_s = self.alarm_s = now + silence_s
+        if self.arming.armed:
+            self.body.arm(False)
+
+    def _boot(self, now: float) -> None:
+        self.boots += 1
+        self.booted = True
+        self._forget(now)
+        for text in self.personality.boot_text:
+            self._outlet.raw(self.index, text)
+        self.rates.boot(now, now + self._phase_s)
+
+    def _note_readiness(self, now: float) -> None:
+        if not self._switch_read and self.readiness.mode_switch_read(now):
+            self._switch_read = True
+            if self.readiness.ready_s > 0:
+                self.modes.mode_switch_read()
+        if self.origin is None and self.readiness.home(now):
+            self.set_origin(self.here(), now)
+        if self.home is None and self._home_due(now):
+            self.set_home(self.here(), now)
+        if not self.armed and now >= self._next_prearm_s:
+            self._next_prearm_s += PREARM_TEXT_S
+            self.tell_refusals("prearm", now)
+
+    def struck(self, over: tuple[int, int], by: tuple[int, int], now: float) -> None:
+        """A hostile hit the vehicle; it flies on."""
+        self.now = now
+        self.strikes += 1
+        self.status.strikes[self.index] = self.strikes
+        self.storage.strike(now, over, by)
+        text = f"STRIKE {self.strikes} over {over[0]},{over[1]} from {by[0]},{by[1]}"
+        self.say(mavlink.MAV_SEVERITY_WARNING, text)
+
+    # -- home and position -------------------------------------------------------------------------------
+
+    def position_known(self, now: float) -> bool:
+        """Whether it has a position estimate it may navigate by."""
+        return self.readiness.position(now) and self.body.position_ok
+
+    def here(self) -> Place:
+        return Place(*self.body.lat_lon_deg, self.body.alt_amsl_m)
+
+    @property
+    def home_deg(self) -> tuple[float, float]:
+        """Latitude and longitude of home, or of where it is while there is none."""
+        return (self.home.lat_deg, self.home.lon_deg) if self.home else self.body.lat_lon_deg
+
+    @property
+    def height_above_home_m(self) -> float:
+        return self.body.alt_amsl_m - (self.home.alt_amsl_m if self.home else self.body.ground_amsl_m)
+
+    def _home_due(self, now: float) -> bool:
+        late = self.personality.home_with_position
+        return self.position_known(now) if late else self.readiness.home(now)
+
+    def set_origin(self, place: Place, now: float) -> None:
+        """Where local coordinates are counted from."""
+        self.origin = place
+        self.origin_m = (*self.body.locate(place.lat_deg, place.lon_deg), place.alt_amsl_m)
+        self.tell("origin_set")
+        self.send_now(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, now)
+
+    def set_home(self, place: Place, now: float, *, locked: bool = False) -> None:
+        self.home, self.home_locked = place, self.home_locked or locked
+        self.send_now(mavlink.MAVLINK_MSG_ID_HOME_POSITION, now)
+
+    def _return_place(self) -> Place:
+        """The nearest rally point, or home."""
+        home = self.home or self.here()
+        point = self.rally.nearest(
+            self.body.lat_lon_deg,
+            (home.lat_deg, home.lon_deg),
+            limit_m=self.tuning.rally_limit_m,
+            include_home=self.tuning.rally_includes_home,
+        )
+        if point is None or point.place_deg is None:
+            return home
+        return Place(*point.place_deg, self.flight.altitude_amsl_m(point.frame, point.z))
+
+    def home_item(self) -> Item:
+        home = self.home or Place(0.0, 0.0, 0.0)
+        return Item(
+            mavlink.MAV_CMD_NAV_WAYPOINT,
+            x=round(home.lat_deg * 1e7),
+            y=round(home.lon_deg * 1e7),
+            z=round(home.alt_amsl_m, 2),
+        )
+
+    # -- arming and mode ---------------------------------------------------------------------------------
+
+    @property
+    def mode(self) -> Mode:
+        return self.modes.mode
+
+    @property
+    def armed(self) -> bool:
+        return self.arming.armed
+
+    def arm(self, now: float, *, force: bool) -> bool:
+        """Start the motors; the reasons of a refusal go out as texts."""
+        return self.arming.arm(now, force=force)
+
+    def disarm(self, *, force: bool) -> bool:
+        """Stop the motors on demand: in the air only if forced, and then the vehicle falls."""
+        return self.arming.disarm(force=force)
+
+    def _landed(self) -> None:
+        if self.personality.landing_disarms:
+            self.arming.stop()
+
+    # -- mission -----------------------------------------------------------------------------------------
+
+    def start_mission_if_stopped(self) -> None:
+        if self.mission.state is not MissionState.ACTIVE:
+            self.mission.start_or_resume(self.flight.pilot)
+
+    def set_current(self, index: int) -> bool:
+        return self.mission.set_current(self.flight.pilot, index)
+
+    def mission_changed(self, index: int) -> None:
+        """An item became another one (or the list was cut, -1) while the mission may be flown."""
+        if not self.flies_mission or index == 0 or (index == -1 and self.mission.index < self.mission.count):
+            return
+        restarted = self.mission.restart_current(self.flight.pilot)
+        self.tell("mission_changed" if restarted else "mission_change_failed")
+
+    @property
+    def flies_mission(self) -> bool:
+        return self.mode.behaviour is Behaviour.MISSION and self.mission.state is MissionState.ACTIVE

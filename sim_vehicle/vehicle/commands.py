@@ -1,0 +1,327 @@
+"""MAV_CMD commands, as COMMAND_LONG or COMMAND_INT; each handler returns a MAV_RESULT.
+
+What is here both autopilots share, or only one has; a personality replaces and adds handlers by its own
+table.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.personalities.base import Behaviour
+from sim_vehicle.physics.place import Place
+from sim_vehicle.vehicle.numbers import whole
+
+if TYPE_CHECKING:
+    from sim_vehicle.vehicle.autopilot import Autopilot
+
+MAX_ALTITUDE_M = 83_000.0
+FORCE = 21_196  # param2 of arm and disarm: skip the checks
+FRAMES_WITH_ALTITUDE = frozenset(
+    {
+        mavlink.MAV_FRAME_GLOBAL,
+        mavlink.MAV_FRAME_GLOBAL_INT,
+        mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
+        mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+        mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT,
+        mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT,
+    }
+)
+ACCEPTED = int(mavlink.MAV_RESULT_ACCEPTED)
+DENIED = int(mavlink.MAV_RESULT_DENIED)
+FAILED = int(mavlink.MAV_RESULT_FAILED)
+UNSUPPORTED = int(mavlink.MAV_RESULT_UNSUPPORTED)
+TEMPORARILY_REJECTED = int(mavlink.MAV_RESULT_TEMPORARILY_REJECTED)
+IN_PROGRESS = int(mavlink.MAV_RESULT_IN_PROGRESS)
+CALIBRATION_S = 3.0
+LONGEST_INTERVAL_US = 2**31 - 1
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One command, whichever message it came in; place in degrees, z [m] or parameter 7."""
+
+    command: int
+    param1: float
+    param2: float
+    param3: float
+    param4: float
+    lat_deg: float
+    lon_deg: float
+    z: float
+    frame: int
+    as_int: bool
+    sender: tuple[int, int]  # system and component id
+
+    @classmethod
+    def from_message(cls, message: Any) -> "Command":
+        as_int = message.get_type() == "COMMAND_INT"
+        return cls(
+            command=message.command,
+            param1=message.param1,
+            param2=message.param2,
+            param3=message.param3,
+            param4=message.param4,
+            lat_deg=message.x * 1e-7 if as_int else message.param5,
+            lon_deg=message.y * 1e-7 if as_int else message.param6,
+            z=message.z if as_int else message.param7,
+            frame=message.frame if as_int else mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
+            as_int=as_int,
+            sender=(message.get_srcSystem(), message.get_srcComponent()),
+        )
+
+    def place(self) -> tuple[float, float] | None:
+        """Latitude and longitude [deg] if they name a place on earth."""
+        if not (abs(self.lat_deg) <= 90 and abs(self.lon_deg) <= 180 and abs(self.z) < MAX_ALTITUDE_M):
+            return None
+        return (self.lat_deg, self.lon_deg) if self.lat_deg or self.lon_deg else None
+
+
+def execute(vehicle: "Autopilot", command: Command, now: float) -> int:
+    """Carry out `command`; MAV_RESULT."""
+    handler = vehicle.personality.commands.get(command.command) or HANDLERS.get(command.command)
+    return UNSUPPORTED if handler is None else handler(vehicle, command, now)
+
+
+def arm_disarm(vehicle: "Autopilot", command: Command, now: float) -> int:
+    force = whole(command.param2) == FORCE
+    if command.param1 == 1:
+        return ACCEPTED if vehicle.arm(now, force=force) else vehicle.personality.arm_refused
+    if command.param1 == 0:
+        return ACCEPTED if vehicle.disarm(force=force) else vehicle.personality.disarm_refused
+    return UNSUPPORTED
+
+
+def do_set_mode(vehicle: "Autopilot", command: Command, now: float) -> int:
+    if not whole(command.param1) & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
+        return DENIED
+    return ACCEPTED if vehicle.modes.set(whole(command.param2), now) else FAILED
+
+
+def change_to(behaviour: Behaviour) -> Callable[["Autopilot", Command, float], int]:
+    def handler(vehicle: "Autopilot", _command: Command, now: float) -> int:
+        if vehicle.personality.find_mode(behaviour) is None:
+            return UNSUPPORTED
+        return ACCEPTED if vehicle.modes.set_behaviour(behaviour, now) else FAILED
+
+    return handler
+
+
+def takeoff(vehicle: "Autopilot", command: Command, _now: float) -> int:
+    """In a guided mode, to a height above home."""
+    if vehicle.mode.behaviour is not Behaviour.GUIDED or not abs(command.z) < MAX_ALTITUDE_M:
+        return FAILED
+    up_m = vehicle.flight.home().alt_amsl_m + command.z
+    return ACCEPTED if vehicle.flight.takeoff_to(up_m) else FAILED
+
+
+def mission_start(vehicle: "Autopilot", command: Command, now: float) -> int:
+    """Sets AUTO; on an armed vehicle it clears the take-off, on a disarmed one nothing flies.
+
+    A first or last item (param1, param2) is not supported.
+    """
+    if command.param1 != 0 or command.param2 != 0:
+        return DENIED
+    if not vehicle.modes.set_behaviour(Behaviour.MISSION, now):
+        return FAILED
+    if vehicle.armed:
+        vehicle.flight.cleared_for_takeoff = True
+    vehicle.start_mission_if_stopped()
+    return ACCEPTED
+
+
+def reposition(vehicle: "Autopilot", command: Command, now: float) -> int:
+    if not command.as_int:
+        return UNSUPPORTED
+    place = command.place()
+    if place is None or command.frame not in FRAMES_WITH_ALTITUDE:
+        return DENIED
+    if vehicle.mode.behaviour is not Behaviour.GUIDED:
+        change = whole(command.param2) & mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
+        if whole(command.param2) < 0 or not change:
+            return DENIED
+        if not vehicle.modes.set_behaviour(Behaviour.GUIDED, now):
+            return FAILED
+    up_m = vehicle.flight.altitude_amsl_m(command.frame, command.z)
+    watch = vehicle.fence_watch
+    if watch.enabled and watch.find(*place, up_m - vehicle.flight.home().alt_amsl_m):
+        return FAILED
+    if command.param1 > 0:
+        vehicle.flight.change_speed(mavlink.SPEED_TYPE_GROUNDSPEED, command.param1)
+    vehicle.flight.guided_go(*place, up_m)
+    return ACCEPTED
+
+
+def change_speed(vehicle: "Autopilot", command: Command, _now: float) -> int:
+    return ACCEPTED if vehicle.flight.change_speed(whole(command.param1), command.param2) else FAILED
+
+
+def set_mission_current(vehicle: "Autopilot", command: Command, _now: float) -> int:
+    index = whole(command.param1)
+    if index < -1:
+        return DENIED
+    if command.param2 == 1:
+        vehicle.mission.rewind()
+    if index == -1:
+        index = vehicle.mission.index
+    return ACCEPTED if vehicle.set_current(index) else DENIED
+
+
+def pause_continue(vehicle: "Autopilot", command: Command, _now: float) -> int:
+    if command.param1 == 0:
+        return ACCEPTED if vehicle.flight.pause() else FAILED
+    if command.param1 == 1:
+        return ACCEPTED if vehicle.flight.resume() else FAILED
+    return DENIED
+
+
+def set_message_interval(vehicle: "Autopilot", command: Command, now: float) -> int:
+    message_id = whole(command.param1)
+    if not vehicle.rates.can(message_id):
+        return DENIED
+    interval_us = command.param2 if math.isfinite(command.param2) else -1
+    if interval_us == 0:
+        vehicle.rates.reset(message_id, now)
+    else:
+        vehicle.rates.set(message_id, interval_us / 1e6, now)
+    return ACCEPTED
+
+
+def get_message_interval(vehicle: "Autopilot", command: Command, _now: float) -> int:
+    message_id = whole(command.param1)
+    if not 0 <= message_id <= 0xFFFF:
+        return DENIED
+    interval_us = _interval_us(vehicle, message_id)
+    # 0 says that the message does not exist here, -1 that it does not stream.
+    known = vehicle.rates.can(message_id) or message_id in vehicle.singles
+    vehicle.send(mavlink.MAVLink_message_interval_message(message_id, interval_us if known else 0))
+    return ACCEPTED
+
+
+def _interval_us(vehicle: "Autopilot", message_id: int) -> int:
+    """As MESSAGE_INTERVAL has it: -1 where the message does not stream."""
+    interval_s = vehicle.rates.interval_s(message_id)
+    return -1 if interval_s is None else round(min(interval_s * 1e6, LONGEST_INTERVAL_US))
+
+
+def request_message(vehicle: "Autopilot", command: Command, now: float) -> int:
+    message_id = whole(command.param1)
+    if message_id == mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL:
+        wanted = whole(command.param2)
+        interval_us = _interval_us(vehicle, wanted)
+        vehicle.send(mavlink.MAVLink_message_interval_message(wanted & 0xFFFF, interval_us))
+        return ACCEPTED
+    return ACCEPTED if vehicle.send_now(message_id, now, command.param2) else FAILED
+
+
+def request_capabilities(vehicle: "Autopilot", _command: Command, now: float) -> int:
+    return ACCEPTED if vehicle.send_now(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION, now) else FAILED
+
+
+def get_home(vehicle: "Autopilot", _command: Command, now: float) -> int:
+    return ACCEPTED if vehicle.send_now(mavlink.MAVLINK_MSG_ID_HOME_POSITION, now) else FAILED
+
+
+def set_home(vehicle: "Autopilot", command: Command, now: float) -> int:
+    if not vehicle.position_known(now):
+        return FAILED
+    if command.param1 == 1:
+        vehicle.set_home(vehicle.here(), now, locked=True)
+        return ACCEPTED
+    place = command.place()
+    if place is None or command.frame not in FRAMES_WITH_ALTITUDE:
+        return DENIED
+    # COMMAND_LONG carries no frame: its altitude is above mean sea level here.
+    up_m = vehicle.flight.altitude_amsl_m(command.frame, command.z) if command.as_int else command.z
+    vehicle.set_home(Place(*place, up_m), now, locked=True)
+    return ACCEPTED
+
+
+def reboot(vehicle: "Autopilot", command: Command, _now: float) -> int:
+    if command.param1 not in (1, 3):
+        return UNSUPPORTED
+    if vehicle.armed:
+        return FAILED
+    vehicle.reboot_after_reply = True
+    return ACCEPTED
+
+
+def condition_yaw(vehicle: "Autopilot", command: Command, _now: float) -> int:
+    if vehicle.mode.behaviour not in (Behaviour.GUIDED, Behaviour.MISSION, Behaviour.HOLD):
+        return FAILED
+    if not (math.isfinite(command.param1) and abs(command.param1) <= 360):
+        return DENIED
+    turned = vehicle.flight.turn(
+        command.param1,
+        command.param2,
+        direction=whole(command.param3),
+        relative=command.param4 == 1,
+    )
+    return ACCEPTED if turned else FAILED
+
+
+def fence_enable(vehicle: "Autopilot", command: Command, _now: float) -> int:
+    """Overrides the parameter until the next boot, without changing it."""
+    if command.param1 not in (0, 1):
+        return FAILED
+    vehicle.fence_watch.switch = command.param1 == 1
+    return ACCEPTED
+
+
+def terminate(vehicle: "Autopilot", command: Command, _now: float) -> int:
+    if command.param1 <= 0.5:
+        return DENIED
+    vehicle.disarm(force=True)
+    return ACCEPTED
+
+
+def run_prearm_checks(vehicle: "Autopilot", _command: Command, now: float) -> int:
+    if vehicle.armed:
+        return TEMPORARILY_REJECTED
+    vehicle.tell_refusals("prearm", now)
+    return ACCEPTED
+
+
+def calibrate(vehicle: "Autopilot", command: Command, now: float) -> int:
+    """Gyroscopes, level and pressure take a few seconds on the ground, and may be cancelled meanwhile."""
+    wanted = (command.param1, command.param2, command.param3, command.param4, command.lat_deg)
+    if not any(value > 0 for value in wanted if math.isfinite(value)):
+        return UNSUPPORTED
+    if vehicle.armed:
+        return FAILED
+    return IN_PROGRESS if vehicle.jobs.begin(command, CALIBRATION_S, now) else TEMPORARILY_REJECTED
+
+
+def storage(_vehicle: "Autopilot", command: Command, _now: float) -> int:
+    """Parameters are kept as they are set: there is nothing to write, and read again."""
+    return ACCEPTED if command.param1 in (0, 1) else FAILED
+
+
+HANDLERS: dict[int, Callable[["Autopilot", Command, float], int]] = {
+    mavlink.MAV_CMD_COMPONENT_ARM_DISARM: arm_disarm,
+    mavlink.MAV_CMD_DO_SET_MODE: do_set_mode,
+    mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: change_to(Behaviour.RETURN),
+    mavlink.MAV_CMD_NAV_LAND: change_to(Behaviour.LAND),
+    mavlink.MAV_CMD_NAV_TAKEOFF: takeoff,
+    mavlink.MAV_CMD_MISSION_START: mission_start,
+    mavlink.MAV_CMD_DO_REPOSITION: reposition,
+    mavlink.MAV_CMD_DO_CHANGE_SPEED: change_speed,
+    mavlink.MAV_CMD_DO_SET_MISSION_CURRENT: set_mission_current,
+    mavlink.MAV_CMD_DO_PAUSE_CONTINUE: pause_continue,
+    mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: set_message_interval,
+    mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: get_message_interval,
+    mavlink.MAV_CMD_REQUEST_MESSAGE: request_message,
+    mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: request_capabilities,
+    mavlink.MAV_CMD_GET_HOME_POSITION: get_home,
+    mavlink.MAV_CMD_DO_SET_HOME: set_home,
+    mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: reboot,
+    mavlink.MAV_CMD_PREFLIGHT_CALIBRATION: calibrate,
+    mavlink.MAV_CMD_PREFLIGHT_STORAGE: storage,
+    mavlink.MAV_CMD_CONDITION_YAW: condition_yaw,
+    mavlink.MAV_CMD_DO_FENCE_ENABLE: fence_enable,
+    mavlink.MAV_CMD_DO_FLIGHTTERMINATION: terminate,
+    mavlink.MAV_CMD_RUN_PREARM_CHECKS: run_prearm_checks,
+}

@@ -1,0 +1,168 @@
+"""The stored geofence: polygons and circles to stay inside or outside of, and how far away their edges are.
+
+Geometry is done in metres around the place that is asked about, so it needs no map and works anywhere.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.physics.geodesy import Floats, metres_per_degree
+from sim_vehicle.vehicle.mission import Item
+from sim_vehicle.vehicle.numbers import whole
+
+POLYGONS = frozenset(
+    {
+        mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION,
+        mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION,
+    }
+)
+CIRCLES = frozenset({mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION, mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION})
+_INCLUSIONS = frozenset(
+    {mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION, mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION}
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Zone:
+    """A polygon (its vertices), or with `radius_m` a circle (its centre); latitudes, longitudes [deg]."""
+
+    inclusion: bool
+    points_deg: tuple[tuple[float, float], ...]
+    radius_m: float | None = None
+
+
+def zones_of(items: Sequence[Item]) -> list[Zone]:
+    """Fence items -> zones.
+
+    The first vertex of a polygon says how many belong to it. One that announces more than there are is no
+    zone; return points are not either.
+    """
+    zones, index = [], 0
+    while index < len(items):
+        item = items[index]
+        inclusion = item.command in _INCLUSIONS
+        vertices = max(whole(item.param1), 1) if item.command in POLYGONS else 1
+        places = tuple((point.x * 1e-7, point.y * 1e-7) for point in items[index : index + vertices])
+        if item.command in CIRCLES:
+            zones.append(Zone(inclusion, places, item.param1))
+        elif item.command in POLYGONS and len(places) == vertices >= 3:
+            zones.append(Zone(inclusion, places))
+        index += vertices
+    return zones
+
+
+class Fence:
+    """The fence of one vehicle: `items` as they are read back, `zones` as they are obeyed."""
+
+    def __init__(self) -> None:
+        self.items: tuple[Item, ...] = ()
+        self.zones: tuple[Zone, ...] = ()
+        self._compile()
+
+    def replace(self, items: Sequence[Item]) -> None:
+        """Store a new fence; none of it is checked here."""
+        self.items = tuple(items)
+        self.zones = tuple(zones_of(items))
+        self._compile()
+
+    def discard_violated(self, lat_deg: float, lon_deg: float) -> int:
+        """Stop obeying the zones that forbid a place; how many there were."""
+        north_m, east_m = metres_per_degree(lat_deg)
+        margins_m = self._margins_m(lat_deg, lon_deg, north_m, east_m)
+        kept = tuple(zone for zone, margin in zip(self.zones, margins_m, strict=True) if margin >= 0)
+        discarded = len(self.zones) - len(kept)
+        self.zones = kept
+        self._compile()
+        return discarded
+
+    @property
+    def total(self) -> int:
+        """ArduPilot's FENCE_TOTAL: vertices and circles, and two more if there are at least three."""
+        points = sum(item.command in POLYGONS or item.command in CIRCLES for item in self.items)
+        return points + 2 if points >= 3 else 0
+
+    @property
+    def return_point_deg(self) -> tuple[float, float] | None:
+        """Where a plane returns to: the return point, else the middle of the first polygon to stay in."""
+        for item in self.items:
+            if item.command == mavlink.MAV_CMD_NAV_FENCE_RETURN_POINT:
+                return item.x * 1e-7, item.y * 1e-7
+        for zone in self.zones:
+            if zone.inclusion and zone.radius_m is None:
+                latitudes, longitudes = zip(*zone.points_deg, strict=True)
+                return (min(latitudes) + max(latitudes)) / 2, (min(longitudes) + max(longitudes)) / 2
+        return None
+
+    def breaches(self, lat_deg: float, lon_deg: float) -> bool:
+        """Whether a place is outside a zone to stay inside of, or inside one to stay out of."""
+        return bool(self.zones) and self.margin_m(lat_deg, lon_deg) < 0
+
+    def margin_m(self, lat_deg: float, lon_deg: float) -> float:
+        """Distance to the nearest edge [m], negative by how far beyond the worst one; inf without zones."""
+        if not self.zones:
+            return float("inf")
+        return float(self._margins_m(lat_deg, lon_deg, *metres_per_degree(lat_deg)).min())
+
+    def _compile(self) -> None:
+        """Edges of all polygons in a row, and the circles, as arrays."""
+        polygons = [zone for zone in self.zones if zone.radius_m is None]
+        sizes = [len(zone.points_deg) for zone in polygons]
+        starts = np.cumsum([0, *sizes])[:-1]
+        points = [point for zone in polygons for point in zone.points_deg]
+        self._points_deg = np.array(points, dtype=float).reshape(-1, 2)
+        following = np.arange(1, len(points) + 1)
+        following[starts + np.array(sizes, dtype=int) - 1] = starts
+        self._following = following
+        self._starts: npt.NDArray[np.int64] = starts
+        circles = [zone for zone in self.zones if zone.radius_m is not None]
+        self._centres_deg = np.array([zone.points_deg[0] for zone in circles], dtype=float).reshape(-1, 2)
+        self._radii_m = np.array([zone.radius_m for zone in circles], dtype=float)
+        is_circle = np.array([zone.radius_m is not None for zone in self.zones], dtype=bool)
+        self._order = np.argsort(np.argsort(is_circle, kind="stable"), kind="stable")
+        self._sign = np.where([zone.inclusion for zone in self.zones], 1.0, -1.0)
+
+    def _margins_m(self, lat_deg: float, lon_deg: float, north_m: float, east_m: float) -> Floats:
+        """Of each zone how far a place is on its good side [m]."""
+        place = np.array([lat_deg, lon_deg])
+        scale = np.array([north_m, east_m])
+        inside = []
+        if len(self._starts):
+            offsets = (_wrapped(self._points_deg - place)) * scale
+            inside.append(_inside_polygons_m(offsets, self._following, self._starts))
+        if len(self._radii_m):
+            offsets = _wrapped(self._centres_deg - place) * scale
+            inside.append(self._radii_m - np.hypot(offsets[:, 0], offsets[:, 1]))
+        if not inside:
+            return np.empty(0)
+        margins: Floats = np.concatenate(inside)[self._order] * self._sign
+        return margins
+
+
+def _wrapped(offsets_deg: Floats) -> Floats:
+    """Longitudes (second column) the short way round."""
+    offsets_deg[:, 1] = (offsets_deg[:, 1] + 180.0) % 360.0 - 180.0
+    return offsets_deg
+
+
+def _inside_polygons_m(
+    points_m: Floats, following: npt.NDArray[np.int64], starts: npt.NDArray[np.int64]
+) -> Floats:
+    """How far the origin is inside each polygon [m], negative outside; points (n, 2), polygons in a row."""
+    north_m, east_m = points_m[:, 0], points_m[:, 1]
+    edge_north_m, edge_east_m = north_m[following] - north_m, east_m[following] - east_m
+    # A ray to the east crosses the edges of a polygon an odd number of times from within.
+    straddles = (north_m > 0) != (north_m[following] > 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing_m = east_m - north_m * edge_east_m / edge_north_m
+    crosses = straddles & (crossing_m > 0)
+    inside = np.add.reduceat(crosses, starts, dtype=np.int64) % 2 == 1
+    length_squared = np.maximum(edge_north_m**2 + edge_east_m**2, 1e-12)
+    along = np.clip(-(north_m * edge_north_m + east_m * edge_east_m) / length_squared, 0.0, 1.0)
+    away_m = np.hypot(north_m + along * edge_north_m, east_m + along * edge_east_m)
+    nearest_m = np.minimum.reduceat(away_m, starts)
+    signed: Floats = np.where(inside, nearest_m, -nearest_m)
+    return signed

@@ -1,0 +1,156 @@
+"""The geofence of one vehicle at work: what is breached, what is said, and what the vehicle does about it.
+
+A breach acts once, when it begins, so that a pilot may override it; one of a circle or an altitude acts again
+some 20 m farther out. What is still breached stays on record, also while nothing acts.
+"""
+
+import math
+from typing import TYPE_CHECKING
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.vehicle.rally import distance_m
+
+if TYPE_CHECKING:
+    from sim_vehicle.vehicle.autopilot import Autopilot
+
+ALTITUDE_MAX, CIRCLE, POLYGON, ALTITUDE_MIN = "altitude_max", "circle", "polygon", "altitude_min"
+NAMES = {ALTITUDE_MAX: "Max Alt", CIRCLE: "Circle", POLYGON: "Polygon", ALTITUDE_MIN: "Min Alt"}
+AGAIN_M = 20.0  # beyond a breach that was not heeded
+AGAIN_PLANE_M = 100.0  # the same of the circle around home, for a plane
+RECOVERY_S = 10.0  # during which a pilot who changed the mode is left alone
+_KINDS = (  # what FENCE_STATUS names of several breaches: the first of these
+    ({CIRCLE, POLYGON}, int(mavlink.FENCE_BREACH_BOUNDARY)),
+    ({ALTITUDE_MAX}, int(mavlink.FENCE_BREACH_MAXALT)),
+    ({ALTITUDE_MIN}, int(mavlink.FENCE_BREACH_MINALT)),
+)
+
+
+def names_of(breaches: frozenset[str]) -> str:
+    """As in "Max Alt, Circle and Polygon fences"."""
+    names = [name for which, name in NAMES.items() if which in breaches]
+    listed = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+    return f"{listed} fence{'s' if len(names) > 1 else ''}"
+
+
+class FenceWatch:
+    """Breaches of one vehicle (altitude_max, circle, polygon, altitude_min), their count and last time."""
+
+    def __init__(self, vehicle: "Autopilot") -> None:
+        self._vehicle = vehicle
+        self.switch: bool | None = None  # MAV_CMD_DO_FENCE_ENABLE overrides the parameter until that changes
+        self.breached: frozenset[str] = frozenset()
+        self.count = 0
+        self.last_s = 0.0
+        self._parameter = False
+        self._above_floor = False
+        self._again_m: dict[str, float] = {}  # a breached limit -> how far beyond is a breach anew
+        self._recovers_until_s = -math.inf
+
+    @property
+    def enabled(self) -> bool:
+        return self._vehicle.tuning.fence_enabled if self.switch is None else self.switch
+
+    @property
+    def active(self) -> bool:
+        """Whether the vehicle has to look often."""
+        vehicle = self._vehicle
+        return self.enabled and vehicle.armed and vehicle.body.airborne and self.has_limits
+
+    @property
+    def has_limits(self) -> bool:
+        """Whether there is anything to stay inside or outside of."""
+        tuning = self._vehicle.tuning
+        return (
+            math.isfinite(tuning.fence_max_height_m)
+            or math.isfinite(tuning.fence_radius_m)
+            or math.isfinite(tuning.fence_min_height_m)
+            or (tuning.fence_polygons and bool(self._vehicle.fence.zones))
+        )
+
+    @property
+    def kind(self) -> int:
+        """FENCE_BREACH of what is breached now."""
+        return next((kind for which, kind in _KINDS if which & self.breached), int(mavlink.FENCE_BREACH_NONE))
+
+    def find(self, lat_deg: float, lon_deg: float, height_m: float) -> frozenset[str]:
+        """Which limits a place (height above home [m]) is beyond."""
+        return frozenset(self._beyond_m(lat_deg, lon_deg, height_m))
+
+    def refusal(self) -> str | None:
+        """Why the vehicle must not be armed where it is."""
+        found = self._here_m() if self.enabled else {}
+        return f"Vehicle breaching {names_of(frozenset(found))}" if found else None
+
+    def pilot_took_over(self, now: float) -> None:
+        """A ground station has changed the mode: what is breached does not act for a while."""
+        if self.breached:
+            self._recovers_until_s = now + RECOVERY_S
+            self._vehicle.tell("fence_recovery")
+
+    def update(self, now: float) -> None:
+        """Look where the vehicle is; call it some ten times a second while `active`."""
+        vehicle = self._vehicle
+        if vehicle.tuning.fence_enabled != self._parameter:
+            self._parameter, self.switch = vehicle.tuning.fence_enabled, None
+        before = self.breached
+        if not (self.enabled and self.has_limits):
+            self.breached, self._above_floor = frozenset(), False
+            self._again_m.clear()
+            return
+        self._note_floor()
+        found = self._here_m()
+        self.breached = frozenset(found)
+        new = frozenset(
+            which for which, beyond_m in found.items() if beyond_m >= self._again_m.get(which, -math.inf)
+        )
+        self._again_m = {
+            which: beyond_m + self._farther_m(which) if which in new else self._again_m[which]
+            for which, beyond_m in found.items()
+        }
+        if new:
+            self._record(new, before, now)
+        elif before and not found and vehicle.flight.flying:
+            vehicle.tell("fence_cleared")
+
+    def _note_floor(self) -> None:
+        """The minimum altitude counts from when the vehicle has been well above it until it lands."""
+        vehicle, tuning = self._vehicle, self._vehicle.tuning
+        if vehicle.flight.landing_now or not vehicle.flight.flying:
+            self._above_floor = False
+        elif vehicle.height_above_home_m >= tuning.fence_min_height_m + tuning.fence_margin_m:
+            self._above_floor = True
+
+    def _here_m(self) -> dict[str, float]:
+        vehicle = self._vehicle
+        return self._beyond_m(*vehicle.body.lat_lon_deg, vehicle.height_above_home_m)
+
+    def _beyond_m(self, lat_deg: float, lon_deg: float, height_m: float) -> dict[str, float]:
+        """By how much a place is beyond each limit that it is beyond [m]."""
+        vehicle, tuning = self._vehicle, self._vehicle.tuning
+        beyond_m = {
+            ALTITUDE_MAX: height_m - tuning.fence_max_height_m,
+            CIRCLE: distance_m(vehicle.home_deg, (lat_deg, lon_deg)) - tuning.fence_radius_m,
+        }
+        if self._above_floor:
+            beyond_m[ALTITUDE_MIN] = tuning.fence_min_height_m - height_m
+        if tuning.fence_polygons and vehicle.fence.breaches(lat_deg, lon_deg):
+            beyond_m[POLYGON] = 0.0
+        return {which: by_m for which, by_m in beyond_m.items() if by_m >= 0}
+
+    def _farther_m(self, which: str) -> float:
+        if which == POLYGON:
+            return math.inf
+        return AGAIN_PLANE_M if which == CIRCLE and self._vehicle.body.plane else AGAIN_M
+
+    def _record(self, new: frozenset[str], before: frozenset[str], now: float) -> None:
+        vehicle = self._vehicle
+        self.count += len(new)
+        if not before:
+            self.last_s = now
+        if not vehicle.flight.flying or now < self._recovers_until_s:
+            return
+        vehicle.tell("fence_breached", names=names_of(new))
+        for which in sorted(new):
+            vehicle.tell(f"fence_{which}")
+        vehicle.failsafes.act(vehicle.tuning.fence_action, now)

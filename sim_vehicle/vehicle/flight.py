@@ -1,0 +1,307 @@
+"""What a vehicle does in each mode: mission, guided flight, return, landing, and sinking without a stick."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.personalities.base import Behaviour, Mode, Tuning
+from sim_vehicle.physics.body import Body
+from sim_vehicle.physics.place import Place
+from sim_vehicle.vehicle.manoeuvres import Landing, Manoeuvre, Return, Takeoff
+from sim_vehicle.vehicle.mission import Mission
+from sim_vehicle.vehicle.mission_pilot import MissionPilot
+
+LANDED_AFTER_S = 1.0  # on the ground for so long counts as landed
+DROP_M_S = 8.0
+FASTEST_M_S = 50.0
+FARTHEST_M = 1e6  # up or down: an altitude beyond that is taken for this one
+PILOT_ACCELERATION_M_S2 = 2.5
+LOOK_S = 0.1  # between two looks of whoever is busy
+
+
+class Flight:
+    """Steers one body by mode and mission; reports by `tell`, `send`, `disarm` and `taken_off`."""
+
+    def __init__(
+        self,
+        body: Body,
+        mission: Mission,
+        *,
+        tuning: Callable[[], Tuning],
+        home: Callable[[], Place],
+        return_place: Callable[[], Place],
+        tell: Callable[..., None],
+        send: Callable[[Any], None],
+        disarm: Callable[[], None],
+        taken_off: Callable[[], None],
+        set_home: Callable[[Place], None],
+        mission_over: Callable[[], None],
+    ) -> None:
+        self.body, self.mission, self.home, self.return_place = body, mission, home, return_place
+        self._tuning = tuning
+        self.tell, self.send, self.disarm, self.set_home = tell, send, disarm, set_home
+        self._taken_off = taken_off
+        self.pilot = MissionPilot(self)
+        self.mission_over = mission_over
+        self.cleared_for_takeoff = False  # by MISSION_START or a take-off command, until disarmed
+        self.behaviour = Behaviour.DROP
+        self.landing_now = False  # for EXTENDED_SYS_STATE
+        self.taking_off = False
+        self.takeoff_amsl_m: float | None = None  # asked for; None: the height the tuning says
+        self._ground_since_s = -math.inf
+        self._machine: Manoeuvre | None = None
+        self.guided_target_m: tuple[float, float, float] | None = None
+        self._in_force: dict[str, float] = {}  # limits set in flight, by the name of what they replace
+
+    # -- facts -------------------------------------------------------------------------------------------
+
+    @property
+    def tuning(self) -> Tuning:
+        return self._tuning()
+
+    @property
+    def armed(self) -> bool:
+        return self.body.armed
+
+    def landed(self, now: float) -> bool:
+        return not self.body.airborne and now - self._ground_since_s >= LANDED_AFTER_S
+
+    @property
+    def ground_since_s(self) -> float:
+        return self._ground_since_s
+
+    @property
+    def flying(self) -> bool:
+        return self.armed and self.body.airborne
+
+    def landing_speed_m_s(self) -> float:
+        above_home_m = self.body.alt_amsl_m - self.home().alt_amsl_m
+        tuning = self.tuning
+        slow_m, slowing_m = tuning.landing_slow_below_m, tuning.landing_slowing_below_m
+        if above_home_m < slow_m:
+            return tuning.landing_speed_m_s
+        if above_home_m < slowing_m:
+            share = (above_home_m - slow_m) / (slowing_m - slow_m)
+            return tuning.landing_speed_m_s + share * (
+                tuning.landing_speed_high_m_s - tuning.landing_speed_m_s
+            )
+        return tuning.landing_speed_high_m_s
+
+    def limit(self, **limits: float) -> None:
+        """Put limits (as of `Body.limit`) in force until the mode changes, in place of the parameters'."""
+        self._in_force.update(limits)
+        self.body.limit(**limits)
+
+    def restore_speed(self) -> None:
+        """The speed of the parameters again."""
+        self._in_force.pop("speed_m_s", None)
+        self.apply_limits()
+
+    def retune(self, before: Tuning) -> None:
+        """Parameters have changed: a limit set in flight gives way only to a change of its own."""
+        now = self.tuning
+        self._in_force = {
+            name: value
+            for name, value in self._in_force.items()
+            if getattr(before, name) == getattr(now, name)
+        }
+        self.apply_limits()
+
+    def apply_limits(self) -> None:
+        """Set the airframe's limits: the parameters', and over them what was set in flight."""
+        tuning = self.tuning
+        self.body.limit(
+            speed_m_s=tuning.speed_m_s,
+            climb_m_s=tuning.climb_m_s,
+            descent_m_s=tuning.descent_m_s,
+            acceleration_m_s2=tuning.acceleration_m_s2,
+            vertical_acceleration_m_s2=tuning.vertical_acceleration_m_s2,
+            radius_m=tuning.waypoint_radius_m,
+        )
+        if self.body.plane:
+            self.body.limit(
+                airspeed_min_m_s=tuning.airspeed_min_m_s,
+                airspeed_max_m_s=tuning.airspeed_max_m_s,
+                loiter_radius_m=tuning.loiter_radius_m,
+                bank_limit_deg=tuning.bank_limit_deg,
+                stall_m_s=tuning.stall_m_s,
+            )
+        self.body.limit(**self._in_force)
+        self.body.set_wind(tuning.wind_m_s, tuning.wind_from_deg)
+        self.body.set_battery(capacity_mah=tuning.capacity_mah, full_v=tuning.full_v)
+
+    def next_look_s(self, now: float) -> float:
+        """When to run again at the latest [s], if nothing happens to the body before."""
+        if self.behaviour is Behaviour.MISSION:
+            busy = self.pilot.busy or self.mission.waiting or not self.flying
+        else:
+            busy = self.armed and self._machine is not None
+        settling = not self.body.airborne and not self.landed(now)
+        return now + LOOK_S if busy or settling else math.inf
+
+    # -- modes -------------------------------------------------------------------------------------------
+
+    def enter(self, mode: Mode) -> None:
+        """Leave the present behaviour and begin that of `mode`."""
+        if self.behaviour is Behaviour.MISSION and mode.behaviour is not Behaviour.MISSION:
+            self.mission.stop()
+        self.behaviour = mode.behaviour
+        self._machine, self.guided_target_m = None, None
+        self.pilot.forget()
+        self.taking_off = False
+        self._in_force.clear()
+        self.apply_limits()
+        self.body.face(None)
+        if mode.behaviour is Behaviour.MISSION:
+            self.mission.start_or_resume(self.pilot, restart=self.tuning.mission_restarts)
+        elif self.flying:
+            self.body.stop()
+            if mode.behaviour is Behaviour.LAND:
+                self._machine = Landing(self, None)
+            elif mode.behaviour is Behaviour.RETURN:
+                self._machine = Return(self)
+        self.begin_takeoff()
+
+    def begin_takeoff(self) -> None:
+        """Climb, if the mode is one that takes off and the vehicle is armed."""
+        if self.behaviour is not Behaviour.TAKEOFF:
+            self.takeoff_amsl_m = None
+        elif self.armed:
+            least_m = self.home().alt_amsl_m + self.tuning.takeoff_height_m
+            wanted_m = least_m if self.takeoff_amsl_m is None else max(self.takeoff_amsl_m, least_m)
+            self.climb_to(max(wanted_m, self.body.alt_amsl_m))
+
+    def run(self, now: float) -> None:
+        """Control at `now` [s]."""
+        if self.body.airborne:
+            self._ground_since_s = math.inf
+        elif math.isinf(self._ground_since_s) and self._ground_since_s > 0:
+            self._ground_since_s = now
+        if self.behaviour is Behaviour.MISSION:
+            self.mission.update(self.pilot, now)
+        elif self.armed:
+            self._run_alone(now)
+        self.landing_now = self.behaviour is Behaviour.LAND or self.pilot.landing
+
+    def _run_alone(self, now: float) -> None:
+        if self.behaviour in (Behaviour.SINK, Behaviour.DROP):
+            self._sink()
+        elif self.behaviour in (Behaviour.LAND, Behaviour.RETURN):
+            done = self._machine.update(now) if self._machine is not None else self.landed(now)
+            if done:
+                self.disarm()
+        elif self.behaviour is Behaviour.TAKEOFF and self._machine is not None:
+            if self._machine.update(now):
+                self._machine, self.taking_off = None, False
+                self._taken_off()
+        elif self._machine is not None and not self.taking_off:
+            if self._machine.update(now):
+                self._machine = None
+        elif self.taking_off and self.body.airborne and self.body.reached:
+            self.taking_off, self._machine = False, None
+
+    def _sink(self) -> None:
+        if not self.body.airborne:
+            self.body.rest()
+            return
+        self.limit(vertical_acceleration_m_s2=PILOT_ACCELERATION_M_S2)
+        sinks_m_s = self.tuning.pilot_descent_m_s if self.behaviour is Behaviour.SINK else DROP_M_S
+        self.body.move_vertically(-sinks_m_s)
+
+    # -- guided ------------------------------------------------------------------------------------------
+
+    def go(self, target_m: tuple[float, float, float], pass_speed_m_s: float = 0.0) -> None:
+        """Fly to a point (east, north, up [m]) and stay there: a plane circles around it."""
+        self.guided_target_m = target_m
+        if self.body.plane and pass_speed_m_s == 0.0:
+            self.body.loiter(*target_m, self.tuning.loiter_radius_m)
+        else:
+            self.body.fly_to(*target_m, pass_speed_m_s)
+
+    def takeoff_to(self, up_m: float) -> bool:
+        """Take off and climb to an altitude above mean sea level; only from the ground, armed, upward."""
+        if not self.armed or self.body.airborne or up_m <= self.body.alt_amsl_m:
+            return False
+        self.climb_to(up_m)
+        return True
+
+    def climb_to(self, up_m: float) -> None:
+        """Climb to an altitude above mean sea level, from the ground or in the air."""
+        self.cleared_for_takeoff = self.taking_off = True
+        if self.tuning.takeoff_speed_m_s is not None:
+            self.limit(climb_m_s=self.tuning.takeoff_speed_m_s)
+        self._machine = Takeoff(self, up_m)
+
+    def fly(self, manoeuvre: Manoeuvre) -> None:
+        """Begin something a mode that holds or is guided does on demand."""
+        self._machine = manoeuvre
+
+    def guided_go(self, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> None:
+        """Fly to a place, if in the air; on the ground nothing happens."""
+        self.taking_off = False
+        if self.flying:
+            self._machine = None
+            self.go((*self.body.locate(lat_deg, lon_deg), alt_amsl_m))
+
+    def pause(self) -> bool:
+        """MAV_CMD_DO_PAUSE_CONTINUE, pause; False where it makes no sense."""
+        if self.behaviour is Behaviour.MISSION:
+            if not self.mission.pause():
+                return False
+        elif self.behaviour is not Behaviour.GUIDED:
+            return False
+        if self.flying:
+            self.body.stop()
+        return True
+
+    def resume(self) -> bool:
+        """MAV_CMD_DO_PAUSE_CONTINUE, continue."""
+        if self.behaviour is Behaviour.MISSION and self.mission.paused:
+            return self.mission.resume(self.pilot)
+        if self.behaviour is Behaviour.GUIDED and self.guided_target_m is not None and self.body.airborne:
+            self.go(self.guided_target_m)
+        return self.behaviour in (Behaviour.MISSION, Behaviour.GUIDED)
+
+    def change_speed(self, kind: int, speed_m_s: float) -> bool:
+        """DO_CHANGE_SPEED: kind is SPEED_TYPE; until the mode changes."""
+        if not speed_m_s > 0:
+            return False
+        speed_m_s = min(speed_m_s, FASTEST_M_S)
+        if kind in (mavlink.SPEED_TYPE_AIRSPEED, mavlink.SPEED_TYPE_GROUNDSPEED):
+            self.limit(speed_m_s=speed_m_s)
+        elif kind == mavlink.SPEED_TYPE_CLIMB_SPEED:
+            self.limit(climb_m_s=speed_m_s)
+        elif kind == mavlink.SPEED_TYPE_DESCENT_SPEED:
+            self.limit(descent_m_s=speed_m_s)
+        else:
+            return False
+        return True
+
+    def turn(self, angle_deg: float, rate_deg_s: float, *, direction: int, relative: bool) -> bool:
+        """CONDITION_YAW: face a heading (relative: turn by an angle in a direction); copters only."""
+        if self.body.plane or not self.flying:
+            return False
+        if relative:
+            wanted_deg = math.degrees(self.body.heading_rad) + angle_deg * (-1 if direction < 0 else 1)
+        else:
+            wanted_deg = angle_deg
+        rate_rad_s = math.radians(rate_deg_s) if rate_deg_s > 0 else None
+        self.faced_rad = math.radians(wanted_deg % 360.0)
+        self.body.face(self.faced_rad, rate_rad_s)
+        return True
+
+    def altitude_amsl_m(self, frame: int, z_m: float) -> float:
+        """Altitude of an item [m above mean sea level]; no number is the present one.
+
+        The ground is flat, so terrain is the start's.
+        """
+        if not math.isfinite(z_m):
+            return self.body.alt_amsl_m
+        z_m = max(-FARTHEST_M, min(z_m, FARTHEST_M))
+        if frame in (mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT):
+            return z_m
+        if frame in (mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT, mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT):
+            return self.body.ground_amsl_m + z_m
+        return self.home().alt_amsl_m + z_m

@@ -1,0 +1,64 @@
+"""Commands that take time: IN_PROGRESS with a share done, then the result, or CANCELLED on demand."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+if TYPE_CHECKING:
+    from sim_vehicle.vehicle.commands import Command
+
+REPORT_S = 0.5
+ACCEPTED = int(mavlink.MAV_RESULT_ACCEPTED)
+IN_PROGRESS = int(mavlink.MAV_RESULT_IN_PROGRESS)
+CANCELLED = 6  # MAV_RESULT_CANCELLED, younger than the dialect
+
+
+@dataclass
+class _Job:
+    command: int
+    sender: tuple[int, int]
+    began_s: float
+    duration_s: float
+    report_s: float
+
+
+class Jobs:
+    """At most one long command of a vehicle; `acknowledge(command, result, progress, sender)` tells."""
+
+    def __init__(self, acknowledge: Callable[[int, int, int, tuple[int, int]], None]) -> None:
+        self._acknowledge = acknowledge
+        self._job: _Job | None = None
+
+    def reset(self) -> None:
+        self._job = None
+
+    def begin(self, command: "Command", duration_s: float, now: float) -> bool:
+        """Start it, unless one is under way. The caller acknowledges the beginning itself."""
+        if self._job is not None:
+            return False
+        self._job = _Job(command.command, command.sender, now, duration_s, now + REPORT_S)
+        return True
+
+    def cancel(self, message: Any) -> None:
+        """COMMAND_CANCEL: ends the command that runs, if it is that one."""
+        job = self._job
+        if job is not None and job.command == message.command:
+            self._job = None
+            self._acknowledge(job.command, CANCELLED, 0, job.sender)
+
+    def tick(self, now: float) -> float:
+        """Report and finish; when to call again [s]."""
+        job = self._job
+        if job is None:
+            return float("inf")
+        if now >= job.began_s + job.duration_s:
+            self._job = None
+            self._acknowledge(job.command, ACCEPTED, 100, job.sender)
+            return float("inf")
+        if now >= job.report_s:
+            job.report_s += REPORT_S
+            share = round(100 * (now - job.began_s) / job.duration_s)
+            self._acknowledge(job.command, IN_PROGRESS, share, job.sender)
+        return job.report_s

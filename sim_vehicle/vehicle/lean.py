@@ -1,0 +1,93 @@
+"""Attitudes and body rates as set-points.
+
+The lean accelerates the vehicle, and what its thrust is above or below hovering makes it climb or sink.
+"""
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.physics.motion import GRAVITY_M_S2
+
+if TYPE_CHECKING:
+    from sim_vehicle.vehicle.autopilot import Autopilot
+
+HOVER_THRUST = 0.5
+RATES = (
+    mavlink.ATTITUDE_TARGET_TYPEMASK_BODY_ROLL_RATE_IGNORE,
+    mavlink.ATTITUDE_TARGET_TYPEMASK_BODY_PITCH_RATE_IGNORE,
+    mavlink.ATTITUDE_TARGET_TYPEMASK_BODY_YAW_RATE_IGNORE,
+)
+STEEPEST_RAD = math.radians(60.0)
+LONGEST_S = 0.5  # for so long at most the rates before are taken to have been in force
+
+
+class Lean:
+    """SET_ATTITUDE_TARGET of one vehicle."""
+
+    def __init__(self, vehicle: "Autopilot") -> None:
+        self._vehicle = vehicle
+        self._angles_rad: tuple[float, float] | None = None  # roll and pitch that rates have led to
+        self._rates_rad_s = (0.0, 0.0)
+
+    def reset(self) -> None:
+        """Another kind of set-point came, or none does any more."""
+        self._angles_rad, self._rates_rad_s = None, (0.0, 0.0)
+
+    def to_attitude(self, message: Any, since_s: float) -> bool:
+        """Take a message, `since_s` [s] after the set-point before; False if there is nothing in it."""
+        if message.type_mask & mavlink.ATTITUDE_TARGET_TYPEMASK_ATTITUDE_IGNORE:
+            return self._turn_at(message, since_s)
+        self.reset()
+        if not all(math.isfinite(q) for q in message.q) or not any(message.q):
+            return False
+        roll, pitch, yaw = _angles_rad(message.q)
+        self._apply(roll, pitch, yaw, message.thrust, None)
+        return True
+
+    def _turn_at(self, message: Any, since_s: float) -> bool:
+        wanted = (message.body_roll_rate, message.body_pitch_rate, message.body_yaw_rate)
+        ignored = [bool(message.type_mask & bit) for bit in RATES]
+        if all(ignored) or not all(math.isfinite(rate) for rate in wanted):
+            return False
+        now_rad = self._vehicle.body.attitude_rad
+        angles = self._angles_rad or now_rad[:2]
+        lasted_s = min(since_s, LONGEST_S)
+        moved = [angle + rate * lasted_s for angle, rate in zip(angles, self._rates_rad_s, strict=True)]
+        roll, pitch = (max(-STEEPEST_RAD, min(angle, STEEPEST_RAD)) for angle in moved)
+        self._angles_rad = roll, pitch
+        rates = [0.0 if skip else rate for skip, rate in zip(ignored, wanted, strict=True)]
+        self._rates_rad_s = rates[0], rates[1]
+        self._apply(roll, pitch, now_rad[2], message.thrust, rates[2])
+        return True
+
+    def _apply(self, roll: float, pitch: float, yaw: float, thrust: float, yaw_rate: float | None) -> None:
+        """Fly with these angles [rad]; with a yaw rate [rad/s], the yaw is only the present one."""
+        tuning, body = self._vehicle.tuning, self._vehicle.body
+        spare = min(max(thrust, 0.0), 1.0) - HOVER_THRUST if math.isfinite(thrust) else 0.0
+        climb_m_s = 2 * spare * (tuning.climb_m_s if spare > 0 else tuning.descent_m_s)
+        # The thrust's direction, with what it lifts equal to the weight.
+        steepness = max(math.cos(roll) * math.cos(pitch), math.cos(STEEPEST_RAD) ** 2)
+        forward = -GRAVITY_M_S2 * math.sin(pitch) * math.cos(roll) / steepness
+        right = GRAVITY_M_S2 * math.sin(roll) / steepness
+        east = forward * math.sin(yaw) + right * math.cos(yaw)
+        north = forward * math.cos(yaw) - right * math.sin(yaw)
+        yaw_rad = yaw if yaw_rate is None else None
+        if body.plane:
+            # It flies in the direction the lean would push it.
+            velocity_m_s = body.velocity_m_s
+            moved = (velocity_m_s[0] + east, velocity_m_s[1] + north, climb_m_s)
+            body.move(moved, yaw_rad=yaw_rad, yaw_rate_rad_s=yaw_rate)
+            return
+        body.lean((east, north), climb_m_s, yaw_rad=yaw_rad, yaw_rate_rad_s=yaw_rate)
+
+
+def _angles_rad(q: Any) -> tuple[float, float, float]:
+    """Quaternion w, x, y, z -> roll, pitch, yaw."""
+    w, x, y, z = q
+    return (
+        math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
+        math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x)))),
+        math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
+    )

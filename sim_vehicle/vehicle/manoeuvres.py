@@ -1,0 +1,190 @@
+"""Manoeuvres a vehicle flies by itself, as machines: land, return to launch, climb after take-off, circle.
+
+Each is begun by its constructor and asked by `update(now)` whether it is done.
+"""
+
+import math
+from typing import TYPE_CHECKING, Protocol
+
+from sim_vehicle.personalities.base import RallyAltitude
+
+if TYPE_CHECKING:
+    from sim_vehicle.vehicle.flight import Flight
+
+NEAR_M = 1.0
+TAKEOFF_NEAR_M = 0.3
+
+
+class Manoeuvre(Protocol):
+    """Something under way."""
+
+    def update(self, now: float) -> bool:
+        """Go on at `now` [s]; True once it is done."""
+        ...
+
+
+class Landing:
+    """Go over a place (or stay here) at this altitude, then down; done once on the ground for a second."""
+
+    def __init__(self, flight: "Flight", place_deg: tuple[float, float] | None) -> None:
+        self._flight = flight
+        self._descends = place_deg is None
+        self._glides = flight.body.plane and place_deg is not None
+        if place_deg is None:
+            flight.body.stop()
+        elif flight.body.plane:
+            flight.body.land_at(*flight.body.locate(*place_deg))
+        else:
+            flight.body.fly_to(*flight.body.locate(*place_deg), flight.body.alt_amsl_m)
+
+    def update(self, now: float) -> bool:
+        flight = self._flight
+        if flight.body.airborne:
+            self._descends = self._descends or flight.body.reached
+            if self._descends and not self._glides:
+                flight.body.move_vertically(-flight.landing_speed_m_s())
+        else:
+            flight.body.rest()
+        return flight.landed(now)
+
+
+class Return:
+    """Return to launch: climb, fly home (or to the nearest rally point), wait there, land."""
+
+    def __init__(self, flight: "Flight") -> None:
+        self._flight = flight
+        body, tuning = flight.body, flight.tuning
+        self._place = flight.return_place()
+        east_m, north_m, up_m = body.position_m
+        self._up_m = self._travel_m(up_m)
+        flight.limit(speed_m_s=tuning.return_speed_m_s)
+        self._hovers = False
+        self._flies_home = body.plane  # which climbs on its way
+        if body.plane:
+            self._fly_home()
+        else:
+            body.fly_to(east_m, north_m, self._up_m)
+        self._land_at_s: float | None = None
+        self._landing: Landing | None = None
+
+    def _travel_m(self, up_m: float) -> float:
+        """Altitude of the way there from `up_m` [m above mean sea level]."""
+        home, tuning = self._flight.home(), self._flight.tuning
+        place_m = self._place.alt_amsl_m
+        if self._place == home or tuning.rally_altitude is RallyAltitude.GROUND:
+            wanted_m = place_m + self._height_m()
+        elif tuning.rally_altitude is RallyAltitude.EXACT:
+            return place_m
+        else:
+            wanted_m = max(place_m, home.alt_amsl_m + self._height_m())
+        return wanted_m if tuning.return_descends else max(up_m, wanted_m)
+
+    def _height_m(self) -> float:
+        """Above home, for the way there: less where a cone over home says so."""
+        body, tuning = self._flight.body, self._flight.tuning
+        if tuning.return_cone_deg <= 0:
+            return tuning.return_height_m
+        east_m, north_m, _ = body.position_m
+        home_m = body.locate(self._place.lat_deg, self._place.lon_deg)
+        distance_m = math.dist((east_m, north_m), home_m)
+        cone_m = distance_m / math.tan(math.radians(min(tuning.return_cone_deg, 89.0)))
+        return min(tuning.return_height_m, max(cone_m, tuning.return_hover_height_m or 0.0))
+
+    def _descend(self) -> bool:
+        """Go down to where it waits, if that is below; whether it has to."""
+        hover_m = self._flight.tuning.return_hover_height_m
+        self._hovers = True
+        if hover_m is None or self._flight.body.alt_amsl_m <= self._place.alt_amsl_m + hover_m + NEAR_M:
+            return False
+        self._up_m = self._place.alt_amsl_m + hover_m
+        self._fly_home()
+        return True
+
+    def _fly_home(self) -> None:
+        body = self._flight.body
+        self._flight.go((*body.locate(self._place.lat_deg, self._place.lon_deg), self._up_m))
+
+    def update(self, now: float) -> bool:
+        flight = self._flight
+        if self._landing is not None:
+            return self._landing.update(now)
+        if not flight.body.airborne:
+            self._landing = Landing(flight, None)
+        elif self._land_at_s is not None:
+            if now >= self._land_at_s:
+                self._landing = Landing(flight, None)
+        elif flight.body.reached:
+            if self._flies_home:
+                if self._hovers or not self._descend():
+                    self._land_at_s = now + flight.tuning.return_wait_s
+            else:
+                self._fly_home()
+                self._flies_home = True
+        return False
+
+
+class Takeoff:
+    """Climb from the ground to an altitude [m above mean sea level] over the start."""
+
+    def __init__(self, flight: "Flight", up_m: float) -> None:
+        self._flight = flight
+        east_m, north_m, _ = flight.body.position_m
+        self._up_m = up_m
+        flight.go((east_m, north_m, up_m))
+
+    def update(self, _now: float) -> bool:
+        body = self._flight.body
+        there = body.plane or abs(body.alt_amsl_m - self._up_m) < TAKEOFF_NEAR_M
+        return body.airborne and body.reached and there
+
+
+class Circling:
+    """Fly to a circle around a point and go round it; a plane loiters, a copter flies from point to point.
+
+    Parameters
+    ----------
+    centre_m: east, north, up [m].
+    radius_m: negative is counter-clockwise; 0 stays over the point.
+    turns: how often round.
+    """
+
+    POINTS_A_TURN = 16
+
+    def __init__(
+        self, flight: "Flight", centre_m: tuple[float, float, float], radius_m: float, turns: float
+    ) -> None:
+        self._flight, self._centre_m, self._radius_m = flight, centre_m, radius_m
+        east_m, north_m, _ = flight.body.position_m
+        self._bearing_rad = math.atan2(east_m - centre_m[0], north_m - centre_m[1])
+        self._left = math.ceil(turns * self.POINTS_A_TURN) if radius_m else 0
+        self._done_at_s: float | None = None
+        self._turns = turns
+        if flight.body.plane:
+            flight.body.loiter(*centre_m, radius_m or flight.tuning.loiter_radius_m)
+        else:
+            self._fly_to_point()
+
+    def _fly_to_point(self) -> None:
+        radius_m = abs(self._radius_m)
+        east_m = self._centre_m[0] + radius_m * math.sin(self._bearing_rad)
+        north_m = self._centre_m[1] + radius_m * math.cos(self._bearing_rad)
+        speed_m_s = self._flight.body.corner_speed_m_s(2 * math.pi / self.POINTS_A_TURN)
+        self._flight.body.fly_to(east_m, north_m, self._centre_m[2], speed_m_s if self._left else 0.0)
+
+    def update(self, now: float) -> bool:
+        body = self._flight.body
+        if not body.reached:
+            return False
+        if body.plane:
+            if self._done_at_s is None:
+                radius_m = abs(self._radius_m or self._flight.tuning.loiter_radius_m)
+                round_s = 2 * math.pi * radius_m / max(self._flight.tuning.speed_m_s, 1.0)
+                self._done_at_s = now + self._turns * round_s
+            return now >= self._done_at_s
+        if self._left == 0:
+            return True
+        self._left -= 1
+        step_rad = 2 * math.pi / self.POINTS_A_TURN
+        self._bearing_rad += step_rad if self._radius_m >= 0 else -step_rad
+        self._fly_to_point()
+        return False

@@ -1,0 +1,374 @@
+"""The stored mission and how it is flown: index, jumps, delays; without the protocol that writes it.
+
+`Mission` is flown as ArduPilot does. Vocabulary: a *navigation* command takes the vehicle somewhere and is
+current until it is done; *do* and *condition* commands between two navigation commands run when the first
+one is done, one after another, while the second is being flown. PX4's way is in `mission_px4`.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Protocol
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.vehicle.numbers import finite, whole
+
+NAVIGATION = frozenset(
+    {
+        mavlink.MAV_CMD_NAV_TAKEOFF,
+        mavlink.MAV_CMD_NAV_WAYPOINT,
+        mavlink.MAV_CMD_NAV_SPLINE_WAYPOINT,
+        mavlink.MAV_CMD_NAV_LOITER_UNLIM,
+        mavlink.MAV_CMD_NAV_LOITER_TURNS,
+        mavlink.MAV_CMD_NAV_LOITER_TIME,
+        mavlink.MAV_CMD_NAV_LOITER_TO_ALT,
+        mavlink.MAV_CMD_NAV_CONTINUE_AND_CHANGE_ALT,
+        mavlink.MAV_CMD_NAV_DELAY,
+        mavlink.MAV_CMD_NAV_LAND,
+        mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH,
+        mavlink.MAV_CMD_NAV_VTOL_TAKEOFF,
+        mavlink.MAV_CMD_NAV_VTOL_LAND,
+        mavlink.MAV_CMD_CONDITION_GATE,
+    }
+)
+CONDITIONS = frozenset({mavlink.MAV_CMD_CONDITION_DISTANCE, mavlink.MAV_CMD_CONDITION_YAW})
+MAX_JUMPS_IN_A_ROW = 64  # a mission of jumps alone must not hang the vehicle
+MOST_AT_ONCE = 50  # do-commands take no time, but there may be thousands, and jumps back to them
+MOST_BETWEEN = 1000  # do-commands between two navigation commands, repetitions included
+
+
+class MissionState(IntEnum):
+    """Values of MISSION_STATE (MISSION_CURRENT.mission_state)."""
+
+    NO_MISSION = mavlink.MISSION_STATE_NO_MISSION
+    NOT_STARTED = mavlink.MISSION_STATE_NOT_STARTED
+    ACTIVE = mavlink.MISSION_STATE_ACTIVE
+    PAUSED = mavlink.MISSION_STATE_PAUSED
+    COMPLETE = mavlink.MISSION_STATE_COMPLETE
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """One mission item as the vehicle keeps it: x, y [1e-7 deg], z [m] in `frame` (MAV_FRAME)."""
+
+    command: int
+    frame: int = mavlink.MAV_FRAME_GLOBAL
+    param1: float = 0.0
+    param2: float = 0.0
+    param3: float = 0.0
+    param4: float = 0.0
+    x: int = 0
+    y: int = 0
+    z: float = 0.0
+    autocontinue: bool = True
+
+    @property
+    def place_deg(self) -> tuple[float, float] | None:
+        """Latitude and longitude [deg]; None where the item names none (0, 0)."""
+        return (self.x * 1e-7, self.y * 1e-7) if self.x or self.y else None
+
+
+class Pilot(Protocol):
+    """What the executor needs of the vehicle."""
+
+    @property
+    def armed(self) -> bool: ...
+
+    def start_navigation(self, item: Item, following: Item | None) -> None:
+        """Fly a navigation command; `following` is the one after it, for the corner between them."""
+
+    def navigation_done(self, now: float) -> bool:
+        """Whether the navigation command flown now (`Mission.flown`) is done."""
+        ...
+
+    def do(self, item: Item) -> None:
+        """Carry out a do-command, or begin what a condition waits for (a turn)."""
+
+    def condition_met(self, item: Item) -> bool:
+        """Whether CONDITION_DISTANCE (within param1 [m] of the target) or CONDITION_YAW (turned) is met."""
+        ...
+
+    def mission_item_started(self, index: int, item: Item) -> None: ...
+
+    def mission_item_reached(self, index: int, item: Item) -> None: ...
+
+    def mission_ended(self) -> None:
+        """The last command is done, or there is nothing to fly any more."""
+
+    def no_mission(self) -> None:
+        """The mission mode is on, and there is no mission that can be flown (PX4)."""
+
+
+@dataclass
+class Mission:
+    """Items (0 is home and not kept here as an item), the current index, and progress.
+
+    `home` gives item 0 whenever it is read. Items change through `put`, `cut` and `clear` alone, which keep
+    what is counted by index true to them. The index itself outlives its item: a vehicle that flies to an item
+    flies on there when it is deleted, and is heard to do so.
+    """
+
+    home: Callable[[], Item]
+    index: int = 0  # of the current navigation command, 0 when there is none
+    flown: Item | None = None  # that command as it was read when it was started; outlives its deletion
+    state: MissionState = MissionState.NOT_STARTED
+    paused: bool = False
+    disarms_on_landing: bool = True  # a landing as an item ends the mission and stops the motors
+    _items: list[Item] = field(default_factory=list)
+    _jumps: dict[int, int] = field(default_factory=dict)
+    _pending: list[int] = field(default_factory=list)  # indices of the do-commands still to run
+    _condition_begun_s: float | None = None  # of the first pending one
+
+    @property
+    def items(self) -> Sequence[Item]:
+        return self._items
+
+    @property
+    def count(self) -> int:
+        return len(self._items)
+
+    @property
+    def empty(self) -> bool:
+        """Whether there is nothing to fly."""
+        return self.count < 2
+
+    @property
+    def flyable(self) -> bool:
+        """Whether what is stored would be flown."""
+        return True
+
+    @property
+    def waiting(self) -> bool:
+        """Whether a condition is being waited for, so that time alone may move the mission."""
+        return bool(self._pending)
+
+    def item(self, index: int) -> Item:
+        return self.home() if index == 0 else self.items[index]
+
+    # -- changing it -------------------------------------------------------------------------------------
+
+    def put(self, index: int, item: Item) -> bool:
+        """Write an item over another one or behind the last; whether that changed anything.
+
+        IndexError behind that.
+        """
+        if index == self.count:
+            self._items.append(item)
+            return True
+        if self._items[index] == item:
+            return False
+        self._items[index] = item
+        self._jumps.pop(index, None)
+        if self._pending[:1] == [index]:
+            self._condition_begun_s = None  # another one, which has not begun
+        if index in self._pending and item.command in NAVIGATION | {mavlink.MAV_CMD_DO_JUMP}:
+            del self._pending[self._pending.index(index) :]
+        return True
+
+    def cut(self, count: int) -> bool:
+        """Keep the first `count` items; whether there were more."""
+        if count >= self.count:
+            return False
+        del self._items[count:]
+        self._jumps = {index: taken for index, taken in self._jumps.items() if index < count}
+        if self._pending and self._pending[0] >= count:
+            self._condition_begun_s = None
+        self._pending = [index for index in self._pending if index < count]
+        return True
+
+    def clear(self) -> None:
+        """Delete all items; nothing is flown any more."""
+        self.cut(0)
+        self.reset()
+
+    # -- what it says ------------------------------------------------------------------------------------
+
+    @property
+    def reported_state(self) -> MissionState:
+        """MISSION_CURRENT.mission_state."""
+        if self.empty:
+            return MissionState.NO_MISSION
+        return MissionState.PAUSED if self.paused and self.state is MissionState.ACTIVE else self.state
+
+    def starts_with_takeoff(self) -> bool:
+        """Whether the navigation command that would be flown next is a take-off."""
+        found = self._find_navigation(1 if self._starts_over else self.index, {}, [])
+        return found is not None and self.items[found].command == mavlink.MAV_CMD_NAV_TAKEOFF
+
+    def land_start(self, distance_m: Callable[[Item], float]) -> int | None:
+        """Index of the nearest DO_LAND_START; one without a place is where the next command goes."""
+        found: list[tuple[float, int]] = []
+        for index in range(1, self.count):
+            if self.items[index].command == mavlink.MAV_CMD_DO_LAND_START:
+                placed = (item for item in self.items[index:] if item.place_deg is not None)
+                place = next(placed, None)
+                if place is not None:
+                    found.append((distance_m(place), index))
+        return min(found)[1] if found else None
+
+    def _find_navigation(self, start: int, jumps: dict[int, int], passed: list[int]) -> int | None:
+        """Index of the next navigation command from `start`, following jumps; collects do-commands."""
+        index, in_a_row = start, 0
+        while 1 <= index < self.count:
+            item = self.items[index]
+            if item.command in NAVIGATION:
+                return index
+            if item.command == mavlink.MAV_CMD_DO_JUMP:
+                in_a_row += 1
+                if in_a_row > MAX_JUMPS_IN_A_ROW:
+                    return None
+                done = jumps.get(index, 0)
+                if item.param2 < 0 or done < item.param2:
+                    jumps[index] = done + 1
+                    index = whole(item.param1)
+                    continue
+            else:
+                passed.append(index)
+                if len(passed) > MOST_BETWEEN:
+                    return None
+            index += 1
+        return None
+
+    # -- flying it ---------------------------------------------------------------------------------------
+
+    @property
+    def _starts_over(self) -> bool:
+        """Whether the next start is at the first item: the list may have been cut since it was left."""
+        return self.state is MissionState.COMPLETE or not 1 <= self.index < self.count
+
+    def start_or_resume(self, pilot: Pilot, *, restart: bool = False) -> None:
+        """Fly on from the current command; from the first one if there is none or the mission is over."""
+        if restart or self._starts_over:
+            self._jumps.clear()
+            self._advance(pilot, 1)
+        elif self.items[self.index].command in NAVIGATION:
+            self.state, self._condition_begun_s = MissionState.ACTIVE, None
+            self._start(pilot, self.index)  # what was pending still is
+        else:
+            self._advance(pilot, self.index)  # another list has a do-command there
+
+    def pause(self) -> bool:
+        """Fly no further until told to; False if it is not being flown."""
+        if self.state is not MissionState.ACTIVE or self.empty:
+            return False
+        self.paused = True
+        return True
+
+    def resume(self, pilot: Pilot) -> bool:
+        """Go on after a pause; False if there is nothing to go on with."""
+        self.paused = False
+        if not self.restart_current(pilot) and self.flown is not None:
+            pilot.start_navigation(self.flown, None)  # its item was deleted
+        return self.flown is not None
+
+    def stop(self) -> None:
+        """The mission mode was left."""
+        self.paused = False
+        if self.state is MissionState.ACTIVE:
+            self.state = MissionState.PAUSED
+
+    def reset(self) -> None:
+        """The vehicle was disarmed: the next start is from the beginning."""
+        self.index, self.flown = 0, None
+        self.paused = False
+        self._jumps.clear()
+        self._pending.clear()
+        if self.state is not MissionState.COMPLETE:
+            self.state = MissionState.NOT_STARTED
+
+    def end(self) -> None:
+        """A landing has ended it: only the reset of the disarming is still to come."""
+        self.state = MissionState.COMPLETE
+
+    def reboot(self) -> None:
+        """Nothing of what was flown is known any more."""
+        self.reset()
+        self.state = MissionState.NOT_STARTED
+
+    def rewind(self) -> None:
+        """Forget how often jumps were taken."""
+        self._jumps.clear()
+
+    def set_current(self, pilot: Pilot, index: int) -> bool:
+        """Make `index` (0: the first) current; at once when flying, else for the next start."""
+        index = max(index, 1)
+        if index >= self.count:
+            return False
+        if self.state is MissionState.ACTIVE:
+            self._advance(pilot, index)
+            return True
+        pending: list[int] = []
+        found = self._find_navigation(index, {}, pending)
+        if found is None:
+            return False
+        self.index, self._pending = found, pending
+        self.state = MissionState.PAUSED
+        return True
+
+    def restart_current(self, pilot: Pilot) -> bool:
+        """Read the current command again and start it, after a pause once that is over.
+
+        False if it is not there any more.
+        """
+        if self.state is not MissionState.ACTIVE or not 1 <= self.index < self.count:
+            return False
+        if self.items[self.index].command not in NAVIGATION:
+            return False
+        if self.paused:
+            self.flown = self.items[self.index]
+        else:
+            self._start(pilot, self.index)
+        return True
+
+    def update(self, pilot: Pilot, now: float) -> None:
+        """Advance at `now` [s]; call it while the mission mode is on."""
+        if self.state is not MissionState.ACTIVE or self.paused:
+            return
+        self._run_pending(pilot, now)
+        if self.flown is not None and pilot.navigation_done(now):
+            pilot.mission_item_reached(self.index, self.flown)
+            self._advance(pilot, self.index + 1)
+
+    def _run_pending(self, pilot: Pilot, now: float) -> None:
+        for _ in range(MOST_AT_ONCE):
+            if not self._pending or self.state is not MissionState.ACTIVE:
+                return
+            index = self._pending[0]
+            item = self.items[index]
+            if self._condition_begun_s is None:
+                self._condition_begun_s = now
+                pilot.mission_item_started(index, item)
+                pilot.do(item)
+            if not self._passed(pilot, item, now - self._condition_begun_s):
+                return
+            self._condition_begun_s = None
+            self._pending.pop(0)
+            pilot.mission_item_reached(index, item)
+
+    def _passed(self, pilot: Pilot, item: Item, waited_s: float) -> bool:
+        if item.command == mavlink.MAV_CMD_CONDITION_DELAY:
+            return waited_s >= finite(item.param1)
+        return item.command not in CONDITIONS or pilot.condition_met(item)
+
+    def _advance(self, pilot: Pilot, start: int) -> None:
+        self._pending, self._condition_begun_s = [], None
+        self.paused = False
+        found = self._find_navigation(start, self._jumps, self._pending)
+        if found is None:
+            if self._pending:  # of those behind the last navigation command only the first is begun
+                pilot.mission_item_started(self._pending[0], self.items[self._pending[0]])
+                pilot.do(self.items[self._pending[0]])
+                self._pending.clear()
+            self.state = MissionState.COMPLETE
+            self.flown = None
+            pilot.mission_ended()
+            return
+        self.state = MissionState.ACTIVE
+        self._start(pilot, found)
+
+    def _start(self, pilot: Pilot, index: int) -> None:
+        self.index, self.flown, self.paused = index, self.items[index], False
+        following = self._find_navigation(index + 1, dict(self._jumps), [])
+        pilot.mission_item_started(index, self.flown)
+        pilot.start_navigation(self.flown, None if following is None else self.items[following])

@@ -1,0 +1,227 @@
+"""Flies mission items: where each takes the vehicle, when it is done, and what commands on the way do."""
+
+import math
+from typing import TYPE_CHECKING
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.physics.place import Place
+from sim_vehicle.vehicle.manoeuvres import Circling, Landing, Manoeuvre, Return
+from sim_vehicle.vehicle.mission import Item
+from sim_vehicle.vehicle.numbers import finite, whole
+
+if TYPE_CHECKING:
+    from sim_vehicle.vehicle.flight import Flight
+
+Point = tuple[float, float, float]
+YAW_REACHED_RAD = math.radians(2.0)
+TAKEOFFS = frozenset({mavlink.MAV_CMD_NAV_TAKEOFF, mavlink.MAV_CMD_NAV_VTOL_TAKEOFF})
+LANDINGS = frozenset({mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_VTOL_LAND})
+THROUGH = frozenset(
+    {mavlink.MAV_CMD_NAV_WAYPOINT, mavlink.MAV_CMD_NAV_SPLINE_WAYPOINT, mavlink.MAV_CMD_CONDITION_GATE}
+)
+WAITS = THROUGH | {mavlink.MAV_CMD_NAV_LOITER_TIME, mavlink.MAV_CMD_NAV_DELAY}
+REPORTED = THROUGH | {mavlink.MAV_CMD_NAV_LOITER_TIME, mavlink.MAV_CMD_NAV_LOITER_TURNS}
+SHORT_NAMES = {
+    mavlink.MAV_CMD_NAV_TAKEOFF: "Takeoff",
+    mavlink.MAV_CMD_NAV_WAYPOINT: "WP",
+    mavlink.MAV_CMD_NAV_SPLINE_WAYPOINT: "SplineWP",
+    mavlink.MAV_CMD_NAV_LOITER_UNLIM: "LoitUnlim",
+    mavlink.MAV_CMD_NAV_LOITER_TURNS: "LoitTurns",
+    mavlink.MAV_CMD_NAV_LOITER_TIME: "LoitTime",
+    mavlink.MAV_CMD_NAV_LOITER_TO_ALT: "LoitAltitude",
+    mavlink.MAV_CMD_NAV_CONTINUE_AND_CHANGE_ALT: "ChangeAlt",
+    mavlink.MAV_CMD_NAV_DELAY: "Delay",
+    mavlink.MAV_CMD_NAV_LAND: "Land",
+    mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: "RTL",
+    mavlink.MAV_CMD_CONDITION_DELAY: "CondDelay",
+    mavlink.MAV_CMD_CONDITION_DISTANCE: "CondDist",
+    mavlink.MAV_CMD_CONDITION_YAW: "CondYaw",
+    mavlink.MAV_CMD_DO_CHANGE_SPEED: "ChangeSpeed",
+    mavlink.MAV_CMD_DO_SET_HOME: "SetHome",
+}
+
+
+class MissionPilot:
+    """The mission's hands on one vehicle (`mission.Pilot`)."""
+
+    def __init__(self, flight: "Flight") -> None:
+        self._flight = flight
+        self._machine: Manoeuvre | None = None
+        self._wait_until_s: float | None = None
+        self._target_m: Point = (0.0, 0.0, 0.0)
+        self._wanted_heading_rad: float | None = None
+
+    # -- facts -------------------------------------------------------------------------------------------
+
+    @property
+    def armed(self) -> bool:
+        return self._flight.armed
+
+    @property
+    def busy(self) -> bool:
+        """Whether time alone, or a manoeuvre, moves the mission on."""
+        return self._machine is not None or self._wait_until_s is not None
+
+    @property
+    def landing(self) -> bool:
+        return isinstance(self._machine, Landing)
+
+    def forget(self) -> None:
+        """Another mode has taken over."""
+        self._machine, self._wait_until_s, self._wanted_heading_rad = None, None, None
+
+    # -- navigation commands -----------------------------------------------------------------------------
+
+    def start_navigation(self, item: Item, following: Item | None) -> None:
+        flight = self._flight
+        self.forget()
+        flight.taking_off = item.command in TAKEOFFS
+        self._target_m = flight.guided_target_m = self._goal_m(item)
+        if not flight.flying:
+            return
+        if item.command in LANDINGS:
+            self._machine = Landing(flight, item.place_deg)
+        elif item.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
+            self._machine = Return(flight)
+        elif item.command == mavlink.MAV_CMD_NAV_LOITER_TURNS:
+            radius_m = item.param3 or flight.tuning.loiter_radius_m
+            self._machine = Circling(flight, self._target_m, finite(radius_m), finite(item.param1))
+        elif item.command == mavlink.MAV_CMD_NAV_DELAY:
+            flight.body.stop()
+        else:
+            flight.go(self._target_m, self._pass_speed_m_s(item, following))
+
+    def _goal_m(self, item: Item) -> Point:
+        flight = self._flight
+        east_m, north_m, up_m = flight.body.position_m
+        if item.command in TAKEOFFS:
+            return east_m, north_m, max(flight.altitude_amsl_m(item.frame, item.z), up_m)
+        if item.command == mavlink.MAV_CMD_NAV_CONTINUE_AND_CHANGE_ALT:
+            return east_m, north_m, flight.altitude_amsl_m(item.frame, item.z)
+        return self._item_target_m(item)
+
+    def _item_target_m(self, item: Item) -> Point:
+        body, flight = self._flight.body, self._flight
+        east_m, north_m, up_m = body.position_m
+        keeps_altitude = item.z == 0 and (item.place_deg is None or flight.tuning.zero_keeps_altitude)
+        if item.place_deg is not None:
+            east_m, north_m = body.locate(*item.place_deg)
+        return east_m, north_m, up_m if keeps_altitude else flight.altitude_amsl_m(item.frame, item.z)
+
+    def _pass_speed_m_s(self, item: Item, following: Item | None) -> float:
+        """Speed at which a waypoint may be flown through; 0 where the vehicle is to stop."""
+        through = item.command in THROUGH and item.param1 == 0
+        if not through or following is None or following.command not in THROUGH:
+            return 0.0
+        target_m, here_m, next_m = (
+            self._target_m,
+            self._flight.body.position_m,
+            self._item_target_m(following),
+        )
+        inbound = math.atan2(target_m[0] - here_m[0], target_m[1] - here_m[1])
+        outbound = math.atan2(next_m[0] - target_m[0], next_m[1] - target_m[1])
+        turn_rad = abs(math.remainder(outbound - inbound, 2 * math.pi))
+        return self._flight.body.corner_speed_m_s(turn_rad)
+
+    def navigation_done(self, now: float) -> bool:
+        item = self._flight.mission.flown
+        if item is None:
+            return False
+        if item.command in TAKEOFFS:
+            return self._takeoff_done()
+        if item.command in LANDINGS or item.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
+            return self._landing_done(now)
+        if self._machine is not None:
+            return self._machine.update(now)
+        return self._waypoint_done(item, now)
+
+    def _takeoff_done(self) -> bool:
+        flight = self._flight
+        cleared = flight.cleared_for_takeoff or flight.tuning.mission_takes_off
+        if not (flight.armed and cleared):
+            return False
+        if not flight.body.airborne:
+            flight.go(self._target_m)
+            return False
+        return flight.body.reached
+
+    def _landing_done(self, now: float) -> bool:
+        flight = self._flight
+        done = self._machine.update(now) if self._machine is not None else flight.landed(now)
+        if done and flight.armed and flight.mission.disarms_on_landing:
+            # Landing ends the mission: disarming resets it, and the item is not reported as reached.
+            flight.mission.end()
+            flight.disarm()
+            return False
+        return done
+
+    def _waypoint_done(self, item: Item, now: float) -> bool:
+        flight = self._flight
+        if item.command == mavlink.MAV_CMD_NAV_DELAY:
+            reached = True
+        elif flight.body.airborne:
+            reached = flight.body.reached
+        else:  # an unarmed vehicle does not move, but its mission does
+            reached = math.dist(self._target_m, flight.body.position_m) <= flight.tuning.waypoint_radius_m
+        if not reached or item.command == mavlink.MAV_CMD_NAV_LOITER_UNLIM:
+            return False
+        if self._wait_until_s is None:
+            self._wait_until_s = now + (finite(item.param1) if item.command in WAITS else 0.0)
+        return now >= self._wait_until_s
+
+    # -- commands on the way -----------------------------------------------------------------------------
+
+    def do(self, item: Item) -> None:
+        flight = self._flight
+        if item.command == mavlink.MAV_CMD_DO_CHANGE_SPEED:
+            flight.change_speed(whole(item.param1), item.param2)
+        elif item.command == mavlink.MAV_CMD_CONDITION_YAW:
+            relative = item.param4 == 1
+            direction = whole(item.param3)
+            if flight.turn(item.param1, item.param2, direction=direction, relative=relative):
+                self._wanted_heading_rad = flight.faced_rad
+        elif item.command == mavlink.MAV_CMD_DO_SET_HOME:
+            if item.param1 == 1 or item.place_deg is None:
+                flight.set_home(Place(*flight.body.lat_lon_deg, flight.body.alt_amsl_m))
+            else:
+                flight.set_home(Place(*item.place_deg, flight.altitude_amsl_m(item.frame, item.z)))
+
+    def condition_met(self, item: Item) -> bool:
+        body = self._flight.body
+        if item.command == mavlink.MAV_CMD_CONDITION_DISTANCE:
+            east_m, north_m, _ = body.position_m
+            return math.hypot(self._target_m[0] - east_m, self._target_m[1] - north_m) <= finite(item.param1)
+        if self._wanted_heading_rad is None:
+            return True
+        error_rad = math.remainder(body.heading_rad - self._wanted_heading_rad, 2 * math.pi)
+        return abs(error_rad) < YAW_REACHED_RAD
+
+    # -- what is said ------------------------------------------------------------------------------------
+
+    def mission_item_started(self, index: int, item: Item) -> None:
+        name = SHORT_NAMES.get(item.command, str(item.command))
+        self._flight.tell("item_started", index=index, name=name)
+
+    def mission_item_reached(self, index: int, item: Item) -> None:
+        self._flight.send(mavlink.MAVLink_mission_item_reached_message(index))
+        if item.command in REPORTED:
+            self._flight.tell("item_reached", index=index)
+
+    def mission_ended(self) -> None:
+        flight = self._flight
+        self.forget()
+        flight.tell("mission_ended" if flight.flying else "mission_ended_landed")
+        if flight.flying:
+            flight.body.stop()
+        elif flight.armed:
+            flight.disarm()
+        flight.mission_over()
+
+    def no_mission(self) -> None:
+        flight = self._flight
+        self.forget()
+        flight.tell("no_mission" if flight.flying else "no_mission_landed")
+        if flight.flying:
+            flight.body.stop()
+        flight.mission_over()

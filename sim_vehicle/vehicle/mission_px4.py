@@ -1,0 +1,221 @@
+"""A mission as PX4 flies it: one item after another, whatever they are, with no home placeholder.
+
+The index goes over every item, do-commands too, and each is reported as reached. It outlives a landing, an
+upload and a change of mode; only a vehicle that was disarmed at the last item starts over. Nothing moves
+while disarmed.
+"""
+
+from collections.abc import Callable, Sequence
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.vehicle.mission import (
+    CONDITIONS,
+    MAX_JUMPS_IN_A_ROW,
+    MOST_AT_ONCE,
+    NAVIGATION,
+    Item,
+    Mission,
+    MissionState,
+    Pilot,
+)
+from sim_vehicle.vehicle.numbers import finite, whole
+
+DELAYS = frozenset({mavlink.MAV_CMD_CONDITION_DELAY})
+
+
+def _always(_items: Sequence[Item]) -> bool:
+    return True
+
+
+def _nothing() -> None:
+    pass
+
+
+class Px4Mission(Mission):
+    """Items from 0 on; `feasible` is asked about new ones, and what is not feasible is kept but not flown.
+
+    An item that returns is a command to the vehicle, `go_home`, which thereby leaves the mission's mode: the
+    item stays the current one and is never reported as reached.
+    """
+
+    def __init__(
+        self,
+        feasible: Callable[[Sequence[Item]], bool] = _always,
+        go_home: Callable[[], None] = _nothing,
+    ) -> None:
+        super().__init__(home=lambda: Item(mavlink.MAV_CMD_NAV_WAYPOINT))
+        self.disarms_on_landing = False
+        self._feasible, self._go_home = feasible, go_home
+        self._valid = True
+        self._wanted = False  # the mission mode is on
+        self._flown_once = False  # this mission has been active
+        self._disarmed_since = False  # after it was
+        self._at_end = False  # its last item is done
+        self._step_begun_s: float | None = None
+
+    @property
+    def empty(self) -> bool:
+        return not self.items
+
+    @property
+    def flyable(self) -> bool:
+        return self._valid
+
+    @property
+    def waiting(self) -> bool:
+        return self.flown is not None and self.flown.command not in NAVIGATION
+
+    def item(self, index: int) -> Item:
+        return self.items[index]
+
+    def starts_with_takeoff(self) -> bool:
+        first = self._resolve(self._first(), count=False)
+        return first is not None and self.items[first].command == mavlink.MAV_CMD_NAV_TAKEOFF
+
+    def replace(self, pilot: Pilot, items: Sequence[Item], current: int = -1) -> None:
+        """Take a new mission at once; -1 keeps the index, or moves it to the last item of a shorter one."""
+        last = max(len(items) - 1, 0)
+        self._items[:] = items
+        self.index = min(self.index if current < 0 else current, last)
+        self._jumps.clear()
+        self._at_end = False
+        self._flown_once = self.state is MissionState.ACTIVE
+        self._valid = self._feasible(self.items)
+        if self.state is MissionState.ACTIVE:
+            self._activate(pilot)
+        else:
+            self.state, self._disarmed_since = MissionState.NOT_STARTED, False
+
+    # -- flying it ---------------------------------------------------------------------------------------
+
+    def start_or_resume(self, pilot: Pilot, *, restart: bool = False) -> None:
+        """The mission mode was entered: an armed vehicle flies on, a disarmed one once it is armed."""
+        self.paused, self._wanted = False, True
+        if restart:
+            self.index, self._at_end = 0, False
+        if pilot.armed:
+            self._activate(pilot)
+
+    def stop(self) -> None:
+        self._wanted = False
+        super().stop()
+        self.flown = None
+
+    def reset(self) -> None:
+        """Disarmed, or rebooted; the index stays."""
+        self._disarmed_since = self._disarmed_since or self._flown_once
+        self.flown, self.paused = None, False
+        if self.state is not MissionState.COMPLETE:
+            self.state = MissionState.NOT_STARTED
+
+    def set_current(self, pilot: Pilot, index: int) -> bool:
+        if not 0 <= index < self.count:
+            return False
+        self.index, self._at_end, self._disarmed_since = index, False, False
+        if self.state is MissionState.ACTIVE or (self._wanted and pilot.armed):
+            self._activate(pilot)
+        else:
+            self.state = MissionState.NOT_STARTED
+        return True
+
+    def restart_current(self, pilot: Pilot) -> bool:
+        if self.state is not MissionState.ACTIVE or self.index >= self.count:
+            return False
+        self._activate(pilot)
+        return True
+
+    def update(self, pilot: Pilot, now: float) -> None:
+        if not self._wanted or not pilot.armed or self.paused:
+            return
+        if self.state not in (MissionState.ACTIVE, MissionState.COMPLETE) or self._disarmed_since:
+            self._activate(pilot)
+        for _ in range(MOST_AT_ONCE):
+            item = self.flown
+            if self.state is not MissionState.ACTIVE or item is None or not self._done(pilot, item, now):
+                return
+            self._step_begun_s = None
+            pilot.mission_item_reached(self.index, item)
+            if not item.autocontinue:
+                self.flown = None  # it stays here
+                return
+            self._go_on(pilot)
+
+    def _first(self) -> int:
+        starts_over = self._disarmed_since and self.index + 1 == self.count
+        return 0 if starts_over else self.index
+
+    def _activate(self, pilot: Pilot) -> None:
+        if self._disarmed_since and self.index + 1 == self.count:
+            self.index, self._at_end = 0, False
+            self._jumps.clear()
+        self._disarmed_since = False
+        self._valid = self._valid or self._feasible(self.items)
+        found = None if self._at_end or not self._valid else self._resolve(self.index, count=False)
+        if found is None:
+            self.state, self.flown = MissionState.COMPLETE, None
+            pilot.no_mission()
+            return
+        self._flown_once = True
+        self.state = MissionState.ACTIVE
+        self._begin(pilot, found)
+
+    def _go_on(self, pilot: Pilot) -> None:
+        found = self._resolve(self.index + 1, count=True)
+        if found is not None:
+            self._begin(pilot, found)
+            return
+        if self.index + 1 >= self.count:
+            self._jumps.clear()
+        self.state, self.flown, self._at_end = MissionState.COMPLETE, None, True
+        pilot.mission_ended()
+
+    def _begin(self, pilot: Pilot, index: int) -> None:
+        self.index, self.flown, self._step_begun_s = index, self.items[index], None
+        self.paused = False
+        pilot.mission_item_started(index, self.flown)
+        if self.flown.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
+            self._go_home()
+        elif self.flown.command in NAVIGATION:
+            pilot.start_navigation(self.flown, self._following(index))
+        else:
+            pilot.do(self.flown)
+
+    def _done(self, pilot: Pilot, item: Item, now: float) -> bool:
+        if item.command in NAVIGATION:
+            return pilot.navigation_done(now)
+        if self._step_begun_s is None:
+            self._step_begun_s = now
+        if item.command in DELAYS:
+            return now - self._step_begun_s >= finite(item.param1)
+        return item.command not in CONDITIONS or pilot.condition_met(item)
+
+    def _resolve(self, index: int, *, count: bool) -> int | None:
+        """The item that is flown at `index`, jumps followed and, if wanted, counted; None behind the end."""
+        for _ in range(MAX_JUMPS_IN_A_ROW):
+            if not 0 <= index < self.count:
+                return None
+            item = self.items[index]
+            if item.command != mavlink.MAV_CMD_DO_JUMP:
+                return index
+            done = self._jumps.get(index, 0)
+            if not 0 <= item.param1 < self.count:
+                return None
+            if item.param2 < 0 or done < item.param2:
+                if count:
+                    self._jumps[index] = done + 1
+                index = whole(item.param1)
+            else:
+                index += 1
+        return None
+
+    def _following(self, index: int) -> Item | None:
+        """The next navigation command behind `index`, for the corner at it."""
+        for _ in range(MOST_AT_ONCE):
+            found = self._resolve(index + 1, count=False)
+            if found is None:
+                return None
+            if self.items[found].command in NAVIGATION:
+                return self.items[found]
+            index = found
+        return None

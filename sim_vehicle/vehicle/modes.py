@@ -1,0 +1,127 @@
+"""Flight modes of one vehicle: which it is in, who may change it, and what follows a manoeuvre by itself."""
+
+from typing import TYPE_CHECKING
+
+from sim_vehicle.personalities.base import Behaviour, Mode
+from sim_vehicle.vehicle.afflictions import ModeStuck
+
+if TYPE_CHECKING:
+    from sim_vehicle.vehicle.autopilot import Autopilot
+
+EPSILON_S = 1e-9
+
+
+class Modes:
+    """The mode of one vehicle and the rules of changing it."""
+
+    def __init__(self, vehicle: "Autopilot") -> None:
+        self._vehicle = vehicle
+        self.reset(0.0)
+
+    def reset(self, now: float) -> None:
+        """The vehicle rebooted at `now` [s]."""
+        personality = self._vehicle.personality
+        self.mode: Mode = personality.modes[personality.boot_mode]
+        self._armable_mode = self.mode
+        self.mission_checked_s = now  # a new mission may be flown from then on
+
+    # -- by a ground station -----------------------------------------------------------------------------
+
+    def set_behaviour(self, behaviour: Behaviour, now: float) -> bool:
+        """Change to the personality's mode of this behaviour."""
+        return self.set(self._vehicle.personality.mode_of(behaviour).number, now)
+
+    def set(self, number: int, now: float) -> bool:
+        """Change mode by its wire number, if it may be entered now."""
+        vehicle = self._vehicle
+        if vehicle.afflictions.mode_stuck is not None:
+            return vehicle.afflictions.mode_stuck is ModeStuck.ACCEPTED
+        mode = vehicle.personality.modes.get(number)
+        if mode is None or not mode.selectable:
+            vehicle.tell("no_such_mode", number=number)
+            return False
+        if mode is self.mode:
+            return True
+        if vehicle.armed and not self._may_enter(mode, now):
+            return False
+        vehicle.fence_watch.pilot_took_over(now)
+        self._enter(mode)
+        return True
+
+    def _may_enter(self, mode: Mode, now: float) -> bool:
+        """Whether an armed vehicle may; it says why not."""
+        vehicle = self._vehicle
+        if mode.needs_position and not vehicle.position_known(now):
+            lacks = "mode_needs_position"
+        elif mode.setpoints_only and not vehicle.setpoints.streaming(now):
+            lacks = "mode_needs_setpoints"
+        elif mode.needs_pilot and vehicle.tuning.pilot_missing:
+            lacks = "mode_needs_pilot"
+        elif mode.behaviour is Behaviour.MISSION and not self._mission_may_start(now):
+            lacks = "mode_needs_mission"
+        else:
+            return True
+        vehicle.tell(lacks, mode=mode.name)
+        return False
+
+    def _mission_may_start(self, now: float) -> bool:
+        vehicle = self._vehicle
+        if not self.mission_ready(now):
+            return False
+        on_ground = vehicle.personality.home_item and not vehicle.body.airborne
+        if on_ground and not vehicle.mission.starts_with_takeoff():
+            vehicle.tell("mission_without_takeoff")
+            return False
+        return True
+
+    def mission_ready(self, now: float) -> bool:
+        """Whether there is a mission, checked since it came, that can be flown."""
+        mission = self._vehicle.mission
+        return not mission.empty and mission.flyable and now + EPSILON_S >= self.mission_checked_s
+
+    # -- by the vehicle ----------------------------------------------------------------------------------
+
+    def by_itself(self, behaviour: Behaviour) -> None:
+        """Change to the mode of this behaviour, whatever a ground station may do."""
+        self._enter(self._vehicle.personality.mode_of(behaviour))
+
+    def enter(self, number: int) -> None:
+        """Change to a mode by its number, one that cannot be asked for included."""
+        self._enter(self._vehicle.personality.modes[number])
+
+    def _enter(self, mode: Mode) -> None:
+        self.mode = mode
+        if mode.armable:
+            self._armable_mode = mode
+        self._vehicle.setpoints.reset()
+        self._vehicle.flight.enter(mode)
+
+    def mode_switch_read(self) -> None:
+        """The RC mode switch is read for the first time after a boot: an unarmed vehicle obeys it."""
+        personality = self._vehicle.personality
+        if personality.rereads_mode_switch and not self._vehicle.armed:
+            boot_mode = personality.modes[personality.boot_mode]
+            if self.mode is not boot_mode:
+                self._enter(boot_mode)
+
+    def disarmed(self) -> None:
+        """The motors have stopped."""
+        if self._vehicle.personality.disarm_restores_mode:
+            self._enter(self._armable_mode)
+
+    def taken_off(self) -> None:
+        """The climb after a take-off is done."""
+        vehicle = self._vehicle
+        then = vehicle.tuning.after_takeoff
+        if then is Behaviour.MISSION and not self.mission_ready(vehicle.now):
+            then = Behaviour.HOLD
+        aim_m = vehicle.flight.guided_target_m
+        self.by_itself(then)
+        if then is Behaviour.HOLD and aim_m is not None:
+            vehicle.flight.go(aim_m)  # what is left of the climb
+
+    def mission_over(self) -> None:
+        """The last item has been flown."""
+        ends_in = self._vehicle.personality.mission_ends_in
+        if ends_in is not None and self._vehicle.flight.flying:
+            self.by_itself(ends_in)

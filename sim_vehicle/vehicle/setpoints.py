@@ -1,0 +1,159 @@
+"""Set-points of a ground station or companion: positions, velocities and attitudes, and how long they hold.
+
+SET_POSITION_TARGET_LOCAL_NED, SET_POSITION_TARGET_GLOBAL_INT and SET_ATTITUDE_TARGET, obeyed in guided modes.
+A position is flown to and kept; a velocity, an acceleration or an attitude holds only as long as new ones
+come.
+"""
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.personalities.base import Behaviour
+from sim_vehicle.vehicle.commands import FRAMES_WITH_ALTITUDE
+from sim_vehicle.vehicle.lean import Lean
+
+if TYPE_CHECKING:
+    from sim_vehicle.vehicle.autopilot import Autopilot
+
+IGNORE_POSITION, IGNORE_VELOCITY, IGNORE_ACCELERATION = 0x0007, 0x0038, 0x01C0
+IGNORE_YAW, IGNORE_YAW_RATE = 0x0400, 0x0800
+BODY_FRAMES = frozenset(
+    {mavlink.MAV_FRAME_BODY_NED, mavlink.MAV_FRAME_BODY_OFFSET_NED, mavlink.MAV_FRAME_BODY_FRD}
+)
+RELATIVE_YAW_FRAMES = frozenset({mavlink.MAV_FRAME_BODY_NED, mavlink.MAV_FRAME_BODY_OFFSET_NED})
+LOCAL_FRAMES = BODY_FRAMES | {mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_LOCAL_OFFSET_NED}
+FAR_M = 1e5
+NEVER_S = -math.inf
+
+
+class Setpoints:
+    """The latest set-point of one vehicle, and when it came."""
+
+    def __init__(self, vehicle: "Autopilot") -> None:
+        self._vehicle = vehicle
+        self._heard_s = NEVER_S
+        self._expires = False  # the one in force ends when no other follows
+        self._lean = Lean(vehicle)
+
+    def reset(self) -> None:
+        """Forget it: the mode changed or the vehicle rebooted."""
+        self._expires = False
+        self._lean.reset()
+
+    def streaming(self, now: float) -> bool:
+        """Whether one came so recently that a mode that lives on them may be entered."""
+        return now - self._heard_s < self._vehicle.tuning.setpoint_timeout_s
+
+    def deadline_s(self, timeout_s: float) -> float:
+        """When the one in force ends, if none follows; inf if it holds for ever."""
+        return self._heard_s + timeout_s if self._expires else math.inf
+
+    @property
+    def heard_s(self) -> float:
+        return self._heard_s
+
+    def receive(self, message: Any, now: float) -> None:
+        """Take one set-point message at `now` [s]."""
+        since_s = now - self._heard_s
+        self._heard_s = now
+        vehicle = self._vehicle
+        # Only a mode made for set-points takes off by one.
+        ready = vehicle.armed if vehicle.mode.setpoints_only else vehicle.flight.flying
+        if vehicle.mode.behaviour is not Behaviour.GUIDED or not ready:
+            return
+        if message.get_type() == "SET_ATTITUDE_TARGET":
+            if self._lean.to_attitude(message, since_s):
+                self._expires, vehicle.flight.taking_off = True, False
+            return
+        self._lean.reset()
+        if not message.type_mask & IGNORE_POSITION:
+            self._position(message)
+        elif not message.type_mask & IGNORE_VELOCITY:
+            self._velocity(message)
+        elif not message.type_mask & IGNORE_ACCELERATION:
+            self._acceleration(message, since_s)
+
+    def _position(self, message: Any) -> None:
+        flight, body = self._vehicle.flight, self._vehicle.body
+        frame = message.coordinate_frame
+        if message.get_type() == "SET_POSITION_TARGET_GLOBAL_INT":
+            lat_deg, lon_deg = message.lat_int * 1e-7, message.lon_int * 1e-7
+            if frame not in FRAMES_WITH_ALTITUDE or abs(lat_deg) > 90 or abs(lon_deg) > 180:
+                return
+            if not abs(message.alt) < FAR_M:  # also true for NaN
+                return
+            target_m = (*body.locate(lat_deg, lon_deg), flight.altitude_amsl_m(frame, message.alt))
+        else:
+            if frame not in LOCAL_FRAMES or not all(
+                abs(v) < FAR_M for v in (message.x, message.y, message.z)
+            ):
+                return
+            target_m = self._local_m(frame, message.x, message.y, message.z)
+        self._expires = False
+        flight.taking_off = False
+        flight.go(target_m)
+        self._vehicle.body.face(self._yaw_rad(message))
+
+    def _local_m(self, frame: int, x: float, y: float, z: float) -> tuple[float, float, float]:
+        """North/forward, east/right, down [m] in a local frame -> east, north, up in the fleet's."""
+        body = self._vehicle.body
+        if frame in BODY_FRAMES:
+            x, y = self._turned(x, y)
+        if frame == mavlink.MAV_FRAME_LOCAL_NED:
+            east_m, north_m, up_m = self._vehicle.origin_m
+        else:
+            east_m, north_m, up_m = body.position_m
+        return east_m + y, north_m + x, up_m - z
+
+    def _turned(self, forward: float, right: float) -> tuple[float, float]:
+        heading = self._vehicle.body.heading_rad
+        north = forward * math.cos(heading) - right * math.sin(heading)
+        return north, forward * math.sin(heading) + right * math.cos(heading)
+
+    def _velocity(self, message: Any) -> None:
+        north, east, down = message.vx, message.vy, message.vz
+        if not all(math.isfinite(v) for v in (north, east, down)):
+            return
+        if message.coordinate_frame in BODY_FRAMES:
+            north, east = self._turned(north, east)
+        self._move((east, north, -down), message)
+
+    def _move(self, velocity_m_s: tuple[float, float, float], message: Any) -> None:
+        self._expires, self._vehicle.flight.taking_off = True, False
+        yaw_rad, rate_rad_s = self._turning(message)
+        self._vehicle.body.move(velocity_m_s, yaw_rad=yaw_rad, yaw_rate_rad_s=rate_rad_s)
+
+    def _acceleration(self, message: Any, since_s: float) -> None:
+        """A plane, which leans to turn, takes it for the change of its velocity."""
+        north, east, down = message.afx, message.afy, message.afz
+        if not all(math.isfinite(a) for a in (north, east, down)):
+            return
+        if message.coordinate_frame in BODY_FRAMES:
+            north, east = self._turned(north, east)
+        body = self._vehicle.body
+        lasts_s = since_s if since_s < self._vehicle.tuning.setpoint_timeout_s else 0.0
+        velocity_m_s = body.velocity_m_s
+        climb_m_s = velocity_m_s[2] - down * lasts_s
+        if body.plane:
+            moved = (velocity_m_s[0] + east * lasts_s, velocity_m_s[1] + north * lasts_s, climb_m_s)
+            self._move(moved, message)
+            return
+        self._expires, self._vehicle.flight.taking_off = True, False
+        yaw_rad, rate_rad_s = self._turning(message)
+        body.lean((east, north), climb_m_s, yaw_rad=yaw_rad, yaw_rate_rad_s=rate_rad_s)
+
+    def _turning(self, message: Any) -> tuple[float | None, float | None]:
+        """The yaw from north [rad] and the yaw rate [rad/s] it asks for."""
+        ignored = message.type_mask & IGNORE_YAW_RATE or not math.isfinite(message.yaw_rate)
+        return self._yaw_rad(message), None if ignored else message.yaw_rate
+
+    def _yaw_rad(self, message: Any) -> float | None:
+        if message.type_mask & IGNORE_YAW or not math.isfinite(message.yaw):
+            return None
+        yaw_rad = float(message.yaw)
+        relative = message.coordinate_frame in RELATIVE_YAW_FRAMES
+        if relative and self._vehicle.personality.body_yaw_relative:
+            return self._vehicle.body.heading_rad + yaw_rad
+        return yaw_rad

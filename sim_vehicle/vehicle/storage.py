@@ -1,0 +1,211 @@
+"""What one vehicle keeps and hands out: the logs of its flights, and the files that ground stations read."""
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.epoch import EPOCH_US
+from sim_vehicle.files.filesystem import FileSystem
+from sim_vehicle.files.ftp import FtpServer
+from sim_vehicle.files.ftp_rules import FtpRules
+from sim_vehicle.files.log_transfer import LogRules, LogTransfer
+from sim_vehicle.files.logs.record import Failsafe, FlightLog, LogFacts, LogWhen, Sample
+from sim_vehicle.files.logs.recorder import FlightRecorder, LogLimits
+from sim_vehicle.physics.place import Place
+from sim_vehicle.vehicle.mission import MissionState
+
+if TYPE_CHECKING:
+    from sim_vehicle.vehicle.autopilot import Autopilot
+
+AUTOPILOT = int(mavlink.MAV_COMP_ID_AUTOPILOT1)
+SEND_EVERY_S = 0.1  # while a transfer is under way
+WATCHED = (Failsafe.RADIO, Failsafe.BATTERY, Failsafe.GROUND_STATION, Failsafe.FENCE, Failsafe.POSITION)
+
+
+class _Seen(NamedTuple):
+    """What a log tells when it changes."""
+
+    armed: bool = False
+    mode: int = -1
+    airborne: bool = False
+    origin: Place | None = None
+    home: Place | None = None
+    mission_item: int | None = None
+    failed: tuple[bool, ...] = (False,) * len(WATCHED)
+
+
+class Storage:
+    """The logs and files of one vehicle.
+
+    Parameters
+    ----------
+    vehicle: whose they are.
+    new_log: makes an empty log in the autopilot's format.
+    files: makes the tree of files, which may show the logs.
+    ftp_rules, log_rules: how they are served.
+    limits: how much is recorded.
+    """
+
+    def __init__(
+        self,
+        vehicle: "Autopilot",
+        *,
+        new_log: Callable[[], FlightLog],
+        files: Callable[[FlightRecorder], FileSystem],
+        ftp_rules: FtpRules,
+        log_rules: LogRules,
+        limits: LogLimits,
+    ) -> None:
+        self._vehicle = vehicle
+        self.recorder = FlightRecorder(new_log, limits)
+        self._ftp = FtpServer(files(self.recorder), ftp_rules, send=vehicle.send)
+        self._transfer = LogTransfer(
+            lambda: self.recorder.logs,
+            erase=self.recorder.erase,
+            rules=log_rules,
+            send=vehicle.send,
+            say=vehicle.say,
+            armed=lambda: vehicle.armed,
+        )
+        self._seen = _Seen()
+        self._flown = False  # it was armed and disarmed since the boot
+
+    # -- serving -----------------------------------------------------------------------------------------
+
+    def handles(self, message_type: str) -> bool:
+        return message_type == "FILE_TRANSFER_PROTOCOL" or self._transfer.handles(message_type)
+
+    def receive(self, message: Any, now: float) -> None:
+        """Take one message about files or logs at `now` [s]."""
+        if message.get_type() == "FILE_TRANSFER_PROTOCOL":
+            if self._vehicle.personality.any_component or message.target_component in (0, AUTOPILOT):
+                self._ftp.receive(message, now)
+        else:
+            self._transfer.receive(message, now)
+
+    def tick(self, now: float) -> None:
+        """Send what may be sent by `now` [s]."""
+        self._ftp.tick(now)
+        self._transfer.tick(now)
+
+    def next_s(self, now: float) -> float:
+        """When `tick` has something to do [s]."""
+        return now + SEND_EVERY_S if self._ftp.busy or self._transfer.busy else math.inf
+
+    def reboot(self, now: float) -> None:
+        """The log ends, transfers are forgotten; files and logs stay."""
+        self.recorder.end(now)
+        self._flown = False
+        self._ftp.reset()
+        self._transfer.reset()
+
+    # -- recording ---------------------------------------------------------------------------------------
+
+    def note(self, now: float) -> None:
+        """Look at the vehicle: what has changed goes into the log, which begins and ends as it says."""
+        self._begin_if_wanted(now)
+        if not self.recorder.recording:
+            return
+        seen = _look(self._vehicle)
+        if seen != self._seen:
+            log = self.recorder.event(now)
+            if log is not None:
+                self._tell_changes(log, now, seen)
+            self._flown = self._flown or (self._seen.armed and not seen.armed)
+            self._seen = seen
+        if not self._wanted():
+            self.recorder.end(now)
+
+    def _begin_if_wanted(self, now: float) -> None:
+        if not self.recorder.recording and self._wanted():
+            self._begin(now)
+
+    def _wanted(self) -> bool:
+        vehicle = self._vehicle
+        when = vehicle.tuning.logs
+        if when is LogWhen.NEVER or not (vehicle.booted and self.recorder.enabled):
+            return False
+        return vehicle.armed or when is LogWhen.ALWAYS or (when is LogWhen.FROM_BOOT and not self._flown)
+
+    def sample(self, now: float, sample: Sample) -> None:
+        """The state at `now` [s]; asked for by `recorder.due`."""
+        self.recorder.sample(now, sample)
+
+    def text(self, now: float, severity: int, text: str) -> None:
+        """A STATUSTEXT goes out; that of the arming is in the log already, that of the disarming still."""
+        self._begin_if_wanted(now)
+        log = self.recorder.event(now)
+        if log is not None:
+            log.text(now, severity, text)
+
+    def parameter(self, now: float, name: str) -> None:
+        """A parameter was set."""
+        log = self.recorder.event(now)
+        if log is not None:
+            log.parameter(now, name, self._vehicle.params[name])
+
+    def strike(self, now: float, over: tuple[int, int], by: tuple[int, int]) -> None:
+        """A hostile hit the vehicle."""
+        log = self.recorder.event(now)
+        if log is not None:
+            log.strike(now, self._vehicle.strikes, over, by)
+
+    def _begin(self, now: float) -> None:
+        vehicle, personality = self._vehicle, self._vehicle.personality
+        self.recorder.begin(
+            now,
+            LogFacts(
+                utc_s=EPOCH_US / 1e6 + now,
+                boot_s=vehicle.readiness.boot_s,
+                banner=personality.banner,
+                flight_sw_version=personality.flight_sw_version,
+                parameters=dict(vehicle.params.items()),
+                defaults=vehicle.params.defaults,
+                mode=vehicle.mode.number,
+            ),
+        )
+        self._seen = _Seen(mode=vehicle.mode.number, airborne=vehicle.body.airborne)
+
+    def _tell_changes(self, log: FlightLog, now: float, seen: _Seen) -> None:
+        before, mission = self._seen, self._vehicle.mission
+        if seen.origin is not None and seen.origin != before.origin:
+            log.origin(now, *_numbers(seen.origin))
+        if seen.home is not None and seen.home != before.home:
+            log.home(now, *_numbers(seen.home))
+        if seen.armed != before.armed:
+            log.armed(now, seen.armed)
+        if seen.mode != before.mode:
+            log.mode(now, seen.mode)
+        if seen.airborne != before.airborne:
+            log.landed(now, not seen.airborne)
+        for kind, is_active, was_active in zip(WATCHED, seen.failed, before.failed, strict=True):
+            if is_active != was_active:
+                log.failsafe(now, kind, is_active)
+        item = seen.mission_item
+        if item is not None and item != before.mission_item and item < mission.count:
+            log.command(now, item, mission.count, mission.item(item))
+
+
+def _numbers(place: Place) -> tuple[float, float, float]:
+    return place.lat_deg, place.lon_deg, place.alt_amsl_m
+
+
+def _look(vehicle: "Autopilot") -> _Seen:
+    failsafes, mission = vehicle.failsafes, vehicle.mission
+    return _Seen(
+        vehicle.armed,
+        vehicle.mode.number,
+        vehicle.body.airborne,
+        vehicle.origin,
+        vehicle.home,
+        mission.index if mission.state is MissionState.ACTIVE else None,
+        (
+            failsafes.rc,
+            failsafes.battery > 0,
+            failsafes.gcs,
+            bool(vehicle.fence_watch.breached),
+            failsafes.position,
+        ),
+    )

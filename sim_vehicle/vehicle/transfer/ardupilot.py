@@ -1,0 +1,298 @@
+"""The mission protocol as ArduPilot serves it: three servers that know nothing of each other.
+
+An upload is asked for item by item with MISSION_REQUEST. Whether it is atomic is the store's business
+(`stores`): missions and rally points are written as items arrive, so an upload that dies leaves a mixture;
+a fence is written at the end. Downloads have no state.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.vehicle.afflictions import MissionRefusal
+from sim_vehicle.vehicle.fence import Fence
+from sim_vehicle.vehicle.mission import Item, Mission
+from sim_vehicle.vehicle.rally import Rally
+from sim_vehicle.vehicle.transfer.stores import FenceStore, MissionStore, RallyStore, Store
+from sim_vehicle.vehicle.transfer.wire import (
+    MISSION,
+    Peer,
+    ack_message,
+    count_message,
+    item_from_message,
+    item_message,
+    peer_of,
+)
+
+REQUEST_AGAIN_S = 1.0
+ABANDON_AFTER_S = 8.0
+GUIDED, ALTITUDE = 2, 3  # MISSION_ITEM.current: not for the mission, but where to go now
+ACCEPTED = int(mavlink.MAV_MISSION_ACCEPTED)
+ERROR = int(mavlink.MAV_MISSION_ERROR)
+DENIED = int(mavlink.MAV_MISSION_DENIED)
+
+Send = Callable[[Any], None]
+Say = Callable[[int, str], None]
+
+
+@dataclass
+class _Upload:
+    peer: Peer
+    next: int
+    last: int
+    heard_s: float
+    asked_s: float
+
+
+class _Server:
+    """Uploads to and downloads from one store."""
+
+    def __init__(self, kind: int, store: Store, *, send: Send, say: Say) -> None:
+        self._kind, self._store, self._send, self._say = kind, store, send, say
+        self._upload: _Upload | None = None
+
+    @property
+    def next_deadline_s(self) -> float:
+        upload = self._upload
+        if upload is None:
+            return math.inf
+        return min(upload.asked_s + REQUEST_AGAIN_S, upload.heard_s + ABANDON_AFTER_S)
+
+    @property
+    def total(self) -> int:
+        return self._store.total
+
+    def tick(self, now: float) -> None:
+        upload = self._upload
+        if upload is None:
+            return
+        if now - upload.heard_s >= ABANDON_AFTER_S - 1e-9:
+            self._say(mavlink.MAV_SEVERITY_WARNING, f"{self._store.name} upload timeout")
+            self._give_up(upload.peer, int(mavlink.MAV_MISSION_OPERATION_CANCELLED))
+        elif now - upload.asked_s >= REQUEST_AGAIN_S - 1e-9:
+            self._ask(upload, now)
+
+    def reset(self) -> None:
+        if self._upload is not None:
+            self._upload = None
+            self._store.abandon()
+
+    def count(self, message: Any, peer: Peer, now: float) -> None:
+        if self._upload is not None:
+            if self._upload.peer != peer:
+                self.acknowledge(peer, DENIED)
+                return
+            self._store.abandon()
+        if message.count > self._store.max_items:
+            self._upload = None
+            self.acknowledge(peer, int(mavlink.MAV_MISSION_NO_SPACE))
+            text = f"Only {self._store.max_items} items are supported"
+            self._say(mavlink.MAV_SEVERITY_WARNING, text)
+            return
+        self._upload = None
+        self._store.begin(message.count)
+        if message.count == 0:
+            self.acknowledge(peer, self._store.complete())
+        else:
+            self._begin(peer, 0, message.count - 1, now)
+
+    def write_partial(self, message: Any, peer: Peer, now: float) -> None:
+        if self._upload is not None and self._upload.peer != peer:
+            self.acknowledge(peer, DENIED)
+            return
+        first, last = message.start_index, message.end_index
+        if not 0 <= first <= last <= self._store.count:
+            self._say(mavlink.MAV_SEVERITY_WARNING, "Flight plan update rejected")
+            self.acknowledge(peer, ERROR)
+            return
+        self._store.begin_update()
+        self._begin(peer, first, last, now)
+
+    def item(self, message: Any, peer: Peer, now: float, refusal: int | None = None) -> None:
+        upload = self._upload
+        if upload is None:
+            self.acknowledge(peer, ERROR)
+        elif message.seq != upload.next:
+            self.acknowledge(peer, int(mavlink.MAV_MISSION_INVALID_SEQUENCE))
+        elif upload.peer != peer:
+            self.acknowledge(peer, DENIED)
+        else:
+            self._take(upload, item_from_message(message), refusal, now)
+
+    def _take(self, upload: _Upload, item: Item | None, refusal: int | None, now: float) -> None:
+        if refusal is not None:
+            result = refusal
+        elif item is None:
+            result = int(mavlink.MAV_MISSION_INVALID_PARAM5_X)
+        else:
+            result = self._store.put(upload.next, item, upload.last)
+        if result != ACCEPTED:
+            self._give_up(upload.peer, result)
+            return
+        upload.heard_s = now
+        upload.next += 1
+        if upload.next <= upload.last:
+            self._ask(upload, now)
+        else:
+            self._upload = None
+            self.acknowledge(upload.peer, self._store.complete())
+
+    def clear(self, peer: Peer) -> None:
+        cleared = self._upload is None and self._store.clear()
+        self.acknowledge(peer, ACCEPTED if cleared else ERROR)
+
+    def request_list(self, peer: Peer) -> None:
+        if self._upload is not None:
+            self.acknowledge(peer, DENIED)
+        else:
+            self._send(count_message(peer, self._store.count, self._kind))
+
+    def request(self, message: Any, peer: Peer) -> None:
+        if self._upload is not None:
+            self.acknowledge(peer, DENIED)
+            return
+        found = self._store.read(message.seq)
+        if isinstance(found, Item):
+            as_int = message.get_type() == "MISSION_REQUEST_INT"
+            autocontinue = self._store.autocontinue
+            self._send(
+                item_message(peer, message.seq, found, self._kind, as_int=as_int, autocontinue=autocontinue)
+            )
+            return
+        if self._kind == MISSION:  # tells the ground station how many there are
+            self._send(count_message(peer, self._store.count, self._kind))
+        self.acknowledge(peer, found)
+
+    def acknowledge(self, peer: Peer, result: int) -> None:
+        self._send(ack_message(peer, result, self._kind))
+
+    def _begin(self, peer: Peer, first: int, last: int, now: float) -> None:
+        self._upload = _Upload(peer, first, last, heard_s=now, asked_s=now)
+        self._ask(self._upload, now)
+
+    def _ask(self, upload: _Upload, now: float) -> None:
+        upload.asked_s = now
+        self._send(mavlink.MAVLink_mission_request_message(*upload.peer, upload.next, self._kind))
+
+    def _give_up(self, peer: Peer, result: int) -> None:
+        self._upload = None
+        self._store.abandon()
+        self.acknowledge(peer, result)
+
+
+class ArduPilotTransfer:
+    """Answers mission messages on behalf of one vehicle.
+
+    Parameters
+    ----------
+    mission, fence, rally: what is read and written.
+    store_item: what is kept of a mission item, or the MAV_MISSION_RESULT it is refused with.
+    max_items: longer missions are refused with NO_SPACE.
+    send: takes each outgoing message.
+    say: sends a STATUSTEXT (severity, text).
+    changed: called with the index of each mission item that became another (-1 where the list was cut).
+    flying: whether the mission is being flown (it is not cleared then).
+    stored: called with MAV_MISSION_TYPE and what MIS_TOTAL, FENCE_TOTAL or RALLY_TOTAL has become.
+    guided: where to go at once (an item with `current` 2; 3: only its altitude, then the flag is True);
+        whether the vehicle obeys.
+    refusal: a fault that refuses uploads.
+    """
+
+    def __init__(
+        self,
+        mission: Mission,
+        fence: Fence,
+        rally: Rally,
+        *,
+        store_item: Callable[[Item], Item | int],
+        max_items: int,
+        send: Send,
+        say: Say,
+        changed: Callable[[int], None],
+        flying: Callable[[], bool],
+        stored: Callable[[int, int], None] = lambda _kind, _total: None,
+        guided: Callable[[Item, bool], bool] = lambda _item, _altitude_only: False,
+        refusal: Callable[[], MissionRefusal | None] = lambda: None,
+    ) -> None:
+        self._send, self._guided, self._refusal, self._store_item = send, guided, refusal, store_item
+        stores: tuple[Store, ...] = (
+            MissionStore(mission, store_item, max_items, say=say, changed=changed, flying=flying),
+            FenceStore(fence, say=say),
+            RallyStore(rally),
+        )
+        self._stored = stored
+        self._servers = {kind: _Server(kind, store, send=send, say=say) for kind, store in enumerate(stores)}
+        self._handlers: dict[str, Callable[[_Server, Any, Peer, float], None]] = {
+            "MISSION_COUNT": self._count,
+            "MISSION_ITEM_INT": self._item,
+            "MISSION_ITEM": self._item,
+            "MISSION_WRITE_PARTIAL_LIST": lambda server, m, peer, now: server.write_partial(m, peer, now),
+            "MISSION_REQUEST_LIST": lambda server, _m, peer, _now: server.request_list(peer),
+            "MISSION_REQUEST_INT": lambda server, m, peer, _now: server.request(m, peer),
+            "MISSION_REQUEST": lambda server, m, peer, _now: server.request(m, peer),
+            "MISSION_CLEAR_ALL": lambda server, _m, peer, _now: server.clear(peer),
+        }
+
+    @property
+    def ids(self) -> tuple[int, int, int]:
+        """MISSION_CURRENT.mission_id, fence_id, rally_points_id: not kept by this autopilot."""
+        return 0, 0, 0
+
+    @property
+    def next_deadline_s(self) -> float:
+        """When `tick` has something to do [s]; inf where nothing is under way."""
+        return min(server.next_deadline_s for server in self._servers.values())
+
+    def handles(self, message_type: str) -> bool:
+        return message_type in self._handlers
+
+    def receive(self, message: Any, now: float) -> None:
+        """Take one message of the mission protocol at `now` [s]."""
+        peer, kind = peer_of(message), message.mission_type
+        server = self._servers.get(kind)
+        if server is None:
+            self._send(ack_message(peer, int(mavlink.MAV_MISSION_UNSUPPORTED), kind))
+            return
+        total = server.total
+        self._handlers[message.get_type()](server, message, peer, now)
+        if server.total != total:
+            self._stored(kind, server.total)
+
+    def tick(self, now: float) -> None:
+        """Ask again or give up, by the time `now` [s]."""
+        for server in self._servers.values():
+            server.tick(now)
+
+    def reset(self) -> None:
+        """The vehicle rebooted: transfers under way are forgotten, what is stored stays."""
+        for server in self._servers.values():
+            server.reset()
+
+    def _count(self, server: _Server, message: Any, peer: Peer, now: float) -> None:
+        refusal = self._refusal()
+        if refusal is not None and refusal.at_item is None:
+            server.acknowledge(peer, refusal.result)
+        else:
+            server.count(message, peer, now)
+
+    def _item(self, server: _Server, message: Any, peer: Peer, now: float) -> None:
+        if message.mission_type == MISSION and message.current in (GUIDED, ALTITUDE):
+            server.acknowledge(peer, self._go(message))
+            return
+        refusal = self._refusal()
+        refused = refusal is not None and refusal.at_item == message.seq
+        server.item(message, peer, now, refusal.result if refusal is not None and refused else None)
+
+    def _go(self, message: Any) -> int:
+        item = item_from_message(message)
+        if item is None:
+            return int(mavlink.MAV_MISSION_INVALID_PARAM5_X)
+        kept = self._store_item(item)
+        if not isinstance(kept, Item):
+            return kept
+        altitude_only = message.current == ALTITUDE
+        obeyed = self._guided(kept, altitude_only)
+        return ACCEPTED if obeyed or altitude_only else ERROR

@@ -1,0 +1,386 @@
+"""The mission protocol as PX4 speaks it: one machine and one partner for missions, fences and rally points.
+
+A new list is collected beside the stored one and takes its place when it is complete, so an upload that
+fails leaves everything as it was. Uploads are asked for with MISSION_REQUEST until the ground station has
+shown that it knows the _INT messages. Who is not the partner of the last transfer is told so in a text.
+"""
+
+import dataclasses
+import math
+import struct
+import zlib
+from collections.abc import Callable
+from enum import Enum, auto
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.vehicle.afflictions import MissionRefusal
+from sim_vehicle.vehicle.fence import POLYGONS, Fence
+from sim_vehicle.vehicle.mission import Item, Mission
+from sim_vehicle.vehicle.rally import Rally
+from sim_vehicle.vehicle.transfer.wire import (
+    ALL,
+    FENCE,
+    MISSION,
+    RALLY,
+    Peer,
+    ack_message,
+    count_message,
+    item_from_message,
+    item_message,
+    peer_of,
+)
+
+REQUEST_AGAIN_S = 0.25
+TIMEOUT_S = 5.0
+MAX_FENCE_POINTS, MAX_RALLY_POINTS = 128, 32
+ACCEPTED = int(mavlink.MAV_MISSION_ACCEPTED)
+ERROR = int(mavlink.MAV_MISSION_ERROR)
+CRITICAL = int(mavlink.MAV_SEVERITY_CRITICAL)
+COMPONENTS = frozenset(
+    {mavlink.MAV_COMP_ID_ALL, mavlink.MAV_COMP_ID_AUTOPILOT1, mavlink.MAV_COMP_ID_MISSIONPLANNER}
+)
+_NOT_IN_A_MISSION = frozenset(
+    {
+        mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION,
+        mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION,
+        mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION,
+        mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION,
+        mavlink.MAV_CMD_NAV_RALLY_POINT,
+    }
+)
+_ABSOLUTE = (mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT)
+_RELATIVE = (mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
+_INT_FRAMES = (mavlink.MAV_FRAME_GLOBAL_INT, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
+_CHECKED = struct.Struct("<BHB7f")
+_CHECKED_INT = struct.Struct("<BHB4f2if")
+
+
+class _State(Enum):
+    IDLE = auto()
+    SENDING = auto()  # a download
+    GETTING = auto()  # an upload
+
+
+class Px4Transfer:
+    """Answers mission messages on behalf of one vehicle.
+
+    Parameters
+    ----------
+    mission, fence, rally: what is read, and (but for the mission) written.
+    sysid: only messages to this system, and to its autopilot, are for it: a broadcast is not.
+    store_item: what is kept of an item of whatever list, or the MAV_MISSION_RESULT it is refused with.
+    max_items: longer missions are refused with NO_SPACE.
+    send: takes each outgoing message.
+    say: sends a STATUSTEXT (severity, text).
+    replace: takes a complete new mission and its current index, -1 where none was marked.
+    set_current: MISSION_SET_CURRENT to an index that exists.
+    changed: called with MAV_MISSION_TYPE when the fence or the rally points became others.
+    refusal: a fault that refuses uploads.
+    """
+
+    def __init__(
+        self,
+        mission: Mission,
+        fence: Fence,
+        rally: Rally,
+        *,
+        sysid: int,
+        store_item: Callable[[Item], Item | int],
+        max_items: int,
+        send: Callable[[Any], None],
+        say: Callable[[int, str], None],
+        replace: Callable[[list[Item], int], None],
+        set_current: Callable[[int], None],
+        changed: Callable[[int], None] = lambda _kind: None,
+        refusal: Callable[[], MissionRefusal | None] = lambda: None,
+    ) -> None:
+        self._mission, self._fence, self._rally = mission, fence, rally
+        self._sysid, self._store_item, self._send, self._say = sysid, store_item, send, say
+        self._replace, self._set_current, self._changed, self._refusal = (
+            replace,
+            set_current,
+            changed,
+            refusal,
+        )
+        self._max_items = {MISSION: max_items, FENCE: MAX_FENCE_POINTS, RALLY: MAX_RALLY_POINTS}
+        self._ids = {MISSION: 0, FENCE: 0, RALLY: 0}
+        self._handlers: dict[str, Callable[[Any, Peer, float], None]] = {
+            "MISSION_COUNT": self._count,
+            "MISSION_ITEM_INT": self._item,
+            "MISSION_ITEM": self._item,
+            "MISSION_REQUEST_LIST": self._request_list,
+            "MISSION_REQUEST_INT": self._request,
+            "MISSION_REQUEST": self._request,
+            "MISSION_CLEAR_ALL": self._clear,
+            "MISSION_ACK": self._ack,
+            "MISSION_SET_CURRENT": self._current,
+        }
+        self.reset()
+
+    def reset(self) -> None:
+        """The vehicle rebooted: a transfer under way is forgotten, what is stored stays."""
+        self._state = _State.IDLE
+        self._as_int = False
+        self._partner: Peer = (0, 0)
+        self._kind = MISSION
+        self._seq = self._announced = 0
+        self._new: list[Item] = []
+        self._new_id = 0
+        self._new_current = -1
+        self._heard_s = self._asked_s = 0.0
+
+    @property
+    def ids(self) -> tuple[int, int, int]:
+        """MISSION_CURRENT.mission_id, fence_id, rally_points_id: checksums, 0 where empty."""
+        return self._ids[MISSION], self._ids[FENCE], self._ids[RALLY]
+
+    @property
+    def next_deadline_s(self) -> float:
+        """When `tick` has something to do [s]; inf where nothing is under way."""
+        if self._state is _State.IDLE:
+            return math.inf
+        again_s = self._asked_s + REQUEST_AGAIN_S if self._state is _State.GETTING else math.inf
+        return min(again_s, self._heard_s + TIMEOUT_S)
+
+    def handles(self, message_type: str) -> bool:
+        return message_type in self._handlers or message_type == "MISSION_WRITE_PARTIAL_LIST"
+
+    def receive(self, message: Any, now: float) -> None:
+        """Take one message of the mission protocol at `now` [s]; partial writes are not known here."""
+        handler = self._handlers.get(message.get_type())
+        if (
+            handler is not None
+            and message.target_system == self._sysid
+            and message.target_component in COMPONENTS
+        ):
+            handler(message, peer_of(message), now)
+
+    def tick(self, now: float) -> None:
+        """Ask again or give up, by the time `now` [s]."""
+        if self._state is _State.IDLE:
+            return
+        if now - self._heard_s >= TIMEOUT_S - 1e-9:
+            self._say(CRITICAL, "Operation timeout")
+            self._state = _State.IDLE
+        elif self._state is _State.GETTING and now - self._asked_s >= REQUEST_AGAIN_S - 1e-9:
+            self._ask(now)
+
+    # -- upload ------------------------------------------------------------------------------------------
+
+    def _count(self, message: Any, peer: Peer, now: float) -> None:
+        if self._state is _State.SENDING:
+            self._say(CRITICAL, "WPM: IGN MISSION_COUNT: Busy")
+            self._acknowledge(peer, ERROR)
+            return
+        if self._state is _State.GETTING:
+            self._heard_s = now
+            if peer != self._partner:
+                self._acknowledge(peer, ERROR)
+            elif self._seq > 0:
+                self._say(CRITICAL, "WPM: REJ. CMD: Busy")
+                self._acknowledge(peer, ERROR)
+            else:
+                self._ask(now)  # its first request seems lost; the old count stays
+            return
+        self._partner, self._kind = peer, message.mission_type
+        refusal = self._refusal()
+        if refusal is not None and refusal.at_item is None:
+            self._acknowledge(peer, refusal.result)
+        elif message.count > self._max_items.get(self._kind, 0):
+            self._acknowledge(peer, int(mavlink.MAV_MISSION_NO_SPACE))
+        elif message.count == 0:
+            self._empty(self._kind)
+            self._acknowledge(peer, ACCEPTED)
+        else:
+            self._state, self._heard_s = _State.GETTING, now
+            self._seq, self._announced = 0, message.count
+            self._new, self._new_id, self._new_current = [], 0, -1
+            self._ask(now)
+
+    def _ask(self, now: float) -> None:
+        self._asked_s = now
+        request = (
+            mavlink.MAVLink_mission_request_int_message
+            if self._as_int
+            else mavlink.MAVLink_mission_request_message
+        )
+        self._send(request(*self._partner, self._seq, self._kind))
+
+    def _item(self, message: Any, peer: Peer, now: float) -> None:
+        self._as_int = message.get_type() == "MISSION_ITEM_INT"
+        if peer != self._partner:
+            self._say(CRITICAL, "REJ. MIS ITEM: partner id mismatch")
+        elif message.mission_type != self._kind:
+            self._acknowledge(peer, ERROR)
+        elif self._state is _State.SENDING:
+            self._say(CRITICAL, "IGN MISSION_ITEM: Busy")
+            self._acknowledge(peer, ERROR)
+        elif self._state is _State.IDLE:
+            if self._seq == message.seq + 1:  # the last one again: its acknowledgement seems lost
+                self._acknowledge(peer, ACCEPTED, self._new_id)
+            else:
+                self._say(CRITICAL, "IGN MISSION_ITEM: No transfer")
+                self._acknowledge(peer, ERROR)
+        else:
+            self._heard_s = now
+            if message.seq == self._seq:
+                self._take(message, now)
+
+    def _take(self, message: Any, now: float) -> None:
+        kept = self._kept(message)
+        if not isinstance(kept, Item):
+            if kept != ERROR:
+                self._say(CRITICAL, "IGN MISSION_ITEM: Invalid item")
+            self._state = _State.IDLE
+            self._acknowledge(self._partner, kept)
+            return
+        self._new.append(kept)
+        self._new_id = _checksum(message, self._new_id)
+        if message.current:
+            self._new_current = message.seq
+        self._seq += 1
+        if self._seq < self._announced:
+            self._ask(now)
+            return
+        self._state = _State.IDLE
+        if self._new_id != self._ids[self._kind]:
+            self._ids[self._kind] = self._new_id
+            self._store(self._kind, self._new, self._new_current)
+        self._acknowledge(self._partner, ACCEPTED, self._new_id)
+
+    def _kept(self, message: Any) -> Item | int:
+        """What is kept of an item, or the MAV_MISSION_RESULT it ends the upload with."""
+        refusal = self._refusal()
+        if refusal is not None and refusal.at_item == message.seq:
+            return refusal.result
+        item = item_from_message(message)
+        if item is None:
+            return ERROR
+        if not self._as_int and item.frame in _INT_FRAMES:
+            return int(mavlink.MAV_MISSION_UNSUPPORTED_FRAME)
+        kept = self._store_item(item)
+        if not isinstance(kept, Item):
+            return kept
+        if self._kind == MISSION and kept.command in _NOT_IN_A_MISSION:
+            return ERROR
+        if self._kind == FENCE and kept.command in POLYGONS and kept.param1 < 3:
+            return ERROR
+        return kept
+
+    def _store(self, kind: int, items: list[Item], current: int) -> None:
+        if kind == MISSION:
+            self._replace(items, current)
+            return
+        (self._fence if kind == FENCE else self._rally).replace(items)
+        self._changed(kind)
+
+    def _empty(self, kind: int) -> None:
+        if kind in self._ids:
+            self._ids[kind] = 0
+            self._store(kind, [], 0)
+
+    def _clear(self, message: Any, peer: Peer, _now: float) -> None:
+        if self._state is not _State.IDLE:
+            self._say(CRITICAL, "WPM: IGN CLEAR CMD: Busy")
+            return
+        self._kind = message.mission_type
+        for kind in (MISSION, FENCE, RALLY) if self._kind == ALL else (self._kind,):
+            self._empty(kind)
+        self._acknowledge(peer, ACCEPTED)
+
+    # -- download ----------------------------------------------------------------------------------------
+
+    def _items(self) -> tuple[Item, ...]:
+        if self._kind == MISSION:
+            return tuple(self._mission.items)
+        return {FENCE: self._fence.items, RALLY: self._rally.items}.get(self._kind, ())
+
+    def _request_list(self, message: Any, peer: Peer, now: float) -> None:
+        all_sent = self._state is _State.SENDING and self._seq == len(self._items())
+        again = peer == self._partner and message.mission_type == self._kind
+        if not (self._state is _State.IDLE or all_sent or (self._state is _State.SENDING and again)):
+            self._say(mavlink.MAV_SEVERITY_INFO, "Mission download request ignored, already active")
+            return
+        self._state, self._heard_s = _State.SENDING, now
+        self._kind, self._partner = message.mission_type, peer
+        self._seq, self._announced = 0, len(self._items())
+        self._send(count_message(peer, self._announced, self._kind, self._ids.get(self._kind, 0)))
+
+    def _request(self, message: Any, peer: Peer, now: float) -> None:
+        self._as_int = message.get_type() == "MISSION_REQUEST_INT"
+        if peer != self._partner:
+            self._say(CRITICAL, "WPM: REJ. CMD: partner id mismatch")
+        elif self._state is _State.GETTING:
+            self._say(CRITICAL, "WPM: REJ. CMD: Busy")
+        elif self._state is _State.SENDING and message.mission_type == self._kind:
+            self._heard_s = now
+            self._answer(message.seq)
+
+    def _answer(self, seq: int) -> None:
+        items = self._items()
+        if seq == self._seq < self._announced:
+            self._seq += 1
+        expected = seq == self._seq - 1  # also when it is asked for again
+        if not expected or seq >= len(items):
+            self._state = _State.IDLE
+            self._acknowledge(self._partner, ERROR)
+            self._say(CRITICAL, "WPM: REJ. CMD: Req. WP was unexpected")
+            return
+        item = items[seq]
+        autocontinue = int(item.autocontinue) if self._kind != FENCE else 0
+        self._send(
+            item_message(
+                self._partner,
+                seq,
+                _framed(item, absolute=self._kind == FENCE, as_int=self._as_int),
+                self._kind,
+                as_int=self._as_int,
+                current=seq == self._mission.index,
+                autocontinue=autocontinue,
+            )
+        )
+
+    def _ack(self, message: Any, peer: Peer, now: float) -> None:
+        if peer != self._partner:
+            self._say(CRITICAL, "REJ. WP CMD: partner id mismatch")
+        elif self._state is _State.SENDING and message.mission_type == self._kind:
+            self._state = _State.IDLE
+        elif self._state is _State.GETTING:
+            if message.type == mavlink.MAV_MISSION_UNSUPPORTED:  # the kind of item that was asked for
+                self._as_int = not self._as_int
+                self._ask(now)
+            elif message.type == mavlink.MAV_MISSION_OPERATION_CANCELLED:
+                self._state = _State.IDLE
+
+    def _current(self, message: Any, _peer: Peer, _now: float) -> None:
+        if self._state is not _State.IDLE:
+            self._say(CRITICAL, "WPM: IGN WP CURR CMD: Busy")
+        elif message.seq >= self._mission.count:
+            self._say(CRITICAL, "WPM: WP CURR CMD: Not in list")
+        else:
+            self._set_current(message.seq)
+
+    def _acknowledge(self, peer: Peer, result: int, opaque_id: int = 0) -> None:
+        self._send(ack_message(peer, result, self._kind, opaque_id))
+
+
+def _framed(item: Item, *, absolute: bool, as_int: bool) -> Item:
+    """The item in the frame it is read back in: of the _INT kind if such items are spoken."""
+    if item.frame in _ABSOLUTE or (absolute and item.frame in _RELATIVE):
+        frame = _ABSOLUTE[as_int]
+    elif item.frame in _RELATIVE:
+        frame = _RELATIVE[as_int]
+    else:
+        return item
+    return dataclasses.replace(item, frame=frame)
+
+
+def _checksum(message: Any, before: int) -> int:
+    """CRC-32 over a list of items, as they came in, up to this one; starts with 0, without inversions."""
+    parameters = (message.param1, message.param2, message.param3, message.param4)
+    layout = _CHECKED_INT if message.get_type() == "MISSION_ITEM_INT" else _CHECKED
+    head = (message.frame, message.command, message.autocontinue)
+    data = layout.pack(*head, *parameters, message.x, message.y, message.z)
+    return zlib.crc32(data, before ^ 0xFFFFFFFF) ^ 0xFFFFFFFF

@@ -1,0 +1,304 @@
+"""What ArduPilot keeps of missions, fences and rally points, and when it writes it."""
+
+import math
+from collections.abc import Callable
+from typing import Protocol
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.vehicle.fence import CIRCLES, POLYGONS, Fence
+from sim_vehicle.vehicle.mission import Item, Mission
+from sim_vehicle.vehicle.numbers import whole
+from sim_vehicle.vehicle.params import as_float32
+from sim_vehicle.vehicle.rally import Rally
+
+ACCEPTED = int(mavlink.MAV_MISSION_ACCEPTED)
+ERROR = int(mavlink.MAV_MISSION_ERROR)
+INVALID_SEQUENCE = int(mavlink.MAV_MISSION_INVALID_SEQUENCE)
+WARNING = int(mavlink.MAV_SEVERITY_WARNING)
+LATITUDE_E7, LONGITUDE_E7 = 900_000_000, 1_800_000_000
+
+# Bytes of storage of a simulated copter: a fence needs 4, and 2 + 8 a vertex for a polygon.
+FENCE_STORAGE = 560
+RALLY_POINTS = 46
+_ANY_ALTITUDE = {
+    mavlink.MAV_FRAME_GLOBAL: mavlink.MAV_FRAME_GLOBAL,
+    mavlink.MAV_FRAME_GLOBAL_INT: mavlink.MAV_FRAME_GLOBAL,
+    mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT: mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
+    mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT: mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
+    mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT: mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT,
+    mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT: mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT,
+}
+
+
+class Store(Protocol):
+    """One list of items on the vehicle; results are MAV_MISSION_RESULT."""
+
+    name: str
+    max_items: int
+    autocontinue: int  # what is read back
+
+    @property
+    def count(self) -> int: ...
+
+    @property
+    def total(self) -> int:
+        """The parameter that says how much is stored."""
+        ...
+
+    def begin(self, count: int) -> None:
+        """So many items are coming and will be all there are."""
+
+    def begin_update(self) -> None:
+        """Some items are coming in place of stored ones."""
+
+    def put(self, index: int, item: Item, last: int) -> int:
+        """Take one item; `last` is the index of the last that is coming."""
+        ...
+
+    def complete(self) -> int: ...
+
+    def abandon(self) -> None:
+        """No more items are coming after all."""
+
+    def clear(self) -> bool: ...
+
+    def read(self, index: int) -> Item | int:
+        """An item, or the result its request is answered with."""
+        ...
+
+
+class MissionStore:
+    """Items are written one by one, and the list is cut when a shorter one is announced."""
+
+    name, autocontinue = "Mission", 1
+
+    def __init__(
+        self,
+        mission: Mission,
+        store_item: Callable[[Item], Item | int],
+        max_items: int,
+        *,
+        say: Callable[[int, str], None],
+        changed: Callable[[int], None],
+        flying: Callable[[], bool],
+    ) -> None:
+        self._mission, self._store_item, self.max_items = mission, store_item, max_items
+        self._say, self._changed, self._flying = say, changed, flying
+
+    @property
+    def count(self) -> int:
+        return self._mission.count
+
+    @property
+    def total(self) -> int:
+        return self._mission.count
+
+    def begin(self, count: int) -> None:
+        if self._mission.cut(count):
+            self._changed(-1)
+
+    def begin_update(self) -> None:
+        pass
+
+    def put(self, index: int, item: Item, last: int) -> int:
+        stored = self._store_item(item)
+        if not isinstance(stored, Item):
+            return stored
+        count = self._mission.count
+        if stored.command == mavlink.MAV_CMD_DO_JUMP:
+            target = whole(stored.param1)
+            if target <= 0 or (target >= count and target > last):
+                return ERROR
+        if index > count or index >= self.max_items:
+            return ERROR
+        if self._mission.put(index, stored):
+            self._changed(index)
+        return ACCEPTED
+
+    def complete(self) -> int:
+        self._say(mavlink.MAV_SEVERITY_INFO, "Flight plan received")
+        return ACCEPTED
+
+    def abandon(self) -> None:
+        pass
+
+    def clear(self) -> bool:
+        if self._flying():
+            return False
+        self._mission.clear()
+        return True
+
+    def read(self, index: int) -> Item | int:
+        return self._mission.item(index) if index == 0 or index < self.count else ERROR
+
+
+class FenceStore:
+    """Items are collected, looked at together, and written at once; what is refused leaves the old fence."""
+
+    name, autocontinue = "Fence", 0
+    max_items = FENCE_STORAGE // 8
+
+    def __init__(self, fence: Fence, *, say: Callable[[int, str], None]) -> None:
+        self._fence, self._say = fence, say
+        self._new: list[Item | None] = []
+
+    @property
+    def count(self) -> int:
+        return len(self._fence.items)
+
+    @property
+    def total(self) -> int:
+        return self._fence.total
+
+    def begin(self, count: int) -> None:
+        self._new = [None] * count
+
+    def begin_update(self) -> None:
+        self._new = list(self._fence.items)
+
+    def put(self, index: int, item: Item, last: int) -> int:
+        if index >= len(self._new):
+            return INVALID_SEQUENCE
+        if item.frame not in _ANY_ALTITUDE:
+            return int(mavlink.MAV_MISSION_UNSUPPORTED_FRAME)
+        if item.command in POLYGONS:
+            value = float(int(item.param1) & 0xFF) if math.isfinite(item.param1) else 0.0
+        elif item.command in CIRCLES:
+            value = _kept_radius_m(item.param1)
+        elif item.command == mavlink.MAV_CMD_NAV_FENCE_RETURN_POINT:
+            value = 0.0
+        else:
+            return int(mavlink.MAV_MISSION_UNSUPPORTED)
+        self._new[index] = Item(item.command, param1=value, x=item.x, y=item.y)
+        return ACCEPTED
+
+    def complete(self) -> int:
+        items = [item for item in self._new if item is not None]
+        self._new = []
+        problem = _fence_problem(items)
+        if problem is not None:
+            self._say(*problem)
+            self._say(WARNING, "Fence validation failed")
+            return ERROR
+        if _fence_storage(items) > FENCE_STORAGE:
+            self._say(WARNING, "Fence exceeds storage size")
+            return ERROR
+        self._fence.replace(items)
+        return ACCEPTED
+
+    def abandon(self) -> None:
+        self._new = []
+
+    def clear(self) -> bool:
+        self._fence.replace([])
+        return True
+
+    def read(self, index: int) -> Item | int:
+        if index < self.count:
+            return self._fence.items[index]
+        return ERROR if index == self.count else INVALID_SEQUENCE
+
+
+def _kept_radius_m(radius_m: float) -> float:
+    """Radii near an integer are stored as one."""
+    if math.isfinite(radius_m) and 0 <= radius_m - int(radius_m) < 0.001:
+        return float(int(radius_m))
+    return as_float32(radius_m)
+
+
+def _fence_problem(items: list[Item]) -> tuple[int, str] | None:
+    """What is wrong with a fence, as (severity, text)."""
+    left = whole = 0  # vertices of the polygon under way
+    wanted: int | None = None
+    seen_return_point = False
+    for item in items:
+        vertices = int(item.param1) if item.command in POLYGONS else 0
+        if item.command in POLYGONS and vertices < 3:
+            return WARNING, f"Invalid vertex count ({vertices})"
+        if left and item.command != wanted:
+            return WARNING, f"Received incorrect vertex type (want={wanted} got={item.command})"[:50]
+        if left and vertices != whole:
+            return WARNING, f"Unexpected vertex count want={whole} got={vertices}"
+        if item.command in POLYGONS:
+            if not left:
+                left = whole = vertices
+                wanted = item.command
+            left -= 1
+        elif item.command in CIRCLES and not item.param1 > 0:
+            return WARNING, "Non-positive circle radius"
+        elif item.command == mavlink.MAV_CMD_NAV_FENCE_RETURN_POINT:
+            if seen_return_point:
+                return WARNING, "Multiple return points"
+            seen_return_point = True
+        if abs(item.x) > LATITUDE_E7 or abs(item.y) > LONGITUDE_E7:
+            return WARNING, "Bad lat or lon"
+    return (int(mavlink.MAV_SEVERITY_INFO), "Incorrect item count") if left else None
+
+
+def _fence_storage(items: list[Item]) -> int:
+    """Bytes that a valid fence takes."""
+    size, index = 4, 0
+    while index < len(items):
+        item = items[index]
+        if item.command in POLYGONS:
+            vertices = int(item.param1)
+            size += 2 + 8 * vertices
+            index += vertices
+        else:
+            size += 13 if item.command in CIRCLES else 9
+            index += 1
+    return size
+
+
+class RallyStore:
+    """Points are written one by one, like a mission."""
+
+    name, autocontinue, max_items = "Rally", 0, RALLY_POINTS
+
+    def __init__(self, rally: Rally) -> None:
+        self._rally = rally
+
+    @property
+    def count(self) -> int:
+        return len(self._rally.items)
+
+    @property
+    def total(self) -> int:
+        return self.count
+
+    def begin(self, count: int) -> None:
+        self._rally.replace(self._rally.items[:count])
+
+    def begin_update(self) -> None:
+        pass
+
+    def put(self, index: int, item: Item, last: int) -> int:
+        if item.command != mavlink.MAV_CMD_NAV_RALLY_POINT:
+            return int(mavlink.MAV_MISSION_UNSUPPORTED)
+        if abs(item.x) > LATITUDE_E7:
+            return int(mavlink.MAV_MISSION_INVALID_PARAM5_X)
+        if abs(item.y) > LONGITUDE_E7:
+            return int(mavlink.MAV_MISSION_INVALID_PARAM6_Y)
+        if not -32_768 <= item.z <= 32_767:
+            return int(mavlink.MAV_MISSION_INVALID_PARAM7)
+        if item.frame not in _ANY_ALTITUDE:
+            return int(mavlink.MAV_MISSION_UNSUPPORTED_FRAME)
+        if index > self.count or index >= self.max_items:
+            return ERROR
+        point = Item(item.command, frame=_ANY_ALTITUDE[item.frame], x=item.x, y=item.y, z=float(int(item.z)))
+        self._rally.replace([*self._rally.items[:index], point, *self._rally.items[index + 1 :]])
+        return ACCEPTED
+
+    def complete(self) -> int:
+        return ACCEPTED
+
+    def abandon(self) -> None:
+        pass
+
+    def clear(self) -> bool:
+        self._rally.replace([])
+        return True
+
+    def read(self, index: int) -> Item | int:
+        return self._rally.items[index] if index < self.count else INVALID_SEQUENCE

@@ -1,0 +1,105 @@
+"""Mission items and acknowledgements as messages."""
+
+import math
+import struct
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.vehicle.mission import Item
+
+Peer = tuple[int, int]  # system and component id of a ground station
+
+MISSION = int(mavlink.MAV_MISSION_TYPE_MISSION)
+FENCE = int(mavlink.MAV_MISSION_TYPE_FENCE)
+RALLY = int(mavlink.MAV_MISSION_TYPE_RALLY)
+ALL = int(mavlink.MAV_MISSION_TYPE_ALL)
+
+# Commands whose x and y are no coordinates: the legacy MISSION_ITEM carries them as they are.
+_NO_COORDINATES = frozenset(
+    {
+        mavlink.MAV_CMD_DO_DIGICAM_CONTROL,
+        mavlink.MAV_CMD_DO_DIGICAM_CONFIGURE,
+        mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW,
+        mavlink.MAV_CMD_NAV_ATTITUDE_TIME,
+    }
+)
+_OPAQUE_ID = struct.Struct("<I")
+
+
+class _MissionAck(mavlink.MAVLink_mission_ack_message):  # type: ignore[misc]
+    """With the extension field opaque_id, which pymavlink's dialect does not know yet."""
+
+    opaque_id = 0
+
+    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
+        known = self.unpacker.pack(self.target_system, self.target_component, self.type, self.mission_type)
+        payload = known + _OPAQUE_ID.pack(self.opaque_id)
+        return bytes(self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1))
+
+
+class _MissionCount(mavlink.MAVLink_mission_count_message):  # type: ignore[misc]
+    """With the extension field opaque_id, which pymavlink's dialect does not know yet."""
+
+    opaque_id = 0
+
+    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
+        known = self.unpacker.pack(self.count, self.target_system, self.target_component, self.mission_type)
+        payload = known + _OPAQUE_ID.pack(self.opaque_id)
+        return bytes(self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1))
+
+
+def peer_of(message: Any) -> Peer:
+    return message.get_srcSystem(), message.get_srcComponent()
+
+
+def ack_message(peer: Peer, result: int, kind: int, opaque_id: int = 0) -> Any:
+    """MISSION_ACK with a MAV_MISSION_RESULT."""
+    message = _MissionAck(*peer, result, kind)
+    message.opaque_id = opaque_id
+    return message
+
+
+def count_message(peer: Peer, count: int, kind: int, opaque_id: int = 0) -> Any:
+    """MISSION_COUNT."""
+    message = _MissionCount(*peer, count, kind)
+    message.opaque_id = opaque_id
+    return message
+
+
+def item_from_message(message: Any) -> Item | None:
+    """MISSION_ITEM_INT or the legacy MISSION_ITEM -> Item; None where its coordinates are no numbers."""
+    x, y = message.x, message.y
+    if message.get_type() == "MISSION_ITEM":
+        if not (math.isfinite(x) and math.isfinite(y)):
+            return None
+        if message.frame != mavlink.MAV_FRAME_MISSION and message.command not in _NO_COORDINATES:
+            x, y = x * 1e7, y * 1e7
+        if max(abs(x), abs(y)) > 2**31 - 1:
+            return None
+        x, y = round(x), round(y)
+    return Item(
+        command=message.command,
+        frame=message.frame,
+        param1=message.param1,
+        param2=message.param2,
+        param3=message.param3,
+        param4=message.param4,
+        x=x,
+        y=y,
+        z=message.z,
+        autocontinue=message.autocontinue != 0,
+    )
+
+
+def item_message(
+    peer: Peer, seq: int, item: Item, kind: int, *, as_int: bool, current: bool = False, autocontinue: int = 1
+) -> Any:
+    """MISSION_ITEM_INT, or the legacy MISSION_ITEM, to a ground station."""
+    head = (*peer, seq, item.frame, item.command, int(current), autocontinue)
+    parameters = (item.param1, item.param2, item.param3, item.param4)
+    if as_int:
+        return mavlink.MAVLink_mission_item_int_message(*head, *parameters, item.x, item.y, item.z, kind)
+    scaled = item.frame != mavlink.MAV_FRAME_MISSION and item.command not in _NO_COORDINATES
+    x, y = (item.x * 1e-7, item.y * 1e-7) if scaled else (float(item.x), float(item.y))
+    return mavlink.MAVLink_mission_item_message(*head, *parameters, x, y, item.z, kind)

@@ -1,0 +1,56 @@
+"""What the fleet is about to send: frames with the vehicle that sends them, in order."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from sim_vehicle.physics.world import World
+from sim_vehicle.wire.encode import Encoder
+from sim_vehicle.wire.status import Status
+from sim_vehicle.wire.streams import Streams
+from sim_vehicle.wire.telemetry import STREAMS, View
+
+Frames = list[tuple[int, bytes]]
+"""(vehicle's index, one MAVLink frame or boot text)"""
+
+
+class Outbox:
+    """Encodes what vehicles say and what streams, and keeps it until it is taken."""
+
+    def __init__(self, encoder: Encoder, world: World, status: Status) -> None:
+        self._encoder, self._world, self._status = encoder, world, status
+        self._frames: Frames = []
+
+    def take(self) -> Frames:
+        """Everything since the last call."""
+        frames, self._frames = self._frames, []
+        return frames
+
+    def message(self, vehicle: int, message: Any) -> None:
+        """Pack one message of one vehicle."""
+        self._frames.append((vehicle, self._encoder.pack(vehicle, message)))
+
+    def raw(self, vehicle: int, data: bytes) -> None:
+        """Bytes that are no MAVLink."""
+        self._frames.append((vehicle, data))
+
+    def stream_now(self, vehicle: int, message_id: int, now: float) -> bool:
+        """One message of STREAMS of one vehicle; False if it has nothing to say there yet."""
+        return self._send(message_id, np.array([vehicle]), now) == 1
+
+    def stream(self, streams: Streams, now: float) -> None:
+        """Everything of all vehicles that is due."""
+        for message_id, vehicles in streams.due(now):
+            self._send(message_id, vehicles[self._status.booted[vehicles]], now)
+
+    def _send(self, message_id: int, vehicles: npt.NDArray[np.int64], now: float) -> int:
+        stream = STREAMS[message_id]
+        view = View(self._world, self._status, vehicles, now)
+        has = stream.has(view)
+        if not has.all():
+            view.i = vehicles = vehicles[has]
+        if len(vehicles):
+            frames = self._encoder.frames(stream.layout, stream.payloads(view), vehicles)
+            self._frames.extend(zip(vehicles.tolist(), frames, strict=True))
+        return len(vehicles)

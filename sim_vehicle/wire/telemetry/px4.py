@@ -1,0 +1,134 @@
+"""Messages that only PX4 streams; by their definitions, where pymavlink's ArduPilot dialect has none.
+
+A ground station that does not know them either sees frames of unknown ids, as it does with the real one.
+"""
+
+import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.physics.geodesy import Floats
+from sim_vehicle.physics.motion import GRAVITY_M_S2
+from sim_vehicle.wire.encode import Layout
+from sim_vehicle.wire.telemetry.motion import local_position_ned, quaternion
+from sim_vehicle.wire.telemetry.view import Columns, View
+
+UNKNOWN_TIME_S = -1
+OUTPUTS = 4  # motors or servos
+DIAGONAL = (0, 6, 11, 15, 18, 20)  # of a symmetric 6 x 6 matrix whose upper triangle is written row by row
+ANGLE_VARIANCE_RAD2, VELOCITY_VARIANCE_M2_S2 = 1e-4, 1e-2
+
+TIME_ESTIMATE_TO_TARGET = Layout(
+    380,
+    "TIME_ESTIMATE_TO_TARGET",
+    bytes([232]),
+    np.dtype(
+        [
+            ("safe_return", "<i4"),
+            ("land", "<i4"),
+            ("mission_next_item", "<i4"),
+            ("mission_end", "<i4"),
+            ("commanded_action", "<i4"),
+        ]
+    ),
+)
+CURRENT_EVENT_SEQUENCE = Layout(
+    411, "CURRENT_EVENT_SEQUENCE", bytes([106]), np.dtype([("sequence", "<u2"), ("flags", "u1")])
+)
+CURRENT_MODE = Layout(
+    436,
+    "CURRENT_MODE",
+    bytes([193]),
+    np.dtype([("custom_mode", "<u4"), ("intended_custom_mode", "<u4"), ("standard_mode", "u1")]),
+)
+
+
+def time_estimate_to_target(v: View) -> Columns:
+    """The way home at cruising speed [s]; nothing else is estimated."""
+    status, dynamics = v.status, v.world.dynamics
+    away_m = np.hypot(*(v.world.estimate_m[v.i, :2] - status.origin_m[v.i, :2]).T)
+    speed_m_s = np.maximum(np.hypot(dynamics.velocity_m_s[v.i, 0], dynamics.velocity_m_s[v.i, 1]), 5.0)
+    others = ("land", "mission_next_item", "mission_end", "commanded_action")
+    home_s = np.where(dynamics.airborne[v.i], away_m / speed_m_s, UNKNOWN_TIME_S)
+    return {"safe_return": home_s, **dict.fromkeys(others, UNKNOWN_TIME_S)}
+
+
+def current_event_sequence(_v: View) -> Columns:
+    """No events are sent, so the sequence stands at 0."""
+    return {"sequence": 0}
+
+
+def current_mode(v: View) -> Columns:
+    mode = v.status.custom_mode[v.i]
+    return {"custom_mode": mode, "intended_custom_mode": mode, "standard_mode": v.status.standard_mode[v.i]}
+
+
+def _since_boot_us(v: View, at_s: Floats) -> Floats:
+    """Times of the simulation [s] by the vehicle's clock [us]; 0 where there is none."""
+    return np.asarray(np.nan_to_num((at_s - v.status.boot_s[v.i]) * 1e6))
+
+
+def flight_information(v: View) -> Columns:
+    """Since the boot, although the fields are called UTC."""
+    return {
+        "time_boot_ms": v.boot_ms(),
+        "arming_time_utc": _since_boot_us(v, v.status.armed_since_s[v.i]),
+        "takeoff_time_utc": _since_boot_us(v, v.status.flying_since_s[v.i]),
+        "flight_uuid": v.status.flights[v.i],
+    }
+
+
+def hil_state_quaternion(v: View) -> Columns:
+    """The truth, as PX4's simulators have it; PX4 leaves the time at 0."""
+    dynamics, i = v.world.dynamics, v.i
+    lat_deg, lon_deg = v.world.frame.to_geodetic(dynamics.position_m[i, 0], dynamics.position_m[i, 1])
+    rates = dynamics.rates_rad_s[i]
+    velocity = dynamics.velocity_m_s[i] * 100
+    acceleration_mg = dynamics.acceleration_m_s2[i] * (1000 / GRAVITY_M_S2)
+    return {
+        "attitude_quaternion": quaternion(dynamics.attitude_rad[i]),
+        "rollspeed": rates[:, 0],
+        "pitchspeed": rates[:, 1],
+        "yawspeed": rates[:, 2],
+        "lat": lat_deg * 1e7,
+        "lon": lon_deg * 1e7,
+        "alt": dynamics.position_m[i, 2] * 1000,
+        "vx": velocity[:, 1],
+        "vy": velocity[:, 0],
+        "vz": -velocity[:, 2],
+        "xacc": acceleration_mg[:, 1],
+        "yacc": acceleration_mg[:, 0],
+        "zacc": -acceleration_mg[:, 2],
+    }
+
+
+def odometry(v: View) -> Columns:
+    """Position and velocity in the local north, east, down frame, attitude and body rates."""
+    local = local_position_ned(v)
+    rates = v.world.dynamics.rates_rad_s[v.i]
+    horizontal_m2 = v.world.gps.eph_m[v.i] ** 2
+    pose, velocity = (np.full((len(v.i), 21), np.nan) for _ in range(2))
+    pose[:, DIAGONAL[:2]] = horizontal_m2[:, None]
+    pose[:, DIAGONAL[2]] = horizontal_m2 * 1.6**2
+    pose[:, DIAGONAL[3:]] = ANGLE_VARIANCE_RAD2
+    velocity[:, DIAGONAL[:3]] = VELOCITY_VARIANCE_M2_S2
+    return {
+        "time_usec": v.boot_us(),
+        "frame_id": mavlink.MAV_FRAME_LOCAL_NED,
+        "child_frame_id": mavlink.MAV_FRAME_LOCAL_NED,
+        **{name: local[name] for name in ("x", "y", "z", "vx", "vy", "vz")},
+        "q": quaternion(v.world.dynamics.attitude_rad[v.i]),
+        "rollspeed": rates[:, 0],
+        "pitchspeed": rates[:, 1],
+        "yawspeed": rates[:, 2],
+        "pose_covariance": pose,
+        "velocity_covariance": velocity,
+        "estimator_type": mavlink.MAV_ESTIMATOR_TYPE_AUTOPILOT,
+    }
+
+
+def actuator_output_status(v: View) -> Columns:
+    """Pulse widths of the motors [us], 1000 while they stand still."""
+    pulse_us = np.where(v.world.armed[v.i], 1100 + 800 * v.world.dynamics.throttle[v.i], 1000.0)
+    outputs = np.zeros((len(v.i), 32))
+    outputs[:, :OUTPUTS] = pulse_us[:, None]
+    return {"time_usec": v.boot_us(), "active": OUTPUTS, "actuator": outputs}

@@ -1,0 +1,57 @@
+"""The fleet's columns as a message builder sees them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from sim_vehicle.physics.geodesy import Floats
+from sim_vehicle.physics.world import World
+from sim_vehicle.wire.status import Status
+
+Ints = npt.NDArray[np.int64]
+Columns = Mapping[str, Any]
+UNKNOWN_U16 = 65_535
+UNKNOWN_I16 = 32_767
+
+
+@dataclass(slots=True)
+class View:
+    """The fleet's columns at one time; `i` are the vehicles that are meant."""
+
+    world: World
+    status: Status
+    i: Ints
+    now: float
+
+    def boot_s(self) -> Floats:
+        """Each vehicle's own clock since its boot [s]."""
+        status, i = self.status, self.i
+        ahead_s = status.clock_offset_s[i] + (self.now - status.clock_since_s[i]) * status.clock_drift[i]
+        return np.asarray(self.now - status.boot_s[i] + ahead_s, dtype=np.float64)
+
+    def boot_ms(self) -> Floats:
+        return self.boot_s() * 1000.0
+
+    def boot_us(self) -> npt.NDArray[np.uint64]:
+        return np.rint(self.boot_s() * 1e6).clip(0).astype(np.uint64)
+
+    def e7(self) -> tuple[Ints, Ints]:
+        """Estimated latitude and longitude [1e-7 deg]; 0, 0 before the first fix."""
+        lat_deg, lon_deg = self.world.estimated_geodetic()
+        seen = self.status.gps_seen[self.i]
+        lat = np.rint(np.where(seen, lat_deg[self.i], 0.0) * 1e7).astype(np.int64)
+        return lat, np.rint(np.where(seen, lon_deg[self.i], 0.0) * 1e7).astype(np.int64)
+
+    def heading_deg(self) -> Floats:
+        return np.asarray(np.rad2deg(self.world.dynamics.attitude_rad[self.i, 2]) % 360.0)
+
+    def height_m(self) -> Floats:
+        """Above home [m]."""
+        status = self.status
+        home = np.where(
+            status.has_home[self.i], status.home_amsl_m[self.i], self.world.dynamics.ground_m[self.i]
+        )
+        return np.asarray(self.world.estimate_m[self.i, 2] - home)

@@ -1,0 +1,93 @@
+"""Between the fleet and its ground stations: signatures, and the wires that are spoilt."""
+
+from collections.abc import Collection, Iterable, Iterator
+from typing import Any
+
+from sim_vehicle.wire.channel import Channel, Direction
+from sim_vehicle.wire.outbox import Frames
+from sim_vehicle.wire.parser import Parser
+from sim_vehicle.wire.signing import Signing
+
+Arrival = tuple[float, int, Any]  # when [s], vehicle's index, message
+
+
+class Wires:
+    """The last step of what a fleet sends and the first of what it receives.
+
+    Parameters
+    ----------
+    signings, links: by vehicle index.
+    trusted_links: over these nothing has to be signed, as over an autopilot's USB.
+    """
+
+    def __init__(
+        self, signings: Iterable[Signing], links: tuple[int, ...], trusted_links: Collection[int]
+    ) -> None:
+        self._signings, self._links, self._trusted_links = tuple(signings), links, trusted_links
+        self._signing: dict[int, Signing] = {}  # those that sign
+        self._channels: dict[int, Channel] = {}  # those that are spoilt
+        self._parsers: dict[int, Parser] = {}
+
+    @property
+    def plain(self) -> bool:
+        """Nobody signs and nothing is spoilt: frames may go as they are."""
+        return not (self._signing or self._channels)
+
+    def channel(self, index: int) -> Channel:
+        """The spoilt wire of a vehicle, from now on."""
+        if index not in self._channels:
+            self._channels[index] = Channel()
+            self._parsers[index] = Parser()
+        return self._channels[index]
+
+    def note_key(self, index: int) -> None:
+        """The key of a vehicle may have changed."""
+        self._signing.pop(index, None)
+        if self._signings[index].active:
+            self._signing[index] = self._signings[index]
+
+    def accepts(self, index: int, message: Any, now: float) -> bool:
+        """Whether a vehicle may obey a message, by its signature."""
+        signing = self._signing.get(index)
+        if signing is None or self._links[index] in self._trusted_links:
+            return True
+        return signing.accepts(bytes(message.get_msgbuf()), now)
+
+    def send(self, frames: Frames, now: float) -> Frames:
+        """Sign what is to be signed; what goes over a spoilt wire is not returned but on its way."""
+        through = []
+        for index, frame in frames:
+            signing = self._signing.get(index)
+            signed = frame if signing is None else signing.sign(frame, self._links[index], now)
+            channel = self._channels.get(index)
+            if channel is None:
+                through.append((index, signed))
+            else:
+                channel.put(Direction.FROM_VEHICLE, signed, now)
+        return through
+
+    def takes(self, index: int, message: Any, now: float) -> bool:
+        """Put a message onto the spoilt wire to a vehicle; False if the wire is sound."""
+        channel = self._channels.get(index)
+        if channel is not None:
+            channel.put(Direction.TO_VEHICLE, bytes(message.get_msgbuf()), now)
+        return channel is not None
+
+    def arrivals_at_vehicles(self, now: float) -> Iterator[Arrival]:
+        """Messages that have come through to vehicles by `now` [s], each vehicle's in order."""
+        for index, channel in tuple(self._channels.items()):
+            while channel.next_due_s(Direction.TO_VEHICLE) <= now:
+                due_s = channel.next_due_s(Direction.TO_VEHICLE)
+                for frame, _ in channel.take(Direction.TO_VEHICLE, due_s):
+                    for message in self._parsers[index].feed(frame):
+                        yield due_s, index, message
+
+    def arrivals_at_stations(self, now: float) -> Frames:
+        """Frames that have come through from vehicles by `now` [s], in order; sound wires are forgotten."""
+        arrived = []
+        for index, channel in tuple(self._channels.items()):
+            arrived += [(due_s, index, frame) for frame, due_s in channel.take(Direction.FROM_VEHICLE, now)]
+            if channel.idle:
+                del self._channels[index], self._parsers[index]
+        arrived.sort(key=lambda arrival: arrival[0])
+        return [(index, frame) for _, index, frame in arrived]
