@@ -204,7 +204,7 @@ def main() -> None:
     console = Console()
     real = Table(title="In real time over UDP", box=box.SIMPLE_HEAD)
     for name in (
-        "vehicles", "msg/s", "each", "CPU [%]", "each [us/s]", "RSS [MB]", "heard", "late p50 [ms]",
+        "fleet", "msg/s", "each", "CPU [%]", "each [us/s]", "RSS [MB]", "heard", "late p50 [ms]",
         "p99 [ms]",
     ):  # fmt: skip
         real.add_column(escape(name), justify="right")
