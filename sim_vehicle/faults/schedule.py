@@ -13,6 +13,7 @@ import numpy as np
 from sim_vehicle.faults import FAULTS
 from sim_vehicle.faults.base import End, Target
 from sim_vehicle.faults.spec import FaultError, FaultSpec
+from sim_vehicle.ranges import ranges
 from sim_vehicle.vehicle.afflictions import Afflictions
 from sim_vehicle.wire.channel import Channel
 
@@ -115,7 +116,7 @@ class Schedule:
             return list(range(len(self._sysids)))
         missing = sorted(set(spec.vehicles) - set(self._sysids))
         if missing:
-            here = _ranges(self._sysids)
+            here = ranges(self._sysids)
             raise FaultError(f"fault {spec.fault}: there is no vehicle {missing[0]}; system ids here: {here}")
         return [index for index, sysid in enumerate(self._sysids) if sysid in spec.vehicles]
 
@@ -163,14 +164,3 @@ class Schedule:
             self._tickers.pop(key, None)
 
         return stop
-
-
-def _ranges(sysids: Sequence[int]) -> str:
-    """1, 2, 3, 7 -> `1-3, 7`."""
-    runs: list[list[int]] = []
-    for sysid in sorted(set(sysids)):
-        if runs and sysid == runs[-1][-1] + 1:
-            runs[-1].append(sysid)
-        else:
-            runs.append([sysid])
-    return ", ".join(f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs)

@@ -207,6 +207,7 @@ class Personality:
     signs: bool = False  # knows MAVLink 2 signing; else signatures are not looked at
     disarm_restores_mode: bool = False  # the last mode that may be armed in follows a flight
     answers_ping: bool = False  # PING to nobody in particular
+    home_is_local: bool = False  # HOME_POSITION has local coordinates, too
     home_with_position: bool = False  # set once the position estimate is there, not before
     origin_moves: bool = False  # wherever SET_GPS_GLOBAL_ORIGIN says; else only while there is none
     flight_counter: str | None = None  # the parameter that a disarming counts up

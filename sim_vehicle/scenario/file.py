@@ -8,6 +8,7 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from sim_vehicle.personalities import PERSONALITIES
 from sim_vehicle.physics.geodesy import LocalFrame
 from sim_vehicle.scenario.base import Altitude, Latitude, Length, Longitude, Metres, Section
 from sim_vehicle.scenario.model import Finding, MisfitError, Scenario
@@ -242,14 +243,15 @@ def default_scenario(
     """`count` vehicles side by side, eastward from home (latitude, longitude [deg], altitude [m]).
 
     Each `per_link` of them share a link, where system ids begin with `first_sysid` again. The personality
-    "mixed" is ardupilot and px4 in turn.
+    "mixed" is all of them in turn.
     """
     lat_deg, lon_deg, alt_amsl_m = home
     frame = LocalFrame(lat_deg, lon_deg)
+    names = tuple(PERSONALITIES) if personality == "mixed" else (personality,)
     vehicles = []
     for i in range(count):
         lat, lon = frame.point_to_geodetic(i * SPACING_M, 0.0)
-        name = ("ardupilot", "px4")[i % 2] if personality == "mixed" else personality
+        name = names[i % len(names)]
         vehicles.append(
             {
                 "sysid": first_sysid + i % per_link,

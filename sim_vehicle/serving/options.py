@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import TypeVar
 
 from sim_vehicle.faults.spec import FaultError, parse_fault
-from sim_vehicle.personalities import personality_of
+from sim_vehicle.personalities import PERSONALITIES, personality_of
 from sim_vehicle.scenario import Scenario, ScenarioError, default_scenario, load_scenario
 from sim_vehicle.url import Url, UrlError, parse_url
 
 MAX_SYSID = 250
 DEFAULT_HOME = "46.0490,14.5060,300"  # Ljubljana, Slovenia
-PERSONALITIES = ("ardupilot", "px4")
 KINDS = {"copter": "copter", "plane": "plane", "arducopter": "copter", "arduplane": "plane"}
 Value = TypeVar("Value")
 

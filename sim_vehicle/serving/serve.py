@@ -8,12 +8,12 @@ import signal
 import sys
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import groupby
 from pathlib import Path
 
 import typer
 
 from sim_vehicle.fleet import Fleet
+from sim_vehicle.ranges import ranges
 from sim_vehicle.scenario import Scenario
 from sim_vehicle.serving.hand import stepped_from
 from sim_vehicle.serving.options import OptionError
@@ -140,15 +140,7 @@ def fleet_words(scenario: Scenario) -> str:
         name = f"{vehicle.personality} {vehicle.kind}"
         kinds[name] = kinds.get(name, 0) + 1
     words = [f"{number} {name}{'s' if number > 1 else ''}" for name, number in kinds.items()]
-    return f"{' and '.join(words)}, sysid {_ranges({vehicle.sysid for vehicle in scenario.vehicles})}"
-
-
-def _ranges(numbers: set[int]) -> str:
-    parts = []
-    for _, group in groupby(enumerate(sorted(numbers)), key=lambda pair: pair[1] - pair[0]):
-        run = [number for _, number in group]
-        parts.append(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}")
-    return ",".join(parts)
+    return f"{' and '.join(words)}, sysid {ranges(vehicle.sysid for vehicle in scenario.vehicles)}"
 
 
 def summary(server: Server) -> str:

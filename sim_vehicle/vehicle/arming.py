@@ -44,8 +44,8 @@ class Arming:
         in_mission = vehicle.mode.behaviour is Behaviour.MISSION
         if not force and not self._may_arm(in_mission=in_mission, now=now):
             return False
-        if vehicle.home is not None and not vehicle.home_locked:
-            vehicle.set_home(vehicle.here(), now)
+        if vehicle.landmarks.home is not None and not vehicle.landmarks.home_locked:
+            vehicle.landmarks.set_home(vehicle.here(), now)
         self._armed_at_s, self._flown = now, False
         self._was_airborne = vehicle.body.airborne
         self._taken_off_at_s = math.nan

@@ -24,11 +24,11 @@ from sim_vehicle.vehicle.fence import Fence
 from sim_vehicle.vehicle.fence_watch import FenceWatch
 from sim_vehicle.vehicle.flight import Flight
 from sim_vehicle.vehicle.jobs import Jobs
-from sim_vehicle.vehicle.mission import Item, Mission, MissionState
+from sim_vehicle.vehicle.landmarks import Landmarks
+from sim_vehicle.vehicle.mission import Mission, MissionState
 from sim_vehicle.vehicle.modes import Modes
 from sim_vehicle.vehicle.params import Parameters
 from sim_vehicle.vehicle.publish import publish
-from sim_vehicle.vehicle.rally import Rally
 from sim_vehicle.vehicle.readiness import Readiness
 from sim_vehicle.vehicle.receivers import RECEIVERS
 from sim_vehicle.vehicle.setpoints import Setpoints
@@ -115,22 +115,22 @@ class Autopilot:
         )
         self.tuning: Tuning = personality.tuning(self.params)
         self.singles = {**SINGLES, **personality.singles}
-        self.fence, self.rally = Fence(), Rally()
+        self.fence, self.landmarks = Fence(), Landmarks(self)
         make = personality.mission
-        self.mission = Mission(home=self.home_item) if make is None else make(self)
+        self.mission = Mission(home=self.landmarks.home_item) if make is None else make(self)
         self.modes = Modes(self)
         self.flight = Flight(
             body,
             self.mission,
             tuning=lambda: self.tuning,
-            home=lambda: self.home or self.here(),
-            return_place=self._return_place,
+            home=lambda: self.landmarks.home_or_here,
+            return_place=self.landmarks.return_place,
             tell=self.tell,
             send=self.send,
             disarm=self._landed,
             taken_off=self.modes.taken_off,
             mission_over=self.modes.mission_over,
-            set_home=lambda place: self.set_home(place, self.now, locked=True),
+            set_home=lambda place: self.landmarks.set_home(place, self.now, locked=True),
         )
         self.arming = Arming(self)
         self.fence_watch = FenceWatch(self)
@@ -155,10 +155,7 @@ class Autopilot:
         """Everything that does not survive a reboot; parameters and the mission do."""
         self.readiness = Readiness(now, self._ready_s)
         self.modes.reset(now)
-        self.home: Place | None = None
-        self.home_locked = False
-        self.origin: Place | None = None
-        self.origin_m = (0.0, 0.0, 0.0)
+        self.landmarks.reset()
         self.failsafes = Failsafes(self)
         self.fence_watch = FenceWatch(self)
         self._switch_read = False
@@ -335,10 +332,7 @@ class Autopilot:
             self._switch_read = True
             if self.readiness.ready_s > 0:
                 self.modes.mode_switch_read()
-        if self.origin is None and self.readiness.home(now):
-            self.set_origin(self.here(), now)
-        if self.home is None and self._home_due(now):
-            self.set_home(self.here(), now)
+        self.landmarks.note_readiness(now)
         if not self.armed and now >= self._next_prearm_s:
             self._next_prearm_s += PREARM_TEXT_S
             self.tell_refusals("prearm", now)
@@ -352,7 +346,7 @@ class Autopilot:
         text = f"STRIKE {self.strikes} over {over[0]},{over[1]} from {by[0]},{by[1]}"
         self.say(mavlink.MAV_SEVERITY_WARNING, text)
 
-    # -- home and position -------------------------------------------------------------------------------
+    # -- position ------------------------------------------------------------------------------------
 
     def position_known(self, now: float) -> bool:
         """Whether it has a position estimate it may navigate by."""
@@ -360,52 +354,6 @@ class Autopilot:
 
     def here(self) -> Place:
         return Place(*self.body.lat_lon_deg, self.body.alt_amsl_m)
-
-    @property
-    def home_deg(self) -> tuple[float, float]:
-        """Latitude and longitude of home, or of where it is while there is none."""
-        return (self.home.lat_deg, self.home.lon_deg) if self.home else self.body.lat_lon_deg
-
-    @property
-    def height_above_home_m(self) -> float:
-        return self.body.alt_amsl_m - (self.home.alt_amsl_m if self.home else self.body.ground_amsl_m)
-
-    def _home_due(self, now: float) -> bool:
-        late = self.personality.home_with_position
-        return self.position_known(now) if late else self.readiness.home(now)
-
-    def set_origin(self, place: Place, now: float) -> None:
-        """Where local coordinates are counted from."""
-        self.origin = place
-        self.origin_m = (*self.body.locate(place.lat_deg, place.lon_deg), place.alt_amsl_m)
-        self.tell("origin_set")
-        self.send_now(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, now)
-
-    def set_home(self, place: Place, now: float, *, locked: bool = False) -> None:
-        self.home, self.home_locked = place, self.home_locked or locked
-        self.send_now(mavlink.MAVLINK_MSG_ID_HOME_POSITION, now)
-
-    def _return_place(self) -> Place:
-        """The nearest rally point, or home."""
-        home = self.home or self.here()
-        point = self.rally.nearest(
-            self.body.lat_lon_deg,
-            (home.lat_deg, home.lon_deg),
-            limit_m=self.tuning.rally_limit_m,
-            include_home=self.tuning.rally_includes_home,
-        )
-        if point is None or point.place_deg is None:
-            return home
-        return Place(*point.place_deg, self.flight.altitude_amsl_m(point.frame, point.z))
-
-    def home_item(self) -> Item:
-        home = self.home or Place(0.0, 0.0, 0.0)
-        return Item(
-            mavlink.MAV_CMD_NAV_WAYPOINT,
-            x=round(home.lat_deg * 1e7),
-            y=round(home.lon_deg * 1e7),
-            z=round(home.alt_amsl_m, 2),
-        )
 
     # -- arming and mode ---------------------------------------------------------------------------------
 

@@ -229,14 +229,14 @@ def set_home(vehicle: "Autopilot", command: Command, now: float) -> int:
     if not vehicle.position_known(now):
         return FAILED
     if command.param1 == 1:
-        vehicle.set_home(vehicle.here(), now, locked=True)
+        vehicle.landmarks.set_home(vehicle.here(), now, locked=True)
         return ACCEPTED
     place = command.place()
     if place is None or command.frame not in FRAMES_WITH_ALTITUDE:
         return DENIED
     # COMMAND_LONG carries no frame: its altitude is above mean sea level here.
     up_m = vehicle.flight.altitude_amsl_m(command.frame, command.z) if command.as_int else command.z
-    vehicle.set_home(Place(*place, up_m), now, locked=True)
+    vehicle.landmarks.set_home(Place(*place, up_m), now, locked=True)
     return ACCEPTED
 
 

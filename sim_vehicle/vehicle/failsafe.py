@@ -132,7 +132,7 @@ class Failsafes:
     def _go_to_return_point(self) -> None:
         """The fence's, else home, at the altitude that belongs to it."""
         vehicle = self._vehicle
-        place_deg = vehicle.fence.return_point_deg or vehicle.home_deg
+        place_deg = vehicle.fence.return_point_deg or vehicle.landmarks.home_deg
         up_m = vehicle.flight.home().alt_amsl_m + vehicle.tuning.fence_return_height_m
         vehicle.flight.guided_go(*place_deg, up_m)
 

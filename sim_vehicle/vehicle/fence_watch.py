@@ -118,19 +118,19 @@ class FenceWatch:
         vehicle, tuning = self._vehicle, self._vehicle.tuning
         if vehicle.flight.landing_now or not vehicle.flight.flying:
             self._above_floor = False
-        elif vehicle.height_above_home_m >= tuning.fence_min_height_m + tuning.fence_margin_m:
+        elif vehicle.landmarks.height_above_home_m >= tuning.fence_min_height_m + tuning.fence_margin_m:
             self._above_floor = True
 
     def _here_m(self) -> dict[str, float]:
         vehicle = self._vehicle
-        return self._beyond_m(*vehicle.body.lat_lon_deg, vehicle.height_above_home_m)
+        return self._beyond_m(*vehicle.body.lat_lon_deg, vehicle.landmarks.height_above_home_m)
 
     def _beyond_m(self, lat_deg: float, lon_deg: float, height_m: float) -> dict[str, float]:
         """By how much a place is beyond each limit that it is beyond [m]."""
         vehicle, tuning = self._vehicle, self._vehicle.tuning
         beyond_m = {
             ALTITUDE_MAX: height_m - tuning.fence_max_height_m,
-            CIRCLE: distance_m(vehicle.home_deg, (lat_deg, lon_deg)) - tuning.fence_radius_m,
+            CIRCLE: distance_m(vehicle.landmarks.home_deg, (lat_deg, lon_deg)) - tuning.fence_radius_m,
         }
         if self._above_floor:
             beyond_m[ALTITUDE_MIN] = tuning.fence_min_height_m - height_m

@@ -94,14 +94,15 @@ def _health(vehicle: "Autopilot", now: float) -> None:
 
 def _places(vehicle: "Autopilot") -> None:
     status, i = vehicle.status, vehicle.index
-    home, origin = vehicle.home, vehicle.origin
+    status.home_is_local[i] = vehicle.personality.home_is_local
+    home, origin = vehicle.landmarks.home, vehicle.landmarks.origin
     status.has_home[i] = home is not None
     if home is not None:
         status.home_e7[i] = round(home.lat_deg * 1e7), round(home.lon_deg * 1e7)
         status.home_amsl_m[i] = home.alt_amsl_m
     status.has_origin[i] = origin is not None
     if origin is not None:
-        status.origin_m[i] = vehicle.origin_m
+        status.origin_m[i] = vehicle.landmarks.origin_m
         status.origin_e7[i] = round(origin.lat_deg * 1e7), round(origin.lon_deg * 1e7)
 
 

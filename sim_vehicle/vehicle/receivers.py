@@ -84,8 +84,8 @@ def _on_set_current(vehicle: "Autopilot", message: Any, now: float) -> None:
 def _on_set_origin(vehicle: "Autopilot", message: Any, now: float) -> None:
     lat_deg, lon_deg = message.latitude * 1e-7, message.longitude * 1e-7
     moves = vehicle.personality.origin_moves
-    if abs(lat_deg) <= 90 and abs(lon_deg) <= 180 and (vehicle.origin is None or moves):
-        vehicle.set_origin(Place(lat_deg, lon_deg, message.altitude * 1e-3), now)
+    if abs(lat_deg) <= 90 and abs(lon_deg) <= 180 and (vehicle.landmarks.origin is None or moves):
+        vehicle.landmarks.set_origin(Place(lat_deg, lon_deg, message.altitude * 1e-3), now)
     elif moves:
         vehicle.send_now(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, now)
 

@@ -102,7 +102,7 @@ class Setpoints:
         if frame in BODY_FRAMES:
             x, y = self._turned(x, y)
         if frame == mavlink.MAV_FRAME_LOCAL_NED:
-            east_m, north_m, up_m = self._vehicle.origin_m
+            east_m, north_m, up_m = self._vehicle.landmarks.origin_m
         else:
             east_m, north_m, up_m = body.position_m
         return east_m + y, north_m + x, up_m - z

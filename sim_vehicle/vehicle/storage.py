@@ -198,8 +198,8 @@ def _look(vehicle: "Autopilot") -> _Seen:
         vehicle.armed,
         vehicle.mode.number,
         vehicle.body.airborne,
-        vehicle.origin,
-        vehicle.home,
+        vehicle.landmarks.origin,
+        vehicle.landmarks.home,
         mission.index if mission.state is MissionState.ACTIVE else None,
         (
             failsafes.rc,

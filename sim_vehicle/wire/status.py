@@ -44,6 +44,7 @@ class Status:
         self.has_home = column("?")
         self.home_e7 = np.zeros((n, 2), dtype="i4")
         self.home_amsl_m = column("f8")
+        self.home_is_local = column("?")  # it says where home is in local coordinates, too
         self.has_origin = column("?")
         self.origin_m = np.zeros((n, 3))  # east, north, up in the fleet's frame
         self.origin_e7 = np.zeros((n, 2), dtype="i4")

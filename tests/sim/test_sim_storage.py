@@ -11,6 +11,7 @@ from pymavlink import DFReader, mavftp
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import ALT_M, LAT_DEG, LON_DEG, Station, home_item, land, scenario, takeoff, waypoint
 
+from sim_vehicle.faults.spec import parse_fault
 from sim_vehicle.files.ftp import HEADER
 from sim_vehicle.files.ftp_rules import FtpError, Opcode
 from sim_vehicle.fleet import Fleet
@@ -62,6 +63,12 @@ class Ground(Station):
             content += self.ftp(Opcode.READ_FILE, offset=len(content), size=239)
         self.ftp(Opcode.TERMINATE_SESSION)
         return content
+
+    def put(self, path: bytes, content: bytes) -> None:
+        self.ftp(Opcode.CREATE_FILE, path)
+        for offset in range(0, len(content), 200):
+            self.ftp(Opcode.WRITE_FILE, content[offset : offset + 200], offset=offset)
+        self.ftp(Opcode.TERMINATE_SESSION)
 
     def hop(self) -> None:
         """Up, and down again until the motors stop."""
@@ -198,11 +205,18 @@ def test_a_mission_put_as_a_file_is_the_mission() -> None:
     content = station.file(b"@MISSION/mission.dat")
     assert struct.unpack_from("<HHHHH", content) == (0x763D, 0, 0, 0, 3)
     longer = content[:8] + struct.pack("<H", 4) + content[10:] + content[-38:]
-    station.ftp(Opcode.CREATE_FILE, b"@MISSION/mission.dat")
-    for offset in range(0, len(longer), 200):
-        station.ftp(Opcode.WRITE_FILE, longer[offset : offset + 200], offset=offset)
-    station.ftp(Opcode.TERMINATE_SESSION)
+    station.put(b"@MISSION/mission.dat", longer)
     assert [m.command for m in station.download()] == [16, 22, 16, 16]
+
+
+def test_a_mission_that_is_refused_is_refused_as_a_file_too() -> None:
+    station = Ground(fleet())
+    assert station.upload([home_item(), takeoff(), waypoint(10, 10)]) == 0
+    content = station.file(b"@MISSION/mission.dat")
+    station.fleet.inject(parse_fault("mission_refused"), station.now)
+    with pytest.raises(AssertionError, match="FAIL"):
+        station.put(b"@MISSION/mission.dat", content[:8] + struct.pack("<H", 2) + content[10:-38])
+    assert [m.command for m in station.download()] == [16, 22, 16]
 
 
 # -- PX4 -------------------------------------------------------------------------------------------------

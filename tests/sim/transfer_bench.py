@@ -12,6 +12,7 @@ from sim_vehicle.vehicle.mission import Item, Mission
 from sim_vehicle.vehicle.mission_px4 import Px4Mission
 from sim_vehicle.vehicle.rally import Rally
 from sim_vehicle.vehicle.transfer import ArduPilotTransfer, Px4Transfer
+from sim_vehicle.vehicle.transfer.stores import FenceStore, MissionStore, RallyStore
 
 GCS = (255, 190)
 MISSION, FENCE, RALLY = 0, 1, 2
@@ -181,16 +182,19 @@ def kinds(messages: Sequence[Any]) -> list[str]:
 def ardupilot() -> Bench:
     def make(bench: Bench) -> ArduPilotTransfer:
         bench.mission = Mission(home=lambda: Item(WP, x=1, y=2, z=300.0))
-        return ArduPilotTransfer(
+        mission = MissionStore(
             bench.mission,
-            bench.fence,
-            bench.rally,
-            store_item=store_ardupilot,
-            max_items=650,
-            send=bench.take,
+            store_ardupilot,
+            650,
             say=bench.say,
             changed=lambda index: bench.calls.append(("changed", index)),
             flying=lambda: False,
+        )
+        return ArduPilotTransfer(
+            {MISSION: mission, FENCE: FenceStore(bench.fence, say=bench.say), RALLY: RallyStore(bench.rally)},
+            store_item=store_ardupilot,
+            send=bench.take,
+            say=bench.say,
             stored=lambda kind, total: bench.calls.append(("stored", kind, total)),
             guided=bench.go,
             refusal=lambda: bench.refusal,

@@ -14,6 +14,7 @@ from sim_vehicle.personalities.ardupilot.storage import storage
 from sim_vehicle.personalities.base import Behaviour, Personality
 from sim_vehicle.vehicle.mission import Item, Mission
 from sim_vehicle.vehicle.transfer import ArduPilotTransfer
+from sim_vehicle.vehicle.transfer.stores import FenceStore, MissionStore, RallyStore
 from sim_vehicle.wire.telemetry.px4 import CURRENT_EVENT_SEQUENCE, CURRENT_MODE, TIME_ESTIMATE_TO_TARGET
 
 if TYPE_CHECKING:
@@ -111,28 +112,29 @@ _TEXTS = {
 
 
 def _mission(vehicle: "Autopilot") -> Mission:
-    return Mission(home=vehicle.home_item)
-
-
-_TOTALS = {
-    mavlink.MAV_MISSION_TYPE_MISSION: "MIS_TOTAL",
-    mavlink.MAV_MISSION_TYPE_FENCE: "FENCE_TOTAL",
-    mavlink.MAV_MISSION_TYPE_RALLY: "RALLY_TOTAL",
-}
+    return Mission(home=vehicle.landmarks.home_item)
 
 
 def _transfer(vehicle: "Autopilot") -> ArduPilotTransfer:
-    return ArduPilotTransfer(
+    personality = vehicle.personality
+    mission = MissionStore(
         vehicle.mission,
-        vehicle.fence,
-        vehicle.rally,
-        store_item=vehicle.personality.store_item,
-        max_items=vehicle.personality.max_mission_items,
-        send=vehicle.send,
+        personality.store_item,
+        personality.max_mission_items,
         say=vehicle.say,
         changed=vehicle.mission_changed,
         flying=lambda: vehicle.flies_mission,
-        stored=lambda kind, total: vehicle.params.keep(_TOTALS[kind], total),
+    )
+    return ArduPilotTransfer(
+        {
+            mavlink.MAV_MISSION_TYPE_MISSION: mission,
+            mavlink.MAV_MISSION_TYPE_FENCE: FenceStore(vehicle.fence, say=vehicle.say),
+            mavlink.MAV_MISSION_TYPE_RALLY: RallyStore(vehicle.landmarks.rally),
+        },
+        store_item=personality.store_item,
+        send=vehicle.send,
+        say=vehicle.say,
+        stored=lambda kind, total: vehicle.params.keep(parameters.TOTALS[kind], total),
         guided=lambda item, altitude_only: _go(vehicle, item, altitude_only=altitude_only),
         refusal=lambda: vehicle.afflictions.mission_refusal,
     )

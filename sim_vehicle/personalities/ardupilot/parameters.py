@@ -5,6 +5,8 @@ They act here, but for those that are marked as there to be read: ground station
 Integers are those of the firmware; on ArduPilot's wire they travel as plain floats all the same.
 """
 
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
 _COMMON: dict[str, float | int] = {
     "ARMING_CHECK": 1,  # 0: only what cannot be waived is checked
     "BATT_CAPACITY": 3300,  # mAh
@@ -99,4 +101,10 @@ PLANE: dict[str, float | int] = _COMMON | {
     "WP_RADIUS": 90,  # m
 }
 
-READ_ONLY = frozenset({"SYSID_THISMAV", "FORMAT_VERSION", "MIS_TOTAL", "FENCE_TOTAL", "RALLY_TOTAL"})
+# What counts the stored items of each MAV_MISSION_TYPE.
+TOTALS = {
+    mavlink.MAV_MISSION_TYPE_MISSION: "MIS_TOTAL",
+    mavlink.MAV_MISSION_TYPE_FENCE: "FENCE_TOTAL",
+    mavlink.MAV_MISSION_TYPE_RALLY: "RALLY_TOTAL",
+}
+READ_ONLY = frozenset({"SYSID_THISMAV", "FORMAT_VERSION", *TOTALS.values()})

@@ -1,6 +1,6 @@
 """ArduPilot's logs and files: DataFlash, packed parameters and missions."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -10,26 +10,24 @@ from sim_vehicle.files.logs.dataflash import DataFlashLog
 from sim_vehicle.files.logs.recorder import LogLimits
 from sim_vehicle.files.packed_files import Parameter, UploadedMission
 from sim_vehicle.files.vehicle_files import ardupilot_files
+from sim_vehicle.personalities.ardupilot.parameters import TOTALS
 from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.storage import Storage
-from sim_vehicle.vehicle.transfer.stores import FenceStore, MissionStore, RallyStore, Store
+from sim_vehicle.vehicle.transfer.ardupilot import ArduPilotTransfer
+from sim_vehicle.vehicle.transfer.stores import Store
 from sim_vehicle.vehicle.transfer.wire import MISSION, item_from_message, item_message
 
 if TYPE_CHECKING:
     from sim_vehicle.vehicle.autopilot import Autopilot
 
-_TOTALS = {
-    mavlink.MAV_MISSION_TYPE_MISSION: "MIS_TOTAL",
-    mavlink.MAV_MISSION_TYPE_FENCE: "FENCE_TOTAL",
-    mavlink.MAV_MISSION_TYPE_RALLY: "RALLY_TOTAL",
-}
 _NOBODY = (0, 0)
 
 
 def storage(vehicle: "Autopilot", limits: LogLimits) -> Storage:
     """The storage of one vehicle."""
-    stores = _stores(vehicle)
-    params = vehicle.params
+    transfer = vehicle.transfer
+    assert isinstance(transfer, ArduPilotTransfer)
+    stores, params = transfer.stores, vehicle.params
 
     def parameters() -> list[Parameter]:
         return [Parameter(name, value, params.defaults[name]) for name, value in params.items()]
@@ -39,8 +37,10 @@ def storage(vehicle: "Autopilot", limits: LogLimits) -> Storage:
             vehicle.set_parameter(name, value)
 
     def set_items(kind: int, upload: UploadedMission) -> bool:
+        if vehicle.afflictions.mission_refusal is not None:
+            return False
         taken = _take(stores[kind], upload, may_update=kind == MISSION)
-        params.keep(_TOTALS[kind], stores[kind].total)
+        params.keep(TOTALS[kind], stores[kind].total)
         return taken
 
     return Storage(
@@ -59,18 +59,6 @@ def storage(vehicle: "Autopilot", limits: LogLimits) -> Storage:
         log_rules=log_transfer.ARDUPILOT,
         limits=limits,
     )
-
-
-def _stores(vehicle: "Autopilot") -> Mapping[int, Store]:
-    mission = MissionStore(
-        vehicle.mission,
-        vehicle.personality.store_item,
-        vehicle.personality.max_mission_items,
-        say=vehicle.say,
-        changed=vehicle.mission_changed,
-        flying=lambda: vehicle.flies_mission,
-    )
-    return dict(enumerate((mission, FenceStore(vehicle.fence, say=vehicle.say), RallyStore(vehicle.rally))))
 
 
 def _banner(vehicle: "Autopilot") -> None:

@@ -49,7 +49,7 @@ def _transfer(vehicle: "Autopilot") -> Px4Transfer:
     return Px4Transfer(
         mission,
         vehicle.fence,
-        vehicle.rally,
+        vehicle.landmarks.rally,
         sysid=vehicle.sysid,
         store_item=store_item,
         max_items=MAX_MISSION_ITEMS,
@@ -64,7 +64,7 @@ def _transfer(vehicle: "Autopilot") -> Px4Transfer:
 
 def _drop_violated(vehicle: "Autopilot") -> None:
     """Parts of a new fence that home, or a vehicle in the air, already violates are kept but not obeyed."""
-    if vehicle.home is not None and vehicle.fence.discard_violated(*vehicle.home_deg):
+    if vehicle.landmarks.home is not None and vehicle.fence.discard_violated(*vehicle.landmarks.home_deg):
         vehicle.tell("fence_without_home")
     watched = vehicle.flight.flying and vehicle.tuning.fence_enabled
     if watched and vehicle.fence.discard_violated(*vehicle.body.lat_lon_deg):
@@ -137,6 +137,7 @@ _COPTER = Personality(
     disarm_restores_mode=True,
     answers_ping=True,
     home_with_position=True,
+    home_is_local=True,
     origin_moves=True,
     flight_counter="COM_FLIGHT_UUID",
     gps_fix_type=mavlink.GPS_FIX_TYPE_3D_FIX,

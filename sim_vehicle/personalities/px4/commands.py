@@ -201,12 +201,12 @@ def set_home(vehicle: "Autopilot", command: "Command", now: float) -> int:
     if not vehicle.position_known(now):
         return TEMPORARILY_REJECTED
     if here:
-        vehicle.set_home(vehicle.here(), now, locked=True)
+        vehicle.landmarks.set_home(vehicle.here(), now, locked=True)
         return ACCEPTED
     place = command.place()
     if place is None:
         return DENIED
-    vehicle.set_home(Place(*place, command.z), now, locked=True)
+    vehicle.landmarks.set_home(Place(*place, command.z), now, locked=True)
     return ACCEPTED
 
 

@@ -6,17 +6,15 @@ a fence is written at the end. Downloads have no state.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.vehicle.afflictions import MissionRefusal
-from sim_vehicle.vehicle.fence import Fence
-from sim_vehicle.vehicle.mission import Item, Mission
-from sim_vehicle.vehicle.rally import Rally
-from sim_vehicle.vehicle.transfer.stores import FenceStore, MissionStore, RallyStore, Store
+from sim_vehicle.vehicle.mission import Item
+from sim_vehicle.vehicle.transfer.stores import Store
 from sim_vehicle.vehicle.transfer.wire import (
     MISSION,
     Peer,
@@ -188,13 +186,10 @@ class ArduPilotTransfer:
 
     Parameters
     ----------
-    mission, fence, rally: what is read and written.
+    stores: what is read and written, by MAV_MISSION_TYPE. Files may read and write it, too.
     store_item: what is kept of a mission item, or the MAV_MISSION_RESULT it is refused with.
-    max_items: longer missions are refused with NO_SPACE.
     send: takes each outgoing message.
     say: sends a STATUSTEXT (severity, text).
-    changed: called with the index of each mission item that became another (-1 where the list was cut).
-    flying: whether the mission is being flown (it is not cleared then).
     stored: called with MAV_MISSION_TYPE and what MIS_TOTAL, FENCE_TOTAL or RALLY_TOTAL has become.
     guided: where to go at once (an item with `current` 2; 3: only its altitude, then the flag is True);
         whether the vehicle obeys.
@@ -203,28 +198,19 @@ class ArduPilotTransfer:
 
     def __init__(
         self,
-        mission: Mission,
-        fence: Fence,
-        rally: Rally,
+        stores: Mapping[int, Store],
         *,
         store_item: Callable[[Item], Item | int],
-        max_items: int,
         send: Send,
         say: Say,
-        changed: Callable[[int], None],
-        flying: Callable[[], bool],
         stored: Callable[[int, int], None] = lambda _kind, _total: None,
         guided: Callable[[Item, bool], bool] = lambda _item, _altitude_only: False,
         refusal: Callable[[], MissionRefusal | None] = lambda: None,
     ) -> None:
         self._send, self._guided, self._refusal, self._store_item = send, guided, refusal, store_item
-        stores: tuple[Store, ...] = (
-            MissionStore(mission, store_item, max_items, say=say, changed=changed, flying=flying),
-            FenceStore(fence, say=say),
-            RallyStore(rally),
-        )
+        self.stores = stores
         self._stored = stored
-        self._servers = {kind: _Server(kind, store, send=send, say=say) for kind, store in enumerate(stores)}
+        self._servers = {kind: _Server(kind, store, send=send, say=say) for kind, store in stores.items()}
         self._handlers: dict[str, Callable[[_Server, Any, Peer, float], None]] = {
             "MISSION_COUNT": self._count,
             "MISSION_ITEM_INT": self._item,

@@ -1,7 +1,6 @@
 """What a vehicle is and does: heartbeat, health, landed state, mission, home, fence."""
 
 import numpy as np
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.wire.telemetry.view import Columns, View
 
@@ -49,11 +48,11 @@ def mission_current(v: View) -> Columns:
 
 
 def home_position(v: View) -> Columns:
-    """Only PX4 says where home is in local coordinates, too."""
+    """Not all autopilots say where home is in local coordinates, too."""
     s, i = v.status, v.i
     east_m, north_m = v.world.frame.to_local(s.home_e7[i, 0] * 1e-7, s.home_e7[i, 1] * 1e-7)
     local_m = np.column_stack([east_m, north_m, s.home_amsl_m[i]]) - s.origin_m[i]
-    local_m *= (s.autopilot[i] == mavlink.MAV_AUTOPILOT_PX4)[:, None]
+    local_m *= s.home_is_local[i, None]
     return {
         "x": local_m[:, 1],
         "y": local_m[:, 0],
