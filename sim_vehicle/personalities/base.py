@@ -154,6 +154,7 @@ class Tuning:
     return_descends: bool = False  # to return_height_m, from above it too
     gcs_only: bool = False  # no other system than gcs_sysid is heard
     return_cone_deg: float = 0.0  # half angle of a cone over home above which it need not climb; 0: none
+    return_cone_within_m: float = 0.0  # from home, where the cone counts
     logs: LogWhen = LogWhen.ARMED
 
 

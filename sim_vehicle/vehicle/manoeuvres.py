@@ -80,15 +80,24 @@ class Return:
         return wanted_m if tuning.return_descends else max(up_m, wanted_m)
 
     def _height_m(self) -> float:
-        """Above home, for the way there: less where a cone over home says so."""
+        """Above home, for the way there: near home less, where a cone over it says so.
+
+        Outside the radius in which it counts as there it keeps twice that height, so that it does not touch the
+        ground while it still moves sideways.
+        """
         body, tuning = self._flight.body, self._flight.tuning
         if tuning.return_cone_deg <= 0:
             return tuning.return_height_m
         east_m, north_m, _ = body.position_m
         home_m = body.locate(self._place.lat_deg, self._place.lon_deg)
         distance_m = math.dist((east_m, north_m), home_m)
-        cone_m = distance_m / math.tan(math.radians(min(tuning.return_cone_deg, 89.0)))
-        return min(tuning.return_height_m, max(cone_m, tuning.return_hover_height_m or 0.0))
+        if distance_m <= tuning.waypoint_radius_m:
+            return 2 * distance_m
+        height_m = tuning.return_height_m
+        if distance_m <= tuning.return_cone_within_m:
+            half_angle_deg = min(max(tuning.return_cone_deg, 1.0), 89.0)
+            height_m = min(height_m, distance_m / math.tan(math.radians(half_angle_deg)))
+        return max(height_m, 2 * tuning.waypoint_radius_m)
 
     def _descend(self) -> bool:
         """Go down to where it waits, if that is below; whether it has to."""

@@ -22,6 +22,8 @@ from px4_station import (
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import ALT_M, LAT_DEG, LON_DEG, land, takeoff, waypoint
 
+from sim_vehicle.faults.spec import parse_fault
+
 E7 = 10_000_000
 NORTH_DEG_PER_M = 1 / 111_195.0
 
@@ -141,15 +143,27 @@ def test_return_climbs_comes_home_descends_and_lands() -> None:
     assert away_m(station) < 2
 
 
-def test_close_to_home_a_return_does_not_climb_to_its_full_height() -> None:
+@pytest.mark.parametrize(
+    ("north_m", "highest_m"),
+    [
+        (0, 5),
+        (3, 5),
+        (8, 8),
+        (12, 30),
+    ],  # there; twice NAV_ACC_RAD; a cone of 45 deg; beyond
+)
+def test_within_rtl_min_dist_a_return_climbs_into_a_cone_only(north_m: float, highest_m: float) -> None:
     station = Px4Station()
     station.fly(5)
+    there = (round((LAT_DEG + north_m * NORTH_DEG_PER_M) * E7), round(LON_DEG * E7), ALT_M + 5)
+    assert station.command_int(mavlink.MAV_CMD_DO_REPOSITION, 5, *there, -1, 1, 0, NAN) == ACCEPTED
+    station.wait(15)
     assert station.change(AUTO, RETURN) == ACCEPTED
-    highest_m = 0.0
+    reached_m = 0.0
     while station.armed:
         station.wait(0.5)
-        highest_m = max(highest_m, station.height_m)
-    assert highest_m == pytest.approx(10, abs=1.0)  # RTL_DESCEND_ALT, under the cone of RTL_CONE_ANG
+        reached_m = max(reached_m, station.height_m)
+    assert reached_m == pytest.approx(highest_m, abs=0.7)
 
 
 def test_a_return_waits_over_home_or_stays_there() -> None:
@@ -401,6 +415,27 @@ def test_the_battery_has_its_stages() -> None:
     assert station.mode == "Hold"
     station.until(lambda: "Critical battery level" in station.texts(), 600)
     assert station.mode == "Return"
+
+
+@pytest.mark.parametrize(
+    ("least", "share", "answer", "text"),
+    [
+        (-1.0, 0.45, ACCEPTED, "Low battery"),  # a low battery is no reason
+        (-1.0, 0.35, TEMPORARILY_REJECTED, "Critical battery"),
+        (0.6, 0.55, TEMPORARILY_REJECTED, "Low battery"),
+        (0.2, 0.25, ACCEPTED, "Emergency battery level"),
+        (0.2, 0.15, TEMPORARILY_REJECTED, "Emergency battery level"),
+    ],
+)
+def test_com_arm_bat_min_says_with_how_little_it_arms(
+    least: float, share: float, answer: int, text: str
+) -> None:
+    params = {"COM_ARM_BAT_MIN": least, "BAT_LOW_THR": 0.5, "BAT_CRIT_THR": 0.4, "BAT_EMERGEN_THR": 0.3}
+    station = Px4Station(params=params)
+    station.fleet.inject(parse_fault(f"battery_sag:sag_v=0,at_most={share}"), station.now)
+    station.wait(1.0)
+    assert station.arm() == answer
+    assert (f"Preflight Fail: {text}" in station.texts()) is (answer != ACCEPTED)
 
 
 # -- fixed wing ------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ _COMMON: dict[str, float | int] = {
     "BAT_LOW_THR": 0.15,
     "BAT_CRIT_THR": 0.07,
     "BAT_EMERGEN_THR": 0.05,
-    "COM_ARM_BAT_MIN": -1.0,
+    "COM_ARM_BAT_MIN": -1.0,  # share below which it does not arm; less than 0: BAT_CRIT_THR
     "COM_LOW_BAT_ACT": 0,  # 0 warn, 2 land, 3 return at critical level and land at emergency level
     # arming, home, modes
     "CBRK_SUPPLY_CHK": 894281,
@@ -61,7 +61,7 @@ _COMMON: dict[str, float | int] = {
     "MIS_YAW_TMT": -1.0,  # s
     "NAV_LOITER_RAD": 80.0,  # m
     "NAV_MIN_LTR_ALT": -1.0,  # m
-    "RTL_CONE_ANG": 45,  # deg, half angle; 0: always RTL_RETURN_ALT
+    "RTL_CONE_ANG": 45,  # deg, half angle, within RTL_MIN_DIST of home; 0: always RTL_RETURN_ALT
     "RTL_LOITER_RAD": 80.0,  # m
     "RTL_MIN_DIST": 10.0,  # m
     # MAVLink and the system

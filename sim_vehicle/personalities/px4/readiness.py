@@ -55,12 +55,22 @@ def _mode(vehicle: "Autopilot", now: float) -> list[str]:
     return []
 
 
+def _battery(vehicle: "Autopilot") -> list[str]:
+    """A battery below COM_ARM_BAT_MIN, or in its place one at the critical level or worse."""
+    share, tuning = vehicle.body.battery_remaining, vehicle.tuning
+    least_share = vehicle.params["COM_ARM_BAT_MIN"]
+    if share >= (least_share if least_share >= 0 else tuning.battery_low_share):
+        return []
+    if share < tuning.battery_critical_share:
+        return ["Emergency battery level"]
+    return ["Critical battery" if share < tuning.battery_low_share else "Low battery"]
+
+
 def _system(vehicle: "Autopilot") -> list[str]:
     reasons = []
     if vehicle.failsafes.gcs_missing:
         reasons.append("No connection to the ground control station")
-    if vehicle.body.battery_remaining < vehicle.tuning.battery_warning_share:
-        reasons.append("Low battery")
+    reasons += _battery(vehicle)
     if vehicle.params["COM_ARM_MIS_REQ"] == 1 and vehicle.mission.empty:
         reasons.append("No valid mission")
     unhealthy = vehicle.afflictions.unhealthy_sensors

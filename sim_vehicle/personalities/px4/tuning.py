@@ -146,6 +146,7 @@ def copter_tuning(params: Parameters) -> Tuning:
         takeoff_speed_m_s=_at_least(params["MPC_TKO_SPEED"]),
         return_speed_m_s=cruise_m_s,
         return_cone_deg=float(params["RTL_CONE_ANG"]),
+        return_cone_within_m=params["RTL_MIN_DIST"],
         landing_speed_m_s=_at_least(params["MPC_LAND_SPEED"]),
         landing_slow_below_m=params["MPC_LAND_ALT2"],
         landing_slowing_below_m=params["MPC_LAND_ALT1"],
