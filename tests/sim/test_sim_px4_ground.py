@@ -440,6 +440,17 @@ def test_a_mission_without_the_required_landing_is_kept_and_not_flown() -> None:
     assert len(station.download()) == 2
 
 
+def test_a_mission_that_begins_too_far_away_is_kept_and_not_flown() -> None:
+    station = Px4Station()
+    nowhere = {**takeoff(), "x": 0, "y": 0}  # a place of its own, where others mean "here"
+    station.upload_and_wait([nowhere, waypoint(30, 0)])
+    assert any(text.startswith("First waypoint too far away: ") for text in station.texts())
+    assert station.command(mavlink.MAV_CMD_MISSION_START) == DENIED
+    station.set_parameter("MIS_DIST_1WP", 0.0)
+    station.upload_and_wait([nowhere, waypoint(40, 0)])
+    assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
+
+
 def test_position_is_held_on_the_ground_at_home() -> None:
     station = Px4Station()
     home = station.ask(mavlink.MAVLINK_MSG_ID_HOME_POSITION)

@@ -7,12 +7,20 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.personalities.base import Behaviour
 from sim_vehicle.vehicle.mission import Item
+from sim_vehicle.vehicle.rally import distance_m
 
 if TYPE_CHECKING:
     from sim_vehicle.vehicle.autopilot import Autopilot
 
 _TAKEOFFS = frozenset({mavlink.MAV_CMD_NAV_TAKEOFF, mavlink.MAV_CMD_NAV_VTOL_TAKEOFF})
 _LANDINGS = frozenset({mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_VTOL_LAND})
+_PLACED = _TAKEOFFS | {
+    mavlink.MAV_CMD_NAV_WAYPOINT,
+    mavlink.MAV_CMD_NAV_LOITER_UNLIM,
+    mavlink.MAV_CMD_NAV_LOITER_TIME,
+    mavlink.MAV_CMD_NAV_LOITER_TO_ALT,
+    *_LANDINGS,
+}
 TAKEOFF_REQUIRED, LANDING_REQUIRED, BOTH_REQUIRED, BOTH_OR_NONE = 1, 2, 3, 4  # MIS_TKO_LAND_REQ
 
 _UNHEALTHY = {
@@ -79,10 +87,20 @@ def _system(vehicle: "Autopilot") -> list[str]:
 
 def feasible(vehicle: "Autopilot", items: Sequence[Item]) -> bool:
     """Whether a mission would be flown; why not is said in a text."""
-    refusal = _infeasible(items, int(vehicle.params["MIS_TKO_LAND_REQ"]))
+    refusal = _far(vehicle, items) or _infeasible(items, int(vehicle.params["MIS_TKO_LAND_REQ"]))
     if refusal is not None:
         vehicle.say(mavlink.MAV_SEVERITY_CRITICAL, refusal)
     return refusal is None and bool(items)
+
+
+def _far(vehicle: "Autopilot", items: Sequence[Item]) -> str | None:
+    """Why the first place of a mission is too far from where the vehicle is; 0, 0 is in the Atlantic."""
+    limit_m = vehicle.params["MIS_DIST_1WP"]
+    first = next((item for item in items if item.command in _PLACED), None)
+    if first is None or limit_m <= 0 or not vehicle.position_known(vehicle.now):
+        return None
+    far_m = distance_m((first.x * 1e-7, first.y * 1e-7), vehicle.body.lat_lon_deg)
+    return f"First waypoint too far away: {int(far_m)}m, {int(limit_m)} max" if far_m >= limit_m else None
 
 
 def _infeasible(items: Sequence[Item], required: int) -> str | None:
