@@ -126,10 +126,13 @@ class Tuning:
     fence_radius_m: float  # around home; inf: none
     fence_polygons: bool  # stored polygons and circles count
     fence_margin_m: float
+    # copter
+    yaw_rate_deg_s: float = 60.0
     # plane
     airspeed_min_m_s: float = 0.0
     airspeed_max_m_s: float = 0.0
     loiter_radius_m: float = 0.0
+    return_loiter_radius_m: float = 0.0  # over home; 0: the same
     bank_limit_deg: float = 0.0
     stall_m_s: float = 8.0  # airspeed in level flight
     fence_return_height_m: float = 0.0  # above home, at the fence's return point

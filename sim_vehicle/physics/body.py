@@ -8,6 +8,7 @@ from sim_vehicle.physics.world import World
 SHORTEST_LEG_M = 2.0  # along which a copter faces
 # lowest and highest limits that the equations stand
 SPEEDS_M_S, ACCELERATIONS_M_S2, RADII_M = (0.05, 100.0), (0.05, 30.0), (0.05, 1e4)
+YAW_RATES_RAD_S = (math.radians(1.0), YAW_RATE_RAD_S)
 BANKS_RAD = (math.radians(5.0), math.radians(75.0))
 STRONGEST_WIND_M_S = 100.0
 STALLS_M_S = (2.0, 50.0)
@@ -255,12 +256,12 @@ class Body:
         """Turn a copter to a heading (None: along its legs, as by default), at a rate at most [rad/s]."""
         i, motion = self._index, self._motion
         motion.wanted_yaw_rate_rad_s[i] = 0.0
-        motion.yaw_rate_limit_rad_s[i] = YAW_RATE_RAD_S
+        motion.yaw_rate_limit_rad_s[i] = math.inf
         motion.faces[i] = heading_rad is not None and math.isfinite(heading_rad)
         if motion.faces[i]:
             motion.wanted_heading_rad[i] = heading_rad
             if rate_rad_s is not None and rate_rad_s > 0:
-                motion.yaw_rate_limit_rad_s[i] = min(rate_rad_s, YAW_RATE_RAD_S)
+                motion.yaw_rate_limit_rad_s[i] = rate_rad_s
         elif motion.order[i] == Order.POSITION and not motion.reached[i]:
             self._face_along()
 
@@ -273,6 +274,7 @@ class Body:
         acceleration_m_s2: float | None = None,
         vertical_acceleration_m_s2: float | None = None,
         radius_m: float | None = None,
+        yaw_rate_deg_s: float | None = None,
         airspeed_min_m_s: float | None = None,
         airspeed_max_m_s: float | None = None,
         loiter_radius_m: float | None = None,
@@ -282,6 +284,7 @@ class Body:
         """Set the limits that are given, as near as the equations stand; a plane's speed is its airspeed."""
         i, motion = self._index, self._motion
         bank_limit_rad = None if bank_limit_deg is None else math.radians(bank_limit_deg)
+        yaw_rate_rad_s = None if yaw_rate_deg_s is None else math.radians(yaw_rate_deg_s)
         for array, value, (lowest, highest) in (
             (motion.speed_m_s, speed_m_s, SPEEDS_M_S),
             (motion.climb_m_s, climb_m_s, SPEEDS_M_S),
@@ -289,6 +292,7 @@ class Body:
             (motion.acceleration_limit_m_s2, acceleration_m_s2, ACCELERATIONS_M_S2),
             (motion.vertical_acceleration_limit_m_s2, vertical_acceleration_m_s2, ACCELERATIONS_M_S2),
             (motion.radius_m, radius_m, RADII_M),
+            (motion.yaw_rate_max_rad_s, yaw_rate_rad_s, YAW_RATES_RAD_S),
             (motion.airspeed_min_m_s, airspeed_min_m_s, SPEEDS_M_S),
             (motion.airspeed_max_m_s, airspeed_max_m_s, SPEEDS_M_S),
             (motion.loiter_radius_m, loiter_radius_m, (-RADII_M[1], RADII_M[1])),
@@ -355,7 +359,7 @@ class Body:
             self.face(yaw_rad)
         elif yaw_rate_rad_s is not None and _sound(yaw_rate_rad_s):
             self.face(self.heading_rad)
-            limit = float(motion.yaw_rate_limit_rad_s[i])
+            limit = float(motion.yaw_rate_max_rad_s[i])
             motion.wanted_yaw_rate_rad_s[i] = max(-limit, min(yaw_rate_rad_s, limit))
 
     def _face_along(self) -> None:

@@ -117,7 +117,7 @@ def _turn(m: Motion, i: Selection, lean: Floats, lift: Floats, dt_s: float) -> N
     airborne = m.airborne[i]
     if np.count_nonzero(m.wanted_yaw_rate_rad_s):
         m.wanted_heading_rad[i] += m.wanted_yaw_rate_rad_s[i] * (dt_s * airborne)
-    limit = m.yaw_rate_limit_rad_s[i]
+    limit = np.minimum(m.yaw_rate_limit_rad_s[i], m.yaw_rate_max_rad_s[i])
     yaw_rate = np.minimum(np.maximum(wrapped(m.wanted_heading_rad[i] - yaw) / dt_s, -limit), limit) * airborne
     if m.any_motor_lost:
         yaw_rate = np.where((m.motors_lost[i] > 0) & airborne, SPIN_RAD_S, yaw_rate)

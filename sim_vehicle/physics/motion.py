@@ -100,7 +100,8 @@ class Motion:
         self.acceleration_limit_m_s2 = np.full(n, 2.5)
         self.vertical_acceleration_limit_m_s2 = np.full(n, 1.0)
         self.radius_m = np.full(n, 2.0)  # within which a target counts as reached
-        self.yaw_rate_limit_rad_s = np.full(n, YAW_RATE_RAD_S)
+        self.yaw_rate_max_rad_s = np.full(n, YAW_RATE_RAD_S)
+        self.yaw_rate_limit_rad_s = np.full(n, np.inf)  # of this turn, below that
         self.airspeed_min_m_s = np.full(n, 10.0)
         self.airspeed_max_m_s = np.full(n, 22.0)
         self.stall_m_s = np.full(n, 8.0)  # airspeed in level flight, below which a wing does not carry

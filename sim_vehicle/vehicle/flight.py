@@ -119,6 +119,7 @@ class Flight:
             acceleration_m_s2=tuning.acceleration_m_s2,
             vertical_acceleration_m_s2=tuning.vertical_acceleration_m_s2,
             radius_m=tuning.waypoint_radius_m,
+            yaw_rate_deg_s=tuning.yaw_rate_deg_s,
         )
         if self.body.plane:
             self.body.limit(
@@ -216,7 +217,7 @@ class Flight:
         """Fly to a point (east, north, up [m]) and stay there: a plane circles around it."""
         self.guided_target_m = target_m
         if self.body.plane and pass_speed_m_s == 0.0:
-            self.body.loiter(*target_m, self.tuning.loiter_radius_m)
+            self.body.loiter(*target_m)
         else:
             self.body.fly_to(*target_m, pass_speed_m_s)
 

@@ -58,6 +58,8 @@ class Return:
         east_m, north_m, up_m = body.position_m
         self._up_m = self._travel_m(up_m)
         flight.limit(speed_m_s=tuning.return_speed_m_s)
+        if body.plane and tuning.return_loiter_radius_m:
+            flight.limit(loiter_radius_m=tuning.return_loiter_radius_m)
         self._hovers = False
         self._flies_home = body.plane  # which climbs on its way
         if body.plane:
@@ -82,8 +84,8 @@ class Return:
     def _height_m(self) -> float:
         """Above home, for the way there: near home less, where a cone over it says so.
 
-        Outside the radius in which it counts as there it keeps twice that height, so that it does not touch the
-        ground while it still moves sideways.
+        Outside the radius in which it counts as there it keeps at least twice that height, so as not to
+        touch the ground while it still moves sideways.
         """
         body, tuning = self._flight.body, self._flight.tuning
         if tuning.return_cone_deg <= 0:

@@ -356,3 +356,15 @@ def test_a_higher_stall_speed_takes_a_longer_run_to_leave_the_ground() -> None:
         assert station.arm() == 0
         seconds.append(station.until(lambda: bool(station.fleet.truth().airborne[0]), 30))  # noqa: B023
     assert np.diff(seconds)[0] == pytest.approx(5.0 * 1.2 / 4.0, abs=0.3)
+
+
+@pytest.mark.parametrize("slew_cdeg_s", [1000.0, 6000.0])
+def test_atc_slew_yaw_is_how_fast_it_turns(slew_cdeg_s: float) -> None:
+    station = Station()
+    station.send(mavlink.MAVLink_param_set_message(1, 1, b"ATC_SLEW_YAW", slew_cdeg_s, 9))
+    station.fly(20)
+    before_deg = math.degrees(station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE).yaw)
+    assert station.command(mavlink.MAV_CMD_CONDITION_YAW, 170, 0, 1, 1) == 0
+    station.wait(2.0)
+    turned_deg = math.degrees(station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE).yaw) - before_deg
+    assert turned_deg == pytest.approx(2.0 * slew_cdeg_s / 100, rel=0.15)

@@ -438,6 +438,17 @@ def test_com_arm_bat_min_says_with_how_little_it_arms(
     assert (f"Preflight Fail: {text}" in station.texts()) is (answer != ACCEPTED)
 
 
+@pytest.mark.parametrize("rate_deg_s", [10.0, 45.0])
+def test_mpc_yawrauto_max_is_how_fast_it_turns(rate_deg_s: float) -> None:
+    station = Px4Station(params={"MPC_YAWRAUTO_MAX": rate_deg_s})
+    station.fly(20)
+    east = (round(LAT_DEG * E7), round((LON_DEG + 0.01) * E7), ALT_M + 20)
+    assert station.command_int(mavlink.MAV_CMD_DO_REPOSITION, 5, *east, -1, 1, 0, NAN) == ACCEPTED
+    station.wait(1.5)
+    turned_deg = math.degrees(station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE).yaw)
+    assert turned_deg == pytest.approx(1.5 * rate_deg_s, rel=0.15)
+
+
 # -- fixed wing ------------------------------------------------------------------------------------------
 
 
@@ -451,3 +462,19 @@ def test_a_plane_takes_off_and_circles() -> None:
     station.wait(60)
     assert station.fleet.truth().speed_m_s[0] > 8
     assert station.height_m == pytest.approx(50, abs=5)
+
+
+@pytest.mark.parametrize("radius_m", [60.0, 120.0])
+def test_a_plane_returns_to_a_circle_of_rtl_loiter_rad(radius_m: float) -> None:
+    station = Px4Station("plane", params={"RTL_LOITER_RAD": radius_m})
+    assert station.arm() == ACCEPTED
+    assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, NAN, NAN, NAN, ALT_M + 50) == ACCEPTED
+    station.until(lambda: station.mode == "Hold", 120)
+    assert station.command(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH) == ACCEPTED
+    station.wait(120)
+    away = []
+    for _ in range(60):
+        station.wait(1.0)
+        away.append(away_m(station))
+    assert min(away) == pytest.approx(radius_m, abs=5)
+    assert max(away) == pytest.approx(radius_m, abs=5)

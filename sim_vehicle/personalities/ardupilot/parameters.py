@@ -46,6 +46,7 @@ _COMMON: dict[str, float | int] = {
 }
 
 COPTER: dict[str, float | int] = _COMMON | {
+    "ATC_SLEW_YAW": 6000.0,  # cdeg/s
     "AUTO_OPTIONS": 0,  # bit 0: AUTO can be armed; bit 1: take-off without raising the throttle
     "DISARM_DELAY": 10,  # s, 0 never
     "FENCE_ACTION": 1,  # 0 report, 1 RTL or land, 2 land, 3 as 1, 4 brake or land, 5 as 1
@@ -93,6 +94,7 @@ PLANE: dict[str, float | int] = _COMMON | {
     "ROLL_LIMIT_DEG": 45.0,  # deg
     "RTL_ALTITUDE": 100.0,  # m above home, -1: the present one
     "RTL_AUTOLAND": 0,  # to be read
+    "RTL_RADIUS": 0,  # m, negative: counter-clockwise; 0: WP_LOITER_RAD
     "TECS_CLMB_MAX": 5.0,  # m/s
     "TECS_SINK_MAX": 5.0,  # m/s
     "THR_FAILSAFE": 1,

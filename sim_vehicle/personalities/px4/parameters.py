@@ -1,82 +1,44 @@
 """Parameters of PX4 1.15, multicopter and fixed wing in simulation: names, units, types and defaults.
 
-An int is an INT32 and a float a REAL32 on the wire. All that a vehicle flies by is here (see `tuning`), and
-what ground stations read before they let anybody fly: airframe, calibration, flight-mode slots, RC channels.
+An int is an INT32 and a float a REAL32 on the wire. `tuning` makes of them what a vehicle flies by.
 """
 
-_COMMON: dict[str, float | int] = {
-    # battery 1 and its stages, as shares of the capacity
-    "BAT1_CAPACITY": 5000.0,  # mAh
-    "BAT1_N_CELLS": 4,
-    "BAT1_V_CHARGED": 4.05,  # V a cell
+# Nothing acts by these: they are read by ground stations before they let anybody fly.
+_READ: dict[str, float | int] = {
+    # battery, arming, modes
     "BAT1_V_EMPTY": 3.6,  # V a cell
     "BAT1_SOURCE": 0,
-    "BAT_LOW_THR": 0.15,
-    "BAT_CRIT_THR": 0.07,
-    "BAT_EMERGEN_THR": 0.05,
-    "COM_ARM_BAT_MIN": -1.0,  # share below which it does not arm; less than 0: BAT_CRIT_THR
-    "COM_LOW_BAT_ACT": 0,  # 0 warn, 2 land, 3 return at critical level and land at emergency level
-    # arming, home, modes
     "CBRK_SUPPLY_CHK": 894281,
     "CBRK_USB_CHK": 197848,
-    "COM_ARM_MIS_REQ": 0,  # 1: a valid mission is required to arm
     "COM_ARM_WO_GPS": 1,
-    "COM_DISARM_LAND": 2.0,  # s after a landing, 0 or less never
-    "COM_DISARM_PRFLT": 10.0,  # s after arming without a take-off, less than 0 never
-    "COM_FLIGHT_UUID": 0,
     "COM_FLTMODE1": -1,
     "COM_FLTMODE2": -1,
     "COM_FLTMODE3": -1,
     "COM_FLTMODE4": -1,
     "COM_FLTMODE5": -1,
     "COM_FLTMODE6": -1,
-    "COM_HOME_EN": 1,  # 0: home is neither set by itself nor by a command
-    "COM_MOT_TEST_EN": 1,
     "COM_OBS_AVOID": 0,
     "COM_POS_FS_EPH": 5.0,  # m
     "COM_PREARM_MODE": 0,
-    "COM_TAKEOFF_ACT": 0,  # after a take-off: 0 hold, 1 mission
-    # links
-    "COM_DL_LOSS_T": 10,  # s without a ground station's heartbeat
-    "COM_FAIL_ACT_T": 5.0,  # s in hold before a failsafe acts
-    "COM_OBL_RC_ACT": 0,  # offboard lost: 0-2 a pilot's mode, 3 return, 4 land, 5 hold, 6 terminate, 7 disarm
-    "COM_OF_LOSS_T": 1.0,  # s without a set-point
-    "COM_RC_IN_MODE": 1,  # 0 RC, 1 joystick, 2 and 3 both, 4 no stick input at all
     "COM_RC_LOSS_T": 0.5,  # s
     "COM_RC_OVERRIDE": 1,
     "COM_RC_STICK_OV": 30.0,  # %
     "COM_RCL_EXCEPT": 0,  # bits: 0 mission, 1 hold, 2 offboard
-    "NAV_DLL_ACT": 0,  # 0 nothing, 1 hold, 2 return, 3 land, 5 terminate, 6 disarm
-    "NAV_RCL_ACT": 2,  # the same
-    # fence
-    "GF_ACTION": 2,  # 0 nothing, 1 warn, 2 hold, 3 return, 4 terminate, 5 land
-    "GF_MAX_HOR_DIST": 0.0,  # m from home, 0 none
-    "GF_MAX_VER_DIST": 0.0,  # m above home, 0 none
+    # fence and missions
     "GF_PREDICT": 0,
     "GF_SOURCE": 0,
-    # mission and return
-    "MIS_DIST_1WP": 10_000.0,  # m
-    "MIS_TKO_LAND_REQ": 0,  # 0 nothing, 1 take-off, 2 landing, 3 both, 4 both or neither
     "MIS_YAW_ERR": 12.0,  # deg
     "MIS_YAW_TMT": -1.0,  # s
-    "NAV_LOITER_RAD": 80.0,  # m
     "NAV_MIN_LTR_ALT": -1.0,  # m
-    "RTL_CONE_ANG": 45,  # deg, half angle, within RTL_MIN_DIST of home; 0: always RTL_RETURN_ALT
-    "RTL_LOITER_RAD": 80.0,  # m
-    "RTL_MIN_DIST": 10.0,  # m
     # MAVLink and the system
-    "MAV_COMP_ID": 1,
     "MAV_FWDEXTSP": 1,
     "MAV_HASH_CHK_EN": 1,
     "MAV_HB_FORW_EN": 1,
     "MAV_PROTO_VER": 2,
     "MAV_RADIO_TOUT": 5,  # s
-    "MAV_SYS_ID": 1,
-    "SDLOG_MODE": 1,
     "SDLOG_PROFILE": 131,
     "SYS_AUTOCONFIG": 0,
     "SYS_BL_UPDATE": 0,
-    "SYS_FAILURE_EN": 0,  # 1: MAV_CMD_INJECT_FAILURE is obeyed
     "SYS_HAS_BARO": 1,
     "SYS_HAS_GPS": 1,
     "SYS_HAS_MAG": 1,
@@ -105,74 +67,130 @@ _COMMON: dict[str, float | int] = {
     "RC_MAP_ROLL": 0,
     "RC_MAP_THROTTLE": 0,
     "RC_MAP_YAW": 0,
+}
+_READ_COPTER: dict[str, float | int] = {
+    "CA_AIRFRAME": 0,
+    "CA_ROTOR_COUNT": 4,
+    "MPC_ACC_HOR_MAX": 5.0,  # m/s^2
+    "MPC_JERK_AUTO": 4.0,  # m/s^3
+    "MPC_LAND_ALT3": 1.0,  # m
+    "MPC_LAND_CRWL": 0.3,  # m/s
+    "MPC_TILTMAX_AIR": 45.0,  # deg
+    "NAV_MC_ALT_RAD": 0.8,  # m
+    "RTL_TYPE": 0,
+    "SYS_AUTOSTART": 4001,
+    "SYS_HAS_NUM_ASPD": 0,
+}
+_READ_PLANE: dict[str, float | int] = {
+    "CA_AIRFRAME": 1,
+    "COM_POS_FS_EPH": 50.0,
+    "FW_GND_SPD_MIN": 5.0,  # m/s
+    "FW_LAUN_DETCN_ON": 0,
+    "FW_P_LIM_MAX": 30.0,  # deg
+    "FW_P_LIM_MIN": -30.0,  # deg
+    "FW_TKO_PITCH_MIN": 10.0,  # deg
+    "FW_T_CLMB_R_SP": 3.0,  # m/s
+    "FW_T_SINK_MIN": 2.0,  # m/s
+    "NAV_FW_ALT_RAD": 10.0,  # m
+    "RTL_TYPE": 1,
+    "SYS_AUTOSTART": 4003,
+    "SYS_HAS_NUM_ASPD": 1,
+}
+
+_COMMON: dict[str, float | int] = _READ | {
+    # battery 1 and its stages, as shares of the capacity
+    "BAT1_CAPACITY": 5000.0,  # mAh
+    "BAT1_N_CELLS": 4,
+    "BAT1_V_CHARGED": 4.05,  # V a cell
+    "BAT_LOW_THR": 0.15,
+    "BAT_CRIT_THR": 0.07,
+    "BAT_EMERGEN_THR": 0.05,
+    "COM_ARM_BAT_MIN": -1.0,  # share below which it does not arm; less than 0: BAT_CRIT_THR
+    "COM_LOW_BAT_ACT": 0,  # 0 warn, 2 land, 3 return at critical level and land at emergency level
+    # arming, home, modes
+    "COM_ARM_MIS_REQ": 0,  # 1: a valid mission is required to arm
+    "COM_DISARM_LAND": 2.0,  # s after a landing, 0 or less never
+    "COM_DISARM_PRFLT": 10.0,  # s after arming without a take-off, less than 0 never
+    "COM_FLIGHT_UUID": 0,
+    "COM_HOME_EN": 1,  # 0: home is neither set by itself nor by a command
+    "COM_MOT_TEST_EN": 1,
+    "COM_TAKEOFF_ACT": 0,  # after a take-off: 0 hold, 1 mission
+    # links
+    "COM_DL_LOSS_T": 10,  # s without a ground station's heartbeat
+    "COM_FAIL_ACT_T": 5.0,  # s in hold before a failsafe acts
+    "COM_OBL_RC_ACT": 0,  # offboard lost: 0-2 a pilot's mode, 3 return, 4 land, 5 hold, 6 terminate, 7 disarm
+    "COM_OF_LOSS_T": 1.0,  # s without a set-point
+    "COM_RC_IN_MODE": 1,  # 0 RC, 1 joystick, 2 and 3 both, 4 no stick input at all
+    "NAV_DLL_ACT": 0,  # 0 nothing, 1 hold, 2 return, 3 land, 5 terminate, 6 disarm
+    "NAV_RCL_ACT": 2,  # the same
+    # fence
+    "GF_ACTION": 2,  # 0 nothing, 1 warn, 2 hold, 3 return, 4 terminate, 5 land
+    "GF_MAX_HOR_DIST": 0.0,  # m from home, 0 none
+    "GF_MAX_VER_DIST": 0.0,  # m above home, 0 none
+    # mission and return
+    "MIS_DIST_1WP": 10_000.0,  # m
+    "MIS_TKO_LAND_REQ": 0,  # 0 nothing, 1 take-off, 2 landing, 3 both, 4 both or neither
+    "NAV_LOITER_RAD": 80.0,  # m
+    "RTL_CONE_ANG": 45,  # deg, half angle, within RTL_MIN_DIST of home; 0: always RTL_RETURN_ALT
+    "RTL_MIN_DIST": 10.0,  # m
+    # MAVLink and the system
+    "MAV_COMP_ID": 1,
+    "MAV_SYS_ID": 1,
+    "SDLOG_MODE": 1,
+    "SYS_FAILURE_EN": 0,  # 1: MAV_CMD_INJECT_FAILURE is obeyed
     # environment of the simulation
     "SIM_WIND_DIR": 180.0,  # deg the wind comes from; ours: PX4 leaves wind to its simulators
     "SIM_WIND_SPD": 0.0,  # m/s, 0: the scenario's
 }
 
-COPTER: dict[str, float | int] = _COMMON | {
-    "CA_AIRFRAME": 0,
-    "CA_ROTOR_COUNT": 4,
-    "MAV_TYPE": 2,
-    "MIS_TAKEOFF_ALT": 2.5,  # m above home
-    "MPC_ACC_DOWN_MAX": 3.0,  # m/s^2
-    "MPC_ACC_HOR": 3.0,  # m/s^2
-    "MPC_ACC_HOR_MAX": 5.0,  # m/s^2
-    "MPC_ACC_UP_MAX": 4.0,  # m/s^2
-    "MPC_JERK_AUTO": 4.0,  # m/s^3
-    "MPC_LAND_ALT1": 10.0,  # m above home, below which a landing slows
-    "MPC_LAND_ALT2": 5.0,  # m above home, below which it is at MPC_LAND_SPEED
-    "MPC_LAND_ALT3": 1.0,  # m
-    "MPC_LAND_CRWL": 0.3,  # m/s
-    "MPC_LAND_SPEED": 0.7,  # m/s
-    "MPC_TILTMAX_AIR": 45.0,  # deg
-    "MPC_TKO_SPEED": 1.5,  # m/s
-    "MPC_XY_CRUISE": 5.0,  # m/s
-    "MPC_XY_VEL_MAX": 12.0,  # m/s
-    "MPC_YAWRAUTO_MAX": 45.0,  # deg/s
-    "MPC_Z_VEL_MAX_DN": 1.5,  # m/s
-    "MPC_Z_VEL_MAX_UP": 3.0,  # m/s
-    "MPC_Z_V_AUTO_DN": 1.5,  # m/s
-    "MPC_Z_V_AUTO_UP": 3.0,  # m/s
-    "NAV_ACC_RAD": 2.0,  # m
-    "NAV_MC_ALT_RAD": 0.8,  # m
-    "RTL_DESCEND_ALT": 10.0,  # m above home
-    "RTL_LAND_DELAY": 0.0,  # s over home, -1: does not land
-    "RTL_RETURN_ALT": 30.0,  # m above home
-    "RTL_TYPE": 0,
-    "SYS_AUTOSTART": 4001,
-    "SYS_HAS_NUM_ASPD": 0,
-}
+COPTER: dict[str, float | int] = (
+    _COMMON
+    | _READ_COPTER
+    | {
+        "MAV_TYPE": 2,
+        "MIS_TAKEOFF_ALT": 2.5,  # m above home
+        "MPC_ACC_DOWN_MAX": 3.0,  # m/s^2
+        "MPC_ACC_HOR": 3.0,  # m/s^2
+        "MPC_ACC_UP_MAX": 4.0,  # m/s^2
+        "MPC_LAND_ALT1": 10.0,  # m above home, below which a landing slows
+        "MPC_LAND_ALT2": 5.0,  # m above home, below which it is at MPC_LAND_SPEED
+        "MPC_LAND_SPEED": 0.7,  # m/s
+        "MPC_TKO_SPEED": 1.5,  # m/s
+        "MPC_XY_CRUISE": 5.0,  # m/s
+        "MPC_XY_VEL_MAX": 12.0,  # m/s
+        "MPC_YAWRAUTO_MAX": 45.0,  # deg/s
+        "MPC_Z_VEL_MAX_DN": 1.5,  # m/s
+        "MPC_Z_VEL_MAX_UP": 3.0,  # m/s
+        "MPC_Z_V_AUTO_DN": 1.5,  # m/s
+        "MPC_Z_V_AUTO_UP": 3.0,  # m/s
+        "NAV_ACC_RAD": 2.0,  # m
+        "RTL_DESCEND_ALT": 10.0,  # m above home
+        "RTL_LAND_DELAY": 0.0,  # s over home, -1: does not land
+        "RTL_RETURN_ALT": 30.0,  # m above home
+    }
+)
 
-PLANE: dict[str, float | int] = _COMMON | {
-    "CA_AIRFRAME": 1,
-    "COM_DISARM_PRFLT": -1.0,
-    "COM_POS_FS_EPH": 50.0,
-    "FW_AIRSPD_MAX": 20.0,  # m/s
-    "FW_AIRSPD_MIN": 10.0,  # m/s
-    "FW_AIRSPD_STALL": 7.0,  # m/s
-    "FW_AIRSPD_TRIM": 15.0,  # m/s
-    "FW_GND_SPD_MIN": 5.0,  # m/s
-    "FW_LAUN_DETCN_ON": 0,
-    "FW_LND_AIRSPD": -1.0,  # m/s, -1: FW_AIRSPD_MIN
-    "FW_LND_ANG": 5.0,  # deg
-    "FW_P_LIM_MAX": 30.0,  # deg
-    "FW_P_LIM_MIN": -30.0,  # deg
-    "FW_R_LIM": 50.0,  # deg
-    "FW_TKO_PITCH_MIN": 10.0,  # deg
-    "FW_T_CLMB_MAX": 5.0,  # m/s
-    "FW_T_CLMB_R_SP": 3.0,  # m/s
-    "FW_T_SINK_MAX": 5.0,  # m/s
-    "FW_T_SINK_MIN": 2.0,  # m/s
-    "FW_T_SINK_R_SP": 2.0,  # m/s
-    "MAV_TYPE": 1,
-    "MIS_TAKEOFF_ALT": 25.0,  # m above home
-    "NAV_ACC_RAD": 10.0,  # m
-    "NAV_FW_ALT_RAD": 10.0,  # m
-    "RTL_DESCEND_ALT": 100.0,  # m above home
-    "RTL_LAND_DELAY": -1.0,  # s over home, -1: does not land
-    "RTL_RETURN_ALT": 100.0,  # m above home
-    "RTL_TYPE": 1,
-    "SYS_AUTOSTART": 4003,
-    "SYS_HAS_NUM_ASPD": 1,
-}
+PLANE: dict[str, float | int] = (
+    _COMMON
+    | _READ_PLANE
+    | {
+        "COM_DISARM_PRFLT": -1.0,
+        "RTL_LOITER_RAD": 80.0,  # m
+        "FW_AIRSPD_MAX": 20.0,  # m/s
+        "FW_AIRSPD_MIN": 10.0,  # m/s
+        "FW_AIRSPD_STALL": 7.0,  # m/s
+        "FW_AIRSPD_TRIM": 15.0,  # m/s
+        "FW_LND_AIRSPD": -1.0,  # m/s, -1: FW_AIRSPD_MIN
+        "FW_LND_ANG": 5.0,  # deg
+        "FW_R_LIM": 50.0,  # deg
+        "FW_T_CLMB_MAX": 5.0,  # m/s
+        "FW_T_SINK_MAX": 5.0,  # m/s
+        "FW_T_SINK_R_SP": 2.0,  # m/s
+        "MAV_TYPE": 1,
+        "MIS_TAKEOFF_ALT": 25.0,  # m above home
+        "NAV_ACC_RAD": 10.0,  # m
+        "RTL_DESCEND_ALT": 100.0,  # m above home
+        "RTL_LAND_DELAY": -1.0,  # s over home, -1: does not land
+        "RTL_RETURN_ALT": 100.0,  # m above home
+    }
+)

@@ -145,6 +145,7 @@ def copter_tuning(params: Parameters) -> Tuning:
         vertical_acceleration_m_s2=_at_least(min(params["MPC_ACC_UP_MAX"], params["MPC_ACC_DOWN_MAX"])),
         takeoff_speed_m_s=_at_least(params["MPC_TKO_SPEED"]),
         return_speed_m_s=cruise_m_s,
+        yaw_rate_deg_s=_at_least(params["MPC_YAWRAUTO_MAX"]),
         return_cone_deg=float(params["RTL_CONE_ANG"]),
         return_cone_within_m=params["RTL_MIN_DIST"],
         landing_speed_m_s=_at_least(params["MPC_LAND_SPEED"]),
@@ -175,6 +176,7 @@ def plane_tuning(params: Parameters) -> Tuning:
         airspeed_min_m_s=_at_least(params["FW_AIRSPD_MIN"]),
         airspeed_max_m_s=_at_least(params["FW_AIRSPD_MAX"]),
         loiter_radius_m=params["NAV_LOITER_RAD"],
+        return_loiter_radius_m=params["RTL_LOITER_RAD"],
         bank_limit_deg=params["FW_R_LIM"],
         stall_m_s=params["FW_AIRSPD_STALL"],
     )
