@@ -44,6 +44,7 @@ def small(**sections: object) -> Scenario:
         "area": AREA,
         "threats": {"count": 5},
         "communication": {"bus": "memory"},
+        "flight": {"altitude_m": 15.0},  # to climb to the usual 40 and back is a quarter of the work
         "simulate": {"count": 3, "ready_s": 3.0},
     }
     return build(Config.model_validate_json(json.dumps({**content, **sections})))

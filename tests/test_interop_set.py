@@ -6,6 +6,7 @@ import json
 import os
 import signal
 import subprocess
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +20,7 @@ name: NAME
 area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m: 50}
 threats: {count: 5}
 planner: {w: 0.5}
-simulate: {count: 2, speedup: 2}
+simulate: {count: 2, speedup: 2, ready_s: 0}
 flight: {on_exit: hold}
 """
 
@@ -82,11 +83,15 @@ def test_one_of_two_swarms_takes_a_command_and_the_other_hears_nothing_of_it(pla
             assert taken.stdout.startswith("uav2: w = 0.9 from plan ")
             read_until(one, taken.stdout.strip())
 
-            unclear = place.set("--uav", "2", "--w", "0.9")
+            # Neither changes anything, so both may be on their way at once.
+            with ThreadPoolExecutor() as pool:
+                refused = [
+                    pool.submit(place.set, *words, "--w", "0.1")
+                    for words in (("--uav", "2"), ("--swarm", "one", "--uav", "7"))
+                ]
+            unclear, unknown = (done.result() for done in refused)
             assert unclear.returncode == 2
             assert "2 swarms fly here: one at tcp/127.0.0.1:" in unclear.stderr
-
-            unknown = place.set("--swarm", "one", "--uav", "7", "--w", "0.1")
             assert unknown.returncode == 1
             assert (
                 "one refused: nothing was changed: no vehicle has the system id or name 7" in unknown.stderr

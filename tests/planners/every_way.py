@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -11,7 +12,6 @@ import numpy as np
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from swarmctl.core.exposure import length_cells
 from swarmctl.core.grid import Cell
 from swarmctl.planners import Problem
 
@@ -42,31 +42,38 @@ class Ways:
 @functools.cache
 def ways(shape: tuple[int, int], start: Cell, goals: frozenset[Cell]) -> Ways:
     """For walls that leave the start free."""
-    found = list(_walk((start,), shape, goals))
+    found = list(_walk((start,), _neighbours(shape), goals))
+    n_steps = [len(cells) - 1 for cells in found]
+    way = np.repeat(np.arange(len(found)), n_steps)
+    here = np.array([cell for cells in found for cell in cells[:-1]], dtype=int).reshape(-1, 2).T
+    there = np.array([cell for cells in found for cell in cells[1:]], dtype=int).reshape(-1, 2).T
     entered = np.zeros((len(found), *shape))
-    touched = np.zeros((len(found), *shape))
-    for i, cells in enumerate(found):
-        for here, there in pairwise(cells):
-            entered[i][there] = 1.0
-            for cell in (there, (here[0], there[1]), (there[0], here[1])):
-                touched[i][cell] = 1.0
+    entered[way, *there] = 1.0
+    touched = entered.copy()
+    touched[way, here[0], there[1]] = touched[way, there[0], here[1]] = 1.0
+    n_diagonal = np.bincount(way, (here != there).all(axis=0), minlength=len(found))
+    lengths = n_steps - n_diagonal + n_diagonal * math.sqrt(2.0)
     flat = (len(found), -1)
-    return Ways(
-        np.array([length_cells(cells) for cells in found]), entered.reshape(flat), touched.reshape(flat)
-    )
+    return Ways(lengths, entered.reshape(flat), touched.reshape(flat))
+
+
+def _neighbours(shape: tuple[int, int]) -> dict[Cell, list[Cell]]:
+    inside = set(np.ndindex(shape))
+    return {
+        (row, col): [(row + r, col + c) for r, c in STEPS if (row + r, col + c) in inside]
+        for row, col in inside
+    }
 
 
 def _walk(
-    cells: tuple[Cell, ...], shape: tuple[int, int], goals: frozenset[Cell]
+    cells: tuple[Cell, ...], neighbours: dict[Cell, list[Cell]], goals: frozenset[Cell]
 ) -> Iterator[tuple[Cell, ...]]:
     if cells[-1] in goals:
         yield cells
         return
-    row, col = cells[-1]
-    for d_row, d_col in STEPS:
-        step = (row + d_row, col + d_col)
-        if 0 <= step[0] < shape[0] and 0 <= step[1] < shape[1] and step not in cells:
-            yield from _walk((*cells, step), shape, goals)
+    for step in neighbours[cells[-1]]:
+        if step not in cells:
+            yield from _walk((*cells, step), neighbours, goals)
 
 
 def all_points(problem: Problem) -> list[Point]:

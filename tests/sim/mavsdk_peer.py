@@ -1,6 +1,7 @@
 """The real MAVSDK at one end of a UDP link, `python -m sim_vehicle` at the other, and waiting with an end.
 
-One simulator serves many tests: each takes vehicles that none before it has touched.
+One simulator serves many tests: each takes vehicles that none before it has touched, and what it does with
+one of ArduPilot and with one of PX4 it does side by side, because it waits for them most of the time.
 """
 
 import json
@@ -9,8 +10,9 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from functools import cached_property
+from functools import cached_property, wraps
 from typing import Any, TypeVar
 
 import pytest
@@ -267,6 +269,21 @@ class Values:
         while not condition(value := self.next(limit_s)):
             pass
         return value
+
+
+def side_by_side(test: Callable[..., None]) -> Callable[..., None]:
+    """A case a personality: the first runs them all at once, and each says how its own went."""
+    ended: dict[str, Future[None]] = {}
+
+    @wraps(test)
+    def case(personality: str, **fixtures: Any) -> None:
+        if personality not in ended:
+            with ThreadPoolExecutor(len(AUTOPILOTS)) as pool:  # left when all of them have ended
+                for each in AUTOPILOTS:
+                    ended[each] = pool.submit(test, personality=each, **fixtures)
+        ended.pop(personality).result()
+
+    return pytest.mark.parametrize("personality", list(AUTOPILOTS))(case)
 
 
 def finish(start: Callable[[Callable[..., None]], Any]) -> tuple[Any, ...]:

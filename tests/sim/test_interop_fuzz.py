@@ -68,8 +68,9 @@ def test_floods_over_udp_do_not_keep_a_station_from_being_served() -> None:
     udp, port = udp_socket()
     udp.close()
     with simulator(
-        "--personality", "mixed", "--count", "4", "--url", f"udpin:127.0.0.1:{port}", errors=says_it_is_late
-    ) as process:
+        "--personality", "mixed", "--count", "4", "--speedup", "4", "--url", f"udpin:127.0.0.1:{port}",
+        errors=says_it_is_late,
+    ) as process:  # fmt: skip
         assert line(process)
         good, _ = udp_socket()
         with Ground(good) as ground:
@@ -98,7 +99,7 @@ def test_rude_tcp_clients_do_not_keep_a_station_from_being_served() -> None:
     port = free_tcp_port()
     reset = struct.pack("ii", 1, 0)  # SO_LINGER: closed without a word
     with simulator(
-        "--count", "3", "--speedup", "2", "--url", f"tcpin:127.0.0.1:{port}", errors=says_it_is_late
+        "--count", "3", "--speedup", "5", "--url", f"tcpin:127.0.0.1:{port}", errors=says_it_is_late
     ) as process:
         assert line(process)
         with Ground(socket.create_connection(("127.0.0.1", port), timeout=10)) as ground:

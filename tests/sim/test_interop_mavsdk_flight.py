@@ -17,10 +17,9 @@ from mavsdk.plugins.offboard import (
     VelocityNedYaw,
 )
 from mavsdk.plugins.telemetry import FlightMode, LandedState
-from mavsdk_peer import COPTERS, Peer, Vehicle, connected, refusal
+from mavsdk_peer import COPTERS, Peer, Vehicle, connected, refusal, side_by_side
 
 pytestmark = pytest.mark.interop
-PERSONALITIES = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 OFFBOARD = FlightMode.OFFBOARD
 
 
@@ -44,7 +43,7 @@ def slow() -> Iterator[Peer]:
 @pytest.mark.autopilots(
     "1.14", "MAVSDK 5 goto_location", "MAVSDK 5 set_current_speed", "MAVSDK 5 hold", of="px4"
 )
-@PERSONALITIES
+@side_by_side
 def test_takeoff_goto_speed_orbit_hold_return_and_landing(fast: Peer, personality: str) -> None:
     vehicle = fast.take(personality)
     action, telemetry = vehicle.action, vehicle.telemetry
@@ -84,7 +83,7 @@ def orbit(vehicle: Vehicle) -> None:
     assert vehicle.mode not in (FlightMode.HOLD, FlightMode.MISSION)
 
 
-@PERSONALITIES
+@side_by_side
 def test_landing_on_the_spot_and_killing_in_flight(fast: Peer, personality: str) -> None:
     vehicle = fast.take(personality)
     vehicle.take_off(6.0)
@@ -108,7 +107,7 @@ def test_landing_on_the_spot_and_killing_in_flight(fast: Peer, personality: str)
 
 @pytest.mark.autopilots("MAVSDK 5 geofence", "2 fence", "2 fence use")
 @pytest.mark.autopilots("MAVSDK 5 geofence", "2 fence", "2 fence use", of="px4")
-@PERSONALITIES
+@side_by_side
 def test_a_geofence_is_kept_obeyed_and_cleared(slow: Peer, personality: str) -> None:
     vehicle = slow.take(personality)
     vehicle.ready()
@@ -149,7 +148,7 @@ def test_a_geofence_is_kept_obeyed_and_cleared(slow: Peer, personality: str) -> 
 
 @pytest.mark.autopilots("MAVSDK 5 offboard")
 @pytest.mark.autopilots("MAVSDK 5 offboard", of="px4")
-@PERSONALITIES
+@side_by_side
 def test_offboard_positions_velocities_and_attitudes(slow: Peer, personality: str) -> None:
     vehicle = slow.take(personality)
     offboard, telemetry = vehicle.offboard, vehicle.telemetry
@@ -202,7 +201,7 @@ def moves(vehicle: Vehicle, north_m_s: float, east_m_s: float) -> bool:
     return math.hypot(velocity.north_m_s - north_m_s, velocity.east_m_s - east_m_s) < 0.4
 
 
-@PERSONALITIES
+@side_by_side
 def test_set_points_that_stop_coming(slow: Peer, personality: str) -> None:
     """Without a word: PX4 leaves OFFBOARD, ArduPilot stops where it is."""
     vehicle = slow.take(personality)

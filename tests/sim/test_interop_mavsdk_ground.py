@@ -8,11 +8,10 @@ from typing import Any
 import pytest
 from mavsdk.plugins.action import OrbitYawBehavior, RelayCommand
 from mavsdk.plugins.telemetry import FixType, FlightMode, LandedState, Odometry
-from mavsdk_peer import Peer, Values, Vehicle, connected, refusal
+from mavsdk_peer import Peer, Values, Vehicle, connected, refusal, side_by_side
 
 pytestmark = pytest.mark.interop
 SPEEDUP = 5.0
-PERSONALITIES = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 LAT_DEG, LON_DEG, ALT_M, HEADING_DEG = 47.397742, 8.545594, 488.0, 30.0
 EPOCH_2020_US = 1_577_836_800_000_000
 RATED = (
@@ -30,8 +29,16 @@ NEVER_RATED = "actuator_control_target"  # gone from PX4 since 1.14, never ArduP
 @pytest.fixture(scope="module")
 def peer() -> Iterator[Peer]:
     home = f"{LAT_DEG},{LON_DEG},{ALT_M},{HEADING_DEG}"
-    fleet = ("--personality", "ardupilot:7,px4:8", "--home", home, "--speedup", str(SPEEDUP))
+    fleet = ("--personality", "ardupilot:8,px4:9", "--home", home, "--speedup", str(SPEEDUP))
     with connected(*fleet) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def unready() -> Iterator[Peer]:
+    with connected(
+        "--personality", "ardupilot:1,px4:1", "--speedup", str(SPEEDUP), "--ready-s", "600"
+    ) as found:
         yield found
 
 
@@ -47,7 +54,7 @@ def first(vehicle: Vehicle, what: str) -> Any:
 
 @pytest.mark.autopilots("MAVSDK 5 telemetry")
 @pytest.mark.autopilots("MAVSDK 5 telemetry", of="px4")
-@PERSONALITIES
+@side_by_side
 def test_telemetry_comes_at_the_rate_asked_for(peer: Peer, personality: str) -> None:
     vehicle = peer.take(personality, telemetry=False)
     telemetry = vehicle.telemetry
@@ -75,7 +82,7 @@ def test_telemetry_comes_at_the_rate_asked_for(peer: Peer, personality: str) -> 
 
 @pytest.mark.autopilots("MAVSDK 5 telemetry")
 @pytest.mark.autopilots("MAVSDK 5 telemetry", of="px4")
-@PERSONALITIES
+@side_by_side
 def test_telemetry_of_a_vehicle_that_stands(peer: Peer, personality: str) -> None:
     vehicle = peer.take(personality)
     telemetry = vehicle.telemetry
@@ -132,7 +139,7 @@ def test_what_only_px4_streams(peer: Peer) -> None:
 # -- info ------------------------------------------------------------------------------------------------
 
 
-@PERSONALITIES
+@side_by_side
 def test_info(peer: Peer, personality: str) -> None:
     vehicle, other = peer.take(personality), peer.take(personality)
     version = vehicle.info.get_version()
@@ -168,7 +175,7 @@ INT_AND_FLOAT = {
 
 @pytest.mark.autopilots("MAVSDK 5 params", "1.16")
 @pytest.mark.autopilots("1.16", of="px4")
-@PERSONALITIES
+@side_by_side
 def test_parameters_of_both_types(peer: Peer, personality: str) -> None:
     vehicle = peer.take(personality)
     param = vehicle.param
@@ -192,23 +199,30 @@ def test_parameters_of_both_types(peer: Peer, personality: str) -> None:
 @pytest.mark.autopilots("1.16")
 def test_what_is_not_answered_times_out(peer: Peer) -> None:
     """Three seconds each, which is MAVSDK's own patience; side by side."""
-    ardupilot, px4 = peer.take("ardupilot"), peer.take("px4")
+    get, older = peer.take("ardupilot"), peer.take("ardupilot")
+    unknown, wrong = peer.take("px4"), peer.take("px4")
 
-    def of_ardupilot() -> None:
-        assert refusal(ardupilot.param.get_param_int, "NO_SUCH") == "TIMEOUT"
+    def no_such_of_ardupilot() -> None:
+        assert refusal(get.param.get_param_int, "NO_SUCH") == "TIMEOUT"
+        assert get.param.get_param_int("RTL_ALT") == 1500
+
+    def later_of_ardupilot() -> None:
         # It looks for a parameter of later versions first.
-        ardupilot.action.set_return_to_launch_altitude(27.0)
-        assert ardupilot.param.get_param_int("RTL_ALT") == 2700
+        older.action.set_return_to_launch_altitude(27.0)
+        assert older.param.get_param_int("RTL_ALT") == 2700
 
-    def of_px4() -> None:
-        assert refusal(px4.param.set_param_float, "NO_SUCH", 1.0) == "TIMEOUT"
-        assert refusal(px4.param.set_param_int, "MPC_XY_CRUISE", 3) == "TIMEOUT"  # it is no integer
-        assert px4.param.get_param_float("MPC_XY_CRUISE") == 5.0
-        px4.action.set_return_to_launch_altitude(27.0)
-        assert px4.action.get_return_to_launch_altitude() == 27.0
+    def no_such_of_px4() -> None:
+        assert refusal(unknown.param.set_param_float, "NO_SUCH", 1.0) == "TIMEOUT"
+        unknown.action.set_return_to_launch_altitude(27.0)
+        assert unknown.action.get_return_to_launch_altitude() == 27.0
 
-    with ThreadPoolExecutor() as pool:
-        for done in [pool.submit(of_ardupilot), pool.submit(of_px4)]:
+    def wrong_type_of_px4() -> None:
+        assert refusal(wrong.param.set_param_int, "MPC_XY_CRUISE", 3) == "TIMEOUT"  # it is no integer
+        assert wrong.param.get_param_float("MPC_XY_CRUISE") == 5.0
+
+    silent = (no_such_of_ardupilot, later_of_ardupilot, no_such_of_px4, wrong_type_of_px4)
+    with ThreadPoolExecutor(len(silent)) as pool:
+        for done in [pool.submit(ask) for ask in silent]:
             done.result(timeout=30)
 
 
@@ -217,7 +231,7 @@ def test_what_is_not_answered_times_out(peer: Peer) -> None:
 
 @pytest.mark.autopilots("MAVSDK 5 takeoff")
 @pytest.mark.autopilots("MAVSDK 5 takeoff", of="px4")
-@PERSONALITIES
+@side_by_side
 def test_what_a_vehicle_that_stands_refuses(peer: Peer, personality: str) -> None:
     vehicle = peer.take(personality)
     vehicle.ready()
@@ -254,22 +268,21 @@ def test_what_a_vehicle_that_stands_refuses(peer: Peer, personality: str) -> Non
 
 
 @pytest.mark.autopilots("1.3", "1.18")
-@PERSONALITIES
+@side_by_side
 def test_arming_before_it_is_ready_is_refused_with_a_reason_and_a_reboot_begins_anew(
-    personality: str,
+    unready: Peer, personality: str
 ) -> None:
-    with connected("--personality", personality, "--speedup", str(SPEEDUP), "--ready-s", "600") as peer:
-        vehicle = peer.take(personality)
-        vehicle.until(lambda: vehicle.telemetry.attitude_euler().timestamp_us > 4e6, "4 s after boot")
-        refused = refusal(vehicle.action.arm)
-        assert refused == ("COMMAND_DENIED" if vehicle.px4 else "FAILED")
-        reason = "ekf2 missing data" if vehicle.px4 else "Arm: AHRS: waiting for home"
-        vehicle.until(lambda: any(reason in text for text in vehicle.texts), "a reason", 10)
-        assert not vehicle.telemetry.health_all_ok()
-        assert not vehicle.telemetry.health().is_armable
-        vehicle.action.reboot()
-        back: Callable[[], bool] = lambda: vehicle.telemetry.attitude_euler().timestamp_us < 4e6  # noqa: E731
-        if not vehicle.px4:
-            first(vehicle, "armed")
-            vehicle.ask_for_telemetry()  # its streams are forgotten
-        vehicle.until(back, "a clock that began anew", 20)
+    vehicle = unready.take(personality)
+    vehicle.until(lambda: vehicle.telemetry.attitude_euler().timestamp_us > 4e6, "4 s after boot")
+    refused = refusal(vehicle.action.arm)
+    assert refused == ("COMMAND_DENIED" if vehicle.px4 else "FAILED")
+    reason = "ekf2 missing data" if vehicle.px4 else "Arm: AHRS: waiting for home"
+    vehicle.until(lambda: any(reason in text for text in vehicle.texts), "a reason", 10)
+    assert not vehicle.telemetry.health_all_ok()
+    assert not vehicle.telemetry.health().is_armable
+    vehicle.action.reboot()
+    back: Callable[[], bool] = lambda: vehicle.telemetry.attitude_euler().timestamp_us < 4e6  # noqa: E731
+    if not vehicle.px4:
+        first(vehicle, "armed")
+        vehicle.ask_for_telemetry()  # its streams are forgotten
+    vehicle.until(back, "a clock that began anew", 20)

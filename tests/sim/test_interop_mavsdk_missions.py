@@ -10,11 +10,10 @@ from mavsdk.exceptions import MavsdkError
 from mavsdk.plugins.mission import MissionItem, MissionPlan
 from mavsdk.plugins.mission_raw import MissionRawError
 from mavsdk.plugins.telemetry import FlightMode, LandedState
-from mavsdk_peer import COPTERS, Peer, Values, Vehicle, connected, finish, raw_item, refusal
+from mavsdk_peer import COPTERS, Peer, Values, Vehicle, connected, finish, raw_item, refusal, side_by_side
 from station import LAT_DEG, LON_DEG, home_item, item, land, takeoff, waypoint
 
 pytestmark = pytest.mark.interop
-PERSONALITIES = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 ROUTE = [takeoff(7.0), waypoint(25, 0, 7.0), waypoint(25, 25, 9.4), land(25, 25)]
 # ArduPilot asks again for an item after a second of its own, and refuses one that then comes twice.
 SITE = ("--home", f"{LAT_DEG},{LON_DEG},300", "--speedup", "12", "--ready-s", "0")
@@ -75,7 +74,7 @@ def start(vehicle: Vehicle, plugin: Any) -> None:
 @pytest.mark.autopilots(
     "2 item 0", "2 read-back", "MAVSDK 5 mission_raw item 0", "MAVSDK 5 start_mission", of="px4"
 )
-@PERSONALITIES
+@side_by_side
 def test_a_raw_mission_is_kept_and_flown_until_it_has_landed(copters: Peer, personality: str) -> None:
     vehicle = copters.take(personality)
     vehicle.ready()
@@ -101,7 +100,7 @@ def test_a_raw_mission_is_kept_and_flown_until_it_has_landed(copters: Peer, pers
 
 @pytest.mark.autopilots("2 MISSION_SET_CURRENT", "MAVSDK 3 replace mid-flight")
 @pytest.mark.autopilots("2 MISSION_SET_CURRENT", "MAVSDK 3 replace mid-flight", of="px4")
-@PERSONALITIES
+@side_by_side
 def test_the_current_item_of_a_raw_mission_is_set_and_a_pause_goes_on(
     copters: Peer, personality: str
 ) -> None:
@@ -159,7 +158,7 @@ def plan_of(vehicle: Vehicle) -> str:
     )  # fmt: skip
 
 
-@PERSONALITIES
+@side_by_side
 def test_a_plan_of_qgroundcontrol_and_its_rally_point(copters: Peer, personality: str) -> None:
     vehicle = copters.take(personality)
     vehicle.ready()
@@ -268,21 +267,21 @@ def test_ardupilot_takes_plain_waypoints_from_the_mission_plugin(copters: Peer) 
 # -- planes ----------------------------------------------------------------------------------------------
 
 
-@PERSONALITIES
+@side_by_side
 def test_a_plane_flies_a_mission_and_circles(planes: Peer, personality: str) -> None:
     vehicle = planes.take(personality)
     telemetry = vehicle.telemetry
     telemetry.set_rate_fixedwing_metrics(5.0)
     vehicle.ready()
-    loiter = item(17, 300, 200, 60.0, param3=80.0)
-    upload(vehicle, [item(22, 200, 0, 40.0), waypoint(300, 0, 60.0), loiter])
+    loiter = item(17, 200, 160, 40.0, param3=80.0)
+    upload(vehicle, [item(22, 150, 0, 30.0), waypoint(200, 0, 40.0), loiter])
     progress = Values()
     vehicle.mission_raw.subscribe_mission_progress(progress, None)
     vehicle.action.arm()
     start(vehicle, vehicle.mission_raw)
-    vehicle.until(lambda: vehicle.height_m > 35, "35 m high")
-    vehicle.until(lambda: vehicle.near(300, 0, 90), "at the waypoint")
-    vehicle.until(lambda: vehicle.near(300, 200, 110), "at the circle")
+    vehicle.until(lambda: vehicle.height_m > 25, "25 m high")
+    vehicle.until(lambda: vehicle.near(200, 0, 90), "at the waypoint")
+    vehicle.until(lambda: vehicle.near(200, 160, 110), "at the circle")
     assert telemetry.fixedwing_metrics().airspeed_m_s > 10
     assert telemetry.landed_state() == LandedState.IN_AIR
     progress.until(lambda p: p.current == p.total - 1)
