@@ -17,6 +17,8 @@ RESERVED = {
     "for": "duration [s]",
     "sysid": "system ids: 3, or 1+4, or 2-6; all if left out",
 }
+ALIKE = 0.7  # how near a word is that may have been meant: less would take `at` for `rate`
+RANGES = {"at": "seconds >= 0", "for": "seconds > 0", "sysid": "system ids from 1 to 255"}
 # The longest suffixes first: `_bytes_s` ends in `_s` too.
 UNITS = {"_bytes_s": "B/s", "_bit_s": "bit/s", "_ppm": "ppm", "_bytes": "B", "_s": "s", "_m": "m", "_v": "V"}
 
@@ -145,25 +147,29 @@ def _parameters(name: str, params: dict[str, Any]) -> FaultParams:
 def _check_name(name: str) -> None:
     if name not in FAULTS:
         raise FaultError(
-            f"there is no fault {name!r}{_meant(name, list(FAULTS))}; there are: {', '.join(sorted(FAULTS))}"
+            f"fault {name or repr(name)}: there is none of that name{_meant(name, list(FAULTS))}; "
+            f"there are: {', '.join(sorted(FAULTS))}"
         )
 
 
 def _meant(word: str, words: list[str]) -> str:
-    close = difflib.get_close_matches(word, words, n=1)
+    close = difflib.get_close_matches(word, words, n=1, cutoff=ALIKE)
     return f" (meant: {close[0]}?)" if close else ""
 
 
 def _first_finding(name: str, error: ValidationError) -> str:
     finding = error.errors(include_url=False)[0]
     text = finding["msg"].removeprefix("Value error, ")
-    if text.startswith(("fault ", "there is no fault")):
+    if text.startswith("fault "):
         return text
     if not finding["loc"]:
         return f"fault {name}: {text}"
     names = {"at_s": "at", "for_s": "for", "vehicles": "sysid"}
     key = names.get(str(finding["loc"][0]), str(finding["loc"][0]))
-    return f"fault {name}: {key}={_text(finding['input'])}: {text}; allowed: {_allowed(name)}"
+    expected = RANGES.get(key) or next(
+        (p.allowed for p in _parameter_help(FAULTS[name].params) if p.name == key), ""
+    )
+    return f"fault {name}: {key}={_text(finding['input'])}: expected {expected}; allowed: {_allowed(name)}"
 
 
 def _allowed(name: str) -> str:

@@ -16,14 +16,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.files.filesystem import Entry, FileError, FileSystem
 from sim_vehicle.files.ftp_rules import OPENING, FtpError, FtpRules, Opcode
-from sim_vehicle.files.pacing import Pacer
+from sim_vehicle.files.pacing import BYTES_S, MOST_BYTES_AT_ONCE, Pacer
 
 HEADER = struct.Struct("<HBBBBBxI")  # seq, session, opcode, size, request's opcode, burst complete, offset
 SIZE = struct.Struct("<I")
 MOST_DATA = 239  # bytes of data in one message
 FRAME_BYTES = 277  # of one message on the link
-BYTES_S = 200_000
-MOST_BYTES_AT_ONCE = 40_000
 
 
 class _Nak(Exception):

@@ -11,12 +11,10 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.files.logs.recorder import StoredLog
-from sim_vehicle.files.pacing import Pacer
+from sim_vehicle.files.pacing import BYTES_S, MOST_BYTES_AT_ONCE, Pacer
 
 CHUNK_BYTES = 90
 FRAME_BYTES = 109  # a LOG_DATA on the link
-BYTES_S = 200_000
-MOST_BYTES_AT_ONCE = 40_000
 MOST_STATIONS = 8
 
 

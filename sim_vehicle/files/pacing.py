@@ -2,11 +2,14 @@
 
 import math
 
+BYTES_S = 200_000
+MOST_BYTES_AT_ONCE = 40_000
+
 
 class Pacer:
     """A bucket that fills at `bytes_s` [bytes/s] up to `most_bytes`; it is full when time begins."""
 
-    def __init__(self, bytes_s: float, most_bytes: float) -> None:
+    def __init__(self, bytes_s: float = BYTES_S, most_bytes: float = MOST_BYTES_AT_ONCE) -> None:
         self._bytes_s, self._most = bytes_s, most_bytes
         self._bytes = most_bytes
         self._filled_s = -math.inf

@@ -17,7 +17,8 @@ MISSION_HEADER = struct.Struct("<HHHHH")  # magic, MAV_MISSION_TYPE, options, in
 NO_CLEAR = 1  # option: items replace and extend what is there
 MOST_NAME = 16
 
-_INT32, _FLOAT = 3, 4
+_FLOAT = 4
+_INTEGERS = {8: 1, 16: 2, 32: 3}  # by their bits
 _VALUES = {1: struct.Struct("<b"), 2: struct.Struct("<h"), 3: struct.Struct("<i"), 4: struct.Struct("<f")}
 _ITEM = mavlink.MAVLink_mission_item_int_message
 
@@ -28,6 +29,7 @@ class Parameter(NamedTuple):
     name: str
     value: float | int
     default: float | int
+    bits: int = 32  # of an integer
 
 
 def pack_parameters(parameters: Sequence[Parameter], query: str = "") -> bytes:
@@ -44,8 +46,8 @@ def pack_parameters(parameters: Sequence[Parameter], query: str = "") -> bytes:
     magic = PARAMETERS_WITH_DEFAULTS_MAGIC if defaults else PARAMETERS_MAGIC
     packed = bytearray(PARAMETERS_HEADER.pack(magic, len(chosen), len(parameters)))
     last = b""
-    for name, value, default in chosen:
-        kind = _INT32 if isinstance(value, int) else _FLOAT
+    for name, value, default, bits in chosen:
+        kind = _INTEGERS[bits] if isinstance(value, int) else _FLOAT
         differs = defaults and default != value
         encoded = name.encode("ascii")[:MOST_NAME]
         common = min(_common(last, encoded), len(encoded) - 1)
@@ -140,4 +142,4 @@ def _common(one: bytes, other: bytes) -> int:
 
 
 def _value(kind: int, value: float) -> bytes:
-    return _VALUES[kind].pack(int(value) if kind == _INT32 else value)
+    return _VALUES[kind].pack(value if kind == _FLOAT else int(value))

@@ -6,7 +6,7 @@ units, into a `Tuning` in SI units, and that is what a vehicle flies by.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum, auto
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +32,7 @@ class Behaviour(Enum):
     RETURN = auto()
     LAND = auto()
     SINK = auto()  # the throttle stick reads its minimum: down at the pilot's descent rate
+    CRUISE = auto()  # a plane: straight on at the present altitude
     DROP = auto()  # the same without altitude control (a plane glides)
 
 
@@ -49,6 +50,7 @@ class Mode:
     selectable: bool = True  # by a ground station
     standard: int = 0  # MAV_STANDARD_MODE
     needs_pilot: bool = False  # cannot run armed without manual control (see Tuning.pilot_missing)
+    terminates: bool = False  # the flight is over; only a reboot leaves it
 
 
 class FailsafeAction(Enum):
@@ -60,7 +62,12 @@ class FailsafeAction(Enum):
     RETURN = auto()
     LAND = auto()
     TERMINATE = auto()
+    DISARM = auto()
     RETURN_POINT = auto()  # guided to the fence's return point
+    HOLD_ALTITUDE = auto()  # and no more than that: the position is lost
+    MISSION = auto()
+    GLIDE = auto()  # a plane, its motor off
+    LEVEL = auto()  # a plane: straight on at the present altitude
 
 
 class RallyAltitude(Enum):
@@ -140,12 +147,22 @@ class Tuning:
     wind_m_s: float | None = None  # None: the scenario's
     wind_from_deg: float = 0.0
     # what only some autopilots have
-    battery_warning_share: float = 0.0  # of the capacity that is left, below which it is said and no more
+    battery_warning_share: float | None = None  # of the capacity, below which it is said and no more
     failsafe_delay_s: float = 0.0  # in hold before a failsafe acts
     gcs_missed_unheard: bool = False  # a ground station that was never heard counts as lost
+    # What a lost link leads to in the air in these modes, by number, in place of gcs_action and so on.
+    gcs_action_in: Mapping[int, FailsafeAction] = field(default_factory=dict)
+    rc_action_in: Mapping[int, FailsafeAction] = field(default_factory=dict)
+    rc_short_action_in: Mapping[int, FailsafeAction] = field(default_factory=dict)
+    rc_short_action: FailsafeAction | None = None  # as soon as it is lost; None: there is only rc_action
+    rc_watched: bool = True
+    rc_missed_unarmed: bool = True  # what is lost at arming already is a failsafe, too
+    rc_timeout_s: float = 0.0  # without a frame, then it is lost
+    rc_long_s: float = 0.0  # since the short action, or without a frame, until rc_action
+    position_lost_everywhere: bool = False  # acts in modes, too, that need no position
     pilot_missing: bool = False  # there is no manual control for the modes that need it
     takeoff_speed_m_s: float | None = None  # None: climb_m_s
-    after_takeoff: Behaviour = Behaviour.HOLD  # what follows the mode that takes off
+    after_takeoff: Behaviour | None = None  # what follows the mode that takes off; None: it holds in it
     landing_slowing_below_m: float = (
         0.0  # above home; from here to landing_slow_below_m the descent slows evenly
     )
@@ -156,8 +173,10 @@ class Tuning:
     rally_includes_home: bool = True  # home is returned to where it is nearer than any of them
     return_descends: bool = False  # to return_height_m, from above it too
     gcs_only: bool = False  # no other system than gcs_sysid is heard
-    return_cone_deg: float = 0.0  # half angle of a cone over home above which it need not climb; 0: none
-    return_cone_within_m: float = 0.0  # from home, where the cone counts
+    # distance from home, height above it [m] -> height to return at; None: return_height_m wherever it is
+    return_height_at: Callable[[float, float], float] | None = None
+    return_under_fence: bool = False  # no higher than the fence lets it
+    fence_give_up_m: float = math.inf  # so far beyond a limit it lands, whatever the action
     logs: LogWhen = LogWhen.ARMED
 
 
@@ -182,7 +201,7 @@ class Personality:
     commands: Mapping[int, CommandHandler]  # in place of, or beside, the common ones
     arm_refused: int  # MAV_RESULT
     disarm_refused: int  # MAV_RESULT in flight
-    any_component: bool  # commands to whatever component are executed
+    hears: Callable[[int, Any], bool]  # own system id, a message to that or to all: whether it is taken
     acknowledges_set_mode: bool  # the SET_MODE message
     home_item: bool  # item 0 of a mission is home
     empty_mission_total: int  # MISSION_CURRENT.total with no mission
@@ -201,12 +220,15 @@ class Personality:
     ready_s: float  # from boot to a position estimate
     storage: Callable[["Autopilot", LogLimits], Any]  # its logs and files
     banner: tuple[str, ...]  # its name and version first
+    aims: Callable[["Autopilot"], tuple[bool, bool]]  # whether its mode has a global and a local target
     # what only one of them does
+    parameter_bits: Mapping[str, int] = field(default_factory=dict)  # of integers, where these are not 32
     mission: Callable[["Autopilot"], Mission] | None = None  # None: the one with home as item 0
     mission_ends_in: Behaviour | None = None  # the mode that follows a mission in the air
     rereads_mode_switch: bool = True  # soon after a boot, which undoes a mode set before
     active_when_armed: bool = False  # MAV_STATE of an armed vehicle on the ground
-    force_arms: bool = True  # a forced arming by a ground station skips the checks
+    force_arms: bool = True  # a forced arming by a ground station skips the checks, but for `mandatory`
+    mandatory: Callable[["Autopilot", float], list[str]] = lambda _vehicle, _now: []  # as `refusals`
     landing_disarms: bool = True  # at once; else after Tuning.disarm_landed_s
     signs: bool = False  # knows MAVLink 2 signing; else signatures are not looked at
     disarm_restores_mode: bool = False  # the last mode that may be armed in follows a flight
@@ -216,6 +238,9 @@ class Personality:
     origin_moves: bool = False  # wherever SET_GPS_GLOBAL_ORIGIN says; else only while there is none
     flight_counter: str | None = None  # the parameter that a disarming counts up
     failsafe_disarms: bool = False  # one that would act in the air stops the motors on the ground
+    failsafe_modes: Mapping[FailsafeAction, int] = field(default_factory=dict)  # where Behaviour does not say
+    start_landing: Callable[["Autopilot", float], bool] | None = None  # where no mode lands; False: it cannot
+    battery_latches: bool = False  # is looked at while armed only, and a level stays until the next boot
     body_yaw_relative: bool = False  # a set-point's yaw in a frame of the body; else it is from north
     gps_fix_type: int = 6  # GPS_FIX_TYPE that its own simulator reports
 

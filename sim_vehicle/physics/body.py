@@ -318,9 +318,13 @@ class Body:
         gps.best_fix_type[self._index] = gps.fix_type[self._index] = fix_type
 
     def set_battery(self, *, capacity_mah: float, full_v: float) -> None:
-        """What the battery holds when full, and its voltage then, at rest; as there are batteries."""
+        """What the battery holds when full, and its voltage then, at rest; as there are batteries.
+
+        A capacity of 0 is one that nobody knows: the battery stays as it is.
+        """
         i, batteries = self._index, self._world.batteries
-        batteries.capacity_mah[i] = max(CAPACITIES_MAH[0], min(capacity_mah, CAPACITIES_MAH[1]))
+        if capacity_mah > 0:
+            batteries.capacity_mah[i] = max(CAPACITIES_MAH[0], min(capacity_mah, CAPACITIES_MAH[1]))
         batteries.full_v[i] = max(VOLTAGES_V[0], min(full_v, VOLTAGES_V[1]))
 
     def set_wind(self, speed_m_s: float | None, from_deg: float) -> None:

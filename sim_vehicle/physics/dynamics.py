@@ -104,6 +104,8 @@ class Dynamics(Motion):
         self.attitude_rate[:, touches] = 0.0
         self.airspeed_m_s[touches & ~self.planes] = 0.0
         self.thrust[touches & ~self.planes] = 0.0
+        # It stays down until it is told to fly again, whatever took it down.
+        self.order[touches & ~self.planes] = Order.GROUNDED
 
     def _note_reached(self) -> None:
         error = self.target - self.estimate

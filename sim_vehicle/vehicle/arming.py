@@ -42,7 +42,7 @@ class Arming:
             vehicle.tell("arm_refused", reason="Crashed")
             return False
         in_mission = vehicle.mode.behaviour is Behaviour.MISSION
-        if not force and not self._may_arm(in_mission=in_mission, now=now):
+        if not (self._may_be_forced(now) if force else self._may_arm(in_mission=in_mission, now=now)):
             return False
         if vehicle.landmarks.home is not None and not vehicle.landmarks.home_locked:
             vehicle.landmarks.set_home(vehicle.here(), now)
@@ -54,6 +54,12 @@ class Arming:
         vehicle.tell(text)
         vehicle.flight.begin_takeoff()
         return True
+
+    def _may_be_forced(self, now: float) -> bool:
+        reasons = self._vehicle.personality.mandatory(self._vehicle, now)
+        for reason in reasons:
+            self._vehicle.tell("arm_refused", reason=reason)
+        return not reasons
 
     def _may_arm(self, *, in_mission: bool, now: float) -> bool:
         vehicle = self._vehicle

@@ -108,10 +108,13 @@ class Autopilot:
             record=self._record_text,
         )
         self.send, self.say, self.tell = self.voice.send, self.voice.say, self.voice.tell
-        values = {**personality.parameters, personality.system_id_parameter: sysid, **parameters}
         body.set_gps_fix(personality.gps_fix_type)
         self.params = Parameters(
-            values, read_only=personality.read_only_parameters, byte_wise=personality.parameters_byte_wise
+            personality.parameters,
+            {personality.system_id_parameter: sysid, **parameters},
+            bits=personality.parameter_bits,
+            read_only=personality.read_only_parameters,
+            byte_wise=personality.parameters_byte_wise,
         )
         self.tuning: Tuning = personality.tuning(self.params)
         self.singles = {**SINGLES, **personality.singles}
@@ -125,6 +128,7 @@ class Autopilot:
             tuning=lambda: self.tuning,
             home=lambda: self.landmarks.home_or_here,
             return_place=self.landmarks.return_place,
+            ceiling_amsl_m=lambda: self.fence_watch.ceiling_amsl_m,
             tell=self.tell,
             send=self.send,
             disarm=self._landed,
@@ -206,6 +210,8 @@ class Autopilot:
         kind = message.get_type()
         if kind == "HEARTBEAT":
             self._hear(message, now)
+            return
+        if not self.personality.hears(self.sysid, message):
             return
         self.now = now
         if self.transfer.handles(kind):

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.personalities.base import Behaviour
 from sim_vehicle.physics.place import Place
-from sim_vehicle.vehicle.numbers import whole
+from sim_vehicle.vehicle.numbers import finite, whole
 
 if TYPE_CHECKING:
     from sim_vehicle.vehicle.autopilot import Autopilot
@@ -139,18 +139,26 @@ def reposition(vehicle: "Autopilot", command: Command, now: float) -> int:
     place = command.place()
     if place is None or command.frame not in FRAMES_WITH_ALTITUDE:
         return DENIED
-    if vehicle.mode.behaviour is not Behaviour.GUIDED:
-        change = whole(command.param2) & mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
-        if whole(command.param2) < 0 or not change:
-            return DENIED
-        if not vehicle.modes.set_behaviour(Behaviour.GUIDED, now):
-            return FAILED
+    guided = vehicle.mode.behaviour is Behaviour.GUIDED
+    flags = whole(command.param2)
+    if not guided and (flags < 0 or not flags & mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE):
+        return DENIED
     up_m = vehicle.flight.altitude_amsl_m(command.frame, command.z)
+    if command.z == 0 and command.frame not in (mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT):
+        if not vehicle.body.plane:  # no altitude at all, to ArduPilot
+            return DENIED
+        up_m = vehicle.body.alt_amsl_m
     watch = vehicle.fence_watch
     if watch.enabled and watch.find(*place, up_m - vehicle.flight.home().alt_amsl_m):
         return FAILED
-    if command.param1 > 0:
-        vehicle.flight.change_speed(mavlink.SPEED_TYPE_GROUNDSPEED, command.param1)
+    if not guided and not vehicle.modes.set_behaviour(Behaviour.GUIDED, now):
+        return FAILED
+    if vehicle.body.plane:
+        turns = -1.0 if command.param4 and math.isfinite(command.param4) else 1.0
+        radius_m = finite(command.param3) or vehicle.tuning.loiter_radius_m
+        vehicle.flight.limit(loiter_radius_m=math.copysign(radius_m, turns))
+        if command.param1 > 0:
+            vehicle.flight.change_speed(mavlink.SPEED_TYPE_AIRSPEED, command.param1)
     vehicle.flight.guided_go(*place, up_m)
     return ACCEPTED
 

@@ -1,14 +1,18 @@
 """What a vehicle watches by itself and what it does then: ground station, battery, RC, position, fence.
 
-Which limits apply and what follows is the personality's `Tuning`; how it is said, its `texts`.
+Which limits apply and what follows is the personality's `Tuning`; how it is said, its `texts`. The battery,
+the remote control and the fence are watched in files of their own.
 """
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.base import Behaviour, FailsafeAction
+from sim_vehicle.personalities.base import Behaviour, FailsafeAction, Mode
+from sim_vehicle.vehicle.battery_watch import BatteryWatch
+from sim_vehicle.vehicle.remote_watch import LONG, SHORT, RemoteWatch
 
 if TYPE_CHECKING:
     from sim_vehicle.vehicle.autopilot import Autopilot
@@ -19,9 +23,12 @@ _BEHAVIOURS = {
     FailsafeAction.RETURN: Behaviour.RETURN,
     FailsafeAction.LAND: Behaviour.LAND,
     FailsafeAction.RETURN_POINT: Behaviour.GUIDED,
+    FailsafeAction.HOLD_ALTITUDE: Behaviour.SINK,
+    FailsafeAction.MISSION: Behaviour.MISSION,
 }
 # How grave they are: a failsafe does not interrupt one that brings the vehicle down already.
 _HOMEWARD = {Behaviour.RETURN: 1, Behaviour.LAND: 2}
+_GRAVE = {Behaviour.LAND: 2, Behaviour.SINK: 2, Behaviour.MISSION: 2}  # of what a failsafe asks for; others 1
 
 
 class Failsafes:
@@ -29,12 +36,20 @@ class Failsafes:
 
     def __init__(self, vehicle: "Autopilot") -> None:
         self._vehicle = vehicle
-        self.gcs = self.rc = self.position = False
-        self.battery = 0  # 1 low, 2 critical; stays until the next boot
-        self.battery_warned = False
+        self.gcs = self.position = False
+        self._battery, self._remote = BatteryWatch(vehicle), RemoteWatch(vehicle)
         self._gcs_heard_s: float | None = None
         self._waiting: tuple[FailsafeAction, float] | None = None  # what follows a hold, and when [s]
-        self._voltage_low_since_s = [math.inf, math.inf]
+
+    @property
+    def rc(self) -> bool:
+        """Whether the remote control is lost."""
+        return self._remote.lost
+
+    @property
+    def battery(self) -> int:
+        """1 low, 2 critical."""
+        return self._battery.failing
 
     @property
     def any(self) -> bool:
@@ -44,7 +59,7 @@ class Failsafes:
     @property
     def battery_state(self) -> int:
         """MAV_BATTERY_CHARGE_STATE."""
-        return int(mavlink.MAV_BATTERY_CHARGE_STATE_OK) + self.battery
+        return int(mavlink.MAV_BATTERY_CHARGE_STATE_OK) + self._battery.level
 
     def heard_ground_station(self, sysid: int, now: float) -> None:
         wanted = self._vehicle.tuning.gcs_sysid
@@ -54,12 +69,12 @@ class Failsafes:
     def update(self, now: float) -> float:
         """Look at everything; when to look again at the latest [s]."""
         self._watch_gcs(now)
-        self._watch_battery(now)
-        self._watch_rc()
+        self.act(self._unless_landing(self._battery.update(now)), now)
+        self._watch_rc(now)
         self._watch_position(now)
         self._go_on(now)
         tuning = self._vehicle.tuning
-        due_s = math.inf if self._waiting is None else self._waiting[1]
+        due_s = self._remote.next_s if self._waiting is None else min(self._waiting[1], self._remote.next_s)
         if self._gcs_heard_s is None or self.gcs or math.isinf(tuning.gcs_timeout_s):
             return due_s
         return min(due_s, self._gcs_heard_s + tuning.gcs_timeout_s + LOOK_S)
@@ -92,8 +107,9 @@ class Failsafes:
             vehicle.modes.by_itself(Behaviour.HOLD)
             return
         vehicle.tell("failsafe")
-        self._waiting = None
-        self._carry_out(action, now)
+        if action is not FailsafeAction.WARN:
+            self._waiting = None
+            self._carry_out(action, now)
 
     def _comes_down(self, action: FailsafeAction) -> bool:
         """Whether what it does already is at least as grave."""
@@ -112,22 +128,43 @@ class Failsafes:
 
     def _carry_out(self, action: FailsafeAction, now: float) -> None:
         vehicle = self._vehicle
-        if action is FailsafeAction.WARN:
-            return
+        number = vehicle.personality.failsafe_modes.get(action)
         if action is FailsafeAction.TERMINATE:
             vehicle.tell("terminated")
+            if number is not None:
+                vehicle.modes.enter(number)
+        if action in (FailsafeAction.TERMINATE, FailsafeAction.DISARM):
             vehicle.disarm(force=True)
             return
-        behaviour = _BEHAVIOURS[action]
+        start_landing = vehicle.personality.start_landing
+        if start_landing is not None and action is FailsafeAction.LAND and start_landing(vehicle, now):
+            return
+        mode = vehicle.personality.modes[number] if number is not None else self._mode_of(action, now)
+        if mode is not None and _HOMEWARD.get(vehicle.mode.behaviour, 0) < _GRAVE.get(mode.behaviour, 1):
+            vehicle.modes.enter(mode.number)
+            if mode.behaviour is Behaviour.GUIDED:
+                self._go_to_return_point()
+
+    def _unless_landing(self, action: FailsafeAction) -> FailsafeAction:
+        """A plane whose mission lands it is not called back."""
+        vehicle = self._vehicle
+        lands = vehicle.personality.start_landing is not None and vehicle.flight.landing_now
+        return FailsafeAction.WARN if lands and action is not FailsafeAction.TERMINATE else action
+
+    def _mode_of(self, action: FailsafeAction, now: float) -> Mode | None:
+        """The mode that does what is asked for, or the next best; None: nothing does."""
+        vehicle, behaviour = self._vehicle, _BEHAVIOURS[action]
+        if behaviour is Behaviour.MISSION:
+            goes_on = vehicle.mode.behaviour is behaviour or not vehicle.modes.mission_ready(now)
+            return None if goes_on else vehicle.personality.mode_of(behaviour)
         needs_position = behaviour in (Behaviour.RETURN, Behaviour.HOLD, Behaviour.GUIDED)
         if needs_position and not vehicle.position_known(now):
             behaviour = Behaviour.LAND
-        if vehicle.personality.find_mode(behaviour) is None:  # a plane whose only landings are missions'
+        mode = vehicle.personality.find_mode(behaviour)
+        if mode is None:  # a plane whose only landings are missions'
             behaviour = Behaviour.RETURN if vehicle.position_known(now) else Behaviour.HOLD
-        if _HOMEWARD.get(vehicle.mode.behaviour, 0) < _HOMEWARD.get(behaviour, 1):
-            vehicle.modes.by_itself(behaviour)
-            if behaviour is Behaviour.GUIDED:
-                self._go_to_return_point()
+            mode = vehicle.personality.mode_of(behaviour)
+        return mode
 
     def _go_to_return_point(self) -> None:
         """The fence's, else home, at the altitude that belongs to it."""
@@ -143,65 +180,52 @@ class Failsafes:
             return self.gcs_missing and tuning.gcs_missed_unheard
         return now - self._gcs_heard_s > tuning.gcs_timeout_s
 
+    def _lost(
+        self, link: str, normal: FailsafeAction, otherwise: Mapping[int, FailsafeAction], now: float
+    ) -> None:
+        """A link is lost: what is said and done, which in the air may depend on the mode."""
+        vehicle = self._vehicle
+        mode, flying = vehicle.mode, vehicle.flight.flying
+        action = otherwise.get(mode.number, normal) if flying else normal
+        if action is not FailsafeAction.NOTHING or normal is FailsafeAction.NOTHING:
+            vehicle.tell(f"{link}_lost")
+        elif mode.behaviour is Behaviour.MISSION:
+            vehicle.tell(f"{link}_ignored_in_mission")
+        else:
+            vehicle.tell(f"{link}_ignored")
+        self.act(self._unless_landing(action), now)
+        vehicle.tell(f"{link}_stays" if vehicle.mode is mode else f"{link}_acted", mode=vehicle.mode.name)
+
     def _watch_gcs(self, now: float) -> None:
         vehicle, tuning = self._vehicle, self._vehicle.tuning
         late = self.gcs_late(now)
         if late and not self.gcs and vehicle.armed:
             self.gcs = True
-            vehicle.tell("gcs_lost")
-            self.act(tuning.gcs_action, now)
+            self._lost("gcs", tuning.gcs_action, tuning.gcs_action_in, now)
         elif self.gcs and not late:
             self.gcs = False
             vehicle.tell("gcs_back")
 
-    def _watch_battery(self, now: float) -> None:
-        tuning, body = self._vehicle.tuning, self._vehicle.body
-        stages = (
-            (1, "battery_low", tuning.battery_low_v, tuning.battery_low_share, tuning.battery_low_action),
-            (
-                2,
-                "battery_critical",
-                tuning.battery_critical_v,
-                tuning.battery_critical_share,
-                tuning.battery_critical_action,
-            ),
-        )
-        if not self.battery_warned and body.battery_remaining < tuning.battery_warning_share:
-            self.battery_warned = True
-            self._vehicle.tell("battery_warning")
-            self.act(FailsafeAction.WARN, now)
-        for stage, text, low_v, low_share, action in stages:
-            if self.battery >= stage:
-                continue
-            if not body.voltage_v < low_v:
-                self._voltage_low_since_s[stage - 1] = math.inf
-            elif math.isinf(self._voltage_low_since_s[stage - 1]):
-                self._voltage_low_since_s[stage - 1] = now
-            long_enough = now - self._voltage_low_since_s[stage - 1] >= tuning.battery_delay_s
-            if long_enough or body.battery_remaining < low_share:
-                self.battery = stage
-                self._vehicle.tell(text, volts=body.voltage_v, used_mah=body.used_mah)
-                self.act(action, now)
-
-    def _watch_rc(self) -> None:
-        vehicle, tuning = self._vehicle, self._vehicle.tuning
-        lost = tuning.rc_required or vehicle.afflictions.rc_lost
-        if lost and not self.rc and vehicle.armed:
-            self.rc = True
-            vehicle.tell("rc_lost")
-            self.act(tuning.rc_action, vehicle.now)
-        elif self.rc and not lost:
-            self.rc = False
-            vehicle.tell("rc_back")
+    def _watch_rc(self, now: float) -> None:
+        vehicle, tuning, before = self._vehicle, self._vehicle.tuning, self._vehicle.mode.number
+        stage = self._remote.update(now)
+        if stage == LONG:
+            self._lost(stage, tuning.rc_action, tuning.rc_action_in, now)
+        elif stage == SHORT and tuning.rc_short_action is not None:
+            self._lost(stage, tuning.rc_short_action, tuning.rc_short_action_in, now)
+            self._remote.acted(before, vehicle.mode.number)
 
     def _watch_position(self, now: float) -> None:
-        vehicle = self._vehicle
+        vehicle, tuning = self._vehicle, self._vehicle.tuning
         lost = vehicle.readiness.position(now) and not vehicle.body.position_ok
         if lost and not self.position and vehicle.armed:
             self.position = True
             vehicle.tell("position_lost")
-            if vehicle.mode.needs_position:
-                self.act(vehicle.tuning.position_lost_action, now, at_once=True)
+            action = tuning.position_lost_action
+            if action is FailsafeAction.HOLD_ALTITUDE and self.rc:
+                action = FailsafeAction.LAND
+            if vehicle.mode.needs_position or tuning.position_lost_everywhere:
+                self.act(action, now, at_once=True)
         elif self.position and not lost:
             self.position = False
             vehicle.tell("position_back")

@@ -93,8 +93,10 @@ class Fence:
                 return item.x * 1e-7, item.y * 1e-7
         for zone in self.zones:
             if zone.inclusion and zone.radius_m is None:
-                latitudes, longitudes = zip(*zone.points_deg, strict=True)
-                return (min(latitudes) + max(latitudes)) / 2, (min(longitudes) + max(longitudes)) / 2
+                first = np.array(zone.points_deg[0])
+                offsets = _wrapped(np.array(zone.points_deg) - first)
+                lat_deg, lon_deg = first + (offsets.min(axis=0) + offsets.max(axis=0)) / 2
+                return float(lat_deg), (float(lon_deg) + 180.0) % 360.0 - 180.0
         return None
 
     def breaches(self, lat_deg: float, lon_deg: float) -> bool:

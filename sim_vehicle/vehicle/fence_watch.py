@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.personalities.base import FailsafeAction
 from sim_vehicle.vehicle.rally import distance_m
 
 if TYPE_CHECKING:
@@ -69,6 +70,15 @@ class FenceWatch:
         )
 
     @property
+    def ceiling_amsl_m(self) -> float:
+        """The highest that a vehicle flies by itself [m above mean sea level]."""
+        tuning = self._vehicle.tuning
+        if not self.enabled:
+            return math.inf
+        above_home_m = tuning.fence_max_height_m - tuning.fence_margin_m
+        return self._vehicle.landmarks.home_or_here.alt_amsl_m + above_home_m
+
+    @property
     def kind(self) -> int:
         """FENCE_BREACH of what is breached now."""
         return next((kind for which, kind in _KINDS if which & self.breached), int(mavlink.FENCE_BREACH_NONE))
@@ -109,7 +119,7 @@ class FenceWatch:
             for which, beyond_m in found.items()
         }
         if new:
-            self._record(new, before, now)
+            self._record({which: found[which] for which in new}, before, now)
         elif before and not found and vehicle.flight.flying:
             vehicle.tell("fence_cleared")
 
@@ -143,14 +153,17 @@ class FenceWatch:
             return math.inf
         return AGAIN_PLANE_M if which == CIRCLE and self._vehicle.body.plane else AGAIN_M
 
-    def _record(self, new: frozenset[str], before: frozenset[str], now: float) -> None:
+    def _record(self, new: dict[str, float], before: frozenset[str], now: float) -> None:
+        """`new`: by how much it is beyond each limit that is breached anew [m]."""
         vehicle = self._vehicle
         self.count += len(new)
         if not before:
             self.last_s = now
         if not vehicle.flight.flying or now < self._recovers_until_s:
             return
-        vehicle.tell("fence_breached", names=names_of(new))
+        vehicle.tell("fence_breached", names=names_of(frozenset(new)))
         for which in sorted(new):
             vehicle.tell(f"fence_{which}")
-        vehicle.failsafes.act(vehicle.tuning.fence_action, now)
+        action, given_up = vehicle.tuning.fence_action, max(new.values()) > vehicle.tuning.fence_give_up_m
+        acts = action not in (FailsafeAction.NOTHING, FailsafeAction.WARN)
+        vehicle.failsafes.act(FailsafeAction.LAND if acts and given_up else action, now)

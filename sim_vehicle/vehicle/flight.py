@@ -32,6 +32,7 @@ class Flight:
         tuning: Callable[[], Tuning],
         home: Callable[[], Place],
         return_place: Callable[[], Place],
+        ceiling_amsl_m: Callable[[], float],
         tell: Callable[..., None],
         send: Callable[[Any], None],
         disarm: Callable[[], None],
@@ -40,6 +41,7 @@ class Flight:
         mission_over: Callable[[], None],
     ) -> None:
         self.body, self.mission, self.home, self.return_place = body, mission, home, return_place
+        self.ceiling_amsl_m = ceiling_amsl_m
         self._tuning = tuning
         self.tell, self.send, self.disarm, self.set_home = tell, send, disarm, set_home
         self._taken_off = taken_off
@@ -163,6 +165,8 @@ class Flight:
                 self._machine = Landing(self, None)
             elif mode.behaviour is Behaviour.RETURN:
                 self._machine = Return(self)
+            elif mode.behaviour is Behaviour.CRUISE:
+                self._cruise()
         self.begin_takeoff()
 
     def begin_takeoff(self) -> None:
@@ -202,6 +206,12 @@ class Flight:
                 self._machine = None
         elif self.taking_off and self.body.airborne and self.body.reached:
             self.taking_off, self._machine = False, None
+
+    def _cruise(self) -> None:
+        """Straight on; the throttle stick reads its minimum."""
+        speed_m_s, heading_rad = self.tuning.airspeed_min_m_s, self.body.heading_rad
+        self.limit(speed_m_s=speed_m_s)
+        self.body.move((speed_m_s * math.sin(heading_rad), speed_m_s * math.cos(heading_rad), 0.0))
 
     def _sink(self) -> None:
         if not self.body.airborne:

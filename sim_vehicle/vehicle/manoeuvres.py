@@ -79,27 +79,19 @@ class Return:
             return place_m
         else:
             wanted_m = max(place_m, home.alt_amsl_m + self._height_m())
+        if tuning.return_under_fence:
+            wanted_m = min(wanted_m, self._flight.ceiling_amsl_m())
         return wanted_m if tuning.return_descends else max(up_m, wanted_m)
 
     def _height_m(self) -> float:
-        """Above home, for the way there: near home less, where a cone over it says so.
-
-        Outside the radius in which it counts as there it keeps at least twice that height, so as not to
-        touch the ground while it still moves sideways.
-        """
+        """Above the place it returns to, for the way there."""
         body, tuning = self._flight.body, self._flight.tuning
-        if tuning.return_cone_deg <= 0:
+        if tuning.return_height_at is None:
             return tuning.return_height_m
-        east_m, north_m, _ = body.position_m
-        home_m = body.locate(self._place.lat_deg, self._place.lon_deg)
-        distance_m = math.dist((east_m, north_m), home_m)
-        if distance_m <= tuning.waypoint_radius_m:
-            return 2 * distance_m
-        height_m = tuning.return_height_m
-        if distance_m <= tuning.return_cone_within_m:
-            half_angle_deg = min(max(tuning.return_cone_deg, 1.0), 89.0)
-            height_m = min(height_m, distance_m / math.tan(math.radians(half_angle_deg)))
-        return max(height_m, 2 * tuning.waypoint_radius_m)
+        east_m, north_m, up_m = body.position_m
+        there_m = body.locate(self._place.lat_deg, self._place.lon_deg)
+        distance_m = math.dist((east_m, north_m), there_m)
+        return tuning.return_height_at(distance_m, up_m - self._place.alt_amsl_m)
 
     def _descend(self) -> bool:
         """Go down to where it waits, if that is below; whether it has to."""
@@ -168,12 +160,22 @@ class Circling:
         east_m, north_m, _ = flight.body.position_m
         self._bearing_rad = math.atan2(east_m - centre_m[0], north_m - centre_m[1])
         self._left = math.ceil(turns * self.POINTS_A_TURN) if radius_m else 0
-        self._done_at_s: float | None = None
         self._turns = turns
+        self._flown_rad = 0.0
+        self._seen_rad: float | None = None
         if flight.body.plane:
             flight.body.loiter(*centre_m, radius_m or flight.tuning.loiter_radius_m)
         else:
             self._fly_to_point()
+
+    def _round_rad(self) -> float:
+        """How far round a plane has come since it reached the circle."""
+        east_m, north_m, _ = self._flight.body.position_m
+        bearing_rad = math.atan2(east_m - self._centre_m[0], north_m - self._centre_m[1])
+        if self._seen_rad is not None:
+            self._flown_rad += math.remainder(bearing_rad - self._seen_rad, 2 * math.pi)
+        self._seen_rad = bearing_rad
+        return abs(self._flown_rad)
 
     def _fly_to_point(self) -> None:
         radius_m = abs(self._radius_m)
@@ -182,16 +184,12 @@ class Circling:
         speed_m_s = self._flight.body.corner_speed_m_s(2 * math.pi / self.POINTS_A_TURN)
         self._flight.body.fly_to(east_m, north_m, self._centre_m[2], speed_m_s if self._left else 0.0)
 
-    def update(self, now: float) -> bool:
+    def update(self, _now: float) -> bool:
         body = self._flight.body
         if not body.reached:
             return False
         if body.plane:
-            if self._done_at_s is None:
-                radius_m = abs(self._radius_m or self._flight.tuning.loiter_radius_m)
-                round_s = 2 * math.pi * radius_m / max(self._flight.tuning.speed_m_s, 1.0)
-                self._done_at_s = now + self._turns * round_s
-            return now >= self._done_at_s
+            return self._round_rad() >= 2 * math.pi * self._turns
         if self._left == 0:
             return True
         self._left -= 1

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from sim_vehicle.vehicle.flight import Flight
 
 Point = tuple[float, float, float]
+AHEAD_M = 50_000.0  # a leg that lasts until the altitude is reached
+ALTITUDE_REACHED_M = 5.0
 YAW_REACHED_RAD = math.radians(2.0)
 TAKEOFFS = frozenset({mavlink.MAV_CMD_NAV_TAKEOFF, mavlink.MAV_CMD_NAV_VTOL_TAKEOFF})
 LANDINGS = frozenset({mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_VTOL_LAND})
@@ -98,7 +100,9 @@ class MissionPilot:
         if item.command in TAKEOFFS:
             return east_m, north_m, max(flight.altitude_amsl_m(item.frame, item.z), up_m)
         if item.command == mavlink.MAV_CMD_NAV_CONTINUE_AND_CHANGE_ALT:
-            return east_m, north_m, flight.altitude_amsl_m(item.frame, item.z)
+            on_m, heading_rad = (AHEAD_M if flight.body.plane else 0.0), flight.body.heading_rad
+            ahead_m = east_m + on_m * math.sin(heading_rad), north_m + on_m * math.cos(heading_rad)
+            return *ahead_m, flight.altitude_amsl_m(item.frame, item.z)
         return self._item_target_m(item)
 
     def _item_target_m(self, item: Item) -> Point:
@@ -112,6 +116,10 @@ class MissionPilot:
     def _pass_speed_m_s(self, item: Item, following: Item | None) -> float:
         """Speed at which a waypoint may be flown through; 0 where the vehicle is to stop."""
         through = item.command in THROUGH and item.param1 == 0
+        if self._flight.body.plane:  # which circles only where it is told to, or has nowhere else to go
+            through = through and following is not None
+            through = through or item.command == mavlink.MAV_CMD_NAV_CONTINUE_AND_CHANGE_ALT
+            return self._flight.tuning.speed_m_s if through else 0.0
         if not through or following is None or following.command not in THROUGH:
             return 0.0
         target_m, here_m, next_m = (
@@ -160,6 +168,8 @@ class MissionPilot:
         flight = self._flight
         if item.command == mavlink.MAV_CMD_NAV_DELAY:
             reached = True
+        elif item.command == mavlink.MAV_CMD_NAV_CONTINUE_AND_CHANGE_ALT and flight.body.plane:
+            reached = abs(flight.body.alt_amsl_m - self._target_m[2]) < ALTITUDE_REACHED_M
         elif flight.body.airborne:
             reached = flight.body.reached
         else:  # an unarmed vehicle does not move, but its mission does

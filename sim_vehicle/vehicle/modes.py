@@ -42,6 +42,9 @@ class Modes:
             return False
         if mode is self.mode:
             return True
+        if self.mode.terminates:
+            vehicle.tell("mode_terminated", mode=mode.name)
+            return False
         if vehicle.armed and not self._may_enter(mode, now):
             return False
         vehicle.fence_watch.pilot_took_over(now)
@@ -106,13 +109,15 @@ class Modes:
 
     def disarmed(self) -> None:
         """The motors have stopped."""
-        if self._vehicle.personality.disarm_restores_mode:
+        if self._vehicle.personality.disarm_restores_mode and not self.mode.terminates:
             self._enter(self._armable_mode)
 
     def taken_off(self) -> None:
         """The climb after a take-off is done."""
         vehicle = self._vehicle
         then = vehicle.tuning.after_takeoff
+        if then is None:
+            return
         if then is Behaviour.MISSION and not self.mission_ready(vehicle.now):
             then = Behaviour.HOLD
         aim_m = vehicle.flight.guided_target_m

@@ -9,12 +9,19 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.files.pacing import Pacer
+from sim_vehicle.wire.frame import header_bytes
 
 HASH_NAME = "_HASH_CHECK"
 FRAME_BYTES = 37  # of a PARAM_VALUE on the link
-BYTES_S = 200_000
-MOST_BYTES_AT_ONCE = 40_000
-INT_LIMITS = (-(2**31), 2**31 - 1)
+UNINDEXED = 0xFFFF
+USUAL_BITS = 32
+WIRE_TYPES = {
+    8: int(mavlink.MAV_PARAM_TYPE_INT8),
+    16: int(mavlink.MAV_PARAM_TYPE_INT16),
+    32: int(mavlink.MAV_PARAM_TYPE_INT32),
+}
+# ArduPilot adds it before it cuts a float to an integer, lest one that was nearly whole lose one.
+CUT_ADDS = 0.01
 
 
 def as_float32(value: float) -> float:
@@ -25,24 +32,35 @@ def as_float32(value: float) -> float:
 class Parameters:
     """Named numbers in the autopilot's units; the list is fixed, and a default that is an int makes an int.
 
-    `read_only` names are answered with the value they keep when somebody sets them. `byte_wise`: integers
-    travel as their four bytes in the float field (PX4), else as the nearest float (ArduPilot).
+    Parameters
+    ----------
+    defaults: of the firmware.
+    start: what this vehicle begins with instead; they become its defaults.
+    bits: width of integers, where it is not 32.
+    read_only: names that are answered with the value they keep when somebody sets them.
+    byte_wise: integers travel as their four bytes in the float field (PX4), else as the nearest float
+        (ArduPilot, which also cuts a fraction off where PX4 refuses the message).
     """
 
     def __init__(
         self,
-        values: Mapping[str, float | int],
+        defaults: Mapping[str, float | int],
+        start: Mapping[str, float | int],
         *,
+        bits: Mapping[str, int],
         read_only: frozenset[str] = frozenset(),
         byte_wise: bool = False,
     ) -> None:
-        self._values = {name: _kept(values[name], values[name]) for name in sorted(values)}
+        self._bits = bits
+        self._byte_wise = byte_wise
+        self._values = {name: defaults[name] for name in sorted(defaults)}
+        for name, value in {**defaults, **start}.items():
+            self._values[name] = self._kept(name, value)
         self.defaults = dict(self._values)
         self._names = list(self._values)
         self._index = {name: index for index, name in enumerate(self._names)}
         self._read_only = read_only
-        self._byte_wise = byte_wise
-        self._pacer = Pacer(BYTES_S, MOST_BYTES_AT_ONCE)
+        self._pacer = Pacer()
         self._listed = len(self._names)  # index of the list's next parameter, -1: the hash
 
     def __getitem__(self, name: str) -> float | int:
@@ -58,22 +76,31 @@ class Parameters:
         """Names and values in the order of their indices."""
         return iter(self._values.items())
 
-    def is_integer(self, name: str) -> bool:
-        return isinstance(self._values[name], int)
+    def bits(self, name: str) -> int:
+        """How wide an integer parameter is; 0 for a float."""
+        return self._bits.get(name, USUAL_BITS) if isinstance(self._values[name], int) else 0
 
     def set(self, name: str, value: float) -> None:
-        """Set a known parameter; KeyError for another name. An integer one takes the nearest integer.
+        """Set a known parameter, as near as its type comes; KeyError for another name.
 
         What is no finite number changes nothing.
         """
         if name not in self._values:
             raise KeyError(name)
         if name not in self._read_only and math.isfinite(value):
-            self._values[name] = _kept(self._values[name], value)
+            self._values[name] = self._kept(name, value)
 
     def keep(self, name: str, value: float) -> None:
         """Set one that nobody but the vehicle may set (a count of what is stored)."""
-        self._values[name] = _kept(self._values[name], value)
+        self._values[name] = self._kept(name, value)
+
+    def _kept(self, name: str, value: float) -> float | int:
+        """A value as it is stored: of the type of the parameter, in its range."""
+        bits = self.bits(name)
+        if not bits:
+            return as_float32(value)
+        whole = round(value) if self._byte_wise else int(value + math.copysign(CUT_ADDS, value))
+        return min(max(whole, -(1 << bits - 1)), (1 << bits - 1) - 1)
 
     @property
     def listing(self) -> bool:
@@ -99,36 +126,39 @@ class Parameters:
         """
         kind: str = message.get_type()
         if kind == "PARAM_REQUEST_LIST":
-            self._listed = -1 if self._byte_wise else 0
+            # Who begins again has heard the hash already.
+            self._listed = -1 if self._byte_wise and not self.listing else 0
             self.tick(send, now)
             return None
         if kind == "PARAM_REQUEST_READ" and message.param_index >= 0:
             if message.param_index < len(self._names):
                 send(self.value_message(message.param_index))
             return None
-        if message.param_id == HASH_NAME and self._byte_wise and kind == "PARAM_REQUEST_READ":
-            send(self._hash_message())
+        if message.param_id == HASH_NAME and self._byte_wise:
+            if kind == "PARAM_REQUEST_READ":
+                send(self._hash_message())
+            else:  # whoever tells the hash has the values already: whichever it is, the list ends
+                self._listed = len(self._names)
         if message.param_id not in self._values:
             return None
         if kind == "PARAM_SET":
             if self._byte_wise and message.param_type != self._wire_type(message.param_id):
                 return None  # of another type than the parameter: dropped without an answer
             self.set(message.param_id, self._from_wire(message))
-        send(self.value_message(self._index[message.param_id]))
+        send(self.value_message(self._index[message.param_id], named=True))
         return str(message.param_id) if kind == "PARAM_SET" else None
 
     def _from_wire(self, message: Any) -> float:
         if self._byte_wise and message.param_type == mavlink.MAV_PARAM_TYPE_INT32:
             # The bytes as they came: through a float, those of a signalling NaN would change.
             frame = bytes(message.get_msgbuf())
-            start = 10 if frame[:1] == b"\xfd" else 6  # length of the header, of MAVLink 2 or 1
+            start = header_bytes(frame)
             value = frame[start : start + 4] or struct.pack("<f", message.param_value)
             return int(struct.unpack("<i", value)[0])
         return float(message.param_value)
 
     def _wire_type(self, name: str) -> int:
-        is_integer = isinstance(self._values[name], int)
-        return int(mavlink.MAV_PARAM_TYPE_INT32 if is_integer else mavlink.MAV_PARAM_TYPE_REAL32)
+        return WIRE_TYPES.get(self.bits(name), int(mavlink.MAV_PARAM_TYPE_REAL32))
 
     def hash(self) -> int:
         """CRC-32 over names and values, by which a ground station knows that it has them all already."""
@@ -140,16 +170,17 @@ class Parameters:
 
     def _hash_message(self) -> Any:
         bits = struct.pack("<I", self.hash())
-        return _BytesValue(HASH_NAME, bits, mavlink.MAV_PARAM_TYPE_UINT32, len(self._names), 0xFFFF)
+        return _BytesValue(HASH_NAME, bits, mavlink.MAV_PARAM_TYPE_UINT32, len(self._names), UNINDEXED)
 
-    def value_message(self, index: int) -> Any:
-        """PARAM_VALUE of one index."""
+    def value_message(self, index: int, *, named: bool = False) -> Any:
+        """PARAM_VALUE of one index; ArduPilot does not tell the index to who has `named` the parameter."""
         name = self._names[index]
         value = self._values[name]
         kind = self._wire_type(name)
         if self._byte_wise and isinstance(value, int):
             return _BytesValue(name, struct.pack("<i", value), kind, len(self._names), index)
-        return mavlink.MAVLink_param_value_message(name.encode(), value, kind, len(self._names), index)
+        told = UNINDEXED if named and not self._byte_wise else index
+        return mavlink.MAVLink_param_value_message(name.encode(), value, kind, len(self._names), told)
 
 
 class _BytesValue(mavlink.MAVLink_param_value_message):  # type: ignore[misc]
@@ -162,10 +193,3 @@ class _BytesValue(mavlink.MAVLink_param_value_message):  # type: ignore[misc]
     def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
         rest = struct.pack("<HH16sB", self.param_count, self.param_index, self._param_id_raw, self.param_type)
         return bytes(self._pack(mav, self.crc_extra, self._bytes + rest, force_mavlink1=force_mavlink1))
-
-
-def _kept(like: float, value: float) -> float | int:
-    """A value as it is stored: of the type of `like`, in its range."""
-    if isinstance(like, int):
-        return min(max(round(value), INT_LIMITS[0]), INT_LIMITS[1])
-    return as_float32(value)

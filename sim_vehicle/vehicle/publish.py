@@ -34,6 +34,7 @@ def publish(vehicle: "Autopilot", now: float) -> None:
     _health(vehicle, now)
     _places(vehicle)
     _mission(vehicle)
+    status.has_place[i], status.has_setpoint[i] = vehicle.personality.aims(vehicle)
     watch = vehicle.fence_watch
     status.fence_status[i] = bool(watch.breached)
     status.fence_breaches[i] = watch.count
@@ -55,7 +56,9 @@ def _heartbeat(vehicle: "Autopilot") -> None:
     status.custom_mode[i] = mode.number
     status.standard_mode[i] = mode.standard
     armed_is_active = personality.active_when_armed and vehicle.armed
-    if vehicle.failsafes.any and (armed_is_active or not personality.active_when_armed):
+    if mode.terminates:
+        status.system_status[i] = mavlink.MAV_STATE_FLIGHT_TERMINATION
+    elif vehicle.failsafes.any and (armed_is_active or not personality.active_when_armed):
         status.system_status[i] = mavlink.MAV_STATE_CRITICAL
     elif vehicle.body.airborne or armed_is_active:
         status.system_status[i] = mavlink.MAV_STATE_ACTIVE

@@ -14,13 +14,7 @@ if TYPE_CHECKING:
 COMPONENT = int(mavlink.MAV_COMP_ID_AUTOPILOT1)
 
 
-def _is_for(vehicle: "Autopilot", message: Any) -> bool:
-    return vehicle.personality.any_component or message.target_component in (0, COMPONENT)
-
-
 def _on_command(vehicle: "Autopilot", message: Any, now: float) -> None:
-    if not _is_for(vehicle, message):
-        return
     command = commands.Command.from_message(message)
     result = commands.execute(vehicle, command, now)
     vehicle.voice.acknowledge(command.command, result, 0, command.sender)
@@ -84,6 +78,9 @@ def _on_set_current(vehicle: "Autopilot", message: Any, now: float) -> None:
 def _on_set_origin(vehicle: "Autopilot", message: Any, now: float) -> None:
     lat_deg, lon_deg = message.latitude * 1e-7, message.longitude * 1e-7
     moves = vehicle.personality.origin_moves
+    if moves and message.target_system != vehicle.sysid:
+        vehicle.send_now(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, now)
+        return
     if abs(lat_deg) <= 90 and abs(lon_deg) <= 180 and (vehicle.landmarks.origin is None or moves):
         vehicle.landmarks.set_origin(Place(lat_deg, lon_deg, message.altitude * 1e-3), now)
     elif moves:

@@ -28,6 +28,26 @@ FAR_M = 1e5
 NEVER_S = -math.inf
 
 
+def _usable(message: Any) -> bool:
+    """Whether it asks for something: one in no known frame, or of nothing but blanks, keeps no mode alive."""
+    if message.get_type() == "SET_ATTITUDE_TARGET":
+        return True
+    is_global = message.get_type() == "SET_POSITION_TARGET_GLOBAL_INT"
+    if message.coordinate_frame not in (FRAMES_WITH_ALTITUDE if is_global else LOCAL_FRAMES):
+        return False
+    place = (
+        (message.lat_int, message.lon_int, message.alt) if is_global else (message.x, message.y, message.z)
+    )
+    parts = (
+        (IGNORE_POSITION, place),
+        (IGNORE_VELOCITY, (message.vx, message.vy, message.vz)),
+        (IGNORE_ACCELERATION, (message.afx, message.afy, message.afz)),
+    )
+    return any(
+        not message.type_mask & ignored and all(map(math.isfinite, values)) for ignored, values in parts
+    )
+
+
 class Setpoints:
     """The latest set-point of one vehicle, and when it came."""
 
@@ -56,6 +76,8 @@ class Setpoints:
 
     def receive(self, message: Any, now: float) -> None:
         """Take one set-point message at `now` [s]."""
+        if not _usable(message):
+            return
         since_s = now - self._heard_s
         self._heard_s = now
         vehicle = self._vehicle

@@ -4,8 +4,6 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
-
 from sim_vehicle.epoch import EPOCH_US
 from sim_vehicle.files.filesystem import FileSystem
 from sim_vehicle.files.ftp import FtpServer
@@ -19,7 +17,6 @@ from sim_vehicle.vehicle.mission import MissionState
 if TYPE_CHECKING:
     from sim_vehicle.vehicle.autopilot import Autopilot
 
-AUTOPILOT = int(mavlink.MAV_COMP_ID_AUTOPILOT1)
 SEND_EVERY_S = 0.1  # while a transfer is under way
 WATCHED = (Failsafe.RADIO, Failsafe.BATTERY, Failsafe.GROUND_STATION, Failsafe.FENCE, Failsafe.POSITION)
 
@@ -80,8 +77,7 @@ class Storage:
     def receive(self, message: Any, now: float) -> None:
         """Take one message about files or logs at `now` [s]."""
         if message.get_type() == "FILE_TRANSFER_PROTOCOL":
-            if self._vehicle.personality.any_component or message.target_component in (0, AUTOPILOT):
-                self._ftp.receive(message, now)
+            self._ftp.receive(message, now)
         else:
             self._transfer.receive(message, now)
 

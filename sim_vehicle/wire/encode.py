@@ -15,7 +15,9 @@ import numpy.typing as npt
 from fastcrc.crc16 import mcrf4xx
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-MAGIC = b"\xfd"
+from sim_vehicle.wire.frame import MAVLINK2
+
+MAGIC = bytes([MAVLINK2])
 _HEADER = struct.Struct(
     "<BBBBBBBBB"
 )  # length, incompatible and compatible flags, seq, system, component, id x 3

@@ -6,10 +6,11 @@ from typing import Any
 from fastcrc.crc16 import mcrf4xx
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.wire.frame import MAVLINK1, header_bytes
+
 COMMAND_CANCEL, _CANCEL_EXTRA = 80, b"\x0e"  # younger than the dialect
 _CANCEL = struct.Struct("<HBB")
 _UNKNOWN_CANCEL = f"UNKNOWN_{COMMAND_CANCEL}"
-_MAVLINK1 = 0xFE
 
 
 class Parser:
@@ -55,15 +56,15 @@ def _known(message: Any) -> Any:
 def _cancel(unknown: Any) -> CommandCancel | None:
     """COMMAND_CANCEL from its frame; None if the checksum is wrong."""
     frame = bytes(unknown.get_msgbuf())
-    length, start = frame[1], 6 if frame[0] == _MAVLINK1 else 10
+    length, start = frame[1], header_bytes(frame)
     payload = frame[start : start + length]
     crc = mcrf4xx(frame[1 : start + length] + _CANCEL_EXTRA)
     if struct.unpack_from("<H", frame, start + length)[0] != crc:
         return None
     command, system, component = _CANCEL.unpack(payload[: _CANCEL.size].ljust(_CANCEL.size, b"\0"))
     cancel = CommandCancel(system, component, command)
-    flags = (0, 0) if frame[0] == _MAVLINK1 else (frame[2], frame[3])
-    sender = frame[start - 4 : start - 1] if frame[0] == _MAVLINK1 else frame[4:7]
+    flags = (0, 0) if frame[0] == MAVLINK1 else (frame[2], frame[3])
+    sender = frame[start - 4 : start - 1] if frame[0] == MAVLINK1 else frame[4:7]
     cancel._header = mavlink.MAVLink_header(COMMAND_CANCEL, *flags, length, *sender)
     cancel._msgbuf = bytearray(frame)
     return cancel

@@ -10,13 +10,13 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.wire.frame import HEADER2_BYTES, MAVLINK2
+
 TICKS_PER_S = 100_000  # a time stamp counts 10 us since the start of 2015
 LAST_TIMESTAMP = 2**48 - 1  # what fits into a signature
 NEW_STREAM_AGE = 60 * TICKS_PER_S  # how far behind a stream may be that was never heard before
 MOST_STREAMS = 16
-MAVLINK2 = 0xFD
 SIGNED = 0x01  # bit of the incompatibility flags, the third byte
-HEADER_BYTES = 10
 SIGNATURE_BYTES = 13  # link id, time stamp of 6 bytes, 6 bytes of the hash
 UNSIGNED_ALLOWED = frozenset({mavlink.MAVLINK_MSG_ID_RADIO_STATUS, mavlink.MAVLINK_MSG_ID_RADIO})
 NO_KEY = bytes(32)
@@ -30,7 +30,7 @@ def _crc_changes() -> list[int]:
     """
     changes = []
     crc, byte = 0, SIGNED
-    for _ in range(HEADER_BYTES + 255):
+    for _ in range(HEADER2_BYTES + 255):
         mixed = byte ^ (crc & 0xFF)
         mixed = (mixed ^ (mixed << 4)) & 0xFF
         crc = ((crc >> 8) ^ (mixed << 8) ^ (mixed << 3) ^ (mixed >> 4)) & 0xFFFF
@@ -132,7 +132,7 @@ class Signing:
 
 
 def _is_unsigned_mavlink2(frame: bytes) -> bool:
-    return len(frame) >= HEADER_BYTES + 2 and frame[0] == MAVLINK2 and not frame[2] & SIGNED
+    return len(frame) >= HEADER2_BYTES + 2 and frame[0] == MAVLINK2 and not frame[2] & SIGNED
 
 
 def _message_id(frame: bytes) -> int:

@@ -48,6 +48,9 @@ class Status:
         self.has_origin = column("?")
         self.origin_m = np.zeros((n, 3))  # east, north, up in the fleet's frame
         self.origin_e7 = np.zeros((n, 2), dtype="i4")
+        # what it tells of where it is going
+        self.has_place = column("?")  # a place on earth
+        self.has_setpoint = column("?")  # a position or a velocity in local coordinates
         # mission
         self.mission_seq = column("u2")
         self.mission_total = column("u2")

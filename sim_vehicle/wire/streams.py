@@ -74,6 +74,7 @@ class Rates:
     def __init__(self, streams: Streams, vehicle: int, personality: Personality) -> None:
         self._streams, self._vehicle, self._personality = streams, vehicle, personality
         self._usual_hz = {**personality.default_rates_hz, HEARTBEAT: HEARTBEAT_HZ}
+        self._strikes_settled = False  # they have begun since the boot, or somebody has said how often
 
     def can(self, message_id: int) -> bool:
         """Whether this autopilot can send a message at a rate."""
@@ -82,8 +83,12 @@ class Rates:
     def set(self, message_id: int, interval_s: float, now: float) -> None:
         """KeyError for a message that cannot be streamed. Whoever wants telemetry also hears of strikes."""
         self._streams.set_interval(self._vehicle, message_id, interval_s, now)
-        if interval_s > 0 and self.interval_s(STRIKES) is None:
-            self._streams.set_interval(self._vehicle, STRIKES, STRIKES_S, now)
+        if message_id == STRIKES:
+            self._strikes_settled = True
+        elif interval_s > 0 and not self._strikes_settled:
+            self._strikes_settled = True
+            if self.interval_s(STRIKES) is None:
+                self._streams.set_interval(self._vehicle, STRIKES, STRIKES_S, now)
 
     def reset(self, message_id: int, now: float) -> None:
         """Back to the rate that flows without being asked for."""
@@ -97,5 +102,6 @@ class Rates:
     def boot(self, now: float, first_s: float) -> None:
         """Everything is forgotten but what flows by itself, from `first_s` [s] on."""
         self._streams.clear(self._vehicle)
+        self._strikes_settled = False
         for message_id, rate_hz in self._usual_hz.items():
             self._streams.set_interval(self._vehicle, message_id, 1.0 / rate_hz, now, first_s=first_s)

@@ -19,10 +19,14 @@ FLUSH = b"\0" * 300  # more than the longest frame: a length byte in garbage may
 KEY = bytes(range(7, 39))
 BOOT_S = 1.5
 # Messages whose fields may hold no number, as their descriptions say; NaN in any other frame is a mistake.
+SET_POINT = {"vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate"}
 NAN_ALLOWED = {
     "ALTITUDE": {"bottom_clearance"},  # nothing measures it
     "ODOMETRY": {"pose_covariance", "velocity_covariance"},
     "PARAM_VALUE": {"param_value"},  # the bytes of an integer
+    # what does not count in it
+    "POSITION_TARGET_LOCAL_NED": {"x", "y", "z", *SET_POINT},
+    "POSITION_TARGET_GLOBAL_INT": SET_POINT,
     "MISSION_ITEM": {"param1", "param2", "param3", "param4", "z"},  # as they were uploaded
     "MISSION_ITEM_INT": {"param1", "param2", "param3", "param4", "z"},
 }

@@ -55,6 +55,12 @@ def land(north_m: float, east_m: float) -> dict[str, Any]:
     return item(mavlink.MAV_CMD_NAV_LAND, north_m, east_m)
 
 
+def place_m(station: "Station") -> tuple[float, float]:
+    """Where the vehicle really is: north and east of the start [m]."""
+    truth = station.fleet.truth()
+    return (truth.lat_deg[0] - LAT_DEG) * 111_195, (truth.lon_deg[0] - LON_DEG) * 77_450
+
+
 class Station:
     """Talks to one vehicle of a fleet; `heard` keeps every message, `raw` every byte."""
 

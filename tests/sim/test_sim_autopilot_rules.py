@@ -123,11 +123,14 @@ def test_a_low_battery_refuses_arming_by_its_limit() -> None:
 
 def test_a_battery_that_was_low_since_the_boot_refuses_arming_until_the_next() -> None:
     station = Station()
+    station.set_mode(GUIDED)
+    assert station.arm() == 0
+    set_parameter(station, "DISARM_DELAY", 0)
     set_parameter(station, "SIM_BATT_VOLTAGE", 10.0)
     station.until(lambda: any("is low" in text for text in station.texts()), 20)
     set_parameter(station, "SIM_BATT_VOLTAGE", 12.6)
+    assert station.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0) == 0
     station.wait(1)
-    station.set_mode(GUIDED)
     assert station.arm() == FAILED
     assert "Arm: Battery failsafe" in station.texts()
     set_parameter(station, "ARMING_CHECK", 0)

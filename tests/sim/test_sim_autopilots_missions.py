@@ -6,19 +6,13 @@ from typing import Any
 import pytest
 from px4_station import Px4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import LAT_DEG, LON_DEG, Station, acks, home_item, item, land, takeoff, waypoint
+from station import LAT_DEG, Station, acks, home_item, item, land, place_m, takeoff, waypoint
 
 GUIDED, AUTO = 4, 3
 ACCEPTED, DENIED, FAILED = 0, 2, 4
 CURRENT = mavlink.MAVLINK_MSG_ID_MISSION_CURRENT
 SET_CURRENT = mavlink.MAV_CMD_DO_SET_MISSION_CURRENT
 RESTARTED = (2, "Auto mission changed, restarted command")
-
-
-def place_m(station: Station) -> tuple[float, float]:
-    """North and east of the start [m]."""
-    truth = station.fleet.truth()
-    return (truth.lat_deg[0] - LAT_DEG) * 111_195, (truth.lon_deg[0] - LON_DEG) * 77_450
 
 
 def said(station: Station) -> list[tuple[int, str]]:

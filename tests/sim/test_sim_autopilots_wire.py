@@ -2,7 +2,12 @@
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import LAT_DEG, Station, home_item, item, land, takeoff, waypoint
+from station import LAT_DEG, Station, home_item, item, land, scenario, takeoff, waypoint
+
+from sim_vehicle.files.ftp import HEADER
+from sim_vehicle.files.ftp_rules import Opcode
+from sim_vehicle.fleet import Fleet
+from sim_vehicle.personalities import personality_of
 
 GUIDED, AUTO, RTL = 4, 3, 6
 
@@ -38,14 +43,12 @@ def test_integer_parameters_say_so_and_are_plain_floats() -> None:
     station = Station()
     station.send(mavlink.MAVLink_param_request_list_message(1, 0))
     values = {m.param_id: m for m in station.of("PARAM_VALUE")}
-    integers = {
-        mavlink.MAV_PARAM_TYPE_INT8,
-        mavlink.MAV_PARAM_TYPE_INT16,
-        mavlink.MAV_PARAM_TYPE_INT32,
-    }
-    for name, value in (("DISARM_DELAY", 10.0), ("SYSID_MYGCS", 255.0), ("RTL_ALT", 1500.0)):
-        assert values[name].param_type in integers
-        assert values[name].param_value == value
+    for name, kind, value in (
+        ("DISARM_DELAY", mavlink.MAV_PARAM_TYPE_INT8, 10.0),
+        ("SYSID_MYGCS", mavlink.MAV_PARAM_TYPE_INT16, 255.0),
+        ("RTL_ALT", mavlink.MAV_PARAM_TYPE_INT32, 1500.0),
+    ):
+        assert (values[name].param_type, values[name].param_value) == (kind, value)
     assert values["WPNAV_SPEED"].param_type == mavlink.MAV_PARAM_TYPE_REAL32
 
 
@@ -115,3 +118,61 @@ def test_the_count_is_with_home_and_the_total_without() -> None:
     (count,) = station.send(mavlink.MAVLink_mission_request_list_message(1, 0, 0))
     total = station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).total
     assert (count.count, total) == (7, 6)
+
+
+@pytest.mark.autopilots("1.16")
+@pytest.mark.parametrize(
+    ("name", "sent", "kept"),
+    [
+        (b"FENCE_ENABLE", 300.0, 127.0),
+        (b"FENCE_ENABLE", -300.0, -128.0),
+        (b"SYSID_MYGCS", 1e6, 32_767.0),
+        (b"RTL_ALT", 100_000.0, 100_000.0),
+        (b"RTL_SPEED", 99.6, 99.0),  # cut, not rounded
+        (b"RTL_SPEED", 99.995, 100.0),  # but for what was meant to be whole
+        (b"RTL_SPEED", -1.9, -1.0),
+        (b"WPNAV_SPEED", 123.5, 123.5),
+    ],
+)
+def test_an_integer_parameter_keeps_what_fits_into_its_width(name: bytes, sent: float, kept: float) -> None:
+    station = Station()
+    (answer,) = station.send(mavlink.MAVLink_param_set_message(1, 0, name, sent, 9))
+    assert answer.param_value == kept
+
+
+@pytest.mark.parametrize("kind", ["copter", "plane"])
+def test_every_integer_parameter_says_how_wide_it_is(kind: str) -> None:
+    personality = personality_of("ardupilot", kind)
+    integers = {name for name, value in personality.parameters.items() if isinstance(value, int)}
+    assert integers - set(personality.parameter_bits) == set()
+
+
+def test_what_a_scenario_sets_is_of_the_parameters_own_type() -> None:
+    (vehicle,) = scenario().vehicles
+    changed = vehicle.model_copy(update={"params": {"RTL_ALT": 2000.0, "WPNAV_SPEED": 500.0}})
+    station = Station(Fleet(scenario(vehicles=[changed.model_dump()]), ready_s=0))
+    station.send(mavlink.MAVLink_param_request_list_message(1, 0))
+    values = {m.param_id: m for m in station.of("PARAM_VALUE")}
+    seen = [(values[name].param_type, values[name].param_value) for name in ("RTL_ALT", "WPNAV_SPEED")]
+    assert seen == [(mavlink.MAV_PARAM_TYPE_INT32, 2000.0), (mavlink.MAV_PARAM_TYPE_REAL32, 500.0)]
+
+
+def test_the_file_of_all_parameters_has_their_widths() -> None:
+    station = Station()
+
+    def ask(seq: int, opcode: int, data: bytes) -> bytes:
+        head = HEADER.pack(seq, 0, opcode, len(data), 0, 0, 0)
+        payload = (head + data).ljust(251, b"\0")
+        replies = station.send(mavlink.MAVLink_file_transfer_protocol_message(0, 1, 1, payload))
+        (reply,) = [m for m in replies if m.get_type() == "FILE_TRANSFER_PROTOCOL"]
+        return bytes(reply.payload)[HEADER.size :]
+
+    station.send(mavlink.MAVLink_param_request_list_message(1, 0))
+    names = [m.param_id for m in station.of("PARAM_VALUE")]
+    for seq, (name, kind) in enumerate(
+        (("FENCE_ENABLE", 1), ("SYSID_MYGCS", 2), ("RTL_ALT", 3), ("RTL_CONE_SLOPE", 4))
+    ):
+        ask(10 + 3 * seq, Opcode.TERMINATE_SESSION, b"")
+        ask(11 + 3 * seq, Opcode.OPEN_FILE_RO, b"@PARAM/param.pck?start=%d&count=1" % names.index(name))
+        content = ask(12 + 3 * seq, Opcode.READ_FILE, bytes(200))
+        assert (content[8 : 8 + len(name)].decode(), content[6] & 15) == (name, kind)

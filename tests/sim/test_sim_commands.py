@@ -238,10 +238,12 @@ def test_parameters_are_listed_read_and_set() -> None:
     assert (values["WPNAV_SPEED"], values["SYSID_THISMAV"], values["DISARM_DELAY"]) == (1000, 1, 10)
     (got,) = station.send(mavlink.MAVLink_param_request_read_message(1, 0, b"RTL_ALT", -1))
     assert got.param_value == 1500
-    (by_index,) = station.send(mavlink.MAVLink_param_request_read_message(1, 0, b"", got.param_index))
-    assert by_index.param_id == "RTL_ALT"
+    (index,) = [m.param_index for m in listed if m.param_id == "RTL_ALT"]
+    (by_index,) = station.send(mavlink.MAVLink_param_request_read_message(1, 0, b"", index))
+    assert (by_index.param_id, by_index.param_index) == ("RTL_ALT", index)
     (set_to,) = station.send(mavlink.MAVLink_param_set_message(1, 0, b"RTL_ALT", 2500, 9))
     assert set_to.param_value == 2500
+    assert got.param_index == set_to.param_index == 65_535  # who names a parameter is not told its index
     assert station.send(mavlink.MAVLink_param_set_message(1, 0, b"NO_SUCH_NAME", 1, 9)) == []
     (kept,) = station.send(mavlink.MAVLink_param_set_message(1, 0, b"SYSID_THISMAV", 9, 9))
     assert kept.param_value == 1

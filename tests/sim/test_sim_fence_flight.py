@@ -6,16 +6,11 @@ from typing import Any
 import pytest
 from px4_station import Px4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import LAT_DEG, LON_DEG, Station, item, land, takeoff, waypoint
+from station import LAT_DEG, LON_DEG, Station, item, land, place_m, takeoff, waypoint
 
 FENCE, RALLY = 1, 2
 ENABLE = mavlink.MAV_CMD_DO_FENCE_ENABLE
 GUIDED, AUTO, RTL, LAND = 4, 3, 6, 9
-
-
-def place_m(station: Station) -> tuple[float, float]:
-    truth = station.fleet.truth()
-    return (truth.lat_deg[0] - LAT_DEG) * 111_195, (truth.lon_deg[0] - LON_DEG) * 77_450
 
 
 def upload(station: Station, items: list[dict[str, Any]], kind: int) -> int:
@@ -163,6 +158,7 @@ def test_what_follows_a_breach(action: int, mode: str) -> None:
 def test_a_breach_of_the_circle_that_goes_unheeded_acts_again_20_m_farther_out() -> None:
     station = fenced(kind=2)
     set_parameter(station, "FENCE_RADIUS", 60.0)
+    set_parameter(station, "WPNAV_SPEED", 600.0)
     station.fly_mission([takeoff(), waypoint(400, 0)])
     station.until(lambda: station.mode == "RTL", 60)
     assert station.set_mode(AUTO) == 0
@@ -170,9 +166,55 @@ def test_a_breach_of_the_circle_that_goes_unheeded_acts_again_20_m_farther_out()
     station.wait(0.2)
     station.until(lambda: station.mode == "RTL", 60)
     assert station.now - overruled_s > 10  # the pilot is left alone for so long
-    assert 120 < place_m(station)[0] < 200
+    assert 105 < place_m(station)[0] < 150
     texts = [text for _, text in notices(station)]
     assert texts == ["Circle fence breached", "Manual recovery started", "Circle fence breached"]
+
+
+def test_more_than_100_m_beyond_the_fence_it_lands_whatever_the_action() -> None:
+    station = fenced(kind=2)
+    set_parameter(station, "FENCE_ENABLE", 0)
+    set_parameter(station, "FENCE_RADIUS", 60.0)
+    station.fly_mission([takeoff(), waypoint(400, 0)])
+    station.until(lambda: place_m(station)[0] > 165, 60)
+    set_parameter(station, "FENCE_ENABLE", 1)
+    station.wait(0.5)
+    assert station.mode == "LAND"
+
+
+def test_a_return_stays_under_the_fence() -> None:
+    station = fenced(kind=1)
+    set_parameter(station, "FENCE_ALT_MAX", 20.0)  # FENCE_MARGIN: 2 m
+    set_parameter(station, "RTL_ALT", 6000)
+    station.fly_mission([takeoff(10), waypoint(100, 0, 10)])
+    station.until(lambda: place_m(station)[0] > 98, 60)
+    assert station.command(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH) == 0
+    highest_m = 0.0
+    while station.armed:
+        station.wait(0.5)
+        highest_m = max(highest_m, station.height_m)
+    assert highest_m == pytest.approx(18.0, abs=0.5)
+    assert not any("breached" in text for _, text in notices(station))
+
+
+@pytest.mark.parametrize(
+    ("north_m", "slope", "highest_m"),
+    [(0, 3.0, 5.0), (3, 3.0, 9.0), (30, 3.0, 15.0), (0, 0.0, 15.0), (3, 0.4, 15.0)],
+)
+def test_close_to_home_a_return_climbs_into_the_cone_of_rtl_cone_slope_only(
+    north_m: float, slope: float, highest_m: float
+) -> None:
+    station = Station()
+    set_parameter(station, "RTL_CONE_SLOPE", slope)
+    station.fly_mission([takeoff(5), waypoint(north_m, 0, 5)])
+    station.wait(25.0)
+    assert place_m(station)[0] == pytest.approx(north_m, abs=0.5)
+    assert station.command(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH) == 0
+    reached_m = 0.0
+    while station.armed:
+        station.wait(0.5)
+        reached_m = max(reached_m, station.height_m)
+    assert reached_m == pytest.approx(highest_m, abs=1.6)  # 0.5 m of position is 1.5 m of cone
 
 
 def test_a_return_goes_to_the_nearest_rally_point() -> None:

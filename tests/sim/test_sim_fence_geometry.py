@@ -114,6 +114,13 @@ def test_the_return_point_is_the_given_one_or_the_middle() -> None:
     assert fence().return_point_deg is None
 
 
+def test_the_middle_of_a_polygon_across_the_antimeridian_is_there() -> None:
+    corners_deg = ((9.99, 179.98), (9.99, -179.99), (10.01, -179.99), (10.01, 179.98))
+    items = (Item(POLYGON, param1=4, x=round(lat * 1e7), y=round(lon * 1e7)) for lat, lon in corners_deg)
+    made = fence(*items)
+    assert made.return_point_deg == pytest.approx((10.0, 179.995))
+
+
 def test_zones_that_forbid_a_place_can_be_disregarded() -> None:
     made = fence(*polygon(POLYGON, SQUARE), circle(NOT_CIRCLE, 0, 0, 10), circle(CIRCLE, 0, 0, 50))
     assert made.discard_violated(*at(0, 0)) == 1

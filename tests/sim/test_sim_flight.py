@@ -4,15 +4,9 @@ import math
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import LAT_DEG, LON_DEG, Station, home_item, item, land, scenario, takeoff, waypoint
+from station import LAT_DEG, LON_DEG, Station, home_item, item, land, place_m, scenario, takeoff, waypoint
 
 from sim_vehicle.fleet import Fleet
-
-
-def place_m(station: Station) -> tuple[float, float]:
-    """North and east of the start [m]."""
-    truth = station.fleet.truth()
-    return (truth.lat_deg[0] - LAT_DEG) * 111_195, (truth.lon_deg[0] - LON_DEG) * 77_450
 
 
 def reached(station: Station) -> list[int]:
@@ -328,11 +322,11 @@ def test_the_battery_runs_down_faster_in_the_air_and_an_empty_one_brings_it_down
 @pytest.mark.autopilots("1.13", "1.20")
 def test_the_gcs_failsafe_returns_when_the_ground_station_falls_silent() -> None:
     station = Station()
-    station.send(mavlink.MAVLink_param_set_message(1, 0, b"FS_GCS_ENABLE", 1, 9))
     heartbeat = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3)
+    station.fly(10)
     station.send(heartbeat)
-    station.fly(10)  # quiet for longer than FS_GCS_TIMEOUT
-    station.wait(6)
+    station.send(mavlink.MAVLink_param_set_message(1, 0, b"FS_GCS_ENABLE", 1, 9))
+    station.wait(6)  # quiet for longer than FS_GCS_TIMEOUT
     assert station.mode == "RTL"
     assert station.heartbeat().system_status == mavlink.MAV_STATE_CRITICAL
     station.send(heartbeat)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from px4_station import Px4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import LAT_DEG, LON_DEG, Station, item, land, takeoff, waypoint
+from station import Station, item, land, place_m, takeoff, waypoint
 
 from sim_vehicle.personalities.ardupilot.items import store_item, store_plane_item
 from sim_vehicle.vehicle.mission import Item
@@ -26,11 +26,6 @@ YAW, DISTANCE, SPEED = (
     mavlink.MAV_CMD_DO_CHANGE_SPEED,
 )
 NAN = math.nan
-
-
-def place_m(station: Station) -> tuple[float, float]:
-    truth = station.fleet.truth()
-    return (truth.lat_deg[0] - LAT_DEG) * 111_195, (truth.lon_deg[0] - LON_DEG) * 77_450
 
 
 def reached(station: Station) -> list[int]:

@@ -395,6 +395,18 @@ def test_a_mode_chosen_during_the_hold_takes_over() -> None:
     assert station.mode == "Mission"
 
 
+def test_a_mere_warning_during_the_hold_changes_nothing() -> None:
+    station = Px4Station(params={"COM_DL_LOSS_T": 2, "BAT_LOW_THR": 0.5, "BAT_CRIT_THR": 0.1})
+    station.fly(10)
+    station.beat()
+    station.set_parameter("NAV_DLL_ACT", 2)
+    station.until(lambda: any("entering Hold" in text for text in station.texts()), 10)
+    station.fleet.inject(parse_fault("battery_sag:sag_v=0,at_most=0.3"), station.now)
+    station.wait(2)
+    assert "Low battery level" in station.texts()
+    station.until(lambda: station.mode == "Return", 5)
+
+
 @pytest.mark.autopilots("2 fence use", of="px4")
 @pytest.mark.parametrize(("action", "mode"), [(1, "Mission"), (2, "Hold"), (5, "Land")])
 def test_a_fence_around_home_acts_as_the_parameter_says(action: int, mode: str) -> None:
@@ -436,6 +448,107 @@ def test_com_arm_bat_min_says_with_how_little_it_arms(
     station.wait(1.0)
     assert station.arm() == answer
     assert (f"Preflight Fail: {text}" in station.texts()) is (answer != ACCEPTED)
+
+
+BATTERY = {"COM_LOW_BAT_ACT": 2, "BAT_LOW_THR": 0.5, "BAT_CRIT_THR": 0.4, "BAT_EMERGEN_THR": 0.1}
+
+
+def charge_state(station: Px4Station) -> int:
+    return int(station.ask(mavlink.MAVLINK_MSG_ID_BATTERY_STATUS).charge_state)
+
+
+def test_an_empty_battery_brings_down_every_flight() -> None:
+    station = Px4Station(params=BATTERY)
+    for _ in range(2):
+        station.fly(10)
+        station.fleet.inject(parse_fault("battery_sag:sag_v=0,at_most=0.3,for=3"), station.now)
+        station.until(lambda: station.mode == "Land", 10)
+        station.wait(5)  # the battery is full again, and the landing goes on
+        assert station.heartbeat().system_status == mavlink.MAV_STATE_CRITICAL
+        assert charge_state(station) == mavlink.MAV_BATTERY_CHARGE_STATE_CRITICAL
+        station.until(lambda: not station.armed, 60)
+        station.wait(1)
+        assert charge_state(station) == mavlink.MAV_BATTERY_CHARGE_STATE_OK
+    assert station.texts().count("Critical battery level") == 2
+
+
+@pytest.mark.parametrize(
+    ("share", "level"),
+    [
+        (0.6, mavlink.MAV_BATTERY_CHARGE_STATE_OK),
+        (0.45, mavlink.MAV_BATTERY_CHARGE_STATE_LOW),
+        (0.3, mavlink.MAV_BATTERY_CHARGE_STATE_CRITICAL),
+        (0.05, mavlink.MAV_BATTERY_CHARGE_STATE_EMERGENCY),
+    ],
+)
+def test_the_charge_state_follows_the_battery_on_the_ground(share: float, level: int) -> None:
+    station = Px4Station(params=BATTERY)
+    station.fleet.inject(parse_fault(f"battery_sag:sag_v=0,at_most={share},for=3"), station.now)
+    station.wait(2)
+    assert charge_state(station) == level
+    station.wait(3)
+    assert charge_state(station) == mavlink.MAV_BATTERY_CHARGE_STATE_OK
+
+
+def test_a_battery_that_was_critical_when_it_armed_is_no_failsafe() -> None:
+    station = Px4Station(params={**BATTERY, "COM_ARM_BAT_MIN": 0.2})
+    station.fleet.inject(parse_fault("battery_sag:sag_v=0,at_most=0.3"), station.now)
+    station.wait(2)
+    station.fly(10)
+    station.wait(5)
+    assert station.mode == "Hold"
+    station.fleet.inject(parse_fault("battery_sag:sag_v=0,at_most=0.05"), station.now)
+    station.until(lambda: station.mode == "Land", 10)
+
+
+@pytest.mark.parametrize(("lost_before", "mode"), [(True, "Hold"), (False, "Return")])
+def test_a_pilot_who_was_not_there_at_arming_is_not_missed(*, lost_before: bool, mode: str) -> None:
+    station = Px4Station(params={"NAV_RCL_ACT": 2, "COM_FAIL_ACT_T": 0.0})
+    if lost_before:
+        station.fleet.inject(parse_fault("rc_loss"), station.now)
+        station.wait(1)
+    station.fly(10)
+    station.fleet.inject(parse_fault("rc_loss"), station.now)
+    station.wait(2)
+    assert station.mode == mode
+
+
+def terminated_by_command(station: Px4Station) -> None:
+    assert station.command(mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 1) == ACCEPTED
+
+
+def terminated_by_failsafe(station: Px4Station) -> None:
+    station.beat()
+    station.set_parameter("NAV_DLL_ACT", 5)
+    station.until(lambda: not station.armed, 10)
+
+
+@pytest.mark.parametrize("terminate", [terminated_by_command, terminated_by_failsafe])
+def test_a_flight_that_is_terminated_stays_so_until_the_next_boot(terminate: Any) -> None:
+    station = Px4Station(params={"COM_DL_LOSS_T": 2, "COM_FAIL_ACT_T": 0.0})
+    station.fly(20)
+    terminate(station)
+    station.wait(10)
+    assert not station.armed
+    assert station.height_m < 0.1
+    assert station.custom_mode == (10, 0)
+    assert station.heartbeat().system_status == mavlink.MAV_STATE_FLIGHT_TERMINATION
+    station.set_parameter("NAV_DLL_ACT", 0)
+    assert station.change(AUTO, HOLD) == TEMPORARILY_REJECTED
+    assert station.arm() == TEMPORARILY_REJECTED
+    assert station.command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == ACCEPTED
+    station.wait(5)
+    assert station.mode == "Hold"
+    assert station.heartbeat().system_status == mavlink.MAV_STATE_STANDBY
+
+
+def test_a_failsafe_that_disarms_is_no_termination() -> None:
+    station = Px4Station(params={"COM_DL_LOSS_T": 2, "COM_FAIL_ACT_T": 0.0})
+    station.fly(20)
+    station.beat()
+    station.set_parameter("NAV_DLL_ACT", 6)
+    station.until(lambda: not station.armed, 10)
+    assert station.mode == "Hold"
 
 
 @pytest.mark.parametrize("rate_deg_s", [10.0, 45.0])

@@ -1,6 +1,7 @@
 """PX4 on the ground: modes, arming and its refusals, parameters, streams, answers to commands."""
 
 import struct
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -23,9 +24,13 @@ from px4_station import (
     TEMPORARILY_REJECTED,
     UNSUPPORTED,
     Px4Station,
+    px4_scenario,
 )
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import ALT_M, takeoff, waypoint
+from station import ALT_M, Station, takeoff, waypoint
+
+from sim_vehicle.fleet import Fleet
+from sim_vehicle.scenario import Scenario
 
 FORCED_DISARM = (0, 21_196)
 
@@ -455,3 +460,109 @@ def test_position_is_held_on_the_ground_at_home() -> None:
     station = Px4Station()
     home = station.ask(mavlink.MAVLINK_MSG_ID_HOME_POSITION)
     assert home.altitude == pytest.approx(ALT_M * 1000, abs=2000)
+
+
+def test_who_tells_the_hash_is_sent_no_more_of_the_list() -> None:
+    station = Px4Station()
+
+    def listed() -> int:
+        before = len(station.of("PARAM_VALUE"))
+        station.send(mavlink.MAVLink_param_request_list_message(1, 1))
+        return len(station.of("PARAM_VALUE")) - before
+
+    whole = listed()
+    for _ in range(100):  # until the link has no room for more at a time
+        if listed() < whole:
+            break
+    told = struct.unpack("<f", struct.pack("<I", 0x1234))[0]
+    station.send(mavlink.MAVLink_param_set_message(1, 1, b"_HASH_CHECK", told, mavlink.MAV_PARAM_TYPE_UINT32))
+    before = len(station.of("PARAM_VALUE"))
+    station.wait(2.0)
+    assert len(station.of("PARAM_VALUE")) == before
+    assert listed() == whole  # the next list is a new one
+
+
+def test_a_list_that_begins_again_has_no_hash() -> None:
+    station = Px4Station()
+    for _ in range(100):
+        before = len(station.of("PARAM_VALUE"))
+        station.send(mavlink.MAVLink_param_request_list_message(1, 1))
+        heard = station.of("PARAM_VALUE")[before:]
+        if not heard or heard[-1].param_index + 1 < heard[-1].param_count:
+            break
+    before = len(station.of("PARAM_VALUE"))
+    station.send(mavlink.MAVLink_param_request_list_message(1, 1))
+    station.wait(2.0)
+    again = station.of("PARAM_VALUE")[before:]
+    assert [m.param_index for m in again] == list(range(again[0].param_count))
+
+
+def _to(target: tuple[int, int], name: str) -> Any:
+    """A message that would be seen to have an effect, to a system and component."""
+    arm = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+    here = (mavlink.MAV_FRAME_LOCAL_NED, 0x0DF8, 0, 0, -5, *[0.0] * 8)
+    messages = {
+        "arm": lambda: mavlink.MAVLink_command_long_message(*target, arm, 0, 1, 0, 0, 0, 0, 0, 0),
+        "arm_int": lambda: mavlink.MAVLink_command_int_message(*target, 0, arm, 0, 0, 1, 0, 0, 0, 0, 0, 0),
+        "set": lambda: mavlink.MAVLink_param_set_message(*target, b"MIS_TAKEOFF_ALT", 9.0, 9),
+        "read": lambda: mavlink.MAVLink_param_request_read_message(*target, b"MIS_TAKEOFF_ALT", -1),
+        "list": lambda: mavlink.MAVLink_param_request_list_message(*target),
+        "origin": lambda: mavlink.MAVLink_set_gps_global_origin_message(
+            target[0], 460_000_000, 140_000_000, 0
+        ),
+        "setpoint": lambda: mavlink.MAVLink_set_position_target_local_ned_message(0, *target, *here),
+    }
+    return messages[name]()
+
+
+def _obeys(target: tuple[int, int], name: str) -> bool:
+    """Whether PX4 does what a message to this system and component says."""
+    station = Px4Station()
+    station.wait(1.0)
+    origin = station.ask(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN)
+    replies = station.send(_to(target, name))
+    if name in ("arm", "arm_int"):
+        assert bool([m for m in replies if m.get_type() == "COMMAND_ACK"]) == station.armed
+        return station.armed
+    if name == "origin":
+        return bool(station.of("GPS_GLOBAL_ORIGIN")[-1].latitude != origin.latitude)
+    if name == "setpoint":
+        return station.change(OFFBOARD) == ACCEPTED and station.arm() == ACCEPTED
+    return bool([m for m in replies if m.get_type() == "PARAM_VALUE"])
+
+
+@pytest.mark.parametrize(
+    ("name", "systems"),
+    [
+        ("arm", (1,)),
+        ("arm_int", (1,)),
+        ("set", (1,)),
+        ("read", (1,)),
+        ("list", (1,)),
+        ("origin", (1,)),
+        ("setpoint", (0, 1)),
+    ],
+)
+def test_a_message_is_for_whoever_it_names_and_few_are_for_all(name: str, systems: tuple[int, ...]) -> None:
+    for system in (0, 1):
+        assert _obeys((system, 0), name) == _obeys((system, 1), name) == (system in systems)
+        if name != "origin":  # which names no component
+            assert not _obeys((system, 77), name)
+
+
+@pytest.mark.parametrize("target", [(0, 0), (0, 77), (1, 0), (1, 77)])
+def test_it_introduces_itself_to_whoever_asks_all(target: tuple[int, int]) -> None:
+    station = Px4Station()
+    ask = (mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, 0, 1, 0, 0, 0, 0, 0, 0)
+    replies = station.send(mavlink.MAVLink_command_long_message(*target, *ask))
+    assert [m.get_type() for m in replies if m.get_type() == "AUTOPILOT_VERSION"] == ["AUTOPILOT_VERSION"]
+
+
+def test_a_broadcast_arms_no_fleet() -> None:
+    spec = px4_scenario().vehicles[0].model_dump()
+    vehicles = [spec | {"sysid": sysid} for sysid in (1, 2, 3)]
+    station = Station(Fleet(Scenario.model_validate({"seed": 1, "vehicles": vehicles}), ready_s=0))
+    station.send(_to((0, 0), "arm"))
+    assert not station.fleet.truth().armed.any()
+    station.send(_to((2, 0), "arm"))
+    assert station.fleet.truth().armed.tolist() == [False, True, False]

@@ -25,8 +25,15 @@ NOT_ARDUPILOTS = {
 }
 ONLY_WITH_HOSTILES = mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT
 WITHOUT_A_SENSOR = mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR
+ONLY_ON_THE_WAY = {
+    mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
+    mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED,
+}
 ASKED_FOR = (
-    set(STREAMS) - NOT_ARDUPILOTS - {mavlink.MAVLINK_MSG_ID_HEARTBEAT, ONLY_WITH_HOSTILES, WITHOUT_A_SENSOR}
+    set(STREAMS)
+    - NOT_ARDUPILOTS
+    - ONLY_ON_THE_WAY
+    - {mavlink.MAVLINK_MSG_ID_HEARTBEAT, ONLY_WITH_HOSTILES, WITHOUT_A_SENSOR}
 )
 
 
@@ -161,3 +168,24 @@ def test_two_equal_runs_give_the_same_bytes_however_often_they_are_stepped() -> 
     assert flight_bytes(1.0) == once
     assert flight_bytes(0.1, seed=2) != once
     assert any(b"STRIKE" in frame for _, frame in once)
+
+
+def test_strikes_that_were_stopped_do_not_come_back_with_another_stream() -> None:
+    area = {"origin_lat_deg": LAT_DEG, "origin_lon_deg": LON_DEG, "rows": 3, "cols": 3, "cell_size_m": 50.0}
+    extra = {"area": area, "firing_strength": (1.0, 0.5, 0.1), "hostiles": [[0, 0]]}
+    station = Station(Fleet(scenario(**extra), ready_s=0))
+
+    def counts(seconds: float) -> int:
+        return sum(m.get_type() == "NAMED_VALUE_INT" for m in station.wait(seconds))
+
+    station.stream(mavlink.MAVLINK_MSG_ID_ATTITUDE)
+    assert counts(5) == pytest.approx(5, abs=1)
+    assert station.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, ONLY_WITH_HOSTILES, -1) == 0
+    station.stream(mavlink.MAVLINK_MSG_ID_VFR_HUD)
+    assert counts(5) == 0
+    station.stream(ONLY_WITH_HOSTILES, hz=2)
+    assert counts(5) == pytest.approx(10, abs=1)
+    assert station.command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == 0
+    station.wait(5)
+    station.stream(mavlink.MAVLINK_MSG_ID_ATTITUDE)  # since the boot nobody has said anything about them
+    assert counts(5) == pytest.approx(5, abs=1)

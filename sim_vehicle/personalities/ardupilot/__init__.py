@@ -1,17 +1,18 @@
 """ArduCopter and ArduPlane 4.6.2 as they show themselves on the wire."""
 
+import math
 from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.ardupilot import parameters, tuning
-from sim_vehicle.personalities.ardupilot.commands import PLANE_COMMANDS
+from sim_vehicle.personalities.ardupilot import messages, parameters, tuning
+from sim_vehicle.personalities.ardupilot.commands import PLANE_COMMANDS, start_landing
 from sim_vehicle.personalities.ardupilot.items import store_item, store_plane_item
 from sim_vehicle.personalities.ardupilot.modes import COPTER_MODES, PLANE_MODES
 from sim_vehicle.personalities.ardupilot.storage import storage
-from sim_vehicle.personalities.base import Behaviour, Personality
+from sim_vehicle.personalities.base import Behaviour, FailsafeAction, Personality
 from sim_vehicle.vehicle.mission import Item, Mission
 from sim_vehicle.vehicle.transfer import ArduPilotTransfer
 from sim_vehicle.vehicle.transfer.stores import FenceStore, MissionStore, RallyStore
@@ -98,8 +99,12 @@ _TEXTS = {
     "touchdown": (_WARNING, "SIM Hit ground at {speed:.2f} m/s"),
     "gcs_lost": (_WARNING, "GCS Failsafe"),
     "gcs_back": (_WARNING, "GCS Failsafe Cleared"),
+    "gcs_ignored": (_WARNING, "GCS Failsafe - Continuing Pilot Control"),
+    "gcs_ignored_in_mission": (_WARNING, "GCS Failsafe - Continuing Auto Mode"),
     "rc_lost": (_WARNING, "Radio Failsafe"),
     "rc_back": (_WARNING, "Radio Failsafe Cleared"),
+    "rc_ignored": (_WARNING, "Radio Failsafe - Continuing Guided Mode"),
+    "rc_ignored_in_mission": (_WARNING, "Radio Failsafe - Continuing Auto"),
     "battery_low": (_WARNING, "Battery 1 is low {volts:.2f}V used {used_mah:.0f} mAh"),
     "battery_critical": (_CRITICAL, "Battery 1 is critical {volts:.2f}V used {used_mah:.0f} mAh"),
     "position_lost": (_WARNING, "EKF Failsafe"),
@@ -163,8 +168,22 @@ _UNHEALTHY = {
 }
 
 
+def _mandatory(vehicle: "Autopilot", now: float) -> list[str]:
+    """What a copter does not even arm without if that is forced."""
+    tuning = vehicle.tuning
+    if vehicle.position_known(now):
+        return []
+    if vehicle.mode.needs_position:
+        return ["Need Position Estimate"]
+    around = math.isfinite(tuning.fence_radius_m) or tuning.fence_polygons
+    return ["Fence enabled, need position estimate"] if vehicle.fence_watch.enabled and around else []
+
+
 def _refusals(vehicle: "Autopilot", now: float) -> list[str]:
     """Why it would not arm now, apart from the mode being armable at all."""
+    mandatory = vehicle.personality.mandatory(vehicle, now)
+    if mandatory:
+        return mandatory
     if vehicle.mode.needs_position and not vehicle.position_known(now):
         return ["Need Position Estimate"]
     if vehicle.tuning.arming_checks and not vehicle.readiness.home(now):
@@ -176,6 +195,8 @@ def _refusals(vehicle: "Autopilot", now: float) -> list[str]:
         return []
     unhealthy = vehicle.afflictions.unhealthy_sensors
     reasons = [text for bit, text in _UNHEALTHY.items() if unhealthy & bit]
+    if vehicle.failsafes.rc:
+        reasons.append("Radio failsafe on")
     if not vehicle.body.plane and vehicle.failsafes.gcs_late(now):
         reasons.append("GCS failsafe on")
     return reasons + _battery_refusals(vehicle)
@@ -193,6 +214,23 @@ def _battery_refusals(vehicle: "Autopilot") -> list[str]:
     )
     return [text for below, text in limits if below][:1]
 
+
+# Of a plane, which says once it has acted in what mode it is now.
+_PLANE_TEXTS = {
+    "rc_short_acted": (_WARNING, "RC Short Failsafe: switched to {mode}"),
+    "rc_short_stays": (_WARNING, "RC Short Failsafe On"),
+    "rc_short_back": (_WARNING, "Short Failsafe Cleared"),
+    "rc_acted": (_WARNING, "RC Long Failsafe On: {mode}"),
+    "rc_stays": (_WARNING, "RC Long Failsafe On: {mode}"),
+    "rc_back": (_WARNING, "RC Long Failsafe Cleared"),
+    "gcs_acted": (_WARNING, "GCS Failsafe On: {mode}"),
+    "gcs_stays": (_WARNING, "GCS Failsafe On: {mode}"),
+    "gcs_back": (_WARNING, "GCS Failsafe Off"),
+    "mission_ended": (_INFO, "Mission complete, changing mode to RTL"),
+}
+_COPTER_ONLY = frozenset(
+    {"gcs_lost", "gcs_ignored", "gcs_ignored_in_mission", "rc_lost", "rc_ignored", "rc_ignored_in_mission"}
+)
 
 _COPTER = Personality(
     name="ardupilot",
@@ -229,7 +267,9 @@ _COPTER = Personality(
     commands=MappingProxyType({}),
     arm_refused=mavlink.MAV_RESULT_FAILED,
     disarm_refused=mavlink.MAV_RESULT_FAILED,
-    any_component=True,
+    hears=lambda _sysid, _message: True,
+    aims=messages.copter_aims,
+    parameter_bits=MappingProxyType(parameters.BITS),
     acknowledges_set_mode=False,
     home_item=True,
     empty_mission_total=0,
@@ -244,8 +284,10 @@ _COPTER = Personality(
     mission=_mission,
     transfer=_transfer,
     refusals=_refusals,
+    mandatory=_mandatory,
     signs=True,
     failsafe_disarms=True,
+    battery_latches=True,
     body_yaw_relative=True,
     ready_s=41.0,
     storage=storage,
@@ -260,12 +302,16 @@ _PLANE = replace(
     boot_text=(b"\n\nInit ArduPlane V4.6.2 (sim_vehicle)", *_COPTER.boot_text[1:]),
     banner=("ArduPlane V4.6.2 (sim_vehicle)",),
     parameters=MappingProxyType(parameters.PLANE),
+    aims=messages.plane_aims,
     tuning=tuning.plane_tuning,
     commands=PLANE_COMMANDS,
     store_item=store_plane_item,
     failsafe_disarms=False,
+    failsafe_modes=MappingProxyType({FailsafeAction.GLIDE: tuning.FBWA, FailsafeAction.LEVEL: tuning.FBWB}),
+    start_landing=start_landing,
+    mandatory=lambda _vehicle, _now: [],
     mission_ends_in=Behaviour.RETURN,
-    texts=MappingProxyType({**_TEXTS, "mission_ended": (_INFO, "Mission complete, changing mode to RTL")}),
+    texts=MappingProxyType({k: v for k, v in _TEXTS.items() if k not in _COPTER_ONLY} | _PLANE_TEXTS),
 )
 
 ARDUPILOT = MappingProxyType({"copter": _COPTER, "plane": _PLANE})

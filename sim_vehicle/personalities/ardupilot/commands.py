@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from sim_vehicle.vehicle.commands import Command
 
 
-def land_start(vehicle: "Autopilot", _command: "Command", now: float) -> int:
+def start_landing(vehicle: "Autopilot", now: float) -> bool:
     """AUTO from the nearest landing sequence of the mission on, whatever MIS_RESTART says."""
 
     def away_m(item: Item) -> float:
@@ -26,16 +26,25 @@ def land_start(vehicle: "Autopilot", _command: "Command", now: float) -> int:
     index = vehicle.mission.land_start(away_m) if vehicle.position_known(now) else None
     if index is None or not vehicle.set_current(index):
         vehicle.tell("no_landing_sequence")
-        return FAILED
+        return False
     vehicle.tell("landing_sequence")
     landing = vehicle.mission.index
     if not vehicle.modes.set_behaviour(Behaviour.MISSION, now):
-        return FAILED
+        return False
     if vehicle.mission.index != landing:
         vehicle.set_current(index)
-    return ACCEPTED
+    return True
+
+
+def land_start(vehicle: "Autopilot", _command: "Command", now: float) -> int:
+    return ACCEPTED if start_landing(vehicle, now) else FAILED
+
+
+def takeoff(_vehicle: "Autopilot", _command: "Command", _now: float) -> int:
+    """Only a plane with rotors has it; others take off in the mode of that name, or by mission."""
+    return FAILED
 
 
 PLANE_COMMANDS: MappingProxyType[int, CommandHandler] = MappingProxyType(
-    {mavlink.MAV_CMD_DO_LAND_START: land_start}
+    {mavlink.MAV_CMD_DO_LAND_START: land_start, mavlink.MAV_CMD_NAV_TAKEOFF: takeoff}
 )

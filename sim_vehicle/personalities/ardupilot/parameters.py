@@ -30,6 +30,7 @@ _COMMON: dict[str, float | int] = {
     "MIS_RESTART": 0,  # 1: AUTO starts at the beginning
     "MIS_TOTAL": 0,  # commands stored
     "RALLY_TOTAL": 0,
+    "RC_FS_TIMEOUT": 1.0,  # s without a frame, then the remote control is lost
     "SIM_BATT_VOLTAGE": 12.6,  # V, full and at rest
     "SIM_ENGINE_FAIL": 0,  # bits of motors that SIM_ENGINE_MUL applies to
     "SIM_ENGINE_MUL": 1.0,  # share of their thrust that is left
@@ -54,9 +55,10 @@ COPTER: dict[str, float | int] = _COMMON | {
     "FRAME_CLASS": 1,  # to be read
     "FRAME_TYPE": 0,  # to be read
     "FS_EKF_ACTION": 1,  # 0 report, 1 land, 2 altitude hold, 3 land even in stabilize
-    "FS_GCS_ENABLE": 0,  # 0 nothing, 1 RTL, 2 as 1, 3 as 1, 4 and 5 land, 7 brake or land
+    "FS_GCS_ENABLE": 0,  # 0 nothing, 1 RTL, 2 and 3 as 1, 4 and 5 land, 6 as 1, 7 brake or land
     "FS_GCS_TIMEOUT": 5.0,  # s
-    "FS_THR_ENABLE": 1,  # 0 nothing, 1 RTL, 2 as 1, 3 land, 4 and 5 as 1, 7 brake or land
+    "FS_OPTIONS": 16,  # goes on, bits: 0 AUTO, 2 GUIDED without RC; 1 AUTO, 4 pilot's modes without a GCS
+    "FS_THR_ENABLE": 1,  # 0 nothing, 1 RTL, 2 as 1, 3 land, 4 as 1, 5 land, 6 as 1, 7 brake or land
     "GUID_TIMEOUT": 3.0,  # s after which a set-point of velocity or attitude ends
     "LAND_ALT_LOW": 1000,  # cm above home, below which LAND_SPEED applies
     "LAND_SPEED": 50,  # cm/s
@@ -66,6 +68,8 @@ COPTER: dict[str, float | int] = _COMMON | {
     "RALLY_INCL_HOME": 1,  # 0: home only where there is no rally point
     "RALLY_LIMIT_KM": 0.3,  # km, 0: none
     "RTL_ALT": 1500,  # cm above home
+    "RTL_CLIMB_MIN": 0,  # cm
+    "RTL_CONE_SLOPE": 3.0,  # height to distance from home, below which it climbs no higher; below 0.5: none
     "RTL_LOIT_TIME": 5000,  # ms
     "RTL_SPEED": 0,  # cm/s, 0: WPNAV_SPEED
     "WPNAV_ACCEL": 250.0,  # cm/s/s
@@ -85,8 +89,9 @@ PLANE: dict[str, float | int] = _COMMON | {
     "FENCE_RET_ALT": 0,  # m above home in guided after a breach, 0: half way from floor to ceiling
     "FENCE_TYPE": 7,
     "FS_GCS_ENABL": 0,  # 0 nothing, 1 heartbeats
-    "FS_LONG_ACTN": 0,  # 0 go on, 1 RTL, 2 glide
+    "FS_LONG_ACTN": 0,  # 0 go on in AUTO and GUIDED, else RTL; 1 RTL, 2 glide, 4 AUTO
     "FS_LONG_TIMEOUT": 5.0,  # s
+    "FS_SHORT_ACTN": 0,  # 0 go on in AUTO, GUIDED, LOITER, else CIRCLE; 1 CIRCLE, 2 glide, 3 none, 4 FBWB
     "LAND_FLARE_SEC": 2.0,  # s, to be read
     "LAND_DISARMDELAY": 20,  # s, 0 never
     "RALLY_INCL_HOME": 0,  # 0: home only where there is no rally point
@@ -101,6 +106,23 @@ PLANE: dict[str, float | int] = _COMMON | {
     "TKOFF_ALT": 50.0,  # m
     "WP_LOITER_RAD": 60,  # m, negative: counter-clockwise
     "WP_RADIUS": 90,  # m
+}
+
+# How wide each integer is; a name of a new one goes here, too.
+_INT8 = (
+    "BATT_FS_CRT_ACT BATT_FS_LOW_ACT BATT_LOW_TIMER BATT_MONITOR DISARM_DELAY FENCE_ACTION FENCE_ENABLE"
+    " FENCE_TOTAL FENCE_TYPE FRAME_CLASS FRAME_TYPE FS_EKF_ACTION FS_GCS_ENABL FS_GCS_ENABLE FS_LONG_ACTN"
+    " FS_SHORT_ACTN FS_THR_ENABLE LAND_DISARMDELAY LOG_BACKEND_TYPE LOG_DISARMED MIS_RESTART RALLY_INCL_HOME"
+    " RALLY_TOTAL RTL_AUTOLAND SIM_GPS_DISABLE SIM_RC_FAIL SYSID_ENFORCE THR_FAILSAFE"
+)
+_INT16 = (
+    "AIRSPEED_MAX AIRSPEED_MIN FENCE_RET_ALT FORMAT_VERSION LAND_ALT_LOW LAND_SPEED LAND_SPEED_HIGH MIS_TOTAL"
+    " PILOT_SPEED_DN PILOT_SPEED_UP RTL_CLIMB_MIN RTL_RADIUS RTL_SPEED SYSID_MYGCS SYSID_THISMAV"
+    " WP_LOITER_RAD WP_RADIUS"
+)
+_INT32 = "ARMING_CHECK AUTO_OPTIONS BATT_CAPACITY FS_OPTIONS RTL_ALT RTL_LOIT_TIME SIM_ENGINE_FAIL"
+BITS: dict[str, int] = {
+    name: bits for bits, names in ((8, _INT8), (16, _INT16), (32, _INT32)) for name in names.split()
 }
 
 # What counts the stored items of each MAV_MISSION_TYPE.

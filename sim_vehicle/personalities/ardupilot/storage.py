@@ -30,7 +30,9 @@ def storage(vehicle: "Autopilot", limits: LogLimits) -> Storage:
     stores, params = transfer.stores, vehicle.params
 
     def parameters() -> list[Parameter]:
-        return [Parameter(name, value, params.defaults[name]) for name, value in params.items()]
+        return [
+            Parameter(name, value, params.defaults[name], params.bits(name)) for name, value in params.items()
+        ]
 
     def set_parameter(name: str, value: float) -> None:
         if name in params:

@@ -1,14 +1,18 @@
 """ArduPilot's parameters in SI units, as the vehicle flies by them."""
 
 import math
+from collections.abc import Callable, Sequence
 
 from sim_vehicle.files.logs.record import LogWhen
 from sim_vehicle.personalities.base import FailsafeAction, RallyAltitude, Tuning
 from sim_vehicle.vehicle.params import Parameters
 
 SLOWEST_M_S, FASTEST_M_S = 0.1, 50.0
+LEAST_RETURN_M, LEAST_CONE_SLOPE = 0.3, 0.5
+FENCE_GIVE_UP_M = 100.0
 STALL_M_S = 8.0  # of the plane whose parameters do not say
 FENCE_ALT_MAX, FENCE_CIRCLE, FENCE_POLYGONS, FENCE_ALT_MIN = 1, 2, 4, 8
+# Here and below: no vehicle has SmartRTL, so that "SmartRTL or" is what follows that.
 _BATTERY_ACTIONS = {
     0: FailsafeAction.WARN,
     1: FailsafeAction.LAND,
@@ -17,7 +21,7 @@ _BATTERY_ACTIONS = {
     4: FailsafeAction.LAND,
     5: FailsafeAction.TERMINATE,
     6: FailsafeAction.RETURN,
-    7: FailsafeAction.LAND,
+    7: FailsafeAction.HOLD,
 }
 _PLANE_BATTERY_ACTIONS = {
     0: FailsafeAction.WARN,
@@ -33,7 +37,7 @@ _LINK_ACTIONS = {
     4: FailsafeAction.LAND,
     5: FailsafeAction.LAND,
     6: FailsafeAction.RETURN,
-    7: FailsafeAction.LAND,
+    7: FailsafeAction.HOLD,
 }
 _THROTTLE_ACTIONS = {
     0: FailsafeAction.NOTHING,
@@ -43,7 +47,7 @@ _THROTTLE_ACTIONS = {
     4: FailsafeAction.RETURN,
     5: FailsafeAction.LAND,
     6: FailsafeAction.RETURN,
-    7: FailsafeAction.LAND,
+    7: FailsafeAction.HOLD,
 }
 _FENCE_ACTIONS = {
     0: FailsafeAction.WARN,
@@ -59,7 +63,33 @@ _PLANE_FENCE_ACTIONS = {
     6: FailsafeAction.RETURN_POINT,
     7: FailsafeAction.RETURN_POINT,
 }
-_PLANE_LONG_ACTIONS = {0: FailsafeAction.WARN, 1: FailsafeAction.RETURN, 2: FailsafeAction.LAND}
+_EKF_ACTIONS = {0: FailsafeAction.WARN, 1: FailsafeAction.LAND, 2: FailsafeAction.HOLD_ALTITUDE}
+EKF_LANDS_EVERYWHERE = 3
+# Modes of a plane by number. Where a link that is lost for long lets it go on in AUTO and GUIDED, it returns
+# from the first group; when the link is lost for short, nothing is done in the second.
+FBWA, FBWB = 5, 6
+_PILOTED = (0, 2, FBWA, FBWB, 7)
+_CIRCLE, _RTL, _AUTO, _LOITER, _TAKEOFF, _GUIDED = 1, 11, 10, 12, 13, 15
+_LONG_RETURNS = (*_PILOTED, _CIRCLE, _LOITER, _TAKEOFF)
+_SHORT_NEVER = (_CIRCLE, _TAKEOFF, _RTL)
+_PLANE_LONG_ACTIONS = {
+    0: FailsafeAction.WARN,
+    1: FailsafeAction.RETURN,
+    2: FailsafeAction.GLIDE,
+    3: FailsafeAction.WARN,  # no vehicle has a parachute
+    4: FailsafeAction.MISSION,
+}
+_PLANE_SHORT_ACTIONS = {
+    0: FailsafeAction.HOLD,
+    1: FailsafeAction.HOLD,
+    2: FailsafeAction.GLIDE,
+    3: None,
+    4: FailsafeAction.LEVEL,
+}
+# Modes of a copter, and the bits of FS_OPTIONS by which they go on without a link.
+_COPTER_PILOTED = (0, 1, 2, 5, 16, 17)
+_COPTER_AUTO, _COPTER_GUIDED = 3, 4
+RC_AUTO, GCS_AUTO, RC_GUIDED, GCS_PILOTED = 1, 2, 4, 16
 
 
 def _m_s(params: Parameters, *names: str) -> float:
@@ -78,12 +108,32 @@ def _logs(params: Parameters) -> LogWhen:
     return LogWhen.ALWAYS if params["LOG_DISARMED"] != 0 else LogWhen.ARMED
 
 
+def _return_height(params: Parameters) -> Callable[[float, float], float]:
+    """RTL_ALT, or as high as RTL_CLIMB_MIN asks; close to home less, where RTL_CONE_SLOPE says so."""
+    full_m, climb_m = params["RTL_ALT"] / 100, max(params["RTL_CLIMB_MIN"], 0.0) / 100
+    slope = params["RTL_CONE_SLOPE"]
+
+    def height_m(distance_m: float, height_m: float) -> float:
+        least_m = max(LEAST_RETURN_M, height_m + climb_m)
+        wanted_m = max(full_m, least_m)
+        return wanted_m if slope < LEAST_CONE_SLOPE else min(wanted_m, max(slope * distance_m, least_m))
+
+    return height_m
+
+
+def _going_on(options: int, *modes: tuple[int, Sequence[int]]) -> dict[int, FailsafeAction]:
+    """Of (bit, modes): the modes that go on where the bit is set."""
+    return {number: FailsafeAction.NOTHING for bit, numbers in modes if options & bit for number in numbers}
+
+
 def copter_tuning(params: Parameters) -> Tuning:
     """ArduCopter's parameters -> what it flies by."""
     options = int(params["AUTO_OPTIONS"])
     fence = int(params["FENCE_TYPE"])
     delay_s = params["DISARM_DELAY"] if params["DISARM_DELAY"] > 0 else math.inf
     gcs = _LINK_ACTIONS.get(int(params["FS_GCS_ENABLE"]), FailsafeAction.RETURN)
+    radio = _THROTTLE_ACTIONS.get(int(params["FS_THR_ENABLE"]), FailsafeAction.LAND)
+    goes_on, ekf = int(params["FS_OPTIONS"]), int(params["FS_EKF_ACTION"])
     return Tuning(
         speed_m_s=_m_s(params, "WPNAV_SPEED"),
         climb_m_s=_m_s(params, "WPNAV_SPEED_UP"),
@@ -96,6 +146,9 @@ def copter_tuning(params: Parameters) -> Tuning:
         full_v=params["SIM_BATT_VOLTAGE"],
         takeoff_height_m=10.0,
         return_height_m=params["RTL_ALT"] / 100,
+        return_height_at=_return_height(params),
+        return_under_fence=True,
+        fence_give_up_m=FENCE_GIVE_UP_M,
         return_speed_m_s=_m_s(params, "RTL_SPEED", "WPNAV_SPEED"),
         return_wait_s=params["RTL_LOIT_TIME"] / 1000,
         landing_speed_m_s=_m_s(params, "LAND_SPEED"),
@@ -112,6 +165,7 @@ def copter_tuning(params: Parameters) -> Tuning:
         gcs_only=params["SYSID_ENFORCE"] == 1,
         gcs_timeout_s=params["FS_GCS_TIMEOUT"] if gcs is not FailsafeAction.NOTHING else math.inf,
         gcs_action=gcs,
+        gcs_action_in=_going_on(goes_on, (GCS_AUTO, [_COPTER_AUTO]), (GCS_PILOTED, _COPTER_PILOTED)),
         battery_low_v=params["BATT_LOW_VOLT"],
         battery_low_share=_share(params, "BATT_LOW_MAH"),
         battery_low_action=_BATTERY_ACTIONS.get(int(params["BATT_FS_LOW_ACT"]), FailsafeAction.WARN),
@@ -120,12 +174,14 @@ def copter_tuning(params: Parameters) -> Tuning:
         battery_critical_action=_BATTERY_ACTIONS.get(int(params["BATT_FS_CRT_ACT"]), FailsafeAction.WARN),
         battery_delay_s=params["BATT_LOW_TIMER"],
         rc_required=params["SIM_RC_FAIL"] == 1,
-        rc_action=_THROTTLE_ACTIONS.get(int(params["FS_THR_ENABLE"]), FailsafeAction.RETURN),
+        rc_watched=radio is not FailsafeAction.NOTHING,
+        rc_action=radio,
+        rc_action_in=_going_on(goes_on, (RC_AUTO, [_COPTER_AUTO]), (RC_GUIDED, [_COPTER_GUIDED])),
+        rc_timeout_s=params["RC_FS_TIMEOUT"],
         setpoint_timeout_s=params["GUID_TIMEOUT"],
         setpoint_action=FailsafeAction.HOLD,
-        position_lost_action=(
-            FailsafeAction.WARN if int(params["FS_EKF_ACTION"]) == 0 else FailsafeAction.LAND
-        ),
+        position_lost_action=_EKF_ACTIONS.get(ekf, FailsafeAction.LAND),
+        position_lost_everywhere=ekf == EKF_LANDS_EVERYWHERE,
         logs=_logs(params),
         fence_enabled=params["FENCE_ENABLE"] == 1,
         fence_action=_FENCE_ACTIONS.get(int(params["FENCE_ACTION"]), FailsafeAction.RETURN),
@@ -157,7 +213,10 @@ def plane_tuning(params: Parameters) -> Tuning:
     fence = int(params["FENCE_TYPE"])
     watched = params["FS_GCS_ENABL"] != 0
     delay_s = params["LAND_DISARMDELAY"] if params["LAND_DISARMDELAY"] > 0 else math.inf
-    long_action = _PLANE_LONG_ACTIONS.get(int(params["FS_LONG_ACTN"]), FailsafeAction.RETURN)
+    long_action = _PLANE_LONG_ACTIONS.get(int(params["FS_LONG_ACTN"]), FailsafeAction.WARN)
+    long_returns = dict.fromkeys(_LONG_RETURNS, FailsafeAction.RETURN) if params["FS_LONG_ACTN"] == 0 else {}
+    short = int(params["FS_SHORT_ACTN"])
+    short_never = (*_SHORT_NEVER, _AUTO, _GUIDED, _LOITER) if short == 0 else _SHORT_NEVER
     return Tuning(
         speed_m_s=params["AIRSPEED_CRUISE"],
         climb_m_s=max(params["TECS_CLMB_MAX"], SLOWEST_M_S),
@@ -186,6 +245,7 @@ def plane_tuning(params: Parameters) -> Tuning:
         gcs_only=params["SYSID_ENFORCE"] == 1,
         gcs_timeout_s=params["FS_LONG_TIMEOUT"] if watched else math.inf,
         gcs_action=long_action if watched else FailsafeAction.NOTHING,
+        gcs_action_in=long_returns,
         battery_low_v=params["BATT_LOW_VOLT"],
         battery_low_share=_share(params, "BATT_LOW_MAH"),
         battery_low_action=_PLANE_BATTERY_ACTIONS.get(int(params["BATT_FS_LOW_ACT"]), FailsafeAction.WARN),
@@ -195,8 +255,14 @@ def plane_tuning(params: Parameters) -> Tuning:
             int(params["BATT_FS_CRT_ACT"]), FailsafeAction.WARN
         ),
         battery_delay_s=params["BATT_LOW_TIMER"],
-        rc_required=params["SIM_RC_FAIL"] == 1 and params["THR_FAILSAFE"] == 1,
+        rc_required=params["SIM_RC_FAIL"] == 1,
+        rc_watched=params["THR_FAILSAFE"] == 1,
         rc_action=long_action,
+        rc_action_in=long_returns,
+        rc_short_action=_PLANE_SHORT_ACTIONS.get(short, FailsafeAction.HOLD),
+        rc_short_action_in=dict.fromkeys(short_never, FailsafeAction.NOTHING),
+        rc_timeout_s=params["RC_FS_TIMEOUT"],
+        rc_long_s=params["FS_LONG_TIMEOUT"],
         setpoint_timeout_s=3.0,
         setpoint_action=FailsafeAction.HOLD,
         position_lost_action=FailsafeAction.WARN,  # it flies on by dead reckoning

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.base import Behaviour, Personality
+from sim_vehicle.personalities.base import Behaviour, FailsafeAction, Personality
 from sim_vehicle.personalities.px4 import parameters, storage, tuning
+from sim_vehicle.personalities.px4.addressing import hears
 from sim_vehicle.personalities.px4.commands import COMMANDS
 from sim_vehicle.personalities.px4.items import store_item
-from sim_vehicle.personalities.px4.messages import DEFAULT_RATES_HZ, SINGLES
-from sim_vehicle.personalities.px4.modes import HOLD, MODES
+from sim_vehicle.personalities.px4.messages import DEFAULT_RATES_HZ, SINGLES, aims
+from sim_vehicle.personalities.px4.modes import HOLD, MODES, TERMINATION
 from sim_vehicle.personalities.px4.readiness import feasible, refusals
 from sim_vehicle.personalities.px4.texts import TEXTS
 from sim_vehicle.vehicle.mission import Item
@@ -111,7 +112,8 @@ _COPTER = Personality(
     commands=COMMANDS,
     arm_refused=mavlink.MAV_RESULT_TEMPORARILY_REJECTED,
     disarm_refused=mavlink.MAV_RESULT_TEMPORARILY_REJECTED,
-    any_component=False,
+    hears=hears,
+    aims=aims,
     acknowledges_set_mode=True,
     home_item=False,
     empty_mission_total=65_535,
@@ -135,6 +137,7 @@ _COPTER = Personality(
     force_arms=False,
     landing_disarms=False,
     disarm_restores_mode=True,
+    failsafe_modes=MappingProxyType({FailsafeAction.TERMINATE: TERMINATION}),
     answers_ping=True,
     home_with_position=True,
     home_is_local=True,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.base import Mode
+from sim_vehicle.personalities.base import Behaviour, Mode
 from sim_vehicle.personalities.px4 import modes
 from sim_vehicle.wire.encode import DefinedMessage, Layout
 
@@ -79,6 +79,13 @@ PROTOCOL_VERSION = Layout(
         ]
     ),
 )
+
+
+def aims(vehicle: "Autopilot") -> tuple[bool, bool]:
+    """A place where the navigator flies to one; locally also what an offboard computer has set."""
+    mode = vehicle.mode
+    steered = mode.behaviour is not Behaviour.DROP and not mode.needs_pilot
+    return steered and mode.number >> 16 & 0xFF == modes.MAIN_AUTO, steered
 
 
 def _available_mode(index: int, total: int, mode: Mode) -> DefinedMessage:

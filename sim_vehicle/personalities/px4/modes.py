@@ -120,6 +120,13 @@ _MODES = (
         standard=mavlink.MAV_STANDARD_MODE_ORBIT,
         selectable=False,
     ),
-    Mode(TERMINATION, "Termination", Behaviour.DROP, needs_position=False, selectable=False),
+    Mode(
+        TERMINATION,
+        "Termination",
+        Behaviour.DROP,
+        needs_position=False,
+        selectable=False,
+        terminates=True,
+    ),
 )
 MODES: dict[int, Mode] = {mode.number: mode for mode in _MODES}

@@ -24,6 +24,7 @@ TEXTS: dict[str, tuple[int, str]] = {
     "mode_needs_setpoints": _UNAVAILABLE,
     "mode_needs_pilot": _UNAVAILABLE,
     "mode_needs_mission": _UNAVAILABLE,
+    "mode_terminated": _UNAVAILABLE,
     # flight
     "taken_off": (_INFO, "Takeoff detected"),
     "touched_down": (_INFO, "Landing detected"),

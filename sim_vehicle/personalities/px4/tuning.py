@@ -1,6 +1,7 @@
 """PX4's parameters in SI units, as the vehicle flies by them."""
 
 import math
+from collections.abc import Callable
 
 from sim_vehicle.files.logs.record import LogWhen
 from sim_vehicle.personalities.base import Behaviour, FailsafeAction, Tuning
@@ -18,7 +19,7 @@ _LINK_ACTIONS = {
     2: FailsafeAction.RETURN,
     3: FailsafeAction.LAND,
     5: FailsafeAction.TERMINATE,
-    6: FailsafeAction.TERMINATE,
+    6: FailsafeAction.DISARM,
 }
 _FENCE_ACTIONS = {
     0: FailsafeAction.NOTHING,
@@ -45,7 +46,7 @@ _OFFBOARD_ACTIONS = {
     4: FailsafeAction.LAND,
     5: FailsafeAction.HOLD,
     6: FailsafeAction.TERMINATE,
-    7: FailsafeAction.TERMINATE,
+    7: FailsafeAction.DISARM,
 }
 
 
@@ -111,8 +112,8 @@ def _common(params: Parameters) -> dict[str, object]:
         "battery_critical_share": params["BAT_EMERGEN_THR"],
         "battery_critical_action": _EMERGENCY_ACTIONS.get(act, FailsafeAction.WARN),
         "battery_delay_s": 0.0,
-        # A link to a pilot that was lost already at arming is not missed in the air.
         "rc_required": False,
+        "rc_missed_unarmed": False,
         "rc_action": _LINK_ACTIONS.get(int(params["NAV_RCL_ACT"]), FailsafeAction.NOTHING),
         "pilot_missing": _pilot_missing(params),
         "setpoint_timeout_s": params["COM_OF_LOSS_T"],
@@ -132,6 +133,24 @@ def _common(params: Parameters) -> dict[str, object]:
     }
 
 
+def _return_height(params: Parameters) -> Callable[[float, float], float] | None:
+    """RTL_RETURN_ALT, but near home only as high as a cone over it; at home no climb at all.
+
+    Outside the radius in which it counts as there it keeps at least twice that height, so as not to touch the
+    ground while it still moves sideways.
+    """
+    full_m, cone_deg, radius_m = params["RTL_RETURN_ALT"], params["RTL_CONE_ANG"], params["NAV_ACC_RAD"]
+    near_m = params["RTL_MIN_DIST"]
+    slope = 1 / math.tan(math.radians(min(max(cone_deg, 1.0), 89.0)))
+
+    def height_m(distance_m: float, _height_m: float) -> float:
+        if distance_m <= radius_m:
+            return 2 * distance_m
+        return max(min(full_m, slope * distance_m) if distance_m <= near_m else full_m, 2 * radius_m)
+
+    return height_m if cone_deg > 0 else None
+
+
 def copter_tuning(params: Parameters) -> Tuning:
     """The multicopter's parameters -> what it flies by."""
     cruise_m_s = _at_least(min(params["MPC_XY_CRUISE"], params["MPC_XY_VEL_MAX"]))
@@ -146,8 +165,7 @@ def copter_tuning(params: Parameters) -> Tuning:
         takeoff_speed_m_s=_at_least(params["MPC_TKO_SPEED"]),
         return_speed_m_s=cruise_m_s,
         yaw_rate_deg_s=_at_least(params["MPC_YAWRAUTO_MAX"]),
-        return_cone_deg=float(params["RTL_CONE_ANG"]),
-        return_cone_within_m=params["RTL_MIN_DIST"],
+        return_height_at=_return_height(params),
         landing_speed_m_s=_at_least(params["MPC_LAND_SPEED"]),
         landing_slow_below_m=params["MPC_LAND_ALT2"],
         landing_slowing_below_m=params["MPC_LAND_ALT1"],

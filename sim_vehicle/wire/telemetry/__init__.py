@@ -70,8 +70,14 @@ _TABLE: dict[int, tuple[Builder, Callable[[View], Mask]]] = {
     mavlink.MAVLINK_MSG_ID_HOME_POSITION: (vehicle.home_position, _has_home),
     mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: (vehicle.gps_global_origin, _has_origin),
     mavlink.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT: (motion.nav_controller_output, _everyone),
-    mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: (motion.position_target_global_int, _everyone),
-    mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: (motion.position_target_local_ned, _has_origin),
+    mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: (
+        motion.position_target_global_int,
+        motion.has_global_target,
+    ),
+    mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: (
+        motion.position_target_local_ned,
+        motion.has_local_target,
+    ),
     mavlink.MAVLINK_MSG_ID_ALTITUDE: (motion.altitude, _everyone),
     mavlink.MAVLINK_MSG_ID_WIND: (sensors.wind, _everyone),
     mavlink.MAVLINK_MSG_ID_WIND_COV: (sensors.wind_cov, _everyone),

@@ -4,7 +4,8 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.physics.geodesy import Floats
-from sim_vehicle.wire.telemetry.view import Columns, View
+from sim_vehicle.physics.motion import Bools, Order
+from sim_vehicle.wire.telemetry.view import Columns, Ints, View
 
 EKF_NO_POSITION = (
     mavlink.EKF_ATTITUDE | mavlink.EKF_VELOCITY_VERT | mavlink.EKF_POS_VERT_ABS | mavlink.EKF_CONST_POS_MODE
@@ -120,28 +121,105 @@ def nav_controller_output(v: View) -> Columns:
     }
 
 
-def position_target_global_int(v: View) -> Columns:
+# POSITION_TARGET_TYPEMASK: what does not count of a target. ArduPilot also sets those bits that mean nothing.
+IGNORE_XYZ, IGNORE_Z, IGNORE_VELOCITY = 0x0007, 0x0004, 0x0038
+IGNORE_ACCELERATION, IGNORE_YAW = 0x01C0, 0x0C00  # yaw and its rate
+IGNORE_BUT_POSITION = IGNORE_VELOCITY | IGNORE_ACCELERATION | IGNORE_YAW
+MEANINGLESS = 0xF000
+PLACE_BITS = np.array([[1], [2], [4]])
+SET_POINT = ("vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate")
+SIGNS = np.array([[1.0], [1.0], [-1.0]])  # of north, east, down where up is positive
+
+
+def _is_px4(v: View) -> Bools:
+    return np.asarray(v.status.autopilot[v.i] == mavlink.MAV_AUTOPILOT_PX4)
+
+
+def _flying(v: View) -> Bools:
+    return np.asarray(v.world.dynamics.airborne[v.i] & v.world.dynamics.armed[v.i])
+
+
+def has_global_target(v: View) -> Bools:
+    """ArduCopter only while it goes to the place of its mode, PX4 in the air; ArduPlane always has one."""
+    dynamics, i, px4 = v.world.dynamics, v.i, _is_px4(v)
+    goes = px4 | (dynamics.order[i] == Order.POSITION)
+    return np.asarray(v.status.has_place[i] & ((dynamics.planes[i] & ~px4) | (goes & _flying(v))))
+
+
+def has_local_target(v: View) -> Bools:
+    """None while it is told how to lean; PX4's only in the air."""
+    status, i = v.status, v.i
+    controlled = (_flying(v) | ~_is_px4(v)) & (v.world.dynamics.order[i] != Order.LEAN)
+    return np.asarray(status.has_setpoint[i] & status.has_origin[i] & controlled)
+
+
+def _set_points(v: View, px4: Bools) -> Floats:
+    """SET_POINT (8, n) that PX4 tells with a position: as a copter flies, no numbers of a plane."""
     dynamics, i = v.world.dynamics, v.i
+    told = np.zeros((len(SET_POINT), len(i)))
+    if px4.any():
+        told[:3] = _ned(dynamics.estimate_velocity[:, i])
+        told[3:6] = _ned(dynamics.acceleration[:, i])
+        told[6] = dynamics.wanted_heading_rad[i]
+        told[7] = dynamics.wanted_yaw_rate_rad_s[i]
+        told[:, dynamics.planes[i]] = np.nan
+        told[:, ~px4] = 0.0
+    return told
+
+
+def _ned(east_north_up: Floats) -> Floats:
+    """(3, n) -> north, east, down."""
+    return np.asarray(east_north_up[[1, 0, 2]] * SIGNS)
+
+
+def position_target_global_int(v: View) -> Columns:
+    dynamics, i, px4 = v.world.dynamics, v.i, _is_px4(v)
     lat_deg, lon_deg = v.world.frame.to_geodetic(dynamics.target_m[i, 0], dynamics.target_m[i, 1])
     return {
         "time_boot_ms": v.boot_ms(),
-        "coordinate_frame": mavlink.MAV_FRAME_GLOBAL_INT,
-        "type_mask": 0x0FF8,  # the position counts, nothing else
+        "coordinate_frame": np.where(px4, mavlink.MAV_FRAME_GLOBAL_INT, mavlink.MAV_FRAME_GLOBAL),
+        "type_mask": np.where(px4, 0, IGNORE_BUT_POSITION | MEANINGLESS),
         "lat_int": lat_deg * 1e7,
         "lon_int": lon_deg * 1e7,
         "alt": dynamics.target_m[i, 2],
+        **dict(zip(SET_POINT, _set_points(v, px4), strict=True)),
     }
 
 
+def _local_mask(v: View, px4: Bools, moves: Bools) -> Ints:
+    """POSITION_TARGET_TYPEMASK of a position, or of the velocity that it has been told and `moves` by."""
+    status, dynamics, i = v.status, v.world.dynamics, v.i
+    order = dynamics.order[i]
+    mask = np.where(moves, IGNORE_XYZ, np.where(order == Order.RATE, IGNORE_Z, 0))
+    mask[dynamics.planes[i]] = IGNORE_BUT_POSITION
+    if not px4.all():
+        climbs = status.landed_state[i] == mavlink.MAV_LANDED_STATE_TAKEOFF
+        goes = climbs | (status.has_place[i] & (order == Order.POSITION) & _flying(v))
+        mask = np.where(px4, mask, np.where(goes, IGNORE_BUT_POSITION, IGNORE_XYZ | IGNORE_YAW))
+    return mask
+
+
 def position_target_local_ned(v: View) -> Columns:
-    offset_m = v.world.dynamics.target_m[v.i] - v.status.origin_m[v.i]
+    """A position, or the velocity it has been told.
+
+    What does not count ArduPilot leaves at 0; PX4 has no number there.
+    """
+    dynamics, i, px4 = v.world.dynamics, v.i, _is_px4(v)
+    moves = (dynamics.order[i] == Order.VELOCITY) & ~dynamics.planes[i]
+    mask, told = _local_mask(v, px4, moves), _set_points(v, px4)
+    place = _ned(dynamics.target[:, i] - v.status.origin_m[i].T)
+    ignored = mask & PLACE_BITS != 0
+    if ignored.any():
+        place = np.where(ignored, np.where(px4, np.nan, 0.0), place)
+    if moves.any():
+        wanted = dynamics.wanted_velocity[:, i[moves]]
+        told[:3, moves] = _ned(np.vstack([wanted, dynamics.rate_m_s[i[moves]]]))
     return {
         "time_boot_ms": v.boot_ms(),
         "coordinate_frame": mavlink.MAV_FRAME_LOCAL_NED,
-        "type_mask": 0x0FF8,
-        "x": offset_m[:, 1],
-        "y": offset_m[:, 0],
-        "z": -offset_m[:, 2],
+        "type_mask": mask,
+        **dict(zip("xyz", place, strict=True)),
+        **dict(zip(SET_POINT, told, strict=True)),
     }
 
 

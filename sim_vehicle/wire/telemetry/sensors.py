@@ -6,7 +6,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.epoch import EPOCH_US
 from sim_vehicle.physics.geodesy import Floats
 from sim_vehicle.physics.motion import GRAVITY_M_S2
-from sim_vehicle.wire.telemetry.view import UNKNOWN_I16, UNKNOWN_U16, Columns, View
+from sim_vehicle.wire.telemetry.view import UNKNOWN, UNKNOWN_I16, UNKNOWN_U16, Columns, View
 
 SEA_LEVEL_HPA, SEA_LEVEL_K = 1013.25, 288.15
 FIELD_MGAUSS = (214.0, 9.0, 421.0)  # the earth's magnetic field in Ljubljana: north, east, down
@@ -43,6 +43,7 @@ def battery_status(v: View) -> Columns:
     voltages[:, 0] = np.rint(batteries.voltage_v[i] * 1000).clip(0, UNKNOWN_U16 - 1)
     share, current_a = batteries.remaining[i], batteries.current_a[i]
     left_s = share * batteries.capacity_mah[i] * 3.6 / np.maximum(current_a, 0.01)
+    counts_energy = v.status.autopilot[i] != mavlink.MAV_AUTOPILOT_PX4
     return {
         "battery_function": mavlink.MAV_BATTERY_FUNCTION_ALL,
         "type": mavlink.MAV_BATTERY_TYPE_LIPO,
@@ -50,7 +51,7 @@ def battery_status(v: View) -> Columns:
         "voltages": voltages,
         "current_battery": current_a * 100,
         "current_consumed": batteries.used_mah[i],
-        "energy_consumed": batteries.used_j[i] / 100,
+        "energy_consumed": np.where(counts_energy, batteries.used_j[i] / 100, UNKNOWN),
         "battery_remaining": share * 100,
         "time_remaining": left_s,
         "charge_state": v.status.battery_state[i],

@@ -15,6 +15,7 @@ Ints = npt.NDArray[np.int64]
 Columns = Mapping[str, Any]
 UNKNOWN_U16 = 65_535
 UNKNOWN_I16 = 32_767
+UNKNOWN = -1
 
 
 @dataclass(slots=True)

@@ -1,0 +1,24 @@
+"""Of which targets ArduCopter and ArduPlane tell, globally and locally (`Personality.aims`)."""
+
+from typing import TYPE_CHECKING
+
+from sim_vehicle.personalities.base import Behaviour
+
+if TYPE_CHECKING:
+    from sim_vehicle.vehicle.autopilot import Autopilot
+
+PLANE_MANUAL = 0
+
+
+def copter_aims(vehicle: "Autopilot") -> tuple[bool, bool]:
+    """A place where the mode navigates to one; locally GUIDED tells its target, of whatever kind."""
+    flight, behaviour = vehicle.flight, vehicle.mode.behaviour
+    if behaviour is Behaviour.GUIDED:
+        place_m = None if flight.taking_off else flight.guided_target_m
+        return place_m is not None and place_m == vehicle.body.target_m, True
+    return not flight.taking_off and behaviour in (Behaviour.MISSION, Behaviour.RETURN), False
+
+
+def plane_aims(vehicle: "Autopilot") -> tuple[bool, bool]:
+    """The next waypoint, whatever the mode makes of it; a plane without rotors has no local target."""
+    return vehicle.mode.number != PLANE_MANUAL, False

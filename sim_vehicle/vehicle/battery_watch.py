@@ -1,0 +1,88 @@
+"""The battery of one vehicle against its limits: at which level it is, and what follows when it gets worse.
+
+Levels count up from 0: that of a mere warning, where there is one, then low and critical. While armed, a
+level only gets worse. Unarmed, an autopilot that latches does not look, and what it has found it keeps until
+it reboots; another follows the battery, and once armed does nothing about what was so already at arming.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from sim_vehicle.personalities.base import FailsafeAction
+
+if TYPE_CHECKING:
+    from sim_vehicle.vehicle.autopilot import Autopilot
+
+LEVELS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class _Stage:
+    text: str
+    below_v: float
+    below_share: float
+    action: FailsafeAction
+
+
+class BatteryWatch:
+    """`update` is called whenever the vehicle decides."""
+
+    def __init__(self, vehicle: "Autopilot") -> None:
+        self._vehicle = vehicle
+        self.level = 0
+        self._level_at_arming = 0
+        self._low_since_s = [math.inf] * LEVELS
+
+    @property
+    def failing(self) -> int:
+        """1 low, 2 critical; a warning alone is 0."""
+        warns = self._vehicle.tuning.battery_warning_share is not None
+        return max(self.level - warns, 0)
+
+    def update(self, now: float) -> FailsafeAction:
+        """Look at the battery, say if it got worse; what is to be done about that."""
+        vehicle = self._vehicle
+        if vehicle.personality.battery_latches and not vehicle.armed:
+            return FailsafeAction.NOTHING
+        stages = self._stages()
+        found, before = self._find(stages, now), self.level
+        if not vehicle.armed:
+            self.level = self._level_at_arming = found
+        self.level = max(self.level, found)
+        if self.level <= before:
+            return FailsafeAction.NOTHING
+        stage, body = stages[found - 1], vehicle.body
+        vehicle.tell(stage.text, volts=body.voltage_v, used_mah=body.used_mah)
+        return stage.action if found > self._level_at_arming else FailsafeAction.WARN
+
+    def _stages(self) -> tuple[_Stage, ...]:
+        tuning = self._vehicle.tuning
+        stages = (
+            _Stage("battery_low", tuning.battery_low_v, tuning.battery_low_share, tuning.battery_low_action),
+            _Stage(
+                "battery_critical",
+                tuning.battery_critical_v,
+                tuning.battery_critical_share,
+                tuning.battery_critical_action,
+            ),
+        )
+        if tuning.battery_warning_share is None:
+            return stages
+        return (
+            _Stage("battery_warning", 0.0, tuning.battery_warning_share, FailsafeAction.WARN),
+            *stages,
+        )
+
+    def _find(self, stages: tuple[_Stage, ...], now: float) -> int:
+        """The worst level that holds now; a voltage has to be low for a while."""
+        body, delay_s = self._vehicle.body, self._vehicle.tuning.battery_delay_s
+        found = 0
+        for index, stage in enumerate(stages):
+            if not body.voltage_v < stage.below_v:
+                self._low_since_s[index] = math.inf
+            elif math.isinf(self._low_since_s[index]):
+                self._low_since_s[index] = now
+            if now - self._low_since_s[index] >= delay_s or body.battery_remaining < stage.below_share:
+                found = index + 1
+        return found

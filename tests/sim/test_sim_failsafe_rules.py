@@ -1,0 +1,352 @@
+"""What ArduPilot does when something is lost, by mode and by parameter, and what it does not arm without."""
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from station import ALT_M, LAT_DEG, LON_DEG, Station, home_item, item, land, scenario, takeoff, waypoint
+
+from sim_vehicle.faults.spec import parse_fault
+from sim_vehicle.fleet import Fleet
+
+FAILED = int(mavlink.MAV_RESULT_FAILED)
+FORCE = 21196
+STABILIZE, ALT_HOLD, AUTO, GUIDED, LOITER, RTL, LAND, BRAKE = 0, 2, 3, 4, 5, 6, 9, 17
+MANUAL, CIRCLE, FBWA, FBWB, PLANE_AUTO, PLANE_LOITER, PLANE_TAKEOFF, PLANE_GUIDED = 0, 1, 5, 6, 10, 12, 13, 15
+
+
+def station(kind: str = "copter", *, ready_s: float = 0.0, **params: float) -> Station:
+    vehicle = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M, "type": kind}
+    return Station(Fleet(scenario(vehicles=[vehicle | {"params": params}]), ready_s=ready_s))
+
+
+def inject(there: Station, fault: str) -> None:
+    there.fleet.inject(parse_fault(fault), there.now)
+
+
+def set_parameter(there: Station, name: str, value: float) -> None:
+    there.send(mavlink.MAVLink_param_set_message(1, 0, name.encode(), value, 9))
+
+
+def beat(there: Station) -> None:
+    message = mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, 8, 0, 0, mavlink.MAV_STATE_ACTIVE, 3)
+    there.send(message)
+
+
+def plane(mode: int, **params: float) -> Station:
+    """In the air, in that mode."""
+    there = station("plane", **params)
+    there.set_mode(PLANE_TAKEOFF)
+    assert there.arm() == 0
+    there.until(lambda: there.height_m > 45, 60)
+    if mode == PLANE_AUTO:
+        there.upload([home_item(), waypoint(5000, 0, 60)])
+    assert there.set_mode(mode) == 0
+    return there
+
+
+# -- the battery ---------------------------------------------------------------------------------------------
+
+
+def test_a_battery_that_is_low_before_arming_does_not_use_up_the_failsafe() -> None:
+    there = station(BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=2, BATT_LOW_TIMER=2, SIM_BATT_VOLTAGE=11.0)
+    there.wait(15)
+    assert not any("is low" in text for text in there.texts())
+    assert there.heartbeat().system_status == mavlink.MAV_STATE_STANDBY
+    set_parameter(there, "SIM_BATT_VOLTAGE", 12.6)
+    there.wait(1)
+    there.fly(20)
+    set_parameter(there, "SIM_BATT_VOLTAGE", 10.5)
+    assert there.until(lambda: there.mode == "RTL", 10) >= 2
+
+
+def test_of_two_limits_that_are_passed_at_once_the_worse_one_counts() -> None:
+    there = station(BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=2, BATT_CRT_VOLT=11.0, BATT_FS_CRT_ACT=1)
+    there.fly(20)
+    set_parameter(there, "SIM_BATT_VOLTAGE", 10.5)
+    there.until(lambda: there.mode != "GUIDED", 15)
+    assert there.mode == "LAND"
+    assert not any("is low" in text for text in there.texts())
+
+
+def landing_mission() -> list[dict]:  # type: ignore[type-arg]
+    return [
+        home_item(),
+        takeoff(50),
+        waypoint(3000, 0, 60),
+        item(mavlink.MAV_CMD_DO_LAND_START, 200, 600),
+        waypoint(0, 600, 40),
+        land(0, 0),
+    ]
+
+
+@pytest.mark.parametrize(("starts", "mode"), [(True, "AUTO"), (False, "RTL")])
+def test_a_planes_battery_lands_it_where_its_mission_does_else_returns(*, starts: bool, mode: str) -> None:
+    there = station("plane", BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=2, BATT_LOW_TIMER=1)
+    items = landing_mission()
+    there.upload(items if starts else items[:3])
+    there.set_mode(PLANE_TAKEOFF)
+    assert there.arm() == 0
+    there.until(lambda: there.height_m > 45, 60)
+    there.set_mode(PLANE_GUIDED)
+    set_parameter(there, "SIM_BATT_VOLTAGE", 11.0)
+    there.until(lambda: there.mode == mode, 10)
+    if starts:
+        assert "Landing sequence start" in there.texts()
+        there.until(lambda: there.height_m < 0.1, 200)
+
+
+def test_a_plane_that_lands_by_its_mission_is_not_called_back() -> None:
+    there = station("plane", BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=1, BATT_LOW_TIMER=1, FS_LONG_ACTN=1)
+    there.upload([home_item(), takeoff(50), waypoint(0, 600, 40), land(0, 0)])
+    there.set_mode(PLANE_AUTO)
+    assert there.arm() == 0
+    there.until(lambda: there.fleet.vehicles[0].mission.index == 3, 200)
+    there.wait(1)
+    set_parameter(there, "SIM_BATT_VOLTAGE", 11.0)
+    inject(there, "rc_loss")
+    there.wait(8)
+    assert any("is low" in text for text in there.texts())
+    assert there.mode == "AUTO"
+    there.until(lambda: there.height_m < 0.1, 100)
+
+
+# -- the position --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("action", "begun_in", "ends_in"),
+    [
+        (0, GUIDED, "GUIDED"),
+        (1, GUIDED, "LAND"),
+        (2, GUIDED, "ALT_HOLD"),
+        (2, RTL, "ALT_HOLD"),
+        (3, GUIDED, "LAND"),
+        (1, ALT_HOLD, "ALT_HOLD"),
+        (2, STABILIZE, "STABILIZE"),
+        (3, ALT_HOLD, "LAND"),
+    ],
+)
+def test_what_a_lost_position_leads_to(action: int, begun_in: int, ends_in: str) -> None:
+    there = station(FS_EKF_ACTION=action)
+    there.fly(80)
+    inject(there, "gps_loss")
+    there.wait(7)
+    assert there.set_mode(begun_in) == 0
+    there.wait(2)
+    assert there.mode == ends_in
+    assert "EKF Failsafe" in there.texts()
+
+
+def test_without_a_remote_control_either_a_lost_position_lands() -> None:
+    there = station(FS_EKF_ACTION=2, FS_OPTIONS=4)
+    there.fly(40)
+    inject(there, "rc_loss")
+    there.until(lambda: "Radio Failsafe - Continuing Guided Mode" in there.texts(), 3)
+    inject(there, "gps_loss")
+    there.until(lambda: there.mode == "LAND", 12)
+
+
+# -- links ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("parameter", "value", "mode"),
+    [
+        ("FS_GCS_ENABLE", 1, "RTL"),
+        ("FS_GCS_ENABLE", 4, "LAND"),
+        ("FS_GCS_ENABLE", 5, "LAND"),
+        ("FS_GCS_ENABLE", 7, "BRAKE"),
+        ("FS_THR_ENABLE", 3, "LAND"),
+        ("FS_THR_ENABLE", 4, "RTL"),
+        ("FS_THR_ENABLE", 5, "LAND"),
+        ("FS_THR_ENABLE", 7, "BRAKE"),
+        ("BATT_FS_LOW_ACT", 4, "LAND"),
+        ("BATT_FS_LOW_ACT", 7, "BRAKE"),
+    ],
+)
+def test_what_a_failsafe_does_by_its_parameter(parameter: str, value: float, mode: str) -> None:
+    there = station("copter", **{parameter: value, "BATT_LOW_VOLT": 11.5, "BATT_LOW_TIMER": 1})
+    there.set_mode(GUIDED)
+    assert there.arm() == 0
+    there.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 20)
+    there.until(lambda: there.height_m > 19, 30)
+    if parameter == "FS_GCS_ENABLE":
+        beat(there)
+    elif parameter == "FS_THR_ENABLE":
+        inject(there, "rc_loss")
+    else:
+        set_parameter(there, "SIM_BATT_VOLTAGE", 11.0)
+    there.until(lambda: there.mode == mode, 10)
+
+
+def test_a_brake_or_land_without_a_position_lands() -> None:
+    there = station(FS_THR_ENABLE=7)
+    there.fly(80)
+    inject(there, "gps_loss")
+    there.set_mode(ALT_HOLD)
+    there.until(lambda: not there.fleet.vehicles[0].position_known(there.now), 10)
+    inject(there, "rc_loss")
+    there.until(lambda: there.mode == "LAND", 5)
+
+
+@pytest.mark.parametrize(
+    ("options", "mode", "ends_in", "text"),
+    [
+        (16, ALT_HOLD, "ALT_HOLD", "GCS Failsafe - Continuing Pilot Control"),
+        (16, LOITER, "LOITER", "GCS Failsafe - Continuing Pilot Control"),
+        (16, GUIDED, "RTL", "GCS Failsafe"),
+        (0, ALT_HOLD, "RTL", "GCS Failsafe"),
+        (2, AUTO, "AUTO", "GCS Failsafe - Continuing Auto Mode"),
+        (16, AUTO, "RTL", "GCS Failsafe"),
+    ],
+)
+def test_in_which_modes_a_copter_goes_on_without_a_ground_station(
+    options: int, mode: int, ends_in: str, text: str
+) -> None:
+    there = station(FS_GCS_ENABLE=1, FS_OPTIONS=options)
+    there.fly_mission([takeoff(60), waypoint(2000, 0, 60)])
+    there.until(lambda: there.height_m > 59, 60)
+    beat(there)
+    assert there.set_mode(mode) == 0
+    there.wait(6)
+    assert there.mode == ends_in
+    assert text in there.texts()
+
+
+def test_the_pilots_modes_go_on_without_a_ground_station_unless_told_otherwise() -> None:
+    there = station()
+    (option,) = there.send(mavlink.MAVLink_param_request_read_message(1, 0, b"FS_OPTIONS", -1))
+    assert option.param_value == 16
+
+
+@pytest.mark.parametrize(("watched", "mode"), [(0, "GUIDED"), (1, "RTL")])
+def test_a_copters_remote_control_is_lost_after_a_second_if_it_is_watched(watched: int, mode: str) -> None:
+    there = station(FS_THR_ENABLE=watched)
+    there.fly(20)
+    inject(there, "rc_loss")
+    there.wait(0.9)
+    assert there.mode == "GUIDED"
+    there.wait(0.4)
+    assert there.mode == mode
+    assert there.fleet.vehicles[0].failsafes.rc == bool(watched)
+
+
+@pytest.mark.parametrize(
+    ("long_action", "mode", "at_short", "at_long"),
+    [
+        (0, MANUAL, "CIRCLE", "RTL"),
+        (0, FBWA, "CIRCLE", "RTL"),
+        (0, CIRCLE, "CIRCLE", "RTL"),
+        (0, PLANE_LOITER, "LOITER", "RTL"),
+        (0, PLANE_GUIDED, "GUIDED", "GUIDED"),
+        (0, PLANE_AUTO, "AUTO", "AUTO"),
+        (1, PLANE_GUIDED, "GUIDED", "RTL"),
+        (1, PLANE_AUTO, "AUTO", "RTL"),
+        (2, MANUAL, "CIRCLE", "FBWA"),
+        (2, PLANE_GUIDED, "GUIDED", "FBWA"),
+    ],
+)
+def test_a_plane_without_a_remote_control_acts_in_two_stages(
+    long_action: int, mode: int, at_short: str, at_long: str
+) -> None:
+    there = plane(mode, FS_LONG_ACTN=long_action)
+    inject(there, "rc_loss")
+    there.wait(1.3)
+    assert there.mode == at_short
+    there.wait(4.5)
+    assert there.mode == at_short
+    there.wait(0.5)
+    assert there.mode == at_long
+    assert f"RC Long Failsafe On: {at_long}" in there.texts()
+
+
+@pytest.mark.parametrize(
+    ("short_action", "mode", "at_short"),
+    [(1, PLANE_GUIDED, "CIRCLE"), (2, MANUAL, "FBWA"), (3, MANUAL, "MANUAL"), (4, MANUAL, "FBWB")],
+)
+def test_a_planes_short_failsafe_by_its_parameter(short_action: int, mode: int, at_short: str) -> None:
+    there = plane(mode, FS_SHORT_ACTN=short_action)
+    inject(there, "rc_loss")
+    there.wait(2)
+    assert there.mode == at_short
+
+
+def test_without_a_short_failsafe_the_long_one_counts_from_the_last_frame() -> None:
+    there = plane(MANUAL, FS_SHORT_ACTN=3, FS_LONG_TIMEOUT=3)
+    inject(there, "rc_loss")
+    assert there.until(lambda: there.mode == "RTL", 10) == pytest.approx(3, abs=0.2)
+
+
+def test_a_plane_that_hears_its_remote_control_in_time_takes_its_mode_back() -> None:
+    there = plane(FBWB)
+    inject(there, "rc_loss:for=3")
+    there.until(lambda: there.mode == "CIRCLE", 3)
+    there.until(lambda: there.mode == "FBWB", 5)
+    assert there.texts()[-2:] == ["RC Short Failsafe: switched to CIRCLE", "Short Failsafe Cleared"]
+
+
+@pytest.mark.parametrize(("mode", "ends_in"), [(MANUAL, "RTL"), (PLANE_GUIDED, "GUIDED")])
+def test_a_plane_without_a_ground_station_returns_from_the_modes_a_pilot_flies(
+    mode: int, ends_in: str
+) -> None:
+    there = plane(mode, FS_GCS_ENABL=1)
+    beat(there)
+    there.wait(6)
+    assert there.mode == ends_in
+    assert f"GCS Failsafe On: {ends_in}" in there.texts()
+
+
+def test_a_plane_whose_throttle_failsafe_is_off_does_not_miss_its_remote_control() -> None:
+    there = plane(MANUAL, THR_FAILSAFE=0)
+    inject(there, "rc_loss")
+    there.wait(8)
+    assert there.mode == "MANUAL"
+
+
+# -- arming --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["copter", "plane"])
+def test_a_lost_remote_control_refuses_arming(kind: str) -> None:
+    there = station(kind)
+    inject(there, "rc_loss:for=5")
+    there.set_mode(GUIDED if kind == "copter" else PLANE_GUIDED)
+    there.wait(2)
+    assert there.arm() == FAILED
+    assert "Arm: Radio failsafe on" in there.texts()
+    there.wait(5)
+    assert there.arm() == 0
+
+
+def test_a_copter_that_lost_its_remote_control_before_it_was_forced_to_arm_stays_armed() -> None:
+    there = station()
+    inject(there, "rc_loss")
+    there.set_mode(GUIDED)
+    there.wait(2)
+    assert there.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, FORCE) == 0
+    there.wait(3)
+    assert there.armed
+
+
+def test_no_force_arms_a_copter_that_needs_a_position_and_has_none() -> None:
+    there = station(ready_s=41.0)
+    there.wait(5)
+    there.set_mode(GUIDED)
+    assert there.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, FORCE) == FAILED
+    assert "Arm: Need Position Estimate" in there.texts()
+    assert not there.armed
+    there.set_mode(STABILIZE)
+    assert there.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, FORCE) == 0
+
+
+def test_a_fence_around_home_needs_a_position_in_every_mode() -> None:
+    there = station(ready_s=41.0, FENCE_ENABLE=1)
+    there.wait(5)
+    assert there.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, FORCE) == FAILED
+    assert "Arm: Fence enabled, need position estimate" in there.texts()
+
+
+def test_a_plane_may_be_forced_to_arm_without_a_position() -> None:
+    there = station("plane", ready_s=41.0)
+    there.wait(5)
+    there.set_mode(PLANE_GUIDED)
+    assert there.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, FORCE) == 0

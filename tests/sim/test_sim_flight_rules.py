@@ -1,0 +1,226 @@
+"""Rules of the air that are easy to get wrong: what vehicles do, and do not do, by themselves."""
+
+import math
+from typing import Any
+
+import pytest
+from px4_station import AUTO as PX4_AUTO
+from px4_station import HOLD, OFFBOARD, Px4Station
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from station import (
+    ALT_M,
+    LAT_DEG,
+    LON_DEG,
+    Station,
+    home_item,
+    item,
+    land,
+    place_m,
+    scenario,
+    takeoff,
+    waypoint,
+)
+
+from sim_vehicle.faults.spec import parse_fault
+from sim_vehicle.fleet import Fleet
+
+E7 = 1e7
+FBWA, FBWB, CRUISE, PLANE_AUTO, TAKEOFF_MODE, PLANE_GUIDED = 5, 6, 7, 10, 13, 15
+RELATIVE = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
+
+
+def plane(**params: float) -> Station:
+    spec = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M, "type": "plane"}
+    return Station(Fleet(scenario(seed=1, vehicles=[{**spec, "params": params}]), ready_s=0.0))
+
+
+def airborne_plane(height_m: float = 100.0, **params: float) -> Station:
+    station = plane(TKOFF_ALT=height_m, **params)
+    assert station.set_mode(TAKEOFF_MODE) == 0
+    assert station.arm() == 0
+    station.until(lambda: station.height_m > height_m - 3, 120)
+    return station
+
+
+def fly_plane_mission(station: Station, items: list[dict[str, Any]]) -> None:
+    assert station.upload([home_item(), takeoff(50), *items]) == 0
+    assert station.set_mode(PLANE_AUTO) == 0
+    assert station.arm() == 0
+
+
+def set_parameter(station: Station, name: str, value: float) -> None:
+    station.send(mavlink.MAVLink_param_set_message(1, 1, name.encode(), value, 9))
+
+
+def reposition(station: Station, north_m: float, height_m: float, *params: float) -> int:
+    place = (round((LAT_DEG + north_m / 111_195) * E7), round(LON_DEG * E7), height_m)
+    head = [*params, *(0.0,) * (4 - len(params))]
+    return station.command_int(mavlink.MAV_CMD_DO_REPOSITION, RELATIVE, *place, *head)
+
+
+# -- ArduCopter ------------------------------------------------------------------------------------------
+
+
+def test_a_reposition_that_is_refused_changes_no_mode() -> None:
+    station = Station()
+    set_parameter(station, "FENCE_RADIUS", 60.0)
+    set_parameter(station, "FENCE_ENABLE", 1)
+    station.fly(20)
+    assert station.set_mode(17) == 0
+    assert reposition(station, 200, 20, -1, 1) == 4  # FAILED
+    assert station.mode == "BRAKE"
+    assert reposition(station, 30, 20, -1, 1) == 0
+    assert station.mode == "GUIDED"
+
+
+def test_a_reposition_to_height_0_is_to_no_height() -> None:
+    station = Station()
+    station.fly(20)
+    assert reposition(station, 30, 0.0, -1, 1) == 2  # DENIED
+    station.wait(5)
+    assert station.height_m == pytest.approx(20, abs=1)
+
+
+def test_a_reposition_has_no_say_in_the_speed() -> None:
+    station = Station()
+    station.fly(20)
+    assert reposition(station, 300, 20, 2.0, 1) == 0
+    station.wait(10)
+    assert station.fleet.truth().speed_m_s[0] > 8  # WPNAV_SPEED
+
+
+def test_a_limping_copter_that_came_down_stays_down_when_its_motor_is_back() -> None:
+    station = Station()
+    station.fly(4)
+    station.fleet.inject(parse_fault("motor_loss:for=6"), station.now)
+    station.until(lambda: not station.fleet.truth().airborne[0], 6)
+    station.wait(8)
+    assert station.height_m < 0.5
+    assert station.armed
+    assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 10) == 0
+    station.until(lambda: station.height_m > 9, 30)
+
+
+def test_a_capacity_that_nobody_knows_takes_no_vehicle_down() -> None:
+    station = Station()
+    station.fly(20)
+    set_parameter(station, "BATT_CAPACITY", 0)
+    station.wait(20)
+    assert station.height_m == pytest.approx(20, abs=1)
+
+
+# -- PX4 -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("frame", "value"), [(1, math.nan), (77, 0.0)])
+def test_set_points_that_say_nothing_do_not_keep_offboard_alive(frame: int, value: float) -> None:
+    station = Px4Station()
+    station.fly(10)
+    station.stream_setpoints(1.0, 0, 0, 10)
+    assert station.change(OFFBOARD) == 0
+    station.stream_setpoints(2.0, 0, 0, 10)
+    assert station.custom_mode[0] == OFFBOARD
+    blank = (value,) * 6
+    mask = 0x0FF8 if frame == 77 else 0x0DC7
+    mute = mavlink.MAVLink_set_position_target_local_ned_message(0, 1, 1, frame, mask, *blank, 0, 0, 0, 0, 0)
+    for _ in range(30):
+        station.send(mute)
+        station.wait(0.1)
+    assert station.custom_mode[0] != OFFBOARD
+    assert station.change(PX4_AUTO, HOLD) == 0
+
+
+# -- ArduPlane -------------------------------------------------------------------------------------------
+
+
+def test_a_plane_stays_in_the_mode_that_took_it_off_and_circles() -> None:
+    station = airborne_plane()
+    station.wait(60)
+    assert station.heartbeat().custom_mode == TAKEOFF_MODE
+    assert station.height_m == pytest.approx(100, abs=8)
+
+
+def test_a_plane_without_rotors_does_not_take_off_on_command() -> None:
+    station = plane()
+    assert station.set_mode(PLANE_GUIDED) == 0
+    assert station.arm() == 0
+    assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 50) == 4  # FAILED
+
+
+@pytest.mark.parametrize("mode", [FBWB, CRUISE])
+def test_height_is_held_in_the_modes_that_control_it(mode: int) -> None:
+    station = airborne_plane()
+    assert station.set_mode(mode) == 0
+    before_m, before = station.height_m, place_m(station)
+    station.wait(20)
+    assert station.height_m == pytest.approx(before_m, abs=5)
+    assert math.dist(before, place_m(station)) > 150  # straight on
+
+
+def test_fbwa_does_not_hold_height() -> None:
+    station = airborne_plane()
+    assert station.set_mode(FBWA) == 0
+    station.wait(10)
+    assert station.height_m < 85
+
+
+@pytest.mark.parametrize("speed_m_s", [None, 12.0, 21.0])
+def test_turns_are_counted_however_fast_they_are_flown(speed_m_s: float | None) -> None:
+    station = plane()
+    speed = [item(mavlink.MAV_CMD_DO_CHANGE_SPEED, param1=0, param2=speed_m_s)] if speed_m_s else []
+    turns = item(mavlink.MAV_CMD_NAV_LOITER_TURNS, 300, 0, 50, param1=3)
+    fly_plane_mission(station, [*speed, turns, waypoint(300, 900, 50)])
+    station.until(lambda: math.dist(place_m(station), (300, 0)) < 70, 120)
+    last = 3 + len(speed)
+    swept_rad, seen_rad = 0.0, None
+    while station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).seq < last:
+        station.wait(0.5)
+        north_m, east_m = place_m(station)
+        bearing_rad = math.atan2(east_m, north_m - 300)
+        if seen_rad is not None:
+            swept_rad += math.remainder(bearing_rad - seen_rad, 2 * math.pi)
+        seen_rad = bearing_rad
+    assert abs(swept_rad) / (2 * math.pi) == pytest.approx(3, abs=0.4)
+
+
+def test_a_change_of_altitude_on_the_way_is_flown_straight() -> None:
+    station = plane()
+    fly_plane_mission(
+        station,
+        [
+            waypoint(300, 0, 50),
+            item(mavlink.MAV_CMD_NAV_CONTINUE_AND_CHANGE_ALT, z=120),
+            waypoint(300, 900, 120),
+        ],
+    )
+    station.until(lambda: station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).seq == 3, 120)
+    begun = place_m(station)
+    station.until(lambda: station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).seq == 4, 120)
+    assert station.height_m == pytest.approx(120, abs=7)
+    assert math.dist(begun, place_m(station)) > 150
+
+
+def test_the_last_waypoint_before_a_landing_is_flown_through() -> None:
+    station = plane(WP_RADIUS=30)
+    fly_plane_mission(station, [waypoint(600, 0, 50), waypoint(900, 0, 40), land(1300, 0)])
+    station.until(lambda: station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).seq == 4, 240)
+    assert math.dist(place_m(station), (900, 0)) < 35
+    station.until(lambda: not station.armed, 240)
+
+
+@pytest.mark.parametrize(("radius_m", "direction"), [(90.0, 0.0), (140.0, 1.0)])
+def test_a_reposition_says_how_wide_a_plane_circles_and_which_way(radius_m: float, direction: float) -> None:
+    station = airborne_plane()
+    assert reposition(station, 300, 100, -1, 1, radius_m, direction) == 0
+    station.wait(90)
+    away, swept_rad, seen_rad = [], 0.0, None
+    for _ in range(60):
+        station.wait(0.5)
+        north_m, east_m = place_m(station)
+        away.append(math.hypot(north_m - 300, east_m))
+        bearing_rad = math.atan2(east_m, north_m - 300)
+        if seen_rad is not None:
+            swept_rad += math.remainder(bearing_rad - seen_rad, 2 * math.pi)
+        seen_rad = bearing_rad
+    assert sum(away) / len(away) == pytest.approx(radius_m, abs=6)
+    assert (swept_rad < 0) is (direction != 0)

@@ -1,0 +1,327 @@
+"""Each number of a flight in wind against what is really so: units, signs, frames, for both autopilots."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from station import ALT_M, LAT_DEG, LON_DEG, Station, home_item, land, scenario, takeoff, waypoint
+
+from sim_vehicle.fleet import Fleet
+
+NAN = math.nan
+WIND_M_S, WIND_FROM_DEG = 6.0, 300.0
+HEIGHT_M, GOAL_HEIGHT_M = 20.0, 40.0
+GOAL_NORTH_M, GOAL_EAST_M = 150.0, -80.0
+NORTH_M_DEG, EAST_M_DEG = 111_160.0, 77_410.0  # here, by the ellipsoid
+GOAL_LAT_DEG, GOAL_LON_DEG = LAT_DEG + GOAL_NORTH_M / NORTH_M_DEG, LON_DEG + GOAL_EAST_M / EAST_M_DEG
+CAPACITY_MAH = {"ardupilot": 3300.0, "px4": 5000.0}
+POSITION_ONLY = 0x0DF8
+GLOBAL_TARGET = mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT
+LOCAL_TARGET = mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED
+
+
+@dataclass
+class Facts:
+    """What is really so, in SI units; places are metres from the start."""
+
+    north_m: float
+    east_m: float
+    height_m: float
+    north_m_s: float
+    east_m_s: float
+    up_m_s: float
+    used_j: float  # by the voltage and current that were told all the way
+    used_mah: float
+    throttle: float  # share, as told
+    ampere: float  # as told
+    remaining: float
+    capacity_mah: float
+
+    @property
+    def course_deg(self) -> float:
+        return math.degrees(math.atan2(self.east_m_s, self.north_m_s)) % 360
+
+    @property
+    def yaw_rad(self) -> float:
+        return math.atan2(self.east_m_s, self.north_m_s)
+
+    @property
+    def speed_m_s(self) -> float:
+        return math.hypot(self.north_m_s, self.east_m_s)
+
+    @property
+    def wind_m_s(self) -> tuple[float, float]:
+        """North and east, where it blows to."""
+        towards = math.radians(WIND_FROM_DEG + 180)
+        return WIND_M_S * math.cos(towards), WIND_M_S * math.sin(towards)
+
+    @property
+    def airspeed_m_s(self) -> float:
+        north, east = self.wind_m_s
+        return math.hypot(self.north_m_s - north, self.east_m_s - east, self.up_m_s)
+
+    @property
+    def goal_m(self) -> float:
+        return math.hypot(GOAL_NORTH_M - self.north_m, GOAL_EAST_M - self.east_m)
+
+    @property
+    def goal_deg(self) -> float:
+        return math.degrees(math.atan2(GOAL_EAST_M - self.east_m, GOAL_NORTH_M - self.north_m))
+
+
+def _fleet(personality: str, kind: str = "copter", wind_m_s: float = WIND_M_S) -> Fleet:
+    vehicle = scenario().vehicles[0].model_dump() | {"personality": personality, "kind": kind}
+    wind = {"speed_m_s": wind_m_s, "from_deg": WIND_FROM_DEG}
+    return Fleet(scenario(vehicles=[vehicle], wind=wind), ready_s=0)
+
+
+def _take_off(station: Station, personality: str) -> None:
+    if personality == "ardupilot":
+        station.fly(HEIGHT_M)
+        return
+    assert station.arm() == 0
+    assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, NAN, NAN, NAN, NAN, NAN, NAN, ALT_M + HEIGHT_M) == 0
+    station.until(lambda: station.mode == "Hold", 60)
+
+
+def _go(station: Station) -> None:
+    place = (round(GOAL_LAT_DEG * 1e7), round(GOAL_LON_DEG * 1e7), ALT_M + GOAL_HEIGHT_M)
+    assert station.command_int(mavlink.MAV_CMD_DO_REPOSITION, 0, *place, -1, 1, 0, NAN) == 0
+
+
+def _place_m(station: Station) -> tuple[float, float, float]:
+    truth = station.fleet.truth()
+    north_m = (truth.lat_deg[0] - LAT_DEG) * NORTH_M_DEG
+    return north_m, (truth.lon_deg[0] - LON_DEG) * EAST_M_DEG, float(truth.height_m[0])
+
+
+class Flight:
+    """A vehicle on its way through the wind to a goal that is higher, and what it tells there."""
+
+    def __init__(self, personality: str) -> None:
+        self.station = station = Station(_fleet(personality))
+        station.stream(mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, hz=10)
+        _take_off(station, personality)
+        _go(station)
+        station.wait(5.0)
+        before_m = _place_m(station)
+        station.wait(0.1)
+        here_m = _place_m(station)
+        north_m_s, east_m_s, up_m_s = (
+            (now - before) / 0.1 for before, now in zip(before_m, here_m, strict=True)
+        )
+        batteries = station.of("BATTERY_STATUS")
+        ampere = [m.current_battery / 100 for m in batteries]
+        self.facts = Facts(
+            *here_m,
+            north_m_s,
+            east_m_s,
+            up_m_s,
+            used_j=sum(m.voltages[0] / 1000 * a * 0.1 for m, a in zip(batteries, ampere, strict=True)),
+            used_mah=sum(a * 0.1 / 3.6 for a in ampere),
+            throttle=self.told("VFR_HUD").throttle / 100,
+            ampere=ampere[-1],
+            remaining=float(station.fleet.truth().battery_remaining[0]),
+            capacity_mah=CAPACITY_MAH[personality],
+        )
+
+    def told(self, name: str) -> Any:
+        return self.station.ask(getattr(mavlink, f"MAVLINK_MSG_ID_{name}"))
+
+
+@pytest.fixture(scope="module")
+def flights() -> dict[str, Flight]:
+    return {personality: Flight(personality) for personality in BOTH}
+
+
+Expected = Callable[[Facts], float]
+BOTH, ARDUPILOT, PX4 = ("ardupilot", "px4"), ("ardupilot",), ("px4",)
+# message, field, what it should be, how near, whose
+ROWS: tuple[tuple[str, str, Expected, float, tuple[str, ...]], ...] = (
+    ("GLOBAL_POSITION_INT", "lat", lambda f: (LAT_DEG + f.north_m / NORTH_M_DEG) * 1e7, 10, BOTH),
+    ("GLOBAL_POSITION_INT", "lon", lambda f: (LON_DEG + f.east_m / EAST_M_DEG) * 1e7, 10, BOTH),
+    ("GLOBAL_POSITION_INT", "alt", lambda f: (ALT_M + f.height_m) * 1000, 50, BOTH),
+    ("GLOBAL_POSITION_INT", "relative_alt", lambda f: f.height_m * 1000, 50, BOTH),
+    ("GLOBAL_POSITION_INT", "vx", lambda f: f.north_m_s * 100, 15, BOTH),
+    ("GLOBAL_POSITION_INT", "vy", lambda f: f.east_m_s * 100, 15, BOTH),
+    ("GLOBAL_POSITION_INT", "vz", lambda f: -f.up_m_s * 100, 15, BOTH),
+    ("GLOBAL_POSITION_INT", "hdg", lambda f: f.course_deg * 100, 200, BOTH),
+    ("LOCAL_POSITION_NED", "x", lambda f: f.north_m, 0.3, BOTH),
+    ("LOCAL_POSITION_NED", "y", lambda f: f.east_m, 0.3, BOTH),
+    ("LOCAL_POSITION_NED", "z", lambda f: -f.height_m, 0.1, BOTH),
+    ("LOCAL_POSITION_NED", "vx", lambda f: f.north_m_s, 0.15, BOTH),
+    ("LOCAL_POSITION_NED", "vy", lambda f: f.east_m_s, 0.15, BOTH),
+    ("LOCAL_POSITION_NED", "vz", lambda f: -f.up_m_s, 0.15, BOTH),
+    ("GPS_RAW_INT", "vel", lambda f: f.speed_m_s * 100, 15, BOTH),
+    ("GPS_RAW_INT", "cog", lambda f: f.course_deg * 100, 200, BOTH),
+    ("GPS_RAW_INT", "alt", lambda f: (ALT_M + f.height_m) * 1000, 500, BOTH),
+    ("GPS_RAW_INT", "eph", lambda _f: 121, 0, BOTH),  # a dilution of 1.21
+    ("GPS_RAW_INT", "h_acc", lambda _f: 1210, 0, BOTH),
+    ("GPS_RAW_INT", "v_acc", lambda _f: 1936, 0, BOTH),
+    ("VFR_HUD", "groundspeed", lambda f: f.speed_m_s, 0.15, BOTH),
+    ("VFR_HUD", "airspeed", lambda f: f.airspeed_m_s, 0.5, BOTH),
+    ("VFR_HUD", "climb", lambda f: f.up_m_s, 0.15, BOTH),
+    ("VFR_HUD", "alt", lambda f: ALT_M + f.height_m, 0.1, BOTH),
+    ("VFR_HUD", "heading", lambda f: f.course_deg, 2, BOTH),
+    ("ATTITUDE", "yaw", lambda f: f.yaw_rad, 0.03, BOTH),
+    ("NAV_CONTROLLER_OUTPUT", "wp_dist", lambda f: f.goal_m, 1.1, BOTH),
+    ("NAV_CONTROLLER_OUTPUT", "target_bearing", lambda f: f.goal_deg, 1.1, BOTH),
+    ("NAV_CONTROLLER_OUTPUT", "nav_bearing", lambda f: f.goal_deg, 1.1, BOTH),
+    ("NAV_CONTROLLER_OUTPUT", "alt_error", lambda f: GOAL_HEIGHT_M - f.height_m, 0.1, BOTH),
+    ("BATTERY_STATUS", "current_consumed", lambda f: f.used_mah, 3, BOTH),
+    ("BATTERY_STATUS", "energy_consumed", lambda f: f.used_j / 100, 2, ARDUPILOT),  # in units of 100 J
+    ("BATTERY_STATUS", "energy_consumed", lambda _f: -1, 0, PX4),
+    ("BATTERY_STATUS", "battery_remaining", lambda f: f.remaining * 100, 0.6, BOTH),
+    ("BATTERY_STATUS", "time_remaining", lambda f: f.remaining * f.capacity_mah * 3.6 / f.ampere, 5, BOTH),
+    ("SYS_STATUS", "battery_remaining", lambda f: f.remaining * 100, 0.6, BOTH),
+    ("SYS_STATUS", "current_battery", lambda f: f.ampere * 100, 1, BOTH),
+    ("WIND", "direction", lambda _f: WIND_FROM_DEG - 360, 0.1, ARDUPILOT),
+    ("WIND", "speed", lambda _f: WIND_M_S, 0.01, ARDUPILOT),
+    ("WIND", "speed_z", lambda _f: 0, 0.01, ARDUPILOT),
+    ("WIND_COV", "wind_x", lambda f: f.wind_m_s[0], 0.01, PX4),
+    ("WIND_COV", "wind_y", lambda f: f.wind_m_s[1], 0.01, PX4),
+    ("SERVO_OUTPUT_RAW", "servo1_raw", lambda f: 1100 + 800 * f.throttle, 8, BOTH),
+    ("SERVO_OUTPUT_RAW", "servo4_raw", lambda f: 1100 + 800 * f.throttle, 8, BOTH),
+    ("ALTITUDE", "altitude_relative", lambda f: f.height_m, 0.1, PX4),
+    ("ALTITUDE", "altitude_amsl", lambda f: ALT_M + f.height_m, 0.1, PX4),
+    ("HIL_STATE_QUATERNION", "vx", lambda f: f.north_m_s * 100, 15, PX4),
+    ("HIL_STATE_QUATERNION", "vz", lambda f: -f.up_m_s * 100, 15, PX4),
+    ("POSITION_TARGET_GLOBAL_INT", "lat_int", lambda _f: GOAL_LAT_DEG * 1e7, 10, BOTH),
+    ("POSITION_TARGET_GLOBAL_INT", "lon_int", lambda _f: GOAL_LON_DEG * 1e7, 10, BOTH),
+    ("POSITION_TARGET_GLOBAL_INT", "alt", lambda _f: ALT_M + GOAL_HEIGHT_M, 0.01, BOTH),
+    ("POSITION_TARGET_GLOBAL_INT", "coordinate_frame", lambda _f: mavlink.MAV_FRAME_GLOBAL, 0, ARDUPILOT),
+    ("POSITION_TARGET_GLOBAL_INT", "coordinate_frame", lambda _f: mavlink.MAV_FRAME_GLOBAL_INT, 0, PX4),
+    ("POSITION_TARGET_GLOBAL_INT", "type_mask", lambda _f: 0xFDF8, 0, ARDUPILOT),
+    ("POSITION_TARGET_GLOBAL_INT", "type_mask", lambda _f: 0, 0, PX4),
+    ("POSITION_TARGET_GLOBAL_INT", "vx", lambda _f: 0, 0, ARDUPILOT),
+    ("POSITION_TARGET_GLOBAL_INT", "vx", lambda f: f.north_m_s, 0.15, PX4),
+    ("POSITION_TARGET_GLOBAL_INT", "vz", lambda f: -f.up_m_s, 0.15, PX4),
+    ("POSITION_TARGET_GLOBAL_INT", "yaw", lambda f: f.yaw_rad, 0.03, PX4),
+    ("POSITION_TARGET_LOCAL_NED", "coordinate_frame", lambda _f: mavlink.MAV_FRAME_LOCAL_NED, 0, BOTH),
+    ("POSITION_TARGET_LOCAL_NED", "type_mask", lambda _f: POSITION_ONLY, 0, ARDUPILOT),
+    ("POSITION_TARGET_LOCAL_NED", "type_mask", lambda _f: 0, 0, PX4),
+    ("POSITION_TARGET_LOCAL_NED", "x", lambda _f: GOAL_NORTH_M, 0.3, BOTH),
+    ("POSITION_TARGET_LOCAL_NED", "y", lambda _f: GOAL_EAST_M, 0.3, BOTH),
+    ("POSITION_TARGET_LOCAL_NED", "z", lambda _f: -GOAL_HEIGHT_M, 0.1, BOTH),
+    ("POSITION_TARGET_LOCAL_NED", "vy", lambda _f: 0, 0, ARDUPILOT),
+    ("POSITION_TARGET_LOCAL_NED", "vy", lambda f: f.east_m_s, 0.15, PX4),
+)
+
+
+@pytest.mark.parametrize(
+    ("message", "field", "expected", "near", "personality"),
+    [
+        pytest.param(*row[:4], personality, id=f"{row[0]}.{row[1]}-{personality}")
+        for row in ROWS
+        for personality in row[4]
+    ],
+)
+def test_a_field_tells_what_is_so(
+    flights: dict[str, Flight], message: str, field: str, expected: Expected, near: float, personality: str
+) -> None:
+    flight = flights[personality]
+    assert getattr(flight.told(message), field) == pytest.approx(expected(flight.facts), abs=near)
+
+
+@pytest.mark.parametrize("personality", BOTH)
+def test_the_flight_is_one_that_shows_signs_and_units(flights: dict[str, Flight], personality: str) -> None:
+    facts = flights[personality].facts
+    assert facts.north_m_s > 2
+    assert facts.east_m_s < -1
+    assert facts.up_m_s > 0.5
+    assert 20 < facts.goal_m < 160
+    assert facts.throttle > 0.1
+    assert facts.used_j > 1000
+
+
+# -- who tells of a target, and when ---------------------------------------------------------------------
+
+
+def _tells(station: Station, message_id: int) -> bool:
+    ask = mavlink.MAV_CMD_REQUEST_MESSAGE
+    replies = station.send(mavlink.MAVLink_command_long_message(1, 0, ask, 0, message_id, *[0.0] * 6))
+    return any(m.get_msgId() == message_id for m in replies)
+
+
+@pytest.mark.parametrize("personality", BOTH)
+def test_there_is_no_target_on_the_ground(personality: str) -> None:
+    station = Station(_fleet(personality))
+    station.wait(1)
+    assert not _tells(station, GLOBAL_TARGET)
+    assert not _tells(station, LOCAL_TARGET)
+    if personality == "ardupilot":
+        assert station.set_mode(4) == 0  # GUIDED begins with a velocity of 0
+        assert not _tells(station, GLOBAL_TARGET)
+        told = station.ask(LOCAL_TARGET)
+        assert (told.type_mask, told.x, told.y, told.z, told.vx) == (0x0C07, 0, 0, 0, 0)
+
+
+def test_ardupilot_tells_of_a_target_in_modes_that_have_one() -> None:
+    station = Station(_fleet("ardupilot"))
+    station.fly_mission([takeoff(), waypoint(60, 0), land(60, 0)])
+    station.wait(2)
+    assert not _tells(station, GLOBAL_TARGET)  # it takes off
+    station.until(lambda: station.fleet.truth().speed_m_s[0] > 3, 60)
+    assert station.ask(GLOBAL_TARGET).lat_int == pytest.approx((LAT_DEG + 60 / NORTH_M_DEG) * 1e7, abs=30)
+    assert not _tells(station, LOCAL_TARGET)
+    assert station.set_mode(17) == 0  # BRAKE
+    assert not _tells(station, GLOBAL_TARGET)
+    assert station.set_mode(6) == 0  # RTL
+    station.wait(5)
+    assert station.ask(GLOBAL_TARGET).lat_int == pytest.approx(LAT_DEG * 1e7, abs=30)
+    station.until(lambda: station.height_m < 5, 120)
+    assert not _tells(station, GLOBAL_TARGET)  # it lands
+
+
+@pytest.mark.parametrize("personality", BOTH)
+def test_a_velocity_that_is_flown_is_the_local_target(personality: str) -> None:
+    station = Station(_fleet(personality))
+    _take_off(station, personality)
+    order = mavlink.MAVLink_set_position_target_local_ned_message(
+        0, 1, 1, mavlink.MAV_FRAME_LOCAL_NED, 0x0DC7, 0, 0, 0, 3.0, -2.0, -0.5, 0, 0, 0, 0, 0
+    )
+    station.send(order)
+    if personality == "px4":
+        assert station.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 6) == 0  # Offboard
+    station.send(order)
+    station.wait(0.4)
+    told = station.ask(LOCAL_TARGET)
+    assert (told.vx, told.vy, told.vz) == (3.0, -2.0, -0.5)
+    if personality == "px4":
+        assert told.type_mask == 0x0007
+        assert all(map(math.isnan, (told.x, told.y, told.z)))
+    else:
+        assert (told.type_mask, told.x, told.y, told.z) == (0x0C07, 0, 0, 0)
+    assert not _tells(station, GLOBAL_TARGET)
+
+
+def test_px4_holds_a_place_that_it_tells() -> None:
+    station = Station(_fleet("px4"))
+    _take_off(station, "px4")
+    station.wait(10)
+    told = station.ask(GLOBAL_TARGET)
+    assert told.alt == pytest.approx(ALT_M + HEIGHT_M, abs=0.5)
+    assert told.lat_int == pytest.approx(LAT_DEG * 1e7, abs=100)
+
+
+@pytest.mark.parametrize(("personality", "mask"), [("ardupilot", None), ("px4", POSITION_ONLY)])
+def test_a_plane_tells_of_its_next_place(personality: str, mask: int | None) -> None:
+    station = Station(_fleet(personality, "plane", wind_m_s=0.0))
+    assert not _tells(station, GLOBAL_TARGET)  # in MANUAL, or on the ground
+    if personality == "ardupilot":
+        assert station.upload([home_item(), takeoff(40), waypoint(500, 0, 40)]) == 0
+        assert station.set_mode(10) == 0
+        assert station.arm() == 0
+    else:
+        assert station.arm() == 0
+        assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, NAN, NAN, NAN, NAN, NAN, NAN, ALT_M + 40) == 0
+    station.until(lambda: station.height_m > 20, 60)
+    assert station.ask(GLOBAL_TARGET).alt > ALT_M + 20
+    assert _tells(station, LOCAL_TARGET) == (mask is not None)
+    if mask is not None:
+        told = station.ask(LOCAL_TARGET)
+        assert told.type_mask == mask
+        assert all(map(math.isnan, (told.vx, told.yaw)))
