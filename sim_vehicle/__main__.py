@@ -3,20 +3,26 @@
 import importlib
 import signal
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
 from typing import Annotated, Any, Never
 
 import typer
 
-USAGE_ERROR = 2
+from sim_vehicle.serving.output import let_output_get_lost
+
+USAGE_ERROR, INTERRUPTED = 2, 130
 # Imported only when asked for: a fleet should be up in a moment.
 COMMANDS = {
     "run": ("sim_vehicle.run.command", "run"),
     "conformance": ("sim_vehicle.conformance.cli", "conformance"),
+    "schema": ("sim_vehicle.run.command", "schema"),
 }
 DEFAULT_URL = "udpout:127.0.0.1:14550"
 HELP_FAULTS = "help"
+DISTRIBUTION = "mavlink-swarmctl"
+HELP = {"help_option_names": ["--help", "-h"]}
 # The class of all that can be wrong with a command line; its own name has moved between versions of typer.
 USAGE: type[Any] = typer.BadParameter.__mro__[2]
 
@@ -118,8 +124,11 @@ def fleet(
     tlog: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write what each vehicle sends there.")
     ] = None,
-    table: Annotated[bool, typer.Option(help="Show the fleet live, where output is a terminal.")] = True,
+    table: Annotated[
+        bool, typer.Option(help="Show the fleet live, where output is a terminal; never with --step.")
+    ] = True,
     parent_pid: Annotated[int | None, typer.Option(help="Stop when this process is gone.")] = None,
+    version: Annotated[bool, typer.Option("--version", help="Show which version this is.")] = False,
 ) -> None:
     """Vehicles in software that fly and speak MAVLink like ArduPilot and PX4. Ctrl-C stops them.
 
@@ -132,6 +141,9 @@ def fleet(
     from sim_vehicle.serving.options import FleetOptions, OptionError, read_options  # noqa: PLC0415
     from sim_vehicle.serving.serve import Serving, serve  # noqa: PLC0415
 
+    if version:
+        typer.echo(f"sim_vehicle {_version()}")
+        return
     if fault and HELP_FAULTS in fault:
         typer.echo(help_text())
         return
@@ -171,6 +183,15 @@ def fleet(
         _refuse(str(error))
 
 
+def _version() -> str:
+    from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415
+
+    try:
+        return version(DISTRIBUTION)
+    except PackageNotFoundError:
+        return "of a checkout that is not installed"
+
+
 def _refuse(text: str) -> Never:
     for line in text.splitlines():
         typer.echo(f"sim_vehicle: {line}", err=True)
@@ -181,23 +202,35 @@ def _leave(_number: int, _frame: FrameType | None) -> None:
     sys.exit(0)
 
 
+def _end_by(handler: Callable[[int, FrameType | None], Any]) -> None:
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):  # the last: a terminal that is closed, where there is one
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), handler)
+
+
 def main() -> None:
     """The entry point of the package: the fleet, or one of the other commands."""
-    for number in (signal.SIGINT, signal.SIGTERM):  # from the first moment on, also while things are imported
-        signal.signal(number, _leave)
     name, arguments = "sim_vehicle", sys.argv[1:]
+    command = COMMANDS.get(arguments[0]) if arguments else None
+    let_output_get_lost()
+    # From the first moment on, also while things are imported. A fleet just stops; a command may have a
+    # vehicle in the air, and ends in order.
+    _end_by(_leave if command is None else signal.default_int_handler)
     app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
-    if arguments and arguments[0] in COMMANDS:
-        module, function = COMMANDS[arguments[0]]
-        app.command()(getattr(importlib.import_module(module), function))
-        name, arguments = f"{name} {arguments[0]}", arguments[1:]
-    else:
-        app.command()(fleet)
     try:
+        if command is None:
+            app.command(context_settings=HELP)(fleet)
+        else:
+            app.command(context_settings=HELP)(getattr(importlib.import_module(command[0]), command[1]))
+            name, arguments = f"{name} {arguments[0]}", arguments[1:]
         code = typer.main.get_command(app)(arguments, prog_name=f"python -m {name}", standalone_mode=False)
+    except (KeyboardInterrupt, typer.Abort):
+        code = INTERRUPTED
     except USAGE as error:
         typer.echo(f"{name}: {' '.join(error.format_message().split())} (--help says more)", err=True)
         code = USAGE_ERROR
+    if code == INTERRUPTED:
+        typer.echo(f"{name}: interrupted", err=True)
     sys.exit(code)
 
 

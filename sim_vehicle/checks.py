@@ -19,10 +19,11 @@ if TYPE_CHECKING:
 
 Bools = npt.NDArray[np.bool_]
 When = Literal["always", "eventually", "end"]
-Need = Literal["goal", "fence", "area", "mission"]
+Need = Literal["goal", "fence", "area", "mission", "hostiles", "others"]
 Found = Floats | Sequence[str]
 TIMES = ("from_s", "until_s", "by_s")
 COMMON = ("vehicles", "when", *TIMES)
+BOUND = 1e9  # of every argument that is a number
 
 
 @dataclass(frozen=True)
@@ -37,12 +38,15 @@ class View:
     position_m: Floats  # (n, 3)
     start_m: Floats  # (n, 3)
     goal_m: Floats  # (n, 2), NaN where there is none
+    bound_for_goal: (
+        Bools  # the mission's item that names the goal is flown, or past; True without such an item
+    )
     flown: Bools  # has been in the air
     silent_s: Floats  # since the last heartbeat
     mission_done: Bools
     outside_fence_m: Floats  # beyond the fence, 0 inside
     area_m: tuple[float, float, float, float] | None  # west, south, east, north edges
-    texts: Sequence[Sequence[str]]  # of STATUSTEXT, a vehicle
+    texts: Sequence[Sequence[str]]  # of STATUSTEXT, put together from their chunks, a vehicle
 
     @cached_property
     def height_m(self) -> Floats:
@@ -92,6 +96,7 @@ def _distance(a: Floats, b: Floats) -> Floats:
 
 
 CheckFunction = Callable[[View, Any], tuple[Bools, Found]]
+AwayFunction = Callable[[View], Floats]
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +112,16 @@ class Check:
     text: bool  # the argument is words, not a number
     unit: str
     needs: Need | None
+    least: float  # of the argument: below it a check says nothing, or cannot hold
+    most: float
+    away_m: AwayFunction | None  # how far from what should come about; inf: not on the way to it
+
+    @property
+    def bounds(self) -> str:
+        """As words behind "a number"; empty where there are none."""
+        if self.most < BOUND:
+            return f" from {self.least:g} to {self.most:g}"
+        return f" of at least {self.least:g}" if self.least > -BOUND else ""
 
 
 CHECKS: dict[str, Check] = {}
@@ -120,13 +135,18 @@ def check(
     text: bool = False,
     unit: str = "",
     needs: Need | None = None,
+    least: float = -BOUND,
+    most: float = BOUND,
+    away_m: AwayFunction | None = None,
 ) -> Callable[[CheckFunction], CheckFunction]:
     """Register a check under its function's name; its docstring is its summary."""
 
     def register(function: CheckFunction) -> CheckFunction:
         name = function.__name__
         summary = (function.__doc__ or "").strip()
-        CHECKS[name] = Check(name, summary, when, function, argument, default, text, unit, needs)
+        CHECKS[name] = Check(
+            name, summary, when, function, argument, default, text, unit, needs, least, most, away_m
+        )
         return function
 
     return register
@@ -144,7 +164,7 @@ def crashed(view: View, _: None) -> tuple[Bools, Found]:
     return view.truth.crashed, ["crashed" if broken else "whole" for broken in view.truth.crashed]
 
 
-@check("always", "metres", unit="m")
+@check("always", "metres", unit="m", needs="others", least=0.1)
 def min_separation_m(view: View, metres: float) -> tuple[Bools, Found]:
     """In the air it is so far from the nearest other vehicle in the air."""
     return view.separation_m >= metres, view.separation_m
@@ -162,49 +182,49 @@ def min_height_m(view: View, metres: float) -> tuple[Bools, Found]:
     return view.height_m >= metres, view.height_m
 
 
-@check("always", "speed", unit="m/s")
+@check("always", "speed", unit="m/s", least=0)
 def max_speed_m_s(view: View, speed: float) -> tuple[Bools, Found]:
     """It is no faster over the ground."""
     return view.truth.speed_m_s <= speed, view.truth.speed_m_s
 
 
-@check("always", "metres", unit="m")
+@check("always", "metres", unit="m", least=0)
 def stays_within_m(view: View, metres: float) -> tuple[Bools, Found]:
     """It stays so near to its start."""
     return view.from_start_m <= metres, view.from_start_m
 
 
-@check("always", "margin_m", default=0.0, unit="m outside", needs="area")
+@check("always", "margin_m", default=0.0, unit="m outside", needs="area", least=0)
 def stays_in_area(view: View, margin_m: float) -> tuple[Bools, Found]:
     """It stays inside the scenario's area."""
     return view.outside_area_m <= margin_m, view.outside_area_m
 
 
-@check("always", "margin_m", default=0.0, unit="m outside", needs="fence")
+@check("always", "margin_m", default=0.0, unit="m outside", needs="fence", least=0)
 def no_fence_breach(view: View, margin_m: float) -> tuple[Bools, Found]:
     """It does not cross its fence by more than the margin."""
     return view.outside_fence_m <= margin_m, view.outside_fence_m
 
 
-@check("always", "share", unit="of the charge")
+@check("always", "share", unit="of the charge", least=0, most=1)
 def battery_above(view: View, share: float) -> tuple[Bools, Found]:
     """More than this share of the charge is left."""
     return view.truth.battery_remaining > share, view.truth.battery_remaining
 
 
-@check("always")
+@check("always", needs="hostiles")
 def no_strike(view: View, _: None) -> tuple[Bools, Found]:
     """No hostile has hit it."""
     return view.truth.strikes == 0, view.truth.strikes.astype(float)
 
 
-@check("always", "count", unit="strikes")
+@check("always", "count", unit="strikes", needs="hostiles", least=0)
 def strikes_at_most(view: View, count: float) -> tuple[Bools, Found]:
     """Hostiles have hit it no more often."""
     return view.truth.strikes <= count, view.truth.strikes.astype(float)
 
 
-@check("always", "silence_s", default=3.0, unit="s silent")
+@check("always", "silence_s", default=3.0, unit="s silent", least=0)
 def alive(view: View, silence_s: float) -> tuple[Bools, Found]:
     """The ground station hears its heartbeat, never silent for longer."""
     return view.silent_s <= silence_s, view.silent_s
@@ -249,28 +269,50 @@ def airborne(view: View, _: None) -> tuple[Bools, Found]:
     return view.truth.airborne, view.height_m
 
 
-@check("eventually", unit="m high")
+@check("eventually")
 def landed(view: View, _: None) -> tuple[Bools, Found]:
-    """It has flown, is on the ground and disarmed."""
-    return view.flown & ~view.truth.airborne & ~view.truth.armed, view.height_m
+    """It has flown, is on the ground in one piece, and disarmed."""
+    return _down(view) & ~view.truth.armed, [
+        "crashed"
+        if view.truth.crashed[i]
+        else f"{high:.4g} m high, {'armed' if view.truth.armed[i] else 'disarmed'}"
+        f"{'' if view.flown[i] else ', not flown yet'}"
+        for i, high in enumerate(view.height_m)
+    ]
 
 
-@check("end", "metres", unit="m from its start")
+@check("end", "metres", least=0)
 def lands_within_m(view: View, metres: float) -> tuple[Bools, Found]:
-    """It has flown and stands so near to its start."""
-    return view.flown & ~view.truth.airborne & (view.from_start_m <= metres), view.from_start_m
+    """It has flown and stands, in one piece, so near to its start."""
+    return _down(view) & (view.from_start_m <= metres), [
+        f"{far:.4g} m from its start{', crashed' if view.truth.crashed[i] else ''}"
+        f"{', in the air' if view.truth.airborne[i] else ''}{'' if view.flown[i] else ', not flown yet'}"
+        for i, far in enumerate(view.from_start_m)
+    ]
 
 
-@check("eventually", "within_m", default=5.0, unit="m away", needs="goal")
+def _down(view: View) -> Bools:
+    return view.flown & ~view.truth.airborne & ~view.truth.crashed
+
+
+def _to_goal_m(view: View) -> Floats:
+    return np.where(view.flown & view.bound_for_goal, view.from_goal_m, np.inf)
+
+
+@check("eventually", "within_m", default=5.0, needs="goal", least=0, away_m=_to_goal_m)
 def reached_goal(view: View, within_m: float) -> tuple[Bools, Found]:
-    """It comes so near to its goal: `goal`, or the last place of its mission."""
-    return view.from_goal_m <= within_m, view.from_goal_m
+    """It has flown and comes so near to its goal: `goal`, or its mission's last place, bound for that."""
+    reached = view.flown & view.bound_for_goal & (view.from_goal_m <= within_m)
+    short = np.where(view.bound_for_goal, "", ", not bound for it yet")
+    short = np.where(view.flown, short, ", not flown yet")
+    return reached, [f"{far:.4g} m away{why}" for far, why in zip(view.from_goal_m, short, strict=True)]
 
 
 @check("eventually", needs="mission")
 def mission_complete(view: View, _: None) -> tuple[Bools, Found]:
-    """It reports its mission's last item as reached, or is at one that returns in another mode (PX4)."""
-    return view.mission_done, ["complete" if done else "not complete" for done in view.mission_done]
+    """It has flown, and says that its mission is complete; PX4, that the last item is reached."""
+    complete = view.flown & view.mission_done
+    return complete, ["complete" if done else "not complete" for done in complete]
 
 
 def settings_of(data: Any) -> Any:
@@ -313,8 +355,15 @@ def _renamed(known: Check, given: dict[str, Any]) -> dict[str, Any]:
         raise ValueError(
             f"{known.name} needs its argument, as in `{known.name}: {'RTL' if known.text else 5}`"
         )
-    fits = isinstance(value, str if known.text else int | float) and not isinstance(value, bool)
-    if not fits:
-        kind = "words" if known.text else "a number"
-        raise ValueError(f"{known.name} takes {kind} ({known.argument}), found {value!r}")
+    if not _fits(known, value):
+        kind = "words" if known.text else f"a number{known.bounds}"
+        raise ValueError(f"{known.name} takes {kind} ({known.argument}), found {value!r:.60}")
     return fields
+
+
+def _fits(known: Check, value: Any) -> bool:
+    """Whether the argument means something: every text has no words in it, and nothing compares with NaN."""
+    if known.text:
+        return isinstance(value, str) and bool(value.strip())
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return number and known.least <= value <= known.most

@@ -1,23 +1,26 @@
 """pytest fixtures: `vehicle`, `swarm`, `clock` and `link`; nothing heavy is imported until one is used.
 
-A test's randomness comes from its own name, or from `--sim-seed`; one that fails prints the seed and the
-command that repeats it.
+A test's randomness comes from its file's name and its own, or from `--sim-seed`; one that fails prints the
+seed, the command that repeats it, and where the tlogs of its vehicles are.
 """
 
 import os
 import shlex
 import sys
 import zlib
-from collections.abc import Callable, Generator, Iterator
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
 if TYPE_CHECKING:
+    from sim_vehicle.scenario import Scenario
     from sim_vehicle.testing.rig import Clock, Rig, Swarm, Vehicle
     from sim_vehicle.testing.served import Link
 
 RIG = pytest.StashKey["Rig"]()
+FOLDERS = pytest.StashKey[Callable[[], Path]]()  # makes a folder for a failing test's tlogs
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -27,22 +30,30 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         type=int,
         default=None,
         metavar="N",
-        help="seed of the simulated vehicles, instead of one from each test's name",
+        help="seed of the simulated vehicles; if not given, one from the name of each test and of its file, "
+        "whatever folder that is in",
     )
 
 
 @pytest.fixture
 def sim_seed(request: pytest.FixtureRequest) -> int:
-    """The seed of this test's vehicles."""
+    """The seed of this test's vehicles: `--sim-seed`, or one from the names of the test and its file."""
     given: int | None = request.config.getoption("--sim-seed")
-    return zlib.crc32(request.node.nodeid.encode()) if given is None else given
+    if given is not None:
+        return given
+    # Not the path: it depends on where the project is, and on pytest's root.
+    name = "::".join([request.node.path.name, *request.node.nodeid.split("::")[1:]])
+    return zlib.crc32(name.encode())
 
 
 @pytest.fixture
-def _sim_rig(request: pytest.FixtureRequest, sim_seed: int) -> "Rig":
+def _sim_rig(
+    request: pytest.FixtureRequest, sim_seed: int, tmp_path_factory: pytest.TempPathFactory
+) -> "Rig":
     from sim_vehicle.testing.rig import Rig  # noqa: PLC0415
 
     rig = Rig(sim_seed)
+    request.node.stash[FOLDERS] = lambda: tmp_path_factory.mktemp("tlogs")
     request.node.stash[RIG] = rig
     return rig
 
@@ -62,12 +73,41 @@ def swarm(_sim_rig: "Rig") -> "Callable[..., Swarm]":
     count, personality (ardupilot, px4, mixed), kind (copter, plane), faults (as for --fault), ready_s (from
     boot to a position [s], 0 if not given; None: as long as the real ones take), params, home (latitude,
     longitude, altitude), wind (as in a scenario), or a scenario (a file or a Scenario) to begin with.
+    ScenarioError says what cannot be.
     """
-    from sim_vehicle.testing.rig import scenario_for  # noqa: PLC0415
+    from sim_vehicle.scenario import ScenarioError  # noqa: PLC0415
+    from sim_vehicle.testing.rig import HOME, scenario_for  # noqa: PLC0415
 
-    def make(count: int = 1, *, ready_s: float | None = 0.0, **options: Any) -> "Swarm":
-        return _sim_rig.create(scenario_for(count, seed=_sim_rig.seed, **options), ready_s)
+    def make(
+        count: int = 1,
+        *,
+        personality: str = "ardupilot",
+        kind: str = "copter",
+        faults: Sequence[str] = (),
+        ready_s: float | None = 0.0,
+        params: Mapping[str, float] | None = None,
+        home: tuple[float, float, float] = HOME,
+        wind: Mapping[str, float] | None = None,
+        scenario: "Scenario | Path | str | None" = None,
+    ) -> "Swarm":
+        __tracebackhide__ = True  # what is wrong is in the test's own line
+        try:
+            whole = scenario_for(
+                count,
+                seed=_sim_rig.seed,
+                personality=personality,
+                kind=kind,
+                faults=faults,
+                params=params,
+                home=home,
+                wind=wind,
+                scenario=scenario,
+            )
+        except ScenarioError as error:
+            raise ScenarioError(str(error)) from None
+        return _sim_rig.create(whole, ready_s)
 
+    make.__name__ = make.__qualname__ = "swarm"  # which Python says of a keyword that there is not
     return make
 
 
@@ -95,13 +135,27 @@ def pytest_runtest_makereport(
     report = yield
     rig = item.stash.get(RIG, None)
     if report.failed and rig is not None:
-        report.sections.append(("sim_vehicle", f"{_words(rig)}\nrepeat with: {_command(item, rig.seed)}"))
+        words = [_words(rig), f"repeat with: {_command(item, rig.seed)}"]
+        if rig.vehicles and (folder := _tlogs(item, rig)) is not None:
+            words.append(f"tlogs: {folder}")
+        report.sections.append(("sim_vehicle", "\n".join(words)))
     return report
+
+
+def _tlogs(item: pytest.Item, rig: "Rig") -> Path | None:
+    """Where a tlog of each vehicle now is; a disk that is full does not hide why the test failed."""
+    try:
+        folder = item.stash[FOLDERS]()
+        rig.write_tlogs(folder)
+    except OSError:
+        return None
+    return folder
 
 
 def _words(rig: "Rig") -> str:
     count = len(rig.vehicles)
-    return f"seed {rig.seed}, {count} vehicle{'' if count == 1 else 's'}, {rig.now:.2f} s simulated"
+    seed = f"seed {rig.seed}, {count} vehicle{'' if count == 1 else 's'}, {rig.now:.2f} s simulated"
+    return "\n".join([seed, *rig.said])
 
 
 def _command(item: pytest.Item, seed: int) -> str:

@@ -1,5 +1,6 @@
 """Parameters read and written in the vehicle's own encoding."""
 
+import math
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -59,15 +60,13 @@ def decode(peer: Peer, message: Any) -> Value:
     return Value(message.param_id, raw, kind, message.param_index, message.param_count)
 
 
-def set_message(peer: Peer, name: str, value: float, kind: int, *, sysid: int | None = None) -> Any:
+def set_message(peer: Peer, name: str, value: float, kind: int) -> Any:
     """PARAM_SET in the vehicle's encoding."""
     wire = value
     if byte_wise(peer) and kind in WHOLE_RANGES:
         packed = struct.pack(f"<{_FORMATS[kind]}", int(value)).ljust(4, b"\0")
         wire = struct.unpack("<f", packed)[0]
-    return mavlink.MAVLink_param_set_message(
-        peer.facts.sysid if sysid is None else sysid, peer.facts.component, name.encode(), wire, kind
-    )
+    return mavlink.MAVLink_param_set_message(*peer.target, name.encode(), wire, kind)
 
 
 def read_message(peer: Peer, name: str = "", index: int = -1, *, sysid: int | None = None) -> Any:
@@ -95,14 +94,26 @@ def write(peer: Peer, name: str, value: float, kind: int) -> Value:
     return decode(peer, peer.ask(message, "PARAM_VALUE", lambda m: m.param_id == name))
 
 
+def put_back(peer: Peer, before: Value) -> None:
+    """Write what was read; CheckFailed where it is not taken."""
+    seen = write(peer, before.name, before.value, before.type).value
+    if seen != before.value and not math.isnan(before.value):
+        raise CheckFailed(f"{before.name}: expected {before.value:g}, saw {seen:g}")
+
+
+@contextmanager
+def kept(peer: Peer, name: str) -> Iterator[Value]:
+    """Whatever becomes of a parameter here, it is put back; what it was."""
+    before = read(peer, name)
+    with peer.owing(name, lambda: put_back(peer, before)):
+        yield before
+
+
 @contextmanager
 def changed(peer: Peer, name: str, value: float) -> Iterator[Value]:
     """A parameter has another value for a while; the acknowledgement of the change."""
-    before = read(peer, name)
-    try:
+    with kept(peer, name) as before:
         yield write(peer, name, value, before.type)
-    finally:
-        write(peer, name, before.value, before.type)
 
 
 def has(peer: Peer, name: str) -> bool:

@@ -9,7 +9,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.dialects import GENERIC, Dialect, dialect_of
 from sim_vehicle.conformance.facts import Facts, Heard
-from sim_vehicle.conformance.guard import allowed, permission_for
+from sim_vehicle.conformance.guard import Forbidden, is_for, only_asks, refusal
+from sim_vehicle.conformance.outgoing import LONGEST_FRAME, sent_in
 from sim_vehicle.conformance.registry import CheckFailed, Skip
 from sim_vehicle.conformance.wire import Wire, WireError
 from sim_vehicle.conformance.words import command_name, equal, id_of, result_name
@@ -19,21 +20,30 @@ HEARTBEAT_S = 1.0
 REPLY_S = 1.5  # an autopilot that is not busy answers within a fraction of that
 IN_PROGRESS_S = 60.0
 MEET_S = 30.0
+TIDY_S = 60.0  # for putting something back, whatever time the check has left
+SYSTEMS = 250  # a vehicle's id is at most that
 EPSILON_S = 1e-6  # sums of times need not be equal to the last bit
 STATION, SECOND_STATION = (255, 190), (254, 191)
 ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+
+
+def is_autopilot(heartbeat: Any) -> bool:
+    """Whether a HEARTBEAT is an autopilot's: a camera on board has the same system id."""
+    return bool(heartbeat.autopilot != mavlink.MAV_AUTOPILOT_INVALID)
 
 
 class Peer:
     """A ground station that talks to one vehicle.
 
     Every wait lets time pass on the wire; a heartbeat of the station goes out each second. `heard` has what
-    came since the check began, `last` the newest of each kind, `texts` every STATUSTEXT of the run.
+    came since the check began, `last` the newest of each kind, `texts` every STATUSTEXT of the run. `systems`
+    has every system id that was ever heard, the vehicle's or another's, `saved` the MAV_MISSION_TYPE of the
+    plans that may be overwritten because there is a copy.
     """
 
     def __init__(self, wire: Wire, *, permits: Collection[str] = ()) -> None:
         """`permits`: what may be done to the vehicle, see `registry.PERMISSIONS`."""
-        self.wire = wire
+        self._wire = wire
         self.permits: set[str] = set(permits)
         self.facts = Facts(0, 1, mavlink.MAV_AUTOPILOT_INVALID, 0)
         self.dialect: Dialect = GENERIC
@@ -47,6 +57,10 @@ class Peer:
         self._parser = mavlink.MAVLink(None)
         self._parser.robust_parsing = True
         self._next_heartbeat_s = 0.0
+        self.systems: set[int] = set()
+        self.saved: set[int] = set()
+        self.debts: dict[str, Callable[[], None]] = {}  # what of the vehicle is changed, and what undoes it
+        self._said = b""  # the last bytes sent: a frame may go out in pieces
         self.catalogue: dict[str, Any] = {}  # the parameter list, once it has been fetched
 
     # -- getting to know the vehicle ---------------------------------------------------------------------
@@ -58,7 +72,7 @@ class Peer:
         while self.now < end_s:
             self._pump(0.2)
             for entry in self.heard:
-                if entry.kind == "HEARTBEAT" and entry.message.autopilot != mavlink.MAV_AUTOPILOT_INVALID:
+                if entry.kind == "HEARTBEAT" and is_autopilot(entry.message):
                     seen.add(entry.sysid)
                     if sysid in (None, entry.sysid):
                         return self._met(entry)
@@ -70,7 +84,7 @@ class Peer:
         beat = entry.message
         self.facts = Facts(entry.sysid, entry.component, beat.autopilot, beat.type)
         self.dialect = dialect_of(beat.autopilot, beat.type)
-        self.wire.follow(entry.sysid)
+        self._wire.follow(entry.sysid)
         self.heard = [e for e in self.heard if e.sysid == entry.sysid]
         self.last = {e.kind: e for e in self.heard}
         for command in (mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES):
@@ -97,7 +111,7 @@ class Peer:
 
     @property
     def now(self) -> float:
-        return self.wire.now_s()
+        return self._wire.now_s()
 
     @property
     def heartbeat(self) -> Any:
@@ -136,14 +150,74 @@ class Peer:
         return data
 
     def send(self, message: Any, source: tuple[int, int] = STATION) -> None:
-        """Send a message as one of our stations; `Skip` where it takes a permission that was not given."""
-        if not allowed(message, self.permits):
-            raise Skip(f"{message.get_type()} takes --allow-{permission_for(message)}")
-        self.wire.send(self.pack(message, source))
+        """Send a message as one of our stations; `Skip` where that is not allowed."""
+        self.send_raw(self.pack(message, source))
 
     def send_raw(self, data: bytes) -> None:
-        """Send bytes that are no message."""
-        self.wire.send(data)
+        """Send bytes, which need be no message: the one way out, where every frame in them is looked at."""
+        objection = self.objection(data)
+        if objection is not None:
+            raise objection
+        self._said = (self._said + data)[-LONGEST_FRAME:]
+        self._wire.send(data)
+
+    def objection(self, data: bytes) -> Skip | Forbidden | None:
+        """Why these bytes may not be sent; None where they may.
+
+        What could change another vehicle than the one that was met is `Forbidden`: no option allows that.
+        """
+        for sent in sent_in(self._said + data, len(self._said)):
+            if not is_for(sent, self.facts.sysid) and not only_asks(sent):
+                return Forbidden(f"{sent.kind} is for system {sent.target}, not for {self.facts.sysid}")
+            reason = refusal(sent, self.permits, self.saved)
+            if reason is not None:
+                return Skip(reason)
+        return None
+
+    def stranger(self) -> int:
+        """A system id that nobody on the link was ever heard to have."""
+        for step in range(1, SYSTEMS):
+            sysid = (self.facts.sysid + step - 1) % SYSTEMS + 1
+            if sysid not in self.systems:
+                return sysid
+        raise Skip("every system id is taken")
+
+    # -- putting back ------------------------------------------------------------------------------------
+
+    @contextmanager
+    def tidying(self) -> Iterator[None]:
+        """What is done here has time of its own, so that it is repeated where the link loses it."""
+        before_s = self.deadline_s
+        self.deadline_s = max(before_s, self.now + TIDY_S)
+        try:
+            yield
+        finally:
+            self.deadline_s = before_s
+
+    @contextmanager
+    def owing(self, what: str, undo: Callable[[], None]) -> Iterator[None]:
+        """Something of the vehicle is changed for a while; what cannot be undone stays a debt, see `pay`."""
+        outer = what in self.debts
+        self.debts.setdefault(what, undo)
+        try:
+            yield
+        finally:
+            with self.tidying():
+                undo()
+            if not outer:
+                del self.debts[what]
+
+    def pay(self) -> list[str]:
+        """Undo what is still changed; what could not be undone, in words."""
+        trouble = []
+        for what, undo in reversed(list(self.debts.items())):
+            try:
+                undo()
+            except (CheckFailed, Skip) as error:
+                trouble.append(f"{what} could not be put back: {error}")
+            else:
+                del self.debts[what]
+        return trouble
 
     # -- in ----------------------------------------------------------------------------------------------
 
@@ -159,10 +233,10 @@ class Peer:
                         mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
                     )
                 )
-        data = self.wire.receive(min(timeout_s, max(0.0, self._next_heartbeat_s - self.now)))
+        data = self._wire.receive(min(timeout_s, max(0.0, self._next_heartbeat_s - self.now)))
         while data is not None:
             self._take(data)
-            data = self.wire.receive(0.0)
+            data = self._wire.receive(0.0)
 
     def _take(self, data: bytes) -> None:
         for message in self._parser.parse_buffer(data) or ():
@@ -172,11 +246,12 @@ class Peer:
                 continue
             v2 = raw[0] == 0xFD
             sysid, component, seq = (raw[5], raw[6], raw[4]) if v2 else (raw[3], raw[4], raw[2])
+            self.systems.add(sysid)
             if self.facts.sysid not in (0, sysid):
                 continue
             entry = Heard(self.now, kind, message, sysid, component, seq, raw)
             self.heard.append(entry)
-            if kind == "HEARTBEAT" and message.autopilot == mavlink.MAV_AUTOPILOT_INVALID:
+            if kind == "HEARTBEAT" and not is_autopilot(message):
                 continue
             self.last[kind] = entry
             if kind == "STATUSTEXT":
@@ -352,8 +427,9 @@ class Peer:
                     raise Skip(f"does not stream {kind} ({result_name(result)})")
             yield
         finally:
-            for kind in rates_hz:
-                self.set_interval(kind, 0)
+            with self.tidying():
+                for kind in rates_hz:
+                    self.set_interval(kind, 0)
 
     def sample(self, rates_hz: Mapping[str, float], seconds: float) -> dict[str, list[Any]]:
         """What comes of these streams in so many seconds, at least one of each."""

@@ -7,15 +7,19 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.conformance.guard import PLAN_NAMES
 from sim_vehicle.conformance.peer import STATION, Peer, Where
 from sim_vehicle.conformance.registry import CheckFailed, Skip
 
 MISSION = int(mavlink.MAV_MISSION_TYPE_MISSION)
 FENCE = int(mavlink.MAV_MISSION_TYPE_FENCE)
 RALLY = int(mavlink.MAV_MISSION_TYPE_RALLY)
+ALL = int(mavlink.MAV_MISSION_TYPE_ALL)
 RELATIVE = int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
 M_PER_DEG = 111_319.5
 POSITION_S = 120.0
+BACKUP_ATTEMPTS = 3  # of downloads that ask for each item three times
+TRANSFER_ENDS_S = 6.0  # PX4 forgets a broken transfer after 5 s
 REQUESTS = ("MISSION_REQUEST", "MISSION_REQUEST_INT")
 
 
@@ -271,30 +275,53 @@ def need(peer: Peer, kind: int) -> None:
 
 
 class Backup:
-    """The plans a vehicle held before its checks, to give them back."""
+    """The plans a vehicle held before its checks, to give them back.
+
+    A plan of which there is no copy is never overwritten: `Peer` sends nothing that writes it. `lost` has the
+    types of those that the vehicle claims to keep and that could not be read, and why.
+    """
 
     def __init__(self, peer: Peer) -> None:
         self._peer = peer
         self._kept: dict[int, list[Item]] = {}
+        self.lost: dict[int, str] = {}
 
     def take(self) -> None:
-        for kind in (MISSION, FENCE, RALLY):
+        for kind in PLAN_NAMES:
             try:
                 need(self._peer, kind)
-                self._kept[kind] = [_item(message) for message in download(self._peer, kind)]
-            except (CheckFailed, Skip):
+            except Skip:
                 continue
+            self._save(kind)
+        if not self.lost:
+            self._peer.saved.add(ALL)
+
+    def _save(self, kind: int) -> None:
+        for attempt in range(BACKUP_ATTEMPTS):
+            try:
+                self._kept[kind] = [_item(message) for message in download(self._peer, kind)]
+            except (CheckFailed, Skip) as error:
+                self.lost[kind] = str(error)
+                if attempt < BACKUP_ATTEMPTS - 1:
+                    self._peer.wait(TRANSFER_ENDS_S)
+            else:
+                self.lost.pop(kind, None)
+                self._peer.saved.add(kind)
+                return
 
     def give_back(self) -> list[str]:
         """Restore; what could not be restored, in words."""
-        names = {MISSION: "mission", FENCE: "fence", RALLY: "rally points"}
         trouble = []
         for kind, items in self._kept.items():
             try:
                 put(self._peer, items, kind)
             except (CheckFailed, Skip) as error:
-                trouble.append(f"the {names[kind]} of before could not be put back: {error}")
+                trouble.append(f"the {PLAN_NAMES[kind]} of before could not be put back: {error}")
         return trouble
+
+    def names(self) -> list[str]:
+        """The plans it would give back."""
+        return [PLAN_NAMES[kind] for kind in self._kept]
 
 
 def _item(message: Any) -> Item:

@@ -9,6 +9,7 @@ from typing import Any
 
 import serial
 
+from sim_vehicle.conformance.senders import Senders
 from sim_vehicle.conformance.wire import Wire, WireError
 from sim_vehicle.url import Url
 
@@ -36,7 +37,7 @@ class UdpWire(_Clocked):
 
     def __init__(self, url: Url, speedup: float) -> None:
         super().__init__(speedup)
-        self._addresses: dict[int, Any] = {}
+        self._senders = Senders()
         self._sysid: int | None = None
         self._server: Any = None
         try:
@@ -55,9 +56,10 @@ class UdpWire(_Clocked):
         if self._server is not None:
             targets = [self._server]
         elif self._sysid is not None:
-            targets = [self._addresses[self._sysid]] if self._sysid in self._addresses else []
+            address = self._senders.address(self._sysid)
+            targets = [] if address is None else [address]
         else:
-            targets = list(dict.fromkeys(self._addresses.values()))
+            targets = self._senders.addresses
         for address in targets:
             # A vehicle that is away for a moment refuses; the checks see that it does not answer.
             with contextlib.suppress(OSError):
@@ -72,9 +74,14 @@ class UdpWire(_Clocked):
         except OSError:
             return None
         sysid = _source(data)
-        if sysid is not None:
-            self._addresses[sysid] = address
-        return data
+        if sysid is None or self._senders.heard(sysid, address, self.now_s()):
+            return data
+        if self._sysid is None:
+            other = self._senders.address(sysid)
+            raise WireError(
+                f"two vehicles use system id {sysid}: one at {other}, one at {address}; give each its own"
+            )
+        return None
 
     def follow(self, sysid: int) -> None:
         self._sysid = sysid
@@ -155,28 +162,60 @@ class TcpWire(_Clocked):
 
 
 class SerialWire(_Clocked):
-    """A serial port."""
+    """A serial port that is opened again when the device comes back, as an autopilot on USB does."""
 
     def __init__(self, device: str, baud: int, speedup: float) -> None:
         super().__init__(speedup)
+        self._device, self._baud = device, baud
+        self._port: serial.Serial | None = None
         try:
-            self._port = serial.Serial(device, baud, timeout=0)
-        except serial.SerialException as error:
+            self._open()
+        except (OSError, ValueError) as error:
             raise WireError(f"cannot open {device} at {baud} baud: {error}") from error
 
+    def _open(self) -> None:
+        self._port = serial.Serial(self._device, self._baud, timeout=0)
+
     def send(self, data: bytes) -> None:
-        self._port.write(data)
+        if self._port is not None:
+            try:
+                self._port.write(data)
+            except OSError:
+                self._drop()
 
     def receive(self, timeout_s: float) -> bytes | None:
-        self._port.timeout = self._wall_s(timeout_s)
-        first = self._port.read(1)
-        return first + self._port.read(self._port.in_waiting) if first else None
+        end_s = time.monotonic() + self._wall_s(timeout_s)
+        while self._port is None:
+            left_s = max(0.0, end_s - time.monotonic())
+            if not self._reopen(left_s) and left_s == 0.0:
+                return None
+        try:
+            self._port.timeout = max(0.0, end_s - time.monotonic())
+            first = self._port.read(1)
+            return first + self._port.read(self._port.in_waiting) if first else None
+        except OSError:
+            self._drop()
+            return None
+
+    def _reopen(self, left_s: float) -> bool:
+        """Try once, and wait a moment of at most `left_s` [s of wall time] where it fails."""
+        try:
+            self._open()
+        except (OSError, ValueError):
+            time.sleep(min(left_s, REDIAL_S))
+            return False
+        return True
+
+    def _drop(self) -> None:
+        if self._port is not None:
+            self._port.close()
+            self._port = None
 
     def follow(self, sysid: int) -> None:
         """Nothing to choose on a serial port."""
 
     def close(self) -> None:
-        self._port.close()
+        self._drop()
 
 
 def _source(data: bytes) -> int | None:

@@ -1,5 +1,9 @@
-"""What every transport is to the server, and how addresses and errors are read."""
+"""What every transport is to the server, and how addresses and errors are read.
 
+The only clock of the links is that of the event loop they were opened in.
+"""
+
+import errno
 import socket
 from collections.abc import Callable, Collection, Hashable, Sequence
 from dataclasses import dataclass
@@ -10,6 +14,8 @@ from sim_vehicle.url import Url
 HEARD_S = 10.0  # a ground station that has not spoken for so long is not counted any more
 RECEIVE_BYTES = 8192  # read at once; of a datagram that is longer the rest is lost
 DATAGRAMS_PER_WAKE, BYTES_PER_WAKE = 64, 16_384  # read before others, and the clock, have their turn
+AGAIN_S = 1.0  # between two attempts to get back what was lost
+FULL = frozenset({errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM})  # it will be better later
 Address = tuple[Any, ...]  # as the socket module has it
 Batch = Sequence[tuple[int, bytes]]
 
@@ -68,7 +74,14 @@ def resolve(url: Url, kind: socket.SocketKind) -> tuple[socket.AddressFamily, Ad
 
 def cannot_open(url: Url, error: OSError) -> LinkError:
     """The error for a port that cannot be had."""
-    return LinkError(
-        f"cannot open {url}: {error.strerror or error}. Is another program using it? "
-        "Choose another port with --url."
-    )
+    if error.errno == errno.EADDRINUSE:
+        cure = "Is another program using it? Choose another port with --url."
+    elif error.errno == errno.EADDRNOTAVAIL:
+        cure = "This machine has no such address; choose another one with --url."
+    elif error.errno in (errno.EACCES, errno.EPERM):
+        cure = "You may not use it; choose another address, or a port above 1023, with --url."
+    elif error.errno in (errno.EMFILE, errno.ENFILE):
+        cure = "Allow more open files (ulimit -n), or use fewer ports."
+    else:
+        cure = "Check the network, and the address given with --url."
+    return LinkError(f"cannot open {url}: {error.strerror or error}. {cure}")

@@ -6,11 +6,10 @@ import os
 
 import serial
 
-from sim_vehicle.links.base import Batch, Ends, LinkError
+from sim_vehicle.links.base import AGAIN_S, Batch, Ends, LinkError
 from sim_vehicle.links.stream import Stream
 from sim_vehicle.url import Url
 
-REOPEN_S = 1.0
 BACKLOG_S = 0.5  # of the line's speed: an autopilot's buffer is small too, and old telemetry is of no use
 BITS_PER_BYTE = 10  # with start and stop bit
 
@@ -51,12 +50,12 @@ class SerialLink:
         )
 
     def _ended(self, why: str) -> None:
-        self._ends.warn(f"{self._url}: the device is gone ({why}); trying again every {REOPEN_S:g} s")
+        self._ends.warn(f"{self._url}: the device is gone ({why}); trying again every {AGAIN_S:g} s")
         self._close()
         self._later()
 
     def _later(self) -> None:
-        self._again = asyncio.get_running_loop().call_later(REOPEN_S, self._reopen)
+        self._again = asyncio.get_running_loop().call_later(AGAIN_S, self._reopen)
 
     def _reopen(self) -> None:
         try:

@@ -1,7 +1,6 @@
 """A connected stream of bytes on the event loop: whole frames or nothing, and never more kept than agreed."""
 
 import asyncio
-import time
 from collections.abc import Callable
 
 from sim_vehicle.links.base import RECEIVE_BYTES, Batch
@@ -57,9 +56,9 @@ class Stream:
             else:
                 self._backlog += data
         if not waiting:
-            self._progress_s = time.monotonic()
+            self._progress_s = self._loop.time()
             self._flush()
-        elif time.monotonic() - self._progress_s > STALLED_S:
+        elif self._loop.time() - self._progress_s > STALLED_S:
             self._end(f"has read nothing for {STALLED_S:.0f} s")
 
     def _flush(self) -> None:
@@ -72,7 +71,7 @@ class Stream:
             self._end(error.strerror or str(error))
             return
         if written:
-            self._progress_s = time.monotonic()
+            self._progress_s = self._loop.time()
             del self._backlog[:written]
         if self._backlog:
             self._loop.add_writer(self._file, self._flush)

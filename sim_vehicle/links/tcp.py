@@ -1,12 +1,13 @@
 """TCP: a server for many ground stations, or a client that connects again and again."""
 
 import asyncio
+import contextlib
 import errno
 import os
 import socket
 from collections.abc import Hashable
 
-from sim_vehicle.links.base import Address, Batch, Ends, cannot_open, resolve
+from sim_vehicle.links.base import AGAIN_S, FULL, Address, Batch, Ends, cannot_open, resolve
 from sim_vehicle.links.stream import Stream
 from sim_vehicle.url import Url
 
@@ -32,7 +33,8 @@ class _Connections:
 
     def _add(self, connected: socket.socket, peer: Hashable) -> None:
         connected.setblocking(False)
-        connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        with contextlib.suppress(OSError):  # the other end has left already, which reading will tell
+            connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
         def ended(_why: str) -> None:
             self._remove(stream)
@@ -43,10 +45,13 @@ class _Connections:
             connected.recv,
             connected.send,
             backlog_bytes=BACKLOG_BYTES,
-            received=lambda data: self._ends.received(data, peer, None),
+            received=lambda data: self._received(data, peer),
             ended=ended,
         )
         self._open[stream] = connected, peer
+
+    def _received(self, data: bytes, peer: Hashable) -> None:
+        self._ends.received(data, peer, None)
 
     def _ended(self) -> None:
         """A connection has ended."""
@@ -74,6 +79,8 @@ class TcpIn(_Connections):
         super().__init__(url, ends)
         self._alone = alone
         self._server: socket.socket | None = None
+        self._again: asyncio.TimerHandle | None = None
+        self._said = False
 
     def open(self) -> None:
         family, address = resolve(self._url, socket.SOCK_STREAM)
@@ -87,12 +94,18 @@ class TcpIn(_Connections):
             self._server.close()
             self._server = None
             raise cannot_open(self._url, error) from error
-        asyncio.get_running_loop().add_reader(self._server, self._accept, self._server)
+        self._listen(self._server)
+
+    def _listen(self, server: socket.socket) -> None:
+        self._again = None
+        asyncio.get_running_loop().add_reader(server, self._accept, server)
 
     def _accept(self, server: socket.socket) -> None:
         try:
             connected, address = server.accept()
-        except OSError:  # it was gone before we came
+        except OSError as error:  # it was gone before we came
+            if error.errno in FULL:
+                self._pause(server, error)
             return
         if len(self._open) >= MAX_CLIENTS:
             self._ends.warn(f"{self._url}: {MAX_CLIENTS} are connected; one more was turned away")
@@ -100,12 +113,23 @@ class TcpIn(_Connections):
         else:
             self._add(connected, (self._url, address))
 
+    def _pause(self, server: socket.socket, error: OSError) -> None:
+        """Whoever knocks waits; the listener would stay readable, and the event loop busy with it."""
+        loop = asyncio.get_running_loop()
+        loop.remove_reader(server)
+        self._again = loop.call_later(AGAIN_S, self._listen, server)
+        if not self._said:
+            self._said = True
+            self._ends.warn(f"{self._url}: nobody more can connect for now ({error.strerror or error})")
+
     def rebooted(self, index: int) -> None:
         if self._alone:
             self._hang_up()
 
     def close(self) -> None:
         self._hang_up()
+        if self._again is not None:
+            self._again.cancel()
         if self._server is not None:
             asyncio.get_running_loop().remove_reader(self._server)
             self._server.close()
@@ -113,7 +137,7 @@ class TcpIn(_Connections):
 
 
 class TcpOut(_Connections):
-    """A client; it says once that nobody is there and goes on trying."""
+    """A client; it goes on trying, and says once that nobody is there, until somebody has spoken."""
 
     def __init__(self, url: Url, ends: Ends, *, alone: bool) -> None:
         super().__init__(url, ends)
@@ -130,27 +154,39 @@ class TcpOut(_Connections):
 
     def _dial(self) -> None:
         self._again = None
-        self._dialling = socket.socket(self._family, socket.SOCK_STREAM)
-        self._dialling.setblocking(False)
         try:
-            self._dialling.connect(self._address)
+            dialling = self._dialling = socket.socket(self._family, socket.SOCK_STREAM)
+        except OSError as error:
+            self._failed(error.strerror or str(error))
+            return
+        dialling.setblocking(False)
+        try:
+            dialling.connect(self._address)
         except BlockingIOError:
-            asyncio.get_running_loop().add_writer(self._dialling, self._answered, self._dialling)
+            asyncio.get_running_loop().add_writer(dialling, self._answered, dialling)
         except OSError as error:
             self._failed(error.strerror or str(error))
         else:
-            self._answered(self._dialling)
+            self._answered(dialling)
 
     def _answered(self, dialling: socket.socket) -> None:
         asyncio.get_running_loop().remove_writer(dialling)
         number = dialling.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+        try:
+            # On loopback a dialler can meet itself.
+            if not number and dialling.getsockname() == dialling.getpeername():
+                number = errno.ECONNREFUSED
+        except OSError as error:  # it has hung up since
+            number = error.errno or errno.ENOTCONN
         if number:
             self._failed(os.strerror(number))
-        elif dialling.getsockname() == dialling.getpeername():  # on loopback a dialler can meet itself
-            self._failed(os.strerror(errno.ECONNREFUSED))
         else:
-            self._dialling, self._said = None, False
+            self._dialling = None
             self._add(dialling, self._url)
+
+    def _received(self, data: bytes, peer: Hashable) -> None:
+        self._said = False  # not as soon as it is connected: some accept, only to hang up
+        super()._received(data, peer)
 
     def _failed(self, why: str) -> None:
         if self._dialling is not None:

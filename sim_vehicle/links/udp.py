@@ -7,10 +7,10 @@ not fit into the kernel's buffer is dropped and counted, as a radio would drop i
 import asyncio
 import contextlib
 import socket
-import time
 from collections.abc import Collection
 
 from sim_vehicle.links.base import (
+    AGAIN_S,
     BYTES_PER_WAKE,
     DATAGRAMS_PER_WAKE,
     HEARD_S,
@@ -43,21 +43,26 @@ class UdpOut:
         self._family = socket.AF_INET
         self._shared: socket.socket | None = None
         self._sharing: frozenset[int] | None = None  # vehicles; None: all
-        self._own: dict[int, socket.socket] = {}  # of vehicles that have been rebooted
-        self._heard_s = -HEARD_S
+        # Of vehicles that have been rebooted; None: there was none to be had, and the vehicle is silent.
+        self._own: dict[int, socket.socket | None] = {}
+        self._timer: asyncio.TimerHandle | None = None
+        self._heard_s: float | None = None
 
     def open(self) -> None:
         self._family, self._address = resolve(self._url, socket.SOCK_DGRAM)
-        self._shared = self._connected(None)
+        try:
+            self._shared = self._connected(None)
+        except OSError as error:
+            raise cannot_open(self._url, error) from error
 
     def _connected(self, index: int | None) -> socket.socket:
         opened = socket.socket(self._family, socket.SOCK_DGRAM)
         try:
             _make_ready(opened)
             opened.connect(self._address)
-        except OSError as error:
+        except OSError:
             opened.close()
-            raise cannot_open(self._url, error) from error
+            raise
         asyncio.get_running_loop().add_reader(opened, self._read, opened, index)
         return opened
 
@@ -70,7 +75,7 @@ class UdpOut:
                 return
             except OSError:  # nobody listens at the other end (yet); real vehicles go on sending too
                 continue
-            self._heard_s = time.monotonic()
+            self._heard_s = asyncio.get_running_loop().time()
             # A ground station that sends to all addresses it knows is heard once by each vehicle.
             self._ends.received(data, (self._url, index), self._sharing if index is None else (index,))
             left -= len(data)
@@ -98,21 +103,38 @@ class UdpOut:
             pass
 
     def rebooted(self, index: int) -> None:
-        if index in self._own:
-            _drop(self._own.pop(index))
-        self._own[index] = self._connected(index)
+        _drop(self._own.get(index))
+        self._own[index] = None
         self._sharing = self._vehicles - self._own.keys()
-        if not self._sharing and self._shared is not None:
+        if not self._sharing:
             _drop(self._shared)
             self._shared = None
+        if self._timer is None:
+            self._come_back()
+
+    def _come_back(self) -> None:
+        """A socket for each vehicle that has none; while the network is away, there may be none."""
+        tried_before, self._timer = self._timer is not None, None
+        try:
+            for index in [index for index, opened in self._own.items() if opened is None]:
+                self._own[index] = self._connected(index)
+        except OSError as error:
+            self._timer = asyncio.get_running_loop().call_later(AGAIN_S, self._come_back)
+            if not tried_before:
+                why = error.strerror or error
+                again = f"trying again every {AGAIN_S:g} s"
+                self._ends.warn(f"{self._url}: no way back for a rebooted vehicle ({why}); {again}")
 
     def stations(self) -> int:
-        return int(time.monotonic() - self._heard_s < HEARD_S)
+        if self._heard_s is None:
+            return 0
+        return int(asyncio.get_running_loop().time() - self._heard_s < HEARD_S)
 
     def close(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
         for opened in (self._shared, *self._own.values()):
-            if opened is not None:
-                _drop(opened)
+            _drop(opened)
         self._shared = None
         self._own.clear()
 
@@ -153,7 +175,7 @@ class UdpIn:
                 return
 
     def _keep(self, address: Address) -> None:
-        now = time.monotonic()
+        now = asyncio.get_running_loop().time()
         self._heard_s.pop(address, None)
         if len(self._heard_s) >= MAX_PEERS:
             self._forget(next(iter(self._heard_s)))
@@ -166,7 +188,7 @@ class UdpIn:
     def send(self, batch: Batch) -> None:
         if self._socket is None:
             return
-        now = time.monotonic()
+        now = asyncio.get_running_loop().time()
         for address in [peer for peer, heard_s in self._heard_s.items() if now - heard_s > SILENT_S]:
             self._forget(address)
         for address in self._heard_s:
@@ -182,13 +204,14 @@ class UdpIn:
         """A listening port stays what it is."""
 
     def stations(self) -> int:
-        now = time.monotonic()
+        if not self._heard_s:
+            return 0
+        now = asyncio.get_running_loop().time()
         return sum(now - heard_s < HEARD_S for heard_s in self._heard_s.values())
 
     def close(self) -> None:
-        if self._socket is not None:
-            _drop(self._socket)
-            self._socket = None
+        _drop(self._socket)
+        self._socket = None
 
 
 def _make_ready(opened: socket.socket) -> None:
@@ -199,6 +222,7 @@ def _make_ready(opened: socket.socket) -> None:
             opened.setsockopt(socket.SOL_SOCKET, option, size)
 
 
-def _drop(opened: socket.socket) -> None:
-    asyncio.get_running_loop().remove_reader(opened)
-    opened.close()
+def _drop(opened: socket.socket | None) -> None:
+    if opened is not None:
+        asyncio.get_running_loop().remove_reader(opened)
+        opened.close()

@@ -1,5 +1,6 @@
 """`python -m sim_vehicle run`: fly scenarios, judge them, exit with the verdict."""
 
+import json
 import shlex
 import time
 from pathlib import Path
@@ -8,9 +9,10 @@ from typing import Annotated
 import typer
 from rich.console import Console
 from rich.markup import escape
+from rich.text import Text
 
 from sim_vehicle.checks import CHECKS
-from sim_vehicle.run.report import show, tlogs, write_verdict
+from sim_vehicle.run.report import folded, show, tlogs, write_verdict
 from sim_vehicle.run.runner import Run
 from sim_vehicle.run.shipped import find, shipped
 from sim_vehicle.scenario import Scenario, ScenarioError, load_scenario
@@ -34,25 +36,47 @@ def run(
     ] = None,
     list_scenarios: Annotated[bool, typer.Option("--list", help="Show the shipped scenarios.")] = False,
     list_checks: Annotated[bool, typer.Option("--list-checks", help="Show what can be checked.")] = False,
+    show_scenario: Annotated[
+        str | None, typer.Option("--show", metavar="NAME", help="Print a shipped scenario, to begin with.")
+    ] = None,
 ) -> None:
     """Fly scenarios on the virtual clock and judge them.
 
-    Exits with 0 if every check of every scenario passed, 1 if one failed, 2 if a scenario cannot be used.
+    Exits with 0 if every check of every scenario passed, 1 if one failed, 2 if a scenario cannot be used, 130
+    if it was interrupted: then no verdict is written of the scenario that was flown.
     """
     console = Console(highlight=False)
     if list_scenarios or list_checks:
         _list(console, with_scenarios=list_scenarios, with_checks=list_checks)
         return
+    if show_scenario is not None:
+        _print(show_scenario)
+        return
     if not scenarios:
         raise typer.BadParameter("name a scenario file, or one of `run --list`", param_hint="SCENARIOS")
     try:
-        loaded = [(text, load_scenario(find(text))) for text in scenarios]
+        loaded = [(text, load_scenario(find(text), flown=True)) for text in scenarios]
     except ScenarioError as error:
-        typer.echo(f"sim_vehicle: {error}", err=True)
+        for line in str(error).splitlines():
+            typer.echo(f"sim_vehicle: {line}", err=True)
         raise typer.Exit(UNUSABLE) from error
     verdicts = [_fly(console, text, scenario, out, seed=seed, speedup=speedup) for text, scenario in loaded]
     if not all(verdicts):
         raise typer.Exit(FAILED)
+
+
+def schema() -> None:
+    """Print the JSON schema of scenario files, for editors that complete and check keys."""
+    from sim_vehicle.scenario.schema import file_schema  # noqa: PLC0415 (a run needs none of it)
+
+    typer.echo(json.dumps(file_schema(), indent=1))
+
+
+def _print(name: str) -> None:
+    names = {scenario.name: scenario.path for scenario in shipped()}
+    if name not in names:
+        raise typer.BadParameter(f"{name!r} is none of {', '.join(names)}", param_hint="--show")
+    typer.echo(names[name].read_text(encoding="utf-8"), nl=False)
 
 
 def _fly(
@@ -109,13 +133,15 @@ class _Pace:
 
 
 def _list(console: Console, *, with_scenarios: bool, with_checks: bool) -> None:
-    if with_scenarios:
-        for scenario in shipped():
-            console.print(f"[bold]{scenario.name}[/]: {escape(scenario.about)}")
-    if with_checks:
-        for check in CHECKS.values():
-            argument = ""
-            if check.argument is not None:
-                default = "" if check.default is None else f" = {check.default}"
-                argument = f" ({check.argument}{default})"
-            console.print(f"[bold]{check.name}[/]{escape(argument)}, {check.when}: {escape(check.summary)}")
+    listed = [(scenario.name, f": {scenario.about}") for scenario in shipped()] if with_scenarios else []
+    for check in CHECKS.values() if with_checks else ():
+        argument = ""
+        if check.argument is not None:
+            default = "" if check.default is None else f" = {check.default}"
+            argument = f" ({check.argument}{default})"
+        listed.append((check.name, f"{argument}, {check.when}: {check.summary}"))
+    for name, text in listed:
+        first, *others = folded(Text(name + text), console.width if console.is_terminal else None, "    ")
+        first.stylize("bold", 0, len(name))
+        for line in (first, *others):
+            console.print(line, soft_wrap=True)

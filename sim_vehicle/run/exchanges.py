@@ -82,18 +82,56 @@ class LongCommand(Exchange):
             self.outcome = Outcome(message.result == mavlink.MAV_RESULT_ACCEPTED, name)
 
 
+class Ready(Exchange):
+    """Waits until SYS_STATUS says that the pre-arm checks pass, but for `give_up_s` only.
+
+    Arming is then tried all the same, and the refusal says why. An autopilot that does not claim the bit is
+    not waited for.
+    """
+
+    def __init__(self, sysid: int, send: Send, give_up_s: float) -> None:
+        super().__init__(sysid, send)
+        self._give_up_s = give_up_s
+        self._end_s: float | None = None
+
+    def begin(self, now: float) -> None:
+        if self._end_s is None:  # once a step: it is not waited for again where arming is
+            self._end_s = now + self._give_up_s
+        super().begin(now)
+
+    def message(self) -> Any:
+        wanted = float(mavlink.MAVLINK_MSG_ID_SYS_STATUS)
+        request = mavlink.MAV_CMD_REQUEST_MESSAGE
+        return mavlink.MAVLink_command_long_message(
+            self.sysid, COMPONENT, request, 0, wanted, 0, 0, 0, 0, 0, 0
+        )
+
+    def receive(self, message: Any, now: float) -> None:
+        if message.get_type() != "SYS_STATUS":
+            return
+        self._sent_s = now  # it comes by itself, and need not be asked for
+        bit = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+        if message.onboard_control_sensors_health & bit or not message.onboard_control_sensors_present & bit:
+            self.outcome = Outcome(True, "ready")
+
+    def tick(self, now: float) -> None:
+        super().tick(now)
+        if self.outcome is None and self._end_s is not None and now >= self._end_s:
+            self.outcome = Outcome(True, "not ready")
+
+
 class Reposition(LongCommand):
     """DO_REPOSITION as COMMAND_INT, changing the mode."""
 
-    def __init__(self, sysid: int, send: Send, x: int, y: int, height_m: float) -> None:
+    def __init__(self, sysid: int, send: Send, frame: int, x: int, y: int, z: float) -> None:
         super().__init__(sysid, send, mavlink.MAV_CMD_DO_REPOSITION)
-        self._place = (x, y, height_m)
+        self._frame, self._place = frame, (x, y, z)
 
     def message(self) -> Any:
         flags = float(mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE)
-        frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
+        params = (-1.0, flags, 0.0, float("nan"))
         return mavlink.MAVLink_command_int_message(
-            self.sysid, COMPONENT, frame, self.command, 0, 0, -1.0, flags, 0.0, float("nan"), *self._place
+            self.sysid, COMPONENT, self._frame, self.command, 0, 0, *params, *self._place
         )
 
 

@@ -33,7 +33,9 @@ class Judge:
         self._vehicles = [(v.sysid, v.link) for v in scenario.vehicles]
         self._meant = np.array([spec.vehicles is None or v.sysid in spec.vehicles for v in scenario.vehicles])
         self._open = self._meant.copy()  # not failed yet, or not fulfilled yet
-        self._closed = False
+        self._closed = self._looked = False
+        self._nearest_m = np.full(len(self._meant), np.inf)
+        self._nearest_s = np.zeros(len(self._meant))
 
     def settled(self, now: float) -> bool:
         """Whether it needs no more time: what should come about has, what is to be watched has been."""
@@ -67,6 +69,8 @@ class Judge:
         if spec.until_s is not None and view.now > spec.until_s + 1e-9:
             return self._close(view) if spec.when == "eventually" else []
         holds, found = self._check.function(view, spec.value)
+        self._looked = True
+        self._note_nearest(view)
         if spec.when == "always":
             return self._fail(self._open & ~holds, view, found)
         self._open &= ~holds
@@ -76,8 +80,12 @@ class Judge:
 
     def end(self, view: View) -> list[Failure]:
         """The failures that are only known when the run is over."""
-        if self._closed or self.spec.when == "always":
+        if self._closed:
             return []
+        if self.spec.when == "always":
+            # What nobody has looked at has not held: its time did not come, or fell between two steps.
+            unseen = ["nothing, it was never looked at"] * len(self._meant)
+            return [] if self._looked else self._fail(self._open.copy(), view, unseen)
         if self.spec.when == "end":
             holds, _ = self._check.function(view, self.spec.value)
             self._open &= ~holds
@@ -86,7 +94,24 @@ class Judge:
     def _close(self, view: View) -> list[Failure]:
         self._closed = True
         _, found = self._check.function(view, self.spec.value)
-        return self._fail(self._open.copy(), view, found)
+        return self._fail(self._open.copy(), view, self._at_its_nearest(found))
+
+    def _note_nearest(self, view: View) -> None:
+        if self._check.away_m is not None:
+            away_m = self._check.away_m(view)
+            nearer = away_m < self._nearest_m
+            self._nearest_m[nearer], self._nearest_s[nearer] = away_m[nearer], view.now
+
+    def _at_its_nearest(self, found: Found) -> Found:
+        """What helps of something that should have come about is how near it came, not where it ended."""
+        if self.spec.when != "eventually":
+            return found
+        return [
+            f"{away_m:.4g} m away at its nearest, at {self._nearest_s[i]:.2f} s"
+            if np.isfinite(away_m)
+            else self._number(found, i)
+            for i, away_m in enumerate(self._nearest_m)
+        ]
 
     def _fail(self, which: np.ndarray, view: View, found: Found) -> list[Failure]:
         self._open &= ~which

@@ -8,6 +8,7 @@ from sim_vehicle.run.exchanges import (
     ChangeMode,
     Exchange,
     LongCommand,
+    Ready,
     Reposition,
     Send,
     SetParameter,
@@ -18,6 +19,7 @@ from sim_vehicle.scenario.plan import PlanWriter, number
 from sim_vehicle.scenario.steps import Step
 
 NAN = float("nan")
+PATIENCE = 0.5  # of a step's time that may pass until the vehicle is ready to be armed
 
 
 class Recipes:
@@ -26,30 +28,37 @@ class Recipes:
     def __init__(self, spec: VehicleSpec, send: Send) -> None:
         self._spec, self._send = spec, send
         self._personality: Personality = personality_of(spec.personality, spec.kind)
+        # The altitudes of PX4's commands are above mean sea level, whatever the frame.
+        self._amsl = self._personality.autopilot == mavlink.MAV_AUTOPILOT_PX4
         self._writer = PlanWriter(spec.lat_deg, spec.lon_deg)
-        self._ardupilot = spec.personality == "ardupilot"
 
     def exchanges(self, step: Step) -> list[Exchange]:
         """In order; each begins when the one before has been accepted."""
         chosen = step.chosen
         if chosen == "fly_mission":
-            return [self._mission(), *self._start()]
+            return [self._mission(), *self._start(step.timeout_s)]
         if chosen == "upload_mission":
             return [self._mission()]
         if chosen == "upload_fence":
             items = self._writer.fence(self._spec.fence)
             return [Upload(self._spec.sysid, self._send, items, mavlink.MAV_MISSION_TYPE_FENCE)]
         if chosen == "start_mission":
-            return self._start()
+            return self._start(step.timeout_s)
         if step.takeoff is not None:
-            return self._takeoff(step.takeoff)
+            return self._takeoff(step.takeoff, step.timeout_s)
         if step.mode is not None:
             return [self._mode(self.mode_number(step.mode))]
         if step.goto is not None:
             place = self._writer.place(step.goto.east_m, step.goto.north_m)
-            return [Reposition(self._spec.sysid, self._send, *place, step.goto.height_m)]
+            if self._amsl:
+                where = (*place, self._spec.alt_amsl_m + step.goto.height_m)
+                return [Reposition(self._spec.sysid, self._send, mavlink.MAV_FRAME_GLOBAL, *where)]
+            where = (*place, step.goto.height_m)
+            return [Reposition(self._spec.sysid, self._send, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, *where)]
         if step.param is not None:
             return [self._parameter(name, value) for name, value in step.param.items()]
+        if step.arm is not None and step.expect == "accepted":
+            return self._armed(step.timeout_s)
         return [self._plain(step)]
 
     def mode_number(self, name: str) -> int:
@@ -72,9 +81,10 @@ class Recipes:
         return LongCommand(self._spec.sysid, self._send, command, params)
 
     def _mode(self, custom_mode: int) -> Exchange:
+        """A number with a main and a sub mode in its upper bytes goes as these, another as it is."""
         custom = float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
         main, sub = float(custom_mode >> 16 & 0xFF), float(custom_mode >> 24 & 0xFF)
-        params = (custom, float(custom_mode)) if self._ardupilot else (custom, main, sub)
+        params = (custom, main, sub) if main else (custom, float(custom_mode))
         return ChangeMode(self._spec.sysid, self._send, custom_mode, params)
 
     def _behaving(self, behaviour: Behaviour) -> Exchange:
@@ -82,27 +92,29 @@ class Recipes:
         return self._mode(next(mode.number for mode in modes if mode.behaviour is behaviour))
 
     def _mission(self) -> Exchange:
-        items = self._writer.mission(self._spec.mission, home_first=self._ardupilot)
+        items = self._writer.mission(self._spec.mission, home_first=self._personality.home_item)
         return Upload(self._spec.sysid, self._send, items, mavlink.MAV_MISSION_TYPE_MISSION)
 
-    def _start(self) -> list[Exchange]:
+    def _armed(self, timeout_s: float) -> list[Exchange]:
         arm = self._long(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
-        if not self._ardupilot:
-            return [arm, self._behaving(Behaviour.MISSION)]
-        if self._personality.plane:
-            return [self._behaving(Behaviour.MISSION), arm]
-        # AUTO itself cannot be armed, and takes off only when it is told to start.
-        return [self._behaving(Behaviour.GUIDED), arm, self._long(mavlink.MAV_CMD_MISSION_START)]
+        return [Ready(self._spec.sysid, self._send, PATIENCE * timeout_s), arm]
 
-    def _takeoff(self, height_m: float) -> list[Exchange]:
-        arm = self._long(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
-        if not self._ardupilot:  # its altitude is above mean sea level
+    def _start(self, timeout_s: float) -> list[Exchange]:
+        arm = self._armed(timeout_s)
+        if self._personality.mode_of(Behaviour.MISSION).armable:
+            return [self._behaving(Behaviour.MISSION), *arm]
+        # ArduCopter's AUTO cannot be armed, and takes off only when it is told to start.
+        return [self._behaving(Behaviour.GUIDED), *arm, self._long(mavlink.MAV_CMD_MISSION_START)]
+
+    def _takeoff(self, height_m: float, timeout_s: float) -> list[Exchange]:
+        arm = self._armed(timeout_s)
+        if self._amsl:
             up_m = self._spec.alt_amsl_m + height_m
-            return [arm, self._long(mavlink.MAV_CMD_NAV_TAKEOFF, NAN, 0.0, 0.0, NAN, NAN, NAN, up_m)]
+            return [*arm, self._long(mavlink.MAV_CMD_NAV_TAKEOFF, NAN, 0.0, 0.0, NAN, NAN, NAN, up_m)]
         if self._personality.plane:
-            return [self._parameter("TKOFF_ALT", height_m), self._behaving(Behaviour.TAKEOFF), arm]
+            return [self._parameter("TKOFF_ALT", height_m), self._behaving(Behaviour.TAKEOFF), *arm]
         takeoff = self._long(mavlink.MAV_CMD_NAV_TAKEOFF, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, height_m)
-        return [self._behaving(Behaviour.GUIDED), arm, takeoff]
+        return [self._behaving(Behaviour.GUIDED), *arm, takeoff]
 
     def _parameter(self, name: str, value: float) -> Exchange:
         byte_wise = self._personality.parameters_byte_wise

@@ -102,6 +102,7 @@ class Run:
         )
         goals = [v.goal_m() or (np.nan, np.nan) for v in scenario.vehicles]
         self._goal_m = self._start_m[:, :2] + np.array(goals, dtype=np.float64)
+        self._goal_item = [v.goal_item() for v in scenario.vehicles]
         self._flown = np.zeros(len(scenario.vehicles), dtype=bool)
         self._flown_m = np.zeros(len(scenario.vehicles))
         self._before_m = self._start_m
@@ -185,9 +186,15 @@ class Run:
             position_m=position_m,
             start_m=self._start_m,
             goal_m=self._goal_m,
+            bound_for_goal=np.array(
+                [
+                    item is None or self.fleet.vehicles[i].mission.index >= item
+                    for i, item in enumerate(self._goal_item)
+                ]
+            ),
             flown=self._flown,
             silent_s=self.now - np.array([contact.heard_s for contact in contacts]),
-            mission_done=np.array([contact.mission_done for contact in contacts]),
+            mission_done=np.array([contact.progress.done for contact in contacts]),
             outside_fence_m=np.array(
                 [
                     outside_m(contact.spec.fence, *from_start[i, :2].tolist()) if contact.spec.fence else 0.0

@@ -1,9 +1,10 @@
 """The scenarios that come with the package."""
 
+import difflib
 from dataclasses import dataclass
 from pathlib import Path
 
-from sim_vehicle.scenario import load_scenario
+from sim_vehicle.scenario import ScenarioError, load_scenario
 
 FOLDER = Path(__file__).parent.parent / "scenarios"
 
@@ -21,7 +22,13 @@ def shipped() -> list[Shipped]:
 
 
 def find(text: str) -> Path:
-    """The file of that path, or the shipped scenario of that name."""
+    """The file of that path, or the shipped scenario of that name; ScenarioError if there is neither."""
     path = Path(text)
-    named = FOLDER / f"{text}.yaml"
-    return named if not path.exists() and named.exists() else path
+    if path.exists():
+        return path
+    names = {file.stem: file for file in FOLDER.glob("*.yaml")}
+    if text in names:
+        return names[text]
+    near = difflib.get_close_matches(path.stem, names, n=1)
+    meant = f"; did you mean {near[0]}?" if near else ""
+    raise ScenarioError(f"{text}: neither a file nor a shipped scenario{meant} (`run --list` shows these)")

@@ -1,14 +1,16 @@
 """A small ground station without I/O: it follows a script, and keeps what it hears of each vehicle."""
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.run.exchanges import Exchange
+from sim_vehicle.run.progress import MissionProgress
 from sim_vehicle.run.recipes import Recipes
+from sim_vehicle.run.texts import Texts
 from sim_vehicle.scenario.model import Scenario, VehicleSpec
 from sim_vehicle.scenario.steps import Step
 
@@ -21,6 +23,7 @@ MAVLINK_2, HEADER_BYTES, FRAME_BYTES = 0xFD, 10, 12  # a frame without payload a
 AWAITED = frozenset(
     {
         mavlink.MAVLINK_MSG_ID_HEARTBEAT,
+        mavlink.MAVLINK_MSG_ID_SYS_STATUS,
         mavlink.MAVLINK_MSG_ID_STATUSTEXT,
         mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
         mavlink.MAVLINK_MSG_ID_MISSION_ITEM_REACHED,
@@ -71,9 +74,15 @@ class Contact:
     heard_s: float = 0.0  # the last heartbeat
     telemetry_s: float = 0.0
     streams_asked_s: float = -STREAMS_ASKED_S
-    texts: list[str] = field(default_factory=list)
+    heard: Texts = field(default_factory=Texts)
     messages: int = 0
-    mission_done: bool = False
+
+    def __post_init__(self) -> None:
+        self.progress = MissionProgress(self.spec)
+
+    @property
+    def texts(self) -> Sequence[str]:
+        return self.heard.said
 
 
 class Station:
@@ -99,7 +108,6 @@ class Station:
         self._heartbeats = sorted(
             (step.at_s, step.heartbeat) for step in scenario.script if step.heartbeat is not None
         )
-        self._last_item = [_last_navigation(spec) for spec in scenario.vehicles]
         for index, contact in enumerate(self.contacts):
             recipes = Recipes(contact.spec, self._sender(index))
             for number, step in enumerate(scenario.script):
@@ -165,16 +173,10 @@ class Station:
             if contact.first_heard_s is None:
                 contact.first_heard_s = now
         elif kind == "STATUSTEXT":
-            contact.texts.append(message.text)
+            contact.heard.note(message)
         elif kind == "GLOBAL_POSITION_INT":
             contact.telemetry_s = now
-        elif kind == "MISSION_ITEM_REACHED":
-            contact.mission_done = contact.mission_done or message.seq == self._last_item[index]
-        elif kind == "MISSION_CURRENT":
-            complete = getattr(message, "mission_state", 0) == mavlink.MISSION_STATE_COMPLETE
-            # PX4 hands over to its mode that returns when such an item becomes the current one.
-            returns = message.seq == self._last_item[index] and _ends_in_a_return(contact.spec)
-            contact.mission_done = contact.mission_done or complete or returns
+        contact.progress.note(message, now)
         if contact.jobs and contact.jobs[0].began_s is not None:
             job = contact.jobs[0]
             if job.exchanges and job.retry_s is None and job.exchanges[0].outcome is None:
@@ -279,15 +281,3 @@ def _parser() -> mavlink.MAVLink:
     parser = mavlink.MAVLink(None)
     parser.robust_parsing = True
     return parser
-
-
-def _ends_in_a_return(spec: VehicleSpec) -> bool:
-    """Whether the last item is one that PX4 never reports as reached."""
-    return bool(spec.personality == "px4" and spec.mission and spec.mission[-1].chosen == "rtl")
-
-
-def _last_navigation(spec: VehicleSpec) -> int:
-    """Sequence number of the last item that is flown to; -1 where there is none."""
-    flown = [i for i, leg in enumerate(spec.mission) if leg.chosen not in ("speed_m_s", "jump")]
-    home = 1 if spec.personality == "ardupilot" else 0  # takes the first place
-    return flown[-1] + home if flown else -1

@@ -12,6 +12,7 @@ from sim_vehicle.personalities import PERSONALITIES
 from sim_vehicle.physics.geodesy import LocalFrame
 from sim_vehicle.scenario.base import Altitude, Latitude, Length, Longitude, Metres, Section
 from sim_vehicle.scenario.model import Finding, MisfitError, Scenario
+from sim_vehicle.scenario.steps import Step
 from sim_vehicle.yaml_lines import Document, FileSyntaxError, KeyPath, parse
 
 SPACING_M = 5.0  # between vehicles that are only counted, eastward
@@ -19,22 +20,41 @@ PER_LINK = 250
 PLACE = ("lat_deg", "lon_deg", "alt_amsl_m")
 Model = TypeVar("Model", bound=BaseModel)
 SHORT_FORMS = ("count", "spacing_m", "east_m", "north_m")
+SECTION_TYPES = ("model_type", "model_attributes_type", "dict_type")
+# What pydantic finds, in the words of somebody who writes a file.
+WANTED = {
+    **dict.fromkeys(SECTION_TYPES, "must be a section with keys"),
+    **dict.fromkeys(("list_type", "tuple_type"), "must be a list: `[one, another]`, or a line `- one` each"),
+    **dict.fromkeys(("float_type", "float_parsing"), "must be a number"),
+    **dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "must be a whole number"),
+    "finite_number": "must be a finite number",
+    "bool_type": "must be true or false",
+    "bool_parsing": "must be true or false",
+    "string_type": "must be text",
+    "literal_error": "must be {expected}",
+    "greater_than_equal": "must be at least {ge:g}",
+    "greater_than": "must be more than {gt:g}",
+    "less_than_equal": "must be at most {le:g}",
+    "less_than": "must be less than {lt:g}",
+    "too_short": "must have {min_length} or more in it",
+    "too_long": "must have {max_length} at most in it",
+}
 
 
 class ScenarioError(ValueError):
     """The scenario cannot be used; the text says where and why, one line a finding."""
 
 
-class _Home(Section):
+class Home(Section):
     lat_deg: Latitude
     lon_deg: Longitude
     alt_amsl_m: Altitude = 10.0
 
 
-NOWHERE = _Home(lat_deg=0.0, lon_deg=0.0)
+NOWHERE = Home(lat_deg=0.0, lon_deg=0.0)
 
 
-class _Shorthand(BaseModel):
+class Shorthand(BaseModel):
     """The keys of a vehicle that stand for others: `count` alike, side by side, metres from `home`."""
 
     model_config = ConfigDict(extra="ignore")
@@ -45,18 +65,21 @@ class _Shorthand(BaseModel):
     north_m: Metres = 0.0
 
 
-def load_scenario(path: Path) -> Scenario:
-    """Read and check a scenario file, YAML or JSON; ScenarioError lists all that is wrong with it."""
+def load_scenario(path: Path, *, flown: bool = False) -> Scenario:
+    """Read and check a scenario file, YAML or JSON; ScenarioError lists all that is wrong with it.
+
+    `flown`: it is to be run by itself, so that something has to happen in it.
+    """
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise ScenarioError(f"{path}: cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:
         raise ScenarioError(f"{path}: is not UTF-8 text") from error
-    return parse_scenario(text, str(path), default_name=path.stem)
+    return parse_scenario(text, str(path), default_name=path.stem, flown=flown)
 
 
-def parse_scenario(text: str, where: str, *, default_name: str = "") -> Scenario:
+def parse_scenario(text: str, where: str, *, default_name: str = "", flown: bool = False) -> Scenario:
     """Check the text of a scenario file; `where` begins each line of a ScenarioError."""
     try:
         document = parse(text, as_json=where.endswith(".json"))
@@ -67,13 +90,38 @@ def parse_scenario(text: str, where: str, *, default_name: str = "") -> Scenario
             f"{where}:1: a scenario is a mapping with `vehicles`, found {document.data!r:.60}"
         )
     findings, data, sources = _written_out(document.data)
+    if data.get("name", "") == "":
+        data["name"] = default_name
     try:
-        scenario = Scenario.model_validate({"name": default_name, **data})
+        scenario = Scenario.model_validate(data, context={"whole": True, "flown": flown})
         if not findings:
             return scenario
     except ValidationError as error:
         findings += _findings(error, sources)
     raise ScenarioError("\n".join(_lines(findings, document, where)))
+
+
+def parse_data(data: dict[str, Any]) -> Scenario:
+    """A scenario without short forms; ScenarioError lists all that is wrong with it."""
+    try:
+        return Scenario.model_validate(data)
+    except ValidationError as error:
+        lines = [f"{'.'.join(map(str, path))}: {text}" for path, text in _findings(error, [])]
+        raise ScenarioError("\n".join(line.removeprefix(": ") for line in lines)) from None
+
+
+def read_step(action: str, value: Any) -> Step:
+    """One step of a script by its name and what is behind it; ScenarioError says what is wrong with it."""
+    actions = [name for name in Step.choices() if name != "heartbeat"]  # which is nothing a vehicle does
+    if action not in actions:
+        near = difflib.get_close_matches(str(action), actions, n=1)
+        cure = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(actions)}"
+        raise ScenarioError(f"no such action: {action!r}; {cure}")
+    try:
+        return Step.model_validate({action: value})
+    except ValidationError as error:
+        words = [f"{'.'.join(map(str, path))}: {text}" for path, text in _findings(error, [], Step)]
+        raise ScenarioError("\n".join(word.removeprefix(": ") for word in words)) from None
 
 
 def _written_out(data: dict[Any, Any]) -> tuple[list[Finding], dict[Any, Any], list[int]]:
@@ -84,7 +132,7 @@ def _written_out(data: dict[Any, Any]) -> tuple[list[Finding], dict[Any, Any], l
     """
     findings: list[Finding] = []
     rest = {key: value for key, value in data.items() if key not in ("home", "count")}
-    home = (_checked(_Home, data["home"], ("home",), findings) or NOWHERE) if "home" in data else None
+    home = (_checked(Home, data["home"], ("home",), findings) or NOWHERE) if "home" in data else None
     if "count" in data:
         if "vehicles" in data:
             findings.append((("count",), "`count` is short for `vehicles: [{count: ...}]`; keep one of them"))
@@ -106,10 +154,10 @@ def _written_out(data: dict[Any, Any]) -> tuple[list[Finding], dict[Any, Any], l
 
 
 def _vehicles(
-    entry: dict[Any, Any], home: _Home | None, where: KeyPath, used: dict[int, int], findings: list[Finding]
+    entry: dict[Any, Any], home: Home | None, where: KeyPath, used: dict[int, int], findings: list[Finding]
 ) -> list[dict[Any, Any]]:
     """The vehicles that one entry of the list stands for."""
-    short = _checked(_Shorthand, entry, where, findings) or _Shorthand()
+    short = _checked(Shorthand, entry, where, findings) or Shorthand()
     rest = {key: value for key, value in entry.items() if key not in SHORT_FORMS}
     offsets = [key for key in ("east_m", "north_m") if key in entry]
     if "lat_deg" in entry or "lon_deg" in entry:
@@ -119,7 +167,7 @@ def _vehicles(
             )
         if short.count == 1 and "sysid" in entry:
             return [rest]
-        home = _checked(_Home, {key: entry[key] for key in PLACE if key in entry}, where, findings)
+        home = _checked(Home, {key: entry[key] for key in PLACE if key in entry}, where, findings)
     elif home is None:
         findings.append((where, "a vehicle needs lat_deg and lon_deg, or the scenario a `home` to stand at"))
     home = home or NOWHERE
@@ -168,7 +216,8 @@ def _findings(error: ValidationError, sources: list[int], model: type[BaseModel]
     for detail in error.errors():
         cause = detail.get("ctx", {}).get("error")
         if isinstance(cause, MisfitError):
-            found += [(_in_file(path, sources), text) for path, text in cause.findings]
+            misfits = [(_in_file(path, sources), text) for path, text in cause.findings]
+            found += [finding for finding in dict.fromkeys(misfits) if finding not in found]
             continue
         loc = tuple(part for part in detail["loc"] if part != "kind")
         path = _in_file(loc, sources)
@@ -194,30 +243,42 @@ def _words(detail: Any, loc: KeyPath, model: type[BaseModel]) -> str:
         )
     if detail["type"] == "missing":
         return "is missing; add it"
-    message = detail["msg"].removeprefix("Value error, ")
     if detail["type"] == "value_error":
-        return str(message)
-    return f"{message[0].lower()}{message[1:]}, found {detail['input']!r:.60}"
+        return str(detail["msg"].removeprefix("Value error, "))
+    found = detail["input"]
+    written = "nothing" if found is None or found == {} else repr(found)
+    wanted = WANTED.get(detail["type"])
+    if wanted is None:
+        return f"{detail['msg'][0].lower()}{detail['msg'][1:]}, found {written:.60}"
+    section = _section_at(model, loc) if detail["type"] in SECTION_TYPES else None
+    if section is not None and not section.model_fields:
+        return f"takes nothing behind it, found {written:.60}"
+    keys = f" ({', '.join(section.model_fields)})" if section is not None else ""
+    return f"{wanted.format(**detail.get('ctx', {}))}{keys}, found {written:.60}"
 
 
 def _keys_at(model: Any, loc: KeyPath) -> list[str]:
     """The keys that the section at `loc` may have."""
-    annotation: Any = model
-    for part in loc:
-        section = _section(annotation)
-        if isinstance(part, str) and section is not None:
-            field = section.model_fields.get(part)
-            annotation = field.annotation if field is not None else None
-    section = _section(annotation)
+    section = _section_at(model, loc)
     return list(section.model_fields) if section is not None else []
 
 
-def _section(annotation: Any) -> type[BaseModel] | None:
+def _section_at(model: Any, loc: KeyPath) -> type[BaseModel] | None:
+    annotation: Any = model
+    for part in loc:
+        section = section_of(annotation)
+        if isinstance(part, str) and section is not None:
+            field = section.model_fields.get(part)
+            annotation = field.annotation if field is not None else None
+    return section_of(annotation)
+
+
+def section_of(annotation: Any) -> type[BaseModel] | None:
     """The model inside an annotation like `Annotated[list[Model], ...] | None`."""
     if inspect.isclass(annotation) and issubclass(annotation, BaseModel):
         return annotation
     for inner in typing.get_args(annotation):
-        if (found := _section(inner)) is not None:
+        if (found := section_of(inner)) is not None:
             return found
     return None
 
@@ -263,8 +324,4 @@ def default_scenario(
                 "link": i // per_link,
             }
         )
-    try:
-        return Scenario.model_validate({"seed": seed, "vehicles": vehicles})
-    except ValidationError as error:
-        ((path, text), *_) = _findings(error, [])
-        raise ScenarioError(f"{'.'.join(map(str, path))}: {text}") from error
+    return parse_data({"seed": seed, "vehicles": vehicles})

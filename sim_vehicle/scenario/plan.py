@@ -1,5 +1,6 @@
 """Missions and fences as a scenario writes them: in metres from where the vehicle stands."""
 
+import math
 from collections.abc import Sequence
 from typing import Annotated, Any, Self
 
@@ -8,9 +9,14 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.physics.geodesy import LocalFrame
 from sim_vehicle.scenario.base import Length, Metres, Nothing, Number, OneOf, Seconds, Section
-from sim_vehicle.vehicle.mission import Item
+from sim_vehicle.vehicle.mission import NAVIGATION, Item
 
 Height = Annotated[float, Field(strict=True, gt=0, le=10_000)]
+LANDINGS = frozenset(
+    {mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_VTOL_LAND, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH}
+)
+NARROWEST_M = 0.02  # of a polygon: the wire's unit of 1e-7 degrees is 1.1 cm
+MOST_NUMBER = {"MAV_CMD_": 0xFFFF, "MAV_FRAME_": 0xFF}  # that fits on the wire
 
 
 class Point(Section):
@@ -107,8 +113,30 @@ class Leg(OneOf):
     land: Land | None = None
     item: RawItem | None = None
 
+    @property
+    def flown(self) -> bool:
+        """Whether it takes the vehicle somewhere, or keeps it there, and is not done on the way."""
+        if self.item is not None:
+            return number("MAV_CMD_", self.item.command) in NAVIGATION
+        return self.speed_m_s is None and self.jump is None
+
+    @property
+    def lands(self) -> bool:
+        """Whether the vehicle is down after it."""
+        if self.item is not None:
+            return number("MAV_CMD_", self.item.command) in LANDINGS
+        return self.rtl is not None or self.land is not None
+
+    @property
+    def returns(self) -> bool:
+        if self.item is not None:
+            return number("MAV_CMD_", self.item.command) == int(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
+        return self.rtl is not None
+
     def place(self) -> tuple[float, float] | None:
         """East and north [m] of where this leg leads, if it names a place."""
+        if not self.flown:  # a region of interest is a place as well
+            return None
         for where in (self.takeoff, self.waypoint, self.loiter, self.land, self.item):
             if where is not None and where.east_m is not None and where.north_m is not None:
                 return where.east_m, where.north_m
@@ -127,19 +155,42 @@ class FenceShape(OneOf):
     keep_in_circle: Circle | None = None
     keep_out_circle: Circle | None = None
 
+    @model_validator(mode="after")
+    def _has_an_inside(self) -> Self:
+        corners = self.keep_in or self.keep_out
+        if corners is not None and _width_m(corners) < NARROWEST_M:
+            raise ValueError(
+                "all corners of this polygon are on one line, so nothing is inside; move one off it"
+            )
+        return self
+
     @property
     def inclusion(self) -> bool:
         return self.keep_in is not None or self.keep_in_circle is not None
 
 
+def _width_m(corners: Sequence[tuple[float, float]]) -> float:
+    """How far the corners are off the line from the first one to that farthest from it."""
+    first = corners[0]
+    farthest = max(corners, key=lambda corner: math.dist(first, corner))
+    length_m = math.dist(first, farthest)
+    if length_m == 0:
+        return 0.0
+    east, north = (farthest[0] - first[0]) / length_m, (farthest[1] - first[1]) / length_m
+    return max(abs(east * (c[1] - first[1]) - north * (c[0] - first[0])) for c in corners)
+
+
 def number(prefix: str, value: str | int) -> int:
     """The number of a MAVLink enumeration's member, by number or by name with or without its prefix."""
     if isinstance(value, int):
+        if not 0 <= value <= MOST_NUMBER[prefix]:
+            raise ValueError(f"a {prefix}* is a number from 0 to {MOST_NUMBER[prefix]}, found {value!r:.60}")
         return value
-    found: int | None = getattr(mavlink, value if value.startswith(prefix) else prefix + value, None)
-    if found is None:
+    members = {entry.name: found for found, entry in mavlink.enums[prefix.removesuffix("_")].items()}
+    name = value if value.startswith(prefix) else prefix + value
+    if name not in members or name == f"{prefix}ENUM_END":
         raise ValueError(f"{value!r} is no {prefix}*; write a name of the MAVLink enumeration, or its number")
-    return found
+    return int(members[name])
 
 
 class PlanWriter:

@@ -94,6 +94,12 @@ class CheckSpec(Section):
     def _times_fit(self) -> Self:
         if self.by_s is not None and self.when != "eventually":
             raise ValueError(f"`by_s` is for what happens eventually; {self.name} is looked at {self.when}")
-        if self.until_s is not None and self.until_s <= self.from_s:
-            raise ValueError(f"`until_s` ({self.until_s:g}) must be later than `from_s` ({self.from_s:g})")
+        if self.when == "end" and (self.from_s > 0 or self.until_s is not None):
+            raise ValueError(
+                f"{self.name} is looked at when the run ends, not from `from_s` to `until_s`; "
+                "leave them out, or say `when: always` or `when: eventually`"
+            )
+        for name, time_s in (("until_s", self.until_s), ("by_s", self.by_s)):
+            if time_s is not None and time_s <= self.from_s:
+                raise ValueError(f"`{name}` ({time_s:g}) must be later than `from_s` ({self.from_s:g})")
         return self

@@ -3,34 +3,38 @@
 import asyncio
 import math
 from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
 
 from rich.console import Console, Group
-from rich.live import Live
-from rich.table import Table
 from rich.text import Text
 
 from sim_vehicle.fleet import Truth
+from sim_vehicle.serving.columns import Column, one_line, table
 from sim_vehicle.serving.server import Server
 
 REFRESH_S = 0.5
 PAGE_S = 5.0
-FRAME_LINES = 5  # two of the header, headings, summary, and the cursor's own
-WIDE = 100  # columns from which there is room for the place and the messages
+FRAME_LINES = 5  # two of the header, headings, summary, and the last warning
 MODES_NAMED = 4
 LATE_S = 0.05
 LOW_BATTERY = 0.2
+FAULTS_LEAST = 12  # characters, cut
 
 
 class Display:
     """What the terminal shows; remembers what it takes to say messages per second."""
 
-    def __init__(self, server: Server) -> None:
-        self._server = server
+    def __init__(self, server: Server, warning: Callable[[], str] = str) -> None:
+        """`warning`: the last thing to be said of what went wrong, if there is one."""
+        self._server, self._warning = server, warning
         scenario = server.fleet.scenario
         self._types = [f"{spec.personality} {spec.kind}" for spec in scenario.vehicles]
         self._sent, self._sent_s = list(server.sent), 0.0
         self._rates = [0.0] * len(self._types)
         self._began_s: float | None = None
+        # Columns only grow: a table whose columns come and go with each number cannot be read.
+        self._widest: dict[str, int] = {}
 
     def render(self, wall_s: float, width: int, height: int) -> Group:
         """The picture at `wall_s` [s of any clock] for a terminal of `width` by `height` characters."""
@@ -43,8 +47,10 @@ class Display:
         pages = math.ceil(count / rows)
         page = int((wall_s - self._began_s) / PAGE_S) % pages
         shown = range(page * rows, min(count, (page + 1) * rows))
-        parts: list[Table | Text] = [*self._header(width, wall_s), self._table(truth, shown, width)]
-        parts.append(_cut(summary(truth, page, pages), width))
+        parts = [*self._header(width, wall_s), *table(self._columns(truth, shown), width)]
+        parts.append(one_line(summary(truth, page, pages), width, "dim"))
+        if warning := self._warning():
+            parts.append(one_line([warning], width, "red"))
         return Group(*parts)
 
     def _count(self, wall_s: float) -> None:
@@ -56,69 +62,76 @@ class Display:
     def _header(self, width: int, wall_s: float) -> list[Text]:
         server = self._server
         late_s = server.lateness.quantile_s(0.99)
-        words = [f"{_clock(server.simulated_s)} at {server.pace}", f"{sum(self._rates):.0f} messages/s"]
+        words = [f"{_clock(server.simulated_s)}, {server.pace}", f"{sum(self._rates):.0f} messages/s"]
         if not math.isnan(late_s):
             words.append(f"p99 late {1000 * late_s:.0f} ms")
         if server.pace.lost_s:
             words.append(f"{server.pace.lost_s:.1f} s lost")
         if server.dropped:
             words.append(f"{server.dropped} dropped")
-        heard = server.stations()
-        stations = f"{heard} ground station{'s' if heard != 1 else ''}"
         slow = bool(server.pace.lost_s) or late_s > LATE_S
         return [
-            _cut(Text(f"sim_vehicle  {'  '.join(words)}", style="bold red" if slow else "bold"), width),
-            _cut(Text(f"{server.ports_words()}  {stations}", style="dim"), width),
+            one_line([f"sim_vehicle  {words[0]}", *words[1:]], width, "bold red" if slow else "bold"),
+            one_line([f"ground stations: {server.stations()}  {server.ports_words()}"], width, "dim"),
         ]
 
-    def _table(self, truth: Truth, shown: range, width: int) -> Table:
-        wide = width >= WIDE
-        table = Table(box=None, padding=(0, 1), pad_edge=False, header_style="bold")
-        table.add_column("id", justify="right", no_wrap=True)
-        table.add_column("type", no_wrap=True)
-        table.add_column("mode", no_wrap=True)
-        for heading in ("armed", "height m", "m/s", "batt"):
-            table.add_column(heading, justify="right", no_wrap=True)
-        if wide:
-            table.add_column("latitude, longitude", justify="right", no_wrap=True)
-            table.add_column("msg/s", justify="right", no_wrap=True)
-        table.add_column("hit", justify="right", no_wrap=True)
-        table.add_column("faults", no_wrap=True, overflow="ellipsis")
+    def _columns(self, truth: Truth, shown: range) -> list[Column]:
+        """For some of the vehicles; what says least goes first where there is no room."""
         several = len(set(self._server.fleet.links)) > 1
-        for i in shown:
-            link = f"{self._server.fleet.links[i]}:" if several else ""
-            battery = float(truth.battery_remaining[i])
-            place = [f"{truth.lat_deg[i]:.6f}, {truth.lon_deg[i]:.6f}", f"{self._rates[i]:.0f}"]
-            strikes = int(truth.strikes[i])
-            table.add_row(
-                f"{link}{truth.sysid[i]}",
-                self._types[i],
-                truth.mode[i],
-                Text("yes", style="yellow") if truth.armed[i] else "no",
-                f"{truth.height_m[i]:.1f}",
-                f"{truth.speed_m_s[i]:.1f}",
-                Text(f"{battery:.0%}", style="red" if battery < LOW_BATTERY else ""),
-                *(place if wide else ()),
-                Text(str(strikes), style="red" if strikes else "dim"),
-                Text(" ".join(self._server.fleet.faults_on(i)), style="red"),
-            )
-        return table
+        faults = [" ".join(self._server.fleet.faults_on(i)) for i in shown]
+        columns = [
+            Column("id", [Text(self._id(truth, i, several)) for i in shown], stays=10, right=True),
+            Column("type", [Text(self._types[i]) for i in shown], stays=4),
+            Column("mode", [Text(truth.mode[i]) for i in shown], stays=8),
+            Column("armed", [_armed(bool(truth.armed[i])) for i in shown], stays=3, right=True),
+            Column("height m", [Text(f"{truth.height_m[i]:.1f}") for i in shown], stays=7, right=True),
+            Column("m/s", [Text(f"{truth.speed_m_s[i]:.1f}") for i in shown], stays=5, right=True),
+            Column("batt", [_battery(float(truth.battery_remaining[i])) for i in shown], stays=9, right=True),
+            Column("latitude, longitude", [Text(_place(truth, i)) for i in shown], stays=0, right=True),
+            Column("msg/s", [Text(f"{self._rates[i]:.0f}") for i in shown], stays=2, right=True),
+            Column("hit", [_strikes(int(truth.strikes[i])) for i in shown], stays=1, right=True),
+        ]
+        if any(faults) or "faults" in self._widest:
+            cells = [Text(words, style="red") for words in faults]
+            columns.append(Column("faults", cells, stays=6, cut=FAULTS_LEAST))
+        for i, column in enumerate(columns):
+            self._widest[column.heading] = max(column.width, self._widest.get(column.heading, 0))
+            columns[i] = replace(column, least=self._widest[column.heading])
+        return columns
+
+    def _id(self, truth: Truth, i: int, several: bool) -> str:
+        return f"{self._server.fleet.links[i]}:{truth.sysid[i]}" if several else f"{truth.sysid[i]}"
 
 
-def summary(truth: Truth, page: int, pages: int) -> Text:
-    """One line about all vehicles, and which page this is."""
+def _place(truth: Truth, i: int) -> str:
+    return f"{truth.lat_deg[i]:.6f}, {truth.lon_deg[i]:.6f}"
+
+
+def _armed(armed: bool) -> Text:
+    return Text("yes", style="yellow") if armed else Text("no")
+
+
+def _battery(share: float) -> Text:
+    return Text(f"{share:.0%}", style="red" if share < LOW_BATTERY else "")
+
+
+def _strikes(strikes: int) -> Text:
+    return Text(str(strikes), style="red" if strikes else "dim")
+
+
+def summary(truth: Truth, page: int, pages: int) -> list[str]:
+    """In some words about all vehicles, and which page this is."""
     modes = Counter(truth.mode).most_common()
     named = [f"{number} {mode}" for mode, number in modes[:MODES_NAMED]]
     named += [f"{sum(number for _, number in modes[MODES_NAMED:])} other"] if len(modes) > MODES_NAMED else []
     words = [
-        f"{len(truth.mode)} vehicles",
+        f"{len(truth.mode)} vehicle{'s' if len(truth.mode) != 1 else ''}",
         ", ".join(named),
         f"{int(truth.armed.sum())} armed",
         f"{int(truth.airborne.sum())} flying",
         f"battery >= {float(truth.battery_remaining.min()):.0%}",
     ]
-    words = [f"page {page + 1}/{pages}", *words] if pages > 1 else words
-    return Text("  ".join(words), style="dim")
+    return [f"page {page + 1}/{pages}", *words] if pages > 1 else words
 
 
 def _clock(seconds: float) -> str:
@@ -127,21 +140,29 @@ def _clock(seconds: float) -> str:
     return f"{hours}:{minutes:02}:{rest:02}"
 
 
-def _cut(text: Text, width: int) -> Text:
-    text.truncate(width, overflow="ellipsis")
-    return text
+async def showing(server: Server, warning: Callable[[], str]) -> None:
+    """Keep the picture up to date until cancelled; a thread draws it, as heartbeats are due meanwhile.
 
-
-async def showing(server: Server) -> None:
-    """Keep the picture up to date until cancelled; a thread draws it, as heartbeats are due meanwhile."""
+    It has a screen of its own, drawn anew each time: on the one with the lines above it, a terminal that is
+    made narrower would leave torn pieces of the pictures before. The last picture stays with those lines.
+    """
     console = Console()
-    display, loop = Display(server), asyncio.get_running_loop()
-    with Live(console=console, auto_refresh=False) as live:
-        try:
-            while True:
-                picture = display.render(loop.time(), console.width, console.height)
-                live.update(picture)
-                await asyncio.to_thread(live.refresh)
+    if not console.is_terminal or console.is_dumb_terminal:
+        return
+    display, loop = Display(server, warning), asyncio.get_running_loop()
+    size = console.size
+    with console.screen():
+        while True:
+            if console.size != size:  # some terminals keep what is beyond the edge and show it again later
+                size = console.size
+                console.clear()
+            picture = display.render(loop.time(), *size)
+            drawing = asyncio.ensure_future(asyncio.to_thread(console.update_screen, picture))
+            try:
+                await asyncio.shield(drawing)
                 await asyncio.sleep(REFRESH_S)
-        finally:
-            live.update(display.render(loop.time(), console.width, console.height))
+            except asyncio.CancelledError:
+                await drawing  # so that it does not draw on the other screen
+                break
+        console.clear()
+    console.print(display.render(loop.time(), *console.size))

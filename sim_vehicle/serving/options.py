@@ -14,6 +14,7 @@ from sim_vehicle.scenario import Scenario, ScenarioError, default_scenario, load
 from sim_vehicle.url import Url, UrlError, parse_url
 
 MAX_SYSID = 250
+MAX_LATITUDE = 89  # where a step to the east is still a small one of longitude
 DEFAULT_HOME = "46.0490,14.5060,300"  # Ljubljana, Slovenia
 KINDS = {"copter": "copter", "plane": "plane", "arducopter": "copter", "arduplane": "plane"}
 Value = TypeVar("Value")
@@ -55,7 +56,7 @@ def read_options(options: FleetOptions, urls: Sequence[str]) -> tuple[Scenario, 
 def make_scenario(options: FleetOptions) -> tuple[Scenario, list[str]]:
     """The scenario of these options, and what the operator should know about it; OptionError."""
     findings: list[str] = []
-    faults = [_try(findings, parse_fault, text, "--fault ") for text in options.faults]
+    faults = [_try(findings, parse_fault, text, "--") for text in options.faults]
     wind = None if options.wind is None else _try(findings, parse_wind, options.wind)
     params = [_try(findings, parse_param, text) for text in options.params]
     files = [_try(findings, read_param_file, path) for path in options.param_files]
@@ -134,6 +135,11 @@ def _counted(options: FleetOptions) -> Scenario:
     personalities = parse_personality(options.personality or "ardupilot", options.count)
     count, first = len(personalities), options.sysid or 1
     most = MAX_SYSID - first + 1
+    if options.sysid is not None and options.per_port is None and count > most:
+        raise OptionError(
+            f"--sysid {first}: system ids end at {MAX_SYSID}, so at most {most} of {count} vehicles "
+            f"{'fits' if most == 1 else 'fit'} on a port; begin lower, or take more ports: --per-port {most}"
+        )
     per_port = options.per_port or most
     distinct = count <= most
     if not distinct and per_port > most:
@@ -155,13 +161,14 @@ def _counted(options: FleetOptions) -> Scenario:
 
 def parse_personality(text: str, count: int | None) -> list[str]:
     """One name a vehicle: `px4`, `mixed` (in turn), or `ardupilot:3,px4:2`."""
-    if text in PERSONALITIES:
-        return [text] * (count or 1)
-    if text == "mixed":
+    given = text.lower()
+    if given in PERSONALITIES:
+        return [given] * (count or 1)
+    if given == "mixed":
         return list(itertools.islice(itertools.cycle(PERSONALITIES), count or len(PERSONALITIES)))
     found: list[str] = []
     for part in text.split(","):
-        name, _, number = part.strip().partition(":")
+        name, _, number = part.strip().lower().partition(":")
         if name not in PERSONALITIES or not number.isdecimal() or int(number) < 1:
             expected = f"{', '.join(PERSONALITIES)}, mixed, or numbers of each: ardupilot:3,px4:2"
             raise OptionError(
@@ -188,7 +195,7 @@ def parse_home(text: str) -> tuple[float, float, float, float]:
     if len(numbers) not in (3, 4):
         raise OptionError(f"--home {text!r} is not LAT,LON,ALT[,HEADING], for example {DEFAULT_HOME}")
     for value, low, high, name in zip(
-        numbers, (-90, -180, -500, -360), (90, 180, 9000, 360),
+        numbers, (-MAX_LATITUDE, -180, -500, -360), (MAX_LATITUDE, 180, 9000, 360),
         ("latitude", "longitude", "altitude", "heading"), strict=False,
     ):  # fmt: skip
         if not low <= value <= high:

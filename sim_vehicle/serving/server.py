@@ -1,6 +1,7 @@
 """The fleet on its links, at some pace: what joins the pure fleet to sockets and clocks."""
 
 import asyncio
+import itertools
 import os
 from collections.abc import Callable, Collection, Hashable, Iterable, Sequence
 from functools import partial
@@ -16,6 +17,7 @@ from sim_vehicle.wire.outbox import Frames
 DATAGRAM_BYTES = 1200
 HEARTBEAT_ID = b"\x00\x00\x00"  # where a MAVLink 2 frame has its message id
 V2 = 0xFD
+ANY_HOST = ("0.0.0.0", "::")
 
 
 class Server:
@@ -50,6 +52,7 @@ class Server:
             vehicles = [index for index, its in enumerate(fleet.links) if its == link]
             ends = Ends(self._receiver(link), partial(fleet.forget_peer, link=link), warn)
             self._links[link] = [make_link(self._at(url, link), ends, vehicles=vehicles) for url in urls]
+        self._refuse_shared_ports()
 
     def _at(self, url: Url, link: int) -> Url:
         """Where a link of the fleet is; each has a port of its own."""
@@ -66,6 +69,20 @@ class Server:
                 f"{url}: link {link} would need port {port}, but {MAX_PORT} is the last; begin lower"
             )
         return url.shifted(link * self.port_step)
+
+    def _refuse_shared_ports(self) -> None:
+        """A port belongs to one link: one of another URL there would be in its way, or be taken for it."""
+        for one, other in itertools.combinations(self.urls, 2):
+            same_host = one.host == other.host or (one.listens and {one.host, other.host} & {*ANY_HOST})
+            if one.kind != other.kind or one.serial or not same_host:
+                continue
+            taken = {self._at(one, link).port for link in self._links}
+            both = [port for link in self._links if (port := self._at(other, link).port) in taken]
+            if both:
+                raise LinkError(
+                    f"{one} and {other}: with {len(self._links)} ports each, both would have port "
+                    f"{min(both)}; begin further apart"
+                )
 
     @property
     def dropped(self) -> int:

@@ -1,6 +1,8 @@
 """One fleet under test and its time: stepped by the test itself, or served on a port by a thread."""
 
+import difflib
 import inspect
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,17 +10,23 @@ from typing import Any, Protocol, TypeVar
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.faults.spec import parse_fault
+from sim_vehicle.faults.spec import FaultError, parse_fault
 from sim_vehicle.fleet import Fleet
+from sim_vehicle.personalities import PERSONALITIES
 from sim_vehicle.run.station import Station
 from sim_vehicle.scenario import Scenario, ScenarioError, default_scenario, load_scenario
+from sim_vehicle.scenario.file import parse_data, read_step
 from sim_vehicle.scenario.steps import Step
+from sim_vehicle.serving.tlog import Tlog
 from sim_vehicle.wire.outbox import Frames
 
 STEP_S = 0.05
 HOME = (46.0490, 14.5060, 300.0)  # latitude, longitude [deg], above mean sea level [m]
 GCS_SYSTEM, GCS_COMPONENT = 255, mavlink.MAV_COMP_ID_MISSIONPLANNER
 PEER = "the test"
+MOST_VEHICLES = 10_000
+LINES_KEPT = 20
+SOURCE_SYSTEM = 5  # where a MAVLink 2 frame has it
 Result = TypeVar("Result")
 
 
@@ -67,6 +75,7 @@ class Vehicle:
         self._decoder = mavlink.MAVLink(None)
         self._decoder.robust_parsing = True
         self._raw: list[bytes] = []
+        self._log: list[tuple[float, bytes]] = []  # whole frames, from it and to it
         self._decoded = 0
         self._received: list[Any] = []
 
@@ -78,12 +87,12 @@ class Vehicle:
     def send(self, message: Any) -> list[Any]:
         """Send a pymavlink message, or bytes, as a ground station does; what came back at once."""
         before = len(self.received)
-        self._rig.deliver(message, self.link)
+        self._rig.deliver(message, self)
         return self.received[before:]
 
     @property
     def received(self) -> list[Any]:
-        """Every message that came from this vehicle, in order."""
+        """Every message that came from this vehicle, in order; a test may take out what it has dealt with."""
         while self._decoded < len(self._raw):
             parsed = self._decoder.parse_buffer(self._raw[self._decoded]) or ()
             self._decoded += 1
@@ -106,31 +115,47 @@ class Vehicle:
 
     @property
     def truth(self) -> VehicleTruth:
+        """Where it really is and what it does, which no ground station sees."""
         return self._rig.truth(self.index)
 
     @property
     def mode(self) -> str:
+        """Its mode by name, `GUIDED` or `Mission`."""
         return self.truth.mode
 
     @property
     def armed(self) -> bool:
+        """Whether its motors may turn."""
         return self.truth.armed
 
     @property
     def height_m(self) -> float:
+        """Above the ground [m]."""
         return self.truth.height_m
 
     def inject(self, fault: str) -> None:
         """Begin a fault now: `gps_loss:for=10`, written as for `--fault`; `at` counts from now."""
-        self._rig.inject(fault, self.sysid)
+        __tracebackhide__ = True
+        try:
+            self._rig.inject(fault, self.sysid)
+        except FaultError as error:
+            raise FaultError(str(error)) from None
 
     def do(self, action: str, value: Any = None) -> None:
         """Have a small ground station do one thing with it: `do("takeoff", 20)`, `do("mode", "RTL")`.
 
-        The actions are those of a scenario's script. It begins as time passes; a step that fails raises from
-        the clock.
+        The actions are those of a scenario's script; ScenarioError where there is no such action, or this
+        vehicle cannot do it. It begins as time passes; a step that fails raises from the clock.
         """
-        self._rig.do(self.index, Step.model_validate({action: value}))
+        __tracebackhide__ = True
+        try:
+            step = read_step(action, value)
+        except ScenarioError as error:
+            raise ScenarioError(str(error)) from None
+        text = self._rig.misfit(self.index, step)
+        if text:
+            raise ScenarioError(f"{action}: vehicle {self.sysid} {text}")
+        self._rig.do(self.index, step)
 
 
 class Swarm(Sequence[Vehicle]):
@@ -157,6 +182,7 @@ class Rig:
         self.fleet: Fleet | None = None
         self.vehicles: list[Vehicle] = []
         self.serving: Serving | None = None
+        self.said: deque[str] = deque(maxlen=LINES_KEPT)  # what a server said to its operator
         self._codec = mavlink.MAVLink(None, GCS_SYSTEM, GCS_COMPONENT)
         self._station: Station | None = None
         self._now = 0.0
@@ -167,6 +193,7 @@ class Rig:
         return self._now if self.serving is None else self.serving.now
 
     def create(self, scenario: Scenario, ready_s: float | None) -> Swarm:
+        __tracebackhide__ = True
         if self.fleet is not None:
             raise RuntimeError(
                 "a test has one fleet; ask for all its vehicles in one call of swarm(count=...)"
@@ -177,16 +204,18 @@ class Rig:
         return Swarm(self.vehicles, scenario)
 
     def existing(self) -> Fleet:
+        __tracebackhide__ = True
         if self.fleet is None:
             raise RuntimeError(
                 "there is no vehicle yet; ask for the fixture `vehicle`, or call swarm() first"
             )
         return self.fleet
 
-    def take(self, frames: Frames, _now: float) -> None:
+    def take(self, frames: Frames, now: float) -> None:
         """What the fleet sent."""
         for index, frame in frames:
             self.vehicles[index]._raw.append(frame)
+            self.vehicles[index]._log.append((now, frame))
             if self._station is not None:
                 self._station.receive(index, frame, self.now)
 
@@ -209,29 +238,55 @@ class Rig:
             mode=truth.mode[index],
         )
 
-    def deliver(self, message: Any, link: int) -> None:
+    def deliver(self, message: Any, vehicle: Vehicle) -> None:
         fleet = self.existing()
-        data = message if isinstance(message, bytes) else bytes(message.pack(self._codec))
+        whole = not isinstance(message, bytes)
+        data = bytes(message.pack(self._codec)) if whole else message
 
         def received() -> None:
-            self.take(fleet.receive(data, self.now, peer=PEER, link=link), self.now)
+            if whole:
+                vehicle._log.append((self.now, data))
+            self.take(fleet.receive(data, self.now, peer=PEER, link=vehicle.link), self.now)
 
         self._call(received)
 
     def inject(self, fault: str, sysid: int) -> None:
+        __tracebackhide__ = True
         spec = parse_fault(fault).model_copy(update={"vehicles": [sysid]})
         self._call(lambda: self.existing().inject(spec, self.now))
 
+    def misfit(self, index: int, step: Step) -> str:
+        scenario = self.existing().scenario
+        return scenario.misfit(step, scenario.vehicles[index])
+
     def do(self, index: int, step: Step) -> None:
+        self._call(lambda: self._begin(index, step))
+
+    def _begin(self, index: int, step: Step) -> None:
         if self._station is None:
-            self._station = Station(self.existing().scenario)
+            self._station = Station(self.existing().scenario, heard=self._log_said)
             for vehicle in self.vehicles:
                 for frame in vehicle._raw:
                     self._station.receive(vehicle.index, frame, self.now)
         self._station.begin(index, step)
 
+    def _log_said(self, index: int, frame: bytes, now: float) -> None:
+        """Of what the small station hears and says, the latter: the rest is in the log already."""
+        if frame[SOURCE_SYSTEM] == GCS_SYSTEM:
+            self.vehicles[index]._log.append((now, frame))
+
+    def write_tlogs(self, folder: Path) -> None:
+        """One a vehicle: what it sent, and what the test sent to it."""
+        for vehicle in self.vehicles:
+            link = f"link-{vehicle.link}-" if vehicle.link else ""
+            with (folder / f"{link}vehicle-{vehicle.sysid}.tlog").open("wb") as file:
+                log = Tlog(file)
+                for now, frame in vehicle._log:
+                    log.write(frame, now)
+
     def tick(self) -> None:
         """Let 0.05 s pass."""
+        __tracebackhide__ = True
         if self.serving is not None:
             self.serving.wait()
         else:
@@ -270,7 +325,8 @@ class Clock:
         return self._rig.now
 
     def run_for(self, seconds: float) -> None:
-        """Let time pass."""
+        """Let time pass [s of simulated time]."""
+        __tracebackhide__ = True
         end = self.now + seconds
         while self.now < end - 1e-9:
             self._rig.tick()
@@ -278,8 +334,10 @@ class Clock:
     def run_until(self, condition: Callable[[], object], timeout: float = 60.0) -> float:
         """Let time pass until the condition holds; how long that took [s].
 
-        `timeout` is in simulated seconds; NotWithinTimeError, an AssertionError, when it is over.
+        `timeout` is in simulated seconds; NotWithinTimeError, an AssertionError, when it is over, or when
+        a step begun by `vehicle.do` fails. The condition is asked before the first tick and after each.
         """
+        __tracebackhide__ = True
         start = self.now
         while not condition():
             if self.now - start >= timeout - 1e-9:
@@ -310,6 +368,14 @@ def scenario_for(
     scenario: Scenario | Path | str | None = None,
 ) -> Scenario:
     """What `swarm(...)` makes; ScenarioError where that cannot be."""
+    if not (isinstance(count, int) and 1 <= count <= MOST_VEHICLES):
+        raise ScenarioError(f"count={count!r}: give a whole number from 1 to {MOST_VEHICLES}")
+    _one_of("personality", personality, [*PERSONALITIES, "mixed"])
+    _one_of("kind", kind, sorted({kind for kinds in PERSONALITIES.values() for kind in kinds}))
+    if len(home) != 3 or not (-90 <= home[0] <= 90 and -180 <= home[1] <= 180):
+        raise ScenarioError(f"home={home!r}: give latitude, longitude [deg] and altitude [m]")
+    if isinstance(faults, str):
+        raise ScenarioError(f"faults={faults!r}: give a list of them, faults=[{faults!r}]")
     if isinstance(scenario, str | Path):
         scenario = load_scenario(Path(scenario))
     if scenario is None:
@@ -320,7 +386,11 @@ def scenario_for(
     data["wind"] = {**data["wind"], **(wind or {})}
     for vehicle in data["vehicles"]:
         vehicle["params"] = {**vehicle["params"], **(params or {})}
-    try:
-        return Scenario.model_validate(data)
-    except ValueError as error:
-        raise ScenarioError(str(error)) from error
+    return parse_data(data)
+
+
+def _one_of(what: str, found: str, words: Sequence[str]) -> None:
+    if found not in words:
+        near = difflib.get_close_matches(str(found), words, n=1)
+        cure = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(words)}"
+        raise ScenarioError(f"{what}={found!r}: {cure}")

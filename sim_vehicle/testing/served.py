@@ -30,6 +30,7 @@ class Thread:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._task: asyncio.Task[None] | None = None
         self._server: Server | None = None
+        self.lagged = ""  # the last complaint that time was lost
         self._thread = threading.Thread(target=self._main, name="sim_vehicle", daemon=True)
         self._thread.start()
         if not self._opened.wait(DEADLINE_S):
@@ -51,14 +52,15 @@ class Thread:
             self._rig.existing(),
             [parse_url(self._url)],
             RealTime(self._speedup, self._too_slow),
-            warn=self._too_slow,
+            warn=self._rig.said.append,
             record=self._rig.take,
         )
         with contextlib.suppress(asyncio.CancelledError):
             await self._server.run(on_open=self._opened.set)
 
     def _too_slow(self, text: str) -> None:
-        warnings.warn(text, RuntimeWarning, stacklevel=2)
+        self._rig.said.append(text)
+        self.lagged = text
 
     @property
     def now(self) -> float:
@@ -107,7 +109,17 @@ class Link:
         self._port = 0
 
     def serve(self, url: str | None = None, *, speedup: float = 1.0) -> "Link":
-        """Begin now: listen on a free port, or talk at a URL like `udpout:127.0.0.1:14550`."""
+        """Begin now; without this call it begins when `link.url` is first asked for.
+
+        Parameters
+        ----------
+        url: as for `--url`: `udpout:127.0.0.1:14550` for a station that listens there, `tcpin:127.0.0.1:5760`
+            for one that connects. None: listen on a free UDP port of this machine, which `link.url`,
+            `link.mavsdk_url`, `link.address` and `link.port` then name; it answers whoever speaks to it.
+        speedup: simulated seconds per second. From now on time passes by itself; where it cannot keep up, a
+            RuntimeWarning says so when the test ends.
+        """
+        __tracebackhide__ = True
         if self._thread is not None:
             raise RuntimeError("the fleet is served already; call link.serve() before link.url is used")
         if url is None:
@@ -120,28 +132,38 @@ class Link:
     @property
     def port(self) -> int:
         """Where the fleet listens on 127.0.0.1; it speaks to whoever has spoken to it."""
+        __tracebackhide__ = True
         if self._thread is None:
             self.serve()
+        if not self._port:
+            raise RuntimeError("the fleet talks at the URL that link.serve(url) was given, and has no other")
         return self._port
 
     @property
     def address(self) -> tuple[str, int]:
         """Host and port for a socket of one's own."""
+        __tracebackhide__ = True
         return ("127.0.0.1", self.port)
 
     @property
     def url(self) -> str:
-        """For pymavlink and MAVProxy."""
+        """For pymavlink and MAVProxy, which sends first: the fleet answers whoever has spoken to it."""
+        __tracebackhide__ = True
         return f"udpout:127.0.0.1:{self.port}"
 
     @property
     def mavsdk_url(self) -> str:
+        """The same for MAVSDK."""
+        __tracebackhide__ = True
         return f"udpout://127.0.0.1:{self.port}"
 
     def close(self) -> None:
-        if self._thread is not None:
-            self._thread.stop()
-            self._thread = None
+        """Warns of time that was lost; from the test's own thread, where a warning may be an error."""
+        thread, self._thread = self._thread, None
+        if thread is not None:
+            thread.stop()
+            if thread.lagged:
+                warnings.warn(thread.lagged, RuntimeWarning, stacklevel=2)
 
 
 def _free_port(count: int) -> int:

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from sim_vehicle.personalities.base import FailsafeAction
+from sim_vehicle.personalities.base import FailsafeAction, Tuning
 
 if TYPE_CHECKING:
     from sim_vehicle.vehicle.autopilot import Autopilot
@@ -33,6 +33,8 @@ class BatteryWatch:
         self.level = 0
         self._level_at_arming = 0
         self._low_since_s = [math.inf] * LEVELS
+        self._tuning: Tuning | None = None  # that the stages were made of
+        self._stages: tuple[_Stage, ...] = ()
 
     @property
     def failing(self) -> int:
@@ -45,44 +47,44 @@ class BatteryWatch:
         vehicle = self._vehicle
         if vehicle.personality.battery_latches and not vehicle.armed:
             return FailsafeAction.NOTHING
-        stages = self._stages()
-        found, before = self._find(stages, now), self.level
+        if vehicle.tuning is not self._tuning:
+            self._tuning = vehicle.tuning
+            self._stages = _stages(vehicle.tuning)
+        found, before = self._find(now), self.level
         if not vehicle.armed:
             self.level = self._level_at_arming = found
         self.level = max(self.level, found)
         if self.level <= before:
             return FailsafeAction.NOTHING
-        stage, body = stages[found - 1], vehicle.body
+        stage, body = self._stages[found - 1], vehicle.body
         vehicle.tell(stage.text, volts=body.voltage_v, used_mah=body.used_mah)
         return stage.action if found > self._level_at_arming else FailsafeAction.WARN
 
-    def _stages(self) -> tuple[_Stage, ...]:
-        tuning = self._vehicle.tuning
-        stages = (
-            _Stage("battery_low", tuning.battery_low_v, tuning.battery_low_share, tuning.battery_low_action),
-            _Stage(
-                "battery_critical",
-                tuning.battery_critical_v,
-                tuning.battery_critical_share,
-                tuning.battery_critical_action,
-            ),
-        )
-        if tuning.battery_warning_share is None:
-            return stages
-        return (
-            _Stage("battery_warning", 0.0, tuning.battery_warning_share, FailsafeAction.WARN),
-            *stages,
-        )
-
-    def _find(self, stages: tuple[_Stage, ...], now: float) -> int:
+    def _find(self, now: float) -> int:
         """The worst level that holds now; a voltage has to be low for a while."""
         body, delay_s = self._vehicle.body, self._vehicle.tuning.battery_delay_s
+        voltage_v, share = body.voltage_v, body.battery_remaining
         found = 0
-        for index, stage in enumerate(stages):
-            if not body.voltage_v < stage.below_v:
+        for index, stage in enumerate(self._stages):
+            if not voltage_v < stage.below_v:
                 self._low_since_s[index] = math.inf
             elif math.isinf(self._low_since_s[index]):
                 self._low_since_s[index] = now
-            if now - self._low_since_s[index] >= delay_s or body.battery_remaining < stage.below_share:
+            if now - self._low_since_s[index] >= delay_s or share < stage.below_share:
                 found = index + 1
         return found
+
+
+def _stages(tuning: Tuning) -> tuple[_Stage, ...]:
+    stages = (
+        _Stage("battery_low", tuning.battery_low_v, tuning.battery_low_share, tuning.battery_low_action),
+        _Stage(
+            "battery_critical",
+            tuning.battery_critical_v,
+            tuning.battery_critical_share,
+            tuning.battery_critical_action,
+        ),
+    )
+    if tuning.battery_warning_share is None:
+        return stages
+    return (_Stage("battery_warning", 0.0, tuning.battery_warning_share, FailsafeAction.WARN), *stages)

@@ -90,8 +90,9 @@ def _health(vehicle: "Autopilot", now: float) -> None:
     watch, i = vehicle.fence_watch, vehicle.index
     if not watch.breached:
         health |= GEOFENCE
-    vehicle.status.sensors[i] = present | (GEOFENCE if watch.has_limits else 0)
-    vehicle.status.sensors_enabled[i] = present | (GEOFENCE if watch.enabled and watch.has_limits else 0)
+    fenced = watch.has_limits
+    vehicle.status.sensors[i] = present | (GEOFENCE if fenced else 0)
+    vehicle.status.sensors_enabled[i] = present | (GEOFENCE if fenced and watch.enabled else 0)
     vehicle.status.health[i] = health & ~unhealthy
 
 

@@ -17,16 +17,23 @@ GROUND = ("heartbeat", "version", "parameters", "commands", "mission.download")
 Bend = Callable[[Any], list[Any]]
 
 
-def fleet(personality: str = "ardupilot", kind: str = "copter", *, ready_s: float | None = None) -> Fleet:
-    return Fleet(default_scenario(1, home=HOME, seed=1, personality=personality, kind=kind), ready_s=ready_s)
+def fleet(
+    personality: str = "ardupilot", kind: str = "copter", *, ready_s: float | None = None, count: int = 1
+) -> Fleet:
+    scenario = default_scenario(count, home=HOME, seed=1, personality=personality, kind=kind)
+    return Fleet(scenario, ready_s=ready_s)
+
+
+def met(wire: FleetWire, *, allow: Collection[str] = (), sysid: int | None = None) -> Peer:
+    """A station that has met the vehicle behind a wire and has its permissions."""
+    peer = Peer(wire)
+    peer.permits = set(permissions(peer.meet(sysid), frozenset(allow), ground_only=False))
+    return peer
 
 
 def conform(wire: FleetWire, *patterns: str, allow: Collection[str] = ()) -> Report:
     """The checks that fit, on the vehicle behind a wire."""
-    peer = Peer(wire)
-    facts = peer.meet()
-    peer.permits = set(permissions(facts, frozenset(allow), ground_only=False))
-    return run(peer, select(patterns))
+    return run(met(wire, allow=allow), select(patterns))
 
 
 def named(report: Report, outcome: Outcome) -> set[str]:
@@ -63,6 +70,26 @@ class BentWire(FleetWire):
                 codec.seq = message.get_seq()
                 out += bytes(bent.pack(codec))
         return out
+
+
+class Obstinate(FleetWire):
+    """The vehicle does not get the messages that `ignores`; `answers` answers them in its place."""
+
+    def __init__(
+        self, inner: Fleet, ignores: Callable[[Any], bool], answers: Callable[[Any], list[Any]] = lambda _: []
+    ) -> None:
+        super().__init__(inner)
+        self._ignores, self._answers = ignores, answers
+        self._heard = mavlink.MAVLink(None)
+        self._heard.robust_parsing = True
+        self._codec = mavlink.MAVLink(None, 1, 1)
+
+    def send(self, data: bytes) -> None:
+        for message in self._heard.parse_buffer(data) or ():
+            if message.get_type() != "BAD_DATA" and self._ignores(message):
+                self._queue.extend(bytes(answer.pack(self._codec)) for answer in self._answers(message))
+                return
+        super().send(data)
 
 
 def bent(bend: Bend, *patterns: str) -> set[str]:

@@ -21,10 +21,15 @@ def only_late(said: str) -> bool:
 
 
 @contextmanager
-def simulator(*arguments: str, errors: Callable[[str], bool] | None = None) -> Iterator[Any]:
-    """Runs until the block ends; then it has to have ended with code 0 and errors that pass `errors`."""
+def simulator(
+    *arguments: str, errors: Callable[[str], bool] | None = None, before: str = ""
+) -> Iterator[Any]:
+    """Runs until the block ends; then it has to have ended with code 0 and errors that pass `errors`.
+
+    `before`: what a shell does first.
+    """
     own = ("--ready-s", "1", "--parent-pid", str(os.getpid()))  # also when a peer takes the tests down
-    command = [sys.executable, "-m", "sim_vehicle", *own, *arguments]
+    command = shell(before, *own, *arguments)
     process = subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
@@ -37,12 +42,18 @@ def simulator(*arguments: str, errors: Callable[[str], bool] | None = None) -> I
     assert (errors or only_late)(said), said
 
 
-def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    """Runs to the end."""
+def shell(before: str, *arguments: str) -> list[str]:
+    """The command, in a shell that does something `before` if there is anything to do."""
     command = [sys.executable, "-m", "sim_vehicle", *arguments]
+    return ["sh", "-c", f'{before}; exec "$@"', "sh", *command] if before else command
+
+
+def run(*arguments: str, before: str = "", steps: str = "") -> subprocess.CompletedProcess[str]:
+    """Runs to the end, with `steps` on standard input."""
     return subprocess.run(
-        command, capture_output=True, text=True, timeout=LIMIT_S, check=False, stdin=subprocess.DEVNULL
-    )
+        shell(before, *arguments),
+        input=steps, capture_output=True, text=True, timeout=LIMIT_S, check=False,
+    )  # fmt: skip
 
 
 def line(process: Any, limit_s: float = LIMIT_S) -> str:

@@ -1,14 +1,18 @@
 """The conformance suite against a vehicle that is bent: it fails where it is bent, and nowhere else."""
 
+import hashlib
 from typing import Any
 
 import pytest
-from bent_vehicle import GROUND, bent, conform, fleet, named
+from bent_vehicle import GROUND, HOME, Obstinate, bent, conform, fleet, named
 from fleet_wire import FleetWire
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.conformance.checks.signing import KEY
 from sim_vehicle.conformance.registry import select
 from sim_vehicle.conformance.runner import Outcome
+from sim_vehicle.fleet import Fleet
+from sim_vehicle.scenario import default_scenario
 
 
 def unchanged(message: Any) -> list[Any]:
@@ -128,3 +132,129 @@ def test_a_wrong_unit_or_sign_is_noticed(kind: str, field: str, factor: float, e
         return [message]
 
     assert bent(bend, "telemetry") == expected
+
+
+# -- what is only right where something was seen ---------------------------------------------------------
+
+
+def outcomes(wire: FleetWire, *patterns: str) -> dict[str, Outcome]:
+    return {result.check.name: result.outcome for result in conform(wire, *patterns).results}
+
+
+def test_a_vehicle_that_hardly_says_anything_passes_nothing_by_that() -> None:
+    def bend(message: Any) -> list[Any]:
+        said = {"HEARTBEAT", "COMMAND_ACK", "AUTOPILOT_VERSION"}
+        return [message] if message.get_type() in said else []
+
+    seen = {
+        "heartbeat.sequence_numbers_count", "heartbeat.payloads_are_trimmed", "telemetry.time.goes_forward",
+        "messages.interval.default", "parameters.read.unknown_name", "parameters.set.unknown_name",
+        "parameters.read.another_vehicles", "parameters.list.another_vehicles", "logs.unknown_id",
+        "time.timesync.answer_is_not_answered", "mission.download.another_vehicles",
+    }  # fmt: skip
+    assert bent(bend, *seen) == seen
+
+
+def test_no_frame_at_all_is_not_a_good_one() -> None:
+    class Pausing(FleetWire):
+        """Says nothing for three seconds, once it has told its age."""
+
+        def receive(self, timeout_s: float) -> bytes | None:
+            data = super().receive(timeout_s)
+            return None if 5.0 < self.now_s() < 8.5 else data
+
+    wire = Pausing(fleet(ready_s=0.0))
+    assert outcomes(wire, "heartbeat.frames_are_mavlink2") == {
+        "heartbeat.frames_are_mavlink2": Outcome.FAILED
+    }
+
+
+@pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+def test_a_default_rate_that_does_not_come_back_is_noticed(personality: str) -> None:
+    """However the rate was set before."""
+
+    def to_default(message: Any) -> bool:
+        kind = message.get_type()
+        return bool(kind == "COMMAND_LONG" and message.command == 511 and message.param2 == 0)
+
+    def accepted(message: Any) -> list[Any]:
+        return [mavlink.MAVLink_command_ack_message(message.command, 0, 0, 0, 255, 190)]
+
+    for before in ((), ("messages.interval.10_hz",), ("messages.interval.4_hz",)):
+        wire = Obstinate(fleet(personality, ready_s=0.0), to_default, accepted)
+        assert outcomes(wire, *before, "messages.interval.default")["messages.interval.default"] is (
+            Outcome.FAILED
+        )
+
+
+ENDED = "logs.download_can_be_ended"
+
+
+def with_a_log() -> Fleet:
+    """PX4 writes one from its boot on."""
+    inner = fleet("px4", ready_s=0.0)
+    inner.step(200.0)
+    return inner
+
+
+class Later(Obstinate):
+    """Joins a fleet that has been there for a while."""
+
+    def __init__(self, ignored: str = "") -> None:
+        super().__init__(with_a_log(), lambda message: message.get_type() == ignored)
+        self._now = 200.0
+
+
+def test_a_download_that_does_not_end_is_noticed() -> None:
+    assert outcomes(Later(), ENDED) == {ENDED: Outcome.PASSED}
+    assert outcomes(Later("LOG_REQUEST_END"), ENDED) == {ENDED: Outcome.FAILED}
+
+
+def test_a_download_that_never_began_was_not_ended() -> None:
+    assert outcomes(Later("LOG_REQUEST_DATA"), ENDED) == {ENDED: Outcome.FAILED}
+
+
+def test_there_is_nothing_to_end_without_a_log() -> None:
+    assert outcomes(FleetWire(fleet(ready_s=0.0)), ENDED) == {ENDED: Outcome.SKIPPED}
+
+
+class Credulous(FleetWire):
+    """Takes signatures that are wrong, or used up: they are made right on their way."""
+
+    stamp = 0
+
+    def __init__(self, inner: Any, *, wrong_keys: bool = False, replays: bool = False) -> None:
+        super().__init__(inner)
+        self._wrong_keys, self._replays = wrong_keys, replays
+        self._seen: set[bytes] = set()
+
+    def send(self, data: bytes) -> None:
+        if len(data) > 25 and data[0] == 0xFD and data[2] & 1:
+            right = hashlib.sha256(KEY + data[:-6]).digest()[:6] == data[-6:]
+            replayed = data in self._seen
+            self._seen.add(data)
+            stamp = int.from_bytes(data[-12:-6], "little")
+            self.stamp = max(self.stamp + 100, stamp)
+            if (self._wrong_keys and not right) or (self._replays and replayed):
+                head = data[:-12] + self.stamp.to_bytes(6, "little")
+                data = head + hashlib.sha256(KEY + head).digest()[:6]
+        super().send(data)
+
+
+@pytest.mark.parametrize(
+    ("wire", "failed"),
+    [
+        ({}, set()),
+        ({"wrong_keys": True}, {"signing.refuses_the_wrong_key"}),
+        ({"replays": True}, {"signing.refuses_a_replay"}),
+    ],
+)
+def test_a_signature_that_is_not_looked_at_is_noticed(wire: dict[str, bool], failed: set[str]) -> None:
+    report = conform(Credulous(fleet(ready_s=0.0), **wire), "signing.refuses*")
+    assert named(report, Outcome.FAILED) == failed
+    assert named(report, Outcome.SKIPPED) == set()
+
+
+def test_a_link_that_needs_no_signatures_says_nothing_about_them() -> None:
+    inner = Fleet(default_scenario(1, home=HOME, seed=1), ready_s=0.0, trusted_links=(0,))
+    assert set(outcomes(FleetWire(inner), "signing.refuses*").values()) == {Outcome.SKIPPED}

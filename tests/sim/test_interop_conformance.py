@@ -1,14 +1,25 @@
 """The conformance suite as a process, over UDP and TCP, against the simulator as a process."""
 
+import contextlib
 import json
+import os
+import select
+import signal
 import socket
 import subprocess
 import sys
+import threading
+import time
+import tty
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from simulator_process import Ground
+
+from sim_vehicle.conformance.sockets import open_wire
+from sim_vehicle.url import parse_url
 
 pytestmark = pytest.mark.interop
 LIMIT_S = 60.0
@@ -80,3 +91,134 @@ def test_it_says_so_where_nobody_is_heard() -> None:
     done = conformance(f"udpin:127.0.0.1:{port}", "--speedup", "100")
     assert done.returncode == 2
     assert "no heartbeat" in done.stderr
+
+
+# -- ended from outside ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_vehicle_in_the_air_is_brought_down_when_the_suite_is_ended(number: signal.Signals) -> None:
+    port = free_port(socket.SOCK_STREAM)
+    command = [sys.executable, "-m", "sim_vehicle", "conformance", f"tcpout:127.0.0.1:{port}"]
+    url = ("--url", f"tcpin:127.0.0.1:{port}")
+    with simulator(*url), Ground(socket.create_connection(("127.0.0.1", port), LIMIT_S)) as observer:
+        process = subprocess.Popen(
+            [*command, "--speedup", SPEEDUP, *only("flight.hold*")],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        try:
+            observer.until(lambda m: m.get_type() == "GLOBAL_POSITION_INT" and m.relative_alt > 8000)
+            process.send_signal(number)
+            out, said = process.communicate(timeout=LIMIT_S)
+        finally:
+            process.kill()
+        # In the air and without orders it would stay armed for longer than this waits.
+        observer.until(lambda m: m.get_type() == "HEARTBEAT" and m.autopilot == 3 and not m.base_mode & 128)
+    assert process.returncode == 130, out + said
+    assert "brought down" in said
+    assert "checks" in out  # what there is of the matrix
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_scenario_that_is_ended_from_outside_has_not_passed(number: signal.Signals, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "sim_vehicle", "run", "clean_mission", "--speedup", "1"]
+    process = subprocess.Popen(
+        [*command, "--out", str(tmp_path)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        end_s = time.monotonic() + LIMIT_S
+        while not any(path.stat().st_size for path in tmp_path.glob("*/*.tlog")):
+            assert process.poll() is None
+            assert time.monotonic() < end_s
+            time.sleep(0.05)
+        process.send_signal(number)
+        out, said = process.communicate(timeout=LIMIT_S)
+    finally:
+        process.kill()
+    assert process.returncode == 130, out + said
+    assert said == "sim_vehicle run: interrupted\n"
+    assert not list(tmp_path.glob("*/verdict.json"))
+
+
+# -- serial --------------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def serial_bridge(port: int) -> Iterator[tuple[str, threading.Event]]:
+    """A device that carries a TCP port, until the event unplugs it."""
+    master, slave = os.openpty()
+    tty.setraw(master)
+    tty.setraw(slave)
+    pulled = threading.Event()
+    peer = socket.create_connection(("127.0.0.1", port), LIMIT_S)
+
+    def carry() -> None:
+        with contextlib.suppress(OSError):
+            while not pulled.is_set():
+                ready, _, _ = select.select([master, peer.fileno()], [], [], 0.05)
+                if master in ready:
+                    peer.sendall(os.read(master, 4096))
+                if peer.fileno() in ready:
+                    os.write(master, peer.recv(4096))
+        os.close(slave)
+        os.close(master)
+
+    thread = threading.Thread(target=carry)
+    thread.start()
+    try:
+        yield os.ttyname(slave), pulled
+    finally:
+        pulled.set()
+        thread.join(LIMIT_S)
+        peer.close()
+
+
+def test_a_serial_device_that_is_unplugged_ends_in_a_report() -> None:
+    port = free_port(socket.SOCK_STREAM)
+    command = [sys.executable, "-m", "sim_vehicle", "conformance", "-v", "--speedup", SPEEDUP]
+    with simulator("--url", f"tcpin:127.0.0.1:{port}"), serial_bridge(port) as (device, pulled):
+        process = subprocess.Popen(
+            [*command, f"serial:{device}:57600", *only("heartbeat", "commands.ack")],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        try:
+            assert process.stdout is not None
+            while "heartbeat.once_a_second" not in (line := process.stdout.readline()):
+                assert line, process.communicate(timeout=LIMIT_S)
+            pulled.set()
+            out, said = process.communicate(timeout=LIMIT_S)
+        finally:
+            process.kill()
+    assert process.returncode == 1, out + said
+    assert said == ""
+    assert "fell silent" in out
+    assert "nothing was heard of the vehicle" in out
+
+
+def test_a_serial_device_that_comes_back_is_opened_again(tmp_path: Path) -> None:
+    name = tmp_path / "device"
+
+    def plug() -> tuple[int, int]:
+        master, slave = os.openpty()
+        tty.setraw(slave)
+        name.symlink_to(os.ttyname(slave))
+        return master, slave
+
+    ends = plug()
+    wire = open_wire(parse_url(f"serial:{name}:57600"))
+    with contextlib.closing(wire):
+        os.write(ends[0], b"before")
+        assert wire.receive(LIMIT_S) == b"before"
+        for end in ends:
+            os.close(end)
+        name.unlink()
+        assert wire.receive(0.1) is None
+        wire.send(b"to nobody")
+        ends = plug()
+        assert wire.receive(0.0) is None
+        os.write(ends[0], b"after")
+        assert wire.receive(LIMIT_S) == b"after"
+        wire.send(b"answer")
+        assert os.read(ends[0], 100) == b"answer"
+    for end in ends:
+        os.close(end)

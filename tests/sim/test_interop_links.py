@@ -247,6 +247,16 @@ def test_it_says_once_that_nobody_is_there() -> None:
                 Ground(connection).systems(1)
 
 
+def test_more_clients_than_files_are_allowed_at_first() -> None:
+    port = free_tcp_port(3)
+    more = ("--count", "3", "--per-port", "1", "--speedup", "5", "--url", f"tcpin:127.0.0.1:{port}")
+    with simulator(*more, before="ulimit -Sn 64") as process, contextlib.ExitStack() as clients:
+        assert line(process)
+        for index in range(90):
+            ground = clients.enter_context(client(port + index % 3))
+            ground.systems(1 + index % 3)
+
+
 def test_a_client_that_does_not_read_costs_bounded_memory_and_gets_whole_frames() -> None:
     async def flood() -> tuple[bytes, int]:
         writer, reader = socket.socketpair()

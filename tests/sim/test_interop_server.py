@@ -1,15 +1,34 @@
 """`python -m sim_vehicle` as a process: what it says, how it ends, what it refuses."""
 
+import contextlib
+import fcntl
+import json
+import os
+import pty
 import re
+import select
 import signal
+import struct
 import subprocess
 import sys
+import termios
+import time
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
-from simulator_process import LIMIT_S, Ground, free_tcp_port, line, run, simulator, udp_socket
+from simulator_process import LIMIT_S, Ground, free_tcp_port, line, run, shell, simulator, udp_socket
 
 pytestmark = pytest.mark.interop
+
+HOP = """
+home: {{lat_deg: 46.0490, lon_deg: 14.5060}}
+count: 1
+ready_s: 0
+script: [takeoff: 5]
+checks: [max_height_m: {}]
+until_s: 12
+"""
 
 
 def test_it_says_what_it_is_and_ends_cleanly_on_a_signal() -> None:
@@ -72,17 +91,23 @@ def test_a_port_that_is_taken_is_an_error_with_code_2() -> None:
         (("--url", "serial:/dev/not-there:57600"), "cannot open serial /dev/not-there:57600"),
         (("--url", "udpout:no.such.host.invalid:1"), "the host 'no.such.host.invalid' is not known"),
         (("--url", "tcpin:127.0.0.1:65535", "--count", "2", "--per-port", "1"), "65535 is the last"),
+        (
+            ("--url", "tcpin:127.0.0.1:45994", "--url", "tcpin::45995", "--count", "3", "--per-port", "1"),
+            "both would have port 45995; begin further apart",
+        ),
         (("--home", "here"), "is not LAT,LON,ALT[,HEADING], for example"),
         (("--scenario", "/nowhere.yaml"), "cannot be read"),
         (("--speedup", "0"), "'--speedup'"),
         (("--count", "0"), "'--count'"),
         (("--fault", "packet_los"), "packet_loss"),
-        (("--fault", "packet_loss:rate=2"), "rate"),
+        (("--fault", "packet_loss:rate=2"), "--fault packet_loss: rate=2: expected 0 to 1;"),
         (("--param", "WPNAV_SPED=3"), "did you mean WPNAV_SPEED"),
         (("--step", "--speedup", "2"), "drop one of them"),
         (("--nonsense",), "--nonsense"),
         (("--personality", "apm"), "expected ardupilot, px4, mixed"),
         (("--sysid", "200", "--count", "100", "--per-port", "60"), "at most 51 fit on a port"),
+        (("--sysid", "250", "--count", "10"), "at most 1 of 10 vehicles fits on a port"),
+        (("run", "clean_misson"), "did you mean clean_mission? (`run --list` shows these)"),
     ],
 )
 def test_bad_arguments_are_one_line_each_and_code_2(arguments: tuple[str, ...], words: str) -> None:
@@ -103,7 +128,7 @@ def test_all_that_is_wrong_is_said_at_once() -> None:
 def test_fault_help_lists_them_all() -> None:
     done = run("--fault", "help")
     assert done.returncode == 0
-    assert "packet_loss: " in done.stdout
+    assert "packet_loss: frames are lost at random" in done.stdout
     assert "link_outage: " in done.stdout
 
 
@@ -164,6 +189,181 @@ def test_stepping_reads_a_file_and_ends_with_it(tmp_path: Path) -> None:
         "sim_vehicle: 'fly'",
         "sim_vehicle: 'step -1'",
     ]
+
+
+def test_stepping_needs_standard_input() -> None:
+    done = run("--step", "--url", f"tcpin:127.0.0.1:{free_tcp_port()}", before="exec <&-")
+    assert done.returncode == 2
+    assert done.stderr == (
+        "sim_vehicle: --step: standard input, from which `step SECONDS` would be read, is closed\n"
+    )
+
+
+@pytest.mark.parametrize("lost", ["exec >&-", "exec >/dev/full", "exec 2>&-"])
+def test_nobody_needs_to_read_what_it_says(lost: str) -> None:
+    done = run("--step", "--url", f"tcpin:127.0.0.1:{free_tcp_port()}", before=lost, steps="fly\nstep 1\n")
+    assert done.returncode == 0
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("reader", "said"),
+    [
+        ("/dev/full", "sim_vehicle: standard output is lost (No space left on device)\n"),
+        (None, ""),
+    ],
+)
+@pytest.mark.parametrize(("height_m", "code"), [(1, 1), (50, 0)])
+def test_a_run_whose_output_is_lost_exits_with_its_verdict(
+    tmp_path: Path, reader: str | None, said: str, height_m: int, code: int
+) -> None:
+    scenario = tmp_path / "hop.yaml"
+    scenario.write_text(HOP.format(height_m))
+    end, output = os.pipe()
+    os.close(end)  # whoever would have read it has left
+    if reader is not None:
+        os.close(output)
+        output = os.open(reader, os.O_WRONLY)
+    command = [sys.executable, "-m", "sim_vehicle", "run", str(scenario), "--out", str(tmp_path)]
+    done = subprocess.run(
+        command, stdout=output, stderr=subprocess.PIPE, text=True, timeout=LIMIT_S, check=False
+    )
+    os.close(output)
+    assert (done.returncode, done.stderr) == (code, said)
+    assert json.loads((tmp_path / "hop" / "verdict.json").read_text())["passed"] is (code == 0)
+
+
+@pytest.mark.parametrize("arguments", [("run", "--list-checks"), ("--fault", "help"), ("--help",)])
+def test_a_reader_may_leave_a_list(arguments: tuple[str, ...]) -> None:
+    done = run(*arguments, before="exec >/dev/full")
+    assert done.returncode == 0
+    assert done.stderr == "sim_vehicle: standard output is lost (No space left on device)\n"
+
+
+@pytest.mark.parametrize("arguments", [(), ("run",), ("conformance",)])
+def test_help_has_a_short_name(arguments: tuple[str, ...]) -> None:
+    short, long = run(*arguments, "-h"), run(*arguments, "--help")
+    assert short.returncode == long.returncode == 0
+    assert short.stdout == long.stdout
+    assert short.stdout.startswith("Usage: python -m sim_vehicle")
+
+
+def test_it_says_which_version_it_is() -> None:
+    assert run("--version").stdout == f"sim_vehicle {version('mavlink-swarmctl')}\n"
+
+
+class Terminal:
+    """What a person has before them: `type` goes in, `until` waits for what comes out."""
+
+    def __init__(self, *arguments: str, width: int = 100, height: int = 12) -> None:
+        self._end, terminal = pty.openpty()
+        self.shown = ""
+        self.resize(width, height)
+        self.process = subprocess.Popen(
+            shell("", *arguments, "--ready-s", "1", "--parent-pid", str(os.getpid())),
+            stdin=terminal, stdout=terminal, stderr=terminal,
+            env={**os.environ, "TERM": "xterm-256color"}, start_new_session=True,
+        )  # fmt: skip
+        os.close(terminal)
+
+    def resize(self, width: int, height: int) -> None:
+        fcntl.ioctl(self._end, termios.TIOCSWINSZ, struct.pack("HHHH", height, width, 0, 0))
+
+    def type(self, text: str) -> None:
+        os.write(self._end, text.encode())
+
+    def until(self, text: str) -> str:
+        """All that comes up to `text`."""
+        end_s = time.monotonic() + LIMIT_S
+        while text not in self.shown:
+            assert select.select([self._end], [], [], max(end_s - time.monotonic(), 0.0))[0], self.shown
+            self.shown += os.read(self._end, 65_536).decode()
+        seen, _, self.shown = self.shown.partition(text)
+        return seen + text
+
+    def rest(self) -> str:
+        """What comes until the process ends, and that it ends well."""
+        with contextlib.suppress(OSError):  # EIO: nobody has the other end any more
+            while data := os.read(self._end, 65_536):
+                self.shown += data.decode()
+        assert self.process.wait(timeout=LIMIT_S) == 0
+        return self.shown
+
+    def __enter__(self) -> "Terminal":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.process.kill()
+        self.process.wait()
+        os.close(self._end)
+
+
+OWN_SCREEN, BACK = "\x1b[?1049h", "\x1b[?1049l"
+
+
+def test_on_a_terminal_time_by_hand_shows_what_is_typed_and_answered() -> None:
+    with Terminal("--step", "--url", f"tcpin:127.0.0.1:{free_tcp_port()}") as terminal:
+        seen = terminal.until("time stands still; type `step SECONDS` and `quit`, for example step 0.5\r\n")
+        terminal.type("step 2\n")
+        seen += terminal.until("\r\nat 2\r\n")
+        terminal.type("fly\n")
+        seen += terminal.until("'fly' is not understood")
+        terminal.type("quit\n")
+        seen += terminal.rest()
+    assert OWN_SCREEN not in seen
+    assert "2.0 s simulated" in seen
+
+
+def test_the_table_has_a_screen_of_its_own_and_leaves_its_last_picture() -> None:
+    url = f"tcpin:127.0.0.1:{free_tcp_port()}"
+    with Terminal("--count", "3", "--fault", "gps_loss", "--url", url, width=120) as terminal:
+        before = terminal.until(OWN_SCREEN)
+        terminal.until("latitude, longitude")
+        terminal.resize(40, 12)
+        terminal.until("\x1b[2J")  # drawn anew
+        terminal.until("batt")
+        terminal.process.send_signal(signal.SIGINT)
+        terminal.until(BACK)
+        after = [text.rstrip() for text in re.sub(r"\x1b\[[0-9;?]*[a-z]", "", terminal.rest()).splitlines()]
+    assert "3 ardupilot copters" in before
+    assert [text.split()[0] for text in after if "  STABILIZE  " in text] == ["1", "2", "3"]
+    assert all(len(text) <= 40 for text in after[:-1])
+    assert " s simulated, " in after[-1]
+
+
+def test_what_goes_wrong_behind_the_table_is_said_in_it_and_after_it() -> None:
+    more = ("--count", "200", "--speedup", "1000", "--url", f"tcpin:127.0.0.1:{free_tcp_port()}")
+    with Terminal(*more, width=120) as terminal:
+        terminal.until(OWN_SCREEN)
+        terminal.until("cannot keep up with 1000x real time")
+        terminal.process.send_signal(signal.SIGINT)
+        terminal.until(BACK)
+        after = terminal.rest()
+    assert re.search(r"sim_vehicle: cannot keep up with 1000x real time: \d+\.\d s lost so far; ", after)
+
+
+def test_a_full_disk_ends_the_logs_and_not_the_fleet(tmp_path: Path) -> None:
+    more = ("--personality", "px4", "--count", "2", "--url", f"tcpin:127.0.0.1:{free_tcp_port()}")
+    done = run("--step", *more, "--tlog", str(tmp_path), before="ulimit -f 20", steps="step 30\nstep 30\n")
+    assert done.returncode == 0
+    assert done.stdout.splitlines()[1:3] == ["at 30", "at 60"]
+    assert done.stderr == (
+        f"sim_vehicle: --tlog {tmp_path}: not all could be written (File too large); the logs end early\n"
+    )
+
+
+def test_windows_is_told_that_it_cannot_serve_a_fleet() -> None:
+    start = (
+        "import sys; sys.modules['resource'] = None\n"
+        "import sim_vehicle.__main__, sim_vehicle.serving.serve\n"
+        "sys.platform, sys.argv = 'win32', ['sim_vehicle']\n"
+        "sim_vehicle.__main__.main()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", start], capture_output=True, text=True, timeout=LIMIT_S, check=False
+    )
+    assert done.returncode == 2
+    assert re.fullmatch(r"sim_vehicle: a fleet is served on Linux and macOS only: .*\n", done.stderr)
 
 
 def test_what_each_vehicle_sends_is_logged(tmp_path: Path) -> None:

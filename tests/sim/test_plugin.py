@@ -9,6 +9,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from pymavlink import mavutil
 
 ROOT = Path(__file__).parent.parent.parent
 MODULE = "sim_vehicle.pytest_plugin"
@@ -97,6 +98,87 @@ def test_the_command_works_from_the_folder_in_which_pytest_was_started(project: 
     assert shlex.split(command)[-3] == "test_mine.py::test_hovers"
     again = run([sys.executable, *shlex.split(command)[1:]], inner)
     assert "1 failed" in again.stdout
+
+
+@pytest.mark.interop
+def test_what_a_served_fleet_complained_of_is_in_the_failing_tests_report(project: Path) -> None:
+    (project / "checks of mine" / "test_mine.py").write_text(
+        "import socket\n"
+        "def test_alone(vehicle, link, clock):\n"
+        "    with socket.socket() as nobody:\n"
+        "        nobody.bind(('127.0.0.1', 0))\n"
+        "        link.serve(f'tcpout:127.0.0.1:{nobody.getsockname()[1]}', speedup=10)\n"
+        "        clock.run_for(1)\n"
+        "        assert vehicle.armed\n"
+    )
+    done = run_pytest(project, "-p", MODULE)
+    assert "1 failed" in done.stdout
+    assert "error" not in done.stdout.splitlines()[-1]
+    assert re.search(r"seed \d+, 1 vehicle, .* simulated\ntcpout .*: nobody is there", done.stdout)
+
+
+@pytest.mark.interop
+def test_the_seed_is_the_same_from_whatever_folder(
+    project: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    elsewhere = tmp_path_factory.mktemp("elsewhere")
+    (elsewhere / "test_mine.py").write_text(FAILING)
+    outputs = [
+        run_pytest(project, "-p", MODULE).stdout,
+        run_pytest(project / "checks of mine", "-p", MODULE, "--rootdir", ".").stdout,
+        run_pytest(elsewhere, "-p", MODULE).stdout,
+    ]
+    seeds = [re.findall(r"^seed (\d+)", output, re.MULTILINE) for output in outputs]
+    assert len(set(seeds[0])) == 2  # one a test
+    assert seeds[1] == seeds[2] == seeds[0]
+    assert "whatever folder" in " ".join(run_pytest(project, "-p", MODULE, "--help").stdout.split())
+
+
+@pytest.mark.interop
+def test_a_failing_test_leaves_tlogs_that_can_be_read(project: Path) -> None:
+    (project / "checks of mine" / "test_mine.py").write_text(
+        "def test_flies(swarm, clock):\n"
+        "    first, second = swarm(count=2, personality='mixed')\n"
+        "    second.do('takeoff', 5)\n"
+        "    first.send(b'garbage')\n"
+        "    clock.run_for(8)\n"
+        "    assert second.height_m > 100\n"
+        "def test_passes(vehicle, clock):\n"
+        "    clock.run_for(1)\n"
+    )
+    done = run_pytest(project, "-p", MODULE, "--basetemp", str(project / "base"))
+    (folder,) = re.findall(r"^tlogs: (.*)", done.stdout, re.MULTILINE)
+    assert len(list((project / "base").glob("tlogs[0-9]*"))) == 1  # none of what passed
+    assert sorted(path.name for path in Path(folder).iterdir()) == ["vehicle-1.tlog", "vehicle-2.tlog"]
+    log = mavutil.mavlink_connection(str(Path(folder) / "vehicle-2.tlog"))
+    heard: dict[str, list[float]] = {}
+    while (message := log.recv_match()) is not None:
+        if not message.get_type().startswith(
+            "UNKNOWN"
+        ):  # PX4's own dialect has messages of which this has none
+            assert message.get_srcSystem() in (2, 255)
+        heard.setdefault(message.get_type(), []).append(message._timestamp)
+    log.close()
+    assert "BAD_DATA" not in heard
+    assert {"HEARTBEAT", "COMMAND_LONG", "COMMAND_ACK", "LOCAL_POSITION_NED"} <= set(heard)
+    assert heard["HEARTBEAT"] == sorted(heard["HEARTBEAT"])
+    assert heard["HEARTBEAT"][-1] - heard["HEARTBEAT"][0] > 6
+
+
+@pytest.mark.interop
+def test_what_is_wrong_with_a_call_is_shown_at_the_tests_own_line(project: Path) -> None:
+    calls = ["swarm(cuont=2)", "swarm(count=0)", "swarm(personality='betaflight')", "swarm(wind={'x': 1})",
+             "swarm()[0].do('land_on_the_moon')", "swarm()[0].do('takeoff')", "swarm()[0].inject('gps_los')",
+             "clock.run_until(lambda: False, timeout=1)", "link.url", "swarm() and swarm()"]  # fmt: skip
+    tests = [f"def test_{i}(swarm, clock, link):\n    {call}\n" for i, call in enumerate(calls)]
+    (project / "checks of mine" / "test_mine.py").write_text("".join(tests))
+    done = run_pytest(project, "-p", MODULE)
+    assert f"{len(calls)} failed" in done.stdout
+    assert re.search(r"TypeError: swarm\(\) got an unexpected keyword argument 'cuont'", done.stdout)
+    assert str(ROOT) not in done.stdout  # none of the package's own lines
+    assert "During handling of" not in done.stdout
+    assert "The above exception" not in done.stdout
+    assert done.stdout.count("\n") < 20 * len(calls)
 
 
 @pytest.mark.interop

@@ -4,6 +4,8 @@ Read from top to bottom as documentation; README has the first two.
 """
 
 import socket
+import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -11,6 +13,7 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.run.station import Station
 from sim_vehicle.scenario import ScenarioError
 from sim_vehicle.testing.rig import Clock, NotWithinTimeError, Rig, Swarm, Vehicle, scenario_for
 from sim_vehicle.testing.served import Link
@@ -101,6 +104,48 @@ def test_a_station_that_listens(vehicle: Vehicle, link: Link) -> None:
     assert vehicle.raw
 
 
+@pytest.mark.interop
+def test_a_station_that_comes_late(vehicle: Vehicle, link: Link, clock: Clock) -> None:
+    with socket.socket() as station:
+        station.bind(("127.0.0.1", 0))
+        link.serve(f"tcpout:127.0.0.1:{station.getsockname()[1]}", speedup=10)
+        clock.run_for(1)
+        station.listen()
+        station.settimeout(10)
+        connection, _ = station.accept()
+        with connection:
+            assert connection.recv(100)
+
+
+@pytest.mark.interop
+def test_time_that_was_lost_is_a_warning_in_the_end(vehicle: Vehicle, link: Link, clock: Clock) -> None:
+    link.serve(speedup=1_000_000)
+    end_s = time.monotonic() + 1.5
+    clock.run_until(lambda: time.monotonic() > end_s, timeout=1e9)
+    with pytest.warns(RuntimeWarning, match="cannot keep up with 1e\\+06x real time"):
+        link.close()
+
+
+@pytest.mark.interop
+def test_a_served_fleet_and_its_small_station_are_moved_by_one_thread(
+    vehicle: Vehicle, link: Link, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    threads: list[threading.Thread] = []
+    receive = Station.receive
+
+    def received(station: Station, index: int, data: bytes, now: float) -> None:
+        threads.append(threading.current_thread())
+        receive(station, index, data, now)
+
+    monkeypatch.setattr(Station, "receive", received)
+    link.serve(speedup=10)
+    clock.run_for(2)
+    vehicle.do("takeoff", 5)
+    clock.run_until(lambda: vehicle.armed)
+    assert len(set(threads)) == 1
+    assert threads[0] is not threading.main_thread()
+
+
 # -- the rest of what there is -----------------------------------------------------------------------------
 
 
@@ -160,6 +205,46 @@ def test_a_step_that_fails_fails_the_test(vehicle: Vehicle, clock: Clock) -> Non
     vehicle.do("command", {"command": "DO_PARACHUTE", "params": [2]})
     with pytest.raises(NotWithinTimeError, match="vehicle 1: command failed"):
         clock.run_for(200)
+
+
+@pytest.mark.parametrize(
+    ("action", "words"),
+    [
+        (("land_on_the_moon",), "no such action: 'land_on_the_moon'; there are fly_mission, "),
+        (("takeof", 5), "did you mean 'takeoff'?"),
+        (("takeoff",), "takeoff: must be a number, found nothing"),
+        (("takeoff", -5), "takeoff: must be more than 0, found -5"),
+        (("goto", {"east_m": 1, "height_m": 5}), "goto.north_m: is missing; add it"),
+        (("mode", "Mission"), "vehicle 1 has no mode 'Mission'; it has STABILIZE"),
+        (("fly_mission",), "vehicle 1 has no `mission`"),
+        (("param", {"FOO": 1}), "vehicle 1 has no parameters FOO"),
+        (("heartbeat", False), "no such action: 'heartbeat'"),
+    ],
+)
+def test_what_a_vehicle_cannot_do_is_said_as_for_a_scenario(
+    vehicle: Vehicle, action: tuple[Any, ...], words: str
+) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        vehicle.do(*action)
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"count": 0}, "count=0: give a whole number from 1 to 10000"),
+        ({"personality": "betaflight"}, "personality='betaflight': there are ardupilot, px4, mixed"),
+        ({"kind": "plain"}, "kind='plain': did you mean 'plane'?"),
+        ({"faults": ["gps_los"]}, "meant: gps_loss?"),
+        ({"faults": "gps_loss"}, "give a list of them"),
+        ({"wind": {"speed": 5}}, "wind.speed: no such key; did you mean `speed_m_s`?"),
+        ({"home": (91.0, 0.0, 0.0)}, "give latitude, longitude"),
+    ],
+)
+def test_a_swarm_that_cannot_be_says_why(swarm: MakeSwarm, options: dict[str, Any], words: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        swarm(**options)
+    assert words in str(caught.value)
 
 
 def test_one_fleet_a_test(vehicle: Vehicle, swarm: MakeSwarm) -> None:

@@ -41,6 +41,7 @@ def view(now: float = 0.0, *, truth: dict[str, Any] | None = None, **fields: Any
         "position_m": start_m.copy(),
         "start_m": start_m,
         "goal_m": np.full((N, 2), np.nan),
+        "bound_for_goal": np.ones(N, dtype=bool),
         "flown": np.zeros(N, dtype=bool),
         "silent_s": np.zeros(N),
         "mission_done": np.zeros(N, dtype=bool),
@@ -114,8 +115,8 @@ def test_what_must_always_hold_fails_at_once_and_by_vehicle(
         ("crashed", view(truth={"crashed": YES})),
         ("airborne", view(truth={"airborne": YES})),
         ("landed", view(flown=YES)),
-        ({"reached_goal": {"within_m": 5}}, view(goal_m=np.array([[3, 4], [5, 5], [10, -5]]))),
-        ("mission_complete", view(mission_done=YES)),
+        ({"reached_goal": {"within_m": 5}}, view(goal_m=np.array([[3, 4], [5, 5], [10, -5]]), flown=YES)),
+        ("mission_complete", view(mission_done=YES, flown=YES)),
     ],
 )
 def test_what_must_come_about_is_remembered_once_it_has(line: Any, moment: View) -> None:
@@ -153,6 +154,90 @@ def test_a_check_is_about_the_vehicles_and_the_times_it_names() -> None:
     assert checked.look(view(9.9, truth=crash)) == []
     assert checked.look(view(20.1, truth=crash)) == []
     assert [failure.sysid for failure in checked.look(view(20.0, truth=crash))] == [1, 3]
+
+
+def test_what_must_always_hold_fails_where_nobody_looked() -> None:
+    between_two_steps = judge({"no_crash": {"vehicles": [1, 3], "from_s": 10.01, "until_s": 10.02}})
+    assert between_two_steps.look(view(10.0)) == between_two_steps.look(view(10.05)) == []
+    failures = between_two_steps.end(view(10.05))
+    assert [(failure.sysid, failure.found) for failure in failures] == [
+        (1, "nothing, it was never looked at"),
+        (3, "nothing, it was never looked at"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("fields", "found"),
+    [
+        ({"flown": ~YES}, "0 m away, not flown yet"),
+        ({"flown": YES, "bound_for_goal": ~YES}, "0 m away, not bound for it yet"),
+        (
+            {"flown": YES, "goal_m": np.array([[30, 40], [35, 40], [40, 40]])},
+            "50 m away at its nearest, at 0.00 s",
+        ),
+    ],
+)
+def test_a_goal_counts_in_flight_and_on_the_way_to_it(fields: dict[str, Any], found: str) -> None:
+    checked = judge("reached_goal")
+    moment = view(**({"goal_m": np.array([[0, 0], [5, 0], [10, 0]])} | fields))
+    assert checked.look(moment) == []
+    assert [failure.found for failure in checked.end(moment)] == [found] * N
+
+
+def test_a_goal_that_was_missed_says_how_near_it_was_and_when() -> None:
+    checked = judge({"reached_goal": {"from_s": 5}})
+    goal_m = np.array([[30, 0], [30, 0], [30, 0]])
+
+    def look(now: float, east_m: float, **fields: Any) -> None:
+        position_m = np.array([at(east_m, 0, 20)] * N)
+        assert checked.look(view(now, position_m=position_m, goal_m=goal_m, flown=YES, **fields)) == []
+
+    look(4.0, 24.9)  # before it is looked at
+    look(6.0, 24.8, bound_for_goal=~YES)
+    look(7.0, 20.0)
+    look(8.0, 24.5, bound_for_goal=np.array([True, False, False]))
+    look(9.0, 0.0)
+    failures = checked.end(view(9.0, goal_m=goal_m, flown=YES))
+    assert [failure.found for failure in failures] == [
+        "5.5 m away at its nearest, at 8.00 s",
+        "10 m away at its nearest, at 7.00 s",
+        "10 m away at its nearest, at 7.00 s",
+    ]
+
+
+def test_a_goal_asked_for_at_the_end_says_where_the_vehicle_is_then() -> None:
+    checked = judge({"reached_goal": {"when": "end"}})
+    goal_m = np.array([[30, 0], [30, 0], [30, 0]])
+    checked.look(view(1.0, position_m=np.array([at(30, 0, 20)] * N), goal_m=goal_m, flown=YES))
+    assert checked.end(view(9.0, goal_m=goal_m, flown=YES))[0].found == "30 m away"
+
+
+@pytest.mark.parametrize(
+    ("line", "found"), [("landed", "crashed"), ({"lands_within_m": 5}, "0 m from its start, crashed")]
+)
+def test_who_has_crashed_has_not_landed(line: Any, found: str) -> None:
+    checked = judge(line)
+    moment = view(flown=YES, truth={"crashed": np.array([True, False, True])})
+    assert checked.look(moment) == []
+    assert [(failure.sysid, failure.found) for failure in checked.end(moment)] == [(1, found), (3, found)]
+
+
+@pytest.mark.parametrize(
+    ("fields", "found"),
+    [
+        ({}, "0 m high, disarmed, not flown yet"),
+        ({"flown": YES, "truth": {"armed": YES}}, "0 m high, armed"),
+    ],
+)
+def test_who_has_not_landed_says_why(fields: dict[str, Any], found: str) -> None:
+    assert judge("landed").end(view(**fields))[0].found == found
+
+
+def test_a_mission_that_was_not_flown_is_not_complete() -> None:
+    checked = judge("mission_complete")
+    moment = view(mission_done=YES)
+    assert checked.look(moment) == []
+    assert len(checked.end(moment)) == N
 
 
 def test_a_deadline_fails_when_it_passes_not_at_the_end() -> None:

@@ -50,19 +50,19 @@ def test_the_text_of_the_command_line() -> None:
 @pytest.mark.parametrize(
     ("text", "parts"),
     [
-        ("pakcet_loss", ["no fault 'pakcet_loss'", "meant: packet_loss?", "link_outage"]),
+        ("pakcet_loss", ["fault pakcet_loss: there is none", "meant: packet_loss?", "link_outage"]),
         ("packet_loss:rat=1", ["fault packet_loss", "'rat'", "meant: rate?", "rate (0 to 1, default 0.1)"]),
-        ("packet_loss:rate=2", ["rate=2", "less than or equal to 1"]),
+        ("packet_loss:rate=2", ["fault packet_loss: rate=2: expected 0 to 1;"]),
         ("packet_loss:rate", ["'rate' is no key=value"]),
         ("packet_loss:rate=1,rate=1", ["rate is given twice"]),
-        ("packet_loss:rate=nan", ["rate=nan", "finite"]),
+        ("packet_loss:rate=nan", ["rate=nan: expected 0 to 1"]),
         ("packet_loss:direction=up", ["direction=up", "both|to_vehicle|from_vehicle"]),
         ("delay:jitter_s=2", ["jitter_s 2 must not exceed delay_s 0.5"]),
         ("burst_loss:rate=0.9,burst_frames=2", ["raise burst_frames"]),
         ("burst_loss:rate=0.9,bad_loss=0.5", ["between good_loss 0 and bad_loss 0.5"]),
         ("gps_loss:at=x", ["at=x is no time in seconds"]),
-        ("gps_loss:at=-1", ["at=-1", "greater than or equal to 0"]),
-        ("gps_loss:for=0", ["for=0", "greater than 0"]),
+        ("gps_loss:at=-1", ["at=-1: expected seconds >= 0"]),
+        ("gps_loss:for=0", ["for=0: expected seconds > 0"]),
         ("gps_loss:sysid=a", ["sysid=a", "1+4"]),
         ("gps_loss:sysid=300", ["sysid=300", "1 to 255"]),
         ("stuck_mode:answer=x", ["answer=x", "accepted|refused"]),
@@ -75,12 +75,27 @@ def test_a_wrong_fault_is_named_with_what_is_allowed(text: str, parts: list[str]
         assert part in str(caught.value)
 
 
+@pytest.mark.parametrize("text", ["gps_loss:rate=1", "gps_loss:foo=1", "quake", ""])
+def test_a_word_that_is_like_no_other_is_not_taken_for_one(text: str) -> None:
+    with pytest.raises(FaultError, match=r"^fault ") as caught:
+        parse_fault(text)
+    assert "meant" not in str(caught.value)
+
+
+def test_no_finding_is_in_the_words_of_a_library() -> None:
+    for fault in describe():
+        for parameter in fault.parameters:
+            with pytest.raises(FaultError) as caught:
+                parse_fault(f"{fault.name}:{parameter.name}=x")
+            assert f"{parameter.name}=x: expected {parameter.allowed};" in str(caught.value)
+
+
 def test_the_dictionary_of_a_scenario_is_checked_alike() -> None:
     good = {"fault": "delay", "params": {"delay_s": 1}, "vehicles": [1], "at_s": 5, "for_s": 2}
     assert str(FaultSpec.model_validate(good)) == "delay:delay_s=1,at=5,for=2,sysid=1"
     with pytest.raises(ValidationError, match="meant: delay_s"):
         FaultSpec.model_validate({"fault": "delay", "params": {"delay": 1}})
-    with pytest.raises(ValidationError, match="no fault 'dealy'"):
+    with pytest.raises(ValidationError, match=r"fault dealy: .* \(meant: delay\?\)"):
         FaultSpec.model_validate({"fault": "dealy"})
 
 

@@ -76,6 +76,9 @@ def test_a_url_twice_is_an_error() -> None:
         ("mixed", None, ["ardupilot", "px4"]),
         ("ardupilot:2, px4:1", None, ["ardupilot", "ardupilot", "px4"]),
         ("px4:2", 2, ["px4", "px4"]),
+        ("ArduPilot", None, ["ardupilot"]),
+        ("PX4:1,ArduPilot:1", None, ["px4", "ardupilot"]),
+        ("Mixed", 1, ["ardupilot"]),
     ],
 )
 def test_who_plays_which_autopilot(text: str, count: int | None, names: list[str]) -> None:
@@ -96,7 +99,8 @@ def test_a_home_may_have_a_heading() -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["46,14", "91,0,0", "0,181,0", "0,0,nan", "0,0,0,400", "a,b,c", "1,2,3,4,5", ""]
+    "text",
+    ["46,14", "91,0,0", "90,0,0", "-89.5,0,0", "0,181,0", "0,0,nan", "0,0,0,400", "a,b,c", "1,2,3,4,5", ""],
 )
 def test_a_home_that_is_none(text: str) -> None:
     with pytest.raises(OptionError, match="--home"):
@@ -124,8 +128,8 @@ def test_system_ids_differ_on_a_port_and_everywhere_where_that_is_possible(
     except OptionError as error:
         scenario, said = None, str(error)
     if scenario is None:
-        assert per_port is not None
-        assert f"at most {251 - first}" in said
+        assert f"at most {251 - first} " in said
+        assert count > 251 - first
         return
     places = [(v.link, v.sysid) for v in scenario.vehicles]
     assert len(set(places)) == count
@@ -134,6 +138,29 @@ def test_system_ids_differ_on_a_port_and_everywhere_where_that_is_possible(
         assert [sysid for _, sysid in places] == list(range(first, first + count))
     fullest = max(sum(link == other for other, _ in places) for link, _ in places)
     assert fullest <= (per_port or 250)
+
+
+def test_system_ids_that_do_not_fit_on_a_port_take_more_ports_only_where_that_is_asked_for() -> None:
+    with pytest.raises(OptionError, match=r"--sysid 250: .* at most 1 of 10 .* --per-port 1$"):
+        make_scenario(FleetOptions(count=10, sysid=250))
+    scenario, _ = make_scenario(FleetOptions(count=10, sysid=250, per_port=1))
+    assert [(v.link, v.sysid) for v in scenario.vehicles] == [(link, 250) for link in range(10)]
+    scenario, _ = make_scenario(FleetOptions(count=251))
+    assert (scenario.vehicles[-1].link, scenario.vehicles[-1].sysid) == (1, 1)
+
+
+@pytest.mark.parametrize(
+    ("text", "begins"),
+    [
+        ("gps_lost", "--fault gps_lost: there is none of that name (meant: gps_loss?)"),
+        ("packet_loss:rate=2", "--fault packet_loss: rate=2: expected 0 to 1; "),
+        ("gps_loss:rate=1", "--fault gps_loss: it has no 'rate'; allowed: at, for, sysid"),
+    ],
+)
+def test_a_fault_that_cannot_be_is_named_once(text: str, begins: str) -> None:
+    with pytest.raises(OptionError) as caught:
+        make_scenario(FleetOptions(faults=[text]))
+    assert str(caught.value).startswith(begins)
 
 
 def test_parameters_go_to_those_that_have_them() -> None:

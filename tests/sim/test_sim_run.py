@@ -12,12 +12,12 @@ import typer
 from pymavlink import mavutil
 from typer.testing import CliRunner, Result
 
+from sim_vehicle.epoch import EPOCH_US
 from sim_vehicle.run.command import run
 from sim_vehicle.run.runner import Run, Verdict
 from sim_vehicle.run.shipped import FOLDER, shipped
 from sim_vehicle.scenario import Scenario, load_scenario
 from sim_vehicle.scenario.file import parse_scenario
-from sim_vehicle.serving.tlog import EPOCH_US
 
 HOME = "home: {lat_deg: 46.0490, lon_deg: 14.5060, alt_amsl_m: 300}\nready_s: 0\n"
 HOP = (
@@ -76,6 +76,33 @@ def test_ten_and_more_are_shipped_and_say_what_they_are_about() -> None:
     assert listed.exit_code == 0
     assert all(scenario.name in listed.output for scenario in shipped())
     assert "min_separation_m" in invoke("--list-checks").output
+
+
+def test_a_shipped_scenario_is_printed_to_begin_with() -> None:
+    shown = invoke("--show", "clean_mission")
+    assert (shown.exit_code, shown.output) == (0, (FOLDER / "clean_mission.yaml").read_text())
+    unknown = invoke("--show", "clean_misson")
+    assert unknown.exit_code == 2
+    assert "clean_mission" in " ".join(unknown.output.split())
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("count: 1", "nothing is flown and nothing checked"),
+        ("vehicles: [{mission: [takeoff: 5, rtl]}]\nchecks: [alive]", "add `script: [fly_mission]`"),
+        ("vehicles:\n- count: 2\n  mission: [takeoff: 5, rtl]\nscript: [{fly_mission: , vehicles: [2]}]",
+         "hop.yaml:5: vehicles.0.mission: nobody uploads"),
+        ("count: 1\nname: ../../mix\nchecks: [alive]", "name: a run writes to a folder of this name"),
+        ("count: 1\nname: ..\nchecks: [alive]", "name: a run writes to a folder of this name"),
+    ],
+)  # fmt: skip
+def test_what_would_not_be_a_run_is_refused(hop: Path, tmp_path: Path, text: str, words: str) -> None:
+    hop.write_text(HOME + text)
+    done = invoke(hop, "--out", tmp_path / "out" / "deep")
+    assert done.exit_code == 2
+    assert words in done.output
+    assert list(tmp_path.iterdir()) == [hop]
 
 
 # -- verdict, exit code, files ---------------------------------------------------------------------------
@@ -158,7 +185,8 @@ def test_the_package_runs_scenarios(hop: Path, tmp_path: Path) -> None:
 
 @pytest.mark.interop
 def test_speedup_paces_the_run(hop: Path, tmp_path: Path) -> None:
-    hop.write_text(HOP.replace("until_s: 60", "until_s: 10").replace("  - landed\n", ""))
+    short = HOP.replace("until_s: 60", "until_s: 10").replace("  - {at_s: 14, land: }\n", "")
+    hop.write_text(short.replace("  - landed\n", ""))
     done = invoke(hop, "--out", tmp_path / "out", "--speedup", 20)
     took_s = float(done.output.split("simulated in ")[1].split(" s")[0])
     assert took_s >= 0.5
@@ -252,11 +280,11 @@ def test_a_parameter_is_set_as_the_autopilot_carries_it(personality: str, name: 
 
 
 def test_a_step_that_did_not_end_is_a_failure() -> None:
-    verdict = flown(HOME + "count: 1\nscript: [{at_s: 500, arm: }]\nuntil_s: 10")
-    assert [(step.action, step.text) for step in verdict.steps_failed] == [("arm", "did not end")]
+    verdict = flown(HOME + "count: 1\nscript: [{at_s: 9.9, reboot: }]\nuntil_s: 10\nfaults: [absent_ack]")
+    assert [(step.action, step.text) for step in verdict.steps_failed] == [("reboot", "did not end")]
 
 
 def test_a_run_goes_on_until_everything_that_is_watched_has_been() -> None:
     assert flown(HOP + "", until_s=300.0).simulated_s < 60
-    watched = HOP.replace("- no_crash", "- no_crash: {from_s: 100}")
-    assert 100 <= flown(watched, until_s=300.0).simulated_s < 110
+    watched = HOP.replace("- no_crash", "- no_crash: {from_s: 100}").replace("until_s: 60", "until_s: 300")
+    assert 100 <= flown(watched).simulated_s < 110

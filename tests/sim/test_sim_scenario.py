@@ -2,6 +2,8 @@
 
 import json
 import re
+import subprocess
+import sys
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -12,11 +14,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.checks import CHECKS
 from sim_vehicle.faults.spec import parse_fault
 from sim_vehicle.physics.geodesy import LocalFrame
+from sim_vehicle.run.shipped import FOLDER as SHIPPED
 from sim_vehicle.scenario import Scenario, ScenarioError, default_scenario, load_scenario
 from sim_vehicle.scenario.file import parse_scenario
-from sim_vehicle.scenario.plan import PlanWriter
+from sim_vehicle.scenario.plan import Leg, PlanWriter
+from sim_vehicle.scenario.schema import file_schema
+from sim_vehicle.scenario.steps import Step
 from sim_vehicle.url import Url, UrlError, parse_url
 
 VEHICLE = {"sysid": 1, "lat_deg": 46.0, "lon_deg": 14.5, "alt_amsl_m": 10.0}
@@ -29,6 +35,7 @@ GOOD: dict[str, Any] = {
     "hostiles": [[3, 4]],
 }
 HOME = "home: {lat_deg: 46.0, lon_deg: 14.5, alt_amsl_m: 300}\n"
+MIXED = "vehicles: [{}, {personality: px4}]\n"
 
 
 def written(tmp_path: Path, content: Any) -> Path:
@@ -74,7 +81,7 @@ def test_json_with_tabs_has_its_lines_too(tmp_path: Path) -> None:
     [
         pytest.param("{", "scenario.json:1: this is not JSON", id="broken JSON"),
         pytest.param({**GOOD, "hostile": []}, "hostile: no such key; did you mean `hostiles`", id="unknown"),
-        pytest.param({**GOOD, "vehicles": []}, "vehicles: list should have at least 1", id="no vehicle"),
+        pytest.param({**GOOD, "vehicles": []}, "vehicles: must have 1 or more in it", id="no vehicle"),
         pytest.param(
             {**GOOD, "vehicles": [VEHICLE, VEHICLE]}, "occur more than once: [1]", id="a sysid twice"
         ),
@@ -126,7 +133,7 @@ vehicles:
   - {count: 2, spacing_m: 30, north_m: -40, personality: px4}
   - {sysid: 9, east_m: 7}
   - {type: plane}
-  - {lat_deg: 46.5, lon_deg: 14.5}
+  - {lat_deg: 46.3, lon_deg: 14.5}
 """,
     )
     assert [v.sysid for v in scenario.vehicles] == [1, 2, 9, 10, 11]
@@ -134,7 +141,7 @@ vehicles:
     assert scenario.vehicles[3].kind == "plane"
     assert place_m(scenario, 1) == pytest.approx((30, -40), abs=1e-3)
     assert place_m(scenario, 2) == pytest.approx((7, 0), abs=1e-3)
-    assert scenario.vehicles[4].lat_deg == pytest.approx(46.5)
+    assert scenario.vehicles[4].lat_deg == pytest.approx(46.3)
 
 
 def test_more_than_250_go_on_to_the_next_link(tmp_path: Path) -> None:
@@ -196,7 +203,8 @@ def test_a_loaded_scenario_survives_being_written_out(tmp_path: Path) -> None:
         tmp_path,
         HOME
         + """
-vehicles: [{mission: [{takeoff: 5}, rtl], fence: [{keep_in_circle: {east_m: 0, north_m: 0, radius_m: 50}}]}]
+vehicles:
+  - {count: 2, mission: [{takeoff: 5}, rtl], fence: [{keep_in_circle: {east_m: 0, north_m: 0, radius_m: 50}}]}
 script: [fly_mission, {at_s: 3, mode: RTL}, {param: {RTL_ALT: 3000}, expect: any}]
 checks: [no_crash, min_separation_m: 5, mode_is: {mode: RTL, by_s: 5}]
 faults: ["gps_loss:at=3"]
@@ -249,12 +257,12 @@ faults: [packet_los]
         ("just words", 1, "a scenario is a mapping"),
         ("count: 1\ncount: 2", 2, "given twice, first on line 1"),
         ("a: [", 1, "not YAML"),
-        (HOME + "count: 0", 2, "greater than or equal to 1"),
+        (HOME + "count: 0", 2, "count: must be at least 1, found 0"),
         ("count: 2", 1, "needs lat_deg and lon_deg, or the scenario a `home`"),
-        ("home: {lat_deg: 91, lon_deg: 0}\ncount: 1", 1, "less than or equal to 90, found 91"),
+        ("home: {lat_deg: 91, lon_deg: 0}\ncount: 1", 1, "must be at most 90, found 91"),
         (HOME + "count: 1\nvehicles: [{}]", 2, "keep one of them"),
         (HOME + "vehicles:\n  - {lat_deg: 46, lon_deg: 14, east_m: 3}", 3, "metres are from `home`"),
-        (HOME + "count: 1\nscript:\n  - {mode: HOVER}", 4, "has no mode 'HOVER'; it has STABILIZE"),
+        (HOME + "count: 1\nscript:\n  - {mode: HOVER}", 4, "has a mode 'HOVER'; there are STABILIZE"),
         (HOME + "count: 1\nscript:\n  - {param: {FOO: 1}}", 4, "has no parameters FOO"),
         (HOME + "count: 1\nscript: [fly_mission]", 3, "vehicle 1 has no `mission`"),
         (HOME + "count: 1\nscript: [{mode: RTL, vehicles: [2]}]", 3, "no vehicle has system id [2]"),
@@ -264,9 +272,59 @@ faults: [packet_los]
         (HOME + "count: 1\nchecks: [{no_crash: 5}]", 3, "does not take 'value'"),
         (HOME + "count: 1\nchecks: [{mode_is: 5}]", 3, "takes words (mode), found 5"),
         (HOME + "count: 1\nchecks: [{no_crash: {by_s: 5}}]", 3, "is for what happens eventually"),
-        (HOME + "count: 1\nwind: {speed_m_s: '7'}", 3, "valid number, found '7'"),
+        (HOME + "count: 1\nwind: {speed_m_s: '7'}", 3, "must be a number, found '7'"),
+        # in the words of somebody who writes a file
+        (HOME + "count: 1\nwind: 5", 3,
+         "wind: must be a section with keys (speed_m_s, from_deg, gust_m_s), found 5"),
+        (HOME + "count: 1\nfaults: motor_loss", 3,
+         "faults: must be a list: `[one, another]`, or a line `- one` each, found 'motor_loss'"),
+        (HOME + "count: 1\nscript: [takeoff]", 3, "script.0.takeoff: must be a number, found nothing"),
+        (HOME + "count: 1\nscript: [rtl: 5]", 3, "script.0.rtl: takes nothing behind it, found 5"),
+        (HOME + "count: 1\nscript: [heartbeat: 5]", 3, "must be true or false, found 5"),
+        (HOME + "count: 1\nname: a/b", 3, "folder of this name"),
+        # times that a run does not get to
+        (HOME + "count: 1\nuntil_s: 60\nchecks:\n- max_height_m: {metres: 1, from_s: 60}", 5,
+         "checks.0: max_height_m: `from_s` (60 s) must be before the run's end, the scenario's `until_s`"),
+        (HOME + "count: 1\nuntil_s: 60\nchecks:\n- no_crash\n- alive: {from_s: 5, until_s: 61}", 6,
+         "alive: `until_s` (61 s) must be"),
+        (HOME + "count: 1\nuntil_s: 10\nchecks: [landed: {by_s: 50}]", 4, "landed: `by_s` (50 s) must be"),
+        (HOME + "count: 1\nchecks: [mode_is: {mode: LAND, when: always, from_s: 600}]", 3,
+         "`until_s` (600 s); make it earlier, or the run longer"),
+        (HOME + "count: 1\nuntil_s: 10\nscript:\n  - {at_s: 90, arm: }", 5, "arm: `at_s` (90 s) must be"),
+        (HOME + "count: 1\nuntil_s: 10\nfaults: ['gps_loss:at=50']", 4, "gps_loss: `at_s` (50 s) must be"),
+        (HOME + "count: 1\nchecks: [airborne: {from_s: 40, by_s: 20}]", 3,
+         "`by_s` (20) must be later than `from_s` (40)"),
+        (HOME + "count: 1\nchecks: [disarmed: {from_s: 5}]", 3, "looked at when the run ends"),
+        (HOME + "count: 1\nchecks: [disarmed: {until_s: 5}]", 3, "looked at when the run ends"),
+        # what nothing could fail
+        (HOME + "count: 1\nchecks: [no_strike]", 3, "no_strike needs the scenario's `hostiles`"),
+        (HOME + "count: 1\nchecks: [strikes_at_most: 0]", 3, "strikes_at_most needs the scenario's"),
+        (HOME + "count: 1\nchecks: [min_separation_m: 5]", 3, "min_separation_m needs two vehicles or more"),
+        (HOME + "count: 2\nchecks: [min_separation_m: -5]", 3, "a number of at least 0.1 (metres), found -5"),
+        (HOME + "count: 1\nchecks: [max_height_m: .nan]", 3, "takes a number (metres), found nan"),
+        (HOME + "count: 1\nchecks: [max_height_m: .inf]", 3, "takes a number (metres), found inf"),
+        (HOME + "count: 1\nchecks: [battery_above: 30]", 3, "a number from 0 to 1 (share), found 30"),
+        (HOME + "count: 1\nchecks: [never_says: '']", 3, "takes words (words), found ''"),
+        (HOME + "count: 1\nchecks: [heard_text: ' ']", 3, "takes words (words), found ' '"),
+        # names that there are not
+        (HOME + "count: 1\nchecks: [mode_is: RLT]", 3, "mode 'RLT'; did you mean RTL?"),
+        (HOME + MIXED + "checks: [mode_is: RTL|Retrun]", 3, "did you mean Return?"),
+        (HOME + MIXED + "checks: [mode_is: RTL]", 3, "px4 copter has no mode 'RTL'"),
+        (HOME + "count: 1\nscript: [mode: RTL|Retrun]", 3, "has a mode 'Retrun'"),
+        (HOME + "count: 1\nscript: [command: {command: ENUM_END}]", 3, "'ENUM_END' is no MAV_CMD_*"),
+        (HOME + "count: 1\nscript: [command: {command: 70000}]", 3, "from 0 to 65535, found 70000"),
+        (HOME + "vehicles: [{mission: [item: {command: MAV_CMD_ENUM_END}]}]", 2, "is no MAV_CMD_*"),
+        # plans that cannot be flown
+        (HOME + "vehicles:\n  - mission:\n    - takeoff: 10\n    - jump: {to: 9}", 5,
+         "vehicles.0.mission.1: jump: there is no entry 9, the mission has 2"),
+        (HOME + "vehicles:\n  - mission:\n    - jump: {to: 1, times: 2}", 3, "has nothing to fly"),
+        (HOME + "vehicles:\n- mission:\n  - takeoff: 9\n  - speed_m_s: 5\n  - jump: {to: 2, times: -1}", 6,
+         "goes back to entry 2 for ever, and nothing between them is flown"),
+        (HOME + "vehicles: [{count: 3, fence: [keep_in: [[0, 0], [1, 1], [20, 20]]]}]", 2, "are on one line"),
+        (HOME + "vehicles: [{fence: [keep_out: [[5, 5], [5, 5], [5, 5]]]}]", 2, "are on one line"),
+        (HOME + "vehicles:\n- {east_m: 0}\n- {east_m: 60000}", 4, "starts 60 km from the first vehicle"),
     ],
-)
+)  # fmt: skip
 def test_a_mistake_names_its_line_and_what_is_wanted(
     tmp_path: Path, text: str, line: int, words: str
 ) -> None:
@@ -274,6 +332,53 @@ def test_a_mistake_names_its_line_and_what_is_wanted(
     assert len(lines) == 1, lines
     assert lines[0].startswith(f"scenario.yaml:{line}: ")
     assert words in lines[0]
+
+
+def test_a_mistake_of_many_vehicles_alike_is_said_once(tmp_path: Path) -> None:
+    lines = refused(tmp_path, HOME + "vehicles: [{count: 30, mission: [{takeoff: 5}, {jump: {to: 7}}]}]")
+    assert len(lines) == 1, lines
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "count: 1\nuntil_s: 60\nchecks: [landed: {by_s: 60}, alive: {from_s: 59, until_s: 60}]",
+        MIXED + "checks: [mode_is: RTL|Return, mode_is: {mode: rtl, vehicles: [1]}]",
+        "vehicles: [{personality: px4}]\nchecks: [mode_is: Termination]",
+        "vehicles: [{mission: [{takeoff: 5}, {jump: {to: 1, times: -1}}]}]",
+        "vehicles: [{mission: [{item: {command: DO_JUMP, param1: 99, param2: -1}}]}]",
+        "vehicles: [{mission: [{item: {command: 65000}}]}]",
+        "vehicles: [{fence: [keep_in: [[-9, -9], [9, 9], [9, -9], [-9, 9]]]}]",
+        "count: 2\nchecks: [min_separation_m: {metres: 5, vehicles: [1]}]",
+    ],
+)
+def test_what_can_be_looked_at_and_flown_is_taken(tmp_path: Path, text: str) -> None:
+    assert from_yaml(tmp_path, HOME + text).vehicles
+
+
+def test_a_fleet_that_is_served_has_no_end() -> None:
+    data = default_scenario(1, home=(46.0, 14.5, 10.0)).model_dump()
+    late = Scenario.model_validate({**data, "faults": ["gps_loss:at=5000"]})
+    assert late.faults[0].at_s > late.until_s
+
+
+def test_the_last_place_of_a_mission_is_one_that_is_flown_to(tmp_path: Path) -> None:
+    scenario = from_yaml(
+        tmp_path,
+        HOME
+        + """
+vehicles:
+  - mission: &looks
+      - takeoff: 20
+      - waypoint: {east_m: 30, north_m: 40, height_m: 25}
+      - item: {command: DO_SET_ROI_LOCATION, east_m: 500, north_m: 500}
+      - rtl
+  - {personality: px4, mission: *looks}
+  - {mission: *looks, goal: {east_m: 1, north_m: 2}}
+""",
+    )
+    assert [v.goal_m() for v in scenario.vehicles] == [(30, 40), (30, 40), (1, 2)]
+    assert [v.goal_item() for v in scenario.vehicles] == [2, 1, None]
 
 
 def test_a_counted_fleet_stands_side_by_side() -> None:
@@ -313,6 +418,86 @@ def test_urls_are_understood(text: str, url: Url) -> None:
 def test_bad_urls_are_refused(text: str) -> None:
     with pytest.raises(UrlError, match="--url"):
         parse_url(text)
+
+
+# -- the schema ------------------------------------------------------------------------------------------
+
+
+def holds(data: Any, schema: Any, kinds: dict[str, Any]) -> bool:
+    """What of JSON schema the printed one uses."""
+    types: dict[str, Any] = {
+        "object": dict,
+        "array": list,
+        "string": str,
+        "number": (int, float),
+        "integer": int,
+        "boolean": bool,
+        "null": type(None),
+    }
+    if "$ref" in schema and not holds(data, kinds[schema["$ref"].split("/")[-1]], kinds):
+        return False
+    number = isinstance(data, int | float) and not isinstance(data, bool)
+    fits = [
+        "type" not in schema
+        or (isinstance(data, types[schema["type"]]) and (data is not True or schema["type"] == "boolean")),
+        "enum" not in schema or data in schema["enum"],
+        "anyOf" not in schema or any(holds(data, one, kinds) for one in schema["anyOf"]),
+        "oneOf" not in schema or sum(holds(data, one, kinds) for one in schema["oneOf"]) == 1,
+    ]  # fmt: skip
+    if number:
+        fits += [data >= schema.get("minimum", data), data <= schema.get("maximum", data)]
+        fits += [data > schema.get("exclusiveMinimum", data - 1)]
+    if isinstance(data, dict):
+        known = schema.get("properties", {})
+        fits += [set(schema.get("required", [])) <= set(data), len(data) <= schema.get("maxProperties", 99)]
+        fits += [holds(value, known[key], kinds) for key, value in data.items() if key in known]
+        fits += [schema.get("additionalProperties", True) is not False or set(data) <= set(known)]
+    if isinstance(data, list):
+        fits += [holds(entry, schema["items"], kinds) for entry in data if "items" in schema]
+    return all(fits)
+
+
+def fits_the_schema(text: str) -> bool:
+    schema = file_schema()
+    return holds(yaml.safe_load(text), schema, schema["$defs"])
+
+
+@pytest.mark.parametrize("path", sorted(SHIPPED.glob("*.yaml")), ids=lambda path: path.stem)
+def test_what_is_shipped_fits_the_schema(path: Path) -> None:
+    assert fits_the_schema(path.read_text())
+
+
+@pytest.mark.parametrize(
+    ("text", "fits"),
+    [
+        ("count: 2\nscript: [rtl, land: , {takeoff: 5, at_s: 3}]\nchecks: [no_crash, mode_is: RTL]", True),
+        ("vehicles: [{type: plane, mission: [land, takeoff: 5, takeoff: {height_m: 5}]}]", True),
+        ("count: 1\nfaults: ['gps_loss:at=3', {fault: gps_loss, at_s: 3}]", True),
+        ("seed: 3", False),
+        ("count: 1\nchekcs: []", False),
+        ("count: 1\nchecks: [min_separation_m]", False),
+        ("count: 1\nchecks: [no_crsh]", False),
+        ("count: 1\nscript: [{rtl: , land: }]", False),
+        ("count: 1\nscript: [takeoff]", False),
+        ("vehicles: [{mission: [waypoint: {east_m: 3}]}]", False),
+    ],
+)
+def test_the_schema_takes_short_forms_and_refuses_what_the_reader_does(text: str, fits: bool) -> None:
+    assert fits_the_schema(HOME + text) is fits
+
+
+def test_the_schema_knows_every_check_step_and_item() -> None:
+    kinds = file_schema()["$defs"]
+    assert set(kinds["CheckSpec"]["anyOf"][-1]["properties"]) == set(CHECKS)
+    for model in (Step, Leg):
+        assert set(model.choices()) <= set(kinds[model.__name__]["anyOf"][-1]["properties"])
+
+
+@pytest.mark.interop
+def test_the_schema_is_a_command() -> None:
+    command = [sys.executable, "-m", "sim_vehicle", "schema"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    assert json.loads(done.stdout) == file_schema()
 
 
 # -- anything at all ---------------------------------------------------------------------------------------

@@ -1,14 +1,19 @@
 """The parts of the server that need no socket: datagrams, lateness, time by hand, the table."""
 
 import asyncio
+import errno
 import io
+import os
 from collections.abc import Sequence
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
 from sim_vehicle.fleet import Fleet
+from sim_vehicle.links import LinkError
+from sim_vehicle.links.base import cannot_open
 from sim_vehicle.serving.display import Display
 from sim_vehicle.serving.hand import Hand
 from sim_vehicle.serving.lateness import Lateness
@@ -108,6 +113,54 @@ def test_lines_may_be_cut_anywhere(cuts: list[int]) -> None:
         ["at 1", "at 1.25", "at 1.5"],
         ["'fly' is not understood; expected `step SECONDS` and `quit`, for example step 0.5"],
     )
+
+
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        (errno.EADDRINUSE, "Is another program using it? Choose another port"),
+        (errno.EADDRNOTAVAIL, "This machine has no such address"),
+        (errno.EACCES, "You may not use it"),
+        (errno.EMFILE, "Allow more open files (ulimit -n)"),
+        (errno.ENETUNREACH, "Check the network"),
+    ],
+)
+def test_a_port_that_cannot_be_had_is_blamed_on_what_it_was(number: int, words: str) -> None:
+    said = str(cannot_open(parse_url("udpout:127.0.0.1:14550"), OSError(number, os.strerror(number))))
+    assert said.startswith(f"cannot open udpout 127.0.0.1:14550: {os.strerror(number)}. {words}")
+
+
+def serve_three(port_step: int, *urls: str) -> Server:
+    fleet = Fleet(make_scenario(FleetOptions(count=3, per_port=1))[0], ready_s=0)
+    parsed = [parse_url(url) for url in urls]
+    return Server(fleet, parsed, ByHand(), warn=lambda text: None, port_step=port_step)
+
+
+@pytest.mark.parametrize(
+    ("port_step", "one", "other", "port"),
+    [
+        (1, "udpin:127.0.0.1:5000", "udpin:127.0.0.1:5001", 5001),
+        (1, "udpin:127.0.0.1:5002", "udpin:0.0.0.0:5000", 5002),
+        (10, "tcpin::5000", "tcpin:127.0.0.1:5020", 5020),
+        (1, "udpout:127.0.0.1:5000", "udpout:127.0.0.1:5001", 5001),
+    ],
+)
+def test_urls_whose_ports_meet_are_refused(port_step: int, one: str, other: str, port: int) -> None:
+    with pytest.raises(LinkError, match=rf"with 3 ports each, both would have port {port}; begin further"):
+        serve_three(port_step, one, other)
+
+
+@pytest.mark.parametrize(
+    ("port_step", "one", "other"),
+    [
+        (1, "udpin:127.0.0.1:5000", "udpin:127.0.0.1:5003"),
+        (1, "udpin::5000", "tcpin::5001"),
+        (10, "tcpin::5000", "tcpin::5001"),
+        (1, "udpout:10.0.0.1:5000", "udpout:10.0.0.2:5001"),
+    ],
+)
+def test_urls_whose_ports_do_not_meet_are_taken(port_step: int, one: str, other: str) -> None:
+    assert serve_three(port_step, one, other).ports_words()
 
 
 def picture(options: FleetOptions, width: int, height: int, wall_s: float = 0.0) -> list[str]:

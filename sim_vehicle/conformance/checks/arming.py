@@ -3,7 +3,7 @@
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, parameters, plans
-from sim_vehicle.conformance.checks.fence import polygon
+from sim_vehicle.conformance.checks.fence import fence_in_force, polygon
 from sim_vehicle.conformance.peer import SECOND_STATION, Peer
 from sim_vehicle.conformance.plans import FENCE
 from sim_vehicle.conformance.registry import ARM, Skip, check
@@ -76,16 +76,6 @@ def strange_parameter(peer: Peer) -> str:
     return result_name(result)
 
 
-@check("arming.another_vehicles", needs=[ARM], limit_s=200)
-def another_vehicles(peer: Peer) -> str:
-    """A command to arm another system does not arm this one."""
-    flying.wait_ready(peer)
-    peer.send(peer.command_long(ARM_COMMAND, 1, to=(peer.facts.sysid % 250 + 1, 1)))
-    peer.wait(flying.HEARTBEAT_LAG_S)
-    holds(not peer.armed, "it armed")
-    return "disarmed"
-
-
 @check(
     "arming.system_status", needs=[ARM], dialects=("ardupilot", "px4"), limit_s=200, pins="AUTOPILOTS 1.13"
 )
@@ -138,9 +128,7 @@ def refusal_has_a_reason(peer: Peer) -> str:
     known(peer, ardupilot=True)
     plans.need(peer, FENCE)
     flying.wait_ready(peer)
-    plans.put(peer, polygon(peer, ((500, 500), (500, 600), (600, 600), (600, 500))), FENCE)
-    try:
-        peer.accepted(mavlink.MAV_CMD_DO_FENCE_ENABLE, 1)
+    with fence_in_force(peer, polygon(peer, ((500, 500), (500, 600), (600, 600), (600, 500)))):
         peer.wait(1.5)
         began_s = peer.now
         result = peer.command(ARM_COMMAND, 1)
@@ -149,10 +137,6 @@ def refusal_has_a_reason(peer: Peer) -> str:
         holds(result != mavlink.MAV_RESULT_ACCEPTED and not peer.armed, "it armed outside of its fence")
         equal(result, peer.dialect.arm_refused, "result")
         holds(any("reach" in text for text in texts), f"expected a text about the breach, saw {texts}")
-    finally:
-        peer.command(mavlink.MAV_CMD_DO_FENCE_ENABLE, 0)
-        plans.put(peer, [], FENCE)
-        flying.disarm(peer)
     return texts[0]
 
 

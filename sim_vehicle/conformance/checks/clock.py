@@ -37,6 +37,7 @@ def goes_forward(peer: Peer) -> str:
 @check("time.timesync.answer_is_not_answered")
 def not_answered(peer: Peer) -> str:
     """A TIMESYNC that is itself an answer gets none."""
+    _sync(peer, 666_666)  # it does answer
     mark = peer.mark()
     peer.send(mavlink.MAVLink_timesync_message(5_000_000_000, 777_777))
     peer.none("TIMESYNC", lambda m: m.ts1 == 777_777, during_s=1.5, mark=mark)

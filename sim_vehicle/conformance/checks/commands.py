@@ -1,6 +1,7 @@
 """COMMAND_LONG and COMMAND_INT: acknowledgement, targets, repetition, progress."""
 
 import math
+from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -96,9 +97,20 @@ def repeated_mode(peer: Peer) -> str:
 @check("commands.target.another_vehicle")
 def another_vehicle(peer: Peer) -> str:
     """A command to another system is neither executed nor answered."""
-    other = peer.facts.sysid % 250 + 1
+    return _unanswered(peer, peer.command_long(REQUEST, VERSION, to=(peer.stranger(), 1)))
+
+
+@check("commands.target.another_vehicle_int")
+def another_vehicle_int(peer: Peer) -> str:
+    """A COMMAND_INT to another system is neither executed nor answered."""
+    message = peer.command_int(REQUEST, VERSION)
+    message.target_system = peer.stranger()
+    return _unanswered(peer, message)
+
+
+def _unanswered(peer: Peer, message: Any) -> str:
     mark = peer.mark()
-    peer.send(peer.command_long(REQUEST, VERSION, to=(other, 1)))
+    peer.send(message)
     peer.none("COMMAND_ACK", during_s=1.5, mark=mark)
     equal(peer.since(mark, "AUTOPILOT_VERSION"), [], "AUTOPILOT_VERSION")
     return "no answer"
@@ -221,3 +233,9 @@ def nothing_to_cancel(peer: Peer) -> str:
     peer.wait(0.5)
     equal(result_name(peer.command(REQUEST, VERSION)), "ACCEPTED", "the next command")
     return "the next command is ACCEPTED"
+
+
+@check("commands.target.everybody_is_not_px4", dialects=("px4",))
+def everybody_is_not_px4(peer: Peer) -> str:
+    """Any other command to system 0 PX4 neither executes nor answers, so that none arms a whole fleet."""
+    return _unanswered(peer, peer.command_long(REQUEST, VERSION, to=(0, 0)))

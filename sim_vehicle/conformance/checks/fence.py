@@ -1,6 +1,7 @@
 """Geofence transfer."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -17,6 +18,7 @@ INSIDE = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
 OUTSIDE = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION
 CIRCLE_INSIDE = mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION
 CIRCLE_OUTSIDE = mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION
+ENABLE = mavlink.MAV_CMD_DO_FENCE_ENABLE
 SQUARE = ((-200, -200), (-200, 200), (200, 200), (200, -200))
 
 
@@ -37,6 +39,34 @@ def polygon(
 def circle(peer: Peer, radius_m: float, *, command: int = CIRCLE_INSIDE) -> Item:
     x, y = plans.here(peer)
     return Item(command, x, y, frame=mavlink.MAV_FRAME_GLOBAL, params=(radius_m, 0, 0, 0))
+
+
+@contextmanager
+def fence_in_force(peer: Peer, items: Sequence[Item]) -> Iterator[None]:
+    """The vehicle heeds this fence for a while, and none afterwards."""
+    plans.put(peer, items, FENCE)
+    with _switched(peer):
+        peer.accepted(ENABLE, 1)
+        yield
+    with peer.tidying():
+        plans.put(peer, [], FENCE)
+
+
+@contextmanager
+def _switched(peer: Peer) -> Iterator[float | None]:
+    """The fence is switched on here and off afterwards; what FENCE_ENABLE says."""
+    parameter = parameters.setting(peer, "FENCE_ENABLE")
+    if parameter:
+        # Whose fence was on has it on again, once its own fence is there again.
+        peer.debts.setdefault("the fence's being on", lambda: peer.accepted(ENABLE, 1))
+    with peer.owing("the fence's being off", lambda: _off(peer)):
+        yield parameter
+
+
+def _off(peer: Peer) -> None:
+    result = peer.command(ENABLE, 0)
+    if result != mavlink.MAV_RESULT_UNSUPPORTED:
+        equal(result_name(result), "ACCEPTED", "DO_FENCE_ENABLE 0")
 
 
 def _places(items: Sequence[Any]) -> list[tuple[int, int, int]]:
@@ -253,10 +283,9 @@ def enable_command(peer: Peer) -> str:
     """DO_FENCE_ENABLE: accepted by ArduPilot without a change of FENCE_ENABLE, UNSUPPORTED for PX4."""
     expected = known(peer, ardupilot="ACCEPTED", px4="UNSUPPORTED")
     plans.put(peer, polygon(peer), FENCE)
-    before = parameters.setting(peer, "FENCE_ENABLE")
-    seen = result_name(peer.command(mavlink.MAV_CMD_DO_FENCE_ENABLE, 1))
-    after = parameters.setting(peer, "FENCE_ENABLE")
-    peer.command(mavlink.MAV_CMD_DO_FENCE_ENABLE, 0)
+    with _switched(peer) as before:
+        seen = result_name(peer.command(ENABLE, 1))
+        after = parameters.setting(peer, "FENCE_ENABLE")
     equal(seen, expected, "DO_FENCE_ENABLE")
     equal(after, before, "FENCE_ENABLE")
     return seen

@@ -23,7 +23,8 @@ def _client(peer: Peer) -> Iterator[Ftp]:
     try:
         yield client
     finally:
-        client.reset()
+        with peer.tidying():
+            client.reset()
 
 
 def _some_file(client: Ftp) -> tuple[str, bytes]:

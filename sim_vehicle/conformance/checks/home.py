@@ -23,15 +23,19 @@ def _home(peer: Peer) -> Any:
 @contextmanager
 def _home_put_back(peer: Peer) -> Iterator[Any]:
     before = _home(peer)
-    try:
+    with peer.owing("home", lambda: _put_back(peer, before)):
         yield before
-    finally:
-        peer.result(
-            peer.command_int(
-                SET_HOME, frame=mavlink.MAV_FRAME_GLOBAL, x=before.latitude, y=before.longitude,
-                z=before.altitude / 1000,
-            )
-        )  # fmt: skip
+
+
+def _put_back(peer: Peer, before: Any) -> None:
+    command = peer.command_int(
+        SET_HOME,
+        frame=mavlink.MAV_FRAME_GLOBAL,
+        x=before.latitude,
+        y=before.longitude,
+        z=before.altitude / 1000,
+    )
+    equal(result_name(peer.result(command)), "ACCEPTED", "DO_SET_HOME")
 
 
 @check("home.by_request_message", limit_s=200)

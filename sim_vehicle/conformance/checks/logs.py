@@ -8,6 +8,7 @@ from sim_vehicle.conformance.registry import ALTER, Skip, check
 from sim_vehicle.conformance.words import equal, holds, known
 
 PART = 900
+UNDER_WAY = 100_000  # bytes: more than may have been sent before the vehicle hears that it shall stop
 DATAFLASH_HEAD, ULOG_HEAD = b"\xa3\x95\x80", b"ULog\x01\x12\x35"
 
 
@@ -70,6 +71,7 @@ def ends_short(peer: Peer) -> str:
 @check("logs.unknown_id")
 def unknown_id(peer: Peer) -> str:
     """Data of a log that is not there does not come."""
+    logclient.entries(peer)  # PX4 gives data only to who has asked for the list
     mark = peer.mark()
     peer.send(mavlink.MAVLink_log_request_data_message(*peer.target, 60_000, 0, 500))
     peer.wait(2.0)
@@ -79,16 +81,27 @@ def unknown_id(peer: Peer) -> str:
     return "none"
 
 
-@check("logs.download_can_be_ended")
+@check("logs.download_can_be_ended", limit_s=120)
 def download_ends(peer: Peer) -> str:
     """LOG_REQUEST_END in the middle of a download ends it."""
-    entry = logclient.newest(peer)
+    entry = max(logclient.entries(peer).values(), key=lambda found: found.size, default=None)
+    if entry is None or entry.size <= UNDER_WAY:
+        logclient.finish(peer)
+        raise Skip(f"holds no log of more than {UNDER_WAY // 1000} kB, which could be ended on its way")
+    mark = peer.mark()
     peer.send(mavlink.MAVLink_log_request_data_message(*peer.target, entry.id, 0, 0xFFFFFFFF))
-    peer.wait(0.3)
-    logclient.finish(peer)
-    peer.wait(1.0)
+    try:
+        peer.expect("LOG_DATA", lambda m: m.id == entry.id and m.count, within_s=3.0, mark=mark)
+    finally:
+        with peer.tidying():
+            logclient.finish(peer)
+            peer.wait(1.0)
+            logclient.finish(peer)  # the first may have been lost
+            peer.wait(1.0)
+    got = max(m.ofs + m.count for m in peer.since(mark, "LOG_DATA") if m.id == entry.id)
+    holds(got < entry.size, f"all {entry.size} bytes came")
     peer.none("LOG_DATA", during_s=2.0)
-    return "ended"
+    return f"after {got} of {entry.size} bytes"
 
 
 @check("logs.erase", needs=[ALTER], limit_s=90)

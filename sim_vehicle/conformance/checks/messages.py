@@ -88,17 +88,19 @@ def stops(peer: Peer) -> str:
 
 @check("messages.interval.default")
 def default(peer: Peer) -> str:
-    """An interval of 0 brings the default rate back."""
+    """An interval of 0 brings back the rate of before."""
     if peer.dialect.streams_by_itself is None:
         raise Skip("the default rates of this autopilot are not known")
-    with peer.streaming({"ATTITUDE": 10.0}):
-        peer.wait(0.5)
+    default_hz = len(peer.since(peer.wait(3.0), "ATTITUDE")) / 3.0
+    other_hz = 10.0 if default_hz < 5.0 else 2.0
+    seen_hz = _rate_hz(peer, "ATTITUDE", other_hz, 3.0)
+    near(seen_hz, other_hz, max(0.3 * other_hz, 0.7), "messages a second in between")
     peer.wait(0.5)
-    mark = peer.wait(3.0)
-    seen_hz = len(peer.since(mark, "ATTITUDE")) / 3.0
+    after_hz = len(peer.since(peer.wait(3.0), "ATTITUDE")) / 3.0
+    near(after_hz, default_hz, max(0.3 * default_hz, 0.7), "messages a second afterwards")
     if peer.dialect.streams_by_itself:
-        holds(seen_hz > 0, "expected the default stream, saw none")
-    return f"{seen_hz:.1f} Hz"
+        holds(after_hz > 0, "expected the default stream, saw none")
+    return f"{default_hz:.1f} Hz, {seen_hz:.1f} Hz, {after_hz:.1f} Hz"
 
 
 @check("messages.interval.told")
@@ -158,7 +160,8 @@ def by_command_int(peer: Peer) -> str:
         equal(result_name(peer.result(command)), "ACCEPTED", "COMMAND_INT")
         peer.expect("ATTITUDE")
     finally:
-        peer.set_interval("ATTITUDE", 0)
+        with peer.tidying():
+            peer.set_interval("ATTITUDE", 0)
     return "ACCEPTED"
 
 

@@ -5,7 +5,7 @@ from functools import partial
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, missions, parameters, plans
-from sim_vehicle.conformance.checks.fence import polygon
+from sim_vehicle.conformance.checks.fence import fence_in_force, polygon
 from sim_vehicle.conformance.peer import Peer
 from sim_vehicle.conformance.plans import FENCE, Item
 from sim_vehicle.conformance.registry import ARM, Skip, check
@@ -200,10 +200,8 @@ def fence_breach(peer: Peer) -> str:
         raise Skip("FENCE_ACTION is not RTL (1)")
     place = plans.here(peer)
     fence = polygon(peer, ((-60, -60), (-60, 60), (60, 60), (60, -60)))
-    plans.put(peer, fence, FENCE)
     plans.put(peer, plans.plan(peer, plans.takeoff(place, missions.HEIGHT_M), plans.waypoint(place, 200, 0)))
-    try:
-        peer.accepted(mavlink.MAV_CMD_DO_FENCE_ENABLE, 1)
+    with fence_in_force(peer, fence):
         missions.start(peer)
         began_s = peer.now
         peer.until(flying.in_mode(peer, "return"), "the return mode", 120)
@@ -214,9 +212,6 @@ def fence_breach(peer: Peer) -> str:
         near(out_m, 60.0, 25.0, "metres from the start")
         flying.set_mode(peer, "land")
         peer.until(lambda: not peer.armed, "landed and disarmed", 120)
-    finally:
-        peer.command(mavlink.MAV_CMD_DO_FENCE_ENABLE, 0)
-        plans.put(peer, [], FENCE)
     return f"RTL at {out_m:.0f} m"
 
 

@@ -32,6 +32,15 @@ def list_is_complete(peer: Peer) -> str:
     return f"{len(found)} parameters"
 
 
+@check("parameters.list.another_vehicles")
+def list_anothers(peer: Peer) -> str:
+    """A list that another system is asked for does not come."""
+    p.read(peer, next(iter(p.listed(peer))))  # it does answer
+    peer.send(mavlink.MAVLink_param_request_list_message(peer.stranger(), peer.facts.component))
+    peer.none("PARAM_VALUE", during_s=SILENT_S)
+    return "no answer"
+
+
 @check("parameters.list.names_are_valid")
 def names_are_valid(peer: Peer) -> str:
     """Names are 1 to 16 printable characters without blanks, each once."""
@@ -111,6 +120,7 @@ def read_long_name(peer: Peer) -> str:
 @check("parameters.read.unknown_name", pins="AUTOPILOTS 1.16")
 def read_unknown(peer: Peer) -> str:
     """Reading a name that is not there brings no value."""
+    p.read(peer, next(iter(p.listed(peer))))  # it does answer
     peer.send(p.read_message(peer, NO_SUCH))
     peer.none("PARAM_VALUE", lambda m: m.param_id == NO_SUCH, during_s=SILENT_S)
     return "no PARAM_VALUE"
@@ -137,7 +147,7 @@ def read_by_second_station(peer: Peer) -> str:
 def read_anothers(peer: Peer) -> str:
     """A request to another system is not answered."""
     name = next(iter(p.listed(peer)))
-    peer.send(p.read_message(peer, name, sysid=peer.facts.sysid % 250 + 1))
+    peer.send(p.read_message(peer, name, sysid=peer.stranger()))
     peer.none("PARAM_VALUE", during_s=SILENT_S)
     return "no answer"
 
@@ -193,31 +203,20 @@ def set_repeated(peer: Peer) -> str:
 @check("parameters.set.unknown_name", pins="AUTOPILOTS 1.16: PARAM_SET of an unknown name: no reply at all")
 def set_unknown(peer: Peer) -> str:
     """Setting a name that is not there brings no value."""
+    p.read(peer, next(iter(p.listed(peer))))  # it does answer
     peer.send(p.set_message(peer, NO_SUCH, 1.0, mavlink.MAV_PARAM_TYPE_REAL32))
     peer.none("PARAM_VALUE", lambda m: m.param_id == NO_SUCH, during_s=SILENT_S)
     return "no PARAM_VALUE"
-
-
-@check("parameters.set.another_vehicles")
-def set_anothers(peer: Peer) -> str:
-    """A PARAM_SET to another system changes nothing."""
-    name, value = _whole(peer)
-    before = p.read(peer, name)
-    other = peer.facts.sysid % 250 + 1
-    peer.send(p.set_message(peer, name, value, before.type, sysid=other))
-    peer.wait(0.5)
-    equal(p.read(peer, name).value, before.value, name)
-    return "unchanged"
 
 
 @check("parameters.set.nan_is_refused", dialects=("ardupilot",))
 def set_nan(peer: Peer) -> str:
     """NaN does not become a parameter's value."""
     name, _ = _real(peer)
-    before = p.read(peer, name)
-    peer.send(p.set_message(peer, name, math.nan, before.type))
-    peer.wait(0.5)
-    equal(p.read(peer, name).value, before.value, name)
+    with p.kept(peer, name) as before:
+        peer.send(p.set_message(peer, name, math.nan, before.type))
+        peer.wait(0.5)
+        equal(p.read(peer, name).value, before.value, name)
     return "unchanged"
 
 
@@ -240,12 +239,10 @@ def set_wrong_type(peer: Peer) -> str:
     """A PARAM_SET with another type: ArduPilot goes by the value, PX4 refuses."""
     takes = known(peer, ardupilot=True, px4=False)
     name, value = _whole(peer)
-    before = p.read(peer, name)
-    message = p.set_message(peer, name, value, mavlink.MAV_PARAM_TYPE_REAL32)
-    peer.send(message)
-    peer.wait(0.5)
-    after = p.read(peer, name)
-    p.write(peer, name, before.value, before.type)
+    with p.kept(peer, name) as before:
+        peer.send(p.set_message(peer, name, value, mavlink.MAV_PARAM_TYPE_REAL32))
+        peer.wait(0.5)
+        after = p.read(peer, name)
     equal(after.value, float(value) if takes else before.value, name)
     return "taken" if takes else "refused"
 

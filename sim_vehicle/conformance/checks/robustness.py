@@ -269,24 +269,27 @@ def flood_of_counts(peer: Peer) -> str:
 
 @check("endurance.every_message.zeros", needs=[SIMULATOR], limit_s=120)
 def every_message_zeros(peer: Peer) -> str:
-    """Every message of the dialect with nothing but zeros."""
+    """Every message that names its receiver, with nothing but zeros."""
     return _every_message(peer, bytes)
 
 
 @check("endurance.every_message.ones", needs=[SIMULATOR], limit_s=120)
 def every_message_ones(peer: Peer) -> str:
-    """Every message of the dialect with every bit set: NaN, -1 and the largest numbers."""
+    """Every message that names its receiver, with every bit set: NaN, -1 and the largest numbers."""
     return _every_message(peer, lambda size: b"\xff" * size)
 
 
 @check("endurance.every_message.random", needs=[SIMULATOR], limit_s=120)
 def every_message_random(peer: Peer) -> str:
-    """Every message of the dialect with random fields."""
+    """Every message that names its receiver, with random fields."""
     return _every_message(peer, np.random.default_rng(7).bytes)
 
 
 def _every_message(peer: Peer, payload: Callable[[int], bytes]) -> str:
-    """Send each message with a payload, addressed to the vehicle; those that arm or end it are left out."""
+    """Send each message with a payload, addressed to the vehicle.
+
+    Those that arm or end it are left out, and those that name no receiver: others could hear them.
+    """
     left_out = {"COMMAND_LONG", "COMMAND_INT", "SETUP_SIGNING", "PARAM_SET", "SET_MODE", "LOG_ERASE"}
     count = 0
     for message_id, message in sorted(mavlink.mavlink_map.items()):
@@ -294,7 +297,10 @@ def _every_message(peer: Peer, payload: Callable[[int], bytes]) -> str:
             continue
         data = bytearray(payload(message.unpacker.size))
         _address(message, data, peer.target)
-        peer.send_raw(frames.frame(peer, message_id, bytes(data), message.crc_extra))
+        sent = frames.frame(peer, message_id, bytes(data), message.crc_extra)
+        if peer.objection(sent) is not None:
+            continue
+        peer.send_raw(sent)
         count += 1
         if count % 40 == 0:
             peer.wait(0.2)

@@ -8,8 +8,8 @@ from itertools import pairwise
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.facts import SIGNED, Heard
-from sim_vehicle.conformance.peer import Peer
-from sim_vehicle.conformance.registry import ALTER, Skip, check
+from sim_vehicle.conformance.peer import STATION, Peer
+from sim_vehicle.conformance.registry import ALTER, CheckFailed, Skip, check
 from sim_vehicle.conformance.words import equal, holds, result_name
 
 KEY = hashlib.sha256(b"sim_vehicle conformance").digest()
@@ -17,7 +17,8 @@ OTHER_KEY = hashlib.sha256(b"somebody else").digest()
 Y2015_US = 1_420_070_400_000_000
 STAMP = 50_000_000_000_000  # in the year 2030, where the vehicle does not know the date
 REQUEST, VERSION = mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
-SIGNER, FORGER = (253, 190), (252, 190)
+SIGNER, FORGER, PLAIN = (253, 190), (252, 190), (251, 190)
+TAKE_BACK_ATTEMPTS = 5
 
 
 def _sign_with(peer: Peer, source: tuple[int, int], key: bytes, stamp: int) -> None:
@@ -40,17 +41,26 @@ def _key_set(peer: Peer) -> Iterator[int]:
     """The vehicle has our key; Skip where it does not sign then."""
     unix_us = peer.request("SYSTEM_TIME").time_unix_usec
     stamp = (unix_us - Y2015_US) // 10 + 100 if unix_us > Y2015_US else STAMP + round(peer.now * 1e5)
-    peer.send(mavlink.MAVLink_setup_signing_message(*peer.target, KEY, stamp))
     _sign_with(peer, SIGNER, KEY, stamp + 1000)
-    try:
+    with peer.owing("the signing key's absence", lambda: _take_back(peer)):
+        peer.send(mavlink.MAVLink_setup_signing_message(*peer.target, KEY, stamp))
         mark = peer.wait(3.0)
         if not _signed(peer.heard[mark:]):
             raise Skip("does not sign after SETUP_SIGNING")
         yield stamp
-    finally:
-        for source in (SIGNER, (255, 190)):
+
+
+def _take_back(peer: Peer) -> None:
+    """Nothing acknowledges that a key is gone but that the vehicle no longer signs."""
+    for _ in range(TAKE_BACK_ATTEMPTS):
+        for source in (SIGNER, STATION):
             peer.send(mavlink.MAVLink_setup_signing_message(*peer.target, bytes(32), 0), source)
         peer.wait(1.0)
+        mark = peer.wait(1.5)
+        frames = peer.heard[mark:]
+        if frames and not _signed(frames):
+            return
+    raise CheckFailed("expected it not to sign any more")
 
 
 @check("signing.without_a_key")
@@ -95,42 +105,48 @@ def takes_right_key(peer: Peer) -> str:
     return "ACCEPTED"
 
 
-def _is_refused(peer: Peer, source: tuple[int, int]) -> str:
+def _obeyed(peer: Peer, data: bytes) -> bool:
     mark = peer.mark()
-    peer.send(peer.command_long(REQUEST, VERSION), source)
-    if peer.maybe("COMMAND_ACK", within_s=1.5, mark=mark) is not None:
+    peer.send_raw(data)
+    return peer.maybe("COMMAND_ACK", within_s=1.5, mark=mark) is not None
+
+
+def _need_distrust(peer: Peer) -> None:
+    """Skip where this link is trusted: what need not be signed may be signed wrongly as well."""
+    if _obeyed(peer, peer.pack(peer.command_long(REQUEST, VERSION), PLAIN)):
         raise Skip("this link is trusted: it takes unsigned frames")
-    return "refused"
+    # A link that has lost the question is not one that refuses.
+    peer.ask(peer.command_long(REQUEST, VERSION), "COMMAND_ACK", source=SIGNER)
 
 
 @check("signing.refuses_unsigned", needs=[ALTER])
 def refuses_unsigned(peer: Peer) -> str:
     """An unsigned command is not executed, unless the link is trusted."""
     with _key_set(peer):
-        return _is_refused(peer, (251, 190))
+        _need_distrust(peer)
+    return "refused"
 
 
 @check("signing.refuses_the_wrong_key", needs=[ALTER])
 def refuses_wrong_key(peer: Peer) -> str:
     """A command signed with another key is not executed, unless the link is trusted."""
     with _key_set(peer) as stamp:
+        _need_distrust(peer)
         _sign_with(peer, FORGER, OTHER_KEY, stamp + 9000)
-        return _is_refused(peer, FORGER)
+        obeyed = _obeyed(peer, peer.pack(peer.command_long(REQUEST, VERSION), FORGER))
+    holds(not obeyed, "expected no answer to a wrong key, saw a COMMAND_ACK")
+    return "refused"
 
 
 @check("signing.refuses_a_replay", needs=[ALTER])
 def refuses_replay(peer: Peer) -> str:
     """The same signed frame again is not executed, unless the link is trusted."""
     with _key_set(peer):
+        _need_distrust(peer)
         data = peer.pack(peer.command_long(REQUEST, VERSION), SIGNER)
-        for attempt in range(2):
-            mark = peer.mark()
-            peer.send_raw(data)
-            answered = peer.maybe("COMMAND_ACK", within_s=1.5, mark=mark) is not None
-            if attempt == 0:
-                holds(answered, "the first was not executed")
-            elif answered:
-                raise Skip("this link is trusted: it takes what is not verified")
+        holds(_obeyed(peer, data), "the first was not executed")
+        obeyed = _obeyed(peer, data)
+    holds(not obeyed, "expected no answer to a replay, saw a COMMAND_ACK")
     return "refused"
 
 

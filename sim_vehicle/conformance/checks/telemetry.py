@@ -30,6 +30,9 @@ def time_goes_forward(peer: Peer) -> str:
     kinds = {"ATTITUDE": 10.0, "GLOBAL_POSITION_INT": 5.0}
     with peer.streaming(kinds):
         mark = peer.wait(4.0)
+    for kind, rate_hz in kinds.items():
+        seen = len(peer.since(mark, kind))
+        holds(seen >= rate_hz, f"expected {kind} at {rate_hz:g} Hz, saw {seen} in 4 s")
     newest = dict.fromkeys(kinds, 0)
     for entry in peer.heard[mark:]:
         if entry.kind in newest:

@@ -1,0 +1,77 @@
+"""A table as wide as it may be: each column whole or not there, but the last one, which may be cut."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rich.text import Text
+
+GAP = 2  # between columns
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """What stands in a column, and what becomes of it where there is no room for all.
+
+    stays: the column with the lowest goes first; least: how wide it is at least; cut: whether it takes what
+    the others leave, down to `cut` characters, rather than go. At most one column is cut, the last.
+    """
+
+    heading: str
+    cells: Sequence[Text]
+    stays: int
+    right: bool = False
+    least: int = 0
+    cut: int | None = None
+
+    @property
+    def width(self) -> int:
+        return max(self.least, len(self.heading), *(cell.cell_len for cell in self.cells), 0)
+
+    @property
+    def needed(self) -> int:
+        return self.width if self.cut is None else min(self.width, self.cut)
+
+
+def fitting(columns: Sequence[Column], width: int | None) -> list[Column]:
+    """Those that `width` characters have room for, in their order, one in any case; None: all."""
+    kept = list(columns)
+    while width is not None and len(kept) > 1 and _needed(kept) > width:
+        kept.remove(min(kept, key=lambda column: column.stays))
+    return kept
+
+
+def table(columns: Sequence[Column], width: int | None) -> list[Text]:
+    """The headings and the rows, a line each, none wider than `width`; None: as wide as they are."""
+    kept = fitting(columns, width)
+    widths = [column.width for column in kept]
+    if width is not None:
+        widths[-1] = min(widths[-1], width - sum(widths[:-1]) - GAP * (len(kept) - 1))
+    rows = [[Text(column.heading, style="bold") for column in kept]]
+    rows += [list(cells) for cells in zip(*(column.cells for column in kept), strict=True)]
+    return [_line(cells, kept, widths) for cells in rows]
+
+
+def _needed(columns: Sequence[Column]) -> int:
+    return sum(column.needed for column in columns) + GAP * (len(columns) - 1)
+
+
+def _line(cells: Sequence[Text], columns: Sequence[Column], widths: Sequence[int]) -> Text:
+    line = Text(no_wrap=True)
+    for i, (cell, column, width) in enumerate(zip(cells, columns, widths, strict=True)):
+        whole = cell.copy()
+        whole.truncate(width, overflow="ellipsis")
+        space = " " * (width - whole.cell_len)
+        line.append(" " * GAP if i else "")
+        line.append_text(Text(space) + whole if column.right else whole + space)
+    line.rstrip()
+    return line
+
+
+def one_line(words: Sequence[str], width: int, style: str) -> Text:
+    """As many of these, the first ones, as there is room for; the first is cut if it has to be."""
+    shown = list(words)
+    while len(shown) > 1 and len("  ".join(shown)) > width:
+        shown.pop()
+    line = Text("  ".join(shown), style=style, no_wrap=True)
+    line.truncate(width, overflow="ellipsis")
+    return line

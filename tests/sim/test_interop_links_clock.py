@@ -1,0 +1,322 @@
+"""Every transport in this process, on an event loop whose clock the test puts forward.
+
+What is lost comes back, whoever is silent is given up, and a process that may open no more files goes on.
+"""
+
+import asyncio
+import contextlib
+import errno
+import os
+import resource
+import selectors
+import socket
+import struct
+import tty
+from collections.abc import Callable, Coroutine, Iterator
+from pathlib import Path
+from typing import Any, TypeVar
+
+import pytest
+from simulator_process import LIMIT_S, free_tcp_port, udp_socket
+
+from sim_vehicle.links import Ends, Link, LinkError, make_link
+from sim_vehicle.links.stream import Stream
+from sim_vehicle.url import parse_url
+
+pytestmark = pytest.mark.interop
+Result = TypeVar("Result")
+
+
+class Loop(asyncio.SelectorEventLoop):
+    """An event loop whose clock a test puts forward."""
+
+    def __init__(self) -> None:
+        self.selector = selectors.DefaultSelector()
+        self.ahead_s = 0.0
+        self.bugs: list[dict[str, Any]] = []
+        super().__init__(self.selector)
+        self.set_exception_handler(lambda _, context: self.bugs.append(context))
+
+    def time(self) -> float:
+        return super().time() + self.ahead_s
+
+    async def forward(self, seconds: float) -> None:
+        """Everything that becomes due meanwhile has been done."""
+        self.ahead_s += seconds
+        for _ in range(3):
+            await asyncio.sleep(0)
+
+    async def until(self, condition: Callable[[], object]) -> None:
+        async with asyncio.timeout(LIMIT_S):
+            while not condition():  # noqa: ASYNC110 - there is nothing that could wake it
+                await asyncio.sleep(0)
+
+
+def in_loop(test: Callable[[Loop], Coroutine[Any, Any, Result]]) -> Result:
+    loop = Loop()
+    with asyncio.Runner(loop_factory=lambda: loop) as runner:
+        result = runner.run(test(loop))
+    assert loop.bugs == []
+    return result
+
+
+class Heard:
+    """What a link hands over."""
+
+    def __init__(self) -> None:
+        self.data: list[bytes] = []
+        self.gone: list[object] = []
+        self.said: list[str] = []
+
+    def link(self, url: str, vehicles: int = 1) -> Link:
+        ends = Ends(lambda data, peer, reach: self.data.append(data), self.gone.append, self.said.append)
+        return make_link(parse_url(url), ends, vehicles=range(vehicles))
+
+
+@contextlib.contextmanager
+def no_more_files() -> Iterator[None]:
+    """Nothing can be opened meanwhile."""
+    allowed, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (3, most))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (allowed, most))
+
+
+def test_a_peer_that_is_silent_for_a_minute_is_forgotten() -> None:
+    heard = Heard()
+
+    async def silent(loop: Loop) -> None:
+        probe, port = udp_socket()
+        probe.close()
+        link = heard.link(f"udpin:127.0.0.1:{port}")
+        link.open()
+        udp, _ = udp_socket()
+        with udp:
+            udp.sendto(b"here", ("127.0.0.1", port))
+            await loop.until(link.stations)
+            await loop.forward(59)
+            assert link.stations() == 0  # nobody to be counted, and yet
+            link.send([(0, b"first")])
+            assert udp.recv(100) == b"first"
+            assert heard.gone == []
+            await loop.forward(2)
+            link.send([(0, b"second")])
+            assert len(heard.gone) == 1
+            udp.setblocking(False)
+            with pytest.raises(BlockingIOError):
+                udp.recv(100)
+        link.close()
+
+    in_loop(silent)
+
+
+def test_a_vehicle_that_reboots_while_no_socket_can_be_had_comes_back_later() -> None:
+    heard = Heard()
+
+    async def reboots(loop: Loop) -> None:
+        udp, port = udp_socket()
+        link = heard.link(f"udpout:127.0.0.1:{port}", vehicles=3)
+        link.open()
+        with udp:
+            link.send([(0, b"before")])
+            _, shared = udp.recvfrom(100)
+            with no_more_files():
+                link.rebooted(0)
+                link.rebooted(1)
+                await loop.forward(1.1)
+                link.send([(0, b"silent"), (1, b"silent"), (2, b"still there")])
+            assert udp.recvfrom(100) == (b"still there", shared)
+            await loop.forward(1.1)
+            link.send([(0, b"0"), (1, b"1"), (2, b"2")])
+            sources = dict(udp.recvfrom(100) for _ in range(3))
+            assert sources[b"2"] == shared
+            assert len(set(sources.values())) == 3
+        link.close()
+
+    in_loop(reboots)
+    (said,) = heard.said
+    assert said.endswith("no way back for a rebooted vehicle (Too many open files); trying again every 1 s")
+
+
+def test_a_port_that_no_file_is_left_for_says_so() -> None:
+    async def opened(loop: Loop) -> None:
+        with no_more_files(), pytest.raises(LinkError, match=r"Allow more open files \(ulimit -n\)"):
+            Heard().link("udpout:127.0.0.1:14550").open()
+
+    in_loop(opened)
+
+
+def reset(server: socket.socket) -> None:
+    """Take the next connection, only to break it off."""
+    connection, _ = server.accept()
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+    connection.close()
+
+
+def test_a_server_that_hangs_up_at_once_is_nobody_and_that_is_said_once() -> None:
+    heard = Heard()
+
+    async def dials(loop: Loop) -> None:
+        port = free_tcp_port()
+        link = heard.link(f"tcpout:127.0.0.1:{port}")
+        link.open()
+        for _ in range(3):
+            await loop.until(lambda: heard.said)
+            with socket.create_server(("127.0.0.1", port)) as server:
+                server.settimeout(LIMIT_S)
+                await loop.forward(0.6)
+                await loop.until(link.stations)
+                reset(server)
+                await loop.until(lambda: not link.stations())
+            await loop.forward(0.6)
+        assert len(heard.said) == 1
+        with socket.create_server(("127.0.0.1", port)) as server:
+            server.settimeout(LIMIT_S)
+            await loop.forward(0.6)
+            connection, _ = server.accept()
+            with connection:
+                connection.sendall(b"hello")
+                await loop.until(lambda: heard.data)
+        await loop.until(lambda: not link.stations())
+        await loop.forward(0.6)
+        await loop.until(lambda: len(heard.said) == 2)  # somebody was there, and is not any more
+        link.close()
+
+    in_loop(dials)
+
+
+def test_a_server_that_hangs_up_while_it_is_asked_who_it_is_is_dialled_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    class HangsUp(socket.socket):
+        def getpeername(self) -> Any:
+            raise OSError(errno.ENOTCONN, "Transport endpoint is not connected")
+
+    heard = Heard()
+
+    async def dials(loop: Loop) -> None:
+        with socket.create_server(("127.0.0.1", 0)) as server:
+            link = heard.link(f"tcpout:127.0.0.1:{server.getsockname()[1]}")
+            with monkeypatch.context() as patched:
+                patched.setattr(socket, "socket", HangsUp)
+                link.open()
+                await loop.until(lambda: heard.said)
+            await loop.forward(0.6)
+            await loop.until(link.stations)
+        link.close()
+
+    in_loop(dials)
+
+
+def test_it_dials_again_after_no_file_was_left() -> None:
+    heard = Heard()
+
+    async def dials(loop: Loop) -> None:
+        with socket.create_server(("127.0.0.1", 0)) as server:
+            link = heard.link(f"tcpout:127.0.0.1:{server.getsockname()[1]}")
+            with no_more_files():
+                link.open()
+                await loop.forward(0.6)
+            await loop.forward(0.6)
+            await loop.until(link.stations)
+        link.close()
+
+    in_loop(dials)
+    assert len(heard.said) == 1
+
+
+def test_a_listener_without_a_file_left_waits_instead_of_spinning() -> None:
+    heard = Heard()
+
+    async def crowded(loop: Loop) -> None:
+        port = free_tcp_port()
+        link = heard.link(f"tcpin:127.0.0.1:{port}")
+        link.open()
+        with socket.socket() as one:
+            with no_more_files():
+                one.connect(("127.0.0.1", port))
+                await loop.until(lambda: heard.said)
+                assert loop.selector.select(0) == []  # nothing that would wake the loop again at once
+                await loop.forward(1.1)
+                assert loop.selector.select(0) == []
+            assert link.stations() == 0
+            await loop.forward(1.1)
+            await loop.until(link.stations)
+        link.close()
+
+    in_loop(crowded)
+    (said,) = heard.said
+    assert said.endswith("nobody more can connect for now (Too many open files)")
+
+
+def test_a_reader_that_takes_nothing_is_given_up() -> None:
+    async def stalls(loop: Loop) -> list[str]:
+        ended: list[str] = []
+        writer, reader = socket.socketpair()
+        writer.setblocking(False)
+        stream = Stream(
+            writer.fileno(), writer.recv, writer.send,
+            backlog_bytes=1_000_000, received=lambda data: None, ended=ended.append,
+        )  # fmt: skip
+        with writer, reader:
+            stream.send([(0, b"x" * 1_000_000)])
+            await loop.forward(29)
+            stream.send([(0, b"y")])
+            taken = 0
+            while taken < 500_000:  # it was only slow
+                taken += len(reader.recv(65_536))
+                await asyncio.sleep(0)
+            await loop.forward(29)
+            stream.send([(0, b"y")])
+            assert ended == []
+            await loop.forward(2)
+            stream.send([(0, b"y")])
+        return ended
+
+    assert in_loop(stalls) == ["has read nothing for 30 s"]
+
+
+def test_a_serial_device_that_goes_is_opened_again_when_it_is_back(tmp_path: Path) -> None:
+    device = tmp_path / "tty"
+    heard = Heard()
+
+    def plug_in() -> tuple[int, int]:
+        ours, theirs = os.openpty()
+        tty.setraw(ours)
+        tty.setraw(theirs)
+        device.symlink_to(os.ttyname(theirs))
+        return ours, theirs
+
+    def unplug(files: tuple[int, int]) -> None:
+        device.unlink()
+        for file in files:
+            os.close(file)
+
+    async def comes_and_goes(loop: Loop) -> None:
+        files = plug_in()
+        link = heard.link(f"serial:{device}:57600")
+        link.open()
+        for times in (1, 2):
+            unplug(files)
+            await loop.until(lambda: not link.stations())
+            assert len(heard.gone) == times
+            for _ in range(2):
+                await loop.forward(1.1)  # not there yet
+            assert link.stations() == 0
+            link.send([(0, b"lost")])
+            files = plug_in()
+            await loop.forward(1.1)
+            assert link.stations() == 1
+            link.send([(0, b"found")])
+            assert os.read(files[0], 100) == b"found"
+            os.write(files[0], b"answer")
+            await loop.until(lambda: len(heard.data) == len(heard.gone))
+        link.close()
+        unplug(files)
+
+    in_loop(comes_and_goes)
+    assert [said.partition(": ")[2].partition(" (")[0] for said in heard.said] == [
+        "the device is gone", "the device is back"
+    ] * 2  # fmt: skip

@@ -1,0 +1,253 @@
+"""What is shown on terminals of any width: whole columns or none, and what a pipe gets."""
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rich.console import Console
+from rich.text import Text
+from typer import Typer
+from typer.testing import CliRunner
+
+from sim_vehicle.fleet import Fleet
+from sim_vehicle.run.command import run
+from sim_vehicle.run.judging import Failure
+from sim_vehicle.run.report import folded, show, write_verdict
+from sim_vehicle.run.runner import CheckEnd, VehicleEnd, Verdict
+from sim_vehicle.serving.columns import GAP, Column, fitting, one_line, table
+from sim_vehicle.serving.display import Display
+from sim_vehicle.serving.options import FleetOptions, make_scenario
+from sim_vehicle.serving.pace import ByHand
+from sim_vehicle.serving.server import Server
+from sim_vehicle.url import parse_url
+
+PROPERTY = settings(derandomize=True, deadline=None, max_examples=150)
+WORDS = st.text(st.characters(min_codepoint=33, max_codepoint=126), min_size=1, max_size=30)
+
+
+def column(heading: str, *cells: str, stays: int, cut: int | None = None, right: bool = False) -> Column:
+    return Column(heading, [Text(cell) for cell in cells], stays, cut=cut, right=right)
+
+
+@st.composite
+def tables(draw: st.DrawFn) -> list[Column]:
+    """An id of up to 8 characters, which stays longest, some columns, and perhaps one that may be cut."""
+    rows = draw(st.integers(0, 4))
+    stays = draw(st.permutations(range(draw(st.integers(0, 7)))))
+    columns = [column("id", *(f"{i}:{10 ** draw(st.integers(0, 4))}" for i in range(rows)), stays=99)]
+    columns += [
+        column(
+            f"{i}{draw(WORDS)}", *(draw(WORDS) for _ in range(rows)), stays=stay, right=draw(st.booleans())
+        )
+        for i, stay in enumerate(stays)
+    ]
+    if draw(st.booleans()):
+        last = (" ".join(draw(st.lists(WORDS, max_size=5))) for _ in range(rows))
+        columns.append(column("faults", *last, stays=draw(st.integers(0, 98)), cut=draw(st.integers(6, 20))))
+    return columns
+
+
+def plain(lines: Sequence[Text]) -> list[str]:
+    return [line.plain for line in lines]
+
+
+@PROPERTY
+@given(tables(), st.integers(20, 200))
+def test_every_column_is_whole_or_not_there(columns: list[Column], width: int) -> None:
+    lines = plain(table(columns, width))
+    kept = fitting(columns, width)
+    assert kept[0].heading == "id"
+    assert all(len(line) <= width for line in lines)
+    for row, line in enumerate(lines[1:]):
+        position = 0
+        for shown in kept:
+            cell = shown.cells[row].plain
+            if shown.cut is None:
+                field = line[position : position + shown.width]
+                assert field.strip() == cell
+                position += shown.width + GAP
+            else:
+                room = width - position
+                assert room >= min(shown.width, shown.cut)
+                rest = line[position:]
+                assert rest == cell.rstrip() or (len(cell) > room and rest == f"{cell[: room - 1]}…")
+
+
+@PROPERTY
+@given(tables())
+def test_the_wider_the_more_and_always_in_one_order(columns: list[Column]) -> None:
+    before: list[Column] = []
+    for width in range(20, 320, 3):
+        kept = fitting(columns, width)
+        assert all(shown in kept for shown in before)
+        left_out = [shown.stays for shown in columns if shown not in kept]
+        assert not left_out or max(left_out) <= min(shown.stays for shown in kept)
+        before = kept
+    assert fitting(columns, None) == columns
+
+
+@PROPERTY
+@given(tables())
+def test_without_a_width_nothing_is_cut_or_padded(columns: list[Column]) -> None:
+    for row, line in enumerate(plain(table(columns, None))[1:]):
+        assert line == line.rstrip()
+        assert all(shown.cells[row].plain.strip() in line for shown in columns)
+
+
+def test_what_is_said_on_a_line_is_left_out_word_by_word() -> None:
+    words = ["12 vehicles", "3 armed", "1 flying"]
+    shown = [one_line(words, width, "").plain for width in (40, 25, 12, 6)]
+    assert shown == ["12 vehicles  3 armed  1 flying", "12 vehicles  3 armed", "12 vehicles", "12 ve…"]
+
+
+# -- the live table ---------------------------------------------------------------------------------------
+
+
+def live(options: FleetOptions) -> Display:
+    fleet = Fleet(make_scenario(options)[0], ready_s=0)
+    fleet.step(0.0)
+    return Display(Server(fleet, [parse_url("udpout:127.0.0.1:14550")], ByHand(), warn=lambda text: None))
+
+
+def shown(display: Display, width: int, height: int = 24, wall_s: float = 0.0) -> list[str]:
+    console = Console(file=io.StringIO(), width=width, height=height, color_system=None)
+    console.print(display.render(wall_s, width, height))
+    assert isinstance(console.file, io.StringIO)
+    return [text.rstrip() for text in console.file.getvalue().splitlines()]
+
+
+FAULTS = ["motor_loss", "gps_loss", "sensor_unhealthy"]
+
+
+@pytest.mark.parametrize(
+    ("options", "ids"),
+    [
+        (FleetOptions(count=2, personality="mixed", kind="plane", faults=FAULTS[:2]), {"1", "2"}),
+        (FleetOptions(count=3, sysid=248, faults=FAULTS), {"248", "249", "250"}),
+        (FleetOptions(count=4, per_port=1, sysid=200), {"0:200", "1:201", "2:202", "3:203"}),
+        (FleetOptions(count=4), {"1", "2", "3", "4"}),
+    ],
+    ids=["faults", "long_ids", "several_ports", "plain"],
+)
+def test_id_and_battery_are_whole_at_any_width(options: FleetOptions, ids: set[str]) -> None:
+    display = live(options)
+    for width in range(200, 19, -1):
+        lines = shown(display, width)
+        assert all(len(line) <= width for line in lines)
+        (heading,) = [line for line in lines if line.split()[:1] == ["id"]]
+        first = lines.index(heading) + 1
+        rows = lines[first : first + len(ids)]
+        assert {row.split()[0] for row in rows} == ids
+        for row in rows:
+            assert "100%" in row.split()
+            cut = row.find("…")
+            assert cut < 0 or cut >= heading.index("faults")
+
+
+def test_columns_leave_in_their_order() -> None:
+    display = live(FleetOptions(count=2, faults=FAULTS[:1]))
+    gone: list[str] = []
+    names = ["latitude", "hit", "msg/s", "armed", "type", "m/s", "faults", "height", "mode", "batt"]
+    for width in range(160, 11, -1):
+        (heading,) = [line for line in shown(display, width) if line.split()[:1] == ["id"]]
+        words = heading.replace("latitude, longitude", "latitude").replace("height m", "height").split()
+        gone += [name for name in names if name not in words and name not in gone]
+    assert gone == names[:-1]
+
+
+def test_a_table_does_not_jump_when_its_numbers_grow_and_shrink() -> None:
+    display = live(FleetOptions(count=40, faults=["packet_loss:sysid=1"]))
+    first = shown(display, 80, height=16)
+    later = [shown(display, 80, height=16, wall_s=5.0 * page) for page in range(5)]
+    headings = {line for lines in (first, *later) for line in lines if line.split()[0] == "id"}
+    assert len(headings) == 1
+
+
+def test_a_warning_stands_below_the_table() -> None:
+    fleet = Fleet(make_scenario(FleetOptions(count=60))[0], ready_s=0)
+    server = Server(fleet, [parse_url("udpout:127.0.0.1:14550")], ByHand(), warn=lambda text: None)
+    lines = shown(Display(server, lambda: "cannot keep up with 10x real time"), 30, height=12)
+    assert lines[-1] == "cannot keep up with 10x real …"
+    assert len(lines) == 12
+
+
+# -- the tables of a run ----------------------------------------------------------------------------------
+
+
+LONG = "PreArm: Compass not calibrated; and some more words that go on and on beyond what anybody reads"
+
+
+def verdict() -> Verdict:
+    ends = [
+        VehicleEnd(
+            sysid=n, link=n - 1, personality="ardupilot", kind="copter", mode="STABILIZE", armed=True,
+            height_m=1234.5, from_start_m=12345.6, flown_m=123456.7, battery_remaining=1.0, strikes=n,
+            messages=5, last_text=LONG,
+        )
+        for n in (1, 250)
+    ]  # fmt: skip
+    failures = [Failure("never_says 'x'", n, 0, 75.10000000000001, LONG) for n in range(1, 6)]
+    checks = [CheckEnd("no_crash", passed=True, failures=[]), CheckEnd("never_says 'x'", False, failures)]
+    return Verdict("two", 7, 75.10000000000001, checks, [], ends)
+
+
+def report(width: int, *, terminal: bool) -> list[str]:
+    console = Console(file=io.StringIO(), width=width, force_terminal=terminal, color_system=None)
+    show(console, verdict())
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue().splitlines()
+
+
+@pytest.mark.parametrize("width", [20, 40, 60, 80, 100, 110, 160, 240])
+def test_the_tables_of_a_run_fit_a_terminal(width: int) -> None:
+    lines = report(width, terminal=True)
+    assert all(len(line) <= width for line in lines)
+    assert "passed  no_crash" in lines
+    assert "FAILED  never_says" in "\n".join(lines)
+    (heading,) = [line for line in lines if line.startswith("id")]
+    ends = [line.split() for line in lines[lines.index(heading) + 1 :]]
+    assert [end[0] for end in ends] == ["1", "249:250"]
+    assert all("100%" in end for end in ends)
+    assert all(("STABILIZE" in end) == ("mode" in heading.split()) for end in ends)
+    assert "…" not in heading
+    for line in lines:
+        assert "…" not in line or line.index("…") >= heading.index("last text")
+
+
+def test_the_last_text_is_the_first_to_go() -> None:
+    (heading,) = [line for line in report(84, terminal=True) if line.startswith("id")]
+    assert heading.split()[-1] == "hit"
+
+
+def test_a_pipe_gets_every_word_and_no_padding() -> None:
+    lines = report(80, terminal=False)
+    assert all(line == line.rstrip() for line in lines)
+    assert [line for line in lines if not line] == [""]  # between the two tables
+    assert sum(line.endswith(LONG) for line in lines) == 3 + 2  # of five failures three are shown
+    assert f"        vehicle 1 at 75.10 s: {LONG}" in lines
+
+
+def test_times_in_the_verdict_have_no_dust(tmp_path: Path) -> None:
+    write_verdict(tmp_path, verdict())
+    text = (tmp_path / "verdict.json").read_text()
+    assert text.count('"t_s": 75.1,') == 5
+    assert '"simulated_s": 75.1,' in text
+
+
+def test_what_is_folded_is_indented() -> None:
+    assert plain(folded(Text("landed: on the ground, and disarmed"), 20, "    ")) == [
+        "landed: on the",
+        "    ground, and",
+        "    disarmed",
+    ]
+
+
+def test_a_list_on_a_pipe_has_a_line_for_each() -> None:
+    app = Typer(add_completion=False, rich_markup_mode=None)
+    app.command()(run)
+    done = CliRunner().invoke(app, ["--list", "--list-checks"])
+    assert done.exit_code == 0
+    assert all(line[0] != " " and (": " in line) for line in done.stdout.splitlines())
