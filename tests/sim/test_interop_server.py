@@ -259,10 +259,13 @@ class Terminal:
         self._end, terminal = pty.openpty()
         self.shown = ""
         self.resize(width, height)
+        size = {"COLUMNS", "LINES"}  # which would count for more than the terminal's
+        environment = {name: value for name, value in os.environ.items() if name not in size}
+        environment["TERM"] = "xterm-256color"
         self.process = subprocess.Popen(
             shell("", *arguments, "--ready-s", "1", "--parent-pid", str(os.getpid())),
             stdin=terminal, stdout=terminal, stderr=terminal,
-            env={**os.environ, "TERM": "xterm-256color"}, start_new_session=True,
+            env=environment, start_new_session=True,
         )  # fmt: skip
         os.close(terminal)
 
