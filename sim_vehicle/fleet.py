@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.faults.schedule import Patient, Schedule
 from sim_vehicle.faults.spec import FaultSpec
 from sim_vehicle.files.logs.recorder import limits_for
@@ -35,7 +36,6 @@ from sim_vehicle.wire.wires import Wires
 
 TICK_S = 0.05
 TICKS_PER_DECISION = 2
-EPSILON_S = 1e-9
 
 
 @dataclass(frozen=True, slots=True)

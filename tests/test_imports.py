@@ -98,7 +98,9 @@ MAY_IMPORT: dict[str, set[str]] = {
         "sim_vehicle.physics", "sim_vehicle.wire", "sim_vehicle.files", "sim_vehicle.personalities.base",
         "sim_vehicle.faults", "sim_vehicle.epoch",
     },
-    "sim_vehicle.faults": {"sim_vehicle.vehicle.afflictions", "sim_vehicle.wire", "sim_vehicle.ranges"},
+    "sim_vehicle.faults": {
+        "sim_vehicle.vehicle.afflictions", "sim_vehicle.wire", "sim_vehicle.ranges", "sim_vehicle.epoch",
+    },
     "sim_vehicle.links": {"sim_vehicle.url"},
     # It judges autopilots, so it must not know how the simulated ones are made.
     "sim_vehicle.conformance": {"sim_vehicle.url"},

@@ -10,6 +10,7 @@ from functools import partial
 
 import numpy as np
 
+from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.faults import FAULTS
 from sim_vehicle.faults.base import End, Target
 from sim_vehicle.faults.spec import FaultError, FaultSpec
@@ -86,7 +87,7 @@ class Schedule:
 
     def tick(self, now: float) -> None:
         """Begin and end what is due at `now` [s], in the order of time."""
-        while self._events and self._events[0][0] <= now + 1e-9:
+        while self._events and self._events[0][0] <= now + EPSILON_S:
             due_s, _, act = heapq.heappop(self._events)
             act(due_s)
         for grow in tuple(self._tickers.values()):

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_vehicle.checks import CHECKS, Found, View
+from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.scenario.model import Scenario
 from sim_vehicle.scenario.steps import CheckSpec
 
@@ -64,9 +65,9 @@ class Judge:
     def look(self, view: View) -> list[Failure]:
         """The failures that this step adds."""
         spec = self.spec
-        if self._closed or spec.when == "end" or view.now + 1e-9 < spec.from_s:
+        if self._closed or spec.when == "end" or view.now + EPSILON_S < spec.from_s:
             return []
-        if spec.until_s is not None and view.now > spec.until_s + 1e-9:
+        if spec.until_s is not None and view.now > spec.until_s + EPSILON_S:
             return self._close(view) if spec.when == "eventually" else []
         holds, found = self._check.function(view, spec.value)
         self._looked = True
@@ -74,7 +75,7 @@ class Judge:
         if spec.when == "always":
             return self._fail(self._open & ~holds, view, found)
         self._open &= ~holds
-        if spec.by_s is not None and view.now + 1e-9 >= spec.by_s:
+        if spec.by_s is not None and view.now + EPSILON_S >= spec.by_s:
             return self._close(view)
         return []
 

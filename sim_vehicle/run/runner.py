@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from sim_vehicle.checks import View
+from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.fleet import Fleet, Truth
 from sim_vehicle.physics.geodesy import Floats, LocalFrame
 from sim_vehicle.run.geometry import outside_m
@@ -125,7 +126,7 @@ class Run:
         for failed in self.station.failures[self._steps_told :]:
             self._said(f"t={failed.t_s:.2f} s, vehicle {failed.sysid}: {failed.action} failed, {failed.text}")
         self._steps_told = len(self.station.failures)
-        if self._ended(view) or self.now + 1e-9 >= self.scenario.until_s:
+        if self._ended(view) or self.now + EPSILON_S >= self.scenario.until_s:
             return False
         self.now = round(self.now / STEP_S + 1) * STEP_S
         return True

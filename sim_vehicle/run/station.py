@@ -7,19 +7,21 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.run.exchanges import Exchange
 from sim_vehicle.run.progress import MissionProgress
 from sim_vehicle.run.recipes import Recipes
 from sim_vehicle.run.texts import Texts
 from sim_vehicle.scenario.model import Scenario, VehicleSpec
 from sim_vehicle.scenario.steps import Step
+from sim_vehicle.wire.frame import HEADER2_BYTES, MAVLINK2
 
 HEARTBEAT_S = 1.0
 SETTLED_S = 3.0  # after the first heartbeat: a mode set earlier is undone by some autopilots
 RETRY_S = 1.0  # after a refusal that time may cure
 STREAMS_ASKED_S = 5.0  # without telemetry for so long, streams are asked for (again)
 STREAM_HZ = 4
-MAVLINK_2, HEADER_BYTES, FRAME_BYTES = 0xFD, 10, 12  # a frame without payload and signature
+FRAME_BYTES = HEADER2_BYTES + 2  # a frame without payload and signature
 AWAITED = frozenset(
     {
         mavlink.MAVLINK_MSG_ID_HEARTBEAT,
@@ -141,7 +143,7 @@ class Station:
     def step(self, now: float) -> Out:
         """What to send by `now`, (link, bytes) each."""
         self._now = now
-        if now + 1e-9 >= self._next_heartbeat_s:
+        if now + EPSILON_S >= self._next_heartbeat_s:
             self._next_heartbeat_s += HEARTBEAT_S
             if self._beats(now):
                 self._beat()
@@ -196,7 +198,7 @@ class Station:
         return send
 
     def _beats(self, now: float) -> bool:
-        past = [on for at_s, on in self._heartbeats if at_s <= now + 1e-9]
+        past = [on for at_s, on in self._heartbeats if at_s <= now + EPSILON_S]
         return past[-1] if past else True
 
     def _beat(self) -> None:
@@ -230,7 +232,7 @@ class Station:
         """True if the step has ended."""
         assert contact.first_heard_s is not None
         if job.began_s is None:
-            if now + 1e-9 < max(job.step.at_s, contact.first_heard_s + SETTLED_S):
+            if now + EPSILON_S < max(job.step.at_s, contact.first_heard_s + SETTLED_S):
                 return False
             job.began_s = now
             job.exchanges[0].begin(now)
@@ -273,7 +275,7 @@ class Station:
 
 def _is_plain_telemetry(data: bytes) -> bool:
     """Whether these are one whole frame, of a kind that nobody here waits for."""
-    whole = len(data) >= HEADER_BYTES and data[0] == MAVLINK_2 and len(data) == data[1] + FRAME_BYTES
+    whole = len(data) >= HEADER2_BYTES and data[0] == MAVLINK2 and len(data) == data[1] + FRAME_BYTES
     return whole and int.from_bytes(data[7:10], "little") not in AWAITED
 
 

@@ -5,6 +5,8 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
+from sim_vehicle.epoch import EPSILON_S
+
 LAG_REPORTED_S = 1.0
 LAG_REPORT_EVERY_S = 10.0
 LOOK_S = 0.5  # the longest wait, so that the server can look around
@@ -117,12 +119,12 @@ class ByHand:
         self._waiting.append((self._granted_s, lambda _: setattr(self, "finished", True)))
 
     async def due(self, tick_s: float) -> bool:
-        while self._waiting and self._waiting[0][0] < tick_s - 1e-9:
+        while self._waiting and self._waiting[0][0] < tick_s - EPSILON_S:
             at_s, done = self._waiting.pop(0)
             done(at_s)
         if self.finished:
             return False
-        if tick_s <= self._granted_s + 1e-9:
+        if tick_s <= self._granted_s + EPSILON_S:
             await asyncio.sleep(0)  # what comes in meanwhile has its turn between two ticks
             return True
         self._woken.clear()

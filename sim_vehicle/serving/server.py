@@ -12,11 +12,11 @@ from sim_vehicle.links import Ends, Link, LinkError, make_link
 from sim_vehicle.serving.lateness import Lateness
 from sim_vehicle.serving.pace import Pace
 from sim_vehicle.url import MAX_PORT, Url
+from sim_vehicle.wire.frame import MAVLINK2
 from sim_vehicle.wire.outbox import Frames
 
 DATAGRAM_BYTES = 1200
 HEARTBEAT_ID = b"\x00\x00\x00"  # where a MAVLink 2 frame has its message id
-V2 = 0xFD
 ANY_HOST = ("0.0.0.0", "::")
 
 
@@ -125,7 +125,7 @@ class Server:
         frames = self.fleet.step(self.simulated_s)
         self._note_reboots()
         self._send(frames)
-        beats = sum(frame[7:10] == HEARTBEAT_ID and frame[0] == V2 for _, frame in frames)
+        beats = sum(frame[7:10] == HEARTBEAT_ID and frame[0] == MAVLINK2 for _, frame in frames)
         self.lateness.add(self.pace.late_s(self.simulated_s), beats)
 
     def _note_bug(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:

@@ -10,6 +10,7 @@ from typing import Any, Protocol, TypeVar
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.faults.spec import FaultError, parse_fault
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.personalities import PERSONALITIES
@@ -328,7 +329,7 @@ class Clock:
         """Let time pass [s of simulated time]."""
         __tracebackhide__ = True
         end = self.now + seconds
-        while self.now < end - 1e-9:
+        while self.now < end - EPSILON_S:
             self._rig.tick()
 
     def run_until(self, condition: Callable[[], object], timeout: float = 60.0) -> float:
@@ -340,7 +341,7 @@ class Clock:
         __tracebackhide__ = True
         start = self.now
         while not condition():
-            if self.now - start >= timeout - 1e-9:
+            if self.now - start >= timeout - EPSILON_S:
                 raise NotWithinTimeError(
                     f"not within {timeout:g} s: {_words(condition)}\n{self._rig.state()}"
                 )

@@ -3,6 +3,7 @@
 import math
 from typing import TYPE_CHECKING
 
+from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.personalities.base import Behaviour
 
 if TYPE_CHECKING:
@@ -111,7 +112,7 @@ class Arming:
         tuning = vehicle.tuning
         delay_s = tuning.disarm_landed_s if self._flown else tuning.disarm_unflown_s
         due_s = max(self._armed_at_s, vehicle.flight.ground_since_s) + delay_s
-        if vehicle.flight.landed(now) and now + 1e-9 >= due_s:
+        if vehicle.flight.landed(now) and now + EPSILON_S >= due_s:
             self.stop("disarmed_landed" if self._flown else "disarmed_unflown")
             return math.inf
         return due_s

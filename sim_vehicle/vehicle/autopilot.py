@@ -11,6 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.faults.failure_command import Replace
 from sim_vehicle.faults.sim_parameters import faults_of
 from sim_vehicle.files.logs.recorder import LogLimits
@@ -43,7 +44,6 @@ REBOOT_SILENCE_S = 1.5
 PHASES = 5  # of a second, in which vehicles begin to stream after a boot
 IDLE_LOOK_S = 1.0  # every vehicle looks around so often, whatever it waits for
 BUSY_LOOK_S = 0.1
-EPSILON_S = 1e-9
 
 
 class Outlet(Protocol):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.personalities.base import Behaviour, FailsafeAction, Mode
 from sim_vehicle.vehicle.battery_watch import BatteryWatch
 from sim_vehicle.vehicle.remote_watch import LONG, SHORT, RemoteWatch
@@ -123,7 +124,7 @@ class Failsafes:
         action, due_s = self._waiting
         if self._vehicle.mode.behaviour is not Behaviour.HOLD:
             self._waiting = None
-        elif now + 1e-9 >= due_s:
+        elif now + EPSILON_S >= due_s:
             self.act(action, now, at_once=True)
 
     def _carry_out(self, action: FailsafeAction, now: float) -> None:

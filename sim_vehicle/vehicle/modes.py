@@ -2,13 +2,12 @@
 
 from typing import TYPE_CHECKING
 
+from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.personalities.base import Behaviour, Mode
 from sim_vehicle.vehicle.afflictions import ModeStuck
 
 if TYPE_CHECKING:
     from sim_vehicle.vehicle.autopilot import Autopilot
-
-EPSILON_S = 1e-9
 
 
 class Modes:

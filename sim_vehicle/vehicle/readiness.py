@@ -3,6 +3,8 @@
 import math
 from dataclasses import dataclass
 
+from sim_vehicle.epoch import EPSILON_S
+
 FULL_READY_S = 41.0
 GPS_FIX_S = 10.0
 HOME_S = 20.0
@@ -18,7 +20,7 @@ class Readiness:
     ready_s: float
 
     def _passed(self, milestone_s: float, now: float) -> bool:
-        return now - self.boot_s >= milestone_s * self.ready_s / FULL_READY_S - 1e-9
+        return now - self.boot_s >= milestone_s * self.ready_s / FULL_READY_S - EPSILON_S
 
     def gps_fix(self, now: float) -> bool:
         return self._passed(GPS_FIX_S, now)

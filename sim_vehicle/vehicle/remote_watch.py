@@ -7,11 +7,12 @@ again; after the long one the mode stays.
 import math
 from typing import TYPE_CHECKING
 
+from sim_vehicle.epoch import EPSILON_S
+
 if TYPE_CHECKING:
     from sim_vehicle.vehicle.autopilot import Autopilot
 
 SHORT, LONG = "rc_short", "rc"
-EPSILON_S = 1e-9
 
 
 class RemoteWatch:

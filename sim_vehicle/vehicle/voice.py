@@ -7,12 +7,12 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.personalities.base import Personality
 from sim_vehicle.vehicle.afflictions import Afflictions
 
 TEXT_BYTES = 50  # of one STATUSTEXT
 ACKNOWLEDGEMENTS = frozenset({mavlink.MAVLINK_MSG_ID_COMMAND_ACK, mavlink.MAVLINK_MSG_ID_MISSION_ACK})
-EPSILON_S = 1e-9
 
 
 class Voice:

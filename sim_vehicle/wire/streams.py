@@ -10,12 +10,12 @@ import numpy as np
 import numpy.typing as npt
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.personalities.base import Personality
 from sim_vehicle.wire.telemetry import STREAMS
 
 IDS = tuple(STREAMS)
 ROWS = {message_id: row for row, message_id in enumerate(IDS)}
-EPSILON_S = 1e-9
 HEARTBEAT, HEARTBEAT_HZ = int(mavlink.MAVLINK_MSG_ID_HEARTBEAT), 1.0
 STRIKES, STRIKES_S = int(mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT), 1.0
 

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.files.logs.record import FlightLog, LogFacts, Sample
 
 FLEET_BYTES = 256 << 20  # of the logs of all vehicles
@@ -103,12 +104,12 @@ class FlightRecorder:
 
     def due(self, now: float) -> bool:
         """Whether a sample is wanted at `now` [s]; asked before one is made."""
-        return now + 1e-9 >= self._due_s
+        return now + EPSILON_S >= self._due_s
 
     def sample(self, now: float, sample: Sample) -> None:
         """Record the state of the vehicle; too early, and it is dropped."""
         log = self._log
-        if log is None or now + 1e-9 < self._due_s:
+        if log is None or now + EPSILON_S < self._due_s:
             return
         self._due_s = max(self._due_s + 1.0 / self._limits.rate_hz, now)
         if len(log.content) < self._limits.log_bytes * (1 - RESERVE):

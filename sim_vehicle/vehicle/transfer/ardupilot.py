@@ -12,6 +12,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.vehicle.afflictions import MissionRefusal
 from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.transfer.stores import Store
@@ -67,10 +68,10 @@ class _Server:
         upload = self._upload
         if upload is None:
             return
-        if now - upload.heard_s >= ABANDON_AFTER_S - 1e-9:
+        if now - upload.heard_s >= ABANDON_AFTER_S - EPSILON_S:
             self._say(mavlink.MAV_SEVERITY_WARNING, f"{self._store.name} upload timeout")
             self._give_up(upload.peer, int(mavlink.MAV_MISSION_OPERATION_CANCELLED))
-        elif now - upload.asked_s >= REQUEST_AGAIN_S - 1e-9:
+        elif now - upload.asked_s >= REQUEST_AGAIN_S - EPSILON_S:
             self._ask(upload, now)
 
     def reset(self) -> None:

@@ -15,6 +15,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.vehicle.afflictions import MissionRefusal
 from sim_vehicle.vehicle.fence import POLYGONS, Fence
 from sim_vehicle.vehicle.mission import Item, Mission
@@ -161,10 +162,10 @@ class Px4Transfer:
         """Ask again or give up, by the time `now` [s]."""
         if self._state is _State.IDLE:
             return
-        if now - self._heard_s >= TIMEOUT_S - 1e-9:
+        if now - self._heard_s >= TIMEOUT_S - EPSILON_S:
             self._say(CRITICAL, "Operation timeout")
             self._state = _State.IDLE
-        elif self._state is _State.GETTING and now - self._asked_s >= REQUEST_AGAIN_S - 1e-9:
+        elif self._state is _State.GETTING and now - self._asked_s >= REQUEST_AGAIN_S - EPSILON_S:
             self._ask(now)
 
     # -- upload ------------------------------------------------------------------------------------------
