@@ -24,9 +24,9 @@ from pydantic import (
 )
 
 from swarmctl import yaml_lines
-from swarmctl.bus.endpoint import parse_endpoint
 from swarmctl.bus.keys import SWARM_NAME
 from swarmctl.config_base import Section as _Section
+from swarmctl.config_communication import Communication
 from swarmctl.config_count import Count
 from swarmctl.core.corners import Counting
 from swarmctl.core.sensor import SensorModel
@@ -45,12 +45,6 @@ def _planner(name: str) -> str:
 
 def _url(text: str) -> str:
     parse_url(text)
-    return text
-
-
-def _listen(text: str) -> str:
-    if text != "none":
-        parse_endpoint(text)
     return text
 
 
@@ -133,23 +127,6 @@ class PlannerSection(_Section):
         if (name := info.data.get("name")) is not None:
             method(name, PLANNERS[name], options)
         return options
-
-
-class Communication(_Section):
-    """Who hears whom."""
-
-    bus: Literal["zenoh", "memory"] = "zenoh"
-    listen: Annotated[str, AfterValidator(_listen)] = Field(
-        "tcp/127.0.0.1:0",
-        description="where `swarmctl set` reaches a flight on the bus zenoh: tcp/HOST:PORT, or none; "
-        "port 0: any free one",
-    )
-    range: Literal["all"] | Annotated[int, Field(ge=0)] = Field(
-        "all", description="how many UAVs, the nearest, a UAV can send to"
-    )
-    penalty_per_m: float = Field(
-        0.0, ge=0.0, description="cost of communicating a metre flown; reported only"
-    )
 
 
 class Flight(_Section):

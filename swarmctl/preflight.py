@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from swarmctl.bus.endpoint import parse_endpoint
-from swarmctl.config import Communication
+from swarmctl.config_communication import Communication
 from swarmctl.links.url import Endpoint, parse_url
 from swarmctl.scenario import Scenario
 

@@ -25,10 +25,11 @@ MAY_IMPORT: dict[str, set[str]] = {
     "swarmctl.agent": {"swarmctl.core", "swarmctl.planners"},
     "swarmctl.config_base": set(),
     "swarmctl.config_count": {"swarmctl.config_base"},
+    "swarmctl.config_communication": {"swarmctl.config_base", "swarmctl.bus.endpoint"},
     "swarmctl.config": {
-        "swarmctl.config_base", "swarmctl.config_count",
+        "swarmctl.config_base", "swarmctl.config_communication", "swarmctl.config_count",
         "swarmctl.core", "swarmctl.planners", "swarmctl.links.url", "swarmctl.yaml_lines",
-        "swarmctl.bus.endpoint", "swarmctl.bus.keys",
+        "swarmctl.bus.keys",
     },
     "swarmctl.scenario": {
         "swarmctl.config_count",
@@ -61,7 +62,7 @@ MAY_IMPORT: dict[str, set[str]] = {
         "swarmctl.links", "swarmctl.scenario", "swarmctl.simulator", "swarmctl.supervise", "sim_vehicle",
     },
     "swarmctl.preflight": {
-        "swarmctl.links.url", "swarmctl.scenario", "swarmctl.config", "swarmctl.bus.endpoint",
+        "swarmctl.links.url", "swarmctl.scenario", "swarmctl.config_communication", "swarmctl.bus.endpoint",
     },
     "swarmctl.app": {
         "swarmctl.core", "swarmctl.planners", "swarmctl.sensors", "swarmctl.links", "swarmctl.bus",
