@@ -23,6 +23,7 @@ from swarmctl.clock import run_virtual
 from swarmctl.config import load
 from swarmctl.display import Picture
 from swarmctl.judge import judge
+from swarmctl.parts import Clock
 from swarmctl.planners import warm_up
 from swarmctl.scenario import Scenario, build
 
@@ -55,7 +56,7 @@ def scenario(count: int) -> Scenario:
     return build(config.model_copy(update={"simulate": simulate, "flight": flight}))
 
 
-def fly(count: int, clock: app.Clock) -> Flight:
+def fly(count: int, clock: Clock) -> Flight:
     began_s, cpu_s = time.perf_counter(), time.process_time()
     with tempfile.TemporaryDirectory() as folder:
         flight = app.fly(scenario(count), Path(folder), Quiet(), clock=clock, permission=lambda foreign: None)

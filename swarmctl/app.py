@@ -5,48 +5,62 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import signal
-import socket
 import time
-from collections.abc import AsyncIterator, Coroutine, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Coroutine, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
 from swarmctl import simulator
 from swarmctl.agent import ARRIVED, AgentState, Phase
+from swarmctl.bus import keys
+from swarmctl.bus import tally as bus_tally
 from swarmctl.bus.base import BusError, Transport
-from swarmctl.bus.desk import Desk, Tally
-from swarmctl.bus.memory import MemoryBus
-from swarmctl.bus.network import Network
-from swarmctl.bus.open import opened
+from swarmctl.bus.desk import Desk, Tally, Unseal, unsealed
+from swarmctl.bus.network import RunClock
 from swarmctl.core.events import Order
-from swarmctl.director import Director, Member, Permission, PreflightFailed, left_how
+from swarmctl.core.frames import Seal
+from swarmctl.director import Director, Launch, Member, Permission, PreflightFailed, left_how
 from swarmctl.display import Picture, row
 from swarmctl.face import Chatter, Steady, Ui
-from swarmctl.links import LINKS
 from swarmctl.links.base import LinkError
-from swarmctl.links.frontend import FrontEnd
-from swarmctl.links.memory import MemoryWire
-from swarmctl.links.url import Endpoint, parse_url
-from swarmctl.planners import warm_up
+from swarmctl.networking import network_of, speedup_of
+from swarmctl.parts import Clock, epoch_ns, members_of, parts_of, with_free_port
 from swarmctl.record import Recorder
-from swarmctl.runner import Runner
-from swarmctl.scenario import Purpose, Scenario, build
-from swarmctl.sensors.footprint import Footprint
+from swarmctl.runner import Observer
+from swarmctl.scenario import Scenario
 from swarmctl.summary import Ledger, summary
 from swarmctl.supervise import cancelled
-from swarmctl.virtual import Carry, fleet_on, undisturbed
+from swarmctl.virtual import Carry, undisturbed
 
-Clock = Literal["real", "virtual"]
 Ending = Literal["ended", "stopped", "abandoned", "failed"]
-VIRTUAL_EPOCH_NS = 1_767_225_600 * 10**9
-"""Virtual runs happen at the beginning of 2026, so that equal runs leave equal files."""
 REFRESH_S = 0.25
 LAST_RESORT_S = 10.0
-OFFLOAD_CELLS = 100_000
-"""Areas of more cells are searched in a thread, so that the loop serves the links meanwhile."""
+NO_ORDERS = (
+    "one process flies this swarm and takes new weights only; Ctrl-C there makes all hold, and then do what "
+    "flight.on_exit says; vehicles flown by `swarmctl agent` take orders"
+)
 
 EXPECTED = (PreflightFailed, simulator.SimulatorFailed, LinkError, BusError)
+
+
+@dataclass(frozen=True, slots=True)
+class Manner:
+    """How a process flies the vehicles it has."""
+
+    launch: Launch = "when-ready"
+    desk_of: int | None = None
+    """the vehicle whose operator's desk it keeps; None: the station's, for all vehicles"""
+    orders_closed: Callable[[Sequence[Member]], str] = lambda _members: NO_ORDERS
+    """why operators' orders are not taken now; empty if they are"""
+    unseal: Unseal = unsealed
+    """opens operators' commands"""
+    seal: Seal | None = None
+    """signs what its UAVs say, and opens what others say; None: nobody signs"""
+
+
+ALL_IN_ONE = Manner()
 
 
 @dataclass(slots=True)
@@ -82,13 +96,14 @@ async def fly(
     permission: Permission,
     carry: Carry = undisturbed,
     bus: Transport | None = None,
+    manner: Manner = ALL_IN_ONE,
 ) -> Report:
     """Fly the scenario; leaves `run.mcap` and the tlogs in `folder`. The rest is for `outputs` to write.
 
     `bus` is one that is open already; else the configuration's, or one in memory on a virtual clock.
     """
     if clock == "real":
-        scenario = _with_free_port(scenario)
+        scenario = with_free_port(scenario)
     names = {task.uav: task.name for task in scenario.tasks}
     began_s, ledger, face = time.monotonic(), Ledger(), Steady(ui)
     members: list[Member] = []
@@ -97,19 +112,40 @@ async def fly(
     bug: Exception | None = None
     failures: list[BaseException] = []
     commands = Tally()
-    recorder = Recorder(folder / "run.mcap", scenario.config, names, _epoch_ns(clock))
+    tallies: dict[int, bus_tally.Tally] = {}
+    recorder = Recorder(folder / "run.mcap", scenario.config, names, epoch_ns(clock))
     try:
-        async with _parts(scenario, folder, clock, carry, bus, face) as (front_end, transport, played):
-            network = Network(transport, scenario.config.name, _reach(scenario))
-            desk = Desk(transport, scenario.config.name, face.say, commands)
+        async with (
+            contextlib.AsyncExitStack() as opened,
+            parts_of(scenario, folder, clock, carry, bus, face.say) as parts,
+        ):
+            run_clock = RunClock(epoch_ns(clock) / 1e9, speedup_of(scenario, clock))
             observers = (recorder, ledger, Chatter(face, names))
-            members += _members(scenario, folder, front_end, network, desk, observers, clock)
-            director = _director(scenario, members, face, clock, permission)
+            network = opened.enter_context(
+                contextlib.closing(
+                    network_of(
+                        scenario, parts.transport, run_clock, manner.seal, partial(_refused, observers)
+                    )
+                )
+            )
+            desk = _desk(scenario, parts.transport, face, commands, manner, members)
+            members += members_of(
+                scenario, folder, parts, network, desk, observers, clock, run_clock, face.say
+            )
+            tallies |= network.tallies()
+            director = Director(
+                members,
+                scenario.config.flight,
+                seconds_per_delay=1.0 / run_clock.speedup,
+                say=face.say,
+                permission=permission,
+                launch=manner.launch,
+            )
             show = _show(members, ledger, face, scenario, director)
             try:
-                ended = await _conduct(director, members, played, face, show)
+                ended = await _conduct(director, members, parts.played, face, show)
             except Exception:
-                await _last_resort(members, played, Order(scenario.config.flight.on_exit), face)
+                await _last_resort(members, parts.played, Order(scenario.config.flight.on_exit), face)
                 raise
     except Exception as error:  # noqa: BLE001 - whatever it was, the vehicles are accounted for
         failures += _leaves(error)
@@ -124,7 +160,15 @@ async def fly(
     states = {m.spec.sysid: m.state for m in members}
     wall_s = time.monotonic() - began_s if clock == "real" else None
     content = (
-        summary(scenario, states, ledger, clock=clock, wall_s=wall_s, commands=asdict(commands))
+        summary(
+            scenario,
+            states,
+            ledger,
+            clock=clock,
+            wall_s=wall_s,
+            commands=asdict(commands),
+            networks=tallies,
+        )
         if states
         else {}
     )
@@ -133,6 +177,13 @@ async def fly(
         f"{m.name}: gone with the simulator" if gone and m.spec.simulated else left_how(m) for m in members
     )
     return Report(ended, tuple(trouble), left, states, ledger, content, bug)
+
+
+def _refused(observers: Sequence[Observer], uav: int, text: str) -> None:
+    """What a vehicle's network would not take, and who tells what it saw otherwise."""
+    now = asyncio.get_running_loop().time()
+    for observer in observers:
+        observer.said(uav, text, now, aloud=False)
 
 
 async def _last_resort(
@@ -155,99 +206,27 @@ async def _last_resort(
     await asyncio.gather(*map(bring, armed))
 
 
-@contextlib.asynccontextmanager
-async def _parts(
-    scenario: Scenario, folder: Path, clock: Clock, carry: Carry, bus: Transport | None, ui: Ui
-) -> AsyncIterator[tuple[FrontEnd, Transport, asyncio.Task[None] | None]]:
-    """What does the I/O: the front end, the bus, and whoever plays the simulated vehicles."""
-    wire, epoch_ns = MemoryWire(), _epoch_ns(clock)
-    loop = asyncio.get_running_loop()
-
-    def wall_time_us() -> int:
-        return (epoch_ns + round(loop.time() * 1e9)) // 1000
-
-    async with contextlib.AsyncExitStack() as stack:
-        played: asyncio.Task[None] | None = None
-        front_end = await stack.enter_async_context(
-            FrontEnd(wall_time_us=wall_time_us, memory={"fleet": wire})
-        )
-        if scenario.config.simulate is not None:
-            if clock == "virtual":
-                played = await stack.enter_async_context(fleet_on(wire, scenario, carry))
-            else:
-                # The port is ours before anybody sends to it, and a taken one is said before all else.
-                endpoint = parse_url(scenario.config.simulate.url)
-                await front_end.open(endpoint)
-                url = f"{'udpout' if endpoint.kind == 'udpin' else 'tcpout'}://{_reachable(endpoint)}"
-                played = await stack.enter_async_context(simulator.running(scenario, url, folder))
-        if clock == "real":
-            # The first time on a machine this compiles for some seconds: before anything listens to us.
-            await asyncio.to_thread(warm_up)
-        else:
-            warm_up()
-        communication = scenario.config.communication
-        if bus is None and communication.bus == "zenoh" and clock == "real":
-            bus = stack.enter_context(opened(scenario.config.name, communication.listen, ui.say))
-        yield front_end, bus or MemoryBus(), played
-
-
-def _members(
+def _desk(
     scenario: Scenario,
-    folder: Path,
-    front_end: FrontEnd,
-    network: Network,
-    desk: Desk,
-    observers: tuple[Any, ...],
-    clock: Clock,
-) -> Iterator[Member]:
-    for spec, task in zip(scenario.specs, scenario.tasks, strict=True):
-        endpoint = parse_url(spec.url)
-        if spec.simulated and clock == "virtual":
-            endpoint = Endpoint("memory", "fleet")
-        inlet = _Inlet()
-        link = LINKS[spec.link](
-            front_end,
-            endpoint,
-            spec.sysid,
-            name=spec.name,
-            on_event=inlet,
-            tlog=folder / f"{spec.name}.tlog",
-        )
-        runner = Runner(
-            task,
-            scenario.prior,
-            link,
-            Footprint(
-                scenario.grid,
-                scenario.hostiles,
-                scenario.prior.sensor,
-                scenario.generator(Purpose.SENSOR, spec.sysid),
-            ),
-            network,
-            observers,
-            desk=desk,
-            offload=clock == "real" and scenario.grid.n_cells > OFFLOAD_CELLS,
-        )
-        inlet.runner = runner
-        yield Member(spec, runner)
+    transport: Transport,
+    ui: Ui,
+    commands: Tally,
+    manner: Manner,
+    members: Sequence[Member],
+) -> Desk:
+    """`members` may be filled later."""
 
+    def closed(kind: keys.Kind) -> str:
+        return manner.orders_closed(members) if kind == "order" else ""
 
-class _Inlet:
-    """A link needs somebody to report to before the runner that owns it exists."""
-
-    runner: Runner
-
-    def __call__(self, event: Any) -> None:
-        self.runner.on_link_event(event)
-
-
-def _director(
-    scenario: Scenario, members: Sequence[Member], ui: Ui, clock: Clock, permission: Permission
-) -> Director:
-    simulate = scenario.config.simulate
-    speedup = simulate.speedup if simulate is not None and clock == "real" else 1.0
-    return Director(
-        members, scenario.config.flight, seconds_per_delay=1.0 / speedup, say=ui.say, permission=permission
+    return Desk(
+        transport,
+        scenario.config.name,
+        ui.say,
+        commands,
+        uav=manner.desk_of,
+        closed=closed,
+        unseal=manner.unseal,
     )
 
 
@@ -362,34 +341,3 @@ def _leaves(error: BaseException) -> Iterator[BaseException]:
             yield from _leaves(part)
     else:
         yield error
-
-
-def _reach(scenario: Scenario) -> int | None:
-    reach = scenario.config.communication.range
-    return None if reach == "all" else reach
-
-
-def _epoch_ns(clock: Clock) -> int:
-    """The wall time at which the loop's clock showed zero."""
-    if clock == "virtual":
-        return VIRTUAL_EPOCH_NS
-    return time.time_ns() - round(asyncio.get_running_loop().time() * 1e9)
-
-
-def _reachable(endpoint: Endpoint) -> str:
-    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(endpoint.host, endpoint.host)
-    return f"[{host}]:{endpoint.port}" if ":" in host else f"{host}:{endpoint.port}"
-
-
-def _with_free_port(scenario: Scenario) -> Scenario:
-    """Port 0 means any free one: the simulator has to be told which."""
-    simulate = scenario.config.simulate
-    if simulate is None or (endpoint := parse_url(simulate.url)).port != 0:
-        return scenario
-    kind = socket.SOCK_DGRAM if endpoint.kind == "udpin" else socket.SOCK_STREAM
-    family = socket.AF_INET6 if ":" in endpoint.host else socket.AF_INET
-    with socket.socket(family, kind) as probe:
-        probe.bind((endpoint.host, 0))
-        url = str(replace(endpoint, port=probe.getsockname()[1]))
-    config = scenario.config
-    return build(config.model_copy(update={"simulate": simulate.model_copy(update={"url": url})}))

@@ -99,6 +99,11 @@ class Threats(_Section):
 class Sensor(_Section):
     """What one look at a cell gets wrong. Beliefs reckon with it, and simulated sensors err by it."""
 
+    source: Literal["simulated", "external", "both"] = Field(
+        "simulated",
+        description="of looks: simulated (the 3 × 3 cells below a vehicle), external (only what payloads "
+        "report over the bus, and people by `swarmctl observe`), or both",
+    )
     p_miss: float = Field(0.0, ge=0.0, lt=1.0, description="chance that a hostile is not seen")
     p_false_alarm: float = Field(
         0.0, ge=0.0, lt=1.0, description="chance that one is seen where there is none"

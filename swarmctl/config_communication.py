@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field
 
 from swarmctl.bus.endpoint import parse_endpoint
 from swarmctl.config_base import Section
@@ -21,9 +21,24 @@ def _listen(text: str) -> str:
 
 
 def _endpoint(text: str) -> str:
-    if parse_endpoint(text).port == 0:
+    endpoint = parse_endpoint(text)
+    if endpoint.port == 0:
         raise ValueError(f"{text!r}: others have to find it; give it a port")
+    if endpoint.reachable != endpoint:
+        raise ValueError(f"{text!r}: others have to find it; give the address or name of the machine")
     return text
+
+
+def _worded(value: Any) -> Any:
+    """System ids as words, beside names: YAML reads `3: tcp/...` as a number."""
+    if not isinstance(value, dict):
+        return value
+    return {str(key) if type(key) is int else key: endpoint for key, endpoint in value.items()}
+
+
+def _in_order(from_s: float, until_s: float | None) -> None:
+    if until_s is not None and until_s <= from_s:
+        raise ValueError(f"until_s {until_s:g} is not after from_s {from_s:g}; a time ends after it begins")
 
 
 Endpoint = Annotated[str, AfterValidator(_endpoint)]
@@ -32,17 +47,21 @@ Uav = int | str
 
 
 class Partition(Section):
-    """For a time, UAVs hear those of their own group only; who is in no group hears nobody."""
+    """For a time, UAVs hear those of their own group only; who is in no group hears nobody. Of several at
+    once, all have to let a message pass."""
 
-    from_s: float = Field(ge=0.0, description="from here on, in simulated seconds since the start [s]")
-    until_s: float | None = Field(None, gt=0.0, description="until here; default: to the end [s]")
+    from_s: float = Field(
+        ge=0.0, description="what is sent from here on, in simulated seconds since the start [s]"
+    )
+    until_s: float | None = Field(None, gt=0.0, description="and before this; default: to the end [s]")
     groups: tuple[tuple[Uav, ...], ...] = Field(
         min_length=1, description="names or system ids of those who still hear each other"
     )
 
     def model_post_init(self, _context: object) -> None:
-        if self.until_s is not None and self.until_s <= self.from_s:
-            raise ValueError(f"until_s {self.until_s:g} is not after from_s {self.from_s:g}")
+        _in_order(self.from_s, self.until_s)
+        if not all(self.groups):
+            raise ValueError("a group is empty; leave it away, or say who is in it")
 
 
 class Quiet(Section):
@@ -50,11 +69,10 @@ class Quiet(Section):
 
     uavs: tuple[Uav, ...] = Field(min_length=1, description="their names or system ids")
     from_s: float = Field(0.0, ge=0.0, description="from here on, in simulated seconds since the start [s]")
-    until_s: float | None = Field(None, gt=0.0, description="until here; default: to the end [s]")
+    until_s: float | None = Field(None, gt=0.0, description="and before this; default: to the end [s]")
 
     def model_post_init(self, _context: object) -> None:
-        if self.until_s is not None and self.until_s <= self.from_s:
-            raise ValueError(f"until_s {self.until_s:g} is not after from_s {self.from_s:g}")
+        _in_order(self.from_s, self.until_s)
 
 
 class Communication(Section):
@@ -69,25 +87,29 @@ class Communication(Section):
     )
     router: Endpoint | None = Field(
         None,
-        description="star: where `swarmctl router` listens and every `swarmctl agent` connects: tcp/HOST:PORT, "
-        "tls/HOST:PORT or quic/HOST:PORT",
+        description="star: where `swarmctl router` listens and every `swarmctl agent` connects: "
+        "tcp/HOST:PORT, tls/HOST:PORT or quic/HOST:PORT",
     )
-    mesh: dict[str, Endpoint] = Field(
+    mesh: Annotated[dict[str, Endpoint], BeforeValidator(_worded)] = Field(
         {},
         description="ad-hoc mesh, instead of a router: where each `swarmctl agent` listens, by its vehicle's "
-        "name; each connects to all others",
+        "name or system id; each connects to all others",
     )
     keys: str | None = Field(
         None, description="folder that `swarmctl keys` made: mutual TLS and signed messages; default: neither"
     )
     clock_tolerance_s: float = Field(
-        5.0, gt=0.0, description="how far ahead another machine's clock may be; later messages are refused [s]"
+        5.0,
+        gt=0.0,
+        description="how far ahead another machine's clock may be; later messages are refused [s]",
     )
     range: Literal["all"] | Annotated[int, Field(ge=0)] = Field(
         "all", description="how many UAVs, the nearest alive ones by last known position, a UAV can send to"
     )
     max_distance_m: float | None = Field(
-        None, gt=0.0, description="radio range: farther apart, UAVs do not hear each other; default: none [m]"
+        None,
+        gt=0.0,
+        description="radio range: farther apart, UAVs do not hear each other; default: no limit [m]",
     )
     min_distance_m: float = Field(
         0.0,
@@ -103,15 +125,19 @@ class Communication(Section):
     loss_burst: float | None = Field(
         None,
         ge=1.0,
-        description="how many in a row are lost on average (Gilbert's model); default: each is drawn for itself",
+        description="how many messages in a row are lost on average (Gilbert's model), at least "
+        "loss / (1 - loss); default: each is drawn for itself",
     )
     bandwidth_bytes_s: float | None = Field(
-        None, gt=0.0, description="what a UAV can send; what waits longer than 2 s is dropped; default: no limit"
+        None,
+        gt=0.0,
+        description="what a UAV can send, to each receiver by itself; what would wait longer than 2 s is "
+        "dropped; default: no limit [bytes/s]",
     )
     partitions: tuple[Partition, ...] = Field((), description="times at which the swarm falls apart")
     quiet: tuple[Quiet, ...] = Field((), description="times at which UAVs send nothing")
     relay: bool = Field(
-        False, description="whether UAVs pass on at once what they hear of others; for a range below `all`"
+        False, description="whether UAVs pass on at once what they hear of others; where not all reach all"
     )
     sync_every_s: float = Field(
         3.0,

@@ -11,7 +11,7 @@ from collections.abc import Callable, Coroutine, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from swarmctl.agent import IN_FLIGHT, AgentState, Phase
+from swarmctl.agent import IN_FLIGHT, ON_GROUND, AgentState, Phase
 from swarmctl.config import Flight
 from swarmctl.core import events as ev
 from swarmctl.core.geo import distance_m
@@ -25,6 +25,12 @@ START_TOLERANCE_M = 100.0
 """A vehicle that stands farther than this from its configured start is not the one that was planned for."""
 HOLD_DEADLINE_S = 8.0
 WAITING_SAID_EVERY_S = 3.0
+POLL_S = 0.1
+AGAIN_S = 5.0
+"""to the next try, where a vehicle that waits for its order has to be made ready again"""
+
+Launch = Literal["when-ready", "ordered"]
+"""ordered: by an operator, whose order goes to the agent; the director sees to it that it can follow"""
 
 
 class PreflightFailed(Exception):
@@ -71,12 +77,14 @@ class Director:
         seconds_per_delay: float,
         say: Callable[[str], None],
         permission: Permission,
+        launch: Launch = "when-ready",
     ) -> None:
         self._members = members
         self._flight = flight
         self._seconds_per_delay = seconds_per_delay
         self._say = say
         self._permission = permission
+        self._when_ready = launch == "when-ready"
         self.stop = asyncio.Event()
 
     async def fly(self) -> Literal["ended", "stopped"]:
@@ -100,7 +108,8 @@ class Director:
         lost = [m for m in self._members if m.state.lost]
         if lost:
             raise PreflightFailed([left_how(m) for m in lost])
-        self._say("every vehicle holds its mission, read back and compared; launching")
+        next_step = "launching" if self._when_ready else "the order to launch is waited for"
+        self._say(f"every vehicle holds its mission, read back and compared; {next_step}")
         async with asyncio.TaskGroup() as launches:
             for member in self._members:
                 launches.create_task(self._launch(member))
@@ -170,6 +179,11 @@ class Director:
             raise PreflightFailed([_misplaced(member, away_m)])
 
     async def _launch(self, member: Member) -> None:
+        if self._when_ready:
+            await self._launch_when_ready(member)
+        await self._stand_by(member)
+
+    async def _launch_when_ready(self, member: Member) -> None:
         """After its delay, during which it may have booted anew, fallen silent, or been taken over."""
         await asyncio.sleep(member.spec.delay_s * self._seconds_per_delay)
         try:
@@ -179,6 +193,19 @@ class Director:
             member.runner.post(ev.OperatorCommand(ev.Order.HOLD))
             return
         member.runner.post(ev.OperatorCommand(ev.Order.LAUNCH))
+
+    async def _stand_by(self, member: Member) -> None:
+        """As long as it is on the ground, where an operator may keep it: ready for the order to launch."""
+        while member.state.phase in ON_GROUND and not (self._when_ready and self._is_over(member)):
+            if member.state.phase is not Phase.WAITING or member.state.lost:
+                await asyncio.sleep(POLL_S)
+                continue
+            try:
+                await self._make_ready(member)
+            except (LinkError, PreflightFailed) as error:
+                if not member.state.ended:
+                    self._say(f"{error}; tried again in {AGAIN_S:g} s")
+                    await asyncio.sleep(AGAIN_S)
 
     def _is_over(self, member: Member) -> bool:
         return member.state.ended or member.silent_for(self._flight.lost_timeout_s)
@@ -215,7 +242,7 @@ class Director:
     async def _until(self, condition: Callable[[Member], bool], members: Sequence[Member]) -> None:
         # Looked at a few times a second: silence, unlike a change of phase, wakes nobody.
         while not all(condition(m) for m in members):  # noqa: ASYNC110
-            await asyncio.sleep(0.1)
+            await asyncio.sleep(POLL_S)
 
 
 def _holds(member: Member) -> bool:

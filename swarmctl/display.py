@@ -97,6 +97,12 @@ def _weights(state: AgentState) -> str:
     return f"{state.w:g}" if state.w != task.w else ""
 
 
+def ordered(order: str, answer: VehicleAnswer) -> str:
+    """What a vehicle made of an order, as a line."""
+    how = {"taken": f"{order} ordered", "unconfirmed": "unknown"}.get(answer.outcome, "not ordered")
+    return f"{answer.name}: {how}" + (f": {answer.note}" if answer.note else "")
+
+
 def told(w: float | None, strength: FiringStrength | None, answer: VehicleAnswer) -> str:
     """What a vehicle made of new weights, as a line."""
     if answer.outcome != "taken":

@@ -7,8 +7,9 @@ from typing import Any, Protocol
 
 from swarmctl.agent import AgentState
 from swarmctl.core import events as ev
-from swarmctl.core.messages import Message
-from swarmctl.display import Picture, told
+from swarmctl.core.frames import Spoken
+from swarmctl.core.messages import VehicleAnswer
+from swarmctl.display import Picture, ordered, told
 
 
 class Ui(Protocol):
@@ -64,14 +65,19 @@ class Chatter:
             self.ui.say(f"{after.task.name}: {after.late}")
         if after.lost is not before.lost:
             self.ui.say(f"{after.task.name}: " + ("link lost" if after.lost else "heard again"))
-        changed = (after.w, after.strength) != (before.w, before.strength)
         for effect in effects:
-            if not isinstance(event, ev.WeightsChanged) or not isinstance(effect, ev.Answer):
-                continue
-            if changed or effect.answer.outcome != "taken":  # what changes nothing is its operator's to know
-                self.ui.say(told(event.w, event.strength, effect.answer))
+            if isinstance(effect, ev.Answer):
+                self._answered(event, effect.answer, (after.w, after.strength) != (before.w, before.strength))
 
-    def sent(self, uav: int, message: Message, recipients: int, now: float) -> None:
+    def _answered(self, event: ev.Event, answer: VehicleAnswer, changed: bool) -> None:
+        match event:
+            case ev.OperatorCommand(order=order):
+                self.ui.say(ordered(order, answer))
+            # What changes nothing is its operator's to know.
+            case ev.WeightsChanged(w=w, strength=strength) if changed or answer.outcome != "taken":
+                self.ui.say(told(w, strength, answer))
+
+    def sent(self, uav: int, message: Spoken, recipients: int, now: float) -> None:
         pass
 
     def said(self, uav: int, text: str, now: float, *, aloud: bool) -> None:

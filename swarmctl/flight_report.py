@@ -61,6 +61,25 @@ def missed(summary: dict[str, Any]) -> list[str]:
     return [v["name"] for v in summary["vehicles"] if v["arrival_bound_kept"] is False]
 
 
+def unfriendly(summary: dict[str, Any]) -> list[str]:
+    """A line for each vehicle that did not take all it was told, or was told the contrary of what it saw."""
+    names = {str(v["sysid"]): v["name"] for v in summary["vehicles"]}
+    lines = []
+    for v in summary["vehicles"]:
+        refused, flagged = v["network"]["refused"], v["network"]["flagged"]
+        parts = []
+        if refused:
+            by_reason = ", ".join(f"{why} {n}" for why, n in refused.items())
+            parts.append(f"refused {sum(refused.values())} messages ({by_reason})")
+        for uav, n in flagged.items():
+            parts.append(
+                f"was told by {names.get(uav, f'vehicle {uav}')} the contrary of what it saw in {n} cells"
+            )
+        if parts:
+            lines.append(f"{v['name']} {' and '.join(parts)}")
+    return lines
+
+
 def _chance(at_takeoff: dict[str, Any] | None) -> str:
     if at_takeoff is None:
         return "–"

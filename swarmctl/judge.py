@@ -16,6 +16,7 @@ from swarmctl.config_count import Binomial, Poisson, Uniform, Weights
 from swarmctl.core.geo import distance_m
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.judge_bounds import judge_bounds, unmet_bound
+from swarmctl.judge_communication import judge_communication
 from swarmctl.links.url import parse_url
 from swarmctl.planners import PLANNERS, BoundTooTight, Route, Unreachable
 from swarmctl.scenario import (
@@ -44,6 +45,7 @@ def judge(config: Config) -> Iterator[Problem]:
         yield Problem(("area",), text)
         return
     problems = [*_judge_unused(config), *_judge_threats(config, grid), *_judge_vehicles(config, grid)]
+    problems += judge_communication(config)
     if config.simulate is None and not config.vehicles:
         text = "no vehicle: give `simulate: {count: 5}` or a list of vehicles"
         problems.append(Problem(("vehicles",), text))

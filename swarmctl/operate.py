@@ -2,17 +2,31 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import re
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 
-from swarmctl.bus import directory, keys
+import msgspec
+
+from swarmctl.bus import directory, keys, zenoh_config
 from swarmctl.bus.base import BusError, Transport
-from swarmctl.bus.desk import ANSWER_WITHIN_S
+from swarmctl.bus.desk import ANSWER_WITHIN_S, KINDS
 from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
 from swarmctl.bus.open import NOBODY
 from swarmctl.bus.zenoh_bus import ZenohBus
+from swarmctl.bus.zenoh_config import Credentials
 from swarmctl.config import Config
-from swarmctl.core.messages import BadMessage, SetWeights, WeightsAnswer, decode_answer, encode
+from swarmctl.core.messages import (
+    BadMessage,
+    OperatorAnswer,
+    Request,
+    VehicleAnswer,
+    decode_answer,
+    encode,
+)
+from swarmctl.core.roster import meant_by
 
 TIMEOUT_S = ANSWER_WITHIN_S + 2.0
 
@@ -27,10 +41,23 @@ class NoAnswer(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Station:
-    """A ground station and the swarm it flies."""
+    """Where a swarm is found, and who answers there."""
 
     swarm: str
     endpoint: BusEndpoint
+    others: tuple[BusEndpoint, ...] = ()
+    """tried where nobody is at the first"""
+    agents: Mapping[int, str] = field(default_factory=dict)
+    """the vehicles (system id: name) whose agents answer each for itself; empty: one answers for all"""
+
+
+Sealed = Callable[[str, bytes], bytes]
+"""(key, command) -> the payload that shows who gives it"""
+
+
+def unsealed(_key: str, command: bytes) -> bytes:
+    """It shows nobody."""
+    return command
 
 
 def meant(uavs: list[str], everyone: bool) -> tuple[str, ...] | None:
@@ -58,16 +85,29 @@ def strengths(text: str, single: tuple[float | None, ...]) -> tuple[float, float
     return values[0], values[1], values[2]
 
 
-def find(swarm: str | None, config: Config | None, connect: str | None) -> Station:
+def find(
+    swarm: str | None,
+    config: Config | None,
+    connect: str | None,
+    names: Mapping[int, str] | None = None,
+) -> Station:
     """The flight that is meant: by where it listens, by name, or the only one of this machine.
 
-    Raises Unclear, and BusError where no such swarm flies.
+    `names` are the vehicles of `config`, which answer each for itself where their agents run on machines of
+    their own. Raises Unclear, and BusError where no such swarm flies.
     """
     swarm = _name(swarm, config)
+    apart = config is not None and is_apart(config)
     if connect is not None:
         if swarm is None:
             raise Unclear("--connect says where; --swarm NAME or --config F says which swarm")
-        return Station(swarm, _endpoint(connect))
+        return Station(swarm, _endpoint(connect), agents=names or {} if apart else {})
+    if config is not None and apart:
+        here = [entry for entry in directory.flying() if entry.swarm == swarm]
+        if len(here) == 1:  # somebody flies all of it in one process, on this machine
+            return Station(here[0].swarm, here[0].endpoint)
+        points = meeting_points(config)
+        return Station(config.name, points[0], tuple(points[1:]), names or {})
     if config is not None:
         if config.communication.bus != "zenoh" or config.communication.listen == NOBODY:
             raise Unclear(f"{swarm} listens to nobody: `communication` has bus: memory, or listen: none")
@@ -88,6 +128,17 @@ def find(swarm: str | None, config: Config | None, connect: str | None) -> Stati
     )
 
 
+def is_apart(config: Config) -> bool:
+    """Whether its agents may run on machines of their own."""
+    return config.communication.router is not None or bool(config.communication.mesh)
+
+
+def meeting_points(config: Config) -> list[BusEndpoint]:
+    """Where a swarm on many machines is joined: the router, or any node of the mesh."""
+    c = config.communication
+    return [parse_endpoint(text) for text in ([c.router] if c.router is not None else c.mesh.values())]
+
+
 def _name(swarm: str | None, config: Config | None) -> str | None:
     if swarm is not None and not re.fullmatch(keys.SWARM_NAME, swarm):
         raise Unclear(f"--swarm {swarm!r}: expected a name as in a configuration: {keys.SWARM_NAME}")
@@ -106,16 +157,43 @@ def _endpoint(text: str) -> BusEndpoint:
     return endpoint
 
 
-async def set_weights(station: Station, command: SetWeights) -> WeightsAnswer:
-    """Give the command and wait for the answer. Raises BusError and NoAnswer."""
-    with ZenohBus(connect=station.endpoint) as bus:
-        return await ask(bus, station, command)
+async def give(
+    station: Station,
+    command: Request,
+    credentials: Credentials | None = None,
+    sealed: Sealed = unsealed,
+) -> OperatorAnswer:
+    """Give the command and wait for the answer. Raises BusError, Unclear and NoAnswer."""
+    with visited(station, credentials) as bus:
+        return await ask(bus, station, command, sealed)
 
 
-async def ask(bus: Transport, station: Station, command: SetWeights) -> WeightsAnswer:
-    """The same on a bus that is open. Raises NoAnswer."""
+@contextlib.contextmanager
+def visited(station: Station, credentials: Credentials | None = None) -> Iterator[ZenohBus]:
+    """A bus for a moment, at the first of the station's endpoints where somebody is. Raises BusError."""
+    failures: list[str] = []
+    for endpoint in (station.endpoint, *station.others):
+        try:
+            bus = ZenohBus(zenoh_config.visitor(endpoint, credentials))
+        except BusError as error:
+            failures.append(str(error))
+            continue
+        with bus:
+            yield bus
+        return
+    raise BusError("; ".join(failures))
+
+
+async def ask(
+    bus: Transport, station: Station, command: Request, sealed: Sealed = unsealed
+) -> OperatorAnswer:
+    """The same on a bus that is open. Raises Unclear and NoAnswer."""
+    kind = KINDS[type(command)]
+    if station.agents:
+        return await _ask_each(bus, station, kind, command, sealed)
+    key = keys.request(station.swarm, kind)
     try:
-        answers = await bus.ask(keys.weights(station.swarm), encode(command), TIMEOUT_S)
+        answers = await bus.ask(key, sealed(key, encode(command)), TIMEOUT_S)
     except TimeoutError:
         raise NoAnswer(
             f"{station.swarm} at {station.endpoint} did not answer within {TIMEOUT_S:g} s: whether it took "
@@ -135,8 +213,50 @@ async def ask(bus: Transport, station: Station, command: SetWeights) -> WeightsA
         ) from error
 
 
-def has_failed(command: SetWeights, answer: WeightsAnswer) -> bool:
-    """Whether it is not as ordered. Of a whole swarm those that plan no more need not take it."""
+async def _ask_each(
+    bus: Transport, station: Station, kind: keys.Kind, command: Request, sealed: Sealed
+) -> OperatorAnswer:
+    """Every vehicle's own agent, all at once: a silent one keeps nobody waiting. Raises Unclear."""
+    try:
+        uavs = list(station.agents if command.uavs is None else meant_by(command.uavs, station.agents))
+    except ValueError as error:
+        raise Unclear(f"nothing was changed: {error}") from None
+
+    async def one(uav: int) -> VehicleAnswer:
+        key, name = keys.request(station.swarm, kind, uav), station.agents[uav]
+        payload = sealed(key, encode(msgspec.structs.replace(command, uavs=(uav,))))
+        try:
+            answers = await bus.ask(key, payload, TIMEOUT_S)
+        except TimeoutError:
+            note = f"its agent did not answer within {TIMEOUT_S:g} s"
+            return VehicleAnswer(uav, name, "unconfirmed", note=note)
+        return _of_one(uav, name, answers)
+
+    return OperatorAnswer(tuple(await asyncio.gather(*map(one, uavs))))
+
+
+def _of_one(uav: int, name: str, answers: tuple[bytes, ...]) -> VehicleAnswer:
+    """What one agent answered."""
+    if not answers:
+        note = "no agent of it is in touch: is `swarmctl agent` running there, and does it reach the network?"
+        return VehicleAnswer(uav, name, "silent", note=note)
+    if len(answers) > 1:
+        note = f"{len(answers)} agents answer for it: end all but one"
+        return VehicleAnswer(uav, name, "unconfirmed", note=note)
+    try:
+        answer = decode_answer(answers[0])
+    except BadMessage as error:
+        note = f"its answer cannot be understood: {error}; is it of another version of this program?"
+        return VehicleAnswer(uav, name, "unconfirmed", note=note)
+    if answer.refused:
+        return VehicleAnswer(uav, name, "refused", note=answer.refused)
+    if [vehicle.uav for vehicle in answer.vehicles] != [uav]:
+        return VehicleAnswer(uav, name, "unconfirmed", note="its agent answered for another vehicle")
+    return answer.vehicles[0]
+
+
+def has_failed(command: Request, answer: OperatorAnswer) -> bool:
+    """Whether it is not as ordered. Of a whole swarm those whose flight is over need not take it."""
     outcomes = {vehicle.outcome for vehicle in answer.vehicles}
     fine = {"taken", "over"} if command.uavs is None else {"taken"}
     return bool(answer.refused) or "taken" not in outcomes or not outcomes <= fine

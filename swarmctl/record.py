@@ -23,11 +23,11 @@ from swarmctl import __version__, agent
 from swarmctl.agent import AgentState
 from swarmctl.config import Config
 from swarmctl.core import events as ev
-from swarmctl.core.belief import Observation
-from swarmctl.core.messages import Message, ObservationShared
+from swarmctl.core.frames import Spoken
+from swarmctl.core.observation import Observation
 from swarmctl.scenario import build
 
-FORMAT = 1
+FORMAT = 2
 CHUNK_BYTES = 1 << 16
 """What a crash may cost; a run that is cut off keeps all chunks before."""
 
@@ -64,7 +64,7 @@ class EffectRecord(msgspec.Struct, frozen=True):
 class BusRecord(msgspec.Struct, frozen=True):
     now_s: float
     recipients: int
-    message: Message
+    message: Spoken
 
 
 class TextRecord(msgspec.Struct, frozen=True):
@@ -111,7 +111,7 @@ class Recorder:
         if isinstance(event, ev.TelemetryReceived) and event.state.has_position:
             self._location(uav, event, now)
 
-    def sent(self, uav: int, message: Message, recipients: int, now: float) -> None:
+    def sent(self, uav: int, message: Spoken, recipients: int, now: float) -> None:
         self._write(uav, f"bus/{type(message).__name__}", BusRecord(now, recipients, message), now)
 
     def said(self, uav: int, text: str, now: float, *, aloud: bool) -> None:
@@ -233,7 +233,7 @@ def seen(run: Path) -> tuple[Config, list[Observation]]:
     config, records = _read(of(run))
     effects = (record.effect for _, record in records if isinstance(record, EffectRecord))
     messages = (effect.message for effect in effects if isinstance(effect, ev.Publish))
-    return config, [m.observation for m in messages if isinstance(m, ObservationShared)]
+    return config, [m for m in messages if isinstance(m, Observation)]
 
 
 def of(run: Path) -> Path:

@@ -16,7 +16,8 @@ from swarmctl.bus.desk import Desk
 from swarmctl.bus.network import Network
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
-from swarmctl.core.messages import Message
+from swarmctl.core.frames import Spoken
+from swarmctl.core.observation import Told
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.links.base import (
     AddressChanged,
@@ -52,7 +53,7 @@ class Observer(Protocol):
         self, before: AgentState, event: ev.Event, after: AgentState, effects: list[ev.Effect], now: float
     ) -> None: ...
 
-    def sent(self, uav: int, message: Message, recipients: int, now: float) -> None: ...
+    def sent(self, uav: int, message: Spoken, recipients: int, now: float) -> None: ...
 
     def said(self, uav: int, text: str, now: float, *, aloud: bool) -> None: ...
 
@@ -90,7 +91,9 @@ class Runner:
         self._inbox: deque[ev.Event] = deque()
         self._wake = asyncio.Event()
         self._job: asyncio.Task[None] | None = None
-        network.join(task.uav, lambda message: self.post(ev.Heard(message)))
+        self._told: list[Told] = []
+        """heard of others and not folded yet"""
+        self.post(ev.Joined(network.join(task.uav, self._hear)))
         if desk is not None:
             desk.join(task.uav, task.name, self.post)
 
@@ -99,10 +102,16 @@ class Runner:
         self._inbox.append(event)
         self._wake.set()
 
+    def _hear(self, told: tuple[Told, ...]) -> None:
+        self._told += told
+        self._wake.set()
+
     def on_link_event(self, event: LinkEvent) -> None:
         """What the link reports, as events of the agent. Called from the receive path: only appends."""
         match event:
             case StateChanged(state):
+                if state.lat_deg is not None and state.lon_deg is not None:
+                    self._network.moved(self.state.task.uav, state.lat_deg, state.lon_deg)
                 self.post(ev.TelemetryReceived(state))
                 if cells := self._sensor.look(state):
                     self.post(ev.Observed(cells))
@@ -112,18 +121,18 @@ class Runner:
                 self.post(ev.LinkRestored())
             case Rebooted():
                 self.post(ev.Rebooted())
-                self._tell("it has rebooted", aloud=True)
+                self.tell("it has rebooted", aloud=True)
             case Conflict(address):
                 self.conflict = f"another sender, at {address}, uses its system id {self.state.task.uav}"
-                self._tell(f"{self.conflict}; its frames are dropped", aloud=True)
+                self.tell(f"{self.conflict}; its frames are dropped", aloud=True)
             case AddressChanged(address):
-                self._tell(f"speaks from {address} now", aloud=True)
+                self.tell(f"speaks from {address} now", aloud=True)
             case Text(_, text):
-                self._tell(text)
+                self.tell(text)
             case ProcedureDone(name, failure):
-                self._tell(f"{name}: {failure or 'done'}")
+                self.tell(f"{name}: {failure or 'done'}")
             case Heard():
-                self._tell("first heartbeat")
+                self.tell("first heartbeat")
 
     async def run(self) -> None:
         """Fold events until cancelled. The jobs it starts end with it."""
@@ -131,8 +140,13 @@ class Runner:
             while True:
                 await self._wake.wait()
                 self._wake.clear()
-                while self._inbox:
-                    await self._fold(self._inbox.popleft(), jobs)
+                while self._inbox or self._told:
+                    if self._told:
+                        # All that was heard meanwhile is one event: a union costs what one observation does.
+                        told, self._told = tuple(self._told), []
+                        await self._fold(ev.Heard(told), jobs)
+                    if self._inbox:
+                        await self._fold(self._inbox.popleft(), jobs)
                 if agent.wants_tick(self.state, asyncio.get_running_loop().time()):
                     await self._fold(ev.Tick(), jobs)
 
@@ -152,7 +166,7 @@ class Runner:
     def _perform(self, effect: ev.Effect, jobs: asyncio.TaskGroup) -> None:
         match effect:
             case ev.Publish(message):
-                recipients = self._network.publish(message)
+                recipients = self._network.publish(self.state.task.uav, message)
                 now = asyncio.get_running_loop().time()
                 for observer in self._observers:
                     observer.sent(self.state.task.uav, message, recipients, now)
@@ -217,7 +231,8 @@ class Runner:
             )
         await self.link.launch()
 
-    def _tell(self, text: str, *, aloud: bool = False) -> None:
+    def tell(self, text: str, *, aloud: bool = False) -> None:
+        """Whoever follows this vehicle is told."""
         now = asyncio.get_running_loop().time()
         for observer in self._observers:
             observer.said(self.state.task.uav, text, now, aloud=aloud)

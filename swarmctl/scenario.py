@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
@@ -69,9 +69,20 @@ class Scenario:
     """the truth"""
     psi_per_cell: float
     specs: tuple[Spec, ...]
+    """the vehicles that this process flies"""
     tasks: tuple[Task, ...]
+    """theirs, in the same order"""
     prior: Belief
     """what every vehicle believes before it takes off"""
+    swarm: tuple[Spec, ...]
+    """all vehicles, wherever their agents run"""
+
+    def only(self, uav: int) -> Scenario:
+        """The same scenario, of which this process flies one vehicle."""
+        here = [i for i, spec in enumerate(self.specs) if spec.sysid == uav]
+        return replace(
+            self, specs=tuple(self.specs[i] for i in here), tasks=tuple(self.tasks[i] for i in here)
+        )
 
     @property
     def chosen_by(self) -> str:
@@ -103,7 +114,7 @@ def build(config: Config) -> Scenario:
     tasks = tuple(_tasks(config, grid, strength, psi, specs))
     sensor = SensorModel(config.sensor.p_miss, config.sensor.p_false_alarm)
     prior = Belief.prior(grid.rows, grid.cols, count, sensor)
-    return Scenario(config, grid, strength, _hostiles(config, count), psi, specs, tasks, prior)
+    return Scenario(config, grid, strength, _hostiles(config, count), psi, specs, tasks, prior, specs)
 
 
 def grid_of(config: Config) -> Grid:

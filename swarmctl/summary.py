@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import platform
 from collections import defaultdict, deque
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from typing import Any
@@ -14,11 +16,13 @@ from numpy.typing import NDArray
 
 from swarmctl import __version__
 from swarmctl.agent import ARRIVED, AgentState
+from swarmctl.bus.tally import Tally
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
 from swarmctl.core.chance import chance_among
+from swarmctl.core.frames import Spoken
 from swarmctl.core.geo import LatLon
-from swarmctl.core.messages import Message, ObservationShared
+from swarmctl.core.observation import Observation
 from swarmctl.core.threat import FiringStrength
 from swarmctl.planners import Route
 from swarmctl.scenario import Scenario
@@ -40,7 +44,6 @@ class Prospect:
 class VehicleLedger:
     """What one vehicle did, beyond what its agent's state says."""
 
-    messages_sent: int = 0
     planned: list[LatLon] = field(default_factory=list)
     """the first route"""
     flown: list[LatLon] = field(default_factory=list)
@@ -81,8 +84,8 @@ class Ledger:
         match event:
             case ev.TelemetryReceived():
                 self._moved(vehicle, before, after)
-            case ev.Heard(ObservationShared(observation=o)) if after.belief is not before.belief:
-                self._believed_s[o.observer, o.seq] = now
+            case ev.Heard(told) if after.belief is not before.belief:
+                self._believed_s.update(((*o.source, o.seq), now) for o in told if isinstance(o, Observation))
             case ev.MissionAccepted() if before.pending is not None and after.pending is None:
                 self._accepted(vehicle, before.pending, now)
             case _:
@@ -94,12 +97,12 @@ class Ledger:
                 vehicle.weights.append(
                     (vehicle.flight_time_s, effect.answer.from_plan, after.w, after.strength)
                 )
-            if isinstance(effect, ev.Publish) and isinstance(effect.message, ObservationShared):
-                observation = effect.message.observation
-                self._observed_s[observation.observer, observation.seq] = now
+            if isinstance(effect, ev.Publish) and isinstance(effect.message, Observation):
+                observation = effect.message
+                self._observed_s[*observation.source, observation.seq] = now
 
-    def sent(self, uav: int, message: Message, recipients: int, now: float) -> None:
-        self.vehicles[uav].messages_sent += recipients
+    def sent(self, uav: int, message: Spoken, recipients: int, now: float) -> None:
+        pass
 
     def said(self, uav: int, text: str, now: float, *, aloud: bool) -> None:
         pass
@@ -155,6 +158,7 @@ def summary(
     clock: str,
     wall_s: float | None,
     commands: dict[str, int],
+    networks: Mapping[int, Tally],
 ) -> dict[str, Any]:
     """The content of `summary.json`."""
     together = _belief_of_all(scenario, states)
@@ -176,7 +180,7 @@ def summary(
         "latency_clock": "simulated seconds" if clock == "virtual" else "wall seconds",
         "latency": ledger.latencies(),
         "operator_commands": commands,
-        "vehicles": [_vehicle(scenario, states[t.uav], ledger) for t in scenario.tasks],
+        "vehicles": [_vehicle(scenario, states[t.uav], ledger, networks[t.uav]) for t in scenario.tasks],
         "configuration": scenario.config.model_dump(mode="json"),
         "resolved": {
             "hostiles": sorted(scenario.hostiles),
@@ -192,11 +196,15 @@ def known_to_any(scenario: Scenario, states: dict[int, AgentState]) -> NDArray[n
 
 def _belief_of_all(scenario: Scenario, states: dict[int, AgentState]) -> Belief:
     """Of two contents under one name, the first counts."""
-    told = {(o.observer, o.seq): o for s in reversed(states.values()) for o in s.belief.observations()}
-    return scenario.prior.merge(told.values())
+    together = scenario.prior
+    for state in states.values():
+        for told in state.belief.told():
+            with contextlib.suppress(ValueError):
+                together = together.merge((told,))
+    return together
 
 
-def _vehicle(scenario: Scenario, state: AgentState, ledger: Ledger) -> dict[str, Any]:
+def _vehicle(scenario: Scenario, state: AgentState, ledger: Ledger, network: Tally) -> dict[str, Any]:
     task, mine = state.task, ledger.vehicles[state.task.uav]
     own = state.belief.n_cells_from(task.uav)
     return {
@@ -223,13 +231,23 @@ def _vehicle(scenario: Scenario, state: AgentState, ledger: Ledger) -> dict[str,
             *(_weights(*change) for change in mine.weights),
         ],
         "weight_changes": mine.weight_changes,
-        "messages_sent": mine.messages_sent,
+        "messages_sent": network.sent.total(),
+        "network": _network(network),
         "communication_penalty": scenario.config.communication.penalty_per_m * state.flown_m,
         "latency": ledger.latencies(task.uav),
         "cells_own": own,
         "cells_heard": state.belief.n_observed - own,
         "hostiles_known": state.belief.n_found,
         "battery_percent": state.vehicle.battery_percent,
+    }
+
+
+def _network(tally: Tally) -> dict[str, Any]:
+    """What became of a vehicle's messages; every recipient of one counts."""
+    values = {name: getattr(tally, name) for name in Tally.__slots__}
+    return {
+        name: value if isinstance(value, int) else {str(k): n for k, n in sorted(value.items())}
+        for name, value in values.items()
     }
 
 

@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from swarmctl import agent
 from swarmctl.agent import AgentState, Phase, Task
 from swarmctl.core import events as ev
-from swarmctl.core.belief import Belief, Observation
+from swarmctl.core.belief import Belief
+from swarmctl.core.frames import StateShared
 from swarmctl.core.grid import Cell, Grid
-from swarmctl.core.messages import ObservationShared, StateShared
+from swarmctl.core.observation import Observation
 from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.planners import PLANNERS, Method
@@ -79,7 +80,7 @@ class Story:
 
     def hear(self, *cells: tuple[int, int, bool], observer: int = 2, seq: int = 1) -> list[ev.Effect]:
         observation = Observation(observer, seq, self.now, cells)
-        return self(ev.Heard(ObservationShared(observer, observation)))
+        return self(ev.Heard((observation,)))
 
     def launching(self) -> Story:
         self(ev.Ready())
@@ -128,9 +129,9 @@ def test_what_it_sees_first_it_tells_the_others_once() -> None:
     story = Story().flying()
     effects = story(ev.Observed(((4, 0, False), (4, 1, True))))
     (message,) = publications(effects)
-    assert isinstance(message, ObservationShared)
-    assert (message.observation.observer, message.observation.seq) == (1, 1)
-    assert message.observation.cells == ((4, 0, False), (4, 1, True))
+    assert isinstance(message, Observation)
+    assert (message.observer, message.seq) == (1, 1)
+    assert message.cells == ((4, 0, False), (4, 1, True))
     assert story(ev.Observed(((4, 0, False), (4, 1, True)))) == []
 
 
@@ -138,8 +139,8 @@ def test_what_it_has_heard_of_it_does_not_tell_again() -> None:
     story = Story().flying()
     story.hear((4, 1, True))
     (message,) = publications(story(ev.Observed(((4, 1, True), (5, 1, False)))))
-    assert isinstance(message, ObservationShared)
-    assert message.observation.cells == ((5, 1, False),)
+    assert isinstance(message, Observation)
+    assert message.cells == ((5, 1, False),)
 
 
 def test_a_hostile_ahead_changes_the_mission_and_says_because_of_what() -> None:
@@ -149,7 +150,7 @@ def test_a_hostile_ahead_changes_the_mission_and_says_because_of_what() -> None:
     story.hear((4, 4, True), observer=3, seq=7)
     swap = story.swap()
     assert (4, 4) not in swap.cells
-    assert swap.because == ((3, 7),)
+    assert swap.because == ((3, 0, 7),)
     story.accept()
     assert story.state.replans == 1
 
@@ -171,7 +172,7 @@ def test_news_during_a_swap_waits_for_its_end_and_then_counts() -> None:
     story.accept()
     second = story.swap()
     assert second.plan_id > first.plan_id
-    assert second.because == ((2, 2), (2, 3))
+    assert second.because == ((2, 0, 2), (2, 0, 3))
     assert not {(3, 4), (4, 4), (5, 4)} & set(second.cells)
 
 

@@ -16,13 +16,13 @@ from mcap.reader import make_reader
 from swarmctl import agent, config, outputs, record
 from swarmctl.agent import AgentState, Phase, flown_for
 from swarmctl.agent.realise import pulled
+from swarmctl.bus.tally import Tally
 from swarmctl.config import ConfigError
 from swarmctl.core import events as ev
-from swarmctl.core.belief import Observation
 from swarmctl.core.corners import Counting
 from swarmctl.core.exposure import exposure_sum, length_cells
 from swarmctl.core.grid import Cell
-from swarmctl.core.messages import ObservationShared
+from swarmctl.core.observation import Observation
 from swarmctl.core.route import flight_plan, landing_spot, thin
 from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.judge import judge
@@ -135,7 +135,8 @@ def test_what_is_promised_at_take_off_is_of_the_track_by_what_was_believed_then(
     ledger = Ledger()
     ledger.vehicles[task.uav].prospect = Prospect(swap, belief, task.strength)
     states = {t.uav: agent.begin(t, plain.prior) for t in plain.tasks}
-    told = summary(plain, states, ledger, clock="virtual", wall_s=None, commands={})
+    networks = {t.uav: Tally() for t in plain.tasks}
+    told = summary(plain, states, ledger, clock="virtual", wall_s=None, commands={}, networks=networks)
     promised = told["vehicles"][0]["at_takeoff"]
     chances = [
         plain.chance(task.uav, held, task.strength, cells).estimate
@@ -175,7 +176,7 @@ class Flight:
         self.grid, self.now = task.grid, 0.0
         self.state: AgentState = agent.begin(task, plain.prior)
         clear = tuple((row, col, False) for row in range(8) for col in range(16))
-        self.fold(ev.Heard(ObservationShared(9, Observation(9, 1, 0.0, clear))))
+        self.fold(ev.Heard((Observation(9, 1, 0.0, clear),)))
         self.fold(ev.Ready())
         self.swap = self.tick()
         self.fold(ev.MissionAccepted(1))
@@ -199,7 +200,7 @@ class Flight:
         self.fold(ev.TelemetryReceived(vehicle))
 
     def hear(self, seq: int, *cells: tuple[int, int, bool]) -> None:
-        self.fold(ev.Heard(ObservationShared(8, Observation(8, seq, self.now, cells))))
+        self.fold(ev.Heard((Observation(8, seq, self.now, cells),)))
 
 
 def test_news_elsewhere_changes_no_mission_wherever_on_the_track_it_is_heard() -> None:

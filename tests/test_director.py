@@ -11,13 +11,13 @@ import pytest
 from flights import small
 
 from swarmctl.bus.memory import MemoryBus
-from swarmctl.bus.network import Network
+from swarmctl.bus.network import Network, RunClock
 from swarmctl.clock import run_virtual
 from swarmctl.core import events as ev
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.core.sensor import PERFECT
 from swarmctl.core.vehicle import VehicleState
-from swarmctl.director import Director, Member, PreflightFailed
+from swarmctl.director import Director, Launch, Member, PreflightFailed
 from swarmctl.links.base import (
     CommandFailed,
     Conflict,
@@ -28,6 +28,7 @@ from swarmctl.links.base import (
     Rebooted,
     UploadFailed,
 )
+from swarmctl.networking import network_of
 from swarmctl.runner import NotAllowed, Runner
 from swarmctl.scenario import Scenario
 from swarmctl.sensors.footprint import Footprint
@@ -47,6 +48,7 @@ class StubLink:
     calls: list[str] = field(default_factory=list)
     answers: Identity | None = None
     """who answers later, if not the same"""
+    age: float = 0.0
 
     async def _do(self, name: str, *failures: type[Exception]) -> None:
         self.calls.append(name)
@@ -86,7 +88,7 @@ class StubLink:
         return VehicleState(lat_deg=self.where[0], lon_deg=self.where[1], alt_rel_m=0.0)
 
     def age_s(self) -> float:
-        return 0.0
+        return self.age
 
     def items(self) -> tuple[MissionItem, ...]:
         return ()
@@ -104,6 +106,7 @@ class Ground:
     moved: dict[int, tuple[float, float]] = field(default_factory=dict)
     simulated: bool = True
     allowed: bool = True
+    launch: Launch = "when-ready"
     links: list[StubLink] = field(default_factory=list)
     asked: list[str] = field(default_factory=list)
 
@@ -111,7 +114,7 @@ class Ground:
         run_virtual(self._fly(until))
 
     async def _fly(self, until: Callable[[Sequence[Member]], bool]) -> None:
-        network = Network(MemoryBus(), "test", None)
+        network = network_of(self.scenario, MemoryBus(), RunClock(0.0))
         members = [self._member(index, network) for index in range(len(self.scenario.specs))]
         director = Director(
             members,
@@ -119,6 +122,7 @@ class Ground:
             seconds_per_delay=1.0,
             say=lambda _: None,
             permission=self._permit,
+            launch=self.launch,
         )
         runs = [asyncio.create_task(m.runner.run()) for m in members]
         flight = asyncio.create_task(director.fly())
@@ -204,7 +208,7 @@ def test_a_launch_that_nobody_allowed_is_a_bug_not_a_take_off() -> None:
             scenario.prior,
             link,
             Footprint(scenario.grid, frozenset(), PERFECT, np.random.default_rng(0)),
-            Network(MemoryBus(), "test", None),
+            network_of(scenario, MemoryBus(), RunClock(0.0)),
             (),
         )
         runner.post(ev.Ready())
@@ -310,3 +314,41 @@ def test_a_launch_that_fails_does_not_stop_the_others() -> None:
 
     ground.fly(settled)
     assert "arming refused" in states[0][1]
+
+
+def test_who_waits_for_an_order_is_launched_by_it_alone_and_made_ready_again_after_a_boot() -> None:
+    ground = Ground(small(simulate={"count": 2}), launch="ordered")
+    moments: list[str] = []
+
+    def story(members: Sequence[Member]) -> bool:
+        phases = {m.state.phase for m in members}
+        if phases == {"standby"} and len(moments) < 50:
+            moments.append("ready")
+            if len(moments) == 20:
+                members[1].runner.on_link_event(Rebooted())
+            if len(moments) == 50:
+                members[0].runner.post(ev.OperatorCommand(ev.Order.LAUNCH, 1))
+        return members[0].state.phase == "flying"
+
+    ground.fly(story)
+    assert len(moments) == 50
+    assert ground.links[0].calls == ["connect", "prepare", "upload", "identify", "launch"]
+    assert ground.links[1].calls == ["connect", "prepare", "upload", "prepare", "upload"]
+
+
+def test_a_vehicle_that_waits_for_its_order_may_fall_silent_for_as_long_as_it_likes() -> None:
+    ground = Ground(small(simulate={"count": 2}, flight={"lost_timeout_s": 2.0}), launch="ordered")
+    waited: list[str] = []
+
+    def story(members: Sequence[Member]) -> bool:
+        if not waited and all(m.state.phase == "standby" for m in members):
+            ground.links[0].age = 99.0
+            members[0].runner.post(ev.LinkLost(5.0))
+        waited.append(members[0].state.phase)
+        if len(waited) == 300:
+            members[0].runner.post(ev.LinkRestored())
+            members[0].runner.post(ev.OperatorCommand(ev.Order.LAUNCH, 1))
+        return members[0].state.phase == "flying"
+
+    ground.fly(story)
+    assert len(waited) > 300

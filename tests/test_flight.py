@@ -80,7 +80,9 @@ def test_the_summary_says_what_was_promised(shipped: tuple[Scenario, Report, Pat
         assert row["flown_m"] == state.flown_m
         assert row["strikes"] == state.vehicle.strikes
         assert row["communication_penalty"] == pytest.approx(0.01 * state.flown_m)
-        assert row["messages_sent"] % 4 == 0
+        assert row["messages_sent"] == sum(row["network"]["sent"].values())
+        assert row["network"]["sent"]["inform/state"] % 4 == 0
+        assert row["network"]["refused"] == row["network"]["lost"] == {}
         assert row["cells_own"] + row["cells_heard"] == state.belief.n_observed
 
 
@@ -92,7 +94,7 @@ def test_the_record_opens_without_us(shipped: tuple[Scenario, Report, Path]) -> 
         schemas = {s.name: json.loads(s.data) for s, _, _ in make_reader(file).iter_messages() if s}
     assert topics["/uav1/effect/SwapMission"] >= 1
     assert topics["/uav3/event/Heard"] > 10
-    assert topics["/uav5/bus/ObservationShared"] > 1
+    assert topics["/uav5/bus/Observation"] > 1
     assert topics["/uav2/location"] > 100
     assert {s["type"] for s in schemas.values()} == {"object"}
     assert set(schemas["foxglove.LocationFix"]["properties"]) >= {"timestamp", "latitude", "longitude"}
@@ -253,7 +255,10 @@ def test_before_the_launch_ctrl_c_leaves_everything_on_the_ground(tmp_path: Path
 
 @pytest.mark.parametrize("k", [0, 1, 2, "all"])
 def test_who_hears_whom_follows_the_communication_range(k: int | str, tmp_path: Path) -> None:
-    scenario = small(communication={"bus": "memory", "range": k}, simulate={"count": 4, "ready_s": 3.0})
+    scenario = small(
+        communication={"bus": "memory", "range": k, "sync_every_s": 0.0},
+        simulate={"count": 4, "ready_s": 3.0},
+    )
     report = fly(scenario, tmp_path)
     assert report.all_arrived
     reach = 3 if k == "all" else k
@@ -264,10 +269,12 @@ def test_who_hears_whom_follows_the_communication_range(k: int | str, tmp_path: 
                 assert json.loads(message.data)["recipients"] == reach
                 topics[channel.topic] += 1
     hear = 0
+    rows = {row["sysid"]: row for row in report.summary["vehicles"]}
     for sysid, state in report.states.items():
-        own = topics[f"/uav{sysid}/bus/ObservationShared"] + topics[f"/uav{sysid}/bus/StateShared"]
-        assert report.ledger.vehicles[sysid].messages_sent == own * reach
-        others = {o.observer for o in state.belief.observations()} - {sysid}
+        own = topics[f"/uav{sysid}/bus/Observation"] + topics[f"/uav{sysid}/bus/StateShared"]
+        spoken = rows[sysid]["network"]["sent"]
+        assert spoken.get("inform/observation", 0) + spoken.get("inform/state", 0) == own * reach
+        others = {o.observer for o in state.belief.told()} - {sysid}
         hear += bool(others)
     # With one or two neighbours in reach a vehicle may be nobody's nearest, and then it hears nothing.
     assert (hear == 4) if reach == 3 else (hear > 0) is (reach > 0)

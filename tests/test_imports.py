@@ -39,7 +39,14 @@ MAY_IMPORT: dict[str, set[str]] = {
     "swarmctl.judge": {
         "swarmctl.config_count",
         "swarmctl.core", "swarmctl.planners", "swarmctl.links.url", "swarmctl.yaml_lines", "swarmctl.config",
-        "swarmctl.agent", "swarmctl.scenario", "swarmctl.judge_bounds",
+        "swarmctl.agent", "swarmctl.scenario", "swarmctl.judge_bounds", "swarmctl.judge_communication",
+    },
+    "swarmctl.judge_communication": {
+        "swarmctl.core", "swarmctl.yaml_lines", "swarmctl.config", "swarmctl.config_communication",
+        "swarmctl.bus.endpoint", "swarmctl.bus.radio",
+    },
+    "swarmctl.radio_settings": {
+        "swarmctl.core", "swarmctl.config_communication", "swarmctl.bus.radio",
     },
     "swarmctl.judge_bounds": {
         "swarmctl.planners", "swarmctl.yaml_lines", "swarmctl.config", "swarmctl.agent",
@@ -51,11 +58,16 @@ MAY_IMPORT: dict[str, set[str]] = {
     "swarmctl.known": {
         "swarmctl.core", "swarmctl.agent", "swarmctl.planners", "swarmctl.record", "swarmctl.scenario",
     },
-    "swarmctl.summary": {"swarmctl.core", "swarmctl.planners", "swarmctl.agent", "swarmctl.scenario"},
+    "swarmctl.summary": {
+        "swarmctl.core", "swarmctl.planners", "swarmctl.agent", "swarmctl.scenario", "swarmctl.bus.tally",
+    },
     "swarmctl.display": {"swarmctl.core", "swarmctl.agent"},
     "swarmctl.director": {
         "swarmctl.core", "swarmctl.agent", "swarmctl.config", "swarmctl.links", "swarmctl.runner",
         "swarmctl.scenario", "swarmctl.supervise",
+    },
+    "swarmctl.networking": {
+        "swarmctl.core", "swarmctl.bus", "swarmctl.radio_settings", "swarmctl.scenario",
     },
     "swarmctl.simulator": {"swarmctl.scenario", "swarmctl.supervise"},
     "swarmctl.virtual": {
@@ -64,13 +76,23 @@ MAY_IMPORT: dict[str, set[str]] = {
     "swarmctl.preflight": {
         "swarmctl.links.url", "swarmctl.scenario", "swarmctl.config_communication", "swarmctl.bus.endpoint",
     },
-    "swarmctl.app": {
+    "swarmctl.parts": {
         "swarmctl.core", "swarmctl.planners", "swarmctl.sensors", "swarmctl.links", "swarmctl.bus",
-        "swarmctl.agent", "swarmctl.runner", "swarmctl.director", "swarmctl.display", "swarmctl.face",
-        "swarmctl.record",
+        "swarmctl.runner", "swarmctl.director", "swarmctl.scenario", "swarmctl.simulator", "swarmctl.virtual",
+    },
+    "swarmctl.app": {
+        "swarmctl.core", "swarmctl.runner", "swarmctl.links", "swarmctl.bus", "swarmctl.agent", "swarmctl.director",
+        "swarmctl.display", "swarmctl.face", "swarmctl.record", "swarmctl.networking", "swarmctl.parts",
         "swarmctl.scenario", "swarmctl.simulator", "swarmctl.summary", "swarmctl.virtual",
         "swarmctl.supervise",
     },
+    "swarmctl.companion": {
+        "swarmctl.core", "swarmctl.links.url", "swarmctl.bus", "swarmctl.app", "swarmctl.director",
+        "swarmctl.face", "swarmctl.keyring", "swarmctl.parts", "swarmctl.scenario", "swarmctl.supervise",
+        "swarmctl.virtual",
+    },
+    "swarmctl.joining": {"swarmctl.bus", "swarmctl.config", "swarmctl.keyring"},
+    "swarmctl.watch": {"swarmctl.core", "swarmctl.agent", "swarmctl.bus", "swarmctl.display"},
     "swarmctl.outputs": {
         "swarmctl.core", "swarmctl.planners", "swarmctl.agent", "swarmctl.app", "swarmctl.picture",
         "swarmctl.planfile", "swarmctl.scenario", "swarmctl.summary",
@@ -86,8 +108,11 @@ MAY_IMPORT: dict[str, set[str]] = {
     "swarmctl.figures": set(),
     "swarmctl.face": {"swarmctl.core", "swarmctl.agent", "swarmctl.display"},
     "swarmctl.terminal": {"swarmctl.agent", "swarmctl.display", "swarmctl.face"},
+    "swarmctl.keyring": {"swarmctl.bus.access", "swarmctl.bus.zenoh_config"},
+    "swarmctl.router": {"swarmctl.bus"},
     "swarmctl.operate": {"swarmctl.core", "swarmctl.bus", "swarmctl.config"},
-    "swarmctl.cli": {"swarmctl"},
+    "swarmctl.commands": {"swarmctl"},
+    "swarmctl.cli": {"swarmctl.commands", "swarmctl.bus.leaving"},
     "swarmctl.entry": {"swarmctl.cli"},
     "sim_vehicle": set(),
     "sim_vehicle.physics": set(),
@@ -112,13 +137,14 @@ VERSION = {"swarmctl.__version__"}
 # Package of others -> the only parts that may import it.
 ONLY_IN: dict[str, set[str]] = {
     "zenoh": {"swarmctl.bus.zenoh_bus"},
+    "cryptography": {"swarmctl.keyring"},
     "mavsdk": set(),
     "numba": {"swarmctl.planners.kernels"},
     "pymavlink": {"swarmctl.mavlink", "sim_vehicle"},
     "serial": {"swarmctl.links.serial", "sim_vehicle.links.serial", "sim_vehicle.conformance.sockets"},
     "socket": {
         "swarmctl.links",
-        "swarmctl.app",
+        "swarmctl.parts",
         "swarmctl.preflight",
         "sim_vehicle.links",
         "sim_vehicle.conformance.sockets",
@@ -128,6 +154,7 @@ ONLY_IN: dict[str, set[str]] = {
     "mcap": {"swarmctl.record"},
     "typer": {
         "swarmctl.cli",
+        "swarmctl.commands",
         "sim_vehicle.__main__",
         "sim_vehicle.serving.serve",
         "sim_vehicle.run.command",
@@ -140,6 +167,7 @@ ONLY_IN: dict[str, set[str]] = {
 # What nothing pure may import: the parts that only decide take time, randomness and bytes as arguments.
 PURE = {
     "swarmctl.core", "swarmctl.planners", "swarmctl.mavlink", "swarmctl.agent", "swarmctl.sensors",
+    "swarmctl.bus.radio", "swarmctl.bus.access", "swarmctl.bus.endpoint", "swarmctl.bus.zenoh_config",
     "sim_vehicle",
 }  # fmt: skip
 # The simulator's only sockets, clocks, tasks and processes.

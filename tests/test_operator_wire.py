@@ -41,9 +41,9 @@ from swarmctl.clock import run_virtual
 from swarmctl.core import events as ev
 from swarmctl.core.messages import (
     BadMessage,
+    OperatorAnswer,
     SetWeights,
     VehicleAnswer,
-    WeightsAnswer,
     decode_answer,
     decode_command,
     encode,
@@ -51,7 +51,7 @@ from swarmctl.core.messages import (
 from swarmctl.core.roster import meant_by
 from swarmctl.core.threat import FiringStrength
 
-KEY = "swarmctl/test/operator/weights"
+KEY = "swarmctl/test/station/request/weights/operator"
 ANYWHERE = BusEndpoint("127.0.0.1", 0)
 
 
@@ -131,8 +131,8 @@ def test_whatever_arrives_at_the_desk_is_a_command_or_refused(data: bytes) -> No
 
 
 def test_an_answer_of_a_later_version_is_understood_as_far_as_it_is_known() -> None:
-    later = {"type": "weights_answer", "refused": "no", "vehicles": [], "more": 1}
-    assert decode_answer(b"\x01" + msgspec.msgpack.encode(later)) == WeightsAnswer(refused="no")
+    later = {"type": "operator_answer", "refused": "no", "vehicles": [], "more": 1}
+    assert decode_answer(b"\x01" + msgspec.msgpack.encode(later)) == OperatorAnswer(refused="no")
 
 
 # --- the desk, over every transport
@@ -188,7 +188,7 @@ def test_a_command_reaches_the_vehicles_it_names_and_their_answers_come_back(bot
             station = Station(ground)
             command = SetWeights((2,), firing_strength=(0.7, 0.3, 0.1))
             (answer,) = await operator.ask(KEY, encode(command), 5.0)
-            assert decode_answer(answer) == WeightsAnswer((VehicleAnswer(2, "uav2", "taken", 5),))
+            assert decode_answer(answer) == OperatorAnswer((VehicleAnswer(2, "uav2", "taken", 5),))
             assert station.posted == [(2, ev.WeightsChanged(1, None, FiringStrength(0.7, 0.3, 0.1)))]
             (answer,) = await operator.ask(KEY, encode(SetWeights(None, w=0.2)), 5.0)
             assert [v.uav for v in decode_answer(answer).vehicles] == [1, 2]
@@ -310,14 +310,15 @@ def test_nobody_answers_for_another_swarm(both: Both) -> None:
     async def scene() -> None:
         with both() as (ground, operator):
             station = Station(ground)
-            assert await operator.ask(keys.weights("other"), encode(SetWeights(None, w=0.2)), 5.0) == ()
+            key = keys.request("other", "weights")
+            assert await operator.ask(key, encode(SetWeights(None, w=0.2)), 5.0) == ()
             assert station.posted == []
 
     asyncio.run(scene())
 
 
 def test_a_vehicle_that_is_busy_is_not_waited_for() -> None:
-    async def scene() -> tuple[WeightsAnswer, float]:
+    async def scene() -> tuple[OperatorAnswer, float]:
         bus = MemoryBus()
         Station(bus, slow=(2,))
         began_s = asyncio.get_running_loop().time()
@@ -410,10 +411,10 @@ def test_a_wildcard_is_refused_and_counted() -> None:
     async def scene() -> None:
         with ZenohBus() as bus:
             station = Station(bus)
-            for key in ("swarmctl/*/operator/weights", "swarmctl/test/**", "**"):
+            for key in ("swarmctl/*/station/request/weights/operator", "swarmctl/test/**", "**"):
                 assert await bus.ask(key, encode(SetWeights(None, w=0.2)), 5.0) == ()
             assert station.posted == []
-            assert station.tally.refused == 3
+            assert station.tally.refused == 1 + 2 + 2  # once at each key that is meant
 
     asyncio.run(scene())
 
@@ -434,7 +435,7 @@ def test_from_outside_one_can_ask_under_one_key_and_nothing_else() -> None:
                 KEY,
             ):
                 operator.put(key, b"from outside")
-            for key in ("swarmctl/*/operator/weights", "swarmctl/test/**", "**"):
+            for key in ("swarmctl/*/station/request/weights/operator", "swarmctl/test/**", "**"):
                 assert await operator.ask(key, encode(SetWeights(None, w=0.2)), 5.0) == ()
             ground.put("swarmctl/test/uav/1/inform/state/2", b"among ourselves")
             # What came before on the same connection has been looked at when this is answered.
@@ -483,7 +484,7 @@ def test_where_nobody_listens_is_said() -> None:
     async def scene() -> None:
         with contextlib.ExitStack() as held:
             station = operate.Station("test", BusEndpoint("127.0.0.1", taken_port(held)))
-        await operate.set_weights(station, SetWeights(None, w=0.2))
+        await operate.give(station, SetWeights(None, w=0.2))
 
     with pytest.raises(BusError, match=r"no swarm listens at tcp/127\.0\.0\.1:.* has its flight ended"):
         asyncio.run(scene())

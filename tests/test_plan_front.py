@@ -19,8 +19,8 @@ from test_cli import SHIPPED, swarmctl
 
 from swarmctl import front_report
 from swarmctl.agent import first_route
-from swarmctl.core.belief import Observation
 from swarmctl.core.chance import Chance
+from swarmctl.core.observation import Observation
 from swarmctl.planners import PLANNERS, Method, Route
 from swarmctl.planners.front import Front
 from swarmctl.scenario import Scenario

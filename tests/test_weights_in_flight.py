@@ -23,7 +23,7 @@ from swarmctl.bus.memory import MemoryBus
 from swarmctl.clock import run_virtual
 from swarmctl.core import events as ev
 from swarmctl.core.exposure import exposure
-from swarmctl.core.messages import SetWeights, VehicleAnswer, WeightsAnswer
+from swarmctl.core.messages import OperatorAnswer, SetWeights, VehicleAnswer
 from swarmctl.core.threat import FiringStrength
 from swarmctl.display import Picture, line, row, table, told
 from swarmctl.face import Chatter, Steady
@@ -263,7 +263,7 @@ class Flown:
     scenario: Scenario
     folder: Path
     report: Report
-    answer: WeightsAnswer
+    answer: OperatorAnswer
     ui: Ui
 
     def swaps(self, uav: int) -> list[dict[str, Any]]:
@@ -276,7 +276,7 @@ class Flown:
 def fly_and_set(folder: Path, command: SetWeights, *, at_s: float, **sections: object) -> Flown:
     scenario, ui = small(**sections), Ui()
 
-    async def scene() -> tuple[Report, WeightsAnswer]:
+    async def scene() -> tuple[Report, OperatorAnswer]:
         bus = MemoryBus()
         flight = asyncio.create_task(
             app.fly(scenario, folder, ui, clock="virtual", permission=lambda _: None, bus=bus)

@@ -140,6 +140,8 @@ class AgentState:
     """its own launch has armed it"""
     foreign_since_s: float | None = None
     """since when it has been in a mode that this agent did not choose"""
+    incarnation: int = 0
+    """of its program, as its observations are named"""
     next_seq: int = 1
     next_plan_id: int = 1
     last_shared_s: float = -math.inf

@@ -8,13 +8,14 @@ from dataclasses import replace
 from typing import Any
 
 from swarmctl.agent.decide import decide
+from swarmctl.agent.orders import ROLES, Step, command, launch_if_possible, operator, weights_changed
 from swarmctl.agent.realise import index_abreast
-from swarmctl.agent.state import ARRIVED, IN_FLIGHT, ON_GROUND, PLANNING, PLANS_NO_MORE, AgentState, Phase
+from swarmctl.agent.state import ARRIVED, IN_FLIGHT, ON_GROUND, PLANNING, AgentState, Phase
 from swarmctl.core import events as ev
-from swarmctl.core.belief import Observation
+from swarmctl.core.frames import MAX_TEXT, StateShared
 from swarmctl.core.geo import distance_m
 from swarmctl.core.grid import Cell
-from swarmctl.core.messages import ObservationShared, StateShared, VehicleAnswer
+from swarmctl.core.observation import Checkpoint, Observation, Told
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.planners.base import Unreachable
 
@@ -23,8 +24,6 @@ RETRY_AFTER_S = 5.0
 MAX_FAILED_SWAPS = 3
 STALE_MODE_S = 2.0
 """a mode of ours that was left may show for so long in a heartbeat that was overtaken"""
-
-Step = tuple[AgentState, list[ev.Effect]]
 
 
 def step(state: AgentState, event: ev.Event, now: float) -> Step:
@@ -56,54 +55,8 @@ def _rebooted(state: AgentState, _event: ev.Rebooted, _now: float) -> Step:
     if state.phase not in ON_GROUND:
         return replace(state, trouble="it has rebooted"), []
     # Readiness and mission are to be established again.
-    return replace(state, phase=Phase.WAITING, route=None, pending=None, trouble="it has rebooted"), []
-
-
-def _operator(state: AgentState, event: ev.OperatorCommand, _now: float) -> Step:
-    order = event.order
-    if state.ended or state.launch_aborted:
-        return state, []
-    if order is ev.Order.LAUNCH:
-        return _launch_if_possible(replace(state, launch_ordered=True))
-    if state.phase in ON_GROUND:
-        return replace(state, phase=Phase.DONE, outcome="not launched", pending=None), []
-    if state.phase is Phase.LAUNCHING:
-        # On the ground or just above it, armed or about to be: the way out of both is down.
-        state = replace(state, phase=Phase.LEAVING, launch_aborted=True, outcome="launch broken off")
-        return _command(state, ev.Order.LAND)
-    phase = Phase.HOLDING if order is ev.Order.HOLD else Phase.LEAVING
-    return _command(replace(state, phase=phase, pending=None, dirty=False, outcome=f"{order} ordered"), order)
-
-
-def _weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) -> Step:
-    """The paper's sliders. A plan under way is not called back: the next one has the new weights."""
-    if state.phase in PLANS_NO_MORE:
-        why = f"it plans no more: {state.phase}" + (f", {state.outcome}" if state.outcome else "")
-        over = VehicleAnswer(state.task.uav, state.task.name, "over", note=why)
-        return state, [ev.Answer(event.command, over)]
-    method = state.task.method
-    if event.w is not None and not method.planner.USES_W:
-        why = f"its planner, {method.name}, does not go by w; give firing strengths alone"
-        refused = VehicleAnswer(state.task.uav, state.task.name, "refused", note=why)
-        return state, [ev.Answer(event.command, refused)]
-    w = state.w if event.w is None else event.w
-    strength = state.strength if event.strength is None else event.strength
-    changed = (w, strength) != (state.w, state.strength)
-    state = replace(state, w=w, strength=strength, dirty=state.dirty or changed)
-    later = "its link is lost; it plans when it is heard again" if state.lost else ""
-    taken = VehicleAnswer(state.task.uav, state.task.name, "taken", state.next_plan_id, later)
-    return state, [ev.Answer(event.command, taken)]
-
-
-def _command(state: AgentState, order: ev.Order) -> Step:
-    state = replace(state, ordered=order, order_seen=False, order_again_at_s=math.inf, foreign_since_s=None)
-    return state, [ev.Command(order)]
-
-
-def _launch_if_possible(state: AgentState) -> Step:
-    if state.phase is Phase.STANDBY and state.launch_ordered and state.pending is None:
-        return _command(replace(state, phase=Phase.LAUNCHING), ev.Order.LAUNCH)
-    return state, []
+    state = replace(state, phase=Phase.WAITING, route=None, pending=None, launch_ordered=False)
+    return replace(state, trouble="it has rebooted"), []
 
 
 def _order_done(state: AgentState, event: ev.OrderDone, _now: float) -> Step:
@@ -126,7 +79,7 @@ def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> Step:
         return replace(state, order_again_at_s=now + RETRY_AFTER_S), []
     if state.armed_seen or state.lost:
         # Armed, as far as is known, and not seen to climb: it must not be left to itself.
-        return _command(replace(state, phase=Phase.LEAVING, given_up=True), ev.Order.LAND)
+        return command(replace(state, phase=Phase.LEAVING, given_up=True), ev.Order.LAND)
     return replace(state, phase=Phase.FAILED, outcome=state.trouble), []
 
 
@@ -147,11 +100,8 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
     if state.phase is Phase.FLYING and state.cell in state.task.goals:
         state = replace(state, phase=Phase.LANDING, dirty=False, arrived_boot_s=vehicle.time_boot_s)
     if state.phase in IN_FLIGHT and now >= state.order_again_at_s and state.ordered is not None:
-        return _command(state, state.ordered)
+        return command(state, state.ordered)
     return _share_state(state)
-
-
-ROLES = {ev.Order.HOLD: "hold", ev.Order.RETURN: "return", ev.Order.LAND: "land"}
 
 
 def _roles_of_ours(state: AgentState) -> set[str]:
@@ -247,7 +197,6 @@ def _share_state(state: AgentState) -> Step:
     assert vehicle.lon_deg is not None
     assert vehicle.alt_rel_m is not None
     message = StateShared(
-        sender=state.task.uav,
         time_s=vehicle.time_boot_s,
         lat_deg=vehicle.lat_deg,
         lon_deg=vehicle.lon_deg,
@@ -255,6 +204,12 @@ def _share_state(state: AgentState) -> Step:
         phase=state.phase,
         n_observed=state.belief.n_observed,
         n_found=state.belief.n_found,
+        mode=vehicle.mode[:MAX_TEXT],
+        plan_id=0 if state.route is None else state.route.plan_id,
+        replans=state.replans,
+        late_s=state.late_s,
+        outcome=state.outcome[:MAX_TEXT],
+        trouble=state.trouble[:MAX_TEXT],
     )
     return replace(state, last_shared_s=vehicle.time_boot_s), [ev.Publish(message)]
 
@@ -263,24 +218,34 @@ def _observed(state: AgentState, event: ev.Observed, now: float) -> Step:
     new = state.belief.unsettled(event.cells)
     if not new:
         return state, []
-    observation = Observation(observer=state.task.uav, seq=state.next_seq, time_s=now, cells=new)
-    state = _learn(replace(state, next_seq=state.next_seq + 1), observation)
-    return state, [ev.Publish(ObservationShared(sender=state.task.uav, observation=observation))]
+    observation = Observation(state.task.uav, state.next_seq, now, new, state.incarnation)
+    state = _learn(replace(state, next_seq=state.next_seq + 1), (observation,))
+    return state, [ev.Publish(observation)]
 
 
 def _heard(state: AgentState, event: ev.Heard, _now: float) -> Step:
     try:
-        return _learn(state, event.message.observation), []
-    except ValueError as error:  # a cell outside the area, or one name with two contents
-        return replace(state, refused=state.refused + 1, trouble=str(error)), []
+        return _learn(state, event.told), []
+    except ValueError:  # a cell outside the area, or one name with two contents: take what is good
+        pass
+    for told in event.told:
+        try:
+            state = _learn(state, (told,))
+        except ValueError as error:
+            state = replace(state, refused=state.refused + 1, trouble=str(error))
+    return state, []
 
 
-def _learn(state: AgentState, observation: Observation) -> AgentState:
-    belief = state.belief.merge((observation,))
+def _learn(state: AgentState, told: tuple[Told, ...]) -> AgentState:
+    belief = state.belief.merge(told)
     if belief is state.belief:
         return state
-    learned = (observation.observer, observation.seq)
-    return replace(state, belief=belief, dirty=True, because=(*state.because, learned))
+    learned = tuple((*t.source, t.upto if isinstance(t, Checkpoint) else t.seq) for t in told)
+    return replace(state, belief=belief, dirty=True, because=(*state.because, *learned))
+
+
+def _joined(state: AgentState, event: ev.Joined, _now: float) -> Step:
+    return replace(state, incarnation=event.incarnation), []
 
 
 def _link_lost(state: AgentState, _event: ev.LinkLost, _now: float) -> Step:
@@ -313,7 +278,7 @@ def _no_way(state: AgentState) -> Step:
         return replace(state, phase=Phase.FAILED, outcome=state.trouble), []
     if state.route is not None:
         return state, []  # it flies on as planned, which is better than anything known
-    return _command(replace(state, phase=Phase.LEAVING, given_up=True), state.task.fallback)
+    return command(replace(state, phase=Phase.LEAVING, given_up=True), state.task.fallback)
 
 
 def _mission_accepted(state: AgentState, event: ev.MissionAccepted, _now: float) -> Step:
@@ -328,7 +293,7 @@ def _mission_accepted(state: AgentState, event: ev.MissionAccepted, _now: float)
         return replace(state, replans=state.replans + 1), []
     if state.phase is Phase.UPLOADING:
         state = replace(state, phase=Phase.STANDBY)
-    return _launch_if_possible(state)
+    return launch_if_possible(state)
 
 
 def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> Step:
@@ -340,11 +305,11 @@ def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> S
         return replace(state, phase=Phase.FAILED, outcome=event.reason), []
     if state.phase is Phase.LANDING and event.flying != "old":
         # Over its goal and standing still: there is nothing left to plan.
-        return _command(state, ev.Order.LAND)
+        return command(state, ev.Order.LAND)
     if state.phase is not Phase.FLYING:
         return state, []
     if state.failed_swaps >= MAX_FAILED_SWAPS:
-        return _command(replace(state, phase=Phase.LEAVING, given_up=True), state.task.fallback)
+        return command(replace(state, phase=Phase.LEAVING, given_up=True), state.task.fallback)
     # Decide again with all that is known by then. Unless it flies the old plan, any plan is better than none.
     return replace(
         state,
@@ -356,6 +321,7 @@ def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> S
 
 
 _HANDLERS: dict[type[Any], Callable[[AgentState, Any, float], Step]] = {
+    ev.Joined: _joined,
     ev.Ready: _ready,
     ev.TelemetryReceived: _telemetry,
     ev.Observed: _observed,
@@ -366,8 +332,8 @@ _HANDLERS: dict[type[Any], Callable[[AgentState, Any, float], Step]] = {
     ev.OrderFailed: _order_failed,
     ev.LinkLost: _link_lost,
     ev.LinkRestored: _link_restored,
-    ev.OperatorCommand: _operator,
-    ev.WeightsChanged: _weights_changed,
+    ev.OperatorCommand: operator,
+    ev.WeightsChanged: weights_changed,
     ev.Rebooted: _rebooted,
     ev.Tick: _tick,
 }

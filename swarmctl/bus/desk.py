@@ -1,15 +1,15 @@
 """The operator's desk: commands come in by the bus, the agents' answers go back by it.
 
-A command from a network moves aircraft, so what is not plainly a command for this swarm and these vehicles is
+A command from a network moves aircraft, so what is not plainly a command for this desk and its vehicles is
 refused as a whole, counted, and said; and whoever gave it is told what became of it, vehicle by vehicle. They
-come no faster than a hand gives them, for each costs a plan, and no agent is given one before it has come to
+come no faster than a hand gives them. New weights cost a plan, so no agent is given any before it has come to
 the last.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Set
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -19,9 +19,11 @@ from swarmctl.bus.pace import Pace
 from swarmctl.core import events as ev
 from swarmctl.core.messages import (
     BadMessage,
+    GiveOrder,
+    OperatorAnswer,
+    Request,
     SetWeights,
     VehicleAnswer,
-    WeightsAnswer,
     decode_command,
     encode,
 )
@@ -34,10 +36,12 @@ PER_S = 4.0
 BURST = 8
 """Commands, good or bad: so many at once, and so many a second in the long run."""
 TOO_FAST = encode(
-    WeightsAnswer(
+    OperatorAnswer(
         refused=f"commands come faster than {PER_S:g} a second; nothing was changed, give it again later"
     )
 )
+KINDS: dict[type[Request], keys.Kind] = {SetWeights: "weights", GiveOrder: "order"}
+"""Under which key each is asked."""
 BEFORE = "the command before this one yet; give this one again later"
 
 
@@ -58,22 +62,67 @@ class _Open:
     answers: dict[int, VehicleAnswer] = field(default_factory=dict)
 
 
-class Desk:
-    """One a process; its agents `join`, and report with `answered`."""
+@dataclass(slots=True)
+class _Gate:
+    """How fast commands may come."""
 
-    def __init__(self, transport: Transport, swarm: str, say: Callable[[str], None], tally: Tally) -> None:
+    pace: Pace = field(default_factory=lambda: Pace(PER_S, BURST))
+    said: bool = False
+    """that they come too fast, since the last pause"""
+
+
+Asked = ev.WeightsChanged | ev.OperatorCommand
+Closed = Callable[[keys.Kind], str]
+"""why a kind of command is not taken now; empty if it is"""
+
+
+def open_to_all(_kind: keys.Kind) -> str:
+    return ""
+
+
+Unseal = Callable[[str, bytes], bytes]
+"""(key, payload) -> the command in it; raises BadMessage where whoever sent it may not"""
+
+
+def unsealed(_key: str, payload: bytes) -> bytes:
+    """Nobody is asked who it is."""
+    return payload
+
+
+class Desk:
+    """One a process; its agents `join`, and report with `answered`.
+
+    It serves the keys of vehicle `uav`, or those of the station where one process flies the whole swarm.
+    `unseal` opens payloads.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        swarm: str,
+        say: Callable[[str], None],
+        tally: Tally,
+        *,
+        uav: int | None = None,
+        closed: Closed = open_to_all,
+        unseal: Unseal = unsealed,
+    ) -> None:
         self._tally = tally
-        self._key = keys.weights(swarm)
+        self._keys = {keys.request(swarm, kind, uav): kind for kind in keys.KINDS}
+        self._closed = closed
+        self._unseal = unseal
         self._say = say
-        self._agents: dict[int, tuple[str, Callable[[ev.WeightsChanged], None]]] = {}
+        self._agents: dict[int, tuple[str, Callable[[Asked], None]]] = {}
         self._open: dict[int, _Open] = {}
         self._busy: dict[int, int] = {}
-        """by vehicle: the command that it has not come to yet, perhaps long after its answer was due"""
-        self._pace = Pace(PER_S, BURST)
-        self._too_fast = False
-        transport.serve(self._key, self._asked)
+        """by vehicle: the weights that it has not come to yet, perhaps long after its answer was due"""
+        # Each key for itself: no flood of weights keeps an order to hold away.
+        self._gates = {key: _Gate() for key in self._keys}
+        self._wild = _Gate()
+        for key in self._keys:
+            transport.serve(key, self._asked)
 
-    def join(self, uav: int, name: str, post: Callable[[ev.WeightsChanged], None]) -> None:
+    def join(self, uav: int, name: str, post: Callable[[Asked], None]) -> None:
         """`post` hands an event to the agent, which answers with an effect."""
         self._agents[uav] = (name, post)
 
@@ -89,36 +138,50 @@ class Desk:
             self._close(command)
 
     def _asked(self, key: str, payload: bytes | None, reply: Reply) -> None:
-        if not self._in_pace(asyncio.get_running_loop().time()):
-            if key == self._key:
+        if not self._in_pace(self._gates.get(key, self._wild), asyncio.get_running_loop().time()):
+            if key in self._keys:
                 reply(TOO_FAST)
             return
-        if key != self._key:
+        if key not in self._keys:
             # A wildcard asks many swarms at once; whoever means this one can say so.
-            self._refuse(f"asked under the key {key}, not {self._key}", None)
+            self._refuse(f"asked under the key {key}, not {' or '.join(self._keys)}", None)
             return
         try:
-            command = _command(payload)
+            command = self._command(key, payload)
             uavs = self._meant(command)
         except (BadMessage, ValueError) as error:
             self._refuse(str(error), reply)
             return
-        free = [uav for uav in uavs if uav not in self._busy]
-        if free:
-            self._pass_on(command, uavs, free, reply)
+        # Each change of weights costs a plan; an order is not kept waiting for that.
+        busy = set() if isinstance(command, GiveOrder) else self._busy.keys() & set(uavs)
+        if len(busy) < len(uavs):
+            self._pass_on(command, uavs, busy, reply)
         else:
             self._refuse(f"no vehicle named has come to {BEFORE}", reply)
 
-    def _pass_on(self, command: SetWeights, uavs: list[int], free: list[int], reply: Reply) -> None:
+    def _command(self, key: str, payload: bytes | None) -> Request:
+        """Raises BadMessage."""
+        if payload is None:
+            raise BadMessage(f"a payload of more than {MAX_QUESTION_BYTES} bytes, which no command takes")
+        command = decode_command(self._unseal(key, payload))
+        kind = KINDS[type(command)]
+        if kind != self._keys[key]:
+            raise BadMessage(f"a command of the kind {kind} under the key {key}")
+        if why := self._closed(kind):
+            raise BadMessage(why)
+        return command
+
+    def _pass_on(self, command: Request, uavs: list[int], busy: Set[int], reply: Reply) -> None:
         self._tally.passed_on += 1
         number = self._tally.passed_on
-        self._open[number] = _Open(uavs, reply, {u: self._too_busy(u) for u in uavs if u in self._busy})
+        self._open[number] = _Open(uavs, reply, {u: self._too_busy(u) for u in uavs if u in busy})
         asyncio.get_running_loop().call_later(ANSWER_WITHIN_S, partial(self._close, number))
-        for uav in free:
-            self._busy[uav] = number
-            self._agents[uav][1](ev.WeightsChanged(number, command.w, command.strength))
+        for uav in (u for u in uavs if u not in busy):
+            if isinstance(command, SetWeights):
+                self._busy[uav] = number
+            self._agents[uav][1](_event(number, command))
 
-    def _meant(self, command: SetWeights) -> list[int]:
+    def _meant(self, command: Request) -> list[int]:
         """The vehicles, in the swarm's order. Raises ValueError where one is not of this swarm."""
         if command.uavs is None:
             return list(self._agents)
@@ -127,16 +190,16 @@ class Desk:
         except ValueError as error:
             raise ValueError(f"nothing was changed: {error}") from None
 
-    def _in_pace(self, now_s: float) -> bool:
+    def _in_pace(self, gate: _Gate, now_s: float) -> bool:
         """What comes too fast is counted, and said once until there was a pause."""
-        if self._pace.rested(now_s):
-            self._too_fast = False
-        if self._pace.takes(now_s):
+        if gate.pace.rested(now_s):
+            gate.said = False
+        if gate.pace.takes(now_s):
             return True
         self._tally.refused += 1
-        if not self._too_fast:
+        if not gate.said:
             self._say(f"operators' commands come faster than {PER_S:g} a second: what is too much is refused")
-        self._too_fast = True
+        gate.said = True
         return False
 
     def _close(self, number: int) -> None:
@@ -145,7 +208,7 @@ class Desk:
         if waiting is None:
             return
         answers = (waiting.answers.get(uav) or self._unconfirmed(uav) for uav in waiting.uavs)
-        waiting.reply(encode(WeightsAnswer(vehicles=tuple(answers))))
+        waiting.reply(encode(OperatorAnswer(vehicles=tuple(answers))))
 
     def _unconfirmed(self, uav: int) -> VehicleAnswer:
         note = f"it has the command, and has not come to it within {ANSWER_WITHIN_S:g} s"
@@ -160,11 +223,12 @@ class Desk:
         why = "".join(c if c.isprintable() else "?" for c in why[:MAX_WHY])
         self._say(f"an operator's command was refused ({self._tally.refused} so far): {why}")
         if reply is not None:
-            reply(encode(WeightsAnswer(refused=why)))
+            reply(encode(OperatorAnswer(refused=why)))
 
 
-def _command(payload: bytes | None) -> SetWeights:
-    """Raises BadMessage."""
-    if payload is None:
-        raise BadMessage(f"a payload of more than {MAX_QUESTION_BYTES} bytes, which no command takes")
-    return decode_command(payload)
+def _event(number: int, command: Request) -> Asked:
+    match command:
+        case SetWeights():
+            return ev.WeightsChanged(number, command.w, command.strength)
+        case GiveOrder(order=order):
+            return ev.OperatorCommand(ev.Order(order), number)

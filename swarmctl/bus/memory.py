@@ -4,29 +4,31 @@ from __future__ import annotations
 
 import asyncio
 
-from swarmctl.bus.base import MAX_QUESTION_BYTES, Receive, Serve
+from swarmctl.bus.base import MAX_MESSAGE_BYTES, MAX_QUESTION_BYTES, Failure, Receive, Serve
+from swarmctl.bus.routes import Routes, report_to_loop
 
 
 class MemoryBus:
-    """Keys are matched as Zenoh does for the only expression in use: a prefix followed by `/**`."""
+    """Keys are matched as Zenoh does for the expressions in use."""
 
-    def __init__(self) -> None:
+    def __init__(self, on_failure: Failure = report_to_loop) -> None:
         self.dropped = 0
-        self._subscribers: dict[str, list[Receive]] = {}
+        self.too_long = 0
+        self.failed = 0
+        self._on_failure = on_failure
+        self._routes = Routes()
         self._served: dict[str, Serve] = {}
 
     def put(self, key: str, payload: bytes) -> None:
+        if len(payload) > MAX_MESSAGE_BYTES:
+            self.too_long += 1
+            return
         loop = asyncio.get_running_loop()
-        end = key.find("/")
-        while end >= 0:
-            for receive in self._subscribers.get(key[: end + 1], ()):
-                loop.call_soon(receive, key, payload)
-            end = key.find("/", end + 1)
+        for receive in self._routes.reached_by(key):
+            loop.call_soon(self._deliver, receive, key, payload)
 
     def subscribe(self, key_expression: str, receive: Receive) -> None:
-        if not key_expression.endswith("/**"):
-            raise ValueError(f"expected a key expression that ends in /**, found {key_expression!r}")
-        self._subscribers.setdefault(key_expression.removesuffix("**"), []).append(receive)
+        self._routes.add(key_expression, receive)
 
     def serve(self, key: str, serve: Serve) -> None:
         self._served[key] = serve
@@ -41,10 +43,26 @@ class MemoryBus:
             if not answer.done():
                 answer.set_result(payload)
 
-        loop.call_soon(self._served[key], key, payload if len(payload) <= MAX_QUESTION_BYTES else None, reply)
+        def served() -> None:
+            try:
+                self._served[key](key, payload if len(payload) <= MAX_QUESTION_BYTES else None, reply)
+            except Exception as error:  # noqa: BLE001 - whatever a receiver raises is its own bug
+                self._has_failed(key, error)
+
+        loop.call_soon(served)
         async with asyncio.timeout(timeout_s):
             return (await answer,)
 
     def close(self) -> None:
-        self._subscribers.clear()
+        self._routes.clear()
         self._served.clear()
+
+    def _deliver(self, receive: Receive, key: str, payload: bytes) -> None:
+        try:
+            receive(key, payload)
+        except Exception as error:  # noqa: BLE001 - whatever a receiver raises is its own bug
+            self._has_failed(key, error)
+
+    def _has_failed(self, key: str, error: Exception) -> None:
+        self.failed += 1
+        self._on_failure(key, error)

@@ -1,79 +1,215 @@
-"""Who hears whom: the communication range of the paper, above every transport."""
+"""The agents of this process on the swarm's network: nodes, the model of the radio, and a transport."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping
+import asyncio
+import traceback
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
 
 from swarmctl.bus import keys
 from swarmctl.bus.base import Transport
-from swarmctl.core.geo import distance_m
-from swarmctl.core.messages import BadMessage, Message, ObservationShared, StateShared, decode, encode
+from swarmctl.bus.node import Node, NodeOptions, Out, Took
+from swarmctl.bus.radio import Lost, Radio
+from swarmctl.bus.reading import reader
+from swarmctl.bus.tally import Tally
+from swarmctl.core.frames import Seal, Spoken, StateShared, Why
+from swarmctl.core.observation import Told
+
+OnTold = Callable[[tuple[Told, ...]], None]
+MAX_SAID = 20
+"""lines about what was refused, a UAV; all of it is counted"""
 
 
-def recipients(sender: int, states: Mapping[int, StateShared | None], k: int | None) -> tuple[int, ...]:
-    """The `k` nearest alive UAVs to `sender` by last known position, nearest first; None means everybody.
+@dataclass(frozen=True, slots=True)
+class RunClock:
+    """The times of a run, from the running loop's clock."""
 
-    A UAV whose position is unknown comes last; one that has failed hears nothing.
-    """
-    others = [u for u, s in states.items() if u != sender and (s is None or s.phase != "failed")]
-    if k is None or k >= len(others):
-        return tuple(sorted(others))
-    here = states.get(sender)
+    unix_s_at_zero: float
+    """the wall time at which the loop's clock showed 0"""
+    speedup: float = 1.0
+    """simulated seconds in one of the loop's"""
 
-    def far(uav: int) -> tuple[float, int]:
-        there = states[uav]
-        if here is None or there is None:
-            return (math.inf, uav)
-        return (distance_m((here.lat_deg, here.lon_deg), (there.lat_deg, there.lon_deg)), uav)
+    def now_s(self) -> float:
+        """simulated seconds of the loop's clock"""
+        return asyncio.get_running_loop().time() * self.speedup
 
-    return tuple(sorted(others, key=far)[:k])
+    def unix_s(self) -> float:
+        return self.unix_s_at_zero + asyncio.get_running_loop().time()
+
+    def call_at(self, now_s: float, call: Callable[[], None]) -> asyncio.TimerHandle:
+        """Call at a simulated time."""
+        return asyncio.get_running_loop().call_at(now_s / self.speedup, call)
 
 
-def _own(message: Message) -> bool:
-    """Nobody speaks for another: what it tells it has seen itself."""
-    return not isinstance(message, ObservationShared) or message.observation.observer == message.sender
+@dataclass(slots=True)
+class _Member:
+    node: Node
+    on_told: OnTold
+    timer: asyncio.TimerHandle | None = None
+    timer_s: float = float("inf")
+    said: int = 0
 
 
 class Network:
-    """The swarm's agents on one transport."""
+    """The swarm as far as it is in this process, on one transport; `close` ends its timers.
 
-    def __init__(self, transport: Transport, swarm: str, k: int | None) -> None:
+    `uavs` are the system ids of the whole swarm. What the radio model does to a message it does where the
+    message is sent, but for distance, which is judged where it is heard.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        swarm: str,
+        uavs: Collection[int],
+        options: NodeOptions,
+        *,
+        clock: RunClock,
+        radio: Radio | None = None,
+        seal: Seal | None = None,
+        seed: int = 0,
+        say: Callable[[int, str], None] = lambda _uav, _text: None,
+    ) -> None:
         self._transport = transport
         self._swarm = swarm
-        self._k = k
-        self._states: dict[int, StateShared | None] = {}
-        self.refused = 0
+        self._uavs = frozenset(uavs)
+        self._options = options
+        self._clock = clock
+        self._radio = None if radio is None or radio.is_transparent else radio
+        self._seal = seal or Seal(swarm)
+        self._read = reader(self._seal, options.rows, options.cols)
+        self._seed = seed
+        self._say = say
+        self._start_s = clock.now_s()
+        self._members: dict[int, _Member] = {}
+        self._closed = False
 
-    def join(self, uav: int, on_message: Callable[[ObservationShared], None]) -> None:
-        """Deliver to `on_message` what others observe and send to `uav`; what is no message is refused.
+    def join(self, uav: int, on_told: OnTold) -> int:
+        """Deliver to `on_told` what others saw and was not known to `uav`; returns its incarnation."""
+        # Milliseconds of the wall clock: greater each time the program is started.
+        incarnation = round(self._clock.unix_s() * 1000.0)
+        rng = np.random.default_rng(np.random.SeedSequence(self._seed, spawn_key=(4, uav)))
+        hears = None if self._radio is None else self._radio.hears
+        node = Node(uav, self._uavs, self._options, self._seal, incarnation, rng, hears, self._read)
+        self._members[uav] = _Member(node, on_told)
+        self._transport.subscribe(keys.inbox(self._swarm, uav), partial(self._received, uav))
+        self._arm(self._members[uav])
+        return incarnation
 
-        Where others are is for the reach model alone.
-        """
-
-        def receive(key: str, payload: bytes) -> None:
-            try:
-                message = decode(payload)
-            except BadMessage:
-                self.refused += 1
-                return
-            if message.sender != keys.sender_of(key) or message.sender == uav or not _own(message):
-                self.refused += 1
-                return
-            if isinstance(message, StateShared):
-                self._states[message.sender] = message
-            else:
-                on_message(message)
-
-        self._states[uav] = None
-        self._transport.subscribe(keys.inbox(self._swarm, uav), receive)
-
-    def publish(self, message: Message) -> int:
-        """Send to everyone in the sender's reach; returns how many that were."""
+    def publish(self, uav: int, message: Spoken) -> int:
+        """Send to everyone in the UAV's range; returns how many that were."""
+        took = self._members[uav].node.say(message, self._now_s(), self._clock.unix_s())
         if isinstance(message, StateShared):
-            self._states[message.sender] = message
-        to = recipients(message.sender, self._states, self._k)
-        payload = encode(message)
-        for uav in to:
-            self._transport.put(keys.inform(self._swarm, uav, message), payload)
-        return len(to)
+            self._transport.put(keys.to_station(self._swarm, uav), took.out[0].data)
+        self._perform(self._members[uav], took)
+        return len(took.out[0].to)
+
+    def moved(self, uav: int, lat_deg: float, lon_deg: float) -> None:
+        """Where a UAV is, oftener than it tells others."""
+        self._members[uav].node.at = lat_deg, lon_deg
+
+    def tally(self, uav: int) -> Tally:
+        return self._members[uav].node.tally
+
+    def tallies(self) -> dict[int, Tally]:
+        """Of the UAVs of this process, by system id."""
+        return {uav: member.node.tally for uav, member in self._members.items()}
+
+    def close(self) -> None:
+        self._closed = True
+        for member in self._members.values():
+            if member.timer is not None:
+                member.timer.cancel()
+
+    def _now_s(self) -> float:
+        """simulated, since the network was opened [s]"""
+        return self._clock.now_s() - self._start_s
+
+    def _received(self, uav: int, key: str, payload: bytes) -> None:
+        if self._closed:
+            return
+        member = self._members[uav]
+        if key == keys.looks(self._swarm, uav):
+            return  # its own sensor's, who has an inlet of its own
+        origin = keys.origin_of(key)
+        if origin is None:
+            member.node.refuse(Why.WILDCARD if keys.is_wild(key) else Why.SOURCE, None)
+            return
+        self._hear(member, *origin, payload, self._now_s(), self._clock.unix_s())
+
+    def _hear(self, member: _Member, sender: int, act: str, data: bytes, now_s: float, unix_s: float) -> None:
+        try:
+            self._perform(member, member.node.receive(sender, act, data, now_s, unix_s))
+        except Exception:  # noqa: BLE001 - nothing that comes from outside may end a flight
+            member.node.refuse(Why.MALFORMED, sender)
+            said = f"a bug in handling a message: {traceback.format_exc(limit=-2)}"
+            self._tell(member, [said])
+
+    def _perform(self, member: _Member, took: Took) -> None:
+        for out in took.out:
+            self._send(member.node, out)
+        if took.said:
+            self._tell(member, took.said)
+        if took.news:
+            member.on_told(tuple(took.news))
+        if member.node.next_deadline_s != member.timer_s:
+            self._arm(member)
+
+    def _send(self, node: Node, out: Out) -> None:
+        if self._radio is None:
+            self._carry(node.uav, out.act, out.data, out.to)
+            return
+        for to in out.to:
+            now_s = self._now_s()
+            arrives_s = self._radio.send(node.uav, to, len(out.data), now_s)
+            if isinstance(arrives_s, Lost):
+                node.tally.lost[arrives_s] += 1
+            elif arrives_s <= now_s:
+                self._carry(node.uav, out.act, out.data, (to,))
+            else:
+                carry = partial(self._carry, node.uav, out.act, out.data, (to,))
+                self._clock.call_at(self._start_s + arrives_s, carry)
+
+    def _carry(self, sender: int, act: str, data: bytes, to: tuple[int, ...]) -> None:
+        """UAVs of this process are handed it in one go; for the others it goes over the transport."""
+        here = [self._members[uav] for uav in to if uav in self._members]
+        if here and not self._closed:
+            asyncio.get_running_loop().call_soon(self._hand_over, sender, act, data, here)
+        if len(here) < len(to) and not self._closed:
+            for uav in to:
+                if uav not in self._members:
+                    self._transport.put(keys.told(self._swarm, uav, act, sender), data)
+
+    def _hand_over(self, sender: int, act: str, data: bytes, to: list[_Member]) -> None:
+        if self._closed:
+            return
+        now_s, unix_s = self._now_s(), self._clock.unix_s()
+        for member in to:
+            self._hear(member, sender, act, data, now_s, unix_s)
+
+    def _tell(self, member: _Member, said: list[str]) -> None:
+        for text in said:
+            member.said += 1
+            if member.said <= MAX_SAID:
+                # It may quote the sender, and is shown on a terminal.
+                self._say(member.node.uav, "".join(c if c.isprintable() else "?" for c in text[:400]))
+
+    def _arm(self, member: _Member) -> None:
+        deadline_s = member.node.next_deadline_s
+        if deadline_s == member.timer_s or self._closed:
+            return
+        if member.timer is not None:
+            member.timer.cancel()
+        member.timer, member.timer_s = None, deadline_s
+        if deadline_s < float("inf"):
+            member.timer = self._clock.call_at(self._start_s + deadline_s, partial(self._tick, member))
+
+    def _tick(self, member: _Member) -> None:
+        member.timer, member.timer_s = None, float("inf")
+        # A loop may call a little early: by then it is that late.
+        now_s = max(self._now_s(), member.node.next_deadline_s)
+        self._perform(member, member.node.tick(now_s, self._clock.unix_s()))

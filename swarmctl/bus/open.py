@@ -1,4 +1,4 @@
-"""The bus of a flight, open to its operator."""
+"""The bus of a flight, open to its operator and to its vehicles' payloads."""
 
 from __future__ import annotations
 
@@ -6,24 +6,35 @@ import contextlib
 from collections.abc import Callable, Iterator
 
 from swarmctl.bus import directory, keys
-from swarmctl.bus.base import BusError
+from swarmctl.bus.base import BusError, Failure
 from swarmctl.bus.endpoint import parse_endpoint
+from swarmctl.bus.routes import report_to_loop
 from swarmctl.bus.zenoh_bus import ZenohBus
+from swarmctl.bus.zenoh_config import alone
 
 NOBODY = "none"
 """instead of an endpoint: nobody outside this process reaches the bus"""
 
 
 @contextlib.contextmanager
-def opened(swarm: str, listen: str, say: Callable[[str], None]) -> Iterator[ZenohBus]:
-    """A session that an operator reaches at `listen`, if only with commands for `swarm`. Raises BusError."""
+def opened(
+    swarm: str, listen: str, say: Callable[[str], None], on_failure: Failure = report_to_loop
+) -> Iterator[ZenohBus]:
+    """A session that operators reach at `listen`, if only with commands for `swarm`, and payloads with looks.
+
+    Raises BusError.
+    """
     if listen == NOBODY:
-        with ZenohBus() as bus:
+        with ZenohBus(on_failure=on_failure) as bus:
             yield bus
         return
     with contextlib.ExitStack() as stack:
         door = parse_endpoint(listen)
-        bus = stack.enter_context(ZenohBus(listen=door, open_keys=(keys.weights(swarm),)))
+        if door.is_certified:
+            raise BusError(f"communication.listen: {door}: a flight in one process listens at tcp/HOST:PORT")
+        asked = tuple(keys.request(swarm, kind) for kind in keys.KINDS)
+        looks = keys.looks(swarm, "*")
+        bus = stack.enter_context(ZenohBus(alone(door, (*asked, looks), (looks,)), on_failure=on_failure))
         assert bus.endpoint is not None
         here = bus.endpoint.reachable
         try:
@@ -31,5 +42,8 @@ def opened(swarm: str, listen: str, say: Callable[[str], None]) -> Iterator[Zeno
         except BusError as error:
             say(f"`swarmctl set` finds this swarm with --connect {here} only: {error}")
         if not door.is_loopback:
-            say(f"whoever reaches {bus.endpoint} can change this swarm's weights: nobody asks who it is")
+            say(
+                f"whoever reaches {bus.endpoint} can change this swarm's weights and report for its sensors: "
+                "nobody asks who it is"
+            )
         yield bus

@@ -8,24 +8,22 @@ class Pace:
 
     def __init__(self, per_s: float, burst: int) -> None:
         self._per_s = per_s
-        self._burst = burst
+        self._burst = float(burst)
         self._left = float(burst)
-        self._at_s: float | None = None
-
-    def rested(self, now_s: float) -> bool:
-        """Whether nothing has come for so long that a whole burst may."""
-        self._fill(now_s)
-        return self._left >= self._burst
+        self._at_s = 0.0
 
     def takes(self, now_s: float) -> bool:
         """Whether one more may come now; what may not costs nothing."""
-        self._fill(now_s)
-        if self._left < 1.0:
+        left = self._left
+        if left < self._burst:
+            left = min(left + (now_s - self._at_s) * self._per_s, self._burst)
+        self._at_s = now_s
+        if left < 1.0:
+            self._left = left
             return False
-        self._left -= 1.0
+        self._left = left - 1.0
         return True
 
-    def _fill(self, now_s: float) -> None:
-        elapsed_s = 0.0 if self._at_s is None else now_s - self._at_s
-        self._left = min(self._left + elapsed_s * self._per_s, float(self._burst))
-        self._at_s = now_s
+    def rested(self, now_s: float) -> bool:
+        """Whether nothing has come for so long that a whole burst may."""
+        return self._left + (now_s - self._at_s) * self._per_s >= self._burst

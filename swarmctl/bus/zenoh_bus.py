@@ -3,57 +3,106 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
-from collections import deque
+import threading
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from queue import SimpleQueue
 from types import TracebackType
 from typing import Any
 
 import zenoh
 from zenoh.handlers import Callback
 
-from swarmctl.bus.base import MAX_QUESTION_BYTES, BusError, Receive, Serve
+from swarmctl.bus import leaving, zenoh_config
+from swarmctl.bus.base import (
+    MAX_MESSAGE_BYTES,
+    MAX_QUESTION_BYTES,
+    BusError,
+    Failure,
+    Receive,
+    Serve,
+)
 from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
+from swarmctl.bus.inlet import Delivery, Inlet
+from swarmctl.bus.routes import Routes, report_to_loop
+from swarmctl.bus.zenoh_config import Configuration
 
-QUEUE = 4096
 QUESTIONS = 32
 """that wait for an answer: whoever asks too much displaces nothing that the UAVs tell each other"""
-MAX_FROM_OUTSIDE_BYTES = 65_536
-"""a message from another process; Zenoh's own limit is 1 GiB"""
-JOIN_TIMEOUT_S = 3.0
+ASKED, HEARD, OWN = range(3)
+"""queues: questions, what others put, what this process puts for itself"""
+ROOMS = (QUESTIONS, 4096, 65_536)
+MAX_FROM_OUTSIDE_BYTES = MAX_MESSAGE_BYTES
+AGAIN_AFTER_S = 0.5
+"""between attempts to open a session that fail at once"""
+LOST_AFTER_S = 3.0
+"""without any link a patient session is given up for a new one: after a cut Zenoh may be stuck for ten
+seconds in closing a TLS link whose send buffer is full, and connects no more until then"""
+LOOK_EVERY_S = 0.2
+CLOSE_S = 2.0
+"""a link to a frozen process with a full queue can keep Zenoh from closing for ever"""
+MARGIN_S = 3.0
+"""by which Zenoh's time-out of a question is later than ours: it does not tell its own from an answer"""
 ADMIN_TIMEOUT_S = 2.0
+
+OnLink = Callable[[str, str | None, bool], None]
+"""(address, the certificate's common name if it has one, whether it came or went), on the loop's thread"""
 
 
 class ZenohBus:
-    """A context manager: a session that is not closed keeps the process alive for ever.
+    """A context manager: a session that is not closed keeps others waiting until its lease is over.
 
-    By itself it neither listens nor connects. With `listen` others may come in there and ask under the keys
-    `open_keys`; nothing else of theirs is let in, and nothing but the answers let out. With `connect` it
-    joins who listens there. Raises BusError.
+    Opens what a `Configuration` says. `listen`, `open_keys` and `put_keys` are short for `alone`, `connect`
+    for `visitor`. A session that may open later (`is_patient`) does so in the background; until then nothing
+    of others is heard, and what is put for them is dropped and counted. Raises BusError.
     """
 
     def __init__(
         self,
+        configuration: Configuration | None = None,
         *,
         listen: BusEndpoint | None = None,
         open_keys: tuple[str, ...] = (),
+        put_keys: tuple[str, ...] = (),
         connect: BusEndpoint | None = None,
+        on_failure: Failure = report_to_loop,
+        on_link: OnLink | None = None,
     ) -> None:
-        self.dropped = 0
+        if configuration is None:
+            configuration = (
+                zenoh_config.visitor(connect)
+                if connect is not None
+                else zenoh_config.alone(listen, open_keys, put_keys)
+            )
+        self.too_long = 0
+        self.trouble = ""
+        """why a patient session is not open yet"""
         self.endpoint: BusEndpoint | None = None
         """where it listens"""
-        self._queue: deque[Callable[[], None]] = deque()
-        self._questions: deque[Callable[[], None]] = deque()
+        self._configuration = configuration
+        self._on_link = on_link
         self._loop = asyncio.get_running_loop()
-        self._closed = False
-        try:
-            self._session = zenoh.open(_config(listen, open_keys, connect))
-        except zenoh.ZError as error:
-            raise BusError(_cure(listen, connect, error)) from error
-        if listen is not None:
-            self.endpoint = listen if listen.port else replace(listen, port=self._bound_port())
+        self._routes = Routes()
+        self._inlet = Inlet(self._loop, ROOMS, on_failure)
+        self._unsent = 0
+        self._links: set[tuple[str, str]] = set()
+        """both ends of each link of the present session"""
+        self._closed = threading.Event()
+        self._session: zenoh.Session | None = None
+        self._declaring = threading.Lock()
+        self._declarations: list[Callable[[zenoh.Session], object]] = []
+        self._replies: SimpleQueue[Delivery | None] = SimpleQueue()
+        self._replying: threading.Thread | None = None
+        self._keeper: threading.Thread | None = None
+        self._is_opening = False
+        if configuration.is_patient:
+            self._keeper = leaving.start("zenoh-open", self._keep_open)
+        else:
+            self._open_now()
 
     def __enter__(self) -> ZenohBus:
         return self
@@ -63,31 +112,82 @@ class ZenohBus:
     ) -> None:
         self.close()
 
+    @property
+    def dropped(self) -> int:
+        return self._inlet.dropped + self._unsent
+
+    @property
+    def failed(self) -> int:
+        return self._inlet.failed
+
+    @property
+    def links(self) -> int:
+        """How many others this process has a link to."""
+        return len(self._links)
+
+    @property
+    def connected(self) -> bool:
+        """Whether what is put reaches anybody: there is a link, or nobody else is meant to hear."""
+        return bool(self._links) or not self._configuration.has_others
+
     def put(self, key: str, payload: bytes) -> None:
-        self._session.put(key, payload, congestion_control=zenoh.CongestionControl.DROP)
+        """Hand over to subscriptions of this process, past Zenoh, and send to the others if there are any.
+
+        Takes a millisecond at most; what Zenoh drops where a link is slower than that it does not tell.
+        """
+        if len(payload) > MAX_MESSAGE_BYTES:
+            self.too_long += 1
+            return
+        for receive in self._routes.reached_by(key):
+            self._inlet.take(OWN, key, partial(receive, key, payload))
+        if not self._configuration.has_others or self._closed.is_set():
+            return
+        session = self._session
+        if session is None or not self._links:
+            self._unsent += 1
+            return
+        session.put(
+            key,
+            payload,
+            congestion_control=zenoh.CongestionControl.DROP,
+            allowed_destination=zenoh.Locality.REMOTE,
+        )
 
     def subscribe(self, key_expression: str, receive: Receive) -> None:
         def arrived(sample: zenoh.Sample) -> None:
-            delivery = partial(receive, str(sample.key_expr), bytes(sample.payload))
-            self._hand_over(self._queue, QUEUE, delivery)
+            if sample.kind != zenoh.SampleKind.PUT:
+                return
+            if len(sample.payload) > MAX_MESSAGE_BYTES:
+                self.too_long += 1
+                return
+            key = str(sample.key_expr)
+            self._inlet.take(HEARD, key, partial(receive, key, bytes(sample.payload)))
 
-        self._session.declare_subscriber(key_expression, Callback(arrived, indirect=False))
+        self._routes.add(key_expression, receive)
+        self._declare(
+            lambda session: session.declare_subscriber(
+                key_expression, Callback(arrived, indirect=False), allowed_origin=zenoh.Locality.REMOTE
+            )
+        )
 
     def serve(self, key: str, serve: Serve) -> None:
         def asked(query: zenoh.Query) -> None:
             def reply(payload: bytes) -> None:
-                if not self._closed:
-                    query.reply(key, payload)
-                    # zenoh-python types drop() and close() as untyped.
-                    query.drop()  # type: ignore[no-untyped-call]
+                # On a thread of its own: the asker decides whether an answer waits for room in a queue.
+                self._replies.put(partial(_reply, query, key, payload))
 
-            delivery = partial(serve, str(query.key_expr), _read(query.payload), reply)
-            if not self._hand_over(self._questions, QUESTIONS, delivery):
+            asked_key = str(query.key_expr)
+            delivery = partial(serve, asked_key, _read(query.payload), reply)
+            if not self._inlet.take(ASKED, asked_key, delivery):
+                # zenoh-python types drop() and close() as untyped.
                 query.drop()  # type: ignore[no-untyped-call]
 
-        self._session.declare_queryable(key, Callback(asked, indirect=False))
+        if self._replying is None:
+            self._replying = leaving.start("zenoh-reply", self._reply_all)
+        self._declare(lambda session: session.declare_queryable(key, Callback(asked, indirect=False)))
 
     async def ask(self, key: str, payload: bytes, timeout_s: float) -> tuple[bytes, ...]:
+        """As of every transport; none as well where a patient session is not open yet."""
         answers: list[bytes] = []
         ended = asyncio.Event()
 
@@ -96,44 +196,147 @@ class ZenohBus:
                 answers.append(bytes(reply.ok.payload))
 
         def over() -> None:
-            if not self._closed:
+            if not self._closed.is_set():
                 self._loop.call_soon_threadsafe(ended.set)
 
-        # Our own time-out comes first: Zenoh does not tell its own from an answer.
-        self._session.get(
-            key, Callback(arrived, over, indirect=False), payload=payload, timeout=timeout_s + JOIN_TIMEOUT_S
+        session = self._session
+        if session is None:
+            return ()
+        session.get(
+            key,
+            Callback(arrived, over, indirect=False),
+            payload=payload,
+            timeout=timeout_s + MARGIN_S,
+            congestion_control=zenoh.CongestionControl.DROP,
         )
         async with asyncio.timeout(timeout_s):
             await ended.wait()
         return tuple(answers)
 
     def close(self) -> None:
-        if not self._closed:
-            self._closed = True
-            self._session.close()  # type: ignore[no-untyped-call]
+        """Ends within `CLOSE_S`, also where a frozen peer keeps Zenoh from ending, or nobody could be joined.
 
-    def _hand_over(self, queue: deque[Callable[[], None]], room: int, delivery: Callable[[], None]) -> bool:
-        # Called on a thread of Zenoh's, or inside put: nothing here but append and wake.
-        if self._closed or len(queue) >= room:
-            self.dropped += 1
-            return False
-        queue.append(delivery)
-        self._loop.call_soon_threadsafe(self._deliver_one, queue)
-        return True
+        What Zenoh is at then goes on in a thread: end the process with `leaving.leave`.
+        """
+        if self._closed.is_set():
+            return
+        self._closed.set()
+        self._inlet.close()
+        self._replies.put(None)
+        threads = [self._replying, None if self._is_opening else self._keeper]
+        if self._session is not None:
+            threads.append(_closing(self._session))
+        until_s = time.monotonic() + CLOSE_S
+        for thread in threads:
+            if thread is not None:
+                thread.join(max(0.0, until_s - time.monotonic()))
 
-    def _deliver_one(self, queue: deque[Callable[[], None]]) -> None:
-        delivery = queue.popleft()
-        if not self._closed:
-            delivery()
+    # --- opening
 
-    def _bound_port(self) -> int:
+    def _open_now(self) -> None:
+        configuration = self._configuration
+        try:
+            session = zenoh.open(_zenoh(configuration))
+        except zenoh.ZError as error:
+            raise BusError(configuration.cure(str(error))) from error
+        self._opened(session)
+        if configuration.listen is not None:
+            self.endpoint = configuration.listen
+            if not configuration.listen.port:
+                self.endpoint = replace(configuration.listen, port=self._bound_port(session))
+
+    def _keep_open(self) -> None:
+        """The life of a patient bus, on a thread: one session after the other."""
+        while not self._closed.is_set():
+            self._is_opening = True
+            try:
+                session = zenoh.open(_zenoh(self._configuration))
+            except zenoh.ZError as error:
+                self.trouble = self._configuration.cure(str(error))
+                self._closed.wait(AGAIN_AFTER_S)
+                continue
+            finally:
+                self._is_opening = False
+            if self._closed.is_set():
+                _closing(session)
+                return
+            self.trouble = ""
+            self._opened(session)
+            self._wait_until_lost()
+            if self._closed.is_set():
+                return  # and who closes the bus closes its session
+            with self._declaring:
+                self._session, self._links = None, set()
+            _closing(session)
+
+    def _wait_until_lost(self) -> None:
+        """Until the bus is closed, or has had no link for `LOST_AFTER_S`."""
+        alone_since_s: float | None = None
+        while not self._closed.wait(LOOK_EVERY_S):
+            now_s = time.monotonic()
+            if self._links or alone_since_s is None:
+                alone_since_s = now_s
+            if now_s - alone_since_s >= LOST_AFTER_S:
+                return
+
+    def _opened(self, session: zenoh.Session) -> None:
+        links: set[tuple[str, str]] = set()
+        self._links = links
+        changed = partial(self._link_changed, links)
+        session.info.declare_link_events_listener(Callback(changed, indirect=False), history=True)
+        with self._declaring:
+            self._session = session
+            for declare in self._declarations:
+                declare(session)
+
+    def _declare(self, declare: Callable[[zenoh.Session], object]) -> None:
+        with self._declaring:
+            self._declarations.append(declare)
+            if self._session is not None:
+                declare(self._session)
+
+    def _link_changed(self, links: set[tuple[str, str]], event: zenoh.LinkEvent) -> None:
+        # Of several threads at once, and perhaps of a session that has been given up.
+        has_come = event.kind == zenoh.SampleKind.PUT
+        (links.add if has_come else links.discard)((event.link.src, event.link.dst))
+        if self._on_link is not None:
+            who = partial(self._on_link, event.link.dst, event.link.auth_identifier, has_come)
+            self._inlet.take(OWN, "", who)
+
+    def _bound_port(self, session: zenoh.Session) -> int:
         """The free port that was found; Zenoh tells it in its admin space alone."""
-        for reply in self._session.get(f"@/{self._session.zid()}/peer", timeout=ADMIN_TIMEOUT_S):
+        mode = self._configuration.values["mode"]
+        for reply in session.get(f"@/{session.zid()}/{mode}", timeout=ADMIN_TIMEOUT_S):
             if reply.ok is not None:
                 for locator in json.loads(bytes(reply.ok.payload)).get("locators", ()):
                     return parse_endpoint(locator).port
         self.close()
         raise BusError("Zenoh does not tell which port it listens at; give `communication.listen` one")
+
+    def _reply_all(self) -> None:
+        while (reply := self._replies.get()) is not None:
+            if not self._closed.is_set():
+                reply()
+
+
+def _closing(session: zenoh.Session) -> threading.Thread:
+    """Close it on a thread of its own, however long that takes."""
+
+    def close() -> None:
+        # Raised where it gives up after ten seconds: there is nobody left who could do more.
+        with contextlib.suppress(zenoh.ZError):
+            session.close()  # type: ignore[no-untyped-call]
+
+    return leaving.start("zenoh-close", close)
+
+
+def _reply(query: zenoh.Query, key: str, payload: bytes) -> None:
+    try:
+        query.reply(key, payload)
+    except zenoh.ZError:
+        pass  # the session has been closed meanwhile
+    finally:
+        query.drop()  # type: ignore[no-untyped-call]
 
 
 def _read(payload: zenoh.ZBytes | None) -> bytes | None:
@@ -143,58 +346,9 @@ def _read(payload: zenoh.ZBytes | None) -> bytes | None:
     return bytes(payload) if len(payload) <= MAX_QUESTION_BYTES else None
 
 
-def _config(
-    listen: BusEndpoint | None, open_keys: tuple[str, ...], connect: BusEndpoint | None
-) -> zenoh.Config:
-    """Nobody is looked for: no multicast scouting, no gossip, no shared memory."""
-    values: dict[str, Any] = {
-        "mode": "peer" if connect is None else "client",
-        "connect/endpoints": [] if connect is None else [str(connect)],
-        "connect/timeout_ms": round(JOIN_TIMEOUT_S * 1000.0),
-        "connect/exit_on_failure": True,
-        "listen/endpoints": [] if listen is None else [str(listen)],
-        "listen/exit_on_failure": True,
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
-        "transport/shared_memory/enabled": False,
-    }
-    if listen is not None:
-        values |= {
-            "adminspace/enabled": True,
-            "access_control": _access(open_keys),
-            "transport/link/rx/max_message_size": MAX_FROM_OUTSIDE_BYTES,
-        }
+def _zenoh(configuration: Configuration) -> zenoh.Config:
     config = zenoh.Config()
-    for key, value in values.items():
-        config.insert_json5(key, json.dumps(value))
+    values: dict[str, Any] = dict(configuration.values)
+    for path, value in values.items():
+        config.insert_json5(path, json.dumps(value))
     return config
-
-
-def _access(open_keys: tuple[str, ...]) -> dict[str, Any]:
-    """Who comes in from outside may ask under exactly these keys, and hear the answers.
-
-    All else is denied by default, because a rule that denies is passed by a put on a wildcard key.
-    """
-    allowed = [
-        {"id": "ask", "flows": ["ingress"], "messages": ["query"]},
-        {"id": "answer", "flows": ["egress"], "messages": ["reply", "declare_queryable"]},
-    ]
-    return {
-        "enabled": True,
-        "default_permission": "deny",
-        "rules": [{**rule, "permission": "allow", "key_exprs": list(open_keys)} for rule in allowed],
-        "subjects": [{"id": "anybody"}],
-        "policies": [{"rules": [rule["id"] for rule in allowed], "subjects": ["anybody"]}],
-    }
-
-
-def _cure(listen: BusEndpoint | None, connect: BusEndpoint | None, error: zenoh.ZError) -> str:
-    if connect is not None:
-        return f"no swarm listens at {connect}: tried for {JOIN_TIMEOUT_S:g} s; has its flight ended?"
-    if listen is None:
-        return f"Zenoh cannot open a session: {error}; `communication: {{bus: memory}}` needs none"
-    why = "the port is taken" if "in use" in str(error) else str(error)
-    return (
-        f"communication.listen: cannot listen at {listen}: {why}; end who has it, give another port "
-        "(0 is any free one), or `none`"
-    )

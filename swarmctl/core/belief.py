@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl.core import occupancy
 from swarmctl.core.hostiles import HostileCount
+from swarmctl.core.observation import Cells, Checkpoint, Counts, Observation, Source, Told, cells_of
 from swarmctl.core.occupancy import Classes
 from swarmctl.core.sensor import PERFECT, SensorModel
 
@@ -19,38 +21,77 @@ CLEAR = 0
 OCCUPIED = 1
 
 
-@dataclass(frozen=True, slots=True)
-class Observation:
-    """Cells that one vehicle saw at one moment. (observer, seq) names it for ever."""
+class Log:
+    """Observations in the order in which they were merged, each name once; it only grows.
 
-    observer: int
-    """system id of the vehicle that saw it"""
-    seq: int
-    """counts this observer's observations"""
-    time_s: float
-    cells: tuple[tuple[int, int, bool], ...]
-    """(row, col, occupied)"""
+    Beliefs that grew from one another share one, and each knows how much of it is its own: a merge copies
+    nothing. Who merges into a belief whose log has grown beyond it begins a log of its own.
+    """
+
+    __slots__ = ("at", "cells", "items", "n_covered")
+
+    def __init__(self, items: Iterable[Observation] = (), cells: Iterable[Cells] = ()) -> None:
+        self.items = list(items)
+        self.cells = list(cells)
+        """of each item"""
+        self.at: dict[Source, dict[int, int]] = {}
+        """source -> sequence number -> where in the log"""
+        self.n_covered = 0
+        """about how many a checkpoint stands for by now; they go when they are the greater part"""
+        for where, seen in enumerate(self.items):
+            self.at.setdefault(seen.source, {})[seen.seq] = where
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
+class Looked:
+    """How often each cell was looked at, and how often a hostile was seen there; (rows, cols) each."""
+
+    looks: NDArray[np.int32]
+    hits: NDArray[np.int32]
+
+    def copy(self) -> Looked:
+        """One that can be written to."""
+        return Looked(self.looks.copy(), self.hits.copy())
+
+    def count(self, seen: Sequence[Cells], sign: int = 1) -> None:
+        """Cells may be named several times."""
+        if seen:
+            np.add.at(self.looks.ravel(), np.concatenate([cells for cells, _ in seen]), sign)
+            np.add.at(self.hits.ravel(), np.concatenate([occupied for _, occupied in seen]), sign)
+
+    def change(self, counts: Counts, sign: int) -> None:
+        self.looks.ravel()[counts.cells] += sign * counts.looks
+        self.hits.ravel()[counts.cells] += sign * counts.hits
+
+    def equals(self, other: Looked) -> bool:
+        return np.array_equal(self.looks, other.looks) and np.array_equal(self.hits, other.hits)
+
+    def sealed(self) -> Looked:
+        self.looks.flags.writeable = self.hits.flags.writeable = False
+        return self
+
+
+@dataclass(eq=False)  # not frozen, which would make a merge half as dear again
 class Belief:
     """An immutable set of observations of an area of (rows, cols) cells in which hostiles hide.
 
-    Merging is set union, so it does not matter in which order observations come, or how often: all that is
-    believed follows from how often each cell was looked at and how often a hostile was seen there.
+    Merging is set union, so it does not matter in which order observations come, how often, or whether a
+    checkpoint stands for many of them: all that is believed follows from how often each cell was looked at
+    and how often a hostile was seen there.
     """
 
     count: HostileCount
     """n_HA, as announced beforehand"""
     sensor: SensorModel
     """how reliable looks are taken to be"""
-    looks: NDArray[np.int32]
-    """(rows, cols) how often each cell was looked at; read-only"""
-    hits: NDArray[np.int32]
-    """(rows, cols) how many of these looks showed a hostile; read-only"""
-    _seen: Mapping[int, Mapping[int, Observation]]
-    """observer -> seq -> observation. Never changed in place: a merge copies the outer dictionary and the
-    inner ones that grow, all others are shared with the belief it came from."""
+    _base: Looked
+    """what the first `_counted` of the log and the checkpoints come to"""
+    _counted: int
+    _log: Log
+    _n: int
+    """how much of the log is this belief's"""
+    _checkpoints: Mapping[Source, Checkpoint]
+    """what they stand for of each source counts by them, whether the log has it or not"""
 
     @classmethod
     def prior(
@@ -68,43 +109,112 @@ class Belief:
                 f"{count.greatest} hostiles in {rows} × {cols} cells: expected 0 to {rows * cols}, "
                 "at most one a cell"
             )
-        return cls(count, sensor, _read_only(rows, cols), _read_only(rows, cols), {})
+        return cls(count, sensor, Looked(_read_only(rows, cols), _read_only(rows, cols)), 0, Log(), 0, {})
 
-    def merge(self, observations: Iterable[Observation]) -> Belief:
-        """The union with `observations`; `self` where they bring nothing new.
+    def merge(self, told: Iterable[Told]) -> Belief:
+        """The union with `told`; `self` where it brings nothing new.
 
-        Raises ValueError, and takes none of them, where a cell lies outside the area or where one name
-        (observer, seq) comes with two contents.
+        Raises ValueError, and takes none of it, where a cell lies outside the area or where one name
+        (observer, incarnation, seq) comes with two contents.
         """
-        seen = dict(self._seen)
-        grown: dict[int, dict[int, Observation]] = {}
-        news: list[Observation] = []
-        for observation in observations:
-            held = seen.get(observation.observer, {}).get(observation.seq)
-            if held is not None:
-                if held != observation:
-                    raise ValueError(_two_contents(observation))
+        told = tuple(told)
+        for item in told:
+            if isinstance(item, Checkpoint):
+                belief = self._advance([item for item in told if isinstance(item, Checkpoint)])
+                return belief._append([item for item in told if isinstance(item, Observation)])
+        return self._append(cast("tuple[Observation, ...]", told))
+
+    def _append(self, told: Iterable[Observation]) -> Belief:
+        log, checkpoints = self._log, self._checkpoints
+        base, counted, n = self._base, self._counted, self._n
+        if n == 0 or n < len(log.items):
+            log = self._held()
+            base, counted, n = self._looked, len(log.items), len(log.items)
+        elif "_looked" in self.__dict__:
+            base, counted = self._looked, n
+        items, cells = log.items, log.cells
+        rows, cols = base.looks.shape
+        for seen in told:
+            source, seq = (seen.observer, seen.incarnation), seen.seq
+            at = log.at.get(source)
+            if at is None:
+                at = log.at[source] = {}
+            elif seq in at:
+                known = items[at[seq]]
+                if known is not seen and known != seen:
+                    raise ValueError(seen.two_contents)
                 continue
-            self._check_cells(observation)
-            if observation.observer not in grown:
-                grown[observation.observer] = dict(seen.get(observation.observer, {}))
-                seen[observation.observer] = grown[observation.observer]
-            grown[observation.observer][observation.seq] = observation
-            news.append(observation)
-        if not news:
+            if checkpoints and (before := checkpoints.get(source)) is not None and seq <= before.upto:
+                continue
+            cells.append(cells_of(seen, rows, cols))
+            at[seq] = len(items)
+            items.append(seen)
+        if len(items) == n:
             return self
-        looks, hits = self.looks.copy(), self.hits.copy()
-        for observation in news:
-            for row, col, occupied in observation.cells:
-                looks[row, col] += 1
-                hits[row, col] += occupied
-        looks.flags.writeable = hits.flags.writeable = False
-        return Belief(self.count, self.sensor, looks, hits, seen)
+        return Belief(self.count, self.sensor, base, counted, log, len(items), checkpoints)
+
+    def _held(self) -> Log:
+        """A log of its own, without what checkpoints stand for."""
+        upto = {source: checkpoint.upto for source, checkpoint in self._checkpoints.items()}
+        items = self._log.items[: self._n]
+        held = [where for where, seen in enumerate(items) if seen.seq > upto.get(seen.source, 0)]
+        return Log((items[where] for where in held), (self._log.cells[where] for where in held))
+
+    def _advance(self, told: list[Checkpoint]) -> Belief:
+        """What was counted one by one, or by an earlier checkpoint, is counted by a later one instead.
+
+        Where that makes no difference to what is believed, it is this belief that takes less room from then
+        on: nobody has anything to decide anew.
+        """
+        checkpoints = dict(self._checkpoints)
+        looked, size, n_covered = self._looked.copy(), self._base.looks.size, 0
+        for to in told:
+            before = checkpoints.get(to.source)
+            if before is not None and to.upto <= before.upto:
+                continue
+            at, after = self._log.at.get(to.source, {}), 0 if before is None else before.upto
+            covered = [where for seq, where in at.items() if after < seq <= to.upto and where < self._n]
+            n_covered += len(covered)
+            looked.change(to.counts(size), 1)
+            looked.count([self._log.cells[where] for where in covered], -1)
+            if before is not None:
+                looked.change(before.counts(size), -1)
+            checkpoints[to.source] = to
+        if checkpoints == self._checkpoints:
+            return self
+        looked = looked.sealed()
+        belief = self
+        if not n_covered or not looked.equals(self._looked):
+            belief = Belief(self.count, self.sensor, looked, self._n, self._log, self._n, checkpoints)
+        belief._base, belief._counted, belief._checkpoints = looked, self._n, checkpoints
+        belief._log.n_covered += n_covered
+        if 2 * belief._log.n_covered > belief._n:
+            belief._log = belief._held()
+            belief._counted = belief._n = len(belief._log.items)
+        return belief
 
     @property
+    def looks(self) -> NDArray[np.int32]:
+        """(rows, cols) how often each cell was looked at; read-only"""
+        return self._looked.looks
+
+    @property
+    def hits(self) -> NDArray[np.int32]:
+        """(rows, cols) how many of these looks showed a hostile; read-only"""
+        return self._looked.hits
+
+    @cached_property
+    def _looked(self) -> Looked:
+        if self._counted == self._n:
+            return self._base
+        looked = self._base.copy()
+        looked.count(self._log.cells[self._counted : self._n])
+        return looked.sealed()
+
+    @cached_property
     def n_observed(self) -> int:
         """v, cells observed so far"""
-        return int(self._seen_cells.size)
+        return int(np.count_nonzero(self.looks))
 
     @cached_property
     def n_found(self) -> int:
@@ -159,17 +269,26 @@ class Belief:
         """The cells of the area, by what was seen of them."""
         return self._classes[0]
 
-    def observations(self) -> Iterator[Observation]:
-        """Everything held, for a peer that joins late; in order of observer and seq."""
-        for observer in sorted(self._seen):
-            by_seq = self._seen[observer]
-            for seq in sorted(by_seq):
-                yield by_seq[seq]
+    def told(self) -> Iterator[Told]:
+        """Everything held, in order of observer, incarnation and sequence."""
+        items: list[Told] = [*self._checkpoints.values(), *self._held().items]
+
+        def place(item: Told) -> tuple[Source, int]:
+            return item.source, 0 if isinstance(item, Checkpoint) else item.seq
+
+        return iter(sorted(items, key=place))
 
     def n_cells_from(self, observer: int) -> int:
         """How many different cells this observer has told of."""
-        by_seq = self._seen.get(observer, {})
-        return len({(row, col) for seen in by_seq.values() for row, col, _ in seen.cells})
+        cells: set[int] = set()
+        log = self._held()
+        for seen, (looked, _) in zip(log.items, log.cells, strict=True):
+            if seen.observer == observer:
+                cells.update(looked.tolist())
+        for (whose, _), checkpoint in self._checkpoints.items():
+            if whose == observer:
+                cells.update(checkpoint.counts(self.looks.size).cells.tolist())
+        return len(cells)
 
     @cached_property
     def _seen_cells(self) -> NDArray[np.int64]:
@@ -194,25 +313,8 @@ class Belief:
             return occupancy.eq4(self.count.greatest, classes)
         return occupancy.bayes(self.count, self.sensor, classes)
 
-    def _check_cells(self, observation: Observation) -> None:
-        rows, cols = self.looks.shape
-        for row, col, _ in observation.cells:
-            if not (0 <= row < rows and 0 <= col < cols):
-                raise ValueError(
-                    f"observation {observation.seq} of vehicle {observation.observer}: cell ({row}, {col}) "
-                    f"is outside the area of {rows} × {cols} cells; do both fly the same configuration?"
-                )
-
 
 def _read_only(rows: int, cols: int) -> NDArray[np.int32]:
     zeros = np.zeros((rows, cols), dtype=np.int32)
     zeros.flags.writeable = False
     return zeros
-
-
-def _two_contents(observation: Observation) -> str:
-    return (
-        f"observation {observation.seq} of vehicle {observation.observer} came with two different contents; "
-        "expected one observer a system id, and a sequence that does not start again: look for a second "
-        "process that flies this vehicle, or one that was restarted"
-    )

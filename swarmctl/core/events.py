@@ -11,14 +11,16 @@ from typing import Literal
 import msgspec
 
 from swarmctl.core.any_angle import Track
+from swarmctl.core.frames import Spoken
 from swarmctl.core.grid import Cell
-from swarmctl.core.messages import Message, ObservationShared, VehicleAnswer
+from swarmctl.core.messages import VehicleAnswer
 from swarmctl.core.mission import FlightPlan
+from swarmctl.core.observation import Told
 from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import VehicleState
 
-ObservationId = tuple[int, int]
-"""(observer, seq)"""
+ObservationId = tuple[int, int, int]
+"""(observer, incarnation, seq); a checkpoint goes by the last observation it stands for"""
 
 
 class Order(StrEnum):
@@ -41,6 +43,13 @@ class _Fact(msgspec.Struct, frozen=True, tag=True):
 # --- events
 
 
+class Joined(_Fact, frozen=True):
+    """It is on the swarm's network."""
+
+    incarnation: int
+    """greater each time its program is started; names its observations"""
+
+
 class Ready(_Fact, frozen=True):
     """The vehicle answers, is the one it should be, and would arm now."""
 
@@ -56,7 +65,9 @@ class Observed(_Fact, frozen=True):
 
 
 class Heard(_Fact, frozen=True):
-    message: ObservationShared
+    """What others saw and was not known here."""
+
+    told: tuple[Told, ...]
 
 
 class MissionAccepted(_Fact, frozen=True):
@@ -90,6 +101,8 @@ class LinkRestored(_Fact, frozen=True):
 
 class OperatorCommand(_Fact, frozen=True):
     order: Order
+    command: int | None = None
+    """the operator desk's running number, which the `Answer` repeats; None: its own process orders this"""
 
 
 class WeightsChanged(_Fact, frozen=True):
@@ -110,7 +123,8 @@ class Tick(_Fact, frozen=True):
 
 
 Event = (
-    Ready
+    Joined
+    | Ready
     | TelemetryReceived
     | Observed
     | Heard
@@ -130,7 +144,7 @@ Event = (
 
 
 class Publish(_Fact, frozen=True):
-    message: Message
+    message: Spoken
 
 
 class SwapMission(_Fact, frozen=True):

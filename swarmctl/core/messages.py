@@ -1,4 +1,4 @@
-"""What agents tell each other, what an operator tells them, and its bytes on the bus.
+"""What an operator tells agents, what they answer, and its bytes on the bus.
 
 A message is one version byte and a MessagePack map (msgspec); another version, a missing field or a value
 that makes no sense is refused. A field that a later version adds is ignored by an earlier one, with one
@@ -11,7 +11,6 @@ from typing import Literal, TypeVar
 
 import msgspec
 
-from swarmctl.core.belief import Observation
 from swarmctl.core.threat import FiringStrength
 
 VERSION = 1
@@ -19,32 +18,6 @@ MAX_SYSTEM_ID = 254
 """MAVLink's; 255 is a ground station's by custom"""
 MAX_NAME = 32
 """characters of a vehicle's name"""
-
-
-# --- among the UAVs
-
-
-class ObservationShared(msgspec.Struct, frozen=True, tag="observation"):
-    """A UAV has seen something that was not certain before."""
-
-    sender: int
-    observation: Observation
-
-
-class StateShared(msgspec.Struct, frozen=True, tag="state"):
-    """Where a UAV is and what it is doing, about once a second of its own time."""
-
-    sender: int
-    time_s: float
-    lat_deg: float
-    lon_deg: float
-    alt_rel_m: float
-    phase: str
-    n_observed: int
-    n_found: int
-
-
-Message = ObservationShared | StateShared
 
 
 # --- between an operator and the swarm
@@ -61,8 +34,6 @@ class SetWeights(msgspec.Struct, frozen=True, tag="set_weights", forbid_unknown_
     """direct, first and second neighbour (Eq. 1); None leaves them as they are"""
 
     def __post_init__(self) -> None:
-        if self.uavs is not None and not self.uavs:
-            raise ValueError("no vehicle named: expected system ids or names, or all")
         if self.uavs is not None:
             _check_named(self.uavs)
         if self.w is None and self.firing_strength is None:
@@ -76,7 +47,25 @@ class SetWeights(msgspec.Struct, frozen=True, tag="set_weights", forbid_unknown_
         return None if self.firing_strength is None else FiringStrength(*self.firing_strength)
 
 
+class GiveOrder(msgspec.Struct, frozen=True, tag="give_order", forbid_unknown_fields=True):
+    """An operator's command: what vehicles are to do now. Raises ValueError if it makes no sense."""
+
+    uavs: tuple[int | str, ...] | None
+    """system ids or names; None: all of the swarm"""
+    order: Literal["launch", "hold", "return", "land"]
+
+    def __post_init__(self) -> None:
+        if self.uavs is not None:
+            _check_named(self.uavs)
+
+
+Request = SetWeights | GiveOrder
+"""what an operator may ask of agents"""
+
+
 def _check_named(uavs: tuple[int | str, ...]) -> None:
+    if not uavs:
+        raise ValueError("no vehicle named: expected system ids or names, or all")
     if len(uavs) > MAX_SYSTEM_ID:
         raise ValueError(f"{len(uavs)} vehicles named: expected at most {MAX_SYSTEM_ID}, or all")
     for uav in uavs:
@@ -86,7 +75,7 @@ def _check_named(uavs: tuple[int | str, ...]) -> None:
             raise ValueError(f"a vehicle's name of {len(uav)} characters: expected 1 to {MAX_NAME}")
 
 
-Outcome = Literal["taken", "refused", "over", "unconfirmed"]
+Outcome = Literal["taken", "refused", "over", "unconfirmed", "silent"]
 
 
 class VehicleAnswer(msgspec.Struct, frozen=True):
@@ -95,16 +84,16 @@ class VehicleAnswer(msgspec.Struct, frozen=True):
     uav: int
     name: str
     outcome: Outcome
-    """refused: it could change nothing, or has not come to the command before; over: it plans no more;
-    unconfirmed: it has the command and has not come to it yet"""
+    """refused: it could change nothing, or has not come to the command before; over: it plans no more, or its
+    flight has ended; unconfirmed: it has the command and has not come to it yet; silent: nobody answers"""
     from_plan: int | None = None
     """the number of the first plan that is made with the new weights"""
     note: str = ""
     """why not, or what else is to be known"""
 
 
-class WeightsAnswer(msgspec.Struct, frozen=True, tag="weights_answer"):
-    """The swarm's answer to `SetWeights`."""
+class OperatorAnswer(msgspec.Struct, frozen=True, tag="operator_answer"):
+    """What became of an operator's command."""
 
     vehicles: tuple[VehicleAnswer, ...] = ()
     """those that were named, in the order of the swarm"""
@@ -118,26 +107,20 @@ class BadMessage(ValueError):
 
 T = TypeVar("T")
 _encoder = msgspec.msgpack.Encoder()
-_messages: msgspec.msgpack.Decoder[Message] = msgspec.msgpack.Decoder(Message)
-_commands = msgspec.msgpack.Decoder(SetWeights)
-_answers = msgspec.msgpack.Decoder(WeightsAnswer)
+_commands: msgspec.msgpack.Decoder[Request] = msgspec.msgpack.Decoder(Request)
+_answers = msgspec.msgpack.Decoder(OperatorAnswer)
 
 
-def encode(message: Message | SetWeights | WeightsAnswer) -> bytes:
+def encode(message: Request | OperatorAnswer) -> bytes:
     return bytes((VERSION,)) + _encoder.encode(message)
 
 
-def decode(data: bytes) -> Message:
-    """What a UAV says. Raises BadMessage; never anything else, whatever the bytes."""
-    return _decode(data, _messages)
-
-
-def decode_command(data: bytes) -> SetWeights:
+def decode_command(data: bytes) -> Request:
     """What an operator says. Raises BadMessage; never anything else, whatever the bytes."""
     return _decode(data, _commands)
 
 
-def decode_answer(data: bytes) -> WeightsAnswer:
+def decode_answer(data: bytes) -> OperatorAnswer:
     """What an operator is answered. Raises BadMessage; never anything else, whatever the bytes."""
     return _decode(data, _answers)
 

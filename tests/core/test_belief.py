@@ -1,22 +1,25 @@
+import zlib
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swarmctl.core.belief import CLEAR, OCCUPIED, UNKNOWN, Belief, Observation
+from swarmctl.core.belief import CLEAR, OCCUPIED, UNKNOWN, Belief
+from swarmctl.core.observation import Checkpoint, Observation, checkpoint
 
 QUICK = settings(max_examples=60, deadline=None, derandomize=True)
 ROWS, COLS = 4, 5
 
 
 def seen(observer: int, seq: int, *cells: tuple[int, int, bool]) -> Observation:
-    return Observation(observer, seq, 0.5 * seq, cells)
+    return Observation(observer, seq + 1, 0.5 * seq, cells)
 
 
 cells = st.tuples(st.integers(0, ROWS - 1), st.integers(0, COLS - 1), st.booleans())
 contents = st.lists(cells, max_size=9).map(tuple)
 # one content a name, as an honest swarm has it; contradictions between observations are included
-heard = st.dictionaries(st.tuples(st.integers(1, 3), st.integers(0, 4)), contents, max_size=10).map(
+heard = st.dictionaries(st.tuples(st.integers(1, 3), st.integers(1, 5)), contents, max_size=10).map(
     lambda by_name: [Observation(o, s, float(s), c) for (o, s), c in by_name.items()]
 )
 
@@ -31,8 +34,8 @@ def test_order_repetition_and_grouping_do_not_matter(observations, random, n_rep
     for observation in shuffled:
         one_by_one = one_by_one.merge([observation])
     np.testing.assert_array_equal(one_by_one.known, at_once.known)
-    assert list(one_by_one.observations()) == list(at_once.observations())
-    assert set(at_once.observations()) == set(observations)
+    assert list(one_by_one.told()) == list(at_once.told())
+    assert set(at_once.told()) == set(observations)
 
 
 @QUICK
@@ -40,10 +43,10 @@ def test_order_repetition_and_grouping_do_not_matter(observations, random, n_rep
 def test_merging_leaves_the_belief_it_came_from_alone(first, second) -> None:
     observers = {(o.observer, o.seq) for o in first}
     before = Belief.prior(ROWS, COLS, 6).merge(first)
-    known, held = before.known.copy(), list(before.observations())
+    known, held = before.known.copy(), list(before.told())
     before.merge(o for o in second if (o.observer, o.seq) not in observers)
     np.testing.assert_array_equal(before.known, known)
-    assert list(before.observations()) == held
+    assert list(before.told()) == held
 
 
 @QUICK
@@ -127,14 +130,14 @@ def test_it_counts_who_told_what() -> None:
 @pytest.mark.parametrize("cell", [(-1, 0), (0, -1), (ROWS, 0), (0, COLS)])
 def test_a_cell_outside_is_refused_and_nothing_is_taken(cell: tuple[int, int]) -> None:
     prior = Belief.prior(ROWS, COLS, 6)
-    with pytest.raises(ValueError, match=r"observation 3 of vehicle 7: cell .* outside the area of 4 × 5"):
+    with pytest.raises(ValueError, match=r"observation 4 of vehicle 7: cell .* outside the area of 4 × 5"):
         prior.merge([seen(1, 0, (0, 0, True)), seen(7, 3, (*cell, True))])
     assert prior.n_observed == 0
 
 
 def test_one_name_with_two_contents_is_refused() -> None:
     belief = Belief.prior(ROWS, COLS, 6).merge([seen(7, 3, (0, 0, True))])
-    with pytest.raises(ValueError, match="observation 3 of vehicle 7 came with two different contents"):
+    with pytest.raises(ValueError, match="observation 4 of vehicle 7 came with two different contents"):
         belief.merge([seen(7, 3, (0, 0, False))])
 
 
@@ -151,3 +154,63 @@ def test_nobody_can_write_into_what_is_known() -> None:
 def test_a_prior_that_cannot_be_is_refused(rows: int, cols: int, n: int) -> None:
     with pytest.raises(ValueError, match="expected"):
         Belief.prior(rows, cols, n)
+
+
+# --- checkpoints
+
+sources = st.tuples(st.integers(1, 3), st.integers(0, 1))
+logs = st.dictionaries(sources, st.lists(contents, min_size=1, max_size=6), min_size=1, max_size=3).map(
+    lambda by_source: {
+        (o, i): [Observation(o, n + 1, 0.0, c, i) for n, c in enumerate(told)]
+        for (o, i), told in by_source.items()
+    }
+)
+
+
+@QUICK
+@given(logs, st.randoms(use_true_random=False), st.data())
+def test_a_checkpoint_stands_for_what_it_was_made_of_in_any_order(log, random, data) -> None:
+    everything = [seen for told in log.values() for seen in told]
+    heard = list(everything)
+    for told in log.values():
+        first = None
+        for upto in sorted(data.draw(st.sets(st.integers(1, len(told)), max_size=2))):
+            after = 0 if first is None else first.upto
+            first = checkpoint(first, told[after:upto], COLS, ROWS * COLS)
+            heard.append(first)
+            # What it stands for may be missing, come before or come after it.
+            heard = [s for s in heard if not (s in told[:upto] and random.random() < 0.5)]
+    random.shuffle(heard)
+    one_by_one = Belief.prior(ROWS, COLS, 6)
+    for item in heard:
+        one_by_one = one_by_one.merge([item])
+    for belief in (one_by_one, Belief.prior(ROWS, COLS, 6).merge(heard)):
+        at_once = Belief.prior(ROWS, COLS, 6).merge(everything)
+        np.testing.assert_array_equal(belief.looks, at_once.looks)
+        np.testing.assert_array_equal(belief.hits, at_once.hits)
+        assert [belief.n_cells_from(n) for n in (1, 2, 3)] == [at_once.n_cells_from(n) for n in (1, 2, 3)]
+        assert belief.merge(heard) is belief
+
+
+def test_a_checkpoint_of_a_whole_area_is_small() -> None:
+    cells = tuple((r, c, (r * 7 + c) % 17 == 0) for r in range(200) for c in range(200))
+    told = [Observation(1, n + 1, 0.0, cells[n * 4000 : n * 4000 + 4000]) for n in range(10)]
+    made = checkpoint(None, told, 200, 200 * 200)
+    assert made is not None
+    assert len(made.packed) < 4000
+    merged = Belief.prior(200, 200, 24).merge([made])
+    assert merged.n_observed == 40_000
+    np.testing.assert_array_equal(merged.hits, Belief.prior(200, 200, 24).merge(told).hits)
+
+
+def test_a_checkpoint_that_cannot_be_is_none() -> None:
+    belief = Belief.prior(ROWS, COLS, 6)
+    outside = checkpoint(None, [Observation(1, 1, 0.0, ((9, 9, True),))], 10, 100)
+    assert outside is not None
+    for wrong in (
+        outside,
+        Checkpoint(1, 0, 1, b"nonsense"),
+        Checkpoint(1, 0, 1, zlib.compress(bytes(12 * 10**5))),
+    ):
+        with pytest.raises(ValueError, match="a checkpoint"):
+            belief.merge([wrong])

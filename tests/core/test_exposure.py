@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swarmctl.core.belief import Belief, Observation
+from swarmctl.core.belief import Belief
 from swarmctl.core.exposure import exposure, exposure_sum, length_cells, prior_inner_exposure, safety_factor
 from swarmctl.core.grid import Cell
+from swarmctl.core.observation import Observation
 from swarmctl.core.threat import FiringStrength
 
 STRENGTH = FiringStrength(0.6, 0.3, 0.1)
@@ -37,7 +38,7 @@ def test_eq_3_on_the_prior_of_the_model() -> None:
 )
 def test_eq_3_after_nine_cells_of_the_model(cell: Cell, p_s: float) -> None:
     around = tuple((r, c, (r, c) == (10, 10)) for r in (9, 10, 11) for c in (9, 10, 11))
-    belief = PRIOR.merge([Observation(1, 0, 0.0, around)])
+    belief = PRIOR.merge([Observation(1, 1, 0.0, around)])
     assert exposure(belief.occupancy(), STRENGTH)[cell] == pytest.approx(p_s, abs=5e-10)
 
 

@@ -12,8 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from swarmctl.core.belief import CLEAR, OCCUPIED, UNKNOWN, Belief, Observation
+from swarmctl.core.belief import CLEAR, OCCUPIED, UNKNOWN, Belief, Log, Looked
 from swarmctl.core.hostiles import HostileCount
+from swarmctl.core.observation import Observation
 from swarmctl.core.occupancy import Classes, bayes, eq4
 from swarmctl.core.sensor import PERFECT, SensorModel
 
@@ -41,7 +42,7 @@ def enumerated(belief: Belief) -> NDArray[np.float64]:
 
 cells = st.tuples(st.integers(0, ROWS - 1), st.integers(0, COLS - 1), st.booleans())
 looked = st.lists(st.lists(cells, max_size=6).map(tuple), max_size=6).map(
-    lambda several: [Observation(1 + i % 2, i, float(i), c) for i, c in enumerate(several)]
+    lambda several: [Observation(1 + i % 2, 1 + i, float(i), c) for i, c in enumerate(several)]
 )
 rates = st.tuples(st.floats(0.01, 0.6), st.floats(0.01, 0.35)).map(lambda r: SensorModel(*r))
 counts = st.one_of(
@@ -218,7 +219,7 @@ def test_on_large_areas_it_adds_up_and_is_calibrated(size: int, n_true: int, cou
     looks = np.where(rng.random(size * size) < 0.3, rng.integers(1, 8, size * size), 0).astype(np.int32)
     hits = rng.binomial(looks, np.where(truth, 0.9, 0.02)).astype(np.int32)
     shape = (size, size)
-    belief = Belief(count, ERRING, looks.reshape(shape), hits.reshape(shape), {})
+    belief = Belief(count, ERRING, Looked(looks.reshape(shape), hits.reshape(shape)), 0, Log(), 0, {})
     p = belief.occupancy().ravel()
     assert ((p >= 0.0) & (p <= 1.0)).all()
     if count.is_number:
@@ -233,10 +234,10 @@ def test_on_large_areas_it_adds_up_and_is_calibrated(size: int, n_true: int, cou
 def test_very_many_looks_break_nothing() -> None:
     looks, hits = np.array([[2000, 2000, 1000, 0]], np.int32), np.array([[0, 2000, 500, 0]], np.int32)
     for count in (HostileCount.known(2), HostileCount.uniform(0, 4)):
-        p = Belief(count, ERRING, looks, hits, {}).occupancy()
+        p = Belief(count, ERRING, Looked(looks, hits), 0, Log(), 0, {}).occupancy()
         # half of a thousand looks hit: that many false alarms are far less likely than that many misses
         np.testing.assert_allclose(p[0, :3], [0.0, 1.0, 1.0], atol=1e-12)
-    p = Belief(HostileCount.known(2), ERRING, looks, hits, {}).occupancy()
+    p = Belief(HostileCount.known(2), ERRING, Looked(looks, hits), 0, Log(), 0, {}).occupancy()
     assert p[0, 3] == pytest.approx(0.0, abs=1e-12)
 
 
@@ -262,7 +263,7 @@ def test_more_found_than_can_be_is_a_fact_and_no_crash(
 ) -> None:
     seen = tuple((0, col, True) for col in range(3))
     belief = Belief.prior(20, 20, count, sensor).merge(
-        [Observation(1, seq, 0.0, seen) for seq in range(n_looks)]
+        [Observation(1, 1 + seq, 0.0, seen) for seq in range(n_looks)]
     )
     assert belief.announced_too_low is too_low
     p = belief.occupancy()

@@ -1,0 +1,105 @@
+"""What an operator or its own process tells a vehicle to do, and what an operator is answered."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from swarmctl.agent.state import ON_GROUND, PLANS_NO_MORE, AgentState, Phase
+from swarmctl.core import events as ev
+from swarmctl.core.messages import Outcome, VehicleAnswer
+
+Step = tuple[AgentState, list[ev.Effect]]
+
+ROLES = {ev.Order.HOLD: "hold", ev.Order.RETURN: "return", ev.Order.LAND: "land"}
+
+
+def operator(state: AgentState, event: ev.OperatorCommand, _now: float) -> Step:
+    """An order of an operator, who is answered, or of this process, which is not."""
+    remote = event.command is not None
+    outcome, note = _order_answer(state, event.order)
+    effects: list[ev.Effect] = []
+    if outcome == "taken" or not remote:
+        state, effects = _ordered(state, event.order, remote=remote)
+    if event.command is not None:
+        answer = VehicleAnswer(state.task.uav, state.task.name, outcome, note=note)
+        effects = [*effects, ev.Answer(event.command, answer)]
+    return state, effects
+
+
+def _order_answer(state: AgentState, order: ev.Order) -> tuple[Outcome, str]:
+    """What an operator is answered, and why."""
+    if state.ended:
+        return "over", f"its flight is over: {state.phase}" + (f", {state.outcome}" if state.outcome else "")
+    if state.launch_aborted:
+        return "refused", "its launch is being broken off: it lands"
+    if order is ev.Order.LAUNCH:
+        return _launch_answer(state)
+    if state.phase in ON_GROUND:
+        return "taken", "it stays on the ground until it is ordered to launch"
+    if state.phase is Phase.LAUNCHING:
+        return "taken", "its launch is broken off: it lands"
+    return "taken", "its link is lost; it is told when it is heard again" if state.lost else ""
+
+
+def _launch_answer(state: AgentState) -> tuple[Outcome, str]:
+    if state.phase in (Phase.HOLDING, Phase.LEAVING):
+        return "refused", f"{state.outcome or state.phase}: it does not take up its route again"
+    if state.phase not in ON_GROUND:
+        return "taken", "it has launched already"
+    # An aircraft must not arm at some later time, when whoever ordered it has turned away.
+    if state.lost:
+        return "refused", "its link is lost"
+    if state.phase is not Phase.STANDBY:
+        return "refused", f"it is not ready yet: {state.trouble or state.phase}"
+    return "taken", "" if state.pending is None else "as soon as its new plan is on it"
+
+
+def _ordered(state: AgentState, order: ev.Order, *, remote: bool) -> Step:
+    if state.ended or state.launch_aborted:
+        return state, []
+    if order is ev.Order.LAUNCH:
+        if state.phase in ON_GROUND and state.ordered in ROLES and not remote:
+            return state, []  # an operator keeps it on the ground
+        return launch_if_possible(replace(state, launch_ordered=True))
+    if state.phase in ON_GROUND and remote:
+        return replace(state, launch_ordered=False, ordered=order, order_seen=True), []
+    if state.phase in ON_GROUND:
+        return replace(state, phase=Phase.DONE, outcome="not launched", pending=None), []
+    if state.phase is Phase.LAUNCHING:
+        # On the ground or just above it, armed or about to be: the way out of both is down.
+        state = replace(state, phase=Phase.LEAVING, launch_aborted=True, outcome="launch broken off")
+        return command(state, ev.Order.LAND)
+    phase = Phase.HOLDING if order is ev.Order.HOLD else Phase.LEAVING
+    return command(replace(state, phase=phase, pending=None, dirty=False, outcome=f"{order} ordered"), order)
+
+
+def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) -> Step:
+    """The paper's sliders. A plan under way is not called back: the next one has the new weights."""
+    if state.phase in PLANS_NO_MORE:
+        why = f"it plans no more: {state.phase}" + (f", {state.outcome}" if state.outcome else "")
+        over = VehicleAnswer(state.task.uav, state.task.name, "over", note=why)
+        return state, [ev.Answer(event.command, over)]
+    method = state.task.method
+    if event.w is not None and not method.planner.USES_W:
+        why = f"its planner, {method.name}, does not go by w; give firing strengths alone"
+        refused = VehicleAnswer(state.task.uav, state.task.name, "refused", note=why)
+        return state, [ev.Answer(event.command, refused)]
+    w = state.w if event.w is None else event.w
+    strength = state.strength if event.strength is None else event.strength
+    changed = (w, strength) != (state.w, state.strength)
+    state = replace(state, w=w, strength=strength, dirty=state.dirty or changed)
+    later = "its link is lost; it plans when it is heard again" if state.lost else ""
+    taken = VehicleAnswer(state.task.uav, state.task.name, "taken", state.next_plan_id, later)
+    return state, [ev.Answer(event.command, taken)]
+
+
+def command(state: AgentState, order: ev.Order) -> Step:
+    state = replace(state, ordered=order, order_seen=False, order_again_at_s=math.inf, foreign_since_s=None)
+    return state, [ev.Command(order)]
+
+
+def launch_if_possible(state: AgentState) -> Step:
+    if state.phase is Phase.STANDBY and state.launch_ordered and state.pending is None:
+        return command(replace(state, phase=Phase.LAUNCHING), ev.Order.LAUNCH)
+    return state, []

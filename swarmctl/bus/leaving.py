@@ -1,0 +1,39 @@
+"""Ending a process whose bus cannot end: a thread of ours may be inside Zenoh for seconds, or for ever.
+
+Such a thread is a daemon and keeps no process alive; but where it comes back while the interpreter is being
+taken down, Python ends it in the middle of foreign frames, and the process dies of SIGABRT instead of with
+its code.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+from collections.abc import Callable
+from typing import NoReturn
+
+_started: list[threading.Thread] = []
+
+
+def start(name: str, run: Callable[[], None]) -> threading.Thread:
+    """A thread that may be inside Zenoh when the process ends."""
+    _started[:] = [thread for thread in _started if thread.is_alive()]
+    thread = threading.Thread(target=run, name=name, daemon=True)
+    _started.append(thread)
+    thread.start()
+    return thread
+
+
+def is_held_up() -> bool:
+    """Whether such a thread is still at it."""
+    return any(thread.is_alive() for thread in _started)
+
+
+def leave(code: int) -> NoReturn:
+    """End the process with `code`: as usual, or at once where a thread is inside Zenoh."""
+    if not is_held_up():
+        sys.exit(code)
+    for stream in (sys.stdout, sys.stderr):
+        stream.flush()
+    os._exit(code)

@@ -1,0 +1,410 @@
+"""One UAV's part in the swarm's network, as a machine: frames and time in, frames out. Pure.
+
+It numbers and keeps what its agent sees, takes from others what is theirs to tell, and sees to it that what
+is known to one ends up known to all: it asks a peer for what it lacks when that peer is first heard or heard
+again, when a number is missing, and every few seconds one neighbour whose knowledge differs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+
+from swarmctl.bus.peer import QUESTIONS_PER_S, Peer
+from swarmctl.bus.reach import recipients
+from swarmctl.bus.reading import Read, Reading, reader
+from swarmctl.bus.replica import Kept, Replica
+from swarmctl.bus.tally import Tally
+from swarmctl.core.frames import (
+    MAX_FRAME_BYTES,
+    Content,
+    Frame,
+    Refused,
+    Relayed,
+    Seal,
+    Snapshot,
+    SnapshotAsked,
+    Spoken,
+    StateShared,
+    Why,
+)
+from swarmctl.core.geo import LatLon
+from swarmctl.core.observation import Checkpoint, Observation, Told, checkpoint
+
+CHECKPOINT_EVERY = 64
+"""own observations"""
+ANSWER_WITHIN_S = 2.0
+"""beyond what the way there and back takes"""
+CHUNK_BYTES = MAX_FRAME_BYTES - 8192
+MAX_CLOCK_S = 1.0
+"""newer by less, a state is not passed on"""
+
+
+@dataclass(frozen=True, slots=True)
+class NodeOptions:
+    """What all nodes of a swarm have in common."""
+
+    rows: int
+    cols: int
+    k: int | None = None
+    """how many UAVs, the nearest, are spoken to; None: all"""
+    relay: bool = False
+    sync_every_s: float = 3.0
+    """0: nobody is ever asked for what was missed"""
+    round_trip_s: float = 0.0
+    """what the model's delays make of a question and its answer"""
+    clock_tolerance_s: float = 5.0
+    perfect_sensors: bool = True
+    """two looks that differ contradict each other"""
+
+
+@dataclass(frozen=True, slots=True)
+class Out:
+    """A message to be sent."""
+
+    to: tuple[int, ...]
+    act: str
+    data: bytes
+
+
+class Took(msgspec.Struct):
+    """What came of a message or of time. A Struct, for one is made of every message."""
+
+    out: list[Out] = []
+    news: list[Told] = []
+    """for the agent"""
+    said: list[str] = []
+
+
+Hears = Callable[[LatLon | None, LatLon | None], str | None]
+"""(here, where the sender is) -> why it is not heard; None where it is"""
+
+
+class Node:
+    """One UAV's. `now_s` is the run's clock in simulated seconds, `unix_s` the wall clock's stamp."""
+
+    def __init__(
+        self,
+        uav: int,
+        others: Iterable[int],
+        options: NodeOptions,
+        seal: Seal,
+        incarnation: int,
+        rng: np.random.Generator,
+        hears: Hears | None = None,
+        read: Read | None = None,
+    ) -> None:
+        self.uav = uav
+        self.incarnation = incarnation
+        self.tally = Tally()
+        self.at: LatLon | None = None
+        self._options = options
+        self._seal = seal
+        self._read = read or reader(seal, options.rows, options.cols)
+        self._self = (uav, incarnation)
+        self._peers = {other: Peer() for other in sorted(others) if other != uav}
+        self._replica = Replica()
+        self._n = 0
+        self._own: dict[int, bool] = {}
+        """cell -> what was seen there"""
+        self._due: dict[int, float] = {}
+        """peer -> from when on it is to be asked what it holds"""
+        self._asked: tuple[int, float] | None = None
+        """who was asked, and until when an answer is waited for"""
+        self._rng = rng
+        self._hears = hears
+        self._next_sync_s = math.inf
+        if options.sync_every_s > 0.0:
+            self._next_sync_s = options.sync_every_s * (0.5 + 0.5 * float(rng.random()))
+
+    # --- what the agent says
+
+    def say(self, message: Spoken, now_s: float, unix_s: float) -> Took:
+        took = Took()
+        if isinstance(message, Observation):
+            to = self._reach(now_s)
+            data = self._send(took, message, to, unix_s)
+            self._keep(message, data)
+            self._own.update((r * self._options.cols + c, occupied) for r, c, occupied in message.cells)
+            if message.seq % CHECKPOINT_EVERY == 0:
+                self._make_checkpoint(unix_s)
+        else:
+            self.at = message.lat_deg, message.lon_deg
+            state = msgspec.structs.replace(
+                message,
+                last_seq=self._replica.of(self._self).latest,
+                knows=self._replica.fingerprint,
+                refused=self.tally.refused.total(),
+                flagged=tuple(sorted(self.tally.flagged)),
+            )
+            self._send(took, state, self._reach(now_s), unix_s)
+        return took
+
+    def _keep(self, own: Told, data: bytes) -> None:
+        self._replica.take(self._replica.of(self._self), own, self._read(data))
+
+    def _make_checkpoint(self, unix_s: float) -> None:
+        kept, o = self._replica.of(self._self), self._options
+        made = checkpoint(kept.checkpoint, kept.observations(), o.cols, o.rows * o.cols)
+        if made is not None:
+            self._keep(made, self._frame(made, unix_s))
+
+    # --- what others say
+
+    def receive(self, sender: int, act: str, data: bytes, now_s: float, unix_s: float) -> Took:
+        """A message from `sender`, by the key it came under."""
+        took = Took()
+        try:
+            reading = self._read(data)
+            if self._hears is not None and (lost := self._hears(self.at, reading.frame.at)):
+                self.tally.lost[lost] += 1
+                return took
+            self._admit(sender, act, reading, now_s, unix_s)
+            content = reading.frame.content
+            if isinstance(content, Observation):
+                self._observed(took, content, reading, now_s, unix_s)
+            else:
+                self._handle(took, content, reading, now_s, unix_s)
+            if self._due and self._asked is None:
+                took.out += self._asking(now_s, unix_s)
+        except Refused as refused:
+            self.refuse(refused.why, sender)
+            took.said.append(f"from {sender}: {refused}")
+        else:
+            self.tally.received += 1
+        return took
+
+    def refuse(self, why: Why, sender: int | None) -> None:
+        self.tally.refused[why] += 1
+        if sender is not None:
+            self.tally.refused_from[sender] += 1
+
+    def _admit(self, sender: int, act: str, reading: Reading, now_s: float, unix_s: float) -> None:
+        """Raises Refused unless this is `sender`'s, and a message that has not come before."""
+        peer = self._peers.get(sender)
+        if peer is None:
+            raise Refused(Why.STRANGER, f"vehicle {sender} is not of this swarm")
+        frame = reading.frame
+        if frame.sender != sender or reading.act != act:
+            raise Refused(
+                Why.SOURCE,
+                f"a frame {reading.act} of vehicle {frame.sender} under the key of {act} of {sender}",
+            )
+        if frame.unix_s - unix_s > self._options.clock_tolerance_s:
+            self._check_time(frame, unix_s)
+        if peer.admit(frame, now_s):
+            self._ask_soon(sender, now_s)
+
+    def _check_time(self, frame: Frame, unix_s: float) -> None:
+        ahead_s = frame.unix_s - unix_s
+        if ahead_s > self._options.clock_tolerance_s:
+            raise Refused(Why.FUTURE, f"said {ahead_s:.1f} s from now by the clock of vehicle {frame.sender}")
+
+    def _observed(self, took: Took, seen: Observation, reading: Reading, now_s: float, unix_s: float) -> None:
+        """What most messages are: as few steps as can be."""
+        kept = self._replica.of(reading.source)
+        is_new = self._take(took, kept, seen, reading)
+        if kept.upto < seen.seq:
+            self._lacks(reading.frame.sender, now_s)
+        if is_new and self._options.relay:
+            self._relay(took, [reading.data], reading.frame.sender, now_s, unix_s)
+
+    def _handle(self, took: Took, content: Content, reading: Reading, now_s: float, unix_s: float) -> None:
+        """All other contents."""
+        sender = reading.frame.sender
+        match content:
+            case StateShared() as state:
+                peer = self._peers[sender]
+                peer.told(reading.frame, state, reading.data, now_s)
+                peer.agrees = state.knows == self._replica.fingerprint
+                if self._replica.of(reading.source).upto < state.last_seq:
+                    self._lacks(sender, now_s)
+            case SnapshotAsked() as asked:
+                self._answer(took, sender, asked, now_s, unix_s)
+            case Snapshot(frames=frames, last=last):
+                self._forwarded(took, frames, now_s, unix_s)
+                if last and self._asked is not None and self._asked[0] == sender:
+                    self._asked = None
+            case Relayed(frames=frames):
+                fresh = self._forwarded(took, frames, now_s, unix_s)
+                self._relay(took, fresh, sender, now_s, unix_s)
+            case _:
+                raise Refused(Why.MALFORMED, f"{reading.act} comes inside of other messages only")
+
+    def _take(self, took: Took, kept: Kept, told: Told, reading: Reading) -> bool:
+        """Whether it was new."""
+        if reading.source == self._self:
+            if isinstance(told, Observation) and told.seq > kept.latest:
+                raise Refused(
+                    Why.TWO_CONTENTS, f"another process flies vehicle {self.uav}: {told.two_contents}"
+                )
+            return False
+        if not self._replica.take(kept, told, reading):
+            return False
+        if self._options.perfect_sensors and not self._own.keys().isdisjoint(reading.cells):
+            self._flag(took, reading)
+        took.news.append(told)
+        return True
+
+    def _flag(self, took: Took, reading: Reading) -> None:
+        """Who tells the contrary of what was seen here; it is merged all the same, for who is right?"""
+        own, observer = self._own, reading.frame.sender
+        told = zip(reading.cells, reading.occupied, strict=True)
+        against = [cell for cell, occupied in told if own.get(cell, occupied) != occupied]
+        if not against or observer == self.uav:
+            return
+        self.tally.flagged[observer] += len(against)
+        row, col = divmod(against[0], self._options.cols)
+        what = "clear" if own[against[0]] else "occupied"
+        took.said.append(
+            f"vehicle {observer} tells that ({row}, {col}) is {what}, which was seen otherwise here"
+        )
+
+    def _forwarded(self, took: Took, frames: Iterable[bytes], now_s: float, unix_s: float) -> list[bytes]:
+        """Frames of others; returns those that were new. What is wrong with one does not spoil the others."""
+        fresh = []
+        for data in frames:
+            try:
+                if self._forwarded_one(took, self._read(data), now_s, unix_s):
+                    fresh.append(data)
+            except Refused as refused:
+                self.refuse(refused.why, None)
+                took.said.append(str(refused))
+        return fresh
+
+    def _forwarded_one(self, took: Took, reading: Reading, now_s: float, unix_s: float) -> bool:
+        """Whether it was something new that was seen."""
+        frame = reading.frame
+        self._check_time(frame, unix_s)
+        peer = self._peers.get(frame.sender)
+        if frame.sender != self.uav and peer is None:
+            raise Refused(Why.STRANGER, f"vehicle {frame.sender} is not of this swarm")
+        match frame.content:
+            case StateShared() as state:
+                if peer is not None:
+                    peer.told(frame, state, reading.data, now_s)
+                return False
+            case Observation() | Checkpoint() as told:
+                return self._take(took, self._replica.of(reading.source), told, reading)
+        raise Refused(Why.MALFORMED, f"{reading.act} is not passed on")
+
+    def _relay(self, took: Took, frames: list[bytes], heard_from: int, now_s: float, unix_s: float) -> None:
+        if not self._options.relay or not frames:
+            return
+        observers = {self._read(data).frame.sender for data in frames}
+        to = tuple(u for u in self._reach(now_s) if u != heard_from and observers != {u})
+        if to:
+            self.tally.relayed += len(frames)
+            for part in _chunks(frames):
+                self._send(took, Relayed(tuple(part)), to, unix_s)
+
+    # --- what was missed
+
+    def _ask_soon(self, peer: int, now_s: float) -> None:
+        """After what may still be on its way has come."""
+        if self._options.sync_every_s > 0.0:
+            self._due.setdefault(peer, now_s + self._options.round_trip_s / 2.0)
+
+    def _lacks(self, peer: int, now_s: float) -> None:
+        """Something that this peer has."""
+        self._peers[peer].agrees = False
+        self._ask_soon(peer, now_s)
+
+    def tick(self, now_s: float, unix_s: float) -> Took:
+        took = Took()
+        if self._asked is not None and now_s >= self._asked[1]:
+            self._asked = None
+        if now_s >= self._next_sync_s:
+            self._next_sync_s = now_s + self._options.sync_every_s
+            reach = self._reach(now_s)
+            heard = [u for u in reach if self._peers[u].state is not None]
+            neighbours = [u for u in heard if self._differs(u)] if heard else list(reach)
+            if neighbours:
+                self._ask_soon(neighbours[int(self._rng.integers(len(neighbours)))], now_s)
+        took.out += self._asking(now_s, unix_s)
+        return took
+
+    @property
+    def next_deadline_s(self) -> float:
+        """When to `tick` at the latest."""
+        if self._asked is not None:
+            return min(self._next_sync_s, self._asked[1])
+        return min(self._next_sync_s, *self._due.values()) if self._due else self._next_sync_s
+
+    def _differs(self, peer: int) -> bool:
+        known = self._peers[peer]
+        return known.state is None or not known.agrees
+
+    def _asking(self, now_s: float, unix_s: float) -> Iterator[Out]:
+        """One question at a time: what its answer brings may make the others idle."""
+        for peer in [u for u, at_s in self._due.items() if at_s <= now_s]:
+            if self._asked is not None:
+                return
+            del self._due[peer]
+            if self._differs(peer):
+                took = Took()
+                states = tuple((u, p.state_unix_s) for u, p in self._peers.items() if p.state is not None)
+                self._send(took, SnapshotAsked(self._replica.digest(), states), (peer,), unix_s)
+                self.tally.snapshots_asked += 1
+                self._asked = peer, now_s + self._options.round_trip_s + ANSWER_WITHIN_S
+                yield from took.out
+
+    def _answer(self, took: Took, asker: int, asked: SnapshotAsked, now_s: float, unix_s: float) -> None:
+        if not self._peers[asker].questions.takes(now_s):
+            raise Refused(Why.TOO_FAST, f"vehicle {asker} asks more than {QUESTIONS_PER_S:g} times a second")
+        known = dict(asked.states)
+        frames = list(self._replica.missing(asked.have))
+        frames += [
+            peer.state_frame
+            for uav, peer in self._peers.items()
+            if uav != asker
+            and peer.state is not None
+            and peer.state_unix_s > known.get(uav, -math.inf) + MAX_CLOCK_S
+        ]
+        parts = list(_chunks(frames)) or [[]]
+        for i, part in enumerate(parts):
+            self._send(took, Snapshot(tuple(part), i == len(parts) - 1), (asker,), unix_s)
+        self.tally.snapshots_served += 1
+        if self._replica.lacks(asked.have):
+            self._lacks(asker, now_s)
+
+    # --- out
+
+    def _reach(self, now_s: float) -> tuple[int, ...]:
+        """Whom it speaks to."""
+        peers = {u: p for u, p in self._peers.items() if p.state is None or p.state.phase != "failed"}
+        if self._options.k is None or self._options.k >= len(peers):
+            return tuple(peers)
+        silent = {u: p.at for u, p in peers.items() if p.is_silent(now_s)}
+        alive = {u: p.at for u, p in peers.items() if u not in silent}
+        return recipients(self.at, alive, silent, self._options.k)
+
+    def _send(self, took: Took, content: Content, to: tuple[int, ...], unix_s: float) -> bytes:
+        data = self._frame(content, unix_s)
+        act = str(type(content).__struct_config__.tag)
+        self.tally.sent[act] += len(to)
+        self.tally.sent_bytes += len(data) * len(to)
+        took.out.append(Out(to, act, data))
+        return data
+
+    def _frame(self, content: Content, unix_s: float) -> bytes:
+        self._n += 1
+        lat_deg, lon_deg = (None, None) if self.at is None or isinstance(content, StateShared) else self.at
+        return self._seal.close(Frame(self.uav, self.incarnation, self._n, unix_s, content, lat_deg, lon_deg))
+
+
+def _chunks(frames: list[bytes]) -> Iterator[list[bytes]]:
+    part: list[bytes] = []
+    size = 0
+    for frame in frames:
+        if part and size + len(frame) > CHUNK_BYTES:
+            yield part
+            part, size = [], 0
+        part.append(frame)
+        size += len(frame) + 8
+    if part:
+        yield part

@@ -1,0 +1,85 @@
+"""What a UAV knows of another, and what of it it takes. Pure."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from swarmctl.bus.pace import Pace
+from swarmctl.core.frames import Frame, Refused, StateShared, Why
+from swarmctl.core.geo import LatLon
+
+SILENT_AFTER_S = 5.0
+"""who is heard again after so long is asked what was missed"""
+ALIVE_S = 20.0
+"""of whom nothing was heard for longer, directly or by others, is spoken to last"""
+MAX_MESSAGES, WITHIN_S = 2000, 10.0
+QUESTIONS_PER_S, QUESTIONS_BURST = 4.0, 16
+WINDOW = 1024
+"""a message that comes later than so many of its sender's is taken for a replay"""
+ALL_SEEN = (1 << WINDOW) - 1
+
+
+@dataclass(slots=True)
+class Peer:
+    """What is known of another UAV."""
+
+    state: StateShared | None = None
+    state_unix_s: float = -math.inf
+    state_frame: bytes = b""
+    incarnation: int = -1
+    heard_s: float = -math.inf
+    """directly"""
+    told_s: float = -math.inf
+    """when its state was last told, by itself or by others"""
+    newest: int = 0
+    """message number"""
+    seen: int = 0
+    """bit i: message `newest` - i has come; of a hundred peers a hundred times, sets took a gigabyte"""
+    counted: int = 0
+    """its messages"""
+    counted_until_s: float = -math.inf
+    """when they are counted anew"""
+    agrees: bool = True
+    """when it last told its state, it knew what was known here"""
+    questions: Pace = field(default_factory=lambda: Pace(QUESTIONS_PER_S, QUESTIONS_BURST))
+
+    def admit(self, frame: Frame, now_s: float) -> bool:
+        """Whether it is heard for the first time, or again after long.
+
+        Raises Refused for a message that has come before, or that comes faster than any UAV speaks.
+        """
+        n, incarnation = frame.n, frame.incarnation
+        if incarnation != self.incarnation:
+            if incarnation < self.incarnation:
+                raise Refused(Why.REPLAY, f"of before vehicle {frame.sender} was started again")
+            self.incarnation, self.newest, self.seen, self.heard_s = incarnation, 0, 0, -math.inf
+        ahead = n - self.newest
+        if ahead <= 0 and (ahead <= -WINDOW or self.seen >> -ahead & 1):
+            raise Refused(Why.REPLAY, f"message {n} of vehicle {frame.sender} has come before")
+        if now_s >= self.counted_until_s:
+            self.counted_until_s, self.counted = now_s + WITHIN_S, 0
+        self.counted += 1
+        if self.counted > MAX_MESSAGES:
+            # After all else: what somebody repeats must not use up what its sender may say.
+            raise Refused(Why.TOO_FAST, f"more than {MAX_MESSAGES} messages in {WITHIN_S:g} s")
+        if ahead > 0:
+            self.newest = n
+            self.seen = (self.seen << ahead | 1) & ALL_SEEN if ahead < WINDOW else 1
+        else:
+            self.seen |= 1 << -ahead
+        was_silent = now_s - self.heard_s > SILENT_AFTER_S
+        self.heard_s = now_s
+        return was_silent
+
+    def told(self, frame: Frame, state: StateShared, data: bytes, now_s: float) -> None:
+        """Its state, by itself or by others; an older one than is known is passed over."""
+        if frame.incarnation >= self.incarnation and frame.unix_s > self.state_unix_s:
+            self.state, self.state_unix_s, self.state_frame, self.told_s = state, frame.unix_s, data, now_s
+
+    @property
+    def at(self) -> LatLon | None:
+        return None if self.state is None else (self.state.lat_deg, self.state.lon_deg)
+
+    def is_silent(self, now_s: float) -> bool:
+        return self.state is not None and now_s - max(self.heard_s, self.told_s) > ALIVE_S

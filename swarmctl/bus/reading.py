@@ -1,0 +1,65 @@
+"""A frame as every node of a process reads it: once, however many of them it goes to. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+from swarmctl.core.frames import Frame, Refused, Seal, Why
+from swarmctl.core.observation import Checkpoint, Observation, Source
+
+CACHED = 4096
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """A frame that is well formed, signed where it has to be, and of this area."""
+
+    frame: Frame
+    act: str
+    """act/kind"""
+    data: bytes
+    source: Source
+    """whose, if it tells what was seen"""
+    cells: tuple[int, ...] = ()
+    """row · cols + col of each cell that was seen"""
+    occupied: tuple[bool, ...] = ()
+    """of each of them"""
+
+
+Read = Callable[[bytes], Reading]
+"""Raises Refused."""
+
+
+def reader(seal: Seal, rows: int, cols: int) -> Read:
+    """Reads frames about an area of so many cells."""
+
+    @lru_cache(maxsize=CACHED)
+    def read(data: bytes) -> Reading:
+        frame = seal.open(data)
+        source, content = (frame.sender, frame.incarnation), frame.content
+        if isinstance(content, Observation):
+            _check_cells(content, rows, cols)
+            cells = tuple(row * cols + col for row, col, _ in content.cells)
+            return Reading(frame, frame.act, data, source, cells, tuple(o for _, _, o in content.cells))
+        if isinstance(content, Checkpoint):
+            try:
+                counts = content.counts(rows * cols)
+            except ValueError as error:
+                raise Refused(Why.OUTSIDE, str(error)) from None
+            found = tuple((counts.hits > 0).tolist())
+            return Reading(frame, frame.act, data, source, tuple(counts.cells.tolist()), found)
+        return Reading(frame, frame.act, data, source)
+
+    return read
+
+
+def _check_cells(seen: Observation, rows: int, cols: int) -> None:
+    for row, col, _ in seen.cells:
+        if row >= rows or col >= cols:
+            raise Refused(
+                Why.OUTSIDE,
+                f"observation {seen.seq} of vehicle {seen.observer}: cell ({row}, {col}) is outside the "
+                f"area of {rows} × {cols} cells; do both fly the same configuration?",
+            )

@@ -1,0 +1,171 @@
+"""`swarmctl agent`: one vehicle of a swarm, on a machine of its own."""
+
+from __future__ import annotations
+
+import asyncio
+import datetime as dt
+from dataclasses import replace
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from swarmctl import companion, joining, preflight
+from swarmctl.app import Report
+from swarmctl.bus.access import name_of
+from swarmctl.bus.base import BusError
+from swarmctl.bus.zenoh_config import Configuration
+from swarmctl.commands.flying import RealOption, conclude, confirmed, permission, terminal
+from swarmctl.commands.shared import (
+    EXPECTED,
+    USAGE,
+    ConfigOption,
+    OutOption,
+    VerboseOption,
+    fail,
+    run_folder,
+    say,
+    scenario_of,
+)
+from swarmctl.config_communication import NOBODY
+from swarmctl.core.roster import meant_by
+from swarmctl.director import Permission
+from swarmctl.keyring.files import KeyringError
+from swarmctl.keyring.use import Keyring
+from swarmctl.links.url import parse_url
+from swarmctl.scenario import Scenario
+
+
+class Launch(StrEnum):
+    ORDERED = "ordered"
+    WHEN_READY = "when-ready"
+
+
+def register(cli: typer.Typer) -> None:
+    cli.command("agent")(agent)
+
+
+def agent(
+    config: ConfigOption,
+    uav: Annotated[
+        str, typer.Option(metavar="NAME", help="The vehicle; its name or system id.", show_default=False)
+    ],
+    url: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MAVLINK_URL", help="Where it is reached from here, instead of by the configuration."
+        ),
+    ] = None,
+    launch: Annotated[
+        Launch,
+        typer.Option(
+            help="ordered: when `swarmctl order launch` says so, at once; when-ready: by itself, after its "
+            "delay_s."
+        ),
+    ] = Launch.ORDERED,
+    connect: Annotated[
+        str | None,
+        typer.Option(metavar="tcp/HOST:PORT", help="The router, instead of communication.router."),
+    ] = None,
+    real: RealOption = False,
+    confirm: Annotated[
+        str, typer.Option(metavar="NAME", help="With --real, for scripts: the vehicle that may be armed.")
+    ] = "",
+    out_folder: OutOption = Path("runs"),
+    verbose: VerboseOption = False,
+) -> None:
+    """Fly one vehicle of the swarm; the others' agents run elsewhere, and tell it what they see.
+
+    It uploads its mission and waits for the order to launch. Where the network is missing or ends it flies on
+    by what it knows, and by what it is told when the network is there again.
+    """
+    whole = scenario_of(config)
+    scenario = companion.only(whole, _meant(whole, uav), _url(url))
+    allowed = confirmed(scenario, confirm) if real else frozenset()
+    keyring = _keyring(scenario)
+    network = _network(scenario, connect, launch, keyring)
+    if found := list(preflight.troubles(_without_door(scenario), out_folder)):
+        fail(found, EXPECTED)
+    report, folder = _fly(
+        scenario, out_folder, launch, network, keyring, permission(allowed), verbose=verbose
+    )
+    conclude(report, scenario, folder)
+
+
+def _fly(
+    scenario: Scenario,
+    out_folder: Path,
+    launch: Launch,
+    network: Configuration | None,
+    keyring: Keyring | None,
+    may_arm: Permission,
+    *,
+    verbose: bool,
+) -> tuple[Report, Path]:
+    (spec,) = scenario.specs
+    folder = run_folder(out_folder, f"{scenario.config.name}-{spec.name}")
+    shown = terminal(verbose=verbose)
+    try:
+        with shown.shown():
+            flight = companion.fly(
+                scenario,
+                folder,
+                shown,
+                clock="real",
+                permission=may_arm,
+                launch=launch.value,
+                network=network,
+                keyring=keyring,
+            )
+            return asyncio.run(flight), folder
+    except BusError as error:
+        fail([str(error)], EXPECTED)
+
+
+def _meant(scenario: Scenario, uav: str) -> int:
+    try:
+        (sysid,) = meant_by([uav], {spec.sysid: spec.name for spec in scenario.swarm})
+    except ValueError as error:
+        fail([f"--uav {uav}: {error}"], USAGE)
+    return sysid
+
+
+def _url(url: str | None) -> str | None:
+    try:
+        if url is not None:
+            parse_url(url)
+    except ValueError as error:
+        fail([f"--url: {error}"], USAGE)
+    return url
+
+
+def _keyring(scenario: Scenario) -> Keyring | None:
+    (spec,) = scenario.specs
+    try:
+        return joining.keyring_of(scenario.config, name_of(spec.sysid), dt.datetime.now(dt.UTC))
+    except KeyringError as error:
+        fail([str(error)], EXPECTED)
+
+
+def _network(
+    scenario: Scenario, connect: str | None, launch: Launch, keyring: Keyring | None
+) -> Configuration | None:
+    (spec,) = scenario.specs
+    nowhere = scenario.config.communication.router is None and not scenario.config.communication.mesh
+    if connect is None and nowhere and launch is Launch.WHEN_READY:
+        say(f"`communication` has neither router nor mesh: {spec.name} flies in touch with nobody")
+        return None
+    try:
+        uavs = [other.sysid for other in scenario.swarm]
+        return joining.as_agent(scenario.config, spec.name, uavs, connect, keyring)
+    except joining.NoNetwork as error:
+        advice = f"; or --connect tcp/HOST:PORT, or --launch {Launch.WHEN_READY} to fly by itself"
+        fail([f"{error}{advice if nowhere and connect is None else ''}"], USAGE)
+
+
+def _without_door(scenario: Scenario) -> Scenario:
+    """An agent opens none: what has the port of `communication.listen` is not in its way."""
+    config = scenario.config
+    closed = config.communication.model_copy(update={"listen": NOBODY})
+    return replace(scenario, config=config.model_copy(update={"communication": closed}))

@@ -1,0 +1,103 @@
+"""What commands to vehicles in flight have in common: who is meant, where they are, what they answered."""
+
+from __future__ import annotations
+
+import asyncio
+import datetime as dt
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from swarmctl import joining, operate
+from swarmctl.bus.access import OPERATOR
+from swarmctl.bus.base import BusError
+from swarmctl.commands.shared import EXPECTED, USAGE, err, fail, out
+from swarmctl.config import ConfigError, load
+from swarmctl.core import requests
+from swarmctl.core.messages import OperatorAnswer, Request, VehicleAnswer
+from swarmctl.judge import judge
+from swarmctl.keyring.files import KeyringError
+from swarmctl.keyring.use import Keyring
+from swarmctl.operate import Station
+from swarmctl.scenario import build
+
+UavsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--uav", metavar="NAME", help="A vehicle's name or system id; may be repeated.", show_default=False
+    ),
+]
+AllOption = Annotated[bool, typer.Option("--all", help="Every vehicle of the swarm.")]
+SwarmOption = Annotated[str | None, typer.Option(help="Its name, where more than one flies on this machine.")]
+FlyingConfigOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--config",
+        "-c",
+        help="The swarm's configuration, instead of its name; with communication.router or mesh, "
+        "each vehicle's own agent is asked.",
+    ),
+]
+ConnectOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="tcp/HOST:PORT", help="Where the flight, or the router, listens, if not on this machine."
+    ),
+]
+
+
+def give(
+    command: Callable[[], Request],
+    swarm: str | None,
+    config: Path | None,
+    connect: str | None,
+    told: Callable[[VehicleAnswer], str],
+) -> None:
+    """Give it, say what became of it, and leave with an exit code. `command` raises ValueError."""
+    try:
+        wanted = command()
+        station, keyring = _station(swarm, config, connect)
+        credentials = joining.certified(station.endpoint, keyring)
+        sealed = operate.unsealed if keyring is None else partial(_sealed, station.swarm, keyring)
+        answer = asyncio.run(operate.give(station, wanted, credentials, sealed))
+    except ConfigError as error:
+        fail(error.lines, USAGE)
+    except (BusError, operate.NoAnswer, KeyringError) as error:
+        fail([str(error)], EXPECTED)
+    except ValueError as error:
+        fail([str(error)], USAGE)
+    _say(wanted, answer, station, told)
+
+
+def _sealed(swarm: str, keyring: Keyring, key: str, command: bytes) -> bytes:
+    return requests.seal(swarm, key, command, time.time(), keyring.signer.sign)
+
+
+def _station(swarm: str | None, config: Path | None, connect: str | None) -> tuple[Station, Keyring | None]:
+    """Raises ConfigError, BusError, KeyringError and ValueError."""
+    if config is None:
+        return operate.find(swarm, None, connect), None
+    found = load(config)
+    if not operate.is_apart(found):
+        return operate.find(swarm, found, connect), None
+    names = {spec.sysid: spec.name for spec in build(load(config, judge)).swarm}
+    station = operate.find(swarm, found, connect, names)
+    # Who flies all in one process, on this machine, asks for no seal.
+    keyring = joining.keyring_of(found, OPERATOR, dt.datetime.now(dt.UTC)) if station.agents else None
+    return station, keyring
+
+
+def _say(
+    wanted: Request, answer: OperatorAnswer, station: Station, told: Callable[[VehicleAnswer], str]
+) -> None:
+    if answer.refused:
+        fail([f"{station.swarm} refused: {answer.refused}"], EXPECTED)
+    for vehicle in answer.vehicles:
+        where = out if vehicle.outcome == "taken" else err
+        where.print(told(vehicle), highlight=False, markup=False, soft_wrap=True)
+    if operate.has_failed(wanted, answer):
+        raise typer.Exit(EXPECTED)

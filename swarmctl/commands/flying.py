@@ -1,0 +1,109 @@
+"""What commands that fly have in common: who may be armed, where it is shown, how it ended."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from swarmctl import outputs
+from swarmctl.app import Report
+from swarmctl.commands.shared import EXPECTED, INTERRUPTED, USAGE, err, fail, out
+from swarmctl.director import Member, Permission, PreflightFailed
+from swarmctl.flight_report import flight_table, missed, unfriendly
+from swarmctl.scenario import Scenario
+from swarmctl.terminal import LiveTable, PlainLines, Terminal
+
+RealOption = Annotated[
+    bool, typer.Option("--real", help="Allow arming vehicles that the built-in simulator does not play.")
+]
+
+
+def terminal(*, verbose: bool) -> Terminal:
+    return (LiveTable if out.is_terminal else PlainLines)(out, verbose=verbose)
+
+
+def conclude(report: Report, scenario: Scenario, folder: Path) -> None:
+    """Say how it ended, leave its files, and leave with its exit code."""
+    trouble = _written(folder, scenario, report)
+    _tell(report, folder)
+    if trouble:
+        fail([trouble], EXPECTED)
+    if report.bug is not None:
+        raise report.bug
+    if report.ended in ("stopped", "abandoned"):
+        raise typer.Exit(INTERRUPTED)
+    if report.trouble or not report.all_arrived or missed(report.summary):
+        raise typer.Exit(EXPECTED)
+
+
+def _tell(report: Report, folder: Path) -> None:
+    for text in report.trouble:
+        err.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
+    if report.ended in ("ended", "stopped", "abandoned"):
+        out.print(flight_table(report.summary))
+        for text in unfriendly(report.summary):
+            out.print(text, style="yellow", highlight=False, markup=False, soft_wrap=True)
+    if report.ended != "ended" or not report.all_arrived:
+        if report.ended == "abandoned":
+            out.print("left at once, without waiting for any vehicle:", style="yellow", highlight=False)
+        for text in report.left:
+            out.print(text, highlight=False, markup=False, soft_wrap=True)
+    if report.ended == "failed":
+        out.print("nothing was flown to the end; see above", highlight=False)
+    else:
+        out.print(f"{report.arrived} of {len(report.states)} arrived", highlight=False)
+        if late := missed(report.summary):
+            err.print(f"out of time: {', '.join(late)}", style="red", highlight=False, soft_wrap=True)
+    out.print(f"run folder: {folder}", highlight=False, soft_wrap=True)
+
+
+def _written(folder: Path, scenario: Scenario, report: Report) -> str:
+    """Writes what a run leaves for people; returns what went wrong with it."""
+    try:
+        if report.states:
+            outputs.write_run(folder, scenario, report)
+    except OSError as error:
+        return f"{folder}: the run's files could not be written: {error.strerror or error}"
+    return ""
+
+
+def confirmed(scenario: Scenario, confirm: str) -> frozenset[str]:
+    """The vehicles the operator has named, which must be all that are not simulated here."""
+    names = [spec.name for spec in scenario.specs if not spec.simulated]
+    if not names:
+        fail(["--real: every vehicle of this configuration is simulated; leave --real away"], USAGE)
+    if not confirm:
+        if not sys.stdin.isatty():
+            fail([f"--real needs a terminal to confirm at, or --confirm {','.join(names)}"], USAGE)
+        for spec in scenario.specs:
+            if not spec.simulated:
+                out.print(f"  {spec.name}: system {spec.sysid} at {spec.url}", highlight=False)
+        confirm = typer.prompt("These will be armed and fly. Type their names, separated by commas")
+    typed = [name.strip() for name in confirm.split(",") if name.strip()]
+    if sorted(typed) != sorted(names):
+        fail(
+            [f"not confirmed: expected {','.join(names)}, found {','.join(typed)}; nothing was started"],
+            USAGE,
+        )
+    return frozenset(names)
+
+
+def permission(allowed: frozenset[str]) -> Permission:
+    def permit(foreign: Sequence[Member]) -> None:
+        refused = [m for m in foreign if m.name not in allowed]
+        if refused:
+            raise PreflightFailed([_refusal(m) for m in refused])
+
+    return permit
+
+
+def _refusal(member: Member) -> str:
+    found = member.identity.firmware if member.identity is not None else "an unknown autopilot"
+    return (
+        f"{member.name}: {found} at {member.spec.url} is not played by the built-in simulator, so it is not "
+        "armed; to fly it, give --real and type the names of the vehicles"
+    )

@@ -1,0 +1,178 @@
+"""`swarmctl observe`: what a person has seen, told to a vehicle's agent as its payload would."""
+
+from __future__ import annotations
+
+import asyncio
+import datetime as dt
+import json
+from typing import Annotated
+
+import typer
+
+from swarmctl import joining, operate
+from swarmctl.bus import looks
+from swarmctl.bus.access import OPERATOR
+from swarmctl.bus.base import BusError, Transport
+from swarmctl.bus.zenoh_config import Credentials
+from swarmctl.commands.asking import ConnectOption, FlyingConfigOption, SwarmOption
+from swarmctl.commands.shared import EXPECTED, USAGE, fail, out, say, scenario_of
+from swarmctl.core.grid import Cell
+from swarmctl.core.looks import VERSION, Answer, Point, Report, schema
+from swarmctl.core.messages import MAX_SYSTEM_ID
+from swarmctl.core.roster import meant_by
+from swarmctl.keyring.files import KeyringError
+from swarmctl.operate import NoAnswer, Station, Unclear
+from swarmctl.scenario import Scenario
+
+SOURCE = "operator"
+MAX_INDEX = 2**31
+"""beyond the rows and columns of any area"""
+
+
+def register(cli: typer.Typer) -> None:
+    cli.command()(observe)
+
+
+def observe(
+    uav: Annotated[
+        str,
+        typer.Option(
+            "--uav", metavar="NAME", help="The vehicle that is told: system id, or with --config name."
+        ),
+    ] = "",
+    cell: Annotated[
+        list[str] | None, typer.Option("--cell", metavar="ROW,COL", help="What was seen; may be repeated.")
+    ] = None,
+    at: Annotated[
+        list[str] | None,
+        typer.Option("--at", metavar="LAT,LON", help="Instead of --cell, a position [deg]; may be repeated."),
+    ] = None,
+    occupied: Annotated[
+        bool | None,
+        typer.Option("--occupied/--clear", help="Whether a hostile is there.", show_default=False),
+    ] = None,
+    swarm: SwarmOption = None,
+    config: FlyingConfigOption = None,
+    connect: ConnectOption = None,
+    show_schema: Annotated[
+        bool,
+        typer.Option("--schema", help="Print the JSON schema of payloads' reports, and do nothing else."),
+    ] = False,
+) -> None:
+    """Tell a vehicle in flight what you see: its agent takes it as its own look, and tells the others.
+
+    For swarms with `sensor: {source: external}` or `both`. Payloads report the same way: see --schema, and
+    configs/detector.py for an example.
+    """
+    if show_schema:
+        out.print_json(json.dumps(schema()))
+        return
+    scenario = scenario_of(config) if config is not None else None
+    try:
+        report = seen(cell or [], at or [], occupied)
+        to = _vehicle(uav, scenario)
+        station, credentials = _station(swarm, scenario, connect)
+    except (BusError, KeyringError) as error:
+        fail([str(error)], EXPECTED)
+    except ValueError as error:
+        fail([str(error)], USAGE)
+    try:
+        answer = asyncio.run(_report(station, credentials, to, report))
+    except (BusError, NoAnswer) as error:
+        fail([str(error)], EXPECTED)
+    if not answer.taken:
+        fail([f"vehicle {uav} of {station.swarm} refused: {answer.why}"], EXPECTED)
+    said = ", ".join(f"({row}, {col}) {'occupied' if held else 'clear'}" for row, col, held in answer.cells)
+    say(f"vehicle {uav} of {station.swarm} has taken: {said}")
+
+
+def seen(cells: list[str], places: list[str], occupied: bool | None) -> Report:
+    """The report of what was given in words. Raises Unclear."""
+    if bool(cells) == bool(places):
+        raise Unclear(
+            "what was seen? give --cell ROW,COL (row 0 is the southernmost) or --at LAT,LON, not both"
+        )
+    if occupied is None:
+        raise Unclear("what was seen there? give --occupied (a hostile holds it) or --clear")
+    if cells:
+        return Report(VERSION, cells=tuple((*_cell(word), occupied) for word in cells), source=SOURCE)
+    return Report(VERSION, points=tuple(_point(word, occupied) for word in places), source=SOURCE)
+
+
+def _pair(word: str, option: str, such_as: str) -> tuple[float, float]:
+    try:
+        first, second = (float(part) for part in word.split(","))
+    except ValueError:
+        raise Unclear(f"{option} {word!r}: expected two numbers, such as {such_as}") from None
+    return first, second
+
+
+def _cell(word: str) -> Cell:
+    row, col = _pair(word, "--cell", "4,7")
+    if not (row.is_integer() and col.is_integer() and max(abs(row), abs(col)) < MAX_INDEX):
+        raise Unclear(f"--cell {word!r}: expected whole numbers, such as 4,7")
+    return int(row), int(col)
+
+
+def _point(word: str, occupied: bool) -> Point:
+    lat_deg, lon_deg = _pair(word, "--at", "46.0512,14.4071")
+    if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0):
+        raise Unclear(f"--at {word!r}: expected a latitude and a longitude [deg], such as 46.0512,14.4071")
+    return Point(lat_deg, lon_deg, occupied)
+
+
+def _vehicle(word: str, scenario: Scenario | None) -> int:
+    """The system id. Raises ValueError."""
+    if not word:
+        raise Unclear("which vehicle is told? give --uav and its system id, or its name with --config")
+    if scenario is not None:
+        (uav,) = meant_by([word], _names(scenario))
+        return uav
+    if word.isascii() and word.isdigit() and 1 <= int(word) <= MAX_SYSTEM_ID:
+        return int(word)
+    raise Unclear(
+        f"--uav {word!r}: expected a system id from 1 to {MAX_SYSTEM_ID}; names are known with --config"
+    )
+
+
+def _station(
+    swarm: str | None, scenario: Scenario | None, connect: str | None
+) -> tuple[Station, Credentials | None]:
+    """Where to report, and what is shown there. Raises BusError, KeyringError and ValueError."""
+    if scenario is None:
+        station, keyring = operate.find(swarm, None, connect), None
+    else:
+        station = operate.find(swarm, scenario.config, connect, _names(scenario))
+        certified = station.endpoint.is_certified
+        now = dt.datetime.now(dt.UTC)
+        keyring = joining.keyring_of(scenario.config, OPERATOR, now) if certified else None
+    return station, joining.certified(station.endpoint, keyring)
+
+
+def _names(scenario: Scenario) -> dict[int, str]:
+    return {spec.sysid: spec.name for spec in scenario.swarm}
+
+
+async def _report(station: Station, credentials: Credentials | None, uav: int, report: Report) -> Answer:
+    """Raises BusError and NoAnswer."""
+    with operate.visited(station, credentials) as bus:
+        return await told(bus, station, uav, report)
+
+
+async def told(bus: Transport, station: Station, uav: int, report: Report) -> Answer:
+    """Report on a bus that is open, and hear the answer. Raises NoAnswer."""
+    try:
+        answer = await looks.ask(bus, station.swarm, uav, report)
+    except TimeoutError:
+        raise NoAnswer(
+            f"{station.swarm} at {station.endpoint} did not answer within {looks.TIMEOUT_S:g} s: whether it "
+            "took the report is not known; by a sensor that never errs it may be given again"
+        ) from None
+    except ValueError as error:
+        raise NoAnswer(f"{station.swarm} at {station.endpoint}: {error}; is it of another version?") from None
+    if answer is None:
+        raise NoAnswer(
+            f"nobody takes reports for vehicle {uav} of {station.swarm} at {station.endpoint}: is it one of "
+            "its vehicles, does it fly, and has its configuration `sensor: {source: external}` or `both`?"
+        )
+    return answer

@@ -1,0 +1,129 @@
+"""One agent a machine: flies one vehicle of a configuration, with the others' agents elsewhere."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from swarmctl import app
+from swarmctl.app import Manner, Report
+from swarmctl.bus.base import Transport
+from swarmctl.bus.desk import Unseal, unsealed
+from swarmctl.bus.memory import MemoryBus
+from swarmctl.bus.zenoh_bus import ZenohBus
+from swarmctl.bus.zenoh_config import Configuration
+from swarmctl.core.frames import Seal
+from swarmctl.core.requests import Opener
+from swarmctl.director import Launch, Member, Permission
+from swarmctl.face import Steady, Ui
+from swarmctl.keyring.use import Keyring
+from swarmctl.links.url import parse_url
+from swarmctl.parts import Clock
+from swarmctl.scenario import Scenario
+from swarmctl.supervise import cancelled
+from swarmctl.virtual import Carry, undisturbed
+
+FIRST_LINK_S = 3.0
+"""A network that is not there by then is said to be missing."""
+LOOKED_AT_EVERY_S = 0.5
+
+
+def only(scenario: Scenario, uav: int, url: str | None = None) -> Scenario:
+    """The scenario, of which this process flies one vehicle, at `url` if that is not its configuration's.
+
+    All else (altitude, landing spot, seeds, what its sensor sees) is as if one process flew them all.
+    """
+    alone = scenario.only(uav)
+    (spec,) = alone.specs
+    if url is not None:
+        spec = replace(spec, url=url, simulated=False)
+    elif spec.simulated:
+        # A simulator of its own, beside those of other agents that may run on this machine.
+        spec = replace(spec, url=str(replace(parse_url(spec.url), port=0)))
+    return replace(alone, specs=(spec,))
+
+
+def orders_closed(members: Sequence[Member], *, has_keys: bool) -> str:
+    """Why operators' orders are not taken; empty if they are.
+
+    Without keys nobody knows who gives an order, and whoever reaches the network could launch an aircraft, or
+    drop one: then only vehicles that the built-in simulator plays take any.
+    """
+    real = [m.name for m in members if m.identity is None or not m.identity.simulated]
+    if has_keys or not real:
+        return ""
+    return (
+        f"{', '.join(real)} is not played by the built-in simulator, and nobody could tell who gives an "
+        "order: make keys with `swarmctl keys` and set communication.keys"
+    )
+
+
+async def fly(
+    scenario: Scenario,
+    folder: Path,
+    ui: Ui,
+    *,
+    clock: Clock,
+    permission: Permission,
+    launch: Launch,
+    network: Configuration | None = None,
+    bus: Transport | None = None,
+    keyring: Keyring | None = None,
+    carry: Carry = undisturbed,
+) -> Report:
+    """Fly what `only` has left, over `network`, over a bus that is open already, or in touch with nobody.
+
+    A network that is not there yet, or ends, stops nothing. Raises BusError where it can never be opened.
+    """
+    (spec,) = scenario.specs
+    manner = Manner(
+        launch,
+        spec.sysid,
+        lambda members: orders_closed(members, has_keys=keyring is not None),
+        seal=None if keyring is None else Seal(scenario.config.name, keyring.sign, keyring.verify),
+        unseal=unsealed if keyring is None else _opener(scenario, keyring),
+    )
+
+    async def flight(bus: Transport) -> Report:
+        return await app.fly(
+            scenario, folder, ui, clock=clock, permission=permission, carry=carry, bus=bus, manner=manner
+        )
+
+    if network is None:
+        return await flight(bus or MemoryBus())
+    with ZenohBus(network) as zenoh:
+        watch = asyncio.create_task(_say_links(zenoh, Steady(ui)))
+        try:
+            return await flight(zenoh)
+        finally:
+            await cancelled(watch)
+
+
+def _opener(scenario: Scenario, keyring: Keyring) -> Unseal:
+    """Takes what the operator has signed."""
+    tolerance_s = scenario.config.communication.clock_tolerance_s
+    opener = Opener(scenario.config.name, keyring.is_operators, time.time(), tolerance_s)
+    return lambda key, payload: opener.open(key, payload, time.time())
+
+
+async def _say_links(bus: ZenohBus, ui: Ui) -> None:
+    """Say once when the network goes, or is not there from the start, and when it comes."""
+    there = None
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(FIRST_LINK_S):
+            while not bus.connected:  # noqa: ASYNC110 - it comes and goes on threads of Zenoh's
+                await asyncio.sleep(LOOKED_AT_EVERY_S)
+    while True:
+        if bus.connected is not there:
+            there = bus.connected
+            ui.say("in touch with the swarm's network" if there else _missing(bus))
+        await asyncio.sleep(LOOKED_AT_EVERY_S)
+
+
+def _missing(bus: ZenohBus) -> str:
+    where = f": {bus.trouble}" if bus.trouble else ""
+    return f"nobody of the swarm's network is reached{where}; flying by what is known here until it is"

@@ -1,0 +1,226 @@
+"""What UAVs tell each other, typed as the acts of FIPA's agent communication language, and its bytes.
+
+| act/kind | content | says |
+|---|---|---|
+| `inform/observation` | Observation | what the sender has just seen |
+| `inform/state` | StateShared | where it is, what it does, how much it knows; once a second |
+| `query-ref/snapshot` | SnapshotAsked | which observations it holds: tell me the others |
+| `inform/snapshot` | Snapshot | the answer: frames of their observers, word for word |
+| `inform/relayed` | Relayed | frames of others, passed on at once |
+| `inform/checkpoint` | Checkpoint | in snapshots: stands for all an observer saw up to one observation |
+
+A frame is the byte VERSION, a byte that says whether it is signed, then 64 bytes of Ed25519 signature if it
+is, then a MessagePack map. What is signed is the swarm's name and the map. Fields that a later version adds
+are tolerated; another version, a missing field or a value that makes no sense is refused.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from enum import StrEnum
+from typing import Annotated
+
+import msgspec
+
+from swarmctl.core.geo import LatLon
+from swarmctl.core.observation import Checkpoint, Id, Incarnation, Observation, Seq
+
+VERSION = 2
+UNSIGNED, SIGNED = 0, 1
+SIGNATURE_BYTES = 64
+MAX_FRAME_BYTES = 49_152
+"""longer ones are cut into several, or refused"""
+MAX_TEXT = 200
+
+Text = Annotated[str, msgspec.Meta(max_length=MAX_TEXT)]
+
+
+class Why(StrEnum):
+    """Why a message was refused."""
+
+    MALFORMED = "malformed"
+    OVERSIZE = "oversize"
+    VERSION = "other version"
+    UNSIGNED = "not signed"
+    SIGNATURE = "wrong signature"
+    WILDCARD = "wildcard key"
+    SOURCE = "wrong source"
+    """the key, the frame and its content do not name one sender"""
+    STRANGER = "not of this swarm"
+    REPLAY = "replay"
+    FUTURE = "from the future"
+    OUTSIDE = "outside the area"
+    TWO_CONTENTS = "two contents"
+    TOO_FAST = "too fast"
+
+
+class Refused(ValueError):
+    """A message that is not taken; says why in a word, and what was found."""
+
+    def __init__(self, why: Why, text: str) -> None:
+        super().__init__(f"{why}: {text}")
+        self.why = why
+
+
+class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, tag="inform/state"):
+    """Where a UAV is, what it is doing and how much it knows, about once a second of its own time."""
+
+    time_s: float
+    """by the vehicle's clock since boot [s]"""
+    lat_deg: float
+    lon_deg: float
+    alt_rel_m: float
+    phase: Text
+    n_observed: int
+    n_found: int
+    last_seq: int = 0
+    """its last own observation"""
+    knows: int = 0
+    """a hash over the names of all it holds"""
+    mode: Text = ""
+    plan_id: int = 0
+    replans: int = 0
+    late_s: float | None = None
+    outcome: Text = ""
+    trouble: Text = ""
+    refused: int = 0
+    """messages it did not take"""
+    flagged: tuple[int, ...] = ()
+    """UAVs that told the contrary of what it saw itself"""
+
+    def __post_init__(self) -> None:
+        if not (abs(self.lat_deg) <= 90.0 and abs(self.lon_deg) <= 180.0 and math.isfinite(self.time_s)):
+            raise ValueError(f"a UAV at ({self.lat_deg}, {self.lon_deg}): expected degrees")
+
+
+class Have(msgspec.Struct, frozen=True, array_like=True):
+    """What of one source is held."""
+
+    observer: Id
+    incarnation: Incarnation
+    checkpoint: int
+    """what the checkpoint held stands for; 0: there is none"""
+    upto: int
+    """everything up to here"""
+    beyond: tuple[Seq, ...] = ()
+    """and of what came later, these"""
+
+
+class SnapshotAsked(msgspec.Struct, frozen=True, tag="query-ref/snapshot"):
+    """Everything held, by name."""
+
+    have: tuple[Have, ...]
+    states: tuple[tuple[Id, float], ...]
+    """UAV -> the time of its last state held (unix) [s]"""
+
+
+class Snapshot(msgspec.Struct, frozen=True, tag="inform/snapshot"):
+    """Part of the answer to a `SnapshotAsked`."""
+
+    frames: tuple[bytes, ...]
+    last: bool
+
+
+class Relayed(msgspec.Struct, frozen=True, tag="inform/relayed"):
+    """Frames of others that were new to the sender."""
+
+    frames: tuple[bytes, ...]
+
+
+Content = Observation | Checkpoint | StateShared | SnapshotAsked | Snapshot | Relayed
+Spoken = Observation | StateShared
+"""what an agent says; all else is between its node and others'"""
+
+
+class Frame(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A message with whom it comes from; the same bytes to whomever it goes."""
+
+    sender: Id
+    incarnation: Incarnation
+    n: Seq
+    """counts the messages of this sender's incarnation"""
+    unix_s: float
+    """when it was said"""
+    content: Content
+    lat_deg: float | None = None
+    lon_deg: float | None = None
+    """where it was said, unless the content tells"""
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.unix_s) or not all(
+            math.isfinite(x or 0.0) for x in (self.lat_deg, self.lon_deg)
+        ):
+            raise ValueError("a time or place that is no number")
+
+    @property
+    def at(self) -> LatLon | None:
+        content = self.content
+        if isinstance(content, StateShared):
+            return content.lat_deg, content.lon_deg
+        return None if self.lat_deg is None or self.lon_deg is None else (self.lat_deg, self.lon_deg)
+
+    @property
+    def act(self) -> str:
+        """act/kind, as in its key"""
+        return act_of(self.content)
+
+
+def act_of(content: Content) -> str:
+    return str(type(content).__struct_config__.tag)
+
+
+Sign = Callable[[int, bytes], bytes | None]
+"""(sender, what is signed) -> signature; None where nobody signs"""
+Verify = Callable[[int, bytes, bytes], bool]
+"""(sender, signature, what is signed) -> whether it is that sender's"""
+
+_encoder = msgspec.msgpack.Encoder()
+_frames: msgspec.msgpack.Decoder[Frame] = msgspec.msgpack.Decoder(Frame)
+
+
+class Seal:
+    """Frames to bytes and back. Without `verify` signatures are neither made nor looked at."""
+
+    def __init__(self, swarm: str, sign: Sign | None = None, verify: Verify | None = None) -> None:
+        self._domain = b"swarmctl\0" + swarm.encode() + b"\0"
+        self._sign = sign
+        self._verify = verify
+
+    def close(self, frame: Frame) -> bytes:
+        """The bytes of a frame of this process's own."""
+        body = _encoder.encode(frame)
+        signature = None if self._sign is None else self._sign(frame.sender, self._domain + body)
+        if signature is None:
+            return bytes((VERSION, UNSIGNED)) + body
+        return bytes((VERSION, SIGNED)) + signature + body
+
+    def open(self, data: bytes) -> Frame:
+        """Raises Refused; never anything else, whatever the bytes."""
+        if len(data) > MAX_FRAME_BYTES:
+            raise Refused(Why.OVERSIZE, f"{len(data)} bytes, expected at most {MAX_FRAME_BYTES}")
+        if len(data) < 2:
+            raise Refused(Why.MALFORMED, "expected a version, a flag and MessagePack")
+        if data[0] != VERSION:
+            raise Refused(Why.VERSION, f"version {data[0]}, this program speaks version {VERSION}")
+        start = 2 + SIGNATURE_BYTES if data[1] == SIGNED else 2
+        body = data[start:]
+        try:
+            frame = _frames.decode(body)
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+            raise Refused(Why.MALFORMED, f"not a message of version {VERSION}: {error}") from None
+        if self._verify is not None:
+            if data[1] != SIGNED:
+                raise Refused(Why.UNSIGNED, f"a message of vehicle {frame.sender} without a signature")
+            if not self._verify(frame.sender, data[2:start], self._domain + body):
+                raise Refused(Why.SIGNATURE, f"a message that vehicle {frame.sender} did not sign")
+        content = frame.content
+        if isinstance(content, Observation | Checkpoint):
+            self._check_source(frame, content)
+        return frame
+
+    @staticmethod
+    def _check_source(frame: Frame, told: Observation | Checkpoint) -> None:
+        """Nobody speaks for another: what it tells it has seen itself."""
+        if told.source != (frame.sender, frame.incarnation):
+            raise Refused(Why.SOURCE, f"vehicle {frame.sender} tells what {told.observer} saw as its own")

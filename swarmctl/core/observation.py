@@ -1,0 +1,162 @@
+"""What vehicles tell of the area: observations, each with a name, and checkpoints that stand for many.
+
+An observer numbers its observations from 1 on. It begins again when its program is started again, under a
+greater incarnation number, so that (observer, incarnation, seq) never names two.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Annotated
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+Source = tuple[int, int]
+"""(observer, incarnation)"""
+MAX_CELLS = 4096
+"""of one observation"""
+MAX_PACKED_BYTES = 40_000
+"""of a checkpoint; an observer that has seen more than fits tells its observations one by one"""
+MAX_COUNT = 2**31 - 1
+
+Id = Annotated[int, msgspec.Meta(ge=1, le=254)]
+Incarnation = Annotated[int, msgspec.Meta(ge=0, lt=2**62)]
+Seq = Annotated[int, msgspec.Meta(ge=1, lt=2**53)]
+Index = Annotated[int, msgspec.Meta(ge=0, lt=2**31)]
+
+
+class Observation(msgspec.Struct, frozen=True, gc=False, tag="inform/observation"):
+    """Cells that one vehicle saw at one moment."""
+
+    observer: Id
+    """system id of the vehicle that saw it"""
+    seq: Seq
+    """counts this observer's observations"""
+    time_s: float
+    """by the observer's run clock [s]"""
+    cells: Annotated[tuple[tuple[Index, Index, bool], ...], msgspec.Meta(max_length=MAX_CELLS)]
+    """(row, col, occupied)"""
+    incarnation: Incarnation = 0
+    """greater each time the observer's program is started"""
+
+    @property
+    def source(self) -> Source:
+        return self.observer, self.incarnation
+
+    @property
+    def two_contents(self) -> str:
+        """What to say where its name came with another content before."""
+        return (
+            f"observation {self.seq} of vehicle {self.observer} came with two different contents; expected "
+            "one observer a system id: look for a second process that flies this vehicle"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Counts:
+    """How often which cells were looked at, and how often a hostile was seen there; arrays of one length."""
+
+    cells: NDArray[np.int64]
+    """row · cols + col, ascending"""
+    looks: NDArray[np.int32]
+    hits: NDArray[np.int32]
+
+
+class Checkpoint(msgspec.Struct, frozen=True, gc=False, tag="inform/checkpoint"):
+    """Stands for all observations of one source up to one: memory and snapshots stay small for ever."""
+
+    observer: Id
+    incarnation: Incarnation
+    upto: Seq
+    """the last observation it stands for"""
+    packed: Annotated[bytes, msgspec.Meta(max_length=MAX_PACKED_BYTES)]
+    """zlib over three arrays of u32, little-endian: steps between the cells, looks, hits"""
+
+    @property
+    def source(self) -> Source:
+        return self.observer, self.incarnation
+
+    def counts(self, n_cells: int) -> Counts:
+        """Raises ValueError where it is none for an area of so many cells."""
+        return _unpacked(self.packed, n_cells)
+
+
+Told = Observation | Checkpoint
+Cells = tuple[NDArray[np.int64], NDArray[np.int64]]
+"""row · cols + col of the cells that were looked at, and of those that hold a hostile"""
+
+
+def checkpoint(
+    before: Checkpoint | None, later: Iterable[Observation], cols: int, n_cells: int
+) -> Checkpoint | None:
+    """One that stands for `before` and for `later`, which follow it without a gap and are not empty.
+
+    None where it would not fit into a message.
+    """
+    ordered = sorted(later, key=lambda seen: seen.seq)
+    looked = [(row * cols + col, 1, int(occupied)) for seen in ordered for row, col, occupied in seen.cells]
+    table = np.array(looked, dtype=np.int64).reshape(-1, 3)
+    if before is not None:
+        counts = before.counts(n_cells)
+        table = np.vstack([table, np.stack([counts.cells, counts.looks, counts.hits], axis=1)])
+    cells, which = np.unique(table[:, 0], return_inverse=True)
+    looks = np.bincount(which, table[:, 1], cells.size)
+    hits = np.bincount(which, table[:, 2], cells.size)
+    packed = zlib.compress(
+        np.concatenate([np.diff(cells, prepend=0), looks, hits]).astype("<u4").tobytes(), 1
+    )
+    last = ordered[-1]
+    if len(packed) > MAX_PACKED_BYTES:
+        return None
+    return Checkpoint(last.observer, last.incarnation, last.seq, packed)
+
+
+_cells: dict[int, tuple[Observation, int, int, Cells]] = {}
+"""By identity, which a held observation keeps: to hash one takes longer than to work its cells out."""
+MAX_HELD = 4096
+
+
+def cells_of(seen: Observation, rows: int, cols: int) -> Cells:
+    """Made once for all UAVs of a process. Raises ValueError where a cell lies outside the area."""
+    held = _cells.get(id(seen))
+    if held is not None and held[0] is seen and held[1] == rows and held[2] == cols:
+        return held[3]
+    for row, col, _ in seen.cells:
+        if row >= rows or col >= cols or row < 0 or col < 0:
+            raise ValueError(
+                f"observation {seen.seq} of vehicle {seen.observer}: cell ({row}, {col}) "
+                f"is outside the area of {rows} × {cols} cells; do both fly the same configuration?"
+            )
+    looked = np.array([row * cols + col for row, col, _ in seen.cells], dtype=np.int64)
+    occupied = np.array([row * cols + col for row, col, here in seen.cells if here], dtype=np.int64)
+    if len(_cells) >= MAX_HELD:
+        _cells.clear()
+    _cells[id(seen)] = seen, rows, cols, (looked, occupied)
+    return looked, occupied
+
+
+@lru_cache(maxsize=1024)
+def _unpacked(packed: bytes, n_cells: int) -> Counts:
+    unpacker = zlib.decompressobj()
+    try:
+        # Never more than an area has: a few bytes can unpack to gigabytes.
+        raw = unpacker.decompress(packed, 12 * n_cells + 1)
+    except zlib.error as error:
+        raise ValueError(f"a checkpoint that cannot be unpacked: {error}") from None
+    if len(raw) % 12 or len(raw) > 12 * n_cells or not unpacker.eof:
+        raise ValueError(f"a checkpoint of {len(raw)} bytes: expected 12 for each of at most {n_cells} cells")
+    steps, looks, hits = np.frombuffer(raw, "<u4").astype(np.int64).reshape(3, -1)
+    cells = np.cumsum(steps)
+    if cells.size and (cells[-1] >= n_cells or (steps[1:] == 0).any()):
+        raise ValueError(f"a checkpoint with cells outside the area of {n_cells} cells, or named twice")
+    if (hits > looks).any() or (looks < 1).any() or (looks > MAX_COUNT // 254).any():
+        raise ValueError("a checkpoint whose looks and hits cannot be")
+    counts = Counts(cells, looks.astype(np.int32), hits.astype(np.int32))
+    for array in (counts.cells, counts.looks, counts.hits):
+        array.flags.writeable = False
+    return counts

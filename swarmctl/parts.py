@@ -1,0 +1,200 @@
+"""What of a flight does I/O: front end, bus, who plays simulated vehicles; and its members on them."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+import time
+from collections.abc import AsyncIterator, Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
+
+from swarmctl import simulator
+from swarmctl.bus.base import Transport
+from swarmctl.bus.desk import Desk
+from swarmctl.bus.looks import Looks
+from swarmctl.bus.memory import MemoryBus
+from swarmctl.bus.network import Network, RunClock
+from swarmctl.bus.open import opened
+from swarmctl.core import events as ev
+from swarmctl.core.looks import Looked
+from swarmctl.director import Member
+from swarmctl.links import LINKS
+from swarmctl.links.frontend import FrontEnd
+from swarmctl.links.memory import MemoryWire
+from swarmctl.links.url import Endpoint, parse_url
+from swarmctl.planners import warm_up
+from swarmctl.runner import Runner
+from swarmctl.scenario import Purpose, Scenario, Spec
+from swarmctl.sensors import SOURCES
+from swarmctl.sensors.external import External
+from swarmctl.sensors.footprint import Footprint
+from swarmctl.virtual import Carry, fleet_on
+
+Clock = Literal["real", "virtual"]
+VIRTUAL_EPOCH_NS = 1_767_225_600 * 10**9
+"""Virtual runs happen at the beginning of 2026, so that equal runs leave equal files."""
+OFFLOAD_CELLS = 100_000
+"""Areas of more cells are searched in a thread, so that the loop serves the links meanwhile."""
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """What the members of a flight are made on."""
+
+    front_end: FrontEnd
+    transport: Transport
+    played: asyncio.Task[None] | None
+    """plays the simulated vehicles; None where there are none"""
+
+
+@contextlib.asynccontextmanager
+async def parts_of(
+    scenario: Scenario,
+    folder: Path,
+    clock: Clock,
+    carry: Carry,
+    bus: Transport | None,
+    say: Callable[[str], None],
+) -> AsyncIterator[Parts]:
+    """Open as long as this lasts. `bus` is one that is open already."""
+    wire, began_ns = MemoryWire(), epoch_ns(clock)
+    loop = asyncio.get_running_loop()
+
+    def wall_time_us() -> int:
+        return (began_ns + round(loop.time() * 1e9)) // 1000
+
+    async with contextlib.AsyncExitStack() as stack:
+        played: asyncio.Task[None] | None = None
+        front_end = await stack.enter_async_context(
+            FrontEnd(wall_time_us=wall_time_us, memory={"fleet": wire})
+        )
+        if any(spec.simulated for spec in scenario.specs):
+            if clock == "virtual":
+                played = await stack.enter_async_context(fleet_on(wire, scenario, carry))
+            else:
+                # The port is ours before anybody sends to it, and a taken one is said before all else.
+                endpoint = parse_url(_simulated_url(scenario))
+                await front_end.open(endpoint)
+                url = f"{'udpout' if endpoint.kind == 'udpin' else 'tcpout'}://{_reachable(endpoint)}"
+                played = await stack.enter_async_context(simulator.running(scenario, url, folder))
+        if clock == "real":
+            # The first time on a machine this compiles for some seconds: before anything listens to us.
+            await asyncio.to_thread(warm_up)
+        else:
+            warm_up()
+        communication = scenario.config.communication
+        if bus is None and communication.bus == "zenoh" and clock == "real":
+            bus = stack.enter_context(opened(scenario.config.name, communication.listen, say))
+        yield Parts(front_end, bus or MemoryBus(), played)
+
+
+def members_of(
+    scenario: Scenario,
+    folder: Path,
+    parts: Parts,
+    network: Network,
+    desk: Desk,
+    observers: tuple[Any, ...],
+    clock: Clock,
+    run_clock: RunClock,
+    say: Callable[[str], None],
+) -> Iterator[Member]:
+    """The vehicles of this process, each with its link, its sensor and its agent."""
+    source = SOURCES[scenario.config.sensor.source]
+    for spec, task in zip(scenario.specs, scenario.tasks, strict=True):
+        endpoint = parse_url(spec.url)
+        if spec.simulated and clock == "virtual":
+            endpoint = Endpoint("memory", "fleet")
+        inlet = _Inlet()
+        link = LINKS[spec.link](
+            parts.front_end,
+            endpoint,
+            spec.sysid,
+            name=spec.name,
+            on_event=inlet,
+            tlog=folder / f"{spec.name}.tlog",
+        )
+        runner = Runner(
+            task,
+            scenario.prior,
+            link,
+            _footprint(scenario, spec) if source.simulated else External(),
+            network,
+            observers,
+            desk=desk,
+            offload=clock == "real" and scenario.grid.n_cells > OFFLOAD_CELLS,
+        )
+        inlet.runner = runner
+        if source.external:
+            seen, heard = partial(_observed, runner), partial(_say_of, say, spec.name)
+            Looks(
+                parts.transport,
+                scenario.config.name,
+                spec.sysid,
+                scenario.grid,
+                run_clock.unix_s,
+                seen,
+                heard,
+                tolerance_s=scenario.config.communication.clock_tolerance_s,
+            )
+        yield Member(spec, runner)
+
+
+def _footprint(scenario: Scenario, spec: Spec) -> Footprint:
+    rng = scenario.generator(Purpose.SENSOR, spec.sysid)
+    return Footprint(scenario.grid, scenario.hostiles, scenario.prior.sensor, rng)
+
+
+def _say_of(say: Callable[[str], None], name: str, text: str) -> None:
+    say(f"{name}: {text}")
+
+
+def _observed(runner: Runner, cells: Looked, source: str) -> None:
+    runner.tell(f"{source or 'a payload'} reports {len(cells)} cells")
+    runner.post(ev.Observed(cells))
+
+
+class _Inlet:
+    """A link needs somebody to report to before the runner that owns it exists."""
+
+    runner: Runner
+
+    def __call__(self, event: Any) -> None:
+        self.runner.on_link_event(event)
+
+
+def epoch_ns(clock: Clock) -> int:
+    """The wall time at which the loop's clock showed zero."""
+    if clock == "virtual":
+        return VIRTUAL_EPOCH_NS
+    return time.time_ns() - round(asyncio.get_running_loop().time() * 1e9)
+
+
+def _reachable(endpoint: Endpoint) -> str:
+    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(endpoint.host, endpoint.host)
+    return f"[{host}]:{endpoint.port}" if ":" in host else f"{host}:{endpoint.port}"
+
+
+def with_free_port(scenario: Scenario) -> Scenario:
+    """Port 0 means any free one: the simulator has to be told which."""
+    if not any(spec.simulated for spec in scenario.specs):
+        return scenario
+    endpoint = parse_url(_simulated_url(scenario))
+    if endpoint.port != 0:
+        return scenario
+    kind = socket.SOCK_DGRAM if endpoint.kind == "udpin" else socket.SOCK_STREAM
+    family = socket.AF_INET6 if ":" in endpoint.host else socket.AF_INET
+    with socket.socket(family, kind) as probe:
+        probe.bind((endpoint.host, 0))
+        url = str(replace(endpoint, port=probe.getsockname()[1]))
+    specs = tuple(replace(spec, url=url) if spec.simulated else spec for spec in scenario.specs)
+    return replace(scenario, specs=specs)
+
+
+def _simulated_url(scenario: Scenario) -> str:
+    """Where all simulated vehicles are listened for."""
+    return next(spec.url for spec in scenario.specs if spec.simulated)

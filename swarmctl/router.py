@@ -1,0 +1,30 @@
+"""The router of a star: what the vehicles' companions and the ground station connect to."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+from collections.abc import Callable
+
+from swarmctl.bus.zenoh_bus import ZenohBus
+from swarmctl.bus.zenoh_config import Configuration
+
+
+async def run(configuration: Configuration, say: Callable[[str], None]) -> None:
+    """Route until SIGINT or SIGTERM, and say where it listens, who comes and who goes. Raises BusError."""
+    stopped = asyncio.Event()
+    loop = asyncio.get_running_loop()
+
+    def changed(address: str, name: str | None, has_come: bool) -> None:
+        say(f"{name or 'somebody'} at {address} {'has connected' if has_come else 'has gone'}")
+
+    signals = (signal.SIGINT, signal.SIGTERM)
+    for number in signals:
+        loop.add_signal_handler(number, stopped.set)
+    try:
+        with ZenohBus(configuration, on_link=changed) as bus:
+            say(f"listening at {bus.endpoint}")
+            await stopped.wait()
+    finally:
+        for number in signals:
+            loop.remove_signal_handler(number)

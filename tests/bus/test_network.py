@@ -1,0 +1,275 @@
+"""The agents of a process on a network: the same over every transport, and what the radio model does."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from contextlib import AbstractContextManager, closing
+
+import pytest
+from ether import state
+from hypothesis import given
+from hypothesis import strategies as st
+
+from swarmctl.bus import keys
+from swarmctl.bus.base import Transport
+from swarmctl.bus.memory import MemoryBus
+from swarmctl.bus.network import Network, RunClock
+from swarmctl.bus.node import NodeOptions
+from swarmctl.bus.radio import Lost, Partition, Quiet, Radio, RadioSettings
+from swarmctl.bus.reach import recipients
+from swarmctl.bus.zenoh_bus import ZenohBus
+from swarmctl.clock import run_virtual
+from swarmctl.core.frames import Frame, Seal, Why
+from swarmctl.core.geo import distance_m
+from swarmctl.core.observation import Observation, Told
+
+OPTIONS = NodeOptions(20, 20)
+BUSES: dict[str, Callable[[], AbstractContextManager[Transport]]] = {
+    "memory": lambda: closing(MemoryBus()),
+    "zenoh": ZenohBus,
+}
+Open = Callable[[], AbstractContextManager[Transport]]
+
+
+@pytest.fixture(params=BUSES)
+def bus(request: pytest.FixtureRequest) -> Open:
+    return BUSES[request.param]
+
+
+def seen(uav: int, seq: int) -> Observation:
+    return Observation(uav, seq, 2.5, ((3, 4, True), (3, 5, False)))
+
+
+class Swarm:
+    """UAVs on one network, and what each is told."""
+
+    def __init__(
+        self,
+        transport: Transport,
+        *uavs: int,
+        radio: RadioSettings | None = None,
+        speedup: float = 1.0,
+        options: NodeOptions = OPTIONS,
+    ) -> None:
+        clock = RunClock(1_800_000_000.0, speedup)
+        model = None if radio is None else Radio(radio, 7)
+        self.network = Network(transport, "test", uavs, options, clock=clock, radio=model)
+        self.told: dict[int, asyncio.Queue[Told]] = {uav: asyncio.Queue() for uav in uavs}
+        self.incarnations = {uav: self.network.join(uav, self._inbox(uav)) for uav in uavs}
+
+    def _inbox(self, uav: int) -> Callable[[tuple[Told, ...]], None]:
+        def put(told: tuple[Told, ...]) -> None:
+            for item in told:
+                self.told[uav].put_nowait(item)
+
+        return put
+
+    def says(self, uav: int, seq: int) -> Observation:
+        message = Observation(uav, seq, 2.5, ((seq % 20, 4, True),), self.incarnations[uav])
+        self.network.publish(uav, message)
+        return message
+
+    async def next_of(self, uav: int) -> Told:
+        async with asyncio.timeout(5.0):
+            return await self.told[uav].get()
+
+
+def test_everyone_hears_what_one_says_and_itself_does_not(bus: Open) -> None:
+    async def scene() -> None:
+        with bus() as transport:
+            swarm = Swarm(transport, 1, 2, 3)
+            with closing(swarm.network):
+                said = swarm.says(1, 1)
+                assert [await swarm.next_of(2), await swarm.next_of(3)] == [said, said]
+                assert swarm.told[1].empty()
+                assert swarm.network.tally(1).sent["inform/observation"] == 2
+                assert swarm.network.tally(2).received >= 1
+
+    asyncio.run(scene())
+
+
+def test_messages_of_one_sender_arrive_in_order(bus: Open) -> None:
+    async def scene() -> None:
+        with bus() as transport:
+            swarm = Swarm(transport, 1, 2)
+            with closing(swarm.network):
+                said = [swarm.says(1, seq) for seq in range(1, 51)]
+                assert [await swarm.next_of(2) for _ in said] == said
+
+    asyncio.run(scene())
+
+
+@pytest.mark.parametrize(
+    ("key", "why"),
+    [
+        ("swarmctl/test/uav/3/inform/observation/2", Why.SOURCE),
+        ("swarmctl/test/uav/3/inform/state/1", Why.SOURCE),
+        ("swarmctl/test/uav/3/inform/observation/x", Why.SOURCE),
+        ("swarmctl/test/uav/3/observation", Why.SOURCE),
+    ],
+)
+def test_what_comes_under_another_key_is_refused_and_counted(key: str, why: Why, bus: Open) -> None:
+    async def scene() -> None:
+        with bus() as transport:
+            swarm = Swarm(transport, 1, 2, 3)
+            with closing(swarm.network):
+                observation = seen(1, 1)
+                data = Seal("test").close(Frame(1, 0, 1, 1_800_000_000.0, observation))
+                transport.put(key, data)
+                said = swarm.says(2, 1)
+                assert await swarm.next_of(3) == said
+                assert swarm.network.tally(3).refused == {why: 1}
+
+    asyncio.run(scene())
+
+
+def test_a_put_on_a_wildcard_key_is_nobodys() -> None:
+    assert keys.origin_of("swarmctl/test/uav/3/inform/observation/1") == (1, "inform/observation")
+    for key in (
+        "swarmctl/test/uav/*/inform/observation/1",
+        "swarmctl/test/**",
+        "swarmctl/$*/uav/3/inform/state/1",
+    ):
+        assert keys.origin_of(key) is None
+
+
+def test_an_exception_in_an_agent_does_not_end_the_network(bus: Open) -> None:
+    async def scene() -> None:
+        with bus() as transport:
+            swarm = Swarm(transport, 1, 2, 3)
+
+            def broken(_told: tuple[Told, ...]) -> None:
+                raise RuntimeError("a bug")
+
+            with closing(swarm.network):
+                swarm.network.join(2, broken)
+                said = [swarm.says(1, 1), swarm.says(1, 2)]
+                assert [await swarm.next_of(3), await swarm.next_of(3)] == said
+
+    asyncio.run(scene())
+
+
+# --- the model, in simulated time
+
+
+def heard_after(settings: RadioSettings, speedup: float = 1.0, at_s: float = 0.0) -> float | None:
+    """How long after it was said at `at_s` UAV 2 hears UAV 1 [simulated s]; None: not within 30."""
+
+    async def scene() -> float | None:
+        loop = asyncio.get_running_loop()
+        with closing(MemoryBus()) as transport:
+            options = NodeOptions(20, 20, sync_every_s=0.0)
+            swarm = Swarm(transport, 1, 2, radio=settings, speedup=speedup, options=options)
+            with closing(swarm.network):
+                await asyncio.sleep(at_s / speedup)
+                began_s = loop.time()
+                swarm.says(1, 1)
+                try:
+                    async with asyncio.timeout(30.0 / speedup):
+                        await swarm.told[2].get()
+                except TimeoutError:
+                    return None
+                return (loop.time() - began_s) * speedup
+
+    return run_virtual(scene())
+
+
+@pytest.mark.parametrize("speedup", [1.0, 10.0])
+def test_delay_is_in_simulated_seconds(speedup: float) -> None:
+    assert heard_after(RadioSettings(delay_s=2.0), speedup) == pytest.approx(2.0, abs=1e-6)
+
+
+def test_partitions_and_silence_come_and_go() -> None:
+    cut = RadioSettings(partitions=(Partition((frozenset({1}), frozenset({2})), 10.0, 20.0),))
+    assert [heard_after(cut, at_s=t) is not None for t in (5.0, 15.0, 25.0)] == [True, False, True]
+    quiet = RadioSettings(quiet=(Quiet(frozenset({1}), 10.0, 20.0),))
+    assert [heard_after(quiet, at_s=t) is not None for t in (5.0, 15.0, 25.0)] == [True, False, True]
+    hearing = RadioSettings(quiet=(Quiet(frozenset({2}), 0.0, 99.0),))
+    assert heard_after(hearing) is not None  # who is quiet hears
+
+
+@pytest.mark.parametrize(
+    ("metres", "lost"),
+    [(5.0, Lost.TOO_NEAR), (50.0, None), (500.0, Lost.TOO_FAR)],
+)
+def test_who_is_too_far_or_too_near_is_not_heard(metres: float, lost: Lost | None) -> None:
+    async def scene() -> None:
+        with closing(MemoryBus()) as transport:
+            radio = RadioSettings(min_distance_m=10.0, max_distance_m=300.0)
+            swarm = Swarm(transport, 1, 2, radio=radio)
+            with closing(swarm.network):
+                swarm.network.moved(1, 46.0, 14.0)
+                swarm.network.moved(2, 46.0 + metres / 111_194.9, 14.0)
+                swarm.says(1, 1)
+                await asyncio.sleep(1.0)
+                assert swarm.told[2].empty() is (lost is not None)
+                assert swarm.network.tally(2).lost == ({} if lost is None else {lost: 1})
+
+    run_virtual(scene())
+
+
+def test_what_was_lost_is_counted_by_what_lost_it() -> None:
+    async def scene() -> None:
+        with closing(MemoryBus()) as transport:
+            swarm = Swarm(
+                transport, 1, 2, radio=RadioSettings(loss=0.5), options=NodeOptions(20, 20, sync_every_s=0.0)
+            )
+            with closing(swarm.network):
+                for seq in range(1, 201):
+                    swarm.says(1, seq)
+                    await asyncio.sleep(0.1)
+                tally = swarm.network.tally(1)
+                assert tally.sent["inform/observation"] == 200
+                assert swarm.network.tally(2).received + tally.lost[Lost.LOSS] == 200
+                assert 60 < tally.lost[Lost.LOSS] < 140
+
+    run_virtual(scene())
+
+
+def test_nothing_that_was_lost_stays_lost() -> None:
+    async def scene() -> None:
+        with closing(MemoryBus()) as transport:
+            radio = RadioSettings(loss=0.4, delay_s=0.1, jitter_s=0.3)
+            options = NodeOptions(20, 20, round_trip_s=0.8)
+            swarm = Swarm(transport, 1, 2, 3, radio=radio, options=options)
+            with closing(swarm.network):
+                said = {swarm.says(1, seq) for seq in range(1, 21)}
+                for _ in range(60):
+                    for uav in (1, 2, 3):
+                        swarm.network.publish(uav, state(46.0 + uav * 1e-4))
+                    await asyncio.sleep(1.0)
+                for uav in (2, 3):
+                    heard = {swarm.told[uav].get_nowait() for _ in range(swarm.told[uav].qsize())}
+                    assert heard == said
+
+    run_virtual(scene())
+
+
+# --- whom a UAV speaks to
+
+HERE = (46.0, 14.0)
+ALIVE = {2: (46.3, 14.0), 3: (46.1, 14.0), 4: None}
+
+
+@pytest.mark.parametrize(
+    ("k", "expected"),
+    [(0, ()), (1, (3,)), (2, (3, 2)), (3, (3, 2, 4)), (4, (2, 3, 4, 5)), (None, (2, 3, 4, 5))],
+)
+def test_the_nearest_k_are_reached_and_who_is_silent_last(k: int | None, expected: tuple[int, ...]) -> None:
+    assert recipients(HERE, ALIVE, {5: (46.0001, 14.0)}, k) == expected
+
+
+@given(
+    st.dictionaries(st.integers(2, 20), st.tuples(st.floats(45, 47), st.floats(13, 15))), st.integers(0, 25)
+)
+def test_nobody_within_k_is_farther_than_anybody_beyond(
+    alive: dict[int, tuple[float, float]], k: int
+) -> None:
+    chosen = recipients(HERE, alive, {}, k)
+    assert len(chosen) == min(k, len(alive))
+    left = set(alive) - set(chosen)
+    if chosen and left:
+        assert max(distance_m(HERE, alive[u]) for u in chosen) <= min(
+            distance_m(HERE, alive[u]) for u in left
+        )

@@ -1,0 +1,180 @@
+"""What is known to one ends up known to all, whatever was lost, cut, delayed or started again before."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from ether import COLS, ROWS, Ether
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+
+from swarmctl.bus.node import CHECKPOINT_EVERY, NodeOptions
+from swarmctl.core.frames import Why
+
+IDS = (1, 2, 3, 4, 5)
+HEALED_S = 40.0
+PHASES = (Phase.explicit, Phase.reuse, Phase.generate)
+"""Shrinking a history takes minutes."""
+
+uavs = st.sampled_from(IDS)
+cells = st.lists(
+    st.tuples(st.integers(0, ROWS - 1), st.integers(0, COLS - 1), st.booleans()), min_size=1, max_size=9
+)
+Act = Callable[[Ether], None]
+
+
+def observes(uav: int, seen: list[tuple[int, int, bool]], times: int) -> Act:
+    def act(ether: Ether) -> None:
+        for _ in range(times):
+            ether.uavs[uav].observe(*seen)
+
+    return act
+
+
+def starts_again(uav: int) -> Act:
+    return lambda ether: ether.uavs[uav].start()
+
+
+def passes(seconds: float) -> Act:
+    return lambda ether: ether.run(seconds)
+
+
+def becomes(loss: float, delay_s: float, jitter_s: float, group: frozenset[int], seed: int) -> Act:
+    """The network loses, delays, reorders, and is cut between `group` and the others."""
+    rng = np.random.default_rng(seed)
+
+    def carry(sender: int, to: int, _now_s: float) -> float | None:
+        if (sender in group) != (to in group) or rng.random() < loss:
+            return None
+        return delay_s + jitter_s * float(rng.random())
+
+    def act(ether: Ether) -> None:
+        ether.carry = carry
+
+    return act
+
+
+acts = st.one_of(
+    st.builds(observes, uavs, cells, st.integers(1, 4)),
+    st.builds(observes, uavs, cells, st.just(CHECKPOINT_EVERY + 3)),
+    st.builds(starts_again, uavs),
+    st.builds(passes, st.floats(0.1, 8.0)),
+    st.builds(
+        becomes,
+        st.floats(0.0, 1.0),
+        st.floats(0.0, 1.0),
+        st.floats(0.0, 2.0),
+        st.frozensets(uavs),
+        st.integers(0, 2**32 - 1),
+    ),
+)
+
+
+@given(st.lists(acts, max_size=30), st.sampled_from((None, 1, 2)), st.booleans())
+@settings(max_examples=60, deadline=None, phases=PHASES)
+def test_after_any_history_that_ends_connected_all_beliefs_are_equal(
+    history: list[Act], k: int | None, relay: bool
+) -> None:
+    ether = Ether(IDS, NodeOptions(ROWS, COLS, k=k, relay=relay, round_trip_s=6.0))
+    for act in history:
+        act(ether)
+    becomes(0.0, 0.05, 0.0, frozenset(), 0)(ether)
+    ether.run(HEALED_S * (1 if k is None else 3))
+    assert ether.agree()
+    # What was on its way when its sender was started again has been overtaken.
+    assert all(uav.node.tally.refused.keys() <= {Why.REPLAY} for uav in ether.uavs.values()), ether.said
+
+
+@given(st.lists(acts, max_size=30))
+@settings(max_examples=30, deadline=None, phases=PHASES)
+def test_nobody_believes_what_nobody_saw(history: list[Act]) -> None:
+    ether = Ether(IDS)
+    seen: set[tuple[int, int, bool]] = set()
+    for uav in ether.uavs.values():
+        observe = uav.observe
+        uav.observe = lambda *c, observe=observe: (seen.update(c), observe(*c))[1]  # type: ignore[method-assign]
+    for act in history:
+        act(ether)
+    ether.run(5.0)
+    for uav in ether.uavs.values():
+        hits = {(int(r), int(c)) for r, c in np.argwhere(uav.belief.hits > 0)}
+        assert hits <= {(r, c) for r, c, occupied in seen if occupied}
+
+
+def test_one_lost_message_is_asked_for_as_soon_as_the_next_shows_that_it_is_missing() -> None:
+    ether = Ether((1, 2), NodeOptions(ROWS, COLS, sync_every_s=1000.0))
+    ether.run(2.0)
+    ether.carry = lambda *_: None
+    ether.uavs[1].observe((0, 0, True))
+    ether.carry = lambda *_: 0.01
+    ether.uavs[1].observe((1, 1, False))
+    ether.run(0.5)
+    assert ether.agree()
+
+
+def test_a_lost_last_message_is_missed_by_the_next_state() -> None:
+    ether = Ether((1, 2), NodeOptions(ROWS, COLS, sync_every_s=1000.0))
+    ether.run(2.0)
+    ether.carry = lambda *_: None
+    ether.uavs[1].observe((0, 0, True))
+    ether.carry = lambda *_: 0.01
+    ether.run(1.5)
+    assert ether.agree()
+
+
+def test_who_joins_late_gets_everything_from_whom_it_hears_first() -> None:
+    ether = Ether((1, 2, 3), NodeOptions(ROWS, COLS, sync_every_s=1000.0))
+    ether.carry = lambda sender, to, _now: None if 3 in (sender, to) else 0.01
+    for row in range(ROWS):
+        ether.uavs[1].observe(*((row, col, (row + col) % 5 == 0) for col in range(COLS)))
+    ether.run(5.0)
+    ether.carry = lambda sender, to, _now: None if 1 in (sender, to) else 0.01
+    ether.uavs[3].start()
+    ether.run(2.0)
+    assert np.array_equal(ether.uavs[3].belief.looks, ether.uavs[1].belief.looks)
+    assert ether.uavs[2].node.tally.snapshots_served >= 1
+
+
+def test_without_sync_what_is_lost_stays_lost_as_in_the_paper() -> None:
+    ether = Ether((1, 2), NodeOptions(ROWS, COLS, sync_every_s=0.0))
+    ether.carry = lambda *_: None
+    ether.uavs[1].observe((0, 0, True))
+    ether.carry = lambda *_: 0.01
+    ether.uavs[1].observe((1, 1, True))
+    ether.run(60.0)
+    assert ether.uavs[2].belief.looks.sum() == 1
+    assert ether.uavs[2].node.tally.sent.keys() == {"inform/state"}
+
+
+def test_silence_is_silence() -> None:
+    ether = Ether(IDS, NodeOptions(ROWS, COLS, k=0))
+    ether.uavs[1].observe((0, 0, True))
+    ether.run(30.0)
+    assert sum(u.node.tally.sent.total() for u in ether.uavs.values()) == 0
+
+
+def test_a_swarm_that_agrees_asks_nothing() -> None:
+    ether = Ether(IDS)
+    for uav in ether.uavs.values():
+        uav.observe((uav.uav, 0, True))
+    ether.run(20.0)
+    before = [u.node.tally.snapshots_asked for u in ether.uavs.values()]
+    ether.run(60.0)
+    assert ether.agree()
+    assert [u.node.tally.snapshots_asked for u in ether.uavs.values()] == before
+
+
+@pytest.mark.parametrize("relay", [False, True])
+def test_relaying_tells_at_once_whom_the_observer_does_not_reach(relay: bool) -> None:
+    ether = Ether((1, 2, 3), NodeOptions(ROWS, COLS, k=1, relay=relay, sync_every_s=4.0))
+    for uav, lat_deg in ((1, 46.0), (2, 46.01), (3, 46.015)):  # 1 reaches 2, which reaches 3
+        ether.uavs[uav].where = (lat_deg, 14.0)
+    ether.run(30.2)
+    ether.uavs[1].observe((0, 0, True))
+    ether.run(0.3)
+    assert ether.uavs[2].belief.looks.sum() == 1
+    assert ether.uavs[3].belief.looks.sum() == relay
+    ether.run(20.0)
+    assert ether.agree()

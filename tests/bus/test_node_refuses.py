@@ -1,0 +1,282 @@
+"""What a node does not take: each refusal is counted by its reason, and changes nothing."""
+
+from __future__ import annotations
+
+import zlib
+
+import msgspec
+import numpy as np
+import pytest
+from cryptography.exceptions import InvalidSignature
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from ether import COLS, ROWS, UNIX_S, Ether, state
+from hypothesis import given
+from hypothesis import strategies as st
+
+from swarmctl.bus.node import NodeOptions
+from swarmctl.bus.peer import MAX_MESSAGES
+from swarmctl.core.frames import (
+    MAX_FRAME_BYTES,
+    Content,
+    Frame,
+    Relayed,
+    Seal,
+    Snapshot,
+    SnapshotAsked,
+    StateShared,
+    Why,
+)
+from swarmctl.core.observation import Checkpoint, Observation, checkpoint
+
+INCARNATION = 1
+"""of UAV 1 in these scenes"""
+
+
+def seen(seq: int = 1, *cells: tuple[int, int, bool], observer: int = 1, incarnation: int = 1) -> Observation:
+    return Observation(observer, seq, 0.0, cells or ((1, 1, True),), incarnation)
+
+
+def frame(
+    content: Content, *, sender: int = 1, n: int = 1, unix_s: float = UNIX_S, incarnation: int = 1
+) -> Frame:
+    return Frame(sender, incarnation, n, unix_s, content)
+
+
+SEAL = Seal("test")
+OTHERS_BOMB = checkpoint(None, [Observation(1, 1, 0.0, ((999, 999, True),), 1)], 1000, 10**6)
+assert OTHERS_BOMB is not None
+EMPTY = Checkpoint(1, 1, 1, zlib.compress(b""))
+
+WRONG: dict[str, tuple[int, str, bytes, Why]] = {
+    "empty": (1, "inform/state", b"", Why.MALFORMED),
+    "no MessagePack": (1, "inform/state", b"\x02\x00nonsense", Why.MALFORMED),
+    "a later version": (1, "inform/state", b"\x03" + SEAL.close(frame(state()))[1:], Why.VERSION),
+    "too long": (1, "inform/state", bytes(MAX_FRAME_BYTES + 1), Why.OVERSIZE),
+    "a place that is none": (
+        1,
+        "inform/state",
+        SEAL.close(frame(state())).replace(msgspec.msgpack.encode(46.0), msgspec.msgpack.encode(460.0)),
+        Why.MALFORMED,
+    ),
+    "under another's key": (2, "inform/state", SEAL.close(frame(state())), Why.SOURCE),
+    "under another act": (1, "inform/observation", SEAL.close(frame(state())), Why.SOURCE),
+    "what another saw, as its own": (
+        1,
+        "inform/observation",
+        SEAL.close(frame(seen(observer=2))),
+        Why.SOURCE,
+    ),
+    "of another swarm's UAV": (9, "inform/state", SEAL.close(frame(state(), sender=9)), Why.STRANGER),
+    "from the future": (1, "inform/state", SEAL.close(frame(state(), unix_s=UNIX_S + 6.0)), Why.FUTURE),
+    "a cell outside": (
+        1,
+        "inform/observation",
+        SEAL.close(frame(seen(1, (ROWS, 0, True)))),
+        Why.OUTSIDE,
+    ),
+    "a checkpoint outside snapshots": (1, "inform/checkpoint", SEAL.close(frame(EMPTY)), Why.MALFORMED),
+    "cells outside, in a snapshot's checkpoint": (
+        1,
+        "inform/snapshot",
+        SEAL.close(frame(Snapshot((SEAL.close(frame(OTHERS_BOMB)),), True), n=2)),
+        Why.OUTSIDE,
+    ),
+    "a checkpoint that unpacks to gigabytes": (
+        1,
+        "inform/snapshot",
+        SEAL.close(
+            frame(Snapshot((SEAL.close(frame(Checkpoint(1, 1, 5, zlib.compress(bytes(10**7))))),), True))
+        ),
+        Why.OUTSIDE,
+    ),
+    "a question passed on": (
+        1,
+        "inform/relayed",
+        SEAL.close(frame(Relayed((SEAL.close(frame(SnapshotAsked((), ()), sender=3)),)))),
+        Why.MALFORMED,
+    ),
+    "a stranger's observation, passed on": (
+        1,
+        "inform/relayed",
+        SEAL.close(frame(Relayed((SEAL.close(frame(seen(observer=9), sender=9)),)))),
+        Why.STRANGER,
+    ),
+}
+
+
+def of(ether: Ether, uav: int) -> dict[str, int]:
+    return dict(ether.uavs[uav].node.tally.refused)
+
+
+@pytest.mark.parametrize(("sender", "act", "data", "why"), WRONG.values(), ids=WRONG)
+def test_what_is_wrong_is_refused_and_counted(sender: int, act: str, data: bytes, why: Why) -> None:
+    ether = Ether((1, 2, 3, 4))
+    before = ether.uavs[4].belief
+    ether.deliver(sender, 4, act, data)
+    assert of(ether, 4) == {why: 1}
+    assert ether.uavs[4].belief is before
+    assert ether.said
+
+
+def test_a_message_that_comes_twice_is_a_replay() -> None:
+    ether = Ether((1, 2))
+    data = SEAL.close(frame(seen()))
+    for _ in range(3):
+        ether.deliver(1, 2, "inform/observation", data)
+    assert of(ether, 2) == {Why.REPLAY: 2}
+    assert ether.uavs[2].belief.looks.sum() == 1
+
+
+def test_what_was_said_before_its_sender_was_started_again_is_a_replay() -> None:
+    ether = Ether((1, 2))
+    ether.deliver(1, 2, "inform/state", SEAL.close(frame(state(), incarnation=5)))
+    ether.deliver(1, 2, "inform/state", SEAL.close(frame(state(), n=7, incarnation=4)))
+    assert of(ether, 2) == {Why.REPLAY: 1}
+
+
+def test_repeating_what_a_uav_said_does_not_use_up_what_it_may_say() -> None:
+    ether = Ether((1, 2))
+    data = SEAL.close(frame(seen()))
+    for _ in range(MAX_MESSAGES + 10):
+        ether.deliver(1, 2, "inform/observation", data)
+    ether.deliver(1, 2, "inform/observation", SEAL.close(frame(seen(2, (2, 2, False)), n=2)))
+    assert ether.uavs[2].belief.looks[2, 2] == 1
+
+
+def test_a_flood_is_refused_and_over_when_it_is_over() -> None:
+    ether = Ether((1, 2, 3))
+    for n in range(MAX_MESSAGES + 100):
+        ether.deliver(1, 2, "inform/state", SEAL.close(frame(state(), n=n + 1, unix_s=UNIX_S + n * 1e-3)))
+    assert of(ether, 2) == {Why.TOO_FAST: 100}
+    ether.deliver(3, 2, "inform/observation", SEAL.close(frame(seen(observer=3), sender=3)))
+    assert ether.uavs[2].belief.looks.sum() == 1  # whoever speaks in measure is heard meanwhile
+
+
+def test_questions_are_answered_in_measure() -> None:
+    ether = Ether((1, 2), NodeOptions(ROWS, COLS, sync_every_s=0.0))
+    ether.uavs[2].observe((0, 0, True))
+    for n in range(100):
+        ether.deliver(1, 2, "query-ref/snapshot", SEAL.close(frame(SnapshotAsked((), ()), n=n + 1)))
+    served = ether.uavs[2].node.tally.snapshots_served
+    assert 1 <= served < 100
+    assert of(ether, 2) == {Why.TOO_FAST: 100 - served}
+
+
+def test_one_name_with_two_contents_is_refused_and_the_first_stays() -> None:
+    ether = Ether((1, 2))
+    ether.deliver(1, 2, "inform/observation", SEAL.close(frame(seen(1, (0, 0, False)))))
+    ether.deliver(1, 2, "inform/observation", SEAL.close(frame(seen(1, (0, 0, True)), n=2)))
+    assert of(ether, 2) == {Why.TWO_CONTENTS: 1}
+    assert ether.uavs[2].belief.hits.sum() == 0
+
+
+def test_a_second_process_under_its_own_name_is_refused_and_said() -> None:
+    ether = Ether((1, 2))
+    theirs = SEAL.close(frame(seen(7, (0, 0, True)), n=50))
+    ether.deliver(2, 1, "inform/relayed", SEAL.close(frame(Relayed((theirs,)), sender=2, incarnation=2)))
+    assert of(ether, 1) == {Why.TWO_CONTENTS: 1}
+    assert "another process flies vehicle 1" in ether.said[0]
+
+
+def test_what_contradicts_ones_own_look_is_flagged_with_who_sent_it_and_believed_as_before() -> None:
+    ether = Ether((1, 2))
+    ether.uavs[2].observe((3, 3, False), (3, 4, True))
+    ether.deliver(1, 2, "inform/observation", SEAL.close(frame(seen(1, (3, 3, True), (3, 4, True)))))
+    assert dict(ether.uavs[2].node.tally.flagged) == {1: 1}
+    assert "vehicle 1 tells that (3, 3)" in ether.said[0]
+    assert ether.uavs[2].belief.looks[3, 3] == 2
+    told = ether.uavs[2].node.say(state(), ether.now_s, ether.unix_s)
+    content = SEAL.open(told.out[0].data).content
+    assert isinstance(content, StateShared)
+    assert content.flagged == (1,)  # whoever watches is told
+
+
+@given(
+    st.binary(max_size=400), st.integers(0, 300), st.sampled_from(("inform/state", "inform/snapshot", "x/y"))
+)
+def test_no_bytes_are_too_much(data: bytes, sender: int, act: str) -> None:
+    ether = Ether((1, 2))
+    ether.deliver(sender, 2, act, data)
+    ether.deliver(sender, 2, act, b"\x02\x00" + data)
+    assert sum(of(ether, 2).values()) == 2
+
+
+# --- signatures
+
+KEYS = {uav: Ed25519PrivateKey.from_private_bytes(bytes([uav]) * 32) for uav in (1, 2, 3)}
+
+
+def sign(sender: int, data: bytes) -> bytes:
+    return KEYS[sender].sign(data)
+
+
+def verify(sender: int, signature: bytes, data: bytes) -> bool:
+    try:
+        KEYS[sender].public_key().verify(signature, data)
+    except (InvalidSignature, KeyError):
+        return False
+    return True
+
+
+SIGNED = Seal("test", sign, verify)
+
+
+def forged(sender: int, content: Content, by: int) -> bytes:
+    """A frame in `sender`'s name with the signature of `by`."""
+    return Seal("test", lambda _sender, data: sign(by, data)).close(frame(content, sender=sender, n=500))
+
+
+FORGED: dict[str, tuple[str, bytes, Why]] = {
+    "not signed": ("inform/observation", SEAL.close(frame(seen())), Why.UNSIGNED),
+    "signed by another": ("inform/observation", forged(1, seen(), by=3), Why.SIGNATURE),
+    "of another swarm": (
+        "inform/observation",
+        Seal("other", sign, verify).close(frame(seen())),
+        Why.SIGNATURE,
+    ),
+    "changed on its way": (
+        "inform/observation",
+        SIGNED.close(frame(seen(1, (1, 1, False)))).replace(b"\x01\x01\xc2", b"\x01\x01\xc3"),
+        Why.SIGNATURE,
+    ),
+    "another's observation invented by who passes it on": (
+        "inform/relayed",
+        SIGNED.close(frame(Relayed((forged(3, seen(observer=3), by=1),)))),
+        Why.SIGNATURE,
+    ),
+}
+
+
+@pytest.mark.parametrize(("act", "data", "why"), FORGED.values(), ids=FORGED)
+def test_who_has_not_the_key_cannot_speak_for_a_uav(act: str, data: bytes, why: Why) -> None:
+    ether = Ether((1, 2, 3), seal=SIGNED)
+    before = ether.uavs[2].belief
+    ether.deliver(1, 2, act, data)
+    assert of(ether, 2) == {why: 1}
+    assert ether.uavs[2].belief is before
+
+
+def test_what_a_neighbour_passes_on_is_taken_by_its_observers_signature() -> None:
+    ether = Ether((1, 2, 3), NodeOptions(ROWS, COLS, relay=True), seal=SIGNED)
+    ether.carry = lambda sender, to, _now: None if {sender, to} == {1, 3} else 0.01
+    ether.run(5.0)
+    ether.uavs[1].observe((2, 2, True))
+    ether.run(1.0)
+    assert ether.agree()
+    assert ether.uavs[3].belief.hits[2, 2] == 1
+    assert not any(uav.node.tally.refused for uav in ether.uavs.values())
+
+
+def test_what_one_lies_about_is_only_what_it_saw() -> None:
+    """A UAV that is taken over has its own key and no other."""
+    ether = Ether((1, 2, 3), seal=SIGNED)
+    ether.uavs[2].observe((0, 0, False))
+    ether.run(2.0)
+    lie = forged(1, seen(1, (0, 0, True), (5, 5, True)), by=1)
+    ether.deliver(1, 2, "inform/observation", lie)
+    for content in (seen(1, observer=3), state(), SnapshotAsked((), ())):
+        ether.deliver(3, 2, frame(content).act, forged(3, content, by=1))
+    belief = ether.uavs[2].belief
+    assert np.argwhere(belief.hits).tolist() == [[0, 0], [5, 5]]
+    assert of(ether, 2) == {Why.SIGNATURE: 3}
+    assert dict(ether.uavs[2].node.tally.flagged) == {1: 1}

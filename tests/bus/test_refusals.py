@@ -1,0 +1,389 @@
+"""Who may do what, tried at the wire: each row is somebody who tries what is not his."""
+
+from __future__ import annotations
+
+import asyncio
+import datetime as dt
+import json
+from collections.abc import AsyncIterator, Callable
+from contextlib import ExitStack, asynccontextmanager
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zenoh
+from zenoh_nodes import (
+    NOW,
+    SWARM,
+    UAVS,
+    client_of,
+    credentials,
+    here,
+    keys_folder,
+    meet,
+    router_at,
+    until,
+)
+
+from swarmctl.bus import access, keys, zenoh_config
+from swarmctl.bus.base import MAX_MESSAGE_BYTES
+from swarmctl.bus.endpoint import BusEndpoint
+from swarmctl.bus.zenoh_bus import ZenohBus
+from swarmctl.bus.zenoh_config import Configuration, Credentials
+from swarmctl.keyring import make as making
+from swarmctl.keyring.make import make
+
+pytestmark = pytest.mark.interop
+ROOT = f"swarmctl/{SWARM}"
+CERTIFIED = ("tls", "quic")
+
+
+@dataclass(slots=True)
+class Net:
+    """A star: what each of two vehicles and the ground station hears, and a third vehicle that misbehaves."""
+
+    there: BusEndpoint
+    router: ZenohBus
+    one: ZenohBus
+    two: ZenohBus
+    station: ZenohBus
+    heard: dict[str, list[str]] = field(default_factory=dict)
+    asked: list[str] = field(default_factory=list)
+
+    async def is_quiet_but_for(self, *expected: str) -> None:
+        """What was sent before on other links has been looked at when these have come and gone."""
+        said = keys.told(SWARM, 1, "inform/state", 2)
+        self.heard["one"].clear()
+        await until(lambda: said in self.heard["one"], "uav2 is heard", lambda: self.two.put(said, b""))
+        await asyncio.sleep(0.1)
+        elsewhere = {key for heard in self.heard.values() for key in heard} - {said}
+        assert elsewhere == set(expected)
+
+
+def _note(heard: list[str], key: str, _payload: bytes) -> None:
+    heard.append(key)
+
+
+@asynccontextmanager
+async def network(protocol: str) -> AsyncIterator[Net]:
+    there = here(protocol)
+    with ExitStack() as stack:
+        router = stack.enter_context(ZenohBus(router_at(there)))
+        one, two, station = (
+            stack.enter_context(ZenohBus(client_of(there, name))) for name in ("uav1", "uav2", "operator")
+        )
+        net = Net(there, router, one, two, station)
+        for name, bus, expression in (
+            ("one", one, keys.inbox(SWARM, 1)),
+            ("two", two, keys.inbox(SWARM, 2)),
+            ("station", station, f"{ROOT}/station/**"),
+        ):
+            heard = net.heard.setdefault(name, [])
+            bus.subscribe(expression, partial(_note, heard))
+
+        def serve(key: str, payload: bytes | None, reply: Callable[[bytes], None]) -> None:
+            net.asked.append(key)
+            reply(b"answer")
+
+        one.serve(keys.request(SWARM, "weights", 1), serve)
+        one.serve(keys.looks(SWARM, 1), serve)
+        await meet(one, two, station)
+        yield net
+
+
+def raw(configuration: Configuration) -> zenoh.Session:
+    """A client that goes by none of our manners."""
+    values = json.loads(configuration.as_json5())
+    values["transport"]["link"]["rx"]["max_message_size"] = 1 << 20
+    return zenoh.open(zenoh.Config.from_json5(json.dumps(values)))
+
+
+# --- who gets in
+
+
+def changed(configuration: Configuration, **tls: Any) -> Configuration:
+    values = dict(configuration.values)
+    values["transport/link/tls"] = values["transport/link/tls"] | tls
+    return replace(configuration, values=values)
+
+
+def without_certificate(there: BusEndpoint, _: Path) -> Configuration:
+    return changed(client_of(there, "uav3"), connect_certificate=None, connect_private_key=None)
+
+
+def of_another_authority(there: BusEndpoint, folder: Path) -> Configuration:
+    make(folder, ["uav3"], 5, NOW)
+    own = keys_folder() / "uav3" / "ca.pem"
+    stranger = folder / "uav3"
+    # It knows the router's authority, so that it is the router that refuses.
+    return zenoh_config.client(there, Credentials(own, stranger / "cert.pem", stranger / "key.pem"))
+
+
+def expired(there: BusEndpoint, folder: Path) -> Configuration:
+    authority = folder / making.AUTHORITY
+    authority.mkdir()
+    for name in ("ca.pem", "key.pem"):
+        (authority / name).write_bytes((keys_folder() / making.AUTHORITY / name).read_bytes())
+    make(folder, ["uav3"], 5, NOW - dt.timedelta(days=6))
+    old = folder / "uav3"
+    return zenoh_config.client(there, Credentials(old / "ca.pem", old / "cert.pem", old / "key.pem"))
+
+
+def of_another_machine(there: BusEndpoint, _: Path) -> Configuration:
+    """It is the client that refuses a router whose certificate names other machines."""
+    return client_of(replace(there, host="127.0.0.2"), "uav3")
+
+
+@pytest.mark.parametrize("protocol", CERTIFIED)
+@pytest.mark.parametrize("stranger", [without_certificate, of_another_authority, expired, of_another_machine])
+def test_a_stranger_does_not_get_in(
+    stranger: Callable[[BusEndpoint, Path], Configuration], protocol: str, tmp_path: Path
+) -> None:
+    async def scene() -> None:
+        there = here(protocol)
+        listening = replace(there, host="0.0.0.0")
+        with (
+            ZenohBus(router_at(listening)) as router,
+            ZenohBus(stranger(there, tmp_path)) as bus,
+            ZenohBus(client_of(there, "uav1")) as honest,
+        ):
+            await meet(honest)
+            # By now it has tried several times.
+            await asyncio.sleep(0.5)
+            assert (bus.connected, honest.connected, router.links) == (False, True, 1)
+
+    asyncio.run(scene())
+
+
+@pytest.mark.parametrize("protocol", CERTIFIED)
+def test_a_certificate_that_is_none_of_the_swarms_can_do_nothing(protocol: str, tmp_path: Path) -> None:
+    authority = tmp_path / making.AUTHORITY
+    authority.mkdir()
+    for name in ("ca.pem", "key.pem"):
+        (authority / name).write_bytes((keys_folder() / making.AUTHORITY / name).read_bytes())
+    make(tmp_path, ["uav9"], 5, NOW)
+    own = tmp_path / "uav9"
+    nine = Credentials(own / "ca.pem", own / "cert.pem", own / "key.pem")
+
+    async def scene() -> None:
+        async with network(protocol) as net:
+            with ZenohBus(zenoh_config.client(net.there, nine)) as stranger:
+                heard: list[str] = []
+                stranger.subscribe("**", lambda key, _: heard.append(key))
+                await meet(stranger)
+                for sender in (1, 2, 9):
+                    stranger.put(keys.told(SWARM, 1, "inform/state", sender), b"")
+                    stranger.put(keys.to_station(SWARM, sender), b"")
+                assert await stranger.ask(keys.request(SWARM, "weights", 1), b"", 1.0) == ()
+                await net.is_quiet_but_for()
+                assert [key for key in heard if not key.endswith("/9")] == [
+                    key for key in heard if key.endswith(("state/1", "state/2")) and "/2/" not in key
+                ]
+                assert net.asked == []
+
+    asyncio.run(scene())
+
+
+# --- what a vehicle may put
+
+TO_ONE = keys.told(SWARM, 1, "inform/state", 3)
+PUTS: dict[str, str] = {
+    "to every vehicle by a wildcard": f"{ROOT}/uav/*/inform/state/3",
+    "to some vehicles by a wildcard": f"{ROOT}/uav/$*1/inform/state/3",
+    "to everybody by a wildcard": f"{ROOT}/**/3",
+    "to whatever there is": "**",
+    "from everybody by a wildcard": f"{ROOT}/uav/1/inform/state/*",
+    "anything to one by a wildcard": f"{ROOT}/uav/1/**",
+    "in the name of another": keys.told(SWARM, 1, "inform/state", 2),
+    "in the name of another, to the station": keys.to_station(SWARM, 2),
+    "in its own name, as a part of another": f"{ROOT}/uav/1/inform/state/2/3",
+    "as the operator": keys.request(SWARM, "weights", 1),
+    "as another's payload": keys.looks(SWARM, 1),
+    "to another swarm": keys.told("other", 1, "inform/state", 3),
+}
+
+
+@pytest.mark.parametrize("protocol", CERTIFIED)
+def test_a_vehicle_puts_nothing_but_what_is_its_own(protocol: str) -> None:
+    async def scene() -> None:
+        async with network(protocol) as net:
+            other: list[str] = []
+            net.one.subscribe("swarmctl/other/**", lambda key, _: other.append(key))
+            with ZenohBus(client_of(net.there, "uav3")) as three:
+                await meet(three)
+                for what, key in PUTS.items():
+                    for heard in net.heard.values():
+                        heard.clear()
+                    three.put(key, what.encode())
+                    await until(
+                        lambda: TO_ONE in net.heard["one"], "uav3 itself", lambda: three.put(TO_ONE, b"")
+                    )
+                    assert {key for heard in net.heard.values() for key in heard} == {TO_ONE}, what
+                assert other == []
+
+    asyncio.run(scene())
+
+
+def test_without_certificates_no_wildcard_and_no_other_swarm_gets_through_either() -> None:
+    async def scene() -> None:
+        async with network("tcp") as net:
+            with ZenohBus(client_of(net.there, "uav3")) as three:
+                await meet(three)
+                for key in (
+                    f"{ROOT}/uav/*/inform/state/3",
+                    f"{ROOT}/**",
+                    "**",
+                    "swarmctl/*/uav/1/inform/state/3",
+                ):
+                    three.put(key, b"")
+                await until(lambda: TO_ONE in net.heard["one"], "uav3", lambda: three.put(TO_ONE, b""))
+                assert {key for heard in net.heard.values() for key in heard} == {TO_ONE}
+
+    asyncio.run(scene())
+
+
+# --- what a vehicle may hear and ask
+
+
+@pytest.mark.parametrize("protocol", CERTIFIED)
+@pytest.mark.parametrize("expression", [keys.inbox(SWARM, 1), f"{ROOT}/**", "**", f"{ROOT}/station/**"])
+def test_a_vehicle_hears_nothing_but_what_is_for_it(expression: str, protocol: str) -> None:
+    async def scene() -> None:
+        async with network(protocol) as net:
+            with ZenohBus(client_of(net.there, "uav3")) as three:
+                overheard: list[str] = []
+                own: list[str] = []
+                three.subscribe(expression, lambda key, _: overheard.append(key))
+                three.subscribe(keys.inbox(SWARM, 3), lambda key, _: own.append(key))
+                await meet(three)
+                for_three = keys.told(SWARM, 3, "inform/state", 2)
+
+                def say() -> None:
+                    net.two.put(keys.told(SWARM, 1, "inform/state", 2), b"")
+                    net.two.put(keys.to_station(SWARM, 2), b"")
+                    net.two.put(for_three, b"")
+
+                await until(lambda: own and net.heard["one"] and net.heard["station"], "all others", say)
+                assert set(own) == {for_three}
+                assert set(overheard) <= {for_three}
+
+    asyncio.run(scene())
+
+
+@pytest.mark.parametrize("protocol", CERTIFIED)
+def test_operators_questions_are_answered_to_operators_and_looks_to_the_vehicles_own_payload(
+    protocol: str,
+) -> None:
+    async def scene() -> None:
+        async with network(protocol) as net:
+            weights, look = keys.request(SWARM, "weights", 1), keys.looks(SWARM, 1)
+            with (
+                ZenohBus(client_of(net.there, "uav3")) as three,
+                ZenohBus(client_of(net.there, "uav1")) as payload,
+            ):
+                await meet(three, payload)
+                for key in (weights, look, f"{ROOT}/uav/*/request/weights/operator", f"{ROOT}/**"):
+                    assert await three.ask(key, b"", 1.0) == (), key
+                assert net.asked == []
+                assert await net.station.ask(weights, b"", 5.0) == (b"answer",)
+                assert await net.station.ask(look, b"", 5.0) == (b"answer",)
+                assert await payload.ask(look, b"", 5.0) == (b"answer",)
+                assert await payload.ask(weights, b"", 1.0) == ()
+                assert net.asked == [weights, look, look]
+                payload.put(look, b"")
+                await until(lambda: look in net.heard["one"], "the payload's look")
+
+    asyncio.run(scene())
+
+
+@pytest.mark.parametrize("protocol", CERTIFIED)
+def test_a_vehicle_is_not_asked_what_an_operator_asks_another(protocol: str) -> None:
+    async def scene() -> None:
+        async with network(protocol) as net:
+            weights, own = keys.request(SWARM, "weights", 1), keys.request(SWARM, "weights", 3)
+            asked: list[str] = []
+
+            def serve(key: str, payload: bytes | None, reply: Callable[[bytes], None]) -> None:
+                asked.append(key)
+                reply(b"of uav3")
+
+            with ZenohBus(client_of(net.there, "uav3")) as three:
+                for key in (weights, own):
+                    three.serve(key, serve)
+                await meet(three)
+                assert await net.station.ask(own, b"", 5.0) == (b"of uav3",)
+                assert await net.station.ask(weights, b"", 5.0) == (b"answer",)
+                assert (asked, net.asked) == ([own], [weights])
+
+    asyncio.run(scene())
+
+
+@pytest.mark.parametrize("protocol", ["tcp", "tls", "quic"])
+def test_what_is_too_long_reaches_nobody_and_is_counted(protocol: str) -> None:
+    async def scene() -> None:
+        async with network(protocol) as net:
+            session = raw(client_of(net.there, "uav3"))
+            try:
+                # The first still fits the links, the second does not.
+                for size in (MAX_MESSAGE_BYTES + 1, 4 * MAX_MESSAGE_BYTES):
+                    session.put(TO_ONE, bytes(size))
+                await until(lambda: net.one.too_long, "the first is counted")
+                assert net.heard["one"] == []
+                await until(
+                    lambda: net.heard["one"], "short ones still come", lambda: session.put(TO_ONE, b"short")
+                )
+                assert net.one.too_long == 1
+            finally:
+                session.close()  # type: ignore[no-untyped-call]
+
+    asyncio.run(scene())
+
+
+# --- a mesh
+
+
+def test_a_mesh_passes_on_the_swarms_keys_for_the_swarms_certificates_only(tmp_path: Path) -> None:
+    make(tmp_path, ["uav3"], 5, NOW)
+    forged = tmp_path / "uav3"
+    foreign = Credentials(keys_folder() / "uav3" / "ca.pem", forged / "cert.pem", forged / "key.pem")
+
+    async def scene() -> None:
+        places = {uav: here("tls") for uav in UAVS}
+
+        def node(uav: int, own: Credentials | None, *neighbours: int) -> ZenohBus:
+            there = [places[neighbour] for neighbour in neighbours]
+            return ZenohBus(zenoh_config.mesh_node(places[uav], there, SWARM, UAVS, own))
+
+        with (
+            node(1, credentials("tls", "uav1")) as one,
+            node(2, credentials("tls", "uav2"), 1) as two,
+            node(3, foreign, 1, 2) as three,
+        ):
+            heard: list[str] = []
+            for expression in (keys.inbox(SWARM, 1), "swarmctl/other/**", "elsewhere", "**"):
+                one.subscribe(expression, lambda key, _: heard.append(key))
+            await meet(one, two)
+            said = keys.told(SWARM, 1, "inform/state", 2)
+            for key in ("swarmctl/other/uav/1/inform/state/2", "elsewhere", "**"):
+                two.put(key, b"")
+            await until(lambda: heard, "the neighbour", lambda: two.put(said, b""))
+            await asyncio.sleep(0.3)
+            assert set(heard) == {said}
+            assert (one.links, two.links, three.links) == (1, 1, 0)
+
+    asyncio.run(scene())
+
+
+def test_an_access_list_denies_what_it_does_not_name() -> None:
+    for listed in (
+        access.star(SWARM, UAVS, certified=True),
+        access.star(SWARM, UAVS, certified=False),
+        access.mesh(SWARM, UAVS, certified=True),
+        access.door(["a"], ["b"]),
+    ):
+        assert listed["enabled"] is True
+        assert listed["default_permission"] == "deny"
+        assert {rule["permission"] for rule in listed["rules"]} == {"allow"}
+        assert all(rule["key_exprs"] for rule in listed["rules"])

@@ -1,0 +1,65 @@
+"""What Zenoh is configured with: understood by Zenoh, and as the places in a network need it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from swarmctl.bus import zenoh_config
+from swarmctl.bus.access import star
+from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
+from swarmctl.bus.zenoh_config import Configuration, Credentials
+
+OWN = Credentials(Path("/keys/ca.pem"), Path("/keys/cert.pem"), Path("/keys/key.pem"))
+TCP, TLS, QUIC = (BusEndpoint("10.0.0.7", 7447, protocol) for protocol in ("tcp", "tls", "quic"))
+CONFIGURATIONS: dict[str, Configuration] = {
+    "alone": zenoh_config.alone(),
+    "door": zenoh_config.alone(TCP, ["a"], ["b"]),
+    "visitor": zenoh_config.visitor(TCP),
+    "client": zenoh_config.client(TLS, OWN),
+    "router": zenoh_config.router(QUIC, "test", [1, 2, 3], OWN),
+    "router tcp": zenoh_config.router(TCP, "test", [1, 2, 3]),
+    "mesh": zenoh_config.mesh_node(TLS, [BusEndpoint("b", 1, "tls")], "test", [1, 2, 3], OWN),
+}
+
+
+@pytest.mark.parametrize("name", CONFIGURATIONS)
+def test_zenoh_understands_it_and_looks_for_nobody(name: str) -> None:
+    configuration = CONFIGURATIONS[name]
+    text = configuration.as_json5()
+    understood = zenoh.Config.from_json5(text)
+    for path, value in configuration.values.items():
+        if not isinstance(value, dict | list):
+            assert json.loads(understood.get_json(path)) == value, path
+    tree = json.loads(text)
+    assert tree["scouting"]["multicast"]["enabled"] is False
+    assert tree["scouting"]["gossip"]["enabled"] is False
+    assert tree["transport"]["shared_memory"]["enabled"] is False
+
+
+@pytest.mark.parametrize("name", CONFIGURATIONS)
+def test_who_is_listened_for_has_an_access_list_and_one_protocol(name: str) -> None:
+    configuration = CONFIGURATIONS[name]
+    tree = json.loads(configuration.as_json5())
+    assert ("access_control" in tree) == (configuration.listen is not None)
+    used = {text.split("/")[0] for key in ("listen", "connect") for text in tree[key]["endpoints"]}
+    assert set(tree["transport"]["link"]["protocols"]) == (used or {"tcp"})
+    certified = used & {"tls", "quic"}
+    assert bool(certified) == ("tls" in tree["transport"]["link"])
+
+
+def test_what_a_vehicle_may_do_does_not_grow_with_who_else_is_there() -> None:
+    """A hundred vehicles are a list that Zenoh loads in a tenth of a second."""
+    listed = star("test", range(1, 101), certified=True)
+    assert max(len(rule["key_exprs"]) for rule in listed["rules"]) <= 300
+    assert sum(len(rule["key_exprs"]) for rule in listed["rules"]) < 15_000
+
+
+@pytest.mark.parametrize("text", ["tls/ground:7447", "quic/[::1]:1", "tcp/127.0.0.1:0"])
+def test_an_endpoint_of_each_protocol_is_read_and_written(text: str) -> None:
+    endpoint = parse_endpoint(text)
+    assert str(endpoint) == text
+    assert endpoint.is_certified == (not text.startswith("tcp"))

@@ -1,0 +1,174 @@
+"""The bytes on the bus: pinned, tolerant of what comes later, and typed by the acts of FIPA."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from swarmctl.core import frames
+from swarmctl.core.frames import (
+    VERSION,
+    Content,
+    Frame,
+    Have,
+    Refused,
+    Relayed,
+    Seal,
+    Snapshot,
+    SnapshotAsked,
+    StateShared,
+    Why,
+)
+from swarmctl.core.observation import Checkpoint, Observation
+
+SEAL = Seal("test")
+AT = (46.0, 14.5)
+SEEN = Observation(3, 7, 12.5, ((4, 7, True), (4, 8, False)), 2)
+STATE = StateShared(12.5, 46.0, 14.5, 40.0, "flying", 9, 1, last_seq=7, knows=2**40, mode="AUTO")
+ASKED = SnapshotAsked((Have(1, 5, 64, 70, (72, 73)),), ((1, 1.5),))
+
+# As written by version 2: whoever changes one of them breaks every swarm that flies another build.
+GOLDEN: tuple[tuple[Content, str], ...] = (
+    (
+        SEEN,
+        (
+            "020087a673656e64657203ab696e6361726e6174696f6e02a16e09a6756e69785f73cb41dad27480100000a7"
+            "636f6e74656e7486a474797065b2696e666f726d2f6f62736572766174696f6ea86f6273657276657203a373"
+            "657107a674696d655f73cb4029000000000000a563656c6c7392930407c3930408c2ab696e6361726e617469"
+            "6f6e02a76c61745f646567cb4047000000000000a76c6f6e5f646567cb402d000000000000"
+        ),
+    ),
+    (
+        STATE,
+        (
+            "020085a673656e64657203ab696e6361726e6174696f6e02a16e09a6756e69785f73cb41dad27480100000a7"
+            "636f6e74656e74de000ba474797065ac696e666f726d2f7374617465a674696d655f73cb4029000000000000"
+            "a76c61745f646567cb4047000000000000a76c6f6e5f646567cb402d000000000000a9616c745f72656c5f6d"
+            "cb4044000000000000a57068617365a6666c79696e67aa6e5f6f6273657276656409a76e5f666f756e6401a8"
+            "6c6173745f73657107a56b6e6f7773cf0000010000000000a46d6f6465a44155544f"
+        ),
+    ),
+    (
+        ASKED,
+        (
+            "020087a673656e64657203ab696e6361726e6174696f6e02a16e09a6756e69785f73cb41dad27480100000a7"
+            "636f6e74656e7483a474797065b271756572792d7265662f736e617073686f74a46861766591950105404692"
+            "4849a6737461746573919201cb3ff8000000000000a76c61745f646567cb4047000000000000a76c6f6e5f64"
+            "6567cb402d000000000000"
+        ),
+    ),
+    (
+        Checkpoint(3, 2, 64, b"zlib"),
+        (
+            "020087a673656e64657203ab696e6361726e6174696f6e02a16e09a6756e69785f73cb41dad27480100000a7"
+            "636f6e74656e7485a474797065b1696e666f726d2f636865636b706f696e74a86f6273657276657203ab696e"
+            "6361726e6174696f6e02a47570746f40a67061636b6564c4047a6c6962a76c61745f646567cb404700000000"
+            "0000a76c6f6e5f646567cb402d000000000000"
+        ),
+    ),
+    (
+        Snapshot((b"a frame",), True),
+        (
+            "020087a673656e64657203ab696e6361726e6174696f6e02a16e09a6756e69785f73cb41dad27480100000a7"
+            "636f6e74656e7483a474797065af696e666f726d2f736e617073686f74a66672616d657391c4076120667261"
+            "6d65a46c617374c3a76c61745f646567cb4047000000000000a76c6f6e5f646567cb402d000000000000"
+        ),
+    ),
+    (
+        Relayed((b"a frame",)),
+        (
+            "020087a673656e64657203ab696e6361726e6174696f6e02a16e09a6756e69785f73cb41dad27480100000a7"
+            "636f6e74656e7482a474797065ae696e666f726d2f72656c61796564a66672616d657391c40761206672616d"
+            "65a76c61745f646567cb4047000000000000a76c6f6e5f646567cb402d000000000000"
+        ),
+    ),
+)
+
+
+def close(content: Content) -> bytes:
+    lat_deg, lon_deg = (None, None) if isinstance(content, StateShared) else AT
+    return SEAL.close(Frame(3, 2, 9, 1_800_000_000.25, content, lat_deg, lon_deg))
+
+
+def named(row: tuple[Content, str]) -> str:
+    return frames.act_of(row[0])
+
+
+@pytest.mark.parametrize("row", GOLDEN, ids=named)
+def test_the_bytes_are_those_that_other_builds_write_and_read(row: tuple[Content, str]) -> None:
+    content, written = row
+    assert close(content).hex() == written
+    assert SEAL.open(bytes.fromhex(written)).content == content
+
+
+def test_every_kind_of_content_has_golden_bytes_and_stands_in_the_table() -> None:
+    kinds = {frames.act_of(content) for content, _ in GOLDEN}
+    assert kinds == set(re.findall(r"^\| `([a-z-]+/[a-z]+)` \|", frames.__doc__ or "", re.MULTILINE))
+    assert {type(content) for content, _ in GOLDEN} == set(Content.__args__)
+
+
+def test_the_readme_lists_every_act() -> None:
+    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    for content, _ in GOLDEN:
+        assert f"`{frames.act_of(content)}`" in readme
+
+
+@pytest.mark.parametrize("row", GOLDEN, ids=named)
+def test_fields_that_a_later_version_adds_are_tolerated(row: tuple[Content, str]) -> None:
+    content, written = row
+    body = msgspec.msgpack.decode(bytes.fromhex(written)[2:])
+    body["later"] = {"new": [1, 2]}
+    body["content"]["later"] = "new"
+    assert SEAL.open(bytes((VERSION, 0)) + msgspec.msgpack.encode(body)).content == content
+
+
+@pytest.mark.parametrize("field", ["sender", "incarnation", "n", "unix_s", "content"])
+def test_a_missing_field_is_refused_by_name(field: str) -> None:
+    body = msgspec.msgpack.decode(close(SEEN)[2:])
+    del body[field]
+    with pytest.raises(Refused, match=field) as refused:
+        SEAL.open(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
+    assert refused.value.why is Why.MALFORMED
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("sender", 0),
+        ("sender", 255),
+        ("n", 0),
+        ("unix_s", float("nan")),
+        ("lat_deg", float("inf")),
+        ("n", 1.5),
+    ],
+)
+def test_a_value_that_makes_no_sense_is_refused(field: str, value: float) -> None:
+    body = msgspec.msgpack.decode(close(SEEN)[2:])
+    body[field] = value
+    with pytest.raises(Refused):
+        SEAL.open(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
+
+
+@given(st.binary(max_size=300))
+def test_no_bytes_raise_anything_else(data: bytes) -> None:
+    for candidate in (data, bytes((VERSION, 0)) + data, bytes((VERSION, 1)) + data):
+        try:
+            SEAL.open(candidate)
+        except Refused:
+            continue
+
+
+@given(st.data())
+def test_bytes_that_change_on_their_way_raise_nothing_else(data: st.DataObject) -> None:
+    good = bytearray(close(data.draw(st.sampled_from([content for content, _ in GOLDEN]))))
+    good[data.draw(st.integers(0, len(good) - 1))] ^= data.draw(st.integers(1, 255))
+    try:
+        frame = SEAL.open(bytes(good))
+    except Refused:
+        return
+    assert isinstance(frame, Frame)

@@ -1,0 +1,222 @@
+"""Agents that fly one vehicle each, and their operator: three processes' worth in one virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+from flights import Ui, small
+
+from swarmctl import app, companion, operate
+from swarmctl.agent import ARRIVED, Phase
+from swarmctl.app import Report
+from swarmctl.bus.endpoint import BusEndpoint
+from swarmctl.bus.memory import MemoryBus
+from swarmctl.clock import run_virtual
+from swarmctl.core.messages import GiveOrder, OperatorAnswer, Request, SetWeights
+from swarmctl.director import Launch
+from swarmctl.links.base import Identity
+from swarmctl.scenario import Scenario
+
+pytestmark = pytest.mark.virtual
+
+NAMES = {1: "uav1", 2: "uav2", 3: "uav3"}
+STATION = operate.Station("small", BusEndpoint("127.0.0.1", 7447), agents=NAMES)
+
+
+@dataclass
+class Swarm:
+    """Companions over one bus, and what each of them shows."""
+
+    folder: Path
+    scenario: Scenario = field(default_factory=small)
+    bus: MemoryBus = field(default_factory=MemoryBus)
+    uis: dict[int, Ui] = field(default_factory=dict)
+    flights: dict[int, asyncio.Task[Report]] = field(default_factory=dict)
+
+    def start(self, uav: int, launch: Launch = "ordered") -> None:
+        folder = self.folder / f"uav{uav}"
+        folder.mkdir()
+        self.uis[uav] = Ui()
+        self.flights[uav] = asyncio.create_task(
+            companion.fly(
+                companion.only(self.scenario, uav),
+                folder,
+                self.uis[uav],
+                clock="virtual",
+                permission=lambda foreign: None,
+                launch=launch,
+                bus=self.bus,
+            )
+        )
+
+    def phase(self, uav: int) -> Phase:
+        (row,) = self.uis[uav].pictures[-1].rows
+        return row.phase
+
+    async def until(self, uav: int, *phases: Phase) -> None:
+        async with asyncio.timeout(300.0):
+            while not self.uis[uav].pictures or self.phase(uav) not in phases:  # noqa: ASYNC110
+                await asyncio.sleep(0.25)
+
+    async def give(self, command: Request) -> OperatorAnswer:
+        return await operate.ask(self.bus, STATION, command)
+
+
+def outcomes(answer: OperatorAnswer) -> dict[str, str]:
+    return {vehicle.name: vehicle.outcome for vehicle in answer.vehicles}
+
+
+def test_three_agents_are_launched_held_and_called_back_by_their_operator(tmp_path: Path) -> None:
+    async def scene() -> dict[int, Report]:
+        swarm = Swarm(tmp_path)
+        for uav in NAMES:
+            swarm.start(uav)
+        early = await swarm.give(GiveOrder(None, "launch"))
+        assert set(outcomes(early).values()) <= {"silent", "refused"}
+        for uav in NAMES:
+            await swarm.until(uav, Phase.STANDBY)
+        await asyncio.sleep(30.0)
+        assert {swarm.phase(uav) for uav in NAMES} == {Phase.STANDBY}  # nobody has ordered them to fly
+
+        launched = await swarm.give(GiveOrder(None, "launch"))
+        assert outcomes(launched) == dict.fromkeys(NAMES.values(), "taken")
+        for uav in NAMES:
+            await swarm.until(uav, Phase.FLYING)
+        weighed = await swarm.give(SetWeights((1,), w=0.9))
+        assert [(v.name, v.outcome) for v in weighed.vehicles] == [("uav1", "taken")]
+        await asyncio.sleep(15.0)
+        assert outcomes(await swarm.give(GiveOrder((2, "uav3"), "hold"))) == {
+            "uav2": "taken",
+            "uav3": "taken",
+        }
+        for uav in (2, 3):
+            await swarm.until(uav, Phase.HOLDING)
+        assert outcomes(await swarm.give(GiveOrder(("uav3",), "return"))) == {"uav3": "taken"}
+        assert outcomes(await swarm.give(GiveOrder((2,), "land"))) == {"uav2": "taken"}
+        reports = dict(zip(NAMES, await asyncio.gather(*swarm.flights.values()), strict=True))
+        gone = await swarm.give(GiveOrder(None, "hold"))
+        assert operate.has_failed(GiveOrder(None, "hold"), gone)
+        return reports
+
+    reports = run_virtual(scene())
+    for report in reports.values():
+        assert report.bug is None
+        assert report.trouble == ()
+        assert report.ended == "ended"
+    states = {uav: report.states[uav] for uav, report in reports.items()}
+    assert [list(report.states) for report in reports.values()] == [[1], [2], [3]]
+    assert states[1].outcome == ARRIVED
+    assert states[1].w == 0.9
+    assert states[2].outcome == "land ordered; landed"
+    assert states[3].outcome == "return ordered; landed"
+    # What each has seen, the others know.
+    for uav, state in states.items():
+        others = [other for other in NAMES if other != uav]
+        assert all(state.belief.n_cells_from(other) > 0 for other in others), uav
+
+
+def test_an_agent_by_itself_flies_what_it_would_fly_in_one_process(tmp_path: Path) -> None:
+    async def scene() -> Report:
+        swarm = Swarm(tmp_path)
+        swarm.start(2, "when-ready")
+        return await swarm.flights[2]
+
+    report = run_virtual(scene())
+    scenario = small()
+    assert report.all_arrived
+    (vehicle,) = report.summary["vehicles"]
+    (task,) = [task for task in scenario.tasks if task.uav == 2]
+    assert vehicle["name"] == "uav2"
+    assert report.states[2].task == task
+    assert vehicle["cells_own"] > 0
+
+
+def test_an_operator_keeps_a_vehicle_on_the_ground_and_launches_it_later(tmp_path: Path) -> None:
+    async def scene() -> Report:
+        swarm = Swarm(tmp_path, small(simulate={"count": 3, "ready_s": 3.0, "delay_step_s": 60.0}))
+        swarm.start(2, "when-ready")
+        await swarm.until(2, Phase.STANDBY)
+        held = await swarm.give(GiveOrder((2,), "hold"))
+        assert "stays on the ground" in held.vehicles[0].note
+        await asyncio.sleep(120.0)
+        assert swarm.phase(2) is Phase.STANDBY
+        assert outcomes(await swarm.give(GiveOrder((2,), "launch"))) == {"uav2": "taken"}
+        return await swarm.flights[2]
+
+    assert run_virtual(scene()).all_arrived
+
+
+@pytest.mark.parametrize(
+    ("url", "given", "simulated", "reached_at"),
+    [
+        ("udpin://127.0.0.1:14550", None, True, "udpin://127.0.0.1:0"),
+        ("tcpin://127.0.0.1:5760", None, True, "tcpin://127.0.0.1:0"),
+        ("udpin://127.0.0.1:0", "serial:///dev/ttyACM0:57600", False, "serial:///dev/ttyACM0:57600"),
+    ],
+)
+def test_a_simulated_vehicle_has_a_port_of_its_own_and_another_url_makes_it_no_longer_simulated(
+    url: str, given: str | None, simulated: bool, reached_at: str
+) -> None:
+    whole = small(simulate={"count": 3, "url": url})
+    alone = companion.only(whole, 3, given)
+    (spec,) = alone.specs
+    assert (spec.name, spec.simulated, spec.url) == ("uav3", simulated, reached_at)
+    assert alone.swarm == whole.swarm
+    assert alone.tasks == whole.tasks[2:]
+    assert spec.altitude_m == whole.specs[2].altitude_m
+
+
+def test_one_process_with_all_vehicles_says_that_it_takes_no_orders(tmp_path: Path) -> None:
+    async def scene() -> tuple[OperatorAnswer, Report]:
+        bus, there = MemoryBus(), operate.Station("small", BusEndpoint("127.0.0.1", 7447))
+        flight = asyncio.create_task(
+            app.fly(
+                small(simulate={"count": 1, "ready_s": 3.0}),
+                tmp_path,
+                Ui(),
+                clock="virtual",
+                permission=lambda foreign: None,
+                bus=bus,
+            )
+        )
+        await asyncio.sleep(20.0)
+        answer = await operate.ask(bus, there, GiveOrder(None, "land"))
+        return answer, await flight
+
+    answer, report = run_virtual(scene())
+    assert answer.refused.startswith("one process flies this swarm and takes new weights only; Ctrl-C there")
+    assert report.all_arrived
+    assert report.summary["operator_commands"] == {"passed_on": 0, "refused": 1}
+
+
+@dataclass
+class Known:
+    """As much of a member as the rule about orders looks at."""
+
+    name: str
+    identity: Identity | None
+
+
+@pytest.mark.parametrize(
+    ("uid2", "has_keys", "closed"),
+    [
+        (b"sim_vehicle\0", False, False),
+        (b"sim_vehicle\0", True, False),
+        (b"\x12\x34", False, True),
+        (b"\x12\x34", True, False),
+        (None, False, True),
+        (None, True, False),
+    ],
+)
+def test_without_keys_only_simulated_vehicles_take_orders(
+    uid2: bytes | None, has_keys: bool, closed: bool
+) -> None:
+    identity = None if uid2 is None else Identity(1, 3, 2, "ArduPilot 4.6.2", uid2.ljust(18, b"\0"))
+    who: Any = Known("alpha", identity)
+    why = companion.orders_closed([who], has_keys=has_keys)
+    assert bool(why) is closed
+    assert not closed or ("alpha" in why and "`swarmctl keys`" in why)

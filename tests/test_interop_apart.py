@@ -1,0 +1,145 @@
+"""A swarm on many machines, as processes: a router, an agent a vehicle, a ground station, an operator."""
+
+from __future__ import annotations
+
+import json
+import signal
+import socket
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+from test_interop_fly import SWARMCTL, read_until
+
+pytestmark = pytest.mark.interop
+
+APART = """\
+name: apart
+area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m: 50}
+threats: {count: 5}
+communication: {router: "tcp/127.0.0.1:PORT"}
+simulate: {count: 2, speedup: 10, ready_s: 0}
+flight: {on_exit: hold, altitude_m: 15}
+"""
+
+
+@dataclass
+class Field:
+    """A folder with a configuration, and the processes started in it."""
+
+    folder: Path
+    started: list[subprocess.Popen[str]] = field(default_factory=list)
+
+    def start(self, *words: str) -> subprocess.Popen[str]:
+        process = subprocess.Popen(
+            [*SWARMCTL, *words, "--config", "apart.yaml"],
+            cwd=self.folder,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        self.started.append(process)
+        return process
+
+    def agent(self, uav: str, *words: str) -> subprocess.Popen[str]:
+        return self.start("agent", "--uav", uav, *words)
+
+    def run(self, *words: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [*SWARMCTL, *words, "--config", "apart.yaml"],
+            cwd=self.folder,
+            timeout=60.0,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+    def summary(self, name: str) -> dict[str, object]:
+        (file,) = (self.folder / "runs").glob(f"*-apart-{name}/summary.json")
+        content: dict[str, object] = json.loads(file.read_text())
+        return content
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Iterator[Field]:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    (tmp_path / "apart.yaml").write_text(APART.replace("PORT", str(port)))
+    field = Field(tmp_path)
+    try:
+        yield field
+    finally:
+        for process in field.started:
+            process.kill()
+            process.wait()
+            if process.stdout is not None:
+                process.stdout.close()
+
+
+def eventually(seen: Callable[[], bool], within_s: float = 40.0) -> bool:
+    until_s = time.monotonic() + within_s
+    while time.monotonic() < until_s:
+        if seen():
+            return True
+        time.sleep(0.2)
+    return False
+
+
+def test_agents_wait_for_their_order_fly_it_and_fly_on_without_the_router(place: Field) -> None:
+    one, two = place.agent("uav1"), place.agent("2")  # before there is a router
+    read_until(one, "nobody of the swarm's network is reached")
+    router = place.start("router")
+    for agent in (one, two):
+        read_until(agent, "in touch with the swarm's network")
+
+    def both_stand_by() -> bool:
+        seen = place.run("watch", "--once")
+        return seen.returncode == 0 and seen.stdout.count("standby") == 2
+
+    assert eventually(both_stand_by)
+    launched = place.run("order", "launch", "--all")
+    assert (launched.returncode, launched.stdout) == (0, "uav1: launch ordered\nuav2: launch ordered\n")
+    weighed = place.run("set", "--uav", "uav1", "--w", "0.9")
+    assert weighed.stdout.startswith("uav1: w = 0.9 from plan ")
+    router.kill()
+    for agent, name in ((one, "uav1"), (two, "uav2")):
+        read_until(agent, "1 of 1 arrived")
+        assert agent.wait(timeout=20.0) == 0
+        vehicles = place.summary(name)["vehicles"]
+        assert isinstance(vehicles, list)
+        assert [vehicle["name"] for vehicle in vehicles] == [name]
+    gone = place.run("order", "hold", "--all")
+    assert gone.returncode == 1
+
+
+def test_ctrl_c_ends_every_process_whatever_the_router_does(place: Field) -> None:
+    router = place.start("router")
+    read_until(router, "listening at")
+    agent, station = place.agent("uav1"), place.start("watch")
+    read_until(agent, "the order to launch is waited for")
+    read_until(station, "uav1: standby")
+    router.send_signal(signal.SIGSTOP)
+    try:
+        for process in (agent, station):
+            process.send_signal(signal.SIGINT)
+        for process in (agent, station):
+            assert process.wait(timeout=20.0) == 130
+    finally:
+        router.send_signal(signal.SIGCONT)
+    router.send_signal(signal.SIGINT)
+    assert router.wait(timeout=20.0) in (0, 130)
+
+
+def test_an_agent_in_touch_with_nobody_is_stopped_and_without_orders_flies_by_itself(place: Field) -> None:
+    waiting = place.agent("uav1")
+    read_until(waiting, "the order to launch is waited for")
+    flown = place.agent("uav2", "--launch", "when-ready")
+    read_until(flown, "1 of 1 arrived")
+    assert flown.wait(timeout=20.0) == 0
+    waiting.send_signal(signal.SIGINT)
+    read_until(waiting, "uav1: not launched")
+    assert waiting.wait(timeout=20.0) == 130

@@ -1,0 +1,411 @@
+"""Orders of operators: what an agent makes of each in each state, and the desk they come to."""
+
+from __future__ import annotations
+
+import asyncio
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from flights import small
+from test_agent import Story, orders
+
+from swarmctl import operate
+from swarmctl.agent import Phase
+from swarmctl.bus import desk, directory, keys
+from swarmctl.bus.desk import Asked, Desk, Tally
+from swarmctl.bus.endpoint import BusEndpoint
+from swarmctl.bus.memory import MemoryBus
+from swarmctl.clock import run_virtual
+from swarmctl.core import events as ev
+from swarmctl.core.events import Order
+from swarmctl.core.messages import (
+    BadMessage,
+    GiveOrder,
+    OperatorAnswer,
+    SetWeights,
+    VehicleAnswer,
+    decode_answer,
+    encode,
+)
+from swarmctl.display import ordered
+
+pytestmark = pytest.mark.virtual
+
+# --- the agent
+
+
+def waiting() -> Story:
+    return Story()
+
+
+def uploading() -> Story:
+    story = Story()
+    story(ev.Ready())
+    story.swap()
+    return story
+
+
+def standby() -> Story:
+    story = uploading()
+    story.accept()
+    return story
+
+
+def replanning() -> Story:
+    story = standby()
+    story.hear((4, 4, True))
+    story.swap()
+    return story
+
+
+def lost_on_the_ground() -> Story:
+    story = standby()
+    story(ev.LinkLost(4.0))
+    return story
+
+
+def launching() -> Story:
+    return Story().launching()
+
+
+def breaking_off() -> Story:
+    story = Story().launching()
+    story(ev.OperatorCommand(Order.HOLD))
+    return story
+
+
+def flying() -> Story:
+    return Story().flying()
+
+
+def lost() -> Story:
+    story = flying()
+    story(ev.LinkLost(4.0))
+    return story
+
+
+def landing() -> Story:
+    story = flying()
+    story.over((4, 8))
+    return story
+
+
+def holding() -> Story:
+    story = flying()
+    story(ev.OperatorCommand(Order.HOLD, 1))
+    return story
+
+
+def leaving() -> Story:
+    story = flying()
+    story(ev.OperatorCommand(Order.RETURN, 1))
+    return story
+
+
+def released() -> Story:
+    story = flying()
+    story.over((4, 1), mode="LOITER", mode_role="other")
+    return story
+
+
+def done() -> Story:
+    story = landing()
+    story.over((4, 8), armed=False)
+    return story
+
+
+HOLD, RETURN, LAND, LAUNCH = Order.HOLD, Order.RETURN, Order.LAND, Order.LAUNCH
+STAYS, DOWN = "stays on the ground", "launch is broken off: it lands"
+MATRIX: list[tuple[Callable[[], Story], Order, str, str, list[Order], Phase]] = [
+    # state, order, answer, its note, what the vehicle is told, state then
+    (waiting, LAUNCH, "refused", "not ready yet: waiting", [], Phase.WAITING),
+    (uploading, LAUNCH, "refused", "not ready yet: uploading", [], Phase.UPLOADING),
+    (standby, LAUNCH, "taken", "", [LAUNCH], Phase.LAUNCHING),
+    (replanning, LAUNCH, "taken", "as soon as its new plan is on it", [], Phase.STANDBY),
+    (lost_on_the_ground, LAUNCH, "refused", "link is lost", [], Phase.STANDBY),
+    (launching, LAUNCH, "taken", "launched already", [], Phase.LAUNCHING),
+    (breaking_off, LAUNCH, "refused", "being broken off", [], Phase.LEAVING),
+    (flying, LAUNCH, "taken", "launched already", [], Phase.FLYING),
+    (landing, LAUNCH, "taken", "launched already", [], Phase.LANDING),
+    (holding, LAUNCH, "refused", "hold ordered: it does not take up its route again", [], Phase.HOLDING),
+    (leaving, LAUNCH, "refused", "return ordered: it does not", [], Phase.LEAVING),
+    (released, LAUNCH, "over", "released, in mode LOITER", [], Phase.RELEASED),
+    (done, LAUNCH, "over", "its flight is over: done, arrived", [], Phase.DONE),
+    (waiting, HOLD, "taken", STAYS, [], Phase.WAITING),
+    (uploading, RETURN, "taken", STAYS, [], Phase.UPLOADING),
+    (standby, LAND, "taken", STAYS, [], Phase.STANDBY),
+    (launching, HOLD, "taken", DOWN, [LAND], Phase.LEAVING),
+    (launching, RETURN, "taken", DOWN, [LAND], Phase.LEAVING),
+    (breaking_off, HOLD, "refused", "being broken off: it lands", [], Phase.LEAVING),
+    (flying, HOLD, "taken", "", [HOLD], Phase.HOLDING),
+    (flying, RETURN, "taken", "", [RETURN], Phase.LEAVING),
+    (flying, LAND, "taken", "", [LAND], Phase.LEAVING),
+    (lost, HOLD, "taken", "told when it is heard again", [HOLD], Phase.HOLDING),
+    (landing, HOLD, "taken", "", [HOLD], Phase.HOLDING),
+    (holding, RETURN, "taken", "", [RETURN], Phase.LEAVING),
+    (leaving, HOLD, "taken", "", [HOLD], Phase.HOLDING),
+    (released, LAND, "over", "released", [], Phase.RELEASED),
+    (done, HOLD, "over", "done, arrived", [], Phase.DONE),
+]
+
+
+@pytest.mark.parametrize(
+    ("begun", "order", "outcome", "note", "told", "phase"),
+    MATRIX,
+    ids=[f"{begun.__name__}-{order}" for begun, order, *_ in MATRIX],
+)
+def test_what_an_agent_makes_of_an_order(
+    begun: Callable[[], Story], order: Order, outcome: str, note: str, told: list[Order], phase: Phase
+) -> None:
+    story = begun()
+    effects = story(ev.OperatorCommand(order, 7))
+    (answer,) = (e for e in effects if isinstance(e, ev.Answer))
+    assert (answer.command, answer.answer.uav, answer.answer.name) == (7, 1, "uav1")
+    assert answer.answer.outcome == outcome
+    assert note in answer.answer.note
+    assert bool(note) == bool(answer.answer.note)
+    assert orders(effects) == told
+    assert story.state.phase is phase
+
+
+def test_what_its_own_process_orders_is_answered_to_nobody() -> None:
+    for begun in (waiting, standby, flying, done):
+        for order in Order:
+            assert not [e for e in begun()(ev.OperatorCommand(order)) if isinstance(e, ev.Answer)]
+
+
+def test_what_an_operator_keeps_on_the_ground_its_own_process_does_not_launch() -> None:
+    story = standby()
+    story(ev.OperatorCommand(HOLD, 1))
+    assert story(ev.OperatorCommand(LAUNCH)) == []
+    assert story.state.phase is Phase.STANDBY
+    assert orders(story(ev.OperatorCommand(LAUNCH, 2))) == [LAUNCH]
+
+
+def test_a_launch_that_waits_for_a_plan_is_called_back() -> None:
+    story = replanning()
+    story(ev.OperatorCommand(LAUNCH, 1))
+    story(ev.OperatorCommand(HOLD, 2))
+    assert orders(story.accept()) == []
+    assert story.state.phase is Phase.STANDBY
+
+
+def test_a_launch_that_waits_for_a_plan_is_forgotten_by_a_boot() -> None:
+    """Nobody stands there any more when it is ready again."""
+    story = replanning()
+    story(ev.OperatorCommand(LAUNCH, 1))
+    story(ev.Rebooted())
+    story(ev.Ready())
+    story.swap()
+    assert orders(story.accept()) == []
+
+
+def test_an_order_given_while_its_link_was_lost_is_given_when_it_is_heard() -> None:
+    story = lost()
+    story(ev.OperatorCommand(LAND, 1))
+    story(ev.OrderFailed(LAND, "no answer"))
+    story(ev.LinkRestored())
+    assert orders(story.over((4, 1))) == [LAND]
+
+
+# --- the desk
+
+
+class Ground:
+    """The desk of one vehicle whose agent takes everything, unless it is slow."""
+
+    def __init__(self, bus: MemoryBus, *, slow: bool = False, closed: str = "") -> None:
+        self.said: list[str] = []
+        self.posted: list[Asked] = []
+        self.slow = slow
+        self.desk = Desk(
+            bus,
+            "test",
+            self.said.append,
+            Tally(),
+            uav=2,
+            closed=lambda kind: closed if kind == "order" else "",
+            unseal=self._unseal,
+        )
+        self.desk.join(2, "uav2", self._post)
+        self.forged = False
+
+    def _unseal(self, key: str, payload: bytes) -> bytes:
+        if self.forged:
+            raise BadMessage(f"nobody of this swarm signed what came under {key}")
+        return payload
+
+    def _post(self, event: Asked) -> None:
+        self.posted.append(event)
+        if not self.slow:
+            assert event.command is not None
+            self.desk.answered(event.command, VehicleAnswer(2, "uav2", "taken"))
+
+
+ORDER, WEIGHTS = "swarmctl/test/uav/2/request/order/operator", "swarmctl/test/uav/2/request/weights/operator"
+TAKEN = OperatorAnswer((VehicleAnswer(2, "uav2", "taken"),))
+
+
+async def asked(bus: MemoryBus, key: str, command: GiveOrder | SetWeights) -> OperatorAnswer:
+    (answer,) = await bus.ask(key, encode(command), 5.0)
+    return decode_answer(answer)
+
+
+def test_orders_and_weights_have_keys_of_their_own() -> None:
+    assert keys.request("test", "order", 2) == ORDER
+    assert keys.request("test", "weights", 2) == WEIGHTS
+
+    async def scene() -> None:
+        bus = MemoryBus()
+        ground = Ground(bus)
+        assert await asked(bus, ORDER, GiveOrder((2,), "hold")) == TAKEN
+        assert await asked(bus, WEIGHTS, SetWeights(("uav2",), w=0.2)) == TAKEN
+        assert ground.posted == [ev.OperatorCommand(HOLD, 1), ev.WeightsChanged(2, 0.2)]
+        for key, command in ((WEIGHTS, GiveOrder(None, "land")), (ORDER, SetWeights(None, w=0.2))):
+            assert "a command of the kind" in (await asked(bus, key, command)).refused
+        assert "there is 2 (uav2)" in (await asked(bus, ORDER, GiveOrder((3,), "land"))).refused
+        assert len(ground.posted) == 2
+
+    run_virtual(scene())
+
+
+def test_an_order_waits_for_no_weights() -> None:
+    """Neither for an agent that has not come to new ones, nor for a flood of them."""
+
+    async def scene() -> None:
+        bus = MemoryBus()
+        ground = Ground(bus, slow=True)
+        first = asyncio.create_task(asked(bus, WEIGHTS, SetWeights(None, w=0.2)))
+        for _ in range(3 * desk.BURST):
+            await asyncio.sleep(0.001)
+            assert (await asked(bus, WEIGHTS, SetWeights(None, w=0.3))).refused
+        ground.slow = False
+        assert await asked(bus, ORDER, GiveOrder(None, "land")) == TAKEN
+        assert [type(event) for event in ground.posted] == [ev.WeightsChanged, ev.OperatorCommand]
+        assert (await first).vehicles[0].outcome == "unconfirmed"
+
+    run_virtual(scene())
+
+
+def test_where_orders_are_not_taken_it_is_said_why_and_weights_are() -> None:
+    async def scene() -> None:
+        bus = MemoryBus()
+        ground = Ground(bus, closed="make keys first")
+        assert (await asked(bus, ORDER, GiveOrder(None, "launch"))).refused == "make keys first"
+        assert await asked(bus, WEIGHTS, SetWeights(None, w=0.2)) == TAKEN
+        assert len(ground.posted) == 1
+
+    run_virtual(scene())
+
+
+def test_who_cannot_show_who_it_is_orders_nothing() -> None:
+    async def scene() -> None:
+        bus = MemoryBus()
+        ground = Ground(bus)
+        ground.forged = True
+        answer = await asked(bus, ORDER, GiveOrder(None, "land"))
+        assert answer.refused == f"nobody of this swarm signed what came under {ORDER}"
+        assert ground.posted == []
+        assert ground.said == [f"an operator's command was refused (1 so far): {answer.refused}"]
+
+    run_virtual(scene())
+
+
+# --- the operator's side
+
+STATION = operate.Station(
+    "test", BusEndpoint("127.0.0.1", 7447), agents={1: "uav1", 2: "uav2", 3: "uav3", 4: "uav4"}
+)
+
+
+def test_each_agent_answers_for_itself_and_none_keeps_the_others_waiting() -> None:
+    async def scene() -> tuple[OperatorAnswer, float]:
+        bus = MemoryBus()
+        Ground(bus)
+        bus.serve(keys.request("test", "order", 3), lambda _key, _payload, _reply: None)
+        bus.serve(keys.request("test", "order", 4), lambda _key, _payload, reply: reply(b"\x01nonsense"))
+        answer = await operate.ask(bus, STATION, GiveOrder(None, "hold"))
+        return answer, asyncio.get_running_loop().time()
+
+    answer, took_s = run_virtual(scene())
+    assert [(v.name, v.outcome) for v in answer.vehicles] == [
+        ("uav1", "silent"),
+        ("uav2", "taken"),
+        ("uav3", "unconfirmed"),
+        ("uav4", "unconfirmed"),
+    ]
+    assert took_s == pytest.approx(operate.TIMEOUT_S)
+    assert operate.has_failed(GiveOrder(None, "hold"), answer)
+    lines = [ordered("hold", vehicle) for vehicle in answer.vehicles]
+    assert lines[0].startswith("uav1: not ordered: no agent of it is in touch")
+    assert lines[1] == "uav2: hold ordered"
+    assert lines[2] == "uav3: unknown: its agent did not answer within 5 s"
+    assert "cannot be understood" in lines[3]
+
+
+def test_a_vehicle_that_is_not_of_the_swarm_is_asked_nothing() -> None:
+    async def scene() -> None:
+        bus = MemoryBus()
+        ground = Ground(bus)
+        with pytest.raises(operate.Unclear, match="no vehicle has the system id or name 9"):
+            await operate.ask(bus, STATION, GiveOrder((2, 9), "launch"))
+        assert ground.posted == []
+
+    run_virtual(scene())
+
+
+def test_an_agent_that_answers_for_another_is_not_believed() -> None:
+    async def scene() -> OperatorAnswer:
+        bus = MemoryBus()
+        reply_of_another = encode(OperatorAnswer((VehicleAnswer(9, "uav9", "taken"),)))
+        bus.serve(ORDER, lambda _key, _payload, reply: reply(reply_of_another))
+        return await operate.ask(bus, STATION, GiveOrder((2,), "launch"))
+
+    (vehicle,) = run_virtual(scene()).vehicles
+    assert (vehicle.uav, vehicle.outcome) == (2, "unconfirmed")
+
+
+@pytest.mark.parametrize("order", ["takeoff", "", None, 3])
+def test_what_is_no_order_is_refused(order: object) -> None:
+    async def scene() -> None:
+        bus = MemoryBus()
+        ground = Ground(bus)
+        strange: GiveOrder = GiveOrder(None, order)  # type: ignore[arg-type]
+        assert (await asked(bus, ORDER, strange)).refused.startswith("not a message of version 1")
+        assert ground.posted == []
+
+    run_virtual(scene())
+
+
+APART: dict[str, object] = {"router": "tcp/10.0.0.1:7447"}
+MESHED: dict[str, object] = {"mesh": {"uav1": "tcp/10.0.0.1:7447", "uav2": "tcp/10.0.0.2:7447"}}
+VEHICLES = {1: "uav1", 2: "uav2"}
+ROUTER, OTHER = BusEndpoint("10.0.0.1", 7447), BusEndpoint("10.0.0.2", 7447)
+
+
+@pytest.fixture
+def nobody_flies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+
+
+def meant(communication: dict[str, object], connect: str | None = None) -> operate.Station:
+    config = small(communication={"bus": "zenoh", **communication}).config
+    return operate.find(None, config, connect, VEHICLES)
+
+
+@pytest.mark.usefixtures("nobody_flies")
+def test_where_agents_run_apart_each_is_asked_at_the_router_or_in_the_mesh() -> None:
+    assert meant(APART) == operate.Station("small", ROUTER, agents=VEHICLES)
+    assert meant(MESHED) == operate.Station("small", ROUTER, (OTHER,), VEHICLES)
+    assert meant(APART, "tcp/10.0.0.2:7447") == operate.Station("small", OTHER, agents=VEHICLES)
+
+
+@pytest.mark.usefixtures("nobody_flies")
+def test_a_flight_of_one_process_on_this_machine_comes_first() -> None:
+    here = BusEndpoint("127.0.0.1", 4001)
+    with directory.listed("small", here):
+        assert meant(APART) == operate.Station("small", here)
+    with directory.listed("another", here):
+        assert meant(APART).agents == VEHICLES
