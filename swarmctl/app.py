@@ -18,7 +18,7 @@ from swarmctl.bus import keys
 from swarmctl.bus import tally as bus_tally
 from swarmctl.bus.base import BusError, Transport
 from swarmctl.bus.desk import Desk, Tally, Unseal, unsealed
-from swarmctl.bus.network import RunClock
+from swarmctl.bus.network import Network, RunClock
 from swarmctl.core.events import Order
 from swarmctl.core.frames import Seal
 from swarmctl.director import Director, Launch, Member, Permission, PreflightFailed, left_how
@@ -141,7 +141,7 @@ async def fly(
                 permission=permission,
                 launch=manner.launch,
             )
-            show = _show(members, ledger, face, scenario, director)
+            show = _show(members, ledger, face, scenario, director, network)
             try:
                 ended = await _conduct(director, members, parts.played, face, show)
             except Exception:
@@ -313,7 +313,12 @@ def _signals(interrupted: Any) -> Iterator[None]:
 
 
 async def _show(
-    members: Sequence[Member], ledger: Ledger, ui: Ui, scenario: Scenario, director: Director
+    members: Sequence[Member],
+    ledger: Ledger,
+    ui: Ui,
+    scenario: Scenario,
+    director: Director,
+    network: Network,
 ) -> None:
     marks: list[tuple[float, float]] = []
 
@@ -322,7 +327,15 @@ async def _show(
         clocks = [m.state.vehicle.time_boot_s for m in members]
         marks = [*marks[-20:], (time.monotonic(), max(clocks, default=0.0))]
         (t0, v0), (t1, v1) = marks[0], marks[-1]
-        rows = [row(m.state, m.runner.link.age_s(), "; ".join(m.waiting_for)) for m in members]
+        rows = [
+            row(
+                m.state,
+                m.runner.link.age_s(),
+                "; ".join(m.waiting_for),
+                network.tally(m.spec.sysid).refused.total(),
+            )
+            for m in members
+        ]
         speed = (v1 - v0) / (t1 - t0) if t1 > t0 and v0 > 0.0 else None
         on_ctrl_c = "leave at once" if director.stop.is_set() else "hold and leave"
         ui.refresh(Picture(scenario.config.name, ledger.flown_s, speed, rows, on_ctrl_c))

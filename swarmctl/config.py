@@ -100,7 +100,7 @@ class Sensor(_Section):
     """What one look at a cell gets wrong. Beliefs reckon with it, and simulated sensors err by it."""
 
     source: Literal["simulated", "external", "both"] = Field(
-        "simulated",
+        "both",
         description="of looks: simulated (the 3 × 3 cells below a vehicle), external (only what payloads "
         "report over the bus, and people by `swarmctl observe`), or both",
     )

@@ -70,8 +70,8 @@ class Picture:
     on_ctrl_c: str = "hold and leave"
 
 
-def row(state: AgentState, age_s: float, note: str = "") -> Row:
-    """`age_s`: since the last heartbeat; infinite before the first."""
+def row(state: AgentState, age_s: float, note: str = "", refused: int = 0) -> Row:
+    """`age_s`: since the last heartbeat; infinite before the first. `refused`: messages of the network."""
     own = state.belief.n_cells_from(state.task.uav)
     return Row(
         name=state.task.name,
@@ -84,7 +84,7 @@ def row(state: AgentState, age_s: float, note: str = "") -> Row:
         hostiles_known=state.belief.n_found,
         replans=state.replans,
         strikes=state.vehicle.strikes,
-        link=_link(state, age_s),
+        link=_link(state, age_s) + (f", {refused} refused" if refused else ""),
         weights=_weights(state),
         note=note or state.outcome or state.trouble or state.late,
     )

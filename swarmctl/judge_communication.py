@@ -52,8 +52,11 @@ def _judge_transport(c: Communication) -> Iterator[Problem]:
     between: dict[KeyPath, str] = {(*HERE, "mesh", who): endpoint for who, endpoint in c.mesh.items()}
     if c.router is not None:
         between[*HERE, "router"] = c.router
+    if _is_certified(c.listen):
+        text = f"{c.listen}: a flight in one process is reached over tcp/ alone; give tcp/HOST:PORT, or none"
+        yield Problem((*HERE, "listen"), text)
     if c.keys is None:
-        for path, endpoint in (between | {(*HERE, "listen"): c.listen}).items():
+        for path, endpoint in between.items():
             if _is_certified(endpoint):
                 text = f"{endpoint} needs certificates; give communication.keys the folder that "
                 yield Problem(path, f"{text}`swarmctl keys` made, or write tcp/", given=(*HERE, "keys"))
@@ -62,7 +65,7 @@ def _judge_transport(c: Communication) -> Iterator[Problem]:
         if not _is_certified(endpoint):
             text = f"{endpoint} would not use communication.keys; write tls/ or quic/ instead of tcp/"
             yield Problem(path, f"{text}, or leave keys away", given=(*HERE, "keys"))
-    if not between and not _is_certified(c.listen):
+    if not between:
         text = "does nothing without an endpoint that needs certificates; give communication.router or mesh "
         text += "tls/HOST:PORT or quic/HOST:PORT, or leave keys away"
         yield Problem((*HERE, "keys"), text, given=HERE)

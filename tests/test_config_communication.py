@@ -187,12 +187,11 @@ SECURE = [
         ["router: tls/10.0.0.9:7447 needs certificates; give communication.keys the folder that "
          "`swarmctl keys` made, or write tcp/"],
     ),
-    ("a flight that listens with keys", "keys: keys, listen: tls/10.0.0.9:7447", []),
     (
-        "a flight that listens without",
+        "a flight that listens with certificates",
         "listen: tls/10.0.0.9:7447",
-        ["listen: tls/10.0.0.9:7447 needs certificates; give communication.keys the folder that "
-         "`swarmctl keys` made, or write tcp/"],
+        ["listen: tls/10.0.0.9:7447: a flight in one process is reached over tcp/ alone; give tcp/HOST:PORT, "
+         "or none"],
     ),
     (
         "keys and nobody who listens",

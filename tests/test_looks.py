@@ -484,7 +484,7 @@ def test_each_reason_is_said_once_until_there_was_a_pause() -> None:
 def test_every_source_of_a_configuration_is_known() -> None:
     annotation = Sensor.model_fields["source"].annotation
     assert set(get_args(annotation)) == set(SOURCES)
-    assert Sensor().source == "simulated"
+    assert Sensor().source == "both"
 
 
 def test_a_vehicle_with_a_payload_alone_sees_nothing_by_simulation() -> None:
