@@ -81,7 +81,8 @@ MAY_IMPORT: dict[str, set[str]] = {
         "swarmctl.runner", "swarmctl.director", "swarmctl.scenario", "swarmctl.simulator", "swarmctl.virtual",
     },
     "swarmctl.app": {
-        "swarmctl.core", "swarmctl.runner", "swarmctl.links", "swarmctl.bus", "swarmctl.agent", "swarmctl.director",
+        "swarmctl.core", "swarmctl.runner", "swarmctl.links", "swarmctl.bus", "swarmctl.agent",
+        "swarmctl.director",
         "swarmctl.display", "swarmctl.face", "swarmctl.record", "swarmctl.networking", "swarmctl.parts",
         "swarmctl.scenario", "swarmctl.simulator", "swarmctl.summary", "swarmctl.virtual",
         "swarmctl.supervise",
