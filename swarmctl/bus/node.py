@@ -17,7 +17,7 @@ import numpy as np
 from swarmctl.bus.peer import QUESTIONS_PER_S, Peer
 from swarmctl.bus.reach import recipients
 from swarmctl.bus.reading import Read, Reading, reader
-from swarmctl.bus.replica import Kept, Replica
+from swarmctl.bus.replica import COMPACT_AFTER, Kept, Replica
 from swarmctl.bus.tally import Tally
 from swarmctl.core.frames import (
     MAX_FRAME_BYTES,
@@ -33,10 +33,12 @@ from swarmctl.core.frames import (
     Why,
 )
 from swarmctl.core.geo import LatLon
-from swarmctl.core.observation import Checkpoint, Observation, Told, checkpoint
+from swarmctl.core.observation import Checkpoint, Observation, Source, Told, checkpoint
 
 CHECKPOINT_EVERY = 64
 """own observations"""
+UNHURRIED = 8
+"""checkpoints of what it knows already that an agent is told at once"""
 ANSWER_WITHIN_S = 2.0
 """beyond what the way there and back takes"""
 CHUNK_BYTES = MAX_FRAME_BYTES - 8192
@@ -111,6 +113,13 @@ class Node:
         self._n = 0
         self._own: dict[int, bool] = {}
         """cell -> what was seen there"""
+        self._own_cells = self._own.keys()
+        self._spread = 0
+        """what the last of its checkpoints that was sent to others stands for"""
+        self._said_since_bytes = 0
+        """in observations"""
+        self._unhurried: dict[Source, Checkpoint] = {}
+        """of what the agent knows: they only save room, and are told it a few at a time"""
         self._due: dict[int, float] = {}
         """peer -> from when on it is to be asked what it holds"""
         self._asked: tuple[int, float] | None = None
@@ -128,10 +137,11 @@ class Node:
         if isinstance(message, Observation):
             to = self._reach(now_s)
             data = self._send(took, message, to, unix_s)
+            self._said_since_bytes += len(data)
             self._keep(message, data)
             self._own.update((r * self._options.cols + c, occupied) for r, c, occupied in message.cells)
-            if message.seq % CHECKPOINT_EVERY == 0:
-                self._make_checkpoint(unix_s)
+            if (message.seq + self.uav) % CHECKPOINT_EVERY == 0:  # not all of a swarm at once
+                self._make_checkpoint(took, to, unix_s)
         else:
             self.at = message.lat_deg, message.lon_deg
             state = msgspec.structs.replace(
@@ -141,17 +151,39 @@ class Node:
                 refused=self.tally.refused.total(),
                 flagged=tuple(sorted(self.tally.flagged)),
             )
-            self._send(took, state, self._reach(now_s), unix_s)
+            reach = self._reach(now_s)
+            self._send(took, state, (*reach, *self._lost_one(reach, now_s)), unix_s)
         return took
+
+    def _lost_one(self, reach: tuple[int, ...], now_s: float) -> tuple[int, ...]:
+        """One of those of whom nothing is heard, beyond its range.
+
+        Groups that were apart for long would stay so for ever if each had enough others to speak to.
+        """
+        if not reach or self._options.sync_every_s == 0.0 or len(reach) == len(self._peers):
+            return ()
+        lost = [
+            u for u, p in self._peers.items() if u not in reach and (p.state is None or p.is_silent(now_s))
+        ]
+        return (lost[int(self._rng.integers(len(lost)))],) if lost else ()
 
     def _keep(self, own: Told, data: bytes) -> None:
         self._replica.take(self._replica.of(self._self), own, self._read(data))
 
-    def _make_checkpoint(self, unix_s: float) -> None:
+    def _make_checkpoint(self, took: Took, to: tuple[int, ...], unix_s: float) -> None:
+        """For who asks; now and then for all, who would keep every observation for ever else."""
         kept, o = self._replica.of(self._self), self._options
         made = checkpoint(kept.checkpoint, kept.observations(), o.cols, o.rows * o.cols)
-        if made is not None:
-            self._keep(made, self._frame(made, unix_s))
+        if made is None:
+            return
+        data = self._frame(made, unix_s)
+        self._keep(made, data)
+        # Where nobody asks for what was missed, nobody is to get it this way either.
+        is_worth_it = len(data) <= self._said_since_bytes or made.upto >= self._spread + COMPACT_AFTER
+        if is_worth_it and o.sync_every_s > 0.0:
+            self._spread, self._said_since_bytes = made.upto, 0
+            self._unhurried[made.source] = made
+            self._send(took, Relayed((data,)), to, unix_s)
 
     # --- what others say
 
@@ -194,8 +226,7 @@ class Node:
                 Why.SOURCE,
                 f"a frame {reading.act} of vehicle {frame.sender} under the key of {act} of {sender}",
             )
-        if frame.unix_s - unix_s > self._options.clock_tolerance_s:
-            self._check_time(frame, unix_s)
+        self._check_time(frame, unix_s)
         if peer.admit(frame, now_s):
             self._ask_soon(sender, now_s)
 
@@ -205,13 +236,18 @@ class Node:
             raise Refused(Why.FUTURE, f"said {ahead_s:.1f} s from now by the clock of vehicle {frame.sender}")
 
     def _observed(self, took: Took, seen: Observation, reading: Reading, now_s: float, unix_s: float) -> None:
-        """What most messages are: as few steps as can be."""
-        kept = self._replica.of(reading.source)
-        is_new = self._take(took, kept, seen, reading)
+        """What most messages are, and so with as few steps as can be; `_take` is for what was passed on."""
+        replica, sender = self._replica, reading.frame.sender
+        kept = replica.of(reading.source)
+        if kept.observed(seen, reading):
+            replica.changed[reading.source] = kept
+            if self._options.perfect_sensors and not self._own_cells.isdisjoint(reading.cells):
+                self._flag(took, sender, reading.cells, reading.occupied)
+            took.news.append(seen)
+            if self._options.relay:
+                self._relay(took, [reading.data], sender, now_s, unix_s)
         if kept.upto < seen.seq:
-            self._lacks(reading.frame.sender, now_s)
-        if is_new and self._options.relay:
-            self._relay(took, [reading.data], reading.frame.sender, now_s, unix_s)
+            self._lacks(sender, now_s)
 
     def _handle(self, took: Took, content: Content, reading: Reading, now_s: float, unix_s: float) -> None:
         """All other contents."""
@@ -220,7 +256,8 @@ class Node:
             case StateShared() as state:
                 peer = self._peers[sender]
                 peer.told(reading.frame, state, reading.data, now_s)
-                peer.agrees = state.knows == self._replica.fingerprint
+                peer.said_s = now_s
+                peer.agreed_s = now_s if state.knows == self._replica.fingerprint else -math.inf
                 if self._replica.of(reading.source).upto < state.last_seq:
                     self._lacks(sender, now_s)
             case SnapshotAsked() as asked:
@@ -243,18 +280,27 @@ class Node:
                     Why.TWO_CONTENTS, f"another process flies vehicle {self.uav}: {told.two_contents}"
                 )
             return False
+        was_upto = kept.upto
         if not self._replica.take(kept, told, reading):
             return False
-        if self._options.perfect_sensors and not self._own.keys().isdisjoint(reading.cells):
-            self._flag(took, reading)
+        if isinstance(told, Checkpoint) and told.upto <= was_upto and self._next_sync_s < math.inf:
+            self._unhurried[told.source] = told
+            return True
+        if self._options.perfect_sensors and self._own:
+            cells, occupied = reading.cells, reading.occupied
+            if isinstance(told, Checkpoint):
+                counts = told.counts(self._options.rows * self._options.cols)
+                cells, occupied = tuple(counts.cells.tolist()), tuple((counts.hits > 0).tolist())
+            if not self._own_cells.isdisjoint(cells):
+                self._flag(took, reading.frame.sender, cells, occupied)
         took.news.append(told)
         return True
 
-    def _flag(self, took: Took, reading: Reading) -> None:
+    def _flag(self, took: Took, observer: int, cells: tuple[int, ...], occupied: tuple[bool, ...]) -> None:
         """Who tells the contrary of what was seen here; it is merged all the same, for who is right?"""
-        own, observer = self._own, reading.frame.sender
-        told = zip(reading.cells, reading.occupied, strict=True)
-        against = [cell for cell, occupied in told if own.get(cell, occupied) != occupied]
+        own = self._own
+        told = zip(cells, occupied, strict=True)
+        against = [cell for cell, is_occupied in told if own.get(cell, is_occupied) != is_occupied]
         if not against or observer == self.uav:
             return
         self.tally.flagged[observer] += len(against)
@@ -311,7 +357,7 @@ class Node:
 
     def _lacks(self, peer: int, now_s: float) -> None:
         """Something that this peer has."""
-        self._peers[peer].agrees = False
+        self._peers[peer].said_s = self._peers[peer].agreed_s = -math.inf
         self._ask_soon(peer, now_s)
 
     def tick(self, now_s: float, unix_s: float) -> Took:
@@ -320,9 +366,11 @@ class Node:
             self._asked = None
         if now_s >= self._next_sync_s:
             self._next_sync_s = now_s + self._options.sync_every_s
+            for source in [*self._unhurried][:UNHURRIED]:
+                took.news.append(self._unhurried.pop(source))
             reach = self._reach(now_s)
             heard = [u for u in reach if self._peers[u].state is not None]
-            neighbours = [u for u in heard if self._differs(u)] if heard else list(reach)
+            neighbours = [u for u in heard if not self._agrees(u, now_s)] if heard else list(reach)
             if neighbours:
                 self._ask_soon(neighbours[int(self._rng.integers(len(neighbours)))], now_s)
         took.out += self._asking(now_s, unix_s)
@@ -335,9 +383,8 @@ class Node:
             return min(self._next_sync_s, self._asked[1])
         return min(self._next_sync_s, *self._due.values()) if self._due else self._next_sync_s
 
-    def _differs(self, peer: int) -> bool:
-        known = self._peers[peer]
-        return known.state is None or not known.agrees
+    def _agrees(self, peer: int, now_s: float) -> bool:
+        return self._peers[peer].agrees(self._replica.fingerprint, now_s)
 
     def _asking(self, now_s: float, unix_s: float) -> Iterator[Out]:
         """One question at a time: what its answer brings may make the others idle."""
@@ -345,7 +392,7 @@ class Node:
             if self._asked is not None:
                 return
             del self._due[peer]
-            if self._differs(peer):
+            if not self._agrees(peer, now_s):
                 took = Took()
                 states = tuple((u, p.state_unix_s) for u, p in self._peers.items() if p.state is not None)
                 self._send(took, SnapshotAsked(self._replica.digest(), states), (peer,), unix_s)
@@ -354,7 +401,7 @@ class Node:
                 yield from took.out
 
     def _answer(self, took: Took, asker: int, asked: SnapshotAsked, now_s: float, unix_s: float) -> None:
-        if not self._peers[asker].questions.takes(now_s):
+        if not self._peers[asker].may_ask(now_s):
             raise Refused(Why.TOO_FAST, f"vehicle {asker} asks more than {QUESTIONS_PER_S:g} times a second")
         known = dict(asked.states)
         frames = list(self._replica.missing(asked.have))

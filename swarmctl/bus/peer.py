@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+
+import msgspec
 
 from swarmctl.bus.pace import Pace
 from swarmctl.core.frames import Frame, Refused, StateShared, Why
@@ -20,9 +21,8 @@ WINDOW = 1024
 ALL_SEEN = (1 << WINDOW) - 1
 
 
-@dataclass(slots=True)
-class Peer:
-    """What is known of another UAV."""
+class Peer(msgspec.Struct, gc=False):
+    """What is known of another UAV. Of what holds no cycles the garbage collector need not know."""
 
     state: StateShared | None = None
     state_unix_s: float = -math.inf
@@ -40,9 +40,11 @@ class Peer:
     """its messages"""
     counted_until_s: float = -math.inf
     """when they are counted anew"""
-    agrees: bool = True
-    """when it last told its state, it knew what was known here"""
-    questions: Pace = field(default_factory=lambda: Pace(QUESTIONS_PER_S, QUESTIONS_BURST))
+    said_s: float = -math.inf
+    """when it last told its state itself, unless it has more since then"""
+    agreed_s: float = -math.inf
+    """when it last told that it knew what was known here"""
+    questions: Pace | None = None
 
     def admit(self, frame: Frame, now_s: float) -> bool:
         """Whether it is heard for the first time, or again after long.
@@ -72,6 +74,12 @@ class Peer:
         self.heard_s = now_s
         return was_silent
 
+    def may_ask(self, now_s: float) -> bool:
+        """Whether one more question of its is answered."""
+        if self.questions is None:
+            self.questions = Pace(QUESTIONS_PER_S, QUESTIONS_BURST)
+        return self.questions.takes(now_s)
+
     def told(self, frame: Frame, state: StateShared, data: bytes, now_s: float) -> None:
         """Its state, by itself or by others; an older one than is known is passed over."""
         if frame.incarnation >= self.incarnation and frame.unix_s > self.state_unix_s:
@@ -80,6 +88,17 @@ class Peer:
     @property
     def at(self) -> LatLon | None:
         return None if self.state is None else (self.state.lat_deg, self.state.lon_deg)
+
+    def agrees(self, fingerprint: int, now_s: float) -> bool:
+        """Whether it knows what is known here, by what it said itself of late.
+
+        Who is spoken to need not speak to who does: what it said long ago tells nothing.
+        """
+        if now_s - self.agreed_s <= SILENT_AFTER_S:
+            return True
+        if self.state is None or now_s - self.said_s > SILENT_AFTER_S:
+            return False
+        return self.state.knows == fingerprint
 
     def is_silent(self, now_s: float) -> bool:
         return self.state is not None and now_s - max(self.heard_s, self.told_s) > ALIVE_S

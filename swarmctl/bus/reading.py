@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import lru_cache
+
+import msgspec
 
 from swarmctl.core.frames import Frame, Refused, Seal, Why
 from swarmctl.core.observation import Checkpoint, Observation, Source
 
-CACHED = 4096
+CACHED = 16_384
 
 
-@dataclass(frozen=True, slots=True)
-class Reading:
+class Reading(msgspec.Struct, frozen=True, gc=False):
     """A frame that is well formed, signed where it has to be, and of this area."""
 
     frame: Frame
@@ -23,7 +23,7 @@ class Reading:
     source: Source
     """whose, if it tells what was seen"""
     cells: tuple[int, ...] = ()
-    """row · cols + col of each cell that was seen"""
+    """row · cols + col of each cell that was seen; of an observation alone, a checkpoint may have all"""
     occupied: tuple[bool, ...] = ()
     """of each of them"""
 
@@ -45,11 +45,9 @@ def reader(seal: Seal, rows: int, cols: int) -> Read:
             return Reading(frame, frame.act, data, source, cells, tuple(o for _, _, o in content.cells))
         if isinstance(content, Checkpoint):
             try:
-                counts = content.counts(rows * cols)
+                content.counts(rows * cols)
             except ValueError as error:
                 raise Refused(Why.OUTSIDE, str(error)) from None
-            found = tuple((counts.hits > 0).tolist())
-            return Reading(frame, frame.act, data, source, tuple(counts.cells.tolist()), found)
         return Reading(frame, frame.act, data, source)
 
     return read

@@ -7,8 +7,9 @@ what only one of them heard. A checkpoint takes the place of the frames it stand
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
 from functools import lru_cache
+
+import msgspec
 
 from swarmctl.bus.reading import Reading
 from swarmctl.core.frames import Have, Refused, Why
@@ -20,13 +21,12 @@ MAX_BEYOND = 256
 """of the observations beyond a gap that are named in a digest; others may be told twice"""
 
 
-@dataclass(slots=True)
-class Kept:
-    """All frames of one source."""
+class Kept(msgspec.Struct, gc=False):
+    """All frames of one source. Of what holds no cycles the garbage collector need not know."""
 
     checkpoint: Checkpoint | None = None
     checkpoint_frame: bytes = b""
-    later: dict[int, Reading] = field(default_factory=dict)
+    later: dict[int, Reading] = {}
     """by sequence number, those the checkpoint does not stand for"""
     upto: int = 0
     """everything up to here is held"""
@@ -91,7 +91,7 @@ class Replica:
     def __init__(self) -> None:
         self._kept: dict[Source, Kept] = {}
         self._fingerprint = 0
-        self._changed: dict[Source, Kept] = {}
+        self.changed: dict[Source, Kept] = {}
         """sources whose marks are out of date"""
 
     def of(self, source: Source) -> Kept:
@@ -110,7 +110,7 @@ class Replica:
             kept.observed(told, reading) if isinstance(told, Observation) else kept.advance(told, reading)
         )
         if is_new:
-            self._changed[reading.source] = kept
+            self.changed[reading.source] = kept
         return is_new
 
     def lacks(self, have: Iterable[Have]) -> bool:
@@ -131,13 +131,13 @@ class Replica:
     @property
     def fingerprint(self) -> int:
         """The same for all who hold the same, whatever stands for it; 63 bits."""
-        for source, kept in self._changed.items():
+        for source, kept in self.changed.items():
             mark = _mark(*source, kept.upto)
             for seq in kept.beyond(kept.upto):
                 mark = _mixed(mark, seq)
             self._fingerprint ^= kept.mark ^ mark
             kept.mark = mark
-        self._changed.clear()
+        self.changed.clear()
         return self._fingerprint >> 1
 
     def missing(self, have: Iterable[Have]) -> Iterator[bytes]:

@@ -6,7 +6,7 @@
 | `inform/state` | StateShared | where it is, what it does, how much it knows; once a second |
 | `query-ref/snapshot` | SnapshotAsked | which observations it holds: tell me the others |
 | `inform/snapshot` | Snapshot | the answer: frames of their observers, word for word |
-| `inform/relayed` | Relayed | frames of others, passed on at once |
+| `inform/relayed` | Relayed | frames of others, passed on at once; or a checkpoint of the sender's |
 | `inform/checkpoint` | Checkpoint | in snapshots: stands for all an observer saw up to one observation |
 
 A frame is the byte VERSION, a byte that says whether it is signed, then 64 bytes of Ed25519 signature if it
@@ -63,7 +63,7 @@ class Refused(ValueError):
         self.why = why
 
 
-class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, tag="inform/state"):
+class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag="inform/state"):
     """Where a UAV is, what it is doing and how much it knows, about once a second of its own time."""
 
     time_s: float
@@ -123,7 +123,7 @@ class Snapshot(msgspec.Struct, frozen=True, tag="inform/snapshot"):
 
 
 class Relayed(msgspec.Struct, frozen=True, tag="inform/relayed"):
-    """Frames of others that were new to the sender."""
+    """Frames of others that were new to the sender, or a checkpoint of its own."""
 
     frames: tuple[bytes, ...]
 
@@ -133,7 +133,7 @@ Spoken = Observation | StateShared
 """what an agent says; all else is between its node and others'"""
 
 
-class Frame(msgspec.Struct, frozen=True, omit_defaults=True):
+class Frame(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
     """A message with whom it comes from; the same bytes to whomever it goes."""
 
     sender: Id

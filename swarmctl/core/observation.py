@@ -118,7 +118,7 @@ def checkpoint(
 
 _cells: dict[int, tuple[Observation, int, int, Cells]] = {}
 """By identity, which a held observation keeps: to hash one takes longer than to work its cells out."""
-MAX_HELD = 4096
+MAX_HELD = 16_384
 
 
 def cells_of(seen: Observation, rows: int, cols: int) -> Cells:
@@ -140,7 +140,7 @@ def cells_of(seen: Observation, rows: int, cols: int) -> Cells:
     return looked, occupied
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(maxsize=128)  # of a large area, half a megabyte each
 def _unpacked(packed: bytes, n_cells: int) -> Counts:
     unpacker = zlib.decompressobj()
     try:

@@ -11,6 +11,7 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from swarmctl.bus.node import CHECKPOINT_EVERY, NodeOptions
+from swarmctl.bus.replica import COMPACT_AFTER
 from swarmctl.core.frames import Why
 
 IDS = (1, 2, 3, 4, 5)
@@ -135,6 +136,63 @@ def test_who_joins_late_gets_everything_from_whom_it_hears_first() -> None:
     ether.run(2.0)
     assert np.array_equal(ether.uavs[3].belief.looks, ether.uavs[1].belief.looks)
     assert ether.uavs[2].node.tally.snapshots_served >= 1
+
+
+def test_who_is_not_spoken_to_asks_also_after_it_has_agreed() -> None:
+    ether = Ether((1, 2, 3), NodeOptions(ROWS, COLS, k=1))
+    for uav, lat_deg in ((1, 46.0), (2, 46.02), (3, 46.021)):  # 1 speaks to 2, and 2 and 3 to each other
+        ether.uavs[uav].where = (lat_deg, 14.0)
+    ether.run(20.0)
+    ether.uavs[2].where = (46.001, 14.0)  # 3 speaks to 2, which speaks to 1
+    ether.run(5.0)
+    ether.uavs[1].observe((0, 0, True))
+    ether.run(12.0)
+    assert ether.agree()
+
+
+def test_however_long_a_swarm_flies_nobody_keeps_all_that_was_ever_said() -> None:
+    ether = Ether((1, 2, 3))
+    n = 4 * COMPACT_AFTER
+    for i in range(n):
+        for uav in ether.uavs.values():
+            uav.observe((i % ROWS, uav.uav, i % 3 == 0), (uav.uav, i % COLS, False))
+        ether.run(0.2)
+    ether.run(5.0)
+    assert ether.agree()
+    most = 3 * (COMPACT_AFTER + 2 * CHECKPOINT_EVERY)
+    for uav in ether.uavs.values():
+        assert uav.belief.looks.sum() == 3 * 2 * n
+        assert len(list(uav.belief.told())) <= most
+    # Nor does who comes late get it from any of them, but all there is to know.
+    ether.carry = lambda sender, to, _now: None if {sender, to} & {1} else 0.01
+    sent_before = ether.uavs[2].node.tally.sent_bytes
+    ether.uavs[3].start()
+    ether.run(2.0)
+    assert np.array_equal(ether.uavs[3].belief.looks, ether.uavs[2].belief.looks)
+    assert ether.uavs[2].node.tally.sent_bytes - sent_before < 200 * most
+
+
+def test_what_only_takes_less_room_is_nothing_to_decide_anew() -> None:
+    ether = Ether((1, 2))
+    for i in range(2 * COMPACT_AFTER):
+        ether.uavs[1].observe((i % ROWS, i % COLS, False))
+        ether.run(0.1)
+        before = ether.uavs[2].belief
+        ether.run(0.1)
+        assert ether.uavs[2].belief is before
+    assert len(list(before.told())) < 2 * COMPACT_AFTER
+
+
+def test_groups_that_were_apart_for_long_find_each_other_again_though_each_is_enough_for_itself() -> None:
+    ether = Ether((1, 2, 3, 4), NodeOptions(ROWS, COLS, k=1))
+    ether.run(20.0)
+    ether.carry = lambda sender, to, _now: None if (sender <= 2) != (to <= 2) else 0.01
+    ether.run(60.0)
+    ether.uavs[1].observe((0, 0, True))
+    ether.uavs[4].observe((4, 4, True))
+    ether.carry = lambda *_: 0.01
+    ether.run(20.0)
+    assert ether.agree()
 
 
 def test_without_sync_what_is_lost_stays_lost_as_in_the_paper() -> None:
