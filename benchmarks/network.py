@@ -31,7 +31,7 @@ from swarmctl.bus.base import Transport
 from swarmctl.bus.endpoint import parse_endpoint
 from swarmctl.bus.memory import MemoryBus
 from swarmctl.bus.network import Network, RunClock
-from swarmctl.bus.node import NodeOptions
+from swarmctl.bus.exchange import NodeOptions
 from swarmctl.bus.zenoh_bus import ZenohBus
 from swarmctl.clock import run_virtual
 from swarmctl.core.belief import Belief

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import Literal
 
 from swarmctl.bus.base import Transport
+from swarmctl.bus.exchange import NodeOptions
 from swarmctl.bus.network import Network, RunClock
-from swarmctl.bus.node import NodeOptions
 from swarmctl.bus.radio import Radio
 from swarmctl.core.frames import Seal
 from swarmctl.radio_settings import settings_of

@@ -165,8 +165,8 @@ class Runner:
 
     def _perform(self, effect: ev.Effect, jobs: asyncio.TaskGroup) -> None:
         match effect:
-            case ev.Publish(message):
-                recipients = self._network.publish(self.state.task.uav, message)
+            case ev.Publish(message, against):
+                recipients = self._network.publish(self.state.task.uav, message, frozenset(against))
                 now = asyncio.get_running_loop().time()
                 for observer in self._observers:
                     observer.sent(self.state.task.uav, message, recipients, now)

@@ -15,7 +15,7 @@ from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_TEXT, StateShared
 from swarmctl.core.geo import distance_m
 from swarmctl.core.grid import Cell
-from swarmctl.core.observation import Checkpoint, Observation, Told
+from swarmctl.core.observation import MAX_CELLS, Checkpoint, Observation, Told
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.planners.base import Unreachable
 
@@ -94,7 +94,8 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
         state = replace(state, armed_seen=True, launched_boot_s=launched_s)
     state = _watch_mode(state, now)
     if state.phase in IN_FLIGHT and state.armed_seen and not vehicle.armed:
-        return _share_state(_touched_down(state))
+        # The last it tells, and at once: its process may end with it.
+        return _share_state(replace(_touched_down(state), last_shared_s=-math.inf))
     if reason := _taken_over(state, now):
         return replace(state, phase=Phase.RELEASED, dirty=False, outcome=f"{reason}; let go"), [ev.Release()]
     if state.phase is Phase.FLYING and state.cell in state.task.goals:
@@ -215,12 +216,16 @@ def _share_state(state: AgentState) -> Step:
 
 
 def _observed(state: AgentState, event: ev.Observed, now: float) -> Step:
-    new = state.belief.unsettled(event.cells)
-    if not new:
-        return state, []
-    observation = Observation(state.task.uav, state.next_seq, now, new, state.incarnation)
-    state = _learn(replace(state, next_seq=state.next_seq + 1), (observation,))
-    return state, [ev.Publish(observation)]
+    # DEVIATION: of what is known the paper's UAVs sense no more. Who sees the contrary of what it was told
+    # says so: somebody errs, or lies.
+    against = state.belief.contrary(event.cells)
+    new = (*state.belief.unsettled(event.cells), *against)
+    effects: list[ev.Effect] = []
+    for i in range(0, len(new), MAX_CELLS):
+        seen = Observation(state.task.uav, state.next_seq, now, new[i : i + MAX_CELLS], state.incarnation)
+        state = _learn(replace(state, next_seq=state.next_seq + 1), (seen,))
+        effects.append(ev.Publish(seen, tuple((r, c) for r, c, _ in against)))
+    return state, effects
 
 
 def _heard(state: AgentState, event: ev.Heard, _now: float) -> Step:

@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import asyncio
 import traceback
+from collections import Counter
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
 
 from swarmctl.bus import keys
 from swarmctl.bus.base import Transport
-from swarmctl.bus.node import Node, NodeOptions, Out, Took
+from swarmctl.bus.exchange import NodeOptions, Out, Took
+from swarmctl.bus.node import Node
 from swarmctl.bus.radio import Lost, Radio
 from swarmctl.bus.reading import reader
 from swarmctl.bus.tally import Tally
 from swarmctl.core.frames import Seal, Spoken, StateShared, Why
+from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Told
 
 OnTold = Callable[[tuple[Told, ...]], None]
-MAX_SAID = 20
-"""lines about what was refused, a UAV; all of it is counted"""
+MAX_SAID = 10
+"""lines of one topic, a UAV; all of it is counted"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +54,8 @@ class _Member:
     on_told: OnTold
     timer: asyncio.TimerHandle | None = None
     timer_s: float = float("inf")
-    said: int = 0
+    said: Counter[str] = field(default_factory=Counter)
+    """lines, by topic"""
 
 
 class Network:
@@ -100,9 +104,12 @@ class Network:
         self._arm(self._members[uav])
         return incarnation
 
-    def publish(self, uav: int, message: Spoken) -> int:
-        """Send to everyone in the UAV's range; returns how many that were."""
-        took = self._members[uav].node.say(message, self._now_s(), self._clock.unix_s())
+    def publish(self, uav: int, message: Spoken, against: frozenset[Cell] = frozenset()) -> int:
+        """Send to everyone in the UAV's range; returns how many that were.
+
+        `against` are the cells that it saw otherwise than others had told.
+        """
+        took = self._members[uav].node.say(message, self._now_s(), self._clock.unix_s(), against)
         if isinstance(message, StateShared):
             self._transport.put(keys.to_station(self._swarm, uav), took.out[0].data)
         self._perform(self._members[uav], took)
@@ -147,7 +154,7 @@ class Network:
         except Exception:  # noqa: BLE001 - nothing that comes from outside may end a flight
             member.node.refuse(Why.MALFORMED, sender)
             said = f"a bug in handling a message: {traceback.format_exc(limit=-2)}"
-            self._tell(member, [said])
+            self._tell(member, [("bug", said)])
 
     def _perform(self, member: _Member, took: Took) -> None:
         for out in took.out:
@@ -191,10 +198,10 @@ class Network:
         for member in to:
             self._hear(member, sender, act, data, now_s, unix_s)
 
-    def _tell(self, member: _Member, said: list[str]) -> None:
-        for text in said:
-            member.said += 1
-            if member.said <= MAX_SAID:
+    def _tell(self, member: _Member, said: list[tuple[str, str]]) -> None:
+        for topic, text in said:
+            member.said[topic] += 1
+            if member.said[topic] <= MAX_SAID:
                 # It may quote the sender, and is shown on a terminal.
                 self._say(member.node.uav, "".join(c if c.isprintable() else "?" for c in text[:400]))
 

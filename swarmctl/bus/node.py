@@ -9,18 +9,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 
 import msgspec
 import numpy as np
 
-from swarmctl.bus.peer import QUESTIONS_PER_S, Peer
+from swarmctl.bus.doubts import Doubts
+from swarmctl.bus.exchange import NodeOptions, Out, Took
+from swarmctl.bus.peer import A_CHECKPOINT, A_FRAME, ASK_AGAIN_S, QUESTIONS_PER_S, Peer
 from swarmctl.bus.reach import recipients
 from swarmctl.bus.reading import Read, Reading, reader
 from swarmctl.bus.replica import COMPACT_AFTER, Kept, Replica
 from swarmctl.bus.tally import Tally
 from swarmctl.core.frames import (
-    MAX_FRAME_BYTES,
+    MAX_FRAMES,
+    MAX_INNER_BYTES,
     Content,
     Frame,
     Refused,
@@ -33,6 +35,7 @@ from swarmctl.core.frames import (
     Why,
 )
 from swarmctl.core.geo import LatLon
+from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Checkpoint, Observation, Source, Told, checkpoint
 
 CHECKPOINT_EVERY = 64
@@ -41,45 +44,12 @@ UNHURRIED = 8
 """checkpoints of what it knows already that an agent is told at once"""
 ANSWER_WITHIN_S = 2.0
 """beyond what the way there and back takes"""
-CHUNK_BYTES = MAX_FRAME_BYTES - 8192
 MAX_CLOCK_S = 1.0
 """newer by less, a state is not passed on"""
-
-
-@dataclass(frozen=True, slots=True)
-class NodeOptions:
-    """What all nodes of a swarm have in common."""
-
-    rows: int
-    cols: int
-    k: int | None = None
-    """how many UAVs, the nearest, are spoken to; None: all"""
-    relay: bool = False
-    sync_every_s: float = 3.0
-    """0: nobody is ever asked for what was missed"""
-    round_trip_s: float = 0.0
-    """what the model's delays make of a question and its answer"""
-    clock_tolerance_s: float = 5.0
-    perfect_sensors: bool = True
-    """two looks that differ contradict each other"""
-
-
-@dataclass(frozen=True, slots=True)
-class Out:
-    """A message to be sent."""
-
-    to: tuple[int, ...]
-    act: str
-    data: bytes
-
-
-class Took(msgspec.Struct):
-    """What came of a message or of time. A Struct, for one is made of every message."""
-
-    out: list[Out] = []
-    news: list[Told] = []
-    """for the agent"""
-    said: list[str] = []
+STALE_S = 60.0
+"""An older message, or an older state that is passed on, is not taken: somebody may have kept it."""
+MAX_WRONG = 8
+"""frames inside of a message; the rest of it is not looked at"""
 
 
 Hears = Callable[[LatLon | None, LatLon | None], str | None]
@@ -111,9 +81,13 @@ class Node:
         self._peers = {other: Peer() for other in sorted(others) if other != uav}
         self._replica = Replica()
         self._n = 0
-        self._own: dict[int, bool] = {}
-        """cell -> what was seen there"""
-        self._own_cells = self._own.keys()
+        self._doubts = Doubts(
+            uav,
+            options.rows,
+            options.cols,
+            perfect=options.perfect_sensors,
+            flagged=self.tally.flagged,
+        )
         self._spread = 0
         """what the last of its checkpoints that was sent to others stands for"""
         self._said_since_bytes = 0
@@ -132,14 +106,19 @@ class Node:
 
     # --- what the agent says
 
-    def say(self, message: Spoken, now_s: float, unix_s: float) -> Took:
+    def say(
+        self, message: Spoken, now_s: float, unix_s: float, against: frozenset[Cell] = frozenset()
+    ) -> Took:
+        """`against` are the cells that were seen otherwise than others had told."""
         took = Took()
         if isinstance(message, Observation):
             to = self._reach(now_s)
             data = self._send(took, message, to, unix_s)
             self._said_since_bytes += len(data)
             self._keep(message, data)
-            self._own.update((r * self._options.cols + c, occupied) for r, c, occupied in message.cells)
+            self._doubts.saw(message)
+            if against:
+                took.said += self._doubts.of_earlier(self._replica.readings(), against)
             if (message.seq + self.uav) % CHECKPOINT_EVERY == 0:  # not all of a swarm at once
                 self._make_checkpoint(took, to, unix_s)
         else:
@@ -191,11 +170,13 @@ class Node:
         """A message from `sender`, by the key it came under."""
         took = Took()
         try:
+            peer = self._peer(sender)
+            peer.weigh(len(data), now_s)
             reading = self._read(data)
             if self._hears is not None and (lost := self._hears(self.at, reading.frame.at)):
                 self.tally.lost[lost] += 1
                 return took
-            self._admit(sender, act, reading, now_s, unix_s)
+            self._admit(peer, sender, act, reading, now_s, unix_s)
             content = reading.frame.content
             if isinstance(content, Observation):
                 self._observed(took, content, reading, now_s, unix_s)
@@ -205,21 +186,27 @@ class Node:
                 took.out += self._asking(now_s, unix_s)
         except Refused as refused:
             self.refuse(refused.why, sender)
-            took.said.append(f"from {sender}: {refused}")
+            took.said.append((refused.why, f"from {sender}: {refused}"))
         else:
             self.tally.received += 1
         return took
 
+    def _peer(self, uav: int) -> Peer:
+        """Raises Refused where there is none."""
+        peer = self._peers.get(uav)
+        if peer is None:
+            raise Refused(Why.STRANGER, f"vehicle {uav} is not of this swarm")
+        return peer
+
     def refuse(self, why: Why, sender: int | None) -> None:
         self.tally.refused[why] += 1
-        if sender is not None:
+        if sender in self._peers:
             self.tally.refused_from[sender] += 1
 
-    def _admit(self, sender: int, act: str, reading: Reading, now_s: float, unix_s: float) -> None:
+    def _admit(
+        self, peer: Peer, sender: int, act: str, reading: Reading, now_s: float, unix_s: float
+    ) -> None:
         """Raises Refused unless this is `sender`'s, and a message that has not come before."""
-        peer = self._peers.get(sender)
-        if peer is None:
-            raise Refused(Why.STRANGER, f"vehicle {sender} is not of this swarm")
         frame = reading.frame
         if frame.sender != sender or reading.act != act:
             raise Refused(
@@ -227,6 +214,10 @@ class Node:
                 f"a frame {reading.act} of vehicle {frame.sender} under the key of {act} of {sender}",
             )
         self._check_time(frame, unix_s)
+        if self._is_stale(frame, unix_s):
+            raise Refused(
+                Why.REPLAY, f"said {unix_s - frame.unix_s:.0f} s ago by the clock of vehicle {sender}"
+            )
         if peer.admit(frame, now_s):
             self._ask_soon(sender, now_s)
 
@@ -235,14 +226,16 @@ class Node:
         if ahead_s > self._options.clock_tolerance_s:
             raise Refused(Why.FUTURE, f"said {ahead_s:.1f} s from now by the clock of vehicle {frame.sender}")
 
+    def _is_stale(self, frame: Frame, unix_s: float) -> bool:
+        return unix_s - frame.unix_s > STALE_S + self._options.round_trip_s
+
     def _observed(self, took: Took, seen: Observation, reading: Reading, now_s: float, unix_s: float) -> None:
         """What most messages are, and so with as few steps as can be; `_take` is for what was passed on."""
         replica, sender = self._replica, reading.frame.sender
         kept = replica.of(reading.source)
         if kept.observed(seen, reading):
             replica.changed[reading.source] = kept
-            if self._options.perfect_sensors and not self._own_cells.isdisjoint(reading.cells):
-                self._flag(took, sender, reading.cells, reading.occupied)
+            took.said += self._doubts.of(reading)
             took.news.append(seen)
             if self._options.relay:
                 self._relay(took, [reading.data], sender, now_s, unix_s)
@@ -263,11 +256,13 @@ class Node:
             case SnapshotAsked() as asked:
                 self._answer(took, sender, asked, now_s, unix_s)
             case Snapshot(frames=frames, last=last):
-                self._forwarded(took, frames, now_s, unix_s)
+                self._forwarded(took, frames, sender, now_s, unix_s)
+                if took.news:
+                    self._peers[sender].ask_again_s = ASK_AGAIN_S
                 if last and self._asked is not None and self._asked[0] == sender:
                     self._asked = None
             case Relayed(frames=frames):
-                fresh = self._forwarded(took, frames, now_s, unix_s)
+                fresh = self._forwarded(took, frames, sender, now_s, unix_s)
                 self._relay(took, fresh, sender, now_s, unix_s)
             case _:
                 raise Refused(Why.MALFORMED, f"{reading.act} comes inside of other messages only")
@@ -286,40 +281,27 @@ class Node:
         if isinstance(told, Checkpoint) and told.upto <= was_upto and self._next_sync_s < math.inf:
             self._unhurried[told.source] = told
             return True
-        if self._options.perfect_sensors and self._own:
-            cells, occupied = reading.cells, reading.occupied
-            if isinstance(told, Checkpoint):
-                counts = told.counts(self._options.rows * self._options.cols)
-                cells, occupied = tuple(counts.cells.tolist()), tuple((counts.hits > 0).tolist())
-            if not self._own_cells.isdisjoint(cells):
-                self._flag(took, reading.frame.sender, cells, occupied)
+        took.said += self._doubts.of(reading)
         took.news.append(told)
         return True
 
-    def _flag(self, took: Took, observer: int, cells: tuple[int, ...], occupied: tuple[bool, ...]) -> None:
-        """Who tells the contrary of what was seen here; it is merged all the same, for who is right?"""
-        own = self._own
-        told = zip(cells, occupied, strict=True)
-        against = [cell for cell, is_occupied in told if own.get(cell, is_occupied) != is_occupied]
-        if not against or observer == self.uav:
-            return
-        self.tally.flagged[observer] += len(against)
-        row, col = divmod(against[0], self._options.cols)
-        what = "clear" if own[against[0]] else "occupied"
-        took.said.append(
-            f"vehicle {observer} tells that ({row}, {col}) is {what}, which was seen otherwise here"
-        )
-
-    def _forwarded(self, took: Took, frames: Iterable[bytes], now_s: float, unix_s: float) -> list[bytes]:
-        """Frames of others; returns those that were new. What is wrong with one does not spoil the others."""
-        fresh = []
+    def _forwarded(
+        self, took: Took, frames: Iterable[bytes], sender: int, now_s: float, unix_s: float
+    ) -> list[bytes]:
+        """Frames of others; returns those that were new. A few that are wrong do not spoil the others."""
+        fresh, wrong, peer = [], 0, self._peers[sender]
         for data in frames:
             try:
-                if self._forwarded_one(took, self._read(data), now_s, unix_s):
+                reading = self._read(data)
+                peer.work(A_CHECKPOINT if isinstance(reading.frame.content, Checkpoint) else A_FRAME, now_s)
+                if self._forwarded_one(took, reading, now_s, unix_s):
                     fresh.append(data)
             except Refused as refused:
-                self.refuse(refused.why, None)
-                took.said.append(str(refused))
+                wrong += 1
+                self.refuse(refused.why, sender)
+                took.said.append((refused.why, f"passed on by {sender}: {refused}"))
+                if wrong == MAX_WRONG or refused.why is Why.TOO_FAST:
+                    break
         return fresh
 
     def _forwarded_one(self, took: Took, reading: Reading, now_s: float, unix_s: float) -> bool:
@@ -331,7 +313,7 @@ class Node:
             raise Refused(Why.STRANGER, f"vehicle {frame.sender} is not of this swarm")
         match frame.content:
             case StateShared() as state:
-                if peer is not None:
+                if peer is not None and not self._is_stale(frame, unix_s):
                     peer.told(frame, state, reading.data, now_s)
                 return False
             case Observation() | Checkpoint() as told:
@@ -353,7 +335,8 @@ class Node:
     def _ask_soon(self, peer: int, now_s: float) -> None:
         """After what may still be on its way has come."""
         if self._options.sync_every_s > 0.0:
-            self._due.setdefault(peer, now_s + self._options.round_trip_s / 2.0)
+            at_s = now_s + self._options.round_trip_s / 2.0
+            self._due.setdefault(peer, max(at_s, self._peers[peer].ask_after_s))
 
     def _lacks(self, peer: int, now_s: float) -> None:
         """Something that this peer has."""
@@ -398,6 +381,7 @@ class Node:
                 self._send(took, SnapshotAsked(self._replica.digest(), states), (peer,), unix_s)
                 self.tally.snapshots_asked += 1
                 self._asked = peer, now_s + self._options.round_trip_s + ANSWER_WITHIN_S
+                self._peers[peer].asked(now_s)
                 yield from took.out
 
     def _answer(self, took: Took, asker: int, asked: SnapshotAsked, now_s: float, unix_s: float) -> None:
@@ -448,7 +432,7 @@ def _chunks(frames: list[bytes]) -> Iterator[list[bytes]]:
     part: list[bytes] = []
     size = 0
     for frame in frames:
-        if part and size + len(frame) > CHUNK_BYTES:
+        if part and (size + len(frame) > MAX_INNER_BYTES or len(part) == MAX_FRAMES):
             yield part
             part, size = [], 0
         part.append(frame)

@@ -14,7 +14,15 @@ SILENT_AFTER_S = 5.0
 """who is heard again after so long is asked what was missed"""
 ALIVE_S = 20.0
 """of whom nothing was heard for longer, directly or by others, is spoken to last"""
-MAX_MESSAGES, WITHIN_S = 2000, 10.0
+MAX_WORK, WITHIN_S = 10_000, 10.0
+"""what is done for one UAV in so long; faster ones are refused"""
+MAX_BYTES = 8_000_000
+"""of it in so long"""
+A_MESSAGE, A_FRAME, A_CHECKPOINT = 5, 1, 20
+"""the work of each, frames inside of messages counted apart"""
+ASK_AGAIN_S = 1.0
+MAX_ASK_AGAIN_S = 8.0
+"""after answers that brought nothing"""
 QUESTIONS_PER_S, QUESTIONS_BURST = 4.0, 16
 WINDOW = 1024
 """a message that comes later than so many of its sender's is taken for a replay"""
@@ -36,10 +44,16 @@ class Peer(msgspec.Struct, gc=False):
     """message number"""
     seen: int = 0
     """bit i: message `newest` - i has come; of a hundred peers a hundred times, sets took a gigabyte"""
-    counted: int = 0
-    """its messages"""
-    counted_until_s: float = -math.inf
-    """when they are counted anew"""
+    worked: int = 0
+    """for its messages"""
+    worked_until_s: float = -math.inf
+    """when that is counted anew"""
+    weighed: int = 0
+    """bytes"""
+    weighed_until_s: float = -math.inf
+    ask_after_s: float = -math.inf
+    """when it may be asked again"""
+    ask_again_s: float = ASK_AGAIN_S
     said_s: float = -math.inf
     """when it last told its state itself, unless it has more since then"""
     agreed_s: float = -math.inf
@@ -59,12 +73,8 @@ class Peer(msgspec.Struct, gc=False):
         ahead = n - self.newest
         if ahead <= 0 and (ahead <= -WINDOW or self.seen >> -ahead & 1):
             raise Refused(Why.REPLAY, f"message {n} of vehicle {frame.sender} has come before")
-        if now_s >= self.counted_until_s:
-            self.counted_until_s, self.counted = now_s + WITHIN_S, 0
-        self.counted += 1
-        if self.counted > MAX_MESSAGES:
-            # After all else: what somebody repeats must not use up what its sender may say.
-            raise Refused(Why.TOO_FAST, f"more than {MAX_MESSAGES} messages in {WITHIN_S:g} s")
+        # After all else: what somebody repeats must not use up what its sender may say.
+        self.work(A_MESSAGE, now_s)
         if ahead > 0:
             self.newest = n
             self.seen = (self.seen << ahead | 1) & ALL_SEEN if ahead < WINDOW else 1
@@ -73,6 +83,27 @@ class Peer(msgspec.Struct, gc=False):
         was_silent = now_s - self.heard_s > SILENT_AFTER_S
         self.heard_s = now_s
         return was_silent
+
+    def work(self, units: int, now_s: float) -> None:
+        """Raises Refused where it makes more than any UAV should."""
+        if now_s >= self.worked_until_s:
+            self.worked_until_s, self.worked = now_s + WITHIN_S, 0
+        self.worked += units
+        if self.worked > MAX_WORK:
+            raise Refused(Why.TOO_FAST, f"more than {MAX_WORK} steps of work in {WITHIN_S:g} s")
+
+    def weigh(self, n_bytes: int, now_s: float) -> None:
+        """Before anything is read. Raises Refused where it is more than any UAV says."""
+        if now_s >= self.weighed_until_s:
+            self.weighed_until_s, self.weighed = now_s + WITHIN_S, 0
+        self.weighed += n_bytes
+        if self.weighed > MAX_BYTES:
+            raise Refused(Why.TOO_FAST, f"more than {MAX_BYTES} bytes in {WITHIN_S:g} s")
+
+    def asked(self, now_s: float) -> None:
+        """It is not asked again at once, and the later the less its answers bring."""
+        self.ask_after_s = now_s + self.ask_again_s
+        self.ask_again_s = min(2.0 * self.ask_again_s, MAX_ASK_AGAIN_S)
 
     def may_ask(self, now_s: float) -> bool:
         """Whether one more question of its is answered."""

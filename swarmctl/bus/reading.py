@@ -7,10 +7,12 @@ from functools import lru_cache
 
 import msgspec
 
-from swarmctl.core.frames import Frame, Refused, Seal, Why
+from swarmctl.core.frames import MAX_INNER_BYTES, Frame, Refused, Seal, StateShared, Why
 from swarmctl.core.observation import Checkpoint, Observation, Source
 
 CACHED = 16_384
+CACHED_BYTES = 1024
+"""Longer frames are read by each who gets them: what strangers send must not fill the memory."""
 
 
 class Reading(msgspec.Struct, frozen=True, gc=False):
@@ -35,9 +37,10 @@ Read = Callable[[bytes], Reading]
 def reader(seal: Seal, rows: int, cols: int) -> Read:
     """Reads frames about an area of so many cells."""
 
-    @lru_cache(maxsize=CACHED)
     def read(data: bytes) -> Reading:
         frame = seal.open(data)
+        if len(data) > MAX_INNER_BYTES and isinstance(frame.content, Observation | Checkpoint | StateShared):
+            raise Refused(Why.OVERSIZE, f"{len(data)} bytes, which nobody could pass on")
         source, content = (frame.sender, frame.incarnation), frame.content
         if isinstance(content, Observation):
             _check_cells(content, rows, cols)
@@ -50,10 +53,13 @@ def reader(seal: Seal, rows: int, cols: int) -> Read:
                 raise Refused(Why.OUTSIDE, str(error)) from None
         return Reading(frame, frame.act, data, source)
 
-    return read
+    cached = lru_cache(maxsize=CACHED)(read)
+    return lambda data: cached(data) if len(data) <= CACHED_BYTES else read(data)
 
 
 def _check_cells(seen: Observation, rows: int, cols: int) -> None:
+    if len({(row, col) for row, col, _ in seen.cells}) < len(seen.cells):
+        raise Refused(Why.MALFORMED, f"observation {seen.seq} of vehicle {seen.observer}: a cell seen twice")
     for row, col, _ in seen.cells:
         if row >= rows or col >= cols:
             raise Refused(

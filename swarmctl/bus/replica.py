@@ -17,15 +17,19 @@ from swarmctl.core.observation import Checkpoint, Observation, Source, Told
 
 COMPACT_AFTER = 256
 """Observations that are told one by one at most, before a checkpoint is passed on that stands for them."""
-MAX_BEYOND = 256
-"""of the observations beyond a gap that are named in a digest; others may be told twice"""
+MAX_BEYOND = 600
+"""observations beyond gaps that are named in a digest, of all sources together; others may be told twice"""
+MAX_AHEAD = 1024
+"""Observations farther beyond a gap are not kept: they, or what stands for them, can be asked for."""
+MAX_INCARNATIONS = 8
+"""of one observer"""
 
 
 class Kept(msgspec.Struct, gc=False):
     """All frames of one source. Of what holds no cycles the garbage collector need not know."""
 
     checkpoint: Checkpoint | None = None
-    checkpoint_frame: bytes = b""
+    checkpoint_reading: Reading | None = None
     later: dict[int, Reading] = {}
     """by sequence number, those the checkpoint does not stand for"""
     upto: int = 0
@@ -42,6 +46,8 @@ class Kept(msgspec.Struct, gc=False):
         """Whether it is new. Raises Refused where its name is known with another content."""
         seq, later = seen.seq, self.later
         if self.checkpoint is not None and seq <= self.checkpoint.upto:
+            return False
+        if seq > self.upto + MAX_AHEAD:
             return False
         known = later.get(seq)
         if known is not None:
@@ -60,7 +66,7 @@ class Kept(msgspec.Struct, gc=False):
         """Whether it stands for more than what stood before."""
         if to.upto <= self.covered:
             return False
-        self.checkpoint, self.checkpoint_frame = to, reading.data
+        self.checkpoint, self.checkpoint_reading = to, reading
         self.later = {seq: held for seq, held in self.later.items() if seq > to.upto}
         self.upto, self.latest = max(self.upto, to.upto), max(self.latest, to.upto)
         self._settle()
@@ -75,8 +81,8 @@ class Kept(msgspec.Struct, gc=False):
         contents = (reading.frame.content for reading in self.later.values())
         return (content for content in contents if isinstance(content, Observation))
 
-    def have(self, source: Source) -> Have:
-        return Have(*source, self.covered, self.upto, self.beyond(self.upto)[:MAX_BEYOND])
+    def have(self, source: Source, n_beyond: int) -> Have:
+        return Have(*source, self.covered, self.upto, self.beyond(self.upto)[:n_beyond])
 
     def beyond(self, upto: int) -> tuple[int, ...]:
         """The observations held that come after `upto`, in order."""
@@ -95,9 +101,11 @@ class Replica:
         """sources whose marks are out of date"""
 
     def of(self, source: Source) -> Kept:
-        """What is held of a source, perhaps nothing yet."""
+        """What is held of a source, perhaps nothing yet. Raises Refused for too many of one observer."""
         kept = self._kept.get(source)
         if kept is None:
+            if sum(observer == source[0] for observer, _ in self._kept) >= MAX_INCARNATIONS:
+                raise Refused(Why.TOO_FAST, f"vehicle {source[0]} was started again {MAX_INCARNATIONS} times")
             kept = self._kept[source] = Kept()
         return kept
 
@@ -113,6 +121,13 @@ class Replica:
             self.changed[reading.source] = kept
         return is_new
 
+    def readings(self) -> Iterator[Reading]:
+        """Everything held."""
+        for kept in self._kept.values():
+            if kept.checkpoint_reading is not None:
+                yield kept.checkpoint_reading
+            yield from kept.later.values()
+
     def lacks(self, have: Iterable[Have]) -> bool:
         """Whether who holds this holds something that is not held here."""
         for theirs in have:
@@ -122,11 +137,10 @@ class Replica:
         return False
 
     def digest(self) -> tuple[Have, ...]:
-        return tuple(
-            kept.have(source)
-            for source, kept in sorted(self._kept.items(), key=lambda item: item[0])
-            if kept.upto or kept.later
-        )
+        """Short enough for a message, however much is missing."""
+        held = [(source, kept) for source, kept in sorted(self._kept.items(), key=first) if kept.latest]
+        gaps = sum(kept.latest > kept.upto for _, kept in held)
+        return tuple(kept.have(source, MAX_BEYOND // max(gaps, 1)) for source, kept in held)
 
     @property
     def fingerprint(self) -> int:
@@ -147,13 +161,18 @@ class Replica:
             kept = self._kept[source]
             told = theirs.get(source) or Have(*source, 0, 0)
             upto = told.upto
-            if kept.covered > upto or kept.covered >= told.checkpoint + COMPACT_AFTER:
-                yield kept.checkpoint_frame
+            is_better = kept.covered > upto or kept.covered >= told.checkpoint + COMPACT_AFTER
+            if kept.checkpoint_reading is not None and is_better:
+                yield kept.checkpoint_reading.data
                 upto = max(upto, kept.covered)
             beyond = set(told.beyond)
             for seq in kept.beyond(upto):
                 if seq not in beyond:
                     yield kept.later[seq].data
+
+
+def first(item: tuple[Source, Kept]) -> Source:
+    return item[0]
 
 
 @lru_cache(maxsize=4096)

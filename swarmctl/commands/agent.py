@@ -16,7 +16,7 @@ from swarmctl.app import Report
 from swarmctl.bus.access import name_of
 from swarmctl.bus.base import BusError
 from swarmctl.bus.zenoh_config import Configuration
-from swarmctl.commands.flying import RealOption, conclude, confirmed, permission, terminal
+from swarmctl.commands.flying import RealOption, conclude, confirmed, permission, settle, terminal
 from swarmctl.commands.shared import (
     EXPECTED,
     USAGE,
@@ -106,6 +106,7 @@ def _fly(
     (spec,) = scenario.specs
     folder = run_folder(out_folder, f"{scenario.config.name}-{spec.name}")
     shown = terminal(verbose=verbose)
+    settle()
     try:
         with shown.shown():
             flight = companion.fly(

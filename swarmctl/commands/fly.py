@@ -11,7 +11,7 @@ import typer
 
 from swarmctl import app, preflight
 from swarmctl.clock import run_virtual
-from swarmctl.commands.flying import RealOption, conclude, confirmed, permission, terminal
+from swarmctl.commands.flying import RealOption, conclude, confirmed, permission, settle, terminal
 from swarmctl.commands.shared import (
     EXPECTED,
     USAGE,
@@ -59,6 +59,7 @@ def fly(
         fail(found, EXPECTED)
     folder = run_folder(out_folder, scenario.config.name)
     shown = terminal(verbose=verbose)
+    settle()
     with shown.shown():
         flight = app.fly(scenario, folder, shown, clock=clock.value, permission=permission(allowed))
         report = run_virtual(flight) if clock is Clock.VIRTUAL else asyncio.run(flight)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,6 +25,12 @@ RealOption = Annotated[
 
 def terminal(*, verbose: bool) -> Terminal:
     return (LiveTable if out.is_terminal else PlainLines)(out, verbose=verbose)
+
+
+def settle() -> None:
+    """What is loaded by now stays: full collections of garbage, which hold up every link, pass it over."""
+    gc.collect()
+    gc.freeze()
 
 
 def conclude(report: Report, scenario: Scenario, folder: Path) -> None:

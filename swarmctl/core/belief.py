@@ -267,6 +267,15 @@ class Belief:
             if not self.sensor.settled(int(self.looks[r, c]), int(self.hits[r, c]))
         )
 
+    def contrary(self, cells: Iterable[tuple[int, int, bool]]) -> tuple[tuple[int, int, bool], ...]:
+        """Those of a look's cells of which the contrary was certain, by what others told."""
+        return tuple(
+            (r, c, occupied)
+            for r, c, occupied in cells
+            if self.sensor.settled(looks := int(self.looks[r, c]), hits := int(self.hits[r, c]))
+            and (hits == 0 if occupied else hits == looks)
+        )
+
     def seen_of(self, flat: NDArray[np.int64]) -> NDArray[np.int64]:
         """(n, 2) looks and hits of cells given as row · cols + col"""
         return np.stack([self.looks.ravel()[flat], self.hits.ravel()[flat]], axis=1).astype(np.int64)

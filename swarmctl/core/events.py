@@ -145,6 +145,8 @@ Event = (
 
 class Publish(_Fact, frozen=True):
     message: Spoken
+    against: tuple[Cell, ...] = ()
+    """the cells it saw otherwise than others had told"""
 
 
 class SwapMission(_Fact, frozen=True):

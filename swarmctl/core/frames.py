@@ -31,8 +31,14 @@ UNSIGNED, SIGNED = 0, 1
 SIGNATURE_BYTES = 64
 MAX_FRAME_BYTES = 49_152
 """longer ones are cut into several, or refused"""
+MAX_INNER_BYTES = MAX_FRAME_BYTES - 8192
+"""of what is passed on inside of another message"""
 MAX_TEXT = 200
 
+MAX_FRAMES = 256
+"""inside of one message"""
+
+Frames = Annotated[tuple[bytes, ...], msgspec.Meta(max_length=MAX_FRAMES)]
 Text = Annotated[str, msgspec.Meta(max_length=MAX_TEXT)]
 
 
@@ -63,6 +69,11 @@ class Refused(ValueError):
         self.why = why
 
 
+def _check_place(lat_deg: float, lon_deg: float) -> None:
+    if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0):
+        raise ValueError(f"a UAV at ({lat_deg}, {lon_deg}): expected degrees")
+
+
 class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag="inform/state"):
     """Where a UAV is, what it is doing and how much it knows, about once a second of its own time."""
 
@@ -90,8 +101,9 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
     """UAVs that told the contrary of what it saw itself"""
 
     def __post_init__(self) -> None:
-        if not (abs(self.lat_deg) <= 90.0 and abs(self.lon_deg) <= 180.0 and math.isfinite(self.time_s)):
-            raise ValueError(f"a UAV at ({self.lat_deg}, {self.lon_deg}): expected degrees")
+        _check_place(self.lat_deg, self.lon_deg)
+        if not all(map(math.isfinite, (self.time_s, self.alt_rel_m, self.late_s or 0.0))):
+            raise ValueError("a time or a height that is no number")
 
 
 class Have(msgspec.Struct, frozen=True, array_like=True):
@@ -118,14 +130,14 @@ class SnapshotAsked(msgspec.Struct, frozen=True, tag="query-ref/snapshot"):
 class Snapshot(msgspec.Struct, frozen=True, tag="inform/snapshot"):
     """Part of the answer to a `SnapshotAsked`."""
 
-    frames: tuple[bytes, ...]
+    frames: Frames
     last: bool
 
 
 class Relayed(msgspec.Struct, frozen=True, tag="inform/relayed"):
     """Frames of others that were new to the sender, or a checkpoint of its own."""
 
-    frames: tuple[bytes, ...]
+    frames: Frames
 
 
 Content = Observation | Checkpoint | StateShared | SnapshotAsked | Snapshot | Relayed
@@ -148,10 +160,10 @@ class Frame(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
     """where it was said, unless the content tells"""
 
     def __post_init__(self) -> None:
-        if not math.isfinite(self.unix_s) or not all(
-            math.isfinite(x or 0.0) for x in (self.lat_deg, self.lon_deg)
-        ):
-            raise ValueError("a time or place that is no number")
+        if not math.isfinite(self.unix_s):
+            raise ValueError("a time that is no number")
+        if self.lat_deg is not None and self.lon_deg is not None:
+            _check_place(self.lat_deg, self.lon_deg)
 
     @property
     def at(self) -> LatLon | None:

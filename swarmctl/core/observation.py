@@ -6,6 +6,7 @@ greater incarnation number, so that (observer, incarnation, seq) never names two
 
 from __future__ import annotations
 
+import math
 import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -18,11 +19,12 @@ from numpy.typing import NDArray
 
 Source = tuple[int, int]
 """(observer, incarnation)"""
-MAX_CELLS = 4096
+MAX_CELLS = 512
 """of one observation"""
 MAX_PACKED_BYTES = 40_000
 """of a checkpoint; an observer that has seen more than fits tells its observations one by one"""
-MAX_COUNT = 2**31 - 1
+MAX_LOOKS = 65_535
+"""at a cell, in a checkpoint: all UAVs and their incarnations together stay within 32 bits"""
 
 Id = Annotated[int, msgspec.Meta(ge=1, le=254)]
 Incarnation = Annotated[int, msgspec.Meta(ge=0, lt=2**62)]
@@ -40,9 +42,13 @@ class Observation(msgspec.Struct, frozen=True, gc=False, tag="inform/observation
     time_s: float
     """by the observer's run clock [s]"""
     cells: Annotated[tuple[tuple[Index, Index, bool], ...], msgspec.Meta(max_length=MAX_CELLS)]
-    """(row, col, occupied)"""
+    """(row, col, occupied), each cell once"""
     incarnation: Incarnation = 0
     """greater each time the observer's program is started"""
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.time_s):
+            raise ValueError("a time that is no number")
 
     @property
     def source(self) -> Source:
@@ -107,6 +113,9 @@ def checkpoint(
     cells, which = np.unique(table[:, 0], return_inverse=True)
     looks = np.bincount(which, table[:, 1], cells.size)
     hits = np.bincount(which, table[:, 2], cells.size)
+    many = looks > MAX_LOOKS
+    hits[many] = hits[many] * MAX_LOOKS // looks[many]
+    looks[many] = MAX_LOOKS
     packed = zlib.compress(
         np.concatenate([np.diff(cells, prepend=0), looks, hits]).astype("<u4").tobytes(), 1
     )
@@ -154,7 +163,7 @@ def _unpacked(packed: bytes, n_cells: int) -> Counts:
     cells = np.cumsum(steps)
     if cells.size and (cells[-1] >= n_cells or (steps[1:] == 0).any()):
         raise ValueError(f"a checkpoint with cells outside the area of {n_cells} cells, or named twice")
-    if (hits > looks).any() or (looks < 1).any() or (looks > MAX_COUNT // 254).any():
+    if (hits > looks).any() or (looks < 1).any() or (looks > MAX_LOOKS).any():
         raise ValueError("a checkpoint whose looks and hits cannot be")
     counts = Counts(cells, looks.astype(np.int32), hits.astype(np.int32))
     for array in (counts.cells, counts.looks, counts.hits):

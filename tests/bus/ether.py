@@ -8,7 +8,8 @@ from itertools import count
 
 import numpy as np
 
-from swarmctl.bus.node import Node, NodeOptions, Took
+from swarmctl.bus.exchange import NodeOptions, Took
+from swarmctl.bus.node import Node
 from swarmctl.core.belief import Belief
 from swarmctl.core.frames import Seal, StateShared
 from swarmctl.core.observation import Observation
@@ -77,7 +78,7 @@ class Ether:
         return UNIX_S + self.now_s
 
     def take(self, uav: Uav, took: Took) -> None:
-        self.said += took.said
+        self.said += [text for _, text in took.said]
         uav.belief = uav.belief.merge(took.news)
         for out in took.out:
             for to in out.to:

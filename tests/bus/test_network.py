@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 
 from swarmctl.bus import keys
 from swarmctl.bus.base import Transport
+from swarmctl.bus.exchange import NodeOptions
 from swarmctl.bus.memory import MemoryBus
 from swarmctl.bus.network import Network, RunClock
-from swarmctl.bus.node import NodeOptions
 from swarmctl.bus.radio import Lost, Partition, Quiet, Radio, RadioSettings
 from swarmctl.bus.reach import recipients
 from swarmctl.bus.zenoh_bus import ZenohBus
@@ -132,6 +132,14 @@ def test_a_put_on_a_wildcard_key_is_nobodys() -> None:
         "swarmctl/$*/uav/3/inform/state/1",
     ):
         assert keys.origin_of(key) is None
+
+
+def test_a_key_of_any_length_is_nobodys_and_costs_nothing() -> None:
+    for sender in ("9" * 5000, "1234", "0001"):
+        assert keys.origin_of(f"swarmctl/test/uav/3/inform/state/{sender}") is None
+    assert keys.origin_of(f"swarmctl/{'x' * 50_000}/uav/3/inform/state/1") is None
+    longest = keys.told("s" * 64, 254, "inform/observation", 253)
+    assert keys.origin_of(longest) == (253, "inform/observation")
 
 
 def test_an_exception_in_an_agent_does_not_end_the_network(bus: Open) -> None:

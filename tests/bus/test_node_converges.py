@@ -10,7 +10,8 @@ from ether import COLS, ROWS, Ether
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from swarmctl.bus.node import CHECKPOINT_EVERY, NodeOptions
+from swarmctl.bus.exchange import NodeOptions
+from swarmctl.bus.node import CHECKPOINT_EVERY
 from swarmctl.bus.replica import COMPACT_AFTER
 from swarmctl.core.frames import Why
 
@@ -21,7 +22,10 @@ PHASES = (Phase.explicit, Phase.reuse, Phase.generate)
 
 uavs = st.sampled_from(IDS)
 cells = st.lists(
-    st.tuples(st.integers(0, ROWS - 1), st.integers(0, COLS - 1), st.booleans()), min_size=1, max_size=9
+    st.tuples(st.integers(0, ROWS - 1), st.integers(0, COLS - 1), st.booleans()),
+    min_size=1,
+    max_size=9,
+    unique_by=lambda cell: cell[:2],
 )
 Act = Callable[[Ether], None]
 
@@ -155,7 +159,7 @@ def test_however_long_a_swarm_flies_nobody_keeps_all_that_was_ever_said() -> Non
     n = 4 * COMPACT_AFTER
     for i in range(n):
         for uav in ether.uavs.values():
-            uav.observe((i % ROWS, uav.uav, i % 3 == 0), (uav.uav, i % COLS, False))
+            uav.observe((i % ROWS, uav.uav, i % 3 == 0), (i % ROWS, uav.uav + 4, False))
         ether.run(0.2)
     ether.run(5.0)
     assert ether.agree()

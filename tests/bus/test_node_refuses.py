@@ -13,8 +13,10 @@ from ether import COLS, ROWS, UNIX_S, Ether, state
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swarmctl.bus.node import NodeOptions
-from swarmctl.bus.peer import MAX_MESSAGES
+from swarmctl.bus.exchange import NodeOptions
+from swarmctl.bus.node import MAX_WRONG
+from swarmctl.bus.peer import A_MESSAGE, MAX_WORK
+from swarmctl.bus.replica import MAX_INCARNATIONS
 from swarmctl.core.frames import (
     MAX_FRAME_BYTES,
     Content,
@@ -28,8 +30,8 @@ from swarmctl.core.frames import (
 )
 from swarmctl.core.observation import Checkpoint, Observation, checkpoint
 
-INCARNATION = 1
-"""of UAV 1 in these scenes"""
+MOST = MAX_WORK // A_MESSAGE
+"""messages that are taken at once"""
 
 
 def seen(seq: int = 1, *cells: tuple[int, int, bool], observer: int = 1, incarnation: int = 1) -> Observation:
@@ -43,6 +45,15 @@ def frame(
 
 
 SEAL = Seal("test")
+
+
+def padded(content: Content) -> bytes:
+    """A frame that is just not too long, with a field that no version has."""
+    body = msgspec.msgpack.decode(SEAL.close(frame(content))[2:])
+    body["later"] = bytes(MAX_FRAME_BYTES - 1000)
+    return b"\x02\x00" + msgspec.msgpack.encode(body)
+
+
 OTHERS_BOMB = checkpoint(None, [Observation(1, 1, 0.0, ((999, 999, True),), 1)], 1000, 10**6)
 assert OTHERS_BOMB is not None
 EMPTY = Checkpoint(1, 1, 1, zlib.compress(b""))
@@ -66,6 +77,22 @@ WRONG: dict[str, tuple[int, str, bytes, Why]] = {
         SEAL.close(frame(seen(observer=2))),
         Why.SOURCE,
     ),
+    "a minute old": (1, "inform/state", SEAL.close(frame(state(), unix_s=UNIX_S - 61.0)), Why.REPLAY),
+    "one cell twice": (
+        1,
+        "inform/observation",
+        SEAL.close(frame(seen(1, (1, 1, True), (1, 1, False)))),
+        Why.MALFORMED,
+    ),
+    "a height that is none": (
+        1,
+        "inform/state",
+        SEAL.close(frame(state())).replace(
+            msgspec.msgpack.encode(30.0), msgspec.msgpack.encode(float("nan"))
+        ),
+        Why.MALFORMED,
+    ),
+    "what nobody could pass on": (1, "inform/observation", padded(seen()), Why.OVERSIZE),
     "of another swarm's UAV": (9, "inform/state", SEAL.close(frame(state(), sender=9)), Why.STRANGER),
     "from the future": (1, "inform/state", SEAL.close(frame(state(), unix_s=UNIX_S + 6.0)), Why.FUTURE),
     "a cell outside": (
@@ -137,7 +164,7 @@ def test_what_was_said_before_its_sender_was_started_again_is_a_replay() -> None
 def test_repeating_what_a_uav_said_does_not_use_up_what_it_may_say() -> None:
     ether = Ether((1, 2))
     data = SEAL.close(frame(seen()))
-    for _ in range(MAX_MESSAGES + 10):
+    for _ in range(MOST + 10):
         ether.deliver(1, 2, "inform/observation", data)
     ether.deliver(1, 2, "inform/observation", SEAL.close(frame(seen(2, (2, 2, False)), n=2)))
     assert ether.uavs[2].belief.looks[2, 2] == 1
@@ -145,7 +172,7 @@ def test_repeating_what_a_uav_said_does_not_use_up_what_it_may_say() -> None:
 
 def test_a_flood_is_refused_and_over_when_it_is_over() -> None:
     ether = Ether((1, 2, 3))
-    for n in range(MAX_MESSAGES + 100):
+    for n in range(MOST + 100):
         ether.deliver(1, 2, "inform/state", SEAL.close(frame(state(), n=n + 1, unix_s=UNIX_S + n * 1e-3)))
     assert of(ether, 2) == {Why.TOO_FAST: 100}
     ether.deliver(3, 2, "inform/observation", SEAL.close(frame(seen(observer=3), sender=3)))
@@ -280,3 +307,87 @@ def test_what_one_lies_about_is_only_what_it_saw() -> None:
     assert np.argwhere(belief.hits).tolist() == [[0, 0], [5, 5]]
     assert of(ether, 2) == {Why.SIGNATURE: 3}
     assert dict(ether.uavs[2].node.tally.flagged) == {1: 1}
+
+
+# --- what a UAV that has been taken over may try
+
+
+def relayed(*frames: bytes, n: int, by: int = 1) -> bytes:
+    return SEAL.close(frame(Relayed(frames), sender=by, n=n))
+
+
+def test_many_incarnations_of_a_liar_do_not_wash_away_what_was_seen() -> None:
+    ether = Ether((1, 2, 3))
+    ether.uavs[3].observe((4, 4, True))
+    ether.run(0.5)
+    most = [Observation(1, 1, 0.0, ((4, 4, True),), 0)]
+    for i in range(300):
+        made = checkpoint(None, most, COLS, ROWS * COLS)
+        assert made is not None
+        looks = zlib.compress(np.array([4 * COLS + 4, 65_535, 65_535], "<u4").tobytes())
+        told = SEAL.close(frame(Checkpoint(1, i + 1, 1, looks), incarnation=i + 1))
+        ether.deliver(1, 2, "inform/relayed", SEAL.close(frame(Relayed((told,)), n=i + 10, incarnation=1)))
+    belief = ether.uavs[2].belief
+    assert belief.hits[4, 4] >= 1
+    assert (belief.looks >= belief.hits).all()
+    assert of(ether, 2)[Why.TOO_FAST] == 300 - MAX_INCARNATIONS
+
+
+def test_a_message_of_rubbish_is_not_read_to_its_end() -> None:
+    ether = Ether((1, 2))
+    ether.deliver(1, 2, "inform/relayed", relayed(*[b"x"] * 256, n=10))
+    assert of(ether, 2) == {Why.MALFORMED: MAX_WRONG}
+
+
+def test_a_lie_that_comes_first_is_flagged_once_the_truth_is_seen() -> None:
+    ether = Ether((1, 2, 3))
+    ether.deliver(1, 2, "inform/observation", SEAL.close(frame(seen(1, (3, 3, True)), n=50)))
+    victim = ether.uavs[2]
+    look = Observation(2, 1, 0.0, ((3, 3, False), (3, 4, False)), victim.node.incarnation)
+    took = victim.node.say(look, 0.0, UNIX_S, frozenset({(3, 3)}))
+    assert dict(victim.node.tally.flagged) == {1: 1}
+    assert "vehicle 1 tells that (3, 3) is occupied" in took.said[0][1]
+
+
+def test_gaps_and_incarnations_never_make_a_question_too_long_to_be_asked() -> None:
+    ids = tuple(range(1, 61))
+    ether = Ether(ids, NodeOptions(ROWS, COLS, k=3))
+    for uav in ids[1:]:
+        for incarnation in range(1, MAX_INCARNATIONS + 1):
+            frames = [
+                SEAL.close(
+                    frame(
+                        seen(seq, observer=uav, incarnation=incarnation), sender=uav, incarnation=incarnation
+                    )
+                )
+                for seq in (3, 5, 7, 9, 300, 1000)
+            ]
+            ether.deliver(2, 1, "inform/relayed", relayed(*frames, n=uav * 10 + incarnation, by=2))
+    node = ether.uavs[1].node
+    out = [o for t in range(60) for o in node.tick(10.0 + t, UNIX_S + t).out if o.act == "query-ref/snapshot"]
+    assert out
+    assert max(len(o.data) for o in out) <= MAX_FRAME_BYTES
+
+
+def test_who_claims_to_have_more_and_never_tells_it_is_asked_ever_less() -> None:
+    ether = Ether((1, 2, 3), NodeOptions(ROWS, COLS, sync_every_s=1000.0))
+    ether.uavs[1].tell_state = lambda: None  # type: ignore[method-assign]
+    for second in range(100):
+        claim = msgspec.structs.replace(state(), last_seq=2**50, knows=second)
+        claimed = frame(claim, n=100 + 2 * second, unix_s=ether.unix_s)
+        ether.deliver(1, 2, "inform/state", SEAL.close(claimed))
+        answer = frame(Snapshot((), True), n=101 + 2 * second, unix_s=ether.unix_s)
+        ether.deliver(1, 2, "inform/snapshot", SEAL.close(answer))
+        ether.run(1.0)
+    assert ether.uavs[2].node.tally.sent["query-ref/snapshot"] <= 20
+
+
+def test_an_old_state_of_another_that_is_passed_on_is_nothing_new() -> None:
+    ether = Ether((1, 2, 3))
+    old = SEAL.close(frame(state(46.5), sender=3, n=1, unix_s=UNIX_S - 3600.0))
+    ether.deliver(1, 2, "inform/relayed", relayed(old, n=10))
+    # Who asks is told of no state that it could not trust itself.
+    ether.deliver(1, 2, "query-ref/snapshot", SEAL.close(frame(SnapshotAsked((), ()), n=11)))
+    answer = SEAL.open(ether.on_the_way[-1][-1]).content
+    assert isinstance(answer, Snapshot)
+    assert answer.frames == ()
