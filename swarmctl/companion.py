@@ -12,12 +12,13 @@ from pathlib import Path
 from swarmctl import app
 from swarmctl.app import Manner, Report
 from swarmctl.bus.base import Transport
-from swarmctl.bus.desk import Unseal, unsealed
+from swarmctl.bus.desk import unsealed
 from swarmctl.bus.memory import MemoryBus
+from swarmctl.bus.routes import SaidOnce
 from swarmctl.bus.zenoh_bus import ZenohBus
 from swarmctl.bus.zenoh_config import Configuration
 from swarmctl.core.frames import Seal
-from swarmctl.core.requests import Opener
+from swarmctl.core.requests import Opener, seal_answer
 from swarmctl.director import Launch, Member, Permission
 from swarmctl.face import Steady, Ui
 from swarmctl.keyring.use import Keyring
@@ -85,7 +86,7 @@ async def fly(
         spec.sysid,
         lambda members: orders_closed(members, has_keys=keyring is not None),
         seal=None if keyring is None else Seal(scenario.config.name, keyring.sign, keyring.verify),
-        unseal=unsealed if keyring is None else _opener(scenario, keyring),
+        unseal=unsealed if keyring is None else _Unseal(scenario, keyring),
     )
 
     async def flight(bus: Transport) -> Report:
@@ -93,21 +94,32 @@ async def fly(
             scenario, folder, ui, clock=clock, permission=permission, carry=carry, bus=bus, manner=manner
         )
 
+    face = Steady(ui)
+    failed = SaidOnce(face.say)
     if network is None:
-        return await flight(bus or MemoryBus())
-    with ZenohBus(network) as zenoh:
-        watch = asyncio.create_task(_say_links(zenoh, Steady(ui)))
+        return await flight(bus or MemoryBus(failed))
+    with ZenohBus(network, on_failure=failed) as zenoh:
+        watch = asyncio.create_task(_say_links(zenoh, face))
         try:
             return await flight(zenoh)
         finally:
             await cancelled(watch)
 
 
-def _opener(scenario: Scenario, keyring: Keyring) -> Unseal:
-    """Takes what the operator has signed."""
-    tolerance_s = scenario.config.communication.clock_tolerance_s
-    opener = Opener(scenario.config.name, keyring.is_operators, time.time(), tolerance_s)
-    return lambda key, payload: opener.open(key, payload, time.time())
+class _Unseal:
+    """Takes what the operator has signed, from now on, and signs what the vehicle answers."""
+
+    def __init__(self, scenario: Scenario, keyring: Keyring) -> None:
+        tolerance_s = scenario.config.communication.clock_tolerance_s
+        self._swarm = scenario.config.name
+        self._sign = keyring.signer.sign
+        self._opener = Opener(self._swarm, keyring.is_operators, time.time(), tolerance_s)
+
+    def open(self, key: str, payload: bytes) -> bytes:
+        return self._opener.open(key, payload, time.time())
+
+    def close(self, key: str, payload: bytes, answer: bytes) -> bytes:
+        return seal_answer(self._swarm, key, payload, answer, self._sign)
 
 
 async def _say_links(bus: ZenohBus, ui: Ui) -> None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import msgspec
 
@@ -51,13 +52,26 @@ class Station:
     """the vehicles (system id: name) whose agents answer each for itself; empty: one answers for all"""
 
 
-Sealed = Callable[[str, bytes], bytes]
-"""(key, command) -> the payload that shows who gives it"""
+class Seals(Protocol):
+    """Shows who gives a command, and tells who answers it."""
+
+    def close(self, key: str, command: bytes) -> bytes:
+        """The payload to ask `key` with."""
+
+    def open(self, uav: int, key: str, asked: bytes, data: bytes) -> bytes:
+        """What `uav` answered to the payload `asked`. Raises BadMessage where that is not its answer."""
 
 
-def unsealed(_key: str, command: bytes) -> bytes:
-    """It shows nobody."""
-    return command
+class _Unsealed:
+    def close(self, _key: str, command: bytes) -> bytes:
+        return command
+
+    def open(self, _uav: int, _key: str, _asked: bytes, data: bytes) -> bytes:
+        return data
+
+
+UNSEALED: Seals = _Unsealed()
+"""Nobody shows who it is, and everybody is believed."""
 
 
 def meant(uavs: list[str], everyone: bool) -> tuple[str, ...] | None:
@@ -161,11 +175,11 @@ async def give(
     station: Station,
     command: Request,
     credentials: Credentials | None = None,
-    sealed: Sealed = unsealed,
+    seals: Seals = UNSEALED,
 ) -> OperatorAnswer:
     """Give the command and wait for the answer. Raises BusError, Unclear and NoAnswer."""
     with visited(station, credentials) as bus:
-        return await ask(bus, station, command, sealed)
+        return await ask(bus, station, command, seals)
 
 
 @contextlib.contextmanager
@@ -184,16 +198,17 @@ def visited(station: Station, credentials: Credentials | None = None) -> Iterato
     raise BusError("; ".join(failures))
 
 
-async def ask(
-    bus: Transport, station: Station, command: Request, sealed: Sealed = unsealed
-) -> OperatorAnswer:
-    """The same on a bus that is open. Raises Unclear and NoAnswer."""
+async def ask(bus: Transport, station: Station, command: Request, seals: Seals = UNSEALED) -> OperatorAnswer:
+    """The same on a bus that is open. Raises Unclear and NoAnswer.
+
+    A station where one process flies all asks for no seal, and signs nothing.
+    """
     kind = KINDS[type(command)]
     if station.agents:
-        return await _ask_each(bus, station, kind, command, sealed)
+        return await _ask_each(bus, station, kind, command, seals)
     key = keys.request(station.swarm, kind)
     try:
-        answers = await bus.ask(key, sealed(key, encode(command)), TIMEOUT_S)
+        answers = await bus.ask(key, encode(command), TIMEOUT_S)
     except TimeoutError:
         raise NoAnswer(
             f"{station.swarm} at {station.endpoint} did not answer within {TIMEOUT_S:g} s: whether it took "
@@ -203,6 +218,11 @@ async def ask(
         raise NoAnswer(
             f"no swarm {station.swarm} is at {station.endpoint}, or it is asked more than it can answer; "
             "nothing was changed"
+        )
+    if len(answers) > 1:
+        raise NoAnswer(
+            f"{len(answers)} processes answer for {station.swarm} at {station.endpoint}: what became of the "
+            "command is not known; end all but one, and look at its table"
         )
     try:
         return decode_answer(answers[0])
@@ -214,7 +234,7 @@ async def ask(
 
 
 async def _ask_each(
-    bus: Transport, station: Station, kind: keys.Kind, command: Request, sealed: Sealed
+    bus: Transport, station: Station, kind: keys.Kind, command: Request, seals: Seals
 ) -> OperatorAnswer:
     """Every vehicle's own agent, all at once: a silent one keeps nobody waiting. Raises Unclear."""
     try:
@@ -224,19 +244,41 @@ async def _ask_each(
 
     async def one(uav: int) -> VehicleAnswer:
         key, name = keys.request(station.swarm, kind, uav), station.agents[uav]
-        payload = sealed(key, encode(msgspec.structs.replace(command, uavs=(uav,))))
+        payload = seals.close(key, encode(msgspec.structs.replace(command, uavs=(uav,))))
         try:
             answers = await bus.ask(key, payload, TIMEOUT_S)
         except TimeoutError:
             note = f"its agent did not answer within {TIMEOUT_S:g} s"
             return VehicleAnswer(uav, name, "unconfirmed", note=note)
-        return _of_one(uav, name, answers)
+        own = list(_own(seals, uav, key, payload, answers))
+        return _of_one(uav, name, own, len(answers) - len(own))
 
     return OperatorAnswer(tuple(await asyncio.gather(*map(one, uavs))))
 
 
-def _of_one(uav: int, name: str, answers: tuple[bytes, ...]) -> VehicleAnswer:
-    """What one agent answered."""
+def _own(seals: Seals, uav: int, key: str, asked: bytes, answers: Sequence[bytes]) -> Iterator[bytes]:
+    """Those that the vehicle itself has given."""
+    for data in answers:
+        with contextlib.suppress(BadMessage):
+            yield seals.open(uav, key, asked, data)
+
+
+def _of_one(uav: int, name: str, answers: Sequence[bytes], dropped: int) -> VehicleAnswer:
+    """What one agent answered; `dropped` were given in its name, and not by it."""
+    if not dropped:
+        return _answer_of_one(uav, name, answers)
+    warning = (
+        f"{dropped} answer{'s' if dropped > 1 else ''} in its name that it did not sign "
+        "(somebody else serves its key, or it has other keys)"
+    )
+    if not answers:
+        return VehicleAnswer(uav, name, "unconfirmed", note=f"none of its own, and {warning}")
+    answer = _answer_of_one(uav, name, answers)
+    note = f"{answer.note}; " if answer.note else ""
+    return msgspec.structs.replace(answer, note=f"{note}dropped: {warning}")
+
+
+def _answer_of_one(uav: int, name: str, answers: Sequence[bytes]) -> VehicleAnswer:
     if not answers:
         note = "no agent of it is in touch: is `swarmctl agent` running there, and does it reach the network?"
         return VehicleAnswer(uav, name, "silent", note=note)

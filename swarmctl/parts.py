@@ -19,6 +19,7 @@ from swarmctl.bus.looks import Looks
 from swarmctl.bus.memory import MemoryBus
 from swarmctl.bus.network import Network, RunClock
 from swarmctl.bus.open import opened
+from swarmctl.bus.routes import SaidOnce
 from swarmctl.core import events as ev
 from swarmctl.core.looks import Looked
 from swarmctl.director import Member
@@ -88,8 +89,8 @@ async def parts_of(
             warm_up()
         communication = scenario.config.communication
         if bus is None and communication.bus == "zenoh" and clock == "real":
-            bus = stack.enter_context(opened(scenario.config.name, communication.listen, say))
-        yield Parts(front_end, bus or MemoryBus(), played)
+            bus = stack.enter_context(opened(scenario.config.name, communication.listen, say, SaidOnce(say)))
+        yield Parts(front_end, bus or MemoryBus(SaidOnce(say)), played)
 
 
 def members_of(

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import math
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -21,6 +23,10 @@ from swarmctl.display import COLOURS
 SILENT_S = 5.0
 """A vehicle tells of itself once a second; what is older is shown as old."""
 REFRESH_S = 0.5
+STATE_AGE_S = 60.0
+"""by the wall clocks of both machines: what is older, or said later than now by more, is refused"""
+MAX_SHOWN = 10**9
+"""larger numbers are nonsense, and would push the table apart"""
 ONCE_S = 5.0
 """how long a single look waits for who has not been heard"""
 PHASE_STYLES = {str(phase): colour for phase, colour in COLOURS.items()}
@@ -78,8 +84,11 @@ class Board:
         self._seal = seal
         self._newest: dict[int, tuple[Frame, StateShared, float]] = {}
 
-    def take(self, key: str, payload: bytes, now_s: float) -> None:
-        """What came under a key of the station; refused and counted if it is no vehicle's state."""
+    def take(self, key: str, payload: bytes, now_s: float, unix_s: float) -> None:
+        """What came under a key of the station; refused and counted if it is no vehicle's state of now.
+
+        `now_s` is by any clock that goes evenly, `unix_s` by the wall's.
+        """
         try:
             frame = self._seal.open(payload)
         except Refused:
@@ -91,8 +100,12 @@ class Board:
             self.refused += 1
             return
         held = self._newest.get(frame.sender)
-        if held is None or (frame.incarnation, frame.n) > (held[0].incarnation, held[0].n):
-            self._newest[frame.sender] = frame, state, now_s
+        is_newer = held is None or (frame.incarnation, frame.n) > (held[0].incarnation, held[0].n)
+        # What was recorded is put again by whoever likes: it is true, and no longer so.
+        if not is_newer or abs(unix_s - frame.unix_s) > STATE_AGE_S:
+            self.refused += 1
+            return
+        self._newest[frame.sender] = frame, state, now_s
 
     @property
     def all_heard(self) -> bool:
@@ -110,7 +123,8 @@ class Board:
         if held is None:
             return Row(name, None, None, None)
         _, state, heard_s = held
-        doubts = tuple(self._names.get(other, str(other)) for other in state.flagged)
+        flagged = state.flagged[: len(self._names)]
+        doubts = tuple(self._names.get(other, str(other)) for other in flagged)
         cell = self._grid.cell_at(state.lat_deg, state.lon_deg)
         return Row(name, now_s - heard_s, state, cell, doubts)
 
@@ -123,10 +137,14 @@ async def watch(
     show: Callable[[View], None],
     *,
     once: bool,
+    wall_clock: Callable[[], float] = time.time,
 ) -> None:
-    """Show what comes until cancelled; `once`: one view, when all were heard or `ONCE_S` is over."""
+    """Show what comes until cancelled; `once`: one view, when all were heard or `ONCE_S` is over.
+
+    `wall_clock` tells seconds since 1970.
+    """
     clock = asyncio.get_running_loop().time
-    bus.subscribe(keys.station(swarm), lambda key, payload: board.take(key, payload, clock()))
+    bus.subscribe(keys.station(swarm), lambda key, payload: board.take(key, payload, clock(), wall_clock()))
     until_s = clock() + ONCE_S
     while True:
         if not once:
@@ -147,7 +165,7 @@ def table(view: View) -> Group:
     head = Text.assemble((view.swarm, "bold"), f"  {view.network}")
     notes = [Text(f"{row.name}: {row.note}", style="yellow") for row in view.rows if row.note]
     if view.refused:
-        text = f"refused here: {view.refused} messages that were no vehicle's own state"
+        text = f"refused here: {view.refused} messages that were no vehicle's own state of now"
         notes.append(Text(text, style="red"))
     return Group(head, grid, *notes)
 
@@ -163,13 +181,13 @@ def _cells(row: Row) -> list[Text]:
         Text(phase, style=PHASE_STYLES.get(phase, "red")),
         Text(printable(state.mode)),
         Text("outside" if row.cell is None else f"{row.cell[0]},{row.cell[1]}"),
-        Text(str(round(state.alt_rel_m))),
+        Text(number(state.alt_rel_m)),
         age,
-        Text(str(state.n_observed)),
-        Text(str(state.n_found)),
-        Text(f"{state.plan_id}" if state.plan_id else "–"),
-        Text("" if state.late_s is None else f"{state.late_s:.0f}", style="red"),
-        Text(str(state.refused)),
+        Text(number(state.n_observed)),
+        Text(number(state.n_found)),
+        Text(number(state.plan_id) if state.plan_id else "–"),
+        Text("" if state.late_s is None else number(state.late_s), style="red"),
+        Text(number(state.refused)),
         Text(", ".join(row.doubts), style="red"),
     ]
 
@@ -206,12 +224,17 @@ def line(row: Row) -> str:
     where = "outside the area" if row.cell is None else f"cell {row.cell[0]},{row.cell[1]}"
     text = (
         f"{row.name}: {printable(state.phase)} {printable(state.mode)}{age}, {where}, "
-        f"{round(state.alt_rel_m)} m up, cells {state.n_observed}, hostiles {state.n_found}, "
-        f"plan {state.plan_id}, refused {state.refused}"
+        f"{number(state.alt_rel_m)} m up, cells {number(state.n_observed)}, "
+        f"hostiles {number(state.n_found)}, plan {number(state.plan_id)}, refused {number(state.refused)}"
     )
-    text += "" if state.late_s is None else f", late: over its goal after {state.late_s:.0f} s"
+    text += "" if state.late_s is None else f", late: over its goal after {number(state.late_s)} s"
     text += f", doubts {', '.join(row.doubts)}" if row.doubts else ""
     return f"{text} ({row.note})" if row.note else text
+
+
+def number(value: float) -> str:
+    """What another machine says, to the next whole number; `?` where nobody can have meant it."""
+    return str(round(value)) if math.isfinite(value) and abs(value) < MAX_SHOWN else "?"
 
 
 def printable(text: str) -> str:

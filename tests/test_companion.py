@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import datetime as dt
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,14 +12,25 @@ from typing import Any
 import pytest
 from flights import Ui, small
 
-from swarmctl import app, companion, operate
+from swarmctl import app, companion, operate, parts
 from swarmctl.agent import ARRIVED, Phase
 from swarmctl.app import Report
+from swarmctl.bus.base import Failure
 from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.memory import MemoryBus
 from swarmctl.clock import run_virtual
-from swarmctl.core.messages import GiveOrder, OperatorAnswer, Request, SetWeights
-from swarmctl.director import Launch
+from swarmctl.commands.asking import Seals
+from swarmctl.core.messages import (
+    GiveOrder,
+    OperatorAnswer,
+    Request,
+    SetWeights,
+    VehicleAnswer,
+    decode_answer,
+)
+from swarmctl.director import Launch, Permission
+from swarmctl.keyring.make import make
+from swarmctl.keyring.use import load
 from swarmctl.links.base import Identity
 from swarmctl.scenario import Scenario
 
@@ -133,6 +146,100 @@ def test_an_agent_by_itself_flies_what_it_would_fly_in_one_process(tmp_path: Pat
     assert vehicle["name"] == "uav2"
     assert report.states[2].task == task
     assert vehicle["cells_own"] > 0
+
+
+def test_with_keys_the_operator_is_obeyed_and_the_vehicles_own_answer_believed(tmp_path: Path) -> None:
+    now = dt.datetime.now(dt.UTC)
+    make(tmp_path / "keys", ["uav1", "uav2", "operator"], 5, now)
+    keyring = {name: load(tmp_path / "keys", name, now) for name in ("uav1", "uav2", "operator")}
+    commands: list[tuple[str, bytes]] = []
+
+    class Operators(Seals):
+        def close(self, key: str, command: bytes) -> bytes:
+            commands.append((key, super().close(key, command)))
+            return commands[-1][1]
+
+    async def scene(folder: Path, own: str) -> tuple[list[VehicleAnswer], list[VehicleAnswer]]:
+        """What the operator and what a vehicle that gives orders is answered."""
+        folder.mkdir()
+        bus, ui = MemoryBus(), Ui()
+        flight = asyncio.create_task(
+            companion.fly(
+                companion.only(small(), 1),
+                folder,
+                ui,
+                clock="virtual",
+                permission=lambda foreign: None,
+                launch="when-ready",
+                bus=bus,
+                keyring=keyring[own],
+            )
+        )
+        await asyncio.sleep(20.0)
+        given = [
+            await operate.ask(bus, STATION, GiveOrder((1,), "land"), Operators("small", keyring[name]))
+            for name in ("operator", "uav2")
+        ]
+        replayed = decode_answer((await bus.ask(*commands[0], 5.0))[0][64:])
+        assert (own != "uav1") or "replay" in replayed.refused
+        await flight
+        return list(given[0].vehicles), list(given[1].vehicles)
+
+    (operators,), (vehicles,) = run_virtual(scene(tmp_path / "own", "uav1"))
+    assert (operators.outcome, vehicles.outcome) == ("taken", "refused")
+    assert "not signed by the operator" in vehicles.note
+    commands.clear()
+    # An agent that has another vehicle's keys is not the vehicle that was asked.
+    (operators,), _ = run_virtual(scene(tmp_path / "other", "uav2"))
+    assert operators.outcome == "unconfirmed"
+    assert operators.note.startswith("none of its own, and 1 answer in its name that it did not sign")
+
+
+@pytest.mark.parametrize("alone", [True, False], ids=["one vehicle", "all in one process"])
+def test_a_bug_in_handling_what_comes_is_said_and_ends_no_flight(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, alone: bool
+) -> None:
+    buses: list[MemoryBus] = []
+
+    class Buggy(MemoryBus):
+        """Nobody of this process copes with what comes under one key."""
+
+        def __init__(self, on_failure: Failure) -> None:
+            super().__init__(on_failure)
+            buses.append(self)
+            self.subscribe("outside", self._fails)
+            self.serve("asked", self._fails)
+
+        def _fails(self, *_: object) -> None:
+            raise OverflowError("too many digits\x1b[2J")
+
+    monkeypatch.setattr(companion if alone else parts, "MemoryBus", Buggy)
+
+    async def scene(ui: Ui) -> Report:
+        scenario = small()
+        permission: Permission = lambda foreign: None  # noqa: E731
+        if alone:
+            one = companion.only(scenario, 1)
+            flying = companion.fly(
+                one, tmp_path, ui, clock="virtual", permission=permission, launch="when-ready"
+            )
+        else:
+            flying = app.fly(scenario, tmp_path, ui, clock="virtual", permission=permission)
+        flight = asyncio.create_task(flying)
+        await asyncio.sleep(20.0)
+        for _ in range(3):
+            buses[0].put("outside", b"")
+        with contextlib.suppress(TimeoutError):
+            await buses[0].ask("asked", b"", 1.0)
+        return await flight
+
+    ui = Ui()
+    report = run_virtual(scene(ui))
+    assert (report.bug, report.ended, report.all_arrived) == (None, "ended", True)
+    assert buses[0].failed == 4
+    (said,) = (text for text in ui.said if "a bug in handling" in text)
+    assert "OverflowError: too many digits?[2J" in said
+    assert "test_companion.py:" in said
 
 
 def test_an_operator_keeps_a_vehicle_on_the_ground_and_launches_it_later(tmp_path: Path) -> None:

@@ -30,12 +30,12 @@ from typer.testing import CliRunner
 
 from swarmctl import operate, preflight
 from swarmctl.bus import desk, directory, keys
-from swarmctl.bus.base import MAX_QUESTION_BYTES, BusError, Transport
+from swarmctl.bus.base import MAX_MESSAGE_BYTES, MAX_QUESTION_BYTES, BusError, Transport
 from swarmctl.bus.desk import Desk, Tally
 from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
 from swarmctl.bus.memory import MemoryBus
 from swarmctl.bus.open import opened
-from swarmctl.bus.zenoh_bus import MAX_FROM_OUTSIDE_BYTES, QUESTIONS, ZenohBus
+from swarmctl.bus.zenoh_bus import QUESTIONS, ZenohBus
 from swarmctl.cli import cli
 from swarmctl.clock import run_virtual
 from swarmctl.core import events as ev
@@ -228,7 +228,7 @@ def test_a_flood_of_bytes_ends_at_the_door() -> None:
         with over_zenoh() as (ground, operator):
             station = Station(ground)
             with suppress(TimeoutError):
-                assert await operator.ask(KEY, bytes(4 * MAX_FROM_OUTSIDE_BYTES), 1.0) == ()
+                assert await operator.ask(KEY, bytes(4 * MAX_MESSAGE_BYTES), 1.0) == ()
             assert station.tally == Tally()
             assert ground.endpoint is not None
             with ZenohBus(connect=ground.endpoint) as another:

@@ -14,7 +14,7 @@ from test_agent import Story, orders
 from swarmctl import operate
 from swarmctl.agent import Phase
 from swarmctl.bus import desk, directory, keys
-from swarmctl.bus.desk import Asked, Desk, Tally
+from swarmctl.bus.desk import Asked, Desk, Tally, Unseal, unsealed
 from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.memory import MemoryBus
 from swarmctl.clock import run_virtual
@@ -32,6 +32,8 @@ from swarmctl.core.messages import (
 from swarmctl.display import ordered
 
 pytestmark = pytest.mark.virtual
+
+GARBAGE_PER_S = 50
 
 # --- the agent
 
@@ -213,10 +215,40 @@ def test_an_order_given_while_its_link_was_lost_is_given_when_it_is_heard() -> N
 # --- the desk
 
 
+OPERATORS, OF_UAV2 = b"operator".ljust(64), b"uav2".ljust(64)
+
+
+class Guarded:
+    """Takes what the operator has put its name before, and puts the vehicle's before its answers."""
+
+    def open(self, key: str, payload: bytes) -> bytes:
+        if not payload.startswith(OPERATORS):
+            raise BadMessage(f"nobody of this swarm signed what came under {key}")
+        return payload.removeprefix(OPERATORS)
+
+    def close(self, key: str, payload: bytes, answer: bytes) -> bytes:
+        return OF_UAV2 + key.encode() + payload + answer
+
+
+class Operators:
+    """The other side of it."""
+
+    def close(self, _key: str, command: bytes) -> bytes:
+        return OPERATORS + command
+
+    def open(self, uav: int, key: str, asked: bytes, data: bytes) -> bytes:
+        before = f"uav{uav}".encode().ljust(64) + key.encode() + asked
+        if not data.startswith(before):
+            raise BadMessage("not its own")
+        return data.removeprefix(before)
+
+
 class Ground:
     """The desk of one vehicle whose agent takes everything, unless it is slow."""
 
-    def __init__(self, bus: MemoryBus, *, slow: bool = False, closed: str = "") -> None:
+    def __init__(
+        self, bus: MemoryBus, *, slow: bool = False, closed: str = "", unseal: Unseal = unsealed
+    ) -> None:
         self.said: list[str] = []
         self.posted: list[Asked] = []
         self.slow = slow
@@ -227,15 +259,9 @@ class Ground:
             Tally(),
             uav=2,
             closed=lambda kind: closed if kind == "order" else "",
-            unseal=self._unseal,
+            unseal=unseal,
         )
         self.desk.join(2, "uav2", self._post)
-        self.forged = False
-
-    def _unseal(self, key: str, payload: bytes) -> bytes:
-        if self.forged:
-            raise BadMessage(f"nobody of this swarm signed what came under {key}")
-        return payload
 
     def _post(self, event: Asked) -> None:
         self.posted.append(event)
@@ -303,9 +329,10 @@ def test_where_orders_are_not_taken_it_is_said_why_and_weights_are() -> None:
 def test_who_cannot_show_who_it_is_orders_nothing() -> None:
     async def scene() -> None:
         bus = MemoryBus()
-        ground = Ground(bus)
-        ground.forged = True
-        answer = await asked(bus, ORDER, GiveOrder(None, "land"))
+        ground = Ground(bus, unseal=Guarded())
+        command = encode(GiveOrder(None, "land"))
+        (data,) = await bus.ask(ORDER, command, 5.0)
+        answer = decode_answer(data.removeprefix(OF_UAV2 + ORDER.encode() + command))
         assert answer.refused == f"nobody of this swarm signed what came under {ORDER}"
         assert ground.posted == []
         assert ground.said == [f"an operator's command was refused (1 so far): {answer.refused}"]
@@ -313,7 +340,106 @@ def test_who_cannot_show_who_it_is_orders_nothing() -> None:
     run_virtual(scene())
 
 
+def test_who_asks_nonsense_all_the_time_keeps_no_operators_order_away() -> None:
+    """Neither its order nor its answer; and what nobody could open is not said each time."""
+
+    async def scene() -> None:
+        bus, garbage = MemoryBus(), GARBAGE_PER_S * 4
+        ground = Ground(bus, unseal=Guarded())
+        served = bus._served[ORDER]
+        for n in range(garbage):
+            served(ORDER, b"nonsense", lambda _: None)
+            await asyncio.sleep(1.0 / GARBAGE_PER_S)
+            if n % GARBAGE_PER_S == 0:
+                answer = await operate.ask(bus, STATION, GiveOrder((2,), "land"), Operators())
+                assert answer == TAKEN
+        assert len(ground.posted) == 4
+        assert ground.desk._tally == Tally(passed_on=4, refused=garbage)
+        assert len(ground.said) <= desk.SAID_BURST + 1
+
+    run_virtual(scene())
+
+
+def test_more_nonsense_than_can_be_opened_is_neither_opened_nor_answered_and_counted() -> None:
+    async def scene() -> None:
+        bus, answers = MemoryBus(), []
+        ground = Ground(bus, unseal=Guarded())
+        for _ in range(5000):
+            bus._served[ORDER](ORDER, b"nonsense", answers.append)
+        assert len(answers) == desk.OPENED_BURST
+        assert ground.desk._tally.refused == 5000
+
+    run_virtual(scene())
+
+
+def test_without_keys_the_pace_is_everybodys() -> None:
+    async def scene() -> None:
+        bus, answers = MemoryBus(), []
+        ground = Ground(bus)
+        for _ in range(desk.BURST + 3):
+            bus._served[ORDER](ORDER, b"nonsense", answers.append)
+        assert answers[-3:] == [desk.TOO_FAST] * 3
+        assert "faster than 4 a second" in ground.said[-1]
+
+    run_virtual(scene())
+
+
 # --- the operator's side
+
+
+class Crowd(MemoryBus):
+    """A bus on which others answer, too."""
+
+    def __init__(self, *others: Callable[[str, bytes], bytes]) -> None:
+        super().__init__()
+        self._others = others
+
+    async def ask(self, key: str, payload: bytes, timeout_s: float) -> tuple[bytes, ...]:
+        own = await super().ask(key, payload, timeout_s)
+        return (*(other(key, payload) for other in self._others), *own)
+
+
+def forged(_key: str, _payload: bytes) -> bytes:
+    return encode(OperatorAnswer((VehicleAnswer(2, "uav2", "taken", note="forged"),)))
+
+
+def of_another_question(key: str, _payload: bytes) -> bytes:
+    return Guarded().close(key, b"another question", forged("", b""))
+
+
+def by_uav3(key: str, payload: bytes) -> bytes:
+    return b"uav3".ljust(64) + key.encode() + payload + forged("", b"")
+
+
+@pytest.mark.parametrize("other", [forged, of_another_question, by_uav3])
+def test_only_what_the_vehicle_asked_has_signed_is_its_answer(
+    other: Callable[[str, bytes], bytes],
+) -> None:
+    async def scene(*, is_there: bool) -> VehicleAnswer:
+        bus = Crowd(other)
+        if is_there:
+            Ground(bus, unseal=Guarded(), closed="not now")
+        (answer,) = (await operate.ask(bus, STATION, GiveOrder((2,), "hold"), Operators())).vehicles
+        return answer
+
+    answer = run_virtual(scene(is_there=True))
+    assert answer.outcome == "refused"
+    assert answer.note.startswith("not now; dropped: 1 answer in its name that it did not sign")
+    answer = run_virtual(scene(is_there=False))
+    assert answer.outcome == "unconfirmed"
+    assert answer.note.startswith("none of its own, and 1 answer in its name that it did not sign")
+
+
+def test_of_two_who_answer_for_a_whole_swarm_neither_is_believed() -> None:
+    async def scene() -> None:
+        bus = Crowd(forged)
+        bus.serve("swarmctl/test/station/request/weights/operator", lambda _k, _p, r: r(forged("", b"")))
+        alone = operate.Station("test", BusEndpoint("127.0.0.1", 7447))
+        with pytest.raises(operate.NoAnswer, match="2 processes answer for test"):
+            await operate.ask(bus, alone, SetWeights(None, w=0.2))
+
+    run_virtual(scene())
+
 
 STATION = operate.Station(
     "test", BusEndpoint("127.0.0.1", 7447), agents={1: "uav1", 2: "uav2", 3: "uav3", 4: "uav4"}

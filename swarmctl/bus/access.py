@@ -21,7 +21,6 @@ OPERATOR = "operator"
 ROUTER = "router"
 IN, OUT = "ingress", "egress"
 """as seen from whoever holds the list: what comes from a link, what goes out by it"""
-EVERY_MESSAGE = ("put", "query", "reply", "declare_subscriber", "declare_queryable")
 
 
 def name_of(uav: int) -> str:
@@ -67,11 +66,24 @@ def mesh(swarm: str, uavs: Sequence[int], *, certified: bool) -> dict[str, Any]:
     """Of a node among nodes that pass on for each other: only the swarm's certificates, only its keys.
 
     A neighbour sends what others have said, so the link does not tell who that was; the receiver tells by
-    the message's signature.
+    the message's signature. A payload's looks have none, and so no node passes them on: they come in from
+    the vehicle's own certificate or an operator's, and reach that vehicle's agent only at its own node.
     """
-    rule = Rule((IN, OUT), EVERY_MESSAGE, (f"{keys.ROOT}/{swarm}/**",))
-    names = [*map(name_of, uavs), OPERATOR, ROUTER] if certified else [None]
-    return _access_control([(name, [rule]) for name in names])
+    root, every_look = f"{keys.ROOT}/{swarm}", tuple(keys.looks(swarm, uav) for uav in uavs)
+    said = [f"{root}/uav/*/*/*/{uav}" for uav in uavs]
+    passed_on = (*said, f"{root}/uav/*/request/*/{OPERATOR}", f"{root}/station/**")
+    shared = [
+        Rule((IN, OUT), ("declare_subscriber", "declare_queryable"), (f"{root}/**",)),
+        Rule((IN, OUT), ("put", "query", "reply"), passed_on),
+    ]
+
+    def with_looks(looks: tuple[str, ...]) -> list[Rule]:
+        return [*shared, Rule((IN,), ("put", "query"), looks), Rule((OUT,), ("reply",), looks)]
+
+    if not certified:
+        return _access_control([(None, with_looks(every_look))])
+    vehicles = [(name_of(uav), with_looks((keys.looks(swarm, uav),))) for uav in uavs]
+    return _access_control([*vehicles, (OPERATOR, with_looks(every_look)), (ROUTER, shared)])
 
 
 def _of_a_vehicle(swarm: str, uav: int, uavs: Sequence[int]) -> list[Rule]:

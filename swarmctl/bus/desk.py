@@ -2,8 +2,8 @@
 
 A command from a network moves aircraft, so what is not plainly a command for this desk and its vehicles is
 refused as a whole, counted, and said; and whoever gave it is told what became of it, vehicle by vehicle. They
-come no faster than a hand gives them. New weights cost a plan, so no agent is given any before it has come to
-the last.
+come no faster than a hand gives them, and what no operator gave uses up nothing of that. New weights cost a
+plan, so no agent is given any before it has come to the last.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import asyncio
 from collections.abc import Callable, Set
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Protocol
 
 from swarmctl.bus import keys
 from swarmctl.bus.base import MAX_QUESTION_BYTES, Reply, Transport
@@ -34,7 +35,12 @@ ANSWER_WITHIN_S = 3.0
 MAX_WHY = 400
 PER_S = 4.0
 BURST = 8
-"""Commands, good or bad: so many at once, and so many a second in the long run."""
+"""Commands that open, good or bad: so many at once, and so many a second in the long run."""
+OPENED_PER_S = 200.0
+"""What is opened at all; to verify a signature takes 0.1 to 0.3 ms. More is neither read nor answered."""
+OPENED_BURST = 100
+SAID_PER_S, SAID_BURST = 0.1, 4
+"""About what does not open: so much is said."""
 TOO_FAST = encode(
     OperatorAnswer(
         refused=f"commands come faster than {PER_S:g} a second; nothing was changed, give it again later"
@@ -80,20 +86,33 @@ def open_to_all(_kind: keys.Kind) -> str:
     return ""
 
 
-Unseal = Callable[[str, bytes], bytes]
-"""(key, payload) -> the command in it; raises BadMessage where whoever sent it may not"""
+class Unseal(Protocol):
+    """Tells who gives a command, and shows who answers it."""
+
+    def open(self, key: str, payload: bytes) -> bytes:
+        """The command in `payload`, which came under `key`. Raises BadMessage where the sender may not."""
+
+    def close(self, key: str, payload: bytes, answer: bytes) -> bytes:
+        """The bytes that answer it."""
 
 
-def unsealed(_key: str, payload: bytes) -> bytes:
-    """Nobody is asked who it is."""
-    return payload
+class _Unsealed:
+    def open(self, _key: str, payload: bytes) -> bytes:
+        return payload
+
+    def close(self, _key: str, _payload: bytes, answer: bytes) -> bytes:
+        return answer
+
+
+unsealed: Unseal = _Unsealed()
+"""Nobody is asked who it is."""
 
 
 class Desk:
     """One a process; its agents `join`, and report with `answered`.
 
     It serves the keys of vehicle `uav`, or those of the station where one process flies the whole swarm.
-    `unseal` opens payloads.
+    `unseal` opens payloads and closes answers.
     """
 
     def __init__(
@@ -119,6 +138,8 @@ class Desk:
         # Each key for itself: no flood of weights keeps an order to hold away.
         self._gates = {key: _Gate() for key in self._keys}
         self._wild = _Gate()
+        self._opened = {key: Pace(OPENED_PER_S, OPENED_BURST) for key in self._keys}
+        self._said_of_strangers = Pace(SAID_PER_S, SAID_BURST)
         for key in self._keys:
             transport.serve(key, self._asked)
 
@@ -138,16 +159,42 @@ class Desk:
             self._close(command)
 
     def _asked(self, key: str, payload: bytes | None, reply: Reply) -> None:
-        if not self._in_pace(self._gates.get(key, self._wild), asyncio.get_running_loop().time()):
-            if key in self._keys:
-                reply(TOO_FAST)
-            return
+        now_s = asyncio.get_running_loop().time()
         if key not in self._keys:
             # A wildcard asks many swarms at once; whoever means this one can say so.
-            self._refuse(f"asked under the key {key}, not {' or '.join(self._keys)}", None)
+            if self._in_pace(self._wild, now_s):
+                self._refuse(f"asked under the key {key}, not {' or '.join(self._keys)}", None)
             return
+        if not self._opened[key].takes(now_s):
+            self._tally.refused += 1
+            return
+        reply = self._sealed(key, payload, reply)
         try:
-            command = self._command(key, payload)
+            opened = self._open_seal(key, payload)
+        except BadMessage as error:
+            self._refuse(str(error), reply, aloud=self._said_of_strangers.takes(now_s))
+            return
+        # Only now: nobody else uses up the operator's pace.
+        if self._in_pace(self._gates[key], now_s):
+            self._do(key, opened, reply)
+        else:
+            reply(TOO_FAST)
+
+    def _sealed(self, key: str, payload: bytes | None, reply: Reply) -> Reply:
+        """Answers as one of this vehicle, to what was asked and nothing else."""
+        if payload is None:
+            return reply
+        return lambda answer: reply(self._unseal.close(key, payload, answer))
+
+    def _open_seal(self, key: str, payload: bytes | None) -> bytes:
+        """Raises BadMessage."""
+        if payload is None:
+            raise BadMessage(f"a payload of more than {MAX_QUESTION_BYTES} bytes, which no command takes")
+        return self._unseal.open(key, payload)
+
+    def _do(self, key: str, opened: bytes, reply: Reply) -> None:
+        try:
+            command = self._command(key, opened)
             uavs = self._meant(command)
         except (BadMessage, ValueError) as error:
             self._refuse(str(error), reply)
@@ -159,11 +206,9 @@ class Desk:
         else:
             self._refuse(f"no vehicle named has come to {BEFORE}", reply)
 
-    def _command(self, key: str, payload: bytes | None) -> Request:
+    def _command(self, key: str, opened: bytes) -> Request:
         """Raises BadMessage."""
-        if payload is None:
-            raise BadMessage(f"a payload of more than {MAX_QUESTION_BYTES} bytes, which no command takes")
-        command = decode_command(self._unseal(key, payload))
+        command = decode_command(opened)
         kind = KINDS[type(command)]
         if kind != self._keys[key]:
             raise BadMessage(f"a command of the kind {kind} under the key {key}")
@@ -217,11 +262,12 @@ class Desk:
     def _too_busy(self, uav: int) -> VehicleAnswer:
         return VehicleAnswer(uav, self._agents[uav][0], "refused", note=f"it has not come to {BEFORE}")
 
-    def _refuse(self, why: str, reply: Reply | None) -> None:
+    def _refuse(self, why: str, reply: Reply | None, *, aloud: bool = True) -> None:
         self._tally.refused += 1
         # It may quote the sender, and is shown on a terminal.
         why = "".join(c if c.isprintable() else "?" for c in why[:MAX_WHY])
-        self._say(f"an operator's command was refused ({self._tally.refused} so far): {why}")
+        if aloud:
+            self._say(f"an operator's command was refused ({self._tally.refused} so far): {why}")
         if reply is not None:
             reply(encode(OperatorAnswer(refused=why)))
 

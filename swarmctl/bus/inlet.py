@@ -7,6 +7,7 @@ the loop nor the other deliveries.
 from __future__ import annotations
 
 import asyncio
+import time
 from collections import deque
 from collections.abc import Callable
 
@@ -14,18 +15,30 @@ from swarmctl.bus.base import Failure
 
 Delivery = Callable[[], None]
 
-BATCH = 512
-"""of each queue, delivered in one turn of the loop; what is left waits, so that timers are on time"""
+TURN_S = 0.02
+"""of work in one turn of the loop, shared by the queues; what is left waits, so that links and timers are
+served whatever comes"""
 
 
 class Inlet:
-    """Queues of so much room each, by number: of several that wait, the first is delivered first."""
+    """Queues of so much room each, by number: of several that wait, the first is delivered first.
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, rooms: tuple[int, ...], on_failure: Failure) -> None:
+    Each queue has its share of a turn, and one delivery at least: none keeps the others waiting for ever.
+    """
+
+    def __init__(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        rooms: tuple[int, ...],
+        on_failure: Failure,
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
         self.dropped = 0
         self.failed = 0
         self._loop = loop
         self._on_failure = on_failure
+        self._clock = clock
+        self._share_s = TURN_S / len(rooms)
         self._rooms = rooms
         self._queues: tuple[deque[tuple[str, Delivery]], ...] = tuple(deque() for _ in rooms)
         self._is_woken = False
@@ -56,14 +69,20 @@ class Inlet:
         # Before looking: what is appended from here on wakes the loop again.
         self._is_woken = False
         for queue in self._queues:
-            for _ in range(min(len(queue), BATCH)):
-                key, delivery = queue.popleft()
+            until_s = self._clock() + self._share_s
+            # No more than wait now: what a delivery puts is for the next turn.
+            for _ in range(len(queue)):
                 if self._is_closed:
                     return
-                try:
-                    delivery()
-                except Exception as error:  # noqa: BLE001 - whatever a receiver raises is its own bug
-                    self.failed += 1
-                    self._on_failure(key, error)
+                self._hand_over(*queue.popleft())
+                if self._clock() >= until_s:
+                    break
         if any(self._queues):
             self._wake()
+
+    def _hand_over(self, key: str, delivery: Delivery) -> None:
+        try:
+            delivery()
+        except Exception as error:  # noqa: BLE001 - whatever a receiver raises is its own bug
+            self.failed += 1
+            self._on_failure(key, error)

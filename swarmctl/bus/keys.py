@@ -6,7 +6,6 @@
 | `uav/TO/inform/state/FROM` | a UAV | a UAV in its reach | put | a frame: StateShared |
 | `uav/TO/query-ref/snapshot/FROM` | a UAV | a UAV in its reach | put | a frame: SnapshotAsked |
 | `uav/TO/inform/snapshot/FROM` | a UAV that was asked | who asked | put | a frame: Snapshot |
-| `uav/TO/inform/checkpoint/FROM` | a UAV | a UAV in its reach | put | a frame: Checkpoint |
 | `uav/TO/inform/relayed/FROM` | a UAV | a UAV in its reach | put | a frame: Relayed |
 | `station/inform/state/FROM` | a UAV | ground stations | put | a frame: StateShared |
 | `uav/TO/request/weights/operator` | an operator | the UAV's agent | asked | SetWeights; OperatorAnswer |
@@ -16,7 +15,8 @@
 | `uav/TO/inform/look/sensor` | a payload, or a person | the UAV's agent | put or asked | JSON |
 
 ACT is one of FIPA's communicative acts. SWARM is the configuration's name, TO and FROM are system ids. A UAV
-reads what is sent to it, and writes only keys that end in its own system id.
+reads what is sent to it, and writes only keys that end in its own system id. Checkpoints come inside of
+Snapshot and Relayed, never under a key of their own.
 """
 
 from __future__ import annotations
@@ -27,6 +27,10 @@ from typing import Literal
 ROOT = "swarmctl"
 SWARM_NAME = r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$"
 """what a swarm may be called: one part of a key, no wildcard; of a file's name, not a hidden one"""
+MAX_LENGTH = 200
+"""characters of a key: longer than any of this table"""
+MAX_DIGITS = 3
+"""of a system id"""
 Kind = Literal["weights", "order"]
 """of an operator's requests"""
 KINDS: tuple[Kind, ...] = ("weights", "order")
@@ -64,15 +68,17 @@ def looks(swarm: str, uav: int | Literal["*"]) -> str:
     return f"{ROOT}/{swarm}/uav/{uav}/inform/look/sensor"
 
 
-@lru_cache(maxsize=65_536)
 def origin_of(key: str) -> tuple[int, str] | None:
     """(sender, `inform/state`) of a key by which a UAV says something; None where it names no UAV.
 
     A put on a wildcard key reaches every inbox and passes a router's deny rules: such a key is nobody's.
+    Others choose the key, so nothing is kept of it.
     """
+    if len(key) > MAX_LENGTH or is_wild(key):
+        return None
     parts = key.split("/")
     sender = parts[-1]
-    if is_wild(key) or len(parts) < 3 or not (sender.isascii() and sender.isdigit()):
+    if len(parts) < 3 or len(sender) > MAX_DIGITS or not (sender.isascii() and sender.isdigit()):
         return None
     return int(sender), "/".join(parts[-3:-1])
 

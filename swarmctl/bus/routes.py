@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator
+import traceback
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 from swarmctl.bus.base import Receive
 
 EVERYTHING = "**"
+MAX_SAID = 32
+"""different texts about receivers' bugs: senders may make them differ"""
 
 
 class Routes:
@@ -46,3 +50,27 @@ def report_to_loop(key: str, error: Exception) -> None:
     asyncio.get_running_loop().call_exception_handler(
         {"message": f"a receiver of the bus failed at {key[:200]}", "exception": error}
     )
+
+
+class SaidOnce:
+    """A `Failure` for flights, which it does not end: what a receiver raised, in one line, each text once."""
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self._say = say
+        self._said: set[str] = set()
+
+    def __call__(self, key: str, error: Exception) -> None:
+        if len(self._said) >= MAX_SAID:
+            return
+        *_, frame = traceback.extract_tb(error.__traceback__) or [None]
+        where = "" if frame is None else f" in {frame.name}, {Path(frame.filename).name}:{frame.lineno}"
+        text = f"a bug in handling what came by the bus{where}: {type(error).__name__}: {error}"
+        # It may quote the sender, and is shown on a terminal.
+        text = "".join(c if c.isprintable() else "?" for c in text[:400])
+        if text not in self._said:
+            self._said.add(text)
+            self._say(f"{text} (under {_shown(key)}; said once, all are counted)")
+
+
+def _shown(key: str) -> str:
+    return "".join(c if c.isprintable() else "?" for c in key[:100])

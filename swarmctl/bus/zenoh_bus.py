@@ -36,7 +36,6 @@ QUESTIONS = 32
 ASKED, HEARD, OWN = range(3)
 """queues: questions, what others put, what this process puts for itself"""
 ROOMS = (QUESTIONS, 4096, 65_536)
-MAX_FROM_OUTSIDE_BYTES = MAX_MESSAGE_BYTES
 AGAIN_AFTER_S = 0.5
 """between attempts to open a session that fail at once"""
 LOST_AFTER_S = 3.0
@@ -48,6 +47,8 @@ CLOSE_S = 2.0
 MARGIN_S = 3.0
 """by which Zenoh's time-out of a question is later than ours: it does not tell its own from an answer"""
 ADMIN_TIMEOUT_S = 2.0
+MAX_ANSWERS = 64
+"""to one question that are kept"""
 
 OnLink = Callable[[str, str | None, bool], None]
 """(address, the certificate's common name if it has one, whether it came or went), on the loop's thread"""
@@ -192,7 +193,7 @@ class ZenohBus:
         ended = asyncio.Event()
 
         def arrived(reply: zenoh.Reply) -> None:
-            if reply.ok is not None:
+            if reply.ok is not None and len(answers) < MAX_ANSWERS:
                 answers.append(bytes(reply.ok.payload))
 
         def over() -> None:
@@ -208,6 +209,10 @@ class ZenohBus:
             payload=payload,
             timeout=timeout_s + MARGIN_S,
             congestion_control=zenoh.CongestionControl.DROP,
+            # All answers of all who serve the key: else the last hides the others, and who says that it is
+            # complete keeps the others from being asked.
+            target=zenoh.QueryTarget.ALL,
+            consolidation=zenoh.ConsolidationMode.NONE,
         )
         async with asyncio.timeout(timeout_s):
             await ended.wait()

@@ -6,6 +6,7 @@ import asyncio
 import datetime as dt
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -62,8 +63,8 @@ def give(
         wanted = command()
         station, keyring = _station(swarm, config, connect)
         credentials = joining.certified(station.endpoint, keyring)
-        sealed = operate.unsealed if keyring is None else partial(_sealed, station.swarm, keyring)
-        answer = asyncio.run(operate.give(station, wanted, credentials, sealed))
+        seals = operate.UNSEALED if keyring is None else Seals(station.swarm, keyring)
+        answer = asyncio.run(operate.give(station, wanted, credentials, seals))
     except ConfigError as error:
         fail(error.lines, USAGE)
     except (BusError, operate.NoAnswer, KeyringError) as error:
@@ -73,8 +74,18 @@ def give(
     _say(wanted, answer, station, told)
 
 
-def _sealed(swarm: str, keyring: Keyring, key: str, command: bytes) -> bytes:
-    return requests.seal(swarm, key, command, time.time(), keyring.signer.sign)
+@dataclass(frozen=True, slots=True)
+class Seals:
+    """Signs what the operator gives, and tells by their signatures what the vehicles answer."""
+
+    swarm: str
+    keyring: Keyring
+
+    def close(self, key: str, command: bytes) -> bytes:
+        return requests.seal(self.swarm, key, command, time.time(), self.keyring.signer.sign)
+
+    def open(self, uav: int, key: str, asked: bytes, data: bytes) -> bytes:
+        return requests.open_answer(self.swarm, key, asked, data, partial(self.keyring.verify, uav))
 
 
 def _station(swarm: str | None, config: Path | None, connect: str | None) -> tuple[Station, Keyring | None]:

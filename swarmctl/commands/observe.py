@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import datetime as dt
 import json
+from dataclasses import replace
 from typing import Annotated
 
 import typer
@@ -13,6 +14,7 @@ from swarmctl import joining, operate
 from swarmctl.bus import looks
 from swarmctl.bus.access import OPERATOR
 from swarmctl.bus.base import BusError, Transport
+from swarmctl.bus.endpoint import parse_endpoint
 from swarmctl.bus.zenoh_config import Credentials
 from swarmctl.commands.asking import ConnectOption, FlyingConfigOption, SwarmOption
 from swarmctl.commands.shared import EXPECTED, USAGE, fail, out, say, scenario_of
@@ -71,7 +73,7 @@ def observe(
     try:
         report = seen(cell or [], at or [], occupied)
         to = _vehicle(uav, scenario)
-        station, credentials = _station(swarm, scenario, connect)
+        station, credentials = _station(swarm, scenario, connect, to)
     except (BusError, KeyringError) as error:
         fail([str(error)], EXPECTED)
     except ValueError as error:
@@ -136,13 +138,19 @@ def _vehicle(word: str, scenario: Scenario | None) -> int:
 
 
 def _station(
-    swarm: str | None, scenario: Scenario | None, connect: str | None
+    swarm: str | None, scenario: Scenario | None, connect: str | None, to: int
 ) -> tuple[Station, Credentials | None]:
     """Where to report, and what is shown there. Raises BusError, KeyringError and ValueError."""
     if scenario is None:
         station, keyring = operate.find(swarm, None, connect), None
     else:
-        station = operate.find(swarm, scenario.config, connect, _names(scenario))
+        names = _names(scenario)
+        station = operate.find(swarm, scenario.config, connect, names)
+        mesh = scenario.config.communication.mesh
+        own = mesh.get(names[to]) or mesh.get(str(to))
+        if own is not None and connect is None and station.agents:
+            # In a mesh no node passes on what a sensor sees.
+            station = replace(station, endpoint=parse_endpoint(own), others=())
         certified = station.endpoint.is_certified
         now = dt.datetime.now(dt.UTC)
         keyring = joining.keyring_of(scenario.config, OPERATOR, now) if certified else None

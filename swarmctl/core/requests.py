@@ -1,11 +1,13 @@
 """An operator's commands under seal: who gives them, for whom, and when, so that nobody can give one again.
 
 A sealed command is 64 bytes of Ed25519 signature and a MessagePack map. What is signed is the swarm's name
-and the map, which holds the key that is asked: a command to one vehicle is none to another.
+and the map, which holds the key that is asked: a command to one vehicle is none to another. The vehicle's
+answer is signed by the vehicle, together with what it was asked: it answers nothing else.
 """
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Callable
 from typing import Annotated
@@ -47,6 +49,27 @@ def seal(swarm: str, key: str, command: bytes, unix_s: float, sign: Callable[[by
     return sign(_signed(swarm, body)) + body
 
 
+def _answer_signed(swarm: str, key: str, asked: bytes, answer: bytes) -> bytes:
+    # Of equal length, whatever was asked. No two commands under seal are equal.
+    question = hashlib.sha256(asked).digest()
+    return b"swarmctl answer\0" + swarm.encode() + b"\0" + key.encode() + b"\0" + question + answer
+
+
+def seal_answer(swarm: str, key: str, asked: bytes, answer: bytes, sign: Callable[[bytes], bytes]) -> bytes:
+    """The bytes that answer `asked`, which came under `key`."""
+    return sign(_answer_signed(swarm, key, asked, answer)) + answer
+
+
+def open_answer(
+    swarm: str, key: str, asked: bytes, data: bytes, verify: Callable[[bytes, bytes], bool]
+) -> bytes:
+    """What the vehicle of which `verify` knows the signatures answered to `asked`. Raises BadMessage."""
+    signature, answer = data[:SIGNATURE_BYTES], data[SIGNATURE_BYTES:]
+    if not verify(signature, _answer_signed(swarm, key, asked, answer)):
+        raise BadMessage("an answer that the vehicle asked did not sign")
+    return answer
+
+
 class Opener:
     """What one agent takes of the operator: nothing unsigned, for others, of another time, or twice.
 
@@ -85,5 +108,11 @@ class Opener:
         age_s = unix_s - given_unix_s
         if age_s < -self._tolerance_s:
             raise BadMessage(f"a command {-age_s:.0f} s from now: do the clocks of both machines go right?")
-        if age_s > FRESH_S or given_unix_s < self._began_unix_s - self._tolerance_s:
+        if given_unix_s < self._began_unix_s:
+            before_s = self._began_unix_s - given_unix_s
+            raise BadMessage(
+                f"a command from {before_s:.1f} s before this agent began: give it again; if that does not "
+                "help, do the clocks of both machines go right?"
+            )
+        if age_s > FRESH_S:
             raise BadMessage(f"a command {age_s:.0f} s old: do the clocks of both machines go right?")

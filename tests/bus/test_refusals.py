@@ -6,7 +6,7 @@ import asyncio
 import datetime as dt
 import json
 from collections.abc import AsyncIterator, Callable
-from contextlib import ExitStack, asynccontextmanager
+from contextlib import AsyncExitStack, ExitStack, asynccontextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -372,6 +372,93 @@ def test_a_mesh_passes_on_the_swarms_keys_for_the_swarms_certificates_only(tmp_p
             await asyncio.sleep(0.3)
             assert set(heard) == {said}
             assert (one.links, two.links, three.links) == (1, 1, 0)
+
+    asyncio.run(scene())
+
+
+@asynccontextmanager
+async def meshed(protocol: str) -> AsyncIterator[tuple[dict[int, BusEndpoint], dict[int, ZenohBus]]]:
+    """Three vehicles' nodes in a row, 1 - 2 - 3."""
+    places = {uav: here(protocol) for uav in UAVS}
+    with ExitStack() as stack:
+        nodes = {}
+        for uav in UAVS:
+            there = [places[uav - 1]] if uav > 1 else []
+            own = credentials(protocol, f"uav{uav}")
+            configuration = zenoh_config.mesh_node(places[uav], there, SWARM, UAVS, own)
+            nodes[uav] = stack.enter_context(ZenohBus(configuration))
+        await meet(*nodes.values())
+        yield places, nodes
+
+
+def answers(text: bytes) -> Callable[[str, bytes | None, Callable[[bytes], None]], None]:
+    return lambda _key, _payload, reply: reply(text)
+
+
+@pytest.mark.parametrize("protocol", ["tcp", "tls"])
+def test_in_a_mesh_no_node_passes_on_what_payloads_see(protocol: str) -> None:
+    """A look has no signature: it is taken at the vehicle's own node, from its certificate or operators."""
+
+    async def scene() -> None:
+        async with meshed(protocol) as (places, nodes), AsyncExitStack() as stack:
+            heard: list[bytes] = []
+            look, request = keys.looks(SWARM, 1), keys.request(SWARM, "order", 1)
+            nodes[1].subscribe(keys.inbox(SWARM, 1), lambda _, payload: heard.append(payload))
+            nodes[1].serve(look, answers(b"taken"))
+            nodes[1].serve(request, answers(b"ordered"))
+
+            def client(at: int, name: str) -> ZenohBus:
+                return stack.enter_context(ZenohBus(client_of(places[at], name)))
+
+            payload, operator = client(1, "uav1"), client(1, "operator")
+            strangers = {"uav3's own node": nodes[3], "its neighbour": nodes[2]}
+            strangers |= {"uav1's payload at another node": client(2, "uav1")}
+            strangers |= {"an operator at another node": client(3, "operator")}
+            if protocol == "tls":
+                strangers |= {"uav3 at uav1's node": client(1, "uav3")}
+            await meet(payload, operator, *strangers.values())
+            said = keys.told(SWARM, 1, "inform/state", 3)
+            await until(lambda: b"far" in heard, "the far end", lambda: nodes[3].put(said, b"far"))
+            far = strangers["an operator at another node"]
+            await until_answered(far, request, b"ordered")
+            for who, bus in strangers.items():
+                assert await bus.ask(look, b"", 2.0) == (), who
+                bus.put(look, who.encode())
+            for bus in (payload, operator):
+                await until_answered(bus, look, b"taken")
+            await until(lambda: b"own" in heard, "the payload's", lambda: payload.put(look, b"own"))
+            await until(lambda: b"by hand" in heard, "a person's", lambda: operator.put(look, b"by hand"))
+            assert set(heard) == {b"far", b"own", b"by hand"}
+
+    asyncio.run(scene())
+
+
+async def until_answered(bus: ZenohBus, key: str, answer: bytes) -> None:
+    """A declaration is on its way a moment longer than a link stands."""
+    async with asyncio.timeout(8.0):
+        while await bus.ask(key, b"", 5.0) != (answer,):  # noqa: ASYNC110 - another process's
+            await asyncio.sleep(0.05)
+
+
+def test_who_serves_anothers_key_does_not_hide_its_answer() -> None:
+    """In a mesh anybody of the swarm may: the asker is told all answers, and finds out whose each is."""
+
+    async def scene() -> None:
+        async with meshed("tls") as (places, nodes):
+            key = keys.request(SWARM, "order", 1)
+            nodes[1].serve(key, answers(b"uav1's"))
+            session = raw(zenoh_config.client(places[3], credentials("tls", "uav3")))
+            try:
+                for _ in range(2):
+                    session.declare_queryable(key, lambda q: q.reply(key, b"forged"), complete=True)
+                with ZenohBus(client_of(places[3], "operator")) as operator:
+                    await meet(operator)
+                    async with asyncio.timeout(8.0):
+                        told: list[bytes] = []
+                        while told != [b"forged", b"forged", b"uav1's"]:
+                            told = sorted(await operator.ask(key, b"", 5.0))
+            finally:
+                session.close()  # type: ignore[no-untyped-call]
 
     asyncio.run(scene())
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swarmctl.core.messages import BadMessage
-from swarmctl.core.requests import FRESH_S, Opener, seal
+from swarmctl.core.requests import FRESH_S, Opener, open_answer, seal, seal_answer
 
 NOW = 1_800_000_000.0
 KEY = "swarmctl/test/uav/3/request/order/operator"
@@ -75,9 +75,37 @@ def test_a_command_is_taken_once() -> None:
         desk.open(KEY, data, NOW + FRESH_S + 1.0)
 
 
-def test_what_an_agent_may_have_taken_before_it_was_started_again_is_not_taken_twice() -> None:
-    with pytest.raises(BadMessage, match="old"):
-        opener(began_unix_s=NOW + 8.0).open(KEY, sealed(NOW), NOW + 10.0)
+@pytest.mark.parametrize("down_s", [0.001, 3.0, 8.0])
+def test_what_an_agent_may_have_taken_before_it_was_started_again_is_not_taken_twice(down_s: float) -> None:
+    """Also within the tolerance for clocks that differ."""
+    with pytest.raises(BadMessage, match="before this agent began: give it again"):
+        opener(began_unix_s=NOW + down_s).open(KEY, sealed(NOW), NOW + 10.0)
+
+
+def is_uavs(signature: bytes, data: bytes) -> bool:
+    try:
+        UAV.public_key().verify(signature, data)
+    except InvalidSignature:
+        return False
+    return True
+
+
+def test_an_answer_is_of_the_vehicle_asked_and_to_what_it_was_asked() -> None:
+    question = sealed()
+    answer = seal_answer("test", KEY, question, b"taken", UAV.sign)
+    assert open_answer("test", KEY, question, answer, is_uavs) == b"taken"
+    other_key = KEY.replace("/3/", "/4/")
+    for data, swarm, key, asked in (
+        (seal_answer("test", KEY, question, b"taken", OPERATOR.sign), "test", KEY, question),
+        (answer, "other", KEY, question),
+        (answer, "test", other_key, question),
+        (answer, "test", KEY, sealed(NOW + 1.0)),
+        (answer[:-1] + b"!", "test", KEY, question),
+        (b"taken", "test", KEY, question),
+        (b"", "test", KEY, question),
+    ):
+        with pytest.raises(BadMessage, match="did not sign"):
+            open_answer(swarm, key, asked, data, is_uavs)
 
 
 @given(st.binary(max_size=300))

@@ -1,0 +1,84 @@
+"""From other threads to the loop: nothing that comes keeps the loop from what else it has to do."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from swarmctl.bus.inlet import TURN_S, Inlet
+from swarmctl.clock import run_virtual
+
+pytestmark = pytest.mark.virtual
+
+
+class Work:
+    """A clock by which each delivery takes its time."""
+
+    def __init__(self, each_s: float) -> None:
+        self.now_s = 0.0
+        self.done: list[int] = []
+        self._each_s = each_s
+
+    def clock(self) -> float:
+        return self.now_s
+
+    def __call__(self, queue: int) -> None:
+        self.now_s += self._each_s
+        self.done.append(queue)
+
+
+def silent(_key: str, _error: Exception) -> None:
+    pass
+
+
+async def turn() -> None:
+    await asyncio.sleep(0)
+
+
+@pytest.mark.parametrize(("each_s", "at_once"), [(0.001, 20), (0.0001, 200), (5.0, 2)])
+def test_a_flood_leaves_the_loop_to_others_after_a_moment(each_s: float, at_once: int) -> None:
+    async def scene() -> None:
+        work = Work(each_s)
+        inlet = Inlet(asyncio.get_running_loop(), (5000, 5000), silent, work.clock)
+        for _ in range(1000):
+            for queue in (0, 1):
+                inlet.take(queue, "", lambda queue=queue: work(queue))
+        await turn()
+        assert len(work.done) == pytest.approx(at_once, abs=2)
+        assert work.now_s <= TURN_S + 2 * each_s
+        before = len(work.done)
+        await turn()
+        assert len(work.done) > before
+
+    run_virtual(scene())
+
+
+def test_no_queue_waits_for_a_flood_in_another() -> None:
+    async def scene() -> None:
+        work = Work(1.0)
+        inlet = Inlet(asyncio.get_running_loop(), (5000, 5000, 5000), silent, work.clock)
+        for _ in range(1000):
+            inlet.take(0, "", lambda: work(0))
+            inlet.take(1, "", lambda: work(1))
+        inlet.take(2, "", lambda: work(2))
+        await turn()
+        assert work.done == [0, 1, 2]
+
+    run_virtual(scene())
+
+
+def test_all_is_delivered_in_its_order_and_each_failure_counted() -> None:
+    async def scene() -> None:
+        work, failures = Work(0.004), []
+        loop = asyncio.get_running_loop()
+        inlet = Inlet(loop, (5000,), lambda key, error: failures.append((key, error)), work.clock)
+        for n in range(100):
+            inlet.take(0, "k", lambda n=n: work(1 // (n % 10)) if n % 10 < 2 else work(n))
+        for _ in range(100):
+            await turn()
+        assert work.done == [max(n % 10, 1) if n % 10 < 2 else n for n in range(100) if n % 10]
+        assert inlet.failed == len(failures) == 10
+        assert {type(error) for _, error in failures} == {ZeroDivisionError}
+
+    run_virtual(scene())
