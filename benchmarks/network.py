@@ -29,9 +29,9 @@ from swarmctl import router
 from swarmctl.bus import zenoh_config
 from swarmctl.bus.base import Transport
 from swarmctl.bus.endpoint import parse_endpoint
+from swarmctl.bus.exchange import NodeOptions
 from swarmctl.bus.memory import MemoryBus
 from swarmctl.bus.network import Network, RunClock
-from swarmctl.bus.exchange import NodeOptions
 from swarmctl.bus.zenoh_bus import ZenohBus
 from swarmctl.clock import run_virtual
 from swarmctl.core.belief import Belief
