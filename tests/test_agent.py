@@ -143,6 +143,19 @@ def test_what_it_has_heard_of_it_does_not_tell_again() -> None:
     assert message.cells == ((5, 1, False),)
 
 
+@pytest.mark.parametrize("told", [True, False])
+def test_what_it_sees_otherwise_than_it_was_told_it_tells_and_says_so(told: bool) -> None:
+    story = Story().flying()
+    story.hear((4, 1, told), (5, 1, False))
+    look = ev.Observed(((4, 1, not told), (5, 1, False)))
+    (effect,) = (e for e in story(look) if isinstance(e, ev.Publish))
+    assert isinstance(effect.message, Observation)
+    assert effect.message.cells == ((4, 1, not told),)
+    assert effect.against == ((4, 1),)
+    assert story(look) == []  # once: what both saw is known now, and occupied wins
+    assert story.state.belief.occupancy()[4, 1] == 1.0
+
+
 def test_a_hostile_ahead_changes_the_mission_and_says_because_of_what() -> None:
     story = Story().flying()
     assert story.state.route is not None

@@ -342,11 +342,9 @@ def test_a_message_of_rubbish_is_not_read_to_its_end() -> None:
 def test_a_lie_that_comes_first_is_flagged_once_the_truth_is_seen() -> None:
     ether = Ether((1, 2, 3))
     ether.deliver(1, 2, "inform/observation", SEAL.close(frame(seen(1, (3, 3, True)), n=50)))
-    victim = ether.uavs[2]
-    look = Observation(2, 1, 0.0, ((3, 3, False), (3, 4, False)), victim.node.incarnation)
-    took = victim.node.say(look, 0.0, UNIX_S, frozenset({(3, 3)}))
-    assert dict(victim.node.tally.flagged) == {1: 1}
-    assert "vehicle 1 tells that (3, 3) is occupied" in took.said[0][1]
+    ether.uavs[2].observe((3, 3, False), (3, 4, False))
+    assert dict(ether.uavs[2].node.tally.flagged) == {1: 1}
+    assert "vehicle 1 tells that (3, 3) is occupied" in ether.said[0]
 
 
 def test_gaps_and_incarnations_never_make_a_question_too_long_to_be_asked() -> None:
