@@ -138,7 +138,8 @@ def find(
     others = f"; there is {', '.join(e.swarm for e in flying)}" if flying else ""
     raise BusError(
         f"no swarm {swarm or ''}".rstrip() + f" of this user flies on this machine{others}; a flight takes "
-        "commands in real time only (not with --clock virtual), and not with bus: memory or listen: none"
+        "commands in real time only (not with --clock virtual), and not with bus: memory or listen: none; "
+        "agents on machines of their own are found with --config"
     )
 
 

@@ -89,7 +89,11 @@ class Configuration:
             cure = f"end who has it, give another port (0 is any free one){none}"
             return f"{where}cannot listen at {self.listen}: {why}; {cure}"
         if self.connect:
-            return f"no swarm listens at {there}: tried for {JOIN_MS / 1e3:g} s; has its flight ended?"
+            keys = ", and are its keys of the same authority" if self.connect[0].is_certified else ""
+            return (
+                f"no swarm listens at {there}: tried for {JOIN_MS / 1e3:g} s; has its flight ended? Where "
+                f"agents fly: does `swarmctl router`, or the agent, run there{keys}?"
+            )
         return f"Zenoh cannot open a session: {error}; `communication: {{bus: memory}}` needs none"
 
 
