@@ -62,11 +62,11 @@ def free_port() -> int:
 
 
 def test_the_shipped_configuration_flies(tmp_path: Path) -> None:
-    """At three times its speed, so that nobody waits for most of half a minute."""
+    """Hardly faster than shipped: on a machine that does other things as well it has to keep in time."""
     config = tmp_path / "swarm.yaml"
     text = SHIPPED.read_text()
     assert text.count("  speedup: 10\n") == 1
-    config.write_text(text.replace("  speedup: 10\n", "  speedup: 30\n"))
+    config.write_text(text.replace("  speedup: 10\n", "  speedup: 12\n"))
     done = run("fly", "--config", config, cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "5 of 5 arrived" in done.stdout
