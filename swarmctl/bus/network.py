@@ -206,9 +206,9 @@ class Network:
                 self._say(member.node.uav, "".join(c if c.isprintable() else "?" for c in text[:400]))
 
     def _arm(self, member: _Member) -> None:
-        deadline_s = member.node.next_deadline_s
-        if deadline_s == member.timer_s or self._closed:
+        if self._closed:
             return
+        deadline_s = member.node.next_deadline_s
         if member.timer is not None:
             member.timer.cancel()
         member.timer, member.timer_s = None, deadline_s

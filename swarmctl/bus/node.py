@@ -33,6 +33,7 @@ from swarmctl.core.frames import (
     Spoken,
     StateShared,
     Why,
+    act_of,
 )
 from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Cell
@@ -308,9 +309,7 @@ class Node:
         """Whether it was something new that was seen."""
         frame = reading.frame
         self._check_time(frame, unix_s)
-        peer = self._peers.get(frame.sender)
-        if frame.sender != self.uav and peer is None:
-            raise Refused(Why.STRANGER, f"vehicle {frame.sender} is not of this swarm")
+        peer = None if frame.sender == self.uav else self._peer(frame.sender)
         match frame.content:
             case StateShared() as state:
                 if peer is not None and not self._is_stale(frame, unix_s):
@@ -416,7 +415,7 @@ class Node:
 
     def _send(self, took: Took, content: Content, to: tuple[int, ...], unix_s: float) -> bytes:
         data = self._frame(content, unix_s)
-        act = str(type(content).__struct_config__.tag)
+        act = act_of(content)
         self.tally.sent[act] += len(to)
         self.tally.sent_bytes += len(data) * len(to)
         took.out.append(Out(to, act, data))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 
 import msgspec
 
 from swarmctl.core.frames import MAX_INNER_BYTES, Frame, Refused, Seal, StateShared, Why
-from swarmctl.core.observation import Checkpoint, Observation, Source
+from swarmctl.core.observation import Checkpoint, Observation, Source, cells_of
 
 CACHED = 16_384
 CACHED_BYTES = 1024
@@ -43,27 +44,28 @@ def reader(seal: Seal, rows: int, cols: int) -> Read:
             raise Refused(Why.OVERSIZE, f"{len(data)} bytes, which nobody could pass on")
         source, content = (frame.sender, frame.incarnation), frame.content
         if isinstance(content, Observation):
-            _check_cells(content, rows, cols)
-            cells = tuple(row * cols + col for row, col, _ in content.cells)
-            return Reading(frame, frame.act, data, source, cells, tuple(o for _, _, o in content.cells))
+            _check_once(content)
+            with _outside():
+                looked, _ = cells_of(content, rows, cols)
+            occupied = tuple(is_occupied for _, _, is_occupied in content.cells)
+            return Reading(frame, frame.act, data, source, tuple(looked.tolist()), occupied)
         if isinstance(content, Checkpoint):
-            try:
+            with _outside():
                 content.counts(rows * cols)
-            except ValueError as error:
-                raise Refused(Why.OUTSIDE, str(error)) from None
         return Reading(frame, frame.act, data, source)
 
     cached = lru_cache(maxsize=CACHED)(read)
     return lambda data: cached(data) if len(data) <= CACHED_BYTES else read(data)
 
 
-def _check_cells(seen: Observation, rows: int, cols: int) -> None:
+@contextlib.contextmanager
+def _outside() -> Iterator[None]:
+    try:
+        yield
+    except ValueError as error:
+        raise Refused(Why.OUTSIDE, str(error)) from None
+
+
+def _check_once(seen: Observation) -> None:
     if len({(row, col) for row, col, _ in seen.cells}) < len(seen.cells):
         raise Refused(Why.MALFORMED, f"observation {seen.seq} of vehicle {seen.observer}: a cell seen twice")
-    for row, col, _ in seen.cells:
-        if row >= rows or col >= cols:
-            raise Refused(
-                Why.OUTSIDE,
-                f"observation {seen.seq} of vehicle {seen.observer}: cell ({row}, {col}) is outside the "
-                f"area of {rows} × {cols} cells; do both fly the same configuration?",
-            )

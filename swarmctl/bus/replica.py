@@ -138,7 +138,7 @@ class Replica:
 
     def digest(self) -> tuple[Have, ...]:
         """Short enough for a message, however much is missing."""
-        held = [(source, kept) for source, kept in sorted(self._kept.items(), key=first) if kept.latest]
+        held = [(source, kept) for source, kept in sorted(self._kept.items()) if kept.latest]
         gaps = sum(kept.latest > kept.upto for _, kept in held)
         return tuple(kept.have(source, MAX_BEYOND // max(gaps, 1)) for source, kept in held)
 
@@ -169,10 +169,6 @@ class Replica:
             for seq in kept.beyond(upto):
                 if seq not in beyond:
                     yield kept.later[seq].data
-
-
-def first(item: tuple[Source, Kept]) -> Source:
-    return item[0]
 
 
 @lru_cache(maxsize=4096)

@@ -297,10 +297,11 @@ class Belief:
     def n_cells_from(self, observer: int) -> int:
         """How many different cells this observer has told of."""
         cells: set[int] = set()
-        log = self._held()
-        for seen, (looked, _) in zip(log.items, log.cells, strict=True):
-            if seen.observer == observer:
-                cells.update(looked.tolist())
+        for (whose, _), at in self._log.at.items():
+            if whose == observer:
+                for where in at.values():
+                    if where < self._n:
+                        cells.update(self._log.cells[where][0].tolist())
         for (whose, _), checkpoint in self._checkpoints.items():
             if whose == observer:
                 cells.update(checkpoint.counts(self.looks.size).cells.tolist())
