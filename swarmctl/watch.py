@@ -18,6 +18,7 @@ from swarmctl.bus import keys
 from swarmctl.bus.base import Transport
 from swarmctl.core.frames import Frame, Refused, Seal, StateShared
 from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.printable import printable
 from swarmctl.display import COLOURS
 
 SILENT_S = 5.0
@@ -235,8 +236,3 @@ def line(row: Row) -> str:
 def number(value: float) -> str:
     """What another machine says, to the next whole number; `?` where nobody can have meant it."""
     return str(round(value)) if math.isfinite(value) and abs(value) < MAX_SHOWN else "?"
-
-
-def printable(text: str) -> str:
-    """What another machine says, and is shown on a terminal."""
-    return "".join(c if c.isprintable() else "?" for c in text)

@@ -28,6 +28,7 @@ from swarmctl.core.messages import (
     decode_command,
     encode,
 )
+from swarmctl.core.printable import printable
 from swarmctl.core.roster import meant_by
 
 ANSWER_WITHIN_S = 3.0
@@ -265,7 +266,7 @@ class Desk:
     def _refuse(self, why: str, reply: Reply | None, *, aloud: bool = True) -> None:
         self._tally.refused += 1
         # It may quote the sender, and is shown on a terminal.
-        why = "".join(c if c.isprintable() else "?" for c in why[:MAX_WHY])
+        why = printable(why[:MAX_WHY])
         if aloud:
             self._say(f"an operator's command was refused ({self._tally.refused} so far): {why}")
         if reply is not None:

@@ -19,6 +19,7 @@ from swarmctl.bus.pace import Pace
 from swarmctl.core import looks
 from swarmctl.core.grid import Grid
 from swarmctl.core.looks import Answer, BadReport, Looked, Reason, Report
+from swarmctl.core.printable import printable
 
 PER_S = 50.0
 BURST = 50
@@ -104,7 +105,7 @@ class Looks:
         reason, refused = bad.reason, self.tally.refused
         refused[reason.value] = refused.get(reason.value, 0) + 1
         # It may quote the sender, and is shown on a terminal.
-        why = "".join(c if c.isprintable() else "?" for c in str(bad)[:MAX_WHY])
+        why = printable(str(bad)[:MAX_WHY])
         before_s = self._refused_at_s.get(reason)
         self._refused_at_s[reason] = now_s
         if before_s is None or now_s - before_s > PAUSE_S:

@@ -21,6 +21,7 @@ from swarmctl.bus.tally import Tally
 from swarmctl.core.frames import Seal, Spoken, StateShared, Why
 from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Told
+from swarmctl.core.printable import printable
 
 OnTold = Callable[[tuple[Told, ...]], None]
 MAX_SAID = 10
@@ -203,7 +204,7 @@ class Network:
             member.said[topic] += 1
             if member.said[topic] <= MAX_SAID:
                 # It may quote the sender, and is shown on a terminal.
-                self._say(member.node.uav, "".join(c if c.isprintable() else "?" for c in text[:400]))
+                self._say(member.node.uav, printable(text[:400]))
 
     def _arm(self, member: _Member) -> None:
         if self._closed:

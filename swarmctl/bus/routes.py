@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from swarmctl.bus.base import Receive
+from swarmctl.core.printable import printable
 
 EVERYTHING = "**"
 MAX_SAID = 32
@@ -66,11 +67,7 @@ class SaidOnce:
         where = "" if frame is None else f" in {frame.name}, {Path(frame.filename).name}:{frame.lineno}"
         text = f"a bug in handling what came by the bus{where}: {type(error).__name__}: {error}"
         # It may quote the sender, and is shown on a terminal.
-        text = "".join(c if c.isprintable() else "?" for c in text[:400])
+        text = printable(text[:400])
         if text not in self._said:
             self._said.add(text)
-            self._say(f"{text} (under {_shown(key)}; said once, all are counted)")
-
-
-def _shown(key: str) -> str:
-    return "".join(c if c.isprintable() else "?" for c in key[:100])
+            self._say(f"{text} (under {printable(key[:100])}; said once, all are counted)")

@@ -297,11 +297,13 @@ class Belief:
     def n_cells_from(self, observer: int) -> int:
         """How many different cells this observer has told of."""
         cells: set[int] = set()
-        for (whose, _), at in self._log.at.items():
-            if whose == observer:
-                for where in at.values():
-                    if where < self._n:
-                        cells.update(self._log.cells[where][0].tolist())
+        for source, at in self._log.at.items():
+            if source[0] != observer:
+                continue
+            upto = self._checkpoints[source].upto if source in self._checkpoints else 0
+            for seq, where in at.items():
+                if seq > upto and where < self._n:
+                    cells.update(self._log.cells[where][0].tolist())
         for (whose, _), checkpoint in self._checkpoints.items():
             if whose == observer:
                 cells.update(checkpoint.counts(self.looks.size).cells.tolist())
