@@ -6,11 +6,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
-from swarmctl.bus.endpoint import parse_endpoint
+from swarmctl.bus.endpoint import NOBODY, parse_endpoint
 from swarmctl.config_base import Section
 
-NOBODY = "none"
-"""instead of an endpoint to listen at"""
 MAX_DELAY_S = 60.0
 
 

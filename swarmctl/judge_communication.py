@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from swarmctl.bus.endpoint import parse_endpoint
+from swarmctl.bus.endpoint import NOBODY, parse_endpoint
 from swarmctl.bus.radio import gilbert
 from swarmctl.config import Config, Problem
-from swarmctl.config_communication import NOBODY, Communication, Uav
+from swarmctl.config_communication import Communication, Uav
 from swarmctl.core.roster import meant_by
 from swarmctl.yaml_lines import Path as KeyPath
 

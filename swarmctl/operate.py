@@ -14,8 +14,7 @@ import msgspec
 from swarmctl.bus import directory, keys, zenoh_config
 from swarmctl.bus.base import BusError, Transport
 from swarmctl.bus.desk import ANSWER_WITHIN_S, KINDS
-from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
-from swarmctl.bus.open import NOBODY
+from swarmctl.bus.endpoint import NOBODY, BusEndpoint, parse_endpoint
 from swarmctl.bus.zenoh_bus import ZenohBus
 from swarmctl.bus.zenoh_config import Credentials
 from swarmctl.config import Config

@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 PROTOCOLS = ("tcp", "tls", "quic")
 CERTIFIED = ("tls", "quic")
 """the protocols over which both sides show certificates"""
+NOBODY = "none"
+"""instead of an endpoint to listen at: nobody outside this process reaches the bus"""
 _FORM = re.compile(
     r"(?P<protocol>tcp|tls|quic)/"
     r"(?:\[(?P<v6>[0-9A-Fa-f:.]+)\]|(?P<host>[A-Za-z0-9_.-]+)):(?P<port>[0-9]{1,5})"

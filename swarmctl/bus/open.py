@@ -7,13 +7,10 @@ from collections.abc import Callable, Iterator
 
 from swarmctl.bus import directory, keys
 from swarmctl.bus.base import BusError, Failure
-from swarmctl.bus.endpoint import parse_endpoint
+from swarmctl.bus.endpoint import NOBODY, parse_endpoint
 from swarmctl.bus.routes import report_to_loop
 from swarmctl.bus.zenoh_bus import ZenohBus
 from swarmctl.bus.zenoh_config import alone
-
-NOBODY = "none"
-"""instead of an endpoint: nobody outside this process reaches the bus"""
 
 
 @contextlib.contextmanager

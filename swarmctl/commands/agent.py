@@ -15,6 +15,7 @@ from swarmctl import companion, joining, preflight
 from swarmctl.app import Report
 from swarmctl.bus.access import name_of
 from swarmctl.bus.base import BusError
+from swarmctl.bus.endpoint import NOBODY
 from swarmctl.bus.zenoh_config import Configuration
 from swarmctl.commands.flying import RealOption, conclude, confirmed, permission, settle, terminal
 from swarmctl.commands.shared import (
@@ -28,7 +29,6 @@ from swarmctl.commands.shared import (
     say,
     scenario_of,
 )
-from swarmctl.config_communication import NOBODY
 from swarmctl.core.roster import meant_by
 from swarmctl.director import Permission
 from swarmctl.keyring.files import KeyringError
