@@ -85,6 +85,7 @@ class Agent:
         self.uav, self.network, self.heard, self.rows = uav, network, heard, rows
         self.belief = Belief.prior(rows, rows, 200, sensor)
         self.seq = 0
+        self.seen: list[tuple[tuple[int, int, bool], ...]] = []
         self.incarnation = network.join(uav, self._told)
         self._rng = np.random.default_rng(uav)
         # Side by side on a line, ten metres apart.
@@ -95,18 +96,22 @@ class Agent:
         self.heard.add(told, time.monotonic())
 
     def look(self, middle: tuple[int, int] | None = None) -> None:
-        row, col = middle or self._rng.integers(1, self.rows - 1, 2).tolist()
-        wrong = self._rng.random(CELLS_SEEN) < self.belief.sensor.p_false_alarm
-        around = [(row + i, col + j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
-        cells = tuple(
-            (r, c, bool(w)) for (r, c), w in zip(around, wrong, strict=True) if max(r, c) < self.rows
-        )
+        cells = self.seen.pop() if middle is None and self.seen else self._cells(middle)
         self.seq += 1
         now_s = time.monotonic()
         seen = Observation(self.uav, self.seq, now_s, cells, self.incarnation)
         self.belief = self.belief.merge((seen,))
         self.heard.said_s[self.uav, self.seq] = now_s
         self.heard.recipients[self.uav, self.seq] = self.network.publish(self.uav, seen)
+
+    def _cells(self, middle: tuple[int, int] | None = None) -> tuple[tuple[int, int, bool], ...]:
+        """Of one look."""
+        row, col = middle or self._rng.integers(1, self.rows - 1, 2).tolist()
+        wrong = self._rng.random(CELLS_SEEN) < self.belief.sensor.p_false_alarm
+        around = [(row + i, col + j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+        return tuple(
+            (r, c, bool(w)) for (r, c), w in zip(around, wrong, strict=True) if max(r, c) < self.rows
+        )
 
     def tell_state(self) -> None:
         lon_deg = 14.0 + 1.3e-4 * self.uav
@@ -115,6 +120,8 @@ class Agent:
 
     async def fly(self, rate_per_s: float, begin_s: float, seconds: float) -> None:
         """From `begin_s` of the loop's clock on; who is late catches up."""
+        # What a sensor would show is made up beforehand: it is not what is measured.
+        self.seen = [self._cells() for _ in range(round(seconds * rate_per_s))]
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(self._every(1.0, begin_s - 1.0, seconds + 1.0, self.tell_state))
             tasks.create_task(self._every(1.0 / rate_per_s, begin_s, seconds, self.look))

@@ -6,7 +6,7 @@ What is told is believed all the same, for who is right? Only sensors taken for 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Set
 
 from swarmctl.bus.reading import Reading
 from swarmctl.core.grid import Cell
@@ -25,21 +25,27 @@ class Doubts:
         self._n_cells = rows * cols
         self._perfect = perfect
         self._flagged = flagged
-        self._own: dict[int, bool] = {}
-        """cell -> what was seen there"""
-        self._own_cells = self._own.keys()
+        self._clear: set[int] = set()
+        self._occupied: set[int] = set()
+        """cells that were seen so"""
 
     def saw(self, seen: Observation) -> None:
         """Its own sensor did."""
-        if self._perfect:
-            self._own.update((row * self._cols + col, occupied) for row, col, occupied in seen.cells)
+        if not self._perfect:
+            return
+        for row, col, occupied in seen.cells:
+            now, before = (self._occupied, self._clear) if occupied else (self._clear, self._occupied)
+            now.add(row * self._cols + col)
+            before.discard(row * self._cols + col)
 
-    def of(self, reading: Reading) -> Iterable[Said]:
+    def has_none_of(self, reading: Reading) -> bool:
+        """Whether there is nothing to say of an observation."""
+        # The fewer are looked up among the many, and most have seen no hostile: two steps.
+        return self._clear.isdisjoint(reading.occupied) and self._occupied.isdisjoint(reading.clear)
+
+    def of(self, reading: Reading) -> Iterator[Said]:
         """What there is to say of something that has just been told."""
-        # Most that is told is of cells that were not seen here: one look at sets.
-        if isinstance(reading.frame.content, Observation) and self._own_cells.isdisjoint(reading.cells):
-            return ()
-        return self._against(reading, None) if self._own else ()
+        return self._against(reading, None)
 
     def of_earlier(self, readings: Iterable[Reading], cells: Iterable[Cell]) -> Iterator[Said]:
         """The same of what had been told before, now that these cells were seen otherwise."""
@@ -48,24 +54,26 @@ class Doubts:
             yield from self._against(reading, concerned)
 
     def _against(self, reading: Reading, concerned: set[int] | None) -> Iterator[Said]:
-        own, observer = self._own, reading.frame.sender
-        if observer == self._uav:
+        observer = reading.frame.sender
+        if observer == self._uav or not (self._clear or self._occupied):
             return
-        against = [
-            cell
-            for cell, occupied in self._told_by(reading)
-            if own.get(cell, occupied) != occupied and (concerned is None or cell in concerned)
-        ]
+        clear, occupied = self._told_by(reading)
+        against = self._clear & occupied | self._occupied & clear
+        if concerned is not None:
+            against &= concerned
         if against:
             self._flagged[observer] += len(against)
-            row, col = divmod(against[0], self._cols)
-            what = "clear" if own[against[0]] else "occupied"
+            cell = min(against)
+            row, col = divmod(cell, self._cols)
+            what = "occupied" if cell in occupied else "clear"
             text = f"vehicle {observer} tells that ({row}, {col}) is {what}, which was seen otherwise here"
             yield f"flagged {observer}", text
 
-    def _told_by(self, reading: Reading) -> Iterator[tuple[int, bool]]:
+    def _told_by(self, reading: Reading) -> tuple[Set[int], Set[int]]:
+        """(clear, occupied)"""
         told = reading.frame.content
         if not isinstance(told, Checkpoint):
-            return zip(reading.cells, reading.occupied, strict=True)
+            return reading.clear, reading.occupied
         counts = told.counts(self._n_cells)
-        return zip(counts.cells.tolist(), (counts.hits > 0).tolist(), strict=True)
+        is_occupied = counts.hits > 0
+        return set(counts.cells[~is_occupied].tolist()), set(counts.cells[is_occupied].tolist())

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import heapq
+import itertools
+import time
 import traceback
 from collections import Counter
 from collections.abc import Callable, Collection
@@ -14,9 +17,11 @@ import numpy as np
 from swarmctl.bus import keys
 from swarmctl.bus.base import Transport
 from swarmctl.bus.exchange import NodeOptions, Out, Took
+from swarmctl.bus.inlet import TURN_S
 from swarmctl.bus.node import Node
 from swarmctl.bus.radio import Lost, Radio
-from swarmctl.bus.reading import reader
+from swarmctl.bus.reading import Reading, reader
+from swarmctl.bus.shelf import Shelves
 from swarmctl.bus.tally import Tally
 from swarmctl.core.frames import Seal, Spoken, StateShared, Why
 from swarmctl.core.grid import Cell
@@ -57,6 +62,12 @@ class _Member:
     timer_s: float = float("inf")
     said: Counter[str] = field(default_factory=Counter)
     """lines, by topic"""
+    inbox: list[_Said] = field(default_factory=list)
+    """of others of this process"""
+
+
+_Said = tuple[int, str, Reading]
+"""(sender, act, what it said)"""
 
 
 class Network:
@@ -87,10 +98,16 @@ class Network:
         self._radio = None if radio is None or radio.is_transparent else radio
         self._seal = seal or Seal(swarm)
         self._read = reader(self._seal, options.rows, options.cols)
+        self._shelves = Shelves()
         self._seed = seed
         self._say = say
         self._start_s = clock.now_s()
         self._members: dict[int, _Member] = {}
+        self._waiting: list[_Member] = []
+        """with something in their inboxes"""
+        self._flying: list[tuple[float, int, Callable[[], None]]] = []
+        """when it arrives, which it was of all that was sent, and what is to be done then"""
+        self._sent = itertools.count()
         self._closed = False
 
     def join(self, uav: int, on_told: OnTold) -> int:
@@ -99,7 +116,9 @@ class Network:
         incarnation = round(self._clock.unix_s() * 1000.0)
         rng = np.random.default_rng(np.random.SeedSequence(self._seed, spawn_key=(4, uav)))
         hears = None if self._radio is None else self._radio.hears
-        node = Node(uav, self._uavs, self._options, self._seal, incarnation, rng, hears, self._read)
+        node = Node(
+            uav, self._uavs, self._options, self._seal, incarnation, rng, hears, self._read, self._shelves
+        )
         self._members[uav] = _Member(node, on_told)
         self._transport.subscribe(keys.inbox(self._swarm, uav), partial(self._received, uav))
         self._arm(self._members[uav])
@@ -147,23 +166,30 @@ class Network:
         if origin is None:
             member.node.refuse(Why.WILDCARD if keys.is_wild(key) else Why.SOURCE, None)
             return
-        self._hear(member, *origin, payload, self._now_s(), self._clock.unix_s())
-
-    def _hear(self, member: _Member, sender: int, act: str, data: bytes, now_s: float, unix_s: float) -> None:
+        sender, act = origin
         try:
-            self._perform(member, member.node.receive(sender, act, data, now_s, unix_s))
+            now_s, unix_s = self._now_s(), self._clock.unix_s()
+            self._perform(member, member.node.receive(sender, act, payload, now_s, unix_s))
         except Exception:  # noqa: BLE001 - nothing that comes from outside may end a flight
-            member.node.refuse(Why.MALFORMED, sender)
-            said = f"a bug in handling a message: {traceback.format_exc(limit=-2)}"
-            self._tell(member, [("bug", said)])
+            self._bug(member, sender)
+
+    def _bug(self, member: _Member, sender: int) -> None:
+        """While it is being handled."""
+        member.node.refuse(Why.MALFORMED, sender)
+        said = f"a bug in handling a message: {traceback.format_exc(limit=-2)}"
+        self._tell(member, [("bug", said)])
 
     def _perform(self, member: _Member, took: Took) -> None:
+        self._see_to(member, took)
+        if took.news:
+            member.on_told(tuple(took.news))
+
+    def _see_to(self, member: _Member, took: Took) -> None:
+        """All but what is the agent's."""
         for out in took.out:
             self._send(member.node, out)
         if took.said:
             self._tell(member, took.said)
-        if took.news:
-            member.on_told(tuple(took.news))
         if member.node.next_deadline_s != member.timer_s:
             self._arm(member)
 
@@ -180,24 +206,72 @@ class Network:
                 self._carry(node.uav, out.act, out.data, (to,))
             else:
                 carry = partial(self._carry, node.uav, out.act, out.data, (to,))
-                self._clock.call_at(self._start_s + arrives_s, carry)
+                self._on_its_way(arrives_s, carry)
+
+    def _on_its_way(self, arrives_s: float, carry: Callable[[], None]) -> None:
+        """What arrives at one moment arrives in the order in which it was sent; a loop's timers need not."""
+        heapq.heappush(self._flying, (arrives_s, next(self._sent), carry))
+        if self._flying[0][0] == arrives_s:
+            self._clock.call_at(self._start_s + arrives_s, partial(self._arrive, arrives_s))
+
+    def _arrive(self, now_s: float) -> None:
+        now_s = max(now_s, self._now_s())  # a loop may call a little early
+        while self._flying and self._flying[0][0] <= now_s:
+            heapq.heappop(self._flying)[2]()
+        if self._flying and not self._closed:
+            next_s = self._flying[0][0]
+            self._clock.call_at(self._start_s + next_s, partial(self._arrive, next_s))
 
     def _carry(self, sender: int, act: str, data: bytes, to: tuple[int, ...]) -> None:
-        """UAVs of this process are handed it in one go; for the others it goes over the transport."""
-        here = [self._members[uav] for uav in to if uav in self._members]
-        if here and not self._closed:
-            asyncio.get_running_loop().call_soon(self._hand_over, sender, act, data, here)
-        if len(here) < len(to) and not self._closed:
+        """UAVs of this process are handed it in the loop's next turn; for the others it is put."""
+        if self._closed:
+            return
+        here = [member for uav in to if (member := self._members.get(uav)) is not None]
+        if here:
+            said = sender, act, self._read(data)
+            if not self._waiting:
+                asyncio.get_running_loop().call_soon(self._hand_over)
+            for member in here:
+                if not member.inbox:
+                    self._waiting.append(member)
+                member.inbox.append(said)
+        if len(here) < len(to):
             for uav in to:
                 if uav not in self._members:
                     self._transport.put(keys.told(self._swarm, uav, act, sender), data)
 
-    def _hand_over(self, sender: int, act: str, data: bytes, to: list[_Member]) -> None:
+    def _hand_over(self) -> None:
+        """One UAV after the other, each all that waits for it: the more does, the less each takes."""
         if self._closed:
             return
         now_s, unix_s = self._now_s(), self._clock.unix_s()
-        for member in to:
-            self._hear(member, sender, act, data, now_s, unix_s)
+        until_s = time.perf_counter() + TURN_S
+        waiting, self._waiting = self._waiting, []
+        for i, member in enumerate(waiting):
+            if time.perf_counter() > until_s:
+                if not self._waiting:
+                    asyncio.get_running_loop().call_soon(self._hand_over)
+                self._waiting = waiting[i:] + self._waiting
+                return
+            self._empty(member, now_s, unix_s)
+
+    def _empty(self, member: _Member, now_s: float, unix_s: float) -> None:
+        """Its inbox. Its agent is told once of all that is new."""
+        inbox, member.inbox = member.inbox, []
+        hear, news = member.node.hear, []
+        for sender, act, reading in inbox:
+            try:
+                took = hear(sender, act, reading, now_s, unix_s)
+                news += took.news
+                if took is not reading.simply:
+                    self._see_to(member, took)
+            except Exception:  # noqa: BLE001 - a bug in one message is none in the others
+                self._bug(member, sender)
+        if news:
+            try:
+                member.on_told(tuple(news))
+            except Exception:  # noqa: BLE001
+                self._bug(member, sender)
 
     def _tell(self, member: _Member, said: list[tuple[str, str]]) -> None:
         for topic, text in said:

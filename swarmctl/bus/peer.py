@@ -7,6 +7,7 @@ import math
 import msgspec
 
 from swarmctl.bus.pace import Pace
+from swarmctl.bus.replica import Kept, Replica
 from swarmctl.core.frames import Frame, Refused, StateShared, Why
 from swarmctl.core.geo import LatLon
 
@@ -26,7 +27,7 @@ MAX_ASK_AGAIN_S = 8.0
 QUESTIONS_PER_S, QUESTIONS_BURST = 4.0, 16
 WINDOW = 1024
 """a message that comes later than so many of its sender's is taken for a replay"""
-ALL_SEEN = (1 << WINDOW) - 1
+IN_WINDOW = (1 << WINDOW) - 1
 
 
 class Peer(msgspec.Struct, gc=False):
@@ -42,8 +43,8 @@ class Peer(msgspec.Struct, gc=False):
     """when its state was last told, by itself or by others"""
     newest: int = 0
     """message number"""
-    seen: int = 0
-    """bit i: message `newest` - i has come; of a hundred peers a hundred times, sets took a gigabyte"""
+    missing: int = 0
+    """bit i: message `newest` - i has not come; of a hundred peers a hundred times, sets took a gigabyte"""
     worked: int = 0
     """for its messages"""
     worked_until_s: float = -math.inf
@@ -57,8 +58,10 @@ class Peer(msgspec.Struct, gc=False):
     said_s: float = -math.inf
     """when it last told its state itself, unless it has more since then"""
     agreed_s: float = -math.inf
-    """when it last told that it knew what was known here"""
+    """when it last told that it knew nothing that was not known here"""
     questions: Pace | None = None
+    kept: Kept | None = None
+    """what is held of what it observes, as it was started last; None until it is first needed"""
 
     def admit(self, frame: Frame, now_s: float) -> bool:
         """Whether it is heard for the first time, or again after long.
@@ -69,20 +72,40 @@ class Peer(msgspec.Struct, gc=False):
         if incarnation != self.incarnation:
             if incarnation < self.incarnation:
                 raise Refused(Why.REPLAY, f"of before vehicle {frame.sender} was started again")
-            self.incarnation, self.newest, self.seen, self.heard_s = incarnation, 0, 0, -math.inf
+            self.incarnation, self.newest, self.missing, self.heard_s = incarnation, 0, 0, -math.inf
+            self.kept = None
         ahead = n - self.newest
-        if ahead <= 0 and (ahead <= -WINDOW or self.seen >> -ahead & 1):
+        if ahead <= 0 and (ahead <= -WINDOW or not self.missing >> -ahead & 1):
             raise Refused(Why.REPLAY, f"message {n} of vehicle {frame.sender} has come before")
         # After all else: what somebody repeats must not use up what its sender may say.
         self.work(A_MESSAGE, now_s)
         if ahead > 0:
             self.newest = n
-            self.seen = (self.seen << ahead | 1) & ALL_SEEN if ahead < WINDOW else 1
+            # Those between are missing, and of far beyond all of before.
+            between = (1 << min(ahead, WINDOW)) - 2
+            self.missing = (self.missing << min(ahead, WINDOW) | between) & IN_WINDOW
         else:
-            self.seen |= 1 << -ahead
+            self.missing ^= 1 << -ahead
         was_silent = now_s - self.heard_s > SILENT_AFTER_S
         self.heard_s = now_s
         return was_silent
+
+    def admits_next(self, frame: Frame, now_s: float) -> bool:
+        """The same for the message after the last, in few steps; False, and nothing done, for all others."""
+        if (
+            frame.n != self.newest + 1
+            or frame.incarnation != self.incarnation
+            or now_s - self.heard_s > SILENT_AFTER_S
+            or now_s >= self.worked_until_s
+            or self.worked + A_MESSAGE > MAX_WORK
+        ):
+            return False
+        self.worked += A_MESSAGE
+        self.newest += 1
+        if self.missing:
+            self.missing = self.missing << 1 & IN_WINDOW
+        self.heard_s = now_s
+        return True
 
     def work(self, units: int, now_s: float) -> None:
         """Raises Refused where it makes more than any UAV should."""
@@ -120,8 +143,8 @@ class Peer(msgspec.Struct, gc=False):
     def at(self) -> LatLon | None:
         return None if self.state is None else (self.state.lat_deg, self.state.lon_deg)
 
-    def agrees(self, fingerprint: int, now_s: float) -> bool:
-        """Whether it knows what is known here, by what it said itself of late.
+    def agrees(self, replica: Replica, now_s: float) -> bool:
+        """Whether it knows nothing that is not known here, by what it said itself of late.
 
         Who is spoken to need not speak to who does: what it said long ago tells nothing.
         """
@@ -129,7 +152,7 @@ class Peer(msgspec.Struct, gc=False):
             return True
         if self.state is None or now_s - self.said_s > SILENT_AFTER_S:
             return False
-        return self.state.knows == fingerprint
+        return replica.has_held(self.state.knows)
 
     def is_silent(self, now_s: float) -> bool:
         return self.state is not None and now_s - max(self.heard_s, self.told_s) > ALIVE_S

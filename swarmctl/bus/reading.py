@@ -8,6 +8,8 @@ from functools import lru_cache
 
 import msgspec
 
+from swarmctl.bus.exchange import Took
+from swarmctl.bus.marks import mark_of
 from swarmctl.core.frames import MAX_INNER_BYTES, Frame, Refused, Seal, StateShared, Why
 from swarmctl.core.observation import Checkpoint, Observation, Source, cells_of
 
@@ -25,10 +27,15 @@ class Reading(msgspec.Struct, frozen=True, gc=False):
     data: bytes
     source: Source
     """whose, if it tells what was seen"""
-    cells: tuple[int, ...] = ()
-    """row · cols + col of each cell that was seen; of an observation alone, a checkpoint may have all"""
-    occupied: tuple[bool, ...] = ()
-    """of each of them"""
+    seq: int = 0
+    """of an observation, as are the fields below"""
+    clear: frozenset[int] = frozenset()
+    """row · cols + col of the cells that were seen so"""
+    occupied: frozenset[int] = frozenset()
+    simply: Took | None = None
+    """what comes of it where it is news and nothing else; one for all who take it"""
+    mark: int = 0
+    """of its source's observations up to this"""
 
 
 Read = Callable[[bytes], Reading]
@@ -46,9 +53,14 @@ def reader(seal: Seal, rows: int, cols: int) -> Read:
         if isinstance(content, Observation):
             _check_once(content)
             with _outside():
-                looked, _ = cells_of(content, rows, cols)
-            occupied = tuple(is_occupied for _, _, is_occupied in content.cells)
-            return Reading(frame, frame.act, data, source, tuple(looked.tolist()), occupied)
+                cells_of(content, rows, cols)
+            clear, occupied = (
+                frozenset(row * cols + col for row, col, is_so in content.cells if is_so == wanted)
+                for wanted in (False, True)
+            )
+            simply = Took(news=[content])
+            mark = mark_of(source, content.seq)
+            return Reading(frame, frame.act, data, source, content.seq, clear, occupied, simply, mark)
         if isinstance(content, Checkpoint):
             with _outside():
                 content.counts(rows * cols)

@@ -6,12 +6,14 @@ what only one of them heard. A checkpoint takes the place of the frames it stand
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from functools import lru_cache
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import msgspec
 
+from swarmctl.bus.marks import mark_of, mixed
 from swarmctl.bus.reading import Reading
+from swarmctl.bus.shelf import Shelf, Shelves
 from swarmctl.core.frames import Have, Refused, Why
 from swarmctl.core.observation import Checkpoint, Observation, Source, Told
 
@@ -21,6 +23,8 @@ MAX_BEYOND = 600
 """observations beyond gaps that are named in a digest, of all sources together; others may be told twice"""
 MAX_AHEAD = 1024
 """Observations farther beyond a gap are not kept: they, or what stands for them, can be asked for."""
+REMEMBERED = 1024
+"""fingerprints, or twice as many: while all speak no two hold quite the same"""
 MAX_INCARNATIONS = 8
 """of one observer"""
 
@@ -28,85 +32,101 @@ MAX_INCARNATIONS = 8
 class Kept(msgspec.Struct, gc=False):
     """All frames of one source. Of what holds no cycles the garbage collector need not know."""
 
+    source: Source
+    shelf: Shelf
+    """the observations that `checkpoint` does not stand for, up to `upto`"""
     checkpoint: Checkpoint | None = None
     checkpoint_reading: Reading | None = None
-    later: dict[int, Reading] = {}
-    """by sequence number, those the checkpoint does not stand for"""
     upto: int = 0
     """everything up to here is held"""
-    latest: int = 0
+    ahead: dict[int, Reading] = {}
+    """by sequence number, those beyond a gap"""
     mark: int = 0
     """in the replica's fingerprint; 0 where nothing is held"""
+    is_marked: bool = True
+    """whether the mark is of what is held now"""
 
     @property
     def covered(self) -> int:
         return 0 if self.checkpoint is None else self.checkpoint.upto
 
-    def observed(self, seen: Observation, reading: Reading) -> bool:
+    @property
+    def latest(self) -> int:
+        return max(self.ahead) if self.ahead else self.upto
+
+    def observed(self, reading: Reading) -> bool:
         """Whether it is new. Raises Refused where its name is known with another content."""
-        seq, later = seen.seq, self.later
-        if self.checkpoint is not None and seq <= self.checkpoint.upto:
+        seq = reading.seq
+        if seq <= self.covered or seq > self.upto + MAX_AHEAD:
             return False
-        if seq > self.upto + MAX_AHEAD:
-            return False
-        known = later.get(seq)
+        known = self.ahead.get(seq) if seq > self.upto else self.shelf.between(seq - 1, seq)[0]
         if known is not None:
-            if known is not reading and known.frame.content != seen:
+            seen = reading.frame.content
+            if known.frame.content != seen and isinstance(seen, Observation):
                 raise Refused(Why.TWO_CONTENTS, seen.two_contents)
             return False
-        later[seq] = reading
-        self.latest = max(self.latest, seq)
-        if seq == self.upto + 1:
-            self.upto = seq
-            if self.latest > seq:
-                self._settle()
+        self.ahead[seq] = reading
+        self._settle()
         return True
 
-    def advance(self, to: Checkpoint, reading: Reading) -> bool:
+    def is_next(self, reading: Reading) -> bool:
+        """Whether this observation comes right after all that is held."""
+        return reading.seq == self.upto + 1 and not self.ahead
+
+    def append(self, reading: Reading) -> None:
+        """One that comes right after `upto`."""
+        self.shelf = self.shelf.put(reading)
+        self.upto += 1
+
+    def advance(self, to: Checkpoint, reading: Reading, shelves: Shelves) -> bool:
         """Whether it stands for more than what stood before."""
         if to.upto <= self.covered:
             return False
+        later = self.shelf.between(to.upto, self.upto)
         self.checkpoint, self.checkpoint_reading = to, reading
-        self.later = {seq: held for seq, held in self.later.items() if seq > to.upto}
-        self.upto, self.latest = max(self.upto, to.upto), max(self.latest, to.upto)
+        self.shelf, self.upto = shelves.at(self.source, to.upto), to.upto
+        self.ahead |= {held.seq: held for held in later}
+        for seq in [seq for seq in self.ahead if seq <= to.upto]:
+            del self.ahead[seq]
         self._settle()
         return True
 
     def _settle(self) -> None:
-        while self.upto + 1 in self.later:
-            self.upto += 1
+        while (following := self.ahead.pop(self.upto + 1, None)) is not None:
+            self.append(following)
 
-    def observations(self) -> Iterator[Observation]:
-        """Those the checkpoint does not stand for."""
-        contents = (reading.frame.content for reading in self.later.values())
-        return (content for content in contents if isinstance(content, Observation))
+    def after(self, seq: int) -> Sequence[Reading]:
+        """Observations later than this one that the checkpoint does not stand for, in order."""
+        on_shelf = self.shelf.between(max(seq, self.covered), self.upto)
+        if not self.ahead:
+            return on_shelf
+        return [*on_shelf, *(self.ahead[later] for later in sorted(self.ahead) if later > seq)]
 
-    def have(self, source: Source, n_beyond: int) -> Have:
-        return Have(*source, self.covered, self.upto, self.beyond(self.upto)[:n_beyond])
-
-    def beyond(self, upto: int) -> tuple[int, ...]:
-        """The observations held that come after `upto`, in order."""
-        if self.latest <= upto:
-            return ()
-        return tuple(sorted(seq for seq in self.later if seq > upto))
+    def have(self, n_beyond: int) -> Have:
+        return Have(*self.source, self.covered, self.upto, tuple(sorted(self.ahead)[:n_beyond]))
 
 
 class Replica:
     """The set of all observations known, which only grows."""
 
-    def __init__(self) -> None:
+    def __init__(self, shelves: Shelves) -> None:
+        self._shelves = shelves
         self._kept: dict[Source, Kept] = {}
+        self._incarnations: Counter[int] = Counter()
         self._fingerprint = 0
-        self.changed: dict[Source, Kept] = {}
-        """sources whose marks are out of date"""
+        self._unmarked: list[Kept] = []
+        self._recent = {0}
+        self._older: set[int] = set()
+        """fingerprints that were"""
 
     def of(self, source: Source) -> Kept:
         """What is held of a source, perhaps nothing yet. Raises Refused for too many of one observer."""
         kept = self._kept.get(source)
         if kept is None:
-            if sum(observer == source[0] for observer, _ in self._kept) >= MAX_INCARNATIONS:
+            if self._incarnations[source[0]] == MAX_INCARNATIONS:
                 raise Refused(Why.TOO_FAST, f"vehicle {source[0]} was started again {MAX_INCARNATIONS} times")
-            kept = self._kept[source] = Kept()
+            self._incarnations[source[0]] += 1
+            kept = self._kept[source] = Kept(source, self._shelves.at(source, 0))
         return kept
 
     def take(self, kept: Kept, told: Told, reading: Reading) -> bool:
@@ -114,45 +134,67 @@ class Replica:
 
         Raises Refused where its name is known with another content.
         """
-        is_new = (
-            kept.observed(told, reading) if isinstance(told, Observation) else kept.advance(told, reading)
-        )
-        if is_new:
-            self.changed[reading.source] = kept
+        if isinstance(told, Observation):
+            is_new = kept.observed(reading)
+        else:
+            is_new = kept.advance(told, reading, self._shelves)
+        if is_new and kept.is_marked:
+            kept.is_marked = False
+            self._unmarked.append(kept)
         return is_new
+
+    def append(self, kept: Kept, reading: Reading) -> None:
+        """The same for an observation that `is_next`, in few steps."""
+        kept.append(reading)
+        if kept.is_marked:
+            self._fingerprint ^= kept.mark ^ reading.mark
+            kept.mark = reading.mark
+            self._remember()
 
     def readings(self) -> Iterator[Reading]:
         """Everything held."""
         for kept in self._kept.values():
             if kept.checkpoint_reading is not None:
                 yield kept.checkpoint_reading
-            yield from kept.later.values()
+            yield from kept.after(0)
 
     def lacks(self, have: Iterable[Have]) -> bool:
         """Whether who holds this holds something that is not held here."""
         for theirs in have:
-            mine = self._kept.get((theirs.observer, theirs.incarnation)) or Kept()
-            if theirs.upto > mine.upto or any(s > mine.upto and s not in mine.later for s in theirs.beyond):
+            mine = self._kept.get((theirs.observer, theirs.incarnation))
+            upto, ahead = (0, {}) if mine is None else (mine.upto, mine.ahead)
+            if theirs.upto > upto or any(seq > upto and seq not in ahead for seq in theirs.beyond):
                 return True
         return False
 
     def digest(self) -> tuple[Have, ...]:
         """Short enough for a message, however much is missing."""
         held = [(source, kept) for source, kept in sorted(self._kept.items()) if kept.latest]
-        gaps = sum(kept.latest > kept.upto for _, kept in held)
-        return tuple(kept.have(source, MAX_BEYOND // max(gaps, 1)) for source, kept in held)
+        gaps = sum(bool(kept.ahead) for _, kept in held)
+        return tuple(kept.have(MAX_BEYOND // max(gaps, 1)) for _, kept in held)
 
     @property
     def fingerprint(self) -> int:
         """The same for all who hold the same, whatever stands for it; 63 bits."""
-        for source, kept in self.changed.items():
-            mark = _mark(*source, kept.upto)
-            for seq in kept.beyond(kept.upto):
-                mark = _mixed(mark, seq)
+        for kept in self._unmarked:
+            mark = mark_of(kept.source, kept.upto)
+            for seq in sorted(kept.ahead):
+                mark = mixed(mark, seq)
             self._fingerprint ^= kept.mark ^ mark
-            kept.mark = mark
-        self.changed.clear()
-        return self._fingerprint >> 1
+            kept.mark, kept.is_marked = mark, True
+        if self._unmarked:
+            self._unmarked.clear()
+            self._remember()
+        return self._fingerprint
+
+    def has_held(self, fingerprint: int) -> bool:
+        """Whether just this was held of late: then who holds it holds nothing that is not held here."""
+        return fingerprint == self.fingerprint or fingerprint in self._recent or fingerprint in self._older
+
+    def _remember(self) -> None:
+        if len(self._recent) >= REMEMBERED:
+            self._older, self._recent = self._recent, set()
+        self._recent.add(self._fingerprint)
 
     def missing(self, have: Iterable[Have]) -> Iterator[bytes]:
         """The frames that who holds this lacks; checkpoints first where they save frames."""
@@ -165,20 +207,8 @@ class Replica:
             if kept.checkpoint_reading is not None and is_better:
                 yield kept.checkpoint_reading.data
                 upto = max(upto, kept.covered)
-            beyond = set(told.beyond)
-            for seq in kept.beyond(upto):
-                if seq not in beyond:
-                    yield kept.later[seq].data
-
-
-@lru_cache(maxsize=4096)
-def _mark(observer: int, incarnation: int, upto: int) -> int:
-    """A number that tells which observations of a source are held; worked out once for all UAVs here."""
-    return _mixed(_mixed(_mixed(0, observer), incarnation), upto)
-
-
-def _mixed(mark: int, number: int) -> int:
-    """The steps of splitmix64."""
-    mark = (mark ^ number) * 0xBF58476D1CE4E5B9 & 0xFFFFFFFFFFFFFFFF
-    mark = (mark ^ mark >> 27) * 0x94D049BB133111EB & 0xFFFFFFFFFFFFFFFF
-    return mark ^ mark >> 31
+            if told.beyond:
+                beyond = set(told.beyond)
+                yield from (reading.data for reading in kept.after(upto) if reading.seq not in beyond)
+            else:
+                yield from [reading.data for reading in kept.after(upto)]

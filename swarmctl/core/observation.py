@@ -93,8 +93,10 @@ class Checkpoint(msgspec.Struct, frozen=True, gc=False, tag="inform/checkpoint")
 
 
 Told = Observation | Checkpoint
-Cells = tuple[NDArray[np.int64], NDArray[np.int64]]
-"""row · cols + col of the cells that were looked at, and of those that hold a hostile"""
+Cells = tuple[bytes, bytes]
+"""row · cols + col of the cells that were looked at, and of those that hold a hostile, as bytes of `CELL`:
+those of many observations are joined in a fraction of the time that arrays take"""
+CELL = np.dtype(np.int64)
 
 
 def checkpoint(
@@ -141,8 +143,8 @@ def cells_of(seen: Observation, rows: int, cols: int) -> Cells:
                 f"observation {seen.seq} of vehicle {seen.observer}: cell ({row}, {col}) "
                 f"is outside the area of {rows} × {cols} cells; do both fly the same configuration?"
             )
-    looked = np.array([row * cols + col for row, col, _ in seen.cells], dtype=np.int64)
-    occupied = np.array([row * cols + col for row, col, here in seen.cells if here], dtype=np.int64)
+    looked = np.array([row * cols + col for row, col, _ in seen.cells], dtype=CELL).tobytes()
+    occupied = np.array([row * cols + col for row, col, here in seen.cells if here], dtype=CELL).tobytes()
     if len(_cells) >= MAX_HELD:
         _cells.clear()
     _cells[id(seen)] = seen, rows, cols, (looked, occupied)

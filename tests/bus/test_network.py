@@ -158,6 +158,20 @@ def test_an_exception_in_an_agent_does_not_end_the_network(bus: Open) -> None:
     asyncio.run(scene())
 
 
+def test_what_waits_for_an_agent_is_told_it_at_once() -> None:
+    async def scene() -> None:
+        with closing(MemoryBus()) as transport:
+            swarm = Swarm(transport, 1, 2, 3)
+            with closing(swarm.network):
+                told: list[tuple[Told, ...]] = []
+                swarm.network.join(3, told.append)
+                said = [swarm.says(1, 1), swarm.says(2, 1), swarm.says(1, 2)]
+                await asyncio.sleep(0.0)
+                assert told == [tuple(said)]
+
+    run_virtual(scene())
+
+
 # --- the model, in simulated time
 
 
@@ -252,6 +266,42 @@ def test_nothing_that_was_lost_stays_lost() -> None:
                     assert heard == said
 
     run_virtual(scene())
+
+
+def test_who_hears_all_that_is_said_asks_for_nothing() -> None:
+    """Though all speak all the time, and no two ever know quite the same."""
+
+    async def scene() -> None:
+        with closing(MemoryBus()) as transport:
+            swarm = Swarm(transport, *range(1, 6))
+            with closing(swarm.network):
+                for seq in range(1, 200):
+                    await in_turn(swarm, seq)
+                asked = {uav: tally.snapshots_asked for uav, tally in swarm.network.tallies().items()}
+                # Each of the others once, when it was first heard.
+                assert asked == dict.fromkeys(range(1, 6), 4)
+
+    run_virtual(scene())
+
+
+def test_what_arrives_at_one_moment_arrives_in_order() -> None:
+    async def scene() -> None:
+        with closing(MemoryBus()) as transport:
+            options = NodeOptions(20, 20, sync_every_s=0.0)
+            swarm = Swarm(transport, 1, 2, radio=RadioSettings(delay_s=0.3), options=options)
+            with closing(swarm.network):
+                said = [swarm.says(1, seq) for seq in range(1, 51)]
+                assert [await swarm.next_of(2) for _ in said] == said
+
+    run_virtual(scene())
+
+
+async def in_turn(swarm: Swarm, seq: int) -> None:
+    """Everyone sees something, and tells its state."""
+    for uav in swarm.told:
+        swarm.says(uav, seq)
+        swarm.network.publish(uav, state(46.0 + uav * 1e-4))
+        await asyncio.sleep(0.11)
 
 
 # --- whom a UAV speaks to
