@@ -137,7 +137,7 @@ class Network:
 
     def moved(self, uav: int, lat_deg: float, lon_deg: float) -> None:
         """Where a UAV is, oftener than it tells others."""
-        self._members[uav].node.at = lat_deg, lon_deg
+        self._members[uav].node.moved((lat_deg, lon_deg))
 
     def tally(self, uav: int) -> Tally:
         return self._members[uav].node.tally

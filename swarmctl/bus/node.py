@@ -8,22 +8,22 @@ again, when a number is missing, and every few seconds one neighbour whose knowl
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 
 import msgspec
 import numpy as np
 
 from swarmctl.bus.doubts import Doubts
-from swarmctl.bus.exchange import NodeOptions, Out, Took
+from swarmctl.bus.exchange import NodeOptions, Took
 from swarmctl.bus.peer import A_CHECKPOINT, A_FRAME, ASK_AGAIN_S, QUESTIONS_PER_S, Peer
+from swarmctl.bus.questions import Questions
 from swarmctl.bus.reach import recipients
 from swarmctl.bus.reading import Read, Reading, reader
 from swarmctl.bus.replica import COMPACT_AFTER, Kept, Replica
 from swarmctl.bus.shelf import Shelves
 from swarmctl.bus.tally import Tally
+from swarmctl.bus.voice import Voice, in_parts
 from swarmctl.core.frames import (
-    MAX_FRAMES,
-    MAX_INNER_BYTES,
     Content,
     Frame,
     Refused,
@@ -34,7 +34,6 @@ from swarmctl.core.frames import (
     Spoken,
     StateShared,
     Why,
-    act_of,
 )
 from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Cell
@@ -44,8 +43,6 @@ CHECKPOINT_EVERY = 64
 """own observations"""
 UNHURRIED = 8
 """checkpoints of what it knows already that an agent is told at once"""
-ANSWER_WITHIN_S = 2.0
-"""beyond what the way there and back takes"""
 MAX_CLOCK_S = 1.0
 """newer by less, a state is not passed on"""
 STALE_S = 60.0
@@ -76,14 +73,12 @@ class Node:
         self.uav = uav
         self.incarnation = incarnation
         self.tally = Tally()
-        self.at: LatLon | None = None
+        self._voice = Voice(uav, incarnation, seal, self.tally)
         self._options = options
-        self._seal = seal
         self._read = read or reader(seal, options.rows, options.cols)
         self._self = (uav, incarnation)
         self._peers = {other: Peer() for other in sorted(others) if other != uav}
         self._replica = Replica(shelves or Shelves())
-        self._n = 0
         self._doubts = Doubts(
             uav,
             options.rows,
@@ -97,16 +92,14 @@ class Node:
         """in observations"""
         self._unhurried: dict[Source, Checkpoint] = {}
         """of what the agent knows: they only save room, and are told it a few at a time"""
-        self._due: dict[int, float] = {}
-        """peer -> from when on it is to be asked what it holds"""
-        self._asked: tuple[int, float] | None = None
-        """who was asked, and until when an answer is waited for"""
+        self._questions = Questions(options, rng)
         self._rng = rng
         self._hears = hears
         self._is_plain = hears is None and not options.relay
-        self._next_sync_s = math.inf
-        if options.sync_every_s > 0.0:
-            self._next_sync_s = options.sync_every_s * (0.5 + 0.5 * float(rng.random()))
+
+    def moved(self, at: LatLon) -> None:
+        """Where it is, oftener than it tells others."""
+        self._voice.at = at
 
     # --- what the agent says
 
@@ -126,7 +119,7 @@ class Node:
             if (message.seq + self.uav) % CHECKPOINT_EVERY == 0:  # not all of a swarm at once
                 self._make_checkpoint(took, to, unix_s)
         else:
-            self.at = message.lat_deg, message.lon_deg
+            self._voice.at = message.lat_deg, message.lon_deg
             state = msgspec.structs.replace(
                 message,
                 last_seq=self._replica.of(self._self).latest,
@@ -161,11 +154,11 @@ class Node:
         made = checkpoint(kept.checkpoint, seen, o.cols, o.rows * o.cols)
         if made is None:
             return
-        data = self._frame(made, unix_s)
+        data = self._voice.frame(made, unix_s)
         self._keep(made, data)
         # Where nobody asks for what was missed, nobody is to get it this way either.
         is_worth_it = len(data) <= self._said_since_bytes or made.upto >= self._spread + COMPACT_AFTER
-        if is_worth_it and o.sync_every_s > 0.0:
+        if is_worth_it and self._questions.are_asked:
             self._spread, self._said_since_bytes = made.upto, 0
             self._unhurried[made.source] = made
             self._send(took, Relayed((data,)), to, unix_s)
@@ -192,14 +185,13 @@ class Node:
             return reading.simply
         took = Took()
         try:
-            if self._hears is not None and (lost := self._hears(self.at, reading.frame.at)):
+            if self._hears is not None and (lost := self._hears(self._voice.at, reading.frame.at)):
                 self.tally.lost[lost] += 1
                 return took
             peer = self._peer(sender)
             self._admit(peer, sender, act, reading, now_s, unix_s)
             self._handle(took, peer, reading, now_s, unix_s)
-            if self._due and self._asked is None:
-                took.out += self._asking(now_s, unix_s)
+            self._ask(took, now_s, unix_s)
         except Refused as refused:
             self._refused(took, refused, sender)
         else:
@@ -295,8 +287,8 @@ class Node:
                 self._forwarded(took, frames, sender, now_s, unix_s)
                 if took.news:
                     peer.ask_again_s = ASK_AGAIN_S
-                if last and self._asked is not None and self._asked[0] == sender:
-                    self._asked = None
+                if last:
+                    self._questions.answered(sender)
             case Relayed(frames=frames):
                 fresh = self._forwarded(took, frames, sender, now_s, unix_s)
                 self._relay(took, fresh, sender, now_s, unix_s)
@@ -314,7 +306,7 @@ class Node:
         was_upto = kept.upto
         if not self._replica.take(kept, told, reading):
             return False
-        if isinstance(told, Checkpoint) and told.upto <= was_upto and self._next_sync_s < math.inf:
+        if isinstance(told, Checkpoint) and told.upto <= was_upto and self._questions.are_asked:
             self._unhurried[told.source] = told
             return True
         took.said += self._doubts.of(reading)
@@ -367,16 +359,13 @@ class Node:
         to = tuple(u for u in self._reach(now_s) if u != heard_from and observers != {u})
         if to:
             self.tally.relayed += len(frames)
-            for part in _chunks(frames):
-                self._send(took, Relayed(tuple(part)), to, unix_s)
+            for part in in_parts(frames):
+                self._send(took, Relayed(part), to, unix_s)
 
     # --- what was missed
 
     def _ask_soon(self, peer: int, now_s: float) -> None:
-        """After what may still be on its way has come."""
-        if self._options.sync_every_s > 0.0:
-            at_s = now_s + self._options.round_trip_s / 2.0
-            self._due.setdefault(peer, max(at_s, self._peers[peer].ask_after_s))
+        self._questions.soon(peer, now_s, self._peers[peer].ask_after_s)
 
     def _lacks(self, peer: int, now_s: float) -> None:
         """Something that this peer has."""
@@ -385,10 +374,7 @@ class Node:
 
     def tick(self, now_s: float, unix_s: float) -> Took:
         took = Took()
-        if self._asked is not None and now_s >= self._asked[1]:
-            self._asked = None
-        if now_s >= self._next_sync_s:
-            self._next_sync_s = now_s + self._options.sync_every_s
+        if self._questions.tick(now_s):
             for source in [*self._unhurried][:UNHURRIED]:
                 took.news.append(self._unhurried.pop(source))
             reach = self._reach(now_s)
@@ -396,33 +382,25 @@ class Node:
             neighbours = [u for u in heard if not self._agrees(u, now_s)] if heard else list(reach)
             if neighbours:
                 self._ask_soon(neighbours[int(self._rng.integers(len(neighbours)))], now_s)
-        took.out += self._asking(now_s, unix_s)
+        self._ask(took, now_s, unix_s)
         return took
 
     @property
     def next_deadline_s(self) -> float:
         """When to `tick` at the latest."""
-        if self._asked is not None:
-            return min(self._next_sync_s, self._asked[1])
-        return min(self._next_sync_s, *self._due.values()) if self._due else self._next_sync_s
+        return self._questions.next_deadline_s
 
     def _agrees(self, peer: int, now_s: float) -> bool:
         return self._peers[peer].agrees(self._replica, now_s)
 
-    def _asking(self, now_s: float, unix_s: float) -> Iterator[Out]:
-        """One question at a time: what its answer brings may make the others idle."""
-        for peer in [u for u, at_s in self._due.items() if at_s <= now_s]:
-            if self._asked is not None:
-                return
-            del self._due[peer]
+    def _ask(self, took: Took, now_s: float, unix_s: float) -> None:
+        for peer in self._questions.due(now_s):
             if not self._agrees(peer, now_s):
-                took = Took()
                 states = tuple((u, p.state_unix_s) for u, p in self._peers.items() if p.state is not None)
                 self._send(took, SnapshotAsked(self._replica.digest(), states), (peer,), unix_s)
                 self.tally.snapshots_asked += 1
-                self._asked = peer, now_s + self._options.round_trip_s + ANSWER_WITHIN_S
+                self._questions.asked(peer, now_s)
                 self._peers[peer].asked(now_s)
-                yield from took.out
 
     def _answer(self, took: Took, asker: int, asked: SnapshotAsked, now_s: float, unix_s: float) -> None:
         if not self._peers[asker].may_ask(now_s):
@@ -436,9 +414,9 @@ class Node:
             and peer.state is not None
             and peer.state_unix_s > known.get(uav, -math.inf) + MAX_CLOCK_S
         ]
-        parts = list(_chunks(frames)) or [[]]
+        parts = list(in_parts(frames))
         for i, part in enumerate(parts):
-            self._send(took, Snapshot(tuple(part), i == len(parts) - 1), (asker,), unix_s)
+            self._send(took, Snapshot(part, i == len(parts) - 1), (asker,), unix_s)
         self.tally.snapshots_served += 1
         if self._replica.lacks(asked.have):
             self._lacks(asker, now_s)
@@ -452,30 +430,9 @@ class Node:
             return tuple(peers)
         silent = {u: self._peers[u].at for u in peers if self._peers[u].is_silent(now_s)}
         alive = {u: self._peers[u].at for u in peers if u not in silent}
-        return recipients(self.at, alive, silent, self._options.k)
+        return recipients(self._voice.at, alive, silent, self._options.k)
 
     def _send(self, took: Took, content: Content, to: tuple[int, ...], unix_s: float) -> bytes:
-        data = self._frame(content, unix_s)
-        act = act_of(content)
-        self.tally.sent[act] += len(to)
-        self.tally.sent_bytes += len(data) * len(to)
-        took.out.append(Out(to, act, data))
-        return data
-
-    def _frame(self, content: Content, unix_s: float) -> bytes:
-        self._n += 1
-        lat_deg, lon_deg = (None, None) if self.at is None or isinstance(content, StateShared) else self.at
-        return self._seal.close(Frame(self.uav, self.incarnation, self._n, unix_s, content, lat_deg, lon_deg))
-
-
-def _chunks(frames: list[bytes]) -> Iterator[list[bytes]]:
-    part: list[bytes] = []
-    size = 0
-    for frame in frames:
-        if part and (size + len(frame) > MAX_INNER_BYTES or len(part) == MAX_FRAMES):
-            yield part
-            part, size = [], 0
-        part.append(frame)
-        size += len(frame) + 8
-    if part:
-        yield part
+        out = self._voice.says(content, to, unix_s)
+        took.out.append(out)
+        return out.data
