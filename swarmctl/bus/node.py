@@ -304,8 +304,12 @@ class Node:
                 )
             return False
         was_upto = kept.upto
-        if not self._replica.take(kept, told, reading):
-            return False
+        try:
+            if not self._replica.take(kept, told, reading):
+                return False
+        except Refused:
+            self.tally.flagged[told.observer] = max(self.tally.flagged[told.observer], 1)
+            raise
         if isinstance(told, Checkpoint) and told.upto <= was_upto and self._questions.are_asked:
             self._unhurried[told.source] = told
             return True

@@ -9,9 +9,8 @@ from functools import lru_cache
 import msgspec
 
 from swarmctl.bus.exchange import Took
-from swarmctl.bus.marks import mark_of
 from swarmctl.core.frames import MAX_INNER_BYTES, Frame, Refused, Seal, StateShared, Why
-from swarmctl.core.observation import Checkpoint, Observation, Source, cells_of
+from swarmctl.core.observation import Checkpoint, Observation, Source, cells_of, mark_of
 
 CACHED = 16_384
 CACHED_BYTES = 1024
@@ -35,7 +34,7 @@ class Reading(msgspec.Struct, frozen=True, gc=False):
     simply: Took | None = None
     """what comes of it where it is news and nothing else; one for all who take it"""
     mark: int = 0
-    """of its source's observations up to this"""
+    """tells it from all others, and from another content under its name"""
 
 
 Read = Callable[[bytes], Reading]
@@ -59,7 +58,7 @@ def reader(seal: Seal, rows: int, cols: int) -> Read:
                 for wanted in (False, True)
             )
             simply = Took(news=[content])
-            mark = mark_of(source, content.seq)
+            mark = mark_of(content)
             return Reading(frame, frame.act, data, source, content.seq, clear, occupied, simply, mark)
         if isinstance(content, Checkpoint):
             with _outside():

@@ -11,7 +11,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import msgspec
 
-from swarmctl.bus.marks import mark_of, mixed
 from swarmctl.bus.reading import Reading
 from swarmctl.bus.shelf import Shelf, Shelves
 from swarmctl.core.frames import Have, Refused, Why
@@ -42,9 +41,7 @@ class Kept(msgspec.Struct, gc=False):
     ahead: dict[int, Reading] = {}
     """by sequence number, those beyond a gap"""
     mark: int = 0
-    """in the replica's fingerprint; 0 where nothing is held"""
-    is_marked: bool = True
-    """whether the mark is of what is held now"""
+    """of all that is held, combined by exclusive or"""
 
     @property
     def covered(self) -> int:
@@ -66,6 +63,7 @@ class Kept(msgspec.Struct, gc=False):
                 raise Refused(Why.TWO_CONTENTS, seen.two_contents)
             return False
         self.ahead[seq] = reading
+        self.mark ^= reading.mark
         self._settle()
         return True
 
@@ -75,14 +73,27 @@ class Kept(msgspec.Struct, gc=False):
 
     def append(self, reading: Reading) -> None:
         """One that comes right after `upto`."""
+        self.mark ^= reading.mark
+        self._shelve(reading)
+
+    def _shelve(self, reading: Reading) -> None:
         self.shelf = self.shelf.put(reading)
         self.upto += 1
 
     def advance(self, to: Checkpoint, reading: Reading, shelves: Shelves) -> bool:
-        """Whether it stands for more than what stood before."""
+        """Whether it stands for more than what stood before.
+
+        Raises Refused where it stands for others than the observations that are held.
+        """
         if to.upto <= self.covered:
             return False
         later = self.shelf.between(to.upto, self.upto)
+        mark = to.mark
+        for held in (*later, *(held for seq, held in self.ahead.items() if seq > to.upto)):
+            mark ^= held.mark
+        if to.upto <= self.upto and mark != self.mark:
+            raise Refused(Why.TWO_CONTENTS, to.two_contents)
+        self.mark = mark
         self.checkpoint, self.checkpoint_reading = to, reading
         self.shelf, self.upto = shelves.at(self.source, to.upto), to.upto
         self.ahead |= {held.seq: held for held in later}
@@ -93,7 +104,7 @@ class Kept(msgspec.Struct, gc=False):
 
     def _settle(self) -> None:
         while (following := self.ahead.pop(self.upto + 1, None)) is not None:
-            self.append(following)
+            self._shelve(following)
 
     def after(self, seq: int) -> Sequence[Reading]:
         """Observations later than this one that the checkpoint does not stand for, in order."""
@@ -102,8 +113,14 @@ class Kept(msgspec.Struct, gc=False):
             return on_shelf
         return [*on_shelf, *(self.ahead[later] for later in sorted(self.ahead) if later > seq)]
 
+    def is_contradicted(self, theirs: Have) -> bool:
+        """Whether other contents have come to others under the same names: somebody lies to one of us."""
+        is_same = theirs.upto == self.upto and theirs.beyond == tuple(sorted(self.ahead))
+        return is_same and theirs.mark != self.mark
+
     def have(self, n_beyond: int) -> Have:
-        return Have(*self.source, self.covered, self.upto, tuple(sorted(self.ahead)[:n_beyond]))
+        ahead = tuple(sorted(self.ahead)[:n_beyond])
+        return Have(*self.source, self.covered, self.upto, ahead, self.mark)
 
 
 class Replica:
@@ -113,8 +130,8 @@ class Replica:
         self._shelves = shelves
         self._kept: dict[Source, Kept] = {}
         self._incarnations: Counter[int] = Counter()
-        self._fingerprint = 0
-        self._unmarked: list[Kept] = []
+        self.fingerprint = 0
+        """the same for all who hold the same, whatever stands for it; 63 bits"""
         self._recent = {0}
         self._older: set[int] = set()
         """fingerprints that were"""
@@ -134,22 +151,20 @@ class Replica:
 
         Raises Refused where its name is known with another content.
         """
+        before = kept.mark
         if isinstance(told, Observation):
             is_new = kept.observed(reading)
         else:
             is_new = kept.advance(told, reading, self._shelves)
-        if is_new and kept.is_marked:
-            kept.is_marked = False
-            self._unmarked.append(kept)
+        self.fingerprint ^= before ^ kept.mark
+        self._remember()
         return is_new
 
     def append(self, kept: Kept, reading: Reading) -> None:
         """The same for an observation that `is_next`, in few steps."""
         kept.append(reading)
-        if kept.is_marked:
-            self._fingerprint ^= kept.mark ^ reading.mark
-            kept.mark = reading.mark
-            self._remember()
+        self.fingerprint ^= reading.mark
+        self._remember()
 
     def readings(self) -> Iterator[Reading]:
         """Everything held."""
@@ -173,20 +188,6 @@ class Replica:
         gaps = sum(bool(kept.ahead) for _, kept in held)
         return tuple(kept.have(MAX_BEYOND // max(gaps, 1)) for _, kept in held)
 
-    @property
-    def fingerprint(self) -> int:
-        """The same for all who hold the same, whatever stands for it; 63 bits."""
-        for kept in self._unmarked:
-            mark = mark_of(kept.source, kept.upto)
-            for seq in sorted(kept.ahead):
-                mark = mixed(mark, seq)
-            self._fingerprint ^= kept.mark ^ mark
-            kept.mark, kept.is_marked = mark, True
-        if self._unmarked:
-            self._unmarked.clear()
-            self._remember()
-        return self._fingerprint
-
     def has_held(self, fingerprint: int) -> bool:
         """Whether just this was held of late: then who holds it holds nothing that is not held here."""
         return fingerprint == self.fingerprint or fingerprint in self._recent or fingerprint in self._older
@@ -194,7 +195,7 @@ class Replica:
     def _remember(self) -> None:
         if len(self._recent) >= REMEMBERED:
             self._older, self._recent = self._recent, set()
-        self._recent.add(self._fingerprint)
+        self._recent.add(self.fingerprint)
 
     def missing(self, have: Iterable[Have]) -> Iterator[bytes]:
         """The frames that who holds this lacks; checkpoints first where they save frames."""
@@ -203,11 +204,13 @@ class Replica:
             kept = self._kept[source]
             told = theirs.get(source) or Have(*source, 0, 0)
             upto = told.upto
+            if kept.is_contradicted(told):
+                upto = told.checkpoint
             is_better = kept.covered > upto or kept.covered >= told.checkpoint + COMPACT_AFTER
             if kept.checkpoint_reading is not None and is_better:
                 yield kept.checkpoint_reading.data
                 upto = max(upto, kept.covered)
-            if told.beyond:
+            if told.beyond and upto == told.upto:
                 beyond = set(told.beyond)
                 yield from (reading.data for reading in kept.after(upto) if reading.seq not in beyond)
             else:

@@ -26,7 +26,7 @@ import msgspec
 from swarmctl.core.geo import LatLon
 from swarmctl.core.observation import Checkpoint, Id, Incarnation, Observation, Seq
 
-VERSION = 2
+VERSION = 3
 UNSIGNED, SIGNED = 0, 1
 SIGNATURE_BYTES = 64
 MAX_FRAME_BYTES = 49_152
@@ -117,6 +117,8 @@ class Have(msgspec.Struct, frozen=True, array_like=True):
     """everything up to here"""
     beyond: tuple[Seq, ...] = ()
     """and of what came later, these"""
+    mark: int = 0
+    """of all of them (`swarmctl.core.observation.mark_of`)"""
 
 
 class SnapshotAsked(msgspec.Struct, frozen=True, tag="query-ref/snapshot"):

@@ -11,6 +11,7 @@ import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
+from hashlib import blake2b
 from typing import Annotated
 
 import msgspec
@@ -82,10 +83,21 @@ class Checkpoint(msgspec.Struct, frozen=True, gc=False, tag="inform/checkpoint")
     """the last observation it stands for"""
     packed: Annotated[bytes, msgspec.Meta(max_length=MAX_PACKED_BYTES)]
     """zlib over three arrays of u32, little-endian: steps between the cells, looks, hits"""
+    mark: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
+    """the `mark_of` all observations it stands for, combined by exclusive or: who holds them can tell whether
+    they are the same"""
 
     @property
     def source(self) -> Source:
         return self.observer, self.incarnation
+
+    @property
+    def two_contents(self) -> str:
+        """What to say where it stands for other observations than have come."""
+        return (
+            f"a checkpoint of vehicle {self.observer} stands for other observations up to {self.upto} than "
+            "those that came; expected one observer a system id: look for a second process that flies it"
+        )
 
     def counts(self, n_cells: int) -> Counts:
         """Raises ValueError where it is none for an area of so many cells."""
@@ -93,6 +105,7 @@ class Checkpoint(msgspec.Struct, frozen=True, gc=False, tag="inform/checkpoint")
 
 
 Told = Observation | Checkpoint
+_encode = msgspec.msgpack.Encoder().encode
 Cells = tuple[bytes, bytes]
 """row · cols + col of the cells that were looked at, and of those that hold a hostile, as bytes of `CELL`:
 those of many observations are joined in a fraction of the time that arrays take"""
@@ -124,7 +137,15 @@ def checkpoint(
     last = ordered[-1]
     if len(packed) > MAX_PACKED_BYTES:
         return None
-    return Checkpoint(last.observer, last.incarnation, last.seq, packed)
+    mark = 0 if before is None else before.mark
+    for seen in ordered:
+        mark ^= mark_of(seen)
+    return Checkpoint(last.observer, last.incarnation, last.seq, packed, mark)
+
+
+def mark_of(seen: Observation) -> int:
+    """63 bits that differ where name or content do."""
+    return int.from_bytes(blake2b(_encode(seen), digest_size=8).digest()) >> 1
 
 
 _cells: dict[int, tuple[Observation, int, int, Cells]] = {}

@@ -19,6 +19,7 @@ from swarmctl.bus.peer import A_MESSAGE, MAX_WORK
 from swarmctl.bus.replica import MAX_INCARNATIONS
 from swarmctl.core.frames import (
     MAX_FRAME_BYTES,
+    VERSION,
     Content,
     Frame,
     Relayed,
@@ -51,17 +52,22 @@ def padded(content: Content) -> bytes:
     """A frame that is just not too long, with a field that no version has."""
     body = msgspec.msgpack.decode(SEAL.close(frame(content))[2:])
     body["later"] = bytes(MAX_FRAME_BYTES - 1000)
-    return b"\x02\x00" + msgspec.msgpack.encode(body)
+    return bytes((VERSION, 0)) + msgspec.msgpack.encode(body)
 
 
 OTHERS_BOMB = checkpoint(None, [Observation(1, 1, 0.0, ((999, 999, True),), 1)], 1000, 10**6)
 assert OTHERS_BOMB is not None
-EMPTY = Checkpoint(1, 1, 1, zlib.compress(b""))
+EMPTY = Checkpoint(1, 1, 1, zlib.compress(b""), 0)
 
 WRONG: dict[str, tuple[int, str, bytes, Why]] = {
     "empty": (1, "inform/state", b"", Why.MALFORMED),
-    "no MessagePack": (1, "inform/state", b"\x02\x00nonsense", Why.MALFORMED),
-    "a later version": (1, "inform/state", b"\x03" + SEAL.close(frame(state()))[1:], Why.VERSION),
+    "no MessagePack": (1, "inform/state", bytes((VERSION, 0)) + b"nonsense", Why.MALFORMED),
+    "a later version": (
+        1,
+        "inform/state",
+        bytes((VERSION + 1,)) + SEAL.close(frame(state()))[1:],
+        Why.VERSION,
+    ),
     "too long": (1, "inform/state", bytes(MAX_FRAME_BYTES + 1), Why.OVERSIZE),
     "a place that is none": (
         1,
@@ -112,7 +118,7 @@ WRONG: dict[str, tuple[int, str, bytes, Why]] = {
         1,
         "inform/snapshot",
         SEAL.close(
-            frame(Snapshot((SEAL.close(frame(Checkpoint(1, 1, 5, zlib.compress(bytes(10**7))))),), True))
+            frame(Snapshot((SEAL.close(frame(Checkpoint(1, 1, 5, zlib.compress(bytes(10**7)), 0))),), True))
         ),
         Why.OUTSIDE,
     ),
@@ -197,6 +203,29 @@ def test_one_name_with_two_contents_is_refused_and_the_first_stays() -> None:
     assert ether.uavs[2].belief.hits.sum() == 0
 
 
+def test_one_who_tells_each_another_thing_is_found_out_by_both() -> None:
+    ether = Ether((1, 2, 3))
+    for to, occupied in ((2, False), (3, True)):
+        ether.deliver(1, to, "inform/observation", SEAL.close(frame(seen(1, (0, 0, occupied)))))
+    ether.carry = lambda sender, _to, _now_s: None if sender == 1 else 0.01
+    ether.run(30.0)
+    for uav in (2, 3):
+        assert ether.uavs[uav].node.tally.flagged == {1: 1}
+    assert "came with two different contents" in " ".join(ether.said)
+
+
+def test_a_checkpoint_of_other_observations_than_came_is_refused_and_who_made_it_flagged() -> None:
+    ether = Ether((1, 2))
+    told = seen(1, (0, 0, False))
+    ether.deliver(1, 2, "inform/observation", SEAL.close(frame(told)))
+    other = checkpoint(None, [seen(1, (0, 0, True))], COLS, ROWS * COLS)
+    assert other is not None
+    ether.deliver(1, 2, "inform/relayed", SEAL.close(frame(Relayed((SEAL.close(frame(other)),)), n=2)))
+    assert of(ether, 2) == {Why.TWO_CONTENTS: 1}
+    assert ether.uavs[2].node.tally.flagged == {1: 1}
+    assert ether.uavs[2].belief.hits.sum() == 0
+
+
 def test_a_second_process_under_its_own_name_is_refused_and_said() -> None:
     ether = Ether((1, 2))
     theirs = SEAL.close(frame(seen(7, (0, 0, True)), n=50))
@@ -224,7 +253,7 @@ def test_what_contradicts_ones_own_look_is_flagged_with_who_sent_it_and_believed
 def test_no_bytes_are_too_much(data: bytes, sender: int, act: str) -> None:
     ether = Ether((1, 2))
     ether.deliver(sender, 2, act, data)
-    ether.deliver(sender, 2, act, b"\x02\x00" + data)
+    ether.deliver(sender, 2, act, bytes((VERSION, 0)) + data)
     assert sum(of(ether, 2).values()) == 2
 
 
@@ -325,7 +354,7 @@ def test_many_incarnations_of_a_liar_do_not_wash_away_what_was_seen() -> None:
         made = checkpoint(None, most, COLS, ROWS * COLS)
         assert made is not None
         looks = zlib.compress(np.array([4 * COLS + 4, 65_535, 65_535], "<u4").tobytes())
-        told = SEAL.close(frame(Checkpoint(1, i + 1, 1, looks), incarnation=i + 1))
+        told = SEAL.close(frame(Checkpoint(1, i + 1, 1, looks, 0), incarnation=i + 1))
         ether.deliver(1, 2, "inform/relayed", SEAL.close(frame(Relayed((told,)), n=i + 10, incarnation=1)))
     belief = ether.uavs[2].belief
     assert belief.hits[4, 4] >= 1

@@ -209,8 +209,8 @@ def test_a_checkpoint_that_cannot_be_is_none() -> None:
     assert outside is not None
     for wrong in (
         outside,
-        Checkpoint(1, 0, 1, b"nonsense"),
-        Checkpoint(1, 0, 1, zlib.compress(bytes(12 * 10**5))),
+        Checkpoint(1, 0, 1, b"nonsense", 0),
+        Checkpoint(1, 0, 1, zlib.compress(bytes(12 * 10**5)), 0),
     ):
         with pytest.raises(ValueError, match="a checkpoint"):
             belief.merge([wrong])
