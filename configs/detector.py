@@ -16,12 +16,19 @@ def look() -> list[list]:
     return [[4, 7, True], [4, 8, False]]
 
 
+if len(sys.argv) != 4:
+    sys.exit("expected ENDPOINT SWARM SYSTEM_ID, such as tcp/127.0.0.1:7447 first-flight 3")
 endpoint, swarm, uav = sys.argv[1:]
 config = zenoh.Config()
 config.insert_json5("mode", '"client"')
 config.insert_json5("connect/endpoints", json.dumps([endpoint]))
 config.insert_json5("scouting/multicast/enabled", "false")
-with zenoh.open(config) as session:
+try:
+    session = zenoh.open(config)
+except zenoh.ZError as error:
+    why = str(error).split(" at /")[0]  # without the place in Zenoh's sources
+    sys.exit(f"nobody lets us in at {endpoint}: does the flight run, with that communication.listen? ({why})")
+with session:
     while True:
         if cells := look():
             report = {"version": 1, "cells": cells, "unix_s": time.time(), "source": "detector"}

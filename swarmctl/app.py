@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 from swarmctl import simulator
 from swarmctl.agent import ARRIVED, AgentState, Phase
-from swarmctl.bus import keys
+from swarmctl.bus import keys, looks
 from swarmctl.bus import tally as bus_tally
 from swarmctl.bus.base import BusError, Transport
 from swarmctl.bus.desk import Desk, Tally, Unseal, unsealed
@@ -113,6 +113,7 @@ async def fly(
     failures: list[BaseException] = []
     commands = Tally()
     tallies: dict[int, bus_tally.Tally] = {}
+    reports: dict[int, looks.Tally] = {}
     recorder = Recorder(folder / "run.mcap", scenario.config, names, epoch_ns(clock))
     try:
         async with (
@@ -130,7 +131,7 @@ async def fly(
             )
             desk = _desk(scenario, parts.transport, face, commands, manner, members)
             members += members_of(
-                scenario, folder, parts, network, desk, observers, clock, run_clock, face.say
+                scenario, folder, parts, network, desk, observers, clock, run_clock, face.say, reports
             )
             tallies |= network.tallies()
             director = Director(
@@ -168,6 +169,7 @@ async def fly(
             wall_s=wall_s,
             commands=asdict(commands),
             networks=tallies,
+            looks={uav: asdict(tally) for uav, tally in reports.items()},
         )
         if states
         else {}

@@ -1,49 +1,61 @@
 """The command line: the program's entry, its commands and its exit codes.
 
 Exit codes: 0 done, 1 something expected went wrong and was said, 2 wrong usage or configuration, 3 a bug,
-130 interrupted.
+130 interrupted before the work was done. `router` and `watch` are meant to run until Ctrl-C: they end with 0.
 """
 
 from __future__ import annotations
 
 import traceback
-from typing import Annotated
+from importlib import import_module
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 
 from swarmctl import __version__
 from swarmctl.bus.leaving import leave
-from swarmctl.commands import (
-    agent,
-    check,
-    fly,
-    keys,
-    observe,
-    order,
-    plan,
-    replay,
-    router,
-    schema,
-    watch,
-    weights,
-)
+from swarmctl.commands import COMMANDS
 from swarmctl.commands.shared import BUG, INTERRUPTED, OK, err, out
+
+
+class _LoadedByName(TyperGroup):
+    """Only the command that is called is imported: an order does not wait for planners and pictures."""
+
+    def __init__(self, **attrs: Any) -> None:
+        super().__init__(**attrs)
+        for name, (_, summary) in COMMANDS.items():
+            self.add_command(TyperCommand(name, help=summary))
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        if args and args[0] in COMMANDS:
+            self.add_command(_loaded(args[0]), args[0])
+        return super().resolve_command(ctx, args)
+
+
+def _loaded(name: str) -> Any:
+    module, _ = COMMANDS[name]
+    alone = typer.Typer(**_STYLE)
+    import_module(f"swarmctl.commands.{module}").register(alone)
+    return typer.main.get_command(alone)
+
+
+_STYLE: dict[str, Any] = {
+    "add_completion": False,
+    "pretty_exceptions_enable": False,
+    "rich_markup_mode": "markdown",
+}
 
 cli = typer.Typer(
     name="swarmctl",
+    cls=_LoadedByName,
     help="Fly a swarm of MAVLink vehicles across an area whose threats nobody knows beforehand.\n\n"
     "Start here: `swarmctl fly --config configs/swarm.yaml` flies five simulated copters; "
     "the run folder it names holds a map, a summary and every log. `swarmctl plan` shows first routes "
     "without flying, `swarmctl check` finds what is wrong with a configuration.",
     no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode="markdown",
+    **_STYLE,
 )
-
-# In the order of the help.
-for command in (fly, plan, check, weights, observe, agent, watch, order, router, keys, replay, schema):
-    command.register(cli)
 
 
 def _say_version(wanted: bool) -> None:

@@ -9,7 +9,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from swarmctl import app
+from swarmctl import app, joining
+from swarmctl.agent import ARRIVED, AgentState, Phase
 from swarmctl.app import Manner, Report
 from swarmctl.bus.base import Transport
 from swarmctl.bus.desk import unsealed
@@ -17,6 +18,7 @@ from swarmctl.bus.memory import MemoryBus
 from swarmctl.bus.routes import SaidOnce
 from swarmctl.bus.zenoh_bus import ZenohBus
 from swarmctl.bus.zenoh_config import Configuration
+from swarmctl.core.events import Order
 from swarmctl.core.frames import Seal
 from swarmctl.core.requests import Opener, seal_answer
 from swarmctl.director import Launch, Member, Permission
@@ -63,6 +65,28 @@ def orders_closed(members: Sequence[Member], *, has_keys: bool) -> str:
     )
 
 
+def called_back(report: Report) -> list[str]:
+    """The vehicles whose flight an operator's order has ended, and that were seen to follow it.
+
+    An order of their own process is none (it is how a run that is stopped ends), and who was given up, let go
+    or disarmed on its way has failed, whatever it was ordered.
+    """
+    if report.ended != "ended":
+        return []
+    return [state.task.name for state in report.states.values() if _obeyed(state)]
+
+
+def _obeyed(state: AgentState) -> bool:
+    flown = state.armed_seen or state.launch_aborted
+    return (
+        state.phase is Phase.DONE
+        and state.outcome != ARRIVED
+        and flown
+        and state.ordered in (Order.RETURN, Order.LAND)
+        and state.order_seen
+    )
+
+
 async def fly(
     scenario: Scenario,
     folder: Path,
@@ -90,16 +114,19 @@ async def fly(
     )
 
     async def flight(bus: Transport) -> Report:
-        return await app.fly(
+        report = await app.fly(
             scenario, folder, ui, clock=clock, permission=permission, carry=carry, bus=bus, manner=manner
         )
+        if report.summary:
+            report.summary["ended_by_operator"] = called_back(report)
+        return report
 
     face = Steady(ui)
     failed = SaidOnce(face.say)
     if network is None:
         return await flight(bus or MemoryBus(failed))
     with ZenohBus(network, on_failure=failed) as zenoh:
-        watch = asyncio.create_task(_say_links(zenoh, face))
+        watch = asyncio.create_task(_say_links(zenoh, network, face))
         try:
             return await flight(zenoh)
         finally:
@@ -122,7 +149,7 @@ class _Unseal:
         return seal_answer(self._swarm, key, payload, answer, self._sign)
 
 
-async def _say_links(bus: ZenohBus, ui: Ui) -> None:
+async def _say_links(bus: ZenohBus, network: Configuration, ui: Ui) -> None:
     """Say once when the network goes, or is not there from the start, and when it comes."""
     there = None
     with contextlib.suppress(TimeoutError):
@@ -132,10 +159,13 @@ async def _say_links(bus: ZenohBus, ui: Ui) -> None:
     while True:
         if bus.connected is not there:
             there = bus.connected
-            ui.say("in touch with the swarm's network" if there else _missing(bus))
+            ui.say("in touch with the swarm's network" if there else _missing(bus, network))
         await asyncio.sleep(LOOKED_AT_EVERY_S)
 
 
-def _missing(bus: ZenohBus) -> str:
+def _missing(bus: ZenohBus, network: Configuration) -> str:
     where = f": {bus.trouble}" if bus.trouble else ""
-    return f"nobody of the swarm's network is reached{where}; flying by what is known here until it is"
+    return (
+        f"nobody of the swarm's network is reached{where}; flying by what is known here until it is "
+        f"({joining.not_reached(network)})"
+    )

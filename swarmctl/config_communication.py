@@ -91,7 +91,7 @@ class Communication(Section):
     mesh: Annotated[dict[str, Endpoint], BeforeValidator(_worded)] = Field(
         {},
         description="ad-hoc mesh, instead of a router: where each `swarmctl agent` listens, by its vehicle's "
-        "name or system id; each connects to all others",
+        "name or system id; of each two the one of the higher system id connects",
     )
     keys: str | None = Field(
         None, description="folder that `swarmctl keys` made: mutual TLS and signed messages; default: neither"

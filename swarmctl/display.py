@@ -11,8 +11,6 @@ from rich.table import Table
 from rich.text import Text
 
 from swarmctl.agent import ARRIVED, ENDED, AgentState, Phase
-from swarmctl.core.messages import VehicleAnswer
-from swarmctl.core.threat import FiringStrength
 
 OTHER_LINES = 9
 """of the screen that are not vehicles"""
@@ -95,25 +93,6 @@ def _weights(state: AgentState) -> str:
     if fs != task.strength:
         return f"{state.w:g}; {fs.direct:g}/{fs.first_neighbour:g}/{fs.second_neighbour:g}"
     return f"{state.w:g}" if state.w != task.w else ""
-
-
-def ordered(order: str, answer: VehicleAnswer) -> str:
-    """What a vehicle made of an order, as a line."""
-    how = {"taken": f"{order} ordered", "unconfirmed": "unknown"}.get(answer.outcome, "not ordered")
-    return f"{answer.name}: {how}" + (f": {answer.note}" if answer.note else "")
-
-
-def told(w: float | None, strength: FiringStrength | None, answer: VehicleAnswer) -> str:
-    """What a vehicle made of new weights, as a line."""
-    if answer.outcome != "taken":
-        how = "unknown" if answer.outcome == "unconfirmed" else "not changed"
-        return f"{answer.name}: {how}: {answer.note}"
-    parts = [] if w is None else [f"w = {w:g}"]
-    if strength is not None:
-        fs = (strength.direct, strength.first_neighbour, strength.second_neighbour)
-        parts.append("firing strengths " + ", ".join(f"{value:g}" for value in fs))
-    note = f" ({answer.note})" if answer.note else ""
-    return f"{answer.name}: {' and '.join(parts)} from plan {answer.from_plan} on{note}"
 
 
 def _progress(state: AgentState) -> float:

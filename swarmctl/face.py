@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from swarmctl.agent import AgentState
+from swarmctl.answers import ordered, told
 from swarmctl.core import events as ev
 from swarmctl.core.frames import Spoken
 from swarmctl.core.messages import VehicleAnswer
-from swarmctl.display import Picture, ordered, told
+from swarmctl.display import Picture
 
 
 class Ui(Protocol):

@@ -3,59 +3,87 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Protocol
 
 from swarmctl.bus import zenoh_config
 from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
 from swarmctl.bus.zenoh_config import Configuration, Credentials
-from swarmctl.config import Config
+from swarmctl.config_communication import Communication
 from swarmctl.keyring.use import Keyring, load
+from swarmctl.mesh import listeners
+
+
+class Swarm(Protocol):
+    """What is asked of a configuration here: one that is flown, or a `Roll`."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def communication(self) -> Communication: ...
 
 
 class NoNetwork(ValueError):
     """The configuration does not say how; the text says what to add."""
 
 
-def keyring_of(config: Config, name: str, now: dt.datetime) -> Keyring | None:
+def keyring_of(swarm: Swarm, name: str, now: dt.datetime) -> Keyring | None:
     """The keys of `uav3` or `operator`; None where communication.keys is not set. Raises KeyringError."""
-    folder = config.communication.keys
+    folder = swarm.communication.keys
     return None if folder is None else load(Path(folder), name, now)
 
 
 def as_agent(
-    config: Config, name: str, uavs: Sequence[int], connect: str | None, keyring: Keyring | None
+    swarm: Swarm, uav: int, names: Mapping[int, str], connect: str | None, keyring: Keyring | None
 ) -> Configuration:
-    """For the agent of vehicle `name`; `connect` is a router instead of the configuration's.
+    """For the agent of vehicle `uav` of `names` (system id: name); `connect` is a router instead of the
+    configuration's.
 
     Raises NoNetwork.
     """
-    c = config.communication
-    if (router := _router(config, connect)) is not None:
+    if (router := _router(swarm, connect)) is not None:
         return zenoh_config.client(router, certified(router, keyring))
-    if not c.mesh:
+    mesh = _mesh(swarm, names)
+    if not mesh:
         raise NoNetwork("`communication` has neither router nor mesh, so agents do not find each other")
-    if name not in c.mesh:
-        raise NoNetwork(f"communication.mesh does not say where {name} listens: add it")
-    here = parse_endpoint(c.mesh[name])
-    others = [parse_endpoint(endpoint) for who, endpoint in c.mesh.items() if who != name]
-    return zenoh_config.mesh_node(here, others, config.name, uavs, certified(here, keyring))
+    if uav not in mesh:
+        raise NoNetwork(f"communication.mesh does not say where {names[uav]} listens: add it")
+    here = mesh[uav]
+    # One of each two connects: with two links between two nodes, the end of one may go unnoticed.
+    others = [endpoint for other, endpoint in mesh.items() if other < uav]
+    return zenoh_config.mesh_node(here, others, swarm.name, [*names], certified(here, keyring))
 
 
 def as_watcher(
-    config: Config, uavs: Sequence[int], connect: str | None, keyring: Keyring | None
+    swarm: Swarm, names: Mapping[int, str], connect: str | None, keyring: Keyring | None
 ) -> Configuration:
     """For a ground station that stays: of a mesh it is a node that listens to this machine only.
 
     Raises NoNetwork.
     """
-    if (router := _router(config, connect)) is not None:
+    if (router := _router(swarm, connect)) is not None:
         return zenoh_config.client(router, certified(router, keyring))
-    nodes = [parse_endpoint(endpoint) for endpoint in config.communication.mesh.values()]
+    nodes = [*_mesh(swarm, names).values()]
     if not nodes:
         raise NoNetwork("`communication` has neither router nor mesh: there is nothing to watch at")
     here = BusEndpoint("127.0.0.1", 0, nodes[0].protocol)
-    return zenoh_config.mesh_node(here, nodes, config.name, uavs, certified(here, keyring))
+    return zenoh_config.mesh_node(here, nodes, swarm.name, [*names], certified(here, keyring))
+
+
+def not_reached(network: Configuration) -> str:
+    """What to look at where nobody of a network is reached.
+
+    Zenoh says the same ("Timeout!") of a machine that is not there and of one that refuses our certificate,
+    or shows one that we refuse.
+    """
+    if not any(endpoint.is_certified for endpoint in network.connect):
+        return "does anybody run there, and does a firewall let us through?"
+    return (
+        "does anybody run there, does a firewall let us through, and are its keys and ours of one authority? "
+        "ca.pem has to be the same on both machines: copy the folders of one run of `swarmctl keys` to all"
+    )
 
 
 def certified(endpoint: BusEndpoint, keyring: Keyring | None) -> Credentials | None:
@@ -67,9 +95,16 @@ def certified(endpoint: BusEndpoint, keyring: Keyring | None) -> Credentials | N
     return keyring.credentials
 
 
-def _router(config: Config, connect: str | None) -> BusEndpoint | None:
+def _mesh(swarm: Swarm, names: Mapping[int, str]) -> dict[int, BusEndpoint]:
+    try:
+        return listeners(swarm.communication.mesh, names)
+    except ValueError as error:
+        raise NoNetwork(f"communication.mesh: {error}") from None
+
+
+def _router(swarm: Swarm, connect: str | None) -> BusEndpoint | None:
     if connect is None:
-        return None if config.communication.router is None else parse_endpoint(config.communication.router)
+        return None if swarm.communication.router is None else parse_endpoint(swarm.communication.router)
     try:
         return parse_endpoint(connect)
     except ValueError as error:

@@ -8,7 +8,7 @@ from swarmctl.bus.endpoint import NOBODY, parse_endpoint
 from swarmctl.bus.radio import gilbert
 from swarmctl.config import Config, Problem
 from swarmctl.config_communication import Communication, Uav
-from swarmctl.core.roster import meant_by
+from swarmctl.mesh import vehicle_of
 from swarmctl.yaml_lines import Path as KeyPath
 
 HERE: KeyPath = ("communication",)
@@ -122,7 +122,7 @@ def _meant(
     problems = []
     for path, word in words.items():
         try:
-            [uavs[path]] = meant_by([word], names)
+            uavs[path] = vehicle_of(word, names)
         except ValueError as error:
             problems.append(Problem(path, str(error), given=("vehicles",)))
     return uavs, problems

@@ -17,7 +17,6 @@ from swarmctl.bus.desk import ANSWER_WITHIN_S, KINDS
 from swarmctl.bus.endpoint import NOBODY, BusEndpoint, parse_endpoint
 from swarmctl.bus.zenoh_bus import ZenohBus
 from swarmctl.bus.zenoh_config import Credentials
-from swarmctl.config import Config
 from swarmctl.core.messages import (
     BadMessage,
     OperatorAnswer,
@@ -27,6 +26,7 @@ from swarmctl.core.messages import (
     encode,
 )
 from swarmctl.core.roster import meant_by
+from swarmctl.joining import Swarm
 
 TIMEOUT_S = ANSWER_WITHIN_S + 2.0
 
@@ -100,7 +100,7 @@ def strengths(text: str, single: tuple[float | None, ...]) -> tuple[float, float
 
 def find(
     swarm: str | None,
-    config: Config | None,
+    config: Swarm | None,
     connect: str | None,
     names: Mapping[int, str] | None = None,
 ) -> Station:
@@ -142,18 +142,18 @@ def find(
     )
 
 
-def is_apart(config: Config) -> bool:
+def is_apart(config: Swarm) -> bool:
     """Whether its agents may run on machines of their own."""
     return config.communication.router is not None or bool(config.communication.mesh)
 
 
-def meeting_points(config: Config) -> list[BusEndpoint]:
+def meeting_points(config: Swarm) -> list[BusEndpoint]:
     """Where a swarm on many machines is joined: the router, or any node of the mesh."""
     c = config.communication
     return [parse_endpoint(text) for text in ([c.router] if c.router is not None else c.mesh.values())]
 
 
-def _name(swarm: str | None, config: Config | None) -> str | None:
+def _name(swarm: str | None, config: Swarm | None) -> str | None:
     if swarm is not None and not re.fullmatch(keys.SWARM_NAME, swarm):
         raise Unclear(f"--swarm {swarm!r}: expected a name as in a configuration: {keys.SWARM_NAME}")
     if swarm is not None and config is not None and swarm != config.name:

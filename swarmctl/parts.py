@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from swarmctl import simulator
+from swarmctl.bus import looks
 from swarmctl.bus.base import Transport
 from swarmctl.bus.desk import Desk
-from swarmctl.bus.looks import Looks
 from swarmctl.bus.memory import MemoryBus
 from swarmctl.bus.network import Network, RunClock
 from swarmctl.bus.open import opened
@@ -103,8 +103,12 @@ def members_of(
     clock: Clock,
     run_clock: RunClock,
     say: Callable[[str], None],
+    reports: dict[int, looks.Tally],
 ) -> Iterator[Member]:
-    """The vehicles of this process, each with its link, its sensor and its agent."""
+    """The vehicles of this process, each with its link, its sensor and its agent.
+
+    `reports` gets the tally of each inlet that is opened for payloads' reports, by system id.
+    """
     source = SOURCES[scenario.config.sensor.source]
     for spec, task in zip(scenario.specs, scenario.tasks, strict=True):
         endpoint = parse_url(spec.url)
@@ -132,7 +136,7 @@ def members_of(
         inlet.runner = runner
         if source.external:
             seen, heard = partial(_observed, runner), partial(_say_of, say, spec.name)
-            Looks(
+            reports[spec.sysid] = looks.Looks(
                 parts.transport,
                 scenario.config.name,
                 spec.sysid,
@@ -141,7 +145,7 @@ def members_of(
                 seen,
                 heard,
                 tolerance_s=scenario.config.communication.clock_tolerance_s,
-            )
+            ).tally
         yield Member(spec, runner)
 
 

@@ -4,19 +4,27 @@ from __future__ import annotations
 
 import asyncio
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
+from swarmctl.bus.access import name_of
 from swarmctl.bus.zenoh_bus import ZenohBus
 from swarmctl.bus.zenoh_config import Configuration
 
 
-async def run(configuration: Configuration, say: Callable[[str], None]) -> None:
-    """Route until SIGINT or SIGTERM, and say where it listens, who comes and who goes. Raises BusError."""
+async def run(
+    configuration: Configuration, say: Callable[[str], None], names: Mapping[int, str] | None = None
+) -> None:
+    """Route until SIGINT or SIGTERM, and say where it listens, who comes and who goes.
+
+    `names` are the vehicles (system id: name); a certificate has the system id. Raises BusError.
+    """
+    vehicles = {name_of(uav): _called(uav, name) for uav, name in (names or {}).items()}
     stopped = asyncio.Event()
     loop = asyncio.get_running_loop()
 
     def changed(address: str, name: str | None, has_come: bool) -> None:
-        say(f"{name or 'somebody'} at {address} {'has connected' if has_come else 'has gone'}")
+        who = "somebody" if not name else vehicles.get(name, name)
+        say(f"{who} at {address} {'has connected' if has_come else 'has gone'}")
 
     signals = (signal.SIGINT, signal.SIGTERM)
     for number in signals:
@@ -28,3 +36,7 @@ async def run(configuration: Configuration, say: Callable[[str], None]) -> None:
     finally:
         for number in signals:
             loop.remove_signal_handler(number)
+
+
+def _called(uav: int, name: str) -> str:
+    return name if name == name_of(uav) else f"{name} ({name_of(uav)})"

@@ -159,8 +159,13 @@ def summary(
     wall_s: float | None,
     commands: dict[str, int],
     networks: Mapping[int, Tally],
+    looks: Mapping[int, dict[str, Any]],
 ) -> dict[str, Any]:
-    """The content of `summary.json`."""
+    """The content of `summary.json`.
+
+    `networks` and `looks` are what became of messages and of payloads' reports, by system id; who takes no
+    reports is not in `looks`.
+    """
     together = _belief_of_all(scenario, states)
     return {
         "name": scenario.config.name,
@@ -180,7 +185,10 @@ def summary(
         "latency_clock": "simulated seconds" if clock == "virtual" else "wall seconds",
         "latency": ledger.latencies(),
         "operator_commands": commands,
-        "vehicles": [_vehicle(scenario, states[t.uav], ledger, networks[t.uav]) for t in scenario.tasks],
+        "vehicles": [
+            _vehicle(scenario, states[t.uav], ledger, networks[t.uav]) | {"looks": looks.get(t.uav)}
+            for t in scenario.tasks
+        ],
         "configuration": scenario.config.model_dump(mode="json"),
         "resolved": {
             "hostiles": sorted(scenario.hostiles),

@@ -34,8 +34,17 @@ PHASE_STYLES = {str(phase): colour for phase, colour in COLOURS.items()}
 COLUMNS = (
     ("vehicle", "left"), ("phase", "left"), ("mode", "left"), ("cell", "left"), ("height\n[m]", "right"),
     ("heard\n[s] ago", "right"), ("cells\nknown", "right"), ("hostiles\nknown", "right"), ("plan", "right"),
-    ("over goal\n[s], late", "right"), ("messages\nrefused", "right"), ("doubts", "left"),
+    ("refused", "right"),
 )  # fmt: skip
+LATE, DOUBTS = ("late\n[s]", "right"), ("doubts", "left")
+"""shown where there is any"""
+LEGEND = (
+    "phase: what its agent does; mode: its autopilot's, when last heard; cell: row, col; height: above its "
+    "home; known: seen by itself or told by others; plan: the last of its flight, 1 the first; refused: "
+    "messages it did not take"
+)
+LATE_LEGEND = "; late: over its goal so long after take-off, which is not within its time bound"
+DOUBTS_LEGEND = "; doubts: who told it the contrary of what it saw"
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,23 +168,27 @@ async def watch(
 def table(view: View) -> Group:
     """A view for a terminal."""
     grid = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold")
-    for title, justify in COLUMNS:
+    late = any(row.state is not None and row.state.late_s is not None for row in view.rows)
+    doubts = any(row.doubts for row in view.rows)
+    for title, justify in (*COLUMNS, *[LATE] * late, *[DOUBTS] * doubts):
         grid.add_column(Text(title), justify=justify, no_wrap=True)  # type: ignore[arg-type]
     for row in view.rows:
-        grid.add_row(*_cells(row), style="bright_black" if row.is_silent else None)
+        cells = [*_cells(row), *[_late(row)] * late, *[Text(", ".join(row.doubts), style="red")] * doubts]
+        grid.add_row(*cells, style="bright_black" if row.is_silent else None)
+    legend = LEGEND + LATE_LEGEND * late + DOUBTS_LEGEND * doubts
     head = Text.assemble((view.swarm, "bold"), f"  {view.network}")
     notes = [Text(f"{row.name}: {row.note}", style="yellow") for row in view.rows if row.note]
     if view.refused:
         text = f"refused here: {view.refused} messages that were no vehicle's own state of now"
         notes.append(Text(text, style="red"))
-    return Group(head, grid, *notes)
+    return Group(head, grid, Text(legend, style="bright_black"), *notes)
 
 
 def _cells(row: Row) -> list[Text]:
     state = row.state
     age = Text("never" if row.age_s is None else f"{row.age_s:.0f}", style="red" if row.is_silent else "")
     if state is None:
-        return [Text(row.name), *[Text("–")] * 4, age, *[Text("–")] * 5, Text("")]
+        return [Text(row.name), *[Text("–")] * 4, age, *[Text("–")] * 4]
     phase = printable(state.phase)
     return [
         Text(row.name),
@@ -187,10 +200,13 @@ def _cells(row: Row) -> list[Text]:
         Text(number(state.n_observed)),
         Text(number(state.n_found)),
         Text(number(state.plan_id) if state.plan_id else "–"),
-        Text("" if state.late_s is None else number(state.late_s), style="red"),
         Text(number(state.refused)),
-        Text(", ".join(row.doubts), style="red"),
     ]
+
+
+def _late(row: Row) -> Text:
+    late_s = None if row.state is None else row.state.late_s
+    return Text("" if late_s is None else number(late_s), style="red")
 
 
 class Lines:
@@ -221,15 +237,15 @@ def line(row: Row) -> str:
     state = row.state
     if state is None:
         return f"{row.name}: not heard"
-    age = "" if row.age_s is None or not row.is_silent else f" {row.age_s:.0f} s ago"
+    age = "" if row.age_s is None or not row.is_silent else f", last heard {row.age_s:.0f} s ago"
     where = "outside the area" if row.cell is None else f"cell {row.cell[0]},{row.cell[1]}"
     text = (
-        f"{row.name}: {printable(state.phase)} {printable(state.mode)}{age}, {where}, "
-        f"{number(state.alt_rel_m)} m up, cells {number(state.n_observed)}, "
-        f"hostiles {number(state.n_found)}, plan {number(state.plan_id)}, refused {number(state.refused)}"
+        f"{row.name}: {printable(state.phase)}{age}, mode {printable(state.mode) or 'unknown'}, {where}, "
+        f"{number(state.alt_rel_m)} m up, {number(state.n_observed)} cells and {number(state.n_found)} "
+        f"hostiles known, plan {number(state.plan_id)}, {number(state.refused)} messages refused"
     )
     text += "" if state.late_s is None else f", late: over its goal after {number(state.late_s)} s"
-    text += f", doubts {', '.join(row.doubts)}" if row.doubts else ""
+    text += f", saw the contrary of what {', '.join(row.doubts)} told" if row.doubts else ""
     return f"{text} ({row.note})" if row.note else text
 
 

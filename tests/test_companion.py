@@ -5,11 +5,13 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import datetime as dt
-from dataclasses import dataclass, field
+import json
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+import typer
 from flights import Ui, small
 
 from swarmctl import app, companion, operate, parts
@@ -20,6 +22,8 @@ from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.memory import MemoryBus
 from swarmctl.clock import run_virtual
 from swarmctl.commands.asking import Seals
+from swarmctl.commands.flying import conclude
+from swarmctl.core.events import Order
 from swarmctl.core.messages import (
     GiveOrder,
     OperatorAnswer,
@@ -130,6 +134,68 @@ def test_three_agents_are_launched_held_and_called_back_by_their_operator(tmp_pa
     for uav, state in states.items():
         others = [other for other in NAMES if other != uav]
         assert all(state.belief.n_cells_from(other) > 0 for other in others), uav
+
+
+@pytest.fixture(scope="module")
+def returned(tmp_path_factory: pytest.TempPathFactory) -> Report:
+    """The flight of a vehicle that its operator has called back."""
+
+    async def scene() -> Report:
+        swarm = Swarm(tmp_path_factory.mktemp("returned"))
+        swarm.start(2, "when-ready")
+        await swarm.until(2, Phase.FLYING)
+        await swarm.give(GiveOrder((2,), "return"))
+        return await swarm.flights[2]
+
+    return run_virtual(scene())
+
+
+def code_of(report: Report, folder: Path) -> int:
+    try:
+        conclude(report, companion.only(small(), 2), folder)
+    except typer.Exit as ended:
+        return ended.exit_code
+    return 0
+
+
+def test_an_order_that_was_obeyed_is_no_failure_and_the_summary_says_whose_it_was(
+    returned: Report, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert returned.states[2].outcome == "return ordered; landed"
+    assert code_of(returned, tmp_path) == 0
+    assert "0 of 1 arrived\nended by the operator: uav2\n" in capsys.readouterr().out
+    assert json.loads((tmp_path / "summary.json").read_text())["ended_by_operator"] == ["uav2"]
+
+
+def test_a_time_bound_binds_nobody_who_was_called_back(returned: Report, tmp_path: Path) -> None:
+    (vehicle,) = returned.summary["vehicles"]
+    late = {**returned.summary, "vehicles": [vehicle | {"arrival_bound_kept": False, "arrive_within_s": 9.0}]}
+    assert code_of(replace(returned, summary=late), tmp_path) == 0
+
+
+NOT_OBEYED: list[tuple[str, dict[str, Any]]] = [
+    ("it has failed", {"phase": Phase.FAILED}),
+    ("it was let go", {"phase": Phase.RELEASED}),
+    ("it is still under way, and lost", {"phase": Phase.LEAVING}),
+    ("it was not seen to follow", {"order_seen": False}),
+    ("nobody ordered it", {"ordered": None}),
+    ("it was ordered to hold", {"ordered": Order.HOLD}),
+    ("it never took off", {"armed_seen": False}),
+]
+
+
+@pytest.mark.parametrize("changes", [row[1] for row in NOT_OBEYED], ids=[row[0] for row in NOT_OBEYED])
+def test_all_else_that_does_not_arrive_has_failed(
+    changes: dict[str, Any], returned: Report, tmp_path: Path
+) -> None:
+    report = replace(returned, states={2: replace(returned.states[2], **changes)})
+    assert companion.called_back(report) == []
+    assert code_of(report, tmp_path) == 1
+
+
+def test_who_was_stopped_or_had_trouble_has_not_only_obeyed(returned: Report, tmp_path: Path) -> None:
+    assert code_of(replace(returned, ended="stopped"), tmp_path) == 130
+    assert code_of(replace(returned, trouble=("the disk is full",)), tmp_path) == 1
 
 
 def test_an_agent_by_itself_flies_what_it_would_fly_in_one_process(tmp_path: Path) -> None:

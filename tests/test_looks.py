@@ -560,6 +560,11 @@ def test_a_swarm_flies_by_what_payloads_report_and_by_nothing_else(tmp_path: Pat
     assert told.states[2].replans >= 1
     assert ahead not in told.states[2].flown_cells
     assert told.all_arrived
+    assert [vehicle["looks"] for vehicle in told.summary["vehicles"]] == [
+        {"taken": 0, "refused": {"outside the area": 1}},
+        {"taken": 1, "refused": {}},
+        {"taken": 1, "refused": {}},
+    ]
 
 
 # --- the example

@@ -781,6 +781,7 @@ def test_a_command_is_given_and_answered(nobody_flies: Path) -> None:
         result = CliRunner().invoke(cli, words.split())
     assert result.exit_code == 0
     said = "w = 0.2 and firing strengths 0.7, 0.3, 0.1 from plan 5 on"
+    said += "; plan 5 follows if another route is better"
     assert result.stdout.splitlines() == [f"uav1: {said}", f"uav2: {said}"]
     assert station.posted[0] == (1, ev.WeightsChanged(1, 0.2, FiringStrength(0.7, 0.3, 0.1)))
 

@@ -13,6 +13,7 @@ from test_agent import Story, orders
 
 from swarmctl import operate
 from swarmctl.agent import Phase
+from swarmctl.answers import ordered
 from swarmctl.bus import desk, directory, keys
 from swarmctl.bus.desk import Asked, Desk, Tally, Unseal, unsealed
 from swarmctl.bus.endpoint import BusEndpoint
@@ -29,7 +30,6 @@ from swarmctl.core.messages import (
     decode_answer,
     encode,
 )
-from swarmctl.display import ordered
 
 pytestmark = pytest.mark.virtual
 

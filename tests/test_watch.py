@@ -69,9 +69,29 @@ def test_what_vehicles_tell_is_shown_in_rows() -> None:
     lines = [" ".join(row.split()) for row in shown.splitlines()]
     assert "test tcp/127.0.0.1:7447: reached" in lines
     assert "uav1 flying AUTO 4,3 40 0 31 3 5 0" in lines
-    assert "uav2 – – – – never – – – – –" in lines
-    assert "scout holding GUIDED 0,0 40 7 31 3 5 151 2 uav1, 9" in lines
+    assert "uav2 – – – – never – – – –" in lines
+    assert "scout holding GUIDED 0,0 40 7 31 3 5 2 151 uav1, 9" in lines
     assert "scout: hold ordered" in lines
+
+
+def test_the_table_says_what_its_columns_are_and_leaves_empty_ones_away() -> None:
+    seen = board()
+    seen.take(key(1), frame(state()), 100.0, UNIX_S)
+    plain = text(seen.view("", 100.0))
+    seen.take(key(1), frame(state(late_s=151.4, flagged=(3,)), n=2), 100.0, UNIX_S)
+    full = text(seen.view("", 100.0))
+    for heading in ("phase", "mode", "cell", "height", "known", "plan", "refused"):
+        assert f"{heading}: " in plain
+    for heading in ("late", "doubts"):
+        assert heading not in plain
+        assert f"{heading}: " in full
+
+
+def test_a_line_says_what_is_old_and_what_is_the_mode() -> None:
+    seen = board()
+    seen.take(key(1), frame(state(phase="done")), 0.0, UNIX_S)
+    (row, *_) = seen.view("", 7.0).rows
+    assert line(row).startswith("uav1: done, last heard 7 s ago, mode AUTO, cell 4,3, ")
 
 
 def test_a_vehicle_beside_the_area_is_said_to_be_outside() -> None:
@@ -224,7 +244,7 @@ def test_plain_lines_say_what_changed_and_everything_now_and_then() -> None:
     assert [text.split(",")[0] for text in said] == [
         "test: not reached", "uav1: not heard", "uav2: not heard", "scout: not heard",
         "test: reached",
-        "uav1: standby AUTO", "uav1: flying AUTO",
+        "uav1: standby", "uav1: flying",
     ]  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from test_agent import Story, orders
 
 from swarmctl import app, operate, outputs, record
 from swarmctl.agent import Phase
+from swarmctl.answers import told
 from swarmctl.app import Report
 from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.memory import MemoryBus
@@ -25,7 +26,7 @@ from swarmctl.core import events as ev
 from swarmctl.core.exposure import exposure
 from swarmctl.core.messages import OperatorAnswer, SetWeights, VehicleAnswer
 from swarmctl.core.threat import FiringStrength
-from swarmctl.display import Picture, line, row, table, told
+from swarmctl.display import Picture, line, row, table
 from swarmctl.face import Chatter, Steady
 from swarmctl.planners import PLANNERS, method
 from swarmctl.scenario import Scenario
@@ -109,6 +110,18 @@ def test_weights_that_change_no_route_swap_no_mission() -> None:
     searches = story.state.searches
     assert story.tick() == []
     assert story.state.searches == searches + 1
+
+
+def test_weights_that_it_has_already_are_said_to_be_and_bring_no_plan() -> None:
+    story = Story(w=0.5).flying()
+    searches = story.state.searches
+    answer = answer_to(story(ev.WeightsChanged(1, w=0.5)), 1)
+    assert (answer.outcome, answer.note) == (
+        "taken",
+        "it has these already, and does not plan again for them",
+    )
+    assert story.tick() == []
+    assert story.state.searches == searches
 
 
 def test_before_the_launch_the_mission_is_uploaded_again() -> None:

@@ -89,8 +89,10 @@ def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) ->
     strength = state.strength if event.strength is None else event.strength
     changed = (w, strength) != (state.w, state.strength)
     state = replace(state, w=w, strength=strength, dirty=state.dirty or changed)
-    later = "its link is lost; it plans when it is heard again" if state.lost else ""
-    taken = VehicleAnswer(state.task.uav, state.task.name, "taken", state.next_plan_id, later)
+    note = "its link is lost; it plans when it is heard again" if state.lost else ""
+    if not changed:
+        note = "it has these already, and does not plan again for them"
+    taken = VehicleAnswer(state.task.uav, state.task.name, "taken", state.next_plan_id, note)
     return state, [ev.Answer(event.command, taken)]
 
 

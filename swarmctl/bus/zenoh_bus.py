@@ -12,22 +12,17 @@ from dataclasses import replace
 from functools import partial
 from queue import SimpleQueue
 from types import TracebackType
-from typing import Any
 
 import zenoh
 from zenoh.handlers import Callback
 
 from swarmctl.bus import leaving, zenoh_config
-from swarmctl.bus.base import (
-    MAX_MESSAGE_BYTES,
-    MAX_QUESTION_BYTES,
-    BusError,
-    Failure,
-    Receive,
-    Serve,
-)
+from swarmctl.bus.base import MAX_MESSAGE_BYTES, MAX_QUESTION_BYTES, BusError, Failure, Receive, Serve
 from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
 from swarmctl.bus.inlet import Delivery, Inlet
+from swarmctl.bus.links import Links
+from swarmctl.bus.neighbours import Neighbours
+from swarmctl.bus.renewal import Renewal
 from swarmctl.bus.routes import Routes, report_to_loop
 from swarmctl.bus.zenoh_config import Configuration
 
@@ -42,6 +37,8 @@ LOST_AFTER_S = 3.0
 """without any link a patient session is given up for a new one: after a cut Zenoh may be stuck for ten
 seconds in closing a TLS link whose send buffer is full, and connects no more until then"""
 LOOK_EVERY_S = 0.2
+AWAY_S = 1.0
+"""between two sessions of a node of a mesh"""
 CLOSE_S = 2.0
 """a link to a frozen process with a full queue can keep Zenoh from closing for ever"""
 MARGIN_S = 3.0
@@ -59,7 +56,8 @@ class ZenohBus:
 
     Opens what a `Configuration` says. `listen`, `open_keys` and `put_keys` are short for `alone`, `connect`
     for `visitor`. A session that may open later (`is_patient`) does so in the background; until then nothing
-    of others is heard, and what is put for them is dropped and counted. Raises BusError.
+    of others is heard, and what is put for them is dropped and counted. So it is for a moment where a node of
+    a mesh gives its session up for a new one, see `renewal`. Raises BusError.
     """
 
     def __init__(
@@ -81,7 +79,7 @@ class ZenohBus:
             )
         self.too_long = 0
         self.trouble = ""
-        """why a patient session is not open yet"""
+        """why a patient session, or a mesh's next, is not open yet"""
         self.endpoint: BusEndpoint | None = None
         """where it listens"""
         self._configuration = configuration
@@ -90,8 +88,8 @@ class ZenohBus:
         self._routes = Routes()
         self._inlet = Inlet(self._loop, ROOMS, on_failure)
         self._unsent = 0
-        self._links: set[tuple[str, str]] = set()
-        """both ends of each link of the present session"""
+        self._links = Links()
+        """of the present session"""
         self._closed = threading.Event()
         self._session: zenoh.Session | None = None
         self._declaring = threading.Lock()
@@ -100,10 +98,12 @@ class ZenohBus:
         self._replying: threading.Thread | None = None
         self._keeper: threading.Thread | None = None
         self._is_opening = False
-        if configuration.is_patient:
-            self._keeper = leaving.start("zenoh-open", self._keep_open)
-        else:
+        self._renewal = Renewal()
+        self._neighbours: Neighbours | None = None
+        if not configuration.is_patient:
             self._open_now()
+        if configuration.is_patient or configuration.nodes:
+            self._keeper = leaving.start("zenoh-open", self._keep_open)
 
     def __enter__(self) -> ZenohBus:
         return self
@@ -144,15 +144,16 @@ class ZenohBus:
         if not self._configuration.has_others or self._closed.is_set():
             return
         session = self._session
-        if session is None or not self._links:
-            self._unsent += 1
-            return
-        session.put(
-            key,
-            payload,
-            congestion_control=zenoh.CongestionControl.DROP,
-            allowed_destination=zenoh.Locality.REMOTE,
-        )
+        with contextlib.suppress(zenoh.ZError):  # where the session has just been given up for a new one
+            if session is not None and self._links:
+                session.put(
+                    key,
+                    payload,
+                    congestion_control=zenoh.CongestionControl.DROP,
+                    allowed_destination=zenoh.Locality.REMOTE,
+                )
+                return
+        self._unsent += 1
 
     def subscribe(self, key_expression: str, receive: Receive) -> None:
         def arrived(sample: zenoh.Sample) -> None:
@@ -188,7 +189,7 @@ class ZenohBus:
         self._declare(lambda session: session.declare_queryable(key, Callback(asked, indirect=False)))
 
     async def ask(self, key: str, payload: bytes, timeout_s: float) -> tuple[bytes, ...]:
-        """As of every transport; none as well where a patient session is not open yet."""
+        """As of every transport; none as well where no session is open."""
         answers: list[bytes] = []
         ended = asyncio.Event()
 
@@ -203,17 +204,20 @@ class ZenohBus:
         session = self._session
         if session is None:
             return ()
-        session.get(
-            key,
-            Callback(arrived, over, indirect=False),
-            payload=payload,
-            timeout=timeout_s + MARGIN_S,
-            congestion_control=zenoh.CongestionControl.DROP,
-            # All answers of all who serve the key: else the last hides the others, and who says that it is
-            # complete keeps the others from being asked.
-            target=zenoh.QueryTarget.ALL,
-            consolidation=zenoh.ConsolidationMode.NONE,
-        )
+        try:
+            session.get(
+                key,
+                Callback(arrived, over, indirect=False),
+                payload=payload,
+                timeout=timeout_s + MARGIN_S,
+                congestion_control=zenoh.CongestionControl.DROP,
+                # All answers of all who serve the key: else the last hides the others, and who says that it
+                # is complete keeps the others from being asked.
+                target=zenoh.QueryTarget.ALL,
+                consolidation=zenoh.ConsolidationMode.NONE,
+            )
+        except zenoh.ZError:
+            return ()
         async with asyncio.timeout(timeout_s):
             await ended.wait()
         return tuple(answers)
@@ -241,7 +245,7 @@ class ZenohBus:
     def _open_now(self) -> None:
         configuration = self._configuration
         try:
-            session = zenoh.open(_zenoh(configuration))
+            session = zenoh.open(_zenoh(self._configuration))
         except zenoh.ZError as error:
             raise BusError(configuration.cure(str(error))) from error
         self._opened(session)
@@ -249,46 +253,69 @@ class ZenohBus:
             self.endpoint = configuration.listen
             if not configuration.listen.port:
                 self.endpoint = replace(configuration.listen, port=self._bound_port(session))
+                # The next session listens at the same port.
+                found = {**configuration.values, "listen/endpoints": [str(self.endpoint)]}
+                self._configuration = replace(configuration, values=found)
 
     def _keep_open(self) -> None:
-        """The life of a patient bus, on a thread: one session after the other."""
+        """The life of a bus whose sessions may come and go, on a thread: one after the other."""
         while not self._closed.is_set():
-            self._is_opening = True
-            try:
-                session = zenoh.open(_zenoh(self._configuration))
-            except zenoh.ZError as error:
-                self.trouble = self._configuration.cure(str(error))
+            session = self._session or self._try_to_open()
+            if session is None:
                 self._closed.wait(AGAIN_AFTER_S)
                 continue
-            finally:
-                self._is_opening = False
-            if self._closed.is_set():
-                _closing(session)
-                return
-            self.trouble = ""
-            self._opened(session)
-            self._wait_until_lost()
+            self._wait_until_lost(session)
             if self._closed.is_set():
                 return  # and who closes the bus closes its session
             with self._declaring:
-                self._session, self._links = None, set()
-            _closing(session)
+                self._session, self._links = None, Links()
+            closing = _closing(session)
+            if self._configuration.nodes:
+                # Others may never find routes to who is back before they have taken leave of it.
+                closing.join(CLOSE_S)
+                self._closed.wait(AWAY_S)
 
-    def _wait_until_lost(self) -> None:
-        """Until the bus is closed, or has had no link for `LOST_AFTER_S`."""
-        alone_since_s: float | None = None
+    def _try_to_open(self) -> zenoh.Session | None:
+        self._is_opening = True
+        try:
+            session = zenoh.open(_zenoh(self._configuration))
+        except zenoh.ZError as error:
+            self.trouble = self._configuration.cure(str(error))
+            return None
+        finally:
+            self._is_opening = False
+        if self._closed.is_set():
+            _closing(session)
+            return None
+        self.trouble = ""
+        self._opened(session)
+        return session
+
+    def _wait_until_lost(self, session: zenoh.Session) -> None:
+        """Until the bus is closed, or its session has to be given up for a new one."""
         while not self._closed.wait(LOOK_EVERY_S):
             now_s = time.monotonic()
-            if self._links or alone_since_s is None:
-                alone_since_s = now_s
-            if now_s - alone_since_s >= LOST_AFTER_S:
+            if self._neighbours is not None:
+                is_lost = self._is_to_be_renewed(session, self._neighbours, now_s)
+            else:
+                is_lost = self._links.alone_s(now_s) >= LOST_AFTER_S
+            if is_lost:
                 return
 
+    def _is_to_be_renewed(self, session: zenoh.Session, neighbours: Neighbours, now_s: float) -> bool:
+        with contextlib.suppress(zenoh.ZError):  # where the session is being closed
+            self._links.listed((link.src, link.dst) for link in session.info.links())
+            return neighbours.look(self._renewal, [str(zid) for zid in session.info.routers_zid()], now_s)
+        return False
+
     def _opened(self, session: zenoh.Session) -> None:
-        links: set[tuple[str, str]] = set()
+        links = Links()
         self._links = links
         changed = partial(self._link_changed, links)
         session.info.declare_link_events_listener(Callback(changed, indirect=False), history=True)
+        if nodes := self._configuration.nodes:
+            own_id, hear, is_heard = str(session.zid()), partial(_hear, session), partial(_is_heard, session)
+            self._neighbours = Neighbours(nodes, own_id, hear, is_heard)
         with self._declaring:
             self._session = session
             for declare in self._declarations:
@@ -300,10 +327,10 @@ class ZenohBus:
             if self._session is not None:
                 declare(self._session)
 
-    def _link_changed(self, links: set[tuple[str, str]], event: zenoh.LinkEvent) -> None:
+    def _link_changed(self, links: Links, event: zenoh.LinkEvent) -> None:
         # Of several threads at once, and perhaps of a session that has been given up.
         has_come = event.kind == zenoh.SampleKind.PUT
-        (links.add if has_come else links.discard)((event.link.src, event.link.dst))
+        links.changed((event.link.src, event.link.dst), has_come=has_come)
         if self._on_link is not None:
             who = partial(self._on_link, event.link.dst, event.link.auth_identifier, has_come)
             self._inlet.take(OWN, "", who)
@@ -335,6 +362,19 @@ def _closing(session: zenoh.Session) -> threading.Thread:
     return leaving.start("zenoh-close", close)
 
 
+def _hear(session: zenoh.Session, key: str) -> Callable[[], None]:
+    """And ignore, as nobody may put there."""
+    ignore: Callback[zenoh.Sample] = Callback(lambda _sample: None, indirect=False)
+    return partial(session.declare_subscriber(key, ignore).undeclare)
+
+
+def _is_heard(session: zenoh.Session, key: str) -> bool:
+    """Whether anybody else would hear what is put there, as Zenoh's tables have it: nothing is."""
+    with session.declare_publisher(key, allowed_destination=zenoh.Locality.REMOTE) as publisher:
+        # zenoh-python types the status as a bool.
+        return bool(publisher.matching_status.matching)  # type: ignore[attr-defined]
+
+
 def _reply(query: zenoh.Query, key: str, payload: bytes) -> None:
     try:
         query.reply(key, payload)
@@ -353,7 +393,6 @@ def _read(payload: zenoh.ZBytes | None) -> bytes | None:
 
 def _zenoh(configuration: Configuration) -> zenoh.Config:
     config = zenoh.Config()
-    values: dict[str, Any] = dict(configuration.values)
-    for path, value in values.items():
+    for path, value in configuration.values.items():
         config.insert_json5(path, json.dumps(value))
     return config

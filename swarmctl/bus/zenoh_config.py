@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from swarmctl.bus import access
+from swarmctl.bus import access, keys
 from swarmctl.bus.base import MAX_MESSAGE_BYTES
 from swarmctl.bus.endpoint import BusEndpoint
 
@@ -63,6 +63,9 @@ class Configuration:
     """whether it may open at any time later"""
     has_others: bool = False
     """whether what is put here concerns other processes"""
+    nodes: str = ""
+    """of a mesh: the key under which every node hears, by the id of its session, so that its neighbours see
+    whether they have routes to it; nothing is ever put there"""
 
     def as_json5(self) -> str:
         """The same for a `zenohd` of the same version, which must find the credentials at the same paths."""
@@ -138,12 +141,18 @@ def mesh_node(
     uavs: Sequence[int],
     credentials: Credentials | None = None,
 ) -> Configuration:
-    """One of many that pass on for each other; neighbours may come and go, and it opens without any."""
+    """One of many that pass on for each other; neighbours may come and go, and it opens without any.
+
+    Of two nodes one alone should have the other among its `neighbours`. Where both connect, two links make
+    one transport, whose ends may disagree after a cut on whether it ended; then what one says does not reach
+    the other, and no table of Zenoh (1.10) shows it.
+    """
     values = _common("router", listen=listen, connect=neighbours, credentials=credentials)
     # Without an end: Zenoh tries in the background.
     values |= {"connect/timeout_ms": -1, "connect/exit_on_failure": False}
     values["access_control"] = access.mesh(swarm, uavs, certified=credentials is not None)
-    return Configuration(values, listen=listen, connect=tuple(neighbours), has_others=True)
+    nodes = f"{keys.ROOT}/{swarm}/node"
+    return Configuration(values, listen=listen, connect=tuple(neighbours), has_others=True, nodes=nodes)
 
 
 def _common(

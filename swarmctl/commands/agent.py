@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import datetime as dt
 from dataclasses import replace
 from enum import StrEnum
@@ -12,12 +11,13 @@ from typing import Annotated
 import typer
 
 from swarmctl import companion, joining, preflight
-from swarmctl.app import Report
 from swarmctl.bus.access import name_of
 from swarmctl.bus.base import BusError
 from swarmctl.bus.endpoint import NOBODY
 from swarmctl.bus.zenoh_config import Configuration
+from swarmctl.commands.finishing import unbroken
 from swarmctl.commands.flying import RealOption, conclude, confirmed, permission, settle, terminal
+from swarmctl.commands.loading import scenario_of
 from swarmctl.commands.shared import (
     EXPECTED,
     USAGE,
@@ -27,7 +27,6 @@ from swarmctl.commands.shared import (
     fail,
     run_folder,
     say,
-    scenario_of,
 )
 from swarmctl.core.roster import meant_by
 from swarmctl.director import Permission
@@ -87,10 +86,7 @@ def agent(
     network = _network(scenario, connect, launch, keyring)
     if found := list(preflight.troubles(_without_door(scenario), out_folder)):
         fail(found, EXPECTED)
-    report, folder = _fly(
-        scenario, out_folder, launch, network, keyring, permission(allowed), verbose=verbose
-    )
-    conclude(report, scenario, folder)
+    _fly(scenario, out_folder, launch, network, keyring, permission(allowed), verbose=verbose)
 
 
 def _fly(
@@ -102,26 +98,30 @@ def _fly(
     may_arm: Permission,
     *,
     verbose: bool,
-) -> tuple[Report, Path]:
+) -> None:
+    """Leaves with the flight's exit code."""
     (spec,) = scenario.specs
     folder = run_folder(out_folder, f"{scenario.config.name}-{spec.name}")
-    shown = terminal(verbose=verbose)
+    shown = terminal(verbose=verbose, with_time=True)
     settle()
-    try:
-        with shown.shown():
-            flight = companion.fly(
-                scenario,
-                folder,
-                shown,
-                clock="real",
-                permission=may_arm,
-                launch=launch.value,
-                network=network,
-                keyring=keyring,
-            )
-            return asyncio.run(flight), folder
-    except BusError as error:
-        fail([str(error)], EXPECTED)
+    with unbroken() as run:
+        try:
+            with shown.shown():
+                report = run(
+                    companion.fly(
+                        scenario,
+                        folder,
+                        shown,
+                        clock="real",
+                        permission=may_arm,
+                        launch=launch.value,
+                        network=network,
+                        keyring=keyring,
+                    )
+                )
+        except BusError as error:
+            fail([str(error)], EXPECTED)
+        conclude(report, scenario, folder)
 
 
 def _meant(scenario: Scenario, uav: str) -> int:
@@ -158,8 +158,8 @@ def _network(
         say(f"`communication` has neither router nor mesh: {spec.name} flies in touch with nobody")
         return None
     try:
-        uavs = [other.sysid for other in scenario.swarm]
-        return joining.as_agent(scenario.config, spec.name, uavs, connect, keyring)
+        names = {other.sysid: other.name for other in scenario.swarm}
+        return joining.as_agent(scenario.config, spec.sysid, names, connect, keyring)
     except joining.NoNetwork as error:
         advice = f"; or --connect tcp/HOST:PORT, or --launch {Launch.WHEN_READY} to fly by itself"
         fail([f"{error}{advice if nowhere and connect is None else ''}"], USAGE)

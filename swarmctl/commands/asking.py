@@ -16,15 +16,14 @@ import typer
 from swarmctl import joining, operate
 from swarmctl.bus.access import OPERATOR
 from swarmctl.bus.base import BusError
+from swarmctl.commands.calling import roll_of
 from swarmctl.commands.shared import EXPECTED, USAGE, err, fail, out
-from swarmctl.config import ConfigError, load
 from swarmctl.core import requests
 from swarmctl.core.messages import OperatorAnswer, Request, VehicleAnswer
-from swarmctl.judge import judge
 from swarmctl.keyring.files import KeyringError
 from swarmctl.keyring.use import Keyring
 from swarmctl.operate import Station
-from swarmctl.scenario import build
+from swarmctl.roll import Roll
 
 UavsOption = Annotated[
     list[str] | None,
@@ -65,8 +64,6 @@ def give(
         credentials = joining.certified(station.endpoint, keyring)
         seals = operate.UNSEALED if keyring is None else Seals(station.swarm, keyring)
         answer = asyncio.run(operate.give(station, wanted, credentials, seals))
-    except ConfigError as error:
-        fail(error.lines, USAGE)
     except (BusError, operate.NoAnswer, KeyringError) as error:
         fail([str(error)], EXPECTED)
     except ValueError as error:
@@ -88,18 +85,21 @@ class Seals:
         return requests.open_answer(self.swarm, key, asked, data, partial(self.keyring.verify, uav))
 
 
+def station_of(swarm: str | None, known: Roll | None, connect: str | None) -> Station:
+    """The flight that is meant, as `operate.find` has it. Raises Unclear and BusError."""
+    if known is None:
+        return operate.find(swarm, None, connect)
+    return operate.find(swarm, known, connect, known.names)
+
+
 def _station(swarm: str | None, config: Path | None, connect: str | None) -> tuple[Station, Keyring | None]:
-    """Raises ConfigError, BusError, KeyringError and ValueError."""
-    if config is None:
-        return operate.find(swarm, None, connect), None
-    found = load(config)
-    if not operate.is_apart(found):
-        return operate.find(swarm, found, connect), None
-    names = {spec.sysid: spec.name for spec in build(load(config, judge)).swarm}
-    station = operate.find(swarm, found, connect, names)
+    """Raises BusError, KeyringError and ValueError."""
+    known = None if config is None else roll_of(config)
+    station = station_of(swarm, known, connect)
     # Who flies all in one process, on this machine, asks for no seal.
-    keyring = joining.keyring_of(found, OPERATOR, dt.datetime.now(dt.UTC)) if station.agents else None
-    return station, keyring
+    if known is None or not station.agents:
+        return station, None
+    return station, joining.keyring_of(known, OPERATOR, dt.datetime.now(dt.UTC))
 
 
 def _say(

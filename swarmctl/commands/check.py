@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import datetime as dt
+from collections.abc import Iterator
 from pathlib import Path
 
 import typer
 
 from swarmctl import preflight
-from swarmctl.commands.shared import EXPECTED, ConfigOption, OutOption, fail, out, scenario_of
+from swarmctl.bus.access import OPERATOR, ROUTER, name_of
+from swarmctl.commands.loading import scenario_of
+from swarmctl.commands.shared import EXPECTED, ConfigOption, OutOption, fail, out
+from swarmctl.keyring import look
+from swarmctl.scenario import Scenario
 
 
 def register(cli: typer.Typer) -> None:
@@ -17,7 +23,7 @@ def register(cli: typer.Typer) -> None:
 def check(config: ConfigOption, out_folder: OutOption = Path("runs")) -> None:
     """Say everything that is wrong with a configuration, here and now, without starting anything."""
     scenario = scenario_of(config)
-    found = list(preflight.troubles(scenario, out_folder))
+    found = [*preflight.troubles(scenario, out_folder), *_keys(scenario)]
     if found:
         fail(found, EXPECTED)
     n, grid = len(scenario.specs), scenario.grid
@@ -26,3 +32,13 @@ def check(config: ConfigOption, out_folder: OutOption = Path("runs")) -> None:
         f"{grid.cell_size_m:g} m, {scenario.prior.count} hostiles announced."
     )
     out.print(text, highlight=False, soft_wrap=True)
+
+
+def _keys(scenario: Scenario) -> Iterator[str]:
+    """What the commands of a swarm on many machines would say of its keys."""
+    communication = scenario.config.communication
+    if communication.keys is None:
+        return
+    names = [name_of(spec.sysid) for spec in scenario.swarm] + [OPERATOR]
+    names += [ROUTER] if communication.router is not None else []
+    yield from look.troubles(Path(communication.keys), names, dt.datetime.now(dt.UTC))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -11,7 +10,9 @@ import typer
 
 from swarmctl import app, preflight
 from swarmctl.clock import run_virtual
+from swarmctl.commands.finishing import unbroken
 from swarmctl.commands.flying import RealOption, conclude, confirmed, permission, settle, terminal
+from swarmctl.commands.loading import scenario_of
 from swarmctl.commands.shared import (
     EXPECTED,
     USAGE,
@@ -20,7 +21,6 @@ from swarmctl.commands.shared import (
     VerboseOption,
     fail,
     run_folder,
-    scenario_of,
 )
 
 
@@ -60,7 +60,8 @@ def fly(
     folder = run_folder(out_folder, scenario.config.name)
     shown = terminal(verbose=verbose)
     settle()
-    with shown.shown():
-        flight = app.fly(scenario, folder, shown, clock=clock.value, permission=permission(allowed))
-        report = run_virtual(flight) if clock is Clock.VIRTUAL else asyncio.run(flight)
-    conclude(report, scenario, folder)
+    with unbroken() as run:
+        with shown.shown():
+            flight = app.fly(scenario, folder, shown, clock=clock.value, permission=permission(allowed))
+            report = run_virtual(flight) if clock is Clock.VIRTUAL else run(flight)
+        conclude(report, scenario, folder)

@@ -10,9 +10,9 @@ from typing import Annotated
 
 import typer
 
-from swarmctl import outputs
+from swarmctl import companion, outputs
 from swarmctl.app import Report
-from swarmctl.commands.shared import EXPECTED, INTERRUPTED, USAGE, err, fail, out
+from swarmctl.commands.shared import EXPECTED, INTERRUPTED, USAGE, err, fail, out, timed
 from swarmctl.director import Member, Permission, PreflightFailed
 from swarmctl.flight_report import flight_table, missed, unfriendly
 from swarmctl.scenario import Scenario
@@ -23,8 +23,23 @@ RealOption = Annotated[
 ]
 
 
-def terminal(*, verbose: bool) -> Terminal:
-    return (LiveTable if out.is_terminal else PlainLines)(out, verbose=verbose)
+class _TimedLines(PlainLines):
+    """For the logs of a flight on many machines, which are read side by side."""
+
+    def say(self, text: str) -> None:
+        super().say(timed(text))
+
+
+class _TimedTable(LiveTable):
+    def log(self, text: str) -> None:
+        super().log(timed(text))
+
+
+def terminal(*, verbose: bool, with_time: bool = False) -> Terminal:
+    """`with_time`: each line that stays has the wall clock's."""
+    if out.is_terminal:
+        return (_TimedTable if with_time else LiveTable)(out, verbose=verbose)
+    return (_TimedLines if with_time else PlainLines)(out, verbose=verbose)
 
 
 def settle() -> None:
@@ -43,8 +58,14 @@ def conclude(report: Report, scenario: Scenario, folder: Path) -> None:
         raise report.bug
     if report.ended in ("stopped", "abandoned"):
         raise typer.Exit(INTERRUPTED)
-    if report.trouble or not report.all_arrived or missed(report.summary):
+    done = report.arrived + len(companion.called_back(report))
+    if report.trouble or done < max(len(report.states), 1) or _late(report):
         raise typer.Exit(EXPECTED)
+
+
+def _late(report: Report) -> list[str]:
+    """The vehicles that did not keep their time bounds; whom an operator has called back needs not."""
+    return [name for name in missed(report.summary) if name not in companion.called_back(report)]
 
 
 def _tell(report: Report, folder: Path) -> None:
@@ -63,7 +84,9 @@ def _tell(report: Report, folder: Path) -> None:
         out.print("nothing was flown to the end; see above", highlight=False)
     else:
         out.print(f"{report.arrived} of {len(report.states)} arrived", highlight=False)
-        if late := missed(report.summary):
+        if called_back := companion.called_back(report):
+            out.print(f"ended by the operator: {', '.join(called_back)}", highlight=False, soft_wrap=True)
+        if late := _late(report):
             err.print(f"out of time: {', '.join(late)}", style="red", highlight=False, soft_wrap=True)
     out.print(f"run folder: {folder}", highlight=False, soft_wrap=True)
 

@@ -12,11 +12,12 @@ from rich.table import Table
 
 from swarmctl.bus.access import OPERATOR, ROUTER, name_of
 from swarmctl.bus.endpoint import parse_endpoint
-from swarmctl.commands.shared import EXPECTED, USAGE, ConfigOption, fail, out, say, scenario_of
-from swarmctl.core.roster import meant_by
+from swarmctl.commands.calling import roll_of
+from swarmctl.commands.shared import EXPECTED, USAGE, ConfigOption, fail, out, say
 from swarmctl.keyring.files import KeyringError
 from swarmctl.keyring.make import AUTHORITY, Made, make
-from swarmctl.scenario import Scenario
+from swarmctl.mesh import listeners
+from swarmctl.roll import Roll
 
 
 def register(cli: typer.Typer) -> None:
@@ -40,11 +41,11 @@ def make_keys(
     ] = None,
 ) -> None:
     """Make a folder of keys for each vehicle, the operator and the router, to be copied to their machines."""
-    scenario = scenario_of(config)
-    participants = {name_of(spec.sysid): spec.name for spec in scenario.swarm}
+    known = roll_of(config)
+    participants = {name_of(uav): name for uav, name in known.names.items()}
     names = [*participants, OPERATOR, ROUTER]
     try:
-        hosts = _hosts(scenario, names, host or [])
+        hosts = _hosts(known, names, host or [])
     except ValueError as error:
         fail([f"--host {error}"], USAGE)
     try:
@@ -52,16 +53,25 @@ def make_keys(
     except KeyringError as error:
         fail([str(error)], EXPECTED)
     out.print(_table(made, participants))
-    say(
-        f"Copy each folder to its machine, below the folder that communication.keys names there. "
-        f"{out_folder / AUTHORITY} stays here, secret: who has its key can make participants."
-    )
+    say(_what_to_copy(made))
+    say(f"{out_folder / AUTHORITY} stays here, secret: who has its key can make participants.")
 
 
-def _hosts(scenario: Scenario, names: list[str], given: list[str]) -> dict[str, list[str]]:
+def _what_to_copy(made: list[Made]) -> str:
+    new = [str(one.folder) for one in made if one.is_new or one.is_changed]
+    if not new:
+        return "Nothing has changed: what their machines have stays good."
+    where = "to its machine, below the folder that communication.keys names there"
+    if all(one.is_new for one in made):
+        return f"Copy each folder {where}."
+    refusing = "Who does not know a new key refuses what its owner says."
+    return f"Copy again, each {where}: {', '.join(new)}. {refusing}"
+
+
+def _hosts(known: Roll, names: list[str], given: list[str]) -> dict[str, list[str]]:
     """Where participants listen, by the configuration and as given. Raises ValueError."""
     hosts: dict[str, list[str]] = {name: [] for name in names}
-    for name, host in _configured(scenario):
+    for name, host in _configured(known):
         hosts[name].append(host)
     for text in given:
         name, _, host = text.partition("=")
@@ -71,14 +81,11 @@ def _hosts(scenario: Scenario, names: list[str], given: list[str]) -> dict[str, 
     return hosts
 
 
-def _configured(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    communication = scenario.config.communication
-    if communication.router is not None:
-        yield ROUTER, parse_endpoint(communication.router).host
-    by_sysid = {spec.sysid: spec.name for spec in scenario.swarm}
-    for word, endpoint in communication.mesh.items():
-        (uav,) = meant_by([word], by_sysid)
-        yield name_of(uav), parse_endpoint(endpoint).host
+def _configured(known: Roll) -> Iterator[tuple[str, str]]:
+    if known.communication.router is not None:
+        yield ROUTER, parse_endpoint(known.communication.router).host
+    for uav, endpoint in listeners(known.communication.mesh, known.names).items():
+        yield name_of(uav), endpoint.host
 
 
 def _table(made: list[Made], participants: dict[str, str]) -> Table:
@@ -87,7 +94,7 @@ def _table(made: list[Made], participants: dict[str, str]) -> Table:
         table.add_column(heading)
     for one in made:
         whom = participants.get(one.name, "the ground station" if one.name == OPERATOR else "the router")
-        state = "made" if one.is_new else "kept"
+        state = "made" if one.is_new else "changed" if one.is_changed else "kept"
         until = f"{one.until:%Y-%m-%d %H:%M}"
         table.add_row(str(one.folder), whom, state, until, ", ".join(one.hosts))
     return table

@@ -14,17 +14,17 @@ from swarmctl import joining, operate
 from swarmctl.bus import looks
 from swarmctl.bus.access import OPERATOR
 from swarmctl.bus.base import BusError, Transport
-from swarmctl.bus.endpoint import parse_endpoint
 from swarmctl.bus.zenoh_config import Credentials
-from swarmctl.commands.asking import ConnectOption, FlyingConfigOption, SwarmOption
-from swarmctl.commands.shared import EXPECTED, USAGE, fail, out, say, scenario_of
+from swarmctl.commands.asking import ConnectOption, FlyingConfigOption, SwarmOption, station_of
+from swarmctl.commands.calling import roll_of
+from swarmctl.commands.shared import EXPECTED, USAGE, fail, out, say
 from swarmctl.core.grid import Cell
 from swarmctl.core.looks import VERSION, Answer, Point, Report, schema
 from swarmctl.core.messages import MAX_SYSTEM_ID
-from swarmctl.core.roster import meant_by
 from swarmctl.keyring.files import KeyringError
+from swarmctl.mesh import listeners, vehicle_of
 from swarmctl.operate import NoAnswer, Station, Unclear
-from swarmctl.scenario import Scenario
+from swarmctl.roll import Roll
 
 SOURCE = "operator"
 MAX_INDEX = 2**31
@@ -69,11 +69,11 @@ def observe(
     if show_schema:
         out.print_json(json.dumps(schema()))
         return
-    scenario = scenario_of(config) if config is not None else None
+    known = None if config is None else roll_of(config)
     try:
         report = seen(cell or [], at or [], occupied)
-        to = _vehicle(uav, scenario)
-        station, credentials = _station(swarm, scenario, connect, to)
+        to = _vehicle(uav, known)
+        station, credentials = _station(swarm, known, connect, to)
     except (BusError, KeyringError) as error:
         fail([str(error)], EXPECTED)
     except ValueError as error:
@@ -123,13 +123,12 @@ def _point(word: str, occupied: bool) -> Point:
     return Point(lat_deg, lon_deg, occupied)
 
 
-def _vehicle(word: str, scenario: Scenario | None) -> int:
+def _vehicle(word: str, known: Roll | None) -> int:
     """The system id. Raises ValueError."""
     if not word:
         raise Unclear("which vehicle is told? give --uav and its system id, or its name with --config")
-    if scenario is not None:
-        (uav,) = meant_by([word], _names(scenario))
-        return uav
+    if known is not None:
+        return vehicle_of(word, known.names)
     if word.isascii() and word.isdigit() and 1 <= int(word) <= MAX_SYSTEM_ID:
         return int(word)
     raise Unclear(
@@ -138,27 +137,19 @@ def _vehicle(word: str, scenario: Scenario | None) -> int:
 
 
 def _station(
-    swarm: str | None, scenario: Scenario | None, connect: str | None, to: int
+    swarm: str | None, known: Roll | None, connect: str | None, to: int
 ) -> tuple[Station, Credentials | None]:
     """Where to report, and what is shown there. Raises BusError, KeyringError and ValueError."""
-    if scenario is None:
-        station, keyring = operate.find(swarm, None, connect), None
-    else:
-        names = _names(scenario)
-        station = operate.find(swarm, scenario.config, connect, names)
-        mesh = scenario.config.communication.mesh
-        own = mesh.get(names[to]) or mesh.get(str(to))
-        if own is not None and connect is None and station.agents:
-            # In a mesh no node passes on what a sensor sees.
-            station = replace(station, endpoint=parse_endpoint(own), others=())
-        certified = station.endpoint.is_certified
-        now = dt.datetime.now(dt.UTC)
-        keyring = joining.keyring_of(scenario.config, OPERATOR, now) if certified else None
+    station = station_of(swarm, known, connect)
+    if known is None:
+        return station, joining.certified(station.endpoint, None)
+    own = listeners(known.communication.mesh, known.names).get(to)
+    if own is not None and connect is None and station.agents:
+        # In a mesh no node passes on what a sensor sees.
+        station = replace(station, endpoint=own, others=())
+    certified = station.endpoint.is_certified
+    keyring = joining.keyring_of(known, OPERATOR, dt.datetime.now(dt.UTC)) if certified else None
     return station, joining.certified(station.endpoint, keyring)
-
-
-def _names(scenario: Scenario) -> dict[int, str]:
-    return {spec.sysid: spec.name for spec in scenario.swarm}
 
 
 async def _report(station: Station, credentials: Credentials | None, uav: int, report: Report) -> Answer:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from swarmctl import operate
+from swarmctl.answers import ordered
 from swarmctl.commands.asking import (
     AllOption,
     ConnectOption,
@@ -18,7 +19,6 @@ from swarmctl.commands.asking import (
 )
 from swarmctl.core.events import Order
 from swarmctl.core.messages import GiveOrder
-from swarmctl.display import ordered
 
 
 def register(cli: typer.Typer) -> None:

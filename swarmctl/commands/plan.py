@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from swarmctl import front_report, outputs, plan_report
+from swarmctl.commands.loading import scenario_of
 from swarmctl.commands.shared import (
     EXPECTED,
     USAGE,
@@ -17,7 +18,6 @@ from swarmctl.commands.shared import (
     out,
     run_folder,
     say,
-    scenario_of,
 )
 from swarmctl.core.chance import WORLDS
 from swarmctl.core.roster import meant_by

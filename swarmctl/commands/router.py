@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import datetime as dt
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -15,7 +16,8 @@ from swarmctl.bus.access import ROUTER
 from swarmctl.bus.base import BusError
 from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
 from swarmctl.bus.zenoh_config import Configuration, Credentials
-from swarmctl.commands.shared import EXPECTED, USAGE, ConfigOption, fail, say, scenario_of
+from swarmctl.commands.calling import roll_of
+from swarmctl.commands.shared import EXPECTED, USAGE, ConfigOption, fail, log, say
 from swarmctl.config_communication import Communication
 from swarmctl.keyring.files import KeyringError
 from swarmctl.keyring.use import load
@@ -41,18 +43,17 @@ def route(
     ] = False,
 ) -> None:
     """Route what the agents of a swarm on many machines say, each only what it may, until Ctrl-C."""
-    scenario = scenario_of(config)
-    communication = scenario.config.communication
+    roll = roll_of(config)
+    communication = roll.communication
     where = _where(communication, listen)
     credentials = _credentials(communication, where, keys)
-    uavs = [spec.sysid for spec in scenario.swarm]
-    configuration = zenoh_config.router(where, scenario.config.name, uavs, credentials)
+    configuration = zenoh_config.router(where, roll.name, [*roll.names], credentials)
     if print_it:
         say(configuration.as_json5())
         return
     if credentials is None and not where.is_loopback:
         say(f"whoever reaches {where} can speak for every vehicle and give commands: nobody asks who it is")
-    _run(configuration)
+    _run(configuration, roll.names)
 
 
 def _where(communication: Communication, listen: str) -> BusEndpoint:
@@ -78,8 +79,8 @@ def _credentials(communication: Communication, where: BusEndpoint, keys: Path | 
         fail([str(error)], EXPECTED)
 
 
-def _run(configuration: Configuration) -> None:
+def _run(configuration: Configuration, names: Mapping[int, str]) -> None:
     try:
-        asyncio.run(routing.run(configuration, say))
+        asyncio.run(routing.run(configuration, log, names))
     except BusError as error:
         fail([str(error)], EXPECTED)

@@ -11,10 +11,6 @@ from typing import Annotated, NoReturn
 import typer
 from rich.console import Console
 
-from swarmctl.config import ConfigError, load
-from swarmctl.judge import judge
-from swarmctl.scenario import Scenario, build
-
 OK, EXPECTED, USAGE, BUG, INTERRUPTED = 0, 1, 2, 3, 130
 
 WIDE = 140
@@ -35,19 +31,21 @@ def say(text: str) -> None:
     out.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
+def timed(text: str) -> str:
+    """A line of a log, with the time by this machine's clock."""
+    return f"{datetime.now().astimezone():%H:%M:%S} {text}"
+
+
+def log(text: str) -> None:
+    """Something that happened, and when."""
+    say(timed(text))
+
+
 def fail(lines: Sequence[str], code: int) -> NoReturn:
     """Say what went wrong and leave."""
     for text in lines:
         err.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
     raise typer.Exit(code)
-
-
-def scenario_of(path: Path) -> Scenario:
-    """What a configuration describes; leaves with everything that is wrong with it."""
-    try:
-        return build(load(path, judge))
-    except ConfigError as error:
-        fail(error.lines, USAGE)
 
 
 def run_folder(parent: Path, name: str) -> Path:

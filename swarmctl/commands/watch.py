@@ -18,7 +18,8 @@ from swarmctl.bus.access import OPERATOR
 from swarmctl.bus.base import BusError
 from swarmctl.bus.zenoh_bus import ZenohBus
 from swarmctl.bus.zenoh_config import Configuration
-from swarmctl.commands.shared import EXPECTED, INTERRUPTED, USAGE, ConfigOption, fail, out, say, scenario_of
+from swarmctl.commands.calling import roll_of
+from swarmctl.commands.shared import EXPECTED, INTERRUPTED, OK, USAGE, ConfigOption, fail, log, out
 from swarmctl.core.frames import Seal
 from swarmctl.keyring.files import KeyringError
 from swarmctl.watch import Board, View, table
@@ -41,26 +42,26 @@ def show(
     ] = False,
 ) -> None:
     """Show where the vehicles of a swarm on many machines are and what they do, until Ctrl-C."""
-    scenario = scenario_of(config)
-    names = {spec.sysid: spec.name for spec in scenario.swarm}
+    known = roll_of(config)
     try:
-        keyring = joining.keyring_of(scenario.config, OPERATOR, dt.datetime.now(dt.UTC))
-        network = joining.as_watcher(scenario.config, list(names), connect, keyring)
+        keyring = joining.keyring_of(known, OPERATOR, dt.datetime.now(dt.UTC))
+        network = joining.as_watcher(known, known.names, connect, keyring)
     except KeyringError as error:
         fail([str(error)], EXPECTED)
     except joining.NoNetwork as error:
         advice = "" if connect is not None else "; give one of them, or --connect tcp/HOST:PORT"
         fail([f"{error}{advice}"], USAGE)
     verify = None if keyring is None else keyring.verify
-    board = Board(scenario.config.name, names, scenario.grid, Seal(scenario.config.name, None, verify))
+    board = Board(known.name, known.names, known.grid, Seal(known.name, None, verify))
     shown = _live if out.is_terminal and not once else _lines if not once else _once
     try:
         with shown() as see:
-            asyncio.run(_watch(network, board, scenario.config.name, see, once=once))
+            asyncio.run(_watch(network, board, known.name, see, once=once))
     except BusError as error:
         fail([str(error)], EXPECTED)
     except asyncio.CancelledError:
-        raise typer.Exit(INTERRUPTED) from None
+        # Until then it was to be shown; one look that was broken off has shown nothing.
+        raise typer.Exit(INTERRUPTED if once else OK) from None
     if not board.any_heard:
         fail(["no vehicle was heard: do their agents run, and reach the same router or mesh?"], EXPECTED)
 
@@ -86,7 +87,8 @@ async def _watch(
             where = ", ".join(map(str, network.connect))
             if bus.connected:
                 return f"{where}: reached"
-            return f"{where}: not reached" + (f" ({bus.trouble})" if bus.trouble else "")
+            trouble = f" ({bus.trouble})" if bus.trouble else ""
+            return f"{where}: not reached{trouble}: {joining.not_reached(network)}"
 
         await watch.watch(bus, board, swarm, reached, see, once=once)
 
@@ -104,4 +106,4 @@ def _once() -> Iterator[Callable[[View], None]]:
 
 @contextlib.contextmanager
 def _lines() -> Iterator[Callable[[View], None]]:
-    yield watch.Lines(say, LINES_EVERY_S).show
+    yield watch.Lines(log, LINES_EVERY_S).show

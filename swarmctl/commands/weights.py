@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from swarmctl import operate
+from swarmctl.answers import told
 from swarmctl.commands.asking import (
     AllOption,
     ConnectOption,
@@ -17,7 +18,6 @@ from swarmctl.commands.asking import (
 )
 from swarmctl.core.messages import SetWeights, VehicleAnswer
 from swarmctl.core.threat import FiringStrength
-from swarmctl.display import told
 
 
 def register(cli: typer.Typer) -> None:
@@ -49,6 +49,10 @@ def set_weights(
 
     def line(answer: VehicleAnswer) -> str:
         strengths = operate.strengths(firing_strength, (direct, first_neighbour, second_neighbour))
-        return told(w, None if strengths is None else FiringStrength(*strengths), answer)
+        said = told(w, None if strengths is None else FiringStrength(*strengths), answer)
+        if answer.outcome != "taken":
+            return said
+        # What keeps its route is not planned anew, and a vehicle may be over its goal before.
+        return f"{said}; plan {answer.from_plan} follows if another route is better"
 
     give(command, swarm, config, connect, line)

@@ -8,7 +8,7 @@ import ipaddress
 import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from cryptography import x509
@@ -44,6 +44,8 @@ class Made:
     name: str
     folder: Path
     is_new: bool
+    is_changed: bool
+    """it was there, and is no longer what its machine has: it knows others now"""
     until: dt.datetime
     hosts: tuple[str, ...]
 
@@ -69,10 +71,10 @@ def make(
         made = [
             _participant(folder / name, name, authority, days, now, hosts.get(name, ())) for name in names
         ]
-        _tell_signers(folder)
+        changed = _tell_signers(folder)
     except OSError as error:
         raise KeyringError(f"{error.filename or folder}: {error.strerror or error}") from error
-    return made
+    return [replace(one, is_changed=not one.is_new and one.name in changed) for one in made]
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +128,7 @@ def _participant(
     _write(folder / "cert.pem", certificate.public_bytes(serialization.Encoding.PEM))
     _write_key(folder / "key.pem", key)
     _write_key(folder / "sign.pem", Ed25519PrivateKey.generate())
-    return Made(name, folder, True, certificate.not_valid_after_utc, all_hosts)
+    return Made(name, folder, True, False, certificate.not_valid_after_utc, all_hosts)
 
 
 def _kept(folder: Path, name: str, authority: _Authority, now: dt.datetime, hosts: Sequence[str]) -> Made:
@@ -143,16 +145,24 @@ def _kept(folder: Path, name: str, authority: _Authority, now: dt.datetime, host
         raise KeyringError(
             f"{certificate_file} does not name {', '.join(missing)}; remove {folder} to have it made anew"
         )
-    return Made(name, folder, False, certificate.not_valid_after_utc, named)
+    return Made(name, folder, False, False, certificate.not_valid_after_utc, named)
 
 
-def _tell_signers(folder: Path) -> None:
-    """Write everybody's public keys into every folder, also those of earlier times."""
+def _tell_signers(folder: Path) -> set[str]:
+    """Write everybody's public keys into every folder, also those of earlier times; returns in which others
+    stood."""
     folders = sorted(path for path in folder.iterdir() if NAME.fullmatch(path.name))
     public = {path.name: read_signer(path / "sign.pem").public_key().public_bytes_raw() for path in folders}
     text = json.dumps({name: base64.b64encode(key).decode() for name, key in public.items()}, indent=2)
-    for path in folders:
-        _write(path / "signers.json", text.encode() + b"\n")
+    content = text.encode() + b"\n"
+    others = [path for path in folders if not _holds(path / "signers.json", content)]
+    for path in others:
+        _write(path / "signers.json", content)
+    return {path.name for path in others}
+
+
+def _holds(path: Path, content: bytes) -> bool:
+    return path.exists() and path.read_bytes() == content
 
 
 def _builder(

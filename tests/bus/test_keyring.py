@@ -14,8 +14,10 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from swarmctl.commands import check as check_command
 from swarmctl.commands import keys as keys_command
 from swarmctl.commands import router as router_command
+from swarmctl.keyring import look
 from swarmctl.keyring.files import KeyringError
 from swarmctl.keyring.make import make
 from swarmctl.keyring.use import load
@@ -71,6 +73,62 @@ def test_making_again_keeps_what_is_there_and_adds_what_is_missing(folder: Path)
     assert {path: path.read_bytes() for path in before} == before
     for name in (*NAMES, "uav4"):
         assert set(load(folder, name, NOW + dt.timedelta(days=1)).signers) == {*NAMES, "uav4"}
+
+
+def test_making_again_says_which_folders_are_no_longer_what_their_machines_have(folder: Path) -> None:
+    again = make(folder, NAMES, 30, NOW)
+    assert not any(one.is_new or one.is_changed for one in again)
+    shutil.rmtree(folder / "uav3")
+    state = {one.name: (one.is_new, one.is_changed) for one in make(folder, [*NAMES, "uav4"], 30, NOW)}
+    assert state.pop("uav3") == state.pop("uav4") == (True, False)
+    assert state == dict.fromkeys(("uav1", "operator", "router"), (False, True))
+    (folder / "uav1" / "signers.json").unlink()
+    assert [one.name for one in make(folder, NAMES, 30, NOW) if one.is_changed] == ["uav1"]
+
+
+def nothing(_folder: Path) -> None:
+    pass
+
+
+def copied_to_a_companion(folder: Path) -> None:
+    for name in ("ca", "uav1", "operator", "router"):
+        shutil.rmtree(folder / name)
+
+
+def all_gone(folder: Path) -> None:
+    shutil.rmtree(folder)
+
+
+def one_lost_where_they_were_made(folder: Path) -> None:
+    shutil.rmtree(folder / "uav3")
+
+
+def one_of_another_swarm(folder: Path) -> None:
+    make(folder.parent / "others", ["uav3"], 30, NOW)
+    shutil.rmtree(folder / "uav3")
+    shutil.copytree(folder.parent / "others" / "uav3", folder / "uav3")
+
+
+LOOKED_AT: list[tuple[Callable[[Path], None], int, list[str]]] = [
+    # what was done, days later, what is said
+    (nothing, 0, []),
+    (copied_to_a_companion, 0, []),
+    (all_gone, 0, ["keys/uav1: no such folder; `swarmctl keys"]),
+    (one_lost_where_they_were_made, 0, ["keys/uav3: no such folder"]),
+    (one_of_another_swarm, 0, ["of different authorities"]),
+    (nothing, 31, [f"keys/{name}/cert.pem was valid until 2030-05-31 12:00 UTC" for name in NAMES]),
+]
+
+
+@pytest.mark.parametrize(("done", "days", "said"), LOOKED_AT)
+def test_what_is_wrong_with_keys_is_found_before_they_are_needed(
+    folder: Path, done: Callable[[Path], None], days: int, said: list[str]
+) -> None:
+    done(folder)
+    found = list(look.troubles(folder, NAMES, NOW + dt.timedelta(days=days)))
+    assert len(found) == len(said), found
+    for line, part in zip(found, said, strict=True):
+        assert part in line
 
 
 def test_a_certificate_names_its_owner_this_machine_and_where_it_is_found(folder: Path) -> None:
@@ -209,6 +267,7 @@ def test_a_folder_that_cannot_be_written_is_said(tmp_path: Path) -> None:
 
 def commands() -> typer.Typer:
     app = typer.Typer()
+    check_command.register(app)
     keys_command.register(app)
     router_command.register(app)
     return app
@@ -273,3 +332,33 @@ def test_a_router_that_cannot_start_says_why(options: list[str], code: int, why:
     told = CliRunner().invoke(commands(), ["router", "--config", str(config), *options])
     assert told.exit_code == code
     assert why in " ".join(told.output.split())
+
+
+def test_making_again_tells_which_folders_to_copy_again(config: Path, tmp_path: Path) -> None:
+    words = ["keys", "--config", str(config), "--out", str(tmp_path / "keys")]
+    said = []
+    for gone in ("", "", "uav2"):
+        if gone:
+            shutil.rmtree(tmp_path / "keys" / gone)
+        told = CliRunner().invoke(commands(), words)
+        assert told.exit_code == 0, told.output
+        said.append(told.output)
+    assert "Copy each folder to its machine" in said[0]
+    assert "Nothing has changed" in said[1]
+    table, again = said[2].split("Copy again")
+    assert table.count("changed") == 3  # all but the one that is made anew know another signer
+    for name in ("uav1", "uav2", "operator", "router"):
+        assert str(tmp_path / "keys" / name) in again
+
+
+def test_checking_a_configuration_looks_at_its_keys(config: Path, tmp_path: Path) -> None:
+    words = ["check", "--config", str(config), "--out", str(tmp_path / "runs")]
+    missing = CliRunner().invoke(commands(), words)
+    assert (missing.exit_code, "keys/uav1: no such folder" in missing.stderr) == (1, True)
+    names, now = ["uav1", "uav2", "operator", "router"], dt.datetime.now(dt.UTC)
+    make(tmp_path / "keys", names, 30, now)
+    assert CliRunner().invoke(commands(), words).exit_code == 0
+    shutil.rmtree(tmp_path / "keys")
+    make(tmp_path / "keys", names, 1, now - dt.timedelta(days=2))
+    expired = CliRunner().invoke(commands(), words)
+    assert (expired.exit_code, expired.stderr.count("was valid until")) == (1, 4)

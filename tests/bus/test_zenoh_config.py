@@ -51,6 +51,23 @@ def test_who_is_listened_for_has_an_access_list_and_one_protocol(name: str) -> N
     assert bool(certified) == ("tls" in tree["transport"]["link"])
 
 
+@pytest.mark.parametrize("name", CONFIGURATIONS)
+def test_nodes_of_a_mesh_alone_tell_each_other_that_they_are_there(name: str) -> None:
+    """Under keys at which everybody of the swarm may hear, and nobody may put or ask."""
+    nodes = CONFIGURATIONS[name].nodes
+    assert nodes == ("swarmctl/test/node" if name == "mesh" else "")
+    if not nodes:
+        return
+    key = zenoh.KeyExpr(f"{nodes}/1")
+    allowed = {
+        message
+        for rule in CONFIGURATIONS[name].values["access_control"]["rules"]
+        if any(zenoh.KeyExpr(expression).intersects(key) for expression in rule["key_exprs"])
+        for message in rule["messages"]
+    }
+    assert allowed == {"declare_subscriber", "declare_queryable"}
+
+
 def test_what_a_vehicle_may_do_does_not_grow_with_who_else_is_there() -> None:
     """A hundred vehicles are a list that Zenoh loads in a tenth of a second."""
     listed = star("test", range(1, 101), certified=True)

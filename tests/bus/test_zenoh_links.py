@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 from zenoh_nodes import (
@@ -22,7 +23,7 @@ from zenoh_nodes import (
     until,
 )
 
-from swarmctl.bus import keys, zenoh_bus, zenoh_config
+from swarmctl.bus import keys, renewal, zenoh_bus, zenoh_config
 from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.zenoh_bus import CLOSE_S, ZenohBus
 
@@ -196,6 +197,63 @@ def test_a_mesh_finds_a_node_that_returns_and_goes_round_one_that_is_gone() -> N
                 assert len(heard) == 1
             heard.clear()
             await until(lambda: heard, "past the one that is gone", lambda: one.put(TO_TWO, b""))
+
+    asyncio.run(scene())
+
+
+def test_a_node_of_a_mesh_with_a_link_and_no_routes_begins_anew_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The other is as of an older version, and says nothing of itself; what was declared is, again."""
+    monkeypatch.setattr(renewal, "EARLIEST_S", 0.3)
+    monkeypatch.setattr(renewal, "LATEST_S", 0.3)
+    monkeypatch.setattr(zenoh_bus, "AWAY_S", 0.1)
+
+    async def scene() -> None:
+        one_is, two_is = here("tcp"), here("tcp")
+        older = replace(zenoh_config.mesh_node(two_is, [], SWARM, UAVS), nodes="")
+        came: list[bool] = []
+        heard: list[str] = []
+        with (
+            ZenohBus(older) as two,
+            ZenohBus(
+                zenoh_config.mesh_node(one_is, [two_is], SWARM, UAVS),
+                on_link=lambda _address, _name, has_come: came.append(has_come),
+            ) as one,
+        ):
+            one.subscribe(keys.inbox(SWARM, 1), lambda key, _: heard.append(key))
+            one.serve(keys.request(SWARM, "weights", 1), answer)
+            await until(lambda: came.count(True) == 2, "it begins anew")
+            said = keys.told(SWARM, 1, "inform/state", 2)
+            await until(lambda: heard, "what is put", lambda: two.put(said, b""))
+            assert await two.ask(keys.request(SWARM, "weights", 1), b"", 5.0) == (b"answer",)
+            await asyncio.sleep(1.5)
+            assert came.count(True) == 2
+            assert one.endpoint == one_is
+            assert (one.links, two.links) == (1, 1)
+
+    asyncio.run(scene())
+
+
+def test_a_mesh_that_is_whole_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(renewal, "EARLIEST_S", 1.0)
+    monkeypatch.setattr(renewal, "LATEST_S", 1.0)
+
+    async def scene() -> None:
+        places = {uav: here("tls") for uav in UAVS}
+        came: list[bool] = []
+
+        def node(uav: int, *neighbours: int) -> ZenohBus:
+            there = [places[neighbour] for neighbour in neighbours]
+            own = credentials("tls", f"uav{uav}")
+            configuration = zenoh_config.mesh_node(places[uav], there, SWARM, UAVS, own)
+            return ZenohBus(configuration, on_link=lambda _address, _name, has_come: came.append(has_come))
+
+        with node(1) as one, node(2, 1) as two, node(3, 1, 2) as three:
+            await until(lambda: one.links + two.links + three.links == 6, "all links")
+            visitor = ZenohBus(zenoh_config.visitor(places[1], credentials("tls", "operator")))
+            await asyncio.sleep(2.5)
+            visitor.close()
+            await until(lambda: False in came, "the visitor has left")
+            assert (came.count(True), came.count(False)) == (7, 1)
 
     asyncio.run(scene())
 

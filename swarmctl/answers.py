@@ -1,0 +1,25 @@
+"""What vehicles made of an operator's commands, as lines."""
+
+from __future__ import annotations
+
+from swarmctl.core.messages import VehicleAnswer
+from swarmctl.core.threat import FiringStrength
+
+
+def ordered(order: str, answer: VehicleAnswer) -> str:
+    """What a vehicle made of an order, as a line."""
+    how = {"taken": f"{order} ordered", "unconfirmed": "unknown"}.get(answer.outcome, "not ordered")
+    return f"{answer.name}: {how}" + (f": {answer.note}" if answer.note else "")
+
+
+def told(w: float | None, strength: FiringStrength | None, answer: VehicleAnswer) -> str:
+    """What a vehicle made of new weights, as a line."""
+    if answer.outcome != "taken":
+        how = "unknown" if answer.outcome == "unconfirmed" else "not changed"
+        return f"{answer.name}: {how}: {answer.note}"
+    parts = [] if w is None else [f"w = {w:g}"]
+    if strength is not None:
+        fs = (strength.direct, strength.first_neighbour, strength.second_neighbour)
+        parts.append("firing strengths " + ", ".join(f"{value:g}" for value in fs))
+    note = f" ({answer.note})" if answer.note else ""
+    return f"{answer.name}: {' and '.join(parts)} from plan {answer.from_plan} on{note}"

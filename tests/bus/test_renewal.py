@@ -1,0 +1,146 @@
+"""When a node of a mesh gives its session up for a new one: as a table of what it sees over time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from swarmctl.bus.links import Links
+from swarmctl.bus.neighbours import Neighbours
+from swarmctl.bus.renewal import EARLIEST_S, LATEST_S, MOST_DOUBLINGS, WHOLE_AFTER_S, Renewal, patience_s
+
+SOON, LATE = "0000aa", "ffffbb"
+"""ids of who waits the shortest time, and the longest"""
+
+
+def test_a_neighbour_without_routes_is_waited_for_and_then_begun_anew_for() -> None:
+    renewal = Renewal()
+    missing = {"2": True, "3": False}
+    assert not renewal.is_due(SOON, missing, 100.0, is_missed=False)
+    assert not renewal.is_due(SOON, missing, 100.0 + EARLIEST_S - 0.1, is_missed=False)
+    assert renewal.is_due(SOON, missing, 100.0 + EARLIEST_S, is_missed=False)
+
+
+def test_routes_that_come_in_time_start_the_wait_afresh() -> None:
+    renewal = Renewal()
+    assert not renewal.is_due(SOON, {"2": False}, 100.0, is_missed=False)
+    assert not renewal.is_due(SOON, {"2": True}, 101.9, is_missed=False)
+    assert not renewal.is_due(SOON, {"2": False}, 102.0, is_missed=False)
+    assert not renewal.is_due(SOON, {"2": False}, 103.9, is_missed=False)
+    assert renewal.is_due(SOON, {"2": False}, 104.0, is_missed=False)
+
+
+def test_a_link_that_goes_is_not_missed() -> None:
+    renewal = Renewal()
+    assert not renewal.is_due(SOON, {"2": False}, 100.0, is_missed=False)
+    assert not renewal.is_due(SOON, {}, 101.0, is_missed=False)
+    assert not renewal.is_due(SOON, {"2": False}, 103.0, is_missed=False)
+
+
+def test_who_is_missed_in_vain_is_asked_to_begin_anew_and_not_begun_anew_for_again() -> None:
+    renewal = Renewal()
+    missing = {"2": False}
+    renewal.is_due(SOON, missing, 100.0, is_missed=False)
+    assert renewal.in_vain(missing) == set()
+    assert renewal.is_due(SOON, missing, 110.0, is_missed=False)
+    assert renewal.in_vain(missing) == {"2"}
+    assert renewal.in_vain({"2": True}) == set()
+    assert not any(renewal.is_due(SOON, missing, 110.0 + s, is_missed=False) for s in range(10_000))
+
+
+def test_who_is_missed_begins_anew() -> None:
+    renewal = Renewal()
+    assert not renewal.is_due(SOON, {"2": True}, 100.0, is_missed=True)
+    assert renewal.is_due(SOON, {"2": True}, 100.0 + EARLIEST_S, is_missed=True)
+
+
+def test_what_cannot_be_mended_is_tried_ever_more_rarely_and_anew_after_all_was_well() -> None:
+    renewal = Renewal()
+    times_s = [s for s in range(1000) if renewal.is_due(SOON, {"2": True}, float(s), is_missed=True)]
+    waits_s = [later - before for before, later in pairwise(times_s)]
+    assert waits_s == sorted(waits_s)
+    assert waits_s[-1] >= EARLIEST_S * 2**MOST_DOUBLINGS
+    for now_s in (1000.0, 1000.0 + WHOLE_AFTER_S):
+        assert not renewal.is_due(SOON, {"2": True}, now_s, is_missed=False)
+    assert not renewal.is_due(SOON, {"2": True}, 1020.0, is_missed=True)
+    assert renewal.is_due(SOON, {"2": True}, 1020.0 + EARLIEST_S, is_missed=True)
+
+
+@given(st.integers(0, 2**128 - 1))
+def test_how_long_is_waited_is_up_to_the_id(number: int) -> None:
+    assert EARLIEST_S <= patience_s(f"{number:032x}") <= LATEST_S
+    assert patience_s(LATE) - patience_s(SOON) == LATEST_S - EARLIEST_S
+
+
+@given(st.lists(st.sampled_from(["", "2", "3", "23"]), max_size=200))
+def test_a_network_that_is_whole_is_left_alone(links: list[str]) -> None:
+    """Whichever links come and go."""
+    renewal = Renewal()
+    for number, ids in enumerate(links):
+        assert not renewal.is_due(SOON, dict.fromkeys(ids, True), float(number), is_missed=False)
+
+
+def test_who_is_missed_in_vain_hears_of_it_until_there_are_routes() -> None:
+    """Two nodes and what each knows the other to hear; of `2`, `1` has not been told."""
+    told_1: set[str] = set()
+    told_2: set[str] = set()
+
+    def hears(others: set[str]) -> Callable[[str], Callable[[], None]]:
+        def hear(key: str) -> Callable[[], None]:
+            others.add(key)
+            return lambda: others.remove(key)
+
+        return hear
+
+    def nowhere(_key: str) -> Callable[[], None]:
+        return lambda: None
+
+    renewal_1, renewal_2 = Renewal(), Renewal()
+    one = Neighbours("nodes", SOON, hears(told_2), told_1.__contains__)
+    two = Neighbours("nodes", LATE, nowhere, told_2.__contains__)
+    assert not one.look(renewal_1, [LATE], 100.0)
+    assert one.look(renewal_1, [LATE], 100.0 + EARLIEST_S)
+    assert not two.look(renewal_2, [SOON], 102.0)
+    assert told_2 == {f"nodes/{SOON}"}
+    assert not one.look(renewal_1, [LATE], 103.0)
+    assert told_2 == {f"nodes/{SOON}", f"nodes/{LATE}/missed"}
+    assert not two.look(renewal_2, [SOON], 103.0)
+    assert two.look(renewal_2, [SOON], 103.0 + LATEST_S)
+    told_1.add(f"nodes/{LATE}")
+    assert not one.look(renewal_1, [LATE], 108.0)
+    assert told_2 == {f"nodes/{SOON}"}
+
+
+def test_a_link_whose_end_is_not_told_is_missing_in_two_lists() -> None:
+    links = Links()
+    links.changed(("a", "b"), has_come=True)
+    links.changed(("a", "c"), has_come=True)
+    links.listed([("a", "b")])
+    assert len(links) == 2
+    links.listed([("a", "b")])
+    assert len(links) == 1
+    links.changed(("a", "b"), has_come=False)
+    assert not links
+
+
+def test_a_link_that_has_just_come_may_be_missing_in_a_list() -> None:
+    links = Links()
+    links.listed([])
+    links.changed(("a", "b"), has_come=True)
+    links.listed([])
+    links.listed([("a", "b")])
+    links.listed([])
+    assert len(links) == 1
+
+
+def test_how_long_there_is_no_link_is_counted_from_the_first_look_without_one() -> None:
+    links = Links()
+    assert links.alone_s(10.0) == 0.0
+    assert links.alone_s(12.0) == 2.0
+    links.changed(("a", "b"), has_come=True)
+    assert links.alone_s(13.0) == 0.0
+    links.changed(("a", "b"), has_come=False)
+    assert links.alone_s(15.0) == 2.0
