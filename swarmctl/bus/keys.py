@@ -12,7 +12,7 @@
 | `uav/TO/request/order/operator` | an operator | the UAV's agent | asked | GiveOrder; OperatorAnswer |
 | `station/request/weights/operator` | an operator | who flies all | asked | SetWeights; OperatorAnswer |
 | `station/request/order/operator` | an operator | who flies all | asked | is refused there |
-| `node/ID` and `node/ID/missed` | nobody | a node of a mesh | - | nothing: who subscribes shows that it is there |
+| `node/ID`, `node/ID/missed` | nobody | a mesh's node | - | nothing: who subscribes shows that it is there |
 | `uav/TO/inform/look/sensor` | a payload, or a person | the UAV's agent | put or asked | JSON |
 
 ACT is one of FIPA's communicative acts. SWARM is the configuration's name, TO and FROM are system ids. A UAV
