@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import gc
 import os
 import subprocess
 import sys
@@ -53,12 +54,13 @@ class Heard:
 
     said_s: dict[tuple[int, int], float] = field(default_factory=dict)
     recipients: dict[tuple[int, int], int] = field(default_factory=dict)
-    times: dict[tuple[int, int], list[float]] = field(default_factory=dict)
+    merged: list[tuple[int, int, float]] = field(default_factory=list)
+    """(observer, seq, when)"""
 
     def add(self, told: Sequence[Told], now_s: float) -> None:
         for item in told:
             if isinstance(item, Observation):
-                self.times.setdefault((item.observer, item.seq), []).append(now_s)
+                self.merged.append((item.observer, item.seq, now_s))
 
     def figures(self) -> tuple[float, float, float]:
         """(p50 and p99 to the last recipient [ms], delivered share).
@@ -67,8 +69,11 @@ class Heard:
         for those it was sent to.
         """
         last, came, expected = [], 0, 0
+        all_times: dict[tuple[int, int], list[float]] = {}
+        for observer, seq, now_s in self.merged:
+            all_times.setdefault((observer, seq), []).append(now_s)
         for name, n in self.recipients.items():
-            times = sorted(self.times.get(name, ()))[:n]
+            times = sorted(all_times.get(name, ()))[:n]
             came, expected = came + len(times), expected + n
             if n and len(times) == n:
                 last.append(times[-1] - self.said_s[name])
@@ -159,7 +164,11 @@ def in_one_process(
         agents = [Agent(network, uav, heard) for uav in range(1, n + 1)]
         begin_s = asyncio.get_running_loop().time() + 1.5
         flights = asyncio.gather(*(agent.fly(rate_per_s, begin_s, seconds) for agent in agents))
-        await asyncio.sleep(1.5)
+        await asyncio.sleep(1.4)
+        # As `fly` and `agent` do before they fly.
+        gc.collect()
+        gc.freeze()
+        await asyncio.sleep(begin_s - asyncio.get_running_loop().time())
         cpu_s, wall_s = time.process_time(), time.monotonic()
         await flights
         late_s = time.monotonic() - wall_s - seconds
@@ -251,8 +260,7 @@ def apart(n: int, rate_per_s: float, seconds: float) -> list[str]:
             cpu_s += one_s
             together.said_s |= heard.said_s
             together.recipients |= heard.recipients
-            for name, times in heard.times.items():
-                together.times.setdefault(name, []).extend(times)
+            together.merged += heard.merged
     finally:
         for process in (*members, station):
             process.kill()
