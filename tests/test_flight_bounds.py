@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from swarmctl import cli, record
 from swarmctl.agent import arrives_s, first_route
-from swarmctl.commands import shared
+from swarmctl.commands import loading
 from swarmctl.core.route import thin
 from swarmctl.planners import BoundTooTight
 from swarmctl.scenario import Scenario
@@ -134,7 +134,7 @@ def test_the_tightest_bound_that_is_accepted_is_kept_around_many_corners(
 def test_a_flight_that_missed_its_bound_does_not_look_fine(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(shared, "judge", lambda config: ())  # which would refuse the bound
+    monkeypatch.setattr(loading, "judge", lambda config: ())  # which would refuse the bound
     file = tmp_path / "late.yaml"
     sections = "threats: {count: 0}\nplanner: {name: time_bound}\ncommunication: {bus: memory}\n"
     area = "area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 4, cols: 4, cell_size_m: 50}\n"
