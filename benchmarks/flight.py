@@ -52,8 +52,10 @@ def scenario(count: int) -> Scenario:
     assert config.simulate is not None
     simulate = config.simulate.model_copy(update={"count": count})
     # A step of 5 m would take a hundred vehicles into the flight levels.
-    flight = config.flight.model_copy(update={"altitude_step_m": min(5.0, 100.0 / count)})
-    return build(config.model_copy(update={"simulate": simulate, "flight": flight}))
+    step_m = min(5.0, 100.0 / count)
+    flight = config.flight.model_copy(update={"altitude_step_m": step_m})
+    separation = config.separation.model_copy(update={"vertical_m": min(3.0, 0.8 * step_m)})
+    return build(config.model_copy(update={"simulate": simulate, "flight": flight, "separation": separation}))
 
 
 def fly(count: int, clock: Clock) -> Flight:

@@ -7,26 +7,40 @@ import contextlib
 import signal
 import time
 from collections.abc import Callable, Coroutine, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from swarmctl import simulator
+from swarmctl import evidence_run, simulator
 from swarmctl.agent import ARRIVED, AgentState, Phase
-from swarmctl.bus import keys, looks
+from swarmctl.bus import looks
 from swarmctl.bus import tally as bus_tally
 from swarmctl.bus.base import BusError, Transport
 from swarmctl.bus.desk import Desk, Tally, Unseal, unsealed
+from swarmctl.bus.endpoint import NOBODY, parse_endpoint
 from swarmctl.bus.network import Network, RunClock
 from swarmctl.core.events import Order
 from swarmctl.core.frames import Seal
-from swarmctl.director import Director, Launch, Member, Permission, PreflightFailed, left_how
+from swarmctl.core.messages import GiveOrder, Request
+from swarmctl.director import (
+    Director,
+    Launch,
+    Member,
+    Permission,
+    PreflightFailed,
+    left_how,
+    turns_to_return,
+)
 from swarmctl.display import Picture, row
+from swarmctl.evidence.book import Signer
+from swarmctl.evidence.hooks import Evidence
 from swarmctl.face import Chatter, Steady, Ui
 from swarmctl.links.base import LinkError
 from swarmctl.networking import network_of, speedup_of
 from swarmctl.parts import Clock, epoch_ns, members_of, parts_of, with_free_port
+from swarmctl.preflight.conduct import Checked, Preflight, summary_of
+from swarmctl.preflight.waivers import Waiver
 from swarmctl.record import Recorder
 from swarmctl.runner import Observer
 from swarmctl.scenario import Scenario
@@ -37,10 +51,6 @@ from swarmctl.virtual import Carry, undisturbed
 Ending = Literal["ended", "stopped", "abandoned", "failed"]
 REFRESH_S = 0.25
 LAST_RESORT_S = 10.0
-NO_ORDERS = (
-    "one process flies this swarm and takes new weights only; Ctrl-C there makes all hold, and then do what "
-    "flight.on_exit says; vehicles flown by `swarmctl agent` take orders"
-)
 
 EXPECTED = (PreflightFailed, simulator.SimulatorFailed, LinkError, BusError)
 
@@ -52,12 +62,17 @@ class Manner:
     launch: Launch = "when-ready"
     desk_of: int | None = None
     """the vehicle whose operator's desk it keeps; None: the station's, for all vehicles"""
-    orders_closed: Callable[[Sequence[Member]], str] = lambda _members: NO_ORDERS
-    """why operators' orders are not taken now; empty if they are"""
+    orders_closed: Callable[[Sequence[Member]], str] | None = None
+    """why operators' orders are not taken now; empty if they are. None: one process flies all, and takes
+    those of its own machine"""
     unseal: Unseal = unsealed
     """opens operators' commands"""
     seal: Seal | None = None
     """signs what its UAVs say, and opens what others say; None: nobody signs"""
+    signer: Signer | None = None
+    """signs the evidence when the run ends; None: nobody does"""
+    waivers: tuple[Waiver, ...] = ()
+    """preflight checks that an operator lets fail"""
 
 
 ALL_IN_ONE = Manner()
@@ -77,6 +92,8 @@ class Report:
     summary: dict[str, Any]
     bug: Exception | None = None
     """what broke the flight and should not have been possible"""
+    checked: dict[str, tuple[Checked, ...]] = field(default_factory=dict)
+    """what the preflight checks found of each vehicle, by its name"""
 
     @property
     def arrived(self) -> int:
@@ -114,14 +131,16 @@ async def fly(
     commands = Tally()
     tallies: dict[int, bus_tally.Tally] = {}
     reports: dict[int, looks.Tally] = {}
+    checked: dict[str, tuple[Checked, ...]] = {}
     recorder = Recorder(folder / "run.mcap", scenario.config, names, epoch_ns(clock))
+    evidence = evidence_run.begin(scenario, folder, clock, face.say)
     try:
         async with (
             contextlib.AsyncExitStack() as opened,
-            parts_of(scenario, folder, clock, carry, bus, face.say) as parts,
+            parts_of(scenario, folder, clock, carry, bus, face.say, evidence) as parts,
         ):
             run_clock = RunClock(epoch_ns(clock) / 1e9, speedup_of(scenario, clock))
-            observers = (recorder, ledger, Chatter(face, names))
+            observers = (recorder, ledger, Chatter(face, names), evidence)
             network = opened.enter_context(
                 contextlib.closing(
                     network_of(
@@ -139,15 +158,32 @@ async def fly(
                 scenario.config.flight,
                 seconds_per_delay=1.0 / run_clock.speedup,
                 say=face.say,
-                permission=permission,
+                permission=_recorded(permission, evidence),
+                clearance=Preflight(
+                    scenario,
+                    checked,
+                    manner.waivers,
+                    unix_s_at_zero=run_clock.unix_s_at_zero,
+                    speedup=run_clock.speedup,
+                    free_clocks=clock == "real",
+                    say=face.say,
+                    on_waived=partial(_waived, evidence),
+                    sets_parameters=manner.launch != "never",
+                ),
                 launch=manner.launch,
             )
             show = _show(members, ledger, face, scenario, director, network)
             try:
-                ended = await _conduct(director, members, parts.played, face, show)
+                ended = await _conduct(director, members, parts.played, face, show, evidence)
             except Exception:
-                await _last_resort(members, parts.played, Order(scenario.config.flight.on_exit), face)
+                await _last_resort(
+                    "the flight is broken", members, parts.played, Order(scenario.config.flight.on_exit), face
+                )
                 raise
+            if ended == "abandoned":
+                await _last_resort(
+                    "not waited for", members, parts.played, Order(scenario.config.flight.on_exit), face
+                )
     except Exception as error:  # noqa: BLE001 - whatever it was, the vehicles are accounted for
         failures += _leaves(error)
         for leaf in failures:
@@ -157,7 +193,8 @@ async def fly(
                 bug = error
     finally:
         recorder.close()
-    trouble += [recorder.trouble] if recorder.trouble else []
+        evidence.close(manner.signer)
+    trouble += [text for text in (recorder.trouble, evidence.trouble) if text]
     states = {m.spec.sysid: m.state for m in members}
     wall_s = time.monotonic() - began_s if clock == "real" else None
     content = (
@@ -171,6 +208,7 @@ async def fly(
             networks=tallies,
             looks={uav: asdict(tally) for uav, tally in reports.items()},
         )
+        | {"preflight": summary_of(checked)}
         if states
         else {}
     )
@@ -178,7 +216,23 @@ async def fly(
     left = tuple(
         f"{m.name}: gone with the simulator" if gone and m.spec.simulated else left_how(m) for m in members
     )
-    return Report(ended, tuple(trouble), left, states, ledger, content, bug)
+    return Report(ended, tuple(trouble), left, states, ledger, content, bug, checked)
+
+
+def _recorded(permission: Permission, evidence: Evidence) -> Permission:
+    """The permission, which an operator has given, and evidence of it."""
+
+    def permit(foreign: Sequence[Member]) -> None:
+        permission(foreign)
+        for member in foreign:
+            firmware = member.identity.firmware if member.identity is not None else None
+            evidence.operator("permits arming", member.name, firmware=firmware, url=member.spec.url)
+
+    return permit
+
+
+def _waived(evidence: Evidence, checked: Checked) -> None:
+    evidence.waived(checked.vehicle, checked.check, f"found {checked.finding.found}")
 
 
 def _refused(observers: Sequence[Observer], uav: int, text: str) -> None:
@@ -189,14 +243,14 @@ def _refused(observers: Sequence[Observer], uav: int, text: str) -> None:
 
 
 async def _last_resort(
-    members: Sequence[Member], played: asyncio.Task[None] | None, order: Order, ui: Ui
+    why: str, members: Sequence[Member], played: asyncio.Task[None] | None, order: Order, ui: Ui
 ) -> None:
-    """The flight is broken: nobody decides for the vehicles any more, so each is told to leave the air."""
+    """Nobody decides for the vehicles any more, so all are told at once to leave the air."""
     reachable = [m for m in members if not (m.spec.simulated and played is not None and played.done())]
     armed = [m for m in reachable if m.state.vehicle.armed and m.state.phase is not Phase.RELEASED]
     if not armed:
         return
-    ui.say(f"the flight is broken: {', '.join(m.name for m in armed)} to {order}")
+    ui.say(f"{why}: {', '.join(m.name for m in armed)} to {order}, all at once")
 
     async def bring(member: Member) -> None:
         link = member.runner.link
@@ -218,8 +272,12 @@ def _desk(
 ) -> Desk:
     """`members` may be filled later."""
 
-    def closed(kind: keys.Kind) -> str:
-        return manner.orders_closed(members) if kind == "order" else ""
+    def closed(command: Request) -> str:
+        if not isinstance(command, GiveOrder):
+            return ""
+        if manner.orders_closed is not None:
+            return manner.orders_closed(members)
+        return orders_closed(scenario, members, command)
 
     return Desk(
         transport,
@@ -228,7 +286,27 @@ def _desk(
         commands,
         uav=manner.desk_of,
         closed=closed,
+        turns=partial(turns_to_return, members, ui.say),
         unseal=manner.unseal,
+    )
+
+
+def orders_closed(scenario: Scenario, members: Sequence[Member], order: GiveOrder) -> str:
+    """Why one process that flies all does not take an order; empty if it does.
+
+    Nobody is asked who it is. So nobody launches an aircraft, and others than this machine order it nothing.
+    """
+    real = [m.name for m in members if m.identity is None or not m.identity.simulated]
+    listen = scenario.config.communication.listen
+    if not real:
+        return ""
+    if order.order == "launch":
+        return f"{', '.join(real)} is not played by the built-in simulator: only `swarmctl fly` launches it"
+    if listen == NOBODY or parse_endpoint(listen).is_loopback:
+        return ""
+    return (
+        f"{', '.join(real)} is not played by the built-in simulator, and others than this machine reach "
+        f"{listen}: set communication.listen to tcp/127.0.0.1:0, or fly with `swarmctl agent` and keys"
     )
 
 
@@ -238,6 +316,7 @@ async def _conduct(
     played: asyncio.Task[None] | None,
     ui: Ui,
     show: Coroutine[Any, Any, None],
+    evidence: Evidence,
 ) -> Literal["ended", "stopped", "abandoned"]:
     """Everything that runs during a flight, under one task group; ends when the director does."""
     abandoned = False
@@ -252,6 +331,7 @@ async def _conduct(
         def interrupted() -> None:
             nonlocal abandoned
             abandoned = director.stop.is_set()
+            evidence.operator("leave at once" if abandoned else "end of the flight", by="signal")
             if abandoned:
                 flight.cancel()
             director.stop.set()

@@ -24,8 +24,10 @@ from swarmctl.core.requests import Opener, seal_answer
 from swarmctl.director import Launch, Member, Permission
 from swarmctl.face import Steady, Ui
 from swarmctl.keyring.use import Keyring
+from swarmctl.keyring.witness import Witness
 from swarmctl.links.url import parse_url
 from swarmctl.parts import Clock
+from swarmctl.preflight.waivers import Waiver
 from swarmctl.scenario import Scenario
 from swarmctl.supervise import cancelled
 from swarmctl.virtual import Carry, undisturbed
@@ -99,6 +101,7 @@ async def fly(
     bus: Transport | None = None,
     keyring: Keyring | None = None,
     carry: Carry = undisturbed,
+    waivers: tuple[Waiver, ...] = (),
 ) -> Report:
     """Fly what `only` has left, over `network`, over a bus that is open already, or in touch with nobody.
 
@@ -111,6 +114,8 @@ async def fly(
         lambda members: orders_closed(members, has_keys=keyring is not None),
         seal=None if keyring is None else Seal(scenario.config.name, keyring.sign, keyring.verify),
         unseal=unsealed if keyring is None else _Unseal(scenario, keyring),
+        signer=None if keyring is None else Witness(keyring.name, keyring.signer),
+        waivers=waivers,
     )
 
     async def flight(bus: Transport) -> Report:

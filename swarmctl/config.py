@@ -25,9 +25,14 @@ from pydantic import (
 
 from swarmctl import yaml_lines
 from swarmctl.bus.keys import SWARM_NAME
+from swarmctl.config_arrival import Together
 from swarmctl.config_base import Section as _Section
 from swarmctl.config_communication import Communication
 from swarmctl.config_count import Count
+from swarmctl.config_links import Links
+from swarmctl.config_preflight import Preflight
+from swarmctl.config_rules import Rules
+from swarmctl.config_separation import Separation
 from swarmctl.core.corners import Counting
 from swarmctl.core.sensor import SensorModel
 from swarmctl.core.threat import FiringStrength
@@ -60,6 +65,7 @@ def _cells(value: Any) -> Any:
 
 Cells = Annotated[tuple[Cell, ...], BeforeValidator(_cells), Field(min_length=1)]
 Side = Literal["north", "east", "south", "west"]
+LinkName = Literal["direct", "mavsdk"]
 
 
 class Area(_Section):
@@ -168,10 +174,16 @@ class Simulate(_Section):
 
     count: int = Field(ge=1, le=250)
     speedup: float = Field(1.0, ge=1.0, le=100.0, description="simulated seconds in a real one")
+    autopilot: Literal["ardupilot", "px4", "mixed"] = Field(
+        "ardupilot", description="which one they speak like; mixed: by turns, ArduPilot first"
+    )
     url: Annotated[str, AfterValidator(_url)] = Field(
         "udpin://127.0.0.1:0", description="where the ground station listens for them; port 0: any free one"
     )
     home_alt_amsl_m: float = Field(300.0, ge=-400.0, le=8000.0, description="of the ground [m]")
+    link: LinkName = Field(
+        "direct", description="who speaks to them: direct (this program) or mavsdk (real time only)"
+    )
     ready_s: float = Field(5.0, ge=0.0, description="from boot to a position estimate [s]; real ones take 41")
     speed_m_s: float = Field(10.0, gt=0.5, le=35.0, description="over ground [m/s]")
     start_side: Side = "west"
@@ -198,7 +210,9 @@ class Vehicle(_Section):
     name: str = Field(pattern=r"^[A-Za-z0-9_.-]{1,32}$")
     url: Annotated[str, AfterValidator(_url)]
     sysid: int = Field(ge=1, le=254)
-    link: Literal["direct"] = "direct"
+    link: LinkName = Field(
+        "direct", description="who speaks to it: direct (this program) or mavsdk (MAVSDK's stack, optional)"
+    )
     start: Start = Field(description="where it stands; usually outside the area")
     goal: Cells = Field(description="a cell [row, col], or a list of cells: its target zone")
     entry: Cell | None = Field(None, description="border cell by which it enters; default: the nearest")
@@ -231,6 +245,11 @@ class Config(_Section):
     planner: PlannerSection = PlannerSection()
     communication: Communication = Communication()
     flight: Flight = Flight()
+    links: Links = Links()
+    rules: Rules = Rules()
+    preflight: Preflight = Preflight()
+    separation: Separation = Separation()
+    arrival: Together | None = None
     simulate: Simulate | None = None
     vehicles: tuple[Vehicle, ...] = ()
 

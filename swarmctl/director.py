@@ -7,14 +7,15 @@ fails is reported and the others fly on.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine, Iterable, Sequence
+from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol
 
-from swarmctl.agent import IN_FLIGHT, ON_GROUND, AgentState, Phase
+from swarmctl.agent import IN_FLIGHT, ON_GROUND, AgentState, Phase, place_of
 from swarmctl.config import Flight
 from swarmctl.core import events as ev
 from swarmctl.core.geo import distance_m
+from swarmctl.core.returns import told, turns_of
 from swarmctl.core.vehicle import Landed
 from swarmctl.links.base import Identity, LinkError
 from swarmctl.runner import Runner
@@ -29,8 +30,9 @@ POLL_S = 0.1
 AGAIN_S = 5.0
 """to the next try, where a vehicle that waits for its order has to be made ready again"""
 
-Launch = Literal["when-ready", "ordered"]
-"""ordered: by an operator, whose order goes to the agent; the director sees to it that it can follow"""
+Launch = Literal["when-ready", "ordered", "never"]
+"""ordered: by an operator, whose order goes to the agent; the director sees to it that it can follow. never:
+preflight alone; nobody gets the permission to arm"""
 
 
 class PreflightFailed(Exception):
@@ -66,6 +68,16 @@ Permission = Callable[[Sequence[Member]], None]
 """Called with the vehicles that the built-in simulator does not play; raises PreflightFailed to forbid."""
 
 
+class Clearance(Protocol):
+    """Preflight checks; nothing of them arms."""
+
+    async def set_up(self, subject: Member) -> None:
+        """Before a vehicle is made ready. Raises LinkError."""
+
+    async def failures(self, subjects: Sequence[Member], everyone: Sequence[Member]) -> list[str]:
+        """Of vehicles that have answered, a line for each check that forbids arming."""
+
+
 class Director:
     """Leads the members through one flight. `stop` asks for an early, orderly end."""
 
@@ -77,6 +89,7 @@ class Director:
         seconds_per_delay: float,
         say: Callable[[str], None],
         permission: Permission,
+        clearance: Clearance,
         launch: Launch = "when-ready",
     ) -> None:
         self._members = members
@@ -84,7 +97,9 @@ class Director:
         self._seconds_per_delay = seconds_per_delay
         self._say = say
         self._permission = permission
+        self._clearance = clearance
         self._when_ready = launch == "when-ready"
+        self._checks_only = launch == "never"
         self.stop = asyncio.Event()
 
     async def fly(self) -> Literal["ended", "stopped"]:
@@ -103,11 +118,12 @@ class Director:
 
     async def _fly(self) -> None:
         await self._all(self._connect)
+        if self._checks_only:
+            self._foreigners()
+            await self._prepare_all()
+            return
         self._permit()
-        await self._all(self._make_ready)
-        lost = [m for m in self._members if m.state.lost]
-        if lost:
-            raise PreflightFailed([left_how(m) for m in lost])
+        await self._prepare_all()
         next_step = "launching" if self._when_ready else "the order to launch is waited for"
         self._say(f"every vehicle holds its mission, read back and compared; {next_step}")
         async with asyncio.TaskGroup() as launches:
@@ -115,8 +131,49 @@ class Director:
                 launches.create_task(self._launch(member))
         await self._until(self._is_over, self._members)
 
+    async def _prepare_all(self) -> None:
+        """Set up, ready, with a mission, checked. Raises PreflightFailed with all that is wrong."""
+        failures: list[str] = []
+        for step in (self._clearance.set_up, self._make_ready):
+            try:
+                await self._all(step)
+            except PreflightFailed as failed:
+                failures += failed.lines
+        try:
+            await self._clear(self._members)
+        except PreflightFailed as failed:
+            failures += failed.lines
+        failures += [left_how(m) for m in self._members if m.state.lost]
+        if failures:
+            raise PreflightFailed(list(dict.fromkeys(failures)))
+
+    async def _clear(self, members: Sequence[Member]) -> None:
+        """The checks without which none of them may be launched; all that fail in one report."""
+        failures = await self._clearance.failures(members, self._members)
+        if failures:
+            raise PreflightFailed(failures)
+        for member in members:
+            member.runner.cleared.set()
+
+    async def _prepare_again(self, member: Member) -> None:
+        """One that may have booted meanwhile: then all of it anew."""
+        if not member.runner.cleared.is_set():
+            await self._clearance.set_up(member)
+        await self._make_ready(member)
+        if not member.runner.cleared.is_set() and not member.state.ended:
+            await self._clear([member])
+
     def _permit(self) -> None:
         """Who each vehicle is decides what it may be sent from here on. Raises PreflightFailed."""
+        foreign = self._foreigners()
+        if foreign:
+            self._permission(foreign)
+        for member in self._members:
+            member.runner.armable = member.identity
+
+    def _foreigners(self) -> list[Member]:
+        """Those that the built-in simulator does not play. Raises PreflightFailed where one is in its place,
+        or where two share an address."""
         rivals = [m for m in self._members if m.runner.conflict]
         if rivals:
             raise PreflightFailed([f"{m.name}: {m.runner.conflict}; give each its own" for m in rivals])
@@ -124,10 +181,7 @@ class Director:
         impostors = [m for m in foreign if m.spec.simulated]
         if impostors:
             raise PreflightFailed([_impostor(m) for m in impostors])
-        if foreign:
-            self._permission(foreign)
-        for member in self._members:
-            member.runner.armable = member.identity
+        return foreign
 
     async def _all(self, act: Callable[[Member], Coroutine[None, None, None]]) -> None:
         """One preflight step on every member at once; all failures in one report."""
@@ -187,7 +241,7 @@ class Director:
         """After its delay, during which it may have booted anew, fallen silent, or been taken over."""
         await asyncio.sleep(member.spec.delay_s * self._seconds_per_delay)
         try:
-            await self._make_ready(member)
+            await self._prepare_again(member)
         except (LinkError, PreflightFailed) as error:
             self._say(f"{error}; it stays on the ground")
             member.runner.post(ev.OperatorCommand(ev.Order.HOLD))
@@ -197,11 +251,11 @@ class Director:
     async def _stand_by(self, member: Member) -> None:
         """As long as it is on the ground, where an operator may keep it: ready for the order to launch."""
         while member.state.phase in ON_GROUND and not (self._when_ready and self._is_over(member)):
-            if member.state.phase is not Phase.WAITING or member.state.lost:
+            if member.state.lost or not _wants_preparing(member):
                 await asyncio.sleep(POLL_S)
                 continue
             try:
-                await self._make_ready(member)
+                await self._prepare_again(member)
             except (LinkError, PreflightFailed) as error:
                 if not member.state.ended:
                     self._say(f"{error}; tried again in {AGAIN_S:g} s")
@@ -215,19 +269,33 @@ class Director:
         in_flight = [
             m for m in self._members if m.state.phase in IN_FLIGHT or m.state.phase is Phase.LAUNCHING
         ]
-        self._say(f"stopping: {_names(in_flight) or 'no vehicle'} in flight to hold")
-        self._order(self._members, ev.Order.HOLD)
-        await self._within(HOLD_DEADLINE_S, _holds, in_flight)
-        if self._flight.on_exit == "hold":
+        order = ev.Order(self._flight.on_exit)
+        # Who returns already is not stopped on its way, only to be sent home again.
+        on_its_way = [m for m in in_flight if order is ev.Order.RETURN and m.state.phase is Phase.LEAVING]
+        stopped = [m for m in in_flight if m not in on_its_way]
+        self._say(f"stopping: {_names(stopped) or 'no vehicle'} in flight to hold")
+        self._order([m for m in self._members if m not in on_its_way], ev.Order.HOLD)
+        await self._within(HOLD_DEADLINE_S, _holds, stopped)
+        if order is ev.Order.HOLD:
             return
         flying = [m for m in in_flight if not m.state.ended]
-        self._say(f"{_names(flying) or 'no vehicle'} to {self._flight.on_exit}")
-        self._order(flying, ev.Order(self._flight.on_exit))
+        self._say(f"{_names(flying) or 'no vehicle'} to {order}")
+        self._order(flying, order)
         await self._within(self._flight.on_exit_deadline_s, lambda m: m.state.ended, flying)
+        late = [m for m in flying if m.state.turn_boot_s is not None]
+        if late:
+            self._say(f"{_names(late)} to return now, whoever else is in the air")
+            for member in late:
+                member.runner.post(ev.OperatorCommand(ev.Order.RETURN))
+            await self._within(HOLD_DEADLINE_S, _returns, late)
 
     def _order(self, members: Iterable[Member], order: ev.Order) -> None:
+        members = list(members)
+        called = [m.spec.sysid for m in members] if order is ev.Order.RETURN else []
+        turns = turns_to_return(self._members, self._say, called)
         for member in members:
-            member.runner.post(ev.OperatorCommand(order))
+            after_s = turns.get(member.spec.sysid, 0.0)
+            member.runner.post(ev.OperatorCommand(order, after_s=after_s))
 
     async def _within(
         self, deadline_s: float, condition: Callable[[Member], bool], members: Sequence[Member]
@@ -245,10 +313,34 @@ class Director:
             await asyncio.sleep(POLL_S)
 
 
+def _wants_preparing(member: Member) -> bool:
+    phase = member.state.phase
+    return phase is Phase.WAITING or (phase is Phase.STANDBY and not member.runner.cleared.is_set())
+
+
 def _holds(member: Member) -> bool:
     """It follows the order to hold, or has something better to do: it is down, or on its way down."""
     state = member.state
     return (state.phase is Phase.HOLDING and state.order_seen) or state.ended or state.launch_aborted
+
+
+def _returns(member: Member) -> bool:
+    """It follows the order to return, and waits for no turn; or it is over."""
+    state = member.state
+    return state.ended or (state.turn_boot_s is None and state.order_seen)
+
+
+def turns_to_return(
+    members: Sequence[Member], say: Callable[[str], None], uavs: Sequence[int]
+) -> Mapping[int, float]:
+    """How long each of these waits for its turn [s], by system id; who waits is said."""
+    called = [m for m in members if m.spec.sysid in uavs or m.state.phase is Phase.LEAVING]
+    places = {m.spec.sysid: place_of(m.state) for m in called}
+    turns = turns_of({uav: place for uav, place in places.items() if place is not None})
+    if any(turns.begins_s.values()) or turns.not_apart:
+        say(f"returning: {told(turns, {m.spec.sysid: m.name for m in called})}")
+    # Nobody knows where the others are: they come when all else is down.
+    return {uav: turns.begins_s.get(uav, turns.down_s) for uav in uavs}
 
 
 def left_how(member: Member) -> str:

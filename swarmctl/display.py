@@ -84,7 +84,7 @@ def row(state: AgentState, age_s: float, note: str = "", refused: int = 0) -> Ro
         strikes=state.vehicle.strikes,
         link=_link(state, age_s) + (f", {refused} refused" if refused else ""),
         weights=_weights(state),
-        note=note or state.outcome or state.trouble or state.late,
+        note=note or state.alarm or state.outcome or state.trouble or state.late,
     )
 
 

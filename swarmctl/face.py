@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from swarmctl.agent import AgentState
+from swarmctl.agent import AgentState, Phase
 from swarmctl.answers import ordered, told
 from swarmctl.core import events as ev
 from swarmctl.core.frames import Spoken
@@ -61,7 +61,8 @@ class Chatter:
     ) -> None:
         if after.phase is not before.phase:
             note = f" ({after.outcome})" if after.outcome else ""
-            self.ui.log(f"{after.task.name}: {before.phase} → {after.phase}{note}")
+            tell = self.ui.say if after.phase is Phase.RELEASED else self.ui.log
+            tell(f"{after.task.name}: {before.phase} → {after.phase}{note}")
         if after.late and not before.late:
             self.ui.say(f"{after.task.name}: {after.late}")
         if after.lost is not before.lost:

@@ -15,6 +15,7 @@ from swarmctl.figures import product_text
 def flight_table(summary: dict[str, Any]) -> Table:
     """What became of each vehicle."""
     grid = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
+    grid.caption, grid.caption_justify = "\n".join(together(summary)), "left"
     grid.add_column("vehicle", no_wrap=True)
     titles = (
         "flown\n[m]", "time\n[s]", "ΣP_s", "∏\n(1−P_s)", "chance at take-off,\nsimulated, 95 %",
@@ -43,6 +44,26 @@ def flight_table(summary: dict[str, Any]) -> Table:
             Text(v["outcome"]),
         )
     return grid
+
+
+def together(summary: dict[str, Any]) -> list[str]:
+    """What is to be said of the vehicles together, as lines."""
+    separation, arrival, lines = summary["separation"], summary["arrival"], []
+    if arrival is not None and arrival["spread_s"] is not None:
+        how = "kept" if arrival["kept"] else "not kept"
+        lines.append(f"spread at arrival: {arrival['spread_s']:.1f} s ({arrival['tolerance_s']:g} s {how})")
+    if (least := separation["least_distance"]) is not None:
+        one, other = least["vehicles"]
+        when = "" if least["at_flight_s"] is None else f", {least['at_flight_s']:.0f} s after take-off"
+        text = f"least distance flown: {least['distance_m']:.1f} m, {one} and {other} "
+        over, high = least["horizontal_m"], least["vertical_m"]
+        lines.append(f"{text}({over:.1f} m over ground, {high:.1f} m in height{when})")
+    for pair in separation["too_close"]:
+        lines.append(f"too close for {pair['seconds']:.1f} s: {' and '.join(pair['vehicles'])}")
+    if separation["alarms"]:
+        given = f"way was given {separation['held']} times by holding, {separation['climbed']} by climbing"
+        lines.append(f"{separation['alarms']} alarms of vehicles about to be too close; {given}")
+    return lines
 
 
 def _over_goal(v: dict[str, Any]) -> Text:

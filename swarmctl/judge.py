@@ -15,8 +15,12 @@ from swarmctl.config import Config, Problem
 from swarmctl.config_count import Binomial, Poisson, Uniform, Weights
 from swarmctl.core.geo import distance_m
 from swarmctl.core.grid import Cell, Grid
+from swarmctl.judge_arrival import judge_arrival
 from swarmctl.judge_bounds import judge_bounds, unmet_bound
 from swarmctl.judge_communication import judge_communication
+from swarmctl.judge_links import judge_links
+from swarmctl.judge_preflight import judge_preflight
+from swarmctl.judge_separation import judge_separation
 from swarmctl.links.url import parse_url
 from swarmctl.planners import PLANNERS, BoundTooTight, Route, Unreachable
 from swarmctl.scenario import (
@@ -32,7 +36,6 @@ from swarmctl.yaml_lines import Path as KeyPath
 
 MAX_ALTITUDE_M = 1000.0
 MAX_CELLS = 4_000_000
-MIN_ALTITUDES_APART_M = 1.0
 MIN_STARTS_APART_M = 1.0
 MIN_LANDING_APART_M = 3.0
 
@@ -46,6 +49,8 @@ def judge(config: Config) -> Iterator[Problem]:
         return
     problems = [*_judge_unused(config), *_judge_threats(config, grid), *_judge_vehicles(config, grid)]
     problems += judge_communication(config)
+    problems += judge_links(config)
+    problems += judge_preflight(config)
     if config.simulate is None and not config.vehicles:
         text = "no vehicle: give `simulate: {count: 5}` or a list of vehicles"
         problems.append(Problem(("vehicles",), text))
@@ -58,6 +63,7 @@ def _judge_flights(scenario: Scenario) -> Iterator[Problem]:
     simulate = scenario.config.simulate
     n_simulated = simulate.count if simulate is not None else 0
     yield from _judge_apart(scenario)
+    routes: dict[int, Route] = {}
     for index, (spec, task) in enumerate(zip(scenario.specs, scenario.tasks, strict=True)):
         here: KeyPath = ("simulate",) if index < n_simulated else ("vehicles", index - n_simulated)
         yield from _judge_way_in(scenario, spec, here)
@@ -77,7 +83,9 @@ def _judge_flights(scenario: Scenario) -> Iterator[Problem]:
             text = f"{task.name} cannot reach its goal: {error}; open a way in area.no_fly"
             yield Problem((*here, "goal"), text)
         else:
+            routes[spec.sysid] = route
             yield from _judge_turns(scenario, task, route, (*here, "turn_radius_m"))
+    yield from judge_separation(scenario, routes)
 
 
 def _least_that_opens(task: Task, scenario: Scenario) -> float | None:
@@ -118,16 +126,7 @@ def _judge_turns(scenario: Scenario, task: Task, route: Route, path: KeyPath) ->
 
 
 def _judge_apart(scenario: Scenario) -> Iterator[Problem]:
-    """Altitude alone keeps vehicles apart in the air, and their starts on the ground."""
-    by_altitude = sorted(scenario.specs, key=lambda spec: spec.altitude_m)
-    for low, high in pairwise(by_altitude):
-        if high.altitude_m - low.altitude_m < MIN_ALTITUDES_APART_M:
-            text = (
-                f"{low.name} and {high.name} would fly at {low.altitude_m:g} and {high.altitude_m:g} m, less "
-                f"than {MIN_ALTITUDES_APART_M:g} m apart"
-            )
-            yield Problem(("flight", "altitude_step_m"), text)
-            break
+    """On the ground their starts keep vehicles apart."""
     frame = scenario.grid.frame
     starts = sorted((frame.to_local(*spec.start), spec.name) for spec in scenario.specs)
     for (here, name), (there, other) in pairwise(starts):
@@ -216,6 +215,7 @@ def _judge_vehicles(config: Config, grid: Grid) -> Iterator[Problem]:
             yield Problem((*here, "goal"), "every goal cell is in area.no_fly")
         yield from _judge_entry(config, grid, i)
     yield from judge_bounds(config)
+    yield from judge_arrival(config)
     yield from _judge_identities(config)
 
 

@@ -20,12 +20,18 @@ from swarmctl.bus.memory import MemoryBus
 from swarmctl.bus.network import Network, RunClock
 from swarmctl.bus.open import opened
 from swarmctl.bus.routes import SaidOnce
+from swarmctl.config_links import Links
 from swarmctl.core import events as ev
-from swarmctl.core.looks import Looked
+from swarmctl.core.looks import BY_HAND, Looked
 from swarmctl.director import Member
+from swarmctl.evidence.hooks import Evidence
+from swarmctl.keyring.files import KeyringError
+from swarmctl.keyring.mavlink_key import TimestampFile, read_mavlink_key
 from swarmctl.links import LINKS
+from swarmctl.links.base import LinkError
 from swarmctl.links.frontend import FrontEnd
 from swarmctl.links.memory import MemoryWire
+from swarmctl.links.signing import Signing
 from swarmctl.links.url import Endpoint, parse_url
 from swarmctl.planners import warm_up
 from swarmctl.runner import Runner
@@ -50,6 +56,7 @@ class Parts:
     transport: Transport
     played: asyncio.Task[None] | None
     """plays the simulated vehicles; None where there are none"""
+    evidence: Evidence
 
 
 @contextlib.asynccontextmanager
@@ -60,6 +67,7 @@ async def parts_of(
     carry: Carry,
     bus: Transport | None,
     say: Callable[[str], None],
+    evidence: Evidence,
 ) -> AsyncIterator[Parts]:
     """Open as long as this lasts. `bus` is one that is open already."""
     wire, began_ns = MemoryWire(), epoch_ns(clock)
@@ -70,9 +78,18 @@ async def parts_of(
 
     async with contextlib.AsyncExitStack() as stack:
         played: asyncio.Task[None] | None = None
+        links = scenario.config.links
         front_end = await stack.enter_async_context(
-            FrontEnd(wall_time_us=wall_time_us, memory={"fleet": wire})
+            FrontEnd(
+                wall_time_us=wall_time_us,
+                memory={"fleet": wire},
+                witness=evidence,
+                signing=_signing(links),
+            )
         )
+        stack.callback(_tell_refused, front_end, evidence, say)
+        for watcher in links.forward:
+            await front_end.forward(parse_url(watcher), commands=links.forward_commands)
         if any(spec.simulated for spec in scenario.specs):
             if clock == "virtual":
                 played = await stack.enter_async_context(fleet_on(wire, scenario, carry))
@@ -90,7 +107,24 @@ async def parts_of(
         communication = scenario.config.communication
         if bus is None and communication.bus == "zenoh" and clock == "real":
             bus = stack.enter_context(opened(scenario.config.name, communication.listen, say, SaidOnce(say)))
-        yield Parts(front_end, bus or MemoryBus(SaidOnce(say)), played)
+        yield Parts(front_end, bus or MemoryBus(SaidOnce(say)), played, evidence)
+
+
+def _tell_refused(front_end: FrontEnd, evidence: Evidence, say: Callable[[str], None]) -> None:
+    if front_end.refused:
+        say(front_end.refused)
+        evidence.remark(front_end.refused)
+
+
+def _signing(links: Links) -> Signing | None:
+    """Raises LinkError where the key or its time stamps cannot be used."""
+    if links.signing_key is None:
+        return None
+    file = Path(links.signing_key)
+    try:
+        return Signing(read_mavlink_key(file), TimestampFile(file), links.signing_link_id)
+    except (KeyringError, OSError, ValueError) as error:
+        raise LinkError(f"links.signing_key: {error}") from error
 
 
 def members_of(
@@ -135,7 +169,7 @@ def members_of(
         )
         inlet.runner = runner
         if source.external:
-            seen, heard = partial(_observed, runner), partial(_say_of, say, spec.name)
+            seen, heard = partial(_observed, parts.evidence, runner), partial(_say_of, say, spec.name)
             reports[spec.sysid] = looks.Looks(
                 parts.transport,
                 scenario.config.name,
@@ -158,8 +192,13 @@ def _say_of(say: Callable[[str], None], name: str, text: str) -> None:
     say(f"{name}: {text}")
 
 
-def _observed(runner: Runner, cells: Looked, source: str) -> None:
-    runner.tell(f"{source or 'a payload'} reports {len(cells)} cells")
+def _observed(evidence: Evidence, runner: Runner, cells: Looked, source: str) -> None:
+    told = f"{source or 'a payload'} reports {len(cells)} cells"
+    runner.tell(told)
+    if source == BY_HAND:
+        evidence.operator("observe", runner.state.task.name, cells=cells)
+    else:
+        evidence.remark(told, runner.state.task.name)
     runner.post(ev.Observed(cells))
 
 

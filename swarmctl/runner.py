@@ -6,6 +6,7 @@ The runner alone performs effects, and feeds how they ended back as events. It d
 from __future__ import annotations
 
 import asyncio
+import math
 from collections import deque
 from collections.abc import Callable, Coroutine
 from typing import Any, Protocol
@@ -16,7 +17,7 @@ from swarmctl.bus.desk import Desk
 from swarmctl.bus.network import Network
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
-from swarmctl.core.frames import Spoken
+from swarmctl.core.frames import Spoken, StateShared
 from swarmctl.core.observation import Told
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.links.base import (
@@ -40,6 +41,10 @@ from swarmctl.supervise import Backoff, retrying
 
 UPLOADS = Backoff(attempts=3, first_s=2.0)
 IDENTIFY_TIMEOUT_S = 15.0
+LOOK_EVERY_S = 0.5
+"""for others, by the vehicle's clock"""
+CLEARANCE_TIMEOUT_S = 30.0
+"""given to preflight checks that are still under way when the launch is ordered"""
 
 
 class Sensor(Protocol):
@@ -81,6 +86,8 @@ class Runner:
         self.link = link
         self.armable: Identity | None = None
         """whom permission was given to arm; nobody else is launched at this address"""
+        self.cleared = asyncio.Event()
+        """its preflight checks are passed, since its last boot; until then its launch waits"""
         self.conflict = ""
         """another sender uses its system id"""
         self._sensor = sensor
@@ -91,6 +98,8 @@ class Runner:
         self._inbox: deque[ev.Event] = deque()
         self._wake = asyncio.Event()
         self._job: asyncio.Task[None] | None = None
+        self._looked_s = -math.inf
+        self._seen: dict[int, StateShared] = {}
         self._told: list[Told] = []
         """heard of others and not folded yet"""
         self.post(ev.Joined(network.join(task.uav, self._hear)))
@@ -113,6 +122,7 @@ class Runner:
                 if state.lat_deg is not None and state.lon_deg is not None:
                     self._network.moved(self.state.task.uav, state.lat_deg, state.lon_deg)
                 self.post(ev.TelemetryReceived(state))
+                self._look_around(state.time_boot_s)
                 if cells := self._sensor.look(state):
                     self.post(ev.Observed(cells))
             case Lost(age_s):
@@ -120,6 +130,7 @@ class Runner:
             case Restored():
                 self.post(ev.LinkRestored())
             case Rebooted():
+                self.cleared.clear()
                 self.post(ev.Rebooted())
                 self.tell("it has rebooted", aloud=True)
             case Conflict(address):
@@ -129,10 +140,22 @@ class Runner:
                 self.tell(f"speaks from {address} now", aloud=True)
             case Text(_, text):
                 self.tell(text)
-            case ProcedureDone(name, failure):
-                self.tell(f"{name}: {failure or 'done'}")
+            case ProcedureDone(name, failure, stood_still_s):
+                stood = "" if stood_still_s is None else f"; stood still for {stood_still_s:.1f} s"
+                self.tell(f"{name}: {failure or 'done'}{stood}")
             case Heard():
                 self.tell("first heartbeat")
+
+    def _look_around(self, boot_s: float) -> None:
+        """What others near it have told since."""
+        if 0.0 <= boot_s - self._looked_s < LOOK_EVERY_S:
+            return
+        self._looked_s = boot_s
+        told = self._network.states(self.state.task.uav)
+        new = {uav: state for uav, state in told.items() if state is not self._seen.get(uav)}
+        self._seen = told
+        if near := tuple((uav, state) for uav, state in new.items() if agent.concerns(self.state, state)):
+            self.post(ev.Neighbours(near))
 
     async def run(self) -> None:
         """Fold events until cancelled. The jobs it starts end with it."""
@@ -174,9 +197,13 @@ class Runner:
                 self._start(self._swap(effect), jobs)
             case ev.Command(order):
                 self._start(self._order(order), jobs)
+            case ev.SetSpeed(speed_m_s):
+                self._start(self._set_speed(speed_m_s), jobs)
             case ev.Release():
                 if self._job is not None:
                     self._job.cancel()
+            case ev.Tell(text):
+                self.tell(text, aloud=True)
             case ev.Answer(command, answer):
                 if self._desk is not None:
                     self._desk.answered(command, answer)
@@ -206,6 +233,12 @@ class Runner:
         else:
             self.post(ev.MissionAccepted(swap.plan_id))
 
+    async def _set_speed(self, speed_m_s: float) -> None:
+        try:
+            await self.link.set_speed(speed_m_s)
+        except LinkError as error:
+            self.post(ev.SpeedFailed(str(error)))
+
     async def _order(self, order: ev.Order) -> None:
         actions: dict[ev.Order, Callable[[], Coroutine[Any, Any, None]]] = {
             ev.Order.LAUNCH: self._launch,
@@ -223,6 +256,12 @@ class Runner:
     async def _launch(self) -> None:
         if self.armable is None:
             raise NotAllowed(f"{self.state.task.name}: launch without permission to arm")
+        try:
+            async with asyncio.timeout(CLEARANCE_TIMEOUT_S):
+                await self.cleared.wait()
+        except TimeoutError:
+            text = "its preflight checks are not passed, see what they say; not launched"
+            raise LinkError(f"{self.state.task.name}: {text}") from None
         found = await self.link.identify(IDENTIFY_TIMEOUT_S)
         if found != self.armable:
             raise LinkError(

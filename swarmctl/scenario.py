@@ -12,6 +12,7 @@ import numpy as np
 from swarmctl.agent import Arrival, Task
 from swarmctl.config import Config, Side
 from swarmctl.config_count import Binomial, Poisson, Uniform, Weights
+from swarmctl.config_rules import rulings
 from swarmctl.core.belief import Belief
 from swarmctl.core.chance import Chance, chance_of_getting_through
 from swarmctl.core.events import Order
@@ -22,6 +23,12 @@ from swarmctl.core.hostiles import HostileCount
 from swarmctl.core.sensor import SensorModel
 from swarmctl.core.threat import FiringStrength
 from swarmctl.planners import PLANNERS, method
+from swarmctl.preflight.fence import ceiling_m, polygon_of
+from swarmctl.rules import Fence
+from swarmctl.rules.lost_link import Params as LostLink
+from swarmctl.separation import Limits
+from swarmctl.separation.meet import Meeting
+from swarmctl.separation.watch import Separation
 
 PAPERS = PLANNERS["dijkstra"]
 """the paper's planner, beside which every other is shown"""
@@ -114,7 +121,10 @@ def build(config: Config) -> Scenario:
     tasks = tuple(_tasks(config, grid, strength, psi, specs))
     sensor = SensorModel(config.sensor.p_miss, config.sensor.p_false_alarm)
     prior = Belief.prior(grid.rows, grid.cols, count, sensor)
-    return Scenario(config, grid, strength, _hostiles(config, count), psi, specs, tasks, prior, specs)
+    scenario = Scenario(config, grid, strength, _hostiles(config, count), psi, specs, tasks, prior, specs)
+    corners_m = tuple(grid.frame.to_local(*corner) for corner in polygon_of(scenario))
+    fence = Fence(corners_m, ceiling_m(scenario))
+    return replace(scenario, tasks=tuple(replace(task, fence=fence) for task in tasks))
 
 
 def grid_of(config: Config) -> Grid:
@@ -177,7 +187,7 @@ def _simulated(config: Config, grid: Grid) -> Iterator[Spec]:
             name=f"uav{i + 1}",
             sysid=i + 1,
             url=simulate.url,
-            link="direct",
+            link=simulate.link,
             simulated=True,
             start=start,
             entry=entry,
@@ -259,6 +269,8 @@ def _tasks(
     planner = config.planner
     chosen = method(planner.name, PLANNERS[planner.name], planner.options)
     no_fly = frozenset(config.area.no_fly)
+    policy = config.preflight.policy
+    agreed = LostLink(does=policy.lost_link, after_s=float(policy.lost_link_after_s))
     for index, spec in enumerate(specs):
         # DEVIATION: the paper's UAVs may share a place in the air and on the ground. Ours fly at altitudes of
         # their own (`Spec.altitude_m`) and land apart.
@@ -283,7 +295,23 @@ def _tasks(
             turn_radius_m=spec.turn_radius_m,
             # A vehicle given up comes down in any case: nobody is there to end a hold.
             fallback=Order.LAND if config.flight.on_exit == "land" else Order.RETURN,
+            rules=rulings(config.rules, agreed),
+            separation=separation_of(config),
+            meeting=_meeting(config, specs),
         )
+
+
+def _meeting(config: Config, specs: Sequence[Spec]) -> Meeting | None:
+    together = config.arrival
+    if together is None:
+        return None
+    rank = {uav: i for i, uav in enumerate(sorted(spec.sysid for spec in specs))}
+    return Meeting(rank, together.spacing_s or 0.0, together.tolerance_s)
+
+
+def separation_of(config: Config) -> Separation:
+    apart = config.separation
+    return Separation(Limits(apart.horizontal_m, apart.vertical_m), apart.look_ahead_s, apart.action)
 
 
 def _arrival(grid: Grid, spec: Spec) -> Arrival:

@@ -11,10 +11,17 @@ from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
+from swarmctl.mavlink.firmware import Firmware
+from swarmctl.preflight.intent import delivered
 from swarmctl.scenario import Scenario
 from swarmctl.supervise import cancelled
 
 STOP_DEADLINE_S = 5.0
+BATTERY_MAH = 6600.0
+"""of simulated ArduCopters: as long a flight as the simulator's PX4 has, for swarms stacked hundreds of
+metres high"""
+_FIRMWARE = {"ardupilot": Firmware("ArduCopter", (4, 6)), "px4": Firmware("PX4", (1, 15))}
+"""what the simulator's autopilots are, by their personality"""
 
 
 class SimulatorFailed(Exception):
@@ -26,6 +33,8 @@ def scenario_json(scenario: Scenario) -> dict[str, Any]:
     simulate = scenario.config.simulate
     assert simulate is not None
     grid, strength = scenario.grid, scenario.strength
+    # Where one flies elsewhere, or a port was chosen since, its entry in the swarm says otherwise.
+    here = {spec.sysid for spec in scenario.specs if spec.simulated}
     return {
         "seed": scenario.config.seed,
         "vehicles": [
@@ -34,10 +43,10 @@ def scenario_json(scenario: Scenario) -> dict[str, Any]:
                 "lat_deg": spec.start[0],
                 "lon_deg": spec.start[1],
                 "alt_amsl_m": simulate.home_alt_amsl_m,
-                "params": {"WPNAV_SPEED": 100.0 * simulate.speed_m_s},
+                **_autopilot(scenario, index),
             }
-            for spec in scenario.specs
-            if spec.simulated
+            for index, spec in enumerate(scenario.swarm)
+            if spec.sysid in here
         ],
         "area": {
             "origin_lat_deg": grid.origin_lat_deg,
@@ -49,6 +58,22 @@ def scenario_json(scenario: Scenario) -> dict[str, Any]:
         "firing_strength": [strength.direct, strength.first_neighbour, strength.second_neighbour],
         "hostiles": [list(cell) for cell in sorted(scenario.hostiles)],
     }
+
+
+def _autopilot(scenario: Scenario, index: int) -> dict[str, Any]:
+    """What the vehicle `index` of the swarm speaks like, and its speed in that autopilot's parameters."""
+    simulate = scenario.config.simulate
+    assert simulate is not None
+    chosen = simulate.autopilot
+    personality = ("ardupilot", "px4")[index % 2] if chosen == "mixed" else chosen
+    if personality == "px4":
+        params = {"MPC_XY_CRUISE": simulate.speed_m_s, "MPC_XY_VEL_MAX": simulate.speed_m_s}
+    else:
+        params = {"WPNAV_SPEED": 100.0 * simulate.speed_m_s, "BATT_CAPACITY": BATTERY_MAH}
+    # Set up by its owner for what the configuration declares, as a real vehicle is.
+    spec = scenario.swarm[index]
+    params |= delivered(scenario, spec, _FIRMWARE[personality])
+    return {"personality": personality, "params": params}
 
 
 @contextlib.asynccontextmanager

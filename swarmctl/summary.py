@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from swarmctl import __version__
 from swarmctl.agent import ARRIVED, AgentState
+from swarmctl.arrival_report import Arrivals
 from swarmctl.bus.tally import Tally
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
@@ -26,6 +27,7 @@ from swarmctl.core.observation import Observation
 from swarmctl.core.threat import FiringStrength
 from swarmctl.planners import Route
 from swarmctl.scenario import Scenario
+from swarmctl.separation_report import Closeness
 
 MAX_WEIGHTS = 500
 """changes of weights that are kept of a vehicle: the last"""
@@ -71,6 +73,8 @@ class Ledger:
 
     def __init__(self) -> None:
         self.vehicles: defaultdict[int, VehicleLedger] = defaultdict(VehicleLedger)
+        self.closeness = Closeness()
+        self.arrivals = Arrivals()
         self._observed_s: dict[ev.ObservationId, float] = {}
         self._believed_s: dict[ev.ObservationId, float] = {}
         """by the last peer"""
@@ -84,6 +88,10 @@ class Ledger:
         match event:
             case ev.TelemetryReceived():
                 self._moved(vehicle, before, after)
+                self.closeness.moved(after, vehicle.flight_time_s, now)
+                self.arrivals.moved(after, now)
+            case ev.Neighbours(states):
+                self.closeness.heard(after, states, vehicle.flight_time_s, now)
             case ev.Heard(told) if after.belief is not before.belief:
                 self._believed_s.update(((*o.source, o.seq), now) for o in told if isinstance(o, Observation))
             case ev.MissionAccepted() if before.pending is not None and after.pending is None:
@@ -184,6 +192,8 @@ def summary(
         "psi_per_cell": scenario.psi_per_cell,
         "latency_clock": "simulated seconds" if clock == "virtual" else "wall seconds",
         "latency": ledger.latencies(),
+        "separation": ledger.closeness.summary(states),
+        "arrival": ledger.arrivals.summary(states, _simulated_seconds(scenario, clock)),
         "operator_commands": commands,
         "vehicles": [
             _vehicle(scenario, states[t.uav], ledger, networks[t.uav]) | {"looks": looks.get(t.uav)}
@@ -195,6 +205,12 @@ def summary(
             "vehicles": [_spec(scenario, i) for i in range(len(scenario.specs))],
         },
     }
+
+
+def _simulated_seconds(scenario: Scenario, clock: str) -> float:
+    """In one of the run's clock."""
+    simulate = scenario.config.simulate
+    return simulate.speedup if clock == "real" and simulate is not None else 1.0
 
 
 def known_to_any(scenario: Scenario, states: dict[int, AgentState]) -> NDArray[np.int8]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from swarmctl import app, outputs
-from swarmctl.app import Report
+from swarmctl.app import ALL_IN_ONE, Manner, Report
 from swarmctl.clock import run_virtual
 from swarmctl.config import Config
 from swarmctl.display import Picture
@@ -57,11 +57,18 @@ def fly(
     carry: Carry = undisturbed,
     ui: Ui | None = None,
     broken: bool = False,
+    manner: Manner = ALL_IN_ONE,
 ) -> Report:
     """Fly on the virtual clock and write the run folder; a bug is raised unless it is `broken` on purpose."""
     folder.mkdir(parents=True, exist_ok=True)
     flight = app.fly(
-        scenario, folder, ui or Ui(), clock="virtual", permission=lambda foreign: None, carry=carry
+        scenario,
+        folder,
+        ui or Ui(),
+        clock="virtual",
+        permission=lambda foreign: None,
+        carry=carry,
+        manner=manner,
     )
     report = run_virtual(flight)
     if report.bug is not None and not broken:

@@ -19,6 +19,7 @@ from swarmctl.core.observation import Observation
 from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.planners import PLANNERS, Method
+from swarmctl.rules.taken_over import STALE_MODE_S
 
 GRID = Grid(9, 9, 50.0, 46.0, 14.0)
 DIJKSTRA = Method("dijkstra", PLANNERS["dijkstra"], PLANNERS["dijkstra"].Params())
@@ -284,7 +285,7 @@ def test_held_by_another_station_it_is_let_go_but_not_for_a_late_heartbeat_of_it
     story.over((4, 1), mode_role="mission")
     assert story.state.phase is Phase.FLYING
     story.over((4, 1), mode_role="hold")
-    story.now += agent.STALE_MODE_S
+    story.now += STALE_MODE_S
     assert story.over((4, 1), mode_role="hold") == [ev.Release()]
 
 

@@ -136,7 +136,9 @@ def test_what_is_promised_at_take_off_is_of_the_track_by_what_was_believed_then(
     ledger.vehicles[task.uav].prospect = Prospect(swap, belief, task.strength)
     states = {t.uav: agent.begin(t, plain.prior) for t in plain.tasks}
     networks = {t.uav: Tally() for t in plain.tasks}
-    told = summary(plain, states, ledger, clock="virtual", wall_s=None, commands={}, networks=networks)
+    told = summary(
+        plain, states, ledger, clock="virtual", wall_s=None, commands={}, networks=networks, looks={}
+    )
     promised = told["vehicles"][0]["at_takeoff"]
     chances = [
         plain.chance(task.uav, held, task.strength, cells).estimate
@@ -195,7 +197,14 @@ class Flight:
     def over(self, cell: Cell) -> None:
         lat_deg, lon_deg = self.grid.centre(cell)
         vehicle = VehicleState(
-            self.now, lat_deg, lon_deg, 40.0, mode_role="mission", armed=True, landed=Landed.IN_AIR
+            self.now,
+            lat_deg,
+            lon_deg,
+            40.0,
+            ground_speed_m_s=10.0,
+            mode_role="mission",
+            armed=True,
+            landed=Landed.IN_AIR,
         )
         self.fold(ev.TelemetryReceived(vehicle))
 

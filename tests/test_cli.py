@@ -164,7 +164,8 @@ def test_fly_on_the_virtual_clock_tells_how_it_went(tmp_path: Path) -> None:
     assert "2 of 2 arrived" in result.output
     (folder,) = (tmp_path / "runs").iterdir()
     assert {p.name for p in folder.iterdir()} == {
-        "summary.json", "run.mcap", "map.png", "uav1.tlog", "uav2.tlog", "uav1.plan", "uav2.plan",
+        "summary.json", "run.mcap", "evidence.jsonl", "map.png",
+        "uav1.tlog", "uav2.tlog", "uav1.plan", "uav2.plan",
     }  # fmt: skip
 
 

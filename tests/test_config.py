@@ -96,9 +96,9 @@ BAD = [
     ("a start in another's place", "46.001,", "46.0,", [":8: vehicles: a and b start at one spot"]),
     (
         "altitudes that do not differ",
-        "planner:",
-        "flight: {altitude_step_m: 0}\nplanner:",
-        [":6: flight.altitude_step_m: a and b would fly at 40 and 40 m"],
+        "goal: [3, 19]}",
+        "goal: [[4, 9], [5, 9]], altitude_m: 45}",
+        [":1: flight.altitude_step_m: a and b would fly at 45 and 45 m"],
     ),
     (
         "a word for a number",

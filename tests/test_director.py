@@ -97,6 +97,23 @@ class StubLink:
 
 
 @dataclass
+class Clearance:
+    """Preflight checks: by default they pass; `verdicts` are those of the next looks."""
+
+    verdicts: list[list[str]] = field(default_factory=list)
+    calls: list[tuple[str, ...]] = field(default_factory=list)
+    lasts_s: float = 0.0
+
+    async def set_up(self, subject: Member) -> None:
+        self.calls.append(("set up", subject.name))
+
+    async def failures(self, subjects: Sequence[Member], everyone: Sequence[Member]) -> list[str]:
+        self.calls.append(("check", *(s.name for s in subjects)))
+        await asyncio.sleep(self.lasts_s)
+        return self.verdicts.pop(0) if self.verdicts else []
+
+
+@dataclass
 class Ground:
     """A swarm of stub links with its director."""
 
@@ -107,6 +124,7 @@ class Ground:
     simulated: bool = True
     allowed: bool = True
     launch: Launch = "when-ready"
+    clearance: Clearance = field(default_factory=Clearance)
     links: list[StubLink] = field(default_factory=list)
     asked: list[str] = field(default_factory=list)
 
@@ -122,6 +140,7 @@ class Ground:
             seconds_per_delay=1.0,
             say=lambda _: None,
             permission=self._permit,
+            clearance=self.clearance,
             launch=self.launch,
         )
         runs = [asyncio.create_task(m.runner.run()) for m in members]
@@ -295,6 +314,72 @@ def test_a_vehicle_that_boots_while_it_waits_for_its_turn_is_made_ready_again() 
         "identify",
         "launch",
     ]
+
+
+def test_all_are_set_up_before_and_checked_after_they_have_their_missions() -> None:
+    ground = Ground()
+    ground.fly(all_launched)
+    *set_up, checks = ground.clearance.calls
+    assert sorted(set_up) == [("set up", f"uav{n}") for n in (1, 2, 3)]
+    assert checks == ("check", "uav1", "uav2", "uav3")
+
+
+def test_checks_that_fail_arm_nobody_and_are_said_together() -> None:
+    ground = Ground(clearance=Clearance([["uav1: battery: ...", "uav3: fence: ..."]]))
+    with pytest.raises(PreflightFailed) as raised:
+        ground.fly(all_launched)
+    assert raised.value.lines == ("uav1: battery: ...", "uav3: fence: ...")
+    assert [link.calls for link in ground.links] == [["connect", "prepare", "upload"]] * 3
+
+
+def test_what_a_vehicle_that_is_not_ready_hides_of_the_others_is_said_too() -> None:
+    ground = Ground(
+        fails={2: NotReady("uav2: not ready", reasons=())}, clearance=Clearance([["uav3: fence: ..."]])
+    )
+    with pytest.raises(PreflightFailed) as raised:
+        ground.fly(all_launched)
+    assert raised.value.lines == ("uav2: not ready", "uav3: fence: ...")
+
+
+def test_checks_alone_give_nobody_the_permission_to_arm() -> None:
+    ground = Ground(launch="never", simulated=False, identities={2: b"\x12\x34"})
+    ground.fly(lambda members: any(m.runner.armable for m in members))
+    assert [link.calls for link in ground.links] == [["connect", "prepare", "upload"]] * 3
+    assert ground.asked == []
+
+
+def test_a_vehicle_that_boots_before_its_launch_is_checked_anew() -> None:
+    ground = Ground(small(simulate={"count": 2, "delay_step_s": 4.0}))
+    booted: list[bool] = []
+
+    def boot_once(members: Sequence[Member]) -> bool:
+        if not booted and members[0].state.phase == "flying":
+            booted.append(True)
+            members[1].runner.on_link_event(Rebooted())
+            ground.clearance.verdicts = [["uav2: gps: ..."]]
+        return bool(booted) and members[1].state.ended
+
+    ground.fly(boot_once)
+    assert ground.clearance.calls[-2:] == [("set up", "uav2"), ("check", "uav2")]
+    assert "launch" in ground.links[0].calls
+    assert "launch" not in ground.links[1].calls
+
+
+def test_an_order_to_launch_waits_for_checks_that_are_under_way() -> None:
+    ground = Ground(small(simulate={"count": 1}), launch="ordered", clearance=Clearance(lasts_s=10.0))
+    seen: list[tuple[float, list[str]]] = []
+
+    def story(members: Sequence[Member]) -> bool:
+        now = asyncio.get_running_loop().time()
+        if not seen and members[0].state.phase == "standby":
+            members[0].runner.post(ev.OperatorCommand(ev.Order.LAUNCH, 1))
+            seen.append((now, []))
+        if seen and "launch" in ground.links[0].calls:
+            seen.append((now, []))
+        return len(seen) > 1
+
+    ground.fly(story)
+    assert seen[1][0] - seen[0][0] == pytest.approx(10.0, abs=0.5)
 
 
 def test_a_vehicle_far_from_its_start_is_not_flown() -> None:

@@ -22,20 +22,29 @@ MAY_IMPORT: dict[str, set[str]] = {
     "swarmctl.supervise": set(),
     "swarmctl.yaml_lines": set(),
     "swarmctl.planfile": {"swarmctl.core"},
-    "swarmctl.rules": {"swarmctl.core", "swarmctl.config_base"},
-    "swarmctl.agent": {"swarmctl.core", "swarmctl.planners", "swarmctl.rules"},
+    "swarmctl.rules": {"swarmctl.core", "swarmctl.config_base", "swarmctl.preflight.geometry"},
+    "swarmctl.agent": {"swarmctl.core", "swarmctl.planners", "swarmctl.rules", "swarmctl.separation"},
+    "swarmctl.separation": {"swarmctl.core"},
+    "swarmctl.arrival_report": {"swarmctl.agent"},
+    "swarmctl.separation_report": {"swarmctl.core", "swarmctl.agent", "swarmctl.separation"},
+    "swarmctl.config_separation": {"swarmctl.config_base"},
+    "swarmctl.config_arrival": {"swarmctl.config_base"},
     "swarmctl.config_base": set(),
     "swarmctl.config_count": {"swarmctl.config_base"},
     "swarmctl.config_rules": {"swarmctl.config_base", "swarmctl.rules"},
+    "swarmctl.config_links": {"swarmctl.config_base", "swarmctl.links.url"},
     "swarmctl.config_communication": {"swarmctl.config_base", "swarmctl.bus.endpoint"},
     "swarmctl.config": {
         "swarmctl.config_base", "swarmctl.config_communication", "swarmctl.config_count",
-        "swarmctl.config_rules",
+        "swarmctl.config_links",
+        "swarmctl.config_rules", "swarmctl.config_separation", "swarmctl.config_arrival",
+        "swarmctl.config_preflight",
         "swarmctl.core", "swarmctl.planners", "swarmctl.links.url", "swarmctl.yaml_lines",
         "swarmctl.bus.keys",
     },
     "swarmctl.scenario": {
-        "swarmctl.config_count", "swarmctl.config_rules",
+        "swarmctl.config_count", "swarmctl.config_rules", "swarmctl.rules", "swarmctl.separation",
+        "swarmctl.preflight.fence",
         "swarmctl.core", "swarmctl.planners", "swarmctl.links.url", "swarmctl.yaml_lines", "swarmctl.config",
         "swarmctl.agent",
     },
@@ -43,11 +52,19 @@ MAY_IMPORT: dict[str, set[str]] = {
         "swarmctl.config_count",
         "swarmctl.core", "swarmctl.planners", "swarmctl.links.url", "swarmctl.yaml_lines", "swarmctl.config",
         "swarmctl.agent", "swarmctl.scenario", "swarmctl.judge_bounds", "swarmctl.judge_communication",
+        "swarmctl.judge_separation", "swarmctl.judge_arrival", "swarmctl.judge_links",
+        "swarmctl.judge_preflight",
+    },
+    "swarmctl.judge_arrival": {"swarmctl.config"},
+    "swarmctl.judge_separation": {
+        "swarmctl.agent", "swarmctl.config", "swarmctl.planners", "swarmctl.scenario", "swarmctl.separation",
     },
     "swarmctl.judge_communication": {
         "swarmctl.core", "swarmctl.yaml_lines", "swarmctl.config", "swarmctl.config_communication",
         "swarmctl.bus.endpoint", "swarmctl.bus.radio", "swarmctl.mesh",
     },
+    "swarmctl.judge_links": {"swarmctl.config", "swarmctl.links.url"},
+    "swarmctl.judge_preflight": {"swarmctl.yaml_lines", "swarmctl.config"},
     "swarmctl.mesh": {"swarmctl.core.roster", "swarmctl.bus.endpoint"},
     "swarmctl.roll": {
         "swarmctl.core", "swarmctl.yaml_lines", "swarmctl.config", "swarmctl.config_communication",
@@ -68,6 +85,11 @@ MAY_IMPORT: dict[str, set[str]] = {
     },
     "swarmctl.summary": {
         "swarmctl.core", "swarmctl.planners", "swarmctl.agent", "swarmctl.scenario", "swarmctl.bus.tally",
+        "swarmctl.separation_report", "swarmctl.arrival_report",
+    },
+    "swarmctl.evidence": {"swarmctl.core", "swarmctl.mavlink", "swarmctl.agent"},
+    "swarmctl.evidence_run": {
+        "swarmctl.bus.access", "swarmctl.evidence", "swarmctl.keyring", "swarmctl.parts", "swarmctl.scenario",
     },
     "swarmctl.display": {"swarmctl.core", "swarmctl.agent"},
     "swarmctl.director": {
@@ -77,28 +99,42 @@ MAY_IMPORT: dict[str, set[str]] = {
     "swarmctl.networking": {
         "swarmctl.core", "swarmctl.bus", "swarmctl.radio_settings", "swarmctl.scenario",
     },
-    "swarmctl.simulator": {"swarmctl.scenario", "swarmctl.supervise"},
+    "swarmctl.simulator": {
+        "swarmctl.mavlink.firmware", "swarmctl.preflight.intent", "swarmctl.scenario", "swarmctl.supervise",
+    },
     "swarmctl.virtual": {
         "swarmctl.links", "swarmctl.scenario", "swarmctl.simulator", "swarmctl.supervise", "sim_vehicle",
     },
+    "swarmctl.config_preflight": {"swarmctl.config_base"},
+    # What decides of preflight; what does I/O for it stands below.
     "swarmctl.preflight": {
+        "swarmctl.core", "swarmctl.mavlink", "swarmctl.config_preflight", "swarmctl.scenario",
+        "swarmctl.separation",
+    },
+    "swarmctl.preflight.machine": {
         "swarmctl.links.url", "swarmctl.scenario", "swarmctl.config_communication", "swarmctl.bus.endpoint",
+    },
+    "swarmctl.preflight.conduct": {
+        "swarmctl.preflight", "swarmctl.core", "swarmctl.mavlink", "swarmctl.links", "swarmctl.runner",
+        "swarmctl.agent.flight_path", "swarmctl.scenario", "swarmctl.separation",
     },
     "swarmctl.parts": {
         "swarmctl.core", "swarmctl.planners", "swarmctl.sensors", "swarmctl.links", "swarmctl.bus",
         "swarmctl.runner", "swarmctl.director", "swarmctl.scenario", "swarmctl.simulator", "swarmctl.virtual",
+        "swarmctl.config_links", "swarmctl.keyring", "swarmctl.evidence",
     },
     "swarmctl.app": {
         "swarmctl.core", "swarmctl.runner", "swarmctl.links", "swarmctl.bus", "swarmctl.agent",
-        "swarmctl.director",
-        "swarmctl.display", "swarmctl.face", "swarmctl.record", "swarmctl.networking", "swarmctl.parts",
+        "swarmctl.director", "swarmctl.preflight",
+        "swarmctl.display", "swarmctl.evidence", "swarmctl.evidence_run", "swarmctl.face",
+        "swarmctl.record", "swarmctl.networking", "swarmctl.parts",
         "swarmctl.scenario", "swarmctl.simulator", "swarmctl.summary", "swarmctl.virtual",
         "swarmctl.supervise",
     },
     "swarmctl.companion": {
         "swarmctl.core", "swarmctl.links.url", "swarmctl.bus", "swarmctl.app", "swarmctl.director",
         "swarmctl.face", "swarmctl.keyring", "swarmctl.parts", "swarmctl.scenario", "swarmctl.supervise",
-        "swarmctl.virtual", "swarmctl.agent", "swarmctl.joining",
+        "swarmctl.virtual", "swarmctl.agent", "swarmctl.joining", "swarmctl.preflight.waivers",
     },
     "swarmctl.joining": {
         "swarmctl.bus", "swarmctl.config_communication", "swarmctl.keyring", "swarmctl.mesh",
@@ -122,6 +158,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "swarmctl.terminal": {"swarmctl.agent", "swarmctl.display", "swarmctl.face"},
     "swarmctl.keyring": {"swarmctl.bus.access", "swarmctl.bus.zenoh_config"},
     "swarmctl.router": {"swarmctl.bus"},
+    "swarmctl.calling_back": {"swarmctl.core", "swarmctl.bus", "swarmctl.operate"},
     "swarmctl.operate": {"swarmctl.core", "swarmctl.bus", "swarmctl.joining"},
     "swarmctl.commands": {"swarmctl"},
     "swarmctl.cli": {"swarmctl.commands", "swarmctl.bus.leaving"},
@@ -150,14 +187,14 @@ VERSION = {"swarmctl.__version__"}
 ONLY_IN: dict[str, set[str]] = {
     "zenoh": {"swarmctl.bus.zenoh_bus"},
     "cryptography": {"swarmctl.keyring"},
-    "mavsdk": set(),
+    "mavsdk": {"swarmctl.links.mavsdk"},
     "numba": {"swarmctl.planners.kernels"},
     "pymavlink": {"swarmctl.mavlink", "sim_vehicle"},
     "serial": {"swarmctl.links.serial", "sim_vehicle.links.serial", "sim_vehicle.conformance.sockets"},
     "socket": {
         "swarmctl.links",
         "swarmctl.parts",
-        "swarmctl.preflight",
+        "swarmctl.preflight.machine",
         "sim_vehicle.links",
         "sim_vehicle.conformance.sockets",
         "sim_vehicle.testing.served",
@@ -179,6 +216,11 @@ ONLY_IN: dict[str, set[str]] = {
 # What nothing pure may import: the parts that only decide take time, randomness and bytes as arguments.
 PURE = {
     "swarmctl.core", "swarmctl.planners", "swarmctl.mavlink", "swarmctl.agent", "swarmctl.sensors",
+    "swarmctl.rules", "swarmctl.separation", "swarmctl.preflight.checks", "swarmctl.preflight.policy",
+    "swarmctl.preflight.facts", "swarmctl.preflight.geometry", "swarmctl.preflight.fence",
+    "swarmctl.preflight.intent", "swarmctl.preflight.waivers",
+    "swarmctl.evidence.chain", "swarmctl.evidence.traffic", "swarmctl.evidence.story",
+    "swarmctl.evidence.digest",
     "swarmctl.bus.radio", "swarmctl.bus.access", "swarmctl.bus.endpoint", "swarmctl.bus.zenoh_config",
     "sim_vehicle",
 }  # fmt: skip

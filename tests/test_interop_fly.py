@@ -124,6 +124,7 @@ def vehicles(port: int, *, timeout_s: float) -> str:
     start = "{lat_deg: 46.0, lon_deg: 14.399}"
     return SMALL + (
         f"flight: {{connect_timeout_s: {timeout_s}}}\n"
+        "preflight: {set_parameters: true}\n"
         "vehicles:\n"
         f'  - {{name: alpha, url: "udpin://127.0.0.1:{port}", sysid: 7, start: {start}, goal: [1, 7]}}\n'
     )

@@ -36,7 +36,7 @@ threats: {{count: 8}}
 planner: {{name: dijkstra, w: 0.2}}
 communication: {{keys: keys, {communication}}}
 simulate: {{count: {count}, speedup: 10, ready_s: 0, speed_m_s: 5}}
-flight: {{on_exit: hold, altitude_m: 40, altitude_step_m: 1}}
+flight: {{on_exit: hold, altitude_m: 40, altitude_step_m: 4}}
 """
 ROUTER, STATION = "router", "station"
 AT = {ROUTER: "10.231.0.1", STATION: "10.231.0.2"} | {f"uav{n}": f"10.231.0.{10 + n}" for n in range(1, 7)}

@@ -28,7 +28,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from swarmctl import operate, preflight
+from swarmctl import operate
 from swarmctl.bus import desk, directory, keys
 from swarmctl.bus.base import MAX_MESSAGE_BYTES, MAX_QUESTION_BYTES, BusError, Transport
 from swarmctl.bus.desk import Desk, Tally
@@ -50,6 +50,7 @@ from swarmctl.core.messages import (
 )
 from swarmctl.core.roster import meant_by
 from swarmctl.core.threat import FiringStrength
+from swarmctl.preflight import machine
 
 KEY = "swarmctl/test/station/request/weights/operator"
 ANYWHERE = BusEndpoint("127.0.0.1", 0)
@@ -476,7 +477,7 @@ def test_a_taken_port_is_said_with_the_cure() -> None:
         ):
             asyncio.run(scene(port))
         scenario = small(communication={"bus": "zenoh", "listen": f"tcp/127.0.0.1:{port}"})
-        (line,) = preflight.troubles(scenario, Path())
+        (line,) = machine.troubles(scenario, Path())
         assert f"communication.listen: tcp/127.0.0.1:{port}: port {port} is taken" in line
 
 

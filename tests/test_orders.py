@@ -258,7 +258,7 @@ class Ground:
             self.said.append,
             Tally(),
             uav=2,
-            closed=lambda kind: closed if kind == "order" else "",
+            closed=lambda command: closed if isinstance(command, GiveOrder) else "",
             unseal=unseal,
         )
         self.desk.join(2, "uav2", self._post)

@@ -6,15 +6,19 @@ way. Whatever happens meanwhile waits for its end, and the newest belief wins.
 
 state: what an agent has to do and knows; step: one handler an event; decide: the planning; realise: from a
 route to what is flown; bounds: from a time bound to a length; pace: what turns cost; in_time: which route
-meets it. Imports core and planners.
+meets it; flight_path: where it is when; apart: watching the others; meeting: arriving
+with them; neighbours: what they tell; orders: what operators want; ruling: what the rules of flight demand.
+Imports core, planners, rules and separation.
 """
 
 from swarmctl.agent.bounds import AT_ANY_TIME, CLIMB_M_S, Arrival, before_takeoff
 from swarmctl.agent.decide import first_flight, first_problem, first_route
 from swarmctl.agent.in_time import arrives_s, bounds_of, misses_by, route_in_time
+from swarmctl.agent.neighbours import concerns
+from swarmctl.agent.orders import place_of
 from swarmctl.agent.realise import Flown, flown_for, unpulled
 from swarmctl.agent.state import ARRIVED, ENDED, IN_FLIGHT, ON_GROUND, AgentState, Phase, Task, begin
-from swarmctl.agent.step import MAX_FAILED_SWAPS, RETRY_AFTER_S, STALE_MODE_S, step, wants_tick
+from swarmctl.agent.step import MAX_FAILED_SWAPS, RETRY_AFTER_S, step, wants_tick
 
 __all__ = [
     "ARRIVED",
@@ -25,7 +29,6 @@ __all__ = [
     "MAX_FAILED_SWAPS",
     "ON_GROUND",
     "RETRY_AFTER_S",
-    "STALE_MODE_S",
     "AgentState",
     "Arrival",
     "Flown",
@@ -35,11 +38,13 @@ __all__ = [
     "before_takeoff",
     "begin",
     "bounds_of",
+    "concerns",
     "first_flight",
     "first_problem",
     "first_route",
     "flown_for",
     "misses_by",
+    "place_of",
     "route_in_time",
     "step",
     "unpulled",

@@ -42,7 +42,7 @@ def decide(state: AgentState) -> tuple[AgentState, list[ev.Effect]]:
 def _decide_from(
     state: AgentState, p_s: NDArray[np.float64], start: Cell
 ) -> tuple[AgentState, list[ev.Effect]]:
-    task = state.task
+    task = replace(state.task, altitude_m=state.height_m)
     ahead = _cells_ahead(state, start)
     underway = underway_to(state, start, ahead)
     problem = _problem(task, p_s, start, state.w, underway)
@@ -53,7 +53,7 @@ def _decide_from(
         route = error.nearest  # a vehicle that is late is not stopped for it
     lost_s = 0.0 if ahead is None else ahead_lost_s(state, start, ahead)
     keeps = ahead is not None and is_no_worse(task, problem, ahead, route, change, lost_s)
-    keeps = keeps and track_holds(state, p_s, start)
+    keeps = keeps and track_holds(state, p_s, start) and not state.must_change
     if not keeps and state.cell not in (None, start) and _is_on_track(state):
         # So far the route was looked at from abreast of the vehicle; a new one begins at the vehicle.
         return _decide_from(replace(state, searches=state.searches + 1), p_s, state.cell)
@@ -78,7 +78,8 @@ def _decide_from(
         length_m=flown.length_cells * task.grid.cell_size_m,
         track=track,
     )
-    return replace(state, pending=swap, because=(), next_plan_id=state.next_plan_id + 1), [swap]
+    state = replace(state, pending=swap, because=(), next_plan_id=state.next_plan_id + 1, must_change=False)
+    return state, [swap]
 
 
 def believed_exposure(task: Task, belief: Belief, strength: FiringStrength) -> NDArray[np.float64]:

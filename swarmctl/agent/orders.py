@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from swarmctl.agent.state import ON_GROUND, PLANS_NO_MORE, AgentState, Phase
+from swarmctl.agent.state import IN_FLIGHT, ON_GROUND, PLANS_NO_MORE, AgentState, Phase
 from swarmctl.core import events as ev
-from swarmctl.core.messages import Outcome, VehicleAnswer
+from swarmctl.core.messages import MAX_AFTER_S, Outcome, Place, VehicleAnswer
 
 Step = tuple[AgentState, list[ev.Effect]]
 
@@ -17,18 +17,47 @@ ROLES = {ev.Order.HOLD: "hold", ev.Order.RETURN: "return", ev.Order.LAND: "land"
 def operator(state: AgentState, event: ev.OperatorCommand, _now: float) -> Step:
     """An order of an operator, who is answered, or of this process, which is not."""
     remote = event.command is not None
-    outcome, note = _order_answer(state, event.order)
+    outcome, note = _order_answer(state, event)
     effects: list[ev.Effect] = []
+    place = place_of(state)
     if outcome == "taken" or not remote:
-        state, effects = _ordered(state, event.order, remote=remote)
+        state, effects = _ordered(state, event, remote=remote)
     if event.command is not None:
-        answer = VehicleAnswer(state.task.uav, state.task.name, outcome, note=note)
+        answer = VehicleAnswer(state.task.uav, state.task.name, outcome, note=note, place=place)
         effects = [*effects, ev.Answer(event.command, answer)]
     return state, effects
 
 
-def _order_answer(state: AgentState, order: ev.Order) -> tuple[Outcome, str]:
+def place_of(state: AgentState) -> Place | None:
+    """Where it flies, and what its return needs to know; None where that is not known, or not in flight."""
+    v = state.vehicle
+    if state.phase not in IN_FLIGHT or v.lat_deg is None or v.lon_deg is None or v.alt_amsl_m is None:
+        return None
+    if v.home_lat_deg is None or v.home_lon_deg is None or v.home_alt_amsl_m is None:
+        return None
+    limits = state.task.separation.limits
+    return Place(
+        v.lat_deg,
+        v.lon_deg,
+        v.alt_amsl_m,
+        v.home_lat_deg,
+        v.home_lon_deg,
+        v.home_alt_amsl_m,
+        speed_m_s=state.task.arrival.speed_m_s,
+        keeps_m=(limits.horizontal_m, limits.vertical_m),
+        is_returning=_follows(state, ev.Order.RETURN),
+    )
+
+
+def _follows(state: AgentState, order: ev.Order) -> bool:
+    """It was given this order in flight, and does so."""
+    in_turn = state.turn_boot_s is not None
+    return state.phase in IN_FLIGHT and state.ordered is order and state.order_seen and not in_turn
+
+
+def _order_answer(state: AgentState, event: ev.OperatorCommand) -> tuple[Outcome, str]:
     """What an operator is answered, and why."""
+    order = event.order
     if state.ended:
         return "over", f"its flight is over: {state.phase}" + (f", {state.outcome}" if state.outcome else "")
     if state.launch_aborted:
@@ -39,7 +68,11 @@ def _order_answer(state: AgentState, order: ev.Order) -> tuple[Outcome, str]:
         return "taken", "it stays on the ground until it is ordered to launch"
     if state.phase is Phase.LAUNCHING:
         return "taken", "its launch is broken off: it lands"
-    return "taken", "its link is lost; it is told when it is heard again" if state.lost else ""
+    if _follows(state, order):
+        return "taken", "it does so already"
+    notes = ["its link is lost; it is told when it is heard again"] if state.lost else []
+    notes += [f"it holds for {event.after_s:g} s first, for others to return"] if event.after_s else []
+    return "taken", "; ".join(notes)
 
 
 def _launch_answer(state: AgentState) -> tuple[Outcome, str]:
@@ -55,8 +88,9 @@ def _launch_answer(state: AgentState) -> tuple[Outcome, str]:
     return "taken", "" if state.pending is None else "as soon as its new plan is on it"
 
 
-def _ordered(state: AgentState, order: ev.Order, *, remote: bool) -> Step:
-    if state.ended or state.launch_aborted:
+def _ordered(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> Step:
+    order = event.order
+    if state.ended or state.launch_aborted or _follows(state, order):
         return state, []
     if order is ev.Order.LAUNCH:
         if state.phase in ON_GROUND and state.ordered in ROLES and not remote:
@@ -70,8 +104,30 @@ def _ordered(state: AgentState, order: ev.Order, *, remote: bool) -> Step:
         # On the ground or just above it, armed or about to be: the way out of both is down.
         state = replace(state, phase=Phase.LEAVING, launch_aborted=True, outcome="launch broken off")
         return command(state, ev.Order.LAND)
+    state = replace(state, pending=None, dirty=False, turn_boot_s=None, outcome=f"{order} ordered")
+    if event.after_s:
+        return _queued(state, event.after_s)
     phase = Phase.HOLDING if order is ev.Order.HOLD else Phase.LEAVING
-    return command(replace(state, phase=phase, pending=None, dirty=False, outcome=f"{order} ordered"), order)
+    return command(replace(state, phase=phase), order)
+
+
+def _queued(state: AgentState, after_s: float) -> Step:
+    """It returns in its turn, and holds until then."""
+    turn_boot_s = state.vehicle.time_boot_s + after_s
+    holds = state.phase is Phase.HOLDING and state.ordered is ev.Order.HOLD
+    state = replace(state, phase=Phase.HOLDING, turn_boot_s=turn_boot_s)
+    return (state, []) if holds else command(state, ev.Order.HOLD)
+
+
+def turn_come(state: AgentState) -> Step | None:
+    """The return it has waited for; None where its turn has not come."""
+    if state.turn_boot_s is None or state.phase is not Phase.HOLDING:
+        return None
+    # A clock that was set back tells no turn any more.
+    waits_s = state.turn_boot_s - state.vehicle.time_boot_s
+    if 0.0 < waits_s <= MAX_AFTER_S:
+        return None
+    return command(replace(state, phase=Phase.LEAVING, turn_boot_s=None), ev.Order.RETURN)
 
 
 def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) -> Step:
@@ -97,8 +153,8 @@ def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) ->
 
 
 def command(state: AgentState, order: ev.Order) -> Step:
-    state = replace(state, ordered=order, order_seen=False, order_again_at_s=math.inf, foreign_since_s=None)
-    return state, [ev.Command(order)]
+    state = replace(state, ordered=order, order_seen=False, order_again_at_s=math.inf)
+    return replace(state, orders_given=state.orders_given + 1), [ev.Command(order)]
 
 
 def launch_if_possible(state: AgentState) -> Step:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 Point = tuple[float, float]
 """east, north [m]"""
@@ -43,10 +43,38 @@ def lost_s(
 ) -> float:
     """By how much later a vehicle is `ends_m` before the end of a track, where it stops, than it would be at
     the end at `speed_m_s` all the way; 0 where it is not. It begins with `begins_m_s` to the next point."""
+    at_speed_s = math.fsum(math.dist(a, b) for a, b in pairwise(_corners(track))) / speed_m_s
+    return max(arrives_s(track, speed_m_s, begins_m_s=begins_m_s, ends_m=ends_m) - at_speed_s, 0.0)
+
+
+def arrives_s(
+    track: Sequence[Point], speed_m_s: float, *, begins_m_s: float = 0.0, ends_m: float = 0.0
+) -> float:
+    """When a vehicle is `ends_m` before the end of a track, where it stops [s]."""
+    corners, times_s, last_m_s = _timed(track, speed_m_s, begins_m_s)
+    if len(corners) < 2:
+        return 0.0
+    last_m = math.dist(corners[-2], corners[-1])
+    return times_s[-1] - _last_s(last_m_s, last_m, min(ends_m, last_m), speed_m_s)
+
+
+def timed(
+    track: Sequence[Point], speed_m_s: float, *, begins_m_s: float = 0.0
+) -> tuple[list[Point], list[float]]:
+    """The corners of a track, both ends among them, and when each is passed, from its begin [s]; the vehicle
+    begins with `begins_m_s` and stops at the end."""
+    corners, times_s, _ = _timed(track, speed_m_s, begins_m_s)
+    return corners, times_s
+
+
+def _timed(
+    track: Sequence[Point], speed_m_s: float, begins_m_s: float
+) -> tuple[list[Point], list[float], float]:
+    """And how fast the last leg is begun."""
     corners = _corners(track)
     legs_m = [math.dist(a, b) for a, b in pairwise(corners)]
     if not legs_m:
-        return 0.0
+        return corners, [0.0] * len(corners), 0.0
     short = [leg_m < SHORT_S * speed_m_s for leg_m in legs_m]
     short[0] = short[0] and begins_m_s == 0.0 and len(legs_m) > 1
     passed_m_s = [min(begins_m_s, speed_m_s)]
@@ -56,10 +84,9 @@ def lost_s(
     passed_m_s.append(0.0)
     _make_flyable(passed_m_s, legs_m)
     legs = zip(pairwise(passed_m_s), legs_m, strict=True)
-    taken_s = math.fsum(_leg_s(*ends, leg_m, speed_m_s) for ends, leg_m in legs)
-    taken_s += SETTLE_S * (len(legs_m) - 1)
-    taken_s -= _last_s(passed_m_s[-2], legs_m[-1], min(ends_m, legs_m[-1]), speed_m_s)
-    return max(taken_s - math.fsum(legs_m) / speed_m_s, 0.0)
+    each_s = [_leg_s(*ends, leg_m, speed_m_s) for ends, leg_m in legs]
+    each_s[1:] = [leg_s + SETTLE_S for leg_s in each_s[1:]]
+    return corners, list(accumulate(each_s, initial=0.0)), passed_m_s[-2]
 
 
 def _corners(track: Sequence[Point]) -> list[Point]:

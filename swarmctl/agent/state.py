@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +19,9 @@ from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.planners.base import Method, Route
+from swarmctl.rules import ALWAYS, Action, Fence, Ruling
+from swarmctl.separation.meet import Meeting
+from swarmctl.separation.watch import APART, Alarm, Heard, Separation
 
 ARRIVED = "arrived"
 """the outcome of a flight that did what it was for"""
@@ -85,6 +90,13 @@ class Task:
     """it turns no tighter, where its routes are pulled straight; 0: it turns on the spot"""
     fallback: ev.Order = ev.Order.RETURN
     """what it does when its mission cannot be changed any more: RETURN or LAND"""
+    rules: tuple[Ruling, ...] = ALWAYS
+    """what may happen in flight, and what it does then"""
+    fence: Fence | None = None
+    separation: Separation = APART
+    """how far it keeps from the others"""
+    meeting: Meeting | None = None
+    """with whom it arrives; None: by itself"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +137,8 @@ class AgentState:
     """the last order it was given"""
     order_seen: bool = False
     """and it was seen to follow it"""
+    turn_boot_s: float | None = None
+    """it holds, and returns at this time of the vehicle's clock"""
     order_again_at_s: float = math.inf
     """when to give an order again that it was not seen to follow"""
     launch_aborted: bool = False
@@ -138,8 +152,32 @@ class AgentState:
     """when it will be over its goal, from its take-off, by its last decision; None while that is in time"""
     armed_seen: bool = False
     """its own launch has armed it"""
-    foreign_since_s: float | None = None
-    """since when it has been in a mode that this agent did not choose"""
+    orders_given: int = 0
+    memories: tuple[Any, ...] = ()
+    """what the rules of flight remember, in the order of `task.rules`"""
+    demands: tuple[Action | None, ...] = ()
+    """what each of them demands now"""
+    neighbours: Mapping[int, Heard] = field(default_factory=dict)
+    """others near it, as they told of themselves of late"""
+    alarms: tuple[Alarm, ...] = ()
+    """others that will be too close"""
+    gave_way: ev.SwapMission | None = None
+    """the plan it left to hold until others are clear"""
+    raised_m: float = 0.0
+    """by so much it flies higher than its altitude, to keep clear of others"""
+    must_change: bool = False
+    """its next plan is flown whatever it brings"""
+    others_due: Mapping[int, float] = field(default_factory=dict)
+    """when others can be over their goals at the earliest, by this vehicle's clock [s]"""
+    due_s: float | None = None
+    """when it is to be over its goal with them, by its own clock"""
+    speed_m_s: float | None = None
+    """what it was told to fly, on its present plan; None: its own; 0: nobody knows"""
+    speed_given_s: float = -math.inf
+    n_alarms: int = 0
+    n_holds: int = 0
+    n_climbs: int = 0
+    """to give way"""
     incarnation: int = 0
     """of its program, as its observations are named"""
     next_seq: int = 1
@@ -164,6 +202,17 @@ class AgentState:
     """how it ended, in words; empty before"""
     trouble: str = ""
     """what went wrong last, in words"""
+
+    @property
+    def height_m(self) -> float:
+        """It flies so high above home."""
+        return self.task.altitude_m + self.raised_m
+
+    @property
+    def alarm(self) -> str:
+        """Whom it is about to come too close to, in words; empty where nobody."""
+        others = ", ".join(str(alarm.other) for alarm in self.alarms)
+        return f"too close to vehicle {others}" if others else ""
 
     @property
     def late(self) -> str:

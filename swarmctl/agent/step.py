@@ -7,9 +7,21 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from swarmctl.agent.apart import keep_apart
 from swarmctl.agent.decide import decide
-from swarmctl.agent.orders import ROLES, Step, command, launch_if_possible, operator, weights_changed
+from swarmctl.agent.meeting import earliest_in_s, keep_pace, speed_failed
+from swarmctl.agent.neighbours import neighbours_heard
+from swarmctl.agent.orders import (
+    ROLES,
+    Step,
+    command,
+    launch_if_possible,
+    operator,
+    turn_come,
+    weights_changed,
+)
 from swarmctl.agent.realise import index_abreast
+from swarmctl.agent.ruling import ruled
 from swarmctl.agent.state import ARRIVED, IN_FLIGHT, ON_GROUND, PLANNING, AgentState, Phase
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_TEXT, StateShared
@@ -22,8 +34,6 @@ from swarmctl.planners.base import Unreachable
 SHARE_STATE_EVERY_S = 1.0
 RETRY_AFTER_S = 5.0
 MAX_FAILED_SWAPS = 3
-STALE_MODE_S = 2.0
-"""a mode of ours that was left may show for so long in a heartbeat that was overtaken"""
 
 
 def step(state: AgentState, event: ev.Event, now: float) -> Step:
@@ -37,6 +47,7 @@ def wants_tick(state: AgentState, now: float) -> bool:
         state.dirty
         and state.phase in PLANNING
         and state.pending is None
+        and state.gave_way is None
         and not state.lost
         and now >= state.retry_at_s
     )
@@ -92,52 +103,24 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
     if vehicle.armed and (state.phase is Phase.LAUNCHING or state.phase in IN_FLIGHT):
         launched_s = vehicle.time_boot_s if state.launched_boot_s is None else state.launched_boot_s
         state = replace(state, armed_seen=True, launched_boot_s=launched_s)
-    state = _watch_mode(state, now)
     if state.phase in IN_FLIGHT and state.armed_seen and not vehicle.armed:
         # The last it tells, and at once: its process may end with it.
         return _share_state(replace(_touched_down(state), last_shared_s=-math.inf))
-    if reason := _taken_over(state, now):
-        return replace(state, phase=Phase.RELEASED, dirty=False, outcome=f"{reason}; let go"), [ev.Release()]
+    state, demanded = ruled(state, now)
+    if state.ended:
+        return state, demanded
     if state.phase is Phase.FLYING and state.cell in state.task.goals:
         state = replace(state, phase=Phase.LANDING, dirty=False, arrived_boot_s=vehicle.time_boot_s)
     if state.phase in IN_FLIGHT and now >= state.order_again_at_s and state.ordered is not None:
-        return command(state, state.ordered)
-    return _share_state(state)
-
-
-def _roles_of_ours(state: AgentState) -> set[str]:
-    """The roles of modes that this agent itself may have put the vehicle in."""
-    if state.phase is Phase.WAITING:
-        return {"hold", "mission", "return", "land", "other"}  # a vehicle boots in any mode
-    if state.phase in ON_GROUND or state.phase is Phase.LAUNCHING:
-        return {"hold", "mission"}
-    if state.ordered in (None, ev.Order.LAUNCH):
-        in_a_swap = state.pending is not None or state.route is None
-        return {"mission", "hold"} if in_a_swap else {"mission"}
-    ordered = ROLES[state.ordered]
-    return {ordered} if state.order_seen else {ordered, "hold", "mission"}
-
-
-def _watch_mode(state: AgentState, now: float) -> AgentState:
-    ours = state.vehicle.mode_role in {"", *_roles_of_ours(state)}
-    if ours or state.ended:
-        return replace(state, foreign_since_s=None)
-    return state if state.foreign_since_s is not None else replace(state, foreign_since_s=now)
-
-
-def _taken_over(state: AgentState, now: float) -> str:
-    """Why the vehicle is no longer this agent's: a pilot, a failsafe or another station has it."""
-    if state.ended:
-        return ""
-    if state.phase in ON_GROUND and state.vehicle.armed:
-        return f"armed by somebody else, in mode {state.vehicle.mode}"
-    if state.foreign_since_s is None:
-        return ""
-    # A heartbeat that was overtaken on its way may show a mode of ours from before: wait for the next.
-    known = state.vehicle.mode_role in ("hold", "mission")
-    if known and now - state.foreign_since_s < STALE_MODE_S:
-        return ""
-    return f"in mode {state.vehicle.mode}, which nobody here has ordered"
+        state, again = command(state, state.ordered)
+        return state, [*demanded, *again]
+    if (called := turn_come(state)) is not None:
+        state, again = called
+        return state, [*demanded, *again]
+    state, kept_apart = keep_apart(state)
+    state, paced = keep_pace(state)
+    state, shared = _share_state(state)
+    return state, [*demanded, *kept_apart, *paced, *shared]
 
 
 def _moved(state: AgentState, vehicle: VehicleState) -> AgentState:
@@ -177,7 +160,7 @@ def _touched_down(state: AgentState) -> AgentState:
         return replace(state, phase=Phase.DONE, outcome=ARRIVED, pending=None)
     if state.phase is Phase.LEAVING:
         phase = Phase.FAILED if state.given_up else Phase.DONE
-        said = state.trouble if state.given_up else state.outcome
+        said = state.outcome or state.trouble
         return replace(state, phase=phase, outcome=f"{said}; landed", pending=None)
     where = f"in cell {state.cell}" if state.cell is not None else "outside the area"
     battery = state.vehicle.battery_percent
@@ -210,7 +193,10 @@ def _share_state(state: AgentState) -> Step:
         replans=state.replans,
         late_s=state.late_s,
         outcome=state.outcome[:MAX_TEXT],
-        trouble=state.trouble[:MAX_TEXT],
+        trouble=(state.alarm or state.trouble)[:MAX_TEXT],
+        alt_amsl_m=vehicle.alt_amsl_m,
+        earliest_in_s=earliest_in_s(state),
+        velocity_m_s=(vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s),
     )
     return replace(state, last_shared_s=vehicle.time_boot_s), [ev.Publish(message)]
 
@@ -253,8 +239,8 @@ def _joined(state: AgentState, event: ev.Joined, _now: float) -> Step:
     return replace(state, incarnation=event.incarnation), []
 
 
-def _link_lost(state: AgentState, _event: ev.LinkLost, _now: float) -> Step:
-    return replace(state, lost=True), []
+def _link_lost(state: AgentState, _event: ev.LinkLost, now: float) -> Step:
+    return ruled(replace(state, lost=True), now)
 
 
 def _link_restored(state: AgentState, _event: ev.LinkRestored, now: float) -> Step:
@@ -294,6 +280,7 @@ def _mission_accepted(state: AgentState, event: ev.MissionAccepted, _now: float)
     if state.ended:
         return state, []
     state = replace(state, route=swap, held=state.exposure, progress=0, failed_swaps=0, trouble="")
+    state = replace(state, speed_m_s=None)  # a change of mode on the way has taken back what it was given
     if state.phase in IN_FLIGHT:
         return replace(state, replans=state.replans + 1), []
     if state.phase is Phase.UPLOADING:
@@ -306,6 +293,7 @@ def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> S
     if swap is None or swap.plan_id != event.plan_id:
         return state, []
     state = replace(state, pending=None, failed_swaps=state.failed_swaps + 1, trouble=event.reason)
+    state = replace(state, speed_m_s=0.0)  # whether it has changed its mode on the way, nobody knows
     if state.phase in ON_GROUND:
         return replace(state, phase=Phase.FAILED, outcome=event.reason), []
     if state.phase is Phase.LANDING and event.flying != "old":
@@ -331,6 +319,8 @@ _HANDLERS: dict[type[Any], Callable[[AgentState, Any, float], Step]] = {
     ev.TelemetryReceived: _telemetry,
     ev.Observed: _observed,
     ev.Heard: _heard,
+    ev.Neighbours: neighbours_heard,
+    ev.SpeedFailed: speed_failed,
     ev.MissionAccepted: _mission_accepted,
     ev.MissionFailed: _mission_failed,
     ev.OrderDone: _order_done,

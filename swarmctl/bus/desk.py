@@ -9,7 +9,7 @@ plan, so no agent is given any before it has come to the last.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Set
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Protocol
@@ -79,12 +79,18 @@ class _Gate:
 
 
 Asked = ev.WeightsChanged | ev.OperatorCommand
-Closed = Callable[[keys.Kind], str]
-"""why a kind of command is not taken now; empty if it is"""
+Closed = Callable[[Request], str]
+"""why a command is not taken now; empty if it is"""
+Turns = Callable[[Sequence[int]], Mapping[int, float]]
+"""how long each of these vehicles, called back at once, waits for its turn to return [s]"""
 
 
-def open_to_all(_kind: keys.Kind) -> str:
+def open_to_all(_command: Request) -> str:
     return ""
+
+
+def at_once(_uavs: Sequence[int]) -> Mapping[int, float]:
+    return {}
 
 
 class Unseal(Protocol):
@@ -125,11 +131,13 @@ class Desk:
         *,
         uav: int | None = None,
         closed: Closed = open_to_all,
+        turns: Turns = at_once,
         unseal: Unseal = unsealed,
     ) -> None:
         self._tally = tally
         self._keys = {keys.request(swarm, kind, uav): kind for kind in keys.KINDS}
         self._closed = closed
+        self._turns = turns
         self._unseal = unseal
         self._say = say
         self._agents: dict[int, tuple[str, Callable[[Asked], None]]] = {}
@@ -213,7 +221,7 @@ class Desk:
         kind = KINDS[type(command)]
         if kind != self._keys[key]:
             raise BadMessage(f"a command of the kind {kind} under the key {key}")
-        if why := self._closed(kind):
+        if why := self._closed(command):
             raise BadMessage(why)
         return command
 
@@ -222,10 +230,12 @@ class Desk:
         number = self._tally.passed_on
         self._open[number] = _Open(uavs, reply, {u: self._too_busy(u) for u in uavs if u in busy})
         asyncio.get_running_loop().call_later(ANSWER_WITHIN_S, partial(self._close, number))
+        returns = isinstance(command, GiveOrder) and command.order == "return"
+        turns = self._turns(uavs) if returns else {}
         for uav in (u for u in uavs if u not in busy):
             if isinstance(command, SetWeights):
                 self._busy[uav] = number
-            self._agents[uav][1](_event(number, command))
+            self._agents[uav][1](_event(number, command, turns.get(uav, 0.0)))
 
     def _meant(self, command: Request) -> list[int]:
         """The vehicles, in the swarm's order. Raises ValueError where one is not of this swarm."""
@@ -273,9 +283,9 @@ class Desk:
             reply(encode(OperatorAnswer(refused=why)))
 
 
-def _event(number: int, command: Request) -> Asked:
+def _event(number: int, command: Request, turn_s: float) -> Asked:
     match command:
         case SetWeights():
             return ev.WeightsChanged(number, command.w, command.strength)
-        case GiveOrder(order=order):
-            return ev.OperatorCommand(ev.Order(order), number)
+        case GiveOrder(order=order, after_s=after_s):
+            return ev.OperatorCommand(ev.Order(order), number, max(after_s, turn_s))

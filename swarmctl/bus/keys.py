@@ -11,7 +11,7 @@
 | `uav/TO/request/weights/operator` | an operator | the UAV's agent | asked | SetWeights; OperatorAnswer |
 | `uav/TO/request/order/operator` | an operator | the UAV's agent | asked | GiveOrder; OperatorAnswer |
 | `station/request/weights/operator` | an operator | who flies all | asked | SetWeights; OperatorAnswer |
-| `station/request/order/operator` | an operator | who flies all | asked | is refused there |
+| `station/request/order/operator` | an operator | who flies all | asked | GiveOrder; OperatorAnswer |
 | `node/ID`, `node/ID/missed` | nobody | a mesh's node | - | nothing: who subscribes shows that it is there |
 | `uav/TO/inform/look/sensor` | a payload, or a person | the UAV's agent | put or asked | JSON |
 

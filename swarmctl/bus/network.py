@@ -139,6 +139,10 @@ class Network:
         """Where a UAV is, oftener than it tells others."""
         self._members[uav].node.moved((lat_deg, lon_deg))
 
+    def states(self, uav: int) -> dict[int, StateShared]:
+        """The newest that it has heard of each of the others."""
+        return self._members[uav].node.states()
+
     def tally(self, uav: int) -> Tally:
         return self._members[uav].node.tally
 

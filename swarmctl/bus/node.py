@@ -97,6 +97,10 @@ class Node:
         self._hears = hears
         self._is_plain = hears is None and not options.relay
 
+    def states(self) -> dict[int, StateShared]:
+        """The newest that each of the others has told of itself."""
+        return {uav: peer.state for uav, peer in self._peers.items() if peer.state is not None}
+
     def moved(self, at: LatLon) -> None:
         """Where it is, oftener than it tells others."""
         self._voice.at = at

@@ -18,6 +18,10 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
         "check",
         "Say everything that is wrong with a configuration, here and now, without starting anything.",
     ),
+    "preflight": (
+        "preflight",
+        "Connect, check every vehicle as `fly` does before it arms, and print what was found; arms nothing.",
+    ),
     "set": (
         "weights",
         "Change w and the firing strengths of vehicles in flight, from their next plans on.",
@@ -35,6 +39,10 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
         "Show where the vehicles of a swarm on many machines are and what they do, until Ctrl-C.",
     ),
     "order": ("order", "Order vehicles flown by `swarmctl agent` to launch, hold, return or land."),
+    "abort": (
+        "abort",
+        "End the flight of vehicles: hold where they are, return, or land where they are.",
+    ),
     "router": (
         "router",
         "Route what the agents of a swarm on many machines say, each only what it may, until Ctrl-C.",
@@ -45,6 +53,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
         "machines.",
     ),
     "replay": ("replay", "Fold the recorded events of a run again and say whether the same was decided."),
+    "audit": ("audit", "Check the evidence of a run, line by line, and show what happened."),
     "schema": ("schema", "Print the JSON schema of configurations, for editors."),
 }
 """name: (file, first paragraph of its help), in the order of the help"""

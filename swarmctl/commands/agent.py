@@ -10,13 +10,24 @@ from typing import Annotated
 
 import typer
 
-from swarmctl import companion, joining, preflight
+from swarmctl import companion, joining
 from swarmctl.bus.access import name_of
 from swarmctl.bus.base import BusError
 from swarmctl.bus.endpoint import NOBODY
 from swarmctl.bus.zenoh_config import Configuration
 from swarmctl.commands.finishing import unbroken
-from swarmctl.commands.flying import RealOption, conclude, confirmed, permission, settle, terminal
+from swarmctl.commands.flying import (
+    ForwardOption,
+    RealOption,
+    WaiveOption,
+    conclude,
+    confirmed,
+    forwarded,
+    permission,
+    settle,
+    terminal,
+    waivers_of,
+)
 from swarmctl.commands.loading import scenario_of
 from swarmctl.commands.shared import (
     EXPECTED,
@@ -33,6 +44,8 @@ from swarmctl.director import Permission
 from swarmctl.keyring.files import KeyringError
 from swarmctl.keyring.use import Keyring
 from swarmctl.links.url import parse_url
+from swarmctl.preflight import machine
+from swarmctl.preflight.waivers import Waiver
 from swarmctl.scenario import Scenario
 
 
@@ -71,6 +84,8 @@ def agent(
     confirm: Annotated[
         str, typer.Option(metavar="NAME", help="With --real, for scripts: the vehicle that may be armed.")
     ] = "",
+    forward: ForwardOption = None,
+    waive: WaiveOption = None,
     out_folder: OutOption = Path("runs"),
     verbose: VerboseOption = False,
 ) -> None:
@@ -80,13 +95,14 @@ def agent(
     by what it knows, and by what it is told when the network is there again.
     """
     whole = scenario_of(config)
-    scenario = companion.only(whole, _meant(whole, uav), _url(url))
+    scenario = forwarded(companion.only(whole, _meant(whole, uav), _url(url)), forward or [])
     allowed = confirmed(scenario, confirm) if real else frozenset()
     keyring = _keyring(scenario)
     network = _network(scenario, connect, launch, keyring)
-    if found := list(preflight.troubles(_without_door(scenario), out_folder)):
+    if found := list(machine.troubles(_without_door(scenario), out_folder)):
         fail(found, EXPECTED)
-    _fly(scenario, out_folder, launch, network, keyring, permission(allowed), verbose=verbose)
+    waivers = waivers_of(waive, scenario)
+    _fly(scenario, out_folder, launch, network, keyring, permission(allowed), waivers, verbose=verbose)
 
 
 def _fly(
@@ -96,6 +112,7 @@ def _fly(
     network: Configuration | None,
     keyring: Keyring | None,
     may_arm: Permission,
+    waivers: tuple[Waiver, ...],
     *,
     verbose: bool,
 ) -> None:
@@ -117,6 +134,7 @@ def _fly(
                         launch=launch.value,
                         network=network,
                         keyring=keyring,
+                        waivers=waivers,
                     )
                 )
         except BusError as error:

@@ -5,17 +5,18 @@ from __future__ import annotations
 import asyncio
 import datetime as dt
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from swarmctl import joining, operate
 from swarmctl.bus.access import OPERATOR
 from swarmctl.bus.base import BusError
+from swarmctl.bus.zenoh_config import Credentials
 from swarmctl.commands.calling import roll_of
 from swarmctl.commands.shared import EXPECTED, USAGE, err, fail, out
 from swarmctl.core import requests
@@ -48,6 +49,8 @@ ConnectOption = Annotated[
         metavar="tcp/HOST:PORT", help="Where the flight, or the router, listens, if not on this machine."
     ),
 ]
+Giving = Callable[[Station, Request, Credentials | None, operate.Seals], Coroutine[Any, Any, OperatorAnswer]]
+"""how a command is given"""
 
 
 def give(
@@ -56,6 +59,7 @@ def give(
     config: Path | None,
     connect: str | None,
     told: Callable[[VehicleAnswer], str],
+    by: Giving = operate.give,
 ) -> None:
     """Give it, say what became of it, and leave with an exit code. `command` raises ValueError."""
     try:
@@ -63,7 +67,7 @@ def give(
         station, keyring = _station(swarm, config, connect)
         credentials = joining.certified(station.endpoint, keyring)
         seals = operate.UNSEALED if keyring is None else Seals(station.swarm, keyring)
-        answer = asyncio.run(operate.give(station, wanted, credentials, seals))
+        answer = asyncio.run(by(station, wanted, credentials, seals))
     except (BusError, operate.NoAnswer, KeyringError) as error:
         fail([str(error)], EXPECTED)
     except ValueError as error:

@@ -8,11 +8,13 @@ from pathlib import Path
 
 import typer
 
-from swarmctl import preflight
 from swarmctl.bus.access import OPERATOR, ROUTER, name_of
 from swarmctl.commands.loading import scenario_of
 from swarmctl.commands.shared import EXPECTED, ConfigOption, OutOption, fail, out
 from swarmctl.keyring import look
+from swarmctl.keyring.files import KeyringError
+from swarmctl.keyring.mavlink_key import read_mavlink_key
+from swarmctl.preflight import machine
 from swarmctl.scenario import Scenario
 
 
@@ -23,7 +25,7 @@ def register(cli: typer.Typer) -> None:
 def check(config: ConfigOption, out_folder: OutOption = Path("runs")) -> None:
     """Say everything that is wrong with a configuration, here and now, without starting anything."""
     scenario = scenario_of(config)
-    found = [*preflight.troubles(scenario, out_folder), *_keys(scenario)]
+    found = [*machine.troubles(scenario, out_folder), *_keys(scenario), *_signing_key(scenario)]
     if found:
         fail(found, EXPECTED)
     n, grid = len(scenario.specs), scenario.grid
@@ -32,6 +34,14 @@ def check(config: ConfigOption, out_folder: OutOption = Path("runs")) -> None:
         f"{grid.cell_size_m:g} m, {scenario.prior.count} hostiles announced."
     )
     out.print(text, highlight=False, soft_wrap=True)
+
+
+def _signing_key(scenario: Scenario) -> Iterator[str]:
+    if (file := scenario.config.links.signing_key) is not None:
+        try:
+            read_mavlink_key(Path(file))
+        except KeyringError as error:
+            yield f"links.signing_key: {error}"
 
 
 def _keys(scenario: Scenario) -> Iterator[str]:

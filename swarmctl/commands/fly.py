@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from swarmctl import app, preflight
+from swarmctl import app, evidence_run
 from swarmctl.clock import run_virtual
 from swarmctl.commands.finishing import unbroken
-from swarmctl.commands.flying import RealOption, conclude, confirmed, permission, settle, terminal
+from swarmctl.commands.flying import (
+    ForwardOption,
+    RealOption,
+    WaiveOption,
+    conclude,
+    confirmed,
+    forwarded,
+    permission,
+    settle,
+    terminal,
+    waivers_of,
+)
 from swarmctl.commands.loading import scenario_of
 from swarmctl.commands.shared import (
     EXPECTED,
@@ -22,11 +34,21 @@ from swarmctl.commands.shared import (
     fail,
     run_folder,
 )
+from swarmctl.evidence.book import Signer
+from swarmctl.keyring.files import KeyringError
+from swarmctl.preflight import machine
+from swarmctl.scenario import Scenario
 
 
 class Clock(StrEnum):
     REAL = "real"
     VIRTUAL = "virtual"
+
+
+ClockOption = Annotated[
+    Clock,
+    typer.Option(help="virtual: simulated vehicles in this process, as fast as it computes, repeatable."),
+]
 
 
 def register(cli: typer.Typer) -> None:
@@ -35,33 +57,50 @@ def register(cli: typer.Typer) -> None:
 
 def fly(
     config: ConfigOption,
-    clock: Annotated[
-        Clock,
-        typer.Option(help="virtual: simulated vehicles in this process, as fast as it computes, repeatable."),
-    ] = Clock.REAL,
+    clock: ClockOption = Clock.REAL,
     real: RealOption = False,
     confirm: Annotated[
         str,
         typer.Option(metavar="NAME,NAME", help="With --real, for scripts: the vehicles that may be armed."),
     ] = "",
+    forward: ForwardOption = None,
+    waive: WaiveOption = None,
     out_folder: OutOption = Path("runs"),
     verbose: VerboseOption = False,
 ) -> None:
     """Fly the swarm, simulated or real, from the ground to the last landing."""
-    scenario = scenario_of(config)
+    scenario = forwarded(scenario_of(config), forward or [])
     if clock is Clock.VIRTUAL and scenario.config.vehicles:
         fail(
             [f"{config}: vehicles with a URL fly in real time; `--clock virtual` is for `simulate` only"],
             USAGE,
         )
+    if clock is Clock.VIRTUAL and scenario.config.simulate and scenario.config.simulate.link == "mavsdk":
+        fail(
+            [
+                f"{config}: simulate.link: MAVSDK keeps to the machine's clock; fly in real time (without "
+                "`--clock virtual`) or with `link: direct`"
+            ],
+            USAGE,
+        )
     allowed = confirmed(scenario, confirm) if real else frozenset()
-    if clock is Clock.REAL and (found := list(preflight.troubles(scenario, out_folder))):
+    if clock is Clock.REAL and (found := list(machine.troubles(scenario, out_folder))):
         fail(found, EXPECTED)
+    manner = replace(app.ALL_IN_ONE, signer=_signer(scenario), waivers=waivers_of(waive, scenario))
     folder = run_folder(out_folder, scenario.config.name)
     shown = terminal(verbose=verbose)
     settle()
     with unbroken() as run:
         with shown.shown():
-            flight = app.fly(scenario, folder, shown, clock=clock.value, permission=permission(allowed))
+            flight = app.fly(
+                scenario, folder, shown, clock=clock.value, permission=permission(allowed), manner=manner
+            )
             report = run_virtual(flight) if clock is Clock.VIRTUAL else run(flight)
         conclude(report, scenario, folder)
+
+
+def _signer(scenario: Scenario) -> Signer | None:
+    try:
+        return evidence_run.operators_witness(scenario)
+    except KeyringError as error:
+        fail([str(error)], EXPECTED)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -15,12 +16,41 @@ from swarmctl.app import Report
 from swarmctl.commands.shared import EXPECTED, INTERRUPTED, USAGE, err, fail, out, timed
 from swarmctl.director import Member, Permission, PreflightFailed
 from swarmctl.flight_report import flight_table, missed, unfriendly
+from swarmctl.links.url import parse_url
+from swarmctl.preflight.waivers import Waiver, parse_waivers
 from swarmctl.scenario import Scenario
 from swarmctl.terminal import LiveTable, PlainLines, Terminal
 
 RealOption = Annotated[
     bool, typer.Option("--real", help="Allow arming vehicles that the built-in simulator does not play.")
 ]
+ForwardOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--forward",
+        metavar="MAVLINK_URL",
+        help="Here goes a copy of all traffic of the vehicles, for QGroundControl or Mission Planner to "
+        "watch, such as udpout:127.0.0.1:14550; repeatable.",
+    ),
+]
+
+
+WaiveOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--waive",
+        metavar="CHECK[:VEHICLE]",
+        help="Let a preflight check fail (repeatable): said, and recorded in summary.json.",
+    ),
+]
+
+
+def waivers_of(texts: list[str] | None, scenario: Scenario) -> tuple[Waiver, ...]:
+    """What the operator takes upon himself; leaves where that may not be."""
+    try:
+        return parse_waivers(texts or (), [spec.name for spec in scenario.specs])
+    except ValueError as error:
+        fail([f"--waive {error}"], USAGE)
 
 
 class _TimedLines(PlainLines):
@@ -40,6 +70,18 @@ def terminal(*, verbose: bool, with_time: bool = False) -> Terminal:
     if out.is_terminal:
         return (_TimedTable if with_time else LiveTable)(out, verbose=verbose)
     return (_TimedLines if with_time else PlainLines)(out, verbose=verbose)
+
+
+def forwarded(scenario: Scenario, urls: Sequence[str]) -> Scenario:
+    """The scenario with more places to which the vehicles' traffic goes."""
+    for url in urls:
+        try:
+            parse_url(url)
+        except ValueError as error:
+            fail([f"--forward: {error}"], USAGE)
+    config = scenario.config
+    links = config.links.model_copy(update={"forward": (*config.links.forward, *urls)})
+    return replace(scenario, config=config.model_copy(update={"links": links}))
 
 
 def settle() -> None:

@@ -19,14 +19,13 @@ from swarmctl.commands.asking import ConnectOption, FlyingConfigOption, SwarmOpt
 from swarmctl.commands.calling import roll_of
 from swarmctl.commands.shared import EXPECTED, USAGE, fail, out, say
 from swarmctl.core.grid import Cell
-from swarmctl.core.looks import VERSION, Answer, Point, Report, schema
+from swarmctl.core.looks import BY_HAND, VERSION, Answer, Point, Report, schema
 from swarmctl.core.messages import MAX_SYSTEM_ID
 from swarmctl.keyring.files import KeyringError
 from swarmctl.mesh import listeners, vehicle_of
 from swarmctl.operate import NoAnswer, Station, Unclear
 from swarmctl.roll import Roll
 
-SOURCE = "operator"
 MAX_INDEX = 2**31
 """beyond the rows and columns of any area"""
 
@@ -97,8 +96,8 @@ def seen(cells: list[str], places: list[str], occupied: bool | None) -> Report:
     if occupied is None:
         raise Unclear("what was seen there? give --occupied (a hostile holds it) or --clear")
     if cells:
-        return Report(VERSION, cells=tuple((*_cell(word), occupied) for word in cells), source=SOURCE)
-    return Report(VERSION, points=tuple(_point(word, occupied) for word in places), source=SOURCE)
+        return Report(VERSION, cells=tuple((*_cell(word), occupied) for word in cells), source=BY_HAND)
+    return Report(VERSION, points=tuple(_point(word, occupied) for word in places), source=BY_HAND)
 
 
 def _pair(word: str, option: str, such_as: str) -> tuple[float, float]:

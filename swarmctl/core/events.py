@@ -11,7 +11,7 @@ from typing import Literal
 import msgspec
 
 from swarmctl.core.any_angle import Track
-from swarmctl.core.frames import Spoken
+from swarmctl.core.frames import Spoken, StateShared
 from swarmctl.core.grid import Cell
 from swarmctl.core.messages import VehicleAnswer
 from swarmctl.core.mission import FlightPlan
@@ -70,6 +70,12 @@ class Heard(_Fact, frozen=True):
     told: tuple[Told, ...]
 
 
+class Neighbours(_Fact, frozen=True):
+    """What others near it have told of themselves since the last time: (UAV, its state)."""
+
+    states: tuple[tuple[int, StateShared], ...]
+
+
 class MissionAccepted(_Fact, frozen=True):
     """The vehicle holds plan `plan_id`, read back and compared."""
 
@@ -91,6 +97,10 @@ class OrderFailed(_Fact, frozen=True):
     reason: str
 
 
+class SpeedFailed(_Fact, frozen=True):
+    reason: str
+
+
 class LinkLost(_Fact, frozen=True):
     age_s: float
 
@@ -103,6 +113,8 @@ class OperatorCommand(_Fact, frozen=True):
     order: Order
     command: int | None = None
     """the operator desk's running number, which the `Answer` repeats; None: its own process orders this"""
+    after_s: float = 0.0
+    """of a return: it holds for so long first, by the vehicle's clock, because others return before it"""
 
 
 class WeightsChanged(_Fact, frozen=True):
@@ -128,10 +140,12 @@ Event = (
     | TelemetryReceived
     | Observed
     | Heard
+    | Neighbours
     | MissionAccepted
     | MissionFailed
     | OrderDone
     | OrderFailed
+    | SpeedFailed
     | LinkLost
     | LinkRestored
     | OperatorCommand
@@ -171,6 +185,12 @@ class Command(_Fact, frozen=True):
     order: Order
 
 
+class SetSpeed(_Fact, frozen=True):
+    """Fly the mission so fast over ground."""
+
+    speed_m_s: float
+
+
 class Release(_Fact, frozen=True):
     """Stop whatever is being done to the vehicle: somebody else has it."""
 
@@ -182,4 +202,10 @@ class Answer(_Fact, frozen=True):
     answer: VehicleAnswer
 
 
-Effect = Publish | SwapMission | Command | Release | Answer
+class Tell(_Fact, frozen=True):
+    """The operator has to know this of the vehicle."""
+
+    text: str
+
+
+Effect = Publish | SwapMission | Command | SetSpeed | Release | Answer | Tell

@@ -99,11 +99,18 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
     """messages it did not take"""
     flagged: tuple[int, ...] = ()
     """UAVs that told the contrary of what it saw itself"""
+    alt_amsl_m: float | None = None
+    velocity_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """east, north, up"""
+    earliest_in_s: float | None = None
+    """until it could be over its goal; negative: since it was; where a swarm arrives together"""
 
     def __post_init__(self) -> None:
         _check_place(self.lat_deg, self.lon_deg)
-        if not all(map(math.isfinite, (self.time_s, self.alt_rel_m, self.late_s or 0.0))):
-            raise ValueError("a time or a height that is no number")
+        maybe = (self.late_s, self.alt_amsl_m, self.earliest_in_s)
+        numbers = (self.time_s, self.alt_rel_m, *self.velocity_m_s, *(x for x in maybe if x is not None))
+        if not all(map(math.isfinite, numbers)):
+            raise ValueError("a time, a height or a speed that is no number")
 
 
 class Have(msgspec.Struct, frozen=True, array_like=True):

@@ -35,6 +35,8 @@ MAX_BYTES = 16_384
 MAX_CELLS = 4096
 MAX_SOURCE = 32
 """characters"""
+BY_HAND = "operator"
+"""the source where a person reports, by `swarmctl observe`"""
 OLDEST_S = 60.0
 """what was seen longer ago may have moved, and its sender's clock may be wrong"""
 CLOCK_TOLERANCE_S = 5.0

@@ -16,6 +16,8 @@ from swarmctl.core.threat import FiringStrength
 VERSION = 1
 MAX_SYSTEM_ID = 254
 """MAVLink's; 255 is a ground station's by custom"""
+MAX_AFTER_S = 7200.0
+"""for which a vehicle may wait for its turn to return [s]"""
 MAX_NAME = 32
 """characters of a vehicle's name"""
 
@@ -53,10 +55,16 @@ class GiveOrder(msgspec.Struct, frozen=True, tag="give_order", forbid_unknown_fi
     uavs: tuple[int | str, ...] | None
     """system ids or names; None: all of the swarm"""
     order: Literal["launch", "hold", "return", "land"]
+    after_s: float = 0.0
+    """of a return: the vehicle holds for so long first, because others return before it [s]"""
 
     def __post_init__(self) -> None:
         if self.uavs is not None:
             _check_named(self.uavs)
+        if not 0.0 <= self.after_s <= MAX_AFTER_S:
+            raise ValueError(f"after_s = {self.after_s:g}: expected 0 to {MAX_AFTER_S:g}")
+        if self.after_s and self.order != "return":
+            raise ValueError(f"after_s = {self.after_s:g} with {self.order}: expected with return alone")
 
 
 Request = SetWeights | GiveOrder
@@ -78,6 +86,21 @@ def _check_named(uavs: tuple[int | str, ...]) -> None:
 Outcome = Literal["taken", "refused", "over", "unconfirmed", "silent"]
 
 
+class Place(msgspec.Struct, frozen=True):
+    """Where a vehicle in flight is, for whoever calls many back."""
+
+    lat_deg: float
+    lon_deg: float
+    alt_amsl_m: float
+    home_lat_deg: float
+    home_lon_deg: float
+    home_alt_amsl_m: float
+    speed_m_s: float
+    keeps_m: tuple[float, float]
+    """what it has to keep from others over ground, and in height"""
+    is_returning: bool = False
+
+
 class VehicleAnswer(msgspec.Struct, frozen=True):
     """What a vehicle made of a command."""
 
@@ -90,6 +113,8 @@ class VehicleAnswer(msgspec.Struct, frozen=True):
     """the number of the first plan that is made with the new weights"""
     note: str = ""
     """why not, or what else is to be known"""
+    place: Place | None = None
+    """None on the ground, and where it is not known"""
 
 
 class OperatorAnswer(msgspec.Struct, frozen=True, tag="operator_answer"):

@@ -31,6 +31,9 @@ class VehicleState:
     """above home [m]"""
     alt_amsl_m: float | None = None
     ground_speed_m_s: float = 0.0
+    east_m_s: float = 0.0
+    north_m_s: float = 0.0
+    """over ground, which need not be where it heads"""
     climb_m_s: float = 0.0
     """upwards positive [m/s]"""
     heading_deg: float | None = None
@@ -46,6 +49,8 @@ class VehicleState:
     """why not, in the vehicle's words where it has said so"""
     battery_percent: int | None = None
     battery_v: float | None = None
+    gps_ok: bool | None = None
+    """it has a receiver, and that has a fix; None where it has none"""
     mission_seq: int | None = None
     mission_total: int | None = None
     home_lat_deg: float | None = None
@@ -55,6 +60,13 @@ class VehicleState:
     """strikes the vehicle has reported (simulated vehicles do)"""
     status_text: str = ""
     """its last STATUSTEXT of severity WARNING or worse"""
+
+    @property
+    def takeoff_lat_lon(self) -> tuple[float, float] | None:
+        """Where it takes off, or did (home is set when it is armed) [deg]; None where it has not told."""
+        if self.armed and self.home_lat_deg is not None and self.home_lon_deg is not None:
+            return self.home_lat_deg, self.home_lon_deg
+        return None if self.lat_deg is None or self.lon_deg is None else (self.lat_deg, self.lon_deg)
 
     @property
     def has_position(self) -> bool:

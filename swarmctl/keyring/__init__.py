@@ -11,6 +11,7 @@ whose key stays where the folders were made:
 | `uav3/sign.pem` | an Ed25519 private key, with which `uav3` signs what it says |
 | `uav3/signers.json` | everybody's public keys, by name, in base64; the same in all folders |
 
-`make` makes them, `use` loads one folder, `files` reads what is in them and says what is wrong with it. Time
-is an argument. Imports nothing that opens sockets.
+`make` makes them, `use` loads one folder, `files` reads what is in them and says what is wrong with it;
+`witness` signs the evidence of a run with them. `mavlink_key` has the key of MAVLink's own signing, which is
+another matter. Time is an argument. Imports nothing that opens sockets.
 """

@@ -8,10 +8,11 @@ when something goes wrong; any other second call raises `Busy`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
+from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.events import (
@@ -25,15 +26,18 @@ from swarmctl.mavlink.events import (
     StateChanged,
     Text,
 )
+from swarmctl.mavlink.instruments import Instruments
 
 __all__ = [
     "AddressChanged",
     "Busy",
     "CommandFailed",
     "Conflict",
+    "FenceFailed",
     "Flying",
     "Heard",
     "Identity",
+    "Instruments",
     "LaunchFailed",
     "Link",
     "LinkError",
@@ -41,6 +45,7 @@ __all__ = [
     "Lost",
     "NobodyAnswers",
     "NotReady",
+    "ParametersFailed",
     "PrepareFailed",
     "ProcedureDone",
     "Rebooted",
@@ -108,6 +113,14 @@ class NotReady(LinkError):
         self.reasons = reasons
 
 
+class ParametersFailed(LinkError):
+    """A parameter is not what it was set to."""
+
+
+class FenceFailed(LinkError):
+    """The geofence is not verified to be on the vehicle, or cannot be read."""
+
+
 class UploadFailed(LinkError):
     """The plan is not verified to be on the vehicle."""
 
@@ -149,13 +162,32 @@ class Link(Protocol):
         """
 
     async def prepare(self, timeout_s: float, on_waiting: Callable[[tuple[str, ...]], None]) -> None:
-        """Streams on, GUIDED, ready to arm; reports whenever the reasons for waiting change.
+        """Streams on, in its hold mode, ready to arm; reports whenever the reasons for waiting change.
 
         Raises NotReady with the last reasons, PrepareFailed.
         """
 
     async def upload(self, plan: FlightPlan) -> None:
         """On the ground: upload, read back, compare. Raises UploadFailed."""
+
+    async def read_parameters(self, names: Collection[str]) -> dict[str, float]:
+        """Those of the names that the vehicle knows, in the units of the parameters.
+
+        This and the four below may be called while `upload` runs, and the other way round: one waits for the
+        other. Raises LinkError where an order has interrupted it.
+        """
+
+    async def set_parameters(self, wanted: Mapping[str, float]) -> None:
+        """On the ground: set what is not as wanted, hear it back. Raises ParametersFailed."""
+
+    async def put_fence(self, polygon: Sequence[LatLon]) -> None:
+        """On the ground: upload the polygon to stay inside of, read back, compare. Raises FenceFailed."""
+
+    async def read_fence(self) -> tuple[MissionItem, ...]:
+        """The items of the fence that is on the vehicle. Raises FenceFailed."""
+
+    async def read_instruments(self) -> Instruments:
+        """GPS receiver and clock; the vehicle's home and battery in `state` are young afterwards."""
 
     async def launch(self) -> None:
         """Arm and start the mission; returns when it climbs. Raises LaunchFailed. THIS ARMS THE VEHICLE.
@@ -164,7 +196,8 @@ class Link(Protocol):
         """
 
     async def swap(self, plan: FlightPlan) -> None:
-        """In flight: hold, upload, verify, fly `plan` from its first waypoint. Raises SwapFailed.
+        """In flight: upload, verify, fly `plan` from its first waypoint, without a stop where the autopilot
+        allows it. Raises SwapFailed.
 
         Nothing is commanded any more once somebody else has chosen a mode.
         """
@@ -175,6 +208,10 @@ class Link(Protocol):
         As `return_home` and `land`: sent at once whatever its mode, and again only while nobody else has
         chosen one since.
         """
+
+    async def set_speed(self, speed_m_s: float) -> None:
+        """Another speed over ground for its mission, which it flies, until that is changed [m/s]. Raises
+        CommandFailed; nothing is sent where somebody else has chosen another mode."""
 
     async def return_home(self) -> None:
         """Return to launch. Raises CommandFailed."""

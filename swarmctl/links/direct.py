@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.links.base import (
     Busy,
     CommandFailed,
+    FenceFailed,
     Heard,
     Identity,
+    Instruments,
     LaunchFailed,
     LinkError,
     LinkEvent,
     NobodyAnswers,
     NotReady,
+    ParametersFailed,
     PrepareFailed,
     ProcedureDone,
     SwapFailed,
@@ -28,9 +32,10 @@ from swarmctl.links.base import (
 )
 from swarmctl.links.frontend import Channel, FrontEnd
 from swarmctl.links.url import Endpoint
-from swarmctl.mavlink import procedures
+from swarmctl.mavlink import fence, instruments, parameters, procedures, speed
 from swarmctl.mavlink.codec import Message
 from swarmctl.mavlink.conversation import Peer
+from swarmctl.mavlink.mission_download import DownloadOutcome, DownloadResult
 from swarmctl.mavlink.procedure import Context, Procedure
 from swarmctl.mavlink.procedures import Done, Swapped
 from swarmctl.mavlink.session import Session, Step
@@ -71,6 +76,8 @@ class DirectLink:
         self._on_waiting: Callable[[tuple[str, ...]], None] | None = None
         self._reasons: tuple[str, ...] = ()
         self._report_at = 0.0
+        self._at_ground_work = asyncio.Lock()
+        """uploads and looks at a vehicle on the ground wait for each other"""
 
     # What is known
 
@@ -128,10 +135,44 @@ class DirectLink:
 
     async def upload(self, plan: FlightPlan) -> None:
         self._require_heard()
-        items = self._session.dialect.mission_items(plan)
-        done: Done = await self._perform("upload", partial(procedures.upload, items=items))
+        items = self._session.mission_items(plan)
+        async with self._at_ground_work:
+            done: Done = await self._perform("upload", partial(procedures.upload, items=items))
         if done.failure:
             raise UploadFailed(f"{self._who}: the mission is not verified on the vehicle: {done.failure}")
+
+    async def read_parameters(self, names: Collection[str]) -> dict[str, float]:
+        procedure = partial(parameters.read_parameters, names=names, byte_wise=self._byte_wise)
+        told: dict[str, parameters.Parameter] | Done = await self._look("read parameters", procedure)
+        if isinstance(told, Done):
+            raise LinkError(f"{self._who}: its parameters were not read: {told.failure}")
+        return {name: parameter.value for name, parameter in told.items()}
+
+    async def set_parameters(self, wanted: Mapping[str, float]) -> None:
+        procedure = partial(parameters.set_parameters, wanted=wanted, byte_wise=self._byte_wise)
+        done: Done = await self._look("set parameters", procedure)
+        if done.failure:
+            raise ParametersFailed(f"{self._who}: its parameters are not set: {done.failure}")
+
+    async def put_fence(self, polygon: Sequence[LatLon]) -> None:
+        items = fence.fence_items(polygon)
+        done: Done = await self._look("put fence", partial(fence.put_fence, items=items))
+        if done.failure:
+            raise FenceFailed(f"{self._who}: the fence is not verified on the vehicle: {done.failure}")
+
+    async def read_fence(self) -> tuple[MissionItem, ...]:
+        found: DownloadResult | Done = await self._look("read fence", fence.read_fence)
+        if isinstance(found, Done):
+            raise FenceFailed(f"{self._who}: its fence was not read: {found.failure}")
+        if found.outcome is not DownloadOutcome.COMPLETE:
+            raise FenceFailed(f"{self._who}: its fence was not read: {found.text}")
+        return found.items
+
+    async def read_instruments(self) -> Instruments:
+        told: Instruments | Done = await self._look("read instruments", instruments.read_instruments)
+        if isinstance(told, Done):
+            raise LinkError(f"{self._who}: its instruments were not read: {told.failure}")
+        return told
 
     async def launch(self) -> None:
         done: Done = await self._perform("launch", procedures.launch)
@@ -140,7 +181,7 @@ class DirectLink:
 
     async def swap(self, plan: FlightPlan) -> None:
         self._require_heard()
-        items = self._session.dialect.mission_items(plan)
+        items = self._session.mission_items(plan)
         done: Swapped = await self._perform("swap", partial(procedures.swap, new=items))
         if done.failure:
             flying = "unknown" if done.flying == "new" else done.flying
@@ -153,6 +194,11 @@ class DirectLink:
 
     async def hold(self) -> None:
         await self._must("hold", procedures.hold)
+
+    async def set_speed(self, speed_m_s: float) -> None:
+        done: Done = await self._perform("set_speed", partial(speed.set_speed, speed_m_s=speed_m_s))
+        if done.failure:
+            raise CommandFailed(f"{self._who}: set_speed: {done.failure}")
 
     async def return_home(self) -> None:
         await self._must("return_home", procedures.return_home)
@@ -186,6 +232,16 @@ class DirectLink:
             )
         except LinkError as error:
             raise LinkError(f"{self.name}: {error}") from None
+
+    @property
+    def _byte_wise(self) -> bool:
+        self._require_heard()
+        return self._session.autopilot in parameters.BYTE_WISE
+
+    async def _look(self, name: str, procedure: Callable[[Context], Procedure[Any]]) -> Any:
+        """Ends as a `Done` with the reason where an order has interrupted it."""
+        async with self._at_ground_work:
+            return await self._perform(name, procedure)
 
     async def _must(self, name: str, procedure: Callable[[Context], Procedure[Done]]) -> None:
         """For what an operator needs when things go wrong: interrupts whatever else runs."""

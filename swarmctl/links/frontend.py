@@ -8,14 +8,17 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Protocol, Self
 
 from swarmctl.links.base import AddressChanged, Conflict, LinkError, TransportError
+from swarmctl.links.forward import Forwarder, Target, refuse_loops
 from swarmctl.links.memory import Memory, MemoryWire
 from swarmctl.links.routing import Route, Verdict
 from swarmctl.links.serial import SerialPort
+from swarmctl.links.signing import LATE, Guard, Signing
 from swarmctl.links.tcp import TcpClient, TcpServer
 from swarmctl.links.tlog import TlogWriter
 from swarmctl.links.transport import Address, Transport
@@ -33,8 +36,22 @@ from swarmctl.mavlink.codec import (
 from swarmctl.mavlink.presence import AUTOPILOT_COMPID, HEARTBEAT_PERIOD_S, own_heartbeat
 from swarmctl.mavlink.session import WANTED
 
+_LATE_LIMIT = 64
 _STREAMS_LIMIT = 1024
 """addresses on one endpoint whose half frames are remembered"""
+
+
+class Witness(Protocol):
+    """Whoever keeps the evidence: sees every message that is for a vehicle or from one.
+
+    Here, because nothing reaches a vehicle but through `_Line.send`.
+    """
+
+    def to_vehicle(self, sysid: int, message: Message, by: str = "") -> bool:
+        """Before it leaves; False forbids it. 0: it is for all; `by`: which other station says it."""
+
+    def from_vehicle(self, sysid: int, message: Message) -> None:
+        """What somebody here looks at."""
 
 
 class Channel:
@@ -59,10 +76,10 @@ class Channel:
         """To the vehicle's address only; dropped while none is known."""
         if self.route.address is not None:
             for message in messages:
-                self.log(self._line.send(message, self.route.address))
+                self.log(self._line.send(message, self.route.address, self.sysid))
 
     def log(self, data: bytes) -> None:
-        if self._tlog is not None:
+        if self._tlog is not None and data:
             self._tlog.write(data)
 
     def flush_log(self) -> None:
@@ -78,26 +95,56 @@ class Channel:
             self._tlog = None
 
 
+@dataclass(frozen=True, slots=True)
+class _Shared:
+    """What all lines of a front end have in common."""
+
+    encoder: Encoder
+    decoder: Decoder
+    forwarder: Forwarder
+    guard: Guard
+    witness: Witness | None
+
+
 class _Line:
     """One endpoint: its transport and the vehicles on it."""
 
-    def __init__(self, endpoint: Endpoint, transport: Transport, encoder: Encoder, decoder: Decoder) -> None:
+    def __init__(self, endpoint: Endpoint, number: int, transport: Transport, shared: _Shared) -> None:
+        """`number` counts the lines of a front end, and tells their signatures apart."""
         self.transport = transport
         self.channels: dict[int, Channel] = {}
         self.heard: set[int] = set()
         self._endpoint = endpoint
-        self._encoder = encoder
-        self._decoder = decoder
+        self._number = number
+        self._shared = shared
         self._splitters: dict[Address, FrameSplitter] = {}
+        self._late: set[Address] = set()
+        """who has the key and an old time: without GPS an autopilot learns it from what it is sent"""
 
-    def send(self, message: Message, address: Address) -> bytes:
-        data = self._encoder.pack(message, (self._endpoint, address))
+    def send(self, message: Message, address: Address, sysid: int = 0) -> bytes:
+        """Returns what was sent; empty where the witness forbids it."""
+        if self._shared.witness is not None and not self._shared.witness.to_vehicle(sysid, message):
+            return b""
+        signature = self._shared.guard.sign(self._number)
+        data = self._shared.encoder.pack(message, (self._endpoint, address), signature)
         self.transport.send(data, address)
+        self._shared.forwarder.send(data)
         return data
+
+    def pass_on(self, frame: Frame, target: int) -> None:
+        """Another station's frame to system `target` (0: to all), as it is."""
+        channels = [c for c in self.channels.values() if target in (0, c.sysid)]
+        for channel in channels:
+            channel.log(frame.data)
+        for address in {c.route.address for c in channels} - {None}:
+            self.transport.send(frame.data, address)
 
     def heartbeat(self) -> None:
         """Once per address, whether one vehicle or a whole fleet is behind it."""
-        behind: dict[Address, list[Channel]] = {address: [] for address in self.transport.peers()}
+        behind: dict[Address, list[Channel]] = {
+            address: [] for address in (*self.transport.peers(), *self._late)
+        }
+        self._late.clear()
         for channel in self.channels.values():
             if channel.route.address is not None:
                 behind.setdefault(channel.route.address, []).append(channel)
@@ -118,7 +165,12 @@ class _Line:
             splitter = self._splitters[address] = FrameSplitter()
         now = asyncio.get_running_loop().time()
         for frame in splitter.feed(data):
-            self._dispatch(frame, address, now)
+            why_not = self._shared.guard.why_not(frame.data)
+            if not why_not:
+                self._shared.forwarder.send(frame.data)
+                self._dispatch(frame, address, now)
+            elif why_not == LATE and len(self._late) < _LATE_LIMIT:
+                self._late.add(address)
 
     def _dispatch(self, frame: Frame, address: Address, now: float) -> None:
         from_autopilot = frame.known and frame.compid == AUTOPILOT_COMPID
@@ -141,15 +193,18 @@ class _Line:
             channel.on_event(Conflict(_text(channel.route.rival)))
         channel.log(frame.data)
         if frame.msgid in WANTED:
-            message = self._decoder.decode(frame)
+            message = self._shared.decoder.decode(frame)
             if message is not None:
+                if self._shared.witness is not None:
+                    self._shared.witness.from_vehicle(frame.sysid, message)
                 channel.on_message(message)
 
 
 class FrontEnd:
     """`async with FrontEnd(...) as front_end:` closes every transport and tlog at the end.
 
-    `wall_time_us` gives the times of the tlogs; `memory` the wires of `memory:NAME` endpoints.
+    `wall_time_us` gives the times of the tlogs and of signatures; `signing` signs all that is sent and
+    refuses what is not signed; `memory` has the wires of `memory:NAME` endpoints.
     """
 
     def __init__(
@@ -157,6 +212,8 @@ class FrontEnd:
         *,
         wall_time_us: Callable[[], int],
         memory: Mapping[str, MemoryWire] | None = None,
+        witness: Witness | None = None,
+        signing: Signing | None = None,
         sysid: int = GCS_SYSID,
         compid: int = GCS_COMPID,
     ) -> None:
@@ -164,11 +221,12 @@ class FrontEnd:
         self.compid = compid
         self._wall_time_us = wall_time_us
         self._memory = memory or {}
-        self._encoder = Encoder(sysid, compid)
-        self._decoder = Decoder()
+        guard = Guard(signing, wall_time_us)
+        self._shared = _Shared(Encoder(sysid, compid), Decoder(), Forwarder(), guard, witness)
         self._lines: dict[Endpoint, _Line] = {}
         self._opening = asyncio.Lock()
         self._timer: asyncio.TimerHandle | None = None
+        self._at_close: list[Callable[[], None]] = []
 
     async def __aenter__(self) -> Self:
         return self
@@ -183,11 +241,31 @@ class FrontEnd:
         async with self._opening:
             if endpoint in self._lines:
                 return
-            line = _Line(endpoint, self._transport(endpoint), self._encoder, self._decoder)
+            refuse_loops(self._shared.forwarder.endpoints, [endpoint])
+            line = _Line(endpoint, len(self._lines), self._transport(endpoint), self._shared)
             await line.transport.open(line.receive)
             self._lines[endpoint] = line
             if self._timer is None:
                 self._heartbeat()
+
+    async def forward(self, endpoint: Endpoint, *, commands: bool = False) -> None:
+        """Copy all traffic to who watches there; with `commands` what they send reaches the vehicles.
+
+        Raises TransportError, and LinkError where vehicles are listened for at the same place.
+        """
+        refuse_loops([endpoint], list(self._lines))
+        on_frame = self._from_station if commands else None
+        await self._shared.forwarder.add(Target(endpoint, self._transport(endpoint), on_frame))
+
+    def _from_station(self, frame: Frame, where: str) -> None:
+        message = None if self._shared.guard.why_not(frame.data) else self._shared.decoder.decode(frame)
+        if message is None:
+            return
+        target = int(getattr(message, "target_system", 0))
+        by = f"station {frame.sysid} at {where}"
+        if self._shared.witness is None or self._shared.witness.to_vehicle(target, message, by):
+            for line in self._lines.values():
+                line.pass_on(frame, target)
 
     def attach(
         self,
@@ -222,9 +300,22 @@ class FrontEnd:
 
     def trouble_on(self, endpoint: Endpoint) -> str:
         """What its transport knows to be wrong at the moment."""
-        return self._lines[endpoint].transport.trouble if endpoint in self._lines else ""
+        transport = self._lines[endpoint].transport.trouble if endpoint in self._lines else ""
+        return "; ".join(text for text in (transport, self.refused) if text)
+
+    @property
+    def refused(self) -> str:
+        """What came and was not signed as it has to be, for people; empty where nothing was."""
+        return self._shared.guard.trouble
+
+    def at_close(self, release: Callable[[], None]) -> None:
+        """Call `release` before the transports close; for who keeps something as long as this is open."""
+        self._at_close.append(release)
 
     async def close(self) -> None:
+        for release in self._at_close:
+            release()
+        self._at_close.clear()
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
@@ -233,6 +324,7 @@ class FrontEnd:
                 channel.detach()
             await line.transport.close()
         self._lines.clear()
+        await self._shared.forwarder.close()
 
     def _heartbeat(self) -> None:
         self._timer = asyncio.get_running_loop().call_later(HEARTBEAT_PERIOD_S, self._heartbeat)

@@ -13,6 +13,8 @@ from swarmctl.links.url import Endpoint
 
 _RECEIVE_BUFFER = 1 << 20
 """a burst of a hundred vehicles fits while the loop does something else"""
+_SEND_LIMIT = 1 << 16
+"""no more than this waits for a socket that takes nothing [bytes]"""
 
 
 class Udp(asyncio.DatagramProtocol):
@@ -57,7 +59,11 @@ class Udp(asyncio.DatagramProtocol):
         self._closed.set()
 
     def send(self, data: bytes, address: Address) -> None:
-        if self._transport is not None:
+        if self._transport is None:
+            return
+        # asyncio keeps what the socket does not take, without a limit.
+        waiting = self._transport.get_write_buffer_size()  # type: ignore[attr-defined]
+        if waiting < _SEND_LIMIT:
             assert isinstance(address, tuple)
             self._transport.sendto(data, address)
 

@@ -124,6 +124,16 @@ class Decoder:
             return None
 
 
+class Signature(NamedTuple):
+    """What a frame is signed with: https://mavlink.io/en/guide/message_signing.html"""
+
+    key: bytes
+    """32 bytes"""
+    link_id: int
+    timestamp: int
+    """units of 10 µs since 2015; greater than any other of this link"""
+
+
 class Encoder:
     """Packs messages as one ground station; each channel counts its own sequence numbers.
 
@@ -137,7 +147,12 @@ class Encoder:
         self._mav = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=compid)
         self._next_seq: dict[Hashable, int] = {}
 
-    def pack(self, message: Message, channel: Hashable) -> bytes:
+    def pack(self, message: Message, channel: Hashable, signature: Signature | None = None) -> bytes:
+        """The frame; unsigned without a signature."""
+        signing = self._mav.signing
+        signing.sign_outgoing = signature is not None
+        if signature is not None:
+            signing.secret_key, signing.link_id, signing.timestamp = signature
         self._mav.seq = self._next_seq.get(channel, 0)
         self._next_seq[channel] = (self._mav.seq + 1) % 256
         return bytes(message.pack(self._mav))

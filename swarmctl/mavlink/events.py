@@ -79,6 +79,8 @@ class ProcedureDone:
 
     name: str
     failure: str | None
+    stood_still_s: float | None = None
+    """of a swap: for how long the vehicle held or stood still in the air for it, by its own clock"""
 
 
 SessionEvent = Heard | StateChanged | Lost | Restored | Rebooted | Text | ProcedureDone

@@ -6,12 +6,13 @@ second later. So every such command, the repeated one too, is preceded by a hear
 
 from __future__ import annotations
 
-from collections.abc import Callable, Set
+from collections.abc import Callable, Sequence, Set
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.command import Command, CommandOutcome, CommandResult
+from swarmctl.mavlink.conversation import Conversation
 from swarmctl.mavlink.procedure import Context, Procedure
 from swarmctl.mavlink.wait import Look, wait
 
@@ -20,11 +21,11 @@ HEARTBEAT_WAIT_S = 5.0
 TEXT_WAIT_S = 0.5
 TRIES = 5
 """of a command that is not answered"""
-MODE_ENABLED = float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
-"""param1 of MAV_CMD_DO_SET_MODE"""
 _WARNING = int(mavlink.MAV_SEVERITY_WARNING)
 
 Seen = Callable[[VehicleState], bool]
+Order = Callable[[int], Conversation[CommandResult]]
+"""One try to have something done; called with how often it was tried before."""
 
 
 class HandsOff(Exception):
@@ -50,23 +51,23 @@ def look(ctx: Context, expected: Seen) -> Procedure[None]:
         raise HandsOff(foreign(ctx.state))
 
 
+def command(ctx: Context, number: int, params: Sequence[float] = ()) -> Order:
+    """A MAV_CMD as an order."""
+    return lambda attempt: Command(ctx.peer, number, *params, confirmation=attempt)
+
+
 def set_mode(
     ctx: Context, mode: str, before: Seen, *, armed: bool | None = None, at_once: bool = False
 ) -> Procedure[str | None]:
     """`guarded` for a change of mode; nothing is sent where it is in `mode` already."""
-    params = (MODE_ENABLED, float(ctx.dialect.mode_number(mode)))
+    order = command(ctx, mavlink.MAV_CMD_DO_SET_MODE, ctx.dialect.mode_params(mode))
     after = in_modes({mode}, armed=armed)
-    return (
-        yield from guarded(
-            ctx, mavlink.MAV_CMD_DO_SET_MODE, params, before, after, skip_if_done=True, at_once=at_once
-        )
-    )
+    return (yield from guarded(ctx, order, before, after, skip_if_done=True, at_once=at_once))
 
 
 def guarded(
     ctx: Context,
-    command: int,
-    params: tuple[float, ...],
+    order: Order,
     before: Seen,
     after: Seen,
     *,
@@ -75,7 +76,7 @@ def guarded(
     skip_if_done: bool = False,
     at_once: bool = False,
 ) -> Procedure[str | None]:
-    """Send a command and see it happen; returns the failure, with the vehicle's own words.
+    """Give an order and see it happen; returns the failure, with the vehicle's own words.
 
     It goes out, and out again while unanswered, only where a new heartbeat shows the vehicle as `before`.
     `after` is how the command leaves it, `seen` what is waited for in the end (default: `after`).
@@ -93,7 +94,7 @@ def guarded(
             done = sent_or_needless and after(ctx.state)
             if done:
                 break
-        result = yield Command(ctx.peer, command, *params, confirmation=attempt)
+        result = yield order(attempt)
         if result.final:
             break
     if result is None:

@@ -25,22 +25,36 @@ class DownloadOutcome(Enum):
 class DownloadResult:
     outcome: DownloadOutcome
     items: tuple[MissionItem, ...]
-    """all of them, item 0 included; empty unless COMPLETE"""
+    """all of them, item 0 included, or those from the first one asked for; empty unless COMPLETE"""
     text: str
 
 
 class Download(Conversation[DownloadResult]):
-    """One attempt to read all items, each asked for until it comes."""
+    """One attempt to read the items from `first` on, each asked for until it comes.
+
+    `window` of them are asked for at a time: more than one only of who takes requests in any order.
+    """
 
     REPEAT_S = 1.0
     TRIES = 6
 
-    def __init__(self, peer: Peer) -> None:
+    def __init__(self, peer: Peer, mission_type: int = MISSION, first: int = 0, window: int = 1) -> None:
         super().__init__()
         self._peer = peer
+        self._type = mission_type
+        self._first = self._next = self._asked = first
+        self._window = window
         self._count = 0
-        self._items: list[MissionItem] = []
+        self._items: dict[int, MissionItem] = {}
         self._tries = 0
+
+    @property
+    def mission_type(self) -> int:
+        return self._type
+
+    @property
+    def first(self) -> int:
+        return self._first
 
     def _begin(self, now: float) -> list[Message]:
         return self._ask(now)
@@ -50,30 +64,42 @@ class Download(Conversation[DownloadResult]):
         self.next_deadline = now + self.REPEAT_S
         to = (self._peer.sysid, self._peer.compid)
         if self.state is State.WAITING:
-            return [mavlink.MAVLink_mission_request_list_message(*to, mission_type=MISSION)]
-        return [mavlink.MAVLink_mission_request_int_message(*to, len(self._items), mission_type=MISSION)]
+            return [mavlink.MAVLink_mission_request_list_message(*to, mission_type=self._type)]
+        self._asked = self._next
+        return self._ask_for_items()
+
+    def _ask_for_items(self) -> list[Message]:
+        """Those within the window that have neither come nor been asked for."""
+        end = min(self._next + self._window, self._count)
+        wanted = [seq for seq in range(self._asked, end) if seq not in self._items]
+        self._asked = max(self._asked, end)
+        to = (self._peer.sysid, self._peer.compid)
+        return [mavlink.MAVLink_mission_request_int_message(*to, s, mission_type=self._type) for s in wanted]
 
     def _on_message(self, message: Message, now: float) -> list[Message]:
         kind = message.get_type()
         if kind not in ("MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"):
             return []
-        if message.mission_type != MISSION or not self._peer.is_for_us(message):
+        if message.mission_type != self._type or not self._peer.is_for_us(message):
             return []
         if kind == "MISSION_COUNT" and self.state is State.WAITING:
             self._enter(State.EXCHANGING)
             self._count = int(message.count)
             return self._proceed(now)
-        if kind == "MISSION_ITEM_INT" and self.state is State.EXCHANGING and message.seq == len(self._items):
-            self._items.append(item_of(message))
+        if kind == "MISSION_ITEM_INT" and self._next <= message.seq < self._asked:
+            self._items[int(message.seq)] = item_of(message)
+            while self._next in self._items:
+                self._next += 1
             return self._proceed(now)
         if kind == "MISSION_ACK":
             self._on_ack(int(message.type))
         return []
 
     def _proceed(self, now: float) -> list[Message]:
-        if len(self._items) < self._count:
-            self._tries = 0
-            return self._ask(now)
+        if self._next < self._count:
+            self._tries = 1
+            self.next_deadline = now + self.REPEAT_S
+            return self._ask_for_items()
         self._end(DownloadOutcome.COMPLETE, f"{self._count} items")
         return [self._ack(mavlink.MAV_MISSION_ACCEPTED)]
 
@@ -92,19 +118,20 @@ class Download(Conversation[DownloadResult]):
         if self._tries < self.TRIES:
             return self._ask(now)
         farewell = self._farewell(now)
-        what = "the number of items" if self.state is State.WAITING else f"item {len(self._items)}"
+        what = "the number of items" if self.state is State.WAITING else f"item {self._next}"
         self._end(DownloadOutcome.NO_ANSWER, f"asked {self._tries} times for {what}")
         return farewell
 
     def _end(self, outcome: DownloadOutcome, reason: str) -> None:
-        items = tuple(self._items) if outcome is DownloadOutcome.COMPLETE else ()
+        complete = outcome is DownloadOutcome.COMPLETE
+        items = tuple(self._items[seq] for seq in sorted(self._items)) if complete else ()
         self._finish(DownloadResult(outcome, items, f"read-back {outcome.value}: {reason}"))
 
     def _farewell(self, now: float) -> list[Message]:
         return [self._ack(mavlink.MAV_MISSION_OPERATION_CANCELLED)]
 
     def _ack(self, code: int) -> Message:
-        return mavlink.MAVLink_mission_ack_message(self._peer.sysid, self._peer.compid, code, MISSION)
+        return mavlink.MAVLink_mission_ack_message(self._peer.sysid, self._peer.compid, code, self._type)
 
 
 def item_of(message: Message) -> MissionItem:

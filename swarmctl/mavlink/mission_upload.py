@@ -43,19 +43,42 @@ class UploadResult:
 
 
 class Upload(Conversation[UploadResult]):
-    """One attempt to put `items` on the vehicle."""
+    """One attempt to put `items` of a MAV_MISSION_TYPE on the vehicle.
+
+    `current` is the one marked as the one to fly, if any.
+    """
 
     COUNT_REPEAT_S = 1.0
     IDLE_LIMIT_S = 6.0
 
-    def __init__(self, peer: Peer, items: Sequence[MissionItem]) -> None:
+    def __init__(
+        self,
+        peer: Peer,
+        items: Sequence[MissionItem],
+        mission_type: int = MISSION,
+        current: int | None = None,
+    ) -> None:
         super().__init__()
         self._peer = peer
+        self._current = current
+        self._type = mission_type
         self._items = tuple(items)
         self._unsent = set(range(len(self._items)))
         self._last_nack = ""
         self._idle_at = 0.0
         self._total_at = 0.0
+
+    @property
+    def items(self) -> tuple[MissionItem, ...]:
+        return self._items
+
+    @property
+    def mission_type(self) -> int:
+        return self._type
+
+    @property
+    def current(self) -> int | None:
+        return self._current
 
     def _begin(self, now: float) -> list[Message]:
         self._idle_at = now + self.IDLE_LIMIT_S
@@ -67,7 +90,7 @@ class Upload(Conversation[UploadResult]):
         self.next_deadline = min(now + self.COUNT_REPEAT_S, self._idle_at)
         return [
             mavlink.MAVLink_mission_count_message(
-                self._peer.sysid, self._peer.compid, len(self._items), mission_type=MISSION
+                self._peer.sysid, self._peer.compid, len(self._items), mission_type=self._type
             )
         ]
 
@@ -75,7 +98,7 @@ class Upload(Conversation[UploadResult]):
         kind = message.get_type()
         if kind not in ("MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ACK"):
             return []
-        if message.mission_type != MISSION or not self._peer.is_for_us(message):
+        if message.mission_type != self._type or not self._peer.is_for_us(message):
             return []
         if kind == "MISSION_ACK":
             self._on_ack(int(message.type))
@@ -93,7 +116,8 @@ class Upload(Conversation[UploadResult]):
         self._unsent.discard(seq)
         self._idle_at = now + self.IDLE_LIMIT_S
         self.next_deadline = min(self._idle_at, self._total_at)
-        return [item_message(self._peer, seq, self._items[seq])]
+        item = self._items[seq]
+        return [item_message(self._peer, seq, item, self._type, current=seq == self._current)]
 
     def _on_ack(self, code: int) -> None:
         name = name_of("MAV_MISSION_RESULT", code).removeprefix("MAV_MISSION_")
@@ -136,12 +160,14 @@ class Upload(Conversation[UploadResult]):
     def _farewell(self, now: float) -> list[Message]:
         return [
             mavlink.MAVLink_mission_ack_message(
-                self._peer.sysid, self._peer.compid, mavlink.MAV_MISSION_OPERATION_CANCELLED, MISSION
+                self._peer.sysid, self._peer.compid, mavlink.MAV_MISSION_OPERATION_CANCELLED, self._type
             )
         ]
 
 
-def item_message(peer: Peer, seq: int, item: MissionItem) -> Message:
+def item_message(
+    peer: Peer, seq: int, item: MissionItem, mission_type: int = MISSION, *, current: bool = False
+) -> Message:
     """MISSION_ITEM_INT, the answer to both kinds of request."""
     return mavlink.MAVLink_mission_item_int_message(
         peer.sysid,
@@ -149,7 +175,7 @@ def item_message(peer: Peer, seq: int, item: MissionItem) -> Message:
         seq,
         item.frame,
         item.command,
-        0,
+        int(current),
         item.autocontinue,
         item.param1,
         item.param2,
@@ -158,5 +184,5 @@ def item_message(peer: Peer, seq: int, item: MissionItem) -> Message:
         item.x,
         item.y,
         item.z,
-        MISSION,
+        mission_type,
     )

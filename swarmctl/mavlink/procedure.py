@@ -31,6 +31,8 @@ class Context:
     now: float = 0.0
     on_vehicle: tuple[MissionItem, ...] = field(default=())
     """the mission last verified on the vehicle; empty if none or in doubt"""
+    flown_from: int = 0
+    """where in `on_vehicle` the plan that it flies begins: what is before was flown earlier"""
 
     @property
     def state(self) -> VehicleState:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.core.mission import MissionItem
+from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.codec import Message
 from swarmctl.mavlink.conversation import IllegalEvent, Peer
@@ -25,7 +25,7 @@ from swarmctl.mavlink.events import (
 )
 from swarmctl.mavlink.presence import LinkState, Presence, is_vehicle_heartbeat
 from swarmctl.mavlink.procedure import Context, Driver, Procedure
-from swarmctl.mavlink.procedures import Done
+from swarmctl.mavlink.procedures import Done, Swapped
 from swarmctl.mavlink.streams import AFTER_SILENCE_S, StreamKeeper
 from swarmctl.mavlink.telemetry import Telemetry
 
@@ -33,6 +33,9 @@ WANTED = frozenset(
     {
         mavlink.MAVLINK_MSG_ID_HEARTBEAT,
         mavlink.MAVLINK_MSG_ID_SYS_STATUS,
+        mavlink.MAVLINK_MSG_ID_SYSTEM_TIME,
+        mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,
+        mavlink.MAVLINK_MSG_ID_PARAM_VALUE,
         mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
         mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
         mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
@@ -94,9 +97,20 @@ class Session:
         return self._procedure_name if self._driver is not None else None
 
     @property
+    def autopilot(self) -> int:
+        """MAV_AUTOPILOT, by its last heartbeat. Raises IllegalEvent before the first."""
+        if self._heard is None:
+            raise IllegalEvent("autopilot before the first heartbeat")
+        return self._heard.autopilot
+
+    @property
     def dialect(self) -> Dialect:
         """Raises IllegalEvent before the first heartbeat."""
         return self._known().dialect
+
+    def mission_items(self, plan: FlightPlan) -> tuple[MissionItem, ...]:
+        """The plan as this vehicle's mission. Raises ValueError for one that cannot be flown."""
+        return self.dialect.mission_items(plan, self.state.takeoff_lat_lon)
 
     def age_s(self, now: float) -> float:
         return self._presence.age_s(now)
@@ -225,7 +239,8 @@ class Session:
         self.result = self._driver.result
         self._driver = None
         failure = self.result.failure if isinstance(self.result, Done) else None
-        step.events.append(ProcedureDone(self._procedure_name, failure))
+        stood_s = self.result.stood_still_s if isinstance(self.result, Swapped) else None
+        step.events.append(ProcedureDone(self._procedure_name, failure, stood_s))
 
     def _known(self) -> Context:
         if self._context is None:

@@ -13,10 +13,12 @@ from swarmctl.mavlink.codec import Message
 from swarmctl.mavlink.dialects import Dialect, Readiness
 from swarmctl.mavlink.statustext import TextAssembler, strike_count
 
+STILL_M_S, STILL_CLIMB_M_S = 0.5, 0.3
+"""a vehicle in the air that moves less stands still"""
 REBOOT_S = 3.0
 """a clock that goes back further than this was restarted; less is a datagram overtaken by another"""
 
-_COMPLAINTS = ("PreArm: ", "Arm: ")
+_COMPLAINTS = ("PreArm: ", "Arm: ", "Preflight Fail: ")
 _COMPLAINTS_KEPT = 3
 _READINESS_SOURCES = ("HEARTBEAT", "SYS_STATUS", "EKF_STATUS_REPORT", "STATUSTEXT")
 
@@ -26,13 +28,15 @@ class Telemetry:
 
     `receive` returns whether a new position snapshot is complete. The rest is read from the attributes:
     `texts` counts all STATUSTEXTs (severity, text), `heartbeats` all heartbeats, `reboots` how often the
-    vehicle's clock went back.
+    vehicle's clock went back, `stood_still_s` how long it has held or stood still in the air by its own
+    clock.
     """
 
     def __init__(self, dialect: Dialect) -> None:
         self.texts: list[tuple[int, str]] = []
         self.heartbeats = 0
         self.reboots = 0
+        self.stood_still_s = 0.0
         self._dialect = dialect
         self._state = VehicleState()
         self._changes: dict[str, Any] = {}
@@ -89,6 +93,7 @@ class Telemetry:
         time_boot_s = message.time_boot_ms / 1000.0
         if self._notice_reboot(time_boot_s) or time_boot_s < self.state.time_boot_s:
             return False
+        self._count_standing(time_boot_s)
         # Without a position estimate the fields are sent, as zeros.
         known = message.lat != 0 or message.lon != 0
         self._changes |= {
@@ -98,10 +103,20 @@ class Telemetry:
             "alt_rel_m": message.relative_alt / 1000.0 if known else None,
             "alt_amsl_m": message.alt / 1000.0 if known else None,
             "ground_speed_m_s": (message.vx**2 + message.vy**2) ** 0.5 / 100.0,
+            "east_m_s": message.vy / 100.0,
+            "north_m_s": message.vx / 100.0,
             "climb_m_s": -message.vz / 100.0,
             "heading_deg": None if message.hdg == 0xFFFF else message.hdg / 100.0,
         }
         return True
+
+    def _count_standing(self, time_boot_s: float) -> None:
+        """Until `time_boot_s` it did what it told last; what brakes to hold counts as well."""
+        last = self.state
+        still = last.ground_speed_m_s < STILL_M_S and abs(last.climb_m_s) < STILL_CLIMB_M_S
+        still = still or last.mode_role == "hold"
+        if still and last.armed and last.landed is Landed.IN_AIR:
+            self.stood_still_s += time_boot_s - last.time_boot_s
 
     def _notice_reboot(self, time_boot_s: float) -> bool:
         if time_boot_s >= self.state.time_boot_s - REBOOT_S:
@@ -123,6 +138,8 @@ class Telemetry:
         self._prearm_ok = bool(health & mavlink.MAV_SYS_STATUS_PREARM_CHECK)
         if self._prearm_ok:
             self._complaints = ()
+        has_gps = int(message.onboard_control_sensors_present) & mavlink.MAV_SYS_STATUS_SENSOR_GPS
+        self._changes["gps_ok"] = bool(health & mavlink.MAV_SYS_STATUS_SENSOR_GPS) if has_gps else None
         percent, millivolts = int(message.battery_remaining), int(message.voltage_battery)
         self._changes |= {
             "battery_percent": None if percent < 0 else percent,

@@ -45,29 +45,36 @@ def wait(seconds: float) -> Until:
 
 
 class Look(Conversation[bool]):
-    """Ask for a heartbeat: True as soon as one has come since and `seen()` holds, False after `timeout_s`.
+    """Ask for a message: True as soon as one has come since and `seen()` holds, False after `timeout_s`.
 
-    Mode and arming are told by heartbeats only. ArduPilot sends one for MAV_CMD_REQUEST_MESSAGE at its next
-    turn; whoever does not know that request sends one a second, and that will do.
+    Usually for a heartbeat, for mode and arming are told by no other. ArduPilot sends one for
+    MAV_CMD_REQUEST_MESSAGE at its next turn; whoever does not know that request sends one a second, and that
+    will do.
     """
 
     REPEAT_S = 1.0
 
-    def __init__(self, peer: Peer, seen: Callable[[], bool], timeout_s: float) -> None:
+    def __init__(
+        self,
+        peer: Peer,
+        seen: Callable[[], bool],
+        timeout_s: float,
+        message_id: int = mavlink.MAVLINK_MSG_ID_HEARTBEAT,
+    ) -> None:
         super().__init__()
         self._seen = seen
         self._timeout_s = timeout_s
+        self._message_id = message_id
         self._heard = False
         self._end = 0.0
-        heartbeat = float(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
-        self._request = command_long(peer, mavlink.MAV_CMD_REQUEST_MESSAGE, (heartbeat,))
+        self._request = command_long(peer, mavlink.MAV_CMD_REQUEST_MESSAGE, (float(message_id),))
 
     def _begin(self, now: float) -> list[Message]:
         self._end = now + self._timeout_s
         return self._ask(now)
 
     def _on_message(self, message: Message, now: float) -> list[Message]:
-        self._heard |= message.get_msgId() == mavlink.MAVLINK_MSG_ID_HEARTBEAT
+        self._heard |= message.get_msgId() == self._message_id
         if self._heard and self._seen():
             self._finish(True)
         return []

@@ -154,6 +154,22 @@ def test_a_value_that_makes_no_sense_is_refused(field: str, value: float) -> Non
         SEAL.open(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
 
 
+MOVING = {"alt_amsl_m": 340.0, "velocity_m_s": (3.0, -4.0, 0.5), "earliest_in_s": 21.5}
+
+
+def test_where_it_goes_and_when_it_arrives_are_told_where_they_are_known() -> None:
+    moving = msgspec.structs.replace(STATE, **MOVING)
+    assert SEAL.open(close(moving)).content == moving
+
+
+@pytest.mark.parametrize("field", ["alt_amsl_m", "earliest_in_s"])
+def test_a_state_with_what_is_no_number_is_refused(field: str) -> None:
+    body = msgspec.msgpack.decode(close(STATE)[2:])
+    body["content"][field] = float("nan")
+    with pytest.raises(Refused, match="no number"):
+        SEAL.open(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
+
+
 @given(st.binary(max_size=300))
 def test_no_bytes_raise_anything_else(data: bytes) -> None:
     for candidate in (data, bytes((VERSION, 0)) + data, bytes((VERSION, 1)) + data):

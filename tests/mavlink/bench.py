@@ -129,5 +129,15 @@ class Bench:
 
     def mission_is(self, plan: FlightPlan) -> bool:
         """Exactly this plan is on the vehicle, by its own memory; item 0 aside."""
-        sent = [(i.command, i.frame, i.x, i.y, int(i.z * 100) / 100) for i in self.items(plan)]
-        return [m[:5] for m in self.copter.mission][1:] == sent[1:]
+        return [m[:5] for m in self.copter.mission][1:] == self._stored(plan)[1:]
+
+    def flies(self, plan: FlightPlan, *, behind: FlightPlan | None = None) -> bool:
+        """Its list has this whole plan, alone or `behind` another one, and its current item is of it."""
+        before = self._stored(plan)[:2] if behind is None else self._stored(behind)
+        begin, tail = len(before), self._stored(plan)[2:]
+        held = [m[:5] for m in self.copter.mission]
+        own = range(0 if behind is None else begin, begin + len(tail))
+        return held[1:begin] == before[1:] and held[begin : own.stop] == tail and self.copter.seq in own
+
+    def _stored(self, plan: FlightPlan) -> list[tuple]:
+        return [(i.command, i.frame, i.x, i.y, int(i.z * 100) / 100) for i in self.items(plan)]

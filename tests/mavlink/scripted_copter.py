@@ -33,6 +33,8 @@ class Script:
     refuse_item: int | None = None
     """MISSION_ACK INVALID for this item, once for each entry of `refusals_left`"""
     refusals_left: int = 1
+    partial_lists: bool = True
+    """it answers MISSION_WRITE_PARTIAL_LIST"""
     stays_on_ground: bool = False
     never_moves: bool = False
     heartbeats_unasked_only: bool = False
@@ -54,6 +56,7 @@ class Copter:
     sysid: int = 1
     script: Script = field(default_factory=Script)
     autopilot: int = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+    capabilities: int = mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
 
     def __post_init__(self) -> None:
         self.mav = mavlink.MAVLink(None, srcSystem=self.sysid, srcComponent=1)
@@ -113,7 +116,18 @@ class Copter:
         elif m.command == 512:
             self.send(
                 mavlink.MAVLink_autopilot_version_message(
-                    0, 0x04060200, 0, 0, 0, bytes(8), bytes(8), bytes(8), 0, 0, 0, self.uid2.ljust(18, b"\0")
+                    self.capabilities,
+                    0x04060200,
+                    0,
+                    0,
+                    0,
+                    bytes(8),
+                    bytes(8),
+                    bytes(8),
+                    0,
+                    0,
+                    0,
+                    self.uid2.ljust(18, b"\0"),
                 )
             )
             do = lambda *_: 0  # noqa: E731
@@ -157,6 +171,15 @@ class Copter:
     def on_mission_count(self, m) -> None:
         self.transfer = Transfer(m.count, 0, self.now, self.now)
         del self.mission[m.count :]
+        self.ask()
+
+    def on_mission_write_partial_list(self, m) -> None:
+        if not self.script.partial_lists:
+            return
+        if not 0 <= m.start_index <= m.end_index <= len(self.mission):
+            self.send(ACK(255, 190, 1, 0))
+            return
+        self.transfer = Transfer(m.end_index + 1, m.start_index, self.now, self.now)
         self.ask()
 
     def on_mission_item_int(self, m) -> None:

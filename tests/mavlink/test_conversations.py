@@ -8,6 +8,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.command import Command, CommandOutcome, command_long
 from swarmctl.mavlink.conversation import IllegalEvent, Peer, State
+from swarmctl.mavlink.mission_append import Append
+from swarmctl.mavlink.mission_current import SetCurrent
 from swarmctl.mavlink.mission_download import Download, DownloadOutcome
 from swarmctl.mavlink.mission_upload import Upload, UploadOutcome
 from swarmctl.mavlink.wait import Ask, Look, Until, wait
@@ -321,3 +323,109 @@ def test_an_illegal_event_names_the_state_and_late_words_are_ignored(conversatio
     assert conversation.receive(ack(300, 0), 0.2) == []
     assert conversation.tick(99.0) == []
     assert (conversation.result, conversation.next_deadline) == (None, None)
+
+
+# Append
+
+
+def announced(messages) -> list[tuple[int, int]]:
+    partial = [m for m in messages if m.get_type() == "MISSION_WRITE_PARTIAL_LIST"]
+    return [(m.start_index, m.end_index) for m in partial]
+
+
+def test_items_are_appended_one_by_one_each_announced_by_itself():
+    append = Append(PEER, 7, ITEMS)
+    out = append.start(0.0)
+    for seq in (7, 8, 9):
+        assert announced(out) == [(seq, seq)]
+        assert [m.seq for m in out if m.get_type() == "MISSION_ITEM_INT"] == [seq]
+        assert append.receive(request(seq), 0.1) == [], "it is on its way"
+        out = append.receive(mission_ack(0), 0.1)
+    assert out == []
+    assert append.result.failure is None
+
+
+def test_an_item_that_came_before_its_announcement_is_sent_again_when_it_is_asked_for():
+    append = Append(PEER, 7, ITEMS)
+    append.start(0.0)
+    append.receive(request(7), 0.1)
+    append.receive(mission_ack(1), 0.1)
+    assert [m.seq for m in append.receive(request(7), 0.2)] == [7]
+
+
+def test_an_acknowledgement_that_was_taken_for_another_is_made_good():
+    """The list ends before the item that is announced, which is refused: the one before is missing."""
+    append = Append(PEER, 7, ITEMS)
+    append.start(0.0)
+    append.receive(request(7), 0.1)
+    append.receive(mission_ack(0), 0.1)
+    append.receive(mission_ack(0), 0.2)
+    assert append.receive(mission_ack(1), 0.3) == []
+    assert announced(append.tick(0.8)) == [(8, 8)]
+
+
+def test_items_that_stand_already_are_not_answered_for():
+    append = Append(PEER, 7, ITEMS)
+    append.start(0.0)
+    assert append.receive(request(6), 0.1) == []
+    assert append.receive(request(8), 0.1) == [], "nor one that was not announced yet"
+    assert append.receive(mission_ack(0), 0.1) == [], "an acknowledgement from before"
+    assert append.receive(mission_ack(1), 0.1) == []
+    assert append.result is None
+
+
+def test_who_does_not_know_partial_lists_is_asked_three_times():
+    append = Append(PEER, 7, ITEMS)
+    out = append.start(0.0)
+    for now in (0.5, 1.0, 1.5):
+        out += append.tick(now)
+    assert announced(out) == [(7, 7)] * 3
+    assert "no answer within 1.5 s" in append.result.failure
+
+
+@pytest.mark.parametrize(("code", "goes_on"), [(1, True), (13, True), (5, False), (4, False), (14, False)])
+def test_an_item_that_is_refused_ends_it_but_a_complaint_about_a_double_does_not(code, goes_on):
+    append = Append(PEER, 7, ITEMS)
+    append.start(0.0)
+    append.receive(request(7), 0.1)
+    append.receive(mission_ack(code), 0.1)
+    assert (append.result is None) == goes_on
+
+
+def test_a_link_too_slow_for_a_moving_vehicle_ends_it_with_how_far_it_came():
+    append = Append(PEER, 7, ITEMS)
+    append.start(0.0)
+    append.receive(request(7), 0.1)
+    append.receive(mission_ack(0), 0.2)
+    now = 0.2
+    while append.result is None:
+        now += 0.5
+        append.tick(now)
+    assert "1 of 3 items within 4 s" in append.result.failure
+    assert now < 5.0
+
+
+# Set current
+
+
+def test_a_current_item_is_set_by_message_and_seen():
+    setting = SetCurrent(PEER, 3)
+    assert [(m.get_type(), m.seq) for m in setting.start(0.0)] == [("MISSION_SET_CURRENT", 3)]
+    assert setting.receive(mavlink.MAVLink_mission_current_message(2), 0.1) == []
+    assert setting.result is None
+    setting.receive(mavlink.MAVLink_mission_current_message(3), 0.2)
+    assert setting.result.final
+
+
+def test_a_current_item_that_is_not_seen_may_have_been_set():
+    setting = SetCurrent(PEER, 3)
+    setting.start(0.0)
+    assert setting.next_deadline == 1.0
+    assert setting.tick(1.0) == []
+    assert (setting.result.final, setting.result.may_have_happened) == (False, True)
+
+
+def test_the_item_to_fly_is_marked_in_an_upload():
+    upload = Upload(PEER, ITEMS, current=1)
+    upload.start(0.0)
+    assert [upload.receive(request(seq), 0.1)[0].current for seq in range(3)] == [0, 1, 0]

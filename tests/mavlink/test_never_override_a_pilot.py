@@ -19,8 +19,9 @@ WIRES = [
     (Script(), Faults(max_delay_s=DELAY_S, seed=1)),
     (Script(), Faults(max_delay_s=DELAY_S, doubling=0.2, loss=0.2, seed=2)),
     (Script(heartbeats_unasked_only=True), Faults(max_delay_s=DELAY_S, seed=3)),
+    (Script(partial_lists=False), Faults(max_delay_s=DELAY_S, seed=4)),
 ]
-WIRE_NAMES = ["perfect wire", "slow wire", "bad wire", "heartbeats unasked only"]
+WIRE_NAMES = ["perfect wire", "slow wire", "bad wire", "heartbeats unasked only", "no partial lists"]
 EVERY_TENTH = [n * 0.1 for n in range(90)]
 
 
@@ -88,7 +89,9 @@ def test_a_pilot_who_takes_over_at_any_moment_of_a_launch_keeps_the_vehicle(scri
 def test_an_unanswered_command_is_not_repeated_against_a_pilot(command):
     """Its first one is lost; before the second one would go out the pilot has taken over."""
     launches = command in (ARM, START)
-    bench = Bench().prepared() if launches else Bench().flying(OLD)
+    # The mode is set where the swap has to hold for it.
+    script = Script(partial_lists=command != MODE)
+    bench = Bench(script).prepared() if launches else Bench(script).flying(OLD)
     if launches:
         bench.do("upload", lambda c: procedures.upload(c, bench.items(OLD)))
     bench.block = lambda m: m.get_type() == "COMMAND_LONG" and m.command == command

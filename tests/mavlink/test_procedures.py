@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from bench import Bench, Faults, plan
 from hypothesis import HealthCheck, given, settings
@@ -90,11 +92,20 @@ def test_launch_that_stays_on_the_ground_ends_disarmed():
 
 def test_swap_flies_the_new_plan_from_its_first_waypoint():
     bench = Bench().flying(OLD)
-    assert swap(bench) == procedures.Swapped(None, "new")
-    assert bench.mission_is(NEW)
+    assert swap(bench) == procedures.Swapped(None, "new", 0.0)
+    assert bench.flies(NEW, behind=OLD)
     assert bench.copter.mode_name == "AUTO"
-    assert bench.copter.seq == 2
-    assert bench.session.items[1:] == tuple(i for i in bench.session.items[1:])
+    assert bench.copter.seq == len(bench.items(OLD)), "the first item behind the old ones"
+    assert len(bench.session.items) == len(bench.copter.mission)
+
+
+def test_a_swap_without_partial_lists_is_flown_from_its_first_waypoint():
+    bench = Bench(Script(partial_lists=False)).flying(OLD)
+    result = swap(bench)
+    assert (result.failure, result.flying) == (None, "new")
+    assert result.stood_still_s > 0.0
+    assert bench.mission_is(NEW)
+    assert (bench.copter.mode_name, bench.copter.seq) == ("AUTO", 2)
     assert len(bench.session.items) == len(bench.items(NEW))
 
 
@@ -113,7 +124,7 @@ def test_swap_flies_the_new_plan_from_its_first_waypoint():
 )
 def test_a_failed_swap_leaves_a_whole_plan_or_hold_and_says_which(script, flying, says):
     bench = Bench().flying(OLD)
-    bench.copter.script = script
+    bench.copter.script = replace(script, partial_lists=False)
     result = swap(bench)
     assert result.flying == flying
     assert says in result.failure
@@ -128,7 +139,7 @@ def test_a_swap_right_after_the_launch_lets_it_climb_first():
     assert bench.do("launch", procedures.launch).failure is None
     assert bench.copter.alt < 5.0
     bench.take(bench.session.begin("swap", lambda c: procedures.swap(c, bench.items(NEW)), bench.now))
-    assert bench.run(60, lambda: bench.copter.mode_name == "GUIDED")
+    assert bench.run(60, lambda: names(bench, "MISSION_WRITE_PARTIAL_LIST") != [])
     assert bench.copter.alt == OLD.takeoff_alt_m
     assert bench.run(60, lambda: bench.session.busy_with is None)
     assert bench.session.result.flying == "new"
@@ -205,14 +216,20 @@ def test_a_swap_on_a_perfect_wire_is_quick(script, limit_s):
     assert bench.now - before < limit_s
 
 
-def test_a_link_that_dies_in_a_swap_ends_in_unknown():
-    bench = Bench(faults=Faults(max_delay_s=0.3)).flying(OLD)
+@pytest.mark.parametrize("partial_lists", [True, False])
+def test_a_link_that_dies_in_a_swap_ends_in_unknown(partial_lists):
+    bench = Bench(Script(partial_lists=partial_lists), Faults(max_delay_s=0.3)).flying(OLD)
     bench.take(bench.session.begin("swap", lambda c: procedures.swap(c, bench.items(NEW)), bench.now))
     assert bench.run(20, lambda: bench.copter.transfer is not None)
     bench.silent = True
     assert bench.run(400, lambda: bench.session.busy_with is None)
     assert bench.session.result.flying == "unknown"
-    assert bench.copter.mode_name == "GUIDED", "and the mixture on it is not flown"
+    if partial_lists:
+        landed = bench.run(200, lambda: not bench.copter.armed)
+        assert landed, "it flies its old plan to the end, whatever stands behind that"
+        assert bench.copter.position[0] == pytest.approx(OLD.landing.lat_deg, abs=1e-4)
+    else:
+        assert bench.copter.mode_name == "GUIDED", "and the mixture on it is not flown"
 
 
 def test_cancelling_an_upload_tells_the_vehicle():
@@ -299,15 +316,16 @@ def test_two_uploads_one_after_the_other_never_mix(faults):
 
 
 @MODEST
-@given(faults=faults)
-def test_a_swap_on_a_bad_wire_never_flies_a_mixture_and_tells_the_truth(faults):
-    bench = Bench().flying(OLD)
+@given(faults=faults, partial_lists=st.booleans())
+def test_a_swap_on_a_bad_wire_never_flies_a_mixture_and_tells_the_truth(faults, partial_lists):
+    bench = Bench(Script(partial_lists=partial_lists)).flying(OLD)
     bench.faults = faults
     bench._rng.seed(faults.seed)
     mixed = []
 
     def watch() -> bool:
-        if bench.copter.mode_name == "AUTO" and not (bench.mission_is(OLD) or bench.mission_is(NEW)):
+        whole = bench.flies(OLD) or bench.flies(NEW) or bench.flies(NEW, behind=OLD)
+        if bench.copter.armed and bench.copter.mode_name == "AUTO" and not whole:
             mixed.append(bench.now)
         return bench.session.busy_with is None
 
@@ -316,8 +334,8 @@ def test_a_swap_on_a_bad_wire_never_flies_a_mixture_and_tells_the_truth(faults):
     assert mixed == []
     flying = bench.session.result.flying
     if flying == "new":
-        assert bench.mission_is(NEW)
+        assert bench.flies(NEW) or bench.flies(NEW, behind=OLD)
     if flying == "old":
-        assert bench.mission_is(OLD)
+        assert bench.flies(OLD)
     if flying == "hold":
         assert bench.copter.mode_name == "GUIDED"

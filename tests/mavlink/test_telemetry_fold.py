@@ -152,7 +152,7 @@ def test_nothing_is_ready_before_everything_was_heard():
 
 @pytest.mark.parametrize(
     ("autopilot", "kind", "says"),
-    [(12, 2, "PX4 vehicles cannot be flown yet"), (3, 1, "FIXED_WING"), (0, 2, "GENERIC")],
+    [(12, 1, "PX4 vehicles of type FIXED_WING"), (3, 1, "FIXED_WING"), (0, 2, "GENERIC")],
 )
 def test_other_vehicles_are_refused_by_name(autopilot, kind, says):
     with pytest.raises(Unsupported, match=says):

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from math import isfinite, trunc
+from math import trunc
 from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
+from swarmctl.core.geo import LatLon
+from swarmctl.core.mission import FlightPlan, MissionItem
+from swarmctl.mavlink.command import Command, CommandResult
+from swarmctl.mavlink.conversation import Conversation, Peer
 from swarmctl.mavlink.dialects.base import Readiness
+from swarmctl.mavlink.dialects.plan import LAND, TAKEOFF, WAYPOINT, item_at, track_to_land
 
 _MODES: Mapping[int, str] = MappingProxyType(
     {
@@ -53,16 +57,20 @@ class ArduCopter:
         }
     )
     required = tuple(msgid for msgid in streams_hz if msgid != mavlink.MAVLINK_MSG_ID_HOME_POSITION)
+    first_seq = None
     first_waypoint_seq = 2
     """after home and the take-off"""
     upload_timeout_s = 9.0
     """it gives a transfer up after 8 s without an item"""
+    uploads_at_once = False
+    start_mission: tuple[int, tuple[float, ...]] = (int(mavlink.MAV_CMD_MISSION_START), ())
+    """armed in AUTO alone it sits and disarms itself after 10 s"""
 
     def mode_name(self, custom_mode: int) -> str:
         return _MODES.get(custom_mode, f"MODE {custom_mode}")
 
-    def mode_number(self, name: str) -> int:
-        return _NUMBERS[name]
+    def mode_params(self, name: str) -> tuple[float, ...]:
+        return float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), float(_NUMBERS[name])
 
     def not_ready(self, readiness: Readiness) -> tuple[str, ...]:
         """The pre-arm bit tells of a position only in modes that need one; in STABILIZE it comes earlier."""
@@ -76,43 +84,31 @@ class ArduCopter:
         if readiness.ekf_flags is not None and not readiness.ekf_flags & mavlink.EKF_POS_HORIZ_ABS:
             yield "no position estimate yet"
 
-    def mission_items(self, plan: FlightPlan) -> tuple[MissionItem, ...]:
-        """Home placeholder, take-off, waypoints, landing.
+    def mission_items(self, plan: FlightPlan, start: LatLon | None = None) -> tuple[MissionItem, ...]:
+        """Home placeholder, take-off where it stands, waypoints, landing.
 
         Item 0 is home and is overwritten by the vehicle; whoever sends a plan without it loses the take-off.
-        NAV_LAND flies to its place at the altitude it has, so a waypoint sets that altitude where the track
-        does not end on it.
         """
-        track = plan.track
-        if not track or track[-1].alt_rel_m != plan.landing.alt_rel_m:
-            track = (*track, plan.landing)
-        for what, point in (*((f"waypoint {i}", p) for i, p in enumerate(track)), ("landing", plan.landing)):
-            _check(what, point)
-        if not (isfinite(plan.takeoff_alt_m) and plan.takeoff_alt_m > 0):
-            raise ValueError(f"take-off altitude: expected metres above 0, found {plan.takeoff_alt_m}")
-        home = MissionItem(int(mavlink.MAV_CMD_NAV_WAYPOINT), int(mavlink.MAV_FRAME_GLOBAL), 0, 0, 0.0)
-        takeoff = MissionItem(int(mavlink.MAV_CMD_NAV_TAKEOFF), _RELATIVE, 0, 0, plan.takeoff_alt_m)
-        waypoints = (_at(int(mavlink.MAV_CMD_NAV_WAYPOINT), point, point.alt_rel_m) for point in track)
-        return (home, takeoff, *waypoints, _at(int(mavlink.MAV_CMD_NAV_LAND), plan.landing, 0.0))
+        track = track_to_land(plan)
+        home = MissionItem(WAYPOINT, int(mavlink.MAV_FRAME_GLOBAL), 0, 0, 0.0)
+        takeoff = MissionItem(TAKEOFF, _RELATIVE, 0, 0, plan.takeoff_alt_m)
+        waypoints = (item_at(WAYPOINT, _RELATIVE, point, point.alt_rel_m) for point in track)
+        return (home, takeoff, *waypoints, item_at(LAND, _RELATIVE, plan.landing, 0.0))
 
-    def differences(self, sent: Sequence[MissionItem], found: Sequence[MissionItem]) -> tuple[str, ...]:
+    def differences(
+        self, sent: Sequence[MissionItem], found: Sequence[MissionItem], first: int = 0
+    ) -> tuple[str, ...]:
         if len(sent) != len(found):
             return (f"{len(found)} items instead of {len(sent)}",)
         return tuple(
             f"item {seq}: sent {a}, found {b}"
-            for seq, (a, b) in enumerate(zip(sent, found, strict=True))
+            for seq, (a, b) in enumerate(zip(sent, found, strict=True), first)
             # Item 0 is home: the vehicle's, not ours.
             if seq > 0 and not _same(a, b)
         )
 
-
-def _at(command: int, point: Waypoint, alt_m: float) -> MissionItem:
-    return MissionItem(command, _RELATIVE, round(point.lat_deg * 1e7), round(point.lon_deg * 1e7), alt_m)
-
-
-def _check(what: str, point: Waypoint) -> None:
-    if not (-90 <= point.lat_deg <= 90 and -180 <= point.lon_deg <= 180 and isfinite(point.alt_rel_m)):
-        raise ValueError(f"{what}: expected latitude, longitude and altitude of a real place, found {point}")
+    def set_current(self, peer: Peer, seq: int, attempt: int) -> Conversation[CommandResult]:
+        return Command(peer, mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, float(seq), confirmation=attempt)
 
 
 def _same(sent: MissionItem, found: MissionItem) -> bool:

@@ -6,7 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, MissionItem
+from swarmctl.mavlink.command import CommandResult
+from swarmctl.mavlink.conversation import Conversation, Peer
 
 
 class Unsupported(Exception):
@@ -33,7 +36,7 @@ class Dialect(Protocol):
 
     @property
     def hold_mode(self) -> str:
-        """Stands still in the air and takes a new mission there."""
+        """Stays in the air where it is, without a pilot's stick, and takes a new mission there."""
 
     @property
     def mission_mode(self) -> str: ...
@@ -42,7 +45,8 @@ class Dialect(Protocol):
     def return_mode(self) -> str: ...
 
     @property
-    def land_mode(self) -> str: ...
+    def land_mode(self) -> str:
+        """Comes down without a pilot."""
 
     @property
     def streams_hz(self) -> Mapping[int, float]:
@@ -53,6 +57,10 @@ class Dialect(Protocol):
         """Ids of the messages without which the vehicle is not ready."""
 
     @property
+    def first_seq(self) -> int | None:
+        """The item to be current before a launch; None where starting the mission sees to that."""
+
+    @property
     def first_waypoint_seq(self) -> int:
         """Where a vehicle that flies already starts a mission."""
 
@@ -60,15 +68,36 @@ class Dialect(Protocol):
     def upload_timeout_s(self) -> float:
         """How long after the last message of a broken upload the vehicle has surely given it up."""
 
+    @property
+    def uploads_at_once(self) -> bool:
+        """A new mission takes the old one's place when it is complete; else item by item, and the flight
+        follows at once."""
+
+    @property
+    def start_mission(self) -> tuple[int, tuple[float, ...]]:
+        """Command (MAV_CMD, parameters) by which a vehicle, armed and on the ground, takes off."""
+
     def mode_name(self, custom_mode: int) -> str: ...
 
-    def mode_number(self, name: str) -> int: ...
+    def mode_params(self, name: str) -> tuple[float, ...]:
+        """Parameters of MAV_CMD_DO_SET_MODE."""
 
     def not_ready(self, readiness: Readiness) -> tuple[str, ...]:
         """Why it would not arm and fly a mission now; empty when it would."""
 
-    def mission_items(self, plan: FlightPlan) -> tuple[MissionItem, ...]:
-        """The plan as this autopilot's mission. Raises ValueError for a plan that cannot be flown."""
+    def mission_items(self, plan: FlightPlan, start: LatLon | None = None) -> tuple[MissionItem, ...]:
+        """The plan as this autopilot's mission; `start` is where it takes off.
 
-    def differences(self, sent: Sequence[MissionItem], found: Sequence[MissionItem]) -> tuple[str, ...]:
-        """How a mission read back differs from the one sent, its own roundings aside; empty when equal."""
+        Raises ValueError for a plan that cannot be flown.
+        """
+
+    def differences(
+        self, sent: Sequence[MissionItem], found: Sequence[MissionItem], first: int = 0
+    ) -> tuple[str, ...]:
+        """How a mission read back differs from the one sent, its own roundings aside; empty when equal.
+
+        `first`: the place of the first of them in the vehicle's list.
+        """
+
+    def set_current(self, peer: Peer, seq: int, attempt: int) -> Conversation[CommandResult]:
+        """One try (`attempt` 0 is the first) to make an item the one that is flown."""

@@ -1,0 +1,316 @@
+"""What the links take: uploads and swaps over bad radio, and CPU; `direct` beside `mavsdk`.
+
+Run: `pip install -e '.[mavsdk]'`, then `python benchmarks/links.py [--quick]`; `--only uploads,swaps,cpu`
+and `--links direct,mavsdk` choose. Nothing is asserted, and the load of the machine is said. `direct` flies
+on the virtual clock: its times are the vehicles' seconds, beside those of the wall; `mavsdk` keeps to the
+machine's clock. Messages are datagrams in both directions, each lost and delayed by itself, and also what
+streams meanwhile. A mission counts as wrong where a link says that it is verified and the vehicle, asked
+without loss afterwards, has another one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import itertools
+import os
+import random
+import resource
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from sim_vehicle.fleet import Fleet
+from sim_vehicle.scenario import default_scenario
+from swarmctl.clock import run_virtual
+from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
+from swarmctl.links import LINKS
+from swarmctl.links.base import Link, LinkError
+from swarmctl.links.frontend import FrontEnd
+from swarmctl.links.memory import MemoryWire
+from swarmctl.links.url import Endpoint, parse_url
+from swarmctl.mavlink.codec import Decoder, Encoder, FrameSplitter
+
+HOME = (46.0490, 14.5060, 300.0)
+STEP_S = 0.05
+RATES_HZ = {33: 5, 30: 5, 74: 4, 1: 2, 24: 1, 147: 1, 42: 1}
+"""message id -> rate: 19 a second beside the heartbeat"""
+CASES = tuple(itertools.product((1, 50), (10, 50, 200), (0.0, 0.05, 0.2, 0.3), (0.0, 1.0)))
+LIMIT_S = {"direct": 3600.0, "mavsdk": 240.0}
+SETTLE_S, MEASURE_S = 8.0, 15.0
+
+
+class Radio:
+    """A fleet behind a wire that loses and delays, each datagram by itself."""
+
+    def __init__(self, personality: str, count: int, seed: int = 1) -> None:
+        self.fleet = Fleet(default_scenario(count, home=HOME, personality=personality), ready_s=0)
+        self.wire = MemoryWire()
+        self.wire.to_vehicles = self._up
+        self.loss, self.delay_s, self.datagrams = 0.0, 0.0, 0
+        self._rng = random.Random(seed)
+        self._loop = asyncio.get_running_loop()
+        self._began_s = self._loop.time()
+
+    def now_s(self) -> float:
+        return self._loop.time() - self._began_s
+
+    def _carry(self, call: object, *args: object) -> None:
+        assert callable(call)
+        self.datagrams += 1
+        if self._rng.random() >= self.loss:
+            self._loop.call_later(self.delay_s, call, *args)
+
+    def _up(self, data: bytes, address: object) -> None:
+        self._carry(self._hear, data)
+
+    def _hear(self, data: bytes) -> None:
+        self._down(self.fleet.receive(data, self.now_s()))
+
+    def _down(self, frames: list[tuple[int, bytes]]) -> None:
+        for _, data in frames:
+            self._carry(self.wire.from_vehicle, data, "fleet")
+
+    async def fly(self) -> None:
+        while True:
+            self._down(self.fleet.step(self.now_s()))
+            await asyncio.sleep(STEP_S)
+
+    def mission_of(self, sysid: int) -> list[tuple[int, int, int]]:
+        """(command, x, y) of what the vehicle has, asked past the wire."""
+        encoder = Encoder(254, 190)
+        ask = mavlink.MAVLink_mission_request_list_message(sysid, 1)
+        (count,) = self._asked(encoder.pack(ask, 0), "MISSION_COUNT")
+        found = []
+        for seq in range(count.count):
+            ask = mavlink.MAVLink_mission_request_int_message(sysid, 1, seq)
+            (item,) = self._asked(encoder.pack(ask, 0), "MISSION_ITEM_INT")
+            found.append((item.command, item.x, item.y))
+        return found
+
+    def _asked(self, data: bytes, kind: str) -> list[object]:
+        decoder = Decoder()
+        frames = self.fleet.receive(data, self.now_s(), peer="judge")
+        messages = [decoder.decode(f) for _, answer in frames for f in FrameSplitter().feed(answer)]
+        return [m for m in messages if m is not None and m.get_type() == kind]
+
+
+@dataclass
+class Outcome:
+    """Of one case."""
+
+    times_s: list[float] = field(default_factory=list)
+    endings: Counter[str] = field(default_factory=Counter)
+    datagrams: int = 0
+    wall_s: float = 0.0
+
+
+def plan(items: int, east_deg: float) -> FlightPlan:
+    """A mission of about so many items, ten metres apart."""
+    points = tuple(Waypoint(HOME[0] + 1e-4 * i, HOME[1] + east_deg, 20.0) for i in range(1, items - 2))
+    return FlightPlan(20.0, points, points[-1])
+
+
+async def case(
+    name: str, personality: str, count: int, items: int, loss: float, delay_s: float, *, swap: bool
+) -> Outcome:
+    radio, outcome = Radio(personality, count), Outcome()
+    flying = asyncio.create_task(radio.fly())
+    async with FrontEnd(wall_time_us=lambda: 0, memory={"fleet": radio.wire}) as front_end:
+        links = {
+            i: LINKS[name](
+                front_end, Endpoint("memory", "fleet"), i, name=f"v{i}", on_event=lambda _event: None
+            )
+            for i in range(1, count + 1)
+        }
+        await asyncio.gather(*(ready(link, swap) for link in links.values()))
+        radio.loss, radio.delay_s, radio.datagrams = loss, delay_s, 0
+        began_s = time.perf_counter()
+        await asyncio.gather(
+            *(
+                transfer(link, plan(items, 0.001), outcome, LIMIT_S[name], swap=swap)
+                for link in links.values()
+            )
+        )
+        outcome.wall_s, outcome.datagrams = time.perf_counter() - began_s, radio.datagrams
+        for sysid, link in links.items():
+            # ArduPilot's item 0 is its home, which moves.
+            first = int(personality == "ardupilot")
+            if link.items() and not same(link.items()[first:], radio.mission_of(sysid)[first:]):
+                outcome.endings["WRONG"] += 1
+    flying.cancel()
+    return outcome
+
+
+def same(claimed: tuple[MissionItem, ...], found: list[tuple[int, int, int]]) -> bool:
+    return [(i.command, i.x, i.y) for i in claimed] == found
+
+
+async def ready(link: Link, swap: bool) -> None:
+    await link.connect(20)
+    await link.prepare(60, lambda _reasons: None)
+    if swap:
+        await link.upload(plan(30, 0.0))
+        await link.launch()
+        while (link.state().mission_seq or 0) < 3:  # noqa: ASYNC110 - nobody tells of it
+            await asyncio.sleep(0.2)
+
+
+async def transfer(link: Link, new: FlightPlan, outcome: Outcome, limit_s: float, *, swap: bool) -> None:
+    began_s = asyncio.get_running_loop().time()
+    try:
+        async with asyncio.timeout(limit_s):
+            await (link.swap(new) if swap else link.upload(new))
+    except LinkError:
+        outcome.endings["refused"] += 1
+    except TimeoutError:
+        outcome.endings[f"not in {limit_s:.0f} s"] += 1
+    else:
+        outcome.endings["verified"] += 1
+        outcome.times_s.append(asyncio.get_running_loop().time() - began_s)
+
+
+def transfers(quick: bool, links: list[str], *, swap: bool) -> Iterator[Table]:
+    what = "verified swap in flight" if swap else "verified upload"
+    for personality in ("ardupilot", "px4"):
+        made = table(f"{what}, {personality}", "link", "vehicles", "items", "loss [%]", "delay [s]",
+                     "p50 [s]", "last [s]", "datagrams each", "wall [s]", "outcome")  # fmt: skip
+        for count, items, loss, delay_s in CASES:
+            for name in links:
+                seldom = name == "mavsdk" and (swap or count > 1) and items > 10
+                if quick and (seldom or items == 200 or loss == 0.05):
+                    continue
+                run = run_virtual if name == "direct" else asyncio.run
+                done = run(case(name, personality, count, items, loss, delay_s, swap=swap))
+                p50, last = np.quantile(done.times_s, [0.5, 1.0]) if done.times_s else (np.nan, np.nan)
+                made.add_row(
+                    name, str(count), str(items), f"{100 * loss:.0f}", f"{delay_s:g}", f"{p50:.2f}",
+                    f"{last:.2f}", f"{done.datagrams / count:,.0f}", f"{done.wall_s:.1f}",
+                    ", ".join(f"{n} {how}" for how, n in done.endings.items()),
+                )  # fmt: skip
+        made.caption = load()
+        yield made
+
+
+def uploads(quick: bool, links: list[str]) -> Iterator[Table]:
+    yield from transfers(quick, links, swap=False)
+
+
+def swaps(quick: bool, links: list[str]) -> Iterator[Table]:
+    yield from transfers(quick, links, swap=True)
+
+
+def cpu(quick: bool, links: list[str]) -> Iterator[Table]:
+    """Real time, UDP: the fleet is a process of its own, the ground station this one."""
+    made = table("the ground station's CPU, one core is 100 %", "link", "vehicles", "msg/s", "CPU [%]",
+                 "most RSS so far [MB]")  # fmt: skip
+    for count, name in itertools.product((1, 50, 250), links):
+        made.add_row(name, str(count), *asyncio.run(ground(name, count, 5.0 if quick else MEASURE_S)))
+    made.caption = load()
+    yield made
+
+
+async def ground(name: str, count: int, measure_s: float) -> tuple[str, str, str]:
+    endpoint = parse_url(f"udpin://127.0.0.1:{20_000 + os.getpid() % 10_000}")
+    command = [sys.executable, "-m", "sim_vehicle", "--count", str(count), "--ready-s", "0", "--no-table",
+               "--url", f"udpout:127.0.0.1:{endpoint.port}"]  # fmt: skip
+    heard = 0
+
+    def count_in(splitter_feed: object) -> object:
+        def feed(data: bytes, address: object) -> None:
+            nonlocal heard
+            heard += frames_in(data)
+            splitter_feed(data, address)  # type: ignore[operator]
+
+        return feed
+
+    async with FrontEnd(wall_time_us=lambda: 0) as front_end:
+        await front_end.open(endpoint)
+        process = subprocess.Popen(  # noqa: ASYNC220 - before anything is measured
+            command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
+        try:
+            links = [
+                LINKS[name](front_end, endpoint, i, name=f"v{i}", on_event=lambda _event: None)
+                for i in range(1, count + 1)
+            ]
+            await asyncio.gather(*(link.connect(60) for link in links))
+            await asyncio.gather(*(link.prepare(60, lambda _reasons: None) for link in links))
+            for link in links:
+                ask_for_streams(link)
+                await asyncio.sleep(0.002)
+            await asyncio.sleep(SETTLE_S)
+            line = front_end._lines[endpoint]
+            protocol = line.transport
+            protocol._receive = count_in(protocol._receive)  # type: ignore[attr-defined]
+            began_s, used_s = time.perf_counter(), time.process_time()
+            await asyncio.sleep(measure_s)
+            used = (time.process_time() - used_s) / (time.perf_counter() - began_s)
+            rate = heard / (time.perf_counter() - began_s)
+            for link in links:
+                link.close()
+        finally:
+            process.terminate()
+            process.wait()
+    rss_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return f"{rate:,.0f}", f"{100 * used:.1f}", f"{rss_mb:.0f}"
+
+
+def frames_in(data: bytes) -> int:
+    """By their headers; the fleet puts several into a datagram."""
+    at = count = 0
+    while at + 12 <= len(data):
+        at, count = at + 12 + data[at + 1], count + 1
+    return count
+
+
+def ask_for_streams(link: Link) -> None:
+    """More than the link wants by itself."""
+    channel = link._channel  # type: ignore[attr-defined]
+    channel.send(
+        [
+            mavlink.MAVLink_command_long_message(channel.sysid, 1, 511, 0, msgid, 1e6 / hz, 0, 0, 0, 0, 0)
+            for msgid, hz in RATES_HZ.items()
+        ]
+    )
+
+
+def table(title: str, *columns: str) -> Table:
+    made = Table(title=title, box=box.SIMPLE_HEAD)
+    for column in columns:
+        made.add_column(
+            column.replace("[", "\\["), justify="left" if column in ("link", "outcome") else "right"
+        )
+    return made
+
+
+def load() -> str:
+    return f"load of the machine: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
+
+
+PARTS = {part.__name__: part for part in (uploads, swaps, cpu)}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="fewer and shorter cases")
+    parser.add_argument("--only", default=",".join(PARTS), help="which parts, with commas")
+    parser.add_argument("--links", default="direct,mavsdk", help="which links, with commas")
+    chosen = parser.parse_args()
+    console = Console(width=130)
+    for name in chosen.only.split(","):
+        for made in PARTS[name](chosen.quick, chosen.links.split(",")):
+            console.print(made)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,43 @@
+"""Who else sees the vehicles' traffic, and who may speak to them: the section `links` of a configuration."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+from swarmctl.config_base import Section
+from swarmctl.links.url import parse_url
+
+
+def _url(text: str) -> str:
+    parse_url(text)
+    return text
+
+
+class Links(Section):
+    """What is common to the links of all vehicles."""
+
+    forward: tuple[Annotated[str, AfterValidator(_url)], ...] = Field(
+        (),
+        description="MAVLink URLs to which everything heard from vehicles and sent to them goes unaltered, "
+        "for QGroundControl or Mission Planner to watch, such as udpout:127.0.0.1:14550",
+    )
+    signing_key: str | None = Field(
+        None,
+        description="file with the vehicles' key of MAVLink signing, as seen from where the commands run: 64 "
+        "hexadecimal digits, base64 as in Mission Planner, or `passphrase: WORDS`; what is not signed with "
+        "it is refused. Default: nothing is signed",
+    )
+    signing_link_id: int = Field(
+        0,
+        ge=0,
+        le=255,
+        description="of the first link in signatures, the next has the next; stations that speak to one "
+        "vehicle with one key at once need different ones",
+    )
+    forward_commands: bool = Field(
+        False,
+        description="whether what such a program sends reaches the vehicles; it is in the evidence as "
+        "another station's",
+    )

@@ -1,0 +1,83 @@
+"""The file of a run's evidence: each entry is the operating system's before what it tells of happens."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol
+
+from swarmctl.evidence.chain import Chain, Entry, Kind, sealed
+
+FILE = "evidence.jsonl"
+
+
+class Signer(Protocol):
+    @property
+    def name(self) -> str:
+        """Whose key it is."""
+
+    @property
+    def public_key(self) -> str:
+        """In base64."""
+
+    def sign(self, data: bytes) -> str:
+        """Ed25519, in base64."""
+
+
+class Book:
+    """Appends to one file until `close`. A disk that is full ends it, is said, and does not raise."""
+
+    def __init__(
+        self,
+        path: Path,
+        opened: Entry,
+        *,
+        unix_s: Callable[[], float],
+        run_s: Callable[[], float],
+        say: Callable[[str], None],
+    ) -> None:
+        """`opened` says what run this is. Raises OSError where the file cannot be begun."""
+        self.trouble = ""
+        """why it ends early"""
+        self._path = path
+        self._unix_s, self._run_s, self._say = unix_s, run_s, say
+        self._chain = Chain()
+        self._file = path.open("xb", buffering=0)
+        self.add("opened", opened, durable=True)
+
+    @property
+    def is_closed(self) -> bool:
+        return self._file.closed
+
+    def add(self, kind: Kind, what: Entry, vehicle: str | None = None, *, durable: bool = False) -> bool:
+        """Whether it is written; `durable`: also whether it would outlive a loss of power now."""
+        if self.trouble or self._file.closed:
+            return False
+        line = self._chain.link(kind, vehicle, what, unix_s=self._unix_s(), run_s=self._run_s())
+        try:
+            self._write(line, durable=durable)
+        except OSError as error:
+            self.trouble = f"{self._path}: the evidence ends here: {error.strerror or error}"
+            self._say(f"{self.trouble}; no vehicle is armed any more")
+            return False
+        return True
+
+    def _write(self, line: bytes, *, durable: bool) -> None:
+        written = self._file.write(line)
+        if written != len(line):
+            raise OSError(f"{written} of {len(line)} bytes were taken; is the disk full?")
+        if durable:
+            os.fsync(self._file.fileno())
+
+    def close(self, signer: Signer | None = None) -> None:
+        """Write the closing entry, signed where there is a key. Idempotent."""
+        if self._file.closed:
+            return
+        entries, last = self._chain.n, self._chain.last
+        what: dict[str, object] = {"entries": entries}
+        if signer is not None:
+            signature = signer.sign(sealed(entries, last))
+            what["signature"] = {"by": signer.name, "key": signer.public_key, "signature": signature}
+        self.add("closed", what, durable=True)
+        self._file.close()

@@ -1,0 +1,166 @@
+"""The chain of entries: how a line is written, and what is wrong with a file of them. Pure."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+FORMAT = 1
+GENESIS = "0" * 64
+"""`previous` of the first entry"""
+
+Kind = Literal["opened", "command", "acknowledgement", "effect", "waiver", "operator", "note", "closed"]
+KINDS = frozenset(get_args(Kind))
+KEYS = frozenset({"n", "unix_s", "run_s", "vehicle", "kind", "what", "previous", "hash"})
+
+Entry = Mapping[str, Any]
+
+
+def canonical(value: Any) -> bytes:
+    """JSON in one form only: keys sorted, no spaces, ASCII.
+
+    Numbers that JSON lacks, which MAVLink uses for "leave it as it is", become words.
+    """
+    return json.dumps(_plain(value), sort_keys=True, separators=(",", ":"), allow_nan=False).encode()
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _plain(inner) for key, inner in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(inner) for inner in value]
+    if isinstance(value, (bytes, bytearray)):
+        return bytes(value).hex()
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    return value
+
+
+def sha256(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+class Chain:
+    """Where a chain stands; gives one line after the other."""
+
+    def __init__(self) -> None:
+        self.n = 0
+        """entries so far"""
+        self.last = GENESIS
+        """the hash of the last entry"""
+
+    def link(self, kind: Kind, vehicle: str | None, what: Entry, *, unix_s: float, run_s: float) -> bytes:
+        """The next line, with its line end."""
+        entry = {
+            "n": self.n,
+            "unix_s": round(unix_s, 6),
+            "run_s": round(run_s, 6),
+            "vehicle": vehicle,
+            "kind": kind,
+            "what": what,
+            "previous": self.last,
+        }
+        body = canonical(entry)
+        self.last = sha256(body)
+        self.n += 1
+        # "hash" is the first key in canonical order.
+        return b'{"hash":"%s",%s\n' % (self.last.encode(), body[1:])
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """The first line where a chain is broken."""
+
+    line: int
+    """from 1"""
+    found: str
+    expected: str
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """What a file of entries holds."""
+
+    entries: tuple[Entry, ...]
+    """those before the fault, or all"""
+    fault: Fault | None
+    last: str
+    """the hash of the last good entry"""
+
+    @property
+    def opened(self) -> Entry:
+        """What the first entry says of the run; empty where it is missing."""
+        return self.entries[0]["what"] if self.entries else {}
+
+    @property
+    def closing(self) -> Entry | None:
+        """What the closing entry says; None: the process died, or lines were cut off."""
+        whole = self.fault is None and self.entries and self.entries[-1]["kind"] == "closed"
+        return self.entries[-1]["what"] if whole else None
+
+
+def check(lines: Iterable[bytes]) -> Checked:
+    """Follow a chain to its end or to its first fault; never raises, whatever the bytes."""
+    entries: list[Entry] = []
+    last = GENESIS
+    for line in lines:
+        entry, fault = _read(line)
+        if entry is not None:
+            fault = _out_of_place(entry, entries, last)
+        if entry is None or fault is not None:
+            found, expected = fault or ("", "")
+            return Checked(tuple(entries), Fault(len(entries) + 1, found, expected), last)
+        entries.append(entry)
+        last = entry["hash"]
+    return Checked(tuple(entries), None, last)
+
+
+_Wrong = tuple[str, str]
+"""what was found, what was expected"""
+
+
+def _read(line: bytes) -> tuple[Entry | None, _Wrong | None]:
+    if not line.endswith(b"\n"):
+        return None, (
+            "a line without its end",
+            "a whole line: the process died while it was written, or it was cut",
+        )
+    try:
+        entry = json.loads(line)
+        is_canonical = canonical(entry) + b"\n" == line
+    except (ValueError, RecursionError):
+        return None, ("a line that is not JSON", "an entry as this program writes it")
+    if not isinstance(entry, dict) or entry.keys() != KEYS or entry["kind"] not in KINDS:
+        return None, ("something else than an entry", f"an object with the keys {', '.join(sorted(KEYS))}")
+    if not isinstance(entry["what"], dict) or not isinstance(entry["n"], int):
+        return None, ("something else than an entry", "a number in `n` and an object in `what`")
+    if not is_canonical:
+        return None, ("another form of JSON than the canonical one", "the line as it was written")
+    return entry, None
+
+
+def _out_of_place(entry: Entry, before: list[Entry], last: str) -> _Wrong | None:
+    n = len(before)
+    if before and before[-1]["kind"] == "closed":
+        return f"entry {entry['n']} after the closing one", "the end of the file"
+    if entry["n"] != n:
+        return f"entry {entry['n']}", f"entry {n}: lines were taken out or put in here"
+    if (entry["kind"] == "opened") != (n == 0):
+        return f"an entry of the kind {entry['kind']}", "the opening entry first, and only there"
+    if entry["previous"] != last:
+        return f"the previous hash {entry['previous']}", f"{last}, the hash of the line before"
+    own = sha256(canonical({key: value for key, value in entry.items() if key != "hash"}))
+    if entry["hash"] != own:
+        return f"the hash {entry['hash']}", f"{own}, as its content gives: the line was changed"
+    if entry["kind"] == "closed" and entry["what"].get("entries") != n:
+        return f"a count of {entry['what'].get('entries')} entries", f"{n}"
+    return None
+
+
+def sealed(entries: int, last: str) -> bytes:
+    """What the signature in a closing entry covers: the number of entries before it and the last's hash."""
+    return b"swarmctl evidence\0" + canonical({"entries": entries, "previous": last})

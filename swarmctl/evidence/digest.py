@@ -1,0 +1,114 @@
+"""What a chain of entries tells: commands by vehicle, how they were answered, what was seen of them. Pure."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+from swarmctl.evidence.chain import Entry
+
+_UPLOADS = ("MISSION_ITEM_INT", "MISSION_COUNT", "MISSION_WRITE_PARTIAL_LIST", "MISSION_CLEAR_ALL")
+_PARAMETERS = ("PARAM_SET", "PARAM_REQUEST_READ")
+_NOTHING_YET = ""
+"""the mode of a vehicle that has not told one"""
+_SHOWS = {
+    "COMPONENT_ARM_DISARM": "armed",
+    "DO_SET_MODE": "mode",
+    "SET_MODE": "mode",
+    "MISSION_START": "mode",
+    "NAV_RETURN_TO_LAUNCH": "mode",
+    "NAV_LAND": "mode",
+    "DO_SET_MISSION_CURRENT": "mission_seq",
+    "MISSION_SET_CURRENT": "mission_seq",
+}
+"""what of a vehicle's state shows that a command was followed"""
+_ANSWERED = frozenset({"MISSION_ITEM_INT", "MISSION_CLEAR_ALL", *_PARAMETERS})
+"""messages that a vehicle acknowledges, beside its commands"""
+_NO_REFUSAL = frozenset({"ACCEPTED", "IN_PROGRESS", "PARAM_VALUE", "INVALID_SEQUENCE"})
+"""ArduPilot says the last of these to a repeated mission item, and goes on"""
+
+
+@dataclass(slots=True)
+class Row:
+    """One command of one vehicle."""
+
+    vehicle: str
+    command: str
+    sent: int = 0
+    answers: Counter[str] = field(default_factory=Counter)
+    unanswered: int = 0
+    seen: Counter[str] = field(default_factory=Counter)
+    by_others: int = 0
+    """of those sent, by another station"""
+
+    @property
+    def refused(self) -> int:
+        return sum(n for answer, n in self.answers.items() if answer not in _NO_REFUSAL)
+
+
+@dataclass(slots=True)
+class Digest:
+    rows: list[Row] = field(default_factory=list)
+    unasked: dict[str, Counter[str]] = field(default_factory=dict)
+    """by vehicle: modes and arming that no command here had asked for"""
+    people: list[Entry] = field(default_factory=list)
+    """waivers and operators' actions"""
+
+
+def digest(entries: Iterable[Entry]) -> Digest:
+    """Fold the entries of a good chain, in their order."""
+    found = Digest()
+    rows: dict[tuple[str, str], Row] = {}
+    asked: dict[tuple[str, str], Row] = {}
+    """by (vehicle, part of its state): the command that may change it next"""
+    for entry in entries:
+        vehicle, what = entry["vehicle"] or "all", entry["what"]
+        match entry["kind"]:
+            case "command":
+                _sent(rows, asked, vehicle, what)
+            case "acknowledgement":
+                _answered(rows, vehicle, what)
+            case "effect":
+                _seen(asked, found, vehicle, what)
+            case "waiver" | "operator":
+                found.people.append(entry)
+    vehicles = list(dict.fromkeys(vehicle for vehicle, _ in rows))
+    found.rows = sorted(rows.values(), key=lambda row: vehicles.index(row.vehicle))
+    return found
+
+
+def _sent(
+    rows: dict[tuple[str, str], Row], asked: dict[tuple[str, str], Row], vehicle: str, what: Entry
+) -> None:
+    name = str(what.get("command", what.get("message", "?")))
+    row = rows.setdefault((vehicle, name), Row(vehicle, name))
+    row.sent += 1
+    row.unanswered += "command" in what or name in _ANSWERED
+    row.by_others += "by" in what
+    if name in _SHOWS:
+        asked[vehicle, _SHOWS[name]] = row
+
+
+def _answered(rows: dict[tuple[str, str], Row], vehicle: str, what: Entry) -> None:
+    answer = str(what.get("result", what.get("message", "?")))
+    message = what.get("message")
+    names = {"MISSION_ACK": _UPLOADS, "PARAM_VALUE": _PARAMETERS}.get(
+        str(message), (str(what.get("command", message)),)
+    )
+    answered = [row for name in names if (row := rows.get((vehicle, name))) is not None]
+    waiting = [row for row in answered if row.unanswered > 0]
+    for row in (waiting or answered)[:1]:
+        row.answers[answer] += 1
+        row.unanswered -= answer != "IN_PROGRESS" and row.unanswered > 0
+
+
+def _seen(asked: dict[tuple[str, str], Row], found: Digest, vehicle: str, what: dict[str, Any]) -> None:
+    part = str(what.get("changed"))
+    text = f"{part} {what.get('to')}"
+    row = asked.pop((vehicle, part), None)
+    if row is not None:
+        row.seen[text] += 1
+    elif part in ("mode", "armed") and what.get("from") != _NOTHING_YET:
+        found.unasked.setdefault(vehicle, Counter())[text] += 1

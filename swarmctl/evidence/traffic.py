@@ -1,0 +1,160 @@
+"""From the MAVLink messages of one vehicle to entries: commands and acknowledgements. Pure.
+
+Everything sent is a command, but for what only keeps a link alive. The items of a mission, a fence or rally
+points make one entry with their number and hash, when their transfer ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from swarmctl.evidence.chain import Kind, canonical, sha256
+from swarmctl.mavlink.codec import Message
+from swarmctl.mavlink.command import name_of
+
+KEEP_ALIVE = frozenset({"HEARTBEAT", "PING", "SYSTEM_TIME", "TIMESYNC"})
+"""messages that ask nothing of a vehicle"""
+ITEMS = frozenset({"MISSION_ITEM_INT", "MISSION_ITEM"})
+_REQUESTS = frozenset({"MISSION_REQUEST_INT", "MISSION_REQUEST"})
+_BEGINS = frozenset({"MISSION_COUNT", "MISSION_WRITE_PARTIAL_LIST"})
+_TO_WHOM = frozenset({"target_system", "target_component", "mavpackettype"})
+
+Said = tuple[Kind, dict[str, Any]]
+
+
+def arms(message: Message) -> bool:
+    """It asks a vehicle to arm; PX4 also arms to start a mission."""
+    if message.get_type() not in ("COMMAND_LONG", "COMMAND_INT"):
+        return False
+    command = name_of("MAV_CMD", int(message.command))
+    return command == "MISSION_START" or (command == "COMPONENT_ARM_DISARM" and message.param1 != 0.0)
+
+
+@dataclass(slots=True)
+class _Transfer:
+    """Items on their way, by number."""
+
+    count: int | None = None
+    mission_type: int = 0
+    items: dict[int, tuple[Any, ...]] = field(default_factory=dict)
+    is_told: bool = False
+    """since the last item"""
+
+    def take(self, message: Message) -> None:
+        self.items[int(message.seq)] = item_fields(message)
+        self.is_told = False
+
+    def told(self) -> dict[str, Any]:
+        return {
+            "items": len(self.items),
+            "of": self.count,
+            "mission_type": name_of("MAV_MISSION_TYPE", self.mission_type),
+            "sha256": items_hash(self.items),
+        }
+
+
+def item_fields(message: Message) -> tuple[Any, ...]:
+    """What of a mission item the hash covers."""
+    m = message
+    return (m.frame, m.command, m.autocontinue, m.param1, m.param2, m.param3, m.param4, m.x, m.y, m.z)
+
+
+def items_hash(items: Mapping[int, tuple[Any, ...]]) -> str:
+    """SHA-256 over the canonical list of [number, fields] in the order of their numbers."""
+    return sha256(canonical([[seq, list(items[seq])] for seq in sorted(items)]))
+
+
+class Traffic:
+    """One vehicle's messages, in the order of the wire."""
+
+    def __init__(self) -> None:
+        self._upload: _Transfer | None = None
+        self._download: _Transfer | None = None
+        self._asked: set[str] = set()
+        """names of the parameters that were set or asked for, and not answered yet"""
+
+    def sent(self, message: Message) -> list[Said]:
+        kind = message.get_type()
+        if kind in KEEP_ALIVE or kind in _REQUESTS:
+            return []
+        if kind in ITEMS:
+            if self._upload is None:
+                self._upload = _Transfer(mission_type=int(message.mission_type))
+            self._upload.take(message)
+            return []
+        return [*self._before(kind, message), ("command", {**_content(message), **self._read_back(kind)})]
+
+    def heard(self, message: Message) -> list[Said]:
+        match message.get_type():
+            case "COMMAND_ACK":
+                result = name_of("MAV_RESULT", int(message.result))
+                command = name_of("MAV_CMD", int(message.command))
+                return [("acknowledgement", {"message": "COMMAND_ACK", "command": command, "result": result})]
+            case "MISSION_ACK":
+                content = _content(message)
+                # ArduPilot's word for a repeated item, in the middle of a transfer that goes on.
+                ended = [] if content["result"] == "INVALID_SEQUENCE" else self.close()
+                return [*ended, ("acknowledgement", content)]
+            case "MISSION_ITEM_INT" | "MISSION_ITEM" if self._download is not None:
+                self._download.take(message)
+            case "MISSION_COUNT" if self._download is not None:
+                self._download.count = int(message.count)
+            case "PARAM_VALUE" if _name(message) in self._asked:
+                self._asked.discard(_name(message))
+                return [("acknowledgement", _content(message))]
+        return []
+
+    def close(self) -> list[Said]:
+        """The items of an upload that has ended, or that nobody will acknowledge any more."""
+        transfer = self._upload
+        if transfer is None or not transfer.items or transfer.is_told:
+            return []
+        transfer.is_told = True
+        return [("command", {"message": "MISSION_ITEM_INT", **transfer.told()})]
+
+    def _before(self, kind: str, message: Message) -> list[Said]:
+        """What a message says of transfers: that one ends, or begins."""
+        said: list[Said] = []
+        if kind in _BEGINS:
+            said = self.close()
+            count = message.count if kind == "MISSION_COUNT" else message.end_index - message.start_index + 1
+            self._upload = _Transfer(int(count), int(message.mission_type))
+        elif kind == "MISSION_ACK":
+            said = self.close()
+        elif kind == "MISSION_REQUEST_LIST":
+            self._download = _Transfer(mission_type=int(message.mission_type))
+        elif kind in ("PARAM_SET", "PARAM_REQUEST_READ"):
+            self._asked.add(_name(message))
+        return said
+
+    def _read_back(self, kind: str) -> dict[str, Any]:
+        """With the acknowledgement that ends a download: what it brought."""
+        if kind != "MISSION_ACK" or self._download is None:
+            return {}
+        transfer, self._download = self._download, None
+        return {"read": transfer.told()}
+
+
+def _content(message: Message) -> dict[str, Any]:
+    kind = message.get_type()
+    content = {"message": kind, **{k: _text(v) for k, v in message.to_dict().items() if k not in _TO_WHOM}}
+    # A key that is sent is a secret; that one was sent is not.
+    content.pop("secret_key", None)
+    if kind in ("COMMAND_LONG", "COMMAND_INT"):
+        content["command"] = name_of("MAV_CMD", int(message.command))
+    if "mission_type" in content:
+        content["mission_type"] = name_of("MAV_MISSION_TYPE", int(message.mission_type))
+    if kind == "MISSION_ACK":
+        result = name_of("MAV_MISSION_RESULT", int(content.pop("type")))
+        content["result"] = result.removeprefix("MAV_MISSION_")
+    return content
+
+
+def _name(message: Message) -> str:
+    return str(_text(message.param_id))
+
+
+def _text(value: Any) -> Any:
+    return value.rstrip("\0") if isinstance(value, str) else value

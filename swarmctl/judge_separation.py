@@ -1,0 +1,73 @@
+"""Whether vehicles keep apart by the routes they take off with, before anything starts. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import combinations
+
+from swarmctl.agent import Task, first_flight, first_problem
+from swarmctl.agent.flight_path import from_takeoff
+from swarmctl.config import Problem
+from swarmctl.planners import Route, Unreachable
+from swarmctl.scenario import Scenario, Spec
+from swarmctl.separation import Limits, Trajectory, conflicts
+
+SLACK_S = 2.0
+"""By so much two vehicles may be off their times, or launched off theirs: time slots are no closer."""
+
+
+def judge_separation(scenario: Scenario, routes: Mapping[int, Route]) -> Iterator[Problem]:
+    """Vehicles that share an altitude band (closer than `separation.vertical_m`) have time slots: their first
+    routes, `routes` by system id, do not meet."""
+    limits = scenario.config.separation
+    shared = [
+        {one.sysid, other.sysid}
+        for one, other in combinations(scenario.specs, 2)
+        if abs(one.altitude_m - other.altitude_m) < limits.vertical_m - 1e-9
+    ]
+    if not shared:
+        return
+    concerned = set[int]().union(*shared)
+    flights = dict(_flights(scenario, {uav: routes[uav] for uav in concerned if uav in routes}))
+    fastest_m_s = max(spec.speed_m_s for spec in scenario.specs)
+    slots = Limits(limits.horizontal_m + SLACK_S * fastest_m_s, limits.vertical_m)
+    specs = {spec.sysid: spec for spec in scenario.specs}
+    for conflict in conflicts(flights, slots):
+        if {conflict.uav, conflict.other} not in shared:
+            continue
+        at = conflict.closest
+        near = f"{at.horizontal_m:.0f} m over ground and {at.vertical_m:.0f} m in height after {at.t_s:.0f} s"
+        yield _problem(scenario, specs[conflict.uav], specs[conflict.other], near)
+        return  # one cure mends most of them
+
+
+def _flights(scenario: Scenario, routes: Mapping[int, Route]) -> Iterator[tuple[int, Trajectory]]:
+    """From when the first vehicle is launched."""
+    for spec, task in zip(scenario.specs, scenario.tasks, strict=True):
+        route = routes.get(spec.sysid)
+        if route is None:
+            continue
+        try:
+            yield spec.sysid, _flight(scenario, spec, task, route)
+        except Unreachable:
+            continue  # it cannot fly that route at all, which is said elsewhere
+
+
+def _flight(scenario: Scenario, spec: Spec, task: Task, route: Route) -> Trajectory:
+    plan = first_flight(task, first_problem(task, scenario.prior), route)
+    return from_takeoff(task, plan, spec.start).later(spec.delay_s)
+
+
+def _problem(scenario: Scenario, one: Spec, other: Spec, near: str) -> Problem:
+    limits = scenario.config.separation
+    text = (
+        f"{one.name} and {other.name} would fly at {one.altitude_m:g} and {other.altitude_m:g} m, less than "
+        f"separation.vertical_m = {limits.vertical_m:g} m apart, and their first routes meet: {near}, with "
+        f"{SLACK_S:g} s for what delays them; give {_cure(one, other)}"
+    )
+    return Problem(("flight", "altitude_step_m"), text)
+
+
+def _cure(one: Spec, other: Spec) -> str:
+    slots = "simulate.delay_step_s" if one.simulated and other.simulated else "one of them delay_s"
+    return f"them altitudes that differ by more, or {slots} until they do not"

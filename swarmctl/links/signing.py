@@ -1,0 +1,138 @@
+"""MAVLink 2 signing of one front end: https://mavlink.io/en/guide/message_signing.html
+
+What goes out is stamped with times that never repeat, also not after a restart; what comes in unsigned,
+wrongly signed or with an old time is refused and counted.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+from collections import Counter
+from collections.abc import Callable
+from typing import Protocol
+
+from swarmctl.mavlink.codec import Signature
+
+KEY_BYTES = 32
+TICKS_PER_S = 100_000
+"""a time stamp counts 10 µs"""
+EPOCH_UNIX_S = 1_420_070_400
+"""from 2015-01-01 00:00 UTC on"""
+LAST_TIMESTAMP = 2**48 - 1
+NEW_STREAM_AGE = 60 * TICKS_PER_S
+"""how far behind our time a stream may be that was not heard before"""
+RESERVED = 30 * TICKS_PER_S
+"""how far ahead of what was used the store is: so seldom is it written"""
+LATE = "older than a minute"
+UNSIGNED_ALLOWED = frozenset({109, 166})
+"""RADIO_STATUS and RADIO: a telemetry radio makes them itself, and has no key"""
+
+_MAVLINK_2 = 0xFD
+_SIGNED = 0x01
+_SIGNATURE_BYTES = 13
+
+
+class Store(Protocol):
+    """What outlives the process."""
+
+    def load(self) -> int:
+        """A time stamp above all that were used; 0 where there is none. Raises OSError, ValueError."""
+
+    def keep(self, timestamp: int) -> None:
+        """Never lower than what is there. Raises OSError."""
+
+
+def ticks(unix_us: int) -> int:
+    """A wall time [µs since 1970] as a time stamp."""
+    return max(unix_us - EPOCH_UNIX_S * 1_000_000, 0) // 10
+
+
+class Signing:
+    """One key, the time stamps under it, and what it refused."""
+
+    def __init__(self, key: bytes, store: Store, first_link_id: int = 0) -> None:
+        """Raises OSError and ValueError where the store cannot be used."""
+        if len(key) != KEY_BYTES:
+            raise ValueError(f"a signing key has {KEY_BYTES} bytes, found {len(key)}")
+        self.refused: Counter[str] = Counter()
+        """incoming frames, by reason"""
+        self.trouble = ""
+        """why the time stamps are not kept any more"""
+        self._key = key
+        self._store = store
+        self._first_link_id = first_link_id
+        self._last = store.load()
+        self._reserved = self._last
+        store.keep(self._last)
+        self._streams: dict[tuple[int, int, int], int] = {}
+
+    def sign(self, line: int, clock: int) -> Signature:
+        """For the next frame on the line of this number; `clock` is the wall time as a time stamp."""
+        self._last = min(max(self._last + 1, clock), LAST_TIMESTAMP)
+        if self._last >= self._reserved:
+            self._reserve()
+        return Signature(self._key, (self._first_link_id + line) % 256, self._last)
+
+    def accepts(self, frame: bytes, clock: int) -> bool:
+        """Whether a whole frame, its checksum right, is from who has the key, and new."""
+        return not self.why_not(frame, clock)
+
+    def why_not(self, frame: bytes, clock: int) -> str:
+        """Why a frame is refused; empty where it is accepted."""
+        why = self._fault(frame, clock)
+        if why:
+            self.refused[why] += 1
+        return why
+
+    def _fault(self, frame: bytes, clock: int) -> str:
+        if frame[0] != _MAVLINK_2 or not frame[2] & _SIGNED:
+            return "" if _message_id(frame) in UNSIGNED_ALLOWED else "unsigned"
+        if not hmac.compare_digest(hashlib.sha256(self._key + frame[:-6]).digest()[:6], frame[-6:]):
+            return "signed with another key"
+        stream = (frame[-_SIGNATURE_BYTES], frame[5], frame[6])
+        timestamp = int.from_bytes(frame[-12:-6], "little")
+        last = self._streams.get(stream)
+        if last is None and timestamp + NEW_STREAM_AGE < max(self._last, clock):
+            return LATE
+        if last is not None and timestamp <= last:
+            return "repeated or out of order"
+        self._streams[stream] = timestamp
+        self._last = max(self._last, timestamp)
+        return ""
+
+    def _reserve(self) -> None:
+        self._reserved = self._last + RESERVED
+        try:
+            self._store.keep(self._reserved)
+        except OSError as error:
+            # A vehicle that is not commanded any more is worse than a time stamp that may repeat one day.
+            self.trouble = f"the time stamps of signing are not kept: {error.strerror or error}"
+
+
+class Guard:
+    """The signing of one front end, at the time of its clock; without any all passes as it is."""
+
+    def __init__(self, signing: Signing | None, wall_time_us: Callable[[], int]) -> None:
+        self.signing = signing
+        self._wall_time_us = wall_time_us
+
+    def sign(self, line: int) -> Signature | None:
+        return None if self.signing is None else self.signing.sign(line, ticks(self._wall_time_us()))
+
+    def why_not(self, frame: bytes) -> str:
+        """Why a frame is refused; empty where it is accepted."""
+        return "" if self.signing is None else self.signing.why_not(frame, ticks(self._wall_time_us()))
+
+    @property
+    def trouble(self) -> str:
+        """What was refused, for people; empty where nothing was."""
+        if self.signing is None:
+            return ""
+        refused = ", ".join(f"{n} {why}" for why, n in sorted(self.signing.refused.items()))
+        told = f"frames refused by links.signing_key: {refused}" if refused else ""
+        return "; ".join(text for text in (told, self.signing.trouble) if text)
+
+
+def _message_id(frame: bytes) -> int:
+    return int.from_bytes(frame[7:10], "little") if frame[0] == _MAVLINK_2 else frame[5]

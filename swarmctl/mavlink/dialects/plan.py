@@ -1,0 +1,40 @@
+"""What all dialects make of a plan: its points checked, and items at them."""
+
+from __future__ import annotations
+
+from math import isfinite
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
+
+TAKEOFF, WAYPOINT, LAND = (
+    int(mavlink.MAV_CMD_NAV_TAKEOFF),
+    int(mavlink.MAV_CMD_NAV_WAYPOINT),
+    int(mavlink.MAV_CMD_NAV_LAND),
+)
+
+
+def track_to_land(plan: FlightPlan) -> tuple[Waypoint, ...]:
+    """The waypoints of a plan; the last is at the altitude from which it comes down.
+
+    NAV_LAND flies to its place at the altitude the vehicle has, so a waypoint sets that altitude where the
+    track does not end on it. Raises ValueError for a plan that cannot be flown.
+    """
+    track = plan.track
+    if not track or track[-1].alt_rel_m != plan.landing.alt_rel_m:
+        track = (*track, plan.landing)
+    for what, point in (*((f"waypoint {i}", p) for i, p in enumerate(track)), ("landing", plan.landing)):
+        _check(what, point)
+    if not (isfinite(plan.takeoff_alt_m) and plan.takeoff_alt_m > 0):
+        raise ValueError(f"take-off altitude: expected metres above 0, found {plan.takeoff_alt_m}")
+    return track
+
+
+def item_at(command: int, frame: int, point: Waypoint, alt_m: float) -> MissionItem:
+    return MissionItem(command, frame, round(point.lat_deg * 1e7), round(point.lon_deg * 1e7), alt_m)
+
+
+def _check(what: str, point: Waypoint) -> None:
+    if not (-90 <= point.lat_deg <= 90 and -180 <= point.lon_deg <= 180 and isfinite(point.alt_rel_m)):
+        raise ValueError(f"{what}: expected latitude, longitude and altitude of a real place, found {point}")

@@ -1,0 +1,145 @@
+"""PX4 1.15, multicopters. Facts observed in software-in-the-loop and read in its sources."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from swarmctl.core.geo import LatLon
+from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
+from swarmctl.mavlink.command import CommandResult
+from swarmctl.mavlink.conversation import Conversation, Peer
+from swarmctl.mavlink.dialects.base import Readiness
+from swarmctl.mavlink.dialects.plan import LAND, TAKEOFF, WAYPOINT, item_at, track_to_land
+from swarmctl.mavlink.mission_current import SetCurrent
+
+_AUTO = 4
+# Main and sub mode; custom_mode is sub << 24 | main << 16.
+_MODES: Mapping[str, tuple[int, int]] = MappingProxyType(
+    {
+        "MANUAL": (1, 0),
+        "ALTCTL": (2, 0),
+        "POSCTL": (3, 0),
+        "POSCTL.ORBIT": (3, 1),
+        "POSCTL.SLOW": (3, 2),
+        "AUTO.READY": (_AUTO, 1),
+        "AUTO.TAKEOFF": (_AUTO, 2),
+        "AUTO.LOITER": (_AUTO, 3),
+        "AUTO.MISSION": (_AUTO, 4),
+        "AUTO.RTL": (_AUTO, 5),
+        "AUTO.LAND": (_AUTO, 6),
+        "AUTO.FOLLOW_TARGET": (_AUTO, 8),
+        "AUTO.PRECLAND": (_AUTO, 9),
+        "ACRO": (5, 0),
+        "OFFBOARD": (6, 0),
+        "STABILIZED": (7, 0),
+        "TERMINATION": (10, 0),
+    }
+)
+_NAMES: Mapping[tuple[int, int], str] = MappingProxyType({numbers: name for name, numbers in _MODES.items()})
+
+_RELATIVE = int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
+_READ_BACK_FRAME = MappingProxyType(
+    {
+        mavlink.MAV_FRAME_GLOBAL: mavlink.MAV_FRAME_GLOBAL_INT,
+        mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT: mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+    }
+)
+
+
+class Px4Copter:
+    """Fits `Dialect`."""
+
+    name = "PX4"
+    # AUTO.LOITER, not POSCTL or ALTCTL: those need a pilot's stick and are refused in the air without one.
+    hold_mode = "AUTO.LOITER"
+    mission_mode = "AUTO.MISSION"
+    return_mode = "AUTO.RTL"
+    land_mode = "AUTO.LAND"
+    # All of them flow by themselves, some more slowly.
+    streams_hz: Mapping[int, float] = MappingProxyType(
+        {
+            mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 5.0,
+            mavlink.MAVLINK_MSG_ID_SYS_STATUS: 1.0,
+            mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 2.0,
+            mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: 2.0,
+            mavlink.MAVLINK_MSG_ID_HOME_POSITION: 0.5,
+        }
+    )
+    required = tuple(msgid for msgid in streams_hz if msgid != mavlink.MAVLINK_MSG_ID_HOME_POSITION)
+    first_seq = 0
+    """it begins wherever its index is, and that outlives landings and uploads"""
+    first_waypoint_seq = 1
+    """after the take-off; there is no home placeholder"""
+    upload_timeout_s = 6.0
+    """it gives a transfer up after 5 s without an item, without a word of the protocol"""
+    uploads_at_once = True
+
+    @property
+    def start_mission(self) -> tuple[int, tuple[float, ...]]:
+        # Armed and in its mission's mode it takes off.
+        return int(mavlink.MAV_CMD_DO_SET_MODE), self.mode_params(self.mission_mode)
+
+    def mode_name(self, custom_mode: int) -> str:
+        main, sub = custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF
+        return _NAMES.get((main, sub), f"MODE {main}/{sub}")
+
+    def mode_params(self, name: str) -> tuple[float, ...]:
+        main, sub = _MODES[name]
+        return float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), float(main), float(sub)
+
+    def not_ready(self, readiness: Readiness) -> tuple[str, ...]:
+        return tuple(self._reasons(readiness))
+
+    def _reasons(self, readiness: Readiness) -> Iterator[str]:
+        # The bit tells of the mode it is in, and a mode that a pilot flies needs less.
+        if readiness.mode not in (self.hold_mode, self.mission_mode):
+            yield f"mode is {readiness.mode or 'unknown'}, not {self.hold_mode}"
+        if readiness.prearm_ok is False:
+            yield "; ".join(readiness.complaints) or "pre-arm checks not passed"
+
+    def mission_items(self, plan: FlightPlan, start: LatLon | None = None) -> tuple[MissionItem, ...]:
+        """Take-off, waypoints, landing.
+
+        The take-off needs its place, for the vehicle moves there once it is up. Its altitude is above home
+        because its frame is; that of the take-off command, which is not used, is above mean sea level.
+        """
+        track = track_to_land(plan)
+        if start is None:
+            raise ValueError("take-off: expected the place where the vehicle stands, which it has not told")
+        up = Waypoint(*start, plan.takeoff_alt_m)
+        takeoff = item_at(TAKEOFF, _RELATIVE, up, plan.takeoff_alt_m)
+        waypoints = (item_at(WAYPOINT, _RELATIVE, point, point.alt_rel_m) for point in track)
+        return (takeoff, *waypoints, item_at(LAND, _RELATIVE, plan.landing, 0.0))
+
+    def differences(
+        self, sent: Sequence[MissionItem], found: Sequence[MissionItem], first: int = 0
+    ) -> tuple[str, ...]:
+        """Everything is kept as sent, but for frames, which are read back by their `_INT` numbers."""
+        if len(sent) != len(found):
+            return (f"{len(found)} items instead of {len(sent)}",)
+        return tuple(
+            f"item {seq}: sent {a}, found {b}"
+            for seq, (a, b) in enumerate(zip(sent, found, strict=True), first)
+            if not _same(a, b)
+        )
+
+    def set_current(self, peer: Peer, seq: int, attempt: int) -> Conversation[CommandResult]:
+        """By message: MAV_CMD_DO_SET_MISSION_CURRENT is unsupported."""
+        return SetCurrent(peer, seq)
+
+
+_FLOAT32_M = 1e-3
+"""altitudes go over the wire as float32"""
+
+
+def _same(sent: MissionItem, found: MissionItem) -> bool:
+    close = abs(sent.z - found.z) <= _FLOAT32_M
+    return close and replace(_as_read(sent), z=0.0) == replace(_as_read(found), z=0.0)
+
+
+def _as_read(item: MissionItem) -> MissionItem:
+    return replace(item, frame=int(_READ_BACK_FRAME.get(item.frame, item.frame)))

@@ -1,0 +1,97 @@
+"""The geofence on a vehicle: one polygon to stay inside of, as a mission of type fence.
+
+https://mavlink.io/en/services/mission.html#mission_types and MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION:
+every vertex says how many there are. What is read back has another frame than was sent (a fence has no
+altitude), and otherwise the same numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from swarmctl.core.geo import LatLon
+from swarmctl.core.mission import MissionItem
+from swarmctl.mavlink.mission_download import Download, DownloadOutcome, DownloadResult
+from swarmctl.mavlink.mission_upload import Upload, UploadOutcome, UploadResult
+from swarmctl.mavlink.procedure import Context, Procedure
+from swarmctl.mavlink.procedures import Done
+from swarmctl.mavlink.wait import wait
+
+FENCE = int(mavlink.MAV_MISSION_TYPE_FENCE)
+MAX_VERTICES = 60
+"""ArduCopter's storage ends at about 70"""
+
+_TRIES = 3
+_VERTEX = int(mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION)
+
+
+def fence_items(polygon: Sequence[LatLon]) -> tuple[MissionItem, ...]:
+    """Its vertices [deg], in order. Raises ValueError where no vehicle would keep it."""
+    if not 3 <= len(polygon) <= MAX_VERTICES:
+        raise ValueError(f"a fence of {len(polygon)} vertices: expected 3 to {MAX_VERTICES}")
+    frame = int(mavlink.MAV_FRAME_GLOBAL)
+    return tuple(
+        MissionItem(
+            _VERTEX, frame, round(lat_deg * 1e7), round(lon_deg * 1e7), 0.0, param1=float(len(polygon))
+        )
+        for lat_deg, lon_deg in polygon
+    )
+
+
+def fence_differences(sent: Sequence[MissionItem], found: Sequence[MissionItem]) -> tuple[str, ...]:
+    """How a fence read back differs from the one sent; empty when it keeps the vehicle inside the same."""
+    if len(sent) != len(found):
+        return (f"{len(found)} items instead of {len(sent)}",)
+    return tuple(
+        f"vertex {seq}: sent {_words(a)}, found {_words(b)}"
+        for seq, (a, b) in enumerate(zip(sent, found, strict=True))
+        if _kept(a) != _kept(b)
+    )
+
+
+def _kept(item: MissionItem) -> tuple[int, float, int, int]:
+    return item.command, item.param1, item.x, item.y
+
+
+def _words(item: MissionItem) -> str:
+    of = "" if item.command == _VERTEX else f" of command {item.command}"
+    return f"({item.x / 1e7:.7f}, {item.y / 1e7:.7f}){of}, {item.param1:g} in all"
+
+
+def put_fence(ctx: Context, items: tuple[MissionItem, ...]) -> Procedure[Done]:
+    """Upload to a vehicle that stands disarmed, read back, compare; tried again where that may cure it."""
+    if ctx.state.armed:
+        return Done("it is armed; a fence is changed on the ground, disarmed")
+    failure = "not tried"
+    for attempt in range(_TRIES):
+        if attempt:
+            # A vehicle still in the old transfer would take items of the new one into it.
+            yield wait(ctx.dialect.upload_timeout_s)
+        result: UploadResult = yield Upload(ctx.peer, items, FENCE)
+        failure = result.text
+        if result.outcome is UploadOutcome.REJECTED:
+            return Done(failure)
+        if result.outcome in (UploadOutcome.DENIED, UploadOutcome.NO_ANSWER):
+            continue
+        found = yield from read_fence(ctx)
+        if found.outcome is DownloadOutcome.COMPLETE:
+            gaps = fence_differences(items, found.items)
+            if not gaps:
+                return Done()
+            failure = f"{failure}; read back: {gaps[0]}"
+        else:
+            failure = f"{failure}; {found.text}"
+    return Done(failure)
+
+
+def read_fence(ctx: Context) -> Procedure[DownloadResult]:
+    """The fence that is on the vehicle now; asked for again after what another try can cure."""
+    result: DownloadResult = yield Download(ctx.peer, FENCE)
+    for _ in range(_TRIES):
+        if result.outcome is DownloadOutcome.COMPLETE:
+            break
+        yield wait(ctx.dialect.upload_timeout_s / _TRIES)
+        result = yield Download(ctx.peer, FENCE)
+    return result

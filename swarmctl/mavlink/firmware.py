@@ -1,0 +1,36 @@
+"""Which firmware a vehicle runs, as its parameters go by it."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from swarmctl.mavlink.events import Identity
+
+_PLANES = frozenset({int(mavlink.MAV_TYPE_FIXED_WING)})
+_NAMES = {
+    (int(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA), False): "ArduCopter",
+    (int(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA), True): "ArduPlane",
+    (int(mavlink.MAV_AUTOPILOT_PX4), False): "PX4",
+    (int(mavlink.MAV_AUTOPILOT_PX4), True): "PX4",
+}
+_VERSION = re.compile(r"(\d+)\.(\d+)")
+
+
+@dataclass(frozen=True, slots=True)
+class Firmware:
+    """ArduCopter, ArduPlane or PX4, and major and minor version; empty and (0, 0) where that is not known."""
+
+    name: str
+    version: tuple[int, int]
+
+    def __str__(self) -> str:
+        return f"{self.name or 'an unknown firmware'} {self.version[0]}.{self.version[1]}"
+
+
+def firmware_of(identity: Identity) -> Firmware:
+    name = _NAMES.get((identity.autopilot, identity.vehicle_type in _PLANES), "")
+    found = _VERSION.search(identity.firmware)
+    return Firmware(name, (int(found[1]), int(found[2])) if found else (0, 0))

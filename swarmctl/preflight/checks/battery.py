@@ -1,0 +1,35 @@
+"""Its battery lasts for the route and the way back, and a reserve is left."""
+
+from __future__ import annotations
+
+from swarmctl.core.geo import distance_m
+from swarmctl.preflight.facts import Facts, Finding
+
+NAME = "battery"
+WAIVABLE = True
+
+
+def check(facts: Facts) -> Finding:
+    if facts.endurance_s is None:
+        cure = "set preflight.endurance_s to what a full battery flies"
+        return Finding(False, "nobody has said how long it flies", "preflight.endurance_s", cure)
+    seconds = flight_s(facts)
+    if seconds is None:
+        return Finding(False, "no verified route is on it", "a route and the way back", "upload its mission")
+    needs = 100.0 * seconds / facts.endurance_s + facts.reserve_percent
+    wanted = f"{needs:.0f} %: {seconds:.0f} s there and back, {facts.reserve_percent:g} % in reserve"
+    percent = facts.state.battery_percent
+    if percent is None:
+        return Finding(False, "it does not tell its charge", wanted, "look at its battery monitor")
+    enough = percent >= needs
+    return Finding(enough, f"{percent} %", wanted, "" if enough else "charge it, or give it a shorter way")
+
+
+def flight_s(facts: Facts) -> float | None:
+    """Its first route from take-off to touch-down, and straight back from its end to where it stands [s]."""
+    state = facts.state
+    if facts.flight is None or facts.plan is None or state.lat_deg is None or state.lon_deg is None:
+        return None
+    end = (facts.plan.landing.lat_deg, facts.plan.landing.lon_deg)
+    lasts_s = facts.flight.times_s[-1] - facts.flight.times_s[0]
+    return lasts_s + distance_m(end, (state.lat_deg, state.lon_deg)) / facts.speed_m_s

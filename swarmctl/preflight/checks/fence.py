@@ -1,0 +1,20 @@
+"""The fence that is on it is the one of the configuration."""
+
+from __future__ import annotations
+
+from swarmctl.mavlink.fence import fence_differences, fence_items
+from swarmctl.preflight.facts import Facts, Finding
+
+NAME = "fence"
+WAIVABLE = True
+
+
+def check(facts: Facts) -> Finding:
+    wanted = f"the configuration's fence of {len(facts.fence)} corners, read back equal"
+    if facts.fence_items is None:
+        return Finding(False, "it could not be read", wanted, "look at its link")
+    gaps = fence_differences(fence_items(facts.fence), facts.fence_items)
+    if gaps:
+        cure = "see why it does not keep the fence; another ground station may have changed it"
+        return Finding(False, gaps[0], wanted, cure)
+    return Finding(True, f"{len(facts.fence_items)} corners, as sent", wanted)

@@ -1,0 +1,30 @@
+"""Its satellite receiver has a good fix."""
+
+from __future__ import annotations
+
+from swarmctl.preflight.facts import Facts, Finding
+
+NAME = "gps"
+WAIVABLE = True
+FIX_3D = 3
+"""GPS_FIX_TYPE_3D_FIX"""
+SATELLITES = 6
+HDOP = 2.0
+
+
+def check(facts: Facts) -> Finding:
+    wanted = f"a 3D fix, {SATELLITES} satellites or more, HDOP {HDOP:g} or less"
+    gps = facts.instruments.gps if facts.instruments is not None else None
+    if gps is None:
+        return Finding(False, "GPS_RAW_INT was asked for and did not come", wanted, "look at its receiver")
+    satellites = "unknown" if gps.satellites is None else str(gps.satellites)
+    hdop = "unknown" if gps.hdop is None else f"{gps.hdop:.2f}"
+    found = f"fix type {gps.fix_type}, {satellites} satellites, HDOP {hdop}"
+    good = (
+        gps.fix_type >= FIX_3D
+        and gps.satellites is not None
+        and gps.satellites >= SATELLITES
+        and gps.hdop is not None
+        and gps.hdop <= HDOP
+    )
+    return Finding(good, found, wanted, "" if good else "wait under open sky")

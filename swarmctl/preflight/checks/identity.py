@@ -1,0 +1,19 @@
+"""It is the vehicle that was asked for: system id, a firmware and type that can be flown."""
+
+from __future__ import annotations
+
+from swarmctl.mavlink.firmware import firmware_of
+from swarmctl.preflight.facts import Facts, Finding
+
+NAME = "identity"
+WAIVABLE = False
+
+
+def check(facts: Facts) -> Finding:
+    wanted = f"system {facts.sysid}, ArduPilot or PX4, a copter or a plane"
+    who = facts.identity
+    if who is None:
+        return Finding(False, "it has not said who it is", wanted, "see why AUTOPILOT_VERSION does not come")
+    found = f"system {who.sysid}, {who.firmware}"
+    known = who.sysid == facts.sysid and bool(firmware_of(who).name)
+    return Finding(known, found, wanted, "" if known else "correct url or sysid, or take the vehicle out")

@@ -1,0 +1,24 @@
+"""It knows where it is, would arm, and is heard."""
+
+from __future__ import annotations
+
+from swarmctl.preflight.facts import Facts, Finding
+
+NAME = "position"
+WAIVABLE = False
+YOUNG_S = 5.0
+"""Heartbeats come every second; who has sent none for longer counts as lost."""
+
+
+def check(facts: Facts) -> Finding:
+    wanted = f"a position estimate, pre-arm checks passed, a heartbeat within {YOUNG_S:g} s"
+    state = facts.state
+    if not facts.age_s <= YOUNG_S:
+        found = f"last heard {facts.age_s:.0f} s ago" if facts.age_s < float("inf") else "never heard"
+        return Finding(False, found, wanted, "look at its link")
+    if not state.has_position:
+        return Finding(False, "it tells no position", wanted, "wait under open sky; look at its estimator")
+    if not state.ready:
+        reasons = "; ".join(state.not_ready) or "it does not say why"
+        return Finding(False, f"not ready to arm: {reasons}", wanted, "clear what it says")
+    return Finding(True, f"{state.lat_deg:.6f}, {state.lon_deg:.6f}, ready to arm", wanted)

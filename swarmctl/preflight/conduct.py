@@ -1,0 +1,288 @@
+"""Sets vehicles up as the configuration declares, asks them, and judges; arms nothing."""
+
+from __future__ import annotations
+
+import asyncio
+import statistics
+from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from swarmctl.agent.flight_path import from_takeoff
+from swarmctl.core.mission import FlightPlan, MissionItem
+from swarmctl.links.base import FenceFailed, Identity, LinkError, ParametersFailed
+from swarmctl.mavlink.firmware import firmware_of
+from swarmctl.mavlink.instruments import Instruments
+from swarmctl.preflight.checks import CHECKS
+from swarmctl.preflight.facts import Facts, Finding, Other
+from swarmctl.preflight.fence import ceiling_m, polygon_of
+from swarmctl.preflight.intent import intent_of
+from swarmctl.preflight.policy import NoTable, Wanted, parameters_for
+from swarmctl.preflight.waivers import Waiver
+from swarmctl.runner import Runner
+from swarmctl.scenario import Scenario, Spec
+from swarmctl.separation import Limits, Trajectory
+
+SIMULATED_ENDURANCE_S = 1400.0
+"""6600 mAh at 11.4 V, of which hovering and electronics take 179 W, is 1513 s; turns and climbs take more"""
+
+
+LOOKS = 2
+"""What fails may be a message that was lost; it is looked at once more before it is believed."""
+
+
+class Subject(Protocol):
+    """A vehicle of this process."""
+
+    @property
+    def spec(self) -> Spec: ...
+    @property
+    def runner(self) -> Runner: ...
+    @property
+    def identity(self) -> Identity | None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """What one check found of one vehicle."""
+
+    vehicle: str
+    check: str
+    waivable: bool
+    finding: Finding
+    waived: bool = False
+    """it failed, and an operator has taken that upon himself"""
+
+    @property
+    def passes(self) -> bool:
+        return self.finding.ok or self.waived
+
+    def __str__(self) -> str:
+        finding = self.finding
+        waive = f" (or --waive {self.check}:{self.vehicle})" if self.waivable else ""
+        return (
+            f"{self.vehicle}: {self.check}: found {finding.found}; wanted {finding.wanted}; "
+            f"{finding.cure}{waive}"
+        )
+
+
+class Preflight:
+    """The checks of one run; `checked` is filled with the last findings of every vehicle, by its name.
+
+    `unix_s_at_zero`, `speedup`: wall time when the running loop's clock showed 0, and simulated seconds in
+    one of the loop's. `free_clocks`: simulated vehicles tell a date of their own, not this machine's.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        checked: dict[str, tuple[Checked, ...]],
+        waivers: Sequence[Waiver],
+        *,
+        unix_s_at_zero: float,
+        speedup: float,
+        free_clocks: bool,
+        say: Callable[[str], None],
+        on_waived: Callable[[Checked], None] = lambda _: None,
+        sets_parameters: bool = True,
+    ) -> None:
+        self._checked = checked
+        self._scenario = scenario
+        self._waivers = waivers
+        self._unix_s_at_zero = unix_s_at_zero
+        self._speedup = speedup
+        self._free_clocks = free_clocks
+        self._say = say
+        self._on_waived = on_waived
+        self._sets_parameters = sets_parameters and scenario.config.preflight.set_parameters
+        self._polygon = polygon_of(scenario)
+        self._instruments: dict[str, Instruments] = {}
+        self._flights: dict[str, Trajectory | None] = {}
+        """of the vehicles of this process, as of the last look"""
+
+    async def set_up(self, subject: Subject) -> None:
+        """Parameters, where the configuration lets us, and the fence. What fails is said, and found again by
+        the checks. Raises LinkError where the vehicle is not there."""
+        if self._sets_parameters:
+            await self._said(self._correct(subject))
+        await self._said(subject.runner.link.put_fence(self._polygon))
+
+    async def _said(self, doing: Coroutine[Any, Any, None]) -> None:
+        try:
+            await doing
+        except (ParametersFailed, FenceFailed) as error:
+            self._say(str(error))
+
+    async def _correct(self, subject: Subject) -> None:
+        wanted, _ = self._wanted(subject)
+        link = subject.runner.link
+        found = await link.read_parameters([w.name for w in wanted])
+        wrong = {
+            w.name: value
+            for w in wanted
+            if w.name in found
+            and not w.accepts(found[w.name])
+            and (value := w.corrected(found[w.name])) is not None
+        }
+        if wrong:
+            await link.set_parameters(wrong)
+            changes = ", ".join(f"{name} {found[name]:g} → {value:g}" for name, value in wrong.items())
+            self._say(f"{subject.spec.name}: set as preflight.policy declares: {changes}")
+
+    async def failures(self, subjects: Sequence[Subject], everyone: Sequence[Subject]) -> list[str]:
+        """Check the subjects, of all vehicles of this process; a line for each check that fails and is not
+        waived."""
+        for _ in range(LOOKS):
+            await self._look(subjects, everyone)
+            if all(found.passes for found in self._found(subjects)):
+                break
+        for found in self._found(subjects):
+            if found.waived:
+                self._say(f"{found.vehicle}: {found.check} is waived: found {found.finding.found}")
+                self._on_waived(found)
+        return [str(found) for found in self._found(subjects) if not found.passes]
+
+    def _found(self, subjects: Sequence[Subject]) -> list[Checked]:
+        return [found for subject in subjects for found in self._checked[subject.spec.name]]
+
+    async def _look(self, subjects: Sequence[Subject], everyone: Sequence[Subject]) -> None:
+        asked = await asyncio.gather(*map(self._ask, subjects))
+        self._flights = {subject.spec.name: _flight(subject) for subject in everyone}
+        for subject, (told, *_) in zip(subjects, asked, strict=True):
+            self._instruments[subject.spec.name] = told
+        for subject, answers in zip(subjects, asked, strict=True):
+            facts = self._facts(subject, everyone, *answers)
+            self._checked[subject.spec.name] = tuple(self._checks(facts))
+
+    async def _ask(
+        self, subject: Subject
+    ) -> tuple[Instruments, dict[str, float], tuple[MissionItem, ...] | None]:
+        """What does not come is not known, and what is not known fails."""
+        link, wanted = subject.runner.link, self._wanted(subject)[0]
+        told: Instruments = Instruments(None, None, None)
+        parameters: dict[str, float] = {}
+        fence: tuple[MissionItem, ...] | None = None
+        try:
+            told = await link.read_instruments()
+            parameters = await link.read_parameters([w.name for w in wanted])
+            fence = await link.read_fence()
+        except LinkError as error:
+            self._say(str(error))
+        return told, parameters, fence
+
+    def _checks(self, facts: Facts) -> Iterable[Checked]:
+        for check in CHECKS:
+            finding = check.check(facts)
+            waived = check.WAIVABLE and any(w.covers(check.NAME, facts.name) for w in self._waivers)
+            yield Checked(facts.name, check.NAME, check.WAIVABLE, finding, waived and not finding.ok)
+
+    def _facts(
+        self,
+        subject: Subject,
+        everyone: Sequence[Subject],
+        instruments: Instruments,
+        parameters: dict[str, float],
+        fence: tuple[MissionItem, ...] | None,
+    ) -> Facts:
+        spec, runner, asked = subject.spec, subject.runner, self._scenario.config.preflight
+        wanted, no_table = self._wanted(subject)
+        separation, ours = self._scenario.config.separation, spec.simulated
+        return Facts(
+            name=spec.name,
+            sysid=spec.sysid,
+            identity=subject.identity,
+            conflict=runner.conflict,
+            state=runner.link.state(),
+            age_s=runner.link.age_s(),
+            instruments=instruments,
+            clock_offset_s=self._offset_s(subject, everyone),
+            clock_tolerance_s=asked.clock_tolerance_s * (self._speedup if ours else 1.0),
+            wanted=wanted,
+            no_table=no_table,
+            parameters=parameters,
+            fence=self._polygon,
+            fence_items=fence,
+            ceiling_m=ceiling_m(self._scenario),
+            plan=_plan(subject),
+            flight=self._flights[spec.name],
+            altitude_m=spec.altitude_m,
+            speed_m_s=spec.speed_m_s,
+            endurance_s=asked.endurance_s or (SIMULATED_ENDURANCE_S if _is_simulated(subject) else None),
+            reserve_percent=asked.reserve_percent,
+            frame=self._scenario.grid.frame,
+            others=tuple(self._others(spec, everyone)),
+            limits=Limits(separation.horizontal_m, separation.vertical_m),
+        )
+
+    def _others(self, spec: Spec, everyone: Sequence[Subject]) -> Iterable[Other]:
+        identities = {subject.spec.name: subject.identity for subject in everyone}
+        for other in self._scenario.swarm:
+            if other.name != spec.name:
+                yield Other(
+                    other.name,
+                    other.sysid,
+                    other.altitude_m,
+                    identities.get(other.name),
+                    self._flights.get(other.name),
+                )
+
+    def _wanted(self, subject: Subject) -> tuple[tuple[Wanted, ...], str]:
+        """What its parameters may be; or why nobody knows."""
+        if subject.identity is None:
+            return (), "it has not said which firmware it runs"
+        try:
+            firmware = firmware_of(subject.identity)
+            return parameters_for(firmware, intent_of(self._scenario, subject.spec)), ""
+        except NoTable as error:
+            return (), str(error)
+
+    def _offset_s(self, subject: Subject, everyone: Sequence[Subject]) -> float | None:
+        own_s = self._against_own_s(subject)
+        if own_s is None or not (self._free_clocks and _is_simulated(subject)):
+            return own_s
+        if not subject.spec.simulated:
+            return 0.0  # the date of somebody else's simulation is in step with nothing
+        told = [self._against_own_s(other) for other in everyone if other.spec.simulated]
+        return own_s - statistics.median(offset_s for offset_s in told if offset_s is not None)
+
+    def _against_own_s(self, subject: Subject) -> float | None:
+        """A vehicle's clock less this machine's [s], which for simulated vehicles goes as fast as they do."""
+        told = self._instruments.get(subject.spec.name)
+        if told is None or told.unix_s is None or told.told_at_s is None:
+            return None
+        pace = self._speedup if subject.spec.simulated else 1.0
+        return told.unix_s - (self._unix_s_at_zero + told.told_at_s * pace)
+
+
+def summary_of(checked: Mapping[str, Sequence[Checked]]) -> list[dict[str, Any]]:
+    """For `summary.json`: of each vehicle what was found, and what of it an operator has waived."""
+    return [
+        {
+            "vehicle": found.vehicle,
+            "check": found.check,
+            "ok": found.finding.ok,
+            "waived": found.waived,
+            "found": found.finding.found,
+            "wanted": found.finding.wanted,
+        }
+        for findings in checked.values()
+        for found in findings
+    ]
+
+
+def _is_simulated(subject: Subject) -> bool:
+    return subject.identity is not None and subject.identity.simulated
+
+
+def _plan(subject: Subject) -> FlightPlan | None:
+    """What is verified on the vehicle."""
+    accepted = subject.runner.state.accepted
+    return None if accepted is None or not subject.runner.link.items() else accepted.plan
+
+
+def _flight(subject: Subject) -> Trajectory | None:
+    plan, state = _plan(subject), subject.runner.link.state()
+    if plan is None or state.lat_deg is None or state.lon_deg is None:
+        return None
+    flight = from_takeoff(subject.runner.state.task, plan, (state.lat_deg, state.lon_deg))
+    return flight.later(subject.spec.delay_s)

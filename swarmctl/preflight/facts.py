@@ -1,0 +1,87 @@
+"""What a check is told of one vehicle, and what it answers. Frozen, pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from swarmctl.core.geo import LatLon, LocalFrame
+from swarmctl.core.mission import FlightPlan, MissionItem
+from swarmctl.core.vehicle import VehicleState
+from swarmctl.mavlink.events import Identity
+from swarmctl.mavlink.instruments import Instruments
+from swarmctl.preflight.policy import Wanted
+from swarmctl.separation import Limits, Trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class Other:
+    """Another vehicle of the swarm; what is flown by another process is not known here."""
+
+    name: str
+    sysid: int
+    altitude_m: float
+    identity: Identity | None
+    flight: Trajectory | None
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """None, and empty mappings: it has not told, or could not be asked."""
+
+    name: str
+    sysid: int
+    """as configured"""
+    identity: Identity | None
+    conflict: str
+    """another sender uses its system id: where"""
+    state: VehicleState
+    age_s: float
+    """since its last heartbeat"""
+    instruments: Instruments | None
+    clock_offset_s: float | None
+    """its clock before or behind the one it is to be in step with"""
+    clock_tolerance_s: float
+    wanted: tuple[Wanted, ...]
+    no_table: str
+    """why nobody knows what is wanted of its parameters"""
+    parameters: Mapping[str, float]
+    fence: tuple[LatLon, ...]
+    """wanted"""
+    fence_items: tuple[MissionItem, ...] | None
+    """found"""
+    ceiling_m: float
+    plan: FlightPlan | None
+    """its first route, verified on the vehicle"""
+    flight: Trajectory | None
+    """where it is at what time on that route, from the launch of the first vehicle"""
+    altitude_m: float
+    speed_m_s: float
+    endurance_s: float | None
+    reserve_percent: float
+    frame: LocalFrame
+    """metres east and north of the area's corner"""
+    others: tuple[Other, ...]
+    limits: Limits
+    """closer than which to another it is not to fly"""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """For people: what was found, what is wanted, and what to do where that differs."""
+
+    ok: bool
+    found: str
+    wanted: str
+    cure: str = ""
+
+
+class Check(Protocol):
+    """A module of `swarmctl.preflight.checks`."""
+
+    NAME: str
+    WAIVABLE: bool
+    """whether an operator may take it upon himself that it fails"""
+
+    def check(self, facts: Facts) -> Finding: ...

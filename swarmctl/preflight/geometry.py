@@ -1,0 +1,78 @@
+"""Polygons on a local plane: points are (east, north) [m]. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from math import dist
+
+STRAIGHT_M = 0.01
+"""Starts along one side are on a straight line but for rounding, and autopilots keep few corners."""
+
+Point = tuple[float, float]
+
+
+def around(points: Sequence[Point], margin_m: float) -> tuple[Point, ...]:
+    """The convex polygon, counter-clockwise, that has every point at least `margin_m` inside."""
+    m = margin_m
+    return convex_hull([(e + de, n + dn) for e, n in points for de in (-m, m) for dn in (-m, m)])
+
+
+def convex_hull(points: Sequence[Point]) -> tuple[Point, ...]:
+    """Counter-clockwise, without points within STRAIGHT_M of its edges (Andrew's monotone chain)."""
+    ordered = sorted(set(points))
+    return (*_half(ordered)[:-1], *_half(ordered[::-1])[:-1])
+
+
+def box(points: Sequence[Point]) -> tuple[Point, ...]:
+    """The least rectangle along the axes around them, counter-clockwise."""
+    (west, east), (south, north) = ((min(values), max(values)) for values in zip(*points, strict=True))
+    return (west, south), (east, south), (east, north), (west, north)
+
+
+def _half(ordered: Sequence[Point]) -> list[Point]:
+    chain: list[Point] = []
+    for point in ordered:
+        while len(chain) >= 2 and _turn(chain[-2], chain[-1], point) <= STRAIGHT_M * dist(chain[-2], point):
+            chain.pop()
+        chain.append(point)
+    return chain
+
+
+def _turn(a: Point, b: Point, c: Point) -> float:
+    """Positive where a, b, c turn to the left; twice the area between them."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def contains(polygon: Sequence[Point], point: Point) -> bool:
+    """Whether a point is inside a simple polygon, convex or not."""
+    e, n = point
+    inside = False
+    for (e1, n1), (e2, n2) in _edges(polygon):
+        if (n1 > n) != (n2 > n) and e < e1 + (n - n1) * (e2 - e1) / (n2 - n1):
+            inside = not inside
+    return inside
+
+
+def stays_inside(polygon: Sequence[Point], a: Point, b: Point) -> bool:
+    """Whether the straight leg from a to b neither leaves a simple polygon nor touches it."""
+    if not (contains(polygon, a) and contains(polygon, b)):
+        return False
+    return not any(_meet(a, b, c, d) for c, d in _edges(polygon))
+
+
+def _edges(polygon: Sequence[Point]) -> list[tuple[Point, Point]]:
+    return list(pairwise((*polygon, polygon[0])))
+
+
+def _meet(a: Point, b: Point, c: Point, d: Point) -> bool:
+    """Whether two segments have a point in common."""
+    turns = (_turn(a, b, c), _turn(a, b, d), _turn(c, d, a), _turn(c, d, b))
+    if turns[0] * turns[1] < 0 and turns[2] * turns[3] < 0:
+        return True
+    touching = zip(turns, ((a, b, c), (a, b, d), (c, d, a), (c, d, b)), strict=True)
+    return any(turn == 0.0 and _between(*three) for turn, three in touching)
+
+
+def _between(a: Point, b: Point, p: Point) -> bool:
+    return min(a[0], b[0]) <= p[0] <= max(a[0], b[0]) and min(a[1], b[1]) <= p[1] <= max(a[1], b[1])

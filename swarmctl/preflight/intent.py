@@ -1,0 +1,25 @@
+"""What the parameters of each vehicle are to say, and what simulated ones come with. Pure."""
+
+from __future__ import annotations
+
+from swarmctl.mavlink.codec import GCS_SYSID
+from swarmctl.mavlink.firmware import Firmware
+from swarmctl.preflight.fence import ceiling_m
+from swarmctl.preflight.policy import Intent, NoTable, parameters_for
+from swarmctl.scenario import Scenario, Spec
+
+
+def intent_of(scenario: Scenario, spec: Spec) -> Intent:
+    return Intent(scenario.config.preflight.policy, GCS_SYSID, spec.altitude_m, ceiling_m(scenario))
+
+
+def delivered(scenario: Scenario, spec: Spec, firmware: Firmware) -> dict[str, float]:
+    """What a vehicle of the built-in simulator is set up with, as its owner sets up a real one.
+
+    Nothing where its firmware has no such action: its checks will say so.
+    """
+    try:
+        wanted = parameters_for(firmware, intent_of(scenario, spec))
+    except NoTable:
+        return {}
+    return {w.name: w.set_to for w in wanted if w.set_to is not None}

@@ -1,0 +1,47 @@
+"""One arrival for many: what all know makes all agree, without a word of negotiation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+LEAST_SHARE = 0.2
+"""of its speed, below which a vehicle is not slowed down"""
+HALVINGS = 14
+"""to within a millimetre a second"""
+
+
+@dataclass(frozen=True, slots=True)
+class Meeting:
+    """What a vehicle has to know of it beforehand."""
+
+    rank: Mapping[int, int]
+    """system id -> which it is in the order of arrivals, from 0"""
+    spacing_s: float = 0.0
+    """from one arrival to the next; 0: all at once"""
+    tolerance_s: float = 3.0
+
+
+def agreed_s(meeting: Meeting, earliest_s: Mapping[int, float]) -> float:
+    """When the first of them is due, by who can be there when at the earliest [s]: the slowest sets it.
+    Raises ValueError where nobody can."""
+    return max(at_s - meeting.rank[uav] * meeting.spacing_s for uav, at_s in earliest_s.items())
+
+
+def due_s(meeting: Meeting, uav: int, earliest_s: Mapping[int, float]) -> float:
+    """When `uav`, who is one of them, is due [s]: never before it can be there."""
+    return agreed_s(meeting, earliest_s) + meeting.rank[uav] * meeting.spacing_s
+
+
+def speed_for(arrives_s: Callable[[float], float], due_s: float, most_m_s: float) -> float:
+    """The speed at which a vehicle arrives when it is due, `arrives_s(speed)` falling with speed [m/s];
+    between LEAST_SHARE of `most_m_s` and it, where it cannot be met."""
+    low, high = LEAST_SHARE * most_m_s, most_m_s
+    if arrives_s(high) >= due_s:
+        return high
+    if arrives_s(low) <= due_s:
+        return low
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if arrives_s(middle) > due_s else (low, middle)
+    return high

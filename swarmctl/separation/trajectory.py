@@ -1,0 +1,68 @@
+"""Where a vehicle is at what time: straight from point to point, each with its time."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+Point = tuple[float, float, float]
+"""east, north, up [m]"""
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """At one velocity from `a` at `begin_s` to `b` at `end_s`."""
+
+    begin_s: float
+    end_s: float
+    a: Point
+    b: Point
+
+    def at(self, t_s: float) -> Point:
+        """Where it is; `t_s` within its times."""
+        share = (t_s - self.begin_s) / (self.end_s - self.begin_s)
+        (ae, an, au), (be, bn, bu) = self.a, self.b
+        return ae + share * (be - ae), an + share * (bn - an), au + share * (bu - au)
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectory:
+    """A vehicle in the air from `times_s[0]` to `times_s[-1]`; before and after it is in nobody's way."""
+
+    times_s: tuple[float, ...]
+    """rising"""
+    points: tuple[Point, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.times_s) != len(self.points):
+            raise ValueError(f"{len(self.times_s)} times for {len(self.points)} points, expected as many")
+        if not all(map(math.isfinite, (*self.times_s, *(x for point in self.points for x in point)))):
+            raise ValueError("a time or a place that is no number: expected seconds and metres")
+        if any(after <= before for before, after in pairwise(self.times_s)):
+            raise ValueError("times that do not rise: expected each after the one before")
+
+    def segments(self) -> Iterator[Segment]:
+        for (t0, t1), (a, b) in zip(pairwise(self.times_s), pairwise(self.points), strict=True):
+            yield Segment(t0, t1, a, b)
+
+    def at(self, t_s: float) -> Point | None:
+        """Where it is; None before and after its flight."""
+        if not self.times_s or not self.times_s[0] <= t_s <= self.times_s[-1]:
+            return None
+        if t_s == self.times_s[-1]:
+            return self.points[-1]
+        i = bisect_right(self.times_s, t_s)
+        return Segment(self.times_s[i - 1], self.times_s[i], self.points[i - 1], self.points[i]).at(t_s)
+
+    def later(self, seconds: float) -> Trajectory:
+        """The same flight so much later."""
+        return Trajectory(tuple(t + seconds for t in self.times_s), self.points)
+
+
+def onward(here: Point, velocity_m_s: Point, from_s: float, for_s: float) -> Trajectory:
+    """On from `here` at one velocity (east, north, up) [m/s] for so long."""
+    e, n, u = (x + v * for_s for x, v in zip(here, velocity_m_s, strict=True))
+    return Trajectory((from_s, from_s + for_s), (here, (e, n, u)))

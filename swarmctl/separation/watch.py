@@ -1,0 +1,96 @@
+"""Who is about to come too near to whom in flight, and who of them gives way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from swarmctl.core.frames import StateShared
+from swarmctl.separation.approach import Approach, Limits, closest, intervals
+from swarmctl.separation.trajectory import Trajectory
+
+Action = Literal["hold", "climb", "none"]
+
+CLEAR_BY = 1.5
+"""An alarm ends when nobody comes within so many times the limits …"""
+CLEAR_FOR_S = 2.0
+"""… for so long."""
+HEIGHT_MARGIN = 1.2
+"""Who climbs keeps so many times the vertical limit: neither holds its height to the metre."""
+
+
+USUAL = Limits(10.0, 3.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Separation:
+    """How far vehicles keep from each other, and what is done where they would not."""
+
+    limits: Limits = USUAL
+    look_ahead_s: float = 10.0
+    action: Action = "hold"
+
+
+APART = Separation()
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """Another vehicle as it told of itself."""
+
+    state: StateShared
+    at_s: float
+    """by the clock of the vehicle that heard it"""
+
+
+@dataclass(frozen=True, slots=True)
+class Alarm:
+    """Another vehicle that will be too close."""
+
+    other: int
+    approach: Approach
+    """as last predicted, by the vehicle's own clock"""
+    clear_since_s: float | None = None
+    """since when that is predicted no more"""
+
+
+def watch(
+    alarms: Sequence[Alarm],
+    own: Trajectory,
+    others: Mapping[int, Trajectory],
+    rules: Separation,
+    now_s: float,
+) -> tuple[Alarm, ...]:
+    """The alarms from now on, by system id. `others` are those heard of late, as they are predicted.
+
+    One is raised at once, and ends with hysteresis: else it would come and go with every metre of error.
+    """
+    before = {alarm.other: alarm for alarm in alarms}
+    wide = Limits(CLEAR_BY * rules.limits.horizontal_m, CLEAR_BY * rules.limits.vertical_m)
+    after = []
+    for uav in sorted({*others, *before}):
+        other, known = others.get(uav), before.get(uav)
+        if other is not None and intervals(own, other, rules.limits if known is None else wide):
+            at = closest(own, other, rules.limits)
+            assert at is not None
+            after.append(Alarm(uav, at))
+        elif known is not None:
+            since_s = now_s if known.clear_since_s is None else known.clear_since_s
+            if now_s - since_s < CLEAR_FOR_S:
+                after.append(Alarm(uav, known.approach, since_s))
+    return tuple(after)
+
+
+def gives_way(uav: int, other: int) -> bool:
+    """Of two vehicles exactly one gives way, without a word: the one with the higher system id."""
+    return uav > other
+
+
+def clear_height_m(height_m: float, others_m: Sequence[float], limits: Limits) -> float:
+    """The lowest height at or above `height_m` that keeps clear of others' heights [m]."""
+    keeps_m = HEIGHT_MARGIN * limits.vertical_m
+    for other_m in sorted(others_m):
+        if abs(other_m - height_m) < keeps_m:
+            height_m = other_m + keeps_m
+    return height_m

@@ -1,0 +1,282 @@
+"""Forwarding: who watches sees everything as it was, and moves nothing unless that is allowed."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from typing import Any
+
+import pytest
+from link_world import WIRE, World, play, until
+from pymavlink import mavutil
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from scripted_copter import Copter
+
+from swarmctl.links.base import LinkError
+from swarmctl.links.frontend import FrontEnd
+from swarmctl.links.memory import MemoryWire
+from swarmctl.links.udp import Udp
+from swarmctl.links.url import Endpoint, parse_url
+
+WATCHER = Endpoint("memory", "watcher")
+
+
+class Watching:
+    """What a program that is forwarded to gets, and a way for it to speak, on a memory wire."""
+
+    def __init__(self) -> None:
+        self.wire = MemoryWire()
+        self.wire.to_vehicles = lambda data, _address: self.frames.append(data)
+        self.frames: list[bytes] = []
+
+    def heard(self) -> list[Any]:
+        parser = mavlink.MAVLink(None)
+        return [m for frame in self.frames for m in parser.parse_buffer(frame)]
+
+    def say(self, message: Any) -> None:
+        station = mavlink.MAVLink(None, srcSystem=252, srcComponent=190)
+        self.wire.from_vehicle(bytes(message.pack(station)), "station")
+
+
+class Witness:
+    def __init__(self) -> None:
+        self.sent: list[tuple[int, str, str]] = []
+        self.allows = True
+
+    def to_vehicle(self, sysid: int, message: Any, by: str = "") -> bool:
+        self.sent.append((sysid, message.get_type(), by))
+        return self.allows
+
+    def from_vehicle(self, sysid: int, message: Any) -> None:
+        pass
+
+
+class WatchedWorld(World):
+    """Copters, links to them, and somebody who is forwarded to."""
+
+    def __init__(self, *copters: Copter, commands: bool = False) -> None:
+        super().__init__(*copters)
+        self.witness = Witness()
+        self.watching = Watching()
+        self.front = FrontEnd(
+            wall_time_us=self._wall,
+            memory={"test": self.wire, "watcher": self.watching.wire},
+            witness=self.witness,
+        )
+        self._commands = commands
+
+    async def __aenter__(self) -> WatchedWorld:
+        await super().__aenter__()
+        await self.front.forward(WATCHER, commands=self._commands)
+        self.watching.wire.from_vehicle(b"", "station")  # who listens is known once it has spoken
+        await asyncio.sleep(0)
+        return self
+
+
+HOLD = mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 4, 0, 0, 0, 0, 0)
+
+
+def test_a_watcher_sees_all_vehicles_and_what_is_sent_to_them() -> None:
+    async def story() -> None:
+        async with WatchedWorld(Copter(1), Copter(2)) as world:
+            links = [world.link(1), world.link(2, "beta")]
+            for link in links:
+                await link.connect(10)
+                await link.prepare(30, lambda _: None)
+            heard = world.watching.heard()
+            beats = {m.get_srcSystem() for m in heard if m.get_type() == "HEARTBEAT"}
+            assert beats == {1, 2, 255}
+            assert {(m.get_type(), m.get_srcSystem()) for m in heard} >= {
+                ("GLOBAL_POSITION_INT", 1),
+                ("GLOBAL_POSITION_INT", 2),
+                ("COMMAND_LONG", 255),
+                ("COMMAND_ACK", 1),
+            }
+
+    play(story())
+
+
+@pytest.mark.interop
+def test_mavutil_sees_all_vehicles_over_udp_as_a_ground_station_would() -> None:
+    station = mavutil.mavlink_connection("udpin:127.0.0.1:0", source_system=250)
+    port = station.port.getsockname()[1]
+    systems: set[tuple[str, int]] = set()
+
+    def listen() -> bool:
+        while (message := station.recv_msg()) is not None:
+            systems.add((message.get_type(), message.get_srcSystem()))
+        return {("HEARTBEAT", 1), ("HEARTBEAT", 2), ("HEARTBEAT", 255), ("AUTOPILOT_VERSION", 2)} <= systems
+
+    async def story() -> None:
+        world = World(Copter(1), Copter(2))
+        async with world:
+            await world.front.forward(parse_url(f"udpout:127.0.0.1:{port}"))
+            await world.link(1).connect(10)
+            await world.link(2, "beta").connect(10)
+            await until(listen, 10)
+
+    try:
+        asyncio.run(story())
+    finally:
+        station.close()
+    assert set(station.sysid_state) >= {1, 2}
+
+
+def test_frames_go_to_a_watcher_byte_by_byte_as_they_came() -> None:
+    async def story() -> None:
+        signed = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+        signed.signing.secret_key, signed.signing.sign_outgoing = bytes(32), True
+        frames = [bytes(mavlink.MAVLink_system_time_message(i, i).pack(signed)) for i in range(3)]
+        async with WatchedWorld(Copter(1)) as world:
+            await world.front.open(WIRE)
+            world.wire.from_vehicle(frames[0] + frames[1][:5], "fleet")
+            world.wire.from_vehicle(frames[1][5:] + frames[2], "fleet")
+            await asyncio.sleep(0.05)
+            assert [f for f in world.watching.frames if f in frames] == frames
+
+    play(story())
+
+
+def test_what_a_watcher_sends_reaches_no_vehicle() -> None:
+    async def story() -> None:
+        copter = Copter(1)
+        async with WatchedWorld(copter) as world:
+            await world.link().connect(10)
+            before = len(copter.commands)
+            world.watching.say(HOLD)
+            await asyncio.sleep(5)
+            assert [c for c in copter.commands[before:] if c[0] == 176] == []
+            assert all(not by for _, _, by in world.witness.sent)
+
+    play(story())
+
+
+def test_where_it_is_allowed_another_station_s_command_arrives_and_is_recorded_as_its() -> None:
+    async def story() -> None:
+        copters = Copter(1), Copter(2)
+        async with WatchedWorld(*copters, commands=True) as world:
+            await world.link(1).connect(10)
+            await world.link(2, "beta").connect(10)
+            await asyncio.sleep(5)
+            world.watching.say(HOLD)
+            await until(lambda: copters[0].mode_name == "GUIDED", 5)
+            assert copters[1].mode_name == "STABILIZE"
+            assert (1, "COMMAND_LONG", "station 252 at memory:watcher") in world.witness.sent
+            acks = [m for m in world.watching.heard() if m.get_type() == "COMMAND_ACK"]
+            assert any(m.command == 176 for m in acks)
+
+    play(story())
+
+
+def test_where_we_speak_to_one_place_nobody_else_may_command() -> None:
+    def udp() -> socket.socket:
+        made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        made.bind(("127.0.0.1", 0))
+        made.setblocking(False)
+        return made
+
+    async def story(watcher: socket.socket, stranger: socket.socket) -> None:
+        world = World(Copter(1))
+        async with world:
+            target = Endpoint("udpout", "127.0.0.1", watcher.getsockname()[1])
+            await world.front.forward(target, commands=True)
+            link = world.link()
+            await link.connect(10)
+            async with asyncio.timeout(10):
+                _, ours = await asyncio.get_running_loop().sock_recvfrom(watcher, 2048)
+            commands = world.copters[1].commands
+            station = mavlink.MAVLink(None, srcSystem=252, srcComponent=190)
+            for sender, marker in ((stranger, 3.0), (watcher, 4.0)):
+                params = (marker, 0, 0, 0, 0, 0, 0)
+                ask = mavlink.MAVLink_command_long_message(1, 1, 520, 0, *params)
+                sender.sendto(bytes(ask.pack(station)), ("127.0.0.1", ours[1]))
+            await until(lambda: any(c == 520 for c, _ in commands), 10)
+            assert [params[0] for c, params in commands if c == 520] == [4.0]
+
+    with udp() as watcher, udp() as stranger:
+        asyncio.run(story(watcher, stranger))
+
+
+def test_what_may_not_be_recorded_is_not_passed_on() -> None:
+    async def story() -> None:
+        copter = Copter(1)
+        async with WatchedWorld(copter, commands=True) as world:
+            await world.link(1).connect(10)
+            await asyncio.sleep(5)
+            world.witness.allows = False
+            world.watching.say(HOLD)
+            await asyncio.sleep(5)
+            assert copter.mode_name == "STABILIZE"
+
+    play(story())
+
+
+@pytest.mark.parametrize(
+    ("target", "vehicles"),
+    [
+        ("udpout:127.0.0.1:14600", "udpin:0.0.0.0:14600"),
+        ("tcpout:localhost:14600", "tcpin:127.0.0.1:14600"),
+        ("udpin:0.0.0.0:14600", "udpin:0.0.0.0:14600"),
+    ],
+)
+def test_a_loop_is_refused_whichever_comes_first(target: str, vehicles: str) -> None:
+    async def story() -> None:
+        for first_forward in (True, False):
+            async with FrontEnd(wall_time_us=lambda: 0) as front:
+                steps = [lambda: front.forward(parse_url(target)), lambda: front.open(parse_url(vehicles))]
+                first, second = steps if first_forward else steps[::-1]
+                await first()
+                with pytest.raises(LinkError, match="give the program that watches a port of its own"):
+                    await second()
+
+    asyncio.run(story())
+
+
+def test_a_udp_socket_that_takes_nothing_drops_instead_of_filling_memory() -> None:
+    async def story() -> None:
+        here = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        here.bind(("127.0.0.1", 0))
+        udp = Udp(Endpoint("udpout", "127.0.0.1", here.getsockname()[1]))
+        await udp.open(lambda _data, _address: None)
+        (peer,) = udp.peers()
+
+        class Stuck(socket.socket):
+            def sendto(self, *_: Any) -> int:
+                raise BlockingIOError
+
+        transport: Any = udp._transport
+        stuck = Stuck(fileno=socket.dup(transport._sock.fileno()))
+        stuck.setblocking(False)
+        original, transport._sock = transport._sock, stuck
+        for _ in range(100):
+            udp.send(bytes(10_000), peer)
+        assert transport.get_write_buffer_size() < 100_000
+        transport._loop._remove_writer(transport._sock_fd)
+        transport._buffer.clear()
+        transport._sock = original
+        stuck.close()
+        await udp.close()
+        here.close()
+
+    asyncio.run(story())
+
+
+def test_a_tcp_watcher_that_does_not_read_holds_nobody_up() -> None:
+    async def story() -> None:
+        wire = MemoryWire()
+        async with FrontEnd(wall_time_us=lambda: 0, memory={"test": wire}) as front:
+            await front.forward(Endpoint("tcpin", "127.0.0.1", 0))
+            server = front._shared.forwarder._targets[0]._transport._server
+            _, writer = await asyncio.open_connection(*server.sockets[0].getsockname())
+            await front.open(WIRE)
+            vehicle = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+            frame = bytes(mavlink.MAVLink_statustext_message(6, b"x" * 50).pack(vehicle))
+            async with asyncio.timeout(20):
+                for _ in range(200):
+                    wire.from_vehicle(frame * 500, "fleet")
+                    await asyncio.sleep(0)
+            (connection,) = front._shared.forwarder._targets[0]._transport._connections.values()
+            assert connection.transport.get_write_buffer_size() <= (1 << 16) + len(frame)
+            writer.transport.abort()
+
+    asyncio.run(story())

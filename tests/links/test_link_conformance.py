@@ -1,0 +1,296 @@
+"""What every link does, over the front end and a memory wire.
+
+`direct` on a virtual clock; `mavsdk` keeps to the machine's, so it flies copters that live ten times as fast.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+
+import pytest
+from link_world import World, asked_of, flying, north, play, until
+from scripted_copter import Copter, Script
+
+from swarmctl.links import LINKS
+from swarmctl.links.base import (
+    AddressChanged,
+    Busy,
+    CommandFailed,
+    Heard,
+    LaunchFailed,
+    LinkError,
+    Lost,
+    NobodyAnswers,
+    NotReady,
+    ProcedureDone,
+    Restored,
+    SwapFailed,
+    UnsupportedVehicle,
+    UploadFailed,
+)
+
+REAL = {"mavsdk"}
+
+
+@pytest.fixture(params=[pytest.param(k, marks=pytest.mark.interop if k in REAL else ()) for k in LINKS])
+def kind(request) -> str:
+    """The name of a link."""
+    return request.param
+
+
+def test_a_whole_flight_with_a_swap(kind):
+    async def story():
+        copter = Copter(1)
+        async with World(copter, kind=kind) as world:
+            link = world.link()
+            identity = await link.connect(10)
+            assert (identity.sysid, identity.firmware, identity.simulated) == (1, "ArduPilot 4.6.2", True)
+            said = []
+            await link.prepare(30, said.append)
+            assert any("STABILIZE" in reason for reasons in said for reason in reasons)
+            assert link.state().ready
+            await link.upload(north(8))
+            await link.launch()
+            assert link.state().alt_rel_m > 0.5
+            await until(lambda: link.state().mission_seq == 3)
+            await link.swap(north(6, east=0.002))
+            assert [i.command for i in link.items()] == [16, 22, *[16] * 8, 21, *[16] * 6, 21]
+            assert link.items()[11].y == round(14.508 * 1e7), "the new route stands behind the old one"
+            await until(lambda: not copter.armed, 200)
+            assert 0.0 <= link.age_s() <= 1.1
+            done = [e.name for e in world.events if isinstance(e, ProcedureDone)]
+            assert done == ["identify", "prepare", "upload", "launch", "swap"]
+            assert isinstance(world.events[0], Heard)
+
+    play(story(), real=kind != "direct")
+
+
+def test_a_vehicle_that_is_only_connected_is_asked_who_it_is_and_nothing_else(kind):
+    async def story():
+        async with World(Copter(1), kind=kind) as world:
+            link = world.link()
+            await link.connect(10)
+            await asyncio.sleep(20 / world.pace)
+            assert asked_of(world) == {("COMMAND_LONG", 148.0)}
+            assert world.copters[1].streams == {}
+            await link.prepare(30, lambda _: None)
+            assert set(world.copters[1].streams) == {33, 1, 193, 245, 42, 242}
+
+    play(story(), real=kind != "direct")
+
+
+def test_identify_asks_again_and_hears_that_another_vehicle_is_there_now(kind):
+    async def story():
+        async with World(Copter(1), kind=kind) as world:
+            link = world.link()
+            with pytest.raises(LinkError, match="connect first"):
+                await link.identify(5)
+            assert (await link.connect(10)).simulated
+            world.copters[1].uid2 = b"an aircraft"
+            again = await link.identify(5)
+            assert not again.simulated
+            world.silent = True
+            with pytest.raises(NobodyAnswers, match=r"AUTOPILOT_VERSION.*tried for 2 s"):
+                await link.identify(2)
+
+    play(story(), real=kind != "direct")
+
+
+def test_an_order_interrupts_identify(kind):
+    async def story():
+        async with World(Copter(1), kind=kind) as world:
+            link = world.link()
+            await link.connect(10)
+            world.wire.to_vehicles = lambda data, address: None
+            asking = asyncio.create_task(link.identify(30))
+            await asyncio.sleep(1)
+            world.wire.to_vehicles = world._to_vehicles
+            await link.hold()
+            with pytest.raises(LinkError, match="interrupted by hold"):
+                await asking
+
+    play(story(), real=kind != "direct")
+
+
+def test_nobody_answers_says_who_where_how_long_and_what_is_there_instead(kind):
+    async def story():
+        async with World(Copter(3), Copter(4), kind=kind) as world:
+            with pytest.raises(NobodyAnswers) as caught:
+                await world.link(1).connect(3)
+            for part in ("alpha", "system 1", "memory:test", "3 s", "heard there: system 3, 4"):
+                assert part in str(caught.value)
+
+    play(story(), real=kind != "direct")
+
+
+def test_a_vehicle_that_cannot_be_flown_is_refused_by_name(kind):
+    async def story():
+        async with World(Copter(1, autopilot=17), kind=kind) as world:
+            with pytest.raises(
+                UnsupportedVehicle, match=r"alpha .* expected a multicopter of ArduPilot or PX4"
+            ):
+                await world.link().connect(3)
+
+    play(story(), real=kind != "direct")
+
+
+def test_not_ready_tells_the_last_reasons(kind):
+    async def story():
+        async with World(Copter(1, Script(ready_at_s=1e9)), kind=kind) as world:
+            link = world.link()
+            await link.connect(10)
+            with pytest.raises(NotReady) as caught:
+                await link.prepare(20 / world.pace, lambda _: None)
+            assert "no position estimate yet" in caught.value.reasons
+            assert "alpha" in str(caught.value)
+
+    play(story(), real=kind != "direct")
+
+
+@pytest.mark.parametrize(
+    ("script", "error", "says"),
+    [
+        (Script(refuse_item=2, refusals_left=9), UploadFailed, "INVALID"),
+        (Script(refuse_arming="Battery low"), LaunchFailed, "Battery low"),
+        (Script(refuse_mode="AUTO"), None, ""),
+    ],
+)
+def test_failures_name_the_vehicle_the_url_and_its_reason(kind, script, error, says):
+    async def story():
+        async with World(Copter(1), kind=kind) as world:
+            link = world.link()
+            await link.connect(10)
+            await link.prepare(30, lambda _: None)
+            world.copters[1].script = script
+            context = pytest.raises(error, match=says) if error else contextlib.nullcontext()
+            with context as caught:
+                await link.upload(north(3))
+                await link.launch()
+            if error:
+                assert "alpha (system 1 at memory:test)" in str(caught.value)
+
+    play(story(), real=kind != "direct")
+
+
+def test_a_failed_swap_says_what_the_vehicle_flies(kind):
+    async def story():
+        async with World(Copter(1), kind=kind) as world:
+            link = await flying(world)
+            world.copters[1].script = Script(refuse_set_current=True)
+            with pytest.raises(SwapFailed, match="stands in hold") as caught:
+                await link.swap(north(4, east=0.001))
+            assert caught.value.flying == "hold"
+            await link.return_home()
+            assert link.state().mode == "RTL"
+            with pytest.raises(SwapFailed, match="RTL") as caught:
+                await link.swap(north(4, east=0.001))
+            assert caught.value.flying == "unknown"
+
+    play(story(), real=kind != "direct")
+
+
+def test_hold_interrupts_a_swap_and_other_calls_are_told_to_wait(kind):
+    async def story():
+        async with World(Copter(1), kind=kind) as world:
+            link = await flying(world)
+            world.silent = True
+            swap = asyncio.create_task(link.swap(north(6, east=0.002)))
+            await asyncio.sleep(0.1)
+            with pytest.raises(Busy, match="upload while swap runs"):
+                await link.upload(north(2))
+            world.silent = False
+            await link.hold()
+            assert link.state().mode == "GUIDED"
+            with pytest.raises(SwapFailed, match="interrupted by hold"):
+                await swap
+            await link.land()
+            assert link.state().mode == "LAND"
+
+    play(story(), real=kind != "direct")
+
+
+def test_cancelling_a_call_cancels_it_on_the_wire(kind):
+    async def story():
+        copter = Copter(1)
+        async with World(copter, kind=kind) as world:
+            link = world.link()
+            await link.connect(10)
+            copter.on_mission_item_int = lambda m: None
+            upload = asyncio.create_task(link.upload(north(3)))
+            await until(lambda: copter.transfer is not None)
+            upload.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await upload
+            await asyncio.sleep(0.1)
+            assert copter.acks_received == [15]
+            assert ProcedureDone("upload", "cancelled") in world.events
+            del copter.on_mission_item_int
+            await link.upload(north(3))
+
+    play(story(), real=kind != "direct")
+
+
+def test_a_lost_vehicle_is_reported_with_its_age_and_taken_up_again_from_another_address(kind):
+    async def story():
+        async with World(Copter(1), kind=kind) as world:
+            link = world.link()
+            await link.connect(10)
+            world.silent = True
+            await until(lambda: any(isinstance(e, Lost) for e in world.events))
+            assert link.age_s() == pytest.approx(5.0, abs=0.2)
+            world.address[1], world.silent = "elsewhere", False
+            await until(lambda: any(isinstance(e, Restored) for e in world.events))
+            assert AddressChanged("elsewhere") in world.events
+            await link.hold()
+
+    play(story(), real=kind != "direct")
+
+
+def test_a_refused_operators_command_is_an_error(kind):
+    async def story():
+        async with World(Copter(1, Script(refuse_mode="RTL")), kind=kind) as world:
+            link = world.link()
+            await link.connect(10)
+            with pytest.raises(CommandFailed, match=r"return_home: DO_SET_MODE: FAILED .*RTL failed"):
+                await link.return_home()
+
+    play(story(), real=kind != "direct")
+
+
+def test_a_closed_link_ends_what_runs_and_can_be_opened_again(kind):
+    async def story():
+        async with World(Copter(1, Script(ready_at_s=1e9)), kind=kind) as world:
+            link = world.link()
+            await link.connect(10)
+            waiting = asyncio.create_task(link.prepare(100, lambda _: None))
+            await asyncio.sleep(1)
+            link.close()
+            link.close()
+            with pytest.raises(LinkError, match="closing the link"):
+                await waiting
+            await world.link().connect(10)
+
+    play(story(), real=kind != "direct")
+
+
+def test_a_command_that_was_lost_is_sent_again_after_a_second_and_not_later(kind):
+    async def story():
+        async with World(Copter(1), kind=kind) as world:
+            link = world.link()
+            await link.connect(10)
+            await asyncio.sleep(10 / world.pace)
+            sent, loop = [], asyncio.get_running_loop()
+
+            def lossy(data, address):
+                if data[7:10] == b"\x4c\0\0" and data[38:40] == b"\xb0\0":  # COMMAND_LONG: DO_SET_MODE
+                    sent.append(loop.time())
+                    if len(sent) == 1:
+                        return
+                world._to_vehicles(data, address)
+
+            world.wire.to_vehicles = lossy
+            await link.hold()
+            assert sent[1] - sent[0] == pytest.approx(1.0, abs=0.3)
+
+    play(story(), real=kind != "direct")

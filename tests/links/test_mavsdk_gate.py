@@ -1,0 +1,97 @@
+"""What passes between MAVSDK and a vehicle."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from swarmctl.links.mavsdk_gate import Gate
+
+ROOT = Path(__file__).parents[2]
+
+
+def command(number: int, *params: float) -> mavlink.MAVLink_command_long_message:
+    return mavlink.MAVLink_command_long_message(1, 1, number, 0, *params, *[0.0] * (7 - len(params)))
+
+
+HOLD, LAND = command(176, 1.0, 4.0), command(176, 1.0, 9.0)
+COUNT = mavlink.MAVLink_mission_count_message(1, 1, 3)
+REQUEST = mavlink.MAVLink_mission_request_int_message(255, 190, 0)
+
+
+def ack(number: int) -> mavlink.MAVLink_command_ack_message:
+    return mavlink.MAVLink_command_ack_message(number, 0)
+
+
+def test_a_command_goes_out_once_and_only_as_it_was_asked_for():
+    gate = Gate()
+    assert not gate.lets_out(HOLD)
+    gate.permit(HOLD)
+    assert not gate.lets_out(LAND)
+    assert gate.lets_out(HOLD)
+    assert not gate.lets_out(HOLD), "MAVSDK repeats it by itself"
+    gate.permit(HOLD)
+    gate.revoke(HOLD)
+    assert not gate.lets_out(HOLD)
+
+
+def test_a_number_rounded_on_the_wire_is_the_same_command():
+    gate = Gate()
+    gate.permit(command(178, 1.0, 12.3))
+    sent = command(178, 1.0, 12.3)
+    sent.param2 = 12.300000190734863  # the float32 next to it
+    assert gate.lets_out(sent)
+
+
+@pytest.mark.parametrize("code", [21196.0, 2989.0])
+@pytest.mark.parametrize("arm", [0.0, 1.0])
+def test_a_forced_arming_or_disarming_never_goes_out(arm, code):
+    gate = Gate()
+    gate.permit(command(400, 1.0))
+    assert not gate.lets_out(command(400, arm, code))
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3),
+        mavlink.MAVLink_param_set_message(1, 1, b"FENCE_ENABLE", 0.0, 9),
+        mavlink.MAVLink_set_mode_message(1, 1, 4),
+        mavlink.MAVLink_mission_clear_all_message(1, 1),
+        command(512, 148.0),
+    ],
+    ids=lambda message: message.get_type(),
+)
+def test_nothing_that_mavsdk_says_by_itself_goes_out(message):
+    gate = Gate()
+    gate.transfer = True
+    assert not gate.lets_out(message)
+
+
+def test_a_mission_passes_only_during_a_transfer():
+    gate = Gate()
+    assert not gate.lets_out(COUNT)
+    assert not gate.lets_in(REQUEST), "the answer is our own conversation's to give"
+    gate.transfer = True
+    assert gate.lets_out(COUNT)
+    assert gate.lets_in(REQUEST)
+
+
+def test_answers_come_in_only_to_what_mavsdk_was_asked_to_send():
+    gate = Gate()
+    assert not gate.lets_in(ack(176))
+    gate.permit(HOLD)
+    assert gate.lets_in(ack(176))
+    assert not gate.lets_in(ack(512))
+    gate.revoke(HOLD)
+    assert not gate.lets_in(ack(176))
+
+
+def test_nobody_writes_the_call_that_disarms_in_flight():
+    """MAVSDK 4.1.0's Action.arm_force sends a forced disarming."""
+    forbidden = "arm_" + "force"
+    sources = [p for folder in ("swarmctl", "benchmarks", "configs") for p in (ROOT / folder).rglob("*.py")]
+    assert len(sources) > 100
+    assert [str(p) for p in sources if forbidden in p.read_text(encoding="utf-8")] == []

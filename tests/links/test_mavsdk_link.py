@@ -1,0 +1,163 @@
+"""What `link: mavsdk` does beside what every link does."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+
+import pytest
+from link_world import World, asked_of, flying, north, play, until
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from scripted_copter import MODES, Copter, Script
+
+from swarmctl.links.base import CommandFailed, LinkError
+from swarmctl.links.url import Endpoint
+
+pytestmark = pytest.mark.interop
+LOITER = next(number for number, name in MODES.items() if name == "LOITER")
+
+
+def world_of(*copters: Copter) -> World:
+    return World(*copters, kind="mavsdk")
+
+
+def sent_of(world: World, kind: str) -> list:
+    parser = mavlink.MAVLink(None)
+    parser.robust_parsing = True
+    messages = [m for data, _ in world.to_vehicles for m in parser.parse_buffer(data) or []]
+    return [m for m in messages if m.get_type() == kind]
+
+
+def test_a_command_that_mavsdk_repeats_does_not_reach_a_vehicle_that_a_pilot_has_taken_over():
+    async def story():
+        async with world_of(Copter(1)) as world:
+            link = await flying(world)
+            world.to_vehicles.clear()
+            copter = world.copters[1]
+
+            hear = copter.on_command_long
+
+            def taken_over(m) -> None:
+                if m.command == mavlink.MAV_CMD_DO_SET_MODE:
+                    copter.mode = LOITER  # and the command is lost
+                else:
+                    hear(m)
+
+            copter.on_command_long = taken_over
+            with pytest.raises(CommandFailed, match="LOITER"):
+                await link.hold()
+            modes = [m for m in sent_of(world, "COMMAND_LONG") if m.command == mavlink.MAV_CMD_DO_SET_MODE]
+            assert len(modes) == 1
+
+    play(story(), real=True)
+
+
+def test_an_upload_whose_last_word_is_lost_is_read_back():
+    async def story():
+        copter = Copter(1, Script(ready_at_s=1.0))
+        async with world_of(copter) as world:
+            link = world.link()
+            await link.connect(5)
+            await link.prepare(10, lambda _: None)
+            send, lost = copter.send, []
+
+            def lossy(message) -> None:
+                if message.get_type() == "MISSION_ACK" and message.type == 0 and not lost:
+                    lost.append(message)
+                else:
+                    send(message)
+
+            copter.send = lossy
+            await link.upload(north(4))
+            assert lost
+            assert len(link.items()) == len(copter.mission) == 7
+            assert len(sent_of(world, "MISSION_COUNT")) == 1, "it was not sent again"
+
+    play(story(), real=True)
+
+
+def test_a_vehicle_without_the_messages_that_mavsdk_needs_is_refused_by_name():
+    async def story():
+        copter = Copter(1, Script(ready_at_s=1.0))
+        copter.capabilities = 0
+        async with world_of(copter) as world:
+            link = world.link()
+            await link.connect(5)
+            await link.prepare(10, lambda _: None)
+            with pytest.raises(LinkError, match=r"alpha .*INT_MESSAGES_NOT_SUPPORTED"):
+                await link.upload(north(4))
+
+    play(story(), real=True)
+
+
+def test_fifty_vehicles_share_one_mavsdk_and_each_hears_its_own_only():
+    async def story():
+        world = world_of(*(Copter(i, Script(ready_at_s=1.0)) for i in range(1, 51)))
+        world.pace = 1.0
+        async with world:
+            links = [world.link(i, f"v{i}") for i in range(1, 51)]
+            await asyncio.gather(*(link.connect(10) for link in links))
+            await asyncio.gather(*(link.prepare(20, lambda _: None) for link in links))
+            await asyncio.gather(*(link.upload(north(i % 7 + 1)) for i, link in enumerate(links)))
+            assert [len(link.items()) for link in links] == [i % 7 + 4 for i in range(50)]
+            assert [len(c.mission) for c in world.copters.values()] == [i % 7 + 4 for i in range(50)]
+
+    play(story(), real=True)
+
+
+def test_the_clock_of_the_machine_is_needed():
+    async def story():
+        async with world_of(Copter(1)) as world:
+            with pytest.raises(
+                LinkError, match=r"alpha: MAVSDK keeps to the machine's clock .*`link: direct`"
+            ):
+                await world.link().connect(5)
+
+    play(story())
+
+
+def test_one_system_id_cannot_be_two_vehicles_of_mavsdk():
+    async def story():
+        async with world_of(Copter(1)) as world:
+            await world.link().connect(5)
+            other = world.link(1, "beta")
+            other.endpoint = Endpoint("memory", "elsewhere")
+            with pytest.raises(LinkError, match="system id 1 is used by two vehicles with `link: mavsdk`"):
+                await other.connect(5)
+
+    play(story(), real=True)
+
+
+def test_closing_the_front_end_ends_mavsdk_with_calls_in_flight():
+    async def story():
+        async with world_of(Copter(1)) as world:
+            link = await flying(world)
+            world.silent = True
+            holding = asyncio.create_task(link.hold())
+            await until(lambda: sent_of(world, "COMMAND_LONG"))
+        holding.cancel()
+        await asyncio.wait([holding])
+
+    play(story(), real=True)
+
+
+def test_nothing_but_who_it_is_is_asked_of_a_vehicle_that_is_only_connected():
+    async def story():
+        async with world_of(Copter(1)) as world:
+            await world.link().connect(5)
+            await asyncio.sleep(2)
+            assert asked_of(world) == {("COMMAND_LONG", 148.0)}
+
+    play(story(), real=True)
+
+
+def test_who_has_no_mavsdk_is_told_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "mavsdk", None)
+    monkeypatch.delitem(sys.modules, "swarmctl.links.mavsdk", raising=False)
+
+    async def story():
+        async with world_of(Copter(1)) as world:
+            with pytest.raises(LinkError, match=r"needs the package mavsdk: pip install .*`link: direct`"):
+                world.link()
+
+    play(story(), real=True)

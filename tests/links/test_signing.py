@@ -1,0 +1,224 @@
+"""MAVLink 2 signing, with pymavlink's as the judge of both directions."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from swarmctl.keyring.files import KeyringError
+from swarmctl.keyring.mavlink_key import TimestampFile, read_mavlink_key
+from swarmctl.links.signing import RESERVED, TICKS_PER_S, Signing, ticks
+from swarmctl.mavlink.codec import Encoder
+
+KEY = bytes(range(32))
+START = ticks(1_767_225_600_000_000)
+"""the beginning of 2026"""
+
+
+class Memory:
+    """A store that lives as long as a test."""
+
+    def __init__(self) -> None:
+        self.kept = 0
+        self.full = False
+
+    def load(self) -> int:
+        return self.kept
+
+    def keep(self, timestamp: int) -> None:
+        if self.full:
+            raise OSError(28, "No space left on device")
+        self.kept = max(self.kept, timestamp)
+
+
+def peer(key: bytes = KEY, *, timestamp: int = START, link_id: int = 0, sysid: int = 1) -> mavlink.MAVLink:
+    """pymavlink, which signs and wants signatures."""
+    codec = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=1)
+    codec.robust_parsing = True
+    codec.signing.secret_key, codec.signing.sign_outgoing = key, True
+    codec.signing.timestamp, codec.signing.link_id = timestamp, link_id
+    return codec
+
+
+def said(codec: mavlink.MAVLink, message: Any = None) -> bytes:
+    message = message or mavlink.MAVLink_system_time_message(1, 2)
+    data = bytes(message.pack(codec))
+    codec.seq = (codec.seq + 1) % 256
+    return data
+
+
+def signing(**more: Any) -> Signing:
+    return Signing(KEY, Memory(), **more)
+
+
+def test_the_time_stamp_counts_10_microseconds_since_2015() -> None:
+    assert ticks(1_420_070_400_000_000) == 0
+    assert ticks(1_420_070_401_000_019) == TICKS_PER_S + 1
+    assert ticks(0) == 0
+
+
+@settings(derandomize=True, deadline=None, max_examples=100)
+@given(count=st.integers(1, 30), line=st.integers(0, 3), step=st.integers(0, 5))
+def test_pymavlink_believes_what_is_signed(count: int, line: int, step: int) -> None:
+    ours, theirs, encoder = signing(first_link_id=7), peer(), Encoder()
+    for i in range(count):
+        message = mavlink.MAVLink_statustext_message(6, b"%d" % i)
+        frame = encoder.pack(message, "one", ours.sign(line, START + i * step))
+        (heard,) = theirs.parse_buffer(frame)
+        assert heard.get_type() == "STATUSTEXT"
+        assert heard.get_signed()
+        assert heard.get_link_id() == 7 + line
+    assert theirs.signing.goodsig_count == count
+
+
+def test_an_encoder_without_a_signature_signs_nothing() -> None:
+    encoder, ours = Encoder(), signing()
+    message = mavlink.MAVLink_system_time_message(1, 2)
+    signed = encoder.pack(message, "one", ours.sign(0, START))
+    assert len(signed) - len(encoder.pack(message, "one")) == 13
+
+
+def test_what_pymavlink_signs_is_accepted_once() -> None:
+    ours, theirs = signing(), peer()
+    frames = [said(theirs) for _ in range(5)]
+    assert all(ours.accepts(frame, START) for frame in frames)
+    assert not any(ours.accepts(frame, START) for frame in frames)
+    assert ours.refused == {"repeated or out of order": 5}
+
+
+def test_unsigned_frames_are_refused_but_for_a_radio_s_own() -> None:
+    ours = signing()
+    plain = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+    old = bytes(mavlink.MAVLink_system_time_message(1, 2).pack(plain, force_mavlink1=True))
+    assert not ours.accepts(said(plain), START)
+    assert not ours.accepts(old, START)
+    assert ours.accepts(said(plain, mavlink.MAVLink_radio_status_message(1, 1, 1, 1, 1, 1, 1)), START)
+    assert ours.refused == {"unsigned": 2}
+
+
+def test_another_key_and_a_spoilt_byte_are_refused() -> None:
+    ours = signing()
+    good = said(peer())
+    assert not ours.accepts(said(peer(bytes(31) + b"x")), START)
+    for i in (4, 12, len(good) - 14, len(good) - 7, len(good) - 1):
+        assert not ours.accepts(good[:i] + bytes([good[i] ^ 1]) + good[i + 1 :], START)
+    assert ours.refused["signed with another key"] == 6
+    assert ours.accepts(good, START)
+
+
+def test_a_stream_not_heard_before_may_be_a_minute_behind_and_no_more() -> None:
+    ours = signing()
+    assert ours.accepts(said(peer(timestamp=START - 60 * TICKS_PER_S)), START)
+    assert not ours.accepts(said(peer(timestamp=START - 60 * TICKS_PER_S - 1, sysid=2)), START)
+    assert ours.refused == {"older than a minute": 1}
+
+
+def test_each_link_component_and_system_has_a_time_of_its_own() -> None:
+    ours = signing()
+    assert ours.accepts(said(peer(timestamp=START + 10)), START)
+    assert ours.accepts(said(peer(timestamp=START + 5, link_id=1)), START)
+    assert ours.accepts(said(peer(timestamp=START + 5, sysid=2)), START)
+    assert not ours.accepts(said(peer(timestamp=START + 5)), START)
+
+
+def test_our_time_follows_the_latest_that_was_heard_of_others_with_the_key() -> None:
+    ours = signing()
+    assert ours.accepts(said(peer(timestamp=START + 1000)), START)
+    assert ours.sign(0, START).timestamp == START + 1001
+
+
+@settings(derandomize=True, deadline=None, max_examples=200)
+@given(
+    runs=st.lists(
+        st.tuples(st.integers(-100 * TICKS_PER_S, 100 * TICKS_PER_S), st.integers(1, 40), st.integers(0, 9)),
+        max_size=6,
+    )
+)
+def test_no_time_stamp_is_used_twice_over_crashes_and_clocks_that_go_back(
+    runs: list[tuple[int, int, int]],
+) -> None:
+    store, last, clock = Memory(), -1, START
+    for jump, count, step_s in runs:
+        clock += jump
+        ours = Signing(KEY, store)
+        for _ in range(count):
+            clock += step_s * TICKS_PER_S
+            stamp = ours.sign(0, clock).timestamp
+            assert stamp > last
+            last = stamp
+
+
+def test_the_store_is_written_ahead_and_seldom() -> None:
+    store = Memory()
+    ours = Signing(KEY, store)
+    ours.sign(0, START)
+    assert store.kept == START + RESERVED
+    ours.sign(0, START + RESERVED - 1)
+    assert store.kept == START + RESERVED
+    ours.sign(0, START + RESERVED)
+    assert store.kept == START + 2 * RESERVED
+
+
+def test_a_store_that_cannot_be_written_is_an_error_at_the_start_and_a_word_in_flight() -> None:
+    store = Memory()
+    ours = Signing(KEY, store)
+    store.full = True
+    assert ours.sign(0, START).timestamp == START
+    assert "the time stamps of signing are not kept: No space left on device" in ours.trouble
+    with pytest.raises(OSError, match="No space"):
+        Signing(KEY, store)
+
+
+def test_the_time_stamp_file_never_goes_back_and_says_what_is_wrong_with_it(tmp_path: Path) -> None:
+    one, other = TimestampFile(tmp_path / "key"), TimestampFile(tmp_path / "key")
+    assert one.load() == 0
+    one.keep(START)
+    other.keep(START - 5)
+    assert (one.load(), other.load()) == (START, START)
+    assert one.path.stat().st_mode & 0o077 == 0
+    one.path.write_text("yesterday")
+    with pytest.raises(ValueError, match="found 'yesterday', expected the number this program wrote"):
+        one.load()
+
+
+def key_file(folder: Path, text: str, mode: int = 0o600) -> Path:
+    file = folder / "signing.key"
+    file.write_text(text)
+    file.chmod(mode)
+    return file
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        hashlib.sha256(b"correct horse").hexdigest() + "\n",
+        hashlib.sha256(b"correct horse").hexdigest().upper(),
+        base64.b64encode(hashlib.sha256(b"correct horse").digest()).decode() + "\n",
+        "passphrase: correct horse\n",
+    ],
+)
+def test_a_key_is_read_in_each_of_its_forms(tmp_path: Path, text: str) -> None:
+    assert read_mavlink_key(key_file(tmp_path, text)) == hashlib.sha256(b"correct horse").digest()
+
+
+@pytest.mark.parametrize("text", ["", "correct horse", "00" * 31, "passphrase:", json.dumps([1])])
+def test_what_is_no_key_is_refused_with_what_was_expected(tmp_path: Path, text: str) -> None:
+    with pytest.raises(KeyringError, match="found no signing key, expected 64 hexadecimal digits"):
+        read_mavlink_key(key_file(tmp_path, text))
+
+
+def test_a_key_that_others_can_read_and_one_of_zeros_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(KeyringError, match="can be read by others"):
+        read_mavlink_key(key_file(tmp_path, "11" * 32, 0o640))
+    with pytest.raises(KeyringError, match="zeros means no signing"):
+        read_mavlink_key(key_file(tmp_path, "00" * 32))
+    with pytest.raises(KeyringError, match="cannot be read: No such file"):
+        read_mavlink_key(tmp_path / "nowhere")

@@ -1,0 +1,206 @@
+"""Links to vehicles that sign, played by the simulator and by pymavlink, on a virtual clock."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from pathlib import Path
+from typing import Any
+
+import pytest
+from link_world import WIRE, north, play, until
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.fleet import Fleet
+from sim_vehicle.scenario import Scenario
+from swarmctl.keyring.mavlink_key import TimestampFile
+from swarmctl.links import LINKS
+from swarmctl.links.base import Lost, NobodyAnswers
+from swarmctl.links.frontend import FrontEnd
+from swarmctl.links.memory import MemoryWire
+from swarmctl.links.signing import TICKS_PER_S, Signing, ticks
+from swarmctl.links.url import Endpoint
+
+KEY = bytes(range(32))
+BEGAN_US = 1_767_225_600_000_000
+WATCHER = Endpoint("memory", "watcher")
+
+
+class SignedWorld:
+    """One simulated copter with a key, and a ground station with another or the same, or none."""
+
+    key = KEY
+
+    def __init__(self, folder: Path, *, key: bytes | None = KEY, behind_s: int = 0) -> None:
+        scenario = {"seed": 1, "vehicles": [{"sysid": 1, "lat_deg": 46.049, "lon_deg": 14.506}]}
+        self.fleet = Fleet(Scenario.model_validate(scenario), ready_s=3.0)
+        self.vehicle = self.fleet.vehicles[0]
+        self.give_key(KEY, ticks(BEGAN_US) - behind_s * TICKS_PER_S)
+        self.wire, self.watcher = MemoryWire(), MemoryWire()
+        self.wire.to_vehicles = self._to_vehicles
+        self.to_vehicles: list[bytes] = []
+        self.from_vehicles: list[bytes] = []
+        self.watched: list[bytes] = []
+        self.watcher.to_vehicles = lambda data, _address: self.watched.append(data)
+        self.events: list[Any] = []
+        self.deaf = False
+        self.signing = None if key is None else Signing(key, TimestampFile(folder / "key"))
+        self.front = FrontEnd(
+            wall_time_us=lambda: BEGAN_US + round(asyncio.get_running_loop().time() * 1e6),
+            memory={"test": self.wire, "watcher": self.watcher},
+            signing=self.signing,
+        )
+
+    def give_key(self, key: bytes, timestamp: int) -> None:
+        """As Mission Planner does over USB; all zeros take it away."""
+        codec = station(self.key)
+        codec.signing.timestamp = ticks(BEGAN_US)
+        message = mavlink.MAVLink_setup_signing_message(1, 1, list(key), timestamp)
+        self.fleet.receive(bytes(message.pack(codec)), 0.0)
+        self.key = key
+
+    def link(self) -> Any:
+        return LINKS["direct"](self.front, WIRE, 1, name="alpha", on_event=self.events.append)
+
+    def _to_vehicles(self, data: bytes, address: object) -> None:
+        self.to_vehicles.append(data)
+        self._from(self.fleet.receive(data, asyncio.get_running_loop().time(), peer=address))
+
+    def _from(self, frames: list[tuple[int, bytes]]) -> None:
+        for _, data in frames:
+            self.from_vehicles.append(data)
+            if not self.deaf:
+                self.wire.from_vehicle(data, "fleet")
+
+    async def _move(self) -> None:
+        while True:
+            self._from(self.fleet.step(asyncio.get_running_loop().time()))
+            await asyncio.sleep(0.05)
+
+    async def __aenter__(self) -> SignedWorld:
+        self._task = asyncio.create_task(self._move())
+        return self
+
+    async def __aexit__(self, *error: object) -> None:
+        self._task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await self._task
+        await self.front.close()
+
+
+def station(key: bytes = KEY) -> mavlink.MAVLink:
+    codec = mavlink.MAVLink(None, srcSystem=252, srcComponent=190)
+    codec.robust_parsing = True
+    codec.signing.secret_key, codec.signing.sign_outgoing = key, True
+    codec.signing.timestamp, codec.signing.link_id = ticks(BEGAN_US), 9
+    return codec
+
+
+def test_a_whole_flight_under_a_key_that_pymavlink_verifies_both_ways(tmp_path: Path) -> None:
+    async def story() -> None:
+        async with SignedWorld(tmp_path) as world:
+            await world.front.forward(WATCHER)
+            world.watcher.from_vehicle(b"", "station")
+            link = world.link()
+            await link.connect(10)
+            await link.prepare(60, lambda _: None)
+            await link.upload(north(2))
+            await link.launch()
+            await until(lambda: not link.state().armed, 300)
+            assert world.vehicle.signing.refused == 0
+            assert world.front.refused == ""
+            for frames in (world.to_vehicles, world.from_vehicles, world.watched):
+                judge = station()
+                heard = [m for frame in frames for m in judge.parse_buffer(frame)]
+                assert len(heard) == len(frames) > 50
+                assert judge.signing.goodsig_count == len(frames)
+                assert judge.signing.badsig_count == judge.signing.unsigned_count == 0
+
+    play(story())
+
+
+@pytest.mark.parametrize("key", [None, bytes(31) + b"x"])
+def test_without_its_key_a_vehicle_answers_nothing(tmp_path: Path, key: bytes | None) -> None:
+    async def story() -> None:
+        async with SignedWorld(tmp_path, key=key) as world:
+            with pytest.raises(NobodyAnswers) as caught:
+                await world.link().connect(10)
+            assert ("signed with another key" in str(caught.value)) == (key is not None)
+            assert "signing" in str(caught.value)
+
+    play(story())
+
+
+def test_an_unsigned_vehicle_is_not_heard_and_it_is_said_why(tmp_path: Path) -> None:
+    async def story() -> None:
+        async with SignedWorld(tmp_path) as world:
+            world.give_key(bytes(32), 0)
+            with pytest.raises(NobodyAnswers, match=r"refused by links.signing_key: \d+ unsigned"):
+                await world.link().connect(10)
+
+    play(story())
+
+
+def test_a_forged_heartbeat_and_a_replayed_frame_change_nothing(tmp_path: Path) -> None:
+    async def story() -> None:
+        async with SignedWorld(tmp_path) as world:
+            link = world.link()
+            await link.connect(10)
+            world.deaf = True
+            intruder = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+            armed = mavlink.MAVLink_heartbeat_message(2, 3, 209, 3, 4, 3)
+            replayed = world.from_vehicles[0]
+            for _ in range(20):
+                world.wire.from_vehicle(bytes(armed.pack(intruder)), "fleet")
+                world.wire.from_vehicle(replayed, "fleet")
+                await asyncio.sleep(0.5)
+            assert not link.state().armed
+            assert any(isinstance(event, Lost) for event in world.events)
+            assert world.signing is not None
+            assert world.signing.refused == {"unsigned": 20, "repeated or out of order": 20}
+
+    play(story())
+
+
+def test_a_vehicle_whose_clock_is_late_learns_the_time_and_is_heard(tmp_path: Path) -> None:
+    async def story() -> None:
+        async with SignedWorld(tmp_path, behind_s=3600) as world:
+            identity = await world.link().connect(10)
+            assert identity.simulated
+            assert "older than a minute" in world.front.refused
+
+    play(story())
+
+
+def test_a_second_run_with_a_clock_gone_back_is_believed(tmp_path: Path) -> None:
+    async def story(behind_us: int) -> None:
+        async with SignedWorld(tmp_path) as world:
+            world.front._wall_time_us = world.front._shared.guard._wall_time_us = lambda: (
+                BEGAN_US - behind_us + round(asyncio.get_running_loop().time() * 1e6)
+            )
+            if behind_us:
+                world.give_key(KEY, kept[-1] - 1)
+            await world.link().connect(10)
+            kept.append(TimestampFile(tmp_path / "key").load())
+
+    kept: list[int] = []
+    play(story(0))
+    play(story(3_600_000_000))
+    assert kept[1] > kept[0]
+
+
+@pytest.mark.parametrize(("key", "mode"), [(KEY, 4), (bytes(31) + b"x", 0)])
+def test_another_station_s_commands_need_the_key_too(tmp_path: Path, key: bytes, mode: int) -> None:
+    async def story() -> None:
+        async with SignedWorld(tmp_path) as world:
+            await world.front.forward(WATCHER, commands=True)
+            link = world.link()
+            await link.connect(10)
+            await asyncio.sleep(10)
+            hold = mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 4, 0, 0, 0, 0, 0)
+            world.watcher.from_vehicle(bytes(hold.pack(station(key))), "station")
+            await asyncio.sleep(5)
+            assert link.state().mode == {4: "GUIDED", 0: "STABILIZE"}[mode]
+            assert ("signed with another key" in world.front.refused) == (key != KEY)
+
+    play(story())

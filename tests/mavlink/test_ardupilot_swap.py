@@ -1,0 +1,93 @@
+"""The swap of a simulated ArduCopter's mission, which follows every item that is written."""
+
+from __future__ import annotations
+
+import pytest
+from flying_bench import FlyingBench, plan
+
+from swarmctl.mavlink import procedures
+from swarmctl.mavlink.events import ProcedureDone
+
+OLD, NEW = plan(north=8), plan(north=5, east=0.001, alt=33.333)
+
+
+def kinds(bench: FlyingBench, kind: str) -> list:
+    return [m for _, m in bench.sent if m.get_type() == kind]
+
+
+def watched_swap(bench: FlyingBench, new) -> tuple[object, set, set]:
+    """The result, the modes it was in meanwhile, and the places it aimed at."""
+    modes, aims = set(), set()
+
+    def watch() -> bool:
+        modes.add(bench.mode)
+        aims.add(bench.aim)
+        return bench.session.busy_with is None
+
+    items = bench.session.mission_items(new)
+    bench.begin("swap", lambda c: procedures.swap(c, items))
+    assert bench.run(200, watch)
+    return bench.session.result, modes, aims
+
+
+def test_the_new_route_is_written_behind_the_old_one_and_taken_over_without_a_stop():
+    bench = FlyingBench("ardupilot").flying(OLD)
+    old, aimed_at = bench.session.items, bench.aim
+    new = bench.session.mission_items(NEW)
+    result, modes, aims = watched_swap(bench, NEW)
+    assert (result.failure, result.flying, result.stood_still_s) == (None, "new", 0.0)
+    assert modes == {"AUTO"}
+    assert aims <= {aimed_at, (new[2].x, new[2].y)}
+    assert bench.holds(bench.session.items)
+    assert bench.session.items[: len(old)] == old
+    assert bench.vehicle.mission.index == len(old)
+    assert ProcedureDone("swap", None, 0.0) in bench.events
+    assert bench.run(200, lambda: not bench.session.state.armed), "it lands at the end of the new one"
+    assert bench.vehicle.body.lat_lon_deg == pytest.approx(
+        (NEW.landing.lat_deg, NEW.landing.lon_deg), abs=1e-5
+    )
+
+
+def test_swaps_one_after_the_other_each_go_behind_the_last():
+    bench = FlyingBench("ardupilot").flying(OLD)
+    for n in range(3):
+        new = plan(north=4 + n, east=0.0005 * (n + 1))
+        assert bench.swap(new).flying == "new"
+        items = bench.session.mission_items(new)
+        assert bench.session.dialect.differences(items[2:], bench.session.items[-len(items[2:]) :], 2) == ()
+        assert bench.holds(bench.session.items)
+
+
+def test_a_list_that_would_grow_too_long_is_written_anew_while_it_holds():
+    bench = FlyingBench("ardupilot").flying(OLD)
+    long = plan(north=395, east=0.001)
+    result, modes, _ = watched_swap(bench, long)
+    assert result.flying == "new"
+    assert modes == {"AUTO", "GUIDED"}
+    assert result.stood_still_s > 0.0
+    assert bench.holds(bench.session.mission_items(long))
+
+
+def test_where_partial_lists_are_not_answered_it_holds_for_the_swap():
+    bench = FlyingBench("ardupilot").flying(OLD)
+    bench.block = lambda m: m.get_type() == "MISSION_WRITE_PARTIAL_LIST"
+    result, modes, _ = watched_swap(bench, NEW)
+    assert result.flying == "new"
+    assert modes == {"AUTO", "GUIDED"}
+    assert 0.0 < result.stood_still_s < 2.0
+    assert bench.holds(bench.session.mission_items(NEW))
+    assert bench.vehicle.mission.index == 2
+
+
+def test_an_item_that_is_refused_in_the_middle_ends_with_the_old_mission_where_it_was():
+    bench = FlyingBench("ardupilot").flying(OLD)
+    old, at = bench.session.items, bench.vehicle.mission.index
+    new = plan(north=12, east=0.001)
+    bench.inject("mission_refused:result=invalid,at_item=13")
+    result, _, aims = watched_swap(bench, new)
+    assert result.flying == "old"
+    assert "INVALID" in result.failure
+    assert bench.holds(old)
+    assert bench.holds(bench.session.items)
+    assert bench.vehicle.mission.index == at
+    assert aims <= {(i.x, i.y) for i in old} | {None}

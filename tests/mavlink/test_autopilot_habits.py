@@ -1,0 +1,162 @@
+"""What real autopilots do beside the protocol, each on the simulated one that does it."""
+
+from __future__ import annotations
+
+import pytest
+from bench import Faults
+from flying_bench import FlyingBench, plan
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.personalities.base import Behaviour
+from swarmctl.core.mission import MissionItem
+from swarmctl.mavlink import procedures
+
+OLD, NEW = plan(north=8), plan(north=5, east=0.001)
+PARTIAL = "MISSION_WRITE_PARTIAL_LIST"
+BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+
+
+def orders(message) -> bool:
+    """It changes what the vehicle flies."""
+    kind = message.get_type()
+    changes = (mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_DO_SET_MISSION_CURRENT)
+    return kind == "MISSION_SET_CURRENT" or (kind == "COMMAND_LONG" and message.command in changes)
+
+
+def commands(bench: FlyingBench) -> list[int]:
+    return [m.command for _, m in bench.sent if m.get_type() == "COMMAND_LONG"]
+
+
+@BOTH
+def test_hold_needs_no_remote_control(personality):
+    bench = FlyingBench(personality).flying(OLD)
+    assert bench.do("hold", procedures.hold).failure is None
+    bench.run(10)
+    before = bench.vehicle.body.position_m
+    bench.run(60)
+    assert bench.vehicle.body.position_m == pytest.approx(before, abs=0.5)
+    assert bench.session.state.mode_role == "hold"
+
+
+@BOTH
+def test_a_vehicle_that_holds_takes_a_new_mission_and_flies_it(personality):
+    bench = FlyingBench(personality).flying(OLD)
+    assert bench.do("hold", procedures.hold).failure is None
+    bench.run(5)
+    items = bench.session.mission_items(NEW)
+    first = bench.session.dialect.first_waypoint_seq
+    result = bench.swap(NEW)
+    assert (result.failure, result.flying) == (None, "new")
+    assert bench.holds(items)
+    assert bench.aim == (items[first].x, items[first].y)
+
+
+@BOTH
+def test_a_pilot_who_takes_over_at_any_moment_of_a_swap_keeps_the_vehicle(personality):
+    """By a mode that only a pilot would choose, which the simulated ones take from their own side."""
+    foreign = 0
+    for tenths in range(0, 16, 3):
+        bench = FlyingBench(personality).flying(OLD)
+        bench.spoil(Faults(max_delay_s=0.2, seed=tenths))
+        items = bench.session.mission_items(NEW)
+        bench.begin("swap", lambda c, items=items: procedures.swap(c, items))
+        bench.run(tenths / 10)
+        if bench.session.busy_with is None:
+            break
+        bench.vehicle.modes.by_itself(Behaviour.LAND)
+        taken_s, sent = bench.now, len(bench.sent)
+        assert bench.run(100, lambda b=bench: b.session.busy_with is None)
+        late = [m.get_type() for now, m in bench.sent[sent:] if now > taken_s + 0.25 and orders(m)]
+        assert late == []
+        assert bench.session.state.mode_role == "land"
+        foreign += bench.session.result.flying == "unknown"
+    assert foreign > 0
+
+
+@BOTH
+def test_a_shorter_mission_than_the_current_item_is_begun_at_its_beginning(personality):
+    """By itself ArduPilot would fly on to the deleted place, PX4 to the last one."""
+    bench = FlyingBench(personality).flying(OLD)
+    bench.block = lambda m: m.get_type() == PARTIAL
+    first = bench.session.dialect.first_waypoint_seq
+    assert bench.run(100, lambda: bench.session.state.mission_seq == first + 6)
+    short = bench.session.mission_items(plan(north=2, east=0.001))
+    assert bench.swap(plan(north=2, east=0.001)).flying == "new"
+    assert bench.aim == (short[first].x, short[first].y)
+
+
+@BOTH
+def test_the_last_acknowledgements_are_lost_and_the_new_mission_is_flown(personality):
+    bench = FlyingBench(personality).flying(OLD)
+    bench.block_down = lambda m: m.get_type() == "MISSION_ACK"
+    assert bench.swap(NEW).flying == "new"
+    assert bench.holds(bench.session.items)
+
+
+def test_an_upload_that_is_abandoned_in_auto_leaves_the_flight_as_it_was():
+    """ArduPilot writes what comes; so nothing that is flown is written before it holds."""
+    bench = FlyingBench("ardupilot").flying(OLD)
+    old = bench.session.items
+    sent = []
+
+    def cut_off(message) -> bool:
+        if message.get_type() == "MISSION_ITEM_INT":
+            sent.append(message.seq)
+        return len(sent) > 2
+
+    bench.block = cut_off
+    aims = set()
+    items = bench.session.mission_items(NEW)
+    bench.begin("swap", lambda c: procedures.swap(c, items))
+    assert bench.run(300, lambda: aims.add(bench.aim) or bench.session.busy_with is None)
+    assert bench.session.result.flying == "old", "nothing reaches it any more, but it is heard"
+    assert "it does not hold" in bench.session.result.failure
+    assert aims <= {(i.x, i.y) for i in old} | {None}
+    assert bench.stored[1 : len(old)] == old[1:]
+
+
+def test_mission_start_is_not_sent_to_a_vehicle_that_has_disarmed_itself():
+    """ArduPilot would accept it, go to AUTO, and stay on the ground."""
+    bench = FlyingBench("ardupilot").uploaded(OLD)
+
+    def disarm_after_arming(message) -> bool:
+        if message.get_type() == "COMMAND_ACK" and message.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
+            bench.vehicle.disarm(force=False)
+        return False
+
+    bench.block_down = disarm_after_arming
+    result = bench.do("launch", procedures.launch)
+    assert result.failure is not None
+    assert mavlink.MAV_CMD_MISSION_START not in commands(bench)
+    assert not bench.vehicle.armed
+
+
+def test_px4_takes_a_return_as_an_item_in_frame_mission_only():
+    bench = FlyingBench("px4").prepared()
+    takeoff, *waypoints, _land = bench.session.mission_items(OLD)
+    rtl = mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
+    for frame, failure in (
+        (mavlink.MAV_FRAME_MISSION, None),
+        (mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, "UNSUPPORTED"),
+    ):
+        items = (takeoff, *waypoints, MissionItem(rtl, frame, 0, 0, 0.0))
+        done = bench.do("upload", lambda c, items=items: procedures.upload(c, items))
+        assert (done.failure is None) == (failure is None)
+        assert failure is None or failure in done.failure
+
+
+def test_a_return_is_a_mode_and_brings_it_home():
+    bench = FlyingBench("px4").flying(OLD)
+    assert bench.do("return", procedures.return_home).failure is None
+    assert bench.session.state.mode_role == "return"
+    assert bench.run(300, lambda: not bench.session.state.armed)
+    assert bench.vehicle.body.lat_lon_deg == pytest.approx((46.049, 14.506), abs=2e-5)
+
+
+def test_px4_gives_an_upload_up_without_an_acknowledgement_and_is_not_waited_for_in_the_air():
+    bench = FlyingBench("px4").uploaded(OLD)
+    bench.block = lambda m: m.get_type() == "MISSION_ITEM_INT" and bench.now < quiet_s
+    quiet_s = bench.now + 4.0
+    items = bench.session.mission_items(NEW)
+    assert bench.do("upload", lambda c: procedures.upload(c, items)).failure is None
+    assert bench.holds(items)

@@ -1,0 +1,242 @@
+"""PX4: what its dialect says, and whole jobs against a simulated one."""
+
+from __future__ import annotations
+
+import pytest
+from flying_bench import FlyingBench, plan
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
+from swarmctl.mavlink import procedures
+from swarmctl.mavlink.dialects import Readiness, dialect_for
+
+PX4 = dialect_for(mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_TYPE_QUADROTOR)
+OLD, NEW = plan(north=8), plan(north=5, east=0.001, alt=33.333)
+ITEM, SET_CURRENT = "MISSION_ITEM_INT", "MISSION_SET_CURRENT"
+
+
+def kinds(bench: FlyingBench, kind: str) -> list:
+    return [m for _, m in bench.sent if m.get_type() == kind]
+
+
+@pytest.mark.parametrize(
+    ("custom_mode", "name"),
+    [
+        (4 << 16 | 3 << 24, "AUTO.LOITER"),
+        (4 << 16 | 4 << 24, "AUTO.MISSION"),
+        (4 << 16 | 5 << 24, "AUTO.RTL"),
+        (4 << 16 | 6 << 24, "AUTO.LAND"),
+        (3 << 16, "POSCTL"),
+        (77 << 16 | 9 << 24, "MODE 77/9"),
+    ],
+)
+def test_modes_have_their_names(custom_mode, name):
+    assert PX4.mode_name(custom_mode) == name
+
+
+@pytest.mark.parametrize(
+    ("mode", "params"),
+    [("AUTO.LOITER", (1.0, 4.0, 3.0)), ("AUTO.MISSION", (1.0, 4.0, 4.0)), ("ACRO", (1.0, 5.0, 0.0))],
+)
+def test_a_mode_is_set_by_main_and_sub_mode(mode, params):
+    assert PX4.mode_params(mode) == params
+
+
+@pytest.mark.parametrize(
+    ("readiness", "says"),
+    [
+        (Readiness("AUTO.LOITER", True, None, ()), ()),
+        (Readiness("POSCTL", True, None, ()), ("mode is POSCTL, not AUTO.LOITER",)),
+        (Readiness("AUTO.LOITER", False, None, ()), ("pre-arm checks not passed",)),
+        (Readiness("AUTO.LOITER", False, None, ("Preflight Fail: Compass",)), ("Preflight Fail: Compass",)),
+    ],
+)
+def test_it_is_ready_by_its_pre_arm_bit_in_a_mode_that_needs_no_pilot(readiness, says):
+    assert PX4.not_ready(readiness) == says
+
+
+def test_a_plan_becomes_takeoff_waypoints_land_without_a_home_placeholder():
+    short = FlightPlan(20.0, (Waypoint(46.1, 14.1, 25.0),), Waypoint(46.2, 14.2, 25.0))
+    items = PX4.mission_items(short, (46.0, 14.0))
+    assert [i.command for i in items] == [22, 16, 21]
+    assert {i.frame for i in items} == {mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT}
+    assert (items[0].x, items[0].y, items[0].z) == (460_000_000, 140_000_000, 20.0)
+
+
+def test_a_plan_for_a_vehicle_that_has_told_no_place_is_refused():
+    with pytest.raises(ValueError, match="take-off: expected the place where the vehicle stands"):
+        PX4.mission_items(plan())
+
+
+WP = MissionItem(16, 6, 1, 2, 20.3, 2.7, 5.0, 6.0, 7.0)
+
+
+@pytest.mark.parametrize(
+    ("found", "equal"),
+    [
+        (WP, True),
+        (MissionItem(16, 6, 1, 2, 20.299999237, 2.7, 5.0, 6.0, 7.0), True),
+        (MissionItem(16, 3, 1, 2, 20.3, 2.7, 5.0, 6.0, 7.0), True),
+        (MissionItem(16, 5, 1, 2, 20.3, 2.7, 5.0, 6.0, 7.0), False),
+        (MissionItem(16, 6, 1, 2, 20.29, 2.7, 5.0, 6.0, 7.0), False),
+        (MissionItem(16, 6, 1, 2, 20.3, 2.0, 5.0, 6.0, 7.0), False),
+        (MissionItem(16, 6, 1, 3, 20.3, 2.7, 5.0, 6.0, 7.0), False),
+    ],
+)
+def test_read_back_is_compared_with_item_0_and_modulo_frames(found, equal):
+    assert (PX4.differences((WP,), (found,)) == ()) is equal
+
+
+def test_it_takes_off_flies_its_mission_and_lands():
+    bench = FlyingBench("px4").flying(OLD)
+    assert bench.mode == "AUTO.MISSION"
+    assert bench.session.state.alt_rel_m == pytest.approx(20.0, abs=1.0)
+    assert bench.run(200, lambda: not bench.session.state.armed)
+    assert not bench.vehicle.body.crashed
+
+
+def test_a_second_launch_begins_at_the_first_item_wherever_the_first_one_ended():
+    """The index of the vehicle outlives a landing, and the same mission again is no new one to it."""
+    bench = FlyingBench("px4").flying(OLD)
+    assert bench.do("land", procedures.land).failure is None
+    assert bench.run(120, lambda: not bench.session.state.armed)
+    assert bench.vehicle.mission.index > 0
+    again = bench.session.items
+    assert bench.do("prepare", procedures.prepare).failure is None
+    assert bench.do("upload", lambda c: procedures.upload(c, again)).failure is None
+    assert bench.do("launch", procedures.launch).failure is None
+    assert bench.session.state.mission_seq == 0
+    assert [m.seq for m in kinds(bench, SET_CURRENT)] == [0]
+
+
+def test_launch_says_in_the_vehicles_words_why_it_does_not_arm():
+    bench = FlyingBench("px4").uploaded(OLD)
+    bench.vehicle.params.set("COM_ARM_BAT_MIN", 2.0)
+    failure = bench.do("launch", procedures.launch).failure
+    assert "COMPONENT_ARM_DISARM: TEMPORARILY_REJECTED" in failure
+    assert "Preflight Fail" in failure
+    assert not bench.vehicle.armed
+
+
+@pytest.mark.parametrize(
+    ("procedure", "mode"),
+    [
+        (procedures.hold, "AUTO.LOITER"),
+        (procedures.return_home, "AUTO.RTL"),
+        (procedures.land, "AUTO.LAND"),
+    ],
+    ids=["hold", "return_home", "land"],
+)
+def test_an_operators_command_is_seen_in_the_heartbeat(procedure, mode):
+    bench = FlyingBench("px4").flying(OLD)
+    assert bench.do("command", procedure).failure is None
+    assert bench.mode == bench.session.state.mode == mode
+
+
+def test_a_vehicle_that_holds_stays_where_it_is_without_a_remote_control():
+    bench = FlyingBench("px4").flying(OLD)
+    assert bench.do("hold", procedures.hold).failure is None
+    bench.run(5)
+    before = bench.vehicle.body.position_m
+    bench.run(60)
+    assert bench.vehicle.body.position_m == pytest.approx(before, abs=0.5)
+
+
+def test_a_swap_changes_the_mission_at_once_and_does_not_stop():
+    bench = FlyingBench("px4").flying(OLD)
+    modes, aims = set(), set()
+
+    def watch() -> bool:
+        modes.add(bench.mode)
+        aims.add(bench.aim)
+        return bench.session.busy_with is None
+
+    items = bench.session.mission_items(NEW)
+    before_aim, before_s = bench.aim, bench.now
+    bench.begin("swap", lambda c: procedures.swap(c, items))
+    assert bench.run(60, watch)
+    assert (bench.session.result.failure, bench.session.result.flying) == (None, "new")
+    assert bench.session.result.stood_still_s == 0.0
+    assert bench.now - before_s < 3.0
+    assert modes == {"AUTO.MISSION"}
+    assert aims <= {before_aim, (items[1].x, items[1].y)}, "no other item of either plan was aimed at"
+    assert bench.holds(items)
+    assert bench.session.items == bench.stored
+    assert bench.vehicle.mission.index == 1
+    assert kinds(bench, SET_CURRENT) == [], "the item to fly came with the upload"
+
+
+def test_an_autopilot_that_overlooks_the_marked_item_is_told_by_message():
+    bench = FlyingBench("px4").flying(OLD)
+    assert bench.run(60, lambda: bench.session.state.mission_seq == 4)
+    items = bench.session.mission_items(NEW)
+    take = bench.vehicle.mission.replace
+    bench.vehicle.mission.replace = lambda pilot, new, current: take(pilot, new, -1)
+    result = bench.do("swap", lambda c: procedures.swap(c, items))
+    assert result.flying == "new"
+    assert [m.seq for m in kinds(bench, SET_CURRENT)] == [1]
+    assert 224 not in [m.command for m in kinds(bench, "COMMAND_LONG")]
+
+
+def test_a_shorter_mission_than_the_item_flown_is_begun_at_its_beginning():
+    bench = FlyingBench("px4").flying(OLD)
+    assert bench.run(100, lambda: bench.session.state.mission_seq == 7)
+    assert bench.swap(plan(north=2, east=0.001)).flying == "new"
+    assert bench.vehicle.mission.index == 1
+
+
+@pytest.mark.parametrize("at_item", [None, 0, 3], ids=["at the count", "the first item", "in mid-upload"])
+def test_a_refused_mission_leaves_it_flying_the_old_one_without_a_stop(at_item):
+    bench = FlyingBench("px4").flying(OLD)
+    old = bench.session.items
+    where = "" if at_item is None else f",at_item={at_item}"
+    bench.inject(f"mission_refused:result=invalid{where}")
+    result = bench.swap(NEW)
+    assert (result.flying, result.stood_still_s) == ("old", 0.0)
+    assert "INVALID" in result.failure
+    assert bench.mode == "AUTO.MISSION"
+    assert bench.holds(old)
+    assert bench.session.items == bench.stored
+
+
+def test_a_lost_final_acknowledgement_is_settled_by_reading_back():
+    bench = FlyingBench("px4").flying(OLD)
+    bench.block_down = lambda m: m.get_type() == "MISSION_ACK"
+    assert bench.swap(NEW).flying == "new"
+    assert len(kinds(bench, "MISSION_COUNT")) == 2, "one for each mission"
+
+
+def test_an_upload_that_dies_without_a_word_leaves_the_old_mission():
+    """PX4 gives a transfer up after five seconds and acknowledges nothing."""
+    bench = FlyingBench("px4").flying(OLD)
+    old = bench.session.items
+    bench.block = lambda m: m.get_type() == ITEM and m.seq >= 3
+    result = bench.swap(NEW)
+    assert (result.flying, result.stood_still_s) == ("old", 0.0)
+    assert "it stopped asking before item" in result.failure
+    assert bench.holds(old)
+    bench.block = lambda m: False
+    assert bench.swap(NEW).flying == "new"
+
+
+@pytest.mark.parametrize("number", [3 << 16, 4 << 16 | 5 << 24], ids=["POSCTL", "AUTO.RTL"])
+def test_a_swap_leaves_a_vehicle_alone_that_somebody_else_has_taken(number):
+    bench = FlyingBench("px4").flying(OLD)
+    old = bench.session.items
+    bench.vehicle.modes.enter(number)
+    bench.run(2)
+    before = len(bench.sent)
+    assert bench.swap(NEW).flying == "unknown"
+    assert len(bench.sent) == before
+    assert bench.holds(old)
+
+
+def test_a_mission_that_the_vehicle_finds_infeasible_ends_with_the_old_one():
+    """It takes such a mission, and holds by itself."""
+    bench = FlyingBench("px4").flying(OLD)
+    far = FlightPlan(20.0, tuple(Waypoint(47.5, 14.5, 20.0) for _ in range(2)), Waypoint(47.5, 14.5, 20.0))
+    items = bench.session.dialect.mission_items(far, (47.5, 14.5))
+    result = bench.do("swap", lambda c: procedures.swap(c, items))
+    assert result.flying == "old"
+    assert bench.mode == "AUTO.MISSION"
+    assert bench.holds(bench.session.items)

@@ -1,0 +1,40 @@
+"""Another speed for a mission under way: sent only to a vehicle that flies it, again while unanswered."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import pytest
+from bench import Bench, plan
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from swarmctl.mavlink.speed import set_speed
+
+CHANGE_SPEED = mavlink.MAV_CMD_DO_CHANGE_SPEED
+
+
+def sent(bench: Bench) -> list:
+    return [m for _, m in bench.sent if m.get_type() == "COMMAND_LONG" and m.command == CHANGE_SPEED]
+
+
+def test_the_speed_over_ground_is_sent_once_and_a_refusal_is_said():
+    bench = Bench().flying(plan(north=8))  # the scripted copter does not know the command
+    assert bench.do("set_speed", partial(set_speed, speed_m_s=6.5)).failure == "DO_CHANGE_SPEED: UNSUPPORTED"
+    (message,) = sent(bench)
+    assert (message.param1, message.param2, message.param3) == (mavlink.SPEED_TYPE_GROUNDSPEED, 6.5, -1.0)
+
+
+@pytest.mark.parametrize(("mode", "number"), [("LOITER", 5), ("GUIDED", 4), ("RTL", 6)])
+def test_nothing_is_sent_to_a_vehicle_that_does_not_fly_its_mission(mode, number):
+    bench = Bench().flying(plan(north=8))
+    bench.copter.mode = number
+    bench.run(3)
+    assert mode in bench.do("set_speed", partial(set_speed, speed_m_s=6.5)).failure
+    assert sent(bench) == []
+
+
+def test_while_nobody_answers_it_goes_out_again_but_not_for_ever():
+    bench = Bench().flying(plan(north=8))
+    bench.block = lambda message: getattr(message, "command", None) == CHANGE_SPEED
+    assert "no answer" in bench.do("set_speed", partial(set_speed, speed_m_s=6.5)).failure
+    assert [m.confirmation for m in sent(bench)] == [0, 1, 2, 3, 4]

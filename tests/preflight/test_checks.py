@@ -1,0 +1,189 @@
+"""Each check passes on a vehicle that is fit, and fails on one thing at a time; what is not known fails."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from swarmctl.core.geo import LocalFrame
+from swarmctl.core.mission import FlightPlan, Waypoint
+from swarmctl.core.vehicle import VehicleState
+from swarmctl.mavlink.events import Identity
+from swarmctl.mavlink.fence import fence_items
+from swarmctl.mavlink.instruments import GpsFix, Instruments
+from swarmctl.preflight.checks import CHECKS
+from swarmctl.preflight.facts import Facts, Finding, Other
+from swarmctl.preflight.policy import Wanted
+from swarmctl.separation import Limits, Trajectory
+
+FRAME = LocalFrame(46.0, 14.4)
+
+
+def place(east_m: float, north_m: float) -> tuple[float, float]:
+    return FRAME.to_geodetic(east_m, north_m)
+
+
+def plan(*points_m: tuple[float, float], up_m: float = 40.0) -> FlightPlan:
+    track = tuple(Waypoint(*place(*point), up_m) for point in points_m)
+    return FlightPlan(up_m, track, track[-1])
+
+
+def flight(*points_m: tuple[float, float], speed_m_s: float = 10.0, up_m: float = 40.0) -> Trajectory:
+    """Up in 16 s, along the points, down in 40 s."""
+    times_s, points = [0.0, 16.0], [(*points_m[0], 0.0), (*points_m[0], up_m)]
+    for a, b in pairwise(points_m):
+        times_s.append(times_s[-1] + math.dist(a, b) / speed_m_s)
+        points.append((*b, up_m))
+    return Trajectory((*times_s, times_s[-1] + 40.0), (*points, (*points_m[-1], 0.0)))
+
+
+SQUARE = tuple(
+    place(*corner) for corner in ((-100.0, -100.0), (600.0, -100.0), (600.0, 600.0), (-100.0, 600.0))
+)
+START = place(-50.0, 0.0)
+STATE = VehicleState(
+    lat_deg=START[0],
+    lon_deg=START[1],
+    alt_rel_m=0.0,
+    ready=True,
+    battery_percent=80,
+    home_lat_deg=START[0],
+    home_lon_deg=START[1],
+)
+FIX = GpsFix(3, 9, 1.2)
+FIT = Facts(
+    name="uav1",
+    sysid=1,
+    identity=Identity(1, 3, 2, "ArduPilot 4.6.2", b"\x01".ljust(18)),
+    conflict="",
+    state=STATE,
+    age_s=0.4,
+    instruments=Instruments(FIX, 1.8e9, 10.0),
+    clock_offset_s=0.3,
+    clock_tolerance_s=2.0,
+    wanted=(Wanted("FENCE_ENABLE", "a fence", 1.0, (1.0,)),),
+    no_table="",
+    parameters={"FENCE_ENABLE": 1.0},
+    fence=SQUARE,
+    fence_items=fence_items(SQUARE),
+    ceiling_m=90.0,
+    plan=plan((0.0, 0.0), (400.0, 300.0)),
+    flight=flight((-50.0, 0.0), (0.0, 0.0), (400.0, 300.0)),
+    limits=Limits(10.0, 3.0),
+    altitude_m=40.0,
+    speed_m_s=10.0,
+    endurance_s=900.0,
+    reserve_percent=20.0,
+    frame=FRAME,
+    others=(
+        Other(
+            "uav2",
+            2,
+            45.0,
+            Identity(2, 3, 2, "", b"\x02".ljust(18)),
+            flight((-50.0, 0.0), (0.0, 0.0), (400.0, 300.0)),
+        ),
+    ),
+)
+
+
+def finding(name: str, facts: Facts) -> Finding:
+    (check,) = [c for c in CHECKS if name == c.NAME]
+    return check.check(facts)
+
+
+def but(**changes: Any) -> Facts:
+    return replace(FIT, **changes)
+
+
+def state(**changes: Any) -> Facts:
+    return replace(FIT, state=replace(STATE, **changes))
+
+
+def gps(**changes: Any) -> Facts:
+    return replace(FIT, instruments=Instruments(replace(FIX, **changes), 1.8e9, 10.0))
+
+
+def other(**changes: Any) -> Facts:
+    return replace(FIT, others=(replace(FIT.others[0], **changes),))
+
+
+@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.NAME)
+def test_a_fit_vehicle_passes(check) -> None:
+    found = check.check(FIT)
+    assert found.ok, found
+    assert found.cure == ""
+
+
+UNFIT: list[tuple[str, Facts, str]] = [
+    ("identity", but(identity=None), "has not said who it is"),
+    ("identity", but(identity=replace(FIT.identity, sysid=9)), "system 9"),
+    ("identity", but(identity=replace(FIT.identity, autopilot=8)), "system 1, ArduPilot"),
+    ("unique", but(conflict="another sender, at X, uses its system id 1"), "another sender, at X"),
+    ("unique", other(sysid=1), "system 1, as uav2"),
+    ("unique", other(identity=FIT.identity), "the same autopilot as uav2"),
+    ("position", but(age_s=float("inf")), "never heard"),
+    ("position", but(age_s=9.0), "last heard 9 s ago"),
+    ("position", state(lat_deg=None), "tells no position"),
+    ("position", state(ready=False, not_ready=("PreArm: Compass",)), "not ready to arm: PreArm: Compass"),
+    ("gps", but(instruments=None), "did not come"),
+    ("gps", but(instruments=Instruments(None, None, None)), "did not come"),
+    ("gps", gps(fix_type=2), "fix type 2, 9 satellites, HDOP 1.20"),
+    ("gps", gps(satellites=5), "5 satellites"),
+    ("gps", gps(satellites=None), "unknown satellites"),
+    ("gps", gps(hdop=2.1), "HDOP 2.10"),
+    ("gps", gps(hdop=None), "HDOP unknown"),
+    ("home", state(home_lat_deg=None), "it has none"),
+    ("home", state(home_lat_deg=START[0] + 0.001), "home 111 m away"),
+    ("clock", but(clock_offset_s=None), "tells no time of day"),
+    ("clock", but(clock_offset_s=-2.5), "-2.5 s"),
+    ("battery", but(endurance_s=None), "nobody has said how long it flies"),
+    ("battery", state(battery_percent=None), "does not tell its charge"),
+    ("battery", state(battery_percent=38), "38 %"),
+    ("battery", but(flight=None), "no verified route"),
+    ("parameters", but(no_table="no table for X 1.0"), "no table for X 1.0"),
+    ("parameters", but(parameters={}), "FENCE_ENABLE not told"),
+    ("parameters", but(parameters={"FENCE_ENABLE": 0.0}), "FENCE_ENABLE 0"),
+    ("fence", but(fence_items=None), "could not be read"),
+    ("fence", but(fence_items=()), "0 items instead of 4"),
+    ("fence", but(fence_items=fence_items(SQUARE[1:] + SQUARE[:1])), "vertex 0"),
+    ("route", but(plan=None), "no verified route"),
+    ("route", but(plan=plan((0.0, 0.0), (700.0, 300.0), (400.0, 300.0))), "leg 2 of 4 leaves the fence"),
+    ("route", state(lat_deg=START[0] - 0.01), "leg 1 of 3 leaves the fence"),
+    ("route", but(plan=plan((0.0, 0.0), up_m=95.0)), "climbs to 95 m"),
+    ("separation", other(altitude_m=42.5), "0 m over ground from uav2 after 0 s"),
+    ("separation", other(altitude_m=40.0, flight=None), "uav2 flies at 40 m too, and where is not known"),
+    ("separation", but(flight=None, others=(replace(FIT.others[0], altitude_m=40.0),)), "not known here"),
+]
+
+
+@pytest.mark.parametrize(
+    ("name", "facts", "found"), UNFIT, ids=[f"{name}: {found[:24]}" for name, _, found in UNFIT]
+)
+def test_an_unfit_vehicle_fails_with_what_was_found_and_what_to_do(name, facts, found) -> None:
+    result = finding(name, facts)
+    assert not result.ok
+    assert found in result.found
+    assert result.wanted
+    assert result.cure
+
+
+def test_every_check_has_a_row_that_it_fails() -> None:
+    assert {name for name, *_ in UNFIT} == {check.NAME for check in CHECKS}
+
+
+def test_battery_for_the_way_there_and_back_with_a_reserve() -> None:
+    # 16 s up, 550 m at 10 m/s, 40 s down, and 540.8 m straight back: 165 s of 900, and 20 % more.
+    assert finding("battery", FIT).wanted == "38 %: 165 s there and back, 20 % in reserve"
+    assert finding("battery", state(battery_percent=39)).ok
+
+
+def test_routes_at_one_height_may_be_apart_over_ground_or_in_time() -> None:
+    beside = flight((-50.0, -50.0), (400.0, -50.0))
+    assert finding("separation", other(altitude_m=40.0, flight=beside)).ok
+    after = FIT.flight.later(400.0)
+    assert finding("separation", other(altitude_m=40.0, flight=after)).ok

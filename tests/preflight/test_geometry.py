@@ -1,0 +1,66 @@
+"""Fences on a plane, against what many points say."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from swarmctl.preflight.geometry import around, box, contains, convex_hull, stays_inside
+
+COORDINATE = st.floats(-1000.0, 1000.0).map(lambda v: round(v, 2))
+POINT = st.tuples(COORDINATE, COORDINATE)
+SQUARE = ((0.0, 0.0), (100.0, 0.0), (100.0, 100.0), (0.0, 100.0))
+HORSESHOE = (
+    *((0.0, 0.0), (100.0, 0.0), (100.0, 100.0), (70.0, 100.0)),
+    *((70.0, 30.0), (30.0, 30.0), (30.0, 100.0), (0.0, 100.0)),
+)
+
+
+def between(a, b, share):
+    return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
+
+
+@settings(deadline=None, derandomize=True)
+@given(st.lists(POINT, min_size=1, max_size=30), st.floats(1.0, 200.0), st.floats(0.0, 6.3))
+def test_every_point_is_inside_by_the_margin(points, margin_m, angle):
+    fence = around(points, margin_m)
+    # A centimetre is given away where corners are left out.
+    reach_m = 0.98 * margin_m - 0.1
+    for e, n in points:
+        assert contains(fence, (e, n))
+        assert contains(fence, (e + reach_m * math.cos(angle), n + reach_m * math.sin(angle)))
+
+
+def test_a_row_of_points_has_a_fence_of_few_corners():
+    row = [(0.0, 10.0 * i + 1e-6 * (i % 3)) for i in range(250)]
+    assert len(around(row, 50.0)) == 4
+    assert convex_hull([*SQUARE, (50.0, 50.0), (50.0, 0.0)]) == SQUARE
+    assert box([(0.0, 5.0), (3.0, 1.0), (-1.0, 2.0)]) == ((-1.0, 1.0), (3.0, 1.0), (3.0, 5.0), (-1.0, 5.0))
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "stays"),
+    [
+        ((10.0, 10.0), (90.0, 10.0), True),
+        ((10.0, 90.0), (90.0, 90.0), False),  # across the gap, both ends inside
+        ((10.0, 10.0), (150.0, 10.0), False),
+        ((150.0, 10.0), (10.0, 10.0), False),
+        ((-10.0, 50.0), (110.0, 50.0), False),
+        ((10.0, 10.0), (30.0, 30.0), False),  # ends on the edge
+        ((10.0, 20.0), (90.0, 30.0), True),
+    ],
+)
+def test_a_leg_of_a_concave_fence(a, b, stays):
+    assert stays_inside(HORSESHOE, a, b) is stays
+
+
+@settings(deadline=None, derandomize=True)
+@given(POINT, POINT, st.lists(POINT, min_size=3, max_size=8), st.floats(0.0, 1.0))
+def test_of_a_leg_that_stays_inside_every_point_is(a, b, corners, share):
+    hull = convex_hull(corners)
+    assume(len(hull) >= 3)
+    if stays_inside(hull, a, b):
+        assert contains(hull, between(a, b, share))

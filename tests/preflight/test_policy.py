@@ -1,0 +1,123 @@
+"""Which parameters say what is declared, by firmware and version."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from flights import AREA
+
+from swarmctl.config import Config
+from swarmctl.config_preflight import Policy
+from swarmctl.judge import judge
+from swarmctl.mavlink.events import Identity
+from swarmctl.mavlink.firmware import Firmware, firmware_of
+from swarmctl.preflight.policy import Intent, NoTable, Wanted, parameters_for
+
+COPTER, PLANE, PX4 = Firmware("ArduCopter", (4, 6)), Firmware("ArduPlane", (4, 6)), Firmware("PX4", (1, 15))
+
+
+def wanted(firmware: Firmware, **policy: Any) -> dict[str, Wanted]:
+    intent = Intent(Policy(**policy), gcs_sysid=255, altitude_m=40.0, ceiling_m=90.0)
+    return {w.name: w for w in parameters_for(firmware, intent)}
+
+
+@pytest.mark.parametrize(
+    ("firmware", "policy", "name", "good", "bad"),
+    [
+        (COPTER, {"lost_link": "continue"}, "FS_GCS_ENABLE", [0], [1, 5]),
+        (COPTER, {"lost_link": "return"}, "FS_GCS_ENABLE", [1, 3], [0, 2, 4, 5, 7]),
+        (COPTER, {"lost_link": "land"}, "FS_GCS_ENABLE", [5], [0, 1, 4]),
+        (COPTER, {"lost_link": "hold"}, "FS_GCS_ENABLE", [7], [0, 1]),
+        (COPTER, {"lost_link": "land", "lost_link_after_s": 8}, "FS_GCS_TIMEOUT", [8], [5, 9]),
+        (COPTER, {"lost_link": "return"}, "FS_OPTIONS", [0, 16, 1], [2, 18, 19, 0.5]),
+        (COPTER, {"lost_link": "return"}, "SYSID_MYGCS", [255], [1, 252]),
+        (COPTER, {"low_battery": "return"}, "BATT_FS_LOW_ACT", [2, 3], [0, 1, 5]),
+        (COPTER, {"low_battery": "land"}, "BATT_FS_LOW_ACT", [1], [0, 2]),
+        (COPTER, {}, "BATT_LOW_VOLT", [10.5, 21.6], [0]),
+        (COPTER, {}, "FENCE_ENABLE", [1], [0]),
+        (COPTER, {}, "FENCE_TYPE", [5], [0, 1, 4, 7]),
+        (COPTER, {}, "FENCE_ALT_MAX", [40, 60, 90], [39.9, 90.1, 0]),
+        (COPTER, {"fence_breach": "hold"}, "FENCE_ACTION", [4], [0, 1, 2]),
+        (PLANE, {"lost_link": "return"}, "FS_GCS_ENABL", [1], [0, 2]),
+        (PLANE, {"lost_link": "return"}, "FS_LONG_ACTN", [1], [0, 2, 3]),
+        (PLANE, {"lost_link": "continue"}, "FS_GCS_ENABL", [0], [1]),
+        (PX4, {"lost_link": "return"}, "NAV_DLL_ACT", [2], [0, 1, 3, 5, 6]),
+        (PX4, {"lost_link": "hold"}, "NAV_DLL_ACT", [1], [0, 2]),
+        (PX4, {"lost_link": "return", "lost_link_after_s": 12}, "COM_DL_LOSS_T", [12], [10]),
+        (PX4, {"low_battery": "return"}, "COM_LOW_BAT_ACT", [3], [0, 2]),
+        (PX4, {"fence_breach": "land"}, "GF_ACTION", [5], [0, 2, 3, 4]),
+        (PX4, {}, "GF_MAX_VER_DIST", [40, 90], [0, 100]),
+        (PX4, {}, "GF_MAX_HOR_DIST", [0], [200]),
+    ],
+)
+def test_values_that_say_what_is_declared(firmware, policy, name, good, bad) -> None:
+    parameter = wanted(firmware, **policy)[name]
+    assert [value for value in good if not parameter.accepts(float(value))] == []
+    assert [value for value in bad if parameter.accepts(float(value))] == []
+    if parameter.set_to is not None:
+        assert parameter.accepts(parameter.set_to)
+
+
+def test_names_follow_the_version() -> None:
+    watched = {"lost_link": "return"}
+    assert "SYSID_MYGCS" in wanted(Firmware("ArduCopter", (4, 6)), **watched)
+    assert "MAV_GCS_SYSID" in wanted(Firmware("ArduCopter", (4, 7)), **watched)
+    assert "COM_DLL_EXCEPT" not in wanted(Firmware("PX4", (1, 15)), **watched)
+    assert wanted(Firmware("PX4", (1, 16)), **watched)["COM_DLL_EXCEPT"].accepts(4.0)
+    assert not wanted(Firmware("PX4", (1, 16)), **watched)["COM_DLL_EXCEPT"].accepts(1.0)
+
+
+def test_nothing_of_the_link_is_asked_where_losing_it_changes_nothing() -> None:
+    assert not {"FS_GCS_TIMEOUT", "FS_OPTIONS", "SYSID_MYGCS"} & set(wanted(COPTER, lost_link="continue"))
+    assert "COM_DL_LOSS_T" not in wanted(PX4, lost_link="continue")
+
+
+@pytest.mark.parametrize(
+    "firmware", [Firmware("ArduCopter", (4, 4)), Firmware("PX4", (1, 13)), Firmware("", (1, 0))], ids=str
+)
+def test_a_firmware_without_a_table_is_not_guessed(firmware) -> None:
+    with pytest.raises(NoTable, match=r"no table for .*; there is one from ArduCopter 4.5"):
+        wanted(firmware)
+
+
+def test_what_a_firmware_cannot_do_is_said() -> None:
+    with pytest.raises(NoTable, match=r"FENCE_ACTION has no value for policy.fence_breach: land"):
+        wanted(PLANE, fence_breach="land")
+
+
+def test_what_is_written_changes_only_what_is_declared() -> None:
+    options = wanted(COPTER, lost_link="return")["FS_OPTIONS"]
+    assert options.corrected(19.0) == 17.0, "the other bits stay"
+    monitor = wanted(COPTER)["BATT_MONITOR"]
+    assert monitor.corrected(0.0) is None, "what is built in is no matter of policy"
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "kind", "text", "expected"),
+    [
+        (3, 2, "ArduPilot 4.6.2", COPTER),
+        (3, 1, "ArduPilot 4.6.2", PLANE),
+        (12, 2, "PX4 1.15.4", PX4),
+        (12, 2, "PX4", Firmware("PX4", (0, 0))),
+        (8, 2, "INVALID 4.6.0", Firmware("", (4, 6))),
+    ],
+)
+def test_which_firmware_a_vehicle_runs(autopilot, kind, text, expected) -> None:
+    assert firmware_of(Identity(1, autopilot, kind, text, bytes(18))) == expected
+
+
+@pytest.mark.parametrize(
+    ("speedup", "after_s", "refused"), [(10.0, 29, True), (10.0, 30, False), (1.0, 5, False)]
+)
+def test_a_link_is_not_lost_between_two_heartbeats_of_a_fast_simulation(speedup, after_s, refused) -> None:
+    content = {
+        "area": AREA,
+        "threats": {"count": 5},
+        "simulate": {"count": 1, "speedup": speedup},
+        "preflight": {"policy": {"lost_link": "return", "lost_link_after_s": after_s}},
+    }
+    found = [problem.text for problem in judge(Config.model_validate_json(json.dumps(content)))]
+    cure = " give at least 30, or a lower speedup, or lost_link: continue"
+    assert [text.split(";")[1] for text in found] == [cure] * refused

@@ -1,0 +1,193 @@
+"""Swarms that are checked before they fly: what keeps them on the ground, and what an operator may waive."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from flights import Ui, fly, small
+
+from swarmctl import app, parts, virtual
+from swarmctl.app import Manner, Report
+from swarmctl.clock import run_virtual
+from swarmctl.preflight.waivers import Waiver
+from swarmctl.scenario import Scenario
+
+pytestmark = pytest.mark.virtual
+
+Afflict = Callable[..., None]
+
+
+@pytest.fixture
+def afflict(monkeypatch: pytest.MonkeyPatch) -> Afflict:
+    """Has the simulator play other vehicles than a flight asks for: `faults`, and parameters by system id."""
+    made = virtual.scenario_json
+
+    def afflict(*faults: str, params: dict[int, dict[str, float]] | None = None) -> None:
+        def worse(scenario: Scenario) -> dict[str, Any]:
+            content = made(scenario)
+            for vehicle in content["vehicles"]:
+                vehicle["params"] |= (params or {}).get(vehicle["sysid"], {})
+            return {**content, "faults": list(faults)}
+
+        monkeypatch.setattr(virtual, "scenario_json", worse)
+
+    return afflict
+
+
+def checked(scenario: Scenario, folder: Path, *waivers: Waiver, ui: Ui | None = None) -> Report:
+    """The checks alone."""
+    manner = Manner(launch="never", waivers=waivers)
+    folder.mkdir(exist_ok=True)
+    flight = app.fly(
+        scenario, folder, ui or Ui(), clock="virtual", permission=lambda foreign: None, manner=manner
+    )
+    report = run_virtual(flight)
+    if report.bug is not None:
+        raise report.bug
+    return report
+
+
+def failing(report: Report) -> list[tuple[str, str]]:
+    return [
+        (found.vehicle, found.check)
+        for findings in report.checked.values()
+        for found in findings
+        if not found.finding.ok
+    ]
+
+
+AUTOPILOTS = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+
+
+@AUTOPILOTS
+def test_fit_vehicles_pass_every_check_and_none_is_armed(autopilot: str, tmp_path: Path) -> None:
+    report = checked(small(simulate={"count": 2, "ready_s": 1.0, "autopilot": autopilot}), tmp_path)
+    assert (report.ended, report.trouble) == ("ended", ())
+    assert failing(report) == []
+    assert {name: len(findings) for name, findings in report.checked.items()} == {"uav1": 11, "uav2": 11}
+    assert not any(state.armed_seen or state.vehicle.armed for state in report.states.values())
+
+
+WRONG = {
+    "ardupilot": ({"FENCE_ENABLE": 0, "BATT_FS_LOW_ACT": 0}, "FENCE_ENABLE 0", "BATT_FS_LOW_ACT 0"),
+    "px4": ({"GF_ACTION": 4, "COM_LOW_BAT_ACT": 0}, "GF_ACTION 4", "COM_LOW_BAT_ACT 0"),
+}
+
+
+@AUTOPILOTS
+def test_parameters_against_the_policy_are_found_by_their_names(
+    autopilot: str, afflict: Afflict, tmp_path: Path
+) -> None:
+    params, *said = WRONG[autopilot]
+    afflict(params={2: params})
+    report = checked(small(simulate={"count": 2, "ready_s": 1.0, "autopilot": autopilot}), tmp_path)
+    assert failing(report) == [("uav2", "parameters")]
+    (text,) = report.trouble
+    assert text.startswith("uav2: parameters: found ")
+    assert all(part in text for part in said)
+
+
+def test_what_the_policy_declares_is_what_the_parameters_are_compared_with(tmp_path: Path) -> None:
+    policy = {"lost_link": "land", "lost_link_after_s": 20, "low_battery": "land", "fence_breach": "hold"}
+    report = checked(small(preflight={"policy": policy}), tmp_path)
+    assert failing(report) == [], "simulated vehicles come set up as declared"
+
+
+def test_parameters_are_set_only_where_the_configuration_says_so(afflict: Afflict, tmp_path: Path) -> None:
+    afflict(params={1: {"FENCE_ENABLE": 0, "FENCE_ACTION": 0}, 2: {"FENCE_TYPE": 7}})
+    ui = Ui()
+    report = fly(small(preflight={"set_parameters": True}), tmp_path, ui=ui)
+    assert report.all_arrived
+    (said,) = [text for text in ui.said if text.startswith("uav1: set as")]
+    assert said.endswith("FENCE_ENABLE 0 → 1, FENCE_ACTION 0 → 1")
+
+
+def test_the_checks_alone_set_no_parameter(afflict: Afflict, tmp_path: Path) -> None:
+    afflict(params={1: {"FENCE_ENABLE": 0}})
+    report = checked(small(preflight={"set_parameters": True}), tmp_path)
+    assert failing(report) == [("uav1", "parameters")]
+
+
+def test_two_failures_of_two_vehicles_are_one_report_and_nothing_is_armed(
+    afflict: Afflict, tmp_path: Path
+) -> None:
+    afflict("battery_sag:sag_v=0,at_most=0.2,sysid=1", params={3: {"FENCE_ENABLE": 0}})
+    report = fly(small(), tmp_path)
+    assert report.ended == "failed"
+    assert [text.split(": found")[0] for text in report.trouble] == ["uav1: battery", "uav3: parameters"]
+    assert "--waive battery:uav1" in report.trouble[0]
+    assert not any(state.armed_seen for state in report.states.values())
+    written = json.loads((tmp_path / "summary.json").read_text())
+    assert [(c["vehicle"], c["check"]) for c in written["preflight"] if not c["ok"]] == [
+        ("uav1", "battery"),
+        ("uav3", "parameters"),
+    ]
+
+
+def test_what_is_waived_flies_is_said_and_is_recorded(afflict: Afflict, tmp_path: Path) -> None:
+    afflict("battery_sag:sag_v=0,at_most=0.5,sysid=1")
+    scenario, ui = small(preflight={"reserve_percent": 60}), Ui()
+    refused = checked(scenario, tmp_path / "checks")
+    assert failing(refused) == [("uav1", "battery")]
+    manner = Manner(waivers=(Waiver("battery", "uav1"),))
+    (tmp_path / "flight").mkdir()
+    report = run_virtual(
+        app.fly(scenario, tmp_path / "flight", ui, clock="virtual", permission=lambda _: None, manner=manner)
+    )
+    assert report.all_arrived
+    assert "uav1: battery is waived: found 50 %" in ui.said
+    waived = [c for c in report.summary["preflight"] if c["waived"]]
+    assert [(c["vehicle"], c["check"], c["found"]) for c in waived] == [("uav1", "battery", "50 %")]
+
+
+def test_a_waiver_for_one_vehicle_is_not_for_another(afflict: Afflict, tmp_path: Path) -> None:
+    afflict("battery_sag:sag_v=0,at_most=0.2")
+    report = checked(small(), tmp_path, Waiver("battery", "uav2"))
+    assert [text.split(":")[0] for text in report.trouble] == ["uav1", "uav3"]
+
+
+def test_a_clock_out_of_step_is_found(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(parts, "VIRTUAL_EPOCH_NS", parts.VIRTUAL_EPOCH_NS + 5 * 10**9)
+    report = checked(small(), tmp_path)
+    assert failing(report) == [(f"uav{n}", "clock") for n in (1, 2, 3)]
+    assert "uav1: clock: found -5.0 s; wanted a clock within 2 s" in report.trouble[0]
+
+
+def test_a_vehicle_without_satellites_is_found(afflict: Afflict, tmp_path: Path) -> None:
+    afflict("gps_loss:sysid=1")
+    report = checked(small(), tmp_path)
+    assert ("uav1", "gps") in failing(report)
+    assert {name for name, _ in failing(report)} == {"uav1"}
+
+
+def test_a_vehicle_that_does_not_become_ready_is_said_with_what_fails_elsewhere(
+    afflict: Afflict, tmp_path: Path
+) -> None:
+    afflict("sensor_unhealthy:sensor=mag,sysid=1", params={3: {"FENCE_ENABLE": 0}})
+    report = checked(small(flight={"ready_timeout_s": 20.0, "altitude_m": 15.0}), tmp_path)
+    uav1 = {("uav1", "position"), ("uav1", "battery"), ("uav1", "route")}
+    assert set(failing(report)) == {*uav1, ("uav3", "parameters")}
+    assert report.trouble[0].startswith("uav1 (system 1 at memory:fleet): not ready to arm after 20 s")
+    assert "pre-arm checks not passed" in report.trouble[0]
+
+
+def test_a_vehicle_that_refuses_the_fence_is_not_armed(afflict: Afflict, tmp_path: Path) -> None:
+    afflict("mission_refused:result=no_space,for=6,sysid=3")
+    ui = Ui()
+    report = checked(small(simulate={"count": 3, "ready_s": 10.0}), tmp_path, ui=ui)
+    assert failing(report) == [("uav3", "fence")]
+    assert any("uav3" in text and "upload rejected: NO_SPACE" in text for text in ui.said)
+
+
+def test_a_route_out_of_a_fence_of_its_own_is_found_leg_by_leg(tmp_path: Path) -> None:
+    scenario = small()
+    to_geodetic = scenario.grid.frame.to_geodetic
+    corners = [to_geodetic(*c) for c in ((-100, -100), (300, -100), (300, 500), (-100, 500))]
+    polygon = [{"lat_deg": lat, "lon_deg": lon} for lat, lon in corners]
+    report = checked(small(preflight={"fence": {"polygon": polygon}}), tmp_path)
+    assert failing(report) == [(f"uav{n}", "route") for n in (1, 2, 3)]
+    assert "leaves the fence" in report.trouble[0]

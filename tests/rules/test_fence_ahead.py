@@ -1,0 +1,61 @@
+"""A vehicle about to leave the fence."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from facts import Judged, at, facts
+
+from swarmctl.rules import Facts, Fence, Kind, fence_ahead
+
+FENCE = Fence(((-200.0, -200.0), (1200.0, -200.0), (1200.0, 200.0), (-200.0, 200.0)), 60.0)
+"""around the route to the east"""
+
+
+def there(east_m: float, north_m: float, speed_m_s: float = 10.0, **changes: Any) -> Facts:
+    vehicle = at(east_m, north_m, ground_speed_m_s=speed_m_s)
+    return facts(vehicle, **{"fence": FENCE, **changes})
+
+
+def blown_north(speed_m_s: float, **changes: Any) -> dict[int, Kind]:
+    """What is demanded first at which distance from the fence [m], blown off its route."""
+    rule, found = Judged(fence_ahead, off_route_m=15.0, seconds=2.0), {}
+    for north_m in range(0, 230, 2):
+        demand = rule(0.0, there(500.0, float(north_m), speed_m_s, **changes))
+        if demand is not None and demand.kind not in found.values():
+            found[200 - north_m] = demand.kind
+    return found
+
+
+@pytest.mark.parametrize(("speed_m_s", "stops_m"), [(5.0, 15.0), (10.0, 40.0), (15.0, 75.0)])
+def test_it_holds_while_it_can_still_stop_and_returns_from_outside(speed_m_s: float, stops_m: float) -> None:
+    found = blown_north(speed_m_s)
+    (holds_at, hold), (returns_at, back) = found.items()
+    assert (hold, back) == (Kind.HOLD, Kind.RETURN)
+    assert stops_m - 2.0 <= holds_at <= stops_m
+    assert -2.0 <= returns_at <= 0.0
+
+
+def test_on_its_route_no_fence_is_too_near() -> None:
+    rule = Judged(fence_ahead)
+    near = Fence(((-10.0, -20.0), (1005.0, -20.0), (1005.0, 20.0), (-10.0, 20.0)), 60.0)
+    for east_m in range(0, 1000, 5):
+        assert rule(0.0, there(float(east_m), 5.0, 20.0, fence=near)) is None
+
+
+def test_along_the_fence_it_may_fly_on() -> None:
+    rule = Judged(fence_ahead)
+    for east_m in range(0, 1000, 5):
+        assert rule(0.0, there(float(east_m), 195.0)) is None
+
+
+def test_too_high_is_outside_too() -> None:
+    demand = Judged(fence_ahead)(0.0, facts(at(0.0, 0.0, alt_rel_m=61.0), fence=FENCE))
+    assert demand is not None
+    assert demand.why == "outside the fence: 61 m above home, expected at most 60 m"
+
+
+@pytest.mark.parametrize("changes", [{"fence": None}, {"lost": True}, {"doing": "ground"}])
+def test_without_a_fence_on_the_ground_and_unheard_there_is_none_ahead(changes: dict[str, Any]) -> None:
+    assert blown_north(10.0, **changes) == {}

@@ -1,0 +1,58 @@
+"""Whole flights of swarms that speak like PX4, and of mixed ones, on the virtual clock."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from flights import Ui, fly, small
+from pymavlink import mavutil
+
+from swarmctl import config
+from swarmctl.judge import judge
+from swarmctl.scenario import build
+
+pytestmark = pytest.mark.virtual
+
+MIXED = Path(__file__).parent.parent / "configs" / "mixed.yaml"
+ARDUPILOT, PX4 = 3, 12
+
+
+def autopilots(folder: Path, names: tuple[str, ...]) -> list[int]:
+    """MAV_AUTOPILOT of each vehicle, by its own heartbeats in its tlog."""
+    found = []
+    for sysid, name in enumerate(names, start=1):
+        log = mavutil.mavlink_connection(str(folder / f"{name}.tlog"))
+        while (message := log.recv_match(type="HEARTBEAT")) is not None:
+            if message.get_srcSystem() == sysid:
+                found.append(message.autopilot)
+                break
+        log.close()
+    return found
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "expected"),
+    [("px4", [PX4, PX4, PX4]), ("mixed", [ARDUPILOT, PX4, ARDUPILOT])],
+)
+def test_a_swarm_arrives_whatever_its_autopilots_are(autopilot, expected, tmp_path: Path) -> None:
+    simulate = {"count": 3, "ready_s": 3.0, "autopilot": autopilot}
+    ui = Ui()
+    report = fly(small(simulate=simulate), tmp_path, ui=ui)
+    assert report.trouble == ()
+    assert [s.outcome for s in report.states.values()] == ["arrived"] * 3
+    assert sum(s.replans for s in report.states.values()) > 0
+    assert autopilots(tmp_path, ("uav1", "uav2", "uav3")) == expected
+    swaps = [line for line in (*ui.said, *ui.logged) if ": swap: done" in line]
+    assert swaps
+    assert all(line.endswith("stood still for 0.0 s") for line in swaps)
+
+
+def test_the_shipped_mixed_swarm_arrives(tmp_path: Path) -> None:
+    scenario = build(config.load(MIXED, judge))
+    report = fly(scenario, tmp_path)
+    assert [s.outcome for s in report.states.values()] == ["arrived"] * 6
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["configuration"]["simulate"]["autopilot"] == "mixed"
+    assert autopilots(tmp_path, tuple(f"uav{n}" for n in range(1, 7))) == [ARDUPILOT, PX4] * 3
