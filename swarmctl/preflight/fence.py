@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from swarmctl.core.geo import LatLon
+from swarmctl.core.plane import around, box
 from swarmctl.mavlink.fence import MAX_VERTICES
-from swarmctl.preflight.geometry import around, box
 
 if TYPE_CHECKING:
     # A scenario's tasks know their fence.

@@ -12,7 +12,7 @@ from math import dist
 from pydantic import Field
 
 from swarmctl.config_base import Section
-from swarmctl.preflight.geometry import contains
+from swarmctl.core.plane import contains
 from swarmctl.rules.base import Action, Facts, Kind
 from swarmctl.rules.not_following import distance_to
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from itertools import pairwise
 
+from swarmctl.core.plane import stays_inside
 from swarmctl.preflight.facts import Facts, Finding
-from swarmctl.preflight.geometry import stays_inside
 
 NAME = "route"
 WAIVABLE = True

@@ -1,4 +1,4 @@
-"""Polygons on a local plane: points are (east, north) [m]. Pure."""
+"""Polygons and straight legs on a local plane: points are (east, north) [m]. Pure."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from swarmctl.preflight.geometry import around, box, contains, convex_hull, stays_inside
+from swarmctl.core.plane import around, box, contains, convex_hull, stays_inside
 
 COORDINATE = st.floats(-1000.0, 1000.0).map(lambda v: round(v, 2))
 POINT = st.tuples(COORDINATE, COORDINATE)
