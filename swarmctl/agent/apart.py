@@ -10,6 +10,7 @@ from swarmctl.agent.orders import Step, command
 from swarmctl.agent.state import IN_FLIGHT, AgentState, Phase
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
+from swarmctl.core.plane import distance_to_leg
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.separation import Point, Trajectory, intervals, onward
 from swarmctl.separation.watch import Alarm, Heard, clear_height_m, gives_way, watch
@@ -145,18 +146,10 @@ def track_ahead(track: Sequence[Point], here: Point) -> Sequence[Point]:
     """What of a track lies before a vehicle that flies along it: from the end of the leg it is nearest to."""
     best, nearest_m = 0, math.dist(track[0][:2], here[:2])
     for i in range(1, len(track)):
-        away_m = _away_m(track[i - 1], track[i], here)
+        away_m = distance_to_leg(here[:2], track[i - 1][:2], track[i][:2])
         if away_m < nearest_m - 1e-6:  # else it is at a corner, which is still to be passed
             best, nearest_m = i, away_m
     return track[best:]
-
-
-def _away_m(a: Point, b: Point, here: Point) -> float:
-    east, north = b[0] - a[0], b[1] - a[1]
-    squared = east * east + north * north
-    share = ((here[0] - a[0]) * east + (here[1] - a[1]) * north) / squared if squared > 0.0 else 0.0
-    share = min(max(share, 0.0), 1.0)
-    return math.hypot(here[0] - a[0] - share * east, here[1] - a[1] - share * north)
 
 
 def _along(points: Sequence[Point], speed_m_s: float, from_s: float, for_s: float) -> Trajectory:

@@ -12,6 +12,21 @@ STRAIGHT_M = 0.01
 Point = tuple[float, float]
 
 
+def distance_to_leg(point: Point, a: Point, b: Point) -> float:
+    """From a point to the nearest of the straight leg from a to b, in their unit."""
+    (ax, ay), (bx, by) = a, b
+    squared = (bx - ax) ** 2 + (by - ay) ** 2
+    share = ((point[0] - ax) * (bx - ax) + (point[1] - ay) * (by - ay)) / squared if squared else 0.0
+    share = min(max(share, 0.0), 1.0)
+    return dist(point, (ax + share * (bx - ax), ay + share * (by - ay)))
+
+
+def distance_to_track(point: Point, track: Sequence[Point]) -> float:
+    """From a point to the nearest of a track of one point or more."""
+    legs = (distance_to_leg(point, a, b) for a, b in pairwise(track))
+    return min(legs, default=dist(point, track[0]))
+
+
 def around(points: Sequence[Point], margin_m: float) -> tuple[Point, ...]:
     """The convex polygon, counter-clockwise, that has every point at least `margin_m` inside."""
     m = margin_m

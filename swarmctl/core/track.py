@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl.core.grid import Cell
+from swarmctl.core.plane import distance_to_leg
 
 Floats = NDArray[np.float64]
 Point = tuple[float, float]
@@ -151,15 +152,9 @@ def is_clear(threat: Threat, points: Sequence[Point], margin: float = WALL_MARGI
         # What is that near the track is a corner of a cell under it.
         for y, x in {(row + up, col + right) for row, col in cells for up in (0, 1) for right in (0, 1)}:
             around = ((y - 1, x - 1), (y - 1, x), (y, x - 1), (y, x))
-            if any(is_wall(*cell) for cell in around) and _distance((x, y), a, b) <= margin + CORNER_WAY:
+            if (
+                any(is_wall(*cell) for cell in around)
+                and distance_to_leg((x, y), a, b) <= margin + CORNER_WAY
+            ):
                 return False
     return True
-
-
-def _distance(p: Point, a: Point, b: Point) -> float:
-    """From a point to a straight leg."""
-    (ax, ay), (bx, by) = a, b
-    squared = (bx - ax) ** 2 + (by - ay) ** 2
-    share = ((p[0] - ax) * (bx - ax) + (p[1] - ay) * (by - ay)) / squared if squared else 0.0
-    share = min(max(share, 0.0), 1.0)
-    return math.dist(p, (ax + share * (bx - ax), ay + share * (by - ay)))

@@ -12,9 +12,8 @@ from math import dist
 from pydantic import Field
 
 from swarmctl.config_base import Section
-from swarmctl.core.plane import contains
+from swarmctl.core.plane import contains, distance_to_track
 from swarmctl.rules.base import Action, Facts, Kind
-from swarmctl.rules.not_following import distance_to
 
 NAME = "fence_ahead"
 
@@ -75,7 +74,7 @@ def _leaves(params: Params, memory: Memory, facts: Facts, corners: tuple[Point, 
     if memory.course is None or facts.way is None:
         return False
     track = tuple(facts.frame.to_local(*point) for point in facts.way.points)
-    if distance_to(track, here) <= params.off_route_m:
+    if distance_to_track(here, track) <= params.off_route_m:
         return False
     speed = facts.vehicle.ground_speed_m_s
     stops_m = speed * params.seconds + speed * speed / (2.0 * BRAKES_M_S2)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
-from math import hypot
 from typing import Literal
 
 from pydantic import Field
 
 from swarmctl.config_base import Section
+from swarmctl.core.plane import distance_to_track
 from swarmctl.rules.base import Action, Facts, Kind, held_for, lasts
 
 NAME = "not_following"
@@ -51,7 +49,7 @@ def judge(
     if memory is None or memory.plan_id != way.plan_id:
         track = (here, *(facts.frame.to_local(*point) for point in way.points))
         memory = Memory(way.plan_id, track)
-    away_m = distance_to(memory.track_m, here)
+    away_m = distance_to_track(here, memory.track_m)
     still = facts.vehicle.ground_speed_m_s < STANDS_M_S and abs(facts.vehicle.climb_m_s) < STANDS_CLIMB_M_S
     off_since_s = held_for(memory.off_since_s, away_m > params.metres, now)
     still_since_s = held_for(memory.still_since_s, still, now)
@@ -65,19 +63,3 @@ def judge(
         mode = facts.vehicle.mode
         demanded = Action(Kind(params.action), f"in mode {mode}, and has not moved for {params.seconds:g} s")
     return Memory(way.plan_id, memory.track_m, off_since_s, still_since_s, demanded), demanded
-
-
-def distance_to(track_m: Sequence[Point], here_m: Point) -> float:
-    """From a point to the nearest of a track [m]; points are (east, north) [m], at least one."""
-    nearest = hypot(here_m[0] - track_m[0][0], here_m[1] - track_m[0][1])
-    for begin, end in pairwise(track_m):
-        nearest = min(nearest, _to_leg(begin, end, here_m))
-    return nearest
-
-
-def _to_leg(begin: Point, end: Point, here: Point) -> float:
-    east, north = end[0] - begin[0], end[1] - begin[1]
-    length2 = east * east + north * north
-    along = ((here[0] - begin[0]) * east + (here[1] - begin[1]) * north) / length2 if length2 > 0.0 else 0.0
-    along = min(max(along, 0.0), 1.0)
-    return hypot(here[0] - begin[0] - along * east, here[1] - begin[1] - along * north)

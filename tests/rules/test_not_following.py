@@ -10,8 +10,8 @@ from facts import Judged, at, facts
 from hypothesis import given
 from hypothesis import strategies as st
 
+from swarmctl.core.plane import distance_to_track
 from swarmctl.rules import Kind, Way, not_following
-from swarmctl.rules.not_following import distance_to
 
 LIMITS = {"metres": 50.0, "seconds": 10.0}
 
@@ -74,7 +74,7 @@ POINTS = st.tuples(COORDINATES, COORDINATES)
 def test_the_distance_to_a_track_is_the_least_to_any_of_its_points(
     track: list[tuple[float, float]], here: tuple[float, float]
 ) -> None:
-    found = distance_to(track, here)
+    found = distance_to_track(here, track)
     legs = list(pairwise(track)) or [(track[0], track[0])]
     sampled = min(
         hypot(a[0] + k * (b[0] - a[0]) - here[0], a[1] + k * (b[1] - a[1]) - here[1])
