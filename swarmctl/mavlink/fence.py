@@ -14,7 +14,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.mission_download import Download, DownloadOutcome, DownloadResult
-from swarmctl.mavlink.mission_upload import Upload, UploadOutcome, UploadResult
+from swarmctl.mavlink.mission_upload import Upload
+from swarmctl.mavlink.placing import verified
 from swarmctl.mavlink.procedure import Context, Procedure
 from swarmctl.mavlink.procedures import Done
 from swarmctl.mavlink.wait import wait
@@ -64,26 +65,15 @@ def put_fence(ctx: Context, items: tuple[MissionItem, ...]) -> Procedure[Done]:
     """Upload to a vehicle that stands disarmed, read back, compare; tried again where that may cure it."""
     if ctx.state.armed:
         return Done("it is armed; a fence is changed on the ground, disarmed")
-    failure = "not tried"
-    for attempt in range(_TRIES):
-        if attempt:
-            # A vehicle still in the old transfer would take items of the new one into it.
-            yield wait(ctx.dialect.upload_timeout_s)
-        result: UploadResult = yield Upload(ctx.peer, items, FENCE)
-        failure = result.text
-        if result.outcome is UploadOutcome.REJECTED:
-            return Done(failure)
-        if result.outcome in (UploadOutcome.DENIED, UploadOutcome.NO_ANSWER):
-            continue
-        found = yield from read_fence(ctx)
-        if found.outcome is DownloadOutcome.COMPLETE:
-            gaps = fence_differences(items, found.items)
-            if not gaps:
-                return Done()
-            failure = f"{failure}; read back: {gaps[0]}"
-        else:
-            failure = f"{failure}; {found.text}"
-    return Done(failure)
+
+    def upload() -> Upload:
+        return Upload(ctx.peer, items, FENCE)
+
+    def differences(found: tuple[MissionItem, ...]) -> tuple[str, ...]:
+        return fence_differences(items, found)
+
+    placed = yield from verified(ctx, upload, read_fence, differences, _TRIES)
+    return Done(placed.failure)
 
 
 def read_fence(ctx: Context) -> Procedure[DownloadResult]:

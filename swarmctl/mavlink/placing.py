@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from swarmctl.core.mission import MissionItem
@@ -15,44 +16,63 @@ UPLOAD_TRIES = 3
 DOWNLOAD_TRIES = 4
 
 
-@dataclass(frozen=True, slots=True)
-class Placed(Done):
-    """How it ended, and what was read back last; None where nothing could be."""
-
-    found: tuple[MissionItem, ...] | None = None
-
-
 def put(
     ctx: Context, items: tuple[MissionItem, ...], current: int | None = None, tries: int = UPLOAD_TRIES
-) -> Procedure[Placed]:
+) -> Procedure[Done]:
     """Upload, read back, compare; tried again after what another try can cure.
 
     Ends without failure only if exactly `items` are on the vehicle. `current` is marked as the one to fly.
     """
     ctx.on_vehicle, ctx.flown_from = (), ctx.dialect.first_waypoint_seq
-    failure, found = "not tried", None
+
+    def upload() -> Upload:
+        return Upload(ctx.peer, items, current=current)
+
+    def differences(found: tuple[MissionItem, ...]) -> tuple[str, ...]:
+        return ctx.dialect.differences(items, found)
+
+    placed = yield from verified(ctx, upload, read_back, differences, tries)
+    if placed.failure is None:
+        ctx.on_vehicle = placed.found
+    return Done(placed.failure)
+
+
+@dataclass(frozen=True, slots=True)
+class Placed(Done):
+    """How it ended, and what was read back where that is as sent."""
+
+    found: tuple[MissionItem, ...] = ()
+
+
+def verified(
+    ctx: Context,
+    upload: Callable[[], Upload],
+    read: Callable[[Context], Procedure[DownloadResult]],
+    differences: Callable[[tuple[MissionItem, ...]], tuple[str, ...]],
+    tries: int,
+) -> Procedure[Placed]:
+    """A list of items of any kind onto a vehicle; `differences` of what is read back from what is sent."""
+    failure = "not tried"
     for attempt in range(tries):
         if attempt:
             # A vehicle still in the old transfer would take items of the new one into it.
             yield wait(ctx.dialect.upload_timeout_s)
-        result: UploadResult = yield Upload(ctx.peer, items, current=current)
+        result: UploadResult = yield upload()
         failure = result.text
         if result.outcome is UploadOutcome.REJECTED:
             break
         if result.outcome in (UploadOutcome.DENIED, UploadOutcome.NO_ANSWER):
             continue
         # Also after a time-out: the items may all be there and only the last word lost.
-        read = yield from read_back(ctx)
-        if read.outcome is not DownloadOutcome.COMPLETE:
-            failure = f"{failure}; {read.text}"
+        there = yield from read(ctx)
+        if there.outcome is not DownloadOutcome.COMPLETE:
+            failure = f"{failure}; {there.text}"
             continue
-        found = read.items
-        gaps = ctx.dialect.differences(items, found)
+        gaps = differences(there.items)
         if not gaps:
-            ctx.on_vehicle = found
-            return Placed(None, found)
+            return Placed(None, there.items)
         failure = f"{failure}; read back: {gaps[0]}"
-    return Placed(failure, found)
+    return Placed(failure)
 
 
 def read_back(ctx: Context, first: int = 0) -> Procedure[DownloadResult]:

@@ -14,7 +14,7 @@ from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.mavlink.command import Command, CommandResult
 from swarmctl.mavlink.conversation import Conversation, Peer
 from swarmctl.mavlink.dialects.base import Readiness
-from swarmctl.mavlink.dialects.plan import LAND, TAKEOFF, WAYPOINT, item_at, track_to_land
+from swarmctl.mavlink.dialects.plan import LAND, TAKEOFF, WAYPOINT, differences, item_at, track_to_land
 
 _MODES: Mapping[int, str] = MappingProxyType(
     {
@@ -98,14 +98,8 @@ class ArduCopter:
     def differences(
         self, sent: Sequence[MissionItem], found: Sequence[MissionItem], first: int = 0
     ) -> tuple[str, ...]:
-        if len(sent) != len(found):
-            return (f"{len(found)} items instead of {len(sent)}",)
-        return tuple(
-            f"item {seq}: sent {a}, found {b}"
-            for seq, (a, b) in enumerate(zip(sent, found, strict=True), first)
-            # Item 0 is home: the vehicle's, not ours.
-            if seq > 0 and not _same(a, b)
-        )
+        # Item 0 is home: the vehicle's, not ours.
+        return differences(sent, found, first, lambda seq, a, b: seq == 0 or _same(a, b))
 
     def set_current(self, peer: Peer, seq: int, attempt: int) -> Conversation[CommandResult]:
         return Command(peer, mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, float(seq), confirmation=attempt)

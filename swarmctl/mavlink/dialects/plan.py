@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from math import isfinite
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -33,6 +34,22 @@ def track_to_land(plan: FlightPlan) -> tuple[Waypoint, ...]:
 
 def item_at(command: int, frame: int, point: Waypoint, alt_m: float) -> MissionItem:
     return MissionItem(command, frame, round(point.lat_deg * 1e7), round(point.lon_deg * 1e7), alt_m)
+
+
+def differences(
+    sent: Sequence[MissionItem],
+    found: Sequence[MissionItem],
+    first: int,
+    same: Callable[[int, MissionItem, MissionItem], bool],
+) -> tuple[str, ...]:
+    """As of `Dialect.differences`; `same` is told which item of the vehicle's list it is."""
+    if len(sent) != len(found):
+        return (f"{len(found)} items instead of {len(sent)}",)
+    return tuple(
+        f"item {seq}: sent {a}, found {b}"
+        for seq, (a, b) in enumerate(zip(sent, found, strict=True), first)
+        if not same(seq, a, b)
+    )
 
 
 def _check(what: str, point: Waypoint) -> None:

@@ -13,7 +13,7 @@ from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
 from swarmctl.mavlink.command import CommandResult
 from swarmctl.mavlink.conversation import Conversation, Peer
 from swarmctl.mavlink.dialects.base import Readiness
-from swarmctl.mavlink.dialects.plan import LAND, TAKEOFF, WAYPOINT, item_at, track_to_land
+from swarmctl.mavlink.dialects.plan import LAND, TAKEOFF, WAYPOINT, differences, item_at, track_to_land
 from swarmctl.mavlink.mission_current import SetCurrent
 
 _AUTO = 4
@@ -119,13 +119,7 @@ class Px4Copter:
         self, sent: Sequence[MissionItem], found: Sequence[MissionItem], first: int = 0
     ) -> tuple[str, ...]:
         """Everything is kept as sent, but for frames, which are read back by their `_INT` numbers."""
-        if len(sent) != len(found):
-            return (f"{len(found)} items instead of {len(sent)}",)
-        return tuple(
-            f"item {seq}: sent {a}, found {b}"
-            for seq, (a, b) in enumerate(zip(sent, found, strict=True), first)
-            if not _same(a, b)
-        )
+        return differences(sent, found, first, lambda _seq, a, b: _same(a, b))
 
     def set_current(self, peer: Peer, seq: int, attempt: int) -> Conversation[CommandResult]:
         """By message: MAV_CMD_DO_SET_MISSION_CURRENT is unsupported."""
