@@ -29,14 +29,13 @@ from swarmctl.config_arrival import Together
 from swarmctl.config_base import Section as _Section
 from swarmctl.config_communication import Communication
 from swarmctl.config_count import Count
-from swarmctl.config_links import Links
+from swarmctl.config_links import Links, MavlinkUrl
 from swarmctl.config_preflight import Preflight
 from swarmctl.config_rules import Rules
 from swarmctl.config_separation import Separation
 from swarmctl.core.corners import Counting
 from swarmctl.core.sensor import SensorModel
 from swarmctl.core.threat import FiringStrength
-from swarmctl.links.url import parse_url
 from swarmctl.planners import PLANNERS, method
 
 Cell = tuple[int, int]
@@ -46,11 +45,6 @@ def _planner(name: str) -> str:
     if name not in PLANNERS:
         raise ValueError(f"no planner of this name; there is {', '.join(sorted(PLANNERS))}")
     return name
-
-
-def _url(text: str) -> str:
-    parse_url(text)
-    return text
 
 
 def _cells(value: Any) -> Any:
@@ -177,7 +171,7 @@ class Simulate(_Section):
     autopilot: Literal["ardupilot", "px4", "mixed"] = Field(
         "ardupilot", description="which one they speak like; mixed: by turns, ArduPilot first"
     )
-    url: Annotated[str, AfterValidator(_url)] = Field(
+    url: MavlinkUrl = Field(
         "udpin://127.0.0.1:0", description="where the ground station listens for them; port 0: any free one"
     )
     home_alt_amsl_m: float = Field(300.0, ge=-400.0, le=8000.0, description="of the ground [m]")
@@ -208,7 +202,7 @@ class Vehicle(_Section):
     """A vehicle reached by its MAVLink URL."""
 
     name: str = Field(pattern=r"^[A-Za-z0-9_.-]{1,32}$")
-    url: Annotated[str, AfterValidator(_url)]
+    url: MavlinkUrl
     sysid: int = Field(ge=1, le=254)
     link: LinkName = Field(
         "direct", description="who speaks to it: direct (this program) or mavsdk (MAVSDK's stack, optional)"

@@ -15,10 +15,13 @@ def _url(text: str) -> str:
     return text
 
 
+MavlinkUrl = Annotated[str, AfterValidator(_url)]
+
+
 class Links(Section):
     """What is common to the links of all vehicles."""
 
-    forward: tuple[Annotated[str, AfterValidator(_url)], ...] = Field(
+    forward: tuple[MavlinkUrl, ...] = Field(
         (),
         description="MAVLink URLs to which everything heard from vehicles and sent to them goes unaltered, "
         "for QGroundControl or Mission Planner to watch, such as udpout:127.0.0.1:14550",

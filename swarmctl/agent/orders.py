@@ -153,8 +153,9 @@ def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) ->
 
 
 def command(state: AgentState, order: ev.Order) -> Step:
-    state = replace(state, ordered=order, order_seen=False, order_again_at_s=math.inf)
-    return replace(state, orders_given=state.orders_given + 1), [ev.Command(order)]
+    n = state.orders_given + 1
+    state = replace(state, ordered=order, order_seen=False, order_again_at_s=math.inf, orders_given=n)
+    return state, [ev.Command(order)]
 
 
 def launch_if_possible(state: AgentState) -> Step:
