@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import gc
 import os
 import subprocess
 import sys
@@ -39,6 +38,7 @@ from swarmctl.core.belief import Belief
 from swarmctl.core.frames import Frame, Seal, StateShared
 from swarmctl.core.observation import Observation, Told
 from swarmctl.core.sensor import PERFECT, SensorModel
+from swarmctl.garbage import settle
 
 SWARM = "bench"
 ROWS = COLS = 100
@@ -166,8 +166,7 @@ def in_one_process(
         flights = asyncio.gather(*(agent.fly(rate_per_s, begin_s, seconds) for agent in agents))
         await asyncio.sleep(1.4)
         # As `fly` and `agent` do before they fly.
-        gc.collect()
-        gc.freeze()
+        settle()
         await asyncio.sleep(begin_s - asyncio.get_running_loop().time())
         cpu_s, wall_s = time.process_time(), time.monotonic()
         await flights
@@ -209,6 +208,7 @@ async def member(there: str, uav: int, n: int, rate_per_s: float, seconds: float
         network = Network(transport, SWARM, range(1, n + 1), NodeOptions(ROWS, COLS), clock=clock())
         heard = Heard()
         agent = Agent(network, uav, heard)
+        settle()
         while not bus.connected:  # noqa: ASYNC110 - nobody tells, and it is not measured
             await asyncio.sleep(0.05)
         print("ready", flush=True)
@@ -352,6 +352,7 @@ async def fly_an_hour(n: int, minutes: Sequence[int]) -> None:
     options = NodeOptions(ROWS, COLS, perfect_sensors=False)
     network = Network(MemoryBus(), SWARM, range(1, n + 1), options, clock=RunClock(1.8e9))
     agents = [Agent(network, uav, Heard(), ROWS, ERRING) for uav in range(1, n + 1)]
+    settle()
     for second in range(60 * minutes[-1]):
         for agent in agents:
             agent.look()

@@ -19,6 +19,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "swarmctl.bus": {"swarmctl.core"},
     "swarmctl.picture": {"swarmctl.core"},
     "swarmctl.clock": set(),
+    "swarmctl.garbage": set(),
     "swarmctl.supervise": set(),
     "swarmctl.yaml_lines": set(),
     "swarmctl.planfile": {"swarmctl.core"},

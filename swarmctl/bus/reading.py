@@ -10,7 +10,7 @@ import msgspec
 
 from swarmctl.bus.exchange import Took
 from swarmctl.core.frames import MAX_INNER_BYTES, Frame, Refused, Seal, StateShared, Why
-from swarmctl.core.observation import Checkpoint, Observation, Source, cells_of, mark_of
+from swarmctl.core.observation import Checkpoint, Observation, Source, mark_of, named
 
 CACHED = 16_384
 CACHED_BYTES = 1024
@@ -52,7 +52,7 @@ def reader(seal: Seal, rows: int, cols: int) -> Read:
         if isinstance(content, Observation):
             _check_once(content)
             with _outside():
-                cells_of(content, rows, cols)
+                named(content, rows, cols)
             clear, occupied = (
                 frozenset(row * cols + col for row, col, is_so in content.cells if is_so == wanted)
                 for wanted in (False, True)

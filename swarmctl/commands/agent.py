@@ -24,7 +24,6 @@ from swarmctl.commands.flying import (
     confirmed,
     forwarded,
     permission,
-    settle,
     terminal,
     waivers_of,
 )
@@ -41,6 +40,7 @@ from swarmctl.commands.shared import (
 )
 from swarmctl.core.roster import meant_by
 from swarmctl.director import Permission
+from swarmctl.garbage import settle
 from swarmctl.keyring.files import KeyringError
 from swarmctl.keyring.use import Keyring
 from swarmctl.links.url import parse_url

@@ -20,7 +20,6 @@ from swarmctl.commands.flying import (
     confirmed,
     forwarded,
     permission,
-    settle,
     terminal,
     waivers_of,
 )
@@ -35,6 +34,7 @@ from swarmctl.commands.shared import (
     run_folder,
 )
 from swarmctl.evidence.book import Signer
+from swarmctl.garbage import settle
 from swarmctl.keyring.files import KeyringError
 from swarmctl.preflight import machine
 from swarmctl.scenario import Scenario

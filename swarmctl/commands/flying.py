@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -82,12 +81,6 @@ def forwarded(scenario: Scenario, urls: Sequence[str]) -> Scenario:
     config = scenario.config
     links = config.links.model_copy(update={"forward": (*config.links.forward, *urls)})
     return replace(scenario, config=config.model_copy(update={"links": links}))
-
-
-def settle() -> None:
-    """What is loaded by now stays: full collections of garbage, which hold up every link, pass it over."""
-    gc.collect()
-    gc.freeze()
 
 
 def conclude(report: Report, scenario: Scenario, folder: Path) -> None:

@@ -15,7 +15,7 @@ from swarmctl.bus.routes import SaidOnce
 from swarmctl.clock import run_virtual
 from swarmctl.commands.finishing import unbroken
 from swarmctl.commands.fly import Clock, ClockOption
-from swarmctl.commands.flying import WaiveOption, settle, terminal, waivers_of
+from swarmctl.commands.flying import WaiveOption, terminal, waivers_of
 from swarmctl.commands.loading import scenario_of
 from swarmctl.commands.shared import (
     EXPECTED,
@@ -27,6 +27,7 @@ from swarmctl.commands.shared import (
     fail,
     out,
 )
+from swarmctl.garbage import settle
 from swarmctl.preflight import machine, report
 from swarmctl.scenario import Scenario
 

@@ -11,7 +11,16 @@ from numpy.typing import NDArray
 
 from swarmctl.core import occupancy
 from swarmctl.core.hostiles import HostileCount
-from swarmctl.core.observation import CELL, Cells, Checkpoint, Counts, Observation, Source, Told, cells_of
+from swarmctl.core.observation import (
+    CELL,
+    Checkpoint,
+    Counts,
+    Named,
+    Observation,
+    Source,
+    Told,
+    named,
+)
 from swarmctl.core.occupancy import Classes
 from swarmctl.core.sensor import PERFECT, SensorModel
 
@@ -28,18 +37,25 @@ class Log:
     nothing. Who merges into a belief whose log has grown beyond it begins a log of its own.
     """
 
-    __slots__ = ("at", "cells", "items", "n_covered")
+    __slots__ = ("at", "items", "n_covered")
 
-    def __init__(self, items: Iterable[Observation] = (), cells: Iterable[Cells] = ()) -> None:
+    def __init__(self, items: Iterable[Named] = ()) -> None:
         self.items = list(items)
-        self.cells = list(cells)
-        """of each item"""
-        self.at: dict[Source, dict[int, int]] = {}
-        """source -> sequence number -> where in the log"""
+        self.at = {item.name: where for where, item in enumerate(self.items)}
+        """name -> where in the log"""
         self.n_covered = 0
         """about how many a checkpoint stands for by now; they go when they are the greater part"""
-        for where, seen in enumerate(self.items):
-            self.at.setdefault(seen.source, {})[seen.seq] = where
+
+    def of(self, source: Source, after: int, upto: int, n: int) -> list[int]:
+        """Where, in the first `n`, the observations of these sequence numbers are, without the first."""
+        if upto - after < n:
+            places = [self.at.get((*source, seq), n) for seq in range(after + 1, upto + 1)]
+            return [where for where in places if where < n]
+        return [
+            where
+            for where, item in enumerate(self.items[:n])
+            if item.seen.source == source and after < item.seen.seq <= upto
+        ]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,12 +69,12 @@ class Looked:
         """One that can be written to."""
         return Looked(self.looks.copy(), self.hits.copy())
 
-    def count(self, seen: Sequence[Cells], sign: np.int32 = ONCE) -> None:
+    def count(self, seen: Sequence[Named], sign: np.int32 = ONCE) -> None:
         """Cells may be named several times."""
         if seen:
             # With a plain int, or another type, `add.at` takes forty times as long.
-            np.add.at(self.looks.ravel(), _joined(cells for cells, _ in seen), sign)
-            np.add.at(self.hits.ravel(), _joined(occupied for _, occupied in seen), sign)
+            np.add.at(self.looks.ravel(), _joined(item.cells[0] for item in seen), sign)
+            np.add.at(self.hits.ravel(), _joined(item.cells[1] for item in seen), sign)
 
     def change(self, counts: Counts, sign: int) -> None:
         self.looks.ravel()[counts.cells] += sign * counts.looks
@@ -136,23 +152,19 @@ class Belief:
             base, upto = self._counted_all, n
         else:
             base, upto = self._base, self._counted
-        items, (rows, cols) = log.items, base.looks.shape
+        items, at, (rows, cols) = log.items, log.at, base.looks.shape
         for seen in told:
             assert isinstance(seen, Observation)
-            source, seq = (seen.observer, seen.incarnation), seen.seq
-            at = log.at.get(source)
-            if at is None:
-                at = log.at[source] = {}
-            elif seq in at:
-                known = items[at[seq]]
-                if known is not seen and known != seen:
-                    raise ValueError(seen.two_contents)
-                continue
-            if checkpoints and (before := checkpoints.get(source)) is not None and seq <= before.upto:
-                continue
-            log.cells.append(cells_of(seen, rows, cols))
-            at[seq] = len(items)
-            items.append(seen)
+            item = named(seen, rows, cols)
+            stands = checkpoints.get(seen.source) if checkpoints else None
+            if stands is None or seen.seq > stands.upto:
+                where = at.setdefault(item.name, len(items))
+            else:
+                where = at.get(item.name, -1)
+            if where == len(items):
+                items.append(item)
+            elif where >= 0 and items[where] is not item and items[where].seen != seen:
+                raise ValueError(seen.two_contents)
         if len(items) == n:
             return self
         return Belief(self.count, self.sensor, base, upto, log, len(items), checkpoints)
@@ -161,8 +173,7 @@ class Belief:
         """A log of its own, without what checkpoints stand for."""
         upto = {source: checkpoint.upto for source, checkpoint in self._checkpoints.items()}
         items = self._log.items[: self._n]
-        held = [where for where, seen in enumerate(items) if seen.seq > upto.get(seen.source, 0)]
-        return Log((items[where] for where in held), (self._log.cells[where] for where in held))
+        return Log(item for item in items if item.seen.seq > upto.get(item.seen.source, 0))
 
     def _advance(self, told: list[Checkpoint]) -> Belief:
         """What was counted one by one, or by an earlier checkpoint, is counted by a later one instead.
@@ -176,11 +187,11 @@ class Belief:
             before = checkpoints.get(to.source)
             if before is not None and to.upto <= before.upto:
                 continue
-            at, after = self._log.at.get(to.source, {}), 0 if before is None else before.upto
-            covered = [where for seq, where in at.items() if after < seq <= to.upto and where < self._n]
+            after = 0 if before is None else before.upto
+            covered = self._log.of(to.source, after, to.upto, self._n)
             n_covered += len(covered)
             looked.change(to.counts(size), 1)
-            looked.count([self._log.cells[where] for where in covered], -ONCE)
+            looked.count([self._log.items[where] for where in covered], -ONCE)
             if before is not None:
                 looked.change(before.counts(size), -1)
             checkpoints[to.source] = to
@@ -214,7 +225,7 @@ class Belief:
             looked = self._base
             if self._counted < self._n:
                 looked = looked.copy()
-                looked.count(self._log.cells[self._counted : self._n])
+                looked.count(self._log.items[self._counted : self._n])
             self._counted_all = looked.sealed()
         return self._counted_all
 
@@ -287,7 +298,7 @@ class Belief:
 
     def told(self) -> Iterator[Told]:
         """Everything held, in order of observer, incarnation and sequence."""
-        items: list[Told] = [*self._checkpoints.values(), *self._held().items]
+        items: list[Told] = [*self._checkpoints.values(), *(item.seen for item in self._held().items)]
 
         def place(item: Told) -> tuple[Source, int]:
             return item.source, 0 if isinstance(item, Checkpoint) else item.seq
@@ -297,13 +308,9 @@ class Belief:
     def n_cells_from(self, observer: int) -> int:
         """How many different cells this observer has told of."""
         cells: set[int] = set()
-        for source, at in self._log.at.items():
-            if source[0] != observer:
-                continue
-            upto = self._checkpoints[source].upto if source in self._checkpoints else 0
-            for seq, where in at.items():
-                if seq > upto and where < self._n:
-                    cells.update(_joined((self._log.cells[where][0],)).tolist())
+        for item in self._held().items:
+            if item.seen.observer == observer:
+                cells.update(_joined((item.cells[0],)).tolist())
         for (whose, _), checkpoint in self._checkpoints.items():
             if whose == observer:
                 cells.update(checkpoint.counts(self.looks.size).cells.tolist())

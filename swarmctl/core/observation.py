@@ -148,16 +148,25 @@ def mark_of(seen: Observation) -> int:
     return int.from_bytes(blake2b(_encode(seen), digest_size=8).digest()) >> 1
 
 
-_cells: dict[int, tuple[Observation, int, int, Cells]] = {}
+class Named(msgspec.Struct, frozen=True, gc=False):
+    """An observation as all beliefs of a process hold it."""
+
+    seen: Observation
+    name: tuple[int, int, int]
+    """observer, incarnation, sequence number"""
+    cells: Cells
+
+
+_named: dict[int, tuple[Named, int, int]] = {}
 """By identity, which a held observation keeps: to hash one takes longer than to work its cells out."""
 MAX_HELD = 16_384
 
 
-def cells_of(seen: Observation, rows: int, cols: int) -> Cells:
+def named(seen: Observation, rows: int, cols: int) -> Named:
     """Made once for all UAVs of a process. Raises ValueError where a cell lies outside the area."""
-    held = _cells.get(id(seen))
-    if held is not None and held[0] is seen and held[1] == rows and held[2] == cols:
-        return held[3]
+    held = _named.get(id(seen))
+    if held is not None and held[0].seen is seen and held[1] == rows and held[2] == cols:
+        return held[0]
     for row, col, _ in seen.cells:
         if row >= rows or col >= cols or row < 0 or col < 0:
             raise ValueError(
@@ -166,10 +175,11 @@ def cells_of(seen: Observation, rows: int, cols: int) -> Cells:
             )
     looked = np.array([row * cols + col for row, col, _ in seen.cells], dtype=CELL).tobytes()
     occupied = np.array([row * cols + col for row, col, here in seen.cells if here], dtype=CELL).tobytes()
-    if len(_cells) >= MAX_HELD:
-        _cells.clear()
-    _cells[id(seen)] = seen, rows, cols, (looked, occupied)
-    return looked, occupied
+    if len(_named) >= MAX_HELD:
+        _named.clear()
+    made = Named(seen, (seen.observer, seen.incarnation, seen.seq), (looked, occupied))
+    _named[id(seen)] = made, rows, cols
+    return made
 
 
 @lru_cache(maxsize=128)  # of a large area, half a megabyte each
