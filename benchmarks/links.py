@@ -1,11 +1,11 @@
 """What the links take: uploads and swaps over bad radio, and CPU; `direct` beside `mavsdk`.
 
-Run: `pip install -e '.[mavsdk]'`, then `python benchmarks/links.py [--quick]`; `--only uploads,swaps,cpu`
-and `--links direct,mavsdk` choose. Nothing is asserted, and the load of the machine is said. `direct` flies
-on the virtual clock: its times are the vehicles' seconds, beside those of the wall; `mavsdk` keeps to the
-machine's clock. Messages are datagrams in both directions, each lost and delayed by itself, and also what
-streams meanwhile. A mission counts as wrong where a link says that it is verified and the vehicle, asked
-without loss afterwards, has another one.
+Run: `pip install -e '.[mavsdk]'`, then `python benchmarks/links.py [--quick]`; `--only uploads,swaps,cpu`,
+`--links direct,mavsdk`, `--vehicles 1,50` and `--items 10,50,200` choose. Nothing is asserted, and the load
+of the machine is said. `direct` flies on the virtual clock: its times are the vehicles' seconds, beside those
+of the wall; `mavsdk` keeps to the machine's clock, so that all of its rows take hours. Messages are datagrams
+in both directions, each lost and delayed by itself, and also what streams meanwhile. A mission counts as
+wrong where a link says that it is verified and the vehicle, asked without loss afterwards, has another one.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ HOME = (46.0490, 14.5060, 300.0)
 STEP_S = 0.05
 RATES_HZ = {33: 5, 30: 5, 74: 4, 1: 2, 24: 1, 147: 1, 42: 1}
 """message id -> rate: 19 a second beside the heartbeat"""
-CASES = tuple(itertools.product((1, 50), (10, 50, 200), (0.0, 0.05, 0.2, 0.3), (0.0, 1.0)))
+VEHICLES, ITEMS, LOSSES, DELAYS_S = (1, 50), (10, 50, 200), (0.0, 0.05, 0.2, 0.3), (0.0, 1.0)
 LIMIT_S = {"direct": 3600.0, "mavsdk": 240.0}
 SETTLE_S, MEASURE_S = 8.0, 15.0
 
@@ -179,15 +179,16 @@ async def transfer(link: Link, new: FlightPlan, outcome: Outcome, limit_s: float
         outcome.times_s.append(asyncio.get_running_loop().time() - began_s)
 
 
-def transfers(quick: bool, links: list[str], *, swap: bool) -> Iterator[Table]:
+def transfers(chosen: argparse.Namespace, *, swap: bool) -> Iterator[Table]:
     what = "verified swap in flight" if swap else "verified upload"
     for personality in ("ardupilot", "px4"):
         made = table(f"{what}, {personality}", "link", "vehicles", "items", "loss [%]", "delay [s]",
                      "p50 [s]", "last [s]", "datagrams each", "wall [s]", "outcome")  # fmt: skip
-        for count, items, loss, delay_s in CASES:
-            for name in links:
+        cases = itertools.product(chosen.vehicles, chosen.items, LOSSES, DELAYS_S)
+        for count, items, loss, delay_s in cases:
+            for name in chosen.links:
                 seldom = name == "mavsdk" and (swap or count > 1) and items > 10
-                if quick and (seldom or items == 200 or loss == 0.05):
+                if chosen.quick and (seldom or items == 200 or loss == 0.05):
                     continue
                 run = run_virtual if name == "direct" else asyncio.run
                 done = run(case(name, personality, count, items, loss, delay_s, swap=swap))
@@ -201,20 +202,20 @@ def transfers(quick: bool, links: list[str], *, swap: bool) -> Iterator[Table]:
         yield made
 
 
-def uploads(quick: bool, links: list[str]) -> Iterator[Table]:
-    yield from transfers(quick, links, swap=False)
+def uploads(chosen: argparse.Namespace) -> Iterator[Table]:
+    yield from transfers(chosen, swap=False)
 
 
-def swaps(quick: bool, links: list[str]) -> Iterator[Table]:
-    yield from transfers(quick, links, swap=True)
+def swaps(chosen: argparse.Namespace) -> Iterator[Table]:
+    yield from transfers(chosen, swap=True)
 
 
-def cpu(quick: bool, links: list[str]) -> Iterator[Table]:
+def cpu(chosen: argparse.Namespace) -> Iterator[Table]:
     """Real time, UDP: the fleet is a process of its own, the ground station this one."""
     made = table("the ground station's CPU, one core is 100 %", "link", "vehicles", "msg/s", "CPU [%]",
                  "most RSS so far [MB]")  # fmt: skip
-    for count, name in itertools.product((1, 50, 250), links):
-        made.add_row(name, str(count), *asyncio.run(ground(name, count, 5.0 if quick else MEASURE_S)))
+    for count, name in itertools.product((1, 50, 250), chosen.links):
+        made.add_row(name, str(count), *asyncio.run(ground(name, count, 5.0 if chosen.quick else MEASURE_S)))
     made.caption = load()
     yield made
 
@@ -303,13 +304,23 @@ PARTS = {part.__name__: part for part in (uploads, swaps, cpu)}
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="fewer and shorter cases")
-    parser.add_argument("--only", default=",".join(PARTS), help="which parts, with commas")
-    parser.add_argument("--links", default="direct,mavsdk", help="which links, with commas")
+    parser.add_argument("--only", type=names, default=[*PARTS], help="which parts, with commas")
+    parser.add_argument("--links", type=names, default=["direct", "mavsdk"], help="which links, with commas")
+    parser.add_argument("--vehicles", type=numbers, default=VEHICLES, help="of a transfer, with commas")
+    parser.add_argument("--items", type=numbers, default=ITEMS, help="of a transfer, with commas")
     chosen = parser.parse_args()
     console = Console(width=130)
-    for name in chosen.only.split(","):
-        for made in PARTS[name](chosen.quick, chosen.links.split(",")):
+    for name in chosen.only:
+        for made in PARTS[name](chosen):
             console.print(made)
+
+
+def names(text: str) -> list[str]:
+    return text.split(",")
+
+
+def numbers(text: str) -> list[int]:
+    return [int(number) for number in names(text)]
 
 
 if __name__ == "__main__":
