@@ -4,53 +4,52 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import signal
 import time
-from collections.abc import Callable, Coroutine, Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from swarmctl import evidence_run, simulator
-from swarmctl.agent import ARRIVED, AgentState, Phase
+from swarmctl import evidence_run, last_resort, simulator
+from swarmctl.agent import ARRIVED, AgentState
 from swarmctl.bus import looks
 from swarmctl.bus import tally as bus_tally
 from swarmctl.bus.base import BusError, Transport
-from swarmctl.bus.desk import Desk, Tally, Unseal, unsealed
-from swarmctl.bus.endpoint import NOBODY, parse_endpoint
+from swarmctl.bus.desk import Tally, Unseal, unsealed
 from swarmctl.bus.network import Network, RunClock
+from swarmctl.conducting import conduct
 from swarmctl.core.events import Order
 from swarmctl.core.frames import Seal
-from swarmctl.core.messages import GiveOrder, Request
 from swarmctl.director import (
     Director,
     Launch,
+    MayReturn,
     Member,
     Permission,
     PreflightFailed,
-    left_how,
-    turns_to_return,
 )
-from swarmctl.display import Picture, row
 from swarmctl.evidence.book import Signer
 from swarmctl.evidence.hooks import Evidence
 from swarmctl.face import Chatter, Steady, Ui
+from swarmctl.left import left_how
 from swarmctl.links.base import LinkError
 from swarmctl.networking import network_of, speedup_of
-from swarmctl.parts import Clock, epoch_ns, members_of, parts_of, with_free_port
+from swarmctl.order_desk import order_desk
+from swarmctl.parts import Clock, Parts, epoch_ns, members_of, parts_of, with_free_port
 from swarmctl.preflight.conduct import Checked, Preflight, summary_of
 from swarmctl.preflight.waivers import Waiver
 from swarmctl.record import Recorder
 from swarmctl.runner import Observer
 from swarmctl.scenario import Scenario
+from swarmctl.separation import Crossings
+from swarmctl.showing import show
 from swarmctl.summary import Ledger, summary
-from swarmctl.supervise import cancelled
+from swarmctl.taking_turns import Turns
 from swarmctl.virtual import Carry, undisturbed
 
 Ending = Literal["ended", "stopped", "abandoned", "failed"]
-REFRESH_S = 0.25
-LAST_RESORT_S = 10.0
 
 EXPECTED = (PreflightFailed, simulator.SimulatorFailed, LinkError, BusError)
 
@@ -121,102 +120,183 @@ async def fly(
     """
     if clock == "real":
         scenario = with_free_port(scenario)
-    names = {task.uav: task.name for task in scenario.tasks}
-    began_s, ledger, face = time.monotonic(), Ledger(), Steady(ui)
-    members: list[Member] = []
-    trouble: list[str] = []
-    ended: Ending = "failed"
-    bug: Exception | None = None
-    failures: list[BaseException] = []
-    commands = Tally()
-    tallies: dict[int, bus_tally.Tally] = {}
-    reports: dict[int, looks.Tally] = {}
-    checked: dict[str, tuple[Checked, ...]] = {}
-    recorder = Recorder(folder / "run.mcap", scenario.config, names, epoch_ns(clock))
-    evidence = evidence_run.begin(scenario, folder, clock, face.say)
+    run = _Run(scenario, folder, clock, manner, Steady(ui))
+    recorder = Recorder(folder / "run.mcap", scenario.config, run.names, epoch_ns(clock))
+    evidence = evidence_run.begin(scenario, folder, clock, run.face.say)
     try:
         async with (
             contextlib.AsyncExitStack() as opened,
-            parts_of(scenario, folder, clock, carry, bus, face.say, evidence) as parts,
+            parts_of(scenario, folder, clock, carry, bus, run.face.say, evidence) as parts,
         ):
-            run_clock = RunClock(epoch_ns(clock) / 1e9, speedup_of(scenario, clock))
-            observers = (recorder, ledger, Chatter(face, names), evidence)
-            network = opened.enter_context(
-                contextlib.closing(
-                    network_of(
-                        scenario, parts.transport, run_clock, manner.seal, partial(_refused, observers)
-                    )
-                )
-            )
-            desk = _desk(scenario, parts.transport, face, commands, manner, members)
-            members += members_of(
-                scenario, folder, parts, network, desk, observers, clock, run_clock, face.say, reports
-            )
-            tallies |= network.tallies()
-            director = Director(
-                members,
-                scenario.config.flight,
-                seconds_per_delay=1.0 / run_clock.speedup,
-                say=face.say,
-                permission=_recorded(permission, evidence),
-                clearance=Preflight(
-                    scenario,
-                    checked,
-                    manner.waivers,
-                    unix_s_at_zero=run_clock.unix_s_at_zero,
-                    speedup=run_clock.speedup,
-                    free_clocks=clock == "real",
-                    say=face.say,
-                    on_waived=partial(_waived, evidence),
-                    sets_parameters=manner.launch != "never",
-                ),
-                launch=manner.launch,
-            )
-            show = _show(members, ledger, face, scenario, director, network)
-            try:
-                ended = await _conduct(director, members, parts.played, face, show, evidence)
-            except Exception:
-                await _last_resort(
-                    "the flight is broken", members, parts.played, Order(scenario.config.flight.on_exit), face
-                )
-                raise
-            if ended == "abandoned":
-                await _last_resort(
-                    "not waited for", members, parts.played, Order(scenario.config.flight.on_exit), face
-                )
+            observers = (recorder, run.ledger, Chatter(run.face, run.names), evidence)
+            network = opened.enter_context(contextlib.closing(_network(run, parts, observers)))
+            _gather(run, parts, network, observers)
+            director = _director(run, _recorded(permission, evidence), evidence, network)
+            await _conducted(run, director, network, parts)
     except Exception as error:  # noqa: BLE001 - whatever it was, the vehicles are accounted for
-        failures += _leaves(error)
-        for leaf in failures:
-            if isinstance(leaf, EXPECTED):
-                trouble += str(leaf).splitlines()
-            else:
-                bug = error
+        run.failed(error)
     finally:
         recorder.close()
         evidence.close(manner.signer)
-    trouble += [text for text in (recorder.trouble, evidence.trouble) if text]
-    states = {m.spec.sysid: m.state for m in members}
-    wall_s = time.monotonic() - began_s if clock == "real" else None
-    content = (
-        summary(
-            scenario,
-            states,
-            ledger,
-            clock=clock,
-            wall_s=wall_s,
-            commands=asdict(commands),
-            networks=tallies,
-            looks={uav: asdict(tally) for uav, tally in reports.items()},
+    run.trouble += [text for text in (recorder.trouble, evidence.trouble) if text]
+    return run.report()
+
+
+@dataclass(slots=True)
+class _Run:
+    """One flight from its parts to its report."""
+
+    scenario: Scenario
+    folder: Path
+    clock: Clock
+    manner: Manner
+    face: Steady
+    run_clock: RunClock = field(init=False)
+    began_s: float = field(default_factory=time.monotonic)
+    ledger: Ledger = field(default_factory=Ledger)
+    members: list[Member] = field(default_factory=list)
+    ended: Ending = "failed"
+    trouble: list[str] = field(default_factory=list)
+    failures: list[BaseException] = field(default_factory=list)
+    bug: Exception | None = None
+    commands: Tally = field(default_factory=Tally)
+    tallies: dict[int, bus_tally.Tally] = field(default_factory=dict)
+    reports: dict[int, looks.Tally] = field(default_factory=dict)
+    checked: dict[str, tuple[Checked, ...]] = field(default_factory=dict)
+    crossings: deque[Crossings] = field(default_factory=partial(deque, maxlen=1))
+
+    def __post_init__(self) -> None:
+        self.run_clock = RunClock(epoch_ns(self.clock) / 1e9, speedup_of(self.scenario, self.clock))
+
+    @property
+    def names(self) -> dict[int, str]:
+        """By system id."""
+        return {task.uav: task.name for task in self.scenario.tasks}
+
+    def failed(self, error: Exception) -> None:
+        self.failures += _leaves(error)
+        for leaf in self.failures:
+            if isinstance(leaf, EXPECTED):
+                self.trouble += str(leaf).splitlines()
+            else:
+                self.bug = error
+
+    def report(self) -> Report:
+        states = {m.spec.sysid: m.state for m in self.members}
+        gone = any(isinstance(leaf, simulator.SimulatorFailed) for leaf in self.failures)
+        left = tuple(
+            f"{m.name}: gone with the simulator" if gone and m.spec.simulated else left_how(m)
+            for m in self.members
         )
-        | {"preflight": summary_of(checked)}
-        if states
-        else {}
+        content = self._summary(states) if states else {}
+        return Report(
+            self.ended, tuple(self.trouble), left, states, self.ledger, content, self.bug, self.checked
+        )
+
+    def _summary(self, states: dict[int, AgentState]) -> dict[str, Any]:
+        content = summary(
+            self.scenario,
+            states,
+            self.ledger,
+            clock=self.clock,
+            wall_s=time.monotonic() - self.began_s if self.clock == "real" else None,
+            commands=asdict(self.commands),
+            networks=self.tallies,
+            looks={uav: asdict(tally) for uav, tally in self.reports.items()},
+            crossings=self.crossings[-1] if self.crossings else None,
+        )
+        return content | {"preflight": summary_of(self.checked)}
+
+
+def _network(run: _Run, parts: Parts, observers: Sequence[Observer]) -> Network:
+    refused = partial(_refused, observers)
+    return network_of(run.scenario, parts.transport, run.run_clock, run.manner.seal, refused)
+
+
+def _gather(run: _Run, parts: Parts, network: Network, observers: tuple[Observer, ...]) -> None:
+    """The members of the flight, and the desk at which they are ordered."""
+    desk = order_desk(
+        run.scenario,
+        parts.transport,
+        run.face,
+        run.commands,
+        run.members,
+        uav=run.manner.desk_of,
+        closed_by=run.manner.orders_closed,
+        unseal=run.manner.unseal,
     )
-    gone = any(isinstance(leaf, simulator.SimulatorFailed) for leaf in failures)
-    left = tuple(
-        f"{m.name}: gone with the simulator" if gone and m.spec.simulated else left_how(m) for m in members
+    # All of them or none: what has no link cannot be summed up.
+    run.members += list(
+        members_of(
+            run.scenario,
+            run.folder,
+            parts,
+            network,
+            desk,
+            observers,
+            run.clock,
+            run.run_clock,
+            run.face.say,
+            run.reports,
+        )
     )
-    return Report(ended, tuple(trouble), left, states, ledger, content, bug, checked)
+    run.tallies |= network.tallies()
+
+
+def _director(run: _Run, permission: Permission, evidence: Evidence, network: Network) -> Director:
+    clearance = Preflight(
+        run.scenario,
+        run.checked,
+        run.manner.waivers,
+        unix_s_at_zero=run.run_clock.unix_s_at_zero,
+        speedup=run.run_clock.speedup,
+        free_clocks=run.clock == "real",
+        say=run.face.say,
+        on_waived=partial(_waived, evidence),
+        sets_parameters=run.manner.launch != "never",
+        crossings=run.crossings,
+    )
+    return Director(
+        run.members,
+        run.scenario.config.flight,
+        seconds_per_delay=1.0 / run.run_clock.speedup,
+        say=run.face.say,
+        permission=permission,
+        clearance=clearance,
+        launch=run.manner.launch,
+        may_return=_may_return(run, network),
+    )
+
+
+def _may_return(run: _Run, network: Network) -> MayReturn | None:
+    """Where this process flies one vehicle of a swarm: it knows of the others what they tell."""
+    uav = run.manner.desk_of
+    if uav is None:
+        return None
+    homes = {spec.sysid: spec.start for spec in run.scenario.swarm}
+    turns = Turns(uav, partial(network.states, uav), homes)
+    return lambda _uav, place, now_s: turns.may_go(place, now_s)
+
+
+async def _conducted(run: _Run, director: Director, network: Network, parts: Parts) -> None:
+    """The flight, and what becomes of vehicles when it breaks or is left at once."""
+    flight, say = run.scenario.config.flight, run.face.say
+    order = Order(flight.on_exit)
+    shown = show(run.members, run.ledger, run.face, run.scenario, director, network)
+    try:
+        run.ended = await conduct(director, run.members, parts.played, run.face, shown, parts.evidence)
+    except Exception:
+        await last_resort.in_turns(
+            "the flight is broken",
+            _reachable(run.members, parts.played),
+            order,
+            say,
+            within_s=flight.on_exit_deadline_s,
+            speedup=run.run_clock.speedup,
+        )
+        raise
+    if run.ended == "abandoned":
+        await last_resort.at_once("not waited for", _reachable(run.members, parts.played), order, say)
 
 
 def _recorded(permission: Permission, evidence: Evidence) -> Permission:
@@ -242,192 +322,9 @@ def _refused(observers: Sequence[Observer], uav: int, text: str) -> None:
         observer.said(uav, text, now, aloud=False)
 
 
-async def _last_resort(
-    why: str, members: Sequence[Member], played: asyncio.Task[None] | None, order: Order, ui: Ui
-) -> None:
-    """Nobody decides for the vehicles any more, so all are told at once to leave the air."""
-    reachable = [m for m in members if not (m.spec.simulated and played is not None and played.done())]
-    armed = [m for m in reachable if m.state.vehicle.armed and m.state.phase is not Phase.RELEASED]
-    if not armed:
-        return
-    ui.say(f"{why}: {', '.join(m.name for m in armed)} to {order}, all at once")
-
-    async def bring(member: Member) -> None:
-        link = member.runner.link
-        action = {Order.HOLD: link.hold, Order.LAND: link.land}.get(order, link.return_home)
-        with contextlib.suppress(LinkError, TimeoutError):
-            async with asyncio.timeout(LAST_RESORT_S):
-                await action()
-
-    await asyncio.gather(*map(bring, armed))
-
-
-def _desk(
-    scenario: Scenario,
-    transport: Transport,
-    ui: Ui,
-    commands: Tally,
-    manner: Manner,
-    members: Sequence[Member],
-) -> Desk:
-    """`members` may be filled later."""
-
-    def closed(command: Request) -> str:
-        if not isinstance(command, GiveOrder):
-            return ""
-        if manner.orders_closed is not None:
-            return manner.orders_closed(members)
-        return orders_closed(scenario, members, command)
-
-    return Desk(
-        transport,
-        scenario.config.name,
-        ui.say,
-        commands,
-        uav=manner.desk_of,
-        closed=closed,
-        turns=partial(turns_to_return, members, ui.say),
-        unseal=manner.unseal,
-    )
-
-
-def orders_closed(scenario: Scenario, members: Sequence[Member], order: GiveOrder) -> str:
-    """Why one process that flies all does not take an order; empty if it does.
-
-    Nobody is asked who it is. So nobody launches an aircraft, and others than this machine order it nothing.
-    """
-    real = [m.name for m in members if m.identity is None or not m.identity.simulated]
-    listen = scenario.config.communication.listen
-    if not real:
-        return ""
-    if order.order == "launch":
-        return f"{', '.join(real)} is not played by the built-in simulator: only `swarmctl fly` launches it"
-    if listen == NOBODY or parse_endpoint(listen).is_loopback:
-        return ""
-    return (
-        f"{', '.join(real)} is not played by the built-in simulator, and others than this machine reach "
-        f"{listen}: set communication.listen to tcp/127.0.0.1:0, or fly with `swarmctl agent` and keys"
-    )
-
-
-async def _conduct(
-    director: Director,
-    members: Sequence[Member],
-    played: asyncio.Task[None] | None,
-    ui: Ui,
-    show: Coroutine[Any, Any, None],
-    evidence: Evidence,
-) -> Literal["ended", "stopped", "abandoned"]:
-    """Everything that runs during a flight, under one task group; ends when the director does."""
-    abandoned = False
-    async with asyncio.TaskGroup() as tasks:
-        helpers = [tasks.create_task(m.runner.run()) for m in members]
-        helpers.append(tasks.create_task(show))
-        helpers.append(tasks.create_task(_any_bug()))
-        if played is not None:
-            helpers.append(tasks.create_task(_until_it_fails(played, members, ui)))
-        flight = asyncio.create_task(director.fly())
-
-        def interrupted() -> None:
-            nonlocal abandoned
-            abandoned = director.stop.is_set()
-            evidence.operator("leave at once" if abandoned else "end of the flight", by="signal")
-            if abandoned:
-                flight.cancel()
-            director.stop.set()
-
-        with _signals(interrupted):
-            try:
-                ended = await flight
-            except asyncio.CancelledError:
-                if not abandoned:
-                    await cancelled(flight)
-                    raise
-                ended = "stopped"
-            finally:
-                for helper in helpers:
-                    helper.cancel()
-    return "abandoned" if abandoned else ended
-
-
-async def _any_bug() -> None:
-    """Raises what a callback raised: asyncio would log it and go on, but a bug stops everything."""
-    loop = asyncio.get_running_loop()
-    bug: asyncio.Future[None] = loop.create_future()
-
-    def caught(_loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-        error = context.get("exception")
-        if error is not None and not bug.done():
-            bug.set_exception(error)
-
-    loop.set_exception_handler(caught)
-    try:
-        await bug
-    finally:
-        loop.set_exception_handler(None)
-
-
-async def _until_it_fails(played: asyncio.Task[None], members: Sequence[Member], ui: Ui) -> None:
-    try:
-        await asyncio.shield(played)
-    except simulator.SimulatorFailed as error:
-        if all(m.spec.simulated for m in members):
-            raise
-        ui.say(f"{error}; the vehicles that are not simulated fly on")
-
-
-@contextlib.contextmanager
-def _signals(interrupted: Any) -> Iterator[None]:
-    """Ctrl-C and a polite kill ask for an orderly end; a second one for leaving at once."""
-    loop = asyncio.get_running_loop()
-    wanted = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    try:
-        for number in wanted:
-            loop.add_signal_handler(number, interrupted)
-    except (ValueError, RuntimeError):  # not the main thread: whoever runs us there has other means
-        yield
-        return
-    try:
-        yield
-    finally:
-        for number in wanted:
-            loop.remove_signal_handler(number)
-
-
-async def _show(
-    members: Sequence[Member],
-    ledger: Ledger,
-    ui: Ui,
-    scenario: Scenario,
-    director: Director,
-    network: Network,
-) -> None:
-    marks: list[tuple[float, float]] = []
-
-    def refresh() -> None:
-        nonlocal marks
-        clocks = [m.state.vehicle.time_boot_s for m in members]
-        marks = [*marks[-20:], (time.monotonic(), max(clocks, default=0.0))]
-        (t0, v0), (t1, v1) = marks[0], marks[-1]
-        rows = [
-            row(
-                m.state,
-                m.runner.link.age_s(),
-                "; ".join(m.waiting_for),
-                network.tally(m.spec.sysid).refused.total(),
-            )
-            for m in members
-        ]
-        speed = (v1 - v0) / (t1 - t0) if t1 > t0 and v0 > 0.0 else None
-        on_ctrl_c = "leave at once" if director.stop.is_set() else "hold and leave"
-        ui.refresh(Picture(scenario.config.name, ledger.flown_s, speed, rows, on_ctrl_c))
-
-    try:
-        while True:
-            refresh()
-            await asyncio.sleep(REFRESH_S)
-    finally:
-        refresh()  # the last picture is of the end
+def _reachable(members: Sequence[Member], played: asyncio.Task[None] | None) -> list[Member]:
+    """Those that have not gone with the simulator."""
+    return [m for m in members if not (m.spec.simulated and played is not None and played.done())]
 
 
 def _leaves(error: BaseException) -> Iterator[BaseException]:

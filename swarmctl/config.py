@@ -16,7 +16,6 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import (
     AfterValidator,
     BaseModel,
-    BeforeValidator,
     Field,
     ValidationError,
     ValidationInfo,
@@ -29,37 +28,23 @@ from swarmctl.config_arrival import Together
 from swarmctl.config_base import Section as _Section
 from swarmctl.config_communication import Communication
 from swarmctl.config_count import Count
-from swarmctl.config_links import Links, MavlinkUrl
+from swarmctl.config_links import Links
 from swarmctl.config_preflight import Preflight
 from swarmctl.config_rules import Rules
 from swarmctl.config_separation import Separation
+from swarmctl.config_vehicles import Simulate, Vehicle
+from swarmctl.config_wings import Wings
 from swarmctl.core.corners import Counting
+from swarmctl.core.grid import Cell
 from swarmctl.core.sensor import SensorModel
 from swarmctl.core.threat import FiringStrength
 from swarmctl.planners import PLANNERS, method
-
-Cell = tuple[int, int]
 
 
 def _planner(name: str) -> str:
     if name not in PLANNERS:
         raise ValueError(f"no planner of this name; there is {', '.join(sorted(PLANNERS))}")
     return name
-
-
-def _cells(value: Any) -> Any:
-    """One cell, or a list of cells."""
-    is_cell = isinstance(value, (list, tuple)) and len(value) == 2 and all(type(v) is int for v in value)
-    if is_cell:
-        value = (value,)
-    if not isinstance(value, (list, tuple)):
-        return value
-    return tuple(tuple(cell) if isinstance(cell, list) else cell for cell in value)
-
-
-Cells = Annotated[tuple[Cell, ...], BeforeValidator(_cells), Field(min_length=1)]
-Side = Literal["north", "east", "south", "west"]
-LinkName = Literal["direct", "mavsdk"]
 
 
 class Area(_Section):
@@ -163,71 +148,6 @@ class Flight(_Section):
     max_start_distance_m: float = Field(5000.0, gt=0.0, description="from a start to the area [m]")
 
 
-class Simulate(_Section):
-    """Vehicles in software, started and stopped with the flight, spread along a side of the area."""
-
-    count: int = Field(ge=1, le=250)
-    speedup: float = Field(1.0, ge=1.0, le=100.0, description="simulated seconds in a real one")
-    autopilot: Literal["ardupilot", "px4", "mixed"] = Field(
-        "ardupilot", description="which one they speak like; mixed: by turns, ArduPilot first"
-    )
-    url: MavlinkUrl = Field(
-        "udpin://127.0.0.1:0", description="where the ground station listens for them; port 0: any free one"
-    )
-    home_alt_amsl_m: float = Field(300.0, ge=-400.0, le=8000.0, description="of the ground [m]")
-    link: LinkName = Field(
-        "direct", description="who speaks to them: direct (this program) or mavsdk (real time only)"
-    )
-    ready_s: float = Field(5.0, ge=0.0, description="from boot to a position estimate [s]; real ones take 41")
-    speed_m_s: float = Field(10.0, gt=0.5, le=35.0, description="over ground [m/s]")
-    start_side: Side = "west"
-    start_distance_m: float = Field(60.0, gt=0.0, description="from the area [m]")
-    goal_side: Side = "east"
-    goal: Cells | None = Field(None, description="a cell or a zone for all; default: across, on goal_side")
-    delay_step_s: float = Field(0.0, ge=0.0, description="each next vehicle starts this much later [s]")
-    arrive_within_s: float | None = Field(
-        None, gt=0.0, description="time bound: over its goal at most this long after its take-off [s]"
-    )
-    arrive_after_s: float = Field(
-        0.0, ge=0.0, description="arrival window: and not earlier than this after its take-off [s]"
-    )
-
-
-class Start(_Section):
-    lat_deg: float = Field(ge=-90.0, le=90.0)
-    lon_deg: float = Field(ge=-180.0, le=180.0)
-
-
-class Vehicle(_Section):
-    """A vehicle reached by its MAVLink URL."""
-
-    name: str = Field(pattern=r"^[A-Za-z0-9_.-]{1,32}$")
-    url: MavlinkUrl
-    sysid: int = Field(ge=1, le=254)
-    link: LinkName = Field(
-        "direct", description="who speaks to it: direct (this program) or mavsdk (MAVSDK's stack, optional)"
-    )
-    start: Start = Field(description="where it stands; usually outside the area")
-    goal: Cells = Field(description="a cell [row, col], or a list of cells: its target zone")
-    entry: Cell | None = Field(None, description="border cell by which it enters; default: the nearest")
-    altitude_m: float | None = Field(None, gt=2.0, le=1000.0, description="above home [m]; default: flight's")
-    delay_s: float = Field(0.0, ge=0.0, description="after the others [s]")
-    turn_radius_m: float = Field(
-        0.0,
-        ge=0.0,
-        description="of its turns, with flight.any_angle; 0: on the spot [m]",
-    )
-    speed_m_s: float | None = Field(
-        None, gt=0.5, le=35.0, description="what it flies over ground [m/s]; needed with a time bound"
-    )
-    arrive_within_s: float | None = Field(
-        None, gt=0.0, description="time bound: over its goal at most this long after its take-off [s]"
-    )
-    arrive_after_s: float = Field(
-        0.0, ge=0.0, description="arrival window: and not earlier than this after its take-off [s]"
-    )
-
-
 class Config(_Section):
     """A swarm and its flight."""
 
@@ -244,6 +164,7 @@ class Config(_Section):
     preflight: Preflight = Preflight()
     separation: Separation = Separation()
     arrival: Together | None = None
+    wings: Wings = Wings()
     simulate: Simulate | None = None
     vehicles: tuple[Vehicle, ...] = ()
 
@@ -280,9 +201,14 @@ def load(path: Path, judge: Callable[[Config], Iterable[Problem]] = lambda _: ()
         raise ConfigError([f"{path}:{error.line}: {error.text}"]) from error
     config, problems = _validate(_tupled(document.data), judge)
     if problems or config is None:
-        found = sorted((document.line_of(p.path), _dotted(p.path), p.text) for p in problems)
-        raise ConfigError([f"{path}:{line}: {key}: {text}" for line, key, text in found])
+        raise ConfigError(located(path, document, problems))
     return config
+
+
+def located(path: Path, document: yaml_lines.Document, problems: Iterable[Problem]) -> list[str]:
+    """A line for each problem, with where in the file it is."""
+    found = sorted((document.line_of(p.path), _dotted(p.path), p.text) for p in problems)
+    return [f"{path}:{line}: {key}: {text}" for line, key, text in found]
 
 
 def _validate(data: Any, judge: Callable[[Config], Iterable[Problem]]) -> tuple[Config | None, list[Problem]]:
@@ -334,6 +260,9 @@ def _problem(error: dict[str, Any], data: Any) -> Problem:
     text = str(error["msg"]).removeprefix("Value error, ")
     if error["type"] == "missing":
         return Problem(path, "is missing")
+    if error["type"] == "model_type":
+        text = "expected a section: keys with their values"
+        text += "; null turns the rule off" if path[:1] == ("rules",) else ""
     found = error.get("input")
     if isinstance(found, (str, int, float, bool)) and repr(found) not in text:
         text = f"{text}, found {found!r}"

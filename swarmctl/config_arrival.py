@@ -20,6 +20,10 @@ class Together(Section):
     )
     tolerance_s: float = Field(3.0, gt=0.0, description="how far off the agreed time an arrival may be [s]")
 
+    slowest_m_s: float = Field(
+        0.0, ge=0.0, description="no vehicle is slowed down below this, a fifth of its speed, or 1 m/s [m/s]"
+    )
+
     def model_post_init(self, _context: object) -> None:
         if self.mode == "staggered" and self.spacing_s is None:
             raise ValueError("staggered arrivals need spacing_s, the seconds from one to the next")

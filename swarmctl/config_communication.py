@@ -94,7 +94,9 @@ class Communication(Section):
         "name or system id; of each two the one of the higher system id connects",
     )
     keys: str | None = Field(
-        None, description="folder that `swarmctl keys` made: mutual TLS and signed messages; default: neither"
+        None,
+        description="folder that `swarmctl keys` made: mutual TLS and signed messages, with router or mesh, "
+        "and signed evidence; default: neither",
     )
     clock_tolerance_s: float = Field(
         5.0,

@@ -7,16 +7,19 @@ fails is reported and the others fly on.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal, Protocol
 
 from swarmctl.agent import IN_FLIGHT, ON_GROUND, AgentState, Phase, place_of
 from swarmctl.config import Flight
 from swarmctl.core import events as ev
 from swarmctl.core.geo import distance_m
-from swarmctl.core.returns import told, turns_of
-from swarmctl.core.vehicle import Landed
+from swarmctl.core.messages import Place
+from swarmctl.core.returns import LEAST_APART_M, told, turns_of
+from swarmctl.left import ON_ITS_OWN, Seen, is_theirs, left_how
 from swarmctl.links.base import Identity, LinkError
 from swarmctl.runner import Runner
 from swarmctl.scenario import Spec
@@ -26,6 +29,8 @@ START_TOLERANCE_M = 100.0
 """A vehicle that stands farther than this from its configured start is not the one that was planned for."""
 HOLD_DEADLINE_S = 8.0
 WAITING_SAID_EVERY_S = 3.0
+KNOWN_WITHIN_S = 10.0
+"""to find what is known, where preflight is stopped"""
 POLL_S = 0.1
 AGAIN_S = 5.0
 """to the next try, where a vehicle that waits for its order has to be made ready again"""
@@ -51,6 +56,8 @@ class Member:
     runner: Runner
     identity: Identity | None = None
     waiting_for: tuple[str, ...] = ()
+    hindrance: str = ""
+    """what kept it from being made ready, in words"""
 
     @property
     def state(self) -> AgentState:
@@ -66,6 +73,10 @@ class Member:
 
 Permission = Callable[[Sequence[Member]], None]
 """Called with the vehicles that the built-in simulator does not play; raises PreflightFailed to forbid."""
+
+
+MayReturn = Callable[[int, Place, float], bool]
+"""Whether the vehicle of this system id may return now from this place, at this time of the loop [s]."""
 
 
 class Clearance(Protocol):
@@ -91,7 +102,9 @@ class Director:
         permission: Permission,
         clearance: Clearance,
         launch: Launch = "when-ready",
+        may_return: MayReturn | None = None,
     ) -> None:
+        """`may_return`: when a vehicle may return that has no turn, for others that are flown elsewhere."""
         self._members = members
         self._flight = flight
         self._seconds_per_delay = seconds_per_delay
@@ -100,7 +113,19 @@ class Director:
         self._clearance = clearance
         self._when_ready = launch == "when-ready"
         self._checks_only = launch == "never"
+        self._may_return = may_return
         self.stop = asyncio.Event()
+
+    @property
+    def on_ctrl_c(self) -> str:
+        """What asking for the end does now, in words."""
+        if self.stop.is_set():
+            return "leave at once"
+        if any(m.state.phase in IN_FLIGHT or m.state.phase is Phase.LAUNCHING for m in self._members):
+            order = self._flight.on_exit
+            return "hold, and leave them there" if order == "hold" else f"hold, then {order}"
+        let_go = any(is_theirs(m.state) for m in self._members)
+        return "leave who was let go in the air" if let_go else "leave"
 
     async def fly(self) -> Literal["ended", "stopped"]:
         """From the first heartbeat to the last landing. Raises PreflightFailed before anything is armed."""
@@ -113,8 +138,18 @@ class Director:
                 return "ended"
         finally:
             await cancelled(flight, stop)
-        await self._leave()
+        await (self._find_what_is_known() if self._checks_only else self._leave())
         return "stopped"
+
+    async def _find_what_is_known(self) -> None:
+        """The checks of those that have answered, as they stand."""
+        answered = [m for m in self._members if m.identity is not None]
+        for member in answered:
+            member.hindrance = member.hindrance or "; ".join(member.waiting_for)
+        self._say(f"stopping; what is known of {_names(answered) or 'nobody'} is looked at once more")
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(KNOWN_WITHIN_S):
+                await self._clearance.failures(answered, answered)
 
     async def _fly(self) -> None:
         await self._all(self._connect)
@@ -129,7 +164,9 @@ class Director:
         async with asyncio.TaskGroup() as launches:
             for member in self._members:
                 launches.create_task(self._launch(member))
-        await self._until(self._is_over, self._members)
+        seen = Seen(self._members, self._flight.lost_timeout_s, self._say)
+        while not seen.all_over():  # noqa: ASYNC110 - silence wakes nobody
+            await asyncio.sleep(POLL_S)
 
     async def _prepare_all(self) -> None:
         """Set up, ready, with a mission, checked. Raises PreflightFailed with all that is wrong."""
@@ -153,14 +190,14 @@ class Director:
         if failures:
             raise PreflightFailed(failures)
         for member in members:
-            member.runner.cleared.set()
+            member.runner.clear()
 
     async def _prepare_again(self, member: Member) -> None:
-        """One that may have booted meanwhile: then all of it anew."""
+        """One that may have booted meanwhile: then all of it anew. What was checked long ago is, too."""
         if not member.runner.cleared.is_set():
             await self._clearance.set_up(member)
         await self._make_ready(member)
-        if not member.runner.cleared.is_set() and not member.state.ended:
+        if not member.runner.is_freshly_cleared and not member.state.ended:
             await self._clear([member])
 
     def _permit(self) -> None:
@@ -170,6 +207,7 @@ class Director:
             self._permission(foreign)
         for member in self._members:
             member.runner.armable = member.identity
+            member.runner.check_again = partial(self._clearance.failures, [member], self._members)
 
     def _foreigners(self) -> list[Member]:
         """Those that the built-in simulator does not play. Raises PreflightFailed where one is in its place,
@@ -186,9 +224,12 @@ class Director:
     async def _all(self, act: Callable[[Member], Coroutine[None, None, None]]) -> None:
         """One preflight step on every member at once; all failures in one report."""
         outcomes = await asyncio.gather(*map(act, self._members), return_exceptions=True)
-        for outcome in outcomes:
+        for member, outcome in zip(self._members, outcomes, strict=True):
             if isinstance(outcome, BaseException) and not isinstance(outcome, (LinkError, PreflightFailed)):
                 raise outcome
+            if outcome is not None:
+                reasons = "; ".join(member.waiting_for)
+                member.hindrance = reasons or str(outcome).removeprefix(f"{member.name}: ")
         failures = [str(o) for o in outcomes if isinstance(o, Exception)]
         if failures:
             raise PreflightFailed(failures)
@@ -221,10 +262,13 @@ class Director:
             # The first seconds bring a new list with every message; what stays is worth a line.
             if reasons and clock() - said_s >= WAITING_SAID_EVERY_S:
                 said_s = clock()
-                self._say(f"{member.name} is not ready: {'; '.join(reasons)}")
+                self._say(
+                    f"{member.name} is not ready: {'; '.join(reasons)} (waited for "
+                    f"{self._flight.ready_timeout_s:g} s at most)"
+                )
 
         await member.runner.link.prepare(self._flight.ready_timeout_s, waiting)
-        member.waiting_for = ()
+        member.waiting_for, member.hindrance = (), ""
         where = member.runner.link.state()
         if where.lat_deg is None or where.lon_deg is None:
             raise PreflightFailed([f"{member.name}: it says it is ready but has told no position"])
@@ -273,6 +317,8 @@ class Director:
         # Who returns already is not stopped on its way, only to be sent home again.
         on_its_way = [m for m in in_flight if order is ev.Order.RETURN and m.state.phase is Phase.LEAVING]
         stopped = [m for m in in_flight if m not in on_its_way]
+        if theirs := [m for m in self._members if is_theirs(m.state)]:
+            self._say(f"{_names(theirs)}: let go in the air, so it is ordered nothing; {ON_ITS_OWN}")
         self._say(f"stopping: {_names(stopped) or 'no vehicle'} in flight to hold")
         self._order([m for m in self._members if m not in on_its_way], ev.Order.HOLD)
         await self._within(HOLD_DEADLINE_S, _holds, stopped)
@@ -280,14 +326,65 @@ class Director:
             return
         flying = [m for m in in_flight if not m.state.ended]
         self._say(f"{_names(flying) or 'no vehicle'} to {order}")
-        self._order(flying, order)
-        await self._within(self._flight.on_exit_deadline_s, lambda m: m.state.ended, flying)
+        if order is ev.Order.LAND:
+            await self._land(flying)
+            return
+        began_s = asyncio.get_running_loop().time()
+        self._order(await self._when_others_are_clear(flying), order)
+        waited_s = asyncio.get_running_loop().time() - began_s
+        left_s = self._flight.on_exit_deadline_s - waited_s
+        if self._may_return is not None:
+            left_s = max(left_s, HOLD_DEADLINE_S)
+        await self._within(left_s, lambda m: m.state.ended, flying)
         late = [m for m in flying if m.state.turn_boot_s is not None]
         if late:
             self._say(f"{_names(late)} to return now, whoever else is in the air")
             for member in late:
                 member.runner.post(ev.OperatorCommand(ev.Order.RETURN))
             await self._within(HOLD_DEADLINE_S, _returns, late)
+
+    async def _when_others_are_clear(self, flying: Sequence[Member]) -> list[Member]:
+        """Wait while others that are flown elsewhere are on the way home and would meet one of these.
+
+        Who has left its hold meanwhile, its battery being low or an operator having ordered it, is left out.
+        """
+        if self._may_return is None:
+            return list(flying)
+        clock, may_return = asyncio.get_running_loop().time, self._may_return
+        until_s = clock() + self._flight.on_exit_deadline_s
+        said = False
+        held = [m for m in flying if m.state.phase is Phase.HOLDING]
+        for member in held:
+            while member.state.phase is Phase.HOLDING and (place := place_of(member.state)) is not None:
+                if may_return(member.spec.sysid, place, clock()):
+                    break
+                if clock() >= until_s:
+                    self._say(f"{member.name} to return now, whoever else is in the air")
+                    break
+                if not said:
+                    self._say(f"{member.name} holds until its way home is clear of the others'")
+                said = True
+                await asyncio.sleep(POLL_S)
+        return [m for m in flying if m not in held or m.state.phase is Phase.HOLDING]
+
+    async def _land(self, flying: Sequence[Member]) -> None:
+        """Each where it holds; who holds above another waits until that is down."""
+        waiting = [m for m in flying if _under(m, flying)]
+        if waiting:
+            self._say(f"to land when those under them are down: {_names(waiting)}")
+        self._order([m for m in flying if m not in waiting], ev.Order.LAND)
+
+        def all_down(member: Member) -> bool:
+            for held in [m for m in waiting if not _under(m, flying)]:
+                waiting.remove(held)
+                self._order([held], ev.Order.LAND)
+            return member.state.ended
+
+        await self._within(self._flight.on_exit_deadline_s, all_down, flying)
+        if waiting:
+            self._say(f"{_names(waiting)} to land now, whoever is under them")
+            self._order(waiting, ev.Order.LAND)
+            await self._within(HOLD_DEADLINE_S, _lands, waiting)
 
     def _order(self, members: Iterable[Member], order: ev.Order) -> None:
         members = list(members)
@@ -330,6 +427,28 @@ def _returns(member: Member) -> bool:
     return state.ended or (state.turn_boot_s is None and state.order_seen)
 
 
+def _lands(member: Member) -> bool:
+    return member.state.ended or member.state.order_seen
+
+
+def _under(member: Member, flying: Sequence[Member]) -> list[Member]:
+    """Those in the air under one, so near over ground that it would come down on them; of two at one height
+    the lower system id is under the other."""
+    place = place_of(member.state)
+    if place is None:
+        return []
+    here, found = (place.lat_deg, place.lon_deg), []
+    for other in flying:
+        there = place_of(other.state)
+        if other is member or other.state.ended or there is None:
+            continue
+        apart_m = max(LEAST_APART_M, place.keeps_m[0], there.keeps_m[0])
+        lower = (there.alt_amsl_m, other.spec.sysid) < (place.alt_amsl_m, member.spec.sysid)
+        if lower and distance_m(here, (there.lat_deg, there.lon_deg)) < apart_m:
+            found.append(other)
+    return found
+
+
 def turns_to_return(
     members: Sequence[Member], say: Callable[[str], None], uavs: Sequence[int]
 ) -> Mapping[int, float]:
@@ -341,26 +460,6 @@ def turns_to_return(
         say(f"returning: {told(turns, {m.spec.sysid: m.name for m in called})}")
     # Nobody knows where the others are: they come when all else is down.
     return {uav: turns.begins_s.get(uav, turns.down_s) for uav in uavs}
-
-
-def left_how(member: Member) -> str:
-    """How a vehicle was left, for whoever has to fetch it."""
-    state, vehicle = member.state, member.runner.link.state()
-    age_s = member.runner.link.age_s()
-    if age_s == float("inf"):
-        return f"{member.name}: never heard"
-    if state.lost:
-        return f"{member.name}: lost, last heard {age_s:.0f} s ago in mode {vehicle.mode or '?'}"
-    if state.ended and not vehicle.armed and state.outcome:
-        return f"{member.name}: {state.outcome}"
-    if not vehicle.armed:
-        return f"{member.name}: on the ground, disarmed"
-    height = "at unknown height" if vehicle.alt_rel_m is None else f"{vehicle.alt_rel_m:.0f} m above home"
-    where = "armed on the ground" if vehicle.landed is Landed.ON_GROUND else f"in the air, {height}"
-    how = state.outcome or state.trouble or state.phase
-    if state.phase in (Phase.HOLDING, Phase.LEAVING) and not state.order_seen:
-        how = f"{how}, not seen to follow"
-    return f"{member.name}: {where}, mode {vehicle.mode or '?'} ({how})"
 
 
 def _names(members: Sequence[Member]) -> str:

@@ -65,7 +65,7 @@ class Picture:
     speed: float | None
     """vehicle seconds in a second of the wall clock; None before it is known"""
     rows: Sequence[Row]
-    on_ctrl_c: str = "hold and leave"
+    on_ctrl_c: str = "hold, then return"
 
 
 def row(state: AgentState, age_s: float, note: str = "", refused: int = 0) -> Row:
@@ -158,7 +158,9 @@ def table(picture: Picture, width: int, height: int) -> Group:
 
 def _bar(share: float, length: int) -> Text:
     full = round(share * length)
-    return Text.assemble(("━" * full, "green"), ("╌" * (length - full), "bright_black"), f"{share:5.0%}")
+    return Text.assemble(
+        ("━" * full, "green"), ("╌" * (length - full), "bright_black"), f"{100.0 * share:4.0f} %"
+    )
 
 
 def _minutes(seconds: float) -> str:
@@ -169,7 +171,7 @@ def line(row: Row) -> str:
     """One vehicle as a plain line, for where there is no terminal."""
     battery = "?" if row.battery_percent is None else f"{row.battery_percent} %"
     text = (
-        f"{row.name}: {row.phase} {row.mode}, route {row.progress:.0%}, battery {battery}, "
+        f"{row.name}: {row.phase} {row.mode}, route {100.0 * row.progress:.0f} %, battery {battery}, "
         f"cells {row.cells_own}+{row.cells_heard}, hostiles {row.hostiles_known}, replans {row.replans}, "
         f"strikes {row.strikes}, link {row.link}"
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from types import FrameType
@@ -13,9 +14,15 @@ def _leave(_number: int, _frame: FrameType | None) -> None:
     sys.exit(INTERRUPTED)
 
 
+def _vanish(_number: int, _frame: FrameType | None) -> None:
+    os._exit(INTERRUPTED)
+
+
 def main() -> None:
     """The entry point of the package."""
-    signal.signal(signal.SIGINT, _leave)
+    # Nothing is open yet, and an exception in the middle of an import is told at length.
+    signal.signal(signal.SIGINT, _vanish)
     from swarmctl.cli import main as run  # noqa: PLC0415 - this is what takes a while
 
+    signal.signal(signal.SIGINT, _leave)
     run()

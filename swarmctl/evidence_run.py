@@ -35,6 +35,7 @@ def begin(scenario: Scenario, folder: Path, clock: Clock, say: Callable[[str], N
         unix_s=lambda: epoch_s + loop.time(),
         run_s=lambda: loop.time() - began_s,
         say=say,
+        in_thread=clock == "real",
     )
     return Evidence(book, {spec.sysid: spec.name for spec in scenario.specs})
 

@@ -10,6 +10,7 @@ from rich.text import Text
 
 from swarmctl.core.chance import Chance
 from swarmctl.figures import product_text
+from swarmctl.swap_report import swap_lines
 
 
 def flight_table(summary: dict[str, Any]) -> Table:
@@ -48,7 +49,7 @@ def flight_table(summary: dict[str, Any]) -> Table:
 
 def together(summary: dict[str, Any]) -> list[str]:
     """What is to be said of the vehicles together, as lines."""
-    separation, arrival, lines = summary["separation"], summary["arrival"], []
+    separation, arrival, lines = summary["separation"], summary["arrival"], swap_lines(summary["vehicles"])
     if arrival is not None and arrival["spread_s"] is not None:
         how = "kept" if arrival["kept"] else "not kept"
         lines.append(f"spread at arrival: {arrival['spread_s']:.1f} s ({arrival['tolerance_s']:g} s {how})")
@@ -60,6 +61,18 @@ def together(summary: dict[str, Any]) -> list[str]:
         lines.append(f"{text}({over:.1f} m over ground, {high:.1f} m in height{when})")
     for pair in separation["too_close"]:
         lines.append(f"too close for {pair['seconds']:.1f} s: {' and '.join(pair['vehicles'])}")
+    first, plans = separation["first_routes"], separation["plans_in_flight"]
+    if first is not None and first["predicted"]:
+        lines.append(
+            f"first routes that cross over ground: {first['predicted']} pairs, {first['by_height']} of them "
+            "kept apart by height"
+        )
+    if plans["predicted"]:
+        lines.append(
+            f"{plans['predicted']} conflicts of plans predicted in flight, resolved: {plans['by_height']} "
+            f"by height, {plans['by_route']} by route, {plans['by_waiting']} by waiting, {plans['ceased']} "
+            f"by the other; {plans['unresolved']} not"
+        )
     if separation["alarms"]:
         given = f"way was given {separation['held']} times by holding, {separation['climbed']} by climbing"
         lines.append(f"{separation['alarms']} alarms of vehicles about to be too close; {given}")

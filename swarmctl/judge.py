@@ -21,6 +21,7 @@ from swarmctl.judge_communication import judge_communication
 from swarmctl.judge_links import judge_links
 from swarmctl.judge_preflight import judge_preflight
 from swarmctl.judge_separation import judge_separation
+from swarmctl.judge_wings import judge_landings, judge_plane, judge_wings
 from swarmctl.links.url import parse_url
 from swarmctl.planners import PLANNERS, BoundTooTight, Route, Unreachable
 from swarmctl.scenario import (
@@ -51,6 +52,7 @@ def judge(config: Config) -> Iterator[Problem]:
     problems += judge_communication(config)
     problems += judge_links(config)
     problems += judge_preflight(config)
+    problems += judge_wings(config)
     if config.simulate is None and not config.vehicles:
         text = "no vehicle: give `simulate: {count: 5}` or a list of vehicles"
         problems.append(Problem(("vehicles",), text))
@@ -68,6 +70,7 @@ def _judge_flights(scenario: Scenario) -> Iterator[Problem]:
         here: KeyPath = ("simulate",) if index < n_simulated else ("vehicles", index - n_simulated)
         yield from _judge_way_in(scenario, spec, here)
         yield from _judge_landing(scenario, task, (*here, "goal"))
+        yield from judge_plane(scenario, spec, task, here)
         if spec.altitude_m > MAX_ALTITUDE_M:
             text = f"{spec.name} would fly at {spec.altitude_m:g} m, above {MAX_ALTITUDE_M:g}; lower the step"
             yield Problem(("flight", "altitude_step_m"), text)
@@ -85,6 +88,7 @@ def _judge_flights(scenario: Scenario) -> Iterator[Problem]:
         else:
             routes[spec.sysid] = route
             yield from _judge_turns(scenario, task, route, (*here, "turn_radius_m"))
+    yield from judge_landings(scenario)
     yield from judge_separation(scenario, routes)
 
 
@@ -122,7 +126,8 @@ def _judge_turns(scenario: Scenario, task: Task, route: Route, path: KeyPath) ->
         first_flight(task, first_problem(task, scenario.prior), route)
     except Unreachable as error:
         text = f"{task.name} cannot fly its first route: {error}"
-        yield Problem(path, f"{text}; give the area larger cells, or the vehicle another entry or goal")
+        cure = "give the area larger cells, or the vehicle another entry or goal"
+        yield Problem(path, f"{text}; {cure}{', or widen preflight.fence' if task.wings else ''}")
 
 
 def _judge_apart(scenario: Scenario) -> Iterator[Problem]:

@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from swarmctl.agent import CLIMB_M_S, Task, arrives_s, before_takeoff
-from swarmctl.config import Config, Problem, Simulate, Vehicle
+from swarmctl.config import Config, Problem
+from swarmctl.config_vehicles import Simulate, Vehicle
 from swarmctl.planners import PLANNERS, BadProblem, Method, Route, method
 from swarmctl.planners import Problem as Question
 from swarmctl.yaml_lines import Path as KeyPath

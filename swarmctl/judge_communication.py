@@ -65,10 +65,10 @@ def _judge_transport(c: Communication) -> Iterator[Problem]:
         if not _is_certified(endpoint):
             text = f"{endpoint} would not use communication.keys; write tls/ or quic/ instead of tcp/"
             yield Problem(path, f"{text}, or leave keys away", given=(*HERE, "keys"))
-    if not between:
-        text = "does nothing without an endpoint that needs certificates; give communication.router or mesh "
-        text += "tls/HOST:PORT or quic/HOST:PORT, or leave keys away"
-        yield Problem((*HERE, "keys"), text, given=HERE)
+    if not between and c.listen != NOBODY and not parse_endpoint(c.listen).is_loopback:
+        text = f"others than this machine reach {c.listen}, and communication.keys does not keep them away: "
+        text += "without router or mesh it signs the evidence alone; give tcp/127.0.0.1:0, or leave keys away"
+        yield Problem((*HERE, "listen"), text, given=(*HERE, "keys"))
 
 
 def _is_certified(text: str) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from swarmctl.config import Config, Problem
+from swarmctl.core.plane import meeting_sides
 from swarmctl.yaml_lines import Path as KeyPath
 
 HERE: KeyPath = ("preflight",)
@@ -13,6 +14,23 @@ HEARTBEATS = 3
 
 
 def judge_preflight(config: Config) -> Iterator[Problem]:
+    yield from _judge_fence(config)
+    yield from _judge_lost_link(config)
+
+
+def _judge_fence(config: Config) -> Iterator[Problem]:
+    """Whether it has an inside. Autopilots take one that has none."""
+    corners = config.preflight.fence.polygon
+    if corners is None:
+        return
+    sides = meeting_sides([(corner.lon_deg, corner.lat_deg) for corner in corners])
+    if sides is not None:
+        text = f"the sides that begin at [{sides[0]}] and [{sides[1]}] meet, so that it has no certain inside"
+        text += "; give the corners in their order around it, each once"
+        yield Problem((*HERE, "fence", "polygon", sides[1]), text)
+
+
+def _judge_lost_link(config: Config) -> Iterator[Problem]:
     """Whether simulated vehicles would take their link for lost between two heartbeats."""
     simulate, policy = config.simulate, config.preflight.policy
     if simulate is None or policy.lost_link == "continue":

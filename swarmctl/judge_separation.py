@@ -11,19 +11,18 @@ from swarmctl.config import Problem
 from swarmctl.planners import Route, Unreachable
 from swarmctl.scenario import Scenario, Spec
 from swarmctl.separation import Limits, Trajectory, conflicts
-
-SLACK_S = 2.0
-"""By so much two vehicles may be off their times, or launched off theirs: time slots are no closer."""
+from swarmctl.separation.clash import SLACK_S
 
 
 def judge_separation(scenario: Scenario, routes: Mapping[int, Route]) -> Iterator[Problem]:
     """Vehicles that share an altitude band (closer than `separation.vertical_m`) have time slots: their first
-    routes, `routes` by system id, do not meet."""
+    routes, `routes` by system id, do not meet. A fixed wing shares every band."""
     limits = scenario.config.separation
     shared = [
         {one.sysid, other.sysid}
         for one, other in combinations(scenario.specs, 2)
         if abs(one.altitude_m - other.altitude_m) < limits.vertical_m - 1e-9
+        or "plane" in (one.airframe, other.airframe)  # which climbs and comes down on its way
     ]
     if not shared:
         return
@@ -60,10 +59,13 @@ def _flight(scenario: Scenario, spec: Spec, task: Task, route: Route) -> Traject
 
 def _problem(scenario: Scenario, one: Spec, other: Spec, near: str) -> Problem:
     limits = scenario.config.separation
+    bands = f"less than separation.vertical_m = {limits.vertical_m:g} m apart"
+    if "plane" in (one.airframe, other.airframe):
+        bands = "and a fixed wing climbs and comes down on its way"
     text = (
-        f"{one.name} and {other.name} would fly at {one.altitude_m:g} and {other.altitude_m:g} m, less than "
-        f"separation.vertical_m = {limits.vertical_m:g} m apart, and their first routes meet: {near}, with "
-        f"{SLACK_S:g} s for what delays them; give {_cure(one, other)}"
+        f"{one.name} and {other.name} would fly at {one.altitude_m:g} and {other.altitude_m:g} m, {bands}, "
+        f"and their first routes meet: {near}, with {SLACK_S:g} s for what delays them; "
+        f"give {_cure(one, other)}"
     )
     return Problem(("flight", "altitude_step_m"), text)
 

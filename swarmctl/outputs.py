@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from swarmctl.agent import AT_ANY_TIME, Task, first_flight, first_problem, route_in_time
+from swarmctl.agent.approach import pattern_of
 from swarmctl.app import Report
 from swarmctl.core.belief import Belief
 from swarmctl.core.geo import LatLon
@@ -94,14 +95,19 @@ def write_plans(folder: Path, scenario: Scenario, routes: dict[str, tuple[FirstR
 def _track(spec: Spec, first: FirstRoute) -> list[LatLon]:
     task, route = first.task, first.route
     try:
-        points = [spec.start, *_points(first_flight(task, first.problem, route))]
+        plan = first_flight(task, first.problem, route)
     except Unreachable:  # too tight for this vehicle: what it would have to fly if it could
         return [spec.start, *map(task.grid.centre, route.cells)]
+    points = [spec.start, *_points(plan)]
     if task.turn_radius_m == 0.0:
         return points
     frame = task.grid.frame
     flown, _ = rounded([frame.to_local(*point) for point in points[1:-1]], task.turn_radius_m)
-    return [points[0], *(frame.to_geodetic(*point) for point in flown), points[-1]]
+    landing = []
+    if plan.approach is not None:
+        pattern = pattern_of(plan.approach, frame)
+        landing = [*pattern.circle(), pattern.final]
+    return [points[0], *(frame.to_geodetic(*point) for point in (*flown, *landing)), points[-1]]
 
 
 def _points(plan: FlightPlan) -> list[LatLon]:

@@ -85,6 +85,7 @@ async def parts_of(
                 memory={"fleet": wire},
                 witness=evidence,
                 signing=_signing(links),
+                say=partial(_tell, evidence, say),
             )
         )
         stack.callback(_tell_refused, front_end, evidence, say)
@@ -112,8 +113,12 @@ async def parts_of(
 
 def _tell_refused(front_end: FrontEnd, evidence: Evidence, say: Callable[[str], None]) -> None:
     if front_end.refused:
-        say(front_end.refused)
-        evidence.remark(front_end.refused)
+        _tell(evidence, say, front_end.refused)
+
+
+def _tell(evidence: Evidence, say: Callable[[str], None], text: str) -> None:
+    say(text)
+    evidence.remark(text)
 
 
 def _signing(links: Links) -> Signing | None:

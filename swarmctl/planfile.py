@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from typing import Any
 
 from swarmctl.core.geo import LatLon
-from swarmctl.core.mission import FlightPlan, Waypoint
+from swarmctl.core.mission import Approach, FlightPlan, Waypoint
 
-NAV_WAYPOINT, NAV_LAND, NAV_TAKEOFF = 16, 21, 22
+NAV_WAYPOINT, NAV_LAND, NAV_TAKEOFF, NAV_LOITER_TO_ALT, DO_LAND_START = 16, 21, 22, 31, 189
+QUADROTOR, FIXED_WING = 2, 1
+"""MAV_TYPE"""
+Params = tuple[float, float, float, float | None]
+NONE_GIVEN: Params = (0, 0, 0, None)
+Step = tuple[int, Waypoint, Params]
 FRAME_GLOBAL_RELATIVE_ALT = 3
 ALTITUDE_RELATIVE = 1
 """QGroundControl's AltitudeMode"""
@@ -16,10 +22,11 @@ ALTITUDE_RELATIVE = 1
 
 def plan_json(plan: FlightPlan, home: LatLon, home_alt_amsl_m: float, speed_m_s: float) -> str:
     """The text of a `.plan` file; `home` is where the vehicle takes off."""
-    steps = [
-        (NAV_TAKEOFF, Waypoint(*home, plan.takeoff_alt_m)),
-        *((NAV_WAYPOINT, point) for point in plan.track),
-        (NAV_LAND, Waypoint(plan.landing.lat_deg, plan.landing.lon_deg, 0.0)),
+    down = Waypoint(plan.landing.lat_deg, plan.landing.lon_deg, 0.0)
+    steps: list[Step] = [
+        (NAV_TAKEOFF, Waypoint(*home, plan.takeoff_alt_m), NONE_GIVEN),
+        *((NAV_WAYPOINT, point, NONE_GIVEN) for point in plan.track),
+        *([(NAV_LAND, down, NONE_GIVEN)] if plan.approach is None else _landing(plan.approach)),
     ]
     content = {
         "fileType": "Plan",
@@ -30,7 +37,7 @@ def plan_json(plan: FlightPlan, home: LatLon, home_alt_amsl_m: float, speed_m_s:
         "mission": {
             "version": 2,
             "firmwareType": 3,  # MAV_AUTOPILOT_ARDUPILOTMEGA
-            "vehicleType": 2,  # MAV_TYPE_QUADROTOR
+            "vehicleType": QUADROTOR if plan.approach is None else FIXED_WING,
             "cruiseSpeed": speed_m_s,
             "hoverSpeed": speed_m_s,
             "globalPlanAltitudeMode": ALTITUDE_RELATIVE,
@@ -41,14 +48,22 @@ def plan_json(plan: FlightPlan, home: LatLon, home_alt_amsl_m: float, speed_m_s:
     return json.dumps(content, indent=2) + "\n"
 
 
-def _item(number: int, command: int, point: Waypoint) -> dict[str, Any]:
+def _landing(there: Approach) -> Iterator[Step]:
+    """Of a fixed wing."""
+    yield DO_LAND_START, there.centre, NONE_GIVEN
+    yield NAV_LOITER_TO_ALT, there.centre, (1, there.radius_m, 0, 1)
+    yield NAV_WAYPOINT, there.final, NONE_GIVEN
+    yield NAV_LAND, there.touchdown, NONE_GIVEN
+
+
+def _item(number: int, command: int, point: Waypoint, params: Params) -> dict[str, Any]:
     return {
         "type": "SimpleItem",
         "autoContinue": True,
         "command": command,
         "doJumpId": number,
         "frame": FRAME_GLOBAL_RELATIVE_ALT,
-        "params": [0, 0, 0, None, point.lat_deg, point.lon_deg, point.alt_rel_m],
+        "params": [*params, point.lat_deg, point.lon_deg, point.alt_rel_m],
         "AltitudeMode": ALTITUDE_RELATIVE,
         "Altitude": point.alt_rel_m,
         "AMSLAltAboveTerrain": None,

@@ -11,13 +11,16 @@ import json
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from io import SEEK_END, BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import msgspec
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
-from mcap.writer import Writer
+from mcap.exceptions import EndOfFile, McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Message, Metadata
+from mcap.stream_reader import StreamReader
+from mcap.writer import MCAP0_MAGIC, Writer
 
 from swarmctl import __version__, agent
 from swarmctl.agent import AgentState
@@ -30,6 +33,9 @@ from swarmctl.scenario import build
 FORMAT = 2
 CHUNK_BYTES = 1 << 16
 """What a crash may cost; a run that is cut off keeps all chunks before."""
+
+_RECORD = struct.Struct("<BQ")
+"""opcode and length, before each record of an MCAP file"""
 
 LOCATION_FIX = {
     "title": "foxglove.LocationFix",
@@ -198,42 +204,44 @@ class Verdict:
     effects: int
     difference: str
     """where the first difference is; empty if there is none"""
+    is_cut: bool = False
+    """the record has no end: its process died; all that is whole was folded"""
 
 
 def replay(path: Path) -> Verdict:
     """Fold the recorded events of every agent again and compare effects. Raises RecordError."""
-    config, records = _read(path)
-    scenario = build(config)
+    content = _read(path)
+    scenario = build(content.config)
     states = {task.name: agent.begin(task, scenario.prior) for task in scenario.tasks}
     expected: dict[str, list[ev.Effect]] = {name: [] for name in states}
     events = effects = 0
-    for name, record in records:
+    for name, record in content.rows:
         if isinstance(record, EffectRecord):
             effects += 1
             due = expected[name]
             if not due or due[0] != record.effect:
                 found = due[0] if due else "nothing"
                 text = f"{name} at {record.now_s:.3f} s: recorded {record.effect}, now {found}"
-                return Verdict(events, effects, text)
+                return Verdict(events, effects, text, content.is_cut)
             due.pop(0)
             continue
         if expected[name]:
             text = f"{name} before {record.now_s:.3f} s: nothing recorded, now {expected[name][0]}"
-            return Verdict(events, effects, text)
+            return Verdict(events, effects, text, content.is_cut)
         events += 1
         states[name], expected[name] = agent.step(states[name], record.event, record.now_s)
     for name, due in expected.items():
-        if due:
+        if due and not content.is_cut:
             return Verdict(events, effects, f"{name} at the end: nothing recorded, now {due[0]}")
-    return Verdict(events, effects, "")
+    return Verdict(events, effects, "", content.is_cut)
 
 
 def seen(run: Path) -> tuple[Config, list[Observation]]:
     """The configuration of a recorded run and what all its vehicles saw. Raises RecordError."""
-    config, records = _read(of(run))
-    effects = (record.effect for _, record in records if isinstance(record, EffectRecord))
+    content = _read(of(run))
+    effects = (record.effect for _, record in content.rows if isinstance(record, EffectRecord))
     messages = (effect.message for effect in effects if isinstance(effect, ev.Publish))
-    return config, [m for m in messages if isinstance(m, Observation)]
+    return content.config, [m for m in messages if isinstance(m, Observation)]
 
 
 def of(run: Path) -> Path:
@@ -241,15 +249,24 @@ def of(run: Path) -> Path:
     return run / "run.mcap" if run.is_dir() else run
 
 
-def _read(path: Path) -> tuple[Config, list[tuple[str, EventRecord | EffectRecord]]]:
+@dataclass(frozen=True, slots=True)
+class _Content:
+    config: Config
+    rows: list[tuple[str, EventRecord | EffectRecord]]
+    is_cut: bool
+    """it has no end: whoever wrote it died"""
+
+
+def _read(path: Path) -> _Content:
+    """All that is whole. Raises RecordError."""
     try:
         with path.open("rb") as file:
-            reader = make_reader(file)
-            metadata = next((m for m in reader.iter_metadata() if m.name == "swarmctl"), None)
-            if metadata is None or metadata.metadata.get("format") != str(FORMAT):
-                raise RecordError(f"{path}: no record of this program, or of another version of it")
-            config = Config.model_validate_json(metadata.metadata["config"])
-            return config, list(_records(reader))
+            end, is_cut = _whole(file)
+            file.seek(0)
+            metadata, rows = _parsed(BytesIO(file.read(end)))
+        if metadata.get("format") != str(FORMAT):
+            raise RecordError(f"{path}: no record of this program, or of another version of it")
+        return _Content(Config.model_validate_json(metadata["config"]), list(_records(rows)), is_cut)
     except FileNotFoundError:
         raise RecordError(
             f"{path}: there is no record; give the folder of a run, which has a run.mcap"
@@ -259,10 +276,47 @@ def _read(path: Path) -> tuple[Config, list[tuple[str, EventRecord | EffectRecor
         raise RecordError(f"{path}: cannot be read as a record: {reason}") from error
 
 
-def _records(reader: Any) -> Iterator[tuple[str, EventRecord | EffectRecord]]:
+def _whole(file: BinaryIO) -> tuple[int, bool]:
+    """Where the last record that is there whole ends [bytes], and whether the file is cut after it.
+
+    MCAP's form: a magic number, then records of an opcode (1 byte), a length (8 bytes) and so many bytes, the
+    last of them the footer.
+    """
+    size, at = file.seek(0, SEEK_END), len(MCAP0_MAGIC)
+    while at + _RECORD.size <= size:
+        file.seek(at)
+        opcode, length = _RECORD.unpack(file.read(_RECORD.size))
+        if at + _RECORD.size + length > size:
+            break
+        at += _RECORD.size + length
+        if opcode == Opcode.FOOTER:
+            return size, False
+    return min(at, size), True
+
+
+def _parsed(file: BinaryIO) -> tuple[dict[str, str], list[tuple[int, str, bytes]]]:
+    """This program's metadata; number, topic and content of each message."""
+    metadata: dict[str, str] = {}
+    topics: dict[int, str] = {}
+    rows: list[tuple[int, str, bytes]] = []
+    records = StreamReader(file).records
+    while True:
+        try:
+            part = next(records)
+        except (StopIteration, EndOfFile):
+            return metadata, rows
+        match part:
+            case Metadata(name="swarmctl"):
+                metadata = part.metadata
+            case Channel():
+                topics[part.id] = part.topic
+            case Message():
+                rows.append((part.sequence, topics[part.channel_id], part.data))
+
+
+def _records(rows: list[tuple[int, str, bytes]]) -> Iterator[tuple[str, EventRecord | EffectRecord]]:
     events = msgspec.json.Decoder(EventRecord)
     effects = msgspec.json.Decoder(EffectRecord)
-    rows = [(m.sequence, c.topic, m.data) for _, c, m in reader.iter_messages()]
     for _, topic, data in sorted(rows):
         _, name, kind, *_ = topic.split("/")
         if kind == "event":

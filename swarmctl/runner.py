@@ -8,7 +8,8 @@ from __future__ import annotations
 import asyncio
 import math
 from collections import deque
-from collections.abc import Callable, Coroutine
+from collections.abc import Awaitable, Callable, Coroutine, Sequence
+from functools import partial
 from typing import Any, Protocol
 
 from swarmctl import agent
@@ -17,7 +18,7 @@ from swarmctl.bus.desk import Desk
 from swarmctl.bus.network import Network
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
-from swarmctl.core.frames import Spoken, StateShared
+from swarmctl.core.frames import IntentShared, Spoken, StateShared
 from swarmctl.core.observation import Told
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.links.base import (
@@ -45,6 +46,8 @@ LOOK_EVERY_S = 0.5
 """for others, by the vehicle's clock"""
 CLEARANCE_TIMEOUT_S = 30.0
 """given to preflight checks that are still under way when the launch is ordered"""
+CLEARANCE_LASTS_S = 30.0
+"""Batteries fall, and other stations change fences: what was found longer ago is looked at again."""
 
 
 class Sensor(Protocol):
@@ -88,6 +91,9 @@ class Runner:
         """whom permission was given to arm; nobody else is launched at this address"""
         self.cleared = asyncio.Event()
         """its preflight checks are passed, since its last boot; until then its launch waits"""
+        self.check_again: Callable[[], Awaitable[Sequence[str]]] | None = None
+        """goes through its preflight checks once more: a line for each that forbids to arm it"""
+        self._cleared_s = -math.inf
         self.conflict = ""
         """another sender uses its system id"""
         self._sensor = sensor
@@ -100,11 +106,23 @@ class Runner:
         self._job: asyncio.Task[None] | None = None
         self._looked_s = -math.inf
         self._seen: dict[int, StateShared] = {}
+        self._intents: dict[int, IntentShared] = {}
+        """of others, as they were handed over"""
         self._told: list[Told] = []
         """heard of others and not folded yet"""
         self.post(ev.Joined(network.join(task.uav, self._hear)))
         if desk is not None:
             desk.join(task.uav, task.name, self.post)
+
+    def clear(self) -> None:
+        """Its preflight checks are passed, now."""
+        self._cleared_s = asyncio.get_running_loop().time()
+        self.cleared.set()
+
+    @property
+    def is_freshly_cleared(self) -> bool:
+        age_s = asyncio.get_running_loop().time() - self._cleared_s
+        return self.cleared.is_set() and age_s <= CLEARANCE_LASTS_S
 
     def post(self, event: ev.Event) -> None:
         """Hand over an event; it is folded in its turn."""
@@ -156,6 +174,11 @@ class Runner:
         self._seen = told
         if near := tuple((uav, state) for uav, state in new.items() if agent.concerns(self.state, state)):
             self.post(ev.Neighbours(near))
+        intents = self._network.intents(self.state.task.uav)
+        changed = [uav for uav, (intent, _) in intents.items() if intent is not self._intents.get(uav)]
+        if changed:
+            self._intents = {uav: intent for uav, (intent, _) in intents.items()}
+            self.post(ev.Intents(tuple((uav, intents[uav][1], intents[uav][0]) for uav in changed)))
 
     async def run(self) -> None:
         """Fold events until cancelled. The jobs it starts end with it."""
@@ -195,8 +218,8 @@ class Runner:
                     observer.sent(self.state.task.uav, message, recipients, now)
             case ev.SwapMission():
                 self._start(self._swap(effect), jobs)
-            case ev.Command(order):
-                self._start(self._order(order), jobs)
+            case ev.Command(order, by_person):
+                self._start(self._order(order, looks_first=not by_person), jobs)
             case ev.SetSpeed(speed_m_s):
                 self._start(self._set_speed(speed_m_s), jobs)
             case ev.Release():
@@ -222,16 +245,23 @@ class Runner:
 
     async def _swap(self, swap: ev.SwapMission) -> None:
         on_ground = self.state.phase in agent.ON_GROUND
+        accepted = ev.MissionAccepted(swap.plan_id)
         try:
             if on_ground:
-                await retrying(lambda: self.link.upload(swap.plan), UPLOADS, UploadFailed)
+                takes_s = await retrying(lambda: self.link.upload(swap.plan), UPLOADS, UploadFailed)
+                accepted = ev.MissionAccepted(swap.plan_id, takes_s)
             else:
-                await self.link.swap(swap.plan)
+                done = await self.link.swap(swap.plan)
+                accepted = ev.MissionAccepted(swap.plan_id, done.took_s, done.stood_still_s)
+        except SwapFailed as error:
+            failed = ev.MissionFailed(
+                swap.plan_id, error.flying, str(error), error.stood_still_s, error.is_late
+            )
+            self.post(failed)
         except LinkError as error:
-            flying = error.flying if isinstance(error, SwapFailed) else "unknown"
-            self.post(ev.MissionFailed(swap.plan_id, flying, str(error)))
+            self.post(ev.MissionFailed(swap.plan_id, "unknown", str(error)))
         else:
-            self.post(ev.MissionAccepted(swap.plan_id))
+            self.post(accepted)
 
     async def _set_speed(self, speed_m_s: float) -> None:
         try:
@@ -239,12 +269,12 @@ class Runner:
         except LinkError as error:
             self.post(ev.SpeedFailed(str(error)))
 
-    async def _order(self, order: ev.Order) -> None:
+    async def _order(self, order: ev.Order, *, looks_first: bool) -> None:
         actions: dict[ev.Order, Callable[[], Coroutine[Any, Any, None]]] = {
             ev.Order.LAUNCH: self._launch,
-            ev.Order.HOLD: self.link.hold,
-            ev.Order.RETURN: self.link.return_home,
-            ev.Order.LAND: self.link.land,
+            ev.Order.HOLD: partial(self.link.hold, looks_first=looks_first),
+            ev.Order.RETURN: partial(self.link.return_home, looks_first=looks_first),
+            ev.Order.LAND: partial(self.link.land, looks_first=looks_first),
         }
         try:
             await actions[order]()
@@ -262,6 +292,8 @@ class Runner:
         except TimeoutError:
             text = "its preflight checks are not passed, see what they say; not launched"
             raise LinkError(f"{self.state.task.name}: {text}") from None
+        if not self.is_freshly_cleared:
+            await self._clear_again()
         found = await self.link.identify(IDENTIFY_TIMEOUT_S)
         if found != self.armable:
             raise LinkError(
@@ -269,6 +301,18 @@ class Runner:
                 f"expected {_identity(self.armable)}, found {_identity(found)}"
             )
         await self.link.launch()
+
+    async def _clear_again(self) -> None:
+        """Raises LinkError where it is not fit any more."""
+        name = self.state.task.name
+        if self.check_again is None:
+            raise LinkError(f"{name}: its checks are too old, and nobody does them again; not launched")
+        failures = await self.check_again()
+        if failures:
+            raise LinkError("; ".join(failures))
+        if not self.cleared.is_set():
+            raise LinkError(f"{name}: it has rebooted while it was checked; not launched")
+        self.clear()
 
     def tell(self, text: str, *, aloud: bool = False) -> None:
         """Whoever follows this vehicle is told."""

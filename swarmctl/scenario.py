@@ -10,9 +10,11 @@ from enum import IntEnum
 import numpy as np
 
 from swarmctl.agent import Arrival, Task
-from swarmctl.config import Config, Side
+from swarmctl.agent.approach import Wings
+from swarmctl.config import Config
 from swarmctl.config_count import Binomial, Poisson, Uniform, Weights
 from swarmctl.config_rules import rulings
+from swarmctl.config_vehicles import Autopilot, Side
 from swarmctl.core.belief import Belief
 from swarmctl.core.chance import Chance, chance_of_getting_through
 from swarmctl.core.events import Order
@@ -22,6 +24,7 @@ from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.hostiles import HostileCount
 from swarmctl.core.sensor import SensorModel
 from swarmctl.core.threat import FiringStrength
+from swarmctl.core.vehicle import Airframe
 from swarmctl.planners import PLANNERS, method
 from swarmctl.preflight.fence import ceiling_m, polygon_of
 from swarmctl.rules import Fence
@@ -32,6 +35,9 @@ from swarmctl.separation.watch import Separation
 
 PAPERS = PLANNERS["dijkstra"]
 """the paper's planner, beside which every other is shown"""
+
+PLANES = frozenset({"arduplane"})
+"""of the simulator's autopilots"""
 
 DEFAULT_SPEED_M_S = 10.0
 """what a vehicle is taken to fly where nobody says: ArduCopter's WPNAV_SPEED as it comes"""
@@ -56,6 +62,7 @@ class Spec:
     arrive_within_s: float = math.inf
     """infinite where it may take as long as it likes"""
     turn_radius_m: float = 0.0
+    airframe: Airframe = "copter"
 
 
 class Purpose(IntEnum):
@@ -90,6 +97,10 @@ class Scenario:
         return replace(
             self, specs=tuple(self.specs[i] for i in here), tasks=tuple(self.tasks[i] for i in here)
         )
+
+    def wings(self, spec: Spec) -> Wings | None:
+        """What a plan for a vehicle that is a fixed wing has to know of it; None for what hovers."""
+        return wings_of(self.config, spec)
 
     @property
     def chosen_by(self) -> str:
@@ -183,6 +194,7 @@ def _simulated(config: Config, grid: Grid) -> Iterator[Spec]:
         start = _beside(grid, simulate.start_side, share, simulate.start_distance_m, simulate.count)
         entry = entry_of(config, grid, start)
         assert entry is not None
+        is_plane = simulated_autopilot(config, i) in PLANES
         yield Spec(
             name=f"uav{i + 1}",
             sysid=i + 1,
@@ -194,10 +206,23 @@ def _simulated(config: Config, grid: Grid) -> Iterator[Spec]:
             goals=simulated_goals(config, grid, i),
             altitude_m=config.flight.altitude_m + i * config.flight.altitude_step_m,
             delay_s=i * simulate.delay_step_s,
-            speed_m_s=simulate.speed_m_s,
+            speed_m_s=config.wings.speed_m_s if is_plane else simulate.speed_m_s,
+            turn_radius_m=config.wings.turn_radius_m if is_plane else 0.0,
+            airframe="plane" if is_plane else "copter",
             arrive_after_s=simulate.arrive_after_s,
             arrive_within_s=math.inf if simulate.arrive_within_s is None else simulate.arrive_within_s,
         )
+
+
+def simulated_autopilot(config: Config, index: int) -> Autopilot:
+    """What the simulated vehicle `index` speaks like."""
+    simulate = config.simulate
+    assert simulate is not None
+    chosen = simulate.autopilot
+    if isinstance(chosen, str) and chosen != "mixed":
+        return chosen
+    turns: tuple[Autopilot, ...] = ("ardupilot", "px4") if chosen == "mixed" else chosen
+    return turns[index % len(turns)]
 
 
 def simulated_goals(config: Config, grid: Grid, index: int) -> tuple[Cell, ...]:
@@ -244,6 +269,8 @@ def _configured(config: Config, grid: Grid) -> Iterator[Spec]:
         start = (vehicle.start.lat_deg, vehicle.start.lon_deg)
         entry = vehicle.entry or entry_of(config, grid, start)
         assert entry is not None
+        is_plane = vehicle.airframe == "plane"
+        default_m_s = config.wings.speed_m_s if is_plane else DEFAULT_SPEED_M_S
         default_m = config.flight.altitude_m + (n_simulated + i) * config.flight.altitude_step_m
         yield Spec(
             name=vehicle.name,
@@ -256,10 +283,11 @@ def _configured(config: Config, grid: Grid) -> Iterator[Spec]:
             goals=vehicle.goal,
             altitude_m=vehicle.altitude_m or default_m,
             delay_s=vehicle.delay_s,
-            speed_m_s=DEFAULT_SPEED_M_S if vehicle.speed_m_s is None else vehicle.speed_m_s,
+            speed_m_s=default_m_s if vehicle.speed_m_s is None else vehicle.speed_m_s,
             arrive_after_s=vehicle.arrive_after_s,
             arrive_within_s=math.inf if vehicle.arrive_within_s is None else vehicle.arrive_within_s,
-            turn_radius_m=vehicle.turn_radius_m,
+            turn_radius_m=vehicle.turn_radius_m or (config.wings.turn_radius_m if is_plane else 0.0),
+            airframe=vehicle.airframe,
         )
 
 
@@ -293,6 +321,7 @@ def _tasks(
             landing_count=len(sharing),
             any_angle=config.flight.any_angle_exposure if config.flight.any_angle else None,
             turn_radius_m=spec.turn_radius_m,
+            wings=wings_of(config, spec),
             # A vehicle given up comes down in any case: nobody is there to end a hold.
             fallback=Order.LAND if config.flight.on_exit == "land" else Order.RETURN,
             rules=rulings(config.rules, agreed),
@@ -301,12 +330,28 @@ def _tasks(
         )
 
 
+def wings_of(config: Config, spec: Spec) -> Wings | None:
+    """None for what hovers."""
+    if spec.airframe != "plane":
+        return None
+    w = config.wings
+    return Wings(
+        loiter_radius_m=w.loiter_radius_m,
+        final_height_m=w.final_height_m,
+        glide_deg=w.glide_deg,
+        min_speed_m_s=min(w.min_speed_m_s, spec.speed_m_s),
+        takeoff_height_m=w.takeoff_height_m,
+        home=spec.start,
+        landing_heading_deg=w.landing_heading_deg,
+    )
+
+
 def _meeting(config: Config, specs: Sequence[Spec]) -> Meeting | None:
     together = config.arrival
     if together is None:
         return None
     rank = {uav: i for i, uav in enumerate(sorted(spec.sysid for spec in specs))}
-    return Meeting(rank, together.spacing_s or 0.0, together.tolerance_s)
+    return Meeting(rank, together.spacing_s or 0.0, together.tolerance_s, together.slowest_m_s)
 
 
 def separation_of(config: Config) -> Separation:

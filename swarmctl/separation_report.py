@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 from swarmctl.agent import AgentState
 from swarmctl.agent.apart import AIRBORNE_M
+from swarmctl.agent.state import Compared
 from swarmctl.core.frames import StateShared
 from swarmctl.core.vehicle import Landed, VehicleState
-from swarmctl.separation import Point
+from swarmctl.separation import Crossings, Point
 from swarmctl.separation.flown import Flown
 
 
@@ -49,7 +51,7 @@ class Closeness:
             self._flown = Flown(after.task.separation.limits)
         return self._flown
 
-    def summary(self, states: Mapping[int, AgentState]) -> dict[str, Any]:
+    def summary(self, states: Mapping[int, AgentState], crossings: Crossings | None = None) -> dict[str, Any]:
         """`least_distance` is None where there were never two in the air at once that are heard of here."""
         flown, names = self._flown, _Names({uav: state.task.name for uav, state in states.items()})
         too_close = {} if flown is None else flown.too_close_s
@@ -62,6 +64,8 @@ class Closeness:
             "alarms": sum(state.n_alarms for state in states.values()),
             "held": sum(state.n_holds for state in states.values()),
             "climbed": sum(state.n_climbs for state in states.values()),
+            "first_routes": None if crossings is None else asdict(crossings),
+            "plans_in_flight": _plans(states),
         }
 
     def _least(self, names: Mapping[int, str]) -> dict[str, Any] | None:
@@ -75,6 +79,14 @@ class Closeness:
             "vertical_m": flown.nearest.vertical_m,
             "at_flight_s": self._at_flight_s,
         }
+
+
+def _plans(states: Mapping[int, AgentState]) -> dict[str, int]:
+    """How often plans were predicted to meet, each counted by who was to give way, and what became of it."""
+    names = Compared.__slots__
+    added = {name: sum(getattr(state.compared, name) for state in states.values()) for name in names}
+    resolved = sum(n for name, n in added.items() if name != "predicted")
+    return added | {"unresolved": added["predicted"] - resolved}
 
 
 class _Names(dict[int, str]):

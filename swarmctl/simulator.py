@@ -5,23 +5,29 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import math
 import os
 import sys
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
+from swarmctl.config_vehicles import Autopilot
 from swarmctl.mavlink.firmware import Firmware
 from swarmctl.preflight.intent import delivered
-from swarmctl.scenario import Scenario
+from swarmctl.scenario import Scenario, Spec, simulated_autopilot
 from swarmctl.supervise import cancelled
 
 STOP_DEADLINE_S = 5.0
 BATTERY_MAH = 6600.0
 """of simulated ArduCopters: as long a flight as the simulator's PX4 has, for swarms stacked hundreds of
 metres high"""
-_FIRMWARE = {"ardupilot": Firmware("ArduCopter", (4, 6)), "px4": Firmware("PX4", (1, 15))}
-"""what the simulator's autopilots are, by their personality"""
+_FIRMWARE: dict[Autopilot, Firmware] = {
+    "ardupilot": Firmware("ArduCopter", (4, 6)),
+    "arduplane": Firmware("ArduPlane", (4, 6)),
+    "px4": Firmware("PX4", (1, 15)),
+}
+"""what the simulator's autopilots are, by their names in configurations"""
 
 
 class SimulatorFailed(Exception):
@@ -61,19 +67,29 @@ def scenario_json(scenario: Scenario) -> dict[str, Any]:
 
 
 def _autopilot(scenario: Scenario, index: int) -> dict[str, Any]:
-    """What the vehicle `index` of the swarm speaks like, and its speed in that autopilot's parameters."""
-    simulate = scenario.config.simulate
-    assert simulate is not None
-    chosen = simulate.autopilot
-    personality = ("ardupilot", "px4")[index % 2] if chosen == "mixed" else chosen
-    if personality == "px4":
-        params = {"MPC_XY_CRUISE": simulate.speed_m_s, "MPC_XY_VEL_MAX": simulate.speed_m_s}
-    else:
-        params = {"WPNAV_SPEED": 100.0 * simulate.speed_m_s, "BATT_CAPACITY": BATTERY_MAH}
-    # Set up by its owner for what the configuration declares, as a real vehicle is.
+    """What the vehicle `index` of the swarm is, and speaks like, and its parameters, its speed in them."""
     spec = scenario.swarm[index]
-    params |= delivered(scenario, spec, _FIRMWARE[personality])
-    return {"personality": personality, "params": params}
+    autopilot = simulated_autopilot(scenario.config, index)
+    body: dict[str, Any] = {"personality": "px4" if autopilot == "px4" else "ardupilot"}
+    match autopilot:
+        case "px4":
+            params = {"MPC_XY_CRUISE": spec.speed_m_s, "MPC_XY_VEL_MAX": spec.speed_m_s}
+        case "ardupilot":
+            params = {"WPNAV_SPEED": 100.0 * spec.speed_m_s, "BATT_CAPACITY": BATTERY_MAH}
+        case "arduplane":
+            wings = scenario.config.wings
+            params = {"AIRSPEED_CRUISE": spec.speed_m_s, "AIRSPEED_MIN": math.floor(wings.min_speed_m_s)}
+            params |= {"BATT_CAPACITY": BATTERY_MAH}
+            # Put down along its first leg: it takes off straight on.
+            body |= {"type": "plane", "heading_deg": _heading_deg(scenario, spec)}
+    # Set up by its owner for what the configuration declares, as a real vehicle is.
+    params |= delivered(scenario, spec, _FIRMWARE[autopilot])
+    return {**body, "params": params}
+
+
+def _heading_deg(scenario: Scenario, spec: Spec) -> float:
+    (e0, n0), (e1, n1) = scenario.grid.frame.to_local(*spec.start), scenario.grid.centre_m(spec.entry)
+    return math.degrees(math.atan2(e1 - e0, n1 - n0)) % 360.0
 
 
 @contextlib.asynccontextmanager

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl import __version__
-from swarmctl.agent import ARRIVED, AgentState
+from swarmctl.agent import ARRIVED, IN_FLIGHT, AgentState
 from swarmctl.arrival_report import Arrivals
 from swarmctl.bus.tally import Tally
 from swarmctl.core import events as ev
@@ -25,9 +25,12 @@ from swarmctl.core.frames import Spoken
 from swarmctl.core.geo import LatLon
 from swarmctl.core.observation import Observation
 from swarmctl.core.threat import FiringStrength
+from swarmctl.left import ended_how
 from swarmctl.planners import Route
 from swarmctl.scenario import Scenario
+from swarmctl.separation import Crossings
 from swarmctl.separation_report import Closeness
+from swarmctl.swap_report import Swaps
 
 MAX_WEIGHTS = 500
 """changes of weights that are kept of a vehicle: the last"""
@@ -61,6 +64,7 @@ class VehicleLedger:
     """the last changes: its flight time then, the first plan made with them, what they were from then on"""
     weight_changes: int = 0
     """all of them"""
+    swaps: Swaps = field(default_factory=Swaps)
 
     @property
     def flight_time_s(self) -> float | None:
@@ -98,6 +102,10 @@ class Ledger:
                 self._accepted(vehicle, before.pending, now)
             case _:
                 pass
+        if isinstance(event, ev.MissionAccepted | ev.MissionFailed):
+            pending = before.pending if before.phase in IN_FLIGHT else None
+            if pending is not None and pending.plan_id == event.plan_id:
+                vehicle.swaps.ended(event)
         for effect in effects:
             changed = (after.w, after.strength) != (before.w, before.strength)
             if changed and isinstance(effect, ev.Answer) and effect.answer.from_plan is not None:
@@ -168,11 +176,12 @@ def summary(
     commands: dict[str, int],
     networks: Mapping[int, Tally],
     looks: Mapping[int, dict[str, Any]],
+    crossings: Crossings | None = None,
 ) -> dict[str, Any]:
     """The content of `summary.json`.
 
     `networks` and `looks` are what became of messages and of payloads' reports, by system id; who takes no
-    reports is not in `looks`.
+    reports is not in `looks`. `crossings`: of first routes, as preflight found them; None where it did not.
     """
     together = _belief_of_all(scenario, states)
     return {
@@ -192,7 +201,7 @@ def summary(
         "psi_per_cell": scenario.psi_per_cell,
         "latency_clock": "simulated seconds" if clock == "virtual" else "wall seconds",
         "latency": ledger.latencies(),
-        "separation": ledger.closeness.summary(states),
+        "separation": ledger.closeness.summary(states, crossings),
         "arrival": ledger.arrivals.summary(states, _simulated_seconds(scenario, clock)),
         "operator_commands": commands,
         "vehicles": [
@@ -234,7 +243,7 @@ def _vehicle(scenario: Scenario, state: AgentState, ledger: Ledger, network: Tal
     return {
         "name": task.name,
         "sysid": task.uav,
-        "outcome": state.outcome or state.phase,
+        "outcome": ended_how(state),
         "trouble": state.trouble,
         "phase": state.phase,
         "flight_time_s": mine.flight_time_s,
@@ -250,6 +259,7 @@ def _vehicle(scenario: Scenario, state: AgentState, ledger: Ledger, network: Tal
         "searches": state.searches,
         "last_plan": None if state.planned is None else _plan(state.planned),
         "replans": state.replans,
+        "swaps": mine.swaps.summary(),
         "weights": [
             _weights(None, 1, task.w, task.strength),
             *(_weights(*change) for change in mine.weights),

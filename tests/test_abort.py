@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from flights import Ui, small
+from flights import Ui, fly, small
 from test_agent import Story, orders
 from test_companion import NAMES, STATION, Swarm
 from test_flight import interrupting
-from troubled import Trouble, play, suffer
+from troubled import Trouble, chooses, play, suffer
 
 from sim_vehicle.fleet import Truth
-from swarmctl import app, calling_back, operate
+from swarmctl import app, calling_back, operate, order_desk
 from swarmctl.agent import Phase
 from swarmctl.app import Report
 from swarmctl.bus.endpoint import BusEndpoint
@@ -27,6 +27,7 @@ from swarmctl.core.events import Order
 from swarmctl.core.geo import distance_m
 from swarmctl.core.messages import GiveOrder, OperatorAnswer, Request, VehicleAnswer
 from swarmctl.core.returns import LEAST_APART_M
+from swarmctl.display import Picture
 from swarmctl.rules import Ruling, low_battery
 from swarmctl.scenario import Scenario
 
@@ -201,7 +202,7 @@ def test_who_could_be_anybody_launches_no_aircraft_and_from_elsewhere_orders_it_
 ) -> None:
     scenario = small(communication={"bus": "memory", "listen": listen})
     members: Any = [Known("alpha")]
-    found = app.orders_closed(scenario, members, GiveOrder(None, order))
+    found = order_desk.orders_closed(scenario, members, GiveOrder(None, order))
     assert refused in found
     assert bool(found) is bool(refused)
 
@@ -261,3 +262,57 @@ def test_ctrl_c_twice_sends_all_home_at_once_and_says_so(
     assert len(report.left) == 3
     assert all("mode RTL" in line for line in report.left)
     assert "not waited for: uav1, uav2, uav3 to return, all at once" in ui.said
+
+
+def test_ctrl_c_lands_who_holds_above_another_when_that_is_down(tmp_path: Path) -> None:
+    scenario = small(
+        simulate={"count": 2, "goal": [4, 7], "ready_s": 3.0},
+        threats={"count": 0},
+        flight={"altitude_m": 15.0, "altitude_step_m": 6.0, "on_exit": "land", "on_exit_deadline_s": 200.0},
+    )
+    ui = Ui()
+    report = fly(scenario, tmp_path, carry=interrupting(66.0), ui=ui)
+    assert [line.partition("; ")[2] for line in report.left] == ["landed", "landed"]
+    assert "to land when those under them are down: uav2" in ui.said
+    down_s = [report.ledger.vehicles[uav].last_s for uav in (1, 2)]
+    assert down_s[1] - down_s[0] > 20.0  # it comes down from 21 m, of which the last 10 m take 20 s
+
+
+def test_ctrl_c_lands_at_once_who_hold_beside_each_other(tmp_path: Path) -> None:
+    ui = Ui()
+    report = fly(small(flight={"on_exit": "land"}), tmp_path, carry=interrupting(30.0), ui=ui)
+    assert not any("when those under them" in line for line in ui.said)
+    assert all("landed" in line for line in report.left)
+
+
+class Breaks(Ui):
+    def refresh(self, picture: Picture) -> None:
+        super().refresh(picture)
+        if picture.flown_s > 40.0:
+            raise RuntimeError("a bug")
+
+
+def test_a_flight_that_breaks_brings_them_home_in_turns_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trouble = Trouble(note=(looker := Looker()))
+    play(trouble, monkeypatch)
+    ui = Breaks()
+    report = fly(gathering(), tmp_path, ui=ui, broken=True)
+    assert isinstance(report.bug, ExceptionGroup)
+    assert "the flight is broken: uav1, uav2, uav3 to return, in turns" in ui.said
+    assert any(text.startswith("returning: uav1, uav3 at once; uav2 after") for text in ui.said)
+    assert looker.least_m > LEAST_APART_M
+    # The process ends when the last is sent home.
+    assert trouble.modes == {1: ["AUTO", "RTL"], 2: ["AUTO", "GUIDED"], 3: ["AUTO", "RTL"]}
+    assert all("mode RTL" in line for line in report.left)
+
+
+def test_a_vehicle_that_somebody_takes_while_it_waits_for_its_turn_is_let_be(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trouble = Trouble(deeds=[(60.0, chooses(2, "LOITER"))])
+    play(trouble, monkeypatch)
+    report = fly(gathering(), tmp_path, ui=Breaks(), broken=True)
+    assert trouble.modes[2] == ["AUTO", "GUIDED", "LOITER"]
+    assert ["mode RTL" in line for line in report.left] == [True, False, True]

@@ -19,6 +19,7 @@ from swarmctl.core.observation import Observation
 from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.planners import PLANNERS, Method
+from swarmctl.rules import ALWAYS, Ruling, low_battery
 from swarmctl.rules.taken_over import STALE_MODE_S
 
 GRID = Grid(9, 9, 50.0, 46.0, 14.0)
@@ -75,7 +76,10 @@ class Story:
             mode="AUTO",
             mode_role="mission",
             armed=True,
-            landed=Landed.IN_AIR,
+            landed=Landed.IN_AIR if changes.get("armed", True) else Landed.ON_GROUND,
+            heartbeat_s=self.now,
+            status_s=self.now,
+            position_s=self.now,
         )
         return self(ev.TelemetryReceived(replace(state, **changes)))  # type: ignore[arg-type]
 
@@ -105,6 +109,34 @@ def publications(effects: list[ev.Effect]) -> list[object]:
 
 def orders(effects: list[ev.Effect]) -> list[ev.Order]:
     return [e.order for e in effects if isinstance(e, ev.Command)]
+
+
+BOOTED = {"mode": "STABILIZE", "mode_role": "other", "armed": False, "time_boot_s": 900.0}
+"""a heartbeat after a boot that its clock has not told of yet"""
+
+
+def waiting() -> Story:
+    story = Story()
+    story(ev.Ready())
+    story.swap()
+    story.accept()
+    story.over((4, 0), mode="GUIDED", mode_role="hold", armed=False)
+    return story
+
+
+def test_one_that_boots_before_its_launch_is_made_ready_anew_and_not_let_go() -> None:
+    story = waiting()
+    assert orders(story.over((4, 0), **BOOTED)) == []
+    assert story.state.phase is Phase.STANDBY
+    story(ev.Rebooted())
+    assert story.state.phase is Phase.WAITING
+
+
+def test_one_in_a_mode_of_somebody_elses_is_not_launched() -> None:
+    story = waiting()
+    story.over((4, 0), **BOOTED)
+    assert orders(story(ev.OperatorCommand(ev.Order.LAUNCH))) == []
+    assert story.state.phase is Phase.RELEASED
 
 
 def test_nothing_is_sent_to_a_vehicle_that_is_not_ready() -> None:
@@ -184,6 +216,8 @@ def test_news_during_a_swap_waits_for_its_end_and_then_counts() -> None:
         story.hear((row, 4, True), seq=seq)
         assert story.tick() == []
     story.accept()
+    story.now += 2.0
+    story.over((4, 0))  # it has followed meanwhile
     second = story.swap()
     assert second.plan_id > first.plan_id
     assert second.because == ((2, 0, 2), (2, 0, 3))
@@ -261,7 +295,7 @@ def test_a_vehicle_that_somebody_else_has_taken_over_is_let_go() -> None:
     assert story.over((4, 1), mode="LOITER", mode_role="other") == [ev.Release()]
     assert story.state.phase is Phase.RELEASED
     assert "LOITER" in story.state.outcome
-    assert story(ev.MissionFailed(swap.plan_id, "unknown", "its mode is LOITER")) == []
+    assert story(ev.MissionFailed(swap.plan_id, "theirs", "its mode is LOITER")) == []
     assert story(ev.OperatorCommand(ev.Order.HOLD)) == []
     story.hear((4, 5, True), seq=2)
     assert story.tick() == []
@@ -528,3 +562,38 @@ def test_the_order_in_which_news_arrives_does_not_change_the_route(
     assert ends[0].route is not None
     assert ends[1].route is not None
     assert ends[0].route.cells == ends[1].route.cells
+
+
+def test_one_heartbeat_that_says_disarmed_in_the_air_ends_nothing() -> None:
+    story = Story().flying()
+    up = {"armed": False, "landed": Landed.IN_AIR}
+    story.over((4, 1), **up)
+    story.over((4, 1), **up, heartbeat_s=story.state.vehicle.heartbeat_s)  # a position, no other heartbeat
+    assert story.state.phase is Phase.FLYING
+    story.over((4, 1))
+    story.over((4, 2), **up)
+    assert story.state.phase is Phase.FLYING
+    story.over((4, 2), **up)
+    assert story.state.phase is Phase.FAILED
+    assert story.state.outcome.startswith("disarmed in cell (4, 2), short of its goal")
+
+
+def test_rules_and_orders_go_on_while_no_position_comes() -> None:
+    story = Story(rules=(*ALWAYS, Ruling(low_battery, low_battery.Params()))).flying()
+    flown_m, cell = story.state.flown_m, story.state.cell
+    nowhere = {"lat_deg": None, "lon_deg": None, "alt_rel_m": None, "position_s": 0.0}
+    given = [orders(story.over((7, 7), battery_percent=20, **nowhere)) for _ in range(6)]
+    assert [ev.Order.RETURN] in given
+    story(ev.OrderFailed(ev.Order.RETURN, "no answer"))
+    again = [orders(story.over((7, 7), mode_role="mission", **nowhere)) for _ in range(6)]
+    assert [ev.Order.RETURN] in again
+    assert (story.state.flown_m, story.state.cell) == (flown_m, cell)
+
+
+def test_an_old_position_that_is_told_again_is_no_way_flown_and_shared_with_nobody() -> None:
+    story = Story().flying()
+    story.over((4, 1))
+    flown_m, cells, boot_s = story.state.flown_m, story.state.flown_cells, story.state.vehicle.time_boot_s
+    told = [story.over((4, 1), time_boot_s=boot_s, position_s=boot_s) for _ in range(3)]
+    assert (story.state.flown_m, story.state.flown_cells) == (flown_m, cells)
+    assert not any(isinstance(message, StateShared) for effects in told for message in publications(effects))

@@ -11,6 +11,7 @@ from test_agent import GRID, Story, orders
 from swarmctl.agent import Phase, wants_tick
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
+from swarmctl.rules import Fence
 from swarmctl.separation.watch import Action, Separation
 from swarmctl.separation_report import Closeness
 
@@ -20,8 +21,8 @@ MID_M = GRID.centre_m((4, 4))
 class Watching(Story):
     """Vehicle 2 flies east along row 4 at 10 m/s; `other` tells of vehicle 1 or 3."""
 
-    def __init__(self, action: Action = "hold", uav: int = 2) -> None:
-        super().__init__(uav=uav, separation=replace(Separation(), action=action))
+    def __init__(self, action: Action = "hold", uav: int = 2, **changes: Any) -> None:
+        super().__init__(uav=uav, separation=replace(Separation(), action=action), **changes)
         self.flying()
         self.at(100.0)
 
@@ -156,3 +157,83 @@ def test_an_operator_who_orders_otherwise_is_obeyed() -> None:
     story.at(130.0, mode="RTL", mode_role="return")
     assert story.state.gave_way is None
     assert story.state.phase is Phase.LEAVING
+
+
+@pytest.mark.parametrize("phase", ["landing", "leaving", "holding", "released"])
+def test_the_lower_system_id_gives_way_to_one_that_cannot(phase: str) -> None:
+    story = Watching()
+    story.crossing(3, phase=phase)
+    effects = story.at(125.0)
+    assert orders(effects) == [ev.Order.HOLD]
+    assert told(effects)[0].endswith("; it gives way")
+
+
+def test_also_where_the_other_could_when_the_alarm_was_raised() -> None:
+    story = Watching()
+    story.crossing(3)
+    assert orders(story.at(125.0)) == []
+    story.other(3, MID_M[0], MID_M[1] - 95.0, (0.0, 10.0, 0.0), phase="leaving")
+    assert orders(story.at(135.0)) == [ev.Order.HOLD]
+
+
+def test_who_returns_is_not_stopped_on_its_way() -> None:
+    story = Watching()
+    story(ev.OperatorCommand(ev.Order.RETURN))
+    story(ev.OrderDone(ev.Order.RETURN))
+    story.other(1, 200.0, MID_M[1], (0.0, 0.0, 0.0))
+    effects = story.at(130.0, mode="RTL", mode_role="return")
+    assert len(told(effects)) == 1
+    assert orders(effects) == []
+    assert story.state.phase is Phase.LEAVING
+
+
+def test_it_climbs_no_higher_than_its_fence_lets_it() -> None:
+    story = Watching(action="climb", fence=Fence((), 36.0))
+    story.crossing(1)
+    story.at(125.0)
+    assert story.tick() == []
+    assert story.state.raised_m == 0.0
+
+
+def holds_for(story: Watching, seconds: int, **standing: Any) -> list[str]:
+    """What is said while vehicle 1 stands in the way of vehicle 2, which holds 25 m before it."""
+    said = []
+    still = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode": "GUIDED", "mode_role": "hold"}
+    for _ in range(seconds):
+        story.other(1, 185.0, MID_M[1], (0.0, 0.0, 0.0), **standing)
+        said += told(story.at(160.0, **still))
+    return said
+
+
+def test_who_has_held_for_long_flies_on_above_the_other() -> None:
+    story = Watching()
+    story.crossing(1)
+    story.at(125.0)
+    story(ev.OrderDone(ev.Order.HOLD))
+    assert holds_for(story, 55) == []
+    assert holds_for(story, 10) == ["it has held for 60 s: it flies on at 34 m, above the others"]
+    assert story.swap().plan.landing.alt_rel_m == pytest.approx(33.6)
+
+
+def test_where_no_height_is_clear_it_holds_on_and_says_so_again_and_again() -> None:
+    story = Watching(fence=Fence((), 36.0))
+    story.crossing(1)
+    story.at(125.0)
+    story(ev.OrderDone(ev.Order.HOLD))
+    assert holds_for(story, 130) == ["it has held for 60 s, and no height is clear: it holds on"] * 2
+    assert story.state.gave_way is not None
+
+
+def test_who_holds_for_another_keeps_clear_of_where_that_fell_silent() -> None:
+    story = Watching()
+    story.crossing(1)
+    story.at(125.0)
+    story(ev.OrderDone(ev.Order.HOLD))
+    still = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode": "GUIDED", "mode_role": "hold"}
+    # It was told to hold over the crossing, is heard once more, and then nothing is.
+    story.other(1, MID_M[0], MID_M[1], (0.0, 0.0, 0.0))
+    said = [told(story.at(140.0, **still)) for _ in range(50)]
+    assert not any(said)
+    later = [text for _ in range(150) for text in told(story.at(140.0, **still))]
+    assert any("it has held for 60 s" in text for text in later)
+    assert story.state.gave_way is None, "it flies on, above that place or after three minutes"

@@ -14,6 +14,7 @@ from test_agent import GRID, Story, orders
 from swarmctl.agent import Arrival, Phase, first_route
 from swarmctl.agent.in_time import change_cells, is_no_worse, underway_to
 from swarmctl.agent.pace import lost_s
+from swarmctl.agent.swap_times import SwapTimes
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
 from swarmctl.core.corners import Counting
@@ -101,7 +102,7 @@ def test_late_it_flies_on_and_says_so_once() -> None:
     told = flying(at_s=60.0, within_s=80.0)
     told.hear((0, 4, True))
     assert swaps(told.tick()) == []  # the straight way it flies is the least late
-    assert told.state.late == "no route meets its bound of 80 s any more; over its goal after 100.1 s"
+    assert told.state.late == "no route meets its bound of 80 s any more; over its goal after 100.0 s"
     told.over((0, 1), time_boot_s=170.0, ground_speed_m_s=10.0)
     told.hear((0, 5, True), seq=2)
     told.tick()
@@ -222,13 +223,24 @@ def test_what_braking_and_speeding_up_cost(
 
 
 def test_the_way_around_is_flown_only_if_there_is_time_for_its_turns_too() -> None:
-    """10 s have passed; around are 4 + 4√2 cells, 48.3 s, and changing the mission takes 3.4 s. Turns and
-    speeding up cost 2.8 s more, after which 63 s are over."""
-    for within_s, goes_around in ((63.0, False), (65.5, True)):
+    """10 s have passed; around are, from the next centre on, 6 + 3√2 cells, 51.2 s, and a change of mission
+    that stops takes 3.4 s. Turns and speeding up cost more than braking for the goal saves."""
+    for within_s, goes_around in ((68.0, False), (73.0, True)):
         told = flying(at_s=10.0, within_s=within_s)
         told.hear(*IN_THE_WAY)
         assert bool(swaps(told.tick())) is goes_around
         assert told.state.late_s is None
+
+
+@pytest.mark.parametrize(("stood_s", "goes_around"), [((), False), ((0.0, 0.1), True), ((0.1, 4.0), False)])
+def test_a_change_costs_the_stop_that_its_own_last_changes_brought(
+    stood_s: tuple[float, ...], goes_around: bool
+) -> None:
+    """As above: 70.5 s are enough only for who does not stop."""
+    told = flying(at_s=10.0, within_s=70.5)
+    told.state = replace(told.state, swap_times=SwapTimes((1.0,) * len(stood_s), stood_s))
+    told.hear(*IN_THE_WAY)
+    assert bool(swaps(told.tick())) is goes_around
 
 
 def test_a_track_that_is_worse_than_its_route_by_now_is_pulled_anew() -> None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
 from test_agent import GRID, Story, orders
 
+from swarmctl.agent import meeting
+from swarmctl.agent.meeting import UNKNOWN_M_S
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
 from swarmctl.separation.meet import Meeting
@@ -17,8 +20,8 @@ ROW_M = GRID.centre_m((4, 4))[1]
 class Meets(Story):
     """Vehicle 1 flies east along row 4, its goal cell begins at 400 m; vehicle 2 is to arrive with it."""
 
-    def __init__(self, uav: int = 1, **meeting: float) -> None:
-        super().__init__(uav=uav, meeting=Meeting({1: 0, 2: 1}, **meeting))
+    def __init__(self, uav: int = 1, w: float = 0.5, **meeting: float) -> None:
+        super().__init__(uav=uav, w=w, meeting=Meeting({1: 0, 2: 1}, **meeting))
         self.flying()
 
     def at(self, east_m: float, **changes: Any) -> list[ev.Effect]:
@@ -100,7 +103,7 @@ def test_a_new_plan_takes_back_its_speed_and_it_is_given_again() -> None:
     story.hear((4, 4, True))
     story.swap()
     story.accept()
-    assert story.state.speed_m_s is None
+    assert story.state.speed_m_s == UNKNOWN_M_S
     assert len(speeds(story.at(103.0, ground_speed_m_s=2.0))) == 1
 
 
@@ -121,3 +124,63 @@ def test_full_speed_that_was_not_taken_is_given_again_too() -> None:
     assert speeds(story.at(102.0)) == [10.0]
     story(ev.SpeedFailed("no answer"))
     assert speeds(story.at(104.0)) == [10.0]
+
+
+# a way that takes its time
+
+
+def swapped(story: Meets) -> ev.SwapMission | None:
+    return next((effect for effect in story.tick() if isinstance(effect, ev.SwapMission)), None)
+
+
+def test_one_that_is_early_takes_a_safer_way() -> None:
+    """With w = 0 it goes straight through; with the time that it has it goes round, and is still in time."""
+    story = Meets(w=0.0)
+    story.hear((4, 5, True))
+    assert swapped(story) is None
+    story.other(70.0)
+    story.at(60.0)
+    swap = swapped(story)
+    assert swap is not None
+    assert (4, 5) not in swap.cells
+    story.accept()
+    assert story.state.late == ""
+    earliest_in_s = meeting.earliest_in_s(story.state)
+    assert earliest_in_s is not None
+    assert earliest_in_s <= 70.0
+
+
+def test_one_that_may_not_fly_so_slowly_takes_a_longer_way() -> None:
+    story = Meets(slowest_m_s=8.0)
+    story.other(70.0)
+    story.at(60.0)
+    swap = swapped(story)
+    assert swap is not None
+    # 68 s at 8 m/s at least, and at 10 m/s in time.
+    assert 0.8 * 640.0 < 60.0 + swap.length_m < 700.0
+    story.accept()
+    story.state = replace(story.state, swapped_boot_s=-100.0)
+    assert swapped(story) is None
+
+
+def test_one_that_is_a_little_early_only_flies_slower() -> None:
+    story = Meets(w=0.0)
+    story.hear((4, 5, True))
+    story.tick()
+    story.other(42.0)
+    assert len(speeds(story.at(60.0))) == 1
+    assert swapped(story) is None
+
+
+def test_one_that_has_become_the_last_takes_its_own_best_way_again() -> None:
+    story = Meets(w=0.0)
+    story.hear((4, 5, True))
+    story.tick()
+    story.other(70.0)
+    story.at(60.0)
+    assert swapped(story) is not None
+    story.accept()
+    story.other(10.0)
+    story.at(62.0, time_boot_s=story.now + 10.0)
+    story.at(64.0, time_boot_s=story.now + 20.0)
+    assert story.state.slack_until_s is None

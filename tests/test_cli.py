@@ -118,6 +118,23 @@ def test_a_record_replays_the_same_and_a_changed_one_does_not(tmp_path: Path) ->
     assert "differs: uav2" in differs.stderr
 
 
+def test_the_record_of_a_process_that_died_replays_up_to_its_cut(tmp_path: Path) -> None:
+    fly_virtual(small(), tmp_path)
+    whole = swarmctl("replay", tmp_path)
+    n_events = int(whole.output.split("the same: ")[1].split()[0])
+    record = tmp_path / "run.mcap"
+    content = record.read_bytes()
+    cut = tmp_path / "cut.mcap"
+    n_whole = []
+    for share in (0.35, 0.6, 0.85):
+        cut.write_bytes(content[: int(share * len(content))])
+        result = swarmctl("replay", cut)
+        assert result.exit_code == 0, result.output
+        assert "the record has no end" in result.output
+        n_whole.append(int(result.output.split("the same: ")[1].split()[0]))
+    assert 0 < n_whole[0] < n_whole[1] <= n_whole[2] <= n_events
+
+
 def forget(record: Path, copy: Path, *, topic: str) -> None:
     """Copy a record without the first message of a topic."""
     with record.open("rb") as source, copy.open("wb") as target:

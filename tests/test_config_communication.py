@@ -152,11 +152,14 @@ ROWS = [
         "bus: memory, router: tcp/10.0.0.9:7447",
         ["router: bus: memory stays within one process; give bus: zenoh, or leave this away"],
     ),
+    ("keys that sign the evidence alone", "keys: keys", []),
+    ("and on one machine", "keys: keys, bus: memory, listen: tcp/localhost:0", []),
     (
-        "keys that nothing uses",
-        "keys: keys",
-        ["keys: does nothing without an endpoint that needs certificates; give communication.router or mesh "
-         "tls/HOST:PORT or quic/HOST:PORT, or leave keys away"],
+        "keys that do not keep others away",
+        "keys: keys, listen: tcp/0.0.0.0:7447",
+        ["listen: others than this machine reach tcp/0.0.0.0:7447, and communication.keys does not keep them "
+         "away: without router or mesh it signs the evidence alone; give tcp/127.0.0.1:0, or "
+         "leave keys away"],
     ),
     (
         "keys that the router does not use",
@@ -196,8 +199,7 @@ SECURE = [
     (
         "keys and nobody who listens",
         "keys: keys, listen: none",
-        ["keys: does nothing without an endpoint that needs certificates; give communication.router or mesh "
-         "tls/HOST:PORT or quic/HOST:PORT, or leave keys away"],
+        [],
     ),
     (
         "one of the mesh without",

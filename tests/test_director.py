@@ -28,6 +28,7 @@ from swarmctl.links.base import (
     Rebooted,
     UploadFailed,
 )
+from swarmctl.mavlink.outcome import Swapped
 from swarmctl.networking import network_of
 from swarmctl.runner import NotAllowed, Runner
 from swarmctl.scenario import Scenario
@@ -66,14 +67,16 @@ class StubLink:
     async def prepare(self, timeout_s: float, on_waiting: Callable[[tuple[str, ...]], None]) -> None:
         await self._do("prepare", NotReady)
 
-    async def upload(self, plan: FlightPlan) -> None:
+    async def upload(self, plan: FlightPlan) -> float:
         await self._do("upload", UploadFailed)
+        return 0.0
 
     async def launch(self) -> None:
         await self._do("launch", LaunchFailed)
 
-    async def swap(self, plan: FlightPlan) -> None:
+    async def swap(self, plan: FlightPlan) -> Swapped:
         await self._do("swap")
+        return Swapped(None, "new", 0.0, 0.5)
 
     async def hold(self) -> None:
         await self._do("hold", CommandFailed)
@@ -437,3 +440,63 @@ def test_a_vehicle_that_waits_for_its_order_may_fall_silent_for_as_long_as_it_li
 
     ground.fly(story)
     assert len(waited) > 300
+
+
+@pytest.mark.parametrize(("waits_s", "checks"), [(20.0, 1), (40.0, 2)])
+@pytest.mark.parametrize("fit", [True, False])
+def test_what_was_checked_long_before_the_order_to_launch_is_checked_again(
+    waits_s: float, checks: int, fit: bool
+) -> None:
+    """Its battery has fallen meanwhile, or another station has cleared its fence."""
+    verdicts = [[], [] if fit else ["uav1: fence: found 0 corners; wanted 4"]]
+    ground = Ground(small(simulate={"count": 1}), launch="ordered", clearance=Clearance(verdicts))
+    standby_s: list[float] = []
+    ended: list[str] = []
+
+    def story(members: Sequence[Member]) -> bool:
+        state, now = members[0].state, asyncio.get_running_loop().time()
+        if state.phase == "standby":
+            standby_s.append(now)
+            if now - standby_s[0] >= waits_s:
+                members[0].runner.post(ev.OperatorCommand(ev.Order.LAUNCH, 1))
+        ended[:] = [state.outcome]
+        return state.phase == "flying" or state.ended
+
+    ground.fly(story)
+    assert ground.clearance.calls.count(("check", "uav1")) == checks
+    is_launched = fit or checks == 1
+    assert ("launch" in ground.links[0].calls) == is_launched
+    assert ("fence: found 0 corners" in ended[0]) == (not is_launched)
+
+
+def test_a_vehicle_that_waits_long_for_its_turn_is_checked_again() -> None:
+    ground = Ground(small(simulate={"count": 2, "delay_step_s": 60.0}))
+
+    def worse(members: Sequence[Member]) -> bool:
+        if members[0].state.phase == "flying":
+            ground.clearance.verdicts = [["uav2: battery: found 12 %"]]
+        return members[1].state.ended
+
+    ground.fly(worse)
+    assert "launch" in ground.links[0].calls
+    assert "launch" not in ground.links[1].calls
+
+
+def test_a_vehicle_that_boots_while_it_is_checked_again_is_not_launched() -> None:
+    ground = Ground(small(simulate={"count": 1}), launch="ordered", clearance=Clearance(lasts_s=10.0))
+    begun_s: list[float] = []
+
+    def story(members: Sequence[Member]) -> bool:
+        runner, now = members[0].runner, asyncio.get_running_loop().time()
+        if runner.is_freshly_cleared or not runner.cleared.is_set():
+            return members[0].state.ended or bool(begun_s and now - begun_s[0] > 20.0)
+        if not begun_s:
+            begun_s.append(now)
+            runner.post(ev.OperatorCommand(ev.Order.LAUNCH, 1))
+        elif 5.0 < now - begun_s[0] < 6.0:
+            runner.on_link_event(Rebooted())
+        return members[0].state.ended
+
+    ground.fly(story)
+    assert begun_s
+    assert "launch" not in ground.links[0].calls

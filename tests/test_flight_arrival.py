@@ -36,6 +36,23 @@ def test_staggered_they_come_one_after_the_other(tmp_path: Path) -> None:
     assert arrival["kept"] is (arrival["spread_s"] <= 3.0)
 
 
+def test_where_speed_alone_is_not_enough_they_choose_their_ways_by_the_time_they_have(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The last is due 40 s after the first, and may fly no slower than 8 m/s: by its own way it would come
+    half a minute too early."""
+    staggered = {"mode": "staggered", "spacing_s": 20.0, "slowest_m_s": 8.0, "tolerance_s": 5.0}
+    chosen = fly(small(arrival=staggered), tmp_path / "chosen")
+    assert [state.outcome for state in chosen.states.values()] == ["arrived"] * 3
+    assert chosen.summary["arrival"]["kept"] is True
+    assert chosen.summary["arrival"]["spread_s"] <= 5.0
+    monkeypatch.setattr("swarmctl.agent.meeting.slack_changed", lambda state, _due_s, _soonest_s: state)
+    by_speed = fly(small(arrival=staggered), tmp_path / "by_speed")
+    assert by_speed.summary["arrival"]["spread_s"] > 25.0
+    flown_m = [run.states[3].flown_m for run in (chosen, by_speed)]
+    assert flown_m[0] > flown_m[1] + 150.0
+
+
 def test_the_shipped_configuration_is_a_good_one() -> None:
     shipped = config.load(Path(__file__).parent.parent / "configs" / "arrive.yaml", judge)
     assert shipped.arrival is not None

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
-from flights import small
-from troubled import Trouble, chooses, suffer
+from flights import Ui, fly, small
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from troubled import Trouble, chooses, play, suffer
 
-from swarmctl import record
+from swarmctl import record, virtual
 from swarmctl.scenario import Scenario
 
 pytestmark = pytest.mark.virtual
@@ -64,9 +66,9 @@ def test_a_pilot_or_another_station_takes_over_and_is_not_fought(
 ) -> None:
     """A switch of the radio control changes the mode just as a station's command does, and no heartbeat
     tells which it was."""
-    trouble = Trouble(deeds=[(30.0, chooses(2, mode))])
+    trouble = Trouble(deeds=[(30.0, chooses(2, mode)), (120.0, chooses(2, "LAND"))])
     report, ui = suffer(trouble, tmp_path, monkeypatch, scenario=pair())
-    assert trouble.modes[2] == ["AUTO", mode]
+    assert trouble.modes[2] == ["AUTO", mode, *["LAND"] * (mode == "GUIDED")]  # the others come down before
     assert f"uav2: flying → released (in mode {mode}, which nobody here has ordered; let go)" in ui.said
     assert report.states[2].phase == "released"
     assert report.states[1].outcome == "arrived"
@@ -95,6 +97,7 @@ def test_a_storm_blows_them_off_their_routes_and_they_are_called_back(
     assert not any(state.vehicle.armed for state in report.states.values())
 
 
+@pytest.mark.autopilots("1.20")
 def test_it_loses_its_gps_and_its_own_failsafe_is_not_fought(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -124,6 +127,7 @@ def outage(for_s: float) -> Trouble:
 RETURNS = {"policy": {"lost_link": "return", "lost_link_after_s": 10}}
 
 
+@pytest.mark.autopilots("1.20")
 def test_its_link_is_lost_and_it_does_what_was_agreed_and_is_not_fought_when_it_is_heard_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -163,3 +167,42 @@ def test_a_storm_blows_it_towards_the_fence_and_it_holds_before_it_and_returns_f
     _, ui = suffer(trouble, tmp_path, monkeypatch, scenario=scenario)
     holds = ui.said.index("uav1: off its route, and about to leave the fence: it holds")
     assert ui.said.index("uav1: outside the fence: it returns") > holds
+
+
+def silent_of_position(frames: list[tuple[int, bytes]], sysid: int) -> list[tuple[int, bytes]]:
+    """Without that vehicle's GLOBAL_POSITION_INT, as from a PX4 that has lost its place."""
+    position = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
+    return [
+        (index, frame)
+        for index, frame in frames
+        if not (frame[5] == sysid and int.from_bytes(frame[7:10], "little") == position)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("sag", "said"),
+    [
+        ([], "no position for 20 s, though its GPS has a fix: where it flies is not known here: it returns"),
+        ([0.2], "battery at 20 %, less than the 25 % of rules.low_battery: it returns"),
+    ],
+    ids=["nothing else", "its battery"],
+)
+def test_a_vehicle_that_tells_no_position_any_more_is_judged_all_the_same(
+    sag: list[float], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trouble = sagging(sag[0]) if sag else Trouble()
+    play(trouble, monkeypatch)
+
+    class Blind(virtual.Fleet):  # type: ignore[misc, name-defined]
+        def step(self, now: float) -> Any:
+            frames = super().step(now)
+            return silent_of_position(frames, 2) if now > 30.0 else frames
+
+    monkeypatch.setattr(virtual, "Fleet", Blind)
+    ui = Ui()
+    report = fly(pair(), tmp_path, ui=ui)
+    assert trouble.modes[2] == ["AUTO", "RTL"]
+    assert f"uav2: {said}" in ui.said
+    assert "uav2: it tells no position any more" in ui.said or sag
+    assert report.states[2].outcome.endswith("; landed")
+    assert report.states[1].outcome == "arrived"

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import math
 from pathlib import Path
 from typing import Any
 
 import pytest
-from flights import Ui, fly, small
+from flights import AREA, Ui, fly, small
 
 from swarmctl.app import Manner
 from swarmctl.flight_report import together
@@ -30,8 +31,16 @@ def test_the_least_distance_flown_is_in_the_summary(tmp_path: Path) -> None:
     assert least["distance_m"] == pytest.approx(math.hypot(least["horizontal_m"], least["vertical_m"]))
     assert 4.0 < least["distance_m"] < 120.0
     assert separation["too_close"] == []
-    (line,) = together(report.summary)
+    (line,) = (line for line in together(report.summary) if line.startswith("least distance flown: "))
     assert line.startswith(f"least distance flown: {least['distance_m']:.1f} m, ")
+
+
+@pytest.fixture
+def uncompared(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody compares its plans with the others': there is the watch alone."""
+    step = importlib.import_module("swarmctl.agent.step")
+    monkeypatch.setattr(step, "compared", lambda _before, decided, _now: decided)
+    monkeypatch.setattr(step, "foresee", lambda state: (state, []))
 
 
 def meeting(folder: Path, action: str) -> tuple[dict[str, Any], list[str]]:
@@ -49,6 +58,7 @@ def meeting(folder: Path, action: str) -> tuple[dict[str, Any], list[str]]:
     return report.summary["separation"], ui.said
 
 
+@pytest.mark.usefixtures("uncompared")
 def test_without_an_action_both_are_warned_and_come_too_close(tmp_path: Path) -> None:
     separation, said = meeting(tmp_path, "none")
     least = separation["least_distance"]
@@ -62,6 +72,7 @@ def test_without_an_action_both_are_warned_and_come_too_close(tmp_path: Path) ->
     assert separation["held"] == separation["climbed"] == 0
 
 
+@pytest.mark.usefixtures("uncompared")
 def test_the_higher_system_id_holds_until_the_other_is_past_and_flies_on(tmp_path: Path) -> None:
     separation, said = meeting(tmp_path, "hold")
     assert separation["too_close"] == []
@@ -72,8 +83,74 @@ def test_the_higher_system_id_holds_until_the_other_is_past_and_flies_on(tmp_pat
     assert gave[0] < went_on
 
 
+@pytest.mark.usefixtures("uncompared")
 def test_or_it_climbs_and_both_fly_on(tmp_path: Path) -> None:
     separation, _ = meeting(tmp_path, "climb")
     assert separation["too_close"] == []
     assert separation["least_distance"]["vertical_m"] > 3.0
     assert (separation["held"], separation["climbed"]) == (0, 1)
+
+
+def test_two_that_would_meet_on_their_first_routes_are_kept_apart_before_there_is_an_alarm(
+    tmp_path: Path,
+) -> None:
+    separation, said = meeting(tmp_path, "hold")
+    assert separation["too_close"] == []
+    assert separation["held"] == separation["climbed"] == 0
+    assert separation["first_routes"] == {"predicted": 1, "by_height": 0}
+    assert separation["plans_in_flight"]["by_height"] >= 1
+    assert separation["plans_in_flight"]["unresolved"] == 0
+    assert not any(" meet" in line for line in said if line.startswith("uav1: "))
+    assert any("that of vehicle 1 in " in line for line in said if line.startswith("uav2: "))
+
+
+GAP = ([0, 3], [1, 3], [2, 3], [6, 3], [7, 3], [8, 3])
+"""Hostiles nobody knows of, with a gap between them half-way between the first routes of two copters."""
+
+
+def drawn_together(folder: Path, **separation: Any) -> tuple[dict[str, Any], list[str]]:
+    """Two copters at one height, 200 m apart, see the hostiles before them at one time, and both change to a
+    route through the gap; the summary and what was said. Nothing is done about who comes near in flight."""
+    scenario = small(
+        area={**AREA, "rows": 9},
+        simulate={"count": 2, "ready_s": 3.0},
+        flight={"altitude_m": 15.0, "altitude_step_m": 0.0},
+        threats={"count": len(GAP), "hostiles": GAP},
+        planner={"w": 0.9},
+        separation={"action": "none", **separation},
+    )
+    ui = Ui()
+    report = fly(scenario, folder, ui=ui)
+    assert [state.outcome for state in report.states.values()] == ["arrived", "arrived"]
+    lines = together(report.summary)
+    return report.summary["separation"] | {"lines": lines}, ui.said
+
+
+@pytest.mark.usefixtures("uncompared")
+def test_new_routes_that_are_not_compared_lead_two_into_each_other(tmp_path: Path) -> None:
+    separation, _ = drawn_together(tmp_path)
+    assert separation["least_distance"]["distance_m"] < 5.0
+    assert separation["too_close"][0]["seconds"] > 5.0
+
+
+def test_of_two_whose_new_routes_meet_one_flies_its_own_at_another_height(tmp_path: Path) -> None:
+    separation, said = drawn_together(tmp_path)
+    assert separation["too_close"] == []
+    assert separation["least_distance"]["vertical_m"] > 3.0
+    plans = separation["plans_in_flight"]
+    assert plans["predicted"] >= 1
+    assert plans["by_height"] >= 1
+    assert plans["unresolved"] == 0
+    assert any("conflicts of plans predicted in flight, resolved: " in line for line in separation["lines"])
+    # Both had changed before either knew: of the two it is the one with the higher system id.
+    assert [line for line in said if line.startswith("uav2: its ") and " meet" in line]
+    assert not [line for line in said if line.startswith("uav1: its ") and " meet" in line]
+
+
+def test_first_routes_that_cross_are_counted_and_by_what_they_are_kept_apart(tmp_path: Path) -> None:
+    scenario = small(simulate={"count": 2, "goal": [4, 7], "ready_s": 3.0}, threats={"count": 0})
+    report = fly(scenario, tmp_path)
+    assert report.summary["separation"]["first_routes"] == {"predicted": 1, "by_height": 1}
+    assert "first routes that cross over ground: 1 pairs, 1 of them kept apart by height" in together(
+        report.summary
+    )

@@ -27,6 +27,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "swarmctl.agent": {"swarmctl.core", "swarmctl.planners", "swarmctl.rules", "swarmctl.separation"},
     "swarmctl.separation": {"swarmctl.core"},
     "swarmctl.arrival_report": {"swarmctl.agent"},
+    "swarmctl.swap_report": {"swarmctl.core"},
     "swarmctl.separation_report": {"swarmctl.core", "swarmctl.agent", "swarmctl.separation"},
     "swarmctl.config_separation": {"swarmctl.config_base"},
     "swarmctl.config_arrival": {"swarmctl.config_base"},
@@ -35,15 +36,18 @@ MAY_IMPORT: dict[str, set[str]] = {
     "swarmctl.config_rules": {"swarmctl.config_base", "swarmctl.rules"},
     "swarmctl.config_links": {"swarmctl.config_base", "swarmctl.links.url"},
     "swarmctl.config_communication": {"swarmctl.config_base", "swarmctl.bus.endpoint"},
+    "swarmctl.config_vehicles": {"swarmctl.config_base", "swarmctl.config_links", "swarmctl.core"},
     "swarmctl.config": {
+        "swarmctl.config_vehicles",
         "swarmctl.config_base", "swarmctl.config_communication", "swarmctl.config_count",
         "swarmctl.config_links",
         "swarmctl.config_rules", "swarmctl.config_separation", "swarmctl.config_arrival",
-        "swarmctl.config_preflight",
+        "swarmctl.config_preflight", "swarmctl.config_wings",
         "swarmctl.core", "swarmctl.planners", "swarmctl.links.url", "swarmctl.yaml_lines",
         "swarmctl.bus.keys",
     },
     "swarmctl.scenario": {
+        "swarmctl.config_vehicles",
         "swarmctl.config_count", "swarmctl.config_rules", "swarmctl.rules", "swarmctl.separation",
         "swarmctl.preflight.fence",
         "swarmctl.core", "swarmctl.planners", "swarmctl.links.url", "swarmctl.yaml_lines", "swarmctl.config",
@@ -54,8 +58,13 @@ MAY_IMPORT: dict[str, set[str]] = {
         "swarmctl.core", "swarmctl.planners", "swarmctl.links.url", "swarmctl.yaml_lines", "swarmctl.config",
         "swarmctl.agent", "swarmctl.scenario", "swarmctl.judge_bounds", "swarmctl.judge_communication",
         "swarmctl.judge_separation", "swarmctl.judge_arrival", "swarmctl.judge_links",
-        "swarmctl.judge_preflight",
+        "swarmctl.judge_preflight", "swarmctl.judge_wings",
     },
+    "swarmctl.judge_wings": {
+        "swarmctl.agent", "swarmctl.config", "swarmctl.core", "swarmctl.planners", "swarmctl.scenario",
+        "swarmctl.yaml_lines",
+    },
+    "swarmctl.config_wings": {"swarmctl.config_base"},
     "swarmctl.judge_arrival": {"swarmctl.config"},
     "swarmctl.judge_separation": {
         "swarmctl.agent", "swarmctl.config", "swarmctl.planners", "swarmctl.scenario", "swarmctl.separation",
@@ -64,8 +73,10 @@ MAY_IMPORT: dict[str, set[str]] = {
         "swarmctl.core", "swarmctl.yaml_lines", "swarmctl.config", "swarmctl.config_communication",
         "swarmctl.bus.endpoint", "swarmctl.bus.radio", "swarmctl.mesh",
     },
-    "swarmctl.judge_links": {"swarmctl.config", "swarmctl.links.url"},
-    "swarmctl.judge_preflight": {"swarmctl.yaml_lines", "swarmctl.config"},
+    "swarmctl.judge_links": {
+        "swarmctl.config", "swarmctl.config_links", "swarmctl.links.forward", "swarmctl.links.url",
+    },
+    "swarmctl.judge_preflight": {"swarmctl.core", "swarmctl.yaml_lines", "swarmctl.config"},
     "swarmctl.mesh": {"swarmctl.core.roster", "swarmctl.bus.endpoint"},
     "swarmctl.roll": {
         "swarmctl.core", "swarmctl.yaml_lines", "swarmctl.config", "swarmctl.config_communication",
@@ -75,18 +86,21 @@ MAY_IMPORT: dict[str, set[str]] = {
         "swarmctl.core", "swarmctl.config_communication", "swarmctl.bus.radio",
     },
     "swarmctl.judge_bounds": {
+        "swarmctl.config_vehicles",
         "swarmctl.planners", "swarmctl.yaml_lines", "swarmctl.config", "swarmctl.agent",
     },
     "swarmctl.runner": {
         "swarmctl.core", "swarmctl.agent", "swarmctl.bus", "swarmctl.links", "swarmctl.supervise",
     },
+    "swarmctl.left": {"swarmctl.core", "swarmctl.agent"},
     "swarmctl.record": {"swarmctl.core", "swarmctl.agent", "swarmctl.config", "swarmctl.scenario"},
     "swarmctl.known": {
         "swarmctl.core", "swarmctl.agent", "swarmctl.planners", "swarmctl.record", "swarmctl.scenario",
     },
     "swarmctl.summary": {
+        "swarmctl.separation",
         "swarmctl.core", "swarmctl.planners", "swarmctl.agent", "swarmctl.scenario", "swarmctl.bus.tally",
-        "swarmctl.separation_report", "swarmctl.arrival_report",
+        "swarmctl.separation_report", "swarmctl.arrival_report", "swarmctl.swap_report", "swarmctl.left",
     },
     "swarmctl.evidence": {"swarmctl.core", "swarmctl.mavlink", "swarmctl.agent"},
     "swarmctl.evidence_run": {
@@ -95,12 +109,14 @@ MAY_IMPORT: dict[str, set[str]] = {
     "swarmctl.display": {"swarmctl.core", "swarmctl.agent"},
     "swarmctl.director": {
         "swarmctl.core", "swarmctl.agent", "swarmctl.config", "swarmctl.links", "swarmctl.runner",
-        "swarmctl.scenario", "swarmctl.supervise",
+        "swarmctl.left", "swarmctl.scenario", "swarmctl.supervise",
     },
+    "swarmctl.last_resort": {"swarmctl.core", "swarmctl.agent", "swarmctl.links", "swarmctl.director"},
     "swarmctl.networking": {
         "swarmctl.core", "swarmctl.bus", "swarmctl.radio_settings", "swarmctl.scenario",
     },
     "swarmctl.simulator": {
+        "swarmctl.config_vehicles",
         "swarmctl.mavlink.firmware", "swarmctl.preflight.intent", "swarmctl.scenario", "swarmctl.supervise",
     },
     "swarmctl.virtual": {
@@ -110,27 +126,40 @@ MAY_IMPORT: dict[str, set[str]] = {
     # What decides of preflight; what does I/O for it stands below.
     "swarmctl.preflight": {
         "swarmctl.core", "swarmctl.mavlink", "swarmctl.config_preflight", "swarmctl.scenario",
-        "swarmctl.separation",
+        "swarmctl.separation", "swarmctl.agent.approach",
     },
     "swarmctl.preflight.machine": {
+        "swarmctl.links.packages",
         "swarmctl.links.url", "swarmctl.scenario", "swarmctl.config_communication", "swarmctl.bus.endpoint",
     },
     "swarmctl.preflight.conduct": {
         "swarmctl.preflight", "swarmctl.core", "swarmctl.mavlink", "swarmctl.links", "swarmctl.runner",
-        "swarmctl.agent.flight_path", "swarmctl.scenario", "swarmctl.separation",
+        "swarmctl.agent", "swarmctl.scenario", "swarmctl.separation",
     },
     "swarmctl.parts": {
         "swarmctl.core", "swarmctl.planners", "swarmctl.sensors", "swarmctl.links", "swarmctl.bus",
         "swarmctl.runner", "swarmctl.director", "swarmctl.scenario", "swarmctl.simulator", "swarmctl.virtual",
         "swarmctl.config_links", "swarmctl.keyring", "swarmctl.evidence",
     },
+    "swarmctl.order_desk": {
+        "swarmctl.core", "swarmctl.bus", "swarmctl.director", "swarmctl.face", "swarmctl.scenario",
+    },
+    "swarmctl.taking_turns": {"swarmctl.agent", "swarmctl.core"},
+    "swarmctl.showing": {
+        "swarmctl.bus", "swarmctl.director", "swarmctl.display", "swarmctl.face", "swarmctl.scenario",
+        "swarmctl.summary",
+    },
+    "swarmctl.conducting": {
+        "swarmctl.director", "swarmctl.evidence", "swarmctl.face", "swarmctl.simulator", "swarmctl.supervise",
+    },
     "swarmctl.app": {
-        "swarmctl.core", "swarmctl.runner", "swarmctl.links", "swarmctl.bus", "swarmctl.agent",
-        "swarmctl.director", "swarmctl.preflight",
-        "swarmctl.display", "swarmctl.evidence", "swarmctl.evidence_run", "swarmctl.face",
-        "swarmctl.record", "swarmctl.networking", "swarmctl.parts",
-        "swarmctl.scenario", "swarmctl.simulator", "swarmctl.summary", "swarmctl.virtual",
-        "swarmctl.supervise",
+        "swarmctl.agent", "swarmctl.bus", "swarmctl.conducting", "swarmctl.core", "swarmctl.director",
+        "swarmctl.evidence", "swarmctl.evidence_run", "swarmctl.face", "swarmctl.last_resort",
+        "swarmctl.left", "swarmctl.links", "swarmctl.networking", "swarmctl.order_desk", "swarmctl.parts",
+        "swarmctl.preflight", "swarmctl.record", "swarmctl.runner", "swarmctl.scenario",
+        "swarmctl.separation", "swarmctl.showing", "swarmctl.simulator", "swarmctl.summary",
+        "swarmctl.taking_turns",
+        "swarmctl.virtual",
     },
     "swarmctl.companion": {
         "swarmctl.core", "swarmctl.links.url", "swarmctl.bus", "swarmctl.app", "swarmctl.director",
@@ -152,7 +181,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "swarmctl.plan_report": {
         "swarmctl.planners", "swarmctl.agent", "swarmctl.figures", "swarmctl.outputs", "swarmctl.scenario",
     },
-    "swarmctl.flight_report": {"swarmctl.core", "swarmctl.figures"},
+    "swarmctl.flight_report": {"swarmctl.core", "swarmctl.figures", "swarmctl.swap_report"},
     "swarmctl.figures": set(),
     "swarmctl.answers": {"swarmctl.core"},
     "swarmctl.face": {"swarmctl.core", "swarmctl.agent", "swarmctl.answers", "swarmctl.display"},

@@ -148,7 +148,7 @@ MATRIX: list[tuple[Callable[[], Story], Order, str, str, list[Order], Phase]] = 
     (landing, HOLD, "taken", "", [HOLD], Phase.HOLDING),
     (holding, RETURN, "taken", "", [RETURN], Phase.LEAVING),
     (leaving, HOLD, "taken", "", [HOLD], Phase.HOLDING),
-    (released, LAND, "over", "released", [], Phase.RELEASED),
+    (released, LAND, "taken", "somebody else flies it; it is told so once", [LAND], Phase.RELEASED),
     (done, HOLD, "over", "done, arrived", [], Phase.DONE),
 ]
 

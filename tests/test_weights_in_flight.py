@@ -90,6 +90,8 @@ def test_a_plan_under_way_is_not_called_back_and_the_next_one_has_the_new_weight
     assert answer.from_plan == 3
     assert story.tick() == []
     story.accept()
+    story.now += 2.0
+    story.over((4, 0))  # it has followed meanwhile
     swap = story.swap()
     assert swap.plan_id == 3
     assert swap.length_m == 8 * 50.0

@@ -143,6 +143,8 @@ class Tuning:
     bank_limit_deg: float = 0.0
     stall_m_s: float = 8.0  # airspeed in level flight
     fence_return_height_m: float = 0.0  # above home, at the fence's return point
+    loiter_leaves_aligned: bool = False  # a circle to an altitude only toward the next place, told so or not
+    return_lands: int = 0  # as the mission's nearest landing says; 1: once it circles over home, 2: at once
     # environment by parameter (SIM_*)
     wind_m_s: float | None = None  # None: the scenario's
     wind_from_deg: float = 0.0

@@ -133,6 +133,7 @@ class Autopilot:
             send=self.send,
             disarm=self._landed,
             taken_off=self.modes.taken_off,
+            start_landing=self._start_landing,
             mission_over=self.modes.mission_over,
             set_home=lambda place: self.landmarks.set_home(place, self.now, locked=True),
         )
@@ -388,6 +389,10 @@ class Autopilot:
     def start_mission_if_stopped(self) -> None:
         if self.mission.state is not MissionState.ACTIVE:
             self.mission.start_or_resume(self.flight.pilot)
+
+    def _start_landing(self) -> bool:
+        start = self.personality.start_landing
+        return start is not None and start(self, self.now)
 
     def set_current(self, index: int) -> bool:
         return self.mission.set_current(self.flight.pilot, index)

@@ -22,7 +22,10 @@ LOOK_S = 0.1  # between two looks of whoever is busy
 
 
 class Flight:
-    """Steers one body by mode and mission; reports by `tell`, `send`, `disarm` and `taken_off`."""
+    """Steers one body by mode and mission; reports by `tell`, `send`, `disarm` and `taken_off`.
+
+    `start_landing`: have the mission land it; False where it says no way.
+    """
 
     def __init__(
         self,
@@ -37,6 +40,7 @@ class Flight:
         send: Callable[[Any], None],
         disarm: Callable[[], None],
         taken_off: Callable[[], None],
+        start_landing: Callable[[], bool],
         set_home: Callable[[Place], None],
         mission_over: Callable[[], None],
     ) -> None:
@@ -45,6 +49,7 @@ class Flight:
         self._tuning = tuning
         self.tell, self.send, self.disarm, self.set_home = tell, send, disarm, set_home
         self._taken_off = taken_off
+        self.start_landing = start_landing
         self.pilot = MissionPilot(self)
         self.mission_over = mission_over
         self.cleared_for_takeoff = False  # by MISSION_START or a take-off command, until disarmed

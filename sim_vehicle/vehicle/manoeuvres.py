@@ -6,13 +6,15 @@ Each is begun by its constructor and asked by `update(now)` whether it is done.
 import math
 from typing import TYPE_CHECKING, Protocol
 
-from sim_vehicle.personalities.base import RallyAltitude
+from sim_vehicle.personalities.base import Behaviour, RallyAltitude
 
 if TYPE_CHECKING:
     from sim_vehicle.vehicle.flight import Flight
 
 NEAR_M = 1.0
 TAKEOFF_NEAR_M = 0.3
+ALIGNED_RAD = math.radians(10.0)  # a plane that heads so for a place heads for it
+INSIDE_SHARE = 1.05
 
 
 class Manoeuvre(Protocol):
@@ -68,6 +70,8 @@ class Return:
             body.fly_to(east_m, north_m, self._up_m)
         self._land_at_s: float | None = None
         self._landing: Landing | None = None
+        # The mission's hands bring it home, and the mission goes on from there.
+        self._mission_lands = flight.behaviour is Behaviour.RETURN and tuning.return_lands in (1, 2)
 
     def _travel_m(self, up_m: float) -> float:
         """Altitude of the way there from `up_m` [m above mean sea level]."""
@@ -109,6 +113,10 @@ class Return:
 
     def update(self, now: float) -> bool:
         flight = self._flight
+        if self._mission_lands and (flight.tuning.return_lands == 2 or flight.body.reached):
+            self._mission_lands = False
+            if flight.start_landing():
+                return False  # the mode has changed
         if self._landing is not None:
             return self._landing.update(now)
         if not flight.body.airborne:
@@ -139,6 +147,39 @@ class Takeoff:
         body = self._flight.body
         there = body.plane or abs(body.alt_amsl_m - self._up_m) < TAKEOFF_NEAR_M
         return body.airborne and body.reached and there
+
+
+class CircleToAltitude:
+    """A plane goes round a circle until it is at its altitude, and on until it heads for the next place.
+
+    Parameters
+    ----------
+    centre_m: east, north, up [m].
+    radius_m: negative is counter-clockwise.
+    next_m: east, north of the place it is to leave for; None: it leaves as soon as it is at its altitude.
+    """
+
+    def __init__(
+        self,
+        flight: "Flight",
+        centre_m: tuple[float, float, float],
+        radius_m: float,
+        next_m: tuple[float, float] | None,
+    ) -> None:
+        self._flight, self._there = flight, False
+        # A place inside the circle is never ahead.
+        inside = next_m is not None and math.dist(next_m, centre_m[:2]) <= INSIDE_SHARE * abs(radius_m)
+        self._next_m = None if inside else next_m
+        flight.body.loiter(*centre_m, radius_m)
+
+    def update(self, _now: float) -> bool:
+        body = self._flight.body
+        self._there = self._there or body.reached
+        if not self._there or self._next_m is None:
+            return self._there
+        east_m, north_m, _ = body.position_m
+        bearing_rad = math.atan2(self._next_m[0] - east_m, self._next_m[1] - north_m)
+        return abs(math.remainder(bearing_rad - body.heading_rad, 2 * math.pi)) <= ALIGNED_RAD
 
 
 class Circling:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.physics.place import Place
-from sim_vehicle.vehicle.manoeuvres import Circling, Landing, Manoeuvre, Return
+from sim_vehicle.vehicle.manoeuvres import CircleToAltitude, Circling, Landing, Manoeuvre, Return
 from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.numbers import finite, whole
 
@@ -41,6 +41,7 @@ SHORT_NAMES = {
     mavlink.MAV_CMD_CONDITION_YAW: "CondYaw",
     mavlink.MAV_CMD_DO_CHANGE_SPEED: "ChangeSpeed",
     mavlink.MAV_CMD_DO_SET_HOME: "SetHome",
+    mavlink.MAV_CMD_DO_LAND_START: "LandStart",
 }
 
 
@@ -91,8 +92,24 @@ class MissionPilot:
             self._machine = Circling(flight, self._target_m, finite(radius_m), finite(item.param1))
         elif item.command == mavlink.MAV_CMD_NAV_DELAY:
             flight.body.stop()
+        elif item.command == mavlink.MAV_CMD_NAV_LOITER_TO_ALT and flight.body.plane:
+            self._machine = self._circle_to_altitude(item, following)
         else:
+            flight.body.limit(radius_m=self._radius_m(item))
             flight.go(self._target_m, self._pass_speed_m_s(item, following))
+
+    def _circle_to_altitude(self, item: Item, following: Item | None) -> CircleToAltitude:
+        flight = self._flight
+        aligned = flight.tuning.loiter_leaves_aligned or item.param1 == 1
+        place_deg = following.place_deg if following is not None and aligned else None
+        next_m = None if place_deg is None else flight.body.locate(*place_deg)
+        radius_m = finite(item.param2) or flight.tuning.loiter_radius_m
+        return CircleToAltitude(flight, self._target_m, radius_m, next_m)
+
+    def _radius_m(self, item: Item) -> float:
+        """How near to an item's place is there; a plane may be told so by the item itself."""
+        told_m = finite(item.param2) if item.command == mavlink.MAV_CMD_NAV_WAYPOINT else 0.0
+        return told_m if self._flight.body.plane and told_m > 0.0 else self._flight.tuning.waypoint_radius_m
 
     def _goal_m(self, item: Item) -> Point:
         flight = self._flight

@@ -6,6 +6,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+import msgspec
+
+from swarmctl.agent.flight_path import at_height, levels_first, ways_of
 from swarmctl.agent.orders import Step, command
 from swarmctl.agent.state import IN_FLIGHT, AgentState, Phase
 from swarmctl.core import events as ev
@@ -13,16 +16,22 @@ from swarmctl.core.frames import StateShared
 from swarmctl.core.plane import distance_to_leg
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.separation import Point, Trajectory, intervals, onward
-from swarmctl.separation.watch import Alarm, Heard, clear_height_m, gives_way, watch
+from swarmctl.separation.watch import Alarm, Heard, clear_height_m, gives_way, watch, yields_to
 
 FRESH_S = 5.0
 """Where another was that has said nothing for longer, nobody knows."""
+SILENT_S = 180.0
+"""But who gave way to it keeps clear of that place for so long."""
 AIRBORNE_M = 1.0
 """above home: lower vehicles are in nobody's way"""
 MARGIN_M_S = 5.0
 """by so much two may become faster"""
 GOES_ON_AFTER_S = (0.0, 2.0, 4.0, 6.0)
 """Who is told to go on does so within some seconds: all that time the way has to be clear."""
+HOLDS_FOR_S = 60.0
+"""Who holds for others that stay in its way looks for another height after this, and again and again."""
+CEILING_MARGIN_M = 3.0
+"""so far below the fence's it stays"""
 BRAKING_M_S2 = 1.75
 """at which a copter stops (`swarmctl.agent.pace`)"""
 
@@ -48,11 +57,11 @@ def keep_apart(state: AgentState) -> Step:
     if not (state.neighbours or state.alarms or state.gave_way):
         return state, []
     if state.gave_way is not None and state.phase not in (Phase.FLYING, Phase.LANDING):
-        state = replace(state, gave_way=None)  # it was ordered otherwise
+        state = _released(state)  # it was ordered otherwise
     before = {alarm.other for alarm in state.alarms}
     own = own_trajectory(state)
     if own is None or state.phase not in IN_FLIGHT:
-        return replace(state, alarms=(), gave_way=None), []
+        return replace(_released(state), alarms=()), []
     others = {uav: path for uav, heard in state.neighbours.items() if (path := _predicted(state, heard))}
     now_s = state.vehicle.time_boot_s
     alarms = watch(state.alarms, own, others, state.task.separation, now_s)
@@ -62,22 +71,40 @@ def keep_apart(state: AgentState) -> Step:
     if state.gave_way is not None:
         state, done = _go_on_if_clear(state, own, others)
     else:
-        state, done = _give_way(state, new, others)
+        before_it = [alarm for alarm in alarms if not gives_way(state.task.uav, alarm.other)]
+        asked = [alarm for alarm in (*new, *before_it) if _is_to_give_way(state, alarm.other)]
+        state, done = _give_way(state, asked, others)
     return state, [*told, *done]
 
 
-def _give_way(state: AgentState, new: Sequence[Alarm], others: dict[int, Trajectory]) -> Step:
+def _released(state: AgentState) -> AgentState:
+    """It gives way to nobody any more."""
+    return replace(state, gave_way=None, gave_way_to={}, held_boot_s=math.inf, go_on_boot_s=-math.inf)
+
+
+def _is_to_give_way(state: AgentState, other: int) -> bool:
+    """Also to one with a higher system id that cannot: it lands, returns, holds by order, or is somebody
+    else's."""
+    heard = state.neighbours.get(other)
+    may_too = heard is None or heard.state.phase == Phase.FLYING
+    return yields_to((True, state.task.uav), (may_too, other))
+
+
+def _give_way(state: AgentState, asked: Sequence[Alarm], others: dict[int, Trajectory]) -> Step:
     rules = state.task.separation
-    if not may_give_way(state) or not any(gives_way(state.task.uav, alarm.other) for alarm in new):
+    if not may_give_way(state) or not asked:
         return state, []
     stays = _standing(state)
     blocked = (
         {a.other for a in watch((), stays, others, rules, state.vehicle.time_boot_s)} if stays else set()
     )
-    if rules.action == "hold" and not blocked:
+    # What circles to hold would be all round its circle: it climbs.
+    if rules.action == "hold" and not blocked and state.task.wings is None:
         # Its route is given again when all is clear: until then it flies none.
-        held = replace(state, gave_way=state.route, route=None, pending=None, n_holds=state.n_holds + 1)
-        return command(held, ev.Order.HOLD)
+        now_s, n, heard = state.vehicle.time_boot_s, state.n_holds + 1, state.neighbours
+        to = {alarm.other: heard[alarm.other] for alarm in asked if alarm.other in heard}
+        state = replace(state, gave_way_to=to, n_holds=n, held_boot_s=now_s)
+        return command(state, ev.Order.HOLD, gave_way=state.route, route=None)
     return _climb(state, others), []
 
 
@@ -95,47 +122,103 @@ def _climb(state: AgentState, others: dict[int, Trajectory]) -> AgentState:
     now_s, here_m = state.vehicle.time_boot_s, state.vehicle.alt_rel_m or 0.0
     heights_m = [at[2] for path in others.values() if (at := path.at(now_s)) is not None]
     height_m = clear_height_m(max(here_m, state.height_m), heights_m, state.task.separation.limits)
-    if height_m <= state.height_m:
+    if not state.height_m < height_m <= ceiling_m(state):
         return state
     state = replace(state, raised_m=height_m - state.task.altitude_m, n_climbs=state.n_climbs + 1)
     return replace(state, dirty=True, must_change=True)
 
 
+def ceiling_m(state: AgentState) -> float:
+    """Above home; it climbs no higher to keep clear of others."""
+    fence = state.task.fence
+    return math.inf if fence is None else fence.ceiling_m - CEILING_MARGIN_M
+
+
 def _go_on_if_clear(state: AgentState, own: Trajectory, others: dict[int, Trajectory]) -> Step:
     """The route is planned anew from where it holds."""
+    now_s = state.vehicle.time_boot_s
+    to = {uav: state.neighbours.get(uav, heard) for uav, heard in state.gave_way_to.items()}
+    state = replace(state, gave_way_to=to)
+    if now_s < state.go_on_boot_s:
+        return state, []
+    if not state.alarms and _is_clear(state, own, others) and not _may_be_met(state):
+        if state.phase is Phase.LANDING:
+            return command(_released(state), ev.Order.LAND)
+        return _flies_on(state, "clear of the others: it flies on")
+    if now_s - state.held_boot_s < HOLDS_FOR_S or state.phase is not Phase.FLYING:
+        return state, []
+    return _over_them(state, others)
+
+
+def _is_clear(state: AgentState, own: Trajectory, others: dict[int, Trajectory]) -> bool:
     limits = state.task.separation.limits
     starts = [own.later(seconds) for seconds in GOES_ON_AFTER_S]
-    if state.alarms or any(intervals(path, other, limits) for path in starts for other in others.values()):
-        return state, []
-    if state.phase is Phase.LANDING:
-        return command(replace(state, gave_way=None), ev.Order.LAND)
+    return not any(intervals(path, other, limits) for path in starts for other in others.values())
+
+
+def _may_be_met(state: AgentState) -> bool:
+    """Whether its way leads by where somebody was whom it gave way to, and of whom nothing is heard any more:
+    it may stand there."""
+    now_s = state.vehicle.time_boot_s
+    own = own_trajectory(state, SILENT_S)
+    silent = [
+        onward(_place(state, heard.state), (0.0, 0.0, 0.0), now_s, SILENT_S)
+        for heard in state.gave_way_to.values()
+        if FRESH_S < now_s - heard.at_s <= SILENT_S and heard.state.alt_rel_m >= AIRBORNE_M
+    ]
+    return own is not None and any(intervals(own, there, state.task.separation.limits) for there in silent)
+
+
+def _flies_on(state: AgentState, text: str) -> Step:
     state = replace(state, gave_way=None, ordered=ev.Order.LAUNCH, order_seen=True, dirty=True)
-    state = replace(state, order_again_at_s=math.inf)
-    return state, [ev.Tell("clear of the others: it flies on")]
+    state = replace(state, hold_is_ours=True)
+    # Whether its new plan is clear as well is yet to be seen, where that was put off before.
+    told: list[ev.Effect] = [] if state.put_off else [ev.Tell(text)]
+    return replace(state, order_again_at_s=math.inf), told
+
+
+def _over_them(state: AgentState, others: dict[int, Trajectory]) -> Step:
+    """It has held for long for others that stay in its way: it flies on above them, if that is clear."""
+    assert state.gave_way is not None
+    here, higher = here_of(state), _climb(state, others)
+    plan = at_height(state.gave_way.plan, higher.height_m)
+    if here is not None and state.task.wings is None:
+        way = [(*place, 0.0) for place in ways_of(state.task, plan)]
+        behind = len(way) - len(track_ahead(way, here))
+        plan = levels_first(state.task, replace(plan, track=plan.track[behind:]), here, 0.0)
+    higher = replace(higher, gave_way=msgspec.structs.replace(state.gave_way, plan=plan))
+    own = own_trajectory(higher)
+    text, now_s = f"it has held for {HOLDS_FOR_S:.0f} s", state.vehicle.time_boot_s
+    clear = own is not None and _is_clear(higher, own, others) and not _may_be_met(higher)
+    if higher.height_m > state.height_m and clear:
+        higher = replace(higher, held_boot_s=now_s, put_off=frozenset())
+        return _flies_on(higher, f"{text}: it flies on at {higher.height_m:.0f} m, above the others")
+    return replace(state, held_boot_s=now_s), [ev.Tell(f"{text}, and no height is clear: it holds on")]
 
 
 # --- where all will be, in metres of the area's plane, up above this vehicle's home
 
 
-def own_trajectory(state: AgentState) -> Trajectory | None:
+def own_trajectory(state: AgentState, for_s: float | None = None) -> Trajectory | None:
     """Along its plan as fast as it is, or as it would be if it did not hold for others; straight on where it
-    flies none."""
+    flies none. So far as is looked ahead, if `for_s` does not say otherwise."""
     vehicle, rules = state.vehicle, state.task.separation
-    here = _here(state)
+    here = here_of(state)
     if here is None:
         return None
-    now_s, for_s = vehicle.time_boot_s, rules.look_ahead_s
+    now_s, for_s = vehicle.time_boot_s, rules.look_ahead_s if for_s is None else for_s
     swap = state.gave_way or (state.route if state.pending is None else None)
     if swap is None or state.phase is not Phase.FLYING:
         return onward(here, (vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s), now_s, for_s)
     speed_m_s = state.task.arrival.speed_m_s if state.gave_way else max(vehicle.ground_speed_m_s, 0.5)
     frame = state.task.grid.frame
-    points = (*swap.plan.track, swap.plan.landing)
+    points = (*swap.plan.way, swap.plan.landing)
     track = [(*frame.to_local(point.lat_deg, point.lon_deg), point.alt_rel_m) for point in points]
     return _along([here, *track_ahead(track, here)], speed_m_s, now_s, for_s)
 
 
-def _here(state: AgentState) -> Point | None:
+def here_of(state: AgentState) -> Point | None:
+    """Where it is; None where it has not told."""
     vehicle = state.vehicle
     if vehicle.lat_deg is None or vehicle.lon_deg is None or vehicle.alt_rel_m is None:
         return None
@@ -174,12 +257,18 @@ def _along(points: Sequence[Point], speed_m_s: float, from_s: float, for_s: floa
 
 def _standing(state: AgentState) -> Trajectory | None:
     """Where it comes to a stop if it holds now, and stays."""
-    vehicle, here = state.vehicle, _here(state)
+    here, rules = here_of(state), state.task.separation
     if here is None:
         return None
+    still = (0.0, 0.0, 0.0)
+    return onward(stopped(state, here), still, state.vehicle.time_boot_s, rules.look_ahead_s)
+
+
+def stopped(state: AgentState, here: Point) -> Point:
+    """Where it comes to a stop if it holds now."""
+    vehicle = state.vehicle
     braking_s = vehicle.ground_speed_m_s / (2.0 * BRAKING_M_S2)
-    stop = here[0] + vehicle.east_m_s * braking_s, here[1] + vehicle.north_m_s * braking_s, here[2]
-    return onward(stop, (0.0, 0.0, 0.0), vehicle.time_boot_s, state.task.separation.look_ahead_s)
+    return here[0] + vehicle.east_m_s * braking_s, here[1] + vehicle.north_m_s * braking_s, here[2]
 
 
 def _predicted(state: AgentState, heard: Heard) -> Trajectory | None:
@@ -187,9 +276,14 @@ def _predicted(state: AgentState, heard: Heard) -> Trajectory | None:
     told, now_s = heard.state, state.vehicle.time_boot_s
     if not 0.0 <= now_s - heard.at_s <= FRESH_S or told.alt_rel_m < AIRBORNE_M:
         return None
-    east_m, north_m = state.task.grid.frame.to_local(told.lat_deg, told.lon_deg)
     for_s = now_s - heard.at_s + state.task.separation.look_ahead_s
-    return onward((east_m, north_m, _up_m(state.vehicle, told)), told.velocity_m_s, heard.at_s, for_s)
+    return onward(_place(state, told), told.velocity_m_s, heard.at_s, for_s)
+
+
+def _place(state: AgentState, told: StateShared) -> Point:
+    """Where it was when it told that."""
+    east_m, north_m = state.task.grid.frame.to_local(told.lat_deg, told.lon_deg)
+    return east_m, north_m, _up_m(state.vehicle, told)
 
 
 def _up_m(vehicle: VehicleState, other: StateShared) -> float:
@@ -213,6 +307,6 @@ def _in_words(alarm: Alarm, now_s: float) -> str:
 def _who(state: AgentState, alarm: Alarm) -> str:
     if state.task.separation.action == "none":
         return ""
-    if not gives_way(state.task.uav, alarm.other):
+    if not _is_to_give_way(state, alarm.other):
         return "; the other gives way"
     return "; it gives way" if may_give_way(state) or state.gave_way else "; it cannot give way now"

@@ -18,7 +18,7 @@ LIFT_S = 1.5
 """what leaving the ground costs beyond that: until the motors turn and the climb is under way"""
 
 HOLD_S = 0.5
-"""for so long a vehicle holds while its mission is changed in flight"""
+"""for so long a vehicle is taken to hold for its first change of mission in flight: then it is measured"""
 
 ROUNDING_CELLS = 1e-6
 """by so much the sums of a planner may differ from ours; it is some micrometres of way"""
@@ -101,9 +101,10 @@ def before_takeoff(arrival: Arrival, altitude_m: float) -> Underway:
     return Underway(elapsed_s=0.0, climb_m=altitude_m, lead_m=arrival.approach_m, lost_s=lost_s)
 
 
-def change_s(arrival: Arrival) -> float:
-    """What changing the mission in flight costs before the new route is begun, from a stop."""
-    return pace.brake_s(arrival.speed_m_s) + HOLD_S
+def change_s(arrival: Arrival, stop_s: float | None = None) -> float:
+    """What changing the mission in flight costs before the new route is begun: for as long as that makes the
+    vehicle stand (`SwapTimes.stop_s`), where that is known."""
+    return pace.brake_s(arrival.speed_m_s) + HOLD_S if stop_s is None else stop_s
 
 
 def window(arrival: Arrival, cell_size_m: float, underway: Underway) -> Window:

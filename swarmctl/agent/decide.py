@@ -9,26 +9,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl.agent.bounds import Underway, before_takeoff
+from swarmctl.agent.branching import Branch, branch_from, branch_from_track
 from swarmctl.agent.in_time import (
     ahead_lost_s,
     bounds_of,
     change_cells,
     is_no_worse,
     lateness_s,
+    onto,
     route_in_time,
     route_lost_s,
     underway_to,
 )
 from swarmctl.agent.realise import index_abreast, pulled, realised, track_holds
+from swarmctl.agent.slack import with_slack
 from swarmctl.agent.state import AgentState, Phase, Task
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
 from swarmctl.core.exposure import exposure, length_cells
 from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Cell
-from swarmctl.core.mission import FlightPlan
+from swarmctl.core.mission import FlightPlan, Waypoint
 from swarmctl.core.threat import FiringStrength
-from swarmctl.planners.base import BoundTooTight, Problem, Route
+from swarmctl.planners.base import BoundTooTight, Problem, Route, route_of
 
 _STEPS = {(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1)}
 
@@ -40,36 +43,51 @@ def decide(state: AgentState) -> tuple[AgentState, list[ev.Effect]]:
 
 
 def _decide_from(
-    state: AgentState, p_s: NDArray[np.float64], start: Cell
+    state: AgentState, p_s: NDArray[np.float64], here: Cell, off_track: Branch | None = None
 ) -> tuple[AgentState, list[ev.Effect]]:
-    task = replace(state.task, altitude_m=state.height_m)
+    """`here`: the cell of the route that is flown abreast of the vehicle; or, where it leaves a track that is
+    no good any more (`off_track`), that where it does."""
+    task = with_slack(state, replace(state.task, altitude_m=state.height_m))
+    branch = branch_from(state, here, p_s) if off_track is None else off_track
+    start, begun = branch.kept[-1], onto(state, branch)
+    if branch.leaves_ahead and start in task.goals and not state.must_change:
+        # It is there before anything else could be flown.
+        return replace(state, exposure=p_s, held=p_s, dirty=False, because=()), []
     ahead = _cells_ahead(state, start)
-    underway = underway_to(state, start, ahead)
+    underway = underway_to(state, start, ahead, branch)
     problem = _problem(task, p_s, start, state.w, underway)
-    change = change_cells(state, start, underway)
+    change = change_cells(state, start, underway, branch)
     try:
-        route = route_in_time(task, problem, change)
+        route = route_in_time(task, problem, change, begun)
     except BoundTooTight as error:
         route = error.nearest  # a vehicle that is late is not stopped for it
-    lost_s = 0.0 if ahead is None else ahead_lost_s(state, start, ahead)
-    keeps = ahead is not None and is_no_worse(task, problem, ahead, route, change, lost_s)
-    keeps = keeps and track_holds(state, p_s, start) and not state.must_change
-    if not keeps and state.cell not in (None, start) and _is_on_track(state):
-        # So far the route was looked at from abreast of the vehicle; a new one begins at the vehicle.
-        return _decide_from(replace(state, searches=state.searches + 1), p_s, state.cell)
+    lost_s = 0.0 if ahead is None else ahead_lost_s(state, start, ahead, branch)
+    keeps = ahead is not None and is_no_worse(task, problem, ahead, route, change, lost_s, begun)
+    holds = off_track is not None or not keeps or track_holds(state, p_s, here)
+    keeps = keeps and holds and not state.must_change
+    if not keeps and off_track is None and task.wings is None and _is_on_track(state):
+        # So far the route was looked at from abreast of the vehicle; a new one leaves the track ahead of it.
+        branch, must = branch_from_track(state, p_s), state.must_change or not holds
+        state = replace(state, searches=state.searches + 1, must_change=must)
+        return _decide_from(state, p_s, branch.kept[-1], branch)
     length = length_cells(ahead) if ahead is not None and keeps else route.length_cells
-    lost_s = lost_s if keeps else route_lost_s(task, route.cells)
-    late_s = lateness_s(state, problem, underway, length, lost_s)
+    lost_s = lost_s if keeps else route_lost_s(task, route.cells, begun)
+    late_s = lateness_s(state, problem, underway, length, lost_s) if state.task.arrival.is_bounded else None
     state = replace(
         state, exposure=p_s, searches=state.searches + 1, dirty=False, planned=route, late_s=late_s
     )
     if keeps:
         return replace(state, held=p_s, because=()), []
-    track = pulled(task, problem, route)
+    route = _from_vehicle(task, problem, route, branch)
+    track, position = pulled(task, problem, route), _position(state)
     flown = route if track is None else track
+    plan = realised(task, p_s, route, track, position, branch)
+    if position is not None:
+        begins = Waypoint(*position, state.height_m)
+        plan = replace(plan, begins=begins, from_hold=state.hold_is_ours)
     swap = ev.SwapMission(
         plan_id=state.next_plan_id,
-        plan=realised(task, p_s, route, track, _position(state)),
+        plan=plan,
         cells=route.cells,
         because=state.because,
         cost=route.cost,
@@ -80,6 +98,16 @@ def _decide_from(
     )
     state = replace(state, pending=swap, because=(), next_plan_id=state.next_plan_id + 1, must_change=False)
     return state, [swap]
+
+
+def _from_vehicle(task: Task, problem: Problem, route: Route, branch: Branch) -> Route:
+    """The route with what it has in common with the old one before it, and what all that adds up to."""
+    if len(branch.kept) == 1:
+        return route
+    cells = (*branch.kept[:-1], *route.cells)
+    whole = replace(problem, start=cells[0], min_length_cells=0.0, max_length_cells=math.inf)
+    cost = task.method.measure(whole, cells)
+    return route_of(whole, cells, cost if math.isfinite(cost) else route.cost)
 
 
 def believed_exposure(task: Task, belief: Belief, strength: FiringStrength) -> NDArray[np.float64]:

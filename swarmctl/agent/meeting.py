@@ -5,15 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from swarmctl.agent import pace
 from swarmctl.agent.apart import track_ahead
 from swarmctl.agent.bounds import CLIMB_M_S, LIFT_S
 from swarmctl.agent.orders import Step
+from swarmctl.agent.slack import slack_changed
 from swarmctl.agent.state import ARRIVED, AgentState, Phase
+from swarmctl.agent.wing_path import ROLL_S
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
-from swarmctl.separation.meet import due_s, speed_for
+from swarmctl.core.turns import rounded
+from swarmctl.separation.meet import Meeting, due_s, speed_for
 
 EVERY_S = 2.0
 """no oftener is a vehicle given another speed …"""
@@ -61,7 +65,8 @@ def keep_pace(state: AgentState) -> Step:
         return state, []
     known = {uav: at_s for uav, at_s in state.others_due.items() if uav in meeting.rank}
     due = due_s(meeting, state.task.uav, {**known, state.task.uav: now_s + soonest_s})
-    wanted_m_s = speed_for(way.arrives_in_s, due - now_s, full_m_s)
+    state = slack_changed(state, due, now_s + soonest_s)
+    wanted_m_s = speed_for(way.arrives_in_s, due - now_s, full_m_s, _slowest_m_s(state, meeting))
     flies_m_s = full_m_s if state.speed_m_s is None else state.speed_m_s
     if abs(wanted_m_s - flies_m_s) < WORTH_M_S:
         return replace(state, due_s=due), []
@@ -85,8 +90,14 @@ class _Way:
     begins_m_s: float
     up_s: float
     """until it is at its height"""
+    turn_radius_m: float | None = None
+    """of what flies at one speed all the way, and rounds its corners; None: it brakes there"""
 
     def arrives_in_s(self, speed_m_s: float) -> float:
+        if self.turn_radius_m is not None:
+            flown, _ = rounded(self.track, self.turn_radius_m)
+            way_m = math.fsum(math.dist(a, b) for a, b in pairwise(flown))
+            return self.up_s + max(way_m - self.rim_m, 0.0) / speed_m_s
         begins_m_s = min(self.begins_m_s, speed_m_s)
         return self.up_s + pace.arrives_s(self.track, speed_m_s, begins_m_s=begins_m_s, ends_m=self.rim_m)
 
@@ -97,10 +108,20 @@ def _way_of(state: AgentState) -> _Way | None:
         return None
     grid = state.task.grid
     here = (*grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg), vehicle.alt_rel_m or 0.0)
-    points = [(*grid.frame.to_local(p.lat_deg, p.lon_deg), p.alt_rel_m) for p in swap.plan.track]
+    points = [(*grid.frame.to_local(p.lat_deg, p.lon_deg), p.alt_rel_m) for p in swap.plan.way]
     track = [point[:2] for point in (here, *track_ahead(points, here))]
+    wings, rim_m = state.task.wings, _rim_m(track, grid.cell_size_m)
+    if wings is not None:  # which climbs on its way
+        roll_s = 0.0 if vehicle.armed else ROLL_S
+        return _Way(track, rim_m, vehicle.ground_speed_m_s, roll_s, state.task.turn_radius_m)
     up_s = max(state.height_m - here[2], 0.0) / CLIMB_M_S + (0.0 if vehicle.armed else LIFT_S)
-    return _Way(track, _rim_m(track, grid.cell_size_m), vehicle.ground_speed_m_s, up_s)
+    return _Way(track, rim_m, vehicle.ground_speed_m_s, up_s)
+
+
+def _slowest_m_s(state: AgentState, meeting: Meeting) -> float:
+    """As configured; what flies by its speed needs some in any case."""
+    wings = state.task.wings
+    return meeting.slowest_m_s if wings is None else max(meeting.slowest_m_s, wings.min_speed_m_s)
 
 
 def _rim_m(track: Sequence[tuple[float, float]], cell_size_m: float) -> float:

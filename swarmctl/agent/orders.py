@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
-from swarmctl.agent.state import IN_FLIGHT, ON_GROUND, PLANS_NO_MORE, AgentState, Phase
+from swarmctl.agent.ours import ROLES, roles_of_ours
+from swarmctl.agent.state import IN_FLIGHT, ON_GROUND, PLANS_NO_MORE, AgentState, Phase, Task
 from swarmctl.core import events as ev
 from swarmctl.core.messages import MAX_AFTER_S, Outcome, Place, VehicleAnswer
 
 Step = tuple[AgentState, list[ev.Effect]]
-
-ROLES = {ev.Order.HOLD: "hold", ev.Order.RETURN: "return", ev.Order.LAND: "land"}
 
 
 def operator(state: AgentState, event: ev.OperatorCommand, _now: float) -> Step:
@@ -44,20 +44,33 @@ def place_of(state: AgentState) -> Place | None:
         v.home_lon_deg,
         v.home_alt_amsl_m,
         speed_m_s=state.task.arrival.speed_m_s,
-        keeps_m=(limits.horizontal_m, limits.vertical_m),
+        # Who circles to hold is anywhere on its circle.
+        keeps_m=(limits.horizontal_m + 2.0 * circles_m(state.task), limits.vertical_m),
         is_returning=_follows(state, ev.Order.RETURN),
     )
 
 
+def circles_m(task: Task) -> float:
+    """The radius of the circles in which it holds; 0 for what hovers."""
+    return 0.0 if task.wings is None else task.wings.loiter_radius_m
+
+
 def _follows(state: AgentState, order: ev.Order) -> bool:
-    """It was given this order in flight, and does so."""
-    in_turn = state.turn_boot_s is not None
-    return state.phase in IN_FLIGHT and state.ordered is order and state.order_seen and not in_turn
+    """It was given this order in flight, and does so until it is told otherwise."""
+    for_a_while = state.turn_boot_s is not None or state.gave_way is not None
+    return state.phase in IN_FLIGHT and state.ordered is order and state.order_seen and not for_a_while
+
+
+def _is_theirs(state: AgentState) -> bool:
+    """It was let go in flight, and may be in the air still."""
+    return state.phase is Phase.RELEASED and state.vehicle.armed
 
 
 def _order_answer(state: AgentState, event: ev.OperatorCommand) -> tuple[Outcome, str]:
     """What an operator is answered, and why."""
     order = event.order
+    if _is_theirs(state) and event.command is not None and order is not ev.Order.LAUNCH:
+        return "taken", "somebody else flies it; it is told so once, and let go again"
     if state.ended:
         return "over", f"its flight is over: {state.phase}" + (f", {state.outcome}" if state.outcome else "")
     if state.launch_aborted:
@@ -90,6 +103,8 @@ def _launch_answer(state: AgentState) -> tuple[Outcome, str]:
 
 def _ordered(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> Step:
     order = event.order
+    if _is_theirs(state) and remote and order is not ev.Order.LAUNCH:
+        return command(state, order, by_person=True)
     if state.ended or state.launch_aborted or _follows(state, order):
         return state, []
     if order is ev.Order.LAUNCH:
@@ -102,21 +117,17 @@ def _ordered(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> S
         return replace(state, phase=Phase.DONE, outcome="not launched", pending=None), []
     if state.phase is Phase.LAUNCHING:
         # On the ground or just above it, armed or about to be: the way out of both is down.
-        state = replace(state, phase=Phase.LEAVING, launch_aborted=True, outcome="launch broken off")
-        return command(state, ev.Order.LAND)
-    state = replace(state, pending=None, dirty=False, turn_boot_s=None, outcome=f"{order} ordered")
-    if event.after_s:
-        return _queued(state, event.after_s)
-    phase = Phase.HOLDING if order is ev.Order.HOLD else Phase.LEAVING
-    return command(replace(state, phase=phase), order)
-
-
-def _queued(state: AgentState, after_s: float) -> Step:
-    """It returns in its turn, and holds until then."""
-    turn_boot_s = state.vehicle.time_boot_s + after_s
-    holds = state.phase is Phase.HOLDING and state.ordered is ev.Order.HOLD
-    state = replace(state, phase=Phase.HOLDING, turn_boot_s=turn_boot_s)
-    return (state, []) if holds else command(state, ev.Order.HOLD)
+        changes: dict[str, Any] = {"launch_aborted": True, "outcome": "launch broken off"}
+        return command(state, ev.Order.LAND, by_person=True, phase=Phase.LEAVING, **changes)
+    changes = {"dirty": False, "turn_boot_s": None, "gave_way": None, "outcome": f"{order} ordered"}
+    if not event.after_s:
+        phase = Phase.HOLDING if order is ev.Order.HOLD else Phase.LEAVING
+        return command(state, order, by_person=True, **(changes | {"phase": phase}))
+    # It returns in its turn, and holds until then.
+    changes |= {"phase": Phase.HOLDING, "turn_boot_s": state.vehicle.time_boot_s + event.after_s}
+    if state.phase is Phase.HOLDING and state.ordered is ev.Order.HOLD:
+        return replace(state, **changes), []
+    return command(state, ev.Order.HOLD, by_person=True, **changes)
 
 
 def turn_come(state: AgentState) -> Step | None:
@@ -127,7 +138,7 @@ def turn_come(state: AgentState) -> Step | None:
     waits_s = state.turn_boot_s - state.vehicle.time_boot_s
     if 0.0 < waits_s <= MAX_AFTER_S:
         return None
-    return command(replace(state, phase=Phase.LEAVING, turn_boot_s=None), ev.Order.RETURN)
+    return command(state, ev.Order.RETURN, phase=Phase.LEAVING, turn_boot_s=None)
 
 
 def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) -> Step:
@@ -152,13 +163,35 @@ def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) ->
     return state, [ev.Answer(event.command, taken)]
 
 
-def command(state: AgentState, order: ev.Order) -> Step:
-    n = state.orders_given + 1
-    state = replace(state, ordered=order, order_seen=False, order_again_at_s=math.inf, orders_given=n)
-    return state, [ev.Command(order)]
+def command(state: AgentState, order: ev.Order, *, by_person: bool = False, **changes: Any) -> Step:
+    """Give an order, which ends a swap that is under way; `changes` go with it.
+
+    `by_person`: one has ordered it just now, and it goes out whatever the vehicle does.
+    """
+    before = roles_of_ours(state)
+    state = replace(state, **{"pending": None, **changes})
+    state = replace(
+        state,
+        ours_before=before,
+        ordered=order,
+        order_seen=False,
+        order_again_at_s=math.inf,
+        orders_given=state.orders_given + 1,
+    )
+    return state, [ev.Command(order, by_person)]
+
+
+def let_go(state: AgentState, why: str) -> Step:
+    """Somebody else has the vehicle."""
+    return replace(state, phase=Phase.RELEASED, pending=None, dirty=False, outcome=f"{why}; let go"), [
+        ev.Release()
+    ]
 
 
 def launch_if_possible(state: AgentState) -> Step:
     if state.phase is Phase.STANDBY and state.launch_ordered and state.pending is None:
-        return command(replace(state, phase=Phase.LAUNCHING), ev.Order.LAUNCH)
+        if state.vehicle.mode_role not in {"", *roles_of_ours(state)}:
+            # Somebody has it, or it boots: neither is launched.
+            return let_go(state, f"in mode {state.vehicle.mode}, which nobody here has ordered")
+        return command(state, ev.Order.LAUNCH, phase=Phase.LAUNCHING)
     return state, []

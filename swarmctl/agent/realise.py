@@ -7,11 +7,15 @@ for it as long as it is no worse.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmctl.agent.ahead import still_ahead
+from swarmctl.agent.branching import Branch
+from swarmctl.agent.landing import goal_approach, home_approach
 from swarmctl.agent.state import AgentState, Task
 from swarmctl.core import any_angle
 from swarmctl.core import events as ev
@@ -19,10 +23,15 @@ from swarmctl.core.any_angle import Track, pull_straight
 from swarmctl.core.corners import Unflyable, Weights
 from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Cell
-from swarmctl.core.mission import FlightPlan
+from swarmctl.core.mission import FlightPlan, Waypoint
+from swarmctl.core.plane import distance_to_leg
 from swarmctl.core.route import flight_plan, landing_spot, thin, track_plan
 from swarmctl.core.track import Point, Threat
 from swarmctl.planners.base import Problem, Route, Unreachable
+
+BESIDE_M = 5.0
+"""So near to the straight way to its next corner a vehicle needs no corner more: it is no farther off there
+than it rounds others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,18 +93,34 @@ def pulled(task: Task, problem: Problem, route: Route) -> Track | None:
 
 
 def realised(
-    task: Task, p_s: NDArray[np.float64], route: Route, track: Track | None, position: LatLon | None = None
+    task: Task,
+    p_s: NDArray[np.float64],
+    route: Route,
+    track: Track | None,
+    position: LatLon | None = None,
+    branch: Branch | None = None,
 ) -> FlightPlan:
-    """The mission for a route or its track, begun from the entry or from where the vehicle flies."""
+    """The mission for a route or its track, begun from the entry or from where the vehicle flies; where it
+    leaves the one that is flown ahead of the vehicle (`branch`), as that goes until there. Raises Unreachable
+    where a fixed wing has no room to land."""
     cells = route.cells
     landing = landing_spot(task.grid, cells[-1], task.landing_index, task.landing_count)
+    if task.wings is not None:
+        flown = _with_wings(task, cells if track is None else track.corners, landing, position)
+        return replace(flown, leaves_ahead=branch is not None and len(branch.kept) > 1)
+    leaves_ahead = branch is not None and branch.leaves_ahead
+    if branch is not None and leaves_ahead and track is None and not branch.passes:
+        return _along_lattice(task, cells, branch, landing)
+    if branch is not None and leaves_ahead:
+        position = branch.passes[-1].lat_deg, branch.passes[-1].lon_deg
+    passes = branch.passes if branch is not None else ()
     if track is not None:
         threat = Threat.of(p_s, task.max_exposure)
 
         def may_join(point: Point, corner: Cell) -> bool:
             return any_angle.may_join(threat, point, cells[0], corner)
 
-        return track_plan(
+        plan = track_plan(
             task.grid,
             track.corners,
             altitude_m=task.altitude_m,
@@ -103,19 +128,58 @@ def realised(
             position=position,
             may_join=may_join,
         )
+        if branch is not None and _goes_straight(task, branch, plan.track[0]):
+            passes = ()
+        return replace(plan, track=(*passes, *plan.track), leaves_ahead=leaves_ahead)
 
     def may_clip(cell: Cell) -> bool:
         # DEVIATION: a vehicle past the centre of its cell would fly back to it to turn off diagonally. It
         # cuts the corner instead where the cell it passes over is no worse than the two it flies between.
         return math.isfinite(p_s[cell]) and bool(p_s[cell] <= max(p_s[cells[0]], p_s[cells[1]]))
 
-    return flight_plan(
+    plan = flight_plan(
         task.grid,
         cells,
         altitude_m=task.altitude_m,
         landing_lat_lon=landing,
         position=position,
         may_clip=may_clip,
+    )
+    return replace(plan, track=(*passes, *plan.track), leaves_ahead=leaves_ahead)
+
+
+def _goes_straight(task: Task, branch: Branch, first: Waypoint) -> bool:
+    """Whether a vehicle may leave its track for `first` anywhere until the place where it is to do so."""
+    if len(branch.passes) != 1:
+        return False
+    frame, (turns,) = task.grid.frame, branch.passes
+    place, there = (frame.to_local(at.lat_deg, at.lon_deg) for at in (turns, first))
+    return distance_to_leg(place, branch.way[0], there) <= BESIDE_M
+
+
+def _along_lattice(task: Task, cells: Sequence[Cell], branch: Branch, landing: LatLon) -> FlightPlan:
+    """Over the centres ahead of a vehicle that flies along the first of these cells already."""
+    if branch.is_first_behind:
+        corners = thin(cells)[1:]
+    elif branch.before is not None:
+        corners = thin((branch.before, *cells))[1:]
+    else:
+        corners = thin(cells)
+    plan = track_plan(task.grid, corners, altitude_m=task.altitude_m, landing_lat_lon=landing)
+    return replace(plan, leaves_ahead=True)
+
+
+def _with_wings(task: Task, corners: Sequence[Cell], landing: LatLon, position: LatLon | None) -> FlightPlan:
+    """As a fixed wing flies it: it never goes back to a corner, and lands by an approach."""
+    assert task.wings is not None
+    ahead = corners if position is None else still_ahead(task, corners, position)
+    plan = track_plan(task.grid, ahead, altitude_m=task.altitude_m, landing_lat_lon=landing)
+    return replace(
+        plan,
+        takeoff_alt_m=min(task.altitude_m, task.wings.takeoff_height_m),
+        turn_radius_m=task.turn_radius_m,
+        approach=goal_approach(task, corners[-1]),
+        home_approach=home_approach(task),
     )
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from swarmctl import rules
-from swarmctl.agent.orders import ROLES, Step, command
-from swarmctl.agent.state import ON_GROUND, AgentState, Phase
+from swarmctl.agent.orders import Step, command, let_go
+from swarmctl.agent.ours import roles_of_ours
+from swarmctl.agent.state import AgentState, Phase
 from swarmctl.core import events as ev
 from swarmctl.rules import Action, Doing, Facts, Kind, Way
 
@@ -35,8 +36,7 @@ def ruled(state: AgentState, now: float) -> Step:
     )
     strongest = rules.strongest(arisen)
     if strongest is not None and strongest.kind is Kind.LET_GO:
-        released = replace(state, phase=Phase.RELEASED, dirty=False, outcome=f"{strongest.why}; let go")
-        return released, [ev.Release()]
+        return let_go(state, strongest.why)
     effects: list[ev.Effect] = [
         ev.Tell(f"{ruling.rule.NAME.replace('_', ' ')} is over")
         for ruling, was, demand in zip(state.task.rules, before, demands, strict=True)
@@ -58,11 +58,12 @@ def facts_of(state: AgentState) -> Facts:
         vehicle=state.vehicle,
         frame=state.task.grid.frame,
         doing=_doing(state),
-        ours=frozenset(_roles_of_ours(state)),
+        ours=roles_of_ours(state),
         orders=state.orders_given,
         lost=state.lost,
         way=_way(state),
         fence=state.task.fence,
+        turn_radius_m=0.0 if state.task.wings is None else state.task.turn_radius_m,
     )
 
 
@@ -76,21 +77,8 @@ def _way(state: AgentState) -> Way | None:
     swap = state.route
     if state.phase is not Phase.FLYING or swap is None or state.pending is not None:
         return None
-    points = (*swap.plan.track, swap.plan.landing)
+    points = (*swap.plan.way, swap.plan.landing)
     return Way(swap.plan_id, tuple((point.lat_deg, point.lon_deg) for point in points))
-
-
-def _roles_of_ours(state: AgentState) -> set[str]:
-    """The roles of modes that this agent itself may have put the vehicle in."""
-    if state.phase is Phase.WAITING:
-        return {"hold", "mission", "return", "land", "other"}  # a vehicle boots in any mode
-    if state.phase in ON_GROUND or state.phase is Phase.LAUNCHING:
-        return {"hold", "mission"}
-    if state.ordered in (None, ev.Order.LAUNCH):
-        in_a_swap = state.pending is not None or state.route is None
-        return {"mission", "hold"} if in_a_swap else {"mission"}
-    ordered = ROLES[state.ordered]
-    return {ordered} if state.order_seen else {ordered, "hold", "mission"}
 
 
 def _changes(state: AgentState, demand: Action) -> bool:
@@ -102,15 +90,15 @@ def _changes(state: AgentState, demand: Action) -> bool:
 def _follow(state: AgentState, demand: Action) -> Step:
     order = ev.Order(demand.kind.value)
     down = order is not ev.Order.HOLD
-    state = replace(
+    return command(
         state,
+        order,
         phase=Phase.LEAVING if down else Phase.HOLDING,
-        pending=None,
         dirty=False,
         turn_boot_s=None,
+        gave_way=None,
         # Whom no operator has called back has failed, however well it lands.
         given_up=state.given_up or down,
         outcome=demand.why,
         trouble=demand.why,
     )
-    return command(state, order)

@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmctl.agent.approach import Wings
 from swarmctl.agent.bounds import AT_ANY_TIME, Arrival
+from swarmctl.agent.swap_times import SwapTimes
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
 from swarmctl.core.corners import Counting
@@ -20,8 +22,9 @@ from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.planners.base import Method, Route
 from swarmctl.rules import ALWAYS, Action, Fence, Ruling
+from swarmctl.separation import Trajectory
 from swarmctl.separation.meet import Meeting
-from swarmctl.separation.watch import APART, Alarm, Heard, Separation
+from swarmctl.separation.watch import APART, Alarm, Heard, Intended, Separation
 
 ARRIVED = "arrived"
 """the outcome of a flight that did what it was for"""
@@ -88,6 +91,8 @@ class Task:
     """whether its routes are pulled straight, and how exposure then counts; None: lattice routes are flown"""
     turn_radius_m: float = 0.0
     """it turns no tighter, where its routes are pulled straight; 0: it turns on the spot"""
+    wings: Wings | None = None
+    """of a fixed wing; None: it hovers"""
     fallback: ev.Order = ev.Order.RETURN
     """what it does when its mission cannot be changed any more: RETURN or LAND"""
     rules: tuple[Ruling, ...] = ALWAYS
@@ -97,6 +102,19 @@ class Task:
     """how far it keeps from the others"""
     meeting: Meeting | None = None
     """with whom it arrives; None: by itself"""
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """How often its plans were found to meet another vehicle's, and what mended it."""
+
+    predicted: int = 0
+    by_height: int = 0
+    by_route: int = 0
+    by_waiting: int = 0
+    """the plan before was kept, or the vehicle held"""
+    ceased: int = 0
+    """the other changed its plan, or times have shifted"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +140,10 @@ class AgentState:
     """index in `route.cells` of the cell it was last seen over"""
     pending: ev.SwapMission | None = None
     """the plan on its way to the vehicle"""
+    swap_times: SwapTimes = field(default_factory=SwapTimes)
+    """how long changing its mission took of late"""
+    swapped_boot_s: float = -math.inf
+    """when its mission was changed last, by its own clock"""
     dirty: bool = False
     because: tuple[ev.ObservationId, ...] = ()
     """observations merged since the last decision"""
@@ -137,6 +159,10 @@ class AgentState:
     """the last order it was given"""
     order_seen: bool = False
     """and it was seen to follow it"""
+    ours_before: frozenset[str] = frozenset()
+    """the roles of modes that were of its own choosing when it was given that"""
+    hold_is_ours: bool = False
+    """who stands in hold between two plans does so because this agent, or a swap of its, has had it hold"""
     turn_boot_s: float | None = None
     """it holds, and returns at this time of the vehicle's clock"""
     order_again_at_s: float = math.inf
@@ -152,6 +178,8 @@ class AgentState:
     """when it will be over its goal, from its take-off, by its last decision; None while that is in time"""
     armed_seen: bool = False
     """its own launch has armed it"""
+    disarmed_s: float | None = None
+    """when the first of the heartbeats came that say it is not armed; None while it is"""
     orders_given: int = 0
     memories: tuple[Any, ...] = ()
     """what the rules of flight remember, in the order of `task.rules`"""
@@ -163,14 +191,32 @@ class AgentState:
     """others that will be too close"""
     gave_way: ev.SwapMission | None = None
     """the plan it left to hold until others are clear"""
+    gave_way_to: Mapping[int, Heard] = field(default_factory=dict)
+    """for whom, as heard last: who falls silent may stand there still"""
     raised_m: float = 0.0
     """by so much it flies higher than its altitude, to keep clear of others"""
     must_change: bool = False
     """its next plan is flown whatever it brings"""
+    intents: Mapping[int, Intended] = field(default_factory=dict)
+    """where others will be, as they have told of late"""
+    own_intent: Trajectory | None = None
+    """what it has told last of where it will be itself, by its own clock, up above the sea"""
+    intent_said_s: float = -math.inf
+    foreseen: frozenset[int] = frozenset()
+    """others that the route being flown meets, and for which it is to give way"""
+    put_off: frozenset[int] = frozenset()
+    """others for which a new plan was put off"""
+    compared: Compared = Compared()
+    go_on_boot_s: float = -math.inf
+    """who gave way does not fly on before, by the vehicle's clock"""
+    held_boot_s: float = math.inf
+    """since when it holds to give way"""
     others_due: Mapping[int, float] = field(default_factory=dict)
     """when others can be over their goals at the earliest, by this vehicle's clock [s]"""
     due_s: float | None = None
     """when it is to be over its goal with them, by its own clock"""
+    slack_until_s: float | None = None
+    """what that was when it was found to be early, and planned to use the time; None: it was not"""
     speed_m_s: float | None = None
     """what it was told to fly, on its present plan; None: its own; 0: nobody knows"""
     speed_given_s: float = -math.inf
@@ -222,7 +268,8 @@ class AgentState:
             return ""
         # Rounded away from the bound, so that it never seems kept.
         away = math.ceil if self.late_s > arrival.within_s else math.floor
-        over_s = away(10.0 * self.late_s) / 10.0
+        rounding = 1e-6 if self.late_s > arrival.within_s else -1e-6
+        over_s = away(10.0 * self.late_s - rounding) / 10.0
         return f"no route meets its bound of {arrival} any more; over its goal after {over_s:.1f} s"
 
     @property

@@ -8,27 +8,33 @@ from dataclasses import replace
 from typing import Any
 
 from swarmctl.agent.apart import keep_apart
-from swarmctl.agent.decide import decide
-from swarmctl.agent.meeting import earliest_in_s, keep_pace, speed_failed
+from swarmctl.agent.approach import ROLL_OUT_M
+from swarmctl.agent.branching import is_urgent, may_meet_walls
+from swarmctl.agent.clearing import compared, foresee
+from swarmctl.agent.decide import believed_exposure, decide
+from swarmctl.agent.intents import intents_heard, tell_intent
+from swarmctl.agent.meeting import UNKNOWN_M_S, earliest_in_s, keep_pace, speed_failed
 from swarmctl.agent.neighbours import neighbours_heard
 from swarmctl.agent.orders import (
-    ROLES,
     Step,
     command,
     launch_if_possible,
+    let_go,
     operator,
     turn_come,
     weights_changed,
 )
+from swarmctl.agent.ours import ROLES, roles_of_ours
 from swarmctl.agent.realise import index_abreast
 from swarmctl.agent.ruling import ruled
 from swarmctl.agent.state import ARRIVED, IN_FLIGHT, ON_GROUND, PLANNING, AgentState, Phase
+from swarmctl.agent.swap_times import SwapTimes
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_TEXT, StateShared
 from swarmctl.core.geo import distance_m
 from swarmctl.core.grid import Cell
 from swarmctl.core.observation import MAX_CELLS, Checkpoint, Observation, Told
-from swarmctl.core.vehicle import VehicleState
+from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.planners.base import Unreachable
 
 SHARE_STATE_EVERY_S = 1.0
@@ -50,7 +56,26 @@ def wants_tick(state: AgentState, now: float) -> bool:
         and state.gave_way is None
         and not state.lost
         and now >= state.retry_at_s
+        and (state.phase is not Phase.FLYING or state.vehicle.mode_role in {"", *roles_of_ours(state)})
+        and (not _is_taking_up(state) or _is_urgent(state))
     )
+
+
+def _is_taking_up(state: AgentState) -> bool:
+    """Whether it has only just got its plan: it gets no other within the time that one took. What is learned
+    meanwhile is in the next."""
+    if state.phase is not Phase.FLYING:
+        return False
+    return 0.0 <= state.vehicle.time_boot_s - state.swapped_boot_s < state.swap_times.expected_s
+
+
+def _is_urgent(state: AgentState) -> bool:
+    """It has nothing that it could fly on, or a wall close before it."""
+    if state.must_change or state.route is None:
+        return True
+    if not may_meet_walls(state):
+        return False
+    return is_urgent(state, believed_exposure(state.task, state.belief, state.strength))
 
 
 # --- the ground, the launch, and orders
@@ -82,15 +107,18 @@ def _order_done(state: AgentState, event: ev.OrderDone, _now: float) -> Step:
 
 
 def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> Step:
-    if event.order is not state.ordered or state.ended:
+    if event.order is not state.ordered:
         return state, []
+    if state.ended:
+        told = event.order in ROLES  # somebody's who tried after it was let go
+        return state, [ev.Tell(f"{event.order} failed: {event.reason}")] if told else []
     state = replace(state, trouble=f"{event.order} failed: {event.reason}")
     if state.phase is not Phase.LAUNCHING:
         # The order stands: it is given again while the vehicle is still ours to order.
         return replace(state, order_again_at_s=now + RETRY_AFTER_S), []
     if state.armed_seen or state.lost:
         # Armed, as far as is known, and not seen to climb: it must not be left to itself.
-        return command(replace(state, phase=Phase.LEAVING, given_up=True), ev.Order.LAND)
+        return command(state, ev.Order.LAND, phase=Phase.LEAVING, given_up=True)
     return replace(state, phase=Phase.FAILED, outcome=state.trouble), []
 
 
@@ -103,12 +131,14 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
     if vehicle.armed and (state.phase is Phase.LAUNCHING or state.phase in IN_FLIGHT):
         launched_s = vehicle.time_boot_s if state.launched_boot_s is None else state.launched_boot_s
         state = replace(state, armed_seen=True, launched_boot_s=launched_s)
-    if state.phase in IN_FLIGHT and state.armed_seen and not vehicle.armed:
+    state = _disarmed_since(state)
+    if state.phase in IN_FLIGHT and state.armed_seen and _is_down(state):
         # The last it tells, and at once: its process may end with it.
         return _share_state(replace(_touched_down(state), last_shared_s=-math.inf))
     state, demanded = ruled(state, now)
     if state.ended:
-        return state, demanded
+        state, told = tell_intent(state)
+        return state, [*demanded, *told]
     if state.phase is Phase.FLYING and state.cell in state.task.goals:
         state = replace(state, phase=Phase.LANDING, dirty=False, arrived_boot_s=vehicle.time_boot_s)
     if state.phase in IN_FLIGHT and now >= state.order_again_at_s and state.ordered is not None:
@@ -119,8 +149,23 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
         return state, [*demanded, *again]
     state, kept_apart = keep_apart(state)
     state, paced = keep_pace(state)
+    state, intent = _tell_intent(state)
     state, shared = _share_state(state)
-    return state, [*demanded, *kept_apart, *paced, *shared]
+    return state, [*demanded, *kept_apart, *paced, *intent, *shared]
+
+
+def _tell_intent(state: AgentState) -> Step:
+    """Where it will be; and whether that meets anybody."""
+    state, told = tell_intent(state)
+    if not told:
+        return state, []
+    state, foreseen = foresee(state)
+    return state, [*told, *foreseen]
+
+
+def _intents(state: AgentState, event: ev.Intents, now: float) -> Step:
+    state, _ = intents_heard(state, event, now)
+    return foresee(state)
 
 
 def _moved(state: AgentState, vehicle: VehicleState) -> AgentState:
@@ -154,9 +199,22 @@ def _entered(state: AgentState, cell: Cell) -> AgentState:
     )
 
 
+def _disarmed_since(state: AgentState) -> AgentState:
+    since_s = state.vehicle.heartbeat_s if state.disarmed_s is None else state.disarmed_s
+    told_s = None if state.vehicle.armed else since_s
+    return state if told_s == state.disarmed_s else replace(state, disarmed_s=told_s)
+
+
+def _is_down(state: AgentState) -> bool:
+    """It says that it is disarmed, and that it is on the ground, or says so twice: its flight is over."""
+    vehicle = state.vehicle
+    is_told_twice = vehicle.heartbeat_s != state.disarmed_s
+    return not vehicle.armed and (is_told_twice or vehicle.landed is Landed.ON_GROUND)
+
+
 def _touched_down(state: AgentState) -> AgentState:
     """It was armed by its launch and is disarmed now."""
-    if state.phase is Phase.LANDING and state.cell in state.task.goals:
+    if state.phase is Phase.LANDING and (state.cell in state.task.goals or _rolled_out(state)):
         return replace(state, phase=Phase.DONE, outcome=ARRIVED, pending=None)
     if state.phase is Phase.LEAVING:
         phase = Phase.FAILED if state.given_up else Phase.DONE
@@ -167,6 +225,16 @@ def _touched_down(state: AgentState) -> AgentState:
     rest = "" if battery is None else f", battery {battery} %"
     reason = f"disarmed {where}, short of its goal, in mode {state.vehicle.mode or 'unknown'}{rest}"
     return replace(state, phase=Phase.FAILED, outcome=reason, pending=None)
+
+
+def _rolled_out(state: AgentState) -> bool:
+    """Whether a fixed wing stands where it was to land, or has rolled to."""
+    vehicle, swap = state.vehicle, state.route
+    if swap is None or swap.plan.approach is None or vehicle.lat_deg is None or vehicle.lon_deg is None:
+        return False
+    down = swap.plan.approach.touchdown
+    away_m = distance_m((vehicle.lat_deg, vehicle.lon_deg), (down.lat_deg, down.lon_deg))
+    return away_m <= ROLL_OUT_M
 
 
 def _share_state(state: AgentState) -> Step:
@@ -258,7 +326,7 @@ def _tick(state: AgentState, _event: ev.Tick, now: float) -> Step:
     if not wants_tick(state, now):
         return state, []
     try:
-        return decide(state)
+        return compared(state, decide(state), now)
     except Unreachable as error:
         return _no_way(replace(state, dirty=False, because=(), trouble=str(error)))
 
@@ -269,7 +337,7 @@ def _no_way(state: AgentState) -> Step:
         return replace(state, phase=Phase.FAILED, outcome=state.trouble), []
     if state.route is not None:
         return state, []  # it flies on as planned, which is better than anything known
-    return command(replace(state, phase=Phase.LEAVING, given_up=True), state.task.fallback)
+    return command(state, state.task.fallback, phase=Phase.LEAVING, given_up=True)
 
 
 def _mission_accepted(state: AgentState, event: ev.MissionAccepted, _now: float) -> Step:
@@ -280,9 +348,15 @@ def _mission_accepted(state: AgentState, event: ev.MissionAccepted, _now: float)
     if state.ended:
         return state, []
     state = replace(state, route=swap, held=state.exposure, progress=0, failed_swaps=0, trouble="")
-    state = replace(state, speed_m_s=None)  # a change of mode on the way has taken back what it was given
+    # A change of mode on the way may have taken back what speed it was given.
+    state = replace(state, speed_m_s=None if state.speed_m_s is None else UNKNOWN_M_S)
+    state = replace(state, hold_is_ours=False)
     if state.phase in IN_FLIGHT:
-        return replace(state, replans=state.replans + 1), []
+        if event.took_s is not None:
+            state = replace(state, swap_times=state.swap_times.measured(event.took_s, event.stood_still_s))
+        return replace(state, replans=state.replans + 1, swapped_boot_s=state.vehicle.time_boot_s), []
+    if event.took_s is not None:
+        state = replace(state, swap_times=SwapTimes.expecting(event.took_s))
     if state.phase is Phase.UPLOADING:
         state = replace(state, phase=Phase.STANDBY)
     return launch_if_possible(state)
@@ -292,23 +366,29 @@ def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> S
     swap = state.pending
     if swap is None or swap.plan_id != event.plan_id:
         return state, []
-    state = replace(state, pending=None, failed_swaps=state.failed_swaps + 1, trouble=event.reason)
-    state = replace(state, speed_m_s=0.0)  # whether it has changed its mode on the way, nobody knows
+    failed = state.failed_swaps + (not event.is_late)
+    state = replace(state, pending=None, failed_swaps=failed, trouble=event.reason)
+    state = replace(state, speed_m_s=UNKNOWN_M_S)  # whether it has changed its mode on the way, nobody knows
+    if event.is_late:
+        state = replace(state, swap_times=state.swap_times.too_late())
     if state.phase in ON_GROUND:
         return replace(state, phase=Phase.FAILED, outcome=event.reason), []
+    if event.flying == "theirs" and state.phase in IN_FLIGHT:
+        return let_go(state, event.reason)
+    state = replace(state, hold_is_ours=event.flying == "hold")
     if state.phase is Phase.LANDING and event.flying != "old":
         # Over its goal and standing still: there is nothing left to plan.
         return command(state, ev.Order.LAND)
     if state.phase is not Phase.FLYING:
         return state, []
     if state.failed_swaps >= MAX_FAILED_SWAPS:
-        return command(replace(state, phase=Phase.LEAVING, given_up=True), state.task.fallback)
+        return command(state, state.task.fallback, phase=Phase.LEAVING, given_up=True)
     # Decide again with all that is known by then. Unless it flies the old plan, any plan is better than none.
     return replace(
         state,
         dirty=True,
         because=(*swap.because, *state.because),
-        retry_at_s=now + RETRY_AFTER_S,
+        retry_at_s=now if event.is_late else now + RETRY_AFTER_S,
         route=state.route if event.flying == "old" else None,
     ), []
 
@@ -320,6 +400,7 @@ _HANDLERS: dict[type[Any], Callable[[AgentState, Any, float], Step]] = {
     ev.Observed: _observed,
     ev.Heard: _heard,
     ev.Neighbours: neighbours_heard,
+    ev.Intents: _intents,
     ev.SpeedFailed: speed_failed,
     ev.MissionAccepted: _mission_accepted,
     ev.MissionFailed: _mission_failed,

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import ipaddress
 import re
 from dataclasses import dataclass, replace
+
+from swarmctl.core import hosts
 
 PROTOCOLS = ("tcp", "tls", "quic")
 CERTIFIED = ("tls", "quic")
@@ -27,11 +28,8 @@ class BusEndpoint:
 
     @property
     def is_loopback(self) -> bool:
-        """Whether only this machine reaches it; a name other than localhost is not asked for."""
-        try:
-            return ipaddress.ip_address(self.host).is_loopback
-        except ValueError:
-            return self.host == "localhost"
+        """Whether only this machine reaches it."""
+        return hosts.is_loopback(self.host)
 
     @property
     def is_certified(self) -> bool:

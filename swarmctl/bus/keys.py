@@ -4,6 +4,7 @@
 |---|---|---|---|---|
 | `uav/TO/inform/observation/FROM` | a UAV | a UAV in its reach | put | a frame: Observation |
 | `uav/TO/inform/state/FROM` | a UAV | a UAV in its reach | put | a frame: StateShared |
+| `uav/TO/inform/intent/FROM` | a UAV | a UAV in its reach | put | a frame: IntentShared |
 | `uav/TO/query-ref/snapshot/FROM` | a UAV | a UAV in its reach | put | a frame: SnapshotAsked |
 | `uav/TO/inform/snapshot/FROM` | a UAV that was asked | who asked | put | a frame: Snapshot |
 | `uav/TO/inform/relayed/FROM` | a UAV | a UAV in its reach | put | a frame: Relayed |

@@ -23,7 +23,7 @@ from swarmctl.bus.radio import Lost, Radio
 from swarmctl.bus.reading import Reading, reader
 from swarmctl.bus.shelf import Shelves
 from swarmctl.bus.tally import Tally
-from swarmctl.core.frames import Seal, Spoken, StateShared, Why
+from swarmctl.core.frames import IntentShared, Seal, Spoken, StateShared, Why
 from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Told
 from swarmctl.core.printable import printable
@@ -142,6 +142,13 @@ class Network:
     def states(self, uav: int) -> dict[int, StateShared]:
         """The newest that it has heard of each of the others."""
         return self._members[uav].node.states()
+
+    def intents(self, uav: int) -> dict[int, tuple[IntentShared, float]]:
+        """The newest that it has heard of where each of the others will be, and how old that is [s of the
+        vehicles' time]; never below 0, however clocks differ."""
+        unix_s, pace = self._clock.unix_s(), self._clock.speedup
+        told = self._members[uav].node.intents().items()
+        return {other: (intent, max(unix_s - said_s, 0.0) * pace) for other, (intent, said_s) in told}
 
     def tally(self, uav: int) -> Tally:
         return self._members[uav].node.tally

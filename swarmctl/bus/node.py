@@ -26,6 +26,7 @@ from swarmctl.bus.voice import Voice, in_parts
 from swarmctl.core.frames import (
     Content,
     Frame,
+    IntentShared,
     Refused,
     Relayed,
     Seal,
@@ -101,6 +102,11 @@ class Node:
         """The newest that each of the others has told of itself."""
         return {uav: peer.state for uav, peer in self._peers.items() if peer.state is not None}
 
+    def intents(self) -> dict[int, tuple[IntentShared, float]]:
+        """The newest that each of the others has told of where it will be, and when it said so (unix) [s]."""
+        peers = self._peers.items()
+        return {uav: (peer.intent, peer.intent_unix_s) for uav, peer in peers if peer.intent is not None}
+
     def moved(self, at: LatLon) -> None:
         """Where it is, oftener than it tells others."""
         self._voice.at = at
@@ -122,6 +128,8 @@ class Node:
                 took.said += self._doubts.of_earlier(self._replica.readings(), against)
             if (message.seq + self.uav) % CHECKPOINT_EVERY == 0:  # not all of a swarm at once
                 self._make_checkpoint(took, to, unix_s)
+        elif isinstance(message, IntentShared):
+            self._send(took, message, self._reach(now_s), unix_s)
         else:
             self._voice.at = message.lat_deg, message.lon_deg
             state = msgspec.structs.replace(
@@ -277,14 +285,9 @@ class Node:
                 if kept.upto < seen.seq:
                     self._lacks(sender, now_s)
             case StateShared() as state:
-                peer.told(reading.frame, state, reading.data, now_s)
-                peer.said_s = now_s
-                if self._replica.has_held(state.knows):
-                    peer.agreed_s = now_s
-                kept = peer.kept = peer.kept or self._replica.of(reading.source)
-                if kept.upto < state.last_seq:
-                    peer.agreed_s = -math.inf
-                    self._ask_soon(sender, now_s)
+                self._told(peer, reading, state, now_s)
+            case IntentShared() as intent:
+                peer.intends(reading.frame, intent, reading.data)
             case SnapshotAsked() as asked:
                 self._answer(took, sender, asked, now_s, unix_s)
             case Snapshot(frames=frames, last=last):
@@ -298,6 +301,17 @@ class Node:
                 self._relay(took, fresh, sender, now_s, unix_s)
             case _:
                 raise Refused(Why.MALFORMED, f"{reading.act} comes inside of other messages only")
+
+    def _told(self, peer: Peer, reading: Reading, state: StateShared, now_s: float) -> None:
+        """By itself, where it is and how much it knows."""
+        peer.told(reading.frame, state, reading.data, now_s)
+        peer.said_s = now_s
+        if self._replica.has_held(state.knows):
+            peer.agreed_s = now_s
+        kept = peer.kept = peer.kept or self._replica.of(reading.source)
+        if kept.upto < state.last_seq:
+            peer.agreed_s = -math.inf
+            self._ask_soon(reading.frame.sender, now_s)
 
     def _take(self, took: Took, kept: Kept, told: Told, reading: Reading) -> bool:
         """Whether it was new."""
@@ -355,6 +369,10 @@ class Node:
             case StateShared() as state:
                 if peer is not None and not self._is_stale(frame, unix_s):
                     peer.told(frame, state, reading.data, now_s)
+                return False
+            case IntentShared() as intent:
+                if peer is not None and not self._is_stale(frame, unix_s):
+                    peer.intends(frame, intent, reading.data)
                 return False
             case Observation() | Checkpoint() as told:
                 return self._take(took, self._replica.of(reading.source), told, reading)
@@ -415,13 +433,15 @@ class Node:
             raise Refused(Why.TOO_FAST, f"vehicle {asker} asks more than {QUESTIONS_PER_S:g} times a second")
         known = dict(asked.states)
         frames = list(self._replica.missing(asked.have))
-        frames += [
-            peer.state_frame
+        newer = [
+            peer
             for uav, peer in self._peers.items()
             if uav != asker
             and peer.state is not None
             and peer.state_unix_s > known.get(uav, -math.inf) + MAX_CLOCK_S
         ]
+        frames += [peer.state_frame for peer in newer]
+        frames += [p.intent_frame for p in newer if unix_s - p.intent_unix_s <= STALE_S]
         parts = list(in_parts(frames))
         for i, part in enumerate(parts):
             self._send(took, Snapshot(part, i == len(parts) - 1), (asker,), unix_s)

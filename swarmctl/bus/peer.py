@@ -8,7 +8,7 @@ import msgspec
 
 from swarmctl.bus.pace import Pace
 from swarmctl.bus.replica import Kept, Replica
-from swarmctl.core.frames import Frame, Refused, StateShared, Why
+from swarmctl.core.frames import Frame, IntentShared, Refused, StateShared, Why
 from swarmctl.core.geo import LatLon
 
 SILENT_AFTER_S = 5.0
@@ -36,6 +36,9 @@ class Peer(msgspec.Struct, gc=False):
     state: StateShared | None = None
     state_unix_s: float = -math.inf
     state_frame: bytes = b""
+    intent: IntentShared | None = None
+    intent_unix_s: float = -math.inf
+    intent_frame: bytes = b""
     incarnation: int = -1
     heard_s: float = -math.inf
     """directly"""
@@ -138,6 +141,11 @@ class Peer(msgspec.Struct, gc=False):
         """Its state, by itself or by others; an older one than is known is passed over."""
         if frame.incarnation >= self.incarnation and frame.unix_s > self.state_unix_s:
             self.state, self.state_unix_s, self.state_frame, self.told_s = state, frame.unix_s, data, now_s
+
+    def intends(self, frame: Frame, intent: IntentShared, data: bytes) -> None:
+        """The same of where it will be."""
+        if frame.incarnation >= self.incarnation and frame.unix_s > self.intent_unix_s:
+            self.intent, self.intent_unix_s, self.intent_frame = intent, frame.unix_s, data
 
     @property
     def at(self) -> LatLon | None:

@@ -9,7 +9,7 @@ from functools import lru_cache
 import msgspec
 
 from swarmctl.bus.exchange import Took
-from swarmctl.core.frames import MAX_INNER_BYTES, Frame, Refused, Seal, StateShared, Why
+from swarmctl.core.frames import MAX_INNER_BYTES, Frame, IntentShared, Refused, Seal, StateShared, Why
 from swarmctl.core.observation import Checkpoint, Observation, Source, mark_of, named
 
 CACHED = 16_384
@@ -46,7 +46,8 @@ def reader(seal: Seal, rows: int, cols: int) -> Read:
 
     def read(data: bytes) -> Reading:
         frame = seal.open(data)
-        if len(data) > MAX_INNER_BYTES and isinstance(frame.content, Observation | Checkpoint | StateShared):
+        passed_on = isinstance(frame.content, Observation | Checkpoint | StateShared | IntentShared)
+        if passed_on and len(data) > MAX_INNER_BYTES:
             raise Refused(Why.OVERSIZE, f"{len(data)} bytes, which nobody could pass on")
         source, content = (frame.sender, frame.incarnation), frame.content
         if isinstance(content, Observation):

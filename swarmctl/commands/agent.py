@@ -27,7 +27,7 @@ from swarmctl.commands.flying import (
     terminal,
     waivers_of,
 )
-from swarmctl.commands.loading import scenario_of
+from swarmctl.commands.loading import require_fit, scenario_of
 from swarmctl.commands.shared import (
     EXPECTED,
     USAGE,
@@ -44,7 +44,6 @@ from swarmctl.garbage import settle
 from swarmctl.keyring.files import KeyringError
 from swarmctl.keyring.use import Keyring
 from swarmctl.links.url import parse_url
-from swarmctl.preflight import machine
 from swarmctl.preflight.waivers import Waiver
 from swarmctl.scenario import Scenario
 
@@ -99,8 +98,7 @@ def agent(
     allowed = confirmed(scenario, confirm) if real else frozenset()
     keyring = _keyring(scenario)
     network = _network(scenario, connect, launch, keyring)
-    if found := list(machine.troubles(_without_door(scenario), out_folder)):
-        fail(found, EXPECTED)
+    require_fit(config, _without_door(scenario), out_folder)
     waivers = waivers_of(waive, scenario)
     _fly(scenario, out_folder, launch, network, keyring, permission(allowed), waivers, verbose=verbose)
 

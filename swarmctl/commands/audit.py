@@ -49,6 +49,10 @@ def audit(
 
     The evidence is a chain: each line has the hash of the line before, and the last tells how many there are.
     """
+    if keys is not None and not keys.is_dir():
+        fail(
+            [f"--keys {keys}: is no folder; give the folder of the swarm's keys (communication.keys)"], USAGE
+        )
     path = run / FILE if run.is_dir() else run
     checked = _checked(path)
     if checked.entries:
@@ -77,6 +81,8 @@ def _troubles(path: Path, checked: Checked, keys: Path | None) -> Iterator[str]:
             f"{path}:{fault.line}: the chain is broken here: found {fault.found}, expected {fault.expected}; "
             f"only the {len(checked.entries)} lines before it are as they were written"
         )
+    elif not checked.entries:
+        yield f"{path}: it is empty: the process died at once, or all lines were cut"
     elif checked.closing is None:
         yield (
             f"{path}:{len(checked.entries)}: not closed: the process died or lines were cut; the last good "
@@ -127,6 +133,12 @@ def _show(checked: Checked, *, every: bool) -> None:
         say(_line(entry))
     for vehicle, unasked in told.unasked.items():
         say(printable(f"{vehicle}: seen without a command from here: {_counted(unasked)}"))
+    for vehicle, n in told.landed.items():
+        say(
+            printable(
+                f"{vehicle}: disarmed itself on the ground{f' × {n}' if n > 1 else ''}, as after a landing"
+            )
+        )
 
 
 def _table(told: Digest) -> Table:

@@ -9,12 +9,9 @@ from pathlib import Path
 import typer
 
 from swarmctl.bus.access import OPERATOR, ROUTER, name_of
-from swarmctl.commands.loading import scenario_of
-from swarmctl.commands.shared import EXPECTED, ConfigOption, OutOption, fail, out
+from swarmctl.commands.loading import require_fit, scenario_of
+from swarmctl.commands.shared import ConfigOption, OutOption, out
 from swarmctl.keyring import look
-from swarmctl.keyring.files import KeyringError
-from swarmctl.keyring.mavlink_key import read_mavlink_key
-from swarmctl.preflight import machine
 from swarmctl.scenario import Scenario
 
 
@@ -25,23 +22,17 @@ def register(cli: typer.Typer) -> None:
 def check(config: ConfigOption, out_folder: OutOption = Path("runs")) -> None:
     """Say everything that is wrong with a configuration, here and now, without starting anything."""
     scenario = scenario_of(config)
-    found = [*machine.troubles(scenario, out_folder), *_keys(scenario), *_signing_key(scenario)]
-    if found:
-        fail(found, EXPECTED)
+    require_fit(config, scenario, out_folder, _keys(scenario))
     n, grid = len(scenario.specs), scenario.grid
     text = (
         f"{config}: good. {n} vehicle{'s' if n != 1 else ''}, {grid.rows} × {grid.cols} cells of "
         f"{grid.cell_size_m:g} m, {scenario.prior.count} hostiles announced."
     )
     out.print(text, highlight=False, soft_wrap=True)
-
-
-def _signing_key(scenario: Scenario) -> Iterator[str]:
-    if (file := scenario.config.links.signing_key) is not None:
-        try:
-            read_mavlink_key(Path(file))
-        except KeyringError as error:
-            yield f"links.signing_key: {error}"
+    real = [spec.name for spec in scenario.specs if not spec.simulated]
+    if real and scenario.config.preflight.endurance_s is None:
+        text = f"preflight.endurance_s is not set: without it {', '.join(real)} fails the check `battery`"
+        out.print(f"{text}, unless the built-in simulator plays it", highlight=False, soft_wrap=True)
 
 
 def _keys(scenario: Scenario) -> Iterator[str]:

@@ -23,7 +23,7 @@ from swarmctl.commands.flying import (
     terminal,
     waivers_of,
 )
-from swarmctl.commands.loading import scenario_of
+from swarmctl.commands.loading import require_fit, scenario_of
 from swarmctl.commands.shared import (
     EXPECTED,
     USAGE,
@@ -36,7 +36,6 @@ from swarmctl.commands.shared import (
 from swarmctl.evidence.book import Signer
 from swarmctl.garbage import settle
 from swarmctl.keyring.files import KeyringError
-from swarmctl.preflight import machine
 from swarmctl.scenario import Scenario
 
 
@@ -84,8 +83,8 @@ def fly(
             USAGE,
         )
     allowed = confirmed(scenario, confirm) if real else frozenset()
-    if clock is Clock.REAL and (found := list(machine.troubles(scenario, out_folder))):
-        fail(found, EXPECTED)
+    if clock is Clock.REAL:
+        require_fit(config, scenario, out_folder)
     manner = replace(app.ALL_IN_ONE, signer=_signer(scenario), waivers=waivers_of(waive, scenario))
     folder = run_folder(out_folder, scenario.config.name)
     shown = terminal(verbose=verbose)

@@ -15,6 +15,7 @@ from swarmctl.app import Report
 from swarmctl.commands.shared import EXPECTED, INTERRUPTED, USAGE, err, fail, out, timed
 from swarmctl.director import Member, Permission, PreflightFailed
 from swarmctl.flight_report import flight_table, missed, unfriendly
+from swarmctl.judge_links import strangers_at
 from swarmctl.links.url import parse_url
 from swarmctl.preflight.waivers import Waiver, parse_waivers
 from swarmctl.scenario import Scenario
@@ -73,12 +74,14 @@ def terminal(*, verbose: bool, with_time: bool = False) -> Terminal:
 
 def forwarded(scenario: Scenario, urls: Sequence[str]) -> Scenario:
     """The scenario with more places to which the vehicles' traffic goes."""
+    config = scenario.config
     for url in urls:
         try:
             parse_url(url)
         except ValueError as error:
             fail([f"--forward: {error}"], USAGE)
-    config = scenario.config
+        if strangers := strangers_at(config.links, url):
+            fail([f"--forward {strangers}"], USAGE)
     links = config.links.model_copy(update={"forward": (*config.links.forward, *urls)})
     return replace(scenario, config=config.model_copy(update={"links": links}))
 

@@ -16,7 +16,7 @@ from swarmctl.clock import run_virtual
 from swarmctl.commands.finishing import unbroken
 from swarmctl.commands.fly import Clock, ClockOption
 from swarmctl.commands.flying import WaiveOption, terminal, waivers_of
-from swarmctl.commands.loading import scenario_of
+from swarmctl.commands.loading import require_fit, scenario_of
 from swarmctl.commands.shared import (
     EXPECTED,
     INTERRUPTED,
@@ -28,7 +28,7 @@ from swarmctl.commands.shared import (
     out,
 )
 from swarmctl.garbage import settle
-from swarmctl.preflight import machine, report
+from swarmctl.preflight import report
 from swarmctl.scenario import Scenario
 
 
@@ -53,8 +53,8 @@ def preflight(
     manner = replace(app.ALL_IN_ONE, launch="never", waivers=waivers_of(waive, scenario))
     with tempfile.TemporaryDirectory(prefix="swarmctl-preflight-") as name:
         folder = Path(name)
-        if clock is Clock.REAL and (found := list(machine.troubles(scenario, folder))):
-            fail(found, EXPECTED)
+        if clock is Clock.REAL:
+            require_fit(config, scenario, folder)
         shown = terminal(verbose=verbose)
         settle()
         with unbroken() as run, shown.shown():

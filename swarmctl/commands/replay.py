@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from swarmctl import record
-from swarmctl.commands.shared import EXPECTED, USAGE, fail, out
+from swarmctl.commands.shared import EXPECTED, USAGE, fail, out, say
 
 
 def register(cli: typer.Typer) -> None:
@@ -23,6 +23,8 @@ def replay(
         verdict = record.replay(record.of(run))
     except record.RecordError as error:
         fail([str(error)], USAGE)
+    if verdict.is_cut:
+        say("the record has no end: its process died, or it was cut; what is whole of it is replayed")
     if verdict.difference:
         fail([f"differs: {verdict.difference}"], EXPECTED)
     out.print(

@@ -4,9 +4,7 @@ A lattice route turns in steps of 45°. A straight leg between two of its cells 
 between them where it is neither longer nor more exposed, so the whole is never worse than the lattice route
 in anything that is compared. How exposure is compared (`Counting`) matters: see `swarmctl.core.track`.
 
-Fixed wings: the geometry is planned, judged and drawn here, the turn onto the first leg and the landing
-apart (it comes to the one out of a circle, and to the other by an approach of its own). No dialect in
-`swarmctl.mavlink` flies one yet.
+Of a fixed wing the turn onto the first leg is not planned here, nor its landing (`swarmctl.agent.approach`).
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from typing import Literal
 import msgspec
 
 from swarmctl.core.any_angle import Track
-from swarmctl.core.frames import Spoken, StateShared
+from swarmctl.core.frames import IntentShared, Spoken, StateShared
 from swarmctl.core.grid import Cell
 from swarmctl.core.messages import VehicleAnswer
 from swarmctl.core.mission import FlightPlan
@@ -32,7 +32,7 @@ class Order(StrEnum):
     LAND = "land"
 
 
-Flying = Literal["old", "hold", "unknown"]
+Flying = Literal["old", "hold", "theirs", "unknown"]
 """Which plan a vehicle is left with after a swap that failed."""
 
 
@@ -76,16 +76,30 @@ class Neighbours(_Fact, frozen=True):
     states: tuple[tuple[int, StateShared], ...]
 
 
+class Intents(_Fact, frozen=True):
+    """What others have told of where they will be: (UAV, how long ago that was said [s], its intent)."""
+
+    told: tuple[tuple[int, float, IntentShared], ...]
+
+
 class MissionAccepted(_Fact, frozen=True):
-    """The vehicle holds plan `plan_id`, read back and compared."""
+    """The vehicle holds plan `plan_id`, read back and compared; in flight it flies it."""
 
     plan_id: int
+    took_s: float | None = None
+    """in flight: from when it was begun to change its mission until it flew this one, by its clock; on the
+    ground: how long that will take, by how long the upload took"""
+    stood_still_s: float = 0.0
+    """for how long it held or stood still for that"""
 
 
 class MissionFailed(_Fact, frozen=True):
     plan_id: int
     flying: Flying
     reason: str
+    stood_still_s: float = 0.0
+    is_late: bool = False
+    """the vehicle was past where the plan leaves the old one when it could have been taken over"""
 
 
 class OrderDone(_Fact, frozen=True):
@@ -141,6 +155,7 @@ Event = (
     | Observed
     | Heard
     | Neighbours
+    | Intents
     | MissionAccepted
     | MissionFailed
     | OrderDone
@@ -183,6 +198,8 @@ class SwapMission(_Fact, frozen=True):
 
 class Command(_Fact, frozen=True):
     order: Order
+    by_person: bool = False
+    """just now: it goes out unseen"""
 
 
 class SetSpeed(_Fact, frozen=True):

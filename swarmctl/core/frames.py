@@ -4,6 +4,7 @@
 |---|---|---|
 | `inform/observation` | Observation | what the sender has just seen |
 | `inform/state` | StateShared | where it is, what it does, how much it knows; once a second |
+| `inform/intent` | IntentShared | where it will be at what time; when that changes, and every few seconds |
 | `query-ref/snapshot` | SnapshotAsked | which observations it holds: tell me the others |
 | `inform/snapshot` | Snapshot | the answer: frames of their observers, word for word |
 | `inform/relayed` | Relayed | frames of others, passed on at once; or a checkpoint of the sender's |
@@ -35,6 +36,10 @@ MAX_INNER_BYTES = MAX_FRAME_BYTES - 8192
 """of what is passed on inside of another message"""
 MAX_TEXT = 200
 
+MAX_POINTS = 256
+"""of an intent: of what is longer the begin is told"""
+MAX_AHEAD_S = 14_400.0
+"""so far ahead an intent may tell"""
 MAX_FRAMES = 256
 """inside of one message"""
 
@@ -113,6 +118,37 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
             raise ValueError("a time, a height or a speed that is no number")
 
 
+class IntentPoint(msgspec.Struct, frozen=True, array_like=True, gc=False):
+    """Where a UAV will be."""
+
+    in_s: float
+    """from when its frame was said (`Frame.unix_s`), in seconds of the vehicles' time"""
+    lat_deg: float
+    lon_deg: float
+    alt_amsl_m: float
+
+
+class IntentShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag="inform/intent"):
+    """The flight that a UAV is on or is about to begin: straight from point to point."""
+
+    plan_id: int
+    """of its plan, as in its state; 0: it flies none"""
+    points: Annotated[tuple[IntentPoint, ...], msgspec.Meta(max_length=MAX_POINTS)] = ()
+    """times rising; none: where it flies is not known"""
+    may_change: bool = True
+    """it could give way: it flies a mission of ours that may be changed"""
+
+    def __post_init__(self) -> None:
+        before_s = -math.inf
+        for point in self.points:
+            _check_place(point.lat_deg, point.lon_deg)
+            if not (math.isfinite(point.alt_amsl_m) and 0.0 <= point.in_s <= MAX_AHEAD_S):
+                raise ValueError("a height that is no number, or a time that is not ahead")
+            if point.in_s <= before_s:
+                raise ValueError("times that do not rise: expected each after the one before")
+            before_s = point.in_s
+
+
 class Have(msgspec.Struct, frozen=True, array_like=True):
     """What of one source is held."""
 
@@ -149,8 +185,8 @@ class Relayed(msgspec.Struct, frozen=True, tag="inform/relayed"):
     frames: Frames
 
 
-Content = Observation | Checkpoint | StateShared | SnapshotAsked | Snapshot | Relayed
-Spoken = Observation | StateShared
+Content = Observation | Checkpoint | StateShared | IntentShared | SnapshotAsked | Snapshot | Relayed
+Spoken = Observation | StateShared | IntentShared
 """what an agent says; all else is between its node and others'"""
 
 

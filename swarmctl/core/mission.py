@@ -19,6 +19,19 @@ class Waypoint:
 
 
 @dataclass(frozen=True, slots=True)
+class Approach:
+    """How a fixed wing comes down: round a circle to the height of `final`, out of the circle straight on to
+    `final`, and from there down a straight slope to `touchdown`."""
+
+    centre: Waypoint
+    """of the circle; its altitude is that of `final`"""
+    radius_m: float
+    """negative: it is flown counter-clockwise"""
+    final: Waypoint
+    touchdown: Waypoint
+
+
+@dataclass(frozen=True, slots=True)
 class FlightPlan:
     """Take off where the vehicle stands, fly `track` in order, land at `landing`.
 
@@ -30,6 +43,23 @@ class FlightPlan:
     takeoff_alt_m: float
     track: tuple[Waypoint, ...]
     landing: Waypoint
+    turn_radius_m: float = 0.0
+    """it turns off before a waypoint, on an arc that touches both legs; 0: over it"""
+    approach: Approach | None = None
+    """to `landing`, of a fixed wing; None: it comes down on the spot"""
+    home_approach: Approach | None = None
+    """to where it took off, for when it returns"""
+    begins: Waypoint | None = None
+    """where the vehicle is when it is made, in flight"""
+    leaves_ahead: bool = False
+    """`track` begins as the plan goes that is flown then, and leaves that farther on"""
+    from_hold: bool = False
+    """the vehicle stands in its hold mode then, because its agent has had it hold"""
+
+    @property
+    def way(self) -> tuple[Waypoint, ...]:
+        """All that is flown over, before it comes down."""
+        return self.track if self.begins is None else (self.begins, *self.track)
 
 
 @dataclass(frozen=True, slots=True)

@@ -76,6 +76,28 @@ def stays_inside(polygon: Sequence[Point], a: Point, b: Point) -> bool:
     return not any(_meet(a, b, c, d) for c, d in _edges(polygon))
 
 
+def meeting_sides(polygon: Sequence[Point]) -> tuple[int, int] | None:
+    """The first two sides of a polygon that have more in common than a corner, by the corners at which they
+    begin; None where it is simple."""
+    edges = _edges(polygon)
+    for i, (a, b) in enumerate(edges):
+        for j, (c, d) in enumerate(edges[i + 1 :], i + 1):
+            if b == c and _folds_back(a, b, d):
+                return i, j
+            if a == d and _folds_back(c, a, b):
+                return i, j
+            if b != c and a != d and _meet(a, b, c, d):
+                return i, j
+    return None
+
+
+def _folds_back(before: Point, corner: Point, after: Point) -> bool:
+    """Whether the way out of a corner lies on the way to it."""
+    in_e, in_n = corner[0] - before[0], corner[1] - before[1]
+    ahead = in_e * (after[0] - corner[0]) + in_n * (after[1] - corner[1])
+    return _turn(before, corner, after) == 0.0 and ahead <= 0.0
+
+
 def _edges(polygon: Sequence[Point]) -> list[tuple[Point, Point]]:
     return list(pairwise((*polygon, polygon[0])))
 

@@ -10,18 +10,20 @@ Points are (east, north) [m] in one plane, heights above the sea [m], times from
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.messages import Place
+from swarmctl.core.plane import distance_to_leg
 
 Point = tuple[float, float]
 Floats = NDArray[np.float64]
+Steps = NDArray[np.int64]
 
 LEAST_APART_M, LEAST_ABOVE_M = 20.0, 5.0
 """What vehicles that return keep over ground and in height, where they need not keep more."""
@@ -53,7 +55,14 @@ class Caller:
 
     @property
     def way_m(self) -> float:
-        return float(np.hypot(self.home[0] - self.here[0], self.home[1] - self.here[1]))
+        return math.dist(self.here, self.home)
+
+    @property
+    def direction(self) -> Point:
+        """Of its way, as long as 1; any where it is at home."""
+        if self.way_m == 0.0:
+            return 1.0, 0.0
+        return (self.home[0] - self.here[0]) / self.way_m, (self.home[1] - self.here[1]) / self.way_m
 
     @property
     def top_amsl_m(self) -> float:
@@ -89,23 +98,28 @@ def turns(callers: Sequence[Caller], *, horizontal_m: float, vertical_m: float) 
     """The turn of each, so that no two come nearer than `horizontal_m` over ground, unless one of them holds
     and the other is `vertical_m` above or below it."""
 
-    @cache
-    def passes(mover: Caller, holder: Caller) -> bool:
-        return _passes(mover, holder, horizontal_m, vertical_m)
-
-    @cache
-    def meetings(one: Caller, other: Caller) -> frozenset[int]:
-        return _meetings(one, other, horizontal_m)
-
     begins = {caller: 0 for caller in callers if caller.is_returning}
     waiting = sorted((c for c in callers if not c.is_returning), key=lambda c: (c.way_m, c.uav))
-    not_apart = [(m.uav, h.uav) for m in begins for h in waiting if passes(m, h)]
-    while waiting:
-        in_the_way = {c: [h for h in waiting if h is not c and passes(c, h)] for c in waiting}
-        nearest = min(waiting, key=lambda c: len(in_the_way[c]))
-        not_apart += [(nearest.uav, holder.uav) for holder in in_the_way[nearest]]
-        waiting.remove(nearest)
-        begins[nearest] = _first_turn(nearest, begins, passes, meetings)
+    passes = {
+        mover: [h for h in waiting if h is not mover and _passes(mover, h, horizontal_m, vertical_m)]
+        for mover in (*begins, *waiting)
+    }
+    not_apart = [(mover.uav, holder.uav) for mover in begins for holder in passes[mover]]
+    in_the_way = {caller: len(passes[caller]) for caller in waiting}
+    passed_by: dict[Caller, list[Caller]] = {caller: [] for caller in waiting}
+    for mover in waiting:
+        for holder in passes[mover]:
+            passed_by[holder].append(mover)
+    while in_the_way:
+        nearest = min(in_the_way, key=in_the_way.__getitem__)
+        not_apart += [(nearest.uav, holder.uav) for holder in passes[nearest] if holder in in_the_way]
+        del in_the_way[nearest]
+        for mover in passed_by[nearest]:
+            if mover in in_the_way:
+                in_the_way[mover] -= 1
+        # Whom it passes must have left.
+        from_step = max((begins[other] for other in passes[nearest] if other in begins), default=0)
+        begins[nearest] = _first_turn(nearest, begins, from_step, horizontal_m)
     order = sorted(begins, key=lambda c: (begins[c], c.uav))
     return Turns(
         {c.uav: STEP_S * begins[c] for c in order},
@@ -150,15 +164,13 @@ def told(turns: Turns, names: Mapping[int, str]) -> str:
     return f"{'; '.join(when)}; the last is down within {turns.down_s:.0f} s{only}"
 
 
-def _first_turn(
-    caller: Caller,
-    begins: Mapping[Caller, int],
-    passes: Callable[[Caller, Caller], bool],
-    meetings: Callable[[Caller, Caller], frozenset[int]],
-) -> int:
-    """In steps; whom it passes must have left."""
-    step = max((begun for other, begun in begins.items() if passes(caller, other)), default=0)
-    while any(step - begun in meetings(other, caller) for other, begun in begins.items()):
+def _first_turn(caller: Caller, begins: Mapping[Caller, int], from_step: int, horizontal_m: float) -> int:
+    """In steps, not before `from_step`."""
+    taken = set[int]()
+    for other, begun in begins.items():
+        taken.update((_meetings(other, caller, horizontal_m) + begun).tolist())
+    step = from_step
+    while step in taken:
         step += 1
     return step
 
@@ -167,61 +179,65 @@ def _passes(mover: Caller, holder: Caller, horizontal_m: float, vertical_m: floa
     """Whether one that returns comes too near to the place at which another holds."""
     if holder.alt_amsl_m >= mover.top_amsl_m + vertical_m:
         return False
-    over_home = _apart(_points(mover.home), _points(mover.home), _points(holder.here), _points(holder.here))
-    if over_home[0] < horizontal_m:
+    if math.dist(mover.home, holder.here) < horizontal_m:
         return True
     if holder.alt_amsl_m <= mover.alt_amsl_m - vertical_m:
         return False
-    on_the_way = _apart(_points(mover.here), _points(mover.home), _points(holder.here), _points(holder.here))
-    return bool(on_the_way[0] < horizontal_m)
+    return distance_to_leg(holder.here, mover.here, mover.home) < horizontal_m
 
 
-def _meetings(one: Caller, other: Caller, horizontal_m: float) -> frozenset[int]:
-    """By how many steps the other may not begin after the one, both being under way."""
-    ways = (one.here, one.home, other.here, other.home)
-    if _apart(*map(_points, ways))[0] >= horizontal_m:
-        return frozenset()
-    begin_one, end_one = _reach(one)
-    begin_other, end_other = _reach(other)
-    n, m = len(begin_one), len(begin_other)
-    i, j = np.repeat(np.arange(n), m), np.tile(np.arange(m), n)
-    near = _apart(begin_one[i], end_one[i], begin_other[j], end_other[j]) < horizontal_m
-    return frozenset(int(lag) for lag in np.unique(i[near] - j[near]))
+def _meetings(one: Caller, other: Caller, horizontal_m: float) -> Steps:
+    """By how many steps the other may not begin after the one, both being under way.
+
+    On the other's straight way the places too near to a piece of the one's are a piece as well, because the
+    places of both that are near each other are a convex set.
+    """
+    low_m, high_m = _near(one, other, *_reach(one), horizontal_m)
+    first_m, last_m = _reach(other)
+    begin, end = np.searchsorted(last_m, low_m, "left"), np.searchsorted(first_m, high_m, "right")
+    steps = np.flatnonzero(begin < end)
+    # In step i of the one the other is in its steps from begin to end - 1: it has begun so much later.
+    changes = np.zeros(len(low_m) + len(first_m) + 1, dtype=np.int64)
+    np.add.at(changes, steps - end[steps] + 1 + len(first_m), 1)
+    np.add.at(changes, steps - begin[steps] + 1 + len(first_m), -1)
+    lags: Steps = np.flatnonzero(np.cumsum(changes)) - len(first_m)
+    return lags
+
+
+def _near(
+    one: Caller, other: Caller, first_m: Floats, last_m: Floats, horizontal_m: float
+) -> tuple[Floats, Floats]:
+    """From where to where along the other's way (steps,) it is too near to the one somewhere between
+    `first_m` and `last_m` (steps,) along its own [m]; nowhere where the second is the less."""
+    (ue, un), (ve, vn) = one.direction, other.direction
+    east_m, north_m = one.here[0] - other.here[0], one.here[1] - other.here[1]
+    # Seen along the other's way: `ahead` and `aside` of the one's begin, and of a metre of its way.
+    ahead, aside = east_m * ve + north_m * vn, north_m * ve - east_m * vn
+    along, across = ue * ve + un * vn, un * ve - ue * vn
+    if abs(across) < 1e-9:
+        if abs(aside) >= horizontal_m:
+            return np.full_like(first_m, np.inf), np.full_like(first_m, -np.inf)
+        begin_m, end_m = first_m, last_m
+        lowest, highest = (begin_m, end_m) if along > 0.0 else (end_m, begin_m)
+    else:
+        ends = sorted(((-horizontal_m - aside) / across, (horizontal_m - aside) / across))
+        begin_m, end_m = np.maximum(first_m, ends[0]), np.minimum(last_m, ends[1])
+        turn_m = horizontal_m * along / across * abs(across)
+        lowest = np.clip((-turn_m - aside) / across, begin_m, end_m)
+        highest = np.clip((turn_m - aside) / across, begin_m, end_m)
+
+    def half_m(at_m: Floats) -> Floats:
+        return np.sqrt(np.maximum(horizontal_m**2 - (aside + across * at_m) ** 2, 0.0))
+
+    is_somewhere = begin_m <= end_m
+    low_m = np.where(is_somewhere, ahead + along * lowest - half_m(lowest), np.inf)
+    high_m = np.where(is_somewhere, ahead + along * highest + half_m(highest), -np.inf)
+    return low_m, high_m
 
 
 def _reach(caller: Caller) -> tuple[Floats, Floats]:
-    """Both ends (steps, 2) of the piece of its way on which it may be during each step of its return."""
+    """From where to where on its way (steps,) it may be during each step of its return [m]."""
     begin_s = np.arange(0.0, caller.takes_s, STEP_S)
     slow_m = SLOWER * caller.speed_m_s * (begin_s - caller.departs_within_s)
     fast_m = FASTER * caller.speed_m_s * (begin_s + STEP_S)
-    here, home = np.array(caller.here), np.array(caller.home)
-    shares = (np.clip(along_m / max(caller.way_m, 1e-9), 0.0, 1.0) for along_m in (slow_m, fast_m))
-    first, last = (here + share[:, None] * (home - here) for share in shares)
-    return first, last
-
-
-def _points(point: Point) -> Floats:
-    return np.array([point])
-
-
-def _apart(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
-    """Least distances between the pieces a to b and c to d, row by row [m]; all (n, 2)."""
-    ends = (_to_piece(a, c, d), _to_piece(b, c, d), _to_piece(c, a, b), _to_piece(d, a, b))
-    least: Floats = np.minimum.reduce(ends)
-    crossing = (_side(a, b, c) * _side(a, b, d) < 0.0) & (_side(c, d, a) * _side(c, d, b) < 0.0)
-    return np.where(crossing, 0.0, least)
-
-
-def _side(a: Floats, b: Floats, point: Floats) -> Floats:
-    u, v = b - a, point - a
-    side: Floats = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-    return side
-
-
-def _to_piece(point: Floats, a: Floats, b: Floats) -> Floats:
-    along = b - a
-    length2 = np.maximum((along * along).sum(axis=1), 1e-12)
-    share = np.clip(((point - a) * along).sum(axis=1) / length2, 0.0, 1.0)
-    gap = point - a - share[:, None] * along
-    lengths: Floats = np.hypot(gap[:, 0], gap[:, 1])
-    return lengths
+    return np.clip(slow_m, 0.0, caller.way_m), np.clip(fast_m, 0.0, caller.way_m)

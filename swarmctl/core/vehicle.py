@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal
 
+Airframe = Literal["copter", "plane"]
 ModeRole = Literal["", "hold", "mission", "return", "land", "other"]
 
 
@@ -53,6 +54,8 @@ class VehicleState:
     """it has a receiver, and that has a fix; None where it has none"""
     mission_seq: int | None = None
     mission_total: int | None = None
+    other_mission: bool = False
+    """somebody else has put another mission on it than was verified there"""
     home_lat_deg: float | None = None
     home_lon_deg: float | None = None
     home_alt_amsl_m: float | None = None
@@ -60,6 +63,12 @@ class VehicleState:
     """strikes the vehicle has reported (simulated vehicles do)"""
     status_text: str = ""
     """its last STATUSTEXT of severity WARNING or worse"""
+    heartbeat_s: float | None = None
+    """when its last heartbeat came, by our clock [s]: what mode and arming are as of"""
+    status_s: float | None = None
+    """when its last SYS_STATUS came, by our clock [s]: what battery, GPS and readiness are as of"""
+    position_s: float | None = None
+    """when it last told where it is, by our clock [s]"""
 
     @property
     def takeoff_lat_lon(self) -> tuple[float, float] | None:
@@ -70,4 +79,5 @@ class VehicleState:
 
     @property
     def has_position(self) -> bool:
+        """It knows where it is, and has told so of late."""
         return self.lat_deg is not None and self.lon_deg is not None and self.alt_rel_m is not None

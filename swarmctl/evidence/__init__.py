@@ -14,5 +14,6 @@ line that is changed, taken out or put in breaks the chain there.
 | `hash` | SHA-256 of the line without this key, in canonical form |
 
 chain: the form and its check; traffic: from MAVLink messages to entries; story: from an agent's events to
-entries; digest: what `swarmctl audit` tells. All of them pure. book: the file; hooks: who writes into it.
+entries; digest: what `swarmctl audit` tells. All of them pure. book: the file; disk: how it outlives a loss
+of power; hooks: who writes into it.
 """

@@ -7,12 +7,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
+from swarmctl.core.vehicle import Landed
 from swarmctl.evidence.chain import Entry
 
 _UPLOADS = ("MISSION_ITEM_INT", "MISSION_COUNT", "MISSION_WRITE_PARTIAL_LIST", "MISSION_CLEAR_ALL")
 _PARAMETERS = ("PARAM_SET", "PARAM_REQUEST_READ")
 _NOTHING_YET = ""
 """the mode of a vehicle that has not told one"""
+_DISARMED = "armed False"
 _SHOWS = {
     "COMPONENT_ARM_DISARM": "armed",
     "DO_SET_MODE": "mode",
@@ -53,6 +55,8 @@ class Digest:
     rows: list[Row] = field(default_factory=list)
     unasked: dict[str, Counter[str]] = field(default_factory=dict)
     """by vehicle: modes and arming that no command here had asked for"""
+    landed: Counter[str] = field(default_factory=Counter)
+    """by vehicle: how often it disarmed by itself on the ground"""
     people: list[Entry] = field(default_factory=list)
     """waivers and operators' actions"""
 
@@ -63,6 +67,7 @@ def digest(entries: Iterable[Entry]) -> Digest:
     rows: dict[tuple[str, str], Row] = {}
     asked: dict[tuple[str, str], Row] = {}
     """by (vehicle, part of its state): the command that may change it next"""
+    on_ground: dict[str, bool] = {}
     for entry in entries:
         vehicle, what = entry["vehicle"] or "all", entry["what"]
         match entry["kind"]:
@@ -72,6 +77,7 @@ def digest(entries: Iterable[Entry]) -> Digest:
                 _answered(rows, vehicle, what)
             case "effect":
                 _seen(asked, found, vehicle, what)
+                _touched_down(found, on_ground, vehicle, what)
             case "waiver" | "operator":
                 found.people.append(entry)
     vehicles = list(dict.fromkeys(vehicle for vehicle, _ in rows))
@@ -102,6 +108,18 @@ def _answered(rows: dict[tuple[str, str], Row], vehicle: str, what: Entry) -> No
     for row in (waiting or answered)[:1]:
         row.answers[answer] += 1
         row.unanswered -= answer != "IN_PROGRESS" and row.unanswered > 0
+
+
+def _touched_down(found: Digest, on_ground: dict[str, bool], vehicle: str, what: dict[str, Any]) -> None:
+    """A vehicle that disarms where it has landed does as it should; which it tells first is chance."""
+    part, to = what.get("changed"), what.get("to")
+    if part == "landed":
+        on_ground[vehicle] = to == Landed.ON_GROUND.name
+    unasked = found.unasked.get(vehicle, Counter())
+    if part in ("landed", "armed") and on_ground.get(vehicle) and unasked[_DISARMED]:
+        found.landed[vehicle] += unasked.pop(_DISARMED)
+        if not unasked:
+            del found.unasked[vehicle]
 
 
 def _seen(asked: dict[tuple[str, str], Row], found: Digest, vehicle: str, what: dict[str, Any]) -> None:

@@ -42,7 +42,16 @@ class Evidence:
         return recorded or not is_arming
 
     def from_vehicle(self, sysid: int, message: Message) -> None:
-        self._write(sysid, self._traffic_of(sysid, "").heard(message))
+        own = self._traffic_of(sysid, "")
+        self._write(sysid, own.heard(message))
+        if message.get_type() == "HEARTBEAT":
+            for (other, _), traffic in self._traffic.items():
+                if other == sysid:
+                    traffic.byte_wise = own.byte_wise
+
+    async def settled(self) -> str:
+        """Wait until all this is on the disk; why it is not, empty if it is."""
+        return await self._book.settled()
 
     # The agents
 

@@ -13,6 +13,7 @@ from typing import Any
 from swarmctl.evidence.chain import Kind, canonical, sha256
 from swarmctl.mavlink.codec import Message
 from swarmctl.mavlink.command import name_of
+from swarmctl.mavlink.parameters import BYTE_WISE, decoded
 
 KEEP_ALIVE = frozenset({"HEARTBEAT", "PING", "SYSTEM_TIME", "TIMESYNC"})
 """messages that ask nothing of a vehicle"""
@@ -72,6 +73,8 @@ class Traffic:
     def __init__(self) -> None:
         self._upload: _Transfer | None = None
         self._download: _Transfer | None = None
+        self.byte_wise = False
+        """it sends integer parameters as their bytes, by its last heartbeat"""
         self._asked: set[str] = set()
         """names of the parameters that were set or asked for, and not answered yet"""
 
@@ -84,16 +87,21 @@ class Traffic:
                 self._upload = _Transfer(mission_type=int(message.mission_type))
             self._upload.take(message)
             return []
-        return [*self._before(kind, message), ("command", {**_content(message), **self._read_back(kind)})]
+        return [
+            *self._before(kind, message),
+            ("command", {**self._content(message), **self._read_back(kind)}),
+        ]
 
     def heard(self, message: Message) -> list[Said]:
         match message.get_type():
+            case "HEARTBEAT":
+                self.byte_wise = int(message.autopilot) in BYTE_WISE
             case "COMMAND_ACK":
                 result = name_of("MAV_RESULT", int(message.result))
                 command = name_of("MAV_CMD", int(message.command))
                 return [("acknowledgement", {"message": "COMMAND_ACK", "command": command, "result": result})]
             case "MISSION_ACK":
-                content = _content(message)
+                content = self._content(message)
                 # ArduPilot's word for a repeated item, in the middle of a transfer that goes on.
                 ended = [] if content["result"] == "INVALID_SEQUENCE" else self.close()
                 return [*ended, ("acknowledgement", content)]
@@ -103,8 +111,14 @@ class Traffic:
                 self._download.count = int(message.count)
             case "PARAM_VALUE" if _name(message) in self._asked:
                 self._asked.discard(_name(message))
-                return [("acknowledgement", _content(message))]
+                return [("acknowledgement", self._content(message))]
         return []
+
+    def _content(self, message: Message) -> dict[str, Any]:
+        content = _content(message)
+        if message.get_type() in ("PARAM_SET", "PARAM_VALUE") and self.byte_wise:
+            content["param_value"] = decoded(message, byte_wise=True).value
+        return content
 
     def close(self) -> list[Said]:
         """The items of an upload that has ended, or that nobody will acknowledge any more."""

@@ -2,7 +2,8 @@
 
 url, base: the forms of a URL, what a link offers; udp, tcp, serial, memory: transports; routing, tlog: which
 address a vehicle is at, its log; forward, signing: who watches, who is believed; frontend: owns the
-transports; direct: one vehicle over the front end; mavsdk: the same, with commands and missions by MAVSDK.
+transports; direct: one vehicle over the front end; mavsdk: the same, with commands and missions by MAVSDK;
+packages: what that needs.
 Imports mavlink and core. A new link is one module and one line in `LINKS`.
 """
 
@@ -14,17 +15,14 @@ from typing import Any
 
 from swarmctl.links.base import Link, LinkError
 from swarmctl.links.direct import DirectLink
+from swarmctl.links.packages import missing
 
 
 def _mavsdk_link(*args: Any, **kwargs: Any) -> Link:
     """Raises LinkError where MAVSDK is not installed; whoever does not choose it needs none."""
-    try:
-        link: Link = import_module("swarmctl.links.mavsdk").MavsdkLink(*args, **kwargs)
-    except ModuleNotFoundError as error:
-        raise LinkError(
-            f"`link: mavsdk` needs the package {error.name}: pip install 'mavlink-swarmctl[mavsdk]', or "
-            "`link: direct`"
-        ) from None
+    if needed := missing("mavsdk"):
+        raise LinkError(f"{kwargs['name']}: {needed}")
+    link: Link = import_module("swarmctl.links.mavsdk").MavsdkLink(*args, **kwargs)
     return link
 
 

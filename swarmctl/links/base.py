@@ -27,6 +27,7 @@ from swarmctl.mavlink.events import (
     Text,
 )
 from swarmctl.mavlink.instruments import Instruments
+from swarmctl.mavlink.outcome import Swapped
 
 __all__ = [
     "AddressChanged",
@@ -58,7 +59,7 @@ __all__ = [
     "UploadFailed",
 ]
 
-Flying = Literal["old", "hold", "unknown"]
+Flying = Literal["old", "hold", "theirs", "unknown"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,13 +133,19 @@ class LaunchFailed(LinkError):
 class SwapFailed(LinkError):
     """The new plan is not being flown; `flying` says what is.
 
-    "old": the plan from before, verified; "hold": it stands still in the air; "unknown": nobody knows (the
-    link went away in the middle, or somebody else took the vehicle over).
+    "old": the plan from before, verified; "hold": it stands still in the air; "theirs": somebody else took
+    the vehicle over; "unknown": nobody knows (the link went away in the middle).
     """
 
-    def __init__(self, text: str, *, flying: Flying) -> None:
+    def __init__(
+        self, text: str, *, flying: Flying, stood_still_s: float = 0.0, is_late: bool = False
+    ) -> None:
         super().__init__(text)
         self.flying = flying
+        self.stood_still_s = stood_still_s
+        """for how long it held or stood still for it, by its own clock"""
+        self.is_late = is_late
+        """it was past where the plan leaves the old one"""
 
 
 class CommandFailed(LinkError):
@@ -167,8 +174,9 @@ class Link(Protocol):
         Raises NotReady with the last reasons, PrepareFailed.
         """
 
-    async def upload(self, plan: FlightPlan) -> None:
-        """On the ground: upload, read back, compare. Raises UploadFailed."""
+    async def upload(self, plan: FlightPlan) -> float:
+        """On the ground: upload, read back, compare. Returns how long a change in flight will take over this
+        link [s]. Raises UploadFailed."""
 
     async def read_parameters(self, names: Collection[str]) -> dict[str, float]:
         """Those of the names that the vehicle knows, in the units of the parameters.
@@ -195,28 +203,28 @@ class Link(Protocol):
         Nothing is commanded any more once somebody else has chosen a mode or armed it.
         """
 
-    async def swap(self, plan: FlightPlan) -> None:
-        """In flight: upload, verify, fly `plan` from its first waypoint, without a stop where the autopilot
-        allows it. Raises SwapFailed.
+    async def swap(self, plan: FlightPlan) -> Swapped:
+        """In flight: upload, verify, fly `plan` from its first waypoint, or from what of it lies ahead
+        (`leaves_ahead`), without a stop where the autopilot allows it. Raises SwapFailed.
 
         Nothing is commanded any more once somebody else has chosen a mode.
         """
 
-    async def hold(self) -> None:
+    async def hold(self, *, looks_first: bool = False) -> None:
         """Stand still in the air. Raises CommandFailed.
 
         As `return_home` and `land`: sent at once whatever its mode, and again only while nobody else has
-        chosen one since.
+        chosen one since. `looks_first`: also the first time; for whatever no person has ordered just now.
         """
 
     async def set_speed(self, speed_m_s: float) -> None:
         """Another speed over ground for its mission, which it flies, until that is changed [m/s]. Raises
         CommandFailed; nothing is sent where somebody else has chosen another mode."""
 
-    async def return_home(self) -> None:
+    async def return_home(self, *, looks_first: bool = False) -> None:
         """Return to launch. Raises CommandFailed."""
 
-    async def land(self) -> None:
+    async def land(self, *, looks_first: bool = False) -> None:
         """Land where it is. Raises CommandFailed."""
 
     def state(self) -> VehicleState:

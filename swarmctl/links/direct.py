@@ -37,7 +37,7 @@ from swarmctl.mavlink.codec import Message
 from swarmctl.mavlink.conversation import Peer
 from swarmctl.mavlink.mission_download import DownloadOutcome, DownloadResult
 from swarmctl.mavlink.procedure import Context, Procedure
-from swarmctl.mavlink.procedures import Done, Swapped
+from swarmctl.mavlink.procedures import Done, Swapped, Uploaded
 from swarmctl.mavlink.session import Session, Step
 
 REPORT_PERIOD_S = 1.0
@@ -78,6 +78,8 @@ class DirectLink:
         self._report_at = 0.0
         self._at_ground_work = asyncio.Lock()
         """uploads and looks at a vehicle on the ground wait for each other"""
+        # Whoever opened the front end may fail before it comes to this link.
+        front_end.at_close(self.close)
 
     # What is known
 
@@ -120,8 +122,6 @@ class DirectLink:
     async def prepare(self, timeout_s: float, on_waiting: Callable[[tuple[str, ...]], None]) -> None:
         self._require_heard()
         self._take(self._session.keep_streams(self._now()))
-        self._require_heard()
-        self._take(self._session.keep_streams(self._now()))
         self._on_waiting, self._reasons = on_waiting, ()
         try:
             async with asyncio.timeout(timeout_s):
@@ -133,13 +133,17 @@ class DirectLink:
         if done.failure:
             raise PrepareFailed(f"{self._who} cannot be prepared: {done.failure}")
 
-    async def upload(self, plan: FlightPlan) -> None:
+    async def upload(self, plan: FlightPlan) -> float:
         self._require_heard()
-        items = self._session.mission_items(plan)
+        try:
+            items = self._session.mission_items(plan)
+        except ValueError as error:
+            raise UploadFailed(f"{self._who}: its plan cannot be flown: {error}") from error
         async with self._at_ground_work:
             done: Done = await self._perform("upload", partial(procedures.upload, items=items))
         if done.failure:
             raise UploadFailed(f"{self._who}: the mission is not verified on the vehicle: {done.failure}")
+        return done.swap_takes_s if isinstance(done, Uploaded) else 0.0
 
     async def read_parameters(self, names: Collection[str]) -> dict[str, float]:
         procedure = partial(parameters.read_parameters, names=names, byte_wise=self._byte_wise)
@@ -175,38 +179,50 @@ class DirectLink:
         return told
 
     async def launch(self) -> None:
+        if why_not := await self._front_end.why_not_arm():
+            raise LaunchFailed(f"{self._who}: not armed: {why_not}")
         done: Done = await self._perform("launch", procedures.launch)
         if done.failure:
             raise LaunchFailed(f"{self._who}: {done.failure}")
 
-    async def swap(self, plan: FlightPlan) -> None:
+    async def swap(self, plan: FlightPlan) -> Swapped:
         self._require_heard()
-        items = self._session.mission_items(plan)
-        done: Swapped = await self._perform("swap", partial(procedures.swap, new=items))
+        try:
+            items = self._session.mission_items(plan)
+        except ValueError as error:
+            raise SwapFailed(f"{self._who}: the plan cannot be flown: {error}", flying="old") from error
+        procedure = partial(
+            procedures.swap, new=items, leaves_ahead=plan.leaves_ahead, from_hold=plan.from_hold
+        )
+        done: Swapped = await self._perform("swap", procedure)
         if done.failure:
             flying = "unknown" if done.flying == "new" else done.flying
             now_flies = {
                 "old": "it flies its old mission",
                 "hold": "it stands in hold",
+                "theirs": "somebody else has it",
                 "unknown": "what it flies is not known",
             }[flying]
-            raise SwapFailed(f"{self._who}: mission not changed, {now_flies}: {done.failure}", flying=flying)
+            text = f"{self._who}: mission not changed, {now_flies}: {done.failure}"
+            raise SwapFailed(text, flying=flying, stood_still_s=done.stood_still_s, is_late=done.is_late)
+        return done
 
-    async def hold(self) -> None:
-        await self._must("hold", procedures.hold)
+    async def hold(self, *, looks_first: bool = False) -> None:
+        await self._must("hold", partial(procedures.hold, looks_first=looks_first))
 
     async def set_speed(self, speed_m_s: float) -> None:
         done: Done = await self._perform("set_speed", partial(speed.set_speed, speed_m_s=speed_m_s))
         if done.failure:
             raise CommandFailed(f"{self._who}: set_speed: {done.failure}")
 
-    async def return_home(self) -> None:
-        await self._must("return_home", procedures.return_home)
+    async def return_home(self, *, looks_first: bool = False) -> None:
+        await self._must("return_home", partial(procedures.return_home, looks_first=looks_first))
 
-    async def land(self) -> None:
-        await self._must("land", procedures.land)
+    async def land(self, *, looks_first: bool = False) -> None:
+        await self._must("land", partial(procedures.land, looks_first=looks_first))
 
     def close(self) -> None:
+        """Idempotent; the front end does so when it closes."""
         if self._waiter is not None:
             self._interrupt("closing the link")
         if self._timer is not None:
@@ -334,8 +350,11 @@ class DirectLink:
         else:
             problem = "nobody answers"
             check = _CHECKS[self.endpoint.kind]
+            if refused := self._front_end.refused_on(self.endpoint, self.sysid):
+                problem = f"it speaks, but {_REFUSED.get(refused, f'it is refused: {refused}')}"
+                check = _KEYS.get(refused, "do its clock and this machine's agree?")
             others = sorted(self._front_end.heard_on(self.endpoint) - {self.sysid})
-            if others:
+            if others and not refused:
                 check = f"heard there: system {', '.join(map(str, others))}; is the system id right?"
         trouble = self._front_end.trouble_on(self.endpoint)
         because = f" ({trouble})" if trouble else ""
@@ -350,6 +369,12 @@ class DirectLink:
         return NotReady(text, reasons=reasons)
 
 
+_REFUSED = {"unsigned": "unsigned", "signed with another key": "under another key"}
+_KEYS = {
+    "unsigned": "it has no key: give it that of links.signing_key, or leave links.signing_key away",
+    "signed with another key": "give it the key of links.signing_key, or that the key it has",
+}
+"""by what the front end refuses its frames for"""
 _CHECKS = {
     "udpin": "does the vehicle (or simulator) send to this machine and port, and is it switched on?",
     "udpout": "does it listen at that host and port?",

@@ -9,6 +9,7 @@ from __future__ import annotations
 import socket
 from collections.abc import Callable, Sequence
 
+from swarmctl.core.hosts import is_loopback
 from swarmctl.links.base import LinkError
 from swarmctl.links.transport import Address, Transport
 from swarmctl.links.url import Endpoint
@@ -78,6 +79,16 @@ class Forwarder:
         for target in self._targets:
             await target.close()
         self._targets.clear()
+
+
+def open_to_strangers(endpoint: Endpoint, *, signed: bool) -> str:
+    """Why no station that may command is listened for there; empty where it may be."""
+    if signed or not endpoint.listens or is_loopback(endpoint.host):
+        return ""
+    return (
+        f"{endpoint}: others than this machine reach it, and with links.forward_commands every one of them "
+        "could order the vehicles; listen at 127.0.0.1, or set links.signing_key"
+    )
 
 
 _LISTENER = {"udpout": "udpin", "tcpout": "tcpin", "udpin": "udpin", "tcpin": "tcpin"}

@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from swarmctl.links.base import AddressChanged, Conflict, LinkError, TransportError
-from swarmctl.links.forward import Forwarder, Target, refuse_loops
+from swarmctl.links.forward import Forwarder, Target, open_to_strangers, refuse_loops
 from swarmctl.links.memory import Memory, MemoryWire
 from swarmctl.links.routing import Route, Verdict
 from swarmctl.links.serial import SerialPort
@@ -33,6 +33,7 @@ from swarmctl.mavlink.codec import (
     FrameSplitter,
     Message,
 )
+from swarmctl.mavlink.command import forces
 from swarmctl.mavlink.presence import AUTOPILOT_COMPID, HEARTBEAT_PERIOD_S, own_heartbeat
 from swarmctl.mavlink.session import WANTED
 
@@ -52,6 +53,9 @@ class Witness(Protocol):
 
     def from_vehicle(self, sysid: int, message: Message) -> None:
         """What somebody here looks at."""
+
+    async def settled(self) -> str:
+        """Wait until all of it would outlive a loss of power; why it does not, empty if it does."""
 
 
 class Channel:
@@ -73,8 +77,8 @@ class Channel:
         self._tlog = tlog
 
     def send(self, messages: list[Message]) -> None:
-        """To the vehicle's address only; dropped while none is known."""
-        if self.route.address is not None:
+        """To the vehicle's address only; dropped while none is known, and once it is detached."""
+        if self.route.address is not None and self._line.channels.get(self.sysid) is self:
             for message in messages:
                 self.log(self._line.send(message, self.route.address, self.sysid))
 
@@ -114,6 +118,8 @@ class _Line:
         self.transport = transport
         self.channels: dict[int, Channel] = {}
         self.heard: set[int] = set()
+        self.refused: dict[int, str] = {}
+        """why the last frame was, by autopilots' system ids"""
         self._endpoint = endpoint
         self._number = number
         self._shared = shared
@@ -169,7 +175,10 @@ class _Line:
             if not why_not:
                 self._shared.forwarder.send(frame.data)
                 self._dispatch(frame, address, now)
-            elif why_not == LATE and len(self._late) < _LATE_LIMIT:
+                continue
+            if frame.known and frame.compid == AUTOPILOT_COMPID:
+                self.refused[frame.sysid] = why_not
+            if why_not == LATE and len(self._late) < _LATE_LIMIT:
                 self._late.add(address)
 
     def _dispatch(self, frame: Frame, address: Address, now: float) -> None:
@@ -204,7 +213,8 @@ class FrontEnd:
     """`async with FrontEnd(...) as front_end:` closes every transport and tlog at the end.
 
     `wall_time_us` gives the times of the tlogs and of signatures; `signing` signs all that is sent and
-    refuses what is not signed; `memory` has the wires of `memory:NAME` endpoints.
+    refuses what is not signed; `memory` has the wires of `memory:NAME` endpoints; `say` is told what
+    people have to know of other stations.
     """
 
     def __init__(
@@ -214,6 +224,7 @@ class FrontEnd:
         memory: Mapping[str, MemoryWire] | None = None,
         witness: Witness | None = None,
         signing: Signing | None = None,
+        say: Callable[[str], None] = lambda _text: None,
         sysid: int = GCS_SYSID,
         compid: int = GCS_COMPID,
     ) -> None:
@@ -227,6 +238,9 @@ class FrontEnd:
         self._opening = asyncio.Lock()
         self._timer: asyncio.TimerHandle | None = None
         self._at_close: list[Callable[[], None]] = []
+        self._say = say
+        self._forced = 0
+        """orders of other stations that were dropped"""
 
     async def __aenter__(self) -> Self:
         return self
@@ -251,9 +265,13 @@ class FrontEnd:
     async def forward(self, endpoint: Endpoint, *, commands: bool = False) -> None:
         """Copy all traffic to who watches there; with `commands` what they send reaches the vehicles.
 
-        Raises TransportError, and LinkError where vehicles are listened for at the same place.
+        Raises TransportError, and LinkError where vehicles are listened for at the same place, or where
+        strangers could command.
         """
         refuse_loops([endpoint], list(self._lines))
+        signed = self._shared.guard.signing is not None
+        if commands and (why := open_to_strangers(endpoint, signed=signed)):
+            raise LinkError(f"forward {why}")
         on_frame = self._from_station if commands else None
         await self._shared.forwarder.add(Target(endpoint, self._transport(endpoint), on_frame))
 
@@ -263,6 +281,11 @@ class FrontEnd:
             return
         target = int(getattr(message, "target_system", 0))
         by = f"station {frame.sysid} at {where}"
+        if forces(message):
+            self._forced += 1
+            if self._forced == 1:
+                self._say(f"{by} asks for a forced arming or disarming: never passed on")
+            return
         if self._shared.witness is None or self._shared.witness.to_vehicle(target, message, by):
             for line in self._lines.values():
                 line.pass_on(frame, target)
@@ -284,19 +307,28 @@ class FrontEnd:
         if sysid in line.channels:
             raise LinkError(
                 f"system id {sysid} is used by two vehicles on {endpoint}; give one of them another "
-                "(ArduPilot: parameter SYSID_THISMAV) or a link of its own"
+                "(ArduPilot: parameter SYSID_THISMAV, from 4.7 on MAV_SYSID; PX4: MAV_SYS_ID) or a link of "
+                "its own"
             )
         if sysid == self.sysid:
             raise LinkError(
                 f"system id {sysid} on {endpoint} is the ground station's own; vehicles use 1 to 254"
             )
-        writer = None if tlog is None else TlogWriter(tlog, self._wall_time_us)
+        writer = None if tlog is None else TlogWriter(tlog, self._wall_time_us, self._say)
         channel = line.channels[sysid] = Channel(line, sysid, on_message, on_event, writer)
         return channel
 
     def heard_on(self, endpoint: Endpoint) -> frozenset[int]:
         """The system ids of all autopilots that were heard there."""
         return frozenset(self._lines[endpoint].heard) if endpoint in self._lines else frozenset()
+
+    def refused_on(self, endpoint: Endpoint, sysid: int) -> str:
+        """Why the last frame of an autopilot there was refused; empty where none was."""
+        return self._lines[endpoint].refused.get(sysid, "") if endpoint in self._lines else ""
+
+    async def why_not_arm(self) -> str:
+        """What forbids to arm any vehicle now; empty where nothing does. Waits for the evidence so far."""
+        return "" if self._shared.witness is None else await self._shared.witness.settled()
 
     def trouble_on(self, endpoint: Endpoint) -> str:
         """What its transport knows to be wrong at the moment."""
@@ -305,8 +337,11 @@ class FrontEnd:
 
     @property
     def refused(self) -> str:
-        """What came and was not signed as it has to be, for people; empty where nothing was."""
-        return self._shared.guard.trouble
+        """What came and was not taken, for people; empty where nothing was."""
+        forced = f"forced armings or disarmings of other stations dropped: {self._forced}"
+        return "; ".join(
+            text for text in (self._shared.guard.trouble, forced if self._forced else "") if text
+        )
 
     def at_close(self, release: Callable[[], None]) -> None:
         """Call `release` before the transports close; for who keeps something as long as this is open."""

@@ -151,7 +151,8 @@ class UploadByMavsdk(_Transfer[UploadResult]):
 
     def _start_transfer(self, then: Callable[[Said], None]) -> None:
         # MAVSDK sends only what has exactly one current item; on the ground the first is, anyway.
-        self._adapter.upload(self._own.items, self._own.current or 0, then)
+        marked = self._own.flown if self._own.current is None else self._own.current
+        self._adapter.upload(self._own.items, marked or 0, then)
 
     def _result_of(self, name: str, items: tuple[MissionItem, ...]) -> UploadResult:
         outcome = _UPLOADED.get(name, UploadOutcome.REJECTED)

@@ -24,7 +24,11 @@ NEW_STREAM_AGE = 60 * TICKS_PER_S
 """how far behind our time a stream may be that was not heard before"""
 RESERVED = 30 * TICKS_PER_S
 """how far ahead of what was used the store is: so seldom is it written"""
+MOST_AHEAD = 24 * 3600 * TICKS_PER_S
+"""how far ahead of our time a stamp may be. MAVLink sets no limit, so one frame that is stamped with the end
+of time would leave everybody who follows it nothing to sign with."""
 LATE = "older than a minute"
+AHEAD = "more than a day ahead of this machine's clock"
 UNSIGNED_ALLOWED = frozenset({109, 166})
 """RADIO_STATUS and RADIO: a telemetry radio makes them itself, and has no key"""
 
@@ -62,7 +66,11 @@ class Signing:
         self._key = key
         self._store = store
         self._first_link_id = first_link_id
-        self._last = store.load()
+        self._last = self._began = store.load()
+        if self._last > LAST_TIMESTAMP - MOST_AHEAD:
+            raise ValueError(
+                "the time stamps under this key are used up: make a new one, for the vehicles too"
+            )
         self._reserved = self._last
         store.keep(self._last)
         self._streams: dict[tuple[int, int, int], int] = {}
@@ -93,6 +101,9 @@ class Signing:
         stream = (frame[-_SIGNATURE_BYTES], frame[5], frame[6])
         timestamp = int.from_bytes(frame[-12:-6], "little")
         last = self._streams.get(stream)
+        # What was used before this run counts as our time: a clock may have been ahead, and gone back.
+        if timestamp > max(clock, self._began) + MOST_AHEAD:
+            return AHEAD
         if last is None and timestamp + NEW_STREAM_AGE < max(self._last, clock):
             return LATE
         if last is not None and timestamp <= last:

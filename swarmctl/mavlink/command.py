@@ -15,9 +15,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from swarmctl.mavlink.codec import Message
 from swarmctl.mavlink.conversation import Conversation, Peer, State
 
-FORCE_CODES = (21196.0, 2989.0)
-"""param2 of MAV_CMD_COMPONENT_ARM_DISARM that skips all checks, or drops a flying vehicle"""
-
 
 class CommandOutcome(Enum):
     ACCEPTED = "accepted"
@@ -51,8 +48,19 @@ def command_long(peer: Peer, command: int, params: Sequence[float], confirmation
     return mavlink.MAVLink_command_long_message(peer.sysid, peer.compid, command, confirmation, *p)
 
 
+def forces(message: Message) -> bool:
+    """Whether it asks to arm without any check, or to disarm a flying vehicle, which falls."""
+    is_command = message.get_type() in ("COMMAND_LONG", "COMMAND_INT")
+    return is_command and _forces(int(message.command), message.param2)
+
+
+def _forces(command: int, param2: float) -> bool:
+    # 21196, or 2989 for ArduPilot's arming. PX4 rounds, so whatever is not 0 is taken for one of them.
+    return command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM and param2 != 0.0
+
+
 def _refuse_force(command: int, params: Sequence[float]) -> None:
-    if command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM and params[1] in FORCE_CODES:
+    if _forces(command, params[1]):
         raise ValueError(f"forced arming and disarming (param2 = {params[1]:g}) is never sent")
 
 

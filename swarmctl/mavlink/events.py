@@ -40,7 +40,7 @@ class Heard:
 
 @dataclass(frozen=True, slots=True)
 class StateChanged:
-    """A new position snapshot is complete, or mode or arming changed."""
+    """It has told its position, mode or arming changed, or about a second went by without a position."""
 
     state: VehicleState
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from swarmctl.core.vehicle import Airframe
 from swarmctl.mavlink.events import Identity
 
 _PLANES = frozenset({int(mavlink.MAV_TYPE_FIXED_WING)})
@@ -28,6 +29,11 @@ class Firmware:
 
     def __str__(self) -> str:
         return f"{self.name or 'an unknown firmware'} {self.version[0]}.{self.version[1]}"
+
+
+def airframe_of(identity: Identity) -> Airframe:
+    """As it says; what is no fixed wing is taken for what hovers."""
+    return "plane" if identity.vehicle_type in _PLANES else "copter"
 
 
 def firmware_of(identity: Identity) -> Firmware:

@@ -21,7 +21,7 @@ HEARTBEAT_WAIT_S = 5.0
 TEXT_WAIT_S = 0.5
 TRIES = 5
 """of a command that is not answered"""
-_WARNING = int(mavlink.MAV_SEVERITY_WARNING)
+WARNING = int(mavlink.MAV_SEVERITY_WARNING)
 
 Seen = Callable[[VehicleState], bool]
 Order = Callable[[int], Conversation[CommandResult]]
@@ -30,6 +30,10 @@ Order = Callable[[int], Conversation[CommandResult]]
 
 class HandsOff(Exception):
     """The vehicle is not as this procedure left it, or does not say: nothing more may be commanded."""
+
+
+class Theirs(HandsOff):
+    """A heartbeat shows a mode, or an arming, that somebody else has chosen."""
 
 
 def in_modes(modes: Set[str], *, armed: bool | None = None) -> Seen:
@@ -48,7 +52,7 @@ def look(ctx: Context, expected: Seen) -> Procedure[None]:
     if not (yield Look(ctx.peer, lambda: True, HEARTBEAT_WAIT_S)):
         raise HandsOff(f"no heartbeat for {HEARTBEAT_WAIT_S:g} s that would tell who flies it")
     if not expected(ctx.state):
-        raise HandsOff(foreign(ctx.state))
+        raise Theirs(foreign(ctx.state))
 
 
 def command(ctx: Context, number: int, params: Sequence[float] = ()) -> Order:
@@ -83,7 +87,7 @@ def guarded(
     `skip_if_done`: where it is as `after` already nothing is sent. `at_once`: the first time it goes out
     unseen. Raises HandsOff where a heartbeat shows neither `before` nor `after`, or none comes.
     """
-    texts_before = len(ctx.telemetry.texts)
+    texts_before = ctx.telemetry.n_texts
     ours = _either(before, after)
     result: CommandResult | None = None
     done = False
@@ -112,7 +116,7 @@ def _see(ctx: Context, ours: Seen, seen: Seen, wait_s: float) -> Procedure[bool]
     if seen(ctx.state):
         return True
     if not ours(ctx.state):
-        raise HandsOff(foreign(ctx.state))
+        raise Theirs(foreign(ctx.state))
     return False
 
 
@@ -121,7 +125,7 @@ def _either(one: Seen, other: Seen) -> Seen:
 
 
 def _failure(ctx: Context, result: CommandResult, texts_before: int) -> str:
-    said = [text for severity, text in ctx.telemetry.texts[texts_before:] if severity <= _WARNING]
+    said = [text for severity, text in ctx.telemetry.texts_since(texts_before) if severity <= WARNING]
     suffix = f" (the vehicle says: {'; '.join(said[-3:])})" if said else ""
     not_seen = ", but it was not seen to happen" if result.outcome is CommandOutcome.ACCEPTED else ""
     return f"{result.text}{not_seen}{suffix}"

@@ -1,8 +1,14 @@
 """Adding items behind a mission: https://mavlink.io/en/messages/common.html#MISSION_WRITE_PARTIAL_LIST
 
 ArduPilot takes a partial list that begins at most one behind the last item, and ends there as well: so each
-item is announced by itself. It is sent along with its announcement, without waiting for the request: that
-halves the time in which the vehicle flies on, and where it comes too early it is asked for.
+item is announced by itself. It goes along with its announcement, and several of them at a time: one after
+the other they would take as many answers of a slow link.
+
+ArduPilot takes an item for the number that it expects, whether it has asked for it or not
+(GCS_Common.cpp handle_mission_item, MissionItemProtocol.cpp handle_mission_item). It asks at its next turn to
+send, and only if the item has not come until then (queued_request_send): most often there is the
+acknowledgement alone. What comes too early or without its announcement is refused by ERROR, an item with
+another number by INVALID_SEQUENCE. Neither says which it was: then it is asked how many items it holds.
 """
 
 from __future__ import annotations
@@ -24,87 +30,154 @@ class AppendResult:
     """`failure` is None when every item was acknowledged; only reading back tells what is there."""
 
     failure: str | None
+    answers_after_s: float = 0.0
+    """from a message to its answer, over this link [s]"""
 
 
 class Append(Conversation[AppendResult]):
     """One attempt to put `items` behind the `count` items that a vehicle holds."""
 
-    REPEAT_S = 0.5
-    LIMIT_S = 4.0
-    """a route that comes later than this begins behind the vehicle"""
-    SILENCE_S = 1.5
-    """who has answered nothing by then does not know partial lists, or is not reached"""
+    WINDOW = 8
+    """on their way at a time"""
+    QUIET_S = 0.5
+    """Where nothing comes for so long, or half as long again as answers take, it is asked what it holds."""
+    MOST_QUIET_S = 4.0
+    LIMIT_S = 20.0
+    SILENCE_S = 5.0
+    """who has answered nothing by then is not reached"""
+    BURSTS = 2
+    """after so many without effect it does not know partial lists"""
 
     def __init__(self, peer: Peer, count: int, items: Sequence[MissionItem]) -> None:
         super().__init__()
         self._peer = peer
         self._count = count
         self._items = tuple(items)
-        self._next = 0
-        self._end_s = self._silent_s = 0.0
+        self._stored = 0
+        """so many are taken to be there"""
+        self._sent = 0
+        """so many were sent"""
+        self._asked: set[int] = set()
+        """for which it has asked since they were sent"""
         self._last_nack = ""
+        self._asks_what_it_holds = False
+        self._bursts = 0
+        self._quiet_s = self.QUIET_S
+        self._burst_s: float | None = None
+        """when what is not answered yet was sent"""
+        self._answers_after_s = 0.0
+        self._end_s = self._silent_s = 0.0
 
     def _begin(self, now: float) -> list[Message]:
         self._end_s, self._silent_s = now + self.LIMIT_S, now + self.SILENCE_S
-        return self._announce(now)
+        return self._burst(now)
 
-    def _announce(self, now: float) -> list[Message]:
-        self.next_deadline = min(now + self.REPEAT_S, self._end_s)
-        seq, to = self._count + self._next, (self._peer.sysid, self._peer.compid)
-        self._last_nack = ""
-        return [
-            mavlink.MAVLink_mission_write_partial_list_message(*to, seq, seq, MISSION),
-            item_message(self._peer, seq, self._items[self._next]),
-        ]
+    def _burst(self, now: float) -> list[Message]:
+        """What is not there yet, from the first such item on."""
+        self._bursts += 1
+        self._sent, self._asked, self._last_nack = self._stored, set(), ""
+        self._asks_what_it_holds, self._burst_s = False, now
+        return self._more(now)
+
+    def _more(self, now: float) -> list[Message]:
+        self.next_deadline = min(now + self._quiet_s, self._end_s)
+        first, self._sent = self._sent, min(self._stored + self.WINDOW, len(self._items))
+        to = (self._peer.sysid, self._peer.compid)
+        messages: list[Message] = []
+        for index in range(first, self._sent):
+            seq = self._count + index
+            messages += [
+                mavlink.MAVLink_mission_write_partial_list_message(*to, seq, seq, MISSION),
+                item_message(self._peer, seq, self._items[index]),
+            ]
+        return messages
 
     def _on_message(self, message: Message, now: float) -> list[Message]:
         kind = message.get_type()
-        if kind not in ("MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ACK"):
+        if kind not in ("MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ACK", "MISSION_COUNT"):
             return []
         if message.mission_type != MISSION or not self._peer.is_for_us(message):
             return []
-        return self._on_ack(int(message.type), now) if kind == "MISSION_ACK" else self._on_request(message)
+        if kind == "MISSION_ACK":
+            return self._on_ack(int(message.type), now)
+        if kind == "MISSION_COUNT":
+            return self._on_count(int(message.count), now)
+        return self._on_request(int(message.seq) - self._count, now)
 
-    def _on_request(self, message: Message) -> list[Message]:
-        # Also for one that it has already: an announcement that came twice is asked about again.
-        index = int(message.seq) - self._count
-        if not 0 <= index <= self._next:
-            return []
+    def _heard(self, now: float) -> None:
+        """It has answered what was sent."""
         if self.state is State.WAITING:
             self._enter(State.EXCHANGING)
-        if index == self._next and not self._last_nack:
+        if self._burst_s is not None:
+            self._answers_after_s, self._burst_s = now - self._burst_s, None
+            self._quiet_s = max(self.QUIET_S, 1.5 * self._answers_after_s)
+        self.next_deadline = min(now + self._quiet_s, self._end_s)
+
+    def _on_request(self, index: int, now: float) -> list[Message]:
+        if not 0 <= index < self._sent:
+            return []
+        self._heard(now)
+        if index not in self._asked and not self._last_nack:
+            self._asked.add(index)
             return []  # it is on its way
         return [item_message(self._peer, self._count + index, self._items[index])]
 
     def _on_ack(self, code: int, now: float) -> list[Message]:
         if code == mavlink.MAV_MISSION_ACCEPTED:
-            if self.state is State.WAITING:
-                return []  # of an earlier transfer: its request comes before
-            self._next += 1
-            if self._next < len(self._items):
-                return self._announce(now)
-            self._finish(AppendResult(None))
-            return []
-        if self.state is State.WAITING:
-            return []  # of an earlier transfer
-        # ERROR and INVALID_SEQUENCE are also its answers to what comes twice: the announcement is repeated.
-        self._last_nack = name_of("MAV_MISSION_RESULT", code).removeprefix("MAV_MISSION_")
-        if code not in (mavlink.MAV_MISSION_ERROR, mavlink.MAV_MISSION_INVALID_SEQUENCE):
-            self._end(f"{self._last_nack} for item {self._count + self._next}")
+            if self._stored >= self._sent:
+                return []  # of an earlier transfer
+            self._heard(now)
+            self._stored += 1
+            if self._stored == len(self._items):
+                return self._end(None)
+            return [] if self._last_nack else self._more(now)
+        if code == mavlink.MAV_MISSION_DENIED and self._asks_what_it_holds:
+            # It is still expecting an item.
+            self._heard(now)
+            return self._burst(now)
+        name = name_of("MAV_MISSION_RESULT", code).removeprefix("MAV_MISSION_")
+        if code in (mavlink.MAV_MISSION_ERROR, mavlink.MAV_MISSION_INVALID_SEQUENCE):
+            # Also its answer to what comes twice, in this transfer or late of the one before.
+            self._last_nack = name
+        elif code == mavlink.MAV_MISSION_OPERATION_CANCELLED:
+            pass  # the end of an earlier transfer, or of one whose item was lost: it is asked what it holds
+        elif self.state is not State.WAITING or code != mavlink.MAV_MISSION_DENIED:
+            return self._end(f"{name} after {self._stored} of {len(self._items)} items")
         return []
+
+    def _on_count(self, count: int, now: float) -> list[Message]:
+        if not self._asks_what_it_holds:
+            return []
+        self._heard(now)
+        stored = count - self._count
+        if not 0 <= stored <= len(self._items):
+            return self._end(f"it holds {count} items where {self._count} were known")
+        self._stored = stored
+        if stored == len(self._items):
+            return self._end(None)
+        if stored == 0 and self._bursts >= self.BURSTS:
+            return self._end(f"it does not take partial lists{self._said}")
+        return self._burst(now)
 
     def _on_deadline(self, now: float) -> list[Message]:
         if self.state is State.WAITING and now >= self._silent_s:
-            self._end(f"no answer within {self.SILENCE_S:g} s")
-            return []
-        if now < self._end_s:
-            if self._last_nack:
-                # One acknowledgement was taken for another: the list ends before this item.
-                self._next = max(self._next - 1, 0)
-            return self._announce(now)
-        said = f", last {self._last_nack}" if self._last_nack else ""
-        self._end(f"{self._next} of {len(self._items)} items within {self.LIMIT_S:g} s{said}")
-        return []
+            return self._end(f"no answer within {self.SILENCE_S:g} s")
+        if now >= self._end_s:
+            how_far = f"{self._stored} of {len(self._items)} items within {self.LIMIT_S:g} s"
+            return self._end(how_far + self._said)
+        self._quiet_s = min(2.0 * self._quiet_s, self.MOST_QUIET_S)
+        self.next_deadline = min(now + self._quiet_s, self._end_s)
+        if self.state is State.WAITING:
+            self.next_deadline = min(self.next_deadline, self._silent_s)
+        self._asks_what_it_holds = True
+        to = (self._peer.sysid, self._peer.compid)
+        return [mavlink.MAVLink_mission_request_list_message(*to, mission_type=MISSION)]
 
-    def _end(self, why: str) -> None:
-        self._finish(AppendResult(f"the new route was not written behind the old one: {why}"))
+    @property
+    def _said(self) -> str:
+        return f", last {self._last_nack}" if self._last_nack else ""
+
+    def _end(self, why: str | None) -> list[Message]:
+        failure = None if why is None else f"the new route was not written behind the old one: {why}"
+        self._finish(AppendResult(failure, self._answers_after_s))
+        return []

@@ -7,7 +7,7 @@ in this transfer, and success is told for certain only by reading back.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -34,6 +34,8 @@ class UploadOutcome(Enum):
     """the vehicle stopped asking: a part may be on it"""
     NO_ANSWER = "no answer"
     """it never asked for an item"""
+    TOO_LATE = "too late"
+    """it was broken off, because it is of no use any more"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +47,8 @@ class UploadResult:
 class Upload(Conversation[UploadResult]):
     """One attempt to put `items` of a MAV_MISSION_TYPE on the vehicle.
 
-    `current` is the one marked as the one to fly, if any.
+    `current` is the one marked as the one to fly, if any; `flown` the one that is flown now, for whoever has
+    to mark one. Where the vehicle is `too_late` for them when it asks for the last, it does not get that.
     """
 
     COUNT_REPEAT_S = 1.0
@@ -57,10 +60,13 @@ class Upload(Conversation[UploadResult]):
         items: Sequence[MissionItem],
         mission_type: int = MISSION,
         current: int | None = None,
+        flown: int | None = None,
+        too_late: Callable[[], bool] = lambda: False,
     ) -> None:
         super().__init__()
+        self._too_late = too_late
         self._peer = peer
-        self._current = current
+        self._current, self._flown = current, flown
         self._type = mission_type
         self._items = tuple(items)
         self._unsent = set(range(len(self._items)))
@@ -79,6 +85,10 @@ class Upload(Conversation[UploadResult]):
     @property
     def current(self) -> int | None:
         return self._current
+
+    @property
+    def flown(self) -> int | None:
+        return self._flown
 
     def _begin(self, now: float) -> list[Message]:
         self._idle_at = now + self.IDLE_LIMIT_S
@@ -113,6 +123,9 @@ class Upload(Conversation[UploadResult]):
                 # It still asks for an earlier transfer: what we sent now would land in that one.
                 return []
             self._enter(State.EXCHANGING)
+        if seq == len(self._items) - 1 and self._too_late():
+            self._end(UploadOutcome.TOO_LATE, "the last item was kept back")
+            return self._farewell(now)
         self._unsent.discard(seq)
         self._idle_at = now + self.IDLE_LIMIT_S
         self.next_deadline = min(self._idle_at, self._total_at)

@@ -43,7 +43,7 @@ class Parameter:
 
 
 def decoded(message: Message, *, byte_wise: bool) -> Parameter:
-    """What a PARAM_VALUE says."""
+    """What a PARAM_VALUE or PARAM_SET says."""
     kind = int(message.param_type)
     if not byte_wise or kind == _REAL32 or kind not in _PACKED:
         return Parameter(float(message.param_value), kind)
@@ -52,6 +52,8 @@ def decoded(message: Message, *, byte_wise: bool) -> Parameter:
 
 def _value_bytes(message: Message) -> bytes:
     # As they came: a float on the way would change those of some integers (signalling NaNs).
+    if not message.get_msgbuf():  # one of ours, on its way out
+        return struct.pack("<f", message.param_value)
     frame = bytes(message.get_msgbuf())
     start = _V2_HEADER if frame[0] == _V2 else _V1_HEADER
     return frame[start : start + 4]

@@ -17,16 +17,23 @@ DOWNLOAD_TRIES = 4
 
 
 def put(
-    ctx: Context, items: tuple[MissionItem, ...], current: int | None = None, tries: int = UPLOAD_TRIES
-) -> Procedure[Done]:
+    ctx: Context,
+    items: tuple[MissionItem, ...],
+    current: int | None = None,
+    tries: int = UPLOAD_TRIES,
+    flown: int | None = None,
+    too_late: Callable[[], bool] = lambda: False,
+) -> Procedure[Placed]:
     """Upload, read back, compare; tried again after what another try can cure.
 
-    Ends without failure only if exactly `items` are on the vehicle. `current` is marked as the one to fly.
+    Ends without failure only if exactly `items` are on the vehicle. `current` is marked as the one to fly;
+    `flown` is the one that the vehicle flies to now, and goes on to where none is marked. What comes
+    `too_late` is not put there.
     """
     ctx.on_vehicle, ctx.flown_from = (), ctx.dialect.first_waypoint_seq
 
     def upload() -> Upload:
-        return Upload(ctx.peer, items, current=current)
+        return Upload(ctx.peer, items, current=current, flown=flown, too_late=too_late)
 
     def differences(found: tuple[MissionItem, ...]) -> tuple[str, ...]:
         return ctx.dialect.differences(items, found)
@@ -34,7 +41,7 @@ def put(
     placed = yield from verified(ctx, upload, read_back, differences, tries)
     if placed.failure is None:
         ctx.on_vehicle = placed.found
-    return Done(placed.failure)
+    return placed
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +49,10 @@ class Placed(Done):
     """How it ended, and what was read back where that is as sent."""
 
     found: tuple[MissionItem, ...] = ()
+    uploaded_s: float = 0.0
+    """when the last upload ended, by the vehicle's clock; reading back comes after"""
+    is_late: bool = False
+    """it was broken off as of no use any more"""
 
 
 def verified(
@@ -58,9 +69,9 @@ def verified(
             # A vehicle still in the old transfer would take items of the new one into it.
             yield wait(ctx.dialect.upload_timeout_s)
         result: UploadResult = yield upload()
-        failure = result.text
-        if result.outcome is UploadOutcome.REJECTED:
-            break
+        failure, uploaded_s = result.text, ctx.state.time_boot_s
+        if result.outcome in (UploadOutcome.REJECTED, UploadOutcome.TOO_LATE):
+            return Placed(failure, is_late=result.outcome is UploadOutcome.TOO_LATE)
         if result.outcome in (UploadOutcome.DENIED, UploadOutcome.NO_ANSWER):
             continue
         # Also after a time-out: the items may all be there and only the last word lost.
@@ -70,7 +81,7 @@ def verified(
             continue
         gaps = differences(there.items)
         if not gaps:
-            return Placed(None, there.items)
+            return Placed(None, there.items, uploaded_s)
         failure = f"{failure}; read back: {gaps[0]}"
     return Placed(failure)
 

@@ -33,6 +33,8 @@ class Context:
     """the mission last verified on the vehicle; empty if none or in doubt"""
     flown_from: int = 0
     """where in `on_vehicle` the plan that it flies begins: what is before was flown earlier"""
+    interrupted: bool = False
+    """the procedure before the running one did not end: the vehicle may follow its last command only now"""
 
     @property
     def state(self) -> VehicleState:

@@ -11,16 +11,18 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.codec import Message
 from swarmctl.mavlink.guarded import HEARTBEAT_WAIT_S, HandsOff, command, in_modes, set_mode
+from swarmctl.mavlink.landing import land_by_mission
 from swarmctl.mavlink.launching import launch
-from swarmctl.mavlink.outcome import Done, Swapped
+from swarmctl.mavlink.outcome import Done, Swapped, Uploaded
 from swarmctl.mavlink.placing import put
 from swarmctl.mavlink.procedure import Context, Procedure
-from swarmctl.mavlink.swapping import swap
+from swarmctl.mavlink.swapping import swap, swap_takes_s
 from swarmctl.mavlink.wait import Ask, Look, Until
 
 __all__ = [
     "Done",
     "Swapped",
+    "Uploaded",
     "hold",
     "identify",
     "land",
@@ -59,38 +61,49 @@ def prepare(ctx: Context) -> Procedure[Done]:
             return Done()
 
 
-def upload(ctx: Context, items: tuple[MissionItem, ...]) -> Procedure[Done]:
+def upload(ctx: Context, items: tuple[MissionItem, ...]) -> Procedure[Uploaded]:
     """Put a mission on a vehicle that stands on the ground, verified."""
     if ctx.state.armed:
         # It might fly the mission that we write over, item by item.
-        return Done("it is armed; the mission of a flying vehicle is swapped")
-    return (yield from put(ctx, items, ctx.dialect.first_seq))
+        return Uploaded("it is armed; the mission of a flying vehicle is swapped")
+    begin_s = ctx.state.time_boot_s
+    placed = yield from put(ctx, items, ctx.dialect.first_seq)
+    took_s = max(ctx.state.time_boot_s - begin_s, 0.0)
+    return Uploaded(placed.failure, swap_takes_s(ctx.dialect, len(items), took_s))
 
 
-def hold(ctx: Context) -> Procedure[Done]:
-    return Done((yield from _insist(ctx, ctx.dialect.hold_mode)))
+def hold(ctx: Context, *, looks_first: bool = False) -> Procedure[Done]:
+    """`looks_first`, as of `return_home` and `land`: sent only where a new heartbeat shows a mode of ours."""
+    return Done((yield from _insist(ctx, ctx.dialect.hold_mode, looks_first=looks_first)))
 
 
-def return_home(ctx: Context) -> Procedure[Done]:
-    return Done((yield from _insist(ctx, ctx.dialect.return_mode)))
+def return_home(ctx: Context, *, looks_first: bool = False) -> Procedure[Done]:
+    return Done((yield from _insist(ctx, ctx.dialect.return_mode, looks_first=looks_first)))
 
 
-def land(ctx: Context) -> Procedure[Done]:
-    return Done((yield from _insist(ctx, ctx.dialect.land_mode)))
+def land(ctx: Context, *, looks_first: bool = False) -> Procedure[Done]:
+    if ctx.dialect.land_command is not None:
+        return Done((yield from land_by_mission(ctx, ctx.dialect.land_command, looks_first=looks_first)))
+    return Done((yield from _insist(ctx, ctx.dialect.land_mode, looks_first=looks_first)))
 
 
-def _insist(ctx: Context, mode: str) -> Procedure[str | None]:
+def _insist(ctx: Context, mode: str, *, looks_first: bool) -> Procedure[str | None]:
     """What the operator wants now: at once and more than once, also against one that has just booted.
 
     But only the first time unseen: once the vehicle has told of a mode that was neither there before nor is
-    one of ours, somebody else has chosen it since.
+    one of ours, somebody else has chosen it since. What no person has ordered never goes out unseen.
     """
-    dialect = ctx.dialect
-    ours = {dialect.hold_mode, dialect.mission_mode, dialect.return_mode, dialect.land_mode, ctx.state.mode}
-    failure: str | None = None
+    dialect, failure = ctx.dialect, None
+    ours = {mode, ctx.state.mode}
+    if ctx.interrupted or not looks_first:
+        # What was interrupted may just have changed the mode.
+        ours |= {dialect.hold_mode, dialect.mission_mode}
+    if not looks_first:
+        ours |= {dialect.return_mode, dialect.land_mode}
     try:
         for attempt in range(MODE_TRIES):
-            failure = yield from set_mode(ctx, mode, in_modes(ours), at_once=attempt == 0)
+            at_once = attempt == 0 and not looks_first
+            failure = yield from set_mode(ctx, mode, in_modes(ours), at_once=at_once)
             if failure is None:
                 break
     except HandsOff as why:

@@ -23,6 +23,7 @@ from swarmctl.mavlink.events import (
     StateChanged,
     Text,
 )
+from swarmctl.mavlink.mission_watch import MissionWatch
 from swarmctl.mavlink.presence import LinkState, Presence, is_vehicle_heartbeat
 from swarmctl.mavlink.procedure import Context, Driver, Procedure
 from swarmctl.mavlink.procedures import Done, Swapped
@@ -75,6 +76,9 @@ class Session:
         self._context: Context | None = None
         self._streams: StreamKeeper | None = None
         self._heard: Heard | None = None
+        self._mission = MissionWatch()
+        self._has_another = False
+        """somebody else has put a mission on it"""
         self._driver: Driver[Any] | None = None
         self._procedure_name = ""
 
@@ -176,6 +180,8 @@ class Session:
         if self._driver is not None:
             step.messages.extend(self._driver.cancel(now))
             self._driver = None
+            self._known().interrupted = True
+            self._mission.own_procedure_ended(now)
             step.events.append(ProcedureDone(self._procedure_name, "cancelled"))
         return step
 
@@ -215,13 +221,13 @@ class Session:
         self, context: Context, message: Message, now: float, step: Step, silent_s: float | None
     ) -> None:
         telemetry = context.telemetry
-        texts, reboots = len(telemetry.texts), telemetry.reboots
+        texts, reboots = telemetry.n_texts, telemetry.reboots
         context.now = now
-        snapshot = telemetry.receive(message)
-        step.events.extend(Text(severity, text) for severity, text in telemetry.texts[texts:])
+        snapshot = telemetry.receive(message, now) | self._watch_mission(context, message, now)
+        step.events.extend(Text(severity, text) for severity, text in telemetry.texts_since(texts))
         if telemetry.reboots != reboots:
             step.events.append(Rebooted())
-            context.on_vehicle = ()
+            context.on_vehicle, self._has_another = (), False
             if self._streams is not None and self._streams.next_deadline is not None:
                 self._streams.demand(now)
                 step.messages.extend(self._streams.tick(now))
@@ -233,11 +239,31 @@ class Session:
         if snapshot or silent_s is not None:
             step.events.append(StateChanged(telemetry.state))
 
+    def _watch_mission(self, context: Context, message: Message, now: float) -> bool:
+        """Whether it is seen now that another mission is on it, or that it is ours again."""
+        known = context.on_vehicle
+        if known and self._has_another:
+            return self._tell_another(context, False)
+        if message.get_type() != "MISSION_CURRENT" or not known or self._driver is not None:
+            return False
+        expected = len(known) - context.dialect.uncounted_items
+        if not self._mission.is_another(message, expected, now):
+            return False
+        context.on_vehicle = ()
+        return self._tell_another(context, True)
+
+    def _tell_another(self, context: Context, is_so: bool) -> bool:
+        self._has_another = is_so
+        context.telemetry.holds_another_mission(is_so)
+        return True
+
     def _report_end(self, step: Step) -> None:
         if self._driver is None or self._driver.result is None:
             return
+        self._mission.own_procedure_ended(self._known().now)
         self.result = self._driver.result
         self._driver = None
+        self._known().interrupted = False
         failure = self.result.failure if isinstance(self.result, Done) else None
         stood_s = self.result.stood_still_s if isinstance(self.result, Swapped) else None
         step.events.append(ProcedureDone(self._procedure_name, failure, stood_s))

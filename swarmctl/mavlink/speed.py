@@ -14,9 +14,10 @@ NO_CHANGE = -1.0
 
 
 def set_speed(ctx: Context, speed_m_s: float) -> Procedure[Done]:
-    """Give it another speed over ground for the rest of its mission; nothing where it does not fly one."""
+    """Give it another speed, over ground or through the air, for the rest of its mission; nothing where it
+    does not fly one."""
     flies = in_modes({ctx.dialect.mission_mode}, armed=True)
-    params = float(mavlink.SPEED_TYPE_GROUNDSPEED), speed_m_s, NO_CHANGE
+    params = float(ctx.dialect.speed_type), speed_m_s, NO_CHANGE
     failure: str | None = None
     for attempt in range(TRIES):
         try:

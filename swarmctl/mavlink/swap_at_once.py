@@ -2,62 +2,136 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from swarmctl.core.mission import MissionItem
-from swarmctl.mavlink.guarded import in_modes, look, set_mode
+from swarmctl.mavlink.guarded import WARNING, Seen, Theirs, in_modes, look, set_mode
 from swarmctl.mavlink.making_current import jump_to, see_current
 from swarmctl.mavlink.mission_download import DownloadOutcome
 from swarmctl.mavlink.outcome import Swapped
-from swarmctl.mavlink.placing import UPLOAD_TRIES, put, read_back
+from swarmctl.mavlink.placing import put, read_back
 from swarmctl.mavlink.procedure import Context, Procedure
-from swarmctl.mavlink.swap_steps import Flown, held, see_it_fly
+from swarmctl.mavlink.swap_steps import Flown, Way, held, see_it_fly
+
+REJECTED = ("mission rejected", "no valid mission")
+"""in what PX4 says (MissionFeasibility/FeasibilityChecker.cpp, navigator/mission_base.cpp)"""
+MOST_ITEMS = 400
+"""A longer list is written anew, without what is flown already."""
 
 
-def swap_at_once(ctx: Context, new: tuple[MissionItem, ...]) -> Procedure[Swapped]:
-    """Upload, marked with the item to fly, read back, see that one flown; or back to the old mission.
+def swap_at_once(ctx: Context, way: Way) -> Procedure[Swapped]:
+    """Upload, read back, see it flown; or back to the old mission.
 
-    One try: it flies on meanwhile, and a route that is late begins behind it. Raises HandsOff.
+    A plan that leaves the old one ahead is put behind what is flown of that, number by number: the vehicle
+    keeps its current item, wherever it has got to. Of another the item to fly is marked.
+
+    One try: it flies on meanwhile, and who is past where the new plan leaves the old one by then is not given
+    the last item of it. Raises HandsOff.
     """
     old = Flown.by(ctx)
-    failure = yield from _exchange(ctx, new, ctx.dialect.first_waypoint_seq, tries=1)
+    items, keeps = way.items, False
+    if way.leaves_ahead and old.items and ctx.state.mode == ctx.dialect.mission_mode:
+        items, keeps = _grown(ctx, way, old)
+    failure = yield from _exchange(ctx, way, items, None if keeps else ctx.dialect.first_waypoint_seq)
     if failure is None:
         return Swapped(None, "new")
     if not old.items:
-        return (yield from held(ctx, failure))
-    if (yield from _has_still(ctx, old)):
-        return Swapped(failure, "old")
-    second = yield from _exchange(ctx, old.items, old.seq, tries=UPLOAD_TRIES)
+        return (yield from held(ctx, way, failure))
+    if (yield from _has_still(ctx, way, old)):
+        return Swapped(failure, "old", is_late=way.is_late)
+    second = yield from _return(ctx, way, old)
     if second is None:
         return Swapped(failure, "old")
-    return (yield from held(ctx, f"{failure}; back to the old mission: {second}"))
+    return (yield from held(ctx, way, f"{failure}; back to the old mission: {second}"))
 
 
-def _exchange(ctx: Context, items: tuple[MissionItem, ...], seq: int, tries: int) -> Procedure[str | None]:
-    """Put `items` on a vehicle that flies or holds, and see it fly them from `seq` on."""
-    hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
-    ours = in_modes({hold, mission}, armed=True)
-    before = ctx.state.mission_seq or 0
-    yield from look(ctx, ours)
-    placed = yield from put(ctx, items, seq, tries)
+def _grown(ctx: Context, way: Way, old: Flown) -> tuple[tuple[MissionItem, ...], bool]:
+    """The old plan up to where the new one goes on, and that; and whether it is short enough."""
+    tail = way.items[ctx.dialect.first_waypoint_seq :]
+    flown = old.seq
+    for seq in (old.seq - 1, old.seq):
+        if seq < len(old.items) and (tail[0].x, tail[0].y) == (old.items[seq].x, old.items[seq].y):
+            flown = seq
+            break
+    grown = (*old.items[:flown], *tail)
+    return grown, len(grown) <= MOST_ITEMS
+
+
+def _exchange(
+    ctx: Context, way: Way, items: tuple[MissionItem, ...], marked: int | None
+) -> Procedure[str | None]:
+    """Put the new mission on a vehicle that flies or holds, once, and see it fly that: from the item that is
+    marked, or from where it is."""
+    before, n_texts = ctx.state.mission_seq or 0, ctx.telemetry.n_texts
+    yield from look(ctx, _ours(way))
+    begin_s = ctx.state.time_boot_s
+
+    def too_late() -> bool:
+        answers_after_s = max(ctx.state.time_boot_s - begin_s, 0.0) / len(items)
+        return way.leaves_ahead and way.ahead.at(ctx.state, answers_after_s).is_late
+
+    placed = yield from put(ctx, items, marked, tries=1, flown=before, too_late=too_late)
     if placed.failure:
+        way.is_late = placed.is_late
         return placed.failure
-    # Ahead of `seq`, but behind where the old index would be: it has got on since.
+    way.taken_over_s = placed.uploaded_s
     kept = min(before, len(items) - 1)
+    try:
+        if marked is None:
+            # What is told from now on is of the new mission.
+            yield from see_current(ctx, lambda _now: True)
+            return (yield from _flown_from(ctx, way, kept))
+        # Ahead of the marked one, but behind where the old index would be: it has got on since.
+        return (yield from _fly(ctx, way, marked, lambda now: now == marked or marked < now < kept))
+    except Theirs:
+        why = _rejects(ctx, n_texts)
+        if why is None:
+            raise
+        way.ours.add(ctx.dialect.hold_mode)
+        return why
+
+
+def _rejects(ctx: Context, n_texts: int) -> str | None:
+    """What it said of the mission it was given, where it holds for that; None where others have it hold.
+
+    PX4 takes a mission that it cannot fly, complains, and leaves the mission's mode by itself.
+    """
+    said = [text for severity, text in ctx.telemetry.texts_since(n_texts) if severity <= WARNING]
+    about = [text for text in said if any(words in text.lower() for words in REJECTED)]
+    return about[-1] if about and ctx.state.mode == ctx.dialect.hold_mode else None
+
+
+def _return(ctx: Context, way: Way, old: Flown) -> Procedure[str | None]:
+    """To the old mission and its item."""
+    yield from look(ctx, _ours(way))
+    placed = yield from put(ctx, old.items, old.seq)
+    return placed.failure or (yield from _fly(ctx, way, old.seq, lambda now: now == old.seq))
+
+
+def _fly(ctx: Context, way: Way, seq: int, is_right: Callable[[int], bool]) -> Procedure[str | None]:
     failure = None
-    if not (yield from see_current(ctx, lambda now: now == seq or seq < now < kept)):
-        failure = yield from jump_to(ctx, seq, ours)
-    if failure is None:
-        failure = yield from set_mode(ctx, mission, ours, armed=True)
+    if not (yield from see_current(ctx, is_right)):
+        failure = yield from jump_to(ctx, seq, _ours(way))
+    return failure or (yield from _flown_from(ctx, way, seq))
+
+
+def _flown_from(ctx: Context, way: Way, seq: int) -> Procedure[str | None]:
+    """In its mission's mode, under way to the item `seq` or a later one."""
+    failure = yield from set_mode(ctx, ctx.dialect.mission_mode, _ours(way), armed=True)
     return failure or (yield from see_it_fly(ctx, seq))
 
 
-def _has_still(ctx: Context, old: Flown) -> Procedure[bool]:
+def _ours(way: Way) -> Seen:
+    return in_modes(way.ours, armed=True)
+
+
+def _has_still(ctx: Context, way: Way, old: Flown) -> Procedure[bool]:
     """Whether it flies the old mission as if nothing had been: the new one was refused, or never complete."""
-    hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
     read = yield from read_back(ctx)
     if read.outcome is not DownloadOutcome.COMPLETE or ctx.dialect.differences(old.items, read.items):
         return False
-    yield from look(ctx, in_modes({hold, mission}, armed=True))
-    if ctx.state.mode != mission:
+    yield from look(ctx, _ours(way))
+    if ctx.state.mode != ctx.dialect.mission_mode:
         return False
     ctx.on_vehicle = read.items
     return True

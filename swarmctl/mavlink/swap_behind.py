@@ -6,15 +6,20 @@ takes it over, without a stop. Were everything to end before that, it would fly 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from swarmctl.core.mission import MissionItem
 from swarmctl.core.vehicle import Landed, VehicleState
-from swarmctl.mavlink.guarded import guarded, in_modes
+from swarmctl.mavlink.guarded import guarded, in_modes, look
 from swarmctl.mavlink.mission_append import Append, AppendResult
 from swarmctl.mavlink.mission_download import Download, DownloadOutcome, DownloadResult
 from swarmctl.mavlink.outcome import Swapped
 from swarmctl.mavlink.procedure import Context, Procedure
 from swarmctl.mavlink.swap_in_place import swap_in_place
-from swarmctl.mavlink.swap_steps import Flown, see_it_fly
+from swarmctl.mavlink.swap_steps import Flown, Way, see_it_fly
+from swarmctl.mavlink.telemetry import STILL_M_S
+from swarmctl.mavlink.wait import Until
+from swarmctl.mavlink.way_ahead import CORNER_S, TELLS_EVERY_S
 
 MOST_ITEMS = 400
 """ArduPilot keeps 650 and more; a longer list is written anew, which sets it back to one plan."""
@@ -24,39 +29,52 @@ WINDOW = 8
 """items asked for at a time: on a slow link one by one takes as many seconds as it flies on the old route"""
 
 
-def swap_behind(ctx: Context, new: tuple[MissionItem, ...]) -> Procedure[Swapped]:
+MOMENT_S = 10.0
+"""for so long it is waited for a moment that is not beside a corner"""
+
+
+def swap_behind(ctx: Context, way: Way) -> Procedure[Swapped]:
     """Write behind the old route, read back, take it over; where that fails, `swap_in_place`.
 
     Raises HandsOff.
     """
     mission = in_modes({ctx.dialect.mission_mode}, armed=True)
     old, kept = Flown.by(ctx), ctx.on_vehicle
-    tail = new[ctx.dialect.first_waypoint_seq :]
+    tail = way.items[ctx.dialect.first_waypoint_seq :]
     if not kept or not mission(ctx.state) or len(kept) + len(tail) > MOST_ITEMS:
-        return (yield from swap_in_place(ctx, new, old))
+        return (yield from swap_in_place(ctx, way, old))
     # From here on it holds more than is known.
     ctx.on_vehicle = ()
-    found, failure = yield from _appended(ctx, len(kept), tail)
-    if not failure and ctx.state.landed is Landed.LANDING:
-        ctx.on_vehicle = kept + found
-        return Swapped("it lands just now", "old")
-    failure = failure or (yield from _taken_over(ctx, len(kept), tail))
+    appended: AppendResult = yield Append(ctx.peer, len(kept), tail)
+    found, failure = yield from _read_back(ctx, len(kept), tail, appended)
     if not failure:
+        # An order goes by what was told as long ago as it takes to be answered.
+        later_s = appended.answers_after_s + 0.5 * TELLS_EVERY_S
+        yield Until(lambda: _is_clear(ctx, way, later_s), MOMENT_S)
+        late = way.leaves_ahead and way.ahead.at(ctx.state, later_s).is_late
+        if late or ctx.state.landed is Landed.LANDING:
+            # Who comes down may have been told so by somebody else.
+            yield from look(ctx, mission)
+            ctx.on_vehicle = kept + found
+            why = "it has flown past where the new plan leaves the old one" if late else "it lands just now"
+            return Swapped(why, "old", is_late=late)
+        failure = yield from _taken_over(ctx, len(kept), tail, lambda: way.first(ctx, later_s))
+    if not failure:
+        way.is_taken_over(ctx)
         ctx.on_vehicle, ctx.flown_from = kept + found, len(kept)
         failure = yield from see_it_fly(ctx, len(kept))
     if not failure:
         return Swapped(None, "new")
-    done = yield from swap_in_place(ctx, new, old)
+    done = yield from swap_in_place(ctx, way, old)
     return done if done.failure is None else Swapped(f"{failure}; {done.failure}", done.flying)
 
 
-def _appended(
-    ctx: Context, count: int, tail: tuple[MissionItem, ...]
+def _read_back(
+    ctx: Context, count: int, tail: tuple[MissionItem, ...], appended: AppendResult
 ) -> Procedure[tuple[tuple[MissionItem, ...], str | None]]:
-    """`tail` behind the first `count` items, as read back; and the failure, if that is not what is there."""
-    result: AppendResult = yield Append(ctx.peer, count, tail)
-    if result.failure:
-        return (), result.failure
+    """What is there behind the first `count` items; and the failure, if that is not `tail`."""
+    if appended.failure:
+        return (), appended.failure
     read: DownloadResult = yield Download(ctx.peer, first=count, window=WINDOW)
     if read.outcome is not DownloadOutcome.COMPLETE:
         return (), read.text
@@ -64,14 +82,26 @@ def _appended(
     return read.items, f"read back behind the old route: {gaps[0]}" if gaps else None
 
 
-def _taken_over(ctx: Context, seq: int, tail: tuple[MissionItem, ...]) -> Procedure[str | None]:
+def _is_clear(ctx: Context, way: Way, later_s: float) -> bool:
+    """Whether it is known which corner of the new route lies ahead when an order arrives."""
+    if not way.leaves_ahead or ctx.state.ground_speed_m_s < STILL_M_S:
+        return True
+    at = way.ahead.at(ctx.state, later_s)
+    return at.is_late or at.corner_s > CORNER_S
+
+
+def _taken_over(
+    ctx: Context, begin: int, tail: tuple[MissionItem, ...], first: Callable[[], int]
+) -> Procedure[str | None]:
+    """`first`: the item of the tail to fly to, found when the order goes out."""
     mission = in_modes({ctx.dialect.mission_mode}, armed=True)
 
     def follows(state: VehicleState) -> bool:
-        return mission(state) and state.mission_seq is not None and seq <= state.mission_seq < seq + len(tail)
+        seq = state.mission_seq
+        return mission(state) and seq is not None and begin <= seq < begin + len(tail)
 
     return (
         yield from guarded(
-            ctx, lambda attempt: ctx.dialect.set_current(ctx.peer, seq, attempt), mission, follows
+            ctx, lambda attempt: ctx.dialect.set_current(ctx.peer, begin + first(), attempt), mission, follows
         )
     )

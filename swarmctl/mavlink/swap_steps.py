@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from swarmctl.core.mission import MissionItem
-from swarmctl.mavlink.guarded import HandsOff, in_modes, set_mode
+from swarmctl.mavlink.guarded import HandsOff, in_modes, look, set_mode
 from swarmctl.mavlink.outcome import Swapped
 from swarmctl.mavlink.procedure import Context, Procedure
 from swarmctl.mavlink.wait import Until
+from swarmctl.mavlink.way_ahead import WayAhead
 
 MOVE_WAIT_S = 10.0
 
@@ -29,6 +30,35 @@ class Flown:
         items = ctx.on_vehicle[:first] + ctx.on_vehicle[begins:]
         seq = (ctx.state.mission_seq or begins) - begins + first
         return cls(items, min(max(seq, first), max(len(items) - 1, first)))
+
+
+@dataclass(slots=True)
+class Way:
+    """The plan that a vehicle is to take over, and when it has."""
+
+    items: tuple[MissionItem, ...]
+    """as a mission of its own"""
+    ahead: WayAhead
+    """of its items from the first waypoint on"""
+    leaves_ahead: bool
+    """it begins as the plan goes that is flown"""
+    ours: set[str] = field(default_factory=set)
+    """the modes in which nobody else has put the vehicle: grows when the swap changes its mode"""
+    holds: bool = False
+    """it was last seen to hold, as this swap has told it"""
+    taken_over_s: float | None = None
+    """by the vehicle's clock"""
+    is_late: bool = False
+    """the vehicle was past where it leaves the old plan"""
+
+    def first(self, ctx: Context, later_s: float = 0.0) -> int:
+        """The waypoint to fly to, counted from the first: of a vehicle that is on it the next ahead."""
+        at = self.ahead.at(ctx.state, later_s)
+        return at.item if self.leaves_ahead or not at.is_late else 0
+
+    def is_taken_over(self, ctx: Context) -> None:
+        """Now: what is seen of it comes later."""
+        self.taken_over_s = ctx.state.time_boot_s
 
 
 def takes_off(ctx: Context) -> bool:
@@ -56,10 +86,19 @@ def _flies_on(ctx: Context, first: int, since_s: float) -> bool:
     return first < state.mission_seq <= last or (state.mission_seq == first and moves)
 
 
-def held(ctx: Context, failure: str) -> Procedure[Swapped]:
+def held(ctx: Context, way: Way, failure: str) -> Procedure[Swapped]:
     """Have it hold where nothing else is left. Raises HandsOff where it does not."""
-    hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
-    back = yield from set_mode(ctx, hold, in_modes({hold, mission}, armed=True), armed=True)
+    back = yield from have_it_hold(ctx, way)
     if back:
         raise HandsOff(f"{failure}; nor does it hold: {back}")
     return Swapped(failure, "hold")
+
+
+def have_it_hold(ctx: Context, way: Way) -> Procedure[str | None]:
+    """Returns the failure. Raises HandsOff."""
+    # Who holds already does so by somebody else's will, unless hold is one of our modes by now.
+    yield from look(ctx, in_modes(way.ours, armed=True))
+    way.ours.add(ctx.dialect.hold_mode)
+    failure = yield from set_mode(ctx, ctx.dialect.hold_mode, in_modes(way.ours, armed=True), armed=True)
+    way.holds = failure is None
+    return failure

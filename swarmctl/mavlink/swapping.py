@@ -7,39 +7,71 @@ the new route is written behind the old one (`swap_behind`), or it holds (`swap_
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from swarmctl.core.mission import MissionItem
 from swarmctl.core.vehicle import Landed
-from swarmctl.mavlink.guarded import HandsOff, foreign
+from swarmctl.mavlink.dialects import Dialect
+from swarmctl.mavlink.guarded import HandsOff, Theirs, foreign, in_modes, look
 from swarmctl.mavlink.outcome import Flying, Swapped
 from swarmctl.mavlink.procedure import Context, Procedure
 from swarmctl.mavlink.swap_at_once import swap_at_once
 from swarmctl.mavlink.swap_behind import swap_behind
-from swarmctl.mavlink.swap_steps import Flown, takes_off
+from swarmctl.mavlink.swap_steps import Flown, Way, takes_off
 from swarmctl.mavlink.wait import Until
+from swarmctl.mavlink.way_ahead import WayAhead
 
+STALE_MODE_S = 2.0
+BEHIND_ANSWERS = 5
+"""of a vehicle that flies on meanwhile: written, read back (two), seen, taken over"""
 CLIMB_LIMIT_S = 60.0
 """until it is up at its take-off altitude"""
 
 
-def swap(ctx: Context, new: tuple[MissionItem, ...]) -> Procedure[Swapped]:
+def swap_takes_s(dialect: Dialect, n_items: int, upload_s: float) -> float:
+    """How long a change in flight will take until the new plan is flown, where an upload of so many items
+    took `upload_s`: by the questions and answers of each."""
+    # The number of items, each item and the end, up and down again.
+    answers = 2 * n_items + 3
+    swap_answers = n_items + 2 if dialect.uploads_at_once else BEHIND_ANSWERS
+    return upload_s * swap_answers / answers
+
+
+def swap(
+    ctx: Context, new: tuple[MissionItem, ...], *, leaves_ahead: bool = False, from_hold: bool = False
+) -> Procedure[Swapped]:
     """Fly `new` from its first waypoint; or the old mission again; or hold, and say so.
 
-    Nothing is touched any more where somebody else has chosen another mode.
+    `leaves_ahead`: it begins as the old one goes on from here, and leaves that farther on. Then it is flown
+    from what of it lies ahead when it is taken over, and not at all by who is past that place.
+
+    Nothing is touched any more where somebody else has chosen another mode. Its hold mode is such a one as
+    well, unless it was put in it (`from_hold`).
     """
-    stood_s = ctx.telemetry.stood_still_s
+    begin, stood_s = ctx.state, ctx.telemetry.stood_still_s
+    way = Way(new, WayAhead(begin, new[ctx.dialect.first_waypoint_seq :]), leaves_ahead)
+    way.ours = {ctx.dialect.mission_mode, *([ctx.dialect.hold_mode] if from_hold else [])}
     flown = Flown.by(ctx)
     # Stopped on its first metres it would go on to the first waypoint from down there.
     yield Until(lambda: not takes_off(ctx), CLIMB_LIMIT_S)
-    if ctx.state.mode not in (ctx.dialect.hold_mode, ctx.dialect.mission_mode):
-        return Swapped(foreign(ctx.state))
+    # A heartbeat that was overtaken on its way may show a mode from before.
+    yield Until(lambda: ctx.state.mode in way.ours, STALE_MODE_S)
+    if ctx.state.mode not in way.ours:
+        return Swapped(foreign(ctx.state), "theirs")
     kept: Flying = "old" if flown.items else "unknown"
     if not ctx.state.armed or ctx.state.landed is Landed.ON_GROUND:
         return Swapped("it is not flying", kept)
-    if takes_off(ctx) or ctx.state.landed is Landed.LANDING:
-        return Swapped("it takes off or lands just now", kept)
-    way = swap_at_once if ctx.dialect.uploads_at_once else swap_behind
+    scheme = swap_at_once if ctx.dialect.uploads_at_once else swap_behind
     try:
-        done: Swapped = yield from way(ctx, new)
+        if takes_off(ctx) or ctx.state.landed is Landed.LANDING:
+            # Who comes down may have been told so by somebody else.
+            yield from look(ctx, in_modes(way.ours, armed=True))
+            return Swapped("it takes off or lands just now", kept)
+        done: Swapped = yield from scheme(ctx, way)
+    except Theirs as why:
+        done = Swapped(str(why), "theirs")
     except HandsOff as why:
-        done = Swapped(str(why), "unknown")
-    return Swapped(done.failure, done.flying, ctx.telemetry.stood_still_s - stood_s)
+        done = Swapped(str(why), "hold" if way.holds else "unknown")
+    took_s = None if way.taken_over_s is None else max(way.taken_over_s - begin.time_boot_s, 0.0)
+    stood_s = ctx.telemetry.stood_still_s - stood_s
+    return replace(done, stood_still_s=stood_s, took_s=took_s if done.failure is None else None)

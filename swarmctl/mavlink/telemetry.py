@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+import math
+from collections import deque
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -17,44 +20,62 @@ STILL_M_S, STILL_CLIMB_M_S = 0.5, 0.3
 """a vehicle in the air that moves less stands still"""
 REBOOT_S = 3.0
 """a clock that goes back further than this was restarted; less is a datagram overtaken by another"""
+YOUNGER_S = 1.0
+"""So was one that has run less than it was not heard of, by more than this: a message may have been late."""
+
+POSITION_KEPT_S = 3.0
+"""Where it was is forgotten after this, by our clock. An ArduPilot that does not know its place says so, PX4
+is silent of it."""
+SNAPSHOT_S = 0.9
+"""after a snapshot: without a position, the next heartbeat or SYS_STATUS makes one"""
+LEAST_ALT_M, MOST_ALT_M = -1000.0, 20_000.0
+"""above the sea or home; what is told beyond cannot be"""
+TEXTS_KEPT = 256
 
 _COMPLAINTS = ("PreArm: ", "Arm: ", "Preflight Fail: ")
 _COMPLAINTS_KEPT = 3
+_SNAPSHOTS_TOO = ("HEARTBEAT", "SYS_STATUS")
 _READINESS_SOURCES = ("HEARTBEAT", "SYS_STATUS", "EKF_STATUS_REPORT", "STATUSTEXT")
 
 
 class Telemetry:
     """What one vehicle has told since it booted.
 
-    `receive` returns whether a new position snapshot is complete. The rest is read from the attributes:
-    `texts` counts all STATUSTEXTs (severity, text), `heartbeats` all heartbeats, `reboots` how often the
-    vehicle's clock went back, `stood_still_s` how long it has held or stood still in the air by its own
-    clock.
+    `receive` returns whether there is a new snapshot: with each position, and about once a second without.
+    The rest is read from the attributes: `texts` has the last STATUSTEXTs (severity, text), of `n_texts`,
+    `heartbeats` counts all heartbeats, `reboots` how often the vehicle's clock began anew, `stood_still_s`
+    how long it has held or stood still in the air by its own clock.
     """
 
     def __init__(self, dialect: Dialect) -> None:
-        self.texts: list[tuple[int, str]] = []
+        self.texts: deque[tuple[int, str]] = deque(maxlen=TEXTS_KEPT)
+        self.n_texts = 0
         self.heartbeats = 0
         self.reboots = 0
         self.stood_still_s = 0.0
         self._dialect = dialect
         self._state = VehicleState()
         self._changes: dict[str, Any] = {}
+        self._now = 0.0
+        self._clock_heard_s: float | None = None
+        self._snapshot_s = -math.inf
         self._assembler = TextAssembler()
         self._prearm_ok: bool | None = None
         self._ekf_flags: int | None = None
+        self._had_gps = False
         self._complaints: tuple[str, ...] = ()
         self._missing = set(dialect.required)
         self._roles: dict[str, ModeRole] = {
+            dialect.land_mode: "land",  # but for what lands in its mission's mode
             dialect.hold_mode: "hold",
             dialect.mission_mode: "mission",
             dialect.return_mode: "return",
-            dialect.land_mode: "land",
         }
         self._fold: dict[str, Callable[[Message], bool]] = {
             "HEARTBEAT": self._heartbeat,
             "GLOBAL_POSITION_INT": self._global_position,
             "SYS_STATUS": self._sys_status,
+            "SYSTEM_TIME": self._system_time,
             "EKF_STATUS_REPORT": self._ekf_status,
             "EXTENDED_SYS_STATE": self._extended_sys_state,
             "MISSION_CURRENT": self._mission_current,
@@ -70,16 +91,31 @@ class Telemetry:
             self._changes = {}
         return self._state
 
-    def receive(self, message: Message) -> bool:
+    def receive(self, message: Message, now: float) -> bool:
+        """`now` is of our clock [s]."""
         fold = self._fold.get(message.get_type())
         if fold is None:
             return False
+        self._now = now
         was_missing = message.get_msgId() in self._missing
         self._missing.discard(message.get_msgId())
         snapshot = fold(message)
         if was_missing or message.get_type() in _READINESS_SOURCES:
             self._judge_readiness()
+        if not snapshot and message.get_type() in _SNAPSHOTS_TOO:
+            snapshot = now - self._snapshot_s >= SNAPSHOT_S
+        if snapshot:
+            self._snapshot_s = now
         return snapshot
+
+    def holds_another_mission(self, is_so: bool) -> None:
+        """Found by whoever knows what was put on it."""
+        self._changes["other_mission"] = is_so
+
+    def texts_since(self, n_texts: int) -> list[tuple[int, str]]:
+        """Those that came after `n_texts` had, of the last."""
+        new = self.n_texts - n_texts
+        return list(self.texts)[-new:] if new else []
 
     def _heartbeat(self, message: Message) -> bool:
         self.heartbeats += 1
@@ -87,26 +123,43 @@ class Telemetry:
         armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
         news = mode != self.state.mode or armed != self.state.armed
         self._changes |= {"mode": mode, "mode_role": self._roles.get(mode, "other"), "armed": armed}
+        self._changes["heartbeat_s"] = self._now
+        self._forget_old_position()
         return news
+
+    def _forget_old_position(self) -> None:
+        """An old place is no place: nobody is to look, fly or return by it."""
+        if self._is_blind:
+            self._changes |= _NOWHERE
+
+    @property
+    def _is_blind(self) -> bool:
+        told_s = self.state.position_s
+        return told_s is None or self._now - told_s > POSITION_KEPT_S
+
+    def _system_time(self, message: Message) -> bool:
+        """Its clock goes on while it tells no position; else positions carry it."""
+        time_boot_s = message.time_boot_ms / 1000.0
+        if not self._notice_reboot(time_boot_s) and self._is_blind and time_boot_s > self.state.time_boot_s:
+            self._changes["time_boot_s"] = time_boot_s
+        return False
 
     def _global_position(self, message: Message) -> bool:
         time_boot_s = message.time_boot_ms / 1000.0
         if self._notice_reboot(time_boot_s) or time_boot_s < self.state.time_boot_s:
             return False
         self._count_standing(time_boot_s)
-        # Without a position estimate the fields are sent, as zeros.
-        known = message.lat != 0 or message.lon != 0
+        place = _place(message)
+        if place is not _NOWHERE:
+            self._changes["position_s"] = self._now
+        self._changes |= place
         self._changes |= {
             "time_boot_s": time_boot_s,
-            "lat_deg": message.lat / 1e7 if known else None,
-            "lon_deg": message.lon / 1e7 if known else None,
-            "alt_rel_m": message.relative_alt / 1000.0 if known else None,
-            "alt_amsl_m": message.alt / 1000.0 if known else None,
             "ground_speed_m_s": (message.vx**2 + message.vy**2) ** 0.5 / 100.0,
             "east_m_s": message.vy / 100.0,
             "north_m_s": message.vx / 100.0,
             "climb_m_s": -message.vz / 100.0,
-            "heading_deg": None if message.hdg == 0xFFFF else message.hdg / 100.0,
+            "heading_deg": message.hdg / 100.0 if message.hdg < 36_000 else None,
         }
         return True
 
@@ -119,15 +172,23 @@ class Telemetry:
             self.stood_still_s += time_boot_s - last.time_boot_s
 
     def _notice_reboot(self, time_boot_s: float) -> bool:
-        if time_boot_s >= self.state.time_boot_s - REBOOT_S:
+        heard_s, self._clock_heard_s = self._clock_heard_s, self._now
+        went_back = time_boot_s < self.state.time_boot_s - REBOOT_S
+        is_younger = heard_s is not None and time_boot_s < self._now - heard_s - YOUNGER_S
+        if not (went_back or is_younger):
             return False
         # Keep what is said by heartbeats, which come unasked; the rest is of a life before.
         last = self.state
         self._state = VehicleState(
-            time_boot_s=time_boot_s, mode=last.mode, mode_role=last.mode_role, armed=last.armed
+            time_boot_s=time_boot_s,
+            mode=last.mode,
+            mode_role=last.mode_role,
+            armed=last.armed,
+            heartbeat_s=last.heartbeat_s,
         )
         self._changes = {}
         self._prearm_ok = self._ekf_flags = None
+        self._had_gps = False
         self._complaints = ()
         self._missing = set(self._dialect.required)
         self.reboots += 1
@@ -138,14 +199,26 @@ class Telemetry:
         self._prearm_ok = bool(health & mavlink.MAV_SYS_STATUS_PREARM_CHECK)
         if self._prearm_ok:
             self._complaints = ()
-        has_gps = int(message.onboard_control_sensors_present) & mavlink.MAV_SYS_STATUS_SENSOR_GPS
-        self._changes["gps_ok"] = bool(health & mavlink.MAV_SYS_STATUS_SENSOR_GPS) if has_gps else None
+        self._changes["gps_ok"] = self._gps_ok(int(message.onboard_control_sensors_present), health)
         percent, millivolts = int(message.battery_remaining), int(message.voltage_battery)
         self._changes |= {
-            "battery_percent": None if percent < 0 else percent,
+            "battery_percent": percent if 0 <= percent <= 100 else None,
             "battery_v": None if millivolts == 0xFFFF else millivolts / 1000.0,
+            "status_s": self._now,
         }
+        self._forget_old_position()
         return False
+
+    def _gps_ok(self, present: int, health: int) -> bool | None:
+        """None: it has no receiver. One that is gone counts as lost.
+
+        PX4 calls its GPS present only while its estimator uses it, and healthy all the same
+        (estimatorCheck.cpp, SYS_STATUS.hpp); ArduPilot while it hears the receiver.
+        """
+        if present & mavlink.MAV_SYS_STATUS_SENSOR_GPS:
+            self._had_gps = True
+            return bool(health & mavlink.MAV_SYS_STATUS_SENSOR_GPS)
+        return False if self._had_gps else None
 
     def _ekf_status(self, message: Message) -> bool:
         self._ekf_flags = int(message.flags)
@@ -165,6 +238,8 @@ class Telemetry:
         return False
 
     def _home_position(self, message: Message) -> bool:
+        if not _can_be(message.latitude, message.longitude, message.altitude):
+            return False
         self._changes |= {
             "home_lat_deg": message.latitude / 1e7,
             "home_lon_deg": message.longitude / 1e7,
@@ -175,6 +250,7 @@ class Telemetry:
     def _statustext(self, message: Message) -> bool:
         for severity, text in self._assembler.receive(message):
             self.texts.append((severity, text))
+            self.n_texts += 1
             if severity <= mavlink.MAV_SEVERITY_WARNING:
                 self._changes["status_text"] = text
             strikes = strike_count(text)
@@ -202,3 +278,28 @@ class Telemetry:
             names = sorted(mavlink.mavlink_map[msgid].msgname for msgid in self._missing)
             reasons = (*reasons, f"no {', '.join(names)} heard yet")
         self._changes |= {"ready": not reasons, "not_ready": reasons}
+
+
+_NOWHERE: Mapping[str, float | None] = MappingProxyType(
+    dict.fromkeys(("lat_deg", "lon_deg", "alt_rel_m", "alt_amsl_m"))
+)
+
+
+def _place(message: Message) -> Mapping[str, float | None]:
+    """Where a GLOBAL_POSITION_INT says it is."""
+    # Without a position estimate the fields are sent, as zeros.
+    known = message.lat != 0 or message.lon != 0
+    if not known or not _can_be(message.lat, message.lon, message.alt, message.relative_alt):
+        return _NOWHERE
+    return {
+        "lat_deg": message.lat / 1e7,
+        "lon_deg": message.lon / 1e7,
+        "alt_rel_m": message.relative_alt / 1000.0,
+        "alt_amsl_m": message.alt / 1000.0,
+    }
+
+
+def _can_be(lat_e7: int, lon_e7: int, *heights_mm: int) -> bool:
+    """Whether there is such a place, and something may fly there."""
+    on_earth = abs(lat_e7) <= 900_000_000 and abs(lon_e7) <= 1_800_000_000
+    return on_earth and all(LEAST_ALT_M <= mm / 1000.0 <= MOST_ALT_M for mm in heights_mm)

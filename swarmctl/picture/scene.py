@@ -63,9 +63,10 @@ def local_m(grid: Grid, points: Sequence[LatLon]) -> Points:
 
 
 def view_of(picture: MapPicture) -> tuple[float, float, float, float]:
-    """West, south, east, north [m]: the area and what happened around it, as long as the area stays large."""
+    """West, south, east, north [m]: the area and what happens around it, as long as the area stays large."""
     grid = picture.grid
-    around = [p for t in picture.tracks for p in (t.start, *t.flown)]
+    planned = [p for t in picture.tracks for line in t.planned for p in line.points]
+    around = [*planned, *(p for t in picture.tracks for p in (t.start, *t.flown))]
     points = np.vstack([local_m(grid, around), [[0.0, 0.0], [grid.width_m, grid.height_m]]])
     side = max(grid.width_m, grid.height_m)
     reach, pad = 0.3 * side, 0.035 * side

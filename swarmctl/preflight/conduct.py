@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import statistics
+from collections import deque
 from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from swarmctl.agent import ON_GROUND, Phase
 from swarmctl.agent.flight_path import from_takeoff
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.links.base import FenceFailed, Identity, LinkError, ParametersFailed
 from swarmctl.mavlink.firmware import firmware_of
 from swarmctl.mavlink.instruments import Instruments
-from swarmctl.preflight.checks import CHECKS
+from swarmctl.preflight.checks import CHECKS, parameters
 from swarmctl.preflight.facts import Facts, Finding, Other
 from swarmctl.preflight.fence import ceiling_m, polygon_of
 from swarmctl.preflight.intent import intent_of
@@ -21,7 +24,7 @@ from swarmctl.preflight.policy import NoTable, Wanted, parameters_for
 from swarmctl.preflight.waivers import Waiver
 from swarmctl.runner import Runner
 from swarmctl.scenario import Scenario, Spec
-from swarmctl.separation import Limits, Trajectory
+from swarmctl.separation import Crossings, Limits, Trajectory, crossings, to_its_landing
 
 SIMULATED_ENDURANCE_S = 1400.0
 """6600 mAh at 11.4 V, of which hovering and electronics take 179 W, is 1513 s; turns and climbs take more"""
@@ -40,6 +43,9 @@ class Subject(Protocol):
     def runner(self) -> Runner: ...
     @property
     def identity(self) -> Identity | None: ...
+    @property
+    def hindrance(self) -> str:
+        """What keeps it from being made ready, in words; empty where nothing does."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,10 +58,12 @@ class Checked:
     finding: Finding
     waived: bool = False
     """it failed, and an operator has taken that upon himself"""
+    left_to_fly: str = ""
+    """what `fly` does about it before it arms, and `preflight` does not"""
 
     @property
     def passes(self) -> bool:
-        return self.finding.ok or self.waived
+        return self.finding.ok or self.waived or bool(self.left_to_fly)
 
     def __str__(self) -> str:
         finding = self.finding
@@ -67,7 +75,8 @@ class Checked:
 
 
 class Preflight:
-    """The checks of one run; `checked` is filled with the last findings of every vehicle, by its name.
+    """The checks of one run; `checked` is filled with the last findings of every vehicle, by its name, and
+    `crossings`, last of it, with the first routes of this process that meet over ground.
 
     `unix_s_at_zero`, `speedup`: wall time when the running loop's clock showed 0, and simulated seconds in
     one of the loop's. `free_clocks`: simulated vehicles tell a date of their own, not this machine's.
@@ -85,8 +94,10 @@ class Preflight:
         say: Callable[[str], None],
         on_waived: Callable[[Checked], None] = lambda _: None,
         sets_parameters: bool = True,
+        crossings: deque[Crossings] | None = None,
     ) -> None:
         self._checked = checked
+        self._crossings = crossings
         self._scenario = scenario
         self._waivers = waivers
         self._unix_s_at_zero = unix_s_at_zero
@@ -95,7 +106,10 @@ class Preflight:
         self._say = say
         self._on_waived = on_waived
         self._sets_parameters = sets_parameters and scenario.config.preflight.set_parameters
+        self._fly_sets_them = not sets_parameters and scenario.config.preflight.set_parameters
         self._polygon = polygon_of(scenario)
+        separation = scenario.config.separation
+        self._limits = Limits(separation.horizontal_m, separation.vertical_m)
         self._instruments: dict[str, Instruments] = {}
         self._flights: dict[str, Trajectory | None] = {}
         """of the vehicles of this process, as of the last look"""
@@ -117,17 +131,13 @@ class Preflight:
         wanted, _ = self._wanted(subject)
         link = subject.runner.link
         found = await link.read_parameters([w.name for w in wanted])
-        wrong = {
-            w.name: value
-            for w in wanted
-            if w.name in found
-            and not w.accepts(found[w.name])
-            and (value := w.corrected(found[w.name])) is not None
-        }
+        wrong = _corrections(wanted, found)
         if wrong:
             await link.set_parameters(wrong)
-            changes = ", ".join(f"{name} {found[name]:g} → {value:g}" for name, value in wrong.items())
-            self._say(f"{subject.spec.name}: set as preflight.policy declares: {changes}")
+            changes = _changes(wrong, found)
+            self._say(
+                f"{subject.spec.name}: set as preflight.policy declares: {changes} (they stay so afterwards)"
+            )
 
     async def failures(self, subjects: Sequence[Subject], everyone: Sequence[Subject]) -> list[str]:
         """Check the subjects, of all vehicles of this process; a line for each check that fails and is not
@@ -138,7 +148,8 @@ class Preflight:
                 break
         for found in self._found(subjects):
             if found.waived:
-                self._say(f"{found.vehicle}: {found.check} is waived: found {found.finding.found}")
+                text = f"found {found.finding.found}; wanted {found.finding.wanted}"
+                self._say(f"{found.vehicle}: {found.check} is waived: {text}")
                 self._on_waived(found)
         return [str(found) for found in self._found(subjects) if not found.passes]
 
@@ -147,7 +158,12 @@ class Preflight:
 
     async def _look(self, subjects: Sequence[Subject], everyone: Sequence[Subject]) -> None:
         asked = await asyncio.gather(*map(self._ask, subjects))
-        self._flights = {subject.spec.name: _flight(subject) for subject in everyone}
+        # Who is in the air already is where it then was to be: its route begins where it took off.
+        standing = ON_GROUND | {Phase.LAUNCHING}
+        self._flights |= {s.spec.name: _flight(s) for s in everyone if s.runner.state.phase in standing}
+        if self._crossings is not None:
+            known = (to_its_landing(flight) for flight in self._flights.values() if flight is not None)
+            self._crossings.append(crossings(dict(enumerate(known)), self._limits))
         for subject, (told, *_) in zip(subjects, asked, strict=True):
             self._instruments[subject.spec.name] = told
         for subject, answers in zip(subjects, asked, strict=True):
@@ -174,7 +190,21 @@ class Preflight:
         for check in CHECKS:
             finding = check.check(facts)
             waived = check.WAIVABLE and any(w.covers(check.NAME, facts.name) for w in self._waivers)
-            yield Checked(facts.name, check.NAME, check.WAIVABLE, finding, waived and not finding.ok)
+            later = self._left_to_fly(facts) if check.NAME == parameters.NAME and not finding.ok else ""
+            yield Checked(facts.name, check.NAME, check.WAIVABLE, finding, waived and not finding.ok, later)
+
+    def _left_to_fly(self, facts: Facts) -> str:
+        """What `fly` sets, where that mends all that is wrong."""
+        wrong = _corrections(facts.wanted, facts.parameters)
+        told = all(w.name in facts.parameters for w in facts.wanted)
+        uncured = [
+            w
+            for w in facts.wanted
+            if told and w.name not in wrong and not w.accepts(facts.parameters[w.name])
+        ]
+        if not self._fly_sets_them or facts.no_table or not told or uncured or not wrong:
+            return ""
+        return f"`fly` sets: {_changes(wrong, facts.parameters)}"
 
     def _facts(
         self,
@@ -186,14 +216,16 @@ class Preflight:
     ) -> Facts:
         spec, runner, asked = subject.spec, subject.runner, self._scenario.config.preflight
         wanted, no_table = self._wanted(subject)
-        separation, ours = self._scenario.config.separation, spec.simulated
+        ours, state = spec.simulated, runner.link.state()
         return Facts(
             name=spec.name,
             sysid=spec.sysid,
             identity=subject.identity,
             conflict=runner.conflict,
-            state=runner.link.state(),
+            state=state,
             age_s=runner.link.age_s(),
+            position_age_s=_age_s(state.position_s),
+            status_age_s=_age_s(state.status_s),
             instruments=instruments,
             clock_offset_s=self._offset_s(subject, everyone),
             clock_tolerance_s=asked.clock_tolerance_s * (self._speedup if ours else 1.0),
@@ -204,14 +236,16 @@ class Preflight:
             fence_items=fence,
             ceiling_m=ceiling_m(self._scenario),
             plan=_plan(subject),
-            flight=self._flights[spec.name],
+            no_route=subject.hindrance or runner.state.outcome or runner.state.trouble,
+            flight=self._flights.get(spec.name),
             altitude_m=spec.altitude_m,
             speed_m_s=spec.speed_m_s,
             endurance_s=asked.endurance_s or (SIMULATED_ENDURANCE_S if _is_simulated(subject) else None),
             reserve_percent=asked.reserve_percent,
             frame=self._scenario.grid.frame,
             others=tuple(self._others(spec, everyone)),
-            limits=Limits(separation.horizontal_m, separation.vertical_m),
+            limits=self._limits,
+            airframe=spec.airframe,
         )
 
     def _others(self, spec: Spec, everyone: Sequence[Subject]) -> Iterable[Other]:
@@ -224,6 +258,7 @@ class Preflight:
                     other.altitude_m,
                     identities.get(other.name),
                     self._flights.get(other.name),
+                    other.airframe,
                 )
 
     def _wanted(self, subject: Subject) -> tuple[tuple[Wanted, ...], str]:
@@ -270,8 +305,27 @@ def summary_of(checked: Mapping[str, Sequence[Checked]]) -> list[dict[str, Any]]
     ]
 
 
+def _corrections(wanted: Sequence[Wanted], found: Mapping[str, float]) -> dict[str, float]:
+    """What is to be set of the parameters that were found, by name."""
+    return {
+        w.name: value
+        for w in wanted
+        if w.name in found
+        and not w.accepts(found[w.name])
+        and (value := w.corrected(found[w.name])) is not None
+    }
+
+
+def _changes(wrong: Mapping[str, float], found: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {found[name]:g} → {value:g}" for name, value in wrong.items())
+
+
 def _is_simulated(subject: Subject) -> bool:
     return subject.identity is not None and subject.identity.simulated
+
+
+def _age_s(told_s: float | None) -> float:
+    return math.inf if told_s is None else asyncio.get_running_loop().time() - told_s
 
 
 def _plan(subject: Subject) -> FlightPlan | None:

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from swarmctl.core.geo import LatLon, LocalFrame
 from swarmctl.core.mission import FlightPlan, MissionItem
-from swarmctl.core.vehicle import VehicleState
+from swarmctl.core.vehicle import Airframe, VehicleState
 from swarmctl.mavlink.events import Identity
 from swarmctl.mavlink.instruments import Instruments
 from swarmctl.preflight.policy import Wanted
@@ -24,6 +24,7 @@ class Other:
     altitude_m: float
     identity: Identity | None
     flight: Trajectory | None
+    airframe: Airframe = "copter"
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +40,10 @@ class Facts:
     state: VehicleState
     age_s: float
     """since its last heartbeat"""
+    position_age_s: float
+    """since it told where it is last; infinite where it never has"""
+    status_age_s: float
+    """since its last SYS_STATUS: charge, and whether it would arm; infinite where none was heard"""
     instruments: Instruments | None
     clock_offset_s: float | None
     """its clock before or behind the one it is to be in step with"""
@@ -54,6 +59,8 @@ class Facts:
     ceiling_m: float
     plan: FlightPlan | None
     """its first route, verified on the vehicle"""
+    no_route: str
+    """what kept it from getting one, in words"""
     flight: Trajectory | None
     """where it is at what time on that route, from the launch of the first vehicle"""
     altitude_m: float
@@ -65,6 +72,8 @@ class Facts:
     others: tuple[Other, ...]
     limits: Limits
     """closer than which to another it is not to fly"""
+    airframe: Airframe = "copter"
+    """as configured"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +84,18 @@ class Finding:
     found: str
     wanted: str
     cure: str = ""
+
+
+def no_route(facts: Facts, wanted: str) -> tuple[str, str, str]:
+    """Found, wanted and cure of a check that needs the first route, where there is none."""
+    found = "no verified route is on it"
+    if facts.no_route:
+        return f"{found}: {facts.no_route}", wanted, "mend that first"
+    return found, wanted, "upload its mission"
+
+
+YOUNG_S = 5.0
+"""What is told every second and was told longer ago is not known."""
 
 
 class Check(Protocol):

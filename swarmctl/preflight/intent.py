@@ -10,7 +10,8 @@ from swarmctl.scenario import Scenario, Spec
 
 
 def intent_of(scenario: Scenario, spec: Spec) -> Intent:
-    return Intent(scenario.config.preflight.policy, GCS_SYSID, spec.altitude_m, ceiling_m(scenario))
+    policy = scenario.config.preflight.policy
+    return Intent(policy, GCS_SYSID, spec.altitude_m, ceiling_m(scenario), scenario.wings(spec))
 
 
 def delivered(scenario: Scenario, spec: Spec, firmware: Firmware) -> dict[str, float]:

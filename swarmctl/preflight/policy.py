@@ -2,8 +2,14 @@
 
 Names, values and bits by the parameter lists of ArduCopter and ArduPlane 4.5 to 4.7
 (https://ardupilot.org/copter/docs/parameters.html, https://ardupilot.org/plane/docs/parameters.html) and of
-PX4 1.14 to 1.16 (https://docs.px4.io/main/en/advanced_config/parameter_reference). Who flies a firmware that
-no table is for does not know what it does when its link is lost.
+PX4 1.14 to 1.16 (https://docs.px4.io/main/en/advanced_config/parameter_reference), and by what reads them:
+ArduCopter/events.cpp, mode_rtl.cpp, AC_Fence.cpp, AP_BattMonitor_Params.cpp; commander/failsafe/failsafe.cpp.
+Who flies a firmware that no table is for, an older or a later one, does not know what it does when its link
+is lost.
+
+What a vehicle does without a remote control is not declared. ArduCopter does not arm without one while
+FS_THR_ENABLE watches for it ("RC not found"); PX4 takes one that is missing at arming as not meant to be
+there (NAV_RCL_ACT), and is never flown in OFFBOARD (COM_OBL_RC_ACT).
 """
 
 from __future__ import annotations
@@ -12,7 +18,9 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from swarmctl.agent.approach import Wings
 from swarmctl.config_preflight import Policy
+from swarmctl.core.returns import CLIMBS_TO_M
 from swarmctl.mavlink.firmware import Firmware
 from swarmctl.mavlink.parameters import equal
 
@@ -38,20 +46,25 @@ class Wanted:
     bit: int | None = None
 
     def accepts(self, value: float) -> bool:
+        if not math.isfinite(value):
+            return False
         if self.bit is not None:
             return value.is_integer() and not int(value) >> self.bit & 1
         return any(equal(value, v) for v in self.values) or self.least <= value <= self.most
 
     def corrected(self, value: float) -> float | None:
         """What to write in the place of `value`, which is not accepted; None: nothing."""
-        return float(int(value) & ~(1 << self.bit)) if self.bit is not None else self.set_to
+        if self.bit is None:
+            return self.set_to
+        return float(int(value) & ~(1 << self.bit)) if math.isfinite(value) else None
 
     def __str__(self) -> str:
         if self.bit is not None:
             return f"without bit {self.bit}"
-        if self.values:
-            return " or ".join(f"{v:g}" for v in self.values)
-        return "above 0" if math.isinf(self.most) else f"{self.least:g} to {self.most:g}"
+        texts = [f"{v:g}" for v in self.values]
+        if not math.isnan(self.least):
+            texts.append("above 0" if math.isinf(self.most) else f"{self.least:g} to {self.most:g}")
+        return " or ".join(texts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +78,8 @@ class Intent:
     """it flies at, above home"""
     ceiling_m: float
     """above home"""
+    wings: Wings | None = None
+    """of what is planned for as a fixed wing"""
 
     @property
     def lost_link(self) -> str:
@@ -83,16 +98,25 @@ class Intent:
         return f"policy.fence_breach: {self.policy.fence_breach}"
 
     @property
+    def returns_at_most_m(self) -> float:
+        """Above home, unless it is higher already: turns are reckoned so, and no fence is breached by it."""
+        return min(CLIMBS_TO_M, self.ceiling_m)
+
+    @property
+    def returns(self) -> str:
+        return f"a return at {self.returns_at_most_m:g} m or below"
+
+    @property
     def fence(self) -> str:
         return f"a fence up to {self.ceiling_m:g} m"
 
 
 def parameters_for(firmware: Firmware, intent: Intent) -> tuple[Wanted, ...]:
     """Raises NoTable."""
-    since, table = _TABLES.get(firmware.name, ((math.inf, 0), None))
-    if table is None or firmware.version < since:
-        known = ", ".join(f"{name} {v[0]}.{v[1]}" for name, (v, _) in _TABLES.items())
-        raise NoTable(f"no table for {firmware}; there is one from {known} on")
+    since, until, table = _TABLES.get(firmware.name, ((0, 0), (0, 0), None))
+    if table is None or not since <= firmware.version <= until:
+        known = (f"{name} {a[0]}.{a[1]} to {b[0]}.{b[1]}" for name, (a, b, _) in _TABLES.items())
+        raise NoTable(f"no table for {firmware}; there is one for {', '.join(known)}")
     return table(intent, firmware.version)
 
 
@@ -125,6 +149,7 @@ _COPTER_LOST_LINK = {"return": (1.0, 3.0), "land": (5.0,), "hold": (7.0,), "cont
 _COPTER_BATTERY = {"return": (2.0, 3.0), "land": (1.0,)}
 _COPTER_FENCE = {"return": (1.0, 3.0), "land": (2.0,), "hold": (4.0,)}
 _GOES_ON_IN_AUTO = 1  # bit of FS_OPTIONS
+_RETURNS_AT_M = 15.0  # RTL_ALT as it comes
 _HEIGHT_AND_POLYGON = 5.0  # FENCE_TYPE; not the circle around home, which is nowhere declared
 
 
@@ -145,11 +170,28 @@ def _copter(intent: Intent, version: Version) -> tuple[Wanted, ...]:
         *_ardupilot_battery(intent),
         *_ardupilot_fence(intent),
         _one("FENCE_ACTION", intent.fence_breach, _COPTER_FENCE, policy.fence_breach),
+        *_copter_return(intent, version),
     )
 
 
+def _copter_return(intent: Intent, version: Version) -> tuple[Wanted, ...]:
+    """It climbs to RTL_ALT, and by RTL_CLIMB_MIN at least: in centimetres, and since 4.7 in metres."""
+    suffix, unit_m = ("_M", 1.0) if version >= (4, 7) else ("", 0.01)
+    most, usual = intent.returns_at_most_m / unit_m, _RETURNS_AT_M / unit_m
+    return (
+        Wanted(f"RTL_ALT{suffix}", intent.returns, min(usual, most), least=0.0, most=most),
+        _exactly(f"RTL_CLIMB_MIN{suffix}", intent.returns, 0.0),
+    )
+
+
+_PRESENT_ALTITUDE = -1.0  # of RTL_ALTITUDE
+_LANDS_ONCE_HOME = 1.0  # of RTL_AUTOLAND; with 0 and a landing in its mission it does not arm
+
+
 def _plane(intent: Intent, version: Version) -> tuple[Wanted, ...]:
-    policy = intent.policy
+    policy, wings = intent.policy, intent.wings
+    if wings is None:
+        raise NoTable("it is a fixed wing and is planned for as what hovers; say `airframe: plane` of it")
     watched = policy.lost_link != "continue"
     return (
         _exactly("FS_GCS_ENABL", intent.lost_link, 1.0 if watched else 0.0),
@@ -166,12 +208,37 @@ def _plane(intent: Intent, version: Version) -> tuple[Wanted, ...]:
         *_ardupilot_battery(intent),
         *_ardupilot_fence(intent),
         _one("FENCE_ACTION", intent.fence_breach, {"return": (1.0,)}, policy.fence_breach),
+        *_plane_circles(intent, wings),
+    )
+
+
+def _plane_circles(intent: Intent, wings: Wings) -> tuple[Wanted, ...]:
+    """It holds and returns in circles as wide as reckoned with, lands once it is home, and can fly slowly
+    enough. The sign of a radius is the way round."""
+    most_m, slowest_m_s = wings.loiter_radius_m, wings.min_speed_m_s
+    radius = f"wings.loiter_radius_m: {most_m:g}"
+    return (
+        Wanted("WP_LOITER_RAD", radius, most_m, least=-most_m, most=most_m),
+        Wanted("RTL_RADIUS", radius, 0.0, least=-most_m, most=most_m),
+        _exactly("RTL_AUTOLAND", "a return that ends in a landing", _LANDS_ONCE_HOME),
+        Wanted(
+            "RTL_ALTITUDE",
+            intent.fence,
+            _PRESENT_ALTITUDE,
+            (_PRESENT_ALTITUDE,),
+            least=wings.final_height_m,
+            most=intent.ceiling_m,
+        ),
+        Wanted("AIRSPEED_MIN", f"wings.min_speed_m_s: {slowest_m_s:g}", least=0.0, most=slowest_m_s),
     )
 
 
 def _ardupilot_battery(intent: Intent) -> tuple[Wanted, ...]:
-    """There is a monitor, and a voltage that counts as low: both depend on what is built in."""
-    return _above_zero("BATT_MONITOR", intent.low_battery), _above_zero("BATT_LOW_VOLT", intent.low_battery)
+    """There is a monitor, a voltage that counts as low, and a time after which it does, of which none is
+    never: they depend on what is built in."""
+    return tuple(
+        _above_zero(name, intent.low_battery) for name in ("BATT_MONITOR", "BATT_LOW_VOLT", "BATT_LOW_TIMER")
+    )
 
 
 def _ardupilot_fence(intent: Intent) -> tuple[Wanted, ...]:
@@ -186,6 +253,7 @@ _PX4_LOST_LINK = {"return": (2.0,), "land": (3.0,), "hold": (1.0,), "continue": 
 _PX4_BATTERY = {"return": (3.0,), "land": (2.0,)}
 _PX4_FENCE = {"return": (3.0,), "land": (5.0,), "hold": (2.0,)}
 _PX4_MISSION_EXCEPTED = 0  # bit of COM_DLL_EXCEPT
+_PX4_RETURNS_AT_M = 30.0  # RTL_RETURN_ALT as it comes
 
 
 def _px4(intent: Intent, version: Version) -> tuple[Wanted, ...]:
@@ -203,11 +271,19 @@ def _px4(intent: Intent, version: Version) -> tuple[Wanted, ...]:
         _one("GF_ACTION", intent.fence_breach, _PX4_FENCE, policy.fence_breach),
         _ceiling("GF_MAX_VER_DIST", intent),
         _exactly("GF_MAX_HOR_DIST", intent.fence, 0.0),
+        Wanted(
+            "RTL_RETURN_ALT",
+            intent.returns,
+            min(_PX4_RETURNS_AT_M, intent.returns_at_most_m),
+            least=0.0,
+            most=intent.returns_at_most_m,
+        ),
     )
 
 
-_TABLES: Mapping[str, tuple[Version, Callable[[Intent, Version], tuple[Wanted, ...]]]] = {
-    "ArduCopter": ((4, 5), _copter),
-    "ArduPlane": ((4, 5), _plane),
-    "PX4": ((1, 14), _px4),
+_TABLES: Mapping[str, tuple[Version, Version, Callable[[Intent, Version], tuple[Wanted, ...]]]] = {
+    "ArduCopter": ((4, 5), (4, 7), _copter),
+    "ArduPlane": ((4, 5), (4, 7), _plane),
+    "PX4": ((1, 14), (1, 16), _px4),
 }
+"""from which version to which; what a later one has renamed nobody knows"""

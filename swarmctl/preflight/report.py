@@ -12,6 +12,7 @@ from swarmctl.preflight.checks import CHECKS
 from swarmctl.preflight.conduct import Checked
 
 _PASSES, _WAIVED, _FAILS = Text("ok", "green"), Text("waived", "yellow"), Text("FAILS", "bold red")
+_LEFT_TO_FLY = Text("fly sets", "yellow")
 
 
 def overview(checked: Mapping[str, Sequence[Checked]]) -> Table:
@@ -31,6 +32,8 @@ def _verdict(found: Checked | None) -> Text:
         return _FAILS
     if found.waived:
         return _WAIVED
+    if found.left_to_fly:
+        return _LEFT_TO_FLY
     return _PASSES if found.finding.ok else _FAILS
 
 
@@ -45,7 +48,7 @@ def failures(checked: Mapping[str, Sequence[Checked]]) -> Table:
         for found in findings:
             if not found.finding.ok:
                 finding = found.finding
-                cure = "waived by the operator" if found.waived else finding.cure
+                cure = "waived by the operator" if found.waived else found.left_to_fly or finding.cure
                 grid.add_row(
                     *(Text(t) for t in (found.vehicle, found.check, finding.found, finding.wanted, cure))
                 )

@@ -86,6 +86,8 @@ class Facts:
     way: Way | None = None
     """None while its mission is being changed, or where it flies none"""
     fence: Fence | None = None
+    turn_radius_m: float = 0.0
+    """of what cannot stop; 0: it hovers"""
 
     @property
     def in_flight(self) -> bool:

@@ -1,7 +1,8 @@
 """A vehicle that has left its route and is about to leave the fence.
 
 Routes are inside the fence, leg by leg, before they are flown: who is on its route turns or stops in time,
-however near the fence is. Who is not holds while it can still stop. Outside it returns.
+however near the fence is. Who is not holds while it can still stop. Outside it returns. One position may be
+wrong: what is done is the weaker of what two in a row demand.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from pydantic import Field
 
 from swarmctl.config_base import Section
 from swarmctl.core.plane import contains, distance_to_track
-from swarmctl.rules.base import Action, Facts, Kind
+from swarmctl.rules.base import STRENGTH, Action, Facts, Fence, Kind
 
 NAME = "fence_ahead"
 
@@ -37,6 +38,10 @@ class Memory:
     """where it was when it was last seen to have moved"""
     course: Point | None = None
     """(east, north) of length 1"""
+    judged_s: float | None = None
+    """when the position came that was judged last"""
+    found: Action | None = None
+    """what that one alone demands"""
     demanded: Action | None = None
 
 
@@ -46,17 +51,33 @@ def judge(
     here, fence = facts.position_m, facts.fence
     if here is None or fence is None or not facts.in_flight or facts.lost:
         return None, None
-    memory = _moved(memory, here)
+    told_s = facts.vehicle.position_s
+    if memory is not None and memory.judged_s == told_s:
+        return memory, memory.demanded
+    before, memory = memory, _moved(memory, here)
+    found = _found(params, memory, facts, fence, here)
+    demand = None if before is None else _weaker(before.found, found)
+    return Memory(memory.here, memory.course, told_s, found, demand), demand
+
+
+def _found(params: Params, memory: Memory, facts: Facts, fence: Fence, here: Point) -> Action | None:
+    """What this position alone demands."""
     if not contains(fence.corners_m, here):
-        demand: Action | None = Action(Kind.RETURN, "outside the fence")
-    elif (high_m := facts.vehicle.alt_rel_m or 0.0) > fence.ceiling_m:
+        return Action(Kind.RETURN, "outside the fence")
+    if (high_m := facts.vehicle.alt_rel_m or 0.0) > fence.ceiling_m:
         found = f"{high_m:.0f} m above home, expected at most {fence.ceiling_m:.0f} m"
-        demand = Action(Kind.RETURN, f"outside the fence: {found}")
-    elif facts.doing == "mission" and _leaves(params, memory, facts, fence.corners_m, here):
-        demand = memory.demanded or Action(Kind.HOLD, "off its route, and about to leave the fence")
-    else:
-        demand = None
-    return Memory(memory.here, memory.course, demand), demand
+        return Action(Kind.RETURN, f"outside the fence: {found}")
+    if facts.doing == "mission" and _leaves(params, memory, facts, fence.corners_m, here):
+        # What cannot stop would circle over the fence: it turns for home.
+        does = Kind.RETURN if facts.turn_radius_m else Kind.HOLD
+        return Action(does, "off its route, and about to leave the fence")
+    return None
+
+
+def _weaker(a: Action | None, b: Action | None) -> Action | None:
+    if a is None or b is None:
+        return None
+    return min((b, a), key=lambda action: STRENGTH[action.kind])
 
 
 def _moved(memory: Memory | None, here: Point) -> Memory:
@@ -66,17 +87,17 @@ def _moved(memory: Memory | None, here: Point) -> Memory:
     if metres < MOVED_M:
         return memory
     course = ((here[0] - memory.here[0]) / metres, (here[1] - memory.here[1]) / metres)
-    return Memory(here, course, memory.demanded)
+    return Memory(here, course)
 
 
 def _leaves(params: Params, memory: Memory, facts: Facts, corners: tuple[Point, ...], here: Point) -> bool:
-    """Whether it would be outside before it stood, off its route as it is."""
+    """Whether it would be outside before it stood, or had turned, off its route as it is."""
     if memory.course is None or facts.way is None:
         return False
     track = tuple(facts.frame.to_local(*point) for point in facts.way.points)
     if distance_to_track(here, track) <= params.off_route_m:
         return False
     speed = facts.vehicle.ground_speed_m_s
-    stops_m = speed * params.seconds + speed * speed / (2.0 * BRAKES_M_S2)
+    stops_m = speed * params.seconds + (facts.turn_radius_m or speed * speed / (2.0 * BRAKES_M_S2))
     there = (here[0] + stops_m * memory.course[0], here[1] + stops_m * memory.course[1])
     return not contains(corners, there)

@@ -2,6 +2,9 @@
 
 Its autopilot knows first, and mostly acts by itself; it is then let go (`taken_over`). Until then the
 operator is told. Without a position it can neither hold nor fly home: if it does nothing by itself, it lands.
+
+One that tells no position any more may know it all the same, as long as its receiver has a fix: nobody here
+sees where it flies, so it returns, and lands where it does not follow that.
 """
 
 from __future__ import annotations
@@ -11,36 +14,63 @@ from dataclasses import dataclass
 from pydantic import Field
 
 from swarmctl.config_base import Section
-from swarmctl.rules.base import Action, Facts, Kind, held_for, lasts
+from swarmctl.rules.base import Action, Facts, Kind, held_for
 
 NAME = "gps_loss"
 
 
 class Params(Section):
-    """By the health of its GPS, as SYS_STATUS tells it once a second."""
+    """By the health of its GPS, as SYS_STATUS tells it once a second, and the age of its position."""
 
-    seconds: float = Field(2.0, ge=0.0, description="without a fix until it is said [s]")
+    seconds: float = Field(2.0, ge=0.0, description="without a fix or a position until it is said [s]")
     land_s: float = Field(20.0, gt=0.0, description="until it lands, if it does nothing by itself [s]")
 
 
 @dataclass(frozen=True, slots=True)
 class Memory:
     since_s: float | None = None
-    landing: bool = False
+    """the first SYS_STATUS of those that tell of no fix"""
+    blind_since_s: float | None = None
+    """it has been heard since without a position"""
+    landing: Action | None = None
     """A fix that comes back stops no landing: it may go again."""
 
 
 def judge(params: Params, memory: Memory | None, facts: Facts, now: float) -> tuple[Memory, Action | None]:
-    memory = memory or Memory()
+    memory, vehicle = memory or Memory(), facts.vehicle
+    if not facts.in_flight:
+        return Memory(), None
     if facts.lost:
         # What was told before is old: neither count nor take back.
-        return Memory(None, memory.landing), None
-    missing = facts.in_flight and facts.vehicle.gps_ok is False
-    since_s = held_for(memory.since_s, missing, now)
-    landing = facts.in_flight and (memory.landing or lasts(since_s, params.land_s, now))
-    memory = Memory(since_s, landing)
-    if landing:
-        return memory, Action(Kind.LAND, f"no GPS fix for {params.land_s:g} s, and it does nothing by itself")
-    if lasts(since_s, params.seconds, now):
-        return memory, Action(Kind.WARN, "no GPS fix; what it does now is its autopilot's to decide")
-    return memory, None
+        return Memory(landing=memory.landing), None
+    told_s = vehicle.status_s
+    since_s = None if told_s is None else held_for(memory.since_s, vehicle.gps_ok is False, told_s)
+    # What lasts, lasts from one SYS_STATUS to a later one: an old one tells nothing new.
+    no_fix_s = None if since_s is None or told_s is None else told_s - since_s
+    blind_since_s = held_for(memory.blind_since_s, not vehicle.has_position, now)
+    blind_s = None if blind_since_s is None else now - blind_since_s
+    demand = memory.landing or _demand(params, facts, no_fix_s, blind_s)
+    landing = demand if demand is not None and demand.kind is Kind.LAND else None
+    return Memory(since_s, blind_since_s, landing), demand
+
+
+def _demand(params: Params, facts: Facts, no_fix_s: float | None, blind_s: float | None) -> Action | None:
+    """For how long it has told of no fix, and of no position; None where it has not."""
+    if no_fix_s is not None and no_fix_s >= params.land_s:
+        return Action(Kind.LAND, f"no GPS fix for {params.land_s:g} s, and it does nothing by itself")
+    if blind_s is not None and blind_s >= params.land_s:
+        return _down_or_home(params, facts, blind_s)
+    if no_fix_s is not None and no_fix_s >= params.seconds:
+        return Action(Kind.WARN, "no GPS fix; what it does now is its autopilot's to decide")
+    if blind_s is not None and blind_s >= params.seconds:
+        return Action(Kind.WARN, "it tells no position any more")
+    return None
+
+
+def _down_or_home(params: Params, facts: Facts, blind_s: float) -> Action:
+    text = f"no position for {params.land_s:g} s"
+    if facts.vehicle.gps_ok is not True:
+        return Action(Kind.LAND, f"{text}, and it does nothing by itself")
+    if blind_s >= 2.0 * params.land_s and facts.vehicle.mode_role != "return":
+        return Action(Kind.LAND, f"{text} and more, and it does not return")
+    return Action(Kind.RETURN, f"{text}, though its GPS has a fix: where it flies is not known here")

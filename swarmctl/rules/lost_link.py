@@ -9,16 +9,25 @@ from __future__ import annotations
 from typing import Literal
 
 from swarmctl.config_base import Section
+from swarmctl.core.vehicle import ModeRole
 from swarmctl.rules.base import Action, Facts, Kind
 
 NAME = "lost_link"
 
 _DOES = {
-    "continue": "it flies its mission to the end",
     "hold": "after {:g} s it holds",
     "return": "after {:g} s it returns",
     "land": "after {:g} s it lands where it is",
 }
+_GOES_ON: dict[ModeRole, str] = {
+    "mission": "it flies its mission to the end",
+    "hold": "it holds on in mode {}",
+    "return": "it goes on home in mode {}",
+    "land": "it goes on down in mode {}",
+    "other": "it stays in mode {}",
+    "": "it goes on with what it does",
+}
+"""By what the mode is for in which it was heard last."""
 
 
 class Params(Section):
@@ -32,7 +41,11 @@ class Params(Section):
 def judge(params: Params, _memory: None, facts: Facts, _now: float) -> tuple[None, Action | None]:
     if not (facts.lost and facts.in_flight):
         return None, None
-    does = _DOES[params.does].format(params.after_s)
+    vehicle = facts.vehicle
+    if params.does in ("continue", vehicle.mode_role):
+        does = _GOES_ON[vehicle.mode_role].format(vehicle.mode)
+    else:
+        does = _DOES[params.does].format(params.after_s)
     return None, Action(
         Kind.WARN, f"nothing is heard of it, and no order reaches it; by preflight.policy.lost_link {does}"
     )

@@ -39,19 +39,20 @@ class Memory:
     """What is spent does not come back in flight, whatever the voltage says later."""
 
 
-def judge(params: Params, memory: Memory | None, facts: Facts, now: float) -> tuple[Memory, Action | None]:
+def judge(params: Params, memory: Memory | None, facts: Facts, _now: float) -> tuple[Memory, Action | None]:
     memory = memory or Memory()
-    percent = facts.vehicle.battery_percent
+    percent, told_s = facts.vehicle.battery_percent, facts.vehicle.status_s
     if not facts.in_flight:
         return Memory(), None
-    if percent is None or facts.lost:
+    if percent is None or told_s is None or facts.lost:
         return Memory(demanded=memory.demanded), memory.demanded
-    return_since_s = held_for(memory.return_since_s, percent < params.return_percent, now)
-    land_since_s = held_for(memory.land_since_s, percent < params.land_percent, now)
+    # One word of it does not grow old and become many: it lasts from one SYS_STATUS to a later one.
+    return_since_s = held_for(memory.return_since_s, percent < params.return_percent, told_s)
+    land_since_s = held_for(memory.land_since_s, percent < params.land_percent, told_s)
     demanded = memory.demanded
-    if lasts(land_since_s, params.seconds, now):
+    if lasts(land_since_s, params.seconds, told_s):
         demanded = _stronger(demanded, Kind.LAND, percent, params.land_percent)
-    elif lasts(return_since_s, params.seconds, now):
+    elif lasts(return_since_s, params.seconds, told_s):
         demanded = _stronger(demanded, Kind.RETURN, percent, params.return_percent)
     return Memory(return_since_s, land_since_s, demanded), demanded
 

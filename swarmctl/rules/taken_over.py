@@ -1,7 +1,7 @@
 """Somebody else flies the vehicle: a pilot by radio control, another ground station, or its own failsafe.
 
 A heartbeat tells the mode and not who chose it. Any mode that this agent has not chosen is somebody's will,
-and is not fought.
+and is not fought. So is who puts another mission on it.
 """
 
 from __future__ import annotations
@@ -15,8 +15,11 @@ NAME = "taken_over"
 
 STALE_MODE_S = 2.0
 """a mode of ours that was left may show for so long in a heartbeat that was overtaken"""
-RECENT_S = 10.0
-"""For so long what the vehicle has said last may be the reason of what it does."""
+BOOTS_S = 10.0
+"""A vehicle on the ground that boots shows the mode it boots in before its clock tells of it: not armed it
+harms nobody, and where it is to be launched all the same it is let go."""
+SAID_BEFORE_S = 1.5
+"""What the vehicle has said may be the reason of a mode that its heartbeat shows so much later, or before."""
 
 
 class Params(Section):
@@ -43,11 +46,27 @@ def judge(_params: Params, memory: Memory | None, facts: Facts, now: float) -> t
     )
     if facts.doing == "ground" and vehicle.armed:
         return memory, Action(Kind.LET_GO, f"armed by somebody else, in mode {vehicle.mode}")
-    if ours or facts.lost:
+    if facts.lost:
+        return memory, None
+    if vehicle.other_mission and (demand := _other_mission(facts)) is not None:
+        return memory, demand
+    if ours:
         return memory, None
     # A heartbeat that was overtaken on its way may show a mode of ours from before: wait for the next.
     if vehicle.mode_role in ("hold", "mission") and not lasts(memory.foreign_since_s, STALE_MODE_S, now):
         return memory, None
-    recent = memory.said_s is not None and now - memory.said_s <= RECENT_S
+    if facts.doing == "ground" and not lasts(memory.foreign_since_s, BOOTS_S, now):
+        return memory, None
+    since_s = now if memory.foreign_since_s is None else memory.foreign_since_s
+    recent = memory.said_s is not None and memory.said_s >= since_s - SAID_BEFORE_S
     words = f" (it says: {vehicle.status_text})" if recent else ""
     return memory, Action(Kind.LET_GO, f"in mode {vehicle.mode}, which nobody here has ordered{words}")
+
+
+def _other_mission(facts: Facts) -> Action | None:
+    n_items = facts.vehicle.mission_total or 0
+    what = f"another mission is on it, of {n_items} items, which nobody here has put there"
+    if facts.doing == "ground":
+        return Action(Kind.WARN, f"{what}: it is not launched with that")
+    flies_it = facts.doing in ("launch", "mission", "goal") or facts.vehicle.mode_role == "mission"
+    return Action(Kind.LET_GO, what) if flies_it else None

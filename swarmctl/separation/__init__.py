@@ -5,22 +5,26 @@ a cylinder about each, as air traffic control draws it. Points are (east, north,
 of one clock.
 
 trajectory: where a vehicle is at what time; approach: how near two come to each other, exactly; conflicts:
-who comes too near to whom, of many; flown: the least distance of a flight as its telemetry comes in; watch:
+who comes too near to whom, of many; clash: whether planned flights may meet that are not flown to the second;
+flown: the least distance of a flight as its telemetry comes in; watch:
 who is warned and who gives way in flight; meet: one arrival for many. Imports core.
 """
 
 from swarmctl.separation.approach import Approach, Limits, closest, intervals
-from swarmctl.separation.conflicts import Conflict, conflicts
-from swarmctl.separation.trajectory import Point, Trajectory, onward
+from swarmctl.separation.conflicts import Conflict, Crossings, conflicts, crossings
+from swarmctl.separation.trajectory import Point, Trajectory, onward, to_its_landing
 
 __all__ = [
     "Approach",
     "Conflict",
+    "Crossings",
     "Limits",
     "Point",
     "Trajectory",
     "closest",
     "conflicts",
+    "crossings",
     "intervals",
     "onward",
+    "to_its_landing",
 ]

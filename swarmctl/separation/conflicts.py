@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -34,6 +35,20 @@ def conflicts(flights: Mapping[int, Trajectory], limits: Limits) -> tuple[Confli
         if at is not None:
             found.append(Conflict(uav, other, times[0][0], times[-1][1], at))
     return tuple(sorted(found, key=lambda conflict: (conflict.begin_s, conflict.uav, conflict.other)))
+
+
+@dataclass(frozen=True, slots=True)
+class Crossings:
+    """Pairs of flights whose ways over ground meet at one time."""
+
+    predicted: int
+    by_height: int
+    """of these, kept apart by their heights"""
+
+
+def crossings(flights: Mapping[int, Trajectory], limits: Limits) -> Crossings:
+    over_ground = conflicts(flights, Limits(limits.horizontal_m, math.inf))
+    return Crossings(len(over_ground), len(over_ground) - len(conflicts(flights, limits)))
 
 
 def _near_pairs(flights: Mapping[int, Trajectory], limits: Limits) -> set[tuple[int, int]]:

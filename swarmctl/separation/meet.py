@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 LEAST_SHARE = 0.2
 """of its speed, below which a vehicle is not slowed down"""
+LEAST_M_S = 1.0
+"""nor below this: what is slower cannot be told from one that stands, and is sent home for that"""
 HALVINGS = 14
 """to within a millimetre a second"""
 
@@ -20,6 +22,8 @@ class Meeting:
     spacing_s: float = 0.0
     """from one arrival to the next; 0: all at once"""
     tolerance_s: float = 3.0
+    slowest_m_s: float = 0.0
+    """nobody is slowed down below this"""
 
 
 def agreed_s(meeting: Meeting, earliest_s: Mapping[int, float]) -> float:
@@ -33,10 +37,17 @@ def due_s(meeting: Meeting, uav: int, earliest_s: Mapping[int, float]) -> float:
     return agreed_s(meeting, earliest_s) + meeting.rank[uav] * meeting.spacing_s
 
 
-def speed_for(arrives_s: Callable[[float], float], due_s: float, most_m_s: float) -> float:
+def least_m_s(most_m_s: float, slowest_m_s: float = 0.0) -> float:
+    """The least speed that a vehicle is given: LEAST_SHARE of its own, or more where it needs more."""
+    return min(max(LEAST_SHARE * most_m_s, slowest_m_s, LEAST_M_S), most_m_s)
+
+
+def speed_for(
+    arrives_s: Callable[[float], float], due_s: float, most_m_s: float, slowest_m_s: float = 0.0
+) -> float:
     """The speed at which a vehicle arrives when it is due, `arrives_s(speed)` falling with speed [m/s];
-    between LEAST_SHARE of `most_m_s` and it, where it cannot be met."""
-    low, high = LEAST_SHARE * most_m_s, most_m_s
+    between `least_m_s` and `most_m_s`, where it cannot be met."""
+    low, high = least_m_s(most_m_s, slowest_m_s), most_m_s
     if arrives_s(high) >= due_s:
         return high
     if arrives_s(low) <= due_s:

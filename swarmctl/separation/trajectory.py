@@ -57,9 +57,29 @@ class Trajectory:
         i = bisect_right(self.times_s, t_s)
         return Segment(self.times_s[i - 1], self.times_s[i], self.points[i - 1], self.points[i]).at(t_s)
 
+    def since(self, t_s: float) -> Trajectory | None:
+        """What of it is after a time; None where it is over by then."""
+        at = self.at(t_s)
+        if at is None:
+            return self if self.times_s and t_s < self.times_s[0] else None
+        i = bisect_right(self.times_s, t_s)
+        return Trajectory((t_s, *self.times_s[i:]), (at, *self.points[i:]))
+
     def later(self, seconds: float) -> Trajectory:
         """The same flight so much later."""
         return Trajectory(tuple(t + seconds for t in self.times_s), self.points)
+
+
+def to_its_landing(flight: Trajectory) -> Trajectory:
+    """A flight until it begins to come down on the spot at its end; the whole of one that does so already."""
+    n = len(flight.points)
+    while n > 1 and _sinks_on_the_spot(flight.points[n - 2], flight.points[n - 1]):
+        n -= 1
+    return flight if n < 2 else Trajectory(flight.times_s[:n], flight.points[:n])
+
+
+def _sinks_on_the_spot(a: Point, b: Point) -> bool:
+    return b[2] < a[2] and math.dist(a[:2], b[:2]) < 1.0
 
 
 def onward(here: Point, velocity_m_s: Point, from_s: float, for_s: float) -> Trajectory:

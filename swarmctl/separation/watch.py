@@ -8,6 +8,7 @@ from typing import Literal
 
 from swarmctl.core.frames import StateShared
 from swarmctl.separation.approach import Approach, Limits, closest, intervals
+from swarmctl.separation.clash import Boxes
 from swarmctl.separation.trajectory import Trajectory
 
 Action = Literal["hold", "climb", "none"]
@@ -42,6 +43,18 @@ class Heard:
     state: StateShared
     at_s: float
     """by the clock of the vehicle that heard it"""
+
+
+@dataclass(frozen=True, slots=True)
+class Intended:
+    """The flight that another vehicle has told it is on or is about to begin."""
+
+    flight: Trajectory
+    """by the clock and in the plane of the vehicle that heard it, up above the sea"""
+    boxes: Boxes
+    may_change: bool
+    """it could give way"""
+    said_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +98,17 @@ def watch(
 def gives_way(uav: int, other: int) -> bool:
     """Of two vehicles exactly one gives way, without a word: the one with the higher system id."""
     return uav > other
+
+
+Standing = tuple[bool, int]
+"""whether a vehicle may change its plan, and its system id"""
+
+
+def yields_to(one: Standing, other: Standing) -> bool:
+    """Of two vehicles whose plans meet exactly one gives way, if either can: who may change its plan to who
+    may not, else the one with the higher system id. A system id is known to all, and no two have the same."""
+    (may, uav), (may_too, than) = one, other
+    return may and (not may_too or gives_way(uav, than))
 
 
 def clear_height_m(height_m: float, others_m: Sequence[float], limits: Limits) -> float:

@@ -6,14 +6,14 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from ether import COLS, ROWS, Ether
+from ether import COLS, ROWS, UNIX_S, Ether, at_once
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from swarmctl.bus.exchange import NodeOptions
 from swarmctl.bus.node import CHECKPOINT_EVERY
 from swarmctl.bus.replica import COMPACT_AFTER
-from swarmctl.core.frames import Why
+from swarmctl.core.frames import IntentPoint, IntentShared, Why
 
 IDS = (1, 2, 3, 4, 5)
 HEALED_S = 40.0
@@ -240,3 +240,56 @@ def test_relaying_tells_at_once_whom_the_observer_does_not_reach(relay: bool) ->
     assert ether.uavs[3].belief.looks.sum() == relay
     ether.run(20.0)
     assert ether.agree()
+
+
+# --- where they will be
+
+
+def intent(plan_id: int) -> IntentShared:
+    return IntentShared(plan_id, (IntentPoint(0.0, 46.0, 14.0, 330.0), IntentPoint(9.0, 46.01, 14.0, 330.0)))
+
+
+def tells(ether: Ether, uav: int, plan_id: int) -> None:
+    speaker = ether.uavs[uav]
+    ether.take(speaker, speaker.node.say(intent(plan_id), ether.now_s, ether.unix_s))
+
+
+def known(ether: Ether, uav: int) -> dict[int, int]:
+    """The plans of the others as it knows them."""
+    return {other: told.plan_id for other, (told, _) in ether.uavs[uav].node.intents().items()}
+
+
+def test_an_intent_is_known_to_all_who_hear_it_and_the_newest_counts() -> None:
+    ether = Ether((1, 2, 3))
+    delays = iter((2.0, 2.0, 0.1, 0.1))
+    ether.carry = lambda sender, _to, _now: next(delays) if sender == 1 else 0.1
+    tells(ether, 1, 5)
+    ether.now_s += 0.5
+    tells(ether, 1, 6)
+    ether.carry = at_once
+    ether.run(3.0)
+    assert known(ether, 2) == known(ether, 3) == {1: 6}
+    said_s = ether.uavs[2].node.intents()[1][1]
+    assert said_s == pytest.approx(UNIX_S + 0.5)
+
+
+def test_who_joins_late_or_is_out_of_reach_gets_intents_with_what_it_asks_for() -> None:
+    ether = Ether((1, 2, 3))
+    ether.carry = lambda sender, to, _now: None if {sender, to} == {1, 3} else 0.01
+    ether.uavs[1].observe((0, 0, True))
+    ether.run(2.0)
+    tells(ether, 1, 5)
+    ether.run(1.0)
+    ether.uavs[3].start()
+    ether.run(8.0)
+    assert known(ether, 3) == {1: 5}
+
+
+def test_an_intent_in_anothers_name_is_not_taken() -> None:
+    ether = Ether((1, 2, 3))
+    ether.run(2.0)
+    speaker = ether.uavs[3]
+    (out,) = speaker.node.say(intent(5), ether.now_s, ether.unix_s).out
+    ether.deliver(1, 2, out.act, out.data)
+    assert known(ether, 2) == {}
+    assert ether.uavs[2].node.tally.refused[Why.SOURCE] == 1

@@ -16,6 +16,8 @@ from swarmctl.core.frames import (
     Content,
     Frame,
     Have,
+    IntentPoint,
+    IntentShared,
     Refused,
     Relayed,
     Seal,
@@ -30,6 +32,9 @@ SEAL = Seal("test")
 AT = (46.0, 14.5)
 SEEN = Observation(3, 7, 12.5, ((4, 7, True), (4, 8, False)), 2)
 STATE = StateShared(12.5, 46.0, 14.5, 40.0, "flying", 9, 1, last_seq=7, knows=2**40, mode="AUTO")
+INTENT = IntentShared(
+    4, (IntentPoint(0.0, 46.0, 14.5, 340.0), IntentPoint(21.5, 46.001, 14.5, 340.0)), may_change=False
+)
 ASKED = SnapshotAsked((Have(1, 5, 64, 70, (72, 73), 11),), ((1, 1.5),))
 
 # As written by version 3: whoever changes one of them breaks every swarm that flies another build.
@@ -51,6 +56,16 @@ GOLDEN: tuple[tuple[Content, str], ...] = (
             "a76c61745f646567cb4047000000000000a76c6f6e5f646567cb402d000000000000a9616c745f72656c5f6d"
             "cb4044000000000000a57068617365a6666c79696e67aa6e5f6f6273657276656409a76e5f666f756e6401a8"
             "6c6173745f73657107a56b6e6f7773cf0000010000000000a46d6f6465a44155544f"
+        ),
+    ),
+    (
+        INTENT,
+        (
+            "030087a673656e64657203ab696e6361726e6174696f6e02a16e09a6756e69785f73cb41dad27480100000a7"
+            "636f6e74656e7484a474797065ad696e666f726d2f696e74656e74a7706c616e5f696404a6706f696e747392"
+            "94cb0000000000000000cb4047000000000000cb402d000000000000cb407540000000000094cb4035800000"
+            "000000cb40470020c49ba5e3cb402d000000000000cb4075400000000000aa6d61795f6368616e6765c2a76c"
+            "61745f646567cb4047000000000000a76c6f6e5f646567cb402d000000000000"
         ),
     ),
     (
@@ -168,6 +183,33 @@ def test_a_state_with_what_is_no_number_is_refused(field: str) -> None:
     body["content"][field] = float("nan")
     with pytest.raises(Refused, match="no number"):
         SEAL.open(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        [[0.0, 46.0, 14.5, 340.0], [0.0, 46.0, 14.5, 340.0]],
+        [[-1.0, 46.0, 14.5, 340.0]],
+        [[frames.MAX_AHEAD_S + 1.0, 46.0, 14.5, 340.0]],
+        [[0.0, 91.0, 14.5, 340.0]],
+        [[0.0, 46.0, 14.5, float("nan")]],
+        [[float("inf"), 46.0, 14.5, 340.0]],
+        [[0.0, 46.0, 14.5]],
+        [[float(t), 46.0, 14.5, 340.0] for t in range(frames.MAX_POINTS + 1)],
+    ],
+    ids=["two at once", "past", "far ahead", "no place", "no height", "no time", "short", "too many"],
+)
+def test_an_intent_that_is_no_flight_is_refused(points: list[list[float]]) -> None:
+    body = msgspec.msgpack.decode(close(INTENT)[2:])
+    body["content"]["points"] = points
+    with pytest.raises(Refused) as refused:
+        SEAL.open(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
+    assert refused.value.why is Why.MALFORMED
+
+
+def test_the_longest_intent_is_short_enough_to_be_passed_on() -> None:
+    points = tuple(IntentPoint(t + 0.1, 46.0 + 1e-7 * t, 14.1, 340.1) for t in range(frames.MAX_POINTS))
+    assert len(close(IntentShared(2**31, points))) < frames.MAX_INNER_BYTES / 3
 
 
 @given(st.binary(max_size=300))

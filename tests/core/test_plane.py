@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from swarmctl.core.plane import around, box, contains, convex_hull, stays_inside
+from swarmctl.core.plane import around, box, contains, convex_hull, meeting_sides, stays_inside
 
 COORDINATE = st.floats(-1000.0, 1000.0).map(lambda v: round(v, 2))
 POINT = st.tuples(COORDINATE, COORDINATE)
@@ -64,3 +64,20 @@ def test_of_a_leg_that_stays_inside_every_point_is(a, b, corners, share):
     assume(len(hull) >= 3)
     if stays_inside(hull, a, b):
         assert contains(hull, between(a, b, share))
+
+
+def test_no_sides_of_a_simple_polygon_meet_whichever_way_round_it_goes():
+    for polygon in (SQUARE, HORSESHOE):
+        assert meeting_sides(polygon) is None
+        assert meeting_sides(polygon[::-1]) is None
+
+
+@settings(deadline=None, derandomize=True)
+@given(st.lists(POINT, min_size=4, max_size=12, unique=True), st.data())
+def test_of_a_convex_polygon_no_sides_meet_until_two_corners_change_places(points, data):
+    hull = list(convex_hull(points))
+    assume(len(hull) >= 4)
+    assert meeting_sides(hull) is None
+    i = data.draw(st.integers(0, len(hull) - 2))
+    hull[i], hull[i + 1] = hull[i + 1], hull[i]
+    assert meeting_sides(hull) is not None

@@ -148,14 +148,15 @@ def test_what_people_do_is_in_the_evidence(tmp_path: Path) -> None:
 
 
 @pytest.mark.virtual
-def test_with_keys_the_operator_signs_what_one_process_flew(tmp_path: Path) -> None:
+@pytest.mark.parametrize("besides", [", router: tls/127.0.0.1:7447", ""], ids=["a router", "nothing else"])
+def test_with_keys_the_operator_signs_what_one_process_flew(besides: str, tmp_path: Path) -> None:
     keyring, runs = tmp_path / "keys", tmp_path / "runs"
     make(keyring, ["operator"], 30, dt.datetime.now(dt.UTC))
     file = tmp_path / "small.yaml"
     file.write_text(
         "area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 4, cols: 4, cell_size_m: 50}\n"
         "threats: {count: 1}\nsimulate: {count: 1}\n"
-        f"communication: {{keys: '{keyring}', router: tls/127.0.0.1:7447}}\n"
+        f"communication: {{keys: '{keyring}'{besides}}}\n"
     )
 
     def swarmctl(*words: str) -> Result:

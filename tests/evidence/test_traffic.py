@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import struct
 
+import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.evidence.digest import digest
@@ -134,3 +136,42 @@ def test_a_digest_pairs_commands_with_answers_and_with_what_was_seen() -> None:
     assert (arming.sent, arming.refused, arming.unanswered, dict(arming.seen)) == (2, 1, 1, {})
     assert told.unasked == {"uav1": {"mode LOITER": 1}}
     assert [e["kind"] for e in told.people] == ["waiver"]
+
+
+def test_an_integer_of_px4_is_told_as_what_it_is() -> None:
+    three = struct.unpack("<f", struct.pack("<i", 3))[0]
+    asks = mavlink.MAVLink_param_set_message(1, 1, b"NAV_DLL_ACT", three, mavlink.MAV_PARAM_TYPE_INT32)
+    tells = mavlink.MAVLink_param_value_message(
+        b"NAV_DLL_ACT", three, mavlink.MAV_PARAM_TYPE_INT32, 1, 0xFFFF
+    )
+    tells.pack(mavlink.MAVLink(None, 1, 1))
+    traffic = Traffic()
+    traffic.heard(mavlink.MAVLink_heartbeat_message(2, mavlink.MAV_AUTOPILOT_PX4, 0, 0, 3, 3))
+    ((_, command),) = traffic.sent(asks)
+    ((_, answer),) = traffic.heard(tells)
+    assert (command["param_value"], answer["param_value"]) == (3.0, 3.0)
+
+
+def test_an_integer_of_ardupilot_comes_as_a_float() -> None:
+    traffic = Traffic()
+    traffic.heard(mavlink.MAVLink_heartbeat_message(2, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, 0, 0, 3, 3))
+    asks = mavlink.MAVLink_param_set_message(1, 1, b"FENCE_ENABLE", 1.0, mavlink.MAV_PARAM_TYPE_INT8)
+    ((_, command),) = traffic.sent(asks)
+    assert command["param_value"] == 1.0
+
+
+def effect(changed: str, before: object, after: object) -> dict[str, object]:
+    return {"vehicle": "alpha", "kind": "effect", "what": {"changed": changed, "from": before, "to": after}}
+
+
+@pytest.mark.parametrize("turned", [False, True], ids=["landed first", "disarmed first"])
+def test_who_disarms_where_it_has_landed_is_no_alarm(turned: bool) -> None:
+    down = [effect("landed", "IN_AIR", "ON_GROUND"), effect("armed", True, False)]
+    told = digest([effect("landed", "UNDEFINED", "IN_AIR"), *(reversed(down) if turned else down)])
+    assert told.unasked == {}
+    assert told.landed == {"alpha": 1}
+
+
+def test_who_disarms_in_the_air_is_one() -> None:
+    told = digest([effect("landed", "UNDEFINED", "IN_AIR"), effect("armed", True, False)])
+    assert told.unasked == {"alpha": {"armed False": 1}}

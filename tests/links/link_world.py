@@ -64,7 +64,8 @@ class World:
         self.to_vehicles: list[tuple[bytes, object]] = []
         self.events: list = []
         self._wall_us = 1_700_000_000_000_000
-        self.front = FrontEnd(wall_time_us=self._wall, memory={"test": self.wire})
+        self.said: list[str] = []
+        self.front = FrontEnd(wall_time_us=self._wall, memory={"test": self.wire}, say=self.said.append)
         self.tlog = tlog
 
     def _wall(self) -> int:

@@ -39,7 +39,9 @@ def troubles(file: Path) -> list[str]:
 @pytest.mark.parametrize(
     ("links", "vehicles"),
     [
-        ('forward: ["udpout:127.0.0.1:14550", "tcpin:0.0.0.0:5760"], forward_commands: true', SIMULATED),
+        ('forward: ["udpout:10.0.0.5:14550", "tcpin:127.0.0.1:5760"], forward_commands: true', SIMULATED),
+        ('forward: ["tcpin:0.0.0.0:5760"]', SIMULATED),
+        ('forward: ["tcpin:0.0.0.0:5760"], forward_commands: true, signing_key: some.key', ALPHA),
         ("signing_key: some.key, signing_link_id: 255", ALPHA),
         ("", SIMULATED),
     ],
@@ -55,6 +57,12 @@ def test_nothing_is_said_where_nothing_is_wrong(tmp_path: Path, links: str, vehi
         ("signing_key: some.key", SIMULATED, "signing_key: vehicles of `simulate` have no key"),
         ("signing_link_id: 256", ALPHA, "signing_link_id: input should be less than or equal to 255"),
         ('forward: ["udpin:127.0.0.1:14999"]', ALPHA, "forward[0]: udpin:127.0.0.1:14999 is where vehicles"),
+        (
+            'forward: ["udpin:0.0.0.0:14551"], forward_commands: true',
+            ALPHA,
+            "forward[0]: udpin://0.0.0.0:14551: others than this machine reach it, and with links."
+            "forward_commands every one of them could order the vehicles; listen at 127.0.0.1, or set",
+        ),
         ("forwards: []", SIMULATED, "forwards: unknown key; did you mean 'forward'?"),
     ],
 )
@@ -72,8 +80,8 @@ def test_check_looks_at_the_signing_key(tmp_path: Path) -> None:
         return result.exit_code, result.output
 
     code, said = check()
-    assert code == 1
-    assert f"links.signing_key: {key}: the signing key cannot be read" in said
+    assert code == 2
+    assert f"{file}:4: links.signing_key: {key}: the signing key cannot be read" in said
     key.write_text("passphrase: correct horse\n")
     key.chmod(0o644)
     assert f"{key} can be read by others" in check()[1]
@@ -86,3 +94,13 @@ def test_a_bad_url_to_forward_to_is_a_matter_of_usage(tmp_path: Path) -> None:
     result = CliRunner().invoke(cli, ["fly", "--config", str(file), "--forward", "14550"])
     assert result.exit_code == 2
     assert "--forward: '14550' is no link URL" in result.output
+
+
+@pytest.mark.parametrize("command", [["fly"], ["agent", "--uav", "uav1"]])
+def test_whom_the_command_line_would_let_strangers_order_is_not_flown(
+    tmp_path: Path, command: list[str]
+) -> None:
+    file = written(tmp_path, "forward_commands: true", SIMULATED)
+    result = CliRunner().invoke(cli, [*command, "--config", str(file), "--forward", "tcpin:0.0.0.0:5760"])
+    assert result.exit_code == 2
+    assert "--forward tcpin://0.0.0.0:5760: others than this machine reach it" in result.output

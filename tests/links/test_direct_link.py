@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import asyncio
+from pathlib import Path
 
 import pytest
 from link_world import World, flying, north, play
 from pymavlink import mavutil
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_copter import Copter
 
 from swarmctl.links.base import (
     AddressChanged,
     Conflict,
+    LaunchFailed,
     LinkError,
     TransportError,
 )
+from swarmctl.links.frontend import FrontEnd
 from swarmctl.links.url import Endpoint
 
 
@@ -32,6 +36,37 @@ def test_two_vehicles_with_one_system_id_are_a_conflict_and_the_second_is_not_he
                     world.wire.from_vehicle(frame, "impostor")
             assert world.events.count(Conflict("impostor")) == 1
             assert link.state().mode == "STABILIZE"
+
+    play(story())
+
+
+class Unrecorded:
+    """Takes all it is told, and cannot keep it."""
+
+    def to_vehicle(self, sysid, message, by=""):
+        return True
+
+    def from_vehicle(self, sysid, message):
+        pass
+
+    async def settled(self):
+        return "the disk is full"
+
+
+def test_nothing_is_armed_whose_evidence_would_not_outlive_a_loss_of_power():
+    async def story():
+        world = World(Copter(1))
+        world.front = FrontEnd(
+            wall_time_us=lambda: 1_700_000_000_000_000, memory={"test": world.wire}, witness=Unrecorded()
+        )
+        async with world:
+            link = world.link()
+            await link.connect(10)
+            await link.prepare(30, lambda _: None)
+            await link.upload(north(2))
+            with pytest.raises(LaunchFailed, match="not armed: the disk is full"):
+                await link.launch()
+            assert not {command for command, _ in world.copters[1].commands} & {300, 400}
 
     play(story())
 
@@ -132,6 +167,20 @@ def test_the_tlog_is_read_by_pymavlink_with_both_directions(tmp_path):
     assert 1_700_000_000 <= stamps[0] < 1_700_000_001
 
 
+def test_a_full_disk_ends_the_tlog_which_is_said_once_and_not_the_link():
+    async def story():
+        async with World(Copter(1), tlog=Path("/dev/full")) as world:
+            link = world.link()
+            await link.connect(10)
+            await link.upload(north(2))
+            await asyncio.sleep(10)
+            await link.upload(north(3))
+            link.close()
+        assert world.said == ["/dev/full: No space left on device; this log ends here, the flight goes on"]
+
+    play(story())
+
+
 def test_what_was_received_is_on_disk_within_a_second_or_so(tmp_path):
     path = tmp_path / "alpha.tlog"
 
@@ -148,5 +197,48 @@ def test_what_was_received_is_on_disk_within_a_second_or_so(tmp_path):
             await asyncio.sleep(1.1)
             assert b"the last words" not in logged
             assert b"the last words" in path.read_bytes()
+
+    play(story())
+
+
+def test_when_the_front_end_closes_its_links_are_over_and_nothing_is_sent_or_due_any_more():
+    """A run that fails leaves them as they are: in the middle of something, and asking for telemetry."""
+
+    async def story():
+        failures: list[dict] = []
+        asyncio.get_running_loop().set_exception_handler(lambda _loop, context: failures.append(context))
+        world = World(Copter(1))
+        async with world:
+            link = world.link()
+            await link.connect(10)
+            await link.prepare(30, lambda _: None)
+            world.silent = True
+            uploading = asyncio.create_task(link.upload(north(3)))
+            await asyncio.sleep(0.5)
+            await world.front.close()
+            await asyncio.sleep(0.01)
+            told = len(world.to_vehicles)
+            assert world.to_vehicles[-1][0][7:10] == b"\x2f\0\0", "MISSION_ACK: that the upload is over"
+            await asyncio.sleep(120)
+            assert len(world.to_vehicles) == told
+            assert failures == []
+            with pytest.raises(LinkError, match="closing the link"):
+                await uploading
+
+    play(story())
+
+
+def test_a_channel_that_is_detached_sends_nothing():
+    async def story():
+        async with World(Copter(1)) as world:
+            link = world.link()
+            await link.connect(10)
+            channel, question = link._channel, mavlink.MAVLink_mission_request_list_message(1, 1, 0)
+            for attached in (True, False):
+                world.to_vehicles.clear()
+                channel.send([question])
+                await asyncio.sleep(0.01)
+                assert (len(world.to_vehicles) == 1) == attached
+                channel.detach()
 
     play(story())

@@ -50,6 +50,9 @@ class Witness:
     def from_vehicle(self, sysid: int, message: Any) -> None:
         pass
 
+    async def settled(self) -> str:
+        return ""
+
 
 class WatchedWorld(World):
     """Copters, links to them, and somebody who is forwarded to."""
@@ -58,10 +61,12 @@ class WatchedWorld(World):
         super().__init__(*copters)
         self.witness = Witness()
         self.watching = Watching()
+        self.said: list[str] = []
         self.front = FrontEnd(
             wall_time_us=self._wall,
             memory={"test": self.wire, "watcher": self.watching.wire},
             witness=self.witness,
+            say=self.said.append,
         )
         self._commands = commands
 
@@ -166,6 +171,53 @@ def test_where_it_is_allowed_another_station_s_command_arrives_and_is_recorded_a
             assert any(m.command == 176 for m in acks)
 
     play(story())
+
+
+@pytest.mark.parametrize("arms", [0, 1])
+@pytest.mark.parametrize("code", [21196, 21196.4, 2989, float("nan")])
+def test_a_forced_arming_or_disarming_of_another_station_is_never_passed_on(arms: int, code: float) -> None:
+    """PX4 rounds the code; a vehicle that is disarmed in flight falls."""
+    rest = (arms, code, 0, 0, 0, 0, 0)
+
+    async def story() -> None:
+        async with WatchedWorld(Copter(1), commands=True) as world:
+            await world.link(1).connect(10)
+            await asyncio.sleep(5)
+            world.watching.say(mavlink.MAVLink_command_long_message(1, 1, 400, 0, *rest))
+            world.watching.say(mavlink.MAVLink_command_int_message(0, 0, 0, 400, 0, 0, *rest))
+            world.watching.say(HOLD)
+            await until(lambda: world.copters[1].mode_name == "GUIDED", 5)
+            assert 400 not in [command for command, _ in world.copters[1].commands]
+            assert world.said == [
+                "station 252 at memory:watcher asks for a forced arming or disarming: never passed on"
+            ]
+            assert world.front.refused == "forced armings or disarmings of other stations dropped: 2"
+
+    play(story())
+
+
+def test_a_plain_disarming_of_another_station_is_passed_on() -> None:
+    async def story() -> None:
+        async with WatchedWorld(Copter(1), commands=True) as world:
+            await world.link(1).connect(10)
+            await asyncio.sleep(5)
+            world.watching.say(mavlink.MAVLink_command_long_message(1, 1, 400, 0, 0, 0, 0, 0, 0, 0, 0))
+            await until(lambda: 400 in [command for command, _ in world.copters[1].commands], 5)
+            assert world.said == []
+
+    play(story())
+
+
+def test_where_others_than_this_machine_could_order_nobody_is_listened_for() -> None:
+    async def story() -> None:
+        async with FrontEnd(wall_time_us=lambda: 0) as front:
+            for url in ("udpin:0.0.0.0:0", "tcpin:[::]:0", "tcpin:somewhere:0"):
+                with pytest.raises(LinkError, match=r"could order the vehicles; listen at 127\.0\.0\.1"):
+                    await front.forward(parse_url(url), commands=True)
+            await front.forward(parse_url("udpin:127.0.0.1:0"), commands=True)
+            await front.forward(parse_url("udpin:0.0.0.0:0"))
+
+    asyncio.run(story())
 
 
 def test_where_we_speak_to_one_place_nobody_else_may_command() -> None:

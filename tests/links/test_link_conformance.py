@@ -185,7 +185,7 @@ def test_a_failed_swap_says_what_the_vehicle_flies(kind):
             assert link.state().mode == "RTL"
             with pytest.raises(SwapFailed, match="RTL") as caught:
                 await link.swap(north(4, east=0.001))
-            assert caught.value.flying == "unknown"
+            assert caught.value.flying == "theirs"
 
     play(story(), real=kind != "direct")
 

@@ -96,6 +96,7 @@ def link(front: FrontEnd, endpoint: Endpoint, events: list | None = None) -> Dir
     )
 
 
+@pytest.mark.autopilots("1.18")
 def test_udp_follows_a_reboot_to_another_port():
     async def story():
         here = Endpoint("udpin", HOST, free_port())
@@ -206,6 +207,7 @@ async def serve_tcp(copter: Copter, port: int):
     return await asyncio.start_server(client, HOST, port), writers
 
 
+@pytest.mark.autopilots("1.18")
 def test_tcp_out_connects_when_the_vehicle_comes_up_and_again_when_it_was_cut():
     async def story():
         copter, port = Copter(1, AWAKE), free_port(socket.SOCK_STREAM)

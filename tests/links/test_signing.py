@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.keyring.files import KeyringError
 from swarmctl.keyring.mavlink_key import TimestampFile, read_mavlink_key
-from swarmctl.links.signing import RESERVED, TICKS_PER_S, Signing, ticks
+from swarmctl.links.signing import LAST_TIMESTAMP, RESERVED, TICKS_PER_S, Signing, ticks
 from swarmctl.mavlink.codec import Encoder
 
 KEY = bytes(range(32))
@@ -133,6 +133,36 @@ def test_our_time_follows_the_latest_that_was_heard_of_others_with_the_key() -> 
     ours = signing()
     assert ours.accepts(said(peer(timestamp=START + 1000)), START)
     assert ours.sign(0, START).timestamp == START + 1001
+
+
+DAY = 24 * 3600 * TICKS_PER_S
+
+
+def test_a_stamp_more_than_a_day_ahead_is_refused_and_not_followed() -> None:
+    store = Memory()
+    ours = Signing(KEY, store)
+    assert ours.accepts(said(peer(timestamp=START + DAY)), START)
+    assert not ours.accepts(said(peer(timestamp=START + DAY + 1, sysid=2)), START)
+    assert not ours.accepts(said(peer(timestamp=LAST_TIMESTAMP, sysid=3)), START)
+    assert ours.refused == {"more than a day ahead of this machine's clock": 2}
+    stamps = [ours.sign(0, START).timestamp for _ in range(3)]
+    assert stamps == [START + DAY + 1, START + DAY + 2, START + DAY + 3]
+    assert Signing(KEY, store).sign(0, START).timestamp < START + DAY + 2 * RESERVED
+
+
+def test_a_vehicle_that_has_followed_us_is_heard_after_our_clock_went_back_by_a_year() -> None:
+    store = Memory()
+    stamp = Signing(KEY, store).sign(0, START).timestamp
+    after = Signing(KEY, store)
+    assert after.accepts(said(peer(timestamp=stamp)), START - 365 * DAY)
+    assert after.sign(0, START - 365 * DAY).timestamp > stamp
+
+
+def test_a_key_whose_stamps_are_used_up_is_said_at_the_start() -> None:
+    store = Memory()
+    store.kept = LAST_TIMESTAMP
+    with pytest.raises(ValueError, match="used up: make a new one, for the vehicles too"):
+        Signing(KEY, store)
 
 
 @settings(derandomize=True, deadline=None, max_examples=200)

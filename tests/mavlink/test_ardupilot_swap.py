@@ -11,10 +11,6 @@ from swarmctl.mavlink.events import ProcedureDone
 OLD, NEW = plan(north=8), plan(north=5, east=0.001, alt=33.333)
 
 
-def kinds(bench: FlyingBench, kind: str) -> list:
-    return [m for _, m in bench.sent if m.get_type() == kind]
-
-
 def watched_swap(bench: FlyingBench, new) -> tuple[object, set, set]:
     """The result, the modes it was in meanwhile, and the places it aimed at."""
     modes, aims = set(), set()
@@ -46,6 +42,16 @@ def test_the_new_route_is_written_behind_the_old_one_and_taken_over_without_a_st
     assert bench.vehicle.body.lat_lon_deg == pytest.approx(
         (NEW.landing.lat_deg, NEW.landing.lon_deg), abs=1e-5
     )
+
+
+def test_an_autopilot_that_acknowledges_items_without_having_asked_for_them_is_understood():
+    """ArduPilot asks when it next sends, and only for what has not come by then (MissionItemProtocol.cpp,
+    queued_request_send): over a quick link it never does."""
+    bench = FlyingBench("ardupilot").flying(OLD)
+    bench.block_down = lambda m: m.get_type() in ("MISSION_REQUEST", "MISSION_REQUEST_INT")
+    result, modes, _ = watched_swap(bench, NEW)
+    assert (result.failure, result.flying, result.stood_still_s) == (None, "new", 0.0)
+    assert modes == {"AUTO"}
 
 
 def test_swaps_one_after_the_other_each_go_behind_the_last():

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from bench import Faults
-from flying_bench import FlyingBench, plan
+from flying_bench import Faults, FlyingBench, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.personalities.base import Behaviour
-from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink import procedures
 
 OLD, NEW = plan(north=8), plan(north=5, east=0.001)
@@ -23,11 +21,8 @@ def orders(message) -> bool:
     return kind == "MISSION_SET_CURRENT" or (kind == "COMMAND_LONG" and message.command in changes)
 
 
-def commands(bench: FlyingBench) -> list[int]:
-    return [m.command for _, m in bench.sent if m.get_type() == "COMMAND_LONG"]
-
-
 @BOTH
+@pytest.mark.autopilots("1.6")
 def test_hold_needs_no_remote_control(personality):
     bench = FlyingBench(personality).flying(OLD)
     assert bench.do("hold", procedures.hold).failure is None
@@ -45,7 +40,7 @@ def test_a_vehicle_that_holds_takes_a_new_mission_and_flies_it(personality):
     bench.run(5)
     items = bench.session.mission_items(NEW)
     first = bench.session.dialect.first_waypoint_seq
-    result = bench.swap(NEW)
+    result = bench.swap(NEW, from_hold=True)
     assert (result.failure, result.flying) == (None, "new")
     assert bench.holds(items)
     assert bench.aim == (items[first].x, items[first].y)
@@ -69,11 +64,13 @@ def test_a_pilot_who_takes_over_at_any_moment_of_a_swap_keeps_the_vehicle(person
         late = [m.get_type() for now, m in bench.sent[sent:] if now > taken_s + 0.25 and orders(m)]
         assert late == []
         assert bench.session.state.mode_role == "land"
-        foreign += bench.session.result.flying == "unknown"
+        foreign += bench.session.result.flying == "theirs"
     assert foreign > 0
 
 
 @BOTH
+@pytest.mark.autopilots("2 shorter mission")
+@pytest.mark.autopilots("2 shorter mission", of="px4")
 def test_a_shorter_mission_than_the_current_item_is_begun_at_its_beginning(personality):
     """By itself ArduPilot would fly on to the deleted place, PX4 to the last one."""
     bench = FlyingBench(personality).flying(OLD)
@@ -93,6 +90,7 @@ def test_the_last_acknowledgements_are_lost_and_the_new_mission_is_flown(persona
     assert bench.holds(bench.session.items)
 
 
+@pytest.mark.autopilots("2 upload is atomic?", "2 re-upload in AUTO", "2 abandoned upload")
 def test_an_upload_that_is_abandoned_in_auto_leaves_the_flight_as_it_was():
     """ArduPilot writes what comes; so nothing that is flown is written before it holds."""
     bench = FlyingBench("ardupilot").flying(OLD)
@@ -115,6 +113,7 @@ def test_an_upload_that_is_abandoned_in_auto_leaves_the_flight_as_it_was():
     assert bench.stored[1 : len(old)] == old[1:]
 
 
+@pytest.mark.autopilots("1.7")
 def test_mission_start_is_not_sent_to_a_vehicle_that_has_disarmed_itself():
     """ArduPilot would accept it, go to AUTO, and stay on the ground."""
     bench = FlyingBench("ardupilot").uploaded(OLD)
@@ -127,22 +126,8 @@ def test_mission_start_is_not_sent_to_a_vehicle_that_has_disarmed_itself():
     bench.block_down = disarm_after_arming
     result = bench.do("launch", procedures.launch)
     assert result.failure is not None
-    assert mavlink.MAV_CMD_MISSION_START not in commands(bench)
+    assert mavlink.MAV_CMD_MISSION_START not in bench.commands
     assert not bench.vehicle.armed
-
-
-def test_px4_takes_a_return_as_an_item_in_frame_mission_only():
-    bench = FlyingBench("px4").prepared()
-    takeoff, *waypoints, _land = bench.session.mission_items(OLD)
-    rtl = mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
-    for frame, failure in (
-        (mavlink.MAV_FRAME_MISSION, None),
-        (mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, "UNSUPPORTED"),
-    ):
-        items = (takeoff, *waypoints, MissionItem(rtl, frame, 0, 0, 0.0))
-        done = bench.do("upload", lambda c, items=items: procedures.upload(c, items))
-        assert (done.failure is None) == (failure is None)
-        assert failure is None or failure in done.failure
 
 
 def test_a_return_is_a_mode_and_brings_it_home():
@@ -153,6 +138,7 @@ def test_a_return_is_a_mode_and_brings_it_home():
     assert bench.vehicle.body.lat_lon_deg == pytest.approx((46.049, 14.506), abs=2e-5)
 
 
+@pytest.mark.autopilots("2 abandoned upload", of="px4")
 def test_px4_gives_an_upload_up_without_an_acknowledgement_and_is_not_waited_for_in_the_air():
     bench = FlyingBench("px4").uploaded(OLD)
     bench.block = lambda m: m.get_type() == "MISSION_ITEM_INT" and bench.now < quiet_s

@@ -333,76 +333,159 @@ def announced(messages) -> list[tuple[int, int]]:
     return [(m.start_index, m.end_index) for m in partial]
 
 
-def test_items_are_appended_one_by_one_each_announced_by_itself():
+def items_of(messages) -> list[int]:
+    return [m.seq for m in messages if m.get_type() == "MISSION_ITEM_INT"]
+
+
+def count(n: int):
+    return mavlink.MAVLink_mission_count_message(255, 190, n, 0)
+
+
+MANY = tuple(MissionItem(16, 3, 460_000_000 + i, 145_000_000, 20.0 + i) for i in range(12))
+
+
+@pytest.mark.parametrize("asks", [True, False])
+def test_items_are_appended_each_announced_by_itself_whether_they_are_asked_for_or_not(asks):
+    """ArduPilot asks when it sends next, and only for what has not come by then."""
     append = Append(PEER, 7, ITEMS)
     out = append.start(0.0)
+    assert announced(out) == [(7, 7), (8, 8), (9, 9)]
+    assert items_of(out) == [7, 8, 9]
     for seq in (7, 8, 9):
-        assert announced(out) == [(seq, seq)]
-        assert [m.seq for m in out if m.get_type() == "MISSION_ITEM_INT"] == [seq]
-        assert append.receive(request(seq), 0.1) == [], "it is on its way"
-        out = append.receive(mission_ack(0), 0.1)
-    assert out == []
+        if asks:
+            assert append.receive(request(seq), 0.1) == [], "it is on its way"
+        assert append.result is None
+        assert append.receive(mission_ack(0), 0.1) == []
+    assert append.result.failure is None
+    assert append.result.answers_after_s == pytest.approx(0.1)
+
+
+def test_of_many_items_eight_are_on_their_way():
+    append = Append(PEER, 7, MANY)
+    assert items_of(append.start(0.0)) == list(range(7, 15))
+    assert items_of(append.receive(mission_ack(0), 0.1)) == [15]
+    assert items_of(append.receive(mission_ack(0), 0.1)) == [16]
+
+
+def test_an_item_that_it_goes_on_asking_for_is_sent_again():
+    append = Append(PEER, 7, ITEMS)
+    append.start(0.0)
+    assert append.receive(request(7), 0.1) == []
+    assert items_of(append.receive(request(7), 1.1)) == [7]
+
+
+def test_an_item_that_came_before_its_announcement_is_sent_when_it_is_asked_for():
+    append = Append(PEER, 7, ITEMS)
+    append.start(0.0)
+    append.receive(mission_ack(1), 0.1)
+    assert items_of(append.receive(request(7), 0.2)) == [7]
+
+
+def test_after_a_loss_it_is_asked_what_it_holds_and_gets_the_rest():
+    append = Append(PEER, 7, ITEMS)
+    append.start(0.0)
+    append.receive(mission_ack(0), 0.1)
+    append.receive(mission_ack(1), 0.1)  # for the announcement of the last: the one before was lost
+    assert kinds(append.tick(0.6)) == ["MISSION_REQUEST_LIST"]
+    out = append.receive(count(8), 0.7)
+    assert announced(out) == [(8, 8), (9, 9)]
+    append.receive(mission_ack(0), 0.8)
+    append.receive(mission_ack(0), 0.8)
     assert append.result.failure is None
 
 
-def test_an_item_that_came_before_its_announcement_is_sent_again_when_it_is_asked_for():
+def test_where_it_still_waits_for_an_item_what_is_missing_is_announced_anew():
     append = Append(PEER, 7, ITEMS)
     append.start(0.0)
-    append.receive(request(7), 0.1)
-    append.receive(mission_ack(1), 0.1)
-    assert [m.seq for m in append.receive(request(7), 0.2)] == [7]
+    append.receive(mission_ack(0), 0.1)
+    append.tick(0.6)
+    assert announced(append.receive(mission_ack(14), 0.7)) == [(8, 8), (9, 9)]
 
 
 def test_an_acknowledgement_that_was_taken_for_another_is_made_good():
-    """The list ends before the item that is announced, which is refused: the one before is missing."""
     append = Append(PEER, 7, ITEMS)
     append.start(0.0)
-    append.receive(request(7), 0.1)
     append.receive(mission_ack(0), 0.1)
     append.receive(mission_ack(0), 0.2)
-    assert append.receive(mission_ack(1), 0.3) == []
-    assert announced(append.tick(0.8)) == [(8, 8)]
+    assert append.receive(mission_ack(13), 0.3) == []
+    append.tick(0.8)
+    assert announced(append.receive(count(8), 0.9)) == [(8, 8), (9, 9)]
+
+
+def test_lost_acknowledgements_are_not_missed_where_the_items_are_there():
+    append = Append(PEER, 7, ITEMS)
+    append.start(0.0)
+    append.tick(0.5)
+    append.receive(count(10), 0.6)
+    assert append.result.failure is None
+
+
+def test_a_slow_link_is_not_asked_before_it_can_have_answered():
+    append = Append(PEER, 7, MANY)
+    append.start(0.0)
+    assert kinds(append.tick(0.5)) == ["MISSION_REQUEST_LIST"]
+    append.receive(mission_ack(0), 2.0)
+    assert append.next_deadline == 5.0
 
 
 def test_items_that_stand_already_are_not_answered_for():
     append = Append(PEER, 7, ITEMS)
     append.start(0.0)
     assert append.receive(request(6), 0.1) == []
-    assert append.receive(request(8), 0.1) == [], "nor one that was not announced yet"
-    assert append.receive(mission_ack(0), 0.1) == [], "an acknowledgement from before"
-    assert append.receive(mission_ack(1), 0.1) == []
+    assert append.receive(request(10), 0.1) == []
+    assert append.receive(mission_ack(1), 0.1) == [], "an acknowledgement from before"
+    assert append.receive(count(7), 0.1) == [], "nor was it asked"
     assert append.result is None
 
 
-def test_who_does_not_know_partial_lists_is_asked_three_times():
+def test_who_does_not_know_partial_lists_is_found_out_by_what_it_holds():
     append = Append(PEER, 7, ITEMS)
-    out = append.start(0.0)
-    for now in (0.5, 1.0, 1.5):
-        out += append.tick(now)
-    assert announced(out) == [(7, 7)] * 3
-    assert "no answer within 1.5 s" in append.result.failure
+    append.start(0.0)
+    append.tick(0.5)
+    assert announced(append.receive(count(7), 0.6)) == [(7, 7), (8, 8), (9, 9)]
+    append.tick(append.next_deadline)
+    append.receive(count(7), 2.0)
+    assert "it does not take partial lists" in append.result.failure
 
 
-@pytest.mark.parametrize(("code", "goes_on"), [(1, True), (13, True), (5, False), (4, False), (14, False)])
+def test_who_does_not_answer_is_given_up():
+    append = Append(PEER, 7, ITEMS)
+    append.start(0.0)
+    now = 0.0
+    while append.result is None:
+        now = append.next_deadline
+        append.tick(now)
+    assert now == 5.0
+    assert "no answer within 5 s" in append.result.failure
+
+
+@pytest.mark.parametrize("held", [6, 11])
+def test_a_list_of_another_length_than_was_known_ends_it(held):
+    append = Append(PEER, 7, ITEMS)
+    append.start(0.0)
+    append.tick(0.5)
+    append.receive(count(held), 0.6)
+    assert f"it holds {held} items where 7 were known" in append.result.failure
+
+
+@pytest.mark.parametrize(("code", "goes_on"), [(1, True), (13, True), (15, True), (5, False), (4, False)])
 def test_an_item_that_is_refused_ends_it_but_a_complaint_about_a_double_does_not(code, goes_on):
     append = Append(PEER, 7, ITEMS)
     append.start(0.0)
-    append.receive(request(7), 0.1)
     append.receive(mission_ack(code), 0.1)
     assert (append.result is None) == goes_on
 
 
-def test_a_link_too_slow_for_a_moving_vehicle_ends_it_with_how_far_it_came():
+def test_a_link_that_brings_too_little_ends_it_with_how_far_it_came():
     append = Append(PEER, 7, ITEMS)
     append.start(0.0)
-    append.receive(request(7), 0.1)
     append.receive(mission_ack(0), 0.2)
     now = 0.2
     while append.result is None:
-        now += 0.5
+        now = append.next_deadline
         append.tick(now)
-    assert "1 of 3 items within 4 s" in append.result.failure
-    assert now < 5.0
+    assert "1 of 3 items within 20 s" in append.result.failure
+    assert now == 20.0
 
 
 # Set current

@@ -6,15 +6,16 @@ from dataclasses import replace
 from functools import partial
 
 import pytest
-from fleet_bench import PLACE, FleetBench
+from flying_bench import HOME, FlyingBench, on_the_ground, plan
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from swarmctl.mavlink import procedures
 from swarmctl.mavlink.fence import MAX_VERTICES, fence_differences, fence_items, put_fence, read_fence
 from swarmctl.mavlink.mission_download import DownloadOutcome
 
 BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
-LAT, LON = PLACE
+LAT, LON = HOME
 SQUARE = (
     (LAT - 0.01, LON - 0.01),
     (LAT - 0.01, LON + 0.01),
@@ -24,19 +25,21 @@ SQUARE = (
 TRIANGLE = ((LAT - 0.02, LON), (LAT + 0.01, LON + 0.02), (LAT + 0.01, LON - 0.02))
 
 
-def put(bench: FleetBench, polygon) -> str | None:
+def put(bench: FlyingBench, polygon) -> str | None:
     return bench.do("put fence", partial(put_fence, items=fence_items(polygon))).failure
 
 
-def keeps(bench: FleetBench, polygon) -> bool:
+def keeps(bench: FlyingBench, polygon) -> bool:
     """Whether that is the fence by the vehicle's own memory."""
     found = [(item.x, item.y) for item in bench.vehicle.fence.items]
     return found == [(round(lat * 1e7), round(lon * 1e7)) for lat, lon in polygon]
 
 
 @BOTH
+@pytest.mark.autopilots("2 fence")
+@pytest.mark.autopilots("2 fence", of="px4")
 def test_a_fence_is_uploaded_and_read_back_equal(personality):
-    bench = FleetBench(personality)
+    bench = on_the_ground(personality)
     assert put(bench, SQUARE) is None
     assert keeps(bench, SQUARE)
     assert bench.vehicle.fence.zones[0].inclusion
@@ -47,7 +50,7 @@ def test_a_fence_is_uploaded_and_read_back_equal(personality):
 
 @BOTH
 def test_the_mission_is_not_touched(personality):
-    bench = FleetBench(personality)
+    bench = on_the_ground(personality)
     before = bench.vehicle.mission.count
     assert put(bench, TRIANGLE) is None
     assert bench.vehicle.mission.count == before
@@ -55,7 +58,7 @@ def test_the_mission_is_not_touched(personality):
 
 @BOTH
 def test_a_fence_replaces_the_one_before(personality):
-    bench = FleetBench(personality)
+    bench = on_the_ground(personality)
     assert put(bench, SQUARE) is None
     assert put(bench, TRIANGLE) is None
     assert keeps(bench, TRIANGLE)
@@ -63,18 +66,58 @@ def test_a_fence_replaces_the_one_before(personality):
 
 @BOTH
 def test_a_vehicle_that_refuses_is_not_believed(personality):
-    bench = FleetBench(personality, faults=("mission_refused:result=no_space",))
+    bench = on_the_ground(personality)
+    bench.inject("mission_refused:result=no_space")
     assert "upload rejected: NO_SPACE" in put(bench, SQUARE)
 
 
 @BOTH
 def test_no_fence_goes_up_to_an_armed_vehicle(personality):
-    bench = FleetBench(personality)
+    bench = on_the_ground(personality)
     bench.vehicle.body.arm(True)
     bench.run(2.0)
     sent = len(bench.sent)
     assert "it is armed" in put(bench, SQUARE)
     assert len(bench.sent) == sent
+
+
+@BOTH
+@pytest.mark.autopilots("2 fence")
+@pytest.mark.autopilots("2 fence", of="px4")
+def test_a_fence_whose_corners_do_not_add_up_is_another_fence(personality):
+    """ArduPilot refuses it at its end; PX4 takes it, and nobody knows what it makes of it."""
+    bench = on_the_ground(personality)
+    items = tuple(replace(item, param1=6.0) for item in fence_items(SQUARE))
+    failure = bench.do("put fence", partial(put_fence, items=items)).failure
+    assert (failure is None) == (personality == "px4")
+    found = bench.do("read fence", read_fence)
+    assert found.outcome is DownloadOutcome.COMPLETE
+    assert fence_differences(fence_items(SQUARE), found.items) != ()
+
+
+@BOTH
+@pytest.mark.autopilots("2 fence use")
+def test_who_turns_back_at_its_fence_is_not_sent_out_again(personality):
+    """A mission that leads outside is accepted; and an order after the breach would win over the return."""
+    fenced = {
+        "ardupilot": {"FENCE_ENABLE": 1, "FENCE_TYPE": 4, "FENCE_ACTION": 1},
+        "px4": {"GF_ACTION": 3},
+    }
+    bench = FlyingBench(personality, params=fenced[personality])
+    near = tuple(
+        (LAT + north / 1000, LON + east / 1000) for north, east in ((-1, -1), (-1, 1), (2, 1), (2, -1))
+    )
+    bench.prepared()
+    assert put(bench, near) is None
+    assert bench.upload(plan(north=12)).failure is None
+    assert bench.do("launch", procedures.launch).failure is None
+    assert bench.run(120, lambda: bench.session.state.mode_role == "return")
+    sent = len(bench.sent)
+    result = bench.swap(plan(north=12, east=0.0005))
+    assert (result.flying, "its mode is" in result.failure) == ("theirs", True)
+    assert len(bench.sent) == sent
+    assert bench.run(200, lambda: not bench.session.state.armed)
+    assert bench.vehicle.body.lat_lon_deg == pytest.approx(HOME, abs=2e-5)
 
 
 def test_another_fence_differs():
@@ -99,6 +142,6 @@ def test_what_no_vehicle_would_keep_is_not_sent():
     loss=st.floats(0.0, 0.4), seed=st.integers(0, 10_000), personality=st.sampled_from(["ardupilot", "px4"])
 )
 def test_over_a_bad_link_success_is_never_claimed_wrongly(loss, seed, personality):
-    bench = FleetBench(personality, loss=loss, seed=seed)
+    bench = on_the_ground(personality, loss=loss, seed=seed)
     if put(bench, SQUARE) is None:
         assert keeps(bench, SQUARE)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from math import inf
 
 import pytest
@@ -11,7 +12,7 @@ from scripted_copter import Script
 from swarmctl.mavlink import procedures
 
 OLD, NEW = plan(north=8), plan(north=6, east=0.002)
-LOITER = 5
+GUIDED, LOITER = 4, 5
 MODE, ARM, START, CURRENT = 176, 400, 300, 224
 DELAY_S = 0.3
 WIRES = [
@@ -31,7 +32,9 @@ def orders(bench: Bench, since: int) -> list[tuple[float, int]]:
     return [(now, command) for now, command in sent if command in (MODE, ARM, START, CURRENT)]
 
 
-def taken_over(bench: Bench, name: str, procedure, after_s: float) -> tuple[list[tuple[float, int]], object]:
+def taken_over(
+    bench: Bench, name: str, procedure, after_s: float, mode: int = LOITER
+) -> tuple[list[tuple[float, int]], object]:
     """A pilot takes over `after_s` into a procedure, and once more whenever a command crossed that.
 
     Returns the orders that were sent when no heartbeat from before was on its way any more, and the result.
@@ -45,8 +48,8 @@ def taken_over(bench: Bench, name: str, procedure, after_s: float) -> tuple[list
         nonlocal taken_s, checked
         late.extend(order for order in orders(bench, checked) if order[0] - taken_s > window_s)
         checked = len(bench.sent)
-        if bench.copter.mode != LOITER and bench.now >= take_s:
-            bench.copter.mode, taken_s = LOITER, bench.now
+        if bench.copter.mode != mode and bench.now >= take_s:
+            bench.copter.mode, taken_s = mode, bench.now
         return bench.session.busy_with is None
 
     bench.take(bench.session.begin(name, procedure, bench.now))
@@ -59,14 +62,41 @@ def test_a_pilot_who_takes_over_at_any_moment_of_a_swap_keeps_the_vehicle(script
     foreign = 0
     for after_s in EVERY_TENTH:
         bench = Bench(script).flying(OLD)
-        bench.faults = faults
+        bench.spoil(faults)
         late, result = taken_over(bench, "swap", lambda c, b=bench: procedures.swap(c, b.items(NEW)), after_s)
         assert late == [], f"taken over after {after_s:.1f} s: {result}"
         if result.failure is not None and "LOITER" in result.failure:
             foreign += 1
-            assert result.flying == "unknown"
+            assert result.flying == "theirs"
             assert bench.copter.mode == LOITER
     assert foreign > 0, "the pilot never came during a swap: the test tests nothing"
+
+
+@pytest.mark.parametrize(("script", "faults"), WIRES[:2], ids=WIRE_NAMES[:2])
+def test_who_chooses_our_own_hold_mode_in_a_swap_that_does_not_hold_keeps_the_vehicle(script, faults):
+    """Another station commands it in GUIDED. Only a swap that has it hold itself could not tell the two."""
+    theirs = 0
+    for after_s in EVERY_TENTH[:40]:
+        bench = Bench(script).flying(OLD)
+        bench.spoil(faults)
+        job = partial(procedures.swap, new=bench.items(NEW))
+        late, result = taken_over(bench, "swap", job, after_s, GUIDED)
+        assert late == [], f"taken over after {after_s:.1f} s: {result}"
+        assert result.flying in ("theirs", "new")
+        if result.flying == "theirs":
+            theirs += 1
+            assert bench.copter.mode == GUIDED
+    assert theirs > 0
+
+
+def test_a_swap_that_finds_it_in_hold_leaves_it_alone_unless_it_was_put_there():
+    bench = Bench().flying(OLD)
+    bench.copter.mode = GUIDED
+    bench.run(2)
+    sent = len(bench.sent)
+    assert bench.swap(NEW).flying == "theirs"
+    assert orders(bench, sent) == []
+    assert bench.swap(NEW, from_hold=True).flying == "new"
 
 
 @pytest.mark.parametrize(("script", "faults"), WIRES, ids=WIRE_NAMES)
@@ -76,7 +106,7 @@ def test_a_pilot_who_takes_over_at_any_moment_of_a_launch_keeps_the_vehicle(scri
         bench = Bench(script).prepared()
         uploaded = bench.do("upload", lambda c, b=bench: procedures.upload(c, b.items(OLD)))
         assert uploaded.failure is None
-        bench.faults = faults
+        bench.spoil(faults)
         late, result = taken_over(bench, "launch", procedures.launch, after_s)
         assert late == [], f"taken over after {after_s:.1f} s: {result}"
         if result.failure is not None and "LOITER" in result.failure:
@@ -223,6 +253,31 @@ def test_an_operators_order_goes_out_at_once_but_not_again_against_a_pilot(job):
     assert bench.run(100, lambda: bench.session.busy_with is None)
     assert len(orders(bench, sent)) == 1
     assert "LOITER" in bench.session.result.failure
+
+
+@pytest.mark.parametrize("job", [procedures.hold, procedures.return_home, procedures.land])
+@pytest.mark.parametrize("mode", [GUIDED, LOITER])
+def test_what_no_person_has_ordered_goes_out_only_after_a_look(job, mode):
+    """A rule's order, while a pilot has acted a moment ago and no heartbeat has told of it."""
+    bench = Bench(Script(heartbeats_unasked_only=True)).flying(OLD)
+    heartbeats = bench.session.state
+    bench.run(3, lambda: bench.session.state is not heartbeats)
+    bench.copter.mode = mode
+    sent = len(bench.sent)
+    result = bench.do("order", partial(job, looks_first=True))
+    assert bench.copter.mode == mode
+    if job is not procedures.hold or mode != GUIDED:
+        assert orders(bench, sent) == []
+        assert "set by its pilot" in result.failure
+
+
+def test_an_order_of_a_rule_that_interrupts_a_swap_may_find_the_hold_of_that_swap():
+    bench = Bench(Script(partial_lists=False), Faults(max_delay_s=DELAY_S, seed=5)).flying(OLD)
+    bench.take(bench.session.begin("swap", partial(procedures.swap, new=bench.items(NEW)), bench.now))
+    assert bench.run(20, lambda: bench.copter.mode == GUIDED)
+    bench.take(bench.session.cancel(bench.now))
+    assert bench.do("return_home", partial(procedures.return_home, looks_first=True)).failure is None
+    assert bench.copter.mode_name == "RTL"
 
 
 @pytest.mark.parametrize("mode", [0, 3, 4, 5, 6, 9], ids="mode {}".format)

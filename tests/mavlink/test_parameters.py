@@ -6,7 +6,7 @@ import struct
 from functools import partial
 
 import pytest
-from fleet_bench import FleetBench
+from flying_bench import FlyingBench, on_the_ground
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -19,26 +19,28 @@ REAL = {"ardupilot": "FENCE_ALT_MAX", "px4": "GF_MAX_VER_DIST"}
 INT32 = int(mavlink.MAV_PARAM_TYPE_INT32)
 
 
-def read(bench: FleetBench, *names: str) -> dict[str, float]:
+def read(bench: FlyingBench, *names: str) -> dict[str, float]:
     procedure = partial(read_parameters, names=names, byte_wise=bench.byte_wise)
     return {name: p.value for name, p in bench.do("read", procedure).items()}
 
 
-def write(bench: FleetBench, **wanted: float) -> str | None:
+def write(bench: FlyingBench, **wanted: float) -> str | None:
     procedure = partial(set_parameters, wanted=wanted, byte_wise=bench.byte_wise)
     return bench.do("write", procedure).failure
 
 
 @BOTH
+@pytest.mark.autopilots("1.16")
+@pytest.mark.autopilots("1.16", of="px4")
 def test_known_names_are_read_and_an_unknown_one_is_missing(personality):
-    bench = FleetBench(personality, params={WHOLE[personality]: 1, REAL[personality]: 77.5})
+    bench = on_the_ground(personality, params={WHOLE[personality]: 1, REAL[personality]: 77.5})
     found = read(bench, WHOLE[personality], REAL[personality], "NO_SUCH_NAME")
     assert found == {WHOLE[personality]: 1.0, REAL[personality]: 77.5}
 
 
 @BOTH
 def test_more_names_than_a_vehicle_queues_are_read(personality):
-    bench = FleetBench(personality)
+    bench = on_the_ground(personality)
     names = [name for name, _ in list(bench.params.items())[:40]]
     found = read(bench, *names)
     assert found == pytest.approx({name: bench.params[name] for name in names}, rel=1e-6)
@@ -46,7 +48,7 @@ def test_more_names_than_a_vehicle_queues_are_read(personality):
 
 @BOTH
 def test_what_is_not_as_wanted_is_set_and_heard_back(personality):
-    bench = FleetBench(personality)
+    bench = on_the_ground(personality)
     assert write(bench, **{WHOLE[personality]: 1, REAL[personality]: 62.5}) is None
     assert bench.params[WHOLE[personality]] == 1
     assert bench.params[REAL[personality]] == 62.5
@@ -54,14 +56,14 @@ def test_what_is_not_as_wanted_is_set_and_heard_back(personality):
 
 @BOTH
 def test_what_is_as_wanted_already_is_not_sent(personality):
-    bench = FleetBench(personality, params={WHOLE[personality]: 1})
+    bench = on_the_ground(personality, params={WHOLE[personality]: 1})
     assert write(bench, **{WHOLE[personality]: 1}) is None
-    assert bench.names("PARAM_SET") == []
+    assert bench.of("PARAM_SET") == []
 
 
 @BOTH
 def test_nothing_is_set_where_one_name_is_unknown(personality):
-    bench = FleetBench(personality)
+    bench = on_the_ground(personality)
     before = bench.params[WHOLE[personality]]
     failure = write(bench, **{WHOLE[personality]: 1 - before, "NO_SUCH_NAME": 2})
     assert "it told no NO_SUCH_NAME; nothing was set" in failure
@@ -69,16 +71,16 @@ def test_nothing_is_set_where_one_name_is_unknown(personality):
 
 
 def test_a_value_that_the_vehicle_does_not_keep_is_said():
-    bench = FleetBench("ardupilot")
+    bench = on_the_ground("ardupilot")
     failure = write(bench, FORMAT_VERSION=3)  # read-only there
     assert failure == "FORMAT_VERSION is 120 instead of 3"
 
 
 def test_an_integer_parameter_of_px4_takes_no_fraction():
-    bench = FleetBench("px4")
+    bench = on_the_ground("px4")
     failure = write(bench, NAV_DLL_ACT=1.5)
     assert failure.startswith("nothing was set: 1.5 is no value")
-    assert bench.names("PARAM_SET") == []
+    assert bench.of("PARAM_SET") == []
 
 
 @settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
@@ -86,7 +88,7 @@ def test_an_integer_parameter_of_px4_takes_no_fraction():
     loss=st.floats(0.0, 0.5), seed=st.integers(0, 10_000), personality=st.sampled_from(["ardupilot", "px4"])
 )
 def test_over_a_bad_link_success_is_never_claimed_wrongly(loss, seed, personality):
-    bench = FleetBench(personality, loss=loss, seed=seed)
+    bench = on_the_ground(personality, loss=loss, seed=seed)
     failure = write(bench, **{WHOLE[personality]: 1, REAL[personality]: 40.0})
     kept = bench.params[WHOLE[personality]] == 1 and bench.params[REAL[personality]] == 40.0
     assert failure is not None or kept

@@ -19,18 +19,6 @@ MODEST = settings(
 )
 
 
-def names(bench: Bench, kind: str) -> list:
-    return [m for _, m in bench.sent if m.get_type() == kind]
-
-
-def swap(bench: Bench, new=NEW):
-    return bench.do("swap", lambda c: procedures.swap(c, bench.items(new)))
-
-
-def upload(bench: Bench, what=OLD):
-    return bench.do("upload", lambda c: procedures.upload(c, bench.items(what)))
-
-
 def test_prepare_sets_guided_again_because_the_first_one_was_undone():
     bench = Bench(Script(boot_s=4.0, ready_at_s=6.0)).prepared()
     assert bench.copter.mode_name == "GUIDED"
@@ -57,7 +45,7 @@ def test_prepare_refuses_a_vehicle_that_is_armed():
 def test_an_upload_onto_a_flying_vehicle_is_refused():
     bench = Bench().flying(OLD)
     before = len(bench.sent)
-    assert "is swapped" in upload(bench, NEW).failure
+    assert "is swapped" in bench.upload(NEW).failure
     assert len(bench.sent) == before
 
 
@@ -77,7 +65,7 @@ def test_launch_without_a_mission_arms_nothing():
 @pytest.mark.parametrize("late", [False, True], ids=["text before the ack", "text after the ack"])
 def test_launch_says_in_the_vehicles_words_why_it_does_not_arm(late):
     bench = Bench(Script(refuse_arming="Compass not calibrated", late_texts=late)).prepared()
-    upload(bench)
+    bench.upload(OLD)
     failure = bench.do("launch", procedures.launch).failure
     assert "COMPONENT_ARM_DISARM: FAILED" in failure
     assert "Compass not calibrated" in failure
@@ -85,14 +73,16 @@ def test_launch_says_in_the_vehicles_words_why_it_does_not_arm(late):
 
 def test_launch_that_stays_on_the_ground_ends_disarmed():
     bench = Bench(Script(stays_on_ground=True)).prepared()
-    upload(bench)
+    bench.upload(OLD)
     assert "does not take off" in bench.do("launch", procedures.launch).failure
     assert not bench.copter.armed
 
 
 def test_swap_flies_the_new_plan_from_its_first_waypoint():
     bench = Bench().flying(OLD)
-    assert swap(bench) == procedures.Swapped(None, "new", 0.0)
+    result = bench.swap(NEW)
+    assert (result.failure, result.flying, result.stood_still_s) == (None, "new", 0.0)
+    assert 0.0 < result.took_s < 2.0
     assert bench.flies(NEW, behind=OLD)
     assert bench.copter.mode_name == "AUTO"
     assert bench.copter.seq == len(bench.items(OLD)), "the first item behind the old ones"
@@ -101,9 +91,10 @@ def test_swap_flies_the_new_plan_from_its_first_waypoint():
 
 def test_a_swap_without_partial_lists_is_flown_from_its_first_waypoint():
     bench = Bench(Script(partial_lists=False)).flying(OLD)
-    result = swap(bench)
+    result = bench.swap(NEW)
     assert (result.failure, result.flying) == (None, "new")
-    assert result.stood_still_s > 0.0
+    modes = [params[1] for command, params in bench.copter.commands if command == 176]
+    assert modes[-2:] == [4.0, 3.0], "it holds meanwhile"
     assert bench.mission_is(NEW)
     assert (bench.copter.mode_name, bench.copter.seq) == ("AUTO", 2)
     assert len(bench.session.items) == len(bench.items(NEW))
@@ -125,7 +116,7 @@ def test_a_swap_without_partial_lists_is_flown_from_its_first_waypoint():
 def test_a_failed_swap_leaves_a_whole_plan_or_hold_and_says_which(script, flying, says):
     bench = Bench().flying(OLD)
     bench.copter.script = replace(script, partial_lists=False)
-    result = swap(bench)
+    result = bench.swap(NEW)
     assert result.flying == flying
     assert says in result.failure
     assert bench.copter.mode_name == ("GUIDED" if flying == "hold" else "AUTO")
@@ -135,11 +126,11 @@ def test_a_failed_swap_leaves_a_whole_plan_or_hold_and_says_which(script, flying
 
 def test_a_swap_right_after_the_launch_lets_it_climb_first():
     bench = Bench(faults=Faults(max_delay_s=0.1)).prepared()
-    upload(bench)
+    bench.upload(OLD)
     assert bench.do("launch", procedures.launch).failure is None
     assert bench.copter.alt < 5.0
     bench.take(bench.session.begin("swap", lambda c: procedures.swap(c, bench.items(NEW)), bench.now))
-    assert bench.run(60, lambda: names(bench, "MISSION_WRITE_PARTIAL_LIST") != [])
+    assert bench.run(60, lambda: bench.of("MISSION_WRITE_PARTIAL_LIST") != [])
     assert bench.copter.alt == OLD.takeoff_alt_m
     assert bench.run(60, lambda: bench.session.busy_with is None)
     assert bench.session.result.flying == "new"
@@ -148,10 +139,10 @@ def test_a_swap_right_after_the_launch_lets_it_climb_first():
 def test_a_vehicle_that_comes_down_is_not_called_back():
     bench = Bench().flying(OLD)
     assert bench.run(120, lambda: bench.session.state.landed == 4)
-    result = swap(bench)
+    result = bench.swap(NEW)
     assert (result.flying, "lands just now" in result.failure) == ("old", True)
     assert bench.run(60, lambda: not bench.session.state.armed)
-    result = swap(bench)
+    result = bench.swap(NEW)
     assert (result.flying, result.failure) == ("old", "it is not flying")
 
 
@@ -161,7 +152,7 @@ def test_swap_leaves_a_vehicle_alone_that_somebody_else_has_taken(mode):
     bench.copter.mode = mode
     bench.run(2)
     before = len(bench.sent)
-    assert swap(bench).flying == "unknown"
+    assert bench.swap(NEW).flying == "theirs"
     assert len(bench.sent) == before
     assert bench.mission_is(OLD)
 
@@ -172,7 +163,7 @@ def test_a_pilot_who_takes_over_during_the_upload_keeps_the_vehicle():
     assert bench.run(20, lambda: bench.copter.transfer is not None)
     bench.copter.mode = 5
     assert bench.run(200, lambda: bench.session.busy_with is None)
-    assert bench.session.result.flying == "unknown"
+    assert bench.session.result.flying == "theirs"
     assert bench.copter.mode_name == "LOITER"
     assert 224 not in [command for command, _ in bench.copter.commands], "nor is its current item changed"
 
@@ -180,9 +171,9 @@ def test_a_pilot_who_takes_over_during_the_upload_keeps_the_vehicle():
 def test_a_swap_after_a_failed_one_starts_from_hold():
     bench = Bench().flying(OLD)
     bench.copter.script = Script(refuse_set_current=True)
-    assert swap(bench).flying == "hold"
+    assert bench.swap(NEW).flying == "hold"
     bench.copter.script = Script()
-    assert swap(bench).flying == "new"
+    assert bench.swap(NEW, from_hold=True).flying == "new"
     assert bench.mission_is(NEW)
 
 
@@ -212,18 +203,18 @@ def test_an_operators_command_outlasts_a_boot_that_undoes_it():
 def test_a_swap_on_a_perfect_wire_is_quick(script, limit_s):
     bench = Bench(script).flying(OLD)
     before = bench.now
-    assert swap(bench).flying == "new"
+    assert bench.swap(NEW).flying == "new"
     assert bench.now - before < limit_s
 
 
 @pytest.mark.parametrize("partial_lists", [True, False])
-def test_a_link_that_dies_in_a_swap_ends_in_unknown(partial_lists):
+def test_a_link_that_dies_in_a_swap_ends_in_what_was_known_last(partial_lists):
     bench = Bench(Script(partial_lists=partial_lists), Faults(max_delay_s=0.3)).flying(OLD)
     bench.take(bench.session.begin("swap", lambda c: procedures.swap(c, bench.items(NEW)), bench.now))
     assert bench.run(20, lambda: bench.copter.transfer is not None)
     bench.silent = True
     assert bench.run(400, lambda: bench.session.busy_with is None)
-    assert bench.session.result.flying == "unknown"
+    assert bench.session.result.flying == ("unknown" if partial_lists else "hold")
     if partial_lists:
         landed = bench.run(200, lambda: not bench.copter.armed)
         assert landed, "it flies its old plan to the end, whatever stands behind that"
@@ -247,15 +238,15 @@ def test_cancelling_an_upload_tells_the_vehicle():
 def test_a_lost_final_ack_is_settled_by_reading_back():
     bench = Bench().prepared()
     bench.block_down = lambda m: m.get_type() == "MISSION_ACK"
-    assert upload(bench).failure is None
+    assert bench.upload(OLD).failure is None
     assert bench.mission_is(OLD)
-    assert len(names(bench, "MISSION_COUNT")) == 1
+    assert len(bench.of("MISSION_COUNT")) == 1
 
 
 def test_an_upload_over_a_mission_that_was_never_given_up_is_tried_again_later():
     bench = Bench().prepared()
     bench.block = lambda m: m.get_type() == "MISSION_ITEM_INT" and m.seq == 3 and bench.now < 30
-    assert upload(bench).failure is None
+    assert bench.upload(OLD).failure is None
     counts = [now for now, m in bench.sent if m.get_type() == "MISSION_COUNT"]
     assert counts[-1] - counts[0] >= 9.0
     assert bench.mission_is(OLD)
@@ -263,7 +254,7 @@ def test_an_upload_over_a_mission_that_was_never_given_up_is_tried_again_later()
 
 def test_after_a_reboot_the_streams_come_back_and_the_mission_is_in_doubt():
     bench = Bench().prepared()
-    upload(bench)
+    bench.upload(OLD)
     bench.run(10)
     bench.copter.boot(bench.now)
     assert bench.run(15, lambda: 33 in bench.copter.streams and Rebooted() in bench.events)
@@ -295,7 +286,7 @@ def test_an_upload_ends_with_exactly_that_mission_or_says_that_it_did_not(faults
     bench = Bench(faults=faults)
     assert bench.run(200, lambda: bench.session.state.mode != "")
     what = plan(north=count)
-    done = upload(bench, what)
+    done = bench.upload(what)
     if done.failure is None:
         assert bench.mission_is(what)
         assert bench.session.dialect.differences(bench.items(what), bench.session.items) == ()
@@ -311,7 +302,7 @@ def test_two_uploads_one_after_the_other_never_mix(faults):
     bench.take(bench.session.begin("upload", lambda c: procedures.upload(c, bench.items(OLD)), bench.now))
     bench.run(1.0)
     bench.take(bench.session.cancel(bench.now))
-    if upload(bench, NEW).failure is None:
+    if bench.upload(NEW).failure is None:
         assert bench.mission_is(NEW)
 
 
@@ -319,8 +310,7 @@ def test_two_uploads_one_after_the_other_never_mix(faults):
 @given(faults=faults, partial_lists=st.booleans())
 def test_a_swap_on_a_bad_wire_never_flies_a_mixture_and_tells_the_truth(faults, partial_lists):
     bench = Bench(Script(partial_lists=partial_lists)).flying(OLD)
-    bench.faults = faults
-    bench._rng.seed(faults.seed)
+    bench.spoil(faults)
     mixed = []
 
     def watch() -> bool:

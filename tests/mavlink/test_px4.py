@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from flying_bench import FlyingBench, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from wire_bench import Faults
 
 from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
 from swarmctl.mavlink import procedures
@@ -13,10 +14,6 @@ from swarmctl.mavlink.dialects import Readiness, dialect_for
 PX4 = dialect_for(mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_TYPE_QUADROTOR)
 OLD, NEW = plan(north=8), plan(north=5, east=0.001, alt=33.333)
 ITEM, SET_CURRENT = "MISSION_ITEM_INT", "MISSION_SET_CURRENT"
-
-
-def kinds(bench: FlyingBench, kind: str) -> list:
-    return [m for _, m in bench.sent if m.get_type() == kind]
 
 
 @pytest.mark.parametrize(
@@ -106,7 +103,7 @@ def test_a_second_launch_begins_at_the_first_item_wherever_the_first_one_ended()
     assert bench.do("upload", lambda c: procedures.upload(c, again)).failure is None
     assert bench.do("launch", procedures.launch).failure is None
     assert bench.session.state.mission_seq == 0
-    assert [m.seq for m in kinds(bench, SET_CURRENT)] == [0]
+    assert [m.seq for m in bench.of(SET_CURRENT)] == [0]
 
 
 def test_launch_says_in_the_vehicles_words_why_it_does_not_arm():
@@ -163,7 +160,7 @@ def test_a_swap_changes_the_mission_at_once_and_does_not_stop():
     assert bench.holds(items)
     assert bench.session.items == bench.stored
     assert bench.vehicle.mission.index == 1
-    assert kinds(bench, SET_CURRENT) == [], "the item to fly came with the upload"
+    assert bench.of(SET_CURRENT) == [], "the item to fly came with the upload"
 
 
 def test_an_autopilot_that_overlooks_the_marked_item_is_told_by_message():
@@ -174,8 +171,8 @@ def test_an_autopilot_that_overlooks_the_marked_item_is_told_by_message():
     bench.vehicle.mission.replace = lambda pilot, new, current: take(pilot, new, -1)
     result = bench.do("swap", lambda c: procedures.swap(c, items))
     assert result.flying == "new"
-    assert [m.seq for m in kinds(bench, SET_CURRENT)] == [1]
-    assert 224 not in [m.command for m in kinds(bench, "COMMAND_LONG")]
+    assert [m.seq for m in bench.of(SET_CURRENT)] == [1]
+    assert 224 not in bench.commands
 
 
 def test_a_shorter_mission_than_the_item_flown_is_begun_at_its_beginning():
@@ -203,9 +200,10 @@ def test_a_lost_final_acknowledgement_is_settled_by_reading_back():
     bench = FlyingBench("px4").flying(OLD)
     bench.block_down = lambda m: m.get_type() == "MISSION_ACK"
     assert bench.swap(NEW).flying == "new"
-    assert len(kinds(bench, "MISSION_COUNT")) == 2, "one for each mission"
+    assert len(bench.of("MISSION_COUNT")) == 2, "one for each mission"
 
 
+@pytest.mark.autopilots("2 upload is atomic?", "2 abandoned upload", of="px4")
 def test_an_upload_that_dies_without_a_word_leaves_the_old_mission():
     """PX4 gives a transfer up after five seconds and acknowledges nothing."""
     bench = FlyingBench("px4").flying(OLD)
@@ -226,9 +224,28 @@ def test_a_swap_leaves_a_vehicle_alone_that_somebody_else_has_taken(number):
     bench.vehicle.modes.enter(number)
     bench.run(2)
     before = len(bench.sent)
-    assert bench.swap(NEW).flying == "unknown"
+    assert bench.swap(NEW).flying == "theirs"
     assert len(bench.sent) == before
     assert bench.holds(old)
+
+
+def test_a_pilots_hold_at_any_moment_of_a_swap_is_not_fought():
+    """It flies on while a swap writes: only somebody else has it hold."""
+    held = 0
+    for tenths in range(30):
+        bench = FlyingBench("px4").flying(OLD)
+        bench.spoil(Faults(max_delay_s=0.2, seed=tenths))
+        items = bench.session.mission_items(NEW)
+        bench.begin("swap", lambda c, items=items: procedures.swap(c, items))
+        bench.run(tenths / 10)
+        if bench.session.busy_with is None:
+            break
+        bench.vehicle.modes.enter(4 << 16 | 3 << 24)
+        assert bench.run(200, lambda b=bench: b.session.busy_with is None)
+        assert bench.session.result.flying == "theirs", bench.session.result
+        assert bench.mode == "AUTO.LOITER"
+        held += 1
+    assert held > 5
 
 
 def test_a_mission_that_the_vehicle_finds_infeasible_ends_with_the_old_one():

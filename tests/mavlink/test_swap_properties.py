@@ -1,20 +1,25 @@
-"""Swaps over wires that lose, double, delay and fail, on both kinds of autopilot: no mixture, no untruth."""
+"""Swaps over wires that lose, double, delay and fail, each way there is to swap: no mixture, no untruth.
+
+What a vehicle holds at the end is what the ground station says that it holds, also where it, or its link,
+begins anew in the middle.
+"""
 
 from __future__ import annotations
 
 from typing import Any
 
 import pytest
-from bench import Faults
-from flying_bench import FlyingBench, plan
+from flying_bench import Faults, FlyingBench, plan
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink import procedures
 
-OLD, NEW = plan(north=8), plan(north=6, east=0.001, alt=33.333)
+OLD, NEW, NEWER = plan(north=8), plan(north=6, east=0.001, alt=33.333), plan(north=7, east=-0.001)
 Items = tuple[MissionItem, ...]
+WAYS = ["at once", "behind", "in place"]
+MODEST = settings(deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 
 wires = st.builds(
     Faults,
@@ -27,6 +32,15 @@ outages = st.lists(
     st.tuples(st.floats(0.0, 6.0), st.sampled_from([0.3, 2.0, 12.0])).map(lambda o: (o[0], o[0] + o[1])),
     max_size=2,
 )
+
+
+def flying(way: str) -> FlyingBench:
+    """A vehicle on its way that is swapped like that."""
+    bench = FlyingBench("px4" if way == "at once" else "ardupilot").flying(OLD)
+    if way == "in place":
+        # A firmware that does not answer partial lists, so that it has to hold.
+        bench.block = lambda m: m.get_type() == "MISSION_WRITE_PARTIAL_LIST"
+    return bench
 
 
 class Witness:
@@ -84,17 +98,19 @@ def swapped(bench: FlyingBench, wire: Faults, cuts: list[tuple[float, float]]) -
     return witness, result
 
 
-@pytest.mark.parametrize("personality", ["ardupilot", "px4"])
-@settings(
-    max_examples=12, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.data_too_large]
-)
-@given(wire=wires, cuts=outages)
-def test_a_swap_never_flies_a_mixture_and_tells_the_truth(personality, wire, cuts):
-    bench = FlyingBench(personality).flying(OLD)
-    witness, result = swapped(bench, wire, cuts)
+def agrees(bench: FlyingBench, result: procedures.Swapped) -> bool:
+    """What it holds is what the ground station says; which says nothing only of what it does not claim."""
     assert (result.failure is None) == (result.flying == "new")
-    if bench.session.items:
-        assert bench.holds(bench.session.items), "what it holds is what the ground station says"
+    return bench.holds(bench.session.items) if bench.session.items else result.flying != "new"
+
+
+@pytest.mark.parametrize("way", WAYS)
+@settings(MODEST, max_examples=8)
+@given(wire=wires, cuts=outages)
+def test_a_swap_never_flies_a_mixture_and_tells_the_truth(way, wire, cuts):
+    bench = flying(way)
+    witness, result = swapped(bench, wire, cuts)
+    assert agrees(bench, result)
     if not bench.vehicle.armed:
         return  # it has landed at the end of one of them meanwhile
     if result.flying == "new":
@@ -105,11 +121,56 @@ def test_a_swap_never_flies_a_mixture_and_tells_the_truth(personality, wire, cut
         assert bench.mode == bench.session.dialect.hold_mode
 
 
-@pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+@pytest.mark.parametrize("way", WAYS)
+@settings(MODEST, max_examples=6)
+@given(wire=wires, after_s=st.floats(0.0, 3.0), silence_s=st.sampled_from([0.5, 1.5, 8.0]))
+def test_a_vehicle_that_boots_anew_in_a_swap_is_not_claimed_to_fly(way, wire, after_s, silence_s):
+    """Its motors stop; what it holds outlives that. The next swap of it is none, and says so."""
+    bench = flying(way)
+    new = bench.session.mission_items(NEW)
+    bench.spoil(wire)
+    bench.begin("swap", lambda c: procedures.swap(c, new))
+    bench.run(after_s)
+    under_way = bench.session.busy_with is not None
+    bench.inject(f"reboot:silence_s={silence_s}")
+    assert bench.run(900, lambda: bench.session.busy_with is None), "the swap does not end"
+    result = bench.session.result
+    bench.heal()
+    bench.run(silence_s + 10.0)
+    if under_way:
+        assert result.flying in ("unknown", "hold", "theirs", "old"), result
+    if bench.session.items:
+        assert bench.holds(bench.session.items)
+    again = bench.swap(NEW)
+    assert "not flying" in again.failure or "its mode is" in again.failure
+    assert not bench.vehicle.armed
+
+
+@pytest.mark.parametrize("way", WAYS)
+@settings(MODEST, max_examples=5)
+@given(wire=wires, pause_s=st.sampled_from([0.0, 0.4, 3.0]))
+def test_swaps_one_after_the_other_leave_no_remains_of_the_first_in_the_second(way, wire, pause_s):
+    """As an agent does it: the newest plan goes up as soon as the swap before has ended, however it ended."""
+    bench = flying(way)
+    bench.spoil(wire)
+    for new in (NEW, NEWER):
+        bench.run(pause_s)
+        result = bench.swap(new)
+    bench.heal()
+    bench.run(3.0)
+    assert agrees(bench, result)
+    if result.flying == "new" and bench.vehicle.armed:
+        tail = bench.session.mission_items(NEWER)[bench.session.dialect.first_waypoint_seq :]
+        held = bench.stored[-len(tail) :]
+        assert bench.session.dialect.differences(tail, held, len(bench.stored) - len(tail)) == ()
+        assert bench.vehicle.mission.index >= len(bench.stored) - len(tail)
+
+
+@pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("end_s", [0.05, 0.1, 0.2, 0.4, 0.8])
-def test_a_link_that_dies_for_good_in_a_swap_leaves_a_whole_plan(personality, end_s):
-    """Whatever the last message was that got through, the vehicle flies one plan to its end."""
-    bench = FlyingBench(personality).flying(OLD)
+def test_a_link_that_dies_for_good_in_a_swap_leaves_a_whole_plan(way, end_s):
+    """Whatever the last message was that got through, the vehicle flies one plan to its end; or it holds."""
+    bench = flying(way)
     new = bench.session.mission_items(NEW)
     witness = Witness(bench, new)
     bench.spoil(Faults(max_delay_s=0.05, seed=5), (end_s, 1e9))
@@ -121,7 +182,11 @@ def test_a_link_that_dies_for_good_in_a_swap_leaves_a_whole_plan(personality, en
             mixtures.append(bench.now)
         return not bench.vehicle.armed
 
-    assert bench.run(300, down)
+    landed = bench.run(300, down)
     assert mixtures == []
+    if not landed:
+        assert way == "in place"
+        assert bench.mode == bench.session.dialect.hold_mode
+        return
     goals = [(p.landing.lat_deg, p.landing.lon_deg) for p in (OLD, NEW)]
     assert any(bench.vehicle.body.lat_lon_deg == pytest.approx(goal, abs=2e-5) for goal in goals)

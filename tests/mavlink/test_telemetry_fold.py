@@ -9,7 +9,7 @@ from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
 from swarmctl.core.vehicle import Landed
 from swarmctl.mavlink.conversation import IllegalEvent, Peer
 from swarmctl.mavlink.dialects import Readiness, Unsupported, dialect_for
-from swarmctl.mavlink.events import Heard, Identity, Lost, Restored, StateChanged, Text
+from swarmctl.mavlink.events import Heard, Identity, Lost, Rebooted, Restored, StateChanged, Text
 from swarmctl.mavlink.presence import LinkState, Presence
 from swarmctl.mavlink.session import Session
 from swarmctl.mavlink.streams import StreamKeeper
@@ -43,13 +43,51 @@ def text(words: str, severity: int = 4, msg_id: int = 0, chunk: int = 0):
 def folded(*messages) -> Telemetry:
     telemetry = Telemetry(COPTER)
     for message in messages:
-        telemetry.receive(message)
+        telemetry.receive(message, 0.0)
     return telemetry
+
+
+GPS = M.MAV_SYS_STATUS_SENSOR_GPS
+
+
+def of_gps(present: bool, healthy: bool):
+    return M.MAVLink_sys_status_message(GPS * present, 0, GPS * healthy, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("told", "gps_ok"),
+    [
+        ([], None),
+        ([(False, True)], None),
+        ([(True, True)], True),
+        ([(True, False)], False),
+        ([(True, True), (False, True)], False),
+        ([(True, True), (False, False)], False),
+        ([(True, True), (False, True), (True, True)], True),
+    ],
+    ids=[
+        "not heard",
+        "it has none",
+        "a fix",
+        "no fix",
+        "PX4 calls absent what it no longer uses, and healthy",
+        "so does ArduPilot of a receiver that is silent",
+        "a fix again",
+    ],
+)
+def test_a_gps_that_was_there_and_is_not_any_more_is_lost(told, gps_ok):
+    assert folded(*(of_gps(*bits) for bits in told)).state.gps_ok is gps_ok
+
+
+def test_what_gps_was_there_before_a_reboot_counts_no_more():
+    booted = folded(position(60_000), of_gps(True, True), position(1000), of_gps(False, True))
+    assert booted.reboots == 1
+    assert booted.state.gps_ok is None
 
 
 def test_a_snapshot_is_complete_with_a_position():
     telemetry = folded(heartbeat(3, armed=True), sys_status())
-    assert telemetry.receive(position())
+    assert telemetry.receive(position(), 0.0)
     state = telemetry.state
     assert (state.mode, state.armed, state.battery_percent, state.battery_v) == ("AUTO", True, 88, 15.8)
     assert (state.lat_deg, state.lon_deg, state.alt_rel_m) == (46.049, 14.506, 20.5)
@@ -85,18 +123,36 @@ def test_each_field_comes_from_its_message(message, field, value):
 
 def test_a_position_overtaken_by_a_newer_one_is_not_news():
     telemetry = folded(position(5000))
-    assert not telemetry.receive(position(4000, lat=1))
+    assert not telemetry.receive(position(4000, lat=1), 0.0)
     assert telemetry.state.lat_deg == 46.049
     assert telemetry.reboots == 0
 
 
 def test_a_clock_that_goes_back_is_a_reboot_and_forgets_what_was():
     telemetry = folded(heartbeat(4), sys_status(), text("STRIKE 2 over 1,1 from 1,2"), position(60_000))
-    telemetry.receive(position(500))
+    telemetry.receive(position(500), 0.0)
     assert telemetry.reboots == 1
     assert (telemetry.state.strikes, telemetry.state.battery_v, telemetry.state.ready) == (0, None, False)
     assert (telemetry.state.mode, telemetry.state.mode_role) == ("GUIDED", "hold")
-    assert telemetry.receive(position(700))
+    assert telemetry.receive(position(700), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("uptime_s", "silent_s", "reboots"),
+    [
+        (61.0, 1.0, 0),
+        (90.0, 30.0, 0),
+        (180.0, 120.0, 0),
+        (119.5, 120.0, 0),
+        (90.0, 120.0, 1),
+        (61.0, 70.0, 1),
+    ],
+)
+def test_who_is_younger_than_it_was_not_heard_of_has_booted_since(uptime_s, silent_s, reboots):
+    """Its clock may have come past where it was: it was silent for longer than it had run before."""
+    telemetry = folded(position(60_000))
+    telemetry.receive(position(round(1000 * uptime_s)), silent_s)
+    assert telemetry.reboots == reboots
 
 
 @pytest.mark.parametrize(
@@ -118,7 +174,7 @@ def test_a_long_text_is_put_together_and_a_hole_in_it_shown():
     telemetry = folded(
         text(a, 4, 7, 0), text(b, 4, 7, 1), text(c, 4, 7, 2), text(a, 4, 8, 0), text(c, 4, 8, 2)
     )
-    assert telemetry.texts == [(4, a + b + c), (4, f"{a} ... {c}")]
+    assert list(telemetry.texts) == [(4, a + b + c), (4, f"{a} ... {c}")]
 
 
 READY = Readiness("GUIDED", True, 16, ())
@@ -144,15 +200,15 @@ def test_nothing_is_ready_before_everything_was_heard():
     assert telemetry.state.not_ready == (
         "no EKF_STATUS_REPORT, EXTENDED_SYS_STATE, MISSION_CURRENT heard yet",
     )
-    telemetry.receive(M.MAVLink_ekf_status_report_message(16, 0, 0, 0, 0, 0))
-    telemetry.receive(M.MAVLink_extended_sys_state_message(0, 1))
-    telemetry.receive(M.MAVLink_mission_current_message(0, 0))
+    telemetry.receive(M.MAVLink_ekf_status_report_message(16, 0, 0, 0, 0, 0), 0.0)
+    telemetry.receive(M.MAVLink_extended_sys_state_message(0, 1), 0.0)
+    telemetry.receive(M.MAVLink_mission_current_message(0, 0), 0.0)
     assert telemetry.state.ready
 
 
 @pytest.mark.parametrize(
     ("autopilot", "kind", "says"),
-    [(12, 1, "PX4 vehicles of type FIXED_WING"), (3, 1, "FIXED_WING"), (0, 2, "GENERIC")],
+    [(12, 1, "PX4 vehicles of type FIXED_WING"), (3, 10, "GROUND_ROVER"), (0, 2, "GENERIC")],
 )
 def test_other_vehicles_are_refused_by_name(autopilot, kind, says):
     with pytest.raises(Unsupported, match=says):
@@ -330,3 +386,91 @@ def test_only_our_simulators_mark_means_that_no_aircraft_is_there(uid2, simulate
     identity = session.identity(version)
     assert identity == Identity(1, 3, 2, "ArduPilot 4.6.2", uid2)
     assert identity.simulated is simulated
+
+
+def system_time(boot_ms: int):
+    return M.MAVLink_system_time_message(0, boot_ms)
+
+
+def test_who_tells_no_position_any_more_is_still_told_of_once_a_second():
+    """PX4 sends none without a valid one: battery, GPS and mode are judged by all the same."""
+    session = Session(Peer(1))
+    told(session, 0.0, heartbeat(3, armed=True), sys_status(), position())
+    states = []
+    for second in range(1, 61):
+        events = told(session, float(second), heartbeat(3, armed=True), sys_status(percent=3))
+        states += [event.state for event in events if isinstance(event, StateChanged)]
+    assert 55 <= len(states) <= 65
+    assert states[-1].battery_percent == 3
+
+
+def test_where_it_was_is_soon_forgotten_and_known_again_with_the_next_position():
+    session = Session(Peer(1))
+    told(session, 0.0, heartbeat(), position())
+    told(session, 2.0, heartbeat())
+    assert session.state.has_position
+    told(session, 4.0, heartbeat())
+    assert (session.state.lat_deg, session.state.lon_deg, session.state.alt_rel_m) == (None, None, None)
+    assert session.state.alt_amsl_m is None
+    assert session.state.position_s == 0.0
+    told(session, 5.0, position(6000))
+    assert session.state.has_position
+    assert session.state.position_s == 5.0
+
+
+def test_its_clock_goes_on_without_a_position():
+    session = Session(Peer(1))
+    told(session, 0.0, heartbeat(), position(1000))
+    told(session, 1.0, heartbeat(), system_time(2000))
+    assert session.state.time_boot_s == 1.0  # as of the position
+    told(session, 9.0, heartbeat(), system_time(10_000))
+    assert session.state.time_boot_s == 10.0
+
+
+def test_a_clock_that_is_told_without_a_position_shows_a_reboot_too():
+    session = Session(Peer(1))
+    told(session, 0.0, heartbeat(), position(60_000))
+    assert Rebooted() in told(session, 4.0, heartbeat(), system_time(3000))
+
+
+def test_a_state_says_when_what_it_is_made_of_was_told():
+    session = Session(Peer(1))
+    told(session, 1.0, heartbeat())
+    told(session, 2.0, sys_status())
+    told(session, 3.0, position())
+    state = session.state
+    assert (state.heartbeat_s, state.status_s, state.position_s) == (1.0, 2.0, 3.0)
+
+
+WILD = 2**31 - 1
+
+
+@pytest.mark.parametrize(
+    "wild",
+    [
+        position(lat=WILD, lon=WILD),
+        position(lat=-WILD - 1),
+        position(lat=900_000_001),
+        position(lon=-1_800_000_001),
+        position(alt=WILD),
+        position(relative_alt=-WILD),
+        position(relative_alt=20_001_000),
+    ],
+)
+def test_a_place_that_cannot_be_is_no_place(wild):
+    state = folded(position(500), wild).state
+    assert (state.lat_deg, state.lon_deg, state.alt_rel_m, state.alt_amsl_m) == (None,) * 4
+    assert state.time_boot_s == 1.0
+
+
+def test_a_home_that_cannot_be_is_no_home():
+    state = folded(M.MAVLink_home_position_message(WILD, WILD, 0, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)).state
+    assert state.home_lat_deg is None
+
+
+def test_of_a_vehicle_that_talks_without_end_the_last_texts_are_kept():
+    telemetry = folded(*(text(f"line {n}") for n in range(1000)))
+    assert len(telemetry.texts) < 500
+    assert telemetry.n_texts == 1000
+    assert telemetry.texts_since(998) == [(4, "line 998"), (4, "line 999")]
+    assert telemetry.texts_since(1000) == []

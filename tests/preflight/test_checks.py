@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from swarmctl.core.geo import LocalFrame
-from swarmctl.core.mission import FlightPlan, Waypoint
+from swarmctl.core.mission import Approach, FlightPlan, Waypoint
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.events import Identity
 from swarmctl.mavlink.fence import fence_items
@@ -41,6 +41,18 @@ def flight(*points_m: tuple[float, float], speed_m_s: float = 10.0, up_m: float 
     return Trajectory((*times_s, times_s[-1] + 40.0), (*points, (*points_m[-1], 0.0)))
 
 
+def landing(at_goal: tuple[float, float], at_home: tuple[float, float] | None = None) -> FlightPlan:
+    """Of a fixed wing that lands flying east, out of a circle of 60 m beside the begin of its final."""
+    approaches = []
+    for touchdown in (at_goal, at_home or place(300.0, 300.0)):
+        east_m, north_m = FRAME.to_local(*touchdown)
+        final, centre = place(east_m - 100.0, north_m), place(east_m - 160.0, north_m - 60.0)
+        low = (Waypoint(*centre, 20.0), 60.0, Waypoint(*final, 20.0), Waypoint(*touchdown, 0.0))
+        approaches.append(Approach(*low))
+    track = (Waypoint(*place(0.0, 0.0), 40.0), Waypoint(*at_goal, 40.0))
+    return FlightPlan(20.0, track, track[-1], approach=approaches[0], home_approach=approaches[1])
+
+
 SQUARE = tuple(
     place(*corner) for corner in ((-100.0, -100.0), (600.0, -100.0), (600.0, 600.0), (-100.0, 600.0))
 )
@@ -60,8 +72,11 @@ FIT = Facts(
     sysid=1,
     identity=Identity(1, 3, 2, "ArduPilot 4.6.2", b"\x01".ljust(18)),
     conflict="",
+    no_route="",
     state=STATE,
     age_s=0.4,
+    position_age_s=0.2,
+    status_age_s=0.9,
     instruments=Instruments(FIX, 1.8e9, 10.0),
     clock_offset_s=0.3,
     clock_tolerance_s=2.0,
@@ -123,11 +138,17 @@ UNFIT: list[tuple[str, Facts, str]] = [
     ("identity", but(identity=None), "has not said who it is"),
     ("identity", but(identity=replace(FIT.identity, sysid=9)), "system 9"),
     ("identity", but(identity=replace(FIT.identity, autopilot=8)), "system 1, ArduPilot"),
+    ("identity", but(airframe="plane"), "system 1, ArduPilot 4.6.2, a copter"),
+    ("identity", but(identity=replace(FIT.identity, vehicle_type=1)), "system 1, ArduPilot 4.6.2, a plane"),
     ("unique", but(conflict="another sender, at X, uses its system id 1"), "another sender, at X"),
     ("unique", other(sysid=1), "system 1, as uav2"),
     ("unique", other(identity=FIT.identity), "the same autopilot as uav2"),
     ("position", but(age_s=float("inf")), "never heard"),
     ("position", but(age_s=9.0), "last heard 9 s ago"),
+    ("position", but(position_age_s=9.0), "tells no position"),
+    ("position", but(position_age_s=float("inf")), "tells no position"),
+    ("position", but(status_age_s=9.0), "told too long ago"),
+    ("position", but(status_age_s=float("inf")), "told too long ago, or never"),
     ("position", state(lat_deg=None), "tells no position"),
     ("position", state(ready=False, not_ready=("PreArm: Compass",)), "not ready to arm: PreArm: Compass"),
     ("gps", but(instruments=None), "did not come"),
@@ -144,6 +165,7 @@ UNFIT: list[tuple[str, Facts, str]] = [
     ("battery", but(endurance_s=None), "nobody has said how long it flies"),
     ("battery", state(battery_percent=None), "does not tell its charge"),
     ("battery", state(battery_percent=38), "38 %"),
+    ("battery", but(status_age_s=9.0), "80 %, as told 9 s ago"),
     ("battery", but(flight=None), "no verified route"),
     ("parameters", but(no_table="no table for X 1.0"), "no table for X 1.0"),
     ("parameters", but(parameters={}), "FENCE_ENABLE not told"),
@@ -155,6 +177,13 @@ UNFIT: list[tuple[str, Facts, str]] = [
     ("route", but(plan=plan((0.0, 0.0), (700.0, 300.0), (400.0, 300.0))), "leg 2 of 4 leaves the fence"),
     ("route", state(lat_deg=START[0] - 0.01), "leg 1 of 3 leaves the fence"),
     ("route", but(plan=plan((0.0, 0.0), up_m=95.0)), "climbs to 95 m"),
+    ("route", but(plan=landing(place(560.0, 300.0))), "its landing at its goal leaves the fence"),
+    ("route", but(plan=landing(place(200.0, 200.0), place(-90.0, 0.0))), "its landing at home leaves"),
+    ("heading", but(airframe="plane"), "does not tell how it stands"),
+    ("heading", but(airframe="plane", state=replace(STATE, heading_deg=180.0)), "180 degrees"),
+    ("heading", but(airframe="plane", plan=None), "no verified route"),
+    ("separation", other(airframe="plane"), "0 m over ground from uav2 after 0 s"),
+    ("separation", other(airframe="plane", flight=None), "uav2 flies too, and where is not known"),
     ("separation", other(altitude_m=42.5), "0 m over ground from uav2 after 0 s"),
     ("separation", other(altitude_m=40.0, flight=None), "uav2 flies at 40 m too, and where is not known"),
     ("separation", but(flight=None, others=(replace(FIT.others[0], altitude_m=40.0),)), "not known here"),
@@ -174,6 +203,14 @@ def test_an_unfit_vehicle_fails_with_what_was_found_and_what_to_do(name, facts, 
 
 def test_every_check_has_a_row_that_it_fails() -> None:
     assert {name for name, *_ in UNFIT} == {check.NAME for check in CHECKS}
+
+
+def test_a_fixed_wing_whose_landings_are_inside_and_that_stands_along_its_first_leg_may_go() -> None:
+    stands = replace(STATE, heading_deg=101.0)
+    fit = replace(FIT, airframe="plane", plan=landing(place(300.0, 300.0)), state=stands)
+    assert finding("route", fit).ok
+    assert finding("heading", fit).ok
+    assert finding("identity", replace(fit, identity=replace(FIT.identity, vehicle_type=1))).ok
 
 
 def test_battery_for_the_way_there_and_back_with_a_reserve() -> None:

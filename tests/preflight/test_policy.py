@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import math
 from typing import Any
 
 import pytest
 from flights import AREA
 
+from swarmctl.agent.approach import Wings
 from swarmctl.config import Config
 from swarmctl.config_preflight import Policy
 from swarmctl.judge import judge
@@ -16,10 +18,19 @@ from swarmctl.mavlink.firmware import Firmware, firmware_of
 from swarmctl.preflight.policy import Intent, NoTable, Wanted, parameters_for
 
 COPTER, PLANE, PX4 = Firmware("ArduCopter", (4, 6)), Firmware("ArduPlane", (4, 6)), Firmware("PX4", (1, 15))
+WINGS = Wings(
+    loiter_radius_m=60.0,
+    final_height_m=20.0,
+    glide_deg=6.0,
+    min_speed_m_s=11.0,
+    takeoff_height_m=20.0,
+    home=(46.0, 14.4),
+)
 
 
 def wanted(firmware: Firmware, **policy: Any) -> dict[str, Wanted]:
-    intent = Intent(Policy(**policy), gcs_sysid=255, altitude_m=40.0, ceiling_m=90.0)
+    wings = WINGS if firmware is PLANE else None
+    intent = Intent(Policy(**policy), gcs_sysid=255, altitude_m=40.0, ceiling_m=90.0, wings=wings)
     return {w.name: w for w in parameters_for(firmware, intent)}
 
 
@@ -36,6 +47,8 @@ def wanted(firmware: Firmware, **policy: Any) -> dict[str, Wanted]:
         (COPTER, {"low_battery": "return"}, "BATT_FS_LOW_ACT", [2, 3], [0, 1, 5]),
         (COPTER, {"low_battery": "land"}, "BATT_FS_LOW_ACT", [1], [0, 2]),
         (COPTER, {}, "BATT_LOW_VOLT", [10.5, 21.6], [0]),
+        (COPTER, {}, "BATT_LOW_TIMER", [1, 10, 120], [0]),
+        (PLANE, {}, "BATT_LOW_TIMER", [1, 10], [0]),
         (COPTER, {}, "FENCE_ENABLE", [1], [0]),
         (COPTER, {}, "FENCE_TYPE", [5], [0, 1, 4, 7]),
         (COPTER, {}, "FENCE_ALT_MAX", [40, 60, 90], [39.9, 90.1, 0]),
@@ -43,6 +56,11 @@ def wanted(firmware: Firmware, **policy: Any) -> dict[str, Wanted]:
         (PLANE, {"lost_link": "return"}, "FS_GCS_ENABL", [1], [0, 2]),
         (PLANE, {"lost_link": "return"}, "FS_LONG_ACTN", [1], [0, 2, 3]),
         (PLANE, {"lost_link": "continue"}, "FS_GCS_ENABL", [0], [1]),
+        (PLANE, {}, "RTL_AUTOLAND", [1], [0, 2, 3]),
+        (PLANE, {}, "RTL_ALTITUDE", [-1, 20, 40, 90], [0, 10, 91, 100]),
+        (PLANE, {}, "WP_LOITER_RAD", [60, -60, 45], [61, -61, 80]),
+        (PLANE, {}, "RTL_RADIUS", [0, -60, 60], [61, 80]),
+        (PLANE, {}, "AIRSPEED_MIN", [9, 11], [12]),
         (PX4, {"lost_link": "return"}, "NAV_DLL_ACT", [2], [0, 1, 3, 5, 6]),
         (PX4, {"lost_link": "hold"}, "NAV_DLL_ACT", [1], [0, 2]),
         (PX4, {"lost_link": "return", "lost_link_after_s": 12}, "COM_DL_LOSS_T", [12], [10]),
@@ -50,12 +68,18 @@ def wanted(firmware: Firmware, **policy: Any) -> dict[str, Wanted]:
         (PX4, {"fence_breach": "land"}, "GF_ACTION", [5], [0, 2, 3, 4]),
         (PX4, {}, "GF_MAX_VER_DIST", [40, 90], [0, 100]),
         (PX4, {}, "GF_MAX_HOR_DIST", [0], [200]),
+        (COPTER, {}, "RTL_ALT", [0, 1500, 6000], [-100, 6001, 12_000]),
+        (COPTER, {}, "RTL_CLIMB_MIN", [0], [500]),
+        (Firmware("ArduCopter", (4, 7)), {}, "RTL_ALT_M", [0, 15, 60], [61, 1500]),
+        (Firmware("ArduCopter", (4, 7)), {}, "RTL_CLIMB_MIN_M", [0], [5]),
+        (PX4, {}, "RTL_RETURN_ALT", [0, 30, 60], [61, 100]),
     ],
 )
 def test_values_that_say_what_is_declared(firmware, policy, name, good, bad) -> None:
     parameter = wanted(firmware, **policy)[name]
     assert [value for value in good if not parameter.accepts(float(value))] == []
-    assert [value for value in bad if parameter.accepts(float(value))] == []
+    no_numbers = [math.nan, math.inf, -math.inf]
+    assert [value for value in [*bad, *no_numbers] if parameter.accepts(float(value))] == []
     if parameter.set_to is not None:
         assert parameter.accepts(parameter.set_to)
 
@@ -75,11 +99,27 @@ def test_nothing_of_the_link_is_asked_where_losing_it_changes_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    "firmware", [Firmware("ArduCopter", (4, 4)), Firmware("PX4", (1, 13)), Firmware("", (1, 0))], ids=str
+    "firmware",
+    [
+        Firmware("ArduCopter", (4, 4)),
+        Firmware("ArduCopter", (4, 8)),
+        Firmware("PX4", (1, 13)),
+        Firmware("PX4", (1, 17)),
+        Firmware("", (1, 0)),
+    ],
+    ids=str,
 )
 def test_a_firmware_without_a_table_is_not_guessed(firmware) -> None:
-    with pytest.raises(NoTable, match=r"no table for .*; there is one from ArduCopter 4.5"):
+    with pytest.raises(NoTable, match=r"no table for .*; there is one for ArduCopter 4.5 to 4.7, "):
         wanted(firmware)
+
+
+def test_under_a_low_ceiling_it_returns_below_it() -> None:
+    low = Intent(Policy(), gcs_sysid=255, altitude_m=8.0, ceiling_m=12.0)
+    for firmware, name, most in ((COPTER, "RTL_ALT", 1200.0), (PX4, "RTL_RETURN_ALT", 12.0)):
+        (parameter,) = (w for w in parameters_for(firmware, low) if w.name == name)
+        assert parameter.set_to == most
+        assert not parameter.accepts(most + 1.0)
 
 
 def test_what_a_firmware_cannot_do_is_said() -> None:
@@ -87,9 +127,16 @@ def test_what_a_firmware_cannot_do_is_said() -> None:
         wanted(PLANE, fence_breach="land")
 
 
+def test_a_plane_that_is_planned_for_as_a_copter_has_no_table() -> None:
+    intent = Intent(Policy(), gcs_sysid=255, altitude_m=40.0, ceiling_m=90.0)
+    with pytest.raises(NoTable, match="planned for as what hovers"):
+        parameters_for(PLANE, intent)
+
+
 def test_what_is_written_changes_only_what_is_declared() -> None:
     options = wanted(COPTER, lost_link="return")["FS_OPTIONS"]
     assert options.corrected(19.0) == 17.0, "the other bits stay"
+    assert options.corrected(math.nan) is None, "nobody knows the other bits"
     monitor = wanted(COPTER)["BATT_MONITOR"]
     assert monitor.corrected(0.0) is None, "what is built in is no matter of policy"
 

@@ -53,7 +53,7 @@ def test_what_fails_is_in_the_table_with_what_to_do(tmp_path: Path) -> None:
     assert result.output.count("FAILS") == 2
     assert "100 %" in result.output
     assert "95 % in reserve" in result.output
-    assert "charge it, or give it a shorter way" in result.output
+    assert "no charge is enough" in result.output
 
 
 def test_what_is_waived_is_in_the_table_too(tmp_path: Path) -> None:

@@ -68,7 +68,7 @@ def test_fit_vehicles_pass_every_check_and_none_is_armed(autopilot: str, tmp_pat
     report = checked(small(simulate={"count": 2, "ready_s": 1.0, "autopilot": autopilot}), tmp_path)
     assert (report.ended, report.trouble) == ("ended", ())
     assert failing(report) == []
-    assert {name: len(findings) for name, findings in report.checked.items()} == {"uav1": 11, "uav2": 11}
+    assert {name: len(findings) for name, findings in report.checked.items()} == {"uav1": 12, "uav2": 12}
     assert not any(state.armed_seen or state.vehicle.armed for state in report.states.values())
 
 
@@ -103,7 +103,7 @@ def test_parameters_are_set_only_where_the_configuration_says_so(afflict: Afflic
     report = fly(small(preflight={"set_parameters": True}), tmp_path, ui=ui)
     assert report.all_arrived
     (said,) = [text for text in ui.said if text.startswith("uav1: set as")]
-    assert said.endswith("FENCE_ENABLE 0 → 1, FENCE_ACTION 0 → 1")
+    assert said.endswith("FENCE_ENABLE 0 → 1, FENCE_ACTION 0 → 1 (they stay so afterwards)")
 
 
 def test_the_checks_alone_set_no_parameter(afflict: Afflict, tmp_path: Path) -> None:
@@ -139,7 +139,8 @@ def test_what_is_waived_flies_is_said_and_is_recorded(afflict: Afflict, tmp_path
         app.fly(scenario, tmp_path / "flight", ui, clock="virtual", permission=lambda _: None, manner=manner)
     )
     assert report.all_arrived
-    assert "uav1: battery is waived: found 50 %" in ui.said
+    (said,) = [text for text in ui.said if text.startswith("uav1: battery is waived: found 50 %")]
+    assert "wanted 69 %" in said
     waived = [c for c in report.summary["preflight"] if c["waived"]]
     assert [(c["vehicle"], c["check"], c["found"]) for c in waived] == [("uav1", "battery", "50 %")]
 
@@ -183,6 +184,7 @@ def test_a_vehicle_that_refuses_the_fence_is_not_armed(afflict: Afflict, tmp_pat
     assert any("uav3" in text and "upload rejected: NO_SPACE" in text for text in ui.said)
 
 
+@pytest.mark.autopilots("2 fence use")
 def test_a_route_out_of_a_fence_of_its_own_is_found_leg_by_leg(tmp_path: Path) -> None:
     scenario = small()
     to_geodetic = scenario.grid.frame.to_geodetic
@@ -191,3 +193,31 @@ def test_a_route_out_of_a_fence_of_its_own_is_found_leg_by_leg(tmp_path: Path) -
     report = checked(small(preflight={"fence": {"polygon": polygon}}), tmp_path)
     assert failing(report) == [(f"uav{n}", "route") for n in (1, 2, 3)]
     assert "leaves the fence" in report.trouble[0]
+
+
+def test_a_charge_that_was_told_long_ago_is_not_known(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It sends SYS_STATUS until it holds its mission, and then no more, asked or not."""
+
+    def without(frames: list[tuple[int, bytes]]) -> list[tuple[int, bytes]]:
+        told = [(i, f) for i, f in frames if f[5:6] != b"\x02" or f[7:10] != b"\x01\0\0"]
+        return told if holds else frames
+
+    holds: list[bool] = []
+
+    class Dumb(virtual.Fleet):  # type: ignore[misc, name-defined]
+        def step(self, now: float) -> Any:
+            return without(super().step(now))
+
+        def receive(self, *args: Any, **kwargs: Any) -> Any:
+            if self.vehicles[1].mission.count and not holds:
+                holds.append(True)
+            return without(super().receive(*args, **kwargs))
+
+    monkeypatch.setattr(virtual, "Fleet", Dumb)
+    report = checked(small(simulate={"count": 2, "ready_s": 1.0}), tmp_path)
+    assert holds
+    assert failing(report) == [("uav2", "position"), ("uav2", "battery")]
+    (finding,) = (c.finding for c in report.checked["uav2"] if c.check == "battery")
+    assert "%, as told " in finding.found

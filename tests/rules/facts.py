@@ -45,6 +45,9 @@ class Judged:
         self._rule, self._params = rule, rule.Params(**params)
         self._memory: Any = None
 
-    def __call__(self, now: float, known: Facts) -> Action | None:
+    def __call__(self, now: float, known: Facts, **stamps: Any) -> Action | None:
+        """What it was told has just come in, unless `stamps` say otherwise."""
+        young = {"heartbeat_s": now, "status_s": now, "position_s": now, **stamps}
+        known = replace(known, vehicle=replace(known.vehicle, **young))
         self._memory, demand = self._rule.judge(self._params, self._memory, known, now)
         return demand

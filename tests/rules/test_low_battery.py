@@ -27,6 +27,15 @@ def test_a_dip_under_full_thrust_is_no_low_battery() -> None:
         assert rule(float(second), facts(at(0.0, 0.0, battery_percent=percent))) is None
 
 
+def test_one_low_charge_is_not_many_because_nothing_else_is_told() -> None:
+    rule = Judged(low_battery, return_percent=25.0, seconds=3.0)
+    low = facts(at(0.0, 0.0, battery_percent=5))
+    for quarters in range(240):
+        assert rule(quarters / 4, low, status_s=0.0) is None
+    demand = rule(61.0, low)
+    assert demand is not None
+
+
 def test_what_is_spent_does_not_come_back() -> None:
     rule = Judged(low_battery, return_percent=25.0, seconds=0.0)
     demand = rule(0.0, facts(at(0.0, 0.0, battery_percent=20)))

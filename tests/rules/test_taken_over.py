@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 from facts import Judged, at, facts
 
-from swarmctl.rules import Kind, taken_over
-from swarmctl.rules.taken_over import RECENT_S, STALE_MODE_S
+from swarmctl.rules import Doing, Kind, taken_over
+from swarmctl.rules.taken_over import BOOTS_S, STALE_MODE_S
 
 LOITER = at(0.0, 0.0, mode="LOITER", mode_role="other")
 GUIDED = at(0.0, 0.0, mode="GUIDED", mode_role="hold")
@@ -36,7 +36,7 @@ def test_after_each_order_it_has_that_moment_again() -> None:
 
 
 def test_what_the_vehicle_has_just_said_is_said_with_it_and_what_it_said_long_ago_is_not() -> None:
-    for silence_s, told in ((1.0, True), (RECENT_S + 1.0, False)):
+    for silence_s, told in ((1.0, True), (3.0, False)):
         rule = Judged(taken_over)
         rule(0.0, facts(at(0.0, 0.0, status_text="Mode change failed")))
         rule(5.0, facts(at(0.0, 0.0, status_text="EKF Failsafe")))
@@ -49,3 +49,42 @@ def test_what_the_vehicle_has_just_said_is_said_with_it_and_what_it_said_long_ag
 def test_who_arms_a_vehicle_that_waits_on_the_ground_has_it(armed: bool) -> None:
     demand = Judged(taken_over)(0.0, facts(at(0.0, 0.0, armed=armed), doing="ground"))
     assert (demand is not None) is armed
+
+
+def test_a_mode_it_boots_in_is_nobodys_will_before_that_lasts() -> None:
+    on_ground = facts(
+        at(0.0, 0.0, mode="STABILIZE", mode_role="other", armed=False),
+        doing="ground",
+        ours=frozenset({"hold", "mission"}),
+    )
+    rule = Judged(taken_over)
+    assert [rule(second, on_ground) for second in (0.0, 1.0, BOOTS_S - 0.1)] == [None] * 3
+    demand = rule(BOOTS_S, on_ground)
+    assert demand is not None
+    assert "in mode STABILIZE" in demand.why
+
+
+OTHER = {"other_mission": True, "mission_total": 21}
+
+
+@pytest.mark.parametrize("doing", ["launch", "mission", "goal"])
+def test_who_puts_another_mission_on_it_has_taken_it(doing: Doing) -> None:
+    demand = Judged(taken_over)(0.0, facts(at(0.0, 0.0, **OTHER), doing=doing))
+    assert demand is not None
+    assert demand.kind is Kind.LET_GO
+    assert demand.why == "another mission is on it, of 21 items, which nobody here has put there"
+
+
+def test_on_the_ground_that_is_said_and_on_its_way_home_it_is_no_matter() -> None:
+    ground = at(0.0, 0.0, mode="GUIDED", mode_role="hold", armed=False, **OTHER)
+    demand = Judged(taken_over)(0.0, facts(ground, doing="ground", ours=frozenset({"hold"})))
+    assert demand is not None
+    assert demand.kind is Kind.WARN
+    home = facts(
+        at(0.0, 0.0, mode="RTL", mode_role="return", **OTHER), doing="return", ours=frozenset({"return"})
+    )
+    assert Judged(taken_over)(0.0, home) is None
+    switched = facts(at(0.0, 0.0, mode="LOITER", mode_role="other", **OTHER), doing="return")
+    demand = Judged(taken_over)(0.0, switched)
+    assert demand is not None
+    assert "in mode LOITER" in demand.why

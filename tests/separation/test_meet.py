@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swarmctl.separation.meet import LEAST_SHARE, Meeting, agreed_s, due_s, speed_for
+from swarmctl.rules.not_following import STANDS_M_S
+from swarmctl.separation.meet import LEAST_SHARE, Meeting, agreed_s, due_s, least_m_s, speed_for
 
 RANK = {1: 0, 4: 1, 9: 2}
 
@@ -46,3 +47,9 @@ def test_who_knows_more_of_them_is_never_due_earlier(a: float, b: float, c: floa
 )
 def test_the_speed_is_that_which_arrives_when_due(due: float, speed: float) -> None:
     assert speed_for(lambda m_s: 1000.0 / m_s, due, 10.0) == pytest.approx(speed, abs=1e-3)
+
+
+@pytest.mark.parametrize("most_m_s", [0.9, 1.5, 2.5, 4.0])
+def test_nobody_is_slowed_down_until_it_seems_to_stand(most_m_s: float) -> None:
+    assert most_m_s >= least_m_s(most_m_s) >= 1.8 * STANDS_M_S
+    assert speed_for(lambda m_s: 1000.0 / m_s, 1e6, most_m_s) == least_m_s(most_m_s)

@@ -98,7 +98,7 @@ PLANE: dict[str, float | int] = _COMMON | {
     "RALLY_LIMIT_KM": 5.0,  # km, 0: none
     "ROLL_LIMIT_DEG": 45.0,  # deg
     "RTL_ALTITUDE": 100.0,  # m above home, -1: the present one
-    "RTL_AUTOLAND": 0,  # to be read
+    "RTL_AUTOLAND": 0,  # 1 RTL lands by the mission's DO_LAND_START once home, 2 at once, else not
     "RTL_RADIUS": 0,  # m, negative: counter-clockwise; 0: WP_LOITER_RAD
     "TECS_CLMB_MAX": 5.0,  # m/s
     "TECS_SINK_MAX": 5.0,  # m/s

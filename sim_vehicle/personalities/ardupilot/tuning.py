@@ -231,6 +231,8 @@ def plane_tuning(params: Parameters) -> Tuning:
         return_descends=params["RTL_ALTITUDE"] >= 0,
         return_speed_m_s=params["AIRSPEED_CRUISE"],
         return_wait_s=math.inf,  # it circles over home and lands only as a mission says
+        loiter_leaves_aligned=True,
+        return_lands=int(params["RTL_AUTOLAND"]),
         landing_speed_m_s=2.0,
         landing_slow_below_m=10.0,
         landing_speed_high_m_s=max(params["TECS_SINK_MAX"], SLOWEST_M_S),

@@ -6,6 +6,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.command import name_of
 from swarmctl.mavlink.dialects.ardupilot import ArduCopter
+from swarmctl.mavlink.dialects.arduplane import ArduPlane
 from swarmctl.mavlink.dialects.base import Dialect, Readiness, Unsupported
 from swarmctl.mavlink.dialects.px4 import Px4Copter
 
@@ -22,6 +23,7 @@ _MULTICOPTERS = (
 )
 _DIALECTS: dict[tuple[int, int], Dialect] = {
     **{(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, kind): ArduCopter() for kind in _MULTICOPTERS},
+    (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_TYPE_FIXED_WING): ArduPlane(),
     **{(mavlink.MAV_AUTOPILOT_PX4, kind): Px4Copter() for kind in _MULTICOPTERS},
 }
 
@@ -31,5 +33,7 @@ def dialect_for(autopilot: int, vehicle_type: int) -> Dialect:
     dialect = _DIALECTS.get((autopilot, vehicle_type))
     if dialect is None:
         found = f"{name_of('MAV_AUTOPILOT', autopilot)} vehicles of type {name_of('MAV_TYPE', vehicle_type)}"
-        raise Unsupported(f"{found} cannot be flown; expected a multicopter of ArduPilot or PX4")
+        raise Unsupported(
+            f"{found} cannot be flown; expected a multicopter of ArduPilot or PX4, or ArduPlane"
+        )
     return dialect

@@ -1,4 +1,5 @@
-"""ArduCopter 4.x. Facts observed on 4.6.2 in software-in-the-loop."""
+"""ArduPilot 4.x: what ArduCopter and ArduPlane have in common, and ArduCopter. Facts observed on ArduCopter
+4.6.2 in software-in-the-loop."""
 
 from __future__ import annotations
 
@@ -16,16 +17,9 @@ from swarmctl.mavlink.conversation import Conversation, Peer
 from swarmctl.mavlink.dialects.base import Readiness
 from swarmctl.mavlink.dialects.plan import LAND, TAKEOFF, WAYPOINT, differences, item_at, track_to_land
 
-_MODES: Mapping[int, str] = MappingProxyType(
-    {
-        number: entry.name.removeprefix("COPTER_MODE_")
-        for number, entry in mavlink.enums["COPTER_MODE"].items()
-        if not entry.name.endswith("ENUM_END")
-    }
-)
-_NUMBERS: Mapping[str, int] = MappingProxyType({name: number for number, name in _MODES.items()})
-
-_RELATIVE = int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT)
+RELATIVE = int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT)
+HOME = MissionItem(WAYPOINT, int(mavlink.MAV_FRAME_GLOBAL), 0, 0, 0.0)
+"""Item 0, overwritten by the vehicle; whoever sends a plan without it loses the take-off."""
 _STORED_FRAME = MappingProxyType(
     {
         mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT: mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
@@ -33,19 +27,33 @@ _STORED_FRAME = MappingProxyType(
         mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT: mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT,
     }
 )
+_WITHOUT_PLACE = frozenset(
+    {mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, mavlink.MAV_CMD_DO_JUMP, mavlink.MAV_CMD_DO_CHANGE_SPEED}
+)
 _CENTIMETRE_M = 0.01
 
 
-class ArduCopter:
-    """Fits `Dialect`."""
+def modes(enum: str) -> Mapping[int, str]:
+    """The names of a firmware's modes by their numbers (custom_mode)."""
+    prefix = f"{enum}_"
+    return MappingProxyType(
+        {
+            number: entry.name.removeprefix(prefix)
+            for number, entry in mavlink.enums[enum].items()
+            if not entry.name.endswith("ENUM_END")
+        }
+    )
+
+
+class ArduPilot:
+    """What `Dialect` asks, as far as its firmwares do not differ."""
 
     name = "ArduPilot"
-    # GUIDED, not LOITER: without a radio control LOITER reads the throttle stick as "down" and lands hard.
-    # Not BRAKE either: it holds as well, but a launch needs GUIDED anyway; one mode fewer to know.
     hold_mode = "GUIDED"
     mission_mode = "AUTO"
     return_mode = "RTL"
     land_mode = "LAND"
+    mode_names: Mapping[int, str]
     streams_hz: Mapping[int, float] = MappingProxyType(
         {
             mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 4.0,
@@ -57,9 +65,10 @@ class ArduCopter:
         }
     )
     required = tuple(msgid for msgid in streams_hz if msgid != mavlink.MAVLINK_MSG_ID_HOME_POSITION)
-    first_seq = None
+    first_seq: int | None = None
     first_waypoint_seq = 2
     """after home and the take-off"""
+    uncounted_items = 1
     upload_timeout_s = 9.0
     """it gives a transfer up after 8 s without an item"""
     uploads_at_once = False
@@ -67,10 +76,11 @@ class ArduCopter:
     """armed in AUTO alone it sits and disarms itself after 10 s"""
 
     def mode_name(self, custom_mode: int) -> str:
-        return _MODES.get(custom_mode, f"MODE {custom_mode}")
+        return self.mode_names.get(custom_mode, f"MODE {custom_mode}")
 
     def mode_params(self, name: str) -> tuple[float, ...]:
-        return float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), float(_NUMBERS[name])
+        number = next(number for number, its_name in self.mode_names.items() if its_name == name)
+        return float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), float(number)
 
     def not_ready(self, readiness: Readiness) -> tuple[str, ...]:
         """The pre-arm bit tells of a position only in modes that need one; in STABILIZE it comes earlier."""
@@ -84,42 +94,51 @@ class ArduCopter:
         if readiness.ekf_flags is not None and not readiness.ekf_flags & mavlink.EKF_POS_HORIZ_ABS:
             yield "no position estimate yet"
 
-    def mission_items(self, plan: FlightPlan, start: LatLon | None = None) -> tuple[MissionItem, ...]:
-        """Home placeholder, take-off where it stands, waypoints, landing.
-
-        Item 0 is home and is overwritten by the vehicle; whoever sends a plan without it loses the take-off.
-        """
-        track = track_to_land(plan)
-        home = MissionItem(WAYPOINT, int(mavlink.MAV_FRAME_GLOBAL), 0, 0, 0.0)
-        takeoff = MissionItem(TAKEOFF, _RELATIVE, 0, 0, plan.takeoff_alt_m)
-        waypoints = (item_at(WAYPOINT, _RELATIVE, point, point.alt_rel_m) for point in track)
-        return (home, takeoff, *waypoints, item_at(LAND, _RELATIVE, plan.landing, 0.0))
-
     def differences(
         self, sent: Sequence[MissionItem], found: Sequence[MissionItem], first: int = 0
     ) -> tuple[str, ...]:
-        # Item 0 is home: the vehicle's, not ours.
-        return differences(sent, found, first, lambda seq, a, b: seq == 0 or _same(a, b))
+        # Item 0 is home: the vehicle's, wherever that is. Another command sent there was lost for it.
+        return differences(
+            sent, found, first, lambda seq, a, b: a.command == b.command if seq == 0 else self._same(a, b)
+        )
 
     def set_current(self, peer: Peer, seq: int, attempt: int) -> Conversation[CommandResult]:
         return Command(peer, mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, float(seq), confirmation=attempt)
 
+    def _same(self, sent: MissionItem, found: MissionItem) -> bool:
+        """Equal but for its storage: whole centimetres cut toward zero, and what `as_stored` says."""
+        kept = self.as_stored(sent)
+        # The cut is done in float32 there: of 20.3 a whole centimetre goes (20.29).
+        z_gap_m = abs(kept.z) - abs(found.z)
+        z_fits = -1e-3 <= z_gap_m <= _CENTIMETRE_M + 1e-3 and kept.z * found.z >= 0
+        return z_fits and replace(kept, z=0.0) == replace(self.as_stored(found), z=0.0)
 
-def _same(sent: MissionItem, found: MissionItem) -> bool:
-    """Equal but for ArduCopter's storage: whole centimetres cut toward zero, `_INT` frames by their old
-    numbers, and of the parameters of a waypoint only a whole param1. A landing's param4 reads 1."""
-    kept = _as_stored(sent)
-    # The cut is done in float32 there: of 20.3 a whole centimetre goes (20.29).
-    z_gap_m = abs(kept.z) - abs(found.z)
-    z_fits = -1e-3 <= z_gap_m <= _CENTIMETRE_M + 1e-3 and kept.z * found.z >= 0
-    return z_fits and replace(kept, z=0.0) == replace(_as_stored(found), z=0.0)
+    def as_stored(self, item: MissionItem) -> MissionItem:
+        """`_INT` frames go by their old numbers, or 0 where there is no place. A landing's param4 reads 1."""
+        frame = _STORED_FRAME.get(item.frame, item.frame) if item.command not in _WITHOUT_PLACE else 0
+        item = replace(item, frame=int(frame))
+        return replace(item, param4=0.0) if item.command == mavlink.MAV_CMD_NAV_LAND else item
 
 
-def _as_stored(item: MissionItem) -> MissionItem:
-    frame = int(_STORED_FRAME.get(item.frame, item.frame))
-    if item.command == mavlink.MAV_CMD_NAV_WAYPOINT:
-        p1 = float(trunc(item.param1))
-        return replace(item, frame=frame, param1=p1, param2=0.0, param3=0.0, param4=0.0)
-    if item.command == mavlink.MAV_CMD_NAV_LAND:
-        return replace(item, frame=frame, param4=0.0)
-    return replace(item, frame=frame)
+class ArduCopter(ArduPilot):
+    """Fits `Dialect`."""
+
+    # Holds in GUIDED, not LOITER: without a radio control LOITER reads the throttle stick as "down" and lands
+    # hard. Not BRAKE either: it holds as well, but a launch needs GUIDED anyway; one mode fewer to know.
+    mode_names = modes("COPTER_MODE")
+    land_command = None
+    speed_type = int(mavlink.SPEED_TYPE_GROUNDSPEED)
+
+    def mission_items(self, plan: FlightPlan, start: LatLon | None = None) -> tuple[MissionItem, ...]:
+        """Home placeholder, take-off where it stands, waypoints, landing."""
+        track = track_to_land(plan)
+        takeoff = MissionItem(TAKEOFF, RELATIVE, 0, 0, plan.takeoff_alt_m)
+        waypoints = (item_at(WAYPOINT, RELATIVE, point, point.alt_rel_m) for point in track)
+        return (HOME, takeoff, *waypoints, item_at(LAND, RELATIVE, plan.landing, 0.0))
+
+    def as_stored(self, item: MissionItem) -> MissionItem:
+        """Of the parameters of a waypoint only a whole param1 is kept."""
+        item = super().as_stored(item)
+        if item.command != mavlink.MAV_CMD_NAV_WAYPOINT:
+            return item
+        return replace(item, param1=float(trunc(item.param1)), param2=0.0, param3=0.0, param4=0.0)

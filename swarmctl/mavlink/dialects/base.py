@@ -46,7 +46,15 @@ class Dialect(Protocol):
 
     @property
     def land_mode(self) -> str:
-        """Comes down without a pilot."""
+        """Comes down without a pilot; the mission's mode where a mission has to say how."""
+
+    @property
+    def land_command(self) -> int | None:
+        """MAV_CMD by which it goes to the landing of its mission; None where its mode lands."""
+
+    @property
+    def speed_type(self) -> int:
+        """Of MAV_CMD_DO_CHANGE_SPEED: what sets how fast it flies."""
 
     @property
     def streams_hz(self) -> Mapping[int, float]:
@@ -63,6 +71,10 @@ class Dialect(Protocol):
     @property
     def first_waypoint_seq(self) -> int:
         """Where a vehicle that flies already starts a mission."""
+
+    @property
+    def uncounted_items(self) -> int:
+        """of a mission, which MISSION_CURRENT.total leaves out: home"""
 
     @property
     def upload_timeout_s(self) -> float:

@@ -22,14 +22,21 @@ def track_to_land(plan: FlightPlan) -> tuple[Waypoint, ...]:
     NAV_LAND flies to its place at the altitude the vehicle has, so a waypoint sets that altitude where the
     track does not end on it. Raises ValueError for a plan that cannot be flown.
     """
+    if plan.approach is not None:
+        raise ValueError("planned for a fixed wing, and it hovers: say `airframe: copter` of it")
     track = plan.track
     if not track or track[-1].alt_rel_m != plan.landing.alt_rel_m:
         track = (*track, plan.landing)
+    check_points(track, plan)
+    return track
+
+
+def check_points(track: Sequence[Waypoint], plan: FlightPlan) -> None:
+    """Raises ValueError where one of a plan's is no place."""
     for what, point in (*((f"waypoint {i}", p) for i, p in enumerate(track)), ("landing", plan.landing)):
         _check(what, point)
     if not (isfinite(plan.takeoff_alt_m) and plan.takeoff_alt_m > 0):
         raise ValueError(f"take-off altitude: expected metres above 0, found {plan.takeoff_alt_m}")
-    return track
 
 
 def item_at(command: int, frame: int, point: Waypoint, alt_m: float) -> MissionItem:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -59,6 +59,8 @@ class Px4Copter:
     mission_mode = "AUTO.MISSION"
     return_mode = "AUTO.RTL"
     land_mode = "AUTO.LAND"
+    land_command = None
+    speed_type = int(mavlink.SPEED_TYPE_GROUNDSPEED)
     # All of them flow by themselves, some more slowly.
     streams_hz: Mapping[int, float] = MappingProxyType(
         {
@@ -74,6 +76,7 @@ class Px4Copter:
     """it begins wherever its index is, and that outlives landings and uploads"""
     first_waypoint_seq = 1
     """after the take-off; there is no home placeholder"""
+    uncounted_items = 0
     upload_timeout_s = 6.0
     """it gives a transfer up after 5 s without an item, without a word of the protocol"""
     uploads_at_once = True
@@ -132,8 +135,14 @@ _FLOAT32_M = 1e-3
 
 def _same(sent: MissionItem, found: MissionItem) -> bool:
     close = abs(sent.z - found.z) <= _FLOAT32_M
-    return close and replace(_as_read(sent), z=0.0) == replace(_as_read(found), z=0.0)
+    return close and _params(sent) == _params(found) and _rest(sent) == _rest(found)
 
 
-def _as_read(item: MissionItem) -> MissionItem:
-    return replace(item, frame=int(_READ_BACK_FRAME.get(item.frame, item.frame)))
+def _params(item: MissionItem) -> bytes:
+    """As they go over the wire, where also what is no number is kept."""
+    return struct.pack("<4f", item.param1, item.param2, item.param3, item.param4)
+
+
+def _rest(item: MissionItem) -> tuple[int, int, int, int, int]:
+    frame = int(_READ_BACK_FRAME.get(item.frame, item.frame))
+    return item.command, frame, item.x, item.y, item.autocontinue

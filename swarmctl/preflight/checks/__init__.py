@@ -10,6 +10,7 @@ from swarmctl.preflight.checks import (
     clock,
     fence,
     gps,
+    heading,
     home,
     identity,
     parameters,
@@ -31,5 +32,6 @@ CHECKS: tuple[Check, ...] = (
     parameters,
     fence,
     route,
+    heading,
     separation,
 )

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from swarmctl.core.geo import distance_m
-from swarmctl.preflight.facts import Facts, Finding
+from swarmctl.preflight.facts import YOUNG_S, Facts, Finding, no_route
 
 NAME = "battery"
 WAIVABLE = True
+FULL_PERCENT = 100.0
 
 
 def check(facts: Facts) -> Finding:
@@ -15,14 +16,23 @@ def check(facts: Facts) -> Finding:
         return Finding(False, "nobody has said how long it flies", "preflight.endurance_s", cure)
     seconds = flight_s(facts)
     if seconds is None:
-        return Finding(False, "no verified route is on it", "a route and the way back", "upload its mission")
+        return Finding(False, *no_route(facts, "a route and the way back"))
     needs = 100.0 * seconds / facts.endurance_s + facts.reserve_percent
     wanted = f"{needs:.0f} %: {seconds:.0f} s there and back, {facts.reserve_percent:g} % in reserve"
     percent = facts.state.battery_percent
+    if percent is not None and not facts.status_age_s <= YOUNG_S:
+        found = f"{percent} %, as told {facts.status_age_s:.0f} s ago"
+        return Finding(False, found, wanted, "see why SYS_STATUS does not come any more")
     if percent is None:
         return Finding(False, "it does not tell its charge", wanted, "look at its battery monitor")
     enough = percent >= needs
-    return Finding(enough, f"{percent} %", wanted, "" if enough else "charge it, or give it a shorter way")
+    return Finding(enough, f"{percent} %", wanted, "" if enough else _cure(needs))
+
+
+def _cure(needs_percent: float) -> str:
+    if needs_percent <= FULL_PERCENT:
+        return "charge it, or give it a shorter way"
+    return "no charge is enough: give it a shorter way, or correct preflight.endurance_s or reserve_percent"
 
 
 def flight_s(facts: Facts) -> float | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from swarmctl.mavlink.firmware import firmware_of
+from swarmctl.mavlink.firmware import airframe_of, firmware_of
 from swarmctl.preflight.facts import Facts, Finding
 
 NAME = "identity"
@@ -10,10 +10,13 @@ WAIVABLE = False
 
 
 def check(facts: Facts) -> Finding:
-    wanted = f"system {facts.sysid}, ArduPilot or PX4, a copter or a plane"
+    wanted = f"system {facts.sysid}, ArduPilot or PX4, a {facts.airframe}"
     who = facts.identity
     if who is None:
         return Finding(False, "it has not said who it is", wanted, "see why AUTOPILOT_VERSION does not come")
-    found = f"system {who.sysid}, {who.firmware}"
+    airframe = airframe_of(who)
+    found = f"system {who.sysid}, {who.firmware}, a {airframe}"
+    if airframe != facts.airframe:
+        return Finding(False, found, wanted, f"say `airframe: {airframe}` of it: it is planned for otherwise")
     known = who.sysid == facts.sysid and bool(firmware_of(who).name)
     return Finding(known, found, wanted, "" if known else "correct url or sysid, or take the vehicle out")

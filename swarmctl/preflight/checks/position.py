@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from swarmctl.preflight.facts import Facts, Finding
+from swarmctl.preflight.facts import YOUNG_S, Facts, Finding
 
 NAME = "position"
 WAIVABLE = False
-YOUNG_S = 5.0
-"""Heartbeats come every second; who has sent none for longer counts as lost."""
 
 
 def check(facts: Facts) -> Finding:
-    wanted = f"a position estimate, pre-arm checks passed, a heartbeat within {YOUNG_S:g} s"
+    wanted = f"a position estimate, pre-arm checks passed, heard within {YOUNG_S:g} s"
     state = facts.state
     if not facts.age_s <= YOUNG_S:
         found = f"last heard {facts.age_s:.0f} s ago" if facts.age_s < float("inf") else "never heard"
         return Finding(False, found, wanted, "look at its link")
-    if not state.has_position:
+    if not state.has_position or not facts.position_age_s <= YOUNG_S:
         return Finding(False, "it tells no position", wanted, "wait under open sky; look at its estimator")
+    if not facts.status_age_s <= YOUNG_S:
+        found = "whether it would arm was told too long ago, or never"
+        return Finding(False, found, wanted, "see why SYS_STATUS does not come any more")
     if not state.ready:
         reasons = "; ".join(state.not_ready) or "it does not say why"
         return Finding(False, f"not ready to arm: {reasons}", wanted, "clear what it says")

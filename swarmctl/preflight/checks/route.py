@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 
-from swarmctl.core.plane import stays_inside
-from swarmctl.preflight.facts import Facts, Finding
+from swarmctl.agent.approach import pattern_of
+from swarmctl.core.mission import FlightPlan
+from swarmctl.core.plane import Point, stays_inside
+from swarmctl.preflight.facts import Facts, Finding, no_route
 
 NAME = "route"
 WAIVABLE = True
@@ -15,7 +18,7 @@ def check(facts: Facts) -> Finding:
     wanted = f"a route inside the fence and below {facts.ceiling_m:g} m"
     state, plan = facts.state, facts.plan
     if plan is None:
-        return Finding(False, "no verified route is on it", wanted, "upload its mission")
+        return Finding(False, *no_route(facts, wanted))
     if state.lat_deg is None or state.lon_deg is None:
         return Finding(False, "where it stands is not known", wanted, "wait for its first position")
     local = facts.frame.to_local
@@ -23,6 +26,10 @@ def check(facts: Facts) -> Finding:
     points = [(p.lat_deg, p.lon_deg) for p in (*plan.track, plan.landing)]
     way = [local(state.lat_deg, state.lon_deg), *(local(*point) for point in points)]
     outside = [i for i, (a, b) in enumerate(pairwise(way), 1) if not stays_inside(corners, a, b)]
+    where = _landing_outside(facts, plan, corners)
+    if where:
+        cure = "widen preflight.fence, or move its start, its goal or the area"
+        return Finding(False, f"its landing {where} leaves the fence", wanted, cure)
     if outside:
         found = f"leg {outside[0]} of {len(way) - 1} leaves the fence"
         cure = "widen preflight.fence, or move its start, its goal or the area"
@@ -32,3 +39,14 @@ def check(facts: Facts) -> Finding:
         cure = "raise preflight.fence.max_altitude_m, or fly lower"
         return Finding(False, f"it climbs to {highest_m:g} m", wanted, cure)
     return Finding(True, f"{len(way) - 1} legs inside, up to {highest_m:g} m", wanted)
+
+
+def _landing_outside(facts: Facts, plan: FlightPlan, corners: Sequence[Point]) -> str:
+    """Which approach of a fixed wing leaves the fence; empty where none does."""
+    for where, there in (("at its goal", plan.approach), ("at home", plan.home_approach)):
+        if there is None:
+            continue
+        legs = pairwise(pattern_of(there, facts.frame).outline())
+        if not all(stays_inside(corners, a, b) for a, b in legs if a != b):
+            return where
+    return ""

@@ -20,10 +20,13 @@ def check(facts: Facts) -> Finding:
 
 
 def _too_near(facts: Facts, other: Other) -> str:
-    if abs(other.altitude_m - facts.altitude_m) >= facts.limits.vertical_m - 1e-9:
+    # What hovers goes up and down on the spot; a fixed wing does so on its way.
+    hover = facts.airframe == other.airframe == "copter"
+    if hover and abs(other.altitude_m - facts.altitude_m) >= facts.limits.vertical_m - 1e-9:
         return ""
     if facts.flight is None or other.flight is None:
-        return f"{other.name} flies at {other.altitude_m:g} m too, and where is not known here"
+        what = f"{other.name} flies at {other.altitude_m:g} m too" if hover else f"{other.name} flies too"
+        return f"{what}, and where is not known here"
     at = closest(facts.flight, other.flight, facts.limits)
     if at is None or not intervals(facts.flight, other.flight, facts.limits):
         return ""

@@ -1,0 +1,31 @@
+"""A fixed wing stands along its first leg: it takes off straight on."""
+
+from __future__ import annotations
+
+import math
+
+from swarmctl.preflight.facts import Facts, Finding
+
+NAME = "heading"
+WAIVABLE = True
+MOST_DEG = 25.0
+"""off its first leg"""
+
+
+def check(facts: Facts) -> Finding:
+    if facts.airframe != "plane":
+        return Finding(True, "it takes off on the spot", "no heading")
+    state, plan = facts.state, facts.plan
+    if plan is None or state.lat_deg is None or state.lon_deg is None:
+        return Finding(False, "no verified route is on it", "along its first leg", "upload its mission")
+    (e0, n0), (e1, n1) = (
+        facts.frame.to_local(state.lat_deg, state.lon_deg),
+        facts.frame.to_local(plan.track[0].lat_deg, plan.track[0].lon_deg),
+    )
+    leg_deg = math.degrees(math.atan2(e1 - e0, n1 - n0)) % 360.0
+    wanted = f"{leg_deg:.0f} degrees, along its first leg, within {MOST_DEG:g}"
+    if state.heading_deg is None:
+        return Finding(False, "it does not tell how it stands", wanted, "look at its compass")
+    off_deg = abs((state.heading_deg - leg_deg + 180.0) % 360.0 - 180.0)
+    cure = "" if off_deg <= MOST_DEG else "turn it into its first leg"
+    return Finding(off_deg <= MOST_DEG, f"{state.heading_deg:.0f} degrees", wanted, cure)

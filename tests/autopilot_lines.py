@@ -1,0 +1,85 @@
+"""The lines of what was observed on the two autopilots, and which tests say that they pin one.
+
+A test says which by `@pytest.mark.autopilots("1.14", "2 error codes", of="px4")`: numbers of section 1 and
+rows of section 2 of AUTOPILOTS.md, and rows of MAVSDK.md; without `of` it is ArduPilot.
+"""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+ARDUPILOT, PX4 = frozenset({"ardupilot"}), frozenset({"px4"})
+BOTH = ARDUPILOT | PX4
+
+LINES: dict[str, frozenset[str]] = {
+    "1.1": ARDUPILOT,  # streams are asked for, and again after a reboot
+    "1.2": ARDUPILOT,  # bytes that are no MAVLink
+    "1.3": ARDUPILOT,  # 41 s until it is ready
+    "1.4": ARDUPILOT,  # a mode set in the first 2 s is undone
+    "1.5": BOTH,  # numbers of the modes; what is acknowledged, and how late a heartbeat shows it
+    "1.6": ARDUPILOT,  # what holds altitude without RC, and what does not
+    "1.7": ARDUPILOT,  # how a mission begins
+    "1.8": ARDUPILOT,  # with a take-off
+    "1.9": ARDUPILOT,  # an empty one
+    "1.10": ARDUPILOT,  # it moves on while disarmed
+    "1.11": ARDUPILOT,  # home moves
+    "1.12": ARDUPILOT,  # after the landing
+    "1.13": ARDUPILOT,  # system_status
+    "1.14": BOTH,  # disarming in flight
+    "1.15": ARDUPILOT,  # components and systems
+    "1.16": BOTH,  # parameters
+    "1.17": BOTH,  # DO_REPOSITION
+    "1.18": ARDUPILOT,  # sockets
+    "1.19": PX4,  # messages that pymavlink does not know
+    "1.20": ARDUPILOT,  # faults by parameter
+    "2 item 0": BOTH,
+    "2 count": BOTH,
+    "2 requests": BOTH,
+    "2 upload is atomic?": BOTH,
+    "2 re-upload in AUTO": BOTH,
+    "2 shorter mission": BOTH,
+    "2 CLEAR_ALL": BOTH,
+    "2 abandoned upload": BOTH,
+    "2 second GCS / download during upload": BOTH,
+    "2 wrong / duplicate item": BOTH,
+    "2 error codes": BOTH,
+    "2 RTL item": BOTH,
+    "2 frame 2 on a WP": ARDUPILOT,  # with PX4 it was not tried
+    "2 read-back": BOTH,
+    "2 DO_SET_MISSION_CURRENT": BOTH,
+    "2 MISSION_SET_CURRENT": BOTH,
+    "2 MISSION_WRITE_PARTIAL_LIST": BOTH,
+    "2 pause/continue": BOTH,
+    "2 fence": BOTH,
+    "2 fence use": BOTH,
+    "2 speed": frozenset(),
+    "2 types 2 / 3 / 255": BOTH,
+    "2 PX4 otherwise": BOTH,  # the altitude of a take-off is told of both
+    "MAVSDK 3 replace mid-flight": BOTH,
+    "MAVSDK 5 takeoff": BOTH,
+    "MAVSDK 5 hold": BOTH,
+    "MAVSDK 5 RTL / land": BOTH,
+    "MAVSDK 5 goto_location": BOTH,
+    "MAVSDK 5 set_current_speed": BOTH,
+    "MAVSDK 5 start_mission": BOTH,
+    "MAVSDK 5 mission_raw item 0": BOTH,
+    "MAVSDK 5 clear_mission": BOTH,
+    "MAVSDK 5 geofence": BOTH,
+    "MAVSDK 5 telemetry": BOTH,
+    "MAVSDK 5 params": ARDUPILOT,
+    "MAVSDK 5 offboard": BOTH,
+    "MAVSDK 5 failure": BOTH,
+    "MAVSDK 5 log_files": BOTH,
+}
+
+
+def marked(path: Path) -> Iterator[tuple[str, str, str]]:
+    """Line, autopilot and test of each marker in a file."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if not isinstance(node, ast.FunctionDef):
+            continue
+        for decorator in node.decorator_list:
+            if isinstance(decorator, ast.Call) and ast.unparse(decorator.func) == "pytest.mark.autopilots":
+                of = {keyword.arg: ast.literal_eval(keyword.value) for keyword in decorator.keywords}
+                for argument in decorator.args:
+                    yield ast.literal_eval(argument), of.get("of", "ardupilot"), f"{path.name}::{node.name}"

@@ -1,0 +1,247 @@
+"""ArduPlane, flown by the simulator: taken off, changed in flight, held, called back and landed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import partial
+
+import pytest
+from flying_bench import HOME, FlyingBench
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from wire_bench import WireBench
+
+from swarmctl.core.geo import LocalFrame
+from swarmctl.core.mission import Approach, FlightPlan, MissionItem, Waypoint
+from swarmctl.core.vehicle import Landed
+from swarmctl.mavlink import procedures
+from swarmctl.mavlink.dialects import dialect_for
+from swarmctl.mavlink.landing import landing_items
+from swarmctl.mavlink.speed import set_speed
+
+FRAME = LocalFrame(*HOME)
+RADIUS_M, ALT_M, LOW_M = 60.0, 40.0, 20.0
+SETUP = {"RTL_AUTOLAND": 1.0, "RTL_ALTITUDE": -1.0, "WP_LOITER_RAD": RADIUS_M, "LAND_DISARMDELAY": 5.0}
+PLANE = dialect_for(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_TYPE_FIXED_WING)
+Point = tuple[float, float]
+
+
+def at(east_m: float, north_m: float, up_m: float = ALT_M) -> Waypoint:
+    return Waypoint(*FRAME.to_geodetic(east_m, north_m), up_m)
+
+
+def landing_at(east_m: float, north_m: float) -> Approach:
+    """Flying north, out of a circle to the east of the way."""
+    return Approach(
+        at(east_m + RADIUS_M, north_m - 250.0, LOW_M),
+        RADIUS_M,
+        at(east_m, north_m - 190.0, LOW_M),
+        at(east_m, north_m, 0.0),
+    )
+
+
+def plan(*points: Point, to: Point = (400.0, 900.0)) -> FlightPlan:
+    """North over the points, and down at `to`; its home landing is where it takes off."""
+    track = tuple(at(*point) for point in (*points, to))
+    return FlightPlan(
+        LOW_M, track, at(*to), 40.0, approach=landing_at(*to), home_approach=landing_at(0.0, 0.0)
+    )
+
+
+FIRST = plan((0.0, 300.0), (0.0, 600.0))
+SECOND = plan((0.0, 300.0), (-200.0, 700.0))
+
+
+def bench() -> FlyingBench:
+    return FlyingBench("ardupilot", "plane", params=SETUP)
+
+
+def in_flight(first: FlightPlan = FIRST) -> FlyingBench:
+    return bench().flying(first)
+
+
+def here(bench: WireBench) -> Point:
+    state = bench.session.state
+    assert state.lat_deg is not None
+    assert state.lon_deg is not None
+    return FRAME.to_local(state.lat_deg, state.lon_deg)
+
+
+def nearest_m(bench: FlyingBench, point: Point, seconds: float) -> float:
+    """How near it comes to a point within a time."""
+    found: list[float] = []
+
+    def look() -> bool:
+        found.append(math.dist(here(bench), point))
+        return False
+
+    bench.run(seconds, look)
+    return min(found)
+
+
+def landed(bench: FlyingBench, limit_s: float = 400.0) -> bool:
+    return bench.run(limit_s, lambda: not bench.session.state.armed)
+
+
+# --- what is sent
+
+
+def test_the_mission_takes_off_turns_before_corners_and_lands_at_the_goal_or_at_home() -> None:
+    items = PLANE.mission_items(FIRST)
+    assert [item.command for item in items] == [16, 22, 16, 16, 16, 189, 31, 16, 21, 189, 31, 16, 21]
+    takeoff, straight, turn = items[1], items[3], items[4]
+    assert (takeoff.param1, takeoff.z) == (15.0, LOW_M)
+    # On its way to the third point it turns by 53 degrees: 40 m · tan(θ/2) before the corner.
+    corner_rad = math.atan2(400.0, 300.0)
+    assert straight.param2 == math.ceil(40.0 * math.tan(corner_rad / 2.0))
+    assert turn.param2 == 1.0, "it is flown over its goal"
+    start, circle, final, down = items[5:9]
+    assert (start.x, start.y) == (circle.x, circle.y)
+    assert (circle.param2, circle.param4, circle.z) == (RADIUS_M, 1.0, LOW_M)
+    assert (final.z, down.z) == (LOW_M, 0.0)
+    assert (down.x, down.y) == (round(FIRST.landing.lat_deg * 1e7), round(FIRST.landing.lon_deg * 1e7))
+    assert landing_items(items) == frozenset(range(5, 13))
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "kind", "which", "cure"),
+    [
+        (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_TYPE_QUADROTOR, FIRST, "airframe: copter"),
+        (mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_TYPE_QUADROTOR, FIRST, "airframe: copter"),
+        (
+            mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
+            mavlink.MAV_TYPE_FIXED_WING,
+            FlightPlan(40.0, FIRST.track, FIRST.landing),
+            "airframe: plane",
+        ),
+    ],
+)
+def test_a_plan_for_another_airframe_is_no_mission(autopilot, kind, which, cure) -> None:
+    with pytest.raises(ValueError, match=cure):
+        dialect_for(autopilot, kind).mission_items(which, HOME)
+
+
+def test_what_it_reads_back_is_what_was_sent_but_for_its_storage() -> None:
+    sent = (*PLANE.mission_items(FIRST),)
+    stored = bench().uploaded(FIRST).stored
+    assert stored != sent
+    assert PLANE.differences(sent, stored) == ()
+    wider = replace(stored[3], param2=stored[3].param2 + 1.0)
+    assert PLANE.differences(sent, (*stored[:3], wider, *stored[4:])), "where it turns off matters"
+    other_way = replace(stored[6], param2=-RADIUS_M)
+    assert PLANE.differences(sent, (*stored[:6], other_way, *stored[7:]))
+
+
+# --- what is flown
+
+
+def test_it_flies_its_mission_and_lands_where_it_was_told() -> None:
+    flown = bench().uploaded(FIRST)
+    assert flown.do("launch", procedures.launch).failure is None
+    assert landed(flown)
+    assert math.dist(here(flown), (400.0, 900.0)) < 60.0
+
+
+def test_it_launches_from_the_beginning_whatever_was_flown_last() -> None:
+    flown = bench().uploaded(FIRST)
+    flown.vehicle.set_current(6)
+    assert flown.do("launch", procedures.launch).failure is None
+    assert flown.session.state.mission_seq == 1
+
+
+def test_a_new_route_is_taken_over_without_a_stop() -> None:
+    flown = in_flight()
+    done = flown.swap(SECOND)
+    assert (done.failure, done.flying) == (None, "new")
+    assert flown.mode == "AUTO"
+    assert nearest_m(flown, (-200.0, 700.0), 60.0) < 45.0
+    assert landed(flown)
+    assert math.dist(here(flown), (400.0, 900.0)) < 60.0
+
+
+def test_it_holds_in_a_circle_at_its_height() -> None:
+    flown = in_flight()
+    assert flown.do("hold", procedures.hold).failure is None
+    centre = here(flown)
+    flown.run(30.0)
+    away_m, heights_m = [], []
+
+    def look() -> bool:
+        away_m.append(math.dist(here(flown), centre))
+        heights_m.append(flown.session.state.alt_rel_m)
+        return False
+
+    flown.run(60.0, look)
+    assert flown.mode == "GUIDED"
+    assert max(away_m) < RADIUS_M + 40.0, "it has gone on for a moment, and circles around where that was"
+    assert max(heights_m) - min(heights_m) < 3.0
+    assert flown.session.state.landed is Landed.IN_AIR
+
+
+def test_a_route_is_changed_while_it_holds() -> None:
+    flown = in_flight()
+    assert flown.do("hold", procedures.hold).failure is None
+    done = flown.swap(SECOND, from_hold=True)
+    assert (done.failure, done.flying) == (None, "new")
+    assert landed(flown)
+    assert math.dist(here(flown), (400.0, 900.0)) < 60.0
+
+
+def test_it_returns_and_lands_at_home() -> None:
+    flown = in_flight()
+    assert flown.do("return", procedures.return_home).failure is None
+    assert flown.mode == "RTL"
+    assert landed(flown)
+    assert math.dist(here(flown), (0.0, 0.0)) < 60.0
+
+
+def test_told_to_land_it_goes_to_the_nearest_of_its_landings() -> None:
+    flown = in_flight()
+    assert flown.do("land", procedures.land).failure is None
+    assert flown.mode == "AUTO"
+    assert flown.session.state.mission_seq in landing_items(flown.session.items)
+    assert landed(flown)
+    assert math.dist(here(flown), (0.0, 0.0)) < 60.0
+
+
+def test_told_to_land_while_it_lands_it_does_not_go_around_again() -> None:
+    flown = bench().uploaded(FIRST)
+    assert flown.do("launch", procedures.launch).failure is None
+    assert flown.run(300.0, lambda: flown.session.state.mission_seq == 8), "its final"
+    sent = len(flown.commands)
+    assert flown.do("land", procedures.land).failure is None
+    assert mavlink.MAV_CMD_DO_LAND_START not in flown.commands[sent:]
+    assert landed(flown, 60.0)
+
+
+def test_told_to_land_on_the_ground_it_is_disarmed() -> None:
+    flown = bench().uploaded(FIRST)
+    flown.vehicle.arm(flown.now, force=True)
+    assert flown.run(5.0, lambda: flown.session.state.armed)
+    assert flown.do("land", procedures.land).failure is None
+    assert not flown.vehicle.armed
+    assert mavlink.MAV_CMD_DO_LAND_START not in flown.commands
+
+
+def test_without_a_landing_on_it_it_says_that_it_does_not_land() -> None:
+    flown = in_flight()
+    del flown.vehicle.mission.items[5:]
+    failure = flown.do("land", procedures.land).failure
+    assert failure is not None
+    assert "FAILED" in failure
+
+
+def test_its_speed_is_set_through_the_air() -> None:
+    flown = in_flight()
+    assert flown.do("speed", partial(set_speed, speed_m_s=12.0)).failure is None
+    (message,) = [m for m in flown.of("COMMAND_LONG") if m.command == mavlink.MAV_CMD_DO_CHANGE_SPEED]
+    assert message.param1 == mavlink.SPEED_TYPE_AIRSPEED
+    flown.run(10.0)
+    assert flown.session.state.ground_speed_m_s == pytest.approx(12.0, abs=0.3)
+
+
+def test_no_item_outside_a_landing_belongs_to_one() -> None:
+    waypoint = MissionItem(16, 3, 1, 1, 40.0)
+    start, down = replace(waypoint, command=189), replace(waypoint, command=21)
+    assert landing_items((waypoint, start, waypoint, down, waypoint)) == {1, 2, 3}
+    assert landing_items((waypoint, down)) == frozenset()

@@ -1,0 +1,312 @@
+"""From boot to take-off, as each autopilot does it: what it does not tell, undoes, refuses and moves."""
+
+from __future__ import annotations
+
+import pytest
+from flying_bench import ALT_M, Faults, FlyingBench, on_the_ground, plan
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from swarmctl.core.vehicle import Landed
+from swarmctl.mavlink import procedures
+from swarmctl.mavlink.codec import Decoder, FrameSplitter
+from swarmctl.mavlink.events import Rebooted
+
+OLD = plan(north=8)
+BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+ARM, START, MODE = (
+    mavlink.MAV_CMD_COMPONENT_ARM_DISARM,
+    mavlink.MAV_CMD_MISSION_START,
+    mavlink.MAV_CMD_DO_SET_MODE,
+)
+
+
+@pytest.mark.autopilots("1.1")
+def test_nothing_is_known_before_it_was_asked_for_and_after_a_reboot_it_is_asked_for_again():
+    bench = FlyingBench("ardupilot")
+    assert bench.run(30, lambda: bench.session.state.mode != "")
+    bench.run(10)
+    assert not bench.session.state.has_position
+    assert "no EKF_STATUS_REPORT" in bench.session.state.not_ready[-1]
+    bench.connected()
+    assert bench.run(5, lambda: bench.session.state.has_position)
+    bench.run(20)
+    bench.inject("reboot:silence_s=1.5")
+    assert bench.run(15, lambda: Rebooted() in bench.events), (
+        "its clock tells, which is in what was asked for"
+    )
+    asked = len(bench.of("COMMAND_LONG"))
+    assert bench.run(5, lambda: bench.session.state.has_position)
+    wanted = bench.session.dialect.streams_hz
+    assert {int(m.param1) for m in bench.of("COMMAND_LONG")[:asked] if m.command == 511} == set(wanted)
+
+
+@pytest.mark.autopilots("1.2")
+def test_the_text_of_a_boot_is_no_message_and_no_vehicle():
+    bench = on_the_ground("ardupilot")
+    data: list[bytes] = []
+    bench.overhear = data.append
+    events = len(bench.events)
+    bench.inject("reboot:silence_s=1.5")
+    bench.run(15)
+    text = [piece for piece in data if piece[:1] != b"\xfd"]
+    assert len(text) == 9
+    assert b"".join(text).startswith(b"\n\nInit ArduCopter")
+    assert {type(e).__name__ for e in bench.events[events:]} <= {"Rebooted", "StateChanged", "Text"}
+    stream = FrameSplitter().feed(b"".join(data))  # as over a serial line
+    assert len(stream) == len(data) - len(text)
+    assert {frame.sysid for frame in stream} == {1}
+
+
+@pytest.mark.autopilots("1.19", of="px4")
+def test_messages_that_nobody_knows_are_of_the_vehicle_that_sent_them_and_are_let_go():
+    bench = FlyingBench("px4").connected()
+    data: list[bytes] = []
+    bench.overhear = data.append
+    bench.run(15)
+    frames = [frame for piece in data for frame in FrameSplitter().feed(piece)]
+    unknown = {frame.msgid for frame in frames if not frame.known}
+    assert unknown, "PX4 sends some"
+    assert {frame.sysid for frame in frames} == {1}
+    assert [Decoder().decode(frame) for frame in frames if not frame.known][:1] == [None]
+
+
+@pytest.mark.autopilots("1.3")
+def test_it_is_waited_for_and_why_is_said_until_arducopter_has_its_position():
+    bench = FlyingBench("ardupilot", ready_s=41.0).connected()
+    bench.begin("prepare", procedures.prepare)
+    said = set()
+
+    def ready() -> bool:
+        said.update(bench.session.state.not_ready)
+        return bench.session.busy_with is None
+
+    assert bench.run(60, ready)
+    assert bench.now == pytest.approx(41.0, abs=2.5)
+    assert bench.session.state.mode == "GUIDED"
+    assert {"no position estimate yet", "mode is STABILIZE, not GUIDED"} <= said
+    assert any("PreArm: " in reason for reason in said), "in its own words"
+
+
+@pytest.mark.autopilots("1.3")
+def test_a_pre_arm_bit_in_stabilize_is_not_readiness():
+    """It is set there at 20 s, without a position."""
+    bench = FlyingBench("ardupilot", ready_s=41.0).connected()
+    health = []
+    bench.block_down = lambda m: (
+        m.get_type() == "SYS_STATUS" and health.append(m.onboard_control_sensors_health)
+    )
+    bench.run(30)
+    state = bench.session.state
+    assert state.mode == "STABILIZE"
+    assert health[-1] & mavlink.MAV_SYS_STATUS_PREARM_CHECK
+    assert not state.ready
+    assert "no position estimate yet" in state.not_ready
+
+
+@BOTH
+@pytest.mark.autopilots("1.3")
+@pytest.mark.autopilots("2 PX4 otherwise", of="px4")
+def test_arming_before_the_position_estimate_is_refused_in_the_vehicles_words(personality):
+    bench = FlyingBench(personality, ready_s=41.0).connected()
+    bench.run(12)  # a fix, and so a place to take off from
+    assert bench.do("hold", procedures.hold).failure is None
+    assert bench.upload(OLD).failure is None
+    failure = bench.do("launch", procedures.launch).failure
+    result, reason = {
+        "ardupilot": ("FAILED", "Arm: Need Position Estimate"),
+        "px4": ("TEMPORARILY_REJECTED", "Preflight Fail"),
+    }[personality]
+    assert f"COMPONENT_ARM_DISARM: {result}" in failure
+    assert reason in failure
+    assert START not in bench.commands
+    assert not bench.vehicle.armed
+
+
+@pytest.mark.autopilots("1.4")
+def test_a_mode_that_the_boot_undoes_is_set_again():
+    bench = FlyingBench("ardupilot", ready_s=41.0)
+    assert bench.run(5, lambda: bench.session.state.mode != "")
+    assert bench.now < 2.0, "early enough to be undone"
+    bench.connected()
+    assert bench.do("prepare", procedures.prepare).failure is None
+    assert bench.commands.count(MODE) == 2
+    assert bench.mode == "GUIDED"
+
+
+@BOTH
+@pytest.mark.autopilots("1.5")
+@pytest.mark.autopilots("1.5", of="px4")
+def test_an_acknowledged_mode_that_no_heartbeat_shows_is_not_believed(personality):
+    bench = FlyingBench(personality).flying(OLD)
+    bench.inject("stuck_mode:answer=accepted")
+    failure = bench.do("hold", procedures.hold).failure
+    assert "DO_SET_MODE: ACCEPTED, but it was not seen to happen" in failure
+    assert bench.session.state.mode == bench.session.dialect.mission_mode
+
+
+@pytest.mark.autopilots("1.7")
+def test_arducopter_is_armed_in_guided_and_then_its_mission_is_started():
+    """Armed in AUTO it would refuse, and in AUTO without the command sit there until it disarms itself."""
+    bench = FlyingBench("ardupilot").uploaded(OLD)
+    before = len(bench.commands)
+    modes = []
+    bench.block = lambda m: (
+        m.get_type() == "COMMAND_LONG" and m.command in (ARM, START) and modes.append(bench.mode)
+    )
+    assert bench.do("launch", procedures.launch).failure is None
+    orders = [c for c in bench.commands[before:] if c in (ARM, START, MODE)]
+    assert (orders, modes) == ([ARM, START], ["GUIDED", "GUIDED"])
+    assert bench.run(30, lambda: bench.session.state.landed is Landed.IN_AIR)
+
+
+@pytest.mark.autopilots("2 PX4 otherwise", of="px4")
+def test_px4_is_armed_in_hold_and_its_mission_mode_starts_it():
+    bench = FlyingBench("px4").uploaded(OLD)
+    bench.run(2)  # until it has checked its mission
+    before = len(bench.commands)
+    assert bench.do("launch", procedures.launch).failure is None
+    orders = [c for c in bench.commands[before:] if c in (ARM, START, MODE)]
+    assert orders == [ARM, MODE]
+
+
+@BOTH
+@pytest.mark.autopilots("2 PX4 otherwise")
+@pytest.mark.autopilots("2 PX4 otherwise", of="px4")
+def test_a_take_off_is_as_high_above_home_as_the_plan_says(personality):
+    """PX4's take-off command, which is not used, counts from mean sea level; home is 300 m above that."""
+    bench = FlyingBench(personality).uploaded(OLD)
+    assert bench.do("launch", procedures.launch).failure is None
+    third = bench.session.dialect.first_waypoint_seq + 1
+    assert bench.run(60, lambda: bench.session.state.mission_seq == third)
+    assert bench.session.state.alt_rel_m == pytest.approx(20.0, abs=1.0)
+    assert bench.session.state.alt_amsl_m == pytest.approx(ALT_M + 20.0, abs=1.5)
+
+
+@pytest.mark.autopilots("1.10")
+def test_a_mission_that_moves_on_while_it_stands_disarmed_is_begun_at_its_take_off():
+    bench = FlyingBench("ardupilot").uploaded(OLD)
+    bench.vehicle.modes.enter(3)  # AUTO, by its own switch
+    bench.run(10)
+    state = bench.session.state
+    assert state.mission_seq not in (None, 0), "it moves on"
+    assert (state.armed, state.landed) == (False, Landed.ON_GROUND)
+    assert "not flying" in bench.swap(plan(north=3)).failure
+    flown = []
+    assert bench.do("launch", procedures.launch).failure is None
+    assert bench.run(60, lambda: flown.append(bench.session.state.mission_seq) or flown[-1] == 3)
+    assert flown[0] == 1
+    assert bench.session.state.alt_rel_m > 18.0
+
+
+@pytest.mark.autopilots("1.11", "2 item 0")
+def test_home_moves_when_it_arms_and_is_no_difference_to_what_was_sent():
+    bench = FlyingBench("ardupilot").uploaded(OLD)
+    before = bench.stored[0]
+    assert bench.do("launch", procedures.launch).failure is None
+    assert bench.run(60, lambda: bench.session.state.mission_seq == 3)
+    assert bench.stored[0] != bench.session.mission_items(OLD)[0]
+    assert before.command == bench.stored[0].command
+    bench.block = lambda m: m.get_type() == "MISSION_WRITE_PARTIAL_LIST"
+    assert bench.swap(plan(north=4, east=0.001)).flying == "new"
+    assert bench.holds(bench.session.items)
+
+
+@pytest.mark.autopilots("1.8", "1.12")
+def test_after_a_landing_it_stands_in_auto_at_no_item_and_flies_again_from_its_take_off():
+    bench = FlyingBench("ardupilot").uploaded(plan(north=2))
+    for _ in range(2):
+        assert bench.do("launch", procedures.launch).failure is None
+        assert bench.run(120, lambda: not bench.session.state.armed)
+        bench.run(3)
+        state = bench.session.state
+        assert (state.mode, state.mission_seq, state.landed) == ("AUTO", 0, Landed.ON_GROUND)
+        assert bench.swap(OLD) == procedures.Swapped("it is not flying", "old")
+        # It stands at its goal, and may take off there again: by its own mission, back to where it began.
+        assert bench.do("prepare", procedures.prepare).failure is None
+
+
+@pytest.mark.autopilots("1.13")
+def test_what_stands_armed_on_the_ground_or_has_a_failsafe_latched_is_told_by_other_things():
+    bench = FlyingBench("ardupilot", params={"BATT_FS_LOW_ACT": 1, "BATT_LOW_VOLT": 11.0}).uploaded(OLD)
+    status = []
+    bench.block_down = lambda m: m.get_type() == "HEARTBEAT" and status.append(m.system_status)
+    bench.vehicle.body.arm(True)
+    bench.run(2)
+    assert status[-1] == mavlink.MAV_STATE_STANDBY
+    assert (bench.session.state.armed, bench.session.state.landed) == (True, Landed.ON_GROUND)
+    bench.vehicle.body.arm(False)
+    assert bench.run(5, lambda: not bench.session.state.armed)
+    assert bench.do("launch", procedures.launch).failure is None
+    assert bench.run(60, lambda: bench.session.state.mission_seq == 3)
+    bench.another_sets(SIM_BATT_VOLTAGE=10.5)
+    assert bench.run(60, lambda: bench.mode == "LAND")
+    assert bench.run(90, lambda: not bench.session.state.armed)
+    assert status[-1] == mavlink.MAV_STATE_CRITICAL
+    assert (bench.session.state.landed, bench.session.state.mode_role) == (Landed.ON_GROUND, "land")
+
+
+@BOTH
+@pytest.mark.autopilots("1.14")
+@pytest.mark.autopilots("1.14", of="px4")
+def test_a_launch_that_is_not_seen_disarms_nothing_that_flies(personality):
+    """What it tells is lost on the way: by all that is known it still stands on the ground."""
+    bench = FlyingBench(personality).uploaded(OLD)
+    lost = ("EXTENDED_SYS_STATE", "GLOBAL_POSITION_INT")
+    bench.block_down = lambda m: m.get_type() in lost
+    failure = bench.do("launch", procedures.launch).failure
+    assert "does not take off" in failure
+    disarms = [m for m in bench.of("COMMAND_LONG") if m.command == ARM and m.param1 == 0.0]
+    assert disarms, "it believes it on the ground"
+    assert bench.vehicle.armed, "who flies refuses it"
+    assert bench.vehicle.body.airborne
+
+
+@pytest.mark.autopilots("1.20")
+@pytest.mark.parametrize(
+    ("params", "then", "mode"),
+    [
+        ({}, {"SIM_GPS_DISABLE": 1}, "LAND"),
+        ({"BATT_FS_LOW_ACT": 2, "BATT_LOW_VOLT": 11.0}, {"SIM_BATT_VOLTAGE": 10.5}, "RTL"),
+    ],
+    ids=["GPS", "battery"],
+)
+def test_a_failsafe_of_its_own_is_seen_and_nothing_is_ordered_against_it(params, then, mode):
+    bench = FlyingBench("ardupilot", params=params).flying(OLD)
+    bench.another_sets(**then)
+    assert bench.run(60, lambda: bench.session.state.mode == mode)
+    sent = len(bench.sent)
+    result = bench.swap(plan(north=4, east=0.001))
+    assert (result.flying, f"its mode is {mode}" in result.failure) == ("theirs", True)
+    assert len(bench.sent) == sent
+    assert bench.mode == mode
+
+
+@BOTH
+@pytest.mark.autopilots("1.15")
+def test_another_ground_station_is_obeyed_by_the_vehicle_and_not_fought_by_us(personality):
+    bench = FlyingBench(personality).flying(OLD)
+    bench.spoil(Faults(max_delay_s=0.2, seed=1))
+    items = bench.session.mission_items(plan(north=5, east=0.001))
+    bench.begin("swap", lambda c: procedures.swap(c, items))
+    bench.run(0.3)
+    land = bench.session.dialect.mode_params(bench.session.dialect.land_mode)
+    order = mavlink.MAVLink_command_long_message(1, 1, MODE, 0, *land, *(0.0,) * (7 - len(land)))
+    bench.another_sends(order)
+    assert bench.session.busy_with == "swap"
+    assert bench.run(60, lambda: bench.session.busy_with is None)
+    assert bench.session.result.flying == "theirs"
+    assert bench.mode == bench.session.dialect.land_mode
+
+
+@BOTH
+@pytest.mark.autopilots("1.5", "1.15")
+@pytest.mark.autopilots("1.5", of="px4")
+@pytest.mark.parametrize("after_s", [0.0, 0.3, 0.6, 0.9])
+def test_who_comes_down_by_another_stations_order_is_not_said_to_fly_its_old_plan(personality, after_s):
+    """It tells that it lands before a heartbeat tells its mode."""
+    bench = FlyingBench(personality).flying(OLD)
+    bench.run(after_s)
+    land = bench.session.dialect.mode_params(bench.session.dialect.land_mode)
+    bench.another_sends(mavlink.MAVLink_command_long_message(1, 1, MODE, 0, *land, *(0.0,) * (7 - len(land))))
+    assert bench.run(2, lambda: bench.session.state.landed is Landed.LANDING)
+    assert bench.swap(plan(north=4, east=0.001)).flying == "theirs"

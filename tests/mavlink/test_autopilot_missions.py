@@ -1,0 +1,263 @@
+"""The mission protocol as each autopilot speaks it: what is answered, believed, and said of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from flying_bench import Faults, FlyingBench, plan
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from swarmctl.core.mission import MissionItem
+from swarmctl.mavlink import procedures
+
+OLD = plan(north=8, alt=33.333)
+BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+RELATIVE = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
+
+
+def upload(bench: FlyingBench, items: tuple[MissionItem, ...]) -> procedures.Done:
+    return bench.do("upload", lambda c: procedures.upload(c, items))
+
+
+def with_item(bench: FlyingBench, **changes: object) -> tuple[MissionItem, ...]:
+    """A short mission with another second-last item."""
+    *rest, spoilt, land = bench.session.mission_items(plan(north=2))
+    return (*rest, replace(spoilt, **changes), land)
+
+
+@pytest.mark.autopilots("2 item 0")
+def test_a_mission_without_a_place_for_home_is_not_believed():
+    """ArduPilot takes it, with ACCEPTED, and puts home in the place of its take-off."""
+    bench = FlyingBench("ardupilot").prepared()
+    items = bench.session.mission_items(OLD)[1:]
+    failure = upload(bench, items).failure
+    assert "read back: item 0: sent" in failure
+    assert [i.command for i in bench.stored[:2]] == [16, 16], "the take-off is gone"
+    assert bench.session.items == ()
+    assert "upload one first" in bench.do("launch", procedures.launch).failure
+
+
+@pytest.mark.autopilots("2 item 0")
+@pytest.mark.autopilots("2 item 0", of="px4")
+@pytest.mark.parametrize(("personality", "takeoff"), [("ardupilot", 1), ("px4", 0)])
+def test_a_plan_has_its_take_off_where_the_vehicle_looks_for_it(personality, takeoff):
+    bench = FlyingBench(personality).uploaded(OLD)
+    assert [i.command for i in bench.stored].index(mavlink.MAV_CMD_NAV_TAKEOFF) == takeoff
+    assert bench.session.dialect.first_waypoint_seq == takeoff + 1
+
+
+@pytest.mark.autopilots("2 count")
+@pytest.mark.autopilots("2 count", of="px4")
+@pytest.mark.parametrize(("personality", "before", "of_nine"), [("ardupilot", 0, 10), ("px4", None, 10)])
+def test_how_many_items_there_are_is_told_with_home_or_without(personality, before, of_nine):
+    """Eight waypoints, a take-off and a landing; the list has home in front, its total does not."""
+    bench = FlyingBench(personality).prepared()
+    bench.run(3)
+    assert bench.session.state.mission_total == before
+    items = bench.session.mission_items(OLD)
+    assert upload(bench, items).failure is None
+    bench.run(3)
+    assert bench.session.state.mission_total == of_nine
+    assert bench.of("MISSION_COUNT")[-1].count == len(items) == of_nine + (personality == "ardupilot")
+
+
+@pytest.mark.autopilots("2 requests")
+@pytest.mark.autopilots("2 requests", of="px4")
+@pytest.mark.parametrize(
+    ("personality", "old_kind", "new_kind"), [("ardupilot", 11, 0), ("px4", 1, 9)], ids=["ardupilot", "px4"]
+)
+def test_both_kinds_of_request_are_answered_alike(personality, old_kind, new_kind):
+    bench = FlyingBench(personality).prepared()
+    asked = []
+    bench.block_down = lambda m: asked.append(m.get_type())
+    assert bench.upload(OLD).failure is None
+    assert (asked.count("MISSION_REQUEST"), asked.count("MISSION_REQUEST_INT")) == (old_kind, new_kind)
+    assert len(bench.of("MISSION_ITEM_INT")) == old_kind + new_kind
+
+
+@BOTH
+@pytest.mark.autopilots("2 wrong / duplicate item")
+@pytest.mark.autopilots("2 wrong / duplicate item", of="px4")
+@pytest.mark.parametrize("seed", range(4))
+def test_everything_comes_twice_and_is_taken_once(personality, seed):
+    """ArduPilot complains of every duplicate and goes on, and of a last item that comes once more."""
+    bench = FlyingBench(personality).prepared()
+    bench.spoil(Faults(doubling=1.0, max_delay_s=0.2, seed=seed))
+    codes = []
+    bench.block_down = lambda m: m.get_type() == "MISSION_ACK" and codes.append(m.type)
+    items = bench.session.mission_items(OLD)
+    assert upload(bench, items).failure is None
+    assert bench.holds(items)
+    assert (mavlink.MAV_MISSION_INVALID_SEQUENCE in codes) == (personality == "ardupilot")
+
+
+@BOTH
+@pytest.mark.autopilots("2 wrong / duplicate item", "2 upload is atomic?")
+@pytest.mark.autopilots("2 wrong / duplicate item", "2 upload is atomic?", of="px4")
+def test_the_final_acknowledgement_is_lost_and_reading_back_tells(personality):
+    bench = FlyingBench(personality).prepared()
+    bench.block_down = lambda m: m.get_type() == "MISSION_ACK"
+    items = bench.session.mission_items(OLD)
+    assert upload(bench, items).failure is None
+    assert bench.holds(items)
+    assert len(bench.of("MISSION_COUNT")) == 1
+
+
+@pytest.mark.autopilots("2 second GCS / download during upload", "2 abandoned upload")
+def test_another_station_is_in_an_upload_and_ours_waits_until_that_is_given_up():
+    bench = FlyingBench("ardupilot").prepared()
+    codes = []
+    bench.block_down = lambda m: m.get_type() == "MISSION_ACK" and codes.append(m.type)
+    bench.another_sends(mavlink.MAVLink_mission_count_message(1, 1, 5, 0))
+    began_s, items = bench.now, bench.session.mission_items(OLD)
+    assert upload(bench, items).failure is None
+    assert mavlink.MAV_MISSION_DENIED in codes
+    assert 8.0 < bench.now - began_s < 25.0
+    assert bench.holds(items)
+
+
+@pytest.mark.autopilots("2 second GCS / download during upload", "2 abandoned upload", of="px4")
+def test_an_upload_that_px4_still_believes_in_does_not_spoil_the_next():
+    """It keeps the old count, or answers ERROR; and gives a transfer up after 5 s without a word."""
+    bench = FlyingBench("px4").prepared()
+    first = bench.session.mission_items(OLD)
+    bench.begin("upload", lambda c: procedures.upload(c, first))
+    bench.block = lambda m: m.get_type() in ("MISSION_ACK", "MISSION_ITEM_INT")
+    bench.run(0.3)
+    bench.take(bench.session.cancel(bench.now))  # and that it is over does not get through
+    bench.block = lambda m: False
+    items = bench.session.mission_items(plan(north=3))
+    assert upload(bench, items).failure is None
+    assert bench.holds(items)
+
+
+@BOTH
+@pytest.mark.autopilots("2 error codes")
+@pytest.mark.autopilots("2 error codes", of="px4")
+@pytest.mark.parametrize(
+    ("changes", "ardupilot", "px4"),
+    [
+        ({"command": 4711}, "UNSUPPORTED", "UNSUPPORTED"),
+        ({"frame": mavlink.MAV_FRAME_LOCAL_NED}, "UNSUPPORTED_FRAME", "UNSUPPORTED_FRAME"),
+        ({"x": 1_000_000_000}, "INVALID_PARAM5_X", None),
+        ({"z": math.nan}, "INVALID_PARAM7", "read back: item"),
+    ],
+    ids=["a command", "a frame", "a latitude", "no altitude"],
+)
+def test_what_it_refuses_is_said_by_its_own_name_and_what_it_takes_is_compared(
+    personality, changes, ardupilot, px4
+):
+    """PX4 takes a latitude of 100 degrees, and no altitude: who plans sees to that (`track_to_land`)."""
+    bench = FlyingBench(personality).prepared()
+    failure = upload(bench, with_item(bench, **changes)).failure
+    says = {"ardupilot": ardupilot, "px4": px4}[personality]
+    assert (failure is None) if says is None else (says in failure)
+    assert (bench.session.items == ()) == (failure is not None)
+
+
+@BOTH
+@pytest.mark.autopilots("2 RTL item")
+@pytest.mark.autopilots("2 RTL item", of="px4")
+@pytest.mark.parametrize("frame", [mavlink.MAV_FRAME_MISSION, RELATIVE])
+def test_a_return_as_an_item_is_in_frame_mission_to_px4(personality, frame):
+    bench = FlyingBench(personality).prepared()
+    *rest, _land = bench.session.mission_items(OLD)
+    rtl = MissionItem(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, frame, 0, 0, 0.0)
+    failure = upload(bench, (*rest, rtl)).failure
+    if (personality, frame) == ("px4", RELATIVE):
+        assert "UNSUPPORTED" in failure
+    else:
+        assert failure is None
+
+
+@BOTH
+@pytest.mark.autopilots("2 read-back")
+@pytest.mark.autopilots("2 read-back", of="px4")
+@pytest.mark.parametrize("alt", [20.3, 33.333, 10.0, 119.999])
+def test_what_each_makes_of_an_altitude_is_no_difference_and_a_centimetre_more_is(personality, alt):
+    bench = FlyingBench(personality).prepared()
+    items = bench.session.mission_items(plan(north=3, alt=alt))
+    assert upload(bench, items).failure is None
+    dialect = bench.session.dialect
+    moved = (*bench.stored[:-2], replace(bench.stored[-2], z=bench.stored[-2].z - 0.02), bench.stored[-1])
+    assert dialect.differences(items, bench.stored) == ()
+    assert dialect.differences(items, moved) != ()
+
+
+@pytest.mark.autopilots("2 read-back")
+def test_what_arducopter_drops_of_a_waypoint_is_no_difference_and_what_it_keeps_is():
+    bench = FlyingBench("ardupilot").prepared()
+    items = with_item(bench, param1=2.7, param2=5.0, param3=6.0, param4=7.0)
+    assert upload(bench, items).failure is None
+    kept = bench.stored[-2]
+    assert (kept.param1, kept.param2, kept.param3, kept.param4) == (2.0, 0.0, 0.0, 0.0)
+    asked_for_three = (*items[:-2], replace(items[-2], param1=3.0), items[-1])
+    assert bench.session.dialect.differences(asked_for_three, bench.stored) != ()
+
+
+@pytest.mark.autopilots("2 read-back", of="px4")
+def test_px4_keeps_everything_and_so_anything_else_is_a_difference():
+    bench = FlyingBench("px4").prepared()
+    items = with_item(bench, param1=2.7, param2=5.0, param3=0.0, param4=math.nan)
+    assert upload(bench, items).failure is None
+    assert bench.session.items[-2].param1 == pytest.approx(2.7)
+    for name in ("param1", "param2", "param4"):
+        other = (*items[:-2], replace(items[-2], **{name: 1.0}), items[-1])
+        assert bench.session.dialect.differences(other, bench.stored) != ()
+
+
+@BOTH
+@pytest.mark.autopilots("2 re-upload in AUTO", "2 DO_SET_MISSION_CURRENT", "2 MISSION_WRITE_PARTIAL_LIST")
+@pytest.mark.autopilots("2 re-upload in AUTO", "2 MISSION_SET_CURRENT", of="px4")
+def test_the_item_flown_is_never_written_over_and_the_new_one_is_chosen_by_what_each_knows(personality):
+    bench = FlyingBench(personality).flying(OLD)
+    old, aims, sent = bench.session.items, set(), len(bench.sent)
+    items = bench.session.mission_items(plan(north=5, east=0.001))
+    first = items[bench.session.dialect.first_waypoint_seq]
+    bench.begin("swap", lambda c: procedures.swap(c, items))
+    assert bench.run(60, lambda: aims.add(bench.aim) or bench.session.busy_with is None)
+    assert bench.session.result.flying == "new"
+    assert aims <= {(i.x, i.y) for i in old} | {(first.x, first.y)}
+    written = {m.seq for _, m in bench.sent[sent:] if m.get_type() == "MISSION_ITEM_INT"}
+    if personality == "ardupilot":
+        assert min(written) == len(old), "behind the old ones, one by one"
+        assert bench.commands[-10:].count(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT) == 1
+    else:
+        marked = [m.seq for _, m in bench.sent[sent:] if m.get_type() == "MISSION_ITEM_INT" and m.current]
+        assert marked == [1]
+        assert mavlink.MAV_CMD_DO_SET_MISSION_CURRENT not in bench.commands
+
+
+@pytest.mark.autopilots("2 MISSION_SET_CURRENT", of="px4")
+def test_px4_is_told_its_first_item_by_message_and_that_it_heard_is_seen():
+    bench = FlyingBench("px4").flying(OLD)
+    assert bench.do("land", procedures.land).failure is None
+    assert bench.run(120, lambda: not bench.session.state.armed)
+    assert bench.do("prepare", procedures.prepare).failure is None
+    lost = []
+    bench.block = lambda m: (
+        m.get_type() == "MISSION_SET_CURRENT" and len(lost) < 2 and not lost.append(bench.now)
+    )
+    assert bench.do("launch", procedures.launch).failure is None
+    assert [m.seq for m in bench.of("MISSION_SET_CURRENT")] == [0, 0, 0]
+    assert lost[1] - lost[0] >= 1.0, "nobody acknowledges it: it is waited for a second"
+
+
+@pytest.mark.autopilots("2 CLEAR_ALL")
+@pytest.mark.autopilots("2 CLEAR_ALL", of="px4")
+@BOTH
+def test_a_mission_that_another_station_clears_in_flight_is_flown_no_more_by_our_word(personality):
+    """It loiters then; a swap finds that nothing of what was known is there, and puts a whole one there."""
+    bench = FlyingBench(personality).flying(OLD)
+    bench.another_sends(mavlink.MAVLink_mission_count_message(1, 1, 0, 0))
+    bench.run(2)
+    assert bench.stored == ()
+    new = plan(north=5, east=0.001)
+    result = bench.swap(new)
+    if result.flying == "new":
+        assert bench.holds(bench.session.items)
+        assert bench.vehicle.mission.index < len(bench.stored)
+    else:
+        assert result.flying in ("theirs", "hold")

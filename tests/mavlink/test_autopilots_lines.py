@@ -1,0 +1,49 @@
+"""That the ground station meets every line of what was observed on the two autopilots, on each it speaks of.
+
+The simulator's tests hold that its vehicles do it (`tests/sim`); these, that we fly who does.
+`autopilot_lines` has the lines, and how a test says which it pins.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from autopilot_lines import BOTH, LINES, marked
+
+TESTS = Path(__file__).parent.parent
+
+NOT_OURS: dict[str, str] = {
+    "2 speed": "how fast a transfer is, is the link's and the vehicle's; `benchmarks/links.py` measures it",
+}
+"""What does not concern a ground station of ours, and why."""
+
+
+def ours() -> dict[str, frozenset[str]]:
+    """The lines of AUTOPILOTS.md; those of MAVSDK.md are MAVSDK's."""
+    return {line: of for line, of in LINES.items() if not line.startswith("MAVSDK")}
+
+
+def all_marked() -> list[tuple[str, str, str]]:
+    """Of all tests but the simulator's own."""
+    files = (path for path in sorted(TESTS.rglob("test_*.py")) if TESTS / "sim" not in path.parents)
+    return [found for path in files for found in marked(path)]
+
+
+def test_every_line_is_met_on_each_autopilot_that_it_speaks_of() -> None:
+    met = {(line, of) for line, of, _ in all_marked()}
+    wanted = {(line, of) for line, autopilots in ours().items() if line not in NOT_OURS for of in autopilots}
+    assert sorted(wanted - met) == []
+
+
+def test_no_test_meets_a_line_that_is_not_there() -> None:
+    strangers = [
+        f"{test} meets {line!r} of {of}"
+        for line, of, test in all_marked()
+        if line not in ours() or of not in BOTH or (line not in NOT_OURS and of not in ours()[line])
+    ]
+    assert strangers == []
+
+
+def test_a_line_that_does_not_concern_us_says_why_and_has_no_test() -> None:
+    assert all(line in ours() and why for line, why in NOT_OURS.items())
+    assert {line for line, _, _ in all_marked()} & set(NOT_OURS) == set()

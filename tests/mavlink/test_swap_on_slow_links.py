@@ -1,0 +1,130 @@
+"""Swaps over a link that takes a second each way: the vehicle flies on meanwhile, and never back."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import pytest
+from flying_bench import HOME
+from slow_bench import SlowBench
+
+from swarmctl.core.geo import LocalFrame
+from swarmctl.core.mission import FlightPlan, Waypoint
+from swarmctl.core.plane import Point, distance_to_leg
+from swarmctl.mavlink import procedures
+
+FRAME = LocalFrame(*HOME)
+ALT_M = 20.0
+DELAY_S = 1.0
+BACK_M = 1.0
+"""a position is told and flown to within so much"""
+
+
+def plan(*points: Point, leaves_ahead: bool = False) -> FlightPlan:
+    """By (east, north) of home [m]; it lands at the last."""
+    track = tuple(Waypoint(*FRAME.to_geodetic(*point), ALT_M) for point in points)
+    return FlightPlan(ALT_M, track, track[-1], leaves_ahead=leaves_ahead)
+
+
+def corners(east_m: float, *norths_m: float) -> list[Point]:
+    return [(east_m, north_m) for north_m in norths_m]
+
+
+OLD = corners(0.0, 60.0, 120.0, 700.0)
+"""straight on to the north, the second waypoint flown to first"""
+
+
+def place(bench: SlowBench) -> Point:
+    return FRAME.to_local(*bench.vehicle.body.lat_lon_deg)
+
+
+def progress_m(way: list[Point], at: Point, since_m: float) -> float:
+    """How far along a way a place is, of what lies about `since_m`."""
+    best, along_m = (math.inf, since_m), 0.0
+    for a, b in pairwise(way):
+        leg_m = math.dist(a, b)
+        share = ((at[0] - a[0]) * (b[0] - a[0]) + (at[1] - a[1]) * (b[1] - a[1])) / leg_m**2
+        here_m = along_m + min(max(share, 0.0), 1.0) * leg_m
+        if abs(here_m - since_m) < 100.0:
+            best = min(best, (distance_to_leg(at, a, b), here_m))
+        along_m += leg_m
+    return best[1]
+
+
+def swapped(bench: SlowBench, new: FlightPlan, way: list[Point]) -> tuple[procedures.Swapped, float]:
+    """The swap, and by how much the vehicle came back at most along `way`, until it has landed [m]."""
+    farthest_m, back_m = 0.0, 0.0
+    result = None
+    items = bench.session.mission_items(new)
+    swap = lambda c: procedures.swap(c, items, leaves_ahead=new.leaves_ahead)  # noqa: E731
+    bench.begin("swap", swap)
+
+    def watch() -> bool:
+        nonlocal farthest_m, back_m, result
+        here_m = progress_m(way, place(bench), farthest_m)
+        back_m = max(back_m, farthest_m - here_m)
+        farthest_m = max(farthest_m, here_m)
+        if result is None and bench.session.busy_with is None:
+            result = bench.session.result
+        return not bench.vehicle.armed
+
+    assert bench.run(400.0, watch), "it does not land"
+    return result, back_m
+
+
+def flying(personality: str, delay_s: float = DELAY_S) -> SlowBench:
+    bench = SlowBench(personality).flying(plan(*OLD))
+    bench.delay_s = delay_s
+    bench.run(2.0)
+    return bench
+
+
+@pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+@pytest.mark.parametrize("delay_s", [0.02, 0.2, DELAY_S])
+def test_a_plan_that_leaves_the_old_one_ahead_is_taken_over_without_a_stop_and_never_back(
+    personality: str, delay_s: float
+) -> None:
+    bench = flying(personality, delay_s)
+    turns_m = place(bench)[1] + 40.0 + 250.0 * delay_s
+    new = [(0.0, turns_m), (150.0, turns_m), (150.0, turns_m + 80.0)]
+    result, back_m = swapped(bench, plan(*new, leaves_ahead=True), [(0.0, 0.0), *new])
+    assert (result.failure, result.flying, result.stood_still_s) == (None, "new", 0.0)
+    assert back_m < BACK_M
+    assert place(bench) == pytest.approx(new[-1], abs=3.0)
+
+
+@pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+def test_corners_that_both_have_in_common_are_flown_wherever_it_has_got_to(personality: str) -> None:
+    """The old plan turns before the new one leaves it."""
+    bench = SlowBench(personality)
+    bend = [(0.0, 60.0), (0.0, 150.0), (400.0, 150.0)]
+    bench.flying(plan(*bend))
+    bench.delay_s = DELAY_S
+    bench.run(2.0)
+    new = [(0.0, 150.0), (300.0, 150.0), (300.0, 300.0)]
+    result, back_m = swapped(bench, plan(*new, leaves_ahead=True), [(0.0, 0.0), *new])
+    assert (result.failure, result.flying, result.stood_still_s) == (None, "new", 0.0)
+    assert back_m < BACK_M
+    assert place(bench) == pytest.approx(new[-1], abs=3.0)
+
+
+@pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+def test_who_is_past_where_the_new_plan_leaves_the_old_one_flies_on_along_that(personality: str) -> None:
+    bench = flying(personality)
+    turns_m = place(bench)[1] + 20.0
+    new = [(0.0, turns_m), (150.0, turns_m)]
+    result, back_m = swapped(bench, plan(*new, leaves_ahead=True), [(0.0, 0.0), *OLD])
+    assert (result.flying, result.is_late, result.stood_still_s) == ("old", True, 0.0)
+    assert result.took_s is None
+    assert back_m < BACK_M
+    assert place(bench) == pytest.approx(OLD[-1], abs=3.0)
+
+
+def test_how_long_it_took_is_told_by_the_vehicles_clock() -> None:
+    """A question and its answer take 2 s: writing, reading back (two), looking, taking over."""
+    bench = flying("ardupilot")
+    north_m = place(bench)[1] + 290.0
+    new = [(0.0, north_m), (150.0, north_m)]
+    result, _ = swapped(bench, plan(*new, leaves_ahead=True), [(0.0, 0.0), *new])
+    assert 6.0 <= result.took_s <= 12.0

@@ -1,0 +1,73 @@
+"""Where a vehicle is on the route that it is to take over."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from flying_bench import HOME
+
+from swarmctl.core.geo import LocalFrame
+from swarmctl.core.mission import MissionItem
+from swarmctl.core.vehicle import VehicleState
+from swarmctl.mavlink.way_ahead import WayAhead
+
+FRAME = LocalFrame(*HOME)
+
+
+def state(east_m: float, north_m: float, east_m_s: float = 0.0, north_m_s: float = 0.0) -> VehicleState:
+    lat_deg, lon_deg = FRAME.to_geodetic(east_m, north_m)
+    speed_m_s = math.hypot(east_m_s, north_m_s)
+    return VehicleState(
+        lat_deg=lat_deg, lon_deg=lon_deg, ground_speed_m_s=speed_m_s, east_m_s=east_m_s, north_m_s=north_m_s
+    )
+
+
+def item(east_m: float, north_m: float) -> MissionItem:
+    lat_deg, lon_deg = FRAME.to_geodetic(east_m, north_m)
+    return MissionItem(16, 3, round(lat_deg * 1e7), round(lon_deg * 1e7), 20.0)
+
+
+WAY = WayAhead(state(0.0, 0.0), (item(0.0, 100.0), item(100.0, 100.0), item(200.0, 100.0)))
+
+PLACES = [
+    ("where it was told of it", state(0.0, 0.0), 0, 0.0),
+    ("before the first corner", state(1.0, 60.0), 0, 1.0),
+    ("at a corner, which is still to be passed", state(0.0, 100.0), 0, 0.0),
+    ("behind it", state(30.0, 102.0), 1, 2.0),
+    ("behind the second, straight on", state(130.0, 100.0), 2, 0.0),
+    ("past the last", state(205.0, 100.0), 2, 5.0),
+]
+
+
+@pytest.mark.parametrize(
+    ("at", "item_ahead", "beside_m"), [p[1:] for p in PLACES], ids=[p[0] for p in PLACES]
+)
+def test_what_lies_ahead_is_the_end_of_the_leg_it_is_on(
+    at: VehicleState, item_ahead: int, beside_m: float
+) -> None:
+    found = WAY.at(at)
+    assert found.item == item_ahead
+    assert found.beside_m == pytest.approx(beside_m, abs=0.1)
+    assert not found.is_late
+
+
+def test_an_order_that_arrives_later_finds_it_farther_on() -> None:
+    before = state(0.0, 90.0, north_m_s=10.0)
+    assert WAY.at(before).item == 0
+    assert WAY.at(before).corner_s == pytest.approx(1.0, abs=0.05)
+    assert WAY.at(before, later_s=3.0).is_late  # straight on it leaves the way
+    on = state(10.0, 100.0, east_m_s=10.0)
+    assert WAY.at(on, later_s=10.0).item == 2
+
+
+def test_a_way_from_nowhere_begins_at_its_first_item() -> None:
+    unknown = VehicleState()
+    assert WayAhead(unknown, (item(0.0, 100.0),)).at(state(0.0, 0.0)).item == 0
+    assert WAY.at(unknown).item == 0
+
+
+def test_what_comes_behind_an_item_without_a_place_is_no_way() -> None:
+    """A fixed wing's landing begins with one."""
+    way = WayAhead(state(0.0, 0.0), (item(0.0, 100.0), MissionItem(189, 3, 0, 0, 0.0), item(500.0, 500.0)))
+    assert way.at(state(0.0, 300.0)).item == 0

@@ -1,0 +1,114 @@
+"""How a plane comes down by its mission: when it returns, and out of a circle; and how near it turns."""
+
+import math
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from station import ALT_M, LAT_DEG, LON_DEG, Station, home_item, item, land, scenario, takeoff, waypoint
+
+from sim_vehicle.fleet import Fleet
+
+AUTO, RTL, GUIDED = 10, 11, 15
+RADIUS_M = 70.0
+METRES_A_DEGREE = 111_195.0
+
+
+def plane(**params: float) -> Station:
+    spec = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M, "type": "plane"}
+    return Station(Fleet(scenario(seed=1, vehicles=[{**spec, "params": params}]), ready_s=0.0))
+
+
+def place(station: Station) -> tuple[float, float]:
+    """North and east of where it took off [m]."""
+    truth = station.fleet.truth()
+    north_m = (float(truth.lat_deg[0]) - LAT_DEG) * METRES_A_DEGREE
+    east_m = (float(truth.lon_deg[0]) - LON_DEG) * METRES_A_DEGREE * math.cos(math.radians(LAT_DEG))
+    return north_m, east_m
+
+
+def current(station: Station) -> int:
+    return int(station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).seq)
+
+
+def to_altitude(north_m: float, east_m: float, up_m: float, radius_m: float) -> dict[str, Any]:
+    return item(mavlink.MAV_CMD_NAV_LOITER_TO_ALT, north_m, east_m, up_m, param2=radius_m, param4=1.0)
+
+
+def mission() -> list[dict[str, Any]]:
+    start = item(mavlink.MAV_CMD_DO_LAND_START, -300, RADIUS_M)
+    down = [start, to_altitude(-300, RADIUS_M, 20, RADIUS_M), waypoint(-190, 0, 20), land(0, 0)]
+    return [home_item(), takeoff(40), waypoint(3000, 0, 60), *down]
+
+
+def sent_home(**params: float) -> Station:
+    station = plane(RTL_ALTITUDE=-1.0, LAND_DISARMDELAY=5.0, **params)
+    assert station.upload(mission()) == 0
+    assert station.set_mode(AUTO) == 0
+    assert station.arm() == 0
+    station.until(lambda: place(station)[0] > 700, 120)
+    assert station.set_mode(RTL) == 0
+    return station
+
+
+def test_a_return_that_lands_by_the_mission_is_home_first() -> None:
+    station = sent_home(RTL_AUTOLAND=1.0)
+    assert (station.mode, current(station)) == ("RTL", 2)
+    station.until(lambda: station.mode == "AUTO", 120)
+    north_m, east_m = place(station)
+    assert math.hypot(north_m, east_m) < 100.0
+    station.until(lambda: not station.armed, 240)
+    north_m, east_m = place(station)
+    assert math.hypot(north_m, east_m) < 60.0
+
+
+def test_a_return_may_go_to_the_landing_at_once() -> None:
+    station = sent_home(RTL_AUTOLAND=2.0)
+    station.wait(2.0)
+    assert (station.mode, current(station)) == ("AUTO", 4)
+
+
+@pytest.mark.parametrize("autoland", [0.0, 3.0])
+def test_without_it_a_return_circles_over_home(autoland: float) -> None:
+    station = sent_home(RTL_AUTOLAND=autoland)
+    station.wait(180)
+    assert station.mode == "RTL"
+    assert station.height_m > 30
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_circle_is_left_at_its_altitude_and_toward_the_next_place(way: float) -> None:
+    station = plane()
+    circle = to_altitude(600, 0, 25, way * RADIUS_M)
+    beyond = waypoint(600, 900, 25), waypoint(3000, 900, 25)
+    assert station.upload([home_item(), takeoff(60), circle, *beyond]) == 0
+    assert station.set_mode(AUTO) == 0
+    assert station.arm() == 0
+    station.until(lambda: current(station) == 2, 60)
+    radii_m, sides = [], []
+
+    def left() -> bool:
+        north_m, east_m = place(station)
+        radii_m.append(math.hypot(north_m - 600, east_m))
+        sides.append(north_m - 600)
+        return current(station) == 3
+
+    station.until(left, 200)
+    assert station.height_m == pytest.approx(25, abs=6)
+    assert radii_m[-1] == pytest.approx(RADIUS_M, abs=15)
+    # Clockwise it flies east at the north of its circle, counter-clockwise at the south.
+    assert sides[-1] * way > 0.8 * RADIUS_M
+    station.wait(3.0)
+    heading_deg = station.ask(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT).hdg / 100
+    assert heading_deg == pytest.approx(90, abs=15)
+
+
+@pytest.mark.parametrize(("radius_m", "nearest_m"), [(10.0, 10.0), (120.0, 120.0), (0.0, 90.0)])
+def test_a_waypoint_says_how_near_it_is_there(radius_m: float, nearest_m: float) -> None:
+    station = plane()  # WP_RADIUS is 90 m as it comes
+    told = item(mavlink.MAV_CMD_NAV_WAYPOINT, 800, 0, 50, param2=radius_m)
+    assert station.upload([home_item(), takeoff(50), told, waypoint(800, 1500, 50)]) == 0
+    assert station.set_mode(AUTO) == 0
+    assert station.arm() == 0
+    station.until(lambda: current(station) == 3, 120)
+    assert 800 - place(station)[0] == pytest.approx(nearest_m, abs=6)

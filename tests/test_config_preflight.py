@@ -1,0 +1,52 @@
+"""The section `preflight`: a fence that no vehicle could keep is refused before anything starts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from test_config import GOOD, problems
+
+SQUARE = [(45.99, 13.98), (45.99, 14.02), (46.02, 14.02), (46.02, 13.98)]
+
+
+def fence(corners: list[tuple[float, float]]) -> str:
+    polygon = ", ".join(f"{{lat_deg: {lat}, lon_deg: {lon}}}" for lat, lon in corners)
+    return f"{GOOD}preflight: {{fence: {{polygon: [{polygon}]}}}}\n"
+
+
+@pytest.mark.parametrize("corners", [SQUARE, SQUARE[::-1], [*SQUARE, (46.005, 14.0)]])
+def test_a_polygon_whose_sides_do_not_meet_is_good(
+    corners: list[tuple[float, float]], tmp_path: Path
+) -> None:
+    assert problems(fence(corners), tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("corners", "sides"),
+    [
+        ([SQUARE[0], SQUARE[2], SQUARE[1], SQUARE[3]], (0, 2)),
+        ([*SQUARE, (45.98, 14.0)], (0, 3)),
+        ([SQUARE[0], SQUARE[1], SQUARE[1], SQUARE[2]], (0, 1)),
+        ([SQUARE[0], SQUARE[1], (45.99, 14.0), SQUARE[3]], (0, 1)),
+        ([(46.0, 13.98), (46.0, 14.0), (46.0, 14.02)], (0, 2)),
+        ([SQUARE[0], SQUARE[1], SQUARE[2], (45.99, 14.0), SQUARE[3]], (0, 2)),
+    ],
+    ids=[
+        "a bow tie",
+        "a corner beyond the opposite side",
+        "a corner twice",
+        "back along a side",
+        "on one line",
+        "a corner on another side",
+    ],
+)
+def test_a_polygon_whose_sides_meet_is_refused_with_the_sides(
+    corners: list[tuple[float, float]], sides: tuple[int, int], tmp_path: Path
+) -> None:
+    """ArduPilot takes one, and nobody knows what it holds for inside."""
+    first, second = sides
+    assert problems(fence(corners), tmp_path) == [
+        f":11: preflight.fence.polygon[{second}]: the sides that begin at [{first}] and [{second}] meet, so "
+        "that it has no certain inside; give the corners in their order around it, each once"
+    ]
