@@ -19,14 +19,13 @@ from swarmctl.bus import tally as bus_tally
 from swarmctl.bus.base import BusError, Transport
 from swarmctl.bus.desk import Tally, Unseal, unsealed
 from swarmctl.bus.network import Network, RunClock
+from swarmctl.calling_off import MayReturn
 from swarmctl.conducting import conduct
 from swarmctl.core.events import Order
 from swarmctl.core.frames import Seal
 from swarmctl.director import (
     Director,
     Launch,
-    MayReturn,
-    Member,
     Permission,
     PreflightFailed,
 )
@@ -35,6 +34,7 @@ from swarmctl.evidence.hooks import Evidence
 from swarmctl.face import Chatter, Steady, Ui
 from swarmctl.left import left_how
 from swarmctl.links.base import LinkError
+from swarmctl.member import Member
 from swarmctl.networking import network_of, speedup_of
 from swarmctl.order_desk import order_desk
 from swarmctl.parts import Clock, Parts, epoch_ns, members_of, parts_of, with_free_port

@@ -21,11 +21,12 @@ from swarmctl.bus.zenoh_config import Configuration
 from swarmctl.core.events import Order
 from swarmctl.core.frames import Seal
 from swarmctl.core.requests import Opener, seal_answer
-from swarmctl.director import Launch, Member, Permission
+from swarmctl.director import Launch, Permission
 from swarmctl.face import Steady, Ui
 from swarmctl.keyring.use import Keyring
 from swarmctl.keyring.witness import Witness
 from swarmctl.links.url import parse_url
+from swarmctl.member import Member
 from swarmctl.parts import Clock
 from swarmctl.preflight.waivers import Waiver
 from swarmctl.scenario import Scenario

@@ -9,9 +9,10 @@ from collections.abc import Callable, Coroutine, Iterator, Sequence
 from typing import Any, Literal
 
 from swarmctl import simulator
-from swarmctl.director import Director, Member
+from swarmctl.director import Director
 from swarmctl.evidence.hooks import Evidence
 from swarmctl.face import Ui
+from swarmctl.member import Member
 from swarmctl.supervise import cancelled
 
 

@@ -8,30 +8,25 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Coroutine, Sequence
 from functools import partial
 from typing import Literal, Protocol
 
-from swarmctl.agent import IN_FLIGHT, ON_GROUND, AgentState, Phase, place_of
+from swarmctl.agent import IN_FLIGHT, ON_GROUND, Phase
+from swarmctl.calling_off import CallingOff, MayReturn
 from swarmctl.config import Flight
 from swarmctl.core import events as ev
 from swarmctl.core.geo import distance_m
-from swarmctl.core.messages import Place
-from swarmctl.core.returns import LEAST_APART_M, told, turns_of
-from swarmctl.left import ON_ITS_OWN, Seen, is_theirs, left_how
-from swarmctl.links.base import Identity, LinkError
-from swarmctl.runner import Runner
-from swarmctl.scenario import Spec
+from swarmctl.left import Seen, is_theirs, left_how
+from swarmctl.links.base import LinkError
+from swarmctl.member import POLL_S, Member, names, until
 from swarmctl.supervise import cancelled
 
 START_TOLERANCE_M = 100.0
 """A vehicle that stands farther than this from its configured start is not the one that was planned for."""
-HOLD_DEADLINE_S = 8.0
 WAITING_SAID_EVERY_S = 3.0
 KNOWN_WITHIN_S = 10.0
 """to find what is known, where preflight is stopped"""
-POLL_S = 0.1
 AGAIN_S = 5.0
 """to the next try, where a vehicle that waits for its order has to be made ready again"""
 
@@ -48,35 +43,8 @@ class PreflightFailed(Exception):
         self.lines = tuple(lines)
 
 
-@dataclass(slots=True)
-class Member:
-    """A vehicle of the swarm while it is flown."""
-
-    spec: Spec
-    runner: Runner
-    identity: Identity | None = None
-    waiting_for: tuple[str, ...] = ()
-    hindrance: str = ""
-    """what kept it from being made ready, in words"""
-
-    @property
-    def state(self) -> AgentState:
-        return self.runner.state
-
-    @property
-    def name(self) -> str:
-        return self.spec.name
-
-    def silent_for(self, limit_s: float) -> bool:
-        return self.state.lost and self.runner.link.age_s() > limit_s
-
-
 Permission = Callable[[Sequence[Member]], None]
 """Called with the vehicles that the built-in simulator does not play; raises PreflightFailed to forbid."""
-
-
-MayReturn = Callable[[int, Place, float], bool]
-"""Whether the vehicle of this system id may return now from this place, at this time of the loop [s]."""
 
 
 class Clearance(Protocol):
@@ -138,7 +106,10 @@ class Director:
                 return "ended"
         finally:
             await cancelled(flight, stop)
-        await (self._find_what_is_known() if self._checks_only else self._leave())
+        if self._checks_only:
+            await self._find_what_is_known()
+        else:
+            await CallingOff(self._members, self._flight, self._say, self._may_return).leave()
         return "stopped"
 
     async def _find_what_is_known(self) -> None:
@@ -146,7 +117,7 @@ class Director:
         answered = [m for m in self._members if m.identity is not None]
         for member in answered:
             member.hindrance = member.hindrance or "; ".join(member.waiting_for)
-        self._say(f"stopping; what is known of {_names(answered) or 'nobody'} is looked at once more")
+        self._say(f"stopping; what is known of {names(answered) or 'nobody'} is looked at once more")
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(KNOWN_WITHIN_S):
                 await self._clearance.failures(answered, answered)
@@ -243,8 +214,8 @@ class Director:
         while not (member.state.phase is Phase.STANDBY or member.state.ended):
             await self._prepare(member)
             member.runner.post(ev.Ready())
-            await self._until(lambda m: m.state.phase is not Phase.WAITING or m.state.lost, [member])
-            await self._until(lambda m: m.state.phase is not Phase.UPLOADING or m.state.lost, [member])
+            await until(lambda m: m.state.phase is not Phase.WAITING or m.state.lost, [member])
+            await until(lambda m: m.state.phase is not Phase.UPLOADING or m.state.lost, [member])
             if member.state.lost:
                 break
         if member.state.ended:
@@ -308,162 +279,10 @@ class Director:
     def _is_over(self, member: Member) -> bool:
         return member.state.ended or member.silent_for(self._flight.lost_timeout_s)
 
-    async def _leave(self) -> None:
-        """Hold all, then what the configuration says, within its deadline."""
-        in_flight = [
-            m for m in self._members if m.state.phase in IN_FLIGHT or m.state.phase is Phase.LAUNCHING
-        ]
-        order = ev.Order(self._flight.on_exit)
-        # Who returns already is not stopped on its way, only to be sent home again.
-        on_its_way = [m for m in in_flight if order is ev.Order.RETURN and m.state.phase is Phase.LEAVING]
-        stopped = [m for m in in_flight if m not in on_its_way]
-        if theirs := [m for m in self._members if is_theirs(m.state)]:
-            self._say(f"{_names(theirs)}: let go in the air, so it is ordered nothing; {ON_ITS_OWN}")
-        self._say(f"stopping: {_names(stopped) or 'no vehicle'} in flight to hold")
-        self._order([m for m in self._members if m not in on_its_way], ev.Order.HOLD)
-        await self._within(HOLD_DEADLINE_S, _holds, stopped)
-        if order is ev.Order.HOLD:
-            return
-        flying = [m for m in in_flight if not m.state.ended]
-        self._say(f"{_names(flying) or 'no vehicle'} to {order}")
-        if order is ev.Order.LAND:
-            await self._land(flying)
-            return
-        began_s = asyncio.get_running_loop().time()
-        self._order(await self._when_others_are_clear(flying), order)
-        waited_s = asyncio.get_running_loop().time() - began_s
-        left_s = self._flight.on_exit_deadline_s - waited_s
-        if self._may_return is not None:
-            left_s = max(left_s, HOLD_DEADLINE_S)
-        await self._within(left_s, lambda m: m.state.ended, flying)
-        late = [m for m in flying if m.state.turn_boot_s is not None]
-        if late:
-            self._say(f"{_names(late)} to return now, whoever else is in the air")
-            for member in late:
-                member.runner.post(ev.OperatorCommand(ev.Order.RETURN))
-            await self._within(HOLD_DEADLINE_S, _returns, late)
-
-    async def _when_others_are_clear(self, flying: Sequence[Member]) -> list[Member]:
-        """Wait while others that are flown elsewhere are on the way home and would meet one of these.
-
-        Who has left its hold meanwhile, its battery being low or an operator having ordered it, is left out.
-        """
-        if self._may_return is None:
-            return list(flying)
-        clock, may_return = asyncio.get_running_loop().time, self._may_return
-        until_s = clock() + self._flight.on_exit_deadline_s
-        said = False
-        held = [m for m in flying if m.state.phase is Phase.HOLDING]
-        for member in held:
-            while member.state.phase is Phase.HOLDING and (place := place_of(member.state)) is not None:
-                if may_return(member.spec.sysid, place, clock()):
-                    break
-                if clock() >= until_s:
-                    self._say(f"{member.name} to return now, whoever else is in the air")
-                    break
-                if not said:
-                    self._say(f"{member.name} holds until its way home is clear of the others'")
-                said = True
-                await asyncio.sleep(POLL_S)
-        return [m for m in flying if m not in held or m.state.phase is Phase.HOLDING]
-
-    async def _land(self, flying: Sequence[Member]) -> None:
-        """Each where it holds; who holds above another waits until that is down."""
-        waiting = [m for m in flying if _under(m, flying)]
-        if waiting:
-            self._say(f"to land when those under them are down: {_names(waiting)}")
-        self._order([m for m in flying if m not in waiting], ev.Order.LAND)
-
-        def all_down(member: Member) -> bool:
-            for held in [m for m in waiting if not _under(m, flying)]:
-                waiting.remove(held)
-                self._order([held], ev.Order.LAND)
-            return member.state.ended
-
-        await self._within(self._flight.on_exit_deadline_s, all_down, flying)
-        if waiting:
-            self._say(f"{_names(waiting)} to land now, whoever is under them")
-            self._order(waiting, ev.Order.LAND)
-            await self._within(HOLD_DEADLINE_S, _lands, waiting)
-
-    def _order(self, members: Iterable[Member], order: ev.Order) -> None:
-        members = list(members)
-        called = [m.spec.sysid for m in members] if order is ev.Order.RETURN else []
-        turns = turns_to_return(self._members, self._say, called)
-        for member in members:
-            after_s = turns.get(member.spec.sysid, 0.0)
-            member.runner.post(ev.OperatorCommand(order, after_s=after_s))
-
-    async def _within(
-        self, deadline_s: float, condition: Callable[[Member], bool], members: Sequence[Member]
-    ) -> None:
-        try:
-            async with asyncio.timeout(deadline_s):
-                await self._until(condition, members)
-        except TimeoutError:
-            late = [m for m in members if not condition(m)]
-            self._say(f"not within {deadline_s:g} s: {_names(late)}")
-
-    async def _until(self, condition: Callable[[Member], bool], members: Sequence[Member]) -> None:
-        # Looked at a few times a second: silence, unlike a change of phase, wakes nobody.
-        while not all(condition(m) for m in members):  # noqa: ASYNC110
-            await asyncio.sleep(POLL_S)
-
 
 def _wants_preparing(member: Member) -> bool:
     phase = member.state.phase
     return phase is Phase.WAITING or (phase is Phase.STANDBY and not member.runner.cleared.is_set())
-
-
-def _holds(member: Member) -> bool:
-    """It follows the order to hold, or has something better to do: it is down, or on its way down."""
-    state = member.state
-    return (state.phase is Phase.HOLDING and state.order_seen) or state.ended or state.launch_aborted
-
-
-def _returns(member: Member) -> bool:
-    """It follows the order to return, and waits for no turn; or it is over."""
-    state = member.state
-    return state.ended or (state.turn_boot_s is None and state.order_seen)
-
-
-def _lands(member: Member) -> bool:
-    return member.state.ended or member.state.order_seen
-
-
-def _under(member: Member, flying: Sequence[Member]) -> list[Member]:
-    """Those in the air under one, so near over ground that it would come down on them; of two at one height
-    the lower system id is under the other."""
-    place = place_of(member.state)
-    if place is None:
-        return []
-    here, found = (place.lat_deg, place.lon_deg), []
-    for other in flying:
-        there = place_of(other.state)
-        if other is member or other.state.ended or there is None:
-            continue
-        apart_m = max(LEAST_APART_M, place.keeps_m[0], there.keeps_m[0])
-        lower = (there.alt_amsl_m, other.spec.sysid) < (place.alt_amsl_m, member.spec.sysid)
-        if lower and distance_m(here, (there.lat_deg, there.lon_deg)) < apart_m:
-            found.append(other)
-    return found
-
-
-def turns_to_return(
-    members: Sequence[Member], say: Callable[[str], None], uavs: Sequence[int]
-) -> Mapping[int, float]:
-    """How long each of these waits for its turn [s], by system id; who waits is said."""
-    called = [m for m in members if m.spec.sysid in uavs or m.state.phase is Phase.LEAVING]
-    places = {m.spec.sysid: place_of(m.state) for m in called}
-    turns = turns_of({uav: place for uav, place in places.items() if place is not None})
-    if any(turns.begins_s.values()) or turns.not_apart:
-        say(f"returning: {told(turns, {m.spec.sysid: m.name for m in called})}")
-    # Nobody knows where the others are: they come when all else is down.
-    return {uav: turns.begins_s.get(uav, turns.down_s) for uav in uavs}
-
-
-def _names(members: Sequence[Member]) -> str:
-    return ", ".join(m.name for m in members)
 
 
 def _impostor(member: Member) -> str:

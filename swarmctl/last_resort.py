@@ -7,9 +7,10 @@ import contextlib
 from collections.abc import Callable, Sequence
 
 from swarmctl.agent import Phase
+from swarmctl.calling_off import turns_to_return
 from swarmctl.core.events import Order
-from swarmctl.director import Member, turns_to_return
 from swarmctl.links.base import LinkError
+from swarmctl.member import Member
 
 TRIED_S = 10.0
 """for so long each order is tried"""

@@ -8,9 +8,10 @@ from functools import partial
 from swarmctl.bus.base import Transport
 from swarmctl.bus.desk import Desk, Tally, Unseal
 from swarmctl.bus.endpoint import NOBODY, parse_endpoint
+from swarmctl.calling_off import turns_to_return
 from swarmctl.core.messages import GiveOrder, Request
-from swarmctl.director import Member, turns_to_return
 from swarmctl.face import Ui
+from swarmctl.member import Member
 from swarmctl.scenario import Scenario
 
 

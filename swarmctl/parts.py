@@ -23,7 +23,6 @@ from swarmctl.bus.routes import SaidOnce
 from swarmctl.config_links import Links
 from swarmctl.core import events as ev
 from swarmctl.core.looks import BY_HAND, Looked
-from swarmctl.director import Member
 from swarmctl.evidence.hooks import Evidence
 from swarmctl.keyring.files import KeyringError
 from swarmctl.keyring.mavlink_key import TimestampFile, read_mavlink_key
@@ -33,6 +32,7 @@ from swarmctl.links.frontend import FrontEnd
 from swarmctl.links.memory import MemoryWire
 from swarmctl.links.signing import Signing
 from swarmctl.links.url import Endpoint, parse_url
+from swarmctl.member import Member
 from swarmctl.planners import warm_up
 from swarmctl.runner import Runner
 from swarmctl.scenario import Purpose, Scenario, Spec

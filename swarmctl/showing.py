@@ -7,9 +7,10 @@ import time
 from collections.abc import Sequence
 
 from swarmctl.bus.network import Network
-from swarmctl.director import Director, Member
+from swarmctl.director import Director
 from swarmctl.display import Picture, row
 from swarmctl.face import Ui
+from swarmctl.member import Member
 from swarmctl.scenario import Scenario
 from swarmctl.summary import Ledger
 

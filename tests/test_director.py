@@ -17,7 +17,7 @@ from swarmctl.core import events as ev
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.core.sensor import PERFECT
 from swarmctl.core.vehicle import VehicleState
-from swarmctl.director import Director, Launch, Member, PreflightFailed
+from swarmctl.director import Director, Launch, PreflightFailed
 from swarmctl.links.base import (
     CommandFailed,
     Conflict,
@@ -29,6 +29,7 @@ from swarmctl.links.base import (
     UploadFailed,
 )
 from swarmctl.mavlink.outcome import Swapped
+from swarmctl.member import Member
 from swarmctl.networking import network_of
 from swarmctl.runner import NotAllowed, Runner
 from swarmctl.scenario import Scenario

@@ -107,11 +107,18 @@ MAY_IMPORT: dict[str, set[str]] = {
         "swarmctl.bus.access", "swarmctl.evidence", "swarmctl.keyring", "swarmctl.parts", "swarmctl.scenario",
     },
     "swarmctl.display": {"swarmctl.core", "swarmctl.agent"},
+    "swarmctl.member": {"swarmctl.agent", "swarmctl.links", "swarmctl.runner", "swarmctl.scenario"},
+    "swarmctl.calling_off": {
+        "swarmctl.core", "swarmctl.agent", "swarmctl.config", "swarmctl.left", "swarmctl.member",
+    },
     "swarmctl.director": {
         "swarmctl.core", "swarmctl.agent", "swarmctl.config", "swarmctl.links", "swarmctl.runner",
-        "swarmctl.left", "swarmctl.scenario", "swarmctl.supervise",
+        "swarmctl.left", "swarmctl.member", "swarmctl.calling_off", "swarmctl.scenario",
+        "swarmctl.supervise",
     },
-    "swarmctl.last_resort": {"swarmctl.core", "swarmctl.agent", "swarmctl.links", "swarmctl.director"},
+    "swarmctl.last_resort": {
+        "swarmctl.core", "swarmctl.agent", "swarmctl.links", "swarmctl.calling_off", "swarmctl.member",
+    },
     "swarmctl.networking": {
         "swarmctl.core", "swarmctl.bus", "swarmctl.radio_settings", "swarmctl.scenario",
     },
@@ -138,21 +145,25 @@ MAY_IMPORT: dict[str, set[str]] = {
     },
     "swarmctl.parts": {
         "swarmctl.core", "swarmctl.planners", "swarmctl.sensors", "swarmctl.links", "swarmctl.bus",
-        "swarmctl.runner", "swarmctl.director", "swarmctl.scenario", "swarmctl.simulator", "swarmctl.virtual",
+        "swarmctl.runner", "swarmctl.member", "swarmctl.scenario", "swarmctl.simulator", "swarmctl.virtual",
         "swarmctl.config_links", "swarmctl.keyring", "swarmctl.evidence",
     },
     "swarmctl.order_desk": {
+        "swarmctl.calling_off", "swarmctl.member",
         "swarmctl.core", "swarmctl.bus", "swarmctl.director", "swarmctl.face", "swarmctl.scenario",
     },
     "swarmctl.taking_turns": {"swarmctl.agent", "swarmctl.core"},
     "swarmctl.showing": {
+        "swarmctl.member",
         "swarmctl.bus", "swarmctl.director", "swarmctl.display", "swarmctl.face", "swarmctl.scenario",
         "swarmctl.summary",
     },
     "swarmctl.conducting": {
+        "swarmctl.member",
         "swarmctl.director", "swarmctl.evidence", "swarmctl.face", "swarmctl.simulator", "swarmctl.supervise",
     },
     "swarmctl.app": {
+        "swarmctl.calling_off", "swarmctl.member",
         "swarmctl.agent", "swarmctl.bus", "swarmctl.conducting", "swarmctl.core", "swarmctl.director",
         "swarmctl.evidence", "swarmctl.evidence_run", "swarmctl.face", "swarmctl.last_resort",
         "swarmctl.left", "swarmctl.links", "swarmctl.networking", "swarmctl.order_desk", "swarmctl.parts",
@@ -162,6 +173,7 @@ MAY_IMPORT: dict[str, set[str]] = {
         "swarmctl.virtual",
     },
     "swarmctl.companion": {
+        "swarmctl.member",
         "swarmctl.core", "swarmctl.links.url", "swarmctl.bus", "swarmctl.app", "swarmctl.director",
         "swarmctl.face", "swarmctl.keyring", "swarmctl.parts", "swarmctl.scenario", "swarmctl.supervise",
         "swarmctl.virtual", "swarmctl.agent", "swarmctl.joining", "swarmctl.preflight.waivers",

@@ -235,7 +235,7 @@ class Node:
 
     def _refused(self, took: Took, refused: Refused, sender: int) -> None:
         self.refuse(refused.why, sender)
-        took.said.append((refused.why, f"from {sender}: {refused}"))
+        took.said.append((refused.why, f"from vehicle {sender}: {refused}"))
 
     def _peer(self, uav: int) -> Peer:
         """Raises Refused where there is none."""
@@ -349,7 +349,7 @@ class Node:
             except Refused as refused:
                 wrong += 1
                 self.refuse(refused.why, sender)
-                took.said.append((refused.why, f"passed on by {sender}: {refused}"))
+                took.said.append((refused.why, f"passed on by vehicle {sender}: {refused}"))
                 if wrong == MAX_WRONG or refused.why is Why.TOO_FAST:
                     break
         return fresh

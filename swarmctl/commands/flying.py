@@ -13,10 +13,11 @@ import typer
 from swarmctl import companion, outputs
 from swarmctl.app import Report
 from swarmctl.commands.shared import EXPECTED, INTERRUPTED, USAGE, err, fail, out, timed
-from swarmctl.director import Member, Permission, PreflightFailed
+from swarmctl.director import Permission, PreflightFailed
 from swarmctl.flight_report import flight_table, missed, unfriendly
 from swarmctl.judge_links import strangers_at
 from swarmctl.links.url import parse_url
+from swarmctl.member import Member
 from swarmctl.preflight.waivers import Waiver, parse_waivers
 from swarmctl.scenario import Scenario
 from swarmctl.terminal import LiveTable, PlainLines, Terminal
