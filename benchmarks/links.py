@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import itertools
+import math
 import os
 import random
 import resource
@@ -59,7 +60,7 @@ class Radio:
         self.loss, self.delay_s, self.datagrams = 0.0, 0.0, 0
         self._rng = random.Random(seed)
         self._loop = asyncio.get_running_loop()
-        self._began_s = self._loop.time()
+        self._began_s = self._arrives_s = self._loop.time()
 
     def now_s(self) -> float:
         return self._loop.time() - self._began_s
@@ -68,7 +69,10 @@ class Radio:
         assert callable(call)
         self.datagrams += 1
         if self._rng.random() >= self.loss:
-            self._loop.call_later(self.delay_s, call, *args)
+            # One after the other: timers of one moment are called in any order.
+            after = math.nextafter(self._arrives_s, math.inf)
+            self._arrives_s = max(self._loop.time() + self.delay_s, after)
+            self._loop.call_at(self._arrives_s, call, *args)
 
     def _up(self, data: bytes, address: object) -> None:
         self._carry(self._hear, data)

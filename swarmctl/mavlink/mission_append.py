@@ -61,6 +61,8 @@ class Append(Conversation[AppendResult]):
         """for which it has asked since they were sent"""
         self._last_nack = ""
         self._asks_what_it_holds = False
+        self._questions = 0
+        """what it holds, asked and not answered"""
         self._bursts = 0
         self._quiet_s = self.QUIET_S
         self._burst_s: float | None = None
@@ -131,10 +133,11 @@ class Append(Conversation[AppendResult]):
             if self._stored == len(self._items):
                 return self._end(None)
             return [] if self._last_nack else self._more(now)
-        if code == mavlink.MAV_MISSION_DENIED and self._asks_what_it_holds:
-            # It is still expecting an item.
+        if code == mavlink.MAV_MISSION_DENIED and self._questions:
+            # It was still expecting an item; what was sent since may answer an earlier question.
+            self._questions -= 1
             self._heard(now)
-            return self._burst(now)
+            return self._burst(now) if self._asks_what_it_holds else []
         name = name_of("MAV_MISSION_RESULT", code).removeprefix("MAV_MISSION_")
         if code in (mavlink.MAV_MISSION_ERROR, mavlink.MAV_MISSION_INVALID_SEQUENCE):
             # Also its answer to what comes twice, in this transfer or late of the one before.
@@ -146,6 +149,7 @@ class Append(Conversation[AppendResult]):
         return []
 
     def _on_count(self, count: int, now: float) -> list[Message]:
+        self._questions = max(self._questions - 1, 0)
         if not self._asks_what_it_holds:
             return []
         self._heard(now)
@@ -170,6 +174,7 @@ class Append(Conversation[AppendResult]):
         if self.state is State.WAITING:
             self.next_deadline = min(self.next_deadline, self._silent_s)
         self._asks_what_it_holds = True
+        self._questions += 1
         to = (self._peer.sysid, self._peer.compid)
         return [mavlink.MAVLink_mission_request_list_message(*to, mission_type=MISSION)]
 

@@ -402,6 +402,21 @@ def test_where_it_still_waits_for_an_item_what_is_missing_is_announced_anew():
     assert announced(append.receive(mission_ack(14), 0.7)) == [(8, 8), (9, 9)]
 
 
+def test_on_a_slow_link_the_refusals_of_several_questions_do_not_end_it():
+    """It is asked twice what it holds before the first answer comes, and waits for an item each time."""
+    append = Append(PEER, 7, ITEMS)
+    append.start(0.0)
+    append.receive(mission_ack(0), 0.1)
+    assert kinds(append.tick(0.6)) == ["MISSION_REQUEST_LIST"]
+    assert kinds(append.tick(append.next_deadline)) == ["MISSION_REQUEST_LIST"]
+    assert announced(append.receive(mission_ack(14), 2.6)) == [(8, 8), (9, 9)]
+    assert append.receive(mission_ack(14), 3.6) == []
+    assert append.result is None
+    append.receive(mission_ack(0), 4.6)
+    append.receive(mission_ack(0), 4.6)
+    assert append.result.failure is None
+
+
 def test_an_acknowledgement_that_was_taken_for_another_is_made_good():
     append = Append(PEER, 7, ITEMS)
     append.start(0.0)
