@@ -10,7 +10,7 @@ from swarmctl.agent import Phase
 from swarmctl.calling_off import turns_to_return
 from swarmctl.core.events import Order
 from swarmctl.links.base import LinkError
-from swarmctl.member import Member
+from swarmctl.member import Member, names
 
 TRIED_S = 10.0
 """for so long each order is tried"""
@@ -20,7 +20,7 @@ async def at_once(why: str, members: Sequence[Member], order: Order, say: Callab
     """An operator waits no longer for anything."""
     armed = _to_bring(members)
     if armed:
-        say(f"{why}: {_names(armed)} to {order}, all at once")
+        say(f"{why}: {names(armed)} to {order}, all at once")
         await asyncio.gather(*(_tell(member, order, looks_first=False) for member in armed))
 
 
@@ -42,7 +42,7 @@ async def in_turns(
     if not armed:
         return
     called = [member.spec.sysid for member in armed] if order is Order.RETURN else []
-    say(f"{why}: {_names(armed)} to {order}{', in turns' if len(called) > 1 else ''}")
+    say(f"{why}: {names(armed)} to {order}{', in turns' if len(called) > 1 else ''}")
     turns = turns_to_return(armed, say, called)
 
     async def bring(member: Member) -> None:
@@ -71,10 +71,6 @@ async def _tell(member: Member, order: Order, *, looks_first: bool) -> bool:
             await action(looks_first=looks_first)
             return True
     return False
-
-
-def _names(members: Sequence[Member]) -> str:
-    return ", ".join(member.name for member in members)
 
 
 def _now_s() -> float:

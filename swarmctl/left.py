@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from swarmctl.agent import ENDED, AgentState, Phase
+from swarmctl.agent import AgentState, Phase
 from swarmctl.core.vehicle import Landed, VehicleState
 
 ON_ITS_OWN = "our heartbeats to it end, and its own failsafe may act on that"
@@ -33,6 +33,7 @@ class Vehicle(Protocol):
     def state(self) -> AgentState: ...
     @property
     def runner(self) -> Linked: ...
+    def silent_for(self, limit_s: float) -> bool: ...
 
 
 def is_up(state: AgentState) -> bool:
@@ -46,7 +47,12 @@ def is_up(state: AgentState) -> bool:
 
 def is_theirs(state: AgentState) -> bool:
     """Its flight is over for us, and it may be in the air: somebody else flies it."""
-    return state.phase in ENDED and is_up(state)
+    return state.ended and is_up(state)
+
+
+def _is_over(state: AgentState) -> bool:
+    """Its flight is, and it is down."""
+    return state.ended and not is_up(state)
 
 
 def ended_how(state: AgentState) -> str:
@@ -55,7 +61,7 @@ def ended_how(state: AgentState) -> str:
     mode = state.vehicle.mode or "unknown"
     if state.phase is Phase.RELEASED and f"in mode {mode}," not in said:
         said = f"{said}; last in mode {mode}"
-    if not state.lost or (state.phase in ENDED and not is_up(state)):
+    if not state.lost or _is_over(state):
         return said
     return f"lost; {said}" if state.outcome else f"lost in mode {mode}"
 
@@ -66,7 +72,7 @@ def left_how(member: Vehicle) -> str:
     age_s = member.runner.link.age_s()
     if age_s == math.inf:
         return f"{member.name}: never heard"
-    if state.lost and not (state.ended and not is_up(state)):
+    if state.lost and not _is_over(state):
         where = _height(vehicle) if is_up(state) else "on the ground, disarmed"
         text = f"{member.name}: lost, last heard {age_s:.0f} s ago in mode {vehicle.mode or '?'}, {where}"
         return f"{text}: it may still be in the air" if is_up(state) else text
@@ -108,9 +114,9 @@ class Seen:
         flown: list[str] = []
         theirs: list[str] = []
         for member in self._members:
-            if member.state.ended and not is_up(member.state):
+            if _is_over(member.state):
                 continue
-            if self._is_silent(member):
+            if member.silent_for(self._lost_timeout_s):
                 self._give_up(member)
                 continue
             self._given_up.discard(member.name)
@@ -123,9 +129,6 @@ class Seen:
                 "ends them)"
             )
         return not flown and not theirs
-
-    def _is_silent(self, member: Vehicle) -> bool:
-        return member.state.lost and member.runner.link.age_s() > self._lost_timeout_s
 
     def _give_up(self, member: Vehicle) -> None:
         if member.name in self._given_up:

@@ -170,11 +170,18 @@ def _may_be_met(state: AgentState) -> bool:
 
 
 def _flies_on(state: AgentState, text: str) -> Step:
-    state = replace(state, gave_way=None, ordered=ev.Order.LAUNCH, order_seen=True, dirty=True)
-    state = replace(state, hold_is_ours=True)
     # Whether its new plan is clear as well is yet to be seen, where that was put off before.
     told: list[ev.Effect] = [] if state.put_off else [ev.Tell(text)]
-    return replace(state, order_again_at_s=math.inf), told
+    state = replace(
+        state,
+        gave_way=None,
+        ordered=ev.Order.LAUNCH,
+        order_seen=True,
+        order_again_at_s=math.inf,
+        hold_is_ours=True,
+        dirty=True,
+    )
+    return state, told
 
 
 def _over_them(state: AgentState, others: dict[int, Trajectory]) -> Step:

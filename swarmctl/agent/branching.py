@@ -97,8 +97,7 @@ def branch_from_track(state: AgentState, p_s: NDArray[np.float64]) -> Branch:
     cell = grid.cell_at(*grid.frame.to_geodetic(*passed[-1]))
     size_m = grid.cell_size_m
     over = cells_passed([(e / size_m, n / size_m) for e, n in passed]).cells[1:]
-    blocked = cell is None or lead_m < least_m or any(_is_wall(state, p_s, at) for at in over)
-    if cell is None or blocked:
+    if cell is None or lead_m < least_m or any(_is_wall(state, p_s, at) for at in over):
         return at_once
     passes = [Waypoint(*grid.frame.to_geodetic(*point), state.height_m) for point in passed[1:]]
     return Branch((cell,), True, None, False, tuple(passed[:-1]), lead_m, tuple(passes))

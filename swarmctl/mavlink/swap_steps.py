@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.guarded import HandsOff, in_modes, look, set_mode
@@ -42,7 +42,7 @@ class Way:
     """of its items from the first waypoint on"""
     leaves_ahead: bool
     """it begins as the plan goes that is flown"""
-    ours: set[str] = field(default_factory=set)
+    ours: set[str]
     """the modes in which nobody else has put the vehicle: grows when the swap changes its mode"""
     holds: bool = False
     """it was last seen to hold, as this swap has told it"""

@@ -49,8 +49,8 @@ def swap(
     well, unless it was put in it (`from_hold`).
     """
     begin, stood_s = ctx.state, ctx.telemetry.stood_still_s
-    way = Way(new, WayAhead(begin, new[ctx.dialect.first_waypoint_seq :]), leaves_ahead)
-    way.ours = {ctx.dialect.mission_mode, *([ctx.dialect.hold_mode] if from_hold else [])}
+    ours = {ctx.dialect.mission_mode, *([ctx.dialect.hold_mode] if from_hold else [])}
+    way = Way(new, WayAhead(begin, new[ctx.dialect.first_waypoint_seq :]), leaves_ahead, ours)
     flown = Flown.by(ctx)
     # Stopped on its first metres it would go on to the first waypoint from down there.
     yield Until(lambda: not takes_off(ctx), CLIMB_LIMIT_S)
