@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Set
 
+from swarmctl.bus.ledger import Column
 from swarmctl.bus.reading import Reading
 from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Checkpoint, Observation
@@ -19,29 +20,27 @@ Said = tuple[str, str]
 class Doubts:
     """One UAV's. Counts cells in `flagged`, by who told of them."""
 
-    def __init__(self, uav: int, rows: int, cols: int, *, perfect: bool, flagged: Counter[int]) -> None:
+    def __init__(
+        self, uav: int, column: Column, rows: int, cols: int, *, perfect: bool, flagged: Counter[int]
+    ) -> None:
         self._uav = uav
+        self._place = column.place
+        self._sightings = column.ledger.sightings
         self._cols = cols
         self._n_cells = rows * cols
         self._perfect = perfect
         self._flagged = flagged
-        self._clear: set[int] = set()
-        self._occupied: set[int] = set()
-        """cells that were seen so"""
 
     def saw(self, seen: Observation) -> None:
         """Its own sensor did."""
         if not self._perfect:
             return
         for row, col, occupied in seen.cells:
-            now, before = (self._occupied, self._clear) if occupied else (self._clear, self._occupied)
-            now.add(row * self._cols + col)
-            before.discard(row * self._cols + col)
+            self._sightings.saw(self._place, row * self._cols + col, occupied=occupied)
 
     def has_none_of(self, reading: Reading) -> bool:
         """Whether there is nothing to say of an observation."""
-        # The fewer are looked up among the many, and most have seen no hostile: two steps.
-        return self._clear.isdisjoint(reading.occupied) and self._occupied.isdisjoint(reading.clear)
+        return not self._sightings.against(reading.clear, reading.occupied) >> self._place & 1
 
     def of(self, reading: Reading) -> Iterator[Said]:
         """What there is to say of something that has just been told."""
@@ -55,10 +54,10 @@ class Doubts:
 
     def _against(self, reading: Reading, concerned: set[int] | None) -> Iterator[Said]:
         observer = reading.frame.sender
-        if observer == self._uav or not (self._clear or self._occupied):
+        if observer == self._uav or not self._sightings.are_of(self._place):
             return
         clear, occupied = self._told_by(reading)
-        against = self._clear & occupied | self._occupied & clear
+        against = self._sightings.otherwise(self._place, clear, occupied)
         if concerned is not None:
             against &= concerned
         if against:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import asyncio
 import heapq
 import itertools
+import math
 import time
 import traceback
-from collections import Counter
-from collections.abc import Callable, Collection
+from collections import Counter, deque
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -18,16 +19,18 @@ from swarmctl.bus import keys
 from swarmctl.bus.base import Transport
 from swarmctl.bus.exchange import NodeOptions, Out, Took
 from swarmctl.bus.inlet import TURN_S
+from swarmctl.bus.ledger import Ledger
 from swarmctl.bus.node import Node
 from swarmctl.bus.radio import Lost, Radio
 from swarmctl.bus.reading import Reading, reader
-from swarmctl.bus.shelf import Shelves
 from swarmctl.bus.tally import Tally
 from swarmctl.core.frames import IntentShared, Seal, Spoken, StateShared, Why
 from swarmctl.core.grid import Cell
-from swarmctl.core.observation import Told
+from swarmctl.core.observation import Observation, Told
 from swarmctl.core.printable import printable
 
+MAX_UNTOLD_S = 0.05
+"""how long agents wait for their news while nodes have more to hear"""
 OnTold = Callable[[tuple[Told, ...]], None]
 MAX_SAID = 10
 """lines of one topic, a UAV; all of it is counted"""
@@ -62,12 +65,12 @@ class _Member:
     timer_s: float = float("inf")
     said: Counter[str] = field(default_factory=Counter)
     """lines, by topic"""
-    inbox: list[_Said] = field(default_factory=list)
-    """of others of this process"""
+    news: list[Told] = field(default_factory=list)
+    """that its agent has not been told yet"""
 
 
-_Said = tuple[int, str, Reading]
-"""(sender, act, what it said)"""
+_Said = tuple[int, str, Reading, tuple[int, ...]]
+"""(sender, act, what it said, to whom of this process)"""
 
 
 class Network:
@@ -98,13 +101,21 @@ class Network:
         self._radio = None if radio is None or radio.is_transparent else radio
         self._seal = seal or Seal(swarm)
         self._read = reader(self._seal, options.rows, options.cols)
-        self._shelves = Shelves()
+        self._ledger = Ledger(uavs, options)
         self._seed = seed
         self._say = say
         self._start_s = clock.now_s()
         self._members: dict[int, _Member] = {}
-        self._waiting: list[_Member] = []
-        """with something in their inboxes"""
+        self._hearers = lru_cache(maxsize=1024)(self._ledger.hearers)
+        # Of what comes by radio, and of what is to be passed on, there is more to say than that it is news.
+        self._is_plain = self._radio is None and not options.relay
+        self._said: deque[_Said] = deque()
+        """by UAVs of this process, on its way to others of it"""
+        self._untold: deque[_Member] = deque()
+        """with news"""
+        self._told_s = -math.inf
+        """when one of their agents was told last, by the machine's clock"""
+        self._is_handing_over = False
         self._flying: list[tuple[float, int, Callable[[], None]]] = []
         """when it arrives, which it was of all that was sent, and what is to be done then"""
         self._sent = itertools.count()
@@ -117,7 +128,7 @@ class Network:
         rng = np.random.default_rng(np.random.SeedSequence(self._seed, spawn_key=(4, uav)))
         hears = None if self._radio is None else self._radio.hears
         node = Node(
-            uav, self._uavs, self._options, self._seal, incarnation, rng, hears, self._read, self._shelves
+            uav, self._uavs, self._options, self._seal, incarnation, rng, hears, self._read, self._ledger
         )
         self._members[uav] = _Member(node, on_told)
         self._transport.subscribe(keys.inbox(self._swarm, uav), partial(self._received, uav))
@@ -184,7 +195,7 @@ class Network:
         except Exception:  # noqa: BLE001 - nothing that comes from outside may end a flight
             self._bug(member, sender)
 
-    def _bug(self, member: _Member, sender: int) -> None:
+    def _bug(self, member: _Member, sender: int | None) -> None:
         """While it is being handled."""
         member.node.refuse(Why.MALFORMED, sender)
         said = f"a bug in handling a message: {traceback.format_exc(limit=-2)}"
@@ -237,52 +248,76 @@ class Network:
         """UAVs of this process are handed it in the loop's next turn; for the others it is put."""
         if self._closed:
             return
-        here = [member for uav in to if (member := self._members.get(uav)) is not None]
+        here = to if len(self._members) == len(self._uavs) else tuple(u for u in to if u in self._members)
         if here:
-            said = sender, act, self._read(data)
-            if not self._waiting:
-                asyncio.get_running_loop().call_soon(self._hand_over)
-            for member in here:
-                if not member.inbox:
-                    self._waiting.append(member)
-                member.inbox.append(said)
+            self._said.append((sender, act, self._read(data), here))
+            self._hand_over_soon()
         if len(here) < len(to):
             for uav in to:
                 if uav not in self._members:
                     self._transport.put(keys.told(self._swarm, uav, act, sender), data)
 
+    def _hand_over_soon(self) -> None:
+        if not self._is_handing_over:
+            self._is_handing_over = True
+            asyncio.get_running_loop().call_soon(self._hand_over)
+
     def _hand_over(self) -> None:
-        """One UAV after the other, each all that waits for it: the more does, the less each takes."""
+        """To the nodes, in the order in which it was said, and then to the agents.
+
+        The more is said in the meantime, the less each of it takes: an agent is told of all of it at once.
+        """
+        self._is_handing_over = False
         if self._closed:
             return
         now_s, unix_s = self._now_s(), self._clock.unix_s()
-        until_s = time.perf_counter() + TURN_S
-        waiting, self._waiting = self._waiting, []
-        for i, member in enumerate(waiting):
-            if time.perf_counter() > until_s:
-                if not self._waiting:
-                    asyncio.get_running_loop().call_soon(self._hand_over)
-                self._waiting = waiting[i:] + self._waiting
-                return
-            self._empty(member, now_s, unix_s)
+        began_s = at_s = time.perf_counter()
+        while self._said and at_s < began_s + TURN_S:
+            self._hear(self._said.popleft(), now_s, unix_s)
+            at_s = time.perf_counter()
+        if not self._said or began_s > self._told_s + MAX_UNTOLD_S:
+            while self._untold and at_s < began_s + TURN_S:
+                self._tell_news(self._untold.popleft())
+                self._told_s = at_s = time.perf_counter()
+        if self._said or self._untold:
+            self._hand_over_soon()
 
-    def _empty(self, member: _Member, now_s: float, unix_s: float) -> None:
-        """Its inbox. Its agent is told once of all that is new."""
-        inbox, member.inbox = member.inbox, []
-        hear, news = member.node.hear, []
-        for sender, act, reading in inbox:
+    def _hear(self, said: _Said, now_s: float, unix_s: float) -> None:
+        """To all of this process to whom it goes."""
+        sender, act, reading, _ = said
+        for uav in self._take_at_once(said, now_s, unix_s):
+            member = self._members[uav]
             try:
-                took = hear(sender, act, reading, now_s, unix_s)
-                news += took.news
-                if took is not reading.simply:
-                    self._see_to(member, took)
+                took = member.node.hear(sender, act, reading, now_s, unix_s)
+                self._see_to(member, took)
+                self._is_new_to(member, took.news)
             except Exception:  # noqa: BLE001 - a bug in one message is none in the others
                 self._bug(member, sender)
-        if news:
-            try:
-                member.on_told(tuple(news))
-            except Exception:  # noqa: BLE001
-                self._bug(member, sender)
+
+    def _take_at_once(self, said: _Said, now_s: float, unix_s: float) -> Collection[int]:
+        """By all to whom there is nothing else to say; returns the others."""
+        sender, act, reading, to = said
+        if not self._is_plain:
+            return to
+        takes = self._ledger.take(sender, act, reading, self._hearers(to), now_s, unix_s)
+        taken = self._ledger.uavs(takes)
+        if isinstance(seen := reading.frame.content, Observation):
+            news = (seen,)
+            for uav in taken:
+                self._is_new_to(self._members[uav], news)
+        return () if len(taken) == len(to) else [uav for uav in to if uav not in taken]
+
+    def _is_new_to(self, member: _Member, news: Sequence[Told]) -> None:
+        if news and not member.news:
+            self._untold.append(member)
+        member.news += news
+
+    def _tell_news(self, member: _Member) -> None:
+        news, member.news = member.news, []
+        try:
+            member.on_told(tuple(news))
+        except Exception:  # noqa: BLE001 - a bug in one agent is none in the others
+            self._bug(member, None)
 
     def _tell(self, member: _Member, said: list[tuple[str, str]]) -> None:
         for topic, text in said:

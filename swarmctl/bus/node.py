@@ -15,12 +15,12 @@ import numpy as np
 
 from swarmctl.bus.doubts import Doubts
 from swarmctl.bus.exchange import NodeOptions, Took
+from swarmctl.bus.ledger import STALE_S, Column, Ledger
 from swarmctl.bus.peer import A_CHECKPOINT, A_FRAME, ASK_AGAIN_S, QUESTIONS_PER_S, Peer
 from swarmctl.bus.questions import Questions
 from swarmctl.bus.reach import recipients
 from swarmctl.bus.reading import Read, Reading, reader
 from swarmctl.bus.replica import COMPACT_AFTER, Kept, Replica
-from swarmctl.bus.shelf import Shelves
 from swarmctl.bus.tally import Tally
 from swarmctl.bus.voice import Voice, in_parts
 from swarmctl.core.frames import (
@@ -46,8 +46,6 @@ UNHURRIED = 8
 """checkpoints of what it knows already that an agent is told at once"""
 MAX_CLOCK_S = 1.0
 """newer by less, a state is not passed on"""
-STALE_S = 60.0
-"""An older message, or an older state that is passed on, is not taken: somebody may have kept it."""
 MAX_WRONG = 8
 """frames inside of a message; the rest of it is not looked at"""
 
@@ -69,23 +67,27 @@ class Node:
         rng: np.random.Generator,
         hears: Hears | None = None,
         read: Read | None = None,
-        shelves: Shelves | None = None,
+        ledger: Ledger | None = None,
     ) -> None:
         self.uav = uav
         self.incarnation = incarnation
-        self.tally = Tally()
-        self._voice = Voice(uav, incarnation, seal, self.tally)
+        self._tally = Tally()
+        self._voice = Voice(uav, incarnation, seal, self._tally)
         self._options = options
         self._read = read or reader(seal, options.rows, options.cols)
         self._self = (uav, incarnation)
-        self._peers = {other: Peer() for other in sorted(others) if other != uav}
-        self._replica = Replica(shelves or Shelves())
+        others = set(others) - {uav}
+        ledger = ledger or Ledger((uav, *others), options)
+        self._column = column = Column(ledger, uav)
+        self._peers = {other: Peer(column, ledger.place(other)) for other in sorted(others)}
+        self._replica = Replica(column)
         self._doubts = Doubts(
             uav,
+            column,
             options.rows,
             options.cols,
             perfect=options.perfect_sensors,
-            flagged=self.tally.flagged,
+            flagged=self._tally.flagged,
         )
         self._spread = 0
         """what the last of its checkpoints that was sent to others stands for"""
@@ -96,7 +98,11 @@ class Node:
         self._questions = Questions(options, rng)
         self._rng = rng
         self._hears = hears
-        self._is_plain = hears is None and not options.relay
+
+    @property
+    def tally(self) -> Tally:
+        self._tally.received += self._column.taken()
+        return self._tally
 
     def states(self) -> dict[int, StateShared]:
         """The newest that each of the others has told of itself."""
@@ -135,9 +141,9 @@ class Node:
             state = msgspec.structs.replace(
                 message,
                 last_seq=self._replica.of(self._self).latest,
-                knows=self._replica.fingerprint,
-                refused=self.tally.refused.total(),
-                flagged=tuple(sorted(self.tally.flagged)),
+                knows=self._column.fingerprint,
+                refused=self._tally.refused.total(),
+                flagged=tuple(sorted(self._tally.flagged)),
             )
             reach = self._reach(now_s)
             self._send(took, state, (*reach, *self._lost_one(reach, now_s)), unix_s)
@@ -189,16 +195,11 @@ class Node:
         return self.hear(sender, act, reading, now_s, unix_s)
 
     def hear(self, sender: int, act: str, reading: Reading, now_s: float, unix_s: float) -> Took:
-        """The same once it has been read, and weighed where anybody could have sent it.
-
-        What comes of it is not to be changed: it may be the same for all who hear it.
-        """
-        if reading.simply is not None and self._is_simply_news(sender, act, reading, now_s, unix_s):
-            return reading.simply
+        """The same once it has been read, and weighed where anybody could have sent it."""
         took = Took()
         try:
             if self._hears is not None and (lost := self._hears(self._voice.at, reading.frame.at)):
-                self.tally.lost[lost] += 1
+                self._tally.lost[lost] += 1
                 return took
             peer = self._peer(sender)
             self._admit(peer, sender, act, reading, now_s, unix_s)
@@ -207,31 +208,8 @@ class Node:
         except Refused as refused:
             self._refused(took, refused, sender)
         else:
-            self.tally.received += 1
+            self._tally.received += 1
         return took
-
-    def _is_simply_news(self, sender: int, act: str, reading: Reading, now_s: float, unix_s: float) -> bool:
-        """An observation of which there is nothing to say but that it is new, as of nearly all: taken.
-
-        With as few steps as can be, for a swarm in one process hears fifty thousand a second. All else is for
-        the general way, which comes to the same; then nothing has been done here.
-        """
-        frame, peer = reading.frame, self._peers.get(sender)
-        if peer is None or (kept := peer.kept) is None or not self._is_plain:
-            return False
-        ago_s = unix_s - frame.unix_s
-        is_so = (
-            frame.sender == sender
-            and reading.act == act
-            and -self._options.clock_tolerance_s <= ago_s <= STALE_S
-            and self._doubts.has_none_of(reading)
-            and kept.is_next(reading)
-            and peer.admits_next(frame, now_s)
-        )
-        if is_so:
-            self._replica.append(kept, reading)
-            self.tally.received += 1
-        return is_so
 
     def _refused(self, took: Took, refused: Refused, sender: int) -> None:
         self.refuse(refused.why, sender)
@@ -245,9 +223,9 @@ class Node:
         return peer
 
     def refuse(self, why: Why, sender: int | None) -> None:
-        self.tally.refused[why] += 1
+        self._tally.refused[why] += 1
         if sender in self._peers:
-            self.tally.refused_from[sender] += 1
+            self._tally.refused_from[sender] += 1
 
     def _admit(
         self, peer: Peer, sender: int, act: str, reading: Reading, now_s: float, unix_s: float
@@ -279,7 +257,7 @@ class Node:
         sender = reading.frame.sender
         match reading.frame.content:
             case Observation() as seen:
-                kept = peer.kept = self._replica.of(reading.source)
+                kept = peer.keeps(self._replica.of(reading.source))
                 if self._take(took, kept, seen, reading):
                     self._relay(took, [reading.data], sender, now_s, unix_s)
                 if kept.upto < seen.seq:
@@ -304,13 +282,10 @@ class Node:
 
     def _told(self, peer: Peer, reading: Reading, state: StateShared, now_s: float) -> None:
         """By itself, where it is and how much it knows."""
-        peer.told(reading.frame, state, reading.data, now_s)
-        peer.said_s = now_s
-        if self._replica.has_held(state.knows):
-            peer.agreed_s = now_s
-        kept = peer.kept = peer.kept or self._replica.of(reading.source)
-        if kept.upto < state.last_seq:
-            peer.agreed_s = -math.inf
+        peer.told(reading, now_s)
+        if peer.kept is None:
+            peer.keeps(self._replica.of(reading.source))
+        if peer.said(state, now_s):
             self._ask_soon(reading.frame.sender, now_s)
 
     def _take(self, took: Took, kept: Kept, told: Told, reading: Reading) -> bool:
@@ -326,7 +301,7 @@ class Node:
             if not self._replica.take(kept, told, reading):
                 return False
         except Refused:
-            self.tally.flagged[told.observer] = max(self.tally.flagged[told.observer], 1)
+            self._tally.flagged[told.observer] = max(self._tally.flagged[told.observer], 1)
             raise
         if isinstance(told, Checkpoint) and told.upto <= was_upto and self._questions.are_asked:
             self._unhurried[told.source] = told
@@ -359,16 +334,17 @@ class Node:
         frame = reading.frame
         self._check_time(frame, unix_s)
         peer = None if frame.sender == self.uav else self._peer(frame.sender)
-        if reading.simply is not None and peer is not None and self._doubts.has_none_of(reading):
+        seen = frame.content
+        if isinstance(seen, Observation) and peer is not None and self._doubts.has_none_of(reading):
             kept = self._replica.of(reading.source)
             if kept.is_next(reading):  # as nearly all are, of thousands
                 self._replica.append(kept, reading)
-                took.news += reading.simply.news
+                took.news.append(seen)
                 return True
-        match frame.content:
-            case StateShared() as state:
+        match seen:
+            case StateShared():
                 if peer is not None and not self._is_stale(frame, unix_s):
-                    peer.told(frame, state, reading.data, now_s)
+                    peer.told(reading, now_s)
                 return False
             case IntentShared() as intent:
                 if peer is not None and not self._is_stale(frame, unix_s):
@@ -384,7 +360,7 @@ class Node:
         observers = {self._read(data).frame.sender for data in frames}
         to = tuple(u for u in self._reach(now_s) if u != heard_from and observers != {u})
         if to:
-            self.tally.relayed += len(frames)
+            self._tally.relayed += len(frames)
             for part in in_parts(frames):
                 self._send(took, Relayed(part), to, unix_s)
 
@@ -395,7 +371,7 @@ class Node:
 
     def _lacks(self, peer: int, now_s: float) -> None:
         """Something that this peer has."""
-        self._peers[peer].said_s = self._peers[peer].agreed_s = -math.inf
+        self._peers[peer].has_more()
         self._ask_soon(peer, now_s)
 
     def tick(self, now_s: float, unix_s: float) -> Took:
@@ -417,14 +393,15 @@ class Node:
         return self._questions.next_deadline_s
 
     def _agrees(self, peer: int, now_s: float) -> bool:
-        return self._peers[peer].agrees(self._replica, now_s)
+        return self._peers[peer].agrees(now_s)
 
     def _ask(self, took: Took, now_s: float, unix_s: float) -> None:
         for peer in self._questions.due(now_s):
             if not self._agrees(peer, now_s):
-                states = tuple((u, p.state_unix_s) for u, p in self._peers.items() if p.state is not None)
+                told = ((u, p.told_state) for u, p in self._peers.items())
+                states = tuple((u, state.frame.unix_s) for u, state in told if state is not None)
                 self._send(took, SnapshotAsked(self._replica.digest(), states), (peer,), unix_s)
-                self.tally.snapshots_asked += 1
+                self._tally.snapshots_asked += 1
                 self._questions.asked(peer, now_s)
                 self._peers[peer].asked(now_s)
 
@@ -437,15 +414,15 @@ class Node:
             peer
             for uav, peer in self._peers.items()
             if uav != asker
-            and peer.state is not None
-            and peer.state_unix_s > known.get(uav, -math.inf) + MAX_CLOCK_S
+            and (state := peer.told_state) is not None
+            and state.frame.unix_s > known.get(uav, -math.inf) + MAX_CLOCK_S
         ]
-        frames += [peer.state_frame for peer in newer]
+        frames += [state.data for peer in newer if (state := peer.told_state) is not None]
         frames += [p.intent_frame for p in newer if unix_s - p.intent_unix_s <= STALE_S]
         parts = list(in_parts(frames))
         for i, part in enumerate(parts):
             self._send(took, Snapshot(part, i == len(parts) - 1), (asker,), unix_s)
-        self.tally.snapshots_served += 1
+        self._tally.snapshots_served += 1
         if self._replica.lacks(asked.have):
             self._lacks(asker, now_s)
 
@@ -453,9 +430,9 @@ class Node:
 
     def _reach(self, now_s: float) -> tuple[int, ...]:
         """Whom it speaks to."""
-        peers = [u for u, p in self._peers.items() if p.state is None or p.state.phase != "failed"]
+        peers = self._column.unfailed()
         if self._options.k is None or self._options.k >= len(peers):
-            return tuple(peers)
+            return peers
         silent = {u: self._peers[u].at for u in peers if self._peers[u].is_silent(now_s)}
         alive = {u: self._peers[u].at for u in peers if u not in silent}
         return recipients(self._voice.at, alive, silent, self._options.k)

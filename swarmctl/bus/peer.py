@@ -6,20 +6,18 @@ import math
 
 import msgspec
 
+from swarmctl.bus.ledger import A_MESSAGE, MAX_WORK, SILENT_AFTER_S, WITHIN_S, Column
 from swarmctl.bus.pace import Pace
-from swarmctl.bus.replica import Kept, Replica
+from swarmctl.bus.reading import Reading
+from swarmctl.bus.replica import Apart, Kept
 from swarmctl.core.frames import Frame, IntentShared, Refused, StateShared, Why
 from swarmctl.core.geo import LatLon
 
-SILENT_AFTER_S = 5.0
-"""who is heard again after so long is asked what was missed"""
 ALIVE_S = 20.0
 """of whom nothing was heard for longer, directly or by others, is spoken to last"""
-MAX_WORK, WITHIN_S = 10_000, 10.0
-"""what is done for one UAV in so long; faster ones are refused"""
 MAX_BYTES = 8_000_000
-"""of it in so long"""
-A_MESSAGE, A_FRAME, A_CHECKPOINT = 5, 1, 20
+"""of it in `WITHIN_S`"""
+A_FRAME, A_CHECKPOINT = 1, 20
 """the work of each, frames inside of messages counted apart"""
 ASK_AGAIN_S = 1.0
 MAX_ASK_AGAIN_S = 8.0
@@ -33,35 +31,21 @@ IN_WINDOW = (1 << WINDOW) - 1
 class Peer(msgspec.Struct, gc=False):
     """What is known of another UAV. Of what holds no cycles the garbage collector need not know."""
 
-    state: StateShared | None = None
-    state_unix_s: float = -math.inf
-    state_frame: bytes = b""
+    column: Column
+    row: int
+    """where in `column`"""
     intent: IntentShared | None = None
     intent_unix_s: float = -math.inf
     intent_frame: bytes = b""
-    incarnation: int = -1
-    heard_s: float = -math.inf
-    """directly"""
-    told_s: float = -math.inf
-    """when its state was last told, by itself or by others"""
-    newest: int = 0
-    """message number"""
     missing: int = 0
-    """bit i: message `newest` - i has not come; of a hundred peers a hundred times, sets took a gigabyte"""
-    worked: int = 0
-    """for its messages"""
-    worked_until_s: float = -math.inf
-    """when that is counted anew"""
+    """bit i: message `missing_at` - i has not come. A hundred times a hundred sets took a gigabyte."""
+    missing_at: int = 0
     weighed: int = 0
     """bytes"""
     weighed_until_s: float = -math.inf
     ask_after_s: float = -math.inf
     """when it may be asked again"""
     ask_again_s: float = ASK_AGAIN_S
-    said_s: float = -math.inf
-    """when it last told its state itself, unless it has more since then"""
-    agreed_s: float = -math.inf
-    """when it last told that it knew nothing that was not known here"""
     questions: Pace | None = None
     kept: Kept | None = None
     """what is held of what it observes, as it was started last; None until it is first needed"""
@@ -71,51 +55,58 @@ class Peer(msgspec.Struct, gc=False):
 
         Raises Refused for a message that has come before, or that comes faster than any UAV speaks.
         """
-        n, incarnation = frame.n, frame.incarnation
-        if incarnation != self.incarnation:
-            if incarnation < self.incarnation:
+        n, column, row = frame.n, self.column, self.row
+        if frame.incarnation != column.incarnation[row]:
+            if frame.incarnation < column.incarnation[row]:
                 raise Refused(Why.REPLAY, f"of before vehicle {frame.sender} was started again")
-            self.incarnation, self.newest, self.missing, self.heard_s = incarnation, 0, 0, -math.inf
-            self.kept = None
-        ahead = n - self.newest
-        if ahead <= 0 and (ahead <= -WINDOW or not self.missing >> -ahead & 1):
+            self._begin(frame.incarnation)
+        ahead = n - column.newest[row]
+        if ahead <= 0 and (ahead <= -WINDOW or not self._missing() >> -ahead & 1):
             raise Refused(Why.REPLAY, f"message {n} of vehicle {frame.sender} has come before")
         # After all else: what somebody repeats must not use up what its sender may say.
         self.work(A_MESSAGE, now_s)
-        if ahead > 0:
-            self.newest = n
+        if ahead > 1:
             # Those between are missing, and of far beyond all of before.
             between = (1 << min(ahead, WINDOW)) - 2
-            self.missing = (self.missing << min(ahead, WINDOW) | between) & IN_WINDOW
-        else:
-            self.missing ^= 1 << -ahead
-        was_silent = now_s - self.heard_s > SILENT_AFTER_S
-        self.heard_s = now_s
+            self.missing = (self._missing() << min(ahead, WINDOW) | between) & IN_WINDOW
+            self.missing_at = n
+        elif ahead <= 0:
+            self.missing = self._missing() ^ 1 << -ahead
+        column.newest[row] += max(ahead, 0)
+        was_silent = now_s - column.heard_s[row] > SILENT_AFTER_S
+        column.heard_s[row] = now_s
         return was_silent
 
-    def admits_next(self, frame: Frame, now_s: float) -> bool:
-        """The same for the message after the last, in few steps; False, and nothing done, for all others."""
-        if (
-            frame.n != self.newest + 1
-            or frame.incarnation != self.incarnation
-            or now_s - self.heard_s > SILENT_AFTER_S
-            or now_s >= self.worked_until_s
-            or self.worked + A_MESSAGE > MAX_WORK
-        ):
-            return False
-        self.worked += A_MESSAGE
-        self.newest += 1
-        if self.missing:
-            self.missing = self.missing << 1 & IN_WINDOW
-        self.heard_s = now_s
-        return True
+    def _begin(self, incarnation: int) -> None:
+        """It was started, or started again."""
+        column, row = self.column, self.row
+        column.incarnation[row], column.newest[row], column.heard_s[row] = incarnation, 0, -math.inf
+        self.missing = self.missing_at = 0
+        if self.kept is not None:
+            self.kept.stand_at(Apart())
+            self.kept = None
+
+    def _missing(self) -> int:
+        """Brought up to the newest message: nothing is missing between."""
+        ahead = self.column.newest[self.row] - self.missing_at
+        self.missing_at += ahead
+        self.missing = self.missing << min(ahead, WINDOW) & IN_WINDOW if self.missing else 0
+        return self.missing
+
+    def keeps(self, kept: Kept) -> Kept:
+        """What is held of what it observes, as it was started last."""
+        if self.kept is not kept:
+            kept.stand_at(self.column, self.row)
+            self.kept = kept
+        return kept
 
     def work(self, units: int, now_s: float) -> None:
         """Raises Refused where it makes more than any UAV should."""
-        if now_s >= self.worked_until_s:
-            self.worked_until_s, self.worked = now_s + WITHIN_S, 0
-        self.worked += units
-        if self.worked > MAX_WORK:
+        column, row = self.column, self.row
+        if now_s >= column.worked_until_s[row]:
+            column.worked_until_s[row], column.worked[row] = now_s + WITHIN_S, 0
+        column.worked[row] += units
+        if column.worked[row] > MAX_WORK:
             raise Refused(Why.TOO_FAST, f"more than {MAX_WORK} steps of work in {WITHIN_S:g} s")
 
     def weigh(self, n_bytes: int, now_s: float) -> None:
@@ -137,30 +128,61 @@ class Peer(msgspec.Struct, gc=False):
             self.questions = Pace(QUESTIONS_PER_S, QUESTIONS_BURST)
         return self.questions.takes(now_s)
 
-    def told(self, frame: Frame, state: StateShared, data: bytes, now_s: float) -> None:
+    def told(self, reading: Reading, now_s: float) -> None:
         """Its state, by itself or by others; an older one than is known is passed over."""
-        if frame.incarnation >= self.incarnation and frame.unix_s > self.state_unix_s:
-            self.state, self.state_unix_s, self.state_frame, self.told_s = state, frame.unix_s, data, now_s
+        frame, column, row = reading.frame, self.column, self.row
+        if frame.incarnation >= column.incarnation[row] and frame.unix_s > column.state_unix_s[row]:
+            column.state[row], column.state_unix_s[row], column.told_s[row] = reading, frame.unix_s, now_s
+            column.failed[row] = isinstance(frame.content, StateShared) and frame.content.phase == "failed"
+
+    def said(self, state: StateShared, now_s: float) -> bool:
+        """The same by itself, with how much it knows; whether it has seen more than is held here."""
+        column, row = self.column, self.row
+        column.said_s[row] = now_s
+        if column.has_held(state.knows):
+            column.agreed_s[row] = now_s
+        has_more = column.upto[row] < state.last_seq
+        if has_more:
+            column.agreed_s[row] = -math.inf
+        return has_more
+
+    def has_more(self) -> None:
+        """Than is known here, whatever it said last."""
+        self.column.said_s[self.row] = self.column.agreed_s[self.row] = -math.inf
+
+    @property
+    def told_state(self) -> Reading | None:
+        """How it told the newest state that is known, itself or by others."""
+        return self.column.state[self.row]
+
+    @property
+    def state(self) -> StateShared | None:
+        """The newest that is known."""
+        told = self.told_state
+        return None if told is None else told.frame.content  # type: ignore[return-value]
 
     def intends(self, frame: Frame, intent: IntentShared, data: bytes) -> None:
         """The same of where it will be."""
-        if frame.incarnation >= self.incarnation and frame.unix_s > self.intent_unix_s:
+        if frame.incarnation >= self.column.incarnation[self.row] and frame.unix_s > self.intent_unix_s:
             self.intent, self.intent_unix_s, self.intent_frame = intent, frame.unix_s, data
 
     @property
     def at(self) -> LatLon | None:
-        return None if self.state is None else (self.state.lat_deg, self.state.lon_deg)
+        state = self.state
+        return None if state is None else (state.lat_deg, state.lon_deg)
 
-    def agrees(self, replica: Replica, now_s: float) -> bool:
+    def agrees(self, now_s: float) -> bool:
         """Whether it knows nothing that is not known here, by what it said itself of late.
 
         Who is spoken to need not speak to who does: what it said long ago tells nothing.
         """
-        if now_s - self.agreed_s <= SILENT_AFTER_S:
+        column, row, state = self.column, self.row, self.state
+        if now_s - column.agreed_s[row] <= SILENT_AFTER_S:
             return True
-        if self.state is None or now_s - self.said_s > SILENT_AFTER_S:
+        if state is None or now_s - column.said_s[row] > SILENT_AFTER_S:
             return False
-        return replica.has_held(self.state.knows)
+        return column.has_held(state.knows)
 
     def is_silent(self, now_s: float) -> bool:
-        return self.state is not None and now_s - max(self.heard_s, self.told_s) > ALIVE_S
+        last_s = max(self.column.heard_s[self.row], self.column.told_s[self.row])
+        return self.column.state[self.row] is not None and now_s - last_s > ALIVE_S

@@ -8,7 +8,6 @@ from functools import lru_cache
 
 import msgspec
 
-from swarmctl.bus.exchange import Took
 from swarmctl.core.frames import MAX_INNER_BYTES, Frame, IntentShared, Refused, Seal, StateShared, Why
 from swarmctl.core.observation import Checkpoint, Observation, Source, mark_of, named
 
@@ -27,12 +26,10 @@ class Reading(msgspec.Struct, frozen=True, gc=False):
     source: Source
     """whose, if it tells what was seen"""
     seq: int = 0
-    """of an observation, as are the fields below"""
+    """of an observation, as are the fields below; 0 for all else"""
     clear: frozenset[int] = frozenset()
     """row · cols + col of the cells that were seen so"""
     occupied: frozenset[int] = frozenset()
-    simply: Took | None = None
-    """what comes of it where it is news and nothing else; one for all who take it"""
     mark: int = 0
     """tells it from all others, and from another content under its name"""
 
@@ -58,9 +55,8 @@ def reader(seal: Seal, rows: int, cols: int) -> Read:
                 frozenset(row * cols + col for row, col, is_so in content.cells if is_so == wanted)
                 for wanted in (False, True)
             )
-            simply = Took(news=[content])
             mark = mark_of(content)
-            return Reading(frame, frame.act, data, source, content.seq, clear, occupied, simply, mark)
+            return Reading(frame, frame.act, data, source, content.seq, clear, occupied, mark)
         if isinstance(content, Checkpoint):
             with _outside():
                 content.counts(rows * cols)

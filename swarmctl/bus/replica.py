@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import msgspec
 
+from swarmctl.bus.ledger import Column, Numbers
 from swarmctl.bus.reading import Reading
 from swarmctl.bus.shelf import Shelf, Shelves
 from swarmctl.core.frames import Have, Refused, Why
@@ -22,10 +23,19 @@ MAX_BEYOND = 600
 """observations beyond gaps that are named in a digest, of all sources together; others may be told twice"""
 MAX_AHEAD = 1024
 """Observations farther beyond a gap are not kept: they, or what stands for them, can be asked for."""
-REMEMBERED = 1024
-"""fingerprints, or twice as many: while all speak no two hold quite the same"""
 MAX_INCARNATIONS = 8
 """of one observer"""
+
+
+class Apart:
+    """The numbers of what is kept of a source, where they do not stand in the ledger."""
+
+    __slots__ = ("in_order", "shelf", "upto")
+
+    def __init__(self) -> None:
+        self.upto: Numbers[int] = [0]
+        self.in_order: Numbers[bool] = [False]
+        self.shelf: Numbers[int] = [0]
 
 
 class Kept(msgspec.Struct, gc=False):
@@ -36,12 +46,39 @@ class Kept(msgspec.Struct, gc=False):
     """the observations that `checkpoint` does not stand for, up to `upto`"""
     checkpoint: Checkpoint | None = None
     checkpoint_reading: Reading | None = None
-    upto: int = 0
-    """everything up to here is held"""
     ahead: dict[int, Reading] = {}
     """by sequence number, those beyond a gap"""
-    mark: int = 0
-    """of all that is held, combined by exclusive or"""
+    numbers: Apart | Column = msgspec.field(default_factory=Apart)
+    place: int = 0
+    """where in `numbers`"""
+    _mark: int = 0
+    """of all that is held up to `_marked`, and of `ahead`"""
+    _marked: int = 0
+
+    @property
+    def upto(self) -> int:
+        """Everything up to here is held."""
+        return self.numbers.upto[self.place]
+
+    @property
+    def mark(self) -> int:
+        """Of all that is held, combined by exclusive or."""
+        if self._marked < self.upto:
+            for reading in self.shelf.between(self._marked, self.upto):
+                self._mark ^= reading.mark
+            self._marked = self.upto
+        return self._mark
+
+    def stand_at(self, numbers: Apart | Column, place: int = 0) -> None:
+        """From now on others change what stands there, too, and see it change."""
+        numbers.upto[place], self.numbers.in_order[self.place] = self.upto, False
+        self.numbers, self.place = numbers, place
+        self._note()
+
+    def _note(self) -> None:
+        """What others have to know before they put more on the shelf."""
+        self.numbers.shelf[self.place] = self.shelf.number
+        self.numbers.in_order[self.place] = not self.ahead
 
     @property
     def covered(self) -> int:
@@ -62,8 +99,8 @@ class Kept(msgspec.Struct, gc=False):
             if known.frame.content != seen and isinstance(seen, Observation):
                 raise Refused(Why.TWO_CONTENTS, seen.two_contents)
             return False
+        self._mark = self.mark ^ reading.mark
         self.ahead[seq] = reading
-        self.mark ^= reading.mark
         self._settle()
         return True
 
@@ -73,12 +110,10 @@ class Kept(msgspec.Struct, gc=False):
 
     def append(self, reading: Reading) -> None:
         """One that comes right after `upto`."""
-        self.mark ^= reading.mark
-        self._shelve(reading)
-
-    def _shelve(self, reading: Reading) -> None:
-        self.shelf = self.shelf.put(reading)
-        self.upto += 1
+        if not self.shelf.takes(reading):
+            self.shelf = self.shelf.otherwise(reading)
+            self._note()
+        self.numbers.upto[self.place] += 1
 
     def advance(self, to: Checkpoint, reading: Reading, shelves: Shelves) -> bool:
         """Whether it stands for more than what stood before.
@@ -93,9 +128,9 @@ class Kept(msgspec.Struct, gc=False):
             mark ^= held.mark
         if to.upto <= self.upto and mark != self.mark:
             raise Refused(Why.TWO_CONTENTS, to.two_contents)
-        self.mark = mark
+        self._mark = mark
         self.checkpoint, self.checkpoint_reading = to, reading
-        self.shelf, self.upto = shelves.at(self.source, to.upto), to.upto
+        self.shelf, self.numbers.upto[self.place] = shelves.at(self.source, to.upto), to.upto
         self.ahead |= {held.seq: held for held in later}
         for seq in [seq for seq in self.ahead if seq <= to.upto]:
             del self.ahead[seq]
@@ -104,7 +139,9 @@ class Kept(msgspec.Struct, gc=False):
 
     def _settle(self) -> None:
         while (following := self.ahead.pop(self.upto + 1, None)) is not None:
-            self._shelve(following)
+            self.append(following)
+        self._marked = self.upto
+        self._note()
 
     def after(self, seq: int) -> Sequence[Reading]:
         """Observations later than this one that the checkpoint does not stand for, in order."""
@@ -126,15 +163,11 @@ class Kept(msgspec.Struct, gc=False):
 class Replica:
     """The set of all observations known, which only grows."""
 
-    def __init__(self, shelves: Shelves) -> None:
-        self._shelves = shelves
+    def __init__(self, column: Column) -> None:
+        self._column = column
+        self._shelves = column.ledger.shelves
         self._kept: dict[Source, Kept] = {}
         self._incarnations: Counter[int] = Counter()
-        self.fingerprint = 0
-        """the same for all who hold the same, whatever stands for it; 63 bits"""
-        self._recent = {0}
-        self._older: set[int] = set()
-        """fingerprints that were"""
 
     def of(self, source: Source) -> Kept:
         """What is held of a source, perhaps nothing yet. Raises Refused for too many of one observer."""
@@ -156,15 +189,14 @@ class Replica:
             is_new = kept.observed(reading)
         else:
             is_new = kept.advance(told, reading, self._shelves)
-        self.fingerprint ^= before ^ kept.mark
-        self._remember()
+        if kept.mark != before:
+            self._column.know(before ^ kept.mark)
         return is_new
 
     def append(self, kept: Kept, reading: Reading) -> None:
         """The same for an observation that `is_next`, in few steps."""
         kept.append(reading)
-        self.fingerprint ^= reading.mark
-        self._remember()
+        self._column.know(reading.mark)
 
     def readings(self) -> Iterator[Reading]:
         """Everything held."""
@@ -187,15 +219,6 @@ class Replica:
         held = [(source, kept) for source, kept in sorted(self._kept.items()) if kept.latest]
         gaps = sum(bool(kept.ahead) for _, kept in held)
         return tuple(kept.have(MAX_BEYOND // max(gaps, 1)) for _, kept in held)
-
-    def has_held(self, fingerprint: int) -> bool:
-        """Whether just this was held of late: then who holds it holds nothing that is not held here."""
-        return fingerprint == self.fingerprint or fingerprint in self._recent or fingerprint in self._older
-
-    def _remember(self) -> None:
-        if len(self._recent) >= REMEMBERED:
-            self._older, self._recent = self._recent, set()
-        self._recent.add(self.fingerprint)
 
     def missing(self, have: Iterable[Have]) -> Iterator[bytes]:
         """The frames that who holds this lacks; checkpoints first where they save frames."""

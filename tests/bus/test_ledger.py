@@ -1,0 +1,157 @@
+"""What UAVs of a process take at once comes to the same as what each of them takes by itself."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+from ether import COLS, ROWS, UNIX_S, state
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from swarmctl.bus.exchange import NodeOptions, Took
+from swarmctl.bus.ledger import Ledger
+from swarmctl.bus.node import Node
+from swarmctl.bus.reading import reader
+from swarmctl.core.frames import Content, Frame, Relayed, Seal, SnapshotAsked, StateShared
+from swarmctl.core.observation import Observation
+
+SEAL = Seal("test")
+READ = reader(SEAL, ROWS, COLS)
+PAUSES_S = st.sampled_from((0.1, 0.1, 0.1, 3.0, 6.0, 11.0))
+ON = st.sampled_from((1, 1, 1, 1, 1, 0, 2, -1))
+"""by how much a number goes on from the last"""
+UAVS = (1, 2, 7, 8, 9)
+HEARERS = (7, 8, 9)
+
+
+class Process:
+    """UAVs 7, 8 and 9; `at_once` where they share a ledger that takes first."""
+
+    def __init__(self, *, at_once: bool) -> None:
+        options = NodeOptions(ROWS, COLS)
+        self.ledger = Ledger(UAVS, options) if at_once else None
+        self.nodes = {
+            uav: Node(uav, UAVS, options, SEAL, 1, np.random.default_rng(uav), ledger=self.ledger)
+            for uav in HEARERS
+        }
+        for uav in (8, 9):
+            seen = Observation(uav, 1, 0.0, ((0, 0, False), (0, 1, uav == 9)), 1)
+            self.nodes[uav].say(seen, 0.0, UNIX_S)
+        self.n_taken = 0
+
+    def hear(self, sender: int, frame: Frame, to: tuple[int, ...], now_s: float) -> dict[int, Took]:
+        """What it comes to for each of them, under the key of `sender`."""
+        reading, unix_s, took = READ(SEAL.close(frame)), UNIX_S + now_s, {}
+        if self.ledger is not None and sender in UAVS:
+            hearers = self.ledger.hearers(to)
+            takes = self.ledger.take(sender, frame.act, reading, hearers, now_s, unix_s)
+            seen = frame.content
+            news = [seen] if isinstance(seen, Observation) else []
+            took = {uav: Took(news=news) for uav in self.ledger.uavs(takes)}
+            self.n_taken += len(took)
+        for uav in to:
+            if uav not in took:
+                took[uav] = self.nodes[uav].hear(sender, frame.act, reading, now_s, unix_s)
+        return took
+
+
+class Senders:
+    """Numbers what UAVs say, mostly in a row."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+        self.known = [0, 5]
+        """fingerprints: of who knows nothing, of something else, and those that were"""
+        self._n = Counter[int]()
+        self._seq = Counter[tuple[int, int]]()
+
+    def frame(self, uav: int, incarnation: int, content: Content, on: int, ahead_s: float = 0.0) -> Frame:
+        self._n[uav] = max(1, self._n[uav] + on)
+        unix_s = UNIX_S + self.now_s + ahead_s
+        return Frame(uav, incarnation, self._n[uav], unix_s, content, 46.0, 14.0)
+
+    def seen(self, uav: int, incarnation: int, on: int, contradicts: bool) -> Observation:
+        seq = self._seq[uav, incarnation] = max(1, self._seq[uav, incarnation] + on)
+        cells = ((0, 1, False), (1, 1, False)) if contradicts else ((1, seq % COLS, False), (2, 2, True))
+        return Observation(uav, seq, 1.0, cells, incarnation)
+
+
+@settings(max_examples=200)
+@given(st.data())
+def test_at_once_comes_to_the_same_as_one_by_one(data: st.DataObject) -> None:
+    both, senders = (Process(at_once=True), Process(at_once=False)), Senders()
+    for i in range(data.draw(st.integers(5, 40))):
+        senders.now_s += data.draw(PAUSES_S)
+        for uav in HEARERS:
+            nodes = [process.nodes[uav] for process in both]
+            if nodes[0].next_deadline_s <= senders.now_s:
+                ticks = [node.tick(senders.now_s, UNIX_S + senders.now_s) for node in nodes]
+                assert ticks[0] == ticks[1]
+        message = said(data, senders) if i > 2 else plain(senders)
+        sender = data.draw(st.sampled_from((message.sender,) * 9 + (2,)))
+        to = data.draw(st.sampled_from((HEARERS, HEARERS, HEARERS, (7, 9), (8,))))
+        took = [process.hear(sender, message, to, senders.now_s) for process in both]
+        for uav in HEARERS:
+            nodes = [process.nodes[uav] for process in both]
+            if uav in to:
+                assert took[0][uav] == took[1][uav]
+            assert nodes[0].tally == nodes[1].tally
+            assert nodes[0].states() == nodes[1].states()
+            assert nodes[0].next_deadline_s == nodes[1].next_deadline_s
+        if data.draw(st.booleans()):
+            senders.known.append(knows(both, data.draw(st.sampled_from(HEARERS)), senders.now_s))
+    for uav in HEARERS:
+        now_s, unix_s = senders.now_s, UNIX_S + senders.now_s
+        knows(both, uav, now_s)
+        question = Frame(1, 3, 1, unix_s, SnapshotAsked((), ()))
+        answers = [
+            process.nodes[uav].receive(1, question.act, SEAL.close(question), now_s, unix_s)
+            for process in both
+        ]
+        assert [out.data for out in answers[0].out] == [out.data for out in answers[1].out]
+
+
+def knows(both: tuple[Process, Process], uav: int, now_s: float) -> int:
+    """The fingerprint of what this UAV knows, by what it says of itself in both."""
+    told = [process.nodes[uav].say(state(), now_s, UNIX_S + now_s).out[0] for process in both]
+    contents = [SEAL.open(out.data).content for out in told]
+    assert told[0].to == told[1].to
+    assert contents[0] == contents[1]
+    assert isinstance(contents[0], StateShared)
+    return contents[0].knows
+
+
+def test_news_and_states_are_taken_at_once() -> None:
+    process, senders = Process(at_once=True), Senders()
+    for _ in range(3):
+        process.hear(1, plain(senders), HEARERS, senders.now_s)
+    told = StateShared(0.0, 46.0, 14.0, 30.0, "flying", 0, 0, 3)
+    process.hear(1, senders.frame(1, 1, told, 1), HEARERS, senders.now_s)
+    # But for the very first, by which each of them gets to know who speaks.
+    assert process.n_taken == 3 * len(HEARERS)
+
+
+def plain(senders: Senders) -> Frame:
+    return senders.frame(1, 1, senders.seen(1, 1, 1, contradicts=False), 1)
+
+
+def said(data: st.DataObject, senders: Senders) -> Frame:
+    uav, incarnation = data.draw(st.sampled_from(((1, 1), (1, 1), (1, 1), (2, 1), (1, 2), (3, 1))))
+    on, on_seq = data.draw(ON), data.draw(ON)
+    match data.draw(st.sampled_from(("seen", "seen", "seen", "contrary", "clock", "state", "passed on"))):
+        case "contrary":
+            return senders.frame(uav, incarnation, senders.seen(uav, incarnation, on_seq, True), on)
+        case "clock":
+            ahead_s = data.draw(st.sampled_from((8.0, -70.0)))
+            return senders.frame(uav, incarnation, senders.seen(uav, incarnation, on_seq, False), on, ahead_s)
+        case "state":
+            phase, last_seq = data.draw(st.sampled_from(("flying", "failed"))), data.draw(st.integers(0, 6))
+            told = StateShared(
+                0.0, 46.0, 14.0, 30.0, phase, 0, 0, last_seq, data.draw(st.sampled_from(senders.known))
+            )
+            return senders.frame(uav, incarnation, told, on)
+        case "passed on":
+            inner = SEAL.close(Frame(1, 1, 1, UNIX_S, senders.seen(1, 1, on_seq, False)))
+            return senders.frame(2, 1, Relayed((inner,)), on)
+    return senders.frame(uav, incarnation, senders.seen(uav, incarnation, on_seq, False), on)
