@@ -16,6 +16,7 @@ import itertools
 import math
 import os
 import random
+import re
 import resource
 import subprocess
 import sys
@@ -48,6 +49,8 @@ RATES_HZ = {33: 5, 30: 5, 74: 4, 1: 2, 24: 1, 147: 1, 42: 1}
 VEHICLES, ITEMS, LOSSES, DELAYS_S = (1, 50), (10, 50, 200), (0.0, 0.05, 0.2, 0.3), (0.0, 1.0)
 LIMIT_S = {"direct": 3600.0, "mavsdk": 240.0}
 SETTLE_S, MEASURE_S = 8.0, 15.0
+MOST_SAID = 6
+"""reasons of refusals"""
 
 
 class Radio:
@@ -114,13 +117,15 @@ class Outcome:
 
     times_s: list[float] = field(default_factory=list)
     endings: Counter[str] = field(default_factory=Counter)
+    why: Counter[str] = field(default_factory=Counter)
+    """of what was refused, without names and numbers"""
     datagrams: int = 0
     wall_s: float = 0.0
 
 
-def plan(items: int, east_deg: float) -> FlightPlan:
-    """A mission of about so many items, ten metres apart."""
-    points = tuple(Waypoint(HOME[0] + 1e-4 * i, HOME[1] + east_deg, 20.0) for i in range(1, items - 2))
+def plan(items: int, east_deg: float, apart_deg: float = 1e-4) -> FlightPlan:
+    """A mission of about so many items, eleven metres apart."""
+    points = tuple(Waypoint(HOME[0] + apart_deg * i, HOME[1] + east_deg, 20.0) for i in range(1, items - 2))
     return FlightPlan(20.0, points, points[-1])
 
 
@@ -163,7 +168,8 @@ async def ready(link: Link, swap: bool) -> None:
     await link.connect(20)
     await link.prepare(60, lambda _reasons: None)
     if swap:
-        await link.upload(plan(30, 0.0))
+        # So long that it does not end before the slowest swap does.
+        await link.upload(plan(60, 0.0, 1e-3))
         await link.launch()
         while (link.state().mission_seq or 0) < 3:  # noqa: ASYNC110 - nobody tells of it
             await asyncio.sleep(0.2)
@@ -174,8 +180,9 @@ async def transfer(link: Link, new: FlightPlan, outcome: Outcome, limit_s: float
     try:
         async with asyncio.timeout(limit_s):
             await (link.swap(new) if swap else link.upload(new))
-    except LinkError:
+    except LinkError as refused:
         outcome.endings["refused"] += 1
+        outcome.why[re.sub(r"\d+", "N", str(refused).split("): ", 1)[-1])] += 1
     except TimeoutError:
         outcome.endings[f"not in {limit_s:.0f} s"] += 1
     else:
@@ -189,6 +196,7 @@ def transfers(chosen: argparse.Namespace, *, swap: bool) -> Iterator[Table]:
         made = table(f"{what}, {personality}", "link", "vehicles", "items", "loss [%]", "delay [s]",
                      "p50 [s]", "last [s]", "datagrams each", "wall [s]", "outcome")  # fmt: skip
         cases = itertools.product(chosen.vehicles, chosen.items, LOSSES, DELAYS_S)
+        why = Counter[str]()
         for count, items, loss, delay_s in cases:
             for name in chosen.links:
                 seldom = name == "mavsdk" and (swap or count > 1) and items > 10
@@ -196,13 +204,18 @@ def transfers(chosen: argparse.Namespace, *, swap: bool) -> Iterator[Table]:
                     continue
                 run = run_virtual if name == "direct" else asyncio.run
                 done = run(case(name, personality, count, items, loss, delay_s, swap=swap))
+                why += done.why
                 p50, last = np.quantile(done.times_s, [0.5, 1.0]) if done.times_s else (np.nan, np.nan)
-                made.add_row(
+                row = (
                     name, str(count), str(items), f"{100 * loss:.0f}", f"{delay_s:g}", f"{p50:.2f}",
                     f"{last:.2f}", f"{done.datagrams / count:,.0f}", f"{done.wall_s:.1f}",
                     ", ".join(f"{n} {how}" for how, n in done.endings.items()),
                 )  # fmt: skip
-        made.caption = load()
+                made.add_row(*row)
+                # Who has not the hours for all of it keeps what there is.
+                print(f"{what}, {personality}:", *row, file=sys.stderr, flush=True)
+        said = [f"{n} refused: {text}" for text, n in why.most_common(MOST_SAID)]
+        made.caption = "\n".join((load(), *said))
         yield made
 
 

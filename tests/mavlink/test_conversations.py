@@ -237,7 +237,7 @@ def test_an_empty_mission_is_a_complete_one():
 
 
 @pytest.mark.parametrize("counted", [False, True], ids=["no count", "no item"])
-def test_a_download_repeats_each_question_six_times(counted):
+def test_a_download_repeats_each_question_a_dozen_times_of_who_has_answered_before(counted):
     download = Download(PEER)
     sent = download.start(0.0)
     if counted:
@@ -245,7 +245,7 @@ def test_a_download_repeats_each_question_six_times(counted):
     while download.result is None:
         sent += download.tick(download.next_deadline)
     wanted = "MISSION_REQUEST_INT" if counted else "MISSION_REQUEST_LIST"
-    assert kinds(sent) == [wanted] * 6 + ["MISSION_ACK"]
+    assert kinds(sent) == [wanted] * (12 if counted else 6) + ["MISSION_ACK"]
     assert download.result.outcome is DownloadOutcome.NO_ANSWER
 
 
