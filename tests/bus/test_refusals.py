@@ -313,7 +313,7 @@ def test_a_vehicle_is_not_asked_what_an_operator_asks_another(protocol: str) -> 
                 for key in (weights, own):
                     three.serve(key, serve)
                 await meet(three)
-                assert await net.station.ask(own, b"", 5.0) == (b"of uav3",)
+                await until_answered(net.station, own, b"of uav3")
                 assert await net.station.ask(weights, b"", 5.0) == (b"answer",)
                 assert (asked, net.asked) == ([own], [weights])
 
