@@ -40,6 +40,8 @@ class Doubts:
 
     def has_none_of(self, reading: Reading) -> bool:
         """Whether there is nothing to say of an observation."""
+        if not self._sightings.are_of(self._place):
+            return True
         return not self._sightings.against(reading.clear, reading.occupied) >> self._place & 1
 
     def of(self, reading: Reading) -> Iterator[Said]:
