@@ -25,7 +25,7 @@ def _cells(value: Any) -> Any:
 Cells = Annotated[tuple[Cell, ...], BeforeValidator(_cells), Field(min_length=1)]
 Side = Literal["north", "east", "south", "west"]
 LinkName = Literal["direct", "mavsdk"]
-Autopilot = Literal["ardupilot", "px4", "arduplane"]
+Autopilot = Literal["ardupilot", "px4", "arduplane", "px4plane"]
 
 
 class Simulate(Section):
@@ -35,8 +35,8 @@ class Simulate(Section):
     speedup: float = Field(1.0, ge=1.0, le=100.0, description="simulated seconds in a real one")
     autopilot: Autopilot | Literal["mixed"] | Annotated[tuple[Autopilot, ...], Field(min_length=1)] = Field(
         "ardupilot",
-        description="which one they speak like, arduplane being a fixed wing and the others copters; a list: "
-        "by turns; mixed: ardupilot and px4 by turns",
+        description="which one they speak like, arduplane and px4plane being fixed wings; a list: by turns; "
+        "mixed: ardupilot and px4 by turns",
     )
     url: MavlinkUrl = Field(
         "udpin://127.0.0.1:0", description="where the ground station listens for them; port 0: any free one"

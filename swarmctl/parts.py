@@ -7,6 +7,7 @@ import contextlib
 import socket
 import time
 from collections.abc import AsyncIterator, Callable, Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -79,12 +80,13 @@ async def parts_of(
     async with contextlib.AsyncExitStack() as stack:
         played: asyncio.Task[None] | None = None
         links = scenario.config.links
+        pool = stack.enter_context(ThreadPoolExecutor(1, "timestamps")) if clock == "real" else None
         front_end = await stack.enter_async_context(
             FrontEnd(
                 wall_time_us=wall_time_us,
                 memory={"fleet": wire},
                 witness=evidence,
-                signing=_signing(links),
+                signing=_signing(links, pool),
                 say=partial(_tell, evidence, say),
             )
         )
@@ -121,13 +123,13 @@ def _tell(evidence: Evidence, say: Callable[[str], None], text: str) -> None:
     evidence.remark(text)
 
 
-def _signing(links: Links) -> Signing | None:
-    """Raises LinkError where the key or its time stamps cannot be used."""
+def _signing(links: Links, pool: Executor | None) -> Signing | None:
+    """`pool` waits for the disk. Raises LinkError where the key or its time stamps cannot be used."""
     if links.signing_key is None:
         return None
     file = Path(links.signing_key)
     try:
-        return Signing(read_mavlink_key(file), TimestampFile(file), links.signing_link_id)
+        return Signing(read_mavlink_key(file), TimestampFile(file), links.signing_link_id, pool)
     except (KeyringError, OSError, ValueError) as error:
         raise LinkError(f"links.signing_key: {error}") from error
 

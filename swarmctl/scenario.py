@@ -36,7 +36,7 @@ from swarmctl.separation.watch import Separation
 PAPERS = PLANNERS["dijkstra"]
 """the paper's planner, beside which every other is shown"""
 
-PLANES = frozenset({"arduplane"})
+PLANES = frozenset({"arduplane", "px4plane"})
 """of the simulator's autopilots"""
 
 DEFAULT_SPEED_M_S = 10.0

@@ -15,7 +15,7 @@ from typing import Any
 from swarmctl.config_vehicles import Autopilot
 from swarmctl.mavlink.firmware import Firmware
 from swarmctl.preflight.intent import delivered
-from swarmctl.scenario import Scenario, Spec, simulated_autopilot
+from swarmctl.scenario import PLANES, Scenario, Spec, simulated_autopilot
 from swarmctl.supervise import cancelled
 
 STOP_DEADLINE_S = 5.0
@@ -26,6 +26,7 @@ _FIRMWARE: dict[Autopilot, Firmware] = {
     "ardupilot": Firmware("ArduCopter", (4, 6)),
     "arduplane": Firmware("ArduPlane", (4, 6)),
     "px4": Firmware("PX4", (1, 15)),
+    "px4plane": Firmware("PX4 plane", (1, 15)),
 }
 """what the simulator's autopilots are, by their names in configurations"""
 
@@ -70,18 +71,21 @@ def _autopilot(scenario: Scenario, index: int) -> dict[str, Any]:
     """What the vehicle `index` of the swarm is, and speaks like, and its parameters, its speed in them."""
     spec = scenario.swarm[index]
     autopilot = simulated_autopilot(scenario.config, index)
-    body: dict[str, Any] = {"personality": "px4" if autopilot == "px4" else "ardupilot"}
+    body: dict[str, Any] = {"personality": "px4" if autopilot in ("px4", "px4plane") else "ardupilot"}
+    if autopilot in PLANES:
+        # Put down along its first leg: it takes off straight on.
+        body |= {"type": "plane", "heading_deg": _heading_deg(scenario, spec)}
+    slowest_m_s = math.floor(scenario.config.wings.min_speed_m_s)
     match autopilot:
         case "px4":
             params = {"MPC_XY_CRUISE": spec.speed_m_s, "MPC_XY_VEL_MAX": spec.speed_m_s}
         case "ardupilot":
             params = {"WPNAV_SPEED": 100.0 * spec.speed_m_s, "BATT_CAPACITY": BATTERY_MAH}
         case "arduplane":
-            wings = scenario.config.wings
-            params = {"AIRSPEED_CRUISE": spec.speed_m_s, "AIRSPEED_MIN": math.floor(wings.min_speed_m_s)}
+            params = {"AIRSPEED_CRUISE": spec.speed_m_s, "AIRSPEED_MIN": slowest_m_s}
             params |= {"BATT_CAPACITY": BATTERY_MAH}
-            # Put down along its first leg: it takes off straight on.
-            body |= {"type": "plane", "heading_deg": _heading_deg(scenario, spec)}
+        case "px4plane":
+            params = {"FW_AIRSPD_TRIM": spec.speed_m_s, "FW_AIRSPD_MIN": slowest_m_s, "FW_LND_ABORT": 0}
     # Set up by its owner for what the configuration declares, as a real vehicle is.
     params |= delivered(scenario, spec, _FIRMWARE[autopilot])
     return {**body, "params": params}

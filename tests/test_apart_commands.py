@@ -66,6 +66,10 @@ REFUSED: list[tuple[str, list[str], str, int, str]] = [
     ("watching where nobody certifies", ["watch", "--connect", "tls/127.0.0.1:1"], PLAIN, 2, "needs certif"),
     ("ordering nobody", ["order", "hold"], PLAIN + ROUTER, 2, "which vehicles? give --uav NAME"),
     ("ordering what is no order", ["order", "fly", "--all"], PLAIN + ROUTER, 2, "Invalid value for"),
+    ("routing without keys", ["router"], PLAIN + CERTIFIED, 1, "nowhere/router: no such folder"),
+    ("reporting without keys", ["observe", "--uav", "1", "--cell", "1,1", "--clear"],
+     PLAIN + CERTIFIED, 1, "nowhere/operator: no such"),
+    ("checking without keys", ["check"], PLAIN + CERTIFIED, 1, "nowhere/uav1: no such folder"),
     ("ordering where no router is", ["order", "hold", "--all"], PLAIN + ROUTER, 1, "at tcp/127.0.0.1:1"),
     ("ordering without keys", ["order", "hold", "--all"], PLAIN + CERTIFIED, 1, "nowhere/operator: no such"),
     ("setting where no router is", ["set", "--all", "--w", "1"], PLAIN + ROUTER, 1, "at tcp/127.0.0.1:1"),
@@ -83,3 +87,19 @@ def test_what_cannot_be_is_said_before_anything_starts(
     assert said in result.stderr
     assert result.exit_code == code, result.output
     assert not (tmp_path / "runs").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "configuration"),
+    [(r[1], r[2]) for r in REFUSED if CERTIFIED in r[2]],
+    ids=[r[0] for r in REFUSED if CERTIFIED in r[2]],
+)
+def test_where_the_keys_are_named_is_said(
+    words: list[str], configuration: str, write: Write, tmp_path: Path
+) -> None:
+    folder = ["--out", str(tmp_path / "runs")] if words[0] == "agent" else []
+    file = write(configuration)
+    result = swarmctl(*words, "--config", file, *folder)
+    lines = Path(file).read_text().splitlines()
+    (line,) = (n for n, text in enumerate(lines, 1) if "keys: nowhere" in text)
+    assert f"{file}:{line}: communication.keys: nowhere/" in result.stderr.replace("\n", "")

@@ -19,6 +19,7 @@ from swarmctl.core.geo import distance_m
 from swarmctl.core.mission import Waypoint
 from swarmctl.judge import judge
 from swarmctl.scenario import Scenario, build
+from swarmctl.simulator import scenario_json
 
 pytestmark = pytest.mark.virtual
 
@@ -76,9 +77,19 @@ def test_the_shipped_fixed_wings_and_copters_arrive_by_changed_missions(tmp_path
     assert [item["command"] for item in plan["items"]][-5:] == [16, 189, 31, 16, 21]
 
 
-@pytest.mark.parametrize(("on_exit", "mode"), [("return", "AUTO"), ("land", "AUTO")])
-def test_a_fixed_wing_that_is_called_back_lands_at_home(on_exit: str, mode: str, tmp_path: Path) -> None:
-    scenario = winged(flight={"on_exit": on_exit})
+@pytest.mark.parametrize(
+    ("autopilot", "on_exit", "mode"),
+    [
+        ("arduplane", "return", "AUTO"),
+        ("arduplane", "land", "AUTO"),
+        ("px4plane", "return", "AUTO.LOITER"),  # disarmed it waits there
+        ("px4plane", "land", "AUTO.MISSION"),
+    ],
+)
+def test_a_fixed_wing_that_is_called_back_lands_at_home(
+    autopilot: str, on_exit: str, mode: str, tmp_path: Path
+) -> None:
+    scenario = winged(flight={"on_exit": on_exit}, simulate={"autopilot": [autopilot, "ardupilot"]})
     report = fly(scenario, tmp_path, carry=interrupting(25.0))
     wing = report.states[1]
     assert report.ended == "stopped"
@@ -86,16 +97,59 @@ def test_a_fixed_wing_that_is_called_back_lands_at_home(on_exit: str, mode: str,
     assert away_m(report, 1, scenario.specs[0].start) < ROLL_OUT_M
 
 
-def test_a_fixed_wing_that_holds_circles_on(tmp_path: Path) -> None:
-    report = fly(winged(flight={"on_exit": "hold"}), tmp_path, carry=interrupting(30.0))
+@pytest.mark.parametrize(("autopilot", "mode"), [("arduplane", "GUIDED"), ("px4plane", "AUTO.LOITER")])
+def test_a_fixed_wing_that_holds_circles_on(autopilot: str, mode: str, tmp_path: Path) -> None:
+    scenario = winged(flight={"on_exit": "hold"}, simulate={"autopilot": [autopilot, "ardupilot"]})
+    report = fly(scenario, tmp_path, carry=interrupting(30.0))
     wing = report.states[1]
-    assert (wing.vehicle.mode, wing.vehicle.armed) == ("GUIDED", True)
+    assert (wing.vehicle.mode, wing.vehicle.armed) == (mode, True)
     assert wing.vehicle.ground_speed_m_s > 10.0
     assert wing.vehicle.alt_rel_m == pytest.approx(30.0, abs=3.0)
 
 
-def test_what_is_planned_for_as_a_copter_and_is_a_fixed_wing_stays_on_the_ground(tmp_path: Path) -> None:
-    scenario = winged()
+@pytest.mark.parametrize("seed", [11, 12, 13])
+def test_fixed_wings_of_px4_arrive_by_changed_missions_and_land_at_their_goals(
+    seed: int, tmp_path: Path
+) -> None:
+    scenario = winged(
+        seed=seed,
+        threats={"count": 12},
+        simulate={"autopilot": "px4plane", "count": 3},
+        flight={"altitude_step_m": 8.0},
+    )
+    report = fly(scenario, tmp_path)
+    assert report.trouble == ()
+    assert [s.outcome for s in report.states.values()] == ["arrived"] * 3
+    assert sum(s.replans for s in report.states.values()) > 0
+    for uav, state in report.states.items():
+        assert state.route is not None
+        assert state.route.plan.approach is not None
+        assert away_m(report, uav, state.route.plan.approach.touchdown) < ROLL_OUT_M
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["separation"]["too_close"] == []
+    assert kinds(tmp_path, [spec.name for spec in scenario.specs]) == [PLANE] * 3
+
+
+def test_a_px4_whose_return_does_not_end_at_its_landing_stays_on_the_ground(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def set_up_otherwise(scenario: Scenario) -> dict[str, Any]:
+        content = scenario_json(scenario)
+        content["vehicles"][0]["params"]["RTL_TYPE"] = 0.0
+        return content
+
+    monkeypatch.setattr("swarmctl.virtual.scenario_json", set_up_otherwise)
+    report = fly(winged(simulate={"autopilot": ["px4plane", "ardupilot"]}), tmp_path)
+    assert not any(state.armed_seen for state in report.states.values())
+    (text,) = report.trouble
+    assert text.startswith("uav1: parameters: found RTL_TYPE 0; wanted RTL_TYPE 1 (a return that ends in")
+
+
+@pytest.mark.parametrize("autopilot", ["arduplane", "px4plane"])
+def test_what_is_planned_for_as_a_copter_and_is_a_fixed_wing_stays_on_the_ground(
+    autopilot: str, tmp_path: Path
+) -> None:
+    scenario = winged(simulate={"autopilot": [autopilot, "ardupilot"]})
     wing = replace(scenario.specs[0], airframe="copter")
     copter = replace(scenario.tasks[0], wings=None, turn_radius_m=0.0)
     mistaken = replace(
@@ -110,9 +164,12 @@ def test_what_is_planned_for_as_a_copter_and_is_a_fixed_wing_stays_on_the_ground
     assert "airframe: plane" in report.states[1].outcome
 
 
-def test_fixed_wings_arrive_together_and_none_is_told_to_fly_too_slowly(tmp_path: Path) -> None:
+@pytest.mark.parametrize("autopilot", ["arduplane", "px4plane"])
+def test_fixed_wings_arrive_together_and_none_is_told_to_fly_too_slowly(
+    autopilot: str, tmp_path: Path
+) -> None:
     scenario = winged(
-        simulate={"autopilot": "arduplane", "count": 3},
+        simulate={"autopilot": autopilot, "count": 3},
         arrival={"mode": "simultaneous", "tolerance_s": 3.0},
         flight={"altitude_m": 30.0, "altitude_step_m": 10.0},
         wings={"min_speed_m_s": 13.5},

@@ -56,8 +56,9 @@ def found(config: Config) -> list[tuple[str, str]]:
     return [(".".join(map(str, problem.path)), problem.text) for problem in judge(config)]
 
 
-def test_fixed_wings_and_copters_may_fly_together() -> None:
-    assert found(winged()) == []
+@pytest.mark.parametrize("autopilot", ["arduplane", "px4plane"])
+def test_fixed_wings_and_copters_may_fly_together(autopilot: str) -> None:
+    assert found(winged(simulate={"autopilot": [autopilot, "ardupilot"]})) == []
     assert found(real(plane())) == []
 
 

@@ -145,6 +145,10 @@ class Tuning:
     fence_return_height_m: float = 0.0  # above home, at the fence's return point
     loiter_leaves_aligned: bool = False  # a circle to an altitude only toward the next place, told so or not
     return_lands: int = 0  # as the mission's nearest landing says; 1: once it circles over home, 2: at once
+    waypoints_say_radius: bool = True  # how near to them is there; else it is waypoint_radius_m for all
+    waypoint_height_m: float = math.inf  # at a waypoint more above or below that it circles until it is there
+    circles_first: bool = False  # a circle to an altitude is flown to at the present one
+    takeoff_along: bool = False  # straight to the place of the take-off until its altitude; else round about
     # environment by parameter (SIM_*)
     wind_m_s: float | None = None  # None: the scenario's
     wind_from_deg: float = 0.0
@@ -242,9 +246,13 @@ class Personality:
     failsafe_disarms: bool = False  # one that would act in the air stops the motors on the ground
     failsafe_modes: Mapping[FailsafeAction, int] = field(default_factory=dict)  # where Behaviour does not say
     start_landing: Callable[["Autopilot", float], bool] | None = None  # where no mode lands; False: it cannot
+    # What of the mission is flown in the mode that returns, and above which altitude [m above mean sea level]
+    # that is begun; None: it returns to home or a rally point.
+    return_by_mission: "Callable[[Autopilot], tuple[Sequence[Item], float] | None]" = lambda _vehicle: None
     battery_latches: bool = False  # is looked at while armed only, and a level stays until the next boot
     body_yaw_relative: bool = False  # a set-point's yaw in a frame of the body; else it is from north
     gps_fix_type: int = 6  # GPS_FIX_TYPE that its own simulator reports
+    gps_present_in_use: bool = False  # SYS_STATUS calls it present while the estimator uses it; else always
 
     def mode_of(self, behaviour: Behaviour) -> Mode:
         """The mode in which a vehicle does this by itself; KeyError where there is none."""

@@ -1,7 +1,7 @@
 """What a vehicle does in each mode: mission, guided flight, return, landing, and sinking without a stick."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -10,8 +10,9 @@ from sim_vehicle.personalities.base import Behaviour, Mode, Tuning
 from sim_vehicle.physics.body import Body
 from sim_vehicle.physics.place import Place
 from sim_vehicle.vehicle.manoeuvres import Landing, Manoeuvre, Return, Takeoff
-from sim_vehicle.vehicle.mission import Mission
+from sim_vehicle.vehicle.mission import Item, Mission
 from sim_vehicle.vehicle.mission_pilot import MissionPilot
+from sim_vehicle.vehicle.mission_return import ReturnByMission
 
 LANDED_AFTER_S = 1.0  # on the ground for so long counts as landed
 DROP_M_S = 8.0
@@ -24,7 +25,8 @@ LOOK_S = 0.1  # between two looks of whoever is busy
 class Flight:
     """Steers one body by mode and mission; reports by `tell`, `send`, `disarm` and `taken_off`.
 
-    `start_landing`: have the mission land it; False where it says no way.
+    `start_landing`: have the mission land it; False where it says no way. `return_by_mission`: what of it is
+    flown to return, and above which altitude; None where none is.
     """
 
     def __init__(
@@ -41,6 +43,7 @@ class Flight:
         disarm: Callable[[], None],
         taken_off: Callable[[], None],
         start_landing: Callable[[], bool],
+        return_by_mission: Callable[[], tuple[Sequence[Item], float] | None],
         set_home: Callable[[Place], None],
         mission_over: Callable[[], None],
     ) -> None:
@@ -49,7 +52,7 @@ class Flight:
         self._tuning = tuning
         self.tell, self.send, self.disarm, self.set_home = tell, send, disarm, set_home
         self._taken_off = taken_off
-        self.start_landing = start_landing
+        self.start_landing, self._return_by_mission = start_landing, return_by_mission
         self.pilot = MissionPilot(self)
         self.mission_over = mission_over
         self.cleared_for_takeoff = False  # by MISSION_START or a take-off command, until disarmed
@@ -153,6 +156,8 @@ class Flight:
 
     def enter(self, mode: Mode) -> None:
         """Leave the present behaviour and begin that of `mode`."""
+        returns = mode.behaviour is Behaviour.RETURN and self.flying
+        by_mission = self._return_by_mission() if returns else None  # which may depend on what it did before
         if self.behaviour is Behaviour.MISSION and mode.behaviour is not Behaviour.MISSION:
             self.mission.stop()
         self.behaviour = mode.behaviour
@@ -169,7 +174,7 @@ class Flight:
             if mode.behaviour is Behaviour.LAND:
                 self._machine = Landing(self, None)
             elif mode.behaviour is Behaviour.RETURN:
-                self._machine = Return(self)
+                self._machine = Return(self) if by_mission is None else ReturnByMission(self, *by_mission)
             elif mode.behaviour is Behaviour.CRUISE:
                 self._cruise()
         self.begin_takeoff()
@@ -193,7 +198,8 @@ class Flight:
             self.mission.update(self.pilot, now)
         elif self.armed:
             self._run_alone(now)
-        self.landing_now = self.behaviour is Behaviour.LAND or self.pilot.landing
+        by_mission = isinstance(self._machine, ReturnByMission) and self._machine.lands
+        self.landing_now = self.behaviour is Behaviour.LAND or self.pilot.landing or by_mission
 
     def _run_alone(self, now: float) -> None:
         if self.behaviour in (Behaviour.SINK, Behaviour.DROP):

@@ -26,14 +26,21 @@ class Manoeuvre(Protocol):
 
 
 class Landing:
-    """Go over a place (or stay here) at this altitude, then down; done once on the ground for a second."""
+    """Go over a place (or stay here) at this altitude, then down; done once on the ground for a second.
 
-    def __init__(self, flight: "Flight", place_deg: tuple[float, float] | None) -> None:
+    A plane glides there along a straight line, or `circles` down around it.
+    """
+
+    def __init__(
+        self, flight: "Flight", place_deg: tuple[float, float] | None, *, circles: bool = False
+    ) -> None:
         self._flight = flight
         self._descends = place_deg is None
-        self._glides = flight.body.plane and place_deg is not None
+        self._glides = flight.body.plane and place_deg is not None and not circles
         if place_deg is None:
             flight.body.stop()
+        elif flight.body.plane and circles:
+            flight.body.loiter(*flight.body.locate(*place_deg), flight.body.alt_amsl_m)
         elif flight.body.plane:
             flight.body.land_at(*flight.body.locate(*place_deg))
         else:
@@ -157,6 +164,7 @@ class CircleToAltitude:
     centre_m: east, north, up [m].
     radius_m: negative is counter-clockwise.
     next_m: east, north of the place it is to leave for; None: it leaves as soon as it is at its altitude.
+    near_m: so far above or below is at its altitude; None: as the body has it.
     """
 
     def __init__(
@@ -165,16 +173,31 @@ class CircleToAltitude:
         centre_m: tuple[float, float, float],
         radius_m: float,
         next_m: tuple[float, float] | None,
+        near_m: float | None = None,
     ) -> None:
         self._flight, self._there = flight, False
+        self._centre_m, self._radius_m, self._near_m = centre_m, radius_m, near_m
         # A place inside the circle is never ahead.
         inside = next_m is not None and math.dist(next_m, centre_m[:2]) <= INSIDE_SHARE * abs(radius_m)
         self._next_m = None if inside else next_m
-        flight.body.loiter(*centre_m, radius_m)
+        self._comes = flight.tuning.circles_first
+        up_m = flight.body.alt_amsl_m if self._comes else centre_m[2]
+        flight.body.loiter(*centre_m[:2], up_m, radius_m)
+
+    def _is_there(self) -> bool:
+        body = self._flight.body
+        if self._comes:
+            if body.reached:
+                self._comes = False
+                body.loiter(*self._centre_m, self._radius_m)
+            return False
+        if self._near_m is None:
+            return body.reached
+        return abs(body.alt_amsl_m - self._centre_m[2]) <= self._near_m
 
     def update(self, _now: float) -> bool:
         body = self._flight.body
-        self._there = self._there or body.reached
+        self._there = self._there or self._is_there()
         if not self._there or self._next_m is None:
             return self._there
         east_m, north_m, _ = body.position_m

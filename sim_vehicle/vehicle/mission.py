@@ -114,6 +114,7 @@ class Mission:
     flown: Item | None = None  # that command as it was read when it was started; outlives its deletion
     state: MissionState = MissionState.NOT_STARTED
     paused: bool = False
+    begins_anew: bool = False  # what it flies was not come to by what is before it in the list
     disarms_on_landing: bool = True  # a landing as an item ends the mission and stops the motors
     _items: list[Item] = field(default_factory=list)
     _jumps: dict[int, int] = field(default_factory=dict)

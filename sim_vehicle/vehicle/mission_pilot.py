@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 Point = tuple[float, float, float]
 AHEAD_M = 50_000.0  # a leg that lasts until the altitude is reached
+NOWHERE_M = 0.1  # nearer than this a place says no direction
+CLEARS_BY_M = 10.0  # so far above the altitude of its take-off a plane aims that climbs straight on
 ALTITUDE_REACHED_M = 5.0
 YAW_REACHED_RAD = math.radians(2.0)
 TAKEOFFS = frozenset({mavlink.MAV_CMD_NAV_TAKEOFF, mavlink.MAV_CMD_NAV_VTOL_TAKEOFF})
@@ -54,6 +56,7 @@ class MissionPilot:
         self._wait_until_s: float | None = None
         self._target_m: Point = (0.0, 0.0, 0.0)
         self._wanted_heading_rad: float | None = None
+        self._following: Item | None = None
 
     # -- facts -------------------------------------------------------------------------------------------
 
@@ -84,7 +87,8 @@ class MissionPilot:
         if not flight.flying:
             return
         if item.command in LANDINGS:
-            self._machine = Landing(flight, item.place_deg)
+            # A plane that has not come along a line to land on circles down.
+            self._machine = Landing(flight, item.place_deg, circles=flight.mission.begins_anew)
         elif item.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
             self._machine = Return(flight)
         elif item.command == mavlink.MAV_CMD_NAV_LOITER_TURNS:
@@ -93,42 +97,45 @@ class MissionPilot:
         elif item.command == mavlink.MAV_CMD_NAV_DELAY:
             flight.body.stop()
         elif item.command == mavlink.MAV_CMD_NAV_LOITER_TO_ALT and flight.body.plane:
-            self._machine = self._circle_to_altitude(item, following)
+            self._machine = circle_to_altitude(flight, item, following)
         else:
+            self._following = following
             flight.body.limit(radius_m=self._radius_m(item))
             flight.go(self._target_m, self._pass_speed_m_s(item, following))
 
-    def _circle_to_altitude(self, item: Item, following: Item | None) -> CircleToAltitude:
-        flight = self._flight
-        aligned = flight.tuning.loiter_leaves_aligned or item.param1 == 1
-        place_deg = following.place_deg if following is not None and aligned else None
-        next_m = None if place_deg is None else flight.body.locate(*place_deg)
-        radius_m = finite(item.param2) or flight.tuning.loiter_radius_m
-        return CircleToAltitude(flight, self._target_m, radius_m, next_m)
-
     def _radius_m(self, item: Item) -> float:
         """How near to an item's place is there; a plane may be told so by the item itself."""
+        tuning = self._flight.tuning
         told_m = finite(item.param2) if item.command == mavlink.MAV_CMD_NAV_WAYPOINT else 0.0
-        return told_m if self._flight.body.plane and told_m > 0.0 else self._flight.tuning.waypoint_radius_m
+        tells = self._flight.body.plane and tuning.waypoints_say_radius and told_m > 0.0
+        return told_m if tells else tuning.waypoint_radius_m
 
     def _goal_m(self, item: Item) -> Point:
         flight = self._flight
         east_m, north_m, up_m = flight.body.position_m
         if item.command in TAKEOFFS:
-            return east_m, north_m, max(flight.altitude_amsl_m(item.frame, item.z), up_m)
+            over_m = self._takeoff_toward(item) if self._takes_off_along else (east_m, north_m)
+            return *over_m, max(flight.altitude_amsl_m(item.frame, item.z), up_m)
         if item.command == mavlink.MAV_CMD_NAV_CONTINUE_AND_CHANGE_ALT:
             on_m, heading_rad = (AHEAD_M if flight.body.plane else 0.0), flight.body.heading_rad
             ahead_m = east_m + on_m * math.sin(heading_rad), north_m + on_m * math.cos(heading_rad)
             return *ahead_m, flight.altitude_amsl_m(item.frame, item.z)
-        return self._item_target_m(item)
+        return target_of(flight, item)
 
-    def _item_target_m(self, item: Item) -> Point:
-        body, flight = self._flight.body, self._flight
-        east_m, north_m, up_m = body.position_m
-        keeps_altitude = item.z == 0 and (item.place_deg is None or flight.tuning.zero_keeps_altitude)
+    @property
+    def _takes_off_along(self) -> bool:
+        return self._flight.body.plane and self._flight.tuning.takeoff_along
+
+    def _takeoff_toward(self, item: Item) -> tuple[float, float]:
+        """East, north of a place far off: beyond that of the take-off, or where it heads if that is here."""
+        body = self._flight.body
+        east_m, north_m, _ = body.position_m
+        heading_rad = body.heading_rad
         if item.place_deg is not None:
-            east_m, north_m = body.locate(*item.place_deg)
-        return east_m, north_m, up_m if keeps_altitude else flight.altitude_amsl_m(item.frame, item.z)
+            ahead_m = body.locate(*item.place_deg)
+            if math.dist(ahead_m, (east_m, north_m)) > NOWHERE_M:
+                heading_rad = math.atan2(ahead_m[0] - east_m, ahead_m[1] - north_m)
+        return east_m + AHEAD_M * math.sin(heading_rad), north_m + AHEAD_M * math.cos(heading_rad)
 
     def _pass_speed_m_s(self, item: Item, following: Item | None) -> float:
         """Speed at which a waypoint may be flown through; 0 where the vehicle is to stop."""
@@ -142,7 +149,7 @@ class MissionPilot:
         target_m, here_m, next_m = (
             self._target_m,
             self._flight.body.position_m,
-            self._item_target_m(following),
+            target_of(self._flight, following),
         )
         inbound = math.atan2(target_m[0] - here_m[0], target_m[1] - here_m[1])
         outbound = math.atan2(next_m[0] - target_m[0], next_m[1] - target_m[1])
@@ -166,6 +173,12 @@ class MissionPilot:
         cleared = flight.cleared_for_takeoff or flight.tuning.mission_takes_off
         if not (flight.armed and cleared):
             return False
+        if self._takes_off_along:
+            if not flight.body.airborne:
+                east_m, north_m, up_m = self._target_m
+                flight.go((east_m, north_m, up_m + CLEARS_BY_M), flight.tuning.speed_m_s)
+                return False
+            return flight.body.alt_amsl_m >= self._target_m[2]
         if not flight.body.airborne:
             flight.go(self._target_m)
             return False
@@ -193,9 +206,19 @@ class MissionPilot:
             reached = math.dist(self._target_m, flight.body.position_m) <= flight.tuning.waypoint_radius_m
         if not reached or item.command == mavlink.MAV_CMD_NAV_LOITER_UNLIM:
             return False
+        if self._is_too_high_or_low(item):
+            self._machine = circle_to_altitude(flight, item, self._following, flight.tuning.waypoint_height_m)
+            return False
         if self._wait_until_s is None:
             self._wait_until_s = now + (finite(item.param1) if item.command in WAITS else 0.0)
         return now >= self._wait_until_s
+
+    def _is_too_high_or_low(self, item: Item) -> bool:
+        """Whether a plane that is at a waypoint is not at its altitude."""
+        flight = self._flight
+        off_m = abs(flight.body.alt_amsl_m - self._target_m[2])
+        through = item.command in THROUGH and flight.body.plane and flight.body.airborne
+        return through and off_m > flight.tuning.waypoint_height_m
 
     # -- commands on the way -----------------------------------------------------------------------------
 
@@ -252,3 +275,25 @@ class MissionPilot:
         if flight.flying:
             flight.body.stop()
         flight.mission_over()
+
+
+def target_of(flight: "Flight", item: Item) -> Point:
+    """Where an item is: east, north, up above mean sea level [m]; what it does not say is the present."""
+    body = flight.body
+    east_m, north_m, up_m = body.position_m
+    keeps_altitude = item.z == 0 and (item.place_deg is None or flight.tuning.zero_keeps_altitude)
+    if item.place_deg is not None:
+        east_m, north_m = body.locate(*item.place_deg)
+    return east_m, north_m, up_m if keeps_altitude else flight.altitude_amsl_m(item.frame, item.z)
+
+
+def circle_to_altitude(
+    flight: "Flight", item: Item, following: Item | None, near_m: float | None = None
+) -> CircleToAltitude:
+    """The circle of an item, left toward the following one where it says so; within `near_m` always."""
+    aligned = flight.tuning.loiter_leaves_aligned or item.param1 == 1 or near_m is not None
+    place_deg = following.place_deg if following is not None and aligned else None
+    next_m = None if place_deg is None else flight.body.locate(*place_deg)
+    told_m = finite(item.param2) if item.command == mavlink.MAV_CMD_NAV_LOITER_TO_ALT else 0.0
+    radius_m = told_m or flight.tuning.loiter_radius_m
+    return CircleToAltitude(flight, target_of(flight, item), radius_m, next_m, near_m)

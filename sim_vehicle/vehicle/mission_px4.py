@@ -157,12 +157,13 @@ class Px4Mission(Mission):
             pilot.no_mission()
             return
         self._flown_once = True
-        self.state = MissionState.ACTIVE
+        self.state, self.begins_anew = MissionState.ACTIVE, True
         self._begin(pilot, found)
 
     def _go_on(self, pilot: Pilot) -> None:
         found = self._resolve(self.index + 1, count=True)
         if found is not None:
+            self.begins_anew = False
             self._begin(pilot, found)
             return
         if self.index + 1 >= self.count:

@@ -78,21 +78,24 @@ def _landed_state(vehicle: "Autopilot") -> int:
 
 
 def _health(vehicle: "Autopilot", now: float) -> None:
-    health = SENSORS
+    present = health = SENSORS
     if not (vehicle.readiness.gps_fix(now) and vehicle.body.gps_fix):
         health &= ~mavlink.MAV_SYS_STATUS_SENSOR_GPS
+        if vehicle.personality.gps_present_in_use:
+            present &= ~mavlink.MAV_SYS_STATUS_SENSOR_GPS
     if not vehicle.position_known(now):
         health &= ~mavlink.MAV_SYS_STATUS_AHRS
     if not vehicle.armed and vehicle.personality.refusals(vehicle, now):
         health &= ~mavlink.MAV_SYS_STATUS_PREARM_CHECK
     unhealthy = vehicle.afflictions.unhealthy_sensors
-    present = SENSORS | unhealthy
+    enabled = SENSORS | unhealthy
+    present |= unhealthy
     watch, i = vehicle.fence_watch, vehicle.index
     if not watch.breached:
         health |= GEOFENCE
     fenced = watch.has_limits
     vehicle.status.sensors[i] = present | (GEOFENCE if fenced else 0)
-    vehicle.status.sensors_enabled[i] = present | (GEOFENCE if fenced and watch.enabled else 0)
+    vehicle.status.sensors_enabled[i] = enabled | (GEOFENCE if fenced and watch.enabled else 0)
     vehicle.status.health[i] = health & ~unhealthy
 
 

@@ -59,6 +59,11 @@ class Wings:
         return self.final_height_m / math.tan(math.radians(self.glide_deg))
 
     @property
+    def glide_from_circle_deg(self) -> float:
+        """How steep its way down is where it glides from where it leaves the circle on."""
+        return math.degrees(math.atan(self.final_height_m / (self.final_m + self.loiter_radius_m)))
+
+    @property
     def reach_m(self) -> float:
         """No part of its pattern is farther from the touch-down; ways around the circle included."""
         return self.final_m + 4.0 * self.loiter_radius_m + ROLL_OUT_M

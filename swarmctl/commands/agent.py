@@ -15,6 +15,7 @@ from swarmctl.bus.access import name_of
 from swarmctl.bus.base import BusError
 from swarmctl.bus.endpoint import NOBODY
 from swarmctl.bus.zenoh_config import Configuration
+from swarmctl.commands.calling import of_keys
 from swarmctl.commands.finishing import unbroken
 from swarmctl.commands.flying import (
     ForwardOption,
@@ -96,7 +97,7 @@ def agent(
     whole = scenario_of(config)
     scenario = forwarded(companion.only(whole, _meant(whole, uav), _url(url)), forward or [])
     allowed = confirmed(scenario, confirm) if real else frozenset()
-    keyring = _keyring(scenario)
+    keyring = _keyring(config, scenario)
     network = _network(scenario, connect, launch, keyring)
     require_fit(config, _without_door(scenario), out_folder)
     waivers = waivers_of(waive, scenario)
@@ -157,12 +158,12 @@ def _url(url: str | None) -> str | None:
     return url
 
 
-def _keyring(scenario: Scenario) -> Keyring | None:
+def _keyring(config: Path, scenario: Scenario) -> Keyring | None:
     (spec,) = scenario.specs
     try:
         return joining.keyring_of(scenario.config, name_of(spec.sysid), dt.datetime.now(dt.UTC))
     except KeyringError as error:
-        fail([str(error)], EXPECTED)
+        fail(of_keys(config, [str(error)]), EXPECTED)
 
 
 def _network(

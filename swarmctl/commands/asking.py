@@ -17,7 +17,7 @@ from swarmctl import joining, operate
 from swarmctl.bus.access import OPERATOR
 from swarmctl.bus.base import BusError
 from swarmctl.bus.zenoh_config import Credentials
-from swarmctl.commands.calling import roll_of
+from swarmctl.commands.calling import of_keys, roll_of
 from swarmctl.commands.shared import EXPECTED, USAGE, err, fail, out
 from swarmctl.core import requests
 from swarmctl.core.messages import OperatorAnswer, Request, VehicleAnswer
@@ -68,7 +68,9 @@ def give(
         credentials = joining.certified(station.endpoint, keyring)
         seals = operate.UNSEALED if keyring is None else Seals(station.swarm, keyring)
         answer = asyncio.run(by(station, wanted, credentials, seals))
-    except (BusError, operate.NoAnswer, KeyringError) as error:
+    except KeyringError as error:
+        fail([str(error)] if config is None else of_keys(config, [str(error)]), EXPECTED)
+    except (BusError, operate.NoAnswer) as error:
         fail([str(error)], EXPECTED)
     except ValueError as error:
         fail([str(error)], USAGE)

@@ -1,11 +1,14 @@
-"""What commands that speak to a swarm and do not fly it have in common: who it is."""
+"""What commands that speak to a swarm and do not fly it have in common: who it is, and where its
+configuration names its keys."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
-from swarmctl import roll
+from swarmctl import roll, yaml_lines
 from swarmctl.commands.shared import USAGE, fail
+from swarmctl.config import Problem, located
 from swarmctl.roll import Roll
 
 
@@ -15,3 +18,10 @@ def roll_of(path: Path) -> Roll:
         return roll.call(path)
     except roll.NoRoll as error:
         fail(error.lines, USAGE)
+
+
+def of_keys(config: Path, troubles: Iterable[str]) -> list[str]:
+    """What is wrong with the folder that a configuration calls `communication.keys`, each with where it
+    does."""
+    document = yaml_lines.parse(config.read_text(encoding="utf-8"))
+    return located(config, document, (Problem(("communication", "keys"), text) for text in troubles))

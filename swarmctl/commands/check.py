@@ -9,6 +9,7 @@ from pathlib import Path
 import typer
 
 from swarmctl.bus.access import OPERATOR, ROUTER, name_of
+from swarmctl.commands.calling import of_keys
 from swarmctl.commands.loading import require_fit, scenario_of
 from swarmctl.commands.shared import ConfigOption, OutOption, out
 from swarmctl.keyring import look
@@ -22,7 +23,7 @@ def register(cli: typer.Typer) -> None:
 def check(config: ConfigOption, out_folder: OutOption = Path("runs")) -> None:
     """Say everything that is wrong with a configuration, here and now, without starting anything."""
     scenario = scenario_of(config)
-    require_fit(config, scenario, out_folder, _keys(scenario))
+    require_fit(config, scenario, out_folder, of_keys(config, _keys(scenario)))
     n, grid = len(scenario.specs), scenario.grid
     text = (
         f"{config}: good. {n} vehicle{'s' if n != 1 else ''}, {grid.rows} × {grid.cols} cells of "

@@ -11,6 +11,7 @@ import typer
 
 from swarmctl import app, evidence_run
 from swarmctl.clock import run_virtual
+from swarmctl.commands.calling import of_keys
 from swarmctl.commands.finishing import unbroken
 from swarmctl.commands.flying import (
     ForwardOption,
@@ -85,7 +86,7 @@ def fly(
     allowed = confirmed(scenario, confirm) if real else frozenset()
     if clock is Clock.REAL:
         require_fit(config, scenario, out_folder)
-    manner = replace(app.ALL_IN_ONE, signer=_signer(scenario), waivers=waivers_of(waive, scenario))
+    manner = replace(app.ALL_IN_ONE, signer=_signer(config, scenario), waivers=waivers_of(waive, scenario))
     folder = run_folder(out_folder, scenario.config.name)
     shown = terminal(verbose=verbose)
     settle()
@@ -98,8 +99,8 @@ def fly(
         conclude(report, scenario, folder)
 
 
-def _signer(scenario: Scenario) -> Signer | None:
+def _signer(config: Path, scenario: Scenario) -> Signer | None:
     try:
         return evidence_run.operators_witness(scenario)
     except KeyringError as error:
-        fail([str(error)], EXPECTED)
+        fail(of_keys(config, [str(error)]), EXPECTED)

@@ -16,7 +16,7 @@ from swarmctl.bus.access import OPERATOR
 from swarmctl.bus.base import BusError, Transport
 from swarmctl.bus.zenoh_config import Credentials
 from swarmctl.commands.asking import ConnectOption, FlyingConfigOption, SwarmOption, station_of
-from swarmctl.commands.calling import roll_of
+from swarmctl.commands.calling import of_keys, roll_of
 from swarmctl.commands.shared import EXPECTED, USAGE, fail, out, say
 from swarmctl.core.grid import Cell
 from swarmctl.core.looks import BY_HAND, VERSION, Answer, Point, Report, schema
@@ -73,7 +73,9 @@ def observe(
         report = seen(cell or [], at or [], occupied)
         to = _vehicle(uav, known)
         station, credentials = _station(swarm, known, connect, to)
-    except (BusError, KeyringError) as error:
+    except KeyringError as error:
+        fail([str(error)] if config is None else of_keys(config, [str(error)]), EXPECTED)
+    except BusError as error:
         fail([str(error)], EXPECTED)
     except ValueError as error:
         fail([str(error)], USAGE)

@@ -16,7 +16,7 @@ from swarmctl.bus.access import ROUTER
 from swarmctl.bus.base import BusError
 from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
 from swarmctl.bus.zenoh_config import Configuration, Credentials
-from swarmctl.commands.calling import roll_of
+from swarmctl.commands.calling import of_keys, roll_of
 from swarmctl.commands.shared import EXPECTED, USAGE, ConfigOption, fail, log, say
 from swarmctl.config_communication import Communication
 from swarmctl.keyring.files import KeyringError
@@ -46,7 +46,7 @@ def route(
     roll = roll_of(config)
     communication = roll.communication
     where = _where(communication, listen)
-    credentials = _credentials(communication, where, keys)
+    credentials = _credentials(config, communication, where, keys)
     configuration = zenoh_config.router(where, roll.name, [*roll.names], credentials)
     if print_it:
         say(configuration.as_json5())
@@ -65,7 +65,9 @@ def _where(communication: Communication, listen: str) -> BusEndpoint:
         fail([f"--listen: {error}"], USAGE)
 
 
-def _credentials(communication: Communication, where: BusEndpoint, keys: Path | None) -> Credentials | None:
+def _credentials(
+    config: Path, communication: Communication, where: BusEndpoint, keys: Path | None
+) -> Credentials | None:
     if not where.is_certified:
         if keys is not None:
             fail([f"--keys: {where} uses none; listen at tls/ or quic/ instead of tcp/"], USAGE)
@@ -76,7 +78,7 @@ def _credentials(communication: Communication, where: BusEndpoint, keys: Path | 
     try:
         return load(folder, ROUTER, dt.datetime.now(dt.UTC)).credentials
     except KeyringError as error:
-        fail([str(error)], EXPECTED)
+        fail([str(error)] if keys is not None else of_keys(config, [str(error)]), EXPECTED)
 
 
 def _run(configuration: Configuration, names: Mapping[int, str]) -> None:

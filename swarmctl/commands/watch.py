@@ -18,7 +18,7 @@ from swarmctl.bus.access import OPERATOR
 from swarmctl.bus.base import BusError
 from swarmctl.bus.zenoh_bus import ZenohBus
 from swarmctl.bus.zenoh_config import Configuration
-from swarmctl.commands.calling import roll_of
+from swarmctl.commands.calling import of_keys, roll_of
 from swarmctl.commands.shared import EXPECTED, INTERRUPTED, OK, USAGE, ConfigOption, fail, log, out
 from swarmctl.core.frames import Seal
 from swarmctl.keyring.files import KeyringError
@@ -47,7 +47,7 @@ def show(
         keyring = joining.keyring_of(known, OPERATOR, dt.datetime.now(dt.UTC))
         network = joining.as_watcher(known, known.names, connect, keyring)
     except KeyringError as error:
-        fail([str(error)], EXPECTED)
+        fail(of_keys(config, [str(error)]), EXPECTED)
     except joining.NoNetwork as error:
         advice = "" if connect is not None else "; give one of them, or --connect tcp/HOST:PORT"
         fail([f"{error}{advice}"], USAGE)

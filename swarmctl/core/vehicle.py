@@ -9,6 +9,9 @@ from typing import Literal
 Airframe = Literal["copter", "plane"]
 ModeRole = Literal["", "hold", "mission", "return", "land", "other"]
 
+STALE_MODE_S = 2.0
+"""a mode that was left may show for so long in a heartbeat that was overtaken on its way"""
+
 
 class Landed(IntEnum):
     """MAV_LANDED_STATE."""

@@ -11,8 +11,8 @@ import re
 from pathlib import Path
 
 from swarmctl.keyring.files import KeyringError, must_be_private
+from swarmctl.mavlink.codec import KEY_BYTES
 
-KEY_BYTES = 32
 PASSPHRASE = "passphrase:"
 _HEX = re.compile(r"[0-9a-fA-F]{64}")
 _FORMS = (

@@ -147,9 +147,7 @@ class DirectLink:
 
     async def read_parameters(self, names: Collection[str]) -> dict[str, float]:
         procedure = partial(parameters.read_parameters, names=names, byte_wise=self._byte_wise)
-        told: dict[str, parameters.Parameter] | Done = await self._look("read parameters", procedure)
-        if isinstance(told, Done):
-            raise LinkError(f"{self._who}: its parameters were not read: {told.failure}")
+        told: dict[str, parameters.Parameter] = await self._read("parameters", procedure)
         return {name: parameter.value for name, parameter in told.items()}
 
     async def set_parameters(self, wanted: Mapping[str, float]) -> None:
@@ -165,17 +163,13 @@ class DirectLink:
             raise FenceFailed(f"{self._who}: the fence is not verified on the vehicle: {done.failure}")
 
     async def read_fence(self) -> tuple[MissionItem, ...]:
-        found: DownloadResult | Done = await self._look("read fence", fence.read_fence)
-        if isinstance(found, Done):
-            raise FenceFailed(f"{self._who}: its fence was not read: {found.failure}")
+        found: DownloadResult = await self._read("fence", fence.read_fence, FenceFailed)
         if found.outcome is not DownloadOutcome.COMPLETE:
-            raise FenceFailed(f"{self._who}: its fence was not read: {found.text}")
+            raise FenceFailed(f"{self._who}: its fence: {found.text}")
         return found.items
 
     async def read_instruments(self) -> Instruments:
-        told: Instruments | Done = await self._look("read instruments", instruments.read_instruments)
-        if isinstance(told, Done):
-            raise LinkError(f"{self._who}: its instruments were not read: {told.failure}")
+        told: Instruments = await self._read("instruments", instruments.read_instruments)
         return told
 
     async def launch(self) -> None:
@@ -253,6 +247,18 @@ class DirectLink:
     def _byte_wise(self) -> bool:
         self._require_heard()
         return self._session.autopilot in parameters.BYTE_WISE
+
+    async def _read(
+        self,
+        what: str,
+        procedure: Callable[[Context], Procedure[Any]],
+        failed: Callable[[str], LinkError] = LinkError,
+    ) -> Any:
+        """What the procedure returns. Raises what `failed` makes where an order has interrupted it."""
+        told = await self._look(f"read {what}", procedure)
+        if isinstance(told, Done):
+            raise failed(f"{self._who}: its {what} could not be read: {told.failure}")
+        return told
 
     async def _look(self, name: str, procedure: Callable[[Context], Procedure[Any]]) -> Any:
         """Ends as a `Done` with the reason where an order has interrupted it."""

@@ -82,9 +82,14 @@ class Forwarder:
 
 
 def open_to_strangers(endpoint: Endpoint, *, signed: bool) -> str:
-    """Why no station that may command is listened for there; empty where it may be."""
-    if signed or not endpoint.listens or is_loopback(endpoint.host):
+    """Why no station that may command is listened for, or spoken to, there; empty where it may be."""
+    if signed or endpoint.kind in ("serial", "memory") or is_loopback(endpoint.host):
         return ""
+    if not endpoint.listens:
+        return (
+            f"{endpoint}: who is at that address, or speaks as it, is not known, and with "
+            "links.forward_commands could order the vehicles; send to 127.0.0.1, or set links.signing_key"
+        )
     return (
         f"{endpoint}: others than this machine reach it, and with links.forward_commands every one of them "
         "could order the vehicles; listen at 127.0.0.1, or set links.signing_key"

@@ -10,11 +10,11 @@ import hashlib
 import hmac
 from collections import Counter
 from collections.abc import Callable
+from concurrent.futures import Future
 from typing import Protocol
 
-from swarmctl.mavlink.codec import Signature
+from swarmctl.mavlink.codec import KEY_BYTES, Signature
 
-KEY_BYTES = 32
 TICKS_PER_S = 100_000
 """a time stamp counts 10 µs"""
 EPOCH_UNIX_S = 1_420_070_400
@@ -22,8 +22,12 @@ EPOCH_UNIX_S = 1_420_070_400
 LAST_TIMESTAMP = 2**48 - 1
 NEW_STREAM_AGE = 60 * TICKS_PER_S
 """how far behind our time a stream may be that was not heard before"""
-RESERVED = 30 * TICKS_PER_S
-"""how far ahead of what was used the store is: so seldom is it written"""
+RESERVED = 60 * TICKS_PER_S
+"""how far ahead of what was used the store is when it is written"""
+RENEWED = 30 * TICKS_PER_S
+"""how much of that is left when it is written anew: so long may a disk take, and nobody waits for it"""
+WAITS_S = 1.0
+"""for a disk, once, where nothing is left: at the start, and after a stamp from a clock that is ahead"""
 MOST_AHEAD = 24 * 3600 * TICKS_PER_S
 """how far ahead of our time a stamp may be. MAVLink sets no limit, so one frame that is stamped with the end
 of time would leave everybody who follows it nothing to sign with."""
@@ -47,16 +51,42 @@ class Store(Protocol):
         """Never lower than what is there. Raises OSError."""
 
 
+class Pool(Protocol):
+    """Where the store is waited for; a `concurrent.futures.Executor` is one."""
+
+    def submit(self, keep: Callable[[int], None], timestamp: int, /) -> Future[None]: ...
+
+
+class Here:
+    """No thread: done, or failed, at once."""
+
+    def submit(self, keep: Callable[[int], None], timestamp: int, /) -> Future[None]:
+        done: Future[None] = Future()
+        try:
+            keep(timestamp)
+            done.set_result(None)
+        except (OSError, ValueError) as error:
+            done.set_exception(error)
+        return done
+
+
 def ticks(unix_us: int) -> int:
     """A wall time [µs since 1970] as a time stamp."""
     return max(unix_us - EPOCH_UNIX_S * 1_000_000, 0) // 10
 
 
 class Signing:
-    """One key, the time stamps under it, and what it refused."""
+    """One key, the time stamps under it, and what it refused.
 
-    def __init__(self, key: bytes, store: Store, first_link_id: int = 0) -> None:
-        """Raises OSError and ValueError where the store cannot be used."""
+    No stamp is used before the store has one above it, so that none is used again after a restart; where that
+    cannot be, `trouble` says why.
+    """
+
+    def __init__(self, key: bytes, store: Store, first_link_id: int = 0, pool: Pool | None = None) -> None:
+        """Raises OSError and ValueError where the store cannot be used.
+
+        `pool` writes the store while nobody waits; without one it is written at once.
+        """
         if len(key) != KEY_BYTES:
             raise ValueError(f"a signing key has {KEY_BYTES} bytes, found {len(key)}")
         self.refused: Counter[str] = Counter()
@@ -65,6 +95,11 @@ class Signing:
         """why the time stamps are not kept any more"""
         self._key = key
         self._store = store
+        self._pool: Pool = pool or Here()
+        self._writing: tuple[Future[None], int] | None = None
+        """the store's next stamp, under way"""
+        self._is_late = False
+        """it was waited for in vain"""
         self._first_link_id = first_link_id
         self._last = self._began = store.load()
         if self._last > LAST_TIMESTAMP - MOST_AHEAD:
@@ -78,7 +113,7 @@ class Signing:
     def sign(self, line: int, clock: int) -> Signature:
         """For the next frame on the line of this number; `clock` is the wall time as a time stamp."""
         self._last = min(max(self._last + 1, clock), LAST_TIMESTAMP)
-        if self._last >= self._reserved:
+        if self._last >= self._reserved - RENEWED:
             self._reserve()
         return Signature(self._key, (self._first_link_id + line) % 256, self._last)
 
@@ -113,12 +148,32 @@ class Signing:
         return ""
 
     def _reserve(self) -> None:
-        self._reserved = self._last + RESERVED
+        self._write(0.0)
+        # What is under way may be of before the clock jumped: then it is not enough.
+        for _ in range(2):
+            if self._last >= self._reserved and not self._is_late:
+                self._write(WAITS_S)
+
+    def _write(self, wait_s: float) -> None:
+        """Begin to, if nothing is under way, and see for so long [s] what became of it."""
+        if self._writing is None:
+            until = self._last + RESERVED
+            self._writing = (self._pool.submit(self._store.keep, until), until)
+        written, until = self._writing
         try:
-            self._store.keep(self._reserved)
-        except OSError as error:
+            error = written.exception(wait_s)
+        except TimeoutError:
+            if wait_s > 0.0:
+                self._is_late = True
+                self.trouble = "the time stamps of signing are not kept: the disk does not answer"
+            return
+        self._writing, self._is_late, self._reserved = None, False, until
+        if isinstance(error, OSError | ValueError):
             # A vehicle that is not commanded any more is worse than a time stamp that may repeat one day.
-            self.trouble = f"the time stamps of signing are not kept: {error.strerror or error}"
+            reason = getattr(error, "strerror", None) or error
+            self.trouble = f"the time stamps of signing are not kept: {reason}"
+        elif error is not None:
+            raise error
 
 
 class Guard:

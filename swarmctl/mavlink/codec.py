@@ -18,6 +18,7 @@ GCS_COMPID = int(mavlink.MAV_COMP_ID_MISSIONPLANNER)
 
 _V1, _V2 = 0xFE, 0xFD
 _V1_OVERHEAD, _V2_OVERHEAD = 8, 12
+_V2_HEADER = 10
 _SIGNED = 0x01
 _SIGNATURE = 13
 _CRC_EXTRA: dict[int, int] = {msgid: kind.crc_extra for msgid, kind in mavlink.mavlink_map.items()}
@@ -124,11 +125,24 @@ class Decoder:
             return None
 
 
+def extension(message: Message, at: int) -> int:
+    """An unsigned field of four bytes that pymavlink's dialect does not know yet, by where it begins in the
+    payload; 0 where it was not sent: trailing zeros are not."""
+    frame = bytes(message.get_msgbuf() or b"")
+    if not frame or frame[0] != _V2:
+        return 0
+    payload = frame[_V2_HEADER : _V2_HEADER + frame[1]]
+    return int.from_bytes(payload[at : at + 4], "little")
+
+
+KEY_BYTES = 32
+"""of a key that frames are signed with"""
+
+
 class Signature(NamedTuple):
     """What a frame is signed with: https://mavlink.io/en/guide/message_signing.html"""
 
     key: bytes
-    """32 bytes"""
     link_id: int
     timestamp: int
     """units of 10 µs since 2015; greater than any other of this link"""

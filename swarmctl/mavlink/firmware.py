@@ -15,14 +15,14 @@ _NAMES = {
     (int(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA), False): "ArduCopter",
     (int(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA), True): "ArduPlane",
     (int(mavlink.MAV_AUTOPILOT_PX4), False): "PX4",
-    (int(mavlink.MAV_AUTOPILOT_PX4), True): "PX4",
+    (int(mavlink.MAV_AUTOPILOT_PX4), True): "PX4 plane",
 }
 _VERSION = re.compile(r"(\d+)\.(\d+)")
 
 
 @dataclass(frozen=True, slots=True)
 class Firmware:
-    """ArduCopter, ArduPlane or PX4, and major and minor version; empty and (0, 0) where that is not known."""
+    """ArduCopter, ArduPlane, PX4 or PX4 plane, and major and minor version; empty and (0, 0): not known."""
 
     name: str
     version: tuple[int, int]

@@ -16,6 +16,8 @@ from swarmctl.mavlink.launching import launch
 from swarmctl.mavlink.outcome import Done, Swapped, Uploaded
 from swarmctl.mavlink.placing import put
 from swarmctl.mavlink.procedure import Context, Procedure
+from swarmctl.mavlink.rally import see_no_rally_points
+from swarmctl.mavlink.swap_at_once import complaint
 from swarmctl.mavlink.swapping import swap, swap_takes_s
 from swarmctl.mavlink.wait import Ask, Look, Until
 
@@ -67,9 +69,12 @@ def upload(ctx: Context, items: tuple[MissionItem, ...]) -> Procedure[Uploaded]:
         # It might fly the mission that we write over, item by item.
         return Uploaded("it is armed; the mission of a flying vehicle is swapped")
     begin_s = ctx.state.time_boot_s
+    if ctx.dialect.returns_to_rally and (failure := (yield from see_no_rally_points(ctx))):
+        return Uploaded(failure)
+    n_texts = ctx.telemetry.n_texts
     placed = yield from put(ctx, items, ctx.dialect.first_seq)
     took_s = max(ctx.state.time_boot_s - begin_s, 0.0)
-    return Uploaded(placed.failure, swap_takes_s(ctx.dialect, len(items), took_s))
+    return Uploaded(placed.failure or complaint(ctx, n_texts), swap_takes_s(ctx.dialect, len(items), took_s))
 
 
 def hold(ctx: Context, *, looks_first: bool = False) -> Procedure[Done]:

@@ -76,7 +76,7 @@ class Session:
         self._context: Context | None = None
         self._streams: StreamKeeper | None = None
         self._heard: Heard | None = None
-        self._mission = MissionWatch()
+        self._mission: MissionWatch | None = None
         self._has_another = False
         """somebody else has put a mission on it"""
         self._driver: Driver[Any] | None = None
@@ -131,7 +131,7 @@ class Session:
 
     @property
     def next_deadline(self) -> float | None:
-        parts = (self._presence, self._streams, self._driver)
+        parts = (self._presence, self._streams, self._driver or self._mission)
         due = [p.next_deadline for p in parts if p is not None and p.next_deadline is not None]
         return min(due, default=None)
 
@@ -161,6 +161,8 @@ class Session:
         if self._driver is not None:
             step.messages.extend(self._driver.tick(now))
             self._report_end(step)
+        elif self._mission is not None:
+            step.messages.extend(self._mission.tick(self.state.mission_seq, now))
         return step
 
     def begin(self, name: str, procedure: Callable[[Context], Procedure[Any]], now: float) -> Step:
@@ -181,7 +183,7 @@ class Session:
             step.messages.extend(self._driver.cancel(now))
             self._driver = None
             self._known().interrupted = True
-            self._mission.own_procedure_ended(now)
+            self._own_procedure_ended(now)
             step.events.append(ProcedureDone(self._procedure_name, "cancelled"))
         return step
 
@@ -216,6 +218,7 @@ class Session:
             return
         self._context = Context(self.peer, dialect, Telemetry(dialect))
         self._streams = StreamKeeper(self.peer, dialect.streams_hz)
+        self._mission = MissionWatch(self.peer, dialect)
 
     def _fold(
         self, context: Context, message: Message, now: float, step: Step, silent_s: float | None
@@ -228,6 +231,7 @@ class Session:
         if telemetry.reboots != reboots:
             step.events.append(Rebooted())
             context.on_vehicle, self._has_another = (), False
+            self._own_procedure_ended(now)
             if self._streams is not None and self._streams.next_deadline is not None:
                 self._streams.demand(now)
                 step.messages.extend(self._streams.tick(now))
@@ -241,16 +245,21 @@ class Session:
 
     def _watch_mission(self, context: Context, message: Message, now: float) -> bool:
         """Whether it is seen now that another mission is on it, or that it is ours again."""
-        known = context.on_vehicle
-        if known and self._has_another:
+        assert self._mission is not None
+        if context.on_vehicle and self._has_another:
             return self._tell_another(context, False)
-        if message.get_type() != "MISSION_CURRENT" or not known or self._driver is not None:
+        if self._driver is not None:
+            self._mission.hear(message)
             return False
-        expected = len(known) - context.dialect.uncounted_items
-        if not self._mission.is_another(message, expected, now):
+        if not self._mission.is_another(message, now):
             return False
         context.on_vehicle = ()
+        self._own_procedure_ended(now)
         return self._tell_another(context, True)
+
+    def _own_procedure_ended(self, now: float) -> None:
+        assert self._mission is not None
+        self._mission.own_procedure_ended(self._known().on_vehicle, now)
 
     def _tell_another(self, context: Context, is_so: bool) -> bool:
         self._has_another = is_so
@@ -260,7 +269,7 @@ class Session:
     def _report_end(self, step: Step) -> None:
         if self._driver is None or self._driver.result is None:
             return
-        self._mission.own_procedure_ended(self._known().now)
+        self._own_procedure_ended(self._known().now)
         self.result = self._driver.result
         self._driver = None
         self._known().interrupted = False

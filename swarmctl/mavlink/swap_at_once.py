@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from swarmctl.core.mission import MissionItem
+from swarmctl.mavlink.dialects.plan import behind
 from swarmctl.mavlink.guarded import WARNING, Seen, Theirs, in_modes, look, set_mode
 from swarmctl.mavlink.making_current import jump_to, see_current
 from swarmctl.mavlink.mission_download import DownloadOutcome
@@ -13,8 +14,8 @@ from swarmctl.mavlink.placing import put, read_back
 from swarmctl.mavlink.procedure import Context, Procedure
 from swarmctl.mavlink.swap_steps import Flown, Way, held, see_it_fly
 
-REJECTED = ("mission rejected", "no valid mission")
-"""in what PX4 says (MissionFeasibility/FeasibilityChecker.cpp, navigator/mission_base.cpp)"""
+REJECTED = ("mission rejected", "no valid mission", "geofence violation for waypoint")
+"""in what PX4 says (mission_feasibility_checker.cpp, MissionFeasibility/, navigator/mission_base.cpp)"""
 MOST_ITEMS = 400
 """A longer list is written anew, without what is flown already."""
 
@@ -47,13 +48,13 @@ def swap_at_once(ctx: Context, way: Way) -> Procedure[Swapped]:
 
 def _grown(ctx: Context, way: Way, old: Flown) -> tuple[tuple[MissionItem, ...], bool]:
     """The old plan up to where the new one goes on, and that; and whether it is short enough."""
-    tail = way.items[ctx.dialect.first_waypoint_seq :]
-    flown = old.seq
+    first = ctx.dialect.first_waypoint_seq
+    begins, flown = way.items[first], old.seq
     for seq in (old.seq - 1, old.seq):
-        if seq < len(old.items) and (tail[0].x, tail[0].y) == (old.items[seq].x, old.items[seq].y):
+        if seq < len(old.items) and (begins.x, begins.y) == (old.items[seq].x, old.items[seq].y):
             flown = seq
             break
-    grown = (*old.items[:flown], *tail)
+    grown = behind(old.items[:flown], way.items, first)
     return grown, len(grown) <= MOST_ITEMS
 
 
@@ -96,9 +97,14 @@ def _rejects(ctx: Context, n_texts: int) -> str | None:
 
     PX4 takes a mission that it cannot fly, complains, and leaves the mission's mode by itself.
     """
+    return complaint(ctx, n_texts) if ctx.state.mode == ctx.dialect.hold_mode else None
+
+
+def complaint(ctx: Context, n_texts: int) -> str | None:
+    """Why it would not fly the mission that it was given since it had said `n_texts`, in its words."""
     said = [text for severity, text in ctx.telemetry.texts_since(n_texts) if severity <= WARNING]
     about = [text for text in said if any(words in text.lower() for words in REJECTED)]
-    return about[-1] if about and ctx.state.mode == ctx.dialect.hold_mode else None
+    return about[-1] if about else None
 
 
 def _return(ctx: Context, way: Way, old: Flown) -> Procedure[str | None]:

@@ -10,9 +10,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from swarmctl.core.mission import MissionItem
-from swarmctl.core.vehicle import Landed
+from swarmctl.core.vehicle import STALE_MODE_S, Landed
 from swarmctl.mavlink.dialects import Dialect
 from swarmctl.mavlink.guarded import HandsOff, Theirs, foreign, in_modes, look
+from swarmctl.mavlink.landing import landing_items
 from swarmctl.mavlink.outcome import Flying, Swapped
 from swarmctl.mavlink.procedure import Context, Procedure
 from swarmctl.mavlink.swap_at_once import swap_at_once
@@ -21,11 +22,17 @@ from swarmctl.mavlink.swap_steps import Flown, Way, takes_off
 from swarmctl.mavlink.wait import Until
 from swarmctl.mavlink.way_ahead import WayAhead
 
-STALE_MODE_S = 2.0
 BEHIND_ANSWERS = 5
 """of a vehicle that flies on meanwhile: written, read back (two), seen, taken over"""
 CLIMB_LIMIT_S = 60.0
 """until it is up at its take-off altitude"""
+
+
+def _lands(ctx: Context) -> bool:
+    """It comes down, or flies to the circle from which it does."""
+    state = ctx.state
+    by_mission = state.mode == ctx.dialect.mission_mode and state.mission_seq in landing_items(ctx.on_vehicle)
+    return by_mission or state.landed is Landed.LANDING
 
 
 def swap_takes_s(dialect: Dialect, n_items: int, upload_s: float) -> float:
@@ -63,7 +70,7 @@ def swap(
         return Swapped("it is not flying", kept)
     scheme = swap_at_once if ctx.dialect.uploads_at_once else swap_behind
     try:
-        if takes_off(ctx) or ctx.state.landed is Landed.LANDING:
+        if takes_off(ctx) or _lands(ctx):
             # Who comes down may have been told so by somebody else.
             yield from look(ctx, in_modes(way.ours, armed=True))
             return Swapped("it takes off or lands just now", kept)

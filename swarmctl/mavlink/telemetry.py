@@ -23,6 +23,9 @@ REBOOT_S = 3.0
 YOUNGER_S = 1.0
 """So was one that has run less than it was not heard of, by more than this: a message may have been late."""
 
+CLOCK_BEGINS_ANEW_S = 2**32 / 1000.0
+"""after 49.7 days: time_boot_ms has 32 bits"""
+
 POSITION_KEPT_S = 3.0
 """Where it was is forgotten after this, by our clock. An ArduPilot that does not know its place says so, PX4
 is silent of it."""
@@ -58,6 +61,9 @@ class Telemetry:
         self._changes: dict[str, Any] = {}
         self._now = 0.0
         self._clock_heard_s: float | None = None
+        self._clock_told_s = 0.0
+        self._clock_before_s = 0.0
+        """what it had counted when its clock began anew last"""
         self._snapshot_s = -math.inf
         self._assembler = TextAssembler()
         self._prearm_ok: bool | None = None
@@ -139,13 +145,13 @@ class Telemetry:
 
     def _system_time(self, message: Message) -> bool:
         """Its clock goes on while it tells no position; else positions carry it."""
-        time_boot_s = message.time_boot_ms / 1000.0
+        time_boot_s = self._clock_s(message)
         if not self._notice_reboot(time_boot_s) and self._is_blind and time_boot_s > self.state.time_boot_s:
             self._changes["time_boot_s"] = time_boot_s
         return False
 
     def _global_position(self, message: Message) -> bool:
-        time_boot_s = message.time_boot_ms / 1000.0
+        time_boot_s = self._clock_s(message)
         if self._notice_reboot(time_boot_s) or time_boot_s < self.state.time_boot_s:
             return False
         self._count_standing(time_boot_s)
@@ -171,14 +177,29 @@ class Telemetry:
         if still and last.armed and last.landed is Landed.IN_AIR:
             self.stood_still_s += time_boot_s - last.time_boot_s
 
+    def _clock_s(self, message: Message) -> float:
+        """Since its boot, also where its clock began anew: when that is due, and not a moment else."""
+        told_s = float(message.time_boot_ms) / 1000.0 + self._clock_before_s
+        if self._clock_before_s and told_s - self._clock_told_s > CLOCK_BEGINS_ANEW_S / 2.0:
+            return told_s - CLOCK_BEGINS_ANEW_S  # of before, and overtaken
+        if self._clock_heard_s is not None:
+            ran_s = told_s + CLOCK_BEGINS_ANEW_S - self._clock_told_s
+            if abs(ran_s - (self._now - self._clock_heard_s)) <= REBOOT_S:
+                self._clock_before_s += CLOCK_BEGINS_ANEW_S
+                return told_s + CLOCK_BEGINS_ANEW_S
+        return told_s
+
     def _notice_reboot(self, time_boot_s: float) -> bool:
-        heard_s, self._clock_heard_s = self._clock_heard_s, self._now
+        began_anew_s = self._clock_told_s // CLOCK_BEGINS_ANEW_S * CLOCK_BEGINS_ANEW_S
+        heard_s, self._clock_heard_s, self._clock_told_s = self._clock_heard_s, self._now, time_boot_s
         went_back = time_boot_s < self.state.time_boot_s - REBOOT_S
-        is_younger = heard_s is not None and time_boot_s < self._now - heard_s - YOUNGER_S
+        is_younger = heard_s is not None and time_boot_s - began_anew_s < self._now - heard_s - YOUNGER_S
         if not (went_back or is_younger):
             return False
         # Keep what is said by heartbeats, which come unasked; the rest is of a life before.
         last = self.state
+        time_boot_s -= self._clock_before_s
+        self._clock_before_s, self._clock_told_s = 0.0, time_boot_s
         self._state = VehicleState(
             time_boot_s=time_boot_s,
             mode=last.mode,
@@ -262,7 +283,7 @@ class Telemetry:
         return False
 
     def _named_value_int(self, message: Message) -> bool:
-        if message.name.rstrip("\0") == "strikes" and not self._notice_reboot(message.time_boot_ms / 1000.0):
+        if message.name.rstrip("\0") == "strikes" and not self._notice_reboot(self._clock_s(message)):
             self._raise_strikes(int(message.value))
         return False
 

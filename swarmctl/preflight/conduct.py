@@ -17,6 +17,7 @@ from swarmctl.links.base import FenceFailed, Identity, LinkError, ParametersFail
 from swarmctl.mavlink.firmware import firmware_of
 from swarmctl.mavlink.instruments import Instruments
 from swarmctl.preflight.checks import CHECKS, parameters
+from swarmctl.preflight.checks import separation as apart_from_others
 from swarmctl.preflight.facts import Facts, Finding, Other
 from swarmctl.preflight.fence import ceiling_m, polygon_of
 from swarmctl.preflight.intent import intent_of
@@ -30,8 +31,8 @@ SIMULATED_ENDURANCE_S = 1400.0
 """6600 mAh at 11.4 V, of which hovering and electronics take 179 W, is 1513 s; turns and climbs take more"""
 
 
-LOOKS = 2
-"""What fails may be a message that was lost; it is looked at once more before it is believed."""
+LOOKS = 3
+"""What fails may be a message that was lost; it is looked at so often before it is believed."""
 
 
 class Subject(Protocol):
@@ -142,16 +143,28 @@ class Preflight:
     async def failures(self, subjects: Sequence[Subject], everyone: Sequence[Subject]) -> list[str]:
         """Check the subjects, of all vehicles of this process; a line for each check that fails and is not
         waived."""
-        for _ in range(LOOKS):
-            await self._look(subjects, everyone)
-            if all(found.passes for found in self._found(subjects)):
-                break
+        await self._look_until_believed(subjects, everyone)
         for found in self._found(subjects):
             if found.waived:
                 text = f"found {found.finding.found}; wanted {found.finding.wanted}"
                 self._say(f"{found.vehicle}: {found.check} is waived: {text}")
                 self._on_waived(found)
         return [str(found) for found in self._found(subjects) if not found.passes]
+
+    async def found_early(self, subject: Subject, everyone: Sequence[Subject]) -> list[str]:
+        """What fails of one vehicle while others are not ready; not what is judged by where those fly."""
+        await self._look_until_believed([subject], everyone)
+        early = [found for found in self._found([subject]) if found.check != apart_from_others.NAME]
+        return [str(found) for found in early if not found.passes]
+
+    async def _look_until_believed(self, subjects: Sequence[Subject], everyone: Sequence[Subject]) -> None:
+        """Once, and again at those of whom something fails."""
+        failing = list(subjects)
+        for _ in range(LOOKS):
+            await self._look(failing, everyone)
+            failing = [s for s in failing if not all(found.passes for found in self._found([s]))]
+            if not failing:
+                break
 
     def _found(self, subjects: Sequence[Subject]) -> list[Checked]:
         return [found for subject in subjects for found in self._checked[subject.spec.name]]

@@ -11,7 +11,15 @@ from swarmctl.scenario import Scenario, Spec
 
 def intent_of(scenario: Scenario, spec: Spec) -> Intent:
     policy = scenario.config.preflight.policy
-    return Intent(policy, GCS_SYSID, spec.altitude_m, ceiling_m(scenario), scenario.wings(spec))
+    return Intent(
+        policy,
+        GCS_SYSID,
+        spec.altitude_m,
+        ceiling_m(scenario),
+        scenario.wings(spec),
+        spec.speed_m_s,
+        spec.turn_radius_m,
+    )
 
 
 def delivered(scenario: Scenario, spec: Spec, firmware: Firmware) -> dict[str, float]:

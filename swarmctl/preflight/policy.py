@@ -4,6 +4,8 @@ Names, values and bits by the parameter lists of ArduCopter and ArduPlane 4.5 to
 (https://ardupilot.org/copter/docs/parameters.html, https://ardupilot.org/plane/docs/parameters.html) and of
 PX4 1.14 to 1.16 (https://docs.px4.io/main/en/advanced_config/parameter_reference), and by what reads them:
 ArduCopter/events.cpp, mode_rtl.cpp, AC_Fence.cpp, AP_BattMonitor_Params.cpp; commander/failsafe/failsafe.cpp.
+ArduPlane's RTL_ALTITUDE, AIRSPEED_CRUISE, AIRSPEED_MIN and ROLL_LIMIT_DEG have these names from 4.5 on
+(before: ALT_HOLD_RTL, TRIM_ARSPD_CM, ARSPD_FBW_MIN, LIM_ROLL_CD; ArduPlane/Parameters.cpp converts them).
 Who flies a firmware that no table is for, an older or a later one, does not know what it does when its link
 is lost.
 
@@ -63,7 +65,8 @@ class Wanted:
             return f"without bit {self.bit}"
         texts = [f"{v:g}" for v in self.values]
         if not math.isnan(self.least):
-            texts.append("above 0" if math.isinf(self.most) else f"{self.least:g} to {self.most:g}")
+            above = "above 0" if self.least < 1.0 else f"{self.least:g} or more"
+            texts.append(above if math.isinf(self.most) else f"{self.least:g} to {self.most:g}")
         return " or ".join(texts)
 
 
@@ -80,6 +83,9 @@ class Intent:
     """above home"""
     wings: Wings | None = None
     """of what is planned for as a fixed wing"""
+    speed_m_s: float = 15.0
+    turn_radius_m: float = 40.0
+    """as such is planned for: it cruises so fast, through the air, and turns so tightly"""
 
     @property
     def lost_link(self) -> str:
@@ -147,6 +153,7 @@ def _ardupilot_gcs(version: Version) -> str:
 # 1 and 3, 2 and 3: also by the way it came (SmartRTL).
 _COPTER_LOST_LINK = {"return": (1.0, 3.0), "land": (5.0,), "hold": (7.0,), "continue": (0.0,)}
 _COPTER_BATTERY = {"return": (2.0, 3.0), "land": (1.0,)}
+_COPTER_CRITICAL = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 7.0)  # 5: Terminate
 _COPTER_FENCE = {"return": (1.0, 3.0), "land": (2.0,), "hold": (4.0,)}
 _GOES_ON_IN_AUTO = 1  # bit of FS_OPTIONS
 _RETURNS_AT_M = 15.0  # RTL_ALT as it comes
@@ -167,6 +174,7 @@ def _copter(intent: Intent, version: Version) -> tuple[Wanted, ...]:
             else ()
         ),
         _one("BATT_FS_LOW_ACT", intent.low_battery, _COPTER_BATTERY, policy.low_battery),
+        _critical(intent, _COPTER_CRITICAL),
         *_ardupilot_battery(intent),
         *_ardupilot_fence(intent),
         _one("FENCE_ACTION", intent.fence_breach, _COPTER_FENCE, policy.fence_breach),
@@ -188,6 +196,9 @@ _PRESENT_ALTITUDE = -1.0  # of RTL_ALTITUDE
 _LANDS_ONCE_HOME = 1.0  # of RTL_AUTOLAND; with 0 and a landing in its mission it does not arm
 
 
+_PLANE_CRITICAL = (0.0, 1.0, 2.0)  # 3: Terminate, 5: Parachute; 4, 6 and 7 are of a quadplane, or of 4.7
+
+
 def _plane(intent: Intent, version: Version) -> tuple[Wanted, ...]:
     policy, wings = intent.policy, intent.wings
     if wings is None:
@@ -205,10 +216,12 @@ def _plane(intent: Intent, version: Version) -> tuple[Wanted, ...]:
             else ()
         ),
         _one("BATT_FS_LOW_ACT", intent.low_battery, {"return": (1.0,), "land": (2.0,)}, policy.low_battery),
+        _critical(intent, _PLANE_CRITICAL),
         *_ardupilot_battery(intent),
         *_ardupilot_fence(intent),
         _one("FENCE_ACTION", intent.fence_breach, {"return": (1.0,)}, policy.fence_breach),
         *_plane_circles(intent, wings),
+        *_plane_flight(intent),
     )
 
 
@@ -231,6 +244,40 @@ def _plane_circles(intent: Intent, wings: Wings) -> tuple[Wanted, ...]:
         ),
         Wanted("AIRSPEED_MIN", f"wings.min_speed_m_s: {slowest_m_s:g}", least=0.0, most=slowest_m_s),
     )
+
+
+_SPEED_OFF_M_S = 0.5
+_G_M_S2 = 9.81
+
+
+def _plane_flight(intent: Intent) -> tuple[Wanted, ...]:
+    """It cruises as fast and banks as far as its turns are reckoned with, and flies past a waypoint that it
+    cannot hit. WP_RADIUS says nothing: each waypoint of ours has a radius of its own (param2).
+
+    A quadplane says that it is a fixed wing where Q_MAV_TYPE is 0 (`QuadPlane::get_mav_type`), and takes off,
+    lands and holds in another way. How fast it is flown its owner decides.
+    """
+    return (
+        *_cruise(intent, "AIRSPEED_CRUISE", "ROLL_LIMIT_DEG"),
+        _exactly("WP_MAX_RADIUS", "no circling at a waypoint", 0.0),
+        Wanted("Q_ENABLE", "airframe: plane", values=(0.0,)),
+    )
+
+
+def _cruise(intent: Intent, airspeed: str, bank_limit: str) -> tuple[Wanted, Wanted]:
+    """By the names of these two: of [m/s] and of [deg]."""
+    speed_m_s, radius_m = intent.speed_m_s, intent.turn_radius_m
+    speed = f"speed_m_s: {speed_m_s:g}"
+    bank_deg = math.degrees(math.atan2(speed_m_s**2, _G_M_S2 * radius_m))
+    return (
+        Wanted(airspeed, speed, least=speed_m_s - _SPEED_OFF_M_S, most=speed_m_s + _SPEED_OFF_M_S),
+        Wanted(bank_limit, f"turn_radius_m: {radius_m:g} at {speed}", least=bank_deg, most=90.0),
+    )
+
+
+def _critical(intent: Intent, values: tuple[float, ...]) -> Wanted:
+    """Where the battery is still lower it does no more, returns or lands; its motors do not stop in the air."""
+    return Wanted("BATT_FS_CRT_ACT", intent.low_battery, 0.0, values)
 
 
 def _ardupilot_battery(intent: Intent) -> tuple[Wanted, ...]:
@@ -257,18 +304,85 @@ _PX4_RETURNS_AT_M = 30.0  # RTL_RETURN_ALT as it comes
 
 
 def _px4(intent: Intent, version: Version) -> tuple[Wanted, ...]:
+    return (
+        *_px4_link(intent, version, _PX4_LOST_LINK),
+        _one("COM_LOW_BAT_ACT", intent.low_battery, _PX4_BATTERY, intent.policy.low_battery),
+        _one("GF_ACTION", intent.fence_breach, _PX4_FENCE, intent.policy.fence_breach),
+        *_px4_heights(intent),
+    )
+
+
+# AUTO.LAND of a fixed wing comes down in a circle wherever it is, and what it would hold outside of its fence
+# is a circle too: neither may be declared.
+_PX4_PLANE_LOST_LINK = {"return": (2.0,), "hold": (1.0,), "continue": (0.0,)}
+_TO_THE_MISSIONS_LANDING = 1.0  # of RTL_TYPE
+_LEAST_RADIUS_M = 1.0
+_WITHOUT_TERRAIN = 0  # bit of FW_LND_ABORT, set as it comes: it breaks off and circles over the touch-down
+_STEEPER_DEG = 0.5  # than the slope that is reckoned with, so that roundings do not count
+_ALTITUDE_OFF_M = 10.0  # NAV_FW_ALT_RAD as it comes
+
+
+def _px4_plane(intent: Intent, version: Version) -> tuple[Wanted, ...]:
+    policy, wings = intent.policy, intent.wings
+    if wings is None:
+        raise NoTable("it is a fixed wing and is planned for as what hovers; say `airframe: plane` of it")
+    return (
+        *_px4_link(intent, version, _PX4_PLANE_LOST_LINK),
+        _one("COM_LOW_BAT_ACT", intent.low_battery, {"return": (3.0,)}, policy.low_battery),
+        _one("GF_ACTION", intent.fence_breach, {"return": (3.0,)}, policy.fence_breach),
+        *_px4_heights(intent),
+        *_px4_circles(intent, wings),
+        *_cruise(intent, "FW_AIRSPD_TRIM", "FW_R_LIM"),
+    )
+
+
+def _px4_circles(intent: Intent, wings: Wings) -> tuple[Wanted, ...]:
+    """It returns to the landing of its mission, holds in circles as wide as reckoned with, may come down that
+    slope, climbs on its way and not in a circle at its first waypoint, and can fly slowly enough."""
+    most_m, slowest_m_s = wings.loiter_radius_m, wings.min_speed_m_s
+    steep_deg = wings.glide_from_circle_deg
+    climbs_m = max(intent.altitude_m - wings.takeoff_height_m, _ALTITUDE_OFF_M)
+    return (
+        _exactly("RTL_TYPE", "a return that ends in a landing", _TO_THE_MISSIONS_LANDING),
+        Wanted(
+            "NAV_LOITER_RAD",
+            f"wings.loiter_radius_m: {most_m:g}",
+            most_m,
+            least=_LEAST_RADIUS_M,
+            most=most_m,
+        ),
+        Wanted(
+            "FW_LND_ANG",
+            f"a landing as wings says, {steep_deg:.1f} degrees steep",
+            float(math.ceil(steep_deg + _STEEPER_DEG)),
+            least=steep_deg,
+            most=90.0,
+        ),
+        Wanted("FW_LND_ABORT", "a landing that needs no range finder", bit=_WITHOUT_TERRAIN),
+        Wanted("NAV_ACC_RAD", "no turn that is begun earlier", least=0.0, most=intent.turn_radius_m),
+        Wanted("NAV_FW_ALT_RAD", "a climb on its way", climbs_m, least=climbs_m, most=math.inf),
+        Wanted("FW_AIRSPD_MIN", f"wings.min_speed_m_s: {slowest_m_s:g}", least=0.0, most=slowest_m_s),
+    )
+
+
+def _px4_link(
+    intent: Intent, version: Version, actions: Mapping[str, tuple[float, ...]]
+) -> tuple[Wanted, ...]:
     policy = intent.policy
     watched = policy.lost_link != "continue"
     return (
-        _one("NAV_DLL_ACT", intent.lost_link, _PX4_LOST_LINK, policy.lost_link),
+        _one("NAV_DLL_ACT", intent.lost_link, actions, policy.lost_link),
         *((_exactly("COM_DL_LOSS_T", intent.lost_link_after, policy.lost_link_after_s),) if watched else ()),
         *(
             (Wanted("COM_DLL_EXCEPT", intent.lost_link, bit=_PX4_MISSION_EXCEPTED),)
             if watched and version >= (1, 16)
             else ()
         ),
-        _one("COM_LOW_BAT_ACT", intent.low_battery, _PX4_BATTERY, policy.low_battery),
-        _one("GF_ACTION", intent.fence_breach, _PX4_FENCE, policy.fence_breach),
+    )
+
+
+def _px4_heights(intent: Intent) -> tuple[Wanted, ...]:
+    return (
         _ceiling("GF_MAX_VER_DIST", intent),
         _exactly("GF_MAX_HOR_DIST", intent.fence, 0.0),
         Wanted(
@@ -285,5 +399,6 @@ _TABLES: Mapping[str, tuple[Version, Version, Callable[[Intent, Version], tuple[
     "ArduCopter": ((4, 5), (4, 7), _copter),
     "ArduPlane": ((4, 5), (4, 7), _plane),
     "PX4": ((1, 14), (1, 16), _px4),
+    "PX4 plane": ((1, 14), (1, 16), _px4_plane),
 }
 """from which version to which; what a later one has renamed nobody knows"""

@@ -9,12 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from swarmctl.config_base import Section
+from swarmctl.core.vehicle import STALE_MODE_S
 from swarmctl.rules.base import Action, Facts, Kind, held_for, lasts
 
 NAME = "taken_over"
 
-STALE_MODE_S = 2.0
-"""a mode of ours that was left may show for so long in a heartbeat that was overtaken"""
 BOOTS_S = 10.0
 """A vehicle on the ground that boots shows the mode it boots in before its clock tells of it: not armed it
 harms nobody, and where it is to be launched all the same it is let go."""
@@ -52,7 +51,7 @@ def judge(_params: Params, memory: Memory | None, facts: Facts, now: float) -> t
         return memory, demand
     if ours:
         return memory, None
-    # A heartbeat that was overtaken on its way may show a mode of ours from before: wait for the next.
+    # It may be a mode of ours from before: wait for the next.
     if vehicle.mode_role in ("hold", "mission") and not lasts(memory.foreign_since_s, STALE_MODE_S, now):
         return memory, None
     if facts.doing == "ground" and not lasts(memory.foreign_since_s, BOOTS_S, now):

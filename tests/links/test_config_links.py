@@ -39,7 +39,9 @@ def troubles(file: Path) -> list[str]:
 @pytest.mark.parametrize(
     ("links", "vehicles"),
     [
-        ('forward: ["udpout:10.0.0.5:14550", "tcpin:127.0.0.1:5760"], forward_commands: true', SIMULATED),
+        ('forward: ["udpout:localhost:14550", "tcpin:127.0.0.1:5760"], forward_commands: true', SIMULATED),
+        ('forward: ["udpout:10.0.0.5:14550", "tcpout:10.0.0.5:5760"]', SIMULATED),
+        ('forward: ["udpout:10.0.0.5:14550"], forward_commands: true, signing_key: some.key', ALPHA),
         ('forward: ["tcpin:0.0.0.0:5760"]', SIMULATED),
         ('forward: ["tcpin:0.0.0.0:5760"], forward_commands: true, signing_key: some.key', ALPHA),
         ("signing_key: some.key, signing_link_id: 255", ALPHA),
@@ -57,6 +59,17 @@ def test_nothing_is_said_where_nothing_is_wrong(tmp_path: Path, links: str, vehi
         ("signing_key: some.key", SIMULATED, "signing_key: vehicles of `simulate` have no key"),
         ("signing_link_id: 256", ALPHA, "signing_link_id: input should be less than or equal to 255"),
         ('forward: ["udpin:127.0.0.1:14999"]', ALPHA, "forward[0]: udpin:127.0.0.1:14999 is where vehicles"),
+        (
+            'forward: ["udpout:10.0.0.5:14550"], forward_commands: true',
+            SIMULATED,
+            "forward[0]: udpout://10.0.0.5:14550: who is at that address, or speaks as it, is not known, and "
+            "with links.forward_commands could order the vehicles; send to 127.0.0.1, or set",
+        ),
+        (
+            'forward: ["tcpout:ground.local:5760"], forward_commands: true',
+            SIMULATED,
+            "forward[0]: tcpout://ground.local:5760: who is at that address",
+        ),
         (
             'forward: ["udpin:0.0.0.0:14551"], forward_commands: true',
             ALPHA,

@@ -214,6 +214,9 @@ def test_where_others_than_this_machine_could_order_nobody_is_listened_for() -> 
             for url in ("udpin:0.0.0.0:0", "tcpin:[::]:0", "tcpin:somewhere:0"):
                 with pytest.raises(LinkError, match=r"could order the vehicles; listen at 127\.0\.0\.1"):
                     await front.forward(parse_url(url), commands=True)
+            for url in ("udpout:10.0.0.5:14550", "tcpout:somewhere:5760", "udpout:[2001:db8::1]:14550"):
+                with pytest.raises(LinkError, match=r"could order the vehicles; send to 127\.0\.0\.1"):
+                    await front.forward(parse_url(url), commands=True)
             await front.forward(parse_url("udpin:127.0.0.1:0"), commands=True)
             await front.forward(parse_url("udpin:0.0.0.0:0"))
 

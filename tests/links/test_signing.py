@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.keyring.files import KeyringError
 from swarmctl.keyring.mavlink_key import TimestampFile, read_mavlink_key
-from swarmctl.links.signing import LAST_TIMESTAMP, RESERVED, TICKS_PER_S, Signing, ticks
+from swarmctl.links.signing import LAST_TIMESTAMP, RENEWED, RESERVED, TICKS_PER_S, Signing, ticks
 from swarmctl.mavlink.codec import Encoder
 
 KEY = bytes(range(32))
@@ -191,10 +192,95 @@ def test_the_store_is_written_ahead_and_seldom() -> None:
     ours = Signing(KEY, store)
     ours.sign(0, START)
     assert store.kept == START + RESERVED
-    ours.sign(0, START + RESERVED - 1)
+    ours.sign(0, START + RESERVED - RENEWED - 1)
     assert store.kept == START + RESERVED
-    ours.sign(0, START + RESERVED)
-    assert store.kept == START + 2 * RESERVED
+    ours.sign(0, START + RESERVED - RENEWED)
+    assert store.kept == START + 2 * RESERVED - RENEWED
+
+
+class Disk:
+    """A pool whose tasks are done when a test says so."""
+
+    def __init__(self) -> None:
+        self.answers_at_once = True
+        self.waited_s: list[float] = []
+        self._asked: list[tuple[Waited, Any, int]] = []
+
+    def submit(self, keep: Any, timestamp: int) -> Waited:
+        self._asked.append((Waited(self.waited_s), keep, timestamp))
+        future = self._asked[-1][0]
+        if self.answers_at_once:
+            self.turn()
+        return future
+
+    def turn(self) -> None:
+        while self._asked:
+            future, keep, timestamp = self._asked.pop(0)
+            future.set_result(keep(timestamp))
+
+
+class Waited(Future[None]):
+    """Not for a moment, but it is noted for how long somebody would have."""
+
+    def __init__(self, waited_s: list[float]) -> None:
+        super().__init__()
+        self._waited_s = waited_s
+
+    def exception(self, timeout: float | None = None) -> BaseException | None:
+        if not self.done() and timeout:
+            self._waited_s.append(timeout)
+        return super().exception(0.0)
+
+
+def test_a_slow_disk_holds_up_nobody_and_no_stamp_is_used_before_the_store_has_one_above_it() -> None:
+    store, disk = Memory(), Disk()
+    ours = Signing(KEY, store, pool=disk)
+    ours.sign(0, START)
+    disk.answers_at_once = False
+    for second in range(600):
+        stamp = ours.sign(0, START + second * TICKS_PER_S).timestamp
+        assert stamp < store.kept
+        if second % 25 == 0:
+            disk.turn()
+    assert disk.waited_s == []
+    assert ours.trouble == ""
+
+
+def test_a_jump_of_the_clock_is_waited_for_also_while_the_store_is_written() -> None:
+    store, disk = Memory(), Disk()
+    ours = Signing(KEY, store, pool=disk)
+    ours.sign(0, START)
+    disk.answers_at_once = False
+    ours.sign(0, START + RESERVED - 1)
+    disk.turn()
+    disk.answers_at_once = True
+    assert ours.sign(0, START + 10 * RESERVED).timestamp < store.kept
+
+
+def test_a_disk_that_does_not_answer_is_said_and_waited_for_once() -> None:
+    store, disk = Memory(), Disk()
+    disk.answers_at_once = False
+    ours = Signing(KEY, store, pool=disk)
+    for second in range(100):
+        assert ours.sign(0, START + second * TICKS_PER_S).timestamp == START + second * TICKS_PER_S
+    assert len(disk.waited_s) == 1
+    assert "the disk does not answer" in ours.trouble
+    disk.answers_at_once = True
+    disk.turn()
+    assert ours.sign(0, START + 200 * TICKS_PER_S).timestamp < store.kept
+
+
+def test_in_a_thread_of_its_own_the_file_is_ahead_too(tmp_path: Path) -> None:
+    file = TimestampFile(tmp_path / "key")
+    with ThreadPoolExecutor(1) as pool:
+        ours = Signing(KEY, file, pool=pool)
+        for second in range(0, 300, 7):
+            stamp = ours.sign(0, START + second * TICKS_PER_S).timestamp
+            if second % 3 == 0:
+                # A jump, as after a stamp of a station whose clock is ahead.
+                stamp = ours.sign(0, stamp + 2 * RESERVED).timestamp
+            assert stamp < file.load()
+    assert ours.trouble == ""
 
 
 def test_a_store_that_cannot_be_written_is_an_error_at_the_start_and_a_word_in_flight() -> None:

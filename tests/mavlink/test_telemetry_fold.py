@@ -208,7 +208,12 @@ def test_nothing_is_ready_before_everything_was_heard():
 
 @pytest.mark.parametrize(
     ("autopilot", "kind", "says"),
-    [(12, 1, "PX4 vehicles of type FIXED_WING"), (3, 10, "GROUND_ROVER"), (0, 2, "GENERIC")],
+    [
+        (12, 20, "a VTOL quadrotor of PX4 cannot be flown"),
+        (3, 10, "a ground rover of ArduPilot"),
+        (0, 2, r"a quadrotor of another autopilot \(generic\)"),
+        (3, 199, "a kind of number 199 of ArduPilot"),
+    ],
 )
 def test_other_vehicles_are_refused_by_name(autopilot, kind, says):
     with pytest.raises(Unsupported, match=says):
@@ -386,6 +391,50 @@ def test_only_our_simulators_mark_means_that_no_aircraft_is_there(uid2, simulate
     identity = session.identity(version)
     assert identity == Identity(1, 3, 2, "ArduPilot 4.6.2", uid2)
     assert identity.simulated is simulated
+
+
+WRAP_MS = 2**32
+"""time_boot_ms begins anew: after 49.7 days"""
+
+
+def at(boot_ms: int):
+    return position(boot_ms=boot_ms % WRAP_MS)
+
+
+def test_a_clock_whose_32_bits_are_used_up_goes_on() -> None:
+    telemetry = Telemetry(dialect_for(3, 2))
+    for now_s in range(6):
+        telemetry.receive(at(WRAP_MS - 2500 + now_s * 1000), 100.0 + now_s)
+    assert telemetry.reboots == 0
+    assert telemetry.state.time_boot_s == pytest.approx((WRAP_MS + 2500) / 1000.0)
+
+
+def test_a_message_of_before_the_clock_wrapped_that_comes_late_is_old_news() -> None:
+    telemetry = Telemetry(dialect_for(3, 2))
+    for now_s, boot_ms in ((0.0, WRAP_MS - 500), (0.8, WRAP_MS + 300), (0.9, WRAP_MS - 200)):
+        telemetry.receive(at(boot_ms), now_s)
+    assert telemetry.reboots == 0
+    assert telemetry.state.time_boot_s == pytest.approx((WRAP_MS + 300) / 1000.0)
+
+
+@pytest.mark.parametrize(
+    ("silent_s", "uptime_s", "reboots"),
+    [(600.0, 540.0, 0), (600.0, 20.0, 1), (5.0, 4.0, 1), (70.0, 9.5, 0)],
+)
+def test_who_booted_while_its_clock_would_have_wrapped_is_found_out(silent_s, uptime_s, reboots) -> None:
+    """Heard a minute before its clock wraps."""
+    telemetry = Telemetry(dialect_for(3, 2))
+    telemetry.receive(at(WRAP_MS - 60_000), 0.0)
+    telemetry.receive(at(WRAP_MS + int(uptime_s * 1000)), silent_s)
+    assert telemetry.reboots == reboots
+
+
+def test_after_a_reboot_the_clock_counts_from_that() -> None:
+    telemetry = Telemetry(dialect_for(3, 2))
+    for now_s, boot_ms in ((0.0, WRAP_MS - 500), (1.0, WRAP_MS + 500), (60.0, 9_000), (61.0, 10_000)):
+        telemetry.receive(at(boot_ms), now_s)
+    assert telemetry.reboots == 1
+    assert telemetry.state.time_boot_s == pytest.approx(10.0)
 
 
 def system_time(boot_ms: int):

@@ -224,3 +224,50 @@ def test_routes_at_one_height_may_be_apart_over_ground_or_in_time() -> None:
     assert finding("separation", other(altitude_m=40.0, flight=beside)).ok
     after = FIT.flight.later(400.0)
     assert finding("separation", other(altitude_m=40.0, flight=after)).ok
+
+
+CURED = (
+    Wanted("FENCE_ENABLE", "a fence up to 90 m", 1.0, (1.0,)),
+    Wanted("FS_GCS_ENABLE", "policy.lost_link: return", 1.0, (1.0,)),
+    Wanted("FS_OPTIONS", "policy.lost_link: return", bit=1),
+    Wanted("AIRSPEED_MIN", "wings.min_speed_m_s: 11", least=0.0, most=11.0),
+    Wanted("AIRSPEED_CRUISE", "speed_m_s: 15", least=14.5, most=15.5),
+    Wanted("Q_ENABLE", "airframe: plane", values=(0.0,)),
+)
+RIGHT = {
+    "FENCE_ENABLE": 1.0,
+    "FS_GCS_ENABLE": 1.0,
+    "FS_OPTIONS": 0.0,
+    "AIRSPEED_MIN": 9.0,
+    "AIRSPEED_CRUISE": 15.0,
+    "Q_ENABLE": 0.0,
+}
+
+
+@pytest.mark.parametrize(
+    ("wrong", "cure"),
+    [
+        ({"FENCE_ENABLE": 0.0}, "set FENCE_ENABLE there, or preflight.set_parameters: true"),
+        (
+            {"FENCE_ENABLE": 0.0, "FS_GCS_ENABLE": 0.0, "FS_OPTIONS": 2.0},
+            "set FENCE_ENABLE, FS_GCS_ENABLE and FS_OPTIONS there, or preflight.set_parameters: true; "
+            "or declare another policy",
+        ),
+        ({"AIRSPEED_MIN": 13.0}, "set AIRSPEED_MIN there yourself; or correct `wings`"),
+        (
+            {"AIRSPEED_CRUISE": 20.0},
+            "set AIRSPEED_CRUISE there yourself; or correct speed_m_s of the vehicle",
+        ),
+        ({"Q_ENABLE": 1.0}, "set Q_ENABLE there yourself; or correct airframe of the vehicle"),
+        ({"Q_ENABLE": None}, "see why it does not tell Q_ENABLE: its link, or a firmware built without"),
+    ],
+)
+def test_who_can_mend_a_parameter_is_said(wrong: dict[str, float | None], cure: str) -> None:
+    told = {name: value for name, value in (RIGHT | wrong).items() if value is not None}
+    found = finding("parameters", but(wanted=CURED, parameters=told))
+    assert not found.ok
+    assert found.cure == cure
+
+
+def test_who_is_as_declared_needs_no_cure() -> None:
+    assert finding("parameters", but(wanted=CURED, parameters=RIGHT)).ok

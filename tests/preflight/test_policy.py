@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -18,6 +19,7 @@ from swarmctl.mavlink.firmware import Firmware, firmware_of
 from swarmctl.preflight.policy import Intent, NoTable, Wanted, parameters_for
 
 COPTER, PLANE, PX4 = Firmware("ArduCopter", (4, 6)), Firmware("ArduPlane", (4, 6)), Firmware("PX4", (1, 15))
+PX4_PLANE = Firmware("PX4 plane", (1, 15))
 WINGS = Wings(
     loiter_radius_m=60.0,
     final_height_m=20.0,
@@ -29,8 +31,9 @@ WINGS = Wings(
 
 
 def wanted(firmware: Firmware, **policy: Any) -> dict[str, Wanted]:
-    wings = WINGS if firmware is PLANE else None
+    wings = WINGS if firmware in (PLANE, PX4_PLANE) else None
     intent = Intent(Policy(**policy), gcs_sysid=255, altitude_m=40.0, ceiling_m=90.0, wings=wings)
+    intent = replace(intent, speed_m_s=18.0, turn_radius_m=50.0)
     return {w.name: w for w in parameters_for(firmware, intent)}
 
 
@@ -61,6 +64,12 @@ def wanted(firmware: Firmware, **policy: Any) -> dict[str, Wanted]:
         (PLANE, {}, "WP_LOITER_RAD", [60, -60, 45], [61, -61, 80]),
         (PLANE, {}, "RTL_RADIUS", [0, -60, 60], [61, 80]),
         (PLANE, {}, "AIRSPEED_MIN", [9, 11], [12]),
+        (PLANE, {}, "AIRSPEED_CRUISE", [18, 17.6, 18.4], [0, 15, 17, 19, 1800]),
+        (PLANE, {}, "ROLL_LIMIT_DEG", [34, 45, 65], [0, 30, 33]),
+        (PLANE, {}, "WP_MAX_RADIUS", [0], [1, 90]),
+        (PLANE, {}, "Q_ENABLE", [0], [1, 2]),
+        (COPTER, {}, "BATT_FS_CRT_ACT", [0, 1, 2, 4], [5, 8]),
+        (PLANE, {}, "BATT_FS_CRT_ACT", [0, 1, 2], [3, 5]),
         (PX4, {"lost_link": "return"}, "NAV_DLL_ACT", [2], [0, 1, 3, 5, 6]),
         (PX4, {"lost_link": "hold"}, "NAV_DLL_ACT", [1], [0, 2]),
         (PX4, {"lost_link": "return", "lost_link_after_s": 12}, "COM_DL_LOSS_T", [12], [10]),
@@ -73,6 +82,21 @@ def wanted(firmware: Firmware, **policy: Any) -> dict[str, Wanted]:
         (Firmware("ArduCopter", (4, 7)), {}, "RTL_ALT_M", [0, 15, 60], [61, 1500]),
         (Firmware("ArduCopter", (4, 7)), {}, "RTL_CLIMB_MIN_M", [0], [5]),
         (PX4, {}, "RTL_RETURN_ALT", [0, 30, 60], [61, 100]),
+        (PX4_PLANE, {"lost_link": "hold"}, "NAV_DLL_ACT", [1], [0, 2, 3]),
+        (PX4_PLANE, {"low_battery": "return"}, "COM_LOW_BAT_ACT", [3], [0, 2]),
+        (PX4_PLANE, {"fence_breach": "return"}, "GF_ACTION", [3], [0, 2, 5]),
+        (PX4_PLANE, {}, "RTL_TYPE", [1], [0, 2, 3, 4, 5]),
+        (PX4_PLANE, {}, "RTL_RETURN_ALT", [0, 30, 60], [61, 100]),
+        (PX4_PLANE, {}, "NAV_LOITER_RAD", [45, 60], [61, 80, 0, -60]),
+        # 20 m down over the 190 m of its final and the 60 before.
+        (PX4_PLANE, {}, "FW_LND_ANG", [4.6, 5, 6, 15], [4.5, 3]),
+        (PX4_PLANE, {}, "FW_AIRSPD_TRIM", [17.5, 18, 18.5], [17, 19]),
+        (PX4_PLANE, {}, "FW_R_LIM", [34, 50], [33]),
+        (PX4_PLANE, {}, "NAV_ACC_RAD", [10, 50], [51]),
+        (PX4_PLANE, {}, "FW_LND_ABORT", [0, 2], [1, 3]),
+        (PX4_PLANE, {}, "NAV_FW_ALT_RAD", [20, 30], [10, 19.9]),
+        (PX4_PLANE, {}, "FW_AIRSPD_MIN", [9, 11], [12]),
+        (PX4_PLANE, {}, "GF_MAX_VER_DIST", [40, 90], [0, 100]),
     ],
 )
 def test_values_that_say_what_is_declared(firmware, policy, name, good, bad) -> None:
@@ -82,6 +106,15 @@ def test_values_that_say_what_is_declared(firmware, policy, name, good, bad) -> 
     assert [value for value in [*bad, *no_numbers] if parameter.accepts(float(value))] == []
     if parameter.set_to is not None:
         assert parameter.accepts(parameter.set_to)
+
+
+@pytest.mark.parametrize(
+    ("policy", "name"),
+    [({"lost_link": "land"}, "NAV_DLL_ACT"), ({"low_battery": "land"}, "COM_LOW_BAT_ACT")],
+)
+def test_a_px4_plane_cannot_be_declared_to_land_wherever_it_is(policy: dict[str, str], name: str) -> None:
+    with pytest.raises(NoTable, match=f"{name} has no value for policy"):
+        wanted(PX4_PLANE, **policy)
 
 
 def test_names_follow_the_version() -> None:
@@ -105,6 +138,7 @@ def test_nothing_of_the_link_is_asked_where_losing_it_changes_nothing() -> None:
         Firmware("ArduCopter", (4, 8)),
         Firmware("PX4", (1, 13)),
         Firmware("PX4", (1, 17)),
+        Firmware("PX4 plane", (1, 13)),
         Firmware("", (1, 0)),
     ],
     ids=str,
@@ -127,10 +161,11 @@ def test_what_a_firmware_cannot_do_is_said() -> None:
         wanted(PLANE, fence_breach="land")
 
 
-def test_a_plane_that_is_planned_for_as_a_copter_has_no_table() -> None:
+@pytest.mark.parametrize("firmware", [PLANE, PX4_PLANE], ids=str)
+def test_a_plane_that_is_planned_for_as_a_copter_has_no_table(firmware) -> None:
     intent = Intent(Policy(), gcs_sysid=255, altitude_m=40.0, ceiling_m=90.0)
     with pytest.raises(NoTable, match="planned for as what hovers"):
-        parameters_for(PLANE, intent)
+        parameters_for(firmware, intent)
 
 
 def test_what_is_written_changes_only_what_is_declared() -> None:
@@ -147,6 +182,7 @@ def test_what_is_written_changes_only_what_is_declared() -> None:
         (3, 2, "ArduPilot 4.6.2", COPTER),
         (3, 1, "ArduPilot 4.6.2", PLANE),
         (12, 2, "PX4 1.15.4", PX4),
+        (12, 1, "PX4 1.15.4", PX4_PLANE),
         (12, 2, "PX4", Firmware("PX4", (0, 0))),
         (8, 2, "INVALID 4.6.0", Firmware("", (4, 6))),
     ],

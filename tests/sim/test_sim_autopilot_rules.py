@@ -171,6 +171,20 @@ def test_a_failsafe_that_only_warns_leaves_the_motors_on() -> None:
     assert station.armed
 
 
+@pytest.mark.parametrize("action", [None, 1, 8])
+def test_a_plane_returns_from_a_fence_as_it_comes_and_where_autoland_is_not_possible(
+    action: int | None,
+) -> None:
+    set_so = {} if action is None else {"FENCE_ACTION": action}
+    station = plane_in_guided({"FENCE_TYPE": 2, "FENCE_RADIUS": 300, **set_so})
+    assert reposition(station, 700, 60) == 0
+    station.wait(1)
+    set_parameter(station, "FENCE_ENABLE", 1)
+    station.until(lambda: any("breached" in text for text in station.texts()), 60)
+    station.wait(1)
+    assert station.mode == "RTL"
+
+
 @pytest.mark.parametrize("action", [6, 7])
 def test_a_plane_goes_to_the_fences_return_point_in_guided(action: int) -> None:
     station = plane_in_guided({"FENCE_ACTION": action, "FENCE_TYPE": 2, "FENCE_RADIUS": 300})

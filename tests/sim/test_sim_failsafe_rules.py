@@ -78,6 +78,20 @@ def landing_mission() -> list[dict]:  # type: ignore[type-arg]
     ]
 
 
+@pytest.mark.parametrize(("action", "mode"), [(4, "AUTO"), (5, "GUIDED"), (6, "AUTO"), (7, "RTL")])
+def test_what_a_quadplane_would_do_about_its_battery_a_plane_does_otherwise(action: int, mode: str) -> None:
+    there = station("plane", BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=action, BATT_LOW_TIMER=1)
+    there.upload(landing_mission())
+    there.set_mode(PLANE_TAKEOFF)
+    assert there.arm() == 0
+    there.until(lambda: there.height_m > 45, 60)
+    there.set_mode(PLANE_GUIDED)
+    set_parameter(there, "SIM_BATT_VOLTAGE", 11.0)
+    there.until(lambda: any("is low" in text for text in there.texts()), 10)
+    there.wait(1)
+    assert there.mode == mode
+
+
 @pytest.mark.parametrize(("starts", "mode"), [(True, "AUTO"), (False, "RTL")])
 def test_a_planes_battery_lands_it_where_its_mission_does_else_returns(*, starts: bool, mode: str) -> None:
     there = station("plane", BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=2, BATT_LOW_TIMER=1)
@@ -243,6 +257,7 @@ def test_a_copters_remote_control_is_lost_after_a_second_if_it_is_watched(watche
         (1, PLANE_AUTO, "AUTO", "RTL"),
         (2, MANUAL, "CIRCLE", "FBWA"),
         (2, PLANE_GUIDED, "GUIDED", "FBWA"),
+        (5, PLANE_GUIDED, "GUIDED", "RTL"),
     ],
 )
 def test_a_plane_without_a_remote_control_acts_in_two_stages(

@@ -85,15 +85,16 @@ PLANE: dict[str, float | int] = _COMMON | {
     "AIRSPEED_MAX": 22,  # m/s
     "AIRSPEED_MIN": 9,  # m/s
     "AIRSPEED_STALL": 0.0,  # m/s, 0: 8 m/s
-    "FENCE_ACTION": 0,  # 0 report, 1 RTL, 6 guided, 7 guided with throttle pass-through
+    "FENCE_ACTION": 1,  # 0 report, 1 RTL, 6 guided, 7 guided with throttle pass-through, 8 AUTOLAND or RTL
     "FENCE_RET_ALT": 0,  # m above home in guided after a breach, 0: half way from floor to ceiling
-    "FENCE_TYPE": 7,
+    "FENCE_TYPE": 4,  # as the copter's
     "FS_GCS_ENABL": 0,  # 0 nothing, 1 heartbeats
-    "FS_LONG_ACTN": 0,  # 0 go on in AUTO and GUIDED, else RTL; 1 RTL, 2 glide, 4 AUTO
+    "FS_LONG_ACTN": 0,  # 0 go on in AUTO and GUIDED, else RTL; 1 RTL, 2 glide, 4 AUTO, 5 AUTOLAND or RTL
     "FS_LONG_TIMEOUT": 5.0,  # s
     "FS_SHORT_ACTN": 0,  # 0 go on in AUTO, GUIDED, LOITER, else CIRCLE; 1 CIRCLE, 2 glide, 3 none, 4 FBWB
     "LAND_FLARE_SEC": 2.0,  # s, to be read
     "LAND_DISARMDELAY": 20,  # s, 0 never
+    "Q_ENABLE": 0,  # to be read: none hovers
     "RALLY_INCL_HOME": 0,  # 0: home only where there is no rally point
     "RALLY_LIMIT_KM": 5.0,  # km, 0: none
     "ROLL_LIMIT_DEG": 45.0,  # deg
@@ -105,6 +106,7 @@ PLANE: dict[str, float | int] = _COMMON | {
     "THR_FAILSAFE": 1,
     "TKOFF_ALT": 50.0,  # m
     "WP_LOITER_RAD": 60,  # m, negative: counter-clockwise
+    "WP_MAX_RADIUS": 0,  # m, to be read: no waypoint is circled until it is hit
     "WP_RADIUS": 90,  # m
 }
 
@@ -112,13 +114,13 @@ PLANE: dict[str, float | int] = _COMMON | {
 _INT8 = (
     "BATT_FS_CRT_ACT BATT_FS_LOW_ACT BATT_LOW_TIMER BATT_MONITOR DISARM_DELAY FENCE_ACTION FENCE_ENABLE"
     " FENCE_TOTAL FENCE_TYPE FRAME_CLASS FRAME_TYPE FS_EKF_ACTION FS_GCS_ENABL FS_GCS_ENABLE FS_LONG_ACTN"
-    " FS_SHORT_ACTN FS_THR_ENABLE LAND_DISARMDELAY LOG_BACKEND_TYPE LOG_DISARMED MIS_RESTART RALLY_INCL_HOME"
-    " RALLY_TOTAL RTL_AUTOLAND SIM_GPS_DISABLE SIM_RC_FAIL SYSID_ENFORCE THR_FAILSAFE"
+    " FS_SHORT_ACTN FS_THR_ENABLE LAND_DISARMDELAY LOG_BACKEND_TYPE LOG_DISARMED MIS_RESTART Q_ENABLE"
+    " RALLY_INCL_HOME RALLY_TOTAL RTL_AUTOLAND SIM_GPS_DISABLE SIM_RC_FAIL SYSID_ENFORCE THR_FAILSAFE"
 )
 _INT16 = (
     "AIRSPEED_MAX AIRSPEED_MIN FENCE_RET_ALT FORMAT_VERSION LAND_ALT_LOW LAND_SPEED LAND_SPEED_HIGH MIS_TOTAL"
     " PILOT_SPEED_DN PILOT_SPEED_UP RTL_CLIMB_MIN RTL_RADIUS RTL_SPEED SYSID_MYGCS SYSID_THISMAV"
-    " WP_LOITER_RAD WP_RADIUS"
+    " WP_LOITER_RAD WP_MAX_RADIUS WP_RADIUS"
 )
 _INT32 = "ARMING_CHECK AUTO_OPTIONS BATT_CAPACITY FS_OPTIONS RTL_ALT RTL_LOIT_TIME SIM_ENGINE_FAIL"
 BITS: dict[str, int] = {
@@ -131,4 +133,4 @@ TOTALS = {
     mavlink.MAV_MISSION_TYPE_FENCE: "FENCE_TOTAL",
     mavlink.MAV_MISSION_TYPE_RALLY: "RALLY_TOTAL",
 }
-READ_ONLY = frozenset({"SYSID_THISMAV", "FORMAT_VERSION", *TOTALS.values()})
+READ_ONLY = frozenset({"SYSID_THISMAV", "FORMAT_VERSION", "Q_ENABLE", "WP_MAX_RADIUS", *TOTALS.values()})

@@ -28,6 +28,10 @@ _PLANE_BATTERY_ACTIONS = {
     1: FailsafeAction.RETURN,
     2: FailsafeAction.LAND,
     3: FailsafeAction.TERMINATE,
+    4: FailsafeAction.LAND,  # what a quadplane would do goes on as this
+    5: FailsafeAction.WARN,  # no vehicle has a parachute
+    6: FailsafeAction.LAND,
+    7: FailsafeAction.RETURN,  # AUTOLAND, which needs a take-off by it
 }
 _LINK_ACTIONS = {
     0: FailsafeAction.NOTHING,
@@ -62,6 +66,7 @@ _PLANE_FENCE_ACTIONS = {
     1: FailsafeAction.RETURN,
     6: FailsafeAction.RETURN_POINT,
     7: FailsafeAction.RETURN_POINT,
+    8: FailsafeAction.RETURN,  # here and below AUTOLAND, as there
 }
 _EKF_ACTIONS = {0: FailsafeAction.WARN, 1: FailsafeAction.LAND, 2: FailsafeAction.HOLD_ALTITUDE}
 EKF_LANDS_EVERYWHERE = 3
@@ -78,6 +83,7 @@ _PLANE_LONG_ACTIONS = {
     2: FailsafeAction.GLIDE,
     3: FailsafeAction.WARN,  # no vehicle has a parachute
     4: FailsafeAction.MISSION,
+    5: FailsafeAction.RETURN,
 }
 _PLANE_SHORT_ACTIONS = {
     0: FailsafeAction.HOLD,

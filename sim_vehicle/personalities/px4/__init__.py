@@ -13,6 +13,7 @@ from sim_vehicle.personalities.px4.addressing import hears
 from sim_vehicle.personalities.px4.commands import COMMANDS
 from sim_vehicle.personalities.px4.items import store_item
 from sim_vehicle.personalities.px4.messages import DEFAULT_RATES_HZ, SINGLES, aims
+from sim_vehicle.personalities.px4.mission_landing import return_by_mission
 from sim_vehicle.personalities.px4.modes import HOLD, MODES, TERMINATION
 from sim_vehicle.personalities.px4.readiness import feasible, refusals
 from sim_vehicle.personalities.px4.texts import TEXTS
@@ -144,6 +145,7 @@ _COPTER = Personality(
     origin_moves=True,
     flight_counter="COM_FLIGHT_UUID",
     gps_fix_type=mavlink.GPS_FIX_TYPE_3D_FIX,
+    gps_present_in_use=True,
 )
 
 _PLANE = replace(
@@ -152,6 +154,7 @@ _PLANE = replace(
     plane=True,
     parameters=MappingProxyType(parameters.PLANE),
     tuning=tuning.plane_tuning,
+    return_by_mission=return_by_mission,
 )
 
 PX4 = MappingProxyType({"copter": _COPTER, "plane": _PLANE})

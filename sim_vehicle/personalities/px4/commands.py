@@ -5,6 +5,7 @@ TEMPORARILY_REJECTED, with a text.
 """
 
 import math
+from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.faults import failure_command as failures
 from sim_vehicle.personalities.base import CommandHandler
 from sim_vehicle.personalities.px4 import messages, modes
+from sim_vehicle.personalities.px4.mission_landing import mission_landing
 from sim_vehicle.personalities.px4.orbit import Orbit
 from sim_vehicle.physics.place import Place
 from sim_vehicle.vehicle import commands as common
@@ -123,6 +125,14 @@ def mission_start(vehicle: "Autopilot", command: "Command", now: float) -> int:
         return TEMPORARILY_REJECTED
     if command.param1 >= 0:
         vehicle.set_current(whole(command.param1))
+    return ACCEPTED
+
+
+def land_start(vehicle: "Autopilot", command: "Command", now: float) -> int:
+    """Starts the mission where its landing begins, which arms as any start does; accepted in any case."""
+    landing = mission_landing(vehicle.mission.items)
+    if landing is not None:
+        mission_start(vehicle, replace(command, param1=float(landing[0])), now)
     return ACCEPTED
 
 
@@ -341,6 +351,7 @@ COMMANDS: MappingProxyType[int, CommandHandler] = MappingProxyType(
         mavlink.MAV_CMD_NAV_LAND: land,
         mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: return_to_launch,
         mavlink.MAV_CMD_MISSION_START: mission_start,
+        mavlink.MAV_CMD_DO_LAND_START: land_start,
         mavlink.MAV_CMD_DO_REPOSITION: reposition,
         mavlink.MAV_CMD_DO_CHANGE_ALTITUDE: change_altitude,
         mavlink.MAV_CMD_DO_CHANGE_SPEED: change_speed,

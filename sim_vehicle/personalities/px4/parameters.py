@@ -10,7 +10,6 @@ _READ: dict[str, float | int] = {
     "BAT1_SOURCE": 0,
     "CBRK_SUPPLY_CHK": 894281,
     "CBRK_USB_CHK": 197848,
-    "COM_ARM_WO_GPS": 1,
     "COM_FLTMODE1": -1,
     "COM_FLTMODE2": -1,
     "COM_FLTMODE3": -1,
@@ -20,10 +19,8 @@ _READ: dict[str, float | int] = {
     "COM_OBS_AVOID": 0,
     "COM_POS_FS_EPH": 5.0,  # m
     "COM_PREARM_MODE": 0,
-    "COM_RC_LOSS_T": 0.5,  # s
     "COM_RC_OVERRIDE": 1,
     "COM_RC_STICK_OV": 30.0,  # %
-    "COM_RCL_EXCEPT": 0,  # bits: 0 mission, 1 hold, 2 offboard
     # fence and missions
     "GF_PREDICT": 0,
     "GF_SOURCE": 0,
@@ -86,13 +83,13 @@ _READ_PLANE: dict[str, float | int] = {
     "COM_POS_FS_EPH": 50.0,
     "FW_GND_SPD_MIN": 5.0,  # m/s
     "FW_LAUN_DETCN_ON": 0,
+    "FW_LND_ABORT": 3,  # bits: 0 terrain not found, 1 lost
+    "FW_LND_USETER": 1,
     "FW_P_LIM_MAX": 30.0,  # deg
     "FW_P_LIM_MIN": -30.0,  # deg
     "FW_TKO_PITCH_MIN": 10.0,  # deg
     "FW_T_CLMB_R_SP": 3.0,  # m/s
     "FW_T_SINK_MIN": 2.0,  # m/s
-    "NAV_FW_ALT_RAD": 10.0,  # m
-    "RTL_TYPE": 1,
     "SYS_AUTOSTART": 4003,
     "SYS_HAS_NUM_ASPD": 1,
 }
@@ -109,6 +106,7 @@ _COMMON: dict[str, float | int] = _READ | {
     "COM_LOW_BAT_ACT": 0,  # 0 warn, 2 land, 3 return at critical level and land at emergency level
     # arming, home, modes
     "COM_ARM_MIS_REQ": 0,  # 1: a valid mission is required to arm
+    "COM_ARM_WO_GPS": 1,  # 0: a fix is required to arm, in modes of a pilot too
     "COM_DISARM_LAND": 2.0,  # s after a landing, 0 or less never
     "COM_DISARM_PRFLT": 10.0,  # s after arming without a take-off, less than 0 never
     "COM_FLIGHT_UUID": 0,
@@ -120,6 +118,8 @@ _COMMON: dict[str, float | int] = _READ | {
     "COM_FAIL_ACT_T": 5.0,  # s in hold before a failsafe acts
     "COM_OBL_RC_ACT": 0,  # offboard lost: 0-2 a pilot's mode, 3 return, 4 land, 5 hold, 6 terminate, 7 disarm
     "COM_OF_LOSS_T": 1.0,  # s without a set-point
+    "COM_RCL_EXCEPT": 0,  # goes on without a remote control, bits: 0 mission, 1 hold and take-off, 2 offboard
+    "COM_RC_LOSS_T": 0.5,  # s without a remote control
     "COM_RC_IN_MODE": 1,  # 0 RC, 1 joystick, 2 and 3 both, 4 no stick input at all
     "NAV_DLL_ACT": 0,  # 0 nothing, 1 hold, 2 return, 3 land, 5 terminate, 6 disarm
     "NAV_RCL_ACT": 2,  # the same
@@ -189,6 +189,11 @@ PLANE: dict[str, float | int] = (
         "MAV_TYPE": 1,
         "MIS_TAKEOFF_ALT": 25.0,  # m above home
         "NAV_ACC_RAD": 10.0,  # m
+        "NAV_FW_ALT_RAD": 10.0,  # m above or below a waypoint
+        "NPFG_DAMPING": 0.7,
+        "NPFG_PERIOD": 10.0,  # s
+        "NPFG_SW_DST_MLT": 0.32,
+        "RTL_TYPE": 1,  # 0 home, 1 landing of the mission, 2 along it, 3 the nearest; rally points but for 2
         "RTL_DESCEND_ALT": 100.0,  # m above home
         "RTL_LAND_DELAY": -1.0,  # s over home, -1: does not land
         "RTL_RETURN_ALT": 100.0,  # m above home

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.personalities.base import Behaviour
+from sim_vehicle.personalities.px4 import wing_missions
 from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.rally import distance_m
 
@@ -43,6 +44,10 @@ def refusals(vehicle: "Autopilot", now: float) -> list[str]:
 
 
 def _estimate(vehicle: "Autopilot", now: float) -> list[str]:
+    if vehicle.params["COM_ARM_WO_GPS"] == 0 and not (
+        vehicle.readiness.gps_fix(now) and vehicle.body.gps_fix
+    ):
+        return ["GPS fix too low"]
     if not vehicle.mode.needs_position or vehicle.position_known(now):
         return []
     if not vehicle.readiness.gps_fix(now):
@@ -87,7 +92,13 @@ def _system(vehicle: "Autopilot") -> list[str]:
 
 def feasible(vehicle: "Autopilot", items: Sequence[Item]) -> bool:
     """Whether a mission would be flown; why not is said in a text."""
-    refusal = _far(vehicle, items) or _infeasible(items, int(vehicle.params["MIS_TKO_LAND_REQ"]))
+    refusal = _far(vehicle, items)
+    if refusal is None and vehicle.body.plane:
+        refusal = _outside(vehicle, items)
+    if refusal is None and vehicle.body.plane:
+        home_m = vehicle.flight.home().alt_amsl_m
+        refusal = wing_missions.refusal(items, home_m, vehicle.params["FW_LND_ANG"])
+    refusal = refusal or _takeoff(items) or _infeasible(items, int(vehicle.params["MIS_TKO_LAND_REQ"]))
     if refusal is not None:
         vehicle.say(mavlink.MAV_SEVERITY_CRITICAL, refusal)
     return refusal is None and bool(items)
@@ -101,6 +112,25 @@ def _far(vehicle: "Autopilot", items: Sequence[Item]) -> str | None:
         return None
     far_m = distance_m((first.x * 1e-7, first.y * 1e-7), vehicle.body.lat_lon_deg)
     return f"First waypoint too far away: {int(far_m)}m, {int(limit_m)} max" if far_m >= limit_m else None
+
+
+def _outside(vehicle: "Autopilot", items: Sequence[Item]) -> str | None:
+    """Which place of a mission is outside of the fence, whatever a breach would lead to.
+
+    Asked of fixed wings alone: of multicopters it was not observed whether they are refused such a mission.
+    """
+    home_m = vehicle.flight.home().alt_amsl_m
+    for number, item in enumerate(items, start=1):
+        place_deg = item.place_deg if item.command in _PLACED else None
+        height_m = vehicle.flight.altitude_amsl_m(item.frame, item.z) - home_m
+        if place_deg is not None and vehicle.fence_watch.find(*place_deg, height_m):
+            return f"Geofence violation for waypoint {number}"
+    return None
+
+
+def _takeoff(items: Sequence[Item]) -> str | None:
+    placed = [item.command in _TAKEOFFS for item in items if item.command in _PLACED]
+    return "Mission rejected: takeoff not first waypoint item" if any(placed[1:]) else None
 
 
 def _infeasible(items: Sequence[Item], required: int) -> str | None:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 from sim_vehicle.files.logs.record import LogWhen
 from sim_vehicle.personalities.base import Behaviour, FailsafeAction, Tuning
+from sim_vehicle.personalities.px4 import modes
 from sim_vehicle.vehicle.params import Parameters
 
 SLOWEST_M_S = 0.1
@@ -48,6 +49,8 @@ _OFFBOARD_ACTIONS = {
     6: FailsafeAction.TERMINATE,
     7: FailsafeAction.DISARM,
 }
+# COM_RCL_EXCEPT: by its bits, the modes that go on without a remote control
+_RC_EXCEPTIONS = {1: (modes.MISSION,), 2: (modes.HOLD, modes.TAKEOFF), 4: (modes.OFFBOARD,)}
 
 
 _LOGS = {-1: LogWhen.NEVER, 0: LogWhen.ARMED, 1: LogWhen.FROM_BOOT, 2: LogWhen.ALWAYS}
@@ -62,6 +65,11 @@ def _offboard_lost(params: Parameters) -> FailsafeAction:
 def _pilot_missing(params: Parameters) -> bool:
     # No vehicle here has a receiver; with stick input disabled altogether PX4 does not ask for one.
     return int(params["COM_RC_IN_MODE"]) != STICKS_DISABLED
+
+
+def _going_on(params: Parameters) -> dict[int, FailsafeAction]:
+    excepted = int(params["COM_RCL_EXCEPT"])
+    return {n: FailsafeAction.NOTHING for bit, ns in _RC_EXCEPTIONS.items() if excepted & bit for n in ns}
 
 
 def _seconds(value: float) -> float:
@@ -115,6 +123,8 @@ def _common(params: Parameters) -> dict[str, object]:
         "rc_required": False,
         "rc_missed_unarmed": False,
         "rc_action": _LINK_ACTIONS.get(int(params["NAV_RCL_ACT"]), FailsafeAction.NOTHING),
+        "rc_action_in": _going_on(params),
+        "rc_timeout_s": params["COM_RC_LOSS_T"],
         "pilot_missing": _pilot_missing(params),
         "setpoint_timeout_s": params["COM_OF_LOSS_T"],
         "setpoint_action": _offboard_lost(params),
@@ -174,13 +184,23 @@ def copter_tuning(params: Parameters) -> Tuning:
     )
 
 
+def _switch_m(params: Parameters) -> float:
+    """How far before a waypoint a fixed wing turns to the next (NPFG::switchDistance, at its usual speed)."""
+    error_bound_m = params["NPFG_PERIOD"] * params["NPFG_DAMPING"] * params["FW_AIRSPD_TRIM"]
+    return float(max(params["NAV_ACC_RAD"], params["NPFG_SW_DST_MLT"] * error_bound_m))
+
+
 def plane_tuning(params: Parameters) -> Tuning:
     """The fixed wing's parameters -> what it flies by."""
     sink_m_s = _at_least(params["FW_T_SINK_R_SP"])
     landing_m_s = params["FW_LND_AIRSPD"] if params["FW_LND_AIRSPD"] > 0 else params["FW_AIRSPD_MIN"]
     glide_m_s = _at_least(landing_m_s * math.tan(math.radians(params["FW_LND_ANG"])))
     return Tuning(
-        **_common(params),  # type: ignore[arg-type]
+        **_common(params) | {"waypoint_radius_m": _switch_m(params)},  # type: ignore[arg-type]
+        waypoints_say_radius=False,
+        waypoint_height_m=params["NAV_FW_ALT_RAD"],
+        circles_first=True,
+        takeoff_along=True,
         speed_m_s=_at_least(params["FW_AIRSPD_TRIM"]),
         climb_m_s=_at_least(params["FW_T_CLMB_MAX"]),
         descent_m_s=_at_least(params["FW_T_SINK_MAX"]),

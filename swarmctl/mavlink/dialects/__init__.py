@@ -9,6 +9,7 @@ from swarmctl.mavlink.dialects.ardupilot import ArduCopter
 from swarmctl.mavlink.dialects.arduplane import ArduPlane
 from swarmctl.mavlink.dialects.base import Dialect, Readiness, Unsupported
 from swarmctl.mavlink.dialects.px4 import Px4Copter
+from swarmctl.mavlink.dialects.px4plane import Px4Plane
 
 __all__ = ["Dialect", "Readiness", "Unsupported", "dialect_for"]
 
@@ -25,6 +26,7 @@ _DIALECTS: dict[tuple[int, int], Dialect] = {
     **{(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, kind): ArduCopter() for kind in _MULTICOPTERS},
     (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_TYPE_FIXED_WING): ArduPlane(),
     **{(mavlink.MAV_AUTOPILOT_PX4, kind): Px4Copter() for kind in _MULTICOPTERS},
+    (mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_TYPE_FIXED_WING): Px4Plane(),
 }
 
 
@@ -32,8 +34,23 @@ def dialect_for(autopilot: int, vehicle_type: int) -> Dialect:
     """The dialect for a MAV_AUTOPILOT and MAV_TYPE. Raises Unsupported, naming what it is."""
     dialect = _DIALECTS.get((autopilot, vehicle_type))
     if dialect is None:
-        found = f"{name_of('MAV_AUTOPILOT', autopilot)} vehicles of type {name_of('MAV_TYPE', vehicle_type)}"
+        made_by = _AUTOPILOTS.get(autopilot) or f"another autopilot ({_words('MAV_AUTOPILOT', autopilot)})"
         raise Unsupported(
-            f"{found} cannot be flown; expected a multicopter of ArduPilot or PX4, or ArduPlane"
+            f"a {_words('MAV_TYPE', vehicle_type)} of {made_by} cannot be flown; expected a multicopter or a "
+            "fixed wing of ArduPilot or PX4"
         )
     return dialect
+
+
+_AUTOPILOTS = {
+    int(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA): "ArduPilot",
+    int(mavlink.MAV_AUTOPILOT_PX4): "PX4",
+}
+
+
+def _words(enum: str, value: int) -> str:
+    """An enum's entry as people say it; by its number where MAVLink has no name for it here."""
+    name = name_of(enum, value)
+    if name.startswith(enum):
+        return f"kind of number {value}"
+    return " ".join(word if word == "VTOL" else word.lower() for word in name.split("_"))

@@ -72,6 +72,9 @@ class ArduPilot:
     upload_timeout_s = 9.0
     """it gives a transfer up after 8 s without an item"""
     uploads_at_once = False
+    tells_single_items = True
+    lands_at_nearest = True
+    returns_to_rally = False
     start_mission: tuple[int, tuple[float, ...]] = (int(mavlink.MAV_CMD_MISSION_START), ())
     """armed in AUTO alone it sits and disarms itself after 10 s"""
 

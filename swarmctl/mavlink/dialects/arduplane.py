@@ -12,10 +12,16 @@ from swarmctl.core.geo import LatLon, LocalFrame
 from swarmctl.core.mission import Approach, FlightPlan, MissionItem
 from swarmctl.core.turns import tangent
 from swarmctl.mavlink.dialects.ardupilot import HOME, RELATIVE, ArduPilot, modes
-from swarmctl.mavlink.dialects.plan import LAND, TAKEOFF, WAYPOINT, check_points, item_at
+from swarmctl.mavlink.dialects.plan import (
+    LAND,
+    LAND_START,
+    LOITER_TO_ALT,
+    TAKEOFF,
+    WAYPOINT,
+    approaches,
+    item_at,
+)
 
-LAND_START = int(mavlink.MAV_CMD_DO_LAND_START)
-LOITER_TO_ALT = int(mavlink.MAV_CMD_NAV_LOITER_TO_ALT)
 CLIMB_PITCH_DEG = 15.0
 """of the take-off; without it 4 degrees are taken (`Plane::do_takeoff`)"""
 BY_TANGENT = 1.0
@@ -46,17 +52,15 @@ class ArduPlane(ArduPilot):
         The last is flown only when it returns: RTL looks for the DO_LAND_START that is nearest to home. As
         each landing begins with one, an order to land leads to that which is nearest to the vehicle.
         """
-        if plan.approach is None or plan.home_approach is None:
-            raise ValueError("planned for what hovers, and it is a fixed wing: say `airframe: plane` of it")
-        check_points(plan.track, plan)
+        at_goal, at_home = approaches(plan)
         # It climbs straight on whatever the place says (`Plane::do_takeoff`).
         takeoff = MissionItem(TAKEOFF, RELATIVE, 0, 0, plan.takeoff_alt_m, param1=CLIMB_PITCH_DEG)
         return (
             HOME,
             takeoff,
             *_waypoints(plan),
-            *_landing(plan.approach),
-            *_landing(plan.home_approach),
+            *_landing(at_goal),
+            *_landing(at_home),
         )
 
     def as_stored(self, item: MissionItem) -> MissionItem:

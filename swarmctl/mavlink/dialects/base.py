@@ -53,6 +53,14 @@ class Dialect(Protocol):
         """MAV_CMD by which it goes to the landing of its mission; None where its mode lands."""
 
     @property
+    def lands_at_nearest(self) -> bool:
+        """That is the nearest of several; else the only one that it knows as such (and it may arm for it)."""
+
+    @property
+    def returns_to_rally(self) -> bool:
+        """Its return may lead to a rally point instead, where it does not land."""
+
+    @property
     def speed_type(self) -> int:
         """Of MAV_CMD_DO_CHANGE_SPEED: what sets how fast it flies."""
 
@@ -84,6 +92,10 @@ class Dialect(Protocol):
     def uploads_at_once(self) -> bool:
         """A new mission takes the old one's place when it is complete; else item by item, and the flight
         follows at once."""
+
+    @property
+    def tells_single_items(self) -> bool:
+        """Items of its mission to whoever asks, outside of a transfer too."""
 
     @property
     def start_mission(self) -> tuple[int, tuple[float, ...]]:

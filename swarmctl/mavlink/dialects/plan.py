@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from math import isfinite
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
+from swarmctl.core.mission import Approach, FlightPlan, MissionItem, Waypoint
 
 TAKEOFF, WAYPOINT, LAND = (
     int(mavlink.MAV_CMD_NAV_TAKEOFF),
     int(mavlink.MAV_CMD_NAV_WAYPOINT),
     int(mavlink.MAV_CMD_NAV_LAND),
 )
+LAND_START = int(mavlink.MAV_CMD_DO_LAND_START)
+LOITER_TO_ALT = int(mavlink.MAV_CMD_NAV_LOITER_TO_ALT)
+JUMP = int(mavlink.MAV_CMD_DO_JUMP)
 
 
 def track_to_land(plan: FlightPlan) -> tuple[Waypoint, ...]:
@@ -31,6 +35,15 @@ def track_to_land(plan: FlightPlan) -> tuple[Waypoint, ...]:
     return track
 
 
+def approaches(plan: FlightPlan) -> tuple[Approach, Approach]:
+    """Of a fixed wing's plan those to its goal and to where it took off. Raises ValueError for a plan that
+    cannot be flown."""
+    if plan.approach is None or plan.home_approach is None:
+        raise ValueError("planned for what hovers, and it is a fixed wing: say `airframe: plane` of it")
+    check_points(plan.track, plan)
+    return plan.approach, plan.home_approach
+
+
 def check_points(track: Sequence[Waypoint], plan: FlightPlan) -> None:
     """Raises ValueError where one of a plan's is no place."""
     for what, point in (*((f"waypoint {i}", p) for i, p in enumerate(track)), ("landing", plan.landing)):
@@ -41,6 +54,16 @@ def check_points(track: Sequence[Waypoint], plan: FlightPlan) -> None:
 
 def item_at(command: int, frame: int, point: Waypoint, alt_m: float) -> MissionItem:
     return MissionItem(command, frame, round(point.lat_deg * 1e7), round(point.lon_deg * 1e7), alt_m)
+
+
+def behind(flown: Sequence[MissionItem], items: Sequence[MissionItem], first: int) -> tuple[MissionItem, ...]:
+    """A list of `flown`, and behind it those of another list from `first` on, whose jumps lead where they led
+    to there."""
+    shift = len(flown) - first
+    moved = (
+        replace(item, param1=item.param1 + shift) if item.command == JUMP else item for item in items[first:]
+    )
+    return (*flown, *moved)
 
 
 def differences(

@@ -1,4 +1,5 @@
-"""PX4 1.15, multicopters. Facts observed in software-in-the-loop and read in its sources."""
+"""PX4 1.15: what multicopters and fixed wings have in common, and multicopters. Facts observed in
+software-in-the-loop and read in its sources."""
 
 from __future__ import annotations
 
@@ -41,7 +42,7 @@ _MODES: Mapping[str, tuple[int, int]] = MappingProxyType(
 )
 _NAMES: Mapping[tuple[int, int], str] = MappingProxyType({numbers: name for name, numbers in _MODES.items()})
 
-_RELATIVE = int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
+RELATIVE = int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
 _READ_BACK_FRAME = MappingProxyType(
     {
         mavlink.MAV_FRAME_GLOBAL: mavlink.MAV_FRAME_GLOBAL_INT,
@@ -50,17 +51,14 @@ _READ_BACK_FRAME = MappingProxyType(
 )
 
 
-class Px4Copter:
-    """Fits `Dialect`."""
+class Px4:
+    """What `Dialect` asks, as far as its airframes do not differ."""
 
     name = "PX4"
     # AUTO.LOITER, not POSCTL or ALTCTL: those need a pilot's stick and are refused in the air without one.
     hold_mode = "AUTO.LOITER"
     mission_mode = "AUTO.MISSION"
     return_mode = "AUTO.RTL"
-    land_mode = "AUTO.LAND"
-    land_command = None
-    speed_type = int(mavlink.SPEED_TYPE_GROUNDSPEED)
     # All of them flow by themselves, some more slowly.
     streams_hz: Mapping[int, float] = MappingProxyType(
         {
@@ -80,6 +78,8 @@ class Px4Copter:
     upload_timeout_s = 6.0
     """it gives a transfer up after 5 s without an item, without a word of the protocol"""
     uploads_at_once = True
+    tells_single_items = False
+    """it complains to all who listen"""
 
     @property
     def start_mission(self) -> tuple[int, tuple[float, ...]]:
@@ -104,6 +104,26 @@ class Px4Copter:
         if readiness.prearm_ok is False:
             yield "; ".join(readiness.complaints) or "pre-arm checks not passed"
 
+    def differences(
+        self, sent: Sequence[MissionItem], found: Sequence[MissionItem], first: int = 0
+    ) -> tuple[str, ...]:
+        """Everything is kept as sent, but for frames, which are read back by their `_INT` numbers."""
+        return differences(sent, found, first, lambda _seq, a, b: _same(a, b))
+
+    def set_current(self, peer: Peer, seq: int, attempt: int) -> Conversation[CommandResult]:
+        """By message: MAV_CMD_DO_SET_MISSION_CURRENT is unsupported."""
+        return SetCurrent(peer, seq)
+
+
+class Px4Copter(Px4):
+    """Fits `Dialect`."""
+
+    land_mode = "AUTO.LAND"
+    land_command = None
+    lands_at_nearest = True
+    returns_to_rally = False
+    speed_type = int(mavlink.SPEED_TYPE_GROUNDSPEED)
+
     def mission_items(self, plan: FlightPlan, start: LatLon | None = None) -> tuple[MissionItem, ...]:
         """Take-off, waypoints, landing.
 
@@ -114,19 +134,9 @@ class Px4Copter:
         if start is None:
             raise ValueError("take-off: expected the place where the vehicle stands, which it has not told")
         up = Waypoint(*start, plan.takeoff_alt_m)
-        takeoff = item_at(TAKEOFF, _RELATIVE, up, plan.takeoff_alt_m)
-        waypoints = (item_at(WAYPOINT, _RELATIVE, point, point.alt_rel_m) for point in track)
-        return (takeoff, *waypoints, item_at(LAND, _RELATIVE, plan.landing, 0.0))
-
-    def differences(
-        self, sent: Sequence[MissionItem], found: Sequence[MissionItem], first: int = 0
-    ) -> tuple[str, ...]:
-        """Everything is kept as sent, but for frames, which are read back by their `_INT` numbers."""
-        return differences(sent, found, first, lambda _seq, a, b: _same(a, b))
-
-    def set_current(self, peer: Peer, seq: int, attempt: int) -> Conversation[CommandResult]:
-        """By message: MAV_CMD_DO_SET_MISSION_CURRENT is unsupported."""
-        return SetCurrent(peer, seq)
+        takeoff = item_at(TAKEOFF, RELATIVE, up, plan.takeoff_alt_m)
+        waypoints = (item_at(WAYPOINT, RELATIVE, point, point.alt_rel_m) for point in track)
+        return (takeoff, *waypoints, item_at(LAND, RELATIVE, plan.landing, 0.0))
 
 
 _FLOAT32_M = 1e-3

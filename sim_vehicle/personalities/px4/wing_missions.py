@@ -1,0 +1,75 @@
+"""What PX4 asks of a fixed wing's mission before it flies it (MissionFeasibility/FeasibilityChecker.cpp)."""
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.personalities.px4.mission_landing import LANDINGS
+from sim_vehicle.vehicle.mission import Item
+from sim_vehicle.vehicle.numbers import finite
+from sim_vehicle.vehicle.rally import distance_m
+
+STEEPER_DEG = 0.1  # than the parameter says is not yet too steep
+LEAST_M = 1e-6
+_ABOVE_SEA = frozenset({mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT})
+
+
+def refusal(items: Sequence[Item], home_amsl_m: float, steepest_deg: float) -> str | None:
+    """Why a fixed wing would not fly these, in PX4's words; `steepest_deg` is FW_LND_ANG."""
+    return _pattern(items) or next(
+        (
+            text
+            for before, item in pairwise(items)
+            if item.command == mavlink.MAV_CMD_NAV_LAND
+            and before.place_deg is not None
+            and (text := _approach(before, item, home_amsl_m, steepest_deg)) is not None
+        ),
+        None,
+    )
+
+
+def _pattern(items: Sequence[Item]) -> str | None:
+    """What is wrong with where landings begin and end."""
+    starts = [i for i, item in enumerate(items) if item.command == mavlink.MAV_CMD_DO_LAND_START]
+    ends = [i for i, item in enumerate(items) if item.command in LANDINGS]
+    if len(starts) > 1:
+        return "Mission rejected: more than one land start."
+    if ends and ends[0] == 0:
+        return "Mission rejected: starts with land waypoint."
+    returns = [i for i, item in enumerate(items) if item.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH]
+    if starts and returns and starts[0] < returns[-1]:
+        return "Mission rejected: land start item before RTL item not possible."
+    if starts and starts[0] > (ends[-1] - 1 if ends else -1):
+        return "Mission rejected: invalid land start."
+    return None
+
+
+def _approach(before: Item, land: Item, home_amsl_m: float, steepest_deg: float) -> str | None:
+    """What is wrong with how a landing is come to from the place before it."""
+    down_m = _amsl_m(before, home_amsl_m) - _amsl_m(land, home_amsl_m)
+    if down_m < LEAST_M:
+        return "Mission rejected: the approach waypoint must be above the landing point."
+    assert before.place_deg is not None
+    way_m = distance_m(before.place_deg, land.place_deg or (0.0, 0.0))
+    if before.command == mavlink.MAV_CMD_NAV_LOITER_TO_ALT:
+        radius_m = abs(finite(before.param2))
+        if way_m <= radius_m:
+            return "Mission rejected: the landing point must be outside the orbit radius."
+        way_m = math.sqrt(way_m**2 - radius_m**2)
+    elif before.command != mavlink.MAV_CMD_NAV_WAYPOINT:
+        return (
+            "Mission rejected: unsupported landing approach entrance waypoint type. "
+            "Only ORBIT_TO_ALT or WAYPOINT allowed."
+        )
+    if down_m > math.tan(math.radians(steepest_deg + STEEPER_DEG)) * way_m:
+        return (
+            "Mission rejected: the landing glide slope is steeper than the vehicle setting of "
+            f"{steepest_deg:.1f} degrees."
+        )
+    return None
+
+
+def _amsl_m(item: Item, home_amsl_m: float) -> float:
+    return item.z if item.frame in _ABOVE_SEA else home_amsl_m + item.z

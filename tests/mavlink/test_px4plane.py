@@ -1,0 +1,298 @@
+"""PX4's fixed wings, flown by the simulator: taken off, changed in flight, held, called back and landed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import partial
+
+import pytest
+from flying_bench import HOME, FlyingBench
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from test_arduplane import FIRST, FRAME, LOW_M, RADIUS_M, SECOND, here, landed, nearest_m, plan
+
+from swarmctl.core.geo import distance_m
+from swarmctl.core.mission import FlightPlan, MissionItem
+from swarmctl.core.vehicle import Landed, VehicleState
+from swarmctl.mavlink import procedures
+from swarmctl.mavlink.dialects import dialect_for
+from swarmctl.mavlink.dialects.plan import behind
+from swarmctl.mavlink.landing import landing_items, nearest_landing
+from swarmctl.mavlink.speed import set_speed
+
+SETUP = {
+    "RTL_TYPE": 1,
+    "RTL_RETURN_ALT": 30.0,
+    "NAV_LOITER_RAD": RADIUS_M,
+    "NAV_FW_ALT_RAD": 30.0,
+    "FW_LND_ANG": 6.0,
+}
+PLANE = dialect_for(mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_TYPE_FIXED_WING)
+GOAL, START = (400.0, 900.0), (0.0, 0.0)
+AT_HOME, AT_GOAL = 6, 8
+"""items of FIRST: their circles"""
+
+
+def bench(**params: float) -> FlyingBench:
+    return FlyingBench("px4", "plane", params=SETUP | params)
+
+
+def in_flight(first: FlightPlan = FIRST) -> FlyingBench:
+    return bench().flying(first)
+
+
+def away_m(flown: FlyingBench, point: tuple[float, float]) -> float:
+    return math.dist(here(flown), point)
+
+
+# --- what is sent
+
+
+def test_the_mission_jumps_over_the_landing_at_home_to_that_at_the_goal() -> None:
+    items = PLANE.mission_items(FIRST)
+    assert [item.command for item in items] == [22, 16, 16, 16, 177, 189, 31, 21, 31, 21]
+    takeoff, jump, start = items[0], items[4], items[5]
+    assert (takeoff.x, takeoff.y, takeoff.z) == (items[1].x, items[1].y, LOW_M), "it climbs out along a leg"
+    assert (jump.frame, jump.param1, jump.param2) == (mavlink.MAV_FRAME_MISSION, AT_GOAL, 1000.0)
+    assert (start.frame, start.x, start.y) == (mavlink.MAV_FRAME_MISSION, 0, 0)
+    for circle, down, touchdown in ((items[6], items[7], START), (items[8], items[9], GOAL)):
+        assert (circle.param1, circle.param2, circle.param4, circle.z) == (1.0, RADIUS_M, 1.0, LOW_M)
+        assert math.dist(FRAME.to_local(down.x / 1e7, down.y / 1e7), touchdown) < 0.1
+    assert landing_items(items) == frozenset(range(5, 10))
+
+
+def test_its_last_waypoint_lies_behind_the_goal_which_it_is_to_fly_over() -> None:
+    last = PLANE.mission_items(FIRST)[3]
+    east_m, north_m = FRAME.to_local(last.x / 1e7, last.y / 1e7)
+    # On from (0, 600) to (400, 900), which are 500 m.
+    assert (east_m, north_m) == pytest.approx((400 + 30 * 0.8, 900 + 30 * 0.6), abs=0.1)
+
+
+def test_a_plan_for_what_hovers_is_no_mission() -> None:
+    with pytest.raises(ValueError, match="airframe: plane"):
+        PLANE.mission_items(FlightPlan(40.0, FIRST.track, FIRST.landing), HOME)
+
+
+def test_jumps_of_what_is_put_behind_other_items_lead_where_they_led() -> None:
+    items = PLANE.mission_items(FIRST)
+    longer = behind((*items[:3], items[2], items[2]), items, 1)
+    jump = next(item for item in longer if item.command == mavlink.MAV_CMD_DO_JUMP)
+    assert longer[int(jump.param1)] == items[AT_GOAL]
+    assert behind(items[:1], items, 1) == items
+
+
+def test_what_it_reads_back_is_what_was_sent() -> None:
+    sent = PLANE.mission_items(FIRST)
+    stored = bench().uploaded(FIRST).stored
+    assert PLANE.differences(sent, stored) == ()
+    elsewhere = replace(stored[4], param1=5.0)
+    assert PLANE.differences(sent, (*stored[:4], elsewhere, *stored[5:])), "where it jumps to matters"
+
+
+def test_the_nearest_landing_is_that_whose_circle_is_nearest() -> None:
+    items = PLANE.mission_items(FIRST)
+    lat_deg, lon_deg = FRAME.to_geodetic(380.0, 700.0)
+    assert nearest_landing(items, VehicleState(lat_deg=lat_deg, lon_deg=lon_deg)) == AT_GOAL
+    assert nearest_landing(items, VehicleState(lat_deg=HOME[0], lon_deg=HOME[1])) == AT_HOME
+    assert nearest_landing(items, VehicleState()) == AT_HOME
+    assert nearest_landing((MissionItem(16, 3, 1, 1, 40.0),), VehicleState()) is None
+
+
+# --- what is flown
+
+
+def test_it_flies_its_mission_over_its_goal_and_lands_where_it_was_told() -> None:
+    flown = bench().uploaded(FIRST)
+    assert flown.do("launch", procedures.launch).failure is None
+    assert flown.run(300.0, lambda: away_m(flown, GOAL) < 10.0)
+    assert landed(flown)
+    assert away_m(flown, GOAL) < 60.0
+
+
+def test_a_mission_that_it_would_not_fly_is_no_mission_in_its_own_words() -> None:
+    failure = bench(FW_LND_ANG=3.0).prepared().upload(FIRST).failure
+    assert failure is not None
+    assert "the landing glide slope is steeper than the vehicle setting of 3.0 degrees" in failure
+
+
+def test_a_mission_that_leads_outside_of_its_fence_is_no_mission_either() -> None:
+    failure = bench(GF_MAX_HOR_DIST=500.0).prepared().upload(FIRST).failure
+    assert failure is not None
+    assert "Geofence violation for waypoint 3" in failure
+
+
+def test_with_rally_points_it_would_return_elsewhere_so_it_gets_no_mission() -> None:
+    flown = bench().prepared()
+    east, north = FRAME.to_geodetic(900.0, 0.0)
+    point = mavlink.MAV_CMD_NAV_RALLY_POINT
+    kind = mavlink.MAV_MISSION_TYPE_RALLY
+    flown.another_sends(mavlink.MAVLink_mission_count_message(1, 1, 1, kind))
+    flown.another_sends(
+        mavlink.MAVLink_mission_item_int_message(
+            1, 1, 0, 3, point, 0, 1, 0, 0, 0, 0, round(east * 1e7), round(north * 1e7), 40.0, kind
+        )
+    )
+    done = flown.upload(FIRST)
+    assert done.failure is not None
+    assert "1 rally points" in done.failure
+    assert flown.stored == ()
+
+
+def test_it_launches_from_the_beginning_whatever_was_flown_last() -> None:
+    flown = bench().uploaded(FIRST)
+    flown.vehicle.set_current(AT_GOAL)
+    assert flown.do("launch", procedures.launch).failure is None
+    assert flown.session.state.mission_seq == 0
+
+
+def test_the_same_mission_again_leads_to_the_goal_again() -> None:
+    flown = bench().uploaded(FIRST)
+    assert flown.do("launch", procedures.launch).failure is None
+    assert flown.run(300.0, lambda: flown.session.state.mission_seq == AT_GOAL)
+    assert flown.do("return", procedures.return_home).failure is None
+    assert landed(flown)
+    items = flown.session.items
+    assert flown.do("prepare", procedures.prepare).failure is None
+    assert flown.do("upload", lambda c: procedures.upload(c, items)).failure is None
+    assert flown.do("launch", procedures.launch).failure is None
+    assert landed(flown)
+    assert away_m(flown, GOAL) < 60.0
+
+
+@pytest.mark.parametrize("leaves_ahead", [True, False])
+def test_a_new_route_is_taken_over_without_a_stop(*, leaves_ahead: bool) -> None:
+    flown = in_flight()
+    items = flown.session.mission_items(SECOND)
+    done = flown.do("swap", lambda c: procedures.swap(c, items, leaves_ahead=leaves_ahead))
+    assert (done.failure, done.flying) == (None, "new")
+    assert flown.mode == "AUTO.MISSION"
+    jump = next(item for item in flown.stored if item.command == mavlink.MAV_CMD_DO_JUMP)
+    circle = flown.stored[int(jump.param1)]
+    assert distance_m((circle.x / 1e7, circle.y / 1e7), FRAME.to_geodetic(460.0, 650.0)) < 1.0
+    assert nearest_m(flown, (-200.0, 700.0), 60.0) < 45.0
+    assert landed(flown)
+    assert away_m(flown, GOAL) < 60.0
+
+
+def test_after_a_swap_it_still_returns_home() -> None:
+    flown = in_flight()
+    assert flown.swap(SECOND).failure is None
+    assert flown.do("return", procedures.return_home).failure is None
+    assert landed(flown)
+    assert away_m(flown, START) < 60.0
+
+
+def test_while_it_comes_down_at_its_goal_it_gets_no_other_mission() -> None:
+    flown = bench().uploaded(FIRST)
+    assert flown.do("launch", procedures.launch).failure is None
+    assert flown.run(300.0, lambda: flown.session.state.mission_seq == AT_GOAL)
+    before = flown.stored
+    done = flown.swap(SECOND)
+    assert (done.flying, flown.stored) == ("old", before)
+    assert landed(flown)
+    assert away_m(flown, GOAL) < 60.0
+
+
+def test_it_holds_in_a_circle_at_its_height() -> None:
+    flown = in_flight()
+    flown.run(5.0)
+    assert flown.do("hold", procedures.hold).failure is None
+    centre, height_m = here(flown), flown.session.state.alt_rel_m
+    flown.run(90.0)
+    assert flown.mode == "AUTO.LOITER"
+    assert away_m(flown, centre) < RADIUS_M + 40.0
+    assert flown.session.state.alt_rel_m == pytest.approx(height_m, abs=4.0)
+    assert flown.session.state.landed is Landed.IN_AIR
+
+
+def test_a_route_is_changed_while_it_holds() -> None:
+    flown = in_flight()
+    assert flown.do("hold", procedures.hold).failure is None
+    done = flown.swap(SECOND, from_hold=True)
+    assert (done.failure, done.flying) == (None, "new")
+    assert landed(flown)
+    assert away_m(flown, GOAL) < 60.0
+
+
+def test_it_returns_and_lands_at_home_in_the_mode_that_returns() -> None:
+    flown = in_flight()
+    assert flown.do("return", procedures.return_home).failure is None
+    assert landed(flown)
+    assert away_m(flown, START) < 60.0
+    assert mavlink.MAV_CMD_DO_LAND_START not in flown.commands
+
+
+@pytest.mark.parametrize(
+    ("track", "where"), [([(0.0, 300.0), (0.0, 600.0)], START), ([(0.0, 300.0), (300.0, 850.0)], GOAL)]
+)
+@pytest.mark.parametrize("held", [True, False])
+def test_told_to_land_it_goes_to_the_nearest_of_its_landings(track, where, *, held: bool) -> None:
+    flown = in_flight(plan(*track))
+    if where == GOAL:
+        flown.run(60.0, lambda: away_m(flown, (300.0, 850.0)) < 150.0)
+    if held:
+        assert flown.do("hold", procedures.hold).failure is None
+    assert flown.do("land", procedures.land).failure is None
+    assert flown.mode == "AUTO.MISSION"
+    assert flown.session.state.mission_seq in landing_items(flown.session.items)
+    assert landed(flown)
+    assert away_m(flown, where) < 60.0
+
+
+def test_on_its_way_home_it_may_be_told_to_land() -> None:
+    flown = in_flight()
+    assert flown.do("return", procedures.return_home).failure is None
+    flown.run(5.0)
+    assert flown.do("land", procedures.land).failure is None
+    assert flown.mode == "AUTO.MISSION"
+    assert landed(flown)
+    assert away_m(flown, START) < 60.0
+
+
+def test_told_to_land_while_it_lands_it_does_not_go_around_again() -> None:
+    flown = bench().uploaded(FIRST)
+    assert flown.do("launch", procedures.launch).failure is None
+    assert flown.run(300.0, lambda: flown.session.state.mission_seq == AT_GOAL + 1), "its final"
+    sent = len(flown.of("MISSION_SET_CURRENT"))
+    assert flown.do("land", procedures.land).failure is None
+    assert len(flown.of("MISSION_SET_CURRENT")) == sent
+    assert landed(flown, 60.0)
+
+
+def test_what_landings_are_on_it_not_being_known_it_flies_to_the_one_it_knows() -> None:
+    flown = in_flight()
+    flown.session._known().on_vehicle = ()
+    assert flown.do("land", procedures.land).failure is None
+    assert mavlink.MAV_CMD_DO_LAND_START in flown.commands
+    assert landed(flown)
+    assert away_m(flown, START) < 60.0
+
+
+def test_what_may_arm_it_is_not_sent_to_one_that_has_disarmed_meanwhile() -> None:
+    flown = in_flight()
+    assert flown.do("return", procedures.return_home).failure is None
+    flown.block_down = lambda message: message.get_type() in ("HEARTBEAT", "EXTENDED_SYS_STATE")
+    flown.run(400.0, lambda: not flown.vehicle.armed)
+    flown.block_down = lambda message: message.get_type() == "EXTENDED_SYS_STATE"
+    for known in (flown.session.items, ()):
+        flown.session._known().on_vehicle = known
+        assert flown.do("land", procedures.land).failure is not None
+        assert not flown.vehicle.armed
+
+
+def test_told_to_land_on_the_ground_it_is_disarmed() -> None:
+    flown = bench().uploaded(FIRST)
+    flown.vehicle.arm(flown.now, force=True)
+    assert flown.run(5.0, lambda: flown.session.state.armed)
+    assert flown.do("land", procedures.land).failure is None
+    assert not flown.vehicle.armed
+    assert flown.of("MISSION_SET_CURRENT") == []
+
+
+def test_its_speed_is_set_through_the_air() -> None:
+    flown = in_flight()
+    assert flown.do("speed", partial(set_speed, speed_m_s=12.0)).failure is None
+    (message,) = [m for m in flown.of("COMMAND_LONG") if m.command == mavlink.MAV_CMD_DO_CHANGE_SPEED]
+    assert message.param1 == mavlink.SPEED_TYPE_AIRSPEED
+    flown.run(10.0)
+    assert flown.session.state.ground_speed_m_s == pytest.approx(12.0, abs=0.3)

@@ -1,0 +1,95 @@
+"""PX4's parameters that a ground station sets, what they change, and its GPS in SYS_STATUS."""
+
+import pytest
+from px4_station import (
+    ACCEPTED,
+    AUTO,
+    HOLD,
+    MANUAL,
+    MISSION,
+    RETURN,
+    TEMPORARILY_REJECTED,
+    Px4Station,
+)
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from station import takeoff, waypoint
+
+from sim_vehicle.faults.spec import parse_fault
+
+GPS = int(mavlink.MAV_SYS_STATUS_SENSOR_GPS)
+MISSION_EXCEPTED, HOLD_EXCEPTED = 1, 2
+
+
+def inject(station: Px4Station, fault: str) -> None:
+    station.fleet.inject(parse_fault(fault), station.now)
+
+
+def flying_its_mission(**params: float) -> Px4Station:
+    station = Px4Station(params={"COM_FAIL_ACT_T": 0.0, **params})
+    station.upload_and_wait([takeoff(20), waypoint(300, 0, 20)])
+    assert station.change(AUTO, MISSION) == ACCEPTED
+    assert station.arm() == ACCEPTED
+    station.until(lambda: station.height_m > 15, 60)
+    return station
+
+
+@pytest.mark.parametrize(
+    ("excepted", "sub", "ends_in"),
+    [
+        (0, MISSION, RETURN),
+        (MISSION_EXCEPTED, MISSION, MISSION),
+        (HOLD_EXCEPTED, MISSION, RETURN),
+        (HOLD_EXCEPTED, HOLD, HOLD),
+        (MISSION_EXCEPTED, HOLD, RETURN),
+    ],
+)
+def test_modes_that_go_on_without_a_remote_control(excepted: int, sub: int, ends_in: int) -> None:
+    station = flying_its_mission(COM_RCL_EXCEPT=excepted)
+    assert station.change(AUTO, sub) == ACCEPTED
+    inject(station, "rc_loss")
+    station.wait(3.0)
+    assert station.custom_mode == (AUTO, ends_in)
+
+
+@pytest.mark.parametrize("after_s", [0.5, 3.0])
+def test_after_which_time_a_remote_control_counts_as_lost(after_s: float) -> None:
+    station = flying_its_mission(COM_RC_LOSS_T=after_s)
+    inject(station, "rc_loss")
+    station.wait(after_s - 0.3)
+    assert station.custom_mode == (AUTO, MISSION)
+    station.wait(1.5)
+    assert station.custom_mode == (AUTO, RETURN)
+
+
+@pytest.mark.parametrize(("without_gps", "result"), [(1, ACCEPTED), (0, TEMPORARILY_REJECTED)])
+def test_whether_it_arms_without_a_gps_where_a_pilot_flies(without_gps: int, result: int) -> None:
+    """With stick input disabled nobody has to be there."""
+    station = Px4Station(params={"COM_ARM_WO_GPS": without_gps, "COM_RC_IN_MODE": 4})
+    inject(station, "gps_loss")
+    station.wait(3.0)
+    assert station.change(MANUAL) == ACCEPTED
+    assert station.arm() == result
+    assert any("GPS fix too low" in text for text in station.texts()) is (result != ACCEPTED)
+
+
+def gps_bits(station: Px4Station) -> tuple[bool, bool]:
+    """Present and healthy, by the last SYS_STATUS."""
+    status = station.of("SYS_STATUS")[-1]
+    bits = status.onboard_control_sensors_present, status.onboard_control_sensors_health
+    return bool(bits[0] & GPS), bool(bits[1] & GPS)
+
+
+def test_its_gps_is_present_while_the_estimator_uses_it() -> None:
+    station = flying_its_mission()
+    assert gps_bits(station) == (True, True)
+    inject(station, "gps_loss:for=5")
+    station.wait(2.0)
+    assert gps_bits(station) == (False, False)
+    station.wait(6.0)
+    assert gps_bits(station) == (True, True)
+
+
+def test_before_its_first_fix_it_is_not_there() -> None:
+    station = Px4Station(ready_s=40.0)
+    station.wait(5.0)
+    assert gps_bits(station)[0] is False

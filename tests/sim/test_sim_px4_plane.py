@@ -1,0 +1,295 @@
+"""A PX4 fixed wing: which missions it flies, how it takes off, comes down, and returns by RTL_TYPE."""
+
+import math
+from typing import Any
+
+import pytest
+from px4_station import AUTO, HOLD, LAND, MISSION, RETURN, Px4Station
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from station import item, land, place_m, takeoff, waypoint
+
+RADIUS_M = 60.0
+FRAME_MISSION = {"frame": mavlink.MAV_FRAME_MISSION}
+SETUP = {"RTL_RETURN_ALT": 30.0, "NAV_LOITER_RAD": 60.0, "NAV_FW_ALT_RAD": 60.0}
+
+
+def order(command: int, **fields: float) -> dict[str, Any]:
+    """A command of a mission that has no place."""
+    return item(command, 0, 0, 0) | FRAME_MISSION | {"x": 0, "y": 0} | fields
+
+
+def land_start() -> dict[str, Any]:
+    return order(mavlink.MAV_CMD_DO_LAND_START)
+
+
+def circle(north_m: float, east_m: float, up_m: float = 20.0, radius_m: float = RADIUS_M) -> dict[str, Any]:
+    command = mavlink.MAV_CMD_NAV_LOITER_TO_ALT
+    return item(command, north_m, east_m, up_m, param1=1.0, param2=radius_m, param4=1.0)
+
+
+def down(north_m: float, east_m: float) -> list[dict[str, Any]]:
+    """Flying north, out of a circle to the east."""
+    return [circle(north_m - 250, east_m + RADIUS_M), land(north_m, east_m)]
+
+
+def up(height_m: float = 20.0) -> dict[str, Any]:
+    """North."""
+    return takeoff(height_m) | {k: v for k, v in waypoint(200, 0).items() if k in ("x", "y")}
+
+
+HOME = [land_start(), *down(0, 0)]
+ROUTE = [up(), waypoint(600, 0, 40), waypoint(1500, 0, 40)]
+
+
+def plane(**params: float) -> Px4Station:
+    return Px4Station("plane", params=SETUP | params)
+
+
+def flown(items: list[dict[str, Any]], **params: float) -> Px4Station:
+    station = plane(**params)
+    station.upload_and_wait(items)
+    assert station.change(AUTO, MISSION) == 0
+    assert station.arm() == 0
+    return station
+
+
+def current(station: Px4Station) -> int:
+    return int(station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).seq)
+
+
+def away_m(station: Px4Station, north_m: float, east_m: float) -> float:
+    return math.dist(place_m(station), (north_m, east_m))
+
+
+# --- which missions it flies
+
+
+@pytest.mark.parametrize(
+    ("items", "says"),
+    [
+        ([*ROUTE, *HOME], None),
+        ([*ROUTE, *HOME, *down(1500, 0)], None),
+        ([*ROUTE, *HOME, land_start(), *down(1500, 0)], "more than one land start"),
+        ([*ROUTE, *down(0, 0), land_start()], "invalid land start"),
+        ([land(0, 0)], "starts with land waypoint"),
+        ([*ROUTE, land_start(), circle(-250, RADIUS_M, 0), land(0, 0)], "must be above the landing point"),
+        ([*ROUTE, circle(-40, 0), land(0, 0)], "outside the orbit radius"),
+        ([*ROUTE, circle(-250, 60, 30), land(0, 0)], "landing glide slope is steeper"),
+        ([*ROUTE, waypoint(-190, 0, 20), land(0, 0)], "landing glide slope is steeper"),
+        ([*ROUTE, waypoint(-240, 0, 20), land(0, 0)], None),
+        (
+            [*ROUTE, item(mavlink.MAV_CMD_NAV_LOITER_TIME, -300, 0, 20, param1=3.0), land(0, 0)],
+            "unsupported landing approach entrance",
+        ),
+        ([*ROUTE, up()], "takeoff not first waypoint item"),
+        (
+            [up(), *HOME, order(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)],
+            "land start item before RTL item not possible",
+        ),
+    ],
+)
+def test_what_it_would_not_fly_it_says_and_keeps(items: list[dict[str, Any]], says: str | None) -> None:
+    station = plane()
+    station.upload_and_wait(items)
+    rejected = [text for text in station.texts() if text.startswith("Mission rejected")]
+    assert len(station.download()) == len(items)
+    assert (says is None) is not rejected if says is None else says in rejected[0]
+
+
+def test_a_steeper_slope_is_flown_once_its_parameter_lets_it() -> None:
+    station = plane(FW_LND_ANG=7.0)
+    station.upload_and_wait([*ROUTE, circle(-250, 60, 30), land(0, 0)])
+    assert not [text for text in station.texts() if text.startswith("Mission rejected")]
+
+
+# --- how it flies one
+
+
+def test_it_climbs_straight_on_toward_the_place_of_its_take_off() -> None:
+    station = flown([up(30.0), waypoint(600, 600, 40), *HOME])
+    sides: list[float] = []
+
+    def climbed() -> bool:
+        sides.append(abs(place_m(station)[1]))
+        return current(station) == 1
+
+    station.until(climbed, 60)
+    assert station.height_m >= 29.5
+    assert max(sides) < 3.0
+    assert place_m(station)[0] > 50.0
+
+
+def test_it_turns_off_before_a_waypoint_by_its_speed_whatever_the_item_says() -> None:
+    for radius_m in (0.0, 200.0):
+        corner = waypoint(800, 0, 40) | {"param2": radius_m}
+        station = flown([up(), corner, waypoint(800, 1500, 40), *HOME])
+        station.until(lambda s=station: current(s) == 2, 120)
+        assert 800 - place_m(station)[0] == pytest.approx(0.32 * 0.7 * 10.0 * 15.0, abs=3)
+
+
+def test_too_low_at_a_waypoint_it_circles_there_until_it_is_up() -> None:
+    station = flown([up(), waypoint(300, 0, 120), waypoint(1500, 0, 120), *HOME], NAV_FW_ALT_RAD=10.0)
+    station.until(lambda: current(station) == 1 and away_m(station, 300, 0) < 40, 60)
+    station.until(lambda: current(station) == 2, 120)
+    assert station.height_m > 109
+    assert away_m(station, 300, 0) < 2 * RADIUS_M
+
+
+def test_it_keeps_its_height_until_it_is_on_the_circle_and_leaves_it_toward_the_landing() -> None:
+    station = flown([up(), waypoint(600, 0, 60), *down(-300, 0)])
+    station.until(lambda: current(station) == 2, 120)
+    station.until(lambda: away_m(station, -550, RADIUS_M) < 150, 120)
+    assert station.height_m == pytest.approx(60, abs=4)
+    station.until(lambda: current(station) == 3, 200)
+    assert station.height_m == pytest.approx(20, abs=6)
+    assert place_m(station)[1] == pytest.approx(0, abs=20)
+    assert station.ask(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE).landed_state == 4
+    station.until(lambda: not station.armed, 120)
+    assert away_m(station, -300, 0) < 60
+
+
+def test_a_jump_leads_past_the_landing_at_home() -> None:
+    jump = order(mavlink.MAV_CMD_DO_JUMP, param1=6.0, param2=1.0)
+    station = flown([up(), waypoint(600, 0, 40), jump, *HOME, *down(1200, 0)])
+    station.until(lambda: not station.armed, 400)
+    assert away_m(station, 1200, 0) < 60
+
+
+def test_a_landing_that_is_begun_anew_circles_down_around_its_place() -> None:
+    station = flown([*ROUTE, *HOME])
+    station.until(lambda: current(station) == 2, 120)
+    station.send(mavlink.MAVLink_mission_set_current_message(1, 1, 5))
+    station.until(lambda: not station.armed, 400)
+    assert away_m(station, 0, 0) == pytest.approx(RADIUS_M, abs=40)
+
+
+# --- how it returns
+
+
+@pytest.mark.parametrize(
+    ("items", "kind", "lands_at"),
+    [
+        ([*ROUTE, *HOME, *down(1500, 0)], 1, (0, 0)),
+        ([*ROUTE, land_start(), *down(300, 0)], 3, (300, 0)),
+        ([*ROUTE, *HOME], 3, None),  # no nearer than home
+        ([*ROUTE, *HOME], 0, None),
+        ([*ROUTE], 1, None),
+    ],
+)
+def test_a_return_lands_by_the_mission_where_rtl_type_says_so(
+    items: list[dict[str, Any]], kind: int, lands_at: tuple[float, float] | None
+) -> None:
+    station = flown(items, RTL_TYPE=kind)
+    station.until(lambda: current(station) == 2, 120)
+    assert station.change(AUTO, RETURN) == 0
+    station.wait(240)
+    assert station.armed is (lands_at is None)
+    if lands_at is not None:
+        assert away_m(station, *lands_at) < 60
+    else:
+        assert station.height_m > 15
+        assert station.custom_mode == (AUTO, RETURN)
+
+
+def test_the_first_landing_of_the_list_is_the_one_a_return_goes_to() -> None:
+    """A landing at its goal before DO_LAND_START takes its place (mavlink_mission.cpp)."""
+    station = flown([*ROUTE, *down(900, 0), *HOME], RTL_TYPE=1)
+    station.until(lambda: current(station) == 2, 120)
+    assert station.change(AUTO, RETURN) == 0
+    station.until(lambda: not station.armed, 400)
+    assert away_m(station, 900, 0) < 120
+
+
+def test_below_the_height_to_return_at_it_climbs_where_it_is() -> None:
+    station = flown([*ROUTE, *HOME], RTL_RETURN_ALT=80.0)
+    station.until(lambda: current(station) == 2, 120)
+    before = place_m(station)
+    assert station.change(AUTO, RETURN) == 0
+    station.until(lambda: station.height_m > 74, 60)
+    assert math.dist(place_m(station), before) < 3 * RADIUS_M
+    station.until(lambda: not station.armed, 400)
+    assert away_m(station, 0, 0) < 60
+
+
+def test_rally_points_that_are_nearer_take_the_place_of_the_landing() -> None:
+    station = plane(RTL_TYPE=1)
+    station.upload_and_wait([*ROUTE, *HOME])
+    rally = item(mavlink.MAV_CMD_NAV_RALLY_POINT, 900, 0, 40)
+    kind = mavlink.MAV_MISSION_TYPE_RALLY
+    station.send(mavlink.MAVLink_mission_count_message(1, 1, 1, kind))
+    message = station.item_message(0, rally)
+    message.mission_type = kind
+    station.send(message)
+    assert station.change(AUTO, MISSION) == 0
+    assert station.arm() == 0
+    station.until(lambda: current(station) == 2, 120)
+    assert station.change(AUTO, RETURN) == 0
+    station.wait(240)
+    assert station.armed
+    assert away_m(station, 900, 0) < 200
+
+
+@pytest.mark.parametrize("kind", [1, 2, 3])
+@pytest.mark.parametrize(
+    "items",
+    [
+        [*ROUTE, land_start(), circle(-250, RADIUS_M), order(mavlink.MAV_CMD_NAV_LAND) | {"frame": 6}],
+        [*ROUTE, land_start(), order(mavlink.MAV_CMD_NAV_LAND) | {"frame": 6}],
+    ],
+)
+def test_a_landing_without_a_place_is_none_to_return_to(items: list[dict[str, Any]], kind: int) -> None:
+    station = flown(items, RTL_TYPE=kind)
+    station.until(lambda: current(station) == 2, 120)
+    assert station.change(AUTO, RETURN) == 0
+    station.wait(120)
+    assert station.armed
+    assert station.height_m > 15
+
+
+def test_along_its_mission_it_flies_on_from_where_it_is() -> None:
+    station = flown([*ROUTE, waypoint(600, 600, 40), *HOME], RTL_TYPE=2)
+    station.until(lambda: current(station) == 1 and place_m(station)[0] > 300, 120)
+    assert station.change(AUTO, RETURN) == 0
+    station.until(lambda: away_m(station, 1500, 0) < 50, 120)
+    station.until(lambda: away_m(station, 600, 600) < 50, 120)
+    station.until(lambda: not station.armed, 300)
+    assert away_m(station, 0, 0) < 60
+
+
+def test_who_lands_already_is_not_called_back_by_a_return() -> None:
+    station = flown([*ROUTE, *HOME])
+    station.until(lambda: current(station) == 2, 120)
+    assert station.change(AUTO, HOLD) == 0
+    assert station.command(mavlink.MAV_CMD_DO_LAND_START) == 0
+    station.until(lambda: current(station) == 5, 300)
+    assert station.change(AUTO, RETURN) == 0
+    station.until(lambda: not station.armed, 40)  # to go around again would take longer
+    assert away_m(station, 0, 0) < 60
+
+
+def test_told_to_land_it_circles_down_where_it_is() -> None:
+    station = flown([*ROUTE, *HOME])
+    station.until(lambda: current(station) == 2, 120)
+    before = place_m(station)
+    assert station.change(AUTO, LAND) == 0
+    station.until(lambda: not station.armed, 200)
+    assert math.dist(place_m(station), before) < 3 * RADIUS_M
+
+
+def test_told_to_start_its_landing_on_the_ground_it_arms() -> None:
+    """Which is why no ground station should tell it so unseen."""
+    station = plane()
+    station.upload_and_wait([*ROUTE, *HOME])
+    assert station.command(mavlink.MAV_CMD_DO_LAND_START) == 0
+    station.wait(1.0)
+    assert station.armed
+
+
+def test_a_place_outside_of_its_fence_is_no_mission_whatever_a_breach_would_lead_to() -> None:
+    station = plane(GF_ACTION=0, GF_MAX_VER_DIST=100.0, GF_MAX_HOR_DIST=2000.0)
+    station.upload_and_wait([*ROUTE, *HOME])
+    assert not [text for text in station.texts() if "violation" in text]
+    station.upload_and_wait([up(), waypoint(600, 0, 101), *HOME])
+    assert "Geofence violation for waypoint 2" in station.texts()
+    assert station.change(AUTO, MISSION) == 0
+    assert station.arm() != 0
