@@ -19,7 +19,6 @@ from swarmctl.bus import tally as bus_tally
 from swarmctl.bus.base import BusError, Transport
 from swarmctl.bus.desk import Tally, Unseal, unsealed
 from swarmctl.bus.network import Network, RunClock
-from swarmctl.calling_off import MayReturn
 from swarmctl.conducting import conduct
 from swarmctl.core.events import Order
 from swarmctl.core.frames import Seal
@@ -264,18 +263,14 @@ def _director(run: _Run, permission: Permission, evidence: Evidence, network: Ne
         permission=permission,
         clearance=clearance,
         launch=run.manner.launch,
-        may_return=_may_return(run, network),
+        elsewhere=_elsewhere(run, network),
     )
 
 
-def _may_return(run: _Run, network: Network) -> MayReturn | None:
+def _elsewhere(run: _Run, network: Network) -> Turns | None:
     """Where this process flies one vehicle of a swarm: it knows of the others what they tell."""
     uav = run.manner.desk_of
-    if uav is None:
-        return None
-    homes = {spec.sysid: spec.start for spec in run.scenario.swarm}
-    turns = Turns(uav, partial(network.states, uav), homes)
-    return lambda _uav, place, now_s: turns.may_go(place, now_s)
+    return None if uav is None else Turns(uav, partial(network.states, uav))
 
 
 async def _conducted(run: _Run, director: Director, network: Network, parts: Parts) -> None:

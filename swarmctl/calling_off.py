@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Protocol
 
 from swarmctl.agent import IN_FLIGHT, Phase, place_of
 from swarmctl.config import Flight
@@ -16,25 +17,32 @@ from swarmctl.member import POLL_S, Member, names, until
 
 HOLD_DEADLINE_S = 8.0
 
-MayReturn = Callable[[int, Place, float], bool]
-"""Whether the vehicle of this system id may return now from this place, at this time of the loop [s]."""
+
+class Elsewhere(Protocol):
+    """What the vehicles do that other processes fly, seen from the only one of this process. Times are of the
+    loop [s]."""
+
+    def may_go(self, place: Place, now_s: float) -> bool:
+        """Whether it may begin its return from this place."""
+
+    def may_land(self, place: Place, now_s: float) -> bool:
+        """Whether nobody is under it."""
 
 
 class CallingOff:
-    """Of the vehicles of this process. `may_return`: when one may return that has no turn, for others that
-    are flown elsewhere."""
+    """Of the vehicles of this process. `elsewhere`: of its only one, for others that are flown elsewhere."""
 
     def __init__(
         self,
         members: Sequence[Member],
         flight: Flight,
         say: Callable[[str], None],
-        may_return: MayReturn | None,
+        elsewhere: Elsewhere | None,
     ) -> None:
         self._members = members
         self._flight = flight
         self._say = say
-        self._may_return = may_return
+        self._elsewhere = elsewhere
 
     async def leave(self) -> None:
         """Hold all, then what the configuration says, within its deadline."""
@@ -61,7 +69,7 @@ class CallingOff:
         self._order(await self._when_others_are_clear(flying), order)
         waited_s = asyncio.get_running_loop().time() - began_s
         left_s = self._flight.on_exit_deadline_s - waited_s
-        if self._may_return is not None:
+        if self._elsewhere is not None:
             left_s = max(left_s, HOLD_DEADLINE_S)
         await self._within(left_s, lambda m: m.state.ended, flying)
         late = [m for m in flying if m.state.turn_boot_s is not None]
@@ -76,15 +84,15 @@ class CallingOff:
 
         Who has left its hold meanwhile, its battery being low or an operator having ordered it, is left out.
         """
-        if self._may_return is None:
+        if self._elsewhere is None:
             return list(flying)
-        clock, may_return = asyncio.get_running_loop().time, self._may_return
+        clock, elsewhere = asyncio.get_running_loop().time, self._elsewhere
         until_s = clock() + self._flight.on_exit_deadline_s
         said = False
         held = [m for m in flying if m.state.phase is Phase.HOLDING]
         for member in held:
             while member.state.phase is Phase.HOLDING and (place := place_of(member.state)) is not None:
-                if may_return(member.spec.sysid, place, clock()):
+                if elsewhere.may_go(place, clock()):
                     break
                 if clock() >= until_s:
                     self._say(f"{member.name} to return now, whoever else is in the air")
@@ -97,13 +105,13 @@ class CallingOff:
 
     async def _land(self, flying: Sequence[Member]) -> None:
         """Each where it holds; who holds above another waits until that is down."""
-        waiting = [m for m in flying if _under(m, flying)]
+        waiting = [m for m in flying if self._has_under_it(m, flying)]
         if waiting:
             self._say(f"to land when those under them are down: {names(waiting)}")
         self._order([m for m in flying if m not in waiting], ev.Order.LAND)
 
         def all_down(member: Member) -> bool:
-            for held in [m for m in waiting if not _under(m, flying)]:
+            for held in [m for m in waiting if not self._has_under_it(m, flying)]:
                 waiting.remove(held)
                 self._order([held], ev.Order.LAND)
             return member.state.ended
@@ -113,6 +121,13 @@ class CallingOff:
             self._say(f"{names(waiting)} to land now, whoever is under them")
             self._order(waiting, ev.Order.LAND)
             await self._within(HOLD_DEADLINE_S, _lands, waiting)
+
+    def _has_under_it(self, member: Member, flying: Sequence[Member]) -> bool:
+        """Whether somebody in the air is where it would come down, wherever that is flown."""
+        place = place_of(member.state)
+        if place is None or self._elsewhere is None:
+            return bool(_under(member, flying))
+        return not self._elsewhere.may_land(place, asyncio.get_running_loop().time())
 
     def _order(self, members: Iterable[Member], order: ev.Order) -> None:
         members = list(members)

@@ -13,7 +13,7 @@ from functools import partial
 from typing import Literal, Protocol
 
 from swarmctl.agent import IN_FLIGHT, ON_GROUND, Phase
-from swarmctl.calling_off import CallingOff, MayReturn
+from swarmctl.calling_off import CallingOff, Elsewhere
 from swarmctl.config import Flight
 from swarmctl.core import events as ev
 from swarmctl.core.geo import distance_m
@@ -27,6 +27,8 @@ START_TOLERANCE_M = 100.0
 WAITING_SAID_EVERY_S = 3.0
 KNOWN_WITHIN_S = 10.0
 """to find what is known, where preflight is stopped"""
+EARLY_S = 3.0
+"""After this somebody who is ready is looked at, while others are still waited for."""
 AGAIN_S = 5.0
 """to the next try, where a vehicle that waits for its order has to be made ready again"""
 
@@ -56,6 +58,9 @@ class Clearance(Protocol):
     async def failures(self, subjects: Sequence[Member], everyone: Sequence[Member]) -> list[str]:
         """Of vehicles that have answered, a line for each check that forbids arming."""
 
+    async def found_early(self, subject: Member, everyone: Sequence[Member]) -> list[str]:
+        """As `failures`, of one that is ready while others are not: what is to be said of it now."""
+
 
 class Director:
     """Leads the members through one flight. `stop` asks for an early, orderly end."""
@@ -70,9 +75,9 @@ class Director:
         permission: Permission,
         clearance: Clearance,
         launch: Launch = "when-ready",
-        may_return: MayReturn | None = None,
+        elsewhere: Elsewhere | None = None,
     ) -> None:
-        """`may_return`: when a vehicle may return that has no turn, for others that are flown elsewhere."""
+        """`elsewhere`: what others do that are not flown by this process, of which it flies one."""
         self._members = members
         self._flight = flight
         self._seconds_per_delay = seconds_per_delay
@@ -81,7 +86,7 @@ class Director:
         self._clearance = clearance
         self._when_ready = launch == "when-ready"
         self._checks_only = launch == "never"
-        self._may_return = may_return
+        self._elsewhere = elsewhere
         self.stop = asyncio.Event()
 
     @property
@@ -109,7 +114,7 @@ class Director:
         if self._checks_only:
             await self._find_what_is_known()
         else:
-            await CallingOff(self._members, self._flight, self._say, self._may_return).leave()
+            await CallingOff(self._members, self._flight, self._say, self._elsewhere).leave()
         return "stopped"
 
     async def _find_what_is_known(self) -> None:
@@ -131,7 +136,9 @@ class Director:
         self._permit()
         await self._prepare_all()
         next_step = "launching" if self._when_ready else "the order to launch is waited for"
-        self._say(f"every vehicle holds its mission, read back and compared; {next_step}")
+        theirs = [m for m in self._members if self._is_theirs(m)]
+        besides = f" but {names(theirs)}, which somebody else has" if theirs else ""
+        self._say(f"every vehicle holds its mission, read back and compared{besides}; {next_step}")
         async with asyncio.TaskGroup() as launches:
             for member in self._members:
                 launches.create_task(self._launch(member))
@@ -144,16 +151,24 @@ class Director:
         failures: list[str] = []
         for step in (self._clearance.set_up, self._make_ready):
             try:
-                await self._all(step)
+                await self._all_heard(step)
             except PreflightFailed as failed:
                 failures += failed.lines
+        ours = [m for m in self._members if not self._is_theirs(m)]
         try:
-            await self._clear(self._members)
+            await self._clear(ours)
         except PreflightFailed as failed:
             failures += failed.lines
-        failures += [left_how(m) for m in self._members if m.state.lost]
+        # Also who was ready, and has been taken over since.
+        failures += [f"{m.name}: {m.state.outcome}" for m in ours if m.state.ended]
+        failures += [left_how(m) for m in ours if m.state.lost]
         if failures:
             raise PreflightFailed(list(dict.fromkeys(failures)))
+
+    def _is_theirs(self, member: Member) -> bool:
+        """Somebody else has armed it: the others fly without it, and link and heartbeat stay with it. Checks
+        alone let nobody pass for that."""
+        return not self._checks_only and member.state.phase is Phase.RELEASED
 
     async def _clear(self, members: Sequence[Member]) -> None:
         """The checks without which none of them may be launched; all that fail in one report."""
@@ -192,13 +207,48 @@ class Director:
             raise PreflightFailed([_impostor(m) for m in impostors])
         return foreign
 
+    async def _all_heard(self, act: Callable[[Member], Coroutine[None, None, None]]) -> None:
+        """`_all`, and what is wrong with some is said as soon as it is known, though others take longer."""
+        under_way = {m.name for m in self._members if not self._is_theirs(m)}
+
+        async def heard(member: Member) -> None:
+            try:
+                await act(member)
+            except (LinkError, PreflightFailed) as error:
+                if under_way - {member.name} and not self._is_theirs(member):
+                    self._say(f"{error}; the others are waited for")
+                raise
+            finally:
+                under_way.discard(member.name)
+
+        telling = asyncio.create_task(self._tell_early())
+        try:
+            await self._all(heard)
+        finally:
+            await cancelled(telling)
+
+    async def _tell_early(self) -> None:
+        """What is found of those who are ready, each once; the checks that count come when all are."""
+        left = {m.name: m for m in self._members}
+        while left:
+            await asyncio.sleep(EARLY_S)
+            for member in [m for m in left.values() if m.state.phase is Phase.STANDBY]:
+                del left[member.name]
+                for text in await self._clearance.found_early(member, self._members):
+                    self._say(f"{text}; the others are waited for")
+
     async def _all(self, act: Callable[[Member], Coroutine[None, None, None]]) -> None:
-        """One preflight step on every member at once; all failures in one report."""
-        outcomes = await asyncio.gather(*map(act, self._members), return_exceptions=True)
-        for member, outcome in zip(self._members, outcomes, strict=True):
+        """One preflight step on every member at once; all failures in one report. Of who was taken over
+        meanwhile that is told already, and no failure of the others."""
+        members = [m for m in self._members if not self._is_theirs(m)]
+        outcomes: list[BaseException | None]
+        outcomes = await asyncio.gather(*map(act, members), return_exceptions=True)
+        for i, (member, outcome) in enumerate(zip(members, outcomes, strict=True)):
             if isinstance(outcome, BaseException) and not isinstance(outcome, (LinkError, PreflightFailed)):
                 raise outcome
-            if outcome is not None:
+            if self._is_theirs(member):
+                outcomes[i] = None
+            elif outcome is not None:
                 reasons = "; ".join(member.waiting_for)
                 member.hindrance = reasons or str(outcome).removeprefix(f"{member.name}: ")
         failures = [str(o) for o in outcomes if isinstance(o, Exception)]
@@ -208,6 +258,10 @@ class Director:
     async def _connect(self, member: Member) -> None:
         member.identity = await member.runner.link.connect(self._flight.connect_timeout_s)
         self._say(f"{member.name}: system {member.identity.sysid} answers, {member.identity.firmware}")
+        found = member.runner.link.state()
+        if found.armed:
+            text = f"it is armed already, in mode {found.mode or '?'}; land and disarm it, or leave it out"
+            raise PreflightFailed([f"{member.name}: {text}"])
 
     async def _make_ready(self, member: Member) -> None:
         """Until it holds a verified mission; begins again where it boots anew meanwhile."""
@@ -248,6 +302,8 @@ class Director:
             raise PreflightFailed([_misplaced(member, away_m)])
 
     async def _launch(self, member: Member) -> None:
+        if self._is_theirs(member):
+            return
         if self._when_ready:
             await self._launch_when_ready(member)
         await self._stand_by(member)
@@ -265,7 +321,9 @@ class Director:
 
     async def _stand_by(self, member: Member) -> None:
         """As long as it is on the ground, where an operator may keep it: ready for the order to launch."""
-        while member.state.phase in ON_GROUND and not (self._when_ready and self._is_over(member)):
+        # One that is told to launch and may not stands by again.
+        standing = ON_GROUND | {Phase.LAUNCHING}
+        while member.state.phase in standing and not (self._when_ready and self._is_over(member)):
             if member.state.lost or not _wants_preparing(member):
                 await asyncio.sleep(POLL_S)
                 continue

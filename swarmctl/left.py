@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from swarmctl.agent import AgentState, Phase
+from swarmctl.agent import AgentState, Phase, is_up
 from swarmctl.core.vehicle import Landed, VehicleState
 
 ON_ITS_OWN = "our heartbeats to it end, and its own failsafe may act on that"
@@ -34,15 +34,6 @@ class Vehicle(Protocol):
     @property
     def runner(self) -> Linked: ...
     def silent_for(self, limit_s: float) -> bool: ...
-
-
-def is_up(state: AgentState) -> bool:
-    """Whether it is armed, as far as is known. One heartbeat that says otherwise may err, unless it says as
-    well that it is on the ground."""
-    vehicle = state.vehicle
-    said_once = state.disarmed_s is not None and vehicle.heartbeat_s == state.disarmed_s
-    doubtful = state.armed_seen and vehicle.landed is not Landed.ON_GROUND and said_once
-    return vehicle.armed or doubtful
 
 
 def is_theirs(state: AgentState) -> bool:

@@ -172,7 +172,9 @@ class Runner:
         told = self._network.states(self.state.task.uav)
         new = {uav: state for uav, state in told.items() if state is not self._seen.get(uav)}
         self._seen = told
-        if near := tuple((uav, state) for uav, state in new.items() if agent.concerns(self.state, state)):
+        if near := tuple(
+            (uav, state) for uav, state in new.items() if agent.concerns(self.state, uav, state)
+        ):
             self.post(ev.Neighbours(near))
         intents = self._network.intents(self.state.task.uav)
         changed = [uav for uav, (intent, _) in intents.items() if intent is not self._intents.get(uav)]
@@ -270,8 +272,11 @@ class Runner:
             self.post(ev.SpeedFailed(str(error)))
 
     async def _order(self, order: ev.Order, *, looks_first: bool) -> None:
+        if order is ev.Order.LAUNCH and (why := await self._forbidden()):
+            self.post(ev.OrderFailed(order, why, nothing_sent=True))
+            return
         actions: dict[ev.Order, Callable[[], Coroutine[Any, Any, None]]] = {
-            ev.Order.LAUNCH: self._launch,
+            ev.Order.LAUNCH: self.link.launch,
             ev.Order.HOLD: partial(self.link.hold, looks_first=looks_first),
             ev.Order.RETURN: partial(self.link.return_home, looks_first=looks_first),
             ev.Order.LAND: partial(self.link.land, looks_first=looks_first),
@@ -283,7 +288,16 @@ class Runner:
         else:
             self.post(ev.OrderDone(order))
 
-    async def _launch(self) -> None:
+    async def _forbidden(self) -> str:
+        """Why it is not to be armed now; empty where it is. Nothing of a launch is sent before that."""
+        try:
+            await self._check_launch()
+        except LinkError as error:
+            return str(error)
+        return ""
+
+    async def _check_launch(self) -> None:
+        """Raises LinkError where it may not be armed now."""
         if self.armable is None:
             raise NotAllowed(f"{self.state.task.name}: launch without permission to arm")
         try:
@@ -300,7 +314,6 @@ class Runner:
                 f"{self.state.task.name}: another vehicle answers than the one that may be armed: "
                 f"expected {_identity(self.armable)}, found {_identity(found)}"
             )
-        await self.link.launch()
 
     async def _clear_again(self) -> None:
         """Raises LinkError where it is not fit any more."""

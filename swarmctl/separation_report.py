@@ -39,7 +39,7 @@ class Closeness:
     ) -> None:
         """One of this process has heard of others near it, who may be flown elsewhere."""
         for uav, told in states:
-            if uav in self._here or told.alt_rel_m < AIRBORNE_M:
+            if uav in self._here or told.alt_rel_m < AIRBORNE_M or told.age_s > 0.0:
                 continue
             east_m, north_m = after.task.grid.frame.to_local(told.lat_deg, told.lon_deg)
             height_m = told.alt_rel_m if told.alt_amsl_m is None else told.alt_amsl_m

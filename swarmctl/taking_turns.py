@@ -1,4 +1,5 @@
-"""Vehicles of many processes return in turns, though nobody tells them any: each goes by what others say.
+"""Vehicles of many processes return and land in turns, though nobody tells them any: each goes by what
+others say.
 
 Who returns is in everybody's state, about once a second. A vehicle goes when its way meets nobody's who
 is on the way home; of several that could, the one with the lowest system id is first, as all of them know.
@@ -10,15 +11,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from swarmctl.agent import Phase
+from swarmctl.agent.apart import AIRBORNE_M
 from swarmctl.core.frames import StateShared
-from swarmctl.core.geo import LatLon
+from swarmctl.core.geo import distance_m
 from swarmctl.core.messages import Place
-from swarmctl.core.returns import turns_of
+from swarmctl.core.returns import LEAST_APART_M, SILENT_S, SINK_M_S, is_on_its_way, place_told, turns_of
 
 SLOT_S = 5.0
 """So long it lets each go first that waits too and has a lower system id: more than a state takes to come."""
-SILENT_S = 10.0
-"""Who is not heard for so long waits no more, and is taken to be on its way if it was."""
 
 
 @dataclass(slots=True)
@@ -30,11 +30,10 @@ class _Heard:
 
 @dataclass(slots=True)
 class Turns:
-    """Of the vehicle `uav`. `states` are what others have told last, `homes` where they took off."""
+    """Of the vehicle `uav`. `states` are what others have told last."""
 
     uav: int
     states: Callable[[], Mapping[int, StateShared]]
-    homes: Mapping[int, LatLon]
     _heard: dict[int, _Heard] = field(default_factory=dict)
     _free: tuple[object, float] | None = None
     """who is before it, and since when its way is free with these [s]"""
@@ -52,6 +51,22 @@ class Turns:
             self._free = (key, now_s)
         return now_s - self._free[1] >= SLOT_S * len(before)
 
+    def may_land(self, place: Place, now_s: float) -> bool:
+        """Whether nobody in the air is where it would come down; of two at one height the one with the lower
+        system id is under the other."""
+        self._listen(now_s)
+        here, apart_m = (place.lat_deg, place.lon_deg), max(LEAST_APART_M, place.keeps_m[0])
+        for uav, heard in self._heard.items():
+            state, age_s = heard.state, now_s - heard.at_s + heard.state.age_s
+            if state.alt_rel_m < AIRBORNE_M or age_s > max(SILENT_S, state.alt_rel_m / SINK_M_S):
+                continue
+            home_amsl_m = place.home_alt_amsl_m
+            up_m = home_amsl_m + state.alt_rel_m if state.alt_amsl_m is None else state.alt_amsl_m
+            lower = (up_m, uav) < (place.alt_amsl_m, self.uav)
+            if lower and distance_m(here, (state.lat_deg, state.lon_deg)) < apart_m:
+                return False
+        return True
+
     def _listen(self, now_s: float) -> None:
         for uav, state in self.states().items():
             known = self._heard.get(uav)
@@ -62,10 +77,8 @@ class Turns:
         """Who is on the way home, or was when it was last heard and cannot be trusted to be down."""
         places = {}
         for uav, heard in self._heard.items():
-            if heard.state.phase != Phase.LEAVING or uav not in self.homes:
-                continue
-            place = _place(heard.state, self.homes[uav], own)
-            if now_s - heard.at_s <= max(SILENT_S, turns_of({uav: place}).down_s):
+            place = None if heard.state.phase == Phase.HOLDING else place_told(heard.state, own)
+            if place is not None and is_on_its_way(place, now_s - heard.at_s):
                 places[uav] = place
         return places
 
@@ -73,21 +86,3 @@ class Turns:
 def _may_wait(heard: _Heard, now_s: float) -> bool:
     """It waits as well, or that it does is not told yet."""
     return heard.state.phase in (Phase.FLYING, Phase.HOLDING) and now_s - heard.at_s <= SILENT_S
-
-
-def _place(state: StateShared, home: LatLon, own: Place) -> Place:
-    """As fast as this vehicle is, and keeping as much; from its ground, if it tells no height."""
-    if state.alt_amsl_m is None:
-        alt_amsl_m, ground_amsl_m = own.home_alt_amsl_m + state.alt_rel_m, own.home_alt_amsl_m
-    else:
-        alt_amsl_m, ground_amsl_m = state.alt_amsl_m, state.alt_amsl_m - state.alt_rel_m
-    return Place(
-        state.lat_deg,
-        state.lon_deg,
-        alt_amsl_m,
-        *home,
-        ground_amsl_m,
-        own.speed_m_s,
-        own.keeps_m,
-        is_returning=True,
-    )

@@ -9,7 +9,8 @@ import pytest
 from test_judge_wings import winged
 
 from swarmctl.agent import AgentState, Phase, begin, first_flight, first_problem, first_route
-from swarmctl.agent.ahead import kept_cells, still_ahead
+from swarmctl.agent.branching import kept_cells
+from swarmctl.agent.realise import still_ahead
 from swarmctl.agent.swap_times import SwapTimes
 from swarmctl.core import events as ev
 from swarmctl.core.grid import Cell
@@ -17,7 +18,7 @@ from swarmctl.scenario import build
 
 SCENARIO = build(winged())
 GRID = SCENARIO.grid
-WING, COPTER = SCENARIO.tasks
+WING, _ = SCENARIO.tasks
 ROUTE = tuple((3, col) for col in range(12))
 """straight east"""
 
@@ -50,8 +51,7 @@ def test_near_its_goal_it_keeps_what_is_left() -> None:
     assert kept_cells(flying(540.0), (3, 10)) == ((3, 10), (3, 11))
 
 
-def test_what_hovers_or_flies_no_route_keeps_nothing() -> None:
-    assert kept_cells(flying(110.0, COPTER), (3, 2)) == ((3, 2),)
+def test_who_flies_no_route_keeps_nothing() -> None:
     assert kept_cells(replace(flying(110.0), route=None), (3, 2)) == ((3, 2),)
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from test_agent import GRID, Story, orders
+from test_agent import GRID, Story, orders, publications
 
 from swarmctl.agent import Phase, wants_tick
 from swarmctl.core import events as ev
@@ -36,13 +36,19 @@ class Watching(Story):
     ) -> None:
         lat_deg, lon_deg = GRID.frame.to_geodetic(east_m, north_m)
         told = {"time_s": 1.0, "lat_deg": lat_deg, "lon_deg": lon_deg, "alt_rel_m": 30.0, "phase": "flying"}
-        told |= {"n_observed": 0, "n_found": 0, "velocity_m_s": velocity, **changes}
+        told |= {"n_observed": 0, "n_found": 0, "velocity_m_s": velocity, "hears": (self.state.task.uav,)}
+        told |= changes
         self(ev.Neighbours(((uav, StateShared(**told)),)))
         self.now -= 1.0
 
     def crossing(self, uav: int, **changes: Any) -> None:
         """Over the middle of the area when vehicle 2 would be there; what it tells is a second old then."""
         self.other(uav, MID_M[0], MID_M[1] - 110.0, (0.0, 10.0, 0.0), **changes)
+
+
+def heard(effects: list[ev.Effect]) -> tuple[int, ...]:
+    (state,) = (message for message in publications(effects) if isinstance(message, StateShared))
+    return state.hears
 
 
 def told(effects: list[ev.Effect]) -> list[str]:
@@ -67,6 +73,39 @@ def test_the_lower_system_id_flies_on_and_says_so() -> None:
     effects = story.at(125.0)
     assert orders(effects) == []
     assert told(effects)[0].endswith("; the other gives way")
+
+
+@pytest.mark.parametrize("hears", [(), (1, 4)])
+def test_the_lower_system_id_gives_way_to_one_that_does_not_say_that_it_hears_it(
+    hears: tuple[int, ...],
+) -> None:
+    """What that does not hear it cannot give way to: of two that hear each other one alone does."""
+    story = Watching()
+    story.crossing(3, hears=hears)
+    effects = story.at(125.0)
+    assert orders(effects) == [ev.Order.HOLD]
+    assert told(effects)[0].endswith("; it gives way, for that does not say that it hears it")
+
+
+def test_it_gives_way_as_soon_as_the_other_says_no_more_that_it_hears_it() -> None:
+    story = Watching()
+    story.crossing(3)
+    assert orders(story.at(125.0)) == []
+    story.other(3, MID_M[0], MID_M[1] - 95.0, (0.0, 10.0, 0.0), hears=())
+    assert orders(story.at(135.0)) == [ev.Order.HOLD]
+
+
+def test_it_tells_whom_it_hears_of_late() -> None:
+    story = Watching()
+    story.crossing(1)
+    story.other(3, MID_M[0], MID_M[1] + 60.0, (10.0, 0.0, 0.0))
+    story.other(4, 9000.0, 9000.0, (0.0, 0.0, 0.0))
+    story.at(110.0)
+    assert heard(story.at(111.0)) == (1, 3)
+    for _ in range(4):
+        story.other(3, MID_M[0], MID_M[1] + 60.0, (10.0, 0.0, 0.0))
+        story.at(112.0)
+    assert heard(story.at(113.0)) == (3,), "of 1 nothing was heard for longer than a state is trusted"
 
 
 def test_it_says_so_once() -> None:

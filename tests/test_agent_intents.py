@@ -11,18 +11,19 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import Phase as HypothesisPhase
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from test_agent import GRID, Story, orders, publications
 
 from swarmctl.agent import Phase, wants_tick
 from swarmctl.agent.clearing import AGAIN_S
-from swarmctl.agent.intents import EVERY_S, MAX_AGE_S, STANDS_S
+from swarmctl.agent.intents import AROUND_M, EVERY_S, KEPT_CLEAR_S, MAX_AGE_S, STANDS_S
 from swarmctl.core import events as ev
-from swarmctl.core.frames import IntentPoint, IntentShared
+from swarmctl.core.frames import IntentPoint, IntentShared, StateShared
 from swarmctl.core.observation import Observation
 from swarmctl.rules import Fence
-from swarmctl.separation.clash import SLACK_S, boxes_of, clashes
+from swarmctl.separation import to_its_landing
+from swarmctl.separation.clash import SLACK_S, clashes
 from swarmctl.separation.watch import Action, Separation
 
 AMSL_M = 330.0
@@ -327,7 +328,15 @@ news = st.lists(
 )
 
 
+ONE_LANDS_UNDER_ANOTHER = (
+    [(3, 6), (5, 4), (8, 1)],
+    [(1, (0, 5), 0.52), (2, (3, 4), 0.6), (3, (3, 3), 2.31), (3, (2, 2), 3.65), (3, (4, 5), 0.0)],
+    *(0.868, 0.001, 1.384, 12773),
+)
+
+
 @given(ways, news, st.floats(0.0, 1.0), st.floats(0.0, 3.0), st.floats(0.2, 4.0), st.integers(0, 2**32 - 1))
+@example(*ONE_LANDS_UNDER_ANOTHER)
 @settings(max_examples=40, deadline=None, phases=PHASES)
 def test_once_all_have_heard_all_no_two_plans_meet(
     ways: list[tuple[int, int]],
@@ -351,7 +360,69 @@ def test_once_all_have_heard_all_no_two_plans_meet(
         a, b = one.state, other.state
         if Phase.FLYING not in (a.phase, b.phase) or a.own_intent is None or b.own_intent is None:
             continue
-        # Each has the other's times by its own position, which is up to half a second old.
-        theirs = {other.state.task.uav: (b.own_intent, boxes_of(b.own_intent))}
-        meet = clashes(a.own_intent, theirs, a.task.separation.limits, SLACK_S - 0.6)
+        # Who comes down through another's height is for the watch. Each has the other's times by its own
+        # position, which is up to half a second old.
+        mine, theirs = to_its_landing(a.own_intent), {b.task.uav: to_its_landing(b.own_intent)}
+        meet = clashes(mine, theirs, a.task.separation.limits, SLACK_S - 0.6)
         assert not meet, (a.phase, b.phase, a.foreseen, b.foreseen, a.put_off, b.put_off)
+
+
+# --- who tells no position any more
+
+
+NOWHERE: dict[str, Any] = {"lat_deg": None, "lon_deg": None, "alt_rel_m": None, "alt_amsl_m": None}
+
+
+def states(effects: list[ev.Effect]) -> list[StateShared]:
+    return [message for message in publications(effects) if isinstance(message, StateShared)]
+
+
+def blind(seconds: int) -> tuple[Flier, list[ev.Effect]]:
+    """Vehicle 2 was last seen at 75 m on its row; what it tells since."""
+    story = Flier()
+    return story, [effect for _ in range(seconds) for effect in story.at(75.0, **NOWHERE)]
+
+
+def test_who_is_blind_tells_where_it_was_and_how_long_ago_that_is() -> None:
+    _, effects = blind(5)
+    assert [state.age_s for state in states(effects)] == [1.0, 2.0, 3.0, 4.0, 5.0]
+    at = states(effects)[-1]
+    assert GRID.frame.to_local(at.lat_deg, at.lon_deg)[0] == pytest.approx(75.0, abs=0.01)
+    assert (at.alt_rel_m, at.velocity_m_s) == (30.0, (10.0, 0.0, 0.0))
+
+
+def test_and_that_it_is_somewhere_around_there_at_any_height_below() -> None:
+    story, effects = blind(8)
+    intent = intents(effects)[-1]
+    assert [GRID.frame.to_local(p.lat_deg, p.lon_deg)[0] for p in intent.points] == pytest.approx(
+        [75.0] * 2, abs=0.01
+    )
+    assert {p.alt_amsl_m for p in intent.points} == {AMSL_M - 15.0}
+    age_s = story.state.intent_said_s - story.state.placed.time_boot_s
+    assert intent.around_m == (pytest.approx(min(10.0 * age_s, AROUND_M)), 15.0)
+    assert not intent.may_change
+
+
+def test_after_a_time_nobody_knows_where_it_is() -> None:
+    _, effects = blind(int(KEPT_CLEAR_S) + 10)
+    assert intents(effects)[-1].points == ()
+    assert intents(effects)[-3].points != ()
+
+
+def test_one_whose_link_is_lost_tells_once_where_it_was() -> None:
+    story = Flier()
+    (state,) = states(story(ev.LinkLost(4.0)))
+    assert GRID.frame.to_local(state.lat_deg, state.lon_deg)[0] == pytest.approx(75.0, abs=0.01)
+
+
+@pytest.mark.parametrize(("away_m", "around_m", "height_m"), [(50.0, 60.0, 33.6), (50.0, 20.0, 30.0)])
+def test_a_new_plan_keeps_clear_of_all_places_where_a_blind_one_may_be(
+    away_m: float, around_m: float, height_m: float
+) -> None:
+    """It is told to be half as high as it was, and anywhere below that."""
+    story = Flier()
+    there = (200.0, MID_M[1] - away_m)
+    vague = {"up_m": -15.0, "around_m": (around_m, 15.0), "may_change": False}
+    story.other(7, (0.0, *there), (60.0, *there), **vague)
+    (height,) = heights(changes_its_plan(story))
+    assert height == pytest.approx(height_m)

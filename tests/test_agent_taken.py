@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import pytest
-from test_agent import Story, orders
+from test_agent import GRID, Story, orders, publications
 from test_agent_apart import MID_M, Watching
 
 from swarmctl.agent import Phase
 from swarmctl.core import events as ev
+from swarmctl.core.frames import StateShared
 
 HOLD = {"mode": "GUIDED", "mode_role": "hold", "ground_speed_m_s": 0.0}
 
@@ -103,3 +104,17 @@ def test_who_was_let_go_can_still_be_ordered_by_a_person_and_stays_let_go() -> N
     assert "DENIED" in told.text
     assert orders(wait(story, 10, mode="LOITER", mode_role="other")) == []
     assert orders(story(ev.OperatorCommand(ev.Order.RETURN))) == [], "nor does the end of this process"
+
+
+def test_the_others_are_told_where_it_is_as_long_as_it_is_up() -> None:
+    story = Story().flying()
+    story.over((4, 1), mode="LOITER", mode_role="other")
+    assert story.state.phase is Phase.RELEASED
+    (told,) = shared(story.over((4, 2), mode="LOITER", mode_role="other"))
+    assert told.phase == "released"
+    assert GRID.cell_at(told.lat_deg, told.lon_deg) == (4, 2)
+    assert shared(story.over((4, 2), mode="LOITER", mode_role="other", armed=False)) == []
+
+
+def shared(effects: list[ev.Effect]) -> list[StateShared]:
+    return [message for message in publications(effects) if isinstance(message, StateShared)]

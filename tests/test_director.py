@@ -51,6 +51,7 @@ class StubLink:
     answers: Identity | None = None
     """who answers later, if not the same"""
     age: float = 0.0
+    prepares_s: float = 0.0
 
     async def _do(self, name: str, *failures: type[Exception]) -> None:
         self.calls.append(name)
@@ -66,6 +67,7 @@ class StubLink:
         return self.answers or self.identity
 
     async def prepare(self, timeout_s: float, on_waiting: Callable[[tuple[str, ...]], None]) -> None:
+        await asyncio.sleep(self.prepares_s)
         await self._do("prepare", NotReady)
 
     async def upload(self, plan: FlightPlan) -> float:
@@ -107,6 +109,8 @@ class Clearance:
     verdicts: list[list[str]] = field(default_factory=list)
     calls: list[tuple[str, ...]] = field(default_factory=list)
     lasts_s: float = 0.0
+    early: dict[str, list[str]] = field(default_factory=dict)
+    """what is found of whom while others are waited for"""
 
     async def set_up(self, subject: Member) -> None:
         self.calls.append(("set up", subject.name))
@@ -115,6 +119,10 @@ class Clearance:
         self.calls.append(("check", *(s.name for s in subjects)))
         await asyncio.sleep(self.lasts_s)
         return self.verdicts.pop(0) if self.verdicts else []
+
+    async def found_early(self, subject: Member, everyone: Sequence[Member]) -> list[str]:
+        self.calls.append(("look at", subject.name))
+        return self.early.get(subject.name, [])
 
 
 @dataclass
@@ -131,6 +139,9 @@ class Ground:
     clearance: Clearance = field(default_factory=Clearance)
     links: list[StubLink] = field(default_factory=list)
     asked: list[str] = field(default_factory=list)
+    prepares_s: dict[int, float] = field(default_factory=dict)
+    said: list[tuple[float, str]] = field(default_factory=list)
+    """when, on the virtual clock"""
 
     def fly(self, until: Callable[[Sequence[Member]], bool]) -> None:
         run_virtual(self._fly(until))
@@ -142,7 +153,7 @@ class Ground:
             members,
             self.scenario.config.flight,
             seconds_per_delay=1.0,
-            say=lambda _: None,
+            say=lambda text: self.said.append((asyncio.get_running_loop().time(), text)),
             permission=self._permit,
             clearance=self.clearance,
             launch=self.launch,
@@ -167,6 +178,7 @@ class Ground:
             Identity(spec.sysid, 3, 2, "ArduPilot 4.6.2", uid2.ljust(18, b"\0")),
             self.moved.get(spec.sysid, spec.start),
             self.fails.get(spec.sysid),
+            prepares_s=self.prepares_s.get(spec.sysid, 0.0),
         )
         self.links.append(link)
         sensor = Footprint(self.scenario.grid, self.scenario.hostiles, PERFECT, np.random.default_rng(0))
@@ -345,6 +357,40 @@ def test_what_a_vehicle_that_is_not_ready_hides_of_the_others_is_said_too() -> N
     assert raised.value.lines == ("uav2: not ready", "uav3: fence: ...")
 
 
+def when_said(ground: Ground, text: str) -> list[float]:
+    return [at_s for at_s, said in ground.said if said.startswith(text)]
+
+
+def test_what_is_wrong_with_others_is_said_while_one_is_waited_for() -> None:
+    ground = Ground(
+        prepares_s={2: 60.0},
+        fails={3: NotReady("uav3: not ready", reasons=())},
+        clearance=Clearance([["uav1: fence: ..."]], early={"uav1": ["uav1: fence: ..."]}),
+    )
+    with pytest.raises(PreflightFailed) as raised:
+        ground.fly(all_launched)
+    (fence_s,), (not_ready_s,) = when_said(ground, "uav1: fence"), when_said(ground, "uav3: not ready")
+    assert fence_s < 10.0
+    assert not_ready_s < 1.0
+    assert raised.value.lines == ("uav3: not ready", "uav1: fence: ...")
+    assert ground.clearance.calls.count(("look at", "uav1")) == 1
+    assert all("launch" not in link.calls for link in ground.links)
+
+
+def test_nobody_is_looked_at_early_where_all_are_ready_at_once() -> None:
+    ground = Ground()
+    ground.fly(all_launched)
+    assert not [call for call in ground.clearance.calls if call[0] == "look at"]
+
+
+def test_what_passes_early_launches_nobody() -> None:
+    ground = Ground(prepares_s={2: 30.0}, clearance=Clearance([["uav1: battery: ..."]]))
+    with pytest.raises(PreflightFailed) as raised:
+        ground.fly(all_launched)
+    assert ("look at", "uav1") in ground.clearance.calls
+    assert raised.value.lines == ("uav1: battery: ...",)
+
+
 def test_checks_alone_give_nobody_the_permission_to_arm() -> None:
     ground = Ground(launch="never", simulated=False, identities={2: b"\x12\x34"})
     ground.fly(lambda members: any(m.runner.armable for m in members))
@@ -452,22 +498,63 @@ def test_what_was_checked_long_before_the_order_to_launch_is_checked_again(
     verdicts = [[], [] if fit else ["uav1: fence: found 0 corners; wanted 4"]]
     ground = Ground(small(simulate={"count": 1}), launch="ordered", clearance=Clearance(verdicts))
     standby_s: list[float] = []
-    ended: list[str] = []
+    ordered_s: list[float] = []
+    trouble: list[str] = []
 
     def story(members: Sequence[Member]) -> bool:
         state, now = members[0].state, asyncio.get_running_loop().time()
         if state.phase == "standby":
             standby_s.append(now)
-            if now - standby_s[0] >= waits_s:
+            if not ordered_s and now - standby_s[0] >= waits_s:
                 members[0].runner.post(ev.OperatorCommand(ev.Order.LAUNCH, 1))
-        ended[:] = [state.outcome]
-        return state.phase == "flying" or state.ended
+                ordered_s.append(now)
+        trouble[:] = [state.trouble]
+        return state.phase == "flying" or (bool(ordered_s) and now - ordered_s[0] > 20.0)
 
     ground.fly(story)
     assert ground.clearance.calls.count(("check", "uav1")) == checks
     is_launched = fit or checks == 1
     assert ("launch" in ground.links[0].calls) == is_launched
-    assert ("fence: found 0 corners" in ended[0]) == (not is_launched)
+    assert ("fence: found 0 corners" in trouble[0]) == (not is_launched)
+
+
+def test_who_was_not_fit_when_it_was_ordered_to_launch_is_checked_again_by_the_next_order() -> None:
+    verdicts = [[], ["uav1: battery: found 40 %; wanted 60 %"]]
+    ground = Ground(small(simulate={"count": 1}), launch="ordered", clearance=Clearance(verdicts))
+    ordered_s: list[float] = []
+    waits_s: list[float] = []
+
+    def story(members: Sequence[Member]) -> bool:
+        state, now = members[0].state, asyncio.get_running_loop().time()
+        if state.phase == "standby":
+            waits_s.append(now)
+            if now - [waits_s[0], *ordered_s][-1] >= 40.0:  # what was checked is too old by then
+                members[0].runner.post(ev.OperatorCommand(ev.Order.LAUNCH, 1))
+                ordered_s.append(now)
+        return state.phase == "flying" or state.ended
+
+    ground.fly(story)
+    assert len(ordered_s) == 2
+    assert ground.links[0].calls.count("launch") == 1
+
+
+def test_one_that_boots_after_its_launch_was_forbidden_is_made_ready_again() -> None:
+    verdicts = [[], ["uav1: battery: found 40 %; wanted 60 %"]]
+    ground = Ground(small(simulate={"count": 1}), launch="ordered", clearance=Clearance(verdicts))
+    moments: list[float] = []
+
+    def story(members: Sequence[Member]) -> bool:
+        state, now = members[0].state, asyncio.get_running_loop().time()
+        if state.phase == "standby":
+            moments.append(now)
+            if len(moments) == 400:
+                members[0].runner.post(ev.OperatorCommand(ev.Order.LAUNCH, 1))
+            if len(moments) == 450:
+                members[0].runner.on_link_event(Rebooted())
+        return len(moments) == 600
+
+    ground.fly(story)
+    assert ground.links[0].calls.count("upload") == 2
 
 
 def test_a_vehicle_that_waits_long_for_its_turn_is_checked_again() -> None:

@@ -43,13 +43,14 @@ def uncompared(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(step, "foresee", lambda state: (state, []))
 
 
-def meeting(folder: Path, action: str) -> tuple[dict[str, Any], list[str]]:
+def meeting(folder: Path, action: str, **sections: Any) -> tuple[dict[str, Any], list[str]]:
     """Two copters, 1.5 m apart in height, come to one goal at one time; the summary and what was said."""
     scenario = small(
         simulate={"count": 2, "goal": [4, 7], "ready_s": 3.0},
         flight={"altitude_m": 15.0, "altitude_step_m": 1.5},
         separation={"action": action},
         threats={"count": 0},
+        **sections,
     )
     ui = Ui()
     # Before the flight this is found out, and an operator has to say that he wants it.
@@ -84,6 +85,16 @@ def test_the_higher_system_id_holds_until_the_other_is_past_and_flies_on(tmp_pat
 
 
 @pytest.mark.usefixtures("uncompared")
+def test_the_lower_system_id_holds_where_the_other_does_not_hear_it(tmp_path: Path) -> None:
+    mute = {"bus": "memory", "quiet": [{"from_s": 0.0, "uavs": [1]}]}
+    separation, said = meeting(tmp_path, "hold", communication=mute)
+    assert separation["too_close"] == []
+    assert separation["held"] >= 1
+    assert not any("too close" in line for line in said if line.startswith("uav2: "))
+    assert any("it gives way, for that does not" in line for line in said if line.startswith("uav1: "))
+
+
+@pytest.mark.usefixtures("uncompared")
 def test_or_it_climbs_and_both_fly_on(tmp_path: Path) -> None:
     separation, _ = meeting(tmp_path, "climb")
     assert separation["too_close"] == []
@@ -102,6 +113,23 @@ def test_two_that_would_meet_on_their_first_routes_are_kept_apart_before_there_i
     assert separation["plans_in_flight"]["unresolved"] == 0
     assert not any(" meet" in line for line in said if line.startswith("uav1: "))
     assert any("that of vehicle 1 in " in line for line in said if line.startswith("uav2: "))
+
+
+def test_who_is_launched_a_little_later_waits_on_the_ground_until_its_route_is_clear(tmp_path: Path) -> None:
+    scenario = small(
+        simulate={"count": 2, "goal": [4, 7], "ready_s": 3.0, "delay_step_s": 3.0},
+        flight={"altitude_m": 15.0, "altitude_step_m": 1.5},
+        threats={"count": 0},
+    )
+    ui = Ui()
+    report = fly(scenario, tmp_path, ui=ui, manner=Manner(waivers=(Waiver("separation"),)))
+    assert report.all_arrived
+    (waits,) = (i for i, line in enumerate(ui.said) if "it waits on the ground" in line)
+    assert ui.said[waits].startswith("uav2: its first route would meet that of vehicle 1 in ")
+    assert "uav2: clear of the others: it launches" in ui.said[waits:]
+    separation = report.summary["separation"]
+    assert separation["plans_in_flight"]["predicted"] == 0
+    assert separation["too_close"] == []
 
 
 GAP = ([0, 3], [1, 3], [2, 3], [6, 3], [7, 3], [8, 3])

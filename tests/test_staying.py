@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 from flights import Ui, fly, small
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from test_flight import interrupting, silent
 from troubled import Trouble, chooses, play, suffer
 
+from sim_vehicle.fleet import Fleet
+from swarmctl.app import Manner
 from swarmctl.flight_report import flight_table
 from swarmctl.scenario import Scenario
 
@@ -84,3 +89,41 @@ def test_who_is_silent_is_lost_in_the_table_and_given_up_aloud(tmp_path: Path) -
     assert outcome.startswith("lost")
     assert "flying" not in list(flight_table(report.summary).columns[-1].cells)[1]
     assert "lost" in next(text for text in report.left if text.startswith("uav2"))
+
+
+def arms(sysid: int) -> Callable[[Fleet], None]:
+    """Another station arms a vehicle, whatever its own checks say."""
+
+    def deed(fleet: Fleet) -> None:
+        station = mavlink.MAVLink(None, 200, 190)
+        arm = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+        message = station.command_long_encode(sysid, 1, arm, 0, 1, 21196, 0, 0, 0, 0, 0)
+        fleet.receive(message.pack(station), asyncio.get_running_loop().time(), peer="another station")
+
+    return deed
+
+
+def armed_early() -> Trouble:
+    """The second vehicle is, by another station, while the first is not ready yet."""
+    unfit = {"fault": "sensor_unhealthy", "params": {"sensor": "mag"}, "vehicles": [1], "for_s": 15.0}
+    return Trouble(faults=[unfit], deeds=[(10.0, arms(2))])
+
+
+def test_who_is_armed_by_somebody_else_before_the_launch_does_not_keep_the_others_on_the_ground(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    report, ui = suffer(armed_early(), tmp_path, monkeypatch, scenario=pair())
+    assert report.ended == "ended"
+    assert report.states[1].outcome == "arrived"
+    assert (report.states[2].phase, report.states[2].armed_seen) == ("released", False)
+    assert "uav2: standby → released (armed by somebody else, in mode GUIDED; let go)" in ui.said
+    assert any("compared but uav2, which somebody else has" in line for line in ui.said)
+
+
+def test_checks_alone_do_not_pass_one_that_somebody_else_has_armed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    play(armed_early(), monkeypatch)
+    report = fly(pair(), tmp_path, manner=Manner(launch="never"))
+    assert report.ended == "failed"
+    assert any(line.startswith("uav2") and "armed" in line for line in report.trouble)

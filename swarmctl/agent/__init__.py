@@ -9,12 +9,14 @@ route to what is flown; bounds: from a time bound to a length; pace: what turns 
 meets it; branching: where a new plan leaves the old one; swap_times: how long a change takes; flight_path:
 where it is when; apart: watching the others; intents: telling where it will be; clearing: no two plans that
 meet; meeting: arriving with them; neighbours: what they tell; orders: what operators want; ruling: what the
-rules of flight demand.
+rules of flight demand; launching: the launch; returning: whose way home is clear; learning: what is seen;
+sharing: what it tells of itself; down: whether it is up.
 Imports core, planners, rules and separation.
 """
 
 from swarmctl.agent.bounds import AT_ANY_TIME, CLIMB_M_S, Arrival, before_takeoff
 from swarmctl.agent.decide import first_flight, first_problem, first_route
+from swarmctl.agent.down import is_up
 from swarmctl.agent.in_time import arrives_s, bounds_of, misses_by, route_in_time
 from swarmctl.agent.neighbours import concerns
 from swarmctl.agent.orders import place_of
@@ -45,6 +47,7 @@ __all__ = [
     "first_problem",
     "first_route",
     "flown_for",
+    "is_up",
     "misses_by",
     "place_of",
     "route_in_time",

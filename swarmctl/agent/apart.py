@@ -66,7 +66,8 @@ def keep_apart(state: AgentState) -> Step:
     now_s = state.vehicle.time_boot_s
     alarms = watch(state.alarms, own, others, state.task.separation, now_s)
     new = [alarm for alarm in alarms if alarm.other not in before]
-    state = replace(state, alarms=alarms, n_alarms=state.n_alarms + len(new))
+    if alarms or state.alarms:
+        state = replace(state, alarms=alarms, n_alarms=state.n_alarms + len(new))
     told: list[ev.Effect] = [ev.Tell(f"{_in_words(alarm, now_s)}{_who(state, alarm)}") for alarm in new]
     if state.gave_way is not None:
         state, done = _go_on_if_clear(state, own, others)
@@ -83,11 +84,23 @@ def _released(state: AgentState) -> AgentState:
 
 
 def _is_to_give_way(state: AgentState, other: int) -> bool:
-    """Also to one with a higher system id that cannot: it lands, returns, holds by order, or is somebody
-    else's."""
+    """Also to one with a higher system id that cannot: it lands, returns, holds by order, is somebody else's,
+    or does not say that it hears this one."""
     heard = state.neighbours.get(other)
-    may_too = heard is None or heard.state.phase == Phase.FLYING
+    may_too = heard is None or (heard.state.phase == Phase.FLYING and _hears(state, heard))
     return yields_to((True, state.task.uav), (may_too, other))
+
+
+def _hears(state: AgentState, other: Heard) -> bool:
+    """Whether another has said that it hears this vehicle. Messages may be lost on the way to it alone, and
+    then it gives way to nobody."""
+    return state.task.uav in other.state.hears
+
+
+def hears(state: AgentState) -> tuple[int, ...]:
+    """Of whom near it something was heard of late."""
+    now_s = state.vehicle.time_boot_s
+    return tuple(sorted(uav for uav, h in state.neighbours.items() if 0.0 <= now_s - h.at_s <= FRESH_S))
 
 
 def _give_way(state: AgentState, asked: Sequence[Alarm], others: dict[int, Trajectory]) -> Step:
@@ -302,6 +315,8 @@ def _up_m(vehicle: VehicleState, other: StateShared) -> float:
 
 # --- for the operator
 
+_DEAF = ", for that does not say that it hears it"
+
 
 def _in_words(alarm: Alarm, now_s: float) -> str:
     at = alarm.approach
@@ -316,4 +331,9 @@ def _who(state: AgentState, alarm: Alarm) -> str:
         return ""
     if not _is_to_give_way(state, alarm.other):
         return "; the other gives way"
-    return "; it gives way" if may_give_way(state) or state.gave_way else "; it cannot give way now"
+    if not (may_give_way(state) or state.gave_way):
+        return "; it cannot give way now"
+    heard = state.neighbours.get(alarm.other)
+    is_told = heard is None or heard.state.phase != Phase.FLYING or _hears(state, heard)
+    deaf = "" if is_told or gives_way(state.task.uav, alarm.other) else _DEAF
+    return f"; it gives way{deaf}"

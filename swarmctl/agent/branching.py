@@ -2,7 +2,8 @@
 
 Until then it flies on as before. So a new route keeps the old one's cells up to a centre that it will not
 have reached by then, by how long its own last swaps took and how fast it is. It never has to go back, nor
-cuts to what lies behind it. Only where the old way leads into a wall before that, it is left at once. Pure.
+cuts to what lies behind it. Only where the old way leads into a wall before that, it is left at once; not
+by a fixed wing, which cannot turn on the spot, nor wait for its mission. Pure.
 """
 
 from __future__ import annotations
@@ -13,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmctl.agent.ahead import kept_cells
 from swarmctl.agent.apart import track_ahead
 from swarmctl.agent.pace import ACCELERATION_M_S2
 from swarmctl.agent.state import AgentState, Phase
@@ -28,6 +28,12 @@ OVER_M = 1.0
 MOVES_M_S = 0.5
 URGENT_CELLS = 3
 """A wall so near on its way is flown round at once."""
+
+
+CHANGE_S = 2.0
+"""for so long, at least, a fixed wing flies on along its old plan while the new one is put on it"""
+TURN = math.tan(math.pi / 8.0)
+"""So many radii before a turn by 45 degrees it turns off; routes turn by more only where they have room."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +81,24 @@ def branch_from(state: AgentState, start: Cell, p_s: NDArray[np.float64]) -> Bra
             break
     before = cells[index - 1] if index > 0 else None
     return Branch(cells[index : last + 1], True, before, is_behind, tuple(way), lead_m)
+
+
+def kept_cells(state: AgentState, start: Cell) -> tuple[Cell, ...]:
+    """Of the route that a fixed wing flies, the cells from `start` on that a new one begins with as well: it
+    needs room for its turn. In the last of them it may turn off. `start` alone where no route is flown."""
+    task, swap, vehicle = state.task, state.route, state.vehicle
+    if state.phase is not Phase.FLYING or swap is None or start not in swap.cells:
+        return (start,)
+    if vehicle.lat_deg is None or vehicle.lon_deg is None:
+        return (start,)
+    here = task.grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg)
+    ahead = swap.cells[swap.cells.index(start) :]
+    change_s = max(CHANGE_S, state.swap_times.expected_s)
+    least_m = TURN * task.turn_radius_m + change_s * task.arrival.speed_m_s
+    for last in range(1, len(ahead)):
+        if math.dist(here, task.grid.centre_m(ahead[last])) >= least_m:
+            return ahead[: last + 1]
+    return ahead
 
 
 def branch_from_track(state: AgentState, p_s: NDArray[np.float64]) -> Branch:

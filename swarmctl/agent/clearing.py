@@ -10,6 +10,7 @@ plans anew, and what it finds it compares with all again. Nothing is proposed, s
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 import msgspec
@@ -18,12 +19,13 @@ from swarmctl.agent.apart import AIRBORNE_M, ceiling_m, here_of, may_give_way, s
 from swarmctl.agent.flight_path import at_height, height_of, levels_first
 from swarmctl.agent.intents import MAX_AGE_S, STANDS_S, above_sea, flight_of, intended, may_change, say
 from swarmctl.agent.orders import Step, command
-from swarmctl.agent.state import AgentState, Phase
+from swarmctl.agent.state import AgentState, LookedAt, Phase
 from swarmctl.core import events as ev
 from swarmctl.core.mission import FlightPlan
 from swarmctl.separation import Limits, Trajectory, closest, to_its_landing
-from swarmctl.separation.clash import SLACK_S, Boxes, Clash, clashes
-from swarmctl.separation.watch import HEIGHT_MARGIN, yields_to
+from swarmctl.separation.clash import SLACK_S, Clash, clashes, in_words
+from swarmctl.separation.trajectory import Bounds
+from swarmctl.separation.watch import HEIGHT_MARGIN, Intended, yields_to
 
 AGAIN_S, AGAIN_SOON_S = 5.0, 1.0
 """After this a plan that was put off is looked at again; and where the one before meets somebody soon."""
@@ -41,40 +43,56 @@ def met_by(
 ) -> tuple[Clash, ...]:
     """Whom a flight would meet, of those whose intents are known, the soonest first; `instead_of` that which
     the vehicle is on."""
-    if flight is None or not state.intents:
-        return ()
-    now_s, limits = state.vehicle.time_boot_s, state.task.separation.limits
-    flight = to_its_landing(flight)
-    known = {
-        uav: (told.flight, told.boxes)
-        for uav, told in state.intents.items()
-        if 0.0 <= now_s - told.said_s <= MAX_AGE_S
-    }
+    return () if flight is None else _met_of(state, flight, known(state), instead_of)
+
+
+def known(state: AgentState) -> dict[int, Intended]:
+    """What others have told of late of where they will be."""
+    now_s = state.vehicle.time_boot_s
+    return {uav: told for uav, told in state.intents.items() if 0.0 <= now_s - told.said_s <= MAX_AGE_S}
+
+
+def _met_of(
+    state: AgentState, flight: Trajectory, others: Mapping[int, Intended], instead_of: Trajectory | None
+) -> tuple[Clash, ...]:
+    limits, flight = state.task.separation.limits, to_its_landing(flight)
     near_s = flight.times_s[0] + (SLACK_S if instead_of is None else PARTS_WITHIN_S)
-    return tuple(
-        clash
-        for clash in clashes(flight, known, limits)
-        if clash.at_s > near_s or not _parts(flight, instead_of, known[clash.other], limits)
-    )
+
+    def parts(told: Intended) -> bool:
+        return _parts(flight, instead_of, told.flight, told.limits(limits))
+
+    found = clashing(flight, others, limits)
+    return tuple(clash for clash in found if clash.at_s > near_s or not parts(others[clash.other]))
 
 
-def _parts(
-    flight: Trajectory, instead_of: Trajectory | None, other: tuple[Trajectory, Boxes], limits: Limits
-) -> bool:
+def clashing(flight: Trajectory, others: Mapping[int, Intended], limits: Limits) -> tuple[Clash, ...]:
+    """Whom a flight may meet, the soonest first."""
+    mine = Bounds.of(flight)
+    near = {uav: told for uav, told in others.items() if mine.is_within(told.bounds, _reach(told, limits))}
+    wider = {uav: told.limits(limits) for uav, told in near.items() if any(told.around_m)}
+    return clashes(flight, {uav: told.flight for uav, told in near.items()}, limits, wider=wider)
+
+
+def _reach(told: Intended, limits: Limits) -> tuple[float, float, float, float]:
+    kept = told.limits(limits) if any(told.around_m) else limits
+    return SLACK_S, kept.horizontal_m, kept.horizontal_m, kept.vertical_m
+
+
+def _parts(flight: Trajectory, instead_of: Trajectory | None, other: Trajectory, limits: Limits) -> bool:
     """Whether two that are near each other as it is part soon, and come no nearer than that, or than the
     limits, or at least not as near as they would else: no plan could do better."""
     begin_s = flight.times_s[0]
     after = flight.since(begin_s + PARTS_WITHIN_S)
     if after is not None and clashes(after, {0: other}, limits):
         return False
-    here, there = flight.at(begin_s), other[0].at(begin_s)
-    least = _least_share(flight, other[0], limits)
+    here, there = flight.at(begin_s), other.at(begin_s)
+    least = _least_share(flight, other, limits)
     if least is None or here is None or there is None:
         return True
     now = limits.share(math.dist(here[:2], there[:2]), abs(here[2] - there[2]))
     if least >= min(now, 1.0) - 1e-6:
         return True
-    else_least = None if instead_of is None else _least_share(instead_of, other[0], limits)
+    else_least = None if instead_of is None else _least_share(instead_of, other, limits)
     return else_least is not None and least >= else_least + BETTER_BY
 
 
@@ -90,8 +108,11 @@ def _least_share(flight: Trajectory, other: Trajectory, limits: Limits) -> float
 def foresee(state: AgentState) -> Step:
     """Whom the flight that it has told meets; where it is to give way, it plans anew."""
     if state.phase is not Phase.FLYING or state.own_intent is None or state.gave_way is not None:
-        return replace(state, foreseen=frozenset()), []
-    found = [clash for clash in met_by(state, state.own_intent) if _gives_way(state, clash.other)]
+        return (replace(state, foreseen=frozenset(), looked_at={}) if state.foreseen else state), []
+    state, met = _looked_at(state, state.own_intent)
+    found = [clash for clash in met if _gives_way(state, clash.other)]
+    if not found and not state.foreseen:
+        return state, []
     others = frozenset(clash.other for clash in found)
     new = [clash for clash in found if clash.other not in state.foreseen | state.put_off]
     tally = state.compared
@@ -104,7 +125,20 @@ def foresee(state: AgentState) -> Step:
     if not others:
         return state, []
     state = replace(state, dirty=True, must_change=True)
-    return state, [ev.Tell(f"its route meets {_in_words(state, new)}; it gives way")] if new else []
+    text = f"its route meets {in_words(new, state.vehicle.time_boot_s)}; it gives way"
+    return state, [ev.Tell(text)] if new else []
+
+
+def _looked_at(state: AgentState, own: Trajectory) -> tuple[AgentState, tuple[Clash, ...]]:
+    """Whom its flight meets. Of a hundred a few have told something new: the others need not be compared
+    again."""
+    before = {uav: at for uav, at in state.looked_at.items() if at.own is own}
+    told = known(state)
+    new = {uav: it for uav, it in told.items() if uav not in before or before[uav].other is not it}
+    met = {clash.other: clash for clash in _met_of(state, own, new, None)} if new else {}
+    after = {uav: LookedAt(own, it, met.get(uav)) if uav in new else before[uav] for uav, it in told.items()}
+    found = sorted((at.met for at in after.values() if at.met is not None), key=lambda c: (c.at_s, c.other))
+    return replace(state, looked_at=after), tuple(found)
 
 
 def _gives_way(state: AgentState, other: int) -> bool:
@@ -144,7 +178,8 @@ def compared(before: AgentState, decided: Step, now: float) -> Step:
         mended |= {clash.other for clash in met} - before.put_off
         state = replace(state, compared=replace(tally, by_height=tally.by_height + len(mended)))
         state = replace(state, raised_m=height_m - state.task.altitude_m)
-        text = f"its new route would meet {_in_words(state, met)}: it flies at {height_m:.0f} m"
+        whose = in_words(met, state.vehicle.time_boot_s)
+        text = f"its new route would meet {whose}: it flies at {height_m:.0f} m"
         state, told = _taken(state, msgspec.structs.replace(swap, plan=plan), flight)
         return state, [ev.Tell(text), *told]
     return _put_off(before, state, swap, met, now)
@@ -200,7 +235,8 @@ def _put_off(
         state = replace(state, compared=replace(state.compared, by_waiting=by_waiting))
     told: list[ev.Effect] = []
     if new:
-        told.append(ev.Tell(f"its new route would meet {_in_words(state, new)} at any height: {does}"))
+        whose = in_words(new, state.vehicle.time_boot_s)
+        told.append(ev.Tell(f"its new route would meet {whose} at any height: {does}"))
     if not holds:
         return state, told
     state, ordered = _hold(state, before.route or swap)
@@ -246,14 +282,11 @@ def _heights_m(state: AgentState, plan: FlightPlan) -> list[float]:
         return []
     home_m = vehicle.alt_amsl_m - vehicle.alt_rel_m
     keeps_m = HEIGHT_MARGIN * task.separation.limits.vertical_m
-    tops_m = {max(point[2] for point in told.flight.points) - home_m for told in state.intents.values()}
+    tops_m = {
+        max(point[2] for point in told.flight.points) + told.around_m[1] - home_m
+        for told in state.intents.values()
+    }
     wanted = {task.altitude_m, flown_m + keeps_m, *(top_m + keeps_m for top_m in tops_m)}
     most_m = ceiling_m(state)
     allowed = sorted(h for h in wanted if task.altitude_m <= h <= most_m and abs(h - flown_m) > 0.1)
     return allowed[:MOST_HEIGHTS]
-
-
-def _in_words(state: AgentState, met: list[Clash] | tuple[Clash, ...]) -> str:
-    now_s = state.vehicle.time_boot_s
-    near = [f"that of vehicle {clash.other} in {max(clash.at_s - now_s, 0.0):.0f} s" for clash in met]
-    return " and ".join(near)

@@ -20,7 +20,7 @@ from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_AHEAD_S, MAX_POINTS, IntentPoint, IntentShared
 from swarmctl.core.mission import FlightPlan
 from swarmctl.separation import Point, Trajectory, to_its_landing
-from swarmctl.separation.clash import boxes_of
+from swarmctl.separation.trajectory import Bounds
 from swarmctl.separation.watch import Intended
 
 EVERY_S = 5.0
@@ -33,6 +33,9 @@ MAX_AGE_S = 20.0
 """What was told before that is not reckoned with: four have been lost, or its sender."""
 STANDS_S = 30.0
 """Who holds is told to stay for so long."""
+KEPT_CLEAR_S, AROUND_M = 180.0, 60.0
+"""For so long who tells no position any more is told to be near where it was, and so near at most: it soon
+stops, comes down or turns for home."""
 AT_HOME_M, AT_LANDING_M = 5.0, 2.0
 """so near over ground to where it took off, or lands, a vehicle climbs or comes down on the spot"""
 
@@ -58,6 +61,7 @@ def say(state: AgentState, flight: Trajectory | None) -> Step:
         plan_id=0 if swap is None or flight is None else swap.plan_id,
         points=() if flight is None else _points(state, flight),
         may_change=may_change(state),
+        around_m=(0.0, 0.0) if flight is None else _around_m(state),
     )
     return replace(state, own_intent=flight, intent_said_s=now_s), [ev.Publish(message)]
 
@@ -65,7 +69,8 @@ def say(state: AgentState, flight: Trajectory | None) -> Step:
 def may_change(state: AgentState) -> bool:
     """Whether it could take another plan, or can when it is up; who holds to give way is where it is."""
     is_on_its_way = state.phase in (Phase.LAUNCHING, Phase.FLYING)
-    return is_on_its_way and state.gave_way is None and not state.lost
+    knows = state.vehicle.has_position and not state.lost
+    return is_on_its_way and state.gave_way is None and knows
 
 
 def _points(state: AgentState, flight: Trajectory) -> tuple[IntentPoint, ...]:
@@ -103,7 +108,28 @@ def above_sea(state: AgentState) -> Point | None:
 def intended(state: AgentState) -> Trajectory | None:
     """From now on; None where that is not known."""
     here = here_of(state)
-    return None if here is None else _from_now(state, _ahead(state, here))
+    return _somewhere(state) if here is None else from_now(state, _ahead(state, here))
+
+
+def _somewhere(state: AgentState) -> Trajectory | None:
+    """Of who tells no position any more: about where it was, half as high, for it may come down."""
+    there, now_s = state.placed, state.vehicle.time_boot_s
+    if there.lat_deg is None or there.lon_deg is None or there.alt_amsl_m is None or there.alt_rel_m is None:
+        return None
+    if not 0.0 <= now_s - there.time_boot_s <= KEPT_CLEAR_S:
+        return None
+    place = state.task.grid.frame.to_local(there.lat_deg, there.lon_deg)
+    up_m = there.alt_amsl_m - 0.5 * max(there.alt_rel_m, 0.0)
+    return Trajectory((now_s, now_s + STANDS_S), ((*place, up_m), (*place, up_m)))
+
+
+def _around_m(state: AgentState) -> tuple[float, float]:
+    """How far from what it tells it may be, over ground and in height."""
+    there = state.placed
+    if state.vehicle.has_position or there.alt_rel_m is None:
+        return 0.0, 0.0
+    away_m = there.ground_speed_m_s * (state.vehicle.time_boot_s - there.time_boot_s)
+    return min(away_m, AROUND_M), 0.5 * max(there.alt_rel_m, 0.0)
 
 
 def flight_of(state: AgentState, plan: FlightPlan) -> Trajectory | None:
@@ -115,13 +141,13 @@ def flight_of(state: AgentState, plan: FlightPlan) -> Trajectory | None:
     begins_m_s = vehicle.ground_speed_m_s if state.route is not None else 0.0
     way = ways_of(task, plan)
     if task.wings is not None:
-        return _from_now(state, wing_path.in_flight(task, plan, here, way[:-1], task.arrival.speed_m_s))
+        return from_now(state, wing_path.in_flight(task, plan, here, way[:-1], task.arrival.speed_m_s))
     if _climbs_on_the_spot(state, here, plan):
-        return _from_now(state, climbing(here, height_of(plan), way, task.arrival.speed_m_s))
-    return _from_now(state, along(here, height_of(plan), way, task.arrival.speed_m_s, begins_m_s))
+        return from_now(state, climbing(here, height_of(plan), way, task.arrival.speed_m_s))
+    return from_now(state, along(here, height_of(plan), way, task.arrival.speed_m_s, begins_m_s))
 
 
-def _from_now(state: AgentState, flight: Trajectory | None) -> Trajectory | None:
+def from_now(state: AgentState, flight: Trajectory | None) -> Trajectory | None:
     """A flight that is told from 0 s on and above home."""
     vehicle = state.vehicle
     if flight is None or vehicle.alt_amsl_m is None or vehicle.alt_rel_m is None:
@@ -194,7 +220,8 @@ def intents_heard(state: AgentState, event: ev.Intents, _now: float) -> Step:
         if flight is not None and uav != state.task.uav:
             # How it comes down is for the watch: heights keep routes apart, not landings.
             flight = to_its_landing(flight)
-            kept[uav] = Intended(flight, boxes_of(flight), intent.may_change, now_s - age_s)
+            said_s, vague = now_s - age_s, intent.around_m
+            kept[uav] = Intended(flight, Bounds.of(flight), intent.may_change, said_s, vague)
     fresh = {uav: known for uav, known in kept.items() if 0.0 <= now_s - known.said_s <= MAX_AGE_S}
     return replace(state, intents=fresh), []
 

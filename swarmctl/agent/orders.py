@@ -9,7 +9,7 @@ from typing import Any
 from swarmctl.agent.ours import ROLES, roles_of_ours
 from swarmctl.agent.state import IN_FLIGHT, ON_GROUND, PLANS_NO_MORE, AgentState, Phase, Task
 from swarmctl.core import events as ev
-from swarmctl.core.messages import MAX_AFTER_S, Outcome, Place, VehicleAnswer
+from swarmctl.core.messages import Outcome, Place, VehicleAnswer
 
 Step = tuple[AgentState, list[ev.Effect]]
 
@@ -110,16 +110,19 @@ def _ordered(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> S
     if order is ev.Order.LAUNCH:
         if state.phase in ON_GROUND and state.ordered in ROLES and not remote:
             return state, []  # an operator keeps it on the ground
-        return launch_if_possible(replace(state, launch_ordered=True))
+        return replace(state, launch_ordered=True, launch_is_operators=remote), []
     if state.phase in ON_GROUND and remote:
-        return replace(state, launch_ordered=False, ordered=order, order_seen=True), []
+        return replace(
+            state, launch_ordered=False, launch_waits_boot_s=None, ordered=order, order_seen=True
+        ), []
     if state.phase in ON_GROUND:
         return replace(state, phase=Phase.DONE, outcome="not launched", pending=None), []
     if state.phase is Phase.LAUNCHING:
         # On the ground or just above it, armed or about to be: the way out of both is down.
         changes: dict[str, Any] = {"launch_aborted": True, "outcome": "launch broken off"}
         return command(state, ev.Order.LAND, by_person=True, phase=Phase.LEAVING, **changes)
-    changes = {"dirty": False, "turn_boot_s": None, "gave_way": None, "outcome": f"{order} ordered"}
+    changes = {"dirty": False, "turn_boot_s": None, "turn_is_own": False, "gave_way": None}
+    changes |= {"outcome": f"{order} ordered", "returns_since_s": None}
     if not event.after_s:
         phase = Phase.HOLDING if order is ev.Order.HOLD else Phase.LEAVING
         return command(state, order, by_person=True, **(changes | {"phase": phase}))
@@ -128,17 +131,6 @@ def _ordered(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> S
     if state.phase is Phase.HOLDING and state.ordered is ev.Order.HOLD:
         return replace(state, **changes), []
     return command(state, ev.Order.HOLD, by_person=True, **changes)
-
-
-def turn_come(state: AgentState) -> Step | None:
-    """The return it has waited for; None where its turn has not come."""
-    if state.turn_boot_s is None or state.phase is not Phase.HOLDING:
-        return None
-    # A clock that was set back tells no turn any more.
-    waits_s = state.turn_boot_s - state.vehicle.time_boot_s
-    if 0.0 < waits_s <= MAX_AFTER_S:
-        return None
-    return command(state, ev.Order.RETURN, phase=Phase.LEAVING, turn_boot_s=None)
 
 
 def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) -> Step:
@@ -186,12 +178,3 @@ def let_go(state: AgentState, why: str) -> Step:
     return replace(state, phase=Phase.RELEASED, pending=None, dirty=False, outcome=f"{why}; let go"), [
         ev.Release()
     ]
-
-
-def launch_if_possible(state: AgentState) -> Step:
-    if state.phase is Phase.STANDBY and state.launch_ordered and state.pending is None:
-        if state.vehicle.mode_role not in {"", *roles_of_ours(state)}:
-            # Somebody has it, or it boots: neither is launched.
-            return let_go(state, f"in mode {state.vehicle.mode}, which nobody here has ordered")
-        return command(state, ev.Order.LAUNCH, phase=Phase.LAUNCHING)
-    return state, []

@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmctl.agent.ahead import still_ahead
-from swarmctl.agent.branching import Branch
+from swarmctl.agent.branching import CHANGE_S, Branch
 from swarmctl.agent.landing import goal_approach, home_approach
 from swarmctl.agent.state import AgentState, Task
 from swarmctl.core import any_angle
@@ -27,6 +26,7 @@ from swarmctl.core.mission import FlightPlan, Waypoint
 from swarmctl.core.plane import distance_to_leg
 from swarmctl.core.route import flight_plan, landing_spot, thin, track_plan
 from swarmctl.core.track import Point, Threat
+from swarmctl.core.turns import tangent
 from swarmctl.planners.base import Problem, Route, Unreachable
 
 BESIDE_M = 5.0
@@ -181,6 +181,23 @@ def _with_wings(task: Task, corners: Sequence[Cell], landing: LatLon, position: 
         approach=goal_approach(task, corners[-1]),
         home_approach=home_approach(task),
     )
+
+
+def still_ahead(task: Task, corners: Sequence[Cell], position: LatLon) -> Sequence[Cell]:
+    """The corners of a track that a fixed wing is on, without that which it is over or abreast of, and those
+    that it is about to turn at: for what lies behind it, it would fly a circle."""
+    grid = task.grid
+    over, here = grid.cell_at(*position), grid.frame.to_local(*position)
+    soon_m = 0.5 * CHANGE_S * task.arrival.speed_m_s
+    first = 0
+    while first + 1 < len(corners):
+        corner, after = grid.centre_m(corners[first]), grid.centre_m(corners[first + 1])
+        turns_m = min(tangent(here, corner, after, task.turn_radius_m), 2.0 * task.turn_radius_m)
+        behind = first == 0 and over is not None
+        if not behind and math.dist(here, corner) > turns_m + soon_m:
+            break
+        first += 1
+    return corners[first:]
 
 
 def index_abreast(swap: ev.SwapMission, cell: Cell, since: int = 0) -> int | None:

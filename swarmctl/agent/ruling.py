@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from swarmctl import rules
 from swarmctl.agent.orders import Step, command, let_go
 from swarmctl.agent.ours import roles_of_ours
+from swarmctl.agent.returning import NO_TURN, begun, return_in_turn
 from swarmctl.agent.state import AgentState, Phase
 from swarmctl.core import events as ev
 from swarmctl.rules import Action, Doing, Facts, Kind, Way
@@ -17,6 +19,7 @@ _DOING: dict[Phase, Doing] = {
     Phase.LANDING: "goal",
     Phase.HOLDING: "hold",
 }
+_WAITS = ": it holds until its way home is clear of the others'"
 _SAID = {Kind.HOLD: "it holds", Kind.RETURN: "it returns", Kind.LAND: "it lands where it is"}
 
 
@@ -31,7 +34,7 @@ def ruled(state: AgentState, now: float) -> Step:
     memories, demands = rules.judge(state.task.rules, state.memories, facts_of(state), now)
     state = replace(state, memories=memories, demands=demands)
     arisen = tuple(
-        demand if demand is not None and (was is None or was.kind is not demand.kind) else None
+        demand if demand is not None and _is_new(state, was, demand) else None
         for was, demand in zip(before, demands, strict=True)
     )
     strongest = rules.strongest(arisen)
@@ -42,15 +45,25 @@ def ruled(state: AgentState, now: float) -> Step:
         for ruling, was, demand in zip(state.task.rules, before, demands, strict=True)
         if was is not None and was.kind is Kind.WARN and demand is None
     ]
-    follow = strongest is not None and _changes(state, strongest)
+    followed = _follow(state, strongest) if strongest is not None and _changes(state, strongest) else None
     for demand in arisen:
         if demand is not None:
-            done = f": {_SAID[demand.kind]}" if follow and demand is strongest else ""
-            effects.append(ev.Tell(demand.why + done))
-    if strongest is None or not follow:
+            does = "" if followed is None else _says(followed[0], demand)
+            effects.append(ev.Tell(demand.why + (does if demand is strongest else "")))
+    if followed is None:
         return state, effects
-    state, ordered = _follow(state, strongest)
+    state, ordered = followed
     return state, [*effects, *ordered]
+
+
+def _is_new(state: AgentState, was: Action | None, demand: Action) -> bool:
+    """Also where it has waited for its turn, and may not any longer."""
+    presses = was is not None and demand.urgent and not was.urgent and state.turn_boot_s is not None
+    return was is None or was.kind is not demand.kind or presses
+
+
+def _says(after: AgentState, demand: Action) -> str:
+    return _WAITS if after.turn_is_own else f": {_SAID[demand.kind]}"
 
 
 def facts_of(state: AgentState) -> Facts:
@@ -90,15 +103,18 @@ def _changes(state: AgentState, demand: Action) -> bool:
 def _follow(state: AgentState, demand: Action) -> Step:
     order = ev.Order(demand.kind.value)
     down = order is not ev.Order.HOLD
-    return command(
-        state,
-        order,
-        phase=Phase.LEAVING if down else Phase.HOLDING,
-        dirty=False,
-        turn_boot_s=None,
-        gave_way=None,
+    changes: dict[str, Any] = {
+        "dirty": False,
+        "gave_way": None,
         # Whom no operator has called back has failed, however well it lands.
-        given_up=state.given_up or down,
-        outcome=demand.why,
-        trouble=demand.why,
-    )
+        "given_up": state.given_up or down,
+        "outcome": demand.why,
+        "trouble": demand.why,
+    }
+    if order is ev.Order.RETURN and not demand.urgent:
+        if (waits := return_in_turn(state, **changes)) is not None:
+            return waits
+        changes |= begun(state)
+    else:
+        changes |= NO_TURN
+    return command(state, order, phase=Phase.LEAVING if down else Phase.HOLDING, **changes)

@@ -23,6 +23,7 @@ from swarmctl.core.vehicle import VehicleState
 from swarmctl.planners.base import Method, Route
 from swarmctl.rules import ALWAYS, Action, Fence, Ruling
 from swarmctl.separation import Trajectory
+from swarmctl.separation.clash import Clash
 from swarmctl.separation.meet import Meeting
 from swarmctl.separation.watch import APART, Alarm, Heard, Intended, Separation
 
@@ -118,6 +119,15 @@ class Compared:
 
 
 @dataclass(frozen=True, slots=True)
+class LookedAt:
+    """Two flights that were compared."""
+
+    own: Trajectory
+    other: Intended
+    met: Clash | None
+
+
+@dataclass(frozen=True, slots=True)
 class AgentState:
     """Everything an agent knows; replaced, never changed, by `step`."""
 
@@ -129,6 +139,8 @@ class AgentState:
     """firing strengths of the next plan (Eq. 1)"""
     phase: Phase = Phase.WAITING
     vehicle: VehicleState = field(default_factory=VehicleState)
+    placed: VehicleState = field(default_factory=VehicleState)
+    """as it was when it last told where it is"""
     cell: Cell | None = None
     """the cell of the area it is over; None outside or unknown"""
     lost: bool = False
@@ -155,6 +167,10 @@ class AgentState:
     failed_swaps: int = 0
     """in a row"""
     launch_ordered: bool = False
+    launch_is_operators: bool = False
+    """an operator has ordered it, not its own process"""
+    launch_waits_boot_s: float | None = None
+    """since when it waits for others in the air to be out of the way of its first route, by its clock"""
     ordered: ev.Order | None = None
     """the last order it was given"""
     order_seen: bool = False
@@ -165,6 +181,14 @@ class AgentState:
     """who stands in hold between two plans does so because this agent, or a swap of its, has had it hold"""
     turn_boot_s: float | None = None
     """it holds, and returns at this time of the vehicle's clock"""
+    turn_is_own: bool = False
+    """or as soon as its way home is clear: it has no turn among others that are called back"""
+    looked_homeward_s: float = -math.inf
+    """when it was looked at last whether it is"""
+    returns_since_s: float | None = None
+    """when a return began that may still have to wait"""
+    homeward: Mapping[int, Heard] = field(default_factory=dict)
+    """others on the way home, as they told of themselves last"""
     order_again_at_s: float = math.inf
     """when to give an order again that it was not seen to follow"""
     launch_aborted: bool = False
@@ -202,6 +226,8 @@ class AgentState:
     own_intent: Trajectory | None = None
     """what it has told last of where it will be itself, by its own clock, up above the sea"""
     intent_said_s: float = -math.inf
+    looked_at: Mapping[int, LookedAt] = field(default_factory=dict)
+    """those, as compared with its own"""
     foreseen: frozenset[int] = frozenset()
     """others that the route being flown meets, and for which it is to give way"""
     put_off: frozenset[int] = frozenset()

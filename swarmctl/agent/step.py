@@ -7,37 +7,38 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import msgspec
+
 from swarmctl.agent.apart import keep_apart
-from swarmctl.agent.approach import ROLL_OUT_M
 from swarmctl.agent.branching import is_urgent, may_meet_walls
 from swarmctl.agent.clearing import compared, foresee
 from swarmctl.agent.decide import believed_exposure, decide
+from swarmctl.agent.down import disarmed_since, is_up, touched_down
 from swarmctl.agent.intents import intents_heard, tell_intent
-from swarmctl.agent.meeting import UNKNOWN_M_S, earliest_in_s, keep_pace, speed_failed
+from swarmctl.agent.launching import launch_if_possible, not_launched
+from swarmctl.agent.learning import heard, observed
+from swarmctl.agent.meeting import UNKNOWN_M_S, keep_pace, speed_failed
 from swarmctl.agent.neighbours import neighbours_heard
 from swarmctl.agent.orders import (
     Step,
     command,
-    launch_if_possible,
     let_go,
     operator,
-    turn_come,
     weights_changed,
 )
 from swarmctl.agent.ours import ROLES, roles_of_ours
 from swarmctl.agent.realise import index_abreast
+from swarmctl.agent.returning import take_turn
 from swarmctl.agent.ruling import ruled
-from swarmctl.agent.state import ARRIVED, IN_FLIGHT, ON_GROUND, PLANNING, AgentState, Phase
+from swarmctl.agent.sharing import share_state
+from swarmctl.agent.state import IN_FLIGHT, ON_GROUND, PLANNING, AgentState, Phase
 from swarmctl.agent.swap_times import SwapTimes
 from swarmctl.core import events as ev
-from swarmctl.core.frames import MAX_TEXT, StateShared
 from swarmctl.core.geo import distance_m
 from swarmctl.core.grid import Cell
-from swarmctl.core.observation import MAX_CELLS, Checkpoint, Observation, Told
-from swarmctl.core.vehicle import Landed, VehicleState
+from swarmctl.core.vehicle import VehicleState
 from swarmctl.planners.base import Unreachable
 
-SHARE_STATE_EVERY_S = 1.0
 RETRY_AFTER_S = 5.0
 MAX_FAILED_SWAPS = 3
 
@@ -89,10 +90,30 @@ def _ready(state: AgentState, _event: ev.Ready, _now: float) -> Step:
 
 def _rebooted(state: AgentState, _event: ev.Rebooted, _now: float) -> Step:
     if state.phase not in ON_GROUND:
-        return replace(state, trouble="it has rebooted"), []
+        # Its clock began anew.
+        placed = replace(state.placed, time_boot_s=0.0)
+        return replace(state, placed=placed, trouble="it has rebooted"), []
+    if state.launch_waits_boot_s is not None and not state.launch_is_operators:
+        return not_launched(state, "it has rebooted while it waited")  # its process orders it once
     # Readiness and mission are to be established again.
     state = replace(state, phase=Phase.WAITING, route=None, pending=None, launch_ordered=False)
-    return replace(state, trouble="it has rebooted"), []
+    return replace(state, launch_waits_boot_s=None, placed=VehicleState(), trouble="it has rebooted"), []
+
+
+def _operator(state: AgentState, event: ev.OperatorCommand, now: float) -> Step:
+    state, effects = operator(state, event, now)
+    state, launched = launch_if_possible(state)
+    if event.order is ev.Order.LAUNCH and state.launch_waits_boot_s is not None:
+        effects = [_noted(effect, state.trouble) for effect in effects]
+    return state, [*launched, *effects]
+
+
+def _noted(effect: ev.Effect, note: str) -> ev.Effect:
+    """With a word to whom it answers."""
+    if not isinstance(effect, ev.Answer) or effect.answer.outcome != "taken":
+        return effect
+    answer = msgspec.structs.replace(effect.answer, note=note)
+    return msgspec.structs.replace(effect, answer=answer)
 
 
 def _order_done(state: AgentState, event: ev.OrderDone, _now: float) -> Step:
@@ -116,9 +137,11 @@ def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> Step:
     if state.phase is not Phase.LAUNCHING:
         # The order stands: it is given again while the vehicle is still ours to order.
         return replace(state, order_again_at_s=now + RETRY_AFTER_S), []
-    if state.armed_seen or state.lost:
+    if state.armed_seen or (state.lost and not event.nothing_sent):
         # Armed, as far as is known, and not seen to climb: it must not be left to itself.
         return command(state, ev.Order.LAND, phase=Phase.LEAVING, given_up=True)
+    if event.nothing_sent:
+        return not_launched(state, event.reason)
     return replace(state, phase=Phase.FAILED, outcome=state.trouble), []
 
 
@@ -128,30 +151,33 @@ def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> Step:
 def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> Step:
     vehicle = event.state
     state = _moved(state, vehicle) if vehicle.has_position else replace(state, vehicle=vehicle)
-    if vehicle.armed and (state.phase is Phase.LAUNCHING or state.phase in IN_FLIGHT):
-        launched_s = vehicle.time_boot_s if state.launched_boot_s is None else state.launched_boot_s
+    launched_s = state.launched_boot_s
+    is_launched = vehicle.armed and (state.phase is Phase.LAUNCHING or state.phase in IN_FLIGHT)
+    if is_launched and not (state.armed_seen and launched_s is not None):
+        launched_s = vehicle.time_boot_s if launched_s is None else launched_s
         state = replace(state, armed_seen=True, launched_boot_s=launched_s)
-    state = _disarmed_since(state)
-    if state.phase in IN_FLIGHT and state.armed_seen and _is_down(state):
+    state = disarmed_since(state)
+    if state.phase in IN_FLIGHT and state.armed_seen and not is_up(state):
         # The last it tells, and at once: its process may end with it.
-        return _share_state(replace(_touched_down(state), last_shared_s=-math.inf))
+        return share_state(replace(touched_down(state), last_shared_s=-math.inf))
     state, demanded = ruled(state, now)
     if state.ended:
+        # Who is flown by somebody else is in the others' way all the same.
         state, told = tell_intent(state)
-        return state, [*demanded, *told]
+        state, shared = share_state(state) if is_up(state) else (state, [])
+        return state, [*demanded, *told, *shared]
+    state, launched = launch_if_possible(state)
     if state.phase is Phase.FLYING and state.cell in state.task.goals:
         state = replace(state, phase=Phase.LANDING, dirty=False, arrived_boot_s=vehicle.time_boot_s)
     if state.phase in IN_FLIGHT and now >= state.order_again_at_s and state.ordered is not None:
         state, again = command(state, state.ordered)
         return state, [*demanded, *again]
-    if (called := turn_come(state)) is not None:
-        state, again = called
-        return state, [*demanded, *again]
+    state, turned = take_turn(state)
     state, kept_apart = keep_apart(state)
     state, paced = keep_pace(state)
     state, intent = _tell_intent(state)
-    state, shared = _share_state(state)
-    return state, [*demanded, *kept_apart, *paced, *intent, *shared]
+    state, shared = share_state(state)
+    return state, [*demanded, *launched, *turned, *kept_apart, *paced, *intent, *shared]
 
 
 def _tell_intent(state: AgentState) -> Step:
@@ -177,7 +203,7 @@ def _moved(state: AgentState, vehicle: VehicleState) -> AgentState:
         state = replace(state, flown_m=state.flown_m + metres)
     cell = grid.cell_at(vehicle.lat_deg, vehicle.lon_deg)
     entered = cell is not None and cell != state.cell and vehicle.armed
-    state = replace(state, vehicle=vehicle, cell=cell)
+    state = replace(state, vehicle=vehicle, placed=vehicle, cell=cell)
     return _entered(state, cell) if entered and cell is not None else state
 
 
@@ -199,116 +225,14 @@ def _entered(state: AgentState, cell: Cell) -> AgentState:
     )
 
 
-def _disarmed_since(state: AgentState) -> AgentState:
-    since_s = state.vehicle.heartbeat_s if state.disarmed_s is None else state.disarmed_s
-    told_s = None if state.vehicle.armed else since_s
-    return state if told_s == state.disarmed_s else replace(state, disarmed_s=told_s)
-
-
-def _is_down(state: AgentState) -> bool:
-    """It says that it is disarmed, and that it is on the ground, or says so twice: its flight is over."""
-    vehicle = state.vehicle
-    is_told_twice = vehicle.heartbeat_s != state.disarmed_s
-    return not vehicle.armed and (is_told_twice or vehicle.landed is Landed.ON_GROUND)
-
-
-def _touched_down(state: AgentState) -> AgentState:
-    """It was armed by its launch and is disarmed now."""
-    if state.phase is Phase.LANDING and (state.cell in state.task.goals or _rolled_out(state)):
-        return replace(state, phase=Phase.DONE, outcome=ARRIVED, pending=None)
-    if state.phase is Phase.LEAVING:
-        phase = Phase.FAILED if state.given_up else Phase.DONE
-        said = state.outcome or state.trouble
-        return replace(state, phase=phase, outcome=f"{said}; landed", pending=None)
-    where = f"in cell {state.cell}" if state.cell is not None else "outside the area"
-    battery = state.vehicle.battery_percent
-    rest = "" if battery is None else f", battery {battery} %"
-    reason = f"disarmed {where}, short of its goal, in mode {state.vehicle.mode or 'unknown'}{rest}"
-    return replace(state, phase=Phase.FAILED, outcome=reason, pending=None)
-
-
-def _rolled_out(state: AgentState) -> bool:
-    """Whether a fixed wing stands where it was to land, or has rolled to."""
-    vehicle, swap = state.vehicle, state.route
-    if swap is None or swap.plan.approach is None or vehicle.lat_deg is None or vehicle.lon_deg is None:
-        return False
-    down = swap.plan.approach.touchdown
-    away_m = distance_m((vehicle.lat_deg, vehicle.lon_deg), (down.lat_deg, down.lon_deg))
-    return away_m <= ROLL_OUT_M
-
-
-def _share_state(state: AgentState) -> Step:
-    vehicle = state.vehicle
-    if not vehicle.has_position:
-        return state, []
-    # A vehicle's own clock falls back when it boots again.
-    elapsed_s = vehicle.time_boot_s - state.last_shared_s
-    if 0.0 <= elapsed_s < SHARE_STATE_EVERY_S:
-        return state, []
-    assert vehicle.lat_deg is not None
-    assert vehicle.lon_deg is not None
-    assert vehicle.alt_rel_m is not None
-    message = StateShared(
-        time_s=vehicle.time_boot_s,
-        lat_deg=vehicle.lat_deg,
-        lon_deg=vehicle.lon_deg,
-        alt_rel_m=vehicle.alt_rel_m,
-        phase=state.phase,
-        n_observed=state.belief.n_observed,
-        n_found=state.belief.n_found,
-        mode=vehicle.mode[:MAX_TEXT],
-        plan_id=0 if state.route is None else state.route.plan_id,
-        replans=state.replans,
-        late_s=state.late_s,
-        outcome=state.outcome[:MAX_TEXT],
-        trouble=(state.alarm or state.trouble)[:MAX_TEXT],
-        alt_amsl_m=vehicle.alt_amsl_m,
-        earliest_in_s=earliest_in_s(state),
-        velocity_m_s=(vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s),
-    )
-    return replace(state, last_shared_s=vehicle.time_boot_s), [ev.Publish(message)]
-
-
-def _observed(state: AgentState, event: ev.Observed, now: float) -> Step:
-    # DEVIATION: of what is known the paper's UAVs sense no more. Who sees the contrary of what it was told
-    # says so: somebody errs, or lies.
-    against = state.belief.contrary(event.cells)
-    new = (*state.belief.unsettled(event.cells), *against)
-    effects: list[ev.Effect] = []
-    for i in range(0, len(new), MAX_CELLS):
-        seen = Observation(state.task.uav, state.next_seq, now, new[i : i + MAX_CELLS], state.incarnation)
-        state = _learn(replace(state, next_seq=state.next_seq + 1), (seen,))
-        effects.append(ev.Publish(seen, tuple((r, c) for r, c, _ in against)))
-    return state, effects
-
-
-def _heard(state: AgentState, event: ev.Heard, _now: float) -> Step:
-    try:
-        return _learn(state, event.told), []
-    except ValueError:  # a cell outside the area, or one name with two contents: take what is good
-        pass
-    for told in event.told:
-        try:
-            state = _learn(state, (told,))
-        except ValueError as error:
-            state = replace(state, refused=state.refused + 1, trouble=str(error))
-    return state, []
-
-
-def _learn(state: AgentState, told: tuple[Told, ...]) -> AgentState:
-    belief = state.belief.merge(told)
-    if belief is state.belief:
-        return state
-    learned = tuple((*t.source, t.upto if isinstance(t, Checkpoint) else t.seq) for t in told)
-    return replace(state, belief=belief, dirty=True, because=(*state.because, *learned))
-
-
 def _joined(state: AgentState, event: ev.Joined, _now: float) -> Step:
     return replace(state, incarnation=event.incarnation), []
 
 
 def _link_lost(state: AgentState, _event: ev.LinkLost, now: float) -> Step:
-    return ruled(replace(state, lost=True), now)
+    state, demanded = ruled(replace(state, lost=True, last_shared_s=-math.inf), now)
+    state, shared = share_state(state) if state.phase in IN_FLIGHT else (state, [])
+    return state, [*demanded, *shared]
 
 
 def _link_restored(state: AgentState, _event: ev.LinkRestored, now: float) -> Step:
@@ -397,8 +321,8 @@ _HANDLERS: dict[type[Any], Callable[[AgentState, Any, float], Step]] = {
     ev.Joined: _joined,
     ev.Ready: _ready,
     ev.TelemetryReceived: _telemetry,
-    ev.Observed: _observed,
-    ev.Heard: _heard,
+    ev.Observed: observed,
+    ev.Heard: heard,
     ev.Neighbours: neighbours_heard,
     ev.Intents: _intents,
     ev.SpeedFailed: speed_failed,
@@ -408,7 +332,7 @@ _HANDLERS: dict[type[Any], Callable[[AgentState, Any, float], Step]] = {
     ev.OrderFailed: _order_failed,
     ev.LinkLost: _link_lost,
     ev.LinkRestored: _link_restored,
-    ev.OperatorCommand: operator,
+    ev.OperatorCommand: _operator,
     ev.WeightsChanged: weights_changed,
     ev.Rebooted: _rebooted,
     ev.Tick: _tick,

@@ -109,6 +109,8 @@ class OrderDone(_Fact, frozen=True):
 class OrderFailed(_Fact, frozen=True):
     order: Order
     reason: str
+    nothing_sent: bool = False
+    """what has to be looked at before a launch forbade it"""
 
 
 class SpeedFailed(_Fact, frozen=True):

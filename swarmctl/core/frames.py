@@ -3,7 +3,7 @@
 | act/kind | content | says |
 |---|---|---|
 | `inform/observation` | Observation | what the sender has just seen |
-| `inform/state` | StateShared | where it is, what it does, how much it knows; once a second |
+| `inform/state` | StateShared | where it is, what it does, what it knows, whom it hears; once a second |
 | `inform/intent` | IntentShared | where it will be at what time; when that changes, and every few seconds |
 | `query-ref/snapshot` | SnapshotAsked | which observations it holds: tell me the others |
 | `inform/snapshot` | Snapshot | the answer: frames of their observers, word for word |
@@ -40,6 +40,8 @@ MAX_POINTS = 256
 """of an intent: of what is longer the begin is told"""
 MAX_AHEAD_S = 14_400.0
 """so far ahead an intent may tell"""
+MAX_HEARD = 254
+"""as many as there are system ids"""
 MAX_FRAMES = 256
 """inside of one message"""
 
@@ -109,13 +111,22 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
     """east, north, up"""
     earliest_in_s: float | None = None
     """until it could be over its goal; negative: since it was; where a swarm arrives together"""
+    hears: Annotated[tuple[Id, ...], msgspec.Meta(max_length=MAX_HEARD)] = ()
+    """of the UAVs near it, those it has heard of late: they know by it that they are heard"""
+    returns_to: tuple[float, float] | None = None
+    """where it goes down: of who is on the way home, or holds until its turn to be [deg]"""
+    age_s: float = 0.0
+    """how old its place, height and velocity are, where it tells none any more"""
 
     def __post_init__(self) -> None:
         _check_place(self.lat_deg, self.lon_deg)
+        if self.returns_to is not None:
+            _check_place(*self.returns_to)
         maybe = (self.late_s, self.alt_amsl_m, self.earliest_in_s)
-        numbers = (self.time_s, self.alt_rel_m, *self.velocity_m_s, *(x for x in maybe if x is not None))
-        if not all(map(math.isfinite, numbers)):
-            raise ValueError("a time, a height or a speed that is no number")
+        own = (self.time_s, self.alt_rel_m, *self.velocity_m_s)
+        numbers = (*own, self.age_s, *(x for x in maybe if x is not None))
+        if not all(map(math.isfinite, numbers)) or self.age_s < 0.0:
+            raise ValueError("a time, a height, a speed or an age that is no number, or below 0")
 
 
 class IntentPoint(msgspec.Struct, frozen=True, array_like=True, gc=False):
@@ -137,8 +148,12 @@ class IntentShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, ta
     """times rising; none: where it flies is not known"""
     may_change: bool = True
     """it could give way: it flies a mission of ours that may be changed"""
+    around_m: tuple[float, float] = (0.0, 0.0)
+    """it is somewhere within this of these points, over ground and in height"""
 
     def __post_init__(self) -> None:
+        if not all(math.isfinite(m) and m >= 0.0 for m in self.around_m):
+            raise ValueError("a distance that is no number, or below 0")
         before_s = -math.inf
         for point in self.points:
             _check_place(point.lat_deg, point.lon_deg)

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmctl.core.frames import StateShared
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.messages import Place
 from swarmctl.core.plane import distance_to_leg
@@ -35,6 +36,8 @@ REACTS_WITHIN_S = 10.0
 CLIMBS_TO_M = 60.0
 """above home, at most; PX4's RTL_RETURN_ALT as it comes, more than ArduCopter's RTL_ALT"""
 CLIMB_M_S = 1.5
+SILENT_S = 10.0
+"""Who is not heard for so long waits no more, and is taken to be on its way if it was."""
 SINK_M_S = 0.8
 """from that height to the ground on the average, a wait above home included"""
 
@@ -148,6 +151,33 @@ def turns_of(places: Mapping[int, Place]) -> Turns:
     ]
     keeps = [(LEAST_APART_M, LEAST_ABOVE_M), *(place.keeps_m for place in places.values())]
     return turns(callers, horizontal_m=max(k[0] for k in keeps), vertical_m=max(k[1] for k in keeps))
+
+
+def place_told(state: StateShared, own: Place) -> Place | None:
+    """Of one that is on the way home, or waits to be, by what it has told: as fast as this vehicle is, and
+    keeping as much; from its ground, if it tells no height. None where it has told no home."""
+    if state.returns_to is None:
+        return None
+    if state.alt_amsl_m is None:
+        alt_amsl_m, ground_amsl_m = own.home_alt_amsl_m + state.alt_rel_m, own.home_alt_amsl_m
+    else:
+        alt_amsl_m, ground_amsl_m = state.alt_amsl_m, state.alt_amsl_m - state.alt_rel_m
+    return Place(
+        state.lat_deg,
+        state.lon_deg,
+        alt_amsl_m,
+        *state.returns_to,
+        ground_amsl_m,
+        own.speed_m_s,
+        own.keeps_m,
+        is_returning=True,
+    )
+
+
+def is_on_its_way(place: Place, age_s: float) -> bool:
+    """Whether one that was on the way home when it was heard, so long ago, may be yet: while it is silent for
+    no longer than that takes."""
+    return age_s <= max(SILENT_S, turns_of({0: place}).down_s)
 
 
 def told(turns: Turns, names: Mapping[int, str]) -> str:

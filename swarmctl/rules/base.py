@@ -48,6 +48,8 @@ class Action:
     kind: Kind
     why: str
     """for the operator: what was found, and what was expected"""
+    urgent: bool = True
+    """it waits for nobody; a return that is not holds until the way home is clear of others'"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pydantic import Field
 
@@ -18,6 +18,13 @@ class Params(Section):
     return_percent: float = Field(25.0, ge=0.0, le=100.0, description="below this it returns [%]; 0: never")
     land_percent: float = Field(
         10.0, ge=0.0, le=100.0, description="below this it lands where it is [%]; 0: never"
+    )
+    wait_percent: float = Field(
+        5.0,
+        ge=0.0,
+        le=100.0,
+        description="so much of it, below `return_percent`, it may spend in hold until its way home is clear "
+        "of others' [%]; 0: it never waits",
     )
     seconds: float = Field(
         3.0, ge=0.0, description="so long it has to be below: full thrust makes it sag [s]"
@@ -54,10 +61,17 @@ def judge(params: Params, memory: Memory | None, facts: Facts, _now: float) -> t
         demanded = _stronger(demanded, Kind.LAND, percent, params.land_percent)
     elif lasts(return_since_s, params.seconds, told_s):
         demanded = _stronger(demanded, Kind.RETURN, percent, params.return_percent)
+        demanded = replace(demanded, urgent=demanded.urgent or percent < _waits_above_percent(params))
     return Memory(return_since_s, land_since_s, demanded), demanded
+
+
+def _waits_above_percent(params: Params) -> float:
+    """Of the charge: above this a return may wait."""
+    return max(params.return_percent - params.wait_percent, params.land_percent)
 
 
 def _stronger(demanded: Action | None, kind: Kind, percent: float, limit: float) -> Action:
     if demanded is not None and STRENGTH[demanded.kind] >= STRENGTH[kind]:
         return demanded
-    return Action(kind, f"battery at {percent:g} %, less than the {limit:g} % of rules.low_battery")
+    why = f"battery at {percent:g} %, less than the {limit:g} % of rules.low_battery"
+    return Action(kind, why, urgent=kind is Kind.LAND)

@@ -12,6 +12,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +43,13 @@ class Clash:
     """when the one is there, at the earliest"""
 
 
-def boxes_of(flight: Trajectory) -> Boxes:
+def in_words(met: Sequence[Clash], now_s: float) -> str:
+    """Whose flights, and in how long."""
+    near = [f"that of vehicle {clash.other} in {max(clash.at_s - now_s, 0.0):.0f} s" for clash in met]
+    return " and ".join(near)
+
+
+def _boxes_of(flight: Trajectory) -> Boxes:
     times, points = np.array(flight.times_s), np.array(flight.points).reshape(-1, 3)
     low = np.column_stack((times[:-1], np.minimum(points[:-1], points[1:])))
     return np.hstack((low, np.column_stack((times[1:], np.maximum(points[:-1], points[1:])))))
@@ -50,19 +57,24 @@ def boxes_of(flight: Trajectory) -> Boxes:
 
 def clashes(
     own: Trajectory,
-    others: Mapping[int, tuple[Trajectory, Boxes]],
+    others: Mapping[int, Trajectory],
     limits: Limits,
     slack_s: float = SLACK_S,
+    wider: Mapping[int, Limits] = MappingProxyType({}),
 ) -> tuple[Clash, ...]:
-    """Whom a flight may meet of others, given with their boxes, by system id; the soonest first."""
-    mine, boxes = list(own.segments()), boxes_of(own)
+    """Whom a flight may meet of others, by system id; the soonest first. `wider` are the limits of those from
+    which more is to be kept."""
+    if not others:
+        return ()
+    mine, boxes = list(own.segments()), _boxes_of(own)
     found = []
-    for uav, (flight, theirs) in others.items():
-        near = _near_pairs(boxes, theirs, limits, slack_s)
+    for uav, flight in others.items():
+        kept = wider.get(uav, limits)
+        near = _near_pairs(boxes, _boxes_of(flight), kept, slack_s)
         if not near:
             continue
         pieces = list(flight.segments())
-        at_s = (clash_at_s(mine[i], pieces[j], limits, slack_s) for i, j in near)
+        at_s = (clash_at_s(mine[i], pieces[j], kept, slack_s) for i, j in near)
         first_s = min((t for t in at_s if t is not None), default=None)
         if first_s is not None:
             found.append(Clash(uav, first_s))

@@ -70,6 +70,36 @@ class Trajectory:
         return Trajectory(tuple(t + seconds for t in self.times_s), self.points)
 
 
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """What a flight stays within, in time and in each direction."""
+
+    least: tuple[float, float, float, float]
+    """time, east, north, up [s, m]"""
+    most: tuple[float, float, float, float]
+
+    @classmethod
+    def of(cls, flight: Trajectory) -> Bounds:
+        east_m, north_m, up_m = zip(*flight.points, strict=True)
+        return cls(
+            (flight.times_s[0], min(east_m), min(north_m), min(up_m)),
+            (flight.times_s[-1], max(east_m), max(north_m), max(up_m)),
+        )
+
+    def is_within(self, other: Bounds, reach: tuple[float, float, float, float]) -> bool:
+        """Whether some place of the one is no farther than this from one of the other. Who is not needs no
+        closer look."""
+        (t0, e0, n0, u0), (t1, e1, n1, u1) = self.least, self.most
+        (s0, f0, m0, v0), (s1, f1, m1, v1) = other.least, other.most
+        t, e, n, u = reach
+        return (
+            (t0 - t <= s1 and s0 - t <= t1)
+            and (u0 - u <= v1 and v0 - u <= u1)
+            and (e0 - e <= f1 and f0 - e <= e1)
+            and (n0 - n <= m1 and m0 - n <= n1)
+        )
+
+
 def to_its_landing(flight: Trajectory) -> Trajectory:
     """A flight until it begins to come down on the spot at its end; the whole of one that does so already."""
     n = len(flight.points)

@@ -8,8 +8,7 @@ from typing import Literal
 
 from swarmctl.core.frames import StateShared
 from swarmctl.separation.approach import Approach, Limits, closest, intervals
-from swarmctl.separation.clash import Boxes
-from swarmctl.separation.trajectory import Trajectory
+from swarmctl.separation.trajectory import Bounds, Trajectory
 
 Action = Literal["hold", "climb", "none"]
 
@@ -51,10 +50,17 @@ class Intended:
 
     flight: Trajectory
     """by the clock and in the plane of the vehicle that heard it, up above the sea"""
-    boxes: Boxes
+    bounds: Bounds
     may_change: bool
     """it could give way"""
     said_s: float
+    around_m: tuple[float, float] = (0.0, 0.0)
+    """it is somewhere within this of that flight, over ground and in height"""
+
+    def limits(self, limits: Limits) -> Limits:
+        """What is to be kept from that flight, so that `limits` are kept from the vehicle."""
+        horizontal_m, vertical_m = self.around_m
+        return Limits(limits.horizontal_m + horizontal_m, limits.vertical_m + vertical_m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,10 +87,11 @@ def watch(
     """
     before = {alarm.other: alarm for alarm in alarms}
     wide = Limits(CLEAR_BY * rules.limits.horizontal_m, CLEAR_BY * rules.limits.vertical_m)
-    after = []
+    after, mine = [], Bounds.of(own)
     for uav in sorted({*others, *before}):
         other, known = others.get(uav), before.get(uav)
-        if other is not None and intervals(own, other, rules.limits if known is None else wide):
+        limits = rules.limits if known is None else wide
+        if other is not None and _is_near(mine, other, limits) and intervals(own, other, limits):
             at = closest(own, other, rules.limits)
             assert at is not None
             after.append(Alarm(uav, at))
@@ -93,6 +100,11 @@ def watch(
             if now_s - since_s < CLEAR_FOR_S:
                 after.append(Alarm(uav, known.approach, since_s))
     return tuple(after)
+
+
+def _is_near(mine: Bounds, other: Trajectory, limits: Limits) -> bool:
+    reach = (0.0, limits.horizontal_m, limits.horizontal_m, limits.vertical_m)
+    return mine.is_within(Bounds.of(other), reach)
 
 
 def gives_way(uav: int, other: int) -> bool:

@@ -169,7 +169,10 @@ def test_a_vehicle_that_does_not_become_ready_is_said_with_what_fails_elsewhere(
     afflict: Afflict, tmp_path: Path
 ) -> None:
     afflict("sensor_unhealthy:sensor=mag,sysid=1", params={3: {"FENCE_ENABLE": 0}})
-    report = checked(small(flight={"ready_timeout_s": 20.0, "altitude_m": 15.0}), tmp_path)
+    ui = Ui()
+    report = checked(small(flight={"ready_timeout_s": 20.0, "altitude_m": 15.0}), tmp_path, ui=ui)
+    (early,) = (text for text in ui.said if text.startswith("uav3: parameters: found FENCE_ENABLE 0"))
+    assert early.endswith("; the others are waited for")
     uav1 = {("uav1", "position"), ("uav1", "battery"), ("uav1", "route")}
     assert set(failing(report)) == {*uav1, ("uav3", "parameters")}
     assert report.trouble[0].startswith("uav1 (system 1 at memory:fleet): not ready to arm after 20 s")

@@ -67,3 +67,30 @@ def test_its_demand_never_weakens(charges: list[int | None]) -> None:
         now = -1 if demand is None else STRENGTH[demand.kind]
         assert now >= rank
         rank = now
+
+
+@pytest.mark.parametrize(
+    ("params", "percent", "urgent"),
+    [
+        ({}, 20, False),
+        ({}, 19, True),
+        ({"wait_percent": 0.0}, 24, True),
+        ({"wait_percent": 50.0}, 10, False),
+        ({"wait_percent": 50.0, "land_percent": 0.0}, 1, False),
+    ],
+)
+def test_its_return_may_wait_while_there_is_charge_for_that(
+    params: dict[str, float], percent: int, *, urgent: bool
+) -> None:
+    rule = Judged(low_battery, return_percent=25.0, seconds=0.0, **params)
+    demand = rule(0.0, facts(at(0.0, 0.0, battery_percent=percent)))
+    assert demand is not None
+    assert (demand.kind, demand.urgent) == (Kind.RETURN, urgent)
+
+
+def test_what_is_urgent_stays_so() -> None:
+    rule = Judged(low_battery, return_percent=25.0, seconds=0.0)
+    for second, percent in enumerate((24, 19, 24)):
+        demand = rule(float(second), facts(at(0.0, 0.0, battery_percent=percent)))
+    assert demand is not None
+    assert demand.urgent

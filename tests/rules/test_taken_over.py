@@ -7,8 +7,9 @@ from dataclasses import replace
 import pytest
 from facts import Judged, at, facts
 
+from swarmctl.core.vehicle import STALE_MODE_S
 from swarmctl.rules import Doing, Kind, taken_over
-from swarmctl.rules.taken_over import BOOTS_S, STALE_MODE_S
+from swarmctl.rules.taken_over import BOOTS_S
 
 LOITER = at(0.0, 0.0, mode="LOITER", mode_role="other")
 GUIDED = at(0.0, 0.0, mode="GUIDED", mode_role="hold")

@@ -10,15 +10,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from test_approach import flights
 
-from swarmctl.separation import Limits, Trajectory, onward
-from swarmctl.separation.clash import LEVEL_M, boxes_of, clashes
+from swarmctl.separation import Limits, Trajectory, intervals, onward
+from swarmctl.separation.clash import LEVEL_M, clashes
+from swarmctl.separation.trajectory import Bounds
 from swarmctl.separation.watch import yields_to
 
 LIMITS = Limits(20.0, 5.0)
 
 
 def met(own: Trajectory, *others: Trajectory, slack_s: float = 2.0) -> list[int]:
-    known = {uav: (flight, boxes_of(flight)) for uav, flight in enumerate(others, start=1)}
+    known = dict(enumerate(others, start=1))
     return [clash.other for clash in clashes(own, known, LIMITS, slack_s)]
 
 
@@ -52,7 +53,7 @@ def test_heights_kept_to_the_limit_are_kept() -> None:
 
 def test_the_soonest_comes_first_and_says_when() -> None:
     late = onward((80.0, -180.0, 40.0), (0.0, 10.0, 0.0), 0.0, 20.0)
-    known = {1: (late, boxes_of(late)), 2: (NORTH, boxes_of(NORTH))}
+    known = {1: late, 2: NORTH}
     first, second = clashes(EAST, known, LIMITS)
     assert (first.other, second.other) == (2, 1)
     assert 5.0 < first.at_s < 10.0 < second.at_s < 18.0
@@ -80,6 +81,25 @@ def test_they_meet_nowhere_where_samples_keep_far_apart(a: Trajectory, b: Trajec
     # A second and a half is more than lies between samples of both; they fly up to 170 m/s.
     if sampled(a, b, slack_s + 1.5) > 8.0:
         assert met(a, b, slack_s=slack_s) == []
+
+
+@given(flights(), flights(), st.floats(0.0, 4.0))
+def test_who_is_out_of_the_others_bounds_needs_no_closer_look(
+    a: Trajectory, b: Trajectory, slack_s: float
+) -> None:
+    reach = (slack_s, LIMITS.horizontal_m, LIMITS.horizontal_m, LIMITS.vertical_m)
+    is_within = Bounds.of(a).is_within(Bounds.of(b), reach)
+    assert is_within is Bounds.of(b).is_within(Bounds.of(a), reach)
+    if not is_within:
+        assert met(a, b, slack_s=slack_s) == []
+        assert intervals(a, b, LIMITS) == ()
+
+
+def test_of_some_more_is_kept() -> None:
+    beside = onward((-100.0, 25.0, 40.0), (10.0, 0.0, 0.0), 0.0, 20.0)
+    assert clashes(EAST, {1: beside}, LIMITS, 2.0) == ()
+    (found,) = clashes(EAST, {1: beside}, LIMITS, 2.0, {1: Limits(30.0, 5.0)})
+    assert found.other == 1
 
 
 standings = st.tuples(st.booleans(), st.integers(1, 254))

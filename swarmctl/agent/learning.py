@@ -1,0 +1,44 @@
+"""What a vehicle's own sensor sees and what the others tell of what theirs saw: the belief. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from swarmctl.agent.orders import Step
+from swarmctl.agent.state import AgentState
+from swarmctl.core import events as ev
+from swarmctl.core.observation import MAX_CELLS, Checkpoint, Observation, Told
+
+
+def observed(state: AgentState, event: ev.Observed, now: float) -> Step:
+    # DEVIATION: of what is known the paper's UAVs sense no more. Who sees the contrary of what it was told
+    # says so: somebody errs, or lies.
+    against = state.belief.contrary(event.cells)
+    new = (*state.belief.unsettled(event.cells), *against)
+    effects: list[ev.Effect] = []
+    for i in range(0, len(new), MAX_CELLS):
+        seen = Observation(state.task.uav, state.next_seq, now, new[i : i + MAX_CELLS], state.incarnation)
+        state = _learn(replace(state, next_seq=state.next_seq + 1), (seen,))
+        effects.append(ev.Publish(seen, tuple((r, c) for r, c, _ in against)))
+    return state, effects
+
+
+def heard(state: AgentState, event: ev.Heard, _now: float) -> Step:
+    try:
+        return _learn(state, event.told), []
+    except ValueError:  # a cell outside the area, or one name with two contents: take what is good
+        pass
+    for told in event.told:
+        try:
+            state = _learn(state, (told,))
+        except ValueError as error:
+            state = replace(state, refused=state.refused + 1, trouble=str(error))
+    return state, []
+
+
+def _learn(state: AgentState, told: tuple[Told, ...]) -> AgentState:
+    belief = state.belief.merge(told)
+    if belief is state.belief:
+        return state
+    learned = tuple((*t.source, t.upto if isinstance(t, Checkpoint) else t.seq) for t in told)
+    return replace(state, belief=belief, dirty=True, because=(*state.because, *learned))

@@ -1,0 +1,48 @@
+"""What a vehicle tells the others of where it is and what it does. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from swarmctl.agent.apart import hears
+from swarmctl.agent.meeting import earliest_in_s
+from swarmctl.agent.orders import Step
+from swarmctl.agent.returning import home_of
+from swarmctl.agent.state import AgentState
+from swarmctl.core import events as ev
+from swarmctl.core.frames import MAX_TEXT, StateShared
+
+SHARE_STATE_EVERY_S = 1.0
+
+
+def share_state(state: AgentState) -> Step:
+    """With each position, once a second; who tells none any more is where it was, so and so long ago."""
+    vehicle, there = state.vehicle, state.placed
+    if there.lat_deg is None or there.lon_deg is None or there.alt_rel_m is None:
+        return state, []
+    # A vehicle's own clock falls back when it boots again.
+    elapsed_s = vehicle.time_boot_s - state.last_shared_s
+    if 0.0 <= elapsed_s < SHARE_STATE_EVERY_S:
+        return state, []
+    message = StateShared(
+        time_s=vehicle.time_boot_s,
+        lat_deg=there.lat_deg,
+        lon_deg=there.lon_deg,
+        alt_rel_m=there.alt_rel_m,
+        phase=state.phase,
+        n_observed=state.belief.n_observed,
+        n_found=state.belief.n_found,
+        mode=vehicle.mode[:MAX_TEXT],
+        plan_id=0 if state.route is None else state.route.plan_id,
+        replans=state.replans,
+        late_s=state.late_s,
+        outcome=state.outcome[:MAX_TEXT],
+        trouble=(state.alarm or state.trouble)[:MAX_TEXT],
+        alt_amsl_m=there.alt_amsl_m,
+        earliest_in_s=earliest_in_s(state),
+        velocity_m_s=(there.east_m_s, there.north_m_s, there.climb_m_s),
+        hears=hears(state),
+        returns_to=home_of(state),
+        age_s=max(vehicle.time_boot_s - there.time_boot_s, 0.0),
+    )
+    return replace(state, last_shared_s=vehicle.time_boot_s), [ev.Publish(message)]

@@ -1,0 +1,208 @@
+"""A return because of a low battery while others are on the way home, told as stories."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from test_abort import gathering
+from test_agent import GRID, Story, orders, publications
+from test_agent_intents import AMSL_M, told
+from troubled import Trouble, suffer
+
+from swarmctl import record
+from swarmctl.agent.returning import SETTLES_S, WAITS_FOR_S
+from swarmctl.core import events as ev
+from swarmctl.core.frames import StateShared
+from swarmctl.rules import Ruling, low_battery, not_following
+
+HOLD, RETURN, LAND = ev.Order.HOLD, ev.Order.RETURN, ev.Order.LAND
+LAT_DEG, LON_DEG = GRID.centre((4, 0))
+HOMES = {"home_lat_deg": LAT_DEG, "home_lon_deg": LON_DEG, "home_alt_amsl_m": AMSL_M - 30.0}
+RULES = (Ruling(low_battery, low_battery.Params(seconds=0.0)),)
+LOW = "battery at {} %, less than the 25 % of rules.low_battery"
+
+
+class Low(Story):
+    """Vehicle 2 flies east along row 4, 200 m from where it took off; `goes_home` tells of another."""
+
+    def __init__(self, **changes: Any) -> None:
+        super().__init__(**{"uav": 2, "rules": RULES, **changes})
+        self.flying()
+        self.at()
+
+    def at(self, percent: int = 60, **changes: Any) -> list[ev.Effect]:
+        flown = {"alt_amsl_m": AMSL_M, "battery_percent": percent, **HOMES}
+        return self.over((4, 4), **{**flown, **changes})
+
+    def holds(self, percent: int = 23, **changes: Any) -> list[ev.Effect]:
+        return self.at(percent, mode="GUIDED", mode_role="hold", **changes)
+
+    def returns(self, percent: int = 23) -> list[ev.Effect]:
+        return self.at(percent, mode="RTL", mode_role="return")
+
+    def goes_home(self, uav: int, *, col: int = 6, row: int = 4, **changes: Any) -> None:
+        """Along row 4 to where vehicle 2 took off, unless `changes` say otherwise."""
+        lat_deg, lon_deg = GRID.centre((row, col))
+        state: dict[str, Any] = {"time_s": self.now, "lat_deg": lat_deg, "lon_deg": lon_deg, "n_found": 0}
+        state |= {"alt_rel_m": 34.0, "alt_amsl_m": AMSL_M + 4.0, "phase": "leaving", "n_observed": 0}
+        state |= {"returns_to": (LAT_DEG, LON_DEG), **changes}
+        self(ev.Neighbours(((uav, StateShared(**state)),)))
+        self.now -= 1.0
+
+
+def shared(effects: list[ev.Effect]) -> StateShared:
+    (state,) = (message for message in publications(effects) if isinstance(message, StateShared))
+    return state
+
+
+def test_where_nobody_is_on_the_way_home_it_returns_at_once_and_tells_where_to() -> None:
+    story = Low()
+    effects = story.at(23)
+    assert orders(effects) == [RETURN]
+    assert told(effects) == [LOW.format(23) + ": it returns"]
+    assert (shared(effects).phase, shared(effects).returns_to) == ("leaving", (LAT_DEG, LON_DEG))
+
+
+@pytest.mark.parametrize("phase", ["leaving", "released"])
+def test_it_holds_while_another_is_on_the_way_that_it_would_take_and_goes_when_that_is_down(
+    phase: str,
+) -> None:
+    story = Low()
+    story.goes_home(3, phase=phase)
+    effects = story.at(23)
+    assert orders(effects) == [HOLD]
+    assert told(effects) == [LOW.format(23) + ": it holds until its way home is clear of the others'"]
+    assert (shared(effects).phase, shared(effects).returns_to) == ("holding", (LAT_DEG, LON_DEG))
+    story(ev.OrderDone(HOLD))
+    for col in (5, 4, 3, 2, 1):
+        story.goes_home(3, col=col, phase=phase)
+        assert orders(story.holds()) == []
+    story.goes_home(3, col=0, phase="done", returns_to=None)
+    effects = story.holds()
+    assert orders(effects) == [RETURN]
+    assert told(effects) == ["its way home is clear: it returns"]
+    assert shared(effects).phase == "leaving"
+    assert orders(story.returns()) == []
+    assert story.state.outcome == LOW.format(23)
+
+
+def test_who_goes_home_elsewhere_is_not_waited_for() -> None:
+    story = Low()
+    story.goes_home(3, row=8, returns_to=GRID.centre((8, 8)))
+    assert orders(story.at(23)) == [RETURN]
+
+
+@pytest.mark.parametrize(("uav", "first"), [(1, True), (3, False)])
+def test_of_two_that_wait_the_one_with_the_lower_system_id_is_first(uav: int, *, first: bool) -> None:
+    story = Low()
+    story.goes_home(uav, phase="holding")
+    assert orders(story.at(23)) == [HOLD if first else RETURN]
+
+
+def waiting(percent: int = 23) -> Low:
+    story = Low()
+    story.goes_home(3)
+    assert orders(story.at(percent)) == [HOLD]
+    story(ev.OrderDone(HOLD))
+    return story
+
+
+def test_it_waits_no_longer_than_its_battery_lets_it() -> None:
+    story = waiting()
+    for percent in (22, 21, 20):
+        story.goes_home(3)
+        assert orders(story.holds(percent)) == []
+    story.goes_home(3)
+    assert orders(story.holds(19)) == [RETURN]
+    assert orders(story.returns(18)) == []
+
+
+def test_who_is_below_that_already_goes_at_once() -> None:
+    story = Low()
+    story.goes_home(3)
+    assert orders(story.at(19)) == [RETURN]
+
+
+def test_who_has_to_land_lands() -> None:
+    story = waiting()
+    assert orders(story.holds(9)) == [LAND]
+
+
+def test_nor_for_ever() -> None:
+    story = waiting()
+    given = []
+    for _ in range(int(WAITS_FOR_S) + 1):
+        story.goes_home(3)
+        given += orders(story.holds())
+    assert given == [RETURN]
+
+
+def test_one_that_falls_silent_on_its_way_counts_until_it_must_be_down() -> None:
+    story = waiting()
+    # 10 s to react, 19 to climb to 60 m, 300 m at half its speed, 75 to come down.
+    seconds = next(s for s in range(300) if orders(story.holds()) == [RETURN])
+    assert seconds == pytest.approx(WAITS_FOR_S, abs=2.0)
+
+
+@pytest.mark.parametrize(("uav", "then"), [(1, [HOLD]), (3, [])])
+def test_of_two_that_begin_at_one_time_the_one_with_the_higher_system_id_holds_again(
+    uav: int, then: list[ev.Order]
+) -> None:
+    story = Low()
+    assert orders(story.at(23)) == [RETURN]
+    story(ev.OrderDone(RETURN))
+    story.goes_home(uav)
+    assert orders(story.returns()) == then
+
+
+def test_who_may_wait_no_longer_by_then_goes_on() -> None:
+    story = Low()
+    assert orders(story.at(20)) == [RETURN]
+    story(ev.OrderDone(RETURN))
+    story.goes_home(1)
+    assert orders(story.returns(19)) == []
+    assert orders(story.returns(19)) == []
+
+
+def test_once_it_is_well_on_its_way_it_is_not_stopped() -> None:
+    story = Low()
+    assert orders(story.at(23)) == [RETURN]
+    story(ev.OrderDone(RETURN))
+    story.now += SETTLES_S
+    story.goes_home(1)
+    assert orders(story.returns()) == []
+
+
+def test_other_demands_to_return_wait_for_nobody() -> None:
+    story = Low(rules=(Ruling(not_following, not_following.Params(seconds=3.0)),))
+    story.goes_home(3)
+    given = [order for _ in range(6) for order in orders(story.at(60))]
+    assert given == [RETURN]
+
+
+def test_an_operator_who_orders_otherwise_is_obeyed() -> None:
+    story = waiting()
+    assert orders(story(ev.OperatorCommand(RETURN, 1))) == [RETURN]
+    again = waiting()
+    again(ev.OperatorCommand(HOLD, 1))
+    again.goes_home(3, phase="done", returns_to=None)
+    assert [order for s in range(30) for order in orders(again.holds(22 - s // 10))] == []
+
+
+@pytest.mark.virtual
+def test_three_whose_batteries_run_low_at_one_time_come_home_one_after_the_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sag = {"fault": "battery_sag", "params": {"at_most": 0.24, "sag_v": 0.0}, "at_s": 44.0}
+    trouble = Trouble(faults=[sag])
+    # They are 36 m from each other when they begin.
+    scenario = gathering(rules={"low_battery": {"wait_percent": 14.0}}, separation={"horizontal_m": 60.0})
+    report, ui = suffer(trouble, tmp_path, monkeypatch, scenario=scenario)
+    assert trouble.modes[1] == ["AUTO", "RTL"]
+    assert ["AUTO", "RTL", "GUIDED", "RTL"] in trouble.modes.values()
+    assert not any(state.vehicle.armed for state in report.states.values())
+    begun = [i for i, text in enumerate(ui.said) if text.endswith(": its way home is clear: it returns")]
+    assert begun
+    assert record.replay(tmp_path / "run.mcap").difference == ""
