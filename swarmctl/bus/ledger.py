@@ -106,7 +106,7 @@ class Ledger:
         frame, content = reading.frame, reading.frame.content
         is_its_own = frame.sender == sender and reading.act == act
         is_in_time = -self._clock_tolerance_s <= unix_s - frame.unix_s <= STALE_S
-        if not (is_its_own and is_in_time):
+        if not (is_its_own and is_in_time and isinstance(content, Observation | StateShared)):
             return np.zeros_like(hearers)
         row = self._places[sender]
         takes = self._next(row, frame, hearers, now_s)
@@ -116,7 +116,7 @@ class Ledger:
             self._shelve(reading, takes, self.shelf[row])
             self.upto[row] += takes
             self._know(takes, reading.mark)
-        elif isinstance(content, StateShared):
+        else:
             takes &= self.upto[row] >= content.last_seq
             takes &= self.state_unix_s[row] < frame.unix_s
             self.state[row, takes] = reading
@@ -124,8 +124,6 @@ class Ledger:
             self.state_unix_s[row, takes] = frame.unix_s
             self.told_s[row, takes] = self.said_s[row, takes] = now_s
             self.agreed_s[row, takes & self._has_held(content.knows)] = now_s
-        else:
-            return np.zeros_like(hearers)
         self.newest[row] += takes
         self.worked[row] += A_MESSAGE * takes
         self.heard_s[row, takes] = now_s

@@ -130,6 +130,8 @@ class Network:
         node = Node(
             uav, self._uavs, self._options, self._seal, incarnation, rng, hears, self._read, self._ledger
         )
+        if (before := self._members.get(uav)) is not None and before.timer is not None:
+            before.timer.cancel()
         self._members[uav] = _Member(node, on_told)
         self._transport.subscribe(keys.inbox(self._swarm, uav), partial(self._received, uav))
         self._arm(self._members[uav])
@@ -276,6 +278,8 @@ class Network:
             self._hear(self._said.popleft(), now_s, unix_s)
             at_s = time.perf_counter()
         if not self._said or began_s > self._told_s + MAX_UNTOLD_S:
+            # A turn of their own: where more is said than can be heard, nothing is left of the other.
+            began_s = at_s
             while self._untold and at_s < began_s + TURN_S:
                 self._tell_news(self._untold.popleft())
                 self._told_s = at_s = time.perf_counter()

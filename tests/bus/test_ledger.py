@@ -77,7 +77,7 @@ class Senders:
         return Observation(uav, seq, 1.0, cells, incarnation)
 
 
-@settings(max_examples=200)
+@settings(max_examples=200, deadline=None)
 @given(st.data())
 def test_at_once_comes_to_the_same_as_one_by_one(data: st.DataObject) -> None:
     both, senders = (Process(at_once=True), Process(at_once=False)), Senders()

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 from collections.abc import Callable
 from contextlib import AbstractContextManager, closing
+from types import SimpleNamespace
 
 import pytest
 from ether import state
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swarmctl.bus import keys
+from swarmctl.bus import keys, network
 from swarmctl.bus.base import Transport
 from swarmctl.bus.exchange import NodeOptions
 from swarmctl.bus.memory import MemoryBus
@@ -170,6 +172,46 @@ def test_what_waits_for_an_agent_is_told_it_at_once() -> None:
                 assert told == [tuple(said)]
 
     run_virtual(scene())
+
+
+def test_who_joins_again_is_one_uav_and_knows_what_was_said_before() -> None:
+    async def scene() -> None:
+        with closing(MemoryBus()) as transport:
+            swarm = Swarm(transport, 1, 2, 3)
+            with closing(swarm.network):
+                for seq in range(1, 6):
+                    await in_turn(swarm, seq)
+                told: list[Told] = []
+                swarm.incarnations[3] = swarm.network.join(3, told.extend)
+                for uav in (1, 2):
+                    swarm.says(uav, 6)
+                    swarm.network.publish(uav, state(46.0 + uav * 1e-4))
+                swarm.says(3, 1)
+                await asyncio.sleep(60.0)
+                assert {(seen.observer, seen.seq) for seen in told if isinstance(seen, Observation)} >= {
+                    (uav, seq) for uav in (1, 2) for seq in range(1, 7)
+                }
+                assert all(not swarm.network.tally(uav).refused for uav in (1, 2, 3))
+
+    run_virtual(scene())
+
+
+def test_agents_are_told_also_while_more_is_said_than_can_be_heard(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = itertools.count(0.0, 0.001)  # each look at it is a message or an agent later
+    monkeypatch.setattr(network, "time", SimpleNamespace(perf_counter=lambda: next(clock)))
+
+    async def scene() -> int:
+        with closing(MemoryBus()) as transport:
+            swarm = Swarm(transport, 1, 2)
+            with closing(swarm.network):
+                for turn in range(20):
+                    for i in range(30):
+                        swarm.says(1, 30 * turn + i + 1)
+                    await asyncio.sleep(0.0)
+                return swarm.told[2].qsize()
+
+    # But for what came in the last moments.
+    assert run_virtual(scene()) >= 300
 
 
 # --- the model, in simulated time
