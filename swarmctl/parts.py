@@ -80,7 +80,10 @@ async def parts_of(
     async with contextlib.AsyncExitStack() as stack:
         played: asyncio.Task[None] | None = None
         links = scenario.config.links
-        pool = stack.enter_context(ThreadPoolExecutor(1, "timestamps")) if clock == "real" else None
+        pool = ThreadPoolExecutor(1, "timestamps") if clock == "real" else None
+        if pool is not None:
+            # Not waited for: a disk that hangs must not keep the reports back.
+            stack.callback(pool.shutdown, wait=False)
         front_end = await stack.enter_async_context(
             FrontEnd(
                 wall_time_us=wall_time_us,

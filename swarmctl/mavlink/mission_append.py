@@ -144,7 +144,11 @@ class Append(Conversation[AppendResult]):
             self._last_nack = name
         elif code == mavlink.MAV_MISSION_OPERATION_CANCELLED:
             pass  # the end of an earlier transfer, or of one whose item was lost: it is asked what it holds
-        elif self.state is not State.WAITING or code != mavlink.MAV_MISSION_DENIED:
+        elif code == mavlink.MAV_MISSION_DENIED:
+            # Perhaps of what was asked before this began, and was overtaken: it is asked what it holds.
+            if self.state is not State.WAITING:
+                self._last_nack = name
+        else:
             return self._end(f"{name} after {self._stored} of {len(self._items)} items")
         return []
 

@@ -36,10 +36,9 @@ class Download(Conversation[DownloadResult]):
     """
 
     REPEAT_S = 1.0
-    TRIES = 6
-    ITEM_TRIES = 12
-    """Who has told the number of items is there. Where 30 % of all messages are lost, six times in a row a
-    question or its answer is, for half of all lists of 50 items."""
+    TRIES = 12
+    """Where 30 % of all messages are lost, six times in a row a question or its answer is, for half of all
+    lists of 50 items."""
 
     def __init__(self, peer: Peer, mission_type: int = MISSION, first: int = 0, window: int = 1) -> None:
         super().__init__()
@@ -118,7 +117,7 @@ class Download(Conversation[DownloadResult]):
             self._end(DownloadOutcome.REFUSED, name)
 
     def _on_deadline(self, now: float) -> list[Message]:
-        if self._tries < (self.TRIES if self.state is State.WAITING else self.ITEM_TRIES):
+        if self._tries < self.TRIES:
             return self._ask(now)
         farewell = self._farewell(now)
         what = "the number of items" if self.state is State.WAITING else f"item {self._next}"

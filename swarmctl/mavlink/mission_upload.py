@@ -53,6 +53,9 @@ class Upload(Conversation[UploadResult]):
 
     COUNT_REPEAT_S = 1.0
     IDLE_LIMIT_S = 6.0
+    STUCK_LIMIT_S = 30.0
+    """Asked for the same items for so long it gives up. ArduPilot does so after 8 s without one, PX4 after 5;
+    how long all of them take is the link's matter: 3 s each where a fifth is lost and an answer takes 2 s."""
 
     def __init__(
         self,
@@ -72,7 +75,7 @@ class Upload(Conversation[UploadResult]):
         self._unsent = set(range(len(self._items)))
         self._last_nack = ""
         self._idle_at = 0.0
-        self._total_at = 0.0
+        self._stuck_at = 0.0
 
     @property
     def items(self) -> tuple[MissionItem, ...]:
@@ -92,8 +95,7 @@ class Upload(Conversation[UploadResult]):
 
     def _begin(self, now: float) -> list[Message]:
         self._idle_at = now + self.IDLE_LIMIT_S
-        # At 20 % loss both ways an item takes about 0.6 s on a vehicle that asks again after 1 s.
-        self._total_at = now + 20.0 + 2.0 * len(self._items)
+        self._stuck_at = now + self.STUCK_LIMIT_S
         return self._announce(now)
 
     def _announce(self, now: float) -> list[Message]:
@@ -126,9 +128,11 @@ class Upload(Conversation[UploadResult]):
         if seq == len(self._items) - 1 and self._too_late():
             self._end(UploadOutcome.TOO_LATE, "the last item was kept back")
             return self._farewell(now)
-        self._unsent.discard(seq)
         self._idle_at = now + self.IDLE_LIMIT_S
-        self.next_deadline = min(self._idle_at, self._total_at)
+        if seq in self._unsent:
+            self._unsent.remove(seq)
+            self._stuck_at = now + self.STUCK_LIMIT_S
+        self.next_deadline = min(self._idle_at, self._stuck_at)
         item = self._items[seq]
         return [item_message(self._peer, seq, item, self._type, current=seq == self._current)]
 
@@ -155,7 +159,7 @@ class Upload(Conversation[UploadResult]):
             self._end(UploadOutcome.REJECTED, name)
 
     def _on_deadline(self, now: float) -> list[Message]:
-        if now < self._idle_at and now < self._total_at:
+        if now < self._idle_at and now < self._stuck_at:
             return self._announce(now) if self.state is State.WAITING else []
         farewell = self._farewell(now)
         if self.state is State.WAITING:

@@ -23,12 +23,13 @@ def put(
     tries: int = UPLOAD_TRIES,
     flown: int | None = None,
     too_late: Callable[[], bool] = lambda: False,
+    is_over: Callable[[], bool] = lambda: False,
 ) -> Procedure[Placed]:
     """Upload, read back, compare; tried again after what another try can cure.
 
     Ends without failure only if exactly `items` are on the vehicle. `current` is marked as the one to fly;
     `flown` is the one that the vehicle flies to now, and goes on to where none is marked. What comes
-    `too_late` is not put there.
+    `too_late` is not put there; when the time for it `is_over` it is not tried again.
     """
     ctx.on_vehicle, ctx.flown_from = (), ctx.dialect.first_waypoint_seq
 
@@ -38,7 +39,7 @@ def put(
     def differences(found: tuple[MissionItem, ...]) -> tuple[str, ...]:
         return ctx.dialect.differences(items, found)
 
-    placed = yield from verified(ctx, upload, read_back, differences, tries)
+    placed = yield from verified(ctx, upload, read_back, differences, tries, is_over)
     if placed.failure is None:
         ctx.on_vehicle = placed.found
     return placed
@@ -61,6 +62,7 @@ def verified(
     read: Callable[[Context], Procedure[DownloadResult]],
     differences: Callable[[tuple[MissionItem, ...]], tuple[str, ...]],
     tries: int,
+    is_over: Callable[[], bool] = lambda: False,
 ) -> Procedure[Placed]:
     """A list of items of any kind onto a vehicle; `differences` of what is read back from what is sent."""
     failure = "not tried"
@@ -68,6 +70,8 @@ def verified(
         if attempt:
             # A vehicle still in the old transfer would take items of the new one into it.
             yield wait(ctx.dialect.upload_timeout_s)
+        if attempt and is_over():
+            break
         result: UploadResult = yield upload()
         failure, uploaded_s = result.text, ctx.state.time_boot_s
         if result.outcome in (UploadOutcome.REJECTED, UploadOutcome.TOO_LATE):

@@ -12,6 +12,10 @@ from swarmctl.mavlink.placing import put
 from swarmctl.mavlink.procedure import Context, Procedure
 from swarmctl.mavlink.swap_steps import Flown, Way, have_it_hold, held, see_it_fly
 
+STANDS_LIMIT_S = 120.0
+"""It holds on a battery that was counted on for the flight: after so long nothing more is begun, and whoever
+plans decides what to do instead."""
+
 
 def swap_in_place(ctx: Context, way: Way, old: Flown) -> Procedure[Swapped]:
     """Hold, upload, read back, set the current item, fly; or go back to the old mission the same way.
@@ -23,13 +27,19 @@ def swap_in_place(ctx: Context, way: Way, old: Flown) -> Procedure[Swapped]:
     if failure:
         yield from look(ctx, in_modes({mission}, armed=True))
         return Swapped(f"it does not hold: {failure}", "old" if old.items else "unknown")
-    first = ctx.dialect.first_waypoint_seq
-    failure = yield from _fly_from_hold(ctx, way, way.items, lambda: first + way.first(ctx))
+    first, until_s = ctx.dialect.first_waypoint_seq, ctx.state.time_boot_s + STANDS_LIMIT_S
+
+    def is_over() -> bool:
+        return ctx.state.time_boot_s > until_s
+
+    failure = yield from _fly_from_hold(ctx, way, way.items, lambda: first + way.first(ctx), is_over)
     if not failure:
         way.is_taken_over(ctx)
         return Swapped(None, "new")
-    if old.items:
-        second = yield from _fly_from_hold(ctx, way, old.items, lambda: old.seq)
+    if is_over():
+        failure = f"{failure}; it has held for more than {STANDS_LIMIT_S:g} s"
+    elif old.items:
+        second = yield from _fly_from_hold(ctx, way, old.items, lambda: old.seq, is_over)
         if not second:
             return Swapped(failure, "old")
         failure = f"{failure}; back to the old mission: {second}"
@@ -38,7 +48,11 @@ def swap_in_place(ctx: Context, way: Way, old: Flown) -> Procedure[Swapped]:
 
 
 def _fly_from_hold(
-    ctx: Context, way: Way, items: tuple[MissionItem, ...], item: Callable[[], int]
+    ctx: Context,
+    way: Way,
+    items: tuple[MissionItem, ...],
+    item: Callable[[], int],
+    is_over: Callable[[], bool],
 ) -> Procedure[str | None]:
     """Upload to a vehicle that holds, and see it fly the mission from an item on, found when it is there.
 
@@ -47,7 +61,7 @@ def _fly_from_hold(
     hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
     holds = in_modes({hold}, armed=True)
     yield from look(ctx, holds)
-    placed = yield from put(ctx, items)
+    placed = yield from put(ctx, items, is_over=is_over)
     if placed.failure:
         return placed.failure
     seq = item()

@@ -193,7 +193,8 @@ class Telemetry:
         began_anew_s = self._clock_told_s // CLOCK_BEGINS_ANEW_S * CLOCK_BEGINS_ANEW_S
         heard_s, self._clock_heard_s, self._clock_told_s = self._clock_heard_s, self._now, time_boot_s
         went_back = time_boot_s < self.state.time_boot_s - REBOOT_S
-        is_younger = heard_s is not None and time_boot_s - began_anew_s < self._now - heard_s - YOUNGER_S
+        ran_s = time_boot_s - began_anew_s  # below 0: of before, and overtaken
+        is_younger = heard_s is not None and 0.0 <= ran_s < self._now - heard_s - YOUNGER_S
         if not (went_back or is_younger):
             return False
         # Keep what is said by heartbeats, which come unasked; the rest is of a life before.

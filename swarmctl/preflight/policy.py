@@ -276,7 +276,7 @@ def _cruise(intent: Intent, airspeed: str, bank_limit: str) -> tuple[Wanted, Wan
 
 
 def _critical(intent: Intent, values: tuple[float, ...]) -> Wanted:
-    """Where the battery is still lower it does no more, returns or lands; its motors do not stop in the air."""
+    """Where the battery is still lower it does no more, returns or lands: no motor stops in the air."""
     return Wanted("BATT_FS_CRT_ACT", intent.low_battery, 0.0, values)
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+from typing import Any
+
 import pytest
 from flying_bench import FlyingBench, plan
 
@@ -97,3 +100,24 @@ def test_an_item_that_is_refused_in_the_middle_ends_with_the_old_mission_where_i
     assert bench.holds(bench.session.items)
     assert bench.vehicle.mission.index == at
     assert aims <= {(i.x, i.y) for i in old} | {None}
+
+
+def test_on_a_link_too_bad_for_it_nothing_more_is_begun_after_two_minutes_in_hold():
+    """It hovers on a battery that was counted on for the flight: whoever plans decides what to do instead."""
+    bench = FlyingBench("ardupilot").flying(OLD)
+    new = bench.session.mission_items(plan(north=20, east=0.001))
+    counter = itertools.count()
+
+    def is_lost(message: Any) -> bool:
+        if message.get_type() == "MISSION_ITEM_INT":
+            return message.seq == len(new) - 1 or next(counter) % 6 != 0
+        return message.get_type() == "MISSION_WRITE_PARTIAL_LIST"
+
+    bench.block = is_lost
+    began_s = bench.now
+    result = bench.do("swap", lambda c: procedures.swap(c, new))
+    assert result.flying == "hold"
+    assert "held for more than 120 s" in result.failure
+    assert bench.mode == "GUIDED"
+    announced_s = [at_s for at_s, m in bench.sent if m.get_type() == "MISSION_COUNT" and at_s > began_s]
+    assert max(announced_s) < began_s + 120.0

@@ -417,6 +417,14 @@ def test_a_message_of_before_the_clock_wrapped_that_comes_late_is_old_news() -> 
     assert telemetry.state.time_boot_s == pytest.approx((WRAP_MS + 300) / 1000.0)
 
 
+def test_one_that_was_overtaken_when_the_clock_wrapped_is_no_reboot() -> None:
+    telemetry = Telemetry(dialect_for(3, 2))
+    for now_s, boot_ms in ((0.0, WRAP_MS - 200), (0.5, WRAP_MS + 300), (0.5, WRAP_MS - 1200)):
+        telemetry.receive(at(boot_ms), now_s)
+    assert telemetry.reboots == 0
+    assert telemetry.state.time_boot_s == pytest.approx((WRAP_MS + 300) / 1000.0)
+
+
 @pytest.mark.parametrize(
     ("silent_s", "uptime_s", "reboots"),
     [(600.0, 540.0, 0), (600.0, 20.0, 1), (5.0, 4.0, 1), (70.0, 9.5, 0)],
