@@ -12,7 +12,7 @@ from swarmctl import operate
 from swarmctl.bus.base import Transport
 from swarmctl.bus.zenoh_config import Credentials
 from swarmctl.core.messages import MAX_AFTER_S, GiveOrder, OperatorAnswer, Request, VehicleAnswer
-from swarmctl.core.returns import turns_of
+from swarmctl.core.returns import can_be, turns_of
 from swarmctl.operate import UNSEALED, Seals, Station
 
 UNTOLD_S = 120.0
@@ -40,7 +40,7 @@ async def ask(bus: Transport, station: Station, command: Request, seals: Seals =
     began_s = _now_s()
     held = await _asked(bus, station, msgspec.structs.replace(command, after_s=UNTOLD_S), seals)
     called = [v for v in held if v.outcome == "taken"]
-    turns = turns_of({v.uav: v.place for v in called if v.place is not None})
+    turns = turns_of({v.uav: v.place for v in called if v.place is not None and can_be(v.place)})
     down_s = turns.down_s if len(turns.begins_s) == len(called) else math.inf
     later_s = 0.0
     if any(v.outcome == "unconfirmed" for v in held) and down_s > UNTOLD_S - (_now_s() - began_s):

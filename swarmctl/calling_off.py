@@ -50,8 +50,9 @@ class CallingOff:
             m for m in self._members if m.state.phase in IN_FLIGHT or m.state.phase is Phase.LAUNCHING
         ]
         order = ev.Order(self._flight.on_exit)
-        # Who returns already is not stopped on its way, only to be sent home again.
-        on_its_way = [m for m in in_flight if order is ev.Order.RETURN and m.state.phase is Phase.LEAVING]
+        # Who returns already, or waits for its turn to as long as its battery lets it, is not stopped, only
+        # to be sent home again.
+        on_its_way = [m for m in in_flight if order is ev.Order.RETURN and _goes_home(m)]
         stopped = [m for m in in_flight if m not in on_its_way]
         if theirs := [m for m in self._members if is_theirs(m.state)]:
             self._say(f"{names(theirs)}: let go in the air, so it is ordered nothing; {ON_ITS_OWN}")
@@ -146,6 +147,10 @@ class CallingOff:
         except TimeoutError:
             late = [m for m in members if not condition(m)]
             self._say(f"not within {deadline_s:g} s: {names(late)}")
+
+
+def _goes_home(member: Member) -> bool:
+    return member.state.phase is Phase.LEAVING or member.state.turn_is_own
 
 
 def _holds(member: Member) -> bool:

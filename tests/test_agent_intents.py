@@ -426,3 +426,10 @@ def test_a_new_plan_keeps_clear_of_all_places_where_a_blind_one_may_be(
     story.other(7, (0.0, *there), (60.0, *there), **vague)
     (height,) = heights(changes_its_plan(story))
     assert height == pytest.approx(height_m)
+
+
+def test_nobody_keeps_clear_of_more_around_a_flight_than_honest_ones_tell() -> None:
+    story = Flier()
+    story.other(1, (0.0, 75.0, MID_M[1] + 300.0), (60.0, 500.0, MID_M[1] + 300.0), around_m=(1e6, 0.0))
+    story.at(85.0)
+    assert story.state.foreseen == frozenset()

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -12,9 +15,15 @@ from test_agent_intents import AMSL_M, told
 from troubled import Trouble, suffer
 
 from swarmctl import record
+from swarmctl.agent import AgentState
+from swarmctl.agent.approach import Wings
 from swarmctl.agent.returning import SETTLES_S, WAITS_FOR_S
+from swarmctl.calling_off import CallingOff
+from swarmctl.clock import run_virtual
+from swarmctl.config import Flight
 from swarmctl.core import events as ev
-from swarmctl.core.frames import StateShared
+from swarmctl.core.frames import MAX_AWAY, StateShared
+from swarmctl.core.messages import Place
 from swarmctl.rules import Ruling, low_battery, not_following
 
 HOLD, RETURN, LAND = ev.Order.HOLD, ev.Order.RETURN, ev.Order.LAND
@@ -94,6 +103,17 @@ def test_who_goes_home_elsewhere_is_not_waited_for() -> None:
     assert orders(story.at(23)) == [RETURN]
 
 
+@pytest.mark.parametrize(
+    "told",
+    [{"alt_rel_m": MAX_AWAY}, {"alt_rel_m": -MAX_AWAY}, {"returns_to": (LAT_DEG, LON_DEG - 2.0)}],
+    ids=["above the air", "under the ground", "155 km away"],
+)
+def test_who_tells_what_cannot_be_is_not_waited_for(told: dict[str, Any]) -> None:
+    story = Low()
+    story.goes_home(3, **told)
+    assert orders(story.at(23)) == [RETURN]
+
+
 @pytest.mark.parametrize(("uav", "first"), [(1, True), (3, False)])
 def test_of_two_that_wait_the_one_with_the_lower_system_id_is_first(uav: int, *, first: bool) -> None:
     story = Low()
@@ -137,6 +157,23 @@ def test_nor_for_ever() -> None:
         story.goes_home(3)
         given += orders(story.holds())
     assert given == [RETURN]
+
+
+@pytest.mark.parametrize(("higher", "before_s"), [((), 0.0), ((4,), 10.0), ((4, 5), 20.0)])
+def test_of_several_whose_time_is_over_one_goes_after_the_other(
+    higher: tuple[int, ...], before_s: float
+) -> None:
+    story = waiting()
+
+    def returns() -> bool:
+        for uav in (1, *higher):
+            story.goes_home(uav, phase="holding")
+        story.goes_home(3)
+        return RETURN in orders(story.holds())
+
+    assert next(s for s in range(int(WAITS_FOR_S) + 1) if returns()) == pytest.approx(
+        WAITS_FOR_S - before_s, abs=2.0
+    )
 
 
 def test_one_that_falls_silent_on_its_way_counts_until_it_must_be_down() -> None:
@@ -186,9 +223,67 @@ def test_an_operator_who_orders_otherwise_is_obeyed() -> None:
     story = waiting()
     assert orders(story(ev.OperatorCommand(RETURN, 1))) == [RETURN]
     again = waiting()
-    again(ev.OperatorCommand(HOLD, 1))
+    (answer,) = (e.answer for e in again(ev.OperatorCommand(HOLD, 1)) if isinstance(e, ev.Answer))
+    assert answer.note == f"it returns no more, for which it waited: {LOW.format(23)}"
     again.goes_home(3, phase="done", returns_to=None)
     assert [order for s in range(30) for order in orders(again.holds(22 - s // 10))] == []
+
+
+def test_a_clock_that_fell_back_keeps_it_waiting_no_longer() -> None:
+    story = waiting()
+    story.now += 60.0
+    story.goes_home(3)
+    assert orders(story.holds()) == []
+    story.now = 1.0
+    story.goes_home(3)
+    assert orders(story.holds()) == [RETURN]
+
+
+@pytest.mark.parametrize(("up_m", "given"), [(12.0, RETURN), (28.0, HOLD)])
+def test_a_fixed_wing_does_not_hold_in_circles_as_low_as_it_takes_off(up_m: float, given: ev.Order) -> None:
+    story = Low()
+    wings = Wings(40.0, 30.0, 5.0, 12.0, takeoff_height_m=20.0, home=(LAT_DEG, LON_DEG))
+    story.state = replace(story.state, task=replace(story.state.task, wings=wings))
+    story.goes_home(3)
+    assert orders(story.at(23, alt_rel_m=up_m)) == [given]
+
+
+class Waits:
+    """As a member of a swarm; nothing more than who calls all back needs of it."""
+
+    def __init__(self, story: Low) -> None:
+        self.story, self.name, self.spec = story, "uav2", SimpleNamespace(sysid=2)
+        self.runner = SimpleNamespace(post=story)
+
+    @property
+    def state(self) -> AgentState:
+        return self.story.state
+
+
+class Nobody:
+    """May go, for others are always on the way."""
+
+    def may_go(self, place: Place, now_s: float) -> bool:
+        return False
+
+    def may_land(self, place: Place, now_s: float) -> bool:
+        return False
+
+
+def test_who_waits_when_its_process_is_stopped_returns_no_later_than_its_battery_lets_it() -> None:
+    story = waiting()
+    member: Any = Waits(story)
+    called = CallingOff([member], Flight(), lambda _text: None, Nobody())
+
+    async def scene() -> list[ev.Order]:
+        leaving = asyncio.create_task(called.leave())
+        await asyncio.sleep(20.0)
+        story.goes_home(3)
+        given = orders(story.holds(19))
+        leaving.cancel()
+        return given
+
+    assert run_virtual(scene()) == [RETURN]
 
 
 @pytest.mark.virtual

@@ -7,6 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+import msgspec
+import pytest
+
 from swarmctl import calling_back
 from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.calling_back import ASKED_TIMES, UNTOLD_S
@@ -95,6 +98,25 @@ def test_one_whose_place_nobody_knows_waits_as_well() -> None:
     agents = Agents({1: None, 2: None}, lambda uav, _: uav == 1)
     called_back(agents)
     assert agents.last(1) >= 2.0 * UNTOLD_S
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"alt_amsl_m": 1e12},
+        {"home_alt_amsl_m": -1e300},
+        {"speed_m_s": 0.0},
+        {"home_lon_deg": 1e300},
+        {"keeps_m": (1e300, 5.0)},
+    ],
+)
+def test_one_that_tells_a_place_that_cannot_be_is_taken_for_one_whose_place_nobody_knows(
+    changes: dict[str, Any],
+) -> None:
+    agents = Agents({1: place(), 2: msgspec.structs.replace(place(), **changes)})
+    called_back(agents)
+    assert agents.last(1) == 0.0
+    assert agents.last(2) > 0.0
 
 
 def test_an_agent_that_is_not_in_touch_keeps_nobody_waiting() -> None:

@@ -220,7 +220,8 @@ def intents_heard(state: AgentState, event: ev.Intents, _now: float) -> Step:
         if flight is not None and uav != state.task.uav:
             # How it comes down is for the watch: heights keep routes apart, not landings.
             flight = to_its_landing(flight)
-            said_s, vague = now_s - age_s, intent.around_m
+            said_s, (away_m, up_m) = now_s - age_s, intent.around_m
+            vague = (min(away_m, AROUND_M), up_m)  # no more is told by who does not lie
             kept[uav] = Intended(flight, Bounds.of(flight), intent.may_change, said_s, vague)
     fresh = {uav: known for uav, known in kept.items() if 0.0 <= now_s - known.said_s <= MAX_AGE_S}
     return replace(state, intents=fresh), []

@@ -84,6 +84,8 @@ def _order_answer(state: AgentState, event: ev.OperatorCommand) -> tuple[Outcome
     if _follows(state, order):
         return "taken", "it does so already"
     notes = ["its link is lost; it is told when it is heard again"] if state.lost else []
+    if order is ev.Order.HOLD and state.turn_is_own:  # by a rule, which demands it once
+        notes += [f"it returns no more, for which it waited: {state.outcome}"]
     notes += [f"it holds for {event.after_s:g} s first, for others to return"] if event.after_s else []
     return "taken", "; ".join(notes)
 

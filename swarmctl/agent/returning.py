@@ -25,9 +25,13 @@ from swarmctl.separation.watch import Heard
 
 WAITS_FOR_S = 120.0
 """Then it returns, whoever else does."""
+ONE_BY_ONE_S, MOST_ONE_BY_ONE = 10.0, 6
+"""Of several whose time is over by then the lower system ids go that much before it, one after the other."""
 LOOKS_EVERY_S = 1.0
 SETTLES_S = 5.0
 """For so long after its begin it still gives way to another that has begun."""
+CLIMBED = 0.9
+"""of its altitude: who is so high takes off no more"""
 WAITS_TOO_S = 5.0
 """Who was not heard for so long is not waited for, unless it was on its way."""
 
@@ -75,14 +79,22 @@ def homeward_heard(state: AgentState, states: Mapping[int, Heard]) -> AgentState
 
 
 def return_in_turn(state: AgentState, **changes: Any) -> Step | None:
-    """Have it hold until its way home is clear, `changes` with it; None where it is clear."""
-    if is_clear(state):
+    """Have it hold until its way home is clear, `changes` with it; None where it is, or it cannot hold."""
+    if _takes_off(state) or is_clear(state):
         return None
     turn_boot_s = state.vehicle.time_boot_s + WAITS_FOR_S
     changes |= NO_TURN | {"phase": Phase.HOLDING, "turn_boot_s": turn_boot_s, "turn_is_own": True}
     if state.phase is Phase.HOLDING and state.ordered is ev.Order.HOLD:
         return replace(state, **changes), []
     return command(state, ev.Order.HOLD, **changes)
+
+
+def _takes_off(state: AgentState) -> bool:
+    """A fixed wing, which would hold in circles as low as it is."""
+    wings, up_m = state.task.wings, state.vehicle.alt_rel_m
+    if wings is None or up_m is None:
+        return False
+    return up_m < min(wings.takeoff_height_m, CLIMBED * state.task.altitude_m)
 
 
 def begun(state: AgentState) -> dict[str, Any]:
@@ -101,15 +113,27 @@ def take_turn(state: AgentState) -> Step:
 
 def _waits(state: AgentState, turn_boot_s: float) -> Step:
     now_s = state.vehicle.time_boot_s
+    most_s = WAITS_FOR_S if state.turn_is_own else MAX_AFTER_S
     # A clock that was set back tells no turn any more.
-    if not 0.0 < turn_boot_s - now_s <= MAX_AFTER_S:
+    if not 0.0 < turn_boot_s - now_s <= most_s:
         return command(state, ev.Order.RETURN, phase=Phase.LEAVING, **NO_TURN)
     if not state.turn_is_own or 0.0 <= now_s - state.looked_homeward_s < LOOKS_EVERY_S:
         return state, []
+    if turn_boot_s - now_s <= ONE_BY_ONE_S * min(_n_that_wait_longer(state), MOST_ONE_BY_ONE):
+        return command(state, ev.Order.RETURN, phase=Phase.LEAVING, **NO_TURN)
     if not (_presses(state) or is_clear(state)):
         return replace(state, looked_homeward_s=now_s), []
     state, ordered = command(state, ev.Order.RETURN, phase=Phase.LEAVING, **begun(state))
     return state, [ev.Tell("its way home is clear: it returns"), *ordered]
+
+
+def _n_that_wait_longer(state: AgentState) -> int:
+    """Those that wait, too, and have a higher system id."""
+    now_s = state.vehicle.time_boot_s
+    return sum(
+        uav > state.task.uav and heard.state.phase == Phase.HOLDING and now_s - heard.at_s <= WAITS_TOO_S
+        for uav, heard in state.homeward.items()
+    )
 
 
 def _settles(state: AgentState, since_s: float) -> Step:

@@ -40,6 +40,9 @@ MAX_POINTS = 256
 """of an intent: of what is longer the begin is told"""
 MAX_AHEAD_S = 14_400.0
 """so far ahead an intent may tell"""
+MAX_AWAY = 1e7
+"""No height, distance [m] or speed [m/s] that is told is greater: autopilots tell none above 2.2e6. What is
+reckoned with stays a number."""
 MAX_HEARD = 254
 """as many as there are system ids"""
 MAX_FRAMES = 256
@@ -127,6 +130,8 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
         numbers = (*own, self.age_s, *(x for x in maybe if x is not None))
         if not all(map(math.isfinite, numbers)) or self.age_s < 0.0:
             raise ValueError("a time, a height, a speed or an age that is no number, or below 0")
+        if max(map(abs, (self.alt_rel_m, self.alt_amsl_m or 0.0, *self.velocity_m_s))) > MAX_AWAY:
+            raise ValueError(f"a height or a speed of more than {MAX_AWAY:g}")
 
 
 class IntentPoint(msgspec.Struct, frozen=True, array_like=True, gc=False):
@@ -152,13 +157,15 @@ class IntentShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, ta
     """it is somewhere within this of these points, over ground and in height"""
 
     def __post_init__(self) -> None:
-        if not all(math.isfinite(m) and m >= 0.0 for m in self.around_m):
-            raise ValueError("a distance that is no number, or below 0")
+        if not all(0.0 <= m <= MAX_AWAY for m in self.around_m):
+            raise ValueError(f"a distance that is no number, below 0 or above {MAX_AWAY:g}")
         before_s = -math.inf
         for point in self.points:
             _check_place(point.lat_deg, point.lon_deg)
-            if not (math.isfinite(point.alt_amsl_m) and 0.0 <= point.in_s <= MAX_AHEAD_S):
-                raise ValueError("a height that is no number, or a time that is not ahead")
+            if not (abs(point.alt_amsl_m) <= MAX_AWAY and 0.0 <= point.in_s <= MAX_AHEAD_S):
+                raise ValueError(
+                    f"a height that is no number or above {MAX_AWAY:g}, or a time that is not ahead"
+                )
             if point.in_s <= before_s:
                 raise ValueError("times that do not rise: expected each after the one before")
             before_s = point.in_s

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl.core.frames import StateShared
-from swarmctl.core.geo import LocalFrame
+from swarmctl.core.geo import LocalFrame, distance_m
 from swarmctl.core.messages import Place
 from swarmctl.core.plane import distance_to_leg
 
@@ -40,6 +40,10 @@ SILENT_S = 10.0
 """Who is not heard for so long waits no more, and is taken to be on its way if it was."""
 SINK_M_S = 0.8
 """from that height to the ground on the average, a wait above home included"""
+MOST_AWAY_M, MOST_UP_M = 100_000.0, 10_000.0
+"""Who tells of a longer way home, or of a greater height above it, is not waited for: it errs, or lies."""
+LEAST_SPEED_M_S = 0.1
+"""as nobody flies who tells of less"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,10 +157,23 @@ def turns_of(places: Mapping[int, Place]) -> Turns:
     return turns(callers, horizontal_m=max(k[0] for k in keeps), vertical_m=max(k[1] for k in keeps))
 
 
+def can_be(place: Place) -> bool:
+    """Whether turns can be reckoned with what a vehicle tells of itself; else it errs, or lies."""
+    here, home = (place.lat_deg, place.lon_deg), (place.home_lat_deg, place.home_lon_deg)
+    if not all(abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0 for lat_deg, lon_deg in (here, home)):
+        return False
+    is_near = distance_m(here, home) <= MOST_AWAY_M and all(0.0 <= m <= MOST_AWAY_M for m in place.keeps_m)
+    up_m = place.alt_amsl_m - place.home_alt_amsl_m
+    return is_near and abs(up_m) <= MOST_UP_M and LEAST_SPEED_M_S <= place.speed_m_s < math.inf
+
+
 def place_told(state: StateShared, own: Place) -> Place | None:
     """Of one that is on the way home, or waits to be, by what it has told: as fast as this vehicle is, and
-    keeping as much; from its ground, if it tells no height. None where it has told no home."""
-    if state.returns_to is None:
+    keeping as much; from its ground, if it tells no height. None where it has told no home, or what cannot
+    be."""
+    if state.returns_to is None or abs(state.alt_rel_m) > MOST_UP_M:
+        return None
+    if distance_m((state.lat_deg, state.lon_deg), state.returns_to) > MOST_AWAY_M:
         return None
     if state.alt_amsl_m is None:
         alt_amsl_m, ground_amsl_m = own.home_alt_amsl_m + state.alt_rel_m, own.home_alt_amsl_m

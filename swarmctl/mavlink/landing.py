@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from swarmctl.core.geo import distance_m
 from swarmctl.core.mission import MissionItem
 from swarmctl.core.vehicle import Landed, VehicleState
-from swarmctl.mavlink.dialects.plan import LAND, LAND_START, LOITER_TO_ALT
+from swarmctl.mavlink.dialects.plan import JUMP, LAND, LAND_START, LOITER_TO_ALT
 from swarmctl.mavlink.guarded import HandsOff, Seen, command, guarded, in_modes, set_mode
 from swarmctl.mavlink.procedure import Context, Procedure
 
@@ -69,6 +69,13 @@ def landing_items(items: tuple[MissionItem, ...]) -> frozenset[int]:
             found.add(seq)
         inside = inside and item.command != LAND
     return frozenset(found)
+
+
+def is_out_of_turn(items: tuple[MissionItem, ...], seq: int) -> bool:
+    """Whether an item belongs to a landing and is not what the waypoints of the list lead to: the circle to
+    which its jump leads."""
+    leads_to = next((int(item.param1) for item in items if item.command == JUMP), None)
+    return seq in landing_items(items) and seq != leads_to
 
 
 def nearest_landing(items: tuple[MissionItem, ...], state: VehicleState) -> int | None:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.dialects.plan import behind
 from swarmctl.mavlink.guarded import WARNING, Seen, Theirs, in_modes, look, set_mode
+from swarmctl.mavlink.landing import is_out_of_turn
 from swarmctl.mavlink.making_current import jump_to, see_current
 from swarmctl.mavlink.mission_download import DownloadOutcome
 from swarmctl.mavlink.outcome import Swapped
@@ -81,6 +82,9 @@ def _exchange(
         if marked is None:
             # What is told from now on is of the new mission.
             yield from see_current(ctx, lambda _now: True)
+            if is_out_of_turn(items, ctx.state.mission_seq or 0):
+                # Its number was of the old mission's landing, and is of another landing now.
+                return "it had got to its landing before the new mission was complete"
             return (yield from _flown_from(ctx, way, kept))
         # Ahead of the marked one, but behind where the old index would be: it has got on since.
         return (yield from _fly(ctx, way, marked, lambda now: now == marked or marked < now < kept))

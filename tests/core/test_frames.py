@@ -186,6 +186,26 @@ def test_a_state_with_what_is_no_number_is_refused(field: str) -> None:
 
 
 @pytest.mark.parametrize(
+    ("content", "field", "value"),
+    [
+        (STATE, "alt_rel_m", 1e12),
+        (STATE, "alt_amsl_m", -1e12),
+        (STATE, "velocity_m_s", [1.7e308, 0.0, 0.0]),
+        (INTENT, "around_m", [1e200, 0.0]),
+        (INTENT, "around_m", [0.0, 1e200]),
+        (INTENT, "points", [[0.0, 46.0, 14.5, 1e200]]),
+    ],
+)
+def test_what_no_autopilot_tells_is_refused(content: Content, field: str, value: object) -> None:
+    """Who reckons with it may find no number."""
+    body = msgspec.msgpack.decode(close(content)[2:])
+    body["content"][field] = value
+    with pytest.raises(Refused) as refused:
+        SEAL.open(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
+    assert refused.value.why is Why.MALFORMED
+
+
+@pytest.mark.parametrize(
     "points",
     [
         [[0.0, 46.0, 14.5, 340.0], [0.0, 46.0, 14.5, 340.0]],

@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 
 import pytest
-from flying_bench import HOME, FlyingBench
+from flying_bench import HOME, Faults, FlyingBench
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from test_arduplane import FIRST, FRAME, LOW_M, RADIUS_M, SECOND, here, landed, nearest_m, plan
 
@@ -189,6 +189,19 @@ def test_while_it_comes_down_at_its_goal_it_gets_no_other_mission() -> None:
     before = flown.stored
     done = flown.swap(SECOND)
     assert (done.flying, flown.stored) == ("old", before)
+    assert landed(flown)
+    assert away_m(flown, GOAL) < 60.0
+
+
+def test_who_gets_to_its_landing_while_a_new_mission_is_sent_lands_at_its_goal_all_the_same() -> None:
+    longer = plan((200.0, 750.0), (250.0, 900.0))
+    flown = in_flight()
+    assert flown.run(200.0, lambda: flown.session.state.mission_seq == 3 and away_m(flown, GOAL) < 36.0)
+    flown.spoil(Faults(loss=0.3, seed=3))
+    items = flown.session.mission_items(longer)
+    done = flown.do("swap", lambda c: procedures.swap(c, items, leaves_ahead=True))
+    assert done.flying == "old"
+    assert done.failure == "it had got to its landing before the new mission was complete"
     assert landed(flown)
     assert away_m(flown, GOAL) < 60.0
 
