@@ -16,16 +16,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl.bus.exchange import NodeOptions
+from swarmctl.bus.reach import recipients
 from swarmctl.bus.reading import Reading
 from swarmctl.bus.shelf import Shelves
 from swarmctl.bus.sightings import Sightings
 from swarmctl.core.frames import Frame, StateShared
+from swarmctl.core.geo import LatLon
 from swarmctl.core.observation import Observation
 
 STALE_S = 60.0
 """An older message, or an older state that is passed on, is not taken: somebody may have kept it."""
 SILENT_AFTER_S = 5.0
 """who is heard again after so long is asked what was missed"""
+ALIVE_S = 20.0
+"""of whom nothing was heard for longer, directly or by others, is spoken to last"""
 A_MESSAGE = 5
 MAX_WORK, WITHIN_S = 10_000, 10.0
 """what is done for one UAV in so long; faster ones are refused. A message is so much of it."""
@@ -53,8 +57,9 @@ class Ledger:
     """Of the UAVs `uavs`, those of this process and others: all of its nodes share one."""
 
     def __init__(self, uavs: Iterable[int], options: NodeOptions) -> None:
-        self._uavs = np.array(sorted(set(uavs)))
-        self._places = {uav: place for place, uav in enumerate(self._uavs.tolist())}
+        self.known = np.array(sorted(set(uavs)), np.int64)
+        """system ids, by place"""
+        self._places = {uav: place for place, uav in enumerate(self.known.tolist())}
         self._clock_tolerance_s = options.clock_tolerance_s
         self.shelves = Shelves()
         self.sightings = Sightings()
@@ -70,6 +75,8 @@ class Ledger:
         self.shelf = np.zeros((n, n), np.int64)
         self.state = np.full((n, n), None, object)
         self.failed = np.zeros((n, n), np.bool_)
+        self.lat_deg = np.full((n, n), np.nan)
+        self.lon_deg = np.full((n, n), np.nan)
         self.state_unix_s = np.full((n, n), -np.inf)
         self.told_s = np.full((n, n), -np.inf)
         self.said_s = np.full((n, n), -np.inf)
@@ -91,7 +98,7 @@ class Ledger:
 
     def uavs(self, hearers: Hearers) -> list[int]:
         """In ascending order."""
-        uavs: list[int] = self._uavs[hearers].tolist()
+        uavs: list[int] = self.known[hearers].tolist()
         return uavs
 
     def take(
@@ -121,6 +128,7 @@ class Ledger:
             takes &= self.state_unix_s[row] < frame.unix_s
             self.state[row, takes] = reading
             self.failed[row, takes] = content.phase == "failed"
+            self.lat_deg[row, takes], self.lon_deg[row, takes] = content.lat_deg, content.lon_deg
             self.state_unix_s[row, takes] = frame.unix_s
             self.told_s[row, takes] = self.said_s[row, takes] = now_s
             self.agreed_s[row, takes & self._has_held(content.knows)] = now_s
@@ -183,6 +191,7 @@ class Column:
         for table in (ledger.told_s, ledger.said_s, ledger.agreed_s):
             table[:, at] = -np.inf
         ledger.state[:, at] = None
+        ledger.lat_deg[:, at] = ledger.lon_deg[:, at] = np.nan
         ledger.failed[:, at] = False
         ledger.fingerprint[at] = ledger.n_remembered[at] = ledger.n_taken[at] = 0
         ledger.remembered[at] = 0
@@ -205,6 +214,9 @@ class Column:
         """its number"""
         self.state: Numbers[Reading | None] = ledger.state[:, at]
         """the newest that is known, told by itself or by others"""
+        self.lat_deg: Numbers[float] = _numbers(ledger.lat_deg[:, at])
+        self.lon_deg: Numbers[float] = _numbers(ledger.lon_deg[:, at])
+        """where it was by that; NaN: not known"""
         self.failed: Numbers[bool] = _numbers(ledger.failed[:, at])
         """whether by that it flies no more"""
         self.state_unix_s: Numbers[float] = _numbers(ledger.state_unix_s[:, at])
@@ -236,11 +248,21 @@ class Column:
             return True
         return bool((self.ledger.remembered[self.place] == fingerprint).any())
 
-    def unfailed(self) -> tuple[int, ...]:
-        """The others, but who has told that it flies no more."""
-        flies = ~self.ledger.failed[:, self.place]
-        flies[self.place] = False
-        return tuple(self.ledger.uavs(flies))
+    def told(self, reading: Reading, state: StateShared, place: int, now_s: float) -> None:
+        """Of itself, or of it by others."""
+        self.state[place], self.failed[place] = reading, state.phase == "failed"
+        self.lat_deg[place], self.lon_deg[place] = state.lat_deg, state.lon_deg
+        self.state_unix_s[place], self.told_s[place] = reading.frame.unix_s, now_s
+
+    def nearest(self, here: LatLon | None, k: int | None, now_s: float) -> tuple[int, ...]:
+        """The UAVs in range `k` of who is `here`, but those that have told that they fly no more."""
+        ledger, at = self.ledger, self.place
+        flies = ~ledger.failed[:, at]
+        flies[at] = False
+        last_s = np.maximum(ledger.heard_s[:, at], ledger.told_s[:, at])
+        silent = (ledger.state_unix_s[:, at] > -np.inf) & (now_s - last_s > ALIVE_S)
+        places = ledger.lat_deg[flies, at], ledger.lon_deg[flies, at]
+        return recipients(here, ledger.known[flies], places, silent[flies], k)
 
     def taken(self) -> int:
         """How many messages were taken at once since this was last asked."""

@@ -5,13 +5,13 @@ from __future__ import annotations
 import asyncio
 import heapq
 import itertools
-import math
 import time
 import traceback
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
+from typing import TypeVar
 
 import numpy as np
 
@@ -24,13 +24,22 @@ from swarmctl.bus.node import Node
 from swarmctl.bus.radio import Lost, Radio
 from swarmctl.bus.reading import Reading, reader
 from swarmctl.bus.tally import Tally
-from swarmctl.core.frames import IntentShared, Seal, Spoken, StateShared, Why
+from swarmctl.core.frames import (
+    IntentShared,
+    Seal,
+    Snapshot,
+    SnapshotAsked,
+    Spoken,
+    StateShared,
+    Why,
+)
 from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Observation, Told
 from swarmctl.core.printable import printable
 
-MAX_UNTOLD_S = 0.05
-"""how long agents wait for their news while nodes have more to hear"""
+UNHURRIED_S = 0.005
+"""of a turn for what is unhurried where other things are said, and one message at least"""
+T = TypeVar("T")
 OnTold = Callable[[tuple[Told, ...]], None]
 MAX_SAID = 10
 """lines of one topic, a UAV; all of it is counted"""
@@ -111,10 +120,10 @@ class Network:
         self._is_plain = self._radio is None and not options.relay
         self._said: deque[_Said] = deque()
         """by UAVs of this process, on its way to others of it"""
+        self._unhurried: deque[_Said] = deque()
+        """the same of questions for what was missed, and of the answers: long, and no longer new"""
         self._untold: deque[_Member] = deque()
         """with news"""
-        self._told_s = -math.inf
-        """when one of their agents was told last, by the machine's clock"""
         self._is_handing_over = False
         self._flying: list[tuple[float, int, Callable[[], None]]] = []
         """when it arrives, which it was of all that was sent, and what is to be done then"""
@@ -252,7 +261,9 @@ class Network:
             return
         here = to if len(self._members) == len(self._uavs) else tuple(u for u in to if u in self._members)
         if here:
-            self._said.append((sender, act, self._read(data), here))
+            reading = self._read(data)
+            takes_long = isinstance(reading.frame.content, SnapshotAsked | Snapshot)
+            (self._unhurried if takes_long else self._said).append((sender, act, reading, here))
             self._hand_over_soon()
         if len(here) < len(to):
             for uav in to:
@@ -265,25 +276,23 @@ class Network:
             asyncio.get_running_loop().call_soon(self._hand_over)
 
     def _hand_over(self) -> None:
-        """To the nodes, in the order in which it was said, and then to the agents.
+        """To the nodes what was said just now, to the agents their news, and a little of what is unhurried.
 
         The more is said in the meantime, the less each of it takes: an agent is told of all of it at once.
+        Each has a turn of its own: where more is said than can be heard, nothing is left of another's.
         """
         self._is_handing_over = False
         if self._closed:
             return
         now_s, unix_s = self._now_s(), self._clock.unix_s()
-        began_s = at_s = time.perf_counter()
-        while self._said and at_s < began_s + TURN_S:
-            self._hear(self._said.popleft(), now_s, unix_s)
-            at_s = time.perf_counter()
-        if not self._said or began_s > self._told_s + MAX_UNTOLD_S:
-            # A turn of their own: where more is said than can be heard, nothing is left of the other.
-            began_s = at_s
-            while self._untold and at_s < began_s + TURN_S:
-                self._tell_news(self._untold.popleft())
-                self._told_s = at_s = time.perf_counter()
-        if self._said or self._untold:
+        rest_s = UNHURRIED_S if self._said else TURN_S
+        for said in _within(TURN_S, self._said):
+            self._hear(said, now_s, unix_s)
+        for member in _within(TURN_S, self._untold):
+            self._tell_news(member)
+        for said in _within(rest_s, self._unhurried):
+            self._hear(said, now_s, unix_s)
+        if self._said or self._untold or self._unhurried:
             self._hand_over_soon()
 
     def _hear(self, said: _Said, now_s: float, unix_s: float) -> None:
@@ -345,3 +354,12 @@ class Network:
         # A loop may call a little early: by then it is that late.
         now_s = max(self._now_s(), member.node.next_deadline_s)
         self._perform(member, member.node.tick(now_s, self._clock.unix_s()))
+
+
+def _within(seconds: float, waiting: deque[T]) -> Iterator[T]:
+    """What waits, one after the other, until so much time has passed."""
+    until_s = time.perf_counter() + seconds
+    while waiting:
+        yield waiting.popleft()
+        if time.perf_counter() > until_s:
+            return

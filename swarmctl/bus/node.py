@@ -18,7 +18,6 @@ from swarmctl.bus.exchange import NodeOptions, Took
 from swarmctl.bus.ledger import STALE_S, Column, Ledger
 from swarmctl.bus.peer import A_CHECKPOINT, A_FRAME, ASK_AGAIN_S, QUESTIONS_PER_S, Peer
 from swarmctl.bus.questions import Questions
-from swarmctl.bus.reach import recipients
 from swarmctl.bus.reading import Read, Reading, reader
 from swarmctl.bus.replica import COMPACT_AFTER, Kept, Replica
 from swarmctl.bus.tally import Tally
@@ -430,12 +429,7 @@ class Node:
 
     def _reach(self, now_s: float) -> tuple[int, ...]:
         """Whom it speaks to."""
-        peers = self._column.unfailed()
-        if self._options.k is None or self._options.k >= len(peers):
-            return peers
-        silent = {u: self._peers[u].at for u in peers if self._peers[u].is_silent(now_s)}
-        alive = {u: self._peers[u].at for u in peers if u not in silent}
-        return recipients(self._voice.at, alive, silent, self._options.k)
+        return self._column.nearest(self._voice.at, self._options.k, now_s)
 
     def _send(self, took: Took, content: Content, to: tuple[int, ...], unix_s: float) -> bytes:
         out = self._voice.says(content, to, unix_s)

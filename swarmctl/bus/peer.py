@@ -6,15 +6,12 @@ import math
 
 import msgspec
 
-from swarmctl.bus.ledger import A_MESSAGE, MAX_WORK, SILENT_AFTER_S, WITHIN_S, Column
+from swarmctl.bus.ledger import A_MESSAGE, ALIVE_S, MAX_WORK, SILENT_AFTER_S, WITHIN_S, Column
 from swarmctl.bus.pace import Pace
 from swarmctl.bus.reading import Reading
 from swarmctl.bus.replica import Apart, Kept
 from swarmctl.core.frames import Frame, IntentShared, Refused, StateShared, Why
-from swarmctl.core.geo import LatLon
 
-ALIVE_S = 20.0
-"""of whom nothing was heard for longer, directly or by others, is spoken to last"""
 MAX_BYTES = 8_000_000
 """of it in `WITHIN_S`"""
 A_FRAME, A_CHECKPOINT = 1, 20
@@ -131,9 +128,9 @@ class Peer(msgspec.Struct, gc=False):
     def told(self, reading: Reading, now_s: float) -> None:
         """Its state, by itself or by others; an older one than is known is passed over."""
         frame, column, row = reading.frame, self.column, self.row
-        if frame.incarnation >= column.incarnation[row] and frame.unix_s > column.state_unix_s[row]:
-            column.state[row], column.state_unix_s[row], column.told_s[row] = reading, frame.unix_s, now_s
-            column.failed[row] = isinstance(frame.content, StateShared) and frame.content.phase == "failed"
+        is_newer = frame.incarnation >= column.incarnation[row] and frame.unix_s > column.state_unix_s[row]
+        if is_newer and isinstance(frame.content, StateShared):
+            column.told(reading, frame.content, row, now_s)
 
     def said(self, state: StateShared, now_s: float) -> bool:
         """The same by itself, with how much it knows; whether it has seen more than is held here."""
@@ -165,11 +162,6 @@ class Peer(msgspec.Struct, gc=False):
         """The same of where it will be."""
         if frame.incarnation >= self.column.incarnation[self.row] and frame.unix_s > self.intent_unix_s:
             self.intent, self.intent_unix_s, self.intent_frame = intent, frame.unix_s, data
-
-    @property
-    def at(self) -> LatLon | None:
-        state = self.state
-        return None if state is None else (state.lat_deg, state.lon_deg)
 
     def agrees(self, now_s: float) -> bool:
         """Whether it knows nothing that is not known here, by what it said itself of late.

@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+import numpy as np
+from numpy.typing import NDArray
 
-from swarmctl.core.geo import LatLon, distance_m
+from swarmctl.core.geo import LatLon, distances_m
 
 
 def recipients(
     at: LatLon | None,
-    alive: Mapping[int, LatLon | None],
-    silent: Mapping[int, LatLon | None],
+    uavs: NDArray[np.int64],
+    places: tuple[NDArray[np.float64], NDArray[np.float64]],
+    silent: NDArray[np.bool_],
     k: int | None,
 ) -> tuple[int, ...]:
-    """The `k` nearest UAVs to `at` by last known position, nearest first; None means everybody.
+    """The `k` nearest of `uavs` to `at` by last known position, nearest first; None means everybody.
 
-    A UAV whose position is unknown comes after those whose is known, and after both who has not been heard
-    for long.
+    `uavs` ascend; `places` are their latitudes and longitudes [deg], NaN where unknown. Who is where nobody
+    knows comes after those whose place is known, and after both who has not been heard for long.
     """
-    if k is None or k >= len(alive) + len(silent):
-        return tuple(sorted((*alive, *silent)))
-
-    def far(uav: int) -> tuple[bool, float, int]:
-        there = alive[uav] if uav in alive else silent[uav]
-        metres = math.inf if at is None or there is None else distance_m(at, there)
-        return (uav in silent, metres, uav)
-
-    return tuple(sorted((*alive, *silent), key=far)[:k])
+    if k is None or k >= uavs.size:
+        return tuple(uavs.tolist())
+    metres = np.full(uavs.size, np.inf)
+    if at is not None:
+        known = np.flatnonzero(~np.isnan(places[0]))
+        metres[known] = distances_m(at, places[0][known], places[1][known])
+    order = np.lexsort((uavs, metres, silent))
+    return tuple(uavs[order[:k]].tolist())

@@ -90,10 +90,10 @@ class Kept(msgspec.Struct, gc=False):
 
     def observed(self, reading: Reading) -> bool:
         """Whether it is new. Raises Refused where its name is known with another content."""
-        seq = reading.seq
-        if seq <= self.covered or seq > self.upto + MAX_AHEAD:
+        seq, upto = reading.seq, self.upto
+        if seq <= self.covered or seq > upto + MAX_AHEAD:
             return False
-        known = self.ahead.get(seq) if seq > self.upto else self.shelf.between(seq - 1, seq)[0]
+        known = self.ahead.get(seq) if seq > upto else self.shelf.between(seq - 1, seq)[0]
         if known is not None:
             seen = reading.frame.content
             if known.frame.content != seen and isinstance(seen, Observation):
@@ -101,7 +101,10 @@ class Kept(msgspec.Struct, gc=False):
             return False
         self._mark = self.mark ^ reading.mark
         self.ahead[seq] = reading
-        self._settle()
+        if seq == upto + 1:
+            self._settle()
+        else:
+            self.numbers.in_order[self.place] = False
         return True
 
     def is_next(self, reading: Reading) -> bool:

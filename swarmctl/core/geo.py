@@ -73,3 +73,10 @@ def distance_m(a: LatLon, b: LatLon) -> float:
     """Length of the geodesic from `a` to `b` [m]."""
     _, _, metres = _ELLIPSOID.inv(a[1], a[0], b[1], b[0])
     return float(metres)
+
+
+def distances_m(a: LatLon, lat_deg: Floats, lon_deg: Floats) -> Floats:
+    """The same to many points; shapes of `lat_deg`."""
+    lat, lon = np.full_like(lat_deg, a[0]), np.full_like(lon_deg, a[1])
+    _, _, metres = _ELLIPSOID.inv(lon, lat, lon_deg, lat_deg)
+    return np.asarray(metres, dtype=np.float64)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import itertools
+import math
 from collections.abc import Callable
 from contextlib import AbstractContextManager, closing
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from ether import state
 from hypothesis import given
@@ -349,7 +351,14 @@ async def in_turn(swarm: Swarm, seq: int) -> None:
 # --- whom a UAV speaks to
 
 HERE = (46.0, 14.0)
-ALIVE = {2: (46.3, 14.0), 3: (46.1, 14.0), 4: None}
+Places = dict[int, tuple[float, float]]
+UNKNOWN = (math.nan, math.nan)
+
+
+def reached(places: Places, silent: set[int], k: int | None) -> tuple[int, ...]:
+    uavs = np.array(sorted(places), np.int64)
+    lat_deg, lon_deg = np.array([places[uav] for uav in uavs.tolist()]).reshape(-1, 2).T
+    return recipients(HERE, uavs, (lat_deg, lon_deg), np.isin(uavs, [*silent]), k)
 
 
 @pytest.mark.parametrize(
@@ -357,16 +366,15 @@ ALIVE = {2: (46.3, 14.0), 3: (46.1, 14.0), 4: None}
     [(0, ()), (1, (3,)), (2, (3, 2)), (3, (3, 2, 4)), (4, (2, 3, 4, 5)), (None, (2, 3, 4, 5))],
 )
 def test_the_nearest_k_are_reached_and_who_is_silent_last(k: int | None, expected: tuple[int, ...]) -> None:
-    assert recipients(HERE, ALIVE, {5: (46.0001, 14.0)}, k) == expected
+    places = {2: (46.3, 14.0), 3: (46.1, 14.0), 4: UNKNOWN, 5: (46.0001, 14.0)}
+    assert reached(places, {5}, k) == expected
 
 
 @given(
     st.dictionaries(st.integers(2, 20), st.tuples(st.floats(45, 47), st.floats(13, 15))), st.integers(0, 25)
 )
-def test_nobody_within_k_is_farther_than_anybody_beyond(
-    alive: dict[int, tuple[float, float]], k: int
-) -> None:
-    chosen = recipients(HERE, alive, {}, k)
+def test_nobody_within_k_is_farther_than_anybody_beyond(alive: Places, k: int) -> None:
+    chosen = reached(alive, set(), k)
     assert len(chosen) == min(k, len(alive))
     left = set(alive) - set(chosen)
     if chosen and left:
