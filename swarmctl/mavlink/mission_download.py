@@ -19,6 +19,10 @@ class DownloadOutcome(Enum):
     REFUSED = "refused"
     """the vehicle answered with an error; DENIED while it is still in an upload"""
     NO_ANSWER = "no answer"
+    """nor was there any"""
+    BROKEN_OFF = "broken off"
+    """It told the number of items, and then no more. PX4 ends a transfer in which it is asked nothing for
+    5 s: then it is to be begun anew."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,8 +124,10 @@ class Download(Conversation[DownloadResult]):
         if self._tries < self.TRIES:
             return self._ask(now)
         farewell = self._farewell(now)
-        what = "the number of items" if self.state is State.WAITING else f"item {self._next}"
-        self._end(DownloadOutcome.NO_ANSWER, f"asked {self._tries} times for {what}")
+        if self.state is State.WAITING:
+            self._end(DownloadOutcome.NO_ANSWER, f"asked {self._tries} times for the number of items")
+        else:
+            self._end(DownloadOutcome.BROKEN_OFF, f"asked {self._tries} times for item {self._next}")
         return farewell
 
     def _end(self, outcome: DownloadOutcome, reason: str) -> None:

@@ -94,7 +94,7 @@ def read_back(ctx: Context, first: int = 0) -> Procedure[DownloadResult]:
     """The items from `first` on, as the vehicle has them."""
     result: DownloadResult = yield Download(ctx.peer, first=first)
     for _ in range(DOWNLOAD_TRIES - 1):
-        if result.outcome is not DownloadOutcome.REFUSED:
+        if result.outcome in (DownloadOutcome.COMPLETE, DownloadOutcome.NO_ANSWER):
             break
         # DENIED while it has not yet given up an upload.
         yield wait(ctx.dialect.upload_timeout_s / (DOWNLOAD_TRIES - 1))

@@ -257,3 +257,19 @@ def test_a_mission_that_the_vehicle_finds_infeasible_ends_with_the_old_one():
     assert result.flying == "old"
     assert bench.mode == "AUTO.MISSION"
     assert bench.holds(bench.session.items)
+
+
+def test_a_read_back_that_it_has_broken_off_is_begun_anew():
+    """Asked nothing for 5 s it ends the transfer, and answers no request for an item before the next."""
+    bench = FlyingBench("px4").flying(OLD)
+    lost = iter(range(7))
+    bench.block = lambda m: (
+        m.get_type() == "MISSION_REQUEST_INT" and m.seq == 3 and next(lost, None) is not None
+    )
+    result = bench.swap(NEW)
+    assert next(lost, None) is None
+    assert (result.failure, result.flying) == (None, "new")
+    assert bench.holds(bench.session.mission_items(NEW))
+    assert [m.count for m in bench.of("MISSION_COUNT")] == [
+        len(bench.session.mission_items(p)) for p in (OLD, NEW)
+    ]
