@@ -10,8 +10,8 @@ import os
 import re
 from pathlib import Path
 
+from swarmctl.core.signing_key import KEY_BYTES
 from swarmctl.keyring.files import KeyringError, must_be_private
-from swarmctl.mavlink.codec import KEY_BYTES
 
 PASSPHRASE = "passphrase:"
 _HEX = re.compile(r"[0-9a-fA-F]{64}")

@@ -13,7 +13,8 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Protocol
 
-from swarmctl.mavlink.codec import KEY_BYTES, Signature
+from swarmctl.core.signing_key import KEY_BYTES
+from swarmctl.mavlink.codec import Signature
 
 TICKS_PER_S = 100_000
 """a time stamp counts 10 µs"""

@@ -135,10 +135,6 @@ def extension(message: Message, at: int) -> int:
     return int.from_bytes(payload[at : at + 4], "little")
 
 
-KEY_BYTES = 32
-"""of a key that frames are signed with"""
-
-
 class Signature(NamedTuple):
     """What a frame is signed with: https://mavlink.io/en/guide/message_signing.html"""
 
