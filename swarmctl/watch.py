@@ -26,7 +26,7 @@ SILENT_S = 5.0
 REFRESH_S = 0.5
 STATE_AGE_S = 60.0
 """by the wall clocks of both machines: what is older, or said later than now by more, is refused"""
-MAX_SHOWN = 10**9
+MAX_SHOWN = 10**6
 """larger numbers are nonsense, and would push the table apart"""
 ONCE_S = 5.0
 """how long a single look waits for who has not been heard"""

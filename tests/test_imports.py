@@ -198,7 +198,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "swarmctl.answers": {"swarmctl.core"},
     "swarmctl.face": {"swarmctl.core", "swarmctl.agent", "swarmctl.answers", "swarmctl.display"},
     "swarmctl.terminal": {"swarmctl.agent", "swarmctl.display", "swarmctl.face"},
-    "swarmctl.keyring": {"swarmctl.bus.access", "swarmctl.bus.zenoh_config"},
+    "swarmctl.keyring": {"swarmctl.bus.access", "swarmctl.bus.zenoh_config", "swarmctl.core.signing_key"},
     "swarmctl.router": {"swarmctl.bus"},
     "swarmctl.calling_back": {"swarmctl.core", "swarmctl.bus", "swarmctl.operate"},
     "swarmctl.operate": {"swarmctl.core", "swarmctl.bus", "swarmctl.joining"},

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from swarmctl import roll, yaml_lines
 from swarmctl.commands.shared import USAGE, fail
-from swarmctl.config import Problem, located
 from swarmctl.roll import Roll
 
 
@@ -23,5 +22,8 @@ def roll_of(path: Path) -> Roll:
 def of_keys(config: Path, troubles: Iterable[str]) -> list[str]:
     """What is wrong with the folder that a configuration calls `communication.keys`, each with where it
     does."""
+    # Only here: it loads the planners, which takes these commands longer than all they do.
+    from swarmctl.config import Problem, located  # noqa: PLC0415
+
     document = yaml_lines.parse(config.read_text(encoding="utf-8"))
     return located(config, document, (Problem(("communication", "keys"), text) for text in troubles))
