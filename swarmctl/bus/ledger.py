@@ -254,13 +254,19 @@ class Column:
         self.lat_deg[place], self.lon_deg[place] = state.lat_deg, state.lon_deg
         self.state_unix_s[place], self.told_s[place] = reading.frame.unix_s, now_s
 
+    def silent(self, now_s: float) -> Hearers:
+        """Those that have told their state, and of whom nothing has come for long."""
+        ledger, at = self.ledger, self.place
+        last_s = np.maximum(ledger.heard_s[:, at], ledger.told_s[:, at])
+        silent: Hearers = (ledger.state_unix_s[:, at] > -np.inf) & (now_s - last_s > ALIVE_S)
+        return silent
+
     def nearest(self, here: LatLon | None, k: int | None, now_s: float) -> tuple[int, ...]:
         """The UAVs in range `k` of who is `here`, but those that have told that they fly no more."""
         ledger, at = self.ledger, self.place
         flies = ~ledger.failed[:, at]
         flies[at] = False
-        last_s = np.maximum(ledger.heard_s[:, at], ledger.told_s[:, at])
-        silent = (ledger.state_unix_s[:, at] > -np.inf) & (now_s - last_s > ALIVE_S)
+        silent = self.silent(now_s)
         places = ledger.lat_deg[flies, at], ledger.lon_deg[flies, at]
         return recipients(here, ledger.known[flies], places, silent[flies], k)
 

@@ -318,7 +318,10 @@ class Network:
             news = (seen,)
             for uav in taken:
                 self._is_new_to(self._members[uav], news)
-        return () if len(taken) == len(to) else [uav for uav in to if uav not in taken]
+        if len(taken) == len(to):
+            return ()
+        done = set(taken)
+        return [uav for uav in to if uav not in done]
 
     def _is_new_to(self, member: _Member, news: Sequence[Told]) -> None:
         if news and not member.news:

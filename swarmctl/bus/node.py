@@ -155,8 +155,9 @@ class Node:
         """
         if not reach or self._options.sync_every_s == 0.0 or len(reach) == len(self._peers):
             return ()
+        silent = self._column.silent(now_s)
         lost = [
-            u for u, p in self._peers.items() if u not in reach and (p.state is None or p.is_silent(now_s))
+            u for u, p in self._peers.items() if u not in reach and (p.told_state is None or silent[p.row])
         ]
         return (lost[int(self._rng.integers(len(lost)))],) if lost else ()
 

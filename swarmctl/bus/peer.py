@@ -6,7 +6,7 @@ import math
 
 import msgspec
 
-from swarmctl.bus.ledger import A_MESSAGE, ALIVE_S, MAX_WORK, SILENT_AFTER_S, WITHIN_S, Column
+from swarmctl.bus.ledger import A_MESSAGE, MAX_WORK, SILENT_AFTER_S, WITHIN_S, Column
 from swarmctl.bus.pace import Pace
 from swarmctl.bus.reading import Reading
 from swarmctl.bus.replica import Apart, Kept
@@ -174,7 +174,3 @@ class Peer(msgspec.Struct, gc=False):
         if state is None or now_s - column.said_s[row] > SILENT_AFTER_S:
             return False
         return column.has_held(state.knows)
-
-    def is_silent(self, now_s: float) -> bool:
-        last_s = max(self.column.heard_s[self.row], self.column.told_s[self.row])
-        return self.column.state[self.row] is not None and now_s - last_s > ALIVE_S
