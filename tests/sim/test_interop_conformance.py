@@ -10,12 +10,12 @@ import subprocess
 import sys
 import threading
 import time
-import tty
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from serial_device import SerialDevice
 from simulator_process import Ground
 
 from sim_vehicle.conformance.sockets import open_wire
@@ -144,41 +144,39 @@ def test_a_scenario_that_is_ended_from_outside_has_not_passed(number: signal.Sig
 
 
 @contextmanager
-def serial_bridge(port: int) -> Iterator[tuple[str, threading.Event]]:
-    """A device that carries a TCP port, until the event unplugs it."""
-    master, slave = os.openpty()
-    tty.setraw(master)
-    tty.setraw(slave)
+def serial_bridge(device: SerialDevice, port: int) -> Iterator[threading.Event]:
+    """The device carries a TCP port, until the event unplugs it."""
+    end = device.plug_in()
     pulled = threading.Event()
     peer = socket.create_connection(("127.0.0.1", port), LIMIT_S)
 
     def carry() -> None:
         with contextlib.suppress(OSError):
             while not pulled.is_set():
-                ready, _, _ = select.select([master, peer.fileno()], [], [], 0.05)
-                if master in ready:
-                    peer.sendall(os.read(master, 4096))
+                ready, _, _ = select.select([end, peer.fileno()], [], [], 0.05)
+                if end in ready:
+                    peer.sendall(os.read(end, 4096))
                 if peer.fileno() in ready:
-                    os.write(master, peer.recv(4096))
-        os.close(slave)
-        os.close(master)
+                    os.write(end, peer.recv(4096))
+        device.pull()
 
     thread = threading.Thread(target=carry)
     thread.start()
     try:
-        yield os.ttyname(slave), pulled
+        yield pulled
     finally:
         pulled.set()
         thread.join(LIMIT_S)
         peer.close()
 
 
-def test_a_serial_device_that_is_unplugged_ends_in_a_report() -> None:
+def test_a_serial_device_that_is_unplugged_ends_in_a_report(tmp_path: Path) -> None:
     port = free_port(socket.SOCK_STREAM)
+    device = SerialDevice(tmp_path / "device")
     command = [sys.executable, "-m", "sim_vehicle", "conformance", "-v", "--speedup", SPEEDUP]
-    with simulator("--url", f"tcpin:127.0.0.1:{port}"), serial_bridge(port) as (device, pulled):
+    with simulator("--url", f"tcpin:127.0.0.1:{port}"), serial_bridge(device, port) as pulled:
         process = subprocess.Popen(
-            [*command, f"serial:{device}:57600", *only("heartbeat", "commands.ack")],
+            [*command, f"serial:{device.name}:57600", *only("heartbeat", "commands.ack")],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         )  # fmt: skip
         try:
@@ -196,29 +194,19 @@ def test_a_serial_device_that_is_unplugged_ends_in_a_report() -> None:
 
 
 def test_a_serial_device_that_comes_back_is_opened_again(tmp_path: Path) -> None:
-    name = tmp_path / "device"
-
-    def plug() -> tuple[int, int]:
-        master, slave = os.openpty()
-        tty.setraw(slave)
-        name.symlink_to(os.ttyname(slave))
-        return master, slave
-
-    ends = plug()
-    wire = open_wire(parse_url(f"serial:{name}:57600"))
+    device = SerialDevice(tmp_path / "device")
+    end = device.plug_in()
+    wire = open_wire(parse_url(f"serial:{device.name}:57600"))
     with contextlib.closing(wire):
-        os.write(ends[0], b"before")
+        os.write(end, b"before")
         assert wire.receive(LIMIT_S) == b"before"
-        for end in ends:
-            os.close(end)
-        name.unlink()
+        device.pull()
         assert wire.receive(0.1) is None
         wire.send(b"to nobody")
-        ends = plug()
+        end = device.plug_in()
         assert wire.receive(0.0) is None
-        os.write(ends[0], b"after")
+        os.write(end, b"after")
         assert wire.receive(LIMIT_S) == b"after"
         wire.send(b"answer")
-        assert os.read(ends[0], 100) == b"answer"
-    for end in ends:
-        os.close(end)
+        assert os.read(end, 100) == b"answer"
+    device.pull()

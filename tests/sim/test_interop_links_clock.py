@@ -11,12 +11,12 @@ import resource
 import selectors
 import socket
 import struct
-import tty
 from collections.abc import Callable, Coroutine, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
 import pytest
+from serial_device import SerialDevice
 from simulator_process import LIMIT_S, free_tcp_port, udp_socket
 
 from sim_vehicle.links import Ends, Link, LinkError, make_link
@@ -281,42 +281,30 @@ def test_a_reader_that_takes_nothing_is_given_up() -> None:
 
 
 def test_a_serial_device_that_goes_is_opened_again_when_it_is_back(tmp_path: Path) -> None:
-    device = tmp_path / "tty"
+    device = SerialDevice(tmp_path / "tty")
     heard = Heard()
 
-    def plug_in() -> tuple[int, int]:
-        ours, theirs = os.openpty()
-        tty.setraw(ours)
-        tty.setraw(theirs)
-        device.symlink_to(os.ttyname(theirs))
-        return ours, theirs
-
-    def unplug(files: tuple[int, int]) -> None:
-        device.unlink()
-        for file in files:
-            os.close(file)
-
     async def comes_and_goes(loop: Loop) -> None:
-        files = plug_in()
-        link = heard.link(f"serial:{device}:57600")
+        device.plug_in()
+        link = heard.link(f"serial:{device.name}:57600")
         link.open()
         for times in (1, 2):
-            unplug(files)
+            device.pull()
             await loop.until(lambda: not link.stations())
             assert len(heard.gone) == times
             for _ in range(2):
                 await loop.forward(1.1)  # not there yet
             assert link.stations() == 0
             link.send([(0, b"lost")])
-            files = plug_in()
+            end = device.plug_in()
             await loop.forward(1.1)
             assert link.stations() == 1
             link.send([(0, b"found")])
-            assert os.read(files[0], 100) == b"found"
-            os.write(files[0], b"answer")
+            assert os.read(end, 100) == b"found"
+            os.write(end, b"answer")
             await loop.until(lambda: len(heard.data) == len(heard.gone))
         link.close()
-        unplug(files)
+        device.pull()
 
     in_loop(comes_and_goes)
     assert [said.partition(": ")[2].partition(" (")[0] for said in heard.said] == [
