@@ -36,7 +36,7 @@ from sim_vehicle.scenario import default_scenario
 from swarmctl.clock import run_virtual
 from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
 from swarmctl.links import LINKS
-from swarmctl.links.base import Link, LinkError
+from swarmctl.links.base import Link, LinkError, UploadFailed
 from swarmctl.links.frontend import FrontEnd
 from swarmctl.links.memory import MemoryWire
 from swarmctl.links.url import Endpoint, parse_url
@@ -49,6 +49,8 @@ RATES_HZ = {33: 5, 30: 5, 74: 4, 1: 2, 24: 1, 147: 1, 42: 1}
 VEHICLES, ITEMS, LOSSES, DELAYS_S = (1, 50), (10, 50, 200), (0.0, 0.05, 0.2, 0.3), (0.0, 1.0)
 LIMIT_S = {"direct": 3600.0, "mavsdk": 240.0}
 SETTLE_S, MEASURE_S = 8.0, 15.0
+BEFORE_TRIES = 4
+"""of what is on a vehicle before a swap, put there without loss"""
 MOST_SAID = 6
 """reasons of refusals"""
 
@@ -169,10 +171,22 @@ async def ready(link: Link, swap: bool) -> None:
     await link.prepare(60, lambda _reasons: None)
     if swap:
         # So long that it does not end before the slowest swap does.
-        await link.upload(plan(60, 0.0, 1e-3))
+        await uploaded(link, plan(60, 0.0, 1e-3))
         await link.launch()
         while (link.state().mission_seq or 0) < 3:  # noqa: ASYNC110 - nobody tells of it
             await asyncio.sleep(0.2)
+
+
+async def uploaded(link: Link, old: FlightPlan) -> None:
+    """Fifty at once are too many for MAVSDK on a busy machine now and then, also without loss."""
+    for _ in range(BEFORE_TRIES):
+        try:
+            await link.upload(old)
+        except UploadFailed as refused:
+            failure = refused
+        else:
+            return
+    raise failure
 
 
 async def transfer(link: Link, new: FlightPlan, outcome: Outcome, limit_s: float, *, swap: bool) -> None:

@@ -88,6 +88,8 @@ def wait_ready(peer: Peer) -> float:
     while not is_ready(peer):
         if peer.now - began_s > READY_S:
             raise CheckFailed(f"expected the vehicle to be ready within {READY_S:g} s; {last_texts(peer)}")
+        if "In landing sequence" in last_texts(peer):  # of an ArduPlane that has landed by its mission
+            peer.send(mavlink.MAVLink_mission_set_current_message(*peer.target, 1))
         peer.wait(1.0)
     return peer.now - began_s
 

@@ -134,6 +134,7 @@ class Tuning:
     fence_polygons: bool  # stored polygons and circles count
     fence_margin_m: float
     # copter
+    begins_legs_at_rest: bool = False  # where another was broken off: it brakes first
     yaw_rate_deg_s: float = 60.0
     # plane
     airspeed_min_m_s: float = 0.0
@@ -233,9 +234,11 @@ class Personality:
     mission_ends_in: Behaviour | None = None  # the mode that follows a mission in the air
     rereads_mode_switch: bool = True  # soon after a boot, which undoes a mode set before
     active_when_armed: bool = False  # MAV_STATE of an armed vehicle on the ground
+    fence_limits_latch: bool = False  # which of them count is taken up when the fence is enabled, not later
     force_arms: bool = True  # a forced arming by a ground station skips the checks, but for `mandatory`
     mandatory: Callable[["Autopilot", float], list[str]] = lambda _vehicle, _now: []  # as `refusals`
     landing_disarms: bool = True  # at once; else after Tuning.disarm_landed_s
+    lands_amid_mission: bool = False  # and stays armed then, for what comes next
     signs: bool = False  # knows MAVLink 2 signing; else signatures are not looked at
     disarm_restores_mode: bool = False  # the last mode that may be armed in follows a flight
     answers_ping: bool = False  # PING to nobody in particular

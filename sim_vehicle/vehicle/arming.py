@@ -88,7 +88,8 @@ class Arming:
         vehicle = self._vehicle
         vehicle.flight.cleared_for_takeoff = False
         vehicle.body.arm(False)
-        vehicle.mission.reset()
+        if not (vehicle.mission.stays_landed and vehicle.mode.behaviour is Behaviour.MISSION):
+            vehicle.mission.reset()
         counter = vehicle.personality.flight_counter
         if counter is not None:
             vehicle.params.keep(counter, vehicle.params[counter] + 1)
@@ -112,6 +113,8 @@ class Arming:
         tuning = vehicle.tuning
         delay_s = tuning.disarm_landed_s if self._flown else tuning.disarm_unflown_s
         due_s = max(self._armed_at_s, vehicle.flight.ground_since_s) + delay_s
+        if self._flown and vehicle.flies_mission and vehicle.personality.lands_amid_mission:
+            return math.inf
         if vehicle.flight.landed(now) and now + EPSILON_S >= due_s:
             self.stop("disarmed_landed" if self._flown else "disarmed_unflown")
             return math.inf

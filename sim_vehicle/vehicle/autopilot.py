@@ -44,6 +44,7 @@ REBOOT_SILENCE_S = 1.5
 PHASES = 5  # of a second, in which vehicles begin to stream after a boot
 IDLE_LOOK_S = 1.0  # every vehicle looks around so often, whatever it waits for
 BUSY_LOOK_S = 0.1
+SEEN_AHEAD = 3  # navigation commands: one of them that is changed has the current one begun anew
 
 
 class Outlet(Protocol):
@@ -247,6 +248,7 @@ class Autopilot:
         """A parameter has changed."""
         before, self.tuning = self.tuning, self.personality.tuning(self.params)
         self.flight.retune(before)
+        self.fence_watch.parameters_changed()
 
     def simulate(self, name: str) -> None:
         """A parameter has changed that may make something fail."""
@@ -399,8 +401,13 @@ class Autopilot:
         return self.mission.set_current(self.flight.pilot, index)
 
     def mission_changed(self, index: int) -> None:
-        """An item became another one (or the list was cut, -1) while the mission may be flown."""
+        """An item became another one (or the list was cut, -1) while the mission may be flown.
+
+        What is too far ahead to be seen changes nothing.
+        """
         if not self.flies_mission or index == 0 or (index == -1 and self.mission.index < self.mission.count):
+            return
+        if index > 0 and index not in self.mission.coming(SEEN_AHEAD):
             return
         restarted = self.mission.restart_current(self.flight.pilot)
         self.tell("mission_changed" if restarted else "mission_change_failed")

@@ -275,7 +275,7 @@ def fence_enable(vehicle: "Autopilot", command: Command, _now: float) -> int:
     """Overrides the parameter until the next boot, without changing it."""
     if command.param1 not in (0, 1):
         return FAILED
-    vehicle.fence_watch.switch = command.param1 == 1
+    vehicle.fence_watch.turn(on=command.param1 == 1)
     return ACCEPTED
 
 

@@ -43,7 +43,8 @@ class FenceWatch:
         self.breached: frozenset[str] = frozenset()
         self.count = 0
         self.last_s = 0.0
-        self._parameter = False
+        self._parameter = vehicle.tuning.fence_enabled
+        self._taken_up = self._configured()
         self._above_floor = False
         self._again_m: dict[str, float] = {}  # a breached limit -> how far beyond is a breach anew
         self._recovers_until_s = -math.inf
@@ -51,6 +52,26 @@ class FenceWatch:
     @property
     def enabled(self) -> bool:
         return self._vehicle.tuning.fence_enabled if self.switch is None else self.switch
+
+    def parameters_changed(self) -> None:
+        if self._vehicle.tuning.fence_enabled != self._parameter:
+            self._parameter, self.switch = self._vehicle.tuning.fence_enabled, None
+            self._taken_up = self._configured()
+
+    def turn(self, *, on: bool) -> None:
+        """By a command, which goes before the parameter until that changes."""
+        self.switch = on
+        self._taken_up = self._taken_up | self._configured() if on else frozenset()
+
+    def _configured(self) -> frozenset[str]:
+        """Which limits the parameters say, the floor aside."""
+        tuning = self._vehicle.tuning
+        says = {
+            ALTITUDE_MAX: math.isfinite(tuning.fence_max_height_m),
+            CIRCLE: math.isfinite(tuning.fence_radius_m),
+            POLYGON: tuning.fence_polygons,
+        }
+        return frozenset(which for which, is_so in says.items() if is_so)
 
     @property
     def active(self) -> bool:
@@ -101,8 +122,6 @@ class FenceWatch:
     def update(self, now: float) -> None:
         """Look where the vehicle is; call it some ten times a second while `active`."""
         vehicle = self._vehicle
-        if vehicle.tuning.fence_enabled != self._parameter:
-            self._parameter, self.switch = vehicle.tuning.fence_enabled, None
         before = self.breached
         if not (self.enabled and self.has_limits):
             self.breached, self._above_floor = frozenset(), False
@@ -146,6 +165,9 @@ class FenceWatch:
             beyond_m[ALTITUDE_MIN] = tuning.fence_min_height_m - height_m
         if tuning.fence_polygons and vehicle.fence.breaches(lat_deg, lon_deg):
             beyond_m[POLYGON] = 0.0
+        if vehicle.personality.fence_limits_latch:
+            counts = self._taken_up | {ALTITUDE_MIN}
+            beyond_m = {which: by_m for which, by_m in beyond_m.items() if which in counts}
         return {which: by_m for which, by_m in beyond_m.items() if by_m >= 0}
 
     def _farther_m(self, which: str) -> float:

@@ -32,6 +32,8 @@ NAVIGATION = frozenset(
         mavlink.MAV_CMD_CONDITION_GATE,
     }
 )
+LANDINGS = frozenset({mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_VTOL_LAND})
+TAKEOFFS = frozenset({mavlink.MAV_CMD_NAV_TAKEOFF, mavlink.MAV_CMD_NAV_VTOL_TAKEOFF})
 CONDITIONS = frozenset({mavlink.MAV_CMD_CONDITION_DISTANCE, mavlink.MAV_CMD_CONDITION_YAW})
 MAX_JUMPS_IN_A_ROW = 64  # a mission of jumps alone must not hang the vehicle
 MOST_AT_ONCE = 50  # do-commands take no time, but there may be thousands, and jumps back to them
@@ -116,6 +118,8 @@ class Mission:
     paused: bool = False
     begins_anew: bool = False  # what it flies was not come to by what is before it in the list
     disarms_on_landing: bool = True  # a landing as an item ends the mission and stops the motors
+    stays_landed: bool = False  # nor is it ever over: the index stays there, also once it is disarmed
+    in_landing: bool = False  # what was begun last belongs to a landing
     _items: list[Item] = field(default_factory=list)
     _jumps: dict[int, int] = field(default_factory=dict)
     _pending: list[int] = field(default_factory=list)  # indices of the do-commands still to run
@@ -241,6 +245,7 @@ class Mission:
     def start_or_resume(self, pilot: Pilot, *, restart: bool = False) -> None:
         """Fly on from the current command; from the first one if there is none or the mission is over."""
         if restart or self._starts_over:
+            self.in_landing = False
             self._jumps.clear()
             self._advance(pilot, 1)
         elif self.items[self.index].command in NAVIGATION:
@@ -263,6 +268,15 @@ class Mission:
             pilot.start_navigation(self.flown, None)  # its item was deleted
         return self.flown is not None
 
+    def coming(self, count: int) -> list[int]:
+        """Indices of the next navigation commands, the current one first."""
+        found: list[int] = []
+        jumps, index = dict(self._jumps), self._find_navigation(self.index, {}, [])
+        while index is not None and len(found) < count:
+            found.append(index)
+            index = self._find_navigation(index + 1, jumps, [])
+        return found
+
     def stop(self) -> None:
         """The mission mode was left."""
         self.paused = False
@@ -272,7 +286,7 @@ class Mission:
     def reset(self) -> None:
         """The vehicle was disarmed: the next start is from the beginning."""
         self.index, self.flown = 0, None
-        self.paused = False
+        self.paused = self.in_landing = False
         self._jumps.clear()
         self._pending.clear()
         if self.state is not MissionState.COMPLETE:
@@ -294,6 +308,8 @@ class Mission:
     def set_current(self, pilot: Pilot, index: int) -> bool:
         """Make `index` (0: the first) current; at once when flying, else for the next start."""
         index = max(index, 1)
+        if index >= self.count or self.items[index].command != mavlink.MAV_CMD_DO_LAND_START:
+            self.in_landing = False
         if index >= self.count:
             return False
         if self.state is MissionState.ACTIVE:
@@ -339,6 +355,7 @@ class Mission:
             item = self.items[index]
             if self._condition_begun_s is None:
                 self._condition_begun_s = now
+                self.in_landing |= item.command == mavlink.MAV_CMD_DO_LAND_START
                 pilot.mission_item_started(index, item)
                 pilot.do(item)
             if not self._passed(pilot, item, now - self._condition_begun_s):
@@ -361,7 +378,7 @@ class Mission:
                 pilot.mission_item_started(self._pending[0], self.items[self._pending[0]])
                 pilot.do(self.items[self._pending[0]])
                 self._pending.clear()
-            self.state = MissionState.COMPLETE
+            self.state, self.in_landing = MissionState.COMPLETE, False
             self.flown = None
             pilot.mission_ended()
             return
@@ -370,6 +387,8 @@ class Mission:
 
     def _start(self, pilot: Pilot, index: int) -> None:
         self.index, self.flown, self.paused = index, self.items[index], False
+        lands = self.flown.command in LANDINGS
+        self.in_landing = (self.in_landing or lands) and self.flown.command not in TAKEOFFS
         following = self._find_navigation(index + 1, dict(self._jumps), [])
         pilot.mission_item_started(index, self.flown)
         pilot.start_navigation(self.flown, None if following is None else self.items[following])

@@ -7,7 +7,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.physics.place import Place
 from sim_vehicle.vehicle.manoeuvres import CircleToAltitude, Circling, Landing, Manoeuvre, Return
-from sim_vehicle.vehicle.mission import Item
+from sim_vehicle.vehicle.mission import LANDINGS, TAKEOFFS, Item
 from sim_vehicle.vehicle.numbers import finite, whole
 
 if TYPE_CHECKING:
@@ -18,9 +18,8 @@ AHEAD_M = 50_000.0  # a leg that lasts until the altitude is reached
 NOWHERE_M = 0.1  # nearer than this a place says no direction
 CLEARS_BY_M = 10.0  # so far above the altitude of its take-off a plane aims that climbs straight on
 ALTITUDE_REACHED_M = 5.0
+BEGINS_AT_M_S = 1.0  # a leg, where it brakes first
 YAW_REACHED_RAD = math.radians(2.0)
-TAKEOFFS = frozenset({mavlink.MAV_CMD_NAV_TAKEOFF, mavlink.MAV_CMD_NAV_VTOL_TAKEOFF})
-LANDINGS = frozenset({mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_VTOL_LAND})
 THROUGH = frozenset(
     {mavlink.MAV_CMD_NAV_WAYPOINT, mavlink.MAV_CMD_NAV_SPLINE_WAYPOINT, mavlink.MAV_CMD_CONDITION_GATE}
 )
@@ -56,6 +55,8 @@ class MissionPilot:
         self._wait_until_s: float | None = None
         self._target_m: Point = (0.0, 0.0, 0.0)
         self._wanted_heading_rad: float | None = None
+        self._under_way = False
+        self._after_braking_m_s: float | None = None  # the leg begins then, and passes its end so fast
         self._following: Item | None = None
 
     # -- facts -------------------------------------------------------------------------------------------
@@ -67,7 +68,8 @@ class MissionPilot:
     @property
     def busy(self) -> bool:
         """Whether time alone, or a manoeuvre, moves the mission on."""
-        return self._machine is not None or self._wait_until_s is not None
+        waits = self._wait_until_s is not None or self._after_braking_m_s is not None
+        return self._machine is not None or waits
 
     @property
     def landing(self) -> bool:
@@ -76,11 +78,13 @@ class MissionPilot:
     def forget(self) -> None:
         """Another mode has taken over."""
         self._machine, self._wait_until_s, self._wanted_heading_rad = None, None, None
+        self._under_way, self._after_braking_m_s = False, None
 
     # -- navigation commands -----------------------------------------------------------------------------
 
     def start_navigation(self, item: Item, following: Item | None) -> None:
         flight = self._flight
+        broken_off = self._under_way
         self.forget()
         flight.taking_off = item.command in TAKEOFFS
         self._target_m = flight.guided_target_m = self._goal_m(item)
@@ -101,6 +105,11 @@ class MissionPilot:
         else:
             self._following = following
             flight.body.limit(radius_m=self._radius_m(item))
+            self._under_way = not flight.taking_off
+            if broken_off and self._under_way and flight.tuning.begins_legs_at_rest:
+                self._after_braking_m_s = self._pass_speed_m_s(item, following)
+                flight.body.stop()
+                return
             flight.go(self._target_m, self._pass_speed_m_s(item, following))
 
     def _radius_m(self, item: Item) -> float:
@@ -163,10 +172,25 @@ class MissionPilot:
         if item.command in TAKEOFFS:
             return self._takeoff_done()
         if item.command in LANDINGS or item.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
-            return self._landing_done(now)
+            return self._landing_done(item, now)
         if self._machine is not None:
             return self._machine.update(now)
-        return self._waypoint_done(item, now)
+        if self._brakes():
+            return False
+        done = self._waypoint_done(item, now)
+        self._under_way = self._under_way and not done
+        return done
+
+    def _brakes(self) -> bool:
+        """Whether it still does, before it begins its leg."""
+        if self._after_braking_m_s is None:
+            return False
+        flight, pass_speed_m_s = self._flight, self._after_braking_m_s
+        if math.hypot(*flight.body.velocity_m_s[:2]) > BEGINS_AT_M_S:
+            return True
+        self._after_braking_m_s = None
+        flight.go(self._target_m, pass_speed_m_s)
+        return False
 
     def _takeoff_done(self) -> bool:
         flight = self._flight
@@ -184,9 +208,11 @@ class MissionPilot:
             return False
         return flight.body.reached
 
-    def _landing_done(self, now: float) -> bool:
+    def _landing_done(self, item: Item, now: float) -> bool:
         flight = self._flight
         done = self._machine.update(now) if self._machine is not None else flight.landed(now)
+        if item.command in LANDINGS and flight.mission.stays_landed:
+            return False
         if done and flight.armed and flight.mission.disarms_on_landing:
             # Landing ends the mission: disarming resets it, and the item is not reported as reached.
             flight.mission.end()

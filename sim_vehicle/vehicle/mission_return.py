@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.vehicle.manoeuvres import Landing, Manoeuvre
-from sim_vehicle.vehicle.mission import Item
-from sim_vehicle.vehicle.mission_pilot import LANDINGS, circle_to_altitude, target_of
+from sim_vehicle.vehicle.mission import LANDINGS, Item
+from sim_vehicle.vehicle.mission_pilot import circle_to_altitude, target_of
 
 if TYPE_CHECKING:
     from sim_vehicle.vehicle.flight import Flight

@@ -97,6 +97,15 @@ class Modes:
             self._armable_mode = mode
         self._vehicle.setpoints.reset()
         self._vehicle.flight.enter(mode)
+        self._forget_landing(mode)
+
+    def _forget_landing(self, mode: Mode) -> None:
+        """A mission that has landed begins anew once a pilot is to fly."""
+        vehicle, mission = self._vehicle, self._vehicle.mission
+        flown_by_hand = mode.behaviour in (Behaviour.DROP, Behaviour.CRUISE)
+        if mission.stays_landed and mission.in_landing and flown_by_hand and not vehicle.armed:
+            vehicle.tell("mission_reset")
+            mission.reset()
 
     def mode_switch_read(self) -> None:
         """The RC mode switch is read for the first time after a boot: an unarmed vehicle obeys it."""

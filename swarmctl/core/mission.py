@@ -6,6 +6,7 @@ A `FlightPlan` is what an agent decides; the autopilot dialects in `swarmctl.mav
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 
@@ -64,7 +65,10 @@ class FlightPlan:
 
 @dataclass(frozen=True, slots=True)
 class MissionItem:
-    """One MISSION_ITEM_INT without its address: positions in degrees × 1e7 as on the wire."""
+    """One MISSION_ITEM_INT without its address: positions in degrees × 1e7 as on the wire.
+
+    A parameter that is no number leaves something to the vehicle; items are equal that both do.
+    """
 
     command: int
     """MAV_CMD"""
@@ -81,3 +85,9 @@ class MissionItem:
     param3: float = 0.0
     param4: float = 0.0
     autocontinue: int = 1
+
+    def __post_init__(self) -> None:
+        for name in ("param1", "param2", "param3", "param4"):
+            if math.isnan(getattr(self, name)):
+                # Equal to itself alone: so it is always the same one.
+                object.__setattr__(self, name, math.nan)

@@ -13,18 +13,16 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import MissionItem
-from swarmctl.mavlink.mission_download import Download, DownloadOutcome, DownloadResult
+from swarmctl.mavlink.mission_download import DownloadResult
 from swarmctl.mavlink.mission_upload import Upload
-from swarmctl.mavlink.placing import verified
+from swarmctl.mavlink.placing import UPLOAD_TRIES, read_back, verified
 from swarmctl.mavlink.procedure import Context, Procedure
 from swarmctl.mavlink.procedures import Done
-from swarmctl.mavlink.wait import wait
 
 FENCE = int(mavlink.MAV_MISSION_TYPE_FENCE)
 MAX_VERTICES = 60
 """ArduCopter's storage ends at about 70"""
 
-_TRIES = 3
 _VERTEX = int(mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION)
 
 
@@ -72,16 +70,10 @@ def put_fence(ctx: Context, items: tuple[MissionItem, ...]) -> Procedure[Done]:
     def differences(found: tuple[MissionItem, ...]) -> tuple[str, ...]:
         return fence_differences(items, found)
 
-    placed = yield from verified(ctx, upload, read_fence, differences, _TRIES)
+    placed = yield from verified(ctx, upload, differences, UPLOAD_TRIES)
     return Done(placed.failure)
 
 
 def read_fence(ctx: Context) -> Procedure[DownloadResult]:
-    """The fence that is on the vehicle now; asked for again after what another try can cure."""
-    result: DownloadResult = yield Download(ctx.peer, FENCE)
-    for _ in range(_TRIES):
-        if result.outcome is DownloadOutcome.COMPLETE:
-            break
-        yield wait(ctx.dialect.upload_timeout_s / _TRIES)
-        result = yield Download(ctx.peer, FENCE)
-    return result
+    """The fence that is on the vehicle now."""
+    return (yield from read_back(ctx, mission_type=FENCE))

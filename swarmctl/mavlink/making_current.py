@@ -16,7 +16,11 @@ CURRENT_WAIT_S = 3.0
 
 def see_current(ctx: Context, is_right: Callable[[int], bool]) -> Procedure[bool]:
     """Whether the vehicle says, from now on, that its current item is a right one."""
-    yield Look(ctx.peer, lambda: True, CURRENT_WAIT_S, mavlink.MAVLINK_MSG_ID_MISSION_CURRENT)
+
+    def told() -> bool:
+        return ctx.state.mission_seq is not None
+
+    yield Look(ctx.peer, told, CURRENT_WAIT_S, mavlink.MAVLINK_MSG_ID_MISSION_CURRENT)
     return ctx.state.mission_seq is not None and is_right(ctx.state.mission_seq)
 
 

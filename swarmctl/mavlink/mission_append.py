@@ -13,7 +13,7 @@ another number by INVALID_SEQUENCE. Neither says which it was: then it is asked 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -32,29 +32,44 @@ class AppendResult:
     failure: str | None
     answers_after_s: float = 0.0
     """from a message to its answer, over this link [s]"""
+    is_late: bool = False
+    """it was broken off as of no use any more"""
 
 
 class Append(Conversation[AppendResult]):
-    """One attempt to put `items` behind the `count` items that a vehicle holds."""
+    """One attempt to put `items` behind the `count` items that a vehicle holds.
+
+    It is broken off where the vehicle is `too_late` for them, told how long an answer takes [s].
+    """
 
     WINDOW = 8
     """on their way at a time"""
     QUIET_S = 0.5
     """Where nothing comes for so long, or half as long again as answers take, it is asked what it holds."""
     MOST_QUIET_S = 4.0
-    LIMIT_S = 20.0
+    STUCK_LIMIT_S = 30.0
+    """without one item more"""
     SILENCE_S = 5.0
     """who has answered nothing by then is not reached"""
     BURSTS = 2
     """after so many without effect it does not know partial lists"""
 
-    def __init__(self, peer: Peer, count: int, items: Sequence[MissionItem]) -> None:
+    def __init__(
+        self,
+        peer: Peer,
+        count: int,
+        items: Sequence[MissionItem],
+        too_late: Callable[[float], bool] = lambda _answers_after_s: False,
+    ) -> None:
         super().__init__()
+        self._too_late = too_late
         self._peer = peer
         self._count = count
         self._items = tuple(items)
         self._stored = 0
         """so many are taken to be there"""
+        self._most = 0
+        """were so at any time"""
         self._sent = 0
         """so many were sent"""
         self._asked: set[int] = set()
@@ -68,10 +83,10 @@ class Append(Conversation[AppendResult]):
         self._burst_s: float | None = None
         """when what is not answered yet was sent"""
         self._answers_after_s = 0.0
-        self._end_s = self._silent_s = 0.0
+        self._stuck_s = self._silent_s = 0.0
 
     def _begin(self, now: float) -> list[Message]:
-        self._end_s, self._silent_s = now + self.LIMIT_S, now + self.SILENCE_S
+        self._stuck_s, self._silent_s = now + self.STUCK_LIMIT_S, now + self.SILENCE_S
         return self._burst(now)
 
     def _burst(self, now: float) -> list[Message]:
@@ -82,7 +97,9 @@ class Append(Conversation[AppendResult]):
         return self._more(now)
 
     def _more(self, now: float) -> list[Message]:
-        self.next_deadline = min(now + self._quiet_s, self._end_s)
+        if self._too_late(self._answers_after_s):
+            return self._end(f"{self._stored} of {len(self._items)} items in time", is_late=True)
+        self.next_deadline = min(now + self._quiet_s, self._stuck_s)
         first, self._sent = self._sent, min(self._stored + self.WINDOW, len(self._items))
         to = (self._peer.sysid, self._peer.compid)
         messages: list[Message] = []
@@ -113,7 +130,12 @@ class Append(Conversation[AppendResult]):
         if self._burst_s is not None:
             self._answers_after_s, self._burst_s = now - self._burst_s, None
             self._quiet_s = max(self.QUIET_S, 1.5 * self._answers_after_s)
-        self.next_deadline = min(now + self._quiet_s, self._end_s)
+        self.next_deadline = min(now + self._quiet_s, self._stuck_s)
+
+    def _has(self, stored: int, now: float) -> None:
+        if stored > self._most:
+            self._most, self._stuck_s = stored, now + self.STUCK_LIMIT_S
+        self._stored = stored
 
     def _on_request(self, index: int, now: float) -> list[Message]:
         if not 0 <= index < self._sent:
@@ -129,7 +151,7 @@ class Append(Conversation[AppendResult]):
             if self._stored >= self._sent:
                 return []  # of an earlier transfer
             self._heard(now)
-            self._stored += 1
+            self._has(self._stored + 1, now)
             if self._stored == len(self._items):
                 return self._end(None)
             return [] if self._last_nack else self._more(now)
@@ -160,7 +182,7 @@ class Append(Conversation[AppendResult]):
         stored = count - self._count
         if not 0 <= stored <= len(self._items):
             return self._end(f"it holds {count} items where {self._count} were known")
-        self._stored = stored
+        self._has(stored, now)
         if stored == len(self._items):
             return self._end(None)
         if stored == 0 and self._bursts >= self.BURSTS:
@@ -170,11 +192,11 @@ class Append(Conversation[AppendResult]):
     def _on_deadline(self, now: float) -> list[Message]:
         if self.state is State.WAITING and now >= self._silent_s:
             return self._end(f"no answer within {self.SILENCE_S:g} s")
-        if now >= self._end_s:
-            how_far = f"{self._stored} of {len(self._items)} items within {self.LIMIT_S:g} s"
+        if now >= self._stuck_s:
+            how_far = f"{self._stored} of {len(self._items)} items, none more for {self.STUCK_LIMIT_S:g} s"
             return self._end(how_far + self._said)
         self._quiet_s = min(2.0 * self._quiet_s, self.MOST_QUIET_S)
-        self.next_deadline = min(now + self._quiet_s, self._end_s)
+        self.next_deadline = min(now + self._quiet_s, self._stuck_s)
         if self.state is State.WAITING:
             self.next_deadline = min(self.next_deadline, self._silent_s)
         self._asks_what_it_holds = True
@@ -186,7 +208,7 @@ class Append(Conversation[AppendResult]):
     def _said(self) -> str:
         return f", last {self._last_nack}" if self._last_nack else ""
 
-    def _end(self, why: str | None) -> list[Message]:
+    def _end(self, why: str | None, *, is_late: bool = False) -> list[Message]:
         failure = None if why is None else f"the new route was not written behind the old one: {why}"
-        self._finish(AppendResult(failure, self._answers_after_s))
+        self._finish(AppendResult(failure, self._answers_after_s, is_late))
         return []

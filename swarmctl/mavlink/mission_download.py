@@ -21,8 +21,8 @@ class DownloadOutcome(Enum):
     NO_ANSWER = "no answer"
     """nor was there any"""
     BROKEN_OFF = "broken off"
-    """It told the number of items, and then no more. PX4 ends a transfer in which it is asked nothing for
-    5 s: then it is to be begun anew."""
+    """It told the number of items, and then no more, or not in order. PX4 ends a transfer in which it is
+    asked nothing for 5 s: then it is to be begun anew."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,9 @@ class DownloadResult:
 class Download(Conversation[DownloadResult]):
     """One attempt to read the items from `first` on, each asked for until it comes.
 
-    `window` of them are asked for at a time: more than one only of who takes requests in any order.
+    `window` of them are asked for at a time: one by one they would take as many answers of a slow link. Of
+    who tells them `in_order` only (PX4 ends a transfer in which it is asked for another than the next or the
+    last one again) none of several can be asked for once more: then this ends with the first that is lost.
     """
 
     REPEAT_S = 1.0
@@ -44,12 +46,21 @@ class Download(Conversation[DownloadResult]):
     """Where 30 % of all messages are lost, six times in a row a question or its answer is, for half of all
     lists of 50 items."""
 
-    def __init__(self, peer: Peer, mission_type: int = MISSION, first: int = 0, window: int = 1) -> None:
+    def __init__(
+        self,
+        peer: Peer,
+        mission_type: int = MISSION,
+        first: int = 0,
+        window: int = 1,
+        *,
+        in_order: bool = False,
+    ) -> None:
         super().__init__()
         self._peer = peer
         self._type = mission_type
         self._first = self._next = self._asked = first
-        self._window = window
+        self._window, self._in_order = window, in_order
+        self._repeat_s, self._began_s = self.REPEAT_S, 0.0
         self._count = 0
         self._items: dict[int, MissionItem] = {}
         self._tries = 0
@@ -63,11 +74,12 @@ class Download(Conversation[DownloadResult]):
         return self._first
 
     def _begin(self, now: float) -> list[Message]:
+        self._began_s = now
         return self._ask(now)
 
     def _ask(self, now: float) -> list[Message]:
         self._tries += 1
-        self.next_deadline = now + self.REPEAT_S
+        self.next_deadline = now + self._repeat_s
         to = (self._peer.sysid, self._peer.compid)
         if self.state is State.WAITING:
             return [mavlink.MAVLink_mission_request_list_message(*to, mission_type=self._type)]
@@ -91,6 +103,8 @@ class Download(Conversation[DownloadResult]):
         if kind == "MISSION_COUNT" and self.state is State.WAITING:
             self._enter(State.EXCHANGING)
             self._count = int(message.count)
+            if self._window > 1:  # of one by one an answer that is late is cheaper than one that is lost
+                self._repeat_s = max(self.REPEAT_S, 1.5 * (now - self._began_s))
             return self._proceed(now)
         if kind == "MISSION_ITEM_INT" and self._next <= message.seq < self._asked:
             self._items[int(message.seq)] = item_of(message)
@@ -104,30 +118,34 @@ class Download(Conversation[DownloadResult]):
     def _proceed(self, now: float) -> list[Message]:
         if self._next < self._count:
             self._tries = 1
-            self.next_deadline = now + self.REPEAT_S
+            self.next_deadline = now + self._repeat_s
             return self._ask_for_items()
         self._end(DownloadOutcome.COMPLETE, f"{self._count} items")
         return [self._ack(mavlink.MAV_MISSION_ACCEPTED)]
 
     def _on_ack(self, code: int) -> None:
-        # Positive ones, cancellations and complaints about duplicates belong to an upload before.
+        # Positive ones, cancellations and complaints about duplicates belong to an upload before, and so does
+        # ArduPilot's error after a last item that came twice: it has none for who asks how many there are.
         stale = (
             mavlink.MAV_MISSION_ACCEPTED,
             mavlink.MAV_MISSION_OPERATION_CANCELLED,
             mavlink.MAV_MISSION_INVALID_SEQUENCE,
+            *([mavlink.MAV_MISSION_ERROR] if self.state is State.WAITING else []),
         )
         if code not in stale:
             name = name_of("MAV_MISSION_RESULT", code).removeprefix("MAV_MISSION_")
             self._end(DownloadOutcome.REFUSED, name)
 
     def _on_deadline(self, now: float) -> list[Message]:
-        if self._tries < self.TRIES:
+        past_asking = self.state is State.EXCHANGING and self._in_order and self._window > 1
+        if self._tries < self.TRIES and not past_asking:
             return self._ask(now)
         farewell = self._farewell(now)
         if self.state is State.WAITING:
             self._end(DownloadOutcome.NO_ANSWER, f"asked {self._tries} times for the number of items")
         else:
-            self._end(DownloadOutcome.BROKEN_OFF, f"asked {self._tries} times for item {self._next}")
+            times = "once" if self._tries == 1 else f"{self._tries} times"
+            self._end(DownloadOutcome.BROKEN_OFF, f"asked {times} for item {self._next}")
         return farewell
 
     def _end(self, outcome: DownloadOutcome, reason: str) -> None:

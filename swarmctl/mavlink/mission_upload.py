@@ -1,8 +1,14 @@
 """Uploading a mission: https://mavlink.io/en/services/mission.html#uploading_mission
 
-The vehicle asks for the items; we only answer, and repeat the announcement until it asks. What its
-acknowledgements are worth differs between autopilots, so ACCEPTED is believed only after every item was sent
-in this transfer, and success is told for certain only by reading back.
+The vehicle asks for the items, and we repeat the announcement until it asks. One after the other they would
+take as many answers of a slow link, so the items behind the one that it asks for go along. ArduPilot takes an
+item for the number that it expects whether it has asked for it or not (MissionItemProtocol.cpp
+handle_mission_item), and so does PX4 (mavlink_mission.cpp handle_mission_item_both); any other ArduPilot
+refuses by INVALID_SEQUENCE, and PX4 ignores it. The last item goes only to who asks for it: until then nobody
+has the whole mission.
+
+What acknowledgements are worth differs between autopilots, so ACCEPTED is believed only after every item was
+sent in this transfer, and success is told for certain only by reading back.
 """
 
 from __future__ import annotations
@@ -42,20 +48,32 @@ class UploadOutcome(Enum):
 class UploadResult:
     outcome: UploadOutcome
     text: str
+    is_lossy: bool = False
+    """something had to be sent again"""
 
 
 class Upload(Conversation[UploadResult]):
     """One attempt to put `items` of a MAV_MISSION_TYPE on the vehicle.
 
     `current` is the one marked as the one to fly, if any; `flown` the one that is flown now, for whoever has
-    to mark one. Where the vehicle is `too_late` for them when it asks for the last, it does not get that.
+    to mark one. Where the vehicle is `too_late` for them when it asks for the last, it does not get that;
+    `too_late` is told how long it takes from a message to its answer [s].
     """
 
-    COUNT_REPEAT_S = 1.0
+    WINDOW = 8
+    """items on their way at a time: some 400 bytes, which the receive buffer of a serial port holds"""
+    OVERDUE = 1.25
+    OVERDUE_MOST_S = 2.5
+    """Times as long as an answer takes, and no longer, since how long that is is known once items were taken:
+    then what was sent is taken for lost, and from then on each goes twice."""
+    REPEAT_S = 1.0
+    """so often goes the count until it asks, and an item on its way that it goes on asking for"""
+    FIRST_LIMIT_S = 12.0
+    """until it asks: where 30 % of all is lost and an answer takes 2 s, one in twenty has not after six"""
     IDLE_LIMIT_S = 6.0
     STUCK_LIMIT_S = 30.0
     """Asked for the same items for so long it gives up. ArduPilot does so after 8 s without one, PX4 after 5;
-    how long all of them take is the link's matter: 3 s each where a fifth is lost and an answer takes 2 s."""
+    how long all of them take is the link's matter."""
 
     def __init__(
         self,
@@ -64,7 +82,7 @@ class Upload(Conversation[UploadResult]):
         mission_type: int = MISSION,
         current: int | None = None,
         flown: int | None = None,
-        too_late: Callable[[], bool] = lambda: False,
+        too_late: Callable[[float], bool] = lambda _answers_after_s: False,
     ) -> None:
         super().__init__()
         self._too_late = too_late
@@ -72,10 +90,25 @@ class Upload(Conversation[UploadResult]):
         self._current, self._flown = current, flown
         self._type = mission_type
         self._items = tuple(items)
-        self._unsent = set(range(len(self._items)))
+        self._furthest = -1
+        """the item that it has got to in asking"""
+        self._wanted = 0
+        """what it asked for last"""
+        self._next = 0
+        """the one to send after those on their way"""
+        self._sent_s: dict[int, float] = {}
+        """when each was sent last"""
+        self._asked: set[int] = set()
+        """for which it has asked since they were sent"""
+        self._again: set[int] = set()
+        """those sent more than once: nobody knows which of them was answered"""
+        self._answers_after_s = 0.0
+        """from a message to its answer, over this link: no less than that"""
+        self._is_lossy = False
+        self._repeated_s = 0.0
+        """when an item was sent once more by itself"""
         self._last_nack = ""
-        self._idle_at = 0.0
-        self._stuck_at = 0.0
+        self._began_s = self._idle_at = self._stuck_at = 0.0
 
     @property
     def items(self) -> tuple[MissionItem, ...]:
@@ -94,12 +127,13 @@ class Upload(Conversation[UploadResult]):
         return self._flown
 
     def _begin(self, now: float) -> list[Message]:
-        self._idle_at = now + self.IDLE_LIMIT_S
+        self._began_s = now
+        self._idle_at = now + self.FIRST_LIMIT_S
         self._stuck_at = now + self.STUCK_LIMIT_S
         return self._announce(now)
 
     def _announce(self, now: float) -> list[Message]:
-        self.next_deadline = min(now + self.COUNT_REPEAT_S, self._idle_at)
+        self.next_deadline = min(now + self.REPEAT_S, self._idle_at)
         return [
             mavlink.MAVLink_mission_count_message(
                 self._peer.sysid, self._peer.compid, len(self._items), mission_type=self._type
@@ -113,7 +147,7 @@ class Upload(Conversation[UploadResult]):
         if message.mission_type != self._type or not self._peer.is_for_us(message):
             return []
         if kind == "MISSION_ACK":
-            self._on_ack(int(message.type))
+            self._on_ack(int(message.type), now)
             return []
         return self._on_request(int(message.seq), now)
 
@@ -125,30 +159,79 @@ class Upload(Conversation[UploadResult]):
                 # It still asks for an earlier transfer: what we sent now would land in that one.
                 return []
             self._enter(State.EXCHANGING)
-        if seq == len(self._items) - 1 and self._too_late():
-            self._end(UploadOutcome.TOO_LATE, "the last item was kept back")
-            return self._farewell(now)
+            self._answers_after_s = now - self._began_s
         self._idle_at = now + self.IDLE_LIMIT_S
-        if seq in self._unsent:
-            self._unsent.remove(seq)
-            self._stuck_at = now + self.STUCK_LIMIT_S
+        if seq > self._furthest:
+            self._got_to(seq, now)
         self.next_deadline = min(self._idle_at, self._stuck_at)
-        item = self._items[seq]
-        return [item_message(self._peer, seq, item, self._type, current=seq == self._current)]
+        if seq == len(self._items) - 1 and self._too_late(self._answers_after_s):
+            return self._keep_back(seq, now)
+        return self._answer(seq, now)
 
-    def _on_ack(self, code: int) -> None:
+    def _keep_back(self, last: int, now: float) -> list[Message]:
+        """The last item; where it is on its way, it is seen whether it arrives."""
+        if last in self._sent_s and not self._is_overdue(max(self._sent_s[last], self._repeated_s), now):
+            return []
+        self._end(UploadOutcome.TOO_LATE, "the last item was kept back")
+        return self._farewell(now)
+
+    def _got_to(self, seq: int, now: float) -> None:
+        self._furthest = seq
+        self._stuck_at = now + self.STUCK_LIMIT_S
+        if seq - 1 in self._sent_s and seq - 1 not in self._again:
+            self._answers_after_s = min(self._answers_after_s, now - self._sent_s[seq - 1])
+
+    def _answer(self, seq: int, now: float) -> list[Message]:
+        """What it asks for, unless that is on its way, and of the items behind it those that are not."""
+        if self._is_missing(seq, now):
+            self._is_lossy = self._is_lossy or seq in self._sent_s
+            self._next = seq  # and what was sent behind it was not taken
+            self._asked.clear()
+        self._asked.add(seq)
+        self._wanted = seq
+        last = len(self._items) - 1
+        end = len(self._items) if seq == last else min(seq + self.WINDOW, last)
+        numbers = range(max(seq, self._next), end)
+        self._next = max(self._next, end)
+        self._again.update(number for number in numbers if number in self._sent_s)
+        self._sent_s |= dict.fromkeys(numbers, now)
+        # ArduPilot gives up 8 s after the last item that it took, PX4 after 5: there is time for few tries.
+        copies = 2 if self._is_lossy else 1
+        if not numbers and now - max(self._sent_s[seq], self._repeated_s) >= self.REPEAT_S:
+            numbers, self._repeated_s = range(seq, seq + 1), now
+        return [self._item(number) for number in numbers for _ in range(copies)]
+
+    def _item(self, seq: int) -> Message:
+        return item_message(self._peer, seq, self._items[seq], self._type, current=seq == self._current)
+
+    def _is_missing(self, seq: int, now: float) -> bool:
+        if seq not in self._sent_s:
+            return True
+        # For what went along it asks once when the one before has come; for one before that it begins anew.
+        asks_again = seq in self._asked or seq < self._wanted
+        return asks_again and self._is_overdue(self._sent_s[seq], now)
+
+    def _is_overdue(self, sent_s: float, now: float) -> bool:
+        return now - sent_s >= min(self.OVERDUE * self._answers_after_s, self.OVERDUE_MOST_S)
+
+    @property
+    def _is_all_sent(self) -> bool:
+        return len(self._sent_s) == len(self._items)
+
+    def _on_ack(self, code: int, now: float) -> None:
         name = name_of("MAV_MISSION_RESULT", code).removeprefix("MAV_MISSION_")
         if code == mavlink.MAV_MISSION_ACCEPTED:
-            if not self._unsent:
+            if self._is_all_sent:
                 self._end(UploadOutcome.ACCEPTED, name)
         elif code == mavlink.MAV_MISSION_INVALID_SEQUENCE:
             # ArduPilot says so for each duplicate and goes on asking.
             self._last_nack = name
         elif code == mavlink.MAV_MISSION_ERROR:
             # ArduPilot's answer to a repeated last item, after it has accepted the first one: in this
-            # transfer, or late in the one before. Where it means more, it stops asking.
+            # transfer, or late in the one before. PX4's to an announcement that came twice, or for good. Who
+            # means more stops asking.
             self._last_nack = name
-            if not self._unsent:
+            if self._is_all_sent and now - max(self._sent_s.values()) >= 0.9 * self._answers_after_s:
                 self._end(UploadOutcome.UNCONFIRMED, name)
         elif code == mavlink.MAV_MISSION_OPERATION_CANCELLED:
             if self.state is State.EXCHANGING:  # else the end of an earlier transfer
@@ -164,15 +247,16 @@ class Upload(Conversation[UploadResult]):
         farewell = self._farewell(now)
         if self.state is State.WAITING:
             self._end(UploadOutcome.NO_ANSWER, "it did not ask for the first item")
-        elif self._unsent:
-            self._end(UploadOutcome.INCOMPLETE, f"it stopped asking before item {min(self._unsent)}")
+        elif not self._is_all_sent:
+            self._end(UploadOutcome.INCOMPLETE, f"it did not get past item {self._furthest}")
         else:
             self._end(UploadOutcome.UNCONFIRMED, "no acknowledgement after the last item")
         return farewell
 
     def _end(self, outcome: UploadOutcome, reason: str) -> None:
         nack = f", earlier {self._last_nack}" if self._last_nack and outcome is not outcome.ACCEPTED else ""
-        self._finish(UploadResult(outcome, f"upload {outcome.value}: {reason}{nack}"))
+        text = f"upload {outcome.value}: {reason}{nack}"
+        self._finish(UploadResult(outcome, text, is_lossy=self._is_lossy))
 
     def _farewell(self, now: float) -> list[Message]:
         return [

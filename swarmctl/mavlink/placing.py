@@ -7,13 +7,15 @@ from dataclasses import dataclass
 
 from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.mission_download import Download, DownloadOutcome, DownloadResult
-from swarmctl.mavlink.mission_upload import Upload, UploadOutcome, UploadResult
+from swarmctl.mavlink.mission_upload import MISSION, Upload, UploadOutcome, UploadResult
 from swarmctl.mavlink.outcome import Done
 from swarmctl.mavlink.procedure import Context, Procedure
 from swarmctl.mavlink.wait import wait
 
 UPLOAD_TRIES = 3
 DOWNLOAD_TRIES = 4
+WINDOW = 8
+"""items asked for at a time: on a slow link one by one takes as many seconds as it flies on the old route"""
 
 
 def put(
@@ -22,7 +24,7 @@ def put(
     current: int | None = None,
     tries: int = UPLOAD_TRIES,
     flown: int | None = None,
-    too_late: Callable[[], bool] = lambda: False,
+    too_late: Callable[[float], bool] = lambda _answers_after_s: False,
     is_over: Callable[[], bool] = lambda: False,
 ) -> Procedure[Placed]:
     """Upload, read back, compare; tried again after what another try can cure.
@@ -39,7 +41,7 @@ def put(
     def differences(found: tuple[MissionItem, ...]) -> tuple[str, ...]:
         return ctx.dialect.differences(items, found)
 
-    placed = yield from verified(ctx, upload, read_back, differences, tries, is_over)
+    placed = yield from verified(ctx, upload, differences, tries, is_over)
     if placed.failure is None:
         ctx.on_vehicle = placed.found
     return placed
@@ -59,12 +61,11 @@ class Placed(Done):
 def verified(
     ctx: Context,
     upload: Callable[[], Upload],
-    read: Callable[[Context], Procedure[DownloadResult]],
     differences: Callable[[tuple[MissionItem, ...]], tuple[str, ...]],
     tries: int,
     is_over: Callable[[], bool] = lambda: False,
 ) -> Procedure[Placed]:
-    """A list of items of any kind onto a vehicle; `differences` of what is read back from what is sent."""
+    """A list of items of one kind onto a vehicle; `differences` of what is read back from what is sent."""
     failure = "not tried"
     for attempt in range(tries):
         if attempt:
@@ -72,14 +73,15 @@ def verified(
             yield wait(ctx.dialect.upload_timeout_s)
         if attempt and is_over():
             break
-        result: UploadResult = yield upload()
+        conversation = upload()
+        result: UploadResult = yield conversation
         failure, uploaded_s = result.text, ctx.state.time_boot_s
         if result.outcome in (UploadOutcome.REJECTED, UploadOutcome.TOO_LATE):
             return Placed(failure, is_late=result.outcome is UploadOutcome.TOO_LATE)
         if result.outcome in (UploadOutcome.DENIED, UploadOutcome.NO_ANSWER):
             continue
         # Also after a time-out: the items may all be there and only the last word lost.
-        there = yield from read(ctx)
+        there = yield from read_back(ctx, mission_type=conversation.mission_type, is_lossy=result.is_lossy)
         if there.outcome is not DownloadOutcome.COMPLETE:
             failure = f"{failure}; {there.text}"
             continue
@@ -90,13 +92,21 @@ def verified(
     return Placed(failure)
 
 
-def read_back(ctx: Context, first: int = 0) -> Procedure[DownloadResult]:
-    """The items from `first` on, as the vehicle has them."""
-    result: DownloadResult = yield Download(ctx.peer, first=first)
-    for _ in range(DOWNLOAD_TRIES - 1):
+def read_back(
+    ctx: Context, first: int = 0, mission_type: int = MISSION, *, is_lossy: bool = False
+) -> Procedure[DownloadResult]:
+    """The items from `first` on, as the vehicle has them; asked for again after what another try can cure.
+
+    Who tells them in order only is asked one by one where something was lost: on a link that `is_lossy`,
+    and after the first try.
+    """
+    in_order = not ctx.dialect.tells_single_items
+    for attempt in range(DOWNLOAD_TRIES):
+        if attempt:
+            # DENIED while it has not yet given up an upload.
+            yield wait(ctx.dialect.upload_timeout_s / (DOWNLOAD_TRIES - 1))
+        window = 1 if in_order and (attempt or is_lossy) else WINDOW
+        result: DownloadResult = yield Download(ctx.peer, mission_type, first, window, in_order=in_order)
         if result.outcome in (DownloadOutcome.COMPLETE, DownloadOutcome.NO_ANSWER):
             break
-        # DENIED while it has not yet given up an upload.
-        yield wait(ctx.dialect.upload_timeout_s / (DOWNLOAD_TRIES - 1))
-        result = yield Download(ctx.peer, first=first)
     return result

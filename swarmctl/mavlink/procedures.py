@@ -61,6 +61,15 @@ def prepare(ctx: Context) -> Procedure[Done]:
         ready = yield Until(ctx.after_heartbeat(lambda s: s.ready), MODE_AGAIN_S)
         if ready and ctx.state.ready:
             return Done()
+        if heard and _is_left_amid_a_mission(ctx):
+            yield ctx.dialect.set_current(ctx.peer, ctx.dialect.first_seq or 0, 0)
+
+
+def _is_left_amid_a_mission(ctx: Context) -> bool:
+    """Whether it stands there where it would not arm for the item that it flew last."""
+    state, first = ctx.state, ctx.dialect.first_seq
+    stands = state.mode == ctx.dialect.hold_mode and not state.armed
+    return stands and not ctx.dialect.arms_anywhere and state.mission_seq not in (None, 0, first)
 
 
 def upload(ctx: Context, items: tuple[MissionItem, ...]) -> Procedure[Uploaded]:
@@ -68,10 +77,9 @@ def upload(ctx: Context, items: tuple[MissionItem, ...]) -> Procedure[Uploaded]:
     if ctx.state.armed:
         # It might fly the mission that we write over, item by item.
         return Uploaded("it is armed; the mission of a flying vehicle is swapped")
-    begin_s = ctx.state.time_boot_s
     if ctx.dialect.returns_to_rally and (failure := (yield from see_no_rally_points(ctx))):
         return Uploaded(failure)
-    n_texts = ctx.telemetry.n_texts
+    begin_s, n_texts = ctx.state.time_boot_s, ctx.telemetry.n_texts
     placed = yield from put(ctx, items, ctx.dialect.first_seq)
     took_s = max(ctx.state.time_boot_s - begin_s, 0.0)
     return Uploaded(placed.failure or complaint(ctx, n_texts), swap_takes_s(ctx.dialect, len(items), took_s))

@@ -1,4 +1,4 @@
-"""Rally points, to which a vehicle may return instead of landing by its mission.
+"""Rally points, to which a vehicle may return instead of to where it took off, or of landing by its mission.
 
 https://mavlink.io/en/services/mission.html#mission_types
 """
@@ -7,15 +7,16 @@ from __future__ import annotations
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.mavlink.mission_download import Download, DownloadOutcome, DownloadResult
+from swarmctl.mavlink.mission_download import DownloadOutcome
+from swarmctl.mavlink.placing import read_back
 from swarmctl.mavlink.procedure import Context, Procedure
 
 RALLY = int(mavlink.MAV_MISSION_TYPE_RALLY)
 
 
 def see_no_rally_points(ctx: Context) -> Procedure[str | None]:
-    """Why it cannot be relied on to return where its mission lands; None where it has no rally points."""
-    read: DownloadResult = yield Download(ctx.peer, RALLY)
+    """Why it cannot be relied on to return where it is to; None where it has no rally points."""
+    read = yield from read_back(ctx, mission_type=RALLY)
     if read.outcome is not DownloadOutcome.COMPLETE:
         return f"whether it has rally points, to which it would return, is not known: {read.text}"
     if read.items:

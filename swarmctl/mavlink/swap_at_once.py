@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.dialects.plan import behind
@@ -66,13 +67,7 @@ def _exchange(
     marked, or from where it is."""
     before, n_texts = ctx.state.mission_seq or 0, ctx.telemetry.n_texts
     yield from look(ctx, _ours(way))
-    begin_s = ctx.state.time_boot_s
-
-    def too_late() -> bool:
-        answers_after_s = max(ctx.state.time_boot_s - begin_s, 0.0) / len(items)
-        return way.leaves_ahead and way.ahead.at(ctx.state, answers_after_s).is_late
-
-    placed = yield from put(ctx, items, marked, tries=1, flown=before, too_late=too_late)
+    placed = yield from put(ctx, items, marked, tries=1, flown=before, too_late=partial(way.is_past, ctx))
     if placed.failure:
         way.is_late = placed.is_late
         return placed.failure

@@ -1,32 +1,31 @@
 """The swap where a vehicle follows every item that is written: the new route goes behind the old one.
 
 Nothing that it flies, or would fly, is touched until the new route is there and read back; then one order
-takes it over, without a stop. Were everything to end before that, it would fly its old route and land.
+takes it over. A copter of ArduPilot brakes then and speeds up again; the others just turn. Were everything to
+end before that, it would fly its old route and land.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from swarmctl.core.mission import MissionItem
 from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.mavlink.guarded import guarded, in_modes, look
 from swarmctl.mavlink.mission_append import Append, AppendResult
-from swarmctl.mavlink.mission_download import Download, DownloadOutcome, DownloadResult
+from swarmctl.mavlink.mission_download import DownloadOutcome
 from swarmctl.mavlink.outcome import Swapped
+from swarmctl.mavlink.placing import read_back
 from swarmctl.mavlink.procedure import Context, Procedure
 from swarmctl.mavlink.swap_in_place import swap_in_place
 from swarmctl.mavlink.swap_steps import Flown, Way, see_it_fly
 from swarmctl.mavlink.telemetry import STILL_M_S
 from swarmctl.mavlink.wait import Until
-from swarmctl.mavlink.way_ahead import CORNER_S, TELLS_EVERY_S
+from swarmctl.mavlink.way_ahead import CORNER_S, ON_M, TELLS_EVERY_S, Ahead
 
 MOST_ITEMS = 400
 """ArduPilot keeps 650 and more; a longer list is written anew, which sets it back to one plan."""
-
-
-WINDOW = 8
-"""items asked for at a time: on a slow link one by one takes as many seconds as it flies on the old route"""
 
 
 MOMENT_S = 10.0
@@ -45,13 +44,14 @@ def swap_behind(ctx: Context, way: Way) -> Procedure[Swapped]:
         return (yield from swap_in_place(ctx, way, old))
     # From here on it holds more than is known.
     ctx.on_vehicle = ()
-    appended: AppendResult = yield Append(ctx.peer, len(kept), tail)
+    is_past = partial(way.is_past, ctx)
+    appended: AppendResult = yield Append(ctx.peer, len(kept), tail, is_past)
     found, failure = yield from _read_back(ctx, len(kept), tail, appended)
     if not failure:
         # An order goes by what was told as long ago as it takes to be answered.
         later_s = appended.answers_after_s + 0.5 * TELLS_EVERY_S
         yield Until(lambda: _is_clear(ctx, way, later_s), MOMENT_S)
-        late = way.leaves_ahead and way.ahead.at(ctx.state, later_s).is_late
+        late = appended.is_late or is_past(appended.answers_after_s)
         if late or ctx.state.landed is Landed.LANDING:
             # Who comes down may have been told so by somebody else.
             yield from look(ctx, mission)
@@ -72,13 +72,13 @@ def swap_behind(ctx: Context, way: Way) -> Procedure[Swapped]:
 def _read_back(
     ctx: Context, count: int, tail: tuple[MissionItem, ...], appended: AppendResult
 ) -> Procedure[tuple[tuple[MissionItem, ...], str | None]]:
-    """What is there behind the first `count` items; and the failure, if that is not `tail`."""
-    if appended.failure:
+    """What is there behind the first `count` items; and the failure, if that is not what was to be."""
+    if appended.failure and not appended.is_late:
         return (), appended.failure
-    read: DownloadResult = yield Download(ctx.peer, first=count, window=WINDOW)
+    read = yield from read_back(ctx, count)
     if read.outcome is not DownloadOutcome.COMPLETE:
         return (), read.text
-    gaps = ctx.dialect.differences(tail, read.items, count)
+    gaps = () if appended.is_late else ctx.dialect.differences(tail, read.items, count)
     return read.items, f"read back behind the old route: {gaps[0]}" if gaps else None
 
 
@@ -87,7 +87,17 @@ def _is_clear(ctx: Context, way: Way, later_s: float) -> bool:
     if not way.leaves_ahead or ctx.state.ground_speed_m_s < STILL_M_S:
         return True
     at = way.ahead.at(ctx.state, later_s)
-    return at.is_late or at.corner_s > CORNER_S
+    return at.is_late or (at.corner_s > CORNER_S and not _passes_it_braking(ctx, at))
+
+
+def _passes_it_braking(ctx: Context, at: Ahead) -> bool:
+    """Whether it would have to fly back to the item ahead; to that at which the new route leaves the old one
+    it may, rather than leave that unflown."""
+    brakes_m_s2 = ctx.dialect.brakes_m_s2
+    leaves_there = at.item_m + at.past_m > -ON_M
+    if brakes_m_s2 is None or leaves_there:
+        return False
+    return at.item_m < ctx.state.ground_speed_m_s**2 / (2.0 * brakes_m_s2)
 
 
 def _taken_over(

@@ -9,7 +9,7 @@ from swarmctl.mavlink.guarded import HandsOff, in_modes, look, set_mode
 from swarmctl.mavlink.outcome import Swapped
 from swarmctl.mavlink.procedure import Context, Procedure
 from swarmctl.mavlink.wait import Until
-from swarmctl.mavlink.way_ahead import WayAhead
+from swarmctl.mavlink.way_ahead import TELLS_EVERY_S, WayAhead
 
 MOVE_WAIT_S = 10.0
 
@@ -55,6 +55,14 @@ class Way:
         """The waypoint to fly to, counted from the first: of a vehicle that is on it the next ahead."""
         at = self.ahead.at(ctx.state, later_s)
         return at.item if self.leaves_ahead or not at.is_late else 0
+
+    def is_past(self, ctx: Context, answers_after_s: float) -> bool:
+        """Whether it is past where the new plan leaves the old one by when it follows what is sent now.
+
+        That goes by what was told as long ago as it takes to be answered.
+        """
+        later_s = answers_after_s + 0.5 * TELLS_EVERY_S
+        return self.leaves_ahead and self.ahead.at(ctx.state, later_s).is_late
 
     def is_taken_over(self, ctx: Context) -> None:
         """Now: what is seen of it comes later."""

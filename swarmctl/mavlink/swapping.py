@@ -7,6 +7,7 @@ the new route is written behind the old one (`swap_behind`), or it holds (`swap_
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from swarmctl.core.mission import MissionItem
@@ -15,6 +16,7 @@ from swarmctl.mavlink.dialects import Dialect
 from swarmctl.mavlink.guarded import HandsOff, Theirs, foreign, in_modes, look
 from swarmctl.mavlink.landing import landing_items
 from swarmctl.mavlink.outcome import Flying, Swapped
+from swarmctl.mavlink.placing import WINDOW
 from swarmctl.mavlink.procedure import Context, Procedure
 from swarmctl.mavlink.swap_at_once import swap_at_once
 from swarmctl.mavlink.swap_behind import swap_behind
@@ -22,8 +24,6 @@ from swarmctl.mavlink.swap_steps import Flown, Way, takes_off
 from swarmctl.mavlink.wait import Until
 from swarmctl.mavlink.way_ahead import WayAhead
 
-BEHIND_ANSWERS = 5
-"""of a vehicle that flies on meanwhile: written, read back (two), seen, taken over"""
 CLIMB_LIMIT_S = 60.0
 """until it is up at its take-off altitude"""
 
@@ -38,10 +38,12 @@ def _lands(ctx: Context) -> bool:
 def swap_takes_s(dialect: Dialect, n_items: int, upload_s: float) -> float:
     """How long a change in flight will take until the new plan is flown, where an upload of so many items
     took `upload_s`: by the questions and answers of each."""
-    # The number of items, each item and the end, up and down again.
-    answers = 2 * n_items + 3
-    swap_answers = n_items + 2 if dialect.uploads_at_once else BEHIND_ANSWERS
-    return upload_s * swap_answers / answers
+    windows = math.ceil(n_items / WINDOW)
+    up, down = 2 + windows, 1 + windows  # the number of items, the items, and the last one by itself
+    if dialect.uploads_at_once:
+        return upload_s * up / (up + down)
+    # Written, read back, seen, taken over.
+    return upload_s * (windows + down + 2) / (up + down)
 
 
 def swap(
@@ -57,8 +59,9 @@ def swap(
     """
     begin, stood_s = ctx.state, ctx.telemetry.stood_still_s
     ours = {ctx.dialect.mission_mode, *([ctx.dialect.hold_mode] if from_hold else [])}
-    way = Way(new, WayAhead(begin, new[ctx.dialect.first_waypoint_seq :]), leaves_ahead, ours)
     flown = Flown.by(ctx)
+    ahead = WayAhead(begin, new[ctx.dialect.first_waypoint_seq :], flown.items[flown.seq :])
+    way = Way(new, ahead, leaves_ahead, ours)
     # Stopped on its first metres it would go on to the first waypoint from down there.
     yield Until(lambda: not takes_off(ctx), CLIMB_LIMIT_S)
     # A heartbeat that was overtaken on its way may show a mode from before.

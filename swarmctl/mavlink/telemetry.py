@@ -252,9 +252,10 @@ class Telemetry:
         return False
 
     def _mission_current(self, message: Message) -> bool:
-        total = int(message.total)
+        seq, total = int(message.seq), int(message.total)
         self._changes |= {
-            "mission_seq": int(message.seq),
+            # PX4 tells -1 between an upload that marks no item and its navigator's first look at it.
+            "mission_seq": None if seq == 0xFFFF else seq,
             "mission_total": None if total == 0xFFFF else total,
         }
         return False

@@ -9,19 +9,21 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import takewhile
+from itertools import accumulate, pairwise, takewhile
 
 from swarmctl.core.geo import LatLon, LocalFrame
 from swarmctl.core.mission import MissionItem
-from swarmctl.core.plane import Point, distance_to_leg
+from swarmctl.core.plane import Point, distance_to_leg, distance_to_track
 from swarmctl.core.vehicle import VehicleState
 
 TELLS_EVERY_S = 0.25
 """Positions come four times a second: half of that is what one is old on the average, beside the link."""
 CORNER_S = 0.75
 """So near to a corner nobody knows whether it is passed when an order arrives: it is waited for."""
-LATE_M = 12.0
-"""So far beside the new route a vehicle is not on it any more: it has flown past where that turns off."""
+BESIDE_M = 12.0
+"""So far beside the new route a vehicle is not on it any more."""
+ON_M = 1.0
+"""so near to the old route a corner of the new one is on it"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,38 +36,69 @@ class Ahead:
     """from the route"""
     corner_s: float
     """until it passes that item, or since it passed the one before, whichever is nearer"""
+    past_m: float = -math.inf
+    """where the route leaves the one that is flown; negative before"""
+    item_m: float = math.inf
+    """along the route to that item"""
 
     @property
     def is_late(self) -> bool:
-        return self.beside_m > LATE_M
+        return self.past_m > 0.0 or self.beside_m > BESIDE_M
 
 
 class WayAhead:
-    """A route (items with places) as it lies before a vehicle that was at `begin` when it was told of it."""
+    """A route (items with places) as it lies before a vehicle that was at `begin` when it was told of it.
 
-    def __init__(self, begin: VehicleState, items: Sequence[MissionItem]) -> None:
+    `flown`: what it flies meanwhile, from its current item on, where that is known.
+    """
+
+    def __init__(
+        self, begin: VehicleState, items: Sequence[MissionItem], flown: Sequence[MissionItem] = ()
+    ) -> None:
         here = _place(begin)
         self._frame = None if here is None else LocalFrame(*here)
-        self._points: list[Point] = []
-        if self._frame is not None:
-            places = ((i.x / 1e7, i.y / 1e7) for i in takewhile(lambda i: i.x or i.y, items))
-            self._points = [(0.0, 0.0), *(self._frame.to_local(*place) for place in places)]
+        self._points = self._places(items)
+        legs_m = [math.dist(a, b) for a, b in pairwise(self._points)]
+        self._passed_m = [0.0, *accumulate(legs_m)]
+        """on the way to each point"""
+        self._leaves_m = self._in_common_m(self._places(flown))
+
+    def _places(self, items: Sequence[MissionItem]) -> list[Point]:
+        """From where it was [m]: (east, north)."""
+        if self._frame is None:
+            return []
+        places = ((i.x / 1e7, i.y / 1e7) for i in takewhile(lambda i: i.x or i.y, items))
+        return [(0.0, 0.0), *(self._frame.to_local(*place) for place in places)]
+
+    def _in_common_m(self, flown: Sequence[Point]) -> float:
+        """How far both routes are one; inf where they are not at all, or nobody knows."""
+        n_common = sum(1 for _ in takewhile(lambda p: distance_to_track(p, flown) <= ON_M, self._points[1:]))
+        return self._passed_m[n_common] if n_common and len(flown) > 1 else math.inf
 
     def at(self, state: VehicleState, later_s: float = 0.0) -> Ahead:
-        """Where the vehicle is `later_s` after it told `state`, as fast as it was then; at the first item
-        where it has not told."""
+        """Where the vehicle is `later_s` after it told `state`, as fast along the route as it was then; at
+        the first item where it has not told."""
         here = _place(state)
         if self._frame is None or here is None or len(self._points) < 2:
             return Ahead(0, 0.0, math.inf)
-        east_m, north_m = self._frame.to_local(*here)
-        place = east_m + state.east_m_s * later_s, north_m + state.north_m_s * later_s
-        legs = [distance_to_leg(place, a, b) for a, b in zip(self._points, self._points[1:], strict=False)]
+        place = self._frame.to_local(*here)
+        legs = [distance_to_leg(place, a, b) for a, b in pairwise(self._points)]
         # At a corner it is on both legs, and that corner is still to be passed.
         leg = next(i for i, away_m in enumerate(legs) if away_m <= min(legs) + 0.01)
-        speed_m_s = max(state.ground_speed_m_s, 0.1)
-        passed_m = math.dist(place, self._points[leg]) if leg else math.inf
-        corner_m = min(math.dist(place, self._points[leg + 1]), passed_m)
-        return Ahead(leg, legs[leg], corner_m / speed_m_s)
+        (ax, ay), (bx, by) = self._points[leg : leg + 2]
+        leg_m = max(math.dist((ax, ay), (bx, by)), 0.01)
+        east, north = (bx - ax) / leg_m, (by - ay) / leg_m
+        # Straight on past a corner it is as far on the way as if it had turned.
+        on_m = max((place[0] - ax) * east + (place[1] - ay) * north, 0.0)
+        on_m += max(state.east_m_s * east + state.north_m_s * north, 0.0) * later_s
+        return self._ahead(self._passed_m[leg] + on_m, legs[leg], max(state.ground_speed_m_s, 0.1))
+
+    def _ahead(self, way_m: float, beside_m: float, speed_m_s: float) -> Ahead:
+        ends_m = self._passed_m[1:]
+        item = min(sum(end_m < way_m - 0.01 for end_m in ends_m), len(ends_m) - 1)
+        passed_m = way_m - self._passed_m[item] if item else math.inf
+        corner_m = min(abs(ends_m[item] - way_m), passed_m)
+        return Ahead(item, beside_m, corner_m / speed_m_s, way_m - self._leaves_m, ends_m[item] - way_m)
 
 
 def _place(state: VehicleState) -> LatLon | None:

@@ -20,6 +20,7 @@ from swarmctl.preflight.checks import CHECKS, parameters
 from swarmctl.preflight.checks import separation as apart_from_others
 from swarmctl.preflight.facts import Facts, Finding, Other
 from swarmctl.preflight.fence import ceiling_m, polygon_of
+from swarmctl.preflight.in_turn import TAKES_UP_S, in_turn
 from swarmctl.preflight.intent import intent_of
 from swarmctl.preflight.policy import NoTable, Wanted, parameters_for
 from swarmctl.preflight.waivers import Waiver
@@ -134,7 +135,9 @@ class Preflight:
         found = await link.read_parameters([w.name for w in wanted])
         wrong = _corrections(wanted, found)
         if wrong:
-            await link.set_parameters(wrong)
+            for i, values in enumerate(in_turn(wrong, found)):
+                await asyncio.sleep(TAKES_UP_S if i else 0.0)
+                await link.set_parameters(values)
             changes = _changes(wrong, found)
             self._say(
                 f"{subject.spec.name}: set as preflight.policy declares: {changes} (they stay so afterwards)"
@@ -209,13 +212,8 @@ class Preflight:
     def _left_to_fly(self, facts: Facts) -> str:
         """What `fly` sets, where that mends all that is wrong."""
         wrong = _corrections(facts.wanted, facts.parameters)
-        told = all(w.name in facts.parameters for w in facts.wanted)
-        uncured = [
-            w
-            for w in facts.wanted
-            if told and w.name not in wrong and not w.accepts(facts.parameters[w.name])
-        ]
-        if not self._fly_sets_them or facts.no_table or not told or uncured or not wrong:
+        uncured = [w for w in facts.wanted if w.name not in wrong and not w.met_by(facts.parameters)]
+        if not self._fly_sets_them or facts.no_table or uncured or not wrong:
             return ""
         return f"`fly` sets: {_changes(wrong, facts.parameters)}"
 

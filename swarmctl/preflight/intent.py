@@ -19,7 +19,11 @@ def intent_of(scenario: Scenario, spec: Spec) -> Intent:
         scenario.wings(spec),
         spec.speed_m_s,
         spec.turn_radius_m,
+        among_others=len(scenario.specs) > 1,
     )
+
+
+_SIMULATED = {"BATT_LOW_VOLT": 10.5}  # of three cells
 
 
 def delivered(scenario: Scenario, spec: Spec, firmware: Firmware) -> dict[str, float]:
@@ -31,4 +35,5 @@ def delivered(scenario: Scenario, spec: Spec, firmware: Firmware) -> dict[str, f
         wanted = parameters_for(firmware, intent_of(scenario, spec))
     except NoTable:
         return {}
-    return {w.name: w.set_to for w in wanted if w.set_to is not None}
+    by_its_owner = {w.name: _SIMULATED[w.name] for w in wanted if w.name in _SIMULATED}
+    return by_its_owner | {w.name: w.set_to for w in wanted if w.set_to is not None}

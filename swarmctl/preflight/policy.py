@@ -46,6 +46,8 @@ class Wanted:
     least: float = math.nan
     most: float = math.nan
     bit: int | None = None
+    may_lack: bool = False
+    """Some of these firmwares do not have it, and behave as is wanted: then it is not told."""
 
     def accepts(self, value: float) -> bool:
         if not math.isfinite(value):
@@ -53,6 +55,12 @@ class Wanted:
         if self.bit is not None:
             return value.is_integer() and not int(value) >> self.bit & 1
         return any(equal(value, v) for v in self.values) or self.least <= value <= self.most
+
+    def met_by(self, told: Mapping[str, float]) -> bool:
+        """`told`: what the vehicle has told of those it was asked for, by name; empty where it was silent."""
+        if self.name not in told:
+            return self.may_lack and bool(told)
+        return self.accepts(told[self.name])
 
     def corrected(self, value: float) -> float | None:
         """What to write in the place of `value`, which is not accepted; None: nothing."""
@@ -84,8 +92,11 @@ class Intent:
     wings: Wings | None = None
     """of what is planned for as a fixed wing"""
     speed_m_s: float = 15.0
+    """it cruises so fast; a fixed wing through the air"""
     turn_radius_m: float = 40.0
-    """as such is planned for: it cruises so fast, through the air, and turns so tightly"""
+    """of a fixed wing"""
+    among_others: bool = False
+    """it is one of a swarm, in which each flies at a height of its own"""
 
     @property
     def lost_link(self) -> str:
@@ -105,8 +116,9 @@ class Intent:
 
     @property
     def returns_at_most_m(self) -> float:
-        """Above home, unless it is higher already: turns are reckoned so, and no fence is breached by it."""
-        return min(CLIMBS_TO_M, self.ceiling_m)
+        """Above home, unless it is higher already: turns are reckoned so, no fence is breached by it, and
+        vehicles that all return by themselves at once do not climb to one height."""
+        return min(CLIMBS_TO_M, self.ceiling_m, self.altitude_m if self.among_others else math.inf)
 
     @property
     def returns(self) -> str:
@@ -236,11 +248,12 @@ def _plane_circles(intent: Intent, wings: Wings) -> tuple[Wanted, ...]:
         _exactly("RTL_AUTOLAND", "a return that ends in a landing", _LANDS_ONCE_HOME),
         Wanted(
             "RTL_ALTITUDE",
-            intent.fence,
+            "a return at the height it flies at" if intent.among_others else intent.fence,
             _PRESENT_ALTITUDE,
             (_PRESENT_ALTITUDE,),
-            least=wings.final_height_m,
-            most=intent.ceiling_m,
+            # It comes down for this, too.
+            least=intent.altitude_m if intent.among_others else wings.final_height_m,
+            most=intent.altitude_m if intent.among_others else intent.ceiling_m,
         ),
         Wanted("AIRSPEED_MIN", f"wings.min_speed_m_s: {slowest_m_s:g}", least=0.0, most=slowest_m_s),
     )
@@ -266,13 +279,17 @@ def _plane_flight(intent: Intent) -> tuple[Wanted, ...]:
 
 def _cruise(intent: Intent, airspeed: str, bank_limit: str) -> tuple[Wanted, Wanted]:
     """By the names of these two: of [m/s] and of [deg]."""
-    speed_m_s, radius_m = intent.speed_m_s, intent.turn_radius_m
-    speed = f"speed_m_s: {speed_m_s:g}"
-    bank_deg = math.degrees(math.atan2(speed_m_s**2, _G_M_S2 * radius_m))
-    return (
-        Wanted(airspeed, speed, least=speed_m_s - _SPEED_OFF_M_S, most=speed_m_s + _SPEED_OFF_M_S),
-        Wanted(bank_limit, f"turn_radius_m: {radius_m:g} at {speed}", least=bank_deg, most=90.0),
-    )
+    cruises, radius_m = _cruises(airspeed, intent), intent.turn_radius_m
+    bank_deg = math.degrees(math.atan2(intent.speed_m_s**2, _G_M_S2 * radius_m))
+    turns = f"turn_radius_m: {radius_m:g} at {cruises.declared}"
+    return cruises, Wanted(bank_limit, turns, least=bank_deg, most=90.0)
+
+
+def _cruises(name: str, intent: Intent) -> Wanted:
+    """By the name of its speed [m/s], which its owner decides."""
+    speed_m_s = intent.speed_m_s
+    least, most = speed_m_s - _SPEED_OFF_M_S, speed_m_s + _SPEED_OFF_M_S
+    return Wanted(name, f"speed_m_s: {speed_m_s:g}", least=least, most=most)
 
 
 def _critical(intent: Intent, values: tuple[float, ...]) -> Wanted:
@@ -299,8 +316,10 @@ def _ardupilot_fence(intent: Intent) -> tuple[Wanted, ...]:
 _PX4_LOST_LINK = {"return": (2.0,), "land": (3.0,), "hold": (1.0,), "continue": (0.0,)}
 _PX4_BATTERY = {"return": (3.0,), "land": (2.0,)}
 _PX4_FENCE = {"return": (3.0,), "land": (5.0,), "hold": (2.0,)}
-_PX4_MISSION_EXCEPTED = 0  # bit of COM_DLL_EXCEPT
+_PX4_MISSION_EXCEPTED = 0  # bit of COM_DLL_EXCEPT, which came while 1.16 was made
 _PX4_RETURNS_AT_M = 30.0  # RTL_RETURN_ALT as it comes
+_STRAIGHT_HOME = 0.0  # of RTL_TYPE; the others may lead to the landing of the mission, which is at the goal
+_MOST_DELAY_S = 300.0  # of RTL_LAND_DELAY; with -1 it stays in the air over home
 
 
 def _px4(intent: Intent, version: Version) -> tuple[Wanted, ...]:
@@ -309,6 +328,10 @@ def _px4(intent: Intent, version: Version) -> tuple[Wanted, ...]:
         _one("COM_LOW_BAT_ACT", intent.low_battery, _PX4_BATTERY, intent.policy.low_battery),
         _one("GF_ACTION", intent.fence_breach, _PX4_FENCE, intent.policy.fence_breach),
         *_px4_heights(intent),
+        _exactly("RTL_TYPE", "a return to where it took off", _STRAIGHT_HOME),
+        Wanted("RTL_LAND_DELAY", "a return that ends in a landing", 0.0, least=0.0, most=_MOST_DELAY_S),
+        # As it comes it flies its mission at half the speed that is reckoned with where nobody says.
+        _cruises("MPC_XY_CRUISE", intent),
     )
 
 
@@ -374,7 +397,7 @@ def _px4_link(
         _one("NAV_DLL_ACT", intent.lost_link, actions, policy.lost_link),
         *((_exactly("COM_DL_LOSS_T", intent.lost_link_after, policy.lost_link_after_s),) if watched else ()),
         *(
-            (Wanted("COM_DLL_EXCEPT", intent.lost_link, bit=_PX4_MISSION_EXCEPTED),)
+            (Wanted("COM_DLL_EXCEPT", intent.lost_link, bit=_PX4_MISSION_EXCEPTED, may_lack=True),)
             if watched and version >= (1, 16)
             else ()
         ),

@@ -149,6 +149,17 @@ def test_it_launches_from_the_beginning_whatever_was_flown_last() -> None:
     assert flown.session.state.mission_seq == 1
 
 
+def test_it_is_made_ready_again_where_it_has_landed_by_its_mission() -> None:
+    flown = in_flight()
+    assert landed(flown)
+    # It stays in its landing and does not arm in it (`AP_Arming_Plane::pre_arm_checks`).
+    assert flown.do("prepare", procedures.prepare, 60.0).failure is None
+    assert flown.mode == "GUIDED"
+    assert flown.session.state.mission_seq == 1
+    assert flown.upload(FIRST).failure is None
+    assert flown.do("launch", procedures.launch).failure is None
+
+
 def test_a_new_route_is_taken_over_without_a_stop() -> None:
     flown = in_flight()
     done = flown.swap(SECOND)

@@ -132,7 +132,7 @@ def test_the_count_is_announced_every_second_until_the_first_request():
     while upload.result is None:
         now = upload.next_deadline
         sent += [(now, getattr(m, "count", m.get_type())) for m in upload.tick(now)]
-    assert sent == [*((float(t), 3) for t in range(6)), (6.0, "MISSION_ACK")]
+    assert sent == [*((float(t), 3) for t in range(12)), (12.0, "MISSION_ACK")]
     assert upload.result.outcome is UploadOutcome.NO_ANSWER
 
 
@@ -164,10 +164,71 @@ def test_what_each_answer_means_for_an_upload_of_three(asked, message, outcome):
     assert (upload.result and upload.result.outcome) == outcome
 
 
-def test_requests_again_and_out_of_order_are_answered():
+LONG = ITEMS * 5
+
+
+def answers(upload: Upload, seq: int, now: float) -> list[int]:
+    return [item.seq for item in upload.receive(request(seq), now)]
+
+
+def test_eight_items_are_on_their_way_and_the_last_goes_to_who_asks_for_it():
+    upload = Upload(PEER, LONG)
+    upload.start(0.0)
+    assert answers(upload, 0, 2.0) == list(range(8))
+    assert answers(upload, 1, 4.0) == [8]
+    assert answers(upload, 5, 4.0) == [9, 10, 11, 12]
+    for seq in range(6, len(LONG) - 1):
+        assert len(LONG) - 1 not in answers(upload, seq, 6.0)
+    assert answers(upload, len(LONG) - 1, 6.0) == [len(LONG) - 1]
+
+
+def test_what_is_asked_for_again_after_an_answer_could_have_come_is_sent_again_and_all_behind_it():
+    upload = Upload(PEER, LONG)
+    upload.start(0.0)
+    answers(upload, 0, 2.0)
+    assert answers(upload, 3, 4.0) == [8, 9, 10]
+    again = [seq for seq in range(3, 11) for _ in range(2)]
+    assert answers(upload, 3, 5.0) == again, "an answer takes 2 s, and 3 went 3 s ago"
+    assert answers(upload, 3, 5.9) == [], "it is on its way"
+    assert answers(upload, 3, 6.1) == [3, 3], "but who has to wait gives up"
+    assert answers(upload, 3, 7.0) == []
+    assert answers(upload, 3, 8.0) == again
+    assert answers(upload, 4, 10.0) == [11, 11], "twice, as long as something is lost"
+
+
+def test_a_last_item_that_is_on_its_way_when_it_comes_too_late_may_still_arrive():
+    late = False
+    upload = Upload(PEER, ITEMS, too_late=lambda _answers_after_s: late)
+    upload.start(0.0)
+    answers(upload, 0, 2.0)
+    assert answers(upload, 2, 4.0) == [2]
+    assert answers(upload, 2, 5.0) == [2]
+    late = True
+    assert answers(upload, 2, 7.0) == []
+    assert upload.result is None
+    (farewell,) = upload.receive(request(2), 7.5)
+    assert (farewell.get_type(), farewell.type) == ("MISSION_ACK", 15)
+    assert upload.result.outcome is UploadOutcome.TOO_LATE
+
+
+def test_an_error_that_cannot_be_the_answer_to_the_last_item_ends_nothing():
+    """PX4 refuses a second announcement that arrives when it has the first items."""
+    upload = Upload(PEER, ITEMS)
+    upload.start(0.0)
+    answers(upload, 0, 2.0)
+    answers(upload, 2, 4.0)
+    upload.receive(mission_ack(1), 4.5)
+    assert upload.result is None
+    upload.receive(mission_ack(0), 6.0)
+    assert upload.result.outcome is UploadOutcome.ACCEPTED
+
+
+def test_a_vehicle_that_begins_anew_is_answered():
     upload = started_upload(asked=1)
-    answers = [upload.receive(request(seq), 0.3)[0].seq for seq in (2, 1, 1, 0, 2)]
-    assert answers == [2, 1, 1, 0, 2]
+    assert answers(upload, 2, 0.3) == [2]
+    assert answers(upload, 0, 0.5) == [0, 0, 1, 1]
+    assert answers(upload, 1, 0.6) == []
+    assert answers(upload, 2, 0.6) == [2, 2]
 
 
 @pytest.mark.parametrize(
@@ -198,7 +259,7 @@ def test_a_slow_link_may_take_as_long_as_it_goes_on():
     for seq in range(60):
         for again in (0.0, 5.0):
             upload.tick(10.0 * seq + again)
-            assert [item.seq for item in upload.receive(request(seq), 10.0 * seq + again)] == [seq]
+            upload.receive(request(seq), 10.0 * seq + again)
     upload.receive(mission_ack(0), 600.0)
     assert upload.result.outcome is UploadOutcome.ACCEPTED
 
@@ -212,21 +273,58 @@ def test_a_download_asks_item_by_item_and_thanks():
     sent = download.receive(mavlink.MAVLink_mission_count_message(255, 190, 2, 0), 0.1)
     for seq in (0, 1):
         assert [m.seq for m in sent] == [seq]
-        item = mavlink.MAVLink_mission_item_int_message(
-            255, 190, seq, 3, 16, 0, 1, 0, 0, 0, 0, 10 + seq, 20, 30.0, 0
-        )
-        sent = download.receive(item, 0.2)
-        assert seq == 1 or download.receive(item, 0.2) == [], "a duplicate is ignored"
+        sent = download.receive(item(seq), 0.2)
+        assert seq == 1 or download.receive(item(seq), 0.2) == [], "a duplicate is ignored"
     assert [m.type for m in sent] == [0]
     assert download.result.outcome is DownloadOutcome.COMPLETE
     assert [i.x for i in download.result.items] == [10, 11]
+
+
+def item(seq: int):
+    return mavlink.MAVLink_mission_item_int_message(
+        255, 190, seq, 3, 16, 0, 1, 0, 0, 0, 0, 10 + seq, 20, 30.0, 0
+    )
+
+
+def reading(n_items: int, *, in_order: bool) -> tuple[Download, list[int]]:
+    """Eight at a time, over a link that takes 2 s to answer; and what was asked for first, at 2 s."""
+    download = Download(PEER, window=8, in_order=in_order)
+    download.start(0.0)
+    asked = download.receive(mavlink.MAVLink_mission_count_message(255, 190, n_items, 0), 2.0)
+    return download, [m.seq for m in asked]
+
+
+@pytest.mark.parametrize("in_order", [False, True])
+def test_a_download_asks_for_eight_items_at_a_time(in_order):
+    download, asked = reading(10, in_order=in_order)
+    assert asked == list(range(8))
+    for seq in range(10):
+        assert download.next_deadline > 4.0, "the answer is on its way"
+        sent = download.receive(item(seq), 4.0)
+        assert [m.seq for m in sent[:1] if m.get_type() == "MISSION_REQUEST_INT"] == [8 + seq] * (seq < 2)
+    assert [i.x for i in download.result.items] == list(range(10, 20))
+
+
+def test_who_tells_items_in_any_order_is_asked_again_for_the_one_that_is_missing():
+    download, _asked = reading(3, in_order=False)
+    download.receive(item(0), 4.0)
+    download.receive(item(2), 4.0)
+    assert [m.seq for m in download.tick(download.next_deadline)] == [1]
+
+
+def test_who_tells_them_in_order_is_asked_for_nothing_again():
+    download, _asked = reading(3, in_order=True)
+    download.receive(item(0), 4.0)
+    (farewell,) = download.tick(download.next_deadline)
+    assert (farewell.get_type(), farewell.type) == ("MISSION_ACK", 15)
+    assert download.result.outcome is DownloadOutcome.BROKEN_OFF
 
 
 @pytest.mark.parametrize(
     ("code", "outcome"),
     [
         (14, DownloadOutcome.REFUSED),
-        (1, DownloadOutcome.REFUSED),
+        (1, None),
         (0, None),
         (13, None),
         (15, None),
@@ -237,6 +335,12 @@ def test_only_errors_of_this_download_end_it(code, outcome):
     download.start(0.0)
     download.receive(mission_ack(code), 0.1)
     assert (download.result and download.result.outcome) == outcome
+
+
+def test_who_was_asked_for_items_in_the_wrong_order_refuses_by_error():
+    download, _asked = reading(3, in_order=True)
+    download.receive(mission_ack(1), 3.0)
+    assert download.result.outcome is DownloadOutcome.REFUSED
 
 
 def test_an_empty_mission_is_a_complete_one():
@@ -523,8 +627,8 @@ def test_a_link_that_brings_too_little_ends_it_with_how_far_it_came():
     while append.result is None:
         now = append.next_deadline
         append.tick(now)
-    assert "1 of 3 items within 20 s" in append.result.failure
-    assert now == 20.0
+    assert "1 of 3 items, none more for 30 s" in append.result.failure
+    assert now == 30.2
 
 
 # Set current
@@ -550,4 +654,5 @@ def test_a_current_item_that_is_not_seen_may_have_been_set():
 def test_the_item_to_fly_is_marked_in_an_upload():
     upload = Upload(PEER, ITEMS, current=1)
     upload.start(0.0)
-    assert [upload.receive(request(seq), 0.1)[0].current for seq in range(3)] == [0, 1, 0]
+    sent = [m for seq in range(3) for m in upload.receive(request(seq), 0.1)]
+    assert [(m.seq, m.current) for m in sent] == [(0, 0), (1, 1), (2, 0)]

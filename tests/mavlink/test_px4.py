@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import math
+import struct
+from dataclasses import replace
+
 import pytest
 from flying_bench import FlyingBench, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -58,6 +62,18 @@ def test_a_plan_becomes_takeoff_waypoints_land_without_a_home_placeholder():
     assert [i.command for i in items] == [22, 16, 21]
     assert {i.frame for i in items} == {mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT}
     assert (items[0].x, items[0].y, items[0].z) == (460_000_000, 140_000_000, 20.0)
+
+
+def test_it_may_look_where_it_flies():
+    """A heading as param4 is kept all the way, and no waypoint is reached before it faces there."""
+    items = PX4.mission_items(OLD, (46.0, 14.0))
+    assert all(math.isnan(item.param4) for item in items)
+    assert items == PX4.mission_items(OLD, (46.0, 14.0))
+    bench = FlyingBench("px4", ready_s=0.0).uploaded(OLD)
+    assert bench.stored == bench.session.items
+    other = struct.unpack("<f", b"\x01\x00\xc0\xff")[0]
+    assert PX4.differences((items[1],), (replace(items[1], param4=other),)) == ()
+    assert PX4.differences((items[1],), (replace(items[1], param4=0.0),))
 
 
 def test_a_plan_for_a_vehicle_that_has_told_no_place_is_refused():
@@ -211,7 +227,7 @@ def test_an_upload_that_dies_without_a_word_leaves_the_old_mission():
     bench.block = lambda m: m.get_type() == ITEM and m.seq >= 3
     result = bench.swap(NEW)
     assert (result.flying, result.stood_still_s) == ("old", 0.0)
-    assert "it stopped asking before item" in result.failure
+    assert "it did not get past item 3" in result.failure
     assert bench.holds(old)
     bench.block = lambda m: False
     assert bench.swap(NEW).flying == "new"
@@ -273,3 +289,16 @@ def test_a_read_back_that_it_has_broken_off_is_begun_anew():
     assert [m.count for m in bench.of("MISSION_COUNT")] == [
         len(bench.session.mission_items(p)) for p in (OLD, NEW)
     ]
+
+
+def test_with_rally_points_it_would_return_elsewhere_so_it_gets_no_mission():
+    flown = FlyingBench("px4", ready_s=0.0).connected()
+    assert flown.do("prepare", procedures.prepare).failure is None
+    kind = mavlink.MAV_MISSION_TYPE_RALLY
+    flown.another_sends(mavlink.MAVLink_mission_count_message(1, 1, 1, kind))
+    point = (mavlink.MAV_CMD_NAV_RALLY_POINT, 0, 1, 0, 0, 0, 0, 460_000_000, 140_000_000, 40.0, kind)
+    flown.another_sends(mavlink.MAVLink_mission_item_int_message(1, 1, 0, 3, *point))
+    done = flown.upload(NEW)
+    assert done.failure is not None
+    assert "1 rally points" in done.failure
+    assert flown.stored == ()

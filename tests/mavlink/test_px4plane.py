@@ -29,7 +29,7 @@ SETUP = {
 }
 PLANE = dialect_for(mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_TYPE_FIXED_WING)
 GOAL, START = (400.0, 900.0), (0.0, 0.0)
-AT_HOME, AT_GOAL = 6, 8
+AT_HOME, AT_GOAL = 6, 9
 """items of FIRST: their circles"""
 
 
@@ -50,15 +50,16 @@ def away_m(flown: FlyingBench, point: tuple[float, float]) -> float:
 
 def test_the_mission_jumps_over_the_landing_at_home_to_that_at_the_goal() -> None:
     items = PLANE.mission_items(FIRST)
-    assert [item.command for item in items] == [22, 16, 16, 16, 177, 189, 31, 21, 31, 21]
-    takeoff, jump, start = items[0], items[4], items[5]
+    assert [item.command for item in items] == [22, 16, 16, 16, 177, 189, 31, 21, 177, 31, 21]
+    takeoff, jump, start, done = items[0], items[4], items[5], items[8]
     assert (takeoff.x, takeoff.y, takeoff.z) == (items[1].x, items[1].y, LOW_M), "it climbs out along a leg"
     assert (jump.frame, jump.param1, jump.param2) == (mavlink.MAV_FRAME_MISSION, AT_GOAL, 1000.0)
     assert (start.frame, start.x, start.y) == (mavlink.MAV_FRAME_MISSION, 0, 0)
-    for circle, down, touchdown in ((items[6], items[7], START), (items[8], items[9], GOAL)):
+    assert (done.frame, done.param1, done.param2) == (mavlink.MAV_FRAME_MISSION, 10, 1000.0)
+    for circle, down, touchdown in ((items[6], items[7], START), (items[9], items[10], GOAL)):
         assert (circle.param1, circle.param2, circle.param4, circle.z) == (1.0, RADIUS_M, 1.0, LOW_M)
         assert math.dist(FRAME.to_local(down.x / 1e7, down.y / 1e7), touchdown) < 0.1
-    assert landing_items(items) == frozenset(range(5, 10))
+    assert landing_items(items) == frozenset({5, 6, 7, 9, 10})
 
 
 def test_its_last_waypoint_lies_behind_the_goal_which_it_is_to_fly_over() -> None:
@@ -196,8 +197,8 @@ def test_while_it_comes_down_at_its_goal_it_gets_no_other_mission() -> None:
 def test_who_gets_to_its_landing_while_a_new_mission_is_sent_lands_at_its_goal_all_the_same() -> None:
     longer = plan((200.0, 750.0), (250.0, 900.0))
     flown = in_flight()
-    assert flown.run(200.0, lambda: flown.session.state.mission_seq == 3 and away_m(flown, GOAL) < 36.0)
-    flown.spoil(Faults(loss=0.3, seed=3))
+    assert flown.run(200.0, lambda: flown.session.state.mission_seq == 3 and away_m(flown, GOAL) < 30.0)
+    flown.spoil(Faults(loss=0.3, seed=5))
     items = flown.session.mission_items(longer)
     done = flown.do("swap", lambda c: procedures.swap(c, items, leaves_ahead=True))
     assert done.flying == "old"

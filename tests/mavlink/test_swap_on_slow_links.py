@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 import pytest
 from flying_bench import HOME
@@ -19,6 +19,8 @@ ALT_M = 20.0
 DELAY_S = 1.0
 BACK_M = 1.0
 """a position is told and flown to within so much"""
+TURNS_WITHIN_M = 8.0
+"""it comes round a corner of 90 degrees"""
 
 
 def plan(*points: Point, leaves_ahead: bool = False) -> FlightPlan:
@@ -119,6 +121,30 @@ def test_who_is_past_where_the_new_plan_leaves_the_old_one_flies_on_along_that(p
     assert result.took_s is None
     assert back_m < BACK_M
     assert place(bench) == pytest.approx(OLD[-1], abs=3.0)
+
+
+@pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+@pytest.mark.parametrize("ahead_m", [20.0, 30.0, 40.0, 60.0, 80.0, 100.0])
+def test_whether_it_is_just_in_time_or_just_late_it_never_turns_back(
+    personality: str, ahead_m: float
+) -> None:
+    """Both ways lead north, and the new one from the corner on east."""
+    bench = flying(personality)
+    turns_m = place(bench)[1] + ahead_m
+    new = [(0.0, turns_m), (150.0, turns_m)]
+    items = bench.session.mission_items(plan(*new, leaves_ahead=True))
+    bench.begin("swap", lambda c: procedures.swap(c, items, leaves_ahead=True))
+    norths_m: list[float] = []
+
+    def is_down() -> bool:
+        norths_m.append(place(bench)[1])
+        return not bench.vehicle.armed
+
+    assert bench.run(400.0, is_down), "it does not land"
+    flown_to = {"new": new, "old": OLD}[bench.session.result.flying]
+    assert place(bench) == pytest.approx(flown_to[-1], abs=3.0)
+    farthest_m = accumulate(norths_m, max)
+    assert max(most - now for most, now in zip(farthest_m, norths_m, strict=True)) < TURNS_WITHIN_M
 
 
 def test_how_long_it_took_is_told_by_the_vehicles_clock() -> None:

@@ -106,6 +106,7 @@ def test_a_snapshot_is_complete_with_a_position():
         (M.MAVLink_extended_sys_state_message(0, 77), "landed", Landed.UNDEFINED),
         (M.MAVLink_mission_current_message(4, 9), "mission_seq", 4),
         (M.MAVLink_mission_current_message(4, 65_535), "mission_total", None),
+        (M.MAVLink_mission_current_message(65_535, 9), "mission_seq", None),
         (heartbeat(99), "mode", "MODE 99"),
         (heartbeat(4), "mode_role", "hold"),
         (heartbeat(3), "mode_role", "mission"),

@@ -56,9 +56,22 @@ def test_an_order_that_arrives_later_finds_it_farther_on() -> None:
     before = state(0.0, 90.0, north_m_s=10.0)
     assert WAY.at(before).item == 0
     assert WAY.at(before).corner_s == pytest.approx(1.0, abs=0.05)
-    assert WAY.at(before, later_s=3.0).is_late  # straight on it leaves the way
+    assert WAY.at(before, later_s=3.0).item == 1
     on = state(10.0, 100.0, east_m_s=10.0)
     assert WAY.at(on, later_s=10.0).item == 2
+
+
+@pytest.mark.parametrize(("later_s", "is_late"), [(0.0, False), (0.9, False), (1.1, True), (3.0, True)])
+def test_it_is_late_once_it_is_past_where_the_new_way_leaves_the_flown_one(
+    later_s: float, is_late: bool
+) -> None:
+    """Until then corners that both have are passed without harm."""
+    flown = (item(0.0, 50.0), item(40.0, 50.0), item(40.0, 400.0))
+    new = (item(0.0, 50.0), item(40.0, 50.0), item(40.0, 100.0), item(300.0, 100.0))
+    way = WayAhead(state(0.0, 0.0), new, flown)
+    assert way.at(state(40.0, 90.0, north_m_s=10.0), later_s).is_late is is_late
+    assert not way.at(state(0.0, 45.0, north_m_s=10.0), later_s).is_late
+    assert way.at(state(40.0, 104.0, north_m_s=10.0)).is_late, "straight on"
 
 
 def test_a_way_from_nowhere_begins_at_its_first_item() -> None:

@@ -201,6 +201,13 @@ def test_an_unfit_vehicle_fails_with_what_was_found_and_what_to_do(name, facts, 
     assert result.cure
 
 
+def test_boards_that_tell_the_name_of_their_kind_are_not_one_board() -> None:
+    """PX4's BOARD_OVERRIDE_UUID of a Linux board, behind PX4_SOC_ARCH_ID."""
+    named = [Identity(n, 12, 2, "PX4 1.15.4", b"\x10\x08MODALAIVOXL20000") for n in (1, 2)]
+    facts = replace(but(identity=named[0]), others=other(identity=named[1]).others)
+    assert finding("unique", facts).ok
+
+
 def test_every_check_has_a_row_that_it_fails() -> None:
     assert {name for name, *_ in UNFIT} == {check.NAME for check in CHECKS}
 
@@ -267,6 +274,13 @@ def test_who_can_mend_a_parameter_is_said(wrong: dict[str, float | None], cure: 
     found = finding("parameters", but(wanted=CURED, parameters=told))
     assert not found.ok
     assert found.cure == cure
+
+
+def test_what_only_some_firmwares_have_need_not_be_told() -> None:
+    some = Wanted("COM_DLL_EXCEPT", "policy.lost_link: return", bit=0, may_lack=True)
+    for told, ok in (({}, True), ({"COM_DLL_EXCEPT": 2.0}, True), ({"COM_DLL_EXCEPT": 1.0}, False)):
+        assert finding("parameters", but(wanted=(*CURED, some), parameters=RIGHT | told)).ok is ok
+    assert not finding("parameters", but(wanted=(*CURED, some), parameters={})).ok
 
 
 def test_who_is_as_declared_needs_no_cure() -> None:

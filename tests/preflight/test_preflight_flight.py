@@ -106,6 +106,22 @@ def test_parameters_are_set_only_where_the_configuration_says_so(afflict: Afflic
     assert said.endswith("FENCE_ENABLE 0 → 1, FENCE_ACTION 0 → 1 (they stay so afterwards)")
 
 
+@pytest.mark.parametrize("enabled", [0, 1])
+def test_ardupilot_has_its_fence_enabled_after_its_limits_were_chosen(
+    enabled: int, afflict: Afflict, tmp_path: Path
+) -> None:
+    # It takes up which limits count when FENCE_ENABLE changes (`AC_Fence::update`).
+    afflict(params={1: {"FENCE_TYPE": 4, "FENCE_ENABLE": enabled}})
+    simulate = {"count": 1, "ready_s": 1.0}
+    assert fly(small(preflight={"set_parameters": True}, simulate=simulate), tmp_path).all_arrived
+    lines = [json.loads(line) for line in (tmp_path / "evidence.jsonl").read_text().splitlines()]
+    sent = [line["what"] for line in lines if line["kind"] == "command"]
+    values = [(what["param_id"], what["param_value"]) for what in sent if what["message"] == "PARAM_SET"]
+    disabled = [("FENCE_ENABLE", 0.0)] if enabled else []
+    assert sorted(values[:-1]) == [*disabled, ("FENCE_TYPE", 5.0)]
+    assert values[-1] == ("FENCE_ENABLE", 1.0)
+
+
 def test_the_checks_alone_set_no_parameter(afflict: Afflict, tmp_path: Path) -> None:
     afflict(params={1: {"FENCE_ENABLE": 0}})
     report = checked(small(preflight={"set_parameters": True}), tmp_path)

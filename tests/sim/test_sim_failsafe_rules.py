@@ -92,6 +92,19 @@ def test_what_a_quadplane_would_do_about_its_battery_a_plane_does_otherwise(acti
     assert there.mode == mode
 
 
+@pytest.mark.parametrize(("kind", "is_watched"), [("copter", True), ("plane", False)])
+def test_as_it_comes_a_plane_watches_no_voltage(*, kind: str, is_watched: bool) -> None:
+    there = station(kind, BATT_LOW_TIMER=1)
+    assert there.set_mode({"copter": GUIDED, "plane": PLANE_TAKEOFF}[kind]) == 0
+    assert there.arm() == 0
+    if kind == "copter":
+        assert there.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 20) == 0
+    there.until(lambda: there.height_m > 15, 60)
+    set_parameter(there, "SIM_BATT_VOLTAGE", 10.0)
+    there.wait(5)
+    assert any("is low" in text for text in there.texts()) == is_watched
+
+
 @pytest.mark.parametrize(("starts", "mode"), [(True, "AUTO"), (False, "RTL")])
 def test_a_planes_battery_lands_it_where_its_mission_does_else_returns(*, starts: bool, mode: str) -> None:
     there = station("plane", BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=2, BATT_LOW_TIMER=1)

@@ -155,6 +155,21 @@ def test_what_follows_a_breach(action: int, mode: str) -> None:
     assert station.mode == mode
 
 
+@pytest.mark.parametrize("enabled_anew", [False, True])
+def test_a_limit_that_is_configured_later_counts_once_the_fence_is_enabled_anew(enabled_anew: bool) -> None:
+    station = fenced(kind=4)
+    set_parameter(station, "FENCE_ALT_MAX", 15)
+    set_parameter(station, "FENCE_TYPE", 5)
+    if enabled_anew:
+        set_parameter(station, "FENCE_ENABLE", 0)
+        set_parameter(station, "FENCE_ENABLE", 1)
+    assert station.set_mode(GUIDED) == 0
+    assert station.arm() == 0
+    assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 20) == 0
+    station.wait(20)
+    assert ("Max Alt fence breached" in station.texts()) == enabled_anew
+
+
 def test_a_breach_of_the_circle_that_goes_unheeded_acts_again_20_m_farther_out() -> None:
     station = fenced(kind=2)
     set_parameter(station, "FENCE_RADIUS", 60.0)

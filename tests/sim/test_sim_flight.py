@@ -251,6 +251,38 @@ def test_pause_and_continue() -> None:
     station.until(lambda: place_m(station)[0] > 290, 60)
 
 
+def test_a_leg_that_is_broken_off_for_another_begins_at_rest() -> None:
+    # `AC_WPNav::set_wp_destination`: it begins at the place where the vehicle can stop.
+    station = Station()
+    station.fly_mission([takeoff(), waypoint(600, 0), waypoint(600, 300), land(0, 300)])
+    station.until(lambda: place_m(station)[0] > 100)
+    begun_m = place_m(station)[0]
+    assert station.command(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, 3) == 0
+    speeds_m_s = []
+
+    def turns() -> bool:
+        position = station.ask(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
+        speeds_m_s.append(math.hypot(position.vx, position.vy) / 100)
+        return place_m(station)[1] > 10
+
+    station.until(turns, 60)
+    assert (max(speeds_m_s) > 9, min(speeds_m_s) < 1.5) == (True, True)
+    assert place_m(station)[0] - begun_m > 15, "it stops ahead"
+
+
+def test_what_is_changed_far_ahead_does_not_disturb_the_leg_that_is_flown() -> None:
+    station = Station()
+    items = [waypoint(600 + 100 * i, 0) for i in range(5)]
+    station.fly_mission([takeoff(), *items])
+    station.until(lambda: place_m(station)[0] > 100)
+    for index, is_seen in ((6, False), (5, False), (4, True)):
+        n_before = station.texts().count("Auto mission changed, restarted command")
+        station.send(mavlink.MAVLink_mission_write_partial_list_message(1, 1, index, index, 0))
+        station.send(station.item_message(index, waypoint(600, 50.0 * index)))
+        n_after = station.texts().count("Auto mission changed, restarted command")
+        assert (n_after - n_before) == is_seen
+
+
 @pytest.mark.autopilots("2 DO_SET_MISSION_CURRENT", "2 MISSION_SET_CURRENT")
 def test_setting_the_current_item_in_flight_changes_the_target_at_once() -> None:
     station = Station()

@@ -112,3 +112,30 @@ def test_a_waypoint_says_how_near_it_is_there(radius_m: float, nearest_m: float)
     assert station.arm() == 0
     station.until(lambda: current(station) == 3, 120)
     assert 800 - place(station)[0] == pytest.approx(nearest_m, abs=6)
+
+
+def landed_by_its_mission() -> Station:
+    station = sent_home(RTL_AUTOLAND=2.0)
+    station.until(lambda: not station.armed, 400)
+    assert station.mode == "AUTO"
+    return station
+
+
+@pytest.mark.parametrize("mode", [AUTO, GUIDED])
+def test_after_a_landing_by_its_mission_it_does_not_arm_in_that_landing(mode: int) -> None:
+    station = landed_by_its_mission()
+    assert current(station) == 6, "the landing stays the one that is flown"
+    station.set_mode(mode)
+    assert station.arm() == mavlink.MAV_RESULT_FAILED
+    assert "Arm: In landing sequence" in station.texts()
+    assert station.command(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, 1.0) == 0
+    assert station.arm() == 0
+
+
+def test_after_a_landing_its_mission_begins_anew_once_a_pilot_is_to_fly() -> None:
+    station = landed_by_its_mission()
+    station.set_mode(0)
+    assert "In landing sequence: mission reset" in station.texts()
+    assert current(station) == 0
+    station.set_mode(GUIDED)
+    assert station.arm() == 0

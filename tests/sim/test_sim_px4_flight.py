@@ -331,6 +331,18 @@ def test_a_mission_lands_where_it_says() -> None:
     assert position_m(station) == (pytest.approx(30, abs=2), pytest.approx(20, abs=2))
 
 
+def test_who_lands_amid_its_mission_is_not_disarmed() -> None:
+    """Commander::handleAutoDisarm: not in mission mode before the mission is finished."""
+    station = Px4Station()
+    station.upload_and_wait([takeoff(10), land(30, 20), waypoint(60, 20, 10)])
+    assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
+    station.until(lambda: station.fleet.vehicles[0].mission.index == 2, 240)
+    station.wait(30)
+    assert station.armed
+    assert station.change(AUTO, HOLD) == ACCEPTED
+    station.until(lambda: not station.armed, 10)
+
+
 @pytest.mark.autopilots(
     "2 pause/continue", "2 PX4 otherwise", "MAVSDK 5 hold", "MAVSDK 5 start_mission", of="px4"
 )

@@ -117,7 +117,7 @@ _TEXTS = {
 
 
 def _mission(vehicle: "Autopilot") -> Mission:
-    return Mission(home=vehicle.landmarks.home_item)
+    return Mission(home=vehicle.landmarks.home_item, stays_landed=vehicle.body.plane)
 
 
 def _transfer(vehicle: "Autopilot") -> ArduPilotTransfer:
@@ -199,6 +199,8 @@ def _refusals(vehicle: "Autopilot", now: float) -> list[str]:
         reasons.append("Radio failsafe on")
     if not vehicle.body.plane and vehicle.failsafes.gcs_late(now):
         reasons.append("GCS failsafe on")
+    if vehicle.body.plane and vehicle.mission.in_landing and not vehicle.mission.starts_with_takeoff():
+        reasons.append("In landing sequence")
     return reasons + _battery_refusals(vehicle)
 
 
@@ -227,6 +229,7 @@ _PLANE_TEXTS = {
     "gcs_stays": (_WARNING, "GCS Failsafe On: {mode}"),
     "gcs_back": (_WARNING, "GCS Failsafe Off"),
     "mission_ended": (_INFO, "Mission complete, changing mode to RTL"),
+    "mission_reset": (_INFO, "In landing sequence: mission reset"),
 }
 _COPTER_ONLY = frozenset(
     {"gcs_lost", "gcs_ignored", "gcs_ignored_in_mission", "rc_lost", "rc_ignored", "rc_ignored_in_mission"}
@@ -288,6 +291,7 @@ _COPTER = Personality(
     signs=True,
     failsafe_disarms=True,
     battery_latches=True,
+    fence_limits_latch=True,
     body_yaw_relative=True,
     ready_s=41.0,
     storage=storage,

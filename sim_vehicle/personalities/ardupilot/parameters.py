@@ -85,6 +85,7 @@ PLANE: dict[str, float | int] = _COMMON | {
     "AIRSPEED_MAX": 22,  # m/s
     "AIRSPEED_MIN": 9,  # m/s
     "AIRSPEED_STALL": 0.0,  # m/s, 0: 8 m/s
+    "BATT_LOW_VOLT": 0.0,  # V, 0: not watched
     "FENCE_ACTION": 1,  # 0 report, 1 RTL, 6 guided, 7 guided with throttle pass-through, 8 AUTOLAND or RTL
     "FENCE_RET_ALT": 0,  # m above home in guided after a breach, 0: half way from floor to ceiling
     "FENCE_TYPE": 4,  # as the copter's

@@ -154,6 +154,7 @@ def copter_tuning(params: Parameters) -> Tuning:
         return_height_m=params["RTL_ALT"] / 100,
         return_height_at=_return_height(params),
         return_under_fence=True,
+        begins_legs_at_rest=True,
         fence_give_up_m=FENCE_GIVE_UP_M,
         return_speed_m_s=_m_s(params, "RTL_SPEED", "WPNAV_SPEED"),
         return_wait_s=params["RTL_LOIT_TIME"] / 1000,

@@ -137,6 +137,7 @@ _COPTER = Personality(
     active_when_armed=True,
     force_arms=False,
     landing_disarms=False,
+    lands_amid_mission=True,
     disarm_restores_mode=True,
     failsafe_modes=MappingProxyType({FailsafeAction.TERMINATE: TERMINATION}),
     answers_ping=True,

@@ -66,12 +66,14 @@ class ArduPilot:
     )
     required = tuple(msgid for msgid in streams_hz if msgid != mavlink.MAVLINK_MSG_ID_HOME_POSITION)
     first_seq: int | None = None
+    arms_anywhere = True
     first_waypoint_seq = 2
     """after home and the take-off"""
     uncounted_items = 1
     upload_timeout_s = 9.0
     """it gives a transfer up after 8 s without an item"""
     uploads_at_once = False
+    brakes_m_s2: float | None = None
     tells_single_items = True
     lands_at_nearest = True
     returns_to_rally = False
@@ -130,6 +132,8 @@ class ArduCopter(ArduPilot):
     # hard. Not BRAKE either: it holds as well, but a launch needs GUIDED anyway; one mode fewer to know.
     mode_names = modes("COPTER_MODE")
     land_command = None
+    # A leg begins where the last one ends, else at rest where it can stop (`AC_WPNav::set_wp_destination`).
+    brakes_m_s2 = 2.5  # WPNAV_ACCEL as it comes
     speed_type = int(mavlink.SPEED_TYPE_GROUNDSPEED)
 
     def mission_items(self, plan: FlightPlan, start: LatLon | None = None) -> tuple[MissionItem, ...]:

@@ -45,6 +45,8 @@ class ArduPlane(ArduPilot):
     speed_type = int(mavlink.SPEED_TYPE_AIRSPEED)
     first_seq = 1
     """AUTO goes on where the mission was left"""
+    arms_anywhere = False
+    """Disarmed in AUTO it stays in its landing ("In landing sequence", `AP_Arming_Plane::pre_arm_checks`)."""
 
     def mission_items(self, plan: FlightPlan, start: LatLon | None = None) -> tuple[MissionItem, ...]:
         """Home placeholder, take-off, waypoints, the landing at the goal, and that at home.

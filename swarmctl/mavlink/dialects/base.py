@@ -58,7 +58,7 @@ class Dialect(Protocol):
 
     @property
     def returns_to_rally(self) -> bool:
-        """Its return may lead to a rally point instead, where it does not land."""
+        """Its return may lead to a rally point instead, where a fixed wing does not land."""
 
     @property
     def speed_type(self) -> int:
@@ -77,6 +77,10 @@ class Dialect(Protocol):
         """The item to be current before a launch; None where starting the mission sees to that."""
 
     @property
+    def arms_anywhere(self) -> bool:
+        """Whichever item is current; else not while that is one of a landing: `first_seq` has to be."""
+
+    @property
     def first_waypoint_seq(self) -> int:
         """Where a vehicle that flies already starts a mission."""
 
@@ -92,6 +96,11 @@ class Dialect(Protocol):
     def uploads_at_once(self) -> bool:
         """A new mission takes the old one's place when it is complete; else item by item, and the flight
         follows at once."""
+
+    @property
+    def brakes_m_s2(self) -> float | None:
+        """How hard it brakes, down to a stop, before it flies to another item that is made current; None: it
+        turns to that at once."""
 
     @property
     def tells_single_items(self) -> bool:

@@ -3,8 +3,10 @@ software-in-the-loop and read in its sources."""
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -72,6 +74,8 @@ class Px4:
     required = tuple(msgid for msgid in streams_hz if msgid != mavlink.MAVLINK_MSG_ID_HOME_POSITION)
     first_seq = 0
     """it begins wherever its index is, and that outlives landings and uploads"""
+    arms_anywhere = True
+    brakes_m_s2 = None
     first_waypoint_seq = 1
     """after the take-off; there is no home placeholder"""
     uncounted_items = 0
@@ -121,7 +125,7 @@ class Px4Copter(Px4):
     land_mode = "AUTO.LAND"
     land_command = None
     lands_at_nearest = True
-    returns_to_rally = False
+    returns_to_rally = True
     speed_type = int(mavlink.SPEED_TYPE_GROUNDSPEED)
 
     def mission_items(self, plan: FlightPlan, start: LatLon | None = None) -> tuple[MissionItem, ...]:
@@ -129,6 +133,9 @@ class Px4Copter(Px4):
 
         The take-off needs its place, for the vehicle moves there once it is up. Its altitude is above home
         because its frame is; that of the take-off command, which is not used, is above mean sea level.
+
+        None says a heading (param4): with 0 it would fly its whole mission facing north, and would not be at
+        a waypoint before it does (`MissionBlock::is_mission_item_reached_or_completed`).
         """
         track = track_to_land(plan)
         if start is None:
@@ -136,7 +143,8 @@ class Px4Copter(Px4):
         up = Waypoint(*start, plan.takeoff_alt_m)
         takeoff = item_at(TAKEOFF, RELATIVE, up, plan.takeoff_alt_m)
         waypoints = (item_at(WAYPOINT, RELATIVE, point, point.alt_rel_m) for point in track)
-        return (takeoff, *waypoints, item_at(LAND, RELATIVE, plan.landing, 0.0))
+        items = (takeoff, *waypoints, item_at(LAND, RELATIVE, plan.landing, 0.0))
+        return tuple(replace(item, param4=math.nan) for item in items)
 
 
 _FLOAT32_M = 1e-3
@@ -148,9 +156,10 @@ def _same(sent: MissionItem, found: MissionItem) -> bool:
     return close and _params(sent) == _params(found) and _rest(sent) == _rest(found)
 
 
-def _params(item: MissionItem) -> bytes:
-    """As they go over the wire, where also what is no number is kept."""
-    return struct.pack("<4f", item.param1, item.param2, item.param3, item.param4)
+def _params(item: MissionItem) -> tuple[bytes | None, ...]:
+    """As they go over the wire; None for what is no number, which is kept, but may have other bits."""
+    params = (item.param1, item.param2, item.param3, item.param4)
+    return tuple(None if math.isnan(value) else struct.pack("<f", value) for value in params)
 
 
 def _rest(item: MissionItem) -> tuple[int, int, int, int, int]:

@@ -50,6 +50,10 @@ class Px4Plane(Px4):
         One DO_LAND_START is allowed in a mission, and the first landing of the list is the one that it
         returns to (RTL_TYPE 1), so home's is. It stands behind the waypoints because 1.14 takes all that
         comes after DO_LAND_START for the landing, and would fly on instead of returning.
+
+        Who has landed amid its mission goes on with the next item, on the ground too, and in the mission's
+        mode it is not disarmed (`MissionBase::advance_mission`, `Commander::handleAutoDisarm`): from home's
+        landing a jump leads to the last item, a landing, with which one that stands is done at once.
         """
         at_goal, at_home = approaches(plan)
         # It climbs out along the line to the take-off's place.
@@ -58,15 +62,21 @@ class Px4Plane(Px4):
         waypoints = [item_at(WAYPOINT, RELATIVE, point, point.alt_rel_m) for point in _flown(plan)]
         home = list(_landing(at_home))
         jump_at = 1 + len(waypoints)
-        goal_at = jump_at + 2 + len(home)
+        goal = list(_landing(at_goal))
+        goal_at = jump_at + 3 + len(home)
         return (
             takeoff,
             *waypoints,
-            MissionItem(JUMP, NO_PLACE, 0, 0, 0.0, param1=float(goal_at), param2=ALWAYS),
+            _jump(goal_at),
             MissionItem(LAND_START, NO_PLACE, 0, 0, 0.0),
             *home,
-            *_landing(at_goal),
+            _jump(goal_at + len(goal) - 1),
+            *goal,
         )
+
+
+def _jump(to: int) -> MissionItem:
+    return MissionItem(JUMP, NO_PLACE, 0, 0, 0.0, param1=float(to), param2=ALWAYS)
 
 
 def _flown(plan: FlightPlan) -> Iterator[Waypoint]:

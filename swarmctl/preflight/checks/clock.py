@@ -14,5 +14,8 @@ def check(facts: Facts) -> Finding:
     if offset_s is None:
         return Finding(False, "it tells no time of day", wanted, "wait for its first satellites")
     in_step = abs(offset_s) <= facts.clock_tolerance_s
-    cure = "set this machine's clock by NTP; a vehicle takes its time from satellites"
+    cure = (
+        "set this machine's clock by NTP; a vehicle takes its time from satellites, and one in software has "
+        "its own (preflight.clock_tolerance_s)"
+    )
     return Finding(in_step, f"{offset_s:+.1f} s", wanted, "" if in_step else cure)

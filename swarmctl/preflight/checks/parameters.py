@@ -16,7 +16,7 @@ def check(facts: Facts) -> Finding:
         return Finding(
             False, facts.no_table, "parameters that say what `policy` declares", "waive it by name"
         )
-    wrong = [w for w in facts.wanted if not _is_so(facts, w)]
+    wrong = [w for w in facts.wanted if not w.met_by(facts.parameters)]
     if not wrong:
         return Finding(True, f"{len(facts.wanted)} parameters as declared", "as `preflight.policy` declares")
     return Finding(
@@ -48,10 +48,6 @@ def _cure(facts: Facts, wrong: Sequence[Wanted]) -> str:
 
 def _names(names: Sequence[str]) -> str:
     return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
-
-
-def _is_so(facts: Facts, wanted: Wanted) -> bool:
-    return wanted.name in facts.parameters and wanted.accepts(facts.parameters[wanted.name])
 
 
 def _value(facts: Facts, wanted: Wanted) -> str:

@@ -30,4 +30,10 @@ def _same_board(facts: Facts, other: Identity | None) -> bool:
     mine = facts.identity
     if mine is None or other is None:
         return False
-    return any(mine.uid2) and mine.uid2 == other.uid2
+    return any(mine.uid2) and mine.uid2 == other.uid2 and not _names_a_kind(mine.uid2)
+
+
+def _names_a_kind(uid2: bytes) -> bool:
+    """PX4's Linux boards, VOXL 2 or a Raspberry Pi, tell a text (BOARD_OVERRIDE_UUID) that all of their kind
+    tell, behind the two bytes of the processor's architecture."""
+    return uid2[2:].isalnum()
