@@ -19,6 +19,7 @@ from swarmctl.bus.zenoh_bus import ZenohBus
 from swarmctl.bus.zenoh_config import Credentials
 from swarmctl.core.messages import (
     BadMessage,
+    GiveOrder,
     OperatorAnswer,
     Request,
     VehicleAnswer,
@@ -239,6 +240,9 @@ async def _ask_each(
     """Every vehicle's own agent, all at once: a silent one keeps nobody waiting. Raises Unclear."""
     try:
         uavs = list(station.agents if command.uavs is None else meant_by(command.uavs, station.agents))
+        if isinstance(command, GiveOrder) and command.past:  # an agent knows nobody's name but its own
+            past = tuple(meant_by(command.past, station.agents))
+            command = msgspec.structs.replace(command, past=past)
     except ValueError as error:
         raise Unclear(f"nothing was changed: {error}") from None
 

@@ -26,6 +26,7 @@ from swarmctl.links.base import (
     Conflict,
     Heard,
     Identity,
+    LaunchPutOff,
     Link,
     LinkError,
     LinkEvent,
@@ -276,13 +277,15 @@ class Runner:
             self.post(ev.OrderFailed(order, why, nothing_sent=True))
             return
         actions: dict[ev.Order, Callable[[], Coroutine[Any, Any, None]]] = {
-            ev.Order.LAUNCH: self.link.launch,
+            ev.Order.LAUNCH: partial(self.link.launch, lambda: agent.in_the_way(self.state)),
             ev.Order.HOLD: partial(self.link.hold, looks_first=looks_first),
             ev.Order.RETURN: partial(self.link.return_home, looks_first=looks_first),
             ev.Order.LAND: partial(self.link.land, looks_first=looks_first),
         }
         try:
             await actions[order]()
+        except LaunchPutOff as error:
+            self.post(ev.LaunchPutOff(error.why, error.was_armed))
         except LinkError as error:
             self.post(ev.OrderFailed(order, str(error)))
         else:

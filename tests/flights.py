@@ -8,6 +8,7 @@ from pathlib import Path
 
 from swarmctl import app, outputs
 from swarmctl.app import ALL_IN_ONE, Manner, Report
+from swarmctl.bus.base import Transport
 from swarmctl.clock import run_virtual
 from swarmctl.config import Config
 from swarmctl.display import Picture
@@ -58,6 +59,7 @@ def fly(
     ui: Ui | None = None,
     broken: bool = False,
     manner: Manner = ALL_IN_ONE,
+    bus: Transport | None = None,
 ) -> Report:
     """Fly on the virtual clock and write the run folder; a bug is raised unless it is `broken` on purpose."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -68,6 +70,7 @@ def fly(
         clock="virtual",
         permission=lambda foreign: None,
         carry=carry,
+        bus=bus,
         manner=manner,
     )
     report = run_virtual(flight)

@@ -217,7 +217,7 @@ def test_agents_apart_are_called_back_in_turns(tmp_path: Path, monkeypatch: pyte
             swarm.start(uav, "when-ready")
         for uav in NAMES:
             await swarm.until(uav, Phase.FLYING)
-        await asyncio.sleep(35.0)
+        await asyncio.sleep(45.0)
         answers = []
         for _ in range(2):
             answers.append(await calling_back.ask(swarm.bus, STATION, GiveOrder(None, "return")))

@@ -441,6 +441,36 @@ def test_it_arrives_when_it_is_down_at_its_goal() -> None:
     assert (story.state.phase, story.state.outcome) == (Phase.DONE, "arrived")
 
 
+@pytest.mark.parametrize(
+    ("up_m", "cell", "outcome"),
+    [
+        (1.0, (4, 8), "arrived"),
+        (1.0, (5, 8), "disarmed in cell (5, 8),"),
+        (30.0, (4, 8), "disarmed in cell (4, 8), short of its goal"),
+    ],
+)
+def test_called_off_when_it_is_all_but_down_at_its_goal_it_has_arrived(
+    up_m: float, cell: Cell, outcome: str
+) -> None:
+    story = Story().flying()
+    story.over((4, 8), alt_rel_m=up_m)
+    story(ev.OperatorCommand(ev.Order.HOLD))
+    story.over(cell, armed=False, landed=Landed.ON_GROUND)
+    assert story.state.outcome.startswith(outcome)
+    assert story.state.phase is (Phase.DONE if outcome == "arrived" else Phase.FAILED)
+
+
+@pytest.mark.parametrize(("cell", "where"), [((4, 0), ""), ((4, 8), " 400 m from home")])
+def test_called_back_it_says_where_it_is_down_if_that_is_not_at_home(cell: Cell, where: str) -> None:
+    story = Story().flying()
+    lat_deg, lon_deg = GRID.centre((4, 0))
+    home = {"home_lat_deg": lat_deg, "home_lon_deg": lon_deg}
+    story.over((4, 8), **home)  # it lands there
+    story(ev.OperatorCommand(ev.Order.RETURN))
+    story.over(cell, armed=False, landed=Landed.ON_GROUND, **home)
+    assert story.state.outcome == f"return ordered; landed{where}"
+
+
 def test_over_its_goal_it_is_not_sent_elsewhere() -> None:
     story = Story().flying()
     story.over((4, 8))

@@ -276,3 +276,26 @@ def test_who_holds_for_another_keeps_clear_of_where_that_fell_silent() -> None:
     later = [text for _ in range(150) for text in told(story.at(140.0, **still))]
     assert any("it has held for 60 s" in text for text in later)
     assert story.state.gave_way is None, "it flies on, above that place or after three minutes"
+
+
+@pytest.mark.parametrize(
+    ("uav", "east_m", "north_m", "up_m", "goes_on"),
+    [(3, 134.0, 3.0, 32.9, True), (1, 134.0, 3.0, 32.9, False), (3, 146.0, 0.0, 30.0, False)],
+    ids=["beside", "of a lower id", "ahead"],
+)
+def test_of_two_that_hold_for_a_third_and_stand_too_near_each_other_the_lower_system_id_goes_on(
+    uav: int, east_m: float, north_m: float, up_m: float, goes_on: bool
+) -> None:
+    """Where its way leads apart: it flies east."""
+    story = Watching()
+    story.crossing(4, phase="landing")
+    story.at(125.0)
+    story(ev.OrderDone(ev.Order.HOLD))
+    still = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode": "GUIDED", "mode_role": "hold"}
+    said = []
+    for _ in range(50):
+        story.other(4, MID_M[0], MID_M[1], (0.0, 0.0, 0.0), alt_rel_m=0.0)  # it is down
+        place = (east_m, MID_M[1] + north_m)
+        story.other(uav, *place, (0.0, 0.0, 0.0), alt_rel_m=up_m)  # it holds as well
+        said += told(story.at(140.0, **still))
+    assert ("clear of the others: it flies on" in said) is goes_on

@@ -226,6 +226,18 @@ def test_of_two_plans_that_meet_the_higher_system_id_gives_way_but_to_who_cannot
     assert (story.state.compared.predicted, story.state.compared.by_height) == (gives_way, gives_way)
 
 
+@pytest.mark.parametrize(("may_change", "gives_way"), [(False, True), (True, False)])
+def test_it_keeps_clear_of_how_one_comes_down_that_lands_already(may_change: bool, gives_way: bool) -> None:
+    """Of who is still on its way there the height is known, and when it comes down is not."""
+    story, (east_m, north_m) = Flier(), (MID_M[0], MID_M[1] + 5.0)
+    place = GRID.frame.to_geodetic(east_m, north_m)
+    in_s = (east_m - 75.0) / 10.0
+    down = [(0.0, 8.0), (in_s - 4.0, 8.0), (in_s + 1.0, 0.0), (in_s + 30.0, -30.0)]
+    points = tuple(IntentPoint(t, *place, AMSL_M + up_m) for t, up_m in down)
+    effects = story(ev.Intents(((1, 0.0, IntentShared(1, points, may_change=may_change)),)))
+    assert any("its route meets that of vehicle 1" in text for text in told(effects)) is gives_way
+
+
 def test_it_is_said_and_counted_once_until_it_is_over() -> None:
     story = low()
     south = MID_M[1] - 300.0

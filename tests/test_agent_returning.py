@@ -15,7 +15,7 @@ from test_agent_intents import AMSL_M, told
 from troubled import Trouble, suffer
 
 from swarmctl import record
-from swarmctl.agent import AgentState
+from swarmctl.agent import AgentState, place_of
 from swarmctl.agent.approach import Wings
 from swarmctl.agent.returning import SETTLES_S, WAITS_FOR_S
 from swarmctl.calling_off import CallingOff
@@ -23,7 +23,8 @@ from swarmctl.clock import run_virtual
 from swarmctl.config import Flight
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_AWAY, StateShared
-from swarmctl.core.messages import Place
+from swarmctl.core.messages import Place, VehicleAnswer
+from swarmctl.core.returns import turns_of
 from swarmctl.rules import Ruling, low_battery, not_following
 
 HOLD, RETURN, LAND = ev.Order.HOLD, ev.Order.RETURN, ev.Order.LAND
@@ -194,6 +195,33 @@ def test_of_two_that_begin_at_one_time_the_one_with_the_higher_system_id_holds_a
     assert orders(story.returns()) == then
 
 
+@pytest.mark.parametrize("on_s", [2, 6], ids=["it settles in between", "it is well on its way in between"])
+def test_another_that_comes_and_goes_makes_it_wait_no_longer_than_once_in_all(on_s: int) -> None:
+    story = Low()
+    (order,), given = orders(story.at(23)), []
+    began_s = story.now
+    for second in range(4 * int(WAITS_FOR_S)):
+        story(ev.OrderDone(order))
+        story.now -= 1.0
+        is_there = second % (2 * on_s) < on_s
+        there = {} if is_there else {"phase": "done", "returns_to": None}
+        story.goes_home(1, **there)
+        for then in orders(story.returns() if order is RETURN else story.holds()):
+            given.append((then, story.now - began_s))
+            order = then
+    assert given[0][0] is HOLD
+    assert given[-1][0] is RETURN
+    assert given[-1][1] <= WAITS_FOR_S + 1.0
+
+
+def test_a_return_that_arises_later_may_wait_as_long_again() -> None:
+    story = waiting()
+    assert orders(story(ev.OperatorCommand(HOLD, 1))) == [HOLD]
+    story.now += WAITS_FOR_S
+    story.goes_home(3)
+    assert orders(story.holds(22)) == []
+
+
 def test_who_may_wait_no_longer_by_then_goes_on() -> None:
     story = Low()
     assert orders(story.at(20)) == [RETURN]
@@ -227,6 +255,75 @@ def test_an_operator_who_orders_otherwise_is_obeyed() -> None:
     assert answer.note == f"it returns no more, for which it waited: {LOW.format(23)}"
     again.goes_home(3, phase="done", returns_to=None)
     assert [order for s in range(30) for order in orders(again.holds(22 - s // 10))] == []
+
+
+def called_back(story: Low, after_s: float = 120.0) -> tuple[list[ev.Order], VehicleAnswer]:
+    effects = story(ev.OperatorCommand(RETURN, 7, after_s))
+    (answer,) = (e.answer for e in effects if isinstance(e, ev.Answer))
+    return orders(effects), answer
+
+
+@pytest.mark.parametrize("percent", [19, 23], ids=["urgent", "not urgent"])
+def test_a_recall_that_overtakes_an_urgent_return_does_not_make_it_wait_its_turn(percent: int) -> None:
+    story = Low()
+    assert orders(story.at(percent)) == [RETURN]
+    given, answer = called_back(story)
+    assert answer.outcome == "taken"
+    assert answer.place is not None
+    if percent == 23:
+        assert (given, answer.place.is_returning) == ([HOLD], False)
+        return
+    assert (given, answer.place.is_returning) == ([RETURN], True)
+    assert answer.note == f"it waits for no turn: {LOW.format(19)}"
+    assert orders(story.returns(19)) == []
+    assert shared(story.effects).phase == "leaving"
+
+
+@pytest.mark.parametrize(("command", "after_s"), [(7, 120.0), (None, 0.0), (None, 30.0)])
+def test_who_lands_since_its_battery_is_all_but_empty_is_not_sent_home_with_the_others(
+    command: int | None, after_s: float
+) -> None:
+    story = Low()
+    assert orders(story.at(9)) == [LAND]
+    effects = story(ev.OperatorCommand(RETURN, command, after_s))
+    assert orders(effects) == []
+    for answer in (e.answer for e in effects if isinstance(e, ev.Answer)):
+        assert answer.outcome == "refused"
+        assert answer.note.startswith("it lands: battery at 9 %")
+    assert orders(story.at(8, mode="LAND", mode_role="land")) == []
+    assert orders(story(ev.OperatorCommand(HOLD, 8))) == [HOLD], "who orders that is obeyed"
+
+
+def test_who_lands_by_an_order_is_called_back_without_waiting_when_its_battery_is_low() -> None:
+    story = Low()
+    story(ev.OperatorCommand(LAND, 1))
+    story.at(19, mode="LAND", mode_role="land")
+    assert called_back(story)[0] == [RETURN]
+
+
+def test_who_was_told_to_hold_with_so_low_a_battery_waits_for_no_turn_either() -> None:
+    story = Low()
+    story.at(19)
+    story(ev.OperatorCommand(HOLD, 1))
+    story(ev.OrderDone(HOLD))
+    assert orders(story.holds(19)) == []
+    place = place_of(story.state)
+    assert place is not None
+    assert place.is_returning
+    assert called_back(story)[0] == [RETURN]
+
+
+def test_the_others_take_their_turns_around_it() -> None:
+    story, other = Low(uav=4), Low(uav=3)
+    story.at(19)
+    other.at(60)
+    _, urgent = called_back(story)
+    _, waits = called_back(other)
+    assert urgent.place is not None
+    assert waits.place is not None
+    begins_s = turns_of({4: urgent.place, 3: waits.place}).begins_s
+    assert begins_s[4] == 0.0
+    assert begins_s[3] > 0.0
 
 
 def test_a_clock_that_fell_back_keeps_it_waiting_no_longer() -> None:

@@ -65,6 +65,8 @@ REFUSED: list[tuple[str, list[str], str, int, str]] = [
     ("watching without keys", ["watch"], PLAIN + CERTIFIED, 1, "nowhere/operator: no such folder"),
     ("watching where nobody certifies", ["watch", "--connect", "tls/127.0.0.1:1"], PLAIN, 2, "needs certif"),
     ("ordering nobody", ["order", "hold"], PLAIN + ROUTER, 2, "which vehicles? give --uav NAME"),
+    ("returning past somebody", ["order", "return", "--all", "--past", "uav2"],
+     PLAIN + ROUTER, 2, "expected with launch alone"),
     ("ordering what is no order", ["order", "fly", "--all"], PLAIN + ROUTER, 2, "Invalid value for"),
     ("routing without keys", ["router"], PLAIN + CERTIFIED, 1, "nowhere/router: no such folder"),
     ("reporting without keys", ["observe", "--uav", "1", "--cell", "1,1", "--clear"],

@@ -14,6 +14,7 @@ from swarmctl.bus.memory import MemoryBus
 from swarmctl.bus.network import Network, RunClock
 from swarmctl.clock import run_virtual
 from swarmctl.core import events as ev
+from swarmctl.core.frames import IntentPoint, IntentShared
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.core.sensor import PERFECT
 from swarmctl.core.vehicle import VehicleState
@@ -23,9 +24,11 @@ from swarmctl.links.base import (
     Conflict,
     Identity,
     LaunchFailed,
+    LaunchPutOff,
     NobodyAnswers,
     NotReady,
     Rebooted,
+    StateChanged,
     UploadFailed,
 )
 from swarmctl.mavlink.outcome import Swapped
@@ -74,7 +77,9 @@ class StubLink:
         await self._do("upload", UploadFailed)
         return 0.0
 
-    async def launch(self) -> None:
+    async def launch(self, in_the_way: Callable[[], str] = lambda: "") -> None:
+        if why := in_the_way():
+            raise LaunchPutOff(f"put off: {why}", why=why, was_armed=False)
         await self._do("launch", LaunchFailed)
 
     async def swap(self, plan: FlightPlan) -> Swapped:
@@ -516,6 +521,38 @@ def test_what_was_checked_long_before_the_order_to_launch_is_checked_again(
     is_launched = fit or checks == 1
     assert ("launch" in ground.links[0].calls) == is_launched
     assert ("fence: found 0 corners" in trouble[0]) == (not is_launched)
+
+
+def test_who_comes_into_the_way_while_a_vehicle_is_checked_for_its_launch_is_waited_for() -> None:
+    """Between the order and the arming its checks may take half a minute."""
+    scenario = small(simulate={"count": 1}, threats={"count": 0})
+    ground = Ground(scenario, launch="ordered", clearance=Clearance(lasts_s=10.0))
+    frame, (lat_deg, lon_deg) = scenario.grid.frame, scenario.specs[0].start
+    there = frame.to_geodetic(*scenario.grid.centre_m(scenario.tasks[0].goals[0]))
+    hovers = IntentShared(1, tuple(IntentPoint(t, *there, 315.0) for t in (0.0, 600.0)))
+    ordered_s: list[float] = []
+    standby_s: list[float] = []
+    launched_s: list[float] = []
+
+    def story(members: Sequence[Member]) -> bool:
+        runner, now = members[0].runner, asyncio.get_running_loop().time()
+        here = VehicleState(now, lat_deg=lat_deg, lon_deg=lon_deg, alt_rel_m=0.0, alt_amsl_m=300.0)
+        runner.on_link_event(StateChanged(replace(here, home_lat_deg=lat_deg, home_lon_deg=lon_deg)))
+        if runner.state.phase == "standby" and not standby_s:
+            standby_s.append(now)
+        if standby_s and not ordered_s and now - standby_s[0] >= 45.0:
+            runner.post(ev.OperatorCommand(ev.Order.LAUNCH, 1))
+            ordered_s.append(now)
+        if ordered_s and 5.0 <= now - ordered_s[0] < 15.0:
+            runner.post(ev.Intents(((7, 0.0, hovers),)))
+        if "launch" in ground.links[0].calls and not launched_s:
+            launched_s.append(now)
+        return bool(launched_s)
+
+    ground.fly(story)
+    assert ground.clearance.calls.count(("check", "uav1")) >= 2
+    # What vehicle 7 has told counts for 20 s.
+    assert launched_s[0] - ordered_s[0] >= 34.0
 
 
 def test_who_was_not_fit_when_it_was_ordered_to_launch_is_checked_again_by_the_next_order() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import importlib
 import json
 import math
@@ -11,9 +12,11 @@ from typing import Any
 import pytest
 from flights import AREA, Ui, fly, small
 
+from swarmctl import record
 from swarmctl.app import Manner
 from swarmctl.flight_report import together
 from swarmctl.preflight.waivers import Waiver
+from swarmctl.runner import Runner
 
 pytestmark = pytest.mark.virtual
 
@@ -130,6 +133,33 @@ def test_who_is_launched_a_little_later_waits_on_the_ground_until_its_route_is_c
     separation = report.summary["separation"]
     assert separation["plans_in_flight"]["predicted"] == 0
     assert separation["too_close"] == []
+
+
+def test_who_is_checked_for_long_before_it_is_armed_looks_again_at_who_is_in_the_air_by_then(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    check = Runner._check_launch
+
+    async def at_length(runner: Runner) -> None:
+        await asyncio.sleep(4.0 if runner.state.task.uav == 2 else 0.0)
+        await check(runner)
+
+    monkeypatch.setattr(Runner, "_check_launch", at_length)
+    scenario = small(
+        simulate={"count": 2, "goal": [4, 7], "ready_s": 3.0},
+        flight={"altitude_m": 15.0, "altitude_step_m": 1.5},
+        threats={"count": 0},
+    )
+    ui = Ui()
+    report = fly(scenario, tmp_path, ui=ui, manner=Manner(waivers=(Waiver("separation"),)))
+    assert report.all_arrived
+    (waits,) = (i for i, line in enumerate(ui.said) if "it waits on the ground" in line)
+    assert ui.said[waits].startswith("uav2: its first route would meet that of vehicle 1 in ")
+    assert "uav2: clear of the others: it launches" in ui.said[waits:]
+    separation = report.summary["separation"]
+    assert separation["plans_in_flight"]["predicted"] == 0
+    assert separation["too_close"] == []
+    assert record.replay(tmp_path / "run.mcap").difference == ""
 
 
 GAP = ([0, 3], [1, 3], [2, 3], [6, 3], [7, 3], [8, 3])

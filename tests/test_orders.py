@@ -127,7 +127,7 @@ MATRIX: list[tuple[Callable[[], Story], Order, str, str, list[Order], Phase]] = 
     (standby, LAUNCH, "taken", "", [LAUNCH], Phase.LAUNCHING),
     (replanning, LAUNCH, "taken", "as soon as its new plan is on it", [], Phase.STANDBY),
     (lost_on_the_ground, LAUNCH, "refused", "link is lost", [], Phase.STANDBY),
-    (launching, LAUNCH, "taken", "launched already", [], Phase.LAUNCHING),
+    (launching, LAUNCH, "taken", "about to take off", [], Phase.LAUNCHING),
     (breaking_off, LAUNCH, "refused", "being broken off", [], Phase.LEAVING),
     (flying, LAUNCH, "taken", "launched already", [], Phase.FLYING),
     (landing, LAUNCH, "taken", "launched already", [], Phase.LANDING),
@@ -480,6 +480,32 @@ def test_a_vehicle_that_is_not_of_the_swarm_is_asked_nothing() -> None:
         assert ground.posted == []
 
     run_virtual(scene())
+
+
+@pytest.mark.parametrize("word", ["uav4", "4"])
+def test_whom_a_launch_does_not_wait_for_is_told_the_agent_by_system_id(word: str) -> None:
+    async def scene() -> None:
+        bus = MemoryBus()
+        ground = Ground(bus)
+        await operate.ask(bus, STATION, GiveOrder((2,), "launch", past=(word,)))
+        assert ground.posted == [ev.OperatorCommand(LAUNCH, 1, past=(4,))]
+        with pytest.raises(operate.Unclear, match="no vehicle has the system id or name uav9"):
+            await operate.ask(bus, STATION, GiveOrder((2,), "launch", past=("uav9",)))
+        # An agent knows no names but its own.
+        assert (
+            "nothing was changed"
+            in (await asked(bus, ORDER, GiveOrder(None, "launch", past=("uav4",)))).refused
+        )
+        assert len(ground.posted) == 1
+
+    run_virtual(scene())
+
+
+def test_an_order_that_names_nobody_to_launch_past_is_understood_by_earlier_versions() -> None:
+    assert b"past" not in encode(GiveOrder((2,), "launch"))
+    for order in ("hold", "return", "land"):
+        with pytest.raises(ValueError, match="expected with launch alone"):
+            GiveOrder((2,), order, past=(4,))  # type: ignore[arg-type]
 
 
 def test_an_agent_that_answers_for_another_is_not_believed() -> None:

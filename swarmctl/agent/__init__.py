@@ -18,6 +18,7 @@ from swarmctl.agent.bounds import AT_ANY_TIME, CLIMB_M_S, Arrival, before_takeof
 from swarmctl.agent.decide import first_flight, first_problem, first_route
 from swarmctl.agent.down import is_up
 from swarmctl.agent.in_time import arrives_s, bounds_of, misses_by, route_in_time
+from swarmctl.agent.launching import in_the_way
 from swarmctl.agent.neighbours import concerns
 from swarmctl.agent.orders import place_of
 from swarmctl.agent.realise import Flown, flown_for, unpulled
@@ -47,6 +48,7 @@ __all__ = [
     "first_problem",
     "first_route",
     "flown_for",
+    "in_the_way",
     "is_up",
     "misses_by",
     "place_of",

@@ -15,7 +15,8 @@ from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
 from swarmctl.core.plane import distance_to_leg
 from swarmctl.core.vehicle import VehicleState
-from swarmctl.separation import Point, Trajectory, intervals, onward
+from swarmctl.separation import Limits, Point, Trajectory, closest, intervals, onward
+from swarmctl.separation.clash import LEVEL_M
 from swarmctl.separation.watch import Alarm, Heard, clear_height_m, gives_way, watch, yields_to
 
 FRESH_S = 5.0
@@ -154,7 +155,8 @@ def _go_on_if_clear(state: AgentState, own: Trajectory, others: dict[int, Trajec
     state = replace(state, gave_way_to=to)
     if now_s < state.go_on_boot_s:
         return state, []
-    if not state.alarms and _is_clear(state, own, others) and not _may_be_met(state):
+    waits = any(_is_to_give_way(state, alarm.other) for alarm in state.alarms)
+    if not waits and _is_clear(state, own, others) and not _may_be_met(state):
         if state.phase is Phase.LANDING:
             return command(_released(state), ev.Order.LAND)
         return _flies_on(state, "clear of the others: it flies on")
@@ -166,7 +168,35 @@ def _go_on_if_clear(state: AgentState, own: Trajectory, others: dict[int, Trajec
 def _is_clear(state: AgentState, own: Trajectory, others: dict[int, Trajectory]) -> bool:
     limits = state.task.separation.limits
     starts = [own.later(seconds) for seconds in GOES_ON_AFTER_S]
-    return not any(intervals(path, other, limits) for path in starts for other in others.values())
+    return not any(
+        intervals(path, other, limits) and (_is_to_give_way(state, uav) or not _parts(path, other, limits))
+        for path in starts
+        for uav, other in others.items()
+    )
+
+
+MOST_LEVEL = 1.0 / 3.0
+"""of the limit in height"""
+
+
+def _parts(path: Trajectory, other: Trajectory, limits: Limits) -> bool:
+    """Whether two that stand too near each other already come no nearer. Else both would wait for ever."""
+    here, there = path.at(path.times_s[0]), other.at(path.times_s[0])
+    at = closest(path, other, limits)
+    if at is None or here is None or there is None:
+        return False
+    beside = math.dist(here[:2], there[:2]) / limits.horizontal_m
+    above = abs(here[2] - there[2]) / limits.vertical_m
+    now = max(beside, above)
+    # Heights are told and held to within so much; places go by where both say they are.
+    slack = min(LEVEL_M / limits.vertical_m, MOST_LEVEL) if above >= beside else 1e-6
+    return now < 1.0 + slack and limits.share(at.horizontal_m, at.vertical_m) >= min(now, 1.0) - slack
+
+
+def least_share(flight: Trajectory, other: Trajectory, limits: Limits) -> float | None:
+    """Of the limits, that two keep if both are in time."""
+    at = closest(flight, other, limits)
+    return None if at is None else limits.share(at.horizontal_m, at.vertical_m)
 
 
 def _may_be_met(state: AgentState) -> bool:

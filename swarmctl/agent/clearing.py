@@ -15,14 +15,14 @@ from dataclasses import replace
 
 import msgspec
 
-from swarmctl.agent.apart import AIRBORNE_M, ceiling_m, here_of, may_give_way, stopped
+from swarmctl.agent.apart import AIRBORNE_M, ceiling_m, here_of, least_share, may_give_way, stopped
 from swarmctl.agent.flight_path import at_height, height_of, levels_first
 from swarmctl.agent.intents import MAX_AGE_S, STANDS_S, above_sea, flight_of, intended, may_change, say
 from swarmctl.agent.orders import Step, command
 from swarmctl.agent.state import AgentState, LookedAt, Phase
 from swarmctl.core import events as ev
 from swarmctl.core.mission import FlightPlan
-from swarmctl.separation import Limits, Trajectory, closest, to_its_landing
+from swarmctl.separation import Limits, Trajectory, to_its_landing
 from swarmctl.separation.clash import SLACK_S, Clash, clashes, in_words
 from swarmctl.separation.trajectory import Bounds
 from swarmctl.separation.watch import HEIGHT_MARGIN, Intended, yields_to
@@ -86,20 +86,14 @@ def _parts(flight: Trajectory, instead_of: Trajectory | None, other: Trajectory,
     if after is not None and clashes(after, {0: other}, limits):
         return False
     here, there = flight.at(begin_s), other.at(begin_s)
-    least = _least_share(flight, other, limits)
+    least = least_share(flight, other, limits)
     if least is None or here is None or there is None:
         return True
     now = limits.share(math.dist(here[:2], there[:2]), abs(here[2] - there[2]))
     if least >= min(now, 1.0) - 1e-6:
         return True
-    else_least = None if instead_of is None else _least_share(instead_of, other, limits)
+    else_least = None if instead_of is None else least_share(instead_of, other, limits)
     return else_least is not None and least >= else_least + BETTER_BY
-
-
-def _least_share(flight: Trajectory, other: Trajectory, limits: Limits) -> float | None:
-    """Of the limits, that two keep if both are in time."""
-    at = closest(flight, other, limits)
-    return None if at is None else limits.share(at.horizontal_m, at.vertical_m)
 
 
 # --- the plan being flown

@@ -6,8 +6,12 @@ from dataclasses import replace
 
 from swarmctl.agent.approach import ROLL_OUT_M
 from swarmctl.agent.state import ARRIVED, AgentState, Phase
+from swarmctl.core.events import Order
 from swarmctl.core.geo import distance_m
 from swarmctl.core.vehicle import Landed
+
+AT_HOME_M = 15.0
+"""A copter comes down so near to where it was to."""
 
 
 def disarmed_since(state: AgentState) -> AgentState:
@@ -28,17 +32,32 @@ def is_up(state: AgentState) -> bool:
 
 def touched_down(state: AgentState) -> AgentState:
     """It was armed by its launch and is disarmed now."""
-    if state.phase is Phase.LANDING and (state.cell in state.task.goals or _rolled_out(state)):
+    # Also who was all but down when it was told to hold.
+    holds_over_goal = state.phase is Phase.HOLDING and state.arrived_boot_s is not None
+    comes_down = state.phase is Phase.LANDING or holds_over_goal
+    if comes_down and (state.cell in state.task.goals or _rolled_out(state)):
         return replace(state, phase=Phase.DONE, outcome=ARRIVED, pending=None)
     if state.phase is Phase.LEAVING:
         phase = Phase.FAILED if state.given_up else Phase.DONE
         said = state.outcome or state.trouble
-        return replace(state, phase=phase, outcome=f"{said}; landed", pending=None)
+        return replace(state, phase=phase, outcome=f"{said}; landed{_away(state)}", pending=None)
     where = f"in cell {state.cell}" if state.cell is not None else "outside the area"
     battery = state.vehicle.battery_percent
     rest = "" if battery is None else f", battery {battery} %"
     reason = f"disarmed {where}, short of its goal, in mode {state.vehicle.mode or 'unknown'}{rest}"
     return replace(state, phase=Phase.FAILED, outcome=reason, pending=None)
+
+
+def _away(state: AgentState) -> str:
+    """How far from home, of who was to return and is not there: it may have been down before it could."""
+    v = state.vehicle
+    if v.lat_deg is None or v.lon_deg is None or v.home_lat_deg is None or v.home_lon_deg is None:
+        return ""
+    if state.ordered is not Order.RETURN:
+        return ""
+    away_m = distance_m((v.lat_deg, v.lon_deg), (v.home_lat_deg, v.home_lon_deg))
+    at_home_m = AT_HOME_M if state.task.wings is None else ROLL_OUT_M
+    return f" {away_m:.0f} m from home" if away_m > at_home_m else ""
 
 
 def _rolled_out(state: AgentState) -> bool:

@@ -62,6 +62,7 @@ def say(state: AgentState, flight: Trajectory | None) -> Step:
         points=() if flight is None else _points(state, flight),
         may_change=may_change(state),
         around_m=(0.0, 0.0) if flight is None else _around_m(state),
+        on_ground=state.phase is Phase.LAUNCHING,
     )
     return replace(state, own_intent=flight, intent_said_s=now_s), [ev.Publish(message)]
 
@@ -158,6 +159,7 @@ def from_now(state: AgentState, flight: Trajectory | None) -> Trajectory | None:
 
 
 def _ahead(state: AgentState, here: Point) -> Trajectory | None:
+    """From 0 s on and above home; None where that is not known."""
     task, swap = state.task, state.pending or state.route
     speed_m_s = state.speed_m_s or task.arrival.speed_m_s
     if task.wings is not None:
@@ -174,10 +176,10 @@ def _ahead(state: AgentState, here: Point) -> Trajectory | None:
                 return climbing(here, height_of(plan), way, speed_m_s)
             left = [point[:2] for point in track_ahead([(*place, 0.0) for place in way], here)]
             return along(here, height_of(plan), left, speed_m_s, state.vehicle.ground_speed_m_s)
-        case Phase.FLYING | Phase.LANDING | Phase.HOLDING if task.wings is None:
+        case Phase.FLYING | Phase.LANDING | Phase.HOLDING:
             stop = stopped(state, here)
             return Trajectory((0.0, STANDS_S), (stop, stop))
-        case Phase.LEAVING if state.ordered is ev.Order.LAND and task.wings is None:
+        case Phase.LEAVING if state.ordered is ev.Order.LAND:
             return down([here], [0.0])
     # How high a firmware climbs before it returns is its own affair.
     return None
@@ -218,11 +220,14 @@ def intents_heard(state: AgentState, event: ev.Intents, _now: float) -> Step:
         flight = _flight_told(state, intent, now_s - age_s)
         kept.pop(uav, None)
         if flight is not None and uav != state.task.uav:
-            # How it comes down is for the watch: heights keep routes apart, not landings.
-            flight = to_its_landing(flight)
+            # Heights keep routes apart, not landings: those are for the watch. But whoever lands already, or
+            # is about to, gives way to nobody any more.
+            flight = to_its_landing(flight) if intent.may_change else flight
             said_s, (away_m, up_m) = now_s - age_s, intent.around_m
             vague = (min(away_m, AROUND_M), up_m)  # no more is told by who does not lie
-            kept[uav] = Intended(flight, Bounds.of(flight), intent.may_change, said_s, vague)
+            kept[uav] = Intended(
+                flight, Bounds.of(flight), intent.may_change, said_s, vague, intent.on_ground
+            )
     fresh = {uav: known for uav, known in kept.items() if 0.0 <= now_s - known.said_s <= MAX_AGE_S}
     return replace(state, intents=fresh), []
 

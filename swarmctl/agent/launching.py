@@ -1,18 +1,25 @@
-"""The launch: who would meet somebody in the air on its first route waits for that on the ground. Pure."""
+"""The launch: who would meet somebody in the air on its first route waits for that on the ground. Pure.
+
+The way is looked at when the launch is ordered, and again right before it is armed and right before it takes
+off, because the checks of what it is and whether it is fit come in between and take their time.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 from swarmctl.agent.clearing import clashing, known
 from swarmctl.agent.flight_path import from_takeoff
-from swarmctl.agent.intents import from_now
+from swarmctl.agent.intents import from_now, say
 from swarmctl.agent.orders import Step, command, let_go
 from swarmctl.agent.ours import roles_of_ours
 from swarmctl.agent.state import AgentState, Phase
 from swarmctl.core import events as ev
 from swarmctl.separation import to_its_landing
 from swarmctl.separation.clash import Clash, in_words
+from swarmctl.separation.watch import Intended
 
 WAITS_FOR_S = 180.0
 """Then it is not launched."""
@@ -28,42 +35,102 @@ def launch_if_possible(state: AgentState) -> Step:
     if state.vehicle.mode_role not in {"", *roles_of_ours(state)}:
         # Somebody has it, or it boots: neither is launched.
         return let_go(state, f"in mode {state.vehicle.mode}, which nobody here has ordered")
-    met, waited = _met(state), state.launch_waits_boot_s is not None
-    if met:
-        return _waits(state, met)
-    state, launched = command(state, ev.Order.LAUNCH, phase=Phase.LAUNCHING, launch_waits_boot_s=None)
-    if not waited:
-        return state, launched
-    return replace(state, trouble=""), [ev.Tell("clear of the others: it launches"), *launched]
+    if met := _met(state, _waited_for(state)):
+        return _waits(state, _in_words(state, met))
+    told: list[ev.Effect] = []
+    if state.launch_waits_boot_s is not None:
+        told.append(ev.Tell("clear of the others: it launches"))
+    if state.launch_past and (past := _met(state, known(state))):
+        told.append(ev.Tell(f"{_in_words(state, past)}: it launches all the same, as ordered"))
+    state, launched = command(state, ev.Order.LAUNCH, phase=Phase.LAUNCHING, trouble="")
+    return state, [*told, *launched]
+
+
+def in_the_way(state: AgentState) -> str:
+    """Who is, in words, now that it is about to be armed or to take off; empty where nobody is.
+
+    Who is about to take off itself is let be: both were ordered at one moment, and if each waited for the
+    other neither would fly.
+    """
+    others = {uav: told for uav, told in _waited_for(state).items() if not told.on_ground}
+    met = _met(state, others)
+    return _in_words(state, met) if met else ""
+
+
+def put_off(state: AgentState, event: ev.LaunchPutOff, _now: float) -> Step:
+    """It stands on the ground, not armed, and waits as before. One order arms it once: what was armed is not
+    armed again by itself."""
+    if state.phase is not Phase.LAUNCHING or state.ordered is not ev.Order.LAUNCH:
+        return state, []
+    if event.was_armed:
+        return not_launched(state, f"{event.reason}; it is disarmed again")
+    state, unsaid = _stands_by(state)
+    state, waits = _waits(state, event.reason, again=True)
+    return state, [*unsaid, *waits]
+
+
+def launched(state: AgentState) -> AgentState:
+    """It is in the air, which the others are to know at once."""
+    return replace(
+        state,
+        phase=Phase.FLYING,
+        launch_waits_boot_s=None,
+        launch_past=frozenset(),
+        intent_said_s=-math.inf,
+    )
 
 
 def not_launched(state: AgentState, why: str) -> Step:
-    """Nothing of its launch was sent. Who was ordered by an operator stands by for another order."""
+    """It is not armed. Who was ordered by an operator stands by for another order."""
+    state, unsaid = _stands_by(state)
     state = replace(state, launch_ordered=False, launch_waits_boot_s=None, trouble=f"not launched: {why}")
     if not state.launch_is_operators:
-        return replace(state, phase=Phase.FAILED, outcome=state.trouble), []
-    state = replace(state, phase=Phase.STANDBY)
-    return state, [ev.Tell(f"{state.trouble}; it stands by for another order")]
+        return replace(state, phase=Phase.FAILED, outcome=state.trouble), unsaid
+    return state, [*unsaid, ev.Tell(f"{state.trouble}; it stands by for another order")]
 
 
-def _met(state: AgentState) -> tuple[Clash, ...]:
-    """Whom its first route would meet of those in the air, if it took off now or a little later."""
+def _stands_by(state: AgentState) -> Step:
+    """The others, if they were told of its flight, hear that there is none."""
+    state = replace(state, phase=Phase.STANDBY, armed_seen=False, launched_boot_s=None)
+    return (state, []) if state.own_intent is None else say(state, None)
+
+
+def _waited_for(state: AgentState) -> dict[int, Intended]:
+    """What those have told of late of where they will be for whom it would wait."""
+    return {uav: told for uav, told in known(state).items() if uav not in state.launch_past}
+
+
+def _met(state: AgentState, others: Mapping[int, Intended]) -> tuple[Clash, ...]:
+    """Whom of them its first route would meet, if it took off now or a little later."""
     start, route = state.vehicle.takeoff_lat_lon, state.route
-    if start is None or route is None or not state.intents:
+    if start is None or route is None or not others:
         return ()
     flight = from_now(state, from_takeoff(state.task, route.plan, start))
     if flight is None:
         return ()
-    flight, others, limits = to_its_landing(flight), known(state), state.task.separation.limits
+    flight, limits = to_its_landing(flight), state.task.separation.limits
     return next((met for s in STARTS_AFTER_S if (met := clashing(flight.later(s), others, limits))), ())
 
 
-def _waits(state: AgentState, met: tuple[Clash, ...]) -> Step:
+def _in_words(state: AgentState, met: tuple[Clash, ...]) -> str:
+    return f"its first route would meet {in_words(met, state.vehicle.time_boot_s)}"
+
+
+def _waits(state: AgentState, why: str, *, again: bool = False) -> Step:
+    """All its waiting for one launch is one time, however often it was about to take off in between."""
     now_s, since_s = state.vehicle.time_boot_s, state.launch_waits_boot_s
-    why = f"its first route would meet {in_words(met, now_s)}"
-    if since_s is None or now_s < since_s:
-        text = f"{why}: it waits on the ground, for {WAITS_FOR_S:.0f} s at most"
-        return replace(state, launch_waits_boot_s=now_s, trouble=text), [ev.Tell(text)]
-    if now_s - since_s < WAITS_FOR_S:
-        return state, []
-    return not_launched(state, f"{why}, and has for {WAITS_FOR_S:.0f} s")
+    begins = since_s is None or now_s < since_s
+    since_s = now_s if since_s is None or begins else since_s
+    left_s = WAITS_FOR_S - (now_s - since_s)
+    if left_s <= 0.0:
+        return not_launched(state, f"{why}, and has for {WAITS_FOR_S:.0f} s{_how_not_to_wait(state)}")
+    text = f"{why}: it waits on the ground, for {left_s:.0f} s at most{_how_not_to_wait(state)}"
+    state = replace(state, launch_waits_boot_s=since_s, trouble=text)
+    return state, [ev.Tell(text)] if begins or again else []
+
+
+def _how_not_to_wait(state: AgentState) -> str:
+    """For the operator who has ordered it."""
+    met = _met(state, _waited_for(state)) if state.launch_is_operators else ()
+    past = " ".join(f"--past {uav}" for uav in sorted({*state.launch_past, *(clash.other for clash in met)}))
+    return f" (`order launch --uav {state.task.uav} {past}` does not wait)" if met else ""

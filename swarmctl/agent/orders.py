@@ -6,12 +6,17 @@ import math
 from dataclasses import replace
 from typing import Any
 
+import msgspec
+
 from swarmctl.agent.ours import ROLES, roles_of_ours
 from swarmctl.agent.state import IN_FLIGHT, ON_GROUND, PLANS_NO_MORE, AgentState, Phase, Task
 from swarmctl.core import events as ev
 from swarmctl.core.messages import Outcome, Place, VehicleAnswer
+from swarmctl.rules import Kind
 
 Step = tuple[AgentState, list[ev.Effect]]
+ALL_BUT_DOWN_M = 2.0
+"""above home: it touches down before it follows another order"""
 
 
 def operator(state: AgentState, event: ev.OperatorCommand, _now: float) -> Step:
@@ -20,7 +25,9 @@ def operator(state: AgentState, event: ev.OperatorCommand, _now: float) -> Step:
     outcome, note = _order_answer(state, event)
     effects: list[ev.Effect] = []
     place = place_of(state)
-    if outcome == "taken" or not remote:
+    if (outcome == "taken" or not remote) and not _is_let_land(state, event):
+        if event.after_s and presses(state):
+            event = msgspec.structs.replace(event, after_s=0.0)  # the others take their turns around it
         state, effects = _ordered(state, event, remote=remote)
     if event.command is not None:
         answer = VehicleAnswer(state.task.uav, state.task.name, outcome, note=note, place=place)
@@ -46,7 +53,9 @@ def place_of(state: AgentState) -> Place | None:
         speed_m_s=state.task.arrival.speed_m_s,
         # Who circles to hold is anywhere on its circle.
         keeps_m=(limits.horizontal_m + 2.0 * circles_m(state.task), limits.vertical_m),
-        is_returning=_follows(state, ev.Order.RETURN),
+        # Whoever calls it back: it is on its way for that, or holds as it was told.
+        is_returning=_follows(state, ev.Order.RETURN)
+        or (bool(presses(state)) and state.ordered is not ev.Order.LAND),
     )
 
 
@@ -59,6 +68,22 @@ def _follows(state: AgentState, order: ev.Order) -> bool:
     """It was given this order in flight, and does so until it is told otherwise."""
     for_a_while = state.turn_boot_s is not None or state.gave_way is not None
     return state.phase in IN_FLIGHT and state.ordered is order and state.order_seen and not for_a_while
+
+
+def presses(state: AgentState) -> str:
+    """Why a rule demands a return that waits for nobody; empty where none does."""
+    return _demanded(state, Kind.RETURN)
+
+
+def _demanded(state: AgentState, kind: Kind) -> str:
+    urgent = (d.why for d in state.demands if d is not None and d.kind is kind and d.urgent)
+    return next(urgent, "")
+
+
+def _is_let_land(state: AgentState, event: ev.OperatorCommand) -> bool:
+    """It comes down because a rule demands that, and is not stopped to be sent home with the others."""
+    called_back = event.order is ev.Order.RETURN and (event.after_s > 0.0 or event.command is None)
+    return called_back and state.ordered is ev.Order.LAND and bool(_demanded(state, Kind.LAND))
 
 
 def _is_theirs(state: AgentState) -> bool:
@@ -83,16 +108,23 @@ def _order_answer(state: AgentState, event: ev.OperatorCommand) -> tuple[Outcome
         return "taken", "its launch is broken off: it lands"
     if _follows(state, order):
         return "taken", "it does so already"
+    if _is_let_land(state, event):
+        return "refused", f"it lands: {_demanded(state, Kind.LAND)}"
     notes = ["its link is lost; it is told when it is heard again"] if state.lost else []
     if order is ev.Order.HOLD and state.turn_is_own:  # by a rule, which demands it once
         notes += [f"it returns no more, for which it waited: {state.outcome}"]
-    notes += [f"it holds for {event.after_s:g} s first, for others to return"] if event.after_s else []
+    if event.after_s and presses(state):
+        notes.append(f"it waits for no turn: {presses(state)}")
+    elif event.after_s:
+        notes.append(f"it holds for {event.after_s:g} s first, for others to return")
     return "taken", "; ".join(notes)
 
 
 def _launch_answer(state: AgentState) -> tuple[Outcome, str]:
     if state.phase in (Phase.HOLDING, Phase.LEAVING):
         return "refused", f"{state.outcome or state.phase}: it does not take up its route again"
+    if state.phase is Phase.LAUNCHING:
+        return "taken", "it is about to take off"
     if state.phase not in ON_GROUND:
         return "taken", "it has launched already"
     # An aircraft must not arm at some later time, when whoever ordered it has turned away.
@@ -110,9 +142,12 @@ def _ordered(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> S
     if state.ended or state.launch_aborted or _follows(state, order):
         return state, []
     if order is ev.Order.LAUNCH:
-        if state.phase in ON_GROUND and state.ordered in ROLES and not remote:
-            return state, []  # an operator keeps it on the ground
-        return replace(state, launch_ordered=True, launch_is_operators=remote), []
+        if state.phase is Phase.LAUNCHING and event.past:
+            return replace(state, launch_past=state.launch_past | frozenset(event.past)), []
+        if state.phase not in ON_GROUND or (state.ordered in ROLES and not remote):
+            return state, []  # it has launched, or an operator keeps it on the ground
+        past = frozenset(event.past)
+        return replace(state, launch_ordered=True, launch_is_operators=remote, launch_past=past), []
     if state.phase in ON_GROUND and remote:
         return replace(
             state, launch_ordered=False, launch_waits_boot_s=None, ordered=order, order_seen=True
@@ -124,6 +159,8 @@ def _ordered(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> S
         changes: dict[str, Any] = {"launch_aborted": True, "outcome": "launch broken off"}
         return command(state, ev.Order.LAND, by_person=True, phase=Phase.LEAVING, **changes)
     changes = {"dirty": False, "turn_boot_s": None, "turn_is_own": False, "gave_way": None}
+    if (state.vehicle.alt_rel_m or 0.0) > ALL_BUT_DOWN_M:
+        changes["arrived_boot_s"] = None  # it is over its goal, and does not come down there
     changes |= {"outcome": f"{order} ordered", "returns_since_s": None}
     if not event.after_s:
         phase = Phase.HOLDING if order is ev.Order.HOLD else Phase.LEAVING

@@ -14,17 +14,17 @@ from typing import Any
 
 import msgspec
 
-from swarmctl.agent.orders import Step, command, place_of
+from swarmctl.agent.orders import Step, command, place_of, presses
 from swarmctl.agent.state import IN_FLIGHT, AgentState, Phase
 from swarmctl.core import events as ev
 from swarmctl.core.geo import LatLon
 from swarmctl.core.messages import MAX_AFTER_S
 from swarmctl.core.returns import is_on_its_way, place_told, turns_of
-from swarmctl.rules import Kind, lost_link
+from swarmctl.rules import lost_link
 from swarmctl.separation.watch import Heard
 
 WAITS_FOR_S = 120.0
-"""Then it returns, whoever else does."""
+"""Then it returns, whoever else does; also where it has begun in between."""
 ONE_BY_ONE_S, MOST_ONE_BY_ONE = 10.0, 6
 """Of several whose time is over by then the lower system ids go that much before it, one after the other."""
 LOOKS_EVERY_S = 1.0
@@ -78,12 +78,12 @@ def homeward_heard(state: AgentState, states: Mapping[int, Heard]) -> AgentState
     return state if kept == state.homeward else replace(state, homeward=kept)
 
 
-def return_in_turn(state: AgentState, **changes: Any) -> Step | None:
-    """Have it hold until its way home is clear, `changes` with it; None where it is, or it cannot hold."""
+def return_in_turn(state: AgentState, until_s: float, **changes: Any) -> Step | None:
+    """Have it hold until its way home is clear, `changes` with it, but not after `until_s`; None where it
+    is, or it cannot hold."""
     if _takes_off(state) or is_clear(state):
         return None
-    turn_boot_s = state.vehicle.time_boot_s + WAITS_FOR_S
-    changes |= NO_TURN | {"phase": Phase.HOLDING, "turn_boot_s": turn_boot_s, "turn_is_own": True}
+    changes |= NO_TURN | {"phase": Phase.HOLDING, "turn_boot_s": until_s, "turn_is_own": True}
     if state.phase is Phase.HOLDING and state.ordered is ev.Order.HOLD:
         return replace(state, **changes), []
     return command(state, ev.Order.HOLD, **changes)
@@ -97,9 +97,9 @@ def _takes_off(state: AgentState) -> bool:
     return up_m < min(wings.takeoff_height_m, CLIMBED * state.task.altitude_m)
 
 
-def begun(state: AgentState) -> dict[str, Any]:
-    """What changes with the begin of a return that could have waited."""
-    return NO_TURN | {"returns_since_s": state.vehicle.time_boot_s}
+def begun(state: AgentState, until_s: float) -> dict[str, Any]:
+    """What changes with the begin of a return that could have waited, until then at most."""
+    return NO_TURN | {"returns_since_s": state.vehicle.time_boot_s, "waits_until_s": until_s}
 
 
 def take_turn(state: AgentState) -> Step:
@@ -121,9 +121,9 @@ def _waits(state: AgentState, turn_boot_s: float) -> Step:
         return state, []
     if turn_boot_s - now_s <= ONE_BY_ONE_S * min(_n_that_wait_longer(state), MOST_ONE_BY_ONE):
         return command(state, ev.Order.RETURN, phase=Phase.LEAVING, **NO_TURN)
-    if not (_presses(state) or is_clear(state)):
+    if not (presses(state) or is_clear(state)):
         return replace(state, looked_homeward_s=now_s), []
-    state, ordered = command(state, ev.Order.RETURN, phase=Phase.LEAVING, **begun(state))
+    state, ordered = command(state, ev.Order.RETURN, phase=Phase.LEAVING, **begun(state, turn_boot_s))
     return state, [ev.Tell("its way home is clear: it returns"), *ordered]
 
 
@@ -138,21 +138,17 @@ def _n_that_wait_longer(state: AgentState) -> int:
 
 def _settles(state: AgentState, since_s: float) -> Step:
     """Of two that have begun at one time the one with the higher system id holds again."""
-    if not 0.0 <= state.vehicle.time_boot_s - since_s < SETTLES_S:
+    now_s = state.vehicle.time_boot_s
+    if not 0.0 <= now_s - since_s < SETTLES_S or now_s >= state.waits_until_s:
         return replace(state, returns_since_s=None), []
-    if _presses(state):
+    if presses(state):
         return state, []
     lower = {uav: heard for uav, heard in state.homeward.items() if uav < state.task.uav}
-    held = return_in_turn(replace(state, homeward=lower))
+    held = return_in_turn(replace(state, homeward=lower), state.waits_until_s)
     if held is None:
         return state, []
     text = "another has begun its way home at the same time: it holds until that is past"
     return replace(held[0], homeward=state.homeward), [ev.Tell(text), *held[1]]
-
-
-def _presses(state: AgentState) -> bool:
-    """Whether a rule demands a return that waits for nobody."""
-    return any(d is not None and d.kind is Kind.RETURN and d.urgent for d in state.demands)
 
 
 def is_clear(state: AgentState) -> bool:

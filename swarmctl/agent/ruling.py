@@ -8,7 +8,7 @@ from typing import Any
 from swarmctl import rules
 from swarmctl.agent.orders import Step, command, let_go
 from swarmctl.agent.ours import roles_of_ours
-from swarmctl.agent.returning import NO_TURN, begun, return_in_turn
+from swarmctl.agent.returning import NO_TURN, WAITS_FOR_S, begun, return_in_turn
 from swarmctl.agent.state import AgentState, Phase
 from swarmctl.core import events as ev
 from swarmctl.rules import Action, Doing, Facts, Kind, Way
@@ -112,9 +112,10 @@ def _follow(state: AgentState, demand: Action) -> Step:
         "trouble": demand.why,
     }
     if order is ev.Order.RETURN and not demand.urgent:
-        if (waits := return_in_turn(state, **changes)) is not None:
+        until_s = state.vehicle.time_boot_s + WAITS_FOR_S
+        if (waits := return_in_turn(state, until_s, **changes)) is not None:
             return waits
-        changes |= begun(state)
+        changes |= begun(state, until_s)
     else:
         changes |= NO_TURN
     return command(state, order, phase=Phase.LEAVING if down else Phase.HOLDING, **changes)

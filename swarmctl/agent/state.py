@@ -170,7 +170,10 @@ class AgentState:
     launch_is_operators: bool = False
     """an operator has ordered it, not its own process"""
     launch_waits_boot_s: float | None = None
-    """since when it waits for others in the air to be out of the way of its first route, by its clock"""
+    """since when it waits for others in the air to be out of the way of its first route, by its clock, also
+    where it has been about to take off in between"""
+    launch_past: frozenset[int] = frozenset()
+    """others that it does not wait for then, as an operator has ordered"""
     ordered: ev.Order | None = None
     """the last order it was given"""
     order_seen: bool = False
@@ -186,7 +189,9 @@ class AgentState:
     looked_homeward_s: float = -math.inf
     """when it was looked at last whether it is"""
     returns_since_s: float | None = None
-    """when a return began that may still have to wait"""
+    """when a return began that may still have to wait …"""
+    waits_until_s: float = -math.inf
+    """… and until when it may, which does not change however often it waits"""
     homeward: Mapping[int, Heard] = field(default_factory=dict)
     """others on the way home, as they told of themselves last"""
     order_again_at_s: float = math.inf

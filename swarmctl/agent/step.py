@@ -15,7 +15,7 @@ from swarmctl.agent.clearing import compared, foresee
 from swarmctl.agent.decide import believed_exposure, decide
 from swarmctl.agent.down import disarmed_since, is_up, touched_down
 from swarmctl.agent.intents import intents_heard, tell_intent
-from swarmctl.agent.launching import launch_if_possible, not_launched
+from swarmctl.agent.launching import launch_if_possible, launched, not_launched, put_off
 from swarmctl.agent.learning import heard, observed
 from swarmctl.agent.meeting import UNKNOWN_M_S, keep_pace, speed_failed
 from swarmctl.agent.neighbours import neighbours_heard
@@ -102,10 +102,11 @@ def _rebooted(state: AgentState, _event: ev.Rebooted, _now: float) -> Step:
 
 def _operator(state: AgentState, event: ev.OperatorCommand, now: float) -> Step:
     state, effects = operator(state, event, now)
-    state, launched = launch_if_possible(state)
-    if event.order is ev.Order.LAUNCH and state.launch_waits_boot_s is not None:
+    state, begun = launch_if_possible(state)
+    waits = state.phase is Phase.STANDBY and state.launch_waits_boot_s is not None
+    if event.order is ev.Order.LAUNCH and waits:
         effects = [_noted(effect, state.trouble) for effect in effects]
-    return state, [*launched, *effects]
+    return state, [*begun, *effects]
 
 
 def _noted(effect: ev.Effect, note: str) -> ev.Effect:
@@ -121,7 +122,7 @@ def _order_done(state: AgentState, event: ev.OrderDone, _now: float) -> Step:
         return state, []
     state = replace(state, order_seen=True, order_again_at_s=math.inf)
     if state.phase is Phase.LAUNCHING:
-        return replace(state, phase=Phase.FLYING), []
+        return launched(state), []
     if state.launch_aborted and not state.vehicle.armed:
         return replace(state, phase=Phase.DONE), []
     return state, []
@@ -166,7 +167,7 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
         state, told = tell_intent(state)
         state, shared = share_state(state) if is_up(state) else (state, [])
         return state, [*demanded, *told, *shared]
-    state, launched = launch_if_possible(state)
+    state, begun = launch_if_possible(state)
     if state.phase is Phase.FLYING and state.cell in state.task.goals:
         state = replace(state, phase=Phase.LANDING, dirty=False, arrived_boot_s=vehicle.time_boot_s)
     if state.phase in IN_FLIGHT and now >= state.order_again_at_s and state.ordered is not None:
@@ -177,7 +178,7 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
     state, paced = keep_pace(state)
     state, intent = _tell_intent(state)
     state, shared = share_state(state)
-    return state, [*demanded, *launched, *turned, *kept_apart, *paced, *intent, *shared]
+    return state, [*demanded, *begun, *turned, *kept_apart, *paced, *intent, *shared]
 
 
 def _tell_intent(state: AgentState) -> Step:
@@ -197,13 +198,12 @@ def _intents(state: AgentState, event: ev.Intents, now: float) -> Step:
 def _moved(state: AgentState, vehicle: VehicleState) -> AgentState:
     assert vehicle.lat_deg is not None
     assert vehicle.lon_deg is not None
-    before, grid = state.vehicle, state.task.grid
+    before, grid, flown_m = state.vehicle, state.task.grid, state.flown_m
     if vehicle.armed and before.lat_deg is not None and before.lon_deg is not None:
-        metres = distance_m((before.lat_deg, before.lon_deg), (vehicle.lat_deg, vehicle.lon_deg))
-        state = replace(state, flown_m=state.flown_m + metres)
+        flown_m += distance_m((before.lat_deg, before.lon_deg), (vehicle.lat_deg, vehicle.lon_deg))
     cell = grid.cell_at(vehicle.lat_deg, vehicle.lon_deg)
     entered = cell is not None and cell != state.cell and vehicle.armed
-    state = replace(state, vehicle=vehicle, placed=vehicle, cell=cell)
+    state = replace(state, vehicle=vehicle, placed=vehicle, cell=cell, flown_m=flown_m)
     return _entered(state, cell) if entered and cell is not None else state
 
 
@@ -330,6 +330,7 @@ _HANDLERS: dict[type[Any], Callable[[AgentState, Any, float], Step]] = {
     ev.MissionFailed: _mission_failed,
     ev.OrderDone: _order_done,
     ev.OrderFailed: _order_failed,
+    ev.LaunchPutOff: put_off,
     ev.LinkLost: _link_lost,
     ev.LinkRestored: _link_restored,
     ev.OperatorCommand: _operator,

@@ -205,13 +205,14 @@ class Desk:
         try:
             command = self._command(key, opened)
             uavs = self._meant(command)
+            past = self._past(command)
         except (BadMessage, ValueError) as error:
             self._refuse(str(error), reply)
             return
         # Each change of weights costs a plan; an order is not kept waiting for that.
         busy = set() if isinstance(command, GiveOrder) else self._busy.keys() & set(uavs)
         if len(busy) < len(uavs):
-            self._pass_on(command, uavs, busy, reply)
+            self._pass_on(command, uavs, past, busy, reply)
         else:
             self._refuse(f"no vehicle named has come to {BEFORE}", reply)
 
@@ -225,7 +226,9 @@ class Desk:
             raise BadMessage(why)
         return command
 
-    def _pass_on(self, command: Request, uavs: list[int], busy: Set[int], reply: Reply) -> None:
+    def _pass_on(
+        self, command: Request, uavs: list[int], past: tuple[int, ...], busy: Set[int], reply: Reply
+    ) -> None:
         self._tally.passed_on += 1
         number = self._tally.passed_on
         self._open[number] = _Open(uavs, reply, {u: self._too_busy(u) for u in uavs if u in busy})
@@ -235,7 +238,7 @@ class Desk:
         for uav in (u for u in uavs if u not in busy):
             if isinstance(command, SetWeights):
                 self._busy[uav] = number
-            self._agents[uav][1](_event(number, command, turns.get(uav, 0.0)))
+            self._agents[uav][1](_event(number, command, turns.get(uav, 0.0), past))
 
     def _meant(self, command: Request) -> list[int]:
         """The vehicles, in the swarm's order. Raises ValueError where one is not of this swarm."""
@@ -243,6 +246,18 @@ class Desk:
             return list(self._agents)
         try:
             return meant_by(command.uavs, {uav: name for uav, (name, _) in self._agents.items()})
+        except ValueError as error:
+            raise ValueError(f"nothing was changed: {error}") from None
+
+    def _past(self, command: Request) -> tuple[int, ...]:
+        """The system ids of those that a launch does not wait for. Raises ValueError for a name that is not
+        known here, as all are only where one process flies the whole swarm."""
+        words = command.past if isinstance(command, GiveOrder) else ()
+        ids = tuple(word for word in words if isinstance(word, int))
+        if len(ids) == len(words):
+            return ids
+        try:
+            return tuple(meant_by(words, {uav: name for uav, (name, _) in self._agents.items()}))
         except ValueError as error:
             raise ValueError(f"nothing was changed: {error}") from None
 
@@ -283,9 +298,9 @@ class Desk:
             reply(encode(OperatorAnswer(refused=why)))
 
 
-def _event(number: int, command: Request, turn_s: float) -> Asked:
+def _event(number: int, command: Request, turn_s: float, past: tuple[int, ...]) -> Asked:
     match command:
         case SetWeights():
             return ev.WeightsChanged(number, command.w, command.strength)
         case GiveOrder(order=order, after_s=after_s):
-            return ev.OperatorCommand(ev.Order(order), number, max(after_s, turn_s))
+            return ev.OperatorCommand(ev.Order(order), number, max(after_s, turn_s), past)

@@ -28,6 +28,15 @@ def register(cli: typer.Typer) -> None:
 def order(
     what: Annotated[Order, typer.Argument(metavar="launch|hold|return|land", show_default=False)],
     uav: UavsOption = None,
+    past: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="Launch though this vehicle (or system id) says it flies in the way; may be repeated. It is "
+            "kept clear of in the air as ever.",
+            show_default=False,
+        ),
+    ] = None,
     everyone: AllOption = False,
     config: FlyingConfigOption = None,
     connect: ConnectOption = None,
@@ -36,10 +45,11 @@ def order(
     """Order vehicles flown by `swarmctl agent` to launch, hold, return or land.
 
     On the ground, hold, return and land keep a vehicle there until it is ordered to launch. After each of
-    them in flight it takes up its route no more.
+    them in flight it takes up its route no more. Who is to launch waits on the ground for who would be in
+    its way, for three minutes at most, and is then not launched; ordered again it waits anew.
     """
     give(
-        lambda: GiveOrder(operate.meant(uav or [], everyone), what.value),
+        lambda: GiveOrder(operate.meant(uav or [], everyone), what.value, past=tuple(past or ())),
         swarm,
         config,
         connect,

@@ -113,6 +113,14 @@ class OrderFailed(_Fact, frozen=True):
     """what has to be looked at before a launch forbade it"""
 
 
+class LaunchPutOff(_Fact, frozen=True):
+    """Before it took off somebody came into its way; it is not armed."""
+
+    reason: str
+    was_armed: bool = False
+    """and has been disarmed again"""
+
+
 class SpeedFailed(_Fact, frozen=True):
     reason: str
 
@@ -131,6 +139,8 @@ class OperatorCommand(_Fact, frozen=True):
     """the operator desk's running number, which the `Answer` repeats; None: its own process orders this"""
     after_s: float = 0.0
     """of a return: it holds for so long first, by the vehicle's clock, because others return before it"""
+    past: tuple[int, ...] = ()
+    """of a launch: it waits for none of these"""
 
 
 class WeightsChanged(_Fact, frozen=True):
@@ -162,6 +172,7 @@ Event = (
     | MissionFailed
     | OrderDone
     | OrderFailed
+    | LaunchPutOff
     | SpeedFailed
     | LinkLost
     | LinkRestored

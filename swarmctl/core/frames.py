@@ -155,6 +155,8 @@ class IntentShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, ta
     """it could give way: it flies a mission of ours that may be changed"""
     around_m: tuple[float, float] = (0.0, 0.0)
     """it is somewhere within this of these points, over ground and in height"""
+    on_ground: bool = False
+    """it is about to take off"""
 
     def __post_init__(self) -> None:
         if not all(0.0 <= m <= MAX_AWAY for m in self.around_m):

@@ -49,7 +49,9 @@ class SetWeights(msgspec.Struct, frozen=True, tag="set_weights", forbid_unknown_
         return None if self.firing_strength is None else FiringStrength(*self.firing_strength)
 
 
-class GiveOrder(msgspec.Struct, frozen=True, tag="give_order", forbid_unknown_fields=True):
+class GiveOrder(
+    msgspec.Struct, frozen=True, omit_defaults=True, tag="give_order", forbid_unknown_fields=True
+):
     """An operator's command: what vehicles are to do now. Raises ValueError if it makes no sense."""
 
     uavs: tuple[int | str, ...] | None
@@ -57,6 +59,8 @@ class GiveOrder(msgspec.Struct, frozen=True, tag="give_order", forbid_unknown_fi
     order: Literal["launch", "hold", "return", "land"]
     after_s: float = 0.0
     """of a return: the vehicle holds for so long first, because others return before it [s]"""
+    past: tuple[int | str, ...] = ()
+    """of a launch: it waits for none of these, whatever they say of where they fly"""
 
     def __post_init__(self) -> None:
         if self.uavs is not None:
@@ -65,6 +69,10 @@ class GiveOrder(msgspec.Struct, frozen=True, tag="give_order", forbid_unknown_fi
             raise ValueError(f"after_s = {self.after_s:g}: expected 0 to {MAX_AFTER_S:g}")
         if self.after_s and self.order != "return":
             raise ValueError(f"after_s = {self.after_s:g} with {self.order}: expected with return alone")
+        if self.past:
+            _check_named(self.past)
+            if self.order != "launch":
+                raise ValueError(f"past with {self.order}: expected with launch alone")
 
 
 Request = SetWeights | GiveOrder

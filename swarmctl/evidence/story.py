@@ -40,8 +40,8 @@ def told(event: ev.Event, effects: list[ev.Effect]) -> list[Said]:
 def _asked(event: ev.Event, effects: list[ev.Effect]) -> list[Said]:
     what: dict[str, Any]
     match event:
-        case ev.OperatorCommand(order=order, command=int()):
-            what = {"asks": str(order)}
+        case ev.OperatorCommand(order=order, command=int(), past=past):
+            what = {"asks": str(order), **({"past": past} if past else {})}
         case ev.WeightsChanged(w=w, strength=strength):
             what = {"asks": "weights", "w": w, "firing_strength": strength and astuple(strength)}
         case _:
@@ -61,6 +61,8 @@ def _ended(event: ev.Event) -> list[Said]:
             return [("note", {"ended": str(order)})]
         case ev.OrderFailed(order, reason):
             return [("note", {"failed": str(order), "why": reason})]
+        case ev.LaunchPutOff(reason):
+            return [("note", {"put off": "launch", "why": reason})]
         case ev.LinkLost(age_s):
             return [("note", {"link": "lost", "age_s": round(age_s, 3)})]
         case ev.LinkRestored():

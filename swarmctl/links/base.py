@@ -40,6 +40,7 @@ __all__ = [
     "Identity",
     "Instruments",
     "LaunchFailed",
+    "LaunchPutOff",
     "Link",
     "LinkError",
     "LinkEvent",
@@ -130,6 +131,17 @@ class LaunchFailed(LinkError):
     """It did not arm, start or leave the ground."""
 
 
+class LaunchPutOff(LaunchFailed):
+    """Somebody came into its way before it took off; it is not armed."""
+
+    def __init__(self, text: str, *, why: str, was_armed: bool) -> None:
+        super().__init__(text)
+        self.why = why
+        """as it was told"""
+        self.was_armed = was_armed
+        """and has been disarmed again"""
+
+
 class SwapFailed(LinkError):
     """The new plan is not being flown; `flying` says what is.
 
@@ -197,9 +209,11 @@ class Link(Protocol):
     async def read_instruments(self) -> Instruments:
         """GPS receiver and clock; the vehicle's home and battery in `state` are young afterwards."""
 
-    async def launch(self) -> None:
+    async def launch(self, in_the_way: Callable[[], str] = lambda: "") -> None:
         """Arm and start the mission; returns when it climbs. Raises LaunchFailed. THIS ARMS THE VEHICLE.
 
+        `in_the_way`: who is in the way of its take-off just now, in words; asked right before it is armed and
+        right before it takes off. Raises LaunchPutOff where somebody is.
         Nothing is commanded any more once somebody else has chosen a mode or armed it.
         """
 

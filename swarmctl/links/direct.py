@@ -19,6 +19,7 @@ from swarmctl.links.base import (
     Identity,
     Instruments,
     LaunchFailed,
+    LaunchPutOff,
     LinkError,
     LinkEvent,
     NobodyAnswers,
@@ -36,6 +37,7 @@ from swarmctl.mavlink import fence, instruments, parameters, procedures, speed
 from swarmctl.mavlink.codec import Message
 from swarmctl.mavlink.conversation import Peer
 from swarmctl.mavlink.mission_download import DownloadOutcome, DownloadResult
+from swarmctl.mavlink.outcome import PutOff
 from swarmctl.mavlink.procedure import Context, Procedure
 from swarmctl.mavlink.procedures import Done, Swapped, Uploaded
 from swarmctl.mavlink.session import Session, Step
@@ -172,10 +174,13 @@ class DirectLink:
         told: Instruments = await self._read("instruments", instruments.read_instruments)
         return told
 
-    async def launch(self) -> None:
+    async def launch(self, in_the_way: Callable[[], str] = lambda: "") -> None:
         if why_not := await self._front_end.why_not_arm():
             raise LaunchFailed(f"{self._who}: not armed: {why_not}")
-        done: Done = await self._perform("launch", procedures.launch)
+        done: Done = await self._perform("launch", partial(procedures.launch, in_the_way=in_the_way))
+        if isinstance(done, PutOff):
+            why = done.failure or ""
+            raise LaunchPutOff(f"{self._who}: put off: {why}", why=why, was_armed=done.was_armed)
         if done.failure:
             raise LaunchFailed(f"{self._who}: {done.failure}")
 
@@ -383,7 +388,7 @@ _KEYS = {
 """by what the front end refuses its frames for"""
 _CHECKS = {
     "udpin": "does the vehicle (or simulator) send to this machine and port, and is it switched on?",
-    "udpout": "does it listen at that host and port?",
+    "udpout": "does it listen at that host and port? A PX4 answers only whom it heard first since its boot: udpin://",
     "tcpin": "does it connect to this machine and port?",
     "tcpout": "does it listen at that host and port?",
     "serial": "is it switched on, and are the baud rate and the cable right?",

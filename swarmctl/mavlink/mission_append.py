@@ -22,7 +22,7 @@ from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.codec import Message
 from swarmctl.mavlink.command import name_of
 from swarmctl.mavlink.conversation import Conversation, Peer, State
-from swarmctl.mavlink.mission_upload import MISSION, item_message
+from swarmctl.mavlink.mission_upload import MISSION, WINDOW, item_message
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,8 +42,6 @@ class Append(Conversation[AppendResult]):
     It is broken off where the vehicle is `too_late` for them, told how long an answer takes [s].
     """
 
-    WINDOW = 8
-    """on their way at a time"""
     QUIET_S = 0.5
     """Where nothing comes for so long, or half as long again as answers take, it is asked what it holds."""
     MOST_QUIET_S = 4.0
@@ -100,7 +98,7 @@ class Append(Conversation[AppendResult]):
         if self._too_late(self._answers_after_s):
             return self._end(f"{self._stored} of {len(self._items)} items in time", is_late=True)
         self.next_deadline = min(now + self._quiet_s, self._stuck_s)
-        first, self._sent = self._sent, min(self._stored + self.WINDOW, len(self._items))
+        first, self._sent = self._sent, min(self._stored + WINDOW, len(self._items))
         to = (self._peer.sysid, self._peer.compid)
         messages: list[Message] = []
         for index in range(first, self._sent):

@@ -41,7 +41,7 @@ class Download(Conversation[DownloadResult]):
     last one again) none of several can be asked for once more: then this ends with the first that is lost.
     """
 
-    REPEAT_S = 1.0
+    REPEAT_S, MOST_REPEAT_S = 1.0, 4.0
     TRIES = 12
     """Where 30 % of all messages are lost, six times in a row a question or its answer is, for half of all
     lists of 50 items."""
@@ -104,7 +104,8 @@ class Download(Conversation[DownloadResult]):
             self._enter(State.EXCHANGING)
             self._count = int(message.count)
             if self._window > 1:  # of one by one an answer that is late is cheaper than one that is lost
-                self._repeat_s = max(self.REPEAT_S, 1.5 * (now - self._began_s))
+                answers_after_s = now - self._began_s  # or less, where questions were lost
+                self._repeat_s = min(max(self.REPEAT_S, 1.5 * answers_after_s), self.MOST_REPEAT_S)
             return self._proceed(now)
         if kind == "MISSION_ITEM_INT" and self._next <= message.seq < self._asked:
             self._items[int(message.seq)] = item_of(message)

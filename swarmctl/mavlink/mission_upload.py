@@ -52,6 +52,11 @@ class UploadResult:
     """something had to be sent again"""
 
 
+WINDOW = 8
+"""Items on their way at a time: some 400 bytes, which the receive buffer of a serial port holds. Where each
+goes twice it is double that, and what is dropped is sent again."""
+
+
 class Upload(Conversation[UploadResult]):
     """One attempt to put `items` of a MAV_MISSION_TYPE on the vehicle.
 
@@ -60,8 +65,6 @@ class Upload(Conversation[UploadResult]):
     `too_late` is told how long it takes from a message to its answer [s].
     """
 
-    WINDOW = 8
-    """items on their way at a time: some 400 bytes, which the receive buffer of a serial port holds"""
     OVERDUE = 1.25
     OVERDUE_MOST_S = 2.5
     """Times as long as an answer takes, and no longer, since how long that is is known once items were taken:
@@ -170,7 +173,8 @@ class Upload(Conversation[UploadResult]):
 
     def _keep_back(self, last: int, now: float) -> list[Message]:
         """The last item; where it is on its way, it is seen whether it arrives."""
-        if last in self._sent_s and not self._is_overdue(max(self._sent_s[last], self._repeated_s), now):
+        answered_s = self.OVERDUE * self._answers_after_s
+        if last in self._sent_s and now - max(self._sent_s[last], self._repeated_s) < answered_s:
             return []
         self._end(UploadOutcome.TOO_LATE, "the last item was kept back")
         return self._farewell(now)
@@ -190,7 +194,7 @@ class Upload(Conversation[UploadResult]):
         self._asked.add(seq)
         self._wanted = seq
         last = len(self._items) - 1
-        end = len(self._items) if seq == last else min(seq + self.WINDOW, last)
+        end = len(self._items) if seq == last else min(seq + WINDOW, last)
         numbers = range(max(seq, self._next), end)
         self._next = max(self._next, end)
         self._again.update(number for number in numbers if number in self._sent_s)
@@ -209,10 +213,8 @@ class Upload(Conversation[UploadResult]):
             return True
         # For what went along it asks once when the one before has come; for one before that it begins anew.
         asks_again = seq in self._asked or seq < self._wanted
-        return asks_again and self._is_overdue(self._sent_s[seq], now)
-
-    def _is_overdue(self, sent_s: float, now: float) -> bool:
-        return now - sent_s >= min(self.OVERDUE * self._answers_after_s, self.OVERDUE_MOST_S)
+        overdue_s = min(self.OVERDUE * self._answers_after_s, self.OVERDUE_MOST_S)
+        return asks_again and now - self._sent_s[seq] >= overdue_s
 
     @property
     def _is_all_sent(self) -> bool:

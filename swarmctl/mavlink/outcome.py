@@ -17,6 +17,14 @@ class Done:
 
 
 @dataclass(frozen=True, slots=True)
+class PutOff(Done):
+    """A launch that has not left the ground, for somebody came into its way; the vehicle is not armed."""
+
+    was_armed: bool = False
+    """and has been disarmed again"""
+
+
+@dataclass(frozen=True, slots=True)
 class Uploaded(Done):
     """How an upload on the ground ended."""
 

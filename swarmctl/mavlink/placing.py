@@ -7,15 +7,13 @@ from dataclasses import dataclass
 
 from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.mission_download import Download, DownloadOutcome, DownloadResult
-from swarmctl.mavlink.mission_upload import MISSION, Upload, UploadOutcome, UploadResult
+from swarmctl.mavlink.mission_upload import MISSION, WINDOW, Upload, UploadOutcome, UploadResult
 from swarmctl.mavlink.outcome import Done
 from swarmctl.mavlink.procedure import Context, Procedure
 from swarmctl.mavlink.wait import wait
 
 UPLOAD_TRIES = 3
 DOWNLOAD_TRIES = 4
-WINDOW = 8
-"""items asked for at a time: on a slow link one by one takes as many seconds as it flies on the old route"""
 
 
 def put(

@@ -19,7 +19,7 @@ from swarmctl.mavlink.outcome import Swapped
 from swarmctl.mavlink.placing import read_back
 from swarmctl.mavlink.procedure import Context, Procedure
 from swarmctl.mavlink.swap_in_place import swap_in_place
-from swarmctl.mavlink.swap_steps import Flown, Way, see_it_fly
+from swarmctl.mavlink.swap_steps import PAST, Flown, Way, see_it_fly
 from swarmctl.mavlink.telemetry import STILL_M_S
 from swarmctl.mavlink.wait import Until
 from swarmctl.mavlink.way_ahead import CORNER_S, ON_M, TELLS_EVERY_S, Ahead
@@ -47,17 +47,21 @@ def swap_behind(ctx: Context, way: Way) -> Procedure[Swapped]:
     is_past = partial(way.is_past, ctx)
     appended: AppendResult = yield Append(ctx.peer, len(kept), tail, is_past)
     found, failure = yield from _read_back(ctx, len(kept), tail, appended)
+    if appended.is_late:
+        yield from look(ctx, mission)
+        # What was not read is not known: the next plan is written anew.
+        ctx.on_vehicle = () if failure else kept + found
+        return Swapped(PAST, "old", is_late=True)
     if not failure:
         # An order goes by what was told as long ago as it takes to be answered.
         later_s = appended.answers_after_s + 0.5 * TELLS_EVERY_S
         yield Until(lambda: _is_clear(ctx, way, later_s), MOMENT_S)
-        late = appended.is_late or is_past(appended.answers_after_s)
+        late = is_past(appended.answers_after_s)
         if late or ctx.state.landed is Landed.LANDING:
             # Who comes down may have been told so by somebody else.
             yield from look(ctx, mission)
             ctx.on_vehicle = kept + found
-            why = "it has flown past where the new plan leaves the old one" if late else "it lands just now"
-            return Swapped(why, "old", is_late=late)
+            return Swapped(PAST if late else "it lands just now", "old", is_late=late)
         failure = yield from _taken_over(ctx, len(kept), tail, lambda: way.first(ctx, later_s))
     if not failure:
         way.is_taken_over(ctx)

@@ -10,7 +10,7 @@ from swarmctl.mavlink.making_current import jump_to
 from swarmctl.mavlink.outcome import Swapped
 from swarmctl.mavlink.placing import put
 from swarmctl.mavlink.procedure import Context, Procedure
-from swarmctl.mavlink.swap_steps import Flown, Way, have_it_hold, held, see_it_fly
+from swarmctl.mavlink.swap_steps import PAST, Flown, Way, have_it_hold, held, see_it_fly
 
 STANDS_LIMIT_S = 120.0
 """It holds on a battery that was counted on for the flight: after so long nothing more is begun, and whoever
@@ -32,7 +32,10 @@ def swap_in_place(ctx: Context, way: Way, old: Flown) -> Procedure[Swapped]:
     def is_over() -> bool:
         return ctx.state.time_boot_s > until_s
 
-    failure = yield from _fly_from_hold(ctx, way, way.items, lambda: first + way.first(ctx), is_over)
+    is_late = bool(old.items) and way.is_past(ctx, 0.0)
+    failure = PAST
+    if not is_late:
+        failure = yield from _fly_from_hold(ctx, way, way.items, lambda: first + way.first(ctx), is_over)
     if not failure:
         way.is_taken_over(ctx)
         return Swapped(None, "new")
@@ -41,7 +44,7 @@ def swap_in_place(ctx: Context, way: Way, old: Flown) -> Procedure[Swapped]:
     elif old.items:
         second = yield from _fly_from_hold(ctx, way, old.items, lambda: old.seq, is_over)
         if not second:
-            return Swapped(failure, "old")
+            return Swapped(failure, "old", is_late=is_late)
         failure = f"{failure}; back to the old mission: {second}"
     yield from look(ctx, in_modes({hold}, armed=True))
     return Swapped(failure, "hold")

@@ -12,6 +12,7 @@ from swarmctl.mavlink.wait import Until
 from swarmctl.mavlink.way_ahead import TELLS_EVERY_S, WayAhead
 
 MOVE_WAIT_S = 10.0
+PAST = "it has flown past where the new plan leaves the old one"
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,8 +15,8 @@ from swarmctl.core.vehicle import STALE_MODE_S, Landed
 from swarmctl.mavlink.dialects import Dialect
 from swarmctl.mavlink.guarded import HandsOff, Theirs, foreign, in_modes, look
 from swarmctl.mavlink.landing import landing_items
+from swarmctl.mavlink.mission_upload import WINDOW
 from swarmctl.mavlink.outcome import Flying, Swapped
-from swarmctl.mavlink.placing import WINDOW
 from swarmctl.mavlink.procedure import Context, Procedure
 from swarmctl.mavlink.swap_at_once import swap_at_once
 from swarmctl.mavlink.swap_behind import swap_behind

@@ -61,7 +61,8 @@ class WayAhead:
         legs_m = [math.dist(a, b) for a, b in pairwise(self._points)]
         self._passed_m = [0.0, *accumulate(legs_m)]
         """on the way to each point"""
-        self._leaves_m = self._in_common_m(self._places(flown))
+        self._n_common = self._in_common(self._places(flown))
+        self._leaves_m = self._passed_m[self._n_common] if self._n_common else math.inf
 
     def _places(self, items: Sequence[MissionItem]) -> list[Point]:
         """From where it was [m]: (east, north)."""
@@ -70,10 +71,11 @@ class WayAhead:
         places = ((i.x / 1e7, i.y / 1e7) for i in takewhile(lambda i: i.x or i.y, items))
         return [(0.0, 0.0), *(self._frame.to_local(*place) for place in places)]
 
-    def _in_common_m(self, flown: Sequence[Point]) -> float:
-        """How far both routes are one; inf where they are not at all, or nobody knows."""
-        n_common = sum(1 for _ in takewhile(lambda p: distance_to_track(p, flown) <= ON_M, self._points[1:]))
-        return self._passed_m[n_common] if n_common and len(flown) > 1 else math.inf
+    def _in_common(self, flown: Sequence[Point]) -> int:
+        """How many corners, from the first on, both routes have; 0 where nobody knows."""
+        if len(flown) < 2:
+            return 0
+        return sum(1 for _ in takewhile(lambda p: distance_to_track(p, flown) <= ON_M, self._points[1:]))
 
     def at(self, state: VehicleState, later_s: float = 0.0) -> Ahead:
         """Where the vehicle is `later_s` after it told `state`, as fast along the route as it was then; at
@@ -96,6 +98,9 @@ class WayAhead:
     def _ahead(self, way_m: float, beside_m: float, speed_m_s: float) -> Ahead:
         ends_m = self._passed_m[1:]
         item = min(sum(end_m < way_m - 0.01 for end_m in ends_m), len(ends_m) - 1)
+        if way_m > self._leaves_m:
+            # It has flown on along the other route: the way back there is known, the one across is not.
+            item = min(item, self._n_common - 1)
         passed_m = way_m - self._passed_m[item] if item else math.inf
         corner_m = min(abs(ends_m[item] - way_m), passed_m)
         return Ahead(item, beside_m, corner_m / speed_m_s, way_m - self._leaves_m, ends_m[item] - way_m)

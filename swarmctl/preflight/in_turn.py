@@ -16,6 +16,7 @@ def in_turn(wrong: Mapping[str, float], told: Mapping[str, float]) -> tuple[dict
     """
     if "FENCE_TYPE" not in wrong or "FENCE_ENABLE" not in told:
         return (dict(wrong),)
-    disabled = {"FENCE_ENABLE": 0.0} if told["FENCE_ENABLE"] else {}
+    # First, and by itself: were the others written and this not, all would look right the next time.
+    disabled = ({"FENCE_ENABLE": 0.0},) if told["FENCE_ENABLE"] else ()
     others = {name: value for name, value in wrong.items() if name != "FENCE_ENABLE"}
-    return {**disabled, **others}, {"FENCE_ENABLE": 1.0}
+    return *disabled, others, {"FENCE_ENABLE": 1.0}

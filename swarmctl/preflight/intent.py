@@ -19,7 +19,7 @@ def intent_of(scenario: Scenario, spec: Spec) -> Intent:
         scenario.wings(spec),
         spec.speed_m_s,
         spec.turn_radius_m,
-        among_others=len(scenario.specs) > 1,
+        among_others=len(scenario.swarm) > 1,
     )
 
 

@@ -56,6 +56,8 @@ class Intended:
     said_s: float
     around_m: tuple[float, float] = (0.0, 0.0)
     """it is somewhere within this of that flight, over ground and in height"""
+    on_ground: bool = False
+    """it is about to take off"""
 
     def limits(self, limits: Limits) -> Limits:
         """What is to be kept from that flight, so that `limits` are kept from the vehicle."""

@@ -19,6 +19,7 @@ from swarmctl.links.base import (
     CommandFailed,
     Heard,
     LaunchFailed,
+    LaunchPutOff,
     LinkError,
     Lost,
     NobodyAnswers,
@@ -167,6 +168,23 @@ def test_failures_name_the_vehicle_the_url_and_its_reason(kind, script, error, s
                 await link.launch()
             if error:
                 assert "alpha (system 1 at memory:test)" in str(caught.value)
+
+    play(story(), real=kind != "direct")
+
+
+def test_a_launch_in_whose_way_somebody_is_arms_nothing(kind):
+    async def story():
+        async with World(Copter(1), kind=kind) as world:
+            link = world.link()
+            await link.connect(10)
+            await link.prepare(30, lambda _: None)
+            await link.upload(north(3))
+            with pytest.raises(LaunchPutOff, match=r"alpha .* put off: vehicle 7") as caught:
+                await link.launch(lambda: "vehicle 7")
+            assert (caught.value.why, caught.value.was_armed) == ("vehicle 7", False)
+            assert not {command for command, _ in world.copters[1].commands} & {300, 400}
+            await link.launch()
+            assert world.copters[1].armed
 
     play(story(), real=kind != "direct")
 

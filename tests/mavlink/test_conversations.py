@@ -211,6 +211,19 @@ def test_a_last_item_that_is_on_its_way_when_it_comes_too_late_may_still_arrive(
     assert upload.result.outcome is UploadOutcome.TOO_LATE
 
 
+def test_on_a_slow_link_a_last_item_may_take_as_long_as_an_answer_does():
+    upload = Upload(PEER, ITEMS, too_late=lambda _answers_after_s: late)
+    late = False
+    upload.start(0.0)
+    answers(upload, 0, 4.0)
+    assert answers(upload, 2, 8.0) == [2]
+    late = True
+    assert answers(upload, 2, 10.6) == []
+    assert upload.result is None
+    upload.receive(mission_ack(0), 12.0)
+    assert upload.result.outcome is UploadOutcome.ACCEPTED
+
+
 def test_an_error_that_cannot_be_the_answer_to_the_last_item_ends_nothing():
     """PX4 refuses a second announcement that arrives when it has the first items."""
     upload = Upload(PEER, ITEMS)
@@ -310,6 +323,13 @@ def test_who_tells_items_in_any_order_is_asked_again_for_the_one_that_is_missing
     download.receive(item(0), 4.0)
     download.receive(item(2), 4.0)
     assert [m.seq for m in download.tick(download.next_deadline)] == [1]
+
+
+def test_a_count_that_comes_late_makes_nobody_wait_long_for_an_item():
+    download = Download(PEER, window=8)
+    download.start(0.0)
+    download.receive(mavlink.MAVLink_mission_count_message(255, 190, 3, 0), 9.5)
+    assert download.next_deadline == 13.5
 
 
 def test_who_tells_them_in_order_is_asked_for_nothing_again():

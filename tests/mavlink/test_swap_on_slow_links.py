@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
-from itertools import accumulate, pairwise
+from itertools import accumulate, count, pairwise
 
 import pytest
 from flying_bench import HOME
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from slow_bench import SlowBench
 
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.mission import FlightPlan, Waypoint
-from swarmctl.core.plane import Point, distance_to_leg
+from swarmctl.core.plane import Point, distance_to_leg, distance_to_track
 from swarmctl.mavlink import procedures
 
 FRAME = LocalFrame(*HOME)
 ALT_M = 20.0
+SET_CURRENT = int(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT)
 DELAY_S = 1.0
 BACK_M = 1.0
 """a position is told and flown to within so much"""
@@ -145,6 +147,26 @@ def test_whether_it_is_just_in_time_or_just_late_it_never_turns_back(
     assert place(bench) == pytest.approx(flown_to[-1], abs=3.0)
     farthest_m = accumulate(norths_m, max)
     assert max(most - now for most, now in zip(farthest_m, norths_m, strict=True)) < TURNS_WITHIN_M
+
+
+@pytest.mark.parametrize("n_lost", [0, 1, 3])
+def test_whose_order_is_lost_and_comes_past_the_corner_stays_on_the_ways_that_are_known(n_lost: int) -> None:
+    """And does not cross from one to the other, where neither plan leads."""
+    bench = flying("ardupilot")
+    turns_m = place(bench)[1] + 90.0
+    new = [(0.0, turns_m), (150.0, turns_m)]
+    items = bench.session.mission_items(plan(*new, leaves_ahead=True))
+    orders = count()
+    bench.block = lambda m: getattr(m, "command", 0) == SET_CURRENT and next(orders) < n_lost
+    bench.begin("swap", lambda c: procedures.swap(c, items, leaves_ahead=True))
+    beside_m: list[float] = []
+
+    def is_down() -> bool:
+        beside_m.append(min(distance_to_track(place(bench), way) for way in ([(0.0, 0.0), *OLD], new)))
+        return not bench.vehicle.armed
+
+    assert bench.run(400.0, is_down), "it does not land"
+    assert max(beside_m) < TURNS_WITHIN_M
 
 
 def test_how_long_it_took_is_told_by_the_vehicles_clock() -> None:

@@ -118,8 +118,7 @@ def test_ardupilot_has_its_fence_enabled_after_its_limits_were_chosen(
     sent = [line["what"] for line in lines if line["kind"] == "command"]
     values = [(what["param_id"], what["param_value"]) for what in sent if what["message"] == "PARAM_SET"]
     disabled = [("FENCE_ENABLE", 0.0)] if enabled else []
-    assert sorted(values[:-1]) == [*disabled, ("FENCE_TYPE", 5.0)]
-    assert values[-1] == ("FENCE_ENABLE", 1.0)
+    assert values == [*disabled, ("FENCE_TYPE", 5.0), ("FENCE_ENABLE", 1.0)]
 
 
 def test_the_checks_alone_set_no_parameter(afflict: Afflict, tmp_path: Path) -> None:

@@ -39,6 +39,13 @@ def test_no_copter_of_a_swarm_climbs_above_its_own_height_to_return(
         assert its.set_to <= height_m * per_m
 
 
+def test_nor_does_one_whose_agent_has_a_process_of_its_own() -> None:
+    swarm = small(flight={"altitude_m": 20.0, "altitude_step_m": 5.0})
+    (its,) = wanted(swarm.only(swarm.specs[1].sysid), COPTERS[0][0], "RTL_ALT")
+    assert its.accepts(2500.0)
+    assert not its.accepts(2600.0)
+
+
 @pytest.mark.parametrize(("firmware", "name", "per_m"), COPTERS, ids=["ArduCopter", "of 4.7", "PX4"])
 def test_one_that_flies_alone_may(firmware: Firmware, name: str, per_m: float) -> None:
     (its,) = wanted(small(simulate={"count": 1}), firmware, name)

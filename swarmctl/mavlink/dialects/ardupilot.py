@@ -76,7 +76,6 @@ class ArduPilot:
     brakes_m_s2: float | None = None
     tells_single_items = True
     lands_at_nearest = True
-    returns_to_rally = False
     start_mission: tuple[int, tuple[float, ...]] = (int(mavlink.MAV_CMD_MISSION_START), ())
     """armed in AUTO alone it sits and disarms itself after 10 s"""
 

@@ -57,10 +57,6 @@ class Dialect(Protocol):
         """That is the nearest of several; else the only one that it knows as such (and it may arm for it)."""
 
     @property
-    def returns_to_rally(self) -> bool:
-        """Its return may lead to a rally point instead, where a fixed wing does not land."""
-
-    @property
     def speed_type(self) -> int:
         """Of MAV_CMD_DO_CHANGE_SPEED: what sets how fast it flies."""
 

@@ -125,7 +125,6 @@ class Px4Copter(Px4):
     land_mode = "AUTO.LAND"
     land_command = None
     lands_at_nearest = True
-    returns_to_rally = True
     speed_type = int(mavlink.SPEED_TYPE_GROUNDSPEED)
 
     def mission_items(self, plan: FlightPlan, start: LatLon | None = None) -> tuple[MissionItem, ...]:

@@ -41,7 +41,6 @@ class Px4Plane(Px4):
     land_mode = "AUTO.MISSION"
     land_command = int(mavlink.MAV_CMD_DO_LAND_START)
     lands_at_nearest = False
-    returns_to_rally = True
     speed_type = int(mavlink.SPEED_TYPE_AIRSPEED)
 
     def mission_items(self, plan: FlightPlan, start: LatLon | None = None) -> tuple[MissionItem, ...]:

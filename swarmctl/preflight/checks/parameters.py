@@ -41,6 +41,7 @@ def _cure(facts: Facts, wrong: Sequence[Wanted]) -> str:
         "or declare another policy" if any(text.startswith("policy.") for text in declared) else "",
         "or correct `wings`" if any(text.startswith("wings.") for text in declared) else "",
         f"or correct {_names(keys)} of the vehicle" if keys else "",
+        "reboot it then, for its fence to have that limit" if "FENCE_TYPE" in by_hand + settable else "",
         f"see why it does not tell {_names(silent)}: its link, or a firmware built without" if silent else "",
     ]
     return "; ".join(text for text in texts if text)

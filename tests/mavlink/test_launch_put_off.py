@@ -1,0 +1,83 @@
+"""A launch in whose way somebody comes while it is under way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from bench import Bench, plan
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from swarmctl.mavlink import procedures
+from swarmctl.mavlink.outcome import Done, PutOff
+
+ARM, START = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_MISSION_START
+WHY = "its first route would meet that of vehicle 7 in 9 s"
+
+
+def launched(bench: Bench, in_the_way: Callable[[], str]) -> Done:
+    bench.upload(plan(north=4))
+    result: Done = bench.do("launch", lambda ctx: procedures.launch(ctx, in_the_way))
+    return result
+
+
+def given(bench: Bench) -> list[tuple[int, float]]:
+    """The commands to arm, to disarm and to start, with their first parameters, in order."""
+    return [(number, params[0]) for number, params in bench.copter.commands if number in (ARM, START)]
+
+
+def test_nobody_in_its_way_is_asked_for_before_it_is_armed_and_before_it_takes_off() -> None:
+    bench, asked = Bench().prepared(), list[bool]()
+
+    def clear() -> str:
+        asked.append(bench.copter.armed)
+        return ""
+
+    assert launched(bench, clear).failure is None
+    assert asked == [False, True]
+
+
+def test_somebody_in_its_way_before_it_is_armed_leaves_it_as_it_is() -> None:
+    bench = Bench().prepared()
+    assert launched(bench, lambda: WHY) == PutOff(WHY)
+    assert given(bench) == []
+
+
+def test_somebody_in_its_way_before_it_takes_off_has_it_disarmed() -> None:
+    bench = Bench().prepared()
+    said: Iterator[str] = iter(["", WHY])
+    assert launched(bench, lambda: next(said)) == PutOff(WHY, was_armed=True)
+    assert given(bench) == [(ARM, 1.0), (ARM, 0.0)]
+    assert not bench.copter.armed
+
+
+def test_one_that_does_not_disarm_then_is_no_launch_that_is_put_off() -> None:
+    bench = Bench().prepared()
+    arms = bench.copter.arm
+    bench.copter.arm = lambda p1, *rest: arms(p1, *rest) if p1 else 4  # type: ignore[method-assign]
+    said: Iterator[str] = iter(["", WHY])
+    result = launched(bench, lambda: next(said))
+    assert not isinstance(result, PutOff)
+    assert result.failure is not None
+    assert WHY in result.failure
+    assert "does not disarm" in result.failure
+
+
+@pytest.mark.parametrize("lost", [1, 2])
+def test_an_order_to_arm_that_was_not_answered_is_seen_through(lost: int) -> None:
+    """It may have been taken: who is in the way by then is asked for before it takes off."""
+    bench, n_lost = Bench().prepared(), 0
+    hears = bench.copter.on_command_long
+
+    def deaf_to_the_first(message: Any) -> None:
+        nonlocal n_lost
+        if message.command == ARM and n_lost < lost:
+            n_lost += 1
+        else:
+            hears(message)
+
+    bench.copter.on_command_long = deaf_to_the_first  # type: ignore[method-assign]
+    said: Iterator[str] = iter(["", WHY])
+    assert launched(bench, lambda: next(said)) == PutOff(WHY, was_armed=True)
+    assert not bench.copter.armed
