@@ -77,7 +77,7 @@ def upload(ctx: Context, items: tuple[MissionItem, ...]) -> Procedure[Uploaded]:
     if ctx.state.armed:
         # It might fly the mission that we write over, item by item.
         return Uploaded("it is armed; the mission of a flying vehicle is swapped")
-    if failure := (yield from see_no_rally_points(ctx)):
+    if ctx.dialect.returns_to_rally and (failure := (yield from see_no_rally_points(ctx))):
         return Uploaded(failure)
     begin_s, n_texts = ctx.state.time_boot_s, ctx.telemetry.n_texts
     placed = yield from put(ctx, items, ctx.dialect.first_seq)

@@ -73,6 +73,10 @@ class Dialect(Protocol):
         """The item to be current before a launch; None where starting the mission sees to that."""
 
     @property
+    def returns_to_rally(self) -> bool:
+        """Its return may lead to a rally point, where a fixed wing does not land, and it is asked for those."""
+
+    @property
     def arms_anywhere(self) -> bool:
         """Whichever item is current; else not while that is one of a landing: `first_seq` has to be."""
 
