@@ -74,7 +74,7 @@ class Dialect(Protocol):
 
     @property
     def returns_to_rally(self) -> bool:
-        """Its return may lead to a rally point, where a fixed wing does not land, and it is asked for those."""
+        """It may return to a rally point, where a fixed wing does not land, and is asked for those."""
 
     @property
     def arms_anywhere(self) -> bool:
