@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 from drawn_flights import Drawn, draw
-from flights import AREA, Ui, fly, small
-from test_flight_separation import GAP
+from flights import Ui, fly, small
+from test_flight_separation import through_the_gap
 from troubled import Trouble, chooses, play
 from witness import Witness, findings
 
@@ -91,14 +91,7 @@ def test_an_order_to_a_vehicle_that_was_let_go_is_found(
 
 def test_two_that_meet_without_a_word_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def drawn_together() -> Drawn:
-        scenario = small(
-            area={**AREA, "rows": 9},
-            simulate={"count": 2, "ready_s": 3.0},
-            flight={"altitude_m": 15.0, "altitude_step_m": 0.0},
-            threats={"count": len(GAP), "hostiles": GAP},
-            planner={"w": 0.9},
-        )
-        return Drawn(scenario, Trouble())
+        return Drawn(through_the_gap(), Trouble())
 
     assert flown(drawn_together(), tmp_path / "apart", monkeypatch) == []
     step = importlib.import_module("swarmctl.agent.step")

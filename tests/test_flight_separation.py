@@ -17,6 +17,7 @@ from swarmctl.app import Manner
 from swarmctl.flight_report import together
 from swarmctl.preflight.waivers import Waiver
 from swarmctl.runner import Runner
+from swarmctl.scenario import Scenario
 
 pytestmark = pytest.mark.virtual
 
@@ -118,14 +119,16 @@ def test_two_that_would_meet_on_their_first_routes_are_kept_apart_before_there_i
     assert any("that of vehicle 1 in " in line for line in said if line.startswith("uav2: "))
 
 
-def test_who_is_launched_a_little_later_waits_on_the_ground_until_its_route_is_clear(tmp_path: Path) -> None:
+def flown_after_waiting(folder: Path, **simulate: float) -> None:
+    """Of two to one goal, hardly apart in height, the second waits on the ground until the first is out of
+    its way, and both arrive."""
     scenario = small(
-        simulate={"count": 2, "goal": [4, 7], "ready_s": 3.0, "delay_step_s": 3.0},
+        simulate={"count": 2, "goal": [4, 7], "ready_s": 3.0, **simulate},
         flight={"altitude_m": 15.0, "altitude_step_m": 1.5},
         threats={"count": 0},
     )
     ui = Ui()
-    report = fly(scenario, tmp_path, ui=ui, manner=Manner(waivers=(Waiver("separation"),)))
+    report = fly(scenario, folder, ui=ui, manner=Manner(waivers=(Waiver("separation"),)))
     assert report.all_arrived
     (waits,) = (i for i, line in enumerate(ui.said) if "it waits on the ground" in line)
     assert ui.said[waits].startswith("uav2: its first route would meet that of vehicle 1 in ")
@@ -133,6 +136,10 @@ def test_who_is_launched_a_little_later_waits_on_the_ground_until_its_route_is_c
     separation = report.summary["separation"]
     assert separation["plans_in_flight"]["predicted"] == 0
     assert separation["too_close"] == []
+
+
+def test_who_is_launched_a_little_later_waits_on_the_ground_until_its_route_is_clear(tmp_path: Path) -> None:
+    flown_after_waiting(tmp_path, delay_step_s=3.0)
 
 
 def test_who_is_checked_for_long_before_it_is_armed_looks_again_at_who_is_in_the_air_by_then(
@@ -145,20 +152,7 @@ def test_who_is_checked_for_long_before_it_is_armed_looks_again_at_who_is_in_the
         await check(runner)
 
     monkeypatch.setattr(Runner, "_check_launch", at_length)
-    scenario = small(
-        simulate={"count": 2, "goal": [4, 7], "ready_s": 3.0},
-        flight={"altitude_m": 15.0, "altitude_step_m": 1.5},
-        threats={"count": 0},
-    )
-    ui = Ui()
-    report = fly(scenario, tmp_path, ui=ui, manner=Manner(waivers=(Waiver("separation"),)))
-    assert report.all_arrived
-    (waits,) = (i for i, line in enumerate(ui.said) if "it waits on the ground" in line)
-    assert ui.said[waits].startswith("uav2: its first route would meet that of vehicle 1 in ")
-    assert "uav2: clear of the others: it launches" in ui.said[waits:]
-    separation = report.summary["separation"]
-    assert separation["plans_in_flight"]["predicted"] == 0
-    assert separation["too_close"] == []
+    flown_after_waiting(tmp_path)
     assert record.replay(tmp_path / "run.mcap").difference == ""
 
 
@@ -166,17 +160,22 @@ GAP = ([0, 3], [1, 3], [2, 3], [6, 3], [7, 3], [8, 3])
 """Hostiles nobody knows of, with a gap between them half-way between the first routes of two copters."""
 
 
-def drawn_together(folder: Path, **separation: Any) -> tuple[dict[str, Any], list[str]]:
+def through_the_gap(**sections: Any) -> Scenario:
     """Two copters at one height, 200 m apart, see the hostiles before them at one time, and both change to a
-    route through the gap; the summary and what was said. Nothing is done about who comes near in flight."""
-    scenario = small(
+    route through the gap."""
+    return small(
         area={**AREA, "rows": 9},
         simulate={"count": 2, "ready_s": 3.0},
         flight={"altitude_m": 15.0, "altitude_step_m": 0.0},
         threats={"count": len(GAP), "hostiles": GAP},
         planner={"w": 0.9},
-        separation={"action": "none", **separation},
+        **sections,
     )
+
+
+def drawn_together(folder: Path, **separation: Any) -> tuple[dict[str, Any], list[str]]:
+    """The summary and what was said. Nothing is done about who comes near in flight."""
+    scenario = through_the_gap(separation={"action": "none", **separation})
     ui = Ui()
     report = fly(scenario, folder, ui=ui)
     assert [state.outcome for state in report.states.values()] == ["arrived", "arrived"]
