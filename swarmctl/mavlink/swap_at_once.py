@@ -6,7 +6,8 @@ from collections.abc import Callable
 from functools import partial
 
 from swarmctl.core.mission import MissionItem
-from swarmctl.mavlink.dialects.plan import behind
+from swarmctl.core.vehicle import Landed
+from swarmctl.mavlink.dialects.plan import LAND, behind
 from swarmctl.mavlink.guarded import WARNING, Seen, Theirs, in_modes, look, set_mode
 from swarmctl.mavlink.landing import is_out_of_turn
 from swarmctl.mavlink.making_current import jump_to, see_current
@@ -72,6 +73,8 @@ def _exchange(
         way.is_late = placed.is_late
         return placed.failure
     way.taken_over_s = placed.uploaded_s
+    if _has_landed_by(ctx, items):
+        return None
     kept = min(before, len(items) - 1)
     try:
         if marked is None:
@@ -81,14 +84,32 @@ def _exchange(
                 # Its number was of the old mission's landing, and is of another landing now.
                 return "it had got to its landing before the new mission was complete"
             return (yield from _flown_from(ctx, way, kept))
-        # Ahead of the marked one, but behind where the old index would be: it has got on since.
-        return (yield from _fly(ctx, way, marked, lambda now: now == marked or marked < now < kept))
+        return (yield from _fly(ctx, way, marked, lambda now: _got_to(ctx, way, marked, kept, now)))
     except Theirs:
         why = _rejects(ctx, n_texts)
         if why is None:
             raise
         way.ours.add(ctx.dialect.hold_mode)
         return why
+
+
+def _has_landed_by(ctx: Context, items: tuple[MissionItem, ...]) -> bool:
+    """Whether it has flown them to their end while they were read back, and is down."""
+    state, seq = ctx.state, ctx.state.mission_seq
+    is_down = not state.armed and state.landed is Landed.ON_GROUND and state.mode == ctx.dialect.mission_mode
+    return is_down and seq is not None and seq < len(items) and items[seq].command == LAND
+
+
+def _got_to(ctx: Context, way: Way, marked: int, kept: int, now: int) -> bool:
+    """Whether it was flown to the marked item first, if `now` is its current one: it may have got on since.
+
+    Before `kept`, the number that it flew, it can only be so. From that on it may have gone on by number
+    instead, and then it is somewhere else.
+    """
+    first = ctx.dialect.first_waypoint_seq
+    if marked <= now < kept or now == marked:
+        return True
+    return now > marked and way.ahead.is_on_leg_to(now - first, ctx.state)
 
 
 def _rejects(ctx: Context, n_texts: int) -> str | None:

@@ -95,6 +95,13 @@ class WayAhead:
         on_m += max(state.east_m_s * east + state.north_m_s * north, 0.0) * later_s
         return self._ahead(self._passed_m[leg] + on_m, legs[leg], max(state.ground_speed_m_s, 0.1))
 
+    def is_on_leg_to(self, item: int, state: VehicleState) -> bool:
+        """Whether it flies beside the leg that leads to an item of the route, or to its last place."""
+        here, item = _place(state), min(item, len(self._points) - 2)
+        if self._frame is None or here is None or item < 0:
+            return False
+        return distance_to_leg(self._frame.to_local(*here), *self._points[item : item + 2]) <= BESIDE_M
+
     def _ahead(self, way_m: float, beside_m: float, speed_m_s: float) -> Ahead:
         ends_m = self._passed_m[1:]
         item = min(sum(end_m < way_m - 0.01 for end_m in ends_m), len(ends_m) - 1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from itertools import accumulate, count, pairwise
 
 import pytest
@@ -176,3 +177,35 @@ def test_how_long_it_took_is_told_by_the_vehicles_clock() -> None:
     new = [(0.0, north_m), (150.0, north_m)]
     result, _ = swapped(bench, plan(*new, leaves_ahead=True), [(0.0, 0.0), *new])
     assert 6.0 <= result.took_s <= 12.0
+
+
+def unread(bench: SlowBench, until: Callable[[], bool]) -> None:
+    """No item that the vehicle tells arrives before that."""
+    bench.block_down = lambda m: m.get_type() == "MISSION_ITEM_INT" and not until()
+
+
+def test_a_plan_that_is_flown_to_its_end_before_it_was_read_back_is_the_one_it_flew() -> None:
+    bench = flying("px4")
+    new = [(0.0, place(bench)[1] + 60.0)]
+    items = bench.session.mission_items(plan(*new))
+    unread(bench, lambda: not bench.vehicle.armed)
+    result = bench.do("swap", lambda c: procedures.swap(c, items))
+    assert not bench.vehicle.armed
+    assert (result.failure, result.flying) == (None, "new")
+    assert place(bench) == pytest.approx(new[-1], abs=3.0)
+
+
+@pytest.mark.parametrize("later_s", [6.0, 12.0, 25.0])
+def test_who_has_passed_corners_of_its_new_plan_before_it_was_read_back_is_not_sent_back(
+    later_s: float,
+) -> None:
+    """PX4 follows when the last item has come; which item it was given as the first, is on its way."""
+    bench = flying("px4")
+    north_m = place(bench)[1]
+    new = [(30.0, north_m + 30.0), (30.0, north_m + 60.0), (30.0, north_m + 90.0), (30.0, north_m + 600.0)]
+    until_s = bench.now + 8.0 + later_s
+    unread(bench, lambda: bench.now > until_s)
+    result, back_m = swapped(bench, plan(*new), [(0.0, north_m), *new])
+    assert (result.failure, result.flying, result.stood_still_s) == (None, "new", 0.0)
+    assert back_m < BACK_M
+    assert place(bench) == pytest.approx(new[-1], abs=3.0)
