@@ -39,6 +39,7 @@ class Download(Conversation[DownloadResult]):
     `window` of them are asked for at a time: one by one they would take as many answers of a slow link. Of
     who tells them `in_order` only (PX4 ends a transfer in which it is asked for another than the next or the
     last one again) none of several can be asked for once more: then this ends with the first that is lost.
+    So each is asked for by `copies` of the question, which go one after the other.
     """
 
     REPEAT_S, MOST_REPEAT_S = 1.0, 4.0
@@ -52,6 +53,7 @@ class Download(Conversation[DownloadResult]):
         mission_type: int = MISSION,
         first: int = 0,
         window: int = 1,
+        copies: int = 1,
         *,
         in_order: bool = False,
     ) -> None:
@@ -59,7 +61,7 @@ class Download(Conversation[DownloadResult]):
         self._peer = peer
         self._type = mission_type
         self._first = self._next = self._asked = first
-        self._window, self._in_order = window, in_order
+        self._window, self._copies, self._in_order = window, copies, in_order
         self._repeat_s, self._began_s = self.REPEAT_S, 0.0
         self._count = 0
         self._items: dict[int, MissionItem] = {}
@@ -92,7 +94,11 @@ class Download(Conversation[DownloadResult]):
         wanted = [seq for seq in range(self._asked, end) if seq not in self._items]
         self._asked = max(self._asked, end)
         to = (self._peer.sysid, self._peer.compid)
-        return [mavlink.MAVLink_mission_request_int_message(*to, s, mission_type=self._type) for s in wanted]
+        return [
+            mavlink.MAVLink_mission_request_int_message(*to, seq, mission_type=self._type)
+            for seq in wanted
+            for _ in range(self._copies)
+        ]
 
     def _on_message(self, message: Message, now: float) -> list[Message]:
         kind = message.get_type()

@@ -340,6 +340,19 @@ def test_who_tells_them_in_order_is_asked_for_nothing_again():
     assert download.result.outcome is DownloadOutcome.BROKEN_OFF
 
 
+def test_copies_of_a_question_come_before_the_next_one():
+    """PX4 takes the number that it told last once more, but none before that."""
+    download = Download(PEER, window=3, copies=2, in_order=True)
+    download.start(0.0)
+    asked = download.receive(mavlink.MAVLink_mission_count_message(255, 190, 5, 0), 2.0)
+    assert [m.seq for m in asked] == [0, 0, 1, 1, 2, 2]
+    assert [m.seq for m in download.receive(item(0), 4.0)] == [3, 3]
+    assert download.receive(item(0), 4.0) == [], "the answer to the copy"
+    for seq in range(1, 5):
+        download.receive(item(seq), 4.5)
+    assert [i.x for i in download.result.items] == list(range(10, 15))
+
+
 @pytest.mark.parametrize(
     ("code", "outcome"),
     [
