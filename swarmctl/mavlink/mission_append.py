@@ -9,6 +9,9 @@ ArduPilot takes an item for the number that it expects, whether it has asked for
 send, and only if the item has not come until then (queued_request_send): most often there is the
 acknowledgement alone. What comes too early or without its announcement is refused by ERROR, an item with
 another number by INVALID_SEQUENCE. Neither says which it was: then it is asked how many items it holds.
+
+Nothing of what comes behind a loss is taken, so where something was lost announcements and items go out
+several times from then on: an announcement that comes twice begins anew, and a double of an item is refused.
 """
 
 from __future__ import annotations
@@ -49,6 +52,8 @@ class Append(Conversation[AppendResult]):
     """without one item more"""
     SILENCE_S = 5.0
     """who has answered nothing by then is not reached"""
+    MOST_COPIES = 3
+    """of what is sent: one more after each loss"""
     BURSTS = 2
     """after so many without effect it does not know partial lists"""
 
@@ -70,6 +75,7 @@ class Append(Conversation[AppendResult]):
         """were so at any time"""
         self._sent = 0
         """so many were sent"""
+        self._copies = 1
         self._asked: set[int] = set()
         """for which it has asked since they were sent"""
         self._last_nack = ""
@@ -89,6 +95,8 @@ class Append(Conversation[AppendResult]):
 
     def _burst(self, now: float) -> list[Message]:
         """What is not there yet, from the first such item on."""
+        if self._bursts:
+            self._copies = min(self._copies + 1, self.MOST_COPIES)
         self._bursts += 1
         self._sent, self._asked, self._last_nack = self._stored, set(), ""
         self._asks_what_it_holds, self._burst_s = False, now
@@ -98,15 +106,15 @@ class Append(Conversation[AppendResult]):
         if self._too_late(self._answers_after_s):
             return self._end(f"{self._stored} of {len(self._items)} items in time", is_late=True)
         self.next_deadline = min(now + self._quiet_s, self._stuck_s)
-        first, self._sent = self._sent, min(self._stored + WINDOW, len(self._items))
+        window = WINDOW if self._copies == 1 else 2 * WINDOW // self._copies
+        first, self._sent = self._sent, min(max(self._stored + window, self._sent), len(self._items))
         to = (self._peer.sysid, self._peer.compid)
         messages: list[Message] = []
         for index in range(first, self._sent):
             seq = self._count + index
-            messages += [
-                mavlink.MAVLink_mission_write_partial_list_message(*to, seq, seq, MISSION),
-                item_message(self._peer, seq, self._items[index]),
-            ]
+            announced = mavlink.MAVLink_mission_write_partial_list_message(*to, seq, seq, MISSION)
+            item = item_message(self._peer, seq, self._items[index])
+            messages += [*[announced] * self._copies, *[item] * self._copies]
         return messages
 
     def _on_message(self, message: Message, now: float) -> list[Message]:
@@ -139,7 +147,7 @@ class Append(Conversation[AppendResult]):
         if not 0 <= index < self._sent:
             return []
         self._heard(now)
-        if index not in self._asked and not self._last_nack:
+        if index not in self._asked and not self._has_refused:
             self._asked.add(index)
             return []  # it is on its way
         return [item_message(self._peer, self._count + index, self._items[index])]
@@ -151,8 +159,9 @@ class Append(Conversation[AppendResult]):
             self._heard(now)
             self._has(self._stored + 1, now)
             if self._stored == len(self._items):
-                return self._end(None)
-            return [] if self._last_nack else self._more(now)
+                # Of doubles that overtake each other both may be acknowledged.
+                return self._end(None) if self._copies == 1 else self._ask_what_it_holds()
+            return [] if self._has_refused else self._more(now)
         if code == mavlink.MAV_MISSION_DENIED and self._questions:
             # It was still expecting an item; what was sent since may answer an earlier question.
             self._questions -= 1
@@ -197,10 +206,18 @@ class Append(Conversation[AppendResult]):
         self.next_deadline = min(now + self._quiet_s, self._stuck_s)
         if self.state is State.WAITING:
             self.next_deadline = min(self.next_deadline, self._silent_s)
+        return self._ask_what_it_holds()
+
+    def _ask_what_it_holds(self) -> list[Message]:
         self._asks_what_it_holds = True
-        self._questions += 1
+        self._questions += self._copies
         to = (self._peer.sysid, self._peer.compid)
-        return [mavlink.MAVLink_mission_request_list_message(*to, mission_type=MISSION)]
+        return [mavlink.MAVLink_mission_request_list_message(*to, mission_type=MISSION)] * self._copies
+
+    @property
+    def _has_refused(self) -> bool:
+        """What it refuses where all goes out several times may be but a double."""
+        return bool(self._last_nack) and self._copies == 1
 
     @property
     def _said(self) -> str:

@@ -537,10 +537,23 @@ def test_after_a_loss_it_is_asked_what_it_holds_and_gets_the_rest():
     append.receive(mission_ack(1), 0.1)  # for the announcement of the last: the one before was lost
     assert kinds(append.tick(0.6)) == ["MISSION_REQUEST_LIST"]
     out = append.receive(count(8), 0.7)
-    assert announced(out) == [(8, 8), (9, 9)]
+    assert announced(out) == [(8, 8)] * 2 + [(9, 9)] * 2, "each twice from now on"
+    assert items_of(out) == [8, 8, 9, 9]
     append.receive(mission_ack(0), 0.8)
-    append.receive(mission_ack(0), 0.8)
+    assert append.receive(mission_ack(1), 0.8) == [], "of the double"
+    assert kinds(append.receive(mission_ack(0), 0.8)) == ["MISSION_REQUEST_LIST"] * 2
+    assert append.result is None, "of doubles both may be acknowledged"
+    append.receive(count(10), 0.9)
     assert append.result.failure is None
+
+
+def test_of_what_goes_out_several_times_fewer_are_on_their_way():
+    append = Append(PEER, 7, MANY)
+    append.start(0.0)
+    append.tick(0.5)
+    assert items_of(append.receive(count(8), 0.6)) == [seq for seq in range(8, 16) for _ in range(2)]
+    append.tick(append.next_deadline)
+    assert items_of(append.receive(count(8), 9.0)) == [seq for seq in range(8, 13) for _ in range(3)]
 
 
 def test_where_it_still_waits_for_an_item_what_is_missing_is_announced_anew():
@@ -548,7 +561,7 @@ def test_where_it_still_waits_for_an_item_what_is_missing_is_announced_anew():
     append.start(0.0)
     append.receive(mission_ack(0), 0.1)
     append.tick(0.6)
-    assert announced(append.receive(mission_ack(14), 0.7)) == [(8, 8), (9, 9)]
+    assert announced(append.receive(mission_ack(14), 0.7)) == [(8, 8)] * 2 + [(9, 9)] * 2
 
 
 def test_on_a_slow_link_the_refusals_of_several_questions_do_not_end_it():
@@ -558,11 +571,12 @@ def test_on_a_slow_link_the_refusals_of_several_questions_do_not_end_it():
     append.receive(mission_ack(0), 0.1)
     assert kinds(append.tick(0.6)) == ["MISSION_REQUEST_LIST"]
     assert kinds(append.tick(append.next_deadline)) == ["MISSION_REQUEST_LIST"]
-    assert announced(append.receive(mission_ack(14), 2.6)) == [(8, 8), (9, 9)]
+    assert announced(append.receive(mission_ack(14), 2.6)) == [(8, 8)] * 2 + [(9, 9)] * 2
     assert append.receive(mission_ack(14), 3.6) == []
     assert append.result is None
     append.receive(mission_ack(0), 4.6)
     append.receive(mission_ack(0), 4.6)
+    append.receive(count(10), 6.6)
     assert append.result.failure is None
 
 
@@ -572,9 +586,10 @@ def test_the_refusal_of_a_question_of_before_does_not_end_it():
     append.receive(mission_ack(0), 0.1)
     assert append.receive(mission_ack(14), 0.2) == []
     assert kinds(append.tick(append.next_deadline)) == ["MISSION_REQUEST_LIST"]
-    assert announced(append.receive(count(8), 0.9)) == [(8, 8), (9, 9)]
+    assert announced(append.receive(count(8), 0.9)) == [(8, 8)] * 2 + [(9, 9)] * 2
     append.receive(mission_ack(0), 1.0)
     append.receive(mission_ack(0), 1.0)
+    append.receive(count(10), 1.1)
     assert append.result.failure is None
 
 
@@ -585,7 +600,7 @@ def test_an_acknowledgement_that_was_taken_for_another_is_made_good():
     append.receive(mission_ack(0), 0.2)
     assert append.receive(mission_ack(13), 0.3) == []
     append.tick(0.8)
-    assert announced(append.receive(count(8), 0.9)) == [(8, 8), (9, 9)]
+    assert announced(append.receive(count(8), 0.9)) == [(8, 8)] * 2 + [(9, 9)] * 2
 
 
 def test_lost_acknowledgements_are_not_missed_where_the_items_are_there():
@@ -618,7 +633,7 @@ def test_who_does_not_know_partial_lists_is_found_out_by_what_it_holds():
     append = Append(PEER, 7, ITEMS)
     append.start(0.0)
     append.tick(0.5)
-    assert announced(append.receive(count(7), 0.6)) == [(7, 7), (8, 8), (9, 9)]
+    assert announced(append.receive(count(7), 0.6)) == [(seq, seq) for seq in (7, 7, 8, 8, 9, 9)]
     append.tick(append.next_deadline)
     append.receive(count(7), 2.0)
     assert "it does not take partial lists" in append.result.failure
