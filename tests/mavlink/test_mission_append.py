@@ -1,0 +1,212 @@
+"""Rows of (state, input, now) -> (output, deadline): items that are put behind those of a mission."""
+
+from __future__ import annotations
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from words_of_vehicles import ITEMS, PEER, kinds, mission_ack, request
+
+from swarmctl.core.mission import MissionItem
+from swarmctl.mavlink.mission_append import Append
+
+
+def announced(messages) -> list[tuple[int, int]]:
+    partial = [m for m in messages if m.get_type() == "MISSION_WRITE_PARTIAL_LIST"]
+    return [(m.start_index, m.end_index) for m in partial]
+
+
+def items_of(messages) -> list[int]:
+    return [m.seq for m in messages if m.get_type() == "MISSION_ITEM_INT"]
+
+
+def count(n: int):
+    return mavlink.MAVLink_mission_count_message(255, 190, n, 0)
+
+
+MANY = tuple(MissionItem(16, 3, 460_000_000 + i, 145_000_000, 20.0 + i) for i in range(12))
+
+
+@pytest.mark.parametrize("asks", [True, False])
+def test_items_are_appended_each_announced_by_itself_whether_they_are_asked_for_or_not(asks):
+    """ArduPilot asks when it sends next, and only for what has not come by then."""
+    append = Append(PEER, 7, ITEMS)
+    out = append.start(0.0)
+    assert announced(out) == [(7, 7), (8, 8), (9, 9)]
+    assert items_of(out) == [7, 8, 9]
+    for seq in (7, 8, 9):
+        if asks:
+            assert append.receive(request(seq), 0.1) == [], "it is on its way"
+        assert append.result is None
+        assert append.receive(mission_ack(0), 0.1) == []
+    assert append.result.failure is None
+    assert append.result.answers_after_s == pytest.approx(0.1)
+
+
+def test_of_many_items_eight_are_on_their_way():
+    append = Append(PEER, 7, MANY)
+    assert items_of(append.start(0.0)) == list(range(7, 15))
+    assert items_of(append.receive(mission_ack(0), 0.1)) == [15]
+    assert items_of(append.receive(mission_ack(0), 0.1)) == [16]
+
+
+def test_an_item_that_it_goes_on_asking_for_is_sent_again():
+    append = Append(PEER, 7, ITEMS)
+    append.start(0.0)
+    assert append.receive(request(7), 0.1) == []
+    assert items_of(append.receive(request(7), 1.1)) == [7]
+
+
+def test_an_item_that_came_before_its_announcement_is_sent_when_it_is_asked_for():
+    append = Append(PEER, 7, ITEMS)
+    append.start(0.0)
+    append.receive(mission_ack(1), 0.1)
+    assert items_of(append.receive(request(7), 0.2)) == [7]
+
+
+def test_after_a_loss_it_is_asked_what_it_holds_and_gets_the_rest():
+    append = Append(PEER, 7, ITEMS)
+    append.start(0.0)
+    append.receive(mission_ack(0), 0.1)
+    append.receive(mission_ack(1), 0.1)  # for the announcement of the last: the one before was lost
+    assert kinds(append.tick(0.6)) == ["MISSION_REQUEST_LIST"]
+    out = append.receive(count(8), 0.7)
+    assert announced(out) == [(8, 8)] * 2 + [(9, 9)] * 2, "each twice from now on"
+    assert items_of(out) == [8, 8, 9, 9]
+    append.receive(mission_ack(0), 0.8)
+    assert append.receive(mission_ack(1), 0.8) == [], "of the double"
+    assert kinds(append.receive(mission_ack(0), 0.8)) == ["MISSION_REQUEST_LIST"] * 2
+    assert append.result is None, "of doubles both may be acknowledged"
+    append.receive(count(10), 0.9)
+    assert append.result.failure is None
+
+
+def test_of_what_goes_out_several_times_fewer_are_on_their_way():
+    append = Append(PEER, 7, MANY)
+    append.start(0.0)
+    append.tick(0.5)
+    assert items_of(append.receive(count(8), 0.6)) == [seq for seq in range(8, 16) for _ in range(2)]
+    append.tick(append.next_deadline)
+    assert items_of(append.receive(count(8), 9.0)) == [seq for seq in range(8, 13) for _ in range(3)]
+
+
+def test_where_it_still_waits_for_an_item_what_is_missing_is_announced_anew():
+    append = Append(PEER, 7, ITEMS)
+    append.start(0.0)
+    append.receive(mission_ack(0), 0.1)
+    append.tick(0.6)
+    assert announced(append.receive(mission_ack(14), 0.7)) == [(8, 8)] * 2 + [(9, 9)] * 2
+
+
+def test_on_a_slow_link_the_refusals_of_several_questions_do_not_end_it():
+    """It is asked twice what it holds before the first answer comes, and waits for an item each time."""
+    append = Append(PEER, 7, ITEMS)
+    append.start(0.0)
+    append.receive(mission_ack(0), 0.1)
+    assert kinds(append.tick(0.6)) == ["MISSION_REQUEST_LIST"]
+    assert kinds(append.tick(append.next_deadline)) == ["MISSION_REQUEST_LIST"]
+    assert announced(append.receive(mission_ack(14), 2.6)) == [(8, 8)] * 2 + [(9, 9)] * 2
+    assert append.receive(mission_ack(14), 3.6) == []
+    assert append.result is None
+    append.receive(mission_ack(0), 4.6)
+    append.receive(mission_ack(0), 4.6)
+    append.receive(count(10), 6.6)
+    assert append.result.failure is None
+
+
+def test_the_refusal_of_a_question_of_before_does_not_end_it():
+    append = Append(PEER, 7, ITEMS)
+    append.start(0.0)
+    append.receive(mission_ack(0), 0.1)
+    assert append.receive(mission_ack(14), 0.2) == []
+    assert kinds(append.tick(append.next_deadline)) == ["MISSION_REQUEST_LIST"]
+    assert announced(append.receive(count(8), 0.9)) == [(8, 8)] * 2 + [(9, 9)] * 2
+    append.receive(mission_ack(0), 1.0)
+    append.receive(mission_ack(0), 1.0)
+    append.receive(count(10), 1.1)
+    assert append.result.failure is None
+
+
+def test_an_acknowledgement_that_was_taken_for_another_is_made_good():
+    append = Append(PEER, 7, ITEMS)
+    append.start(0.0)
+    append.receive(mission_ack(0), 0.1)
+    append.receive(mission_ack(0), 0.2)
+    assert append.receive(mission_ack(13), 0.3) == []
+    append.tick(0.8)
+    assert announced(append.receive(count(8), 0.9)) == [(8, 8)] * 2 + [(9, 9)] * 2
+
+
+def test_lost_acknowledgements_are_not_missed_where_the_items_are_there():
+    append = Append(PEER, 7, ITEMS)
+    append.start(0.0)
+    append.tick(0.5)
+    append.receive(count(10), 0.6)
+    assert append.result.failure is None
+
+
+def test_a_slow_link_is_not_asked_before_it_can_have_answered():
+    append = Append(PEER, 7, MANY)
+    append.start(0.0)
+    assert kinds(append.tick(0.5)) == ["MISSION_REQUEST_LIST"]
+    append.receive(mission_ack(0), 2.0)
+    assert append.next_deadline == 5.0
+
+
+def test_items_that_stand_already_are_not_answered_for():
+    append = Append(PEER, 7, ITEMS)
+    append.start(0.0)
+    assert append.receive(request(6), 0.1) == []
+    assert append.receive(request(10), 0.1) == []
+    assert append.receive(mission_ack(1), 0.1) == [], "an acknowledgement from before"
+    assert append.receive(count(7), 0.1) == [], "nor was it asked"
+    assert append.result is None
+
+
+def test_who_does_not_know_partial_lists_is_found_out_by_what_it_holds():
+    append = Append(PEER, 7, ITEMS)
+    append.start(0.0)
+    append.tick(0.5)
+    assert announced(append.receive(count(7), 0.6)) == [(seq, seq) for seq in (7, 7, 8, 8, 9, 9)]
+    append.tick(append.next_deadline)
+    append.receive(count(7), 2.0)
+    assert "it does not take partial lists" in append.result.failure
+
+
+def test_who_does_not_answer_is_given_up():
+    append = Append(PEER, 7, ITEMS)
+    append.start(0.0)
+    now = 0.0
+    while append.result is None:
+        now = append.next_deadline
+        append.tick(now)
+    assert now == 5.0
+    assert "no answer within 5 s" in append.result.failure
+
+
+@pytest.mark.parametrize("held", [6, 11])
+def test_a_list_of_another_length_than_was_known_ends_it(held):
+    append = Append(PEER, 7, ITEMS)
+    append.start(0.0)
+    append.tick(0.5)
+    append.receive(count(held), 0.6)
+    assert f"it holds {held} items where 7 were known" in append.result.failure
+
+
+@pytest.mark.parametrize(("code", "goes_on"), [(1, True), (13, True), (15, True), (5, False), (4, False)])
+def test_an_item_that_is_refused_ends_it_but_a_complaint_about_a_double_does_not(code, goes_on):
+    append = Append(PEER, 7, ITEMS)
+    append.start(0.0)
+    append.receive(mission_ack(code), 0.1)
+    assert (append.result is None) == goes_on
+
+
+def test_a_link_that_brings_too_little_ends_it_with_how_far_it_came():
+    append = Append(PEER, 7, ITEMS)
+    append.start(0.0)
+    append.receive(mission_ack(0), 0.2)
+    now = 0.2
+    while append.result is None:
+        now = append.next_deadline
+        append.tick(now)
+    assert "1 of 3 items, none more for 30 s" in append.result.failure
+    assert now == 30.2

@@ -1,0 +1,127 @@
+"""Rows of (state, input, now) -> (output, deadline): reading a mission back."""
+
+from __future__ import annotations
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from words_of_vehicles import PEER, kinds, mission_ack
+
+from swarmctl.mavlink.mission_download import Download, DownloadOutcome
+
+
+def test_a_download_asks_item_by_item_and_thanks():
+    download = Download(PEER)
+    assert kinds(download.start(0.0)) == ["MISSION_REQUEST_LIST"]
+    sent = download.receive(mavlink.MAVLink_mission_count_message(255, 190, 2, 0), 0.1)
+    for seq in (0, 1):
+        assert [m.seq for m in sent] == [seq]
+        sent = download.receive(item(seq), 0.2)
+        assert seq == 1 or download.receive(item(seq), 0.2) == [], "a duplicate is ignored"
+    assert [m.type for m in sent] == [0]
+    assert download.result.outcome is DownloadOutcome.COMPLETE
+    assert [i.x for i in download.result.items] == [10, 11]
+
+
+def item(seq: int):
+    return mavlink.MAVLink_mission_item_int_message(
+        255, 190, seq, 3, 16, 0, 1, 0, 0, 0, 0, 10 + seq, 20, 30.0, 0
+    )
+
+
+def reading(n_items: int, *, in_order: bool) -> tuple[Download, list[int]]:
+    """Eight at a time, over a link that takes 2 s to answer; and what was asked for first, at 2 s."""
+    download = Download(PEER, window=8, in_order=in_order)
+    download.start(0.0)
+    asked = download.receive(mavlink.MAVLink_mission_count_message(255, 190, n_items, 0), 2.0)
+    return download, [m.seq for m in asked]
+
+
+@pytest.mark.parametrize("in_order", [False, True])
+def test_a_download_asks_for_eight_items_at_a_time(in_order):
+    download, asked = reading(10, in_order=in_order)
+    assert asked == list(range(8))
+    for seq in range(10):
+        assert download.next_deadline > 4.0, "the answer is on its way"
+        sent = download.receive(item(seq), 4.0)
+        assert [m.seq for m in sent[:1] if m.get_type() == "MISSION_REQUEST_INT"] == [8 + seq] * (seq < 2)
+    assert [i.x for i in download.result.items] == list(range(10, 20))
+
+
+def test_who_tells_items_in_any_order_is_asked_again_for_the_one_that_is_missing():
+    download, _asked = reading(3, in_order=False)
+    download.receive(item(0), 4.0)
+    download.receive(item(2), 4.0)
+    assert [m.seq for m in download.tick(download.next_deadline)] == [1]
+
+
+def test_a_count_that_comes_late_makes_nobody_wait_long_for_an_item():
+    download = Download(PEER, window=8)
+    download.start(0.0)
+    download.receive(mavlink.MAVLink_mission_count_message(255, 190, 3, 0), 9.5)
+    assert download.next_deadline == 13.5
+
+
+def test_who_tells_them_in_order_is_asked_for_nothing_again():
+    download, _asked = reading(3, in_order=True)
+    download.receive(item(0), 4.0)
+    (farewell,) = download.tick(download.next_deadline)
+    assert (farewell.get_type(), farewell.type) == ("MISSION_ACK", 15)
+    assert download.result.outcome is DownloadOutcome.BROKEN_OFF
+
+
+def test_copies_of_a_question_come_before_the_next_one():
+    """PX4 takes the number that it told last once more, but none before that."""
+    download = Download(PEER, window=3, copies=2, in_order=True)
+    download.start(0.0)
+    asked = download.receive(mavlink.MAVLink_mission_count_message(255, 190, 5, 0), 2.0)
+    assert [m.seq for m in asked] == [0, 0, 1, 1, 2, 2]
+    assert [m.seq for m in download.receive(item(0), 4.0)] == [3, 3]
+    assert download.receive(item(0), 4.0) == [], "the answer to the copy"
+    for seq in range(1, 5):
+        download.receive(item(seq), 4.5)
+    assert [i.x for i in download.result.items] == list(range(10, 15))
+
+
+@pytest.mark.parametrize(
+    ("code", "outcome"),
+    [
+        (14, DownloadOutcome.REFUSED),
+        (1, None),
+        (0, None),
+        (13, None),
+        (15, None),
+    ],
+)
+def test_only_errors_of_this_download_end_it(code, outcome):
+    download = Download(PEER)
+    download.start(0.0)
+    download.receive(mission_ack(code), 0.1)
+    assert (download.result and download.result.outcome) == outcome
+
+
+def test_who_was_asked_for_items_in_the_wrong_order_refuses_by_error():
+    download, _asked = reading(3, in_order=True)
+    download.receive(mission_ack(1), 3.0)
+    assert download.result.outcome is DownloadOutcome.REFUSED
+
+
+def test_an_empty_mission_is_a_complete_one():
+    download = Download(PEER)
+    download.start(0.0)
+    download.receive(mavlink.MAVLink_mission_count_message(255, 190, 0, 0), 0.1)
+    assert download.result.items == ()
+    assert download.result.outcome is DownloadOutcome.COMPLETE
+
+
+@pytest.mark.parametrize("counted", [False, True], ids=["no count", "no item"])
+def test_a_download_repeats_each_question_a_dozen_times(counted):
+    download = Download(PEER)
+    sent = download.start(0.0)
+    if counted:
+        sent = download.receive(mavlink.MAVLink_mission_count_message(255, 190, 2, 0), 0.0)
+    while download.result is None:
+        sent += download.tick(download.next_deadline)
+    wanted = "MISSION_REQUEST_INT" if counted else "MISSION_REQUEST_LIST"
+    assert kinds(sent) == [wanted] * 12 + ["MISSION_ACK"]
+    ended = DownloadOutcome.BROKEN_OFF if counted else DownloadOutcome.NO_ANSWER
+    assert download.result.outcome is ended

@@ -1,0 +1,204 @@
+"""Rows of (state, input, now) -> (output, deadline): uploading a mission, and setting its current item."""
+
+from __future__ import annotations
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from words_of_vehicles import ITEMS, PEER, mission_ack, request
+
+from swarmctl.mavlink.mission_current import SetCurrent
+from swarmctl.mavlink.mission_upload import Upload, UploadOutcome
+
+
+def started_upload(*, asked: int = 0) -> Upload:
+    upload = Upload(PEER, ITEMS)
+    upload.start(0.0)
+    for seq in range(asked):
+        upload.receive(request(seq), 0.1)
+    return upload
+
+
+@pytest.mark.parametrize("legacy", [True, False], ids=["MISSION_REQUEST", "MISSION_REQUEST_INT"])
+def test_both_kinds_of_request_are_answered_with_item_int(legacy):
+    upload = started_upload()
+    sent = [m for seq in range(3) for m in upload.receive(request(seq, legacy=legacy), 0.1)]
+    assert [(m.get_type(), m.seq, m.x) for m in sent] == [
+        ("MISSION_ITEM_INT", i, ITEMS[i].x) for i in range(3)
+    ]
+    upload.receive(mission_ack(0), 0.2)
+    assert upload.result.outcome is UploadOutcome.ACCEPTED
+
+
+def test_the_count_is_announced_every_second_until_the_first_request():
+    upload = Upload(PEER, ITEMS)
+    sent = [(0.0, m.count) for m in upload.start(0.0)]
+    while upload.result is None:
+        now = upload.next_deadline
+        sent += [(now, getattr(m, "count", m.get_type())) for m in upload.tick(now)]
+    assert sent == [*((float(t), 3) for t in range(12)), (12.0, "MISSION_ACK")]
+    assert upload.result.outcome is UploadOutcome.NO_ANSWER
+
+
+@pytest.mark.parametrize(
+    ("asked", "message", "outcome"),
+    [
+        (0, request(2), None),  # an earlier transfer goes on
+        (0, request(0, kind=1), None),
+        (0, request(0, to=254), None),
+        (2, request(7), None),
+        (2, mission_ack(0), None),  # late, of an earlier transfer: not all was sent
+        (2, mission_ack(13), None),  # a duplicate; it goes on asking
+        (0, mission_ack(15), None),  # the earlier transfer is given up
+        (2, mission_ack(5, kind=1), None),
+        (2, mission_ack(5, to=254), None),
+        (2, mission_ack(5), UploadOutcome.REJECTED),
+        (0, mission_ack(4), UploadOutcome.REJECTED),
+        (0, mission_ack(14), UploadOutcome.DENIED),
+        (2, mission_ack(15), UploadOutcome.CANCELLED),
+        (3, mission_ack(13), None),
+        (3, mission_ack(1), UploadOutcome.UNCONFIRMED),  # a repeated last item after a lost acceptance
+        (2, mission_ack(1), None),  # the same, late, of an earlier transfer
+        (3, mission_ack(0), UploadOutcome.ACCEPTED),
+    ],
+)
+def test_what_each_answer_means_for_an_upload_of_three(asked, message, outcome):
+    upload = started_upload(asked=asked)
+    assert upload.receive(message, 0.2) == []
+    assert (upload.result and upload.result.outcome) == outcome
+
+
+LONG = ITEMS * 5
+
+
+def answers(upload: Upload, seq: int, now: float) -> list[int]:
+    return [item.seq for item in upload.receive(request(seq), now)]
+
+
+def test_eight_items_are_on_their_way_and_the_last_goes_to_who_asks_for_it():
+    upload = Upload(PEER, LONG)
+    upload.start(0.0)
+    assert answers(upload, 0, 2.0) == list(range(8))
+    assert answers(upload, 1, 4.0) == [8]
+    assert answers(upload, 5, 4.0) == [9, 10, 11, 12]
+    for seq in range(6, len(LONG) - 1):
+        assert len(LONG) - 1 not in answers(upload, seq, 6.0)
+    assert answers(upload, len(LONG) - 1, 6.0) == [len(LONG) - 1]
+
+
+def test_what_is_asked_for_again_after_an_answer_could_have_come_is_sent_again_and_all_behind_it():
+    upload = Upload(PEER, LONG)
+    upload.start(0.0)
+    answers(upload, 0, 2.0)
+    assert answers(upload, 3, 4.0) == [8, 9, 10]
+    again = [seq for seq in range(3, 11) for _ in range(2)]
+    assert answers(upload, 3, 5.0) == again, "an answer takes 2 s, and 3 went 3 s ago"
+    assert answers(upload, 3, 5.9) == [], "it is on its way"
+    assert answers(upload, 3, 6.1) == [3, 3], "but who has to wait gives up"
+    assert answers(upload, 3, 7.0) == []
+    assert answers(upload, 3, 8.0) == again
+    assert answers(upload, 4, 10.0) == [11, 11], "twice, as long as something is lost"
+
+
+def test_a_last_item_that_is_on_its_way_when_it_comes_too_late_may_still_arrive():
+    late = False
+    upload = Upload(PEER, ITEMS, too_late=lambda _answers_after_s: late)
+    upload.start(0.0)
+    answers(upload, 0, 2.0)
+    assert answers(upload, 2, 4.0) == [2]
+    assert answers(upload, 2, 5.0) == [2]
+    late = True
+    assert answers(upload, 2, 7.0) == []
+    assert upload.result is None
+    (farewell,) = upload.receive(request(2), 7.5)
+    assert (farewell.get_type(), farewell.type) == ("MISSION_ACK", 15)
+    assert upload.result.outcome is UploadOutcome.TOO_LATE
+
+
+def test_on_a_slow_link_a_last_item_may_take_as_long_as_an_answer_does():
+    upload = Upload(PEER, ITEMS, too_late=lambda _answers_after_s: late)
+    late = False
+    upload.start(0.0)
+    answers(upload, 0, 4.0)
+    assert answers(upload, 2, 8.0) == [2]
+    late = True
+    assert answers(upload, 2, 10.6) == []
+    assert upload.result is None
+    upload.receive(mission_ack(0), 12.0)
+    assert upload.result.outcome is UploadOutcome.ACCEPTED
+
+
+def test_an_error_that_cannot_be_the_answer_to_the_last_item_ends_nothing():
+    """PX4 refuses a second announcement that arrives when it has the first items."""
+    upload = Upload(PEER, ITEMS)
+    upload.start(0.0)
+    answers(upload, 0, 2.0)
+    answers(upload, 2, 4.0)
+    upload.receive(mission_ack(1), 4.5)
+    assert upload.result is None
+    upload.receive(mission_ack(0), 6.0)
+    assert upload.result.outcome is UploadOutcome.ACCEPTED
+
+
+def test_a_vehicle_that_begins_anew_is_answered():
+    upload = started_upload(asked=1)
+    assert answers(upload, 2, 0.3) == [2]
+    assert answers(upload, 0, 0.5) == [0, 0, 1, 1]
+    assert answers(upload, 1, 0.6) == []
+    assert answers(upload, 2, 0.6) == [2, 2]
+
+
+@pytest.mark.parametrize(
+    ("asked", "outcome"), [(2, UploadOutcome.INCOMPLETE), (3, UploadOutcome.UNCONFIRMED)]
+)
+def test_silence_ends_an_upload_after_six_seconds(asked, outcome):
+    upload = started_upload(asked=asked)
+    assert upload.next_deadline == pytest.approx(6.1)
+    assert upload.tick(6.0) == []
+    (farewell,) = upload.tick(6.1)
+    assert (farewell.get_type(), farewell.type) == ("MISSION_ACK", 15)
+    assert upload.result.outcome is outcome
+
+
+def test_a_vehicle_that_asks_for_one_item_for_ever_is_given_up():
+    upload, now = started_upload(asked=2), 0.0
+    while upload.result is None and now < 100:
+        now += 1.0
+        upload.receive(request(1), now)
+        upload.tick(now)
+    assert upload.result.outcome is UploadOutcome.INCOMPLETE
+    assert now == 31.0
+
+
+def test_a_slow_link_may_take_as_long_as_it_goes_on():
+    upload = Upload(PEER, ITEMS * 20)
+    upload.start(0.0)
+    for seq in range(60):
+        for again in (0.0, 5.0):
+            upload.tick(10.0 * seq + again)
+            upload.receive(request(seq), 10.0 * seq + again)
+    upload.receive(mission_ack(0), 600.0)
+    assert upload.result.outcome is UploadOutcome.ACCEPTED
+
+
+def test_a_current_item_is_set_by_message_and_seen():
+    setting = SetCurrent(PEER, 3)
+    assert [(m.get_type(), m.seq) for m in setting.start(0.0)] == [("MISSION_SET_CURRENT", 3)]
+    assert setting.receive(mavlink.MAVLink_mission_current_message(2), 0.1) == []
+    assert setting.result is None
+    setting.receive(mavlink.MAVLink_mission_current_message(3), 0.2)
+    assert setting.result.final
+
+
+def test_a_current_item_that_is_not_seen_may_have_been_set():
+    setting = SetCurrent(PEER, 3)
+    setting.start(0.0)
+    assert setting.next_deadline == 1.0
+    assert setting.tick(1.0) == []
+    assert (setting.result.final, setting.result.may_have_happened) == (False, True)
+
+
+def test_the_item_to_fly_is_marked_in_an_upload():
+    upload = Upload(PEER, ITEMS, current=1)
+    upload.start(0.0)
+    sent = [m for seq in range(3) for m in upload.receive(request(seq), 0.1)]
+    assert [(m.seq, m.current) for m in sent] == [(0, 0), (1, 1), (2, 0)]
