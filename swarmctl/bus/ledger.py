@@ -77,7 +77,6 @@ class Ledger:
         self.failed = np.zeros((n, n), np.bool_)
         self.lat_deg = np.full((n, n), np.nan)
         self.lon_deg = np.full((n, n), np.nan)
-        self.state_unix_s = np.full((n, n), -np.inf)
         self.told_s = np.full((n, n), -np.inf)
         self.said_s = np.full((n, n), -np.inf)
         self.agreed_s = np.full((n, n), -np.inf)
@@ -125,11 +124,10 @@ class Ledger:
             self._know(takes, reading.mark)
         else:
             takes &= self.upto[row] >= content.last_seq
-            takes &= self.state_unix_s[row] < frame.unix_s
+            takes &= self._is_newer(row, frame.unix_s)
             self.state[row, takes] = reading
             self.failed[row, takes] = content.phase == "failed"
             self.lat_deg[row, takes], self.lon_deg[row, takes] = content.lat_deg, content.lon_deg
-            self.state_unix_s[row, takes] = frame.unix_s
             self.told_s[row, takes] = self.said_s[row, takes] = now_s
             self.agreed_s[row, takes & self._has_held(content.knows)] = now_s
         self.newest[row] += takes
@@ -149,6 +147,11 @@ class Ledger:
             & (now_s < self.worked_until_s[row])
             & (self.worked[row] <= MAX_WORK - A_MESSAGE)
         )
+
+    def _is_newer(self, row: int, unix_s: float) -> Hearers:
+        """To whom a state of that time, by its sender's clock, is newer than the one that is known."""
+        states: list[Reading | None] = self.state[row].tolist()
+        return np.array([state is None or state.frame.unix_s < unix_s for state in states], np.bool_)
 
     def _has_held(self, fingerprint: int) -> Hearers:
         holds: Hearers = (self.fingerprint == fingerprint) | (fingerprint == NOTHING)
@@ -186,9 +189,7 @@ class Column:
         for table in (ledger.newest, ledger.worked, ledger.upto, ledger.in_order, ledger.shelf):
             table[:, at] = 0
         ledger.incarnation[:, at] = -1
-        for table in (ledger.heard_s, ledger.worked_until_s, ledger.state_unix_s):
-            table[:, at] = -np.inf
-        for table in (ledger.told_s, ledger.said_s, ledger.agreed_s):
+        for table in (ledger.heard_s, ledger.worked_until_s, ledger.told_s, ledger.said_s, ledger.agreed_s):
             table[:, at] = -np.inf
         ledger.state[:, at] = None
         ledger.lat_deg[:, at] = ledger.lon_deg[:, at] = np.nan
@@ -219,8 +220,6 @@ class Column:
         """where it was by that; NaN: not known"""
         self.failed: Numbers[bool] = _numbers(ledger.failed[:, at])
         """whether by that it flies no more"""
-        self.state_unix_s: Numbers[float] = _numbers(ledger.state_unix_s[:, at])
-        """when it told that, by its clock"""
         self.told_s: Numbers[float] = _numbers(ledger.told_s[:, at])
         """when that came"""
         self.said_s: Numbers[float] = _numbers(ledger.said_s[:, at])
@@ -252,13 +251,13 @@ class Column:
         """Of itself, or of it by others."""
         self.state[place], self.failed[place] = reading, state.phase == "failed"
         self.lat_deg[place], self.lon_deg[place] = state.lat_deg, state.lon_deg
-        self.state_unix_s[place], self.told_s[place] = reading.frame.unix_s, now_s
+        self.told_s[place] = now_s
 
     def silent(self, now_s: float) -> Hearers:
         """Those that have told their state, and of whom nothing has come for long."""
         ledger, at = self.ledger, self.place
         last_s = np.maximum(ledger.heard_s[:, at], ledger.told_s[:, at])
-        silent: Hearers = (ledger.state_unix_s[:, at] > -np.inf) & (now_s - last_s > ALIVE_S)
+        silent: Hearers = (ledger.told_s[:, at] > -np.inf) & (now_s - last_s > ALIVE_S)
         return silent
 
     def nearest(self, here: LatLon | None, k: int | None, now_s: float) -> tuple[int, ...]:

@@ -11,18 +11,19 @@ from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 
 from swarmctl.bus import keys
+from swarmctl.bus.backlog import Backlog, Said
 from swarmctl.bus.base import Transport
 from swarmctl.bus.exchange import NodeOptions, Out, Took
 from swarmctl.bus.inlet import TURN_S
 from swarmctl.bus.ledger import Ledger
 from swarmctl.bus.node import Node
 from swarmctl.bus.radio import Lost, Radio
-from swarmctl.bus.reading import Reading, reader
+from swarmctl.bus.reading import reader
 from swarmctl.bus.tally import Tally
 from swarmctl.core.frames import (
     IntentShared,
@@ -40,6 +41,7 @@ from swarmctl.core.printable import printable
 UNHURRIED_S = 0.005
 """of a turn for what is unhurried where other things are said, and one message at least"""
 T = TypeVar("T")
+T_co = TypeVar("T_co", covariant=True)
 OnTold = Callable[[tuple[Told, ...]], None]
 MAX_SAID = 10
 """lines of one topic, a UAV; all of it is counted"""
@@ -78,10 +80,6 @@ class _Member:
     """that its agent has not been told yet"""
 
 
-_Said = tuple[int, str, Reading, tuple[int, ...]]
-"""(sender, act, what it said, to whom of this process)"""
-
-
 class Network:
     """The swarm as far as it is in this process, on one transport; `close` ends its timers.
 
@@ -118,9 +116,9 @@ class Network:
         self._hearers = lru_cache(maxsize=1024)(self._ledger.hearers)
         # Of what comes by radio, and of what is to be passed on, there is more to say than that it is news.
         self._is_plain = self._radio is None and not options.relay
-        self._said: deque[_Said] = deque()
+        self._said = Backlog()
         """by UAVs of this process, on its way to others of it"""
-        self._unhurried: deque[_Said] = deque()
+        self._unhurried = Backlog()
         """the same of questions for what was missed, and of the answers: long, and no longer new"""
         self._untold: deque[_Member] = deque()
         """with news"""
@@ -263,12 +261,23 @@ class Network:
         if here:
             reading = self._read(data)
             takes_long = isinstance(reading.frame.content, SnapshotAsked | Snapshot)
-            (self._unhurried if takes_long else self._said).append((sender, act, reading, here))
+            backlog = self._unhurried if takes_long else self._said
+            for unheard in backlog.append(Said(sender, act, reading, here)):
+                self._is_lost(unheard)
             self._hand_over_soon()
         if len(here) < len(to):
             for uav in to:
                 if uav not in self._members:
                     self._transport.put(keys.told(self._swarm, uav, act, sender), data)
+
+    def _is_lost(self, said: Said) -> None:
+        """There was no more room for it."""
+        for member in map(self._members.__getitem__, said.to):
+            lost = member.node.tally.lost
+            if not lost[Lost.OVERLOAD]:
+                text = "more is said than this machine can hear; some is lost (said once, all is counted)"
+                self._tell(member, [(Lost.OVERLOAD, text)])
+            lost[Lost.OVERLOAD] += 1
 
     def _hand_over_soon(self) -> None:
         if not self._is_handing_over:
@@ -295,7 +304,7 @@ class Network:
         if self._said or self._untold or self._unhurried:
             self._hand_over_soon()
 
-    def _hear(self, said: _Said, now_s: float, unix_s: float) -> None:
+    def _hear(self, said: Said, now_s: float, unix_s: float) -> None:
         """To all of this process to whom it goes."""
         sender, act, reading, _ = said
         for uav in self._take_at_once(said, now_s, unix_s):
@@ -307,7 +316,7 @@ class Network:
             except Exception:  # noqa: BLE001 - a bug in one message is none in the others
                 self._bug(member, sender)
 
-    def _take_at_once(self, said: _Said, now_s: float, unix_s: float) -> Collection[int]:
+    def _take_at_once(self, said: Said, now_s: float, unix_s: float) -> Collection[int]:
         """By all to whom there is nothing else to say; returns the others."""
         sender, act, reading, to = said
         if not self._is_plain:
@@ -359,7 +368,12 @@ class Network:
         self._perform(member, member.node.tick(now_s, self._clock.unix_s()))
 
 
-def _within(seconds: float, waiting: deque[T]) -> Iterator[T]:
+class _Waiting(Protocol[T_co]):
+    def __len__(self) -> int: ...
+    def popleft(self) -> T_co: ...
+
+
+def _within(seconds: float, waiting: _Waiting[T]) -> Iterator[T]:
     """What waits, one after the other, until so much time has passed."""
     until_s = time.perf_counter() + seconds
     while waiting:

@@ -7,16 +7,16 @@ again, when a number is missing, and every few seconds one neighbour whose knowl
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable
 
 import msgspec
 import numpy as np
 
+from swarmctl.bus.admission import check_age, check_source, check_time, is_stale
 from swarmctl.bus.doubts import Doubts
 from swarmctl.bus.exchange import NodeOptions, Took
-from swarmctl.bus.ledger import STALE_S, Column, Ledger
-from swarmctl.bus.peer import A_CHECKPOINT, A_FRAME, ASK_AGAIN_S, QUESTIONS_PER_S, Peer
+from swarmctl.bus.ledger import Column, Ledger
+from swarmctl.bus.peer import A_CHECKPOINT, A_FRAME, ASK_AGAIN_S, QUESTIONS_PER_S, Peer, told_since
 from swarmctl.bus.questions import Questions
 from swarmctl.bus.reading import Read, Reading, reader
 from swarmctl.bus.replica import COMPACT_AFTER, Kept, Replica
@@ -24,7 +24,6 @@ from swarmctl.bus.tally import Tally
 from swarmctl.bus.voice import Voice, in_parts
 from swarmctl.core.frames import (
     Content,
-    Frame,
     IntentShared,
     Refused,
     Relayed,
@@ -43,8 +42,6 @@ CHECKPOINT_EVERY = 64
 """own observations"""
 UNHURRIED = 8
 """checkpoints of what it knows already that an agent is told at once"""
-MAX_CLOCK_S = 1.0
-"""newer by less, a state is not passed on"""
 MAX_WRONG = 8
 """frames inside of a message; the rest of it is not looked at"""
 
@@ -232,26 +229,11 @@ class Node:
     ) -> None:
         """Raises Refused unless this is `sender`'s, and a message that has not come before."""
         frame = reading.frame
-        if frame.sender != sender or reading.act != act:
-            raise Refused(
-                Why.SOURCE,
-                f"a frame {reading.act} of vehicle {frame.sender} under the key of {act} of {sender}",
-            )
-        self._check_time(frame, unix_s)
-        if self._is_stale(frame, unix_s):
-            raise Refused(
-                Why.REPLAY, f"said {unix_s - frame.unix_s:.0f} s ago by the clock of vehicle {sender}"
-            )
+        check_source(reading, sender, act)
+        check_time(frame, unix_s, self._options)
+        check_age(frame, unix_s, self._options)
         if peer.admit(frame, now_s):
             self._ask_soon(sender, now_s)
-
-    def _check_time(self, frame: Frame, unix_s: float) -> None:
-        ahead_s = frame.unix_s - unix_s
-        if ahead_s > self._options.clock_tolerance_s:
-            raise Refused(Why.FUTURE, f"said {ahead_s:.1f} s from now by the clock of vehicle {frame.sender}")
-
-    def _is_stale(self, frame: Frame, unix_s: float) -> bool:
-        return unix_s - frame.unix_s > STALE_S + self._options.round_trip_s
 
     def _handle(self, took: Took, peer: Peer, reading: Reading, now_s: float, unix_s: float) -> None:
         sender = reading.frame.sender
@@ -332,7 +314,7 @@ class Node:
     def _forwarded_one(self, took: Took, reading: Reading, now_s: float, unix_s: float) -> bool:
         """Whether it was something new that was seen."""
         frame = reading.frame
-        self._check_time(frame, unix_s)
+        check_time(frame, unix_s, self._options)
         peer = None if frame.sender == self.uav else self._peer(frame.sender)
         seen = frame.content
         if isinstance(seen, Observation) and peer is not None and self._doubts.has_none_of(reading):
@@ -343,11 +325,11 @@ class Node:
                 return True
         match seen:
             case StateShared():
-                if peer is not None and not self._is_stale(frame, unix_s):
+                if peer is not None and not is_stale(frame, unix_s, self._options):
                     peer.told(reading, now_s)
                 return False
             case IntentShared() as intent:
-                if peer is not None and not self._is_stale(frame, unix_s):
+                if peer is not None and not is_stale(frame, unix_s, self._options):
                     peer.intends(frame, intent, reading.data)
                 return False
             case Observation() | Checkpoint() as told:
@@ -408,17 +390,10 @@ class Node:
     def _answer(self, took: Took, asker: int, asked: SnapshotAsked, now_s: float, unix_s: float) -> None:
         if not self._peers[asker].may_ask(now_s):
             raise Refused(Why.TOO_FAST, f"vehicle {asker} asks more than {QUESTIONS_PER_S:g} times a second")
-        known = dict(asked.states)
         frames = list(self._replica.missing(asked.have))
-        newer = [
-            peer
-            for uav, peer in self._peers.items()
-            if uav != asker
-            and (state := peer.told_state) is not None
-            and state.frame.unix_s > known.get(uav, -math.inf) + MAX_CLOCK_S
-        ]
-        frames += [state.data for peer in newer if (state := peer.told_state) is not None]
-        frames += [p.intent_frame for p in newer if unix_s - p.intent_unix_s <= STALE_S]
+        frames += told_since(
+            (p for uav, p in self._peers.items() if uav != asker), dict(asked.states), unix_s
+        )
         parts = list(in_parts(frames))
         for i, part in enumerate(parts):
             self._send(took, Snapshot(part, i == len(parts) - 1), (asker,), unix_s)

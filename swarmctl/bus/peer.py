@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping
 
 import msgspec
 
-from swarmctl.bus.ledger import A_MESSAGE, MAX_WORK, SILENT_AFTER_S, WITHIN_S, Column
+from swarmctl.bus.ledger import A_MESSAGE, MAX_WORK, SILENT_AFTER_S, STALE_S, WITHIN_S, Column
 from swarmctl.bus.pace import Pace
 from swarmctl.bus.reading import Reading
 from swarmctl.bus.replica import Apart, Kept
@@ -23,6 +24,8 @@ QUESTIONS_PER_S, QUESTIONS_BURST = 4.0, 16
 WINDOW = 1024
 """a message that comes later than so many of its sender's is taken for a replay"""
 IN_WINDOW = (1 << WINDOW) - 1
+MAX_CLOCK_S = 1.0
+"""newer by less, a state is not passed on"""
 
 
 class Peer(msgspec.Struct, gc=False):
@@ -128,7 +131,10 @@ class Peer(msgspec.Struct, gc=False):
     def told(self, reading: Reading, now_s: float) -> None:
         """Its state, by itself or by others; an older one than is known is passed over."""
         frame, column, row = reading.frame, self.column, self.row
-        is_newer = frame.incarnation >= column.incarnation[row] and frame.unix_s > column.state_unix_s[row]
+        known = column.state[row]
+        is_newer = frame.incarnation >= column.incarnation[row] and (
+            known is None or frame.unix_s > known.frame.unix_s
+        )
         if is_newer and isinstance(frame.content, StateShared):
             column.told(reading, frame.content, row, now_s)
 
@@ -174,3 +180,16 @@ class Peer(msgspec.Struct, gc=False):
         if state is None or now_s - column.said_s[row] > SILENT_AFTER_S:
             return False
         return column.has_held(state.knows)
+
+
+def told_since(peers: Iterable[Peer], known: Mapping[int, float], unix_s: float) -> list[bytes]:
+    """The frames of the states that are newer than those `known`, told at those times (unix) [s], and of the
+    intents that their senders have told of late."""
+    newer = [
+        (peer, told)
+        for peer in peers
+        if (told := peer.told_state) is not None
+        and told.frame.unix_s > known.get(told.frame.sender, -math.inf) + MAX_CLOCK_S
+    ]
+    frames = [told.data for _, told in newer]
+    return frames + [p.intent_frame for p, _ in newer if unix_s - p.intent_unix_s <= STALE_S]

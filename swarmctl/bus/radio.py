@@ -37,6 +37,8 @@ class Lost(StrEnum):
     """its sender has too much to send"""
     TOO_FAR = "too_far"
     TOO_NEAR = "too_near"
+    OVERLOAD = "overload"
+    """no model: more is said than the receivers' machine can hear"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,122 @@
+"""What waits to be heard in one process: bounded, and the newest of who is where is never what goes."""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import closing
+from functools import partial
+
+import pytest
+from ether import state
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from swarmctl.bus import network
+from swarmctl.bus.backlog import Backlog, Said
+from swarmctl.bus.exchange import NodeOptions
+from swarmctl.bus.memory import MemoryBus
+from swarmctl.bus.network import Network, RunClock
+from swarmctl.bus.radio import Lost
+from swarmctl.bus.reading import Reading
+from swarmctl.clock import run_virtual
+from swarmctl.core.frames import Frame, IntentShared, Spoken, StateShared
+from swarmctl.core.observation import Observation, Told
+
+ROOM_BYTES = 20_000
+
+
+def observation(uav: int, seq: int, incarnation: int = 1) -> Observation:
+    return Observation(uav, seq, 2.5, ((seq % 20, 4, True),), incarnation)
+
+
+def said(sender: int, n: int, kind: type, to: tuple[int, ...]) -> Said:
+    contents: dict[type, Spoken] = {
+        Observation: observation(sender, n),
+        StateShared: state(),
+        IntentShared: IntentShared(1),
+    }
+    frame = Frame(sender, 1, n, 0.0, contents[kind])
+    return Said(sender, frame.act, Reading(frame, frame.act, bytes(100), (sender, 1)), to)
+
+
+ANY = st.tuples(
+    st.integers(1, 3),
+    st.sampled_from([Observation, Observation, Observation, StateShared, IntentShared]),
+    st.sampled_from([(7,), (8,), (7, 8)]),
+    st.sampled_from([0, 0, 0, 1]),
+)
+"""sender, kind, to whom, and how many are heard before the next is said"""
+
+
+@settings(derandomize=True, deadline=None, max_examples=200)
+@given(st.lists(ANY, min_size=40, max_size=150))
+def test_what_goes_is_the_oldest_but_never_the_newest_of_who_is_where(
+    story: list[tuple[int, type, tuple[int, ...], int]],
+) -> None:
+    backlog, waiting = Backlog(ROOM_BYTES), list[Said]()
+    for n, (sender, kind, to, heard) in enumerate(story):
+        waiting.append(said(sender, n, kind, to))
+        gone = backlog.append(waiting[-1])
+        stays = [one for one in waiting if one not in gone]
+        for one in gone:
+            assert any(other.reading.frame.n > one.reading.frame.n for other in stays)
+            if kind_of(one) is not Observation:
+                newer = [s for s in waiting if s.sender == one.sender and kind_of(s) is kind_of(one)]
+                to_whom = [s.to for s in newer if s.reading.frame.n > one.reading.frame.n]
+                assert set(one.to) <= {uav for whom in to_whom for uav in whom}
+        waiting = stays
+        for _ in range(min(heard, len(waiting))):
+            assert backlog.popleft() is waiting.pop(0)
+        # Three senders' newest of two kinds to two are 12 messages; else there is room for 18.
+        assert sum(one.weighs_bytes for one in waiting) <= max(ROOM_BYTES, 4 * 12 * 1_100)
+    assert [backlog.popleft() for _ in range(len(backlog))] == waiting
+
+
+def known(told: list[Told]) -> set[int]:
+    """The observations of vehicle 1, each by itself or in a checkpoint."""
+    return {
+        seq for one in told for seq in ([one.seq] if isinstance(one, Observation) else range(1, one.upto + 1))
+    }
+
+
+def kind_of(one: Said) -> type:
+    return type(one.reading.frame.content)
+
+
+def test_what_there_is_no_room_for_is_counted_said_and_learned_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(network, "Backlog", partial(Backlog, 100_000))
+    lines: list[tuple[int, str]] = []
+
+    async def scene() -> None:
+        uavs, heard = (1, 2, 3), dict[int, list[Told]]()
+        with closing(MemoryBus()) as transport:
+            options = NodeOptions(20, 20)
+            swarm = Network(
+                transport, "test", uavs, options, clock=RunClock(1.8e9), say=lambda *line: lines.append(line)
+            )
+            incarnations = {}
+            for uav in uavs:
+                heard[uav] = []
+                incarnations[uav] = swarm.join(uav, heard[uav].extend)
+            with closing(swarm):
+                # Before the loop comes to it, as where a machine is far too slow.
+                swarm.publish(3, state(46.5))
+                for seq in range(1, 501):
+                    swarm.publish(1, observation(1, seq, incarnations[1]))
+                await asyncio.sleep(0.1)
+                assert 300 < swarm.tally(2).lost[Lost.OVERLOAD] < 500
+                assert swarm.tally(1).lost == {}
+                assert [text for uav, text in lines if uav == 2] == [
+                    "more is said than this machine can hear; some is lost (said once, all is counted)"
+                ]
+                assert swarm.states(2)[3].lat_deg == swarm.states(1)[3].lat_deg == 46.5
+                for _ in range(30):
+                    for uav in uavs:
+                        swarm.publish(uav, state(46.0 + uav * 1e-4))
+                    await asyncio.sleep(1.0)
+                for uav in (2, 3):
+                    assert known(heard[uav]) == {*range(1, 501)}
+
+    run_virtual(scene())
