@@ -166,6 +166,7 @@ class Tuning:
     rc_missed_unarmed: bool = True  # what is lost at arming already is a failsafe, too
     rc_timeout_s: float = 0.0  # without a frame, then it is lost
     rc_long_s: float = 0.0  # since the short action, or without a frame, until rc_action
+    position_watched: bool = True
     position_lost_everywhere: bool = False  # acts in modes, too, that need no position
     pilot_missing: bool = False  # there is no manual control for the modes that need it
     takeoff_speed_m_s: float | None = None  # None: climb_m_s
@@ -174,6 +175,8 @@ class Tuning:
         0.0  # above home; from here to landing_slow_below_m the descent slows evenly
     )
     return_hover_height_m: float | None = None  # above home, where it waits; None: at the height it came
+    # above home, where it stays once it has waited, as long as the remote control is heard; None: it lands
+    return_ends_m: float | None = None
     zero_keeps_altitude: bool = False  # 0 as the altitude of a mission item is the present one
     rally_limit_m: float = math.inf  # farther rally points do not count
     rally_altitude: RallyAltitude = RallyAltitude.GROUND

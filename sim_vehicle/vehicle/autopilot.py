@@ -136,6 +136,7 @@ class Autopilot:
             taken_off=self.modes.taken_off,
             start_landing=self._start_landing,
             return_by_mission=lambda: self.personality.return_by_mission(self),
+            remote_lost=lambda: self.failsafes.rc,
             mission_over=self.modes.mission_over,
             set_home=lambda place: self.landmarks.set_home(place, self.now, locked=True),
         )

@@ -218,7 +218,8 @@ class Failsafes:
 
     def _watch_position(self, now: float) -> None:
         vehicle, tuning = self._vehicle, self._vehicle.tuning
-        lost = vehicle.readiness.position(now) and not vehicle.body.position_ok
+        watched = tuning.position_watched and vehicle.readiness.position(now)
+        lost = watched and not vehicle.body.position_ok
         if lost and not self.position and vehicle.armed:
             self.position = True
             vehicle.tell("position_lost")

@@ -44,6 +44,7 @@ class Flight:
         taken_off: Callable[[], None],
         start_landing: Callable[[], bool],
         return_by_mission: Callable[[], tuple[Sequence[Item], float] | None],
+        remote_lost: Callable[[], bool],
         set_home: Callable[[Place], None],
         mission_over: Callable[[], None],
     ) -> None:
@@ -53,6 +54,7 @@ class Flight:
         self.tell, self.send, self.disarm, self.set_home = tell, send, disarm, set_home
         self._taken_off = taken_off
         self.start_landing, self._return_by_mission = start_landing, return_by_mission
+        self.remote_lost = remote_lost
         self.pilot = MissionPilot(self)
         self.mission_over = mission_over
         self.cleared_for_takeoff = False  # by MISSION_START or a take-off command, until disarmed

@@ -58,7 +58,10 @@ class Landing:
 
 
 class Return:
-    """Return to launch: climb, fly home (or to the nearest rally point), wait there, land."""
+    """Return to launch: climb, fly home (or to the nearest rally point), wait there, land.
+
+    Or, where the tuning names a height at which it ends, go there and stay (`ModeRTL::run`).
+    """
 
     def __init__(self, flight: "Flight") -> None:
         self._flight = flight
@@ -77,6 +80,7 @@ class Return:
             body.fly_to(east_m, north_m, self._up_m)
         self._land_at_s: float | None = None
         self._landing: Landing | None = None
+        self._stays = False
         # The mission's hands bring it home, and the mission goes on from there.
         self._mission_lands = flight.behaviour is Behaviour.RETURN and tuning.return_lands in (1, 2)
 
@@ -114,6 +118,16 @@ class Return:
         self._fly_home()
         return True
 
+    def _end(self) -> None:
+        flight = self._flight
+        ends_m = flight.tuning.return_ends_m
+        if ends_m is None or flight.remote_lost():
+            self._landing = Landing(flight, None)
+            return
+        self._stays = True
+        self._up_m = flight.home().alt_amsl_m + ends_m
+        self._fly_home()
+
     def _fly_home(self) -> None:
         body = self._flight.body
         self._flight.go((*body.locate(self._place.lat_deg, self._place.lon_deg), self._up_m))
@@ -129,8 +143,8 @@ class Return:
         if not flight.body.airborne:
             self._landing = Landing(flight, None)
         elif self._land_at_s is not None:
-            if now >= self._land_at_s:
-                self._landing = Landing(flight, None)
+            if now >= self._land_at_s and not self._stays:
+                self._end()
         elif flight.body.reached:
             if self._flies_home:
                 if self._hovers or not self._descend():

@@ -172,6 +172,23 @@ def test_without_a_remote_control_either_a_lost_position_lands() -> None:
     there.until(lambda: there.mode == "LAND", 12)
 
 
+def test_without_a_threshold_nobody_watches_the_position() -> None:
+    there = station(FS_EKF_THRESH=0)
+    there.fly(40)
+    inject(there, "gps_loss")
+    there.wait(20)
+    assert there.mode == "GUIDED"
+    assert "EKF Failsafe" not in there.texts()
+
+
+def test_a_return_lands_whatever_its_final_height_while_the_remote_control_is_lost() -> None:
+    there = station(RTL_ALT_FINAL=500, RTL_LOIT_TIME=1000)
+    there.fly(20)
+    inject(there, "rc_loss")
+    there.until(lambda: there.mode == "RTL", 5)
+    there.until(lambda: not there.armed, 120)
+
+
 # -- links ---------------------------------------------------------------------------------------------------
 
 

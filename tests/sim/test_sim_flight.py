@@ -196,6 +196,32 @@ def test_return_climbs_flies_home_waits_and_lands() -> None:
     assert place_m(station) == pytest.approx((0, 0), abs=1.0)
 
 
+def returning_to(final_cm: int) -> Station:
+    (vehicle,) = scenario().vehicles
+    params = {"RTL_ALT_FINAL": final_cm, "RTL_LOIT_TIME": 2000}
+    return Station(Fleet(scenario(vehicles=[vehicle.model_copy(update={"params": params})]), ready_s=0.0))
+
+
+@pytest.mark.parametrize("final_cm", [500, 2000])  # below and above the height it comes at
+def test_a_return_with_a_final_height_ends_there_and_does_not_land(final_cm: int) -> None:
+    station = returning_to(final_cm)
+    station.fly(15)
+    assert station.command(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH) == 0
+    station.wait(90)
+    assert station.armed
+    assert station.height_m == pytest.approx(final_cm / 100, abs=0.3)
+    assert place_m(station) == pytest.approx((0, 0), abs=1.0)
+
+
+@pytest.mark.parametrize("final_cm", [0, -1])
+def test_a_return_without_a_final_height_lands(final_cm: int) -> None:
+    station = returning_to(final_cm)
+    station.fly(15)
+    assert station.command(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH) == 0
+    station.wait(90)
+    assert not station.armed
+
+
 def test_landing_is_slow_below_ten_metres() -> None:
     station = Station()
     station.fly(20)

@@ -55,6 +55,7 @@ COPTER: dict[str, float | int] = _COMMON | {
     "FRAME_CLASS": 1,  # to be read
     "FRAME_TYPE": 0,  # to be read
     "FS_EKF_ACTION": 1,  # 0 report, 1 land, 2 altitude hold, 3 land even in stabilize
+    "FS_EKF_THRESH": 0.8,  # of the variances, 0: not watched
     "FS_GCS_ENABLE": 0,  # 0 nothing, 1 RTL, 2 and 3 as 1, 4 and 5 land, 6 as 1, 7 brake or land
     "FS_GCS_TIMEOUT": 5.0,  # s
     "FS_OPTIONS": 16,  # goes on, bits: 0 AUTO, 2 GUIDED without RC; 1 AUTO, 4 pilot's modes without a GCS
@@ -68,6 +69,7 @@ COPTER: dict[str, float | int] = _COMMON | {
     "RALLY_INCL_HOME": 1,  # 0: home only where there is no rally point
     "RALLY_LIMIT_KM": 0.3,  # km, 0: none
     "RTL_ALT": 1500,  # cm above home
+    "RTL_ALT_FINAL": 0,  # cm above home, where a return ends and stays; 0: it lands
     "RTL_CLIMB_MIN": 0,  # cm
     "RTL_CONE_SLOPE": 3.0,  # height to distance from home, below which it climbs no higher; below 0.5: none
     "RTL_LOIT_TIME": 5000,  # ms
@@ -120,8 +122,8 @@ _INT8 = (
 )
 _INT16 = (
     "AIRSPEED_MAX AIRSPEED_MIN FENCE_RET_ALT FORMAT_VERSION LAND_ALT_LOW LAND_SPEED LAND_SPEED_HIGH MIS_TOTAL"
-    " PILOT_SPEED_DN PILOT_SPEED_UP RTL_CLIMB_MIN RTL_RADIUS RTL_SPEED SYSID_MYGCS SYSID_THISMAV"
-    " WP_LOITER_RAD WP_MAX_RADIUS WP_RADIUS"
+    " PILOT_SPEED_DN PILOT_SPEED_UP RTL_ALT_FINAL RTL_CLIMB_MIN RTL_RADIUS RTL_SPEED SYSID_MYGCS"
+    " SYSID_THISMAV WP_LOITER_RAD WP_MAX_RADIUS WP_RADIUS"
 )
 _INT32 = "ARMING_CHECK AUTO_OPTIONS BATT_CAPACITY FS_OPTIONS RTL_ALT RTL_LOIT_TIME SIM_ENGINE_FAIL"
 BITS: dict[str, int] = {
