@@ -13,7 +13,13 @@ class Separation(Section):
     """Two vehicles are too close when they are closer than both distances at one time."""
 
     horizontal_m: float = Field(10.0, gt=0.0, le=1000.0, description="between two vehicles, over ground [m]")
-    vertical_m: float = Field(3.0, gt=0.0, le=500.0, description="between two vehicles, in height [m]")
+    vertical_m: float = Field(
+        3.0,
+        gt=0.0,
+        le=500.0,
+        description="between two vehicles, in height [m]; who is to be kept apart by height flies 1.2 times "
+        "as much above or below, because heights are not held to the metre",
+    )
     look_ahead_s: float = Field(
         10.0, gt=0.0, le=120.0, description="in flight others are watched for so long ahead [s]"
     )

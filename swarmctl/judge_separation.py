@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from itertools import combinations
 
@@ -12,12 +13,15 @@ from swarmctl.planners import Route, Unreachable
 from swarmctl.scenario import Scenario, Spec
 from swarmctl.separation import Limits, Trajectory, conflicts
 from swarmctl.separation.clash import SLACK_S
+from swarmctl.separation.watch import HEIGHT_MARGIN
 
 
 def judge_separation(scenario: Scenario, routes: Mapping[int, Route]) -> Iterator[Problem]:
     """Vehicles that share an altitude band (closer than `separation.vertical_m`) have time slots: their first
-    routes, `routes` by system id, do not meet. A fixed wing shares every band."""
+    routes, `routes` by system id, do not meet. A fixed wing shares every band. Who flies above or below
+    another does so by more than the errors of their heights."""
     limits = scenario.config.separation
+    yield from _hardly_apart(scenario)
     shared = [
         {one.sysid, other.sysid}
         for one, other in combinations(scenario.specs, 2)
@@ -38,6 +42,25 @@ def judge_separation(scenario: Scenario, routes: Mapping[int, Route]) -> Iterato
         near = f"{at.horizontal_m:.0f} m over ground and {at.vertical_m:.0f} m in height after {at.t_s:.0f} s"
         yield _problem(scenario, specs[conflict.uav], specs[conflict.other], near)
         return  # one cure mends most of them
+
+
+def _hardly_apart(scenario: Scenario) -> Iterator[Problem]:
+    """The first two that keep `separation.vertical_m` in height, and so little more that errors of their
+    heights make them too close wherever they cross: plans take them to be apart, but the watch does not."""
+    vertical_m = scenario.config.separation.vertical_m
+    wanted_m = HEIGHT_MARGIN * vertical_m
+    for one, other in combinations(scenario.specs, 2):
+        apart_m = abs(one.altitude_m - other.altitude_m)
+        if vertical_m - 1e-9 <= apart_m < wanted_m - 1e-9:
+            text = (
+                f"{one.name} and {other.name} would fly at {one.altitude_m:g} and {other.altitude_m:g} m, "
+                f"hardly more than separation.vertical_m = {vertical_m:g} m apart: heights are not held to "
+                f"the metre, and each crossing would raise an alarm; give them altitudes that differ by "
+                f"{wanted_m:g} m or more, or a separation.vertical_m of "
+                f"{math.floor(100.0 * apart_m / HEIGHT_MARGIN) / 100.0:g} m or less"
+            )
+            yield Problem(("flight", "altitude_step_m"), text)
+            return
 
 
 def _flights(scenario: Scenario, routes: Mapping[int, Route]) -> Iterator[tuple[int, Trajectory]]:

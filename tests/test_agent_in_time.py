@@ -243,6 +243,17 @@ def test_a_change_costs_the_stop_that_its_own_last_changes_brought(
     assert bool(swaps(told.tick())) is goes_around
 
 
+@pytest.mark.parametrize(("within_s", "goes_around"), [(70.5, False), (71.5, True)])
+def test_it_costs_who_brakes_for_it_more_although_it_never_stands(within_s: float, goes_around: bool) -> None:
+    """As above: what who flies on has in time, who brakes by 2.5 m/s² from 10 m/s has 2 s later, and speeds
+    up as from a stop."""
+    told = flying(at_s=10.0, within_s=within_s)
+    vehicle = replace(told.state.vehicle, brakes_m_s2=2.5)
+    told.state = replace(told.state, vehicle=vehicle, swap_times=SwapTimes((1.0,), (0.0,)))
+    told.hear(*IN_THE_WAY)
+    assert bool(swaps(told.tick())) is goes_around
+
+
 def test_a_track_that_is_worse_than_its_route_by_now_is_pulled_anew() -> None:
     told = Story(
         any_angle=Counting.INTEGRAL, entry=(0, 0), goals=((3, 8),), strength=FiringStrength(0.9, 0.002, 0.001)

@@ -84,7 +84,7 @@ class Witness:
     ways: dict[int, list[tuple[float, Way]]] = field(default_factory=dict)
     """what each vehicle flies in its mission's mode, whenever that changes"""
     close: dict[tuple[int, int], list[float]] = field(default_factory=dict)
-    """when two were too close in the air, and not over one goal"""
+    """when two were too close in the air"""
     bad: list[str] = field(default_factory=list)
     _was_up: dict[int, bool] = field(default_factory=dict)
     heights_m: dict[int, list[tuple[float, float]]] = field(default_factory=dict)
@@ -124,10 +124,7 @@ class Witness:
         for i, j in combinations(up, 2):
             here, there = ((float(truth.lat_deg[k]), float(truth.lon_deg[k])) for k in (i, j))
             vertical_m = abs(float(truth.alt_amsl_m[i] - truth.alt_amsl_m[j]))
-            if vertical_m >= limits.vertical_m or distance_m(here, there) >= limits.horizontal_m:
-                continue
-            cells = {self.drawn.scenario.grid.cell_at(*place) for place in (here, there)}
-            if not cells & set(tasks[i].goals) & set(tasks[j].goals):
+            if vertical_m < limits.vertical_m and distance_m(here, there) < limits.horizontal_m:
                 self.close.setdefault((tasks[i].uav, tasks[j].uav), []).append(now)
 
 

@@ -6,11 +6,12 @@ way. Whatever happens meanwhile waits for its end, and the newest belief wins.
 
 state: what an agent has to do and knows; step: one handler an event; decide: the planning; realise: from a
 route to what is flown; bounds: from a time bound to a length; pace: what turns cost; in_time: which route
-meets it; branching: where a new plan leaves the old one; swap_times: how long a change takes; flight_path:
-where it is when; apart: watching the others; intents: telling where it will be; clearing: no two plans that
-meet; meeting: arriving with them; neighbours: what they tell; orders: what operators want; ruling: what the
-rules of flight demand; launching: the launch; returning: whose way home is clear; learning: what is seen;
-sharing: what it tells of itself; down: whether it is up.
+meets it; branching: where a new plan leaves the old one; swap_times: how long a change takes; stopping: what
+it costs who brakes for it; flight_path: where it is when; apart: watching the others; intents: telling where
+it will be; clearing: no two plans that meet; over_goal: who waits above there; meeting: arriving with them;
+neighbours: what they tell; orders: what operators want; ruling: what the rules of flight demand; launching:
+the launch; returning: whose way home is clear; learning: what is seen; sharing: what it tells of itself;
+down: whether it is up.
 Imports core, planners, rules and separation.
 """
 

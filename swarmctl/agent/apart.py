@@ -58,19 +58,22 @@ def keep_apart(state: AgentState) -> Step:
     if not (state.neighbours or state.alarms or state.gave_way):
         return state, []
     if state.gave_way is not None and state.phase not in (Phase.FLYING, Phase.LANDING):
-        state = _released(state)  # it was ordered otherwise
+        state = released(state)  # it was ordered otherwise
     before = {alarm.other for alarm in state.alarms}
     own = own_trajectory(state)
     if own is None or state.phase not in IN_FLIGHT:
-        return replace(_released(state), alarms=()), []
-    others = {uav: path for uav, heard in state.neighbours.items() if (path := _predicted(state, heard))}
+        return replace(released(state), alarms=()), []
+    others = {uav: path for uav, heard in state.neighbours.items() if (path := predicted(state, heard))}
     now_s = state.vehicle.time_boot_s
     alarms = watch(state.alarms, own, others, state.task.separation, now_s)
     new = [alarm for alarm in alarms if alarm.other not in before]
     if alarms or state.alarms:
         state = replace(state, alarms=alarms, n_alarms=state.n_alarms + len(new))
     told: list[ev.Effect] = [ev.Tell(f"{_in_words(alarm, now_s)}{_who(state, alarm)}") for alarm in new]
-    if state.gave_way is not None:
+    done: list[ev.Effect] = []
+    if state.gave_way is not None and state.phase is Phase.LANDING:
+        pass  # `swarmctl.agent.over_goal`
+    elif state.gave_way is not None:
         state, done = _go_on_if_clear(state, own, others)
     else:
         before_it = [alarm for alarm in alarms if not gives_way(state.task.uav, alarm.other)]
@@ -79,7 +82,7 @@ def keep_apart(state: AgentState) -> Step:
     return state, [*told, *done]
 
 
-def _released(state: AgentState) -> AgentState:
+def released(state: AgentState) -> AgentState:
     """It gives way to nobody any more."""
     return replace(state, gave_way=None, gave_way_to={}, held_boot_s=math.inf, go_on_boot_s=-math.inf)
 
@@ -157,10 +160,8 @@ def _go_on_if_clear(state: AgentState, own: Trajectory, others: dict[int, Trajec
         return state, []
     waits = any(_is_to_give_way(state, alarm.other) for alarm in state.alarms)
     if not waits and _is_clear(state, own, others) and not _may_be_met(state):
-        if state.phase is Phase.LANDING:
-            return command(_released(state), ev.Order.LAND)
         return _flies_on(state, "clear of the others: it flies on")
-    if now_s - state.held_boot_s < HOLDS_FOR_S or state.phase is not Phase.FLYING:
+    if now_s - state.held_boot_s < HOLDS_FOR_S:
         return state, []
     return _over_them(state, others)
 
@@ -202,14 +203,18 @@ def least_share(flight: Trajectory, other: Trajectory, limits: Limits) -> float 
 def _may_be_met(state: AgentState) -> bool:
     """Whether its way leads by where somebody was whom it gave way to, and of whom nothing is heard any more:
     it may stand there."""
+    own, limits = own_trajectory(state, SILENT_S), state.task.separation.limits
+    return own is not None and any(intervals(own, there, limits) for there in silent(state).values())
+
+
+def silent(state: AgentState) -> dict[int, Trajectory]:
+    """Where those may stand that it gave way to and of whom nothing is heard any more."""
     now_s = state.vehicle.time_boot_s
-    own = own_trajectory(state, SILENT_S)
-    silent = [
-        onward(_place(state, heard.state), (0.0, 0.0, 0.0), now_s, SILENT_S)
-        for heard in state.gave_way_to.values()
+    return {
+        uav: onward(_place(state, heard.state), (0.0, 0.0, 0.0), now_s, SILENT_S)
+        for uav, heard in state.gave_way_to.items()
         if FRESH_S < now_s - heard.at_s <= SILENT_S and heard.state.alt_rel_m >= AIRBORNE_M
-    ]
-    return own is not None and any(intervals(own, there, state.task.separation.limits) for there in silent)
+    }
 
 
 def _flies_on(state: AgentState, text: str) -> Step:
@@ -321,7 +326,7 @@ def stopped(state: AgentState, here: Point) -> Point:
     return here[0] + vehicle.east_m_s * braking_s, here[1] + vehicle.north_m_s * braking_s, here[2]
 
 
-def _predicted(state: AgentState, heard: Heard) -> Trajectory | None:
+def predicted(state: AgentState, heard: Heard) -> Trajectory | None:
     """Straight on from where it said it was; None where it is in nobody's way or was not heard of late."""
     told, now_s = heard.state, state.vehicle.time_boot_s
     if not 0.0 <= now_s - heard.at_s <= FRESH_S or told.alt_rel_m < AIRBORNE_M:

@@ -101,10 +101,11 @@ def before_takeoff(arrival: Arrival, altitude_m: float) -> Underway:
     return Underway(elapsed_s=0.0, climb_m=altitude_m, lead_m=arrival.approach_m, lost_s=lost_s)
 
 
-def change_s(arrival: Arrival, stop_s: float | None = None) -> float:
+def change_s(arrival: Arrival, stop_s: float | None = None, brakes_m_s2: float | None = None) -> float:
     """What changing the mission in flight costs before the new route is begun: for as long as that makes the
-    vehicle stand (`SwapTimes.stop_s`), where that is known."""
-    return pace.brake_s(arrival.speed_m_s) + HOLD_S if stop_s is None else stop_s
+    vehicle stand (`SwapTimes.stop_s`), where that is known, and at least what it loses by braking for it."""
+    brakes_s = 0.0 if brakes_m_s2 is None else pace.brake_s(arrival.speed_m_s, brakes_m_s2)
+    return max(pace.brake_s(arrival.speed_m_s) + HOLD_S if stop_s is None else stop_s, brakes_s)
 
 
 def window(arrival: Arrival, cell_size_m: float, underway: Underway) -> Window:

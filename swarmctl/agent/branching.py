@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl.agent.apart import track_ahead
-from swarmctl.agent.pace import ACCELERATION_M_S2
 from swarmctl.agent.state import AgentState, Phase
+from swarmctl.agent.stopping import flies_on
 from swarmctl.core.grid import Cell
 from swarmctl.core.mission import Waypoint
 from swarmctl.core.plane import Point, distance_to_leg, distance_to_track
@@ -172,10 +172,7 @@ def _is_behind(state: AgentState, here: Point, index: int) -> bool:
 
 def _flies_on_m(state: AgentState) -> float:
     """How far it flies along its old plan before it has a new one."""
-    told_m_s = state.speed_m_s or state.task.arrival.speed_m_s
-    speed_m_s, expected_s = state.vehicle.ground_speed_m_s, state.swap_times.expected_s
-    top_m_s = max(speed_m_s, min(told_m_s, speed_m_s + ACCELERATION_M_S2 * expected_s))
-    return 0.5 * (speed_m_s + top_m_s) * expected_s
+    return flies_on(state, state.swap_times.expected_s)[0]
 
 
 def _is_wall(state: AgentState, p_s: NDArray[np.float64], cell: Cell) -> bool:

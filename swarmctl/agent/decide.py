@@ -97,6 +97,7 @@ def _decide_from(
         track=track,
     )
     state = replace(state, pending=swap, because=(), next_plan_id=state.next_plan_id + 1, must_change=False)
+    state = replace(state, swap_begun_boot_s=state.vehicle.time_boot_s)
     return state, [swap]
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 from swarmctl.agent import pace, wing_path
 from swarmctl.agent.bounds import CLIMB_M_S, LIFT_S
 from swarmctl.agent.state import Task
+from swarmctl.agent.stopping import ANEW_M_S, Stop, cut
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, Waypoint
 from swarmctl.separation import Point, Trajectory
@@ -22,6 +24,8 @@ LAND_M_S = 0.5
 """and goes on from LOW_M above home: LAND_SPEED"""
 LEVEL_S = 0.4
 """What is climbed in less is level."""
+APART_S = 1e-3
+"""Two points of a flight that are nearer in time are one."""
 LOW_M = 10.0
 """LAND_ALT_LOW"""
 
@@ -84,6 +88,26 @@ def climbing(
         return along(there, height_m, way, speed_m_s)
     flight = along(there, height_m, way, speed_m_s).later(up_s)
     return Trajectory((0.0, *flight.times_s), (here, *flight.points))
+
+
+def stopping(
+    here: Point, height_m: float, way: Sequence[Place], speed_m_s: float, begins_m_s: float, stop: Stop | None
+) -> Trajectory:
+    """As `along`, for one that stops on its way and keeps its height until then; None: it does not stop."""
+    parts = None if stop is None else cut([here[:2], *way], stop.in_m)
+    if stop is None or parts is None:
+        return along(here, height_m, way, speed_m_s, begins_m_s)
+    until, rest = parts
+    if (brakes := cut(until, stop.on_m)) is not None:
+        until = [*brakes[0], *brakes[1][1:]]
+    points, times_s, way_m = [here], [0.0], 0.0
+    for a, b in pairwise(until[:-1]):
+        way_m += math.dist(a, b)
+        if times_s[-1] + APART_S < (at_s := stop.passed_s(way_m)) < stop.in_s - APART_S:
+            points.append((*b, here[2]))
+            times_s.append(at_s)
+    on = along((*rest[0], here[2]), height_m, rest[1:], speed_m_s, ANEW_M_S).later(stop.in_s)
+    return Trajectory((*times_s, *on.times_s), (*points, *on.points))
 
 
 def along(

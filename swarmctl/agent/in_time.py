@@ -45,7 +45,7 @@ FROM_A_STOP = Onto()
 
 def onto(state: AgentState, branch: Branch) -> Onto:
     """How a vehicle comes onto a route that leaves its old one there, after the swap."""
-    flies_on = state.swap_times.stop_s == 0.0
+    flies_on = state.swap_times.stop_s == 0.0 and state.vehicle.brakes_m_s2 is None
     return Onto(branch.way, state.vehicle.ground_speed_m_s if branch.leaves_ahead and flies_on else 0.0)
 
 
@@ -77,7 +77,7 @@ def change_cells(state: AgentState, start: Cell, underway: Underway, branch: Bra
     back_m = 0.0
     if branch is None or not branch.leaves_ahead:
         back_m = distance_m((vehicle.lat_deg, vehicle.lon_deg), task.grid.centre(start)) - underway.lead_m
-    stands_s = change_s(task.arrival, state.swap_times.stop_s)
+    stands_s = change_s(task.arrival, state.swap_times.stop_s, vehicle.brakes_m_s2)
     return (stands_s * task.arrival.speed_m_s + back_m) / task.grid.cell_size_m
 
 

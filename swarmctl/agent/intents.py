@@ -13,9 +13,10 @@ from dataclasses import replace
 from swarmctl.agent import wing_path
 from swarmctl.agent.apart import AIRBORNE_M, here_of, stopped, track_ahead
 from swarmctl.agent.bounds import LIFT_S
-from swarmctl.agent.flight_path import along, climbing, down, height_of, ways_of
+from swarmctl.agent.flight_path import climbing, down, height_of, stopping, ways_of
 from swarmctl.agent.orders import Step
 from swarmctl.agent.state import IN_FLIGHT, AgentState, Phase
+from swarmctl.agent.stopping import stop_ahead, stop_for_new
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_AHEAD_S, MAX_POINTS, IntentPoint, IntentShared
 from swarmctl.core.mission import FlightPlan
@@ -145,7 +146,9 @@ def flight_of(state: AgentState, plan: FlightPlan) -> Trajectory | None:
         return from_now(state, wing_path.in_flight(task, plan, here, way[:-1], task.arrival.speed_m_s))
     if _climbs_on_the_spot(state, here, plan):
         return from_now(state, climbing(here, height_of(plan), way, task.arrival.speed_m_s))
-    return from_now(state, along(here, height_of(plan), way, task.arrival.speed_m_s, begins_m_s))
+    stop = stop_for_new(state)
+    flight = stopping(here, height_of(plan), way, task.arrival.speed_m_s, begins_m_s, stop)
+    return from_now(state, flight)
 
 
 def from_now(state: AgentState, flight: Trajectory | None) -> Trajectory | None:
@@ -170,12 +173,15 @@ def _ahead(state: AgentState, here: Point) -> Trajectory | None:
             return climbing(here, height_of(swap.plan), ways_of(task, swap.plan), speed_m_s, lift_s)
         case Phase.FLYING | Phase.LANDING if swap is not None and state.gave_way is None:
             plan, way = swap.plan, ways_of(task, swap.plan)
-            if state.phase is Phase.LANDING and math.dist(here[:2], way[-1]) < AT_LANDING_M:
+            if state.phase is Phase.LANDING and state.ordered is ev.Order.LAND:
                 return down([here], [0.0])
+            if state.phase is Phase.LANDING and _comes_down(here, way[-1], height_of(plan)):
+                return down([(*way[-1], here[2])], [0.0])
             if _climbs_on_the_spot(state, here, plan):
                 return climbing(here, height_of(plan), way, speed_m_s)
             left = [point[:2] for point in track_ahead([(*place, 0.0) for place in way], here)]
-            return along(here, height_of(plan), left, speed_m_s, state.vehicle.ground_speed_m_s)
+            begins_m_s = state.vehicle.ground_speed_m_s
+            return stopping(here, height_of(plan), left, speed_m_s, begins_m_s, stop_ahead(state))
         case Phase.FLYING | Phase.LANDING | Phase.HOLDING:
             stop = stopped(state, here)
             return Trajectory((0.0, STANDS_S), (stop, stop))
@@ -183,6 +189,12 @@ def _ahead(state: AgentState, here: Point) -> Trajectory | None:
             return down([here], [0.0])
     # How high a firmware climbs before it returns is its own affair.
     return None
+
+
+def _comes_down(here: Point, place: tuple[float, float], height_m: float) -> bool:
+    """On the spot, at its landing place; also where wind moves it about there."""
+    near_m = AT_HOME_M if here[2] < height_m - AIRBORNE_M else AT_LANDING_M
+    return math.dist(here[:2], place) < near_m
 
 
 def _winged_ahead(state: AgentState, here: Point, speed_m_s: float) -> Trajectory | None:

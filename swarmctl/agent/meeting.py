@@ -13,6 +13,7 @@ from swarmctl.agent.bounds import CLIMB_M_S, LIFT_S
 from swarmctl.agent.orders import Step
 from swarmctl.agent.slack import slack_changed
 from swarmctl.agent.state import ARRIVED, AgentState, Phase
+from swarmctl.agent.stopping import Stop, past_stop, stop_ahead
 from swarmctl.agent.wing_path import ROLL_S
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
@@ -90,6 +91,8 @@ class _Way:
     begins_m_s: float
     up_s: float
     """until it is at its height"""
+    stop: Stop | None = None
+    """for a plan that it takes up"""
     turn_radius_m: float | None = None
     """of what flies at one speed all the way, and rounds its corners; None: it brakes there"""
 
@@ -98,12 +101,12 @@ class _Way:
             flown, _ = rounded(self.track, self.turn_radius_m)
             way_m = math.fsum(math.dist(a, b) for a, b in pairwise(flown))
             return self.up_s + max(way_m - self.rim_m, 0.0) / speed_m_s
-        begins_m_s = min(self.begins_m_s, speed_m_s)
-        return self.up_s + pace.arrives_s(self.track, speed_m_s, begins_m_s=begins_m_s, ends_m=self.rim_m)
+        stop_s, track, begins_m_s = past_stop(self.track, min(self.begins_m_s, speed_m_s), self.stop)
+        return self.up_s + stop_s + pace.arrives_s(track, speed_m_s, begins_m_s=begins_m_s, ends_m=self.rim_m)
 
 
 def _way_of(state: AgentState) -> _Way | None:
-    vehicle, swap = state.vehicle, state.route
+    vehicle, swap = state.vehicle, state.pending or state.route
     if swap is None or vehicle.lat_deg is None or vehicle.lon_deg is None:
         return None
     grid = state.task.grid
@@ -113,9 +116,9 @@ def _way_of(state: AgentState) -> _Way | None:
     wings, rim_m = state.task.wings, _rim_m(track, grid.cell_size_m)
     if wings is not None:  # which climbs on its way
         roll_s = 0.0 if vehicle.armed else ROLL_S
-        return _Way(track, rim_m, vehicle.ground_speed_m_s, roll_s, state.task.turn_radius_m)
+        return _Way(track, rim_m, vehicle.ground_speed_m_s, roll_s, turn_radius_m=state.task.turn_radius_m)
     up_s = max(state.height_m - here[2], 0.0) / CLIMB_M_S + (0.0 if vehicle.armed else LIFT_S)
-    return _Way(track, rim_m, vehicle.ground_speed_m_s, up_s)
+    return _Way(track, rim_m, vehicle.ground_speed_m_s, up_s, stop_ahead(state))
 
 
 def _slowest_m_s(state: AgentState, meeting: Meeting) -> float:

@@ -33,9 +33,9 @@ STRAIGHT_RAD = 0.1
 """What turns less is straight on."""
 
 
-def brake_s(speed_m_s: float) -> float:
+def brake_s(speed_m_s: float, brakes_m_s2: float = BRAKING_M_S2) -> float:
     """What braking to a stop costs over flying the same way at speed."""
-    return speed_m_s / (2.0 * BRAKING_M_S2)
+    return speed_m_s / (2.0 * brakes_m_s2)
 
 
 def lost_s(

@@ -156,6 +156,10 @@ class AgentState:
     """how long changing its mission took of late"""
     swapped_boot_s: float = -math.inf
     """when its mission was changed last, by its own clock"""
+    swap_begun_boot_s: float = -math.inf
+    """when it was decided to change it, by the same"""
+    stopped_boot_s: float = -math.inf
+    """until then it brakes to take up the plan it flies, if it does so at all, by the same"""
     dirty: bool = False
     because: tuple[ev.ObservationId, ...] = ()
     """observations merged since the last decision"""
@@ -242,6 +246,8 @@ class AgentState:
     """who gave way does not fly on before, by the vehicle's clock"""
     held_boot_s: float = math.inf
     """since when it holds to give way"""
+    looked_below_s: float = -math.inf
+    """when who lands has looked last whether its way down is clear"""
     others_due: Mapping[int, float] = field(default_factory=dict)
     """when others can be over their goals at the earliest, by this vehicle's clock [s]"""
     due_s: float | None = None

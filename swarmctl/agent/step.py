@@ -27,11 +27,13 @@ from swarmctl.agent.orders import (
     weights_changed,
 )
 from swarmctl.agent.ours import ROLES, roles_of_ours
+from swarmctl.agent.over_goal import wait_above
 from swarmctl.agent.realise import index_abreast
 from swarmctl.agent.returning import take_turn
 from swarmctl.agent.ruling import ruled
 from swarmctl.agent.sharing import share_state
 from swarmctl.agent.state import IN_FLIGHT, ON_GROUND, PLANNING, AgentState, Phase
+from swarmctl.agent.stopping import stopped_at
 from swarmctl.agent.swap_times import SwapTimes
 from swarmctl.core import events as ev
 from swarmctl.core.geo import distance_m
@@ -170,15 +172,17 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
     state, begun = launch_if_possible(state)
     if state.phase is Phase.FLYING and state.cell in state.task.goals:
         state = replace(state, phase=Phase.LANDING, dirty=False, arrived_boot_s=vehicle.time_boot_s)
+        state = replace(state, intent_said_s=-math.inf)  # it gives way to nobody on its way any more
     if state.phase in IN_FLIGHT and now >= state.order_again_at_s and state.ordered is not None:
         state, again = command(state, state.ordered)
         return state, [*demanded, *again]
     state, turned = take_turn(state)
     state, kept_apart = keep_apart(state)
+    state, waited = wait_above(state)
     state, paced = keep_pace(state)
     state, intent = _tell_intent(state)
     state, shared = share_state(state)
-    return state, [*demanded, *begun, *turned, *kept_apart, *paced, *intent, *shared]
+    return state, [*demanded, *begun, *turned, *kept_apart, *waited, *paced, *intent, *shared]
 
 
 def _tell_intent(state: AgentState) -> Step:
@@ -278,6 +282,7 @@ def _mission_accepted(state: AgentState, event: ev.MissionAccepted, _now: float)
     if state.phase in IN_FLIGHT:
         if event.took_s is not None:
             state = replace(state, swap_times=state.swap_times.measured(event.took_s, event.stood_still_s))
+        state = replace(state, stopped_boot_s=stopped_at(state))
         return replace(state, replans=state.replans + 1, swapped_boot_s=state.vehicle.time_boot_s), []
     if event.took_s is not None:
         state = replace(state, swap_times=SwapTimes.expecting(event.took_s))
@@ -300,7 +305,7 @@ def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> S
     if event.flying == "theirs" and state.phase in IN_FLIGHT:
         return let_go(state, event.reason)
     state = replace(state, hold_is_ours=event.flying == "hold")
-    if state.phase is Phase.LANDING and event.flying != "old":
+    if state.phase is Phase.LANDING and (event.flying != "old" or swap.plan.from_hold):
         # Over its goal and standing still: there is nothing left to plan.
         return command(state, ev.Order.LAND)
     if state.phase is not Phase.FLYING:

@@ -45,6 +45,11 @@ class SwapTimes:
         return _with_spare_s(max(self.took_s)) if self.took_s else self.prior_s
 
     @property
+    def likely_s(self) -> float:
+        """So long it will take, without any to spare."""
+        return max(self.took_s, default=self.prior_s)
+
+    @property
     def stop_s(self) -> float | None:
         """For so long it is expected to stand; 0 where it flies on, None before any swap was measured."""
         if not self.stood_s:

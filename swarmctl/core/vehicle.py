@@ -57,6 +57,8 @@ class VehicleState:
     """it has a receiver, and that has a fix; None where it has none"""
     mission_seq: int | None = None
     mission_total: int | None = None
+    brakes_m_s2: float | None = None
+    """how hard it brakes, down to a stop, before it takes up another plan in flight; None: it just turns"""
     other_mission: bool = False
     """somebody else has put another mission on it than was verified there"""
     home_lat_deg: float | None = None

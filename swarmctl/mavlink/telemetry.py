@@ -29,6 +29,7 @@ CLOCK_BEGINS_ANEW_S = 2**32 / 1000.0
 POSITION_KEPT_S = 3.0
 """Where it was is forgotten after this, by our clock. An ArduPilot that does not know its place says so, PX4
 is silent of it."""
+POSITIONS_COUNTED, FEWEST_POSITIONS = 10, 3
 SNAPSHOT_S = 0.9
 """after a snapshot: without a position, the next heartbeat or SYS_STATUS makes one"""
 LEAST_ALT_M, MOST_ALT_M = -1000.0, 20_000.0
@@ -57,7 +58,7 @@ class Telemetry:
         self.reboots = 0
         self.stood_still_s = 0.0
         self._dialect = dialect
-        self._state = VehicleState()
+        self._state = VehicleState(brakes_m_s2=dialect.brakes_m_s2)
         self._changes: dict[str, Any] = {}
         self._now = 0.0
         self._clock_heard_s: float | None = None
@@ -65,6 +66,8 @@ class Telemetry:
         self._clock_before_s = 0.0
         """what it had counted when its clock began anew last"""
         self._snapshot_s = -math.inf
+        self._positions_s: deque[float] = deque(maxlen=POSITIONS_COUNTED)
+        """when the last came"""
         self._assembler = TextAssembler()
         self._prearm_ok: bool | None = None
         self._ekf_flags: int | None = None
@@ -118,6 +121,18 @@ class Telemetry:
         """Found by whoever knows what was put on it."""
         self._changes["other_mission"] = is_so
 
+    @property
+    def position_age_s(self) -> float:
+        """How long before the last that was heard of it its last position came; 0 where none has."""
+        told_s = self.state.position_s
+        return 0.0 if told_s is None else self._now - told_s
+
+    def position_every_s(self, now: float) -> float | None:
+        """How long it takes from one of its last positions to the next on the average [s]; None where hardly
+        any came."""
+        came_s = self._positions_s
+        return (now - came_s[0]) / len(came_s) if len(came_s) >= FEWEST_POSITIONS else None
+
     def texts_since(self, n_texts: int) -> list[tuple[int, str]]:
         """Those that came after `n_texts` had, of the last."""
         new = self.n_texts - n_texts
@@ -158,6 +173,7 @@ class Telemetry:
         place = _place(message)
         if place is not _NOWHERE:
             self._changes["position_s"] = self._now
+            self._positions_s.append(self._now)
         self._changes |= place
         self._changes |= {
             "time_boot_s": time_boot_s,
@@ -206,6 +222,7 @@ class Telemetry:
             mode=last.mode,
             mode_role=last.mode_role,
             armed=last.armed,
+            brakes_m_s2=last.brakes_m_s2,
             heartbeat_s=last.heartbeat_s,
         )
         self._changes = {}

@@ -12,7 +12,7 @@ who is warned and who gives way in flight; meet: one arrival for many. Imports c
 
 from swarmctl.separation.approach import Approach, Limits, closest, intervals
 from swarmctl.separation.conflicts import Conflict, Crossings, conflicts, crossings
-from swarmctl.separation.trajectory import Point, Trajectory, onward, to_its_landing
+from swarmctl.separation.trajectory import Point, Trajectory, lands_from_s, onward, to_its_landing
 
 __all__ = [
     "Approach",
@@ -25,6 +25,7 @@ __all__ = [
     "conflicts",
     "crossings",
     "intervals",
+    "lands_from_s",
     "onward",
     "to_its_landing",
 ]

@@ -102,10 +102,21 @@ class Bounds:
 
 def to_its_landing(flight: Trajectory) -> Trajectory:
     """A flight until it begins to come down on the spot at its end; the whole of one that does so already."""
+    n = _n_before_landing(flight)
+    return flight if n < 2 else Trajectory(flight.times_s[:n], flight.points[:n])
+
+
+def lands_from_s(flight: Trajectory) -> float:
+    """When it begins to come down on the spot at its end; at its end, where it does not."""
+    return flight.times_s[_n_before_landing(flight) - 1]
+
+
+def _n_before_landing(flight: Trajectory) -> int:
+    """Of its points."""
     n = len(flight.points)
     while n > 1 and _sinks_on_the_spot(flight.points[n - 2], flight.points[n - 1]):
         n -= 1
-    return flight if n < 2 else Trajectory(flight.times_s[:n], flight.points[:n])
+    return n
 
 
 def _sinks_on_the_spot(a: Point, b: Point) -> bool:

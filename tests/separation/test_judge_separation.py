@@ -45,10 +45,43 @@ def test_vehicles_at_one_altitude_that_meet_are_refused_with_a_cure() -> None:
     )
 
 
-@pytest.mark.parametrize(("step_m", "refused"), [(2.9, True), (3.0, False)])
-def test_the_band_is_the_vertical_separation(step_m: float, refused: bool) -> None:
+@pytest.mark.parametrize(("step_m", "refused"), [(2.9, "their first routes meet"), (3.6, "")])
+def test_the_band_is_the_vertical_separation(step_m: float, refused: str) -> None:
     wide = {"horizontal_m": 100.0}
-    assert bool(problems(separation=wide, flight={"altitude_step_m": step_m})) is refused
+    found = problems(separation=wide, flight={"altitude_step_m": step_m})
+    assert [refused in text for text in found] == [True] * bool(refused)
+
+
+@pytest.mark.parametrize(
+    ("step_m", "vertical_m", "apart_m", "most_m"),
+    [(3.0, 3.0, 3.6, 2.5), (3.5, 3.0, 3.6, 2.91), (5.0, 5.0, 6.0, 4.16), (2.0, 4.0, 4.8, 3.33)],
+)
+def test_altitudes_that_keep_the_limit_and_no_more_are_refused_with_a_cure(
+    step_m: float, vertical_m: float, apart_m: float, most_m: float
+) -> None:
+    """Though no first routes meet: others may. Of steps of 2 m the third vehicle is meant."""
+    (found,) = problems(separation={"vertical_m": vertical_m}, flight={"altitude_step_m": step_m})
+    other, height_m = ("uav3", 40.0 + 2.0 * step_m) if step_m < vertical_m else ("uav2", 40.0 + step_m)
+    assert found == (
+        f"flight.altitude_step_m: uav1 and {other} would fly at 40 and {height_m:g} m, hardly more than "
+        f"separation.vertical_m = {vertical_m:g} m apart: heights are not held to the metre, and each "
+        f"crossing would raise an alarm; give them altitudes that differ by {apart_m:g} m or more, or a "
+        f"separation.vertical_m of {most_m:g} m or less"
+    )
+    cured = {"vertical_m": most_m}
+    assert problems(separation=cured, flight={"altitude_step_m": step_m}) == []
+    assert problems(separation={"vertical_m": vertical_m}, flight={"altitude_step_m": apart_m}) == []
+
+
+def test_wings_are_to_differ_in_height_as_much() -> None:
+    """For all that they need slots as well."""
+    found = problems(
+        area={**AREA, "rows": 12, "cols": 12},
+        simulate={"count": 2, "autopilot": "arduplane", "start_distance_m": 150.0},
+        separation={"vertical_m": 8.0},
+        flight={"altitude_m": 30.0, "altitude_step_m": 8.0, "any_angle": True},
+    )
+    assert any("hardly more than separation.vertical_m = 8 m apart" in text for text in found)
 
 
 def test_time_slots_separate_where_they_are_long_enough() -> None:
