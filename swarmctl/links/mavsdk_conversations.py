@@ -205,7 +205,7 @@ def _by_mavsdk(
     match own:
         case Command():
             return CommandByMavsdk(own, adapter, on_end, clock)
-        case Upload() if own.mission_type == MISSION:
+        case Upload() if own.mission_type == MISSION and own.flown is None:
             return UploadByMavsdk(own, adapter, on_end)
         case Download() if own.mission_type == MISSION and own.first == 0:
             return DownloadByMavsdk(adapter, on_end)

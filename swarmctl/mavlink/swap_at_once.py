@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
+from itertools import takewhile
 
 from swarmctl.core.mission import MissionItem
 from swarmctl.core.vehicle import Landed
@@ -13,11 +15,21 @@ from swarmctl.mavlink.landing import is_out_of_turn
 from swarmctl.mavlink.making_current import jump_to, see_current
 from swarmctl.mavlink.mission_download import DownloadOutcome
 from swarmctl.mavlink.outcome import Swapped
-from swarmctl.mavlink.placing import put, read_back
+from swarmctl.mavlink.placing import Placed, put, read_back
 from swarmctl.mavlink.procedure import Context, Procedure
-from swarmctl.mavlink.swap_steps import Flown, Way, held, see_it_fly
+from swarmctl.mavlink.swap_steps import NOT_ON_IT, Flown, Way, held, see_it_fly
 
-REJECTED = ("mission rejected", "no valid mission", "geofence violation for waypoint")
+REJECTED = (
+    "mission rejected",
+    "no valid mission",
+    "geofence violation for waypoint",
+    "geofence breach on path",
+    "geofence requires valid home",
+    "first waypoint too far away",
+    "distance between waypoint",
+    "is out of bounds",
+    "mission item could not be set",
+)
 """in what PX4 says (mission_feasibility_checker.cpp, MissionFeasibility/, navigator/mission_base.cpp)"""
 MOST_ITEMS = 400
 """A longer list is written anew, without what is flown already."""
@@ -33,49 +45,72 @@ def swap_at_once(ctx: Context, way: Way) -> Procedure[Swapped]:
     the last item of it. Raises HandsOff.
     """
     old = Flown.by(ctx)
-    items, keeps = way.items, False
+    items: tuple[MissionItem, ...] = way.items
+    marked: int | None = ctx.dialect.first_waypoint_seq
     if way.leaves_ahead and old.items and ctx.state.mode == ctx.dialect.mission_mode:
-        items, keeps = _grown(ctx, way, old)
-    failure = yield from _exchange(ctx, way, items, None if keeps else ctx.dialect.first_waypoint_seq)
+        items, marked = _grown(ctx, way, old)
+    n_texts, before = ctx.telemetry.n_texts, ctx.state.mission_seq or 0
+    placed = yield from _placed(ctx, way, items, marked, before)
+    failure = placed.failure
     if failure is None:
-        return Swapped(None, "new")
-    if not old.items:
-        return (yield from held(ctx, way, failure))
-    if (yield from _has_still(ctx, way, old)):
-        return Swapped(failure, "old", is_late=way.is_late)
+        way.taken_over_s = placed.uploaded_s
+        failure = yield from _taken_up(ctx, way, marked, min(before, len(items) - 1), n_texts)
+        if failure is None:
+            return Swapped(None, "new")
+    elif _flies_still(ctx, old, placed.found):
+        ctx.on_vehicle = placed.found
+        return Swapped(failure, "old", is_late=placed.is_late)
     second = yield from _return(ctx, way, old)
     if second is None:
         return Swapped(failure, "old")
     return (yield from held(ctx, way, f"{failure}; back to the old mission: {second}"))
 
 
-def _grown(ctx: Context, way: Way, old: Flown) -> tuple[tuple[MissionItem, ...], bool]:
-    """The old plan up to where the new one goes on, and that; and whether it is short enough."""
-    first = ctx.dialect.first_waypoint_seq
-    begins, flown = way.items[first], old.seq
-    for seq in (old.seq - 1, old.seq):
-        if seq < len(old.items) and (begins.x, begins.y) == (old.items[seq].x, old.items[seq].y):
-            flown = seq
-            break
+def _grown(ctx: Context, way: Way, old: Flown) -> tuple[tuple[MissionItem, ...], int | None]:
+    """The old plan up to where the new one goes on, and that, with no item marked; the new one by itself
+    where that is too long."""
+    first, flown = ctx.dialect.first_waypoint_seq, old.seq
+    begins = _place(way.items[first])
+    if _place(old.items[flown - 1]) == begins:
+        flown -= 1
+    else:
+        # What it passes on its way there counts as well, also where the new plan does not name it.
+        ahead = old.items[flown:]
+        flown += sum(1 for _ in takewhile(lambda i: _place(i) != begins and way.ahead.begins_over(i), ahead))
     grown = behind(old.items[:flown], way.items, first)
-    return grown, len(grown) <= MOST_ITEMS
+    return (grown, None) if len(grown) <= MOST_ITEMS else (way.items, first)
 
 
-def _exchange(
-    ctx: Context, way: Way, items: tuple[MissionItem, ...], marked: int | None
-) -> Procedure[str | None]:
-    """Put the new mission on a vehicle that flies or holds, once, and see it fly that: from the item that is
-    marked, or from where it is."""
-    before, n_texts = ctx.state.mission_seq or 0, ctx.telemetry.n_texts
+def _place(item: MissionItem) -> tuple[int, int]:
+    return item.x, item.y
+
+
+def _placed(
+    ctx: Context, way: Way, items: tuple[MissionItem, ...], marked: int | None, before: int
+) -> Procedure[Placed]:
+    """Put the new mission on a vehicle that flies `before`, or holds, once; where that fails, with what is
+    there instead, if that could be read."""
     yield from look(ctx, _ours(way))
     placed = yield from put(ctx, items, marked, tries=1, flown=before, too_late=partial(way.is_past, ctx))
-    if placed.failure:
-        way.is_late = placed.is_late
-        return placed.failure
-    way.taken_over_s = placed.uploaded_s
+    if placed.failure is None:
+        return placed
+    # What it has taken up it flies, though only reading back has failed.
+    read = yield from read_back(ctx)
+    if read.outcome is not DownloadOutcome.COMPLETE:
+        return placed
+    yield from look(ctx, in_modes(way.ours))
+    if ctx.dialect.differences(items, read.items):
+        return replace(placed, found=read.items)
+    ctx.on_vehicle = read.items
+    return replace(placed, failure=None, found=read.items)
+
+
+def _taken_up(ctx: Context, way: Way, marked: int | None, kept: int, n_texts: int) -> Procedure[str | None]:
+    """See a vehicle fly the mission that was put on it: from the item that is marked, or from where it is,
+    which was `kept`. It has said `n_texts` before."""
+    items = ctx.on_vehicle
     if _has_landed_by(ctx, items):
         return None
-    kept = min(before, len(items) - 1)
     try:
         if marked is None:
             # What is told from now on is of the new mission.
@@ -127,11 +162,24 @@ def complaint(ctx: Context, n_texts: int) -> str | None:
     return about[-1] if about else None
 
 
+def _flies_still(ctx: Context, old: Flown, there: tuple[MissionItem, ...]) -> bool:
+    """Whether it flies the old mission as if nothing had been: the new one was refused, or never complete."""
+    is_there = bool(there) and bool(old.items) and not ctx.dialect.differences(old.items, there)
+    return is_there and ctx.state.mode == ctx.dialect.mission_mode
+
+
 def _return(ctx: Context, way: Way, old: Flown) -> Procedure[str | None]:
-    """To the old mission and its item."""
+    """To the old mission, where it is still on its way; returns why not."""
     yield from look(ctx, _ours(way))
-    placed = yield from put(ctx, old.items, old.seq)
-    return placed.failure or (yield from _fly(ctx, way, old.seq, lambda now: now == old.seq))
+    if old.item(ctx) is None:
+        return NOT_ON_IT if old.items else "it is not known"
+    placed = yield from put(ctx, old.items, old.item(ctx))
+    if placed.failure:
+        return placed.failure
+    seq = old.item(ctx)
+    if seq is None:
+        return NOT_ON_IT
+    return (yield from _fly(ctx, way, seq, lambda now: now == seq))
 
 
 def _fly(ctx: Context, way: Way, seq: int, is_right: Callable[[int], bool]) -> Procedure[str | None]:
@@ -149,15 +197,3 @@ def _flown_from(ctx: Context, way: Way, seq: int) -> Procedure[str | None]:
 
 def _ours(way: Way) -> Seen:
     return in_modes(way.ours, armed=True)
-
-
-def _has_still(ctx: Context, way: Way, old: Flown) -> Procedure[bool]:
-    """Whether it flies the old mission as if nothing had been: the new one was refused, or never complete."""
-    read = yield from read_back(ctx)
-    if read.outcome is not DownloadOutcome.COMPLETE or ctx.dialect.differences(old.items, read.items):
-        return False
-    yield from look(ctx, _ours(way))
-    if ctx.state.mode != ctx.dialect.mission_mode:
-        return False
-    ctx.on_vehicle = read.items
-    return True

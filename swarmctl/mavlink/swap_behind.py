@@ -19,10 +19,10 @@ from swarmctl.mavlink.outcome import Swapped
 from swarmctl.mavlink.placing import read_back
 from swarmctl.mavlink.procedure import Context, Procedure
 from swarmctl.mavlink.swap_in_place import swap_in_place
-from swarmctl.mavlink.swap_steps import PAST, Flown, Way, see_it_fly
+from swarmctl.mavlink.swap_steps import BLIND, PAST, Flown, Way, see_it_fly
 from swarmctl.mavlink.telemetry import STILL_M_S
 from swarmctl.mavlink.wait import Until
-from swarmctl.mavlink.way_ahead import CORNER_S, ON_M, TELLS_EVERY_S, Ahead
+from swarmctl.mavlink.way_ahead import CORNER_S, ON_M, Ahead
 
 MOST_ITEMS = 400
 """ArduPilot keeps 650 and more; a longer list is written anew, which sets it back to one plan."""
@@ -54,14 +54,15 @@ def swap_behind(ctx: Context, way: Way) -> Procedure[Swapped]:
         return Swapped(PAST, "old", is_late=True)
     if not failure:
         # An order goes by what was told as long ago as it takes to be answered.
-        later_s = appended.answers_after_s + 0.5 * TELLS_EVERY_S
+        later_s = appended.answers_after_s
         yield Until(lambda: _is_clear(ctx, way, later_s), MOMENT_S)
-        late = is_past(appended.answers_after_s)
-        if late or ctx.state.landed is Landed.LANDING:
+        late, blind = is_past(appended.answers_after_s), way.is_blind(ctx)
+        if late or blind or ctx.state.landed is Landed.LANDING:
             # Who comes down may have been told so by somebody else.
             yield from look(ctx, mission)
             ctx.on_vehicle = kept + found
-            return Swapped(PAST if late else "it lands just now", "old", is_late=late)
+            why = PAST if late else BLIND if blind else "it lands just now"
+            return Swapped(why, "old", is_late=late)
         failure = yield from _taken_over(ctx, len(kept), tail, lambda: way.first(ctx, later_s))
     if not failure:
         way.is_taken_over(ctx)
@@ -88,9 +89,11 @@ def _read_back(
 
 def _is_clear(ctx: Context, way: Way, later_s: float) -> bool:
     """Whether it is known which corner of the new route lies ahead when an order arrives."""
+    if way.is_blind(ctx):
+        return False
     if not way.leaves_ahead or ctx.state.ground_speed_m_s < STILL_M_S:
         return True
-    at = way.ahead.at(ctx.state, later_s)
+    at = way.at(ctx, later_s)
     return at.is_late or (at.corner_s > CORNER_S and not _passes_it_braking(ctx, at))
 
 

@@ -10,7 +10,7 @@ from swarmctl.mavlink.making_current import jump_to
 from swarmctl.mavlink.outcome import Swapped
 from swarmctl.mavlink.placing import put
 from swarmctl.mavlink.procedure import Context, Procedure
-from swarmctl.mavlink.swap_steps import PAST, Flown, Way, have_it_hold, held, see_it_fly
+from swarmctl.mavlink.swap_steps import BLIND, NOT_ON_IT, PAST, Flown, Way, have_it_hold, held, see_it_fly
 
 STANDS_LIMIT_S = 120.0
 """It holds on a battery that was counted on for the flight: after so long nothing more is begun, and whoever
@@ -33,8 +33,8 @@ def swap_in_place(ctx: Context, way: Way, old: Flown) -> Procedure[Swapped]:
         return ctx.state.time_boot_s > until_s
 
     is_late = bool(old.items) and way.is_past(ctx, 0.0)
-    failure = PAST
-    if not is_late:
+    failure = PAST if is_late else BLIND
+    if not (is_late or way.is_blind(ctx)):
         failure = yield from _fly_from_hold(ctx, way, way.items, lambda: first + way.first(ctx), is_over)
     if not failure:
         way.is_taken_over(ctx)
@@ -42,12 +42,20 @@ def swap_in_place(ctx: Context, way: Way, old: Flown) -> Procedure[Swapped]:
     if is_over():
         failure = f"{failure}; it has held for more than {STANDS_LIMIT_S:g} s"
     elif old.items:
-        second = yield from _fly_from_hold(ctx, way, old.items, lambda: old.seq, is_over)
+        second = yield from _fly_back(ctx, way, old, is_over)
         if not second:
             return Swapped(failure, "old", is_late=is_late)
         failure = f"{failure}; back to the old mission: {second}"
     yield from look(ctx, in_modes({hold}, armed=True))
     return Swapped(failure, "hold")
+
+
+def _fly_back(ctx: Context, way: Way, old: Flown, is_over: Callable[[], bool]) -> Procedure[str | None]:
+    """To the old mission, where it is still on its way; returns why not."""
+    seq = old.item(ctx)
+    if seq is None:
+        return NOT_ON_IT
+    return (yield from _fly_from_hold(ctx, way, old.items, lambda: seq, is_over))
 
 
 def _fly_from_hold(

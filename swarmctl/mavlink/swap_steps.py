@@ -6,13 +6,18 @@ from dataclasses import dataclass
 
 from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.guarded import HandsOff, in_modes, look, set_mode
+from swarmctl.mavlink.landing import landing_items
 from swarmctl.mavlink.outcome import Swapped
 from swarmctl.mavlink.procedure import Context, Procedure
 from swarmctl.mavlink.wait import Until
-from swarmctl.mavlink.way_ahead import TELLS_EVERY_S, WayAhead
+from swarmctl.mavlink.way_ahead import BESIDE_M, Ahead, WayAhead
 
 MOVE_WAIT_S = 10.0
+TURNING_M = 150.0
+"""so far beside its plan's legs a fixed wing may be that flies it, in a turn or a circle"""
 PAST = "it has flown past where the new plan leaves the old one"
+NOT_ON_IT = "it is not known to be on the way of that any more"
+BLIND = "it does not tell where it is, so that nobody knows what of the new plan lies ahead of it"
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +28,8 @@ class Flown:
     """empty where that is not known"""
     seq: int
     """its current item"""
+    ahead: WayAhead
+    """of its items from the current one on"""
 
     @classmethod
     def by(cls, ctx: Context) -> Flown:
@@ -30,7 +37,17 @@ class Flown:
         first, begins = ctx.dialect.first_waypoint_seq, max(ctx.flown_from, ctx.dialect.first_waypoint_seq)
         items = ctx.on_vehicle[:first] + ctx.on_vehicle[begins:]
         seq = (ctx.state.mission_seq or begins) - begins + first
-        return cls(items, min(max(seq, first), max(len(items) - 1, first)))
+        seq = min(max(seq, first), max(len(items) - 1, first))
+        return cls(items, seq, WayAhead(ctx.state, items[seq:]))
+
+    def item(self, ctx: Context) -> int | None:
+        """That which lies ahead of where the vehicle is now; None where it is beside this plan, or does not
+        tell: nobody has planned a way back to it from there."""
+        if not (self.items and self.ahead.is_known and ctx.state.has_position):
+            return None
+        at = self.ahead.at(ctx.state)
+        beside_m = TURNING_M if landing_items(self.items) else BESIDE_M
+        return None if at.beside_m > beside_m else self.seq + at.item
 
 
 @dataclass(slots=True)
@@ -51,10 +68,25 @@ class Way:
     """by the vehicle's clock"""
     is_late: bool = False
     """the vehicle was past where it leaves the old plan"""
+    _at: Ahead | None = None
+    """on the new plan, when it told last where it is"""
+
+    def at(self, ctx: Context, later_s: float) -> Ahead:
+        """Where it is on the new plan in `later_s`; where it does not tell where it is, what was so before.
+
+        A position does not come with every message, and on a thin radio seldom.
+        """
+        if self._at is None or ctx.state.has_position:
+            self._at = self.ahead.at(ctx.state, later_s + ctx.telemetry.position_age_s)
+        return self._at
+
+    def is_blind(self, ctx: Context) -> bool:
+        """Whether nobody knows what lies ahead of a plan that is not to be flown from its beginning."""
+        return self.leaves_ahead and not ctx.state.has_position
 
     def first(self, ctx: Context, later_s: float = 0.0) -> int:
         """The waypoint to fly to, counted from the first: of a vehicle that is on it the next ahead."""
-        at = self.ahead.at(ctx.state, later_s)
+        at = self.at(ctx, later_s)
         return at.item if self.leaves_ahead or not at.is_late else 0
 
     def is_past(self, ctx: Context, answers_after_s: float) -> bool:
@@ -62,8 +94,7 @@ class Way:
 
         That goes by what was told as long ago as it takes to be answered.
         """
-        later_s = answers_after_s + 0.5 * TELLS_EVERY_S
-        return self.leaves_ahead and self.ahead.at(ctx.state, later_s).is_late
+        return self.leaves_ahead and self.at(ctx, answers_after_s).is_late
 
     def is_taken_over(self, ctx: Context) -> None:
         """Now: what is seen of it comes later."""
@@ -77,22 +108,31 @@ def takes_off(ctx: Context) -> bool:
 
 
 def see_it_fly(ctx: Context, first: int) -> Procedure[str | None]:
-    """See the vehicle under way to the item `first` or a later one; returns the failure."""
+    """See the vehicle under way to the item `first` or a later one; returns the failure.
+
+    Where it does not tell where it is meanwhile, what it says that it flies to has to do.
+    """
     hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
     # The last position may be of the way to where it held.
     since_s = ctx.state.time_boot_s
     yield Until(lambda: _flies_on(ctx, first, since_s) or ctx.state.mode not in (hold, mission), MOVE_WAIT_S)
-    if _flies_on(ctx, first, since_s):
+    if _flies_on(ctx, first, since_s) or (_is_under_way(ctx, first) and not ctx.state.has_position):
         return None
     return f"it does not fly on: {ctx.state.mode}, item {ctx.state.mission_seq}"
 
 
 def _flies_on(ctx: Context, first: int, since_s: float) -> bool:
-    state, last = ctx.state, len(ctx.on_vehicle) - 1
-    if state.mode != ctx.dialect.mission_mode or state.mission_seq is None or state.time_boot_s <= since_s:
+    state = ctx.state
+    if not _is_under_way(ctx, first) or state.time_boot_s <= since_s:
         return False
-    moves = state.ground_speed_m_s > 0.5 or abs(state.climb_m_s) > 0.3
-    return first < state.mission_seq <= last or (state.mission_seq == first and moves)
+    return state.mission_seq != first or state.ground_speed_m_s > 0.5 or abs(state.climb_m_s) > 0.3
+
+
+def _is_under_way(ctx: Context, first: int) -> bool:
+    """By what it says."""
+    state = ctx.state
+    is_on = state.mission_seq is not None and first <= state.mission_seq < len(ctx.on_vehicle)
+    return is_on and state.mode == ctx.dialect.mission_mode
 
 
 def held(ctx: Context, way: Way, failure: str) -> Procedure[Swapped]:

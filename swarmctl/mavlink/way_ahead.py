@@ -16,8 +16,6 @@ from swarmctl.core.mission import MissionItem
 from swarmctl.core.plane import Point, distance_to_leg, distance_to_track
 from swarmctl.core.vehicle import VehicleState
 
-TELLS_EVERY_S = 0.25
-"""Positions come four times a second: half of that is what one is old on the average, beside the link."""
 CORNER_S = 0.75
 """So near to a corner nobody knows whether it is passed when an order arrives: it is waited for."""
 BESIDE_M = 12.0
@@ -81,7 +79,7 @@ class WayAhead:
         """Where the vehicle is `later_s` after it told `state`, as fast along the route as it was then; at
         the first item where it has not told."""
         here = _place(state)
-        if self._frame is None or here is None or len(self._points) < 2:
+        if self._frame is None or here is None or not self.is_known:
             return Ahead(0, 0.0, math.inf)
         place = self._frame.to_local(*here)
         legs = [distance_to_leg(place, a, b) for a, b in pairwise(self._points)]
@@ -94,6 +92,16 @@ class WayAhead:
         on_m = max((place[0] - ax) * east + (place[1] - ay) * north, 0.0)
         on_m += max(state.east_m_s * east + state.north_m_s * north, 0.0) * later_s
         return self._ahead(self._passed_m[leg] + on_m, legs[leg], max(state.ground_speed_m_s, 0.1))
+
+    @property
+    def is_known(self) -> bool:
+        """It has told where it was when this began."""
+        return len(self._points) >= 2
+
+    def begins_over(self, item: MissionItem) -> bool:
+        """Whether its first leg leads over the place of an item."""
+        places = self._places((item,))[1:]
+        return self.is_known and bool(places) and distance_to_leg(places[0], *self._points[:2]) <= ON_M
 
     def is_on_leg_to(self, item: int, state: VehicleState) -> bool:
         """Whether it flies beside the leg that leads to an item of the route, or to its last place."""

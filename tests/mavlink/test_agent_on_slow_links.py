@@ -7,8 +7,7 @@ from functools import partial
 from typing import Any
 
 import pytest
-from flying_bench import HOME
-from slow_bench import SlowBench
+from flying_bench import HOME, FlyingBench
 
 from swarmctl import agent
 from swarmctl.agent import Phase, Task
@@ -51,7 +50,7 @@ class Flight:
     """The runner's part, on the bench's clock: events of the link in, effects out."""
 
     def __init__(self, personality: str, delay_s: float, **changes: Any) -> None:
-        self.bench = SlowBench(personality).prepared()
+        self.bench = FlyingBench(personality).prepared()
         self.bench.delay_s = delay_s
         prior = Belief.prior(GRID.rows, GRID.cols, 12)
         self.state = agent.begin(task(**changes), prior)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from itertools import accumulate, count, pairwise
+from typing import Any
 
 import pytest
-from flying_bench import HOME
+from flying_bench import HOME, FlyingBench
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from slow_bench import SlowBench
 
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.mission import FlightPlan, Waypoint
@@ -40,7 +40,7 @@ OLD = corners(0.0, 60.0, 120.0, 700.0)
 """straight on to the north, the second waypoint flown to first"""
 
 
-def place(bench: SlowBench) -> Point:
+def place(bench: FlyingBench) -> Point:
     return FRAME.to_local(*bench.vehicle.body.lat_lon_deg)
 
 
@@ -57,7 +57,7 @@ def progress_m(way: list[Point], at: Point, since_m: float) -> float:
     return best[1]
 
 
-def swapped(bench: SlowBench, new: FlightPlan, way: list[Point]) -> tuple[procedures.Swapped, float]:
+def swapped(bench: FlyingBench, new: FlightPlan, way: list[Point]) -> tuple[procedures.Swapped, float]:
     """The swap, and by how much the vehicle came back at most along `way`, until it has landed [m]."""
     farthest_m, back_m = 0.0, 0.0
     result = None
@@ -78,8 +78,8 @@ def swapped(bench: SlowBench, new: FlightPlan, way: list[Point]) -> tuple[proced
     return result, back_m
 
 
-def flying(personality: str, delay_s: float = DELAY_S) -> SlowBench:
-    bench = SlowBench(personality).flying(plan(*OLD))
+def flying(personality: str, delay_s: float = DELAY_S) -> FlyingBench:
+    bench = FlyingBench(personality).flying(plan(*OLD))
     bench.delay_s = delay_s
     bench.run(2.0)
     return bench
@@ -102,7 +102,7 @@ def test_a_plan_that_leaves_the_old_one_ahead_is_taken_over_without_a_stop_and_n
 @pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 def test_corners_that_both_have_in_common_are_flown_wherever_it_has_got_to(personality: str) -> None:
     """The old plan turns before the new one leaves it."""
-    bench = SlowBench(personality)
+    bench = FlyingBench(personality)
     bend = [(0.0, 60.0), (0.0, 150.0), (400.0, 150.0)]
     bench.flying(plan(*bend))
     bench.delay_s = DELAY_S
@@ -179,7 +179,7 @@ def test_how_long_it_took_is_told_by_the_vehicles_clock() -> None:
     assert 6.0 <= result.took_s <= 12.0
 
 
-def unread(bench: SlowBench, until: Callable[[], bool]) -> None:
+def unread(bench: FlyingBench, until: Callable[[], bool]) -> None:
     """No item that the vehicle tells arrives before that."""
     bench.block_down = lambda m: m.get_type() == "MISSION_ITEM_INT" and not until()
 
@@ -209,3 +209,56 @@ def test_who_has_passed_corners_of_its_new_plan_before_it_was_read_back_is_not_s
     assert (result.failure, result.flying, result.stood_still_s) == (None, "new", 0.0)
     assert back_m < BACK_M
     assert place(bench) == pytest.approx(new[-1], abs=3.0)
+
+
+@pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+@pytest.mark.parametrize("blind_s", [0.0, 0.5, 1.0, 2.0, 3.0, 5.0])
+def test_who_does_not_tell_where_it_is_meanwhile_is_never_sent_back(personality: str, blind_s: float) -> None:
+    """On a thin radio no position may come while a mission goes up."""
+    bench = flying(personality, 0.3)
+    north_m = place(bench)[1]
+    new = [(0.0, north_m + 30.0), (0.0, north_m + 250.0), (150.0, north_m + 250.0)]
+    since_s = bench.now + blind_s
+    bench.block_down = lambda m: m.get_type() == "GLOBAL_POSITION_INT" and bench.now > since_s
+    items = bench.session.mission_items(plan(*new, leaves_ahead=True))
+    bench.begin("swap", lambda c: procedures.swap(c, items, leaves_ahead=True))
+    norths_m: list[float] = []
+
+    def watch() -> bool:
+        norths_m.append(place(bench)[1])
+        return bench.session.busy_with is None and bench.now > since_s + 60.0
+
+    assert bench.run(120.0, watch), "it does not end"
+    farthest_m = accumulate(norths_m, max)
+    assert max(most - now for most, now in zip(farthest_m, norths_m, strict=True)) < TURNS_WITHIN_M
+    assert bench.session.result.flying in ("old", "new")
+
+
+@pytest.mark.parametrize("silence_s", [3.0, 8.0, 14.0, 20.0])
+def test_who_is_silent_after_a_new_plan_was_complete_is_not_sent_back(silence_s: float) -> None:
+    """PX4 follows it at once; the old plan is behind by when it can be asked again."""
+    bench = flying("px4", 0.2)
+    north_m = place(bench)[1]
+    new = [(0.0, north_m + 60.0), (60.0, north_m + 80.0), (150.0, north_m + 100.0), (150.0, north_m + 600.0)]
+    items = bench.session.mission_items(plan(*new, leaves_ahead=True))
+    begins_s: list[float] = []
+
+    def hears(message: Any) -> bool:
+        if message.get_type() == "MISSION_ACK" and not begins_s:
+            begins_s.append(bench.now)
+        return bool(begins_s) and bench.now < begins_s[0] + silence_s
+
+    bench.block_down = hears
+    bench.begin("swap", lambda c: procedures.swap(c, items, leaves_ahead=True))
+    norths_m: list[float] = []
+
+    def ends() -> bool:
+        norths_m.append(place(bench)[1])
+        return bench.session.busy_with is None
+
+    assert bench.run(200.0, ends), "it does not end"
+    bench.run(20.0, lambda: ends() and False)
+    farthest_m = accumulate(norths_m, max)
+    assert max(most - now for most, now in zip(farthest_m, norths_m, strict=True)) < BACK_M
+    if silence_s < 15.0:
+        assert (bench.session.result.failure, bench.session.result.flying) == (None, "new")

@@ -41,6 +41,8 @@ class WireBench:
     def __init__(self, faults: Faults | None = None) -> None:
         self.session = Session(Peer(1))
         self.faults = faults or Faults()
+        self.delay_s = 0.0
+        """of everything, each way"""
         self.now = 0.0
         self.events: list[Any] = []
         self.sent: list[tuple[float, Any]] = []
@@ -87,7 +89,8 @@ class WireBench:
         for _ in range(2 if rng.random() < f.doubling else 1):
             if rng.random() >= f.loss:
                 self._n += 1
-                heapq.heappush(self._queue, (self.now + rng.random() * f.max_delay_s, self._n, up, data))
+                arrives_s = self.now + self.delay_s + rng.random() * f.max_delay_s
+                heapq.heappush(self._queue, (arrives_s, self._n, up, data))
 
     def take(self, step: Step) -> None:
         """What one input to the session led to."""
