@@ -1,11 +1,16 @@
 """What the links take: uploads and swaps over bad radio, and CPU; `direct` beside `mavsdk`.
 
 Run: `pip install -e '.[mavsdk]'`, then `python benchmarks/links.py [--quick]`; `--only uploads,swaps,cpu`,
-`--links direct,mavsdk`, `--vehicles 1,50` and `--items 10,50,200` choose. Nothing is asserted, and the load
-of the machine is said. `direct` flies on the virtual clock: its times are the vehicles' seconds, beside those
-of the wall; `mavsdk` keeps to the machine's clock, so that all of its rows take hours. Messages are datagrams
-in both directions, each lost and delayed by itself, and also what streams meanwhile. A mission counts as
-wrong where a link says that it is verified and the vehicle, asked without loss afterwards, has another one.
+`--links direct,mavsdk`, `--vehicles 1,50`, `--items 10,50,200`, `--losses 0,0.3` and `--delays 0,1` choose.
+Nothing is asserted, and the load of the machine is said. `direct` flies on the virtual clock: its times are
+the vehicles' seconds, beside those of the wall; `mavsdk` keeps to the machine's clock, so that all of its
+rows take hours. Datagrams go in both directions, each lost and delayed by itself, and are also what streams
+meanwhile; messages are those among them that belong to missions. A mission counts as wrong where a link
+says that it is verified and the vehicle, asked without loss afterwards, has another one, its autopilot's
+roundings aside.
+
+A swap's plan leaves the old one ahead, as an agent's does in flight, by default as far as an agent's longest
+(`--ahead-s`): who is past that place when it could be taken over is late. 0: a plan to fly to from anywhere.
 """
 
 from __future__ import annotations
@@ -23,7 +28,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -33,22 +38,35 @@ from rich.table import Table
 
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenario import default_scenario
+from swarmctl.agent import swap_times
 from swarmctl.clock import run_virtual
 from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
+from swarmctl.core.vehicle import VehicleState
 from swarmctl.links import LINKS
-from swarmctl.links.base import Link, LinkError, UploadFailed
+from swarmctl.links.base import Link, LinkError, SwapFailed, UploadFailed
 from swarmctl.links.frontend import FrontEnd
 from swarmctl.links.memory import MemoryWire
 from swarmctl.links.url import Endpoint, parse_url
-from swarmctl.mavlink.codec import Decoder, Encoder, FrameSplitter
+from swarmctl.mavlink.codec import Decoder, Encoder, FrameSplitter, Message
+from swarmctl.mavlink.dialects import dialect_for
+from swarmctl.mavlink.mission_download import item_of
 
 HOME = (46.0490, 14.5060, 300.0)
+M_PER_DEG = 111_195.0
+"""of latitude"""
 STEP_S = 0.05
 RATES_HZ = {33: 5, 30: 5, 74: 4, 1: 2, 24: 1, 147: 1, 42: 1}
 """message id -> rate: 19 a second beside the heartbeat"""
 VEHICLES, ITEMS, LOSSES, DELAYS_S = (1, 50), (10, 50, 200), (0.0, 0.05, 0.2, 0.3), (0.0, 1.0)
 LIMIT_S = {"direct": 3600.0, "mavsdk": 240.0}
+AHEAD_S = swap_times.MOST_S
 SETTLE_S, MEASURE_S = 8.0, 15.0
+MISSION_MESSAGES = frozenset({37, 38, 39, 40, 41, 43, 44, 45, 47, 51, 73})
+"""ids of all that belong to transfers, and of MISSION_SET_CURRENT"""
+DIALECTS = {
+    "ardupilot": dialect_for(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_TYPE_QUADROTOR),
+    "px4": dialect_for(mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_TYPE_QUADROTOR),
+}
 BEFORE_TRIES = 4
 """of what is on a vehicle before a swap, put there without loss"""
 MOST_SAID = 6
@@ -62,7 +80,7 @@ class Radio:
         self.fleet = Fleet(default_scenario(count, home=HOME, personality=personality), ready_s=0)
         self.wire = MemoryWire()
         self.wire.to_vehicles = self._up
-        self.loss, self.delay_s, self.datagrams = 0.0, 0.0, 0
+        self.loss, self.delay_s, self.datagrams, self.messages = 0.0, 0.0, 0, 0
         self._rng = random.Random(seed)
         self._loop = asyncio.get_running_loop()
         self._began_s = self._arrives_s = self._loop.time()
@@ -70,14 +88,15 @@ class Radio:
     def now_s(self) -> float:
         return self._loop.time() - self._began_s
 
-    def _carry(self, call: object, *args: object) -> None:
+    def _carry(self, call: object, data: bytes, *args: object) -> None:
         assert callable(call)
         self.datagrams += 1
+        self.messages += sum(msgid in MISSION_MESSAGES for msgid in msgids_in(data))
         if self._rng.random() >= self.loss:
             # One after the other: timers of one moment are called in any order.
             after = math.nextafter(self._arrives_s, math.inf)
             self._arrives_s = max(self._loop.time() + self.delay_s, after)
-            self._loop.call_at(self._arrives_s, call, *args)
+            self._loop.call_at(self._arrives_s, call, data, *args)
 
     def _up(self, data: bytes, address: object) -> None:
         self._carry(self._hear, data)
@@ -94,8 +113,8 @@ class Radio:
             self._down(self.fleet.step(self.now_s()))
             await asyncio.sleep(STEP_S)
 
-    def mission_of(self, sysid: int) -> list[tuple[int, int, int]]:
-        """(command, x, y) of what the vehicle has, asked past the wire."""
+    def mission_of(self, sysid: int) -> tuple[MissionItem, ...]:
+        """What the vehicle has, asked past the wire."""
         encoder = Encoder(254, 190)
         ask = mavlink.MAVLink_mission_request_list_message(sysid, 1)
         (count,) = self._asked(encoder.pack(ask, 0), "MISSION_COUNT")
@@ -103,10 +122,10 @@ class Radio:
         for seq in range(count.count):
             ask = mavlink.MAVLink_mission_request_int_message(sysid, 1, seq)
             (item,) = self._asked(encoder.pack(ask, 0), "MISSION_ITEM_INT")
-            found.append((item.command, item.x, item.y))
-        return found
+            found.append(item_of(item))
+        return tuple(found)
 
-    def _asked(self, data: bytes, kind: str) -> list[object]:
+    def _asked(self, data: bytes, kind: str) -> list[Message]:
         decoder = Decoder()
         frames = self.fleet.receive(data, self.now_s(), peer="judge")
         messages = [decoder.decode(f) for _, answer in frames for f in FrameSplitter().feed(answer)]
@@ -122,6 +141,7 @@ class Outcome:
     why: Counter[str] = field(default_factory=Counter)
     """of what was refused, without names and numbers"""
     datagrams: int = 0
+    messages: int = 0
     wall_s: float = 0.0
 
 
@@ -131,8 +151,26 @@ def plan(items: int, east_deg: float, apart_deg: float = 1e-4) -> FlightPlan:
     return FlightPlan(20.0, points, points[-1])
 
 
+def change(items: int, state: VehicleState, ahead_s: float) -> FlightPlan:
+    """Another mission of so many items for who flies north; it leaves that way `ahead_s` before it."""
+    new = plan(items, 0.001)
+    if not ahead_s or state.lat_deg is None:
+        return new
+    leaves = Waypoint(state.lat_deg + state.ground_speed_m_s * ahead_s / M_PER_DEG, HOME[1], 20.0)
+    track = tuple(replace(p, lat_deg=p.lat_deg + leaves.lat_deg - HOME[0]) for p in new.track[:-1])
+    return replace(new, track=(leaves, *track), landing=(track or (leaves,))[-1], leaves_ahead=True)
+
+
 async def case(
-    name: str, personality: str, count: int, items: int, loss: float, delay_s: float, *, swap: bool
+    name: str,
+    personality: str,
+    count: int,
+    items: int,
+    loss: float,
+    delay_s: float,
+    *,
+    swap: bool,
+    ahead_s: float,
 ) -> Outcome:
     radio, outcome = Radio(personality, count), Outcome()
     flying = asyncio.create_task(radio.fly())
@@ -144,26 +182,28 @@ async def case(
             for i in range(1, count + 1)
         }
         await asyncio.gather(*(ready(link, swap) for link in links.values()))
-        radio.loss, radio.delay_s, radio.datagrams = loss, delay_s, 0
+        radio.loss, radio.delay_s, radio.datagrams, radio.messages = loss, delay_s, 0, 0
         began_s = time.perf_counter()
         await asyncio.gather(
             *(
-                transfer(link, plan(items, 0.001), outcome, LIMIT_S[name], swap=swap)
+                transfer(
+                    link,
+                    change(items, link.state(), ahead_s if swap else 0.0),
+                    outcome,
+                    LIMIT_S[name],
+                    swap=swap,
+                )
                 for link in links.values()
             )
         )
-        outcome.wall_s, outcome.datagrams = time.perf_counter() - began_s, radio.datagrams
+        outcome.wall_s = time.perf_counter() - began_s
+        outcome.datagrams, outcome.messages = radio.datagrams, radio.messages
         for sysid, link in links.items():
-            # ArduPilot's item 0 is its home, which moves.
-            first = int(personality == "ardupilot")
-            if link.items() and not same(link.items()[first:], radio.mission_of(sysid)[first:]):
+            claimed = link.items()
+            if claimed and DIALECTS[personality].differences(claimed, radio.mission_of(sysid)):
                 outcome.endings["WRONG"] += 1
     flying.cancel()
     return outcome
-
-
-def same(claimed: tuple[MissionItem, ...], found: list[tuple[int, int, int]]) -> bool:
-    return [(i.command, i.x, i.y) for i in claimed] == found
 
 
 async def ready(link: Link, swap: bool) -> None:
@@ -195,7 +235,8 @@ async def transfer(link: Link, new: FlightPlan, outcome: Outcome, limit_s: float
         async with asyncio.timeout(limit_s):
             await (link.swap(new) if swap else link.upload(new))
     except LinkError as refused:
-        outcome.endings["refused"] += 1
+        is_late = isinstance(refused, SwapFailed) and refused.is_late
+        outcome.endings["late" if is_late else "refused"] += 1
         outcome.why[re.sub(r"\d+", "N", str(refused).split("): ", 1)[-1])] += 1
     except TimeoutError:
         outcome.endings[f"not in {limit_s:.0f} s"] += 1
@@ -208,8 +249,9 @@ def transfers(chosen: argparse.Namespace, *, swap: bool) -> Iterator[Table]:
     what = "verified swap in flight" if swap else "verified upload"
     for personality in ("ardupilot", "px4"):
         made = table(f"{what}, {personality}", "link", "vehicles", "items", "loss [%]", "delay [s]",
-                     "p50 [s]", "last [s]", "datagrams each", "wall [s]", "outcome")  # fmt: skip
-        cases = itertools.product(chosen.vehicles, chosen.items, LOSSES, DELAYS_S)
+                     "p50 [s]", "last [s]", "datagrams each", "messages each", "wall [s]",
+                     "outcome")  # fmt: skip
+        cases = itertools.product(chosen.vehicles, chosen.items, chosen.losses, chosen.delays)
         why = Counter[str]()
         for count, items, loss, delay_s in cases:
             for name in chosen.links:
@@ -217,12 +259,16 @@ def transfers(chosen: argparse.Namespace, *, swap: bool) -> Iterator[Table]:
                 if chosen.quick and (seldom or items == 200 or loss == 0.05):
                     continue
                 run = run_virtual if name == "direct" else asyncio.run
-                done = run(case(name, personality, count, items, loss, delay_s, swap=swap))
+                story = case(
+                    name, personality, count, items, loss, delay_s, swap=swap, ahead_s=chosen.ahead_s
+                )
+                done = run(story)
                 why += done.why
                 p50, last = np.quantile(done.times_s, [0.5, 1.0]) if done.times_s else (np.nan, np.nan)
                 row = (
                     name, str(count), str(items), f"{100 * loss:.0f}", f"{delay_s:g}", f"{p50:.2f}",
-                    f"{last:.2f}", f"{done.datagrams / count:,.0f}", f"{done.wall_s:.1f}",
+                    f"{last:.2f}", f"{done.datagrams / count:,.0f}", f"{done.messages / count:,.0f}",
+                    f"{done.wall_s:.1f}",
                     ", ".join(f"{n} {how}" for how, n in done.endings.items()),
                 )  # fmt: skip
                 made.add_row(*row)
@@ -260,7 +306,7 @@ async def ground(name: str, count: int, measure_s: float) -> tuple[str, str, str
     def count_in(splitter_feed: object) -> object:
         def feed(data: bytes, address: object) -> None:
             nonlocal heard
-            heard += frames_in(data)
+            heard += sum(1 for _ in msgids_in(data))
             splitter_feed(data, address)  # type: ignore[operator]
 
         return feed
@@ -297,12 +343,12 @@ async def ground(name: str, count: int, measure_s: float) -> tuple[str, str, str
     return f"{rate:,.0f}", f"{100 * used:.1f}", f"{rss_mb:.0f}"
 
 
-def frames_in(data: bytes) -> int:
-    """By their headers; the fleet puts several into a datagram."""
-    at = count = 0
+def msgids_in(data: bytes) -> Iterator[int]:
+    """Of unsigned MAVLink 2 frames, by their headers; the fleet puts several into a datagram."""
+    at = 0
     while at + 12 <= len(data):
-        at, count = at + 12 + data[at + 1], count + 1
-    return count
+        yield int.from_bytes(data[at + 7 : at + 10], "little")
+        at += 12 + data[at + 1]
 
 
 def ask_for_streams(link: Link) -> None:
@@ -339,6 +385,14 @@ def main() -> None:
     parser.add_argument("--links", type=names, default=["direct", "mavsdk"], help="which links, with commas")
     parser.add_argument("--vehicles", type=numbers, default=VEHICLES, help="of a transfer, with commas")
     parser.add_argument("--items", type=numbers, default=ITEMS, help="of a transfer, with commas")
+    parser.add_argument("--losses", type=shares, default=LOSSES, help="of datagrams, with commas")
+    parser.add_argument("--delays", type=shares, default=DELAYS_S, help="each way [s], with commas")
+    parser.add_argument(
+        "--ahead-s",
+        type=float,
+        default=AHEAD_S,
+        help="so far ahead a swap's plan leaves the old one; 0: nowhere",
+    )
     chosen = parser.parse_args()
     console = Console(width=130)
     for name in chosen.only:
@@ -348,6 +402,10 @@ def main() -> None:
 
 def names(text: str) -> list[str]:
     return text.split(",")
+
+
+def shares(text: str) -> list[float]:
+    return [float(number) for number in names(text)]
 
 
 def numbers(text: str) -> list[int]:

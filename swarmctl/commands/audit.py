@@ -25,7 +25,10 @@ UNSIGNED = (
     "fly with `communication.keys`"
 )
 
-_FIRST = ("message", "command", "changed", "from", "to", "check", "asks", "decided", "ended", "failed")
+_FIRST = (
+    *("message", "command", "items", "of", "first", "result", "times"),
+    *("changed", "from", "to", "check", "asks", "decided", "ended", "failed"),
+)
 """of an entry; the rest follows in the order of the file"""
 
 

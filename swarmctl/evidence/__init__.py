@@ -13,7 +13,8 @@ line that is changed, taken out or put in breaks the chain there.
 | `previous` | the `hash` of the line before; 64 zeros in the first |
 | `hash` | SHA-256 of the line without this key, in canonical form |
 
-chain: the form and its check; traffic: from MAVLink messages to entries; story: from an agent's events to
+chain: the form and its check; traffic: from MAVLink messages to entries; transfer:
+the items among them; story: from an agent's events to
 entries; digest: what `swarmctl audit` tells. All of them pure. book: the file; disk: how it outlives a loss
 of power; hooks: who writes into it.
 """

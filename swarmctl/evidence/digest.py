@@ -9,8 +9,10 @@ from typing import Any
 
 from swarmctl.core.vehicle import Landed
 from swarmctl.evidence.chain import Entry
+from swarmctl.evidence.transfer import BEGINS
 
-_UPLOADS = ("MISSION_ITEM_INT", "MISSION_COUNT", "MISSION_WRITE_PARTIAL_LIST", "MISSION_CLEAR_ALL")
+_ITEMS = "MISSION_ITEM_INT"
+_UPLOADS = (_ITEMS, "MISSION_COUNT", "MISSION_WRITE_PARTIAL_LIST", "MISSION_CLEAR_ALL")
 _PARAMETERS = ("PARAM_SET", "PARAM_REQUEST_READ")
 _NOTHING_YET = ""
 """the mode of a vehicle that has not told one"""
@@ -26,7 +28,7 @@ _SHOWS = {
     "MISSION_SET_CURRENT": "mission_seq",
 }
 """what of a vehicle's state shows that a command was followed"""
-_ANSWERED = frozenset({"MISSION_ITEM_INT", "MISSION_CLEAR_ALL", *_PARAMETERS})
+_ANSWERED = frozenset({_ITEMS, "MISSION_CLEAR_ALL", *_PARAMETERS})
 """messages that a vehicle acknowledges, beside its commands"""
 _NO_REFUSAL = frozenset({"ACCEPTED", "IN_PROGRESS", "PARAM_VALUE", "INVALID_SEQUENCE"})
 """ArduPilot says the last of these to a repeated mission item, and goes on"""
@@ -42,6 +44,8 @@ class Row:
     answers: Counter[str] = field(default_factory=Counter)
     unanswered: int = 0
     seen: Counter[str] = field(default_factory=Counter)
+    goes_on: bool = False
+    """it was the items of a transfer, of which more lines may follow"""
     by_others: int = 0
     """of those sent, by another station"""
 
@@ -90,6 +94,12 @@ def _sent(
 ) -> None:
     name = str(what.get("command", what.get("message", "?")))
     row = rows.setdefault((vehicle, name), Row(vehicle, name))
+    items = rows.get((vehicle, _ITEMS))
+    if name in BEGINS and items is not None:
+        items.goes_on = False
+    if row.goes_on:
+        return  # more items of the same transfer
+    row.goes_on = name == _ITEMS
     row.sent += 1
     row.unanswered += "command" in what or name in _ANSWERED
     row.by_others += "by" in what

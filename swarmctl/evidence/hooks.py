@@ -11,7 +11,8 @@ from swarmctl.core.frames import Spoken
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.evidence.book import Book, Signer
 from swarmctl.evidence.story import seen, told
-from swarmctl.evidence.traffic import KEEP_ALIVE, Said, Traffic, arms
+from swarmctl.evidence.traffic import ITEMS, KEEP_ALIVE, Traffic, arms
+from swarmctl.evidence.transfer import Said
 from swarmctl.mavlink.codec import Message
 
 
@@ -23,6 +24,8 @@ class Evidence:
         self._names = names
         self._traffic: dict[tuple[int, str], Traffic] = {}
         """by vehicle and by who speaks to it; empty: we"""
+        self._on_the_way: set[tuple[int, str]] = set()
+        """of those, where items or answers to them have gone since that was told"""
         self._states: dict[int, VehicleState] = {}
 
     # The wire
@@ -33,7 +36,11 @@ class Evidence:
         Only what would arm a vehicle and cannot be recorded may not. `by` names another station.
         """
         if message.get_type() in KEEP_ALIVE:
+            if not by:
+                self._items_so_far()
             return True
+        if message.get_type() in ITEMS:
+            self._on_the_way.add((sysid, by))
         is_arming = arms(message)
         recorded = True
         for kind, what in self._traffic_of(sysid, by).sent(message):
@@ -44,6 +51,8 @@ class Evidence:
     def from_vehicle(self, sysid: int, message: Message) -> None:
         own = self._traffic_of(sysid, "")
         self._write(sysid, own.heard(message))
+        if message.get_type() == "MISSION_ACK":
+            self._on_the_way.add((sysid, ""))
         if message.get_type() == "HEARTBEAT":
             for (other, _), traffic in self._traffic.items():
                 if other == sysid:
@@ -89,13 +98,19 @@ class Evidence:
         """End the chain. Idempotent."""
         if self._book.is_closed:
             return
-        for (sysid, by), traffic in self._traffic.items():
-            self._write(sysid, [(kind, {**what, "by": by} if by else what) for kind, what in traffic.close()])
+        self._items_so_far()
         self._book.close(signer)
 
     @property
     def trouble(self) -> str:
         return self._book.trouble
+
+    def _items_so_far(self) -> None:
+        """Of what is on its way; with every heartbeat of ours, so that a process that dies leaves it."""
+        for sysid, by in sorted(self._on_the_way):
+            said = self._traffic_of(sysid, by).so_far()
+            self._write(sysid, [(kind, {**what, "by": by} if by else what) for kind, what in said])
+        self._on_the_way.clear()
 
     def _write(self, sysid: int, entries: list[Said]) -> None:
         for kind, what in entries:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple
+from dataclasses import asdict, astuple
 from typing import Any
 
 from swarmctl.core import events as ev
+from swarmctl.core.mission import FlightPlan
 from swarmctl.core.vehicle import VehicleState
-from swarmctl.evidence.traffic import Said
+from swarmctl.evidence.chain import canonical, sha256
+from swarmctl.evidence.transfer import Said
 
 EFFECTS = ("mode", "armed", "landed", "mission_seq")
 """what of a vehicle's state shows that a command was followed, or that somebody else acts"""
@@ -30,11 +32,16 @@ def told(event: ev.Event, effects: list[ev.Effect]) -> list[Said]:
         match effect:
             case ev.Command(order):
                 said.append(("note", {"decided": str(order)}))
-            case ev.SwapMission(plan_id=plan_id):
-                said.append(("note", {"decided": "mission", "plan": plan_id}))
+            case ev.SwapMission(plan_id=plan_id, plan=plan):
+                said.append(("note", {"decided": "mission", "plan": plan_id, **_plan(plan)}))
             case ev.Release():
                 said.append(("note", {"decided": "let go: somebody else has the vehicle"}))
     return said
+
+
+def _plan(plan: FlightPlan) -> dict[str, Any]:
+    """How many waypoints it has before it comes down, and its hash: what is about to be sent."""
+    return {"waypoints": len(plan.track), "sha256": sha256(canonical(asdict(plan)))}
 
 
 def _asked(event: ev.Event, effects: list[ev.Effect]) -> list[Said]:

@@ -1,16 +1,16 @@
 """From the MAVLink messages of one vehicle to entries: commands and acknowledgements. Pure.
 
 Everything sent is a command, but for what only keeps a link alive. The items of a mission, a fence or rally
-points make one entry with their number and hash, when their transfer ends.
+points make one entry with their number and hash when their transfer ends, and one of what has gone by then
+whenever that is asked for (`so_far`). Partial lists that follow each other, each for one item, are one
+transfer: the first of them is an entry, and their acknowledgements are counted with the items.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
-from swarmctl.evidence.chain import Kind, canonical, sha256
+from swarmctl.evidence.transfer import BEGINS, PARTIAL, Said, Transfer
 from swarmctl.mavlink.codec import Message
 from swarmctl.mavlink.command import name_of
 from swarmctl.mavlink.parameters import BYTE_WISE, decoded
@@ -19,10 +19,7 @@ KEEP_ALIVE = frozenset({"HEARTBEAT", "PING", "SYSTEM_TIME", "TIMESYNC"})
 """messages that ask nothing of a vehicle"""
 ITEMS = frozenset({"MISSION_ITEM_INT", "MISSION_ITEM"})
 _REQUESTS = frozenset({"MISSION_REQUEST_INT", "MISSION_REQUEST"})
-_BEGINS = frozenset({"MISSION_COUNT", "MISSION_WRITE_PARTIAL_LIST"})
 _TO_WHOM = frozenset({"target_system", "target_component", "mavpackettype"})
-
-Said = tuple[Kind, dict[str, Any]]
 
 
 def arms(message: Message) -> bool:
@@ -33,46 +30,12 @@ def arms(message: Message) -> bool:
     return command == "MISSION_START" or (command == "COMPONENT_ARM_DISARM" and message.param1 != 0.0)
 
 
-@dataclass(slots=True)
-class _Transfer:
-    """Items on their way, by number."""
-
-    count: int | None = None
-    mission_type: int = 0
-    items: dict[int, tuple[Any, ...]] = field(default_factory=dict)
-    is_told: bool = False
-    """since the last item"""
-
-    def take(self, message: Message) -> None:
-        self.items[int(message.seq)] = item_fields(message)
-        self.is_told = False
-
-    def told(self) -> dict[str, Any]:
-        return {
-            "items": len(self.items),
-            "of": self.count,
-            "mission_type": name_of("MAV_MISSION_TYPE", self.mission_type),
-            "sha256": items_hash(self.items),
-        }
-
-
-def item_fields(message: Message) -> tuple[Any, ...]:
-    """What of a mission item the hash covers."""
-    m = message
-    return (m.frame, m.command, m.autocontinue, m.param1, m.param2, m.param3, m.param4, m.x, m.y, m.z)
-
-
-def items_hash(items: Mapping[int, tuple[Any, ...]]) -> str:
-    """SHA-256 over the canonical list of [number, fields] in the order of their numbers."""
-    return sha256(canonical([[seq, list(items[seq])] for seq in sorted(items)]))
-
-
 class Traffic:
     """One vehicle's messages, in the order of the wire."""
 
     def __init__(self) -> None:
-        self._upload: _Transfer | None = None
-        self._download: _Transfer | None = None
+        self._upload: Transfer | None = None
+        self._download: Transfer | None = None
         self.byte_wise = False
         """it sends integer parameters as their bytes, by its last heartbeat"""
         self._asked: set[str] = set()
@@ -84,8 +47,11 @@ class Traffic:
             return []
         if kind in ITEMS:
             if self._upload is None:
-                self._upload = _Transfer(mission_type=int(message.mission_type))
+                self._upload = Transfer(int(message.mission_type))
             self._upload.take(message)
+            return []
+        if kind == PARTIAL and (appended := self._appended(message)) is not None:
+            appended.announce(message)
             return []
         return [
             *self._before(kind, message),
@@ -102,8 +68,11 @@ class Traffic:
                 return [("acknowledgement", {"message": "COMMAND_ACK", "command": command, "result": result})]
             case "MISSION_ACK":
                 content = self._content(message)
+                if (appended := self._appended(message)) is not None:
+                    appended.answers[content["result"]] += 1
+                    return []
                 # ArduPilot's word for a repeated item, in the middle of a transfer that goes on.
-                ended = [] if content["result"] == "INVALID_SEQUENCE" else self.close()
+                ended = [] if content["result"] == "INVALID_SEQUENCE" else self.so_far()
                 return [*ended, ("acknowledgement", content)]
             case "MISSION_ITEM_INT" | "MISSION_ITEM" if self._download is not None:
                 self._download.take(message)
@@ -120,35 +89,44 @@ class Traffic:
             content["param_value"] = decoded(message, byte_wise=True).value
         return content
 
-    def close(self) -> list[Said]:
-        """The items of an upload that has ended, or that nobody will acknowledge any more."""
-        transfer = self._upload
-        if transfer is None or not transfer.items or transfer.is_told:
-            return []
-        transfer.is_told = True
-        return [("command", {"message": "MISSION_ITEM_INT", **transfer.told()})]
+    def so_far(self) -> list[Said]:
+        """All items of an upload up to now, and what was answered to them, unless that is told already."""
+        return [] if self._upload is None else self._upload.so_far()
 
     def _before(self, kind: str, message: Message) -> list[Said]:
         """What a message says of transfers: that one ends, or begins."""
         said: list[Said] = []
-        if kind in _BEGINS:
-            said = self.close()
-            count = message.count if kind == "MISSION_COUNT" else message.end_index - message.start_index + 1
-            self._upload = _Transfer(int(count), int(message.mission_type))
-        elif kind == "MISSION_ACK":
-            said = self.close()
+        if kind in BEGINS or kind == "MISSION_ACK" or self._is_partial:
+            said = self.so_far()
+        if self._is_partial and kind != "MISSION_REQUEST_LIST":  # which may ask in between how far it got
+            self._upload = None
+        if kind == "MISSION_COUNT":
+            self._upload = Transfer(int(message.mission_type), int(message.count))
+        elif kind == PARTIAL:
+            self._upload = Transfer(int(message.mission_type))
+            self._upload.announce(message)
         elif kind == "MISSION_REQUEST_LIST":
-            self._download = _Transfer(mission_type=int(message.mission_type))
+            self._download = Transfer(int(message.mission_type))
         elif kind in ("PARAM_SET", "PARAM_REQUEST_READ"):
             self._asked.add(_name(message))
         return said
+
+    @property
+    def _is_partial(self) -> bool:
+        return self._upload is not None and self._upload.is_partial
+
+    def _appended(self, message: Message) -> Transfer | None:
+        """The partial lists on their way, where the message belongs to them."""
+        upload = self._upload
+        belongs = upload is not None and upload.is_partial and upload.mission_type == message.mission_type
+        return upload if belongs else None
 
     def _read_back(self, kind: str) -> dict[str, Any]:
         """With the acknowledgement that ends a download: what it brought."""
         if kind != "MISSION_ACK" or self._download is None:
             return {}
         transfer, self._download = self._download, None
-        return {"read": transfer.told()}
+        return {"read": transfer.content()}
 
 
 def _content(message: Message) -> dict[str, Any]:

@@ -50,6 +50,8 @@ class MissionWatch:
         self._ours: tuple[MissionItem, ...] = ()
         self._quiet_until_s = 0.0
         self._other_since_s: float | None = None
+        self._counts = False
+        """it has told how many items it holds: a count of none is no old firmware's"""
         self._id: int | None = None
         """what it calls our mission"""
         self._acknowledged = 0
@@ -100,7 +102,9 @@ class MissionWatch:
         if name:
             self._tells_ids = True
             self._id = name if self._id is None else self._id
-        if int(message.total) in (0, expected) and name in (0, self._id):
+        self._counts = self._counts or int(message.total) == expected > 0
+        none = () if self._counts else (0,)
+        if int(message.total) in (expected, *none) and name in (0, self._id):
             self._other_since_s = None
             return False
         if self._other_since_s is None:

@@ -183,11 +183,19 @@ def read_parameters(
     return told
 
 
+def _armed(ctx: Context) -> Done | None:
+    """Why nothing is set; None where it stands disarmed."""
+    why = "it is armed; its parameters are changed on the ground, disarmed"
+    return Done(why) if ctx.state.armed else None
+
+
 def set_parameters(ctx: Context, wanted: Mapping[str, float], *, byte_wise: bool) -> Procedure[Done]:
     """Change what is not as wanted, on a vehicle that stands disarmed, and hear it back."""
-    if ctx.state.armed:
-        return Done("it is armed; its parameters are changed on the ground, disarmed")
+    if armed := _armed(ctx):
+        return armed
     told = yield from read_parameters(ctx, wanted, byte_wise=byte_wise)
+    if armed := _armed(ctx):  # somebody else may have done so meanwhile
+        return armed
     unknown = [name for name in wanted if name not in told]
     if unknown:
         return Done(f"it told no {', '.join(unknown)}; nothing was set")

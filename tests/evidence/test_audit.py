@@ -101,6 +101,64 @@ def test_a_process_that_died_leaves_a_chain_that_is_not_closed(run: Run, tmp_pat
     assert "not closed: the process died or lines were cut" in result.stderr
 
 
+def test_who_dies_amid_an_upload_leaves_the_items_until_its_last_heartbeat(
+    run: Run,
+) -> None:
+    def item(seq: int) -> mavlink.MAVLink_message:
+        return mavlink.MAVLink_mission_item_int_message(
+            1, 1, seq, 6, 16, 0, 1, 0, 0, 0, 0, 460_000_000, seq, 2.0
+        )
+
+    run.evidence.to_vehicle(1, mavlink.MAVLink_mission_count_message(1, 1, 9))
+    for seq in range(5):
+        run.evidence.to_vehicle(1, item(seq))
+    run.evidence.to_vehicle(0, mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+    run.evidence.to_vehicle(1, item(5))
+    lines = [json.loads(line) for line in run.file.read_bytes().splitlines()]
+    assert [line["what"].get("message") for line in lines] == [None, "MISSION_COUNT", "MISSION_ITEM_INT"]
+    assert (lines[-1]["vehicle"], lines[-1]["what"]["items"], lines[-1]["what"]["of"]) == ("alpha", 5, 9)
+    shown = audit(run.file, "--all").output
+    assert "items 5, of 9" in shown
+    row = next(line for line in shown.splitlines() if "│ MISSION_ITEM_INT" in line)
+    assert [part.strip() for part in row.strip("│").split("│")][:6] == [
+        "alpha", "MISSION_ITEM_INT", "1", "", "", "1",
+    ]  # fmt: skip
+
+
+def test_the_items_of_another_station_are_told_as_its(run: Run) -> None:
+    point = mavlink.MAVLink_mission_item_int_message(
+        1, 1, 0, 6, 16, 0, 1, 0, 0, 0, 0, 460_000_000, 145_000_000, 2.0
+    )
+    run.evidence.to_vehicle(1, point, "station 252")
+    run.evidence.to_vehicle(1, mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3), "station 252")
+    assert len(run.file.read_bytes().splitlines()) == 1, "what it says of itself is no clock of ours"
+    for _ in range(2):
+        run.evidence.to_vehicle(0, mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+    (_opened, line) = [json.loads(line) for line in run.file.read_bytes().splitlines()]
+    assert (line["what"]["items"], line["what"]["by"]) == (1, "station 252")
+
+
+def test_answers_to_partial_lists_are_told_with_a_heartbeat_and_the_last_at_the_end(run: Run) -> None:
+    def told() -> list[tuple[str, int | None]]:
+        lines = [json.loads(line) for line in run.file.read_bytes().splitlines()]
+        return [(line["what"].get("message", line["kind"]), line["what"].get("times")) for line in lines[1:]]
+
+    announced = mavlink.MAVLink_mission_write_partial_list_message(1, 1, 7, 7)
+    point = mavlink.MAVLink_mission_item_int_message(1, 1, 7, 6, 16, 0, 1, 0, 0, 0, 0, 1, 1, 2.0)
+    for message in (announced, point):
+        run.evidence.to_vehicle(1, message)
+    beat = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
+    run.evidence.to_vehicle(0, beat)
+    run.evidence.from_vehicle(1, mavlink.MAVLink_mission_ack_message(255, 190, 0))
+    sent = [("MISSION_WRITE_PARTIAL_LIST", None), ("MISSION_ITEM_INT", None)]
+    assert told() == sent
+    run.evidence.to_vehicle(0, beat)
+    assert told() == [*sent, ("MISSION_ACK", 1)]
+    run.evidence.from_vehicle(1, mavlink.MAVLink_mission_ack_message(255, 190, 1))
+    run.evidence.close()
+    assert told() == [*sent, ("MISSION_ACK", 1), ("MISSION_ACK", 1), ("closed", None)]
+
+
 def test_without_evidence_the_usage_is_told(tmp_path: Path) -> None:
     result = audit(tmp_path)
     assert result.exit_code == 2

@@ -8,11 +8,13 @@ import json
 import struct
 from collections import Counter
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import pytest
 from flights import Ui, fly, small
+from mcap.reader import make_reader
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from typer.testing import CliRunner, Result
 
@@ -27,7 +29,7 @@ from swarmctl.core.messages import SetWeights, VehicleAnswer
 from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.evidence.book import FILE
-from swarmctl.evidence.chain import Checked, check
+from swarmctl.evidence.chain import Checked, canonical, check, sha256
 from swarmctl.evidence.story import seen, told
 from swarmctl.keyring.make import make
 from swarmctl.preflight.waivers import parse_waivers
@@ -88,6 +90,31 @@ def test_every_command_on_the_wire_is_in_the_evidence(flown: Path) -> None:
             assert told_of[kind] == kinds[kind]
         items = sum(w["items"] for w in recorded if w["message"] == "MISSION_ITEM_INT")
         assert items == kinds["MISSION_ITEM_INT"] > 0
+
+
+@pytest.mark.virtual
+def test_a_changed_plan_is_in_the_evidence_before_it_is_sent_and_its_items_are_one_line(flown: Path) -> None:
+    """The hash of the decision is that of the plan in the record of the run."""
+    entries, n_changes = evidence(flown).entries, 0
+    with (flown / "run.mcap").open("rb") as file:
+        plans = [
+            (channel.topic.split("/")[1], json.loads(message.data)["effect"]["plan"])
+            for _, channel, message in make_reader(file).iter_messages()
+            if channel.topic.endswith("/effect/SwapMission")
+        ]
+    for name in ("uav1", "uav2", "uav3"):
+        own = [e["what"] for e in entries if e["vehicle"] == name]
+        decided = [i for i, what in enumerate(own) if what.get("decided") == "mission"]
+        assert [own[i]["sha256"] for i in decided] == [
+            sha256(canonical(plan)) for uav, plan in plans if uav == name
+        ]
+        for begin, end in pairwise([*decided, len(own)]):
+            goes = [w for w in own[begin:end] if w.get("mission_type") == "MISSION" and "read" not in w]
+            said = [w["message"] for w in goes if w["message"] != "MISSION_REQUEST_LIST"]
+            announces = "MISSION_COUNT" if begin == decided[0] else "MISSION_WRITE_PARTIAL_LIST"
+            assert said == [announces, "MISSION_ITEM_INT", "MISSION_ACK"]
+            n_changes += begin != decided[0]
+    assert n_changes > 0
 
 
 @pytest.mark.virtual

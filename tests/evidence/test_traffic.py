@@ -61,7 +61,7 @@ def test_an_upload_is_its_announcement_and_one_entry_of_all_its_items() -> None:
     other.sent(mavlink.MAVLink_mission_count_message(1, 1, 3))
     for seq in (2, 0, 1):
         other.sent(item(seq, 460000001 if seq == 2 else 460000000))
-    assert other.close()[0][1]["sha256"] != items[1]["sha256"]
+    assert other.so_far()[0][1]["sha256"] != items[1]["sha256"]
 
 
 def test_a_word_about_a_repeated_item_ends_no_upload() -> None:
@@ -91,9 +91,9 @@ def test_an_upload_that_nobody_acknowledged_is_told_at_the_end() -> None:
     traffic = Traffic()
     traffic.sent(mavlink.MAVLink_mission_count_message(1, 1, 3))
     traffic.sent(item(0))
-    ((_, what),) = traffic.close()
+    ((_, what),) = traffic.so_far()
     assert (what["items"], what["of"]) == (1, 3)
-    assert traffic.close() == []
+    assert traffic.so_far() == []
 
 
 def test_a_parameter_is_answered_only_where_it_was_asked_for() -> None:
@@ -175,3 +175,91 @@ def test_who_disarms_where_it_has_landed_is_no_alarm(turned: bool) -> None:
 def test_who_disarms_in_the_air_is_one() -> None:
     told = digest([effect("landed", "UNDEFINED", "IN_AIR"), effect("armed", True, False)])
     assert told.unasked == {"alpha": {"armed False": 1}}
+
+
+def partial(seq: int):
+    return mavlink.MAVLink_mission_write_partial_list_message(1, 1, seq, seq)
+
+
+def appended(traffic: Traffic, seqs: list[int], *, copies: int = 1) -> list[tuple[str, dict[str, object]]]:
+    said = []
+    for seq in seqs:
+        for message in (*[partial(seq)] * copies, *[item(seq)] * copies):
+            said += traffic.sent(message)
+        said += traffic.heard(mavlink.MAVLink_mission_ack_message(255, 190, 0))
+    return said
+
+
+@pytest.mark.parametrize("copies", [1, 3])
+def test_items_that_are_written_behind_a_route_one_by_one_are_one_entry(copies: int) -> None:
+    traffic = Traffic()
+    ((kind, what),) = appended(traffic, [11, 12, 13], copies=copies)
+    assert (kind, what["message"], what["start_index"]) == ("command", "MISSION_WRITE_PARTIAL_LIST", 11)
+    items, answers, asks = traffic.sent(mavlink.MAVLink_mission_request_list_message(1, 1))
+    assert items[0] == "command"
+    assert {k: items[1][k] for k in ("message", "first", "items", "of")} == {
+        "message": "MISSION_ITEM_INT", "first": 11, "items": 3, "of": 3,
+    }  # fmt: skip
+    assert answers == (
+        "acknowledgement",
+        {"message": "MISSION_ACK", "mission_type": "MISSION", "result": "ACCEPTED", "times": 3},
+    )
+    assert asks[1]["message"] == "MISSION_REQUEST_LIST"
+    other = Traffic()
+    other.sent(partial(11))
+    for seq in (13, 12, 11):
+        other.sent(partial(seq))
+        other.sent(item(seq))
+    assert other.so_far()[0][1]["sha256"] == items[1]["sha256"], "whatever their order"
+
+
+def test_a_question_between_partial_lists_does_not_take_them_apart_and_an_order_does() -> None:
+    traffic = Traffic()
+    appended(traffic, [11, 12])
+    traffic.sent(mavlink.MAVLink_mission_request_list_message(1, 1))
+    assert appended(traffic, [12, 13]) == []
+    ((_, items), (_, answers), (_, order)) = traffic.sent(DISARM)
+    assert (items["first"], items["items"], items["of"]) == (11, 3, 3)
+    assert answers["times"] == 2
+    assert order["command"] == "COMPONENT_ARM_DISARM"
+    ((_, begins),) = appended(traffic, [14])
+    assert begins["start_index"] == 14
+    assert traffic.so_far()[0][1]["first"] == 14
+
+
+def test_what_is_refused_of_partial_lists_is_told_with_what_it_was_said_to() -> None:
+    traffic = Traffic()
+    appended(traffic, [11])
+    assert traffic.heard(mavlink.MAVLink_mission_ack_message(255, 190, 1)) == []
+    told = traffic.so_far()
+    assert [(what.get("result"), what.get("times")) for kind, what in told if kind == "acknowledgement"] == [
+        ("ACCEPTED", 1),
+        ("ERROR", 1),
+    ]
+    traffic.sent(mavlink.MAVLink_mission_ack_message(1, 1, 0))
+    ((kind, _),) = traffic.heard(mavlink.MAVLink_mission_ack_message(255, 190, 1))
+    assert kind == "acknowledgement", "of nothing that is on its way any more: it stands for itself"
+
+
+def test_what_is_on_its_way_is_told_as_far_as_it_has_gone_and_not_twice() -> None:
+    traffic = Traffic()
+    traffic.sent(mavlink.MAVLink_mission_count_message(1, 1, 3))
+    told = []
+    for seqs in ((0,), (0,), (1, 2)):
+        for seq in seqs:
+            traffic.sent(item(seq))
+        told.append([what["items"] for _, what in traffic.so_far()])
+    assert told == [[1], [], [3]]
+    assert [kind for kind, _ in traffic.heard(mavlink.MAVLink_mission_ack_message(255, 190, 0))] == [
+        "acknowledgement"
+    ]
+
+
+def test_a_digest_counts_a_transfer_once_however_many_lines_it_has() -> None:
+    begins, items = entry("command", message="MISSION_COUNT"), entry("command", message="MISSION_ITEM_INT")
+    accepted = entry("acknowledgement", message="MISSION_ACK", result="ACCEPTED")
+    told = digest([begins, items, items, accepted, begins, items, accepted, begins, items])
+    row = told.rows[1]
+    assert (row.command, row.sent, dict(row.answers), row.unanswered) == (
+        "MISSION_ITEM_INT", 3, {"ACCEPTED": 2}, 1,
+    )  # fmt: skip

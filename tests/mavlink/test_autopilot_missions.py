@@ -245,19 +245,88 @@ def test_px4_is_told_its_first_item_by_message_and_that_it_heard_is_seen():
     assert lost[1] - lost[0] >= 1.0, "nobody acknowledges it: it is waited for a second"
 
 
-@pytest.mark.autopilots("2 CLEAR_ALL")
+EMPTIES = {
+    "CLEAR_ALL": mavlink.MAVLink_mission_clear_all_message(1, 1, 0),
+    "a count of 0": mavlink.MAVLink_mission_count_message(1, 1, 0, 0),
+}
+ASKS = {"MISSION_REQUEST_INT", "MISSION_REQUEST_LIST", "MISSION_ACK"}
+"""what we say of missions that changes none"""
+
+
+def orders_of(bench: FlyingBench, sent: int) -> list[str]:
+    """What was sent to it since then that would change what it does."""
+    looks = mavlink.MAV_CMD_REQUEST_MESSAGE
+    return [
+        m.get_type()
+        for _, m in bench.sent[sent:]
+        if m.get_type() not in ASKS and getattr(m, "command", 0) != looks
+    ]
+
+
 @pytest.mark.autopilots("2 CLEAR_ALL", of="px4")
-@BOTH
-def test_a_mission_that_another_station_clears_in_flight_is_flown_no_more_by_our_word(personality):
-    """It loiters then; a swap finds that nothing of what was known is there, and puts a whole one there."""
-    bench = FlyingBench(personality).flying(OLD)
-    bench.another_sends(mavlink.MAVLink_mission_count_message(1, 1, 0, 0))
-    bench.run(2)
-    assert bench.stored == ()
-    new = plan(north=5, east=0.001)
-    result = bench.swap(new)
-    if result.flying == "new":
-        assert bench.holds(bench.session.items)
-        assert bench.vehicle.mission.index < len(bench.stored)
-    else:
-        assert result.flying in ("theirs", "hold")
+@pytest.mark.parametrize("how", EMPTIES)
+def test_a_px4_whose_mission_another_station_clears_loiters_and_is_left_to_it(how):
+    bench = FlyingBench("px4").flying(OLD)
+    sent = len(bench.sent)
+    bench.another_sends(EMPTIES[how])
+    bench.run(5)
+    assert (bench.stored, bench.mode, bench.aim) == ((), "AUTO.LOITER", None)
+    assert bench.session.items == (), "ours is claimed no more"
+    assert bench.session.state.other_mission
+    result = bench.swap(plan(north=5, east=0.001))
+    assert (result.flying, bench.mode, bench.stored) == ("theirs", "AUTO.LOITER", ())
+    assert "AUTO.LOITER" in result.failure
+    assert orders_of(bench, sent) == []
+
+
+@pytest.mark.autopilots("2 CLEAR_ALL", of="px4")
+@pytest.mark.parametrize("how", EMPTIES)
+def test_a_px4_whose_mission_is_cleared_right_before_a_change_of_ours_is_left_to_it_too(how):
+    bench = FlyingBench("px4").flying(OLD)
+    sent = len(bench.sent)
+    bench.another_sends(EMPTIES[how])
+    result = bench.swap(plan(north=5, east=0.001))
+    assert (result.flying, bench.mode, bench.stored) == ("theirs", "AUTO.LOITER", ())
+    assert orders_of(bench, sent) == []
+
+
+@pytest.mark.autopilots("2 CLEAR_ALL")
+def test_an_ardupilot_that_flies_its_mission_refuses_to_clear_it_and_flies_on():
+    bench = FlyingBench("ardupilot").flying(OLD)
+    codes, ours, sent = [], bench.session.items, len(bench.sent)
+    bench.block_down = lambda m: m.get_type() == "MISSION_ACK" and codes.append(m.type)
+    bench.another_sends(EMPTIES["CLEAR_ALL"])
+    bench.run(15)
+    assert codes == [mavlink.MAV_MISSION_ERROR]
+    assert bench.holds(ours)
+    assert (bench.mode, bench.session.items) == ("AUTO", ours)
+    assert not bench.session.state.other_mission
+    assert bench.session.state.mission_seq > 3, "it flies on"
+    assert orders_of(bench, sent) == []
+
+
+@pytest.mark.autopilots("2 CLEAR_ALL")
+def test_an_ardupilot_that_takes_a_count_of_0_stands_still_and_ours_is_claimed_no_more():
+    """It says AUTO all the while."""
+    bench = FlyingBench("ardupilot").flying(OLD)
+    sent = len(bench.sent)
+    bench.another_sends(EMPTIES["a count of 0"])
+    bench.run(15)
+    assert (bench.stored, bench.mode, bench.aim) == ((), "AUTO", None)
+    assert bench.session.state.ground_speed_m_s < 0.5
+    assert bench.session.items == ()
+    assert bench.session.state.other_mission
+    assert orders_of(bench, sent) == []
+
+
+@pytest.mark.autopilots("2 CLEAR_ALL")
+def test_a_change_of_ours_on_an_ardupilot_that_was_just_cleared_leaves_a_whole_plan_and_says_so():
+    """In AUTO without a word of the other station it looks as ours does; where it is, is still known."""
+    bench = FlyingBench("ardupilot").flying(OLD)
+    bench.another_sends(EMPTIES["a count of 0"])
+    new = bench.session.mission_items(plan(north=5, east=0.001))
+    result = bench.do("swap", lambda c: procedures.swap(c, new))
+    assert (result.failure, result.flying) == (None, "new")
+    assert bench.holds(new)
+    assert bench.session.dialect.differences(new, bench.session.items) == ()
+    assert bench.aim in {(i.x, i.y) for i in new[bench.session.dialect.first_waypoint_seq :]}

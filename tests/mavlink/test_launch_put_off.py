@@ -8,7 +8,9 @@ from typing import Any
 import pytest
 from bench import Bench, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from scripted_copter import Copter, Script
 
+from swarmctl.core.vehicle import Landed
 from swarmctl.mavlink import procedures
 from swarmctl.mavlink.outcome import Done, PutOff
 
@@ -81,3 +83,22 @@ def test_an_order_to_arm_that_was_not_answered_is_seen_through(lost: int) -> Non
     said: Iterator[str] = iter(["", WHY])
     assert launched(bench, lambda: next(said)) == PutOff(WHY, was_armed=True)
     assert not bench.copter.armed
+
+
+@pytest.mark.parametrize("blocked", [False, True], ids=["it does not rise", "somebody is in its way"])
+@pytest.mark.parametrize("landed", [Landed.UNDEFINED, Landed.IN_AIR, Landed.TAKEOFF, Landed.LANDING])
+def test_one_that_may_be_in_the_air_is_never_disarmed(
+    landed: Landed, blocked: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It tells that it flies, or not that it stands; by its height it has not left the ground."""
+    monkeypatch.setattr(Copter, "landed_state", landed)
+    bench = Bench(Script(stays_on_ground=True)).prepared()
+    said: Iterator[str] = iter(["", WHY if blocked else ""])
+    result = launched(bench, lambda: next(said))
+    assert bench.session.state.landed is landed
+    assert given(bench) == [(ARM, 1.0), *([] if blocked else [(START, 0.0)])]
+    assert bench.copter.armed
+    assert not isinstance(result, PutOff)
+    assert result.failure is not None
+    assert "does not take off" in result.failure
+    assert ("does not disarm" in result.failure) == blocked

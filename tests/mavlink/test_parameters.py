@@ -6,7 +6,7 @@ import struct
 from functools import partial
 
 import pytest
-from flying_bench import FlyingBench, on_the_ground
+from flying_bench import FlyingBench, on_the_ground, plan
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -67,6 +67,33 @@ def test_nothing_is_set_where_one_name_is_unknown(personality):
     before = bench.params[WHOLE[personality]]
     failure = write(bench, **{WHOLE[personality]: 1 - before, "NO_SUCH_NAME": 2})
     assert "it told no NO_SUCH_NAME; nothing was set" in failure
+    assert bench.params[WHOLE[personality]] == before
+
+
+@BOTH
+def test_an_armed_vehicle_is_sent_nothing_of_it(personality):
+    bench = FlyingBench(personality).flying(plan(north=8))
+    before, sent = bench.params[WHOLE[personality]], len(bench.sent)
+    assert "it is armed" in write(bench, **{WHOLE[personality]: 1 - before})
+    bench.run(10.0)
+    assert [m for _, m in bench.sent[sent:] if m.get_type().startswith("PARAM")] == []
+    assert bench.params[WHOLE[personality]] == before
+
+
+@BOTH
+def test_nothing_is_set_on_one_that_is_armed_while_it_is_asked(personality):
+    bench = FlyingBench(personality).uploaded(plan(north=8))
+    before = bench.params[WHOLE[personality]]
+    bench.block_down = lambda m: m.get_type() == "PARAM_VALUE"
+    procedure = partial(set_parameters, wanted={WHOLE[personality]: 1 - before}, byte_wise=bench.byte_wise)
+    bench.begin("write", procedure)
+    arm = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+    bench.another_sends(mavlink.MAVLink_command_long_message(1, 1, arm, 0, 1, 0, 0, 0, 0, 0, 0))
+    assert bench.run(5.0, lambda: bench.session.state.armed)
+    bench.block_down = lambda m: False
+    assert bench.run(60.0, lambda: bench.session.busy_with is None)
+    assert "it is armed" in bench.session.result.failure
+    assert bench.of("PARAM_SET") == []
     assert bench.params[WHOLE[personality]] == before
 
 

@@ -1,0 +1,87 @@
+"""What cannot be written in the evidence, and would arm a vehicle, does not reach it."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from pathlib import Path
+
+import pytest
+from link_world import World, north, play, until
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from scripted_copter import Copter
+from test_forward import WATCHER, Watching
+
+from swarmctl.evidence.book import FILE, Book
+from swarmctl.evidence.hooks import Evidence
+from swarmctl.links.base import LaunchFailed
+from swarmctl.links.frontend import FrontEnd
+
+ARM, START = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_MISSION_START
+
+
+class WrittenWorld(World):
+    """A copter, and a book of evidence whose disk can fill up."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(Copter(1))
+        loop = asyncio.get_running_loop()
+        self.book = Book(folder / FILE, {}, unix_s=loop.time, run_s=loop.time, say=self.said.append)
+        self.watching = Watching()
+        self.front = FrontEnd(
+            wall_time_us=self._wall,
+            memory={"test": self.wire, "watcher": self.watching.wire},
+            witness=Evidence(self.book, {1: "alpha"}),
+            say=self.said.append,
+        )
+
+    async def __aexit__(self, *error: object) -> None:
+        await super().__aexit__(*error)
+        self.book.close()
+
+    def disk_is_full(self) -> str:
+        """From now on; nobody is in the way of a take-off."""
+        full = os.open("/dev/full", os.O_WRONLY)
+        os.dup2(full, self.book._file.fileno())
+        os.close(full)
+        return ""
+
+    def given(self) -> list[int]:
+        return [number for number, _ in self.copters[1].commands if number in (ARM, START)]
+
+
+def test_an_order_to_arm_that_cannot_be_written_does_not_leave(tmp_path: Path) -> None:
+    """The disk has all before, and fills up right before the order."""
+
+    async def story() -> None:
+        async with WrittenWorld(tmp_path) as world:
+            link = world.link()
+            await link.connect(10)
+            await link.prepare(30, lambda _: None)
+            await link.upload(north(8))
+            with pytest.raises(LaunchFailed, match="does not arm"):
+                await link.launch(world.disk_is_full)
+            assert world.given() == []
+            assert not world.copters[1].armed
+            assert "no vehicle is armed any more" in world.said[0]
+            # What arms nobody goes out still.
+            await link.return_home()
+            assert world.copters[1].mode_name == "RTL"
+
+    play(story())
+
+
+def test_nor_does_that_of_another_station(tmp_path: Path) -> None:
+    async def story() -> None:
+        async with WrittenWorld(tmp_path) as world:
+            await world.front.forward(WATCHER, commands=True)
+            world.watching.wire.from_vehicle(b"", "station")
+            await world.link().connect(10)
+            await asyncio.sleep(5)
+            world.disk_is_full()
+            world.watching.say(mavlink.MAVLink_command_long_message(1, 1, ARM, 0, 1, 0, 0, 0, 0, 0, 0))
+            world.watching.say(mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 4, 0, 0, 0, 0, 0))
+            await until(lambda: world.copters[1].mode_name == "GUIDED", 5)
+            assert world.given() == []
+
+    play(story())
