@@ -277,7 +277,7 @@ async def _conducted(run: _Run, director: Director, network: Network, parts: Par
     """The flight, and what becomes of vehicles when it breaks or is left at once."""
     flight, say = run.scenario.config.flight, run.face.say
     order = Order(flight.on_exit)
-    shown = show(run.members, run.ledger, run.face, run.scenario, director, network)
+    shown = partial(show, run.members, run.ledger, run.face, run.scenario, director, network)
     try:
         run.ended = await conduct(director, run.members, parts.played, run.face, shown, parts.evidence)
     except Exception:

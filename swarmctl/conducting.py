@@ -21,14 +21,14 @@ async def conduct(
     members: Sequence[Member],
     played: asyncio.Task[None] | None,
     ui: Ui,
-    show: Coroutine[Any, Any, None],
+    show: Callable[[], Coroutine[Any, Any, None]],
     evidence: Evidence,
 ) -> Literal["ended", "stopped", "abandoned"]:
     """Everything that runs during a flight, under one task group; ends when the director does."""
     abandoned = False
     async with asyncio.TaskGroup() as tasks:
         helpers = [tasks.create_task(m.runner.run()) for m in members]
-        helpers.append(tasks.create_task(show))
+        helpers.append(tasks.create_task(show()))
         helpers.append(tasks.create_task(_any_bug()))
         if played is not None:
             helpers.append(tasks.create_task(_until_it_fails(played, members, ui)))

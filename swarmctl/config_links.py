@@ -39,6 +39,18 @@ class Links(Section):
         description="of the first link in signatures, the next has the next; stations that speak to one "
         "vehicle with one key at once need different ones",
     )
+    position_hz: float | None = Field(
+        None,
+        ge=2.0,
+        le=10.0,
+        description="positions a second that each vehicle is asked for, and the rest of what it tells in "
+        "proportion. Default: 4 (ArduPilot) or 5 (PX4); 2 for radios that several vehicles share",
+    )
+    stop_other_streams: bool = Field(
+        False,
+        description="whether a vehicle is told, until it boots anew, to end what it streams over its link "
+        "for people's instruments and nobody here looks at (attitude …); who watches misses it",
+    )
     forward_commands: bool = Field(
         False,
         description="whether what such a program sends reaches the vehicles; it is in the evidence as "

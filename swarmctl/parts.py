@@ -28,7 +28,7 @@ from swarmctl.evidence.hooks import Evidence
 from swarmctl.keyring.files import KeyringError
 from swarmctl.keyring.mavlink_key import TimestampFile, read_mavlink_key
 from swarmctl.links import LINKS
-from swarmctl.links.base import LinkError
+from swarmctl.links.base import LinkError, Streaming
 from swarmctl.links.frontend import FrontEnd
 from swarmctl.links.memory import MemoryWire
 from swarmctl.links.signing import Signing
@@ -154,6 +154,8 @@ def members_of(
     `reports` gets the tally of each inlet that is opened for payloads' reports, by system id.
     """
     source = SOURCES[scenario.config.sensor.source]
+    links = scenario.config.links
+    streaming = Streaming(links.position_hz, links.stop_other_streams)
     for spec, task in zip(scenario.specs, scenario.tasks, strict=True):
         endpoint = parse_url(spec.url)
         if spec.simulated and clock == "virtual":
@@ -166,6 +168,7 @@ def members_of(
             name=spec.name,
             on_event=inlet,
             tlog=folder / f"{spec.name}.tlog",
+            streaming=streaming,
         )
         runner = Runner(
             task,

@@ -24,6 +24,7 @@ from swarmctl.core.vehicle import VehicleState
 from swarmctl.links.base import (
     AddressChanged,
     Conflict,
+    FramesRefused,
     Heard,
     Identity,
     LaunchPutOff,
@@ -105,6 +106,8 @@ class Runner:
         self._inbox: deque[ev.Event] = deque()
         self._wake = asyncio.Event()
         self._job: asyncio.Task[None] | None = None
+        self._ending: set[asyncio.Task[None]] = set()
+        """earlier ones, cancelled; the job waits for their ends"""
         self._looked_s = -math.inf
         self._seen: dict[int, StateShared] = {}
         self._intents: dict[int, IntentShared] = {}
@@ -155,6 +158,8 @@ class Runner:
             case Conflict(address):
                 self.conflict = f"another sender, at {address}, uses its system id {self.state.task.uav}"
                 self.tell(f"{self.conflict}; its frames are dropped", aloud=True)
+            case FramesRefused(text):
+                self.tell(text, aloud=True)
             case AddressChanged(address):
                 self.tell(f"speaks from {address} now", aloud=True)
             case Text(_, text):
@@ -220,31 +225,41 @@ class Runner:
                 for observer in self._observers:
                     observer.sent(self.state.task.uav, message, recipients, now)
             case ev.SwapMission():
-                self._start(self._swap(effect), jobs)
+                self._start(partial(self._swap, effect), jobs)
             case ev.Command(order, by_person):
-                self._start(self._order(order, looks_first=not by_person), jobs)
+                self._start(partial(self._order, order, looks_first=not by_person), jobs)
             case ev.SetSpeed(speed_m_s):
-                self._start(self._set_speed(speed_m_s), jobs)
+                self._start(partial(self._set_speed, speed_m_s), jobs)
             case ev.Release():
-                if self._job is not None:
-                    self._job.cancel()
+                self._end_job()
             case ev.Tell(text):
                 self.tell(text, aloud=True)
             case ev.Answer(command, answer):
                 if self._desk is not None:
                     self._desk.answered(command, answer)
 
-    def _start(self, work: Coroutine[Any, Any, None], jobs: asyncio.TaskGroup) -> None:
-        """One job at a time; an order ends whatever runs, and the agent swaps only when nothing does."""
-        previous = self._job
+    def _start(self, work: Callable[[], Awaitable[None]], jobs: asyncio.TaskGroup) -> None:
+        """One job at a time: what runs is cancelled at once, and has ended before the next begins.
+
+        At once, and by who starts the next: a job that is itself replaced before its first step does nothing.
+        """
+        self._end_job()
+        before = frozenset(self._ending)
 
         async def job() -> None:
-            if previous is not None and not previous.done():
-                previous.cancel()
-                await asyncio.wait((previous,))
-            await work
+            if before:
+                await asyncio.wait(before)
+            await work()
 
         self._job = jobs.create_task(job())
+
+    def _end_job(self) -> None:
+        """Cancelled once: how it ends may itself take time."""
+        self._ending = {job for job in self._ending if not job.done()}
+        if self._job is not None and not self._job.done():
+            self._job.cancel()
+            self._ending.add(self._job)
+        self._job = None
 
     async def _swap(self, swap: ev.SwapMission) -> None:
         on_ground = self.state.phase in agent.ON_GROUND

@@ -133,7 +133,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     # What decides of preflight; what does I/O for it stands below.
     "swarmctl.preflight": {
         "swarmctl.core", "swarmctl.mavlink", "swarmctl.config_preflight", "swarmctl.scenario",
-        "swarmctl.separation", "swarmctl.agent.approach",
+        "swarmctl.separation", "swarmctl.agent.approach", "swarmctl.agent.bounds",
+        "swarmctl.agent.flight_path", "swarmctl.agent.pace",
     },
     "swarmctl.preflight.machine": {
         "swarmctl.links.packages",

@@ -1,9 +1,9 @@
 """Links: what does the I/O between agents and vehicles. The only sockets of the ground station.
 
 url, base: the forms of a URL, what a link offers; udp, tcp, serial, memory: transports; routing, tlog: which
-address a vehicle is at, its log; forward, signing: who watches, who is believed; frontend: owns the
-transports; direct: one vehicle over the front end; mavsdk: the same, with commands and missions by MAVSDK;
-packages: what that needs.
+address a vehicle is at, its log; forward, signing, refusals: who watches, who is believed, who is not;
+frontend: owns the transports; direct: one vehicle over the front end; mavsdk: the same, with commands and
+missions by MAVSDK; packages: what that needs.
 Imports mavlink and core. A new link is one module and one line in `LINKS`.
 """
 

@@ -28,14 +28,17 @@ from swarmctl.mavlink.events import (
 )
 from swarmctl.mavlink.instruments import Instruments
 from swarmctl.mavlink.outcome import Swapped
+from swarmctl.mavlink.streams import Streaming
 
 __all__ = [
     "AddressChanged",
     "Busy",
+    "ChannelEvent",
     "CommandFailed",
     "Conflict",
     "FenceFailed",
     "Flying",
+    "FramesRefused",
     "Heard",
     "Identity",
     "Instruments",
@@ -53,6 +56,7 @@ __all__ = [
     "Rebooted",
     "Restored",
     "StateChanged",
+    "Streaming",
     "SwapFailed",
     "Text",
     "TransportError",
@@ -78,7 +82,17 @@ class Conflict:
     """of the second sender"""
 
 
-LinkEvent = SessionEvent | AddressChanged | Conflict
+@dataclass(frozen=True, slots=True)
+class FramesRefused:
+    """Frames in this vehicle's name are not taken; told at the first of a kind, and while it goes on."""
+
+    text: str
+    """why, how many, and what that means"""
+
+
+ChannelEvent = AddressChanged | Conflict | FramesRefused
+"""what the front end tells of a vehicle"""
+LinkEvent = SessionEvent | ChannelEvent
 
 
 class LinkError(Exception):
@@ -120,7 +134,7 @@ class ParametersFailed(LinkError):
 
 
 class FenceFailed(LinkError):
-    """The geofence is not verified to be on the vehicle, or cannot be read."""
+    """The geofence is not verified to be on the vehicle or in force, or cannot be read."""
 
 
 class UploadFailed(LinkError):
@@ -193,7 +207,7 @@ class Link(Protocol):
     async def read_parameters(self, names: Collection[str]) -> dict[str, float]:
         """Those of the names that the vehicle knows, in the units of the parameters.
 
-        This and the four below may be called while `upload` runs, and the other way round: one waits for the
+        This and the six below may be called while `upload` runs, and the other way round: one waits for the
         other. Raises LinkError where an order has interrupted it.
         """
 
@@ -205,6 +219,13 @@ class Link(Protocol):
 
     async def read_fence(self) -> tuple[MissionItem, ...]:
         """The items of the fence that is on the vehicle. Raises FenceFailed."""
+
+    async def enforce_fence(self) -> None:
+        """On the ground: an ArduPilot keeps to the limits that FENCE_TYPE names from now on, whatever was in
+        force before. Raises FenceFailed."""
+
+    async def count_rally_points(self) -> int:
+        """How many it has, and might return to. Raises LinkError where that is not known."""
 
     async def read_instruments(self) -> Instruments:
         """GPS receiver and clock; the vehicle's home and battery in `state` are young afterwards."""

@@ -33,7 +33,7 @@ from swarmctl.links.base import (
 )
 from swarmctl.links.frontend import Channel, FrontEnd
 from swarmctl.links.url import Endpoint
-from swarmctl.mavlink import fence, instruments, parameters, procedures, speed
+from swarmctl.mavlink import fence, instruments, parameters, procedures, rally, speed
 from swarmctl.mavlink.codec import Message
 from swarmctl.mavlink.conversation import Peer
 from swarmctl.mavlink.mission_download import DownloadOutcome, DownloadResult
@@ -41,6 +41,7 @@ from swarmctl.mavlink.outcome import PutOff
 from swarmctl.mavlink.procedure import Context, Procedure
 from swarmctl.mavlink.procedures import Done, Swapped, Uploaded
 from swarmctl.mavlink.session import Session, Step
+from swarmctl.mavlink.streams import Streaming
 
 REPORT_PERIOD_S = 1.0
 
@@ -61,6 +62,7 @@ class DirectLink:
         on_event: Callable[[LinkEvent], None],
         tlog: Path | None = None,
         lost_after_s: float = 5.0,
+        streaming: Streaming | None = None,
     ) -> None:
         self.name = name
         self.sysid = sysid
@@ -69,7 +71,7 @@ class DirectLink:
         self._on_event = on_event
         self._tlog = tlog
         self._session = Session(
-            Peer(sysid, own_sysid=front_end.sysid, own_compid=front_end.compid), lost_after_s
+            Peer(sysid, own_sysid=front_end.sysid, own_compid=front_end.compid), lost_after_s, streaming
         )
         self._channel: Channel | None = None
         self._heard = asyncio.Event()
@@ -170,6 +172,17 @@ class DirectLink:
             raise FenceFailed(f"{self._who}: its fence: {found.text}")
         return found.items
 
+    async def enforce_fence(self) -> None:
+        done: Done = await self._look("enforce fence", fence.enforce_fence)
+        if done.failure:
+            raise FenceFailed(f"{self._who}: its fence may not be in force: {done.failure}")
+
+    async def count_rally_points(self) -> int:
+        found: rally.RallyPoints = await self._read("rally points", rally.count_rally_points)
+        if found.count is None:
+            raise LinkError(f"{self._who}: its rally points: {found.text}")
+        return found.count
+
     async def read_instruments(self) -> Instruments:
         told: Instruments = await self._read("instruments", instruments.read_instruments)
         return told
@@ -244,6 +257,7 @@ class DirectLink:
                 on_message=self._on_message,
                 on_event=self._on_event,
                 tlog=self._tlog,
+                wanted=self._session.wanted,
             )
         except LinkError as error:
             raise LinkError(f"{self.name}: {error}") from None

@@ -7,15 +7,23 @@ is, sends to that address only, decodes only what somebody wants, writes the tlo
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Protocol, Self
 
-from swarmctl.links.base import AddressChanged, Conflict, LinkError, TransportError
+from swarmctl.links.base import (
+    AddressChanged,
+    ChannelEvent,
+    Conflict,
+    FramesRefused,
+    LinkError,
+    TransportError,
+)
 from swarmctl.links.forward import Forwarder, Target, open_to_strangers, refuse_loops
 from swarmctl.links.memory import Memory, MemoryWire
+from swarmctl.links.refusals import Refusals
 from swarmctl.links.routing import Route, Verdict
 from swarmctl.links.serial import SerialPort
 from swarmctl.links.signing import LATE, Guard, Signing
@@ -66,11 +74,13 @@ class Channel:
         line: _Line,
         sysid: int,
         on_message: Callable[[Message], None],
-        on_event: Callable[[AddressChanged | Conflict], None],
+        on_event: Callable[[ChannelEvent], None],
         tlog: TlogWriter | None,
+        wanted: Set[int],
     ) -> None:
         self.route = Route()
         self.sysid = sysid
+        self.wanted = wanted
         self.on_message = on_message
         self.on_event = on_event
         self._line = line
@@ -108,6 +118,7 @@ class _Shared:
     forwarder: Forwarder
     guard: Guard
     witness: Witness | None
+    say: Callable[[str], None]
 
 
 class _Line:
@@ -123,6 +134,7 @@ class _Line:
         self._endpoint = endpoint
         self._number = number
         self._shared = shared
+        self._refusals = Refusals()
         self._splitters: dict[Address, FrameSplitter] = {}
         self._late: set[Address] = set()
         """who has the key and an old time: without GPS an autopilot learns it from what it is sent"""
@@ -172,14 +184,25 @@ class _Line:
         now = asyncio.get_running_loop().time()
         for frame in splitter.feed(data):
             why_not = self._shared.guard.why_not(frame.data)
-            if not why_not:
-                self._shared.forwarder.send(frame.data)
-                self._dispatch(frame, address, now)
+            if why_not:
+                self._refuse(frame, address, why_not, now)
                 continue
-            if frame.known and frame.compid == AUTOPILOT_COMPID:
-                self.refused[frame.sysid] = why_not
-            if why_not == LATE and len(self._late) < _LATE_LIMIT:
-                self._late.add(address)
+            self._shared.forwarder.send(frame.data)
+            self._dispatch(frame, address, now)
+
+    def _refuse(self, frame: Frame, address: Address, why: str, now: float) -> None:
+        if why == LATE and len(self._late) < _LATE_LIMIT:
+            self._late.add(address)
+        if not frame.known:
+            return  # noise may look like a frame of anybody
+        if frame.compid == AUTOPILOT_COMPID:
+            self.refused[frame.sysid] = why
+        channel = self.channels.get(frame.sysid)
+        if channel is None:
+            if text := self._refusals.of_stranger(frame.sysid, why, _text(address), now):
+                self._shared.say(f"{self._endpoint}: {text}")
+        elif text := self._refusals.of_vehicle(frame.sysid, frame.compid, why, _text(address), now):
+            channel.on_event(FramesRefused(text))
 
     def _dispatch(self, frame: Frame, address: Address, now: float) -> None:
         from_autopilot = frame.known and frame.compid == AUTOPILOT_COMPID
@@ -201,7 +224,7 @@ class _Line:
         elif verdict is Verdict.CONFLICT:
             channel.on_event(Conflict(_text(channel.route.rival)))
         channel.log(frame.data)
-        if frame.msgid in WANTED:
+        if frame.msgid in channel.wanted:
             message = self._shared.decoder.decode(frame)
             if message is not None:
                 if self._shared.witness is not None:
@@ -214,7 +237,7 @@ class FrontEnd:
 
     `wall_time_us` gives the times of the tlogs and of signatures; `signing` signs all that is sent and
     refuses what is not signed; `memory` has the wires of `memory:NAME` endpoints; `say` is told what
-    people have to know of other stations.
+    people have to know of other stations, strangers' frames and signing itself.
     """
 
     def __init__(
@@ -233,7 +256,7 @@ class FrontEnd:
         self._wall_time_us = wall_time_us
         self._memory = memory or {}
         guard = Guard(signing, wall_time_us)
-        self._shared = _Shared(Encoder(sysid, compid), Decoder(), Forwarder(), guard, witness)
+        self._shared = _Shared(Encoder(sysid, compid), Decoder(), Forwarder(), guard, witness, say)
         self._lines: dict[Endpoint, _Line] = {}
         self._opening = asyncio.Lock()
         self._timer: asyncio.TimerHandle | None = None
@@ -241,6 +264,9 @@ class FrontEnd:
         self._say = say
         self._forced = 0
         """orders of other stations that were dropped"""
+        self._refusals = Refusals()
+        """of other stations' frames"""
+        self._said_trouble = ""
 
     async def __aenter__(self) -> Self:
         return self
@@ -276,7 +302,11 @@ class FrontEnd:
         await self._shared.forwarder.add(Target(endpoint, self._transport(endpoint), on_frame))
 
     def _from_station(self, frame: Frame, where: str) -> None:
-        message = None if self._shared.guard.why_not(frame.data) else self._shared.decoder.decode(frame)
+        if why := self._shared.guard.why_not(frame.data):
+            if text := self._refusals.of_stranger(frame.sysid, why, where, asyncio.get_running_loop().time()):
+                self._say(f"other stations: {text}")
+            return
+        message = self._shared.decoder.decode(frame)
         if message is None:
             return
         target = int(getattr(message, "target_system", 0))
@@ -296,10 +326,12 @@ class FrontEnd:
         sysid: int,
         *,
         on_message: Callable[[Message], None],
-        on_event: Callable[[AddressChanged | Conflict], None],
+        on_event: Callable[[ChannelEvent], None],
         tlog: Path | None = None,
+        wanted: Set[int] = WANTED,
     ) -> Channel:
-        """Take part in the traffic of one system id on an open endpoint.
+        """Take part in the traffic of one system id on an open endpoint; `on_message` gets the messages whose
+        ids are `wanted`.
 
         Raises LinkError where another link already has it.
         """
@@ -315,7 +347,7 @@ class FrontEnd:
                 f"system id {sysid} on {endpoint} is the ground station's own; vehicles use 1 to 254"
             )
         writer = None if tlog is None else TlogWriter(tlog, self._wall_time_us, self._say)
-        channel = line.channels[sysid] = Channel(line, sysid, on_message, on_event, writer)
+        channel = line.channels[sysid] = Channel(line, sysid, on_message, on_event, writer, wanted)
         return channel
 
     def heard_on(self, endpoint: Endpoint) -> frozenset[int]:
@@ -363,6 +395,10 @@ class FrontEnd:
 
     def _heartbeat(self) -> None:
         self._timer = asyncio.get_running_loop().call_later(HEARTBEAT_PERIOD_S, self._heartbeat)
+        signing = self._shared.guard.signing
+        if signing is not None and signing.trouble != self._said_trouble:
+            self._said_trouble = signing.trouble
+            self._say(signing.trouble)
         for line in self._lines.values():
             line.heartbeat()
             # A log is wanted most of all after the process died.

@@ -34,6 +34,7 @@ from swarmctl.mavlink.conversation import Peer
 from swarmctl.mavlink.mission_upload import MISSION
 from swarmctl.mavlink.procedure import Context, Procedure
 from swarmctl.mavlink.session import Session, Step
+from swarmctl.mavlink.streams import Streaming
 
 _REPEATS = 4
 """how often MAVSDK waits for its time-out before it gives a command up"""
@@ -264,10 +265,17 @@ class MavsdkLink(DirectLink):
 
     _session: _WakingSession
 
-    def __init__(self, front_end: FrontEnd, *args: Any, lost_after_s: float = 5.0, **kwargs: Any) -> None:
+    def __init__(
+        self,
+        front_end: FrontEnd,
+        *args: Any,
+        lost_after_s: float = 5.0,
+        streaming: Streaming | None = None,
+        **kwargs: Any,
+    ) -> None:
         super().__init__(front_end, *args, lost_after_s=lost_after_s, **kwargs)
         peer = Peer(self.sysid, own_sysid=front_end.sysid, own_compid=front_end.compid)
-        self._session = _WakingSession(peer, lost_after_s)
+        self._session = _WakingSession(peer, lost_after_s, streaming)
         self._aboard: Aboard | None = None
 
     async def connect(self, timeout_s: float) -> Identity:

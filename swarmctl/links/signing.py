@@ -32,6 +32,9 @@ WAITS_S = 1.0
 MOST_AHEAD = 24 * 3600 * TICKS_PER_S
 """how far ahead of our time a stamp may be. MAVLink sets no limit, so one frame that is stamped with the end
 of time would leave everybody who follows it nothing to sign with."""
+UNSIGNED = "unsigned"
+OTHER_KEY = "signed with another key"
+REPEATED = "repeated or out of order"
 LATE = "older than a minute"
 AHEAD = "more than a day ahead of this machine's clock"
 UNSIGNED_ALLOWED = frozenset({109, 166})
@@ -131,9 +134,9 @@ class Signing:
 
     def _fault(self, frame: bytes, clock: int) -> str:
         if frame[0] != _MAVLINK_2 or not frame[2] & _SIGNED:
-            return "" if _message_id(frame) in UNSIGNED_ALLOWED else "unsigned"
+            return "" if _message_id(frame) in UNSIGNED_ALLOWED else UNSIGNED
         if not hmac.compare_digest(hashlib.sha256(self._key + frame[:-6]).digest()[:6], frame[-6:]):
-            return "signed with another key"
+            return OTHER_KEY
         stream = (frame[-_SIGNATURE_BYTES], frame[5], frame[6])
         timestamp = int.from_bytes(frame[-12:-6], "little")
         last = self._streams.get(stream)
@@ -143,7 +146,7 @@ class Signing:
         if last is None and timestamp + NEW_STREAM_AGE < max(self._last, clock):
             return LATE
         if last is not None and timestamp <= last:
-            return "repeated or out of order"
+            return REPEATED
         self._streams[stream] = timestamp
         self._last = max(self._last, timestamp)
         return ""

@@ -13,6 +13,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import MissionItem
+from swarmctl.mavlink.command import CommandOutcome, CommandResult
+from swarmctl.mavlink.guarded import TRIES, command
 from swarmctl.mavlink.mission_download import DownloadResult
 from swarmctl.mavlink.mission_upload import Upload
 from swarmctl.mavlink.placing import UPLOAD_TRIES, read_back, verified
@@ -72,6 +74,27 @@ def put_fence(ctx: Context, items: tuple[MissionItem, ...]) -> Procedure[Done]:
 
     placed = yield from verified(ctx, upload, differences, UPLOAD_TRIES)
     return Done(placed.failure)
+
+
+def enforce_fence(ctx: Context) -> Procedure[Done]:
+    """Have an ArduPilot that stands disarmed keep to the limits that its parameters name.
+
+    Since 4.6 it takes up FENCE_TYPE when it boots and when FENCE_ENABLE changes, and what a command switches
+    off is off: parameters do not tell what is in force (`AC_Fence::update`, `AC_Fence::enable`). It answers
+    when that is done.
+    """
+    if ctx.state.armed:
+        return Done("it is armed; its fence is enabled on the ground, disarmed")
+    enable = command(ctx, mavlink.MAV_CMD_DO_FENCE_ENABLE, (1.0,))
+    failure = "not tried"
+    for attempt in range(TRIES):
+        result: CommandResult = yield enable(attempt)
+        if result.outcome is CommandOutcome.ACCEPTED:
+            return Done()
+        failure = result.text
+        if result.final:
+            break
+    return Done(failure)
 
 
 def read_fence(ctx: Context) -> Procedure[DownloadResult]:

@@ -14,6 +14,7 @@ from swarmctl.mavlink.codec import Message
 from swarmctl.mavlink.command import command_long
 from swarmctl.mavlink.conversation import Conversation, Peer, State
 from swarmctl.mavlink.procedure import Context, Procedure
+from swarmctl.mavlink.wait import Until
 
 ASKED = (
     int(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT),
@@ -21,6 +22,8 @@ ASKED = (
     int(mavlink.MAVLINK_MSG_ID_HOME_POSITION),
     int(mavlink.MAVLINK_MSG_ID_SYS_STATUS),
 )
+POSITIONS_WAIT_S = 5.0
+"""for who has hardly begun to tell where it is"""
 _NOT_TOLD = 0xFFFF
 _SATELLITES_NOT_TOLD = 0xFF
 
@@ -45,6 +48,8 @@ class Instruments:
     """its clock (SYSTEM_TIME) since 1970 [s]; None also while it has none, before its first fix"""
     told_at_s: float | None
     """the time of the running loop at which that clock was read [s]"""
+    position_every_s: float | None = None
+    """how long it takes from one of its positions to the next [s]"""
 
 
 class Collect(Conversation[dict[int, tuple[Message, float]]]):
@@ -96,9 +101,11 @@ def read_instruments(ctx: Context) -> Procedure[Instruments]:
     gps = came.get(int(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT))
     clock = came.get(int(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME))
     fix = None if gps is None else _fix(gps[0])
+    yield Until(lambda: ctx.telemetry.position_every_s(ctx.now) is not None, POSITIONS_WAIT_S)
+    every_s = ctx.telemetry.position_every_s(ctx.now)
     if clock is None or clock[0].time_unix_usec == 0:
-        return Instruments(fix, None, None)
-    return Instruments(fix, clock[0].time_unix_usec / 1e6, clock[1])
+        return Instruments(fix, None, None, every_s)
+    return Instruments(fix, clock[0].time_unix_usec / 1e6, clock[1], every_s)
 
 
 def _fix(message: Message) -> GpsFix:

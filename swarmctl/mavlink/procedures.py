@@ -16,7 +16,6 @@ from swarmctl.mavlink.launching import launch
 from swarmctl.mavlink.outcome import Done, Swapped, Uploaded
 from swarmctl.mavlink.placing import put
 from swarmctl.mavlink.procedure import Context, Procedure
-from swarmctl.mavlink.rally import see_no_rally_points
 from swarmctl.mavlink.swap_at_once import complaint
 from swarmctl.mavlink.swapping import swap, swap_takes_s
 from swarmctl.mavlink.wait import Ask, Look, Until
@@ -77,8 +76,6 @@ def upload(ctx: Context, items: tuple[MissionItem, ...]) -> Procedure[Uploaded]:
     if ctx.state.armed:
         # It might fly the mission that we write over, item by item.
         return Uploaded("it is armed; the mission of a flying vehicle is swapped")
-    if ctx.dialect.returns_to_rally and (failure := (yield from see_no_rally_points(ctx))):
-        return Uploaded(failure)
     begin_s, n_texts = ctx.state.time_boot_s, ctx.telemetry.n_texts
     placed = yield from put(ctx, items, ctx.dialect.first_seq)
     took_s = max(ctx.state.time_boot_s - begin_s, 0.0)

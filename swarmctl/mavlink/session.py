@@ -27,7 +27,7 @@ from swarmctl.mavlink.mission_watch import MissionWatch
 from swarmctl.mavlink.presence import LinkState, Presence, is_vehicle_heartbeat
 from swarmctl.mavlink.procedure import Context, Driver, Procedure
 from swarmctl.mavlink.procedures import Done, Swapped
-from swarmctl.mavlink.streams import AFTER_SILENCE_S, StreamKeeper
+from swarmctl.mavlink.streams import AFTER_SILENCE_S, NEEDLESS, Streaming, StreamKeeper
 from swarmctl.mavlink.telemetry import Telemetry
 
 WANTED = frozenset(
@@ -66,13 +66,14 @@ class Step(NamedTuple):
 class Session:
     """One vehicle. Every input returns the messages to send and what there is to report."""
 
-    def __init__(self, peer: Peer, lost_after_s: float = 5.0) -> None:
+    def __init__(self, peer: Peer, lost_after_s: float = 5.0, streaming: Streaming | None = None) -> None:
         self.peer = peer
         self.unsupported: str | None = None
         """why this vehicle cannot be flown, once its heartbeat has told what it is"""
         self.result: Any = None
         """what the last procedure returned; read it on ProcedureDone"""
         self._presence = Presence(lost_after_s)
+        self._streaming = streaming or Streaming()
         self._context: Context | None = None
         self._streams: StreamKeeper | None = None
         self._heard: Heard | None = None
@@ -83,6 +84,11 @@ class Session:
         self._procedure_name = ""
 
     # What is known
+
+    @property
+    def wanted(self) -> frozenset[int]:
+        """The ids of the messages that it is to be told."""
+        return WANTED | NEEDLESS if self._streaming.stops_others else WANTED
 
     @property
     def link_state(self) -> LinkState:
@@ -141,7 +147,10 @@ class Session:
         step = Step([], [])
         if (message.get_srcSystem(), message.get_srcComponent()) != (self.peer.sysid, self.peer.compid):
             return step
-        silent_s = self._on_heartbeat(message, now, step) if is_vehicle_heartbeat(message) else None
+        is_heartbeat = message.get_type() == "HEARTBEAT"
+        if is_heartbeat and not is_vehicle_heartbeat(message):
+            return step  # a companion's, set up as if it were the autopilot
+        silent_s = self._on_heartbeat(message, now, step) if is_heartbeat else None
         if self._context is None:
             if silent_s is not None:
                 step.events.append(Restored(silent_s))
@@ -217,7 +226,9 @@ class Session:
             self.unsupported = str(error)
             return
         self._context = Context(self.peer, dialect, Telemetry(dialect))
-        self._streams = StreamKeeper(self.peer, dialect.streams_hz)
+        streaming = self._streaming
+        rates_hz = streaming.rates_hz(dialect.streams_hz)
+        self._streams = StreamKeeper(self.peer, rates_hz, stops_others=streaming.stops_others)
         self._mission = MissionWatch(self.peer, dialect)
 
     def _fold(

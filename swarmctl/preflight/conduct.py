@@ -7,20 +7,20 @@ import math
 import statistics
 from collections import deque
 from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Protocol
 
 from swarmctl.agent import ON_GROUND, Phase
 from swarmctl.agent.flight_path import from_takeoff
 from swarmctl.core.mission import FlightPlan, MissionItem
-from swarmctl.links.base import FenceFailed, Identity, LinkError, ParametersFailed
+from swarmctl.links.base import FenceFailed, Identity, Link, LinkError, ParametersFailed
 from swarmctl.mavlink.firmware import firmware_of
 from swarmctl.mavlink.instruments import Instruments
 from swarmctl.preflight.checks import CHECKS, parameters
 from swarmctl.preflight.checks import separation as apart_from_others
 from swarmctl.preflight.facts import Facts, Finding, Other
 from swarmctl.preflight.fence import ceiling_m, polygon_of
-from swarmctl.preflight.in_turn import TAKES_UP_S, in_turn
 from swarmctl.preflight.intent import intent_of
 from swarmctl.preflight.policy import NoTable, Wanted, parameters_for
 from swarmctl.preflight.waivers import Waiver
@@ -74,6 +74,17 @@ class Checked:
             f"{self.vehicle}: {self.check}: found {finding.found}; wanted {finding.wanted}; "
             f"{finding.cure}{waive}"
         )
+
+
+@dataclass(slots=True)
+class _Answers:
+    """Of one vehicle, as far as they came."""
+
+    instruments: Instruments = field(default_factory=partial(Instruments, None, None, None))
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    fence_failure: str = ""
+    rally_points: int | None = None
+    fence: tuple[MissionItem, ...] | None = None
 
 
 class Preflight:
@@ -135,9 +146,7 @@ class Preflight:
         found = await link.read_parameters([w.name for w in wanted])
         wrong = _corrections(wanted, found)
         if wrong:
-            for i, values in enumerate(in_turn(wrong, found)):
-                await asyncio.sleep(TAKES_UP_S if i else 0.0)
-                await link.set_parameters(values)
+            await link.set_parameters(wrong)
             changes = _changes(wrong, found)
             self._say(
                 f"{subject.spec.name}: set as preflight.policy declares: {changes} (they stay so afterwards)"
@@ -180,27 +189,32 @@ class Preflight:
         if self._crossings is not None:
             known = (to_its_landing(flight) for flight in self._flights.values() if flight is not None)
             self._crossings.append(crossings(dict(enumerate(known)), self._limits))
-        for subject, (told, *_) in zip(subjects, asked, strict=True):
-            self._instruments[subject.spec.name] = told
         for subject, answers in zip(subjects, asked, strict=True):
-            facts = self._facts(subject, everyone, *answers)
+            self._instruments[subject.spec.name] = answers.instruments
+        for subject, answers in zip(subjects, asked, strict=True):
+            facts = self._facts(subject, everyone, answers)
             self._checked[subject.spec.name] = tuple(self._checks(facts))
 
-    async def _ask(
-        self, subject: Subject
-    ) -> tuple[Instruments, dict[str, float], tuple[MissionItem, ...] | None]:
+    async def _ask(self, subject: Subject) -> _Answers:
         """What does not come is not known, and what is not known fails."""
         link, wanted = subject.runner.link, self._wanted(subject)[0]
-        told: Instruments = Instruments(None, None, None)
-        parameters: dict[str, float] = {}
-        fence: tuple[MissionItem, ...] | None = None
+        answers = _Answers()
         try:
-            told = await link.read_instruments()
-            parameters = await link.read_parameters([w.name for w in wanted])
-            fence = await link.read_fence()
+            answers.instruments = await link.read_instruments()
+            answers.parameters = await link.read_parameters([w.name for w in wanted])
+            answers.fence_failure = await _enforced(link, wanted, answers.parameters)
+            answers.rally_points = await self._count_rally_points(link)
+            answers.fence = await link.read_fence()
         except LinkError as error:
             self._say(str(error))
-        return told, parameters, fence
+        return answers
+
+    async def _count_rally_points(self, link: Link) -> int | None:
+        try:
+            return await link.count_rally_points()
+        except LinkError as error:
+            self._say(str(error))
+            return None
 
     def _checks(self, facts: Facts) -> Iterable[Checked]:
         for check in CHECKS:
@@ -221,9 +235,7 @@ class Preflight:
         self,
         subject: Subject,
         everyone: Sequence[Subject],
-        instruments: Instruments,
-        parameters: dict[str, float],
-        fence: tuple[MissionItem, ...] | None,
+        answers: _Answers,
     ) -> Facts:
         spec, runner, asked = subject.spec, subject.runner, self._scenario.config.preflight
         wanted, no_table = self._wanted(subject)
@@ -237,14 +249,16 @@ class Preflight:
             age_s=runner.link.age_s(),
             position_age_s=_age_s(state.position_s),
             status_age_s=_age_s(state.status_s),
-            instruments=instruments,
+            instruments=answers.instruments,
             clock_offset_s=self._offset_s(subject, everyone),
             clock_tolerance_s=asked.clock_tolerance_s * (self._speedup if ours else 1.0),
             wanted=wanted,
             no_table=no_table,
-            parameters=parameters,
+            parameters=answers.parameters,
             fence=self._polygon,
-            fence_items=fence,
+            fence_items=answers.fence,
+            fence_failure=answers.fence_failure,
+            rally_points=answers.rally_points,
             ceiling_m=ceiling_m(self._scenario),
             plan=_plan(subject),
             no_route=subject.hindrance or runner.state.outcome or runner.state.trouble,
@@ -314,6 +328,24 @@ def summary_of(checked: Mapping[str, Sequence[Checked]]) -> list[dict[str, Any]]
         for findings in checked.values()
         for found in findings
     ]
+
+
+_WHICH_LIMITS = frozenset({"FENCE_ENABLE", "FENCE_TYPE"})
+
+
+async def _enforced(link: Link, wanted: Sequence[Wanted], told: Mapping[str, float]) -> str:
+    """Why the limits may not be in force that an ArduPilot's parameters name; empty where they are, now.
+
+    Where those say another than is declared somebody has waived that, and decides what is in force.
+    """
+    saying = [w for w in wanted if w.name in _WHICH_LIMITS]
+    if not saying or not all(w.met_by(told) for w in saying):
+        return ""
+    try:
+        await link.enforce_fence()
+    except FenceFailed as error:
+        return str(error)
+    return ""
 
 
 def _corrections(wanted: Sequence[Wanted], found: Mapping[str, float]) -> dict[str, float]:

@@ -56,6 +56,10 @@ class Facts:
     """wanted"""
     fence_items: tuple[MissionItem, ...] | None
     """found"""
+    fence_failure: str
+    """why an ArduPilot whose parameters name the limits as declared may not keep to them; empty: it does"""
+    rally_points: int | None
+    """so many"""
     ceiling_m: float
     plan: FlightPlan | None
     """its first route, verified on the vehicle"""

@@ -45,6 +45,7 @@ def troubles(file: Path) -> list[str]:
         ('forward: ["tcpin:0.0.0.0:5760"]', SIMULATED),
         ('forward: ["tcpin:0.0.0.0:5760"], forward_commands: true, signing_key: some.key', ALPHA),
         ("signing_key: some.key, signing_link_id: 255", ALPHA),
+        ("position_hz: 2, stop_other_streams: true", SIMULATED),
         ("", SIMULATED),
     ],
 )
@@ -57,6 +58,7 @@ def test_nothing_is_said_where_nothing_is_wrong(tmp_path: Path, links: str, vehi
     [
         ('forward: ["udpout:127.0.0.1"]', SIMULATED, "forward[0]: 'udpout:127.0.0.1' is no link URL"),
         ("signing_key: some.key", SIMULATED, "signing_key: vehicles of `simulate` have no key"),
+        ("position_hz: 1", ALPHA, "position_hz: input should be greater than or equal to 2"),
         ("signing_link_id: 256", ALPHA, "signing_link_id: input should be less than or equal to 255"),
         ('forward: ["udpin:127.0.0.1:14999"]', ALPHA, "forward[0]: udpin:127.0.0.1:14999 is where vehicles"),
         (
@@ -94,12 +96,29 @@ def test_check_looks_at_the_signing_key(tmp_path: Path) -> None:
 
     code, said = check()
     assert code == 2
-    assert f"{file}:4: links.signing_key: {key}: the signing key cannot be read" in said
+    assert f"{file}:4: links.signing_key: {key}: the signing key cannot be read: No such file" in said
+    assert "hexadecimal" not in said
     key.write_text("passphrase: correct horse\n")
     key.chmod(0o644)
     assert f"{key} can be read by others" in check()[1]
     key.chmod(0o600)
     assert check()[0] == 0
+
+
+def test_the_signing_key_is_looked_for_where_the_command_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (elsewhere := tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(elsewhere)
+    file = written(tmp_path, "signing_key: some.key", ALPHA)
+    words = ["check", "--config", str(file), "--out", str(tmp_path / "runs")]
+    said = CliRunner().invoke(cli, words).output
+    tried = elsewhere / "some.key"
+    assert f"links.signing_key: {tried}: the signing key cannot be read: No such file" in said
+    assert "from where the command runs" in said
+    tried.write_text("passphrase: correct horse\n")
+    tried.chmod(0o600)
+    assert CliRunner().invoke(cli, words).exit_code == 0
 
 
 def test_a_bad_url_to_forward_to_is_a_matter_of_usage(tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ from swarmctl.links.base import (
     AddressChanged,
     Busy,
     CommandFailed,
+    FenceFailed,
     Heard,
     LaunchFailed,
     LaunchPutOff,
@@ -243,6 +244,28 @@ def test_cancelling_a_call_cancels_it_on_the_wire(kind):
             assert ProcedureDone("upload", "cancelled") in world.events
             del copter.on_mission_item_int
             await link.upload(north(3))
+
+    play(story(), real=kind != "direct")
+
+
+def test_what_is_asked_and_told_before_a_flight(kind):
+    async def story():
+        async with World(Copter(1, Script(rally_points=2)), kind=kind) as world:
+            link = world.link()
+            with pytest.raises(LinkError, match="connect first"):
+                await link.count_rally_points()
+            await link.connect(10)
+            assert await link.count_rally_points() == 2
+            world.copters[1].script.rally_points = None
+            assert await link.count_rally_points() == 0
+            await link.enforce_fence()
+            fences = [params for number, params in world.copters[1].commands if number == 207]
+            assert fences == [(1.0, *(0.0,) * 6)]
+            world.copters[1].script.fences = False
+            with pytest.raises(
+                FenceFailed, match=r"alpha .*may not be in force: DO_FENCE_ENABLE: UNSUPPORTED"
+            ):
+                await link.enforce_fence()
 
     play(story(), real=kind != "direct")
 

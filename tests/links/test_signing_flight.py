@@ -43,12 +43,14 @@ class SignedWorld:
         self.watched: list[bytes] = []
         self.watcher.to_vehicles = lambda data, _address: self.watched.append(data)
         self.events: list[Any] = []
+        self.said: list[str] = []
         self.deaf = False
         self.signing = None if key is None else Signing(key, TimestampFile(folder / "key"))
         self.front = FrontEnd(
             wall_time_us=lambda: BEGAN_US + round(asyncio.get_running_loop().time() * 1e6),
             memory={"test": self.wire, "watcher": self.watcher},
             signing=self.signing,
+            say=self.said.append,
         )
 
     def give_key(self, key: bytes, timestamp: int) -> None:

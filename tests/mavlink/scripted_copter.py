@@ -41,6 +41,10 @@ class Script:
     """it sends one a second, but none for MAV_CMD_REQUEST_MESSAGE"""
     spoil_item: int | None = None
     """stored half a kilometre off, without a word"""
+    rally_points: int | None = 0
+    """None: it is built without them"""
+    fences: bool = True
+    """it is built with them: it answers MAV_CMD_DO_FENCE_ENABLE"""
 
 
 @dataclass
@@ -107,6 +111,8 @@ class Copter:
         params = (m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7)
         self.commands.append((m.command, params))
         do = {400: self.arm, 176: self.set_mode, 300: self.start, 224: self.set_current}.get(m.command)
+        if m.command == 207 and self.script.fences:
+            do = lambda *_: 0  # noqa: E731
         if m.command == 511:
             self.streams[int(m.param1)] = m.param2 / 1e6
             self.due[int(m.param1)] = self.now
@@ -212,7 +218,13 @@ class Copter:
         self.send(mavlink.MAVLink_mission_request_message(255, 190, self.transfer.asked, 0))
 
     def on_mission_request_list(self, m) -> None:
-        if self.transfer is not None:
+        if m.mission_type != 0:
+            points = self.script.rally_points if m.mission_type == 2 else None
+            if points is None:
+                self.send(ACK(255, 190, 3, m.mission_type))
+            else:
+                self.send(mavlink.MAVLink_mission_count_message(255, 190, points, m.mission_type))
+        elif self.transfer is not None:
             self.send(ACK(255, 190, 14, 0))
         else:
             self.send(mavlink.MAVLink_mission_count_message(255, 190, len(self.mission), 0))

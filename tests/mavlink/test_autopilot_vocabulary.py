@@ -12,9 +12,10 @@ from flying_bench import HOME, FlyingBench, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink import procedures
-from swarmctl.mavlink.fence import fence_items, put_fence, read_fence
+from swarmctl.mavlink.fence import enforce_fence, fence_items, put_fence, read_fence
 from swarmctl.mavlink.instruments import read_instruments
 from swarmctl.mavlink.parameters import set_parameters
+from swarmctl.mavlink.rally import count_rally_points
 from swarmctl.mavlink.speed import set_speed
 
 COMMON = {
@@ -39,7 +40,12 @@ EVERYBODY = {
     mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
 }
 COMMANDS = {
-    "ardupilot": EVERYBODY | {mavlink.MAV_CMD_MISSION_START, mavlink.MAV_CMD_DO_SET_MISSION_CURRENT},
+    "ardupilot": EVERYBODY
+    | {
+        mavlink.MAV_CMD_MISSION_START,
+        mavlink.MAV_CMD_DO_SET_MISSION_CURRENT,
+        mavlink.MAV_CMD_DO_FENCE_ENABLE,
+    },
     "px4": EVERYBODY,
 }
 WHOLE = {"ardupilot": "DISARM_DELAY", "px4": "COM_LOW_BAT_ACT"}
@@ -57,7 +63,10 @@ def life(personality: str) -> FlyingBench:
     wanted = {WHOLE[personality]: 3.0}
     assert bench.do("set", partial(set_parameters, wanted=wanted, byte_wise=bench.byte_wise)).failure is None
     assert bench.do("fence", partial(put_fence, items=fence_items(SQUARE))).failure is None
+    if personality == "ardupilot":
+        assert bench.do("enforce fence", enforce_fence).failure is None
     bench.do("read fence", read_fence)
+    assert bench.do("rally points", count_rally_points).count == 0
     assert bench.upload(plan(north=8)).failure is None
     for _ in range(2):  # once from its beginning, once from where it was
         assert bench.do("launch", procedures.launch).failure is None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -9,9 +10,17 @@ import pytest
 from flying_bench import HOME, FlyingBench, on_the_ground, plan
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink import procedures
-from swarmctl.mavlink.fence import MAX_VERTICES, fence_differences, fence_items, put_fence, read_fence
+from swarmctl.mavlink.fence import (
+    MAX_VERTICES,
+    enforce_fence,
+    fence_differences,
+    fence_items,
+    put_fence,
+    read_fence,
+)
 from swarmctl.mavlink.mission_download import DownloadOutcome
 
 BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
@@ -118,6 +127,51 @@ def test_who_turns_back_at_its_fence_is_not_sent_out_again(personality):
     assert len(bench.sent) == sent
     assert bench.run(200, lambda: not bench.session.state.armed)
     assert bench.vehicle.body.lat_lon_deg == pytest.approx(HOME, abs=2e-5)
+
+
+def other_sets(name: str, value: float) -> Callable[[FlyingBench], None]:
+    return lambda bench: bench.another_sets(**{name: value})
+
+
+def other_switches_off(bench: FlyingBench) -> None:
+    off = mavlink.MAV_CMD_DO_FENCE_ENABLE, 0, 0.0, *(0.0,) * 6
+    bench.another_sends(mavlink.MAVLink_command_long_message(1, 1, *off))
+
+
+ON_THE_GROUND = [
+    # What was done there, what FENCE_TYPE was at boot, and whether the ceiling counts without being enforced.
+    pytest.param(other_sets("FENCE_TYPE", 5.0), 4.0, False, id="FENCE_TYPE with the fence enabled"),
+    pytest.param(other_switches_off, 5.0, False, id="DO_FENCE_ENABLE 0"),
+    pytest.param(lambda _: None, 5.0, True, id="nothing"),
+]
+
+
+@pytest.mark.parametrize("enforced", [False, True])
+@pytest.mark.parametrize(("deed", "at_boot", "counts_anyway"), ON_THE_GROUND)
+@pytest.mark.autopilots("2 fence use")
+def test_the_limits_that_its_parameters_name_are_in_force(deed, at_boot, counts_anyway, enforced):
+    """ArduPilot takes up FENCE_TYPE when the fence is enabled; all three read alike (`AC_Fence::update`)."""
+    params = {"FENCE_ENABLE": 1, "FENCE_TYPE": at_boot, "FENCE_ACTION": 1, "FENCE_ALT_MAX": 12}
+    bench = FlyingBench("ardupilot", params=params).prepared()
+    deed(bench)
+    assert (bench.params["FENCE_ENABLE"], bench.params["FENCE_TYPE"]) == (1.0, 5.0)
+    if enforced:
+        assert bench.do("enforce fence", enforce_fence).failure is None
+    assert bench.upload(plan(north=4)).failure is None
+    assert bench.do("launch", procedures.launch).failure is None
+    turned_back = bench.run(30, lambda: bench.session.state.mode_role == "return")
+    assert turned_back is (enforced or counts_anyway)
+
+
+def test_a_fence_is_enforced_on_the_ground_only_and_an_answer_is_needed():
+    bench = on_the_ground("ardupilot")
+    bench.block_down = lambda m: m.get_type() == "COMMAND_ACK"
+    assert "DO_FENCE_ENABLE: no answer" in bench.do("enforce fence", enforce_fence).failure
+    bench.vehicle.body.arm(True)
+    bench.run(2.0)
+    sent = len(bench.sent)
+    assert "it is armed" in bench.do("enforce fence", enforce_fence).failure
+    assert len(bench.sent) == sent
 
 
 def test_another_fence_differs():

@@ -289,16 +289,3 @@ def test_a_read_back_that_it_has_broken_off_is_begun_anew():
     assert [m.count for m in bench.of("MISSION_COUNT")] == [
         len(bench.session.mission_items(p)) for p in (OLD, NEW)
     ]
-
-
-def test_with_rally_points_it_would_return_elsewhere_so_it_gets_no_mission():
-    flown = FlyingBench("px4", ready_s=0.0).connected()
-    assert flown.do("prepare", procedures.prepare).failure is None
-    kind = mavlink.MAV_MISSION_TYPE_RALLY
-    flown.another_sends(mavlink.MAVLink_mission_count_message(1, 1, 1, kind))
-    point = (mavlink.MAV_CMD_NAV_RALLY_POINT, 0, 1, 0, 0, 0, 0, 460_000_000, 140_000_000, 40.0, kind)
-    flown.another_sends(mavlink.MAVLink_mission_item_int_message(1, 1, 0, 3, *point))
-    done = flown.upload(NEW)
-    assert done.failure is not None
-    assert "1 rally points" in done.failure
-    assert flown.stored == ()

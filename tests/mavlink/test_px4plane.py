@@ -122,23 +122,6 @@ def test_a_mission_that_leads_outside_of_its_fence_is_no_mission_either() -> Non
     assert "Geofence violation for waypoint 3" in failure
 
 
-def test_with_rally_points_it_would_return_elsewhere_so_it_gets_no_mission() -> None:
-    flown = bench().prepared()
-    east, north = FRAME.to_geodetic(900.0, 0.0)
-    point = mavlink.MAV_CMD_NAV_RALLY_POINT
-    kind = mavlink.MAV_MISSION_TYPE_RALLY
-    flown.another_sends(mavlink.MAVLink_mission_count_message(1, 1, 1, kind))
-    flown.another_sends(
-        mavlink.MAVLink_mission_item_int_message(
-            1, 1, 0, 3, point, 0, 1, 0, 0, 0, 0, round(east * 1e7), round(north * 1e7), 40.0, kind
-        )
-    )
-    done = flown.upload(FIRST)
-    assert done.failure is not None
-    assert "1 rally points" in done.failure
-    assert flown.stored == ()
-
-
 def test_it_launches_from_the_beginning_whatever_was_flown_last() -> None:
     flown = bench().uploaded(FIRST)
     flown.vehicle.set_current(AT_GOAL)

@@ -14,7 +14,7 @@ from swarmctl.mavlink.presence import LinkState, Presence
 from swarmctl.mavlink.session import Session
 from swarmctl.mavlink.streams import StreamKeeper
 from swarmctl.mavlink.telemetry import Telemetry
-from swarmctl.mavlink.wait import wait
+from swarmctl.mavlink.wait import Look, wait
 
 COPTER = dialect_for(3, 2)
 M = mavlink
@@ -360,6 +360,23 @@ def test_the_first_state_after_a_silence_has_the_mode_of_the_heartbeat_that_ende
     restored, changed = told(session, 9.0, heartbeat(5, armed=True))
     assert restored == Restored(9.0)
     assert (changed.state.mode, changed.state.mode_role) == ("LOITER", "other")
+
+
+@pytest.mark.parametrize(
+    "stranger",
+    [heartbeat(0, autopilot=8, kind=18), heartbeat(0, autopilot=8, kind=26), heartbeat(0, kind=6)],
+    ids=["a companion", "a gimbal", "a ground station"],
+)
+def test_what_speaks_as_the_autopilots_component_and_is_none_neither_lands_nor_answers_for_it(stranger):
+    """Companions are often set up with the vehicle's own system id and component 1."""
+    session = Session(Peer(1))
+    told(session, 0.0, heartbeat(3, armed=True))
+    looks = lambda ctx: (yield Look(ctx.peer, lambda: True, 5.0))  # noqa: E731
+    session.begin("look", looks, 0.5)
+    assert told(session, 1.0, stranger) == []
+    assert session.busy_with == "look"
+    assert (session.state.mode, session.state.armed) == ("AUTO", True)
+    assert session.age_s(1.0) == 1.0
 
 
 def test_a_session_runs_one_procedure_at_a_time_and_none_before_it_knows_the_vehicle():

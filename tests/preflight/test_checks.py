@@ -9,15 +9,17 @@ from typing import Any
 
 import pytest
 
+from swarmctl.config_preflight import Policy
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.mission import Approach, FlightPlan, Waypoint
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.events import Identity
 from swarmctl.mavlink.fence import fence_items
+from swarmctl.mavlink.firmware import Firmware
 from swarmctl.mavlink.instruments import GpsFix, Instruments
 from swarmctl.preflight.checks import CHECKS
 from swarmctl.preflight.facts import Facts, Finding, Other
-from swarmctl.preflight.policy import Wanted
+from swarmctl.preflight.policy import Intent, NoTable, Wanted, parameters_for
 from swarmctl.separation import Limits, Trajectory
 
 FRAME = LocalFrame(46.0, 14.4)
@@ -77,7 +79,7 @@ FIT = Facts(
     age_s=0.4,
     position_age_s=0.2,
     status_age_s=0.9,
-    instruments=Instruments(FIX, 1.8e9, 10.0),
+    instruments=Instruments(FIX, 1.8e9, 10.0, position_every_s=0.25),
     clock_offset_s=0.3,
     clock_tolerance_s=2.0,
     wanted=(Wanted("FENCE_ENABLE", "a fence", 1.0, (1.0,)),),
@@ -85,6 +87,8 @@ FIT = Facts(
     parameters={"FENCE_ENABLE": 1.0},
     fence=SQUARE,
     fence_items=fence_items(SQUARE),
+    fence_failure="",
+    rally_points=0,
     ceiling_m=90.0,
     plan=plan((0.0, 0.0), (400.0, 300.0)),
     flight=flight((-50.0, 0.0), (0.0, 0.0), (400.0, 300.0)),
@@ -123,6 +127,12 @@ def gps(**changes: Any) -> Facts:
     return replace(FIT, instruments=Instruments(replace(FIX, **changes), 1.8e9, 10.0))
 
 
+def low_at(low_v: float, *, told_v: float | None) -> Facts:
+    """An ArduPilot whose voltage counts as low at `low_v`."""
+    parameters = {**FIT.parameters, "BATT_LOW_VOLT": low_v}
+    return replace(FIT, parameters=parameters, state=replace(STATE, battery_v=told_v))
+
+
 def other(**changes: Any) -> Facts:
     return replace(FIT, others=(replace(FIT.others[0], **changes),))
 
@@ -151,6 +161,8 @@ UNFIT: list[tuple[str, Facts, str]] = [
     ("position", but(status_age_s=float("inf")), "told too long ago, or never"),
     ("position", state(lat_deg=None), "tells no position"),
     ("position", state(ready=False, not_ready=("PreArm: Compass",)), "not ready to arm: PreArm: Compass"),
+    ("telemetry", but(instruments=Instruments(FIX, 1.8e9, 10.0, position_every_s=2.6)), "one every 2.6 s"),
+    ("telemetry", but(instruments=Instruments(FIX, 1.8e9, 10.0)), "hardly a position came"),
     ("gps", but(instruments=None), "did not come"),
     ("gps", but(instruments=Instruments(None, None, None)), "did not come"),
     ("gps", gps(fix_type=2), "fix type 2, 9 satellites, HDOP 1.20"),
@@ -167,12 +179,18 @@ UNFIT: list[tuple[str, Facts, str]] = [
     ("battery", state(battery_percent=38), "38 %"),
     ("battery", but(status_age_s=9.0), "80 %, as told 9 s ago"),
     ("battery", but(flight=None), "no verified route"),
+    ("battery", low_at(0.1, told_v=12.6), "low at 0.1 V, and 12.6 V are told"),
+    ("battery", low_at(10.5, told_v=24.0), "low at 10.5 V, and 24.0 V are told"),
+    ("battery", low_at(10.5, told_v=None), "low at 10.5 V, and no voltage is told"),
     ("parameters", but(no_table="no table for X 1.0"), "no table for X 1.0"),
     ("parameters", but(parameters={}), "FENCE_ENABLE not told"),
     ("parameters", but(parameters={"FENCE_ENABLE": 0.0}), "FENCE_ENABLE 0"),
     ("fence", but(fence_items=None), "could not be read"),
     ("fence", but(fence_items=()), "0 items instead of 4"),
     ("fence", but(fence_items=fence_items(SQUARE[1:] + SQUARE[:1])), "vertex 0"),
+    ("fence", but(fence_failure="DO_FENCE_ENABLE: no answer"), "DO_FENCE_ENABLE: no answer"),
+    ("rally", but(rally_points=None), "whether it has some is not known"),
+    ("rally", but(rally_points=2), "2 rally points"),
     ("route", but(plan=None), "no verified route"),
     ("route", but(plan=plan((0.0, 0.0), (700.0, 300.0), (400.0, 300.0))), "leg 2 of 4 leaves the fence"),
     ("route", state(lat_deg=START[0] - 0.01), "leg 1 of 3 leaves the fence"),
@@ -226,6 +244,12 @@ def test_battery_for_the_way_there_and_back_with_a_reserve() -> None:
     assert finding("battery", state(battery_percent=39)).ok
 
 
+def test_any_lithium_battery_may_be_low_where_its_maker_says() -> None:
+    # Three cells of lithium polymer, six of lithium ion, four of lithium iron phosphate, full or half so.
+    for low_v, told_v in ((10.5, 12.6), (10.5, 11.1), (16.8, 25.2), (15.6, 21.6), (11.2, 14.4)):
+        assert finding("battery", low_at(low_v, told_v=told_v)).ok
+
+
 def test_routes_at_one_height_may_be_apart_over_ground_or_in_time() -> None:
     beside = flight((-50.0, -50.0), (400.0, -50.0))
     assert finding("separation", other(altitude_m=40.0, flight=beside)).ok
@@ -276,11 +300,29 @@ def test_who_can_mend_a_parameter_is_said(wrong: dict[str, float | None], cure: 
     assert found.cure == cure
 
 
-def test_what_only_some_firmwares_have_need_not_be_told() -> None:
-    some = Wanted("COM_DLL_EXCEPT", "policy.lost_link: return", bit=0, may_lack=True)
-    for told, ok in (({}, True), ({"COM_DLL_EXCEPT": 2.0}, True), ({"COM_DLL_EXCEPT": 1.0}, False)):
-        assert finding("parameters", but(wanted=(*CURED, some), parameters=RIGHT | told)).ok is ok
-    assert not finding("parameters", but(wanted=(*CURED, some), parameters={})).ok
+def test_what_to_do_about_a_firmware_that_nobody_knows_is_said() -> None:
+    intent = Intent(Policy(), gcs_sysid=255, altitude_m=40.0, ceiling_m=90.0)
+    with pytest.raises(NoTable) as nobody:
+        parameters_for(Firmware("PX4", (1, 17)), intent)
+    found = finding("parameters", but(no_table=str(nobody.value)))
+    assert found.found.startswith("no table for PX4 1.17; there is one for ArduCopter 4.5 to 4.7, ")
+    assert found.cure.startswith("fly another version or declare another policy; or see yourself to what it")
+    assert found.cure.endswith("and waive this by name")
+
+
+def test_what_a_firmware_has_and_does_not_tell_is_not_taken_as_lacking() -> None:
+    """A PX4 answers nothing for a name that it lacks, as where the answer is lost."""
+    intent = Intent(Policy(lost_link="return"), gcs_sysid=255, altitude_m=40.0, ceiling_m=90.0)
+    asked = parameters_for(Firmware("PX4", (1, 16)), intent)
+    of_the_link = but(wanted=tuple(w for w in asked if "lost_link" in w.declared))
+    told = {"NAV_DLL_ACT": 2.0, "COM_DL_LOSS_T": 10.0}
+    found = finding("parameters", replace(of_the_link, parameters=told))
+    assert (found.ok, found.found) == (False, "COM_DLL_EXCEPT not told")
+    assert "see why it does not tell COM_DLL_EXCEPT: its link, or" in found.cure
+    for value, ok in ((0.0, True), (6.0, True), (1.0, False)):
+        assert (
+            finding("parameters", replace(of_the_link, parameters=told | {"COM_DLL_EXCEPT": value})).ok is ok
+        )
 
 
 def test_who_is_as_declared_needs_no_cure() -> None:

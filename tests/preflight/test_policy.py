@@ -19,7 +19,7 @@ from swarmctl.mavlink.firmware import Firmware, firmware_of
 from swarmctl.preflight.policy import Intent, NoTable, Wanted, parameters_for
 
 COPTER, PLANE, PX4 = Firmware("ArduCopter", (4, 6)), Firmware("ArduPlane", (4, 6)), Firmware("PX4", (1, 15))
-PX4_PLANE = Firmware("PX4 plane", (1, 15))
+COPTER_47, PX4_PLANE = Firmware("ArduCopter", (4, 7)), Firmware("PX4 plane", (1, 15))
 WINGS = Wings(
     loiter_radius_m=60.0,
     final_height_m=20.0,
@@ -79,8 +79,33 @@ def wanted(firmware: Firmware, **policy: Any) -> dict[str, Wanted]:
         (PX4, {}, "GF_MAX_HOR_DIST", [0], [200]),
         (COPTER, {}, "RTL_ALT", [0, 1500, 6000], [-100, 6001, 12_000]),
         (COPTER, {}, "RTL_CLIMB_MIN", [0], [500]),
-        (Firmware("ArduCopter", (4, 7)), {}, "RTL_ALT_M", [0, 15, 60], [61, 1500]),
-        (Firmware("ArduCopter", (4, 7)), {}, "RTL_CLIMB_MIN_M", [0], [5]),
+        (COPTER_47, {}, "RTL_ALT_M", [0, 15, 60], [61, 1500]),
+        (COPTER_47, {}, "RTL_CLIMB_MIN_M", [0], [5]),
+        (COPTER, {}, "RTL_ALT_FINAL", [0], [1, 200, -1]),
+        (COPTER_47, {}, "RTL_ALT_FINAL_M", [0], [1, 2]),
+        (COPTER, {}, "RTL_LOIT_TIME", [0, 5000, 20_000], [-1, 20_001, 600_000]),
+        (COPTER, {}, "RTL_SPEED", [0, 1800, 1750, 2250], [200, 1700, 2300]),
+        (COPTER_47, {}, "RTL_SPEED_MS", [0, 18, 22], [2, 1800]),
+        (COPTER, {}, "WPNAV_SPEED", [1750, 1800, 1850], [18, 200, 1000, 1700, 1900]),
+        (COPTER_47, {}, "WP_SPD", [17.5, 18, 18.5], [2, 10, 17, 1800]),
+        (COPTER, {}, "WPNAV_SPEED_UP", [225, 250, 500], [0, 100, 224]),
+        (COPTER_47, {}, "WP_SPD_UP", [2.5, 5], [1, 2.2]),
+        (COPTER, {}, "WPNAV_SPEED_DN", [135, 150, 300], [50, 134]),
+        (COPTER_47, {}, "WP_SPD_DN", [1.5, 3], [0.5]),
+        (COPTER, {}, "WPNAV_ACCEL", [225, 250, 500], [100, 200]),
+        (COPTER_47, {}, "WP_ACC", [2.5, 5], [1, 2]),
+        (COPTER, {}, "WPNAV_RADIUS", [100, 200], [201, 1000]),
+        (COPTER_47, {}, "WP_RADIUS_M", [1, 2], [3, 200]),
+        (COPTER, {}, "LAND_SPEED", [45, 50, 150], [20, 44]),
+        (COPTER_47, {}, "LAND_SPD_MS", [0.45, 0.5, 1], [0.2, 0.4]),
+        (COPTER, {}, "LAND_SPEED_HIGH", [0, 150, 300], [50, 134]),
+        (COPTER_47, {}, "LAND_SPD_HIGH_MS", [0, 1.5], [0.5]),
+        (COPTER, {}, "LAND_ALT_LOW", [500, 1000, 1100], [1101, 4000]),
+        (COPTER_47, {}, "LAND_ALT_LOW_M", [5, 10], [12, 1000]),
+        (COPTER, {}, "FS_EKF_ACTION", [1, 3], [0, 2, 4]),
+        (COPTER_47, {}, "FS_EKF_ACTION", [1, 3], [0, 2]),
+        (COPTER, {}, "FS_EKF_THRESH", [0.6, 0.8, 1.0], [0, -1, 1.1, 100]),
+        (PX4, {}, "NAV_ACC_RAD", [0, 1, 2], [2.5, 10, 30]),
         (PX4, {}, "RTL_RETURN_ALT", [0, 30, 60], [61, 100]),
         (PX4, {}, "RTL_TYPE", [0], [1, 2, 3, 4, 5]),
         (PX4, {}, "RTL_LAND_DELAY", [0, 5, 300], [-1]),
@@ -127,6 +152,30 @@ def test_names_follow_the_version() -> None:
     assert "COM_DLL_EXCEPT" not in wanted(Firmware("PX4", (1, 15)), **watched)
     assert wanted(Firmware("PX4", (1, 16)), **watched)["COM_DLL_EXCEPT"].accepts(4.0)
     assert not wanted(Firmware("PX4", (1, 16)), **watched)["COM_DLL_EXCEPT"].accepts(1.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "as_it_comes", "faster"),
+    [
+        ("WPNAV_SPEED_UP", 250, 500),
+        ("WPNAV_SPEED_DN", 150, 300),
+        ("LAND_SPEED", 50, 100),
+        ("WPNAV_ACCEL", 250, 500),
+    ],
+)
+def test_among_others_a_copter_is_not_ahead_of_what_they_reckon_with(name, as_it_comes, faster) -> None:
+    intent = Intent(
+        Policy(), gcs_sysid=255, altitude_m=40.0, ceiling_m=90.0, speed_m_s=10.0, among_others=True
+    )
+    (parameter,) = (w for w in parameters_for(COPTER, intent) if w.name == name)
+    assert parameter.accepts(as_it_comes)
+    assert not parameter.accepts(faster)
+    assert parameter.set_to is None, "how fast it is flown its owner decides"
+
+
+def test_what_is_wanted_is_told_with_its_number() -> None:
+    assert str(wanted(COPTER_47)["LAND_SPD_MS"]) == "0.45 or more"
+    assert str(wanted(COPTER)["BATT_LOW_VOLT"]) == "above 0"
 
 
 def test_nothing_of_the_link_is_asked_where_losing_it_changes_nothing() -> None:

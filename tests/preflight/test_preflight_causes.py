@@ -57,6 +57,28 @@ def test_where_nobody_sets_them_they_fail(tmp_path: Path, monkeypatch: pytest.Mo
     assert "`fly` sets" not in shown(report)
 
 
+@pytest.mark.parametrize(
+    ("params", "found"),
+    [
+        ({"WPNAV_SPEED": 200.0}, "WPNAV_SPEED 200; wanted WPNAV_SPEED 950 to 1050 (speed_m_s: 10)"),
+        (
+            {"RTL_ALT_FINAL": 500.0},
+            "RTL_ALT_FINAL 500; wanted RTL_ALT_FINAL 0 (a return that ends in a landing)",
+        ),
+        ({"FS_EKF_ACTION": 2.0}, "FS_EKF_ACTION 2; wanted FS_EKF_ACTION 1 or 3"),
+        ({"BATT_LOW_VOLT": 0.1}, "battery: found low at 0.1 V"),
+    ],
+)
+def test_what_it_would_do_otherwise_than_is_reckoned_with_keeps_it_on_the_ground(
+    params: dict[str, float], found: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    play(Trouble(params=params), monkeypatch)
+    scenario = one(flight={"altitude_m": 15.0})
+    report = fly(scenario, tmp_path)
+    assert any(found in text for text in report.trouble), report.trouble
+    assert not report.all_arrived
+
+
 def test_why_it_has_no_route_is_in_the_table(tmp_path: Path) -> None:
     scenario = small(
         simulate={"count": 1, "ready_s": 60.0}, flight={"altitude_m": 15.0, "ready_timeout_s": 8.0}

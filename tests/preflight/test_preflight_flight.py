@@ -13,6 +13,7 @@ from flights import Ui, fly, small
 from swarmctl import app, parts, virtual
 from swarmctl.app import Manner, Report
 from swarmctl.clock import run_virtual
+from swarmctl.preflight.checks import CHECKS
 from swarmctl.preflight.waivers import Waiver
 from swarmctl.scenario import Scenario
 
@@ -68,7 +69,9 @@ def test_fit_vehicles_pass_every_check_and_none_is_armed(autopilot: str, tmp_pat
     report = checked(small(simulate={"count": 2, "ready_s": 1.0, "autopilot": autopilot}), tmp_path)
     assert (report.ended, report.trouble) == ("ended", ())
     assert failing(report) == []
-    assert {name: len(findings) for name, findings in report.checked.items()} == {"uav1": 12, "uav2": 12}
+    assert {name: len(findings) for name, findings in report.checked.items()} == dict.fromkeys(
+        ("uav1", "uav2"), len(CHECKS)
+    )
     assert not any(state.armed_seen or state.vehicle.armed for state in report.states.values())
 
 
@@ -110,15 +113,17 @@ def test_parameters_are_set_only_where_the_configuration_says_so(afflict: Afflic
 def test_ardupilot_has_its_fence_enabled_after_its_limits_were_chosen(
     enabled: int, afflict: Afflict, tmp_path: Path
 ) -> None:
-    # It takes up which limits count when FENCE_ENABLE changes (`AC_Fence::update`).
+    # It takes up which limits count when FENCE_ENABLE changes, or by command (`AC_Fence::update`, `enable`).
     afflict(params={1: {"FENCE_TYPE": 4, "FENCE_ENABLE": enabled}})
     simulate = {"count": 1, "ready_s": 1.0}
     assert fly(small(preflight={"set_parameters": True}, simulate=simulate), tmp_path).all_arrived
     lines = [json.loads(line) for line in (tmp_path / "evidence.jsonl").read_text().splitlines()]
     sent = [line["what"] for line in lines if line["kind"] == "command"]
     values = [(what["param_id"], what["param_value"]) for what in sent if what["message"] == "PARAM_SET"]
-    disabled = [("FENCE_ENABLE", 0.0)] if enabled else []
-    assert values == [*disabled, ("FENCE_TYPE", 5.0), ("FENCE_ENABLE", 1.0)]
+    switched_on = [] if enabled else [("FENCE_ENABLE", 1.0)]
+    assert sorted(values) == [*switched_on, ("FENCE_TYPE", 5.0)]
+    names = [what.get("command", what.get("param_id")) for what in sent]
+    assert names.index("DO_FENCE_ENABLE") > names.index("FENCE_TYPE")
 
 
 def test_the_checks_alone_set_no_parameter(afflict: Afflict, tmp_path: Path) -> None:

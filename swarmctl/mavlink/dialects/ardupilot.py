@@ -76,8 +76,7 @@ class ArduPilot:
     brakes_m_s2: float | None = None
     tells_single_items = True
     lands_at_nearest = True
-    returns_to_rally = False
-    """It may (`calc_best_rally_or_home_location`), and is not asked: README, Limits."""
+    may_lack_rally = True
     start_mission: tuple[int, tuple[float, ...]] = (int(mavlink.MAV_CMD_MISSION_START), ())
     """armed in AUTO alone it sits and disarms itself after 10 s"""
 

@@ -73,8 +73,8 @@ class Dialect(Protocol):
         """The item to be current before a launch; None where starting the mission sees to that."""
 
     @property
-    def returns_to_rally(self) -> bool:
-        """It may return to a rally point, where a fixed wing does not land, and is asked for those."""
+    def may_lack_rally(self) -> bool:
+        """It may be built without rally points; then it says that a list of them is unsupported."""
 
     @property
     def arms_anywhere(self) -> bool:

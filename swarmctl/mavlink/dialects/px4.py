@@ -76,7 +76,7 @@ class Px4:
     """it begins wherever its index is, and that outlives landings and uploads"""
     arms_anywhere = True
     brakes_m_s2 = None
-    returns_to_rally = True
+    may_lack_rally = False
     first_waypoint_seq = 1
     """after the take-off; there is no home placeholder"""
     uncounted_items = 0

@@ -15,8 +15,10 @@ from swarmctl.preflight.checks import (
     identity,
     parameters,
     position,
+    rally,
     route,
     separation,
+    telemetry,
     unique,
 )
 from swarmctl.preflight.facts import Check
@@ -27,10 +29,12 @@ CHECKS: tuple[Check, ...] = (
     position,
     gps,
     home,
+    telemetry,
     clock,
     battery,
     parameters,
     fence,
+    rally,
     route,
     heading,
     separation,

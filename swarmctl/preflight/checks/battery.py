@@ -1,4 +1,4 @@
-"""Its battery lasts for the route and the way back, and a reserve is left."""
+"""Its battery lasts for the route and the way back, with a reserve; and it is low before it is empty."""
 
 from __future__ import annotations
 
@@ -25,8 +25,32 @@ def check(facts: Facts) -> Finding:
         return Finding(False, found, wanted, "see why SYS_STATUS does not come any more")
     if percent is None:
         return Finding(False, "it does not tell its charge", wanted, "look at its battery monitor")
+    if not _is_low_in_time(facts):
+        return Finding(False, *_low_too_late(facts))
     enough = percent >= needs
     return Finding(enough, f"{percent} %", wanted, "" if enough else _cure(needs))
+
+
+LOW_NAME = "BATT_LOW_VOLT"
+"""ArduPilot's: what is checked of it elsewhere is that there is one"""
+EMPTY_SHARE = 2.5 / 4.2
+"""of the voltage of a full lithium cell where it is empty, whichever kind it is: a battery of any number of
+cells is low before it has come down by so much, from what it tells now as well"""
+
+
+def _is_low_in_time(facts: Facts) -> bool:
+    low_v, told_v = facts.parameters.get(LOW_NAME), facts.state.battery_v
+    return low_v is None or (told_v is not None and low_v >= EMPTY_SHARE * told_v)
+
+
+def _low_too_late(facts: Facts) -> tuple[str, str, str]:
+    """Found, wanted and cure."""
+    low, told_v = f"low at {facts.parameters[LOW_NAME]:g} V", facts.state.battery_v
+    if told_v is None:
+        return f"{low}, and no voltage is told", "a voltage that may be low", "look at its battery monitor"
+    wanted = f"low at {EMPTY_SHARE * told_v:.1f} V or more, where a lithium battery is empty"
+    cure = f"set {LOW_NAME} to what this battery is low at, or look at its battery monitor"
+    return f"{low}, and {told_v:.1f} V are told", wanted, cure
 
 
 def _cure(needs_percent: float) -> str:

@@ -1,4 +1,4 @@
-"""The fence that is on it is the one of the configuration."""
+"""The fence that is on it is the one of the configuration, and in force."""
 
 from __future__ import annotations
 
@@ -17,4 +17,7 @@ def check(facts: Facts) -> Finding:
     if gaps:
         cure = "see why it does not keep the fence; another ground station may have changed it"
         return Finding(False, gaps[0], wanted, cure)
+    if facts.fence_failure:
+        cure = "see why it does not take DO_FENCE_ENABLE, or boot it anew"
+        return Finding(False, facts.fence_failure, wanted, cure)
     return Finding(True, f"{len(facts.fence_items)} corners, as sent", wanted)

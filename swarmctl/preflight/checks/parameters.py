@@ -9,13 +9,15 @@ from swarmctl.preflight.policy import Wanted
 
 NAME = "parameters"
 WAIVABLE = True
+_NOBODY_KNOWS = (
+    "fly another version or declare another policy; or see yourself to what it does when its link is lost, "
+    "its battery low or its fence breached, and how it returns, and waive this by name"
+)
 
 
 def check(facts: Facts) -> Finding:
     if facts.no_table:
-        return Finding(
-            False, facts.no_table, "parameters that say what `policy` declares", "waive it by name"
-        )
+        return Finding(False, facts.no_table, "parameters that say what `policy` declares", _NOBODY_KNOWS)
     wrong = [w for w in facts.wanted if not w.met_by(facts.parameters)]
     if not wrong:
         return Finding(True, f"{len(facts.wanted)} parameters as declared", "as `preflight.policy` declares")
@@ -41,7 +43,6 @@ def _cure(facts: Facts, wrong: Sequence[Wanted]) -> str:
         "or declare another policy" if any(text.startswith("policy.") for text in declared) else "",
         "or correct `wings`" if any(text.startswith("wings.") for text in declared) else "",
         f"or correct {_names(keys)} of the vehicle" if keys else "",
-        "reboot it then, for its fence to have that limit" if "FENCE_TYPE" in by_hand + settable else "",
         f"see why it does not tell {_names(silent)}: its link, or a firmware built without" if silent else "",
     ]
     return "; ".join(text for text in texts if text)

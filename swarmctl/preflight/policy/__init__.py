@@ -1,0 +1,45 @@
+"""Which parameters of which firmware say what a configuration's policy declares. Pure.
+
+Names, values and bits by the parameter lists of ArduCopter and ArduPlane 4.5 to 4.7
+(https://ardupilot.org/copter/docs/parameters.html, https://ardupilot.org/plane/docs/parameters.html) and of
+PX4 1.14 to 1.16 (https://docs.px4.io/main/en/advanced_config/parameter_reference), and by what reads them:
+ArduCopter/events.cpp, mode_rtl.cpp, ekf_check.cpp, AC_WPNav.cpp, AC_Fence.cpp, AP_BattMonitor_Params.cpp;
+commander/failsafe/failsafe.cpp.
+ArduPlane's RTL_ALTITUDE, AIRSPEED_CRUISE, AIRSPEED_MIN and ROLL_LIMIT_DEG have these names from 4.5 on
+(before: ALT_HOLD_RTL, TRIM_ARSPD_CM, ARSPD_FBW_MIN, LIM_ROLL_CD; ArduPlane/Parameters.cpp converts them).
+Who flies a firmware that no table is for, an older or a later one, does not know what it does when its link
+is lost.
+
+What a vehicle does without a remote control is not declared. ArduCopter does not arm without one while
+FS_THR_ENABLE watches for it ("RC not found"); PX4 takes one that is missing at arming as not meant to be
+there (NAV_RCL_ACT), and is never flown in OFFBOARD (COM_OBL_RC_ACT).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from swarmctl.mavlink.firmware import Firmware
+from swarmctl.preflight.policy import ardupilot, px4
+from swarmctl.preflight.policy.intent import Intent
+from swarmctl.preflight.policy.wanted import NoTable, Version, Wanted
+
+__all__ = ["Intent", "NoTable", "Wanted", "parameters_for"]
+
+
+def parameters_for(firmware: Firmware, intent: Intent) -> tuple[Wanted, ...]:
+    """Raises NoTable."""
+    since, until, table = _TABLES.get(firmware.name, ((0, 0), (0, 0), None))
+    if table is None or not since <= firmware.version <= until:
+        known = (f"{name} {a[0]}.{a[1]} to {b[0]}.{b[1]}" for name, (a, b, _) in _TABLES.items())
+        raise NoTable(f"no table for {firmware}; there is one for {', '.join(known)}")
+    return table(intent, firmware.version)
+
+
+_TABLES: Mapping[str, tuple[Version, Version, Callable[[Intent, Version], tuple[Wanted, ...]]]] = {
+    "ArduCopter": ((4, 5), (4, 7), ardupilot.copter),
+    "ArduPlane": ((4, 5), (4, 7), ardupilot.plane),
+    "PX4": ((1, 14), (1, 16), px4.copter),
+    "PX4 plane": ((1, 14), (1, 16), px4.plane),
+}
+"""from which version to which; what a later one has renamed nobody knows"""

@@ -1,0 +1,164 @@
+"""What is said of frames that are refused while vehicles fly: at once, for each vehicle, and again."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from flights import Ui, fly, small
+from link_world import play
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from test_signing_flight import WATCHER, SignedWorld, station
+
+from sim_vehicle.fleet import Fleet
+from swarmctl import virtual
+from swarmctl.evidence.book import FILE
+from swarmctl.keyring.mavlink_key import TimestampFile
+from swarmctl.links.base import FramesRefused
+from swarmctl.links.refusals import AGAIN_S, Refusals
+from swarmctl.links.signing import AHEAD, LATE, OTHER_KEY, REPEATED, TICKS_PER_S, UNSIGNED, ticks
+from swarmctl.parts import VIRTUAL_EPOCH_NS
+
+KEY, OTHER = bytes(range(32)), bytes(31) + b"x"
+HEARTBEAT = mavlink.MAVLink_heartbeat_message(2, 3, 209, 3, 4, 3)
+
+
+def forged(sysid: int, key: bytes | None = None, now_s: float = 0.0) -> bytes:
+    codec = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=1)
+    if key is not None:
+        codec.signing.secret_key, codec.signing.sign_outgoing = key, True
+        codec.signing.timestamp = ticks(VIRTUAL_EPOCH_NS // 1000) + round(now_s * TICKS_PER_S)
+    return bytes(HEARTBEAT.pack(codec))
+
+
+class Keyed(Fleet):
+    """Vehicles that were given the key over USB, and a link on which others speak as well from 20 s on."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        for sysid in self.sysids:
+            codec = station(KEY)
+            setup = mavlink.MAVLink_setup_signing_message(sysid, 1, list(KEY), codec.signing.timestamp)
+            self.receive(bytes(setup.pack(codec)), 0.0)
+        self._second = 20
+
+    def step(self, now: float) -> Any:
+        frames = [*super().step(now)]
+        if now >= self._second:
+            self._second += 1
+            frames += [(0, forged(1)), (0, forged(99)), (1, forged(2, OTHER, now))]
+        return frames
+
+
+def test_a_flight_says_what_it_refuses_when_it_happens_again_later_and_at_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(virtual, "Fleet", Keyed)
+    key = tmp_path / "swarm.key"
+    key.write_text(KEY.hex())
+    key.chmod(0o600)
+    scenario = small(
+        links={"signing_key": str(key)},
+        simulate={"count": 2, "ready_s": 3.0},
+    )
+    ui = Ui()
+    report = fly(scenario, tmp_path / "run", ui=ui)
+    assert report.all_arrived
+    *said, end = (line for line in ui.said if "refused" in line)
+    at_first = [
+        "uav1: frames in its name are refused, unsigned (1 so far, the last from simulated:1): somebody "
+        "without the key speaks in its name, or it has lost its key",
+        "memory:fleet: frames are refused, unsigned (1 so far, the last of system 99 at simulated:1)",
+        "uav2: frames in its name are refused, signed with another key (1 so far, the last from "
+        "simulated:2): somebody with another key speaks in its name, or it was given another",
+    ]
+    assert said[:3] == at_first
+    # A minute later of each, while it goes on.
+    assert [re.sub(r"\(6[12] so far", "(1 so far", text) for text in said[3:]] == at_first
+    assert re.fullmatch(
+        r"frames refused by links\.signing_key: \d+ signed with another key, \d+ unsigned", end
+    )
+    assert all(int(n) > 61 for n in re.findall(r"\d+", end))
+    lines = [json.loads(line) for line in (tmp_path / "run" / FILE).read_text().splitlines()]
+    noted = [(line["vehicle"], line["what"]["said"]) for line in lines if "are refused, " in str(line)]
+    assert noted[0] == ("uav1", at_first[0].removeprefix("uav1: "))
+    assert len(noted) == len(said)
+
+
+def test_each_kind_of_each_vehicle_is_said_once_a_minute_with_its_number() -> None:
+    refusals = Refusals()
+
+    def of(sysid: int, why: str, now_s: float, component: int = 1) -> str:
+        return refusals.of_vehicle(sysid, component, why, "here:1", now_s)
+
+    for why in (UNSIGNED, OTHER_KEY, LATE, AHEAD, REPEATED):
+        assert of(1, why, 0.0).startswith(
+            f"frames in its name are refused, {why} (1 so far, the last from here:1): "
+        )
+        assert of(2, why, 0.0)
+        assert of(1, why, AGAIN_S - 0.1) == of(2, why, 1.0) == ""
+        assert "(3 so far, " in of(1, why, AGAIN_S)
+        assert of(1, why, AGAIN_S + 1.0) == ""
+    assert "the last of component 100 from here:1" in of(3, UNSIGNED, 0.0, component=100)
+
+
+def test_strangers_names_do_not_fill_the_memory() -> None:
+    refusals = Refusals()
+    said = [refusals.of_stranger(sysid, UNSIGNED, f"far:{sysid}", 0.0) for sysid in range(1, 250)]
+    assert [bool(text) for text in said] == [True] + [False] * 248
+    assert refusals.of_stranger(7, UNSIGNED, "far:7", AGAIN_S) == (
+        "frames are refused, unsigned (250 so far, the last of system 7 at far:7)"
+    )
+
+
+def test_a_vehicle_whose_clock_is_late_is_told_of_once(tmp_path: Path) -> None:
+    async def story() -> None:
+        async with SignedWorld(tmp_path, behind_s=3600) as world:
+            await world.link().connect(10)
+            (told,) = [event for event in world.events if isinstance(event, FramesRefused)]
+            assert told.text == (
+                "frames in its name are refused, older than a minute (1 so far, the last from fleet): its "
+                "clock is behind; it learns the time from what it is sent"
+            )
+
+    play(story())
+
+
+def test_another_station_that_is_not_taken_is_told_of(tmp_path: Path) -> None:
+    async def story() -> None:
+        async with SignedWorld(tmp_path) as world:
+            await world.front.forward(WATCHER, commands=True)
+            await world.link().connect(10)
+            for key in (OTHER, OTHER, OTHER, KEY):
+                hold = mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 4, 0, 0, 0, 0, 0)
+                world.watcher.from_vehicle(bytes(hold.pack(station(key))), "station")
+            await asyncio.sleep(1.0)
+            assert [line for line in world.said if "refused" in line] == [
+                "other stations: frames are refused, signed with another key (1 so far, the last of system "
+                "252 at memory:watcher)"
+            ]
+
+    play(story())
+
+
+def test_a_disk_that_keeps_no_time_stamps_is_told_of_in_flight(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def story() -> None:
+        async with SignedWorld(tmp_path) as world:
+            await world.link().connect(10)
+
+            def full(_file: TimestampFile, _timestamp: int) -> None:
+                raise OSError(28, "No space left on device")
+
+            monkeypatch.setattr(TimestampFile, "keep", full)
+            await asyncio.sleep(300.0)
+            trouble = "the time stamps of signing are not kept: No space left on device"
+            assert world.said == [trouble]
+            assert world.front.refused == trouble
+
+    play(story())

@@ -1,0 +1,111 @@
+"""Whether a vehicle has rally points, to which it would return: told, or not believed."""
+
+from __future__ import annotations
+
+import pytest
+from bench import Bench, Script
+from flying_bench import HOME, FlyingBench, on_the_ground
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from swarmctl.mavlink.rally import RALLY, RallyPoints, count_rally_points
+
+BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+POINT = mavlink.MAV_CMD_NAV_RALLY_POINT
+
+
+def counted(bench: Bench | FlyingBench) -> RallyPoints:
+    return bench.do("rally points", count_rally_points)
+
+
+def another_puts(bench: FlyingBench, n: int, announced: int | None = None) -> None:
+    """`n` rally points from another ground station, of `announced`."""
+    bench.another_sends(mavlink.MAVLink_mission_count_message(1, 1, announced or n, RALLY))
+    lat, lon = (round(degrees * 1e7) for degrees in HOME)
+    for seq in range(n):
+        place = (lat + 1000 * (seq + 1), lon, 40.0, RALLY)
+        bench.another_sends(
+            mavlink.MAVLink_mission_item_int_message(1, 1, seq, 3, POINT, 0, 1, 0, 0, 0, 0, *place)
+        )
+
+
+@BOTH
+@pytest.mark.autopilots("2 types 2 / 3 / 255")
+@pytest.mark.autopilots("2 types 2 / 3 / 255", of="px4")
+def test_their_number_is_told(personality: str) -> None:
+    bench = on_the_ground(personality)
+    assert counted(bench) == RallyPoints(0)
+    another_puts(bench, 3)
+    assert counted(bench) == RallyPoints(3)
+    # Not the items: of those nothing is asked, and PX4 is free for what comes next.
+    assert bench.of("MISSION_REQUEST_INT") == []
+    another_puts(bench, 1)
+    assert counted(bench) == RallyPoints(1)
+
+
+def test_an_ardupilot_that_is_built_without_has_none() -> None:
+    """It says that such a list is unsupported (`GCS_MAVLINK::handle_mission_request_list`)."""
+    bench = Bench(Script(rally_points=None)).connected()
+    assert counted(bench) == RallyPoints(0)
+
+
+@pytest.mark.parametrize("points", [0, 2])
+def test_a_list_that_is_asked_for_is_told_by_its_type(points: int) -> None:
+    bench = Bench(Script(rally_points=points)).connected()
+    bench.copter.mission = [(16, 3, 0, 0, 20.0, 0, 0.0, 0.0, 0.0)] * 7
+    assert counted(bench) == RallyPoints(points)
+
+
+def test_the_same_words_of_a_px4_are_no_number() -> None:
+    """It has them whatever it is built with."""
+    bench = Bench(Script(rally_points=None))
+    bench.copter.autopilot = mavlink.MAV_AUTOPILOT_PX4
+    counts = counted(bench.connected())
+    assert counts.count is None
+    assert counts.text.endswith("asked 12 times for their number: UNSUPPORTED")
+
+
+@BOTH
+def test_a_lost_answer_is_no_number(personality: str) -> None:
+    bench = on_the_ground(personality)
+    bench.block_down = lambda m: m.get_type() == "MISSION_COUNT"
+    begun_s = bench.now
+    assert counted(bench) == RallyPoints(None, "asked 12 times for their number: no answer")
+    assert bench.now - begun_s == pytest.approx(12.0, abs=1.0)
+    bench.block_down = lambda m: False
+    assert counted(bench) == RallyPoints(0)
+
+
+def test_what_is_for_another_or_of_another_list_is_no_number() -> None:
+    bench = on_the_ground("ardupilot")
+    bench.block_down = lambda m: m.get_type() == "MISSION_COUNT" and m.target_system == 255
+    other = mavlink.MAVLink_mission_request_list_message
+    for kind in (RALLY, mavlink.MAV_MISSION_TYPE_MISSION):
+        bench.another_sends(other(1, 1, mission_type=kind))
+    assert counted(bench).count is None
+
+
+def test_while_another_station_puts_some_there_it_is_asked_again() -> None:
+    """DENIED while an upload runs (`MissionItemProtocol::handle_mission_request_list`)."""
+    bench = on_the_ground("ardupilot")
+    another_puts(bench, 1, announced=2)
+    assert counted(bench) == RallyPoints(1), "not atomic: the one that came stays"
+
+
+@settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@given(
+    loss=st.floats(0.0, 0.5),
+    seed=st.integers(0, 10_000),
+    points=st.integers(0, 3),
+    personality=st.sampled_from(["ardupilot", "px4"]),
+)
+def test_over_a_bad_link_it_is_told_or_not_known(
+    loss: float, seed: int, points: int, personality: str
+) -> None:
+    bench = on_the_ground(personality, loss=loss, seed=seed)
+    heal, bench.faults = bench.faults, type(bench.faults)()
+    if points:
+        another_puts(bench, points)
+    bench.faults = heal
+    assert counted(bench).count in (points, None)

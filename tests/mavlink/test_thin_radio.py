@@ -1,0 +1,93 @@
+"""Flights over radios of a kilobyte a second or two: what is asked of a vehicle, and what it costs."""
+
+from __future__ import annotations
+
+from itertools import count, pairwise
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from thin_bench import FRAME, ThinBench, route
+
+from swarmctl.mavlink.instruments import read_instruments
+from swarmctl.mavlink.streams import NEEDLESS, Streaming
+from swarmctl.preflight.checks.telemetry import AT_LEAST_EVERY_S
+
+BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+SPARING = Streaming(position_hz=2.0, stops_others=True)
+POSITION = 33
+INTERVAL = int(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)
+
+
+@BOTH
+def test_what_a_vehicle_tells_in_all_is_little_where_that_is_asked_for(personality: str) -> None:
+    bench = ThinBench(personality, 1500.0, SPARING).connected()
+    bench.run(30.0)
+    bench.n_lost = 0
+    bench.run(20.0)
+    assert bench.bytes_s(20.0) < 300.0
+    assert bench.n_lost == 0
+    positions = [data for at_s, data in bench.down if at_s > bench.now - 20.0 and data[7] == POSITION]
+    assert len(positions) == pytest.approx(40, abs=2)
+
+
+@BOTH
+def test_a_mission_is_changed_in_flight_over_a_radio_of_one_kilobyte_a_second(personality: str) -> None:
+    bench = ThinBench(personality, 1000.0, SPARING)
+    bench.flying(route((0.0, 60.0), (0.0, 120.0), (0.0, 600.0)))
+    north_m = FRAME.to_local(*bench.vehicle.body.lat_lon_deg)[1]
+    begun_s = bench.now
+    new = [(0.0, north_m + 150.0), *((20.0 * i, north_m + 150.0) for i in range(1, 8))]
+    done = bench.swap(route(*new, leaves_ahead=True))
+    assert (done.failure, done.flying, done.stood_still_s) == (None, "new", 0.0)
+    assert bench.now - begun_s < 5.0
+
+
+@BOTH
+def test_who_hears_too_few_positions_before_a_flight_says_how_many(personality: str) -> None:
+    """PX4 comes down to a twentieth of its rates where its radio is full (`Mavlink::update_rate_mult`)."""
+    bench = ThinBench(personality, 6000.0).connected()
+    bench.run(10.0)
+    usual_s = bench.do("look", read_instruments).position_every_s
+    assert usual_s == pytest.approx({"ardupilot": 0.25, "px4": 0.2}[personality], abs=0.06)
+    numbers = count()
+    bench.block_down = lambda m: m.get_type() == "GLOBAL_POSITION_INT" and next(numbers) % 20 != 0
+    bench.run(60.0)
+    slow_s = bench.do("look", read_instruments).position_every_s
+    assert slow_s == pytest.approx(20.0 * usual_s, rel=0.2)
+    assert slow_s > AT_LEAST_EVERY_S
+
+
+@BOTH
+def test_streams_that_are_needed_or_slow_are_not_stopped_and_each_other_one_once(personality: str) -> None:
+    bench = ThinBench(personality, 20_000.0, Streaming(stops_others=True)).connected()
+    bench.another_streams(mavlink.MAVLINK_MSG_ID_ATTITUDE, mavlink.MAVLINK_MSG_ID_VFR_HUD)
+    bench.run(30.0)
+    assert bench.do("look", read_instruments).gps is not None
+    bench.run(30.0)
+    stopped = [int(m.param1) for m in bench.of("COMMAND_LONG") if m.command == INTERVAL and m.param2 < 0]
+    assert {mavlink.MAVLINK_MSG_ID_ATTITUDE, mavlink.MAVLINK_MSG_ID_VFR_HUD} <= set(stopped) <= NEEDLESS
+    assert len(stopped) == len(set(stopped))
+    times = [now for now, m in bench.sent if m.get_type() == "COMMAND_LONG" and m.param2 < 0]
+    assert min(b - a for a, b in pairwise(times)) > 0.15, "they do not fill the radio"
+
+
+def test_a_stream_that_another_station_wants_is_stopped_ever_more_seldom() -> None:
+    bench = ThinBench("ardupilot", 20_000.0, Streaming(stops_others=True)).connected()
+    for _ in range(300):
+        bench.another_streams(mavlink.MAVLINK_MSG_ID_ATTITUDE)
+        bench.run(1.0)
+    times = [now for now, m in bench.sent if m.get_type() == "COMMAND_LONG" and m.param2 < 0]
+    assert 3 <= len(times) <= 8
+    pauses = [b - a for a, b in pairwise(times)]
+    assert pauses == sorted(pauses)
+
+
+def test_after_a_boot_streams_are_stopped_again() -> None:
+    bench = ThinBench("px4", 20_000.0, Streaming(stops_others=True)).connected()
+    bench.run(20.0)
+    n_stopped = len(bench.sent)
+    bench.inject("reboot:silence_s=1.5")
+    bench.run(30.0)
+    again = {int(m.param1) for _, m in bench.sent[n_stopped:] if getattr(m, "param2", 0.0) < 0}
+    assert mavlink.MAVLINK_MSG_ID_ATTITUDE in again
+    assert bench.bytes_s(10.0) < 600.0

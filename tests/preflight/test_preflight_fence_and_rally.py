@@ -1,0 +1,162 @@
+"""What an owner has left on a vehicle and its parameters do not tell: a fence switched off, rally points."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from flights import Ui, fly, small
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from troubled import OTHER_STATION, Trouble, play
+
+from sim_vehicle.fleet import Fleet
+from sim_vehicle.vehicle.mission import Item
+from swarmctl import virtual
+from swarmctl.app import ALL_IN_ONE, Report
+from swarmctl.preflight.waivers import Waiver
+
+pytestmark = pytest.mark.virtual
+
+NEVER = replace(ALL_IN_ONE, launch="never")
+Deed = Callable[[Fleet], None]
+
+
+def failing(report: Report) -> dict[tuple[str, str], str]:
+    """What was found, by vehicle and check."""
+    return {
+        (found.vehicle, found.check): found.finding.found
+        for findings in report.checked.values()
+        for found in findings
+        if not found.finding.ok
+    }
+
+
+def another_sends(message: Callable[[mavlink.MAVLink], mavlink.MAVLink_message]) -> Deed:
+    def deed(fleet: Fleet) -> None:
+        station = mavlink.MAVLink(None, OTHER_STATION, 190)
+        now = asyncio.get_running_loop().time()
+        fleet.receive(message(station).pack(station), now, peer="another station")
+
+    return deed
+
+
+def sets(name: str, value: float) -> Deed:
+    real = mavlink.MAV_PARAM_TYPE_REAL32
+    return another_sends(lambda station: station.param_set_encode(1, 1, name.encode(), value, real))
+
+
+def switches_off(fleet: Fleet) -> None:
+    off = (mavlink.MAV_CMD_DO_FENCE_ENABLE, 0, 0.0, *(0.0,) * 6)
+    another_sends(lambda station: station.command_long_encode(1, 1, *off))(fleet)
+
+
+def puts_rally_points(fleet: Fleet) -> None:
+    here = [round(degrees * 1e7) for degrees in fleet.vehicles[1].body.lat_lon_deg]
+    place = Item(mavlink.MAV_CMD_NAV_RALLY_POINT, frame=3, x=here[0] + 900, y=here[1], z=30.0)
+    fleet.vehicles[1].landmarks.rally.replace([place, replace(place, x=here[0] - 900)])
+
+
+FAR_ABOVE_M = 1000.0
+
+
+@pytest.mark.parametrize(
+    ("at_boot", "deed"),
+    [({"FENCE_TYPE": 4.0}, sets("FENCE_TYPE", 5.0)), ({}, switches_off)],
+    ids=["FENCE_TYPE", "DO_FENCE_ENABLE 0"],
+)
+@pytest.mark.autopilots("2 fence use")
+def test_a_fence_whose_parameters_are_right_is_in_force_before_it_is_armed(
+    at_boot: dict[str, float], deed: Deed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[Fleet] = []
+    play(Trouble(params=at_boot, deeds=[(0.3, deed), (0.4, seen.append)]), monkeypatch)
+    report = fly(small(simulate={"count": 1, "ready_s": 1.0}), tmp_path, manner=NEVER)
+    assert failing(report) == {}
+    vehicle = seen[0].vehicles[0]
+    assert vehicle.params["FENCE_TYPE"] == 5.0
+    assert vehicle.fence_watch.enabled
+    assert "altitude_max" in vehicle.fence_watch.find(*vehicle.body.lat_lon_deg, FAR_ABOVE_M)
+
+
+def deaf_to(command: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From here on nobody hears what vehicles answer to `command`."""
+
+    def is_ack(frame: bytes) -> bool:
+        return frame[7:10] == b"\x4d\0\0" and int.from_bytes(frame[10:12], "little") == command
+
+    class Dumb(virtual.Fleet):  # type: ignore[misc, name-defined]
+        def receive(self, *args: object, **kwargs: object) -> list[tuple[int, bytes]]:
+            return [(i, frame) for i, frame in super().receive(*args, **kwargs) if not is_ack(frame)]
+
+    monkeypatch.setattr(virtual, "Fleet", Dumb)
+
+
+def test_a_fence_that_may_not_be_in_force_keeps_it_on_the_ground(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    deaf_to(int(mavlink.MAV_CMD_DO_FENCE_ENABLE), monkeypatch)
+    report = fly(small(simulate={"count": 1, "ready_s": 1.0}), tmp_path)
+    assert report.ended == "failed"
+    ((which, found),) = failing(report).items()
+    assert which == ("uav1", "fence")
+    assert "DO_FENCE_ENABLE: no answer" in found
+    assert not any(state.armed_seen for state in report.states.values())
+
+
+def test_a_fence_that_its_owner_has_waived_is_left_as_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[Fleet] = []
+    play(Trouble(params={"FENCE_ENABLE": 0.0}, deeds=[(0.4, seen.append)]), monkeypatch)
+    manner = replace(NEVER, waivers=(Waiver("parameters"),))
+    report = fly(small(simulate={"count": 1, "ready_s": 1.0}), tmp_path, manner=manner)
+    assert set(failing(report)) == {("uav1", "parameters")}
+    assert not seen[0].vehicles[0].fence_watch.enabled
+
+
+AUTOPILOTS = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+
+
+@AUTOPILOTS
+def test_rally_points_keep_it_on_the_ground(
+    autopilot: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    play(Trouble(deeds=[(0.3, puts_rally_points)]), monkeypatch)
+    swarm = {"count": 2, "ready_s": 1.0, "autopilot": autopilot}
+    report = fly(small(simulate=swarm), tmp_path)
+    assert failing(report) == {("uav2", "rally"): "2 rally points"}
+    (text,) = report.trouble
+    assert text.startswith("uav2: rally: found 2 rally points; wanted no rally points")
+    assert "clear them" in text
+    assert "--waive rally:uav2" in text
+    assert not any(state.armed_seen for state in report.states.values())
+
+
+def test_rally_points_may_be_waived(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    play(Trouble(deeds=[(0.3, puts_rally_points)]), monkeypatch)
+    manner, ui = replace(ALL_IN_ONE, waivers=(Waiver("rally", "uav2"),)), Ui()
+    report = fly(small(simulate={"count": 2, "ready_s": 1.0}), tmp_path, manner=manner, ui=ui)
+    assert report.all_arrived
+    assert any(said.startswith("uav2: rally is waived: found 2 rally points") for said in ui.said)
+
+
+@AUTOPILOTS
+def test_who_does_not_tell_of_its_rally_points_may_have_some(
+    autopilot: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And nothing else of it is not known for that."""
+
+    class Dumb(virtual.Fleet):  # type: ignore[misc, name-defined]
+        def receive(self, *args: object, **kwargs: object) -> list[tuple[int, bytes]]:
+            frames = super().receive(*args, **kwargs)
+            return [(i, f) for i, f in frames if f[7:10] != b"\x2c\0\0" or f[14:15] != b"\x02"]
+
+    monkeypatch.setattr(virtual, "Fleet", Dumb)
+    swarm = {"count": 1, "ready_s": 1.0, "autopilot": autopilot}
+    ui = Ui()
+    report = fly(small(simulate=swarm), tmp_path, manner=NEVER, ui=ui)
+    assert failing(report) == {("uav1", "rally"): "whether it has some is not known"}
+    assert any("its rally points: asked 12 times for their number: no answer" in said for said in ui.said)
