@@ -37,6 +37,8 @@ class AppendResult:
     """from a message to its answer, over this link [s]"""
     is_late: bool = False
     """it was broken off as of no use any more"""
+    is_foreign: bool = False
+    """the vehicle holds another mission than the one that was verified on it"""
 
 
 class Append(Conversation[AppendResult]):
@@ -188,7 +190,7 @@ class Append(Conversation[AppendResult]):
         self._heard(now)
         stored = count - self._count
         if not 0 <= stored <= len(self._items):
-            return self._end(f"it holds {count} items where {self._count} were known")
+            return self._end(f"it holds {count} items where {self._count} were known", is_foreign=True)
         self._has(stored, now)
         if stored == len(self._items):
             return self._end(None)
@@ -223,7 +225,7 @@ class Append(Conversation[AppendResult]):
     def _said(self) -> str:
         return f", last {self._last_nack}" if self._last_nack else ""
 
-    def _end(self, why: str | None, *, is_late: bool = False) -> list[Message]:
+    def _end(self, why: str | None, *, is_late: bool = False, is_foreign: bool = False) -> list[Message]:
         failure = None if why is None else f"the new route was not written behind the old one: {why}"
-        self._finish(AppendResult(failure, self._answers_after_s, is_late))
+        self._finish(AppendResult(failure, self._answers_after_s, is_late, is_foreign))
         return []

@@ -12,7 +12,7 @@ from functools import partial
 
 from swarmctl.core.mission import MissionItem
 from swarmctl.core.vehicle import Landed, VehicleState
-from swarmctl.mavlink.guarded import guarded, in_modes, look
+from swarmctl.mavlink.guarded import Theirs, guarded, in_modes, look
 from swarmctl.mavlink.mission_append import Append, AppendResult
 from swarmctl.mavlink.mission_download import DownloadOutcome
 from swarmctl.mavlink.outcome import Swapped
@@ -46,6 +46,8 @@ def swap_behind(ctx: Context, way: Way) -> Procedure[Swapped]:
     ctx.on_vehicle = ()
     is_past = partial(way.is_past, ctx)
     appended: AppendResult = yield Append(ctx.peer, len(kept), tail, is_past)
+    if appended.is_foreign:
+        raise Theirs(f"another station has changed its mission: {appended.failure}")
     found, failure = yield from _read_back(ctx, len(kept), tail, appended)
     if appended.is_late:
         yield from look(ctx, mission)

@@ -320,13 +320,13 @@ def test_an_ardupilot_that_takes_a_count_of_0_stands_still_and_ours_is_claimed_n
 
 
 @pytest.mark.autopilots("2 CLEAR_ALL")
-def test_a_change_of_ours_on_an_ardupilot_that_was_just_cleared_leaves_a_whole_plan_and_says_so():
-    """In AUTO without a word of the other station it looks as ours does; where it is, is still known."""
+def test_an_ardupilot_that_was_cleared_right_before_a_change_of_ours_is_left_to_who_did_it():
+    """It says AUTO all the while; but it does not hold what the change was to go behind."""
     bench = FlyingBench("ardupilot").flying(OLD)
+    sent = len(bench.sent)
     bench.another_sends(EMPTIES["a count of 0"])
-    new = bench.session.mission_items(plan(north=5, east=0.001))
-    result = bench.do("swap", lambda c: procedures.swap(c, new))
-    assert (result.failure, result.flying) == (None, "new")
-    assert bench.holds(new)
-    assert bench.session.dialect.differences(new, bench.session.items) == ()
-    assert bench.aim in {(i.x, i.y) for i in new[bench.session.dialect.first_waypoint_seq :]}
+    result = bench.swap(plan(north=5, east=0.001))
+    assert (result.flying, bench.mode, bench.stored) == ("theirs", "AUTO", ())
+    assert "another station has changed its mission" in result.failure
+    assert bench.session.items == ()
+    assert {*orders_of(bench, sent)} <= {"MISSION_WRITE_PARTIAL_LIST", "MISSION_ITEM_INT"}, "all refused"
