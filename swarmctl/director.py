@@ -136,15 +136,21 @@ class Director:
         self._permit()
         await self._prepare_all()
         next_step = "launching" if self._when_ready else "the order to launch is waited for"
-        theirs = [m for m in self._members if self._is_theirs(m)]
-        besides = f" but {names(theirs)}, which somebody else has" if theirs else ""
-        self._say(f"every vehicle holds its mission, read back and compared{besides}; {next_step}")
+        self._say(f"{self._who_holds_what()}; {next_step}")
         async with asyncio.TaskGroup() as launches:
             for member in self._members:
                 launches.create_task(self._launch(member))
         seen = Seen(self._members, self._flight.lost_timeout_s, self._say)
         while not seen.all_over():  # noqa: ASYNC110 - silence wakes nobody
             await asyncio.sleep(POLL_S)
+
+    def _who_holds_what(self) -> str:
+        theirs = [m for m in self._members if self._is_theirs(m)]
+        if len(theirs) == len(self._members):
+            return f"somebody else has {names(theirs)}"
+        who = "every vehicle" if len(self._members) > 1 else names(self._members)
+        besides = f" but {names(theirs)}, which somebody else has" if theirs else ""
+        return f"{who} holds its mission, read back and compared{besides}"
 
     async def _prepare_all(self) -> None:
         """Set up, ready, with a mission, checked. Raises PreflightFailed with all that is wrong."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from swarmctl.agent import ARRIVED, ENDED, AgentState, Phase
+from swarmctl.left import is_lost_in_air
 
 OTHER_LINES = 9
 """of the screen that are not vehicles"""
@@ -53,6 +55,8 @@ class Row:
     note: str
     weights: str = ""
     """w, and the firing strengths if they are not those it began with; empty where nothing was changed"""
+    unheard: str = ""
+    """`lost` or `given up` where nothing is heard of it in the air: phase and mode are those it had last"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,8 +72,11 @@ class Picture:
     on_ctrl_c: str = "hold, then return"
 
 
-def row(state: AgentState, age_s: float, note: str = "", refused: int = 0) -> Row:
-    """`age_s`: since the last heartbeat; infinite before the first. `refused`: messages of the network."""
+def row(
+    state: AgentState, age_s: float, note: str = "", refused: int = 0, *, lost_timeout_s: float = math.inf
+) -> Row:
+    """`age_s`: since the last heartbeat; infinite before the first. `refused`: messages of the network.
+    `lost_timeout_s`: after this a vehicle that is not heard is waited for no more."""
     own = state.belief.n_cells_from(state.task.uav)
     return Row(
         name=state.task.name,
@@ -84,6 +91,7 @@ def row(state: AgentState, age_s: float, note: str = "", refused: int = 0) -> Ro
         strikes=state.vehicle.strikes,
         link=_link(state, age_s) + (f", {refused} refused" if refused else ""),
         weights=_weights(state),
+        unheard=("given up" if age_s > lost_timeout_s else "lost") if is_lost_in_air(state) else "",
         note=note or state.alarm or state.outcome or state.trouble or state.late,
     )
 
@@ -139,7 +147,7 @@ def table(picture: Picture, width: int, height: int) -> Group:
     for r in shown:
         grid.add_row(
             r.name,
-            Text(r.phase, style=COLOURS[r.phase]),
+            Text(r.unheard, style="red") if r.unheard else Text(r.phase, style=COLOURS[r.phase]),
             r.mode,
             "–" if r.battery_percent is None else f"{r.battery_percent} %",
             _bar(r.progress, BAR if width >= WIDE else 0),
@@ -170,8 +178,9 @@ def _minutes(seconds: float) -> str:
 def line(row: Row) -> str:
     """One vehicle as a plain line, for where there is no terminal."""
     battery = "?" if row.battery_percent is None else f"{row.battery_percent} %"
+    phase = f"{row.unheard}, was {row.phase}" if row.unheard else row.phase
     text = (
-        f"{row.name}: {row.phase} {row.mode}, route {100.0 * row.progress:.0f} %, battery {battery}, "
+        f"{row.name}: {phase} {row.mode}, route {100.0 * row.progress:.0f} %, battery {battery}, "
         f"cells {row.cells_own}+{row.cells_heard}, hostiles {row.hostiles_known}, replans {row.replans}, "
         f"strikes {row.strikes}, link {row.link}"
     )

@@ -46,6 +46,16 @@ def _is_over(state: AgentState) -> bool:
     return state.ended and not is_up(state)
 
 
+def is_lost_in_air(state: AgentState) -> bool:
+    """Nothing is heard of it any more, and when it was it was up, as far as is known."""
+    return state.lost and is_up(state)
+
+
+def standing(state: AgentState) -> str:
+    """Its phase, or that it is lost: what it did when it was heard last it need not do now."""
+    return "lost" if is_lost_in_air(state) and not state.ended else str(state.phase)
+
+
 def ended_how(state: AgentState) -> str:
     """Its outcome; where it was let go with the mode it has shown last, where it is lost with that."""
     said = state.outcome or str(state.phase)

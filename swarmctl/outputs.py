@@ -14,6 +14,7 @@ from swarmctl.core.belief import Belief
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.turns import rounded
+from swarmctl.left import is_lost_in_air
 from swarmctl.picture import MapPicture, PlannedTrack, VehicleTrack, draw_map
 from swarmctl.planfile import plan_json
 from swarmctl.planners import PLANNERS, Method, Problem, Route, Unreachable
@@ -133,7 +134,8 @@ def _flown_picture(scenario: Scenario, report: Report) -> MapPicture:
                 planned=planned,
                 flown=ledger.flown,
                 strikes=ledger.strikes,
-                outcome=state.outcome or state.phase,
+                is_lost=is_lost_in_air(state),
+                outcome="lost" if is_lost_in_air(state) else state.outcome or state.phase,
             )
         )
     return MapPicture(

@@ -39,6 +39,7 @@ async def show(
                 m.runner.link.age_s(),
                 "; ".join(m.waiting_for),
                 network.tally(m.spec.sysid).refused.total(),
+                lost_timeout_s=scenario.config.flight.lost_timeout_s,
             )
             for m in members
         ]

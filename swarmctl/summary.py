@@ -25,7 +25,7 @@ from swarmctl.core.frames import Spoken
 from swarmctl.core.geo import LatLon
 from swarmctl.core.observation import Observation
 from swarmctl.core.threat import FiringStrength
-from swarmctl.left import ended_how
+from swarmctl.left import ended_how, standing
 from swarmctl.planners import Route
 from swarmctl.scenario import Scenario
 from swarmctl.separation import Crossings
@@ -245,7 +245,7 @@ def _vehicle(scenario: Scenario, state: AgentState, ledger: Ledger, network: Tal
         "sysid": task.uav,
         "outcome": ended_how(state),
         "trouble": state.trouble,
-        "phase": state.phase,
+        "phase": standing(state),
         "flight_time_s": mine.flight_time_s,
         **arrival_of(state),
         "flown_m": state.flown_m,

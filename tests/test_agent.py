@@ -258,6 +258,50 @@ def test_a_failed_swap_that_left_the_old_plan_is_tried_again_later() -> None:
     assert again.because == swap.because
 
 
+PAST = "mission not changed, it flies its old mission: it has flown past"
+
+
+def test_a_failed_swap_is_no_trouble_any_more_once_the_old_plan_is_found_to_be_right() -> None:
+    story = Story().flying()
+    story.hear((4, 4, True))
+    story(ev.MissionFailed(story.swap().plan_id, "old", PAST, is_late=True))
+    assert story.state.trouble == PAST
+    for col in range(1, 7):
+        story.over((4, col))
+    assert story.tick() == []
+    assert story.state.trouble == ""
+
+
+def test_a_failed_swap_is_no_trouble_any_more_over_the_goal() -> None:
+    story = Story().flying()
+    story.hear((4, 4, True))
+    story(ev.MissionFailed(story.swap().plan_id, "old", PAST))
+    story.over((4, 7))
+    assert (story.state.phase, story.state.trouble) == (Phase.FLYING, PAST)
+    story.over((4, 8))
+    assert (story.state.phase, story.state.trouble) == (Phase.LANDING, "")
+
+
+def test_a_swap_that_fails_over_the_goal_is_no_trouble() -> None:
+    story = Story().flying()
+    story.hear((4, 4, True))
+    swap = story.swap()
+    story.over((4, 8))
+    story(ev.MissionFailed(swap.plan_id, "old", PAST, is_late=True))
+    assert (story.state.phase, story.state.trouble) == (Phase.LANDING, "")
+
+
+def test_other_trouble_is_kept_when_nothing_is_to_be_changed() -> None:
+    story = Story().flying()
+    story.hear((4, 4, True))
+    story(ev.MissionFailed(story.swap().plan_id, "old", PAST, is_late=True))
+    story(ev.Rebooted())
+    for col in range(1, 7):
+        story.over((4, col))
+    assert story.tick() == []
+    assert story.state.trouble == "it has rebooted"
+
+
 def test_a_vehicle_left_in_hold_gets_a_plan_even_if_nothing_is_new() -> None:
     story = Story().flying()
     before = story.state.route

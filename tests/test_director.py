@@ -476,6 +476,14 @@ def test_who_waits_for_an_order_is_launched_by_it_alone_and_made_ready_again_aft
     assert ground.links[1].calls == ["connect", "prepare", "upload", "prepare", "upload"]
 
 
+@pytest.mark.parametrize(("count", "who"), [(1, "uav1"), (2, "every vehicle")])
+def test_who_holds_its_mission_is_said_and_of_one_by_name(count: int, who: str) -> None:
+    ground = Ground(small(simulate={"count": count}), launch="ordered")
+    said = f"{who} holds its mission, read back and compared; the order to launch is waited for"
+    ground.fly(lambda _: any("holds its mission" in text for _, text in ground.said))
+    assert said in [text for _, text in ground.said]
+
+
 def test_a_vehicle_that_waits_for_its_order_may_fall_silent_for_as_long_as_it_likes() -> None:
     ground = Ground(small(simulate={"count": 2}, flight={"lost_timeout_s": 2.0}), launch="ordered")
     waited: list[str] = []

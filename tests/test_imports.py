@@ -106,7 +106,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "swarmctl.evidence_run": {
         "swarmctl.bus.access", "swarmctl.evidence", "swarmctl.keyring", "swarmctl.parts", "swarmctl.scenario",
     },
-    "swarmctl.display": {"swarmctl.core", "swarmctl.agent"},
+    "swarmctl.display": {"swarmctl.core", "swarmctl.agent", "swarmctl.left"},
     "swarmctl.member": {"swarmctl.agent", "swarmctl.links", "swarmctl.runner", "swarmctl.scenario"},
     "swarmctl.calling_off": {
         "swarmctl.core", "swarmctl.agent", "swarmctl.config", "swarmctl.left", "swarmctl.member",
@@ -185,7 +185,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "swarmctl.watch": {"swarmctl.core", "swarmctl.agent", "swarmctl.bus", "swarmctl.display"},
     "swarmctl.outputs": {
         "swarmctl.core", "swarmctl.planners", "swarmctl.agent", "swarmctl.app", "swarmctl.picture",
-        "swarmctl.planfile", "swarmctl.scenario", "swarmctl.summary",
+        "swarmctl.left", "swarmctl.planfile", "swarmctl.scenario", "swarmctl.summary",
     },
     "swarmctl.front_report": {
         "swarmctl.core", "swarmctl.planners", "swarmctl.agent", "swarmctl.figures", "swarmctl.picture",

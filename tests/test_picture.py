@@ -163,6 +163,26 @@ def test_the_flown_track_runs_over_the_cells_it_covered(tmp_path: Path) -> None:
     assert not (edge == (0, 0x72, 0xB2)).all(axis=-1).any()
 
 
+def test_of_a_lost_vehicle_the_end_of_its_track_is_where_it_was_last_heard() -> None:
+    shown = picture(n_vehicles=2)
+
+    def drawn(*lost: bool) -> tuple[set[str], list[bool]]:
+        tracks = [
+            dataclasses.replace(track, is_lost=is_lost)
+            for track, is_lost in zip(shown.tracks, lost, strict=True)
+        ]
+        chart, *keys = figure_of(dataclasses.replace(shown, tracks=tracks)).axes
+        ends = [line for line in chart.lines if line.get_marker() == "s"]
+        said = {text.get_text() for key in keys for text in texts_of(key)}
+        return said & {"where it ended", "last heard here"}, [
+            line.get_markerfacecolor() == "white" for line in ends
+        ]
+
+    assert drawn(False, False) == ({"where it ended"}, [False, False])
+    assert drawn(False, True) == ({"where it ended", "last heard here"}, [False, True])
+    assert drawn(True, True) == ({"last heard here"}, [True, True])
+
+
 def test_vehicles_that_start_in_one_place_keep_their_numbers_apart() -> None:
     shown = picture(n_vehicles=6)
     start = shown.tracks[0].start

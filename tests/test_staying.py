@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import io
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -11,12 +12,16 @@ from typing import Any
 import pytest
 from flights import Ui, fly, small
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from rich.console import Console
 from test_flight import interrupting, silent
 from troubled import Trouble, chooses, play, suffer
 
 from sim_vehicle.fleet import Fleet
+from swarmctl import outputs
 from swarmctl.app import Manner
+from swarmctl.display import line, table
 from swarmctl.flight_report import flight_table
+from swarmctl.picture import MapPicture
 from swarmctl.scenario import Scenario
 
 pytestmark = pytest.mark.virtual
@@ -89,6 +94,29 @@ def test_who_is_silent_is_lost_in_the_table_and_given_up_aloud(tmp_path: Path) -
     assert outcome.startswith("lost")
     assert "flying" not in list(flight_table(report.summary).columns[-1].cells)[1]
     assert "lost" in next(text for text in report.left if text.startswith("uav2"))
+    (phase,) = (v["phase"] for v in report.summary["vehicles"] if v["name"] == "uav2")
+    assert phase == "lost"
+    lines = [line(row) for picture in ui.pictures for row in picture.rows if row.name == "uav2"]
+    (at_first, *_), (*_, at_last) = (text for text in lines if "link lost" in text), lines
+    assert at_first.startswith("uav2: lost, was flying AUTO, ")
+    assert at_last.startswith("uav2: given up, was flying AUTO, ")
+    console = Console(width=120, file=(page := io.StringIO()))
+    console.print(table(ui.pictures[-1], 120, 40))
+    (shown,) = (text for text in page.getvalue().splitlines() if text.split()[:1] == ["uav2"])
+    assert "given up" in shown
+    assert "flying" not in shown
+
+
+def test_the_map_shows_where_a_lost_vehicle_was_last_heard(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[MapPicture] = []
+    monkeypatch.setattr(outputs, "draw_map", lambda path, picture: drawn.append(picture))
+    scenario = small(flight={"altitude_m": 15.0, "lost_timeout_s": 40.0})
+    fly(scenario, tmp_path, carry=silent(2, 25.0))
+    assert [(track.outcome, track.is_lost) for track in drawn[0].tracks] == [
+        ("arrived", False), ("lost", True), ("arrived", False),
+    ]  # fmt: skip
 
 
 def arms(sysid: int) -> Callable[[Fleet], None]:

@@ -285,6 +285,8 @@ class AgentState:
     """how it ended, in words; empty before"""
     trouble: str = ""
     """what went wrong last, in words"""
+    swap_trouble: str = ""
+    """why its mission could not be changed last, in words"""
 
     @property
     def height_m(self) -> float:

@@ -172,6 +172,7 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
     state, begun = launch_if_possible(state)
     if state.phase is Phase.FLYING and state.cell in state.task.goals:
         state = replace(state, phase=Phase.LANDING, dirty=False, arrived_boot_s=vehicle.time_boot_s)
+        state = _as_decided(state)
         state = replace(state, intent_said_s=-math.inf)  # it gives way to nobody on its way any more
     if state.phase in IN_FLIGHT and now >= state.order_again_at_s and state.ordered is not None:
         state, again = command(state, state.ordered)
@@ -254,9 +255,16 @@ def _tick(state: AgentState, _event: ev.Tick, now: float) -> Step:
     if not wants_tick(state, now):
         return state, []
     try:
-        return compared(state, decide(state), now)
+        state, effects = compared(state, decide(state), now)
     except Unreachable as error:
         return _no_way(replace(state, dirty=False, because=(), trouble=str(error)))
+    keeps = state.route is not None and state.pending is None and not state.dirty
+    return (_as_decided(state) if keeps else state), effects
+
+
+def _as_decided(state: AgentState) -> AgentState:
+    """It flies what it is to fly: that its mission could not be changed matters no more."""
+    return replace(state, trouble="") if state.trouble and state.trouble == state.swap_trouble else state
 
 
 def _no_way(state: AgentState) -> Step:
@@ -296,7 +304,8 @@ def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> S
     if swap is None or swap.plan_id != event.plan_id:
         return state, []
     failed = state.failed_swaps + (not event.is_late)
-    state = replace(state, pending=None, failed_swaps=failed, trouble=event.reason)
+    state = replace(state, pending=None, failed_swaps=failed)
+    state = replace(state, trouble=event.reason, swap_trouble=event.reason)
     state = replace(state, speed_m_s=UNKNOWN_M_S)  # whether it has changed its mode on the way, nobody knows
     if event.is_late:
         state = replace(state, swap_times=state.swap_times.too_late())
@@ -308,6 +317,8 @@ def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> S
     if state.phase is Phase.LANDING and (event.flying != "old" or swap.plan.from_hold):
         # Over its goal and standing still: there is nothing left to plan.
         return command(state, ev.Order.LAND)
+    if state.phase is Phase.LANDING:
+        return _as_decided(state), []
     if state.phase is not Phase.FLYING:
         return state, []
     if state.failed_swaps >= MAX_FAILED_SWAPS:

@@ -44,6 +44,7 @@ def order(
 ) -> None:
     """Order vehicles flown by `swarmctl agent` to launch, hold, return or land.
 
+    Reaches those of a running `swarmctl fly` as well, which launches real ones only by itself.
     On the ground, hold, return and land keep a vehicle there until it is ordered to launch. After each of
     them in flight it takes up its route no more. Who is to launch waits on the ground for who would be in
     its way, for three minutes at most, and is then not launched; ordered again it waits anew.

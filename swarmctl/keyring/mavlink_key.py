@@ -25,9 +25,15 @@ def read_mavlink_key(path: Path) -> bytes:
     """32 bytes. Raises KeyringError, also where others may read the file."""
     try:
         text = path.read_text(encoding="utf-8").strip()
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not text"
-        raise KeyringError(f"{path}: the signing key cannot be read: {reason}; expected {_FORMS}") from error
+    except OSError as error:
+        where = "" if path.is_absolute() else f"; {path} is looked for from where the command runs"
+        raise KeyringError(
+            f"{path.absolute()}: the signing key cannot be read: {error.strerror or error}{where}"
+        ) from error
+    except UnicodeDecodeError as error:
+        raise KeyringError(
+            f"{path}: the signing key cannot be read: it is not text; expected {_FORMS}"
+        ) from error
     must_be_private(path)
     key = _key(text)
     if key is None:

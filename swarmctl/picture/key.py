@@ -46,9 +46,13 @@ def vehicle_rows(picture: MapPicture) -> list[Row]:
 
 def line_rows(picture: MapPicture) -> list[Row]:
     rows: list[Row] = []
-    if any(len(track.flown) for track in picture.tracks):
+    if flown := [track for track in picture.tracks if len(track.flown)]:
         rows.append(_line_row("flown", {"lw": 2.2}))
-        rows.append(_point_row("where it ended", "s", {"ms": 6.5, "mec": "white"}))
+        if not all(track.is_lost for track in flown):
+            rows.append(_point_row("where it ended", "s", {"ms": 6.5, "mec": "white"}))
+        if any(track.is_lost for track in flown):
+            style = {"ms": 6.5, "mfc": "white", "mec": INK, "mew": 0.9}
+            rows.append(_point_row("last heard here", "s", style))
     rows += [_line_row(label, style) for label, style in planned_styles(picture).items()]
     n_strikes = sum(len(track.strikes) for track in picture.tracks)
     if n_strikes:

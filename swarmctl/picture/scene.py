@@ -36,6 +36,8 @@ class VehicleTrack:
     flown: Sequence[LatLon] = ()
     strikes: Sequence[LatLon] = ()
     """where it was hit"""
+    is_lost: bool = False
+    """`flown` ends where it was last heard, and nobody knows where it is"""
     outcome: str = ""
     """a few words for the key, e.g. "landed, 2 strikes" """
 
