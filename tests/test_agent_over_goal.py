@@ -201,8 +201,34 @@ def test_where_it_gets_no_mission_it_lands_where_it_stands() -> None:
     while story.state.pending is None:
         story.at(3.0, **HOLDS)
     plan_id = story.state.pending.plan_id
-    assert orders(story(ev.MissionFailed(plan_id, "it lands just now", "old"))) == [ev.Order.LAND]
+    assert orders(story(ev.MissionFailed(plan_id, "old", "it lands just now"))) == [ev.Order.LAND]
     assert story.state.phase is Phase.LANDING
+
+
+def low(story: OverGoal, *heights_m: float) -> list[ev.Order]:
+    """What it is told while it comes down all the same, half a second each."""
+    down = {"landed": Landed.LANDING, "ground_speed_m_s": 0.0, "east_m_s": 0.0}
+    return [order for up_m in heights_m for order in orders(story.at(0.5, up_m, **down))]
+
+
+def test_who_was_not_heard_to_wait_is_not_told_again_when_it_is_low_or_nobody_is_below() -> None:
+    story = OverGoal()
+    story.passing_below()
+    assert orders(story.at(4.0)) == [ev.Order.HOLD]
+    story(ev.OrderFailed(ev.Order.HOLD, "no answer"))
+    story(ev.Intents(((1, 0.0, IntentShared(0)),)))
+    assert set(low(story, 28.0, 24.0, 20.0, 16.0, 12.0, 10.0, 9.0, 8.0)) == {ev.Order.LAND}
+    assert story.state.gave_way is None
+
+
+def test_who_is_heard_again_when_it_is_low_is_not_told_to_wait_there() -> None:
+    story = OverGoal()
+    story.passing_below()
+    assert orders(story.at(4.0)) == [ev.Order.HOLD]
+    story(ev.LinkLost(6.0))
+    low(story, 20.0, 15.0, 10.0)
+    story(ev.LinkRestored())
+    assert set(low(story, 3.0, 2.0, 1.5)) == {ev.Order.LAND}
 
 
 def test_on_a_battery_that_is_all_but_spent_it_waits_no_longer() -> None:

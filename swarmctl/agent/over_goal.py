@@ -55,9 +55,7 @@ def wait_above(state: AgentState) -> Step:
     if state.phase is not Phase.LANDING or state.task.wings is not None or state.lost:
         return state, []
     if state.gave_way is not None and _is_pressed(state):
-        state, ordered = command(replace(released(state), route=state.gave_way), ev.Order.LAND)
-        state, told = say(state, intended(state))
-        return state, [ev.Tell("it waits above no longer, and lands where it is"), *ordered, *told]
+        return _lands_here(state, "it waits above no longer, and lands where it is")
     now_s, here = state.vehicle.time_boot_s, above_sea(state)
     if here is None or 0.0 <= now_s - state.looked_below_s < LOOKS_EVERY_S:
         return state, []
@@ -65,6 +63,27 @@ def wait_above(state: AgentState) -> Step:
     if state.gave_way is not None:
         return _goes_down_if_clear(state, here)
     return _waits_if_met(state, here) if _may_wait(state) else (state, [])
+
+
+def lands_unheard(state: AgentState) -> Step:
+    """Who was told to wait and has not been seen to do so is not told again where that is of no use any more:
+    it is low by now, or its way down is clear."""
+    if state.phase is not Phase.LANDING or state.gave_way is None or state.order_seen or state.lost:
+        return state, []
+    here, up_m = above_sea(state), state.vehicle.alt_rel_m
+    if here is None or up_m is None:
+        return state, []
+    is_low = up_m < LEAST_M
+    waits = state.vehicle.time_boot_s < state.go_on_boot_s or bool(_met_below(state, _below(state, here)))
+    if waits and not is_low:
+        return state, []
+    return _lands_here(state, "it has not been heard to wait above, and need not any more: it comes down")
+
+
+def _lands_here(state: AgentState, text: str) -> Step:
+    state, ordered = command(replace(released(state), route=state.gave_way), ev.Order.LAND)
+    state, told = say(state, intended(state))
+    return state, [ev.Tell(text), *ordered, *told]
 
 
 def _is_pressed(state: AgentState) -> bool:
@@ -134,6 +153,10 @@ def _others(state: AgentState) -> dict[int, Intended]:
     return told
 
 
+def _below(state: AgentState, here: Point) -> dict[int, Intended]:
+    return {uav: told for uav, told in _others(state).items() if _waits_for(state, here, uav, told)}
+
+
 def _height_now_m(state: AgentState, told: Intended) -> float:
     now_s, flight = state.vehicle.time_boot_s, told.flight
     at = flight.at(min(max(now_s, flight.times_s[0]), flight.times_s[-1]))
@@ -175,8 +198,7 @@ def _goes_down_if_clear(state: AgentState, here: Point) -> Step:
     # Who comes down itself, and falls silent, is down.
     to = {uav: heard for uav, heard in to.items() if heard.state.phase != Phase.LANDING}
     state = replace(state, gave_way_to=to)
-    below = {uav: told for uav, told in _others(state).items() if _waits_for(state, here, uav, told)}
-    met = _met_below(state, below)
+    met = _met_below(state, _below(state, here))
     if not met:
         state, ordered = _goes_down(state)
         state, told = say(state, intended(state))

@@ -27,7 +27,7 @@ from swarmctl.agent.orders import (
     weights_changed,
 )
 from swarmctl.agent.ours import ROLES, roles_of_ours
-from swarmctl.agent.over_goal import wait_above
+from swarmctl.agent.over_goal import lands_unheard, wait_above
 from swarmctl.agent.realise import index_abreast
 from swarmctl.agent.returning import take_turn
 from swarmctl.agent.ruling import ruled
@@ -174,6 +174,9 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
         state = replace(state, phase=Phase.LANDING, dirty=False, arrived_boot_s=vehicle.time_boot_s)
         state = _as_decided(state)
         state = replace(state, intent_said_s=-math.inf)  # it gives way to nobody on its way any more
+    state, landed = lands_unheard(state)
+    if landed:
+        return state, [*demanded, *landed]
     if state.phase in IN_FLIGHT and now >= state.order_again_at_s and state.ordered is not None:
         state, again = command(state, state.ordered)
         return state, [*demanded, *again]

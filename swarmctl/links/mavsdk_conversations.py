@@ -151,8 +151,7 @@ class UploadByMavsdk(_Transfer[UploadResult]):
 
     def _start_transfer(self, then: Callable[[Said], None]) -> None:
         # MAVSDK sends only what has exactly one current item; on the ground the first is, anyway.
-        marked = self._own.flown if self._own.current is None else self._own.current
-        self._adapter.upload(self._own.items, marked or 0, then)
+        self._adapter.upload(self._own.items, self._own.current or 0, then)
 
     def _result_of(self, name: str, items: tuple[MissionItem, ...]) -> UploadResult:
         outcome = _UPLOADED.get(name, UploadOutcome.REJECTED)
@@ -183,8 +182,9 @@ def handed_over(
 ) -> Procedure[R]:
     """`procedure`, whose commands, and uploads and downloads of whole missions, are MAVSDK's to hold.
 
-    What stays ours: parts of a mission and MISSION_SET_CURRENT, which MAVSDK does not have; fences; and
-    requests that only look, and change nothing on a vehicle.
+    What stays ours: parts of a mission and MISSION_SET_CURRENT, which MAVSDK does not have; a mission for who
+    flies one, whose current item is to stay what it is, for MAVSDK sends none without one to begin with;
+    fences; and requests that only look, and change nothing on a vehicle.
     """
     answer: Any = None
     try:

@@ -190,7 +190,9 @@ class Append(Conversation[AppendResult]):
         self._heard(now)
         stored = count - self._count
         if not 0 <= stored <= len(self._items):
-            return self._end(f"it holds {count} items where {self._count} were known", is_foreign=True)
+            # Fewer are another's; more may be late copies of what was sent before.
+            why = f"it holds {count} items where {self._count} were known"
+            return self._end(why, is_foreign=stored < 0)
         self._has(stored, now)
         if stored == len(self._items):
             return self._end(None)

@@ -69,7 +69,7 @@ def verified(
     is_over: Callable[[], bool] = lambda: False,
 ) -> Procedure[Placed]:
     """A list of items of one kind onto a vehicle; `differences` of what is read back from what is sent."""
-    failure = "not tried"
+    failure, uploaded_s = "not tried", 0.0
     for attempt in range(tries):
         if attempt:
             # A vehicle still in the old transfer would take items of the new one into it.
@@ -92,7 +92,7 @@ def verified(
         if not gaps:
             return Placed(None, there.items, uploaded_s)
         failure = f"{failure}; read back: {gaps[0]}"
-    return Placed(failure)
+    return Placed(failure, uploaded_s=uploaded_s)
 
 
 def read_back(

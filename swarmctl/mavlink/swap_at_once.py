@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from itertools import takewhile
 
 from swarmctl.core.mission import MissionItem
@@ -17,7 +16,7 @@ from swarmctl.mavlink.mission_download import DownloadOutcome
 from swarmctl.mavlink.outcome import Swapped
 from swarmctl.mavlink.placing import Placed, put, read_back
 from swarmctl.mavlink.procedure import Context, Procedure
-from swarmctl.mavlink.swap_steps import NOT_ON_IT, Flown, Way, held, see_it_fly
+from swarmctl.mavlink.swap_steps import BLIND, MOST_ITEMS, NOT_ON_IT, Flown, Way, held, see_it_fly
 
 REJECTED = (
     "mission rejected",
@@ -31,8 +30,6 @@ REJECTED = (
     "mission item could not be set",
 )
 """in what PX4 says (mission_feasibility_checker.cpp, MissionFeasibility/, navigator/mission_base.cpp)"""
-MOST_ITEMS = 400
-"""A longer list is written anew, without what is flown already."""
 
 
 def swap_at_once(ctx: Context, way: Way) -> Procedure[Swapped]:
@@ -91,9 +88,15 @@ def _placed(
     """Put the new mission on a vehicle that flies `before`, or holds, once; where that fails, with what is
     there instead, if that could be read."""
     yield from look(ctx, _ours(way))
-    placed = yield from put(ctx, items, marked, tries=1, flown=before, too_late=partial(way.is_past, ctx))
+
+    def too_late(answers_after_s: float) -> bool:
+        return way.is_blind(ctx) or way.is_past(ctx, answers_after_s)
+
+    placed = yield from put(ctx, items, marked, tries=1, flown=before, too_late=too_late)
     if placed.failure is None:
         return placed
+    if placed.is_late and way.is_blind(ctx):
+        placed = replace(placed, failure=BLIND, is_late=False)
     # What it has taken up it flies, though only reading back has failed.
     read = yield from read_back(ctx)
     if read.outcome is not DownloadOutcome.COMPLETE:

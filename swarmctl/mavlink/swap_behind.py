@@ -19,14 +19,10 @@ from swarmctl.mavlink.outcome import Swapped
 from swarmctl.mavlink.placing import read_back
 from swarmctl.mavlink.procedure import Context, Procedure
 from swarmctl.mavlink.swap_in_place import swap_in_place
-from swarmctl.mavlink.swap_steps import BLIND, PAST, Flown, Way, see_it_fly
+from swarmctl.mavlink.swap_steps import BLIND, MOST_ITEMS, PAST, Flown, Way, see_it_fly
 from swarmctl.mavlink.telemetry import STILL_M_S
 from swarmctl.mavlink.wait import Until
 from swarmctl.mavlink.way_ahead import CORNER_S, ON_M, Ahead
-
-MOST_ITEMS = 400
-"""ArduPilot keeps 650 and more; a longer list is written anew, which sets it back to one plan."""
-
 
 MOMENT_S = 10.0
 """for so long it is waited for a moment that is not beside a corner"""

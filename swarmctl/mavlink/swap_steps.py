@@ -12,6 +12,8 @@ from swarmctl.mavlink.procedure import Context, Procedure
 from swarmctl.mavlink.wait import Until
 from swarmctl.mavlink.way_ahead import BESIDE_M, Ahead, WayAhead
 
+MOST_ITEMS = 400
+"""A longer list is written anew, without what is flown already: ArduPilot keeps 650 and more."""
 MOVE_WAIT_S = 10.0
 TURNING_M = 150.0
 """so far beside its plan's legs a fixed wing may be that flies it, in a turn or a circle"""
@@ -66,8 +68,6 @@ class Way:
     """it was last seen to hold, as this swap has told it"""
     taken_over_s: float | None = None
     """by the vehicle's clock"""
-    is_late: bool = False
-    """the vehicle was past where it leaves the old plan"""
     _at: Ahead | None = None
     """on the new plan, when it told last where it is"""
 

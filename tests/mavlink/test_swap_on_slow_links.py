@@ -234,6 +234,20 @@ def test_who_does_not_tell_where_it_is_meanwhile_is_never_sent_back(personality:
     assert bench.session.result.flying in ("old", "new")
 
 
+@pytest.mark.parametrize("ahead_m", [40.0, 60.0])
+def test_who_gets_past_the_corner_without_a_word_of_where_it_is_keeps_its_old_plan(ahead_m: float) -> None:
+    bench = flying("px4")
+    north_m = place(bench)[1] + ahead_m
+    new = [(0.0, north_m), *((150.0, north_m + 20.0 * i) for i in range(28))]
+    since_s = bench.now + 1.0
+    bench.block_down = lambda m: m.get_type() == "GLOBAL_POSITION_INT" and bench.now > since_s
+    items = bench.session.mission_items(plan(*new, leaves_ahead=True))
+    result = bench.do("swap", lambda c: procedures.swap(c, items, leaves_ahead=True))
+    assert (result.flying, result.is_late) == ("old", False)
+    assert "it does not tell where it is" in result.failure
+    assert place(bench)[0] == pytest.approx(0.0, abs=1.0)
+
+
 @pytest.mark.parametrize("silence_s", [3.0, 8.0, 14.0, 20.0])
 def test_who_is_silent_after_a_new_plan_was_complete_is_not_sent_back(silence_s: float) -> None:
     """PX4 follows it at once; the old plan is behind by when it can be asked again."""
@@ -262,3 +276,4 @@ def test_who_is_silent_after_a_new_plan_was_complete_is_not_sent_back(silence_s:
     assert max(most - now for most, now in zip(farthest_m, norths_m, strict=True)) < BACK_M
     if silence_s < 15.0:
         assert (bench.session.result.failure, bench.session.result.flying) == (None, "new")
+        assert 0.0 < bench.session.result.took_s < 10.0, "until it was there, read back or not"
