@@ -19,7 +19,8 @@ from sim_vehicle.fleet import Fleet, Truth
 from sim_vehicle.personalities.base import Behaviour
 from swarmctl import record
 from swarmctl.app import Report
-from swarmctl.core.geo import distance_m
+from swarmctl.core.geo import LatLon, LocalFrame, distance_m
+from swarmctl.core.plane import distance_to_leg
 from swarmctl.evidence.book import FILE
 from swarmctl.evidence.chain import check
 from swarmctl.mavlink.dialects import Dialect, dialect_for
@@ -81,8 +82,8 @@ class Witness:
     drawn: Drawn
     fleet: Fleet | None = None
     truth: Truth | None = None
-    ways: dict[int, list[tuple[float, Way]]] = field(default_factory=dict)
-    """what each vehicle flies in its mission's mode, whenever that changes"""
+    ways: dict[int, list[tuple[float, Way, LatLon]]] = field(default_factory=dict)
+    """what each vehicle flies in its mission's mode and where it is, whenever that changes"""
     close: dict[tuple[int, int], list[float]] = field(default_factory=dict)
     """when two were too close in the air"""
     bad: list[str] = field(default_factory=list)
@@ -115,7 +116,7 @@ class Witness:
                 items = [mission.item(i) for i in range(mission.count)]
                 way, seen = way_from(items, mission.index), self.ways.setdefault(uav, [])
                 if mission.flown is not None and (not seen or seen[-1][1] != way):
-                    seen.append((now, way))
+                    seen.append((now, way, (float(truth.lat_deg[index]), float(truth.lon_deg[index]))))
         self._look_apart(now, truth)
 
     def _look_apart(self, now: float, truth: Truth) -> None:
@@ -171,9 +172,25 @@ def _mixtures(witness: Witness, folder: Path) -> Iterator[str]:
         if uav in witness.drawn.foreign:
             continue
         plans = _plans(witness, folder, uav, f"uav{uav}")
-        for now, way in flown:
-            if not any(since_s <= now and _same(way, plan) for since_s, plan in plans):
+        for now, way, place in flown:
+            if not _is_planned(way, place, [plan for since_s, plan in plans if since_s <= now]):
                 yield f"{now:.1f} s: {uav} flies what no plan was: {way}"
+
+
+def _is_planned(way: Way, place: LatLon, plans: Sequence[Way]) -> bool:
+    """A plan, from some item on; before it may come waypoints of earlier ones that lie on the straight way to
+    its first."""
+    known = {item[:3] for plan in plans for item in plan}
+    for n in range(len(way)):
+        if any(_same(way[n:], plan) for plan in plans):
+            return all(item[:3] in known and _is_passed(item, place, way[n]) for item in way[:n])
+    return False
+
+
+def _is_passed(item: tuple[int, int, int, float], place: LatLon, first: tuple[int, int, int, float]) -> bool:
+    frame = LocalFrame(*place)
+    there, on_the_way = (frame.to_local(x / 1e7, y / 1e7) for _, x, y, _ in (first, item))
+    return distance_to_leg(on_the_way, (0.0, 0.0), there) < 2.0
 
 
 def _sent(folder: Path, name: str) -> Iterator[tuple[float, Any]]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import takewhile
 
 from swarmctl.core.mission import MissionItem
 from swarmctl.core.vehicle import Landed
@@ -67,14 +66,16 @@ def _grown(ctx: Context, way: Way, old: Flown) -> tuple[tuple[MissionItem, ...],
     """The old plan up to where the new one goes on, and that, with no item marked; the new one by itself
     where that is too long."""
     first, flown = ctx.dialect.first_waypoint_seq, old.seq
-    begins = _place(way.items[first])
-    if _place(old.items[flown - 1]) == begins:
+    begins, passed = way.items[first], list[MissionItem]()
+    if _place(old.items[flown - 1]) == _place(begins):
         flown -= 1
     else:
         # What it passes on its way there counts as well, also where the new plan does not name it.
-        ahead = old.items[flown:]
-        flown += sum(1 for _ in takewhile(lambda i: _place(i) != begins and way.ahead.begins_over(i), ahead))
-    grown = behind(old.items[:flown], way.items, first)
+        for item in old.items[flown:]:
+            if _place(item) == _place(begins) or not way.ahead.begins_over(item):
+                break
+            passed.append(replace(item, z=begins.z))
+    grown = behind((*old.items[:flown], *passed), way.items, first)
     return (grown, None) if len(grown) <= MOST_ITEMS else (way.items, first)
 
 
