@@ -33,6 +33,8 @@ HOLDS_FOR_S = 60.0
 """Who holds for others that stay in its way looks for another height after this, and again and again."""
 CEILING_MARGIN_M = 3.0
 """so far below the fence's it stays"""
+MOST_LEVEL = 1.0 / 3.0
+"""of the limit in height"""
 BRAKING_M_S2 = 1.75
 """at which a copter stops (`swarmctl.agent.pace`)"""
 
@@ -174,10 +176,6 @@ def _is_clear(state: AgentState, own: Trajectory, others: dict[int, Trajectory])
         for path in starts
         for uav, other in others.items()
     )
-
-
-MOST_LEVEL = 1.0 / 3.0
-"""of the limit in height"""
 
 
 def _parts(path: Trajectory, other: Trajectory, limits: Limits) -> bool:

@@ -13,8 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import MissionItem
-from swarmctl.mavlink.command import CommandOutcome, CommandResult
-from swarmctl.mavlink.guarded import TRIES, command
+from swarmctl.mavlink.guarded import accepted, command
 from swarmctl.mavlink.mission_download import DownloadResult
 from swarmctl.mavlink.mission_upload import Upload
 from swarmctl.mavlink.placing import UPLOAD_TRIES, read_back, verified
@@ -85,16 +84,7 @@ def enforce_fence(ctx: Context) -> Procedure[Done]:
     """
     if ctx.state.armed:
         return Done("it is armed; its fence is enabled on the ground, disarmed")
-    enable = command(ctx, mavlink.MAV_CMD_DO_FENCE_ENABLE, (1.0,))
-    failure = "not tried"
-    for attempt in range(TRIES):
-        result: CommandResult = yield enable(attempt)
-        if result.outcome is CommandOutcome.ACCEPTED:
-            return Done()
-        failure = result.text
-        if result.final:
-            break
-    return Done(failure)
+    return Done((yield from accepted(ctx, command(ctx, mavlink.MAV_CMD_DO_FENCE_ENABLE, (1.0,)))))
 
 
 def read_fence(ctx: Context) -> Procedure[DownloadResult]:

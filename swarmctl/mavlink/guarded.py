@@ -111,6 +111,20 @@ def guarded(
     return _failure(ctx, result, texts_before)
 
 
+def accepted(ctx: Context, order: Order, before: Seen | None = None) -> Procedure[str | None]:
+    """Give an order of which only its acknowledgement tells; returns the failure. Where `before` is given, it
+    goes out only while a new heartbeat shows the vehicle so, as of `guarded`. Raises HandsOff."""
+    failure: str | None = "not tried"
+    for attempt in range(TRIES):
+        if before is not None:
+            yield from look(ctx, before)
+        result: CommandResult = yield order(attempt)
+        failure = None if result.outcome is CommandOutcome.ACCEPTED else result.text
+        if result.final:
+            break
+    return failure
+
+
 def _see(ctx: Context, ours: Seen, seen: Seen, wait_s: float) -> Procedure[bool]:
     yield Look(ctx.peer, lambda: seen(ctx.state) or not ours(ctx.state), wait_s)
     if seen(ctx.state):

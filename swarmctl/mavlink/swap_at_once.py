@@ -175,12 +175,13 @@ def _flies_still(ctx: Context, old: Flown, there: tuple[MissionItem, ...]) -> bo
 def _return(ctx: Context, way: Way, old: Flown) -> Procedure[str | None]:
     """To the old mission, where it is still on its way; returns why not."""
     yield from look(ctx, _ours(way))
-    if old.item(ctx) is None:
+    seq = old.item(ctx)
+    if seq is None:
         return NOT_ON_IT if old.items else "it is not known"
-    placed = yield from put(ctx, old.items, old.item(ctx))
+    placed = yield from put(ctx, old.items, seq)
     if placed.failure:
         return placed.failure
-    seq = old.item(ctx)
+    seq = old.item(ctx)  # it has flown on meanwhile
     if seq is None:
         return NOT_ON_IT
     return (yield from _fly(ctx, way, seq, lambda now: now == seq))

@@ -5,21 +5,17 @@ Whatever is lost, a vehicle is on the way of one of both plans, or holds, and is
 
 from __future__ import annotations
 
-from itertools import accumulate
 from typing import Any
 
 import pytest
-from flying_bench import HOME, Faults, FlyingBench
+from flying_bench import Faults, FlyingBench
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from way_bench import most_back_m, place, plan
 
-from swarmctl.core.geo import LocalFrame
-from swarmctl.core.mission import FlightPlan, Waypoint
 from swarmctl.core.plane import Point, distance_to_track
 from swarmctl.mavlink import procedures
 
-FRAME = LocalFrame(*HOME)
-ALT_M = 20.0
 BACK_M = {"px4": 8.0, "ardupilot": 60.0}
 """It comes round a corner. An ArduCopter that was told to turn there and is past it when the order comes,
 brakes and comes back to it, along the way that it came."""
@@ -39,15 +35,6 @@ outages = st.lists(
 )
 
 
-def plan(points: list[Point], *, leaves_ahead: bool = False) -> FlightPlan:
-    track = tuple(Waypoint(*FRAME.to_geodetic(*point), ALT_M) for point in points)
-    return FlightPlan(ALT_M, track, track[-1], leaves_ahead=leaves_ahead)
-
-
-def place(bench: FlyingBench) -> Point:
-    return FRAME.to_local(*bench.vehicle.body.lat_lon_deg)
-
-
 @pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 @settings(
     deadline=None, derandomize=True, max_examples=12, suppress_health_check=list(HealthCheck), database=None
@@ -56,11 +43,11 @@ def place(bench: FlyingBench) -> Point:
 def test_a_vehicle_is_on_one_of_both_ways_and_is_never_sent_back(
     personality: str, wire: Faults, cuts: list[tuple[float, float]], delay_s: float, leaves_m: float
 ) -> None:
-    bench = FlyingBench(personality).flying(plan(OLD))
+    bench = FlyingBench(personality).flying(plan(*OLD))
     bench.run(2.0)
     north_m = place(bench)[1] + leaves_m
     new = [(0.0, north_m), (80.0, north_m + 40.0), (80.0, north_m + 120.0), (150.0, 1200.0)]
-    items = bench.session.mission_items(plan(new, leaves_ahead=True))
+    items = bench.session.mission_items(plan(*new, leaves_ahead=True))
     bench.delay_s = delay_s
     bench.spoil(wire, *cuts)
     bench.begin("swap", lambda c: procedures.swap(c, items, leaves_ahead=True))
@@ -76,10 +63,7 @@ def test_a_vehicle_is_on_one_of_both_ways_and_is_never_sent_back(
     assert bench.run(900.0, watch), "the swap does not end"
     result: Any = bench.session.result
     bench.run(20.0, lambda: watch() and False)
-    assert (
-        max(most - now for most, now in zip(accumulate(norths_m, max), norths_m, strict=True))
-        < BACK_M[personality]
-    )
+    assert most_back_m(norths_m) < BACK_M[personality]
     assert max(beside_m) < BESIDE_M
     if bench.session.busy_with is None:
         assert (result.failure is None) == (result.flying == "new")

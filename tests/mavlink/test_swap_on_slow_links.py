@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from itertools import accumulate, count, pairwise
+from itertools import count, pairwise
 from typing import Any
 
 import pytest
-from flying_bench import HOME, FlyingBench
+from flying_bench import FlyingBench
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from way_bench import most_back_m, place, plan
 
-from swarmctl.core.geo import LocalFrame
-from swarmctl.core.mission import FlightPlan, Waypoint
+from swarmctl.core.mission import FlightPlan
 from swarmctl.core.plane import Point, distance_to_leg, distance_to_track
 from swarmctl.mavlink import procedures
 
-FRAME = LocalFrame(*HOME)
-ALT_M = 20.0
 SET_CURRENT = int(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT)
 DELAY_S = 1.0
 BACK_M = 1.0
@@ -26,22 +24,12 @@ TURNS_WITHIN_M = 8.0
 """it comes round a corner of 90 degrees"""
 
 
-def plan(*points: Point, leaves_ahead: bool = False) -> FlightPlan:
-    """By (east, north) of home [m]; it lands at the last."""
-    track = tuple(Waypoint(*FRAME.to_geodetic(*point), ALT_M) for point in points)
-    return FlightPlan(ALT_M, track, track[-1], leaves_ahead=leaves_ahead)
-
-
 def corners(east_m: float, *norths_m: float) -> list[Point]:
     return [(east_m, north_m) for north_m in norths_m]
 
 
 OLD = corners(0.0, 60.0, 120.0, 700.0)
 """straight on to the north, the second waypoint flown to first"""
-
-
-def place(bench: FlyingBench) -> Point:
-    return FRAME.to_local(*bench.vehicle.body.lat_lon_deg)
 
 
 def progress_m(way: list[Point], at: Point, since_m: float) -> float:
@@ -146,8 +134,7 @@ def test_whether_it_is_just_in_time_or_just_late_it_never_turns_back(
     assert bench.run(400.0, is_down), "it does not land"
     flown_to = {"new": new, "old": OLD}[bench.session.result.flying]
     assert place(bench) == pytest.approx(flown_to[-1], abs=3.0)
-    farthest_m = accumulate(norths_m, max)
-    assert max(most - now for most, now in zip(farthest_m, norths_m, strict=True)) < TURNS_WITHIN_M
+    assert most_back_m(norths_m) < TURNS_WITHIN_M
 
 
 @pytest.mark.parametrize("n_lost", [0, 1, 3])
@@ -229,8 +216,7 @@ def test_who_does_not_tell_where_it_is_meanwhile_is_never_sent_back(personality:
         return bench.session.busy_with is None and bench.now > since_s + 60.0
 
     assert bench.run(120.0, watch), "it does not end"
-    farthest_m = accumulate(norths_m, max)
-    assert max(most - now for most, now in zip(farthest_m, norths_m, strict=True)) < TURNS_WITHIN_M
+    assert most_back_m(norths_m) < TURNS_WITHIN_M
     assert bench.session.result.flying in ("old", "new")
 
 
@@ -272,8 +258,7 @@ def test_who_is_silent_after_a_new_plan_was_complete_is_not_sent_back(silence_s:
 
     assert bench.run(200.0, ends), "it does not end"
     bench.run(20.0, lambda: ends() and False)
-    farthest_m = accumulate(norths_m, max)
-    assert max(most - now for most, now in zip(farthest_m, norths_m, strict=True)) < BACK_M
+    assert most_back_m(norths_m) < BACK_M
     if silence_s < 15.0:
         assert (bench.session.result.failure, bench.session.result.flying) == (None, "new")
         assert 0.0 < bench.session.result.took_s < 10.0, "until it was there, read back or not"
