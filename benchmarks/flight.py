@@ -17,15 +17,15 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from swarmctl import app
-from swarmctl.app import Report
-from swarmctl.clock import run_virtual
-from swarmctl.config import load
-from swarmctl.display import Picture
-from swarmctl.judge import judge
-from swarmctl.parts import Clock
+from swarmctl.config.checks import judge
+from swarmctl.config.model import load
+from swarmctl.config.scenario import Scenario, build
+from swarmctl.flight import app
+from swarmctl.flight.app import Report
+from swarmctl.flight.virtual_clock import run_virtual
+from swarmctl.flight.wiring import Clock
 from swarmctl.planners import warm_up
-from swarmctl.scenario import Scenario, build
+from swarmctl.report.live_rows import Picture
 
 SHIPPED = Path(__file__).parent.parent / "configs" / "swarm.yaml"
 

@@ -37,19 +37,19 @@ from rich.console import Console
 from rich.table import Table
 
 from sim_vehicle.fleet import Fleet
-from sim_vehicle.scenario import default_scenario
-from swarmctl.agent import swap_times
-from swarmctl.clock import run_virtual
+from sim_vehicle.scenarios import default_scenario
+from swarmctl.agent.replan import swap_times
 from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
 from swarmctl.core.vehicle import VehicleState
+from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.links import LINKS
 from swarmctl.links.base import Link, LinkError, SwapFailed, UploadFailed
 from swarmctl.links.frontend import FrontEnd
-from swarmctl.links.memory import MemoryWire
+from swarmctl.links.transports.memory import MemoryWire
 from swarmctl.links.url import Endpoint, parse_url
-from swarmctl.mavlink.codec import Decoder, Encoder, FrameSplitter, Message
 from swarmctl.mavlink.dialects import dialect_for
-from swarmctl.mavlink.mission_download import item_of
+from swarmctl.mavlink.protocol.codec import Decoder, Encoder, FrameSplitter, Message
+from swarmctl.mavlink.protocol.mission_download import item_of
 
 HOME = (46.0490, 14.5060, 300.0)
 M_PER_DEG = 111_195.0

@@ -23,18 +23,18 @@ from network_agents import CELLS_SEEN, COLS, DRAIN_S, ERRING, ROWS, SWARM, Agent
 from rich.console import Console
 from rich.table import Table
 
-from swarmctl import router
-from swarmctl.bus import zenoh_config
-from swarmctl.bus.base import Transport
 from swarmctl.bus.endpoint import parse_endpoint
-from swarmctl.bus.exchange import NodeOptions
-from swarmctl.bus.memory import MemoryBus
 from swarmctl.bus.network import Network, RunClock
-from swarmctl.bus.zenoh_bus import ZenohBus
-from swarmctl.clock import run_virtual
+from swarmctl.bus.node.exchange import NodeOptions
+from swarmctl.bus.transports import zenoh_config
+from swarmctl.bus.transports.base import Transport
+from swarmctl.bus.transports.memory import MemoryBus
+from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.core.frames import Frame, Seal
 from swarmctl.core.observation import Observation
-from swarmctl.garbage import settle
+from swarmctl.flight.gc_tuning import settle
+from swarmctl.flight.virtual_clock import run_virtual
+from swarmctl.station import router
 
 # --- in one process
 

@@ -15,8 +15,8 @@ from rich.table import Table
 from swarmctl.bus.network import Network, RunClock
 from swarmctl.core.belief import Belief
 from swarmctl.core.frames import StateShared
+from swarmctl.core.inference.sensor import PERFECT, SensorModel
 from swarmctl.core.observation import Observation, Told
-from swarmctl.core.sensor import PERFECT, SensorModel
 
 SWARM = "bench"
 ROWS = COLS = 100

@@ -29,7 +29,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from sim_vehicle.fleet import Fleet
-from sim_vehicle.scenario import default_scenario
+from sim_vehicle.scenarios import default_scenario
 
 HOME = (46.0490, 14.5060, 300.0)
 PER_PORT = 250

@@ -15,9 +15,9 @@ from sim_vehicle.serving.output import let_output_get_lost
 USAGE_ERROR, INTERRUPTED = 2, 130
 # Imported only when asked for: a fleet should be up in a moment.
 COMMANDS = {
-    "run": ("sim_vehicle.run.command", "run"),
+    "run": ("sim_vehicle.scenarios.command", "run"),
     "conformance": ("sim_vehicle.conformance.cli", "conformance"),
-    "schema": ("sim_vehicle.run.command", "schema"),
+    "schema": ("sim_vehicle.scenarios.command", "schema"),
 }
 DEFAULT_URL = "udpout:127.0.0.1:14550"
 HELP_FAULTS = "help"

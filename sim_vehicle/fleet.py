@@ -21,10 +21,10 @@ from sim_vehicle.physics.gps import GpsSettings
 from sim_vehicle.physics.threats import OUTSIDE, Threats
 from sim_vehicle.physics.wind import WindSettings
 from sim_vehicle.physics.world import World
-from sim_vehicle.scenario import Scenario
-from sim_vehicle.vehicle.afflictions import Afflictions
+from sim_vehicle.scenarios import Scenario
 from sim_vehicle.vehicle.autopilot import Autopilot
-from sim_vehicle.vehicle.harm import Harm
+from sim_vehicle.vehicle.fault_effects import Harm
+from sim_vehicle.vehicle.injected_faults import Afflictions
 from sim_vehicle.vehicle.receivers import COMPONENT
 from sim_vehicle.wire.encode import Encoder
 from sim_vehicle.wire.outbox import Frames, Outbox

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from sim_vehicle.scenario import Scenario
+    from sim_vehicle.scenarios import Scenario
     from sim_vehicle.testing.rig import Clock, Rig, Swarm, Vehicle
     from sim_vehicle.testing.served import Link
 
@@ -75,7 +75,7 @@ def swarm(_sim_rig: "Rig") -> "Callable[..., Swarm]":
     longitude, altitude), wind (as in a scenario), or a scenario (a file or a Scenario) to begin with.
     ScenarioError says what cannot be.
     """
-    from sim_vehicle.scenario import ScenarioError  # noqa: PLC0415
+    from sim_vehicle.scenarios import ScenarioError  # noqa: PLC0415
     from sim_vehicle.testing.rig import HOME, scenario_for  # noqa: PLC0415
 
     def make(

@@ -13,7 +13,7 @@ from sim_vehicle.conformance.report import as_json, catalogue, matrix, print_res
 from sim_vehicle.conformance.runner import Report, permissions, run
 from sim_vehicle.conformance.sockets import open_wire
 from sim_vehicle.conformance.wire import WireError
-from sim_vehicle.url import UrlError, parse_url
+from sim_vehicle.links.url import UrlError, parse_url
 
 FAILED, USAGE_ERROR, INTERRUPTED = 1, 2, 130
 

@@ -11,7 +11,7 @@ import serial
 
 from sim_vehicle.conformance.senders import Senders
 from sim_vehicle.conformance.wire import Wire, WireError
-from sim_vehicle.url import Url
+from sim_vehicle.links.url import Url
 
 DATAGRAM_BYTES = 65_536
 REDIAL_S = 0.5  # between attempts to reach a TCP server that is away, as a rebooting vehicle is

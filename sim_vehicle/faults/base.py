@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from sim_vehicle.vehicle.afflictions import Afflictions, Effect
+from sim_vehicle.vehicle.injected_faults import Afflictions, Effect
 from sim_vehicle.wire.channel import Channel, Direction, Stage
 
 End = Callable[[float], None]  # called with the time of the end [s]

@@ -1,7 +1,7 @@
 """The GPS receiver has no fix."""
 
 from sim_vehicle.faults.base import End, Fault, FaultParams, Target
-from sim_vehicle.vehicle.afflictions import Effect
+from sim_vehicle.vehicle.injected_faults import Effect
 
 
 class Params(FaultParams):

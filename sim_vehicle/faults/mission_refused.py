@@ -7,7 +7,7 @@ from pydantic import Field
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.faults.base import End, Fault, FaultParams, Target
-from sim_vehicle.vehicle.afflictions import Effect, MissionRefusal
+from sim_vehicle.vehicle.injected_faults import Effect, MissionRefusal
 
 
 class Result(Enum):

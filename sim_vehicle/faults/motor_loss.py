@@ -5,7 +5,7 @@ from typing import Annotated
 from pydantic import Field
 
 from sim_vehicle.faults.base import End, Fault, FaultParams, Target
-from sim_vehicle.vehicle.afflictions import Effect
+from sim_vehicle.vehicle.injected_faults import Effect
 
 
 class Params(FaultParams):

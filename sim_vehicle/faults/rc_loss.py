@@ -1,7 +1,7 @@
 """The pilot's remote control is not heard."""
 
 from sim_vehicle.faults.base import End, Fault, FaultParams, Target
-from sim_vehicle.vehicle.afflictions import Effect
+from sim_vehicle.vehicle.injected_faults import Effect
 
 
 class Params(FaultParams):

@@ -15,7 +15,7 @@ from sim_vehicle.faults import FAULTS
 from sim_vehicle.faults.base import End, Target
 from sim_vehicle.faults.spec import FaultError, FaultSpec
 from sim_vehicle.ranges import ranges
-from sim_vehicle.vehicle.afflictions import Afflictions
+from sim_vehicle.vehicle.injected_faults import Afflictions
 from sim_vehicle.wire.channel import Channel
 
 RANDOMNESS = 0xFA17  # keeps the faults' randomness apart from that of the vehicles

@@ -3,7 +3,7 @@
 from pydantic import Field
 
 from sim_vehicle.faults.base import End, Fault, FaultParams, Target
-from sim_vehicle.vehicle.afflictions import Effect, ModeStuck
+from sim_vehicle.vehicle.injected_faults import Effect, ModeStuck
 
 
 class Params(FaultParams):

@@ -5,7 +5,7 @@ from collections.abc import Collection
 from sim_vehicle.links.base import Batch, Ends, Link, LinkError
 from sim_vehicle.links.tcp import TcpIn, TcpOut
 from sim_vehicle.links.udp import UdpIn, UdpOut
-from sim_vehicle.url import Url
+from sim_vehicle.links.url import Url
 
 __all__ = ["Batch", "Ends", "Link", "LinkError", "make_link"]
 

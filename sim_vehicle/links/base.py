@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Hashable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from sim_vehicle.url import Url
+from sim_vehicle.links.url import Url
 
 HEARD_S = 10.0  # a ground station that has not spoken for so long is not counted any more
 RECEIVE_BYTES = 8192  # read at once; of a datagram that is longer the rest is lost

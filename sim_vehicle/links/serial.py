@@ -8,7 +8,7 @@ import serial
 
 from sim_vehicle.links.base import AGAIN_S, Batch, Ends, LinkError
 from sim_vehicle.links.stream import Stream
-from sim_vehicle.url import Url
+from sim_vehicle.links.url import Url
 
 BACKLOG_S = 0.5  # of the line's speed: an autopilot's buffer is small too, and old telemetry is of no use
 BITS_PER_BYTE = 10  # with start and stop bit

@@ -9,7 +9,7 @@ from collections.abc import Hashable
 
 from sim_vehicle.links.base import AGAIN_S, FULL, Address, Batch, Ends, cannot_open, resolve
 from sim_vehicle.links.stream import Stream
-from sim_vehicle.url import Url
+from sim_vehicle.links.url import Url
 
 MAX_CLIENTS = 32
 BACKLOG_BYTES = 1_000_000

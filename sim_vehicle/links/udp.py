@@ -21,7 +21,7 @@ from sim_vehicle.links.base import (
     cannot_open,
     resolve,
 )
-from sim_vehicle.url import Url
+from sim_vehicle.links.url import Url
 
 SEND_BUFFER_BYTES = 4_000_000
 RECEIVE_BUFFER_BYTES = 500_000  # a flood must not be worked off long after it is over

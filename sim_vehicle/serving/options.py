@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TypeVar
 
 from sim_vehicle.faults.spec import FaultError, parse_fault
+from sim_vehicle.links.url import Url, UrlError, parse_url
 from sim_vehicle.personalities import PERSONALITIES, personality_of
-from sim_vehicle.scenario import Scenario, ScenarioError, default_scenario, load_scenario
-from sim_vehicle.url import Url, UrlError, parse_url
+from sim_vehicle.scenarios import Scenario, ScenarioError, default_scenario, load_scenario
 
 MAX_SYSID = 250
 MAX_LATITUDE = 89  # where a step to the east is still a small one of longitude

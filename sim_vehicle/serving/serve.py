@@ -12,13 +12,13 @@ from pathlib import Path
 import typer
 
 from sim_vehicle.fleet import Fleet
+from sim_vehicle.links.url import Url
 from sim_vehicle.ranges import ranges
-from sim_vehicle.scenario import Scenario
-from sim_vehicle.serving.hand import FORMS, stepped_from
+from sim_vehicle.scenarios import Scenario
+from sim_vehicle.serving.manual_clock import FORMS, stepped_from
 from sim_vehicle.serving.options import OptionError
 from sim_vehicle.serving.pace import ByHand, Pace, RealTime
 from sim_vehicle.serving.server import Server
-from sim_vehicle.url import Url
 from sim_vehicle.wire.outbox import Frames
 
 MAVLINK_MAGIC = b"\xfd\xfe"
@@ -138,7 +138,7 @@ def _allow_files() -> None:
 def _recorded(
     folder: Path, scenario: Scenario, warn: Callable[[str], None]
 ) -> Iterator[Callable[[Frames, float], None]]:
-    from sim_vehicle.run.report import tlogs  # noqa: PLC0415 - only where it is asked for
+    from sim_vehicle.scenarios.report import tlogs  # noqa: PLC0415 - only where it is asked for
 
     files = contextlib.ExitStack()
     try:

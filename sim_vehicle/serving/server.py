@@ -9,9 +9,9 @@ from typing import Any
 
 from sim_vehicle.fleet import TICK_S, Fleet
 from sim_vehicle.links import Ends, Link, LinkError, make_link
+from sim_vehicle.links.url import MAX_PORT, Url
 from sim_vehicle.serving.lateness import Lateness
 from sim_vehicle.serving.pace import Pace
-from sim_vehicle.url import MAX_PORT, Url
 from sim_vehicle.wire.frame import MAVLINK2
 from sim_vehicle.wire.outbox import Frames
 

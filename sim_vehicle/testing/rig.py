@@ -14,11 +14,11 @@ from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.faults.spec import FaultError, parse_fault
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.personalities import PERSONALITIES
-from sim_vehicle.run.station import Station
-from sim_vehicle.scenario import Scenario, ScenarioError, default_scenario, load_scenario
-from sim_vehicle.scenario.file import parse_data, read_step
-from sim_vehicle.scenario.steps import Step
+from sim_vehicle.scenarios import Scenario, ScenarioError, default_scenario, load_scenario
+from sim_vehicle.scenarios.file import parse_data, read_step
+from sim_vehicle.scenarios.steps import Step
 from sim_vehicle.serving.tlog import Tlog
+from sim_vehicle.station.client import Station
 from sim_vehicle.wire.outbox import Frames
 
 STEP_S = 0.05

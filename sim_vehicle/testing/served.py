@@ -10,10 +10,10 @@ import warnings
 from collections.abc import Callable
 from typing import TypeVar
 
+from sim_vehicle.links.url import parse_url
 from sim_vehicle.serving.pace import RealTime
 from sim_vehicle.serving.server import Server
 from sim_vehicle.testing.rig import Rig
-from sim_vehicle.url import parse_url
 
 DEADLINE_S = 10.0
 WAIT_S = 0.005

@@ -18,23 +18,23 @@ from sim_vehicle.files.logs.recorder import LogLimits
 from sim_vehicle.personalities.base import Behaviour, Mode, Personality, Tuning
 from sim_vehicle.physics.body import Body
 from sim_vehicle.physics.place import Place
-from sim_vehicle.vehicle.afflictions import Afflictions
 from sim_vehicle.vehicle.arming import Arming
 from sim_vehicle.vehicle.failsafe import Failsafes
 from sim_vehicle.vehicle.fence import Fence
 from sim_vehicle.vehicle.fence_watch import FenceWatch
 from sim_vehicle.vehicle.flight import Flight
+from sim_vehicle.vehicle.home_and_rally import Landmarks
+from sim_vehicle.vehicle.injected_faults import Afflictions
 from sim_vehicle.vehicle.jobs import Jobs
-from sim_vehicle.vehicle.landmarks import Landmarks
 from sim_vehicle.vehicle.mission import Mission, MissionState
 from sim_vehicle.vehicle.modes import Modes
+from sim_vehicle.vehicle.one_shot_messages import SINGLES
 from sim_vehicle.vehicle.params import Parameters
 from sim_vehicle.vehicle.publish import publish
 from sim_vehicle.vehicle.readiness import Readiness
 from sim_vehicle.vehicle.receivers import RECEIVERS
+from sim_vehicle.vehicle.sender import Voice
 from sim_vehicle.vehicle.setpoints import Setpoints
-from sim_vehicle.vehicle.singles import SINGLES
-from sim_vehicle.vehicle.voice import Voice
 from sim_vehicle.wire.signing import Signing
 from sim_vehicle.wire.status import Status
 from sim_vehicle.wire.streams import Rates, Streams

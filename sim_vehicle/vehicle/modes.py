@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.personalities.base import Behaviour, Mode
-from sim_vehicle.vehicle.afflictions import ModeStuck
+from sim_vehicle.vehicle.injected_faults import ModeStuck
 
 if TYPE_CHECKING:
     from sim_vehicle.vehicle.autopilot import Autopilot

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.personalities.base import Behaviour
+from sim_vehicle.vehicle.attitude_setpoints import Lean
 from sim_vehicle.vehicle.commands import FRAMES_WITH_ALTITUDE
-from sim_vehicle.vehicle.lean import Lean
 
 if TYPE_CHECKING:
     from sim_vehicle.vehicle.autopilot import Autopilot

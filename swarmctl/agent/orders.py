@@ -8,11 +8,11 @@ from typing import Any
 
 import msgspec
 
-from swarmctl.agent.ours import ROLES, roles_of_ours
+from swarmctl.agent.failsafes.base import Kind
+from swarmctl.agent.own_modes import ROLES, roles_of_ours
 from swarmctl.agent.state import IN_FLIGHT, ON_GROUND, PLANS_NO_MORE, AgentState, Phase, Task
 from swarmctl.core import events as ev
 from swarmctl.core.messages import Outcome, Place, VehicleAnswer
-from swarmctl.rules import Kind
 
 Step = tuple[AgentState, list[ev.Effect]]
 ALL_BUT_DOWN_M = 2.0

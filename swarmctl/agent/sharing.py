@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from swarmctl.agent.apart import hears
-from swarmctl.agent.meeting import earliest_in_s
+from swarmctl.agent.arrival.simultaneous import earliest_in_s
 from swarmctl.agent.orders import Step
-from swarmctl.agent.returning import home_of
 from swarmctl.agent.state import AgentState
+from swarmctl.agent.traffic.collision_avoidance import hears
+from swarmctl.agent.traffic.returning import home_of
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_TEXT, StateShared
 

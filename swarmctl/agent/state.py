@@ -11,21 +11,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmctl.agent.approach import Wings
-from swarmctl.agent.bounds import AT_ANY_TIME, Arrival
-from swarmctl.agent.swap_times import SwapTimes
+from swarmctl.agent.arrival.common_time import Meeting
+from swarmctl.agent.failsafes import ALWAYS
+from swarmctl.agent.failsafes.base import Action, Fence, Ruling
+from swarmctl.agent.replan.approach import Wings
+from swarmctl.agent.replan.arrival_bounds import AT_ANY_TIME, Arrival
+from swarmctl.agent.replan.swap_times import SwapTimes
+from swarmctl.agent.traffic.separation.clash import Clash
+from swarmctl.agent.traffic.separation.trajectory import Trajectory
+from swarmctl.agent.traffic.separation.watch import APART, Alarm, Heard, Intended, Separation
 from swarmctl.core import events as ev
+from swarmctl.core.any_angle.corners import Counting
 from swarmctl.core.belief import Belief
-from swarmctl.core.corners import Counting
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.planners.base import Method, Route
-from swarmctl.rules import ALWAYS, Action, Fence, Ruling
-from swarmctl.separation import Trajectory
-from swarmctl.separation.clash import Clash
-from swarmctl.separation.meet import Meeting
-from swarmctl.separation.watch import APART, Alarm, Heard, Intended, Separation
 
 ARRIVED = "arrived"
 """the outcome of a flight that did what it was for"""

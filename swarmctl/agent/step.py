@@ -9,16 +9,9 @@ from typing import Any
 
 import msgspec
 
-from swarmctl.agent.apart import keep_apart
-from swarmctl.agent.branching import is_urgent, may_meet_walls
-from swarmctl.agent.clearing import compared, foresee
-from swarmctl.agent.decide import believed_exposure, decide
-from swarmctl.agent.down import disarmed_since, is_up, touched_down
-from swarmctl.agent.intents import intents_heard, tell_intent
-from swarmctl.agent.launching import launch_if_possible, launched, not_launched, put_off
+from swarmctl.agent.arrival.simultaneous import UNKNOWN_M_S, keep_pace, speed_failed
+from swarmctl.agent.failsafes.enforcement import ruled
 from swarmctl.agent.learning import heard, observed
-from swarmctl.agent.meeting import UNKNOWN_M_S, keep_pace, speed_failed
-from swarmctl.agent.neighbours import neighbours_heard
 from swarmctl.agent.orders import (
     Step,
     command,
@@ -26,15 +19,22 @@ from swarmctl.agent.orders import (
     operator,
     weights_changed,
 )
-from swarmctl.agent.ours import ROLES, roles_of_ours
-from swarmctl.agent.over_goal import lands_unheard, wait_above
-from swarmctl.agent.realise import index_abreast
-from swarmctl.agent.returning import take_turn
-from swarmctl.agent.ruling import ruled
+from swarmctl.agent.own_modes import ROLES, roles_of_ours
+from swarmctl.agent.replan.decide import believed_exposure, decide
+from swarmctl.agent.replan.route_to_mission import index_abreast
+from swarmctl.agent.replan.splice import is_urgent, may_meet_walls
+from swarmctl.agent.replan.stopping import stopped_at
+from swarmctl.agent.replan.swap_times import SwapTimes
 from swarmctl.agent.sharing import share_state
 from swarmctl.agent.state import IN_FLIGHT, ON_GROUND, PLANNING, AgentState, Phase
-from swarmctl.agent.stopping import stopped_at
-from swarmctl.agent.swap_times import SwapTimes
+from swarmctl.agent.touchdown import disarmed_since, is_up, touched_down
+from swarmctl.agent.traffic.collision_avoidance import keep_apart
+from swarmctl.agent.traffic.intents import intents_heard, tell_intent
+from swarmctl.agent.traffic.landing_queue import lands_unheard, wait_above
+from swarmctl.agent.traffic.launching import launch_if_possible, launched, not_launched, put_off
+from swarmctl.agent.traffic.neighbours import neighbours_heard
+from swarmctl.agent.traffic.returning import take_turn
+from swarmctl.agent.traffic.route_deconfliction import compared, foresee
 from swarmctl.core import events as ev
 from swarmctl.core.geo import distance_m
 from swarmctl.core.grid import Cell

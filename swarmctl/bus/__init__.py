@@ -1,11 +1,8 @@
-"""The swarm's network: who tells whom what, over which transport, and who may.
+"""What UAVs tell each other, over which transport, and who may.
 
-Pure: `node` is one UAV's part in it (`reading`: a frame as it is read, `admission`: whether it is of now,
-`peer`: another UAV, `replica`: what is held for others, `reach`: whom it speaks to), `backlog` what waits to
-be heard, `radio` the model of loss and delay, `access` and `zenoh_config` who may do what on which link,
-`keys` the table of all keys. With I/O: `network` puts the nodes of a process on a transport, `memory` or
-`zenoh_bus`. `desk` takes operators' commands, `looks` sensors' reports; `open` lets both into a flight in one
-process, at an `endpoint` that `directory` finds by the swarm's name.
-
+`node` is one UAV's part, pure; `transports` are memory and Zenoh; `radio` models range, delay and loss; `network` puts
+the nodes of a process on a transport; `keys` has the table of all keys. `operator_service` takes operators' commands,
+`external_observations` sensors' reports.
 Imports core; `zenoh` is imported in one file.
+Begin with `keys`, then `node.node`.
 """

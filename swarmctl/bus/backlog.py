@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import deque
 from typing import NamedTuple
 
-from swarmctl.bus.reading import Reading
+from swarmctl.bus.node.decoding import Reading
 from swarmctl.core.frames import IntentShared, StateShared
 
 ROOM_BYTES = 32_000_000

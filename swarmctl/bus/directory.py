@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
-from swarmctl.bus.base import BusError
 from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
+from swarmctl.bus.transports.base import BusError
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 
-from swarmctl.core import hosts
+from swarmctl.core import texts
 
 PROTOCOLS = ("tcp", "tls", "quic")
 CERTIFIED = ("tls", "quic")
@@ -29,7 +29,7 @@ class BusEndpoint:
     @property
     def is_loopback(self) -> bool:
         """Whether only this machine reaches it."""
-        return hosts.is_loopback(self.host)
+        return texts.is_loopback(self.host)
 
     @property
     def is_certified(self) -> bool:

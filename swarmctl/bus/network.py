@@ -17,14 +17,14 @@ import numpy as np
 
 from swarmctl.bus import keys
 from swarmctl.bus.backlog import Backlog, Said
-from swarmctl.bus.base import Transport
-from swarmctl.bus.exchange import NodeOptions, Out, Took
-from swarmctl.bus.inlet import TURN_S
-from swarmctl.bus.ledger import Ledger
-from swarmctl.bus.node import Node
+from swarmctl.bus.node.counters import Tally
+from swarmctl.bus.node.decoding import reader
+from swarmctl.bus.node.exchange import NodeOptions, Out, Took
+from swarmctl.bus.node.ledger import Ledger
+from swarmctl.bus.node.node import Node
 from swarmctl.bus.radio import Lost, Radio
-from swarmctl.bus.reading import reader
-from swarmctl.bus.tally import Tally
+from swarmctl.bus.transports.base import Transport
+from swarmctl.bus.transports.inbox import TURN_S
 from swarmctl.core.frames import (
     IntentShared,
     Seal,
@@ -36,7 +36,7 @@ from swarmctl.core.frames import (
 )
 from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Observation, Told
-from swarmctl.core.printable import printable
+from swarmctl.core.texts import printable
 
 UNHURRIED_S = 0.005
 """of a turn for what is unhurried where other things are said, and one message at least"""

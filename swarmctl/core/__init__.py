@@ -1,4 +1,7 @@
-"""Facts, pure: geometry, threats, beliefs, exposure, missions, vehicle state, and the words agents use.
+"""The facts of the paper, pure: geometry, threats, exposure, beliefs, missions, vehicle state, events.
 
-Imports numpy, scipy, pyproj and msgspec; nothing that does I/O, and nothing else of swarmctl.
+`threat` (Eq. 1), `exposure` (Eq. 2 and 3), `belief` (Eq. 4); `inference` is Bayes beyond Eq. 4; `any_angle` pulls
+lattice routes straight. `events` has the words between agent and runner.
+Imports numpy, scipy, pyproj and msgspec; nothing that does I/O and no other room.
+Begin with `grid`, `threat`, `exposure`, `belief`.
 """

@@ -9,8 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmctl.core import occupancy
-from swarmctl.core.hostiles import HostileCount
+from swarmctl.core.inference import occupancy
+from swarmctl.core.inference.hostiles import HostileCount
+from swarmctl.core.inference.occupancy import Classes
+from swarmctl.core.inference.sensor import PERFECT, SensorModel
 from swarmctl.core.observation import (
     CELL,
     Checkpoint,
@@ -21,8 +23,6 @@ from swarmctl.core.observation import (
     Told,
     named,
 )
-from swarmctl.core.occupancy import Classes
-from swarmctl.core.sensor import PERFECT, SensorModel
 
 UNKNOWN = -1
 CLEAR = 0
@@ -258,7 +258,7 @@ class Belief:
     def occupancy(self) -> NDArray[np.float64]:
         """p_O, the probability that a hostile holds a cell, shape (rows, cols), in [0, 1].
 
-        Eq. 4 for the paper's belief, else its generalisation (`swarmctl.core.occupancy.bayes`).
+        Eq. 4 for the paper's belief, else its generalisation (`swarmctl.core.inference.occupancy.bayes`).
         """
         classes, which = self._classes
         p_unseen = self._p_occupied[0] if classes.looks[0] == 0 else 0.0

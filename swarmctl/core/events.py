@@ -10,7 +10,7 @@ from typing import Literal
 
 import msgspec
 
-from swarmctl.core.any_angle import Track
+from swarmctl.core.any_angle.pull import Track
 from swarmctl.core.frames import IntentShared, Spoken, StateShared
 from swarmctl.core.grid import Cell
 from swarmctl.core.messages import VehicleAnswer

@@ -26,9 +26,9 @@ from swarmctl.mavlink.events import (
     StateChanged,
     Text,
 )
-from swarmctl.mavlink.instruments import Instruments
-from swarmctl.mavlink.outcome import Swapped
-from swarmctl.mavlink.streams import Streaming
+from swarmctl.mavlink.protocol.outcome import Swapped
+from swarmctl.mavlink.telemetry.instruments import Instruments
+from swarmctl.mavlink.telemetry.streams import Streaming
 
 __all__ = [
     "AddressChanged",

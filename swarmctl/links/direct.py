@@ -33,15 +33,17 @@ from swarmctl.links.base import (
 )
 from swarmctl.links.frontend import Channel, FrontEnd
 from swarmctl.links.url import Endpoint
-from swarmctl.mavlink import fence, instruments, parameters, procedures, rally, speed
-from swarmctl.mavlink.codec import Message
-from swarmctl.mavlink.conversation import Peer
-from swarmctl.mavlink.mission_download import DownloadOutcome, DownloadResult
-from swarmctl.mavlink.outcome import PutOff
-from swarmctl.mavlink.procedure import Context, Procedure
-from swarmctl.mavlink.procedures import Done, Swapped, Uploaded
+from swarmctl.mavlink.procedures import basic, fence, rally, speed
+from swarmctl.mavlink.procedures.basic import Done, Swapped, Uploaded
+from swarmctl.mavlink.protocol import parameters
+from swarmctl.mavlink.protocol.codec import Message
+from swarmctl.mavlink.protocol.conversation import Peer
+from swarmctl.mavlink.protocol.mission_download import DownloadOutcome, DownloadResult
+from swarmctl.mavlink.protocol.outcome import PutOff
+from swarmctl.mavlink.protocol.procedure import Context, Procedure
 from swarmctl.mavlink.session import Session, Step
-from swarmctl.mavlink.streams import Streaming
+from swarmctl.mavlink.telemetry import instruments
+from swarmctl.mavlink.telemetry.streams import Streaming
 
 REPORT_PERIOD_S = 1.0
 
@@ -116,7 +118,7 @@ class DirectLink:
     async def _identify(self, until_s: float, timeout_s: float) -> Identity:
         try:
             async with asyncio.timeout_at(until_s):
-                version: Message | Done = await self._perform("identify", procedures.identify)
+                version: Message | Done = await self._perform("identify", basic.identify)
         except TimeoutError:
             raise self._nobody_answers(timeout_s) from None
         if isinstance(version, Done):
@@ -129,7 +131,7 @@ class DirectLink:
         self._on_waiting, self._reasons = on_waiting, ()
         try:
             async with asyncio.timeout(timeout_s):
-                done: Done = await self._perform("prepare", procedures.prepare)
+                done: Done = await self._perform("prepare", basic.prepare)
         except TimeoutError:
             raise self._not_ready(timeout_s) from None
         finally:
@@ -144,7 +146,7 @@ class DirectLink:
         except ValueError as error:
             raise UploadFailed(f"{self._who}: its plan cannot be flown: {error}") from error
         async with self._at_ground_work:
-            done: Done = await self._perform("upload", partial(procedures.upload, items=items))
+            done: Done = await self._perform("upload", partial(basic.upload, items=items))
         if done.failure:
             raise UploadFailed(f"{self._who}: the mission is not verified on the vehicle: {done.failure}")
         return done.swap_takes_s if isinstance(done, Uploaded) else 0.0
@@ -190,7 +192,7 @@ class DirectLink:
     async def launch(self, in_the_way: Callable[[], str] = lambda: "") -> None:
         if why_not := await self._front_end.why_not_arm():
             raise LaunchFailed(f"{self._who}: not armed: {why_not}")
-        done: Done = await self._perform("launch", partial(procedures.launch, in_the_way=in_the_way))
+        done: Done = await self._perform("launch", partial(basic.launch, in_the_way=in_the_way))
         if isinstance(done, PutOff):
             why = done.failure or ""
             raise LaunchPutOff(f"{self._who}: put off: {why}", why=why, was_armed=done.was_armed)
@@ -203,9 +205,7 @@ class DirectLink:
             items = self._session.mission_items(plan)
         except ValueError as error:
             raise SwapFailed(f"{self._who}: the plan cannot be flown: {error}", flying="old") from error
-        procedure = partial(
-            procedures.swap, new=items, leaves_ahead=plan.leaves_ahead, from_hold=plan.from_hold
-        )
+        procedure = partial(basic.swap, new=items, leaves_ahead=plan.leaves_ahead, from_hold=plan.from_hold)
         done: Swapped = await self._perform("swap", procedure)
         if done.failure:
             flying = "unknown" if done.flying == "new" else done.flying
@@ -220,7 +220,7 @@ class DirectLink:
         return done
 
     async def hold(self, *, looks_first: bool = False) -> None:
-        await self._must("hold", partial(procedures.hold, looks_first=looks_first))
+        await self._must("hold", partial(basic.hold, looks_first=looks_first))
 
     async def set_speed(self, speed_m_s: float) -> None:
         done: Done = await self._perform("set_speed", partial(speed.set_speed, speed_m_s=speed_m_s))
@@ -228,10 +228,10 @@ class DirectLink:
             raise CommandFailed(f"{self._who}: set_speed: {done.failure}")
 
     async def return_home(self, *, looks_first: bool = False) -> None:
-        await self._must("return_home", partial(procedures.return_home, looks_first=looks_first))
+        await self._must("return_home", partial(basic.return_home, looks_first=looks_first))
 
     async def land(self, *, looks_first: bool = False) -> None:
-        await self._must("land", partial(procedures.land, looks_first=looks_first))
+        await self._must("land", partial(basic.land, looks_first=looks_first))
 
     def close(self) -> None:
         """Idempotent; the front end does so when it closes."""

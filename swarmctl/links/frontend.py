@@ -21,18 +21,18 @@ from swarmctl.links.base import (
     LinkError,
     TransportError,
 )
-from swarmctl.links.forward import Forwarder, Target, open_to_strangers, refuse_loops
-from swarmctl.links.memory import Memory, MemoryWire
+from swarmctl.links.forwarding import Forwarder, Target, open_to_strangers, refuse_loops
 from swarmctl.links.refusals import Refusals
 from swarmctl.links.routing import Route, Verdict
-from swarmctl.links.serial import SerialPort
 from swarmctl.links.signing import LATE, Guard, Signing
-from swarmctl.links.tcp import TcpClient, TcpServer
 from swarmctl.links.tlog import TlogWriter
-from swarmctl.links.transport import Address, Transport
-from swarmctl.links.udp import Udp
+from swarmctl.links.transports.base import Address, Transport
+from swarmctl.links.transports.memory import Memory, MemoryWire
+from swarmctl.links.transports.serial import SerialPort
+from swarmctl.links.transports.tcp import TcpClient, TcpServer
+from swarmctl.links.transports.udp import Udp
 from swarmctl.links.url import Endpoint
-from swarmctl.mavlink.codec import (
+from swarmctl.mavlink.protocol.codec import (
     GCS_COMPID,
     GCS_SYSID,
     Decoder,
@@ -41,9 +41,9 @@ from swarmctl.mavlink.codec import (
     FrameSplitter,
     Message,
 )
-from swarmctl.mavlink.command import forces
-from swarmctl.mavlink.presence import AUTOPILOT_COMPID, HEARTBEAT_PERIOD_S, own_heartbeat
+from swarmctl.mavlink.protocol.command import forces
 from swarmctl.mavlink.session import WANTED
+from swarmctl.mavlink.telemetry.presence import AUTOPILOT_COMPID, HEARTBEAT_PERIOD_S, own_heartbeat
 
 _LATE_LIMIT = 64
 _STREAMS_LIMIT = 1024

@@ -28,13 +28,13 @@ from swarmctl.links.direct import DirectLink
 from swarmctl.links.frontend import FrontEnd
 from swarmctl.links.mavsdk_conversations import Said, handed_over
 from swarmctl.links.mavsdk_gate import Gate
-from swarmctl.mavlink.codec import Decoder, FrameSplitter, Message
-from swarmctl.mavlink.command import Command
-from swarmctl.mavlink.conversation import Peer
-from swarmctl.mavlink.mission_upload import MISSION
-from swarmctl.mavlink.procedure import Context, Procedure
+from swarmctl.mavlink.protocol.codec import Decoder, FrameSplitter, Message
+from swarmctl.mavlink.protocol.command import Command
+from swarmctl.mavlink.protocol.conversation import Peer
+from swarmctl.mavlink.protocol.mission_upload import MISSION
+from swarmctl.mavlink.protocol.procedure import Context, Procedure
 from swarmctl.mavlink.session import Session, Step
-from swarmctl.mavlink.streams import Streaming
+from swarmctl.mavlink.telemetry.streams import Streaming
 
 _REPEATS = 4
 """how often MAVSDK waits for its time-out before it gives a command up"""

@@ -10,12 +10,12 @@ from collections.abc import Callable, Sequence
 from typing import Any, Protocol, TypeVar
 
 from swarmctl.core.mission import MissionItem
-from swarmctl.mavlink.codec import Message
-from swarmctl.mavlink.command import Command, CommandResult, name_of
-from swarmctl.mavlink.conversation import Conversation
-from swarmctl.mavlink.mission_download import Download, DownloadOutcome, DownloadResult
-from swarmctl.mavlink.mission_upload import MISSION, Upload, UploadOutcome, UploadResult
-from swarmctl.mavlink.procedure import Procedure
+from swarmctl.mavlink.protocol.codec import Message
+from swarmctl.mavlink.protocol.command import Command, CommandResult, name_of
+from swarmctl.mavlink.protocol.conversation import Conversation
+from swarmctl.mavlink.protocol.mission_download import Download, DownloadOutcome, DownloadResult
+from swarmctl.mavlink.protocol.mission_upload import MISSION, Upload, UploadOutcome, UploadResult
+from swarmctl.mavlink.protocol.procedure import Procedure
 
 R = TypeVar("R")
 Said = tuple[str, tuple[MissionItem, ...]]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import struct
 
-from swarmctl.mavlink.codec import Message
+from swarmctl.mavlink.protocol.codec import Message
 
 _ALWAYS_IN = ("HEARTBEAT", "AUTOPILOT_VERSION")
 _TRANSFER_OUT = ("MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_REQUEST_LIST", "MISSION_REQUEST_INT")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from swarmctl.links.signing import AHEAD, LATE, OTHER_KEY, REPEATED, UNSIGNED
-from swarmctl.mavlink.presence import AUTOPILOT_COMPID
+from swarmctl.mavlink.telemetry.presence import AUTOPILOT_COMPID
 
 AGAIN_S = 60.0
 MEANS = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import Enum
 from math import inf
 
-from swarmctl.links.transport import Address
+from swarmctl.links.transports.base import Address
 
 SILENT_S = 2.0
 """after this long without a word from its address, a vehicle may speak from another one"""

@@ -13,8 +13,10 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Protocol
 
-from swarmctl.core.signing_key import KEY_BYTES
-from swarmctl.mavlink.codec import Signature
+from swarmctl.mavlink.protocol.codec import Signature
+
+KEY_BYTES = 32
+"""https://mavlink.io/en/guide/message_signing.html#secret_key"""
 
 TICKS_PER_S = 100_000
 """a time stamp counts 10 µs"""

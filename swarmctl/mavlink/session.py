@@ -9,8 +9,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.core.vehicle import VehicleState
-from swarmctl.mavlink.codec import Message
-from swarmctl.mavlink.conversation import IllegalEvent, Peer
 from swarmctl.mavlink.dialects import Dialect, Unsupported, dialect_for
 from swarmctl.mavlink.events import (
     Heard,
@@ -23,12 +21,14 @@ from swarmctl.mavlink.events import (
     StateChanged,
     Text,
 )
-from swarmctl.mavlink.mission_watch import MissionWatch
-from swarmctl.mavlink.presence import LinkState, Presence, is_vehicle_heartbeat
-from swarmctl.mavlink.procedure import Context, Driver, Procedure
-from swarmctl.mavlink.procedures import Done, Swapped
-from swarmctl.mavlink.streams import AFTER_SILENCE_S, NEEDLESS, Streaming, StreamKeeper
-from swarmctl.mavlink.telemetry import Telemetry
+from swarmctl.mavlink.procedures.basic import Done, Swapped
+from swarmctl.mavlink.protocol.codec import Message
+from swarmctl.mavlink.protocol.conversation import IllegalEvent, Peer
+from swarmctl.mavlink.protocol.procedure import Context, Driver, Procedure
+from swarmctl.mavlink.telemetry.mission_watch import MissionWatch
+from swarmctl.mavlink.telemetry.presence import LinkState, Presence, is_vehicle_heartbeat
+from swarmctl.mavlink.telemetry.streams import AFTER_SILENCE_S, NEEDLESS, Streaming, StreamKeeper
+from swarmctl.mavlink.telemetry.vehicle_state import Telemetry
 
 WANTED = frozenset(
     {

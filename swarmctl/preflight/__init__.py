@@ -1,6 +1,7 @@
-"""What has to be so before anything flies.
+"""Preflight: what has to be so before anything flies. Nothing here arms a vehicle.
 
-machine: what this computer lacks for a configuration. checks: one a file, pure, over `facts`; policy: which
-parameters of which firmware say what the configuration declares; fence: its corners;
-waivers: what an operator takes upon himself; conduct: asks the vehicles, and judges. Nothing here arms.
+`checks` has one check a file, pure, over `facts`; `policy` has the parameters each firmware must have; `conversation`
+asks the vehicles and judges; `host` checks this computer; `waivers` are checks that an operator lets fail.
+Imports agent, config, core, links and mavlink.
+Begin with `checks`.
 """

@@ -6,13 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
+from swarmctl.agent.traffic.separation.approach import Limits
+from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.core.geo import LatLon, LocalFrame
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.core.vehicle import Airframe, VehicleState
 from swarmctl.mavlink.events import Identity
-from swarmctl.mavlink.instruments import Instruments
+from swarmctl.mavlink.telemetry.instruments import Instruments
 from swarmctl.preflight.policy import Wanted
-from swarmctl.separation import Limits, Trajectory
 
 
 @dataclass(frozen=True, slots=True)

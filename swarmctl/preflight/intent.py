@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from swarmctl.mavlink.codec import GCS_SYSID
+from swarmctl.config.scenario import Scenario
+from swarmctl.config.specs import Spec
 from swarmctl.mavlink.firmware import Firmware
-from swarmctl.preflight.fence import ceiling_m
+from swarmctl.mavlink.protocol.codec import GCS_SYSID
 from swarmctl.preflight.policy import Intent, NoTable, parameters_for
-from swarmctl.scenario import Scenario, Spec
 
 
 def intent_of(scenario: Scenario, spec: Spec) -> Intent:
@@ -15,7 +15,7 @@ def intent_of(scenario: Scenario, spec: Spec) -> Intent:
         policy,
         GCS_SYSID,
         spec.altitude_m,
-        ceiling_m(scenario),
+        scenario.ceiling_m,
         scenario.wings(spec),
         spec.speed_m_s,
         spec.turn_radius_m,

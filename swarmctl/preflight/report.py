@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from swarmctl.preflight.checks import CHECKS
-from swarmctl.preflight.conduct import Checked
+from swarmctl.preflight.conversation import Checked
 
 _PASSES, _WAIVED, _FAILS = Text("ok", "green"), Text("waived", "yellow"), Text("FAILS", "bold red")
 _LEFT_TO_FLY = Text("fly sets", "yellow")

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from swarmctl.bus import leaving, zenoh_config
+from swarmctl.bus.transports import process_exit, zenoh_config
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -15,5 +15,5 @@ def _nobody_is_inside_zenoh_at_the_end() -> Iterator[None]:
     """Else the interpreter, which pytest ends in the usual way, may abort."""
     yield
     until_s = time.monotonic() + 2.0 * zenoh_config.OPENING_MS / 1e3
-    while leaving.is_held_up() and time.monotonic() < until_s:
+    while process_exit.is_held_up() and time.monotonic() < until_s:
         time.sleep(0.05)

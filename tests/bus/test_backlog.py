@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 
 from swarmctl.bus import network
 from swarmctl.bus.backlog import Backlog, Said
-from swarmctl.bus.exchange import NodeOptions
-from swarmctl.bus.memory import MemoryBus
 from swarmctl.bus.network import Network, RunClock
+from swarmctl.bus.node.decoding import Reading
+from swarmctl.bus.node.exchange import NodeOptions
 from swarmctl.bus.radio import Lost
-from swarmctl.bus.reading import Reading
-from swarmctl.clock import run_virtual
+from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.core.frames import Frame, IntentShared, Spoken, StateShared
 from swarmctl.core.observation import Observation, Told
+from swarmctl.flight.virtual_clock import run_virtual
 
 ROOM_BYTES = 20_000
 

@@ -6,8 +6,8 @@ import asyncio
 
 import pytest
 
-from swarmctl.bus.inlet import TURN_S, Inlet
-from swarmctl.clock import run_virtual
+from swarmctl.bus.transports.inbox import TURN_S, Inlet
+from swarmctl.flight.virtual_clock import run_virtual
 
 pytestmark = pytest.mark.virtual
 

@@ -9,10 +9,10 @@ from ether import COLS, ROWS, UNIX_S, state
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swarmctl.bus.exchange import NodeOptions, Took
-from swarmctl.bus.ledger import Ledger
-from swarmctl.bus.node import Node
-from swarmctl.bus.reading import reader
+from swarmctl.bus.node.decoding import reader
+from swarmctl.bus.node.exchange import NodeOptions, Took
+from swarmctl.bus.node.ledger import Ledger
+from swarmctl.bus.node.node import Node
 from swarmctl.core.frames import Content, Frame, Relayed, Seal, SnapshotAsked, StateShared
 from swarmctl.core.observation import Observation
 

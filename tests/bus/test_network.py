@@ -16,17 +16,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swarmctl.bus import keys, network
-from swarmctl.bus.base import Transport
-from swarmctl.bus.exchange import NodeOptions
-from swarmctl.bus.memory import MemoryBus
 from swarmctl.bus.network import Network, RunClock
+from swarmctl.bus.node.exchange import NodeOptions
+from swarmctl.bus.node.reach import recipients
 from swarmctl.bus.radio import Lost, Partition, Quiet, Radio, RadioSettings
-from swarmctl.bus.reach import recipients
-from swarmctl.bus.zenoh_bus import ZenohBus
-from swarmctl.clock import run_virtual
+from swarmctl.bus.transports.base import Transport
+from swarmctl.bus.transports.memory import MemoryBus
+from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.core.frames import Frame, Seal, Why
 from swarmctl.core.geo import distance_m
 from swarmctl.core.observation import Observation, Told
+from swarmctl.flight.virtual_clock import run_virtual
 
 OPTIONS = NodeOptions(20, 20)
 BUSES: dict[str, Callable[[], AbstractContextManager[Transport]]] = {

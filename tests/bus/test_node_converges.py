@@ -10,9 +10,9 @@ from ether import COLS, ROWS, UNIX_S, Ether, at_once
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from swarmctl.bus.exchange import NodeOptions
-from swarmctl.bus.node import CHECKPOINT_EVERY
-from swarmctl.bus.replica import COMPACT_AFTER
+from swarmctl.bus.node.exchange import NodeOptions
+from swarmctl.bus.node.node import CHECKPOINT_EVERY
+from swarmctl.bus.node.replica import COMPACT_AFTER
 from swarmctl.core.frames import IntentPoint, IntentShared, Why
 
 IDS = (1, 2, 3, 4, 5)

@@ -13,10 +13,10 @@ from ether import COLS, ROWS, UNIX_S, Ether, state
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swarmctl.bus.exchange import NodeOptions
-from swarmctl.bus.node import MAX_WRONG
-from swarmctl.bus.peer import A_MESSAGE, MAX_WORK
-from swarmctl.bus.replica import MAX_INCARNATIONS
+from swarmctl.bus.node.exchange import NodeOptions
+from swarmctl.bus.node.node import MAX_WRONG
+from swarmctl.bus.node.peer import A_MESSAGE, MAX_WORK
+from swarmctl.bus.node.replica import MAX_INCARNATIONS
 from swarmctl.core.frames import (
     MAX_FRAME_BYTES,
     VERSION,

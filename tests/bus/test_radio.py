@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swarmctl.bus.radio import MAX_WAIT_S, Lost, Partition, Quiet, Radio, RadioSettings, gilbert
-from swarmctl.config_communication import Communication
+from swarmctl.config.communication import Communication
+from swarmctl.config.radio import settings_of
 from swarmctl.core.geo import LatLon, distance_m
-from swarmctl.radio_settings import settings_of
 
 Sent = tuple[int, int, int, float]
 """sender, to, bytes, seconds since the message before it"""

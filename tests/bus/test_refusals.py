@@ -27,13 +27,14 @@ from zenoh_nodes import (
     until,
 )
 
-from swarmctl.bus import access, keys, zenoh_config
-from swarmctl.bus.base import MAX_MESSAGE_BYTES
+from swarmctl.bus import keys
 from swarmctl.bus.endpoint import BusEndpoint
-from swarmctl.bus.zenoh_bus import ZenohBus
-from swarmctl.bus.zenoh_config import Configuration, Credentials
-from swarmctl.keyring import make as making
-from swarmctl.keyring.make import make
+from swarmctl.bus.transports import access, zenoh_config
+from swarmctl.bus.transports.base import MAX_MESSAGE_BYTES
+from swarmctl.bus.transports.zenoh import ZenohBus
+from swarmctl.bus.transports.zenoh_config import Configuration, Credentials
+from swarmctl.security import issue as making
+from swarmctl.security.issue import make
 
 pytestmark = pytest.mark.interop
 ROOT = f"swarmctl/{SWARM}"

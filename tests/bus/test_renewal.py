@@ -8,9 +8,16 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swarmctl.bus.links import Links
-from swarmctl.bus.neighbours import Neighbours
-from swarmctl.bus.renewal import EARLIEST_S, LATEST_S, MOST_DOUBLINGS, WHOLE_AFTER_S, Renewal, patience_s
+from swarmctl.bus.transports.links import Links
+from swarmctl.bus.transports.neighbours import Neighbours
+from swarmctl.bus.transports.renewal import (
+    EARLIEST_S,
+    LATEST_S,
+    MOST_DOUBLINGS,
+    WHOLE_AFTER_S,
+    Renewal,
+    patience_s,
+)
 
 SOON, LATE = "0000aa", "ffffbb"
 """ids of who waits the shortest time, and the longest"""

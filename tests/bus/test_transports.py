@@ -11,10 +11,11 @@ from dataclasses import dataclass
 import pytest
 from zenoh_nodes import SWARM, UAVS, client_of, credentials, here, meet, router_process, until
 
-from swarmctl.bus import keys, zenoh_config
-from swarmctl.bus.base import MAX_MESSAGE_BYTES, MAX_QUESTION_BYTES, Transport
-from swarmctl.bus.memory import MemoryBus
-from swarmctl.bus.zenoh_bus import ZenohBus
+from swarmctl.bus import keys
+from swarmctl.bus.transports import zenoh_config
+from swarmctl.bus.transports.base import MAX_MESSAGE_BYTES, MAX_QUESTION_BYTES, Transport
+from swarmctl.bus.transports.memory import MemoryBus
+from swarmctl.bus.transports.zenoh import ZenohBus
 
 pytestmark = pytest.mark.interop
 

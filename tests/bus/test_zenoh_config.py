@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from swarmctl.bus import zenoh_config
-from swarmctl.bus.access import star
 from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
-from swarmctl.bus.zenoh_config import Configuration, Credentials
+from swarmctl.bus.transports import zenoh_config
+from swarmctl.bus.transports.access import star
+from swarmctl.bus.transports.zenoh_config import Configuration, Credentials
 
 OWN = Credentials(Path("/keys/ca.pem"), Path("/keys/cert.pem"), Path("/keys/key.pem"))
 TCP, TLS, QUIC = (BusEndpoint("10.0.0.7", 7447, protocol) for protocol in ("tcp", "tls", "quic"))

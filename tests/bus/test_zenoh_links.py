@@ -23,9 +23,10 @@ from zenoh_nodes import (
     until,
 )
 
-from swarmctl.bus import keys, renewal, zenoh_bus, zenoh_config
+from swarmctl.bus import keys
 from swarmctl.bus.endpoint import BusEndpoint
-from swarmctl.bus.zenoh_bus import CLOSE_S, ZenohBus
+from swarmctl.bus.transports import renewal, zenoh, zenoh_config
+from swarmctl.bus.transports.zenoh import CLOSE_S, ZenohBus
 
 pytestmark = pytest.mark.interop
 TO_TWO = keys.told(SWARM, 2, "inform/state", 1)
@@ -44,9 +45,9 @@ def answer(key: str, payload: bytes | None, reply: Callable[[bytes], None]) -> N
 @pytest.mark.parametrize(
     ("protocol", "lost_after_s"),
     [
-        ("tcp", zenoh_bus.LOST_AFTER_S),
-        ("tls", zenoh_bus.LOST_AFTER_S),
-        ("quic", zenoh_bus.LOST_AFTER_S),
+        ("tcp", zenoh.LOST_AFTER_S),
+        ("tls", zenoh.LOST_AFTER_S),
+        ("quic", zenoh.LOST_AFTER_S),
         ("tcp", 0.0),
     ],
 )
@@ -54,7 +55,7 @@ def test_a_router_that_comes_late_is_killed_and_returns_is_found_each_time(
     protocol: str, lost_after_s: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Subscriptions and questions are declared again, in the same session or the next."""
-    monkeypatch.setattr(zenoh_bus, "LOST_AFTER_S", lost_after_s)
+    monkeypatch.setattr(zenoh, "LOST_AFTER_S", lost_after_s)
 
     async def scene() -> list[float]:
         router = RouterProcess(here(protocol))
@@ -80,7 +81,7 @@ def test_a_router_that_comes_late_is_killed_and_returns_is_found_each_time(
                     router.kill()
                     await until(lambda: one.links + two.links + operator.links == 0, "the end is noticed")
                     heard.clear()
-                    await asyncio.sleep(2 * zenoh_bus.LOOK_EVERY_S if lost_after_s == 0.0 else 0.0)
+                    await asyncio.sleep(2 * zenoh.LOOK_EVERY_S if lost_after_s == 0.0 else 0.0)
             finally:
                 router.kill()
             assert b"lost" not in heard
@@ -205,7 +206,7 @@ def test_a_node_of_a_mesh_with_a_link_and_no_routes_begins_anew_once(monkeypatch
     """The other is as of an older version, and says nothing of itself; what was declared is, again."""
     monkeypatch.setattr(renewal, "EARLIEST_S", 0.3)
     monkeypatch.setattr(renewal, "LATEST_S", 0.3)
-    monkeypatch.setattr(zenoh_bus, "AWAY_S", 0.1)
+    monkeypatch.setattr(zenoh, "AWAY_S", 0.1)
 
     async def scene() -> None:
         one_is, two_is = here("tcp"), here("tcp")
@@ -263,10 +264,10 @@ def test_a_mesh_that_is_whole_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> 
 LIVES = """\
 import asyncio, contextlib, signal, sys
 from pathlib import Path
-from swarmctl.bus import leaving, zenoh_config
+from swarmctl.bus.transports import process_exit, zenoh_config
 from swarmctl.bus.endpoint import parse_endpoint
-from swarmctl.bus.zenoh_bus import ZenohBus
-from swarmctl.bus.zenoh_config import Credentials
+from swarmctl.bus.transports.zenoh import ZenohBus
+from swarmctl.bus.transports.zenoh_config import Credentials
 own = Credentials(*map(Path, sys.argv[3:])) if sys.argv[3:] else None
 
 async def main():
@@ -287,7 +288,7 @@ async def main():
             await asked
 
 asyncio.run(main())
-leaving.leave(0)
+process_exit.leave(0)
 """
 STATES = ("connecting", "connected", "router dead", "router frozen", "router frozen long")
 

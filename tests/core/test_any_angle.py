@@ -11,19 +11,13 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from swarmctl.core.any_angle import (
-    Track,
-    index_abreast,
-    may_join,
-    pull_straight,
-    still_holds,
-)
-from swarmctl.core.corners import Counting, Unflyable, Weights
+from swarmctl.core.any_angle.corners import Counting, Unflyable, Weights
+from swarmctl.core.any_angle.pull import Track, index_abreast, may_join, pull_straight, still_holds
+from swarmctl.core.any_angle.track import WALL_MARGIN, Threat, centre, is_clear, passed
+from swarmctl.core.any_angle.turns import rounded, tangent
 from swarmctl.core.exposure import exposure_sum, length_cells, safety_factor
 from swarmctl.core.grid import Cell
 from swarmctl.core.route import thin
-from swarmctl.core.track import WALL_MARGIN, Threat, centre, is_clear, passed
-from swarmctl.core.turns import rounded, tangent
 from swarmctl.planners import PLANNERS, Problem, Unreachable
 
 QUICK = settings(max_examples=80, deadline=None, derandomize=True)

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from swarmctl.core.belief import Belief
-from swarmctl.core.chance import Chance, chance_among, chance_of_getting_through
 from swarmctl.core.exposure import exposure, exposure_sum, safety_factor
 from swarmctl.core.grid import Cell
-from swarmctl.core.hostiles import HostileCount
+from swarmctl.core.inference.chance import Chance, chance_among, chance_of_getting_through
+from swarmctl.core.inference.hostiles import HostileCount
+from swarmctl.core.inference.sensor import SensorModel
 from swarmctl.core.observation import Observation
-from swarmctl.core.sensor import SensorModel
 from swarmctl.core.threat import FiringStrength
 
 STRENGTH = FiringStrength(0.6, 0.3, 0.1)

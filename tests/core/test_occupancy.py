@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from swarmctl.core.belief import CLEAR, OCCUPIED, UNKNOWN, Belief, Log, Looked
-from swarmctl.core.hostiles import HostileCount
+from swarmctl.core.inference.hostiles import HostileCount
+from swarmctl.core.inference.occupancy import Classes, bayes, eq4
+from swarmctl.core.inference.sensor import PERFECT, SensorModel
 from swarmctl.core.observation import Observation
-from swarmctl.core.occupancy import Classes, bayes, eq4
-from swarmctl.core.sensor import PERFECT, SensorModel
 
 QUICK = settings(max_examples=60, deadline=None, derandomize=True)
 ROWS, COLS = 2, 4

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from swarmctl.core.any_angle.legs import measure_legs
+from swarmctl.core.any_angle.track import WALL_MARGIN, Point, Threat, centre, is_clear, passed
 from swarmctl.core.grid import Cell
-from swarmctl.core.legs import measure_legs
-from swarmctl.core.track import WALL_MARGIN, Point, Threat, centre, is_clear, passed
 
 QUICK = settings(max_examples=150, deadline=None, derandomize=True)
 INDEX = st.integers(0, 12)

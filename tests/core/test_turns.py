@@ -9,8 +9,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from swarmctl.core.track import Point
-from swarmctl.core.turns import ARC_ERROR, arc, rounded, tangent
+from swarmctl.core.any_angle.track import Point
+from swarmctl.core.any_angle.turns import ARC_ERROR, arc, rounded, tangent
 
 QUICK = settings(max_examples=150, deadline=None, derandomize=True)
 POINT = st.tuples(st.floats(-20.0, 20.0), st.floats(-20.0, 20.0))

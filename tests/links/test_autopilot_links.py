@@ -11,11 +11,11 @@ from link_world import WIRE, north, play, until
 
 from sim_vehicle.faults.spec import parse_fault
 from sim_vehicle.fleet import Fleet
-from sim_vehicle.scenario import Scenario
+from sim_vehicle.scenarios import Scenario
 from swarmctl.links.base import AddressChanged, Conflict, Rebooted
 from swarmctl.links.direct import DirectLink
 from swarmctl.links.frontend import FrontEnd
-from swarmctl.links.memory import MemoryWire
+from swarmctl.links.transports.memory import MemoryWire
 
 
 class FleetWorld:

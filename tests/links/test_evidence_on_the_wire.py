@@ -12,10 +12,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_copter import Copter
 from test_forward import WATCHER, Watching
 
-from swarmctl.evidence.book import FILE, Book
-from swarmctl.evidence.hooks import Evidence
 from swarmctl.links.base import LaunchFailed
 from swarmctl.links.frontend import FrontEnd
+from swarmctl.report.evidence.book import FILE, Book
+from swarmctl.report.evidence.hooks import Evidence
 
 ARM, START = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_MISSION_START
 

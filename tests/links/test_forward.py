@@ -14,8 +14,8 @@ from scripted_copter import Copter
 
 from swarmctl.links.base import LinkError
 from swarmctl.links.frontend import FrontEnd
-from swarmctl.links.memory import MemoryWire
-from swarmctl.links.udp import Udp
+from swarmctl.links.transports.memory import MemoryWire
+from swarmctl.links.transports.udp import Udp
 from swarmctl.links.url import Endpoint, parse_url
 
 WATCHER = Endpoint("memory", "watcher")

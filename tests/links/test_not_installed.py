@@ -10,9 +10,9 @@ import pytest
 from flights import Ui, small
 from typer.testing import CliRunner
 
-from swarmctl import app
-from swarmctl.cli import cli
-from swarmctl.clock import run_virtual
+from swarmctl.cli.main import cli
+from swarmctl.flight import app
+from swarmctl.flight.virtual_clock import run_virtual
 
 pytestmark = pytest.mark.virtual
 

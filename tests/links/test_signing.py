@@ -14,10 +14,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.keyring.files import KeyringError
-from swarmctl.keyring.mavlink_key import TimestampFile, read_mavlink_key
 from swarmctl.links.signing import LAST_TIMESTAMP, RENEWED, RESERVED, TICKS_PER_S, Signing, ticks
-from swarmctl.mavlink.codec import Encoder
+from swarmctl.mavlink.protocol.codec import Encoder
+from swarmctl.security.files import KeyringError
+from swarmctl.security.mavlink_key import TimestampFile, read_mavlink_key
 
 KEY = bytes(range(32))
 START = ticks(1_767_225_600_000_000)

@@ -12,14 +12,14 @@ from link_world import WIRE, north, play, until
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.fleet import Fleet
-from sim_vehicle.scenario import Scenario
-from swarmctl.keyring.mavlink_key import TimestampFile
+from sim_vehicle.scenarios import Scenario
 from swarmctl.links import LINKS
 from swarmctl.links.base import Lost, NobodyAnswers
 from swarmctl.links.frontend import FrontEnd
-from swarmctl.links.memory import MemoryWire
 from swarmctl.links.signing import TICKS_PER_S, Signing, ticks
+from swarmctl.links.transports.memory import MemoryWire
 from swarmctl.links.url import Endpoint
+from swarmctl.security.mavlink_key import TimestampFile
 
 KEY = bytes(range(32))
 BEGAN_US = 1_767_225_600_000_000

@@ -15,13 +15,13 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from test_signing_flight import WATCHER, SignedWorld, station
 
 from sim_vehicle.fleet import Fleet
-from swarmctl import virtual
-from swarmctl.evidence.book import FILE
-from swarmctl.keyring.mavlink_key import TimestampFile
+from swarmctl.flight import virtual_simulator
+from swarmctl.flight.wiring import VIRTUAL_EPOCH_NS
 from swarmctl.links.base import FramesRefused
 from swarmctl.links.refusals import AGAIN_S, Refusals
 from swarmctl.links.signing import AHEAD, LATE, OTHER_KEY, REPEATED, TICKS_PER_S, UNSIGNED, ticks
-from swarmctl.parts import VIRTUAL_EPOCH_NS
+from swarmctl.report.evidence.book import FILE
+from swarmctl.security.mavlink_key import TimestampFile
 
 KEY, OTHER = bytes(range(32)), bytes(31) + b"x"
 HEARTBEAT = mavlink.MAVLink_heartbeat_message(2, 3, 209, 3, 4, 3)
@@ -57,7 +57,7 @@ class Keyed(Fleet):
 def test_a_flight_says_what_it_refuses_when_it_happens_again_later_and_at_the_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(virtual, "Fleet", Keyed)
+    monkeypatch.setattr(virtual_simulator, "Fleet", Keyed)
     key = tmp_path / "swarm.key"
     key.write_text(KEY.hex())
     key.chmod(0o600)

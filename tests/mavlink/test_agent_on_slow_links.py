@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 from flying_bench import HOME, FlyingBench
 
-from swarmctl import agent
-from swarmctl.agent import Phase, Task
+from swarmctl.agent.state import ON_GROUND, Phase, Task, begin
+from swarmctl.agent.step import step, wants_tick
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
 from swarmctl.core.geo import LocalFrame
@@ -18,8 +18,8 @@ from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.observation import Observation
 from swarmctl.core.plane import Point
 from swarmctl.core.threat import FiringStrength
-from swarmctl.mavlink import procedures
 from swarmctl.mavlink.events import ProcedureDone, StateChanged
+from swarmctl.mavlink.procedures import basic
 from swarmctl.planners import PLANNERS, Method
 
 SIZE_M = 50.0
@@ -53,7 +53,7 @@ class Flight:
         self.bench = FlyingBench(personality).prepared()
         self.bench.delay_s = delay_s
         prior = Belief.prior(GRID.rows, GRID.cols, 12)
-        self.state = agent.begin(task(**changes), prior)
+        self.state = begin(task(**changes), prior)
         self.flown: list[Point] = []
         self.swaps: list[tuple[float, ev.SwapMission]] = []
         self.ended: list[ev.Event] = []
@@ -67,29 +67,27 @@ class Flight:
         assert self.bench.run(60.0, self._go_on_until(Phase.FLYING))
 
     def __call__(self, event: ev.Event) -> None:
-        self.state, effects = agent.step(self.state, event, self.bench.now)
+        self.state, effects = step(self.state, event, self.bench.now)
         for effect in effects:
             self._perform(effect)
 
     def tick(self) -> None:
-        if agent.wants_tick(self.state, self.bench.now):
+        if wants_tick(self.state, self.bench.now):
             self(ev.Tick())
 
     def _perform(self, effect: ev.Effect) -> None:
         if isinstance(effect, ev.SwapMission):
             items, plan = self.bench.session.mission_items(effect.plan), effect.plan
             self._pending = effect
-            if self.state.phase in agent.ON_GROUND:
-                self.bench.begin("upload", lambda c: procedures.upload(c, items))
+            if self.state.phase in ON_GROUND:
+                self.bench.begin("upload", lambda c: basic.upload(c, items))
                 return
             self.swaps.append((self.bench.now, effect))
-            job = partial(
-                procedures.swap, new=items, leaves_ahead=plan.leaves_ahead, from_hold=plan.from_hold
-            )
+            job = partial(basic.swap, new=items, leaves_ahead=plan.leaves_ahead, from_hold=plan.from_hold)
             self.bench.begin("swap", job)
         elif isinstance(effect, ev.Command):
             assert effect.order is ev.Order.LAUNCH, effect
-            self.bench.begin("launch", procedures.launch)
+            self.bench.begin("launch", basic.launch)
 
     def _go_on(self) -> None:
         """What the link has reported since, to the agent."""

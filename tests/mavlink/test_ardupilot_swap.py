@@ -9,8 +9,8 @@ import pytest
 from flying_bench import FlyingBench, plan
 
 from swarmctl.core.mission import FlightPlan
-from swarmctl.mavlink import procedures
 from swarmctl.mavlink.events import ProcedureDone
+from swarmctl.mavlink.procedures import basic
 
 M_PER_DEG = 111_195.0
 OLD, NEW = plan(north=8), plan(north=5, east=0.001, alt=33.333)
@@ -26,7 +26,7 @@ def watched_swap(bench: FlyingBench, new) -> tuple[object, set, set]:
         return bench.session.busy_with is None
 
     items = bench.session.mission_items(new)
-    bench.begin("swap", lambda c: procedures.swap(c, items))
+    bench.begin("swap", lambda c: basic.swap(c, items))
     assert bench.run(200, watch)
     return bench.session.result, modes, aims
 
@@ -58,7 +58,7 @@ def test_it_never_has_to_fly_back_to_a_corner_that_it_passes_braking(before_m: f
     corner_lat_deg = OLD.track[1].lat_deg
     assert bench.run(60, lambda: (corner_lat_deg - bench.session.state.lat_deg) * M_PER_DEG < before_m)
     items = bench.session.mission_items(new)
-    bench.begin("swap", lambda c: procedures.swap(c, items, leaves_ahead=True))
+    bench.begin("swap", lambda c: basic.swap(c, items, leaves_ahead=True))
     norths_m = []
 
     def watch() -> bool:
@@ -143,7 +143,7 @@ def test_on_a_link_too_bad_for_it_nothing_more_is_begun_after_two_minutes_in_hol
 
     bench.block = is_lost
     began_s = bench.now
-    result = bench.do("swap", lambda c: procedures.swap(c, new))
+    result = bench.do("swap", lambda c: basic.swap(c, new))
     assert result.flying == "hold"
     assert "held for more than 120 s" in result.failure
     assert bench.mode == "GUIDED"

@@ -14,10 +14,10 @@ from wire_bench import WireBench
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.mission import Approach, FlightPlan, MissionItem, Waypoint
 from swarmctl.core.vehicle import Landed
-from swarmctl.mavlink import procedures
 from swarmctl.mavlink.dialects import dialect_for
-from swarmctl.mavlink.landing import landing_items
-from swarmctl.mavlink.speed import set_speed
+from swarmctl.mavlink.procedures import basic
+from swarmctl.mavlink.procedures.land import landing_items
+from swarmctl.mavlink.procedures.speed import set_speed
 
 FRAME = LocalFrame(*HOME)
 RADIUS_M, ALT_M, LOW_M = 60.0, 40.0, 20.0
@@ -137,7 +137,7 @@ def test_what_it_reads_back_is_what_was_sent_but_for_its_storage() -> None:
 
 def test_it_flies_its_mission_and_lands_where_it_was_told() -> None:
     flown = bench().uploaded(FIRST)
-    assert flown.do("launch", procedures.launch).failure is None
+    assert flown.do("launch", basic.launch).failure is None
     assert landed(flown)
     assert math.dist(here(flown), (400.0, 900.0)) < 60.0
 
@@ -145,7 +145,7 @@ def test_it_flies_its_mission_and_lands_where_it_was_told() -> None:
 def test_it_launches_from_the_beginning_whatever_was_flown_last() -> None:
     flown = bench().uploaded(FIRST)
     flown.vehicle.set_current(6)
-    assert flown.do("launch", procedures.launch).failure is None
+    assert flown.do("launch", basic.launch).failure is None
     assert flown.session.state.mission_seq == 1
 
 
@@ -153,11 +153,11 @@ def test_it_is_made_ready_again_where_it_has_landed_by_its_mission() -> None:
     flown = in_flight()
     assert landed(flown)
     # It stays in its landing and does not arm in it (`AP_Arming_Plane::pre_arm_checks`).
-    assert flown.do("prepare", procedures.prepare, 60.0).failure is None
+    assert flown.do("prepare", basic.prepare, 60.0).failure is None
     assert flown.mode == "GUIDED"
     assert flown.session.state.mission_seq == 1
     assert flown.upload(FIRST).failure is None
-    assert flown.do("launch", procedures.launch).failure is None
+    assert flown.do("launch", basic.launch).failure is None
 
 
 def test_a_new_route_is_taken_over_without_a_stop() -> None:
@@ -172,7 +172,7 @@ def test_a_new_route_is_taken_over_without_a_stop() -> None:
 
 def test_it_holds_in_a_circle_at_its_height() -> None:
     flown = in_flight()
-    assert flown.do("hold", procedures.hold).failure is None
+    assert flown.do("hold", basic.hold).failure is None
     centre = here(flown)
     flown.run(30.0)
     away_m, heights_m = [], []
@@ -191,7 +191,7 @@ def test_it_holds_in_a_circle_at_its_height() -> None:
 
 def test_a_route_is_changed_while_it_holds() -> None:
     flown = in_flight()
-    assert flown.do("hold", procedures.hold).failure is None
+    assert flown.do("hold", basic.hold).failure is None
     done = flown.swap(SECOND, from_hold=True)
     assert (done.failure, done.flying) == (None, "new")
     assert landed(flown)
@@ -200,7 +200,7 @@ def test_a_route_is_changed_while_it_holds() -> None:
 
 def test_it_returns_and_lands_at_home() -> None:
     flown = in_flight()
-    assert flown.do("return", procedures.return_home).failure is None
+    assert flown.do("return", basic.return_home).failure is None
     assert flown.mode == "RTL"
     assert landed(flown)
     assert math.dist(here(flown), (0.0, 0.0)) < 60.0
@@ -208,7 +208,7 @@ def test_it_returns_and_lands_at_home() -> None:
 
 def test_told_to_land_it_goes_to_the_nearest_of_its_landings() -> None:
     flown = in_flight()
-    assert flown.do("land", procedures.land).failure is None
+    assert flown.do("land", basic.land).failure is None
     assert flown.mode == "AUTO"
     assert flown.session.state.mission_seq in landing_items(flown.session.items)
     assert landed(flown)
@@ -217,10 +217,10 @@ def test_told_to_land_it_goes_to_the_nearest_of_its_landings() -> None:
 
 def test_told_to_land_while_it_lands_it_does_not_go_around_again() -> None:
     flown = bench().uploaded(FIRST)
-    assert flown.do("launch", procedures.launch).failure is None
+    assert flown.do("launch", basic.launch).failure is None
     assert flown.run(300.0, lambda: flown.session.state.mission_seq == 8), "its final"
     sent = len(flown.commands)
-    assert flown.do("land", procedures.land).failure is None
+    assert flown.do("land", basic.land).failure is None
     assert mavlink.MAV_CMD_DO_LAND_START not in flown.commands[sent:]
     assert landed(flown, 60.0)
 
@@ -229,7 +229,7 @@ def test_told_to_land_on_the_ground_it_is_disarmed() -> None:
     flown = bench().uploaded(FIRST)
     flown.vehicle.arm(flown.now, force=True)
     assert flown.run(5.0, lambda: flown.session.state.armed)
-    assert flown.do("land", procedures.land).failure is None
+    assert flown.do("land", basic.land).failure is None
     assert not flown.vehicle.armed
     assert mavlink.MAV_CMD_DO_LAND_START not in flown.commands
 
@@ -237,7 +237,7 @@ def test_told_to_land_on_the_ground_it_is_disarmed() -> None:
 def test_without_a_landing_on_it_it_says_that_it_does_not_land() -> None:
     flown = in_flight()
     del flown.vehicle.mission.items[5:]
-    failure = flown.do("land", procedures.land).failure
+    failure = flown.do("land", basic.land).failure
     assert failure is not None
     assert "FAILED" in failure
 

@@ -7,9 +7,9 @@ from flying_bench import ALT_M, Faults, FlyingBench, on_the_ground, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.vehicle import Landed
-from swarmctl.mavlink import procedures
-from swarmctl.mavlink.codec import Decoder, FrameSplitter
 from swarmctl.mavlink.events import Rebooted
+from swarmctl.mavlink.procedures import basic
+from swarmctl.mavlink.protocol.codec import Decoder, FrameSplitter
 
 OLD = plan(north=8)
 BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
@@ -73,7 +73,7 @@ def test_messages_that_nobody_knows_are_of_the_vehicle_that_sent_them_and_are_le
 @pytest.mark.autopilots("1.3")
 def test_it_is_waited_for_and_why_is_said_until_arducopter_has_its_position():
     bench = FlyingBench("ardupilot", ready_s=41.0).connected()
-    bench.begin("prepare", procedures.prepare)
+    bench.begin("prepare", basic.prepare)
     said = set()
 
     def ready() -> bool:
@@ -109,9 +109,9 @@ def test_a_pre_arm_bit_in_stabilize_is_not_readiness():
 def test_arming_before_the_position_estimate_is_refused_in_the_vehicles_words(personality):
     bench = FlyingBench(personality, ready_s=41.0).connected()
     bench.run(12)  # a fix, and so a place to take off from
-    assert bench.do("hold", procedures.hold).failure is None
+    assert bench.do("hold", basic.hold).failure is None
     assert bench.upload(OLD).failure is None
-    failure = bench.do("launch", procedures.launch).failure
+    failure = bench.do("launch", basic.launch).failure
     result, reason = {
         "ardupilot": ("FAILED", "Arm: Need Position Estimate"),
         "px4": ("TEMPORARILY_REJECTED", "Preflight Fail"),
@@ -128,7 +128,7 @@ def test_a_mode_that_the_boot_undoes_is_set_again():
     assert bench.run(5, lambda: bench.session.state.mode != "")
     assert bench.now < 2.0, "early enough to be undone"
     bench.connected()
-    assert bench.do("prepare", procedures.prepare).failure is None
+    assert bench.do("prepare", basic.prepare).failure is None
     assert bench.commands.count(MODE) == 2
     assert bench.mode == "GUIDED"
 
@@ -139,7 +139,7 @@ def test_a_mode_that_the_boot_undoes_is_set_again():
 def test_an_acknowledged_mode_that_no_heartbeat_shows_is_not_believed(personality):
     bench = FlyingBench(personality).flying(OLD)
     bench.inject("stuck_mode:answer=accepted")
-    failure = bench.do("hold", procedures.hold).failure
+    failure = bench.do("hold", basic.hold).failure
     assert "DO_SET_MODE: ACCEPTED, but it was not seen to happen" in failure
     assert bench.session.state.mode == bench.session.dialect.mission_mode
 
@@ -153,7 +153,7 @@ def test_arducopter_is_armed_in_guided_and_then_its_mission_is_started():
     bench.block = lambda m: (
         m.get_type() == "COMMAND_LONG" and m.command in (ARM, START) and modes.append(bench.mode)
     )
-    assert bench.do("launch", procedures.launch).failure is None
+    assert bench.do("launch", basic.launch).failure is None
     orders = [c for c in bench.commands[before:] if c in (ARM, START, MODE)]
     assert (orders, modes) == ([ARM, START], ["GUIDED", "GUIDED"])
     assert bench.run(30, lambda: bench.session.state.landed is Landed.IN_AIR)
@@ -164,7 +164,7 @@ def test_px4_is_armed_in_hold_and_its_mission_mode_starts_it():
     bench = FlyingBench("px4").uploaded(OLD)
     bench.run(2)  # until it has checked its mission
     before = len(bench.commands)
-    assert bench.do("launch", procedures.launch).failure is None
+    assert bench.do("launch", basic.launch).failure is None
     orders = [c for c in bench.commands[before:] if c in (ARM, START, MODE)]
     assert orders == [ARM, MODE]
 
@@ -175,7 +175,7 @@ def test_px4_is_armed_in_hold_and_its_mission_mode_starts_it():
 def test_a_take_off_is_as_high_above_home_as_the_plan_says(personality):
     """PX4's take-off command, which is not used, counts from mean sea level; home is 300 m above that."""
     bench = FlyingBench(personality).uploaded(OLD)
-    assert bench.do("launch", procedures.launch).failure is None
+    assert bench.do("launch", basic.launch).failure is None
     third = bench.session.dialect.first_waypoint_seq + 1
     assert bench.run(60, lambda: bench.session.state.mission_seq == third)
     assert bench.session.state.alt_rel_m == pytest.approx(20.0, abs=1.0)
@@ -192,7 +192,7 @@ def test_a_mission_that_moves_on_while_it_stands_disarmed_is_begun_at_its_take_o
     assert (state.armed, state.landed) == (False, Landed.ON_GROUND)
     assert "not flying" in bench.swap(plan(north=3)).failure
     flown = []
-    assert bench.do("launch", procedures.launch).failure is None
+    assert bench.do("launch", basic.launch).failure is None
     assert bench.run(60, lambda: flown.append(bench.session.state.mission_seq) or flown[-1] == 3)
     assert flown[0] == 1
     assert bench.session.state.alt_rel_m > 18.0
@@ -202,7 +202,7 @@ def test_a_mission_that_moves_on_while_it_stands_disarmed_is_begun_at_its_take_o
 def test_home_moves_when_it_arms_and_is_no_difference_to_what_was_sent():
     bench = FlyingBench("ardupilot").uploaded(OLD)
     before = bench.stored[0]
-    assert bench.do("launch", procedures.launch).failure is None
+    assert bench.do("launch", basic.launch).failure is None
     assert bench.run(60, lambda: bench.session.state.mission_seq == 3)
     assert bench.stored[0] != bench.session.mission_items(OLD)[0]
     assert before.command == bench.stored[0].command
@@ -215,14 +215,14 @@ def test_home_moves_when_it_arms_and_is_no_difference_to_what_was_sent():
 def test_after_a_landing_it_stands_in_auto_at_no_item_and_flies_again_from_its_take_off():
     bench = FlyingBench("ardupilot").uploaded(plan(north=2))
     for _ in range(2):
-        assert bench.do("launch", procedures.launch).failure is None
+        assert bench.do("launch", basic.launch).failure is None
         assert bench.run(120, lambda: not bench.session.state.armed)
         bench.run(3)
         state = bench.session.state
         assert (state.mode, state.mission_seq, state.landed) == ("AUTO", 0, Landed.ON_GROUND)
-        assert bench.swap(OLD) == procedures.Swapped("it is not flying", "old")
+        assert bench.swap(OLD) == basic.Swapped("it is not flying", "old")
         # It stands at its goal, and may take off there again: by its own mission, back to where it began.
-        assert bench.do("prepare", procedures.prepare).failure is None
+        assert bench.do("prepare", basic.prepare).failure is None
 
 
 @pytest.mark.autopilots("1.13")
@@ -236,7 +236,7 @@ def test_what_stands_armed_on_the_ground_or_has_a_failsafe_latched_is_told_by_ot
     assert (bench.session.state.armed, bench.session.state.landed) == (True, Landed.ON_GROUND)
     bench.vehicle.body.arm(False)
     assert bench.run(5, lambda: not bench.session.state.armed)
-    assert bench.do("launch", procedures.launch).failure is None
+    assert bench.do("launch", basic.launch).failure is None
     assert bench.run(60, lambda: bench.session.state.mission_seq == 3)
     bench.another_sets(SIM_BATT_VOLTAGE=10.5)
     assert bench.run(60, lambda: bench.mode == "LAND")
@@ -253,7 +253,7 @@ def test_a_launch_that_is_not_seen_disarms_nothing_that_flies(personality):
     bench = FlyingBench(personality).uploaded(OLD)
     lost = ("EXTENDED_SYS_STATE", "GLOBAL_POSITION_INT")
     bench.block_down = lambda m: m.get_type() in lost
-    failure = bench.do("launch", procedures.launch).failure
+    failure = bench.do("launch", basic.launch).failure
     assert "does not take off" in failure
     disarms = [m for m in bench.of("COMMAND_LONG") if m.command == ARM and m.param1 == 0.0]
     assert disarms, "it believes it on the ground"
@@ -287,7 +287,7 @@ def test_another_ground_station_is_obeyed_by_the_vehicle_and_not_fought_by_us(pe
     bench = FlyingBench(personality).flying(OLD)
     bench.spoil(Faults(max_delay_s=0.2, seed=1))
     items = bench.session.mission_items(plan(north=5, east=0.001))
-    bench.begin("swap", lambda c: procedures.swap(c, items))
+    bench.begin("swap", lambda c: basic.swap(c, items))
     bench.run(0.3)
     land = bench.session.dialect.mode_params(bench.session.dialect.land_mode)
     order = mavlink.MAVLink_command_long_message(1, 1, MODE, 0, *land, *(0.0,) * (7 - len(land)))

@@ -7,7 +7,7 @@ from flying_bench import Faults, FlyingBench, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.personalities.base import Behaviour
-from swarmctl.mavlink import procedures
+from swarmctl.mavlink.procedures import basic
 
 OLD, NEW = plan(north=8), plan(north=5, east=0.001)
 PARTIAL = "MISSION_WRITE_PARTIAL_LIST"
@@ -25,7 +25,7 @@ def orders(message) -> bool:
 @pytest.mark.autopilots("1.6")
 def test_hold_needs_no_remote_control(personality):
     bench = FlyingBench(personality).flying(OLD)
-    assert bench.do("hold", procedures.hold).failure is None
+    assert bench.do("hold", basic.hold).failure is None
     bench.run(10)
     before = bench.vehicle.body.position_m
     bench.run(60)
@@ -36,7 +36,7 @@ def test_hold_needs_no_remote_control(personality):
 @BOTH
 def test_a_vehicle_that_holds_takes_a_new_mission_and_flies_it(personality):
     bench = FlyingBench(personality).flying(OLD)
-    assert bench.do("hold", procedures.hold).failure is None
+    assert bench.do("hold", basic.hold).failure is None
     bench.run(5)
     items = bench.session.mission_items(NEW)
     first = bench.session.dialect.first_waypoint_seq
@@ -54,7 +54,7 @@ def test_a_pilot_who_takes_over_at_any_moment_of_a_swap_keeps_the_vehicle(person
         bench = FlyingBench(personality).flying(OLD)
         bench.spoil(Faults(max_delay_s=0.2, seed=tenths))
         items = bench.session.mission_items(NEW)
-        bench.begin("swap", lambda c, items=items: procedures.swap(c, items))
+        bench.begin("swap", lambda c, items=items: basic.swap(c, items))
         bench.run(tenths / 10)
         if bench.session.busy_with is None:
             break
@@ -105,7 +105,7 @@ def test_an_upload_that_is_abandoned_in_auto_leaves_the_flight_as_it_was():
     bench.block = cut_off
     aims = set()
     items = bench.session.mission_items(NEW)
-    bench.begin("swap", lambda c: procedures.swap(c, items))
+    bench.begin("swap", lambda c: basic.swap(c, items))
     assert bench.run(300, lambda: aims.add(bench.aim) or bench.session.busy_with is None)
     assert bench.session.result.flying == "old", "nothing reaches it any more, but it is heard"
     assert "it does not hold" in bench.session.result.failure
@@ -124,7 +124,7 @@ def test_mission_start_is_not_sent_to_a_vehicle_that_has_disarmed_itself():
         return False
 
     bench.block_down = disarm_after_arming
-    result = bench.do("launch", procedures.launch)
+    result = bench.do("launch", basic.launch)
     assert result.failure is not None
     assert mavlink.MAV_CMD_MISSION_START not in bench.commands
     assert not bench.vehicle.armed
@@ -132,7 +132,7 @@ def test_mission_start_is_not_sent_to_a_vehicle_that_has_disarmed_itself():
 
 def test_a_return_is_a_mode_and_brings_it_home():
     bench = FlyingBench("px4").flying(OLD)
-    assert bench.do("return", procedures.return_home).failure is None
+    assert bench.do("return", basic.return_home).failure is None
     assert bench.session.state.mode_role == "return"
     assert bench.run(300, lambda: not bench.session.state.armed)
     assert bench.vehicle.body.lat_lon_deg == pytest.approx((46.049, 14.506), abs=2e-5)
@@ -144,5 +144,5 @@ def test_px4_gives_an_upload_up_without_an_acknowledgement_and_is_not_waited_for
     bench.block = lambda m: m.get_type() == "MISSION_ITEM_INT" and bench.now < quiet_s
     quiet_s = bench.now + 4.0
     items = bench.session.mission_items(NEW)
-    assert bench.do("upload", lambda c: procedures.upload(c, items)).failure is None
+    assert bench.do("upload", lambda c: basic.upload(c, items)).failure is None
     assert bench.holds(items)

@@ -10,15 +10,15 @@ from flying_bench import Faults, FlyingBench, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.mission import MissionItem
-from swarmctl.mavlink import procedures
+from swarmctl.mavlink.procedures import basic
 
 OLD = plan(north=8, alt=33.333)
 BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 RELATIVE = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
 
 
-def upload(bench: FlyingBench, items: tuple[MissionItem, ...]) -> procedures.Done:
-    return bench.do("upload", lambda c: procedures.upload(c, items))
+def upload(bench: FlyingBench, items: tuple[MissionItem, ...]) -> basic.Done:
+    return bench.do("upload", lambda c: basic.upload(c, items))
 
 
 def with_item(bench: FlyingBench, **changes: object) -> tuple[MissionItem, ...]:
@@ -36,7 +36,7 @@ def test_a_mission_without_a_place_for_home_is_not_believed():
     assert "read back: item 0: sent" in failure
     assert [i.command for i in bench.stored[:2]] == [16, 16], "the take-off is gone"
     assert bench.session.items == ()
-    assert "upload one first" in bench.do("launch", procedures.launch).failure
+    assert "upload one first" in bench.do("launch", basic.launch).failure
 
 
 @pytest.mark.autopilots("2 item 0")
@@ -123,7 +123,7 @@ def test_an_upload_that_px4_still_believes_in_does_not_spoil_the_next():
     """It keeps the old count, or answers ERROR; and gives a transfer up after 5 s without a word."""
     bench = FlyingBench("px4").prepared()
     first = bench.session.mission_items(OLD)
-    bench.begin("upload", lambda c: procedures.upload(c, first))
+    bench.begin("upload", lambda c: basic.upload(c, first))
     bench.block = lambda m: m.get_type() in ("MISSION_ACK", "MISSION_ITEM_INT")
     bench.run(0.3)
     bench.take(bench.session.cancel(bench.now))  # and that it is over does not get through
@@ -216,7 +216,7 @@ def test_the_item_flown_is_never_written_over_and_the_new_one_is_chosen_by_what_
     old, aims, sent = bench.session.items, set(), len(bench.sent)
     items = bench.session.mission_items(plan(north=5, east=0.001))
     first = items[bench.session.dialect.first_waypoint_seq]
-    bench.begin("swap", lambda c: procedures.swap(c, items))
+    bench.begin("swap", lambda c: basic.swap(c, items))
     assert bench.run(60, lambda: aims.add(bench.aim) or bench.session.busy_with is None)
     assert bench.session.result.flying == "new"
     assert aims <= {(i.x, i.y) for i in old} | {(first.x, first.y)}
@@ -233,14 +233,14 @@ def test_the_item_flown_is_never_written_over_and_the_new_one_is_chosen_by_what_
 @pytest.mark.autopilots("2 MISSION_SET_CURRENT", of="px4")
 def test_px4_is_told_its_first_item_by_message_and_that_it_heard_is_seen():
     bench = FlyingBench("px4").flying(OLD)
-    assert bench.do("land", procedures.land).failure is None
+    assert bench.do("land", basic.land).failure is None
     assert bench.run(120, lambda: not bench.session.state.armed)
-    assert bench.do("prepare", procedures.prepare).failure is None
+    assert bench.do("prepare", basic.prepare).failure is None
     lost = []
     bench.block = lambda m: (
         m.get_type() == "MISSION_SET_CURRENT" and len(lost) < 2 and not lost.append(bench.now)
     )
-    assert bench.do("launch", procedures.launch).failure is None
+    assert bench.do("launch", basic.launch).failure is None
     assert [m.seq for m in bench.of("MISSION_SET_CURRENT")] == [0, 0, 0]
     assert lost[1] - lost[0] >= 1.0, "nobody acknowledges it: it is waited for a second"
 

@@ -11,12 +11,12 @@ import pytest
 from flying_bench import HOME, FlyingBench, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.mavlink import procedures
-from swarmctl.mavlink.fence import enforce_fence, fence_items, put_fence, read_fence
-from swarmctl.mavlink.instruments import read_instruments
-from swarmctl.mavlink.parameters import set_parameters
-from swarmctl.mavlink.rally import count_rally_points
-from swarmctl.mavlink.speed import set_speed
+from swarmctl.mavlink.procedures import basic
+from swarmctl.mavlink.procedures.fence import enforce_fence, fence_items, put_fence, read_fence
+from swarmctl.mavlink.procedures.rally import count_rally_points
+from swarmctl.mavlink.procedures.speed import set_speed
+from swarmctl.mavlink.protocol.parameters import set_parameters
+from swarmctl.mavlink.telemetry.instruments import read_instruments
 
 COMMON = {
     "COMMAND_LONG",
@@ -58,7 +58,7 @@ SQUARE = tuple(
 def life(personality: str) -> FlyingBench:
     """Everything that is ever done with a vehicle, by the way that succeeds and one that fails."""
     bench = FlyingBench(personality).prepared()
-    bench.do("identify", procedures.identify)
+    bench.do("identify", basic.identify)
     bench.do("instruments", read_instruments)
     wanted = {WHOLE[personality]: 3.0}
     assert bench.do("set", partial(set_parameters, wanted=wanted, byte_wise=bench.byte_wise)).failure is None
@@ -69,22 +69,22 @@ def life(personality: str) -> FlyingBench:
     assert bench.do("rally points", count_rally_points).count == 0
     assert bench.upload(plan(north=8)).failure is None
     for _ in range(2):  # once from its beginning, once from where it was
-        assert bench.do("launch", procedures.launch).failure is None
+        assert bench.do("launch", basic.launch).failure is None
         assert bench.run(60, lambda: bench.session.state.mission_seq == 3)
-        assert bench.do("land", procedures.land).failure is None
+        assert bench.do("land", basic.land).failure is None
         assert bench.run(120, lambda: not bench.session.state.armed)
-        assert bench.do("prepare", procedures.prepare).failure is None
-    assert bench.do("launch", procedures.launch).failure is None
+        assert bench.do("prepare", basic.prepare).failure is None
+    assert bench.do("launch", basic.launch).failure is None
     assert bench.run(60, lambda: bench.session.state.mission_seq == 3)
     assert bench.swap(plan(north=7, east=0.001)).flying == "new"
     assert bench.do("speed", partial(set_speed, speed_m_s=4.0)).failure is None
     bench.inject("mission_refused:result=invalid")
     bench.block = lambda m: m.get_type() == "MISSION_WRITE_PARTIAL_LIST"
     assert bench.swap(plan(north=6)).flying != "new"
-    assert bench.do("hold", procedures.hold).failure is None
+    assert bench.do("hold", basic.hold).failure is None
     assert bench.swap(plan(north=5, east=0.001)).flying != "new"
-    assert bench.do("return", procedures.return_home).failure is None
-    assert bench.do("land", procedures.land).failure is None
+    assert bench.do("return", basic.return_home).failure is None
+    assert bench.do("land", basic.land).failure is None
     assert bench.run(120, lambda: not bench.session.state.armed)
     return bench
 

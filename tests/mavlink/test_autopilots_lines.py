@@ -10,7 +10,7 @@ from pathlib import Path
 
 from autopilot_lines import BOTH, LINES, marked
 
-TESTS = Path(__file__).parent.parent
+TESTS = Path(__file__).parents[1]
 
 NOT_OURS: dict[str, str] = {
     "2 speed": "how fast a transfer is, is the link's and the vehicle's; `benchmarks/links.py` measures it",

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from words_of_vehicles import PEER, ack
+from vehicle_texts import PEER, ack
 
-from swarmctl.mavlink.command import Command, CommandOutcome, command_long
+from swarmctl.mavlink.protocol.command import Command, CommandOutcome, command_long
 
 
 @pytest.mark.parametrize(

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from words_of_vehicles import ITEMS, PEER, ack, kinds
+from vehicle_texts import ITEMS, PEER, ack, kinds
 
-from swarmctl.mavlink.command import Command
-from swarmctl.mavlink.conversation import IllegalEvent, State
-from swarmctl.mavlink.mission_download import Download
-from swarmctl.mavlink.mission_upload import Upload
-from swarmctl.mavlink.wait import Ask, Look, Until, wait
+from swarmctl.mavlink.protocol.command import Command
+from swarmctl.mavlink.protocol.conversation import IllegalEvent, State
+from swarmctl.mavlink.protocol.mission_download import Download
+from swarmctl.mavlink.protocol.mission_upload import Upload
+from swarmctl.mavlink.protocol.wait import Ask, Look, Until, wait
 
 
 def test_until_sees_it_or_gives_up():

@@ -12,8 +12,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.mavlink import procedures
-from swarmctl.mavlink.fence import (
+from swarmctl.mavlink.procedures import basic
+from swarmctl.mavlink.procedures.fence import (
     MAX_VERTICES,
     enforce_fence,
     fence_differences,
@@ -21,7 +21,7 @@ from swarmctl.mavlink.fence import (
     put_fence,
     read_fence,
 )
-from swarmctl.mavlink.mission_download import DownloadOutcome
+from swarmctl.mavlink.protocol.mission_download import DownloadOutcome
 
 BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 LAT, LON = HOME
@@ -119,7 +119,7 @@ def test_who_turns_back_at_its_fence_is_not_sent_out_again(personality):
     bench.prepared()
     assert put(bench, near) is None
     assert bench.upload(plan(north=12)).failure is None
-    assert bench.do("launch", procedures.launch).failure is None
+    assert bench.do("launch", basic.launch).failure is None
     assert bench.run(120, lambda: bench.session.state.mode_role == "return")
     sent = len(bench.sent)
     result = bench.swap(plan(north=12, east=0.0005))
@@ -158,7 +158,7 @@ def test_the_limits_that_its_parameters_name_are_in_force(deed, at_boot, counts_
     if enforced:
         assert bench.do("enforce fence", enforce_fence).failure is None
     assert bench.upload(plan(north=4)).failure is None
-    assert bench.do("launch", procedures.launch).failure is None
+    assert bench.do("launch", basic.launch).failure is None
     turned_back = bench.run(30, lambda: bench.session.state.mode_role == "return")
     assert turned_back is (enforced or counts_anyway)
 

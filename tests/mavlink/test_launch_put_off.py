@@ -11,8 +11,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_copter import Copter, Script
 
 from swarmctl.core.vehicle import Landed
-from swarmctl.mavlink import procedures
-from swarmctl.mavlink.outcome import Done, PutOff
+from swarmctl.mavlink.procedures import basic
+from swarmctl.mavlink.protocol.outcome import Done, PutOff
 
 ARM, START = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_MISSION_START
 WHY = "its first route would meet that of vehicle 7 in 9 s"
@@ -20,7 +20,7 @@ WHY = "its first route would meet that of vehicle 7 in 9 s"
 
 def launched(bench: Bench, in_the_way: Callable[[], str]) -> Done:
     bench.upload(plan(north=4))
-    result: Done = bench.do("launch", lambda ctx: procedures.launch(ctx, in_the_way))
+    result: Done = bench.do("launch", lambda ctx: basic.launch(ctx, in_the_way))
     return result
 
 

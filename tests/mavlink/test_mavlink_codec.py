@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.mavlink.codec import Decoder, Encoder, Frame, FrameSplitter
+from swarmctl.mavlink.protocol.codec import Decoder, Encoder, Frame, FrameSplitter
 
 MODEST = settings(max_examples=100, deadline=None, derandomize=True)
 TEXT = st.binary(max_size=80).map(lambda b: b.replace(b"\xfd", b"I").replace(b"\xfe", b"n"))

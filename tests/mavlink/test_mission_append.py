@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from words_of_vehicles import ITEMS, PEER, kinds, mission_ack, request
+from vehicle_texts import ITEMS, PEER, kinds, mission_ack, request
 
 from swarmctl.core.mission import MissionItem
-from swarmctl.mavlink.mission_append import Append
+from swarmctl.mavlink.protocol.mission_append import Append
 
 
 def announced(messages) -> list[tuple[int, int]]:

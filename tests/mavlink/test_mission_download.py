@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from words_of_vehicles import PEER, kinds, mission_ack
+from vehicle_texts import PEER, kinds, mission_ack
 
-from swarmctl.mavlink.mission_download import Download, DownloadOutcome
+from swarmctl.mavlink.protocol.mission_download import Download, DownloadOutcome
 
 
 def test_a_download_asks_item_by_item_and_thanks():

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from words_of_vehicles import ITEMS, PEER, mission_ack, request
+from vehicle_texts import ITEMS, PEER, mission_ack, request
 
-from swarmctl.mavlink.mission_current import SetCurrent
-from swarmctl.mavlink.mission_upload import Upload, UploadOutcome
+from swarmctl.mavlink.protocol.mission_current import SetCurrent
+from swarmctl.mavlink.protocol.mission_upload import Upload, UploadOutcome
 
 
 def started_upload(*, asked: int = 0) -> Upload:

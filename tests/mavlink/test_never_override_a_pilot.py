@@ -9,7 +9,7 @@ import pytest
 from bench import STEP_S, Bench, Faults, plan
 from scripted_copter import Script
 
-from swarmctl.mavlink import procedures
+from swarmctl.mavlink.procedures import basic
 
 OLD, NEW = plan(north=8), plan(north=6, east=0.002)
 GUIDED, LOITER = 4, 5
@@ -63,7 +63,7 @@ def test_a_pilot_who_takes_over_at_any_moment_of_a_swap_keeps_the_vehicle(script
     for after_s in EVERY_TENTH:
         bench = Bench(script).flying(OLD)
         bench.spoil(faults)
-        late, result = taken_over(bench, "swap", lambda c, b=bench: procedures.swap(c, b.items(NEW)), after_s)
+        late, result = taken_over(bench, "swap", lambda c, b=bench: basic.swap(c, b.items(NEW)), after_s)
         assert late == [], f"taken over after {after_s:.1f} s: {result}"
         if result.failure is not None and "LOITER" in result.failure:
             foreign += 1
@@ -79,7 +79,7 @@ def test_who_chooses_our_own_hold_mode_in_a_swap_that_does_not_hold_keeps_the_ve
     for after_s in EVERY_TENTH[:40]:
         bench = Bench(script).flying(OLD)
         bench.spoil(faults)
-        job = partial(procedures.swap, new=bench.items(NEW))
+        job = partial(basic.swap, new=bench.items(NEW))
         late, result = taken_over(bench, "swap", job, after_s, GUIDED)
         assert late == [], f"taken over after {after_s:.1f} s: {result}"
         assert result.flying in ("theirs", "new")
@@ -104,10 +104,10 @@ def test_a_pilot_who_takes_over_at_any_moment_of_a_launch_keeps_the_vehicle(scri
     foreign = 0
     for after_s in EVERY_TENTH[:40]:
         bench = Bench(script).prepared()
-        uploaded = bench.do("upload", lambda c, b=bench: procedures.upload(c, b.items(OLD)))
+        uploaded = bench.do("upload", lambda c, b=bench: basic.upload(c, b.items(OLD)))
         assert uploaded.failure is None
         bench.spoil(faults)
-        late, result = taken_over(bench, "launch", procedures.launch, after_s)
+        late, result = taken_over(bench, "launch", basic.launch, after_s)
         assert late == [], f"taken over after {after_s:.1f} s: {result}"
         if result.failure is not None and "LOITER" in result.failure:
             foreign += 1
@@ -123,10 +123,10 @@ def test_an_unanswered_command_is_not_repeated_against_a_pilot(command):
     script = Script(partial_lists=command != MODE)
     bench = Bench(script).prepared() if launches else Bench(script).flying(OLD)
     if launches:
-        bench.do("upload", lambda c: procedures.upload(c, bench.items(OLD)))
+        bench.do("upload", lambda c: basic.upload(c, bench.items(OLD)))
     bench.block = lambda m: m.get_type() == "COMMAND_LONG" and m.command == command
     begun = len(bench.sent)
-    job = procedures.launch if launches else (lambda c: procedures.swap(c, bench.items(NEW)))
+    job = basic.launch if launches else (lambda c: basic.swap(c, bench.items(NEW)))
     bench.take(bench.session.begin("job", job, bench.now))
     assert bench.run(10, lambda: command in [c for _, c in orders(bench, begun)])
     sent = len(bench.sent)
@@ -147,7 +147,7 @@ def test_an_unanswered_command_is_repeated_where_nobody_has_taken_over():
         return False
 
     bench.block = block
-    result = bench.do("swap", lambda c: procedures.swap(c, bench.items(NEW)))
+    result = bench.do("swap", lambda c: basic.swap(c, bench.items(NEW)))
     assert (result.flying, lost) == ("new", [0, 1, 2])
 
 
@@ -161,7 +161,7 @@ def test_a_command_that_is_temporarily_rejected_is_tried_again_after_a_look():
 
     bench.copter.set_mode = busy_twice
     begun = len(bench.sent)
-    assert bench.do("land", procedures.land).failure is None
+    assert bench.do("land", basic.land).failure is None
     assert said == [1, 1, 0]
     looks = [m.command for _, m in bench.sent[begun:] if m.command in (512, MODE)]
     assert looks[:5] == [MODE, 512, MODE, 512, MODE]
@@ -169,21 +169,21 @@ def test_a_command_that_is_temporarily_rejected_is_tried_again_after_a_look():
 
 def test_launch_sends_nothing_to_a_vehicle_that_is_armed_already():
     bench = Bench().prepared()
-    bench.do("upload", lambda c: procedures.upload(c, bench.items(OLD)))
+    bench.do("upload", lambda c: basic.upload(c, bench.items(OLD)))
     bench.copter.armed = True
     bench.run(2)
     sent = len(bench.sent)
-    assert "armed already" in bench.do("launch", procedures.launch).failure
+    assert "armed already" in bench.do("launch", basic.launch).failure
     assert len(bench.sent) == sent
 
 
 def test_launch_orders_nothing_where_a_pilot_armed_it_since_its_last_heartbeat():
     bench = Bench().prepared()
-    bench.do("upload", lambda c: procedures.upload(c, bench.items(OLD)))
+    bench.do("upload", lambda c: basic.upload(c, bench.items(OLD)))
     bench.copter.armed = True
     sent = len(bench.sent)
     assert not bench.session.state.armed
-    assert "armed" in bench.do("launch", procedures.launch).failure
+    assert "armed" in bench.do("launch", basic.launch).failure
     assert orders(bench, sent) == []
 
 
@@ -195,7 +195,7 @@ def test_launch_orders_nothing_where_a_pilot_armed_it_since_its_last_heartbeat()
 def test_launch_goes_no_further_where_a_pilot_does_its_next_step(look, pilot, orders_before):
     """Just before the answer to the `look`-th question for a heartbeat."""
     bench = Bench().prepared()
-    bench.do("upload", lambda c: procedures.upload(c, bench.items(OLD)))
+    bench.do("upload", lambda c: basic.upload(c, bench.items(OLD)))
     asked = []
 
     def interfere(message) -> bool:
@@ -207,23 +207,23 @@ def test_launch_goes_no_further_where_a_pilot_does_its_next_step(look, pilot, or
 
     bench.block = interfere
     begun = len(bench.sent)
-    assert "set by its pilot" in bench.do("launch", procedures.launch).failure
+    assert "set by its pilot" in bench.do("launch", basic.launch).failure
     assert [command for _, command in orders(bench, begun)] == orders_before
 
 
 def test_launch_is_not_begun_in_a_mode_that_a_pilot_chose_after_the_preparations():
     bench = Bench().prepared()
-    bench.do("upload", lambda c: procedures.upload(c, bench.items(OLD)))
+    bench.do("upload", lambda c: basic.upload(c, bench.items(OLD)))
     bench.copter.mode = LOITER
     sent = len(bench.sent)
-    assert "LOITER" in bench.do("launch", procedures.launch).failure
+    assert "LOITER" in bench.do("launch", basic.launch).failure
     assert orders(bench, sent) == []
 
 
 def test_a_launch_that_failed_is_not_disarmed_against_a_pilot():
     bench = Bench(Script(stays_on_ground=True)).prepared()
-    bench.do("upload", lambda c: procedures.upload(c, bench.items(OLD)))
-    bench.take(bench.session.begin("launch", procedures.launch, bench.now))
+    bench.do("upload", lambda c: basic.upload(c, bench.items(OLD)))
+    bench.take(bench.session.begin("launch", basic.launch, bench.now))
     assert bench.run(10, lambda: bench.copter.mode_name == "AUTO")
     sent = len(bench.sent)
     bench.copter.mode = LOITER
@@ -238,11 +238,11 @@ def test_prepare_leaves_a_vehicle_alone_that_a_pilot_armed_since_its_last_heartb
     bench.run(3)
     bench.copter.mode, bench.copter.armed = LOITER, True
     sent = len(bench.sent)
-    assert "armed already" in bench.do("prepare", procedures.prepare).failure
+    assert "armed already" in bench.do("prepare", basic.prepare).failure
     assert orders(bench, sent) == []
 
 
-@pytest.mark.parametrize("job", [procedures.hold, procedures.return_home, procedures.land])
+@pytest.mark.parametrize("job", [basic.hold, basic.return_home, basic.land])
 def test_an_operators_order_goes_out_at_once_but_not_again_against_a_pilot(job):
     bench = Bench().flying(OLD)
     bench.block = lambda m: m.get_type() == "COMMAND_LONG" and m.command == MODE
@@ -255,7 +255,7 @@ def test_an_operators_order_goes_out_at_once_but_not_again_against_a_pilot(job):
     assert "LOITER" in bench.session.result.failure
 
 
-@pytest.mark.parametrize("job", [procedures.hold, procedures.return_home, procedures.land])
+@pytest.mark.parametrize("job", [basic.hold, basic.return_home, basic.land])
 @pytest.mark.parametrize("mode", [GUIDED, LOITER])
 def test_what_no_person_has_ordered_goes_out_only_after_a_look(job, mode):
     """A rule's order, while a pilot has acted a moment ago and no heartbeat has told of it."""
@@ -266,17 +266,17 @@ def test_what_no_person_has_ordered_goes_out_only_after_a_look(job, mode):
     sent = len(bench.sent)
     result = bench.do("order", partial(job, looks_first=True))
     assert bench.copter.mode == mode
-    if job is not procedures.hold or mode != GUIDED:
+    if job is not basic.hold or mode != GUIDED:
         assert orders(bench, sent) == []
         assert "set by its pilot" in result.failure
 
 
 def test_an_order_of_a_rule_that_interrupts_a_swap_may_find_the_hold_of_that_swap():
     bench = Bench(Script(partial_lists=False), Faults(max_delay_s=DELAY_S, seed=5)).flying(OLD)
-    bench.take(bench.session.begin("swap", partial(procedures.swap, new=bench.items(NEW)), bench.now))
+    bench.take(bench.session.begin("swap", partial(basic.swap, new=bench.items(NEW)), bench.now))
     assert bench.run(20, lambda: bench.copter.mode == GUIDED)
     bench.take(bench.session.cancel(bench.now))
-    assert bench.do("return_home", partial(procedures.return_home, looks_first=True)).failure is None
+    assert bench.do("return_home", partial(basic.return_home, looks_first=True)).failure is None
     assert bench.copter.mode_name == "RTL"
 
 
@@ -289,6 +289,6 @@ def test_an_operators_order_is_repeated_in_the_mode_it_found_and_in_modes_of_our
     bench.block = lambda m: (
         m.get_type() == "COMMAND_LONG" and m.command == MODE and len(lost) < 2 and not lost.append(m)
     )
-    assert bench.do("land", procedures.land).failure is None
+    assert bench.do("land", basic.land).failure is None
     assert bench.copter.mode_name == "LAND"
     assert len(lost) == (1 if mode == 9 else 2), "where it lands already, that is enough"

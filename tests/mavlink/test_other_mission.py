@@ -11,12 +11,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.mission import MissionItem
 from swarmctl.core.vehicle import VehicleState
-from swarmctl.mavlink.codec import GCS_COMPID, GCS_SYSID, Decoder, FrameSplitter
-from swarmctl.mavlink.conversation import Peer
 from swarmctl.mavlink.dialects import dialect_for
 from swarmctl.mavlink.events import StateChanged
-from swarmctl.mavlink.mission_upload import Upload, UploadOutcome, item_message
-from swarmctl.mavlink.mission_watch import LASTS_S, SETTLES_S, MissionWatch
+from swarmctl.mavlink.protocol.codec import GCS_COMPID, GCS_SYSID, Decoder, FrameSplitter
+from swarmctl.mavlink.protocol.conversation import Peer
+from swarmctl.mavlink.protocol.mission_upload import Upload, UploadOutcome, item_message
+from swarmctl.mavlink.telemetry.mission_watch import LASTS_S, SETTLES_S, MissionWatch
 
 AUTOPILOTS = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.mavlink.parameters import Parameter, encoded, read_parameters, set_parameters
+from swarmctl.mavlink.protocol.parameters import Parameter, encoded, read_parameters, set_parameters
 
 BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 WHOLE = {"ardupilot": "FENCE_ENABLE", "px4": "NAV_DLL_ACT"}

@@ -10,8 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scripted_copter import Script
 
-from swarmctl.mavlink import procedures
 from swarmctl.mavlink.events import ProcedureDone, Rebooted
+from swarmctl.mavlink.procedures import basic
 
 OLD, NEW = plan(north=8), plan(north=6, east=0.002, alt=33.333)
 MODEST = settings(
@@ -29,7 +29,7 @@ def test_prepare_sets_guided_again_because_the_first_one_was_undone():
 
 def test_prepare_waits_and_says_why():
     bench = Bench(Script(ready_at_s=30.0)).connected()
-    bench.take(bench.session.begin("prepare", procedures.prepare, bench.now))
+    bench.take(bench.session.begin("prepare", basic.prepare, bench.now))
     assert not bench.run(20, lambda: bench.session.busy_with is None)
     assert any("no position estimate" in reason for reason in bench.session.state.not_ready)
     assert bench.run(20, lambda: bench.session.busy_with is None)
@@ -39,7 +39,7 @@ def test_prepare_refuses_a_vehicle_that_is_armed():
     bench = Bench().prepared()
     bench.copter.armed = True
     bench.run(2)
-    assert "armed already" in bench.do("prepare", procedures.prepare).failure
+    assert "armed already" in bench.do("prepare", basic.prepare).failure
 
 
 def test_an_upload_onto_a_flying_vehicle_is_refused():
@@ -58,7 +58,7 @@ def test_launch_takes_off_and_flies_the_mission():
 
 def test_launch_without_a_mission_arms_nothing():
     bench = Bench().prepared()
-    assert "upload one first" in bench.do("launch", procedures.launch).failure
+    assert "upload one first" in bench.do("launch", basic.launch).failure
     assert not bench.copter.armed
 
 
@@ -66,7 +66,7 @@ def test_launch_without_a_mission_arms_nothing():
 def test_launch_says_in_the_vehicles_words_why_it_does_not_arm(late):
     bench = Bench(Script(refuse_arming="Compass not calibrated", late_texts=late)).prepared()
     bench.upload(OLD)
-    failure = bench.do("launch", procedures.launch).failure
+    failure = bench.do("launch", basic.launch).failure
     assert "COMPONENT_ARM_DISARM: FAILED" in failure
     assert "Compass not calibrated" in failure
 
@@ -74,7 +74,7 @@ def test_launch_says_in_the_vehicles_words_why_it_does_not_arm(late):
 def test_launch_that_stays_on_the_ground_ends_disarmed():
     bench = Bench(Script(stays_on_ground=True)).prepared()
     bench.upload(OLD)
-    assert "does not take off" in bench.do("launch", procedures.launch).failure
+    assert "does not take off" in bench.do("launch", basic.launch).failure
     assert not bench.copter.armed
 
 
@@ -127,9 +127,9 @@ def test_a_failed_swap_leaves_a_whole_plan_or_hold_and_says_which(script, flying
 def test_a_swap_right_after_the_launch_lets_it_climb_first():
     bench = Bench(faults=Faults(max_delay_s=0.1)).prepared()
     bench.upload(OLD)
-    assert bench.do("launch", procedures.launch).failure is None
+    assert bench.do("launch", basic.launch).failure is None
     assert bench.copter.alt < 5.0
-    bench.take(bench.session.begin("swap", lambda c: procedures.swap(c, bench.items(NEW)), bench.now))
+    bench.take(bench.session.begin("swap", lambda c: basic.swap(c, bench.items(NEW)), bench.now))
     assert bench.run(60, lambda: bench.of("MISSION_WRITE_PARTIAL_LIST") != [])
     assert bench.copter.alt == OLD.takeoff_alt_m
     assert bench.run(60, lambda: bench.session.busy_with is None)
@@ -159,7 +159,7 @@ def test_swap_leaves_a_vehicle_alone_that_somebody_else_has_taken(mode):
 
 def test_a_pilot_who_takes_over_during_the_upload_keeps_the_vehicle():
     bench = Bench(faults=Faults(max_delay_s=0.3)).flying(OLD)
-    bench.take(bench.session.begin("swap", lambda c: procedures.swap(c, bench.items(NEW)), bench.now))
+    bench.take(bench.session.begin("swap", lambda c: basic.swap(c, bench.items(NEW)), bench.now))
     assert bench.run(20, lambda: bench.copter.transfer is not None)
     bench.copter.mode = 5
     assert bench.run(200, lambda: bench.session.busy_with is None)
@@ -179,7 +179,7 @@ def test_a_swap_after_a_failed_one_starts_from_hold():
 
 @pytest.mark.parametrize(
     ("procedure", "mode"),
-    [(procedures.hold, "GUIDED"), (procedures.return_home, "RTL"), (procedures.land, "LAND")],
+    [(basic.hold, "GUIDED"), (basic.return_home, "RTL"), (basic.land, "LAND")],
     ids=["hold", "return_home", "land"],
 )
 def test_an_operators_command_is_seen_in_the_heartbeat(procedure, mode):
@@ -191,7 +191,7 @@ def test_an_operators_command_is_seen_in_the_heartbeat(procedure, mode):
 
 def test_an_operators_command_outlasts_a_boot_that_undoes_it():
     bench = Bench(Script(boot_s=4.0)).connected()
-    assert bench.do("hold", procedures.hold).failure is None
+    assert bench.do("hold", basic.hold).failure is None
     assert bench.copter.mode_name == "GUIDED"
 
 
@@ -210,7 +210,7 @@ def test_a_swap_on_a_perfect_wire_is_quick(script, limit_s):
 @pytest.mark.parametrize("partial_lists", [True, False])
 def test_a_link_that_dies_in_a_swap_ends_in_what_was_known_last(partial_lists):
     bench = Bench(Script(partial_lists=partial_lists), Faults(max_delay_s=0.3)).flying(OLD)
-    bench.take(bench.session.begin("swap", lambda c: procedures.swap(c, bench.items(NEW)), bench.now))
+    bench.take(bench.session.begin("swap", lambda c: basic.swap(c, bench.items(NEW)), bench.now))
     assert bench.run(20, lambda: bench.copter.transfer is not None)
     bench.silent = True
     assert bench.run(400, lambda: bench.session.busy_with is None)
@@ -225,7 +225,7 @@ def test_a_link_that_dies_in_a_swap_ends_in_what_was_known_last(partial_lists):
 
 def test_cancelling_an_upload_tells_the_vehicle():
     bench = Bench(faults=Faults(max_delay_s=0.5)).prepared()
-    bench.take(bench.session.begin("upload", lambda c: procedures.upload(c, bench.items(OLD)), bench.now))
+    bench.take(bench.session.begin("upload", lambda c: basic.upload(c, bench.items(OLD)), bench.now))
     assert bench.run(20, lambda: bench.copter.transfer is not None and bench.copter.transfer.asked > 2)
     bench.take(bench.session.cancel(bench.now))
     bench.run(1)
@@ -299,7 +299,7 @@ def test_an_upload_ends_with_exactly_that_mission_or_says_that_it_did_not(faults
 def test_two_uploads_one_after_the_other_never_mix(faults):
     bench = Bench(faults=faults)
     assert bench.run(200, lambda: bench.session.state.mode != "")
-    bench.take(bench.session.begin("upload", lambda c: procedures.upload(c, bench.items(OLD)), bench.now))
+    bench.take(bench.session.begin("upload", lambda c: basic.upload(c, bench.items(OLD)), bench.now))
     bench.run(1.0)
     bench.take(bench.session.cancel(bench.now))
     if bench.upload(NEW).failure is None:
@@ -319,7 +319,7 @@ def test_a_swap_on_a_bad_wire_never_flies_a_mixture_and_tells_the_truth(faults, 
             mixed.append(bench.now)
         return bench.session.busy_with is None
 
-    bench.take(bench.session.begin("swap", lambda c: procedures.swap(c, bench.items(NEW)), bench.now))
+    bench.take(bench.session.begin("swap", lambda c: basic.swap(c, bench.items(NEW)), bench.now))
     assert bench.run(600, watch)
     assert mixed == []
     flying = bench.session.result.flying

@@ -12,8 +12,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from wire_bench import Faults
 
 from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
-from swarmctl.mavlink import procedures
 from swarmctl.mavlink.dialects import Readiness, dialect_for
+from swarmctl.mavlink.procedures import basic
 
 PX4 = dialect_for(mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_TYPE_QUADROTOR)
 OLD, NEW = plan(north=8), plan(north=5, east=0.001, alt=33.333)
@@ -111,13 +111,13 @@ def test_it_takes_off_flies_its_mission_and_lands():
 def test_a_second_launch_begins_at_the_first_item_wherever_the_first_one_ended():
     """The index of the vehicle outlives a landing, and the same mission again is no new one to it."""
     bench = FlyingBench("px4").flying(OLD)
-    assert bench.do("land", procedures.land).failure is None
+    assert bench.do("land", basic.land).failure is None
     assert bench.run(120, lambda: not bench.session.state.armed)
     assert bench.vehicle.mission.index > 0
     again = bench.session.items
-    assert bench.do("prepare", procedures.prepare).failure is None
-    assert bench.do("upload", lambda c: procedures.upload(c, again)).failure is None
-    assert bench.do("launch", procedures.launch).failure is None
+    assert bench.do("prepare", basic.prepare).failure is None
+    assert bench.do("upload", lambda c: basic.upload(c, again)).failure is None
+    assert bench.do("launch", basic.launch).failure is None
     assert bench.session.state.mission_seq == 0
     assert [m.seq for m in bench.of(SET_CURRENT)] == [0]
 
@@ -125,7 +125,7 @@ def test_a_second_launch_begins_at_the_first_item_wherever_the_first_one_ended()
 def test_launch_says_in_the_vehicles_words_why_it_does_not_arm():
     bench = FlyingBench("px4").uploaded(OLD)
     bench.vehicle.params.set("COM_ARM_BAT_MIN", 2.0)
-    failure = bench.do("launch", procedures.launch).failure
+    failure = bench.do("launch", basic.launch).failure
     assert "COMPONENT_ARM_DISARM: TEMPORARILY_REJECTED" in failure
     assert "Preflight Fail" in failure
     assert not bench.vehicle.armed
@@ -134,9 +134,9 @@ def test_launch_says_in_the_vehicles_words_why_it_does_not_arm():
 @pytest.mark.parametrize(
     ("procedure", "mode"),
     [
-        (procedures.hold, "AUTO.LOITER"),
-        (procedures.return_home, "AUTO.RTL"),
-        (procedures.land, "AUTO.LAND"),
+        (basic.hold, "AUTO.LOITER"),
+        (basic.return_home, "AUTO.RTL"),
+        (basic.land, "AUTO.LAND"),
     ],
     ids=["hold", "return_home", "land"],
 )
@@ -148,7 +148,7 @@ def test_an_operators_command_is_seen_in_the_heartbeat(procedure, mode):
 
 def test_a_vehicle_that_holds_stays_where_it_is_without_a_remote_control():
     bench = FlyingBench("px4").flying(OLD)
-    assert bench.do("hold", procedures.hold).failure is None
+    assert bench.do("hold", basic.hold).failure is None
     bench.run(5)
     before = bench.vehicle.body.position_m
     bench.run(60)
@@ -166,7 +166,7 @@ def test_a_swap_changes_the_mission_at_once_and_does_not_stop():
 
     items = bench.session.mission_items(NEW)
     before_aim, before_s = bench.aim, bench.now
-    bench.begin("swap", lambda c: procedures.swap(c, items))
+    bench.begin("swap", lambda c: basic.swap(c, items))
     assert bench.run(60, watch)
     assert (bench.session.result.failure, bench.session.result.flying) == (None, "new")
     assert bench.session.result.stood_still_s == 0.0
@@ -185,7 +185,7 @@ def test_an_autopilot_that_overlooks_the_marked_item_is_told_by_message():
     items = bench.session.mission_items(NEW)
     take = bench.vehicle.mission.replace
     bench.vehicle.mission.replace = lambda pilot, new, current: take(pilot, new, -1)
-    result = bench.do("swap", lambda c: procedures.swap(c, items))
+    result = bench.do("swap", lambda c: basic.swap(c, items))
     assert result.flying == "new"
     assert [m.seq for m in bench.of(SET_CURRENT)] == [1]
     assert 224 not in bench.commands
@@ -252,7 +252,7 @@ def test_a_pilots_hold_at_any_moment_of_a_swap_is_not_fought():
         bench = FlyingBench("px4").flying(OLD)
         bench.spoil(Faults(max_delay_s=0.2, seed=tenths))
         items = bench.session.mission_items(NEW)
-        bench.begin("swap", lambda c, items=items: procedures.swap(c, items))
+        bench.begin("swap", lambda c, items=items: basic.swap(c, items))
         bench.run(tenths / 10)
         if bench.session.busy_with is None:
             break
@@ -269,7 +269,7 @@ def test_a_mission_that_the_vehicle_finds_infeasible_ends_with_the_old_one():
     bench = FlyingBench("px4").flying(OLD)
     far = FlightPlan(20.0, tuple(Waypoint(47.5, 14.5, 20.0) for _ in range(2)), Waypoint(47.5, 14.5, 20.0))
     items = bench.session.dialect.mission_items(far, (47.5, 14.5))
-    result = bench.do("swap", lambda c: procedures.swap(c, items))
+    result = bench.do("swap", lambda c: basic.swap(c, items))
     assert result.flying == "old"
     assert bench.mode == "AUTO.MISSION"
     assert bench.holds(bench.session.items)

@@ -14,11 +14,11 @@ from test_arduplane import FIRST, FRAME, LOW_M, RADIUS_M, SECOND, here, landed, 
 from swarmctl.core.geo import distance_m
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.core.vehicle import Landed, VehicleState
-from swarmctl.mavlink import procedures
 from swarmctl.mavlink.dialects import dialect_for
 from swarmctl.mavlink.dialects.plan import behind
-from swarmctl.mavlink.landing import landing_items, nearest_landing
-from swarmctl.mavlink.speed import set_speed
+from swarmctl.mavlink.procedures import basic
+from swarmctl.mavlink.procedures.land import landing_items, nearest_landing
+from swarmctl.mavlink.procedures.speed import set_speed
 
 SETUP = {
     "RTL_TYPE": 1,
@@ -104,7 +104,7 @@ def test_the_nearest_landing_is_that_whose_circle_is_nearest() -> None:
 
 def test_it_flies_its_mission_over_its_goal_and_lands_where_it_was_told() -> None:
     flown = bench().uploaded(FIRST)
-    assert flown.do("launch", procedures.launch).failure is None
+    assert flown.do("launch", basic.launch).failure is None
     assert flown.run(300.0, lambda: away_m(flown, GOAL) < 10.0)
     assert landed(flown)
     assert away_m(flown, GOAL) < 60.0
@@ -125,20 +125,20 @@ def test_a_mission_that_leads_outside_of_its_fence_is_no_mission_either() -> Non
 def test_it_launches_from_the_beginning_whatever_was_flown_last() -> None:
     flown = bench().uploaded(FIRST)
     flown.vehicle.set_current(AT_GOAL)
-    assert flown.do("launch", procedures.launch).failure is None
+    assert flown.do("launch", basic.launch).failure is None
     assert flown.session.state.mission_seq == 0
 
 
 def test_the_same_mission_again_leads_to_the_goal_again() -> None:
     flown = bench().uploaded(FIRST)
-    assert flown.do("launch", procedures.launch).failure is None
+    assert flown.do("launch", basic.launch).failure is None
     assert flown.run(300.0, lambda: flown.session.state.mission_seq == AT_GOAL)
-    assert flown.do("return", procedures.return_home).failure is None
+    assert flown.do("return", basic.return_home).failure is None
     assert landed(flown)
     items = flown.session.items
-    assert flown.do("prepare", procedures.prepare).failure is None
-    assert flown.do("upload", lambda c: procedures.upload(c, items)).failure is None
-    assert flown.do("launch", procedures.launch).failure is None
+    assert flown.do("prepare", basic.prepare).failure is None
+    assert flown.do("upload", lambda c: basic.upload(c, items)).failure is None
+    assert flown.do("launch", basic.launch).failure is None
     assert landed(flown)
     assert away_m(flown, GOAL) < 60.0
 
@@ -147,7 +147,7 @@ def test_the_same_mission_again_leads_to_the_goal_again() -> None:
 def test_a_new_route_is_taken_over_without_a_stop(*, leaves_ahead: bool) -> None:
     flown = in_flight()
     items = flown.session.mission_items(SECOND)
-    done = flown.do("swap", lambda c: procedures.swap(c, items, leaves_ahead=leaves_ahead))
+    done = flown.do("swap", lambda c: basic.swap(c, items, leaves_ahead=leaves_ahead))
     assert (done.failure, done.flying) == (None, "new")
     assert flown.mode == "AUTO.MISSION"
     jump = next(item for item in flown.stored if item.command == mavlink.MAV_CMD_DO_JUMP)
@@ -161,14 +161,14 @@ def test_a_new_route_is_taken_over_without_a_stop(*, leaves_ahead: bool) -> None
 def test_after_a_swap_it_still_returns_home() -> None:
     flown = in_flight()
     assert flown.swap(SECOND).failure is None
-    assert flown.do("return", procedures.return_home).failure is None
+    assert flown.do("return", basic.return_home).failure is None
     assert landed(flown)
     assert away_m(flown, START) < 60.0
 
 
 def test_while_it_comes_down_at_its_goal_it_gets_no_other_mission() -> None:
     flown = bench().uploaded(FIRST)
-    assert flown.do("launch", procedures.launch).failure is None
+    assert flown.do("launch", basic.launch).failure is None
     assert flown.run(300.0, lambda: flown.session.state.mission_seq == AT_GOAL)
     before = flown.stored
     done = flown.swap(SECOND)
@@ -183,7 +183,7 @@ def test_who_gets_to_its_landing_while_a_new_mission_is_sent_lands_at_its_goal_a
     assert flown.run(200.0, lambda: flown.session.state.mission_seq == 3 and away_m(flown, GOAL) < 30.0)
     flown.spoil(Faults(loss=0.3, seed=5))
     items = flown.session.mission_items(longer)
-    done = flown.do("swap", lambda c: procedures.swap(c, items, leaves_ahead=True))
+    done = flown.do("swap", lambda c: basic.swap(c, items, leaves_ahead=True))
     assert done.flying == "old"
     assert done.failure == "it had got to its landing before the new mission was complete"
     assert landed(flown)
@@ -193,7 +193,7 @@ def test_who_gets_to_its_landing_while_a_new_mission_is_sent_lands_at_its_goal_a
 def test_it_holds_in_a_circle_at_its_height() -> None:
     flown = in_flight()
     flown.run(5.0)
-    assert flown.do("hold", procedures.hold).failure is None
+    assert flown.do("hold", basic.hold).failure is None
     centre, height_m = here(flown), flown.session.state.alt_rel_m
     flown.run(90.0)
     assert flown.mode == "AUTO.LOITER"
@@ -204,7 +204,7 @@ def test_it_holds_in_a_circle_at_its_height() -> None:
 
 def test_a_route_is_changed_while_it_holds() -> None:
     flown = in_flight()
-    assert flown.do("hold", procedures.hold).failure is None
+    assert flown.do("hold", basic.hold).failure is None
     done = flown.swap(SECOND, from_hold=True)
     assert (done.failure, done.flying) == (None, "new")
     assert landed(flown)
@@ -213,7 +213,7 @@ def test_a_route_is_changed_while_it_holds() -> None:
 
 def test_it_returns_and_lands_at_home_in_the_mode_that_returns() -> None:
     flown = in_flight()
-    assert flown.do("return", procedures.return_home).failure is None
+    assert flown.do("return", basic.return_home).failure is None
     assert landed(flown)
     assert away_m(flown, START) < 60.0
     assert mavlink.MAV_CMD_DO_LAND_START not in flown.commands
@@ -228,8 +228,8 @@ def test_told_to_land_it_goes_to_the_nearest_of_its_landings(track, where, *, he
     if where == GOAL:
         flown.run(60.0, lambda: away_m(flown, (300.0, 850.0)) < 150.0)
     if held:
-        assert flown.do("hold", procedures.hold).failure is None
-    assert flown.do("land", procedures.land).failure is None
+        assert flown.do("hold", basic.hold).failure is None
+    assert flown.do("land", basic.land).failure is None
     assert flown.mode == "AUTO.MISSION"
     assert flown.session.state.mission_seq in landing_items(flown.session.items)
     assert landed(flown)
@@ -238,9 +238,9 @@ def test_told_to_land_it_goes_to_the_nearest_of_its_landings(track, where, *, he
 
 def test_on_its_way_home_it_may_be_told_to_land() -> None:
     flown = in_flight()
-    assert flown.do("return", procedures.return_home).failure is None
+    assert flown.do("return", basic.return_home).failure is None
     flown.run(5.0)
-    assert flown.do("land", procedures.land).failure is None
+    assert flown.do("land", basic.land).failure is None
     assert flown.mode == "AUTO.MISSION"
     assert landed(flown)
     assert away_m(flown, START) < 60.0
@@ -248,10 +248,10 @@ def test_on_its_way_home_it_may_be_told_to_land() -> None:
 
 def test_told_to_land_while_it_lands_it_does_not_go_around_again() -> None:
     flown = bench().uploaded(FIRST)
-    assert flown.do("launch", procedures.launch).failure is None
+    assert flown.do("launch", basic.launch).failure is None
     assert flown.run(300.0, lambda: flown.session.state.mission_seq == AT_GOAL + 1), "its final"
     sent = len(flown.of("MISSION_SET_CURRENT"))
-    assert flown.do("land", procedures.land).failure is None
+    assert flown.do("land", basic.land).failure is None
     assert len(flown.of("MISSION_SET_CURRENT")) == sent
     assert landed(flown, 60.0)
 
@@ -259,7 +259,7 @@ def test_told_to_land_while_it_lands_it_does_not_go_around_again() -> None:
 def test_what_landings_are_on_it_not_being_known_it_flies_to_the_one_it_knows() -> None:
     flown = in_flight()
     flown.session._known().on_vehicle = ()
-    assert flown.do("land", procedures.land).failure is None
+    assert flown.do("land", basic.land).failure is None
     assert mavlink.MAV_CMD_DO_LAND_START in flown.commands
     assert landed(flown)
     assert away_m(flown, START) < 60.0
@@ -267,13 +267,13 @@ def test_what_landings_are_on_it_not_being_known_it_flies_to_the_one_it_knows() 
 
 def test_what_may_arm_it_is_not_sent_to_one_that_has_disarmed_meanwhile() -> None:
     flown = in_flight()
-    assert flown.do("return", procedures.return_home).failure is None
+    assert flown.do("return", basic.return_home).failure is None
     flown.block_down = lambda message: message.get_type() in ("HEARTBEAT", "EXTENDED_SYS_STATE")
     flown.run(400.0, lambda: not flown.vehicle.armed)
     flown.block_down = lambda message: message.get_type() == "EXTENDED_SYS_STATE"
     for known in (flown.session.items, ()):
         flown.session._known().on_vehicle = known
-        assert flown.do("land", procedures.land).failure is not None
+        assert flown.do("land", basic.land).failure is not None
         assert not flown.vehicle.armed
 
 
@@ -281,7 +281,7 @@ def test_told_to_land_on_the_ground_it_is_disarmed() -> None:
     flown = bench().uploaded(FIRST)
     flown.vehicle.arm(flown.now, force=True)
     assert flown.run(5.0, lambda: flown.session.state.armed)
-    assert flown.do("land", procedures.land).failure is None
+    assert flown.do("land", basic.land).failure is None
     assert not flown.vehicle.armed
     assert flown.of("MISSION_SET_CURRENT") == []
 

@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.mavlink.rally import RALLY, RallyPoints, count_rally_points
+from swarmctl.mavlink.procedures.rally import RALLY, RallyPoints, count_rally_points
 
 BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 POINT = mavlink.MAV_CMD_NAV_RALLY_POINT

@@ -8,7 +8,7 @@ import pytest
 from bench import Bench, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.mavlink.speed import set_speed
+from swarmctl.mavlink.procedures.speed import set_speed
 
 CHANGE_SPEED = mavlink.MAV_CMD_DO_CHANGE_SPEED
 

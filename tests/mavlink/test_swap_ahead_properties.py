@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from way_bench import most_back_m, place, plan
 
 from swarmctl.core.plane import Point, distance_to_track
-from swarmctl.mavlink import procedures
+from swarmctl.mavlink.procedures import basic
 
 BACK_M = {"px4": 8.0, "ardupilot": 60.0}
 """It comes round a corner. An ArduCopter that was told to turn there and is past it when the order comes,
@@ -50,7 +50,7 @@ def test_a_vehicle_is_on_one_of_both_ways_and_is_never_sent_back(
     items = bench.session.mission_items(plan(*new, leaves_ahead=True))
     bench.delay_s = delay_s
     bench.spoil(wire, *cuts)
-    bench.begin("swap", lambda c: procedures.swap(c, items, leaves_ahead=True))
+    bench.begin("swap", lambda c: basic.swap(c, items, leaves_ahead=True))
     norths_m: list[float] = []
     beside_m: list[float] = []
 

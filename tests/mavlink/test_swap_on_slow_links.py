@@ -14,7 +14,7 @@ from way_bench import most_back_m, place, plan
 
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.plane import Point, distance_to_leg, distance_to_track
-from swarmctl.mavlink import procedures
+from swarmctl.mavlink.procedures import basic
 
 SET_CURRENT = int(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT)
 DELAY_S = 1.0
@@ -45,12 +45,12 @@ def progress_m(way: list[Point], at: Point, since_m: float) -> float:
     return best[1]
 
 
-def swapped(bench: FlyingBench, new: FlightPlan, way: list[Point]) -> tuple[procedures.Swapped, float]:
+def swapped(bench: FlyingBench, new: FlightPlan, way: list[Point]) -> tuple[basic.Swapped, float]:
     """The swap, and by how much the vehicle came back at most along `way`, until it has landed [m]."""
     farthest_m, back_m = 0.0, 0.0
     result = None
     items = bench.session.mission_items(new)
-    swap = lambda c: procedures.swap(c, items, leaves_ahead=new.leaves_ahead)  # noqa: E731
+    swap = lambda c: basic.swap(c, items, leaves_ahead=new.leaves_ahead)  # noqa: E731
     bench.begin("swap", swap)
 
     def watch() -> bool:
@@ -124,7 +124,7 @@ def test_whether_it_is_just_in_time_or_just_late_it_never_turns_back(
     turns_m = place(bench)[1] + ahead_m
     new = [(0.0, turns_m), (150.0, turns_m)]
     items = bench.session.mission_items(plan(*new, leaves_ahead=True))
-    bench.begin("swap", lambda c: procedures.swap(c, items, leaves_ahead=True))
+    bench.begin("swap", lambda c: basic.swap(c, items, leaves_ahead=True))
     norths_m: list[float] = []
 
     def is_down() -> bool:
@@ -146,7 +146,7 @@ def test_whose_order_is_lost_and_comes_past_the_corner_stays_on_the_ways_that_ar
     items = bench.session.mission_items(plan(*new, leaves_ahead=True))
     orders = count()
     bench.block = lambda m: getattr(m, "command", 0) == SET_CURRENT and next(orders) < n_lost
-    bench.begin("swap", lambda c: procedures.swap(c, items, leaves_ahead=True))
+    bench.begin("swap", lambda c: basic.swap(c, items, leaves_ahead=True))
     beside_m: list[float] = []
 
     def is_down() -> bool:
@@ -176,7 +176,7 @@ def test_a_plan_that_is_flown_to_its_end_before_it_was_read_back_is_the_one_it_f
     new = [(0.0, place(bench)[1] + 60.0)]
     items = bench.session.mission_items(plan(*new))
     unread(bench, lambda: not bench.vehicle.armed)
-    result = bench.do("swap", lambda c: procedures.swap(c, items))
+    result = bench.do("swap", lambda c: basic.swap(c, items))
     assert not bench.vehicle.armed
     assert (result.failure, result.flying) == (None, "new")
     assert place(bench) == pytest.approx(new[-1], abs=3.0)
@@ -208,7 +208,7 @@ def test_who_does_not_tell_where_it_is_meanwhile_is_never_sent_back(personality:
     since_s = bench.now + blind_s
     bench.block_down = lambda m: m.get_type() == "GLOBAL_POSITION_INT" and bench.now > since_s
     items = bench.session.mission_items(plan(*new, leaves_ahead=True))
-    bench.begin("swap", lambda c: procedures.swap(c, items, leaves_ahead=True))
+    bench.begin("swap", lambda c: basic.swap(c, items, leaves_ahead=True))
     norths_m: list[float] = []
 
     def watch() -> bool:
@@ -228,7 +228,7 @@ def test_who_gets_past_the_corner_without_a_word_of_where_it_is_keeps_its_old_pl
     since_s = bench.now + 1.0
     bench.block_down = lambda m: m.get_type() == "GLOBAL_POSITION_INT" and bench.now > since_s
     items = bench.session.mission_items(plan(*new, leaves_ahead=True))
-    result = bench.do("swap", lambda c: procedures.swap(c, items, leaves_ahead=True))
+    result = bench.do("swap", lambda c: basic.swap(c, items, leaves_ahead=True))
     assert (result.flying, result.is_late) == ("old", False)
     assert "it does not tell where it is" in result.failure
     assert place(bench)[0] == pytest.approx(0.0, abs=1.0)
@@ -249,7 +249,7 @@ def test_who_is_silent_after_a_new_plan_was_complete_is_not_sent_back(silence_s:
         return bool(begins_s) and bench.now < begins_s[0] + silence_s
 
     bench.block_down = hears
-    bench.begin("swap", lambda c: procedures.swap(c, items, leaves_ahead=True))
+    bench.begin("swap", lambda c: basic.swap(c, items, leaves_ahead=True))
     norths_m: list[float] = []
 
     def ends() -> bool:

@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from swarmctl.core.mission import MissionItem
-from swarmctl.mavlink import procedures
+from swarmctl.mavlink.procedures import basic
 
 OLD, NEW, NEWER = plan(north=8), plan(north=6, east=0.001, alt=33.333), plan(north=7, east=-0.001)
 Items = tuple[MissionItem, ...]
@@ -89,7 +89,7 @@ def swapped(bench: FlyingBench, wire: Faults, cuts: list[tuple[float, float]]) -
         return bench.session.busy_with is None
 
     bench.spoil(wire, *cuts)
-    bench.begin("swap", lambda c: procedures.swap(c, new))
+    bench.begin("swap", lambda c: basic.swap(c, new))
     assert bench.run(900, watch), "the swap does not end"
     result = bench.session.result
     bench.heal()
@@ -98,7 +98,7 @@ def swapped(bench: FlyingBench, wire: Faults, cuts: list[tuple[float, float]]) -
     return witness, result
 
 
-def agrees(bench: FlyingBench, result: procedures.Swapped) -> bool:
+def agrees(bench: FlyingBench, result: basic.Swapped) -> bool:
     """What it holds is what the ground station says; which says nothing only of what it does not claim."""
     assert (result.failure is None) == (result.flying == "new")
     return bench.holds(bench.session.items) if bench.session.items else result.flying != "new"
@@ -129,7 +129,7 @@ def test_a_vehicle_that_boots_anew_in_a_swap_is_not_claimed_to_fly(way, wire, af
     bench = flying(way)
     new = bench.session.mission_items(NEW)
     bench.spoil(wire)
-    bench.begin("swap", lambda c: procedures.swap(c, new))
+    bench.begin("swap", lambda c: basic.swap(c, new))
     bench.run(after_s)
     under_way = bench.session.busy_with is not None
     bench.inject(f"reboot:silence_s={silence_s}")
@@ -174,7 +174,7 @@ def test_a_link_that_dies_for_good_in_a_swap_leaves_a_whole_plan(way, end_s):
     new = bench.session.mission_items(NEW)
     witness = Witness(bench, new)
     bench.spoil(Faults(max_delay_s=0.05, seed=5), (end_s, 1e9))
-    bench.begin("swap", lambda c: procedures.swap(c, new))
+    bench.begin("swap", lambda c: basic.swap(c, new))
     mixtures = []
 
     def down() -> bool:

@@ -7,14 +7,14 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
 from swarmctl.core.vehicle import Landed
-from swarmctl.mavlink.conversation import IllegalEvent, Peer
 from swarmctl.mavlink.dialects import Readiness, Unsupported, dialect_for
 from swarmctl.mavlink.events import Heard, Identity, Lost, Rebooted, Restored, StateChanged, Text
-from swarmctl.mavlink.presence import LinkState, Presence
+from swarmctl.mavlink.protocol.conversation import IllegalEvent, Peer
+from swarmctl.mavlink.protocol.wait import Look, wait
 from swarmctl.mavlink.session import Session
-from swarmctl.mavlink.streams import StreamKeeper
-from swarmctl.mavlink.telemetry import Telemetry
-from swarmctl.mavlink.wait import Look, wait
+from swarmctl.mavlink.telemetry.presence import LinkState, Presence
+from swarmctl.mavlink.telemetry.streams import StreamKeeper
+from swarmctl.mavlink.telemetry.vehicle_state import Telemetry
 
 COPTER = dialect_for(3, 2)
 M = mavlink

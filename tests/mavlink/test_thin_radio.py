@@ -8,8 +8,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from thin_bench import FRAME, ThinBench, route
 
-from swarmctl.mavlink.instruments import read_instruments
-from swarmctl.mavlink.streams import NEEDLESS, Streaming
+from swarmctl.mavlink.telemetry.instruments import read_instruments
+from swarmctl.mavlink.telemetry.streams import NEEDLESS, Streaming
 from swarmctl.preflight.checks.telemetry import AT_LEAST_EVERY_S
 
 BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])

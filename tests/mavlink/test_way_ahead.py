@@ -10,7 +10,7 @@ from flying_bench import HOME
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.mission import MissionItem
 from swarmctl.core.vehicle import VehicleState
-from swarmctl.mavlink.way_ahead import WayAhead
+from swarmctl.mavlink.procedures.swap.route_progress import WayAhead
 
 FRAME = LocalFrame(*HOME)
 

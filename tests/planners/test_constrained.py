@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from every_way import all_points, front_of, small_problems, three_arms
+from brute_force import all_points, front_of, small_problems, three_arms
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from every_way import Point, all_points, found_by_some_w, front_of, small_problems, three_arms
+from brute_force import Point, all_points, found_by_some_w, front_of, small_problems, three_arms
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from every_way import TIE, small_problems, ways
+from brute_force import TIE, small_problems, ways
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

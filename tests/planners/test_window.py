@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from every_way import ways
+from brute_force import ways
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

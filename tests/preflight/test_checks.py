@@ -9,18 +9,19 @@ from typing import Any
 
 import pytest
 
-from swarmctl.config_preflight import Policy
+from swarmctl.agent.traffic.separation.approach import Limits
+from swarmctl.agent.traffic.separation.trajectory import Trajectory
+from swarmctl.config.preflight import Policy
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.mission import Approach, FlightPlan, Waypoint
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.events import Identity
-from swarmctl.mavlink.fence import fence_items
 from swarmctl.mavlink.firmware import Firmware
-from swarmctl.mavlink.instruments import GpsFix, Instruments
+from swarmctl.mavlink.procedures.fence import fence_items
+from swarmctl.mavlink.telemetry.instruments import GpsFix, Instruments
 from swarmctl.preflight.checks import CHECKS
 from swarmctl.preflight.facts import Facts, Finding, Other
 from swarmctl.preflight.policy import Intent, NoTable, Wanted, parameters_for
-from swarmctl.separation import Limits, Trajectory
 
 FRAME = LocalFrame(46.0, 14.4)
 

@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 from flights import AREA
 
-from swarmctl.agent.approach import Wings
-from swarmctl.config import Config
-from swarmctl.config_preflight import Policy
-from swarmctl.judge import judge
+from swarmctl.agent.replan.approach import Wings
+from swarmctl.config.checks import judge
+from swarmctl.config.model import Config
+from swarmctl.config.preflight import Policy
 from swarmctl.mavlink.events import Identity
 from swarmctl.mavlink.firmware import Firmware, firmware_of
 from swarmctl.preflight.policy import Intent, NoTable, Wanted, parameters_for

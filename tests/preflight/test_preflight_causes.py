@@ -10,12 +10,13 @@ from flights import Ui, fly, small
 from rich.console import Console
 from test_checks import FIT
 from test_flight import interrupting
-from troubled import Trouble, play
+from trouble import Trouble, play
 
-from swarmctl.app import ALL_IN_ONE, Report
+from swarmctl.config.scenario import Scenario
+from swarmctl.flight.app import ALL_IN_ONE
 from swarmctl.preflight import report as tables
 from swarmctl.preflight.checks import battery, route
-from swarmctl.scenario import Scenario
+from swarmctl.report.outcome import Report
 
 pytestmark = pytest.mark.virtual
 

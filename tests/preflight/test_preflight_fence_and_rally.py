@@ -10,13 +10,14 @@ from pathlib import Path
 import pytest
 from flights import Ui, fly, small
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from troubled import OTHER_STATION, Trouble, play
+from trouble import OTHER_STATION, Trouble, play
 
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.vehicle.mission import Item
-from swarmctl import virtual
-from swarmctl.app import ALL_IN_ONE, Report
+from swarmctl.flight import virtual_simulator
+from swarmctl.flight.app import ALL_IN_ONE
 from swarmctl.preflight.waivers import Waiver
+from swarmctl.report.outcome import Report
 
 pytestmark = pytest.mark.virtual
 
@@ -87,11 +88,11 @@ def deaf_to(command: int, monkeypatch: pytest.MonkeyPatch) -> None:
     def is_ack(frame: bytes) -> bool:
         return frame[7:10] == b"\x4d\0\0" and int.from_bytes(frame[10:12], "little") == command
 
-    class Dumb(virtual.Fleet):  # type: ignore[misc, name-defined]
+    class Dumb(virtual_simulator.Fleet):  # type: ignore[misc, name-defined]
         def receive(self, *args: object, **kwargs: object) -> list[tuple[int, bytes]]:
             return [(i, frame) for i, frame in super().receive(*args, **kwargs) if not is_ack(frame)]
 
-    monkeypatch.setattr(virtual, "Fleet", Dumb)
+    monkeypatch.setattr(virtual_simulator, "Fleet", Dumb)
 
 
 def test_a_fence_that_may_not_be_in_force_keeps_it_on_the_ground(
@@ -149,12 +150,12 @@ def test_who_does_not_tell_of_its_rally_points_may_have_some(
 ) -> None:
     """And nothing else of it is not known for that."""
 
-    class Dumb(virtual.Fleet):  # type: ignore[misc, name-defined]
+    class Dumb(virtual_simulator.Fleet):  # type: ignore[misc, name-defined]
         def receive(self, *args: object, **kwargs: object) -> list[tuple[int, bytes]]:
             frames = super().receive(*args, **kwargs)
             return [(i, f) for i, f in frames if f[7:10] != b"\x2c\0\0" or f[14:15] != b"\x02"]
 
-    monkeypatch.setattr(virtual, "Fleet", Dumb)
+    monkeypatch.setattr(virtual_simulator, "Fleet", Dumb)
     swarm = {"count": 1, "ready_s": 1.0, "autopilot": autopilot}
     ui = Ui()
     report = fly(small(simulate=swarm), tmp_path, manner=NEVER, ui=ui)

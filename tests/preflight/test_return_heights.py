@@ -7,10 +7,10 @@ import math
 import pytest
 from flights import small
 
+from swarmctl.config.scenario import Scenario
 from swarmctl.mavlink.firmware import Firmware
 from swarmctl.preflight.intent import intent_of
 from swarmctl.preflight.policy import Wanted, parameters_for
-from swarmctl.scenario import Scenario
 
 COPTERS = [
     (Firmware("ArduCopter", (4, 6)), "RTL_ALT", 100.0),

@@ -12,7 +12,7 @@ from sim_vehicle.conformance.checks.signing import KEY
 from sim_vehicle.conformance.registry import select
 from sim_vehicle.conformance.runner import Outcome
 from sim_vehicle.fleet import Fleet
-from sim_vehicle.scenario import default_scenario
+from sim_vehicle.scenarios import default_scenario
 
 
 def unchanged(message: Any) -> list[Any]:

@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 
 from sim_vehicle.fleet import Fleet
-from sim_vehicle.scenario import default_scenario
+from sim_vehicle.links.url import parse_url
+from sim_vehicle.scenarios import default_scenario
 from sim_vehicle.serving.pace import RealTime
 from sim_vehicle.serving.server import Server
-from sim_vehicle.url import parse_url
 from sim_vehicle.wire.outbox import Frames
 
 pytestmark = pytest.mark.interop

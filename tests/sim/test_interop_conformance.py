@@ -19,7 +19,7 @@ from serial_device import SerialDevice
 from simulator_process import Ground
 
 from sim_vehicle.conformance.sockets import open_wire
-from sim_vehicle.url import parse_url
+from sim_vehicle.links.url import parse_url
 
 pytestmark = pytest.mark.interop
 LIMIT_S = 60.0

@@ -23,7 +23,7 @@ from simulator_process import (
 from sim_vehicle.links import Ends, make_link
 from sim_vehicle.links.stream import Stream
 from sim_vehicle.links.udp import MAX_PEERS
-from sim_vehicle.url import parse_url
+from sim_vehicle.links.url import parse_url
 
 pytestmark = pytest.mark.interop
 

@@ -21,7 +21,7 @@ from simulator_process import LIMIT_S, free_tcp_port, udp_socket
 
 from sim_vehicle.links import Ends, Link, LinkError, make_link
 from sim_vehicle.links.stream import Stream
-from sim_vehicle.url import parse_url
+from sim_vehicle.links.url import parse_url
 
 pytestmark = pytest.mark.interop
 Result = TypeVar("Result")

@@ -13,8 +13,8 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.run.station import Station
-from sim_vehicle.scenario import ScenarioError
+from sim_vehicle.scenarios import ScenarioError
+from sim_vehicle.station.client import Station
 from sim_vehicle.testing.rig import Clock, NotWithinTimeError, Rig, Swarm, Vehicle, scenario_for
 from sim_vehicle.testing.served import Link
 

@@ -14,7 +14,7 @@ from scipy import stats
 from sim_vehicle.faults import FAULTS
 from sim_vehicle.faults.schedule import Patient, Schedule
 from sim_vehicle.faults.spec import parse_fault
-from sim_vehicle.vehicle.afflictions import Afflictions
+from sim_vehicle.vehicle.injected_faults import Afflictions
 from sim_vehicle.wire.channel import Channel, Direction
 
 UP, DOWN = Direction.TO_VEHICLE, Direction.FROM_VEHICLE

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_vehicle.checks import CHECKS, View
-from sim_vehicle.run.geometry import outside_m
-from sim_vehicle.run.judging import Judge
-from sim_vehicle.scenario import default_scenario
-from sim_vehicle.scenario.plan import FenceShape
-from sim_vehicle.scenario.steps import CheckSpec
+from sim_vehicle.scenarios import default_scenario
+from sim_vehicle.scenarios.checks import CHECKS, View
+from sim_vehicle.scenarios.geometry import outside_m
+from sim_vehicle.scenarios.judging import Judge
+from sim_vehicle.scenarios.plan import FenceShape
+from sim_vehicle.scenarios.steps import CheckSpec
 
 N = 3
 SCENARIO = default_scenario(N, home=(46.0, 14.5, 300.0))

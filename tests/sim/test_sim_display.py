@@ -13,16 +13,16 @@ from typer import Typer
 from typer.testing import CliRunner
 
 from sim_vehicle.fleet import Fleet
-from sim_vehicle.run.command import run
-from sim_vehicle.run.judging import Failure
-from sim_vehicle.run.report import folded, show, write_verdict
-from sim_vehicle.run.runner import CheckEnd, VehicleEnd, Verdict
+from sim_vehicle.links.url import parse_url
+from sim_vehicle.scenarios.command import run
+from sim_vehicle.scenarios.judging import Failure
+from sim_vehicle.scenarios.report import folded, show, write_verdict
+from sim_vehicle.scenarios.runner import CheckEnd, VehicleEnd, Verdict
 from sim_vehicle.serving.columns import GAP, Column, fitting, one_line, table
 from sim_vehicle.serving.display import Display
 from sim_vehicle.serving.options import FleetOptions, make_scenario
 from sim_vehicle.serving.pace import ByHand
 from sim_vehicle.serving.server import Server
-from sim_vehicle.url import parse_url
 
 PROPERTY = settings(derandomize=True, deadline=None, max_examples=150)
 WORDS = st.text(st.characters(min_codepoint=33, max_codepoint=126), min_size=1, max_size=30)

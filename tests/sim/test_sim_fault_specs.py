@@ -14,7 +14,7 @@ from sim_vehicle.faults.failure_command import inject_failure
 from sim_vehicle.faults.schedule import Patient, Schedule
 from sim_vehicle.faults.sim_parameters import faults_of
 from sim_vehicle.faults.spec import FaultError, FaultSpec, describe, help_text, parse_fault
-from sim_vehicle.vehicle.afflictions import Afflictions, ModeStuck
+from sim_vehicle.vehicle.injected_faults import Afflictions, ModeStuck
 from sim_vehicle.wire.channel import Channel
 
 

@@ -21,7 +21,7 @@ from station import (
 from sim_vehicle.faults import FAULTS
 from sim_vehicle.faults.spec import FaultError, parse_fault
 from sim_vehicle.fleet import Fleet
-from sim_vehicle.scenario import default_scenario
+from sim_vehicle.scenarios import default_scenario
 
 GUIDED, AUTO, RTL, LAND = 4, 3, 6, 9
 POSITION = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT

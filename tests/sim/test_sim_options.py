@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim_vehicle.fleet import Fleet
+from sim_vehicle.links.url import Url, UrlError, parse_url
 from sim_vehicle.serving.options import (
     FleetOptions,
     OptionError,
@@ -18,7 +19,6 @@ from sim_vehicle.serving.options import (
     parse_wind,
     read_param_file,
 )
-from sim_vehicle.url import Url, UrlError, parse_url
 
 PROPERTY = settings(derandomize=True, deadline=None, max_examples=60)
 

@@ -30,7 +30,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import ALT_M, Station, takeoff, waypoint
 
 from sim_vehicle.fleet import Fleet
-from sim_vehicle.scenario import Scenario
+from sim_vehicle.scenarios import Scenario
 
 FORCED_DISARM = (0, 21_196)
 

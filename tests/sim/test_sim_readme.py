@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from sim_vehicle.checks import CHECKS, COMMON
 from sim_vehicle.faults import FAULTS
-from sim_vehicle.run.runner import Run
-from sim_vehicle.scenario import Area, Gps, Scenario, VehicleSpec, Wind
-from sim_vehicle.scenario.file import Home, Shorthand, parse_scenario
-from sim_vehicle.scenario.plan import Circle, FenceShape, Jump, Land, Leg, Loiter, RawItem, Takeoff, Waypoint
-from sim_vehicle.scenario.steps import GoTo, RawCommand, Step
+from sim_vehicle.scenarios import Area, Gps, Scenario, VehicleSpec, Wind
+from sim_vehicle.scenarios.checks import CHECKS, COMMON
+from sim_vehicle.scenarios.file import Home, Shorthand, parse_scenario
+from sim_vehicle.scenarios.plan import Circle, FenceShape, Jump, Land, Leg, Loiter, RawItem, Takeoff, Waypoint
+from sim_vehicle.scenarios.runner import Run
+from sim_vehicle.scenarios.steps import GoTo, RawCommand, Step
 from sim_vehicle.testing.rig import Clock, Vehicle, VehicleTruth, scenario_for
 from sim_vehicle.testing.served import Link
 

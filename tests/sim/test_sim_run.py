@@ -13,11 +13,11 @@ from pymavlink import mavutil
 from typer.testing import CliRunner, Result
 
 from sim_vehicle.epoch import EPOCH_US
-from sim_vehicle.run.command import run
-from sim_vehicle.run.runner import Run, Verdict
-from sim_vehicle.run.shipped import FOLDER, shipped
-from sim_vehicle.scenario import Scenario, load_scenario
-from sim_vehicle.scenario.file import parse_scenario
+from sim_vehicle.scenarios import Scenario, load_scenario
+from sim_vehicle.scenarios.command import run
+from sim_vehicle.scenarios.file import parse_scenario
+from sim_vehicle.scenarios.runner import Run, Verdict
+from sim_vehicle.scenarios.shipped import FOLDER, shipped
 
 HOME = "home: {lat_deg: 46.0490, lon_deg: 14.5060, alt_amsl_m: 300}\nready_s: 0\n"
 HOP = (

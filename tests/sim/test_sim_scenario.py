@@ -14,16 +14,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.checks import CHECKS
 from sim_vehicle.faults.spec import parse_fault
+from sim_vehicle.links.url import Url, UrlError, parse_url
 from sim_vehicle.physics.geodesy import LocalFrame
-from sim_vehicle.run.shipped import FOLDER as SHIPPED
-from sim_vehicle.scenario import Scenario, ScenarioError, default_scenario, load_scenario
-from sim_vehicle.scenario.file import parse_scenario
-from sim_vehicle.scenario.plan import Leg, PlanWriter
-from sim_vehicle.scenario.schema import file_schema
-from sim_vehicle.scenario.steps import Step
-from sim_vehicle.url import Url, UrlError, parse_url
+from sim_vehicle.scenarios import Scenario, ScenarioError, default_scenario, load_scenario
+from sim_vehicle.scenarios.checks import CHECKS
+from sim_vehicle.scenarios.file import parse_scenario
+from sim_vehicle.scenarios.plan import Leg, PlanWriter
+from sim_vehicle.scenarios.schema import file_schema
+from sim_vehicle.scenarios.shipped import FOLDER as SHIPPED
+from sim_vehicle.scenarios.steps import Step
 
 VEHICLE = {"sysid": 1, "lat_deg": 46.0, "lon_deg": 14.5, "alt_amsl_m": 10.0}
 AREA = {"origin_lat_deg": 46.0, "origin_lon_deg": 14.5, "rows": 20, "cols": 20, "cell_size_m": 50.0}

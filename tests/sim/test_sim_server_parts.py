@@ -14,13 +14,13 @@ from rich.console import Console
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.links import LinkError
 from sim_vehicle.links.base import cannot_open
+from sim_vehicle.links.url import parse_url
 from sim_vehicle.serving.display import Display
-from sim_vehicle.serving.hand import Hand
 from sim_vehicle.serving.lateness import Lateness
+from sim_vehicle.serving.manual_clock import Hand
 from sim_vehicle.serving.options import FleetOptions, make_scenario
 from sim_vehicle.serving.pace import ByHand
 from sim_vehicle.serving.server import DATAGRAM_BYTES, Server, joined
-from sim_vehicle.url import parse_url
 
 PROPERTY = settings(derandomize=True, deadline=None, max_examples=50)
 FRAMES = st.lists(st.tuples(st.integers(0, 4), st.binary(min_size=1, max_size=300)), max_size=40)

@@ -25,7 +25,7 @@ from transfer_bench import (
     waypoints,
 )
 
-from sim_vehicle.vehicle.afflictions import MissionRefusal
+from sim_vehicle.vehicle.injected_faults import MissionRefusal
 
 OTHER = (254, 190)
 ACCEPTED, ERROR, UNSUPPORTED_FRAME, UNSUPPORTED, NO_SPACE = 0, 1, 2, 3, 4

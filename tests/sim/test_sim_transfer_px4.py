@@ -24,7 +24,7 @@ from transfer_bench import (
     waypoints,
 )
 
-from sim_vehicle.vehicle.afflictions import MissionRefusal
+from sim_vehicle.vehicle.injected_faults import MissionRefusal
 
 OTHER = (254, 190)
 ACCEPTED, ERROR, UNSUPPORTED, UNSUPPORTED_FRAME = 0, 1, 3, 2

@@ -13,7 +13,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.epoch import EPSILON_S
-from sim_vehicle.vehicle.afflictions import MissionRefusal
+from sim_vehicle.vehicle.injected_faults import MissionRefusal
 from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.transfer.stores import Store
 from sim_vehicle.vehicle.transfer.wire import (

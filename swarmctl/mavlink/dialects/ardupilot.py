@@ -12,10 +12,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, MissionItem
-from swarmctl.mavlink.command import Command, CommandResult
-from swarmctl.mavlink.conversation import Conversation, Peer
 from swarmctl.mavlink.dialects.base import Readiness
 from swarmctl.mavlink.dialects.plan import LAND, TAKEOFF, WAYPOINT, differences, item_at, track_to_land
+from swarmctl.mavlink.protocol.command import Command, CommandResult
+from swarmctl.mavlink.protocol.conversation import Conversation, Peer
 
 RELATIVE = int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT)
 HOME = MissionItem(WAYPOINT, int(mavlink.MAV_FRAME_GLOBAL), 0, 0, 0.0)

@@ -8,9 +8,9 @@ from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from swarmctl.core.any_angle.turns import tangent
 from swarmctl.core.geo import LatLon, LocalFrame
 from swarmctl.core.mission import Approach, FlightPlan, MissionItem
-from swarmctl.core.turns import tangent
 from swarmctl.mavlink.dialects.ardupilot import HOME, RELATIVE, ArduPilot, modes
 from swarmctl.mavlink.dialects.plan import (
     LAND,

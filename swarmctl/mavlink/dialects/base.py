@@ -8,8 +8,8 @@ from typing import Protocol
 
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, MissionItem
-from swarmctl.mavlink.command import CommandResult
-from swarmctl.mavlink.conversation import Conversation, Peer
+from swarmctl.mavlink.protocol.command import CommandResult
+from swarmctl.mavlink.protocol.conversation import Conversation, Peer
 
 
 class Unsupported(Exception):

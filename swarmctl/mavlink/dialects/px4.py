@@ -13,11 +13,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
-from swarmctl.mavlink.command import CommandResult
-from swarmctl.mavlink.conversation import Conversation, Peer
 from swarmctl.mavlink.dialects.base import Readiness
 from swarmctl.mavlink.dialects.plan import LAND, TAKEOFF, WAYPOINT, differences, item_at, track_to_land
-from swarmctl.mavlink.mission_current import SetCurrent
+from swarmctl.mavlink.protocol.command import CommandResult
+from swarmctl.mavlink.protocol.conversation import Conversation, Peer
+from swarmctl.mavlink.protocol.mission_current import SetCurrent
 
 _AUTO = 4
 # Main and sub mode; custom_mode is sub << 24 | main << 16.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from swarmctl.mavlink.fence import fence_differences, fence_items
+from swarmctl.mavlink.procedures.fence import fence_differences, fence_items
 from swarmctl.preflight.facts import Facts, Finding
 
 NAME = "fence"

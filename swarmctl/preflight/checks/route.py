@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 
-from swarmctl.agent.approach import pattern_of
+from swarmctl.agent.replan.approach import pattern_of
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.plane import Point, stays_inside
 from swarmctl.preflight.facts import Facts, Finding, no_route

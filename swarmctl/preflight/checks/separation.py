@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from swarmctl.agent.traffic.separation.approach import closest, intervals
 from swarmctl.preflight.facts import Facts, Finding, Other
-from swarmctl.separation import closest, intervals
 
 NAME = "separation"
 WAIVABLE = True

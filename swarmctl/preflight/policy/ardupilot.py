@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from swarmctl.agent.approach import Wings
+from swarmctl.agent.replan.approach import Wings
 from swarmctl.preflight.policy import copter_flight
 from swarmctl.preflight.policy.intent import Intent, ceiling, cruise
 from swarmctl.preflight.policy.wanted import NoTable, Version, Wanted, above_zero, exactly, one

@@ -11,10 +11,10 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
-from swarmctl.agent.bounds import CLIMB_M_S
-from swarmctl.agent.flight_path import DESCENT_M_S, LAND_M_S, LOW_M
-from swarmctl.agent.pace import ACCELERATION_M_S2, CORNER_RADIUS_M
-from swarmctl.core.returns import FASTER
+from swarmctl.agent.replan.arrival_bounds import CLIMB_M_S
+from swarmctl.agent.replan.flight_path import DESCENT_M_S, LAND_M_S, LOW_M
+from swarmctl.agent.replan.travel_time import ACCELERATION_M_S2, CORNER_RADIUS_M
+from swarmctl.agent.traffic.return_turns import FASTER
 from swarmctl.preflight.policy.intent import Intent, cruises
 from swarmctl.preflight.policy.wanted import Version, Wanted, exactly
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from swarmctl.agent.approach import Wings
-from swarmctl.config_preflight import Policy
-from swarmctl.core.returns import CLIMBS_TO_M
+from swarmctl.agent.replan.approach import Wings
+from swarmctl.agent.traffic.return_turns import CLIMBS_TO_M
+from swarmctl.config.preflight import Policy
 from swarmctl.preflight.policy.wanted import Wanted
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from swarmctl.agent.approach import Wings
-from swarmctl.agent.pace import CORNER_RADIUS_M
+from swarmctl.agent.replan.approach import Wings
+from swarmctl.agent.replan.travel_time import CORNER_RADIUS_M
 from swarmctl.preflight.policy.intent import Intent, ceiling, cruise, cruises
 from swarmctl.preflight.policy.wanted import NoTable, Version, Wanted, exactly, one
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from swarmctl.mavlink.parameters import equal
+from swarmctl.mavlink.protocol.parameters import equal
 
 Version = tuple[int, int]
 LEAST = 1e-6

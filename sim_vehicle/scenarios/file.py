@@ -1,0 +1,327 @@
+"""From a scenario file to a Scenario: short forms written out, every finding with its line and its cure."""
+
+import difflib
+import inspect
+import typing
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from sim_vehicle.personalities import PERSONALITIES
+from sim_vehicle.physics.geodesy import LocalFrame
+from sim_vehicle.scenarios.base import Altitude, Latitude, Length, Longitude, Metres, Section
+from sim_vehicle.scenarios.model import Finding, MisfitError, Scenario
+from sim_vehicle.scenarios.steps import Step
+from sim_vehicle.scenarios.yaml_lines import Document, FileSyntaxError, KeyPath, parse
+
+SPACING_M = 5.0  # between vehicles that are only counted, eastward
+PER_LINK = 250
+PLACE = ("lat_deg", "lon_deg", "alt_amsl_m")
+Model = TypeVar("Model", bound=BaseModel)
+SHORT_FORMS = ("count", "spacing_m", "east_m", "north_m")
+SECTION_TYPES = ("model_type", "model_attributes_type", "dict_type")
+# What pydantic finds, in the words of somebody who writes a file.
+WANTED = {
+    **dict.fromkeys(SECTION_TYPES, "must be a section with keys"),
+    **dict.fromkeys(("list_type", "tuple_type"), "must be a list: `[one, another]`, or a line `- one` each"),
+    **dict.fromkeys(("float_type", "float_parsing"), "must be a number"),
+    **dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "must be a whole number"),
+    "finite_number": "must be a finite number",
+    "bool_type": "must be true or false",
+    "bool_parsing": "must be true or false",
+    "string_type": "must be text",
+    "literal_error": "must be {expected}",
+    "greater_than_equal": "must be at least {ge:g}",
+    "greater_than": "must be more than {gt:g}",
+    "less_than_equal": "must be at most {le:g}",
+    "less_than": "must be less than {lt:g}",
+    "too_short": "must have {min_length} or more in it",
+    "too_long": "must have {max_length} at most in it",
+}
+
+
+class ScenarioError(ValueError):
+    """The scenario cannot be used; the text says where and why, one line a finding."""
+
+
+class Home(Section):
+    lat_deg: Latitude
+    lon_deg: Longitude
+    alt_amsl_m: Altitude = 10.0
+
+
+NOWHERE = Home(lat_deg=0.0, lon_deg=0.0)
+
+
+class Shorthand(BaseModel):
+    """The keys of a vehicle that stand for others: `count` alike, side by side, metres from `home`."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    count: Annotated[int, Field(strict=True, ge=1, le=10_000)] = 1
+    spacing_m: Length = SPACING_M
+    east_m: Metres = 0.0
+    north_m: Metres = 0.0
+
+
+def load_scenario(path: Path, *, flown: bool = False) -> Scenario:
+    """Read and check a scenario file, YAML or JSON; ScenarioError lists all that is wrong with it.
+
+    `flown`: it is to be run by itself, so that something has to happen in it.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ScenarioError(f"{path}: cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        raise ScenarioError(f"{path}: is not UTF-8 text") from error
+    return parse_scenario(text, str(path), default_name=path.stem, flown=flown)
+
+
+def parse_scenario(text: str, where: str, *, default_name: str = "", flown: bool = False) -> Scenario:
+    """Check the text of a scenario file; `where` begins each line of a ScenarioError."""
+    try:
+        document = parse(text, as_json=where.endswith(".json"))
+    except FileSyntaxError as error:
+        raise ScenarioError(f"{where}:{error.line}: {error.text}") from error
+    if not isinstance(document.data, dict):
+        raise ScenarioError(
+            f"{where}:1: a scenario is a mapping with `vehicles`, found {document.data!r:.60}"
+        )
+    findings, data, sources = _written_out(document.data)
+    if data.get("name", "") == "":
+        data["name"] = default_name
+    try:
+        scenario = Scenario.model_validate(data, context={"whole": True, "flown": flown})
+        if not findings:
+            return scenario
+    except ValidationError as error:
+        findings += _findings(error, sources)
+    raise ScenarioError("\n".join(_lines(findings, document, where)))
+
+
+def parse_data(data: dict[str, Any]) -> Scenario:
+    """A scenario without short forms; ScenarioError lists all that is wrong with it."""
+    try:
+        return Scenario.model_validate(data)
+    except ValidationError as error:
+        lines = [f"{'.'.join(map(str, path))}: {text}" for path, text in _findings(error, [])]
+        raise ScenarioError("\n".join(line.removeprefix(": ") for line in lines)) from None
+
+
+def read_step(action: str, value: Any) -> Step:
+    """One step of a script by its name and what is behind it; ScenarioError says what is wrong with it."""
+    actions = [name for name in Step.choices() if name != "heartbeat"]  # which is nothing a vehicle does
+    if action not in actions:
+        near = difflib.get_close_matches(str(action), actions, n=1)
+        cure = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(actions)}"
+        raise ScenarioError(f"no such action: {action!r}; {cure}")
+    try:
+        return Step.model_validate({action: value})
+    except ValidationError as error:
+        words = [f"{'.'.join(map(str, path))}: {text}" for path, text in _findings(error, [], Step)]
+        raise ScenarioError("\n".join(word.removeprefix(": ") for word in words)) from None
+
+
+def _written_out(data: dict[Any, Any]) -> tuple[list[Finding], dict[Any, Any], list[int]]:
+    """Without `home`, `count` and metres: findings, the data, and each vehicle's place in the file.
+
+    What is wrong with them is found here; the data then go on with something in its place, so that what is
+    wrong elsewhere is found as well.
+    """
+    findings: list[Finding] = []
+    rest = {key: value for key, value in data.items() if key not in ("home", "count")}
+    home = (_checked(Home, data["home"], ("home",), findings) or NOWHERE) if "home" in data else None
+    if "count" in data:
+        if "vehicles" in data:
+            findings.append((("count",), "`count` is short for `vehicles: [{count: ...}]`; keep one of them"))
+        else:
+            rest["vehicles"] = [{"count": data["count"]}]
+    entries = rest.get("vehicles")
+    counted = "count" in data and "vehicles" not in data
+    if not isinstance(entries, list):
+        return findings, rest, []
+    vehicles: list[Any] = []
+    sources: list[int] = []
+    used: dict[int, int] = {}  # link -> last system id given
+    for index, entry in enumerate(entries):
+        where = () if counted else ("vehicles", index)
+        made = _vehicles(entry, home, where, used, findings) if isinstance(entry, dict) else [entry]
+        vehicles += made
+        sources += [index] * len(made)
+    return findings, {**rest, "vehicles": vehicles}, sources
+
+
+def _vehicles(
+    entry: dict[Any, Any], home: Home | None, where: KeyPath, used: dict[int, int], findings: list[Finding]
+) -> list[dict[Any, Any]]:
+    """The vehicles that one entry of the list stands for."""
+    short = _checked(Shorthand, entry, where, findings) or Shorthand()
+    rest = {key: value for key, value in entry.items() if key not in SHORT_FORMS}
+    offsets = [key for key in ("east_m", "north_m") if key in entry]
+    if "lat_deg" in entry or "lon_deg" in entry:
+        if offsets:
+            findings.append(
+                ((*where, offsets[0]), "metres are from `home`; keep them or lat_deg and lon_deg")
+            )
+        if short.count == 1 and "sysid" in entry:
+            return [rest]
+        home = _checked(Home, {key: entry[key] for key in PLACE if key in entry}, where, findings)
+    elif home is None:
+        findings.append((where, "a vehicle needs lat_deg and lon_deg, or the scenario a `home` to stand at"))
+    home = home or NOWHERE
+    frame = LocalFrame(home.lat_deg, home.lon_deg)
+    numbers = _numbers(entry, short.count, used)
+    return [
+        {
+            "alt_amsl_m": home.alt_amsl_m,
+            **rest,
+            **number,
+            **dict(
+                zip(
+                    PLACE,
+                    frame.point_to_geodetic(short.east_m + i * short.spacing_m, short.north_m),
+                    strict=False,
+                )
+            ),
+        }
+        for i, number in enumerate(numbers)
+    ]
+
+
+def _numbers(entry: dict[Any, Any], count: int, used: dict[int, int]) -> list[dict[str, Any]]:
+    """System ids and links for `count` vehicles: from `sysid` on, else the next free ones."""
+    link, first = entry.get("link", 0), entry.get("sysid")
+    if not isinstance(link, int) or not isinstance(first, int | None):
+        return [{"sysid": first or 1}]  # the model says what is wrong with it
+    if first is not None:
+        used[link] = max(used.get(link, 0), first + count - 1)
+        return [{"sysid": first + i} for i in range(count)]
+    begin = used.get(link, 0)
+    used[link] = begin + count
+    return [{"sysid": n % PER_LINK + 1, "link": link + n // PER_LINK} for n in range(begin, begin + count)]
+
+
+def _checked(model: type[Model], data: Any, where: KeyPath, findings: list[Finding]) -> Model | None:
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        findings += [((*where, *path), text) for path, text in _findings(error, [], model)]
+        return None
+
+
+def _findings(error: ValidationError, sources: list[int], model: type[BaseModel] = Scenario) -> list[Finding]:
+    found: list[Finding] = []
+    for detail in error.errors():
+        cause = detail.get("ctx", {}).get("error")
+        if isinstance(cause, MisfitError):
+            misfits = [(_in_file(path, sources), text) for path, text in cause.findings]
+            found += [finding for finding in dict.fromkeys(misfits) if finding not in found]
+            continue
+        loc = tuple(part for part in detail["loc"] if part != "kind")
+        path = _in_file(loc, sources)
+        for text in _words(detail, loc, model).split("\n"):
+            if (path, text) not in found:
+                found.append((path, text))
+    return found
+
+
+def _in_file(path: KeyPath, sources: list[int]) -> KeyPath:
+    """The place in the file of a place in the scenario: vehicles that are counted have one entry."""
+    if len(path) > 1 and path[0] == "vehicles" and isinstance(path[1], int) and sources:
+        return ("vehicles", sources[path[1]], *path[2:])
+    return path
+
+
+def _words(detail: Any, loc: KeyPath, model: type[BaseModel]) -> str:
+    if detail["type"] == "extra_forbidden":
+        allowed = _keys_at(model, loc[:-1])
+        near = difflib.get_close_matches(str(loc[-1]), allowed, n=1)
+        return "no such key" + (
+            f"; did you mean `{near[0]}`?" if near else f"; known are {', '.join(allowed)}"
+        )
+    if detail["type"] == "missing":
+        return "is missing; add it"
+    if detail["type"] == "value_error":
+        return str(detail["msg"].removeprefix("Value error, "))
+    found = detail["input"]
+    written = "nothing" if found is None or found == {} else repr(found)
+    wanted = WANTED.get(detail["type"])
+    if wanted is None:
+        return f"{detail['msg'][0].lower()}{detail['msg'][1:]}, found {written:.60}"
+    section = _section_at(model, loc) if detail["type"] in SECTION_TYPES else None
+    if section is not None and not section.model_fields:
+        return f"takes nothing behind it, found {written:.60}"
+    keys = f" ({', '.join(section.model_fields)})" if section is not None else ""
+    return f"{wanted.format(**detail.get('ctx', {}))}{keys}, found {written:.60}"
+
+
+def _keys_at(model: Any, loc: KeyPath) -> list[str]:
+    """The keys that the section at `loc` may have."""
+    section = _section_at(model, loc)
+    return list(section.model_fields) if section is not None else []
+
+
+def _section_at(model: Any, loc: KeyPath) -> type[BaseModel] | None:
+    annotation: Any = model
+    for part in loc:
+        section = section_of(annotation)
+        if isinstance(part, str) and section is not None:
+            field = section.model_fields.get(part)
+            annotation = field.annotation if field is not None else None
+    return section_of(annotation)
+
+
+def section_of(annotation: Any) -> type[BaseModel] | None:
+    """The model inside an annotation like `Annotated[list[Model], ...] | None`."""
+    if inspect.isclass(annotation) and issubclass(annotation, BaseModel):
+        return annotation
+    for inner in typing.get_args(annotation):
+        if (found := section_of(inner)) is not None:
+            return found
+    return None
+
+
+def _lines(findings: list[Finding], document: Document, where: str) -> list[str]:
+    lines = []
+    for path, text in sorted(findings, key=lambda finding: document.line_of(finding[0])):
+        name = ".".join(str(part) for part in path)
+        lines.append(f"{where}:{document.line_of(path)}: {f'{name}: ' if name else ''}{text}")
+    return lines
+
+
+def default_scenario(
+    count: int,
+    *,
+    home: tuple[float, float, float],
+    first_sysid: int = 1,
+    seed: int = 0,
+    personality: str = "ardupilot",
+    kind: str = "copter",
+    per_link: int = PER_LINK,
+) -> Scenario:
+    """`count` vehicles side by side, eastward from home (latitude, longitude [deg], altitude [m]).
+
+    Each `per_link` of them share a link, where system ids begin with `first_sysid` again. The personality
+    "mixed" is all of them in turn.
+    """
+    lat_deg, lon_deg, alt_amsl_m = home
+    frame = LocalFrame(lat_deg, lon_deg)
+    names = tuple(PERSONALITIES) if personality == "mixed" else (personality,)
+    vehicles = []
+    for i in range(count):
+        lat, lon = frame.point_to_geodetic(i * SPACING_M, 0.0)
+        name = names[i % len(names)]
+        vehicles.append(
+            {
+                "sysid": first_sysid + i % per_link,
+                "lat_deg": lat,
+                "lon_deg": lon,
+                "alt_amsl_m": alt_amsl_m,
+                "personality": name,
+                "kind": kind,
+                "link": i // per_link,
+            }
+        )
+    return parse_data({"seed": seed, "vehicles": vehicles})

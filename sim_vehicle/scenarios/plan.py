@@ -1,0 +1,301 @@
+"""Missions and fences as a scenario writes them: in metres from where the vehicle stands."""
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Any, Self
+
+from pydantic import BeforeValidator, Field, model_validator
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.physics.geodesy import LocalFrame
+from sim_vehicle.scenarios.base import Length, Metres, Nothing, Number, OneOf, Seconds, Section
+from sim_vehicle.vehicle.mission import NAVIGATION, Item
+
+Height = Annotated[float, Field(strict=True, gt=0, le=10_000)]
+LANDINGS = frozenset(
+    {mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_VTOL_LAND, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH}
+)
+NARROWEST_M = 0.02  # of a polygon: the wire's unit of 1e-7 degrees is 1.1 cm
+MOST_NUMBER = {"MAV_CMD_": 0xFFFF, "MAV_FRAME_": 0xFF}  # that fits on the wire
+
+
+class Point(Section):
+    """Metres east and north of the vehicle's start."""
+
+    east_m: Metres
+    north_m: Metres
+
+
+class Waypoint(Point):
+    """A place in the air; heights are above home."""
+
+    height_m: Height
+    hold_s: Seconds = 0.0
+
+
+class Takeoff(Section):
+    """Climb; a plane does it toward a place, if one is given. A number alone is the height."""
+
+    height_m: Height
+    east_m: Metres = 0.0
+    north_m: Metres = 0.0
+
+
+class Loiter(Point):
+    """Circle (a copter stays) at a place for a number of turns, a time, or for ever."""
+
+    height_m: Height
+    turns: Annotated[float, Field(strict=True, gt=0, le=255)] | None = None
+    for_s: Seconds | None = None
+    radius_m: Number = 0.0  # 0: the vehicle's own; negative: counter-clockwise
+
+    @model_validator(mode="after")
+    def _one_end(self) -> Self:
+        if self.turns is not None and self.for_s is not None:
+            raise ValueError("a loiter ends after `turns` or `for_s`, not both")
+        return self
+
+
+class Land(Section):
+    """Land at a place, or where the leg before leads to."""
+
+    east_m: Metres | None = None
+    north_m: Metres | None = None
+
+    @model_validator(mode="after")
+    def _both_or_none(self) -> Self:
+        if (self.east_m is None) != (self.north_m is None):
+            raise ValueError("a place needs both `east_m` and `north_m`")
+        return self
+
+
+class Jump(Section):
+    """Go back to the entry of the mission with this number (the first is 1), so many times."""
+
+    to: Annotated[int, Field(strict=True, ge=1, le=65_534)]
+    times: Annotated[int, Field(strict=True, ge=-1, le=32_767)] = 1
+
+
+class RawItem(Section):
+    """Any mission command; the place in metres from the start, z as the frame has it."""
+
+    command: str | int
+    frame: str | int = "GLOBAL_RELATIVE_ALT"
+    param1: Number = 0.0
+    param2: Number = 0.0
+    param3: Number = 0.0
+    param4: Number = 0.0
+    east_m: Metres | None = None
+    north_m: Metres | None = None
+    z: Number = 0.0
+
+    @model_validator(mode="after")
+    def _known(self) -> Self:
+        number("MAV_CMD_", self.command)
+        number("MAV_FRAME_", self.frame)
+        return self
+
+
+def _height_alone(value: Any) -> Any:
+    return {"height_m": value} if isinstance(value, int | float) else value
+
+
+class Leg(OneOf):
+    """One entry of a mission."""
+
+    takeoff: Annotated[Takeoff, BeforeValidator(_height_alone)] | None = None
+    waypoint: Waypoint | None = None
+    loiter: Loiter | None = None
+    speed_m_s: Annotated[float, Field(strict=True, gt=0, le=200)] | None = None
+    delay_s: Seconds | None = None
+    jump: Jump | None = None
+    rtl: Nothing | None = None
+    land: Land | None = None
+    item: RawItem | None = None
+
+    @property
+    def flown(self) -> bool:
+        """Whether it takes the vehicle somewhere, or keeps it there, and is not done on the way."""
+        if self.item is not None:
+            return number("MAV_CMD_", self.item.command) in NAVIGATION
+        return self.speed_m_s is None and self.jump is None
+
+    @property
+    def lands(self) -> bool:
+        """Whether the vehicle is down after it."""
+        if self.item is not None:
+            return number("MAV_CMD_", self.item.command) in LANDINGS
+        return self.rtl is not None or self.land is not None
+
+    @property
+    def returns(self) -> bool:
+        if self.item is not None:
+            return number("MAV_CMD_", self.item.command) == int(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
+        return self.rtl is not None
+
+    def place(self) -> tuple[float, float] | None:
+        """East and north [m] of where this leg leads, if it names a place."""
+        if not self.flown:  # a region of interest is a place as well
+            return None
+        for where in (self.takeoff, self.waypoint, self.loiter, self.land, self.item):
+            if where is not None and where.east_m is not None and where.north_m is not None:
+                return where.east_m, where.north_m
+        return None
+
+
+class Circle(Point):
+    radius_m: Length
+
+
+class FenceShape(OneOf):
+    """One part of a fence; polygons are lists of [east, north] in metres from the vehicle's start."""
+
+    keep_in: Annotated[tuple[tuple[Metres, Metres], ...], Field(min_length=3, max_length=70)] | None = None
+    keep_out: Annotated[tuple[tuple[Metres, Metres], ...], Field(min_length=3, max_length=70)] | None = None
+    keep_in_circle: Circle | None = None
+    keep_out_circle: Circle | None = None
+
+    @model_validator(mode="after")
+    def _has_an_inside(self) -> Self:
+        corners = self.keep_in or self.keep_out
+        if corners is not None and _width_m(corners) < NARROWEST_M:
+            raise ValueError(
+                "all corners of this polygon are on one line, so nothing is inside; move one off it"
+            )
+        return self
+
+    @property
+    def inclusion(self) -> bool:
+        return self.keep_in is not None or self.keep_in_circle is not None
+
+
+def _width_m(corners: Sequence[tuple[float, float]]) -> float:
+    """How far the corners are off the line from the first one to that farthest from it."""
+    first = corners[0]
+    farthest = max(corners, key=lambda corner: math.dist(first, corner))
+    length_m = math.dist(first, farthest)
+    if length_m == 0:
+        return 0.0
+    east, north = (farthest[0] - first[0]) / length_m, (farthest[1] - first[1]) / length_m
+    return max(abs(east * (c[1] - first[1]) - north * (c[0] - first[0])) for c in corners)
+
+
+def number(prefix: str, value: str | int) -> int:
+    """The number of a MAVLink enumeration's member, by number or by name with or without its prefix."""
+    if isinstance(value, int):
+        if not 0 <= value <= MOST_NUMBER[prefix]:
+            raise ValueError(f"a {prefix}* is a number from 0 to {MOST_NUMBER[prefix]}, found {value!r:.60}")
+        return value
+    members = {entry.name: found for found, entry in mavlink.enums[prefix.removesuffix("_")].items()}
+    name = value if value.startswith(prefix) else prefix + value
+    if name not in members or name == f"{prefix}ENUM_END":
+        raise ValueError(f"{value!r} is no {prefix}*; write a name of the MAVLink enumeration, or its number")
+    return int(members[name])
+
+
+class PlanWriter:
+    """Turns legs and shapes into items of the wire, around one vehicle's start [deg]."""
+
+    def __init__(self, lat_deg: float, lon_deg: float) -> None:
+        self._frame = LocalFrame(lat_deg, lon_deg)
+
+    def place(self, east_m: float, north_m: float) -> tuple[int, int]:
+        """Latitude and longitude [1e-7 deg]."""
+        lat_deg, lon_deg = self._frame.point_to_geodetic(east_m, north_m)
+        return round(lat_deg * 1e7), round(lon_deg * 1e7)
+
+    def mission(self, legs: Sequence[Leg], *, home_first: bool) -> list[Item]:
+        """`home_first`: item 0 is a placeholder for home (ArduPilot)."""
+        items = [self._at(mavlink.MAV_CMD_NAV_WAYPOINT, 0.0, 0.0, 0.0)] if home_first else []
+        first, before = len(items), (0.0, 0.0)
+        for leg in legs:
+            place = leg.place() or before
+            items.append(self._item(leg, place, first=first))
+            before = place
+        return items
+
+    def fence(self, shapes: Sequence[FenceShape]) -> list[Item]:
+        items: list[Item] = []
+        for shape in shapes:
+            polygon, circle = shape.keep_in or shape.keep_out, shape.keep_in_circle or shape.keep_out_circle
+            if polygon is not None:
+                command = (
+                    mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
+                    if shape.inclusion
+                    else mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION
+                )
+                items += [self._vertex(command, len(polygon), *corner) for corner in polygon]
+            elif circle is not None:
+                command = (
+                    mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION
+                    if shape.inclusion
+                    else mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION
+                )
+                items.append(self._vertex(command, circle.radius_m, circle.east_m, circle.north_m))
+        return items
+
+    def _vertex(self, command: int, param1: float, east_m: float, north_m: float) -> Item:
+        x, y = self.place(east_m, north_m)
+        return Item(command, frame=mavlink.MAV_FRAME_GLOBAL, param1=param1, x=x, y=y)
+
+    def _at(self, command: int, east_m: float, north_m: float, z: float, *params: float) -> Item:
+        x, y = self.place(east_m, north_m)
+        param1, _, param3 = [*params, 0.0, 0.0, 0.0][:3]
+        frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
+        return Item(command, frame=frame, param1=param1, param3=param3, x=x, y=y, z=z)
+
+    def _item(self, leg: Leg, place: tuple[float, float], *, first: int) -> Item:
+        if leg.takeoff is not None:
+            return self._at(mavlink.MAV_CMD_NAV_TAKEOFF, *place, leg.takeoff.height_m)
+        if leg.waypoint is not None:
+            return self._at(mavlink.MAV_CMD_NAV_WAYPOINT, *place, leg.waypoint.height_m, leg.waypoint.hold_s)
+        if leg.loiter is not None:
+            return self._loiter(leg.loiter)
+        if leg.land is not None:
+            return self._at(mavlink.MAV_CMD_NAV_LAND, *place, 0.0)
+        if leg.item is not None:
+            return self._raw(leg.item)
+        return _without_place(leg, first=first)
+
+    def _loiter(self, loiter: Loiter) -> Item:
+        where = (loiter.east_m, loiter.north_m, loiter.height_m)
+        if loiter.turns is not None:
+            return self._at(mavlink.MAV_CMD_NAV_LOITER_TURNS, *where, loiter.turns, 0.0, loiter.radius_m)
+        if loiter.for_s is not None:
+            return self._at(mavlink.MAV_CMD_NAV_LOITER_TIME, *where, loiter.for_s, 0.0, loiter.radius_m)
+        return self._at(mavlink.MAV_CMD_NAV_LOITER_UNLIM, *where, 0.0, 0.0, loiter.radius_m)
+
+    def _raw(self, raw: RawItem) -> Item:
+        x, y = (0, 0)
+        if raw.east_m is not None and raw.north_m is not None:
+            x, y = self.place(raw.east_m, raw.north_m)
+        return Item(
+            number("MAV_CMD_", raw.command),
+            frame=number("MAV_FRAME_", raw.frame),
+            param1=raw.param1,
+            param2=raw.param2,
+            param3=raw.param3,
+            param4=raw.param4,
+            x=x,
+            y=y,
+            z=raw.z,
+        )
+
+
+def _without_place(leg: Leg, *, first: int) -> Item:
+    frame = mavlink.MAV_FRAME_MISSION
+    if leg.speed_m_s is not None:
+        ground_speed = float(mavlink.SPEED_TYPE_GROUNDSPEED)
+        return Item(
+            mavlink.MAV_CMD_DO_CHANGE_SPEED,
+            frame=frame,
+            param1=ground_speed,
+            param2=leg.speed_m_s,
+            param3=-1.0,
+        )
+    if leg.delay_s is not None:
+        return Item(mavlink.MAV_CMD_NAV_DELAY, frame=frame, param1=leg.delay_s)
+    if leg.jump is not None:
+        to = float(leg.jump.to - 1 + first)
+        return Item(mavlink.MAV_CMD_DO_JUMP, frame=frame, param1=to, param2=float(leg.jump.times))
+    return Item(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, frame=frame)

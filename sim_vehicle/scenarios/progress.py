@@ -1,0 +1,79 @@
+"""How far a vehicle says it has come with its mission."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.personalities import Behaviour, personality_of
+from sim_vehicle.scenarios.model import VehicleSpec
+from sim_vehicle.scenarios.plan import Leg
+
+MOST_STEPS = 200_000  # through a mission's jumps; one that takes more has no end
+REPEATED_S = 1.0  # a frame with the same sequence number within this time is the same frame
+
+
+class MissionProgress:
+    """`done` once the whole mission is reported as flown, and not when its last item is passed on the way.
+
+    An autopilot that tells the mission's state says it by that. From another one it takes
+    MISSION_ITEM_REACHED of the last item in every round of the jumps; where that item returns, another mode
+    takes over (PX4) and it is never reported, but it is current, and the mission has been flown.
+    """
+
+    def __init__(self, spec: VehicleSpec) -> None:
+        personality = personality_of(spec.personality, spec.kind)
+        flown = [i for i, leg in enumerate(spec.mission) if leg.flown]
+        self._last = spec.item_of(flown[-1]) if flown else -1
+        self._returns = bool(flown) and spec.mission[flown[-1]].returns
+        self._lands_before = any(spec.mission[i].lands for i in flown[:-1])
+        self._tells_state = personality.tells_mission_state
+        self._mode = personality.mode_of(Behaviour.MISSION).number
+        self._rounds = 0 if self._tells_state or not flown else _arrivals(spec.mission, flown[-1])
+        self._last_seen = self._flown = False
+        self._arrived = 0
+        self._frame: tuple[int, float] | None = None  # sequence number and time of the last arrival
+        self.done = False
+
+    def note(self, message: Any, now: float) -> None:
+        """Any message of the vehicle."""
+        kind = message.get_type()
+        if kind == "HEARTBEAT":
+            armed = message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+            self._flown = self._flown or bool(armed and message.custom_mode == self._mode)
+        elif kind == "MISSION_ITEM_REACHED" and message.seq == self._last:
+            self._last_seen = True
+            self._arrive(message.get_seq(), now)
+        elif kind == "MISSION_CURRENT":
+            self._last_seen = self._last_seen or message.seq == self._last
+            self.done = self.done or self._says_so(message)
+
+    def _says_so(self, message: Any) -> bool:
+        if not self._tells_state:
+            return self._returns and self._flown and bool(message.seq == self._last)
+        # A landing on the way is an end as well, from which the rest has not been flown.
+        whole = self._last_seen or not self._lands_before
+        return whole and getattr(message, "mission_state", 0) == mavlink.MISSION_STATE_COMPLETE
+
+    def _arrive(self, frame: int, now: float) -> None:
+        repeated = self._frame is not None and self._frame[0] == frame and now - self._frame[1] < REPEATED_S
+        self._frame = frame, now
+        self._arrived += not repeated
+        self.done = self.done or 0 < self._rounds <= self._arrived
+
+
+def _arrivals(legs: Sequence[Leg], last: int) -> int:
+    """How often the entry `last` is flown until the mission ends; 0 if it never ends."""
+    taken = [0] * len(legs)
+    index = arrivals = 0
+    for _ in range(MOST_STEPS):
+        if not 0 <= index < len(legs):
+            return arrivals
+        arrivals += index == last
+        jump = legs[index].jump
+        if jump is not None and (jump.times < 0 or taken[index] < jump.times):
+            taken[index] += 1
+            index = jump.to - 1
+        else:
+            index += 1
+    return 0

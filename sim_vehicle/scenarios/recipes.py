@@ -1,0 +1,121 @@
+"""From one step of a script to the exchanges it takes with one vehicle, as its autopilot wants them."""
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.personalities import Personality, personality_of
+from sim_vehicle.personalities.base import Behaviour
+from sim_vehicle.scenarios.model import VehicleSpec
+from sim_vehicle.scenarios.plan import PlanWriter, number
+from sim_vehicle.scenarios.steps import Step
+from sim_vehicle.station.exchanges import (
+    ChangeMode,
+    Exchange,
+    LongCommand,
+    Ready,
+    Reposition,
+    Send,
+    SetParameter,
+    Upload,
+)
+
+NAN = float("nan")
+PATIENCE = 0.5  # of a step's time that may pass until the vehicle is ready to be armed
+
+
+class Recipes:
+    """What to say to one vehicle; `send` packs and sends a message to it."""
+
+    def __init__(self, spec: VehicleSpec, send: Send) -> None:
+        self._spec, self._send = spec, send
+        self._personality: Personality = personality_of(spec.personality, spec.kind)
+        # The altitudes of PX4's commands are above mean sea level, whatever the frame.
+        self._amsl = self._personality.autopilot == mavlink.MAV_AUTOPILOT_PX4
+        self._writer = PlanWriter(spec.lat_deg, spec.lon_deg)
+
+    def exchanges(self, step: Step) -> list[Exchange]:
+        """In order; each begins when the one before has been accepted."""
+        chosen = step.chosen
+        if chosen == "fly_mission":
+            return [self._mission(), *self._start(step.timeout_s)]
+        if chosen == "upload_mission":
+            return [self._mission()]
+        if chosen == "upload_fence":
+            items = self._writer.fence(self._spec.fence)
+            return [Upload(self._spec.sysid, self._send, items, mavlink.MAV_MISSION_TYPE_FENCE)]
+        if chosen == "start_mission":
+            return self._start(step.timeout_s)
+        if step.takeoff is not None:
+            return self._takeoff(step.takeoff, step.timeout_s)
+        if step.mode is not None:
+            return [self._mode(self.mode_number(step.mode))]
+        if step.goto is not None:
+            place = self._writer.place(step.goto.east_m, step.goto.north_m)
+            if self._amsl:
+                where = (*place, self._spec.alt_amsl_m + step.goto.height_m)
+                return [Reposition(self._spec.sysid, self._send, mavlink.MAV_FRAME_GLOBAL, *where)]
+            where = (*place, step.goto.height_m)
+            return [Reposition(self._spec.sysid, self._send, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, *where)]
+        if step.param is not None:
+            return [self._parameter(name, value) for name, value in step.param.items()]
+        if step.arm is not None and step.expect == "accepted":
+            return self._armed(step.timeout_s)
+        return [self._plain(step)]
+
+    def mode_number(self, name: str) -> int:
+        """Of the first that the autopilot has of `RTL|Return`."""
+        numbers = {mode.name.casefold(): mode.number for mode in self._personality.modes.values()}
+        return next(numbers[wanted] for wanted in name.casefold().split("|") if wanted in numbers)
+
+    def _plain(self, step: Step) -> Exchange:
+        if step.command is not None:
+            return self._long(number("MAV_CMD_", step.command.command), *step.command.params)
+        return {
+            "arm": lambda: self._long(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0),
+            "disarm": lambda: self._long(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0),
+            "rtl": lambda: self._long(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH),
+            "land": lambda: self._long(mavlink.MAV_CMD_NAV_LAND, 0.0, 0.0, 0.0, NAN, NAN, NAN, NAN),
+            "reboot": lambda: self._long(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1.0),
+        }[step.chosen]()
+
+    def _long(self, command: int, *params: float) -> Exchange:
+        return LongCommand(self._spec.sysid, self._send, command, params)
+
+    def _mode(self, custom_mode: int) -> Exchange:
+        """A number with a main and a sub mode in its upper bytes goes as these, another as it is."""
+        custom = float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
+        main, sub = float(custom_mode >> 16 & 0xFF), float(custom_mode >> 24 & 0xFF)
+        params = (custom, main, sub) if main else (custom, float(custom_mode))
+        return ChangeMode(self._spec.sysid, self._send, custom_mode, params)
+
+    def _behaving(self, behaviour: Behaviour) -> Exchange:
+        modes = self._personality.modes.values()
+        return self._mode(next(mode.number for mode in modes if mode.behaviour is behaviour))
+
+    def _mission(self) -> Exchange:
+        items = self._writer.mission(self._spec.mission, home_first=self._personality.home_item)
+        return Upload(self._spec.sysid, self._send, items, mavlink.MAV_MISSION_TYPE_MISSION)
+
+    def _armed(self, timeout_s: float) -> list[Exchange]:
+        arm = self._long(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
+        return [Ready(self._spec.sysid, self._send, PATIENCE * timeout_s), arm]
+
+    def _start(self, timeout_s: float) -> list[Exchange]:
+        arm = self._armed(timeout_s)
+        if self._personality.mode_of(Behaviour.MISSION).armable:
+            return [self._behaving(Behaviour.MISSION), *arm]
+        # ArduCopter's AUTO cannot be armed, and takes off only when it is told to start.
+        return [self._behaving(Behaviour.GUIDED), *arm, self._long(mavlink.MAV_CMD_MISSION_START)]
+
+    def _takeoff(self, height_m: float, timeout_s: float) -> list[Exchange]:
+        arm = self._armed(timeout_s)
+        if self._amsl:
+            up_m = self._spec.alt_amsl_m + height_m
+            return [*arm, self._long(mavlink.MAV_CMD_NAV_TAKEOFF, NAN, 0.0, 0.0, NAN, NAN, NAN, up_m)]
+        if self._personality.plane:
+            return [self._parameter("TKOFF_ALT", height_m), self._behaving(Behaviour.TAKEOFF), *arm]
+        takeoff = self._long(mavlink.MAV_CMD_NAV_TAKEOFF, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, height_m)
+        return [self._behaving(Behaviour.GUIDED), *arm, takeoff]
+
+    def _parameter(self, name: str, value: float) -> Exchange:
+        byte_wise = self._personality.parameters_byte_wise
+        return SetParameter(self._spec.sysid, self._send, name, value, byte_wise=byte_wise)

@@ -1,0 +1,113 @@
+"""What a run leaves: a tlog a vehicle and verdict.json, and the tables for a terminal."""
+
+import contextlib
+import json
+import textwrap
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from rich.console import Console
+from rich.text import Text
+
+from sim_vehicle.scenarios.model import VehicleSpec
+from sim_vehicle.scenarios.runner import VehicleEnd, Verdict
+from sim_vehicle.serving.columns import Column, table
+from sim_vehicle.serving.tlog import Tlog
+from sim_vehicle.station.client import Heard
+
+SHOWN_FAILURES, SHOWN_VEHICLES = 3, 40
+TEXT_LEAST = 20  # characters, cut
+INDENT = " " * 8
+DECIMALS = 6
+
+
+@contextlib.contextmanager
+def tlogs(folder: Path, vehicles: Sequence[VehicleSpec]) -> Iterator[Heard]:
+    """Open a tlog for each vehicle; yields what writes into them."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with contextlib.ExitStack() as files:
+        logs = [Tlog(files.enter_context(_open(folder, spec))) for spec in vehicles]
+
+        def heard(index: int, frame: bytes, now: float) -> None:
+            logs[index].write(frame, now)
+
+        yield heard
+
+
+def _open(folder: Path, spec: VehicleSpec) -> BinaryIO:
+    link = f"link-{spec.link}-" if spec.link else ""
+    return (folder / f"{link}vehicle-{spec.sysid}.tlog").open("wb")
+
+
+def write_verdict(folder: Path, verdict: Verdict) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(_rounded(verdict.as_dict()), indent=1, allow_nan=False)
+    (folder / "verdict.json").write_text(text + "\n", encoding="utf-8")
+
+
+def _rounded(value: Any) -> Any:
+    """Without the dust that sums of seconds leave: 75.1 and not 75.10000000000001."""
+    if isinstance(value, dict):
+        return {key: _rounded(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_rounded(inner) for inner in value]
+    return round(value, DECIMALS) if isinstance(value, float) else value
+
+
+def show(console: Console, verdict: Verdict) -> None:
+    """The checks, the steps that failed, and how each vehicle ended; on a pipe no line is folded or cut."""
+    width = console.width if console.is_terminal else None
+    lines = folded(Text(f"{verdict.scenario}, seed {verdict.seed}"), width, "  ")
+    lines[0].stylize("bold")
+    for check in verdict.checks:
+        lines += _verdict(check.check, width, passed=check.passed)
+        found = [f"vehicle {f.sysid} at {f.t_s:.2f} s: {f.found}" for f in check.failures[:SHOWN_FAILURES]]
+        more = len(check.failures) - len(found)
+        for text in [*found, *([f"and {more} more"] if more else [])]:
+            lines += folded(Text(f"{INDENT}{text}"), width, INDENT + "  ")
+    for failed in verdict.steps_failed:
+        lines += _verdict(f"step {failed.index + 1}: {failed.action}", width, passed=False)
+        text = f"vehicle {failed.sysid} at {failed.t_s:.2f} s: {failed.text}"
+        lines += folded(Text(f"{INDENT}{text}"), width, INDENT + "  ")
+    lines += [Text(), *table(_columns(verdict.vehicles[:SHOWN_VEHICLES]), width)]
+    if len(verdict.vehicles) > SHOWN_VEHICLES:
+        lines.append(Text(f"and {len(verdict.vehicles) - SHOWN_VEHICLES} more vehicles, in verdict.json"))
+    for line in lines:
+        console.print(line, soft_wrap=True)
+
+
+def _verdict(about: str, width: int | None, *, passed: bool) -> list[Text]:
+    word = "passed" if passed else "FAILED"
+    lines = folded(Text(f"{word}  {about}"), width, INDENT)
+    lines[0].stylize("green" if passed else "red", 0, len(word))
+    return lines
+
+
+def folded(text: Text, width: int | None, indent: str) -> list[Text]:
+    """The lines of a text at most `width` wide, with all but the first indented; None: one line."""
+    if width is None:
+        return [text]
+    parts = textwrap.wrap(text.plain, width, subsequent_indent=indent, break_on_hyphens=False)
+    return [Text(part) for part in parts]
+
+
+def _columns(vehicles: Sequence[VehicleEnd]) -> list[Column]:
+    """What each vehicle ended with; what says least goes first where there is no room."""
+
+    def column(heading: str, cells: Iterable[str], stays: int, **how: Any) -> Column:
+        return Column(heading, [Text(cell) for cell in cells], stays, **how)
+
+    ids = (f"{v.link}:{v.sysid}" if v.link else f"{v.sysid}" for v in vehicles)
+    return [
+        column("id", ids, 10),
+        column("autopilot", (f"{v.personality} {v.kind}" for v in vehicles), 5),
+        column("mode", (v.mode for v in vehicles), 8),
+        column("armed", ("yes" if v.armed else "no" for v in vehicles), 4),
+        column("up [m]", (f"{v.height_m:.1f}" for v in vehicles), 7, right=True),
+        column("off [m]", (f"{v.from_start_m:.1f}" for v in vehicles), 6, right=True),
+        column("flown [m]", (f"{v.flown_m:.0f}" for v in vehicles), 3, right=True),
+        column("charge", (f"{v.battery_remaining:.0%}" for v in vehicles), 9, right=True),
+        column("hit", (str(v.strikes) for v in vehicles), 2, right=True),
+        column("last text", (v.last_text for v in vehicles), 1, cut=TEXT_LEAST),
+    ]

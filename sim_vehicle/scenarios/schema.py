@@ -1,0 +1,93 @@
+"""The JSON schema of a scenario file, for editors, short forms included."""
+
+from typing import Any
+
+from pydantic import BaseModel
+
+from sim_vehicle.faults import FAULTS
+from sim_vehicle.scenarios.base import OneOf
+from sim_vehicle.scenarios.checks import CHECKS, COMMON, Check
+from sim_vehicle.scenarios.file import SHORT_FORMS, Home, Shorthand, section_of
+from sim_vehicle.scenarios.model import Scenario
+from sim_vehicle.scenarios.plan import FenceShape, Leg
+from sim_vehicle.scenarios.steps import CheckSpec, Step
+
+Schema = dict[str, Any]
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+PLACED = ("sysid", "lat_deg", "lon_deg")  # of a vehicle: `home` and the order give them as well
+
+
+def file_schema() -> Schema:
+    """What `load_scenario` reads, so far as a schema can say it."""
+    whole = Scenario.model_json_schema(ref_template="#/$defs/{model}")
+    kinds: Schema = whole["$defs"]
+    short = Shorthand.model_json_schema()["properties"]
+    vehicle = kinds["VehicleSpec"]
+    vehicle["properties"] |= {name: short[name] for name in SHORT_FORMS}
+    vehicle["properties"]["kind"] = vehicle["properties"]["type"]
+    vehicle["required"] = [name for name in vehicle.get("required", []) if name not in PLACED]
+    for model in (Leg, FenceShape, Step):
+        kinds[model.__name__] = _one_of(model, kinds[model.__name__])
+    takeoff = kinds["Leg"]["anyOf"][-1]["properties"]
+    takeoff["takeoff"] = {"anyOf": [takeoff["takeoff"], {"type": "number", "exclusiveMinimum": 0}]}
+    kinds["CheckSpec"] = _checks(kinds["CheckSpec"])
+    kinds["FaultSpec"] = {"anyOf": [{"type": "string", "description": _faults()}, kinds["FaultSpec"]]}
+    whole["properties"] |= {"home": Home.model_json_schema(), "count": short["count"]}
+    whole["required"] = []
+    whole["anyOf"] = [{"required": ["count"]}, {"required": ["vehicles"]}]
+    return {"$schema": DIALECT, **whole}
+
+
+def _one_of(model: type[OneOf], found: Schema) -> Schema:
+    """A bare word, or a mapping with one of the choices."""
+    bare = [name for name in model.choices() if _needs_nothing(model, name)]
+    properties = {
+        name: value if name in bare else _given(value) for name, value in found["properties"].items()
+    }
+    entry = {**found, "properties": properties, "oneOf": [{"required": [name]} for name in model.choices()]}
+    return {"anyOf": [{"enum": bare}, entry]} if bare else entry
+
+
+def _needs_nothing(model: type[BaseModel], name: str) -> bool:
+    section = section_of(model.model_fields[name].annotation)
+    return section is not None and not any(field.is_required() for field in section.model_fields.values())
+
+
+def _given(value: Schema) -> Schema:
+    """Without the null that stands for what is left out."""
+    kinds = [kind for kind in value.get("anyOf", []) if kind != {"type": "null"}]
+    rest = {key: it for key, it in value.items() if key not in ("anyOf", "default")}
+    return {**rest, **kinds[0]} if len(kinds) == 1 else value
+
+
+def _checks(found: Schema) -> Schema:
+    common = {name: found["properties"][name] for name in COMMON}
+    bare = [name for name, check in CHECKS.items() if check.argument is None or check.default is not None]
+    entries = {name: _check(check, common) for name, check in CHECKS.items()}
+    entry = {
+        "type": "object",
+        "description": (CheckSpec.__doc__ or "").strip(),
+        "properties": entries,
+        "additionalProperties": False,
+        "minProperties": 1,
+        "maxProperties": 1,
+    }
+    return {"anyOf": [{"enum": bare}, entry]}
+
+
+def _check(check: Check, common: Schema) -> Schema:
+    settings: Schema = {"type": "object", "properties": dict(common), "additionalProperties": False}
+    ways: list[Schema] = [settings]
+    if check.argument is not None:
+        argument: Schema = {"type": "string" if check.text else "number"}
+        settings["properties"][check.argument] = argument
+        ways.insert(0, argument)
+        if check.default is None:
+            settings["required"] = [check.argument]
+    if check.argument is None or check.default is not None:
+        ways.append({"type": "null"})
+    return {"description": f"{check.summary} Looked at: {check.when}.", "anyOf": ways}
+
+
+def _faults() -> str:
+    return f"NAME:key=value,... with at, for, sysid; names: {', '.join(FAULTS)}"

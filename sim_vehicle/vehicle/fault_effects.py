@@ -1,0 +1,37 @@
+"""Carries the afflictions of one vehicle into the arrays of the fleet that physics and telemetry read."""
+
+from sim_vehicle.physics.world import World
+from sim_vehicle.vehicle.injected_faults import Afflictions
+from sim_vehicle.wire.status import Status
+
+
+class Harm:
+    """One vehicle's columns that faults write: to be called with its afflictions after each change."""
+
+    def __init__(self, world: World, status: Status, index: int) -> None:
+        self._world, self._status, self._index = world, status, index
+        self._at_most, self._taken_mah = 1.0, 0.0
+
+    def __call__(self, afflictions: Afflictions, now: float) -> None:
+        world, status, i = self._world, self._status, self._index
+        world.gps.lost[i] = afflictions.gps_lost
+        world.gps.offset_m[i] = afflictions.gps_offset_m
+        world.batteries.sag_v[i] = afflictions.battery_sag_v
+        world.dynamics.motors_lost[i] = afflictions.motors_lost
+        status.clock_offset_s[i] = afflictions.clock_offset_s(now)
+        status.clock_since_s[i] = now
+        status.clock_drift[i] = afflictions.clock_drift_ppm * 1e-6
+        self._take_charge(afflictions.battery_at_most)
+        world.events[i] = True  # wakes the autopilot
+
+    def _take_charge(self, at_most: float) -> None:
+        """Take charge away until that share is left; give back what is no longer taken."""
+        if at_most == self._at_most:
+            return
+        self._at_most = at_most
+        batteries, i = self._world.batteries, self._index
+        batteries.used_mah[i] -= self._taken_mah
+        capacity_mah = float(batteries.capacity_mah[i])
+        left_mah = capacity_mah - float(batteries.used_mah[i])
+        self._taken_mah = max(left_mah - at_most * capacity_mah, 0.0)
+        batteries.used_mah[i] += self._taken_mah

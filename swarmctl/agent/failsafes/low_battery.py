@@ -1,0 +1,77 @@
+"""The charge runs out: back while it lasts, down before it is gone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from pydantic import Field
+
+from swarmctl.agent.failsafes.base import STRENGTH, Action, Facts, Kind, held_for, lasts
+from swarmctl.core.section import Section
+
+NAME = "low_battery"
+
+
+class Params(Section):
+    """Of the charge left, as the vehicle tells it."""
+
+    return_percent: float = Field(25.0, ge=0.0, le=100.0, description="below this it returns [%]; 0: never")
+    land_percent: float = Field(
+        10.0, ge=0.0, le=100.0, description="below this it lands where it is [%]; 0: never"
+    )
+    wait_percent: float = Field(
+        5.0,
+        ge=0.0,
+        le=100.0,
+        description="so much of it, below `return_percent`, it may spend in hold until its way home is clear "
+        "of others' [%]; 0: it never waits",
+    )
+    seconds: float = Field(
+        3.0, ge=0.0, description="so long it has to be below: full thrust makes it sag [s]"
+    )
+
+    def model_post_init(self, _context: object) -> None:
+        if self.return_percent and self.land_percent > self.return_percent:
+            raise ValueError(
+                f"land_percent {self.land_percent:g} is above return_percent {self.return_percent:g}: it "
+                "would land before it could return; expected less"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Memory:
+    return_since_s: float | None = None
+    land_since_s: float | None = None
+    demanded: Action | None = None
+    """What is spent does not come back in flight, whatever the voltage says later."""
+
+
+def judge(params: Params, memory: Memory | None, facts: Facts, _now: float) -> tuple[Memory, Action | None]:
+    memory = memory or Memory()
+    percent, told_s = facts.vehicle.battery_percent, facts.vehicle.status_s
+    if not facts.in_flight:
+        return Memory(), None
+    if percent is None or told_s is None or facts.lost:
+        return Memory(demanded=memory.demanded), memory.demanded
+    # One word of it does not grow old and become many: it lasts from one SYS_STATUS to a later one.
+    return_since_s = held_for(memory.return_since_s, percent < params.return_percent, told_s)
+    land_since_s = held_for(memory.land_since_s, percent < params.land_percent, told_s)
+    demanded = memory.demanded
+    if lasts(land_since_s, params.seconds, told_s):
+        demanded = _stronger(demanded, Kind.LAND, percent, params.land_percent)
+    elif lasts(return_since_s, params.seconds, told_s):
+        demanded = _stronger(demanded, Kind.RETURN, percent, params.return_percent)
+        demanded = replace(demanded, urgent=demanded.urgent or percent < _waits_above_percent(params))
+    return Memory(return_since_s, land_since_s, demanded), demanded
+
+
+def _waits_above_percent(params: Params) -> float:
+    """Of the charge: above this a return may wait."""
+    return max(params.return_percent - params.wait_percent, params.land_percent)
+
+
+def _stronger(demanded: Action | None, kind: Kind, percent: float, limit: float) -> Action:
+    if demanded is not None and STRENGTH[demanded.kind] >= STRENGTH[kind]:
+        return demanded
+    why = f"battery at {percent:g} %, less than the {limit:g} % of rules.low_battery"
+    return Action(kind, why, urgent=kind is Kind.LAND)

@@ -1,0 +1,4 @@
+"""Which route, and whether it is worth a new mission: planning, splicing, time bounds, travel times, landings.
+
+Begin with `decide`.
+"""

@@ -1,0 +1,189 @@
+"""Which route, and whether it is worth changing the mission for it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmctl.agent.replan.arrival_bounds import Underway, before_takeoff
+from swarmctl.agent.replan.route_to_mission import index_abreast, pulled, realised, track_holds
+from swarmctl.agent.replan.spare_time import with_slack
+from swarmctl.agent.replan.splice import Branch, branch_from, branch_from_track
+from swarmctl.agent.replan.time_bound import (
+    ahead_lost_s,
+    bounds_of,
+    change_cells,
+    is_no_worse,
+    lateness_s,
+    onto,
+    route_in_time,
+    route_lost_s,
+    underway_to,
+)
+from swarmctl.agent.state import AgentState, Phase, Task
+from swarmctl.core import events as ev
+from swarmctl.core.belief import Belief
+from swarmctl.core.exposure import exposure, length_cells
+from swarmctl.core.geo import LatLon
+from swarmctl.core.grid import Cell
+from swarmctl.core.mission import FlightPlan, Waypoint
+from swarmctl.core.threat import FiringStrength
+from swarmctl.planners.base import BoundTooTight, Problem, Route, route_of
+
+_STEPS = {(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1)}
+
+
+def decide(state: AgentState) -> tuple[AgentState, list[ev.Effect]]:
+    """Plan with all that is known; change the mission if that brings something."""
+    p_s = believed_exposure(state.task, state.belief, state.strength)
+    return _decide_from(state, p_s, _planning_start(state))
+
+
+def _decide_from(
+    state: AgentState, p_s: NDArray[np.float64], here: Cell, off_track: Branch | None = None
+) -> tuple[AgentState, list[ev.Effect]]:
+    """`here`: the cell of the route that is flown abreast of the vehicle; or, where it leaves a track that is
+    no good any more (`off_track`), that where it does."""
+    task = with_slack(state, replace(state.task, altitude_m=state.height_m))
+    branch = branch_from(state, here, p_s) if off_track is None else off_track
+    start, begun = branch.kept[-1], onto(state, branch)
+    if branch.leaves_ahead and start in task.goals and not state.must_change:
+        # It is there before anything else could be flown.
+        return replace(state, exposure=p_s, held=p_s, dirty=False, because=()), []
+    ahead = _cells_ahead(state, start)
+    underway = underway_to(state, start, ahead, branch)
+    problem = _problem(task, p_s, start, state.w, underway)
+    change = change_cells(state, start, underway, branch)
+    try:
+        route = route_in_time(task, problem, change, begun)
+    except BoundTooTight as error:
+        route = error.nearest  # a vehicle that is late is not stopped for it
+    lost_s = 0.0 if ahead is None else ahead_lost_s(state, start, ahead, branch)
+    keeps = ahead is not None and is_no_worse(task, problem, ahead, route, change, lost_s, begun)
+    holds = off_track is not None or not keeps or track_holds(state, p_s, here)
+    keeps = keeps and holds and not state.must_change
+    if not keeps and off_track is None and task.wings is None and _is_on_track(state):
+        # So far the route was looked at from abreast of the vehicle; a new one leaves the track ahead of it.
+        branch, must = branch_from_track(state, p_s), state.must_change or not holds
+        state = replace(state, searches=state.searches + 1, must_change=must)
+        return _decide_from(state, p_s, branch.kept[-1], branch)
+    length = length_cells(ahead) if ahead is not None and keeps else route.length_cells
+    lost_s = lost_s if keeps else route_lost_s(task, route.cells, begun)
+    late_s = lateness_s(state, problem, underway, length, lost_s) if state.task.arrival.is_bounded else None
+    state = replace(
+        state, exposure=p_s, searches=state.searches + 1, dirty=False, planned=route, late_s=late_s
+    )
+    if keeps:
+        return replace(state, held=p_s, because=()), []
+    route = _from_vehicle(task, problem, route, branch)
+    track, position = pulled(task, problem, route), _position(state)
+    flown = route if track is None else track
+    plan = realised(task, p_s, route, track, position, branch)
+    if position is not None:
+        begins = Waypoint(*position, state.height_m)
+        plan = replace(plan, begins=begins, from_hold=state.hold_is_ours)
+    swap = ev.SwapMission(
+        plan_id=state.next_plan_id,
+        plan=plan,
+        cells=route.cells,
+        because=state.because,
+        cost=route.cost,
+        exposure_sum=flown.exposure_sum,
+        safety_factor=flown.safety_factor,
+        length_m=flown.length_cells * task.grid.cell_size_m,
+        track=track,
+    )
+    state = replace(state, pending=swap, because=(), next_plan_id=state.next_plan_id + 1, must_change=False)
+    state = replace(state, swap_begun_boot_s=state.vehicle.time_boot_s)
+    return state, [swap]
+
+
+def _from_vehicle(task: Task, problem: Problem, route: Route, branch: Branch) -> Route:
+    """The route with what it has in common with the old one before it, and what all that adds up to."""
+    if len(branch.kept) == 1:
+        return route
+    cells = (*branch.kept[:-1], *route.cells)
+    whole = replace(problem, start=cells[0], min_length_cells=0.0, max_length_cells=math.inf)
+    cost = task.method.measure(whole, cells)
+    return route_of(whole, cells, cost if math.isfinite(cost) else route.cost)
+
+
+def believed_exposure(task: Task, belief: Belief, strength: FiringStrength) -> NDArray[np.float64]:
+    """P_s (rows, cols), Eq. 3 over Eq. 4; infinite where flying is forbidden."""
+    p_s = exposure(belief.occupancy(), strength)
+    for cell in task.no_fly:
+        p_s[cell] = math.inf
+    return p_s
+
+
+def first_route(task: Task, belief: Belief, w: float | None = None) -> Route:
+    """The route from the entry cell, as planned before anything is flown. Raises Unreachable; BoundTooTight
+    where no route meets the task's bound."""
+    return route_in_time(task, first_problem(task, belief, w))
+
+
+def first_problem(task: Task, belief: Belief, w: float | None = None) -> Problem:
+    """What a planner is asked before anything is flown."""
+    p_s = believed_exposure(task, belief, task.strength)
+    underway = before_takeoff(task.arrival, task.altitude_m)
+    return _problem(task, p_s, task.entry, task.w if w is None else w, underway)
+
+
+def first_flight(task: Task, problem: Problem, route: Route) -> FlightPlan:
+    """The mission for a route from the entry cell that answers `first_problem`. Raises Unreachable where a
+    vehicle that needs room to turn cannot fly it."""
+    return realised(task, problem.exposure, route, pulled(task, problem, route))
+
+
+def _problem(task: Task, p_s: NDArray[np.float64], start: Cell, w: float, underway: Underway) -> Problem:
+    bounds = bounds_of(task, underway)
+    return Problem(
+        p_s,
+        start,
+        task.goals,
+        w,
+        task.psi_per_cell,
+        task.max_exposure,
+        bounds.min_cells,
+        bounds.max_cells,
+    )
+
+
+def _planning_start(state: AgentState) -> Cell:
+    """The cell it is over; the entry before it is in the area; the next one where it only cuts a corner."""
+    cell = state.cell
+    if cell is None:
+        in_flight = state.phase is Phase.FLYING and state.flown_cells
+        return state.flown_cells[-1] if in_flight else state.task.entry
+    if state.route is None:
+        return cell
+    if (index := index_abreast(state.route, cell, state.progress)) is not None:
+        return state.route.cells[index]
+    if cell not in state.route.cells:
+        between = state.route.cells[state.progress : state.progress + 2]
+        if len(between) == 2 and all((a - cell[0], b - cell[1]) in _STEPS for a, b in between):
+            return between[1]
+    return cell
+
+
+def _cells_ahead(state: AgentState, start: Cell) -> tuple[Cell, ...] | None:
+    """What remains of the route being flown, from `start`; None if it does not lead there."""
+    if state.route is None or start not in state.route.cells:
+        return None
+    return state.route.cells[state.route.cells.index(start) :]
+
+
+def _is_on_track(state: AgentState) -> bool:
+    """Whether the vehicle is over a track that stands for its route."""
+    swap, cell = state.route, state.cell
+    return swap is not None and swap.track is not None and cell in swap.track.over
+
+
+def _position(state: AgentState) -> LatLon | None:
+    vehicle = state.vehicle
+    if state.phase is Phase.FLYING and vehicle.lat_deg is not None and vehicle.lon_deg is not None:
+        return vehicle.lat_deg, vehicle.lon_deg
+    return None

@@ -1,0 +1,109 @@
+"""Where and from where a fixed wing lands: at its goal, and at home. Pure.
+
+Each place has one approach for the whole flight, whatever is learned: so it is known beforehand that no two
+vehicles' meet.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from swarmctl.agent.replan.approach import NoApproach, Pattern, Pose, Wings, approach, choose
+from swarmctl.agent.state import Task
+from swarmctl.core.any_angle.track import Threat, is_clear, passed
+from swarmctl.core.geo import LatLon
+from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.mission import Approach
+from swarmctl.core.route import landing_spot
+from swarmctl.planners.base import Unreachable
+
+Point = tuple[float, float]
+
+
+def goal_approach(task: Task, goal: Cell) -> Approach | None:
+    """The landing at a goal; None for what hovers. Raises Unreachable."""
+    pattern = goal_pattern(task, goal)
+    return None if pattern is None else _as_planned(task, pattern)
+
+
+def home_approach(task: Task) -> Approach | None:
+    """The landing where it took off, for when it returns; None for what hovers. Raises Unreachable."""
+    pattern = home_pattern(task)
+    return None if pattern is None else _as_planned(task, pattern)
+
+
+def goal_pattern(task: Task, goal: Cell) -> Pattern | None:
+    """As `goal_approach`, in metres."""
+    if task.wings is None:
+        return None
+    spot = landing_spot(task.grid, goal, task.landing_index, task.landing_count)
+    home, there = task.grid.frame.to_local(*task.wings.home), task.grid.centre_m(goal)
+    return _pattern("at its goal", task, spot, Pose(there, _heading_rad(home, there)), is_flown_to=True)
+
+
+def home_pattern(task: Task) -> Pattern | None:
+    """As `home_approach`, in metres."""
+    if task.wings is None:
+        return None
+    home = task.grid.frame.to_local(*task.wings.home)
+    comes = Pose(home, _heading_rad(home, task.grid.centre_m(task.entry)))
+    return _pattern("at home", task, task.wings.home, comes, is_flown_to=False)
+
+
+def _pattern(where: str, task: Task, touchdown: LatLon, comes: Pose, *, is_flown_to: bool) -> Pattern:
+    assert task.wings is not None
+    corners_m = () if task.fence is None else task.fence.corners_m
+    try:
+        return _chosen(
+            task.wings, task.turn_radius_m, task.grid, task.no_fly, corners_m, touchdown, comes, is_flown_to
+        )
+    except NoApproach as error:
+        raise Unreachable(f"{where} {error}") from error
+
+
+@lru_cache(maxsize=1024)
+def _chosen(
+    wings: Wings,
+    turn_radius_m: float,
+    grid: Grid,
+    no_fly: frozenset[Cell],
+    fence: tuple[Point, ...],
+    touchdown: LatLon,
+    comes: Pose,
+    is_flown_to: bool,
+) -> Pattern:
+    p_s = np.ones((grid.rows, grid.cols))  # the fewer cells of the area the better
+    for cell in no_fly:
+        p_s[cell] = math.inf
+    threat = Threat.of(p_s)
+    return choose(
+        grid.frame.to_local(*touchdown),
+        wings,
+        comes=comes,
+        is_flown_to=is_flown_to,
+        turn_radius_m=turn_radius_m,
+        fence=fence,
+        exposure_under=lambda way: _exposure_under(threat, grid, way),
+    )
+
+
+def _as_planned(task: Task, pattern: Pattern) -> Approach:
+    assert task.wings is not None
+    return approach(pattern, task.grid.frame, task.wings.final_height_m)
+
+
+def _heading_rad(a: Point, b: Point) -> float:
+    return math.atan2(b[0] - a[0], b[1] - a[1])
+
+
+def _exposure_under(threat: Threat, grid: Grid, way: Sequence[Point]) -> float:
+    """ΣP_s over the cells of the area under a way, each once; infinite where one may not be entered."""
+    points = [(east / grid.cell_size_m, north / grid.cell_size_m) for east, north in way]
+    if threat.blocked.any() and not is_clear(threat, points):
+        return math.inf
+    cells = {cell for cell in passed(points).cells if grid.contains(cell)}
+    return math.fsum(float(threat.p_s[cell]) for cell in sorted(cells))

@@ -1,0 +1,148 @@
+"""Where a fixed wing is when: it rolls, climbs straight on, rounds corners and lands by its approach. Pure.
+
+It flies at one speed all the way. How steeply it climbs and sinks is its own affair: the rates here lie
+between what its parameters allow at most and what it needs at least.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+from swarmctl.agent.replan.approach import Pattern, Pose, pattern_of, way_to_circle
+from swarmctl.agent.state import Task
+from swarmctl.agent.traffic.separation.trajectory import Point, Trajectory
+from swarmctl.core.any_angle.turns import rounded
+from swarmctl.core.geo import LatLon
+from swarmctl.core.mission import FlightPlan
+
+Place = tuple[float, float]
+
+ROLL_S = 4.0
+"""from its arming until it leaves the ground"""
+CLIMB_M_S, SINK_M_S = 3.0, 3.0
+"""TECS_CLMB_MAX is 5 m/s as it comes, TECS_SINK_MIN 2 and TECS_SINK_MAX 5"""
+ROLL_OUT_S = 8.0
+"""on the ground after its landing"""
+
+
+def from_takeoff(task: Task, plan: FlightPlan, start: LatLon) -> Trajectory:
+    """A whole flight, from when it is armed at `start` to its standstill; up is above home [m]."""
+    begin = task.grid.frame.to_local(*start)
+    flight = _Flight((*begin, 0.0), task.arrival.speed_m_s)
+    flight.stay(ROLL_S)
+    _on_its_way(flight, task, plan, [begin, *_places(task, plan)])
+    return flight.trajectory()
+
+
+def in_flight(
+    task: Task, plan: FlightPlan, here: Point, left: Sequence[Place], speed_m_s: float
+) -> Trajectory:
+    """On from `here` over what is `left` of a plan's track, and down; from 0 s on."""
+    flight = _Flight(here, speed_m_s)
+    _on_its_way(flight, task, plan, [here[:2], *left])
+    return flight.trajectory()
+
+
+def coming_down(
+    task: Task, plan: FlightPlan, here: Point, heading_rad: float, speed_m_s: float
+) -> Trajectory:
+    """On from `here`, beyond its goal, by its approach; from 0 s on."""
+    flight = _Flight(here, speed_m_s)
+    _down(flight, task, plan, heading_rad)
+    return flight.trajectory()
+
+
+def height_of(plan: FlightPlan) -> float:
+    return plan.landing.alt_rel_m
+
+
+def _places(task: Task, plan: FlightPlan) -> list[Place]:
+    return [task.grid.frame.to_local(point.lat_deg, point.lon_deg) for point in plan.track]
+
+
+def _on_its_way(flight: _Flight, task: Task, plan: FlightPlan, track: list[Place]) -> None:
+    flown, _ = rounded(_distinct(track), task.turn_radius_m)
+    flight.over(flown[1:], height_of(plan))
+    heading_rad = 0.0
+    if len(flown) > 1:
+        (e0, n0), (e1, n1) = flown[-2:]
+        heading_rad = math.atan2(e1 - e0, n1 - n0)
+    _down(flight, task, plan, heading_rad)
+
+
+def _down(flight: _Flight, task: Task, plan: FlightPlan, heading_rad: float) -> None:
+    if plan.approach is None:
+        return
+    found, final_m = pattern_of(plan.approach, task.grid.frame), plan.approach.final.alt_rel_m
+    way = way_to_circle(Pose(flight.place, heading_rad), found, task.turn_radius_m)
+    flight.over(way[1:], final_m)
+    around = _around(found, flight.place)
+    while flight.up_m > final_m + 1.0:
+        flight.over(around, final_m)
+    flight.over(_to_exit(found, around), final_m)
+    flight.over([found.final], final_m)
+    flight.down_to(found.touchdown)
+    flight.stay(ROLL_OUT_S)
+
+
+def _around(found: Pattern, place: Place) -> list[Place]:
+    """Once around the circle, from the point of it that is nearest."""
+    circle = found.circle()[:-1]
+    nearest = min(range(len(circle)), key=lambda i: math.dist(circle[i], place))
+    return [*circle[nearest:], *circle[:nearest]]
+
+
+def _to_exit(found: Pattern, around: list[Place]) -> list[Place]:
+    """Along the circle until where it is left."""
+    exit_at = min(range(len(around)), key=lambda i: math.dist(around[i], found.leaves))
+    return [*around[:exit_at], found.leaves]
+
+
+def _distinct(track: Iterable[Place]) -> list[Place]:
+    """Without points that are passed at once again: they have no direction."""
+    kept: list[Place] = []
+    for place in track:
+        if not kept or math.dist(kept[-1], place) > 0.1:
+            kept.append(place)
+    return kept
+
+
+class _Flight:
+    """A trajectory in the making."""
+
+    def __init__(self, begin: Point, speed_m_s: float) -> None:
+        self._points, self._times_s = [begin], [0.0]
+        self._speed_m_s = speed_m_s
+
+    @property
+    def place(self) -> Place:
+        return self._points[-1][:2]
+
+    @property
+    def up_m(self) -> float:
+        return self._points[-1][2]
+
+    def stay(self, seconds: float) -> None:
+        self._points.append(self._points[-1])
+        self._times_s.append(self._times_s[-1] + seconds)
+
+    def over(self, places: Iterable[Place], height_m: float) -> None:
+        """At its speed, climbing or sinking toward a height [m] as fast as it does."""
+        for place in places:
+            took_s = math.dist(self.place, place) / self._speed_m_s
+            most_m = (CLIMB_M_S if height_m > self.up_m else SINK_M_S) * took_s
+            change_m = min(max(height_m - self.up_m, -most_m), most_m)
+            self._add(place, self.up_m + change_m, took_s)
+
+    def down_to(self, place: Place) -> None:
+        """Down a straight slope to the ground."""
+        self._add(place, 0.0, math.dist(self.place, place) / self._speed_m_s)
+
+    def _add(self, place: Place, up_m: float, took_s: float) -> None:
+        if took_s > 1e-6:
+            self._points.append((*place, up_m))
+            self._times_s.append(self._times_s[-1] + took_s)
+
+    def trajectory(self) -> Trajectory:
+        return Trajectory(tuple(self._times_s), tuple(self._points))

@@ -1,0 +1,70 @@
+"""Whether a vehicle is up, as far as its heartbeats tell, and what its flight was when it is down. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from swarmctl.agent.replan.approach import ROLL_OUT_M
+from swarmctl.agent.state import ARRIVED, AgentState, Phase
+from swarmctl.core.events import Order
+from swarmctl.core.geo import distance_m
+from swarmctl.core.vehicle import Landed
+
+AT_HOME_M = 15.0
+"""A copter comes down so near to where it was to."""
+
+
+def disarmed_since(state: AgentState) -> AgentState:
+    """With each heartbeat: when the first came of those that say it is not armed."""
+    since_s = state.vehicle.heartbeat_s if state.disarmed_s is None else state.disarmed_s
+    told_s = None if state.vehicle.armed else since_s
+    return state if told_s == state.disarmed_s else replace(state, disarmed_s=told_s)
+
+
+def is_up(state: AgentState) -> bool:
+    """Whether it is armed, as far as is known. One heartbeat that says otherwise may err, unless it says as
+    well that it is on the ground."""
+    vehicle = state.vehicle
+    said_once = state.disarmed_s is not None and vehicle.heartbeat_s == state.disarmed_s
+    doubtful = state.armed_seen and vehicle.landed is not Landed.ON_GROUND and said_once
+    return vehicle.armed or doubtful
+
+
+def touched_down(state: AgentState) -> AgentState:
+    """It was armed by its launch and is disarmed now."""
+    # Also who was all but down when it was told to hold.
+    holds_over_goal = state.phase is Phase.HOLDING and state.arrived_boot_s is not None
+    comes_down = state.phase is Phase.LANDING or holds_over_goal
+    if comes_down and (state.cell in state.task.goals or _rolled_out(state)):
+        return replace(state, phase=Phase.DONE, outcome=ARRIVED, pending=None)
+    if state.phase is Phase.LEAVING:
+        phase = Phase.FAILED if state.given_up else Phase.DONE
+        said = state.outcome or state.trouble
+        return replace(state, phase=phase, outcome=f"{said}; landed{_away(state)}", pending=None)
+    where = f"in cell {state.cell}" if state.cell is not None else "outside the area"
+    battery = state.vehicle.battery_percent
+    rest = "" if battery is None else f", battery {battery} %"
+    reason = f"disarmed {where}, short of its goal, in mode {state.vehicle.mode or 'unknown'}{rest}"
+    return replace(state, phase=Phase.FAILED, outcome=reason, pending=None)
+
+
+def _away(state: AgentState) -> str:
+    """How far from home, of who was to return and is not there: it may have been down before it could."""
+    v = state.vehicle
+    if v.lat_deg is None or v.lon_deg is None or v.home_lat_deg is None or v.home_lon_deg is None:
+        return ""
+    if state.ordered is not Order.RETURN:
+        return ""
+    away_m = distance_m((v.lat_deg, v.lon_deg), (v.home_lat_deg, v.home_lon_deg))
+    at_home_m = AT_HOME_M if state.task.wings is None else ROLL_OUT_M
+    return f" {away_m:.0f} m from home" if away_m > at_home_m else ""
+
+
+def _rolled_out(state: AgentState) -> bool:
+    """Whether a fixed wing stands where it was to land, or has rolled to."""
+    vehicle, swap = state.vehicle, state.route
+    if swap is None or swap.plan.approach is None or vehicle.lat_deg is None or vehicle.lon_deg is None:
+        return False
+    down = swap.plan.approach.touchdown
+    away_m = distance_m((vehicle.lat_deg, vehicle.lon_deg), (down.lat_deg, down.lon_deg))
+    return away_m <= ROLL_OUT_M

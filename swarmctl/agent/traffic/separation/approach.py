@@ -1,0 +1,170 @@
+"""How near two flights come to each other, exactly: between two points in time both fly straight."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from swarmctl.agent.traffic.separation.trajectory import Point, Segment, Trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Two vehicles closer than both of these are too close."""
+
+    horizontal_m: float
+    vertical_m: float
+
+    def share(self, horizontal_m: float, vertical_m: float) -> float:
+        """How much of the limits two keep: less than 1 where they are too close."""
+        return max(horizontal_m / self.horizontal_m, vertical_m / self.vertical_m)
+
+
+@dataclass(frozen=True, slots=True)
+class Approach:
+    """Two vehicles at one time."""
+
+    t_s: float
+    horizontal_m: float
+    vertical_m: float
+
+    @property
+    def distance_m(self) -> float:
+        return math.hypot(self.horizontal_m, self.vertical_m)
+
+
+@dataclass(frozen=True, slots=True)
+class _Relative:
+    """One seen from the other while both fly straight: from `begin_s` for `lasts_s`."""
+
+    begin_s: float
+    lasts_s: float
+    at: Point
+    velocity: Point
+
+    def approach(self, tau_s: float) -> Approach:
+        e, n, u = (x + v * tau_s for x, v in zip(self.at, self.velocity, strict=True))
+        return Approach(self.begin_s + tau_s, math.hypot(e, n), abs(u))
+
+    def squared(self) -> tuple[float, float, float]:
+        """(a, b, c) of the squared horizontal distance a·τ² + b·τ + c."""
+        (e, n, _), (ve, vn, _) = self.at, self.velocity
+        return ve * ve + vn * vn, 2.0 * (e * ve + n * vn), e * e + n * n
+
+
+def closest(a: Trajectory, b: Trajectory, limits: Limits) -> Approach | None:
+    """Where the two keep least of the limits (`Limits.share`), the first of equals; None where they are never
+    in the air at once."""
+    found = [_closest(part, limits) for part in _together(a, b)]
+    return min(found, key=lambda at: (limits.share(at.horizontal_m, at.vertical_m), at.t_s), default=None)
+
+
+def nearest(a: Segment, b: Segment) -> Approach | None:
+    """Where the two are nearest in a straight line; None where they have no time in common."""
+    part = _relative(a, b)
+    if part is None:
+        return None
+    a2, b1, _ = part.squared()
+    u, vu = part.at[2], part.velocity[2]
+    a2, b1 = a2 + vu * vu, b1 + 2.0 * u * vu
+    tau_s = -b1 / (2.0 * a2) if a2 > 0.0 else 0.0
+    return part.approach(min(max(tau_s, 0.0), part.lasts_s))
+
+
+def intervals(a: Trajectory, b: Trajectory, limits: Limits) -> tuple[tuple[float, float], ...]:
+    """When the two are too close: (from, until) [s], in order, those that touch made one."""
+    merged: list[tuple[float, float]] = []
+    for part in _together(a, b):
+        found = _too_close(part, limits)
+        if found is None:
+            continue
+        if merged and found[0] <= merged[-1][1]:
+            merged[-1] = merged[-1][0], max(merged[-1][1], found[1])
+        else:
+            merged.append(found)
+    return tuple(merged)
+
+
+def too_close(a: Segment, b: Segment, limits: Limits) -> tuple[float, float] | None:
+    """When the two are too close: (from, until) [s]; None where they never are."""
+    part = _relative(a, b)
+    return None if part is None else _too_close(part, limits)
+
+
+def _together(a: Trajectory, b: Trajectory) -> Iterator[_Relative]:
+    """The times both are in the air, cut where either turns."""
+    mine, theirs = list(a.segments()), list(b.segments())
+    i = j = 0
+    while i < len(mine) and j < len(theirs):
+        part = _relative(mine[i], theirs[j])
+        if part is not None:
+            yield part
+        if mine[i].end_s <= theirs[j].end_s:
+            i += 1
+        else:
+            j += 1
+
+
+def _relative(a: Segment, b: Segment) -> _Relative | None:
+    begin_s, end_s = max(a.begin_s, b.begin_s), min(a.end_s, b.end_s)
+    if end_s < begin_s:
+        return None
+    at = _minus(a.at(begin_s), b.at(begin_s))
+    va, vb = _velocity(a), _velocity(b)
+    return _Relative(begin_s, end_s - begin_s, at, _minus(va, vb))
+
+
+def _velocity(segment: Segment) -> Point:
+    lasts_s = segment.end_s - segment.begin_s
+    e, n, u = _minus(segment.b, segment.a)
+    return e / lasts_s, n / lasts_s, u / lasts_s
+
+
+def _minus(a: Point, b: Point) -> Point:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def _closest(part: _Relative, limits: Limits) -> Approach:
+    """Of the greater of two convex shares the least is at an end, at the least of either, or where they
+    cross."""
+    a2, b1, c = part.squared()
+    u, vu = part.at[2], part.velocity[2]
+    h2, v2 = limits.horizontal_m**2, limits.vertical_m**2
+    at = [0.0, part.lasts_s]
+    at += [-b1 / (2.0 * a2)] if a2 > 0.0 else []
+    at += [-u / vu] if vu != 0.0 else []
+    at += _roots(a2 / h2 - vu * vu / v2, b1 / h2 - 2.0 * u * vu / v2, c / h2 - u * u / v2)
+    within = (part.approach(tau) for tau in sorted(at) if 0.0 <= tau <= part.lasts_s)
+    return min(within, key=lambda it: limits.share(it.horizontal_m, it.vertical_m))
+
+
+def _too_close(part: _Relative, limits: Limits) -> tuple[float, float] | None:
+    a2, b1, c = part.squared()
+    u, vu = part.at[2], part.velocity[2]
+    low, high = 0.0, part.lasts_s
+    if a2 > 0.0:
+        roots = _roots(a2, b1, c - limits.horizontal_m**2)
+        if not roots:
+            return None
+        low, high = max(low, min(roots)), min(high, max(roots))
+    elif c >= limits.horizontal_m**2:
+        return None
+    if vu != 0.0:
+        ends = sorted(((limits.vertical_m - u) / vu, (-limits.vertical_m - u) / vu))
+        low, high = max(low, ends[0]), min(high, ends[1])
+    elif abs(u) >= limits.vertical_m:
+        return None
+    return (part.begin_s + low, part.begin_s + high) if low < high else None
+
+
+def _roots(a: float, b: float, c: float) -> list[float]:
+    """Of a·τ² + b·τ + c, real ones."""
+    if a == 0.0:
+        return [-c / b] if b != 0.0 else []
+    discriminant = b * b - 4.0 * a * c
+    if discriminant < 0.0:
+        return []
+    # The root of the greater size first: the other would be a difference of nearly equal numbers.
+    q = -0.5 * (b + math.copysign(math.sqrt(discriminant), b))
+    return [q / a, c / q] if q != 0.0 else [0.0]

@@ -1,0 +1,145 @@
+"""Whether flights may meet that are not flown to the second: planned ones, compared before they are flown.
+
+Two flights clash where the vehicles would be too close if they were up to `slack_s` off their times against
+each other: where `a` at some time and `b` at another, no more than that from it, are closer than both limits.
+While both fly straight, those pairs of times are a convex set, and the places of the one seen from the other
+as well: a polygon, whose distance from nought is exact.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmctl.agent.traffic.separation.approach import Limits
+from swarmctl.agent.traffic.separation.trajectory import Segment, Trajectory
+from swarmctl.core.plane import contains, distance_to_leg
+
+SLACK_S = 2.0
+"""By so much two vehicles may be off their times against each other: each a second, for then it says so."""
+LEVEL_M = 0.3
+"""Heights are held and told to about this: two that plan to keep the vertical limit keep it."""
+
+Boxes = NDArray[np.float64]
+"""(segments, 8): from when, where east, north and up each piece of a flight is, and until when and where"""
+_Times = tuple[float, float]
+"""of the one, and of the other"""
+_AROUND = tuple((math.cos(k * math.tau / 8), math.sin(k * math.tau / 8)) for k in range(8))
+"""directions"""
+
+
+@dataclass(frozen=True, slots=True)
+class Clash:
+    """A flight that another may meet."""
+
+    other: int
+    at_s: float
+    """when the one is there, at the earliest"""
+
+
+def in_words(met: Sequence[Clash], now_s: float) -> str:
+    """Whose flights, and in how long."""
+    near = [f"that of vehicle {clash.other} in {max(clash.at_s - now_s, 0.0):.0f} s" for clash in met]
+    return " and ".join(near)
+
+
+def _boxes_of(flight: Trajectory) -> Boxes:
+    times, points = np.array(flight.times_s), np.array(flight.points).reshape(-1, 3)
+    low = np.column_stack((times[:-1], np.minimum(points[:-1], points[1:])))
+    return np.hstack((low, np.column_stack((times[1:], np.maximum(points[:-1], points[1:])))))
+
+
+def clashes(
+    own: Trajectory,
+    others: Mapping[int, Trajectory],
+    limits: Limits,
+    slack_s: float = SLACK_S,
+    wider: Mapping[int, Limits] = MappingProxyType({}),
+) -> tuple[Clash, ...]:
+    """Whom a flight may meet of others, by system id; the soonest first. `wider` are the limits of those from
+    which more is to be kept."""
+    if not others:
+        return ()
+    mine, boxes = list(own.segments()), _boxes_of(own)
+    found = []
+    for uav, flight in others.items():
+        kept = wider.get(uav, limits)
+        near = _near_pairs(boxes, _boxes_of(flight), kept, slack_s)
+        if not near:
+            continue
+        pieces = list(flight.segments())
+        at_s = (clash_at_s(mine[i], pieces[j], kept, slack_s) for i, j in near)
+        first_s = min((t for t in at_s if t is not None), default=None)
+        if first_s is not None:
+            found.append(Clash(uav, first_s))
+    return tuple(sorted(found, key=lambda clash: (clash.at_s, clash.other)))
+
+
+def _near_pairs(mine: Boxes, theirs: Boxes, limits: Limits, slack_s: float) -> list[tuple[int, int]]:
+    """The pieces whose boxes are no farther apart than the limits."""
+    reach = np.array((slack_s, limits.horizontal_m, limits.horizontal_m, limits.vertical_m))
+    one, other = mine[:, None], theirs[None]
+    near = (one[..., :4] - reach <= other[..., 4:]) & (other[..., :4] - reach <= one[..., 4:])
+    return [(int(i), int(j)) for i, j in np.argwhere(near.all(axis=2))]
+
+
+def clash_at_s(a: Segment, b: Segment, limits: Limits, slack_s: float) -> float | None:
+    """About when `a` may first be too close to `b`, each flying straight; None where it never is."""
+    va, vb = _velocity(a), _velocity(b)
+
+    def apart(times: _Times, axis: int) -> float:
+        t, u = times
+        mine = a.a[axis] + (t - a.begin_s) * va[axis]
+        return mine - b.a[axis] - (u - b.begin_s) * vb[axis]
+
+    near_m = limits.vertical_m - LEVEL_M
+    ends = ((a.begin_s, b.begin_s), (a.end_s, b.begin_s), (a.end_s, b.end_s), (a.begin_s, b.end_s))
+    times: Sequence[_Times] = ends
+    times = _clip(times, [slack_s - t + u for t, u in times])
+    times = _clip(times, [slack_s + t - u for t, u in times])
+    times = _clip(times, [near_m - apart(pair, 2) for pair in times])
+    times = _clip(times, [near_m + apart(pair, 2) for pair in times])
+    if not times:
+        return None
+    seen = [(apart(pair, 0), apart(pair, 1)) for pair in times]
+    if _distance_m(seen) >= limits.horizontal_m:
+        return None
+    # Of the times the places are within an octagon about the circle: at most 8 % of its radius early.
+    for east, north in _AROUND:
+        at = [limits.horizontal_m - east * apart(pair, 0) - north * apart(pair, 1) for pair in times]
+        times = _clip(times, at) or times
+    return min(t for t, _ in times)
+
+
+def _velocity(segment: Segment) -> tuple[float, float, float]:
+    lasts_s = segment.end_s - segment.begin_s
+    east, north, up = ((y - x) / lasts_s for x, y in zip(segment.a, segment.b, strict=True))
+    return east, north, up
+
+
+def _clip(corners: Sequence[_Times], inside: Sequence[float]) -> list[_Times]:
+    """What of a convex polygon lies where a linear function, given at its corners, is not negative."""
+    kept: list[_Times] = []
+    for i, corner in enumerate(corners):
+        before, value, last = corners[i - 1], inside[i], inside[i - 1]
+        if (value < 0.0) != (last < 0.0):
+            share = last / (last - value)
+            kept.append(
+                (before[0] + share * (corner[0] - before[0]), before[1] + share * (corner[1] - before[1]))
+            )
+        if value >= 0.0:
+            kept.append(corner)
+    return kept
+
+
+def _distance_m(polygon: Sequence[tuple[float, float]]) -> float:
+    """From nought to a convex polygon, which may be flat."""
+    if len(polygon) > 2 and contains(polygon, (0.0, 0.0)):
+        return 0.0
+    return min(distance_to_leg((0.0, 0.0), a, b) for a, b in pairwise((*polygon, polygon[0])))

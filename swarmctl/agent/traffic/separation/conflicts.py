@@ -1,0 +1,73 @@
+"""Who comes too near to whom, of many flights."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from swarmctl.agent.traffic.separation.approach import Approach, Limits, closest, intervals
+from swarmctl.agent.traffic.separation.trajectory import Segment, Trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class Conflict:
+    """Two vehicles, `uav` the one of lower system id, that will be too close."""
+
+    uav: int
+    other: int
+    begin_s: float
+    end_s: float
+    """of the last time they are"""
+    closest: Approach
+
+
+def conflicts(flights: Mapping[int, Trajectory], limits: Limits) -> tuple[Conflict, ...]:
+    """All pairs that are too close at some time, the soonest first.
+
+    A sweep over time and over the boxes that flights leave in the plane: only pairs that are near at one time
+    are looked at closely.
+    """
+    found = []
+    for uav, other in sorted(_near_pairs(flights, limits)):
+        times = intervals(flights[uav], flights[other], limits)
+        at = closest(flights[uav], flights[other], limits) if times else None
+        if at is not None:
+            found.append(Conflict(uav, other, times[0][0], times[-1][1], at))
+    return tuple(sorted(found, key=lambda conflict: (conflict.begin_s, conflict.uav, conflict.other)))
+
+
+@dataclass(frozen=True, slots=True)
+class Crossings:
+    """Pairs of flights whose ways over ground meet at one time."""
+
+    predicted: int
+    by_height: int
+    """of these, kept apart by their heights"""
+
+
+def crossings(flights: Mapping[int, Trajectory], limits: Limits) -> Crossings:
+    over_ground = conflicts(flights, Limits(limits.horizontal_m, math.inf))
+    return Crossings(len(over_ground), len(over_ground) - len(conflicts(flights, limits)))
+
+
+def _near_pairs(flights: Mapping[int, Trajectory], limits: Limits) -> set[tuple[int, int]]:
+    """Pairs with two segments at one time whose boxes are no farther apart than the limits."""
+    segments = [(segment, uav) for uav, flight in flights.items() for segment in flight.segments()]
+    segments.sort(key=lambda item: (item[0].begin_s, item[1]))
+    pairs: set[tuple[int, int]] = set()
+    active: list[tuple[Segment, int]] = []
+    for segment, uav in segments:
+        active = [item for item in active if item[0].end_s >= segment.begin_s]
+        for earlier, other in active:
+            pair = (min(uav, other), max(uav, other))
+            if uav != other and pair not in pairs and _are_near(segment, earlier, limits):
+                pairs.add(pair)
+        active.append((segment, uav))
+    return pairs
+
+
+def _are_near(one: Segment, other: Segment, limits: Limits) -> bool:
+    within_m = (limits.horizontal_m, limits.horizontal_m, limits.vertical_m)
+    ends = zip(one.a, one.b, other.a, other.b, within_m, strict=True)
+    return all(min(a, b) - near <= max(c, d) and min(c, d) - near <= max(a, b) for a, b, c, d, near in ends)

@@ -1,0 +1,96 @@
+"""The least distance between any two vehicles in the air, as their telemetry comes in."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict, deque
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from swarmctl.agent.traffic.separation.approach import Approach, Limits, nearest, too_close
+from swarmctl.agent.traffic.separation.trajectory import Point, Segment
+
+MAX_GAP_S = 3.0
+"""Between samples farther apart nobody knows where a vehicle was."""
+
+Pair = tuple[int, int]
+"""system ids, the lower first"""
+
+
+@dataclass(slots=True)
+class _Track:
+    last_s: float
+    here: Point
+    row: int
+    segments: deque[Segment] = field(default_factory=deque)
+    """the last ones"""
+    lengths_m: deque[float] = field(default_factory=deque)
+
+
+class Flown:
+    """Straight from sample to sample; `nearest` is the least distance so far, and between whom."""
+
+    def __init__(self, limits: Limits) -> None:
+        self._limits = limits
+        self._tracks: dict[int, _Track] = {}
+        self._uavs: list[int] = []
+        """by row"""
+        self._here = np.empty((0, 3))
+        self._reach_m = np.empty(0)
+        """how far back from there the segments that are kept reach"""
+        self.nearest: Approach | None = None
+        self.between: Pair | None = None
+        self.too_close_s: defaultdict[Pair, float] = defaultdict(float)
+        """for how long pairs were closer than both limits"""
+
+    def saw(self, uav: int, t_s: float, here: Point) -> bool:
+        """A vehicle is in the air here; whether two have never been nearer."""
+        track = self._tracks.get(uav)
+        if track is None:
+            track = self._tracks[uav] = _Track(t_s, here, len(self._uavs))
+            self._uavs.append(uav)
+            self._here = np.vstack((self._here, np.full(3, math.inf)))
+            self._reach_m = np.append(self._reach_m, 0.0)
+        if t_s <= track.last_s:
+            return False
+        before, self._here[track.row] = Segment(track.last_s, t_s, track.here, here), here
+        track.last_s, track.here = t_s, here
+        if before.end_s - before.begin_s > MAX_GAP_S:
+            return False
+        length_m = math.dist(before.a, before.b)
+        self._keep(track, before, length_m)
+        found = [self._compare(uav, other, before) for other in self._within_reach(track.row, length_m)]
+        return any(found)
+
+    def _keep(self, track: _Track, segment: Segment, length_m: float) -> None:
+        track.segments.append(segment)
+        track.lengths_m.append(length_m)
+        while track.segments[0].end_s < segment.end_s - MAX_GAP_S:
+            track.segments.popleft()
+            track.lengths_m.popleft()
+        self._reach_m[track.row] = math.fsum(track.lengths_m)
+
+    def _within_reach(self, row: int, length_m: float) -> list[int]:
+        """Whose segments may be as near as what is looked for."""
+        limits = self._limits
+        least_m = math.inf if self.nearest is None else self.nearest.distance_m
+        near_m = max(least_m, math.hypot(limits.horizontal_m, limits.vertical_m)) + length_m
+        away_m = np.linalg.norm(self._here - self._here[row], axis=1)
+        rows = np.flatnonzero(away_m - self._reach_m <= near_m)
+        return [self._uavs[i] for i in rows if i != row]
+
+    def _compare(self, uav: int, other: int, segment: Segment) -> bool:
+        """With the kept segments of another that share time with this one; each two are compared once."""
+        pair, is_nearer = (min(uav, other), max(uav, other)), False
+        for theirs in self._tracks[other].segments:
+            if theirs.end_s <= segment.begin_s:
+                continue
+            at = nearest(segment, theirs)
+            if at is None:
+                continue
+            if self.nearest is None or at.distance_m < self.nearest.distance_m:
+                self.nearest, self.between, is_nearer = at, pair, True
+            if times := too_close(segment, theirs, self._limits):
+                self.too_close_s[pair] += times[1] - times[0]
+        return is_nearer

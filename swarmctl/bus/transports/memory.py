@@ -1,0 +1,68 @@
+"""A bus inside one event loop: for virtual time and tests. Delivers in the order of sending."""
+
+from __future__ import annotations
+
+import asyncio
+
+from swarmctl.bus.transports.base import MAX_MESSAGE_BYTES, MAX_QUESTION_BYTES, Failure, Receive, Serve
+from swarmctl.bus.transports.routes import Routes, report_to_loop
+
+
+class MemoryBus:
+    """Keys are matched as Zenoh does for the expressions in use."""
+
+    def __init__(self, on_failure: Failure = report_to_loop) -> None:
+        self.dropped = 0
+        self.too_long = 0
+        self.failed = 0
+        self._on_failure = on_failure
+        self._routes = Routes()
+        self._served: dict[str, Serve] = {}
+
+    def put(self, key: str, payload: bytes) -> None:
+        if len(payload) > MAX_MESSAGE_BYTES:
+            self.too_long += 1
+            return
+        loop = asyncio.get_running_loop()
+        for receive in self._routes.reached_by(key):
+            loop.call_soon(self._deliver, receive, key, payload)
+
+    def subscribe(self, key_expression: str, receive: Receive) -> None:
+        self._routes.add(key_expression, receive)
+
+    def serve(self, key: str, serve: Serve) -> None:
+        self._served[key] = serve
+
+    async def ask(self, key: str, payload: bytes, timeout_s: float) -> tuple[bytes, ...]:
+        if key not in self._served:
+            return ()
+        loop = asyncio.get_running_loop()
+        answer: asyncio.Future[bytes] = loop.create_future()
+
+        def reply(payload: bytes) -> None:
+            if not answer.done():
+                answer.set_result(payload)
+
+        def served() -> None:
+            try:
+                self._served[key](key, payload if len(payload) <= MAX_QUESTION_BYTES else None, reply)
+            except Exception as error:  # noqa: BLE001 - whatever a receiver raises is its own bug
+                self._has_failed(key, error)
+
+        loop.call_soon(served)
+        async with asyncio.timeout(timeout_s):
+            return (await answer,)
+
+    def close(self) -> None:
+        self._routes.clear()
+        self._served.clear()
+
+    def _deliver(self, receive: Receive, key: str, payload: bytes) -> None:
+        try:
+            receive(key, payload)
+        except Exception as error:  # noqa: BLE001 - whatever a receiver raises is its own bug
+            self._has_failed(key, error)
+
+    def _has_failed(self, key: str, error: Exception) -> None:
+        self.failed += 1
+        self._on_failure(key, error)

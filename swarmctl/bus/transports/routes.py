@@ -1,0 +1,73 @@
+"""Which of a process's own subscriptions a key reaches, and who is told of a receiver's bug."""
+
+from __future__ import annotations
+
+import asyncio
+import traceback
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from swarmctl.bus.transports.base import Receive
+from swarmctl.core.texts import printable
+
+EVERYTHING = "**"
+MAX_SAID = 32
+"""different texts about receivers' bugs: senders may make them differ"""
+
+
+class Routes:
+    """Subscriptions to a single key, to `PREFIX/**`, or to `**`."""
+
+    def __init__(self) -> None:
+        self._by_key: dict[str, list[Receive]] = {}
+        self._by_prefix: dict[str, list[Receive]] = {}
+
+    def add(self, key_expression: str, receive: Receive) -> None:
+        """Raises ValueError where the expression is of another form."""
+        if key_expression == EVERYTHING or key_expression.endswith("/**"):
+            stem, table = key_expression.removesuffix(EVERYTHING), self._by_prefix
+        else:
+            stem, table = key_expression, self._by_key
+        if "*" in stem or "$" in stem:
+            raise ValueError(f"expected a key, or one that ends in /**, found {key_expression!r}")
+        table.setdefault(stem, []).append(receive)
+
+    def reached_by(self, key: str) -> Iterator[Receive]:
+        """A lookup for each part of the key, however many subscriptions there are."""
+        yield from self._by_key.get(key, ())
+        yield from self._by_prefix.get("", ())
+        end = key.find("/")
+        while end >= 0:
+            yield from self._by_prefix.get(key[: end + 1], ())
+            end = key.find("/", end + 1)
+
+    def clear(self) -> None:
+        self._by_key.clear()
+        self._by_prefix.clear()
+
+
+def report_to_loop(key: str, error: Exception) -> None:
+    """Where nobody else is told of a receiver's bug: the loop's exception handler, which logs it."""
+    asyncio.get_running_loop().call_exception_handler(
+        {"message": f"a receiver of the bus failed at {key[:200]}", "exception": error}
+    )
+
+
+class SaidOnce:
+    """A `Failure` for flights, which it does not end: what a receiver raised, in one line, each text once."""
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self._say = say
+        self._said: set[str] = set()
+
+    def __call__(self, key: str, error: Exception) -> None:
+        if len(self._said) >= MAX_SAID:
+            return
+        *_, frame = traceback.extract_tb(error.__traceback__) or [None]
+        where = "" if frame is None else f" in {frame.name}, {Path(frame.filename).name}:{frame.lineno}"
+        text = f"a bug in handling what came by the bus{where}: {type(error).__name__}: {error}"
+        # It may quote the sender, and is shown on a terminal.
+        text = printable(text[:400])
+        if text not in self._said:
+            self._said.add(text)
+            self._say(f"{text} (under {printable(key[:100])}; said once, all are counted)")

@@ -1,0 +1,177 @@
+"""`swarmctl audit`: whether a run's evidence is whole, and what it tells."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from swarmctl.cli.console import EXPECTED, USAGE, fail, out, say
+from swarmctl.core.texts import printable
+from swarmctl.report.evidence.book import FILE
+from swarmctl.report.evidence.chain import Checked, Entry, check, sealed
+from swarmctl.report.evidence.digest import Digest, digest
+from swarmctl.security.evidence_keys import holds, is_key_of
+from swarmctl.security.files import KeyringError
+
+UNSIGNED = (
+    "it is not signed: the chain shows that no line was changed, added or taken out since the final hash was "
+    "noted elsewhere. Who can write the file can also make a whole new chain, so note the final hash now, or "
+    "fly with `communication.keys`"
+)
+
+_FIRST = (
+    *("message", "command", "items", "of", "first", "result", "times"),
+    *("changed", "from", "to", "check", "asks", "decided", "ended", "failed"),
+)
+"""of an entry; the rest follows in the order of the file"""
+
+
+def register(cli: typer.Typer) -> None:
+    cli.command()(audit)
+
+
+def audit(
+    run: Annotated[Path, typer.Argument(help=f"A run folder, or its {FILE}.", show_default=False)],
+    keys: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER", help="The swarm's keys; the evidence has to be signed by one of them, then."
+        ),
+    ] = None,
+    every: Annotated[
+        bool, typer.Option("--all", help="Show every entry, not only what they sum up to.")
+    ] = False,
+) -> None:
+    """Check the evidence of a run, line by line, and show what happened.
+
+    The evidence is a chain: each line has the hash of the line before, and the last tells how many there are.
+    """
+    if keys is not None and not keys.is_dir():
+        fail(
+            [f"--keys {keys}: is no folder; give the folder of the swarm's keys (communication.keys)"], USAGE
+        )
+    path = run / FILE if run.is_dir() else run
+    checked = _checked(path)
+    if checked.entries:
+        _show(checked, every=every)
+    troubles = [printable(text) for text in _troubles(path, checked, keys)]
+    if troubles:
+        fail(troubles, EXPECTED)
+    say(f"{path}: whole: {len(checked.entries)} entries; the final hash is {checked.last}")
+    say(_signed_by(checked, keys))
+
+
+def _checked(path: Path) -> Checked:
+    try:
+        with path.open("rb") as file:
+            return check(file)
+    except FileNotFoundError:
+        fail([f"{path}: there is no evidence; give the folder of a run, which has an {FILE}"], USAGE)
+    except OSError as error:
+        fail([f"{path}: cannot be read: {error.strerror or error}"], USAGE)
+
+
+def _troubles(path: Path, checked: Checked, keys: Path | None) -> Iterator[str]:
+    if checked.fault is not None:
+        fault = checked.fault
+        yield (
+            f"{path}:{fault.line}: the chain is broken here: found {fault.found}, expected {fault.expected}; "
+            f"only the {len(checked.entries)} lines before it are as they were written"
+        )
+    elif not checked.entries:
+        yield f"{path}: it is empty: the process died at once, or all lines were cut"
+    elif checked.closing is None:
+        yield (
+            f"{path}:{len(checked.entries)}: not closed: the process died or lines were cut; the last good "
+            f"hash is {checked.last}"
+        )
+    else:
+        yield from _signature_troubles(path, checked, checked.closing, keys)
+
+
+def _signature_troubles(path: Path, checked: Checked, closing: Entry, keys: Path | None) -> Iterator[str]:
+    signature = closing.get("signature")
+    if signature is None:
+        if keys is not None:
+            yield f"{path}: it is not signed, expected the signature of a key of {keys}"
+        return
+    by, key, value = (str(signature.get(name)) for name in ("by", "key", "signature"))
+    if not holds(sealed(closing["entries"], str(checked.entries[-1]["previous"])), key, value):
+        yield f"{path}: the signature by {by} does not hold: the chain was written anew since it was signed"
+        return
+    try:
+        if keys is not None and not is_key_of(keys, by, key):
+            yield f"{path}: signed by {by} with the key {key}, which is not {by}'s key of {keys}"
+    except KeyringError as error:
+        fail([str(error)], USAGE)
+
+
+def _signed_by(checked: Checked, keys: Path | None) -> str:
+    signature = (checked.closing or {}).get("signature")
+    if signature is None:
+        return UNSIGNED
+    who = printable(f"signed by {signature['by']} with the key {signature['key']}")
+    if keys is None:
+        return f"{who}; give --keys FOLDER to see whether that is theirs: anybody can make a key"
+    return f"{who}, as {keys} has it; who has that key could have written the chain anew"
+
+
+def _show(checked: Checked, *, every: bool) -> None:
+    opened = checked.opened
+    began = _time(checked.entries[0])
+    say(printable(f"{opened.get('run')}, flown by {opened.get('program')}, began {began}"))
+    say(printable(f"configuration SHA-256 {opened.get('configuration_sha256')}"))
+    if every:
+        for entry in checked.entries:
+            say(_line(entry))
+    told = digest(checked.entries)
+    out.print(_table(told))
+    for entry in told.people:
+        say(_line(entry))
+    for vehicle, unasked in told.unasked.items():
+        say(printable(f"{vehicle}: seen without a command from here: {_counted(unasked)}"))
+    for vehicle, n in told.landed.items():
+        say(
+            printable(
+                f"{vehicle}: disarmed itself on the ground{f' × {n}' if n > 1 else ''}, as after a landing"
+            )
+        )
+
+
+def _table(told: Digest) -> Table:
+    table = Table(title="what was commanded", caption="seen: the first change of that kind after it")
+    for name in ("vehicle", "command", "sent", "answered", "refused", "no answer", "seen"):
+        table.add_column(name, justify="right" if name in ("sent", "refused", "no answer") else "left")
+    for row in told.rows:
+        others = f" ({row.by_others} by others)" if row.by_others else ""
+        table.add_row(
+            printable(row.vehicle),
+            printable(row.command),
+            f"{row.sent}{others}",
+            printable(_counted(row.answers)),
+            str(row.refused or ""),
+            str(row.unanswered or ""),
+            printable(_counted(row.seen)),
+        )
+    return table
+
+
+def _counted(counter: Counter[str]) -> str:
+    return ", ".join(f"{text} × {n}" if n > 1 else text for text, n in counter.items())
+
+
+def _line(entry: Entry) -> str:
+    what = entry["what"]
+    names = [*(name for name in _FIRST if name in what), *(name for name in what if name not in _FIRST)]
+    said = ", ".join(f"{name} {what[name]}" for name in names if what[name] not in (None, ""))
+    return printable(f"{entry['run_s']:9.3f} s  {entry['vehicle'] or 'all':<8} {entry['kind']:<15} {said}")
+
+
+def _time(entry: Entry) -> str:
+    return f"{datetime.fromtimestamp(entry['unix_s'], UTC):%Y-%m-%d %H:%M:%S} UTC"

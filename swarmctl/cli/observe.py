@@ -1,0 +1,179 @@
+"""`swarmctl observe`: what a person has seen, told to a vehicle's agent as its payload would."""
+
+from __future__ import annotations
+
+import asyncio
+import datetime as dt
+import json
+from dataclasses import replace
+from typing import Annotated
+
+import typer
+
+from swarmctl.bus import external_observations
+from swarmctl.bus.sensor_reports import BY_HAND, VERSION, Answer, Point, Report, schema
+from swarmctl.bus.transports.access import OPERATOR
+from swarmctl.bus.transports.base import BusError, Transport
+from swarmctl.bus.transports.zenoh_config import Credentials
+from swarmctl.cli.asking import ConnectOption, FlyingConfigOption, SwarmOption, station_of
+from swarmctl.cli.calling import of_keys, roll_of
+from swarmctl.cli.console import EXPECTED, USAGE, fail, out, say
+from swarmctl.config import joining
+from swarmctl.config.mesh import listeners, vehicle_of
+from swarmctl.config.roster import Roll
+from swarmctl.core.grid import Cell
+from swarmctl.core.messages import MAX_SYSTEM_ID
+from swarmctl.security.files import KeyringError
+from swarmctl.station import client
+from swarmctl.station.client import NoAnswer, Station, Unclear
+
+MAX_INDEX = 2**31
+"""beyond the rows and columns of any area"""
+
+
+def register(cli: typer.Typer) -> None:
+    cli.command()(observe)
+
+
+def observe(
+    uav: Annotated[
+        str,
+        typer.Option(
+            "--uav", metavar="NAME", help="The vehicle that is told: system id, or with --config name."
+        ),
+    ] = "",
+    cell: Annotated[
+        list[str] | None, typer.Option("--cell", metavar="ROW,COL", help="What was seen; may be repeated.")
+    ] = None,
+    at: Annotated[
+        list[str] | None,
+        typer.Option("--at", metavar="LAT,LON", help="Instead of --cell, a position [deg]; may be repeated."),
+    ] = None,
+    occupied: Annotated[
+        bool | None,
+        typer.Option("--occupied/--clear", help="Whether a hostile is there.", show_default=False),
+    ] = None,
+    swarm: SwarmOption = None,
+    config: FlyingConfigOption = None,
+    connect: ConnectOption = None,
+    show_schema: Annotated[
+        bool,
+        typer.Option("--schema", help="Print the JSON schema of payloads' reports, and do nothing else."),
+    ] = False,
+) -> None:
+    """Tell a vehicle in flight what you see: its agent takes it as its own look, and tells the others.
+
+    For swarms with `sensor: {source: external}` or `both`. Payloads report the same way: see --schema, and
+    configs/detector.py for an example.
+    """
+    if show_schema:
+        out.print_json(json.dumps(schema()))
+        return
+    known = None if config is None else roll_of(config)
+    try:
+        report = seen(cell or [], at or [], occupied)
+        to = _vehicle(uav, known)
+        station, credentials = _station(swarm, known, connect, to)
+    except KeyringError as error:
+        fail([str(error)] if config is None else of_keys(config, [str(error)]), EXPECTED)
+    except BusError as error:
+        fail([str(error)], EXPECTED)
+    except ValueError as error:
+        fail([str(error)], USAGE)
+    try:
+        answer = asyncio.run(_report(station, credentials, to, report))
+    except (BusError, NoAnswer) as error:
+        fail([str(error)], EXPECTED)
+    if not answer.taken:
+        fail([f"vehicle {uav} of {station.swarm} refused: {answer.why}"], EXPECTED)
+    said = ", ".join(f"({row}, {col}) {'occupied' if held else 'clear'}" for row, col, held in answer.cells)
+    say(f"vehicle {uav} of {station.swarm} has taken: {said}")
+
+
+def seen(cells: list[str], places: list[str], occupied: bool | None) -> Report:
+    """The report of what was given in words. Raises Unclear."""
+    if bool(cells) == bool(places):
+        raise Unclear(
+            "what was seen? give --cell ROW,COL (row 0 is the southernmost) or --at LAT,LON, not both"
+        )
+    if occupied is None:
+        raise Unclear("what was seen there? give --occupied (a hostile holds it) or --clear")
+    if cells:
+        return Report(VERSION, cells=tuple((*_cell(word), occupied) for word in cells), source=BY_HAND)
+    return Report(VERSION, points=tuple(_point(word, occupied) for word in places), source=BY_HAND)
+
+
+def _pair(word: str, option: str, such_as: str) -> tuple[float, float]:
+    try:
+        first, second = (float(part) for part in word.split(","))
+    except ValueError:
+        raise Unclear(f"{option} {word!r}: expected two numbers, such as {such_as}") from None
+    return first, second
+
+
+def _cell(word: str) -> Cell:
+    row, col = _pair(word, "--cell", "4,7")
+    if not (row.is_integer() and col.is_integer() and max(abs(row), abs(col)) < MAX_INDEX):
+        raise Unclear(f"--cell {word!r}: expected whole numbers, such as 4,7")
+    return int(row), int(col)
+
+
+def _point(word: str, occupied: bool) -> Point:
+    lat_deg, lon_deg = _pair(word, "--at", "46.0512,14.4071")
+    if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0):
+        raise Unclear(f"--at {word!r}: expected a latitude and a longitude [deg], such as 46.0512,14.4071")
+    return Point(lat_deg, lon_deg, occupied)
+
+
+def _vehicle(word: str, known: Roll | None) -> int:
+    """The system id. Raises ValueError."""
+    if not word:
+        raise Unclear("which vehicle is told? give --uav and its system id, or its name with --config")
+    if known is not None:
+        return vehicle_of(word, known.names)
+    if word.isascii() and word.isdigit() and 1 <= int(word) <= MAX_SYSTEM_ID:
+        return int(word)
+    raise Unclear(
+        f"--uav {word!r}: expected a system id from 1 to {MAX_SYSTEM_ID}; names are known with --config"
+    )
+
+
+def _station(
+    swarm: str | None, known: Roll | None, connect: str | None, to: int
+) -> tuple[Station, Credentials | None]:
+    """Where to report, and what is shown there. Raises BusError, KeyringError and ValueError."""
+    station = station_of(swarm, known, connect)
+    if known is None:
+        return station, joining.certified(station.endpoint, None)
+    own = listeners(known.communication.mesh, known.names).get(to)
+    if own is not None and connect is None and station.agents:
+        # In a mesh no node passes on what a sensor sees.
+        station = replace(station, endpoint=own, others=())
+    certified = station.endpoint.is_certified
+    keyring = joining.keyring_of(known, OPERATOR, dt.datetime.now(dt.UTC)) if certified else None
+    return station, joining.certified(station.endpoint, keyring)
+
+
+async def _report(station: Station, credentials: Credentials | None, uav: int, report: Report) -> Answer:
+    """Raises BusError and NoAnswer."""
+    with client.visited(station, credentials) as bus:
+        return await told(bus, station, uav, report)
+
+
+async def told(bus: Transport, station: Station, uav: int, report: Report) -> Answer:
+    """Report on a bus that is open, and hear the answer. Raises NoAnswer."""
+    try:
+        answer = await external_observations.ask(bus, station.swarm, uav, report)
+    except TimeoutError:
+        raise NoAnswer(
+            f"{station.swarm} at {station.endpoint} did not answer within {external_observations.TIMEOUT_S:g} s: whether it "
+            "took the report is not known; by a sensor that never errs it may be given again"
+        ) from None
+    except ValueError as error:
+        raise NoAnswer(f"{station.swarm} at {station.endpoint}: {error}; is it of another version?") from None
+    if answer is None:
+        raise NoAnswer(
+            f"nobody takes reports for vehicle {uav} of {station.swarm} at {station.endpoint}: is it one of "
+            "its vehicles, does it fly, and has its configuration `sensor: {source: external}` or `both`?"
+        )
+    return answer

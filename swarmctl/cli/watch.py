@@ -1,0 +1,110 @@
+"""`swarmctl watch`: the ground station of a swarm whose agents run elsewhere."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import datetime as dt
+import os
+import signal
+from collections.abc import Callable, Iterator
+from typing import Annotated
+
+import typer
+from rich.live import Live
+
+from swarmctl.bus.transports.access import OPERATOR
+from swarmctl.bus.transports.base import BusError
+from swarmctl.bus.transports.zenoh import ZenohBus
+from swarmctl.bus.transports.zenoh_config import Configuration
+from swarmctl.cli.calling import of_keys, roll_of
+from swarmctl.cli.console import EXPECTED, INTERRUPTED, OK, USAGE, ConfigOption, fail, log, out
+from swarmctl.config import joining
+from swarmctl.core.frames import Seal
+from swarmctl.security.files import KeyringError
+from swarmctl.station import watch
+from swarmctl.station.watch import Board, View, table
+
+LINES_EVERY_S = 30.0
+
+
+def register(cli: typer.Typer) -> None:
+    cli.command("watch")(show)
+
+
+def show(
+    config: ConfigOption,
+    connect: Annotated[
+        str | None,
+        typer.Option(metavar="tcp/HOST:PORT", help="The router, instead of communication.router."),
+    ] = None,
+    once: Annotated[
+        bool, typer.Option("--once", help="Show it once, when all were heard or after 5 s, and leave.")
+    ] = False,
+) -> None:
+    """Show where the vehicles of a swarm on many machines are and what they do, until Ctrl-C."""
+    known = roll_of(config)
+    try:
+        keyring = joining.keyring_of(known, OPERATOR, dt.datetime.now(dt.UTC))
+        network = joining.as_watcher(known, known.names, connect, keyring)
+    except KeyringError as error:
+        fail(of_keys(config, [str(error)]), EXPECTED)
+    except joining.NoNetwork as error:
+        advice = "" if connect is not None else "; give one of them, or --connect tcp/HOST:PORT"
+        fail([f"{error}{advice}"], USAGE)
+    verify = None if keyring is None else keyring.verify
+    board = Board(known.name, known.names, known.grid, Seal(known.name, None, verify))
+    shown = _live if out.is_terminal and not once else _lines if not once else _once
+    try:
+        with shown() as see:
+            asyncio.run(_watch(network, board, known.name, see, once=once))
+    except BusError as error:
+        fail([str(error)], EXPECTED)
+    except asyncio.CancelledError:
+        # Until then it was to be shown; one look that was broken off has shown nothing.
+        raise typer.Exit(INTERRUPTED if once else OK) from None
+    if not board.any_heard:
+        fail(["no vehicle was heard: do their agents run, and reach the same router or mesh?"], EXPECTED)
+
+
+async def _watch(
+    network: Configuration, board: Board, swarm: str, see: Callable[[View], None], *, once: bool
+) -> None:
+    """Raises CancelledError on Ctrl-C; a second one leaves whatever the network does."""
+    me = asyncio.current_task()
+    assert me is not None
+
+    def interrupted() -> None:
+        if me.cancelling():
+            os._exit(INTERRUPTED)
+        me.cancel()
+
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        with contextlib.suppress(ValueError, RuntimeError):  # not the main thread
+            asyncio.get_running_loop().add_signal_handler(number, interrupted)
+    with ZenohBus(network) as bus:
+
+        def reached() -> str:
+            where = ", ".join(map(str, network.connect))
+            if bus.connected:
+                return f"{where}: reached"
+            trouble = f" ({bus.trouble})" if bus.trouble else ""
+            return f"{where}: not reached{trouble}: {joining.not_reached(network)}"
+
+        await watch.watch(bus, board, swarm, reached, see, once=once)
+
+
+@contextlib.contextmanager
+def _live() -> Iterator[Callable[[View], None]]:
+    with Live(console=out, auto_refresh=False) as live:
+        yield lambda view: live.update(table(view), refresh=True)
+
+
+@contextlib.contextmanager
+def _once() -> Iterator[Callable[[View], None]]:
+    yield lambda view: out.print(table(view))
+
+
+@contextlib.contextmanager
+def _lines() -> Iterator[Callable[[View], None]]:
+    yield watch.Lines(log, LINES_EVERY_S).show

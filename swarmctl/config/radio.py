@@ -1,0 +1,42 @@
+"""From the section `communication` of a configuration to what the radio model takes. Pure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from swarmctl.bus.radio import Partition, Quiet, RadioSettings
+from swarmctl.config.communication import Communication
+from swarmctl.core.texts import meant_by
+
+
+def settings_of(communication: Communication, names: Mapping[int, str]) -> RadioSettings:
+    """The radio between vehicles of these names (system id: name).
+
+    Raises ValueError where a word of it means no vehicle, or two, and where its losses cannot be.
+    """
+    c = communication
+    return RadioSettings(
+        delay_s=c.delay_s,
+        jitter_s=c.jitter_s,
+        loss=c.loss,
+        loss_burst=c.loss_burst,
+        bandwidth_bytes_s=_unlimited(c.bandwidth_bytes_s),
+        max_distance_m=_unlimited(c.max_distance_m),
+        min_distance_m=c.min_distance_m,
+        partitions=tuple(
+            Partition(
+                tuple(frozenset(meant_by(group, names)) for group in p.groups),
+                p.from_s,
+                _unlimited(p.until_s),
+            )
+            for p in c.partitions
+        ),
+        quiet=tuple(
+            Quiet(frozenset(meant_by(q.uavs, names)), q.from_s, _unlimited(q.until_s)) for q in c.quiet
+        ),
+    )
+
+
+def _unlimited(value: float | None) -> float:
+    return math.inf if value is None else value

@@ -1,0 +1,192 @@
+"""The vehicles of a configuration: how each is reached, where it starts and where it goes. Pure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from swarmctl.agent.replan.approach import Wings
+from swarmctl.config.model import Config
+from swarmctl.config.vehicles import Autopilot, Side
+from swarmctl.core.geo import LatLon, distance_m
+from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.vehicle import Airframe
+
+PLANES = frozenset({"arduplane", "px4plane"})
+"""of the simulator's autopilots"""
+
+DEFAULT_SPEED_M_S = 10.0
+"""what a vehicle is taken to fly where nobody says: ArduCopter's WPNAV_SPEED as it comes"""
+
+
+@dataclass(frozen=True, slots=True)
+class Spec:
+    """One vehicle: how it is reached and where it goes."""
+
+    name: str
+    sysid: int
+    url: str
+    link: str
+    simulated: bool
+    start: LatLon
+    entry: Cell
+    goals: tuple[Cell, ...]
+    altitude_m: float
+    delay_s: float
+    speed_m_s: float = DEFAULT_SPEED_M_S
+    arrive_after_s: float = 0.0
+    arrive_within_s: float = math.inf
+    """infinite where it may take as long as it likes"""
+    turn_radius_m: float = 0.0
+    airframe: Airframe = "copter"
+
+
+def specs_of(config: Config, grid: Grid) -> tuple[Spec, ...]:
+    """Return the simulated vehicles, then the configured ones."""
+    return (*_simulated(config, grid), *_configured(config, grid))
+
+
+def grid_of(config: Config) -> Grid:
+    a = config.area
+    return Grid(a.rows, a.cols, a.cell_size_m, a.origin_lat_deg, a.origin_lon_deg)
+
+
+def on_border(grid: Grid, cell: Cell) -> bool:
+    return cell[0] in (0, grid.rows - 1) or cell[1] in (0, grid.cols - 1)
+
+
+def entry_of(config: Config, grid: Grid, start: LatLon) -> Cell | None:
+    """Where a vehicle comes in that starts here: its own cell, or the nearest border cell it may fly."""
+    inside = grid.cell_at(*start)
+    if inside is not None:
+        return inside
+    nearest = grid.nearest_border_cell(*start)
+    no_fly = set(config.area.no_fly)
+    if nearest not in no_fly:
+        return nearest
+    rim = ((r, c) for r in range(grid.rows) for c in range(grid.cols) if on_border(grid, (r, c)))
+    free = [cell for cell in rim if cell not in no_fly]
+    return min(free, key=lambda cell: (distance_m(start, grid.centre(cell)), cell), default=None)
+
+
+def _simulated(config: Config, grid: Grid) -> Iterator[Spec]:
+    simulate = config.simulate
+    if simulate is None:
+        return
+    for i in range(simulate.count):
+        share = (i + 0.5) / simulate.count
+        start = _beside(grid, simulate.start_side, share, simulate.start_distance_m, simulate.count)
+        entry = entry_of(config, grid, start)
+        assert entry is not None
+        is_plane = simulated_autopilot(config, i) in PLANES
+        yield Spec(
+            name=f"uav{i + 1}",
+            sysid=i + 1,
+            url=simulate.url,
+            link=simulate.link,
+            simulated=True,
+            start=start,
+            entry=entry,
+            goals=simulated_goals(config, grid, i),
+            altitude_m=config.flight.altitude_m + i * config.flight.altitude_step_m,
+            delay_s=i * simulate.delay_step_s,
+            speed_m_s=config.wings.speed_m_s if is_plane else simulate.speed_m_s,
+            turn_radius_m=config.wings.turn_radius_m if is_plane else 0.0,
+            airframe="plane" if is_plane else "copter",
+            arrive_after_s=simulate.arrive_after_s,
+            arrive_within_s=math.inf if simulate.arrive_within_s is None else simulate.arrive_within_s,
+        )
+
+
+def simulated_autopilot(config: Config, index: int) -> Autopilot:
+    """What the simulated vehicle `index` speaks like."""
+    simulate = config.simulate
+    assert simulate is not None
+    chosen = simulate.autopilot
+    if isinstance(chosen, str) and chosen != "mixed":
+        return chosen
+    turns: tuple[Autopilot, ...] = ("ardupilot", "px4") if chosen == "mixed" else chosen
+    return turns[index % len(turns)]
+
+
+def simulated_goals(config: Config, grid: Grid, index: int) -> tuple[Cell, ...]:
+    simulate = config.simulate
+    assert simulate is not None
+    share = (index + 0.5) / simulate.count
+    return simulate.goal or (_border_cell(grid, simulate.goal_side, share),)
+
+
+def _beside(grid: Grid, side: Side, share: float, away_m: float, crowded: int) -> LatLon:
+    """A point `away_m` outside a side at `share` of its length, opposite the middle of a cell if that has
+    room for all."""
+    east_m, north_m = share * grid.width_m, share * grid.height_m
+    if crowded <= (grid.rows if side in ("west", "east") else grid.cols):
+        east_m, north_m = grid.centre_m(_border_cell(grid, side, share))
+    match side:
+        case "west":
+            east_m = -away_m
+        case "east":
+            east_m = grid.width_m + away_m
+        case "south":
+            north_m = -away_m
+        case "north":
+            north_m = grid.height_m + away_m
+    return grid.frame.to_geodetic(east_m, north_m)
+
+
+def _border_cell(grid: Grid, side: Side, share: float) -> Cell:
+    row, col = math.floor(share * grid.rows), math.floor(share * grid.cols)
+    match side:
+        case "west":
+            return row, 0
+        case "east":
+            return row, grid.cols - 1
+        case "south":
+            return 0, col
+        case "north":
+            return grid.rows - 1, col
+
+
+def _configured(config: Config, grid: Grid) -> Iterator[Spec]:
+    n_simulated = config.simulate.count if config.simulate is not None else 0
+    for i, vehicle in enumerate(config.vehicles):
+        start = (vehicle.start.lat_deg, vehicle.start.lon_deg)
+        entry = vehicle.entry or entry_of(config, grid, start)
+        assert entry is not None
+        is_plane = vehicle.airframe == "plane"
+        default_m_s = config.wings.speed_m_s if is_plane else DEFAULT_SPEED_M_S
+        default_m = config.flight.altitude_m + (n_simulated + i) * config.flight.altitude_step_m
+        yield Spec(
+            name=vehicle.name,
+            sysid=vehicle.sysid,
+            url=vehicle.url,
+            link=vehicle.link,
+            simulated=False,
+            start=start,
+            entry=entry,
+            goals=vehicle.goal,
+            altitude_m=vehicle.altitude_m or default_m,
+            delay_s=vehicle.delay_s,
+            speed_m_s=default_m_s if vehicle.speed_m_s is None else vehicle.speed_m_s,
+            arrive_after_s=vehicle.arrive_after_s,
+            arrive_within_s=math.inf if vehicle.arrive_within_s is None else vehicle.arrive_within_s,
+            turn_radius_m=vehicle.turn_radius_m or (config.wings.turn_radius_m if is_plane else 0.0),
+            airframe=vehicle.airframe,
+        )
+
+
+def wings_of(config: Config, spec: Spec) -> Wings | None:
+    """None for what hovers."""
+    if spec.airframe != "plane":
+        return None
+    w = config.wings
+    return Wings(
+        loiter_radius_m=w.loiter_radius_m,
+        final_height_m=w.final_height_m,
+        glide_deg=w.glide_deg,
+        min_speed_m_s=min(w.min_speed_m_s, spec.speed_m_s),
+        takeoff_height_m=w.takeoff_height_m,
+        home=spec.start,
+        landing_heading_deg=w.landing_heading_deg,
+    )

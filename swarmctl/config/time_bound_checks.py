@@ -1,0 +1,95 @@
+"""What is wrong with the time bounds of a configuration, before anything starts. Pure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from swarmctl.agent.replan.arrival_bounds import CLIMB_M_S, before_takeoff
+from swarmctl.agent.replan.time_bound import arrives_s
+from swarmctl.agent.state import Task
+from swarmctl.config.model import Config, Problem
+from swarmctl.config.vehicles import Simulate, Vehicle
+from swarmctl.config.yaml_lines import Path as KeyPath
+from swarmctl.planners import PLANNERS, BadProblem, Method, Route, method
+from swarmctl.planners import Problem as Question
+
+TWO_CELLS = ((0, 0), (0, 1))
+
+
+def judge_bounds(config: Config) -> Iterator[Problem]:
+    """Whether time bounds make sense, and whether the planner keeps them."""
+    bounded: list[tuple[KeyPath, Simulate | Vehicle]] = [
+        (("vehicles", i), vehicle) for i, vehicle in enumerate(config.vehicles)
+    ]
+    if config.simulate is not None:
+        bounded.insert(0, (("simulate",), config.simulate))
+    for here, section in bounded:
+        after_s, within_s = section.arrive_after_s, section.arrive_within_s
+        if within_s is not None:
+            yield from _judge_keeping(config, (*here, "arrive_within_s"), _keeps_latest)
+        if after_s > 0.0:
+            yield from _judge_keeping(config, (*here, "arrive_after_s"), _keeps_earliest)
+        if (within_s is not None or after_s > 0.0) and section.speed_m_s is None:
+            text = "is missing: say what it flies over ground [m/s], or its time bound means no length"
+            yield Problem((*here, "speed_m_s"), text)
+        if within_s is not None and after_s > within_s:
+            text = f"{after_s:g} is later than arrive_within_s = {within_s:g}; a window ends after it begins"
+            yield Problem((*here, "arrive_after_s"), text)
+
+
+def _judge_keeping(config: Config, path: KeyPath, keeps: Callable[[Method], bool]) -> Iterator[Problem]:
+    chosen = config.planner
+    if keeps(method(chosen.name, PLANNERS[chosen.name], chosen.options)):
+        return
+    others = [name for name, planner in PLANNERS.items() if keeps(method(name, planner, {}))]
+    text = f"planner {chosen.name} does not keep it; give planner.name: {' or '.join(others)}"
+    yield Problem(path, text, given=("planner", "name"))
+
+
+def unmet_bound(task: Task, nearest: Route, here: KeyPath) -> Iterator[Problem]:
+    """No route of the planner meets it; `nearest` is the one that misses it least."""
+    arrival, underway = task.arrival, before_takeoff(task.arrival, task.altitude_m)
+    takes_s = arrives_s(task, nearest.length_cells, nearest.cells)
+    climb_s, lead_s = task.altitude_m / CLIMB_M_S, underway.lead_m / arrival.speed_m_s
+    through_s = nearest.length_cells * task.grid.cell_size_m / arrival.speed_m_s
+    lost_s = takes_s - climb_s - lead_s - through_s
+    parts = f"{climb_s:.1f} s to climb, {lead_s:.1f} s to the area, {through_s:.1f} s through it and "
+    parts += f"{lost_s:.1f} s for speeding up and turns"
+    if takes_s > arrival.within_s:
+        needed_s = math.ceil(10.0 * takes_s) / 10.0
+        text = f"{arrival.within_s:g} is too soon for {task.name}: the fastest route found takes "
+        yield Problem((*here, "arrive_within_s"), f"{text}{needed_s:.1f} s ({parts}); allow more")
+    else:
+        text = f"no route that {task.method.name} finds takes {task.name} {arrival} from its take-off to its "
+        text += f"goal: the nearest takes {takes_s:.1f} s ({parts}); widen the window"
+        yield Problem((*here, "arrive_after_s"), text)
+
+
+def _keeps_latest(chosen: Method) -> bool:
+    """Whether a route that is too long is no answer for the planner."""
+    return math.isinf(chosen.measure(_two_cells(max_length_cells=0.5), TWO_CELLS))
+
+
+def _keeps_earliest(chosen: Method) -> bool:
+    """Whether the planner takes a bound on that side, and a route that is too short for no answer."""
+    try:
+        chosen.plan(_two_cells(min_length_cells=0.5))
+        return math.isinf(chosen.measure(_two_cells(min_length_cells=2.0), TWO_CELLS))
+    except BadProblem:
+        return False
+
+
+def _two_cells(*, min_length_cells: float = 0.0, max_length_cells: float = math.inf) -> Question:
+    start, goal = TWO_CELLS
+    return Question(
+        np.zeros((1, 2)),
+        start,
+        (goal,),
+        w=0.5,
+        psi_per_cell=1.0,
+        min_length_cells=min_length_cells,
+        max_length_cells=max_length_cells,
+    )

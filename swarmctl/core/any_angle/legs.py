@@ -1,0 +1,103 @@
+"""Every straight leg between the cells of a route at once: how long, how exposed, whether clear of walls.
+
+Legs run from centre to centre, so where they cross grid lines and corners is decided in integers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmctl.core.any_angle.track import CORNER_WAY, WALL_MARGIN, Floats, Threat
+
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+N_MEASURES = 5
+"""rows of a table of measures: length [cells]; ∫P_s ds and ∫−ln(1 − P_s) ds; ΣP_s and Σ−ln(1 − P_s) over the
+cells entered after the first"""
+INTEGRAL, ENTERED = 1, 3
+"""the rows of ∫P_s ds and of ΣP_s"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Legs:
+    measures: Floats
+    """(N_MEASURES, n)"""
+    clear: Bools
+    """(n,): enters no wall and keeps WALL_MARGIN from the corners of all; the cell it begins in apart"""
+
+
+def measure_legs(threat: Threat, begins: Ints, ends: Ints) -> Legs:
+    """Straight legs between cells; `begins` and `ends` are (n, 2) rows and columns, different in each leg."""
+    delta = ends - begins
+    order = np.argsort(-np.abs(delta).max(axis=1), kind="stable")
+    walk = _Walk(begins[order], delta[order])
+    n = len(order)
+    fields = np.stack([threat.p_s, threat.hazard])
+    integral, entered, clear = np.zeros((2, n)), np.zeros((2, n)), np.ones(n, dtype=bool)
+    for k in range(int(walk.major[0]) + 1 if n else 0):
+        # Along its longer axis a leg crosses a strip of cells a step, and in it one cell or two.
+        m = int(np.count_nonzero(walk.major >= k))
+        low, high, q_in, q_out = walk.strip(k, m)
+        two = q_out > q_in
+        cut = np.where(two, (2 * q_out - 1) * walk.major[:m] / np.maximum(2 * walk.minor[:m], 1), high)
+        legs = np.arange(m)
+        first, second = walk.cells(k, q_in, legs), walk.cells(k, q_out, legs)
+        integral[:, :m] += fields[:, *first] * (cut - low) + fields[:, *second] * (high - cut)
+        entered[:, :m] += (fields[:, *first] if k else 0.0) + np.where(two, fields[:, *second], 0.0)
+        clear[:m] &= ~(threat.blocked[second] & (two | (k > 0)))
+        clear[:m] &= ~threat.blocked[first] if k else True
+        clear[:m] &= ~_grazes(threat, walk, k, m)
+    measures = np.empty((N_MEASURES, n))
+    measures[:, order] = np.concatenate(
+        (walk.length[None], integral * (walk.length / np.maximum(walk.major, 1)), entered)
+    )
+    is_clear = np.empty(n, dtype=bool)
+    is_clear[order] = clear
+    return Legs(measures, is_clear)
+
+
+class _Walk:
+    """Legs in steps along their longer axes: after k steps a leg is k · minor / major cells aside."""
+
+    def __init__(self, begins: Ints, delta: Ints) -> None:
+        steps = np.abs(delta)
+        self.major, self.minor = steps.max(axis=1), steps.min(axis=1)
+        self.length: Floats = np.hypot(self.major, self.minor)
+        self._begins, self._sign = begins, np.sign(delta)
+        self._by_row = steps[:, 0] >= steps[:, 1]
+
+    def strip(self, k: int, m: int) -> tuple[Floats, Floats, Ints, Ints]:
+        """Of the first m legs: from where to where [steps] they are in strip k, and how many cells aside they
+        enter and leave it. A corner is left for the cell diagonally behind it."""
+        major, minor = self.major[:m], self.minor[:m]
+        low = np.full(m, max(k - 0.5, 0.0))
+        high = np.minimum(k + 0.5, major)
+        q_in = (minor * (2 * k - 1) + major) // (2 * major) if k else np.zeros(m, dtype=np.int64)
+        q_out = np.where(k < major, (minor * (2 * k + 1) + major - 1) // (2 * np.maximum(major, 1)), minor)
+        return low, high, q_in, q_out
+
+    def cells(self, k: int, aside: Ints, legs: Ints) -> tuple[Ints, Ints]:
+        """Rows and columns of `legs` after k steps and `aside` cells to the side."""
+        begins, sign, along_row = self._begins[legs], self._sign[legs], self._by_row[legs]
+        rows = begins[:, 0] + sign[:, 0] * np.where(along_row, k, aside)
+        cols = begins[:, 1] + sign[:, 1] * np.where(along_row, aside, k)
+        return rows, cols
+
+
+def _grazes(threat: Threat, walk: _Walk, k: int, m: int) -> Bools:
+    """Whether between strips k and k + 1 a leg comes too near the corner of a wall."""
+    major, minor = walk.major[:m], walk.minor[:m]
+    crossing = minor * (2 * k + 1) + major
+    corner = (crossing + major) // (2 * np.maximum(major, 1))
+    off = np.abs(crossing - corner * 2 * major) / (2.0 * np.maximum(walk.length[:m], 1.0))
+    near = np.flatnonzero((off <= WALL_MARGIN + CORNER_WAY) & (k < major))
+    met = np.zeros(m, dtype=bool)
+    for strip in (k, k + 1):
+        for aside in (corner[near] - 1, corner[near]):
+            is_begin = (aside == 0) if strip == 0 else np.zeros(len(near), dtype=bool)
+            met[near] |= threat.blocked[walk.cells(strip, aside, near)] & ~is_begin
+    return met

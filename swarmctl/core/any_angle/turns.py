@@ -1,0 +1,72 @@
+"""Turns of a vehicle that cannot turn on the spot: arcs that touch both legs of a corner (fillets).
+
+Such a vehicle turns off before it is over a corner, so that it comes out of the arc on the next leg. With a
+turn by the angle θ the arc of radius r begins and ends r · tan(θ/2) from the corner.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from swarmctl.core.any_angle.track import Point
+
+ARC_ERROR = 0.005
+"""How far the straight pieces that stand for an arc may be off it [cells]."""
+
+
+def tangent(before: Point, corner: Point, after: Point, radius: float) -> float:
+    """How far from a corner its arc begins and ends, in the unit of points and `radius`; infinite for a turn
+    back."""
+    (ix, iy), (ox, oy) = _vector(before, corner), _vector(corner, after)
+    cross, dot = ix * oy - iy * ox, ix * ox + iy * oy
+    lengths = math.hypot(ix, iy) * math.hypot(ox, oy)
+    if cross == 0.0 and (dot > 0.0 or radius == 0.0):
+        return 0.0
+    # tan(θ/2) = sin θ / (1 + cos θ)
+    return radius * abs(cross) / (lengths + dot) if lengths + dot > 1e-12 * lengths else math.inf
+
+
+def arc(before: Point, corner: Point, after: Point, radius: float) -> list[Point]:
+    """Points on the arc that rounds a corner, from where it leaves one leg to where it joins the next.
+
+    `radius` in the unit of the points. A corner without a turn stays the one point that it is.
+    """
+    away = tangent(before, corner, after, radius)
+    if away == 0.0:
+        return [corner]
+    (ix, iy), (ox, oy) = _unit(before, corner), _unit(corner, after)
+    left = math.copysign(1.0, ix * oy - iy * ox)
+    begin_x, begin_y = corner[0] - away * ix, corner[1] - away * iy
+    centre_x, centre_y = begin_x - left * radius * iy, begin_y + left * radius * ix
+    turn = math.atan2(ix * oy - iy * ox, ix * ox + iy * oy)
+    # The middle of a chord over the angle δ is r (1 − cos δ/2) off its arc.
+    n = max(1, math.ceil(abs(turn) / (2.0 * math.acos(max(1.0 - ARC_ERROR / radius, 0.0)))))
+    points = []
+    for k in range(n + 1):
+        cosine, sine = math.cos(turn * k / n), math.sin(turn * k / n)
+        x, y = begin_x - centre_x, begin_y - centre_y
+        points.append((centre_x + cosine * x - sine * y, centre_y + sine * x + cosine * y))
+    return points
+
+
+def rounded(points: Sequence[Point], radius: float) -> tuple[list[Point], list[int]]:
+    """A track with arcs for corners, as points, and for each piece between two of them the leg it belongs to:
+    the first half of an arc to the leg before the corner."""
+    if len(points) < 2:
+        return list(points), []
+    flown, legs = [points[0]], []
+    for leg, (before, corner, after) in enumerate(zip(points, points[1:], points[2:], strict=False)):
+        turn = arc(before, corner, after, radius)
+        flown += turn
+        legs += [leg] * (1 + (len(turn) - 1) // 2) + [leg + 1] * (len(turn) - 1 - (len(turn) - 1) // 2)
+    return [*flown, points[-1]], [*legs, len(points) - 2]
+
+
+def _vector(a: Point, b: Point) -> Point:
+    return b[0] - a[0], b[1] - a[1]
+
+
+def _unit(a: Point, b: Point) -> Point:
+    length = math.dist(a, b)
+    return (b[0] - a[0]) / length, (b[1] - a[1]) / length

@@ -1,0 +1,161 @@
+"""The true chance of getting through, beside ΣP_s and ∏(1 − P_s), which are not it.
+
+A vehicle is shot at once for each cell it enters, by each hostile in reach, with Eq. 1's chance and
+independently: given where the hostiles lie, it gets through with ∏(1 − fs). Where they lie is not known, and
+the same hostile threatens several cells of a route; so worlds are drawn from the belief, and what a vehicle
+survives in each of them is averaged.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmctl.core.belief import Belief
+from swarmctl.core.grid import Cell
+from swarmctl.core.inference.occupancy import Classes, posterior
+from swarmctl.core.threat import FiringStrength
+
+WORLDS = 4096
+Z_95 = 1.959964
+"""two-sided 95 % of a normal distribution"""
+ENOUGH = 100.0
+"""of worlds that count, n·mean²/mean of squares, for the normal interval: where the average rests on a few of
+thousands it is too narrow, and Wilson's is taken, which holds for any spread between 0 and 1"""
+
+
+@dataclass(frozen=True, slots=True)
+class Chance:
+    """An estimated probability with its 95 % interval."""
+
+    estimate: float
+    low: float
+    high: float
+    n_worlds: int
+
+    def __str__(self) -> str:
+        if self.low == self.high:
+            return f"{_digits(self.estimate)} (certain)"
+        return f"{_digits(self.estimate)} ({_digits(self.low)}–{_digits(self.high)})"
+
+
+def _digits(chance: float) -> str:
+    """Three decimals, or more where they would be all 0 or 1."""
+    if chance in (0.0, 1.0) or 0.001 <= chance <= 0.999:
+        return f"{chance:.3f}"
+    return f"{chance:.1e}" if chance < 0.001 else f"{chance:.5f}"
+
+
+def chance_of_getting_through(
+    belief: Belief,
+    strength: FiringStrength,
+    cells: Sequence[Cell],
+    rng: np.random.Generator,
+    n_worlds: int = WORLDS,
+) -> Chance:
+    """The chance that a vehicle enters every cell of a route without being hit, as far as is believed.
+
+    By simulation: `n_worlds` worlds drawn from the belief, each with its own hostiles. The start cell is not
+    counted, the goal is; a cell entered twice counts twice.
+
+    The shots are not drawn: given the hostiles, the chance to survive them is a product, and its average over
+    worlds has the same mean as the share of vehicles that get through and a smaller variance (Rao-Blackwell).
+    The interval is the normal one of that average; Wilson's where few worlds count; none where all is known.
+    Raises ValueError for fewer than 2 worlds.
+    """
+    if n_worlds < 2:
+        raise ValueError(f"{n_worlds} worlds: expected 2 or more")
+    reached, entries = _in_reach(belief.looks.shape, cells)
+    # Cells in reach that are alike in what was seen of them and in how they are passed are one kind.
+    alike = np.hstack([belief.seen_of(reached), entries])
+    kinds, n_cells = np.unique(alike, axis=0, return_counts=True)
+    survival = _survival(strength, kinds[:, 2:])
+    looks, hits = kinds[:, 0], kinds[:, 1]
+    worlds = _Worlds(belief, Classes(looks, hits, n_cells.astype(np.int64)))
+    survived = np.full(n_worlds, np.prod(survival[worlds.sure] ** n_cells[worlds.sure]))
+    for chance, hostiles in zip(survival[worlds.open], worlds.draw(rng, n_worlds).T, strict=True):
+        survived *= chance**hostiles
+    mean = float(survived.mean())
+    p_occupied = belief.occupancy().ravel()[reached]
+    is_certain = bool(((p_occupied == 0.0) | (p_occupied == 1.0)).all())
+    low, high = (mean, mean) if is_certain else _interval(survived, mean)
+    return Chance(mean, low, high, n_worlds)
+
+
+def _interval(survived: NDArray[np.float64], mean: float) -> tuple[float, float]:
+    """95 % of the mean of values in [0, 1]."""
+    n = survived.size
+    half = Z_95 * float(survived.std(ddof=1)) / math.sqrt(n)
+    low, high = mean - half, mean + half
+    # What is rare may be to get through or not to.
+    least = min(mean, 1.0 - mean)
+    rare = survived if mean <= 0.5 else 1.0 - survived
+    squares = float(np.mean(rare**2))
+    if squares == 0.0 or n * least**2 / squares < ENOUGH:
+        z2 = Z_95**2 / n
+        centre = (mean + z2 / 2.0) / (1.0 + z2)
+        spread = Z_95 / (1.0 + z2) * math.sqrt(mean * (1.0 - mean) / n + z2 / (4.0 * n))
+        low, high = min(low, centre - spread), max(high, centre + spread)
+    return max(low, 0.0), min(high, 1.0)
+
+
+def chance_among(
+    hostiles: Iterable[Cell], strength: FiringStrength, cells: Sequence[Cell], shape: tuple[int, int]
+) -> float:
+    """The chance that a vehicle enters every cell of a route without being hit, where the hostiles are known:
+    exactly, ∏(1 − fs). The start cell is not counted, the goal is."""
+    reached, entries = _in_reach(shape, cells)
+    held = np.isin(reached, [row * shape[1] + col for row, col in hostiles])
+    return float(np.prod(_survival(strength, entries[held])))
+
+
+class _Worlds:
+    """Where hostiles may lie, as far as it concerns some kinds of cells."""
+
+    def __init__(self, belief: Belief, near: Classes) -> None:
+        everywhere = belief.classes
+        n_near = np.zeros_like(everywhere.n_cells)
+        for kind in range(near.n_cells.size):
+            same = (everywhere.looks == near.looks[kind]) & (everywhere.hits == near.hits[kind])
+            n_near[same] += near.n_cells[kind]
+        far = everywhere.n_cells > n_near
+        both = Classes(
+            np.concatenate([near.looks, everywhere.looks[far]]),
+            np.concatenate([near.hits, everywhere.hits[far]]),
+            np.concatenate([near.n_cells, (everywhere.n_cells - n_near)[far]]),
+        )
+        is_open, self._groups = posterior(belief.count, belief.sensor, both)
+        self.open = is_open[: near.n_cells.size]
+        """(k,) kinds that may hold hostiles or not"""
+        self.sure = ~self.open & (near.hits > 0) & (belief.sensor.log_ratio(near.looks, near.hits) > 0.0)
+        """(k,) kinds all of whose cells are held"""
+
+    def draw(self, rng: np.random.Generator, n_worlds: int) -> NDArray[np.int64]:
+        """(worlds, open kinds) hostiles in the cells of each; which of these cells hold them is all one."""
+        n_open = int(np.count_nonzero(self.open))
+        if self._groups is None or n_open == 0:
+            return np.zeros((n_worlds, n_open), dtype=np.int64)
+        return self._groups.draw(rng, n_worlds, n_open)
+
+
+def _in_reach(shape: tuple[int, ...], cells: Sequence[Cell]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Cells from which a vehicle on a route is shot at, (m,) as row · cols + col, and (m, 3) how often it
+    enters that cell itself, one of its nearest neighbours and one of its diagonal ones."""
+    rows, cols = shape
+    entered = np.array(cells[1:], dtype=np.int64).reshape(-1, 1, 2)
+    around = entered + np.array([(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1)])
+    steps = np.abs(around - entered).sum(axis=2)
+    inside = ((around >= 0) & (around < (rows, cols))).all(axis=2)
+    reached, which = np.unique((around @ (cols, 1))[inside], return_inverse=True)
+    entries = np.bincount(3 * which + steps[inside], minlength=3 * reached.size)
+    return reached, entries.reshape(-1, 3)
+
+
+def _survival(strength: FiringStrength, entries: NDArray[np.int64]) -> NDArray[np.float64]:
+    """(k,) chance to survive one hostile that is passed with these `entries` (k, 3)."""
+    fs = np.array([strength.direct, strength.first_neighbour, strength.second_neighbour])
+    return np.asarray(np.prod((1.0 - fs) ** entries, axis=1))

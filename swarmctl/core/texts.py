@@ -1,0 +1,51 @@
+"""Small checks of text: terminal output, host names, names of vehicles."""
+
+from __future__ import annotations
+
+import ipaddress
+from collections.abc import Iterable, Mapping
+
+MAX_LISTED = 10
+"""Names listed in an error, at most."""
+
+
+def printable(text: str) -> str:
+    """Replace characters that cannot be printed, such as a terminal's escapes, by `?`."""
+    return "".join(c if c.isprintable() else "?" for c in text)
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether only this machine reaches `host`. No name but localhost is resolved."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def meant_by(words: Iterable[int | str], names: Mapping[int, str]) -> list[int]:
+    """The system ids, each once, in the order of `names` (system id: name).
+
+    Raises ValueError where a word means no vehicle, or two: one by its name, another by its system id.
+    """
+    found: set[int] = set()
+    unknown: list[str] = []
+    for word in dict.fromkeys(map(str, words)):
+        vehicles = [uav for uav, name in names.items() if word in (str(uav), name)]
+        if len(vehicles) > 1:
+            raise ValueError(
+                f"{word} means two vehicles, {_said(f'{uav} ({names[uav]})' for uav in vehicles)}: "
+                "say the one by its name, the other by its system id"
+            )
+        if not vehicles:
+            unknown.append(word)
+        found.update(vehicles)
+    if unknown:
+        there = _said(f"{uav} ({name})" for uav, name in names.items())
+        raise ValueError(f"no vehicle has the system id or name {_said(unknown)}; there is {there}")
+    return [uav for uav in names if uav in found]
+
+
+def _said(words: Iterable[str]) -> str:
+    all_of_them = list(words)
+    more = len(all_of_them) - MAX_LISTED
+    return ", ".join(all_of_them[:MAX_LISTED]) + (f" and {more} more" if more > 0 else "")

@@ -1,0 +1,51 @@
+"""The evidence of one run: when it is kept, what its first entry says, and who signs its last."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+
+from swarmctl import __version__
+from swarmctl.bus.transports.access import OPERATOR
+from swarmctl.config.scenario import Scenario
+from swarmctl.flight.wiring import Clock, epoch_ns
+from swarmctl.report.evidence.book import FILE, Book
+from swarmctl.report.evidence.chain import FORMAT, sha256
+from swarmctl.report.evidence.hooks import Evidence
+from swarmctl.security.evidence_keys import Witness, witness
+
+
+def begin(scenario: Scenario, folder: Path, clock: Clock, say: Callable[[str], None]) -> Evidence:
+    """Open the book of a run in its folder, in a running loop. Raises OSError."""
+    loop = asyncio.get_running_loop()
+    began_s, epoch_s = loop.time(), epoch_ns(clock) / 1e9
+    config = scenario.config
+    opened = {
+        "format": FORMAT,
+        "run": config.name,
+        "program": f"swarmctl {__version__}",
+        "configuration_sha256": sha256(config.model_dump_json().encode()),
+        "clock": clock,
+        "vehicles": {spec.name: spec.sysid for spec in scenario.specs},
+    }
+    book = Book(
+        folder / FILE,
+        opened,
+        unix_s=lambda: epoch_s + loop.time(),
+        run_s=lambda: loop.time() - began_s,
+        say=say,
+        in_thread=clock == "real",
+    )
+    return Evidence(book, {spec.sysid: spec.name for spec in scenario.specs})
+
+
+def operators_witness(scenario: Scenario) -> Witness | None:
+    """Signs as the operator where the configuration's folder of keys has that key; else nobody does.
+
+    Raises KeyringError where the key is there and cannot be used.
+    """
+    keys = scenario.config.communication.keys
+    if keys is None or not (Path(keys) / OPERATOR / "sign.pem").exists():
+        return None
+    return witness(Path(keys), OPERATOR)

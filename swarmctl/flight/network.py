@@ -1,0 +1,56 @@
+"""From a scenario to its network: the model of the radio, what nodes go by, who is in the swarm."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+from swarmctl.bus.network import Network, RunClock
+from swarmctl.bus.node.exchange import NodeOptions
+from swarmctl.bus.radio import Radio
+from swarmctl.bus.transports.base import Transport
+from swarmctl.config.radio import settings_of
+from swarmctl.config.scenario import Scenario
+from swarmctl.core.frames import Seal
+
+
+def options_of(scenario: Scenario) -> NodeOptions:
+    c = scenario.config.communication
+    return NodeOptions(
+        rows=scenario.grid.rows,
+        cols=scenario.grid.cols,
+        k=None if c.range == "all" else c.range,
+        relay=c.relay,
+        sync_every_s=c.sync_every_s,
+        round_trip_s=2.0 * (c.delay_s + c.jitter_s),
+        clock_tolerance_s=c.clock_tolerance_s,
+        perfect_sensors=scenario.prior.sensor.is_perfect,
+    )
+
+
+def speedup_of(scenario: Scenario, clock: Literal["real", "virtual"]) -> float:
+    """Simulated seconds in one of the loop's."""
+    simulate = scenario.config.simulate
+    return simulate.speedup if simulate is not None and clock == "real" else 1.0
+
+
+def network_of(
+    scenario: Scenario,
+    transport: Transport,
+    clock: RunClock,
+    seal: Seal | None = None,
+    say: Callable[[int, str], None] = lambda _uav, _text: None,
+) -> Network:
+    """The network of a swarm, of which this process has some or all."""
+    names = {spec.sysid: spec.name for spec in scenario.swarm}
+    return Network(
+        transport,
+        scenario.config.name,
+        names,
+        options_of(scenario),
+        clock=clock,
+        radio=Radio(settings_of(scenario.config.communication, names), scenario.config.seed),
+        seal=seal,
+        seed=scenario.config.seed,
+        say=say,
+    )

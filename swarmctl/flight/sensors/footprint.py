@@ -1,0 +1,57 @@
+"""The paper's sensor: the 3×3 cells around the vehicle; perfect, or with misses and false alarms.
+
+It owns the true positions of the threats: they never reach an agent or a planner.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.inference.sensor import SensorModel
+from swarmctl.core.vehicle import Landed, VehicleState
+
+SEES_ABOVE_M = 2.0
+"""A vehicle on the ground senses nothing."""
+
+
+class Footprint:
+    """One vehicle's sensor; it looks once each time the vehicle comes over a cell, in the area or beside it.
+
+    Staying over a cell brings no further look: it would err as the first did, and looks are taken to err
+    independently.
+    """
+
+    def __init__(
+        self, grid: Grid, hostiles: frozenset[Cell], model: SensorModel, rng: np.random.Generator
+    ) -> None:
+        self._grid = grid
+        self._hostiles = hostiles
+        self._model = model
+        self._rng = rng
+        self._last: Cell | None = None
+
+    def look(self, vehicle: VehicleState) -> tuple[tuple[int, int, bool], ...]:
+        """(row, col, occupied) of the cells in sight; empty on the ground, far outside, or while over the
+        same cell as before."""
+        if vehicle.lat_deg is None or vehicle.lon_deg is None or not vehicle.armed:
+            return ()
+        if vehicle.landed is Landed.ON_GROUND or (vehicle.alt_rel_m or 0.0) < SEES_ABOVE_M:
+            return ()
+        east_m, north_m = self._grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg)
+        size_m = self._grid.cell_size_m
+        row, col = math.floor(north_m / size_m), math.floor(east_m / size_m)
+        if (row, col) == self._last:
+            return ()
+        self._last = (row, col)
+        around = ((row + dr, col + dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1))
+        return tuple((r, c, self._shows((r, c))) for r, c in around if self._grid.contains((r, c)))
+
+    def _shows(self, cell: Cell) -> bool:
+        is_hostile = cell in self._hostiles
+        if self._model.is_perfect:
+            return is_hostile
+        p_hit = 1.0 - self._model.p_miss if is_hostile else self._model.p_false_alarm
+        return bool(self._rng.random() < p_hit)

@@ -1,0 +1,142 @@
+"""The simulator beside a flight: a process of its own that knows nothing of ours but a file and a port."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import math
+import os
+import sys
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+from swarmctl.config.scenario import Scenario
+from swarmctl.config.specs import PLANES, Spec, simulated_autopilot
+from swarmctl.config.vehicles import Autopilot
+from swarmctl.flight.supervise import cancelled
+from swarmctl.mavlink.firmware import Firmware
+from swarmctl.preflight.intent import delivered
+
+STOP_DEADLINE_S = 5.0
+BATTERY_MAH = 6600.0
+"""of simulated ArduCopters: as long a flight as the simulator's PX4 has, for swarms stacked hundreds of
+metres high"""
+_FIRMWARE: dict[Autopilot, Firmware] = {
+    "ardupilot": Firmware("ArduCopter", (4, 6)),
+    "arduplane": Firmware("ArduPlane", (4, 6)),
+    "px4": Firmware("PX4", (1, 15)),
+    "px4plane": Firmware("PX4 plane", (1, 15)),
+}
+"""what the simulator's autopilots are, by their names in configurations"""
+
+
+class SimulatorFailed(Exception):
+    """The simulator did not stay up; the text is what it said last."""
+
+
+def scenario_json(scenario: Scenario) -> dict[str, Any]:
+    """What the simulator has to know: who stands where, and the truth about the threats."""
+    simulate = scenario.config.simulate
+    assert simulate is not None
+    grid, strength = scenario.grid, scenario.strength
+    # Where one flies elsewhere, or a port was chosen since, its entry in the swarm says otherwise.
+    here = {spec.sysid for spec in scenario.specs if spec.simulated}
+    return {
+        "seed": scenario.config.seed,
+        "vehicles": [
+            {
+                "sysid": spec.sysid,
+                "lat_deg": spec.start[0],
+                "lon_deg": spec.start[1],
+                "alt_amsl_m": simulate.home_alt_amsl_m,
+                **_autopilot(scenario, index),
+            }
+            for index, spec in enumerate(scenario.swarm)
+            if spec.sysid in here
+        ],
+        "area": {
+            "origin_lat_deg": grid.origin_lat_deg,
+            "origin_lon_deg": grid.origin_lon_deg,
+            "rows": grid.rows,
+            "cols": grid.cols,
+            "cell_size_m": grid.cell_size_m,
+        },
+        "firing_strength": [strength.direct, strength.first_neighbour, strength.second_neighbour],
+        "hostiles": [list(cell) for cell in sorted(scenario.hostiles)],
+    }
+
+
+def _autopilot(scenario: Scenario, index: int) -> dict[str, Any]:
+    """What the vehicle `index` of the swarm is, and speaks like, and its parameters, its speed in them."""
+    spec = scenario.swarm[index]
+    autopilot = simulated_autopilot(scenario.config, index)
+    body: dict[str, Any] = {"personality": "px4" if autopilot in ("px4", "px4plane") else "ardupilot"}
+    if autopilot in PLANES:
+        # Put down along its first leg: it takes off straight on.
+        body |= {"type": "plane", "heading_deg": _heading_deg(scenario, spec)}
+    slowest_m_s = math.floor(scenario.config.wings.min_speed_m_s)
+    match autopilot:
+        case "px4":
+            params = {"MPC_XY_CRUISE": spec.speed_m_s, "MPC_XY_VEL_MAX": spec.speed_m_s}
+        case "ardupilot":
+            params = {"WPNAV_SPEED": 100.0 * spec.speed_m_s, "BATT_CAPACITY": BATTERY_MAH}
+        case "arduplane":
+            params = {"AIRSPEED_CRUISE": spec.speed_m_s, "AIRSPEED_MIN": slowest_m_s}
+            params |= {"BATT_CAPACITY": BATTERY_MAH}
+        case "px4plane":
+            params = {"FW_AIRSPD_TRIM": spec.speed_m_s, "FW_AIRSPD_MIN": slowest_m_s, "FW_LND_ABORT": 0}
+    # Set up by its owner for what the configuration declares, as a real vehicle is.
+    params |= delivered(scenario, spec, _FIRMWARE[autopilot])
+    return {**body, "params": params}
+
+
+def _heading_deg(scenario: Scenario, spec: Spec) -> float:
+    (e0, n0), (e1, n1) = scenario.grid.frame.to_local(*spec.start), scenario.grid.centre_m(spec.entry)
+    return math.degrees(math.atan2(e1 - e0, n1 - n0)) % 360.0
+
+
+@contextlib.asynccontextmanager
+async def running(scenario: Scenario, url: str, folder: Path) -> AsyncIterator[asyncio.Task[None]]:
+    """A simulator process that sends to `url`; yields a task that raises SimulatorFailed if it ends early."""
+    simulate = scenario.config.simulate
+    assert simulate is not None
+    file, log = folder / "scenario.json", folder / "simulator.log"
+    file.write_text(json.dumps(scenario_json(scenario), indent=1) + "\n", encoding="utf-8")
+    command = [
+        sys.executable, "-m", "sim_vehicle",
+        "--scenario", str(file), "--url", url, "--speedup", str(simulate.speedup),
+        "--ready-s", str(simulate.ready_s), "--parent-pid", str(os.getpid()),
+    ]  # fmt: skip
+    with log.open("wb") as output:
+        # A session of its own: Ctrl-C is for the ground station, which still needs its vehicles then.
+        process = await asyncio.create_subprocess_exec(
+            *command, stdin=asyncio.subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True
+        )
+    watch = asyncio.create_task(_watch(process, log))
+    try:
+        yield watch
+    finally:
+        await cancelled(watch)
+        await _stopped(process)
+
+
+async def _watch(process: asyncio.subprocess.Process, log: Path) -> None:
+    code = await process.wait()
+    how = f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"
+    said = log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
+    last = f"; its last words: {' / '.join(said[-3:])}" if code > 0 and said else ""
+    raise SimulatorFailed(f"the simulator {how}{last}")
+
+
+async def _stopped(process: asyncio.subprocess.Process) -> None:
+    if process.returncode is not None:
+        return
+    process.terminate()
+    try:
+        async with asyncio.timeout(STOP_DEADLINE_S):
+            await process.wait()
+    except TimeoutError:
+        process.kill()
+        await process.wait()

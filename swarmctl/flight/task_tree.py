@@ -1,0 +1,100 @@
+"""All that runs while vehicles fly: their agents, the director, who plays them, what is shown, signals."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import signal
+from collections.abc import Callable, Coroutine, Iterator, Sequence
+from typing import Any, Literal
+
+from swarmctl.flight import simulator
+from swarmctl.flight.director import Director
+from swarmctl.flight.member import Member
+from swarmctl.flight.supervise import cancelled
+from swarmctl.report.evidence.hooks import Evidence
+from swarmctl.report.ui import Ui
+
+
+async def conduct(
+    director: Director,
+    members: Sequence[Member],
+    played: asyncio.Task[None] | None,
+    ui: Ui,
+    show: Callable[[], Coroutine[Any, Any, None]],
+    evidence: Evidence,
+) -> Literal["ended", "stopped", "abandoned"]:
+    """Everything that runs during a flight, under one task group; ends when the director does."""
+    abandoned = False
+    async with asyncio.TaskGroup() as tasks:
+        helpers = [tasks.create_task(m.runner.run()) for m in members]
+        helpers.append(tasks.create_task(show()))
+        helpers.append(tasks.create_task(_any_bug()))
+        if played is not None:
+            helpers.append(tasks.create_task(_until_it_fails(played, members, ui)))
+        flight = asyncio.create_task(director.fly())
+
+        def interrupted() -> None:
+            nonlocal abandoned
+            abandoned = director.stop.is_set()
+            evidence.operator("leave at once" if abandoned else "end of the flight", by="signal")
+            if abandoned:
+                flight.cancel()
+            director.stop.set()
+
+        with _signals(interrupted):
+            try:
+                ended = await flight
+            except asyncio.CancelledError:
+                if not abandoned:
+                    await cancelled(flight)
+                    raise
+                ended = "stopped"
+            finally:
+                for helper in helpers:
+                    helper.cancel()
+    return "abandoned" if abandoned else ended
+
+
+async def _any_bug() -> None:
+    """Raises what a callback raised: asyncio would log it and go on, but a bug stops everything."""
+    loop = asyncio.get_running_loop()
+    bug: asyncio.Future[None] = loop.create_future()
+
+    def caught(_loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        error = context.get("exception")
+        if error is not None and not bug.done():
+            bug.set_exception(error)
+
+    loop.set_exception_handler(caught)
+    try:
+        await bug
+    finally:
+        loop.set_exception_handler(None)
+
+
+async def _until_it_fails(played: asyncio.Task[None], members: Sequence[Member], ui: Ui) -> None:
+    try:
+        await asyncio.shield(played)
+    except simulator.SimulatorFailed as error:
+        if all(m.spec.simulated for m in members):
+            raise
+        ui.say(f"{error}; the vehicles that are not simulated fly on")
+
+
+@contextlib.contextmanager
+def _signals(interrupted: Callable[[], None]) -> Iterator[None]:
+    """Ctrl-C and a polite kill ask for an orderly end; a second one for leaving at once."""
+    loop = asyncio.get_running_loop()
+    wanted = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    try:
+        for number in wanted:
+            loop.add_signal_handler(number, interrupted)
+    except (ValueError, RuntimeError):  # not the main thread: whoever runs us there has other means
+        yield
+        return
+    try:
+        yield
+    finally:
+        for number in wanted:
+            loop.remove_signal_handler(number)

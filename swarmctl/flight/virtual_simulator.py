@@ -1,0 +1,65 @@
+"""The simulator inside the ground station's own loop, for runs on the virtual clock.
+
+The only place where both packages meet other than on the wire; even here they exchange nothing but bytes.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Callable
+
+from sim_vehicle.fleet import Fleet
+from sim_vehicle.scenarios import Scenario as FleetScenario
+from swarmctl.config.scenario import Scenario
+from swarmctl.flight.simulator import scenario_json
+from swarmctl.flight.supervise import cancelled
+from swarmctl.links.transports.base import Address
+from swarmctl.links.transports.memory import MemoryWire
+
+STEP_S = 0.05
+
+Carry = Callable[[int, float], Address | None]
+"""(sysid, now) -> the address a vehicle speaks from, or None while nothing gets through to it or from it"""
+
+
+def undisturbed(sysid: int, _now: float) -> Address | None:
+    return ("simulated", sysid)
+
+
+@contextlib.asynccontextmanager
+async def fleet_on(
+    wire: MemoryWire, scenario: Scenario, carry: Carry = undisturbed
+) -> AsyncIterator[asyncio.Task[None]]:
+    """A fleet that flies on `wire` in the running loop's time; yields the task that moves it."""
+    simulate = scenario.config.simulate
+    assert simulate is not None
+    fleet = Fleet(FleetScenario.model_validate(scenario_json(scenario)), ready_s=simulate.ready_s)
+    loop = asyncio.get_running_loop()
+
+    sysid_at: dict[Address, int] = {}
+
+    def send(frames: list[tuple[int, bytes]]) -> None:
+        for index, data in frames:
+            sysid = fleet.sysids[index]
+            address = carry(sysid, loop.time())
+            if address is not None:
+                sysid_at[address] = sysid
+                wire.from_vehicle(data, address)
+
+    def receive(data: bytes, address: Address) -> None:
+        if carry(sysid_at[address], loop.time()) == address:
+            send(fleet.receive(data, loop.time(), peer=address))
+
+    async def move() -> None:
+        while True:
+            send(fleet.step(loop.time()))
+            await asyncio.sleep(STEP_S)
+
+    wire.to_vehicles = receive
+    mover = asyncio.create_task(move())
+    try:
+        yield mover
+    finally:
+        wire.to_vehicles = None
+        await cancelled(mover)

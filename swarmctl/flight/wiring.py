@@ -1,0 +1,258 @@
+"""What of a flight does I/O: front end, bus, who plays simulated vehicles; and its members on them."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+import time
+from collections.abc import AsyncIterator, Callable, Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
+
+from swarmctl.bus import external_observations
+from swarmctl.bus.network import Network, RunClock
+from swarmctl.bus.operator_service import Desk
+from swarmctl.bus.sensor_reports import BY_HAND, Looked
+from swarmctl.bus.transports.base import Transport
+from swarmctl.bus.transports.memory import MemoryBus
+from swarmctl.bus.transports.open import opened
+from swarmctl.bus.transports.routes import SaidOnce
+from swarmctl.config.links import Links
+from swarmctl.config.scenario import Purpose, Scenario
+from swarmctl.config.specs import Spec
+from swarmctl.core import events as ev
+from swarmctl.flight import simulator
+from swarmctl.flight.member import Member
+from swarmctl.flight.runner import Runner
+from swarmctl.flight.sensors import SOURCES
+from swarmctl.flight.sensors.external import External
+from swarmctl.flight.sensors.footprint import Footprint
+from swarmctl.flight.virtual_simulator import Carry, fleet_on
+from swarmctl.links import LINKS
+from swarmctl.links.base import LinkError, Streaming
+from swarmctl.links.frontend import FrontEnd
+from swarmctl.links.signing import Signing
+from swarmctl.links.transports.memory import MemoryWire
+from swarmctl.links.url import Endpoint, parse_url
+from swarmctl.planners import warm_up
+from swarmctl.report.evidence.hooks import Evidence
+from swarmctl.security.files import KeyringError
+from swarmctl.security.mavlink_key import TimestampFile, read_mavlink_key
+
+Clock = Literal["real", "virtual"]
+VIRTUAL_EPOCH_NS = 1_767_225_600 * 10**9
+"""Virtual runs happen at the beginning of 2026, so that equal runs leave equal files."""
+OFFLOAD_CELLS = 100_000
+"""Areas of more cells are searched in a thread, so that the loop serves the links meanwhile."""
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """What the members of a flight are made on."""
+
+    front_end: FrontEnd
+    transport: Transport
+    played: asyncio.Task[None] | None
+    """plays the simulated vehicles; None where there are none"""
+    evidence: Evidence
+
+
+@contextlib.asynccontextmanager
+async def parts_of(
+    scenario: Scenario,
+    folder: Path,
+    clock: Clock,
+    carry: Carry,
+    bus: Transport | None,
+    say: Callable[[str], None],
+    evidence: Evidence,
+) -> AsyncIterator[Parts]:
+    """Open as long as this lasts. `bus` is one that is open already."""
+    wire, began_ns = MemoryWire(), epoch_ns(clock)
+    loop = asyncio.get_running_loop()
+
+    def wall_time_us() -> int:
+        return (began_ns + round(loop.time() * 1e9)) // 1000
+
+    async with contextlib.AsyncExitStack() as stack:
+        played: asyncio.Task[None] | None = None
+        links = scenario.config.links
+        pool = ThreadPoolExecutor(1, "timestamps") if clock == "real" else None
+        if pool is not None:
+            # Not waited for: a disk that hangs must not keep the reports back.
+            stack.callback(pool.shutdown, wait=False)
+        front_end = await stack.enter_async_context(
+            FrontEnd(
+                wall_time_us=wall_time_us,
+                memory={"fleet": wire},
+                witness=evidence,
+                signing=_signing(links, pool),
+                say=partial(_tell, evidence, say),
+            )
+        )
+        stack.callback(_tell_refused, front_end, evidence, say)
+        for watcher in links.forward:
+            await front_end.forward(parse_url(watcher), commands=links.forward_commands)
+        if any(spec.simulated for spec in scenario.specs):
+            if clock == "virtual":
+                played = await stack.enter_async_context(fleet_on(wire, scenario, carry))
+            else:
+                # The port is ours before anybody sends to it, and a taken one is said before all else.
+                endpoint = parse_url(_simulated_url(scenario))
+                await front_end.open(endpoint)
+                url = f"{'udpout' if endpoint.kind == 'udpin' else 'tcpout'}://{_reachable(endpoint)}"
+                played = await stack.enter_async_context(simulator.running(scenario, url, folder))
+        if clock == "real":
+            # The first time on a machine this compiles for some seconds: before anything listens to us.
+            await asyncio.to_thread(warm_up)
+        else:
+            warm_up()
+        communication = scenario.config.communication
+        if bus is None and communication.bus == "zenoh" and clock == "real":
+            bus = stack.enter_context(opened(scenario.config.name, communication.listen, say, SaidOnce(say)))
+        yield Parts(front_end, bus or MemoryBus(SaidOnce(say)), played, evidence)
+
+
+def _tell_refused(front_end: FrontEnd, evidence: Evidence, say: Callable[[str], None]) -> None:
+    if front_end.refused:
+        _tell(evidence, say, front_end.refused)
+
+
+def _tell(evidence: Evidence, say: Callable[[str], None], text: str) -> None:
+    say(text)
+    evidence.remark(text)
+
+
+def _signing(links: Links, pool: Executor | None) -> Signing | None:
+    """`pool` waits for the disk. Raises LinkError where the key or its time stamps cannot be used."""
+    if links.signing_key is None:
+        return None
+    file = Path(links.signing_key)
+    try:
+        return Signing(read_mavlink_key(file), TimestampFile(file), links.signing_link_id, pool)
+    except (KeyringError, OSError, ValueError) as error:
+        raise LinkError(f"links.signing_key: {error}") from error
+
+
+def members_of(
+    scenario: Scenario,
+    folder: Path,
+    parts: Parts,
+    network: Network,
+    desk: Desk,
+    observers: tuple[Any, ...],
+    clock: Clock,
+    run_clock: RunClock,
+    say: Callable[[str], None],
+    reports: dict[int, external_observations.Tally],
+) -> Iterator[Member]:
+    """The vehicles of this process, each with its link, its sensor and its agent.
+
+    `reports` gets the tally of each inlet that is opened for payloads' reports, by system id.
+    """
+    source = SOURCES[scenario.config.sensor.source]
+    links = scenario.config.links
+    streaming = Streaming(links.position_hz, links.stop_other_streams)
+    for spec, task in zip(scenario.specs, scenario.tasks, strict=True):
+        endpoint = parse_url(spec.url)
+        if spec.simulated and clock == "virtual":
+            endpoint = Endpoint("memory", "fleet")
+        inlet = _Inlet()
+        link = LINKS[spec.link](
+            parts.front_end,
+            endpoint,
+            spec.sysid,
+            name=spec.name,
+            on_event=inlet,
+            tlog=folder / f"{spec.name}.tlog",
+            streaming=streaming,
+        )
+        runner = Runner(
+            task,
+            scenario.prior,
+            link,
+            _footprint(scenario, spec) if source.simulated else External(),
+            network,
+            observers,
+            desk=desk,
+            offload=clock == "real" and scenario.grid.n_cells > OFFLOAD_CELLS,
+        )
+        inlet.runner = runner
+        if source.external:
+            seen, heard = partial(_observed, parts.evidence, runner), partial(_say_of, say, spec.name)
+            reports[spec.sysid] = external_observations.Looks(
+                parts.transport,
+                scenario.config.name,
+                spec.sysid,
+                scenario.grid,
+                run_clock.unix_s,
+                seen,
+                heard,
+                tolerance_s=scenario.config.communication.clock_tolerance_s,
+            ).tally
+        yield Member(spec, runner)
+
+
+def _footprint(scenario: Scenario, spec: Spec) -> Footprint:
+    rng = scenario.generator(Purpose.SENSOR, spec.sysid)
+    return Footprint(scenario.grid, scenario.hostiles, scenario.prior.sensor, rng)
+
+
+def _say_of(say: Callable[[str], None], name: str, text: str) -> None:
+    say(f"{name}: {text}")
+
+
+def _observed(evidence: Evidence, runner: Runner, cells: Looked, source: str) -> None:
+    told = f"{source or 'a payload'} reports {len(cells)} cells"
+    runner.tell(told)
+    if source == BY_HAND:
+        evidence.operator("observe", runner.state.task.name, cells=cells)
+    else:
+        evidence.remark(told, runner.state.task.name)
+    runner.post(ev.Observed(cells))
+
+
+class _Inlet:
+    """A link needs somebody to report to before the runner that owns it exists."""
+
+    runner: Runner
+
+    def __call__(self, event: Any) -> None:
+        self.runner.on_link_event(event)
+
+
+def epoch_ns(clock: Clock) -> int:
+    """The wall time at which the loop's clock showed zero."""
+    if clock == "virtual":
+        return VIRTUAL_EPOCH_NS
+    return time.time_ns() - round(asyncio.get_running_loop().time() * 1e9)
+
+
+def _reachable(endpoint: Endpoint) -> str:
+    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(endpoint.host, endpoint.host)
+    return f"[{host}]:{endpoint.port}" if ":" in host else f"{host}:{endpoint.port}"
+
+
+def with_free_port(scenario: Scenario) -> Scenario:
+    """Port 0 means any free one: the simulator has to be told which."""
+    if not any(spec.simulated for spec in scenario.specs):
+        return scenario
+    endpoint = parse_url(_simulated_url(scenario))
+    if endpoint.port != 0:
+        return scenario
+    kind = socket.SOCK_DGRAM if endpoint.kind == "udpin" else socket.SOCK_STREAM
+    family = socket.AF_INET6 if ":" in endpoint.host else socket.AF_INET
+    with socket.socket(family, kind) as probe:
+        probe.bind((endpoint.host, 0))
+        url = str(replace(endpoint, port=probe.getsockname()[1]))
+    specs = tuple(replace(spec, url=url) if spec.simulated else spec for spec in scenario.specs)
+    return replace(scenario, specs=specs)
+
+
+def _simulated_url(scenario: Scenario) -> str:
+    """Where all simulated vehicles are listened for."""
+    return next(spec.url for spec in scenario.specs if spec.simulated)

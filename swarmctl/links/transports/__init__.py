@@ -1,0 +1,1 @@
+"""Bytes on the wire: UDP, TCP, serial, and memory for a virtual clock."""

@@ -1,0 +1,59 @@
+"""A wire inside the process, for runs on a virtual clock: ground station and vehicles share one loop."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+from swarmctl.links.transports.base import Address, Receive
+
+
+class MemoryWire:
+    """`memory:NAME` joins the ground's transport and whoever plays the vehicles.
+
+    Both directions deliver in a later turn of the loop, in order, so neither side runs inside the other.
+    """
+
+    def __init__(self) -> None:
+        self.to_vehicles: Callable[[bytes, Address], None] | None = None
+        """set by the vehicles' side: bytes from the ground, and the address they are for"""
+        self._to_ground: Receive | None = None
+
+    def from_vehicle(self, data: bytes, address: Address) -> None:
+        """Called by the vehicles' side; `address` is any name, replies come to it."""
+        asyncio.get_running_loop().call_soon(self._deliver_to_ground, data, address)
+
+    def _deliver_to_ground(self, data: bytes, address: Address) -> None:
+        if self._to_ground is not None:
+            self._to_ground(data, address)
+
+    def from_ground(self, data: bytes, address: Address) -> None:
+        asyncio.get_running_loop().call_soon(self._deliver_to_vehicles, data, address)
+
+    def _deliver_to_vehicles(self, data: bytes, address: Address) -> None:
+        if self.to_vehicles is not None:
+            self.to_vehicles(data, address)
+
+    def connect_ground(self, receive: Receive | None) -> None:
+        self._to_ground = receive
+
+
+class Memory:
+    """The ground's end of a wire."""
+
+    trouble = ""
+
+    def __init__(self, wire: MemoryWire) -> None:
+        self._wire = wire
+
+    async def open(self, receive: Receive) -> None:
+        self._wire.connect_ground(receive)
+
+    def send(self, data: bytes, address: Address) -> None:
+        self._wire.from_ground(data, address)
+
+    def peers(self) -> tuple[Address, ...]:
+        return ()
+
+    async def close(self) -> None:
+        self._wire.connect_ground(None)

@@ -1,0 +1,91 @@
+"""UDP, listening (udpin) or speaking first (udpout)."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import socket
+from typing import cast
+
+from swarmctl.links.base import TransportError
+from swarmctl.links.transports.base import Address, Receive
+from swarmctl.links.url import Endpoint
+
+_RECEIVE_BUFFER = 1 << 20
+"""a burst of a hundred vehicles fits while the loop does something else"""
+_SEND_LIMIT = 1 << 16
+"""no more than this waits for a socket that takes nothing [bytes]"""
+
+
+class Udp(asyncio.DatagramProtocol):
+    """One socket. Without SO_REUSEADDR: a second listener on the port is an error, not a thief."""
+
+    def __init__(self, endpoint: Endpoint) -> None:
+        self.trouble = ""
+        self._endpoint = endpoint
+        self._peer: Address | None = None
+        self._transport: asyncio.DatagramTransport | None = None
+        self._receive: Receive | None = None
+        self._closed = asyncio.Event()
+
+    async def open(self, receive: Receive) -> None:
+        self._receive = receive
+        loop = asyncio.get_running_loop()
+        here = (self._endpoint.host, self._endpoint.port)
+        try:
+            if self._endpoint.kind == "udpin":
+                await loop.create_datagram_endpoint(lambda: self, local_addr=here)
+            else:
+                found = await loop.getaddrinfo(*here, type=socket.SOCK_DGRAM)
+                family, _, _, _, self._peer = found[0]
+                await loop.create_datagram_endpoint(lambda: self, family=family, local_addr=_any(family))
+        except OSError as error:
+            raise TransportError(_explain(self._endpoint, error)) from error
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        # asyncio's own datagram transport is not a subclass of DatagramTransport in every version.
+        self._transport = cast(asyncio.DatagramTransport, transport)
+        transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
+
+    def datagram_received(self, data: bytes, addr: Address) -> None:
+        self.trouble = ""
+        if self._receive is not None:
+            self._receive(data, addr)
+
+    def error_received(self, exc: Exception) -> None:
+        self.trouble = str(exc)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._closed.set()
+
+    def send(self, data: bytes, address: Address) -> None:
+        if self._transport is None:
+            return
+        # asyncio keeps what the socket does not take, without a limit.
+        waiting = self._transport.get_write_buffer_size()  # type: ignore[attr-defined]
+        if waiting < _SEND_LIMIT:
+            assert isinstance(address, tuple)
+            self._transport.sendto(data, address)
+
+    def peers(self) -> tuple[Address, ...]:
+        return () if self._peer is None else (self._peer,)
+
+    async def close(self) -> None:
+        if self._transport is not None:
+            self._receive = None
+            self._transport.close()
+            await self._closed.wait()
+            self._transport = None
+
+
+def _any(family: int) -> tuple[str, int]:
+    return ("::", 0) if family == socket.AF_INET6 else ("0.0.0.0", 0)
+
+
+def _explain(endpoint: Endpoint, error: OSError) -> str:
+    if error.errno == errno.EADDRINUSE:
+        return (
+            f"{endpoint}: UDP port {endpoint.port} is taken by another program; "
+            "close the other ground station (or swarmctl run), or choose another port"
+        )
+    return f"{endpoint}: cannot be opened: {error.strerror or error}; check host and port"

@@ -1,0 +1,92 @@
+"""The geofence on a vehicle: one polygon to stay inside of, as a mission of type fence.
+
+https://mavlink.io/en/services/mission.html#mission_types and MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION:
+every vertex says how many there are. What is read back has another frame than was sent (a fence has no
+altitude), and otherwise the same numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from swarmctl.core.geo import LatLon
+from swarmctl.core.mission import MissionItem
+from swarmctl.mavlink.procedures.basic import Done
+from swarmctl.mavlink.procedures.guarded import accepted, command
+from swarmctl.mavlink.procedures.verified_upload import UPLOAD_TRIES, read_back, verified
+from swarmctl.mavlink.protocol.mission_download import DownloadResult
+from swarmctl.mavlink.protocol.mission_upload import Upload
+from swarmctl.mavlink.protocol.procedure import Context, Procedure
+
+FENCE = int(mavlink.MAV_MISSION_TYPE_FENCE)
+MAX_VERTICES = 60
+"""ArduCopter's storage ends at about 70"""
+
+_VERTEX = int(mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION)
+
+
+def fence_items(polygon: Sequence[LatLon]) -> tuple[MissionItem, ...]:
+    """Its vertices [deg], in order. Raises ValueError where no vehicle would keep it."""
+    if not 3 <= len(polygon) <= MAX_VERTICES:
+        raise ValueError(f"a fence of {len(polygon)} vertices: expected 3 to {MAX_VERTICES}")
+    frame = int(mavlink.MAV_FRAME_GLOBAL)
+    return tuple(
+        MissionItem(
+            _VERTEX, frame, round(lat_deg * 1e7), round(lon_deg * 1e7), 0.0, param1=float(len(polygon))
+        )
+        for lat_deg, lon_deg in polygon
+    )
+
+
+def fence_differences(sent: Sequence[MissionItem], found: Sequence[MissionItem]) -> tuple[str, ...]:
+    """How a fence read back differs from the one sent; empty when it keeps the vehicle inside the same."""
+    if len(sent) != len(found):
+        return (f"{len(found)} items instead of {len(sent)}",)
+    return tuple(
+        f"vertex {seq}: sent {_words(a)}, found {_words(b)}"
+        for seq, (a, b) in enumerate(zip(sent, found, strict=True))
+        if _kept(a) != _kept(b)
+    )
+
+
+def _kept(item: MissionItem) -> tuple[int, float, int, int]:
+    return item.command, item.param1, item.x, item.y
+
+
+def _words(item: MissionItem) -> str:
+    of = "" if item.command == _VERTEX else f" of command {item.command}"
+    return f"({item.x / 1e7:.7f}, {item.y / 1e7:.7f}){of}, {item.param1:g} in all"
+
+
+def put_fence(ctx: Context, items: tuple[MissionItem, ...]) -> Procedure[Done]:
+    """Upload to a vehicle that stands disarmed, read back, compare; tried again where that may cure it."""
+    if ctx.state.armed:
+        return Done("it is armed; a fence is changed on the ground, disarmed")
+
+    def upload() -> Upload:
+        return Upload(ctx.peer, items, FENCE)
+
+    def differences(found: tuple[MissionItem, ...]) -> tuple[str, ...]:
+        return fence_differences(items, found)
+
+    placed = yield from verified(ctx, upload, differences, UPLOAD_TRIES)
+    return Done(placed.failure)
+
+
+def enforce_fence(ctx: Context) -> Procedure[Done]:
+    """Have an ArduPilot that stands disarmed keep to the limits that its parameters name.
+
+    Since 4.6 it takes up FENCE_TYPE when it boots and when FENCE_ENABLE changes, and what a command switches
+    off is off: parameters do not tell what is in force (`AC_Fence::update`, `AC_Fence::enable`). It answers
+    when that is done.
+    """
+    if ctx.state.armed:
+        return Done("it is armed; its fence is enabled on the ground, disarmed")
+    return Done((yield from accepted(ctx, command(ctx, mavlink.MAV_CMD_DO_FENCE_ENABLE, (1.0,)))))
+
+
+def read_fence(ctx: Context) -> Procedure[DownloadResult]:
+    """The fence that is on the vehicle now."""
+    return (yield from read_back(ctx, mission_type=FENCE))

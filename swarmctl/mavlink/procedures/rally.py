@@ -1,0 +1,86 @@
+"""Rally points, to which a vehicle may return instead of to where it took off, or of landing by its mission.
+
+https://mavlink.io/en/services/mission.html#mission_types
+
+Only their number is asked for. ArduPilot tells it from RALLY_TOTAL (`MissionItemProtocol_Rally::item_count`).
+Built without them (HAL_RALLY_ENABLED 0) it answers that such a list is unsupported, and returns to home
+(`GCS_MAVLINK::handle_mission_request_list`, `ModeRTL::compute_return_target`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from swarmctl.mavlink.protocol.codec import Message
+from swarmctl.mavlink.protocol.command import name_of
+from swarmctl.mavlink.protocol.conversation import Conversation, Peer
+from swarmctl.mavlink.protocol.procedure import Context, Procedure
+
+RALLY = int(mavlink.MAV_MISSION_TYPE_RALLY)
+
+
+@dataclass(frozen=True, slots=True)
+class RallyPoints:
+    """How many a vehicle has; None: that is not known, and `text` says why."""
+
+    count: int | None
+    text: str = ""
+
+
+class CountRallyPoints(Conversation[RallyPoints]):
+    """Asks until the number comes. `may_lack`: of what has no rally points it is 0."""
+
+    REPEAT_S = 1.0
+    TRIES = 12
+
+    def __init__(self, peer: Peer, *, may_lack: bool) -> None:
+        super().__init__()
+        self._peer = peer
+        self._may_lack = may_lack
+        self._tries = 0
+        self._last_word = "no answer"
+
+    def _begin(self, now: float) -> list[Message]:
+        return self._ask(now)
+
+    def _ask(self, now: float) -> list[Message]:
+        self._tries += 1
+        self.next_deadline = now + self.REPEAT_S
+        to = (self._peer.sysid, self._peer.compid)
+        return [mavlink.MAVLink_mission_request_list_message(*to, mission_type=RALLY)]
+
+    def _on_message(self, message: Message, now: float) -> list[Message]:
+        kind = message.get_type()
+        if kind not in ("MISSION_COUNT", "MISSION_ACK"):
+            return []
+        if message.mission_type != RALLY or not self._peer.is_for_us(message):
+            return []
+        if kind == "MISSION_COUNT":
+            self._finish(RallyPoints(int(message.count)))
+            return self._farewell(now)
+        if self._may_lack and message.type == mavlink.MAV_MISSION_UNSUPPORTED:
+            self._finish(RallyPoints(0))
+            return []
+        # Anything else may be over soon: somebody puts some there.
+        self._last_word = name_of("MAV_MISSION_RESULT", int(message.type)).removeprefix("MAV_MISSION_")
+        return []
+
+    def _on_deadline(self, now: float) -> list[Message]:
+        if self._tries < self.TRIES:
+            return self._ask(now)
+        self._finish(RallyPoints(None, f"asked {self._tries} times for their number: {self._last_word}"))
+        return self._farewell(now)
+
+    def _farewell(self, now: float) -> list[Message]:
+        """PX4 would wait for the items to be asked for."""
+        to = (self._peer.sysid, self._peer.compid)
+        code = mavlink.MAV_MISSION_OPERATION_CANCELLED
+        return [mavlink.MAVLink_mission_ack_message(*to, code, mission_type=RALLY)]
+
+
+def count_rally_points(ctx: Context) -> Procedure[RallyPoints]:
+    """How many are on the vehicle now."""
+    counted: RallyPoints = yield CountRallyPoints(ctx.peer, may_lack=ctx.dialect.may_lack_rally)
+    return counted

@@ -1,0 +1,1 @@
+"""Single MAVLink conversations as machines without I/O, and the codec."""

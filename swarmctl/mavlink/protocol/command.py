@@ -1,0 +1,126 @@
+"""One command and its acknowledgement: https://mavlink.io/en/services/command.html
+
+An acknowledgement says that the vehicle took the command, not that anything happened; procedures look at
+the telemetry for that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from swarmctl.mavlink.protocol.codec import Message
+from swarmctl.mavlink.protocol.conversation import Conversation, Peer, State
+
+
+class CommandOutcome(Enum):
+    ACCEPTED = "accepted"
+    REFUSED = "refused"
+    NOT_NOW = "not now"
+    """MAV_RESULT_TEMPORARILY_REJECTED"""
+    NO_ANSWER = "no answer"
+
+
+@dataclass(frozen=True, slots=True)
+class CommandResult:
+    outcome: CommandOutcome
+    text: str
+    """for people: the command and the vehicle's MAV_RESULT by name"""
+
+    @property
+    def final(self) -> bool:
+        """Another try would bring no other answer."""
+        return self.outcome in (CommandOutcome.ACCEPTED, CommandOutcome.REFUSED)
+
+    @property
+    def may_have_happened(self) -> bool:
+        """Also without an answer: it may have been the answer that was lost."""
+        return self.outcome in (CommandOutcome.ACCEPTED, CommandOutcome.NO_ANSWER)
+
+
+def command_long(peer: Peer, command: int, params: Sequence[float], confirmation: int = 0) -> Message:
+    """COMMAND_LONG with missing parameters 0. Raises ValueError for a forced arming or disarming."""
+    p = (*params, *(0.0,) * (7 - len(params)))
+    _refuse_force(command, p)
+    return mavlink.MAVLink_command_long_message(peer.sysid, peer.compid, command, confirmation, *p)
+
+
+def forces(message: Message) -> bool:
+    """Whether it asks to arm without any check, or to disarm a flying vehicle, which falls."""
+    is_command = message.get_type() in ("COMMAND_LONG", "COMMAND_INT")
+    return is_command and _forces(int(message.command), message.param2)
+
+
+def _forces(command: int, param2: float) -> bool:
+    # 21196, or 2989 for ArduPilot's arming. PX4 rounds, so whatever is not 0 is taken for one of them.
+    return command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM and param2 != 0.0
+
+
+def _refuse_force(command: int, params: Sequence[float]) -> None:
+    if _forces(command, params[1]):
+        raise ValueError(f"forced arming and disarming (param2 = {params[1]:g}) is never sent")
+
+
+class Command(Conversation[CommandResult]):
+    """One COMMAND_LONG and what comes of it; `confirmation` counts how often it was sent before.
+
+    It does not repeat itself: what has changed on the vehicle meanwhile has to be looked at first.
+    """
+
+    ANSWER_S = 1.0
+    IN_PROGRESS_S = 10.0
+    """how long one IN_PROGRESS keeps us waiting"""
+    IN_PROGRESS_LIMIT = 6
+
+    def __init__(self, peer: Peer, command: int, *params: float, confirmation: int = 0) -> None:
+        super().__init__()
+        self._peer = peer
+        self._command = command
+        # A forbidden command fails here, where it was written.
+        self._message = command_long(peer, command, params, confirmation)
+        self._outcome = CommandOutcome.NO_ANSWER
+        self._in_progress = 0
+        self._last_word = ""
+
+    def _begin(self, now: float) -> list[Message]:
+        self.next_deadline = now + self.ANSWER_S
+        return [self._message]
+
+    def _on_message(self, message: Message, now: float) -> list[Message]:
+        if message.get_type() != "COMMAND_ACK" or message.command != self._command:
+            return []
+        if not self._peer.is_for_us(message):
+            return []
+        code = int(message.result)
+        self._last_word = name_of("MAV_RESULT", code)
+        if code == mavlink.MAV_RESULT_ACCEPTED:
+            self._end(CommandOutcome.ACCEPTED)
+        elif code == mavlink.MAV_RESULT_IN_PROGRESS and self._in_progress < self.IN_PROGRESS_LIMIT:
+            self._in_progress += 1
+            if self.state is State.WAITING:
+                self._enter(State.EXCHANGING)
+            self.next_deadline = now + self.IN_PROGRESS_S
+        elif code == mavlink.MAV_RESULT_TEMPORARILY_REJECTED:
+            # Not at once: the next try would hear the same.
+            self._outcome = CommandOutcome.NOT_NOW
+            self.next_deadline = now + self.ANSWER_S
+        else:
+            self._end(CommandOutcome.REFUSED)
+        return []
+
+    def _on_deadline(self, now: float) -> list[Message]:
+        self._end(self._outcome)
+        return []
+
+    def _end(self, outcome: CommandOutcome) -> None:
+        text = f"{name_of('MAV_CMD', self._command)}: {self._last_word or 'no answer'}"
+        self._finish(CommandResult(outcome, text))
+
+
+def name_of(enum: str, value: int) -> str:
+    """A MAVLink enum's entry without the enum's own prefix, e.g. MAV_RESULT 4 -> FAILED."""
+    entry = mavlink.enums[enum].get(value)
+    return f"{enum} {value}" if entry is None else str(entry.name).removeprefix(f"{enum}_")

@@ -1,0 +1,113 @@
+"""What every conversation with a vehicle is: a machine fed with messages and times.
+
+`start(now)`, `receive(message, now)` and `tick(now)` return the messages to send; `next_deadline` says when
+the next `tick` is due; `result` is None while it runs. Nothing here reads a clock.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from enum import Enum
+from typing import Generic, TypeVar
+
+from swarmctl.mavlink.protocol.codec import GCS_COMPID, GCS_SYSID, Message
+
+R = TypeVar("R")
+
+
+class State(Enum):
+    NEW = "new"
+    WAITING = "waiting for the first answer"
+    EXCHANGING = "exchanging"
+    DONE = "done"
+
+
+TRANSITIONS: dict[State, frozenset[State]] = {
+    State.NEW: frozenset({State.WAITING, State.DONE}),
+    State.WAITING: frozenset({State.EXCHANGING, State.DONE}),
+    State.EXCHANGING: frozenset({State.DONE}),
+    State.DONE: frozenset(),
+}
+
+
+class IllegalEvent(RuntimeError):
+    """A bug in the caller: the event does not belong into this state."""
+
+
+@dataclass(frozen=True, slots=True)
+class Peer:
+    """The vehicle a conversation is held with, and who holds it."""
+
+    sysid: int
+    compid: int = 1
+    own_sysid: int = GCS_SYSID
+    own_compid: int = GCS_COMPID
+
+    def is_for_us(self, message: Message) -> bool:
+        """Addressed to this ground station. Old firmware leaves the target of some messages 0."""
+        return getattr(message, "target_system", 0) in (0, self.own_sysid) and (
+            getattr(message, "target_component", 0) in (0, self.own_compid)
+        )
+
+
+class Conversation(ABC, Generic[R]):
+    """Bones of all conversations: the state, its guard, and what happens once it is over.
+
+    Late messages after the end are normal on a radio and are ignored.
+    """
+
+    def __init__(self) -> None:
+        self.state = State.NEW
+        self.result: R | None = None
+        self.next_deadline: float | None = None
+
+    def start(self, now: float) -> list[Message]:
+        if self.state is not State.NEW:
+            raise IllegalEvent(f"{type(self).__name__}: start while {self.state.value}")
+        self._enter(State.WAITING)
+        return self._begin(now)
+
+    def receive(self, message: Message, now: float) -> list[Message]:
+        return self._on_message(message, now) if self._is_running("receive") else []
+
+    def tick(self, now: float) -> list[Message]:
+        if not self._is_running("tick") or self.next_deadline is None or now < self.next_deadline:
+            return []
+        return self._on_deadline(now)
+
+    def cancel(self, now: float) -> list[Message]:
+        """Stop; returns what the vehicle has to be told of it. `result` stays None."""
+        if not self._is_running("cancel"):
+            return []
+        farewell = self._farewell(now)
+        self._enter(State.DONE)
+        self.next_deadline = None
+        return farewell
+
+    @abstractmethod
+    def _begin(self, now: float) -> list[Message]: ...
+
+    @abstractmethod
+    def _on_message(self, message: Message, now: float) -> list[Message]: ...
+
+    @abstractmethod
+    def _on_deadline(self, now: float) -> list[Message]: ...
+
+    def _farewell(self, now: float) -> list[Message]:
+        return []
+
+    def _is_running(self, event: str) -> bool:
+        if self.state is State.NEW:
+            raise IllegalEvent(f"{type(self).__name__}: {event} while {self.state.value}; start it first")
+        return self.state is not State.DONE
+
+    def _enter(self, state: State) -> None:
+        if state not in TRANSITIONS[self.state]:
+            raise IllegalEvent(f"{type(self).__name__}: {state.value} does not follow {self.state.value}")
+        self.state = state
+
+    def _finish(self, result: R) -> None:
+        self._enter(State.DONE)
+        self.result = result
+        self.next_deadline = None

@@ -1,0 +1,183 @@
+"""Reading a mission back: https://mavlink.io/en/services/mission.html#download_mission"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from swarmctl.core.mission import MissionItem
+from swarmctl.mavlink.protocol.codec import Message
+from swarmctl.mavlink.protocol.command import name_of
+from swarmctl.mavlink.protocol.conversation import Conversation, Peer, State
+from swarmctl.mavlink.protocol.mission_upload import MISSION
+
+
+class DownloadOutcome(Enum):
+    COMPLETE = "complete"
+    REFUSED = "refused"
+    """the vehicle answered with an error; DENIED while it is still in an upload"""
+    NO_ANSWER = "no answer"
+    """nor was there any"""
+    BROKEN_OFF = "broken off"
+    """It told the number of items, and then no more, or not in order. PX4 ends a transfer in which it is
+    asked nothing for 5 s: then it is to be begun anew."""
+
+
+@dataclass(frozen=True, slots=True)
+class DownloadResult:
+    outcome: DownloadOutcome
+    items: tuple[MissionItem, ...]
+    """all of them, item 0 included, or those from the first one asked for; empty unless COMPLETE"""
+    text: str
+
+
+class Download(Conversation[DownloadResult]):
+    """One attempt to read the items from `first` on, each asked for until it comes.
+
+    `window` of them are asked for at a time: one by one they would take as many answers of a slow link. Of
+    who tells them `in_order` only (PX4 ends a transfer in which it is asked for another than the next or the
+    last one again) none of several can be asked for once more: then this ends with the first that is lost.
+    So each is asked for by `copies` of the question, which go one after the other.
+    """
+
+    REPEAT_S, MOST_REPEAT_S = 1.0, 4.0
+    TRIES = 12
+    """Where 30 % of all messages are lost, six times in a row a question or its answer is, for half of all
+    lists of 50 items."""
+
+    def __init__(
+        self,
+        peer: Peer,
+        mission_type: int = MISSION,
+        first: int = 0,
+        window: int = 1,
+        copies: int = 1,
+        *,
+        in_order: bool = False,
+    ) -> None:
+        super().__init__()
+        self._peer = peer
+        self._type = mission_type
+        self._first = self._next = self._asked = first
+        self._window, self._copies, self._in_order = window, copies, in_order
+        self._repeat_s, self._began_s = self.REPEAT_S, 0.0
+        self._count = 0
+        self._items: dict[int, MissionItem] = {}
+        self._tries = 0
+
+    @property
+    def mission_type(self) -> int:
+        return self._type
+
+    @property
+    def first(self) -> int:
+        return self._first
+
+    def _begin(self, now: float) -> list[Message]:
+        self._began_s = now
+        return self._ask(now)
+
+    def _ask(self, now: float) -> list[Message]:
+        self._tries += 1
+        self.next_deadline = now + self._repeat_s
+        to = (self._peer.sysid, self._peer.compid)
+        if self.state is State.WAITING:
+            return [mavlink.MAVLink_mission_request_list_message(*to, mission_type=self._type)]
+        self._asked = self._next
+        return self._ask_for_items()
+
+    def _ask_for_items(self) -> list[Message]:
+        """Those within the window that have neither come nor been asked for."""
+        end = min(self._next + self._window, self._count)
+        wanted = [seq for seq in range(self._asked, end) if seq not in self._items]
+        self._asked = max(self._asked, end)
+        to = (self._peer.sysid, self._peer.compid)
+        return [
+            mavlink.MAVLink_mission_request_int_message(*to, seq, mission_type=self._type)
+            for seq in wanted
+            for _ in range(self._copies)
+        ]
+
+    def _on_message(self, message: Message, now: float) -> list[Message]:
+        kind = message.get_type()
+        if kind not in ("MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"):
+            return []
+        if message.mission_type != self._type or not self._peer.is_for_us(message):
+            return []
+        if kind == "MISSION_COUNT" and self.state is State.WAITING:
+            self._enter(State.EXCHANGING)
+            self._count = int(message.count)
+            if self._window > 1:  # of one by one an answer that is late is cheaper than one that is lost
+                answers_after_s = now - self._began_s  # or less, where questions were lost
+                self._repeat_s = min(max(self.REPEAT_S, 1.5 * answers_after_s), self.MOST_REPEAT_S)
+            return self._proceed(now)
+        if kind == "MISSION_ITEM_INT" and self._next <= message.seq < self._asked:
+            self._items[int(message.seq)] = item_of(message)
+            while self._next in self._items:
+                self._next += 1
+            return self._proceed(now)
+        if kind == "MISSION_ACK":
+            self._on_ack(int(message.type))
+        return []
+
+    def _proceed(self, now: float) -> list[Message]:
+        if self._next < self._count:
+            self._tries = 1
+            self.next_deadline = now + self._repeat_s
+            return self._ask_for_items()
+        self._end(DownloadOutcome.COMPLETE, f"{self._count} items")
+        return [self._ack(mavlink.MAV_MISSION_ACCEPTED)]
+
+    def _on_ack(self, code: int) -> None:
+        # Positive ones, cancellations and complaints about duplicates belong to an upload before, and so does
+        # ArduPilot's error after a last item that came twice: it has none for who asks how many there are.
+        stale = (
+            mavlink.MAV_MISSION_ACCEPTED,
+            mavlink.MAV_MISSION_OPERATION_CANCELLED,
+            mavlink.MAV_MISSION_INVALID_SEQUENCE,
+            *([mavlink.MAV_MISSION_ERROR] if self.state is State.WAITING else []),
+        )
+        if code not in stale:
+            name = name_of("MAV_MISSION_RESULT", code).removeprefix("MAV_MISSION_")
+            self._end(DownloadOutcome.REFUSED, name)
+
+    def _on_deadline(self, now: float) -> list[Message]:
+        past_asking = self.state is State.EXCHANGING and self._in_order and self._window > 1
+        if self._tries < self.TRIES and not past_asking:
+            return self._ask(now)
+        farewell = self._farewell(now)
+        if self.state is State.WAITING:
+            self._end(DownloadOutcome.NO_ANSWER, f"asked {self._tries} times for the number of items")
+        else:
+            times = "once" if self._tries == 1 else f"{self._tries} times"
+            self._end(DownloadOutcome.BROKEN_OFF, f"asked {times} for item {self._next}")
+        return farewell
+
+    def _end(self, outcome: DownloadOutcome, reason: str) -> None:
+        complete = outcome is DownloadOutcome.COMPLETE
+        items = tuple(self._items[seq] for seq in sorted(self._items)) if complete else ()
+        self._finish(DownloadResult(outcome, items, f"read-back {outcome.value}: {reason}"))
+
+    def _farewell(self, now: float) -> list[Message]:
+        return [self._ack(mavlink.MAV_MISSION_OPERATION_CANCELLED)]
+
+    def _ack(self, code: int) -> Message:
+        return mavlink.MAVLink_mission_ack_message(self._peer.sysid, self._peer.compid, code, self._type)
+
+
+def item_of(message: Message) -> MissionItem:
+    """The item that a MISSION_ITEM_INT carries."""
+    return MissionItem(
+        command=int(message.command),
+        frame=int(message.frame),
+        x=int(message.x),
+        y=int(message.y),
+        z=float(message.z),
+        param1=float(message.param1),
+        param2=float(message.param2),
+        param3=float(message.param3),
+        param4=float(message.param4),
+        autocontinue=int(message.autocontinue),
+    )

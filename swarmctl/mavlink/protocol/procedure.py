@@ -1,0 +1,97 @@
+"""Whole jobs as generators: `result = yield Upload(...)`, driven without I/O.
+
+A procedure yields conversations and is resumed with their results, so a take-off reads from top to bottom.
+The `Driver` that runs one is a conversation itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+from swarmctl.core.mission import MissionItem
+from swarmctl.core.vehicle import VehicleState
+from swarmctl.mavlink.dialects import Dialect
+from swarmctl.mavlink.protocol.codec import Message
+from swarmctl.mavlink.protocol.conversation import Conversation, Peer, State
+from swarmctl.mavlink.telemetry.vehicle_state import Telemetry
+
+R = TypeVar("R")
+Procedure = Generator[Conversation[Any], Any, R]
+
+
+@dataclass(slots=True)
+class Context:
+    """What the procedures of one vehicle know and share; written by them and by the session only."""
+
+    peer: Peer
+    dialect: Dialect
+    telemetry: Telemetry
+    now: float = 0.0
+    on_vehicle: tuple[MissionItem, ...] = field(default=())
+    """the mission last verified on the vehicle; empty if none or in doubt"""
+    flown_from: int = 0
+    """where in `on_vehicle` the plan that it flies begins: what is before was flown earlier"""
+    interrupted: bool = False
+    """the procedure before the running one did not end: the vehicle may follow its last command only now"""
+
+    @property
+    def state(self) -> VehicleState:
+        return self.telemetry.state
+
+    def after_heartbeat(self, seen: Callable[[VehicleState], bool]) -> Callable[[], bool]:
+        """`seen`, judged only once a heartbeat younger than this call has come: mode and arming lag."""
+        before = self.telemetry.heartbeats
+        return lambda: self.telemetry.heartbeats > before and seen(self.state)
+
+
+class Driver(Conversation[R]):
+    """Runs a procedure; `result` is what it returns."""
+
+    def __init__(self, procedure: Procedure[R], context: Context) -> None:
+        super().__init__()
+        self._procedure = procedure
+        self._context = context
+        self._current: Conversation[Any] | None = None
+
+    def _begin(self, now: float) -> list[Message]:
+        self._enter(State.EXCHANGING)
+        return self._advance(None, now)
+
+    def _on_message(self, message: Message, now: float) -> list[Message]:
+        assert self._current is not None
+        return self._after(self._current.receive(message, now), now)
+
+    def _on_deadline(self, now: float) -> list[Message]:
+        assert self._current is not None
+        return self._after(self._current.tick(now), now)
+
+    def _farewell(self, now: float) -> list[Message]:
+        assert self._current is not None
+        messages = self._current.cancel(now)
+        self._procedure.close()
+        return messages
+
+    def _after(self, messages: list[Message], now: float) -> list[Message]:
+        assert self._current is not None
+        if self._current.result is not None:
+            return messages + self._advance(self._current.result, now)
+        self.next_deadline = self._current.next_deadline
+        return messages
+
+    def _advance(self, result: Any, now: float) -> list[Message]:
+        """Resume the procedure until one of its conversations has to wait for the vehicle."""
+        self._context.now = now
+        messages: list[Message] = []
+        while True:
+            try:
+                self._current = self._procedure.send(result)
+            except StopIteration as stop:
+                self._finish(stop.value)
+                return messages
+            messages += self._current.start(now)
+            if self._current.result is None:
+                self.next_deadline = self._current.next_deadline
+                return messages
+            result = self._current.result

@@ -1,0 +1,116 @@
+"""Conversations that command nothing: wait, see it happen, look at it anew, ask for one message."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from swarmctl.mavlink.protocol.codec import Message
+from swarmctl.mavlink.protocol.command import command_long
+from swarmctl.mavlink.protocol.conversation import Conversation, Peer
+
+
+class Until(Conversation[bool]):
+    """See it happen: True as soon as `seen()` holds after any message, False after `timeout_s`.
+
+    `seen` reads the vehicle's state, which the session updates before it passes the message on.
+    """
+
+    def __init__(self, seen: Callable[[], bool], timeout_s: float) -> None:
+        super().__init__()
+        self._seen = seen
+        self._timeout_s = timeout_s
+
+    def _begin(self, now: float) -> list[Message]:
+        self.next_deadline = now + self._timeout_s
+        return self._look()
+
+    def _on_message(self, message: Message, now: float) -> list[Message]:
+        return self._look()
+
+    def _on_deadline(self, now: float) -> list[Message]:
+        self._finish(self._seen())
+        return []
+
+    def _look(self) -> list[Message]:
+        if self._seen():
+            self._finish(True)
+        return []
+
+
+def wait(seconds: float) -> Until:
+    """Let time pass."""
+    return Until(lambda: False, seconds)
+
+
+class Look(Conversation[bool]):
+    """Ask for a message: True as soon as one has come since and `seen()` holds, False after `timeout_s`.
+
+    Usually for a heartbeat, for mode and arming are told by no other. ArduPilot sends one for
+    MAV_CMD_REQUEST_MESSAGE at its next turn; whoever does not know that request sends one a second, and that
+    will do.
+    """
+
+    REPEAT_S = 1.0
+
+    def __init__(
+        self,
+        peer: Peer,
+        seen: Callable[[], bool],
+        timeout_s: float,
+        message_id: int = mavlink.MAVLINK_MSG_ID_HEARTBEAT,
+    ) -> None:
+        super().__init__()
+        self._seen = seen
+        self._timeout_s = timeout_s
+        self._message_id = message_id
+        self._heard = False
+        self._end = 0.0
+        self._request = command_long(peer, mavlink.MAV_CMD_REQUEST_MESSAGE, (float(message_id),))
+
+    def _begin(self, now: float) -> list[Message]:
+        self._end = now + self._timeout_s
+        return self._ask(now)
+
+    def _on_message(self, message: Message, now: float) -> list[Message]:
+        self._heard |= message.get_msgId() == self._message_id
+        if self._heard and self._seen():
+            self._finish(True)
+        return []
+
+    def _on_deadline(self, now: float) -> list[Message]:
+        if now >= self._end:
+            self._finish(False)
+            return []
+        return self._ask(now)
+
+    def _ask(self, now: float) -> list[Message]:
+        self.next_deadline = min(self._end, now + self.REPEAT_S)
+        return [self._request]
+
+
+class Ask(Conversation[Message]):
+    """Ask for one message (MAV_CMD_REQUEST_MESSAGE) again and again until it comes.
+
+    It has no time limit of its own: whoever waits for it has.
+    """
+
+    REPEAT_S = 1.0
+
+    def __init__(self, peer: Peer, message_id: int) -> None:
+        super().__init__()
+        self._message_id = message_id
+        self._request = command_long(peer, mavlink.MAV_CMD_REQUEST_MESSAGE, (float(message_id),))
+
+    def _begin(self, now: float) -> list[Message]:
+        self.next_deadline = now + self.REPEAT_S
+        return [self._request]
+
+    def _on_message(self, message: Message, now: float) -> list[Message]:
+        if message.get_msgId() == self._message_id:
+            self._finish(message)
+        return []
+
+    def _on_deadline(self, now: float) -> list[Message]:
+        return self._begin(now)

@@ -1,0 +1,1 @@
+"""What a vehicle says: presence, state, text, streams, its mission and its instruments."""

@@ -1,0 +1,117 @@
+"""What a vehicle's instruments say at one moment: asked for, not streamed, because it is looked at once.
+
+https://mavlink.io/en/messages/common.html: GPS_RAW_INT, SYSTEM_TIME, HOME_POSITION, SYS_STATUS. The last two
+are in the vehicle's state too; they are asked for so that it is a young one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from swarmctl.mavlink.protocol.codec import Message
+from swarmctl.mavlink.protocol.command import command_long
+from swarmctl.mavlink.protocol.conversation import Conversation, Peer, State
+from swarmctl.mavlink.protocol.procedure import Context, Procedure
+from swarmctl.mavlink.protocol.wait import Until
+
+ASKED = (
+    int(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT),
+    int(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME),
+    int(mavlink.MAVLINK_MSG_ID_HOME_POSITION),
+    int(mavlink.MAVLINK_MSG_ID_SYS_STATUS),
+)
+POSITIONS_WAIT_S = 5.0
+"""for who has hardly begun to tell where it is"""
+_NOT_TOLD = 0xFFFF
+_SATELLITES_NOT_TOLD = 0xFF
+
+
+@dataclass(frozen=True, slots=True)
+class GpsFix:
+    """GPS_RAW_INT; None where the receiver does not tell."""
+
+    fix_type: int
+    """GPS_FIX_TYPE: 3 and more is a position in three dimensions"""
+    satellites: int | None
+    hdop: float | None
+    """horizontal dilution of precision"""
+
+
+@dataclass(frozen=True, slots=True)
+class Instruments:
+    """None: not told in time."""
+
+    gps: GpsFix | None
+    unix_s: float | None
+    """its clock (SYSTEM_TIME) since 1970 [s]; None also while it has none, before its first fix"""
+    told_at_s: float | None
+    """the time of the running loop at which that clock was read [s]"""
+    position_every_s: float | None = None
+    """how long it takes from one of its positions to the next [s]"""
+
+
+class Collect(Conversation[dict[int, tuple[Message, float]]]):
+    """Ask for some messages (MAV_CMD_REQUEST_MESSAGE), each again until it comes or the time is up.
+
+    The result is message id -> (message, when it came); what never came is missing.
+    """
+
+    REPEAT_S = 1.0
+    TRIES = 5
+
+    def __init__(self, peer: Peer, ids: tuple[int, ...]) -> None:
+        super().__init__()
+        self._peer = peer
+        self._ids = ids
+        self._came: dict[int, tuple[Message, float]] = {}
+        self._tries = 0
+
+    def _begin(self, now: float) -> list[Message]:
+        self._enter(State.EXCHANGING)
+        return self._ask(now)
+
+    def _ask(self, now: float) -> list[Message]:
+        self._tries += 1
+        self.next_deadline = now + self.REPEAT_S
+        missing = [msgid for msgid in self._ids if msgid not in self._came]
+        return [
+            command_long(self._peer, mavlink.MAV_CMD_REQUEST_MESSAGE, (float(msgid),)) for msgid in missing
+        ]
+
+    def _on_message(self, message: Message, now: float) -> list[Message]:
+        msgid = int(message.get_msgId())
+        if msgid in self._ids:
+            self._came[msgid] = (message, now)
+            if len(self._came) == len(self._ids):
+                self._finish(self._came)
+        return []
+
+    def _on_deadline(self, now: float) -> list[Message]:
+        if self._tries < self.TRIES:
+            return self._ask(now)
+        self._finish(self._came)
+        return []
+
+
+def read_instruments(ctx: Context) -> Procedure[Instruments]:
+    """All that can be had within some seconds."""
+    came: dict[int, tuple[Message, float]] = yield Collect(ctx.peer, ASKED)
+    gps = came.get(int(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT))
+    clock = came.get(int(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME))
+    fix = None if gps is None else _fix(gps[0])
+    yield Until(lambda: ctx.telemetry.position_every_s(ctx.now) is not None, POSITIONS_WAIT_S)
+    every_s = ctx.telemetry.position_every_s(ctx.now)
+    if clock is None or clock[0].time_unix_usec == 0:
+        return Instruments(fix, None, None, every_s)
+    return Instruments(fix, clock[0].time_unix_usec / 1e6, clock[1], every_s)
+
+
+def _fix(message: Message) -> GpsFix:
+    satellites, eph = int(message.satellites_visible), int(message.eph)
+    return GpsFix(
+        int(message.fix_type),
+        None if satellites == _SATELLITES_NOT_TOLD else satellites,
+        None if eph == _NOT_TOLD else eph / 100.0,
+    )

@@ -1,0 +1,75 @@
+"""Who is there: heartbeats in, own heartbeats out. https://mavlink.io/en/services/heartbeat.html"""
+
+from __future__ import annotations
+
+from enum import Enum
+from math import inf
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from swarmctl.mavlink.protocol.codec import Message
+
+AUTOPILOT_COMPID = int(mavlink.MAV_COMP_ID_AUTOPILOT1)
+_NO_VEHICLE_TYPES = (
+    mavlink.MAV_TYPE_GCS,
+    mavlink.MAV_TYPE_ANTENNA_TRACKER,
+    mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
+    mavlink.MAV_TYPE_GIMBAL,
+    mavlink.MAV_TYPE_CAMERA,
+    mavlink.MAV_TYPE_ADSB,
+)
+
+
+def is_vehicle_heartbeat(message: Message) -> bool:
+    """The heartbeat of an autopilot, not of a ground station, camera or companion on the same system id."""
+    return (
+        message.get_type() == "HEARTBEAT"
+        and message.get_srcComponent() == AUTOPILOT_COMPID
+        and message.autopilot != mavlink.MAV_AUTOPILOT_INVALID
+        and message.type not in _NO_VEHICLE_TYPES
+    )
+
+
+class LinkState(Enum):
+    NEVER_HEARD = "never heard"
+    ALIVE = "alive"
+    LOST = "lost"
+
+
+class Presence:
+    """Alive or lost, by the age of the last heartbeat."""
+
+    def __init__(self, lost_after_s: float = 5.0) -> None:
+        self.state = LinkState.NEVER_HEARD
+        self._lost_after_s = lost_after_s
+        self._last = -inf
+
+    def age_s(self, now: float) -> float:
+        """Since the last heartbeat [s]; infinite before the first."""
+        return now - self._last
+
+    @property
+    def next_deadline(self) -> float | None:
+        return self._last + self._lost_after_s if self.state is LinkState.ALIVE else None
+
+    def heard(self, now: float) -> LinkState:
+        """A heartbeat came; returns the state before it."""
+        before, self.state, self._last = self.state, LinkState.ALIVE, now
+        return before
+
+    def tick(self, now: float) -> bool:
+        """True at the moment it is lost."""
+        if self.next_deadline is None or now < self.next_deadline:
+            return False
+        self.state = LinkState.LOST
+        return True
+
+
+HEARTBEAT_PERIOD_S = 1.0
+
+
+def own_heartbeat() -> Message:
+    """The heartbeat of a ground station, due every `HEARTBEAT_PERIOD_S`."""
+    return mavlink.MAVLink_heartbeat_message(
+        mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
+    )

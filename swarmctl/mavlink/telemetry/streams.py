@@ -1,0 +1,174 @@
+"""Asking for telemetry until it comes, and again when it stays away (after a reboot, or a lost request)."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from swarmctl.mavlink.protocol.codec import Message
+from swarmctl.mavlink.protocol.command import command_long
+from swarmctl.mavlink.protocol.conversation import Peer
+
+_PATIENCE_S = 3.0
+_PATIENCE_LIMIT_S = 30.0
+AFTER_SILENCE_S = 1.5
+"""a vehicle that is heard again may have rebooted, or just go on"""
+
+_POSITION = int(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
+_STOPPED_US = -1.0
+"""the interval of MAV_CMD_SET_MESSAGE_INTERVAL that ends a stream"""
+_STREAMS_WITHIN_S = 3.0
+"""what comes again within this flows, and was not asked for once"""
+_STOP_EVERY_S = 0.2
+"""so many orders at once would fill a slow link"""
+_STOP_AGAIN_S, _STOP_AGAIN_LIMIT_S = 5.0, 120.0
+"""Somebody else on the link may want it: then it is stopped ever more seldom."""
+
+
+@dataclass(frozen=True, slots=True)
+class Streaming:
+    """What is asked of a vehicle over its link."""
+
+    position_hz: float | None = None
+    """positions a second, the other streams at most in proportion; None: as the dialect says"""
+    stops_others: bool = False
+    """whether streams that nobody here looks at are ended"""
+
+    def rates_hz(self, usual_hz: Mapping[int, float]) -> dict[int, float]:
+        """Of a dialect's streams (message id -> rate) what is asked for over this link."""
+        if self.position_hz is None:
+            return dict(usual_hz)
+        share = min(self.position_hz / usual_hz[_POSITION], 1.0)
+        return {msgid: hz * share for msgid, hz in usual_hz.items()} | {_POSITION: self.position_hz}
+
+
+class StreamKeeper:
+    """Keeps the periodic messages `rates_hz` (message id -> rate) coming, and with `stops_others` ends those
+    of `NEEDLESS`.
+
+    Requests are not followed up by their acknowledgements: what counts is whether the message comes.
+    A message that never comes is asked for ever more seldom, some firmwares do not have it.
+    """
+
+    def __init__(self, peer: Peer, rates_hz: Mapping[int, float], *, stops_others: bool = False) -> None:
+        self._peer = peer
+        self._rates_hz = rates_hz
+        self._due: dict[int, float] = {}
+        self._patience_s = dict.fromkeys(rates_hz, _PATIENCE_S)
+        self._stops_others = stops_others
+        self._came_s: dict[int, float] = {}
+        """of what is not needed: when it came last"""
+        self._stopped: dict[int, tuple[float, float]] = {}
+        """when it was told to end, and for how long after that it is not told again [s]"""
+        self._to_stop: deque[int] = deque()
+        self._stop_at = 0.0
+
+    @property
+    def next_deadline(self) -> float | None:
+        due = min(self._due.values(), default=None)
+        return due if due is None or not self._to_stop else min(due, self._stop_at)
+
+    def demand(self, due: float) -> None:
+        """Ask at `due` for everything that has not come by then: at the start, after a reboot or silence."""
+        for msgid in self._rates_hz:
+            self._due[msgid] = due
+            self._patience_s[msgid] = _PATIENCE_S
+        self._stopped.clear()
+
+    def saw(self, msgid: int, now: float) -> None:
+        if msgid in self._due:
+            self._patience_s[msgid] = _PATIENCE_S
+            self._due[msgid] = now + max(_PATIENCE_S, 3.0 / self._rates_hz[msgid])
+        elif self._stops_others and self._due and msgid in NEEDLESS:
+            self._saw_needless(msgid, now)
+
+    def _saw_needless(self, msgid: int, now: float) -> None:
+        came_s, self._came_s[msgid] = self._came_s.get(msgid), now
+        if came_s is None or now - came_s > _STREAMS_WITHIN_S or msgid in self._to_stop:
+            return
+        if msgid in self._stopped:
+            stopped_s, again_s = self._stopped[msgid]
+            if now - stopped_s < again_s:
+                return
+        self._to_stop.append(msgid)
+
+    def tick(self, now: float) -> list[Message]:
+        missing = [msgid for msgid, due in self._due.items() if now >= due]
+        for msgid in missing:
+            self._due[msgid] = now + max(self._patience_s[msgid], 3.0 / self._rates_hz[msgid])
+            self._patience_s[msgid] = min(2 * self._patience_s[msgid], _PATIENCE_LIMIT_S)
+        orders = [self._order(msgid, float(round(1e6 / self._rates_hz[msgid]))) for msgid in missing]
+        return orders + self._stop(now)
+
+    def _stop(self, now: float) -> list[Message]:
+        if not self._to_stop or now < self._stop_at:
+            return []
+        self._stop_at = now + _STOP_EVERY_S
+        msgid = self._to_stop.popleft()
+        _, again_s = self._stopped.get(msgid, (now, _STOP_AGAIN_S / 2.0))
+        self._stopped[msgid] = now, min(2.0 * again_s, _STOP_AGAIN_LIMIT_S)
+        return [self._order(msgid, _STOPPED_US)]
+
+    def _order(self, msgid: int, interval_us: float) -> Message:
+        return command_long(self._peer, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, (float(msgid), interval_us))
+
+
+NEEDLESS = frozenset(
+    getattr(mavlink, f"MAVLINK_MSG_ID_{name}")
+    for name in (
+        "AHRS",
+        "AHRS2",
+        "ALTITUDE",
+        "AOA_SSA",
+        "ATTITUDE",
+        "ATTITUDE_QUATERNION",
+        "ATTITUDE_TARGET",
+        "BATTERY_STATUS",
+        "DISTANCE_SENSOR",
+        "ESC_TELEMETRY_1_TO_4",
+        "ESC_TELEMETRY_5_TO_8",
+        "ESTIMATOR_STATUS",
+        "GPS2_RAW",
+        "GPS_GLOBAL_ORIGIN",
+        "GPS_RAW_INT",
+        "GPS_STATUS",
+        "HIGHRES_IMU",
+        "HWSTATUS",
+        "LOCAL_POSITION_NED",
+        "MCU_STATUS",
+        "MEMINFO",
+        "MOUNT_ORIENTATION",
+        "NAV_CONTROLLER_OUTPUT",
+        "OBSTACLE_DISTANCE",
+        "ODOMETRY",
+        "OPTICAL_FLOW",
+        "PID_TUNING",
+        "POSITION_TARGET_GLOBAL_INT",
+        "POSITION_TARGET_LOCAL_NED",
+        "POWER_STATUS",
+        "RANGEFINDER",
+        "RAW_IMU",
+        "RC_CHANNELS",
+        "RC_CHANNELS_RAW",
+        "RPM",
+        "SCALED_IMU",
+        "SCALED_IMU2",
+        "SCALED_IMU3",
+        "SCALED_PRESSURE",
+        "SCALED_PRESSURE2",
+        "SCALED_PRESSURE3",
+        "SENSOR_OFFSETS",
+        "SERVO_OUTPUT_RAW",
+        "SIMSTATE",
+        "TERRAIN_REPORT",
+        "VFR_HUD",
+        "VIBRATION",
+        "WIND",
+        "WIND_COV",
+    )
+)
+"""Ids of what autopilots stream for people's instruments, and nobody here looks at; GPS_RAW_INT is asked for
+when it is wanted. What one component tells another (trackers, remote identification) is not among them."""

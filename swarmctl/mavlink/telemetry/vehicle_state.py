@@ -1,0 +1,345 @@
+"""Folds a vehicle's messages into its `VehicleState`."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections import deque
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from swarmctl.core.vehicle import Landed, ModeRole, VehicleState
+from swarmctl.mavlink.dialects import Dialect, Readiness
+from swarmctl.mavlink.protocol.codec import Message
+from swarmctl.mavlink.telemetry.statustext import TextAssembler, strike_count
+
+STILL_M_S, STILL_CLIMB_M_S = 0.5, 0.3
+"""a vehicle in the air that moves less stands still"""
+REBOOT_S = 3.0
+"""a clock that goes back further than this was restarted; less is a datagram overtaken by another"""
+YOUNGER_S = 1.0
+"""So was one that has run less than it was not heard of, by more than this: a message may have been late."""
+
+CLOCK_BEGINS_ANEW_S = 2**32 / 1000.0
+"""after 49.7 days: time_boot_ms has 32 bits"""
+
+POSITION_KEPT_S = 3.0
+"""Where it was is forgotten after this, by our clock. An ArduPilot that does not know its place says so, PX4
+is silent of it."""
+POSITIONS_COUNTED, FEWEST_POSITIONS = 10, 3
+SNAPSHOT_S = 0.9
+"""after a snapshot: without a position, the next heartbeat or SYS_STATUS makes one"""
+LEAST_ALT_M, MOST_ALT_M = -1000.0, 20_000.0
+"""above the sea or home; what is told beyond cannot be"""
+TEXTS_KEPT = 256
+
+_COMPLAINTS = ("PreArm: ", "Arm: ", "Preflight Fail: ")
+_COMPLAINTS_KEPT = 3
+_SNAPSHOTS_TOO = ("HEARTBEAT", "SYS_STATUS")
+_READINESS_SOURCES = ("HEARTBEAT", "SYS_STATUS", "EKF_STATUS_REPORT", "STATUSTEXT")
+
+
+class Telemetry:
+    """What one vehicle has told since it booted.
+
+    `receive` returns whether there is a new snapshot: with each position, and about once a second without.
+    The rest is read from the attributes: `texts` has the last STATUSTEXTs (severity, text), of `n_texts`,
+    `heartbeats` counts all heartbeats, `reboots` how often the vehicle's clock began anew, `stood_still_s`
+    how long it has held or stood still in the air by its own clock.
+    """
+
+    def __init__(self, dialect: Dialect) -> None:
+        self.texts: deque[tuple[int, str]] = deque(maxlen=TEXTS_KEPT)
+        self.n_texts = 0
+        self.heartbeats = 0
+        self.reboots = 0
+        self.stood_still_s = 0.0
+        self._dialect = dialect
+        self._state = VehicleState(brakes_m_s2=dialect.brakes_m_s2)
+        self._changes: dict[str, Any] = {}
+        self._now = 0.0
+        self._clock_heard_s: float | None = None
+        self._clock_told_s = 0.0
+        self._clock_before_s = 0.0
+        """what it had counted when its clock began anew last"""
+        self._snapshot_s = -math.inf
+        self._positions_s: deque[float] = deque(maxlen=POSITIONS_COUNTED)
+        """when the last came"""
+        self._assembler = TextAssembler()
+        self._prearm_ok: bool | None = None
+        self._ekf_flags: int | None = None
+        self._had_gps = False
+        self._complaints: tuple[str, ...] = ()
+        self._missing = set(dialect.required)
+        self._roles: dict[str, ModeRole] = {
+            dialect.land_mode: "land",  # but for what lands in its mission's mode
+            dialect.hold_mode: "hold",
+            dialect.mission_mode: "mission",
+            dialect.return_mode: "return",
+        }
+        self._fold: dict[str, Callable[[Message], bool]] = {
+            "HEARTBEAT": self._heartbeat,
+            "GLOBAL_POSITION_INT": self._global_position,
+            "SYS_STATUS": self._sys_status,
+            "SYSTEM_TIME": self._system_time,
+            "EKF_STATUS_REPORT": self._ekf_status,
+            "EXTENDED_SYS_STATE": self._extended_sys_state,
+            "MISSION_CURRENT": self._mission_current,
+            "HOME_POSITION": self._home_position,
+            "STATUSTEXT": self._statustext,
+            "NAMED_VALUE_INT": self._named_value_int,
+        }
+
+    @property
+    def state(self) -> VehicleState:
+        if self._changes:
+            self._state = dataclasses.replace(self._state, **self._changes)
+            self._changes = {}
+        return self._state
+
+    def receive(self, message: Message, now: float) -> bool:
+        """`now` is of our clock [s]."""
+        fold = self._fold.get(message.get_type())
+        if fold is None:
+            return False
+        self._now = now
+        was_missing = message.get_msgId() in self._missing
+        self._missing.discard(message.get_msgId())
+        snapshot = fold(message)
+        if was_missing or message.get_type() in _READINESS_SOURCES:
+            self._judge_readiness()
+        if not snapshot and message.get_type() in _SNAPSHOTS_TOO:
+            snapshot = now - self._snapshot_s >= SNAPSHOT_S
+        if snapshot:
+            self._snapshot_s = now
+        return snapshot
+
+    def holds_another_mission(self, is_so: bool) -> None:
+        """Found by whoever knows what was put on it."""
+        self._changes["other_mission"] = is_so
+
+    @property
+    def position_age_s(self) -> float:
+        """How long before the last that was heard of it its last position came; 0 where none has."""
+        told_s = self.state.position_s
+        return 0.0 if told_s is None else self._now - told_s
+
+    def position_every_s(self, now: float) -> float | None:
+        """How long it takes from one of its last positions to the next on the average [s]; None where hardly
+        any came."""
+        came_s = self._positions_s
+        return (now - came_s[0]) / len(came_s) if len(came_s) >= FEWEST_POSITIONS else None
+
+    def texts_since(self, n_texts: int) -> list[tuple[int, str]]:
+        """Those that came after `n_texts` had, of the last."""
+        new = self.n_texts - n_texts
+        return list(self.texts)[-new:] if new else []
+
+    def _heartbeat(self, message: Message) -> bool:
+        self.heartbeats += 1
+        mode = self._dialect.mode_name(int(message.custom_mode))
+        armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+        news = mode != self.state.mode or armed != self.state.armed
+        self._changes |= {"mode": mode, "mode_role": self._roles.get(mode, "other"), "armed": armed}
+        self._changes["heartbeat_s"] = self._now
+        self._forget_old_position()
+        return news
+
+    def _forget_old_position(self) -> None:
+        """An old place is no place: nobody is to look, fly or return by it."""
+        if self._is_blind:
+            self._changes |= _NOWHERE
+
+    @property
+    def _is_blind(self) -> bool:
+        told_s = self.state.position_s
+        return told_s is None or self._now - told_s > POSITION_KEPT_S
+
+    def _system_time(self, message: Message) -> bool:
+        """Its clock goes on while it tells no position; else positions carry it."""
+        time_boot_s = self._clock_s(message)
+        if not self._notice_reboot(time_boot_s) and self._is_blind and time_boot_s > self.state.time_boot_s:
+            self._changes["time_boot_s"] = time_boot_s
+        return False
+
+    def _global_position(self, message: Message) -> bool:
+        time_boot_s = self._clock_s(message)
+        if self._notice_reboot(time_boot_s) or time_boot_s < self.state.time_boot_s:
+            return False
+        self._count_standing(time_boot_s)
+        place = _place(message)
+        if place is not _NOWHERE:
+            self._changes["position_s"] = self._now
+            self._positions_s.append(self._now)
+        self._changes |= place
+        self._changes |= {
+            "time_boot_s": time_boot_s,
+            "ground_speed_m_s": (message.vx**2 + message.vy**2) ** 0.5 / 100.0,
+            "east_m_s": message.vy / 100.0,
+            "north_m_s": message.vx / 100.0,
+            "climb_m_s": -message.vz / 100.0,
+            "heading_deg": message.hdg / 100.0 if message.hdg < 36_000 else None,
+        }
+        return True
+
+    def _count_standing(self, time_boot_s: float) -> None:
+        """Until `time_boot_s` it did what it told last; what brakes to hold counts as well."""
+        last = self.state
+        still = last.ground_speed_m_s < STILL_M_S and abs(last.climb_m_s) < STILL_CLIMB_M_S
+        still = still or last.mode_role == "hold"
+        if still and last.armed and last.landed is Landed.IN_AIR:
+            self.stood_still_s += time_boot_s - last.time_boot_s
+
+    def _clock_s(self, message: Message) -> float:
+        """Since its boot, also where its clock began anew: when that is due, and not a moment else."""
+        told_s = float(message.time_boot_ms) / 1000.0 + self._clock_before_s
+        if self._clock_before_s and told_s - self._clock_told_s > CLOCK_BEGINS_ANEW_S / 2.0:
+            return told_s - CLOCK_BEGINS_ANEW_S  # of before, and overtaken
+        if self._clock_heard_s is not None:
+            ran_s = told_s + CLOCK_BEGINS_ANEW_S - self._clock_told_s
+            if abs(ran_s - (self._now - self._clock_heard_s)) <= REBOOT_S:
+                self._clock_before_s += CLOCK_BEGINS_ANEW_S
+                return told_s + CLOCK_BEGINS_ANEW_S
+        return told_s
+
+    def _notice_reboot(self, time_boot_s: float) -> bool:
+        began_anew_s = self._clock_told_s // CLOCK_BEGINS_ANEW_S * CLOCK_BEGINS_ANEW_S
+        heard_s, self._clock_heard_s, self._clock_told_s = self._clock_heard_s, self._now, time_boot_s
+        went_back = time_boot_s < self.state.time_boot_s - REBOOT_S
+        ran_s = time_boot_s - began_anew_s  # below 0: of before, and overtaken
+        is_younger = heard_s is not None and 0.0 <= ran_s < self._now - heard_s - YOUNGER_S
+        if not (went_back or is_younger):
+            return False
+        # Keep what is said by heartbeats, which come unasked; the rest is of a life before.
+        last = self.state
+        time_boot_s -= self._clock_before_s
+        self._clock_before_s, self._clock_told_s = 0.0, time_boot_s
+        self._state = VehicleState(
+            time_boot_s=time_boot_s,
+            mode=last.mode,
+            mode_role=last.mode_role,
+            armed=last.armed,
+            brakes_m_s2=last.brakes_m_s2,
+            heartbeat_s=last.heartbeat_s,
+        )
+        self._changes = {}
+        self._prearm_ok = self._ekf_flags = None
+        self._had_gps = False
+        self._complaints = ()
+        self._missing = set(self._dialect.required)
+        self.reboots += 1
+        return True
+
+    def _sys_status(self, message: Message) -> bool:
+        health = int(message.onboard_control_sensors_health)
+        self._prearm_ok = bool(health & mavlink.MAV_SYS_STATUS_PREARM_CHECK)
+        if self._prearm_ok:
+            self._complaints = ()
+        self._changes["gps_ok"] = self._gps_ok(int(message.onboard_control_sensors_present), health)
+        percent, millivolts = int(message.battery_remaining), int(message.voltage_battery)
+        self._changes |= {
+            "battery_percent": percent if 0 <= percent <= 100 else None,
+            "battery_v": None if millivolts == 0xFFFF else millivolts / 1000.0,
+            "status_s": self._now,
+        }
+        self._forget_old_position()
+        return False
+
+    def _gps_ok(self, present: int, health: int) -> bool | None:
+        """None: it has no receiver. One that is gone counts as lost.
+
+        PX4 calls its GPS present only while its estimator uses it, and healthy all the same
+        (estimatorCheck.cpp, SYS_STATUS.hpp); ArduPilot while it hears the receiver.
+        """
+        if present & mavlink.MAV_SYS_STATUS_SENSOR_GPS:
+            self._had_gps = True
+            return bool(health & mavlink.MAV_SYS_STATUS_SENSOR_GPS)
+        return False if self._had_gps else None
+
+    def _ekf_status(self, message: Message) -> bool:
+        self._ekf_flags = int(message.flags)
+        return False
+
+    def _extended_sys_state(self, message: Message) -> bool:
+        known = message.landed_state in list(Landed)
+        self._changes["landed"] = Landed(message.landed_state) if known else Landed.UNDEFINED
+        return False
+
+    def _mission_current(self, message: Message) -> bool:
+        seq, total = int(message.seq), int(message.total)
+        self._changes |= {
+            # PX4 tells -1 between an upload that marks no item and its navigator's first look at it.
+            "mission_seq": None if seq == 0xFFFF else seq,
+            "mission_total": None if total == 0xFFFF else total,
+        }
+        return False
+
+    def _home_position(self, message: Message) -> bool:
+        if not _can_be(message.latitude, message.longitude, message.altitude):
+            return False
+        self._changes |= {
+            "home_lat_deg": message.latitude / 1e7,
+            "home_lon_deg": message.longitude / 1e7,
+            "home_alt_amsl_m": message.altitude / 1000.0,
+        }
+        return False
+
+    def _statustext(self, message: Message) -> bool:
+        for severity, text in self._assembler.receive(message):
+            self.texts.append((severity, text))
+            self.n_texts += 1
+            if severity <= mavlink.MAV_SEVERITY_WARNING:
+                self._changes["status_text"] = text
+            strikes = strike_count(text)
+            if strikes is not None:
+                self._raise_strikes(strikes)
+            if text.startswith(_COMPLAINTS):
+                kept = (*(c for c in self._complaints if c != text), text)
+                self._complaints = kept[-_COMPLAINTS_KEPT:]
+        return False
+
+    def _named_value_int(self, message: Message) -> bool:
+        if message.name.rstrip("\0") == "strikes" and not self._notice_reboot(self._clock_s(message)):
+            self._raise_strikes(int(message.value))
+        return False
+
+    def _raise_strikes(self, count: int) -> None:
+        # A running count: the greatest one heard is right, whatever was lost or came late.
+        self._changes["strikes"] = max(self.state.strikes, count)
+
+    def _judge_readiness(self) -> None:
+        mode = self._changes.get("mode", self._state.mode)
+        readiness = Readiness(mode, self._prearm_ok, self._ekf_flags, self._complaints)
+        reasons = self._dialect.not_ready(readiness)
+        if self._missing:
+            names = sorted(mavlink.mavlink_map[msgid].msgname for msgid in self._missing)
+            reasons = (*reasons, f"no {', '.join(names)} heard yet")
+        self._changes |= {"ready": not reasons, "not_ready": reasons}
+
+
+_NOWHERE: Mapping[str, float | None] = MappingProxyType(
+    dict.fromkeys(("lat_deg", "lon_deg", "alt_rel_m", "alt_amsl_m"))
+)
+
+
+def _place(message: Message) -> Mapping[str, float | None]:
+    """Where a GLOBAL_POSITION_INT says it is."""
+    # Without a position estimate the fields are sent, as zeros.
+    known = message.lat != 0 or message.lon != 0
+    if not known or not _can_be(message.lat, message.lon, message.alt, message.relative_alt):
+        return _NOWHERE
+    return {
+        "lat_deg": message.lat / 1e7,
+        "lon_deg": message.lon / 1e7,
+        "alt_rel_m": message.relative_alt / 1000.0,
+        "alt_amsl_m": message.alt / 1000.0,
+    }
+
+
+def _can_be(lat_e7: int, lon_e7: int, *heights_mm: int) -> bool:
+    """Whether there is such a place, and something may fly there."""
+    on_earth = abs(lat_e7) <= 900_000_000 and abs(lon_e7) <= 1_800_000_000
+    return on_earth and all(LEAST_ALT_M <= mm / 1000.0 <= MOST_ALT_M for mm in heights_mm)

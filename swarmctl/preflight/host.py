@@ -1,0 +1,84 @@
+"""What can be found wrong with a configuration on this machine without starting anything."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+from swarmctl.bus.endpoint import parse_endpoint
+from swarmctl.config.communication import Communication
+from swarmctl.config.scenario import Scenario
+from swarmctl.links.packages import missing
+from swarmctl.links.url import Endpoint, parse_url
+
+
+def troubles(scenario: Scenario, runs: Path) -> Iterator[str]:
+    """One line for each thing that would stop a flight."""
+    for spec in scenario.specs:
+        if needed := missing(spec.link):
+            yield f"{spec.name}: {needed}"
+    endpoints: dict[Endpoint, str] = {}
+    for spec in scenario.specs:
+        endpoints.setdefault(parse_url(spec.url), spec.name)
+    # All are held at once: 0.0.0.0 and 127.0.0.1 with one port exclude each other too.
+    with contextlib.ExitStack() as held:
+        for endpoint, name in endpoints.items():
+            yield from _endpoint_trouble(endpoint, name, held)
+        yield from _listen_trouble(scenario.config.communication, held)
+    yield from _folder_trouble(runs)
+
+
+def _endpoint_trouble(endpoint: Endpoint, name: str, held: contextlib.ExitStack) -> Iterator[str]:
+    if endpoint.kind == "serial":
+        if not Path(endpoint.host).exists():
+            yield f"{name}: {endpoint}: there is no device {endpoint.host}; is the radio plugged in?"
+    elif endpoint.listens:
+        kind = socket.SOCK_DGRAM if endpoint.kind == "udpin" else socket.SOCK_STREAM
+        family = socket.AF_INET6 if ":" in endpoint.host else socket.AF_INET
+        probe = held.enter_context(contextlib.closing(socket.socket(family, kind)))
+        if kind is socket.SOCK_STREAM:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as a server does
+        try:
+            probe.bind((endpoint.host, endpoint.port))
+        except OSError as error:
+            yield f"{name}: {endpoint}: {_cure(endpoint, error)}"
+    elif endpoint.kind in ("udpout", "tcpout"):
+        try:
+            socket.getaddrinfo(endpoint.host, endpoint.port)
+        except OSError as error:
+            yield f"{name}: {endpoint}: the host is unknown: {error.strerror or error}"
+
+
+def _listen_trouble(communication: Communication, held: contextlib.ExitStack) -> Iterator[str]:
+    if communication.bus != "zenoh" or communication.listen == "none":
+        return
+    endpoint = parse_endpoint(communication.listen)
+    probe = held.enter_context(contextlib.closing(_stream_socket(endpoint.host)))
+    try:
+        probe.bind((endpoint.host, endpoint.port))
+    except OSError as error:
+        taken = f"port {endpoint.port} is taken; stop who has it, or give another: 0 is any free one"
+        cure = f"{error.strerror or error}; is it an address of this machine?"
+        yield f"communication.listen: {endpoint}: {taken if error.errno == errno.EADDRINUSE else cure}"
+
+
+def _stream_socket(host: str) -> socket.socket:
+    made = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_STREAM)
+    made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as a server does
+    return made
+
+
+def _cure(endpoint: Endpoint, error: OSError) -> str:
+    if error.errno == errno.EADDRINUSE:
+        return f"port {endpoint.port} is taken; stop the other ground station, or choose another port"
+    return f"cannot be listened at: {error.strerror or error}; is it an address of this machine?"
+
+
+def _folder_trouble(runs: Path) -> Iterator[str]:
+    there = next(folder for folder in (runs, *runs.absolute().parents) if folder.exists())
+    if not (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):
+        yield f"the run folder {runs} cannot be made or written to ({there}); choose another with --out"

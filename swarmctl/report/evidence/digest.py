@@ -1,0 +1,142 @@
+"""What a chain of entries tells: commands by vehicle, how they were answered, what was seen of them. Pure."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+from swarmctl.core.vehicle import Landed
+from swarmctl.report.evidence.chain import Entry
+from swarmctl.report.evidence.transfer import BEGINS
+
+_ITEMS = "MISSION_ITEM_INT"
+_UPLOADS = (_ITEMS, "MISSION_COUNT", "MISSION_WRITE_PARTIAL_LIST", "MISSION_CLEAR_ALL")
+_PARAMETERS = ("PARAM_SET", "PARAM_REQUEST_READ")
+_NOTHING_YET = ""
+"""the mode of a vehicle that has not told one"""
+_DISARMED = "armed False"
+_SHOWS = {
+    "COMPONENT_ARM_DISARM": "armed",
+    "DO_SET_MODE": "mode",
+    "SET_MODE": "mode",
+    "MISSION_START": "mode",
+    "NAV_RETURN_TO_LAUNCH": "mode",
+    "NAV_LAND": "mode",
+    "DO_SET_MISSION_CURRENT": "mission_seq",
+    "MISSION_SET_CURRENT": "mission_seq",
+}
+"""what of a vehicle's state shows that a command was followed"""
+_ANSWERED = frozenset({_ITEMS, "MISSION_CLEAR_ALL", *_PARAMETERS})
+"""messages that a vehicle acknowledges, beside its commands"""
+_NO_REFUSAL = frozenset({"ACCEPTED", "IN_PROGRESS", "PARAM_VALUE", "INVALID_SEQUENCE"})
+"""ArduPilot says the last of these to a repeated mission item, and goes on"""
+
+
+@dataclass(slots=True)
+class Row:
+    """One command of one vehicle."""
+
+    vehicle: str
+    command: str
+    sent: int = 0
+    answers: Counter[str] = field(default_factory=Counter)
+    unanswered: int = 0
+    seen: Counter[str] = field(default_factory=Counter)
+    goes_on: bool = False
+    """it was the items of a transfer, of which more lines may follow"""
+    by_others: int = 0
+    """of those sent, by another station"""
+
+    @property
+    def refused(self) -> int:
+        return sum(n for answer, n in self.answers.items() if answer not in _NO_REFUSAL)
+
+
+@dataclass(slots=True)
+class Digest:
+    rows: list[Row] = field(default_factory=list)
+    unasked: dict[str, Counter[str]] = field(default_factory=dict)
+    """by vehicle: modes and arming that no command here had asked for"""
+    landed: Counter[str] = field(default_factory=Counter)
+    """by vehicle: how often it disarmed by itself on the ground"""
+    people: list[Entry] = field(default_factory=list)
+    """waivers and operators' actions"""
+
+
+def digest(entries: Iterable[Entry]) -> Digest:
+    """Fold the entries of a good chain, in their order."""
+    found = Digest()
+    rows: dict[tuple[str, str], Row] = {}
+    asked: dict[tuple[str, str], Row] = {}
+    """by (vehicle, part of its state): the command that may change it next"""
+    on_ground: dict[str, bool] = {}
+    for entry in entries:
+        vehicle, what = entry["vehicle"] or "all", entry["what"]
+        match entry["kind"]:
+            case "command":
+                _sent(rows, asked, vehicle, what)
+            case "acknowledgement":
+                _answered(rows, vehicle, what)
+            case "effect":
+                _seen(asked, found, vehicle, what)
+                _touched_down(found, on_ground, vehicle, what)
+            case "waiver" | "operator":
+                found.people.append(entry)
+    vehicles = list(dict.fromkeys(vehicle for vehicle, _ in rows))
+    found.rows = sorted(rows.values(), key=lambda row: vehicles.index(row.vehicle))
+    return found
+
+
+def _sent(
+    rows: dict[tuple[str, str], Row], asked: dict[tuple[str, str], Row], vehicle: str, what: Entry
+) -> None:
+    name = str(what.get("command", what.get("message", "?")))
+    row = rows.setdefault((vehicle, name), Row(vehicle, name))
+    items = rows.get((vehicle, _ITEMS))
+    if name in BEGINS and items is not None:
+        items.goes_on = False
+    if row.goes_on:
+        return  # more items of the same transfer
+    row.goes_on = name == _ITEMS
+    row.sent += 1
+    row.unanswered += "command" in what or name in _ANSWERED
+    row.by_others += "by" in what
+    if name in _SHOWS:
+        asked[vehicle, _SHOWS[name]] = row
+
+
+def _answered(rows: dict[tuple[str, str], Row], vehicle: str, what: Entry) -> None:
+    answer = str(what.get("result", what.get("message", "?")))
+    message = what.get("message")
+    names = {"MISSION_ACK": _UPLOADS, "PARAM_VALUE": _PARAMETERS}.get(
+        str(message), (str(what.get("command", message)),)
+    )
+    answered = [row for name in names if (row := rows.get((vehicle, name))) is not None]
+    waiting = [row for row in answered if row.unanswered > 0]
+    for row in (waiting or answered)[:1]:
+        row.answers[answer] += 1
+        row.unanswered -= answer != "IN_PROGRESS" and row.unanswered > 0
+
+
+def _touched_down(found: Digest, on_ground: dict[str, bool], vehicle: str, what: dict[str, Any]) -> None:
+    """A vehicle that disarms where it has landed does as it should; which it tells first is chance."""
+    part, to = what.get("changed"), what.get("to")
+    if part == "landed":
+        on_ground[vehicle] = to == Landed.ON_GROUND.name
+    unasked = found.unasked.get(vehicle, Counter())
+    if part in ("landed", "armed") and on_ground.get(vehicle) and unasked[_DISARMED]:
+        found.landed[vehicle] += unasked.pop(_DISARMED)
+        if not unasked:
+            del found.unasked[vehicle]
+
+
+def _seen(asked: dict[tuple[str, str], Row], found: Digest, vehicle: str, what: dict[str, Any]) -> None:
+    part = str(what.get("changed"))
+    text = f"{part} {what.get('to')}"
+    row = asked.pop((vehicle, part), None)
+    if row is not None:
+        row.seen[text] += 1
+    elif part in ("mode", "armed") and what.get("from") != _NOTHING_YET:
+        found.unasked.setdefault(vehicle, Counter())[text] += 1

@@ -1,0 +1,83 @@
+"""From an agent's events and effects to entries: what its vehicle was seen to do, what people asked. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, astuple
+from typing import Any
+
+from swarmctl.core import events as ev
+from swarmctl.core.mission import FlightPlan
+from swarmctl.core.vehicle import VehicleState
+from swarmctl.report.evidence.chain import canonical, sha256
+from swarmctl.report.evidence.transfer import Said
+
+EFFECTS = ("mode", "armed", "landed", "mission_seq")
+"""what of a vehicle's state shows that a command was followed, or that somebody else acts"""
+
+
+def seen(before: VehicleState, after: VehicleState) -> list[Said]:
+    """One entry for each change."""
+    changes = {name: (getattr(before, name), getattr(after, name)) for name in EFFECTS}
+    return [
+        ("effect", {"changed": name, "from": _word(old), "to": _word(new)})
+        for name, (old, new) in changes.items()
+        if old != new
+    ]
+
+
+def told(event: ev.Event, effects: list[ev.Effect]) -> list[Said]:
+    """What an operator asked and was answered, what the agent decided, and how jobs ended."""
+    said: list[Said] = [*_asked(event, effects), *_ended(event)]
+    for effect in effects:
+        match effect:
+            case ev.Command(order):
+                said.append(("note", {"decided": str(order)}))
+            case ev.SwapMission(plan_id=plan_id, plan=plan):
+                said.append(("note", {"decided": "mission", "plan": plan_id, **_plan(plan)}))
+            case ev.Release():
+                said.append(("note", {"decided": "let go: somebody else has the vehicle"}))
+    return said
+
+
+def _plan(plan: FlightPlan) -> dict[str, Any]:
+    """How many waypoints it has before it comes down, and its hash: what is about to be sent."""
+    return {"waypoints": len(plan.track), "sha256": sha256(canonical(asdict(plan)))}
+
+
+def _asked(event: ev.Event, effects: list[ev.Effect]) -> list[Said]:
+    what: dict[str, Any]
+    match event:
+        case ev.OperatorCommand(order=order, command=int(), past=past):
+            what = {"asks": str(order), **({"past": past} if past else {})}
+        case ev.WeightsChanged(w=w, strength=strength):
+            what = {"asks": "weights", "w": w, "firing_strength": strength and astuple(strength)}
+        case _:
+            return []
+    answers = [effect.answer for effect in effects if isinstance(effect, ev.Answer)]
+    outcome = {"outcome": answers[0].outcome, "note": answers[0].note} if answers else {}
+    return [("operator", {**what, **outcome})]
+
+
+def _ended(event: ev.Event) -> list[Said]:
+    match event:
+        case ev.MissionAccepted(plan_id):
+            return [("note", {"ended": "mission", "plan": plan_id})]
+        case ev.MissionFailed(plan_id, flying, reason):
+            return [("note", {"failed": "mission", "plan": plan_id, "flying": flying, "why": reason})]
+        case ev.OrderDone(order):
+            return [("note", {"ended": str(order)})]
+        case ev.OrderFailed(order, reason):
+            return [("note", {"failed": str(order), "why": reason})]
+        case ev.LaunchPutOff(reason):
+            return [("note", {"put off": "launch", "why": reason})]
+        case ev.LinkLost(age_s):
+            return [("note", {"link": "lost", "age_s": round(age_s, 3)})]
+        case ev.LinkRestored():
+            return [("note", {"link": "restored"})]
+        case ev.Rebooted():
+            return [("note", {"vehicle": "has rebooted"})]
+    return []
+
+
+def _word(value: Any) -> Any:
+    return value.name if hasattr(value, "name") else value

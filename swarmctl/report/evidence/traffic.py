@@ -1,0 +1,152 @@
+"""From the MAVLink messages of one vehicle to entries: commands and acknowledgements. Pure.
+
+Everything sent is a command, but for what only keeps a link alive. The items of a mission, a fence or rally
+points make one entry with their number and hash when their transfer ends, and one of what has gone by then
+whenever that is asked for (`so_far`). Partial lists that follow each other, each for one item, are one
+transfer: the first of them is an entry, and their acknowledgements are counted with the items.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from swarmctl.mavlink.protocol.codec import Message
+from swarmctl.mavlink.protocol.command import name_of
+from swarmctl.mavlink.protocol.parameters import BYTE_WISE, decoded
+from swarmctl.report.evidence.transfer import BEGINS, PARTIAL, Said, Transfer
+
+KEEP_ALIVE = frozenset({"HEARTBEAT", "PING", "SYSTEM_TIME", "TIMESYNC"})
+"""messages that ask nothing of a vehicle"""
+ITEMS = frozenset({"MISSION_ITEM_INT", "MISSION_ITEM"})
+_REQUESTS = frozenset({"MISSION_REQUEST_INT", "MISSION_REQUEST"})
+_TO_WHOM = frozenset({"target_system", "target_component", "mavpackettype"})
+
+
+def arms(message: Message) -> bool:
+    """It asks a vehicle to arm; PX4 also arms to start a mission."""
+    if message.get_type() not in ("COMMAND_LONG", "COMMAND_INT"):
+        return False
+    command = name_of("MAV_CMD", int(message.command))
+    return command == "MISSION_START" or (command == "COMPONENT_ARM_DISARM" and message.param1 != 0.0)
+
+
+class Traffic:
+    """One vehicle's messages, in the order of the wire."""
+
+    def __init__(self) -> None:
+        self._upload: Transfer | None = None
+        self._download: Transfer | None = None
+        self.byte_wise = False
+        """it sends integer parameters as their bytes, by its last heartbeat"""
+        self._asked: set[str] = set()
+        """names of the parameters that were set or asked for, and not answered yet"""
+
+    def sent(self, message: Message) -> list[Said]:
+        kind = message.get_type()
+        if kind in KEEP_ALIVE or kind in _REQUESTS:
+            return []
+        if kind in ITEMS:
+            if self._upload is None:
+                self._upload = Transfer(int(message.mission_type))
+            self._upload.take(message)
+            return []
+        if kind == PARTIAL and (appended := self._appended(message)) is not None:
+            appended.announce(message)
+            return []
+        return [
+            *self._before(kind, message),
+            ("command", {**self._content(message), **self._read_back(kind)}),
+        ]
+
+    def heard(self, message: Message) -> list[Said]:
+        match message.get_type():
+            case "HEARTBEAT":
+                self.byte_wise = int(message.autopilot) in BYTE_WISE
+            case "COMMAND_ACK":
+                result = name_of("MAV_RESULT", int(message.result))
+                command = name_of("MAV_CMD", int(message.command))
+                return [("acknowledgement", {"message": "COMMAND_ACK", "command": command, "result": result})]
+            case "MISSION_ACK":
+                content = self._content(message)
+                if (appended := self._appended(message)) is not None:
+                    appended.answers[content["result"]] += 1
+                    return []
+                # ArduPilot's word for a repeated item, in the middle of a transfer that goes on.
+                ended = [] if content["result"] == "INVALID_SEQUENCE" else self.so_far()
+                return [*ended, ("acknowledgement", content)]
+            case "MISSION_ITEM_INT" | "MISSION_ITEM" if self._download is not None:
+                self._download.take(message)
+            case "MISSION_COUNT" if self._download is not None:
+                self._download.count = int(message.count)
+            case "PARAM_VALUE" if _name(message) in self._asked:
+                self._asked.discard(_name(message))
+                return [("acknowledgement", self._content(message))]
+        return []
+
+    def _content(self, message: Message) -> dict[str, Any]:
+        content = _content(message)
+        if message.get_type() in ("PARAM_SET", "PARAM_VALUE") and self.byte_wise:
+            content["param_value"] = decoded(message, byte_wise=True).value
+        return content
+
+    def so_far(self) -> list[Said]:
+        """All items of an upload up to now, and what was answered to them, unless that is told already."""
+        return [] if self._upload is None else self._upload.so_far()
+
+    def _before(self, kind: str, message: Message) -> list[Said]:
+        """What a message says of transfers: that one ends, or begins."""
+        said: list[Said] = []
+        if kind in BEGINS or kind == "MISSION_ACK" or self._is_partial:
+            said = self.so_far()
+        if self._is_partial and kind != "MISSION_REQUEST_LIST":  # which may ask in between how far it got
+            self._upload = None
+        if kind == "MISSION_COUNT":
+            self._upload = Transfer(int(message.mission_type), int(message.count))
+        elif kind == PARTIAL:
+            self._upload = Transfer(int(message.mission_type))
+            self._upload.announce(message)
+        elif kind == "MISSION_REQUEST_LIST":
+            self._download = Transfer(int(message.mission_type))
+        elif kind in ("PARAM_SET", "PARAM_REQUEST_READ"):
+            self._asked.add(_name(message))
+        return said
+
+    @property
+    def _is_partial(self) -> bool:
+        return self._upload is not None and self._upload.is_partial
+
+    def _appended(self, message: Message) -> Transfer | None:
+        """The partial lists on their way, where the message belongs to them."""
+        upload = self._upload
+        belongs = upload is not None and upload.is_partial and upload.mission_type == message.mission_type
+        return upload if belongs else None
+
+    def _read_back(self, kind: str) -> dict[str, Any]:
+        """With the acknowledgement that ends a download: what it brought."""
+        if kind != "MISSION_ACK" or self._download is None:
+            return {}
+        transfer, self._download = self._download, None
+        return {"read": transfer.content()}
+
+
+def _content(message: Message) -> dict[str, Any]:
+    kind = message.get_type()
+    content = {"message": kind, **{k: _text(v) for k, v in message.to_dict().items() if k not in _TO_WHOM}}
+    # A key that is sent is a secret; that one was sent is not.
+    content.pop("secret_key", None)
+    if kind in ("COMMAND_LONG", "COMMAND_INT"):
+        content["command"] = name_of("MAV_CMD", int(message.command))
+    if "mission_type" in content:
+        content["mission_type"] = name_of("MAV_MISSION_TYPE", int(message.mission_type))
+    if kind == "MISSION_ACK":
+        result = name_of("MAV_MISSION_RESULT", int(content.pop("type")))
+        content["result"] = result.removeprefix("MAV_MISSION_")
+    return content
+
+
+def _name(message: Message) -> str:
+    return str(_text(message.param_id))
+
+
+def _text(value: Any) -> Any:
+    return value.rstrip("\0") if isinstance(value, str) else value

@@ -1,0 +1,371 @@
+"""What length buys: each vehicle's Pareto front of length against exposure, for an operator to choose from.
+
+`fronts` searches; `front_table` and `write_fronts` show: a table for the terminal, `front.json` with every
+route, `front.png`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich import box
+from rich.table import Table
+from rich.text import Text
+
+from swarmctl.agent.replan.arrival_bounds import before_takeoff
+from swarmctl.agent.replan.decide import first_problem
+from swarmctl.agent.replan.route_to_mission import Flown, flown_for, unpulled
+from swarmctl.agent.replan.time_bound import arrives_s, bounds_of, misses_by, route_in_time
+from swarmctl.agent.state import Task
+from swarmctl.config.scenario import Scenario
+from swarmctl.config.specs import Spec
+from swarmctl.core.any_angle.turns import rounded
+from swarmctl.core.geo import LatLon
+from swarmctl.core.inference.chance import Chance
+from swarmctl.planners import Problem, Route, Unreachable
+from swarmctl.planners.front import Front, pareto_front
+from swarmctl.report.figures import product_text
+from swarmctl.report.pictures import FrontBound, FrontPanel, FrontPoint, draw_fronts
+
+ROWS = 12
+"""of a front in the table, and lines of it on the map"""
+PANELS_A_SHEET = 6
+SAME = 1e-9
+WHAT_IS_WHAT = (
+    "time: from take-off to goal. ΣP_s is a sum of chances and ∏(1 − P_s) takes cells as independent: the "
+    "chance of getting through is the one by simulation over what is believed at take-off, with its 95 % "
+    "interval."
+)
+
+
+PULLED = (
+    "Routes are pulled straight: each row tells what is flown for a route of the front, and may beat another "
+    "in both."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """A route, and what is flown for it."""
+
+    route: Route
+    flown: Flown
+    """the route itself where the vehicle could not fly it"""
+    is_flyable: bool
+    """False if no track for it has turns as wide as the vehicle needs"""
+    chance: Chance
+    """of getting through with what is flown"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VehicleFront:
+    """One vehicle's front at take-off, and what the configuration makes of it."""
+
+    spec: Spec
+    task: Task
+    exposure: NDArray[np.float64]
+    """P_s (rows, cols) at take-off"""
+    front: Front
+    offers: tuple[Offer, ...]
+    """one a route of the front"""
+    chosen: Offer
+    chosen_by: str
+    chosen_index: int | None
+    """on the front; None where the configured planner minds something else than the two"""
+    shown: tuple[int, ...]
+    """those worth a row"""
+
+    @property
+    def name(self) -> str:
+        return self.spec.name
+
+    def length_m(self, flown: Flown) -> float:
+        return flown.length_cells * self.task.grid.cell_size_m
+
+    def arrives_s(self, flown: Flown) -> float:
+        """With what its turns cost, as the vehicle reckons."""
+        return arrives_s(self.task, flown.length_cells, flown.corners)
+
+    def is_in_time(self, flown: Flown) -> bool:
+        """By the rule of its planner."""
+        bounds = bounds_of(self.task, before_takeoff(self.task.arrival, self.task.altitude_m))
+        return misses_by(self.task, bounds, flown.length_cells, flown.corners) == 0.0
+
+
+def fronts(
+    scenario: Scenario, names: Sequence[str] = (), max_labels: int | None = None
+) -> tuple[VehicleFront, ...]:
+    """The fronts of the vehicles named, or of all, over all lengths: a time bound is shown, not applied.
+
+    `max_labels` as for `pareto_front`. Raises Unreachable.
+    """
+    chosen = [(index, spec) for index, spec in enumerate(scenario.specs) if not names or spec.name in names]
+    return tuple(_front(scenario, index, spec, max_labels) for index, spec in chosen)
+
+
+def _front(scenario: Scenario, index: int, spec: Spec, max_labels: int | None) -> VehicleFront:
+    task = scenario.tasks[index]
+    problem = first_problem(task, scenario.prior)
+    unbounded = replace(problem, min_length_cells=0.0, max_length_cells=math.inf)
+    front = pareto_front(unbounded, max_labels=max_labels)
+    chosen = _offer(scenario, task, problem, route_in_time(task, problem))
+    at = next((i for i, route in enumerate(front.routes) if _equals(route, chosen.route)), None)
+    # Of routes that are one point of the front, the configured one is flown.
+    offers = tuple(
+        chosen if i == at else _offer(scenario, task, problem, route) for i, route in enumerate(front.routes)
+    )
+    shown = _knees(front, at)
+    return VehicleFront(spec, task, problem.exposure, front, offers, chosen, scenario.chosen_by, at, shown)
+
+
+def _offer(scenario: Scenario, task: Task, problem: Problem, route: Route) -> Offer:
+    try:
+        flown, is_flyable = flown_for(task, problem, route), True
+    except Unreachable:
+        flown, is_flyable = unpulled(route), False
+    chance = scenario.chance(task.uav, scenario.prior, task.strength, flown.cells)
+    return Offer(route, flown, is_flyable, chance)
+
+
+def _equals(one: Route, other: Route) -> bool:
+    return math.isclose(one.length_cells, other.length_cells, rel_tol=SAME) and math.isclose(
+        one.exposure_sum, other.exposure_sum, rel_tol=SAME, abs_tol=SAME
+    )
+
+
+def _knees(front: Front, always: int | None) -> tuple[int, ...]:
+    """At most ROWS of a front: its ends, the configured one, then those that some w finds, then the others;
+    of each what bends most first (Douglas and Peucker's order: always the point farthest from the line
+    through those already there)."""
+    n = len(front.routes)
+    points = np.array([(route.length_cells, route.exposure_sum) for route in front.routes])
+    points = (points - points.min(axis=0)) / np.maximum(np.ptp(points, axis=0), SAME)
+    kept = {0, n - 1} | ({always} if always is not None else set())
+    while len(kept) < min(ROWS, n):
+        line = sorted(kept)
+        between = np.interp(points[:, 0], points[line, 0], points[line, 1])
+        away = np.abs(points[:, 1] - between)
+        away[line] = -1.0
+        if any(s and i not in kept for i, s in enumerate(front.supported)):
+            away[~np.array(front.supported)] = -1.0
+        kept.add(int(away.argmax()))
+    return tuple(sorted(kept))
+
+
+# --- the table
+
+
+def front_table(found: Sequence[VehicleFront]) -> Table:
+    """The routes worth knowing of each vehicle."""
+    grid = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
+    grid.add_column("vehicle", no_wrap=True)
+    for title in (Text("length [m]"), Text("time [s]"), "ΣP_s", "∏(1−P_s)", "chance (95 %)"):
+        grid.add_column(title, justify="right", no_wrap=True)
+    grid.add_column("for w", no_wrap=True)
+    grid.add_column("", no_wrap=True)
+    for vehicle in found:
+        for row, index in enumerate(vehicle.shown):
+            _add_row(grid, vehicle, index, first=row == 0)
+        if vehicle.chosen_index is None:
+            _add_numbers(grid, "", vehicle, vehicle.chosen, "not on the front", _mark(vehicle), "bold")
+        grid.add_section()
+    return grid
+
+
+def _add_row(grid: Table, vehicle: VehicleFront, index: int, *, first: bool) -> None:
+    offer = vehicle.offers[index]
+    is_chosen = index == vehicle.chosen_index
+    mark = _mark(vehicle) if is_chosen else _fault(vehicle, offer)
+    style = "bold" if is_chosen else "bright_black" if mark else ""
+    name = vehicle.name if first else ""
+    _add_numbers(grid, name, vehicle, offer, weights(vehicle.front, index), mark, style)
+
+
+def _add_numbers(
+    grid: Table, name: str, vehicle: VehicleFront, offer: Offer, w: str, mark: str, style: str
+) -> None:
+    flown = offer.flown
+    grid.add_row(
+        name,
+        f"{vehicle.length_m(flown):.0f}",
+        f"{vehicle.arrives_s(flown):.1f}",
+        f"{flown.exposure_sum:.3f}",
+        product_text(flown.safety_factor),
+        str(offer.chance),
+        w,
+        mark,
+        style=style,
+    )
+
+
+def _mark(vehicle: VehicleFront) -> str:
+    fault = _fault(vehicle, vehicle.chosen)
+    return f"← {vehicle.chosen_by}" + (f", {fault}" if fault else "")
+
+
+def _fault(vehicle: VehicleFront, offer: Offer) -> str:
+    """Why a vehicle would not fly this."""
+    if not offer.is_flyable:
+        return "turns too tight for it"
+    return "" if vehicle.is_in_time(offer.flown) else "out of its time bound"
+
+
+def weights(front: Front, index: int) -> str:
+    """For which w the planner of the paper gives a route, with as many digits as tell the w apart at which
+    routes change."""
+    w_range = front.w_ranges[index]
+    if not front.supported[index] or w_range is None:
+        return "none: constrained only"
+    ends = {0.0, 1.0} | {w for weights in front.w_ranges if weights is not None for w in weights}
+    low, high = w_range
+    if high - low < SAME:
+        return f"{_weight(low, ends)} alone"
+    return f"{_weight(low, ends)} to {_weight(high, ends)}"
+
+
+def _weight(w: float, ends: set[float]) -> str:
+    """Off by less than a quarter of the way to the next of `ends`, so that no two are written alike and none
+    that is not 0 or 1 is written as these."""
+    spare = min(abs(w - other) for other in ends if abs(w - other) >= SAME) / 4.0
+    texts = (f"{w:.{digits}g}" for digits in range(2, 18))
+    return next(text for text in texts if abs(float(text) - w) <= spare)
+
+
+def left_out(found: Sequence[VehicleFront]) -> list[str]:
+    """What the table does not show, in words."""
+    lines = []
+    for vehicle in found:
+        hidden = len(vehicle.front.routes) - len(vehicle.shown)
+        if hidden > 0:
+            lines.append(f"{vehicle.name}: {hidden} more of its {len(vehicle.front.routes)} in front.json")
+        if not vehicle.front.complete:
+            lines.append(
+                f"{vehicle.name}: the search was cut off, so there may be more between these routes; "
+                "give a greater --max-labels"
+            )
+    if any(offer.flown.is_pulled for vehicle in found for offer in vehicle.offers):
+        lines.append(PULLED)
+    return lines
+
+
+# --- the files
+
+
+def write_fronts(folder: Path, scenario: Scenario, found: Sequence[VehicleFront]) -> None:
+    """`front.json` and `front.png`, with `front-2.png` and so on for more vehicles than fit on a sheet."""
+    content = {
+        "name": scenario.config.name,
+        "planner": scenario.config.planner.model_dump(mode="json"),
+        "vehicles": [_vehicle(vehicle) for vehicle in found],
+    }
+    text = json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n"
+    (folder / "front.json").write_text(text, encoding="utf-8")
+    for first in range(0, len(found), PANELS_A_SHEET):
+        sheet = 1 + first // PANELS_A_SHEET
+        name = "front.png" if sheet == 1 else f"front-{sheet}.png"
+        panels = [panel_of(vehicle) for vehicle in found[first : first + PANELS_A_SHEET]]
+        title = f"{scenario.config.name}: what length buys"
+        draw_fronts(folder / name, scenario.grid, panels, title, _subtitle(scenario, found))
+
+
+def _vehicle(vehicle: VehicleFront) -> dict[str, Any]:
+    arrival, front = vehicle.task.arrival, vehicle.front
+    return {
+        "name": vehicle.name,
+        "complete": front.complete,
+        "speed_m_s": arrival.speed_m_s,
+        "arrive_after_s": arrival.after_s,
+        "arrive_within_s": None if math.isinf(arrival.within_s) else arrival.within_s,
+        "configured": {**_numbers(vehicle, vehicle.chosen), "index": vehicle.chosen_index},
+        "routes": [
+            {
+                **_numbers(vehicle, offer),
+                "supported": front.supported[index],
+                "w": front.w_ranges[index],
+            }
+            for index, offer in enumerate(vehicle.offers)
+        ],
+    }
+
+
+def _numbers(vehicle: VehicleFront, offer: Offer) -> dict[str, Any]:
+    """Of what is flown; and from which route that was pulled, if it was."""
+    flown, route, chance = offer.flown, offer.route, offer.chance
+    pulled_from = {
+        "length_m": route.length_cells * vehicle.task.grid.cell_size_m,
+        "exposure_sum": route.exposure_sum,
+        "safety_factor": route.safety_factor,
+        "cells": route.cells,
+    }
+    return {
+        "length_m": vehicle.length_m(flown),
+        "length_cells": flown.length_cells,
+        "arrives_s": vehicle.arrives_s(flown),
+        "in_time": vehicle.is_in_time(flown),
+        "flyable": offer.is_flyable,
+        "exposure_sum": flown.exposure_sum,
+        "safety_factor": flown.safety_factor,
+        "chance_by_simulation": {"estimate": chance.estimate, "low_95": chance.low, "high_95": chance.high},
+        "cells": flown.cells,
+        "corners": flown.corners,
+        "pulled_from": pulled_from if flown.is_pulled else None,
+    }
+
+
+def _subtitle(scenario: Scenario, found: Sequence[VehicleFront]) -> str:
+    n = len(found)
+    return (
+        f"{n} vehicle{'s' if n != 1 else ''} at take-off · length through the area against ΣP_s · "
+        f"seed {scenario.config.seed}"
+    )
+
+
+def panel_of(vehicle: VehicleFront) -> FrontPanel:
+    """What is drawn of a vehicle's front."""
+    front, arrival, chosen = vehicle.front, vehicle.task.arrival, vehicle.chosen
+    n, n_hull = len(front.routes), sum(front.supported)
+    about = f"{n} route{'s' if n != 1 else ''}, {n_hull} on the hull"
+    before_s = before_takeoff(arrival, vehicle.task.altitude_m).arrives_s(arrival, 0.0)
+    ends = ((arrival.after_s, "not before"), (arrival.within_s, "within"))
+    return FrontPanel(
+        name=vehicle.name,
+        about=about if front.complete else f"{about}; cut off, there may be more",
+        points=[
+            FrontPoint(
+                vehicle.length_m(offer.flown),
+                offer.flown.exposure_sum,
+                front.supported[index],
+                _track(vehicle, offer) if index in vehicle.shown else None,
+            )
+            for index, offer in enumerate(vehicle.offers)
+        ],
+        exposure=vehicle.exposure,
+        start=vehicle.spec.start,
+        goal_cells=vehicle.task.goals,
+        before_s=before_s,
+        speed_m_s=arrival.speed_m_s,
+        chosen=(vehicle.length_m(chosen.flown), chosen.flown.exposure_sum),
+        chosen_by=vehicle.chosen_by,
+        chosen_track=_track(vehicle, chosen) if vehicle.chosen_index is None else None,
+        bounds=[
+            FrontBound((end_s - before_s) * arrival.speed_m_s, f"{words} {end_s:g} s", words == "within")
+            for end_s, words in ends
+            if 0.0 < end_s < math.inf
+        ],
+    )
+
+
+def _track(vehicle: VehicleFront, offer: Offer) -> list[LatLon]:
+    """From the start over the corners, whose turns are drawn as they are flown."""
+    grid, radius_m = vehicle.task.grid, vehicle.task.turn_radius_m
+    points = [grid.frame.to_local(*grid.centre(cell)) for cell in offer.flown.corners]
+    if offer.is_flyable and radius_m > 0.0:
+        points, _ = rounded(points, radius_m)
+    return [vehicle.spec.start, *(grid.frame.to_geodetic(*point) for point in points)]

@@ -1,0 +1,188 @@
+"""What a person sees while the swarm flies: one row a vehicle, as data and as a Rich table. No printing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rich import box
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
+
+from swarmctl.agent.state import ARRIVED, ENDED, AgentState, Phase
+from swarmctl.report.final_state import is_lost_in_air
+
+OTHER_LINES = 9
+"""of the screen that are not vehicles"""
+SILENT_S = 3.0
+"""without a heartbeat, before the link says so"""
+BAR = 10
+WIDE = 92
+"""columns from which the bar fits"""
+COLOURS = {
+    Phase.WAITING: "yellow",
+    Phase.UPLOADING: "cyan",
+    Phase.STANDBY: "cyan",
+    Phase.LAUNCHING: "cyan",
+    Phase.FLYING: "green",
+    Phase.LANDING: "green",
+    Phase.HOLDING: "yellow",
+    Phase.LEAVING: "yellow",
+    Phase.RELEASED: "red",
+    Phase.DONE: "bright_black",
+    Phase.FAILED: "red",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One vehicle."""
+
+    name: str
+    phase: Phase
+    mode: str
+    battery_percent: int | None
+    progress: float
+    """share of its present route that is behind it, 0..1"""
+    cells_own: int
+    cells_heard: int
+    hostiles_known: int
+    replans: int
+    strikes: int
+    link: str
+    note: str
+    weights: str = ""
+    """w, and the firing strengths if they are not those it began with; empty where nothing was changed"""
+    unheard: str = ""
+    """`lost` or `given up` where nothing is heard of it in the air: phase and mode are those it had last"""
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """The whole swarm at one moment."""
+
+    name: str
+    flown_s: float
+    """by the vehicles' clocks"""
+    speed: float | None
+    """vehicle seconds in a second of the wall clock; None before it is known"""
+    rows: Sequence[Row]
+    on_ctrl_c: str = "hold, then return"
+
+
+def row(
+    state: AgentState, age_s: float, note: str = "", refused: int = 0, *, lost_timeout_s: float = math.inf
+) -> Row:
+    """`age_s`: since the last heartbeat; infinite before the first. `refused`: messages of the network.
+    `lost_timeout_s`: after this a vehicle that is not heard is waited for no more."""
+    own = state.belief.n_cells_from(state.task.uav)
+    return Row(
+        name=state.task.name,
+        phase=state.phase,
+        mode=state.vehicle.mode,
+        battery_percent=state.vehicle.battery_percent,
+        progress=_progress(state),
+        cells_own=own,
+        cells_heard=state.belief.n_observed - own,
+        hostiles_known=state.belief.n_found,
+        replans=state.replans,
+        strikes=state.vehicle.strikes,
+        link=_link(state, age_s) + (f", {refused} refused" if refused else ""),
+        weights=_weights(state),
+        unheard=("given up" if age_s > lost_timeout_s else "lost") if is_lost_in_air(state) else "",
+        note=note or state.alarm or state.outcome or state.trouble or state.late,
+    )
+
+
+def _weights(state: AgentState) -> str:
+    task, fs = state.task, state.strength
+    if fs != task.strength:
+        return f"{state.w:g}; {fs.direct:g}/{fs.first_neighbour:g}/{fs.second_neighbour:g}"
+    return f"{state.w:g}" if state.w != task.w else ""
+
+
+def _progress(state: AgentState) -> float:
+    if state.phase is Phase.LANDING or state.outcome == ARRIVED:
+        return 1.0
+    if state.route is None or len(state.route.cells) < 2 or not state.flown_cells:
+        return 0.0
+    entered = len(state.flown_cells)
+    ahead = len(state.route.cells) - 1 - state.progress
+    return entered / max(entered + ahead, 1)
+
+
+def _link(state: AgentState, age_s: float) -> str:
+    if age_s == float("inf"):
+        return "never heard"
+    if state.lost:
+        return f"lost {age_s:.0f} s"
+    return "ok" if age_s < SILENT_S else f"{age_s:.0f} s ago"
+
+
+def table(picture: Picture, width: int, height: int) -> Group:
+    """The live table, for a terminal of `width` columns and `height` lines.
+
+    Where not all vehicles fit, those that have ended make room first.
+    """
+    speed = "" if picture.speed is None else f" · {picture.speed:.1f}× real time"
+    head = Text.assemble(
+        (picture.name, "bold"), f"  flown {_minutes(picture.flown_s)}{speed} · Ctrl-C: {picture.on_ctrl_c}"
+    )
+    grid = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=0, header_style="bold")
+    columns = [
+        ("vehicle", "left"), ("phase", "left"), ("mode", "left"), ("batt", "right"), ("route", "left"),
+        ("cells\nown+heard", "right"), ("hostiles\nknown", "right"), ("replans", "right"),
+        ("strikes", "right"), ("link", "left"),
+    ]  # fmt: skip
+    reweighted = any(r.weights for r in picture.rows)
+    if reweighted:
+        columns.append(("new w", "left"))
+    for title, justify in columns:
+        grid.add_column(title, justify=justify, no_wrap=True)  # type: ignore[arg-type]
+    room = max(height - OTHER_LINES, 1)
+    ranked = sorted(picture.rows, key=lambda r: r.phase in ENDED)
+    shown = picture.rows if len(picture.rows) <= room else ranked[: room - 1]
+    for r in shown:
+        grid.add_row(
+            r.name,
+            Text(r.unheard, style="red") if r.unheard else Text(r.phase, style=COLOURS[r.phase]),
+            r.mode,
+            "–" if r.battery_percent is None else f"{r.battery_percent} %",
+            _bar(r.progress, BAR if width >= WIDE else 0),
+            f"{r.cells_own}+{r.cells_heard}",
+            str(r.hostiles_known),
+            str(r.replans),
+            Text(str(r.strikes), style="red" if r.strikes else ""),
+            Text(r.link, style="" if r.link == "ok" else "red"),
+            *([Text(r.weights, style="yellow")] if reweighted else []),
+        )
+    hidden = len(picture.rows) - len(shown)
+    notes = [Text(f"and {hidden} more", style="bright_black")] if hidden else []
+    notes += [Text(f"{r.name}: {r.note}", style="yellow") for r in shown if r.note not in ("", ARRIVED)]
+    return Group(head, grid, *notes)
+
+
+def _bar(share: float, length: int) -> Text:
+    full = round(share * length)
+    return Text.assemble(
+        ("━" * full, "green"), ("╌" * (length - full), "bright_black"), f"{100.0 * share:4.0f} %"
+    )
+
+
+def _minutes(seconds: float) -> str:
+    return f"{int(seconds) // 60}:{int(seconds) % 60:02d}"
+
+
+def line(row: Row) -> str:
+    """One vehicle as a plain line, for where there is no terminal."""
+    battery = "?" if row.battery_percent is None else f"{row.battery_percent} %"
+    phase = f"{row.unheard}, was {row.phase}" if row.unheard else row.phase
+    text = (
+        f"{row.name}: {phase} {row.mode}, route {100.0 * row.progress:.0f} %, battery {battery}, "
+        f"cells {row.cells_own}+{row.cells_heard}, hostiles {row.hostiles_known}, replans {row.replans}, "
+        f"strikes {row.strikes}, link {row.link}"
+    )
+    text += f", w {row.weights}" if row.weights else ""
+    return f"{text} ({row.note})" if row.note else text

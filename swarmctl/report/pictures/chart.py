@@ -1,0 +1,156 @@
+"""The map itself: the area, the tracks, the scales at its sides."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.patches import Rectangle
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import ArrayLike
+
+from swarmctl.core.belief import OCCUPIED, UNKNOWN
+from swarmctl.core.grid import Grid
+from swarmctl.report.pictures.scene import MapPicture, Points, local_m, shading
+from swarmctl.report.pictures.style import (
+    BADGE_PT,
+    FORBIDDEN,
+    FOUND,
+    GRID_LINE,
+    HATCH,
+    INK,
+    NEVER_FOUND,
+    QUIET,
+    SEEN,
+    STRIKE,
+    VEIL,
+    colour_of,
+    draw_badge,
+    planned_styles,
+)
+
+Ends = tuple[tuple[float, float], tuple[float, float]]
+"""of a line, in columns east and rows north"""
+
+
+def draw_area(axes: Axes, picture: MapPicture, points_per_m: float) -> None:
+    """The cells, shaded as in Figure 8 and tinted where nobody ever looked, and the goals."""
+    grid = picture.grid
+    hostile, first, second = shading(picture)
+    missed = hostile & (picture.known != OCCUPIED)
+    mistaken = ~hostile & (picture.known == OCCUPIED)
+    colours = np.array([_rgb(colour) for colour in (SEEN, VEIL, FOUND, NEVER_FOUND)], dtype=np.uint8)
+    image = colours[np.where(hostile, np.where(missed, 3, 2), picture.known == UNKNOWN)]
+    extent = (0.0, grid.width_m, 0.0, grid.height_m)
+    axes.imshow(image, origin="lower", extent=extent, interpolation="nearest", aspect="auto", zorder=1)
+    cell_pt = grid.cell_size_m * points_per_m
+    if cell_pt > 5.0:
+        edges: list[Ends] = [((0, r), (grid.cols, r)) for r in range(1, grid.rows)]
+        edges += [((c, 0), (c, grid.rows)) for c in range(1, grid.cols)]
+        _draw_lines(axes, grid, edges, colors=GRID_LINE, linewidths=0.4, zorder=1.5)
+    at = (np.arange(n := min(max(round(cell_pt / 3.2), 2), 6)) + 0.5) / n
+    hatch: list[Ends] = [
+        ((c, r + y), (c + 1, r + y)) for r, c in np.argwhere(first).tolist() for y in at.tolist()
+    ]
+    hatch += [((c + x, r), (c + x, r + 1)) for r, c in np.argwhere(second).tolist() for x in at.tolist()]
+    width = 0.7 if cell_pt > 8.0 else 0.4
+    _draw_lines(axes, grid, hatch, colors=HATCH, linewidths=width, zorder=2)
+
+    crosses: list[Ends] = []
+    for row, col in sorted(picture.no_fly):
+        crosses += [((col, row), (col + 1, row + 1)), ((col, row + 1), (col + 1, row))]
+    _draw_lines(axes, grid, crosses, colors=FORBIDDEN, linewidths=1.2, zorder=3.5)
+    for row, col in sorted(picture.no_fly):
+        _outline(axes, grid, row, col, edgecolor=FORBIDDEN, lw=1.2, zorder=3.5)
+    for row, col in np.argwhere(missed).tolist():
+        _outline(axes, grid, row, col, edgecolor=FOUND, lw=0.8, ls=(0, (2, 1.5)), zorder=3)
+    for row, col in np.argwhere(mistaken).tolist():
+        _outline(axes, grid, row, col, edgecolor=FOUND, lw=1.6, zorder=3)
+    for row, col in sorted({cell for track in picture.tracks for cell in track.goal_cells}):
+        _outline(axes, grid, row, col, edgecolor=INK, lw=2.0, zorder=5)
+    axes.add_patch(Rectangle((0.0, 0.0), grid.width_m, grid.height_m, fill=False, edgecolor=INK, zorder=4))
+
+
+def _draw_lines(axes: Axes, grid: Grid, ends: list[Ends], **style: Any) -> None:
+    lines = np.array(ends, dtype=np.float64).reshape(-1, 2, 2) * grid.cell_size_m
+    axes.add_collection(LineCollection(list(lines), **style))
+
+
+def _outline(axes: Axes, grid: Grid, row: int, col: int, **style: Any) -> None:
+    size = grid.cell_size_m
+    axes.add_patch(Rectangle((col * size, row * size), size, size, fill=False, **style))
+
+
+def _rgb(colour: str) -> tuple[int, int, int]:
+    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
+
+
+def draw_tracks(axes: Axes, picture: MapPicture, points_per_m: float) -> None:
+    """Planned and flown lines, strikes, and where each vehicle started and ended."""
+    grid, styles = picture.grid, planned_styles(picture)
+    # The first is the widest: where several flew the same way, each still shows beside the next.
+    widths = np.linspace(min(1.5 + 0.5 * len(picture.tracks), 3.9), 1.6, len(picture.tracks)).tolist()
+    for index, track in enumerate(picture.tracks):
+        colour = colour_of(index)
+        for planned in track.planned:
+            line = local_m(grid, planned.points)
+            axes.plot(*line.T, **{"color": colour, "zorder": 6, **styles[planned.label]})
+        if len(track.flown):
+            flown = local_m(grid, track.flown)
+            axes.plot(*flown.T, color="white", lw=widths[index] + 1.6, alpha=0.9, zorder=6.5)
+            axes.plot(*flown.T, color=colour, lw=widths[index], solid_joinstyle="round", zorder=7)
+            face, edge = ("white", colour) if track.is_lost else (colour, "white")
+            axes.plot(*flown[-1], "s", ms=6.5, mfc=face, mec=edge, mew=0.9, zorder=8)
+        strikes = local_m(grid, track.strikes)
+        axes.plot(*strikes.T, "*", ms=9.0, mfc=STRIKE, mec=INK, mew=0.7, ls="none", zorder=9)
+    starts = local_m(grid, [track.start for track in picture.tracks])
+    for index, (start, badge) in enumerate(zip(starts, _apart(starts, BADGE_PT / points_per_m), strict=True)):
+        axes.plot(*np.stack([start, badge]).T, color=colour_of(index), lw=0.8, zorder=9.5)
+        draw_badge(axes, float(badge[0]), float(badge[1]), index)
+
+
+def _apart(points: Points, least: float) -> Points:
+    """The points (n, 2), pushed away from each other until they lie about `least` apart."""
+    turns = 2.4 * np.arange(len(points))
+    # Points in the same place are told apart by a little, each in its own direction.
+    moved = points + 1e-3 * least * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    for _ in range(100):
+        between = moved[:, None] - moved[None, :]
+        gap = np.hypot(between[..., 0], between[..., 1]) + np.eye(len(points)) * least
+        if gap.min(initial=least) >= 0.99 * least:
+            break
+        push = np.maximum(least - gap, 0.0) / (2.0 * gap)
+        moved = moved + (between * push[..., None]).sum(axis=1)
+    return moved
+
+
+def draw_scales(axes: Axes, grid: Grid) -> None:
+    """Metres from the corner at the left and below, numbers of cells at the right and above."""
+    axes.set_xlabel("metres east of the area's south-west corner", fontsize=8.5, color=QUIET)
+    axes.set_ylabel("metres north", fontsize=8.5, color=QUIET)
+    axes.tick_params(labelsize=8, colors=QUIET, length=3)
+    for axis, length_m in ((axes.xaxis, grid.width_m), (axes.yaxis, grid.height_m)):
+        ticks = MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]).tick_values(0.0, length_m)
+        axis.set_ticks([tick for tick in ticks if 0.0 <= tick <= length_m])
+    for spine in axes.spines.values():
+        spine.set_color(GRID_LINE)
+    size = grid.cell_size_m
+
+    def to_cells(metres: ArrayLike) -> ArrayLike:
+        return np.asarray(metres) / size - 0.5
+
+    def to_metres(cells: ArrayLike) -> ArrayLike:
+        return (np.asarray(cells) + 0.5) * size
+
+    columns = axes.secondary_xaxis("top", functions=(to_cells, to_metres))
+    rows = axes.secondary_yaxis("right", functions=(to_cells, to_metres))
+    for scale, n, what in ((columns.xaxis, grid.cols, "col"), (rows.yaxis, grid.rows, "row")):
+        every = next(step for step in (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, n) if n / step <= 10)
+        numbers = range(0, n, every)
+        scale.set_ticks(numbers, [f"{what} {k}" if k == 0 else str(k) for k in numbers])
+    for secondary in (columns, rows):
+        secondary.tick_params(labelsize=6.5, colors=QUIET, length=0, pad=2)
+        for spine in secondary.spines.values():
+            spine.set_visible(False)

@@ -1,0 +1,149 @@
+"""The key beside the map: what its marks mean, where north is and how long a metre."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
+
+from swarmctl.core.belief import OCCUPIED, UNKNOWN
+from swarmctl.report.pictures.scene import MapPicture, VehicleTrack, shading
+from swarmctl.report.pictures.style import (
+    FORBIDDEN,
+    FOUND,
+    GRID_LINE,
+    HATCH,
+    INK,
+    NEVER_FOUND,
+    SEEN,
+    STRIKE,
+    VEIL,
+    colour_of,
+    draw_badge,
+    planned_styles,
+)
+
+MAX_KEY_VEHICLES = 30
+
+Row = Callable[[Axes, float, float], None]
+"""draws one line of the key at (x, y) [in]"""
+
+
+def no_row(_axes: Axes, _x: float, _y: float) -> None:
+    """An empty line."""
+
+
+def vehicle_rows(picture: MapPicture) -> list[Row]:
+    rows = [_vehicle_row(index, track) for index, track in enumerate(picture.tracks)]
+    if len(rows) <= MAX_KEY_VEHICLES:
+        return rows
+    n_more = len(rows) - MAX_KEY_VEHICLES + 1
+    return [*rows[: MAX_KEY_VEHICLES - 1], lambda axes, x, y: _text(axes, x, y, f"and {n_more} more")]
+
+
+def line_rows(picture: MapPicture) -> list[Row]:
+    rows: list[Row] = []
+    if flown := [track for track in picture.tracks if len(track.flown)]:
+        rows.append(_line_row("flown", {"lw": 2.2}))
+        if not all(track.is_lost for track in flown):
+            rows.append(_point_row("where it ended", "s", {"ms": 6.5, "mec": "white"}))
+        if any(track.is_lost for track in flown):
+            style = {"ms": 6.5, "mfc": "white", "mec": INK, "mew": 0.9}
+            rows.append(_point_row("last heard here", "s", style))
+    rows += [_line_row(label, style) for label, style in planned_styles(picture).items()]
+    n_strikes = sum(len(track.strikes) for track in picture.tracks)
+    if n_strikes:
+        style = {"ms": 9.0, "mfc": STRIKE, "mec": INK, "mew": 0.7}
+        rows.append(_point_row(f"strike ({n_strikes})", "*", style))
+    return rows
+
+
+def cell_rows(picture: MapPicture) -> list[Row]:
+    """Only the kinds of cell that are on this map."""
+    hostile, first, second = shading(picture)
+    occupied, unseen = picture.known == OCCUPIED, picture.known == UNKNOWN
+    n_found, n_missed = int((hostile & occupied).sum()), int((hostile & ~occupied).sum())
+    n_mistaken = int((~hostile & occupied).sum())
+    n_unseen, n_seen = int(unseen.sum()), int((~unseen).sum())
+    missed = {"facecolor": NEVER_FOUND, "edgecolor": FOUND, "ls": (0, (2, 1.5))}
+    rows = {
+        _cell_row("goal", {"edgecolor": INK, "lw": 2.0}): True,
+        _cell_row("no-fly", {"edgecolor": FORBIDDEN, "lw": 1.2}, hatch="crossed"): bool(picture.no_fly),
+        _cell_row(f"hostile, found ({n_found})", {"facecolor": FOUND}): n_found > 0,
+        _cell_row(f"hostile, not found ({n_missed})", missed): n_missed > 0,
+        _cell_row(f"false alarm believed ({n_mistaken})", {"edgecolor": FOUND, "lw": 1.6}): n_mistaken > 0,
+        _cell_row("next to a hostile (N1)", {}, hatch="level"): first.any(),
+        _cell_row("diagonal to one (N2)", {}, hatch="upright"): second.any(),
+        _cell_row(f"seen ({n_seen} cells)", {}): n_seen > 0,
+        _cell_row(f"never seen ({n_unseen} cells)", {"facecolor": VEIL}): n_unseen > 0,
+    }
+    return [row for row, is_there in rows.items() if is_there]
+
+
+def _text(axes: Axes, x: float, y: float, text: str) -> None:
+    axes.text(x + 0.42, y, text, fontsize=8.5, color=INK, va="center")
+
+
+def _vehicle_row(index: int, track: VehicleTrack) -> Row:
+    text = f"{track.name}   {track.outcome}" if track.outcome else track.name
+
+    def draw(axes: Axes, x: float, y: float) -> None:
+        axes.plot([x, x + 0.3], [y, y], color=colour_of(index), lw=2.2)
+        draw_badge(axes, x + 0.15, y, index)
+        _text(axes, x, y, text if len(text) <= 29 else text[:28] + "…")
+
+    return draw
+
+
+def _line_row(text: str, style: dict[str, Any]) -> Row:
+    def draw(axes: Axes, x: float, y: float) -> None:
+        axes.plot([x, x + 0.3], [y, y], color=INK, **style)
+        _text(axes, x, y, text)
+
+    return draw
+
+
+def _point_row(text: str, marker: str, style: dict[str, Any]) -> Row:
+    def draw(axes: Axes, x: float, y: float) -> None:
+        axes.plot(x + 0.15, y, marker, **{"mfc": INK, **style})
+        _text(axes, x, y, text)
+
+    return draw
+
+
+def _cell_row(text: str, style: dict[str, Any], *, hatch: str = "") -> Row:
+    def draw(axes: Axes, x: float, y: float) -> None:
+        left, top, side = x + 0.07, y - 0.08, 0.16
+        look = {"facecolor": SEEN, "edgecolor": GRID_LINE, "lw": 0.8, **style}
+        axes.add_patch(Rectangle((left, top), side, side, **look))
+        for share in (side / 8, 3 * side / 8, 5 * side / 8, 7 * side / 8):
+            if hatch == "level":
+                axes.plot([left, left + side], [top + share, top + share], color=HATCH, lw=0.7)
+            elif hatch == "crossed":
+                axes.plot([left, left + side], [top, top + side], color=FORBIDDEN, lw=1.2)
+                axes.plot([left, left + side], [top + side, top], color=FORBIDDEN, lw=1.2)
+            elif hatch == "upright":
+                axes.plot([left + share, left + share], [top, top + side], color=HATCH, lw=0.7)
+        _text(axes, x, y, text)
+
+    return draw
+
+
+def draw_north_and_scale(axes: Axes, bottom_in: float, inch_per_m: float) -> None:
+    """In inches of the key, at its foot."""
+    y = bottom_in - 0.06
+    arrow = {"arrowstyle": "-|>", "color": INK, "lw": 1.2, "shrinkB": 0}
+    axes.annotate("", (0.12, y - 0.42), (0.12, y), arrowprops=arrow)
+    axes.text(0.12, y - 0.44, "N", fontsize=9, fontweight="bold", color=INK, ha="center", va="bottom")
+    longest_m = 1.2 / inch_per_m
+    power = 10.0 ** math.floor(math.log10(longest_m))
+    bar_m = max(step * power for step in (1, 2, 5) if step * power <= longest_m)
+    left, right = 0.5, 0.5 + bar_m * inch_per_m
+    axes.plot(
+        [left, left, right, right], [y - 0.07, y, y, y - 0.07], color=INK, lw=1.2, solid_joinstyle="miter"
+    )
+    label = f"{bar_m / 1000.0:g} km" if bar_m >= 1000.0 else f"{bar_m:g} m"
+    axes.text((left + right) / 2, y - 0.1, label, fontsize=8, color=INK, ha="center", va="bottom")

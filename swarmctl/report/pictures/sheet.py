@@ -1,0 +1,106 @@
+"""The picture as a whole: where the map and its key stand on the sheet, and the file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from swarmctl.report.pictures.chart import draw_area, draw_scales, draw_tracks
+from swarmctl.report.pictures.key import Row, cell_rows, draw_north_and_scale, line_rows, no_row, vehicle_rows
+from swarmctl.report.pictures.scene import MapPicture, view_of
+from swarmctl.report.pictures.style import INK, OUTSIDE, QUIET
+
+DPI = 160
+WIDTH_IN = 9.0
+MAP_WIDTH_IN, MAP_HEIGHT_IN = 5.55, 7.5
+"""the most that a map may take"""
+KEY_WIDTH_IN = 2.35
+LEFT_IN, TOP_IN, BOTTOM_IN, GAP_IN = 0.62, 0.86, 0.58, 0.36
+ROW_IN = 0.205
+FOOT_IN = 0.8
+"""height of the north arrow and the scale bar with the space above them"""
+BELOW_COLUMNS = 2
+"""of the vehicles' key, where it is too long to stand beside the map"""
+
+
+def draw_map(path: Path, picture: MapPicture) -> None:
+    """Writes the PNG, 1440 pixels wide; equal pictures give equal bytes. Raises ValueError, OSError."""
+    shape = (picture.grid.rows, picture.grid.cols)
+    if picture.known.shape != shape:
+        raise ValueError(f"known cells of shape {picture.known.shape} for an area of {shape} cells")
+    figure = figure_of(picture)
+    # Without Software the bytes would not survive an update of matplotlib's version number.
+    figure.savefig(path, dpi=DPI, format="png", metadata={"Software": None})
+
+
+def figure_of(picture: MapPicture) -> Figure:
+    """The map's axes first, then those of the key beside it and below it; no key ever lies on the map."""
+    west, south, east, north = view_of(picture)
+    inch_per_m = min(MAP_WIDTH_IN / (east - west), MAP_HEIGHT_IN / (north - south))
+    map_wide_in, map_high_in = (east - west) * inch_per_m, (north - south) * inch_per_m
+    beside, below = _divided(picture, map_high_in)
+    beside_in = max(len(beside) * ROW_IN + FOOT_IN, map_high_in)
+    below_in = -(-len(below) // BELOW_COLUMNS) * ROW_IN
+    sheet = Sheet(TOP_IN + max(beside_in, map_high_in + BOTTOM_IN + below_in) + 0.15)
+
+    axes = sheet.axes_at(LEFT_IN, TOP_IN, map_wide_in, map_high_in)
+    axes.set(xlim=(west, east), ylim=(south, north), facecolor=OUTSIDE)
+    draw_area(axes, picture, 72.0 * inch_per_m)
+    draw_tracks(axes, picture, 72.0 * inch_per_m)
+    draw_scales(axes, picture.grid)
+
+    key = sheet.key_at(LEFT_IN + map_wide_in + GAP_IN, TOP_IN, KEY_WIDTH_IN, beside_in)
+    _draw_rows(key, beside, 0.0)
+    draw_north_and_scale(key, beside_in, inch_per_m)
+    if below:
+        key = sheet.key_at(LEFT_IN, TOP_IN + map_high_in + BOTTOM_IN, MAP_WIDTH_IN, below_in)
+        n_rows = -(-len(below) // BELOW_COLUMNS)
+        for column in range(BELOW_COLUMNS):
+            rows = below[column * n_rows : (column + 1) * n_rows]
+            _draw_rows(key, rows, column * MAP_WIDTH_IN / BELOW_COLUMNS)
+    sheet.write(0.12, picture.title, fontsize=14, fontweight="bold", color=INK)
+    sheet.write(0.42, picture.subtitle, fontsize=9.5, color=QUIET)
+    return sheet.figure
+
+
+def _divided(picture: MapPicture, map_high_in: float) -> tuple[Sequence[Row], Sequence[Row]]:
+    """What of the key stands beside the map, and what below: the vehicles, where they make it too long."""
+    vehicles, marks = vehicle_rows(picture), [*line_rows(picture), no_row, *cell_rows(picture)]
+    if (len(vehicles) + 1 + len(marks)) * ROW_IN + FOOT_IN <= map_high_in:
+        return [*vehicles, no_row, *marks], []
+    return marks, vehicles
+
+
+def _draw_rows(key: Axes, rows: Sequence[Row], left_in: float) -> None:
+    for index, draw_row in enumerate(rows):
+        draw_row(key, left_in, (index + 0.5) * ROW_IN)
+
+
+class Sheet:
+    """A figure addressed in inches from its upper left corner."""
+
+    def __init__(self, high_in: float) -> None:
+        self._high_in = high_in
+        self.figure = Figure(figsize=(WIDTH_IN, high_in), dpi=DPI, facecolor="white")
+        FigureCanvasAgg(self.figure)
+
+    def axes_at(self, left_in: float, top_in: float, wide_in: float, high_in: float) -> Axes:
+        bottom_in = self._high_in - top_in - high_in
+        return self.figure.add_axes(
+            (left_in / WIDTH_IN, bottom_in / self._high_in, wide_in / WIDTH_IN, high_in / self._high_in)
+        )
+
+    def key_at(self, left_in: float, top_in: float, wide_in: float, high_in: float) -> Axes:
+        """Axes without a frame whose coordinates are inches."""
+        axes = self.axes_at(left_in, top_in, wide_in, high_in)
+        axes.set(xlim=(0.0, wide_in), ylim=(high_in, 0.0))
+        axes.set_axis_off()
+        return axes
+
+    def write(self, top_in: float, text: str, *, left_in: float = LEFT_IN, **style: Any) -> None:
+        self.figure.text(left_in / WIDTH_IN, 1.0 - top_in / self._high_in, text, va="top", **style)

@@ -1,0 +1,326 @@
+"""The record of a run, and the same fold again over it.
+
+`run.mcap` holds every event, effect and bus message as JSON with its schema, so that Foxglove and any other
+reader of MCAP opens it without this program. Two runs on the virtual clock write the same bytes.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from io import SEEK_END, BytesIO
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import msgspec
+from mcap.exceptions import EndOfFile, McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Message, Metadata
+from mcap.stream_reader import StreamReader
+from mcap.writer import MCAP0_MAGIC, Writer
+
+from swarmctl import __version__
+from swarmctl.agent.state import AgentState, begin
+from swarmctl.agent.step import step
+from swarmctl.config.model import Config
+from swarmctl.config.scenario import build
+from swarmctl.core import events as ev
+from swarmctl.core.frames import Spoken
+from swarmctl.core.observation import Observation
+
+FORMAT = 2
+CHUNK_BYTES = 1 << 16
+"""What a crash may cost; a run that is cut off keeps all chunks before."""
+
+_RECORD = struct.Struct("<BQ")
+"""opcode and length, before each record of an MCAP file"""
+
+LOCATION_FIX = {
+    "title": "foxglove.LocationFix",
+    "type": "object",
+    "properties": {
+        "timestamp": {
+            "type": "object",
+            "title": "time",
+            "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}},
+        },
+        "frame_id": {"type": "string"},
+        "latitude": {"type": "number"},
+        "longitude": {"type": "number"},
+        "altitude": {"type": "number"},
+        "position_covariance": {"type": "array", "items": {"type": "number"}},
+        "position_covariance_type": {"type": "integer"},
+    },
+}
+"""Foxglove's well-known schema: its map panel draws such a topic without being told how."""
+
+
+class EventRecord(msgspec.Struct, frozen=True):
+    now_s: float
+    event: ev.Event
+
+
+class EffectRecord(msgspec.Struct, frozen=True):
+    now_s: float
+    effect: ev.Effect
+
+
+class BusRecord(msgspec.Struct, frozen=True):
+    now_s: float
+    recipients: int
+    message: Spoken
+
+
+class TextRecord(msgspec.Struct, frozen=True):
+    now_s: float
+    text: str
+
+
+class Recorder:
+    """Writes one `run.mcap`; an `Observer` of runners. Close it, or the file has no index."""
+
+    def __init__(self, path: Path, config: Config, names: dict[int, str], epoch_ns: int) -> None:
+        self.trouble = ""
+        """why it ends early: a disk that is full costs the record, not the flight"""
+        self._path = path
+        self._file = path.open("wb")
+        self._writer = Writer(self._file, chunk_size=CHUNK_BYTES)
+        self._writer.start(profile="", library=f"swarmctl {__version__}")
+        # The configuration is what a replay builds its agents from.
+        self._writer.add_metadata(
+            "swarmctl",
+            {"format": str(FORMAT), "version": __version__, "config": config.model_dump_json()},
+        )
+        self._names = names
+        self._epoch_ns = epoch_ns
+        self._sequence = 0
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+
+    def close(self) -> None:
+        try:
+            if not self.trouble:
+                self._writer.finish()  # type: ignore[no-untyped-call]
+            self._file.close()
+        except OSError as error:
+            self._broken(error)
+
+    def folded(
+        self, before: AgentState, event: ev.Event, after: AgentState, effects: list[ev.Effect], now: float
+    ) -> None:
+        uav = after.task.uav
+        self._write(uav, f"event/{type(event).__name__}", EventRecord(now, event), now)
+        for effect in effects:
+            self._write(uav, f"effect/{type(effect).__name__}", EffectRecord(now, effect), now)
+        if isinstance(event, ev.TelemetryReceived) and event.state.has_position:
+            self._location(uav, event, now)
+
+    def sent(self, uav: int, message: Spoken, recipients: int, now: float) -> None:
+        self._write(uav, f"bus/{type(message).__name__}", BusRecord(now, recipients, message), now)
+
+    def said(self, uav: int, text: str, now: float, *, aloud: bool) -> None:
+        self._write(uav, "text", TextRecord(now, text), now)
+
+    def _location(self, uav: int, event: ev.TelemetryReceived, now: float) -> None:
+        state, log_time = event.state, self._log_time(now)
+        fix = {
+            "timestamp": {"sec": log_time // 10**9, "nsec": log_time % 10**9},
+            "frame_id": self._names[uav],
+            "latitude": state.lat_deg,
+            "longitude": state.lon_deg,
+            "altitude": state.alt_amsl_m or 0.0,
+            "position_covariance": [0.0] * 9,
+            "position_covariance_type": 0,
+        }
+        topic = f"/{self._names[uav]}/location"
+        self._add(topic, "foxglove.LocationFix", LOCATION_FIX, json.dumps(fix).encode(), now)
+
+    def _write(self, uav: int, topic: str, record: msgspec.Struct, now: float) -> None:
+        topic = f"/{self._names[uav]}/{topic}"
+        self._add(topic, type(record).__name__, type(record), msgspec.json.encode(record), now)
+
+    def _add(
+        self,
+        topic: str,
+        schema: str,
+        definition: dict[str, Any] | type[msgspec.Struct],
+        data: bytes,
+        now: float,
+    ) -> None:
+        if self.trouble:
+            return
+        try:
+            if topic not in self._channels:
+                schema_id = self._schema(schema, definition)
+                self._channels[topic] = self._writer.register_channel(topic, "json", schema_id)
+            time_ns = self._log_time(now)
+            self._writer.add_message(self._channels[topic], time_ns, data, time_ns, self._sequence)
+            self._sequence += 1
+        except OSError as error:
+            self._broken(error)
+
+    def _broken(self, error: OSError) -> None:
+        self.trouble = f"{self._path}: the record ends here: {error.strerror or error}"
+
+    def _schema(self, name: str, definition: dict[str, Any] | type[msgspec.Struct]) -> int:
+        if name not in self._schemas:
+            content = definition if isinstance(definition, dict) else object_schema(definition)
+            self._schemas[name] = self._writer.register_schema(
+                name, "jsonschema", json.dumps(content).encode()
+            )
+        return self._schemas[name]
+
+    def _log_time(self, now: float) -> int:
+        return self._epoch_ns + round(now * 1e9)
+
+
+def object_schema(struct: type[msgspec.Struct]) -> dict[str, Any]:
+    """The JSON schema with `type: object` at its top, as readers of MCAP want it, instead of a reference."""
+    (reference,), components = msgspec.json.schema_components((struct,), ref_template="#/$defs/{name}")
+    top: dict[str, Any] = components.pop(reference["$ref"].rsplit("/", 1)[-1])
+    return {name: _dedented(part) for name, part in {**top, "$defs": components}.items()}
+
+
+def _dedented(schema: Any) -> Any:
+    """Docstrings become descriptions, which Python strips of their indentation from 3.13 on only."""
+    if isinstance(schema, dict):
+        return {name: _dedented(part) for name, part in schema.items()}
+    if isinstance(schema, list):
+        return [_dedented(part) for part in schema]
+    return inspect.cleandoc(schema) if isinstance(schema, str) else schema
+
+
+class RecordError(Exception):
+    """A record that cannot be read; the text says which file and what is wrong with it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What folding a record again showed."""
+
+    events: int
+    effects: int
+    difference: str
+    """where the first difference is; empty if there is none"""
+    is_cut: bool = False
+    """the record has no end: its process died; all that is whole was folded"""
+
+
+def replay(path: Path) -> Verdict:
+    """Fold the recorded events of every agent again and compare effects. Raises RecordError."""
+    content = _read(path)
+    scenario = build(content.config)
+    states = {task.name: begin(task, scenario.prior) for task in scenario.tasks}
+    expected: dict[str, list[ev.Effect]] = {name: [] for name in states}
+    events = effects = 0
+    for name, record in content.rows:
+        if isinstance(record, EffectRecord):
+            effects += 1
+            due = expected[name]
+            if not due or due[0] != record.effect:
+                found = due[0] if due else "nothing"
+                text = f"{name} at {record.now_s:.3f} s: recorded {record.effect}, now {found}"
+                return Verdict(events, effects, text, content.is_cut)
+            due.pop(0)
+            continue
+        if expected[name]:
+            text = f"{name} before {record.now_s:.3f} s: nothing recorded, now {expected[name][0]}"
+            return Verdict(events, effects, text, content.is_cut)
+        events += 1
+        states[name], expected[name] = step(states[name], record.event, record.now_s)
+    for name, due in expected.items():
+        if due and not content.is_cut:
+            return Verdict(events, effects, f"{name} at the end: nothing recorded, now {due[0]}")
+    return Verdict(events, effects, "", content.is_cut)
+
+
+def seen(run: Path) -> tuple[Config, list[Observation]]:
+    """The configuration of a recorded run and what all its vehicles saw. Raises RecordError."""
+    content = _read(of(run))
+    effects = (record.effect for _, record in content.rows if isinstance(record, EffectRecord))
+    messages = (effect.message for effect in effects if isinstance(effect, ev.Publish))
+    return content.config, [m for m in messages if isinstance(m, Observation)]
+
+
+def of(run: Path) -> Path:
+    """The record of a run, given as its folder or as the file."""
+    return run / "run.mcap" if run.is_dir() else run
+
+
+@dataclass(frozen=True, slots=True)
+class _Content:
+    config: Config
+    rows: list[tuple[str, EventRecord | EffectRecord]]
+    is_cut: bool
+    """it has no end: whoever wrote it died"""
+
+
+def _read(path: Path) -> _Content:
+    """All that is whole. Raises RecordError."""
+    try:
+        with path.open("rb") as file:
+            end, is_cut = _whole(file)
+            file.seek(0)
+            metadata, rows = _parsed(BytesIO(file.read(end)))
+        if metadata.get("format") != str(FORMAT):
+            raise RecordError(f"{path}: no record of this program, or of another version of it")
+        return _Content(Config.model_validate_json(metadata["config"]), list(_records(rows)), is_cut)
+    except FileNotFoundError:
+        raise RecordError(
+            f"{path}: there is no record; give the folder of a run, which has a run.mcap"
+        ) from None
+    except (OSError, McapError, ValueError, struct.error, msgspec.DecodeError) as error:
+        reason = str(error) or f"it ends too early or is damaged ({type(error).__name__})"
+        raise RecordError(f"{path}: cannot be read as a record: {reason}") from error
+
+
+def _whole(file: BinaryIO) -> tuple[int, bool]:
+    """Where the last record that is there whole ends [bytes], and whether the file is cut after it.
+
+    MCAP's form: a magic number, then records of an opcode (1 byte), a length (8 bytes) and so many bytes, the
+    last of them the footer.
+    """
+    size, at = file.seek(0, SEEK_END), len(MCAP0_MAGIC)
+    while at + _RECORD.size <= size:
+        file.seek(at)
+        opcode, length = _RECORD.unpack(file.read(_RECORD.size))
+        if at + _RECORD.size + length > size:
+            break
+        at += _RECORD.size + length
+        if opcode == Opcode.FOOTER:
+            return size, False
+    return min(at, size), True
+
+
+def _parsed(file: BinaryIO) -> tuple[dict[str, str], list[tuple[int, str, bytes]]]:
+    """This program's metadata; number, topic and content of each message."""
+    metadata: dict[str, str] = {}
+    topics: dict[int, str] = {}
+    rows: list[tuple[int, str, bytes]] = []
+    records = StreamReader(file).records
+    while True:
+        try:
+            part = next(records)
+        except (StopIteration, EndOfFile):
+            return metadata, rows
+        match part:
+            case Metadata(name="swarmctl"):
+                metadata = part.metadata
+            case Channel():
+                topics[part.id] = part.topic
+            case Message():
+                rows.append((part.sequence, topics[part.channel_id], part.data))
+
+
+def _records(rows: list[tuple[int, str, bytes]]) -> Iterator[tuple[str, EventRecord | EffectRecord]]:
+    events = msgspec.json.Decoder(EventRecord)
+    effects = msgspec.json.Decoder(EffectRecord)
+    for _, topic, data in sorted(rows):
+        _, name, kind, *_ = topic.split("/")
+        if kind == "event":
+            yield name, events.decode(data)
+        elif kind == "effect":
+            yield name, effects.decode(data)

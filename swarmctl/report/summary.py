@@ -1,0 +1,376 @@
+"""What a run came to: an `Observer` that adds up, and the `summary.json` it writes."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import platform
+from collections import defaultdict, deque
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmctl import __version__
+from swarmctl.agent.state import ARRIVED, IN_FLIGHT, AgentState
+from swarmctl.agent.traffic.separation.conflicts import Crossings
+from swarmctl.bus.node.counters import Tally
+from swarmctl.config.scenario import Scenario
+from swarmctl.core import events as ev
+from swarmctl.core.belief import Belief
+from swarmctl.core.frames import Spoken
+from swarmctl.core.geo import LatLon
+from swarmctl.core.inference.chance import chance_among
+from swarmctl.core.observation import Observation
+from swarmctl.core.threat import FiringStrength
+from swarmctl.planners import Route
+from swarmctl.report.arrival import Arrivals
+from swarmctl.report.final_state import ended_how, standing
+from swarmctl.report.separation import Closeness
+from swarmctl.report.swaps import Swaps
+
+MAX_WEIGHTS = 500
+"""changes of weights that are kept of a vehicle: the last"""
+
+
+@dataclass(frozen=True, slots=True)
+class Prospect:
+    """A route, and what was believed when it was taken."""
+
+    route: ev.SwapMission
+    belief: Belief
+    strength: FiringStrength
+
+
+@dataclass(slots=True)
+class VehicleLedger:
+    """What one vehicle did, beyond what its agent's state says."""
+
+    planned: list[LatLon] = field(default_factory=list)
+    """the first route"""
+    flown: list[LatLon] = field(default_factory=list)
+    strikes: list[LatLon] = field(default_factory=list)
+    took_off_s: float | None = None
+    last_s: float | None = None
+    """by the vehicle's own clock"""
+    prospect: Prospect | None = None
+    """of the route it took off with"""
+    weights: deque[tuple[float | None, int, float, FiringStrength]] = field(
+        default_factory=lambda: deque(maxlen=MAX_WEIGHTS)
+    )
+    """the last changes: its flight time then, the first plan made with them, what they were from then on"""
+    weight_changes: int = 0
+    """all of them"""
+    swaps: Swaps = field(default_factory=Swaps)
+
+    @property
+    def flight_time_s(self) -> float | None:
+        """From take-off to now, or to the landing."""
+        return None if self.took_off_s is None or self.last_s is None else self.last_s - self.took_off_s
+
+
+class Ledger:
+    """Follows every agent; latencies are in seconds of the run's clock."""
+
+    def __init__(self) -> None:
+        self.vehicles: defaultdict[int, VehicleLedger] = defaultdict(VehicleLedger)
+        self.closeness = Closeness()
+        self.arrivals = Arrivals()
+        self._observed_s: dict[ev.ObservationId, float] = {}
+        self._believed_s: dict[ev.ObservationId, float] = {}
+        """by the last peer"""
+        self._flown_s: dict[ev.ObservationId, float] = {}
+        """when the last mission changed because of it was accepted"""
+
+    def folded(
+        self, before: AgentState, event: ev.Event, after: AgentState, effects: list[ev.Effect], now: float
+    ) -> None:
+        vehicle = self.vehicles[after.task.uav]
+        match event:
+            case ev.TelemetryReceived():
+                self._moved(vehicle, before, after)
+                self.closeness.moved(after, vehicle.flight_time_s, now)
+                self.arrivals.moved(after, now)
+            case ev.Neighbours(states):
+                self.closeness.heard(after, states, vehicle.flight_time_s, now)
+            case ev.Heard(told) if after.belief is not before.belief:
+                self._believed_s.update(((*o.source, o.seq), now) for o in told if isinstance(o, Observation))
+            case ev.MissionAccepted() if before.pending is not None and after.pending is None:
+                self._accepted(vehicle, before.pending, now)
+            case _:
+                pass
+        if isinstance(event, ev.MissionAccepted | ev.MissionFailed):
+            pending = before.pending if before.phase in IN_FLIGHT else None
+            if pending is not None and pending.plan_id == event.plan_id:
+                vehicle.swaps.ended(event)
+        for effect in effects:
+            changed = (after.w, after.strength) != (before.w, before.strength)
+            if changed and isinstance(effect, ev.Answer) and effect.answer.from_plan is not None:
+                vehicle.weight_changes += 1
+                vehicle.weights.append(
+                    (vehicle.flight_time_s, effect.answer.from_plan, after.w, after.strength)
+                )
+            if isinstance(effect, ev.Publish) and isinstance(effect.message, Observation):
+                observation = effect.message
+                self._observed_s[*observation.source, observation.seq] = now
+
+    def sent(self, uav: int, message: Spoken, recipients: int, now: float) -> None:
+        pass
+
+    def said(self, uav: int, text: str, now: float, *, aloud: bool) -> None:
+        pass
+
+    def _moved(self, vehicle: VehicleLedger, before: AgentState, after: AgentState) -> None:
+        state = after.vehicle
+        if state.lat_deg is None or state.lon_deg is None or not (state.armed or before.vehicle.armed):
+            return
+        here = (state.lat_deg, state.lon_deg)
+        vehicle.flown.append(here)
+        vehicle.strikes += [here] * (state.strikes - before.vehicle.strikes)
+        if vehicle.took_off_s is None:
+            vehicle.took_off_s = state.time_boot_s
+            if after.route is not None:
+                vehicle.prospect = Prospect(after.route, after.belief, after.strength)
+        vehicle.last_s = state.time_boot_s
+
+    def _accepted(self, vehicle: VehicleLedger, swap: ev.SwapMission, now: float) -> None:
+        if not vehicle.planned:
+            vehicle.planned = [(p.lat_deg, p.lon_deg) for p in (*swap.plan.track, swap.plan.landing)]
+        for observation in swap.because:
+            self._flown_s[observation] = now
+
+    @property
+    def flown_s(self) -> float:
+        """The longest flight so far."""
+        return max((v.flight_time_s or 0.0 for v in self.vehicles.values()), default=0.0)
+
+    def latencies(self, observer: int | None = None) -> dict[str, Any]:
+        """From an observation, of one vehicle or of all, to what it brought about [s]."""
+        observed_s = {o: t for o, t in self._observed_s.items() if observer in (None, o[0])}
+        return {
+            "observation_to_last_peers_belief_s": _quantiles(observed_s, self._believed_s),
+            "observation_to_last_changed_mission_s": _quantiles(observed_s, self._flown_s),
+        }
+
+
+def _quantiles(
+    begin_s: dict[ev.ObservationId, float], end_s: dict[ev.ObservationId, float]
+) -> dict[str, float | int] | None:
+    waits_s = [end_s[o] - begin_s[o] for o in sorted(end_s) if o in begin_s]
+    if not waits_s:
+        return None
+    p50, p99, top = np.quantile(waits_s, (0.5, 0.99, 1.0))
+    return {"n": len(waits_s), "p50": float(p50), "p99": float(p99), "max": float(top)}
+
+
+def summary(
+    scenario: Scenario,
+    states: dict[int, AgentState],
+    ledger: Ledger,
+    *,
+    clock: str,
+    wall_s: float | None,
+    commands: dict[str, int],
+    networks: Mapping[int, Tally],
+    looks: Mapping[int, dict[str, Any]],
+    crossings: Crossings | None = None,
+) -> dict[str, Any]:
+    """The content of `summary.json`.
+
+    `networks` and `looks` are what became of messages and of payloads' reports, by system id; who takes no
+    reports is not in `looks`. `crossings`: of first routes, as preflight found them; None where it did not.
+    """
+    together = _belief_of_all(scenario, states)
+    return {
+        "name": scenario.config.name,
+        "seed": scenario.config.seed,
+        "clock": clock,
+        "wall_time_s": wall_s,
+        "versions": _versions(),
+        "arrived": sum(s.outcome == ARRIVED for s in states.values()),
+        "hostiles": {
+            "announced": scenario.config.model_dump(mode="json")["threats"]["count"],
+            "true": len(scenario.hostiles),
+            "found": together.n_found,
+            "expected": float(together.occupancy().sum()),
+            "announced_count_was_too_low": any(s.belief.announced_too_low for s in states.values()),
+        },
+        "psi_per_cell": scenario.psi_per_cell,
+        "latency_clock": "simulated seconds" if clock == "virtual" else "wall seconds",
+        "latency": ledger.latencies(),
+        "separation": ledger.closeness.summary(states, crossings),
+        "arrival": ledger.arrivals.summary(states, _simulated_seconds(scenario, clock)),
+        "operator_commands": commands,
+        "vehicles": [
+            _vehicle(scenario, states[t.uav], ledger, networks[t.uav]) | {"looks": looks.get(t.uav)}
+            for t in scenario.tasks
+        ],
+        "configuration": scenario.config.model_dump(mode="json"),
+        "resolved": {
+            "hostiles": sorted(scenario.hostiles),
+            "vehicles": [_spec(scenario, i) for i in range(len(scenario.specs))],
+        },
+    }
+
+
+def _simulated_seconds(scenario: Scenario, clock: str) -> float:
+    """In one of the run's clock."""
+    simulate = scenario.config.simulate
+    return simulate.speedup if clock == "real" and simulate is not None else 1.0
+
+
+def known_to_any(scenario: Scenario, states: dict[int, AgentState]) -> NDArray[np.int8]:
+    """What all vehicles together knew."""
+    return _belief_of_all(scenario, states).known
+
+
+def _belief_of_all(scenario: Scenario, states: dict[int, AgentState]) -> Belief:
+    """Of two contents under one name, the first counts."""
+    together = scenario.prior
+    for state in states.values():
+        for told in state.belief.told():
+            with contextlib.suppress(ValueError):
+                together = together.merge((told,))
+    return together
+
+
+def _vehicle(scenario: Scenario, state: AgentState, ledger: Ledger, network: Tally) -> dict[str, Any]:
+    task, mine = state.task, ledger.vehicles[state.task.uav]
+    own = state.belief.n_cells_from(task.uav)
+    return {
+        "name": task.name,
+        "sysid": task.uav,
+        "outcome": ended_how(state),
+        "trouble": state.trouble,
+        "phase": standing(state),
+        "flight_time_s": mine.flight_time_s,
+        **arrival_of(state),
+        "flown_m": state.flown_m,
+        "at_takeoff": None if mine.prospect is None else _prospect(scenario, task.uav, mine.prospect),
+        "chance_among_true_hostiles": _chance_among_true(scenario, state),
+        "exposure_sum_at_decisions": state.flown_exposure,
+        "safety_factor_at_decisions": state.flown_safety,
+        "cells_entered": len(state.flown_cells),
+        "no_fly_cells_entered": state.no_fly_entered,
+        "strikes": state.vehicle.strikes,
+        "searches": state.searches,
+        "last_plan": None if state.planned is None else _plan(state.planned),
+        "replans": state.replans,
+        "swaps": mine.swaps.summary(),
+        "weights": [
+            _weights(None, 1, task.w, task.strength),
+            *(_weights(*change) for change in mine.weights),
+        ],
+        "weight_changes": mine.weight_changes,
+        "messages_sent": network.sent.total(),
+        "network": _network(network),
+        "communication_penalty": scenario.config.communication.penalty_per_m * state.flown_m,
+        "latency": ledger.latencies(task.uav),
+        "cells_own": own,
+        "cells_heard": state.belief.n_observed - own,
+        "hostiles_known": state.belief.n_found,
+        "battery_percent": state.vehicle.battery_percent,
+    }
+
+
+def _network(tally: Tally) -> dict[str, Any]:
+    """What became of a vehicle's messages; every recipient of one counts."""
+    values = {name: getattr(tally, name) for name in Tally.__slots__}
+    return {
+        name: value if isinstance(value, int) else {str(k): n for k, n in sorted(value.items())}
+        for name, value in values.items()
+    }
+
+
+def arrival_of(state: AgentState) -> dict[str, Any]:
+    """The bound and how it was met; times from the take-off, by the vehicle's own clock."""
+    arrival, arrived_s = state.task.arrival, None
+    if state.arrived_boot_s is not None and state.launched_boot_s is not None:
+        arrived_s = state.arrived_boot_s - state.launched_boot_s
+    kept = arrived_s is not None and arrival.after_s <= arrived_s <= arrival.within_s
+    return {
+        "arrived_s": arrived_s,
+        "arrive_after_s": arrival.after_s,
+        "arrive_within_s": _finite(arrival.within_s),
+        "arrival_bound_kept": kept if arrival.is_bounded else None,
+    }
+
+
+def _prospect(scenario: Scenario, uav: int, prospect: Prospect) -> dict[str, Any]:
+    """What the route it took off with promised, by what was believed then: three numbers that differ."""
+    route = prospect.route
+    entered = route.cells if route.track is None else route.track.over
+    chance = scenario.chance(uav, prospect.belief, prospect.strength, entered)
+    return {
+        "length_m": route.length_m,
+        "exposure_sum": route.exposure_sum,
+        "safety_factor": route.safety_factor,
+        "chance_by_simulation": {
+            "estimate": chance.estimate,
+            "low_95": chance.low,
+            "high_95": chance.high,
+            "worlds": chance.n_worlds,
+        },
+    }
+
+
+def _chance_among_true(scenario: Scenario, state: AgentState) -> float | None:
+    """Of surviving the cells it entered, by where the hostiles truly are: exact; the strikes are one draw."""
+    if not state.flown_cells:
+        return None
+    shape = (scenario.grid.rows, scenario.grid.cols)
+    return chance_among(scenario.hostiles, scenario.strength, state.flown_cells, shape)
+
+
+def _plan(route: Route) -> dict[str, Any]:
+    """What the planner looked at for its last answer, and how good it has proven that to be."""
+    return {
+        "cost": _finite(route.cost),
+        "lower_bound": None if route.lower_bound is None else _finite(route.lower_bound),
+        "searched": [asdict(searched) for searched in route.searched],
+    }
+
+
+def _finite(number: float) -> float | None:
+    """JSON has no infinity."""
+    return number if math.isfinite(number) else None
+
+
+def _weights(
+    flight_time_s: float | None, from_plan: int, w: float, strength: FiringStrength
+) -> dict[str, Any]:
+    """What it planned with, from a plan on; `flight_time_s` is None before its take-off."""
+    return {
+        "flight_time_s": flight_time_s,
+        "from_plan": from_plan,
+        "w": w,
+        "firing_strength": asdict(strength),
+    }
+
+
+def _spec(scenario: Scenario, index: int) -> dict[str, Any]:
+    spec = scenario.specs[index]
+    return {
+        "name": spec.name,
+        "sysid": spec.sysid,
+        "url": spec.url,
+        "link": spec.link,
+        "simulated": spec.simulated,
+        "start": spec.start,
+        "entry": spec.entry,
+        "goals": spec.goals,
+        "altitude_m": spec.altitude_m,
+        "delay_s": spec.delay_s,
+    }
+
+
+def _versions() -> dict[str, str]:
+    packages = ("pymavlink", "eclipse-zenoh", "numpy", "scipy", "numba", "pyproj")
+    return {
+        "swarmctl": __version__,
+        "python": platform.python_version(),
+        **{name: version(name) for name in packages},
+    }

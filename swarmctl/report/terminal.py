@@ -1,0 +1,100 @@
+"""The two faces of a flight: a live table on a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from typing import Protocol
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.text import Text
+
+from swarmctl.agent.state import Phase
+from swarmctl.report.live_rows import Picture, line, table
+from swarmctl.report.ui import Ui
+
+LINE_EVERY_S = 30.0
+MESSAGE_FOR_S = 20.0
+"""how long a message stays, in seconds flown"""
+
+
+class Terminal(Ui, Protocol):
+    def shown(self) -> contextlib.AbstractContextManager[None]:
+        """While the flight lasts."""
+
+
+class LiveTable:
+    """One table that changes in place, the last message below it; with `verbose`, a log above it."""
+
+    def __init__(self, console: Console, *, verbose: bool) -> None:
+        self._live = Live(console=console, auto_refresh=False)
+        self._verbose = verbose
+        self._message = ""
+        self._said_s = 0.0
+        self._picture: Picture | None = None
+
+    @contextlib.contextmanager
+    def shown(self) -> Iterator[None]:
+        with self._live:
+            yield
+            self._message = ""
+            self._draw()
+
+    def say(self, text: str) -> None:
+        self._message = text
+        self._said_s = self._picture.flown_s if self._picture is not None else 0.0
+        self.log(text)
+        self._draw()
+
+    def log(self, text: str) -> None:
+        if self._verbose:
+            self._live.console.print(Text(text, style="bright_black"))
+
+    def refresh(self, picture: Picture) -> None:
+        self._picture = picture
+        if picture.flown_s - self._said_s > MESSAGE_FOR_S:
+            self._message = ""
+        self._draw()
+
+    def _draw(self) -> None:
+        message = Text(self._message, style="bright_black")
+        size = self._live.console.size
+        body = (
+            Group(table(self._picture, size.width, size.height), message)
+            if self._picture is not None
+            else message
+        )
+        self._live.update(body, refresh=True)
+
+
+class PlainLines:
+    """For logs and pipes: a line where something changed, and one a vehicle now and then."""
+
+    def __init__(self, console: Console, *, verbose: bool) -> None:
+        self._console = console
+        self._verbose = verbose
+        self._phases: dict[str, Phase] = {}
+        self._next_s = LINE_EVERY_S
+
+    @contextlib.contextmanager
+    def shown(self) -> Iterator[None]:
+        yield
+
+    def say(self, text: str) -> None:
+        self._console.print(text, highlight=False, markup=False, soft_wrap=True)
+
+    def log(self, text: str) -> None:
+        if self._verbose:
+            self.say(text)
+
+    def refresh(self, picture: Picture) -> None:
+        due = picture.flown_s >= self._next_s
+        if due:
+            self._next_s = picture.flown_s + LINE_EVERY_S
+            speed = "" if picture.speed is None else f", {picture.speed:.1f} times real time"
+            self.say(f"flown {picture.flown_s:.0f} s{speed}")
+        for row in picture.rows:
+            if due or self._phases.get(row.name, row.phase) is not row.phase:
+                self.say("  " * due + line(row))
+            self._phases[row.name] = row.phase

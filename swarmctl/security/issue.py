@@ -1,0 +1,223 @@
+"""Folders for participants, and the authority that vouches for them; what is there already is kept."""
+
+from __future__ import annotations
+
+import base64
+import datetime as dt
+import ipaddress
+import json
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+
+from swarmctl.security.files import (
+    NAME,
+    KeyringError,
+    hosts_of,
+    must_be_issued_by,
+    must_be_valid,
+    must_fit,
+    must_name,
+    read_certificate,
+    read_ec_key,
+    read_signer,
+)
+
+AUTHORITY = "ca"
+LOCAL = ("localhost", "127.0.0.1")
+BEFORE = dt.timedelta(days=1)
+"""a certificate is valid from so long ago on: clocks of companions may be late"""
+PRIVATE = 0o600
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """A participant's folder, and until when its certificate is valid."""
+
+    name: str
+    folder: Path
+    is_new: bool
+    is_changed: bool
+    """it was there, and is no longer what its machine has: it knows others now"""
+    until: dt.datetime
+    hosts: tuple[str, ...]
+
+
+def make(
+    folder: Path,
+    names: Sequence[str],
+    days: int,
+    now: dt.datetime,
+    hosts: Mapping[str, Sequence[str]] | None = None,
+) -> list[Made]:
+    """A folder for each of `names`, where there is none yet; `hosts` are where they are found, by name.
+
+    Certificates are valid for `days` from `now` (an aware datetime) on; the authority's for ten times as
+    long. Raises KeyringError.
+    """
+    for name in names:
+        if not NAME.fullmatch(name):
+            raise KeyringError(f"{name!r} is no participant: expected uav1 to uav254, operator or router")
+    hosts = hosts or {}
+    try:
+        authority = _authority(folder / AUTHORITY, days, now)
+        made = [
+            _participant(folder / name, name, authority, days, now, hosts.get(name, ())) for name in names
+        ]
+        changed = _tell_signers(folder)
+    except OSError as error:
+        raise KeyringError(f"{error.filename or folder}: {error.strerror or error}") from error
+    return [replace(one, is_changed=not one.is_new and one.name in changed) for one in made]
+
+
+@dataclass(frozen=True, slots=True)
+class _Authority:
+    key: ec.EllipticCurvePrivateKey
+    certificate: x509.Certificate
+
+
+def _authority(folder: Path, days: int, now: dt.datetime) -> _Authority:
+    certificate_file, key_file = folder / "ca.pem", folder / "key.pem"
+    if not folder.exists():
+        key = ec.generate_private_key(ec.SECP256R1())
+        name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "swarmctl")])
+        usage = _usage(signs_certificates=True)
+        certificate = (
+            _builder(name, name, key.public_key(), now, 10 * days)
+            .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+            .add_extension(usage, critical=True)
+            .sign(key, hashes.SHA256())
+        )
+        _write(certificate_file, certificate.public_bytes(serialization.Encoding.PEM))
+        _write_key(key_file, key)
+        return _Authority(key, certificate)
+    made = _Authority(read_ec_key(key_file), read_certificate(certificate_file))
+    if made.key.public_key() != made.certificate.public_key():
+        raise KeyringError(
+            f"{key_file} does not fit {certificate_file}; restore them, or give another folder"
+        )
+    must_be_valid(certificate_file, made.certificate, now)
+    return made
+
+
+def _participant(
+    folder: Path, name: str, authority: _Authority, days: int, now: dt.datetime, hosts: Sequence[str]
+) -> Made:
+    if folder.exists():
+        return _kept(folder, name, authority, now, hosts)
+    key = ec.generate_private_key(ec.SECP256R1())
+    subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
+    all_hosts = tuple(dict.fromkeys((name, *LOCAL, *hosts)))
+    purposes = [ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH]
+    certificate = (
+        _builder(subject, authority.certificate.subject, key.public_key(), now, days)
+        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+        .add_extension(_usage(signs_certificates=False), critical=True)
+        .add_extension(x509.ExtendedKeyUsage(purposes), critical=False)
+        .add_extension(x509.SubjectAlternativeName(_general_names(all_hosts)), critical=False)
+        .sign(authority.key, hashes.SHA256())
+    )
+    _write(folder / "ca.pem", authority.certificate.public_bytes(serialization.Encoding.PEM))
+    _write(folder / "cert.pem", certificate.public_bytes(serialization.Encoding.PEM))
+    _write_key(folder / "key.pem", key)
+    _write_key(folder / "sign.pem", Ed25519PrivateKey.generate())
+    return Made(name, folder, True, False, certificate.not_valid_after_utc, all_hosts)
+
+
+def _kept(folder: Path, name: str, authority: _Authority, now: dt.datetime, hosts: Sequence[str]) -> Made:
+    """A folder of an earlier time, if it is one of this authority's."""
+    certificate_file = folder / "cert.pem"
+    certificate = read_certificate(certificate_file)
+    must_name(certificate_file, certificate, name)
+    must_be_issued_by(certificate_file, certificate, authority.certificate, folder.parent / AUTHORITY)
+    must_be_valid(certificate_file, certificate, now)
+    must_fit(folder / "key.pem", certificate_file, certificate)
+    read_signer(folder / "sign.pem")
+    named = hosts_of(certificate)
+    if missing := [host for host in hosts if host not in named]:
+        raise KeyringError(
+            f"{certificate_file} does not name {', '.join(missing)}; remove {folder} to have it made anew"
+        )
+    return Made(name, folder, False, False, certificate.not_valid_after_utc, named)
+
+
+def _tell_signers(folder: Path) -> set[str]:
+    """Write everybody's public keys into every folder, also those of earlier times; returns in which others
+    stood."""
+    folders = sorted(path for path in folder.iterdir() if NAME.fullmatch(path.name))
+    public = {path.name: read_signer(path / "sign.pem").public_key().public_bytes_raw() for path in folders}
+    text = json.dumps({name: base64.b64encode(key).decode() for name, key in public.items()}, indent=2)
+    content = text.encode() + b"\n"
+    others = [path for path in folders if not _holds(path / "signers.json", content)]
+    for path in others:
+        _write(path / "signers.json", content)
+    return {path.name for path in others}
+
+
+def _holds(path: Path, content: bytes) -> bool:
+    return path.exists() and path.read_bytes() == content
+
+
+def _builder(
+    subject: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePublicKey, now: dt.datetime, days: int
+) -> x509.CertificateBuilder:
+    return (
+        x509.CertificateBuilder()
+        .subject_name(subject)
+        .issuer_name(issuer)
+        .public_key(key)
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(now - BEFORE)
+        .not_valid_after(now + dt.timedelta(days=days))
+    )
+
+
+def _usage(*, signs_certificates: bool) -> x509.KeyUsage:
+    return x509.KeyUsage(
+        digital_signature=not signs_certificates,
+        key_cert_sign=signs_certificates,
+        crl_sign=signs_certificates,
+        content_commitment=False,
+        key_encipherment=False,
+        data_encipherment=False,
+        key_agreement=False,
+        encipher_only=False,
+        decipher_only=False,
+    )
+
+
+def _general_names(hosts: Iterable[str]) -> list[x509.GeneralName]:
+    names: list[x509.GeneralName] = []
+    for host in hosts:
+        try:
+            names.append(x509.IPAddress(ipaddress.ip_address(host)))
+        except ValueError:
+            try:
+                names.append(x509.DNSName(host))
+            except ValueError as error:
+                raise KeyringError(f"{host!r} is no host: expected a name or an address") from error
+    return names
+
+
+def _write(path: Path, content: bytes, mode: int = 0o644) -> None:
+    """With its mode from the first byte on, and never half a file under its name."""
+    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    draft = path.with_name(f".{path.name}.new")
+    draft.unlink(missing_ok=True)
+    with os.fdopen(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as file:
+        file.write(content)
+    draft.rename(path)
+
+
+def _write_key(path: Path, key: ec.EllipticCurvePrivateKey | Ed25519PrivateKey) -> None:
+    pem = key.private_bytes(
+        serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
+    )
+    _write(path, pem, PRIVATE)

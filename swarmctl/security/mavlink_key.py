@@ -1,0 +1,91 @@
+"""The key of MAVLink signing, and the time stamps used under it, as files."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import fcntl
+import hashlib
+import os
+import re
+from pathlib import Path
+
+from swarmctl.security.files import KeyringError, must_be_private
+
+KEY_BYTES = 32
+"""https://mavlink.io/en/guide/message_signing.html#secret_key"""
+
+PASSPHRASE = "passphrase:"
+_HEX = re.compile(r"[0-9a-fA-F]{64}")
+_FORMS = (
+    "64 hexadecimal digits, the 44 characters in base64 that Mission Planner shows, or `passphrase: WORDS`, "
+    "whose SHA-256 is the key as in Mission Planner and MAVProxy"
+)
+
+
+def read_mavlink_key(path: Path) -> bytes:
+    """32 bytes. Raises KeyringError, also where others may read the file."""
+    try:
+        text = path.read_text(encoding="utf-8").strip()
+    except OSError as error:
+        where = "" if path.is_absolute() else f"; {path} is looked for from where the command runs"
+        raise KeyringError(
+            f"{path.absolute()}: the signing key cannot be read: {error.strerror or error}{where}"
+        ) from error
+    except UnicodeDecodeError as error:
+        raise KeyringError(
+            f"{path}: the signing key cannot be read: it is not text; expected {_FORMS}"
+        ) from error
+    must_be_private(path)
+    key = _key(text)
+    if key is None:
+        raise KeyringError(f"{path}: found no signing key, expected {_FORMS}")
+    if not any(key):
+        raise KeyringError(f"{path}: a key of zeros means no signing; make another, or leave it away")
+    return key
+
+
+def _key(text: str) -> bytes | None:
+    if text.startswith(PASSPHRASE):
+        passphrase = text.removeprefix(PASSPHRASE).strip()
+        return hashlib.sha256(passphrase.encode()).digest() if passphrase else None
+    if _HEX.fullmatch(text):
+        return bytes.fromhex(text)
+    try:
+        key = base64.b64decode(text, validate=True)
+    except (ValueError, binascii.Error):
+        return None
+    return key if len(key) == KEY_BYTES else None
+
+
+class TimestampFile:
+    """Beside the key: a number that no frame was stamped with, and none below which one may be."""
+
+    def __init__(self, key_file: Path) -> None:
+        self.path = key_file.with_name(f"{key_file.name}.timestamp")
+
+    def load(self) -> int:
+        """0 where there is none yet. Raises OSError, and ValueError where it is no number."""
+        try:
+            text = self.path.read_text(encoding="ascii")
+        except FileNotFoundError:
+            return 0
+        return _number(text, self.path)
+
+    def keep(self, timestamp: int) -> None:
+        """Another process with the same key may have kept a higher one. Raises OSError, ValueError."""
+        with os.fdopen(os.open(self.path, os.O_RDWR | os.O_CREAT, 0o600), "r+", encoding="ascii") as file:
+            fcntl.flock(file, fcntl.LOCK_EX)
+            text = file.read()
+            highest = max(timestamp, _number(text, self.path) if text else 0)
+            file.seek(0)
+            # One width, so that no crash leaves the end of a longer number.
+            file.write(f"{highest:020d}\n")
+            file.flush()
+            os.fsync(file.fileno())
+
+
+def _number(text: str, path: Path) -> int:
+    if not text.strip().isdecimal():
+        raise ValueError(f"{path}: found {text[:40]!r}, expected the number this program wrote; restore it")
+    return int(text)

@@ -1,0 +1,678 @@
+"""The policy of one vehicle, told as stories: events in, effects out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from swarmctl.agent.failsafes import ALWAYS, low_battery
+from swarmctl.agent.failsafes.base import Ruling
+from swarmctl.agent.state import AgentState, Phase, Task, begin
+from swarmctl.agent.step import MAX_FAILED_SWAPS, RETRY_AFTER_S, step, wants_tick
+from swarmctl.core import events as ev
+from swarmctl.core.belief import Belief
+from swarmctl.core.frames import StateShared
+from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.observation import Observation
+from swarmctl.core.threat import FiringStrength
+from swarmctl.core.vehicle import STALE_MODE_S, Landed, VehicleState
+from swarmctl.planners import PLANNERS, Method
+
+GRID = Grid(9, 9, 50.0, 46.0, 14.0)
+DIJKSTRA = Method("dijkstra", PLANNERS["dijkstra"], PLANNERS["dijkstra"].Params())
+
+
+def task(**changes: object) -> Task:
+    plain = Task(
+        uav=1,
+        name="uav1",
+        grid=GRID,
+        strength=FiringStrength(0.6, 0.3, 0.1),
+        w=0.5,
+        psi_per_cell=0.1,
+        entry=(4, 0),
+        goals=((4, 8),),
+        altitude_m=30.0,
+        method=DIJKSTRA,
+    )
+    return replace(plain, **changes)  # type: ignore[arg-type]
+
+
+class Story:
+    """Folds events one after the other and keeps what came of the last."""
+
+    def __init__(self, **changes: object) -> None:
+        self.state = begin(task(**changes), Belief.prior(GRID.rows, GRID.cols, 4))
+        self.now = 0.0
+        self.effects: list[ev.Effect] = []
+
+    def __call__(self, event: ev.Event) -> list[ev.Effect]:
+        self.now += 1.0
+        self.state, self.effects = step(self.state, event, self.now)
+        return self.effects
+
+    def tick(self) -> list[ev.Effect]:
+        return self(ev.Tick()) if wants_tick(self.state, self.now) else []
+
+    def swap(self) -> ev.SwapMission:
+        (effect,) = (e for e in self.tick() if isinstance(e, ev.SwapMission))
+        return effect
+
+    def accept(self) -> list[ev.Effect]:
+        assert self.state.pending is not None
+        return self(ev.MissionAccepted(self.state.pending.plan_id))
+
+    def over(self, cell: Cell, **changes: object) -> list[ev.Effect]:
+        lat_deg, lon_deg = GRID.centre(cell)
+        state = VehicleState(
+            time_boot_s=self.now,
+            lat_deg=lat_deg,
+            lon_deg=lon_deg,
+            alt_rel_m=30.0,
+            mode="AUTO",
+            mode_role="mission",
+            armed=True,
+            landed=Landed.IN_AIR if changes.get("armed", True) else Landed.ON_GROUND,
+            heartbeat_s=self.now,
+            status_s=self.now,
+            position_s=self.now,
+        )
+        return self(ev.TelemetryReceived(replace(state, **changes)))  # type: ignore[arg-type]
+
+    def hear(self, *cells: tuple[int, int, bool], observer: int = 2, seq: int = 1) -> list[ev.Effect]:
+        observation = Observation(observer, seq, self.now, cells)
+        return self(ev.Heard((observation,)))
+
+    def launching(self) -> Story:
+        self(ev.Ready())
+        self.swap()
+        self.accept()
+        self(ev.OperatorCommand(ev.Order.LAUNCH))
+        assert self.state.phase is Phase.LAUNCHING
+        return self
+
+    def flying(self) -> Story:
+        self.launching()
+        self(ev.OrderDone(ev.Order.LAUNCH))
+        self.over((4, 0))
+        assert self.state.phase is Phase.FLYING
+        return self
+
+
+def publications(effects: list[ev.Effect]) -> list[object]:
+    return [e.message for e in effects if isinstance(e, ev.Publish)]
+
+
+def orders(effects: list[ev.Effect]) -> list[ev.Order]:
+    return [e.order for e in effects if isinstance(e, ev.Command)]
+
+
+def unsaid(effects: list[ev.Effect]) -> list[ev.Effect]:
+    """But what it tells the others."""
+    return [e for e in effects if not isinstance(e, ev.Publish)]
+
+
+BOOTED = {"mode": "STABILIZE", "mode_role": "other", "armed": False, "time_boot_s": 900.0}
+"""a heartbeat after a boot that its clock has not told of yet"""
+
+
+def waiting() -> Story:
+    story = Story()
+    story(ev.Ready())
+    story.swap()
+    story.accept()
+    story.over((4, 0), mode="GUIDED", mode_role="hold", armed=False)
+    return story
+
+
+def test_one_that_boots_before_its_launch_is_made_ready_anew_and_not_let_go() -> None:
+    story = waiting()
+    assert orders(story.over((4, 0), **BOOTED)) == []
+    assert story.state.phase is Phase.STANDBY
+    story(ev.Rebooted())
+    assert story.state.phase is Phase.WAITING
+
+
+def test_one_in_a_mode_of_somebody_elses_is_not_launched() -> None:
+    story = waiting()
+    story.over((4, 0), **BOOTED)
+    assert orders(story(ev.OperatorCommand(ev.Order.LAUNCH))) == []
+    assert story.state.phase is Phase.RELEASED
+
+
+def test_nothing_is_sent_to_a_vehicle_that_is_not_ready() -> None:
+    story = Story()
+    assert story.tick() == []
+    assert story(ev.OperatorCommand(ev.Order.LAUNCH)) == []
+    assert story.state.phase is Phase.WAITING
+
+
+def test_from_ready_to_launch() -> None:
+    story = Story()
+    story(ev.Ready())
+    swap = story.swap()
+    assert swap.cells[0] == (4, 0)
+    assert swap.cells[-1] == (4, 8)
+    assert swap.plan.takeoff_alt_m == 30.0
+    assert story(ev.OperatorCommand(ev.Order.LAUNCH)) == []
+    assert orders(story.accept()) == [ev.Order.LAUNCH]
+    assert story.state.phase is Phase.LAUNCHING
+
+
+def test_what_it_sees_first_it_tells_the_others_once() -> None:
+    story = Story().flying()
+    effects = story(ev.Observed(((4, 0, False), (4, 1, True))))
+    (message,) = publications(effects)
+    assert isinstance(message, Observation)
+    assert (message.observer, message.seq) == (1, 1)
+    assert message.cells == ((4, 0, False), (4, 1, True))
+    assert story(ev.Observed(((4, 0, False), (4, 1, True)))) == []
+
+
+def test_what_it_has_heard_of_it_does_not_tell_again() -> None:
+    story = Story().flying()
+    story.hear((4, 1, True))
+    (message,) = publications(story(ev.Observed(((4, 1, True), (5, 1, False)))))
+    assert isinstance(message, Observation)
+    assert message.cells == ((5, 1, False),)
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_what_it_sees_otherwise_than_it_was_told_it_tells_and_says_so(told: bool) -> None:
+    story = Story().flying()
+    story.hear((4, 1, told), (5, 1, False))
+    look = ev.Observed(((4, 1, not told), (5, 1, False)))
+    (effect,) = (e for e in story(look) if isinstance(e, ev.Publish))
+    assert isinstance(effect.message, Observation)
+    assert effect.message.cells == ((4, 1, not told),)
+    assert effect.against == ((4, 1),)
+    assert story(look) == []  # once: what both saw is known now, and occupied wins
+    assert story.state.belief.occupancy()[4, 1] == 1.0
+
+
+def test_a_hostile_ahead_changes_the_mission_and_says_because_of_what() -> None:
+    story = Story().flying()
+    assert story.state.route is not None
+    assert (4, 4) in story.state.route.cells
+    story.hear((4, 4, True), observer=3, seq=7)
+    swap = story.swap()
+    assert (4, 4) not in swap.cells
+    assert swap.because == ((3, 0, 7),)
+    story.accept()
+    assert story.state.replans == 1
+
+
+def test_news_that_changes_nothing_ahead_swaps_no_mission() -> None:
+    story = Story().flying()
+    story.hear((0, 8, False))
+    assert story.tick() == []
+    assert not story.state.dirty
+
+
+def test_news_during_a_swap_waits_for_its_end_and_then_counts() -> None:
+    story = Story().flying()
+    story.hear((4, 4, True))
+    first = story.swap()
+    for seq, row in enumerate((3, 5), start=2):
+        story.hear((row, 4, True), seq=seq)
+        assert story.tick() == []
+    story.accept()
+    story.now += 2.0
+    story.over((4, 0))  # it has followed meanwhile
+    second = story.swap()
+    assert second.plan_id > first.plan_id
+    assert second.because == ((2, 0, 2), (2, 0, 3))
+    assert not {(3, 4), (4, 4), (5, 4)} & set(second.cells)
+
+
+def test_replanning_starts_from_where_the_vehicle_is() -> None:
+    story = Story().flying()
+    story.over((4, 3))
+    story.hear((4, 5, True))
+    assert story.swap().cells[0] == (4, 3)
+
+
+def test_a_leg_that_clips_a_cell_beside_the_route_is_no_reason_to_swap() -> None:
+    story = Story(goals=((8, 8),)).flying()
+    assert story.state.route is not None
+    diagonal = next(i for i in range(8) if story.state.route.cells[i + 1][0] > story.state.route.cells[i][0])
+    (row, col) = story.state.route.cells[diagonal]
+    for cell in story.state.route.cells[: diagonal + 1]:
+        story.over(cell)
+    story.over((row, col + 1))
+    story.hear((0, 8, False))
+    assert story.tick() == []
+
+
+def test_a_failed_swap_that_left_the_old_plan_is_tried_again_later() -> None:
+    story = Story().flying()
+    story.hear((4, 4, True))
+    swap = story.swap()
+    story(ev.MissionFailed(swap.plan_id, "old", "no answer"))
+    assert story.tick() == []
+    story.now += RETRY_AFTER_S
+    again = story.swap()
+    assert again.because == swap.because
+
+
+PAST = "mission not changed, it flies its old mission: it has flown past"
+
+
+def test_a_failed_swap_is_no_trouble_any_more_once_the_old_plan_is_found_to_be_right() -> None:
+    story = Story().flying()
+    story.hear((4, 4, True))
+    story(ev.MissionFailed(story.swap().plan_id, "old", PAST, is_late=True))
+    assert story.state.trouble == PAST
+    for col in range(1, 7):
+        story.over((4, col))
+    assert story.tick() == []
+    assert story.state.trouble == ""
+
+
+def test_a_failed_swap_is_no_trouble_any_more_over_the_goal() -> None:
+    story = Story().flying()
+    story.hear((4, 4, True))
+    story(ev.MissionFailed(story.swap().plan_id, "old", PAST))
+    story.over((4, 7))
+    assert (story.state.phase, story.state.trouble) == (Phase.FLYING, PAST)
+    story.over((4, 8))
+    assert (story.state.phase, story.state.trouble) == (Phase.LANDING, "")
+
+
+def test_a_swap_that_fails_over_the_goal_is_no_trouble() -> None:
+    story = Story().flying()
+    story.hear((4, 4, True))
+    swap = story.swap()
+    story.over((4, 8))
+    story(ev.MissionFailed(swap.plan_id, "old", PAST, is_late=True))
+    assert (story.state.phase, story.state.trouble) == (Phase.LANDING, "")
+
+
+def test_other_trouble_is_kept_when_nothing_is_to_be_changed() -> None:
+    story = Story().flying()
+    story.hear((4, 4, True))
+    story(ev.MissionFailed(story.swap().plan_id, "old", PAST, is_late=True))
+    story(ev.Rebooted())
+    for col in range(1, 7):
+        story.over((4, col))
+    assert story.tick() == []
+    assert story.state.trouble == "it has rebooted"
+
+
+def test_a_vehicle_left_in_hold_gets_a_plan_even_if_nothing_is_new() -> None:
+    story = Story().flying()
+    before = story.state.route
+    story.hear((4, 4, True))
+    swap = story.swap()
+    story(ev.MissionFailed(swap.plan_id, "hold", "no answer"))
+    assert story.state.route is None
+    story.now += RETRY_AFTER_S
+    assert before is not None
+    assert story.swap().cells[-1] == before.cells[-1]
+
+
+def test_a_vehicle_whose_mission_cannot_be_changed_comes_home() -> None:
+    story = Story().flying()
+    for seq in range(1, MAX_FAILED_SWAPS + 1):
+        story.hear((4, 1 + seq, True), seq=seq)
+        swap = story.swap()
+        effects = story(ev.MissionFailed(swap.plan_id, "hold", "refused"))
+        story.now += RETRY_AFTER_S
+    assert orders(effects) == [ev.Order.RETURN]
+    story.over((4, 0), armed=False, landed=Landed.ON_GROUND)
+    assert story.state.phase is Phase.FAILED
+    assert "refused" in story.state.outcome
+
+
+def test_a_lost_vehicle_gets_no_mission_until_it_is_heard_again() -> None:
+    story = Story().flying()
+    story(ev.LinkLost(5.0))
+    story.hear((4, 4, True))
+    assert story.tick() == []
+    story(ev.LinkRestored())
+    assert (4, 4) not in story.swap().cells
+
+
+def test_a_vehicle_that_somebody_else_has_taken_over_is_let_go() -> None:
+    story = Story().flying()
+    story.hear((4, 4, True))
+    swap = story.swap()
+    assert unsaid(story.over((4, 1), mode="LOITER", mode_role="other")) == [ev.Release()]
+    assert story.state.phase is Phase.RELEASED
+    assert "LOITER" in story.state.outcome
+    assert story(ev.MissionFailed(swap.plan_id, "theirs", "its mode is LOITER")) == []
+    assert story(ev.OperatorCommand(ev.Order.HOLD)) == []
+    story.hear((4, 5, True), seq=2)
+    assert story.tick() == []
+
+
+@pytest.mark.parametrize("role", ["return", "land"])
+def test_a_failsafe_that_brings_it_home_is_not_fought(role: str) -> None:
+    story = Story().flying()
+    assert unsaid(story.over((4, 1), mode_role=role)) == [ev.Release()]
+
+
+def test_without_a_position_a_takeover_is_seen_too() -> None:
+    story = Story().flying()
+    lost_gps = VehicleState(mode="LAND", mode_role="land", armed=True)
+    assert unsaid(story(ev.TelemetryReceived(lost_gps))) == [ev.Release()]
+
+
+def test_held_by_another_station_it_is_let_go_but_not_for_a_late_heartbeat_of_its_own_swap() -> None:
+    story = Story().flying()
+    story.over((4, 1), mode_role="hold")
+    story.over((4, 1), mode_role="mission")
+    assert story.state.phase is Phase.FLYING
+    story.over((4, 1), mode_role="hold")
+    story.now += STALE_MODE_S
+    assert unsaid(story.over((4, 1), mode_role="hold")) == [ev.Release()]
+
+
+@pytest.mark.parametrize("order", [ev.Order.HOLD, ev.Order.RETURN, ev.Order.LAND])
+def test_a_pilot_who_takes_over_after_an_order_is_not_ordered_again(order: ev.Order) -> None:
+    story = Story().flying()
+    story(ev.OperatorCommand(order))
+    story(ev.OrderFailed(order, "no answer"))
+    story.now += RETRY_AFTER_S
+    assert unsaid(story.over((4, 1), mode="LOITER", mode_role="other")) == [ev.Release()]
+
+
+def test_an_order_that_was_not_followed_is_given_again_after_a_while() -> None:
+    story = Story().flying()
+    story(ev.OperatorCommand(ev.Order.LAND))
+    story(ev.OrderFailed(ev.Order.LAND, "refused"))
+    assert orders(story.over((4, 1))) == []
+    story.now += RETRY_AFTER_S
+    assert orders(story.over((4, 1))) == [ev.Order.LAND]
+
+
+def test_a_vehicle_that_somebody_arms_on_the_ground_is_not_launched() -> None:
+    story = Story()
+    story(ev.Ready())
+    story.swap()
+    story.accept()
+    assert unsaid(story.over((4, 0), mode="LOITER", mode_role="other")) == [ev.Release()]
+    assert story(ev.OperatorCommand(ev.Order.LAUNCH)) == []
+
+
+def test_a_pilot_who_takes_over_during_the_launch_is_not_landed() -> None:
+    story = Story().launching()
+    assert unsaid(story.over((4, 0), mode="ALT_HOLD", mode_role="other")) == [ev.Release()]
+    assert story(ev.OrderFailed(ev.Order.LAUNCH, "its mode is ALT_HOLD")) == []
+
+
+@pytest.mark.parametrize("order", [ev.Order.HOLD, ev.Order.RETURN])
+def test_a_launch_that_is_broken_off_goes_down_whatever_else_is_ordered(order: ev.Order) -> None:
+    story = Story().launching()
+    assert orders(story(ev.OperatorCommand(order))) == [ev.Order.LAND]
+    assert story(ev.OperatorCommand(ev.Order.RETURN)) == []
+    # The last heartbeat before said "disarmed"; the arm command was on its way.
+    story.over((4, 0), armed=False)
+    assert not story.state.ended
+    story.over((4, 0), armed=True, mode_role="land")
+    story.over((4, 0), armed=False, mode_role="land")
+    assert (story.state.phase, story.state.outcome) == (Phase.DONE, "launch broken off; landed")
+
+
+def test_a_launch_broken_off_before_it_armed_ends_when_the_landing_mode_is_seen() -> None:
+    story = Story().launching()
+    story.over((4, 0), armed=False, mode_role="hold")
+    story(ev.OperatorCommand(ev.Order.HOLD))
+    story.over((4, 0), armed=False, mode_role="land")
+    story(ev.OrderDone(ev.Order.LAND))
+    assert (story.state.phase, story.state.outcome) == (Phase.DONE, "launch broken off")
+
+
+def test_a_vehicle_that_boots_on_the_ground_is_made_ready_again() -> None:
+    story = Story()
+    story(ev.Ready())
+    story.swap()
+    story.accept()
+    story(ev.Rebooted())
+    assert story.state.phase is Phase.WAITING
+    assert story(ev.OperatorCommand(ev.Order.LAUNCH)) == []
+    story(ev.Ready())
+    story.swap()
+    assert orders(story.accept()) == [ev.Order.LAUNCH]
+
+
+def test_where_no_way_leads_on_it_flies_the_plan_it_has() -> None:
+    wall = frozenset((row, col) for row in range(6, 9) for col in range(3) if (row, col) != (7, 1))
+    story = Story(no_fly=wall).flying()
+    before = story.state.route
+    story.over((7, 1))
+    story.hear((0, 8, False))
+    assert story.tick() == []
+    assert story.state.route is before
+    assert "no way" in story.state.trouble
+
+
+def test_held_where_no_way_leads_on_it_comes_home() -> None:
+    wall = frozenset((row, col) for row in range(6, 9) for col in range(3) if (row, col) != (7, 1))
+    story = Story(no_fly=wall).flying()
+    story.hear((4, 4, True))
+    story(ev.MissionFailed(story.swap().plan_id, "hold", "no answer"))
+    story.over((7, 1), mode_role="hold")
+    story.now += RETRY_AFTER_S
+    assert orders(story.tick()) == [ev.Order.RETURN]
+
+
+def test_it_has_not_arrived_if_it_came_down_beside_its_goal() -> None:
+    story = Story().flying()
+    story.over((4, 8))
+    story.over((5, 8), armed=False)
+    assert story.state.phase is Phase.FAILED
+    assert "(5, 8)" in story.state.outcome
+
+
+def test_the_start_is_not_counted_and_forbidden_cells_are_counted_apart() -> None:
+    story = Story(no_fly=frozenset({(0, 0)})).flying()
+    assert story.state.flown_exposure == 0.0
+    story.over((0, 0))
+    assert story.state.no_fly_entered == 1
+    assert story.state.flown_exposure == 0.0
+
+
+def test_it_arrives_when_it_is_down_at_its_goal() -> None:
+    story = Story().flying()
+    for col in range(1, 9):
+        story.over((4, col))
+    assert story.state.phase is Phase.LANDING
+    story.over((4, 8), armed=False, landed=Landed.ON_GROUND)
+    assert (story.state.phase, story.state.outcome) == (Phase.DONE, "arrived")
+
+
+@pytest.mark.parametrize(
+    ("up_m", "cell", "outcome"),
+    [
+        (1.0, (4, 8), "arrived"),
+        (1.0, (5, 8), "disarmed in cell (5, 8),"),
+        (30.0, (4, 8), "disarmed in cell (4, 8), short of its goal"),
+    ],
+)
+def test_called_off_when_it_is_all_but_down_at_its_goal_it_has_arrived(
+    up_m: float, cell: Cell, outcome: str
+) -> None:
+    story = Story().flying()
+    story.over((4, 8), alt_rel_m=up_m)
+    story(ev.OperatorCommand(ev.Order.HOLD))
+    story.over(cell, armed=False, landed=Landed.ON_GROUND)
+    assert story.state.outcome.startswith(outcome)
+    assert story.state.phase is (Phase.DONE if outcome == "arrived" else Phase.FAILED)
+
+
+@pytest.mark.parametrize(("cell", "where"), [((4, 0), ""), ((4, 8), " 400 m from home")])
+def test_called_back_it_says_where_it_is_down_if_that_is_not_at_home(cell: Cell, where: str) -> None:
+    story = Story().flying()
+    lat_deg, lon_deg = GRID.centre((4, 0))
+    home = {"home_lat_deg": lat_deg, "home_lon_deg": lon_deg}
+    story.over((4, 8), **home)  # it lands there
+    story(ev.OperatorCommand(ev.Order.RETURN))
+    story.over(cell, armed=False, landed=Landed.ON_GROUND, **home)
+    assert story.state.outcome == f"return ordered; landed{where}"
+
+
+def test_over_its_goal_it_is_not_sent_elsewhere() -> None:
+    story = Story().flying()
+    story.over((4, 8))
+    story.hear((4, 8, True))
+    assert story.tick() == []
+
+
+def test_down_short_of_its_goal_it_has_failed_and_says_where() -> None:
+    story = Story().flying()
+    story.over((4, 3), armed=False, landed=Landed.ON_GROUND)
+    assert story.state.phase is Phase.FAILED
+    assert "(4, 3)" in story.state.outcome
+
+
+def test_over_its_goal_and_stuck_in_hold_it_is_told_to_land_and_arrives() -> None:
+    story = Story().flying()
+    story.hear((4, 4, True))
+    swap = story.swap()
+    story.over((4, 8))
+    assert orders(story(ev.MissionFailed(swap.plan_id, "hold", "no answer"))) == [ev.Order.LAND]
+    story.over((4, 8), mode="LAND", mode_role="land")
+    assert story.state.phase is Phase.LANDING
+    story.over((4, 8), mode="LAND", armed=False)
+    assert (story.state.phase, story.state.outcome) == (Phase.DONE, "arrived")
+
+
+@pytest.mark.parametrize("seen", [True, False])
+def test_an_order_that_a_lost_vehicle_did_not_get_is_given_again(seen: bool) -> None:
+    story = Story().flying()
+    story(ev.LinkLost(5.0))
+    story(ev.OperatorCommand(ev.Order.RETURN))
+    story(ev.OrderDone(ev.Order.RETURN) if seen else ev.OrderFailed(ev.Order.RETURN, "no answer"))
+    story(ev.LinkRestored())
+    role = "return" if seen else "mission"
+    assert orders(story.over((4, 1), mode_role=role)) == ([] if seen else [ev.Order.RETURN])
+
+
+@pytest.mark.parametrize(
+    ("armed", "expected", "phase"), [(False, [], Phase.FAILED), (True, [ev.Order.LAND], Phase.LEAVING)]
+)
+def test_a_launch_that_failed_leaves_no_vehicle_alone_that_it_armed(
+    armed: bool, expected: list[ev.Order], phase: Phase
+) -> None:
+    story = Story().launching()
+    story.over((4, 0), armed=armed)
+    assert orders(story(ev.OrderFailed(ev.Order.LAUNCH, "it did not climb"))) == expected
+    assert story.state.phase is phase
+
+
+def test_on_the_ground_an_order_to_leave_ends_it_without_a_command() -> None:
+    story = Story()
+    story(ev.Ready())
+    assert story(ev.OperatorCommand(ev.Order.RETURN)) == []
+    assert (story.state.phase, story.state.outcome) == (Phase.DONE, "not launched")
+
+
+@pytest.mark.parametrize("order", [ev.Order.HOLD, ev.Order.RETURN, ev.Order.LAND])
+def test_an_order_in_flight_is_followed_and_ends_the_planning(order: ev.Order) -> None:
+    story = Story().flying()
+    assert orders(story(ev.OperatorCommand(order))) == [order]
+    story.hear((4, 4, True))
+    assert story.tick() == []
+
+
+def test_an_observation_outside_the_area_is_refused_and_counted() -> None:
+    story = Story().flying()
+    before = story.state.belief
+    assert story.hear((99, 99, True)) == []
+    assert story.state.belief is before
+    assert story.state.refused == 1
+
+
+def test_its_state_is_shared_about_once_a_second_of_its_own_time() -> None:
+    story = Story().flying()
+    shared = 0
+    for tenth in range(100, 150):
+        effects = story.over((4, 1), time_boot_s=tenth / 10)
+        shared += sum(isinstance(m, StateShared) for m in publications(effects))
+    assert shared == 5
+
+
+def test_flown_exposure_is_what_was_believed_when_each_cell_was_chosen() -> None:
+    story = Story().flying()
+    assert story.state.exposure is not None
+    before = story.state.flown_exposure
+    believed = float(story.state.exposure[4, 1])
+    story.over((4, 1))
+    assert story.state.flown_exposure - before == pytest.approx(believed)
+    assert story.state.flown_safety < 1.0
+
+
+def test_no_route_enters_a_forbidden_cell() -> None:
+    wall = frozenset((row, 4) for row in range(8))
+    story = Story(no_fly=wall)
+    story(ev.Ready())
+    assert not wall & set(story.swap().cells)
+
+
+OBSERVED = st.lists(
+    st.tuples(st.integers(2, 4), st.integers(1, 5), st.integers(0, 8), st.integers(0, 8), st.booleans()),
+    max_size=12,
+)
+
+
+@given(OBSERVED, st.randoms(use_true_random=False))
+@settings(max_examples=40, deadline=None, derandomize=True)
+def test_the_order_in_which_news_arrives_does_not_change_the_route(
+    rows: list[tuple[int, int, int, int, bool]], random: object
+) -> None:
+    unique = {(observer, seq): (r, c, o) for observer, seq, r, c, o in rows}
+    told = list(unique.items())
+    shuffled = [*told, *told[:3]]
+    random.shuffle(shuffled)  # type: ignore[attr-defined]
+    ends: list[AgentState] = []
+    for sequence in (told, shuffled):
+        story = Story().flying()
+        for (observer, seq), cell in sequence:
+            story.hear(cell, observer=observer, seq=seq)
+        if story.tick():
+            story.accept()
+        ends.append(story.state)
+    assert np.array_equal(ends[0].belief.known, ends[1].belief.known)
+    assert ends[0].route is not None
+    assert ends[1].route is not None
+    assert ends[0].route.cells == ends[1].route.cells
+
+
+def test_one_heartbeat_that_says_disarmed_in_the_air_ends_nothing() -> None:
+    story = Story().flying()
+    up = {"armed": False, "landed": Landed.IN_AIR}
+    story.over((4, 1), **up)
+    story.over((4, 1), **up, heartbeat_s=story.state.vehicle.heartbeat_s)  # a position, no other heartbeat
+    assert story.state.phase is Phase.FLYING
+    story.over((4, 1))
+    story.over((4, 2), **up)
+    assert story.state.phase is Phase.FLYING
+    story.over((4, 2), **up)
+    assert story.state.phase is Phase.FAILED
+    assert story.state.outcome.startswith("disarmed in cell (4, 2), short of its goal")
+
+
+def test_rules_and_orders_go_on_while_no_position_comes() -> None:
+    story = Story(rules=(*ALWAYS, Ruling(low_battery, low_battery.Params()))).flying()
+    flown_m, cell = story.state.flown_m, story.state.cell
+    nowhere = {"lat_deg": None, "lon_deg": None, "alt_rel_m": None, "position_s": 0.0}
+    given = [orders(story.over((7, 7), battery_percent=20, **nowhere)) for _ in range(6)]
+    assert [ev.Order.RETURN] in given
+    story(ev.OrderFailed(ev.Order.RETURN, "no answer"))
+    again = [orders(story.over((7, 7), mode_role="mission", **nowhere)) for _ in range(6)]
+    assert [ev.Order.RETURN] in again
+    assert (story.state.flown_m, story.state.cell) == (flown_m, cell)
+
+
+def test_an_old_position_that_is_told_again_is_no_way_flown_and_shared_with_nobody() -> None:
+    story = Story().flying()
+    story.over((4, 1))
+    flown_m, cells, boot_s = story.state.flown_m, story.state.flown_cells, story.state.vehicle.time_boot_s
+    told = [story.over((4, 1), time_boot_s=boot_s, position_s=boot_s) for _ in range(3)]
+    assert (story.state.flown_m, story.state.flown_cells) == (flown_m, cells)
+    assert not any(isinstance(message, StateShared) for effects in told for message in publications(effects))

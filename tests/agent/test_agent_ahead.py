@@ -1,0 +1,72 @@
+"""Where a new plan of a fixed wing leaves the old one, and which corners it still flies to."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from test_wings_checks import winged
+
+from swarmctl.agent.replan.decide import first_flight, first_problem, first_route
+from swarmctl.agent.replan.route_to_mission import still_ahead
+from swarmctl.agent.replan.splice import kept_cells
+from swarmctl.agent.replan.swap_times import SwapTimes
+from swarmctl.agent.state import AgentState, Phase, begin
+from swarmctl.config.scenario import build
+from swarmctl.core import events as ev
+from swarmctl.core.grid import Cell
+
+SCENARIO = build(winged())
+GRID = SCENARIO.grid
+WING, _ = SCENARIO.tasks
+ROUTE = tuple((3, col) for col in range(12))
+"""straight east"""
+
+
+def flying(east_m: float, task=WING, **changes) -> AgentState:
+    """Over row 3, so far from the west edge, by a plan over ROUTE."""
+    state = begin(task, SCENARIO.prior)
+    problem = first_problem(task, SCENARIO.prior)
+    plan = first_flight(task, problem, first_route(task, SCENARIO.prior))
+    swap = ev.SwapMission(1, plan, ROUTE, (), 0.0, 0.0, 1.0, 0.0)
+    lat_deg, lon_deg = GRID.frame.to_geodetic(east_m, 175.0)
+    vehicle = replace(state.vehicle, lat_deg=lat_deg, lon_deg=lon_deg, alt_rel_m=40.0, armed=True)
+    return replace(state, phase=Phase.FLYING, route=swap, vehicle=vehicle, **changes)
+
+
+@pytest.mark.parametrize("took_s", [(), (0.4,), (4.5,), (0.4, 9.5, 0.4)])
+def test_a_new_plan_turns_off_where_the_vehicle_can_still_turn_when_it_has_it(took_s) -> None:
+    times = SwapTimes(took_s, took_s)
+    # At 15 m/s, and 17 m before a turn by 45 degrees; as long as its own swaps take, and 2 s at least.
+    needs_m = 15.0 * max(2.0, times.expected_s) + 40.0 * math.tan(math.radians(22.5))
+    for east_m in range(60, 160, 7):
+        here: Cell = (3, east_m // 50)
+        kept = kept_cells(flying(east_m, swap_times=times), here)
+        assert kept == ROUTE[here[1] : kept[-1][1] + 1]
+        away_m = GRID.centre_m(kept[-1])[0] - east_m
+        assert needs_m <= away_m < needs_m + 50.0
+
+
+def test_near_its_goal_it_keeps_what_is_left() -> None:
+    assert kept_cells(flying(540.0), (3, 10)) == ((3, 10), (3, 11))
+
+
+def test_who_flies_no_route_keeps_nothing() -> None:
+    assert kept_cells(replace(flying(110.0), route=None), (3, 2)) == ((3, 2),)
+
+
+@pytest.mark.parametrize(
+    ("east_m", "corners", "expected"),
+    [
+        (110.0, [(3, 2), (3, 8)], [(3, 8)]),  # over it
+        (140.0, [(3, 2), (3, 4), (7, 8)], [(3, 4), (7, 8)]),  # 85 m before the turn
+        (195.0, [(3, 3), (3, 4), (7, 8)], [(7, 8)]),  # in the turn by the time it knows
+        (-60.0, [(3, 0), (3, 8)], [(3, 0), (3, 8)]),  # on its way in
+        (560.0, [(3, 11)], [(3, 11)]),  # its goal is always flown to
+    ],
+)
+def test_it_flies_to_no_corner_behind_it_or_too_near_to_turn_at(east_m, corners, expected) -> None:
+    position = GRID.frame.to_geodetic(east_m, 175.0)
+    assert list(still_ahead(WING, corners, position)) == expected
+    assert math.isclose(WING.turn_radius_m, 40.0)

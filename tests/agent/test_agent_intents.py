@@ -1,0 +1,448 @@
+"""What agents tell of where they will be, and what becomes of plans that meet, told as stories."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from dataclasses import replace
+from itertools import combinations, count
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import Phase as HypothesisPhase
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from test_agent import GRID, Story, orders, publications
+
+from swarmctl.agent.failsafes.base import Fence
+from swarmctl.agent.state import Phase
+from swarmctl.agent.step import wants_tick
+from swarmctl.agent.traffic.intents import AROUND_M, EVERY_S, KEPT_CLEAR_S, MAX_AGE_S, STANDS_S
+from swarmctl.agent.traffic.route_deconfliction import AGAIN_S
+from swarmctl.agent.traffic.separation.clash import SLACK_S, clashes
+from swarmctl.agent.traffic.separation.trajectory import to_its_landing
+from swarmctl.agent.traffic.separation.watch import Action, Separation
+from swarmctl.core import events as ev
+from swarmctl.core.frames import IntentPoint, IntentShared, StateShared
+from swarmctl.core.observation import Observation
+
+AMSL_M = 330.0
+"""at 30 m above home"""
+MID_M = GRID.centre_m((4, 4))
+PHASES = (HypothesisPhase.explicit, HypothesisPhase.reuse, HypothesisPhase.generate)
+
+
+def intents(effects: list[ev.Effect]) -> list[IntentShared]:
+    return [message for message in publications(effects) if isinstance(message, IntentShared)]
+
+
+def told(effects: list[ev.Effect]) -> list[str]:
+    return [effect.text for effect in effects if isinstance(effect, ev.Tell)]
+
+
+class Flier(Story):
+    """Vehicle 2, which flies east along row 4 at 10 m/s."""
+
+    def __init__(self, action: Action = "hold", **changes: Any) -> None:
+        super().__init__(**{"uav": 2, "separation": replace(Separation(), action=action), **changes})
+        self.flying()
+        self.at(75.0)
+
+    def at(self, east_m: float, **changes: Any) -> list[ev.Effect]:
+        lat_deg, lon_deg = GRID.frame.to_geodetic(east_m, MID_M[1])
+        here = {"lat_deg": lat_deg, "lon_deg": lon_deg, "ground_speed_m_s": 10.0, "east_m_s": 10.0}
+        return self.over((4, 1), **{**here, "alt_amsl_m": AMSL_M, **changes})
+
+    def other(
+        self, uav: int, *points: tuple[float, float, float], age_s: float = 0.0, **changes: Any
+    ) -> list[ev.Effect]:
+        """Vehicle `uav` has told that it will be at (seconds from then, east, north), at the same height."""
+        up_m = changes.pop("up_m", 0.0)
+        path = tuple(IntentPoint(t, *GRID.frame.to_geodetic(e, n), AMSL_M + up_m) for t, e, n in points)
+        return self(ev.Intents(((uav, age_s, IntentShared(1, path, **changes)),)))
+
+    def crossing(self, uav: int, **changes: Any) -> list[ev.Effect]:
+        """From the south over the middle of the area, when vehicle 2 is there."""
+        in_s = (MID_M[0] - 75.0) / 10.0 + 1.0
+        south, north = MID_M[1] - 10.0 * in_s, MID_M[1] + 100.0
+        return self.other(uav, (0.0, MID_M[0], south), (in_s + 10.0, MID_M[0], north), **changes)
+
+
+# --- telling
+
+
+def test_in_flight_it_tells_where_it_will_be_until_it_is_down() -> None:
+    (intent,) = intents(Flier().effects)
+    first, *_, last = intent.points
+    assert first.in_s == 0.0
+    assert GRID.frame.to_local(first.lat_deg, first.lon_deg)[0] == pytest.approx(75.0, abs=0.01)
+    assert first.alt_amsl_m == pytest.approx(AMSL_M)
+    over_m = GRID.frame.to_local(last.lat_deg, last.lon_deg)[0] - 75.0
+    assert over_m == pytest.approx(GRID.centre_m((4, 8))[0] - 75.0, abs=0.01)
+    assert last.in_s > over_m / 10.0
+    assert last.alt_amsl_m == pytest.approx(AMSL_M - 30.0)
+    assert (intent.plan_id, intent.may_change) == (1, True)
+
+
+def test_it_tells_it_again_after_a_while_and_not_before() -> None:
+    story = Flier()
+    since_s, east_m = 0.0, 75.0
+    while since_s < EVERY_S - 1.5:
+        since_s, east_m = since_s + 1.0, east_m + 10.0
+        assert intents(story.at(east_m)) == []
+    story.at(east_m + 10.0)
+    assert intents(story.effects) or intents(story.at(east_m + 20.0))
+
+
+def test_where_it_is_off_its_time_it_tells_so_at_once() -> None:
+    story = Flier()
+    assert intents(story.at(81.0)) == []
+    (intent,) = intents(story.at(81.0))  # it was to be at 95 m
+    assert GRID.frame.to_local(intent.points[0].lat_deg, intent.points[0].lon_deg)[0] == pytest.approx(81.0)
+
+
+def test_who_holds_tells_that_it_stays_and_that_it_does_not_change() -> None:
+    story = Flier()
+    story(ev.OperatorCommand(ev.Order.HOLD))
+    (intent,) = intents(story.at(100.0, ground_speed_m_s=0.0, east_m_s=0.0, mode_role="hold"))
+    assert [p.in_s for p in intent.points] == [0.0, STANDS_S]
+    assert len({(p.lat_deg, p.lon_deg, p.alt_amsl_m) for p in intent.points}) == 1
+    assert not intent.may_change
+
+
+def test_how_high_it_returns_nobody_knows_and_it_says_that() -> None:
+    story = Flier()
+    story(ev.OperatorCommand(ev.Order.RETURN))
+    (intent,) = intents(story.at(130.0, mode="RTL", mode_role="return"))
+    assert intent.points == ()
+    other = Flier()
+    other.crossing(1)
+    assert 1 in other.state.intents
+    other(ev.Intents(((1, 0.0, intent),)))
+    assert 1 not in other.state.intents
+
+
+# --- a new plan
+
+
+def changes_its_plan(story: Flier) -> list[ev.Effect]:
+    """It learns of a hostile ahead on its row."""
+    story.hear((4, 6, True), observer=9)
+    return story.tick()
+
+
+def heights(effects: list[ev.Effect]) -> list[float]:
+    return [e.plan.landing.alt_rel_m for e in effects if isinstance(e, ev.SwapMission)]
+
+
+def test_a_new_plan_that_meets_nobody_goes_out_and_is_told() -> None:
+    story = Flier()
+    story.other(1, (0.0, 0.0, 0.0), (60.0, 400.0, 0.0))
+    effects = changes_its_plan(story)
+    assert heights(effects) == [30.0]
+    (intent,) = intents(effects)
+    assert intent.plan_id == story.state.pending.plan_id  # type: ignore[union-attr]
+    assert story.state.compared.predicted == 0
+
+
+@pytest.mark.parametrize("uav", [1, 3])
+def test_a_new_plan_gives_way_to_whoever_has_told_its_own_before(uav: int) -> None:
+    """Also to a higher system id: that has its plan already."""
+    story = Flier()
+    story.crossing(uav)
+    effects = changes_its_plan(story)
+    assert heights(effects) == [pytest.approx(33.6)]
+    assert f"that of vehicle {uav} in " in told(effects)[0]
+    assert told(effects)[0].endswith(": it flies at 34 m")
+    assert (story.state.compared.predicted, story.state.compared.by_height) == (1, 1)
+    assert {round(p.alt_amsl_m, 1) for p in intents(effects)[0].points[1:-2]} == {AMSL_M + 3.6}
+
+
+def low(**changes: Any) -> Flier:
+    """It may not climb above 33 m."""
+    return Flier(fence=Fence((), 36.0), **changes)
+
+
+def test_where_no_height_is_free_it_keeps_the_plan_it_has_and_looks_again() -> None:
+    story = low()
+    # Its own row is free; whoever goes round the hostile meets one of these.
+    for uav, north_m in ((1, MID_M[1] + 100.0), (3, MID_M[1] - 100.0)):
+        story.other(uav, (0.0, MID_M[0] + 50.0, north_m), (90.0, MID_M[0] + 55.0, north_m))
+    before = story.state.route
+    effects = changes_its_plan(story)
+    assert heights(effects) == []
+    assert told(effects)[0].endswith(" at any height: it flies on by the old one")
+    assert story.state.route is before
+    assert story.state.pending is None
+    assert story.state.compared.by_waiting == story.state.compared.predicted >= 1
+    assert story.tick() == []
+    story.now += AGAIN_S
+    for uav in (1, 3):
+        story.other(uav, (0.0, 0.0, 0.0), (60.0, 400.0, 0.0))
+    assert heights(story.tick()) == [30.0]
+
+
+@pytest.mark.parametrize("action", ["hold", "none"])
+def test_where_the_old_plan_is_about_to_meet_one_as_well_it_holds(action: Action) -> None:
+    story = low(action=action)
+    story.crossing(3, may_change=False)
+    effects = changes_its_plan(story)
+    assert heights(effects) == []
+    if action == "none":
+        assert orders(effects) == []
+        return
+    assert orders(effects) == [ev.Order.HOLD]
+    assert told(effects)[-1].endswith(" at any height: it holds")
+    assert [p.in_s for p in intents(effects)[0].points] == [0.0, STANDS_S]
+    # Again when the other has passed.
+    story.other(3, (0.0, 0.0, 0.0), (60.0, 400.0, 0.0))
+    still = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode_role": "hold"}
+    for _ in range(9):
+        story.at(100.0, **still)
+    swap = story.swap()
+    assert swap.plan.landing.alt_rel_m == 30.0
+    assert told(story.effects) == ["clear of the others: it flies on"]
+
+
+def test_an_old_intent_is_not_reckoned_with() -> None:
+    story = Flier()
+    story.crossing(1, age_s=MAX_AGE_S + 1.0)
+    assert heights(changes_its_plan(story)) == [30.0]
+
+
+# --- plans that crossed on their way
+
+
+@pytest.mark.parametrize(
+    ("uav", "may_change", "gives_way"), [(1, True, True), (3, True, False), (3, False, True)]
+)
+def test_of_two_plans_that_meet_the_higher_system_id_gives_way_but_to_who_cannot_change(
+    uav: int, may_change: bool, gives_way: bool
+) -> None:
+    story = Flier()
+    effects = story.crossing(uav, may_change=may_change)
+    assert bool(told(effects)) is gives_way
+    assert heights(story.tick()) == ([pytest.approx(33.6)] if gives_way else [])
+    assert (story.state.compared.predicted, story.state.compared.by_height) == (gives_way, gives_way)
+
+
+@pytest.mark.parametrize(("may_change", "gives_way"), [(False, True), (True, False)])
+def test_it_keeps_clear_of_how_one_comes_down_that_lands_already(may_change: bool, gives_way: bool) -> None:
+    """Of who is still on its way there the height is known, and when it comes down is not."""
+    story, (east_m, north_m) = Flier(), (MID_M[0], MID_M[1] + 5.0)
+    place = GRID.frame.to_geodetic(east_m, north_m)
+    in_s = (east_m - 75.0) / 10.0
+    down = [(0.0, 8.0), (in_s - 4.0, 8.0), (in_s + 1.0, 0.0), (in_s + 30.0, -30.0)]
+    points = tuple(IntentPoint(t, *place, AMSL_M + up_m) for t, up_m in down)
+    effects = story(ev.Intents(((1, 0.0, IntentShared(1, points, may_change=may_change)),)))
+    assert any("its route meets that of vehicle 1" in text for text in told(effects)) is gives_way
+
+
+def test_it_is_said_and_counted_once_until_it_is_over() -> None:
+    story = low()
+    south = MID_M[1] - 300.0
+    for _ in range(3):
+        effects = story.other(1, (0.0, 425.0, south), (35.0, 425.0, MID_M[1]), (60.0, 425.0, MID_M[1]))
+        story.tick()
+    assert told(effects) == []
+    assert story.state.compared.predicted == 1
+    story.other(1, (0.0, 0.0, 0.0), (60.0, 400.0, 0.0))
+    assert story.state.foreseen == frozenset()
+
+
+# --- many of them
+
+
+class Swarm:
+    """Two or three vehicles at one height that fly what they intend, in a network that delays and loses."""
+
+    def __init__(self, ways: list[tuple[int, int]]) -> None:
+        self.now_s, self.order = 100.0, count()
+        self.mail: list[tuple[float, int, int, int, float, IntentShared]] = []
+        self.swaps: list[tuple[float, int, int]] = []
+        self.carry: Any = lambda _a, _b: 0.1
+        self.swap_s = lambda: 0.3
+        self.stories = {}
+        for uav, (entry_row, goal_row) in enumerate(ways, start=1):
+            self.stories[uav] = Story(uav=uav, entry=(entry_row, 0), goals=((goal_row, 8),), w=0.9)
+            self.stories[uav].launching()
+            self.stories[uav](ev.OrderDone(ev.Order.LAUNCH))
+        self.starts = {uav: GRID.centre_m((row, 0)) for uav, (row, _) in enumerate(ways, start=1)}
+        for uav in self.stories:
+            self.position(uav)
+
+    def fold(self, uav: int, event: ev.Event) -> None:
+        story = self.stories[uav]
+        story.now = self.now_s - 1.0
+        for effect in story(event):
+            match effect:
+                case ev.Publish(IntentShared() as intent):
+                    for other in self.stories:
+                        delay_s = None if other == uav else self.carry(uav, other)
+                        if delay_s is not None:
+                            row = (self.now_s + delay_s, next(self.order), other, uav, self.now_s, intent)
+                            heapq.heappush(self.mail, row)
+                case ev.SwapMission(plan_id=plan_id):
+                    heapq.heappush(self.swaps, (self.now_s + self.swap_s(), uav, plan_id))
+                case ev.Command(order):
+                    self.fold(uav, ev.OrderDone(order))
+
+    def position(self, uav: int) -> None:
+        state = self.stories[uav].state
+        here, before = (*self.starts[uav], AMSL_M), (*self.starts[uav], AMSL_M)
+        if state.own_intent is not None:
+            here = state.own_intent.at(self.now_s) or state.own_intent.points[-1]
+            before = state.own_intent.at(self.now_s - 0.5) or here
+        velocity = tuple(2.0 * (b - a) for a, b in zip(before, here, strict=True))
+        lat_deg, lon_deg = GRID.frame.to_geodetic(here[0], here[1])
+        self.stories[uav].now = self.now_s - 1.0
+        vehicle = replace(
+            state.vehicle,
+            time_boot_s=self.now_s,
+            lat_deg=lat_deg,
+            lon_deg=lon_deg,
+            alt_rel_m=here[2] - AMSL_M + 30.0,
+            alt_amsl_m=here[2],
+            ground_speed_m_s=math.hypot(*velocity[:2]),
+            east_m_s=velocity[0],
+            north_m_s=velocity[1],
+            climb_m_s=velocity[2],
+            mode_role="hold" if state.gave_way is not None else "mission",
+            armed=True,
+        )
+        self.fold(uav, ev.TelemetryReceived(vehicle))
+
+    def run(self, seconds: float) -> None:
+        end_s = self.now_s + seconds
+        while self.now_s < end_s:
+            self.now_s += 0.5
+            while self.swaps and self.swaps[0][0] <= self.now_s:
+                _, uav, plan_id = heapq.heappop(self.swaps)
+                self.fold(uav, ev.MissionAccepted(plan_id))
+            while self.mail and self.mail[0][0] <= self.now_s:
+                _, _, to, uav, said_s, intent = heapq.heappop(self.mail)
+                self.fold(to, ev.Intents(((uav, self.now_s - said_s, intent),)))
+            for uav, story in self.stories.items():
+                self.position(uav)
+                if story.state.pending is None:
+                    story.now = self.now_s
+                    if wants_tick(story.state, self.now_s):
+                        self.fold(uav, ev.Tick())
+
+    def learns(self, uav: int, cell: tuple[int, int], seq: int) -> None:
+        self.fold(uav, ev.Heard((Observation(9, seq, 0.0, ((*cell, True),)),)))
+
+
+rows = st.integers(0, 8)
+ways = st.lists(st.tuples(rows, rows), min_size=2, max_size=3, unique_by=(lambda w: w[0], lambda w: w[1]))
+news = st.lists(
+    st.tuples(st.integers(1, 3), st.tuples(rows, st.integers(2, 7)), st.floats(0.0, 4.0)), max_size=5
+)
+
+
+ONE_LANDS_UNDER_ANOTHER = (
+    [(3, 6), (5, 4), (8, 1)],
+    [(1, (0, 5), 0.52), (2, (3, 4), 0.6), (3, (3, 3), 2.31), (3, (2, 2), 3.65), (3, (4, 5), 0.0)],
+    *(0.868, 0.001, 1.384, 12773),
+)
+
+
+@given(ways, news, st.floats(0.0, 1.0), st.floats(0.0, 3.0), st.floats(0.2, 4.0), st.integers(0, 2**32 - 1))
+@example(*ONE_LANDS_UNDER_ANOTHER)
+@settings(max_examples=40, deadline=None, phases=PHASES)
+def test_once_all_have_heard_all_no_two_plans_meet(
+    ways: list[tuple[int, int]],
+    news: list[tuple[int, tuple[int, int], float]],
+    loss: float,
+    delay_s: float,
+    swap_s: float,
+    seed: int,
+) -> None:
+    """However intents were lost and late before; and who gives way is one of two."""
+    rng = np.random.default_rng(seed)
+    swarm = Swarm(ways)
+    swarm.swap_s = lambda: swap_s * rng.random()
+    swarm.carry = lambda _a, _b: None if rng.random() < loss else delay_s * rng.random()
+    for seq, (uav, cell, after_s) in enumerate(news, start=1):
+        swarm.run(after_s)
+        swarm.learns(min(uav, len(ways)), cell, seq)
+    swarm.carry = lambda _a, _b: 0.1
+    swarm.run(4.0 * EVERY_S + 2.0 * swap_s)
+    for one, other in combinations(swarm.stories.values(), 2):
+        a, b = one.state, other.state
+        if Phase.FLYING not in (a.phase, b.phase) or a.own_intent is None or b.own_intent is None:
+            continue
+        # Who comes down through another's height is for the watch. Each has the other's times by its own
+        # position, which is up to half a second old.
+        mine, theirs = to_its_landing(a.own_intent), {b.task.uav: to_its_landing(b.own_intent)}
+        meet = clashes(mine, theirs, a.task.separation.limits, SLACK_S - 0.6)
+        assert not meet, (a.phase, b.phase, a.foreseen, b.foreseen, a.put_off, b.put_off)
+
+
+# --- who tells no position any more
+
+
+NOWHERE: dict[str, Any] = {"lat_deg": None, "lon_deg": None, "alt_rel_m": None, "alt_amsl_m": None}
+
+
+def states(effects: list[ev.Effect]) -> list[StateShared]:
+    return [message for message in publications(effects) if isinstance(message, StateShared)]
+
+
+def blind(seconds: int) -> tuple[Flier, list[ev.Effect]]:
+    """Vehicle 2 was last seen at 75 m on its row; what it tells since."""
+    story = Flier()
+    return story, [effect for _ in range(seconds) for effect in story.at(75.0, **NOWHERE)]
+
+
+def test_who_is_blind_tells_where_it_was_and_how_long_ago_that_is() -> None:
+    _, effects = blind(5)
+    assert [state.age_s for state in states(effects)] == [1.0, 2.0, 3.0, 4.0, 5.0]
+    at = states(effects)[-1]
+    assert GRID.frame.to_local(at.lat_deg, at.lon_deg)[0] == pytest.approx(75.0, abs=0.01)
+    assert (at.alt_rel_m, at.velocity_m_s) == (30.0, (10.0, 0.0, 0.0))
+
+
+def test_and_that_it_is_somewhere_around_there_at_any_height_below() -> None:
+    story, effects = blind(8)
+    intent = intents(effects)[-1]
+    assert [GRID.frame.to_local(p.lat_deg, p.lon_deg)[0] for p in intent.points] == pytest.approx(
+        [75.0] * 2, abs=0.01
+    )
+    assert {p.alt_amsl_m for p in intent.points} == {AMSL_M - 15.0}
+    age_s = story.state.intent_said_s - story.state.placed.time_boot_s
+    assert intent.around_m == (pytest.approx(min(10.0 * age_s, AROUND_M)), 15.0)
+    assert not intent.may_change
+
+
+def test_after_a_time_nobody_knows_where_it_is() -> None:
+    _, effects = blind(int(KEPT_CLEAR_S) + 10)
+    assert intents(effects)[-1].points == ()
+    assert intents(effects)[-3].points != ()
+
+
+def test_one_whose_link_is_lost_tells_once_where_it_was() -> None:
+    story = Flier()
+    (state,) = states(story(ev.LinkLost(4.0)))
+    assert GRID.frame.to_local(state.lat_deg, state.lon_deg)[0] == pytest.approx(75.0, abs=0.01)
+
+
+@pytest.mark.parametrize(("away_m", "around_m", "height_m"), [(50.0, 60.0, 33.6), (50.0, 20.0, 30.0)])
+def test_a_new_plan_keeps_clear_of_all_places_where_a_blind_one_may_be(
+    away_m: float, around_m: float, height_m: float
+) -> None:
+    """It is told to be half as high as it was, and anywhere below that."""
+    story = Flier()
+    there = (200.0, MID_M[1] - away_m)
+    vague = {"up_m": -15.0, "around_m": (around_m, 15.0), "may_change": False}
+    story.other(7, (0.0, *there), (60.0, *there), **vague)
+    (height,) = heights(changes_its_plan(story))
+    assert height == pytest.approx(height_m)
+
+
+def test_nobody_keeps_clear_of_more_around_a_flight_than_honest_ones_tell() -> None:
+    story = Flier()
+    story.other(1, (0.0, 75.0, MID_M[1] + 300.0), (60.0, 500.0, MID_M[1] + 300.0), around_m=(1e6, 0.0))
+    story.at(85.0)
+    assert story.state.foreseen == frozenset()

@@ -1,0 +1,402 @@
+"""A return because of a low battery while others are on the way home, told as stories."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from test_abort import gathering
+from test_agent import GRID, Story, orders, publications
+from test_agent_intents import AMSL_M, told
+from trouble import Trouble, suffer
+
+from swarmctl.agent.failsafes import low_battery, not_following
+from swarmctl.agent.failsafes.base import Ruling
+from swarmctl.agent.orders import place_of
+from swarmctl.agent.replan.approach import Wings
+from swarmctl.agent.state import AgentState
+from swarmctl.agent.traffic.return_turns import turns_of
+from swarmctl.agent.traffic.returning import SETTLES_S, WAITS_FOR_S
+from swarmctl.config.model import Flight
+from swarmctl.core import events as ev
+from swarmctl.core.frames import MAX_AWAY, StateShared
+from swarmctl.core.messages import Place, VehicleAnswer
+from swarmctl.flight.shutdown import CallingOff
+from swarmctl.flight.virtual_clock import run_virtual
+from swarmctl.report import record
+
+HOLD, RETURN, LAND = ev.Order.HOLD, ev.Order.RETURN, ev.Order.LAND
+LAT_DEG, LON_DEG = GRID.centre((4, 0))
+HOMES = {"home_lat_deg": LAT_DEG, "home_lon_deg": LON_DEG, "home_alt_amsl_m": AMSL_M - 30.0}
+RULES = (Ruling(low_battery, low_battery.Params(seconds=0.0)),)
+LOW = "battery at {} %, less than the 25 % of rules.low_battery"
+
+
+class Low(Story):
+    """Vehicle 2 flies east along row 4, 200 m from where it took off; `goes_home` tells of another."""
+
+    def __init__(self, **changes: Any) -> None:
+        super().__init__(**{"uav": 2, "rules": RULES, **changes})
+        self.flying()
+        self.at()
+
+    def at(self, percent: int = 60, **changes: Any) -> list[ev.Effect]:
+        flown = {"alt_amsl_m": AMSL_M, "battery_percent": percent, **HOMES}
+        return self.over((4, 4), **{**flown, **changes})
+
+    def holds(self, percent: int = 23, **changes: Any) -> list[ev.Effect]:
+        return self.at(percent, mode="GUIDED", mode_role="hold", **changes)
+
+    def returns(self, percent: int = 23) -> list[ev.Effect]:
+        return self.at(percent, mode="RTL", mode_role="return")
+
+    def goes_home(self, uav: int, *, col: int = 6, row: int = 4, **changes: Any) -> None:
+        """Along row 4 to where vehicle 2 took off, unless `changes` say otherwise."""
+        lat_deg, lon_deg = GRID.centre((row, col))
+        state: dict[str, Any] = {"time_s": self.now, "lat_deg": lat_deg, "lon_deg": lon_deg, "n_found": 0}
+        state |= {"alt_rel_m": 34.0, "alt_amsl_m": AMSL_M + 4.0, "phase": "leaving", "n_observed": 0}
+        state |= {"returns_to": (LAT_DEG, LON_DEG), **changes}
+        self(ev.Neighbours(((uav, StateShared(**state)),)))
+        self.now -= 1.0
+
+
+def shared(effects: list[ev.Effect]) -> StateShared:
+    (state,) = (message for message in publications(effects) if isinstance(message, StateShared))
+    return state
+
+
+def test_where_nobody_is_on_the_way_home_it_returns_at_once_and_tells_where_to() -> None:
+    story = Low()
+    effects = story.at(23)
+    assert orders(effects) == [RETURN]
+    assert told(effects) == [LOW.format(23) + ": it returns"]
+    assert (shared(effects).phase, shared(effects).returns_to) == ("leaving", (LAT_DEG, LON_DEG))
+
+
+@pytest.mark.parametrize("phase", ["leaving", "released"])
+def test_it_holds_while_another_is_on_the_way_that_it_would_take_and_goes_when_that_is_down(
+    phase: str,
+) -> None:
+    story = Low()
+    story.goes_home(3, phase=phase)
+    effects = story.at(23)
+    assert orders(effects) == [HOLD]
+    assert told(effects) == [LOW.format(23) + ": it holds until its way home is clear of the others'"]
+    assert (shared(effects).phase, shared(effects).returns_to) == ("holding", (LAT_DEG, LON_DEG))
+    story(ev.OrderDone(HOLD))
+    for col in (5, 4, 3, 2, 1):
+        story.goes_home(3, col=col, phase=phase)
+        assert orders(story.holds()) == []
+    story.goes_home(3, col=0, phase="done", returns_to=None)
+    effects = story.holds()
+    assert orders(effects) == [RETURN]
+    assert told(effects) == ["its way home is clear: it returns"]
+    assert shared(effects).phase == "leaving"
+    assert orders(story.returns()) == []
+    assert story.state.outcome == LOW.format(23)
+
+
+def test_who_goes_home_elsewhere_is_not_waited_for() -> None:
+    story = Low()
+    story.goes_home(3, row=8, returns_to=GRID.centre((8, 8)))
+    assert orders(story.at(23)) == [RETURN]
+
+
+@pytest.mark.parametrize(
+    "told",
+    [{"alt_rel_m": MAX_AWAY}, {"alt_rel_m": -MAX_AWAY}, {"returns_to": (LAT_DEG, LON_DEG - 2.0)}],
+    ids=["above the air", "under the ground", "155 km away"],
+)
+def test_who_tells_what_cannot_be_is_not_waited_for(told: dict[str, Any]) -> None:
+    story = Low()
+    story.goes_home(3, **told)
+    assert orders(story.at(23)) == [RETURN]
+
+
+@pytest.mark.parametrize(("uav", "first"), [(1, True), (3, False)])
+def test_of_two_that_wait_the_one_with_the_lower_system_id_is_first(uav: int, *, first: bool) -> None:
+    story = Low()
+    story.goes_home(uav, phase="holding")
+    assert orders(story.at(23)) == [HOLD if first else RETURN]
+
+
+def waiting(percent: int = 23) -> Low:
+    story = Low()
+    story.goes_home(3)
+    assert orders(story.at(percent)) == [HOLD]
+    story(ev.OrderDone(HOLD))
+    return story
+
+
+def test_it_waits_no_longer_than_its_battery_lets_it() -> None:
+    story = waiting()
+    for percent in (22, 21, 20):
+        story.goes_home(3)
+        assert orders(story.holds(percent)) == []
+    story.goes_home(3)
+    assert orders(story.holds(19)) == [RETURN]
+    assert orders(story.returns(18)) == []
+
+
+def test_who_is_below_that_already_goes_at_once() -> None:
+    story = Low()
+    story.goes_home(3)
+    assert orders(story.at(19)) == [RETURN]
+
+
+def test_who_has_to_land_lands() -> None:
+    story = waiting()
+    assert orders(story.holds(9)) == [LAND]
+
+
+def test_nor_for_ever() -> None:
+    story = waiting()
+    given = []
+    for _ in range(int(WAITS_FOR_S) + 1):
+        story.goes_home(3)
+        given += orders(story.holds())
+    assert given == [RETURN]
+
+
+@pytest.mark.parametrize(("higher", "before_s"), [((), 0.0), ((4,), 10.0), ((4, 5), 20.0)])
+def test_of_several_whose_time_is_over_one_goes_after_the_other(
+    higher: tuple[int, ...], before_s: float
+) -> None:
+    story = waiting()
+
+    def returns() -> bool:
+        for uav in (1, *higher):
+            story.goes_home(uav, phase="holding")
+        story.goes_home(3)
+        return RETURN in orders(story.holds())
+
+    assert next(s for s in range(int(WAITS_FOR_S) + 1) if returns()) == pytest.approx(
+        WAITS_FOR_S - before_s, abs=2.0
+    )
+
+
+def test_one_that_falls_silent_on_its_way_counts_until_it_must_be_down() -> None:
+    story = waiting()
+    # 10 s to react, 19 to climb to 60 m, 300 m at half its speed, 75 to come down.
+    seconds = next(s for s in range(300) if orders(story.holds()) == [RETURN])
+    assert seconds == pytest.approx(WAITS_FOR_S, abs=2.0)
+
+
+@pytest.mark.parametrize(("uav", "then"), [(1, [HOLD]), (3, [])])
+def test_of_two_that_begin_at_one_time_the_one_with_the_higher_system_id_holds_again(
+    uav: int, then: list[ev.Order]
+) -> None:
+    story = Low()
+    assert orders(story.at(23)) == [RETURN]
+    story(ev.OrderDone(RETURN))
+    story.goes_home(uav)
+    assert orders(story.returns()) == then
+
+
+@pytest.mark.parametrize("on_s", [2, 6], ids=["it settles in between", "it is well on its way in between"])
+def test_another_that_comes_and_goes_makes_it_wait_no_longer_than_once_in_all(on_s: int) -> None:
+    story = Low()
+    (order,), given = orders(story.at(23)), []
+    began_s = story.now
+    for second in range(4 * int(WAITS_FOR_S)):
+        story(ev.OrderDone(order))
+        story.now -= 1.0
+        is_there = second % (2 * on_s) < on_s
+        there = {} if is_there else {"phase": "done", "returns_to": None}
+        story.goes_home(1, **there)
+        for then in orders(story.returns() if order is RETURN else story.holds()):
+            given.append((then, story.now - began_s))
+            order = then
+    assert given[0][0] is HOLD
+    assert given[-1][0] is RETURN
+    assert given[-1][1] <= WAITS_FOR_S + 1.0
+
+
+def test_a_return_that_arises_later_may_wait_as_long_again() -> None:
+    story = waiting()
+    assert orders(story(ev.OperatorCommand(HOLD, 1))) == [HOLD]
+    story.now += WAITS_FOR_S
+    story.goes_home(3)
+    assert orders(story.holds(22)) == []
+
+
+def test_who_may_wait_no_longer_by_then_goes_on() -> None:
+    story = Low()
+    assert orders(story.at(20)) == [RETURN]
+    story(ev.OrderDone(RETURN))
+    story.goes_home(1)
+    assert orders(story.returns(19)) == []
+    assert orders(story.returns(19)) == []
+
+
+def test_once_it_is_well_on_its_way_it_is_not_stopped() -> None:
+    story = Low()
+    assert orders(story.at(23)) == [RETURN]
+    story(ev.OrderDone(RETURN))
+    story.now += SETTLES_S
+    story.goes_home(1)
+    assert orders(story.returns()) == []
+
+
+def test_other_demands_to_return_wait_for_nobody() -> None:
+    story = Low(rules=(Ruling(not_following, not_following.Params(seconds=3.0)),))
+    story.goes_home(3)
+    given = [order for _ in range(6) for order in orders(story.at(60))]
+    assert given == [RETURN]
+
+
+def test_an_operator_who_orders_otherwise_is_obeyed() -> None:
+    story = waiting()
+    assert orders(story(ev.OperatorCommand(RETURN, 1))) == [RETURN]
+    again = waiting()
+    (answer,) = (e.answer for e in again(ev.OperatorCommand(HOLD, 1)) if isinstance(e, ev.Answer))
+    assert answer.note == f"it returns no more, for which it waited: {LOW.format(23)}"
+    again.goes_home(3, phase="done", returns_to=None)
+    assert [order for s in range(30) for order in orders(again.holds(22 - s // 10))] == []
+
+
+def called_back(story: Low, after_s: float = 120.0) -> tuple[list[ev.Order], VehicleAnswer]:
+    effects = story(ev.OperatorCommand(RETURN, 7, after_s))
+    (answer,) = (e.answer for e in effects if isinstance(e, ev.Answer))
+    return orders(effects), answer
+
+
+@pytest.mark.parametrize("percent", [19, 23], ids=["urgent", "not urgent"])
+def test_a_recall_that_overtakes_an_urgent_return_does_not_make_it_wait_its_turn(percent: int) -> None:
+    story = Low()
+    assert orders(story.at(percent)) == [RETURN]
+    given, answer = called_back(story)
+    assert answer.outcome == "taken"
+    assert answer.place is not None
+    if percent == 23:
+        assert (given, answer.place.is_returning) == ([HOLD], False)
+        return
+    assert (given, answer.place.is_returning) == ([RETURN], True)
+    assert answer.note == f"it waits for no turn: {LOW.format(19)}"
+    assert orders(story.returns(19)) == []
+    assert shared(story.effects).phase == "leaving"
+
+
+@pytest.mark.parametrize(("command", "after_s"), [(7, 120.0), (None, 0.0), (None, 30.0)])
+def test_who_lands_since_its_battery_is_all_but_empty_is_not_sent_home_with_the_others(
+    command: int | None, after_s: float
+) -> None:
+    story = Low()
+    assert orders(story.at(9)) == [LAND]
+    effects = story(ev.OperatorCommand(RETURN, command, after_s))
+    assert orders(effects) == []
+    for answer in (e.answer for e in effects if isinstance(e, ev.Answer)):
+        assert answer.outcome == "refused"
+        assert answer.note.startswith("it lands: battery at 9 %")
+    assert orders(story.at(8, mode="LAND", mode_role="land")) == []
+    assert orders(story(ev.OperatorCommand(HOLD, 8))) == [HOLD], "who orders that is obeyed"
+
+
+def test_who_lands_by_an_order_is_called_back_without_waiting_when_its_battery_is_low() -> None:
+    story = Low()
+    story(ev.OperatorCommand(LAND, 1))
+    story.at(19, mode="LAND", mode_role="land")
+    assert called_back(story)[0] == [RETURN]
+
+
+def test_who_was_told_to_hold_with_so_low_a_battery_waits_for_no_turn_either() -> None:
+    story = Low()
+    story.at(19)
+    story(ev.OperatorCommand(HOLD, 1))
+    story(ev.OrderDone(HOLD))
+    assert orders(story.holds(19)) == []
+    place = place_of(story.state)
+    assert place is not None
+    assert place.is_returning
+    assert called_back(story)[0] == [RETURN]
+
+
+def test_the_others_take_their_turns_around_it() -> None:
+    story, other = Low(uav=4), Low(uav=3)
+    story.at(19)
+    other.at(60)
+    _, urgent = called_back(story)
+    _, waits = called_back(other)
+    assert urgent.place is not None
+    assert waits.place is not None
+    begins_s = turns_of({4: urgent.place, 3: waits.place}).begins_s
+    assert begins_s[4] == 0.0
+    assert begins_s[3] > 0.0
+
+
+def test_a_clock_that_fell_back_keeps_it_waiting_no_longer() -> None:
+    story = waiting()
+    story.now += 60.0
+    story.goes_home(3)
+    assert orders(story.holds()) == []
+    story.now = 1.0
+    story.goes_home(3)
+    assert orders(story.holds()) == [RETURN]
+
+
+@pytest.mark.parametrize(("up_m", "given"), [(12.0, RETURN), (28.0, HOLD)])
+def test_a_fixed_wing_does_not_hold_in_circles_as_low_as_it_takes_off(up_m: float, given: ev.Order) -> None:
+    story = Low()
+    wings = Wings(40.0, 30.0, 5.0, 12.0, takeoff_height_m=20.0, home=(LAT_DEG, LON_DEG))
+    story.state = replace(story.state, task=replace(story.state.task, wings=wings))
+    story.goes_home(3)
+    assert orders(story.at(23, alt_rel_m=up_m)) == [given]
+
+
+class Waits:
+    """As a member of a swarm; nothing more than who calls all back needs of it."""
+
+    def __init__(self, story: Low) -> None:
+        self.story, self.name, self.spec = story, "uav2", SimpleNamespace(sysid=2)
+        self.runner = SimpleNamespace(post=story)
+
+    @property
+    def state(self) -> AgentState:
+        return self.story.state
+
+
+class Nobody:
+    """May go, for others are always on the way."""
+
+    def may_go(self, place: Place, now_s: float) -> bool:
+        return False
+
+    def may_land(self, place: Place, now_s: float) -> bool:
+        return False
+
+
+def test_who_waits_when_its_process_is_stopped_returns_no_later_than_its_battery_lets_it() -> None:
+    story = waiting()
+    member: Any = Waits(story)
+    called = CallingOff([member], Flight(), lambda _text: None, Nobody())
+
+    async def scene() -> list[ev.Order]:
+        leaving = asyncio.create_task(called.leave())
+        await asyncio.sleep(20.0)
+        story.goes_home(3)
+        given = orders(story.holds(19))
+        leaving.cancel()
+        return given
+
+    assert run_virtual(scene()) == [RETURN]
+
+
+@pytest.mark.virtual
+def test_three_whose_batteries_run_low_at_one_time_come_home_one_after_the_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sag = {"fault": "battery_sag", "params": {"at_most": 0.24, "sag_v": 0.0}, "at_s": 44.0}
+    trouble = Trouble(faults=[sag])
+    # They are 36 m from each other when they begin.
+    scenario = gathering(rules={"low_battery": {"wait_percent": 14.0}}, separation={"horizontal_m": 60.0})
+    report, ui = suffer(trouble, tmp_path, monkeypatch, scenario=scenario)
+    assert trouble.modes[1] == ["AUTO", "RTL"]
+    assert ["AUTO", "RTL", "GUIDED", "RTL"] in trouble.modes.values()
+    assert not any(state.vehicle.armed for state in report.states.values())
+    begun = [i for i, text in enumerate(ui.said) if text.endswith(": its way home is clear: it returns")]
+    assert begun
+    assert record.replay(tmp_path / "run.mcap").difference == ""

@@ -1,0 +1,182 @@
+"""What an agent reckons for a vehicle that brakes to take up another plan, told as stories."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from test_agent import GRID, Story, publications
+
+from swarmctl.agent.arrival.common_time import Meeting
+from swarmctl.agent.replan.flight_path import along, stopping
+from swarmctl.agent.replan.stopping import Stop
+from swarmctl.agent.step import RETRY_AFTER_S
+from swarmctl.agent.traffic.intents import intended
+from swarmctl.agent.traffic.separation.trajectory import Trajectory
+from swarmctl.core import events as ev
+from swarmctl.core.frames import IntentShared, StateShared
+from swarmctl.mavlink.dialects import dialect_for
+from swarmctl.mavlink.telemetry.vehicle_state import Telemetry
+
+ROW_M = GRID.centre_m((4, 4))[1]
+COSTS_S = 10.0 / (2.0 * 2.5) + 10.0 / (2.0 * 2.5)
+"""braking by 2.5 m/s² from 10 m/s, and speeding up by as much"""
+
+
+class Flies(Story):
+    """East along row 4 at 10 m/s; `brakes_m_s2` None: as one that just turns."""
+
+    def __init__(self, brakes_m_s2: float | None, **changes: Any) -> None:
+        super().__init__(**{"meeting": Meeting({1: 0, 2: 1}), **changes})
+        self.flying()
+        self.brakes_m_s2 = brakes_m_s2
+        self.at(75.0)
+
+    def at(self, east_m: float, speed_m_s: float = 10.0, **changes: Any) -> list[ev.Effect]:
+        lat_deg, lon_deg = GRID.frame.to_geodetic(east_m, ROW_M)
+        here = {"lat_deg": lat_deg, "lon_deg": lon_deg, "alt_amsl_m": 330.0}
+        moves = {"ground_speed_m_s": speed_m_s, "east_m_s": speed_m_s, "brakes_m_s2": self.brakes_m_s2}
+        return self.over((4, 1), **{**here, **moves, **changes})
+
+    def new_plan(self) -> list[ev.Effect]:
+        """It learns of a hostile ahead on its row."""
+        self.hear((4, 6, True), observer=9)
+        return self.tick()
+
+    def taken_up(self) -> None:
+        assert self.state.pending is not None
+        self(ev.MissionAccepted(self.state.pending.plan_id, 0.5, 0.0))
+
+
+def told(effects: list[ev.Effect]) -> IntentShared:
+    (intent,) = (message for message in publications(effects) if isinstance(message, IntentShared))
+    return intent
+
+
+def lands_in_s(intent: IntentShared) -> float:
+    """When it begins to come down at its goal."""
+    return next(a.in_s for a, b in pairwise(intent.points) if b.alt_amsl_m < a.alt_amsl_m)
+
+
+def flight(intent: IntentShared) -> Trajectory:
+    points = tuple((*GRID.frame.to_local(p.lat_deg, p.lon_deg), p.alt_amsl_m) for p in intent.points)
+    return Trajectory(tuple(p.in_s for p in intent.points), points)
+
+
+def earliest_in_s(effects: list[ev.Effect]) -> float:
+    (in_s,) = (message.earliest_in_s for message in publications(effects) if isinstance(message, StateShared))
+    assert in_s is not None
+    return in_s
+
+
+def test_a_new_plan_is_told_by_as_much_later_as_taking_it_up_costs() -> None:
+    brakes, turns = told(Flies(2.5).new_plan()), told(Flies(None).new_plan())
+    assert lands_in_s(brakes) == pytest.approx(lands_in_s(turns) + COSTS_S, abs=0.1)
+
+
+def test_until_it_has_the_plan_it_is_told_to_fly_on_and_then_to_brake_to_a_stop() -> None:
+    story = Flies(2.5)
+    on_s = story.state.swap_times.likely_s
+    path = flight(told(story.new_plan()))
+    at = path.times_s.index
+    assert path.points[at(on_s)] == pytest.approx((75.0 + 10.0 * on_s, ROW_M, 330.0), abs=0.01)
+    stop = path.points[at(on_s + 4.0)]
+    assert stop == pytest.approx((75.0 + 10.0 * on_s + 20.0, ROW_M, 330.0), abs=0.01)
+
+
+def later_s(*stories: Story) -> float:
+    """By how much later the first is told to land than the second, now."""
+    lands_s = []
+    for story in stories:
+        path = intended(story.state)
+        assert path is not None
+        lands_s.append(path.times_s[-1])
+    return lands_s[0] - lands_s[1]
+
+
+def pair(**changes: Any) -> tuple[Flies, Flies]:
+    """One that brakes and one that does not, their new plan on its way to them."""
+    stories = Flies(2.5, **changes), Flies(None, **changes)
+    for story in stories:
+        story.new_plan()
+    return stories
+
+
+def test_as_long_as_the_plan_is_on_its_way_the_stop_is_ahead() -> None:
+    stories = pair()
+    for east_m in (85.0, 95.0, 105.0):
+        for story in stories:
+            story.at(east_m)
+        assert later_s(*stories) == pytest.approx(COSTS_S, abs=0.1)
+
+
+def test_who_brakes_for_it_is_told_to_go_on_braking_and_who_has_stopped_to_speed_up() -> None:
+    stories = pair()
+    for story in stories:
+        story.at(85.0, 7.5)
+        story.taken_up()
+    # 3 s for 11.25 m, and 2 s lost by speeding up from a stop; 0.125 s from 7.5 m/s.
+    assert later_s(*stories) == pytest.approx(3.0 - 1.125 + 2.0 - 0.125, abs=0.1)
+    for story in stories:
+        story.at(98.0, 2.0, time_boot_s=story.state.swapped_boot_s + 3.1)
+    assert later_s(*stories) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_plan_that_was_not_taken_up_costs_nothing_more() -> None:
+    stories = pair()
+    for story in stories:
+        assert story.state.pending is not None
+        story(ev.MissionFailed(story.state.pending.plan_id, "old", "refused"))
+        story.at(85.0)
+    assert later_s(*stories) == 0.0
+
+
+def test_how_soon_it_could_be_there_has_it_too() -> None:
+    brakes, turns = (story.at(85.0) for story in pair())
+    assert earliest_in_s(brakes) == pytest.approx(earliest_in_s(turns) + COSTS_S, abs=0.1)
+
+
+def test_who_holds_has_nothing_to_brake_for() -> None:
+    plans = []
+    for story in pair():
+        assert story.state.pending is not None
+        story(ev.MissionFailed(story.state.pending.plan_id, "hold", "not read back"))
+        story.now += RETRY_AFTER_S
+        story.at(85.0, 0.0, mode_role="hold")
+        plans.append(lands_in_s(told(story.tick())))
+    assert plans[0] == plans[1]
+
+
+def test_who_stops_only_behind_its_goal_has_nothing_to_lose() -> None:
+    here, way = (0.0, 0.0, 30.0), [(60.0, 0.0), (60.0, 30.0)]
+    stop = Stop(on_s=8.0, on_m=80.0, speed_m_s=10.0, brakes_m_s2=2.5)
+    assert stopping(here, 30.0, way, 10.0, 10.0, stop) == along(here, 30.0, way, 10.0, 10.0)
+
+
+def test_on_its_way_to_the_stop_it_is_told_to_turn_where_its_plan_does() -> None:
+    here, way = (0.0, 0.0, 30.0), [(40.0, 0.0), (40.0, 400.0)]
+    path = stopping(here, 30.0, way, 10.0, 10.0, Stop(on_s=5.0, on_m=50.0, speed_m_s=10.0, brakes_m_s2=2.5))
+    assert path.times_s[:4] == pytest.approx((0.0, 4.0, 5.0, 9.0))
+    assert path.points[1:4] == ((40.0, 0.0, 30.0), (40.0, 10.0, 30.0), (40.0, 30.0, 30.0))
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "vehicle_type", "brakes_m_s2"), [(3, 2, 2.5), (3, 1, None), (12, 2, None)]
+)
+def test_what_brakes_is_known_by_its_firmware(
+    autopilot: int, vehicle_type: int, brakes_m_s2: float | None
+) -> None:
+    """ArduPilot's copters and planes, PX4's copters."""
+    assert Telemetry(dialect_for(autopilot, vehicle_type)).state.brakes_m_s2 == brakes_m_s2
+
+
+@pytest.mark.parametrize(
+    "corner_m", [11.0 - 1e-13, 11.0, 11.0 + 1e-13, 31.0 - 1e-13, 31.0, 31.0 + 1e-13, 31.001]
+)
+def test_a_corner_where_it_brakes_or_stops_is_passed_once(corner_m: float) -> None:
+    here, way = (0.0, 0.0, 30.0), [(corner_m, 0.0), (corner_m, 400.0)]
+    path = stopping(here, 30.0, way, 10.0, 10.0, Stop(on_s=1.1, on_m=11.0, speed_m_s=10.0, brakes_m_s2=2.5))
+    path = path.later(50_000.0)  # by the clock of a vehicle that has been on for long
+    assert 5.1 in [pytest.approx(t - 50_000.0) for t in path.times_s]
+    assert path.times_s[-1] > 50_045.0

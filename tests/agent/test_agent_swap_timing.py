@@ -1,0 +1,223 @@
+"""When an agent changes its mission, and where the new plan leaves the old one, told as stories."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from test_agent import GRID, Story, orders
+
+from swarmctl.agent.replan.swap_times import MOST_S, PRIOR_S, SwapTimes
+from swarmctl.agent.state import Phase
+from swarmctl.agent.step import MAX_FAILED_SWAPS
+from swarmctl.core import events as ev
+from swarmctl.core.any_angle.corners import Counting
+from swarmctl.core.geo import distance_m
+from swarmctl.core.threat import FiringStrength
+
+ROW_M = GRID.centre_m((4, 4))[1]
+
+
+class Flies(Story):
+    """East along row 4 at 10 m/s, from cell (4, 0) to (4, 8); its swaps take `took_s`."""
+
+    def __init__(self, took_s: float | None = None, **changes: Any) -> None:
+        super().__init__(**changes)
+        self.flying()
+        if took_s is not None:
+            self.state = replace(self.state, swap_times=SwapTimes((took_s,), (0.0,)))
+
+    def at(self, east_m: float, **changes: Any) -> list[ev.Effect]:
+        lat_deg, lon_deg = GRID.frame.to_geodetic(east_m, ROW_M)
+        told = {"lat_deg": lat_deg, "lon_deg": lon_deg, "ground_speed_m_s": 10.0, "east_m_s": 10.0}
+        return self.over((4, 0), **{**told, **changes})
+
+    def points(self, swap: ev.SwapMission) -> list[tuple[float, float]]:
+        """The waypoints of a plan, east and north [m]."""
+        return [GRID.frame.to_local(p.lat_deg, p.lon_deg) for p in swap.plan.track]
+
+
+def swaps(effects: list[ev.Effect]) -> list[ev.SwapMission]:
+    return [effect for effect in effects if isinstance(effect, ev.SwapMission)]
+
+
+def changed(story: Flies, took_s: float, *cells: tuple[int, int, bool], seq: int = 1) -> ev.SwapMission:
+    """One swap from news to its end."""
+    story.hear(*cells, seq=seq)
+    swap = story.swap()
+    story(ev.MissionAccepted(swap.plan_id, took_s, 0.0))
+    return swap
+
+
+# no oftener than it can follow
+
+
+def test_it_is_given_no_other_plan_within_the_time_that_one_took_and_then_all_that_is_new_counts() -> None:
+    story = Flies()
+    story.at(60.0)
+    changed(story, 4.0, (4, 4, True))
+    accepted_s = story.state.vehicle.time_boot_s
+    for seq, cell in enumerate(((3, 4, True), (5, 4, True)), start=2):
+        story.hear(cell, seq=seq)
+        assert swaps(story.tick()) == []
+    story.at(70.0, time_boot_s=accepted_s + 4.0)
+    assert swaps(story.tick()) == []
+    story.at(80.0, time_boot_s=accepted_s + 6.0)
+    second = story.swap()
+    assert second.because == ((2, 0, 2), (2, 0, 3))
+    assert not {(3, 4), (4, 4), (5, 4)} & set(second.cells)
+
+
+def test_a_wall_that_comes_up_close_before_it_is_flown_round_at_once() -> None:
+    story = Flies(max_exposure=0.5)
+    story.at(60.0)
+    first = changed(story, 4.0, (4, 6, True))
+    near = next(cell for cell in first.cells if cell[1] == 3)
+    story.hear((*near, True), seq=2)
+    assert near not in story.swap().cells
+
+
+def test_a_clock_that_went_back_holds_no_plan_up() -> None:
+    story = Flies()
+    story.at(60.0, time_boot_s=500.0)
+    changed(story, 4.0, (4, 4, True))
+    story.at(70.0, time_boot_s=3.0)
+    story.hear((3, 4, True), (5, 4, True), seq=2)
+    assert len(swaps(story.tick())) == 1
+
+
+# ahead of where it will be
+
+
+@pytest.mark.parametrize("took_s", [0.4, 4.0, 8.0])
+def test_a_new_route_leaves_the_old_one_ahead_of_where_it_will_be(took_s: float) -> None:
+    story = Flies(took_s)
+    story.at(30.0)
+    before = story.state.route
+    assert before is not None
+    story.hear((4, 7, True))
+    swap = story.swap()
+    assert swap.plan.leaves_ahead
+    turns_m = next(east_m for east_m, north_m in story.points(swap) if abs(north_m - ROW_M) < 0.1)
+    assert turns_m >= 30.0 + 10.0 * took_s
+    kept = int(turns_m // 50.0)
+    assert swap.cells[: kept + 1] == before.cells[: kept + 1]
+    assert all(east_m > 30.0 for east_m, _ in story.points(swap))
+    assert distance_m((swap.plan.begins.lat_deg, swap.plan.begins.lon_deg), _place(30.0)) < 0.1
+
+
+def _place(east_m: float) -> tuple[float, float]:
+    return GRID.frame.to_geodetic(east_m, ROW_M)
+
+
+@pytest.mark.parametrize("is_ahead", [True, False])
+def test_a_corner_of_the_old_route_before_that_is_kept_and_one_behind_is_not(is_ahead: bool) -> None:
+    story = Story(entry=(0, 0), goals=((4, 8),)).launching()
+    story(ev.OrderDone(ev.Order.LAUNCH))
+    assert story.state.route is not None
+    cells = story.state.route.cells
+    index, came, corner, goes = next(turn for turn in _turns(cells) if turn[1] != turn[3])
+    (east_m, north_m), (rows, cols) = GRID.centre_m(corner), came if is_ahead else goes
+    way, length = (-20.0 if is_ahead else 20.0), (rows**2 + cols**2) ** 0.5
+    story.state = replace(story.state, swap_times=SwapTimes((2.5,), (0.0,)), progress=index)
+    lat_deg, lon_deg = GRID.frame.to_geodetic(east_m + way * cols / length, north_m + way * rows / length)
+    told = {"ground_speed_m_s": 10.0, "east_m_s": 10.0 * cols / length, "north_m_s": 10.0 * rows / length}
+    story.over(corner, lat_deg=lat_deg, lon_deg=lon_deg, **told)
+    story.hear((*cells[-2], True))
+    swap = story.swap()
+    assert swap.plan.leaves_ahead
+    points = [GRID.frame.to_local(p.lat_deg, p.lon_deg) for p in swap.plan.track]
+    has_corner = any(abs(e - east_m) + abs(n - north_m) < 0.1 for e, n in points)
+    assert has_corner is is_ahead
+
+
+def _turns(cells: tuple[tuple[int, int], ...]) -> Any:
+    for i, (a, here, b) in enumerate(zip(cells, cells[1:], cells[2:], strict=False), start=1):
+        yield i, (here[0] - a[0], here[1] - a[1]), here, (b[0] - here[0], b[1] - here[1])
+
+
+def test_where_its_old_way_leads_into_a_wall_before_that_it_is_left_at_once() -> None:
+    story = Flies(8.0, max_exposure=0.5)
+    story.at(80.0)
+    story.hear((4, 3, True))
+    swap = story.swap()
+    assert not swap.plan.leaves_ahead
+    assert (4, 3) not in swap.cells
+
+
+def test_before_it_could_be_on_another_route_it_is_at_its_goal_and_keeps_its_own() -> None:
+    story = Flies(8.0)
+    story.at(330.0)
+    story.hear((4, 8, True))
+    assert swaps(story.tick()) == []
+    assert not story.state.dirty
+
+
+def test_a_track_is_left_on_its_line_where_it_will_be() -> None:
+    story = Story(
+        any_angle=Counting.INTEGRAL, entry=(0, 0), goals=((3, 8),), strength=FiringStrength(0.9, 0.002, 0.001)
+    ).launching()
+    story(ev.OrderDone(ev.Order.LAUNCH))
+    story.over((0, 0))
+    flown = story.state.route
+    assert flown is not None
+    assert flown.track is not None
+    ends = [GRID.frame.to_local(p.lat_deg, p.lon_deg) for p in flown.plan.track]
+    (e0, n0), (e1, n1) = ends[-2:]
+    length_m = ((e1 - e0) ** 2 + (n1 - n0) ** 2) ** 0.5
+    east, north = (e1 - e0) / length_m, (n1 - n0) / length_m
+    lat_deg, lon_deg = GRID.frame.to_geodetic(e0 + 100.0 * east, n0 + 100.0 * north)
+    story.state = replace(story.state, swap_times=SwapTimes((6.0,), (0.0,)))
+    told = {"ground_speed_m_s": 10.0, "east_m_s": 10.0 * east, "north_m_s": 10.0 * north}
+    story.over((0, 0), lat_deg=lat_deg, lon_deg=lon_deg, **told)
+    ahead = [cell for cell in flown.track.over if cell[1] in (6, 7)]
+    story.hear(*((*cell, True) for cell in ahead))
+    swap = story.swap()
+    assert swap.plan.leaves_ahead
+    first = GRID.frame.to_local(swap.plan.track[0].lat_deg, swap.plan.track[0].lon_deg)
+    along_m = (first[0] - e0) * east + (first[1] - n0) * north
+    beside_m = (first[0] - e0) * north - (first[1] - n0) * east
+    assert along_m >= 160.0
+    assert abs(beside_m) < 0.1
+
+
+# what was measured
+
+
+def test_how_long_its_own_swaps_took_counts_the_worst_of_the_last_three() -> None:
+    times = SwapTimes()
+    assert (times.expected_s, times.stop_s) == (PRIOR_S, None)
+    for took_s, stood_s in ((9.0, 4.0), (2.0, 0.0), (1.0, 0.1), (0.5, 0.0)):
+        times = times.measured(took_s, stood_s)
+    assert times.expected_s == pytest.approx(1.25 * 2.0 + 0.5)
+    assert times.stop_s == 0.0
+    assert times.too_late().expected_s > 1.25 * 2.0 * times.expected_s
+    for _ in range(20):
+        times = times.too_late()
+    assert times.took_s[-1] == MOST_S
+
+
+def test_before_its_first_swap_the_upload_on_the_ground_tells_how_long_its_link_takes() -> None:
+    story = Story()
+    story(ev.Ready())
+    story(ev.MissionAccepted(story.swap().plan_id, 8.0))
+    assert story.state.swap_times.expected_s == pytest.approx(10.5)
+
+
+def test_a_plan_that_came_too_late_is_made_anew_at_once_farther_ahead_and_is_no_failure() -> None:
+    story = Flies(0.5)
+    story.at(30.0)
+    story.hear((4, 7, True))
+    first = story.swap()
+    for _ in range(MAX_FAILED_SWAPS + 1):
+        assert story.state.pending is not None
+        failed = ev.MissionFailed(story.state.pending.plan_id, "old", "flown past", is_late=True)
+        assert orders(story(failed)) == []
+        again = story.tick()
+        if not again:
+            break  # it will be at its goal before
+    assert story.state.phase is Phase.FLYING
+    assert story.state.route is not None
+    assert story.state.swap_times.expected_s > 2.0 * PRIOR_S
+    assert first.plan_id < story.state.next_plan_id - 1

@@ -1,0 +1,120 @@
+"""Whose vehicle it is: a mode that its agent has not chosen is somebody's will; a person's order holds."""
+
+from __future__ import annotations
+
+import pytest
+from test_agent import GRID, Story, orders, publications
+from test_agent_collision_avoidance import MID_M, Watching
+
+from swarmctl.agent.state import Phase
+from swarmctl.core import events as ev
+from swarmctl.core.frames import StateShared
+
+HOLD = {"mode": "GUIDED", "mode_role": "hold", "ground_speed_m_s": 0.0}
+
+
+def swapping() -> tuple[Story, ev.SwapMission]:
+    story = Story().flying()
+    story.hear((4, 3, True), (4, 4, True), (4, 2, True))
+    return story, story.swap()
+
+
+def wait(story: Story, seconds: int, **vehicle: object) -> list[ev.Effect]:
+    effects: list[ev.Effect] = []
+    for _ in range(seconds):
+        effects += story.over((4, 1), **vehicle)
+        effects += story.tick()
+    return effects
+
+
+def test_a_swap_that_found_somebody_else_there_lets_the_vehicle_go() -> None:
+    story, swap = swapping()
+    assert ev.Release() in story(ev.MissionFailed(swap.plan_id, "theirs", "its mode is GUIDED"))
+    assert story.state.phase is Phase.RELEASED
+    assert "its mode is GUIDED" in story.state.outcome
+    assert not [e for e in wait(story, 10, **HOLD) if isinstance(e, ev.SwapMission | ev.Command)]
+
+
+def test_a_failsafe_that_holds_after_a_swap_that_was_cut_off_is_not_fought() -> None:
+    story, swap = swapping()
+    story(ev.LinkLost(5.0))
+    story(ev.MissionFailed(swap.plan_id, "unknown", "no heartbeat for 5 s that would tell who flies it"))
+    story.now += 10.0
+    story(ev.LinkRestored())
+    effects = wait(story, 10, **HOLD)
+    assert ev.Release() in effects
+    assert not [e for e in effects if isinstance(e, ev.SwapMission)]
+
+
+def test_a_swap_that_ended_in_hold_goes_on_from_there() -> None:
+    story, swap = swapping()
+    story(ev.MissionFailed(swap.plan_id, "hold", "the new mission is not on it"))
+    (again,) = (e for e in wait(story, 12, **HOLD) if isinstance(e, ev.SwapMission))
+    assert again.plan.from_hold
+    assert not swap.plan.from_hold
+    story(ev.MissionAccepted(again.plan_id))
+    assert ev.Release() in wait(story, 10, **HOLD), "it flies again, and somebody has it hold"
+
+
+def test_a_return_that_was_refused_is_not_insisted_on_against_a_pilot_who_holds() -> None:
+    story = Story().flying()
+    story(ev.OperatorCommand(ev.Order.RETURN))
+    story(ev.OrderFailed(ev.Order.RETURN, "DO_SET_MODE: TEMPORARILY_REJECTED"))
+    effects = wait(story, 20, **HOLD)
+    assert orders(effects) == []
+    assert ev.Release() in effects
+
+
+def test_a_return_that_was_refused_is_ordered_again_while_it_flies_its_mission() -> None:
+    story = Story().flying()
+    (first,) = (e for e in story(ev.OperatorCommand(ev.Order.RETURN)) if isinstance(e, ev.Command))
+    story(ev.OrderFailed(ev.Order.RETURN, "DO_SET_MODE: TEMPORARILY_REJECTED"))
+    again = [e for e in wait(story, 10) if isinstance(e, ev.Command)]
+    assert first.by_person
+    assert again
+    assert not again[0].by_person, "nobody orders it now: it goes out after a look"
+
+
+@pytest.mark.parametrize("number", [1, None], ids=["operator", "this process"])
+def test_a_hold_that_is_ordered_while_it_gives_way_stays_one(number: int | None) -> None:
+    story = Watching()
+    story.crossing(1)
+    story.at(125.0)
+    story(ev.OrderDone(ev.Order.HOLD))
+    effects = story(ev.OperatorCommand(ev.Order.HOLD, number))
+    assert [e for e in effects if isinstance(e, ev.Command)] == [ev.Command(ev.Order.HOLD, by_person=True)]
+    flies_on: list[ev.Effect] = []
+    for second in range(30):
+        story.other(1, MID_M[0], MID_M[1] - 90.0 + 10.0 * second, (0.0, 10.0, 0.0))
+        story.at(140.0, east_m_s=0.0, **HOLD)
+        flies_on += [e for e in story.tick() if isinstance(e, ev.SwapMission)]
+    assert story.state.phase is Phase.HOLDING
+    assert flies_on == []
+
+
+def test_who_was_let_go_can_still_be_ordered_by_a_person_and_stays_let_go() -> None:
+    story = Story().flying()
+    wait(story, 3, mode="LOITER", mode_role="other")
+    assert story.state.phase is Phase.RELEASED
+    effects = story(ev.OperatorCommand(ev.Order.RETURN, 7))
+    assert [e for e in effects if isinstance(e, ev.Command)] == [ev.Command(ev.Order.RETURN, by_person=True)]
+    assert story.state.phase is Phase.RELEASED
+    (told,) = story(ev.OrderFailed(ev.Order.RETURN, "DO_SET_MODE: DENIED"))
+    assert isinstance(told, ev.Tell)
+    assert "DENIED" in told.text
+    assert orders(wait(story, 10, mode="LOITER", mode_role="other")) == []
+    assert orders(story(ev.OperatorCommand(ev.Order.RETURN))) == [], "nor does the end of this process"
+
+
+def test_the_others_are_told_where_it_is_as_long_as_it_is_up() -> None:
+    story = Story().flying()
+    story.over((4, 1), mode="LOITER", mode_role="other")
+    assert story.state.phase is Phase.RELEASED
+    (told,) = shared(story.over((4, 2), mode="LOITER", mode_role="other"))
+    assert told.phase == "released"
+    assert GRID.cell_at(told.lat_deg, told.lon_deg) == (4, 2)
+    assert shared(story.over((4, 2), mode="LOITER", mode_role="other", armed=False)) == []
+
+
+def shared(effects: list[ev.Effect]) -> list[StateShared]:
+    return [message for message in publications(effects) if isinstance(message, StateShared)]

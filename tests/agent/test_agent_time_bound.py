@@ -1,0 +1,291 @@
+"""What an agent does about its time bound, told as stories."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from test_agent import GRID, Story, orders
+
+from swarmctl.agent.replan.arrival_bounds import Arrival
+from swarmctl.agent.replan.decide import first_route
+from swarmctl.agent.replan.swap_times import SwapTimes
+from swarmctl.agent.replan.time_bound import change_cells, is_no_worse, underway_to
+from swarmctl.agent.replan.travel_time import lost_s
+from swarmctl.agent.state import Phase
+from swarmctl.core import events as ev
+from swarmctl.core.any_angle.corners import Counting
+from swarmctl.core.belief import Belief
+from swarmctl.core.exposure import length_cells
+from swarmctl.core.grid import Cell
+from swarmctl.core.threat import FiringStrength
+from swarmctl.planners import PLANNERS, BoundTooTight, Method, Problem, Route
+from swarmctl.planners.base import is_open, route_of
+from swarmctl.report.summary import arrival_of
+
+DIJKSTRA = PLANNERS["dijkstra"]
+
+
+class EitherEnd:
+    """A planner that keeps bounds and knows two routes, the least exposed and the shortest."""
+
+    Params = DIJKSTRA.Params
+
+    def plan(self, problem: Problem, params: Any, /) -> Route:
+        ways = [DIJKSTRA.plan(replace(problem, w=w), params) for w in (1.0, 0.0)]
+        for way in ways:
+            if not math.isinf(cost := self.measure(problem, way.cells, params)):
+                return route_of(problem, way.cells, cost)
+        raise BoundTooTight("none in time", route_of(problem, ways[1].cells, ways[1].exposure_sum))
+
+    def measure(self, problem: Problem, cells: Sequence[Cell], _params: Any, /) -> float:
+        length = length_cells(cells)
+        if not (is_open(problem, cells) and problem.min_length_cells <= length <= problem.max_length_cells):
+            return math.inf
+        return route_of(problem, cells, 0.0).exposure_sum
+
+
+EITHER_END = Method("either end", EitherEnd(), DIJKSTRA.Params())
+# Along the southern edge are 8 cells, 40 s: at first the shortest way and the least exposed one. Around
+# hostiles in the middle of it are about 10 cells, 50 s.
+IN_THE_WAY = ((0, 3, True), (0, 4, True), (0, 5, True))
+
+
+def story(within_s: float = math.inf, after_s: float = 0.0, **changes: Any) -> Story:
+    arrival = Arrival(10.0, after_s, within_s, approach_m=50.0)
+    return Story(method=EITHER_END, arrival=arrival, entry=(0, 0), goals=((0, 8),), **changes)
+
+
+def flying(at_s: float = 20.0, **bounds: float) -> Story:
+    """Launched at 0 s by its own clock, over its entry cell at `at_s`."""
+    told = story(**bounds).launching()
+    told.over((0, 0), time_boot_s=100.0)
+    told(ev.OrderDone(ev.Order.LAUNCH))
+    told.over((0, 0), time_boot_s=100.0 + at_s)
+    assert told.state.phase is Phase.FLYING
+    return told
+
+
+def swaps(effects: list[ev.Effect]) -> list[ev.SwapMission]:
+    return [effect for effect in effects if isinstance(effect, ev.SwapMission)]
+
+
+def test_the_bound_counts_from_when_it_is_first_seen_armed() -> None:
+    told = story(within_s=90.0).launching()
+    told.over((0, 0), time_boot_s=300.0, armed=False)
+    assert told.state.launched_boot_s is None
+    told.over((0, 0), time_boot_s=310.0)
+    told.over((0, 0), time_boot_s=320.0)
+    assert told.state.launched_boot_s == 310.0
+
+
+def test_with_time_enough_it_goes_around_and_without_it_goes_straight() -> None:
+    for within_s, length in ((120.0, 9.0), (70.0, 8.0)):
+        told = flying(within_s=within_s)
+        told.hear(*IN_THE_WAY)
+        cells = swap.cells if (swap := next(iter(swaps(told.tick())), None)) else told.state.route.cells
+        assert (length_cells(cells) > 8.0) == (length > 8.0)
+        assert told.state.late == ""
+
+
+def test_what_passes_on_the_way_is_taken_from_the_bound() -> None:
+    early, late = flying(within_s=85.0), flying(at_s=40.0, within_s=85.0)
+    for told in (early, late):
+        told.hear(*IN_THE_WAY)
+    assert length_cells(early.swap().cells) > 8.0
+    assert swaps(late.tick()) == []
+
+
+def test_late_it_flies_on_and_says_so_once() -> None:
+    told = flying(at_s=60.0, within_s=80.0)
+    told.hear((0, 4, True))
+    assert swaps(told.tick()) == []  # the straight way it flies is the least late
+    assert told.state.late == "no route meets its bound of 80 s any more; over its goal after 100.0 s"
+    told.over((0, 1), time_boot_s=170.0, ground_speed_m_s=10.0)
+    told.hear((0, 5, True), seq=2)
+    told.tick()
+    assert told.state.late.endswith("over its goal after 105.0 s")  # it stays current
+    assert told.state.phase is Phase.FLYING
+    assert orders(told.effects) == []
+
+
+def test_the_way_around_it_flies_is_left_when_it_has_become_too_long() -> None:
+    told = flying(within_s=120.0)
+    told.hear(*IN_THE_WAY)
+    around = told.swap()
+    told.accept()
+    # It has been held up: what was in time is so no more, and straight on is the least late.
+    told.over(around.cells[1], time_boot_s=198.0)
+    told.hear((8, 0, False), seq=2)
+    straight = told.swap()
+    assert length_cells(straight.cells) < length_cells(around.cells[1:])
+
+
+def test_a_change_that_costs_more_time_than_it_saves_is_not_made() -> None:
+    told = flying(within_s=80.0)
+    told.hear(*IN_THE_WAY)
+    told.tick()
+    before = told.state.route
+    # 60 s are left for 60 s of way: just in time if nothing is changed.
+    told.over((0, 0), time_boot_s=140.0)
+    told.hear((8, 8, False), seq=2)
+    assert swaps(told.tick()) == []
+    assert told.state.route is before
+
+
+def test_a_wall_on_its_way_is_left_even_if_that_makes_it_late() -> None:
+    told = story(within_s=70.0, max_exposure=0.5).launching()
+    told.over((0, 0), time_boot_s=100.0)
+    told(ev.OrderDone(ev.Order.LAUNCH))
+    told.over((0, 0), time_boot_s=129.0)
+    told.hear((0, 4, True))
+    swap = told.swap()
+    assert (0, 4) not in swap.cells
+    assert told.state.late != ""
+
+
+def test_a_route_that_would_arrive_too_early_is_left_for_one_that_does_not() -> None:
+    told = flying(after_s=64.0, within_s=120.0)
+    assert told.state.late == "no route meets its bound of 64 to 120 s any more; over its goal after 54.5 s"
+    told.hear(*IN_THE_WAY)
+    assert length_cells(told.swap().cells) > 9.5
+    assert told.state.late == ""
+
+
+def test_what_is_planned_on_the_ground_allows_for_climb_and_approach() -> None:
+    # 40 s across, 12 s to climb 30 m, 5 s to the entry; 1.5 s to lift off, 4.86 s to speed up and stop over
+    # the entry. That it is over its goal half a cell before the centre makes up for speeding up again.
+    belief = Belief.prior(GRID.rows, GRID.cols, 4)
+    in_time = story(within_s=63.5).state.task
+    assert length_cells(first_route(in_time, belief).cells) == 8.0
+    with pytest.raises(BoundTooTight):
+        first_route(story(within_s=63.3).state.task, belief)
+
+
+def test_late_before_the_launch_it_takes_the_shortest_way() -> None:
+    told = story(within_s=50.0)
+    told(ev.Ready())
+    assert length_cells(told.swap().cells) == 8.0
+    assert told.state.late == "no route meets its bound of 50 s any more; over its goal after 63.4 s"
+
+
+def test_the_arrival_is_noted_by_the_vehicles_own_clock() -> None:
+    told = flying(within_s=120.0)
+    told.over((0, 8), time_boot_s=181.5)
+    assert told.state.phase is Phase.LANDING
+    assert told.state.arrived_boot_s == 181.5
+
+
+def straight(length: int) -> tuple[Cell, ...]:
+    return tuple((0, col) for col in range(length + 1))
+
+
+def test_a_change_counts_as_the_time_it_takes_where_both_ways_miss_the_bound() -> None:
+    state = story().state
+    bent = ((0, 0), (1, 1), *((1, col) for col in range(2, 7)), (0, 7), (0, 8))  # 8.83 cells
+    problem = Problem(np.zeros((9, 9)), (0, 0), ((0, 8),), 0.5, 0.1, max_length_cells=8.2)
+    route = route_of(problem, straight(8), 0.0)
+    assert is_no_worse(state.task, problem, bent, route, change=2.0)
+    assert not is_no_worse(state.task, problem, bent, route, change=0.1)
+
+
+def test_between_two_centres_the_way_counts_from_the_vehicle_and_a_change_goes_back() -> None:
+    told = flying(within_s=120.0)
+    lat_deg, lon_deg = GRID.frame.to_geodetic(45.0, 25.0)  # 20 m past the centre of (0, 0)
+    told.over((0, 0), time_boot_s=130.0, lat_deg=lat_deg, lon_deg=lon_deg)
+    underway = underway_to(told.state, (0, 0), straight(8))
+    assert underway.elapsed_s == pytest.approx(30.0)
+    assert underway.lead_m == pytest.approx(-20.0, abs=0.01)
+    braking_and_hold_m = 10.0 * (20.0 / 7.0 + 0.5)
+    changed = change_cells(told.state, (0, 0), underway)
+    assert changed == pytest.approx((braking_and_hold_m + 40.0) / 50.0, abs=0.001)
+
+
+TURNS = [
+    ("straight on, begun at speed", [(0, 0), (100, 0), (900, 0)], 10.0, 0.0, 20.0 / 7.0),
+    ("straight on, from a stop", [(0, 0), (900, 0)], 0.0, 0.0, 2.0 + 20.0 / 7.0),
+    ("over the goal cell before braking", [(0, 0), (900, 0)], 0.0, 100.0, 0.0),
+    ("a turn between long legs", [(0, 0), (400, 0), (400, 400)], 10.0, 0.0, 20.0 / 7.0 + 3.46),
+    ("half of it", [(0, 0), (400, 0), (700, 300)], 10.0, 0.0, 20.0 / 7.0 + 1.64),
+    ("between short ones, a stop", [(0, 0), (400, 0), (400, 40), (800, 40)], 10.0, 0.0, 14.13),
+]
+
+
+@pytest.mark.parametrize(
+    ("track", "begins", "ends", "lost"), [row[1:] for row in TURNS], ids=[row[0] for row in TURNS]
+)
+def test_what_braking_and_speeding_up_cost(
+    track: list[tuple[float, float]], begins: float, ends: float, lost: float
+) -> None:
+    assert lost_s(track, 10.0, begins_m_s=begins, ends_m=ends) == pytest.approx(lost, abs=0.05)
+
+
+def test_the_way_around_is_flown_only_if_there_is_time_for_its_turns_too() -> None:
+    """10 s have passed; around are, from the next centre on, 6 + 3√2 cells, 51.2 s, and a change of mission
+    that stops takes 3.4 s. Turns and speeding up cost more than braking for the goal saves."""
+    for within_s, goes_around in ((68.0, False), (73.0, True)):
+        told = flying(at_s=10.0, within_s=within_s)
+        told.hear(*IN_THE_WAY)
+        assert bool(swaps(told.tick())) is goes_around
+        assert told.state.late_s is None
+
+
+@pytest.mark.parametrize(("stood_s", "goes_around"), [((), False), ((0.0, 0.1), True), ((0.1, 4.0), False)])
+def test_a_change_costs_the_stop_that_its_own_last_changes_brought(
+    stood_s: tuple[float, ...], goes_around: bool
+) -> None:
+    """As above: 70.5 s are enough only for who does not stop."""
+    told = flying(at_s=10.0, within_s=70.5)
+    told.state = replace(told.state, swap_times=SwapTimes((1.0,) * len(stood_s), stood_s))
+    told.hear(*IN_THE_WAY)
+    assert bool(swaps(told.tick())) is goes_around
+
+
+@pytest.mark.parametrize(("within_s", "goes_around"), [(70.5, False), (71.5, True)])
+def test_it_costs_who_brakes_for_it_more_although_it_never_stands(within_s: float, goes_around: bool) -> None:
+    """As above: what who flies on has in time, who brakes by 2.5 m/s² from 10 m/s has 2 s later, and speeds
+    up as from a stop."""
+    told = flying(at_s=10.0, within_s=within_s)
+    vehicle = replace(told.state.vehicle, brakes_m_s2=2.5)
+    told.state = replace(told.state, vehicle=vehicle, swap_times=SwapTimes((1.0,), (0.0,)))
+    told.hear(*IN_THE_WAY)
+    assert bool(swaps(told.tick())) is goes_around
+
+
+def test_a_track_that_is_worse_than_its_route_by_now_is_pulled_anew() -> None:
+    told = Story(
+        any_angle=Counting.INTEGRAL, entry=(0, 0), goals=((3, 8),), strength=FiringStrength(0.9, 0.002, 0.001)
+    )
+    told.launching()
+    told(ev.OrderDone(ev.Order.LAUNCH))
+    told.over((0, 0))
+    flown = told.state.route
+    assert flown is not None
+    assert flown.track is not None
+    beside = [cell for cell in flown.track.over if cell not in flown.cells]
+    assert beside
+    told.hear((8, 0, False))
+    assert swaps(told.tick()) == []
+    assert told.state.held is told.state.exposure  # by which it was found good
+    told.hear((*beside[0], True), seq=2)
+    anew = told.swap()
+    assert anew.track is not None
+    assert beside[0] not in anew.track.over
+
+
+def test_how_late_it_is_never_looks_like_in_time() -> None:
+    state = replace(story(within_s=80.0).state, late_s=80.004)
+    assert state.late.endswith("over its goal after 80.1 s")
+    early = replace(story(within_s=80.0, after_s=60.0).state, late_s=59.999)
+    assert early.late.endswith("over its goal after 59.9 s")
+
+
+def test_an_arrival_before_the_window_opens_does_not_keep_it() -> None:
+    state = story(within_s=80.0, after_s=60.0).state
+    for arrived_s, kept in ((59.0, False), (60.0, True), (80.0, True), (81.0, False)):
+        done = replace(state, launched_boot_s=100.0, arrived_boot_s=100.0 + arrived_s)
+        assert arrival_of(done)["arrival_bound_kept"] is kept

@@ -1,0 +1,96 @@
+"""A vehicle about to leave the fence."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from facts import Judged, at, facts
+
+from swarmctl.agent.failsafes import fence_ahead
+from swarmctl.agent.failsafes.base import Facts, Fence, Kind
+
+FENCE = Fence(((-200.0, -200.0), (1200.0, -200.0), (1200.0, 200.0), (-200.0, 200.0)), 60.0)
+"""around the route to the east"""
+
+
+def there(east_m: float, north_m: float, speed_m_s: float = 10.0, **changes: Any) -> Facts:
+    vehicle = at(east_m, north_m, ground_speed_m_s=speed_m_s)
+    return facts(vehicle, **{"fence": FENCE, **changes})
+
+
+def blown_north(speed_m_s: float, **changes: Any) -> dict[int, Kind]:
+    """What is demanded first at which distance from the fence [m], blown off its route."""
+    rule, found = Judged(fence_ahead, off_route_m=15.0, seconds=2.0), {}
+    for north_m in range(0, 230, 2):
+        demand = rule(float(north_m), there(500.0, float(north_m), speed_m_s, **changes))
+        if demand is not None and demand.kind not in found.values():
+            found[200 - north_m] = demand.kind
+    return found
+
+
+@pytest.mark.parametrize(("speed_m_s", "stops_m"), [(5.0, 15.0), (10.0, 40.0), (15.0, 75.0)])
+def test_it_holds_while_it_can_still_stop_and_returns_from_outside(speed_m_s: float, stops_m: float) -> None:
+    found = blown_north(speed_m_s)
+    (holds_at, hold), (returns_at, back) = found.items()
+    assert (hold, back) == (Kind.HOLD, Kind.RETURN)
+    # Two positions in a row, which come every 2 m here.
+    assert stops_m - 4.0 <= holds_at <= stops_m
+    assert -4.0 <= returns_at <= 0.0
+
+
+@pytest.mark.parametrize(("radius_m", "turns_m"), [(40.0, 70.0), (80.0, 110.0)])
+def test_what_cannot_stop_turns_for_home_as_long_as_it_has_room(radius_m: float, turns_m: float) -> None:
+    ((returns_at, back),) = blown_north(15.0, turn_radius_m=radius_m).items()
+    assert back is Kind.RETURN
+    assert turns_m - 4.0 <= returns_at <= turns_m
+
+
+def test_on_its_route_no_fence_is_too_near() -> None:
+    rule = Judged(fence_ahead)
+    near = Fence(((-10.0, -20.0), (1005.0, -20.0), (1005.0, 20.0), (-10.0, 20.0)), 60.0)
+    for east_m in range(0, 1000, 5):
+        assert rule(float(east_m), there(float(east_m), 5.0, 20.0, fence=near)) is None
+
+
+def test_along_the_fence_it_may_fly_on() -> None:
+    rule = Judged(fence_ahead)
+    for east_m in range(0, 1000, 5):
+        assert rule(float(east_m), there(float(east_m), 195.0)) is None
+
+
+def test_too_high_is_outside_too() -> None:
+    rule, high = Judged(fence_ahead), facts(at(0.0, 0.0, alt_rel_m=61.0), fence=FENCE)
+    rule(0.0, high)
+    demand = rule(0.25, high)
+    assert demand is not None
+    assert demand.why == "outside the fence: 61 m above home, expected at most 60 m"
+
+
+@pytest.mark.parametrize("changes", [{"fence": None}, {"lost": True}, {"doing": "ground"}])
+def test_without_a_fence_on_the_ground_and_unheard_there_is_none_ahead(changes: dict[str, Any]) -> None:
+    assert blown_north(10.0, **changes) == {}
+
+
+def test_one_position_outside_is_believed_only_when_the_next_says_so_too() -> None:
+    rule = Judged(fence_ahead)
+    assert rule(0.0, there(0.0, 0.0)) is None
+    assert rule(0.25, there(9000.0, 0.0)) is None
+    # Other messages come meanwhile, and the position is still the same one.
+    assert rule(1.0, there(9000.0, 0.0), position_s=0.25) is None
+    assert rule(1.25, there(2.0, 0.0)) is None
+    assert rule(1.5, there(9000.0, 0.0)) is None
+    demand = rule(1.75, there(9000.0, 0.0))
+    assert demand is not None
+    assert demand.kind is Kind.RETURN
+    again = rule(3.0, there(9000.0, 0.0), position_s=1.75)
+    assert again == demand
+
+
+def test_of_two_positions_the_weaker_demand_is_followed() -> None:
+    rule = Judged(fence_ahead)
+    rule(0.0, there(500.0, 170.0))
+    assert rule(0.25, there(500.0, 175.0)) is None
+    demand = rule(0.5, there(500.0, 9000.0))
+    assert demand is not None
+    assert demand.kind is Kind.HOLD

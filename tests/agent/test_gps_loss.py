@@ -1,0 +1,89 @@
+"""A vehicle without a GPS fix."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from facts import Judged, at, facts
+
+from swarmctl.agent.failsafes import gps_loss
+from swarmctl.agent.failsafes.base import Facts, Kind
+
+NO_FIX = at(0.0, 0.0, gps_ok=False)
+
+
+def test_it_is_said_and_in_the_end_the_vehicle_lands() -> None:
+    rule = Judged(gps_loss, seconds=2.0, land_s=20.0)
+    kinds = []
+    for second in range(22):
+        demand = rule(float(second), facts(NO_FIX))
+        kinds.append(None if demand is None else demand.kind)
+    assert kinds == [None] * 2 + [Kind.WARN] * 18 + [Kind.LAND] * 2
+
+
+def test_a_fix_that_comes_back_in_time_ends_it_and_later_stops_no_landing() -> None:
+    rule = Judged(gps_loss, seconds=2.0, land_s=20.0)
+    for second in range(15):
+        rule(float(second), facts(NO_FIX))
+    assert rule(15.0, facts(at(0.0, 0.0, gps_ok=True))) is None
+    for second in range(16, 37):
+        rule(float(second), facts(NO_FIX))
+    demand = rule(37.0, facts(at(0.0, 0.0, gps_ok=True)))
+    assert demand is not None
+    assert demand.kind is Kind.LAND
+
+
+def test_who_has_no_receiver_is_not_heard_or_stands_on_the_ground_loses_none() -> None:
+    rule = Judged(gps_loss, seconds=0.0, land_s=1.0)
+    for second in range(10):
+        assert rule(float(second), facts(at(0.0, 0.0, gps_ok=None))) is None
+        assert rule(float(second), facts(NO_FIX, lost=True)) is None
+        assert rule(float(second), facts(NO_FIX, doing="ground")) is None
+
+
+def kinds_of(rule: Judged, known: Facts, seconds: range, **stamps: float) -> dict[int, Kind]:
+    """What is demanded first at which second."""
+    found: dict[int, Kind] = {}
+    for second in seconds:
+        demand = rule(float(second), known, **stamps)
+        if demand is not None and demand.kind not in found.values():
+            found[second] = demand.kind
+    return found
+
+
+def test_one_word_of_no_fix_is_not_many_because_nothing_else_is_told() -> None:
+    assert kinds_of(Judged(gps_loss), facts(NO_FIX), range(60), status_s=0.0) == {}
+
+
+@pytest.mark.parametrize("gps_ok", [False, None])
+def test_who_tells_no_position_any_more_lands_in_the_end(gps_ok: bool | None) -> None:
+    blind = facts(at(0.0, 0.0, gps_ok=gps_ok, lat_deg=None, lon_deg=None))
+    found = kinds_of(Judged(gps_loss), blind, range(40), position_s=0.0, status_s=0.0)
+    assert found == {2: Kind.WARN, 20: Kind.LAND}
+
+
+def test_who_tells_no_position_and_has_a_fix_returns_and_lands_if_it_does_not() -> None:
+    blind = facts(at(0.0, 0.0, gps_ok=True, lat_deg=None, lon_deg=None))
+    found = kinds_of(Judged(gps_loss), blind, range(60), position_s=0.0)
+    assert found == {2: Kind.WARN, 20: Kind.RETURN, 40: Kind.LAND}
+    comes = facts(replace(blind.vehicle, mode="RTL", mode_role="return"), doing="return")
+    found = kinds_of(Judged(gps_loss), comes, range(200), position_s=0.0)
+    assert Kind.LAND not in found.values()
+
+
+def test_a_position_that_comes_again_ends_it() -> None:
+    rule, blind = Judged(gps_loss), facts(at(0.0, 0.0, gps_ok=True, lat_deg=None, lon_deg=None))
+    rule(0.0, blind)
+    demand = rule(10.0, blind)
+    assert demand is not None
+    assert demand.why == "it tells no position any more"
+    assert rule(11.0, facts(at(0.0, 0.0, gps_ok=True))) is None
+
+
+def test_who_was_not_heard_at_all_was_not_heard_without_a_position() -> None:
+    rule, blind = Judged(gps_loss), facts(at(0.0, 0.0, gps_ok=True, lat_deg=None, lon_deg=None))
+    rule(0.0, facts(at(0.0, 0.0)))
+    assert rule(5.0, facts(at(0.0, 0.0), lost=True)) is None
+    assert rule(60.0, blind, position_s=0.0) is None
+    assert rule(61.0, facts(at(0.0, 0.0, gps_ok=True))) is None

@@ -1,0 +1,66 @@
+"""Alarms between vehicles in flight: raised at once, ended with hysteresis, one of two gives way."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from swarmctl.agent.traffic.separation.approach import Limits
+from swarmctl.agent.traffic.separation.trajectory import onward
+from swarmctl.agent.traffic.separation.watch import Alarm, Separation, clear_height_m, gives_way, watch
+
+RULES = Separation(Limits(10.0, 3.0), look_ahead_s=10.0)
+
+
+def head_on(apart_m: float, aside_m: float = 0.0) -> tuple[Alarm, ...]:
+    return step((), apart_m, aside_m, 0.0)
+
+
+def step(alarms: tuple[Alarm, ...], apart_m: float, aside_m: float, now_s: float) -> tuple[Alarm, ...]:
+    own = onward((0.0, 0.0, 40.0), (5.0, 0.0, 0.0), now_s, RULES.look_ahead_s)
+    other = onward((apart_m, aside_m, 40.0), (-5.0, 0.0, 0.0), now_s, RULES.look_ahead_s)
+    return watch(alarms, own, {7: other}, RULES, now_s)
+
+
+def test_an_alarm_is_raised_when_limits_will_be_broken_within_the_time_looked_ahead() -> None:
+    assert head_on(115.0) == ()
+    (alarm,) = head_on(105.0)
+    assert (alarm.other, alarm.clear_since_s) == (7, None)
+    assert alarm.approach.t_s == pytest.approx(10.0)
+    assert alarm.approach.distance_m == pytest.approx(5.0)
+    assert head_on(50.0, aside_m=10.5) == ()
+
+
+def test_it_ends_only_when_they_keep_well_clear_for_some_time() -> None:
+    alarms = head_on(50.0, aside_m=9.0)
+    alarms = step(alarms, 45.0, 12.0, 1.0)
+    assert alarms[0].clear_since_s is None  # outside the limits, but not by much
+    alarms = step(alarms, 40.0, 16.0, 2.0)
+    assert alarms[0].clear_since_s == 2.0
+    alarms = step(alarms, 35.0, 14.0, 3.0)
+    assert alarms[0].clear_since_s is None  # again: it counts anew
+    for now_s in (4.0, 5.0):
+        alarms = step(alarms, 30.0, 16.0, now_s)
+        assert len(alarms) == 1
+    assert step(alarms, 30.0, 16.0, 6.0) == ()
+
+
+def test_who_is_heard_no_more_is_let_go_after_a_while() -> None:
+    alarms = head_on(50.0)
+    own = onward((0.0, 0.0, 40.0), (5.0, 0.0, 0.0), 1.0, 10.0)
+    alarms = watch(alarms, own, {}, RULES, 1.0)
+    assert len(alarms) == 1
+    assert watch(alarms, own, {}, RULES, 3.0) == ()
+
+
+@given(st.integers(1, 254), st.integers(1, 254))
+def test_of_two_exactly_one_gives_way(a: int, b: int) -> None:
+    assert a == b or gives_way(a, b) is not gives_way(b, a)
+
+
+@given(st.floats(10.0, 100.0), st.lists(st.floats(0.0, 120.0), max_size=8))
+def test_the_height_climbed_to_is_clear_of_all(height_m: float, others_m: list[float]) -> None:
+    found_m = clear_height_m(height_m, others_m, RULES.limits)
+    assert found_m >= height_m
+    assert all(abs(found_m - other_m) >= RULES.limits.vertical_m for other_m in others_m)

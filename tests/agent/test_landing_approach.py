@@ -1,0 +1,135 @@
+"""The landing of a fixed wing, as geometry: where its circle and its final are, and from which side."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from swarmctl.agent.replan.approach import (
+    NoApproach,
+    Pattern,
+    Point,
+    Pose,
+    Wings,
+    approach,
+    choose,
+    pattern,
+    pattern_of,
+    way_to_circle,
+)
+from swarmctl.core.geo import LocalFrame
+from swarmctl.core.plane import contains
+
+FRAME = LocalFrame(46.0, 14.4)
+WINGS = Wings(
+    loiter_radius_m=60.0,
+    final_height_m=20.0,
+    glide_deg=6.0,
+    min_speed_m_s=11.0,
+    takeoff_height_m=20.0,
+    home=(46.0, 14.4),
+)
+NORTH, EAST, SOUTH = 0.0, math.pi / 2.0, math.pi
+COMES_EAST = Pose((0.0, 0.0), EAST)
+
+
+def chosen(
+    fence: Sequence[Point] = (),
+    under: Callable[[Sequence[Point]], float] = lambda way: 0.0,
+    wings: Wings = WINGS,
+    comes: Pose = COMES_EAST,
+) -> Pattern:
+    return choose(
+        (0.0, 0.0),
+        wings,
+        comes=comes,
+        is_flown_to=True,
+        turn_radius_m=40.0,
+        fence=fence,
+        exposure_under=under,
+    )
+
+
+def box(west: float, south: float, east: float, north: float) -> list[Point]:
+    return [(west, south), (east, south), (east, north), (west, north)]
+
+
+headings = st.floats(0.0, math.tau)
+
+
+@given(headings, st.booleans(), st.floats(2.0, 12.0), st.floats(20.0, 200.0))
+def test_the_final_is_as_steep_as_asked_for_and_continues_the_circles_tangent(
+    heading_rad: float, clockwise: bool, glide_deg: float, radius_m: float
+) -> None:
+    wings = replace(WINGS, glide_deg=glide_deg, loiter_radius_m=radius_m)
+    found = pattern((10.0, -20.0), heading_rad, wings, clockwise=clockwise)
+    final_m = math.dist(found.final, found.touchdown)
+    assert math.degrees(math.atan2(20.0, final_m)) == pytest.approx(glide_deg)
+    assert all(math.dist(point, found.centre) == pytest.approx(radius_m) for point in found.circle())
+    # It leaves the circle flying as it lands: the last chord of the circle turns into that direction.
+    (e0, n0), (e1, n1) = found.circle()[-2:]
+    turned = math.remainder(heading_rad - math.atan2(e1 - e0, n1 - n0), math.tau)
+    assert turned == pytest.approx(math.copysign(math.pi / 16, found.radius_m), abs=1e-6)
+    east_m, north_m = radius_m * math.sin(heading_rad), radius_m * math.cos(heading_rad)
+    ahead = found.leaves[0] + east_m, found.leaves[1] + north_m
+    assert math.dist(found.final, ahead) == pytest.approx(0.0, abs=1e-6)
+
+
+@given(headings, st.booleans())
+def test_what_a_plan_says_of_an_approach_is_all_there_is_to_it(heading_rad: float, clockwise: bool) -> None:
+    found = pattern((300.0, 400.0), heading_rad, WINGS, clockwise=clockwise)
+    again = pattern_of(approach(found, FRAME, 20.0), FRAME)
+    assert again.radius_m == found.radius_m
+    for mine, its in zip(again.outline(), found.outline(), strict=True):
+        assert math.dist(mine, its) < 0.05
+
+
+def test_it_lands_along_its_way_where_nothing_speaks_against_that() -> None:
+    assert chosen().heading_rad == pytest.approx(EAST)
+
+
+def test_it_lands_into_the_heading_that_is_asked_for() -> None:
+    into_the_wind = replace(WINGS, landing_heading_deg=250.0)
+    assert math.degrees(chosen(wings=into_the_wind).heading_rad) == pytest.approx(250.0)
+
+
+@given(st.floats(-math.pi, math.pi))
+def test_no_leg_leaves_the_fence_whichever_way_it_comes(heading_rad: float) -> None:
+    fence = box(-420.0, -330.0, 180.0, 150.0)
+    comes = Pose((0.0, 0.0), heading_rad)
+    found = chosen(fence, comes=comes)
+    way = [*way_to_circle(comes, found, 40.0), *found.outline()]
+    assert all(contains(fence, point) for point in way)
+
+
+def test_of_all_that_are_inside_it_takes_the_least_exposed() -> None:
+    def east_is_seen(way: Sequence[Point]) -> float:
+        return sum(1.0 for east_m, _ in way if east_m > 100.0)
+
+    found = chosen(box(-600.0, -600.0, 600.0, 600.0), east_is_seen)
+    assert max(east_m for east_m, _ in found.outline()) <= 100.0
+
+
+def test_without_room_it_says_how_much_is_needed() -> None:
+    with pytest.raises(NoApproach, match=r"a final of 190 m and a circle of 60 m would leave the fence"):
+        chosen(box(-100.0, -100.0, 100.0, 100.0))
+    with pytest.raises(NoApproach):
+        chosen(under=lambda way: math.inf)
+
+
+@given(headings, st.floats(-400.0, 400.0), st.floats(-400.0, 400.0), st.floats(20.0, 60.0))
+def test_the_way_to_the_circle_turns_no_tighter_than_it_can_and_comes_there(
+    heading_rad: float, east_m: float, north_m: float, turn_radius_m: float
+) -> None:
+    there = pattern((0.0, 0.0), NORTH, WINGS, clockwise=True)
+    way = way_to_circle(Pose((east_m, north_m), heading_rad), there, turn_radius_m)
+    assert math.dist(way[-1], there.centre) <= 60.0
+    courses = [math.atan2(e1 - e0, n1 - n0) for (e0, n0), (e1, n1) in pairwise(way)]
+    turns = [abs(math.remainder(b - a, math.tau)) for a, b in pairwise([heading_rad, *courses])]
+    assert max(turns, default=0.0) <= 10.0 / turn_radius_m + 1e-6

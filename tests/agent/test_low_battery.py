@@ -1,0 +1,97 @@
+"""The charge runs out."""
+
+from __future__ import annotations
+
+import pytest
+from facts import Judged, at, facts
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from swarmctl.agent.failsafes import low_battery
+from swarmctl.agent.failsafes.base import STRENGTH, Kind
+
+
+def test_below_the_first_limit_it_returns_and_below_the_second_it_lands() -> None:
+    rule = Judged(low_battery, return_percent=25.0, land_percent=10.0, seconds=3.0)
+    kinds = {}
+    for second, percent in enumerate([30, 26, 25, 24, 24, 24, 24, 9, 9, 9, 9]):
+        demand = rule(float(second), facts(at(0.0, 0.0, battery_percent=percent)))
+        kinds[second] = None if demand is None else demand.kind
+    assert [kinds[s] for s in (5, 6, 9, 10)] == [None, Kind.RETURN, Kind.RETURN, Kind.LAND]
+
+
+def test_a_dip_under_full_thrust_is_no_low_battery() -> None:
+    rule = Judged(low_battery, return_percent=25.0, seconds=3.0)
+    for second in range(60):
+        percent = 20 if second % 3 else 30
+        assert rule(float(second), facts(at(0.0, 0.0, battery_percent=percent))) is None
+
+
+def test_one_low_charge_is_not_many_because_nothing_else_is_told() -> None:
+    rule = Judged(low_battery, return_percent=25.0, seconds=3.0)
+    low = facts(at(0.0, 0.0, battery_percent=5))
+    for quarters in range(240):
+        assert rule(quarters / 4, low, status_s=0.0) is None
+    demand = rule(61.0, low)
+    assert demand is not None
+
+
+def test_what_is_spent_does_not_come_back() -> None:
+    rule = Judged(low_battery, return_percent=25.0, seconds=0.0)
+    demand = rule(0.0, facts(at(0.0, 0.0, battery_percent=20)))
+    assert demand is not None
+    assert demand.why == "battery at 20 %, less than the 25 % of rules.low_battery"
+    assert rule(1.0, facts(at(0.0, 0.0, battery_percent=60))) == demand
+
+
+def test_on_the_ground_it_is_no_matter() -> None:
+    rule = Judged(low_battery, seconds=0.0)
+    assert rule(0.0, facts(at(0.0, 0.0, battery_percent=1), doing="ground")) is None
+
+
+def test_a_limit_of_0_never_acts() -> None:
+    rule = Judged(low_battery, return_percent=0.0, land_percent=0.0, seconds=0.0)
+    assert rule(0.0, facts(at(0.0, 0.0, battery_percent=0))) is None
+
+
+def test_to_land_before_it_returns_is_refused() -> None:
+    with pytest.raises(ValidationError, match="it would land before it could return"):
+        low_battery.Params(return_percent=10.0, land_percent=20.0)
+
+
+@given(st.lists(st.one_of(st.none(), st.integers(0, 100)), max_size=40))
+def test_its_demand_never_weakens(charges: list[int | None]) -> None:
+    rule, rank = Judged(low_battery, seconds=2.0), -1
+    for second, percent in enumerate(charges):
+        demand = rule(float(second), facts(at(0.0, 0.0, battery_percent=percent)))
+        now = -1 if demand is None else STRENGTH[demand.kind]
+        assert now >= rank
+        rank = now
+
+
+@pytest.mark.parametrize(
+    ("params", "percent", "urgent"),
+    [
+        ({}, 20, False),
+        ({}, 19, True),
+        ({"wait_percent": 0.0}, 24, True),
+        ({"wait_percent": 50.0}, 10, False),
+        ({"wait_percent": 50.0, "land_percent": 0.0}, 1, False),
+    ],
+)
+def test_its_return_may_wait_while_there_is_charge_for_that(
+    params: dict[str, float], percent: int, *, urgent: bool
+) -> None:
+    rule = Judged(low_battery, return_percent=25.0, seconds=0.0, **params)
+    demand = rule(0.0, facts(at(0.0, 0.0, battery_percent=percent)))
+    assert demand is not None
+    assert (demand.kind, demand.urgent) == (Kind.RETURN, urgent)
+
+
+def test_what_is_urgent_stays_so() -> None:
+    rule = Judged(low_battery, return_percent=25.0, seconds=0.0)
+    for second, percent in enumerate((24, 19, 24)):
+        demand = rule(float(second), facts(at(0.0, 0.0, battery_percent=percent)))
+    assert demand is not None
+    assert demand.urgent

@@ -1,0 +1,589 @@
+"""What payloads report: what is taken and what is refused, over every transport; the example; a flight."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import math
+import socket
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any, get_args
+
+import pytest
+from flights import Ui, small
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from swarmctl.bus import keys
+from swarmctl.bus.endpoint import BusEndpoint
+from swarmctl.bus.external_observations import BURST, PAUSE_S, PER_S, Looks, Tally
+from swarmctl.bus.sensor_reports import (
+    MAX_BYTES,
+    OLDEST_S,
+    Answer,
+    BadReport,
+    Looked,
+    Point,
+    Reason,
+    Report,
+    decode_answer,
+    encode,
+    read,
+    schema,
+)
+from swarmctl.bus.transports import zenoh_config
+from swarmctl.bus.transports.base import Transport
+from swarmctl.bus.transports.memory import MemoryBus
+from swarmctl.bus.transports.zenoh import ZenohBus
+from swarmctl.config.model import Sensor
+from swarmctl.core.belief import CLEAR, OCCUPIED
+from swarmctl.core.grid import Grid
+from swarmctl.core.vehicle import VehicleState
+from swarmctl.flight import app
+from swarmctl.flight.sensors import SOURCES
+from swarmctl.flight.sensors.external import External
+from swarmctl.flight.virtual_clock import run_virtual
+from swarmctl.report.outcome import Report as Flight
+
+ROOT = Path(__file__).parents[2]
+KEY = "swarmctl/test/uav/3/inform/look/sensor"
+GRID = Grid(8, 10, 50.0, 46.0, 14.4)
+NOW_S = 1_800_000_000.0
+
+
+def said(**fields: Any) -> bytes:
+    return json.dumps({"version": 1, **fields}).encode()
+
+
+def point(cell: tuple[int, int], occupied: bool) -> dict[str, object]:
+    lat_deg, lon_deg = GRID.centre(cell)
+    return {"lat_deg": lat_deg, "lon_deg": lon_deg, "occupied": occupied}
+
+
+ONE = [[4, 7, True]]
+SEEN = ((4, 7, True),)
+TAKEN: dict[str, tuple[bytes, tuple[tuple[int, int, bool], ...]]] = {
+    "a cell": (said(cells=ONE), SEEN),
+    "all cells of the area": (
+        said(cells=[[r, c, False] for r in range(8) for c in range(10)]),
+        tuple((r, c, False) for r in range(8) for c in range(10)),
+    ),
+    "a point": (said(points=[point((4, 7), True)]), SEEN),
+    "points in two cells": (
+        said(points=[point((4, 7), True), point((0, 0), False)]),
+        (*SEEN, (0, 0, False)),
+    ),
+    "points in one cell that agree": (said(points=[point((4, 7), True)] * 3), SEEN),
+    "with its time and name": (said(cells=ONE, unix_s=NOW_S - 1.0, source="thermal camera 2"), SEEN),
+    "from a clock that is a little ahead": (said(cells=ONE, unix_s=NOW_S + 4.9), SEEN),
+    "just not too old": (said(cells=ONE, unix_s=NOW_S - OLDEST_S), SEEN),
+    "a time without a fraction": (said(cells=ONE, unix_s=int(NOW_S)), SEEN),
+    "with what later versions may add": (said(cells=ONE, height_m=3.0, more={"x": [1]}), SEEN),
+    "said to be null": (said(cells=ONE, points=None, unix_s=None), SEEN),
+}
+REFUSED: dict[str, tuple[bytes, Reason, str]] = {
+    "nothing": (b"", Reason.MALFORMED, "--schema"),
+    "no JSON": (b"\x01\x02nonsense", Reason.MALFORMED, "JSON is malformed"),
+    "no object": (b"[1, 2]", Reason.MALFORMED, "Expected `object`"),
+    "no text": (b'{"version": 1, "source": "\xff"}', Reason.MALFORMED, "utf-8"),
+    "too deep": (b'{"x":' * 3000, Reason.MALFORMED, "recursion"),
+    "two reports": (said(cells=ONE) * 2, Reason.MALFORMED, "trailing"),
+    "no version": (b'{"cells": [[4, 7, true]]}', Reason.MALFORMED, "missing required field `version`"),
+    "another version": (said(cells=ONE, version=2), Reason.VERSION, "expected version 1, found 2"),
+    "a version of another shape": (
+        b'{"version": 2, "cells": 5}',
+        Reason.VERSION,
+        "expected version 1, found 2",
+    ),
+    "neither cells nor points": (said(), Reason.MALFORMED, "`cells` or `points`, found neither"),
+    "cells and points": (
+        said(cells=ONE, points=[point((0, 0), False)]),
+        Reason.MALFORMED,
+        "found both",
+    ),
+    "no cells": (said(cells=[]), Reason.MALFORMED, "length >= 1"),
+    "a cell of two": (said(cells=[[4, 7]]), Reason.MALFORMED, "length 3"),
+    "occupied as a number": (said(cells=[[4, 7, 1]]), Reason.MALFORMED, "Expected `bool`, got `int`"),
+    "a row with a fraction": (said(cells=[[4.5, 7, True]]), Reason.MALFORMED, "Expected `int`"),
+    "a row as text": (said(cells=[["4", 7, True]]), Reason.MALFORMED, "Expected `int`, got `str`"),
+    "a row beyond": (
+        said(cells=[*ONE, [8, 7, True]]),
+        Reason.OUTSIDE,
+        "cell [8, 7]: expected row 0 to 7 and col 0 to 9",
+    ),
+    "a column beyond": (said(cells=[[4, 10, True]]), Reason.OUTSIDE, "cell [4, 10]"),
+    "a row below": (said(cells=[[-1, 7, True]]), Reason.OUTSIDE, "cell [-1, 7]"),
+    "a huge row": (said(cells=[[10**400, 7, True]]), Reason.OUTSIDE, "cell [10000000000000000000, 7]"),
+    "a cell twice": (said(cells=[[4, 7, True], [4, 7, True]]), Reason.TWICE, "cell [4, 7]"),
+    "points that disagree": (
+        said(points=[point((4, 7), True), point((4, 7), False)]),
+        Reason.TWICE,
+        "cell [4, 7] has points that are occupied and points that are clear",
+    ),
+    "a point outside": (
+        said(points=[{"lat_deg": 45.0, "lon_deg": 14.4, "occupied": True}]),
+        Reason.OUTSIDE,
+        "point 45.0000000, 14.4000000 lies in no cell",
+    ),
+    "a latitude that is none": (
+        said(points=[{"lat_deg": 91.0, "lon_deg": 14.4, "occupied": True}]),
+        Reason.MALFORMED,
+        "<= 90",
+    ),
+    "once round the earth": (
+        said(points=[{"lat_deg": 46.001, "lon_deg": 374.401, "occupied": True}]),
+        Reason.MALFORMED,
+        "<= 180",
+    ),
+    "a point without a longitude": (
+        said(points=[{"lat_deg": 46.0, "occupied": True}]),
+        Reason.MALFORMED,
+        "missing required field `lon_deg`",
+    ),
+    "NaN": (
+        said(points=[{"lat_deg": math.nan, "lon_deg": 14.4, "occupied": True}]),
+        Reason.MALFORMED,
+        "invalid character",
+    ),
+    "an infinite time": (
+        b'{"version": 1, "cells": [[4, 7, true]], "unix_s": 1e999}',
+        Reason.MALFORMED,
+        "unix_s",
+    ),
+    "too old": (
+        said(cells=ONE, unix_s=NOW_S - OLDEST_S - 0.2),
+        Reason.STALE,
+        "seen 60.2 s ago, expected at most 60",
+    ),
+    "milliseconds": (said(cells=ONE, unix_s=NOW_S * 1000.0), Reason.FUTURE, "s from now, expected at most 5"),
+    "from the future": (said(cells=ONE, unix_s=NOW_S + 5.2), Reason.FUTURE, "seen 5.2 s from now"),
+    "a long name": (said(cells=ONE, source="x" * 33), Reason.MALFORMED, "length <= 32"),
+    "a name that moves the cursor": (
+        said(cells=ONE, source="\x1b[2J"),
+        Reason.MALFORMED,
+        "cannot be printed",
+    ),
+    "too long": (said(cells=ONE, source="x" * MAX_BYTES), Reason.OVERSIZE, f"at most {MAX_BYTES}"),
+}
+
+
+# --- the schema
+
+
+@pytest.mark.parametrize("name", TAKEN)
+def test_a_report_gives_its_cells(name: str) -> None:
+    data, cells = TAKEN[name]
+    assert read(data, GRID, NOW_S)[0] == cells
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_is_no_report_is_refused_with_its_reason(name: str) -> None:
+    data, reason, why = REFUSED[name]
+    with pytest.raises(BadReport) as refused:
+        read(data, GRID, NOW_S)
+    assert refused.value.reason is reason
+    assert why in str(refused.value)
+
+
+def test_a_report_names_its_source() -> None:
+    assert read(said(cells=ONE, source="geiger"), GRID, NOW_S) == (SEEN, "geiger")
+    assert read(said(cells=ONE), GRID, NOW_S) == (SEEN, "")
+
+
+numbers = st.integers() | st.floats()
+json_values = st.recursive(
+    st.none() | st.booleans() | numbers | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=3), inner, max_size=3),
+    max_leaves=8,
+)
+almost = st.fixed_dictionaries(
+    {"version": st.just(1) | json_values},
+    optional={
+        "cells": st.lists(st.tuples(numbers, numbers, st.booleans()), max_size=4) | json_values,
+        "points": st.lists(
+            st.fixed_dictionaries({"lat_deg": numbers, "lon_deg": numbers, "occupied": st.booleans()}),
+            max_size=4,
+        )
+        | json_values,
+        "unix_s": numbers | json_values,
+        "source": st.text(max_size=40) | json_values,
+    },
+)
+
+
+@given(st.binary(max_size=80) | almost.map(lambda content: json.dumps(content).encode()))
+@settings(max_examples=200, deadline=None, derandomize=True)
+def test_whatever_the_bytes_they_are_a_report_or_refused(data: bytes) -> None:
+    with suppress(BadReport):
+        cells, source = read(data, GRID, NOW_S)
+        assert cells
+        assert len({(row, col) for row, col, _ in cells}) == len(cells)
+        assert all(GRID.contains((row, col)) for row, col, _ in cells)
+        assert len(source) <= 32
+    with suppress(ValueError):
+        decode_answer(data)
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 7), st.integers(0, 9)), min_size=1, max_size=20, unique=True),
+    st.booleans(),
+    st.booleans(),
+)
+@settings(max_examples=60, deadline=None, derandomize=True)
+def test_a_report_by_position_says_the_same_as_one_by_cell(
+    cells: list[tuple[int, int]], occupied: bool, by_cell: bool
+) -> None:
+    expected = tuple((row, col, occupied) for row, col in cells)
+    if by_cell:
+        report = Report(1, cells=expected)
+    else:
+        report = Report(1, points=tuple(Point(*GRID.centre(cell), occupied) for cell in cells))
+    assert read(encode(report), GRID, NOW_S)[0] == expected
+
+
+def test_the_published_schema_names_every_field_and_what_must_be_there() -> None:
+    found = schema()
+    report = found["$defs"]["Report"]
+    assert set(report["properties"]) == {"version", "cells", "points", "unix_s", "source"}
+    assert report["required"] == ["version"]
+    assert report["properties"]["version"]["enum"] == [1]
+    assert found["oneOf"] == [{"required": ["cells"]}, {"required": ["points"]}]
+    assert set(found["$defs"]["Point"]["required"]) == {"lat_deg", "lon_deg", "occupied"}
+
+
+# --- the inlet, over every transport
+
+
+class Vehicle:
+    """An agent that takes looks."""
+
+    def __init__(self, transport: Transport, clock: Callable[[], float] = lambda: NOW_S) -> None:
+        self.posted: list[tuple[Looked, str]] = []
+        self.said: list[str] = []
+        self._stirred = asyncio.Event()
+        self.looks = Looks(
+            transport,
+            "test",
+            3,
+            GRID,
+            clock,
+            self._post,
+            self._say,
+        )
+
+    def _post(self, cells: Looked, source: str) -> None:
+        self.posted.append((cells, source))
+        self._stirred.set()
+
+    def _say(self, text: str) -> None:
+        self.said.append(text)
+        self._stirred.set()
+
+    async def until(self, condition: Callable[[], bool]) -> None:
+        """Wait for what a report makes true."""
+        async with asyncio.timeout(20.0):
+            while not condition():
+                self._stirred.clear()
+                await self._stirred.wait()
+
+
+@contextmanager
+def in_memory() -> Iterator[tuple[Transport, Transport]]:
+    bus = MemoryBus()
+    yield bus, bus
+
+
+def endpoint() -> BusEndpoint:
+    """A free port of this machine."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return BusEndpoint("127.0.0.1", probe.getsockname()[1])
+
+
+@contextmanager
+def through_a_door() -> Iterator[tuple[Transport, Transport]]:
+    """(the agent's bus, the payload's) where one process flies the swarm."""
+    anybodys = keys.looks("test", "*")
+    at = BusEndpoint("127.0.0.1", 0)
+    with ZenohBus(listen=at, open_keys=(anybodys,), put_keys=(anybodys,)) as agent:
+        assert agent.endpoint is not None
+        with ZenohBus(connect=agent.endpoint) as payload:
+            yield agent, payload
+
+
+@contextmanager
+def over_a_router() -> Iterator[tuple[Transport, Transport]]:
+    """The same where the agent is a process of its own."""
+    at = endpoint()
+    with (
+        ZenohBus(zenoh_config.router(at, "test", [1, 3])),
+        ZenohBus(zenoh_config.client(at)) as agent,
+        ZenohBus(connect=at) as payload,
+    ):
+        yield agent, payload
+
+
+Both = Callable[[], contextlib.AbstractContextManager[tuple[Transport, Transport]]]
+
+
+@pytest.fixture(params=[in_memory, through_a_door, over_a_router])
+def both(request: pytest.FixtureRequest) -> Both:
+    made: Both = request.param
+    return made
+
+
+async def answered(payload: Transport, data: bytes) -> Answer:
+    """What the agent says, asked until it can be reached."""
+    for _ in range(500):
+        if answers := await payload.ask(KEY, data, 5.0):
+            return decode_answer(answers[0])
+        await asyncio.sleep(0.01)
+    raise AssertionError("nobody answers")
+
+
+def test_who_asks_is_told_what_was_taken(both: Both) -> None:
+    async def scene() -> None:
+        with both() as (agent, payload):
+            vehicle = Vehicle(agent)
+            assert await answered(payload, said(cells=ONE, source="geiger")) == Answer(True, SEEN)
+            assert vehicle.posted == [(SEEN, "geiger")]
+            assert vehicle.said == []
+            assert vehicle.looks.tally == Tally(1)
+
+    asyncio.run(scene())
+
+
+def test_who_asks_is_told_why_nothing_was_taken(both: Both) -> None:
+    async def scene() -> None:
+        with both() as (agent, payload):
+            vehicle = Vehicle(agent)
+            too_long = said(cells=ONE, source="x" * MAX_BYTES)
+            for data, why in ((said(cells=[[99, 0, True]]), "cell [99, 0]"), (too_long, "16384 bytes")):
+                answer = await answered(payload, data)
+                assert not answer.taken
+                assert why in answer.why
+            assert vehicle.posted == []
+            assert vehicle.looks.tally == Tally(0, {"outside the area": 1, "oversize": 1})
+            assert vehicle.said[0].startswith(
+                "a payload's report was refused (1 so far): outside the area: cell"
+            )
+
+    asyncio.run(scene())
+
+
+def test_a_put_is_taken_or_counted(both: Both) -> None:
+    async def scene() -> None:
+        with both() as (agent, payload):
+            vehicle = Vehicle(agent)
+            await answered(payload, said(cells=ONE))  # both are there
+            payload.put(KEY, said(cells=[[1, 1, False]], source="camera"))
+            payload.put(KEY, b"nonsense")
+            await vehicle.until(lambda: bool(vehicle.looks.tally.refused))
+            assert vehicle.posted[1:] == [(((1, 1, False),), "camera")]
+            assert vehicle.looks.tally == Tally(2, {"malformed": 1})
+
+    asyncio.run(scene())
+
+
+@pytest.mark.parametrize(
+    ("key", "comes_in"),
+    [
+        ("swarmctl/test/uav/*/inform/look/sensor", True),
+        ("swarmctl/test/uav/**", False),
+        ("swarmctl/**", False),
+    ],
+)
+def test_what_is_told_to_all_at_once_is_for_nobody(key: str, comes_in: bool) -> None:
+    async def scene() -> None:
+        with through_a_door() as (agent, payload):
+            vehicle = Vehicle(agent)
+            await answered(payload, said(cells=ONE))
+            assert await payload.ask(key, said(cells=[[1, 1, False]]), 5.0) == ()
+            payload.put(key, said(cells=[[1, 1, False]]))
+            payload.put(KEY, said(cells=ONE))
+            await vehicle.until(lambda: len(vehicle.posted) == 2)
+            assert vehicle.posted == [(SEEN, ""), (SEEN, "")]
+            assert vehicle.looks.tally == Tally(2, {"wrong key": 2} if comes_in else {})
+            assert [key in text for text in vehicle.said] == [True] * comes_in
+
+    asyncio.run(scene())
+
+
+def test_the_looks_of_another_vehicle_are_not_its_own(both: Both) -> None:
+    async def scene() -> None:
+        with both() as (agent, payload):
+            vehicle = Vehicle(agent)
+            await answered(payload, said(cells=ONE))
+            for key in ("swarmctl/test/uav/4/inform/look/sensor", "swarmctl/other/uav/3/inform/look/sensor"):
+                assert await payload.ask(key, said(cells=ONE), 5.0) == ()
+                payload.put(key, said(cells=ONE))
+            await answered(payload, said(cells=ONE))
+            assert vehicle.looks.tally == Tally(2)
+
+    asyncio.run(scene())
+
+
+# --- how fast, and what is said
+
+
+def test_what_comes_faster_than_agents_can_use_is_refused_until_there_is_room() -> None:
+    async def scene() -> None:
+        bus = MemoryBus()
+        vehicle = Vehicle(bus)
+        for _ in range(BURST):
+            assert (await answered(bus, said(cells=ONE))).taken
+        answer = await answered(bus, said(cells=ONE))
+        assert answer == Answer(False, why=f"too fast: expected at most {PER_S:g} reports a second")
+        await asyncio.sleep(1.0 / PER_S)
+        assert (await answered(bus, said(cells=ONE))).taken
+        assert not (await answered(bus, said(cells=ONE))).taken
+        await asyncio.sleep(10.0)
+        assert [(await answered(bus, said(cells=ONE))).taken for _ in range(BURST + 1)] == [True] * BURST + [
+            False
+        ]
+        assert vehicle.looks.tally == Tally(2 * BURST + 1, {"too fast": 3})
+
+    run_virtual(scene())
+
+
+def test_nonsense_uses_up_the_room_too() -> None:
+    async def scene() -> None:
+        bus = MemoryBus()
+        vehicle = Vehicle(bus)
+        for _ in range(BURST + 10):
+            await answered(bus, b"nonsense")
+        assert vehicle.looks.tally == Tally(0, {"malformed": BURST, "too fast": 10})
+
+    run_virtual(scene())
+
+
+def test_each_reason_is_said_once_until_there_was_a_pause() -> None:
+    async def scene() -> None:
+        bus = MemoryBus()
+        vehicle = Vehicle(bus)
+        for _ in range(100):
+            await answered(bus, b"nonsense")
+            await answered(bus, said(cells=[[99, 0, True]]))
+            await asyncio.sleep(1.0)
+        assert [text.split(": ")[1] for text in vehicle.said] == ["malformed", "outside the area"]
+        await asyncio.sleep(PAUSE_S)
+        await answered(bus, b"nonsense")
+        assert len(vehicle.said) == 3
+        assert "(201 so far)" in vehicle.said[2]
+
+    run_virtual(scene())
+
+
+# --- the configuration
+
+
+def test_every_source_of_a_configuration_is_known() -> None:
+    annotation = Sensor.model_fields["source"].annotation
+    assert set(get_args(annotation)) == set(SOURCES)
+    assert Sensor().source == "both"
+
+
+def test_a_vehicle_with_a_payload_alone_sees_nothing_by_simulation() -> None:
+    assert not SOURCES["external"].simulated
+    assert External().look(VehicleState(lat_deg=46.001, lon_deg=14.401, alt_rel_m=40.0, armed=True)) == ()
+
+
+# --- a flight
+
+
+class Flying(Ui):
+    """Shows nothing, and tells when a vehicle is in the air."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self.reached = asyncio.Event()
+        self._waited_for = f"{name}: launching → flying"
+
+    def log(self, text: str) -> None:
+        super().log(text)
+        if text == self._waited_for:
+            self.reached.set()
+
+
+def flown(folder: Path, *reports: tuple[str, int, bytes]) -> tuple[Flight, list[Answer]]:
+    """Three vehicles that see nothing but (when, to whom, what): a payload played by this script."""
+    scenario = small(sensor={"source": "external"})
+    answers: list[Answer] = []
+
+    async def scene() -> Flight:
+        bus, ui = MemoryBus(), Flying("uav2")
+
+        async def payload() -> None:
+            for when, uav, data in reports:
+                if when == "in flight":
+                    await ui.reached.wait()
+                else:
+                    await asyncio.sleep(1.0)
+                (answer,) = await bus.ask(keys.looks(scenario.config.name, uav), data, 5.0)
+                answers.append(decode_answer(answer))
+
+        playing = asyncio.create_task(payload())
+        flight = app.fly(scenario, folder, ui, clock="virtual", permission=lambda foreign: None, bus=bus)
+        report = await flight
+        async with asyncio.timeout(60.0):
+            await playing
+        return report
+
+    folder.mkdir()
+    return run_virtual(scene()), answers
+
+
+def test_a_swarm_flies_by_what_payloads_report_and_by_nothing_else(tmp_path: Path) -> None:
+    blind, _ = flown(tmp_path / "blind")
+    assert blind.bug is None
+    assert all(state.belief.n_observed == 0 for state in blind.states.values())
+    assert [state.replans for state in blind.states.values()] == [0, 0, 0]
+    cells = blind.states[2].flown_cells
+    ahead = cells[len(cells) // 2]
+
+    told, answers = flown(
+        tmp_path / "told",
+        ("on the ground", 3, said(cells=[[0, 0, False]])),
+        ("in flight", 2, said(cells=[[*ahead, True]], source="camera")),
+        ("in flight", 1, said(cells=[[99, 0, True]])),
+    )
+    assert told.bug is None
+    assert [answer.taken for answer in answers] == [True, True, False]
+    for state in told.states.values():  # each knows what two of them were told
+        assert state.belief.known[ahead] == OCCUPIED
+        assert state.belief.known[0, 0] == CLEAR
+        assert state.belief.n_observed == 2
+    assert told.states[2].replans >= 1
+    assert ahead not in told.states[2].flown_cells
+    assert told.all_arrived
+    assert [vehicle["looks"] for vehicle in told.summary["vehicles"]] == [
+        {"taken": 0, "refused": {"outside the area": 1}},
+        {"taken": 1, "refused": {}},
+        {"taken": 1, "refused": {}},
+    ]
+
+
+# --- the example
+
+
+@pytest.mark.interop
+def test_the_example_reports_once_a_second() -> None:
+    async def scene() -> None:
+        with ZenohBus(listen=BusEndpoint("127.0.0.1", 0), put_keys=(keys.looks("test", "*"),)) as agent:
+            vehicle = Vehicle(agent, time.time)
+            words = [sys.executable, str(ROOT / "configs" / "detector.py"), str(agent.endpoint), "test", "3"]
+            example = await asyncio.create_subprocess_exec(*words)
+            try:
+                await vehicle.until(lambda: len(vehicle.posted) == 2)
+            finally:
+                example.terminate()
+                await example.wait()
+            assert vehicle.posted[0] == (((4, 7, True), (4, 8, False)), "detector")
+            assert vehicle.looks.tally.refused == {}
+
+    asyncio.run(scene())

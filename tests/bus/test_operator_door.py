@@ -1,0 +1,135 @@
+"""Who can come in where operators' commands are taken: keys, ports and endpoints."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+from pathlib import Path
+
+import pytest
+from flights import small
+from operator_station import KEY, Station, over_zenoh
+
+from swarmctl.bus import keys
+from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
+from swarmctl.bus.operator_service import Tally
+from swarmctl.bus.transports.base import BusError
+from swarmctl.bus.transports.open import opened
+from swarmctl.bus.transports.zenoh import ZenohBus
+from swarmctl.core.messages import (
+    SetWeights,
+    encode,
+)
+from swarmctl.preflight import host
+from swarmctl.station import client
+
+
+def test_a_wildcard_is_refused_and_counted() -> None:
+    """Asked inside the process, where no access rule stands before the desk."""
+
+    async def scene() -> None:
+        with ZenohBus() as bus:
+            station = Station(bus)
+            for key in ("swarmctl/*/station/request/weights/operator", "swarmctl/test/**", "**"):
+                assert await bus.ask(key, encode(SetWeights(None, w=0.2)), 5.0) == ()
+            assert station.posted == []
+            assert station.tally.refused == 1 + 2 + 2  # once at each key that is meant
+
+    asyncio.run(scene())
+
+
+def test_from_outside_one_can_ask_under_one_key_and_nothing_else() -> None:
+    async def scene() -> None:
+        heard: list[str] = []
+        overheard: list[str] = []
+        with over_zenoh() as (ground, operator):
+            station = Station(ground)
+            ground.subscribe(keys.inbox("test", 1), lambda key, _: heard.append(key))
+            ground.subscribe("**", lambda key, _: heard.append(key))
+            operator.subscribe("swarmctl/test/**", lambda key, _: overheard.append(key))
+            for key in (
+                "swarmctl/test/uav/1/inform/state/9",
+                "swarmctl/test/uav/*/inform/state/9",
+                "**",
+                KEY,
+            ):
+                operator.put(key, b"from outside")
+            for key in ("swarmctl/*/station/request/weights/operator", "swarmctl/test/**", "**"):
+                assert await operator.ask(key, encode(SetWeights(None, w=0.2)), 5.0) == ()
+            ground.put("swarmctl/test/uav/1/inform/state/2", b"among ourselves")
+            # What came before on the same connection has been looked at when this is answered.
+            assert len(await operator.ask(KEY, encode(SetWeights((1,), w=0.2)), 5.0)) == 1
+            assert heard == ["swarmctl/test/uav/1/inform/state/2"] * 2
+            assert station.tally == Tally(passed_on=1, refused=0)
+            # Its own it hears at once; of the swarm's nothing.
+            assert "swarmctl/test/uav/1/inform/state/9" in overheard
+            assert "swarmctl/test/uav/1/inform/state/2" not in overheard
+
+    asyncio.run(scene())
+
+
+def test_a_bus_by_itself_lets_nobody_in() -> None:
+    async def scene() -> None:
+        with ZenohBus() as bus:
+            assert bus.endpoint is None
+
+    asyncio.run(scene())
+
+
+def taken_port(held: contextlib.ExitStack) -> int:
+    holder = held.enter_context(contextlib.closing(socket.socket()))
+    holder.bind(("127.0.0.1", 0))
+    holder.listen()
+    return int(holder.getsockname()[1])
+
+
+def test_a_taken_port_is_said_with_the_cure() -> None:
+    async def scene(port: int) -> None:
+        with opened("test", f"tcp/127.0.0.1:{port}", print):
+            pass
+
+    with contextlib.ExitStack() as held:
+        port = taken_port(held)
+        with pytest.raises(
+            BusError, match=rf"cannot listen at tcp/127.0.0.1:{port}: the port is taken; .*none"
+        ):
+            asyncio.run(scene(port))
+        scenario = small(communication={"bus": "zenoh", "listen": f"tcp/127.0.0.1:{port}"})
+        (line,) = host.troubles(scenario, Path())
+        assert f"communication.listen: tcp/127.0.0.1:{port}: port {port} is taken" in line
+
+
+def test_where_nobody_listens_is_said() -> None:
+    async def scene() -> None:
+        with contextlib.ExitStack() as held:
+            station = client.Station("test", BusEndpoint("127.0.0.1", taken_port(held)))
+        await client.give(station, SetWeights(None, w=0.2))
+
+    with pytest.raises(BusError, match=r"no swarm listens at tcp/127\.0\.0\.1:.* has its flight ended"):
+        asyncio.run(scene())
+
+
+@pytest.mark.parametrize(
+    ("text", "host", "port", "loopback"),
+    [
+        ("tcp/127.0.0.1:7447", "127.0.0.1", 7447, True),
+        ("tcp/localhost:0", "localhost", 0, True),
+        ("tcp/[::1]:7447", "::1", 7447, True),
+        ("tcp/0.0.0.0:7447", "0.0.0.0", 7447, False),
+        ("tcp/ground.example:7447", "ground.example", 7447, False),
+    ],
+)
+def test_an_endpoint_is_read_and_written(text: str, host: str, port: int, loopback: bool) -> None:
+    endpoint = parse_endpoint(text)
+    assert (endpoint.host, endpoint.port, endpoint.is_loopback) == (host, port, loopback)
+    assert str(endpoint) == text
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "127.0.0.1:7447", "tcp/127.0.0.1", "tcp/:7447", "udp/127.0.0.1:7447", "tcp/a:70000", "tcp/*:1"],
+)
+def test_what_is_no_endpoint_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match=r"expected tcp/HOST:PORT"):
+        parse_endpoint(text)

@@ -1,0 +1,351 @@
+"""An operator's commands on the wire: what is taken and what is refused."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import math
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+
+import msgspec
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from operator_station import ANYWHERE, KEY, Station, over_zenoh
+
+from swarmctl.bus import keys, operator_service
+from swarmctl.bus.operator_service import Tally
+from swarmctl.bus.transports.base import MAX_MESSAGE_BYTES, MAX_QUESTION_BYTES, Transport
+from swarmctl.bus.transports.memory import MemoryBus
+from swarmctl.bus.transports.zenoh import QUESTIONS, ZenohBus
+from swarmctl.core import events as ev
+from swarmctl.core.messages import (
+    BadMessage,
+    OperatorAnswer,
+    SetWeights,
+    VehicleAnswer,
+    decode_answer,
+    decode_command,
+    encode,
+)
+from swarmctl.core.texts import meant_by
+from swarmctl.core.threat import FiringStrength
+from swarmctl.flight.virtual_clock import run_virtual
+from swarmctl.station import client
+
+
+def packed(**fields: object) -> bytes:
+    return b"\x01" + msgspec.msgpack.encode({"type": "set_weights", **fields})
+
+
+WRONG: dict[str, tuple[bytes, str]] = {
+    "empty": (b"", "empty payload"),
+    "no MessagePack": (b"\x01nonsense", "not a message of version 1"),
+    "another version": (b"\x02" + packed(uavs=[1], w=0.5)[1:], "message version 2"),
+    "a message of UAVs": (b"\x01" + msgspec.msgpack.encode({"type": "state", "sender": 1}), "Invalid value"),
+    "w above 1": (packed(uavs=[1], w=1.5), "w = 1.5: expected 0"),
+    "w below 0": (packed(uavs=[1], w=-0.1), "w = -0.1: expected 0"),
+    "w not a number": (packed(uavs=[1], w=math.nan), "w = nan: expected 0"),
+    "w a truth value": (packed(uavs=[1], w=True), "Expected `float | null`, got `bool`"),
+    "strengths that grow": (packed(uavs=[1], firing_strength=[0.1, 0.3, 0.6]), "decrease strictly"),
+    "strengths above 1": (packed(uavs=[1], firing_strength=[1.1, 0.3, 0.1]), "probabilities in [0, 1]"),
+    "two strengths": (packed(uavs=[1], firing_strength=[0.6, 0.3]), "length 3, got 2"),
+    "nothing to change": (packed(uavs=[1]), "nothing to change"),
+    "nobody named": (packed(uavs=[], w=0.5), "no vehicle named"),
+    "silent about whom": (packed(w=0.5), "missing required field `uavs`"),
+    "more than is known": (packed(uavs=[1], w=0.5, psi=3.0), "unknown field `psi`"),
+    "more vehicles than there can be": (
+        packed(uavs=[1] * 255, w=0.5),
+        "255 vehicles named: expected at most",
+    ),
+    "no system id": (packed(uavs=[0], w=0.5), "system id 0: expected 1 to 254"),
+    "a system id too high": (packed(uavs=[255], w=0.5), "system id 255: expected 1 to 254"),
+    "an empty name": (packed(uavs=[""], w=0.5), "name of 0 characters"),
+    "a name too long": (packed(uavs=["x" * 33], w=0.5), "name of 33 characters"),
+}
+FOREIGN: dict[str, tuple[bytes, str]] = {
+    "a vehicle of another swarm": (
+        packed(uavs=[1, 9], w=0.5),
+        "nothing was changed: no vehicle has the system id or name 9; there is 1 (uav1), 2 (uav2)",
+    ),
+    "a name of another swarm": (packed(uavs=["alpha"], w=0.5), "no vehicle has the system id or name alpha;"),
+    "many of another swarm": (
+        packed(uavs=list(range(10, 100)), w=0.5),
+        "name 10, 11, 12, 13, 14, 15, 16, 17, 18, 19 and 80 more; there is 1 (uav1)",
+    ),
+    "too long to be read": (packed(uavs=[1], w=0.5) + bytes(MAX_QUESTION_BYTES), "more than 16384 bytes"),
+}
+"""what the desk alone can refuse"""
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_makes_no_sense_is_no_command(name: str) -> None:
+    payload, why = WRONG[name]
+    with pytest.raises(BadMessage) as refused:
+        decode_command(payload)
+    assert why in str(refused.value)
+
+
+@given(
+    uavs=st.none()
+    | st.lists(st.integers(1, 254) | st.text(min_size=1, max_size=32), min_size=1, max_size=5).map(tuple),
+    w=st.floats(0.0, 1.0),
+    strengths=st.none() | st.just((0.7, 0.3, 0.1)),
+)
+@settings(max_examples=40, deadline=None, derandomize=True)
+def test_a_command_survives_the_wire(
+    uavs: tuple[int | str, ...] | None, w: float, strengths: tuple[float, float, float] | None
+) -> None:
+    command = SetWeights(uavs, w, strengths)
+    assert decode_command(encode(command)) == command
+
+
+@given(st.binary(max_size=60))
+@settings(max_examples=150, deadline=None, derandomize=True)
+def test_whatever_arrives_at_the_desk_is_a_command_or_refused(data: bytes) -> None:
+    with suppress(BadMessage):
+        decode_command(b"\x01" + data)
+    with suppress(BadMessage):
+        decode_answer(b"\x01" + data)
+
+
+def test_an_answer_of_a_later_version_is_understood_as_far_as_it_is_known() -> None:
+    later = {"type": "operator_answer", "refused": "no", "vehicles": [], "more": 1}
+    assert decode_answer(b"\x01" + msgspec.msgpack.encode(later)) == OperatorAnswer(refused="no")
+
+
+@contextmanager
+def in_memory() -> Iterator[tuple[Transport, Transport]]:
+    bus = MemoryBus()
+    yield bus, bus
+
+
+Both = Callable[[], contextlib.AbstractContextManager[tuple[Transport, Transport]]]
+
+
+@pytest.fixture(params=[in_memory, over_zenoh])
+def both(request: pytest.FixtureRequest) -> Both:
+    made: Both = request.param
+    return made
+
+
+def test_a_command_reaches_the_vehicles_it_names_and_their_answers_come_back(both: Both) -> None:
+    async def scene() -> None:
+        with both() as (ground, operator):
+            station = Station(ground)
+            command = SetWeights((2,), firing_strength=(0.7, 0.3, 0.1))
+            (answer,) = await operator.ask(KEY, encode(command), 5.0)
+            assert decode_answer(answer) == OperatorAnswer((VehicleAnswer(2, "uav2", "taken", 5),))
+            assert station.posted == [(2, ev.WeightsChanged(1, None, FiringStrength(0.7, 0.3, 0.1)))]
+            (answer,) = await operator.ask(KEY, encode(SetWeights(None, w=0.2)), 5.0)
+            assert [v.uav for v in decode_answer(answer).vehicles] == [1, 2]
+            assert [event.command for _, event in station.posted] == [1, 2, 2]
+
+    asyncio.run(scene())
+
+
+def test_what_is_no_command_for_this_swarm_moves_nobody_is_counted_shown_and_answered(
+    both: Both, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(operator_service, "BURST", 99)
+
+    async def scene() -> None:
+        with both() as (ground, operator):
+            station = Station(ground)
+            for number, (payload, why) in enumerate((WRONG | FOREIGN).values(), start=1):
+                (answer,) = await operator.ask(KEY, payload, 5.0)
+                assert why in decode_answer(answer).refused
+                assert station.tally == Tally(passed_on=0, refused=number)
+                assert why in station.said[-1]
+            assert station.posted == []
+
+    asyncio.run(scene())
+
+
+def test_the_largest_command_that_makes_sense_is_read() -> None:
+    names = tuple("\N{BLACK STAR}" * 8 + f"{n:08}" for n in range(254))
+    assert all(len(name.encode()) == 32 for name in names)
+    assert len(encode(SetWeights(names, 0.5, (0.7, 0.3, 0.1)))) <= MAX_QUESTION_BYTES
+
+
+def test_a_flood_of_bytes_ends_at_the_door() -> None:
+    """Zenoh drops what is larger than its listener allows; the operator hears of it as of silence."""
+
+    async def scene() -> None:
+        with over_zenoh() as (ground, operator):
+            station = Station(ground)
+            with suppress(TimeoutError):
+                assert await operator.ask(KEY, bytes(4 * MAX_MESSAGE_BYTES), 1.0) == ()
+            assert station.tally == Tally()
+            assert ground.endpoint is not None
+            with ZenohBus(connect=ground.endpoint) as another:
+                assert len(await another.ask(KEY, encode(SetWeights((1,), w=0.2)), 5.0)) == 1
+
+    asyncio.run(scene())
+
+
+def test_commands_that_come_too_fast_are_refused_and_said_once_until_there_was_a_pause() -> None:
+    async def scene() -> None:
+        bus = MemoryBus()
+        station = Station(bus)
+
+        async def give(n: int) -> list[str]:
+            answers = [await bus.ask(KEY, encode(SetWeights((1,), w=0.2)), 5.0) for _ in range(n)]
+            return [decode_answer(answer).refused for (answer,) in answers]
+
+        for flood in (1, 2):
+            refused = await give(30)
+            assert refused[:8] == [""] * 8
+            assert all("faster than 4 a second; nothing was changed" in why for why in refused[8:])
+            assert station.tally == Tally(passed_on=8 * flood, refused=22 * flood)
+            assert len(station.posted) == 8 * flood
+            assert len(station.said) == flood
+            await asyncio.sleep(2.0)
+        await give(8)
+        await asyncio.sleep(0.5)
+        assert await give(2) == ["", ""]
+        assert len(station.said) == 2
+
+    run_virtual(scene())
+
+
+def test_a_wildcard_that_comes_too_fast_is_not_even_said() -> None:
+    async def scene() -> None:
+        bus = MemoryBus()
+        station = Station(bus)
+        served = bus._served[KEY]  # which matches no wildcards by itself
+        for _ in range(99):
+            served("**", b"", lambda _: pytest.fail("a wildcard was answered"))
+        assert station.tally.refused == 99
+        assert len(station.said) == operator_service.BURST + 1
+
+    run_virtual(scene())
+
+
+def test_questions_displace_nothing_that_vehicles_tell_each_other() -> None:
+    """None is served before the loop turns: what is too much by then is let go, its asker told nothing."""
+
+    async def scene() -> None:
+        heard: list[bytes] = []
+        with ZenohBus() as bus:
+            bus.subscribe("swarmctl/test/uav/1/**", lambda _, payload: heard.append(payload))
+            bus.serve(KEY, lambda _, payload, reply: reply(payload or b""))
+            asked = [asyncio.create_task(bus.ask(KEY, b"?", 5.0)) for _ in range(5 * QUESTIONS)]
+            await asyncio.sleep(0)
+            bus.put("swarmctl/test/uav/1/inform/state/2", b"here")
+            answers = await asyncio.gather(*asked)
+            assert heard == [b"here"]
+            assert [a for a in answers if a] == [(b"?",)] * (len(answers) - bus.dropped)
+            assert bus.dropped > 0
+
+    asyncio.run(scene())
+
+
+def test_what_is_shown_of_a_command_cannot_steer_a_terminal() -> None:
+    async def scene() -> None:
+        bus = MemoryBus()
+        station = Station(bus)
+        await bus.ask(KEY, packed(uavs=[1], **{"\x1b[2J" + "x" * 9999: 1}), 5.0)
+        (text,) = station.said
+        assert text.isprintable()
+        assert len(text) < 500
+
+    asyncio.run(scene())
+
+
+def test_nobody_answers_for_another_swarm(both: Both) -> None:
+    async def scene() -> None:
+        with both() as (ground, operator):
+            station = Station(ground)
+            key = keys.request("other", "weights")
+            assert await operator.ask(key, encode(SetWeights(None, w=0.2)), 5.0) == ()
+            assert station.posted == []
+
+    asyncio.run(scene())
+
+
+def test_a_vehicle_that_is_busy_is_not_waited_for() -> None:
+    async def scene() -> tuple[OperatorAnswer, float]:
+        bus = MemoryBus()
+        Station(bus, slow=(2,))
+        began_s = asyncio.get_running_loop().time()
+        answer = await client.ask(bus, client.Station("test", ANYWHERE), SetWeights(None, w=0.2))
+        return answer, asyncio.get_running_loop().time() - began_s
+
+    answer, took_s = run_virtual(scene())
+    assert [v.outcome for v in answer.vehicles] == ["taken", "unconfirmed"]
+    assert "has not come to it within 3 s" in answer.vehicles[1].note
+    assert took_s == pytest.approx(3.0)
+    assert client.has_failed(SetWeights(None, w=0.2), answer)
+
+
+def test_a_vehicle_is_given_no_command_before_it_has_come_to_the_last() -> None:
+    async def scene() -> None:
+        bus, there = MemoryBus(), client.Station("test", ANYWHERE)
+        station = Station(bus, slow=(2,))
+        await client.ask(bus, there, SetWeights((2,), w=0.2))
+        assert len(station.posted) == 1
+
+        both_named = await client.ask(bus, there, SetWeights(None, w=0.3))
+        assert [(v.uav, v.outcome) for v in both_named.vehicles] == [(1, "taken"), (2, "refused")]
+        assert "has not come to the command before" in both_named.vehicles[1].note
+        assert client.has_failed(SetWeights(None, w=0.3), both_named)
+
+        alone = await client.ask(bus, there, SetWeights((2,), w=0.3))
+        assert "has come to the command before" in alone.refused
+        assert [(uav, event.command) for uav, event in station.posted] == [(2, 1), (1, 2)]
+        assert station.tally == Tally(passed_on=2, refused=1)
+
+        # Its answer comes after all: nobody waits for it, but it is free.
+        station.desk.answered(1, VehicleAnswer(2, "uav2", "taken", 5))
+        await client.ask(bus, there, SetWeights((2,), w=0.3))
+        assert [(uav, event.command) for uav, event in station.posted] == [(2, 1), (1, 2), (2, 3)]
+
+    run_virtual(scene())
+
+
+def test_a_vehicle_is_named_by_its_name_or_its_system_id() -> None:
+    async def scene() -> None:
+        bus = MemoryBus()
+        station = Station(bus)
+        for uavs in ((2,), ("2",), ("uav2",), ("uav2", 2)):
+            answer = await client.ask(bus, client.Station("test", ANYWHERE), SetWeights(uavs, w=0.2))
+            assert [v.uav for v in answer.vehicles] == [2]
+        assert [uav for uav, _ in station.posted] == [2] * 4
+
+    run_virtual(scene())
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        (["alpha"], [3]), (["3"], [3]), ([3], [3]), (["7"], [5]), (["5"], [5]), (["9", "alpha", 3], [3, 9]),
+        (["03"], "no vehicle has the system id or name 03; there is 3 (alpha), 5 (7), 9 (3x), 11 (9x)"),
+        (["Alpha"], "no vehicle has"),
+        ([""], "no vehicle has"),
+    ],
+)  # fmt: skip
+def test_a_name_or_system_id_means_one_vehicle(words: list[int | str], meant: list[int] | str) -> None:
+    names = {3: "alpha", 5: "7", 9: "3x", 11: "9x"}
+    if isinstance(meant, list):
+        assert meant_by(words, names) == meant
+    else:
+        with pytest.raises(ValueError, match=re.escape(meant)):
+            meant_by(words, names)
+
+
+def test_a_word_that_is_the_name_of_one_and_the_system_id_of_another_is_not_guessed() -> None:
+    with pytest.raises(ValueError, match=r"3 means two vehicles, 3 \(alpha\), 5 \(3\): say the one by"):
+        meant_by(["3"], {3: "alpha", 5: "3"})
+
+
+def test_a_station_that_is_stuck_is_said_to_leave_it_open() -> None:
+    async def scene() -> None:
+        bus = MemoryBus()
+        bus.serve(KEY, lambda key, payload, reply: None)
+        await client.ask(bus, client.Station("test", ANYWHERE), SetWeights((1,), w=0.2))
+
+    with pytest.raises(client.NoAnswer, match="whether it took the command is not known"):
+        run_virtual(scene())

@@ -1,0 +1,107 @@
+"""The commands of a swarm on many machines, where they refuse: what they say, and the exit code."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from swarmctl.cli.main import cli
+
+PLAIN = """\
+name: apart
+area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m: 50}
+threats: {count: 5}
+simulate: {count: 2}
+"""
+REAL = """\
+name: apart
+area: {origin_lat_deg: 46.0, origin_lon_deg: 14.0, rows: 8, cols: 8, cell_size_m: 50}
+threats: {count: 5}
+vehicles:
+  - {name: alpha, url: "udpin://:14999", sysid: 1, start: {lat_deg: 46.0, lon_deg: 13.99}, goal: [3, 7]}
+  - {name: beta, url: "udpin://:14999", sysid: 2, start: {lat_deg: 46.001, lon_deg: 13.99}, goal: [4, 7]}
+"""
+ROUTER = "communication: {router: tcp/127.0.0.1:1}\n"
+CERTIFIED = "communication: {router: tls/127.0.0.1:1, keys: nowhere}\n"
+
+Write = Callable[[str], Path]
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Write:
+    def written(text: str) -> Path:
+        path = tmp_path / "apart.yaml"
+        path.write_text(text)
+        return path
+
+    return written
+
+
+def swarmctl(*words: str | Path) -> Result:
+    return CliRunner().invoke(cli, [str(word) for word in words], env={"COLUMNS": "200"})
+
+
+REFUSED: list[tuple[str, list[str], str, int, str]] = [
+    # name, words, configuration, exit code, what is said
+    ("an agent of no vehicle", ["agent", "--uav", "uav9"], PLAIN + ROUTER, 2, "there is 1 (uav1), 2 (uav2)"),
+    ("an agent without a network", ["agent", "--uav", "1"], PLAIN, 2, "--launch when-ready to fly by itself"),
+    ("an agent at no URL", ["agent", "--uav", "1", "--url", "ftp://x"], PLAIN + ROUTER, 2, "--url: "),
+    ("an agent at no router", ["agent", "--uav", "1", "--connect", "x"], PLAIN, 2, "--connect: 'x' is no"),
+    ("a simulated one called real", ["agent", "--uav", "1", "--real"], PLAIN + ROUTER, 2, "leave --real"),
+    (
+        "a real one not confirmed",
+        ["agent", "--uav", "beta", "--real", "--confirm", "alpha"],
+        REAL + ROUTER,
+        2,
+        "expected beta, found alpha",
+    ),
+    ("a simulated one elsewhere", ["agent", "--uav", "1", "--url", "udpin://:14998", "--real"],
+     PLAIN + ROUTER, 2, "--confirm uav1"),
+    ("an agent without its keys", ["agent", "--uav", "1"], PLAIN + CERTIFIED, 1, "nowhere/uav1: no such"),
+    ("watching nothing", ["watch"], PLAIN, 2, "neither router nor mesh: there is nothing to watch at; give"),
+    ("watching without keys", ["watch"], PLAIN + CERTIFIED, 1, "nowhere/operator: no such folder"),
+    ("watching where nobody certifies", ["watch", "--connect", "tls/127.0.0.1:1"], PLAIN, 2, "needs certif"),
+    ("ordering nobody", ["order", "hold"], PLAIN + ROUTER, 2, "which vehicles? give --uav NAME"),
+    ("returning past somebody", ["order", "return", "--all", "--past", "uav2"],
+     PLAIN + ROUTER, 2, "expected with launch alone"),
+    ("ordering what is no order", ["order", "fly", "--all"], PLAIN + ROUTER, 2, "Invalid value for"),
+    ("routing without keys", ["router"], PLAIN + CERTIFIED, 1, "nowhere/router: no such folder"),
+    ("reporting without keys", ["observe", "--uav", "1", "--cell", "1,1", "--clear"],
+     PLAIN + CERTIFIED, 1, "nowhere/operator: no such"),
+    ("checking without keys", ["check"], PLAIN + CERTIFIED, 1, "nowhere/uav1: no such folder"),
+    ("ordering where no router is", ["order", "hold", "--all"], PLAIN + ROUTER, 1, "at tcp/127.0.0.1:1"),
+    ("ordering without keys", ["order", "hold", "--all"], PLAIN + CERTIFIED, 1, "nowhere/operator: no such"),
+    ("setting where no router is", ["set", "--all", "--w", "1"], PLAIN + ROUTER, 1, "at tcp/127.0.0.1:1"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("words", "configuration", "code", "said"), [r[1:] for r in REFUSED], ids=[r[0] for r in REFUSED]
+)
+def test_what_cannot_be_is_said_before_anything_starts(
+    words: list[str], configuration: str, code: int, said: str, write: Write, tmp_path: Path
+) -> None:
+    folder = ["--out", str(tmp_path / "runs")] if words[0] == "agent" else []
+    result = swarmctl(*words, "--config", write(configuration), *folder)
+    assert said in result.stderr
+    assert result.exit_code == code, result.output
+    assert not (tmp_path / "runs").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "configuration"),
+    [(r[1], r[2]) for r in REFUSED if CERTIFIED in r[2]],
+    ids=[r[0] for r in REFUSED if CERTIFIED in r[2]],
+)
+def test_where_the_keys_are_named_is_said(
+    words: list[str], configuration: str, write: Write, tmp_path: Path
+) -> None:
+    folder = ["--out", str(tmp_path / "runs")] if words[0] == "agent" else []
+    file = write(configuration)
+    result = swarmctl(*words, "--config", file, *folder)
+    lines = Path(file).read_text().splitlines()
+    (line,) = (n for n, text in enumerate(lines, 1) if "keys: nowhere" in text)
+    assert f"{file}:{line}: communication.keys: nowhere/" in result.stderr.replace("\n", "")

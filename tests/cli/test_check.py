@@ -1,0 +1,79 @@
+"""What `swarmctl check` and `fly` say of files and places that a configuration names."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from swarmctl.cli.main import cli
+
+TWO = """\
+name: two
+area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 6, cols: 6, cell_size_m: 50}
+threats: {count: 3}
+preflight: {endurance_s: 900}
+links: {signing_key: KEY}
+vehicles:
+  - {name: alpha, url: "udpin:127.0.0.1:0", sysid: 1, start: {lat_deg: 46.001, lon_deg: 14.399}, goal: [4, 5]}
+  - {name: beta, url: "BETA", sysid: 2, start: {lat_deg: 46.002, lon_deg: 14.399}, goal: [3, 5]}
+"""
+
+
+def swarmctl(*words: str | Path) -> Result:
+    return CliRunner().invoke(cli, [str(word) for word in words])
+
+
+def config(folder: Path, key: str, url: str = "udpin:127.0.0.1:0") -> Path:
+    file = folder / "two.yaml"
+    file.write_text(TWO.replace("KEY", key).replace("BETA", url))
+    return file
+
+
+@pytest.mark.parametrize(
+    "command", [("check",), ("fly", "--real", "--confirm", "alpha,beta"), ("preflight",)]
+)
+def test_a_bad_signing_key_is_an_error_of_the_file_before_a_run_folder_is_made(
+    command: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    key = tmp_path / "key"
+    key.write_text("0" * 64)
+    key.chmod(0o600)
+    file = config(tmp_path, str(key))
+    result = swarmctl(*command, "--config", file)
+    assert result.exit_code == 2, result.output
+    assert f"{file}:5: links.signing_key: " in result.stderr
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["key", "two.yaml"]
+
+
+def test_a_radio_that_is_not_there_is_said_with_its_line(tmp_path: Path) -> None:
+    file = config(tmp_path, "null", "serial:///dev/ttyNOPE:57600")
+    result = swarmctl("check", "--config", file, "--out", tmp_path)
+    assert result.exit_code == 1
+    assert f"{file}:8: beta: " in result.stderr
+    assert "there is no device /dev/ttyNOPE" in result.stderr
+
+
+def test_the_keys_that_audit_is_to_go_by_are_a_folder(tmp_path: Path) -> None:
+    key = tmp_path / "key"
+    key.write_text("x")
+    (tmp_path / "evidence.jsonl").write_bytes(b"")
+    result = swarmctl("audit", tmp_path, "--keys", key)
+    assert result.exit_code == 2
+    assert "is no folder" in result.stderr
+    result = swarmctl("audit", tmp_path)
+    assert result.exit_code == 1
+    assert "it is empty" in result.stderr
+    assert "evidence.jsonl:0" not in result.stderr
+
+
+@pytest.mark.parametrize("given", [True, False])
+def test_it_is_said_that_nothing_real_is_armed_without_an_endurance(given: bool, tmp_path: Path) -> None:
+    file = config(tmp_path, "null")
+    if not given:
+        file.write_text(file.read_text().replace("preflight: {endurance_s: 900}\n", ""))
+    result = swarmctl("check", "--config", file, "--out", tmp_path)
+    assert result.exit_code == 0, result.output
+    assert ("preflight.endurance_s is not set: without it alpha, beta" in result.output) is not given

@@ -1,0 +1,214 @@
+"""The command line as a person meets it: what it says, and the exit code."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from flights import fly as fly_virtual
+from flights import small
+from mcap.reader import make_reader
+from mcap.writer import Writer
+from typer.testing import CliRunner, Result
+
+from swarmctl.cli.main import cli
+
+ROOT = Path(__file__).parents[2]
+SHIPPED = ROOT / "configs" / "swarm.yaml"
+REAL = """\
+area: {origin_lat_deg: 46.0, origin_lon_deg: 14.0, rows: 8, cols: 8, cell_size_m: 50}
+threats: {count: 5}
+vehicles:
+  - {name: alpha, url: "udpin://:PORT", sysid: 1, start: {lat_deg: 46.0, lon_deg: 13.99}, goal: [3, 7]}
+  - {name: beta, url: "udpin://:PORT", sysid: 2, start: {lat_deg: 46.001, lon_deg: 13.99}, goal: [4, 7]}
+"""
+
+
+def swarmctl(*words: str | Path) -> Result:
+    return CliRunner().invoke(cli, [str(word) for word in words])
+
+
+@pytest.fixture
+def real(tmp_path: Path) -> Path:
+    file = tmp_path / "real.yaml"
+    file.write_text(REAL.replace("PORT", "14999"))
+    return file
+
+
+def test_it_says_its_version() -> None:
+    result = swarmctl("--version")
+    assert result.exit_code == 0
+    assert re.fullmatch(r"swarmctl \S+\n", result.output)
+
+
+def test_help_names_every_command_and_where_to_start() -> None:
+    result = swarmctl("--help")
+    assert result.exit_code == 0
+    for word in ("fly", "plan", "check", "replay", "schema", "configs/swarm.yaml"):
+        assert word in result.output
+
+
+def test_a_good_configuration_is_called_good(tmp_path: Path) -> None:
+    result = swarmctl("check", "--config", SHIPPED, "--out", tmp_path)
+    assert result.exit_code == 0
+    assert "good. 5 vehicles, 20 × 20 cells of 50 m, 24 hostiles announced" in result.output
+
+
+def test_a_bad_one_is_refused_with_every_line(tmp_path: Path) -> None:
+    file = tmp_path / "bad.yaml"
+    file.write_text(SHIPPED.read_text().replace("rows: 20", "rows: 0").replace("w: 0.5", "w: 2"))
+    for command in ("check", "plan", "fly"):
+        result = swarmctl(command, "--config", file)
+        assert result.exit_code == 2
+        lines = result.stderr.splitlines()
+        assert [line.split(": ")[1] for line in lines] == ["area.rows", "planner.w"]
+        assert all(re.match(rf"{re.escape(str(file))}:\d+: ", line) for line in lines)
+
+
+def test_a_missing_configuration_is_named() -> None:
+    result = swarmctl("fly", "--config", "nowhere.yaml")
+    assert result.exit_code == 2
+    assert "nowhere.yaml: there is no such file" in result.stderr
+
+
+def test_plan_shows_three_weights_and_leaves_missions_and_a_map(tmp_path: Path) -> None:
+    result = swarmctl("plan", "--config", SHIPPED, "--out", tmp_path)
+    assert result.exit_code == 0
+    (folder,) = tmp_path.iterdir()
+    assert sorted(p.name for p in folder.iterdir()) == ["map.png", *(f"uav{n}.plan" for n in range(1, 6))]
+    rows = [
+        line.split()
+        for line in result.output.splitlines()
+        if re.match(r"\s*(uav\d)?\s+(0|0\.5|1)\s+\d", line)
+    ]
+    assert len(rows) == 15
+    for shortest, _, safest in zip(rows[0::3], rows[1::3], rows[2::3], strict=True):
+        length, exposure = -5, -4
+        assert float(shortest[length]) <= float(safest[length])
+        assert float(shortest[exposure]) >= float(safest[exposure])
+    assert json.loads((folder / "uav3.plan").read_text())["mission"]["items"][0]["command"] == 22
+
+
+def test_the_schema_knows_the_sections() -> None:
+    result = swarmctl("schema")
+    assert result.exit_code == 0
+    schema = json.loads(result.output)
+    assert set(schema["properties"]) >= {
+        "area",
+        "threats",
+        "planner",
+        "communication",
+        "simulate",
+        "vehicles",
+    }
+    assert schema["additionalProperties"] is False
+
+
+def test_a_record_replays_the_same_and_a_changed_one_does_not(tmp_path: Path) -> None:
+    fly_virtual(small(), tmp_path)
+    same = swarmctl("replay", tmp_path)
+    assert same.exit_code == 0
+    assert same.output.startswith("the same: ")
+    changed = tmp_path / "changed.mcap"
+    forget(tmp_path / "run.mcap", changed, topic="/uav2/event/Observed")
+    differs = swarmctl("replay", changed)
+    assert differs.exit_code == 1
+    assert "differs: uav2" in differs.stderr
+
+
+def test_the_record_of_a_process_that_died_replays_up_to_its_cut(tmp_path: Path) -> None:
+    fly_virtual(small(), tmp_path)
+    whole = swarmctl("replay", tmp_path)
+    n_events = int(whole.output.split("the same: ")[1].split()[0])
+    record = tmp_path / "run.mcap"
+    content = record.read_bytes()
+    cut = tmp_path / "cut.mcap"
+    n_whole = []
+    for share in (0.35, 0.6, 0.85):
+        cut.write_bytes(content[: int(share * len(content))])
+        result = swarmctl("replay", cut)
+        assert result.exit_code == 0, result.output
+        assert "the record has no end" in result.output
+        n_whole.append(int(result.output.split("the same: ")[1].split()[0]))
+    assert 0 < n_whole[0] < n_whole[1] <= n_whole[2] <= n_events
+
+
+def forget(record: Path, copy: Path, *, topic: str) -> None:
+    """Copy a record without the first message of a topic."""
+    with record.open("rb") as source, copy.open("wb") as target:
+        reader, writer = make_reader(source), Writer(target)
+        writer.start()
+        for metadata in reader.iter_metadata():
+            writer.add_metadata(metadata.name, dict(metadata.metadata))
+        schema = writer.register_schema("any", "jsonschema", b'{"type": "object"}')
+        channels: dict[str, int] = {}
+        forgotten = False
+        for _, channel, message in reader.iter_messages():
+            if channel.topic == topic and not forgotten:
+                forgotten = True
+                continue
+            if channel.topic not in channels:
+                channels[channel.topic] = writer.register_channel(channel.topic, "json", schema)
+            writer.add_message(
+                channels[channel.topic],
+                message.log_time,
+                message.data,
+                message.publish_time,
+                message.sequence,
+            )
+        writer.finish()
+
+
+@pytest.mark.parametrize("content", [None, b"", b"not a record"], ids=["missing", "empty", "garbage"])
+def test_what_is_no_record_is_said(content: bytes | None, tmp_path: Path) -> None:
+    if content is not None:
+        (tmp_path / "run.mcap").write_bytes(content)
+    result = swarmctl("replay", tmp_path)
+    assert result.exit_code == 2
+    assert "run.mcap" in result.stderr
+
+
+def test_fly_on_the_virtual_clock_tells_how_it_went(tmp_path: Path) -> None:
+    file = tmp_path / "small.yaml"
+    file.write_text(
+        "area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m: 50}\n"
+        "threats: {count: 5}\nsimulate: {count: 2}\n"
+    )
+    result = swarmctl("fly", "--config", file, "--clock", "virtual", "--out", tmp_path / "runs")
+    assert result.exit_code == 0, result.output
+    assert "2 of 2 arrived" in result.output
+    (folder,) = (tmp_path / "runs").iterdir()
+    assert {p.name for p in folder.iterdir()} == {
+        "summary.json", "run.mcap", "evidence.jsonl", "map.png",
+        "uav1.tlog", "uav2.tlog", "uav1.plan", "uav2.plan",
+    }  # fmt: skip
+
+
+REFUSED = [
+    ("confirming nobody without a terminal", ["--real"], "--confirm alpha,beta"),
+    ("confirming some only", ["--real", "--confirm", "alpha"], "expected alpha,beta, found alpha"),
+    ("confirming others", ["--real", "--confirm", "alpha,gamma"], "expected alpha,beta, found alpha,gamma"),
+]
+
+
+@pytest.mark.parametrize(("words", "said"), [r[1:] for r in REFUSED], ids=[r[0] for r in REFUSED])
+def test_real_vehicles_need_their_names_typed(
+    words: list[str], said: str, real: Path, tmp_path: Path
+) -> None:
+    result = swarmctl("fly", "--config", real, "--out", tmp_path / "runs", *words)
+    assert result.exit_code == 2
+    assert said in result.stderr
+    assert not (tmp_path / "runs").exists()
+
+
+def test_real_is_refused_where_everything_is_simulated(tmp_path: Path) -> None:
+    result = swarmctl("fly", "--config", SHIPPED, "--real", "--out", tmp_path / "runs")
+    assert result.exit_code == 2
+    assert "leave --real away" in result.stderr
+
+
+def test_vehicles_with_a_url_do_not_fly_on_the_virtual_clock(real: Path, tmp_path: Path) -> None:
+    result = swarmctl("fly", "--config", real, "--clock", "virtual", "--out", tmp_path / "runs")
+    assert result.exit_code == 2

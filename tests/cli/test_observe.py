@@ -1,0 +1,222 @@
+"""`swarmctl observe`: a person tells a vehicle's agent what they see."""
+
+from __future__ import annotations
+
+import asyncio
+import datetime as dt
+import json
+import socket
+import tempfile
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
+from swarmctl.bus.external_observations import Looks
+from swarmctl.bus.sensor_reports import Looked, Report, schema
+from swarmctl.bus.transports import zenoh_config
+from swarmctl.bus.transports.base import Transport
+from swarmctl.bus.transports.memory import MemoryBus
+from swarmctl.bus.transports.open import opened
+from swarmctl.bus.transports.zenoh import ZenohBus
+from swarmctl.bus.transports.zenoh_config import Configuration, Credentials
+from swarmctl.cli import observe
+from swarmctl.cli.main import cli
+from swarmctl.core.grid import Grid
+from swarmctl.flight.virtual_clock import run_virtual
+from swarmctl.security.issue import make
+from swarmctl.security.participant import load
+from swarmctl.station.client import NoAnswer, Station
+
+GRID = Grid(8, 8, 50.0, 46.0, 14.4)
+CONFIGURATION = """\
+name: test
+area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m: 50}
+threats: {count: 5}
+sensor: {source: external}
+simulate: {count: 3}
+"""
+
+
+def ran(*words: str) -> Result:
+    return CliRunner().invoke(cli, ["observe", *words])
+
+
+@pytest.fixture
+def nobody_flies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A machine on which no swarm is found."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    return tmp_path
+
+
+@contextmanager
+def beside(bus_of: Callable[[ExitStack], Transport]) -> Iterator[list[tuple[Looked, str]]]:
+    """Vehicle 3 of the swarm `test` takes reports by a bus while the command line runs beside it."""
+    ready, over = threading.Event(), threading.Event()
+    taken: list[tuple[Looked, str]] = []
+
+    async def scene() -> None:
+        with ExitStack() as stack:
+            Looks(bus_of(stack), "test", 3, GRID, lambda: 0.0, lambda *seen: taken.append(seen), print)
+            ready.set()
+            await asyncio.to_thread(over.wait)
+
+    thread = threading.Thread(target=asyncio.run, args=(scene(),))
+    thread.start()
+    try:
+        assert ready.wait(10.0)
+        yield taken
+    finally:
+        over.set()
+        thread.join()
+
+
+def flying() -> AbstractContextManager[list[tuple[Looked, str]]]:
+    """One process flies the swarm and is found on this machine."""
+    return beside(lambda stack: stack.enter_context(opened("test", "tcp/127.0.0.1:0", print)))
+
+
+def through(router: Configuration, agent: Configuration) -> AbstractContextManager[list[tuple[Looked, str]]]:
+    """The agent of vehicle 3 is a process of its own, which a router connects."""
+
+    def bus_of(stack: ExitStack) -> Transport:
+        stack.enter_context(ZenohBus(router))
+        return stack.enter_context(ZenohBus(replace(agent, is_patient=False)))
+
+    return beside(bus_of)
+
+
+def test_what_a_person_sees_is_taken_and_said_back(nobody_flies: Path) -> None:
+    with flying() as taken:
+        result = ran("--uav", "3", "--cell", "4,7", "--cell", "4,6", "--occupied")
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert result.stdout == "vehicle 3 of test has taken: (4, 7) occupied, (4, 6) occupied\n"
+    assert taken == [(((4, 7, True), (4, 6, True)), "operator")]
+
+
+def test_a_place_is_given_by_position_and_a_vehicle_by_its_name(nobody_flies: Path) -> None:
+    path = nobody_flies / "test.yaml"
+    path.write_text(CONFIGURATION)
+    lat_deg, lon_deg = GRID.centre((2, 5))
+    with flying() as taken:
+        result = ran("--config", str(path), "--uav", "uav3", "--at", f"{lat_deg},{lon_deg}", "--clear")
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert result.stdout == "vehicle uav3 of test has taken: (2, 5) clear\n"
+    assert taken == [(((2, 5, False),), "operator")]
+
+
+def test_a_place_in_the_south_west_is_no_option(nobody_flies: Path) -> None:
+    with flying():
+        result = ran("--uav", "3", "--at", "-33.9,-70.6", "--clear")
+    assert result.exit_code == 1
+    assert "refused: outside the area: point -33.9000000, -70.6000000 lies in no cell" in result.stderr
+
+
+def test_what_the_agent_refuses_is_an_error_with_its_words(nobody_flies: Path) -> None:
+    with flying() as taken:
+        result = ran("--uav", "3", "--cell", "99,0", "--occupied")
+    assert result.exit_code == 1
+    assert "vehicle 3 of test refused: outside the area: cell [99, 0]: expected row 0 to 7" in result.stderr
+    assert taken == []
+
+
+def test_a_vehicle_that_takes_no_reports_is_an_error_that_says_what_to_check(nobody_flies: Path) -> None:
+    with flying():
+        result = ran("--uav", "2", "--cell", "4,7", "--clear")
+    assert result.exit_code == 1
+    assert "nobody takes reports for vehicle 2 of test" in result.stderr
+    assert "`sensor: {source: external}`" in result.stderr
+
+
+@pytest.mark.parametrize("protocol", ["tcp", "tls"])
+def test_an_agent_on_its_own_machine_is_told_through_the_router(protocol: str, nobody_flies: Path) -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        at = parse_endpoint(f"{protocol}/127.0.0.1:{probe.getsockname()[1]}")
+    communication = f"router: {at}"
+    shown: dict[str, Credentials | None] = {"router": None, "uav3": None}
+    if protocol == "tls":
+        communication += f", keys: {nobody_flies / 'keys'}"
+        now = dt.datetime.now(dt.UTC)
+        make(nobody_flies / "keys", ["router", "uav3", "operator"], 5, now)
+        shown = {name: load(nobody_flies / "keys", name, now).credentials for name in shown}
+    path = nobody_flies / "test.yaml"
+    path.write_text(f"{CONFIGURATION}communication: {{{communication}}}\n")
+    router = zenoh_config.router(at, "test", [1, 2, 3], shown["router"])
+    with through(router, zenoh_config.client(at, shown["uav3"])) as taken:
+        # A declaration is on its way a moment longer than the link stands.
+        for _ in range(100):
+            result = ran("--config", str(path), "--uav", "uav3", "--cell", "4,7", "--occupied")
+            if "nobody takes reports" not in result.stderr:
+                break
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert taken == [(((4, 7, True),), "operator")]
+
+
+def test_where_no_swarm_flies_it_says_so(nobody_flies: Path) -> None:
+    result = ran("--uav", "3", "--cell", "4,7", "--clear")
+    assert result.exit_code == 1
+    assert "no swarm of this user flies on this machine" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        ("--cell 4,7 --clear", "which vehicle is told?"),
+        ("--uav uav3 --cell 4,7 --clear", "--uav 'uav3': expected a system id from 1 to 254"),
+        ("--uav 255 --cell 4,7 --clear", "--uav '255': expected a system id"),
+        ("--uav uav9 --cell 4,7 --clear --config F", "no vehicle has the system id or name uav9"),
+        ("--uav 3 --clear", "what was seen? give --cell ROW,COL"),
+        ("--uav 3 --cell 4,7 --at 46,14 --clear", "not both"),
+        ("--uav 3 --cell 4,7", "give --occupied (a hostile holds it) or --clear"),
+        ("--uav 3 --cell 4 --clear", "--cell '4': expected two numbers, such as 4,7"),
+        ("--uav 3 --cell 4,7,1 --clear", "expected two numbers"),
+        ("--uav 3 --cell 4,x --clear", "expected two numbers"),
+        ("--uav 3 --cell 4.5,7 --clear", "--cell '4.5,7': expected whole numbers"),
+        ("--uav 3 --cell inf,7 --clear", "expected whole numbers"),
+        ("--uav 3 --cell 1e30,7 --clear", "expected whole numbers"),
+        ("--uav 3 --at 91,14 --clear", "--at '91,14': expected a latitude and a longitude"),
+        ("--uav 3 --at nan,14 --clear", "expected a latitude and a longitude"),
+        ("--uav 3 --cell 4,7 --clear --connect tcp/127.0.0.1:7447", "which swarm"),
+        ("--uav 3 --cell 4,7 --clear --config nowhere.yaml", "there is no such file"),
+    ],
+)
+def test_what_is_not_clear_is_a_wrong_usage(words: str, why: str, nobody_flies: Path) -> None:
+    path = nobody_flies / "test.yaml"
+    path.write_text(CONFIGURATION)
+    result = ran(*(str(path) if word == "F" else word for word in words.split()))
+    assert result.exit_code == 2
+    assert why in result.stderr
+
+
+def test_the_schema_is_printed_for_whoever_builds_a_payload(nobody_flies: Path) -> None:
+    result = ran("--schema")
+    assert result.exit_code == 0
+    assert json.loads(result.stdout) == json.loads(json.dumps(schema()))
+
+
+@pytest.mark.parametrize(
+    ("reply", "why"),
+    [
+        (b"nonsense", "no answer to a report"),
+        (b'{"why": "because"}', "missing required field `taken`"),
+        (None, "did not answer within 3 s"),
+    ],
+)
+def test_an_answer_that_is_none_is_said_and_is_no_bug(reply: bytes | None, why: str) -> None:
+    async def scene() -> None:
+        bus: Transport = MemoryBus()
+        bus.serve(
+            "swarmctl/test/uav/3/inform/look/sensor",
+            lambda _key, _payload, answer: None if reply is None else answer(reply),
+        )
+        station = Station("test", BusEndpoint("127.0.0.1", 7447))
+        with pytest.raises(NoAnswer, match=why):
+            await observe.told(bus, station, 3, Report(1, cells=((4, 7, True),)))
+
+    run_virtual(scene())

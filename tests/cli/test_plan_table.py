@@ -1,0 +1,124 @@
+"""`swarmctl plan` without `--front`: what its table says is what would be flown."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from flights import AREA, small
+from rich.table import Table
+
+from swarmctl.agent.replan.arrival_bounds import before_takeoff
+from swarmctl.agent.state import Task, begin
+from swarmctl.agent.step import step
+from swarmctl.config.scenario import Scenario
+from swarmctl.core import events as ev
+from swarmctl.core.any_angle.corners import Counting
+from swarmctl.report import outputs
+from swarmctl.report.figures import product_text
+from swarmctl.report.first_plans import plan_table
+
+LARGER = {**AREA, "rows": 16, "cols": 16}
+PULLED = {"any_angle": True, "any_angle_exposure": "integral"}
+
+
+def rows_of(table: Table) -> list[list[str]]:
+    return [list(row) for row in zip(*(column.cells for column in table.columns), strict=True)]
+
+
+def table_of(scenario: Scenario) -> list[list[str]]:
+    return rows_of(plan_table(scenario, outputs.first_routes(scenario)))
+
+
+def first_mission(task: Task, scenario: Scenario) -> ev.SwapMission:
+    """What the vehicle's agent decides before it takes off."""
+    state, _ = step(begin(task, scenario.prior), ev.Ready(), 0.0)
+    _, (swap,) = step(state, ev.Tick(), 1.0)
+    assert isinstance(swap, ev.SwapMission)
+    return swap
+
+
+@pytest.mark.parametrize("flight", [{}, {"any_angle": True}, PULLED], ids=["lattice", "entered", "integral"])
+def test_each_row_tells_what_an_agent_with_that_w_would_fly(flight: dict[str, object]) -> None:
+    scenario = small(area=LARGER, threats={"count": 14}, flight=flight)
+    said = iter(table_of(scenario))
+    n_pulled = 0
+    for task in scenario.tasks:
+        for w in (0.0, 0.5, 1.0):
+            swap = first_mission(replace(task, w=w), scenario)
+            entered = swap.cells if swap.track is None else swap.track.over
+            n_pulled += entered != swap.cells
+            chance = scenario.chance(task.uav, scenario.prior, task.strength, entered)
+            _, *row = next(said)
+            assert row == [
+                f"{w:g}",
+                f"{swap.length_m:.0f}",
+                f"{swap.exposure_sum:.3f}",
+                f"{swap.safety_factor:.4f}",
+                str(chance),
+            ]
+    assert (n_pulled > 0) == (flight == PULLED)
+
+
+def test_the_weights_stand_in_the_order_of_their_numbers() -> None:
+    said = table_of(small(planner={"w": 1e-5}, simulate={"count": 1}))
+    assert [row[1] for row in said] == ["0", "1e-05", "0.5", "1"]
+
+
+def test_a_time_bound_is_for_the_configured_route_alone() -> None:
+    crossing = {"area": LARGER, "threats": {"count": 14}, "planner": {"name": "constrained"}}
+    free = small(**crossing, simulate={"count": 3})
+    # As much as it takes straight across, and a little for leaving the ground.
+    within_s = max(before_takeoff(t.arrival, t.altitude_m).arrives_s(t.arrival, 750.0) for t in free.tasks)
+    bounded = small(**crossing, simulate={"count": 3, "arrive_within_s": within_s + 2.0})
+    papers, others = (
+        [
+            [row for row in table_of(scenario) if (row[1] == "constrained") == is_own]
+            for scenario in (free, bounded)
+        ]
+        for is_own in (False, True)
+    )
+    assert papers[0] == papers[1]
+    assert max(int(row[2]) for row in papers[0]) > 760
+    assert [row[2] for row in others[1]] == ["750"] * 3
+    assert others[0] != others[1]
+
+
+def test_a_route_whose_turns_are_too_tight_has_no_numbers() -> None:
+    scenario = small(
+        area={**AREA, "no_fly": [[4, col] for col in range(7)]},
+        flight=PULLED,
+        simulate=None,
+        vehicles=[
+            {
+                "name": "plane",
+                "url": "udpin://127.0.0.1:14550",
+                "sysid": 1,
+                "start": {"lat_deg": 46.0009, "lon_deg": 14.399},
+                "goal": [7, 0],
+                "turn_radius_m": 399.0,
+            }
+        ],
+    )
+    assert [row[2:] for row in table_of(scenario)] == 3 * [["–", "–", "–", "has no turns of 399 m"]]
+
+
+PRODUCTS = [
+    (0.0, "0"),
+    (1.41e-24, "1.41e-24"),
+    (3.4216e-5, "3.42e-05"),
+    (0.00034216, "0.000342"),
+    (0.001, "0.0010"),
+    (0.0702, "0.0702"),
+    (1.0, "1.0000"),
+]
+
+
+@pytest.mark.parametrize(("value", "text"), PRODUCTS)
+def test_a_product_is_written_as_0_only_where_it_is(value: float, text: str) -> None:
+    assert product_text(value) == text
+
+
+def test_what_must_not_get_worse_when_nobody_says_is_what_strikes_are_drawn_by() -> None:
+    (task,) = small(flight={"any_angle": True}, simulate={"count": 1}).tasks
+    assert task.any_angle is Counting.ENTERED

@@ -1,0 +1,124 @@
+"""`swarmctl preflight` and `--waive` as an operator meets them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from swarmctl.cli.main import cli
+
+pytestmark = pytest.mark.virtual
+
+SMALL = """\
+name: small
+area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 6, cols: 6, cell_size_m: 50}
+threats: {count: 3}
+communication: {bus: memory}
+flight: {altitude_m: 15}
+simulate: {count: 2, ready_s: 1}
+"""
+DEMANDING = SMALL + "preflight: {reserve_percent: 95}\n"
+
+
+def swarmctl(*words: str | Path) -> Result:
+    return CliRunner().invoke(cli, [str(word) for word in words])
+
+
+def config(folder: Path, text: str) -> Path:
+    file = folder / "swarm.yaml"
+    file.write_text(text)
+    return file
+
+
+def test_fit_vehicles_are_called_fit_and_nothing_is_left_behind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = swarmctl("preflight", "--config", config(tmp_path, SMALL), "--clock", "virtual")
+    assert result.exit_code == 0, result.output
+    assert [line.split()[0] for line in result.output.splitlines() if line.count(" ok ") > 3] == [
+        "uav1",
+        "uav2",
+    ]
+    assert "every vehicle might be armed; nothing was" in result.output
+    assert [file.name for file in tmp_path.iterdir()] == ["swarm.yaml"]
+
+
+def test_what_fails_is_in_the_table_with_what_to_do(tmp_path: Path) -> None:
+    result = swarmctl("preflight", "--config", config(tmp_path, DEMANDING), "--clock", "virtual")
+    assert result.exit_code == 1
+    assert result.output.count("FAILS") == 2
+    assert "100 %" in result.output
+    assert "95 % in reserve" in result.output
+    assert "no charge is enough" in result.output
+
+
+def test_what_is_waived_is_in_the_table_too(tmp_path: Path) -> None:
+    file = config(tmp_path, DEMANDING)
+    result = swarmctl("preflight", "--config", file, "--clock", "virtual", "--waive", "battery:uav1")
+    assert result.exit_code == 1
+    assert (result.output.count("FAILS"), result.output.count("waived by the operator")) == (1, 1)
+    result = swarmctl("preflight", "--config", file, "--clock", "virtual", "--waive", "battery")
+    assert result.exit_code == 0, result.output
+
+
+def test_a_flight_is_refused_with_every_failure_and_flies_when_they_are_waived(tmp_path: Path) -> None:
+    file = config(tmp_path, DEMANDING)
+    fly = ("fly", "--config", file, "--clock", "virtual", "--out", tmp_path / "runs")
+    refused = swarmctl(*fly)
+    assert refused.exit_code == 1
+    assert [line.split(": found")[0] for line in refused.stderr.splitlines()] == [
+        "uav1: battery",
+        "uav2: battery",
+    ]
+    flown = swarmctl(*fly, "--waive", "battery:uav1", "--waive", "battery:uav2")
+    assert flown.exit_code == 0, flown.output
+    assert "uav1: battery is waived: found 100 %" in flown.output
+    (*_, folder) = sorted((tmp_path / "runs").iterdir())
+    checks = json.loads((folder / "summary.json").read_text())["preflight"]
+    assert [c["vehicle"] for c in checks if c["waived"]] == ["uav1", "uav2"]
+    entries = [json.loads(line) for line in (folder / "evidence.jsonl").read_text().splitlines()]
+    waivers = [entry for entry in entries if entry["kind"] == "waiver"]
+    assert [(entry["vehicle"], entry["what"]["check"]) for entry in waivers] == [
+        ("uav1", "battery"),
+        ("uav2", "battery"),
+    ]
+
+
+@pytest.mark.parametrize("command", ["fly", "preflight"])
+@pytest.mark.parametrize(
+    ("waiver", "said"),
+    [
+        ("position", "--waive position: position may not be waived; gps, home,"),
+        ("batery", "there is no check 'batery'"),
+        ("battery:uav7", "there is no vehicle 'uav7'; there is uav1, uav2"),
+    ],
+)
+def test_what_may_not_be_waived_is_refused_before_anything_starts(
+    command: str, waiver: str, said: str, tmp_path: Path
+) -> None:
+    result = swarmctl(command, "--config", config(tmp_path, SMALL), "--clock", "virtual", "--waive", waiver)
+    assert result.exit_code == 2
+    assert said in result.stderr
+
+
+def test_an_agent_refuses_it_too(tmp_path: Path) -> None:
+    words = ("agent", "--config", config(tmp_path, SMALL), "--uav", "uav1", "--launch", "when-ready")
+    result = swarmctl(*words, "--waive", "identity")
+    assert result.exit_code == 2
+    assert "identity may not be waived" in result.stderr
+
+
+def test_a_configuration_says_what_it_cannot_declare(tmp_path: Path) -> None:
+    text = SMALL + "preflight: {policy: {lost_link: hover, lost_link_after_s: 2}, fence: {margin: 9}}\n"
+    result = swarmctl("check", "--config", config(tmp_path, text))
+    assert result.exit_code == 2
+    keys = [line.split(": ")[1] for line in result.stderr.splitlines()]
+    assert keys == [
+        "preflight.fence.margin",
+        "preflight.policy.lost_link",
+        "preflight.policy.lost_link_after_s",
+    ]

@@ -1,0 +1,138 @@
+"""What is wrong with the section `links`, said with file, line and cure before anything starts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from swarmctl.cli.main import cli
+from swarmctl.config.checks import judge
+from swarmctl.config.model import ConfigError, load
+
+REST = """\
+area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m: 50}
+threats: {count: 5}
+"""
+SIMULATED = "simulate: {count: 3}\n"
+ALPHA = (
+    'vehicles: [{name: alpha, url: "udpin://127.0.0.1:14999", sysid: 2, goal: [3, 7], '
+    "start: {lat_deg: 46.00157, lon_deg: 14.3994}}]\n"
+)
+
+
+def written(tmp_path: Path, links: str, vehicles: str) -> Path:
+    file = tmp_path / "swarm.yaml"
+    file.write_text(f"{REST}{vehicles}links: {{{links}}}\n")
+    return file
+
+
+def troubles(file: Path) -> list[str]:
+    try:
+        load(file, judge)
+    except ConfigError as error:
+        return [line.removeprefix(f"{file}:4: links.") for line in error.lines]
+    return []
+
+
+@pytest.mark.parametrize(
+    ("links", "vehicles"),
+    [
+        ('forward: ["udpout:localhost:14550", "tcpin:127.0.0.1:5760"], forward_commands: true', SIMULATED),
+        ('forward: ["udpout:10.0.0.5:14550", "tcpout:10.0.0.5:5760"]', SIMULATED),
+        ('forward: ["udpout:10.0.0.5:14550"], forward_commands: true, signing_key: some.key', ALPHA),
+        ('forward: ["tcpin:0.0.0.0:5760"]', SIMULATED),
+        ('forward: ["tcpin:0.0.0.0:5760"], forward_commands: true, signing_key: some.key', ALPHA),
+        ("signing_key: some.key, signing_link_id: 255", ALPHA),
+        ("position_hz: 2, stop_other_streams: true", SIMULATED),
+        ("", SIMULATED),
+    ],
+)
+def test_nothing_is_said_where_nothing_is_wrong(tmp_path: Path, links: str, vehicles: str) -> None:
+    assert troubles(written(tmp_path, links, vehicles)) == []
+
+
+@pytest.mark.parametrize(
+    ("links", "vehicles", "said"),
+    [
+        ('forward: ["udpout:127.0.0.1"]', SIMULATED, "forward[0]: 'udpout:127.0.0.1' is no link URL"),
+        ("signing_key: some.key", SIMULATED, "signing_key: vehicles of `simulate` have no key"),
+        ("position_hz: 1", ALPHA, "position_hz: input should be greater than or equal to 2"),
+        ("signing_link_id: 256", ALPHA, "signing_link_id: input should be less than or equal to 255"),
+        ('forward: ["udpin:127.0.0.1:14999"]', ALPHA, "forward[0]: udpin:127.0.0.1:14999 is where vehicles"),
+        (
+            'forward: ["udpout:10.0.0.5:14550"], forward_commands: true',
+            SIMULATED,
+            "forward[0]: udpout://10.0.0.5:14550: who is at that address, or speaks as it, is not known, and "
+            "with links.forward_commands could order the vehicles; send to 127.0.0.1, or set",
+        ),
+        (
+            'forward: ["tcpout:ground.local:5760"], forward_commands: true',
+            SIMULATED,
+            "forward[0]: tcpout://ground.local:5760: who is at that address",
+        ),
+        (
+            'forward: ["udpin:0.0.0.0:14551"], forward_commands: true',
+            ALPHA,
+            "forward[0]: udpin://0.0.0.0:14551: others than this machine reach it, and with links."
+            "forward_commands every one of them could order the vehicles; listen at 127.0.0.1, or set",
+        ),
+        ("forwards: []", SIMULATED, "forwards: unknown key; did you mean 'forward'?"),
+    ],
+)
+def test_what_is_wrong_is_said_with_its_cure(tmp_path: Path, links: str, vehicles: str, said: str) -> None:
+    (found,) = troubles(written(tmp_path, links, vehicles))
+    assert found.startswith(said)
+
+
+def test_check_looks_at_the_signing_key(tmp_path: Path) -> None:
+    key = tmp_path / "some.key"
+    file = written(tmp_path, f"signing_key: {key}", ALPHA)
+
+    def check() -> tuple[int, str]:
+        result = CliRunner().invoke(cli, ["check", "--config", str(file), "--out", str(tmp_path / "runs")])
+        return result.exit_code, result.output
+
+    code, said = check()
+    assert code == 2
+    assert f"{file}:4: links.signing_key: {key}: the signing key cannot be read: No such file" in said
+    assert "hexadecimal" not in said
+    key.write_text("passphrase: correct horse\n")
+    key.chmod(0o644)
+    assert f"{key} can be read by others" in check()[1]
+    key.chmod(0o600)
+    assert check()[0] == 0
+
+
+def test_the_signing_key_is_looked_for_where_the_command_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (elsewhere := tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(elsewhere)
+    file = written(tmp_path, "signing_key: some.key", ALPHA)
+    words = ["check", "--config", str(file), "--out", str(tmp_path / "runs")]
+    said = CliRunner().invoke(cli, words).output
+    tried = elsewhere / "some.key"
+    assert f"links.signing_key: {tried}: the signing key cannot be read: No such file" in said
+    assert "from where the command runs" in said
+    tried.write_text("passphrase: correct horse\n")
+    tried.chmod(0o600)
+    assert CliRunner().invoke(cli, words).exit_code == 0
+
+
+def test_a_bad_url_to_forward_to_is_a_matter_of_usage(tmp_path: Path) -> None:
+    file = written(tmp_path, "", SIMULATED)
+    result = CliRunner().invoke(cli, ["fly", "--config", str(file), "--forward", "14550"])
+    assert result.exit_code == 2
+    assert "--forward: '14550' is no link URL" in result.output
+
+
+@pytest.mark.parametrize("command", [["fly"], ["agent", "--uav", "uav1"]])
+def test_whom_the_command_line_would_let_strangers_order_is_not_flown(
+    tmp_path: Path, command: list[str]
+) -> None:
+    file = written(tmp_path, "forward_commands: true", SIMULATED)
+    result = CliRunner().invoke(cli, [*command, "--config", str(file), "--forward", "tcpin:0.0.0.0:5760"])
+    assert result.exit_code == 2
+    assert "--forward tcpin://0.0.0.0:5760: others than this machine reach it" in result.output

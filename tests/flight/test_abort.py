@@ -1,0 +1,320 @@
+"""Calling vehicles back: what an agent makes of its turn, and whole swarms, by an operator and by Ctrl-C."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import pytest
+from flights import Ui, fly, small
+from test_agent import Story, orders
+from test_companion import NAMES, STATION, Swarm
+from test_flight import interrupting
+from trouble import Trouble, chooses, play, suffer
+
+from sim_vehicle.fleet import Truth
+from swarmctl.agent.failsafes import low_battery
+from swarmctl.agent.failsafes.base import Ruling
+from swarmctl.agent.state import Phase
+from swarmctl.agent.traffic.return_turns import LEAST_APART_M
+from swarmctl.bus.endpoint import BusEndpoint
+from swarmctl.bus.transports.memory import MemoryBus
+from swarmctl.config.scenario import Scenario
+from swarmctl.core import events as ev
+from swarmctl.core.events import Order
+from swarmctl.core.geo import distance_m
+from swarmctl.core.messages import GiveOrder, OperatorAnswer, Request, VehicleAnswer
+from swarmctl.flight import app, operator_orders
+from swarmctl.flight.virtual_clock import run_virtual
+from swarmctl.report.live_rows import Picture
+from swarmctl.report.outcome import Report
+from swarmctl.station import client, recall
+
+pytestmark = pytest.mark.virtual
+
+HOLD, RETURN, LAND = Order.HOLD, Order.RETURN, Order.LAND
+ONE_FLIES_ALL = client.Station("small", BusEndpoint("127.0.0.1", 7447))
+
+
+# --- the agent
+
+
+def answer_of(effects: list[ev.Effect]) -> VehicleAnswer:
+    (answer,) = (e.answer for e in effects if isinstance(e, ev.Answer))
+    return answer
+
+
+def queued(**changes: Any) -> Story:
+    """Called back, with 10 s to wait, by a vehicle whose clock shows 100 s."""
+    story = Story(**changes).flying()
+    story.over((4, 1), time_boot_s=100.0)
+    assert orders(story(ev.OperatorCommand(RETURN, 1, after_s=10.0))) == [HOLD]
+    story(ev.OrderDone(HOLD))
+    return story
+
+
+def waits(story: Story, time_boot_s: float, **changes: Any) -> list[Order]:
+    held = {"mode": "GUIDED", "mode_role": "hold", **changes}
+    return orders(story.over((4, 1), time_boot_s=time_boot_s, **held))
+
+
+def test_it_holds_until_its_turn_and_then_returns() -> None:
+    story = queued()
+    assert "holds for 10 s first" in answer_of(story(ev.OperatorCommand(RETURN, 2, after_s=10.0))).note
+    assert waits(story, 109.9) == []
+    assert story.state.phase is Phase.HOLDING
+    assert waits(story, 110.1) == [RETURN]
+    assert (story.state.phase, story.state.outcome) == (Phase.LEAVING, "return ordered")
+
+
+def test_a_later_turn_takes_the_place_of_the_first_and_none_begins_at_once() -> None:
+    story = queued()
+    assert orders(story(ev.OperatorCommand(RETURN, 2, after_s=30.0))) == []
+    assert waits(story, 120.0) == []
+    assert orders(story(ev.OperatorCommand(RETURN, 3))) == [RETURN]
+
+
+@pytest.mark.parametrize(("order", "told"), [(HOLD, []), (LAND, [LAND])])
+def test_another_order_ends_the_waiting(order: Order, told: list[Order]) -> None:
+    story = queued()
+    assert orders(story(ev.OperatorCommand(order, 2))) in (told, [HOLD])
+    assert waits(story, 200.0, mode_role=order.value) == []
+
+
+def test_who_waits_with_a_low_battery_waits_no_more() -> None:
+    story = queued(rules=(Ruling(low_battery, low_battery.Params(seconds=0.0)),))
+    assert waits(story, 101.0, battery_percent=20) == [RETURN]
+    assert waits(story, 111.0, mode_role="return", battery_percent=20) == []
+
+
+def test_a_clock_that_was_set_back_makes_nobody_wait_for_ever() -> None:
+    story = queued()
+    story.state = replace(story.state, turn_boot_s=9000.0)
+    assert waits(story, 1.0) == [RETURN]
+
+
+@pytest.mark.parametrize("order", [HOLD, RETURN, LAND])
+def test_to_give_an_order_again_changes_nothing(order: Order) -> None:
+    story = Story().flying()
+    story(ev.OperatorCommand(order, 1))
+    story(ev.OrderDone(order))
+    effects = story(ev.OperatorCommand(order, 2))
+    assert orders(effects) == []
+    assert (answer_of(effects).outcome, answer_of(effects).note) == ("taken", "it does so already")
+
+
+# --- whole swarms
+
+
+def gathering(**sections: object) -> Scenario:
+    """Three that fly to one place: from the 40th to the 50th second two may return at once, and the one
+    between them after that."""
+    return small(simulate={"count": 3, "ready_s": 3.0, "goal": [4, 7]}, **sections)
+
+
+@dataclass
+class Looker:
+    """Looks on: who returns from when, and how near two that return come to each other over ground."""
+
+    since_s: dict[int, float] = field(default_factory=dict)
+    least_m: float = float("inf")
+
+    def __call__(self, now: float, truth: Truth) -> None:
+        returning = []
+        for index, mode in enumerate(truth.mode):
+            if mode == "RTL" and truth.armed[index]:
+                self.since_s.setdefault(int(truth.sysid[index]), now)
+                returning.append((float(truth.lat_deg[index]), float(truth.lon_deg[index])))
+        near = (distance_m(one, other) for one, other in combinations(returning, 2))
+        self.least_m = min((self.least_m, *near))
+
+
+async def told_in_flight(tmp_path: Path, *commands: tuple[float, Request]) -> tuple[Report, Ui, list[Any]]:
+    """One process flies all; an operator gives commands at these times."""
+    bus, ui, answers = MemoryBus(), Ui(), []
+    flight = asyncio.create_task(
+        app.fly(gathering(), tmp_path, ui, clock="virtual", permission=lambda foreign: None, bus=bus)
+    )
+    for at_s, command in commands:
+        await asyncio.sleep(at_s - asyncio.get_running_loop().time())
+        answers.append(await recall.ask(bus, ONE_FLIES_ALL, command))
+    return await flight, ui, answers
+
+
+def outcomes(answer: OperatorAnswer) -> list[str]:
+    return [vehicle.outcome for vehicle in answer.vehicles]
+
+
+def test_a_swarm_in_one_process_is_called_back_in_turns(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looker = Looker()
+    play(Trouble(note=looker), monkeypatch)
+    back = GiveOrder(None, "return")
+    report, ui, answers = run_virtual(told_in_flight(tmp_path, (45.0, back), (60.0, back)))
+    assert [outcomes(answer) for answer in answers] == [["taken"] * 3] * 2
+    assert "it does so already" in [vehicle.note for vehicle in answers[1].vehicles]
+    assert len(set(looker.since_s.values())) > 1
+    assert looker.least_m > LEAST_APART_M
+    assert [state.outcome for state in report.states.values()] == ["return ordered; landed"] * 3
+    assert any(text.startswith("returning: ") and "at once" in text for text in ui.said)
+
+
+def test_one_of_them_lands_and_the_others_fly_on(tmp_path: Path) -> None:
+    land = GiveOrder(("uav2",), "land")
+    report, _, (answer,) = run_virtual(told_in_flight(tmp_path, (35.0, land)))
+    assert outcomes(answer) == ["taken"]
+    assert [state.outcome for state in report.states.values()] == [
+        "arrived",
+        "land ordered; landed",
+        "arrived",
+    ]
+
+
+def test_called_back_before_the_launch_they_stay_on_the_ground_until_it_is_ordered(tmp_path: Path) -> None:
+    back, launch = GiveOrder(None, "return"), GiveOrder(None, "launch")
+    report, _, answers = run_virtual(told_in_flight(tmp_path, (3.0, back), (60.0, launch)))
+    assert "stays on the ground" in answers[0].vehicles[0].note
+    assert outcomes(answers[1]) == ["taken"] * 3
+    assert report.all_arrived
+
+
+@dataclass
+class Known:
+    """As much of a member as the rule about orders looks at."""
+
+    name: str
+    identity: None = None
+
+
+@pytest.mark.parametrize(
+    ("order", "listen", "refused"),
+    [
+        ("launch", "tcp/127.0.0.1:0", "only `swarmctl fly` launches it"),
+        ("return", "tcp/127.0.0.1:0", ""),
+        ("land", "none", ""),
+        ("land", "tcp/0.0.0.0:7447", "others than this machine reach tcp/0.0.0.0:7447"),
+    ],
+)
+def test_who_could_be_anybody_launches_no_aircraft_and_from_elsewhere_orders_it_nothing(
+    order: Any, listen: str, refused: str
+) -> None:
+    scenario = small(communication={"bus": "memory", "listen": listen})
+    members: Any = [Known("alpha")]
+    found = operator_orders.orders_closed(scenario, members, GiveOrder(None, order))
+    assert refused in found
+    assert bool(found) is bool(refused)
+
+
+def test_agents_apart_are_called_back_in_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    looker = Looker()
+    play(Trouble(note=looker), monkeypatch)
+
+    async def scene() -> tuple[list[OperatorAnswer], list[Report]]:
+        swarm = Swarm(tmp_path, gathering())
+        for uav in NAMES:
+            swarm.start(uav, "when-ready")
+        for uav in NAMES:
+            await swarm.until(uav, Phase.FLYING)
+        await asyncio.sleep(45.0)
+        answers = []
+        for _ in range(2):
+            answers.append(await recall.ask(swarm.bus, STATION, GiveOrder(None, "return")))
+            await asyncio.sleep(5.0)
+        return answers, list(await asyncio.gather(*swarm.flights.values()))
+
+    (first, second), reports = run_virtual(scene())
+    assert outcomes(first) == outcomes(second) == ["taken"] * 3
+    assert "it does so already" in [vehicle.note for vehicle in second.vehicles]
+    assert len({round(at_s) for at_s in looker.since_s.values()}) > 1
+    states = [state for report in reports for state in report.states.values()]
+    assert [state.outcome for state in states] == ["return ordered; landed"] * 3
+
+
+def test_ctrl_c_brings_them_home_in_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    trouble = Trouble(note=(looker := Looker()))
+    report, ui = suffer(trouble, tmp_path, monkeypatch, scenario=gathering(), carry=interrupting(45.0))
+    assert report.ended == "stopped"
+    assert looker.least_m > LEAST_APART_M
+    assert len(set(looker.since_s.values())) > 1
+    (told,) = (text for text in ui.said if text.startswith("returning: "))
+    assert "the last is down within" in told
+    assert not any(state.vehicle.armed for state in report.states.values())
+
+
+def test_when_the_deadline_comes_nobody_is_left_waiting_for_its_turn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scenario = gathering(flight={"altitude_m": 15.0, "on_exit_deadline_s": 3.0})
+    report, ui = suffer(Trouble(), tmp_path, monkeypatch, scenario=scenario, carry=interrupting(45.0))
+    assert len(report.left) == 3
+    assert all("mode RTL" in line for line in report.left)
+    assert any(text.endswith("to return now, whoever else is in the air") for text in ui.said)
+
+
+def test_ctrl_c_twice_sends_all_home_at_once_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    carry = interrupting(45.0, 45.5)
+    report, ui = suffer(Trouble(), tmp_path, monkeypatch, scenario=gathering(), carry=carry)
+    assert report.ended == "abandoned"
+    assert len(report.left) == 3
+    assert all("mode RTL" in line for line in report.left)
+    assert "not waited for: uav1, uav2, uav3 to return, all at once" in ui.said
+
+
+def test_ctrl_c_lands_who_holds_above_another_when_that_is_down(tmp_path: Path) -> None:
+    scenario = small(
+        simulate={"count": 2, "goal": [4, 7], "ready_s": 3.0},
+        threats={"count": 0},
+        flight={"altitude_m": 15.0, "altitude_step_m": 6.0, "on_exit": "land", "on_exit_deadline_s": 200.0},
+    )
+    ui = Ui()
+    report = fly(scenario, tmp_path, carry=interrupting(66.0), ui=ui)
+    assert [line.partition("; ")[2] for line in report.left] == ["landed", "landed"]
+    assert "to land when those under them are down: uav2" in ui.said
+    down_s = [report.ledger.vehicles[uav].last_s for uav in (1, 2)]
+    assert down_s[1] - down_s[0] > 20.0  # it comes down from 21 m, of which the last 10 m take 20 s
+
+
+def test_ctrl_c_lands_at_once_who_hold_beside_each_other(tmp_path: Path) -> None:
+    ui = Ui()
+    report = fly(small(flight={"on_exit": "land"}), tmp_path, carry=interrupting(30.0), ui=ui)
+    assert not any("when those under them" in line for line in ui.said)
+    assert all("landed" in line for line in report.left)
+
+
+class Breaks(Ui):
+    def refresh(self, picture: Picture) -> None:
+        super().refresh(picture)
+        if picture.flown_s > 40.0:
+            raise RuntimeError("a bug")
+
+
+def test_a_flight_that_breaks_brings_them_home_in_turns_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trouble = Trouble(note=(looker := Looker()))
+    play(trouble, monkeypatch)
+    ui = Breaks()
+    report = fly(gathering(), tmp_path, ui=ui, broken=True)
+    assert isinstance(report.bug, ExceptionGroup)
+    assert "the flight is broken: uav1, uav2, uav3 to return, in turns" in ui.said
+    assert any(text.startswith("returning: uav1, uav3 at once; uav2 after") for text in ui.said)
+    assert looker.least_m > LEAST_APART_M
+    # The process ends when the last is sent home.
+    assert trouble.modes == {1: ["AUTO", "RTL"], 2: ["AUTO", "GUIDED"], 3: ["AUTO", "RTL"]}
+    assert all("mode RTL" in line for line in report.left)
+
+
+def test_a_vehicle_that_somebody_takes_while_it_waits_for_its_turn_is_let_be(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trouble = Trouble(deeds=[(60.0, chooses(2, "LOITER"))])
+    play(trouble, monkeypatch)
+    report = fly(gathering(), tmp_path, ui=Breaks(), broken=True)
+    assert trouble.modes[2] == ["AUTO", "GUIDED", "LOITER"]
+    assert ["mode RTL" in line for line in report.left] == [True, False, True]

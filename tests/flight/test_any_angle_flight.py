@@ -1,0 +1,331 @@
+"""Routes pulled straight, from the configuration to vehicles that fly them."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from flights import AREA, fly, small
+from mcap.reader import make_reader
+
+from swarmctl.agent.replan.decide import first_flight, first_problem, first_route
+from swarmctl.agent.replan.route_to_mission import flown_for, pulled
+from swarmctl.agent.state import AgentState, Phase, begin
+from swarmctl.agent.step import RETRY_AFTER_S, step
+from swarmctl.bus.node.counters import Tally
+from swarmctl.config import model
+from swarmctl.config.checks import judge
+from swarmctl.config.model import ConfigError
+from swarmctl.config.scenario import Scenario, build
+from swarmctl.core import events as ev
+from swarmctl.core.any_angle.corners import Counting
+from swarmctl.core.exposure import exposure_sum, length_cells
+from swarmctl.core.grid import Cell
+from swarmctl.core.observation import Observation
+from swarmctl.core.route import flight_plan, landing_spot, thin
+from swarmctl.core.vehicle import Landed, VehicleState
+from swarmctl.planners import Problem
+from swarmctl.report import outputs, record
+from swarmctl.report.summary import Ledger, Prospect, summary
+
+BOTH = pytest.mark.parametrize("counting", list(Counting))
+LARGER = {**AREA, "rows": 16, "cols": 16}
+ON = {"any_angle": True}
+
+
+def scenario(counting: Counting | None, seed: int = 3) -> Scenario:
+    flight = {} if counting is None else {**ON, "any_angle_exposure": counting}
+    return small(seed=seed, area=LARGER, threats={"count": 14}, flight=flight)
+
+
+def missions(folder: Path) -> list[dict[str, Any]]:
+    """Every mission given to a vehicle, in the order of the record."""
+    with (folder / "run.mcap").open("rb") as file:
+        return [
+            json.loads(message.data)["effect"]
+            for _, channel, message in make_reader(file).iter_messages()
+            if channel.topic.endswith("/effect/SwapMission")
+        ]
+
+
+def n_items(folder: Path) -> float:
+    return float(np.mean([len(mission["plan"]["track"]) for mission in missions(folder)]))
+
+
+@pytest.fixture(scope="module")
+def lattice(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("lattice")
+    report = fly(scenario(None), folder)
+    assert report.all_arrived
+    return folder
+
+
+@pytest.mark.virtual
+@BOTH
+def test_a_swarm_on_pulled_tracks_arrives_with_shorter_missions(
+    counting: Counting, lattice: Path, tmp_path: Path
+) -> None:
+    report = fly(scenario(counting), tmp_path)
+    assert report.trouble == ()
+    assert report.all_arrived
+    assert n_items(tmp_path) < n_items(lattice)
+    n_straight = 0
+    for mission in missions(tmp_path):
+        track, cells = mission["track"], [tuple(cell) for cell in mission["cells"]]
+        assert len(track["corners"]) <= len(thin(cells))
+        assert mission["length_m"] <= length_cells(cells) * 50.0 + 1e-6
+        n_straight += len(track["corners"]) < len(thin(cells))
+    assert n_straight > 0
+    verdict = record.replay(tmp_path / "run.mcap")
+    assert verdict.difference == ""
+
+
+@pytest.mark.virtual
+def test_without_it_the_lattice_route_is_flown_unchanged(lattice: Path) -> None:
+    tasks = scenario(None).tasks
+    firsts = missions(lattice)[: len(tasks)]
+    assert {mission["plan_id"] for mission in firsts} == {1}
+    for task, mission in zip(tasks, firsts, strict=True):
+        assert mission["track"] is None
+        cells = [tuple(cell) for cell in mission["cells"]]
+        landing = landing_spot(task.grid, cells[-1], task.landing_index, task.landing_count)
+        plan = flight_plan(task.grid, cells, altitude_m=task.altitude_m, landing_lat_lon=landing)
+        sent = [(p["lat_deg"], p["lon_deg"], p["alt_rel_m"]) for p in mission["plan"]["track"]]
+        assert sent == [(p.lat_deg, p.lon_deg, p.alt_rel_m) for p in plan.track]
+
+
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_a_first_track_is_no_worse_than_the_route_it_stands_for(seed: int) -> None:
+    for task in scenario(Counting.ENTERED, seed).tasks:
+        state = begin(task, scenario(Counting.ENTERED, seed).prior)
+        state, _ = step(state, ev.Ready(), 0.0)
+        state, (swap,) = step(state, ev.Tick(), 1.0)
+        assert isinstance(swap, ev.SwapMission)
+        assert swap.track is not None
+        p_s = state.exposure
+        assert p_s is not None
+        assert sum(p_s[cell] for cell in swap.track.over[1:]) <= exposure_sum(p_s, swap.cells) + 1e-7
+        assert swap.exposure_sum == pytest.approx(sum(p_s[cell] for cell in swap.track.over[1:]))
+        assert swap.length_m <= length_cells(swap.cells) * task.grid.cell_size_m + 1e-6
+
+
+def test_a_route_that_must_not_be_too_short_is_not_pulled() -> None:
+    task = scenario(Counting.INTEGRAL).tasks[0]
+    p_s = np.full((16, 16), 0.1)
+    problem = Problem(p_s, (0, 0), ((1, 2),), 0.5, 0.1)
+    route = task.method.plan(problem)
+    track = pulled(task, problem, route)
+    assert track is not None
+    assert track.corners == ((0, 0), (1, 2))
+    assert pulled(task, replace(problem, min_length_cells=2.3), route) is None
+
+
+def test_what_is_promised_at_take_off_is_of_the_track_by_what_was_believed_then() -> None:
+    plain = scenario(Counting.INTEGRAL)
+    task = plain.tasks[0]
+    seen = Observation(9, 1, 0.0, tuple((12, col, (12, col) in plain.hostiles) for col in range(16)))
+    belief = plain.prior.merge((seen,))
+    state, _ = step(begin(task, belief), ev.Ready(), 0.0)
+    _, (swap,) = step(state, ev.Tick(), 1.0)
+    assert isinstance(swap, ev.SwapMission)
+    assert swap.track is not None
+    assert swap.track.over != swap.cells
+    ledger = Ledger()
+    ledger.vehicles[task.uav].prospect = Prospect(swap, belief, task.strength)
+    states = {t.uav: begin(t, plain.prior) for t in plain.tasks}
+    networks = {t.uav: Tally() for t in plain.tasks}
+    told = summary(
+        plain, states, ledger, clock="virtual", wall_s=None, commands={}, networks=networks, looks={}
+    )
+    promised = told["vehicles"][0]["at_takeoff"]
+    chances = [
+        plain.chance(task.uav, held, task.strength, cells).estimate
+        for held in (belief, plain.prior)
+        for cells in (swap.track.over, swap.cells)
+    ]
+    assert len(set(chances)) == 4
+    assert promised["chance_by_simulation"]["estimate"] == chances[0]
+    assert promised["exposure_sum"] == swap.track.exposure_sum
+    assert promised["length_m"] == pytest.approx(swap.track.length_cells * 50.0)
+
+
+def losing_turns(planner: str) -> set[tuple[Cell, ...]]:
+    """The corners, at w = 0 and w = 1, of what a vehicle flies that cannot turn as its route does."""
+    plain = small(area=LARGER, threats={"count": 14}, planner={"name": planner}, flight=ON)
+    task = replace(plain.tasks[0], turn_radius_m=60.0)
+    problem = Problem(0.9 * np.random.default_rng(0).random((16, 16)), (3, 0), ((3, 12),), 1.0, 0.1)
+    route = scenario(Counting.ENTERED).tasks[0].method.plan(problem)
+    return {flown_for(task, replace(problem, w=w), route).corners for w in (0.0, 1.0)}
+
+
+def test_w_decides_what_a_turn_may_cost_only_where_the_planner_goes_by_it() -> None:
+    assert len(losing_turns("dijkstra")) == 2
+    assert len(losing_turns("constrained")) == 1
+    assert losing_turns("constrained") < losing_turns("dijkstra")
+
+
+# --- one vehicle under way
+
+
+class Flight:
+    """A vehicle that flies a skew track over cells known to be clear."""
+
+    def __init__(self) -> None:
+        plain = scenario(Counting.ENTERED)
+        task = replace(plain.tasks[0], entry=(0, 0), goals=((5, 14),))
+        self.grid, self.now = task.grid, 0.0
+        self.state: AgentState = begin(task, plain.prior)
+        clear = tuple((row, col, False) for row in range(8) for col in range(16))
+        self.fold(ev.Heard((Observation(9, 1, 0.0, clear),)))
+        self.fold(ev.Ready())
+        self.swap = self.tick()
+        self.fold(ev.MissionAccepted(1))
+        self.fold(ev.OperatorCommand(ev.Order.LAUNCH))
+        self.fold(ev.OrderDone(ev.Order.LAUNCH))
+
+    def fold(self, event: ev.Event) -> list[ev.Effect]:
+        self.now += 1.0
+        self.state, effects = step(self.state, event, self.now)
+        return effects
+
+    def tick(self) -> ev.SwapMission | None:
+        swaps = [e for e in self.fold(ev.Tick()) if isinstance(e, ev.SwapMission)]
+        return swaps[0] if swaps else None
+
+    def over(self, cell: Cell) -> None:
+        lat_deg, lon_deg = self.grid.centre(cell)
+        vehicle = VehicleState(
+            self.now,
+            lat_deg,
+            lon_deg,
+            40.0,
+            ground_speed_m_s=10.0,
+            mode_role="mission",
+            armed=True,
+            landed=Landed.IN_AIR,
+        )
+        self.fold(ev.TelemetryReceived(vehicle))
+
+    def hear(self, seq: int, *cells: tuple[int, int, bool]) -> None:
+        self.fold(ev.Heard((Observation(8, seq, self.now, cells),)))
+
+
+def test_news_elsewhere_changes_no_mission_wherever_on_the_track_it_is_heard() -> None:
+    flight = Flight()
+    assert flight.swap is not None
+    assert flight.swap.track is not None
+    assert flight.swap.track.corners == ((0, 0), (5, 14))
+    assert set(flight.swap.track.over) - set(flight.swap.cells)
+    progress = []
+    for n, cell in enumerate(flight.swap.track.over[:-1]):
+        flight.over(cell)
+        flight.hear(n + 1, (12, n % 16, False))
+        assert flight.tick() is None, cell
+        progress.append(flight.state.progress)
+    assert progress == list(flight.swap.track.abreast[:-1])
+
+
+def test_a_wall_of_threat_under_what_is_left_of_the_track_ends_it() -> None:
+    flight = Flight()
+    assert flight.swap is not None
+    assert flight.swap.track is not None
+    beside = [c for c in flight.swap.track.over if c not in flight.swap.cells]
+    flight.over(beside[0])
+    flight.state = replace(
+        flight.state, task=replace(flight.state.task, no_fly=frozenset({beside[-1]})), dirty=True
+    )
+    swap = flight.tick()
+    assert swap is not None
+    assert swap.track is not None
+    assert swap.cells[0] == beside[0]
+    assert beside[-1] not in swap.track.over
+    # The vehicle stays on its old plan where the change fails, and it is still one to be changed.
+    flight.fold(ev.MissionFailed(swap.plan_id, "old", "no answer"))
+    flight.now += RETRY_AFTER_S
+    again = flight.tick()
+    assert again is not None
+    assert again.cells == swap.cells
+
+
+def test_it_arrives_over_its_goal() -> None:
+    flight = Flight()
+    assert flight.swap is not None
+    assert flight.swap.track is not None
+    for cell in flight.swap.track.over:
+        flight.over(cell)
+    assert flight.state.phase is Phase.LANDING
+    assert flight.state.flown_cells == flight.swap.track.over
+
+
+# --- configuration
+
+FILE = """
+area: {{origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m: 50.0}}
+threats: {{count: 5}}
+flight: {flight}
+vehicles:
+  - name: plane
+    url: udpin://127.0.0.1:14550
+    sysid: 1
+    start: {{lat_deg: 46.0009, lon_deg: 14.3990}}
+    goal: {goal}
+    turn_radius_m: {radius}
+"""
+
+
+def written(folder: Path, flight: str, radius: float, goal: str = "[5, 7]") -> Path:
+    path = folder / "swarm.yaml"
+    path.write_text(FILE.format(flight=flight, radius=radius, goal=goal), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("flight", "radius", "says"),
+    [
+        ("{any_angle: false}", 60.0, "vehicles[0].turn_radius_m: turns are planned only where routes are"),
+        ("{any_angle: true}", 500.0, "vehicles[0].turn_radius_m: 500 m is more than the area is long, 400 m"),
+        ("{any_angle: true}", -1.0, "vehicles[0].turn_radius_m: input should be greater than or equal to 0"),
+        ("{any_angle: 1}", 0.0, "flight.any_angle: input should be a valid boolean"),
+        (
+            "{any_angle_exposure: some}",
+            0.0,
+            "flight.any_angle_exposure: input should be 'entered' or 'integral'",
+        ),
+    ],
+)
+def test_what_makes_no_sense_is_refused(tmp_path: Path, flight: str, radius: float, says: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        model.load(written(tmp_path, flight, radius), judge)
+    assert [says in line for line in caught.value.lines] == [True], caught.value.lines
+
+
+def test_a_route_whose_turns_do_not_fit_is_refused_before_anything_starts(tmp_path: Path) -> None:
+    path = written(tmp_path, "{any_angle: true}", 399.0, "[7, 0]")
+    text = path.read_text().replace(
+        "cell_size_m: 50.0}", f"cell_size_m: 50.0, no_fly: {[[4, col] for col in range(7)]}}}"
+    )
+    path.write_text(text)
+    with pytest.raises(
+        ConfigError, match=r"turn_radius_m: plane cannot fly its first route: no track .* 399 m"
+    ):
+        model.load(path, judge)
+
+
+def test_a_vehicle_that_needs_room_gets_turns_it_can_fly(tmp_path: Path) -> None:
+    scenario = build(model.load(written(tmp_path, "{any_angle: true}", 80.0), judge))
+    (task,) = scenario.tasks
+    assert task.turn_radius_m == 80.0
+    plan = first_flight(task, first_problem(task, scenario.prior), first_route(task, scenario.prior))
+    points = [task.grid.frame.to_local(p.lat_deg, p.lon_deg) for p in plan.track]
+    for before, corner, after in zip(points, points[1:], points[2:], strict=False):
+        come, go = (math.atan2(b[1] - a[1], b[0] - a[0]) for a, b in ((before, corner), (corner, after)))
+        turn = abs((go - come + math.pi) % (2 * math.pi) - math.pi)
+        room = min(math.dist(before, corner), math.dist(corner, after))
+        assert 80.0 * math.tan(turn / 2) <= room + 1e-6
+    outputs.write_plans(tmp_path, scenario, outputs.first_routes(scenario))
+    assert (tmp_path / "map.png").exists()

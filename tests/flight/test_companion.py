@@ -1,0 +1,397 @@
+"""Agents that fly one vehicle each, and their operator: three processes' worth in one virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import datetime as dt
+import json
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+from flights import Ui, small
+
+from swarmctl.agent.state import ARRIVED, Phase
+from swarmctl.bus.endpoint import BusEndpoint
+from swarmctl.bus.transports.base import Failure
+from swarmctl.bus.transports.memory import MemoryBus
+from swarmctl.cli.asking import Seals
+from swarmctl.cli.flying import conclude
+from swarmctl.config.scenario import Scenario
+from swarmctl.core.events import Order
+from swarmctl.core.messages import (
+    GiveOrder,
+    OperatorAnswer,
+    Request,
+    SetWeights,
+    VehicleAnswer,
+    decode_answer,
+)
+from swarmctl.flight import app, companion, wiring
+from swarmctl.flight.director import Launch, Permission
+from swarmctl.flight.virtual_clock import run_virtual
+from swarmctl.links.base import Identity
+from swarmctl.report.outcome import Report
+from swarmctl.security.issue import make
+from swarmctl.security.participant import load
+from swarmctl.station import client
+
+pytestmark = pytest.mark.virtual
+
+NAMES = {1: "uav1", 2: "uav2", 3: "uav3"}
+STATION = client.Station("small", BusEndpoint("127.0.0.1", 7447), agents=NAMES)
+
+
+@dataclass
+class Swarm:
+    """Companions over one bus, and what each of them shows."""
+
+    folder: Path
+    scenario: Scenario = field(default_factory=small)
+    bus: MemoryBus = field(default_factory=MemoryBus)
+    uis: dict[int, Ui] = field(default_factory=dict)
+    flights: dict[int, asyncio.Task[Report]] = field(default_factory=dict)
+
+    def start(self, uav: int, launch: Launch = "ordered") -> None:
+        folder = self.folder / f"uav{uav}"
+        folder.mkdir()
+        self.uis[uav] = Ui()
+        self.flights[uav] = asyncio.create_task(
+            companion.fly(
+                companion.only(self.scenario, uav),
+                folder,
+                self.uis[uav],
+                clock="virtual",
+                permission=lambda foreign: None,
+                launch=launch,
+                bus=self.bus,
+            )
+        )
+
+    def phase(self, uav: int) -> Phase:
+        (row,) = self.uis[uav].pictures[-1].rows
+        return row.phase
+
+    async def until(self, uav: int, *phases: Phase) -> None:
+        async with asyncio.timeout(300.0):
+            while not self.uis[uav].pictures or self.phase(uav) not in phases:  # noqa: ASYNC110
+                await asyncio.sleep(0.25)
+
+    async def give(self, command: Request) -> OperatorAnswer:
+        return await client.ask(self.bus, STATION, command)
+
+
+def outcomes(answer: OperatorAnswer) -> dict[str, str]:
+    return {vehicle.name: vehicle.outcome for vehicle in answer.vehicles}
+
+
+def test_three_agents_are_launched_held_and_called_back_by_their_operator(tmp_path: Path) -> None:
+    async def scene() -> dict[int, Report]:
+        swarm = Swarm(tmp_path)
+        for uav in NAMES:
+            swarm.start(uav)
+        early = await swarm.give(GiveOrder(None, "launch"))
+        assert set(outcomes(early).values()) <= {"silent", "refused"}
+        for uav in NAMES:
+            await swarm.until(uav, Phase.STANDBY)
+        await asyncio.sleep(30.0)
+        assert {swarm.phase(uav) for uav in NAMES} == {Phase.STANDBY}  # nobody has ordered them to fly
+
+        launched = await swarm.give(GiveOrder(None, "launch"))
+        assert outcomes(launched) == dict.fromkeys(NAMES.values(), "taken")
+        for uav in NAMES:
+            await swarm.until(uav, Phase.FLYING)
+        weighed = await swarm.give(SetWeights((1,), w=0.9))
+        assert [(v.name, v.outcome) for v in weighed.vehicles] == [("uav1", "taken")]
+        await asyncio.sleep(15.0)
+        assert outcomes(await swarm.give(GiveOrder((2, "uav3"), "hold"))) == {
+            "uav2": "taken",
+            "uav3": "taken",
+        }
+        for uav in (2, 3):
+            await swarm.until(uav, Phase.HOLDING)
+        assert outcomes(await swarm.give(GiveOrder(("uav3",), "return"))) == {"uav3": "taken"}
+        assert outcomes(await swarm.give(GiveOrder((2,), "land"))) == {"uav2": "taken"}
+        reports = dict(zip(NAMES, await asyncio.gather(*swarm.flights.values()), strict=True))
+        gone = await swarm.give(GiveOrder(None, "hold"))
+        assert client.has_failed(GiveOrder(None, "hold"), gone)
+        return reports
+
+    reports = run_virtual(scene())
+    for report in reports.values():
+        assert report.bug is None
+        assert report.trouble == ()
+        assert report.ended == "ended"
+    states = {uav: report.states[uav] for uav, report in reports.items()}
+    assert [list(report.states) for report in reports.values()] == [[1], [2], [3]]
+    assert states[1].outcome == ARRIVED
+    assert states[1].w == 0.9
+    assert states[2].outcome == "land ordered; landed"
+    assert states[3].outcome == "return ordered; landed"
+    # What each has seen, the others know.
+    for uav, state in states.items():
+        others = [other for other in NAMES if other != uav]
+        assert all(state.belief.n_cells_from(other) > 0 for other in others), uav
+
+
+@pytest.fixture(scope="module")
+def returned(tmp_path_factory: pytest.TempPathFactory) -> Report:
+    """The flight of a vehicle that its operator has called back."""
+
+    async def scene() -> Report:
+        swarm = Swarm(tmp_path_factory.mktemp("returned"))
+        swarm.start(2, "when-ready")
+        await swarm.until(2, Phase.FLYING)
+        await swarm.give(GiveOrder((2,), "return"))
+        return await swarm.flights[2]
+
+    return run_virtual(scene())
+
+
+def code_of(report: Report, folder: Path) -> int:
+    try:
+        conclude(report, companion.only(small(), 2), folder)
+    except typer.Exit as ended:
+        return ended.exit_code
+    return 0
+
+
+def test_an_order_that_was_obeyed_is_no_failure_and_the_summary_says_whose_it_was(
+    returned: Report, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert returned.states[2].outcome == "return ordered; landed"
+    assert code_of(returned, tmp_path) == 0
+    assert "0 of 1 arrived\nended by the operator: uav2\n" in capsys.readouterr().out
+    assert json.loads((tmp_path / "summary.json").read_text())["ended_by_operator"] == ["uav2"]
+
+
+def test_a_time_bound_binds_nobody_who_was_called_back(returned: Report, tmp_path: Path) -> None:
+    (vehicle,) = returned.summary["vehicles"]
+    late = {**returned.summary, "vehicles": [vehicle | {"arrival_bound_kept": False, "arrive_within_s": 9.0}]}
+    assert code_of(replace(returned, summary=late), tmp_path) == 0
+
+
+NOT_OBEYED: list[tuple[str, dict[str, Any]]] = [
+    ("it has failed", {"phase": Phase.FAILED}),
+    ("it was let go", {"phase": Phase.RELEASED}),
+    ("it is still under way, and lost", {"phase": Phase.LEAVING}),
+    ("it was not seen to follow", {"order_seen": False}),
+    ("nobody ordered it", {"ordered": None}),
+    ("it was ordered to hold", {"ordered": Order.HOLD}),
+    ("it never took off", {"armed_seen": False}),
+]
+
+
+@pytest.mark.parametrize("changes", [row[1] for row in NOT_OBEYED], ids=[row[0] for row in NOT_OBEYED])
+def test_all_else_that_does_not_arrive_has_failed(
+    changes: dict[str, Any], returned: Report, tmp_path: Path
+) -> None:
+    report = replace(returned, states={2: replace(returned.states[2], **changes)})
+    assert companion.called_back(report) == []
+    assert code_of(report, tmp_path) == 1
+
+
+def test_who_was_stopped_or_had_trouble_has_not_only_obeyed(returned: Report, tmp_path: Path) -> None:
+    assert code_of(replace(returned, ended="stopped"), tmp_path) == 130
+    assert code_of(replace(returned, trouble=("the disk is full",)), tmp_path) == 1
+
+
+def test_an_agent_by_itself_flies_what_it_would_fly_in_one_process(tmp_path: Path) -> None:
+    async def scene() -> Report:
+        swarm = Swarm(tmp_path)
+        swarm.start(2, "when-ready")
+        return await swarm.flights[2]
+
+    report = run_virtual(scene())
+    scenario = small()
+    assert report.all_arrived
+    (vehicle,) = report.summary["vehicles"]
+    (task,) = [task for task in scenario.tasks if task.uav == 2]
+    assert vehicle["name"] == "uav2"
+    assert report.states[2].task == task
+    assert vehicle["cells_own"] > 0
+
+
+def test_with_keys_the_operator_is_obeyed_and_the_vehicles_own_answer_believed(tmp_path: Path) -> None:
+    now = dt.datetime.now(dt.UTC)
+    make(tmp_path / "keys", ["uav1", "uav2", "operator"], 5, now)
+    keyring = {name: load(tmp_path / "keys", name, now) for name in ("uav1", "uav2", "operator")}
+    commands: list[tuple[str, bytes]] = []
+
+    class Operators(Seals):
+        def close(self, key: str, command: bytes) -> bytes:
+            commands.append((key, super().close(key, command)))
+            return commands[-1][1]
+
+    async def scene(folder: Path, own: str) -> tuple[list[VehicleAnswer], list[VehicleAnswer]]:
+        """What the operator and what a vehicle that gives orders is answered."""
+        folder.mkdir()
+        bus, ui = MemoryBus(), Ui()
+        flight = asyncio.create_task(
+            companion.fly(
+                companion.only(small(), 1),
+                folder,
+                ui,
+                clock="virtual",
+                permission=lambda foreign: None,
+                launch="when-ready",
+                bus=bus,
+                keyring=keyring[own],
+            )
+        )
+        await asyncio.sleep(20.0)
+        given = [
+            await client.ask(bus, STATION, GiveOrder((1,), "land"), Operators("small", keyring[name]))
+            for name in ("operator", "uav2")
+        ]
+        replayed = decode_answer((await bus.ask(*commands[0], 5.0))[0][64:])
+        assert (own != "uav1") or "replay" in replayed.refused
+        await flight
+        return list(given[0].vehicles), list(given[1].vehicles)
+
+    (operators,), (vehicles,) = run_virtual(scene(tmp_path / "own", "uav1"))
+    assert (operators.outcome, vehicles.outcome) == ("taken", "refused")
+    assert "not signed by the operator" in vehicles.note
+    commands.clear()
+    # An agent that has another vehicle's keys is not the vehicle that was asked.
+    (operators,), _ = run_virtual(scene(tmp_path / "other", "uav2"))
+    assert operators.outcome == "unconfirmed"
+    assert operators.note.startswith("none of its own, and 1 answer in its name that it did not sign")
+
+
+@pytest.mark.parametrize("alone", [True, False], ids=["one vehicle", "all in one process"])
+def test_a_bug_in_handling_what_comes_is_said_and_ends_no_flight(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, alone: bool
+) -> None:
+    buses: list[MemoryBus] = []
+
+    class Buggy(MemoryBus):
+        """Nobody of this process copes with what comes under one key."""
+
+        def __init__(self, on_failure: Failure) -> None:
+            super().__init__(on_failure)
+            buses.append(self)
+            self.subscribe("outside", self._fails)
+            self.serve("asked", self._fails)
+
+        def _fails(self, *_: object) -> None:
+            raise OverflowError("too many digits\x1b[2J")
+
+    monkeypatch.setattr(companion if alone else wiring, "MemoryBus", Buggy)
+
+    async def scene(ui: Ui) -> Report:
+        scenario = small()
+        permission: Permission = lambda foreign: None  # noqa: E731
+        if alone:
+            one = companion.only(scenario, 1)
+            flying = companion.fly(
+                one, tmp_path, ui, clock="virtual", permission=permission, launch="when-ready"
+            )
+        else:
+            flying = app.fly(scenario, tmp_path, ui, clock="virtual", permission=permission)
+        flight = asyncio.create_task(flying)
+        await asyncio.sleep(20.0)
+        for _ in range(3):
+            buses[0].put("outside", b"")
+        with contextlib.suppress(TimeoutError):
+            await buses[0].ask("asked", b"", 1.0)
+        return await flight
+
+    ui = Ui()
+    report = run_virtual(scene(ui))
+    assert (report.bug, report.ended, report.all_arrived) == (None, "ended", True)
+    assert buses[0].failed == 4
+    (said,) = (text for text in ui.said if "a bug in handling" in text)
+    assert "OverflowError: too many digits?[2J" in said
+    assert "test_companion.py:" in said
+
+
+def test_an_operator_keeps_a_vehicle_on_the_ground_and_launches_it_later(tmp_path: Path) -> None:
+    async def scene() -> Report:
+        swarm = Swarm(tmp_path, small(simulate={"count": 3, "ready_s": 3.0, "delay_step_s": 60.0}))
+        swarm.start(2, "when-ready")
+        await swarm.until(2, Phase.STANDBY)
+        held = await swarm.give(GiveOrder((2,), "hold"))
+        assert "stays on the ground" in held.vehicles[0].note
+        await asyncio.sleep(120.0)
+        assert swarm.phase(2) is Phase.STANDBY
+        assert outcomes(await swarm.give(GiveOrder((2,), "launch"))) == {"uav2": "taken"}
+        return await swarm.flights[2]
+
+    assert run_virtual(scene()).all_arrived
+
+
+@pytest.mark.parametrize(
+    ("url", "given", "simulated", "reached_at"),
+    [
+        ("udpin://127.0.0.1:14550", None, True, "udpin://127.0.0.1:0"),
+        ("tcpin://127.0.0.1:5760", None, True, "tcpin://127.0.0.1:0"),
+        ("udpin://127.0.0.1:0", "serial:///dev/ttyACM0:57600", False, "serial:///dev/ttyACM0:57600"),
+    ],
+)
+def test_a_simulated_vehicle_has_a_port_of_its_own_and_another_url_makes_it_no_longer_simulated(
+    url: str, given: str | None, simulated: bool, reached_at: str
+) -> None:
+    whole = small(simulate={"count": 3, "url": url})
+    alone = companion.only(whole, 3, given)
+    (spec,) = alone.specs
+    assert (spec.name, spec.simulated, spec.url) == ("uav3", simulated, reached_at)
+    assert alone.swarm == whole.swarm
+    assert alone.tasks == whole.tasks[2:]
+    assert spec.altitude_m == whole.specs[2].altitude_m
+
+
+def test_one_process_with_all_vehicles_takes_orders_for_simulated_ones(tmp_path: Path) -> None:
+    async def scene() -> tuple[OperatorAnswer, Report]:
+        bus, there = MemoryBus(), client.Station("small", BusEndpoint("127.0.0.1", 7447))
+        flight = asyncio.create_task(
+            app.fly(
+                small(simulate={"count": 1, "ready_s": 3.0}),
+                tmp_path,
+                Ui(),
+                clock="virtual",
+                permission=lambda foreign: None,
+                bus=bus,
+            )
+        )
+        await asyncio.sleep(20.0)
+        answer = await client.ask(bus, there, GiveOrder(None, "land"))
+        return answer, await flight
+
+    answer, report = run_virtual(scene())
+    assert not answer.refused
+    assert [vehicle.outcome for vehicle in answer.vehicles] == ["taken"]
+    assert not report.all_arrived
+    assert report.summary["operator_commands"] == {"passed_on": 1, "refused": 0}
+
+
+@dataclass
+class Known:
+    """As much of a member as the rule about orders looks at."""
+
+    name: str
+    identity: Identity | None
+
+
+@pytest.mark.parametrize(
+    ("uid2", "has_keys", "closed"),
+    [
+        (b"sim_vehicle\0", False, False),
+        (b"sim_vehicle\0", True, False),
+        (b"\x12\x34", False, True),
+        (b"\x12\x34", True, False),
+        (None, False, True),
+        (None, True, False),
+    ],
+)
+def test_without_keys_only_simulated_vehicles_take_orders(
+    uid2: bytes | None, has_keys: bool, closed: bool
+) -> None:
+    identity = None if uid2 is None else Identity(1, 3, 2, "ArduPilot 4.6.2", uid2.ljust(18, b"\0"))
+    who: Any = Known("alpha", identity)
+    why = companion.orders_closed([who], has_keys=has_keys)
+    assert bool(why) is closed
+    assert not closed or ("alpha" in why and "`swarmctl keys`" in why)

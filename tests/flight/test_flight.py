@@ -1,0 +1,378 @@
+"""Whole flights on the virtual clock: agents, links, conversations and simulated vehicles together."""
+
+from __future__ import annotations
+
+import errno
+import json
+import random
+import signal
+from collections import Counter
+from itertools import pairwise
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import pytest
+from flights import AREA, Ui, fly, small
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from pymavlink import mavutil
+
+from swarmctl.config import model
+from swarmctl.config.checks import judge
+from swarmctl.config.scenario import Scenario, build
+from swarmctl.links.transports.base import Address
+from swarmctl.report import record
+from swarmctl.report.live_rows import Picture
+from swarmctl.report.outcome import Report
+
+pytestmark = pytest.mark.virtual
+
+SHIPPED = Path(__file__).parents[2] / "configs" / "swarm.yaml"
+
+
+@pytest.fixture(scope="module")
+def shipped(tmp_path_factory: pytest.TempPathFactory) -> tuple[Scenario, Report, Path]:
+    scenario = build(model.load(SHIPPED, judge))
+    folder = tmp_path_factory.mktemp("shipped")
+    return scenario, fly(scenario, folder), folder
+
+
+def test_the_shipped_swarm_arrives(shipped: tuple[Scenario, Report, Path]) -> None:
+    _, report, _ = shipped
+    assert report.trouble == ()
+    assert [s.outcome for s in report.states.values()] == ["arrived"] * 5
+    assert sum(s.replans for s in report.states.values()) > 0
+    for state in report.states.values():
+        assert state.flown_cells[-1] in state.task.goals
+        assert state.flown_m > 1000.0
+
+
+def test_every_agent_ends_with_the_same_belief(shipped: tuple[Scenario, Report, Path]) -> None:
+    _, report, _ = shipped
+    beliefs = {s.belief.known.tobytes() for s in report.states.values()}
+    assert len(beliefs) == 1
+
+
+def test_what_is_believed_is_true(shipped: tuple[Scenario, Report, Path]) -> None:
+    scenario, report, _ = shipped
+    known = report.states[1].belief.known
+    for row in range(20):
+        for col in range(20):
+            if known[row, col] >= 0:
+                assert known[row, col] == ((row, col) in scenario.hostiles)
+
+
+def test_the_summary_says_what_was_promised(shipped: tuple[Scenario, Report, Path]) -> None:
+    _, report, folder = shipped
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary["seed"] == 7
+    assert summary["configuration"]["planner"]["w"] == 0.5
+    assert summary["versions"]["swarmctl"]
+    for name in ("observation_to_last_peers_belief_s", "observation_to_last_changed_mission_s"):
+        latency = summary["latency"][name]
+        assert 0.0 <= latency["p50"] <= latency["p99"] <= latency["max"]
+    assert (
+        sum(row["latency"]["observation_to_last_peers_belief_s"]["n"] for row in summary["vehicles"])
+        == summary["latency"]["observation_to_last_peers_belief_s"]["n"]
+    )
+    for row, state in zip(summary["vehicles"], report.states.values(), strict=True):
+        assert row["flown_m"] == state.flown_m
+        assert row["strikes"] == state.vehicle.strikes
+        assert row["communication_penalty"] == pytest.approx(0.01 * state.flown_m)
+        assert row["messages_sent"] == sum(row["network"]["sent"].values())
+        assert row["network"]["sent"]["inform/state"] % 4 == 0
+        assert row["network"]["refused"] == row["network"]["lost"] == {}
+        assert row["cells_own"] + row["cells_heard"] == state.belief.n_observed
+
+
+def test_the_record_opens_without_us(shipped: tuple[Scenario, Report, Path]) -> None:
+    _, _, folder = shipped
+    with (folder / "run.mcap").open("rb") as file:
+        topics = Counter(channel.topic for _, channel, _ in make_reader(file).iter_messages())
+        file.seek(0)
+        schemas = {s.name: json.loads(s.data) for s, _, _ in make_reader(file).iter_messages() if s}
+    assert topics["/uav1/effect/SwapMission"] >= 1
+    assert topics["/uav3/event/Heard"] > 10
+    assert topics["/uav5/bus/Observation"] > 1
+    assert topics["/uav2/location"] > 100
+    assert {s["type"] for s in schemas.values()} == {"object"}
+    assert set(schemas["foxglove.LocationFix"]["properties"]) >= {"timestamp", "latitude", "longitude"}
+
+
+def test_each_vehicle_leaves_a_tlog_that_others_read(shipped: tuple[Scenario, Report, Path]) -> None:
+    _, _, folder = shipped
+    for sysid in range(1, 6):
+        log = mavutil.mavlink_connection(str(folder / f"uav{sysid}.tlog"))
+        seen: Counter[tuple[int, str]] = Counter()
+        while (message := log.recv_match()) is not None:
+            seen[message.get_srcSystem(), message.get_type()] += 1
+        assert seen[sysid, "HEARTBEAT"] > 100
+        assert seen[255, "MISSION_COUNT"] >= 1
+        assert {system for system, _ in seen} == {sysid, 255}
+        log.close()
+
+
+def test_the_plan_files_hold_the_last_missions(shipped: tuple[Scenario, Report, Path]) -> None:
+    _, report, folder = shipped
+    for sysid, state in report.states.items():
+        plan = json.loads((folder / f"uav{sysid}.plan").read_text())
+        assert plan["fileType"] == "Plan"
+        items = plan["mission"]["items"]
+        assert [items[0]["command"], items[-1]["command"]] == [22, 21]
+        assert state.route is not None
+        assert [tuple(i["params"][4:6]) for i in items[1:-1]] == [
+            (p.lat_deg, p.lon_deg) for p in state.route.plan.track
+        ]
+
+
+def test_the_map_is_drawn(shipped: tuple[Scenario, Report, Path]) -> None:
+    _, _, folder = shipped
+    assert (folder / "map.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_same_is_decided_when_the_record_is_folded_again(shipped: tuple[Scenario, Report, Path]) -> None:
+    _, _, folder = shipped
+    verdict = record.replay(folder / "run.mcap")
+    assert verdict.difference == ""
+    assert verdict.events > 1000
+    assert verdict.effects > 100
+
+
+def test_equal_seeds_leave_equal_files(shipped: tuple[Scenario, Report, Path], tmp_path: Path) -> None:
+    scenario, _, folder = shipped
+    fly(scenario, tmp_path)
+    for name in ["run.mcap", "map.png", "summary.json", "uav1.plan", "uav1.tlog"]:
+        assert (tmp_path / name).read_bytes() == (folder / name).read_bytes(), name
+
+
+def test_another_seed_is_another_flight(tmp_path: Path) -> None:
+    for seed in (1, 2):
+        fly(small(seed=seed), tmp_path / str(seed))
+    first, second = (tmp_path / str(seed) / "uav1.tlog" for seed in (1, 2))
+    assert first.read_bytes() != second.read_bytes()
+
+
+def silent(
+    who: int, since_s: float, until_s: float = float("inf"), *, comes_back_as: Address = ("new", 1)
+) -> Any:
+    """One vehicle's link fails between two times, after which it speaks from another address."""
+
+    def carry(sysid: int, now: float) -> Address | None:
+        if sysid != who:
+            return ("simulated", sysid)
+        if now < since_s:
+            return ("simulated", sysid)
+        return None if now < until_s else comes_back_as
+
+    return carry
+
+
+def test_a_vehicle_that_falls_silent_is_shown_lost_and_taken_up_again(tmp_path: Path) -> None:
+    ui = Ui()
+    report = fly(small(), tmp_path, carry=silent(2, 25.0, 45.0), ui=ui)
+    assert [s.outcome for s in report.states.values()] == ["arrived"] * 3
+    assert "uav2: link lost" in ui.said
+    assert "uav2: heard again" in ui.said
+    links = {row.link for picture in ui.pictures for row in picture.rows if row.name == "uav2"}
+    assert "lost 10 s" in links
+    assert {row.link for row in ui.pictures[-1].rows} == {"ok"}
+    others = {row.link for p in ui.pictures for row in p.rows if row.name != "uav2"} - {"never heard"}
+    assert others == {"ok"}
+
+
+def test_the_others_fly_on_without_a_vehicle_that_stays_silent(tmp_path: Path) -> None:
+    scenario = small(flight={"lost_timeout_s": 40.0})
+    report = fly(scenario, tmp_path, carry=silent(2, 25.0))
+    assert [report.states[n].outcome for n in (1, 3)] == ["arrived"] * 2
+    assert report.states[2].lost
+    assert not report.all_arrived
+    (line,) = (text for text in report.left if text.startswith("uav2"))
+    assert "lost, last heard" in line
+
+
+def test_a_vehicle_that_never_answers_stops_all_before_anything_is_armed(tmp_path: Path) -> None:
+    report = fly(small(), tmp_path, carry=silent(2, 0.0))
+    assert report.ended == "failed"
+    (line,) = report.trouble
+    assert "uav2 (system 2" in line
+    assert "nobody answers" in line
+    assert "tried for 15 s" in line
+    assert not any(s.vehicle.armed for s in report.states.values())
+    assert all(s.route is None for s in report.states.values())
+
+
+def interrupting(*times_s: float) -> Any:
+    """Presses Ctrl-C at these times."""
+    due = list(times_s)
+
+    def carry(sysid: int, now: float) -> Address | None:
+        if due and now >= due[0]:
+            due.pop(0)
+            signal.raise_signal(signal.SIGINT)
+        return ("simulated", sysid)
+
+    return carry
+
+
+@pytest.mark.parametrize(
+    ("on_exit", "modes", "landed"),
+    [("hold", {"GUIDED"}, False), ("return", {"RTL"}, True), ("land", {"LAND"}, True)],
+)
+def test_ctrl_c_holds_and_then_does_what_the_configuration_says(
+    on_exit: str, modes: set[str], landed: bool, tmp_path: Path
+) -> None:
+    scenario = small(flight={"on_exit": on_exit, "on_exit_deadline_s": 200.0})
+    ui = Ui()
+    report = fly(scenario, tmp_path, carry=interrupting(30.0), ui=ui)
+    assert report.ended == "stopped"
+    assert {s.vehicle.mode for s in report.states.values()} == modes
+    assert all(s.vehicle.armed is not landed for s in report.states.values())
+    assert len(report.left) == 3
+    for line in report.left:
+        assert ("landed" in line) if landed else ("in the air" in line)
+
+
+def test_a_deadline_that_is_too_short_is_said_with_the_names(tmp_path: Path) -> None:
+    ui = Ui()
+    report = fly(small(flight={"on_exit_deadline_s": 2.0}), tmp_path, carry=interrupting(40.0), ui=ui)
+    assert report.ended == "stopped"
+    assert "not within 2 s: uav1, uav2, uav3" in ui.said
+    assert all("in the air" in line and "RTL" in line for line in report.left)
+
+
+def test_ctrl_c_twice_leaves_at_once(tmp_path: Path) -> None:
+    report = fly(small(), tmp_path, carry=interrupting(30.0, 30.1))
+    assert report.ended == "abandoned"
+    assert len(report.left) == 3
+
+
+def test_before_the_launch_ctrl_c_leaves_everything_on_the_ground(tmp_path: Path) -> None:
+    report = fly(small(), tmp_path, carry=interrupting(3.0))
+    assert report.ended == "stopped"
+    assert not any(s.vehicle.armed for s in report.states.values())
+
+
+@pytest.mark.parametrize("k", [0, 1, 2, "all"])
+def test_who_hears_whom_follows_the_communication_range(k: int | str, tmp_path: Path) -> None:
+    scenario = small(
+        communication={"bus": "memory", "range": k, "sync_every_s": 0.0},
+        simulate={"count": 4, "ready_s": 3.0},
+    )
+    report = fly(scenario, tmp_path)
+    assert report.all_arrived
+    reach = 3 if k == "all" else k
+    topics: Counter[str] = Counter()
+    with (tmp_path / "run.mcap").open("rb") as file:
+        for _, channel, message in make_reader(file).iter_messages():
+            if "/bus/" in channel.topic:
+                assert json.loads(message.data)["recipients"] == reach
+                topics[channel.topic] += 1
+    hear = 0
+    rows = {row["sysid"]: row for row in report.summary["vehicles"]}
+    for sysid, state in report.states.items():
+        own = topics[f"/uav{sysid}/bus/Observation"] + topics[f"/uav{sysid}/bus/StateShared"]
+        spoken = rows[sysid]["network"]["sent"]
+        assert spoken.get("inform/observation", 0) + spoken.get("inform/state", 0) == own * reach
+        others = {o.observer for o in state.belief.told()} - {sysid}
+        hear += bool(others)
+    # With one or two neighbours in reach a vehicle may be nobody's nearest, and then it hears nothing.
+    assert (hear == 4) if reach == 3 else (hear > 0) is (reach > 0)
+
+
+def test_vehicles_take_off_one_after_the_other_where_told(tmp_path: Path) -> None:
+    scenario = small(simulate={"count": 3, "ready_s": 3.0, "delay_step_s": 10.0})
+    report = fly(scenario, tmp_path)
+    starts = [report.ledger.vehicles[n].took_off_s for n in (1, 2, 3)]
+    assert all(s is not None for s in starts)
+    gaps = [b - a for a, b in pairwise(starts)]  # type: ignore[operator]
+    assert gaps == pytest.approx([10.0, 10.0], abs=1.5)
+
+
+@pytest.mark.parametrize("loss", [0.1, 0.3])
+def test_a_link_that_loses_frames_delays_the_swarm_but_does_not_stop_it(loss: float, tmp_path: Path) -> None:
+    rng = random.Random(1)
+    report = fly(small(), tmp_path, carry=lambda sysid, _: None if rng.random() < loss else ("radio", sysid))
+    assert [s.outcome for s in report.states.values()] == ["arrived"] * 3
+
+
+OUTAGES = st.lists(st.tuples(st.integers(1, 3), st.floats(10.0, 120.0), st.floats(0.5, 30.0)), max_size=6)
+
+
+@given(OUTAGES)
+@settings(max_examples=4, deadline=None, derandomize=True)
+def test_whatever_links_fail_in_flight_every_vehicle_arrives_once_they_are_back(
+    outages: list[tuple[int, float, float]],
+) -> None:
+    def carry(sysid: int, now: float) -> Address | None:
+        out = any(who == sysid and since <= now < since + for_s for who, since, for_s in outages)
+        return None if out else ("radio", sysid)
+
+    with TemporaryDirectory() as folder:
+        report = fly(small(), Path(folder), carry=carry)
+    assert report.ended == "ended"
+    assert [s.outcome for s in report.states.values()] == ["arrived"] * 3
+
+
+class FaultyUi(Ui):
+    """Breaks in mid-flight."""
+
+    def __init__(self, error: BaseException) -> None:
+        super().__init__()
+        self.error = error
+
+    def refresh(self, picture: Picture) -> None:
+        super().refresh(picture)
+        if picture.flown_s > 20.0:
+            raise self.error
+
+
+def test_a_bug_in_flight_brings_every_vehicle_home_and_says_how_each_was_left(tmp_path: Path) -> None:
+    report = fly(small(), tmp_path, ui=FaultyUi(RuntimeError("a bug")), broken=True)
+    assert isinstance(report.bug, ExceptionGroup)
+    assert report.ended == "failed"
+    assert len(report.left) == 3
+    assert all("in the air" in line and "mode RTL" in line for line in report.left)
+    assert json.loads((tmp_path / "summary.json").read_text())["ended"] == "failed"
+
+
+@pytest.mark.parametrize("error", [BrokenPipeError(), SystemExit(1)], ids=["closed pipe", "Rich's way out"])
+def test_a_terminal_that_goes_away_does_not_end_the_flight(error: BaseException, tmp_path: Path) -> None:
+    report = fly(small(), tmp_path, ui=FaultyUi(error))
+    assert report.all_arrived
+
+
+def test_a_full_disk_costs_the_record_and_not_the_flight(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("mcap.writer.Writer.add_message", full)
+    report = fly(small(), tmp_path)
+    assert report.all_arrived
+    (line,) = report.trouble
+    assert "run.mcap: the record ends here: No space left on device" in line
+
+
+def test_no_route_leads_past_the_corner_of_a_forbidden_cell(tmp_path: Path) -> None:
+    block = [[row, col] for row in (3, 4) for col in (3, 4)]
+    report = fly(small(area={**AREA, "no_fly": block}), tmp_path)
+    assert report.all_arrived
+    for state in report.states.values():
+        assert state.no_fly_entered == 0
+        assert not {tuple(cell) for cell in block} & set(state.flown_cells)
+
+
+def test_vehicles_that_share_goals_in_a_chain_land_apart(tmp_path: Path) -> None:
+    start = {"lat_deg": 46.0, "lon_deg": 14.399}
+    zones = [[[3, 6], [3, 7]], [[3, 7], [4, 7]], [[4, 7], [4, 6]]]
+    vehicles = [
+        {"name": f"v{n}", "url": "udpin://:14550", "sysid": n, "start": start, "goal": zone}
+        for n, zone in enumerate(zones, start=1)
+    ]
+    tasks = small(vehicles=vehicles, simulate=None).tasks
+    spots = {(t.landing_index, t.landing_count) for t in tasks}
+    assert len(spots) == 3
+    assert {count for _, count in spots} == {3}

@@ -1,0 +1,98 @@
+"""Arriving together, in whole flights on the virtual clock."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from flights import AREA, fly, small
+
+from swarmctl.config import model
+from swarmctl.config.checks import judge
+from swarmctl.config.model import Config
+from swarmctl.report.flight_table import together
+
+pytestmark = pytest.mark.virtual
+
+
+def test_all_are_over_their_goals_at_one_time_although_ways_change(tmp_path: Path) -> None:
+    report = fly(small(arrival={"mode": "simultaneous"}), tmp_path)
+    assert [state.outcome for state in report.states.values()] == ["arrived"] * 3
+    assert sum(state.replans for state in report.states.values()) > 0
+    lengths_m = [state.flown_m for state in report.states.values()]
+    assert max(lengths_m) - min(lengths_m) > 50.0  # five seconds at full speed
+    arrival = json.loads((tmp_path / "summary.json").read_text())["arrival"]
+    assert arrival["spread_s"] <= 2.0
+    assert arrival["kept"] is True
+    assert f"spread at arrival: {arrival['spread_s']:.1f} s (3 s kept)" in together(report.summary)
+
+
+def test_staggered_they_come_one_after_the_other(tmp_path: Path) -> None:
+    report = fly(small(arrival={"mode": "staggered", "spacing_s": 8.0}), tmp_path)
+    arrival = report.summary["arrival"]
+    after_s = [vehicle["after_the_first_s"] for vehicle in arrival["vehicles"]]
+    assert after_s == pytest.approx([0.0, 8.0, 16.0], abs=3.0)
+    assert arrival["kept"] is (arrival["spread_s"] <= 3.0)
+
+
+def test_where_speed_alone_is_not_enough_they_choose_their_ways_by_the_time_they_have(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The last is due 40 s after the first, and may fly no slower than 8 m/s: by its own way it would come
+    half a minute too early."""
+    staggered = {"mode": "staggered", "spacing_s": 20.0, "slowest_m_s": 8.0, "tolerance_s": 5.0}
+    chosen = fly(small(arrival=staggered), tmp_path / "chosen")
+    assert [state.outcome for state in chosen.states.values()] == ["arrived"] * 3
+    assert chosen.summary["arrival"]["kept"] is True
+    assert chosen.summary["arrival"]["spread_s"] <= 5.0
+    monkeypatch.setattr(
+        "swarmctl.agent.arrival.simultaneous.slack_changed", lambda state, _due_s, _soonest_s: state
+    )
+    by_speed = fly(small(arrival=staggered), tmp_path / "by_speed")
+    assert by_speed.summary["arrival"]["spread_s"] > 25.0
+    flown_m = [run.states[3].flown_m for run in (chosen, by_speed)]
+    assert flown_m[0] > flown_m[1] + 150.0
+
+
+def test_the_shipped_configuration_is_a_good_one() -> None:
+    shipped = model.load(Path(__file__).parents[2] / "configs" / "arrive.yaml", judge)
+    assert shipped.arrival is not None
+    assert shipped.arrival.mode == "simultaneous"
+
+
+def test_each_by_itself_there_is_no_spread(tmp_path: Path) -> None:
+    report = fly(small(simulate={"count": 1, "ready_s": 3.0}), tmp_path)
+    assert report.summary["arrival"] is None
+
+
+def problems(**sections: object) -> list[str]:
+    content: dict[str, object] = {"area": AREA, "threats": {"count": 5}, "arrival": {"mode": "simultaneous"}}
+    loaded = Config.model_validate_json(json.dumps({**content, **sections}))
+    return [f"{'.'.join(map(str, problem.path))}: {problem.text}" for problem in judge(loaded)]
+
+
+def test_time_bounds_of_their_own_are_refused_beside_it() -> None:
+    planner = {"name": "time_bound"}
+    (found,) = problems(simulate={"count": 2, "arrive_within_s": 500.0}, planner=planner)
+    assert found.startswith("simulate.arrive_within_s: the vehicles agree on their time by `arrival`")
+
+
+def test_vehicles_have_to_say_how_fast_they_fly() -> None:
+    start = {"lat_deg": 46.001, "lon_deg": 14.399}
+    vehicle = {"name": "a", "url": "udpin://:14550", "sysid": 1, "start": start, "goal": [3, 7]}
+    (found,) = problems(vehicles=[vehicle])
+    assert found.startswith("vehicles.0.speed_m_s: is missing: with `arrival`")
+    assert problems(vehicles=[{**vehicle, "speed_m_s": 8.0}]) == []
+
+
+@pytest.mark.parametrize(
+    ("arrival", "expected"),
+    [
+        ({"mode": "staggered"}, "need spacing_s"),
+        ({"mode": "simultaneous", "spacing_s": 5.0}, "spacing_s is for mode staggered"),
+    ],
+)
+def test_a_spacing_is_for_staggered_arrivals(arrival: dict[str, object], expected: str) -> None:
+    with pytest.raises(ValueError, match=expected):
+        problems(arrival=arrival, simulate={"count": 2})

@@ -1,0 +1,83 @@
+"""Whole flights of swarms that speak like PX4, and of mixed ones, on the virtual clock."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import pytest
+from flights import Ui, fly, small
+from pymavlink import mavutil
+
+from swarmctl.config import model
+from swarmctl.config.checks import judge
+from swarmctl.config.scenario import build
+
+pytestmark = pytest.mark.virtual
+
+MIXED = Path(__file__).parents[2] / "configs" / "mixed.yaml"
+ARDUPILOT, PX4 = 3, 12
+
+
+def autopilots(folder: Path, names: tuple[str, ...]) -> list[int]:
+    """MAV_AUTOPILOT of each vehicle, by its own heartbeats in its tlog."""
+    found = []
+    for sysid, name in enumerate(names, start=1):
+        log = mavutil.mavlink_connection(str(folder / f"{name}.tlog"))
+        while (message := log.recv_match(type="HEARTBEAT")) is not None:
+            if message.get_srcSystem() == sysid:
+                found.append(message.autopilot)
+                break
+        log.close()
+    return found
+
+
+def last_minute(file: Path, sysid: int) -> list[Any]:
+    """What a vehicle has told in the last minute of its tlog."""
+    log = mavutil.mavlink_connection(str(file))
+    told = []
+    while (message := log.recv_match()) is not None:
+        if message.get_srcSystem() == sysid:
+            told.append(message)
+    log.close()
+    return [message for message in told if message._timestamp > told[-1]._timestamp - 60.0]
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "expected"),
+    [("px4", [PX4, PX4, PX4]), ("mixed", [ARDUPILOT, PX4, ARDUPILOT])],
+)
+def test_a_swarm_arrives_whatever_its_autopilots_are(autopilot, expected, tmp_path: Path) -> None:
+    simulate = {"count": 3, "ready_s": 3.0, "autopilot": autopilot}
+    ui = Ui()
+    report = fly(small(simulate=simulate), tmp_path, ui=ui)
+    assert report.trouble == ()
+    assert [s.outcome for s in report.states.values()] == ["arrived"] * 3
+    assert sum(s.replans for s in report.states.values()) > 0
+    assert autopilots(tmp_path, ("uav1", "uav2", "uav3")) == expected
+    swaps = [line for line in (*ui.said, *ui.logged) if ": swap: done" in line]
+    assert swaps
+    assert all(line.endswith("stood still for 0.0 s") for line in swaps)
+
+
+def test_the_shipped_mixed_swarm_arrives(tmp_path: Path) -> None:
+    scenario = build(model.load(MIXED, judge))
+    report = fly(scenario, tmp_path)
+    assert [s.outcome for s in report.states.values()] == ["arrived"] * 6
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["configuration"]["simulate"]["autopilot"] == "mixed"
+    assert autopilots(tmp_path, tuple(f"uav{n}" for n in range(1, 7))) == [ARDUPILOT, PX4] * 3
+
+
+def test_over_radios_that_carry_little_a_swarm_is_asked_for_little_and_arrives(tmp_path: Path) -> None:
+    simulate = {"count": 2, "ready_s": 3.0, "autopilot": "mixed"}
+    scenario = small(simulate=simulate, links={"position_hz": 2.0, "stop_other_streams": True})
+    report = fly(scenario, tmp_path)
+    assert [s.outcome for s in report.states.values()] == ["arrived"] * 2
+    assert sum(s.replans for s in report.states.values()) > 0
+    for sysid in (1, 2):
+        told = Counter(message.get_type() for message in last_minute(tmp_path / f"uav{sysid}.tlog", sysid))
+        assert told["GLOBAL_POSITION_INT"] == pytest.approx(120, abs=5)
+        assert told["ATTITUDE"] == told["GPS_RAW_INT"] == 0

@@ -1,0 +1,102 @@
+"""Flights drawn by chance, with faults, other stations and orders at drawn moments: what must never be."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+
+import pytest
+from drawn_flights import Drawn, draw
+from flights import Ui, fly, small
+from test_flight_separation import through_the_gap
+from trouble import Trouble, chooses, play
+from witness import Witness, findings
+
+from swarmctl.agent.orders import Step, command, let_go
+from swarmctl.agent.state import AgentState
+from swarmctl.core import events as ev
+from swarmctl.flight.app import Manner
+from swarmctl.mavlink.dialects.ardupilot import ArduPilot
+from swarmctl.preflight.waivers import Waiver
+
+pytestmark = pytest.mark.virtual
+
+WAIVED = Manner(waivers=(Waiver("separation"),))
+"""In flight they are to keep apart all the same."""
+FILES = ("run.mcap", "evidence.jsonl", "summary.json", "uav1.tlog", "uav2.tlog")
+
+
+def flown(drawn: Drawn, folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What is found in the flight that must never be."""
+    witness = Witness(drawn)
+    witness.attend()
+    with monkeypatch.context() as patched:
+        play(drawn.trouble, patched)
+        report = fly(drawn.scenario, folder, ui=Ui(), manner=WAIVED, bus=drawn.bus)
+    return findings(witness, report, folder)
+
+
+@pytest.mark.parametrize("seed", range(103, 111))
+def test_whatever_happens(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn = draw(seed)
+    assert flown(drawn, tmp_path, monkeypatch) == [], drawn.story
+
+
+def test_equal_seeds_leave_equal_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("one", "other"):
+        flown(draw(104), tmp_path / name, monkeypatch)
+    for file in FILES:
+        assert (tmp_path / "one" / file).read_bytes() == (tmp_path / "other" / file).read_bytes(), file
+
+
+# --- what would be found
+
+
+def slow_wire(uav: int) -> Trouble:
+    return Trouble(faults=[{"fault": "delay", "params": {"delay_s": 0.3}, "vehicles": [uav], "at_s": 10.0}])
+
+
+def test_a_mission_that_is_written_over_the_one_being_flown_is_a_mixture(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def plain() -> Drawn:
+        return Drawn(small(simulate={"count": 2, "ready_s": 3.0}), slow_wire(1))
+
+    assert flown(plain(), tmp_path / "behind", monkeypatch) == []
+    monkeypatch.setattr(ArduPilot, "uploads_at_once", True)
+    found = flown(plain(), tmp_path / "over", monkeypatch)
+    assert any("1 flies what no plan was" in text for text in found)
+
+
+def test_an_order_to_a_vehicle_that_was_let_go_is_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fights(state: AgentState, why: str) -> Step:
+        state, released = let_go(state, why)
+        state, ordered = command(state, ev.Order.HOLD, by_person=True)
+        return state, [*released, *ordered]
+
+    def taken_over() -> Drawn:
+        trouble = slow_wire(1)
+        trouble.faults.append({"fault": "absent_ack", "vehicles": [1], "at_s": 25.0})
+        trouble.deeds += [(30.0, chooses(1, "LOITER")), (60.0, chooses(1, "LAND"))]
+        return Drawn(small(simulate={"count": 2, "ready_s": 3.0}), trouble, excused={1})
+
+    assert flown(taken_over(), tmp_path / "let go", monkeypatch) == []
+    monkeypatch.setattr(importlib.import_module("swarmctl.agent.failsafes.enforcement"), "let_go", fights)
+    found = flown(taken_over(), tmp_path / "fought", monkeypatch)
+    assert found
+    assert all("1 was let go at" in text for text in found)
+
+
+def test_two_that_meet_without_a_word_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def drawn_together() -> Drawn:
+        return Drawn(through_the_gap(), Trouble())
+
+    assert flown(drawn_together(), tmp_path / "apart", monkeypatch) == []
+    step = importlib.import_module("swarmctl.agent.step")
+    monkeypatch.setattr(step, "compared", lambda _before, decided, _now: decided)
+    monkeypatch.setattr(step, "foresee", lambda state: (state, []))
+    monkeypatch.setattr(step, "keep_apart", lambda state: (state, []))
+    found = flown(drawn_together(), tmp_path / "together", monkeypatch)
+    assert any("(1, 2) are too close, and nobody says so" in text for text in found)

@@ -1,0 +1,66 @@
+"""Whole flights on a network that loses, delays and falls apart, on the virtual clock."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from flights import fly, small
+
+from swarmctl.report import record
+
+pytestmark = pytest.mark.virtual
+
+POOR: dict[str, Any] = {
+    "bus": "memory",
+    "range": 2,
+    "relay": True,
+    "delay_s": 0.2,
+    "jitter_s": 0.3,
+    "loss": 0.2,
+    "loss_burst": 3.0,
+    "bandwidth_bytes_s": 5000.0,
+    "partitions": [{"from_s": 20.0, "until_s": 45.0, "groups": [["uav1", "uav2"], [3, 4]]}],
+    "quiet": [{"uavs": ["uav2"], "from_s": 10.0, "until_s": 30.0}],
+    "penalty_per_m": 0.01,
+}
+FOUR = {"count": 4, "ready_s": 3.0, "delay_step_s": 4.0}
+
+
+def test_a_swarm_on_a_poor_network_arrives_and_agrees(tmp_path: Path) -> None:
+    report = fly(small(communication=POOR, simulate=FOUR), tmp_path)
+    assert report.all_arrived
+    assert len({state.belief.looks.tobytes() for state in report.states.values()}) == 1
+    rows = json.loads((tmp_path / "summary.json").read_text())["vehicles"]
+    lost = {why for row in rows for why in row["network"]["lost"]}
+    assert {"loss", "partition"} <= lost
+    assert rows[1]["network"]["lost"]["quiet"] > 5
+    assert all(row["network"]["refused"] == {} for row in rows)
+    assert record.replay(tmp_path / "run.mcap").difference == ""
+
+
+def test_what_the_network_does_follows_the_seed(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        fly(small(communication=POOR, simulate=FOUR), tmp_path / name)
+    for file in ("run.mcap", "summary.json", "map.png"):
+        assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes(), file
+
+
+def test_delay_comes_between_what_is_seen_and_what_is_believed(tmp_path: Path) -> None:
+    at_once = fly(small(), tmp_path / "at once").summary["latency"]["observation_to_last_peers_belief_s"]
+    late = {"bus": "memory", "delay_s": 1.5}
+    delayed = fly(small(communication=late), tmp_path / "late").summary["latency"]
+    assert at_once["max"] < 0.1
+    assert delayed["observation_to_last_peers_belief_s"]["p50"] == pytest.approx(1.5, abs=0.1)
+
+
+def test_who_keeps_a_minimum_distance_does_not_exchange_below_it(tmp_path: Path) -> None:
+    near = {"bus": "memory", "min_distance_m": 5000.0}
+    report = fly(small(communication=near), tmp_path)
+    assert report.all_arrived
+    for row in report.summary["vehicles"]:
+        # Until the first position is known nobody is too near.
+        assert row["network"]["lost"]["too_near"] > 50
+        assert row["cells_heard"] == 0

@@ -1,0 +1,122 @@
+"""Flights to one goal at one time, on the virtual clock, judged by where the simulator has the vehicles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import combinations
+from pathlib import Path
+
+import pytest
+from flights import AREA, Ui, fly, small
+from trouble import Trouble, play
+
+from sim_vehicle.fleet import Truth
+from swarmctl.agent.traffic import landing_queue
+from swarmctl.agent.traffic.separation.clash import LEVEL_M
+from swarmctl.config.scenario import Scenario
+from swarmctl.core.geo import distance_m
+from swarmctl.flight.app import Manner
+from swarmctl.preflight.waivers import Waiver
+from swarmctl.report import record
+from swarmctl.report.outcome import Report
+
+pytestmark = pytest.mark.virtual
+
+UP_M = 1.0
+
+
+class Apart:
+    """For how long which two were too close in the air."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.limits, self.tasks = scenario.config.separation, scenario.tasks
+        self.too_close: dict[tuple[int, int], list[float]] = {}
+
+    def look(self, now: float, truth: Truth) -> None:
+        assert now < 300.0, "the flight does not end"
+        up = [i for i in range(len(self.tasks)) if truth.armed[i] and truth.height_m[i] > UP_M]
+        for i, j in combinations(up, 2):
+            here, there = ((float(truth.lat_deg[k]), float(truth.lon_deg[k])) for k in (i, j))
+            vertical_m = abs(float(truth.alt_amsl_m[i] - truth.alt_amsl_m[j]))
+            near = distance_m(here, there) < self.limits.horizontal_m
+            if near and vertical_m < self.limits.vertical_m - LEVEL_M:
+                self.too_close.setdefault((self.tasks[i].uav, self.tasks[j].uav), []).append(now)
+
+
+def two() -> Scenario:
+    """3.5 m apart in height, and to arrive together."""
+    return small(
+        seed=28,
+        area={**AREA, "rows": 5},
+        threats={"count": 0},
+        flight={"altitude_m": 20.0, "altitude_step_m": 3.5, "any_angle": True},
+        simulate={"count": 2, "ready_s": 3.0, "goal": [3, 7], "autopilot": ["ardupilot", "px4"]},
+        planner={"w": 0.9},
+        arrival={"mode": "simultaneous", "tolerance_s": 3},
+    )
+
+
+def three() -> Scenario:
+    return small(
+        threats={"count": 0},
+        flight={"altitude_m": 20.0, "altitude_step_m": 3.5},
+        simulate={"count": 3, "ready_s": 3.0, "goal": [7, 7], "autopilot": ["px4", "ardupilot", "px4"]},
+        arrival={"mode": "simultaneous", "tolerance_s": 3},
+    )
+
+
+def six() -> Scenario:
+    return small(
+        seed=26,
+        area={**AREA, "rows": 6},
+        threats={"count": 3},
+        flight={"altitude_m": 12.0, "altitude_step_m": 3.5},
+        simulate={
+            "count": 6,
+            "ready_s": 3.0,
+            "goal": [0, 7],
+            "autopilot": ["px4", "px4", "ardupilot", "ardupilot", "ardupilot", "px4"],
+        },
+        planner={"w": 0.9},
+        arrival={"mode": "simultaneous", "tolerance_s": 3},
+    )
+
+
+def flown(scenario: Scenario, folder: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Report, Apart, Ui]:
+    apart, ui = Apart(scenario), Ui()
+    with monkeypatch.context() as patched:
+        play(Trouble(note=apart.look), patched)
+        report = fly(scenario, folder, ui=ui, manner=Manner(waivers=(Waiver("separation"),)))
+    assert report.all_arrived, [state.outcome for state in report.states.values()]
+    return report, apart, ui
+
+
+SWARMS = [two, three, six]
+
+
+@pytest.mark.parametrize("swarm", SWARMS)
+def test_all_that_come_to_one_goal_at_one_time_land_apart(
+    swarm: Callable[[], Scenario], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    report, apart, ui = flown(swarm(), tmp_path, monkeypatch)
+    assert apart.too_close == {}
+    waits = [line for line in ui.said if line.endswith(": it waits above")]
+    assert waits
+    goes_on = [line for line in ui.said if line.endswith(": clear below: it comes down")]
+    assert len(goes_on) >= len(waits)
+    assert report.summary["separation"]["plans_in_flight"]["by_waiting"] >= len(waits)
+    assert record.replay(tmp_path / "run.mcap").difference == ""
+
+
+@pytest.mark.parametrize("swarm", SWARMS)
+def test_if_nobody_waited_above_they_would_come_too_close(
+    swarm: Callable[[], Scenario], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(landing_queue, "_may_wait", lambda _state: False)
+    _, apart, _ = flown(swarm(), tmp_path, monkeypatch)
+    assert any(len(times) > 1 for times in apart.too_close.values())
+
+
+def test_who_waits_above_has_arrived_with_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    report, _, _ = flown(two(), tmp_path, monkeypatch)
+    assert report.summary["arrival"]["spread_s"] < 3.0

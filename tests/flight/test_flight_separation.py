@@ -1,0 +1,214 @@
+"""Keeping apart, in whole flights on the virtual clock."""
+
+from __future__ import annotations
+
+import asyncio
+import importlib
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+from flights import AREA, Ui, fly, small
+
+from swarmctl.config.scenario import Scenario
+from swarmctl.flight.app import Manner
+from swarmctl.flight.runner import Runner
+from swarmctl.preflight.waivers import Waiver
+from swarmctl.report import record
+from swarmctl.report.flight_table import together
+
+pytestmark = pytest.mark.virtual
+
+
+def test_the_least_distance_flown_is_in_the_summary(tmp_path: Path) -> None:
+    scenario = small()
+    report = fly(scenario, tmp_path)
+    separation = json.loads((tmp_path / "summary.json").read_text())["separation"]
+    least = separation["least_distance"]
+    one, other = (report.ledger.vehicles[int(name[3:])] for name in least["vehicles"])
+    # As far apart as the flown tracks, which are points every quarter of a second, and no farther.
+    frame = scenario.grid.frame
+    here, there = ([frame.to_local(*p) for p in v.flown] for v in (one, other))
+    assert least["horizontal_m"] >= min(abs(a[1] - b[1]) for a in here for b in there) - 1.0
+    assert least["distance_m"] == pytest.approx(math.hypot(least["horizontal_m"], least["vertical_m"]))
+    assert 4.0 < least["distance_m"] < 120.0
+    assert separation["too_close"] == []
+    (line,) = (line for line in together(report.summary) if line.startswith("least distance flown: "))
+    assert line.startswith(f"least distance flown: {least['distance_m']:.1f} m, ")
+
+
+@pytest.fixture
+def uncompared(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody compares its plans with the others': there is the watch alone."""
+    step = importlib.import_module("swarmctl.agent.step")
+    monkeypatch.setattr(step, "compared", lambda _before, decided, _now: decided)
+    monkeypatch.setattr(step, "foresee", lambda state: (state, []))
+
+
+def meeting(folder: Path, action: str, **sections: Any) -> tuple[dict[str, Any], list[str]]:
+    """Two copters, 1.5 m apart in height, come to one goal at one time; the summary and what was said."""
+    scenario = small(
+        simulate={"count": 2, "goal": [4, 7], "ready_s": 3.0},
+        flight={"altitude_m": 15.0, "altitude_step_m": 1.5},
+        separation={"action": action},
+        threats={"count": 0},
+        **sections,
+    )
+    ui = Ui()
+    # Before the flight this is found out, and an operator has to say that he wants it.
+    report = fly(scenario, folder, ui=ui, manner=Manner(waivers=(Waiver("separation"),)))
+    assert [state.outcome for state in report.states.values()] == ["arrived", "arrived"]
+    return report.summary["separation"], ui.said
+
+
+@pytest.mark.usefixtures("uncompared")
+def test_without_an_action_both_are_warned_and_come_too_close(tmp_path: Path) -> None:
+    separation, said = meeting(tmp_path, "none")
+    least = separation["least_distance"]
+    assert least["horizontal_m"] < 10.0
+    assert least["vertical_m"] < 3.0
+    assert separation["too_close"][0]["seconds"] > 1.0
+    assert {line.partition(" in ")[0] for line in said if "too close" in line} == {
+        "uav1: too close to vehicle 2",
+        "uav2: too close to vehicle 1",
+    }
+    assert separation["held"] == separation["climbed"] == 0
+
+
+@pytest.mark.usefixtures("uncompared")
+def test_the_higher_system_id_holds_until_the_other_is_past_and_flies_on(tmp_path: Path) -> None:
+    separation, said = meeting(tmp_path, "hold")
+    assert separation["too_close"] == []
+    assert separation["least_distance"]["distance_m"] > 10.0
+    assert separation["held"] >= 1
+    gave = [i for i, line in enumerate(said) if line.startswith("uav2: too close") and "it gives way" in line]
+    went_on = said.index("uav2: clear of the others: it flies on")
+    assert gave[0] < went_on
+
+
+@pytest.mark.usefixtures("uncompared")
+def test_the_lower_system_id_holds_where_the_other_does_not_hear_it(tmp_path: Path) -> None:
+    mute = {"bus": "memory", "quiet": [{"from_s": 0.0, "uavs": [1]}]}
+    separation, said = meeting(tmp_path, "hold", communication=mute)
+    assert separation["too_close"] == []
+    assert separation["held"] >= 1
+    assert not any("too close" in line for line in said if line.startswith("uav2: "))
+    assert any("it gives way, for that does not" in line for line in said if line.startswith("uav1: "))
+
+
+@pytest.mark.usefixtures("uncompared")
+def test_or_it_climbs_and_both_fly_on(tmp_path: Path) -> None:
+    separation, _ = meeting(tmp_path, "climb")
+    assert separation["too_close"] == []
+    assert separation["least_distance"]["vertical_m"] > 3.0
+    assert (separation["held"], separation["climbed"]) == (0, 1)
+
+
+def test_two_that_would_meet_on_their_first_routes_are_kept_apart_before_there_is_an_alarm(
+    tmp_path: Path,
+) -> None:
+    separation, said = meeting(tmp_path, "hold")
+    assert separation["too_close"] == []
+    assert separation["held"] == sum("it waits above" in line for line in said)  # over the goal
+    assert separation["climbed"] == 0
+    assert separation["first_routes"] == {"predicted": 1, "by_height": 0}
+    assert separation["plans_in_flight"]["by_height"] >= 1
+    assert separation["plans_in_flight"]["unresolved"] == 0
+    assert not any(" meet" in line for line in said if line.startswith("uav1: "))
+    assert any("that of vehicle 1 in " in line for line in said if line.startswith("uav2: "))
+
+
+def flown_after_waiting(folder: Path, **simulate: float) -> None:
+    """Of two to one goal, hardly apart in height, the second waits on the ground until the first is out of
+    its way, and both arrive."""
+    scenario = small(
+        simulate={"count": 2, "goal": [4, 7], "ready_s": 3.0, **simulate},
+        flight={"altitude_m": 15.0, "altitude_step_m": 1.5},
+        threats={"count": 0},
+    )
+    ui = Ui()
+    report = fly(scenario, folder, ui=ui, manner=Manner(waivers=(Waiver("separation"),)))
+    assert report.all_arrived
+    (waits,) = (i for i, line in enumerate(ui.said) if "it waits on the ground" in line)
+    assert ui.said[waits].startswith("uav2: its first route would meet that of vehicle 1 in ")
+    assert "uav2: clear of the others: it launches" in ui.said[waits:]
+    separation = report.summary["separation"]
+    assert separation["plans_in_flight"]["predicted"] == 0
+    assert separation["too_close"] == []
+
+
+def test_who_is_launched_a_little_later_waits_on_the_ground_until_its_route_is_clear(tmp_path: Path) -> None:
+    flown_after_waiting(tmp_path, delay_step_s=3.0)
+
+
+def test_who_is_checked_for_long_before_it_is_armed_looks_again_at_who_is_in_the_air_by_then(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    check = Runner._check_launch
+
+    async def at_length(runner: Runner) -> None:
+        await asyncio.sleep(4.0 if runner.state.task.uav == 2 else 0.0)
+        await check(runner)
+
+    monkeypatch.setattr(Runner, "_check_launch", at_length)
+    flown_after_waiting(tmp_path)
+    assert record.replay(tmp_path / "run.mcap").difference == ""
+
+
+GAP = ([0, 3], [1, 3], [2, 3], [6, 3], [7, 3], [8, 3])
+"""Hostiles nobody knows of, with a gap between them half-way between the first routes of two copters."""
+
+
+def through_the_gap(**sections: Any) -> Scenario:
+    """Two copters at one height, 200 m apart, see the hostiles before them at one time, and both change to a
+    route through the gap."""
+    return small(
+        area={**AREA, "rows": 9},
+        simulate={"count": 2, "ready_s": 3.0},
+        flight={"altitude_m": 15.0, "altitude_step_m": 0.0},
+        threats={"count": len(GAP), "hostiles": GAP},
+        planner={"w": 0.9},
+        **sections,
+    )
+
+
+def drawn_together(folder: Path, **separation: Any) -> tuple[dict[str, Any], list[str]]:
+    """The summary and what was said. Nothing is done about who comes near in flight."""
+    scenario = through_the_gap(separation={"action": "none", **separation})
+    ui = Ui()
+    report = fly(scenario, folder, ui=ui)
+    assert [state.outcome for state in report.states.values()] == ["arrived", "arrived"]
+    lines = together(report.summary)
+    return report.summary["separation"] | {"lines": lines}, ui.said
+
+
+@pytest.mark.usefixtures("uncompared")
+def test_new_routes_that_are_not_compared_lead_two_into_each_other(tmp_path: Path) -> None:
+    separation, _ = drawn_together(tmp_path)
+    assert separation["least_distance"]["distance_m"] < 5.0
+    assert separation["too_close"][0]["seconds"] > 5.0
+
+
+def test_of_two_whose_new_routes_meet_one_flies_its_own_at_another_height(tmp_path: Path) -> None:
+    separation, said = drawn_together(tmp_path)
+    assert separation["too_close"] == []
+    assert separation["least_distance"]["vertical_m"] > 3.0
+    plans = separation["plans_in_flight"]
+    assert plans["predicted"] >= 1
+    assert plans["by_height"] >= 1
+    assert plans["unresolved"] == 0
+    assert any("conflicts of plans predicted in flight, resolved: " in line for line in separation["lines"])
+    # Both had changed before either knew: of the two it is the one with the higher system id.
+    assert [line for line in said if line.startswith("uav2: its ") and " meet" in line]
+    assert not [line for line in said if line.startswith("uav1: its ") and " meet" in line]
+
+
+def test_first_routes_that_cross_are_counted_and_by_what_they_are_kept_apart(tmp_path: Path) -> None:
+    scenario = small(simulate={"count": 2, "goal": [4, 7], "ready_s": 3.0}, threats={"count": 0})
+    report = fly(scenario, tmp_path)
+    assert report.summary["separation"]["first_routes"] == {"predicted": 1, "by_height": 1}
+    assert "first routes that cross over ground: 1 pairs, 1 of them kept apart by height" in together(
+        report.summary
+    )

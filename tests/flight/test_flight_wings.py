@@ -1,0 +1,184 @@
+"""Whole flights of fixed wings among copters, on the virtual clock."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from flights import AREA, Ui, fly, small
+from pymavlink import mavutil
+from test_flight import interrupting
+
+from swarmctl.agent.replan.approach import ROLL_OUT_M
+from swarmctl.config import model
+from swarmctl.config.checks import judge
+from swarmctl.config.scenario import Scenario, build
+from swarmctl.core.geo import distance_m
+from swarmctl.core.mission import Waypoint
+from swarmctl.flight.simulator import scenario_json
+from swarmctl.report.outcome import Report
+
+pytestmark = pytest.mark.virtual
+
+WINGS = Path(__file__).parents[2] / "configs" / "wings.yaml"
+PLANE, COPTER = 1, 2
+
+
+def winged(**sections: Any) -> Scenario:
+    """A fixed wing and a copter over 12 × 12 cells."""
+    simulate = {"count": 2, "ready_s": 3.0, "autopilot": ["arduplane", "ardupilot"]}
+    simulate |= {"start_distance_m": 150.0} | sections.pop("simulate", {})
+    flight = {"altitude_m": 30.0, "any_angle": True} | sections.pop("flight", {})
+    area = {**AREA, "rows": 12, "cols": 12}
+    return small(area=area, simulate=simulate, flight=flight, **sections)
+
+
+def kinds(folder: Path, names: list[str]) -> list[int]:
+    """MAV_TYPE of each vehicle, by its own heartbeats in its tlog."""
+    found = []
+    for sysid, name in enumerate(names, start=1):
+        log = mavutil.mavlink_connection(str(folder / f"{name}.tlog"))
+        while (message := log.recv_match(type="HEARTBEAT")) is not None:
+            if message.get_srcSystem() == sysid:
+                found.append(message.type)
+                break
+        log.close()
+    return found
+
+
+def away_m(report: Report, uav: int, place: Waypoint | tuple[float, float]) -> float:
+    """How far from a place it stands in the end."""
+    vehicle = report.states[uav].vehicle
+    assert vehicle.lat_deg is not None
+    assert vehicle.lon_deg is not None
+    there = (place.lat_deg, place.lon_deg) if isinstance(place, Waypoint) else place
+    return distance_m((vehicle.lat_deg, vehicle.lon_deg), there)
+
+
+def test_the_shipped_fixed_wings_and_copters_arrive_by_changed_missions(tmp_path: Path) -> None:
+    scenario = build(model.load(WINGS, judge))
+    report = fly(scenario, tmp_path)
+    assert report.trouble == ()
+    assert [s.outcome for s in report.states.values()] == ["arrived"] * 5
+    assert kinds(tmp_path, [spec.name for spec in scenario.specs]) == [PLANE, COPTER, COPTER, PLANE, COPTER]
+    for uav in (1, 4):
+        state = report.states[uav]
+        assert state.replans > 0
+        assert state.route is not None
+        assert state.route.plan.approach is not None
+        assert away_m(report, uav, state.route.plan.approach.touchdown) < ROLL_OUT_M
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["separation"]["too_close"] == []
+    plan = json.loads((tmp_path / "uav1.plan").read_text())["mission"]
+    assert plan["vehicleType"] == PLANE
+    assert [item["command"] for item in plan["items"]][-5:] == [16, 189, 31, 16, 21]
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "on_exit", "mode"),
+    [
+        ("arduplane", "return", "AUTO"),
+        ("arduplane", "land", "AUTO"),
+        ("px4plane", "return", "AUTO.LOITER"),  # disarmed it waits there
+        ("px4plane", "land", "AUTO.MISSION"),
+    ],
+)
+def test_a_fixed_wing_that_is_called_back_lands_at_home(
+    autopilot: str, on_exit: str, mode: str, tmp_path: Path
+) -> None:
+    scenario = winged(flight={"on_exit": on_exit}, simulate={"autopilot": [autopilot, "ardupilot"]})
+    report = fly(scenario, tmp_path, carry=interrupting(25.0))
+    wing = report.states[1]
+    assert report.ended == "stopped"
+    assert (wing.vehicle.mode, wing.vehicle.armed) == (mode, False)
+    assert away_m(report, 1, scenario.specs[0].start) < ROLL_OUT_M
+
+
+@pytest.mark.parametrize(("autopilot", "mode"), [("arduplane", "GUIDED"), ("px4plane", "AUTO.LOITER")])
+def test_a_fixed_wing_that_holds_circles_on(autopilot: str, mode: str, tmp_path: Path) -> None:
+    scenario = winged(flight={"on_exit": "hold"}, simulate={"autopilot": [autopilot, "ardupilot"]})
+    report = fly(scenario, tmp_path, carry=interrupting(30.0))
+    wing = report.states[1]
+    assert (wing.vehicle.mode, wing.vehicle.armed) == (mode, True)
+    assert wing.vehicle.ground_speed_m_s > 10.0
+    assert wing.vehicle.alt_rel_m == pytest.approx(30.0, abs=3.0)
+
+
+@pytest.mark.parametrize("seed", [11, 12, 13])
+def test_fixed_wings_of_px4_arrive_by_changed_missions_and_land_at_their_goals(
+    seed: int, tmp_path: Path
+) -> None:
+    scenario = winged(
+        seed=seed,
+        threats={"count": 12},
+        simulate={"autopilot": "px4plane", "count": 3},
+        flight={"altitude_step_m": 8.0},
+    )
+    report = fly(scenario, tmp_path)
+    assert report.trouble == ()
+    assert [s.outcome for s in report.states.values()] == ["arrived"] * 3
+    assert sum(s.replans for s in report.states.values()) > 0
+    for uav, state in report.states.items():
+        assert state.route is not None
+        assert state.route.plan.approach is not None
+        assert away_m(report, uav, state.route.plan.approach.touchdown) < ROLL_OUT_M
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["separation"]["too_close"] == []
+    assert kinds(tmp_path, [spec.name for spec in scenario.specs]) == [PLANE] * 3
+
+
+def test_a_px4_whose_return_does_not_end_at_its_landing_stays_on_the_ground(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def set_up_otherwise(scenario: Scenario) -> dict[str, Any]:
+        content = scenario_json(scenario)
+        content["vehicles"][0]["params"]["RTL_TYPE"] = 0.0
+        return content
+
+    monkeypatch.setattr("swarmctl.flight.virtual_simulator.scenario_json", set_up_otherwise)
+    report = fly(winged(simulate={"autopilot": ["px4plane", "ardupilot"]}), tmp_path)
+    assert not any(state.armed_seen for state in report.states.values())
+    (text,) = report.trouble
+    assert text.startswith("uav1: parameters: found RTL_TYPE 0; wanted RTL_TYPE 1 (a return that ends in")
+
+
+@pytest.mark.parametrize("autopilot", ["arduplane", "px4plane"])
+def test_what_is_planned_for_as_a_copter_and_is_a_fixed_wing_stays_on_the_ground(
+    autopilot: str, tmp_path: Path
+) -> None:
+    scenario = winged(simulate={"autopilot": [autopilot, "ardupilot"]})
+    wing = replace(scenario.specs[0], airframe="copter")
+    copter = replace(scenario.tasks[0], wings=None, turn_radius_m=0.0)
+    mistaken = replace(
+        scenario,
+        specs=(wing, scenario.specs[1]),
+        swarm=(wing, scenario.specs[1]),
+        tasks=(copter, scenario.tasks[1]),
+    )
+    ui = Ui()
+    report = fly(mistaken, tmp_path, ui=ui)
+    assert not any(state.armed_seen for state in report.states.values())
+    assert "airframe: plane" in report.states[1].outcome
+
+
+@pytest.mark.parametrize("autopilot", ["arduplane", "px4plane"])
+def test_fixed_wings_arrive_together_and_none_is_told_to_fly_too_slowly(
+    autopilot: str, tmp_path: Path
+) -> None:
+    scenario = winged(
+        simulate={"autopilot": autopilot, "count": 3},
+        arrival={"mode": "simultaneous", "tolerance_s": 3.0},
+        flight={"altitude_m": 30.0, "altitude_step_m": 10.0},
+        wings={"min_speed_m_s": 13.5},
+    )
+    report = fly(scenario, tmp_path)
+    assert [s.outcome for s in report.states.values()] == ["arrived"] * 3
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["arrival"]["kept"]
+    lines = (tmp_path / "evidence.jsonl").read_text().splitlines()
+    told = [entry["what"] for entry in map(json.loads, lines) if entry["kind"] == "command"]
+    speeds = [what["param2"] for what in told if what.get("command") == "DO_CHANGE_SPEED"]
+    assert min(speeds) == 13.5, "it would be told 12.6 otherwise"

@@ -1,0 +1,80 @@
+"""Whole flights in which something goes wrong with a fixed wing of PX4."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from test_flight_failsafes import outage, sagging
+from test_flight_wings import away_m, winged
+from trouble import Trouble, suffer
+
+from swarmctl.agent.replan.approach import ROLL_OUT_M
+from swarmctl.config.scenario import Scenario
+from swarmctl.report import record
+
+pytestmark = pytest.mark.virtual
+
+
+def pair(**sections: Any) -> Scenario:
+    """The second is the fixed wing."""
+    return winged(simulate={"autopilot": ["ardupilot", "px4plane"]}, **sections)
+
+
+def test_its_battery_runs_low_and_it_lands_at_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    trouble, scenario = sagging(0.2), pair()
+    report, ui = suffer(trouble, tmp_path, monkeypatch, scenario=scenario)
+    assert trouble.modes[2] == ["Hold", "Mission", "Return"]
+    assert "uav2: battery at 20 %, less than the 25 % of rules.low_battery: it returns" in ui.said
+    assert report.states[2].outcome == "battery at 20 %, less than the 25 % of rules.low_battery; landed"
+    assert away_m(report, 2, scenario.specs[1].start) < ROLL_OUT_M
+    assert report.states[1].outcome == "arrived"
+    assert record.replay(tmp_path / "run.mcap").difference == ""
+
+
+def test_its_battery_is_all_but_empty_and_it_lands_at_its_nearest_landing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trouble, scenario = sagging(0.099), pair()
+    report, _ = suffer(trouble, tmp_path, monkeypatch, scenario=scenario)
+    assert trouble.modes[2] == ["Hold", "Mission", "Return", "Mission"]
+    state = report.states[2]
+    assert state.outcome == "battery at 9 %, less than the 10 % of rules.low_battery; landed"
+    assert state.route is not None
+    approach = state.route.plan.approach
+    assert approach is not None
+    places = [scenario.specs[1].start, approach.touchdown]
+    assert min(away_m(report, 2, place) for place in places) < ROLL_OUT_M
+
+
+def test_its_link_is_lost_and_it_lands_at_home_by_itself_and_is_not_fought(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    policy = {"lost_link": "return", "lost_link_after_s": 10}
+    trouble, scenario = outage(25.0), pair(preflight={"policy": policy})
+    report, _ = suffer(trouble, tmp_path, monkeypatch, scenario=scenario)
+    assert trouble.modes[2] == ["Hold", "Mission", "Hold", "Return"]
+    assert report.states[2].phase == "released"
+    assert away_m(report, 2, scenario.specs[1].start) < ROLL_OUT_M
+    assert report.states[1].outcome == "arrived"
+
+
+def test_who_is_called_back_with_its_battery_at_the_emergency_level_is_left_to_its_own_failsafe(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """PX4 comes down where it is then, which nobody orders and nobody fights."""
+    trouble = Trouble(
+        faults=[
+            {
+                "fault": "battery_sag",
+                "params": {"at_most": 0.04, "sag_v": 0.0},
+                "vehicles": [2],
+                "at_s": 30.0,
+            }
+        ]
+    )
+    report, _ = suffer(trouble, tmp_path, monkeypatch, scenario=pair(rules={"low_battery": None}))
+    assert trouble.modes[2][-1] == "Land"
+    assert report.states[2].phase == "released"
+    assert not report.states[2].vehicle.armed

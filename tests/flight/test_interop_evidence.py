@@ -1,0 +1,89 @@
+"""A flight in real time that a ground station watches, and the audit of what it left."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from pymavlink import mavutil
+
+pytestmark = pytest.mark.interop
+
+SWARMCTL = [sys.executable, "-c", "from swarmctl.cli.entry import main; main()"]
+SMALL = """\
+name: watched
+area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m: 50}
+threats: {count: 5}
+simulate: {count: 2, speedup: 15}
+"""
+LIMIT_S = 90.0
+
+
+def test_a_station_sees_the_whole_flight_and_its_evidence_is_whole(tmp_path: Path) -> None:
+    (tmp_path / "watched.yaml").write_text(SMALL)
+    station = mavutil.mavlink_connection("udpin:127.0.0.1:0", source_system=250)
+    port = station.port.getsockname()[1]
+    nobody = "tcpout:127.0.0.1:9"
+    words = ["fly", "--config", "watched.yaml", "--forward", f"udpout:127.0.0.1:{port}", "--forward", nobody]
+    seen: set[tuple[int, str]] = set()
+    armed: set[int] = set()
+    ends = time.monotonic() + LIMIT_S
+    with subprocess.Popen(
+        [*SWARMCTL, *words], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as flight:
+        try:
+            while flight.poll() is None and time.monotonic() < ends:
+                message = station.recv_match(blocking=True, timeout=0.5)
+                if message is not None:
+                    seen.add((message.get_srcSystem(), message.get_type()))
+                    if message.get_type() == "HEARTBEAT" and message.base_mode & 128:
+                        armed.add(message.get_srcSystem())
+            said = flight.stdout.read() if flight.stdout is not None else ""
+        finally:
+            flight.kill()
+            station.close()
+    assert flight.returncode == 0, said
+    assert armed == {1, 2}
+    for system in (1, 2):
+        assert {(system, "HEARTBEAT"), (system, "GLOBAL_POSITION_INT"), (system, "COMMAND_ACK")} <= seen
+    assert {(255, "HEARTBEAT"), (255, "COMMAND_LONG"), (255, "MISSION_ITEM_INT")} <= seen
+    audited = audit(tmp_path)
+    assert audited.returncode == 0, audited.stderr
+    assert "whole: " in audited.stdout
+    assert "armed True" in audited.stdout
+
+
+def audit(cwd: Path) -> subprocess.CompletedProcess[str]:
+    (folder,) = (cwd / "runs").iterdir()
+    return subprocess.run(
+        [*SWARMCTL, "audit", str(folder)], capture_output=True, text=True, timeout=LIMIT_S, check=False
+    )
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+def test_a_flight_that_is_ended_says_who_did_it_and_one_that_is_killed_is_not_closed(
+    tmp_path: Path, how: signal.Signals
+) -> None:
+    (tmp_path / "watched.yaml").write_text(f"{SMALL}flight: {{on_exit: land}}\n")
+    with subprocess.Popen(
+        [*SWARMCTL, "fly", "--config", "watched.yaml", "-v"], cwd=tmp_path, stdout=subprocess.PIPE, text=True
+    ) as flight:
+        try:
+            assert flight.stdout is not None
+            for line in flight.stdout:
+                if "uav1: launching → flying" in line:
+                    flight.send_signal(how)
+            flight.wait(LIMIT_S)
+        finally:
+            flight.kill()
+    audited = audit(tmp_path)
+    if how is signal.SIGINT:
+        assert audited.returncode == 0, audited.stderr
+        assert "asks end of the flight, by signal" in audited.stdout
+    else:
+        assert audited.returncode == 1
+        assert "not closed: the process died or lines were cut" in audited.stderr

@@ -1,0 +1,77 @@
+"""Ctrl-C when all has landed: what a run leaves is written all the same."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.interop
+
+SMALL = """\
+name: small
+area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 4, cols: 4, cell_size_m: 50}
+threats: {count: 1}
+simulate: {count: 1, speedup: 20, ready_s: 0}
+flight: {altitude_m: 10}
+"""
+INTERRUPTED_WHERE = """\
+import os, signal
+from swarmctl import WHOSE
+from swarmctl.cli.entry import main
+
+before = WHOSE.NAME
+def interrupted(*args, **more):
+    for _ in range(TIMES):
+        os.kill(os.getpid(), signal.NUMBER)
+    return before(*args, **more)
+WHOSE.NAME = interrupted
+main()
+"""
+AGENT = ["agent", "--uav", "uav1", "--launch", "when-ready"]
+
+
+def flown(
+    words: list[str], folder: Path, where: str, number: str, times: int
+) -> subprocess.CompletedProcess[str]:
+    """A whole flight, in the process of which signals arrive at a place after its landing."""
+    (folder / "small.yaml").write_text(SMALL)
+    whose, name = where.split(".")
+    code = INTERRUPTED_WHERE.replace("WHOSE", whose).replace("NAME", name)
+    code = code.replace("NUMBER", number).replace("TIMES", str(times))
+    return subprocess.run(
+        [sys.executable, "-c", code, *words, "--config", "small.yaml"],
+        cwd=folder,
+        timeout=90.0,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "where", "number"),
+    [
+        (AGENT, "app.summary", "SIGINT"),
+        (AGENT, "outputs.write_run", "SIGINT"),
+        (AGENT, "outputs.draw_map", "SIGTERM"),
+        (["fly"], "outputs.write_run", "SIGINT"),
+    ],
+    ids=lambda value: value[0] if isinstance(value, list) else value,
+)
+def test_what_comes_after_the_landing_takes_no_summary(
+    words: list[str], where: str, number: str, tmp_path: Path
+) -> None:
+    done = flown(words, tmp_path, where, number, 1)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "its files are being written; Ctrl-C again leaves without them" in done.stderr
+    (folder,) = (tmp_path / "runs").iterdir()
+    assert json.loads((folder / "summary.json").read_text())["arrived"] == 1
+    assert (folder / "map.png").exists()
+
+
+def test_twice_leaves_at_once(tmp_path: Path) -> None:
+    assert flown(AGENT, tmp_path, "outputs.write_run", "SIGINT", 2).returncode == 130

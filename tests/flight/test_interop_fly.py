@@ -1,0 +1,266 @@
+"""`swarmctl fly` as a person runs it: a process of its own, real sockets, the simulator beside it."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+pytestmark = pytest.mark.interop
+
+ROOT = Path(__file__).parents[2]
+SHIPPED = ROOT / "configs" / "swarm.yaml"
+SWARMCTL = [sys.executable, "-c", "from swarmctl.cli.entry import main; main()"]
+SMALL = """\
+name: small
+area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m: 50}
+threats: {count: 5}
+"""
+
+
+def run(*words: str | Path, cwd: Path, timeout_s: float = 90.0) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*SWARMCTL, *map(str, words)], cwd=cwd, timeout=timeout_s, capture_output=True, text=True, check=False
+    )
+
+
+@contextmanager
+def started(*words: str | Path, cwd: Path) -> Iterator[subprocess.Popen[str]]:
+    with subprocess.Popen(
+        [*SWARMCTL, *map(str, words)], cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def read_until(process: subprocess.Popen[str], text: str) -> list[str]:
+    assert process.stdout is not None
+    lines: list[str] = []
+    for line in process.stdout:
+        lines.append(line.rstrip())
+        if text in line:
+            return lines
+    raise AssertionError(f"it ended without saying {text!r}:\n" + "\n".join(lines))
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def test_the_shipped_configuration_flies(tmp_path: Path) -> None:
+    """Hardly faster than shipped: on a machine that does other things as well it has to keep in time."""
+    config = tmp_path / "swarm.yaml"
+    text = SHIPPED.read_text()
+    assert text.count("  speedup: 10\n") == 1
+    config.write_text(text.replace("  speedup: 10\n", "  speedup: 12\n"))
+    done = run("fly", "--config", config, cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "5 of 5 arrived" in done.stdout
+    (folder,) = (tmp_path / "runs").iterdir()
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary["arrived"] == 5
+    assert summary["clock"] == "real"
+    names = {p.name for p in folder.iterdir()}
+    assert names >= {"run.mcap", "map.png", "summary.json"}
+    assert names >= {f"uav{n}.{kind}" for n in range(1, 6) for kind in ("tlog", "plan")}
+    again = run("replay", folder, cwd=tmp_path)
+    assert again.returncode == 0, again.stderr
+    assert again.stdout.startswith("the same: ")
+
+
+def test_ctrl_c_once_brings_them_home(tmp_path: Path) -> None:
+    config = tmp_path / "small.yaml"
+    config.write_text(SMALL + "simulate: {count: 2, speedup: 20}\nflight: {on_exit: land}\n")
+    with started("fly", "--config", config, cwd=tmp_path) as process:
+        read_until(process, "uav2: flying")
+        process.send_signal(signal.SIGINT)
+        lines = read_until(process, "run folder:")
+        assert process.wait(timeout=30.0) == 130
+    assert any("uav1, uav2 in flight to hold" in line for line in lines)
+    assert sum("land ordered; landed" in line for line in lines) >= 2
+
+
+def test_ctrl_c_twice_leaves_at_once_and_says_so(tmp_path: Path) -> None:
+    config = tmp_path / "small.yaml"
+    config.write_text(SMALL + "simulate: {count: 2, speedup: 5, ready_s: 0}\n")
+    with started("fly", "--config", config, cwd=tmp_path) as process:
+        read_until(process, "uav2: flying")
+        process.send_signal(signal.SIGINT)
+        read_until(process, "to hold")
+        process.send_signal(signal.SIGINT)
+        lines = read_until(process, "run folder:")
+        assert process.wait(timeout=30.0) == 130
+    assert any("left at once" in line for line in lines)
+    assert sum("in the air" in line for line in lines) == 2
+
+
+def test_a_taken_port_is_named(tmp_path: Path) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        config = tmp_path / "small.yaml"
+        config.write_text(SMALL + f'simulate: {{count: 1, url: "udpin://127.0.0.1:{port}"}}\n')
+        for command in ("fly", "check"):
+            done = run(command, "--config", config, cwd=tmp_path)
+            assert done.returncode == 1
+            assert f"port {port} is taken" in done.stderr
+
+
+def vehicles(port: int, *, timeout_s: float) -> str:
+    start = "{lat_deg: 46.0, lon_deg: 14.399}"
+    return SMALL + (
+        f"flight: {{connect_timeout_s: {timeout_s}}}\n"
+        "preflight: {set_parameters: true}\n"
+        "vehicles:\n"
+        f'  - {{name: alpha, url: "udpin://127.0.0.1:{port}", sysid: 7, start: {start}, goal: [1, 7]}}\n'
+    )
+
+
+def test_a_url_nobody_answers_at_is_named(tmp_path: Path) -> None:
+    port = free_port()
+    config = tmp_path / "real.yaml"
+    config.write_text(vehicles(port, timeout_s=1.0))
+    done = run("fly", "--config", config, cwd=tmp_path)
+    assert done.returncode == 1
+    assert f"alpha (system 7 at udpin://127.0.0.1:{port}): nobody answers; tried for 1 s" in done.stderr
+
+
+def test_a_vehicle_of_a_simulator_started_by_hand_is_flown_by_its_url(tmp_path: Path) -> None:
+    port = free_port()
+    config = tmp_path / "by_url.yaml"
+    config.write_text(vehicles(port, timeout_s=15.0))
+    home = ["--home", "46.0,14.399,300", "--sysid", "7", "--ready-s", "1", "--speedup", "20"]
+    home += ["--param", "LAND_SPEED=150", "--param", "WPNAV_SPEED_DN=300", "--param", "DISARM_DELAY=0"]
+    command = [sys.executable, "-m", "sim_vehicle", *home, "--url", f"udpout:127.0.0.1:{port}"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as simulator:
+        try:
+            done = run("fly", "--config", config, cwd=tmp_path)
+        finally:
+            simulator.terminate()
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "1 of 1 arrived" in done.stdout
+
+
+VERSION_WITHOUT_OUR_MARK = mavlink.MAVLink_autopilot_version_message(
+    0, 0x04060200, 0, 0, 0, bytes(8), bytes(8), bytes(8), 0, 0, 0, bytes(range(18))
+)
+
+
+class Foreigner:
+    """An autopilot that is none of ours, on UDP: it has a heartbeat and says who it is."""
+
+    def __init__(self, port: int) -> None:
+        self.received: list[tuple[str, int]] = []
+        self._ground = ("127.0.0.1", port)
+        self._mav = mavlink.MAVLink(None, srcSystem=7, srcComponent=1)
+        self._mav.robust_parsing = True
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.settimeout(0.2)
+
+    def __enter__(self) -> Foreigner:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._socket.close()
+
+    def live_while(self, process: subprocess.Popen[str]) -> None:
+        while process.poll() is None:
+            self._send(mavlink.MAVLink_heartbeat_message(2, 3, 81, 0, 3, 3))
+            try:
+                data = self._socket.recv(2048)
+            except TimeoutError:
+                continue
+            for message in self._mav.parse_buffer(data) or ():
+                self.received.append((message.get_type(), getattr(message, "command", 0)))
+                if self.received[-1][1] == mavlink.MAV_CMD_REQUEST_MESSAGE:
+                    self._send(VERSION_WITHOUT_OUR_MARK)
+
+    def _send(self, message: mavlink.MAVLink_message) -> None:
+        self._socket.sendto(message.pack(self._mav), self._ground)
+
+
+def test_an_autopilot_that_is_not_simulated_gets_no_mission_and_no_arming_without_real(
+    tmp_path: Path,
+) -> None:
+    port = free_port()
+    config = tmp_path / "real.yaml"
+    config.write_text(vehicles(port, timeout_s=15.0))
+    with Foreigner(port) as foreigner, started("fly", "--config", config, cwd=tmp_path) as process:
+        foreigner.live_while(process)
+        assert process.stdout is not None
+        said = process.stdout.read()
+        assert process.returncode == 1
+    assert "alpha: ArduPilot 4.6.2" in said
+    assert "is not played by the built-in simulator" in said
+    asked = {command for kind, command in foreigner.received if kind == "COMMAND_LONG"}
+    assert asked == {mavlink.MAV_CMD_REQUEST_MESSAGE}
+    assert {kind for kind, _ in foreigner.received} <= {"COMMAND_LONG", "HEARTBEAT"}
+
+
+def test_no_simulator_is_left_behind(tmp_path: Path) -> None:
+    config = tmp_path / "small.yaml"
+    config.write_text(SMALL + "simulate: {count: 1, speedup: 20}\n")
+    with started("fly", "--config", config, cwd=tmp_path) as process:
+        read_until(process, "uav1: flying")
+        (simulator,) = children_with(f"--parent-pid\0{process.pid}\0")
+        process.kill()
+        process.wait(timeout=10.0)
+    assert ends_within(simulator, 10.0), "the simulator outlived the ground station"
+
+
+def test_a_terminal_that_hangs_up_brings_them_home_first(tmp_path: Path) -> None:
+    config = tmp_path / "small.yaml"
+    config.write_text(SMALL + "simulate: {count: 1, speedup: 20}\nflight: {on_exit: land}\n")
+    with started("fly", "--config", config, cwd=tmp_path) as process:
+        read_until(process, "uav1: flying")
+        process.send_signal(signal.SIGHUP)
+        lines = read_until(process, "run folder:")
+        assert process.wait(timeout=30.0) == 130
+    assert any("uav1: land ordered; landed" in line for line in lines)
+
+
+def test_a_simulator_that_dies_is_named_and_so_are_its_vehicles(tmp_path: Path) -> None:
+    config = tmp_path / "small.yaml"
+    config.write_text(SMALL + "simulate: {count: 1, speedup: 5, ready_s: 0}\n")
+    with started("fly", "--config", config, cwd=tmp_path) as process:
+        read_until(process, "uav1: flying")
+        (simulator,) = children_with(f"--parent-pid\0{process.pid}\0")
+        os.kill(simulator, signal.SIGKILL)
+        lines = read_until(process, "run folder:")
+        assert process.wait(timeout=30.0) == 1
+    assert any(line == "the simulator was killed by signal 9" for line in lines)
+    assert "uav1: gone with the simulator" in lines
+
+
+def children_with(mark: str) -> list[int]:
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with suppress(OSError):  # it has ended meanwhile
+            if mark in path.read_text(errors="replace"):
+                found.append(int(path.parent.name))
+    return found
+
+
+def ends_within(pid: int, seconds: float) -> bool:
+    try:
+        process = os.pidfd_open(pid)
+    except ProcessLookupError:
+        return True
+    try:
+        return bool(select.select([process], [], [], seconds)[0])
+    finally:
+        os.close(process)

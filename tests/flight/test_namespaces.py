@@ -1,0 +1,347 @@
+"""Swarms of processes, each on a machine of its own: killed, cut off, and seen to go on."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import namespaces
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from namespaces import Ether, Process, ether, until
+from test_interop_fly import SWARMCTL, run
+
+from swarmctl.config.checks import judge
+from swarmctl.config.model import load
+from swarmctl.config.scenario import build
+from swarmctl.core import events as ev
+from swarmctl.core.belief import Belief
+from swarmctl.core.observation import Observation, Told
+from swarmctl.report.record import EffectRecord, EventRecord
+
+pytestmark = pytest.mark.interop
+
+CONFIG = """\
+name: apart
+area: {{origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: {count}, cols: {cols}, cell_size_m: 50}}
+threats: {{count: 8}}
+planner: {{name: dijkstra, w: 0.2}}
+communication: {{keys: keys, {communication}}}
+simulate: {{count: {count}, speedup: 10, ready_s: 0, speed_m_s: 5}}
+flight: {{on_exit: hold, altitude_m: 40, altitude_step_m: 4}}
+"""
+ROUTER, STATION = "router", "station"
+AT = {ROUTER: "10.231.0.1", STATION: "10.231.0.2"} | {f"uav{n}": f"10.231.0.{10 + n}" for n in range(1, 7)}
+STARTED_S = 90.0
+"""Many programs start at once, on as many cores as there are."""
+LOADED = "import swarmctl.cli.main; print('loaded'); input(); from swarmctl.cli.entry import main; main()"
+"""What has to act while others fly is loaded before: on a busy machine that takes as long as a flight."""
+IN_TOUCH, ALONE = "in touch with the swarm's network", "nobody of the swarm's network is reached"
+
+
+@dataclass
+class Swarm:
+    """A configuration and its keys in a folder, and the machines that have it."""
+
+    net: Ether
+    folder: Path
+    names: list[str]
+    starts: int = 0
+    left: dict[str, Process] = field(default_factory=dict)
+    """the agents that have not been killed"""
+
+    def start(self, machine: str, *words: str, program: Sequence[str] = SWARMCTL) -> Process:
+        self.starts += 1
+        log = self.folder / f"{self.starts}-{machine}-{words[0]}.log"
+        return self.net.start(machine, [*program, *words, "--config", "swarm.yaml"], log)
+
+    def load(self, machine: str, *words: str) -> Process:
+        """A process that begins when `enter` is called."""
+        return self.start(machine, *words, program=[sys.executable, "-c", LOADED])
+
+    def start_agents(self) -> None:
+        for name in self.names:
+            self.left[name] = self.start(name, "agent", "--uav", name, "--launch", "ordered")
+
+    def wait_until_ready(self) -> None:
+        for agent in self.left.values():
+            agent.says("the order to launch is waited for", within_s=STARTED_S)
+            agent.says(IN_TOUCH)
+
+    def order(self, process: Process, what: str) -> bool:
+        """Whether all have taken it, of whom each answers for itself; `process` is loaded."""
+        process.says("loaded", within_s=STARTED_S)
+        process.enter()
+        all_have = process.ended(20.0) == 0
+        taken = [f"{name}: {what} ordered" for name in self.names]
+        assert all_have == (process.lines() == ["loaded", *taken]), process.said
+        return all_have
+
+    def summary(self, name: str) -> dict[str, Any]:
+        content: dict[str, Any] = json.loads((self._run(name) / "summary.json").read_text())
+        return content
+
+    def beliefs(self, until_s: float = float("inf")) -> dict[str, Belief]:
+        """What each agent that is left knew at a time [Unix s], or at its end, by its own record."""
+        prior = build(load(self.folder / "swarm.yaml", judge)).prior
+        return {name: prior.merge(_told(self._run(name), until_s)) for name in self.left}
+
+    def _run(self, name: str) -> Path:
+        (folder,) = (self.folder / "runs").glob(f"*-{name}")
+        return folder
+
+
+def _told(run: Path, until_s: float) -> Iterator[Told]:
+    """What an agent saw, and heard of others."""
+    with (run / "run.mcap").open("rb") as file:
+        for _, channel, message in make_reader(file).iter_messages():
+            if message.log_time / 1e9 > until_s:
+                continue
+            if channel.topic.endswith("/event/Heard"):
+                event = msgspec.json.decode(message.data, type=EventRecord).event
+                assert isinstance(event, ev.Heard)
+                yield from event.told
+            elif channel.topic.endswith("/effect/Publish"):
+                effect = msgspec.json.decode(message.data, type=EffectRecord).effect
+                assert isinstance(effect, ev.Publish)
+                if isinstance(effect.message, Observation):
+                    yield effect.message
+
+
+def differ(one: Belief, other: Belief) -> bool:
+    return not (np.array_equal(one.looks, other.looks) and np.array_equal(one.hits, other.hits))
+
+
+def marks(processes: Iterable[Process]) -> dict[Process, int]:
+    return {process: process.mark() for process in processes}
+
+
+@pytest.fixture
+def swarm(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Swarm]:
+    if reason := namespaces.why_not():
+        pytest.skip(reason)
+    count, cols, communication, bridges = request.param
+    (tmp_path / "swarm.yaml").write_text(CONFIG.format(count=count, cols=cols, communication=communication))
+    made = run("keys", "--config", "swarm.yaml", cwd=tmp_path)
+    assert made.returncode == 0, made.stderr
+    with ether(*bridges) as net:
+        yield Swarm(net, tmp_path, [f"uav{n}" for n in range(1, count + 1)])
+
+
+@pytest.mark.parametrize(
+    "swarm", [(6, 20, f"router: tls/{AT[ROUTER]}:7447", ("air",))], indirect=True, ids=["star"]
+)
+def test_a_star_outlives_its_router_a_cut_link_and_an_agent(swarm: Swarm) -> None:
+    for machine in (ROUTER, STATION, *swarm.names):
+        swarm.net.machine(machine, AT[machine], "air")
+    router = swarm.start(ROUTER, "router")
+    swarm.start_agents()
+    station = swarm.start(STATION, "watch")
+    launch, again = swarm.load(STATION, "order", "launch", "--all"), swarm.load(ROUTER, "router")
+    swarm.wait_until_ready()
+    station.says(": reached", within_s=STARTED_S)
+    again.says("loaded", within_s=STARTED_S)
+    assert swarm.order(launch, "launch"), launch.said
+    for name in swarm.names:
+        station.says(f"{name}: flying")
+
+    _router_killed_and_started_again(swarm, router, again, station)
+    router = again
+    dead = swarm.left.pop("uav6")
+    missed_s = _one_dies_and_one_is_cut_off(swarm, router, station, dead, "uav2")
+
+    for agent in swarm.left.values():
+        agent.says("1 of 1 arrived", within_s=60.0)
+        assert agent.ended(10.0) == 0
+    for process in (station, router):
+        process.interrupt()
+    assert station.ended(5.0) == 0
+    assert router.ended(5.0) == 0
+    _all_know_the_same(swarm, station, missed_s, ("uav1", "uav2"))
+
+
+def _router_killed_and_started_again(swarm: Swarm, router: Process, again: Process, station: Process) -> None:
+    before = marks([station, *swarm.left.values()])
+    router.kill()
+    for agent in swarm.left.values():
+        agent.says(ALONE, since=before[agent])
+    station.says("not reached", since=before[station])
+    before = marks([station, *swarm.left.values()])
+    again.enter()
+    for agent in swarm.left.values():
+        agent.says(IN_TOUCH, since=before[agent])
+    station.says(": reached", since=before[station])
+
+
+def _one_dies_and_one_is_cut_off(
+    swarm: Swarm, router: Process, station: Process, dead: Process, cut: str
+) -> float:
+    """Returns when the link was there again [Unix s]."""
+    agent = swarm.left[cut]
+    before = marks([station, router, agent])
+    swarm.net.cut(cut)
+    dead.kill()
+    agent.says(ALONE, since=before[agent])
+    router.says(f"{cut} at ", " has gone", since=before[router])
+    for silent in (cut, "uav6"):
+        station.says(f"{silent}: flying", " ago", since=before[station])
+    missed_s = time.time()
+    before = marks([station, agent])
+    swarm.net.heal(cut)
+    agent.says(IN_TOUCH, since=before[agent])
+    station.says(f"{cut}: flying", since=before[station], but_not=" ago")
+    return missed_s
+
+
+def _all_know_the_same(swarm: Swarm, station: Process, missed_s: float, apart: tuple[str, str]) -> None:
+    """At the end, though two that were `apart` knew different things before they met again."""
+    then = swarm.beliefs(missed_s)
+    assert differ(*(then[name] for name in apart)), "nothing was seen during the cut: it shows nothing"
+    at_the_end = swarm.beliefs()
+    known = {name: (belief.n_observed, belief.n_found) for name, belief in at_the_end.items()}
+    first = at_the_end[apart[0]]
+    assert not [name for name, belief in at_the_end.items() if differ(first, belief)], known
+    for name in swarm.left:
+        (vehicle,) = swarm.summary(name)["vehicles"]
+        assert (vehicle["cells_own"] + vehicle["cells_heard"], vehicle["hostiles_known"]) == known[name]
+        assert vehicle["network"]["refused"] == {}
+        assert vehicle["network"]["flagged"] == {}
+    assert set(re.findall(r"(\d+) messages refused", station.said)) == {"0"}
+
+
+MESH = ", ".join(f'uav{n}: "tls/{AT[f"uav{n}"]}:7447"' for n in range(1, 5))
+
+
+@pytest.mark.parametrize(
+    "swarm", [(4, 40, f"relay: true, mesh: {{{MESH}}}", ("west", "east"))], indirect=True, ids=["mesh"]
+)
+def test_a_mesh_falls_apart_and_grows_together(swarm: Swarm) -> None:
+    sides = {STATION: "west", "uav1": "west", "uav2": "west", "uav3": "east", "uav4": "east"}
+    for machine, side in sides.items():
+        swarm.net.machine(machine, AT[machine], side)
+    swarm.start_agents()
+    station = swarm.start(STATION, "watch")
+    launch, hold = (swarm.load(STATION, "order", what, "--all") for what in ("launch", "hold"))
+    swarm.wait_until_ready()
+    for name in swarm.names:
+        station.says(f"{name}: standby", within_s=STARTED_S)
+    hold.says("loaded", within_s=STARTED_S)
+    assert swarm.order(launch, "launch"), launch.said
+    for name in swarm.names:
+        station.says(f"{name}: flying")
+
+    before = station.mark()
+    swarm.net.cut("east")
+    for name in ("uav3", "uav4"):
+        station.says(f"{name}: flying", " ago", since=before)
+    missed_s = time.time()
+    assert not re.search(r"uav[12]: .* ago", station.said[before:])
+    before = station.mark()
+    swarm.net.heal("east")
+    for name in ("uav3", "uav4"):
+        station.says(f"{name}: flying", since=before, but_not=" ago")
+
+    # What is asked before all routes are back may be lost; the operator is told, and orders again.
+    _until_all_follow(swarm, hold, "hold")
+    _until_all_tell_the_same(swarm)
+    for process in (*swarm.left.values(), station):
+        process.interrupt()
+    for agent in swarm.left.values():
+        assert agent.ended(15.0) == 130
+    assert station.ended(15.0) == 0
+    _all_know_the_same(swarm, station, missed_s, ("uav1", "uav3"))
+
+
+NODE = """\
+import asyncio, sys, time
+from pathlib import Path
+from swarmctl.bus import keys
+from swarmctl.bus.transports import zenoh_config
+from swarmctl.bus.endpoint import parse_endpoint
+from swarmctl.bus.transports.zenoh import ZenohBus
+from swarmctl.bus.transports.zenoh_config import Credentials
+swarm, uav, here, *there = sys.argv[1:]
+uavs, uav = range(1, 5), int(uav)
+own = Credentials(*(Path("keys", f"uav{uav}", name) for name in ("ca.pem", "cert.pem", "key.pem")))
+there = [parse_endpoint(endpoint) for endpoint in there]
+heard_s = {}
+
+async def main():
+    with ZenohBus(zenoh_config.mesh_node(parse_endpoint(here), there, swarm, uavs, own)) as bus:
+        bus.subscribe(keys.inbox(swarm, uav), lambda key, _: heard_s.update({key[-1]: time.monotonic()}))
+        said = ""
+        while True:
+            for other in uavs:
+                bus.put(keys.told(swarm, other, "inform/state", uav), b"")
+            await asyncio.sleep(0.2)
+            now_s = time.monotonic()
+            hears = "hears " + " ".join(sorted(who for who, at_s in heard_s.items() if now_s - at_s < 1.5))
+            if hears != said:
+                print(said := hears, flush=True)
+
+asyncio.run(main())
+"""
+ALL = "hears 1 2 3 4"
+
+
+@pytest.mark.parametrize("swarm", [(4, 4, f"mesh: {{{MESH}}}", ("west", "east"))], indirect=True, ids=["bus"])
+def test_all_routes_of_a_mesh_come_back_each_time_it_was_cut(swarm: Swarm) -> None:
+    """Also where the two ends of a link do not agree on whether it was ever lost, as after a short cut."""
+    nodes = []
+    for uav in range(1, 5):
+        name = f"uav{uav}"
+        swarm.net.machine(name, AT[name], "west" if uav < 3 else "east")
+        # One of each two connects.
+        places = [f"tls/{AT[f'uav{n}']}:7447" for n in range(uav, 0, -1)]
+        words = [sys.executable, "-c", NODE, "apart", str(uav), *places]
+        nodes.append(swarm.net.start(name, words, swarm.folder / f"{name}.log"))
+    for node in nodes:
+        node.says(ALL, within_s=STARTED_S)
+    for cut_s in (2.0, 2.6, 4.0):
+        before = marks(nodes)
+        swarm.net.cut("east")
+        time.sleep(cut_s)
+        swarm.net.heal("east")
+        for node in nodes:
+            node.says("hears", since=before[node], but_not=ALL)
+        until(lambda: all(node.lines()[-1] == ALL for node in nodes), lambda: _said_last(nodes), 40.0)
+
+
+def _said_last(nodes: Sequence[Process]) -> str:
+    return "; ".join(f"{node.log.name}: {node.lines()[-1]}" for node in nodes)
+
+
+def _until_all_follow(swarm: Swarm, process: Process, what: str) -> None:
+    given = [process]
+
+    def all_have_taken_it() -> bool:
+        if swarm.order(given[-1], what):
+            return True
+        given.append(swarm.load(STATION, "order", what, "--all"))
+        return False
+
+    until(all_have_taken_it, lambda: given[-1].said, 30.0)
+
+
+def _until_all_tell_the_same(swarm: Swarm) -> None:
+    """As the station sees it."""
+    seen = ""
+
+    def all_the_same() -> bool:
+        nonlocal seen
+        seen = swarm.net.run(
+            STATION, [*SWARMCTL, "watch", "--once", "--config", "swarm.yaml"], swarm.folder
+        ).stdout
+        rows = [re.split(" +", line) for line in re.findall(r"^ *(uav\d .*?) *$", seen, re.MULTILINE)]
+        assert [row[0] for row in rows] == swarm.names, seen
+        return {row[1] for row in rows} == {"holding"} and len({(row[6], row[7]) for row in rows}) == 1
+
+    until(all_the_same, lambda: seen, 30.0)

@@ -1,0 +1,563 @@
+"""Orders of operators: what an agent makes of each in each state, and the desk they come to."""
+
+from __future__ import annotations
+
+import asyncio
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from flights import small
+from test_agent import Story, orders
+
+from swarmctl.agent.state import Phase
+from swarmctl.bus import directory, keys, operator_service
+from swarmctl.bus.endpoint import BusEndpoint
+from swarmctl.bus.operator_service import Asked, Desk, Tally, Unseal, unsealed
+from swarmctl.bus.transports.memory import MemoryBus
+from swarmctl.core import events as ev
+from swarmctl.core.events import Order
+from swarmctl.core.messages import (
+    BadMessage,
+    GiveOrder,
+    OperatorAnswer,
+    SetWeights,
+    VehicleAnswer,
+    decode_answer,
+    encode,
+)
+from swarmctl.flight.virtual_clock import run_virtual
+from swarmctl.report.answers import ordered
+from swarmctl.station import client
+
+pytestmark = pytest.mark.virtual
+
+GARBAGE_PER_S = 50
+
+# --- the agent
+
+
+def waiting() -> Story:
+    return Story()
+
+
+def uploading() -> Story:
+    story = Story()
+    story(ev.Ready())
+    story.swap()
+    return story
+
+
+def standby() -> Story:
+    story = uploading()
+    story.accept()
+    return story
+
+
+def replanning() -> Story:
+    story = standby()
+    story.hear((4, 4, True))
+    story.swap()
+    return story
+
+
+def lost_on_the_ground() -> Story:
+    story = standby()
+    story(ev.LinkLost(4.0))
+    return story
+
+
+def launching() -> Story:
+    return Story().launching()
+
+
+def breaking_off() -> Story:
+    story = Story().launching()
+    story(ev.OperatorCommand(Order.HOLD))
+    return story
+
+
+def flying() -> Story:
+    return Story().flying()
+
+
+def lost() -> Story:
+    story = flying()
+    story(ev.LinkLost(4.0))
+    return story
+
+
+def landing() -> Story:
+    story = flying()
+    story.over((4, 8))
+    return story
+
+
+def holding() -> Story:
+    story = flying()
+    story(ev.OperatorCommand(Order.HOLD, 1))
+    return story
+
+
+def leaving() -> Story:
+    story = flying()
+    story(ev.OperatorCommand(Order.RETURN, 1))
+    return story
+
+
+def released() -> Story:
+    story = flying()
+    story.over((4, 1), mode="LOITER", mode_role="other")
+    return story
+
+
+def done() -> Story:
+    story = landing()
+    story.over((4, 8), armed=False)
+    return story
+
+
+HOLD, RETURN, LAND, LAUNCH = Order.HOLD, Order.RETURN, Order.LAND, Order.LAUNCH
+STAYS, DOWN = "stays on the ground", "launch is broken off: it lands"
+MATRIX: list[tuple[Callable[[], Story], Order, str, str, list[Order], Phase]] = [
+    # state, order, answer, its note, what the vehicle is told, state then
+    (waiting, LAUNCH, "refused", "not ready yet: waiting", [], Phase.WAITING),
+    (uploading, LAUNCH, "refused", "not ready yet: uploading", [], Phase.UPLOADING),
+    (standby, LAUNCH, "taken", "", [LAUNCH], Phase.LAUNCHING),
+    (replanning, LAUNCH, "taken", "as soon as its new plan is on it", [], Phase.STANDBY),
+    (lost_on_the_ground, LAUNCH, "refused", "link is lost", [], Phase.STANDBY),
+    (launching, LAUNCH, "taken", "about to take off", [], Phase.LAUNCHING),
+    (breaking_off, LAUNCH, "refused", "being broken off", [], Phase.LEAVING),
+    (flying, LAUNCH, "taken", "launched already", [], Phase.FLYING),
+    (landing, LAUNCH, "taken", "launched already", [], Phase.LANDING),
+    (holding, LAUNCH, "refused", "hold ordered: it does not take up its route again", [], Phase.HOLDING),
+    (leaving, LAUNCH, "refused", "return ordered: it does not", [], Phase.LEAVING),
+    (released, LAUNCH, "over", "released, in mode LOITER", [], Phase.RELEASED),
+    (done, LAUNCH, "over", "its flight is over: done, arrived", [], Phase.DONE),
+    (waiting, HOLD, "taken", STAYS, [], Phase.WAITING),
+    (uploading, RETURN, "taken", STAYS, [], Phase.UPLOADING),
+    (standby, LAND, "taken", STAYS, [], Phase.STANDBY),
+    (launching, HOLD, "taken", DOWN, [LAND], Phase.LEAVING),
+    (launching, RETURN, "taken", DOWN, [LAND], Phase.LEAVING),
+    (breaking_off, HOLD, "refused", "being broken off: it lands", [], Phase.LEAVING),
+    (flying, HOLD, "taken", "", [HOLD], Phase.HOLDING),
+    (flying, RETURN, "taken", "", [RETURN], Phase.LEAVING),
+    (flying, LAND, "taken", "", [LAND], Phase.LEAVING),
+    (lost, HOLD, "taken", "told when it is heard again", [HOLD], Phase.HOLDING),
+    (landing, HOLD, "taken", "", [HOLD], Phase.HOLDING),
+    (holding, RETURN, "taken", "", [RETURN], Phase.LEAVING),
+    (leaving, HOLD, "taken", "", [HOLD], Phase.HOLDING),
+    (released, LAND, "taken", "somebody else flies it; it is told so once", [LAND], Phase.RELEASED),
+    (done, HOLD, "over", "done, arrived", [], Phase.DONE),
+]
+
+
+@pytest.mark.parametrize(
+    ("begun", "order", "outcome", "note", "told", "phase"),
+    MATRIX,
+    ids=[f"{begun.__name__}-{order}" for begun, order, *_ in MATRIX],
+)
+def test_what_an_agent_makes_of_an_order(
+    begun: Callable[[], Story], order: Order, outcome: str, note: str, told: list[Order], phase: Phase
+) -> None:
+    story = begun()
+    effects = story(ev.OperatorCommand(order, 7))
+    (answer,) = (e for e in effects if isinstance(e, ev.Answer))
+    assert (answer.command, answer.answer.uav, answer.answer.name) == (7, 1, "uav1")
+    assert answer.answer.outcome == outcome
+    assert note in answer.answer.note
+    assert bool(note) == bool(answer.answer.note)
+    assert orders(effects) == told
+    assert story.state.phase is phase
+
+
+def test_what_its_own_process_orders_is_answered_to_nobody() -> None:
+    for begun in (waiting, standby, flying, done):
+        for order in Order:
+            assert not [e for e in begun()(ev.OperatorCommand(order)) if isinstance(e, ev.Answer)]
+
+
+def test_what_an_operator_keeps_on_the_ground_its_own_process_does_not_launch() -> None:
+    story = standby()
+    story(ev.OperatorCommand(HOLD, 1))
+    assert story(ev.OperatorCommand(LAUNCH)) == []
+    assert story.state.phase is Phase.STANDBY
+    assert orders(story(ev.OperatorCommand(LAUNCH, 2))) == [LAUNCH]
+
+
+def test_a_launch_that_waits_for_a_plan_is_called_back() -> None:
+    story = replanning()
+    story(ev.OperatorCommand(LAUNCH, 1))
+    story(ev.OperatorCommand(HOLD, 2))
+    assert orders(story.accept()) == []
+    assert story.state.phase is Phase.STANDBY
+
+
+def test_a_launch_that_waits_for_a_plan_is_forgotten_by_a_boot() -> None:
+    """Nobody stands there any more when it is ready again."""
+    story = replanning()
+    story(ev.OperatorCommand(LAUNCH, 1))
+    story(ev.Rebooted())
+    story(ev.Ready())
+    story.swap()
+    assert orders(story.accept()) == []
+
+
+def test_an_order_given_while_its_link_was_lost_is_given_when_it_is_heard() -> None:
+    story = lost()
+    story(ev.OperatorCommand(LAND, 1))
+    story(ev.OrderFailed(LAND, "no answer"))
+    story(ev.LinkRestored())
+    assert orders(story.over((4, 1))) == [LAND]
+
+
+# --- the desk
+
+
+OPERATORS, OF_UAV2 = b"operator".ljust(64), b"uav2".ljust(64)
+
+
+class Guarded:
+    """Takes what the operator has put its name before, and puts the vehicle's before its answers."""
+
+    def open(self, key: str, payload: bytes) -> bytes:
+        if not payload.startswith(OPERATORS):
+            raise BadMessage(f"nobody of this swarm signed what came under {key}")
+        return payload.removeprefix(OPERATORS)
+
+    def close(self, key: str, payload: bytes, answer: bytes) -> bytes:
+        return OF_UAV2 + key.encode() + payload + answer
+
+
+class Operators:
+    """The other side of it."""
+
+    def close(self, _key: str, command: bytes) -> bytes:
+        return OPERATORS + command
+
+    def open(self, uav: int, key: str, asked: bytes, data: bytes) -> bytes:
+        before = f"uav{uav}".encode().ljust(64) + key.encode() + asked
+        if not data.startswith(before):
+            raise BadMessage("not its own")
+        return data.removeprefix(before)
+
+
+class Ground:
+    """The desk of one vehicle whose agent takes everything, unless it is slow."""
+
+    def __init__(
+        self, bus: MemoryBus, *, slow: bool = False, closed: str = "", unseal: Unseal = unsealed
+    ) -> None:
+        self.said: list[str] = []
+        self.posted: list[Asked] = []
+        self.slow = slow
+        self.desk = Desk(
+            bus,
+            "test",
+            self.said.append,
+            Tally(),
+            uav=2,
+            closed=lambda command: closed if isinstance(command, GiveOrder) else "",
+            unseal=unseal,
+        )
+        self.desk.join(2, "uav2", self._post)
+
+    def _post(self, event: Asked) -> None:
+        self.posted.append(event)
+        if not self.slow:
+            assert event.command is not None
+            self.desk.answered(event.command, VehicleAnswer(2, "uav2", "taken"))
+
+
+ORDER, WEIGHTS = "swarmctl/test/uav/2/request/order/operator", "swarmctl/test/uav/2/request/weights/operator"
+TAKEN = OperatorAnswer((VehicleAnswer(2, "uav2", "taken"),))
+
+
+async def asked(bus: MemoryBus, key: str, command: GiveOrder | SetWeights) -> OperatorAnswer:
+    (answer,) = await bus.ask(key, encode(command), 5.0)
+    return decode_answer(answer)
+
+
+def test_orders_and_weights_have_keys_of_their_own() -> None:
+    assert keys.request("test", "order", 2) == ORDER
+    assert keys.request("test", "weights", 2) == WEIGHTS
+
+    async def scene() -> None:
+        bus = MemoryBus()
+        ground = Ground(bus)
+        assert await asked(bus, ORDER, GiveOrder((2,), "hold")) == TAKEN
+        assert await asked(bus, WEIGHTS, SetWeights(("uav2",), w=0.2)) == TAKEN
+        assert ground.posted == [ev.OperatorCommand(HOLD, 1), ev.WeightsChanged(2, 0.2)]
+        for key, command in ((WEIGHTS, GiveOrder(None, "land")), (ORDER, SetWeights(None, w=0.2))):
+            assert "a command of the kind" in (await asked(bus, key, command)).refused
+        assert "there is 2 (uav2)" in (await asked(bus, ORDER, GiveOrder((3,), "land"))).refused
+        assert len(ground.posted) == 2
+
+    run_virtual(scene())
+
+
+def test_an_order_waits_for_no_weights() -> None:
+    """Neither for an agent that has not come to new ones, nor for a flood of them."""
+
+    async def scene() -> None:
+        bus = MemoryBus()
+        ground = Ground(bus, slow=True)
+        first = asyncio.create_task(asked(bus, WEIGHTS, SetWeights(None, w=0.2)))
+        for _ in range(3 * operator_service.BURST):
+            await asyncio.sleep(0.001)
+            assert (await asked(bus, WEIGHTS, SetWeights(None, w=0.3))).refused
+        ground.slow = False
+        assert await asked(bus, ORDER, GiveOrder(None, "land")) == TAKEN
+        assert [type(event) for event in ground.posted] == [ev.WeightsChanged, ev.OperatorCommand]
+        assert (await first).vehicles[0].outcome == "unconfirmed"
+
+    run_virtual(scene())
+
+
+def test_where_orders_are_not_taken_it_is_said_why_and_weights_are() -> None:
+    async def scene() -> None:
+        bus = MemoryBus()
+        ground = Ground(bus, closed="make keys first")
+        assert (await asked(bus, ORDER, GiveOrder(None, "launch"))).refused == "make keys first"
+        assert await asked(bus, WEIGHTS, SetWeights(None, w=0.2)) == TAKEN
+        assert len(ground.posted) == 1
+
+    run_virtual(scene())
+
+
+def test_who_cannot_show_who_it_is_orders_nothing() -> None:
+    async def scene() -> None:
+        bus = MemoryBus()
+        ground = Ground(bus, unseal=Guarded())
+        command = encode(GiveOrder(None, "land"))
+        (data,) = await bus.ask(ORDER, command, 5.0)
+        answer = decode_answer(data.removeprefix(OF_UAV2 + ORDER.encode() + command))
+        assert answer.refused == f"nobody of this swarm signed what came under {ORDER}"
+        assert ground.posted == []
+        assert ground.said == [f"an operator's command was refused (1 so far): {answer.refused}"]
+
+    run_virtual(scene())
+
+
+def test_who_asks_nonsense_all_the_time_keeps_no_operators_order_away() -> None:
+    """Neither its order nor its answer; and what nobody could open is not said each time."""
+
+    async def scene() -> None:
+        bus, garbage = MemoryBus(), GARBAGE_PER_S * 4
+        ground = Ground(bus, unseal=Guarded())
+        served = bus._served[ORDER]
+        for n in range(garbage):
+            served(ORDER, b"nonsense", lambda _: None)
+            await asyncio.sleep(1.0 / GARBAGE_PER_S)
+            if n % GARBAGE_PER_S == 0:
+                answer = await client.ask(bus, STATION, GiveOrder((2,), "land"), Operators())
+                assert answer == TAKEN
+        assert len(ground.posted) == 4
+        assert ground.desk._tally == Tally(passed_on=4, refused=garbage)
+        assert len(ground.said) <= operator_service.SAID_BURST + 1
+
+    run_virtual(scene())
+
+
+def test_more_nonsense_than_can_be_opened_is_neither_opened_nor_answered_and_counted() -> None:
+    async def scene() -> None:
+        bus, answers = MemoryBus(), []
+        ground = Ground(bus, unseal=Guarded())
+        for _ in range(5000):
+            bus._served[ORDER](ORDER, b"nonsense", answers.append)
+        assert len(answers) == operator_service.OPENED_BURST
+        assert ground.desk._tally.refused == 5000
+
+    run_virtual(scene())
+
+
+def test_without_keys_the_pace_is_everybodys() -> None:
+    async def scene() -> None:
+        bus, answers = MemoryBus(), []
+        ground = Ground(bus)
+        for _ in range(operator_service.BURST + 3):
+            bus._served[ORDER](ORDER, b"nonsense", answers.append)
+        assert answers[-3:] == [operator_service.TOO_FAST] * 3
+        assert "faster than 4 a second" in ground.said[-1]
+
+    run_virtual(scene())
+
+
+# --- the operator's side
+
+
+class Crowd(MemoryBus):
+    """A bus on which others answer, too."""
+
+    def __init__(self, *others: Callable[[str, bytes], bytes]) -> None:
+        super().__init__()
+        self._others = others
+
+    async def ask(self, key: str, payload: bytes, timeout_s: float) -> tuple[bytes, ...]:
+        own = await super().ask(key, payload, timeout_s)
+        return (*(other(key, payload) for other in self._others), *own)
+
+
+def forged(_key: str, _payload: bytes) -> bytes:
+    return encode(OperatorAnswer((VehicleAnswer(2, "uav2", "taken", note="forged"),)))
+
+
+def of_another_question(key: str, _payload: bytes) -> bytes:
+    return Guarded().close(key, b"another question", forged("", b""))
+
+
+def by_uav3(key: str, payload: bytes) -> bytes:
+    return b"uav3".ljust(64) + key.encode() + payload + forged("", b"")
+
+
+@pytest.mark.parametrize("other", [forged, of_another_question, by_uav3])
+def test_only_what_the_vehicle_asked_has_signed_is_its_answer(
+    other: Callable[[str, bytes], bytes],
+) -> None:
+    async def scene(*, is_there: bool) -> VehicleAnswer:
+        bus = Crowd(other)
+        if is_there:
+            Ground(bus, unseal=Guarded(), closed="not now")
+        (answer,) = (await client.ask(bus, STATION, GiveOrder((2,), "hold"), Operators())).vehicles
+        return answer
+
+    answer = run_virtual(scene(is_there=True))
+    assert answer.outcome == "refused"
+    assert answer.note.startswith("not now; dropped: 1 answer in its name that it did not sign")
+    answer = run_virtual(scene(is_there=False))
+    assert answer.outcome == "unconfirmed"
+    assert answer.note.startswith("none of its own, and 1 answer in its name that it did not sign")
+
+
+def test_of_two_who_answer_for_a_whole_swarm_neither_is_believed() -> None:
+    async def scene() -> None:
+        bus = Crowd(forged)
+        bus.serve("swarmctl/test/station/request/weights/operator", lambda _k, _p, r: r(forged("", b"")))
+        alone = client.Station("test", BusEndpoint("127.0.0.1", 7447))
+        with pytest.raises(client.NoAnswer, match="2 processes answer for test"):
+            await client.ask(bus, alone, SetWeights(None, w=0.2))
+
+    run_virtual(scene())
+
+
+STATION = client.Station(
+    "test", BusEndpoint("127.0.0.1", 7447), agents={1: "uav1", 2: "uav2", 3: "uav3", 4: "uav4"}
+)
+
+
+def test_each_agent_answers_for_itself_and_none_keeps_the_others_waiting() -> None:
+    async def scene() -> tuple[OperatorAnswer, float]:
+        bus = MemoryBus()
+        Ground(bus)
+        bus.serve(keys.request("test", "order", 3), lambda _key, _payload, _reply: None)
+        bus.serve(keys.request("test", "order", 4), lambda _key, _payload, reply: reply(b"\x01nonsense"))
+        answer = await client.ask(bus, STATION, GiveOrder(None, "hold"))
+        return answer, asyncio.get_running_loop().time()
+
+    answer, took_s = run_virtual(scene())
+    assert [(v.name, v.outcome) for v in answer.vehicles] == [
+        ("uav1", "silent"),
+        ("uav2", "taken"),
+        ("uav3", "unconfirmed"),
+        ("uav4", "unconfirmed"),
+    ]
+    assert took_s == pytest.approx(client.TIMEOUT_S)
+    assert client.has_failed(GiveOrder(None, "hold"), answer)
+    lines = [ordered("hold", vehicle) for vehicle in answer.vehicles]
+    assert lines[0].startswith("uav1: not ordered: no agent of it is in touch")
+    assert lines[1] == "uav2: hold ordered"
+    assert lines[2] == "uav3: unknown: its agent did not answer within 5 s"
+    assert "cannot be understood" in lines[3]
+
+
+def test_a_vehicle_that_is_not_of_the_swarm_is_asked_nothing() -> None:
+    async def scene() -> None:
+        bus = MemoryBus()
+        ground = Ground(bus)
+        with pytest.raises(client.Unclear, match="no vehicle has the system id or name 9"):
+            await client.ask(bus, STATION, GiveOrder((2, 9), "launch"))
+        assert ground.posted == []
+
+    run_virtual(scene())
+
+
+@pytest.mark.parametrize("word", ["uav4", "4"])
+def test_whom_a_launch_does_not_wait_for_is_told_the_agent_by_system_id(word: str) -> None:
+    async def scene() -> None:
+        bus = MemoryBus()
+        ground = Ground(bus)
+        await client.ask(bus, STATION, GiveOrder((2,), "launch", past=(word,)))
+        assert ground.posted == [ev.OperatorCommand(LAUNCH, 1, past=(4,))]
+        with pytest.raises(client.Unclear, match="no vehicle has the system id or name uav9"):
+            await client.ask(bus, STATION, GiveOrder((2,), "launch", past=("uav9",)))
+        # An agent knows no names but its own.
+        assert (
+            "nothing was changed"
+            in (await asked(bus, ORDER, GiveOrder(None, "launch", past=("uav4",)))).refused
+        )
+        assert len(ground.posted) == 1
+
+    run_virtual(scene())
+
+
+def test_an_order_that_names_nobody_to_launch_past_is_understood_by_earlier_versions() -> None:
+    assert b"past" not in encode(GiveOrder((2,), "launch"))
+    for order in ("hold", "return", "land"):
+        with pytest.raises(ValueError, match="expected with launch alone"):
+            GiveOrder((2,), order, past=(4,))  # type: ignore[arg-type]
+
+
+def test_an_agent_that_answers_for_another_is_not_believed() -> None:
+    async def scene() -> OperatorAnswer:
+        bus = MemoryBus()
+        reply_of_another = encode(OperatorAnswer((VehicleAnswer(9, "uav9", "taken"),)))
+        bus.serve(ORDER, lambda _key, _payload, reply: reply(reply_of_another))
+        return await client.ask(bus, STATION, GiveOrder((2,), "launch"))
+
+    (vehicle,) = run_virtual(scene()).vehicles
+    assert (vehicle.uav, vehicle.outcome) == (2, "unconfirmed")
+
+
+@pytest.mark.parametrize("order", ["takeoff", "", None, 3])
+def test_what_is_no_order_is_refused(order: object) -> None:
+    async def scene() -> None:
+        bus = MemoryBus()
+        ground = Ground(bus)
+        strange: GiveOrder = GiveOrder(None, order)  # type: ignore[arg-type]
+        assert (await asked(bus, ORDER, strange)).refused.startswith("not a message of version 1")
+        assert ground.posted == []
+
+    run_virtual(scene())
+
+
+APART: dict[str, object] = {"router": "tcp/10.0.0.1:7447"}
+MESHED: dict[str, object] = {"mesh": {"uav1": "tcp/10.0.0.1:7447", "uav2": "tcp/10.0.0.2:7447"}}
+VEHICLES = {1: "uav1", 2: "uav2"}
+ROUTER, OTHER = BusEndpoint("10.0.0.1", 7447), BusEndpoint("10.0.0.2", 7447)
+
+
+@pytest.fixture
+def nobody_flies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+
+
+def meant(communication: dict[str, object], connect: str | None = None) -> client.Station:
+    config = small(communication={"bus": "zenoh", **communication}).config
+    return client.find(None, config, connect, VEHICLES)
+
+
+@pytest.mark.usefixtures("nobody_flies")
+def test_where_agents_run_apart_each_is_asked_at_the_router_or_in_the_mesh() -> None:
+    assert meant(APART) == client.Station("small", ROUTER, agents=VEHICLES)
+    assert meant(MESHED) == client.Station("small", ROUTER, (OTHER,), VEHICLES)
+    assert meant(APART, "tcp/10.0.0.2:7447") == client.Station("small", OTHER, agents=VEHICLES)
+
+
+@pytest.mark.usefixtures("nobody_flies")
+def test_a_flight_of_one_process_on_this_machine_comes_first() -> None:
+    here = BusEndpoint("127.0.0.1", 4001)
+    with directory.listed("small", here):
+        assert meant(APART) == client.Station("small", here)
+    with directory.listed("another", here):
+        assert meant(APART).agents == VEHICLES

@@ -1,0 +1,247 @@
+"""Swarms that are checked before they fly: what keeps them on the ground, and what an operator may waive."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from flights import Ui, fly, small
+
+from swarmctl.config.scenario import Scenario
+from swarmctl.flight import app, virtual_simulator, wiring
+from swarmctl.flight.app import Manner
+from swarmctl.flight.virtual_clock import run_virtual
+from swarmctl.preflight.checks import CHECKS
+from swarmctl.preflight.waivers import Waiver
+from swarmctl.report.outcome import Report
+
+pytestmark = pytest.mark.virtual
+
+Afflict = Callable[..., None]
+
+
+@pytest.fixture
+def afflict(monkeypatch: pytest.MonkeyPatch) -> Afflict:
+    """Has the simulator play other vehicles than a flight asks for: `faults`, and parameters by system id."""
+    made = virtual_simulator.scenario_json
+
+    def afflict(*faults: str, params: dict[int, dict[str, float]] | None = None) -> None:
+        def worse(scenario: Scenario) -> dict[str, Any]:
+            content = made(scenario)
+            for vehicle in content["vehicles"]:
+                vehicle["params"] |= (params or {}).get(vehicle["sysid"], {})
+            return {**content, "faults": list(faults)}
+
+        monkeypatch.setattr(virtual_simulator, "scenario_json", worse)
+
+    return afflict
+
+
+def checked(scenario: Scenario, folder: Path, *waivers: Waiver, ui: Ui | None = None) -> Report:
+    """The checks alone."""
+    manner = Manner(launch="never", waivers=waivers)
+    folder.mkdir(exist_ok=True)
+    flight = app.fly(
+        scenario, folder, ui or Ui(), clock="virtual", permission=lambda foreign: None, manner=manner
+    )
+    report = run_virtual(flight)
+    if report.bug is not None:
+        raise report.bug
+    return report
+
+
+def failing(report: Report) -> list[tuple[str, str]]:
+    return [
+        (found.vehicle, found.check)
+        for findings in report.checked.values()
+        for found in findings
+        if not found.finding.ok
+    ]
+
+
+AUTOPILOTS = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+
+
+@AUTOPILOTS
+def test_fit_vehicles_pass_every_check_and_none_is_armed(autopilot: str, tmp_path: Path) -> None:
+    report = checked(small(simulate={"count": 2, "ready_s": 1.0, "autopilot": autopilot}), tmp_path)
+    assert (report.ended, report.trouble) == ("ended", ())
+    assert failing(report) == []
+    assert {name: len(findings) for name, findings in report.checked.items()} == dict.fromkeys(
+        ("uav1", "uav2"), len(CHECKS)
+    )
+    assert not any(state.armed_seen or state.vehicle.armed for state in report.states.values())
+
+
+WRONG = {
+    "ardupilot": ({"FENCE_ENABLE": 0, "BATT_FS_LOW_ACT": 0}, "FENCE_ENABLE 0", "BATT_FS_LOW_ACT 0"),
+    "px4": ({"GF_ACTION": 4, "COM_LOW_BAT_ACT": 0}, "GF_ACTION 4", "COM_LOW_BAT_ACT 0"),
+}
+
+
+@AUTOPILOTS
+def test_parameters_against_the_policy_are_found_by_their_names(
+    autopilot: str, afflict: Afflict, tmp_path: Path
+) -> None:
+    params, *said = WRONG[autopilot]
+    afflict(params={2: params})
+    report = checked(small(simulate={"count": 2, "ready_s": 1.0, "autopilot": autopilot}), tmp_path)
+    assert failing(report) == [("uav2", "parameters")]
+    (text,) = report.trouble
+    assert text.startswith("uav2: parameters: found ")
+    assert all(part in text for part in said)
+
+
+def test_what_the_policy_declares_is_what_the_parameters_are_compared_with(tmp_path: Path) -> None:
+    policy = {"lost_link": "land", "lost_link_after_s": 20, "low_battery": "land", "fence_breach": "hold"}
+    report = checked(small(preflight={"policy": policy}), tmp_path)
+    assert failing(report) == [], "simulated vehicles come set up as declared"
+
+
+def test_parameters_are_set_only_where_the_configuration_says_so(afflict: Afflict, tmp_path: Path) -> None:
+    afflict(params={1: {"FENCE_ENABLE": 0, "FENCE_ACTION": 0}, 2: {"FENCE_TYPE": 7}})
+    ui = Ui()
+    report = fly(small(preflight={"set_parameters": True}), tmp_path, ui=ui)
+    assert report.all_arrived
+    (said,) = [text for text in ui.said if text.startswith("uav1: set as")]
+    assert said.endswith("FENCE_ENABLE 0 → 1, FENCE_ACTION 0 → 1 (they stay so afterwards)")
+
+
+@pytest.mark.parametrize("enabled", [0, 1])
+def test_ardupilot_has_its_fence_enabled_after_its_limits_were_chosen(
+    enabled: int, afflict: Afflict, tmp_path: Path
+) -> None:
+    # It takes up which limits count when FENCE_ENABLE changes, or by command (`AC_Fence::update`, `enable`).
+    afflict(params={1: {"FENCE_TYPE": 4, "FENCE_ENABLE": enabled}})
+    simulate = {"count": 1, "ready_s": 1.0}
+    assert fly(small(preflight={"set_parameters": True}, simulate=simulate), tmp_path).all_arrived
+    lines = [json.loads(line) for line in (tmp_path / "evidence.jsonl").read_text().splitlines()]
+    sent = [line["what"] for line in lines if line["kind"] == "command"]
+    values = [(what["param_id"], what["param_value"]) for what in sent if what["message"] == "PARAM_SET"]
+    switched_on = [] if enabled else [("FENCE_ENABLE", 1.0)]
+    assert sorted(values) == [*switched_on, ("FENCE_TYPE", 5.0)]
+    names = [what.get("command", what.get("param_id")) for what in sent]
+    assert names.index("DO_FENCE_ENABLE") > names.index("FENCE_TYPE")
+
+
+def test_the_checks_alone_set_no_parameter(afflict: Afflict, tmp_path: Path) -> None:
+    afflict(params={1: {"FENCE_ENABLE": 0}})
+    report = checked(small(preflight={"set_parameters": True}), tmp_path)
+    assert failing(report) == [("uav1", "parameters")]
+
+
+def test_two_failures_of_two_vehicles_are_one_report_and_nothing_is_armed(
+    afflict: Afflict, tmp_path: Path
+) -> None:
+    afflict("battery_sag:sag_v=0,at_most=0.2,sysid=1", params={3: {"FENCE_ENABLE": 0}})
+    report = fly(small(), tmp_path)
+    assert report.ended == "failed"
+    assert [text.split(": found")[0] for text in report.trouble] == ["uav1: battery", "uav3: parameters"]
+    assert "--waive battery:uav1" in report.trouble[0]
+    assert not any(state.armed_seen for state in report.states.values())
+    written = json.loads((tmp_path / "summary.json").read_text())
+    assert [(c["vehicle"], c["check"]) for c in written["preflight"] if not c["ok"]] == [
+        ("uav1", "battery"),
+        ("uav3", "parameters"),
+    ]
+
+
+def test_what_is_waived_flies_is_said_and_is_recorded(afflict: Afflict, tmp_path: Path) -> None:
+    afflict("battery_sag:sag_v=0,at_most=0.5,sysid=1")
+    scenario, ui = small(preflight={"reserve_percent": 60}), Ui()
+    refused = checked(scenario, tmp_path / "checks")
+    assert failing(refused) == [("uav1", "battery")]
+    manner = Manner(waivers=(Waiver("battery", "uav1"),))
+    (tmp_path / "flight").mkdir()
+    report = run_virtual(
+        app.fly(scenario, tmp_path / "flight", ui, clock="virtual", permission=lambda _: None, manner=manner)
+    )
+    assert report.all_arrived
+    (said,) = [text for text in ui.said if text.startswith("uav1: battery is waived: found 50 %")]
+    assert "wanted 69 %" in said
+    waived = [c for c in report.summary["preflight"] if c["waived"]]
+    assert [(c["vehicle"], c["check"], c["found"]) for c in waived] == [("uav1", "battery", "50 %")]
+
+
+def test_a_waiver_for_one_vehicle_is_not_for_another(afflict: Afflict, tmp_path: Path) -> None:
+    afflict("battery_sag:sag_v=0,at_most=0.2")
+    report = checked(small(), tmp_path, Waiver("battery", "uav2"))
+    assert [text.split(":")[0] for text in report.trouble] == ["uav1", "uav3"]
+
+
+def test_a_clock_out_of_step_is_found(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(wiring, "VIRTUAL_EPOCH_NS", wiring.VIRTUAL_EPOCH_NS + 5 * 10**9)
+    report = checked(small(), tmp_path)
+    assert failing(report) == [(f"uav{n}", "clock") for n in (1, 2, 3)]
+    assert "uav1: clock: found -5.0 s; wanted a clock within 2 s" in report.trouble[0]
+
+
+def test_a_vehicle_without_satellites_is_found(afflict: Afflict, tmp_path: Path) -> None:
+    afflict("gps_loss:sysid=1")
+    report = checked(small(), tmp_path)
+    assert ("uav1", "gps") in failing(report)
+    assert {name for name, _ in failing(report)} == {"uav1"}
+
+
+def test_a_vehicle_that_does_not_become_ready_is_said_with_what_fails_elsewhere(
+    afflict: Afflict, tmp_path: Path
+) -> None:
+    afflict("sensor_unhealthy:sensor=mag,sysid=1", params={3: {"FENCE_ENABLE": 0}})
+    ui = Ui()
+    report = checked(small(flight={"ready_timeout_s": 20.0, "altitude_m": 15.0}), tmp_path, ui=ui)
+    (early,) = (text for text in ui.said if text.startswith("uav3: parameters: found FENCE_ENABLE 0"))
+    assert early.endswith("; the others are waited for")
+    uav1 = {("uav1", "position"), ("uav1", "battery"), ("uav1", "route")}
+    assert set(failing(report)) == {*uav1, ("uav3", "parameters")}
+    assert report.trouble[0].startswith("uav1 (system 1 at memory:fleet): not ready to arm after 20 s")
+    assert "pre-arm checks not passed" in report.trouble[0]
+
+
+def test_a_vehicle_that_refuses_the_fence_is_not_armed(afflict: Afflict, tmp_path: Path) -> None:
+    afflict("mission_refused:result=no_space,for=6,sysid=3")
+    ui = Ui()
+    report = checked(small(simulate={"count": 3, "ready_s": 10.0}), tmp_path, ui=ui)
+    assert failing(report) == [("uav3", "fence")]
+    assert any("uav3" in text and "upload rejected: NO_SPACE" in text for text in ui.said)
+
+
+@pytest.mark.autopilots("2 fence use")
+def test_a_route_out_of_a_fence_of_its_own_is_found_leg_by_leg(tmp_path: Path) -> None:
+    scenario = small()
+    to_geodetic = scenario.grid.frame.to_geodetic
+    corners = [to_geodetic(*c) for c in ((-100, -100), (300, -100), (300, 500), (-100, 500))]
+    polygon = [{"lat_deg": lat, "lon_deg": lon} for lat, lon in corners]
+    report = checked(small(preflight={"fence": {"polygon": polygon}}), tmp_path)
+    assert failing(report) == [(f"uav{n}", "route") for n in (1, 2, 3)]
+    assert "leaves the fence" in report.trouble[0]
+
+
+def test_a_charge_that_was_told_long_ago_is_not_known(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It sends SYS_STATUS until it holds its mission, and then no more, asked or not."""
+
+    def without(frames: list[tuple[int, bytes]]) -> list[tuple[int, bytes]]:
+        told = [(i, f) for i, f in frames if f[5:6] != b"\x02" or f[7:10] != b"\x01\0\0"]
+        return told if holds else frames
+
+    holds: list[bool] = []
+
+    class Dumb(virtual_simulator.Fleet):  # type: ignore[misc, name-defined]
+        def step(self, now: float) -> Any:
+            return without(super().step(now))
+
+        def receive(self, *args: Any, **kwargs: Any) -> Any:
+            if self.vehicles[1].mission.count and not holds:
+                holds.append(True)
+            return without(super().receive(*args, **kwargs))
+
+    monkeypatch.setattr(virtual_simulator, "Fleet", Dumb)
+    report = checked(small(simulate={"count": 2, "ready_s": 1.0}), tmp_path)
+    assert holds
+    assert failing(report) == [("uav2", "position"), ("uav2", "battery")]
+    (finding,) = (c.finding for c in report.checked["uav2"] if c.check == "battery")
+    assert "%, as told " in finding.found

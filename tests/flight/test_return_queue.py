@@ -1,0 +1,208 @@
+"""Vehicles of many processes are called back at once, and nobody tells them turns."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+from flights import small
+from test_abort import NAMES, Looker, Swarm, gathering
+from trouble import Trouble, play
+
+from sim_vehicle.fleet import Truth
+from swarmctl.agent.state import Phase
+from swarmctl.agent.traffic.return_turns import LEAST_APART_M, SILENT_S
+from swarmctl.config.scenario import Scenario
+from swarmctl.core.frames import StateShared
+from swarmctl.core.geo import LatLon
+from swarmctl.core.messages import Place
+from swarmctl.flight import task_tree
+from swarmctl.flight.return_queue import SLOT_S, Turns
+from swarmctl.flight.virtual_clock import run_virtual
+from swarmctl.report.outcome import Report
+
+HOME = (46.0, 14.4)
+OWN = Place(46.005, 14.4, 340.0, *HOME, 300.0, speed_m_s=10.0, keeps_m=(20.0, 5.0))
+"""556 m north of its home"""
+
+
+def state(
+    time_s: float, phase: Phase, *, lat_deg: float = 46.004, lon_deg: float = 14.4, home: LatLon = HOME
+) -> StateShared:
+    returns_to = home if phase is Phase.LEAVING else None
+    return StateShared(time_s, lat_deg, lon_deg, 45.0, phase, 0, 0, alt_amsl_m=345.0, returns_to=returns_to)
+
+
+class Peers:
+    """What a vehicle has heard of the others."""
+
+    def __init__(self, uav: int = 2) -> None:
+        self.told: dict[int, StateShared] = {}
+        self.turns = Turns(uav, lambda: self.told)
+
+    def may_go(self, now_s: float) -> bool:
+        return self.turns.may_go(OWN, now_s)
+
+
+def test_it_goes_when_nobody_else_is_there() -> None:
+    assert Peers().may_go(0.0)
+
+
+def test_it_holds_while_another_is_on_the_way_that_it_would_take_and_goes_when_that_is_down() -> None:
+    peers = Peers()
+    for second in range(60):
+        peers.told[3] = state(second, Phase.LEAVING)
+        assert not peers.may_go(float(second))
+    peers.told[3] = state(61.0, Phase.DONE)
+    assert peers.may_go(61.0)
+
+
+def test_whose_way_is_elsewhere_is_not_waited_for() -> None:
+    peers = Peers()
+    peers.told[3] = state(0.0, Phase.LEAVING, lon_deg=14.42, home=(46.0, 14.42))
+    assert peers.may_go(0.0)
+
+
+@pytest.mark.parametrize("phase", [Phase.HOLDING, Phase.FLYING])
+def test_of_two_that_wait_the_one_with_the_lower_system_id_is_first(phase: Phase) -> None:
+    """That it holds is told a moment after it does."""
+    peers = Peers()
+    for tenth in range(int(10.0 * SLOT_S)):
+        peers.told[1] = state(0.1 * tenth, phase)
+        assert not peers.may_go(0.1 * tenth)
+    lower = Peers(1)
+    lower.told[2] = state(0.0, Phase.HOLDING)
+    assert lower.may_go(0.0)
+
+
+def test_one_that_holds_on_is_not_waited_for_for_ever() -> None:
+    peers = Peers()
+    peers.told[1] = state(0.0, Phase.HOLDING)
+    assert not peers.may_go(0.0)
+    peers.told[1] = state(SLOT_S, Phase.HOLDING)
+    assert peers.may_go(SLOT_S)
+
+
+def test_one_that_falls_silent_on_its_way_counts_until_it_must_be_down() -> None:
+    peers = Peers()
+    peers.told[3] = state(0.0, Phase.LEAVING)
+    # 10 s to react, 10 to climb to 60 m, 445 m at half its speed, 75 to come down.
+    assert not peers.may_go(0.0)
+    assert not peers.may_go(180.0)
+    assert peers.may_go(190.0)
+
+
+def test_one_that_fell_silent_while_it_held_is_not_waited_for() -> None:
+    peers = Peers()
+    peers.told[1] = state(0.0, Phase.HOLDING)
+    assert not peers.may_go(0.0)
+    assert peers.may_go(SILENT_S + 1.0)
+
+
+def lands(**changes: Any) -> bool:
+    """Whether vehicle 2, 40 m above home, may while it hears this of vehicle 3."""
+    peers = Peers()
+    told: dict[str, Any] = {"lat_deg": OWN.lat_deg, "lon_deg": OWN.lon_deg, "alt_amsl_m": 330.0, **changes}
+    peers.told[3] = msgspec.structs.replace(state(0.0, Phase.HOLDING), **told)
+    return peers.turns.may_land(OWN, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "may"),
+    [
+        ({}, False),
+        ({"phase": "leaving", "alt_amsl_m": 302.0, "alt_rel_m": 2.0}, False),
+        ({"alt_rel_m": 0.1}, True),
+        ({"lat_deg": OWN.lat_deg + 0.0002}, True),
+        ({"alt_amsl_m": 350.0}, True),
+        ({"alt_amsl_m": 340.0}, True),
+    ],
+    ids=["under it", "and on its way down", "on the ground", "22 m away", "above it", "at its height"],
+)
+def test_nobody_lands_on_another_that_is_flown_elsewhere(changes: dict[str, Any], *, may: bool) -> None:
+    assert lands(**changes) is may
+
+
+def test_of_two_at_one_height_the_one_with_the_lower_system_id_lands_first() -> None:
+    peers = Peers()
+    peers.told[1] = msgspec.structs.replace(
+        state(0.0, Phase.HOLDING), lat_deg=OWN.lat_deg, alt_amsl_m=OWN.alt_amsl_m
+    )
+    assert not peers.turns.may_land(OWN, 0.0)
+
+
+def test_one_that_falls_silent_under_it_is_waited_for_until_it_must_be_down() -> None:
+    peers = Peers()
+    peers.told[3] = msgspec.structs.replace(state(0.0, Phase.LEAVING), lat_deg=OWN.lat_deg, alt_amsl_m=330.0)
+    assert not peers.turns.may_land(OWN, 0.0)
+    assert not peers.turns.may_land(OWN, 55.0)
+    assert peers.turns.may_land(OWN, 57.0)  # 45 m at 0.8 m/s
+
+
+def pressing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scenario: Scenario, at_s: float
+) -> list[Report]:
+    """Several agents in flight, on each of which Ctrl-C is pressed at one time."""
+    pressed: list[Callable[[], None]] = []
+
+    @contextlib.contextmanager
+    def signals(interrupted: Callable[[], None]) -> Iterator[None]:
+        pressed.append(interrupted)
+        yield
+
+    # One process has one handler of signals.
+    monkeypatch.setattr(task_tree, "_signals", signals)
+
+    async def scene() -> list[Report]:
+        swarm = Swarm(tmp_path, scenario)
+        uavs = [uav for uav in NAMES if any(spec.sysid == uav for spec in scenario.specs)]
+        for uav in uavs:
+            swarm.start(uav, "when-ready")
+        for uav in uavs:
+            await swarm.until(uav, Phase.FLYING)
+        await asyncio.sleep(at_s)
+        for press in pressed:
+            press()
+        return list(await asyncio.gather(*swarm.flights.values()))
+
+    reports: list[Report] = run_virtual(scene())
+    assert [report.ended for report in reports] == ["stopped"] * len(reports)
+    assert not any(s.vehicle.armed for report in reports for s in report.states.values())
+    return reports
+
+
+@pytest.mark.virtual
+def test_ctrl_c_of_several_agents_brings_them_home_in_turns(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looker = Looker()
+    play(Trouble(note=looker), monkeypatch)
+    pressing(tmp_path, monkeypatch, gathering(), 38.0)
+    assert len({round(at_s) for at_s in looker.since_s.values()}) > 1
+    assert looker.least_m > LEAST_APART_M
+
+
+@pytest.mark.virtual
+def test_ctrl_c_of_several_agents_lands_who_holds_above_another_when_that_is_down(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scenario = small(
+        simulate={"count": 2, "goal": [4, 7], "ready_s": 3.0},
+        threats={"count": 0},
+        flight={"altitude_m": 15.0, "altitude_step_m": 6.0, "on_exit": "land", "on_exit_deadline_s": 200.0},
+    )
+    down_s: dict[int, float] = {}
+
+    def note(now: float, truth: Truth) -> None:
+        for sysid, armed in zip(truth.sysid, truth.armed, strict=True):
+            if armed:
+                down_s[int(sysid)] = now
+
+    play(Trouble(note=note), monkeypatch)
+    pressing(tmp_path, monkeypatch, scenario, 60.0)
+    assert down_s[2] - down_s[1] > 20.0  # it comes down from 21 m, of which the last 10 m take 20 s

@@ -1,0 +1,157 @@
+"""Who was let go in the air has link, heartbeat and record for as long as he flies; and how each was left."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from flights import Ui, fly, small
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from rich.console import Console
+from test_flight import interrupting, silent
+from trouble import Trouble, chooses, play, suffer
+
+from sim_vehicle.fleet import Fleet
+from swarmctl.config.scenario import Scenario
+from swarmctl.flight.app import Manner
+from swarmctl.report import outputs
+from swarmctl.report.flight_table import flight_table
+from swarmctl.report.live_rows import line, table
+from swarmctl.report.pictures import MapPicture
+
+pytestmark = pytest.mark.virtual
+
+HEARD_FOR_S = 10
+GUARDED: dict[str, Any] = {"policy": {"lost_link": "return", "lost_link_after_s": HEARD_FOR_S}}
+"""without our heartbeat for so long a vehicle returns by itself, whoever has it"""
+LANDS_AT_S = 200.0
+"""long after the others have"""
+
+
+def pair(**sections: object) -> Scenario:
+    return small(simulate={"count": 2, "ready_s": 3.0}, preflight=GUARDED, **sections)
+
+
+def taken(*then: tuple[float, str]) -> Trouble:
+    """A pilot has the second vehicle from the 30th second on, and then does this."""
+    return Trouble(deeds=[(at_s, chooses(2, mode)) for at_s, mode in ((30.0, "GUIDED"), *then)])
+
+
+def test_who_was_let_go_in_the_air_is_not_left_to_its_failsafe(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trouble = taken((LANDS_AT_S, "LAND"))
+    report, ui = suffer(trouble, tmp_path, monkeypatch, scenario=pair())
+    assert trouble.modes[2] == ["AUTO", "GUIDED", "LAND"]  # not RTL, as without our heartbeat
+    assert report.ended == "ended"
+    assert not report.states[2].vehicle.armed
+    (staying,) = (text for text in ui.said if "uav2" in text and "heartbeat" in text)
+    assert "Ctrl-C" in staying
+    (how,) = (text for text in report.left if text.startswith("uav2"))
+    assert "in mode LAND" in how
+    evidence = [json.loads(text) for text in (tmp_path / "evidence.jsonl").read_text().splitlines()]
+    (down,) = (e for e in evidence if e["vehicle"] == "uav2" and e["what"].get("to") is False)
+    assert down["run_s"] > LANDS_AT_S
+
+
+def test_ctrl_c_leaves_who_was_let_go_in_the_air_and_orders_it_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trouble = taken((LANDS_AT_S, "LAND"))
+    play(trouble, monkeypatch)
+    ui = Ui()
+    report = fly(pair(), tmp_path, carry=interrupting(150.0), ui=ui)
+    assert report.ended == "stopped"
+    assert trouble.modes[2] == ["AUTO", "GUIDED"]
+    (left,) = (text for text in report.left if text.startswith("uav2"))
+    assert "in the air" in left
+    assert "heartbeats" in left
+    assert "failsafe" in left
+    assert not any("uav2" in text and text.startswith("stopping") for text in ui.said)
+
+
+def test_the_footer_says_what_ctrl_c_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ui = Ui()
+    play(taken((LANDS_AT_S, "LAND")), monkeypatch)
+    fly(pair(flight={"altitude_m": 15.0, "on_exit": "land"}), tmp_path, ui=ui)
+    footers = list(dict.fromkeys(picture.on_ctrl_c for picture in ui.pictures))
+    assert footers == ["leave", "hold, then land", "leave who was let go in the air"]
+
+
+def test_who_is_silent_is_lost_in_the_table_and_given_up_aloud(tmp_path: Path) -> None:
+    ui = Ui()
+    scenario = small(flight={"altitude_m": 15.0, "lost_timeout_s": 40.0})
+    report = fly(scenario, tmp_path, carry=silent(2, 25.0), ui=ui)
+    (said,) = (text for text in ui.said if text.startswith("uav2: given up"))
+    assert "40 s" in said
+    assert "may still be in the air" in said
+    (outcome,) = (v["outcome"] for v in report.summary["vehicles"] if v["name"] == "uav2")
+    assert outcome.startswith("lost")
+    assert "flying" not in list(flight_table(report.summary).columns[-1].cells)[1]
+    assert "lost" in next(text for text in report.left if text.startswith("uav2"))
+    (phase,) = (v["phase"] for v in report.summary["vehicles"] if v["name"] == "uav2")
+    assert phase == "lost"
+    lines = [line(row) for picture in ui.pictures for row in picture.rows if row.name == "uav2"]
+    (at_first, *_), (*_, at_last) = (text for text in lines if "link lost" in text), lines
+    assert at_first.startswith("uav2: lost, was flying AUTO, ")
+    assert at_last.startswith("uav2: given up, was flying AUTO, ")
+    console = Console(width=120, file=(page := io.StringIO()))
+    console.print(table(ui.pictures[-1], 120, 40))
+    (shown,) = (text for text in page.getvalue().splitlines() if text.split()[:1] == ["uav2"])
+    assert "given up" in shown
+    assert "flying" not in shown
+
+
+def test_the_map_shows_where_a_lost_vehicle_was_last_heard(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[MapPicture] = []
+    monkeypatch.setattr(outputs, "draw_map", lambda path, picture: drawn.append(picture))
+    scenario = small(flight={"altitude_m": 15.0, "lost_timeout_s": 40.0})
+    fly(scenario, tmp_path, carry=silent(2, 25.0))
+    assert [(track.outcome, track.is_lost) for track in drawn[0].tracks] == [
+        ("arrived", False), ("lost", True), ("arrived", False),
+    ]  # fmt: skip
+
+
+def arms(sysid: int) -> Callable[[Fleet], None]:
+    """Another station arms a vehicle, whatever its own checks say."""
+
+    def deed(fleet: Fleet) -> None:
+        station = mavlink.MAVLink(None, 200, 190)
+        arm = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+        message = station.command_long_encode(sysid, 1, arm, 0, 1, 21196, 0, 0, 0, 0, 0)
+        fleet.receive(message.pack(station), asyncio.get_running_loop().time(), peer="another station")
+
+    return deed
+
+
+def armed_early() -> Trouble:
+    """The second vehicle is, by another station, while the first is not ready yet."""
+    unfit = {"fault": "sensor_unhealthy", "params": {"sensor": "mag"}, "vehicles": [1], "for_s": 15.0}
+    return Trouble(faults=[unfit], deeds=[(10.0, arms(2))])
+
+
+def test_who_is_armed_by_somebody_else_before_the_launch_does_not_keep_the_others_on_the_ground(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    report, ui = suffer(armed_early(), tmp_path, monkeypatch, scenario=pair())
+    assert report.ended == "ended"
+    assert report.states[1].outcome == "arrived"
+    assert (report.states[2].phase, report.states[2].armed_seen) == ("released", False)
+    assert "uav2: standby → released (armed by somebody else, in mode GUIDED; let go)" in ui.said
+    assert any("compared but uav2, which somebody else has" in line for line in ui.said)
+
+
+def test_checks_alone_do_not_pass_one_that_somebody_else_has_armed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    play(armed_early(), monkeypatch)
+    report = fly(pair(), tmp_path, manner=Manner(launch="never"))
+    assert report.ended == "failed"
+    assert any(line.startswith("uav2") and "armed" in line for line in report.trouble)

@@ -1,0 +1,380 @@
+"""New weights in flight, the paper's sliders: what an agent makes of them, and a whole swarm."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from flights import Ui, small
+from mcap.reader import make_reader
+from rich.console import Console
+from test_agent import Story, orders
+
+from swarmctl.agent.state import Phase
+from swarmctl.bus.endpoint import BusEndpoint
+from swarmctl.bus.transports.memory import MemoryBus
+from swarmctl.config.scenario import Scenario
+from swarmctl.core import events as ev
+from swarmctl.core.exposure import exposure
+from swarmctl.core.messages import OperatorAnswer, SetWeights, VehicleAnswer
+from swarmctl.core.threat import FiringStrength
+from swarmctl.flight import app
+from swarmctl.flight.virtual_clock import run_virtual
+from swarmctl.planners import PLANNERS, method
+from swarmctl.report import outputs, record
+from swarmctl.report.answers import told
+from swarmctl.report.live_rows import Picture, line, row, table
+from swarmctl.report.outcome import Report
+from swarmctl.report.summary import MAX_WEIGHTS, Ledger
+from swarmctl.report.ui import Chatter, Steady
+from swarmctl.station import client
+
+STRONGER = FiringStrength(0.9, 0.8, 0.7)
+HOSTILE = (4, 3, True)
+"""in the way of the straight route along row 4"""
+
+
+def answer_to(effects: list[ev.Effect], command: int) -> VehicleAnswer:
+    (answer,) = (e for e in effects if isinstance(e, ev.Answer))
+    assert answer.command == command
+    return answer.answer
+
+
+def test_w_takes_effect_on_the_next_plan() -> None:
+    story = Story(w=0.0).flying()
+    story.hear(HOSTILE)
+    assert story.tick() == []  # the shortest route is still the shortest
+    answer = answer_to(story(ev.WeightsChanged(7, w=1.0)), 7)
+    assert (answer.uav, answer.outcome, answer.from_plan) == (1, "taken", 2)
+    swap = story.swap()
+    assert swap.plan_id == 2
+    assert (4, 3) not in swap.cells
+    assert swap.cost == pytest.approx(swap.exposure_sum)  # Eq. 5 at w = 1
+    story.accept()
+    assert story.state.replans == 1
+
+
+def test_firing_strengths_take_effect_on_the_next_plan() -> None:
+    story = Story().flying()
+    story(ev.WeightsChanged(1, strength=STRONGER))
+    story.tick()
+    assert story.state.exposure is not None
+    expected = exposure(story.state.belief.occupancy(), STRONGER)
+    assert story.state.exposure == pytest.approx(expected)
+    assert story.state.w == 0.5
+
+
+def test_what_a_command_leaves_out_stays_as_it_was_changed_before() -> None:
+    story = Story().flying()
+    story(ev.WeightsChanged(1, w=0.2))
+    story(ev.WeightsChanged(2, strength=STRONGER))
+    assert (story.state.w, story.state.strength) == (0.2, STRONGER)
+
+
+def test_what_it_began_with_and_psi_stay() -> None:
+    story = Story().flying()
+    before = story.state.task
+    story(ev.WeightsChanged(1, w=0.2, strength=STRONGER))
+    story.tick()
+    assert story.state.task is before
+
+
+def test_a_plan_under_way_is_not_called_back_and_the_next_one_has_the_new_weights() -> None:
+    story = Story(w=0.5).flying()
+    story.hear(HOSTILE)
+    assert story.swap().plan_id == 2
+    answer = answer_to(story(ev.WeightsChanged(1, w=0.0)), 1)
+    assert answer.from_plan == 3
+    assert story.tick() == []
+    story.accept()
+    story.now += 2.0
+    story.over((4, 0))  # it has followed meanwhile
+    swap = story.swap()
+    assert swap.plan_id == 3
+    assert swap.length_m == 8 * 50.0
+
+
+def test_exposure_flown_is_counted_as_it_was_believed_at_the_decision() -> None:
+    story = Story().flying()
+    assert story.state.exposure is not None
+    at_decision = float(story.state.exposure[4, 1])
+    story(ev.WeightsChanged(1, strength=STRONGER))  # and no decision since
+    story.over((4, 1))
+    assert story.state.flown_exposure == pytest.approx(at_decision)
+
+
+def test_weights_that_change_no_route_swap_no_mission() -> None:
+    story = Story().flying()
+    story(ev.WeightsChanged(1, w=0.4))
+    searches = story.state.searches
+    assert story.tick() == []
+    assert story.state.searches == searches + 1
+
+
+def test_weights_that_it_has_already_are_said_to_be_and_bring_no_plan() -> None:
+    story = Story(w=0.5).flying()
+    searches = story.state.searches
+    answer = answer_to(story(ev.WeightsChanged(1, w=0.5)), 1)
+    assert (answer.outcome, answer.note) == (
+        "taken",
+        "it has these already, and does not plan again for them",
+    )
+    assert story.tick() == []
+    assert story.state.searches == searches
+
+
+def test_before_the_launch_the_mission_is_uploaded_again() -> None:
+    story = Story(w=0.0)
+    story.hear(HOSTILE)
+    story(ev.Ready())
+    story.swap()
+    story.accept()
+    assert story.state.phase is Phase.STANDBY
+    assert answer_to(story(ev.WeightsChanged(1, w=1.0)), 1).from_plan == 2
+    assert (4, 3) not in story.swap().cells
+    assert orders(story.accept()) == []
+    assert story.state.phase is Phase.STANDBY
+
+
+@pytest.mark.parametrize("name", [name for name, planner in PLANNERS.items() if not planner.USES_W])
+def test_a_planner_that_does_not_go_by_w_is_no_place_to_change_it(name: str) -> None:
+    story = Story(method=method(name, PLANNERS[name], {})).flying()
+    before = story.state
+    for strength in (None, STRONGER):
+        answer = answer_to(story(ev.WeightsChanged(3, w=0.2, strength=strength)), 3)
+        assert (answer.outcome, answer.note) == (
+            "refused", f"its planner, {name}, does not go by w; give firing strengths alone",
+        )  # fmt: skip
+        assert told(0.2, strength, answer) == f"uav1: not changed: {answer.note}"
+        assert story.state == before
+    assert answer_to(story(ev.WeightsChanged(4, strength=STRONGER)), 4).outcome == "taken"
+
+
+def test_while_the_link_is_lost_it_is_taken_and_said_to_wait() -> None:
+    story = Story().flying()
+    story(ev.LinkLost(4.0))
+    answer = answer_to(story(ev.WeightsChanged(1, w=1.0)), 1)
+    assert answer.outcome == "taken"
+    assert "link is lost" in answer.note
+    assert story.tick() == []
+    story(ev.LinkRestored())
+    searches = story.state.searches
+    story.tick()
+    assert story.state.searches == searches + 1
+
+
+def arrived(story: Story) -> None:
+    story.over((4, 8))
+    story.over((4, 8), armed=False)
+
+
+@pytest.mark.parametrize(
+    ("what_happens", "phase", "why"),
+    [
+        (lambda s: s.over((4, 8)), "landing", "landing"),
+        (arrived, "done", "arrived"),
+        (lambda s: s(ev.OperatorCommand(ev.Order.HOLD)), "holding", "hold ordered"),
+        (lambda s: s(ev.OperatorCommand(ev.Order.RETURN)), "leaving", "return ordered"),
+        (lambda s: s.over((4, 1), mode="LOITER", mode_role="other"), "released", "let go"),
+    ],
+    ids=["landing", "arrived", "holding", "returning", "taken over by a pilot"],
+)
+def test_a_vehicle_that_plans_no_more_ignores_it_and_says_why(
+    what_happens: Any, phase: str, why: str
+) -> None:
+    story = Story().flying()
+    what_happens(story)
+    assert story.state.phase == phase
+    before = story.state
+    answer = answer_to(story(ev.WeightsChanged(1, w=1.0)), 1)
+    assert (answer.outcome, answer.from_plan) == ("over", None)
+    assert why in answer.note
+    assert story.state is before
+
+
+# --- what a person sees
+
+
+def test_a_line_says_what_was_changed_and_from_which_plan_on() -> None:
+    taken = VehicleAnswer(3, "uav3", "taken", 5)
+    assert told(0.2, None, taken) == "uav3: w = 0.2 from plan 5 on"
+    strengths = "firing strengths 0.9, 0.8, 0.7"
+    assert told(None, STRONGER, taken) == f"uav3: {strengths} from plan 5 on"
+    assert told(0.2, STRONGER, taken) == f"uav3: w = 0.2 and {strengths} from plan 5 on"
+    over = VehicleAnswer(3, "uav3", "over", note="it plans no more: done, arrived")
+    assert told(0.2, None, over) == "uav3: not changed: it plans no more: done, arrived"
+
+
+def test_a_vehicle_shows_its_weights_once_they_are_not_those_of_the_configuration() -> None:
+    story = Story().flying()
+    assert ", w " not in line(row(story.state, 0.0))
+    story(ev.WeightsChanged(1, w=0.2))
+    assert ", w 0.2" in line(row(story.state, 0.0))
+    story(ev.WeightsChanged(1, strength=STRONGER))
+    assert ", w 0.2; 0.9/0.8/0.7" in line(row(story.state, 0.0))
+
+
+def shown(story: Story) -> str:
+    console = Console(width=100)
+    with console.capture() as capture:
+        console.print(table(Picture("small", 1.0, None, [row(story.state, 0.0)]), 100, 30))
+    return capture.get()
+
+
+def test_the_live_table_has_a_column_for_them_from_then_on() -> None:
+    story = Story().flying()
+    assert "new w" not in shown(story)
+    story(ev.WeightsChanged(1, w=0.25))
+    assert "new w" in shown(story)
+    assert "0.25" in shown(story)
+
+
+def after(story: Story, event: ev.Event) -> tuple[Any, ...]:
+    """What an observer is told of one event."""
+    before = story.state
+    effects = story(event)
+    return before, event, story.state, effects, 0.0
+
+
+def test_a_change_that_changes_nothing_is_neither_announced_nor_kept() -> None:
+    story, ui, ledger = Story(w=0.5).flying(), Ui(), Ledger()
+    chatter = Chatter(Steady(ui), {1: "uav1"})
+    for w in (0.2, 0.2, 0.2, 0.5):
+        told_of = after(story, ev.WeightsChanged(1, w=w))
+        chatter.folded(*told_of)
+        ledger.folded(*told_of)
+    assert ui.said == ["uav1: w = 0.2 from plan 2 on", "uav1: w = 0.5 from plan 2 on"]
+    assert [w for _, _, w, _ in ledger.vehicles[1].weights] == [0.2, 0.5]
+    assert ledger.vehicles[1].weight_changes == 2
+
+
+def test_a_change_that_is_not_taken_is_announced() -> None:
+    story, ui = Story().flying(), Ui()
+    arrived(story)
+    Chatter(Steady(ui), {1: "uav1"}).folded(*after(story, ev.WeightsChanged(1, w=0.2)))
+    assert ui.said == ["uav1: not changed: it plans no more: done, arrived"]
+
+
+def test_of_very_many_changes_the_last_are_kept_and_all_are_counted() -> None:
+    story, ledger = Story().flying(), Ledger()
+    for n in range(MAX_WEIGHTS + 7):
+        ledger.folded(*after(story, ev.WeightsChanged(n, w=n / 1000)))
+    kept = ledger.vehicles[1].weights
+    assert [w for _, _, w, _ in kept] == [n / 1000 for n in range(7, MAX_WEIGHTS + 7)]
+    assert ledger.vehicles[1].weight_changes == MAX_WEIGHTS + 7
+
+
+# --- a whole swarm
+
+
+STATION = client.Station("small", BusEndpoint("127.0.0.1", 7447))
+
+
+@dataclass
+class Flown:
+    scenario: Scenario
+    folder: Path
+    report: Report
+    answer: OperatorAnswer
+    ui: Ui
+
+    def swaps(self, uav: int) -> list[dict[str, Any]]:
+        """Every plan of a vehicle, in order."""
+        with (self.folder / "run.mcap").open("rb") as file:
+            topics = [f"/uav{uav}/effect/SwapMission"]
+            return [json.loads(m.data)["effect"] for _, _, m in make_reader(file).iter_messages(topics)]
+
+
+def fly_and_set(folder: Path, command: SetWeights, *, at_s: float, **sections: object) -> Flown:
+    scenario, ui = small(**sections), Ui()
+
+    async def scene() -> tuple[Report, OperatorAnswer]:
+        bus = MemoryBus()
+        flight = asyncio.create_task(
+            app.fly(scenario, folder, ui, clock="virtual", permission=lambda _: None, bus=bus)
+        )
+        await asyncio.sleep(at_s)
+        answer = await client.ask(bus, STATION, command)
+        return await flight, answer
+
+    report, answer = run_virtual(scene())
+    if report.bug is not None:
+        raise report.bug
+    outputs.write_run(folder, scenario, report)
+    return Flown(scenario, folder, report, answer, ui)
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Flown:
+    """Three vehicles on their shortest ways, of which the first two are told in flight to keep safe."""
+    command = SetWeights((1, 2), w=1.0)
+    return fly_and_set(tmp_path_factory.mktemp("set"), command, at_s=30.0, planner={"w": 0.0})
+
+
+@pytest.mark.virtual
+def test_the_routes_change_from_the_plan_on_that_was_answered(flown: Flown) -> None:
+    psi = flown.scenario.psi_per_cell
+    from_plan = {v.uav: v.from_plan for v in flown.answer.vehicles}
+    assert sorted(from_plan) == [1, 2]
+    assert {v.outcome for v in flown.answer.vehicles} == {"taken"}
+    changed = 0
+    for uav in (1, 2, 3):
+        for swap in flown.swaps(uav):
+            if swap["plan_id"] >= from_plan.get(uav, math.inf):
+                assert swap["cost"] == pytest.approx(swap["exposure_sum"])  # Eq. 5 at w = 1
+                changed += 1
+            else:
+                assert swap["cost"] == pytest.approx(psi * swap["length_m"] / 50.0)  # Eq. 5 at w = 0
+    assert changed > 0
+    assert flown.report.all_arrived
+
+
+@pytest.mark.virtual
+def test_a_vehicle_that_was_not_named_keeps_its_weights(flown: Flown) -> None:
+    assert [s.w for s in flown.report.states.values()] == [1.0, 1.0, 0.0]
+
+
+@pytest.mark.virtual
+def test_the_same_is_decided_when_a_record_with_a_command_is_folded_again(flown: Flown) -> None:
+    verdict = record.replay(flown.folder / "run.mcap")
+    assert verdict.difference == ""
+    assert verdict.effects > 100
+
+
+@pytest.mark.virtual
+def test_the_summary_has_the_history_of_the_weights(flown: Flown) -> None:
+    summary = json.loads((flown.folder / "summary.json").read_text())
+    assert summary["operator_commands"] == {"passed_on": 1, "refused": 0}
+    first, _, third = (v["weights"] for v in summary["vehicles"])
+    strengths = {"direct": 0.6, "first_neighbour": 0.3, "second_neighbour": 0.1}
+    began_with = {"flight_time_s": None, "from_plan": 1, "w": 0.0, "firing_strength": strengths}
+    assert third == [began_with]
+    assert first[0] == began_with
+    assert first[1]["w"] == 1.0
+    assert [v["weight_changes"] for v in summary["vehicles"]] == [1, 1, 0]
+    assert first[1]["from_plan"] == flown.answer.vehicles[0].from_plan
+    assert 0.0 < first[1]["flight_time_s"] < 30.0
+    assert summary["psi_per_cell"] == flown.scenario.psi_per_cell
+
+
+@pytest.mark.virtual
+def test_the_change_is_shown(flown: Flown) -> None:
+    plan = flown.answer.vehicles[0].from_plan
+    assert f"uav1: w = 1 from plan {plan} on" in flown.ui.said
+    assert [r.weights for r in flown.ui.pictures[-1].rows] == ["1", "1", ""]
+
+
+@pytest.mark.virtual
+def test_all_are_changed_by_one_command_and_those_that_have_arrived_are_named(tmp_path: Path) -> None:
+    command = SetWeights(None, w=0.9)
+    late = fly_and_set(
+        tmp_path, command, at_s=110.0, simulate={"count": 2, "ready_s": 3.0, "delay_step_s": 60.0}
+    )
+    assert [v.outcome for v in late.answer.vehicles] == ["over", "taken"]
+    assert not client.has_failed(command, late.answer)
+    assert client.has_failed(SetWeights((1, 2), w=0.9), late.answer)

@@ -1,0 +1,233 @@
+"""A run's evidence on disk, and `swarmctl audit` over it, as a person meets it."""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from typer.testing import CliRunner, Result
+
+from swarmctl.cli.main import cli
+from swarmctl.report.evidence.book import FILE, Book
+from swarmctl.report.evidence.chain import canonical, check, sha256
+from swarmctl.report.evidence.hooks import Evidence
+from swarmctl.security.evidence_keys import witness
+from swarmctl.security.files import KeyringError
+from swarmctl.security.issue import make
+
+ARM = mavlink.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
+HOLD = mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 4, 0, 0, 0, 0, 0)
+ACK = mavlink.MAVLink_command_ack_message(400, 0)
+
+
+def audit(*words: str | Path) -> Result:
+    return CliRunner().invoke(cli, ["audit", *map(str, words)])
+
+
+class Run:
+    """A run folder in which evidence is kept."""
+
+    def __init__(self, folder: Path) -> None:
+        self.said: list[str] = []
+        self.file = folder / FILE
+        self.now_s = 0.0
+        self.book = Book(
+            self.file,
+            {"run": "test", "program": "swarmctl 0", "configuration_sha256": "00"},
+            unix_s=lambda: 1_700_000_000.0 + self.now_s,
+            run_s=lambda: self.now_s,
+            say=self.said.append,
+        )
+        self.evidence = Evidence(self.book, {1: "alpha"})
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Iterator[Run]:
+    made = Run(tmp_path)
+    yield made
+    made.evidence.close()
+
+
+def test_an_entry_is_in_the_file_before_the_message_leaves(run: Run) -> None:
+    assert run.evidence.to_vehicle(1, ARM)
+    last = json.loads(run.file.read_bytes().splitlines()[-1])
+    assert (last["vehicle"], last["kind"], last["what"]["command"]) == (
+        "alpha", "command", "COMPONENT_ARM_DISARM",
+    )  # fmt: skip
+
+
+def test_a_whole_run_is_called_whole_and_its_final_hash_is_told(run: Run, tmp_path: Path) -> None:
+    run.evidence.to_vehicle(1, ARM)
+    run.evidence.from_vehicle(1, ACK)
+    run.evidence.waived("alpha", "gps", "indoors")
+    run.evidence.operator("end of the flight", by="signal")
+    run.evidence.close()
+    run.evidence.close()
+    final = json.loads(run.file.read_bytes().splitlines()[-1])["hash"]
+    result = audit(tmp_path)
+    assert result.exit_code == 0, result.output
+    assert f"whole: 6 entries; the final hash is {final}" in result.output
+    assert "it is not signed" in result.output
+    row = next(line for line in result.output.splitlines() if "COMPONENT_ARM_DISARM" in line)
+    assert [part.strip() for part in row.strip("│").split("│")][:4] == [
+        "alpha", "COMPONENT_ARM_DISARM", "1", "ACCEPTED",
+    ]  # fmt: skip
+    assert "waiver" in result.output
+    assert "check gps, because indoors" in result.output
+    assert "asks end of the flight, by signal" in result.output
+
+
+def test_a_changed_line_is_named_with_what_was_expected(run: Run, tmp_path: Path) -> None:
+    run.evidence.to_vehicle(1, HOLD)
+    run.evidence.to_vehicle(1, ARM)
+    run.evidence.close()
+    run.file.write_bytes(run.file.read_bytes().replace(b'"param2":4', b'"param2":5'))
+    result = audit(run.file)
+    assert result.exit_code == 1
+    assert f"{run.file}:2: the chain is broken here: found the hash " in result.stderr
+    assert "expected" in result.stderr
+    assert "only the 1 lines before it" in result.stderr
+
+
+def test_a_process_that_died_leaves_a_chain_that_is_not_closed(run: Run, tmp_path: Path) -> None:
+    run.evidence.to_vehicle(1, ARM)
+    result = audit(tmp_path)
+    assert result.exit_code == 1
+    assert "not closed: the process died or lines were cut" in result.stderr
+
+
+def test_who_dies_amid_an_upload_leaves_the_items_until_its_last_heartbeat(
+    run: Run,
+) -> None:
+    def item(seq: int) -> mavlink.MAVLink_message:
+        return mavlink.MAVLink_mission_item_int_message(
+            1, 1, seq, 6, 16, 0, 1, 0, 0, 0, 0, 460_000_000, seq, 2.0
+        )
+
+    run.evidence.to_vehicle(1, mavlink.MAVLink_mission_count_message(1, 1, 9))
+    for seq in range(5):
+        run.evidence.to_vehicle(1, item(seq))
+    run.evidence.to_vehicle(0, mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+    run.evidence.to_vehicle(1, item(5))
+    lines = [json.loads(line) for line in run.file.read_bytes().splitlines()]
+    assert [line["what"].get("message") for line in lines] == [None, "MISSION_COUNT", "MISSION_ITEM_INT"]
+    assert (lines[-1]["vehicle"], lines[-1]["what"]["items"], lines[-1]["what"]["of"]) == ("alpha", 5, 9)
+    shown = audit(run.file, "--all").output
+    assert "items 5, of 9" in shown
+    row = next(line for line in shown.splitlines() if "│ MISSION_ITEM_INT" in line)
+    assert [part.strip() for part in row.strip("│").split("│")][:6] == [
+        "alpha", "MISSION_ITEM_INT", "1", "", "", "1",
+    ]  # fmt: skip
+
+
+def test_the_items_of_another_station_are_told_as_its(run: Run) -> None:
+    point = mavlink.MAVLink_mission_item_int_message(
+        1, 1, 0, 6, 16, 0, 1, 0, 0, 0, 0, 460_000_000, 145_000_000, 2.0
+    )
+    run.evidence.to_vehicle(1, point, "station 252")
+    run.evidence.to_vehicle(1, mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3), "station 252")
+    assert len(run.file.read_bytes().splitlines()) == 1, "what it says of itself is no clock of ours"
+    for _ in range(2):
+        run.evidence.to_vehicle(0, mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+    (_opened, line) = [json.loads(line) for line in run.file.read_bytes().splitlines()]
+    assert (line["what"]["items"], line["what"]["by"]) == (1, "station 252")
+
+
+def test_answers_to_partial_lists_are_told_with_a_heartbeat_and_the_last_at_the_end(run: Run) -> None:
+    def told() -> list[tuple[str, int | None]]:
+        lines = [json.loads(line) for line in run.file.read_bytes().splitlines()]
+        return [(line["what"].get("message", line["kind"]), line["what"].get("times")) for line in lines[1:]]
+
+    announced = mavlink.MAVLink_mission_write_partial_list_message(1, 1, 7, 7)
+    point = mavlink.MAVLink_mission_item_int_message(1, 1, 7, 6, 16, 0, 1, 0, 0, 0, 0, 1, 1, 2.0)
+    for message in (announced, point):
+        run.evidence.to_vehicle(1, message)
+    beat = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
+    run.evidence.to_vehicle(0, beat)
+    run.evidence.from_vehicle(1, mavlink.MAVLink_mission_ack_message(255, 190, 0))
+    sent = [("MISSION_WRITE_PARTIAL_LIST", None), ("MISSION_ITEM_INT", None)]
+    assert told() == sent
+    run.evidence.to_vehicle(0, beat)
+    assert told() == [*sent, ("MISSION_ACK", 1)]
+    run.evidence.from_vehicle(1, mavlink.MAVLink_mission_ack_message(255, 190, 1))
+    run.evidence.close()
+    assert told() == [*sent, ("MISSION_ACK", 1), ("MISSION_ACK", 1), ("closed", None)]
+
+
+def test_without_evidence_the_usage_is_told(tmp_path: Path) -> None:
+    result = audit(tmp_path)
+    assert result.exit_code == 2
+    assert "there is no evidence" in result.stderr
+
+
+def test_evidence_is_never_written_over(run: Run, tmp_path: Path) -> None:
+    with pytest.raises(FileExistsError):
+        Run(tmp_path)
+
+
+def test_nothing_is_armed_that_cannot_be_recorded_and_what_flies_is_commanded_on(run: Run) -> None:
+    full = os.open("/dev/full", os.O_WRONLY)
+    os.dup2(full, run.book._file.fileno())
+    os.close(full)
+    assert run.evidence.to_vehicle(1, HOLD)
+    assert not run.evidence.to_vehicle(1, ARM)
+    assert len(run.said) == 1
+    assert "no vehicle is armed any more" in run.said[0]
+    run.evidence.close()
+
+
+class TestSigned:
+    @pytest.fixture
+    def keys(self, tmp_path: Path) -> Path:
+        make(tmp_path / "keys", ["operator", "uav1"], 30, dt.datetime.now(dt.UTC))
+        return tmp_path / "keys"
+
+    def test_a_signature_tells_whose_it_is(self, run: Run, keys: Path) -> None:
+        run.evidence.to_vehicle(1, ARM)
+        run.evidence.close(witness(keys, "operator"))
+        without = audit(run.file)
+        assert without.exit_code == 0
+        assert "signed by operator" in without.output
+        assert "anybody can make a key" in without.output
+        assert audit(run.file, "--keys", keys).exit_code == 0
+
+    def test_where_keys_are_asked_for_evidence_without_a_signature_is_refused(
+        self, run: Run, keys: Path
+    ) -> None:
+        run.evidence.close()
+        result = audit(run.file, "--keys", keys)
+        assert result.exit_code == 1
+        assert "it is not signed, expected the signature of a key of" in result.stderr
+
+    def test_a_stranger_s_signature_is_not_the_operators(self, run: Run, keys: Path, tmp_path: Path) -> None:
+        make(tmp_path / "other", ["operator"], 30, dt.datetime.now(dt.UTC))
+        run.evidence.close(witness(tmp_path / "other", "operator"))
+        result = audit(run.file, "--keys", keys)
+        assert result.exit_code == 1
+        assert "which is not operator's key of" in result.stderr
+
+    def test_a_chain_written_anew_does_not_fit_its_signature(self, run: Run, keys: Path) -> None:
+        run.evidence.to_vehicle(1, HOLD)
+        run.evidence.close(witness(keys, "operator"))
+        forged, previous = [], "0" * 64
+        for line in run.file.read_bytes().replace(b'"param2":4', b'"param2":5').splitlines():
+            entry = json.loads(line)
+            del entry["hash"]
+            entry["previous"] = previous
+            previous = sha256(canonical(entry))
+            forged.append(canonical({**entry, "hash": previous}) + b"\n")
+        assert check(forged).closing is not None
+        run.file.write_bytes(b"".join(forged))
+        result = audit(run.file)
+        assert result.exit_code == 1
+        assert "the signature by operator does not hold" in result.stderr
+
+    def test_a_key_that_others_can_read_is_not_used(self, keys: Path) -> None:
+        (keys / "operator" / "sign.pem").chmod(0o644)
+        with pytest.raises(KeyringError, match="can be read by others"):
+            witness(keys, "operator")

@@ -1,0 +1,198 @@
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.image import imread
+from matplotlib.text import Text
+from numpy.typing import NDArray
+
+from swarmctl.core.belief import CLEAR, OCCUPIED, UNKNOWN
+from swarmctl.core.grid import Cell, Grid
+from swarmctl.report.pictures import MapPicture, PlannedTrack, VehicleTrack, draw_map, figure_of
+
+
+def picture(n_vehicles: int = 2, rows: int = 20, cols: int = 20, **changes: object) -> MapPicture:
+    """Hostiles at (15, 5), which was found, and (15, 15), which was not; the west half was seen."""
+    grid = Grid(rows, cols, 50.0, 47.4, 8.5)
+    known = np.full((rows, cols), UNKNOWN, dtype=np.int8)
+    known[:, : cols // 2] = CLEAR
+    known[15 * rows // 20, 5 * cols // 20] = OCCUPIED
+    tracks = []
+    for index in range(n_vehicles):
+        row = index * (rows // 2) // n_vehicles
+        start = grid.frame.to_geodetic(-60.0, (row + 0.5) * 50.0)
+        line = [start, grid.centre((row, 0)), grid.centre((row, cols - 1))]
+        tracks.append(
+            VehicleTrack(
+                name=f"uav{index + 1}",
+                start=start,
+                goal_cells=[(row, cols - 1)],
+                planned=[PlannedTrack("first route", line)],
+                flown=line,
+                strikes=[grid.centre((row, min(3, cols - 1)))],
+                outcome="landed, 1 strike",
+            )
+        )
+    hostiles = frozenset({(15 * rows // 20, 5 * cols // 20), (15 * rows // 20, 15 * cols // 20)})
+    made = MapPicture(
+        grid, hostiles, known, tracks, "First flight", f"{n_vehicles} vehicles · w = 0.5 · seed 7"
+    )
+    return dataclasses.replace(made, **changes)
+
+
+def cell_pixels(path: Path, shown: MapPicture, cell: Cell) -> NDArray[np.int64]:
+    """The pixels of a cell without its rim, (n, n, 3), 0 to 255."""
+    pixels = np.asarray(np.round(imread(path)[..., :3] * 255), dtype=np.int64)
+    to_pixels = figure_of(shown).axes[0].transData.transform
+    size, (row, col) = shown.grid.cell_size_m, cell
+    left, below = to_pixels(((col + 0.2) * size, (row + 0.2) * size))
+    right, above = to_pixels(((col + 0.8) * size, (row + 0.8) * size))
+    high = pixels.shape[0]
+    return pixels[round(high - above) : round(high - below), round(left) : round(right)]
+
+
+def is_grey(colour: NDArray[np.int64]) -> bool:
+    return bool(np.ptp(colour) == 0 and 0 < colour[0] < 255)
+
+
+def test_cells_are_shaded_as_in_figure_8(tmp_path: Path) -> None:
+    shown = picture()
+    draw_map(tmp_path / "map.png", shown)
+
+    def pixels(cell: Cell) -> NDArray[np.int64]:
+        return cell_pixels(tmp_path / "map.png", shown, cell)
+
+    found, not_found = pixels((15, 5)), pixels((15, 15))
+    assert is_grey(found[0, 0])
+    assert (found == found[0, 0]).all()
+    assert is_grey(not_found[0, 0])
+    assert (not_found == not_found[0, 0]).all()
+    assert found[0, 0, 0] < not_found[0, 0, 0]  # what was not found is drawn fainter
+    assert (pixels((12, 5)) == 255).all()  # white: seen, no threat
+    for first_neighbour in ((14, 5), (16, 5), (15, 4), (15, 6)):
+        rows_of_pixels = pixels(first_neighbour)
+        assert (rows_of_pixels == rows_of_pixels[:, :1]).all()  # level lines: nothing changes along a row
+        assert np.ptp(rows_of_pixels[:, 0, 0]) > 0
+    for second_neighbour in ((14, 4), (14, 6), (16, 4), (16, 6)):
+        columns_of_pixels = pixels(second_neighbour)
+        assert (columns_of_pixels == columns_of_pixels[:1]).all()
+        assert np.ptp(columns_of_pixels[0, :, 0]) > 0
+
+
+def test_what_nobody_saw_is_tinted(tmp_path: Path) -> None:
+    shown = picture()
+    draw_map(tmp_path / "map.png", shown)
+    unseen = cell_pixels(tmp_path / "map.png", shown, (12, 12))
+    assert (unseen == unseen[0, 0]).all()
+    assert not (unseen == 255).all()
+
+
+def test_without_the_truth_only_what_was_found_is_shaded(tmp_path: Path) -> None:
+    shown = picture(hostiles=None)
+    draw_map(tmp_path / "map.png", shown)
+    assert is_grey(cell_pixels(tmp_path / "map.png", shown, (15, 5))[0, 0])
+    unseen = cell_pixels(tmp_path / "map.png", shown, (12, 12))
+    assert (cell_pixels(tmp_path / "map.png", shown, (15, 15))[:5, :5] == unseen[:5, :5]).all()
+
+
+def test_equal_pictures_give_equal_bytes(tmp_path: Path) -> None:
+    draw_map(tmp_path / "one.png", picture())
+    draw_map(tmp_path / "two.png", picture())
+    draw_map(tmp_path / "other.png", picture(title="Second flight"))
+    one = (tmp_path / "one.png").read_bytes()
+    assert one == (tmp_path / "two.png").read_bytes()
+    assert one != (tmp_path / "other.png").read_bytes()
+
+
+SIZES = [(1, 20, 20), (5, 20, 20), (20, 20, 20), (40, 20, 20), (3, 2, 40), (3, 40, 2), (20, 100, 100)]
+
+
+def texts_of(axes: Axes) -> list[Text]:
+    return [text for text in axes.texts if text.get_text()]
+
+
+@pytest.mark.parametrize(("n_vehicles", "rows", "cols"), SIZES)
+def test_the_key_lies_outside_the_map_and_nothing_in_it_overlaps_or_is_cut_off(
+    n_vehicles: int, rows: int, cols: int
+) -> None:
+    figure = figure_of(picture(n_vehicles, rows, cols))
+    figure.draw_without_rendering()
+    chart, *keys = figure.axes
+    map_box = chart.get_window_extent()
+    assert keys
+    boxes = [text.get_window_extent() for key in keys for text in texts_of(key)]
+    boxes += [text.get_window_extent() for text in figure.texts]
+    wide, high = figure.bbox.width, figure.bbox.height
+    for index, box in enumerate(boxes):
+        assert not box.overlaps(map_box)
+        assert 0 <= box.x0 <= box.x1 <= wide
+        assert 0 <= box.y0 <= box.y1 <= high
+        assert not any(box.overlaps(other) for other in boxes[:index])
+
+
+def test_the_key_names_every_vehicle_and_only_what_is_on_the_map() -> None:
+    def said(shown: MapPicture) -> set[str]:
+        return {text.get_text() for key in figure_of(shown).axes[1:] for text in texts_of(key)}
+
+    everything = said(picture())
+    assert {"uav1   landed, 1 strike", "uav2   landed, 1 strike", "strike (2)", "first route"} <= everything
+    assert {"hostile, found (1)", "hostile, not found (1)", "never seen (200 cells)"} <= everything
+    bare = said(picture(n_vehicles=0, hostiles=frozenset(), known=np.zeros((20, 20), dtype=np.int8)))
+    assert not [words for words in bare if "hostile" in words or "strike" in words or "never" in words]
+    assert "and 11 more" in said(picture(n_vehicles=40))
+
+
+def test_a_cell_wrongly_taken_for_a_hostile_is_outlined_and_in_the_key() -> None:
+    shown = picture()
+    known = shown.known.copy()
+    known[3, 3] = OCCUPIED
+    mistaken = figure_of(dataclasses.replace(shown, known=known))
+    said = {text.get_text() for key in mistaken.axes[1:] for text in texts_of(key)}
+    assert {"hostile, found (1)", "hostile, not found (1)", "false alarm believed (1)"} <= said
+    assert len(mistaken.axes[0].patches) == len(figure_of(shown).axes[0].patches) + 1
+
+
+def test_the_flown_track_runs_over_the_cells_it_covered(tmp_path: Path) -> None:
+    shown = picture(n_vehicles=1)
+    draw_map(tmp_path / "map.png", shown)
+    pixels = cell_pixels(tmp_path / "map.png", shown, (0, 10))
+    middle, edge = pixels[pixels.shape[0] // 2], pixels[0]
+    assert (middle == (0, 0x72, 0xB2)).all()
+    assert not (edge == (0, 0x72, 0xB2)).all(axis=-1).any()
+
+
+def test_of_a_lost_vehicle_the_end_of_its_track_is_where_it_was_last_heard() -> None:
+    shown = picture(n_vehicles=2)
+
+    def drawn(*lost: bool) -> tuple[set[str], list[bool]]:
+        tracks = [
+            dataclasses.replace(track, is_lost=is_lost)
+            for track, is_lost in zip(shown.tracks, lost, strict=True)
+        ]
+        chart, *keys = figure_of(dataclasses.replace(shown, tracks=tracks)).axes
+        ends = [line for line in chart.lines if line.get_marker() == "s"]
+        said = {text.get_text() for key in keys for text in texts_of(key)}
+        return said & {"where it ended", "last heard here"}, [
+            line.get_markerfacecolor() == "white" for line in ends
+        ]
+
+    assert drawn(False, False) == ({"where it ended"}, [False, False])
+    assert drawn(False, True) == ({"where it ended", "last heard here"}, [False, True])
+    assert drawn(True, True) == ({"last heard here"}, [True, True])
+
+
+def test_vehicles_that_start_in_one_place_keep_their_numbers_apart() -> None:
+    shown = picture(n_vehicles=6)
+    start = shown.tracks[0].start
+    together = [dataclasses.replace(track, start=start) for track in shown.tracks]
+    chart = figure_of(dataclasses.replace(shown, tracks=together)).axes[0]
+    at = chart.transData.transform([text.get_position() for text in texts_of(chart)])
+    gaps = np.hypot(*(at[:, None] - at[None, :]).transpose(2, 0, 1))[~np.eye(6, dtype=bool)]
+    assert gaps.min() > 0.9 * 11.5 / 72.0 * 160.0
+
+
+def test_knowledge_of_another_area_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"shape \(3, 3\) for an area of \(20, 20\)"):
+        draw_map(tmp_path / "map.png", picture(known=np.zeros((3, 3), dtype=np.int8)))

@@ -1,0 +1,364 @@
+"""Keys of a swarm: made once, added to, loaded whole or refused with what to do."""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+import os
+import shutil
+import stat
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from swarmctl.cli import check as check_command
+from swarmctl.cli import keys as keys_command
+from swarmctl.cli import router as router_command
+from swarmctl.security import inspection
+from swarmctl.security.files import KeyringError
+from swarmctl.security.issue import make
+from swarmctl.security.participant import load
+
+NOW = dt.datetime(2030, 5, 1, 12, 0, tzinfo=dt.UTC)
+NAMES = ["uav1", "uav3", "operator", "router"]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    made = tmp_path / "keys"
+    make(made, NAMES, 30, NOW, {"router": ["10.0.0.7", "ground.example"]})
+    return made
+
+
+def test_each_participant_has_a_folder_and_private_keys_are_its_owners_alone(folder: Path) -> None:
+    assert sorted(path.name for path in folder.iterdir()) == sorted([*NAMES, "ca"])
+    for name in NAMES:
+        files = {path.name: stat.S_IMODE(path.stat().st_mode) for path in (folder / name).iterdir()}
+        assert set(files) == {"ca.pem", "cert.pem", "key.pem", "sign.pem", "signers.json"}
+        assert files["key.pem"] == files["sign.pem"] == 0o600
+        assert load(folder, name, NOW).name == name
+    assert stat.S_IMODE((folder / "ca" / "key.pem").stat().st_mode) == 0o600
+    assert not list(folder.rglob(".*"))
+
+
+def test_a_wide_umask_opens_no_key(tmp_path: Path) -> None:
+    before = os.umask(0)
+    try:
+        make(tmp_path / "keys", ["uav1"], 1, NOW)
+    finally:
+        os.umask(before)
+    assert load(tmp_path / "keys", "uav1", NOW).name == "uav1"
+
+
+def test_what_one_signs_all_others_verify_as_his_and_nobody_elses(folder: Path) -> None:
+    three, router = load(folder, "uav3", NOW), load(folder, "router", NOW)
+    signature = three.sign(3, b"said")
+    assert signature is not None
+    assert len(signature) == 64
+    assert router.verify(3, signature, b"said")
+    assert not router.verify(1, signature, b"said")
+    assert not router.verify(3, signature, b"not said")
+    assert not router.verify(3, b"", b"said")
+    assert not router.verify(9, signature, b"said")
+    assert three.sign(1, b"said") is None
+
+
+def test_making_again_keeps_what_is_there_and_adds_what_is_missing(folder: Path) -> None:
+    before = {path: path.read_bytes() for path in folder.rglob("*.pem")}
+    made = make(folder, [*NAMES, "uav4"], 30, NOW + dt.timedelta(days=1))
+    assert [one.name for one in made if one.is_new] == ["uav4"]
+    assert {path: path.read_bytes() for path in before} == before
+    for name in (*NAMES, "uav4"):
+        assert set(load(folder, name, NOW + dt.timedelta(days=1)).signers) == {*NAMES, "uav4"}
+
+
+def test_making_again_says_which_folders_are_no_longer_what_their_machines_have(folder: Path) -> None:
+    again = make(folder, NAMES, 30, NOW)
+    assert not any(one.is_new or one.is_changed for one in again)
+    shutil.rmtree(folder / "uav3")
+    state = {one.name: (one.is_new, one.is_changed) for one in make(folder, [*NAMES, "uav4"], 30, NOW)}
+    assert state.pop("uav3") == state.pop("uav4") == (True, False)
+    assert state == dict.fromkeys(("uav1", "operator", "router"), (False, True))
+    (folder / "uav1" / "signers.json").unlink()
+    assert [one.name for one in make(folder, NAMES, 30, NOW) if one.is_changed] == ["uav1"]
+
+
+def nothing(_folder: Path) -> None:
+    pass
+
+
+def copied_to_a_companion(folder: Path) -> None:
+    for name in ("ca", "uav1", "operator", "router"):
+        shutil.rmtree(folder / name)
+
+
+def all_gone(folder: Path) -> None:
+    shutil.rmtree(folder)
+
+
+def one_lost_where_they_were_made(folder: Path) -> None:
+    shutil.rmtree(folder / "uav3")
+
+
+def one_of_another_swarm(folder: Path) -> None:
+    make(folder.parent / "others", ["uav3"], 30, NOW)
+    shutil.rmtree(folder / "uav3")
+    shutil.copytree(folder.parent / "others" / "uav3", folder / "uav3")
+
+
+LOOKED_AT: list[tuple[Callable[[Path], None], int, list[str]]] = [
+    # what was done, days later, what is said
+    (nothing, 0, []),
+    (copied_to_a_companion, 0, []),
+    (all_gone, 0, ["keys/uav1: no such folder; `swarmctl keys"]),
+    (one_lost_where_they_were_made, 0, ["keys/uav3: no such folder"]),
+    (one_of_another_swarm, 0, ["of different authorities"]),
+    (nothing, 31, [f"keys/{name}/cert.pem was valid until 2030-05-31 12:00 UTC" for name in NAMES]),
+]
+
+
+@pytest.mark.parametrize(("done", "days", "said"), LOOKED_AT)
+def test_what_is_wrong_with_keys_is_found_before_they_are_needed(
+    folder: Path, done: Callable[[Path], None], days: int, said: list[str]
+) -> None:
+    done(folder)
+    found = list(inspection.troubles(folder, NAMES, NOW + dt.timedelta(days=days)))
+    assert len(found) == len(said), found
+    for line, part in zip(found, said, strict=True):
+        assert part in line
+
+
+def test_a_certificate_names_its_owner_this_machine_and_where_it_is_found(folder: Path) -> None:
+    by_name = {one.name: one for one in make(folder, NAMES, 30, NOW)}
+    assert by_name["router"].hosts == ("router", "localhost", "127.0.0.1", "10.0.0.7", "ground.example")
+    # Nobody else can stand in for the router's machine.
+    assert by_name["uav3"].hosts == ("uav3", "localhost", "127.0.0.1")
+    assert by_name["uav3"].until == NOW + dt.timedelta(days=30)
+
+
+def without_a_file(folder: Path) -> None:
+    (folder / "uav3" / "signers.json").unlink()
+
+
+def readable_by_others(folder: Path) -> None:
+    (folder / "uav3" / "key.pem").chmod(0o640)
+
+
+def signing_key_readable_by_others(folder: Path) -> None:
+    (folder / "uav3" / "sign.pem").chmod(0o604)
+
+
+def with_anothers_key(folder: Path) -> None:
+    shutil.copy(folder / "uav1" / "key.pem", folder / "uav3" / "key.pem")
+
+
+def with_anothers_signing_key(folder: Path) -> None:
+    shutil.copy(folder / "uav1" / "sign.pem", folder / "uav3" / "sign.pem")
+
+
+def named_otherwise(folder: Path) -> None:
+    shutil.rmtree(folder / "uav3")
+    shutil.copytree(folder / "uav1", folder / "uav3")
+
+
+def of_another_swarm(folder: Path) -> None:
+    make(folder.parent / "others", ["uav3"], 30, NOW)
+    for name in ("cert.pem", "key.pem"):
+        shutil.copy(folder.parent / "others" / "uav3" / name, folder / "uav3" / name)
+
+
+def cut_off(folder: Path) -> None:
+    path = folder / "uav3" / "cert.pem"
+    path.write_bytes(path.read_bytes()[:200])
+
+
+def no_key(folder: Path) -> None:
+    (folder / "uav3" / "key.pem").write_text("nonsense")
+
+
+def no_table(folder: Path) -> None:
+    (folder / "uav3" / "signers.json").write_text(json.dumps({"uav3": "AAAA"}))
+
+
+def not_there(folder: Path) -> None:
+    shutil.rmtree(folder / "uav3")
+
+
+def with_an_authority_of_two(folder: Path) -> None:
+    shutil.copy(folder / "uav1" / "key.pem", folder / "ca" / "key.pem")
+
+
+def without_the_authoritys_key(folder: Path) -> None:
+    (folder / "ca" / "key.pem").unlink()
+
+
+BROKEN: dict[Callable[[Path], None], str] = {
+    without_a_file: r"uav3/signers.json: No such file.*copy the folder whole",
+    readable_by_others: r"uav3/key.pem can be read by others \(mode 0640\): chmod 600",
+    signing_key_readable_by_others: r"uav3/sign.pem can be read by others \(mode 0604\): chmod 600",
+    with_anothers_key: r"uav3/key.pem does not fit .*uav3/cert.pem",
+    with_anothers_signing_key: r"signers.json has another key for uav3",
+    named_otherwise: r"uav3/cert.pem names somebody else than uav3",
+    of_another_swarm: r"uav3/cert.pem was not issued by the authority of .*ca.pem: it is another swarm's",
+    cut_off: r"uav3/cert.pem is no certificate in PEM",
+    no_key: r"uav3/key.pem is no private key in PEM",
+    no_table: r"uav3/signers.json is no table of public keys",
+    not_there: r"uav3: no such folder; `swarmctl keys --out .*` makes it",
+}
+
+
+@pytest.mark.parametrize("broken", BROKEN)
+def test_what_is_wrong_with_a_folder_is_said(broken: Callable[[Path], None], folder: Path) -> None:
+    broken(folder)
+    with pytest.raises(KeyringError, match=BROKEN[broken]):
+        load(folder, "uav3", NOW)
+
+
+@pytest.mark.parametrize(
+    ("days", "why"),
+    [(31, r"was valid until 2030-05-31 12:00 UTC"), (-2, r"is valid from 2030-04-30 .*set the clock")],
+)
+def test_a_certificate_out_of_its_time_is_said(days: int, why: str, folder: Path) -> None:
+    with pytest.raises(KeyringError, match=why):
+        load(folder, "uav3", NOW + dt.timedelta(days=days))
+
+
+MAKING_ON_TOP: dict[Callable[[Path], None], str] = {
+    named_otherwise: "names somebody else than uav3",
+    of_another_swarm: r"was not issued by the authority of .*/ca: it is another swarm's",
+    with_anothers_key: "does not fit",
+    cut_off: "is no certificate in PEM",
+    with_an_authority_of_two: r"ca/key.pem does not fit .*ca/ca.pem",
+    without_the_authoritys_key: r"ca/key.pem: No such file",
+}
+
+
+@pytest.mark.parametrize("broken", MAKING_ON_TOP)
+def test_nothing_is_made_on_top_of_what_is_broken_or_of_others(
+    broken: Callable[[Path], None], folder: Path
+) -> None:
+    broken(folder)
+    with pytest.raises(KeyringError, match=MAKING_ON_TOP[broken]):
+        make(folder, NAMES, 30, NOW)
+
+
+@pytest.mark.parametrize("name", ["", "ca", "uav0", "uav03", "../uav3", "uav3/", "station", "UAV3"])
+def test_only_participants_get_certificates(name: str, tmp_path: Path) -> None:
+    with pytest.raises(KeyringError, match="is no participant"):
+        make(tmp_path, [name], 30, NOW)
+
+
+def test_a_kept_certificate_that_does_not_name_a_new_host_is_said(folder: Path) -> None:
+    with pytest.raises(KeyringError, match=r"does not name 10.0.0.9; remove .*router to have it made anew"):
+        make(folder, NAMES, 30, NOW, {"router": ["10.0.0.7", "10.0.0.9"]})
+
+
+def test_a_folder_that_cannot_be_written_is_said(tmp_path: Path) -> None:
+    (tmp_path / "keys").write_text("in the way")
+    with pytest.raises(KeyringError, match=r"keys.*: (Not a directory|File exists)"):
+        make(tmp_path / "keys", ["uav1"], 30, NOW)
+
+
+# --- the commands
+
+
+def commands() -> typer.Typer:
+    app = typer.Typer()
+    check_command.register(app)
+    keys_command.register(app)
+    router_command.register(app)
+    return app
+
+
+CONFIG = """\
+name: wide
+area: {origin_lat_deg: 46.05, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m: 50}
+threats: {count: 2}
+simulate: {count: 2}
+communication: {router: tls/10.0.0.7:7447, keys: KEYS}
+"""
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Path:
+    path = tmp_path / "swarm.yaml"
+    path.write_text(CONFIG.replace("KEYS", str(tmp_path / "keys")))
+    return path
+
+
+def test_keys_are_made_for_everybody_of_a_configuration(config: Path, tmp_path: Path) -> None:
+    out = tmp_path / "keys"
+    told = CliRunner().invoke(
+        commands(), ["keys", "--config", str(config), "--out", str(out), "--host", "router=ground"]
+    )
+    assert told.exit_code == 0, told.output
+    assert {path.name for path in out.iterdir()} == {"ca", "uav1", "uav2", "operator", "router"}
+    now = dt.datetime.now(dt.UTC)
+    (router,) = make(out, ["router"], 1, now)
+    assert router.hosts == ("router", "localhost", "127.0.0.1", "10.0.0.7", "ground")
+    for word in ("uav1", "operator", "valid until", "stays here, secret"):
+        assert word in told.output
+
+
+def test_a_host_of_nobody_is_refused(config: Path, tmp_path: Path) -> None:
+    told = CliRunner().invoke(commands(), ["keys", "--config", str(config), "--host", "ground"])
+    assert told.exit_code == 2
+    assert "expected NAME=HOST" in told.output
+
+
+def test_a_router_is_printed_for_zenohd(config: Path, tmp_path: Path) -> None:
+    make(tmp_path / "keys", ["router"], 30, dt.datetime.now(dt.UTC))
+    told = CliRunner().invoke(commands(), ["router", "--config", str(config), "--print"])
+    assert told.exit_code == 0, told.output
+    printed = json.loads(told.output)
+    assert printed["mode"] == "router"
+    assert printed["listen"]["endpoints"] == ["tls/10.0.0.7:7447"]
+    assert printed["access_control"]["default_permission"] == "deny"
+    assert printed["transport"]["link"]["tls"]["enable_mtls"] is True
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "why"),
+    [
+        ([], 1, "router: no such folder"),
+        (["--listen", "nowhere"], 2, "expected tcp/HOST:PORT"),
+        (["--listen", "tcp/127.0.0.1:0", "--keys", "keys"], 2, "uses none"),
+    ],
+)
+def test_a_router_that_cannot_start_says_why(options: list[str], code: int, why: str, config: Path) -> None:
+    told = CliRunner().invoke(commands(), ["router", "--config", str(config), *options])
+    assert told.exit_code == code
+    assert why in " ".join(told.output.split())
+
+
+def test_making_again_tells_which_folders_to_copy_again(config: Path, tmp_path: Path) -> None:
+    words = ["keys", "--config", str(config), "--out", str(tmp_path / "keys")]
+    said = []
+    for gone in ("", "", "uav2"):
+        if gone:
+            shutil.rmtree(tmp_path / "keys" / gone)
+        told = CliRunner().invoke(commands(), words)
+        assert told.exit_code == 0, told.output
+        said.append(told.output)
+    assert "Copy each folder to its machine" in said[0]
+    assert "Nothing has changed" in said[1]
+    table, again = said[2].split("Copy again")
+    assert table.count("changed") == 3  # all but the one that is made anew know another signer
+    for name in ("uav1", "uav2", "operator", "router"):
+        assert str(tmp_path / "keys" / name) in again
+
+
+def test_checking_a_configuration_looks_at_its_keys(config: Path, tmp_path: Path) -> None:
+    words = ["check", "--config", str(config), "--out", str(tmp_path / "runs")]
+    missing = CliRunner().invoke(commands(), words)
+    assert (missing.exit_code, "keys/uav1: no such folder" in missing.stderr) == (1, True)
+    names, now = ["uav1", "uav2", "operator", "router"], dt.datetime.now(dt.UTC)
+    make(tmp_path / "keys", names, 30, now)
+    assert CliRunner().invoke(commands(), words).exit_code == 0
+    shutil.rmtree(tmp_path / "keys")
+    make(tmp_path / "keys", names, 1, now - dt.timedelta(days=2))
+    expired = CliRunner().invoke(commands(), words)
+    assert (expired.exit_code, expired.stderr.count("was valid until")) == (1, 4)

@@ -1,0 +1,115 @@
+"""An operator's commands under seal: what an agent takes, and what nobody can make it take."""
+
+from __future__ import annotations
+
+import msgspec
+import pytest
+from cryptography.exceptions import InvalidSignature
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from hypothesis import given
+from hypothesis import strategies as st
+
+from swarmctl.core.messages import BadMessage
+from swarmctl.security.requests import FRESH_S, Opener, open_answer, seal, seal_answer
+
+NOW = 1_800_000_000.0
+KEY = "swarmctl/test/uav/3/request/order/operator"
+OPERATOR = Ed25519PrivateKey.from_private_bytes(b"o" * 32)
+UAV = Ed25519PrivateKey.from_private_bytes(b"u" * 32)
+
+
+def is_operators(signature: bytes, data: bytes) -> bool:
+    try:
+        OPERATOR.public_key().verify(signature, data)
+    except InvalidSignature:
+        return False
+    return True
+
+
+def opener(began_unix_s: float = NOW - 100.0) -> Opener:
+    return Opener("test", is_operators, began_unix_s, 5.0)
+
+
+def sealed(
+    unix_s: float = NOW, key: str = KEY, by: Ed25519PrivateKey = OPERATOR, swarm: str = "test"
+) -> bytes:
+    return seal(swarm, key, b"land", unix_s, by.sign)
+
+
+def timeless() -> bytes:
+    body = msgspec.msgpack.encode({"key": KEY, "unix_s": float("nan"), "command": b"land"})
+    return OPERATOR.sign(b"swarmctl request\0test\0" + body) + body
+
+
+def test_what_the_operator_gives_is_taken() -> None:
+    desk = opener()
+    assert desk.open(KEY, sealed(NOW), NOW + 1.0) == b"land"
+    assert desk.open(KEY, sealed(NOW + 0.5), NOW + 1.0) == b"land"
+
+
+REFUSED = {
+    "no seal": (b"land", "not signed"),
+    "nothing": (b"", "not signed"),
+    "a UAV's": (sealed(by=UAV), "not signed"),
+    "of another swarm": (sealed(swarm="other"), "not signed"),
+    "changed on its way": (sealed()[:-1] + b"!", "not signed"),
+    "for another vehicle": (sealed(key=KEY.replace("/3/", "/4/")), "a command for swarmctl/test/uav/4"),
+    "old": (sealed(NOW - FRESH_S - 1.0), "21 s old"),
+    "from the future": (sealed(NOW + 6.0), "6 s from now"),
+    "no time": (timeless(), "no number"),
+}
+
+
+@pytest.mark.parametrize(("data", "said"), REFUSED.values(), ids=REFUSED)
+def test_all_else_is_refused(data: bytes, said: str) -> None:
+    with pytest.raises(BadMessage, match=said):
+        opener().open(KEY, data, NOW)
+
+
+def test_a_command_is_taken_once() -> None:
+    desk, data = opener(), sealed()
+    desk.open(KEY, data, NOW)
+    with pytest.raises(BadMessage, match="replay"):
+        desk.open(KEY, data, NOW + 1.0)
+    with pytest.raises(BadMessage, match="old"):
+        desk.open(KEY, data, NOW + FRESH_S + 1.0)
+
+
+@pytest.mark.parametrize("down_s", [0.001, 3.0, 8.0])
+def test_what_an_agent_may_have_taken_before_it_was_started_again_is_not_taken_twice(down_s: float) -> None:
+    """Also within the tolerance for clocks that differ."""
+    with pytest.raises(BadMessage, match="before this agent began: give it again"):
+        opener(began_unix_s=NOW + down_s).open(KEY, sealed(NOW), NOW + 10.0)
+
+
+def is_uavs(signature: bytes, data: bytes) -> bool:
+    try:
+        UAV.public_key().verify(signature, data)
+    except InvalidSignature:
+        return False
+    return True
+
+
+def test_an_answer_is_of_the_vehicle_asked_and_to_what_it_was_asked() -> None:
+    question = sealed()
+    answer = seal_answer("test", KEY, question, b"taken", UAV.sign)
+    assert open_answer("test", KEY, question, answer, is_uavs) == b"taken"
+    other_key = KEY.replace("/3/", "/4/")
+    for data, swarm, key, asked in (
+        (seal_answer("test", KEY, question, b"taken", OPERATOR.sign), "test", KEY, question),
+        (answer, "other", KEY, question),
+        (answer, "test", other_key, question),
+        (answer, "test", KEY, sealed(NOW + 1.0)),
+        (answer[:-1] + b"!", "test", KEY, question),
+        (b"taken", "test", KEY, question),
+        (b"", "test", KEY, question),
+    ):
+        with pytest.raises(BadMessage, match="did not sign"):
+            open_answer(swarm, key, asked, data, is_uavs)
+
+
+@given(st.binary(max_size=300))
+def test_no_bytes_raise_anything_else(data: bytes) -> None:
+    trusting = Opener("test", lambda *_: True, NOW, 5.0)
+    with pytest.raises(BadMessage):
+        trusting.open(KEY, b"s" * 64 + data, NOW)

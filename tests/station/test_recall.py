@@ -1,0 +1,135 @@
+"""Agents on machines of their own are called back, and not all of them are heard to answer."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import msgspec
+import pytest
+
+from swarmctl.bus.endpoint import BusEndpoint
+from swarmctl.core.messages import (
+    GiveOrder,
+    OperatorAnswer,
+    Place,
+    VehicleAnswer,
+    decode_command,
+    encode,
+)
+from swarmctl.flight.virtual_clock import run_virtual
+from swarmctl.station import recall
+from swarmctl.station.client import TIMEOUT_S, Station
+from swarmctl.station.recall import ASKED_TIMES, UNTOLD_S
+
+STATION = Station("s", BusEndpoint("127.0.0.1", 7447), agents={1: "a", 2: "b"})
+
+
+def place(way_deg: float = 0.01) -> Place:
+    """That far east of its home."""
+    return Place(46.0, 14.0 + way_deg, 340.0, 46.0, 14.0, 300.0, speed_m_s=10.0, keeps_m=(20.0, 5.0))
+
+
+@dataclass
+class Agents:
+    """The network: agents that take each order, and what becomes of their answers."""
+
+    places: dict[int, Place | None]
+    answers: Callable[[int, int], bool] = lambda _uav, _times: True
+    """whether the answer to the n-th question of a vehicle comes"""
+    in_touch: Callable[[int], bool] = lambda _uav: True
+    taken: list[tuple[int, float]] = field(default_factory=list)
+    """(uav, after_s) of each order, in their order"""
+
+    async def ask(self, key: str, payload: bytes, timeout_s: float) -> list[bytes]:
+        order: Any = decode_command(payload)
+        (uav,) = order.uavs
+        if not self.in_touch(uav):
+            return []
+        self.taken.append((uav, order.after_s))
+        if not self.answers(uav, sum(1 for other, _ in self.taken if other == uav)):
+            await asyncio.sleep(timeout_s)
+            raise TimeoutError
+        answer = VehicleAnswer(uav, STATION.agents[uav], "taken", place=self.places[uav])
+        return [encode(OperatorAnswer((answer,)))]
+
+    def last(self, uav: int) -> float:
+        return [after_s for other, after_s in self.taken if other == uav][-1]
+
+
+def called_back(agents: Agents) -> dict[int, VehicleAnswer]:
+    bus: Any = agents
+    answer = run_virtual(recall.ask(bus, STATION, GiveOrder(None, "return")))
+    return {vehicle.uav: vehicle for vehicle in answer.vehicles}
+
+
+def test_one_whose_first_answer_is_lost_is_asked_again_and_gets_its_turn() -> None:
+    agents = Agents({1: place(), 2: place(0.0102)}, lambda uav, times: uav == 1 or times > 1)
+    answers = called_back(agents)
+    assert {v.outcome for v in answers.values()} == {"taken"}
+    # What is left of the first time, and then a turn behind the nearer one.
+    assert [after_s for uav, after_s in agents.taken if uav == 2][:2] == [UNTOLD_S, UNTOLD_S - TIMEOUT_S]
+    assert agents.last(1) == 0.0
+    assert agents.last(2) > 0.0
+
+
+def test_nobody_is_under_way_while_one_that_did_not_answer_may_return() -> None:
+    agents = Agents({1: place(), 2: None}, lambda uav, _: uav == 1)
+    answers = called_back(agents)
+    assert answers[2].outcome == "unconfirmed"
+    assert "returns after 120 s; the others wait for that" in answers[2].note
+    assert sum(1 for uav, _ in agents.taken if uav == 2) == ASKED_TIMES
+    # 120 s until it begins, and as long as a return takes: reacting, climbing 20 m, 773 m at half its speed,
+    # 60 m down.
+    assert agents.last(1) > UNTOLD_S + 10.0 + 20.0 / 1.5 + 773.0 / 5.0 + 60.0 / 0.8
+
+
+def test_who_is_down_before_that_goes_at_once() -> None:
+    above_home = Place(46.0, 14.0, 360.0, 46.0, 14.0, 300.0, speed_m_s=10.0, keeps_m=(20.0, 5.0))
+    agents = Agents({1: above_home, 2: None}, lambda uav, _: uav == 1)
+    answers = called_back(agents)
+    assert agents.last(1) == 0.0
+    assert "the others are down by then" in answers[2].note
+
+
+def test_one_whose_place_nobody_knows_waits_as_well() -> None:
+    agents = Agents({1: None, 2: None}, lambda uav, _: uav == 1)
+    called_back(agents)
+    assert agents.last(1) >= 2.0 * UNTOLD_S
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"alt_amsl_m": 1e12},
+        {"home_alt_amsl_m": -1e300},
+        {"speed_m_s": 0.0},
+        {"home_lon_deg": 1e300},
+        {"keeps_m": (1e300, 5.0)},
+    ],
+)
+def test_one_that_tells_a_place_that_cannot_be_is_taken_for_one_whose_place_nobody_knows(
+    changes: dict[str, Any],
+) -> None:
+    agents = Agents({1: place(), 2: msgspec.structs.replace(place(), **changes)})
+    called_back(agents)
+    assert agents.last(1) == 0.0
+    assert agents.last(2) > 0.0
+
+
+def test_an_agent_that_is_not_in_touch_keeps_nobody_waiting() -> None:
+    agents = Agents({1: place(), 2: None}, in_touch=lambda uav: uav == 1)
+    answers = called_back(agents)
+    assert answers[2].outcome == "silent"
+    assert agents.last(1) == 0.0
+
+
+def test_a_turn_whose_answer_is_lost_is_told_again() -> None:
+    agents = Agents({1: place(), 2: place(0.0102)}, lambda uav, times: uav == 1 or times != 2)
+    answers = called_back(agents)
+    assert answers[2].outcome == "taken"
+    assert answers[2].note == ""
+    turn, again = [after_s for uav, after_s in agents.taken if uav == 2][1:]
+    assert again == max(turn - TIMEOUT_S, 0.0)

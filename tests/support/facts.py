@@ -1,0 +1,53 @@
+"""Facts for rules, with all as it should be unless a test says otherwise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from swarmctl.agent.failsafes.base import Action, Facts, Rule, Way
+from swarmctl.core.geo import LocalFrame
+from swarmctl.core.vehicle import Landed, VehicleState
+
+FRAME = LocalFrame(46.0, 14.4)
+
+
+def at(east_m: float, north_m: float, **changes: Any) -> VehicleState:
+    """A copter that flies its mission, so far from the frame's origin."""
+    lat_deg, lon_deg = FRAME.to_geodetic(east_m, north_m)
+    flies = VehicleState(
+        lat_deg=lat_deg,
+        lon_deg=lon_deg,
+        alt_rel_m=30.0,
+        ground_speed_m_s=10.0,
+        mode="AUTO",
+        mode_role="mission",
+        armed=True,
+        landed=Landed.IN_AIR,
+        battery_percent=90,
+    )
+    return replace(flies, **changes)
+
+
+def facts(vehicle: VehicleState | None = None, **changes: Any) -> Facts:
+    """It flies its mission to the east, along the frame's axis."""
+    points = tuple(FRAME.to_geodetic(east_m, 0.0) for east_m in (100.0, 1000.0))
+    known = Facts(
+        vehicle or at(0.0, 0.0), FRAME, doing="mission", ours=frozenset({"mission"}), way=Way(1, points)
+    )
+    return replace(known, **changes)
+
+
+class Judged:
+    """A rule, told one thing after the other."""
+
+    def __init__(self, rule: Rule, **params: Any) -> None:
+        self._rule, self._params = rule, rule.Params(**params)
+        self._memory: Any = None
+
+    def __call__(self, now: float, known: Facts, **stamps: Any) -> Action | None:
+        """What it was told has just come in, unless `stamps` say otherwise."""
+        young = {"heartbeat_s": now, "status_s": now, "position_s": now, **stamps}
+        known = replace(known, vehicle=replace(known.vehicle, **young))
+        self._memory, demand = self._rule.judge(self._params, self._memory, known, now)
+        return demand

@@ -1,0 +1,82 @@
+"""Flying small swarms on the virtual clock, for tests."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from swarmctl.bus.transports.base import Transport
+from swarmctl.config.model import Config
+from swarmctl.config.scenario import Scenario, build
+from swarmctl.flight import app
+from swarmctl.flight.app import ALL_IN_ONE, Manner
+from swarmctl.flight.virtual_clock import run_virtual
+from swarmctl.flight.virtual_simulator import Carry, undisturbed
+from swarmctl.report import outputs
+from swarmctl.report.live_rows import Picture
+from swarmctl.report.outcome import Report
+
+
+@dataclass
+class Ui:
+    """Keeps what was shown."""
+
+    said: list[str] = field(default_factory=list)
+    logged: list[str] = field(default_factory=list)
+    pictures: list[Picture] = field(default_factory=list)
+
+    def say(self, text: str) -> None:
+        self.said.append(text)
+
+    def log(self, text: str) -> None:
+        self.logged.append(text)
+
+    def refresh(self, picture: Picture) -> None:
+        self.pictures.append(picture)
+
+
+AREA = {"origin_lat_deg": 46.0, "origin_lon_deg": 14.4, "rows": 8, "cols": 8, "cell_size_m": 50.0}
+
+
+def small(**sections: object) -> Scenario:
+    """Three copters over 8 × 8 cells with 5 hostiles, unless `sections` say otherwise."""
+    content: dict[str, object] = {
+        "name": "small",
+        "seed": 3,
+        "area": AREA,
+        "threats": {"count": 5},
+        "communication": {"bus": "memory"},
+        "flight": {"altitude_m": 15.0},  # to climb to the usual 40 and back is a quarter of the work
+        "simulate": {"count": 3, "ready_s": 3.0},
+    }
+    return build(Config.model_validate_json(json.dumps({**content, **sections})))
+
+
+def fly(
+    scenario: Scenario,
+    folder: Path,
+    *,
+    carry: Carry = undisturbed,
+    ui: Ui | None = None,
+    broken: bool = False,
+    manner: Manner = ALL_IN_ONE,
+    bus: Transport | None = None,
+) -> Report:
+    """Fly on the virtual clock and write the run folder; a bug is raised unless it is `broken` on purpose."""
+    folder.mkdir(parents=True, exist_ok=True)
+    flight = app.fly(
+        scenario,
+        folder,
+        ui or Ui(),
+        clock="virtual",
+        permission=lambda foreign: None,
+        carry=carry,
+        bus=bus,
+        manner=manner,
+    )
+    report = run_virtual(flight)
+    if report.bug is not None and not broken:
+        raise report.bug
+    outputs.write_run(folder, scenario, report)
+    return report

@@ -1,0 +1,108 @@
+"""A session and a vehicle of the simulator, which flies as an autopilot does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from wire_bench import HOME, Faults, WireBench, north_of_home
+
+from sim_vehicle.faults.spec import parse_fault
+from sim_vehicle.fleet import Fleet
+from sim_vehicle.scenarios import Scenario
+from swarmctl.core.mission import FlightPlan, MissionItem
+from swarmctl.mavlink.protocol.parameters import BYTE_WISE
+
+ALT_M = 300.0
+
+__all__ = ["ALT_M", "HOME", "Faults", "FlyingBench", "on_the_ground", "plan"]
+
+
+def plan(*, north: int = 5, alt: float = 20.0, east: float = 0.0) -> FlightPlan:
+    """`north` waypoints 55 m apart going north, then a landing on the last one."""
+    return north_of_home(north=north, step_deg=0.0005, alt=alt, east=east)
+
+
+class FlyingBench(WireBench):
+    STEP_S = 0.05
+
+    def __init__(
+        self,
+        personality: str,
+        kind: str = "copter",
+        *,
+        params: dict[str, float] | None = None,
+        ready_s: float = 1.0,
+    ) -> None:
+        super().__init__()
+        vehicle = {"sysid": 1, "lat_deg": HOME[0], "lon_deg": HOME[1], "alt_amsl_m": ALT_M}
+        vehicle |= {"personality": personality, "type": kind, "params": params or {}}
+        self.fleet = Fleet(Scenario.model_validate({"seed": 1, "vehicles": [vehicle]}), ready_s=ready_s)
+        self.vehicle = self.fleet.vehicles[0]
+        self._other = mavlink.MAVLink(None, srcSystem=254, srcComponent=190)
+
+    def vehicle_hears(self, data: bytes) -> Iterable[bytes]:
+        return [frame for _, frame in self.fleet.receive(data, self.now, peer="station")]
+
+    def vehicle_goes_on(self) -> Iterable[bytes]:
+        return [frame for _, frame in self.fleet.step(self.now)]
+
+    def inject(self, fault: str) -> None:
+        """As on the simulator's command line, from now on."""
+        self.fleet.inject(parse_fault(fault), self.now)
+
+    def another_sends(self, message: Any) -> None:
+        """Another ground station; what it is answered comes to us as well."""
+        data = message.pack(self._other)
+        self._down(frame for _, frame in self.fleet.receive(data, self.now, peer="other"))
+
+    def another_sets(self, **params: float) -> None:
+        for name, value in params.items():
+            kind = mavlink.MAV_PARAM_TYPE_REAL32
+            self.another_sends(mavlink.MAVLink_param_set_message(1, 1, name.encode(), value, kind))
+
+    # what is true
+
+    @property
+    def params(self) -> Any:
+        return self.vehicle.params
+
+    @property
+    def byte_wise(self) -> bool:
+        return self.session.autopilot in BYTE_WISE
+
+    @property
+    def mode(self) -> str:
+        """As the ground station names it, but by the vehicle itself."""
+        return self.session.dialect.mode_name(self.vehicle.mode.number)
+
+    @property
+    def stored(self) -> tuple[MissionItem, ...]:
+        """The mission by the vehicle's own memory."""
+        mission = self.vehicle.mission
+        items = (mission.item(i) for i in range(mission.count))
+        return tuple(
+            MissionItem(i.command, i.frame, i.x, i.y, i.z, i.param1, i.param2, i.param3, i.param4)
+            for i in items
+        )
+
+    def holds(self, what: tuple[MissionItem, ...]) -> bool:
+        return bool(what) and self.session.dialect.differences(what, self.stored) == ()
+
+    @property
+    def aim(self) -> tuple[int, int] | None:
+        """The place (degE7) of the item that it flies; None where it flies none, or one without a place."""
+        flown = self.vehicle.mission.flown
+        flies = flown is not None and self.mode == self.session.dialect.mission_mode
+        return (flown.x, flown.y) if flies and flown.x else None
+
+
+def on_the_ground(
+    personality: str, *, loss: float = 0.0, seed: int = 0, params: dict[str, float] | None = None
+) -> FlyingBench:
+    """Heard for a second, standing, disarmed; then the wire loses that share."""
+    bench = FlyingBench(personality, params=params, ready_s=0.0).connected()
+    bench.run(1.0)
+    bench.spoil(Faults(loss=loss, seed=seed))
+    return bench

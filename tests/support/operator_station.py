@@ -1,0 +1,45 @@
+"""A ground station with a desk at which operators' commands are taken, for tests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from swarmctl.bus.endpoint import BusEndpoint
+from swarmctl.bus.operator_service import Desk, Tally
+from swarmctl.bus.transports.base import Transport
+from swarmctl.bus.transports.zenoh import ZenohBus
+from swarmctl.core import events as ev
+from swarmctl.core.messages import VehicleAnswer
+
+KEY = "swarmctl/test/station/request/weights/operator"
+ANYWHERE = BusEndpoint("127.0.0.1", 0)
+
+
+class Station:
+    """A desk with two agents that take everything at once, unless they are slow."""
+
+    def __init__(self, transport: Transport, *, slow: tuple[int, ...] = ()) -> None:
+        self.said: list[str] = []
+        self.tally = Tally()
+        self.posted: list[tuple[int, ev.WeightsChanged]] = []
+        self.desk = Desk(transport, "test", self.said.append, self.tally)
+        for uav in (1, 2):
+            self.desk.join(uav, f"uav{uav}", self._agent(uav, slow=uav in slow))
+
+    def _agent(self, uav: int, *, slow: bool) -> Callable[[ev.WeightsChanged], None]:
+        def post(event: ev.WeightsChanged) -> None:
+            self.posted.append((uav, event))
+            if not slow:
+                self.desk.answered(event.command, VehicleAnswer(uav, f"uav{uav}", "taken", 5))
+
+        return post
+
+
+@contextmanager
+def over_zenoh() -> Iterator[tuple[Transport, Transport]]:
+    """(the ground station's bus, the operator's), as two processes would have them."""
+    with ZenohBus(listen=ANYWHERE, open_keys=(KEY,)) as ground:
+        assert ground.endpoint is not None
+        with ZenohBus(connect=ground.endpoint) as operator:
+            yield ground, operator

@@ -1,0 +1,116 @@
+"""A ground station for tests that talks to one PX4 vehicle."""
+
+import math
+import struct
+from collections.abc import Sequence
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from station import ALT_M, LAT_DEG, LON_DEG, Station, acks
+
+from sim_vehicle.fleet import Fleet
+from sim_vehicle.scenarios import Scenario
+
+ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
+MANUAL, ALTITUDE, POSITION, AUTO, ACRO, OFFBOARD, STABILIZED = 1, 2, 3, 4, 5, 6, 7
+TAKEOFF, HOLD, MISSION, RETURN, LAND = 2, 3, 4, 5, 6
+NAN = math.nan
+
+
+def px4_scenario(kind: str = "copter", params: dict[str, float] | None = None) -> Scenario:
+    vehicle = {
+        "sysid": 1,
+        "lat_deg": LAT_DEG,
+        "lon_deg": LON_DEG,
+        "alt_amsl_m": ALT_M,
+        "personality": "px4",
+        "type": kind,
+        "params": params or {},
+    }
+    return Scenario.model_validate({"seed": 1, "vehicles": [vehicle]})
+
+
+class Px4Station(Station):
+    """Modes by main and sub number, missions without a home placeholder."""
+
+    def __init__(
+        self,
+        kind: str = "copter",
+        *,
+        ready_s: float | None = 0.0,
+        params: dict[str, float] | None = None,
+        sysid: int = 255,
+    ) -> None:
+        super().__init__(Fleet(px4_scenario(kind, params), ready_s=ready_s), sysid=sysid)
+
+    def change(self, main: int, sub: int = 0) -> int:
+        return self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, main, sub)
+
+    def texts(self) -> list[str]:
+        """Texts as they were said: those in several parts put together by their id."""
+        made: list[str] = []
+        for message in self.of("STATUSTEXT"):
+            if message.id and message.chunk_seq:
+                made[-1] += message.text
+            else:
+                made.append(message.text)
+        return made
+
+    @property
+    def custom_mode(self) -> tuple[int, int]:
+        """Main and sub mode of the heartbeat."""
+        number = self.heartbeat().custom_mode
+        return number >> 16 & 0xFF, number >> 24
+
+    def upload(self, items: Sequence[dict[str, Any]]) -> int:
+        replies = self.count(len(items))
+        for seq, fields in enumerate(items):
+            if acks(replies):
+                break
+            wanted = [m for m in replies if m.get_type() in ("MISSION_REQUEST", "MISSION_REQUEST_INT")]
+            assert [m.seq for m in wanted] == [seq]
+            replies = self.send(self.item_message(seq, fields))
+        return acks(replies)[-1]
+
+    def upload_and_wait(self, items: Sequence[dict[str, Any]]) -> None:
+        """Upload, and let the vehicle look at it."""
+        assert self.upload(items) == 0
+        self.wait(1.0)
+
+    def fly(self, height_m: float = 20.0) -> None:
+        """Arm, take off and be in Hold at a height."""
+        assert self.arm() == 0
+        nowhere = (NAN, NAN, NAN, NAN, NAN, NAN)
+        assert self.command(mavlink.MAV_CMD_NAV_TAKEOFF, *nowhere, ALT_M + height_m) == 0
+        self.until(lambda: self.mode == "Hold", 60)
+        assert abs(self.height_m - height_m) < 1.0
+
+    def set_parameter(self, name: str, value: float | int) -> Any:
+        """PARAM_SET, integers as their bytes; the PARAM_VALUE that comes back."""
+        is_integer = isinstance(value, int)
+        kind = mavlink.MAV_PARAM_TYPE_INT32 if is_integer else mavlink.MAV_PARAM_TYPE_REAL32
+        wire = struct.unpack("<f", struct.pack("<i", value))[0] if is_integer else value
+        replies = self.send(mavlink.MAVLink_param_set_message(1, 1, name.encode(), wire, kind))
+        (answer,) = [m for m in replies if m.get_type() == "PARAM_VALUE"]
+        return answer
+
+    def setpoint(self, north_m: float, east_m: float, up_m: float) -> list[Any]:
+        """SET_POSITION_TARGET_LOCAL_NED, a position."""
+        return self.send(
+            mavlink.MAVLink_set_position_target_local_ned_message(
+                0, 1, 1, mavlink.MAV_FRAME_LOCAL_NED, 0x0DF8, north_m, east_m, -up_m, *[0.0] * 6, 0.0, 0.0
+            )
+        )
+
+    def stream_setpoints(self, seconds: float, *target_m: float, hz: float = 10.0) -> None:
+        for _ in range(round(seconds * hz)):
+            self.setpoint(*target_m)
+            self.wait(1.0 / hz)
+
+    def beat(self) -> None:
+        """A ground station's heartbeat."""
+        self.send(
+            mavlink.MAVLink_heartbeat_message(
+                mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
+            )
+        )

@@ -1,0 +1,214 @@
+"""A ground station for tests: pymavlink as the independent codec, virtual time, a fleet behind it."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.fleet import Fleet
+from sim_vehicle.scenarios import Scenario
+
+LAT_DEG, LON_DEG, ALT_M = 46.0490, 14.5060, 300.0
+STEP_S = 0.1
+
+
+def scenario(**extra: Any) -> Scenario:
+    vehicle = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M}
+    # What is tested to the centimetre is tested without the noise of a receiver.
+    quiet = {"gps": {"noise_m": 0.0, "drift_m": 0.0}}
+    return Scenario.model_validate({"seed": 1, "vehicles": [vehicle], **quiet, **extra})
+
+
+def item(
+    command: int, north_m: float = 0.0, east_m: float = 0.0, z: float = 0.0, **fields: Any
+) -> dict[str, Any]:
+    """A mission item at metres from the start place; frame relative to home."""
+    lat_deg = LAT_DEG + north_m / 111_195.0
+    lon_deg = LON_DEG + east_m / 77_450.0
+    values: dict[str, Any] = {
+        "frame": mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+        "command": command,
+        "param1": 0.0,
+        "param2": 0.0,
+        "param3": 0.0,
+        "param4": 0.0,
+        "x": round(lat_deg * 1e7),
+        "y": round(lon_deg * 1e7),
+        "z": z,
+    }
+    return values | fields
+
+
+def home_item() -> dict[str, Any]:
+    return item(mavlink.MAV_CMD_NAV_WAYPOINT, frame=mavlink.MAV_FRAME_GLOBAL)
+
+
+def takeoff(z: float = 20.0) -> dict[str, Any]:
+    return item(mavlink.MAV_CMD_NAV_TAKEOFF, z=z)
+
+
+def waypoint(north_m: float, east_m: float, z: float = 20.0, **fields: Any) -> dict[str, Any]:
+    return item(mavlink.MAV_CMD_NAV_WAYPOINT, north_m, east_m, z, **fields)
+
+
+def land(north_m: float, east_m: float) -> dict[str, Any]:
+    return item(mavlink.MAV_CMD_NAV_LAND, north_m, east_m)
+
+
+def place_m(station: "Station") -> tuple[float, float]:
+    """Where the vehicle really is: north and east of the start [m]."""
+    truth = station.fleet.truth()
+    return (truth.lat_deg[0] - LAT_DEG) * 111_195, (truth.lon_deg[0] - LON_DEG) * 77_450
+
+
+class Station:
+    """Talks to one vehicle of a fleet; `heard` keeps every message, `raw` every byte."""
+
+    def __init__(
+        self, fleet: Fleet | None = None, *, ready_s: float = 0.0, sysid: int = 255, target: int = 1
+    ) -> None:
+        self.fleet = fleet if fleet is not None else Fleet(scenario(), ready_s=ready_s)
+        self.now = 0.0
+        self.target = target
+        self.codec = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=190)
+        self._decoder = mavlink.MAVLink(None)
+        self._decoder.robust_parsing = True
+        self.heard: list[Any] = []
+        self.raw = b""
+        self._take(self.fleet.step(0.0))
+
+    def _take(self, frames: Sequence[tuple[int, bytes]]) -> None:
+        for index, frame in frames:
+            sysid = self.fleet.sysids[index]
+            self.raw += frame
+            for message in self._decoder.parse_buffer(frame) or ():
+                if message.get_type() != "BAD_DATA" and sysid == self.target:
+                    self.heard.append(message)
+
+    def send(self, message: Any) -> list[Any]:
+        """Send now; the messages that came back at once."""
+        before = len(self.heard)
+        self._take(self.fleet.receive(message.pack(self.codec), self.now))
+        return self.heard[before:]
+
+    def wait(self, seconds: float) -> list[Any]:
+        before = len(self.heard)
+        end = self.now + seconds
+        while self.now < end - 1e-9:
+            self.now = min(self.now + STEP_S, end)
+            self._take(self.fleet.step(self.now))
+        return self.heard[before:]
+
+    def until(self, condition: Callable[[], bool], limit_s: float = 300.0) -> float:
+        """Let time pass until `condition`; the time it took."""
+        start = self.now
+        while not condition():
+            assert self.now - start < limit_s, f"not within {limit_s} s; last texts: {self.texts()[-5:]}"
+            self.wait(STEP_S)
+        return self.now - start
+
+    # -- conversations -----------------------------------------------------------------------------------
+
+    def command(self, command: int, *params: float) -> int:
+        """COMMAND_LONG; the result acknowledged."""
+        padded = [*params, *[0.0] * (7 - len(params))]
+        replies = self.send(mavlink.MAVLink_command_long_message(self.target, 0, command, 0, *padded))
+        (result,) = [m.result for m in replies if m.get_type() == "COMMAND_ACK" and m.command == command]
+        return int(result)
+
+    def command_int(self, command: int, frame: int, x: int, y: int, z: float, *params: float) -> int:
+        padded = [*params, *[0.0] * (4 - len(params))]
+        replies = self.send(
+            mavlink.MAVLink_command_int_message(self.target, 0, frame, command, 0, 0, *padded, x, y, z)
+        )
+        (result,) = [m.result for m in replies if m.get_type() == "COMMAND_ACK" and m.command == command]
+        return int(result)
+
+    def set_mode(self, number: int) -> int:
+        return self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, number)
+
+    def arm(self) -> int:
+        return self.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
+
+    def stream(self, *message_ids: int, hz: float = 4.0) -> None:
+        for message_id in message_ids:
+            assert self.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, 1e6 / hz) == 0
+
+    def item_message(self, seq: int, fields: dict[str, Any]) -> Any:
+        f = fields
+        return mavlink.MAVLink_mission_item_int_message(
+            self.target, 0, seq, f["frame"], f["command"], 0, 1,
+            f["param1"], f["param2"], f["param3"], f["param4"], f["x"], f["y"], f["z"], 0,
+        )  # fmt: skip
+
+    def count(self, count: int) -> list[Any]:
+        return self.send(mavlink.MAVLink_mission_count_message(self.target, 0, count, 0))
+
+    def upload(self, items: Sequence[dict[str, Any]]) -> int:
+        """Announce and send every item; the type of the last acknowledgement."""
+        replies = self.count(len(items))
+        for seq, fields in enumerate(items):
+            if acks(replies):
+                break
+            assert [m.seq for m in replies if m.get_type() == "MISSION_REQUEST"] == [seq]
+            replies = self.send(self.item_message(seq, fields))
+        return acks(replies)[-1]
+
+    def download(self) -> list[Any]:
+        replies = self.send(mavlink.MAVLink_mission_request_list_message(self.target, 0, 0))
+        (count,) = [m.count for m in replies if m.get_type() == "MISSION_COUNT"]
+        items = []
+        for seq in range(count):
+            replies = self.send(mavlink.MAVLink_mission_request_int_message(self.target, 0, seq, 0))
+            items += [m for m in replies if m.get_type() == "MISSION_ITEM_INT"]
+        return items
+
+    def ask(self, message_id: int) -> Any:
+        """REQUEST_MESSAGE; the message."""
+        padded = [message_id, 0, 0, 0, 0, 0, 0]
+        replies = self.send(
+            mavlink.MAVLink_command_long_message(self.target, 0, mavlink.MAV_CMD_REQUEST_MESSAGE, 0, *padded)
+        )
+        (message,) = [m for m in replies if m.get_msgId() == message_id]
+        return message
+
+    # -- what is known -----------------------------------------------------------------------------------
+
+    def of(self, kind: str) -> list[Any]:
+        return [m for m in self.heard if m.get_type() == kind]
+
+    def texts(self) -> list[str]:
+        return [m.text for m in self.of("STATUSTEXT")]
+
+    def heartbeat(self) -> Any:
+        return self.ask(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
+
+    @property
+    def height_m(self) -> float:
+        return float(self.fleet.truth().height_m[0])
+
+    @property
+    def armed(self) -> bool:
+        return bool(self.fleet.truth().armed[0])
+
+    @property
+    def mode(self) -> str:
+        return self.fleet.truth().mode[0]
+
+    def fly(self, height_m: float = 20.0) -> None:
+        """Take off in GUIDED and be at a height."""
+        assert self.set_mode(4) == 0
+        assert self.arm() == 0
+        assert self.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, height_m) == 0
+        self.until(lambda: abs(self.height_m - height_m) < 0.3, 60)
+
+    def fly_mission(self, items: Sequence[dict[str, Any]]) -> None:
+        """Upload with a home placeholder, arm in GUIDED, start."""
+        assert self.upload([home_item(), *items]) == 0
+        assert self.set_mode(4) == 0
+        assert self.arm() == 0
+        assert self.command(mavlink.MAV_CMD_MISSION_START) == 0
+
+
+def acks(messages: Sequence[Any]) -> list[int]:
+    return [m.type for m in messages if m.get_type() == "MISSION_ACK"]

@@ -1,0 +1,190 @@
+"""A session and a vehicle on one virtual clock, with a wire between them that loses, doubles and delays.
+
+What is at the other end is a subclass's: `Bench` has a scripted copter, `FlyingBench` the simulator.
+"""
+
+from __future__ import annotations
+
+import heapq
+import random
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Self
+
+from swarmctl.core.mission import FlightPlan, Waypoint
+from swarmctl.mavlink.procedures import basic
+from swarmctl.mavlink.protocol.codec import Decoder, Encoder, FrameSplitter
+from swarmctl.mavlink.protocol.conversation import Peer
+from swarmctl.mavlink.session import Session, Step
+
+HOME = (46.049, 14.506)
+
+
+@dataclass(frozen=True)
+class Faults:
+    loss: float = 0.0
+    doubling: float = 0.0
+    max_delay_s: float = 0.0
+    """drawn for each datagram, so they overtake each other"""
+    seed: int = 0
+
+
+def north_of_home(*, north: int, step_deg: float, alt: float, east: float) -> FlightPlan:
+    """`north` waypoints `step_deg` apart going north, then a landing on the last one."""
+    points = tuple(Waypoint(HOME[0] + step_deg * i, HOME[1] + east, alt) for i in range(1, north + 1))
+    return FlightPlan(alt, points, points[-1])
+
+
+class WireBench:
+    STEP_S = 0.1
+
+    def __init__(self, faults: Faults | None = None) -> None:
+        self.session = Session(Peer(1))
+        self.faults = faults or Faults()
+        self.delay_s = 0.0
+        """of everything, each way"""
+        self.now = 0.0
+        self.events: list[Any] = []
+        self.sent: list[tuple[float, Any]] = []
+        """(now, message) of everything the session has sent"""
+        self.block = lambda message: False
+        """what the wire swallows on the way to the vehicle"""
+        self.block_down = lambda message: False
+        self.overhear = lambda data: None
+        """told of every datagram that comes from the vehicle"""
+        self.silent = False
+        self.outages: list[tuple[float, float]] = []
+        """(from, until) in which nothing gets through"""
+        self._rng = random.Random(self.faults.seed)
+        self._encoder, self._decoder = Encoder(), Decoder()
+        self._queue: list[tuple[float, int, bool, bytes]] = []
+        self._n = 0
+        self._delivers = False
+
+    # the vehicle
+
+    def vehicle_hears(self, data: bytes) -> Iterable[bytes]:
+        """Its answers, a datagram each."""
+        raise NotImplementedError
+
+    def vehicle_goes_on(self) -> Iterable[bytes]:
+        """What it says by itself, up to now."""
+        raise NotImplementedError
+
+    # the wire
+
+    def spoil(self, faults: Faults, *outages: tuple[float, float]) -> None:
+        """From now on; outages count from now."""
+        self.faults = faults
+        self.outages = [(self.now + begin, self.now + end) for begin, end in outages]
+        self._rng.seed(faults.seed)
+
+    def heal(self) -> None:
+        self.faults, self.outages = Faults(), []
+
+    def _post(self, data: bytes, up: bool) -> None:
+        f, rng = self.faults, self._rng
+        if self.silent or any(begin <= self.now < end for begin, end in self.outages):
+            return
+        for _ in range(2 if rng.random() < f.doubling else 1):
+            if rng.random() >= f.loss:
+                self._n += 1
+                arrives_s = self.now + self.delay_s + rng.random() * f.max_delay_s
+                heapq.heappush(self._queue, (arrives_s, self._n, up, data))
+
+    def take(self, step: Step) -> None:
+        """What one input to the session led to."""
+        self.events += step.events
+        for message in step.messages:
+            self.sent.append((self.now, message))
+            data = self._encoder.pack(message, 0)
+            if not self.block(message):
+                self._post(data, True)
+        self._deliver()
+
+    def _deliver(self) -> None:
+        if self._delivers:
+            return  # what is answered joins the queue
+        self._delivers = True
+        while self._queue and self._queue[0][0] <= self.now:
+            _, _, up, data = heapq.heappop(self._queue)
+            if up:
+                self._down(self.vehicle_hears(data))
+            else:
+                self._hear(data)
+        self._delivers = False
+
+    def _hear(self, data: bytes) -> None:
+        self.overhear(data)
+        for frame in FrameSplitter().feed(data):
+            message = self._decoder.decode(frame)
+            if message is not None and not self.block_down(message):
+                self.take(self.session.receive(message, self.now))
+
+    def _down(self, frames: Iterable[bytes]) -> None:
+        for data in frames:
+            self._post(data, False)
+
+    def of(self, kind: str) -> list[Any]:
+        """What the session has sent of a message."""
+        return [m for _, m in self.sent if m.get_type() == kind]
+
+    @property
+    def commands(self) -> list[int]:
+        """The MAV_CMDs that the session has sent, in order."""
+        return [m.command for m in self.of("COMMAND_LONG")]
+
+    # time
+
+    def run(self, seconds: float, until: Any = lambda: False) -> bool:
+        """Let time pass; True as soon as `until()` holds."""
+        end = self.now + seconds
+        while self.now < end:
+            if until():
+                return True
+            self.now += self.STEP_S
+            self._down(self.vehicle_goes_on())
+            self.take(self.session.tick(self.now))
+        return bool(until())
+
+    def begin(self, name: str, procedure: Any) -> None:
+        self.take(self.session.begin(name, procedure, self.now))
+
+    def do(self, name: str, procedure: Any, limit_s: float = 400.0) -> Any:
+        """Run a procedure to its end."""
+        self.begin(name, procedure)
+        assert self.run(limit_s, lambda: self.session.busy_with is None), f"{name} does not end"
+        return self.session.result
+
+    def upload(self, plan: FlightPlan) -> basic.Done:
+        items = self.session.mission_items(plan)
+        return self.do("upload", lambda c: basic.upload(c, items))
+
+    def swap(self, new: FlightPlan, *, from_hold: bool = False) -> basic.Swapped:
+        items = self.session.mission_items(new)
+        return self.do("swap", lambda c: basic.swap(c, items, from_hold=from_hold))
+
+    # stories
+
+    def connected(self) -> Self:
+        assert self.run(60, lambda: self.session.state.mode != ""), "it is never heard"
+        self.take(self.session.keep_streams(self.now))
+        return self
+
+    def prepared(self) -> Self:
+        self.connected()
+        assert self.do("prepare", basic.prepare).failure is None
+        return self
+
+    def uploaded(self, first: FlightPlan) -> Self:
+        self.prepared()
+        assert self.upload(first).failure is None
+        return self
+
+    def flying(self, first: FlightPlan) -> Self:
+        """In the air, on its way to the second waypoint of `first`."""
+        self.uploaded(first)
+        assert self.do("launch", basic.launch).failure is None
+        second = self.session.dialect.first_waypoint_seq + 1
+        assert self.run(120, lambda: self.session.state.mission_seq == second)
+        return self

@@ -1,0 +1,277 @@
+"""Judges a drawn flight by what the simulator knows and what was on the wire; not by what is said of it."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from drawn_flights import ANSWERS_S, Drawn
+from mcap.reader import make_reader
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.fleet import Fleet, Truth
+from sim_vehicle.personalities.base import Behaviour
+from swarmctl.core.geo import LatLon, LocalFrame, distance_m
+from swarmctl.core.plane import distance_to_leg
+from swarmctl.flight.wiring import VIRTUAL_EPOCH_NS
+from swarmctl.mavlink.dialects import Dialect, dialect_for
+from swarmctl.report import record
+from swarmctl.report.evidence.book import FILE
+from swarmctl.report.evidence.chain import check
+from swarmctl.report.outcome import Report
+
+LIMIT_S = 1500.0
+"""No drawn flight lasts longer."""
+UP_M = 1.5
+CLOSE_FOR_S = 0.5
+WARNED_S = 30.0
+"""Who comes too close was warned within this before."""
+AT_HOME_M = 15.0
+STATION = 255
+TAKEOFF, LAND, JUMP, ARM = (
+    int(mavlink.MAV_CMD_NAV_TAKEOFF),
+    int(mavlink.MAV_CMD_NAV_LAND),
+    int(mavlink.MAV_CMD_DO_JUMP),
+    int(mavlink.MAV_CMD_COMPONENT_ARM_DISARM),
+)
+FLOWN = {TAKEOFF, LAND, int(mavlink.MAV_CMD_NAV_WAYPOINT), int(mavlink.MAV_CMD_NAV_LOITER_TO_ALT)}
+MOVES = {ARM, int(mavlink.MAV_CMD_DO_SET_MODE), int(mavlink.MAV_CMD_MISSION_START)}
+MOVES |= {int(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT), int(mavlink.MAV_CMD_DO_CHANGE_SPEED)}
+WRITES = {"MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_WRITE_PARTIAL_LIST", "MISSION_SET_CURRENT"}
+
+Way = tuple[tuple[int, int, int, float], ...]
+"""(command, x, y, z) of what is flown one after the other, down to a landing"""
+
+
+def way_from(items: Sequence[Any], index: int) -> Way:
+    """What a vehicle flies that is at this item of its list."""
+    way: list[tuple[int, int, int, float]] = []
+    jumps = 0
+    while 0 <= index < len(items) and jumps < 3:
+        item = items[index]
+        if item.command == JUMP:
+            index, jumps = int(item.param1), jumps + 1
+            continue
+        if item.command == TAKEOFF:  # its place is where the vehicle stands
+            way.append((TAKEOFF, 0, 0, 0.0))
+        elif item.command in FLOWN:
+            way.append((item.command, item.x, item.y, 0.0 if item.command == LAND else item.z))
+        if item.command == LAND:
+            break
+        index += 1
+    return tuple(way)
+
+
+def _same(one: Way, other: Way) -> bool:
+    """Whole centimetres are kept."""
+    return len(one) == len(other) and all(
+        a[:3] == b[:3] and abs(a[3] - b[3]) < 0.02 for a, b in zip(one, other, strict=True)
+    )
+
+
+@dataclass
+class Witness:
+    """Looks on several times a second, and remembers what is to be judged afterwards."""
+
+    drawn: Drawn
+    fleet: Fleet | None = None
+    truth: Truth | None = None
+    ways: dict[int, list[tuple[float, Way, LatLon]]] = field(default_factory=dict)
+    """what each vehicle flies in its mission's mode and where it is, whenever that changes"""
+    close: dict[tuple[int, int], list[float]] = field(default_factory=dict)
+    """when two were too close in the air"""
+    bad: list[str] = field(default_factory=list)
+    _was_up: dict[int, bool] = field(default_factory=dict)
+    heights_m: dict[int, list[tuple[float, float]]] = field(default_factory=dict)
+
+    def attend(self) -> None:
+        """Have the flight's simulator looked at."""
+        self.drawn.trouble.deeds.insert(0, (0.0, self._meet))
+        self.drawn.trouble.note = self._look
+
+    def _meet(self, fleet: Fleet) -> None:
+        self.fleet = fleet
+
+    def _look(self, now: float, truth: Truth) -> None:
+        assert now < LIMIT_S, "the flight does not end"
+        self.truth = truth
+        if self.fleet is None:
+            return
+        for index, vehicle in enumerate(self.fleet.vehicles):
+            uav, height_m = vehicle.sysid, float(truth.height_m[index])
+            self.heights_m.setdefault(uav, []).append((now, height_m))
+            up = bool(truth.armed[index]) and height_m > UP_M
+            stopped = self._was_up.get(uav) and not truth.armed[index] and height_m > UP_M
+            if stopped and vehicle.booted and not truth.crashed[index]:
+                self.bad.append(f"{now:.1f} s: {uav} is disarmed {height_m:.1f} m above the ground")
+            self._was_up[uav] = up
+            if up and vehicle.booted and vehicle.mode.behaviour is Behaviour.MISSION:
+                mission = vehicle.mission
+                items = [mission.item(i) for i in range(mission.count)]
+                way, seen = way_from(items, mission.index), self.ways.setdefault(uav, [])
+                if mission.flown is not None and (not seen or seen[-1][1] != way):
+                    seen.append((now, way, (float(truth.lat_deg[index]), float(truth.lon_deg[index]))))
+        self._look_apart(now, truth)
+
+    def _look_apart(self, now: float, truth: Truth) -> None:
+        limits, tasks = self.drawn.scenario.config.separation, self.drawn.scenario.tasks
+        up = [i for i in range(len(tasks)) if truth.armed[i] and truth.height_m[i] > UP_M]
+        for i, j in combinations(up, 2):
+            here, there = ((float(truth.lat_deg[k]), float(truth.lon_deg[k])) for k in (i, j))
+            vertical_m = abs(float(truth.alt_amsl_m[i] - truth.alt_amsl_m[j]))
+            if vertical_m < limits.vertical_m and distance_m(here, there) < limits.horizontal_m:
+                self.close.setdefault((tasks[i].uav, tasks[j].uav), []).append(now)
+
+
+# --- afterwards
+
+
+def findings(witness: Witness, report: Report, folder: Path) -> list[str]:
+    """What must never be, and was."""
+    return [
+        *witness.bad,
+        *_mixtures(witness, folder),
+        *_orders(witness, folder),
+        *_unwarned(witness, folder),
+        *_untrue(witness, report),
+        *_records(folder),
+    ]
+
+
+def _log(folder: Path, topics: Sequence[str], kind: Any) -> Iterator[Any]:
+    with (folder / "run.mcap").open("rb") as file:
+        for _, _, message in make_reader(file).iter_messages(topics=list(topics)):
+            yield msgspec.json.decode(message.data, type=kind)
+
+
+def _dialect(witness: Witness, uav: int) -> Dialect:
+    assert witness.fleet is not None
+    personality = witness.fleet.vehicles[witness.fleet.sysids.index(uav)].personality
+    return dialect_for(personality.autopilot, personality.vehicle_type)
+
+
+def _plans(witness: Witness, folder: Path, uav: int, name: str) -> list[tuple[float, Way]]:
+    """Since when which ways were part of a whole plan of its agent's."""
+    dialect, spec = _dialect(witness, uav), witness.drawn.scenario.specs[uav - 1]
+    ways = []
+    for effect in _log(folder, [f"/{name}/effect/SwapMission"], record.EffectRecord):
+        items = dialect.mission_items(effect.effect.plan, spec.start)
+        ways += [(effect.now_s, way_from(items, i)) for i in range(len(items))]
+    return ways
+
+
+def _mixtures(witness: Witness, folder: Path) -> Iterator[str]:
+    """All that is flown as a mission is what one plan said, from some item on."""
+    for uav, flown in witness.ways.items():
+        if uav in witness.drawn.foreign:
+            continue
+        plans = _plans(witness, folder, uav, f"uav{uav}")
+        for now, way, place in flown:
+            if not _is_planned(way, place, [plan for since_s, plan in plans if since_s <= now]):
+                yield f"{now:.1f} s: {uav} flies what no plan was: {way}"
+
+
+def _is_planned(way: Way, place: LatLon, plans: Sequence[Way]) -> bool:
+    """A plan, from some item on; before it may come waypoints of earlier ones that lie on the straight way to
+    its first."""
+    known = {item[:3] for plan in plans for item in plan}
+    for n in range(len(way)):
+        if any(_same(way[n:], plan) for plan in plans):
+            return all(item[:3] in known and _is_passed(item, place, way[n]) for item in way[:n])
+    return False
+
+
+def _is_passed(item: tuple[int, int, int, float], place: LatLon, first: tuple[int, int, int, float]) -> bool:
+    frame = LocalFrame(*place)
+    there, on_the_way = (frame.to_local(x / 1e7, y / 1e7) for _, x, y, _ in (first, item))
+    return distance_to_leg(on_the_way, (0.0, 0.0), there) < 2.0
+
+
+def _sent(folder: Path, name: str) -> Iterator[tuple[float, Any]]:
+    """What our station has sent, with the time of that."""
+    data, at = (folder / f"{name}.tlog").read_bytes(), 0
+    codec = mavlink.MAVLink(None)
+    while at < len(data):
+        time_us, _magic, length = struct.unpack_from(">QBB", data, at)
+        frame = data[at + 8 : at + 8 + 12 + length]
+        at += 8 + 12 + length
+        if frame[5] == STATION:
+            yield time_us / 1e6 - VIRTUAL_EPOCH_NS / 1e9, codec.decode(bytearray(frame))
+
+
+def _orders(witness: Witness, folder: Path) -> Iterator[str]:
+    """Nothing that was let go is ordered anything but by an operator; nobody is disarmed in the air."""
+    for task in witness.drawn.scenario.tasks:
+        released = _log(folder, [f"/{task.name}/effect/Release"], record.EffectRecord)
+        let_go_s = next((effect.now_s for effect in released), math.inf)
+        ordered_s = witness.drawn.ordered_s.get(task.uav, [])
+        for now, message in _sent(folder, task.name):
+            command = getattr(message, "command", 0) if message.get_type() == "COMMAND_LONG" else 0
+            by_operator = any(since_s <= now <= since_s + ANSWERS_S for since_s in ordered_s)
+            if now > let_go_s and not by_operator and (command in MOVES or message.get_type() in WRITES):
+                yield f"{now:.2f} s: {task.uav} was let go at {let_go_s:.2f} s, and is sent {message}"
+            if command != ARM:
+                continue
+            if message.param2 != 0.0:
+                yield f"{now:.2f} s: {task.uav} is forced: {message}"
+            if message.param1 == 0.0 and _height_m(witness, task.uav, now) > UP_M:
+                yield f"{now:.2f} s: {task.uav} is told to disarm in the air"
+
+
+def _height_m(witness: Witness, uav: int, now: float) -> float:
+    return next((height_m for at_s, height_m in witness.heights_m.get(uav, []) if at_s >= now), 0.0)
+
+
+def _unwarned(witness: Witness, folder: Path) -> Iterator[str]:
+    """Two that are well and ours come too close only where that was said before."""
+    for pair, at_s in witness.close.items():
+        if set(pair) & witness.drawn.excused or at_s[-1] - at_s[0] < CLOSE_FOR_S:
+            continue
+        texts = [
+            text.now_s
+            for text in _log(folder, [f"/uav{uav}/text" for uav in pair], record.TextRecord)
+            if "too close" in text.text or " meet" in text.text
+        ]
+        if not any(at_s[0] - WARNED_S <= said_s <= at_s[0] + CLOSE_FOR_S for said_s in texts):
+            yield f"{at_s[0]:.1f} s: {pair} are too close, and nobody says so"
+
+
+def _untrue(witness: Witness, report: Report) -> Iterator[str]:
+    """How each was left, and what its outcome says."""
+    truth = witness.truth
+    assert truth is not None
+    left = dict(line.split(": ", 1) for line in report.left)
+    for index, task in enumerate(witness.drawn.scenario.tasks):
+        state, said = report.states[task.uav], left[task.name]
+        armed, height_m = bool(truth.armed[index]), float(truth.height_m[index])
+        place = (float(truth.lat_deg[index]), float(truth.lon_deg[index]))
+        if armed and not any(word in said for word in ("in the air", "lost", "armed on the ground")):
+            yield f"{task.uav} is armed at the end, and it is said: {said}"
+        if armed and report.ended == "ended" and "lost" not in said:
+            yield f"{task.uav} is armed, and the flight has ended: {said}"
+        if not armed and height_m < UP_M and "in the air" in said and "lost" not in said:
+            yield f"{task.uav} is down, and it is said: {said}"
+        if task.uav in witness.drawn.excused or task.wings is not None:
+            continue
+        cell = witness.drawn.scenario.grid.cell_at(*place)
+        if state.outcome == "arrived" and (armed or cell not in task.goals):
+            yield f"{task.uav} has not arrived: it is in cell {cell}"
+        away_m = distance_m(place, witness.drawn.scenario.specs[index].start)
+        if state.outcome == "return ordered; landed" and (armed or away_m > AT_HOME_M):
+            yield f"{task.uav} has not returned: it is {away_m:.0f} m from home"
+
+
+def _records(folder: Path) -> Iterator[str]:
+    verdict = record.replay(folder / "run.mcap")
+    if verdict.difference:
+        yield f"folded again: {verdict.difference}"
+    with (folder / FILE).open("rb") as file:
+        checked = check(file)
+    if checked.fault is not None or checked.closing is None:
+        yield f"the evidence is not whole: {checked.fault}"
