@@ -127,10 +127,10 @@ def test_every_kind_of_content_has_golden_bytes_and_stands_in_the_table() -> Non
     assert {type(content) for content, _ in GOLDEN} == set(Content.__args__)
 
 
-def test_the_readme_lists_every_act() -> None:
-    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+def test_the_page_on_the_network_lists_every_act() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "network.md").read_text(encoding="utf-8")
     for content, _ in GOLDEN:
-        assert f"`{frames.act_of(content)}`" in readme
+        assert f"`{frames.act_of(content)}`" in page
 
 
 @pytest.mark.parametrize("row", GOLDEN, ids=named)

@@ -1,6 +1,6 @@
 """What the fixtures are for: a ground station of one's own under test, on the virtual clock and over UDP.
 
-Read from top to bottom as documentation; README has the first two.
+Read from top to bottom as documentation; docs/simulator/testing.md has the first two.
 """
 
 import socket

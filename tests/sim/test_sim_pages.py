@@ -20,32 +20,19 @@ from sim_vehicle.scenarios.steps import GoTo, RawCommand, Step
 from sim_vehicle.testing.rig import Clock, Vehicle, VehicleTruth, scenario_for
 from sim_vehicle.testing.served import Link
 
-FOLDER = Path(__file__).parents[2] / "sim_vehicle"
-PAGE = (FOLDER / "README.md").read_text(encoding="utf-8")
-
-
-def blocks(language: str, name: str = "README.md") -> list[str]:
-    text = (FOLDER / name).read_text(encoding="utf-8")
-    return re.findall(rf"```{language}\n(.*?)```", text, flags=re.DOTALL)
-
-
-@pytest.mark.interop
-def test_the_examples_for_pytest_pass_in_a_project_of_their_own(tmp_path: Path) -> None:
-    (tmp_path / "test_mine.py").write_text("\n\n".join(blocks("python")), encoding="utf-8")
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
-    assert "2 passed" in done.stdout, done.stdout
-
-
-def test_every_fault_is_in_the_table() -> None:
-    assert re.findall(r"^\| `(\w+)` \|", PAGE, flags=re.MULTILINE)[: len(FAULTS)] == list(FAULTS)
-
-
-# -- the two pages that are references -------------------------------------------------------------------
+ROOT = Path(__file__).parents[2]
 
 
 def page(name: str) -> str:
-    return (FOLDER / name).read_text(encoding="utf-8")
+    return (ROOT / "docs" / "simulator" / f"{name}.md").read_text(encoding="utf-8")
+
+
+def blocks(language: str, name: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", page(name), flags=re.DOTALL)
+
+
+def test_every_fault_is_in_the_table() -> None:
+    assert re.findall(r"^\| `(\w+)` \|", page("faults"), flags=re.MULTILINE) == list(FAULTS)
 
 
 def named(text: str) -> set[str]:
@@ -55,33 +42,29 @@ def named(text: str) -> set[str]:
 
 
 @pytest.mark.interop
-def test_the_examples_of_the_page_on_testing_pass(tmp_path: Path) -> None:
-    (tmp_path / "test_mine.py").write_text("\n\n".join(blocks("python", "TESTING.md")), encoding="utf-8")
+def test_the_examples_for_pytest_pass_in_a_project_of_their_own(tmp_path: Path) -> None:
+    (tmp_path / "test_mine.py").write_text("\n\n".join(blocks("python", "testing")), encoding="utf-8")
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
-    assert "5 passed" in done.stdout, done.stdout
+    assert "7 passed" in done.stdout, done.stdout
 
 
 @pytest.mark.virtual
-@pytest.mark.parametrize(
-    "text", [*blocks("yaml"), *blocks("yaml", "SCENARIOS.md")], ids=["README", "first", "second"]
-)
-def test_the_scenarios_on_the_pages_pass(text: str) -> None:
+@pytest.mark.parametrize("text", blocks("yaml", "scenarios"), ids=["first", "second"])
+def test_the_scenarios_on_the_page_pass(text: str) -> None:
     lines: list[str] = []
     scenario = parse_scenario(text, "page.yaml", flown=True)
     assert Run(scenario, said=lines.append).run().passed, lines
 
 
 @pytest.mark.virtual
-def test_the_fault_of_the_readmes_scenario_is_seen_by_a_check() -> None:
-    scenario = parse_scenario(blocks("yaml")[0], "page.yaml").model_copy(update={"faults": ()})
+def test_the_fault_of_the_first_scenario_is_seen_by_a_check() -> None:
+    scenario = parse_scenario(blocks("yaml", "scenarios")[0], "page.yaml").model_copy(update={"faults": ()})
     assert not Run(scenario).run().passed
 
 
 def test_every_check_is_on_the_page_as_it_is() -> None:
-    rows = re.findall(
-        r"^\| `(\w+)` \| (.*?) \| (always|eventually|end) \| (.*) \|$", page("SCENARIOS.md"), re.M
-    )
+    rows = re.findall(r"^\| `(\w+)` \| (.*?) \| (always|eventually|end) \| (.*) \|$", page("scenarios"), re.M)
     assert [(name, when, summary.replace("\\|", "|")) for name, _, when, summary in rows] == [
         (check.name, check.when, check.summary) for check in CHECKS.values()
     ]
@@ -97,32 +80,32 @@ def test_every_check_is_on_the_page_as_it_is() -> None:
     ids=lambda model: model.__name__,
 )  # fmt: skip
 def test_every_key_of_a_scenario_is_on_its_page(model: type[BaseModel]) -> None:
-    known = named(page("SCENARIOS.md")) | {"param2", "param3"}  # `param1` to `param4`
+    known = named(page("scenarios")) | {"param2", "param3"}  # `param1` to `param4`
     assert not set(model.model_fields) - known
 
 
 def test_every_setting_of_a_check_is_on_the_page() -> None:
-    assert not set(COMMON) - named(page("SCENARIOS.md"))
+    assert not set(COMMON) - named(page("scenarios"))
 
 
 @pytest.mark.parametrize("kind", [Vehicle, Clock, Link], ids=lambda kind: kind.__name__)
 def test_every_attribute_of_a_fixture_is_on_the_page_and_has_its_help(kind: type) -> None:
     public = [name for name in vars(kind) if not name.startswith("_")]
-    on_the_page = set(re.findall(rf"`{kind.__name__.lower()}\.(\w+)", page("TESTING.md")))
+    on_the_page = set(re.findall(rf"`{kind.__name__.lower()}\.(\w+)", page("testing")))
     assert set(public) - on_the_page == set()
     assert [name for name in public if not inspect.getdoc(getattr(kind, name))] == []
 
 
 def test_what_else_the_fixtures_take_and_have_is_on_the_page() -> None:
-    words = named(page("TESTING.md"))
+    words = named(page("testing"))
     keywords = set(inspect.signature(scenario_for).parameters) - {"seed"}
     truth = {field.name for field in dataclasses.fields(VehicleTruth)}
     assert keywords | truth | {"ready_s", "sysid", "index", "sim_seed"} <= words
     assert set(Step.choices()) - {"heartbeat"} <= words
 
 
-def test_the_pages_are_linked_and_link_to_what_there_is() -> None:
-    assert {"SCENARIOS.md", "TESTING.md"} <= set(re.findall(r"\]\(([^)#]*)", PAGE))
-    for name in ("SCENARIOS.md", "TESTING.md"):
-        for target in re.findall(r"\]\(([^)#]*)", page(name)):
-            assert (FOLDER / target).exists(), target
+def test_the_readme_links_to_pages_that_exist() -> None:
+    folder = ROOT / "sim_vehicle"
+    targets = re.findall(r"\]\(([^)#]*)", (folder / "README.md").read_text(encoding="utf-8"))
+    assert targets
+    assert [target for target in targets if not (folder / target).exists()] == []
