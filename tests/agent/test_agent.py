@@ -2,113 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from agent_stories import GRID, Story, orders, publications
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swarmctl.agent.failsafes import ALWAYS, low_battery
-from swarmctl.agent.failsafes.base import Ruling
-from swarmctl.agent.state import AgentState, Phase, Task, begin
-from swarmctl.agent.step import MAX_FAILED_SWAPS, RETRY_AFTER_S, step, wants_tick
+from swarmctl.agent.failsafes.base import ActiveRule
+from swarmctl.agent.state import AgentState, Phase
+from swarmctl.agent.step import MAX_FAILED_SWAPS, RETRY_AFTER_S
 from swarmctl.core import events as ev
-from swarmctl.core.belief import Belief
 from swarmctl.core.frames import StateShared
-from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Observation
-from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import STALE_MODE_S, Landed, VehicleState
-from swarmctl.planners import PLANNERS, Method
-
-GRID = Grid(9, 9, 50.0, 46.0, 14.0)
-DIJKSTRA = Method("dijkstra", PLANNERS["dijkstra"], PLANNERS["dijkstra"].Params())
-
-
-def task(**changes: object) -> Task:
-    plain = Task(
-        uav=1,
-        name="uav1",
-        grid=GRID,
-        strength=FiringStrength(0.6, 0.3, 0.1),
-        w=0.5,
-        psi_per_cell=0.1,
-        entry=(4, 0),
-        goals=((4, 8),),
-        altitude_m=30.0,
-        method=DIJKSTRA,
-    )
-    return replace(plain, **changes)  # type: ignore[arg-type]
-
-
-class Story:
-    """Folds events one after the other and keeps what came of the last."""
-
-    def __init__(self, **changes: object) -> None:
-        self.state = begin(task(**changes), Belief.prior(GRID.rows, GRID.cols, 4))
-        self.now = 0.0
-        self.effects: list[ev.Effect] = []
-
-    def __call__(self, event: ev.Event) -> list[ev.Effect]:
-        self.now += 1.0
-        self.state, self.effects = step(self.state, event, self.now)
-        return self.effects
-
-    def tick(self) -> list[ev.Effect]:
-        return self(ev.Tick()) if wants_tick(self.state, self.now) else []
-
-    def swap(self) -> ev.SwapMission:
-        (effect,) = (e for e in self.tick() if isinstance(e, ev.SwapMission))
-        return effect
-
-    def accept(self) -> list[ev.Effect]:
-        assert self.state.pending is not None
-        return self(ev.MissionAccepted(self.state.pending.plan_id))
-
-    def over(self, cell: Cell, **changes: object) -> list[ev.Effect]:
-        lat_deg, lon_deg = GRID.centre(cell)
-        state = VehicleState(
-            time_boot_s=self.now,
-            lat_deg=lat_deg,
-            lon_deg=lon_deg,
-            alt_rel_m=30.0,
-            mode="AUTO",
-            mode_role="mission",
-            armed=True,
-            landed=Landed.IN_AIR if changes.get("armed", True) else Landed.ON_GROUND,
-            heartbeat_s=self.now,
-            status_s=self.now,
-            position_s=self.now,
-        )
-        return self(ev.TelemetryReceived(replace(state, **changes)))  # type: ignore[arg-type]
-
-    def hear(self, *cells: tuple[int, int, bool], observer: int = 2, seq: int = 1) -> list[ev.Effect]:
-        observation = Observation(observer, seq, self.now, cells)
-        return self(ev.Heard((observation,)))
-
-    def launching(self) -> Story:
-        self(ev.Ready())
-        self.swap()
-        self.accept()
-        self(ev.OperatorCommand(ev.Order.LAUNCH))
-        assert self.state.phase is Phase.LAUNCHING
-        return self
-
-    def flying(self) -> Story:
-        self.launching()
-        self(ev.OrderDone(ev.Order.LAUNCH))
-        self.over((4, 0))
-        assert self.state.phase is Phase.FLYING
-        return self
-
-
-def publications(effects: list[ev.Effect]) -> list[object]:
-    return [e.message for e in effects if isinstance(e, ev.Publish)]
-
-
-def orders(effects: list[ev.Effect]) -> list[ev.Order]:
-    return [e.order for e in effects if isinstance(e, ev.Command)]
 
 
 def unsaid(effects: list[ev.Effect]) -> list[ev.Effect]:
@@ -658,7 +566,7 @@ def test_one_heartbeat_that_says_disarmed_in_the_air_ends_nothing() -> None:
 
 
 def test_rules_and_orders_go_on_while_no_position_comes() -> None:
-    story = Story(rules=(*ALWAYS, Ruling(low_battery, low_battery.Params()))).flying()
+    story = Story(rules=(*ALWAYS, ActiveRule(low_battery, low_battery.Params()))).flying()
     flown_m, cell = story.state.flown_m, story.state.cell
     nowhere = {"lat_deg": None, "lon_deg": None, "alt_rel_m": None, "position_s": 0.0}
     given = [orders(story.over((7, 7), battery_percent=20, **nowhere)) for _ in range(6)]

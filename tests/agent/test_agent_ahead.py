@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from test_wings_checks import winged
+from wings_configs import winged
 
 from swarmctl.agent.replan.decide import first_flight, first_problem, first_route
 from swarmctl.agent.replan.route_to_mission import still_ahead

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from test_agent import GRID, Story, orders
+from agent_stories import GRID, Story, orders
 
 from swarmctl.agent.arrival import simultaneous
 from swarmctl.agent.arrival.common_time import Meeting

@@ -6,54 +6,20 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from test_agent import GRID, Story, orders, publications
+from agent_stories import orders, publications
+from watching_stories import MID_M, Watching, told
 
 from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.state import Phase
 from swarmctl.agent.step import wants_tick
-from swarmctl.agent.traffic.separation.watch import Action, Separation
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
 from swarmctl.report.separation import Closeness
-
-MID_M = GRID.centre_m((4, 4))
-
-
-class Watching(Story):
-    """Vehicle 2 flies east along row 4 at 10 m/s; `other` tells of vehicle 1 or 3."""
-
-    def __init__(self, action: Action = "hold", uav: int = 2, **changes: Any) -> None:
-        super().__init__(uav=uav, separation=replace(Separation(), action=action), **changes)
-        self.flying()
-        self.at(100.0)
-
-    def at(self, east_m: float, **changes: Any) -> list[ev.Effect]:
-        lat_deg, lon_deg = GRID.frame.to_geodetic(east_m, MID_M[1])
-        told = {"lat_deg": lat_deg, "lon_deg": lon_deg, "ground_speed_m_s": 10.0, "east_m_s": 10.0}
-        return self.over((4, 2), **{**told, **changes})
-
-    def other(
-        self, uav: int, east_m: float, north_m: float, velocity: tuple[float, float, float], **changes: Any
-    ) -> None:
-        lat_deg, lon_deg = GRID.frame.to_geodetic(east_m, north_m)
-        told = {"time_s": 1.0, "lat_deg": lat_deg, "lon_deg": lon_deg, "alt_rel_m": 30.0, "phase": "flying"}
-        told |= {"n_observed": 0, "n_found": 0, "velocity_m_s": velocity, "hears": (self.state.task.uav,)}
-        told |= changes
-        self(ev.Neighbours(((uav, StateShared(**told)),)))
-        self.now -= 1.0
-
-    def crossing(self, uav: int, **changes: Any) -> None:
-        """Over the middle of the area when vehicle 2 would be there; what it tells is a second old then."""
-        self.other(uav, MID_M[0], MID_M[1] - 110.0, (0.0, 10.0, 0.0), **changes)
 
 
 def heard(effects: list[ev.Effect]) -> tuple[int, ...]:
     (state,) = (message for message in publications(effects) if isinstance(message, StateShared))
     return state.hears
-
-
-def told(effects: list[ev.Effect]) -> list[str]:
-    return [effect.text for effect in effects if isinstance(effect, ev.Tell)]
 
 
 def test_the_higher_system_id_holds_and_says_why() -> None:
@@ -195,7 +161,7 @@ def test_an_operator_who_orders_otherwise_is_obeyed() -> None:
     story.at(125.0)
     assert orders(story(ev.OperatorCommand(ev.Order.RETURN))) == [ev.Order.RETURN]
     story.at(130.0, mode="RTL", mode_role="return")
-    assert story.state.gave_way is None
+    assert story.state.interrupted_plan is None
     assert story.state.phase is Phase.LEAVING
 
 
@@ -232,7 +198,7 @@ def test_it_climbs_no_higher_than_its_fence_lets_it() -> None:
     story.crossing(1)
     story.at(125.0)
     assert story.tick() == []
-    assert story.state.raised_m == 0.0
+    assert story.state.height_offset_m == 0.0
 
 
 def holds_for(story: Watching, seconds: int, **standing: Any) -> list[str]:
@@ -261,7 +227,7 @@ def test_where_no_height_is_clear_it_holds_on_and_says_so_again_and_again() -> N
     story.at(125.0)
     story(ev.OrderDone(ev.Order.HOLD))
     assert holds_for(story, 130) == ["it has held for 60 s, and no height is clear: it holds on"] * 2
-    assert story.state.gave_way is not None
+    assert story.state.interrupted_plan is not None
 
 
 def test_who_holds_for_another_keeps_clear_of_where_that_fell_silent() -> None:
@@ -276,7 +242,7 @@ def test_who_holds_for_another_keeps_clear_of_where_that_fell_silent() -> None:
     assert not any(said)
     later = [text for _ in range(150) for text in told(story.at(140.0, **still))]
     assert any("it has held for 60 s" in text for text in later)
-    assert story.state.gave_way is None, "it flies on, above that place or after three minutes"
+    assert story.state.interrupted_plan is None, "it flies on, above that place or after three minutes"
 
 
 @pytest.mark.parametrize(

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from agent_stories import GRID, Story, orders, publications
 from hypothesis import Phase as HypothesisPhase
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from test_agent import GRID, Story, orders, publications
+from traffic_stories import AMSL_M, MID_M, told
 
 from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.state import Phase
@@ -27,18 +28,11 @@ from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentPoint, IntentShared, StateShared
 from swarmctl.core.observation import Observation
 
-AMSL_M = 330.0
-"""at 30 m above home"""
-MID_M = GRID.centre_m((4, 4))
 PHASES = (HypothesisPhase.explicit, HypothesisPhase.reuse, HypothesisPhase.generate)
 
 
 def intents(effects: list[ev.Effect]) -> list[IntentShared]:
     return [message for message in publications(effects) if isinstance(message, IntentShared)]
-
-
-def told(effects: list[ev.Effect]) -> list[str]:
-    return [effect.text for effect in effects if isinstance(effect, ev.Tell)]
 
 
 class Flier(Story):
@@ -143,7 +137,7 @@ def test_a_new_plan_that_meets_nobody_goes_out_and_is_told() -> None:
     assert heights(effects) == [30.0]
     (intent,) = intents(effects)
     assert intent.plan_id == story.state.pending.plan_id  # type: ignore[union-attr]
-    assert story.state.compared.predicted == 0
+    assert story.state.deconfliction.predicted == 0
 
 
 @pytest.mark.parametrize("uav", [1, 3])
@@ -155,7 +149,7 @@ def test_a_new_plan_gives_way_to_whoever_has_told_its_own_before(uav: int) -> No
     assert heights(effects) == [pytest.approx(33.6)]
     assert f"that of vehicle {uav} in " in told(effects)[0]
     assert told(effects)[0].endswith(": it flies at 34 m")
-    assert (story.state.compared.predicted, story.state.compared.by_height) == (1, 1)
+    assert (story.state.deconfliction.predicted, story.state.deconfliction.by_height) == (1, 1)
     assert {round(p.alt_amsl_m, 1) for p in intents(effects)[0].points[1:-2]} == {AMSL_M + 3.6}
 
 
@@ -175,7 +169,7 @@ def test_where_no_height_is_free_it_keeps_the_plan_it_has_and_looks_again() -> N
     assert told(effects)[0].endswith(" at any height: it flies on by the old one")
     assert story.state.route is before
     assert story.state.pending is None
-    assert story.state.compared.by_waiting == story.state.compared.predicted >= 1
+    assert story.state.deconfliction.by_waiting == story.state.deconfliction.predicted >= 1
     assert story.tick() == []
     story.now += AGAIN_S
     for uav in (1, 3):
@@ -224,7 +218,7 @@ def test_of_two_plans_that_meet_the_higher_system_id_gives_way_but_to_who_cannot
     effects = story.crossing(uav, may_change=may_change)
     assert bool(told(effects)) is gives_way
     assert heights(story.tick()) == ([pytest.approx(33.6)] if gives_way else [])
-    assert (story.state.compared.predicted, story.state.compared.by_height) == (gives_way, gives_way)
+    assert (story.state.deconfliction.predicted, story.state.deconfliction.by_height) == (gives_way, gives_way)
 
 
 @pytest.mark.parametrize(("may_change", "gives_way"), [(False, True), (True, False)])
@@ -246,9 +240,9 @@ def test_it_is_said_and_counted_once_until_it_is_over() -> None:
         effects = story.other(1, (0.0, 425.0, south), (35.0, 425.0, MID_M[1]), (60.0, 425.0, MID_M[1]))
         story.tick()
     assert told(effects) == []
-    assert story.state.compared.predicted == 1
+    assert story.state.deconfliction.predicted == 1
     story.other(1, (0.0, 0.0, 0.0), (60.0, 400.0, 0.0))
-    assert story.state.foreseen == frozenset()
+    assert story.state.predicted_conflicts == frozenset()
 
 
 # --- many of them
@@ -308,7 +302,7 @@ class Swarm:
             east_m_s=velocity[0],
             north_m_s=velocity[1],
             climb_m_s=velocity[2],
-            mode_role="hold" if state.gave_way is not None else "mission",
+            mode_role="hold" if state.interrupted_plan is not None else "mission",
             armed=True,
         )
         self.fold(uav, ev.TelemetryReceived(vehicle))
@@ -377,7 +371,7 @@ def test_once_all_have_heard_all_no_two_plans_meet(
         # position, which is up to half a second old.
         mine, theirs = to_its_landing(a.own_intent), {b.task.uav: to_its_landing(b.own_intent)}
         meet = clashes(mine, theirs, a.task.separation.limits, SLACK_S - 0.6)
-        assert not meet, (a.phase, b.phase, a.foreseen, b.foreseen, a.put_off, b.put_off)
+        assert not meet, (a.phase, b.phase, a.predicted_conflicts, b.predicted_conflicts, a.deferred_for, b.deferred_for)
 
 
 # --- who tells no position any more
@@ -411,7 +405,7 @@ def test_and_that_it_is_somewhere_around_there_at_any_height_below() -> None:
         [75.0] * 2, abs=0.01
     )
     assert {p.alt_amsl_m for p in intent.points} == {AMSL_M - 15.0}
-    age_s = story.state.intent_said_s - story.state.placed.time_boot_s
+    age_s = story.state.intent_sent_boot_s - story.state.last_position.time_boot_s
     assert intent.around_m == (pytest.approx(min(10.0 * age_s, AROUND_M)), 15.0)
     assert not intent.may_change
 
@@ -445,4 +439,4 @@ def test_nobody_keeps_clear_of_more_around_a_flight_than_honest_ones_tell() -> N
     story = Flier()
     story.other(1, (0.0, 75.0, MID_M[1] + 300.0), (60.0, 500.0, MID_M[1] + 300.0), around_m=(1e6, 0.0))
     story.at(85.0)
-    assert story.state.foreseen == frozenset()
+    assert story.state.predicted_conflicts == frozenset()

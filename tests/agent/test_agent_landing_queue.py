@@ -6,10 +6,10 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from test_agent import GRID, Story, orders, publications
+from agent_stories import GRID, Story, orders, publications
 
 from swarmctl.agent.failsafes import low_battery
-from swarmctl.agent.failsafes.base import Ruling
+from swarmctl.agent.failsafes.base import ActiveRule
 from swarmctl.agent.state import Phase
 from swarmctl.agent.traffic.separation.watch import Separation
 from swarmctl.core import events as ev
@@ -89,7 +89,7 @@ def test_who_is_higher_waits_over_its_landing_place_for_who_passes_below() -> No
     assert text.endswith(": it waits above")
     (intent,) = (message for message in publications(effects) if isinstance(message, IntentShared))
     assert {round(point.alt_amsl_m, 1) for point in intent.points} == {HOME_AMSL_M + 30.0}
-    assert (story.state.compared.predicted, story.state.compared.by_waiting) == (1, 1)
+    assert (story.state.deconfliction.predicted, story.state.deconfliction.by_waiting) == (1, 1)
 
 
 def test_it_is_told_at_once_that_it_lands_for_then_it_gives_way_to_nobody_on_its_way() -> None:
@@ -219,7 +219,7 @@ def test_who_was_not_heard_to_wait_is_not_told_again_when_it_is_low_or_nobody_is
     story(ev.OrderFailed(ev.Order.HOLD, "no answer"))
     story(ev.Intents(((1, 0.0, IntentShared(0)),)))
     assert set(low(story, 28.0, 24.0, 20.0, 16.0, 12.0, 10.0, 9.0, 8.0)) == {ev.Order.LAND}
-    assert story.state.gave_way is None
+    assert story.state.interrupted_plan is None
 
 
 def test_who_is_heard_again_when_it_is_low_is_not_told_to_wait_there() -> None:
@@ -233,7 +233,7 @@ def test_who_is_heard_again_when_it_is_low_is_not_told_to_wait_there() -> None:
 
 
 def test_on_a_battery_that_is_all_but_spent_it_waits_no_longer() -> None:
-    rules = (Ruling(low_battery, low_battery.Params(seconds=0.0)),)
+    rules = (ActiveRule(low_battery, low_battery.Params(seconds=0.0)),)
     story = OverGoal(rules=rules).waiting()
     assert orders(story.at(3.0, battery_percent=24.0, **HOLDS)) == []
     effects = [e for _ in range(3) for e in story.at(3.0, battery_percent=19.0, **HOLDS)]

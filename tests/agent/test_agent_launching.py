@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from test_agent import GRID, Story, orders, publications
-from test_agent_intents import AMSL_M, MID_M, told
+from agent_stories import GRID, Story, orders, publications
+from traffic_stories import AMSL_M, MID_M, told
 
 from swarmctl.agent.state import Phase
 from swarmctl.agent.traffic.intents import MAX_AGE_S
@@ -24,7 +24,7 @@ GROUND = {
 }
 
 
-class Standing(Story):
+class Priority(Story):
     """Vehicle 2 stands at the west end of row 4, with a mission to the east end of it."""
 
     def __init__(self, **changes: Any) -> None:
@@ -59,14 +59,14 @@ class Standing(Story):
 
 
 def test_it_launches_where_it_would_meet_nobody() -> None:
-    story = Standing()
+    story = Priority()
     story.other((0.0, *MID_M, 60.0), (120.0, *MID_M, 60.0))
     assert orders(story.ordered()) == [LAUNCH]
 
 
 @pytest.mark.parametrize("command", [1, None], ids=["by an operator", "by its own process"])
 def test_it_waits_on_the_ground_while_somebody_is_in_its_way_and_says_so_once(command: int | None) -> None:
-    story = Standing()
+    story = Priority()
     story.hovers()
     effects = story.ordered(command)
     assert orders(effects) == []
@@ -84,7 +84,7 @@ def test_it_waits_on_the_ground_while_somebody_is_in_its_way_and_says_so_once(co
 
 
 def test_who_passes_over_the_place_where_it_climbs_is_let_by() -> None:
-    story = Standing()
+    story = Priority()
     east_m, north_m = GRID.centre_m((4, 0))
     story.other((0.0, east_m, north_m - 100.0, 20.0), (20.0, east_m, north_m + 100.0, 20.0))
     assert orders(story.ordered()) == []
@@ -93,15 +93,15 @@ def test_who_passes_over_the_place_where_it_climbs_is_let_by() -> None:
 
 
 def test_of_whom_nothing_is_heard_any_more_it_does_not_wait() -> None:
-    story = Standing()
+    story = Priority()
     story.hovers()
     story.ordered()
     story.now += MAX_AGE_S
     assert orders(story.stands()) == [LAUNCH]
 
 
-def waits_in_vain(command: int | None) -> tuple[Standing, list[str]]:
-    story = Standing()
+def waits_in_vain(command: int | None) -> tuple[Priority, list[str]]:
+    story = Priority()
     story.hovers()
     story.ordered(command)
     said = []
@@ -135,7 +135,7 @@ def test_what_its_own_process_launches_stays_on_the_ground_for_good() -> None:
 def test_one_that_boots_while_it_waits_is_not_launched_by_that_order(
     command: int | None, phase: Phase
 ) -> None:
-    story = Standing()
+    story = Priority()
     story.hovers()
     story.ordered(command)
     story(ev.Rebooted())
@@ -144,7 +144,7 @@ def test_one_that_boots_while_it_waits_is_not_launched_by_that_order(
 
 @pytest.mark.parametrize("order", [ev.Order.HOLD, ev.Order.RETURN])
 def test_it_is_called_back_while_it_waits(order: ev.Order) -> None:
-    story = Standing()
+    story = Priority()
     story.hovers()
     story.ordered()
     story(ev.OperatorCommand(order, 2))
@@ -154,7 +154,7 @@ def test_it_is_called_back_while_it_waits(order: ev.Order) -> None:
 
 
 def test_a_launch_that_was_forbidden_before_anything_was_sent_may_be_ordered_again() -> None:
-    story = Standing()
+    story = Priority()
     story.ordered()
     effects = story(ev.OrderFailed(LAUNCH, "battery: found 40 %", nothing_sent=True))
     assert told(effects) == ["not launched: battery: found 40 %; it stands by for another order"]
@@ -162,9 +162,9 @@ def test_a_launch_that_was_forbidden_before_anything_was_sent_may_be_ordered_aga
     assert orders(story.ordered()) == [LAUNCH]
 
 
-def about_to_take_off(command: int | None = 1) -> Standing:
+def about_to_take_off(command: int | None = 1) -> Priority:
     """Its way was clear when it was ordered, and is no more."""
-    story = Standing()
+    story = Priority()
     assert orders(story.ordered(command)) == [LAUNCH]
     story.stands()
     assert in_the_way(story.state) == ""
@@ -224,18 +224,18 @@ def test_one_that_was_armed_by_then_is_not_armed_again_by_that_order(
 
 def test_two_that_were_ordered_at_one_moment_do_not_wait_for_each_other() -> None:
     """Each would tell the other that it is about to take off, and neither would fly."""
-    story = Standing()
+    story = Priority()
     story.ordered()
     path = tuple(IntentPoint(t, *GRID.frame.to_geodetic(*MID_M), AMSL_M) for t in (0.0, 120.0))
     story(ev.Intents(((7, 0.0, IntentShared(1, path, on_ground=True)),)))
     assert in_the_way(story.state) == ""
-    later = Standing()
+    later = Priority()
     later(ev.Intents(((7, 0.0, IntentShared(1, path, on_ground=True)),)))
     assert orders(later.ordered()) == []
 
 
 def test_it_tells_that_it_is_about_to_take_off_and_at_once_that_it_is_up() -> None:
-    story = Standing()
+    story = Priority()
     story.ordered()
 
     def says() -> list[bool]:
@@ -264,7 +264,7 @@ def test_an_order_that_names_whom_not_to_wait_for_launches_it_past_that_one_and_
 
 
 def test_whom_not_to_wait_for_may_be_named_while_it_is_about_to_take_off() -> None:
-    story = Standing()
+    story = Priority()
     assert orders(story.ordered()) == [LAUNCH]
     story.hovers()
     assert in_the_way(story.state)
@@ -274,7 +274,7 @@ def test_whom_not_to_wait_for_may_be_named_while_it_is_about_to_take_off() -> No
 
 
 def test_and_past_nobody_else() -> None:
-    story = Standing()
+    story = Priority()
     story.hovers()
     effects = story.ordered(past=(6, 8))
     assert orders(effects) == []
@@ -282,7 +282,7 @@ def test_and_past_nobody_else() -> None:
 
 
 def test_an_order_that_is_repeated_while_it_waits_changes_nothing_and_is_told_for_how_long() -> None:
-    story = Standing()
+    story = Priority()
     story.hovers()
     story.ordered()
     for _ in range(60):
@@ -298,7 +298,7 @@ def test_an_order_that_is_repeated_while_it_waits_changes_nothing_and_is_told_fo
 
 
 def test_an_order_for_one_launch_is_none_for_the_next() -> None:
-    story = Standing()
+    story = Priority()
     story.hovers()
     story.ordered(past=(7,))
     story(ev.OrderFailed(LAUNCH, "battery: found 40 %", nothing_sent=True))
@@ -307,7 +307,7 @@ def test_an_order_for_one_launch_is_none_for_the_next() -> None:
 
 
 def test_one_that_somebody_has_armed_meanwhile_is_brought_down() -> None:
-    story = Standing()
+    story = Priority()
     story.ordered()
     story.over((4, 0))
     effects = story(ev.OrderFailed(LAUNCH, "battery: found 40 %", nothing_sent=True))

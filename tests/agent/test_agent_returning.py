@@ -9,19 +9,19 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from test_abort import gathering
-from test_agent import GRID, Story, orders, publications
-from test_agent_intents import AMSL_M, told
+from agent_stories import GRID, Story, orders, publications
+from recall_stories import gathering
+from traffic_stories import AMSL_M, told
 from trouble import Trouble, suffer
 
 from swarmctl.agent.failsafes import low_battery, not_following
-from swarmctl.agent.failsafes.base import Ruling
+from swarmctl.agent.failsafes.base import ActiveRule
 from swarmctl.agent.orders import place_of
 from swarmctl.agent.replan.approach import Wings
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.return_turns import turns_of
 from swarmctl.agent.traffic.returning import SETTLES_S, WAITS_FOR_S
-from swarmctl.config.model import Flight
+from swarmctl.config.model import FlightSection
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_AWAY, StateShared
 from swarmctl.core.messages import Place, VehicleAnswer
@@ -32,7 +32,7 @@ from swarmctl.report import record
 HOLD, RETURN, LAND = ev.Order.HOLD, ev.Order.RETURN, ev.Order.LAND
 LAT_DEG, LON_DEG = GRID.centre((4, 0))
 HOMES = {"home_lat_deg": LAT_DEG, "home_lon_deg": LON_DEG, "home_alt_amsl_m": AMSL_M - 30.0}
-RULES = (Ruling(low_battery, low_battery.Params(seconds=0.0)),)
+RULES = (ActiveRule(low_battery, low_battery.Params(seconds=0.0)),)
 LOW = "battery at {} %, less than the 25 % of rules.low_battery"
 
 
@@ -243,7 +243,7 @@ def test_once_it_is_well_on_its_way_it_is_not_stopped() -> None:
 
 
 def test_other_demands_to_return_wait_for_nobody() -> None:
-    story = Low(rules=(Ruling(not_following, not_following.Params(seconds=3.0)),))
+    story = Low(rules=(ActiveRule(not_following, not_following.Params(seconds=3.0)),))
     story.goes_home(3)
     given = [order for _ in range(6) for order in orders(story.at(60))]
     assert given == [RETURN]
@@ -372,7 +372,7 @@ class Nobody:
 def test_who_waits_when_its_process_is_stopped_returns_no_later_than_its_battery_lets_it() -> None:
     story = waiting()
     member: Any = Waits(story)
-    called = CallingOff([member], Flight(), lambda _text: None, Nobody())
+    called = CallingOff([member], FlightSection(), lambda _text: None, Nobody())
 
     async def scene() -> list[ev.Order]:
         leaving = asyncio.create_task(called.leave())

@@ -6,7 +6,7 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
-from test_agent import GRID, Story, publications
+from agent_stories import GRID, Story, publications
 
 from swarmctl.agent.arrival.common_time import Meeting
 from swarmctl.agent.replan.flight_path import along, stopping

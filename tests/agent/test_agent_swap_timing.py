@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from test_agent import GRID, Story, orders
+from agent_stories import GRID, Story, orders
 
 from swarmctl.agent.replan.swap_times import MOST_S, PRIOR_S, SwapTimes
 from swarmctl.agent.state import Phase

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from test_agent import GRID, Story, orders, publications
-from test_agent_collision_avoidance import MID_M, Watching
+from agent_stories import GRID, Story, orders, publications
+from watching_stories import MID_M, Watching
 
 from swarmctl.agent.state import Phase
 from swarmctl.core import events as ev

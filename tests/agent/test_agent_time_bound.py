@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_agent import GRID, Story, orders
+from agent_stories import GRID, Story, orders
 
 from swarmctl.agent.replan.arrival_bounds import Arrival
 from swarmctl.agent.replan.decide import first_route
@@ -270,7 +270,7 @@ def test_a_track_that_is_worse_than_its_route_by_now_is_pulled_anew() -> None:
     assert beside
     told.hear((8, 0, False))
     assert swaps(told.tick()) == []
-    assert told.state.held is told.state.exposure  # by which it was found good
+    assert told.state.route_exposure is told.state.exposure  # by which it was found good
     told.hear((*beside[0], True), seq=2)
     anew = told.swap()
     assert anew.track is not None

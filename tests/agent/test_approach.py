@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from drawn_trajectories import flights
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -60,18 +61,6 @@ def test_what_is_no_flight_is_refused(
 ) -> None:
     with pytest.raises(ValueError, match="expected"):
         Trajectory(times_s, points)  # type: ignore[arg-type]
-
-
-metres = st.integers(-60, 60).map(float)
-heights = st.integers(0, 12).map(float)
-
-
-@st.composite
-def flights(draw: st.DrawFn) -> Trajectory:
-    points = draw(st.lists(st.tuples(metres, metres, heights), min_size=2, max_size=5))
-    lasts_s = draw(st.lists(st.integers(1, 8), min_size=len(points) - 1, max_size=len(points) - 1))
-    times_s = np.cumsum([draw(st.integers(0, 6)), *lasts_s])
-    return Trajectory(tuple(map(float, times_s)), tuple(points))
 
 
 def sampled(a: Trajectory, b: Trajectory) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

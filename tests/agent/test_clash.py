@@ -6,14 +6,14 @@ from itertools import permutations
 
 import numpy as np
 import pytest
+from drawn_trajectories import flights
 from hypothesis import given
 from hypothesis import strategies as st
-from test_approach import flights
 
 from swarmctl.agent.traffic.separation.approach import Limits, intervals
 from swarmctl.agent.traffic.separation.clash import LEVEL_M, clashes
 from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory, onward
-from swarmctl.agent.traffic.separation.watch import yields_to
+from swarmctl.agent.traffic.separation.watch import gives_way_to
 
 LIMITS = Limits(20.0, 5.0)
 
@@ -111,8 +111,8 @@ def test_of_two_that_meet_exactly_one_gives_way_and_of_three_one_has_the_way(
 ) -> None:
     for one, other in permutations(swarm, 2):
         both_fixed = not one[0] and not other[0]
-        assert (yields_to(one, other) != yields_to(other, one)) is not both_fixed
+        assert (gives_way_to(one, other) != gives_way_to(other, one)) is not both_fixed
     if any(may for may, _ in swarm):
-        ranks = sorted(sum(yields_to(one, other) for other in swarm if other != one) for one in swarm)
+        ranks = sorted(sum(gives_way_to(one, other) for other in swarm if other != one) for one in swarm)
         n_fixed = sum(not may for may, _ in swarm)
         assert ranks == sorted([0] * n_fixed + list(range(n_fixed, len(swarm))))

@@ -8,7 +8,7 @@ import pytest
 from facts import Judged, at, facts
 
 from swarmctl.agent.failsafes import taken_over
-from swarmctl.agent.failsafes.base import Doing, Kind
+from swarmctl.agent.failsafes.base import Activity, Kind
 from swarmctl.agent.failsafes.taken_over import BOOTS_S
 from swarmctl.core.vehicle import STALE_MODE_S
 
@@ -70,7 +70,7 @@ OTHER = {"other_mission": True, "mission_total": 21}
 
 
 @pytest.mark.parametrize("doing", ["launch", "mission", "goal"])
-def test_who_puts_another_mission_on_it_has_taken_it(doing: Doing) -> None:
+def test_who_puts_another_mission_on_it_has_taken_it(doing: Activity) -> None:
     demand = Judged(taken_over)(0.0, facts(at(0.0, 0.0, **OTHER), doing=doing))
     assert demand is not None
     assert demand.kind is Kind.LET_GO

@@ -12,11 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swarmctl.bus import network
-from swarmctl.bus.backlog import Backlog, Said
+from swarmctl.bus.backlog import Backlog, QueuedMessage
 from swarmctl.bus.network import Network, RunClock
-from swarmctl.bus.node.decoding import Reading
+from swarmctl.bus.node.decoding import DecodedFrame
 from swarmctl.bus.node.exchange import NodeOptions
-from swarmctl.bus.radio import Lost
+from swarmctl.bus.radio import LossReason
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.core.frames import Frame, IntentShared, Spoken, StateShared
 from swarmctl.core.observation import Observation, Told
@@ -29,14 +29,14 @@ def observation(uav: int, seq: int, incarnation: int = 1) -> Observation:
     return Observation(uav, seq, 2.5, ((seq % 20, 4, True),), incarnation)
 
 
-def said(sender: int, n: int, kind: type, to: tuple[int, ...]) -> Said:
+def said(sender: int, n: int, kind: type, to: tuple[int, ...]) -> QueuedMessage:
     contents: dict[type, Spoken] = {
         Observation: observation(sender, n),
         StateShared: state(),
         IntentShared: IntentShared(1),
     }
     frame = Frame(sender, 1, n, 0.0, contents[kind])
-    return Said(sender, frame.act, Reading(frame, frame.act, bytes(100), (sender, 1)), to)
+    return QueuedMessage(sender, frame.act, DecodedFrame(frame, frame.act, bytes(100), (sender, 1)), to)
 
 
 ANY = st.tuples(
@@ -53,16 +53,16 @@ ANY = st.tuples(
 def test_what_goes_is_the_oldest_but_never_the_newest_of_who_is_where(
     story: list[tuple[int, type, tuple[int, ...], int]],
 ) -> None:
-    backlog, waiting = Backlog(ROOM_BYTES), list[Said]()
+    backlog, waiting = Backlog(ROOM_BYTES), list[QueuedMessage]()
     for n, (sender, kind, to, heard) in enumerate(story):
         waiting.append(said(sender, n, kind, to))
         gone = backlog.append(waiting[-1])
         stays = [one for one in waiting if one not in gone]
         for one in gone:
-            assert any(other.reading.frame.n > one.reading.frame.n for other in stays)
+            assert any(other.decoded.frame.n > one.decoded.frame.n for other in stays)
             if kind_of(one) is not Observation:
                 newer = [s for s in waiting if s.sender == one.sender and kind_of(s) is kind_of(one)]
-                to_whom = [s.to for s in newer if s.reading.frame.n > one.reading.frame.n]
+                to_whom = [s.to for s in newer if s.decoded.frame.n > one.decoded.frame.n]
                 assert set(one.to) <= {uav for whom in to_whom for uav in whom}
         waiting = stays
         for _ in range(min(heard, len(waiting))):
@@ -79,8 +79,8 @@ def known(told: list[Told]) -> set[int]:
     }
 
 
-def kind_of(one: Said) -> type:
-    return type(one.reading.frame.content)
+def kind_of(one: QueuedMessage) -> type:
+    return type(one.decoded.frame.content)
 
 
 def test_what_there_is_no_room_for_is_counted_said_and_learned_again(
@@ -106,7 +106,7 @@ def test_what_there_is_no_room_for_is_counted_said_and_learned_again(
                 for seq in range(1, 501):
                     swarm.publish(1, observation(1, seq, incarnations[1]))
                 await asyncio.sleep(0.1)
-                assert 300 < swarm.tally(2).lost[Lost.OVERLOAD] < 500
+                assert 300 < swarm.tally(2).lost[LossReason.OVERLOAD] < 500
                 assert swarm.tally(1).lost == {}
                 assert [text for uav, text in lines if uav == 2] == [
                     "more is said than this machine can hear; some is lost (said once, all is counted)"

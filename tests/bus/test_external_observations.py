@@ -21,20 +21,20 @@ from hypothesis import strategies as st
 
 from swarmctl.bus import keys
 from swarmctl.bus.endpoint import BusEndpoint
-from swarmctl.bus.external_observations import BURST, PAUSE_S, PER_S, Looks, Tally
+from swarmctl.bus.external_observations import BURST, PAUSE_S, PER_S, ReportReceiver, ReportCounts
 from swarmctl.bus.sensor_reports import (
     MAX_BYTES,
     OLDEST_S,
-    Answer,
-    BadReport,
-    Looked,
-    Point,
-    Reason,
+    ReportAnswer,
+    RejectedReport,
+    ReportedCells,
+    ReportedPoint,
+    RejectReason,
     Report,
     decode_answer,
     encode,
-    read,
-    schema,
+    decode_report,
+    report_schema,
 )
 from swarmctl.bus.transports import zenoh_config
 from swarmctl.bus.transports.base import Transport
@@ -86,89 +86,89 @@ TAKEN: dict[str, tuple[bytes, tuple[tuple[int, int, bool], ...]]] = {
     "with what later versions may add": (said(cells=ONE, height_m=3.0, more={"x": [1]}), SEEN),
     "said to be null": (said(cells=ONE, points=None, unix_s=None), SEEN),
 }
-REFUSED: dict[str, tuple[bytes, Reason, str]] = {
-    "nothing": (b"", Reason.MALFORMED, "--schema"),
-    "no JSON": (b"\x01\x02nonsense", Reason.MALFORMED, "JSON is malformed"),
-    "no object": (b"[1, 2]", Reason.MALFORMED, "Expected `object`"),
-    "no text": (b'{"version": 1, "source": "\xff"}', Reason.MALFORMED, "utf-8"),
-    "too deep": (b'{"x":' * 3000, Reason.MALFORMED, "recursion"),
-    "two reports": (said(cells=ONE) * 2, Reason.MALFORMED, "trailing"),
-    "no version": (b'{"cells": [[4, 7, true]]}', Reason.MALFORMED, "missing required field `version`"),
-    "another version": (said(cells=ONE, version=2), Reason.VERSION, "expected version 1, found 2"),
+REFUSED: dict[str, tuple[bytes, RejectReason, str]] = {
+    "nothing": (b"", RejectReason.MALFORMED, "--schema"),
+    "no JSON": (b"\x01\x02nonsense", RejectReason.MALFORMED, "JSON is malformed"),
+    "no object": (b"[1, 2]", RejectReason.MALFORMED, "Expected `object`"),
+    "no text": (b'{"version": 1, "source": "\xff"}', RejectReason.MALFORMED, "utf-8"),
+    "too deep": (b'{"x":' * 3000, RejectReason.MALFORMED, "recursion"),
+    "two reports": (said(cells=ONE) * 2, RejectReason.MALFORMED, "trailing"),
+    "no version": (b'{"cells": [[4, 7, true]]}', RejectReason.MALFORMED, "missing required field `version`"),
+    "another version": (said(cells=ONE, version=2), RejectReason.VERSION, "expected version 1, found 2"),
     "a version of another shape": (
         b'{"version": 2, "cells": 5}',
-        Reason.VERSION,
+        RejectReason.VERSION,
         "expected version 1, found 2",
     ),
-    "neither cells nor points": (said(), Reason.MALFORMED, "`cells` or `points`, found neither"),
+    "neither cells nor points": (said(), RejectReason.MALFORMED, "`cells` or `points`, found neither"),
     "cells and points": (
         said(cells=ONE, points=[point((0, 0), False)]),
-        Reason.MALFORMED,
+        RejectReason.MALFORMED,
         "found both",
     ),
-    "no cells": (said(cells=[]), Reason.MALFORMED, "length >= 1"),
-    "a cell of two": (said(cells=[[4, 7]]), Reason.MALFORMED, "length 3"),
-    "occupied as a number": (said(cells=[[4, 7, 1]]), Reason.MALFORMED, "Expected `bool`, got `int`"),
-    "a row with a fraction": (said(cells=[[4.5, 7, True]]), Reason.MALFORMED, "Expected `int`"),
-    "a row as text": (said(cells=[["4", 7, True]]), Reason.MALFORMED, "Expected `int`, got `str`"),
+    "no cells": (said(cells=[]), RejectReason.MALFORMED, "length >= 1"),
+    "a cell of two": (said(cells=[[4, 7]]), RejectReason.MALFORMED, "length 3"),
+    "occupied as a number": (said(cells=[[4, 7, 1]]), RejectReason.MALFORMED, "Expected `bool`, got `int`"),
+    "a row with a fraction": (said(cells=[[4.5, 7, True]]), RejectReason.MALFORMED, "Expected `int`"),
+    "a row as text": (said(cells=[["4", 7, True]]), RejectReason.MALFORMED, "Expected `int`, got `str`"),
     "a row beyond": (
         said(cells=[*ONE, [8, 7, True]]),
-        Reason.OUTSIDE,
+        RejectReason.OUTSIDE,
         "cell [8, 7]: expected row 0 to 7 and col 0 to 9",
     ),
-    "a column beyond": (said(cells=[[4, 10, True]]), Reason.OUTSIDE, "cell [4, 10]"),
-    "a row below": (said(cells=[[-1, 7, True]]), Reason.OUTSIDE, "cell [-1, 7]"),
-    "a huge row": (said(cells=[[10**400, 7, True]]), Reason.OUTSIDE, "cell [10000000000000000000, 7]"),
-    "a cell twice": (said(cells=[[4, 7, True], [4, 7, True]]), Reason.TWICE, "cell [4, 7]"),
+    "a column beyond": (said(cells=[[4, 10, True]]), RejectReason.OUTSIDE, "cell [4, 10]"),
+    "a row below": (said(cells=[[-1, 7, True]]), RejectReason.OUTSIDE, "cell [-1, 7]"),
+    "a huge row": (said(cells=[[10**400, 7, True]]), RejectReason.OUTSIDE, "cell [10000000000000000000, 7]"),
+    "a cell twice": (said(cells=[[4, 7, True], [4, 7, True]]), RejectReason.TWICE, "cell [4, 7]"),
     "points that disagree": (
         said(points=[point((4, 7), True), point((4, 7), False)]),
-        Reason.TWICE,
+        RejectReason.TWICE,
         "cell [4, 7] has points that are occupied and points that are clear",
     ),
     "a point outside": (
         said(points=[{"lat_deg": 45.0, "lon_deg": 14.4, "occupied": True}]),
-        Reason.OUTSIDE,
+        RejectReason.OUTSIDE,
         "point 45.0000000, 14.4000000 lies in no cell",
     ),
     "a latitude that is none": (
         said(points=[{"lat_deg": 91.0, "lon_deg": 14.4, "occupied": True}]),
-        Reason.MALFORMED,
+        RejectReason.MALFORMED,
         "<= 90",
     ),
     "once round the earth": (
         said(points=[{"lat_deg": 46.001, "lon_deg": 374.401, "occupied": True}]),
-        Reason.MALFORMED,
+        RejectReason.MALFORMED,
         "<= 180",
     ),
     "a point without a longitude": (
         said(points=[{"lat_deg": 46.0, "occupied": True}]),
-        Reason.MALFORMED,
+        RejectReason.MALFORMED,
         "missing required field `lon_deg`",
     ),
     "NaN": (
         said(points=[{"lat_deg": math.nan, "lon_deg": 14.4, "occupied": True}]),
-        Reason.MALFORMED,
+        RejectReason.MALFORMED,
         "invalid character",
     ),
     "an infinite time": (
         b'{"version": 1, "cells": [[4, 7, true]], "unix_s": 1e999}',
-        Reason.MALFORMED,
+        RejectReason.MALFORMED,
         "unix_s",
     ),
     "too old": (
         said(cells=ONE, unix_s=NOW_S - OLDEST_S - 0.2),
-        Reason.STALE,
+        RejectReason.STALE,
         "seen 60.2 s ago, expected at most 60",
     ),
-    "milliseconds": (said(cells=ONE, unix_s=NOW_S * 1000.0), Reason.FUTURE, "s from now, expected at most 5"),
-    "from the future": (said(cells=ONE, unix_s=NOW_S + 5.2), Reason.FUTURE, "seen 5.2 s from now"),
-    "a long name": (said(cells=ONE, source="x" * 33), Reason.MALFORMED, "length <= 32"),
+    "milliseconds": (said(cells=ONE, unix_s=NOW_S * 1000.0), RejectReason.FUTURE, "s from now, expected at most 5"),
+    "from the future": (said(cells=ONE, unix_s=NOW_S + 5.2), RejectReason.FUTURE, "seen 5.2 s from now"),
+    "a long name": (said(cells=ONE, source="x" * 33), RejectReason.MALFORMED, "length <= 32"),
     "a name that moves the cursor": (
         said(cells=ONE, source="\x1b[2J"),
-        Reason.MALFORMED,
+        RejectReason.MALFORMED,
         "cannot be printed",
     ),
-    "too long": (said(cells=ONE, source="x" * MAX_BYTES), Reason.OVERSIZE, f"at most {MAX_BYTES}"),
+    "too long": (said(cells=ONE, source="x" * MAX_BYTES), RejectReason.OVERSIZE, f"at most {MAX_BYTES}"),
 }
 
 
@@ -178,21 +178,21 @@ REFUSED: dict[str, tuple[bytes, Reason, str]] = {
 @pytest.mark.parametrize("name", TAKEN)
 def test_a_report_gives_its_cells(name: str) -> None:
     data, cells = TAKEN[name]
-    assert read(data, GRID, NOW_S)[0] == cells
+    assert decode_report(data, GRID, NOW_S)[0] == cells
 
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_is_no_report_is_refused_with_its_reason(name: str) -> None:
     data, reason, why = REFUSED[name]
-    with pytest.raises(BadReport) as refused:
-        read(data, GRID, NOW_S)
+    with pytest.raises(RejectedReport) as refused:
+        decode_report(data, GRID, NOW_S)
     assert refused.value.reason is reason
     assert why in str(refused.value)
 
 
 def test_a_report_names_its_source() -> None:
-    assert read(said(cells=ONE, source="geiger"), GRID, NOW_S) == (SEEN, "geiger")
-    assert read(said(cells=ONE), GRID, NOW_S) == (SEEN, "")
+    assert decode_report(said(cells=ONE, source="geiger"), GRID, NOW_S) == (SEEN, "geiger")
+    assert decode_report(said(cells=ONE), GRID, NOW_S) == (SEEN, "")
 
 
 numbers = st.integers() | st.floats()
@@ -219,8 +219,8 @@ almost = st.fixed_dictionaries(
 @given(st.binary(max_size=80) | almost.map(lambda content: json.dumps(content).encode()))
 @settings(max_examples=200, deadline=None, derandomize=True)
 def test_whatever_the_bytes_they_are_a_report_or_refused(data: bytes) -> None:
-    with suppress(BadReport):
-        cells, source = read(data, GRID, NOW_S)
+    with suppress(RejectedReport):
+        cells, source = decode_report(data, GRID, NOW_S)
         assert cells
         assert len({(row, col) for row, col, _ in cells}) == len(cells)
         assert all(GRID.contains((row, col)) for row, col, _ in cells)
@@ -242,12 +242,12 @@ def test_a_report_by_position_says_the_same_as_one_by_cell(
     if by_cell:
         report = Report(1, cells=expected)
     else:
-        report = Report(1, points=tuple(Point(*GRID.centre(cell), occupied) for cell in cells))
-    assert read(encode(report), GRID, NOW_S)[0] == expected
+        report = Report(1, points=tuple(ReportedPoint(*GRID.centre(cell), occupied) for cell in cells))
+    assert decode_report(encode(report), GRID, NOW_S)[0] == expected
 
 
 def test_the_published_schema_names_every_field_and_what_must_be_there() -> None:
-    found = schema()
+    found = report_schema()
     report = found["$defs"]["Report"]
     assert set(report["properties"]) == {"version", "cells", "points", "unix_s", "source"}
     assert report["required"] == ["version"]
@@ -263,10 +263,10 @@ class Vehicle:
     """An agent that takes looks."""
 
     def __init__(self, transport: Transport, clock: Callable[[], float] = lambda: NOW_S) -> None:
-        self.posted: list[tuple[Looked, str]] = []
+        self.posted: list[tuple[ReportedCells, str]] = []
         self.said: list[str] = []
         self._stirred = asyncio.Event()
-        self.looks = Looks(
+        self.looks = ReportReceiver(
             transport,
             "test",
             3,
@@ -276,7 +276,7 @@ class Vehicle:
             self._say,
         )
 
-    def _post(self, cells: Looked, source: str) -> None:
+    def _post(self, cells: ReportedCells, source: str) -> None:
         self.posted.append((cells, source))
         self._stirred.set()
 
@@ -308,7 +308,7 @@ def endpoint() -> BusEndpoint:
 @contextmanager
 def through_a_door() -> Iterator[tuple[Transport, Transport]]:
     """(the agent's bus, the payload's) where one process flies the swarm."""
-    anybodys = keys.looks("test", "*")
+    anybodys = keys.sensor_report("test", "*")
     at = BusEndpoint("127.0.0.1", 0)
     with ZenohBus(listen=at, open_keys=(anybodys,), put_keys=(anybodys,)) as agent:
         assert agent.endpoint is not None
@@ -337,7 +337,7 @@ def both(request: pytest.FixtureRequest) -> Both:
     return made
 
 
-async def answered(payload: Transport, data: bytes) -> Answer:
+async def answered(payload: Transport, data: bytes) -> ReportAnswer:
     """What the agent says, asked until it can be reached."""
     for _ in range(500):
         if answers := await payload.ask(KEY, data, 5.0):
@@ -350,10 +350,10 @@ def test_who_asks_is_told_what_was_taken(both: Both) -> None:
     async def scene() -> None:
         with both() as (agent, payload):
             vehicle = Vehicle(agent)
-            assert await answered(payload, said(cells=ONE, source="geiger")) == Answer(True, SEEN)
+            assert await answered(payload, said(cells=ONE, source="geiger")) == ReportAnswer(True, SEEN)
             assert vehicle.posted == [(SEEN, "geiger")]
             assert vehicle.said == []
-            assert vehicle.looks.tally == Tally(1)
+            assert vehicle.looks.tally == ReportCounts(1)
 
     asyncio.run(scene())
 
@@ -368,7 +368,7 @@ def test_who_asks_is_told_why_nothing_was_taken(both: Both) -> None:
                 assert not answer.taken
                 assert why in answer.why
             assert vehicle.posted == []
-            assert vehicle.looks.tally == Tally(0, {"outside the area": 1, "oversize": 1})
+            assert vehicle.looks.tally == ReportCounts(0, {"outside the area": 1, "oversize": 1})
             assert vehicle.said[0].startswith(
                 "a payload's report was refused (1 so far): outside the area: cell"
             )
@@ -385,7 +385,7 @@ def test_a_put_is_taken_or_counted(both: Both) -> None:
             payload.put(KEY, b"nonsense")
             await vehicle.until(lambda: bool(vehicle.looks.tally.refused))
             assert vehicle.posted[1:] == [(((1, 1, False),), "camera")]
-            assert vehicle.looks.tally == Tally(2, {"malformed": 1})
+            assert vehicle.looks.tally == ReportCounts(2, {"malformed": 1})
 
     asyncio.run(scene())
 
@@ -408,7 +408,7 @@ def test_what_is_told_to_all_at_once_is_for_nobody(key: str, comes_in: bool) -> 
             payload.put(KEY, said(cells=ONE))
             await vehicle.until(lambda: len(vehicle.posted) == 2)
             assert vehicle.posted == [(SEEN, ""), (SEEN, "")]
-            assert vehicle.looks.tally == Tally(2, {"wrong key": 2} if comes_in else {})
+            assert vehicle.looks.tally == ReportCounts(2, {"wrong key": 2} if comes_in else {})
             assert [key in text for text in vehicle.said] == [True] * comes_in
 
     asyncio.run(scene())
@@ -423,7 +423,7 @@ def test_the_looks_of_another_vehicle_are_not_its_own(both: Both) -> None:
                 assert await payload.ask(key, said(cells=ONE), 5.0) == ()
                 payload.put(key, said(cells=ONE))
             await answered(payload, said(cells=ONE))
-            assert vehicle.looks.tally == Tally(2)
+            assert vehicle.looks.tally == ReportCounts(2)
 
     asyncio.run(scene())
 
@@ -438,7 +438,7 @@ def test_what_comes_faster_than_agents_can_use_is_refused_until_there_is_room() 
         for _ in range(BURST):
             assert (await answered(bus, said(cells=ONE))).taken
         answer = await answered(bus, said(cells=ONE))
-        assert answer == Answer(False, why=f"too fast: expected at most {PER_S:g} reports a second")
+        assert answer == ReportAnswer(False, why=f"too fast: expected at most {PER_S:g} reports a second")
         await asyncio.sleep(1.0 / PER_S)
         assert (await answered(bus, said(cells=ONE))).taken
         assert not (await answered(bus, said(cells=ONE))).taken
@@ -446,7 +446,7 @@ def test_what_comes_faster_than_agents_can_use_is_refused_until_there_is_room() 
         assert [(await answered(bus, said(cells=ONE))).taken for _ in range(BURST + 1)] == [True] * BURST + [
             False
         ]
-        assert vehicle.looks.tally == Tally(2 * BURST + 1, {"too fast": 3})
+        assert vehicle.looks.tally == ReportCounts(2 * BURST + 1, {"too fast": 3})
 
     run_virtual(scene())
 
@@ -457,7 +457,7 @@ def test_nonsense_uses_up_the_room_too() -> None:
         vehicle = Vehicle(bus)
         for _ in range(BURST + 10):
             await answered(bus, b"nonsense")
-        assert vehicle.looks.tally == Tally(0, {"malformed": BURST, "too fast": 10})
+        assert vehicle.looks.tally == ReportCounts(0, {"malformed": BURST, "too fast": 10})
 
     run_virtual(scene())
 
@@ -510,10 +510,10 @@ class Flying(Ui):
             self.reached.set()
 
 
-def flown(folder: Path, *reports: tuple[str, int, bytes]) -> tuple[Flight, list[Answer]]:
+def flown(folder: Path, *reports: tuple[str, int, bytes]) -> tuple[Flight, list[ReportAnswer]]:
     """Three vehicles that see nothing but (when, to whom, what): a payload played by this script."""
     scenario = small(sensor={"source": "external"})
-    answers: list[Answer] = []
+    answers: list[ReportAnswer] = []
 
     async def scene() -> Flight:
         bus, ui = MemoryBus(), Flying("uav2")
@@ -524,7 +524,7 @@ def flown(folder: Path, *reports: tuple[str, int, bytes]) -> tuple[Flight, list[
                     await ui.reached.wait()
                 else:
                     await asyncio.sleep(1.0)
-                (answer,) = await bus.ask(keys.looks(scenario.config.name, uav), data, 5.0)
+                (answer,) = await bus.ask(keys.sensor_report(scenario.config.name, uav), data, 5.0)
                 answers.append(decode_answer(answer))
 
         playing = asyncio.create_task(payload())
@@ -574,7 +574,7 @@ def test_a_swarm_flies_by_what_payloads_report_and_by_nothing_else(tmp_path: Pat
 @pytest.mark.interop
 def test_the_example_reports_once_a_second() -> None:
     async def scene() -> None:
-        with ZenohBus(listen=BusEndpoint("127.0.0.1", 0), put_keys=(keys.looks("test", "*"),)) as agent:
+        with ZenohBus(listen=BusEndpoint("127.0.0.1", 0), put_keys=(keys.sensor_report("test", "*"),)) as agent:
             vehicle = Vehicle(agent, time.time)
             words = [sys.executable, str(ROOT / "configs" / "detector.py"), str(agent.endpoint), "test", "3"]
             example = await asyncio.create_subprocess_exec(*words)

@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from swarmctl.bus.transports.inbox import TURN_S, Inlet
+from swarmctl.bus.transports.inbox import TURN_S, Inbox
 from swarmctl.flight.virtual_clock import run_virtual
 
 pytestmark = pytest.mark.virtual
@@ -40,7 +40,7 @@ async def turn() -> None:
 def test_a_flood_leaves_the_loop_to_others_after_a_moment(each_s: float, at_once: int) -> None:
     async def scene() -> None:
         work = Work(each_s)
-        inlet = Inlet(asyncio.get_running_loop(), (5000, 5000), silent, work.clock)
+        inlet = Inbox(asyncio.get_running_loop(), (5000, 5000), silent, work.clock)
         for _ in range(1000):
             for queue in (0, 1):
                 inlet.take(queue, "", lambda queue=queue: work(queue))
@@ -57,7 +57,7 @@ def test_a_flood_leaves_the_loop_to_others_after_a_moment(each_s: float, at_once
 def test_no_queue_waits_for_a_flood_in_another() -> None:
     async def scene() -> None:
         work = Work(1.0)
-        inlet = Inlet(asyncio.get_running_loop(), (5000, 5000, 5000), silent, work.clock)
+        inlet = Inbox(asyncio.get_running_loop(), (5000, 5000, 5000), silent, work.clock)
         for _ in range(1000):
             inlet.take(0, "", lambda: work(0))
             inlet.take(1, "", lambda: work(1))
@@ -72,7 +72,7 @@ def test_all_is_delivered_in_its_order_and_each_failure_counted() -> None:
     async def scene() -> None:
         work, failures = Work(0.004), []
         loop = asyncio.get_running_loop()
-        inlet = Inlet(loop, (5000,), lambda key, error: failures.append((key, error)), work.clock)
+        inlet = Inbox(loop, (5000,), lambda key, error: failures.append((key, error)), work.clock)
         for n in range(100):
             inlet.take(0, "k", lambda n=n: work(1 // (n % 10)) if n % 10 < 2 else work(n))
         for _ in range(100):

@@ -9,15 +9,15 @@ from ether import COLS, ROWS, UNIX_S, state
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swarmctl.bus.node.decoding import reader
-from swarmctl.bus.node.exchange import NodeOptions, Took
-from swarmctl.bus.node.ledger import Ledger
+from swarmctl.bus.node.decoding import frame_decoder
+from swarmctl.bus.node.exchange import NodeOptions, NodeOutput
+from swarmctl.bus.node.ledger import ReceptionTable
 from swarmctl.bus.node.node import Node
 from swarmctl.core.frames import Content, Frame, Relayed, Seal, SnapshotAsked, StateShared
 from swarmctl.core.observation import Observation
 
 SEAL = Seal("test")
-READ = reader(SEAL, ROWS, COLS)
+READ = frame_decoder(SEAL, ROWS, COLS)
 PAUSES_S = st.sampled_from((0.1, 0.1, 0.1, 3.0, 6.0, 11.0))
 ON = st.sampled_from((1, 1, 1, 1, 1, 0, 2, -1))
 """by how much a number goes on from the last"""
@@ -30,7 +30,7 @@ class Process:
 
     def __init__(self, *, at_once: bool) -> None:
         options = NodeOptions(ROWS, COLS)
-        self.ledger = Ledger(UAVS, options) if at_once else None
+        self.ledger = ReceptionTable(UAVS, options) if at_once else None
         self.nodes = {
             uav: Node(uav, UAVS, options, SEAL, 1, np.random.default_rng(uav), ledger=self.ledger)
             for uav in HEARERS
@@ -40,19 +40,19 @@ class Process:
             self.nodes[uav].say(seen, 0.0, UNIX_S)
         self.n_taken = 0
 
-    def hear(self, sender: int, frame: Frame, to: tuple[int, ...], now_s: float) -> dict[int, Took]:
+    def hear(self, sender: int, frame: Frame, to: tuple[int, ...], now_s: float) -> dict[int, NodeOutput]:
         """What it comes to for each of them, under the key of `sender`."""
-        reading, unix_s, took = READ(SEAL.close(frame)), UNIX_S + now_s, {}
+        decoded, unix_s, took = READ(SEAL.close(frame)), UNIX_S + now_s, {}
         if self.ledger is not None and sender in UAVS:
             hearers = self.ledger.hearers(to)
-            takes = self.ledger.take(sender, frame.act, reading, hearers, now_s, unix_s)
+            takes = self.ledger.take(sender, frame.act, decoded, hearers, now_s, unix_s)
             seen = frame.content
             news = [seen] if isinstance(seen, Observation) else []
-            took = {uav: Took(news=news) for uav in self.ledger.uavs(takes)}
+            took = {uav: NodeOutput(news=news) for uav in self.ledger.uavs(takes)}
             self.n_taken += len(took)
         for uav in to:
             if uav not in took:
-                took[uav] = self.nodes[uav].hear(sender, frame.act, reading, now_s, unix_s)
+                took[uav] = self.nodes[uav].hear(sender, frame.act, decoded, now_s, unix_s)
         return took
 
 

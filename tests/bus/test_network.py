@@ -19,7 +19,7 @@ from swarmctl.bus import keys, network
 from swarmctl.bus.network import Network, RunClock
 from swarmctl.bus.node.exchange import NodeOptions
 from swarmctl.bus.node.reach import recipients
-from swarmctl.bus.radio import Lost, Partition, Quiet, Radio, RadioSettings
+from swarmctl.bus.radio import LossReason, Partition, RadioSilence, Radio, RadioSettings
 from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.bus.transports.zenoh import ZenohBus
@@ -129,21 +129,21 @@ def test_what_comes_under_another_key_is_refused_and_counted(key: str, why: Why,
 
 
 def test_a_put_on_a_wildcard_key_is_nobodys() -> None:
-    assert keys.origin_of("swarmctl/test/uav/3/inform/observation/1") == (1, "inform/observation")
+    assert keys.sender_of("swarmctl/test/uav/3/inform/observation/1") == (1, "inform/observation")
     for key in (
         "swarmctl/test/uav/*/inform/observation/1",
         "swarmctl/test/**",
         "swarmctl/$*/uav/3/inform/state/1",
     ):
-        assert keys.origin_of(key) is None
+        assert keys.sender_of(key) is None
 
 
 def test_a_key_of_any_length_is_nobodys_and_costs_nothing() -> None:
     for sender in ("9" * 5000, "1234", "0001"):
-        assert keys.origin_of(f"swarmctl/test/uav/3/inform/state/{sender}") is None
-    assert keys.origin_of(f"swarmctl/{'x' * 50_000}/uav/3/inform/state/1") is None
-    longest = keys.told("s" * 64, 254, "inform/observation", 253)
-    assert keys.origin_of(longest) == (253, "inform/observation")
+        assert keys.sender_of(f"swarmctl/test/uav/3/inform/state/{sender}") is None
+    assert keys.sender_of(f"swarmctl/{'x' * 50_000}/uav/3/inform/state/1") is None
+    longest = keys.uav_message("s" * 64, 254, "inform/observation", 253)
+    assert keys.sender_of(longest) == (253, "inform/observation")
 
 
 def test_an_exception_in_an_agent_does_not_end_the_network(bus: Open) -> None:
@@ -249,17 +249,17 @@ def test_delay_is_in_simulated_seconds(speedup: float) -> None:
 def test_partitions_and_silence_come_and_go() -> None:
     cut = RadioSettings(partitions=(Partition((frozenset({1}), frozenset({2})), 10.0, 20.0),))
     assert [heard_after(cut, at_s=t) is not None for t in (5.0, 15.0, 25.0)] == [True, False, True]
-    quiet = RadioSettings(quiet=(Quiet(frozenset({1}), 10.0, 20.0),))
+    quiet = RadioSettings(quiet=(RadioSilence(frozenset({1}), 10.0, 20.0),))
     assert [heard_after(quiet, at_s=t) is not None for t in (5.0, 15.0, 25.0)] == [True, False, True]
-    hearing = RadioSettings(quiet=(Quiet(frozenset({2}), 0.0, 99.0),))
+    hearing = RadioSettings(quiet=(RadioSilence(frozenset({2}), 0.0, 99.0),))
     assert heard_after(hearing) is not None  # who is quiet hears
 
 
 @pytest.mark.parametrize(
     ("metres", "lost"),
-    [(5.0, Lost.TOO_NEAR), (50.0, None), (500.0, Lost.TOO_FAR)],
+    [(5.0, LossReason.TOO_NEAR), (50.0, None), (500.0, LossReason.TOO_FAR)],
 )
-def test_who_is_too_far_or_too_near_is_not_heard(metres: float, lost: Lost | None) -> None:
+def test_who_is_too_far_or_too_near_is_not_heard(metres: float, lost: LossReason | None) -> None:
     async def scene() -> None:
         with closing(MemoryBus()) as transport:
             radio = RadioSettings(min_distance_m=10.0, max_distance_m=300.0)
@@ -287,8 +287,8 @@ def test_what_was_lost_is_counted_by_what_lost_it() -> None:
                     await asyncio.sleep(0.1)
                 tally = swarm.network.tally(1)
                 assert tally.sent["inform/observation"] == 200
-                assert swarm.network.tally(2).received + tally.lost[Lost.LOSS] == 200
-                assert 60 < tally.lost[Lost.LOSS] < 140
+                assert swarm.network.tally(2).received + tally.lost[LossReason.LOSS] == 200
+                assert 60 < tally.lost[LossReason.LOSS] < 140
 
     run_virtual(scene())
 

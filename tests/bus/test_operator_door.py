@@ -13,9 +13,9 @@ from operator_station import KEY, Station, over_zenoh
 
 from swarmctl.bus import keys
 from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
-from swarmctl.bus.operator_service import Tally
+from swarmctl.bus.operator_service import CommandCounts
 from swarmctl.bus.transports.base import BusError
-from swarmctl.bus.transports.open import opened
+from swarmctl.bus.transports.open import open_bus
 from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.core.messages import (
     SetWeights,
@@ -61,7 +61,7 @@ def test_from_outside_one_can_ask_under_one_key_and_nothing_else() -> None:
             # What came before on the same connection has been looked at when this is answered.
             assert len(await operator.ask(KEY, encode(SetWeights((1,), w=0.2)), 5.0)) == 1
             assert heard == ["swarmctl/test/uav/1/inform/state/2"] * 2
-            assert station.tally == Tally(passed_on=1, refused=0)
+            assert station.tally == CommandCounts(passed_on=1, refused=0)
             # Its own it hears at once; of the swarm's nothing.
             assert "swarmctl/test/uav/1/inform/state/9" in overheard
             assert "swarmctl/test/uav/1/inform/state/2" not in overheard
@@ -86,7 +86,7 @@ def taken_port(held: contextlib.ExitStack) -> int:
 
 def test_a_taken_port_is_said_with_the_cure() -> None:
     async def scene(port: int) -> None:
-        with opened("test", f"tcp/127.0.0.1:{port}", print):
+        with open_bus("test", f"tcp/127.0.0.1:{port}", print):
             pass
 
     with contextlib.ExitStack() as held:

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from operator_station import ANYWHERE, KEY, Station, over_zenoh
 
 from swarmctl.bus import keys, operator_service
-from swarmctl.bus.operator_service import Tally
+from swarmctl.bus.operator_service import CommandCounts
 from swarmctl.bus.transports.base import MAX_MESSAGE_BYTES, MAX_QUESTION_BYTES, Transport
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.bus.transports.zenoh import QUESTIONS, ZenohBus
@@ -157,7 +157,7 @@ def test_what_is_no_command_for_this_swarm_moves_nobody_is_counted_shown_and_ans
             for number, (payload, why) in enumerate((WRONG | FOREIGN).values(), start=1):
                 (answer,) = await operator.ask(KEY, payload, 5.0)
                 assert why in decode_answer(answer).refused
-                assert station.tally == Tally(passed_on=0, refused=number)
+                assert station.tally == CommandCounts(passed_on=0, refused=number)
                 assert why in station.said[-1]
             assert station.posted == []
 
@@ -178,7 +178,7 @@ def test_a_flood_of_bytes_ends_at_the_door() -> None:
             station = Station(ground)
             with suppress(TimeoutError):
                 assert await operator.ask(KEY, bytes(4 * MAX_MESSAGE_BYTES), 1.0) == ()
-            assert station.tally == Tally()
+            assert station.tally == CommandCounts()
             assert ground.endpoint is not None
             with ZenohBus(connect=ground.endpoint) as another:
                 assert len(await another.ask(KEY, encode(SetWeights((1,), w=0.2)), 5.0)) == 1
@@ -199,7 +199,7 @@ def test_commands_that_come_too_fast_are_refused_and_said_once_until_there_was_a
             refused = await give(30)
             assert refused[:8] == [""] * 8
             assert all("faster than 4 a second; nothing was changed" in why for why in refused[8:])
-            assert station.tally == Tally(passed_on=8 * flood, refused=22 * flood)
+            assert station.tally == CommandCounts(passed_on=8 * flood, refused=22 * flood)
             assert len(station.posted) == 8 * flood
             assert len(station.said) == flood
             await asyncio.sleep(2.0)
@@ -296,7 +296,7 @@ def test_a_vehicle_is_given_no_command_before_it_has_come_to_the_last() -> None:
         alone = await client.ask(bus, there, SetWeights((2,), w=0.3))
         assert "has come to the command before" in alone.refused
         assert [(uav, event.command) for uav, event in station.posted] == [(2, 1), (1, 2)]
-        assert station.tally == Tally(passed_on=2, refused=1)
+        assert station.tally == CommandCounts(passed_on=2, refused=1)
 
         # Its answer comes after all: nobody waits for it, but it is free.
         station.desk.answered(1, VehicleAnswer(2, "uav2", "taken", 5))

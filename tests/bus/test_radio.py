@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swarmctl.bus.radio import MAX_WAIT_S, Lost, Partition, Quiet, Radio, RadioSettings, gilbert
+from swarmctl.bus.radio import MAX_WAIT_S, LossReason, Partition, RadioSilence, Radio, RadioSettings, gilbert_probabilities
 from swarmctl.config.communication import Communication
-from swarmctl.config.radio import settings_of
+from swarmctl.config.radio import radio_settings
 from swarmctl.core.geo import LatLon, distance_m
 
 Sent = tuple[int, int, int, float]
@@ -25,7 +25,7 @@ PLACES = st.tuples(st.floats(-89.0, 89.0), st.floats(-180.0, 180.0))
 NEAR = st.tuples(st.floats(46.0, 46.01), st.floats(14.0, 14.01))
 
 
-def outcomes(radio: Radio, sent: Sequence[Sent]) -> list[tuple[Sent, float, float | Lost]]:
+def outcomes(radio: Radio, sent: Sequence[Sent]) -> list[tuple[Sent, float, float | LossReason]]:
     """What is sent, when, and what comes of it."""
     now_s, found = 0.0, []
     for message in sent:
@@ -36,11 +36,11 @@ def outcomes(radio: Radio, sent: Sequence[Sent]) -> list[tuple[Sent, float, floa
 
 
 def lost_of(radio: Radio, n: int) -> list[bool]:
-    return [radio.send(1, 2, 100, float(i)) is Lost.LOSS for i in range(n)]
+    return [radio.send(1, 2, 100, float(i)) is LossReason.LOSS for i in range(n)]
 
 
 def is_reached(radio: Radio, sender: int, to: int, now_s: float = 0.0) -> bool:
-    return not isinstance(radio.send(sender, to, 100, now_s), Lost)
+    return not isinstance(radio.send(sender, to, 100, now_s), LossReason)
 
 
 def test_a_radio_of_which_nothing_is_said_does_nothing() -> None:
@@ -60,7 +60,7 @@ def test_a_radio_of_which_nothing_is_said_does_nothing() -> None:
         RadioSettings(max_distance_m=1e6),
         RadioSettings(min_distance_m=1.0),
         RadioSettings(partitions=(Partition((frozenset({1}),)),)),
-        RadioSettings(quiet=(Quiet(frozenset({1})),)),
+        RadioSettings(quiet=(RadioSilence(frozenset({1})),)),
     ],
 )
 def test_whatever_is_said_of_it_it_is_not_transparent(settings: RadioSettings) -> None:
@@ -75,7 +75,7 @@ def test_what_arrives_was_under_way_as_long_as_it_must_and_no_longer(
         delay_s=delay_s, jitter_s=jitter_s, loss=0.2, bandwidth_bytes_s=bandwidth_bytes_s
     )
     for (_, _, n_bytes, _), now_s, arrives_s in outcomes(Radio(settings, seed=5), sent):
-        if not isinstance(arrives_s, Lost):
+        if not isinstance(arrives_s, LossReason):
             needs_s = n_bytes / bandwidth_bytes_s
             assert arrives_s >= now_s + delay_s
             assert arrives_s >= now_s + needs_s + delay_s - 1e-9
@@ -131,7 +131,7 @@ def test_the_order_in_which_pairs_are_served_decides_nothing(pairs: list[tuple[i
 @pytest.mark.parametrize(
     "also",
     [
-        RadioSettings(loss=0.3, quiet=(Quiet(frozenset({1}), 10.0, 20.0),)),
+        RadioSettings(loss=0.3, quiet=(RadioSilence(frozenset({1}), 10.0, 20.0),)),
         RadioSettings(loss=0.3, partitions=(Partition((frozenset({1}),), 10.0, 20.0),)),
         RadioSettings(loss=0.3, jitter_s=0.5),
         RadioSettings(loss=0.3, bandwidth_bytes_s=90.0),
@@ -141,7 +141,7 @@ def test_a_message_that_comes_to_nothing_else_changes_no_later_ones_luck(also: R
     plain, other = Radio(RadioSettings(loss=0.3), 3), Radio(also, 3)
     other_found = [other.send(1, 2, 100, float(i)) for i in range(200)]
     for is_lost, found in zip(lost_of(plain, 200), other_found, strict=True):
-        assert is_lost == (found is Lost.LOSS) or found in (Lost.QUIET, Lost.PARTITION, Lost.BANDWIDTH)
+        assert is_lost == (found is LossReason.LOSS) or found in (LossReason.QUIET, LossReason.PARTITION, LossReason.BANDWIDTH)
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -161,14 +161,14 @@ def test_so_many_are_lost_and_in_bursts_so_long(
 
 def test_the_first_message_is_as_likely_lost_as_any() -> None:
     settings = RadioSettings(loss=0.25, loss_burst=10.0)
-    first = [Radio(settings, seed).send(1, 2, 1, 0.0) is Lost.LOSS for seed in range(4000)]
+    first = [Radio(settings, seed).send(1, 2, 1, 0.0) is LossReason.LOSS for seed in range(4000)]
     assert sum(first) / len(first) == pytest.approx(0.25, abs=0.03)
 
 
 @given(st.floats(0.0, 0.99), st.floats(1.0, 100.0))
 def test_gilberts_chances_have_the_share_and_the_burst_asked_for(loss: float, burst: float) -> None:
     try:
-        p_enter, p_stay = gilbert(loss, burst)
+        p_enter, p_stay = gilbert_probabilities(loss, burst)
     except ValueError:
         assert burst < loss / (1.0 - loss)
         return
@@ -190,7 +190,7 @@ def test_a_transmitter_sends_no_more_than_its_bandwidth_over_any_time(sent: list
     # Of what arrives after a and until b, all was on the air in between.
     found = outcomes(Radio(RadioSettings(bandwidth_bytes_s=1000.0, delay_s=0.5), 1), sent)
     for sender in {m[0] for m in sent}:
-        left = [(s, m[2]) for m, _, s in found if m[0] == sender and not isinstance(s, Lost)]
+        left = [(s, m[2]) for m, _, s in found if m[0] == sender and not isinstance(s, LossReason)]
         assert left == sorted(left)
         for i, (a, _) in enumerate(left):
             n_bytes = 0
@@ -205,17 +205,17 @@ def test_a_transmitter_takes_one_message_after_another_and_drops_what_would_wait
     assert radio.send(1, 3, 100, 0.0) == 2.25  # to whomever it goes
     assert radio.send(2, 3, 100, 0.0) == 1.25  # another's transmitter is another
     assert radio.send(1, 2, 50, 0.0) == 2.75  # waits 2 s, and no longer
-    assert radio.send(1, 2, 1, 0.0) is Lost.BANDWIDTH
+    assert radio.send(1, 2, 1, 0.0) is LossReason.BANDWIDTH
     assert radio.send(1, 2, 50, 0.5) == 3.25
     assert radio.send(1, 2, 100, 60.0) == 61.25
 
 
 def test_who_is_quiet_sends_nothing_and_keeps_no_transmitter_busy_but_is_sent_to() -> None:
-    settings = RadioSettings(bandwidth_bytes_s=100.0, quiet=(Quiet(frozenset({1, 3}), 5.0, 6.0),))
+    settings = RadioSettings(bandwidth_bytes_s=100.0, quiet=(RadioSilence(frozenset({1, 3}), 5.0, 6.0),))
     radio = Radio(settings, 1)
     assert radio.send(1, 2, 100, 4.0) == 5.0
-    assert radio.send(1, 2, 100, 5.0) is Lost.QUIET
-    assert radio.send(3, 2, 100, 5.999) is Lost.QUIET
+    assert radio.send(1, 2, 100, 5.0) is LossReason.QUIET
+    assert radio.send(3, 2, 100, 5.999) is LossReason.QUIET
     assert radio.send(2, 1, 100, 5.5) == 6.5
     assert radio.send(1, 2, 100, 6.0) == 7.0
 
@@ -230,7 +230,7 @@ def test_a_partition_lets_through_what_stays_within_a_group_while_it_lasts() -> 
             (a, b) for a in range(1, 6) for b in range(1, 6) if a != b and is_reached(radio, a, b, now_s)
         }
         assert reached == {(1, 2), (2, 1), (3, 4), (4, 3)}
-    assert radio.send(1, 3, 100, 15.0) is Lost.PARTITION
+    assert radio.send(1, 3, 100, 15.0) is LossReason.PARTITION
 
 
 def test_of_several_partitions_at_once_all_have_to_allow_it() -> None:
@@ -264,10 +264,10 @@ def test_distance_is_symmetric(a: LatLon, b: LatLon) -> None:
 # On the equator a degree of longitude is 111 319.49 m.
 @pytest.mark.parametrize(
     ("lon_deg", "found"),
-    [(0.0, Lost.TOO_NEAR), (0.00089, Lost.TOO_NEAR), (0.0009, None), (0.0044, None), (0.0045, Lost.TOO_FAR),
-     (90.0, Lost.TOO_FAR)],
+    [(0.0, LossReason.TOO_NEAR), (0.00089, LossReason.TOO_NEAR), (0.0009, None), (0.0044, None), (0.0045, LossReason.TOO_FAR),
+     (90.0, LossReason.TOO_FAR)],
 )  # fmt: skip
-def test_uavs_hear_each_other_neither_too_near_nor_too_far(lon_deg: float, found: Lost | None) -> None:
+def test_uavs_hear_each_other_neither_too_near_nor_too_far(lon_deg: float, found: LossReason | None) -> None:
     radio = Radio(RadioSettings(min_distance_m=100.0, max_distance_m=500.0), 1)
     assert radio.hears((0.0, 0.0), (0.0, lon_deg)) is found
 
@@ -290,7 +290,7 @@ NAMES = {1: "alpha", 2: "beta", 7: "gamma"}
 
 
 def test_a_section_that_says_nothing_is_a_transparent_radio() -> None:
-    assert Radio(settings_of(Communication(), NAMES), 1).is_transparent
+    assert Radio(radio_settings(Communication(), NAMES), 1).is_transparent
 
 
 def test_a_section_says_all_of_the_radio_in_names_or_system_ids() -> None:
@@ -300,7 +300,7 @@ def test_a_section_says_all_of_the_radio_in_names_or_system_ids() -> None:
         '"partitions": [{"from_s": 8, "until_s": 9, "groups": [["alpha", 7], ["2"]]},'
         '{"from_s": 10, "groups": [["beta"]]}], "quiet": [{"uavs": ["gamma"]}]}'
     )
-    assert settings_of(section, NAMES) == RadioSettings(
+    assert radio_settings(section, NAMES) == RadioSettings(
         delay_s=0.1,
         jitter_s=0.2,
         loss=0.3,
@@ -312,5 +312,5 @@ def test_a_section_says_all_of_the_radio_in_names_or_system_ids() -> None:
             Partition((frozenset({1, 7}), frozenset({2})), 8.0, 9.0),
             Partition((frozenset({2}),), 10.0),
         ),
-        quiet=(Quiet(frozenset({7})),),
+        quiet=(RadioSilence(frozenset({7})),),
     )

@@ -55,7 +55,7 @@ class Net:
 
     async def is_quiet_but_for(self, *expected: str) -> None:
         """What was sent before on other links has been looked at when these have come and gone."""
-        said = keys.told(SWARM, 1, "inform/state", 2)
+        said = keys.uav_message(SWARM, 1, "inform/state", 2)
         self.heard["one"].clear()
         await until(lambda: said in self.heard["one"], "uav2 is heard", lambda: self.two.put(said, b""))
         await asyncio.sleep(0.1)
@@ -89,7 +89,7 @@ async def network(protocol: str) -> AsyncIterator[Net]:
             reply(b"answer")
 
         one.serve(keys.request(SWARM, "weights", 1), serve)
-        one.serve(keys.looks(SWARM, 1), serve)
+        one.serve(keys.sensor_report(SWARM, 1), serve)
         await meet(one, two, station)
         yield net
 
@@ -175,7 +175,7 @@ def test_a_certificate_that_is_none_of_the_swarms_can_do_nothing(protocol: str, 
                 stranger.subscribe("**", lambda key, _: heard.append(key))
                 await meet(stranger)
                 for sender in (1, 2, 9):
-                    stranger.put(keys.told(SWARM, 1, "inform/state", sender), b"")
+                    stranger.put(keys.uav_message(SWARM, 1, "inform/state", sender), b"")
                     stranger.put(keys.to_station(SWARM, sender), b"")
                 assert await stranger.ask(keys.request(SWARM, "weights", 1), b"", 1.0) == ()
                 await net.is_quiet_but_for()
@@ -189,7 +189,7 @@ def test_a_certificate_that_is_none_of_the_swarms_can_do_nothing(protocol: str, 
 
 # --- what a vehicle may put
 
-TO_ONE = keys.told(SWARM, 1, "inform/state", 3)
+TO_ONE = keys.uav_message(SWARM, 1, "inform/state", 3)
 PUTS: dict[str, str] = {
     "to every vehicle by a wildcard": f"{ROOT}/uav/*/inform/state/3",
     "to some vehicles by a wildcard": f"{ROOT}/uav/$*1/inform/state/3",
@@ -197,12 +197,12 @@ PUTS: dict[str, str] = {
     "to whatever there is": "**",
     "from everybody by a wildcard": f"{ROOT}/uav/1/inform/state/*",
     "anything to one by a wildcard": f"{ROOT}/uav/1/**",
-    "in the name of another": keys.told(SWARM, 1, "inform/state", 2),
+    "in the name of another": keys.uav_message(SWARM, 1, "inform/state", 2),
     "in the name of another, to the station": keys.to_station(SWARM, 2),
     "in its own name, as a part of another": f"{ROOT}/uav/1/inform/state/2/3",
     "as the operator": keys.request(SWARM, "weights", 1),
-    "as another's payload": keys.looks(SWARM, 1),
-    "to another swarm": keys.told("other", 1, "inform/state", 3),
+    "as another's payload": keys.sensor_report(SWARM, 1),
+    "to another swarm": keys.uav_message("other", 1, "inform/state", 3),
 }
 
 
@@ -259,10 +259,10 @@ def test_a_vehicle_hears_nothing_but_what_is_for_it(expression: str, protocol: s
                 three.subscribe(expression, lambda key, _: overheard.append(key))
                 three.subscribe(keys.inbox(SWARM, 3), lambda key, _: own.append(key))
                 await meet(three)
-                for_three = keys.told(SWARM, 3, "inform/state", 2)
+                for_three = keys.uav_message(SWARM, 3, "inform/state", 2)
 
                 def say() -> None:
-                    net.two.put(keys.told(SWARM, 1, "inform/state", 2), b"")
+                    net.two.put(keys.uav_message(SWARM, 1, "inform/state", 2), b"")
                     net.two.put(keys.to_station(SWARM, 2), b"")
                     net.two.put(for_three, b"")
 
@@ -279,7 +279,7 @@ def test_operators_questions_are_answered_to_operators_and_looks_to_the_vehicles
 ) -> None:
     async def scene() -> None:
         async with network(protocol) as net:
-            weights, look = keys.request(SWARM, "weights", 1), keys.looks(SWARM, 1)
+            weights, look = keys.request(SWARM, "weights", 1), keys.sensor_report(SWARM, 1)
             with (
                 ZenohBus(client_of(net.there, "uav3")) as three,
                 ZenohBus(client_of(net.there, "uav1")) as payload,
@@ -366,7 +366,7 @@ def test_a_mesh_passes_on_the_swarms_keys_for_the_swarms_certificates_only(tmp_p
             for expression in (keys.inbox(SWARM, 1), "swarmctl/other/**", "elsewhere", "**"):
                 one.subscribe(expression, lambda key, _: heard.append(key))
             await meet(one, two)
-            said = keys.told(SWARM, 1, "inform/state", 2)
+            said = keys.uav_message(SWARM, 1, "inform/state", 2)
             for key in ("swarmctl/other/uav/1/inform/state/2", "elsewhere", "**"):
                 two.put(key, b"")
             await until(lambda: heard, "the neighbour", lambda: two.put(said, b""))
@@ -403,7 +403,7 @@ def test_in_a_mesh_no_node_passes_on_what_payloads_see(protocol: str) -> None:
     async def scene() -> None:
         async with meshed(protocol) as (places, nodes), AsyncExitStack() as stack:
             heard: list[bytes] = []
-            look, request = keys.looks(SWARM, 1), keys.request(SWARM, "order", 1)
+            look, request = keys.sensor_report(SWARM, 1), keys.request(SWARM, "order", 1)
             nodes[1].subscribe(keys.inbox(SWARM, 1), lambda _, payload: heard.append(payload))
             nodes[1].serve(look, answers(b"taken"))
             nodes[1].serve(request, answers(b"ordered"))
@@ -418,7 +418,7 @@ def test_in_a_mesh_no_node_passes_on_what_payloads_see(protocol: str) -> None:
             if protocol == "tls":
                 strangers |= {"uav3 at uav1's node": client(1, "uav3")}
             await meet(payload, operator, *strangers.values())
-            said = keys.told(SWARM, 1, "inform/state", 3)
+            said = keys.uav_message(SWARM, 1, "inform/state", 3)
             await until(lambda: b"far" in heard, "the far end", lambda: nodes[3].put(said, b"far"))
             far = strangers["an operator at another node"]
             await until_answered(far, request, b"ordered")
@@ -466,10 +466,10 @@ def test_who_serves_anothers_key_does_not_hide_its_answer() -> None:
 
 def test_an_access_list_denies_what_it_does_not_name() -> None:
     for listed in (
-        access.star(SWARM, UAVS, certified=True),
-        access.star(SWARM, UAVS, certified=False),
-        access.mesh(SWARM, UAVS, certified=True),
-        access.door(["a"], ["b"]),
+        access.router_rules(SWARM, UAVS, certified=True),
+        access.router_rules(SWARM, UAVS, certified=False),
+        access.mesh_node_rules(SWARM, UAVS, certified=True),
+        access.operator_endpoint_rules(["a"], ["b"]),
     ):
         assert listed["enabled"] is True
         assert listed["default_permission"] == "deny"

@@ -8,8 +8,8 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swarmctl.bus.transports.links import Links
-from swarmctl.bus.transports.neighbours import Neighbours
+from swarmctl.bus.transports.links import LinkSet
+from swarmctl.bus.transports.neighbours import MeshNeighbours
 from swarmctl.bus.transports.renewal import (
     EARLIEST_S,
     LATEST_S,
@@ -106,8 +106,8 @@ def test_who_is_missed_in_vain_hears_of_it_until_there_are_routes() -> None:
         return lambda: None
 
     renewal_1, renewal_2 = Renewal(), Renewal()
-    one = Neighbours("nodes", SOON, hears(told_2), told_1.__contains__)
-    two = Neighbours("nodes", LATE, nowhere, told_2.__contains__)
+    one = MeshNeighbours("nodes", SOON, hears(told_2), told_1.__contains__)
+    two = MeshNeighbours("nodes", LATE, nowhere, told_2.__contains__)
     assert not one.look(renewal_1, [LATE], 100.0)
     assert one.look(renewal_1, [LATE], 100.0 + EARLIEST_S)
     assert not two.look(renewal_2, [SOON], 102.0)
@@ -122,7 +122,7 @@ def test_who_is_missed_in_vain_hears_of_it_until_there_are_routes() -> None:
 
 
 def test_a_link_whose_end_is_not_told_is_missing_in_two_lists() -> None:
-    links = Links()
+    links = LinkSet()
     links.changed(("a", "b"), has_come=True)
     links.changed(("a", "c"), has_come=True)
     links.listed([("a", "b")])
@@ -134,7 +134,7 @@ def test_a_link_whose_end_is_not_told_is_missing_in_two_lists() -> None:
 
 
 def test_a_link_that_has_just_come_may_be_missing_in_a_list() -> None:
-    links = Links()
+    links = LinkSet()
     links.listed([])
     links.changed(("a", "b"), has_come=True)
     links.listed([])
@@ -144,7 +144,7 @@ def test_a_link_that_has_just_come_may_be_missing_in_a_list() -> None:
 
 
 def test_how_long_there_is_no_link_is_counted_from_the_first_look_without_one() -> None:
-    links = Links()
+    links = LinkSet()
     assert links.alone_s(10.0) == 0.0
     assert links.alone_s(12.0) == 2.0
     links.changed(("a", "b"), has_come=True)

@@ -106,7 +106,7 @@ def alone(request: pytest.FixtureRequest) -> Callable[[], AbstractContextManager
 
 
 def state(to: int, sender: int) -> str:
-    return keys.told(SWARM, to, "inform/state", sender)
+    return keys.uav_message(SWARM, to, "inform/state", sender)
 
 
 def test_who_is_told_and_asked_hears_it_in_order_and_nobody_else(

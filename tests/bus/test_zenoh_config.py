@@ -10,14 +10,14 @@ import zenoh
 
 from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
 from swarmctl.bus.transports import zenoh_config
-from swarmctl.bus.transports.access import star
+from swarmctl.bus.transports.access import router_rules
 from swarmctl.bus.transports.zenoh_config import Configuration, Credentials
 
 OWN = Credentials(Path("/keys/ca.pem"), Path("/keys/cert.pem"), Path("/keys/key.pem"))
 TCP, TLS, QUIC = (BusEndpoint("10.0.0.7", 7447, protocol) for protocol in ("tcp", "tls", "quic"))
 CONFIGURATIONS: dict[str, Configuration] = {
-    "alone": zenoh_config.alone(),
-    "door": zenoh_config.alone(TCP, ["a"], ["b"]),
+    "alone": zenoh_config.standalone(),
+    "door": zenoh_config.standalone(TCP, ["a"], ["b"]),
     "visitor": zenoh_config.visitor(TCP),
     "client": zenoh_config.client(TLS, OWN),
     "router": zenoh_config.router(QUIC, "test", [1, 2, 3], OWN),
@@ -70,7 +70,7 @@ def test_nodes_of_a_mesh_alone_tell_each_other_that_they_are_there(name: str) ->
 
 def test_what_a_vehicle_may_do_does_not_grow_with_who_else_is_there() -> None:
     """A hundred vehicles are a list that Zenoh loads in a tenth of a second."""
-    listed = star("test", range(1, 101), certified=True)
+    listed = router_rules("test", range(1, 101), certified=True)
     assert max(len(rule["key_exprs"]) for rule in listed["rules"]) <= 300
     assert sum(len(rule["key_exprs"]) for rule in listed["rules"]) < 15_000
 

@@ -29,7 +29,7 @@ from swarmctl.bus.transports import renewal, zenoh, zenoh_config
 from swarmctl.bus.transports.zenoh import CLOSE_S, ZenohBus
 
 pytestmark = pytest.mark.interop
-TO_TWO = keys.told(SWARM, 2, "inform/state", 1)
+TO_TWO = keys.uav_message(SWARM, 2, "inform/state", 1)
 WEIGHTS = keys.request(SWARM, "weights", 2)
 
 
@@ -223,7 +223,7 @@ def test_a_node_of_a_mesh_with_a_link_and_no_routes_begins_anew_once(monkeypatch
             one.subscribe(keys.inbox(SWARM, 1), lambda key, _: heard.append(key))
             one.serve(keys.request(SWARM, "weights", 1), answer)
             await until(lambda: came.count(True) == 2, "it begins anew")
-            said = keys.told(SWARM, 1, "inform/state", 2)
+            said = keys.uav_message(SWARM, 1, "inform/state", 2)
             await until(lambda: heard, "what is put", lambda: two.put(said, b""))
             assert await two.ask(keys.request(SWARM, "weights", 1), b"", 5.0) == (b"answer",)
             await asyncio.sleep(1.5)

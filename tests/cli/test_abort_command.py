@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
-from test_finding_swarms import station_in_a_thread
+from station_threads import station_in_a_thread
 from typer.testing import CliRunner, Result
 
 from swarmctl.cli.main import cli

@@ -7,16 +7,12 @@ import re
 from pathlib import Path
 
 import pytest
+from cli_runner import SHIPPED, swarmctl
 from flights import fly as fly_virtual
 from flights import small
 from mcap.reader import make_reader
 from mcap.writer import Writer
-from typer.testing import CliRunner, Result
 
-from swarmctl.cli.main import cli
-
-ROOT = Path(__file__).parents[2]
-SHIPPED = ROOT / "configs" / "swarm.yaml"
 REAL = """\
 area: {origin_lat_deg: 46.0, origin_lon_deg: 14.0, rows: 8, cols: 8, cell_size_m: 50}
 threats: {count: 5}
@@ -24,10 +20,6 @@ vehicles:
   - {name: alpha, url: "udpin://:PORT", sysid: 1, start: {lat_deg: 46.0, lon_deg: 13.99}, goal: [3, 7]}
   - {name: beta, url: "udpin://:PORT", sysid: 2, start: {lat_deg: 46.001, lon_deg: 13.99}, goal: [4, 7]}
 """
-
-
-def swarmctl(*words: str | Path) -> Result:
-    return CliRunner().invoke(cli, [str(word) for word in words])
 
 
 @pytest.fixture

@@ -17,12 +17,12 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
-from swarmctl.bus.external_observations import Looks
-from swarmctl.bus.sensor_reports import Looked, Report, schema
+from swarmctl.bus.external_observations import ReportReceiver
+from swarmctl.bus.sensor_reports import ReportedCells, Report, report_schema
 from swarmctl.bus.transports import zenoh_config
 from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.memory import MemoryBus
-from swarmctl.bus.transports.open import opened
+from swarmctl.bus.transports.open import open_bus
 from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.bus.transports.zenoh_config import Configuration, Credentials
 from swarmctl.cli import observe
@@ -55,14 +55,14 @@ def nobody_flies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @contextmanager
-def beside(bus_of: Callable[[ExitStack], Transport]) -> Iterator[list[tuple[Looked, str]]]:
+def beside(bus_of: Callable[[ExitStack], Transport]) -> Iterator[list[tuple[ReportedCells, str]]]:
     """Vehicle 3 of the swarm `test` takes reports by a bus while the command line runs beside it."""
     ready, over = threading.Event(), threading.Event()
-    taken: list[tuple[Looked, str]] = []
+    taken: list[tuple[ReportedCells, str]] = []
 
     async def scene() -> None:
         with ExitStack() as stack:
-            Looks(bus_of(stack), "test", 3, GRID, lambda: 0.0, lambda *seen: taken.append(seen), print)
+            ReportReceiver(bus_of(stack), "test", 3, GRID, lambda: 0.0, lambda *seen: taken.append(seen), print)
             ready.set()
             await asyncio.to_thread(over.wait)
 
@@ -76,12 +76,12 @@ def beside(bus_of: Callable[[ExitStack], Transport]) -> Iterator[list[tuple[Look
         thread.join()
 
 
-def flying() -> AbstractContextManager[list[tuple[Looked, str]]]:
+def flying() -> AbstractContextManager[list[tuple[ReportedCells, str]]]:
     """One process flies the swarm and is found on this machine."""
-    return beside(lambda stack: stack.enter_context(opened("test", "tcp/127.0.0.1:0", print)))
+    return beside(lambda stack: stack.enter_context(open_bus("test", "tcp/127.0.0.1:0", print)))
 
 
-def through(router: Configuration, agent: Configuration) -> AbstractContextManager[list[tuple[Looked, str]]]:
+def through(router: Configuration, agent: Configuration) -> AbstractContextManager[list[tuple[ReportedCells, str]]]:
     """The agent of vehicle 3 is a process of its own, which a router connects."""
 
     def bus_of(stack: ExitStack) -> Transport:
@@ -197,7 +197,7 @@ def test_what_is_not_clear_is_a_wrong_usage(words: str, why: str, nobody_flies: 
 def test_the_schema_is_printed_for_whoever_builds_a_payload(nobody_flies: Path) -> None:
     result = ran("--schema")
     assert result.exit_code == 0
-    assert json.loads(result.stdout) == json.loads(json.dumps(schema()))
+    assert json.loads(result.stdout) == json.loads(json.dumps(report_schema()))
 
 
 @pytest.mark.parametrize(

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cli_runner import SHIPPED, swarmctl
 from flights import AREA
 from flights import small as small_swarm
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_cli import SHIPPED, swarmctl
 
 from swarmctl.agent.replan.decide import first_route
 from swarmctl.config.scenario import Scenario

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from test_cli import swarmctl
+from cli_runner import swarmctl
 
 SMALL = """\
 name: small

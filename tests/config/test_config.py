@@ -5,39 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from config_files import GOOD, problems
 
 from swarmctl.config import model, scenario
-from swarmctl.config.checks import judge
+from swarmctl.config.checks import check_config
 
 SHIPPED = Path(__file__).parents[2] / "configs" / "swarm.yaml"
 
-GOOD = """\
-name: test
-area: {origin_lat_deg: 46.0, origin_lon_deg: 14.0, rows: 20, cols: 20, cell_size_m: 50}
-threats:
-  count: 24
-  firing_strength: {direct: 0.6, first_neighbour: 0.3, second_neighbour: 0.1}
-planner: {name: dijkstra, w: 0.5}
-communication: {bus: memory, range: all}
-vehicles:
-  - {name: a, url: "udpin://:14550", sysid: 1, start: {lat_deg: 46.0, lon_deg: 13.99}, goal: [3, 19]}
-  - {name: b, url: "udpin://:14550", sysid: 2,start: {lat_deg: 46.001, lon_deg: 13.99}, goal: [[4, 9],[5, 9]]}
-"""
-
-
-def problems(text: str, tmp_path: Path) -> list[str]:
-    file = tmp_path / "swarm.yaml"
-    file.write_text(text)
-    try:
-        loaded = model.load(file, judge)
-    except model.ConfigError as error:
-        return [line.removeprefix(str(file)) for line in error.lines]
-    scenario.build(loaded)
-    return []
-
 
 def test_the_shipped_configuration_is_as_promised() -> None:
-    built = scenario.build(model.load(SHIPPED, judge))
+    built = scenario.build(model.load(SHIPPED, check_config))
     assert len(built.specs) == 5
     assert (built.grid.rows, built.grid.cols, built.grid.cell_size_m) == (20, 20, 50.0)
     assert len(built.hostiles) == 24
@@ -184,12 +161,12 @@ def test_the_same_seed_hides_the_same_hostiles(tmp_path: Path) -> None:
     draws = []
     for seed in (1, 1, 2):
         file.write_text(GOOD + f"seed: {seed}\n")
-        draws.append(scenario.build(model.load(file, judge)).hostiles)
+        draws.append(scenario.build(model.load(file, check_config)).hostiles)
     assert draws[0] == draws[1] != draws[2]
 
 
 @pytest.mark.parametrize("file", sorted(SHIPPED.parent.glob("*.yaml")), ids=lambda file: file.name)
 def test_every_configuration_we_ship_is_good(file: Path) -> None:
-    loaded = model.load(file, judge)
+    loaded = model.load(file, check_config)
     assert scenario.build(loaded).tasks
     assert model.Config.model_validate_json(loaded.model_dump_json()) == loaded

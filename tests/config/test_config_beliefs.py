@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from swarmctl.config import model, scenario
-from swarmctl.config.checks import judge
+from swarmctl.config.checks import check_config
 from swarmctl.core.inference.hostiles import HostileCount
 from swarmctl.core.inference.sensor import SensorModel
 
@@ -25,7 +25,7 @@ simulate: {count: 1}
 def loaded(tmp_path: Path, count: str, sensor: str = "{}") -> model.Config:
     file = tmp_path / "swarm.yaml"
     file.write_text(PLAIN.replace("COUNT", count).replace("SENSOR", sensor))
-    return model.load(file, judge)
+    return model.load(file, check_config)
 
 
 COUNTS = [
@@ -66,7 +66,7 @@ def test_the_sensor_is_perfect_unless_it_is_said_to_err(tmp_path: Path) -> None:
 
 def test_each_vehicle_and_purpose_draws_for_itself(tmp_path: Path) -> None:
     built = scenario.build(loaded(tmp_path, "5"))
-    purpose = scenario.Purpose
+    purpose = scenario.RandomStream
     ends = [(purpose.SENSOR, 1), (purpose.SENSOR, 2), (purpose.CHANCE, 1)]
     draws = {built.generator(*end).random() for end in ends}
     assert len(draws) == 3

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from swarmctl.config.checks import judge
+from swarmctl.config.checks import check_config
 from swarmctl.config.model import ConfigError, load
 
 REST = """\
@@ -26,7 +26,7 @@ def troubles(tmp_path: Path, communication: str, vehicles: str = SIMULATED) -> l
     file = tmp_path / "swarm.yaml"
     file.write_text(f"{REST}{vehicles}communication: {{{communication}}}\n")
     try:
-        load(file, judge)
+        load(file, check_config)
     except ConfigError as error:
         return [line.removeprefix(f"{file}:4: communication").removeprefix(".") for line in error.lines]
     return []
@@ -232,7 +232,7 @@ def test_a_word_that_means_two_vehicles_says_so(tmp_path: Path) -> None:
     file = tmp_path / "swarm.yaml"
     file.write_text(f"{REST}{vehicles}communication: {{quiet: [{{uavs: [1]}}]}}\n")
     with pytest.raises(ConfigError, match=r":5: communication\.quiet\[0\]\.uavs\[0\]: 1 means two vehicles"):
-        load(file, judge)
+        load(file, check_config)
 
 
 def test_a_vehicle_that_is_wrong_itself_is_not_said_to_be_missing(tmp_path: Path) -> None:
@@ -241,7 +241,7 @@ def test_a_vehicle_that_is_wrong_itself_is_not_said_to_be_missing(tmp_path: Path
     section = "communication: {quiet: [{uavs: [alpha]}], mesh: {alpha: tcp/10.0.0.1:7447}}\n"
     file.write_text(f"{REST}{SIMULATED}{ALPHA.replace('sysid: 2', 'sysid: 900')}{section}")
     with pytest.raises(ConfigError) as error:
-        load(file, judge)
+        load(file, check_config)
     assert [line.split(": ")[1] for line in error.value.lines] == ["vehicles[0].sysid"]
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from test_config import GOOD, problems
+from config_files import GOOD, problems
 
 from swarmctl.config import model, scenario
-from swarmctl.config.checks import judge
+from swarmctl.config.checks import check_config
 
 ALWAYS = ["lost_link", "taken_over"]
 CHOSEN = ["fence_ahead", "gps_loss", "low_battery", "not_following"]
@@ -17,7 +17,7 @@ CHOSEN = ["fence_ahead", "gps_loss", "low_battery", "not_following"]
 def built(text: str, tmp_path: Path) -> scenario.Scenario:
     file = tmp_path / "swarm.yaml"
     file.write_text(GOOD + text)
-    return scenario.build(model.load(file, judge))
+    return scenario.build(model.load(file, check_config))
 
 
 def names(swarm: scenario.Scenario) -> list[str]:

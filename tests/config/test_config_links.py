@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from swarmctl.cli.main import cli
-from swarmctl.config.checks import judge
+from swarmctl.config.checks import check_config
 from swarmctl.config.model import ConfigError, load
 
 REST = """\
@@ -30,7 +30,7 @@ def written(tmp_path: Path, links: str, vehicles: str) -> Path:
 
 def troubles(file: Path) -> list[str]:
     try:
-        load(file, judge)
+        load(file, check_config)
     except ConfigError as error:
         return [line.removeprefix(f"{file}:4: links.") for line in error.lines]
     return []

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from test_config import GOOD, problems
+from config_files import GOOD, problems
 
 SQUARE = [(45.99, 13.98), (45.99, 14.02), (46.02, 14.02), (46.02, 13.98)]
 

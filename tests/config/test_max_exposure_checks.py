@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from test_cli import SHIPPED, swarmctl
+from cli_runner import SHIPPED, swarmctl
 
 
 def checked(limit: float, folder: Path, area: str = "") -> str:

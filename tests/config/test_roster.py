@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from swarmctl.config import roster
-from swarmctl.config.checks import judge
+from swarmctl.config.checks import check_config
 from swarmctl.config.model import load
-from swarmctl.config.roster import NoRoll
+from swarmctl.config.roster import RosterError
 from swarmctl.config.scenario import build
 
 ROOT = Path(__file__).parents[2]
@@ -26,9 +26,9 @@ MESH = "communication: {mesh: {1: tcp/10.0.0.1:7447, uav2: tcp/10.0.0.2:7447}}\n
 def test_the_shipped_configurations_are_read_as_the_whole_reads_them(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    whole = build(load(path, judge))
+    whole = build(load(path, check_config))
     monkeypatch.setattr(roster, "_judged", lambda _: pytest.fail("the whole was judged"))
-    found = roster.call(path)
+    found = roster.load_roster(path)
     assert found.name == whole.config.name
     assert found.communication == whole.config.communication
     assert found.names == {spec.sysid: spec.name for spec in whole.swarm}
@@ -39,13 +39,13 @@ def test_a_mesh_may_name_vehicles_by_system_id(tmp_path: Path, monkeypatch: pyte
     file = tmp_path / "swarm.yaml"
     file.write_text(GOOD + MESH)
     monkeypatch.setattr(roster, "_judged", lambda _: pytest.fail("the whole was judged"))
-    assert roster.call(file).communication.mesh == {"1": "tcp/10.0.0.1:7447", "uav2": "tcp/10.0.0.2:7447"}
+    assert roster.load_roster(file).communication.mesh == {"1": "tcp/10.0.0.1:7447", "uav2": "tcp/10.0.0.2:7447"}
 
 
 def test_what_is_wrong_where_an_order_does_not_look_stops_none(tmp_path: Path) -> None:
     file = tmp_path / "swarm.yaml"
     file.write_text(GOOD + "planner: {w: 7}\nflight: {altitude_m: -1}\n")
-    assert roster.call(file).names == {1: "uav1", 2: "uav2"}
+    assert roster.load_roster(file).names == {1: "uav1", 2: "uav2"}
 
 
 WRONG = [
@@ -75,6 +75,6 @@ def test_where_it_is_not_clear_who_is_meant_all_that_is_wrong_is_said(
     file = tmp_path / "swarm.yaml"
     if content is not None:
         file.write_text(content)
-    with pytest.raises(NoRoll) as refused:
-        roster.call(file)
+    with pytest.raises(RosterError) as refused:
+        roster.load_roster(file)
     assert any(said in line for line in refused.value.lines), refused.value.lines

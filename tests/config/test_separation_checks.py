@@ -7,7 +7,7 @@ import json
 import pytest
 from flights import AREA
 
-from swarmctl.config.checks import judge
+from swarmctl.config.checks import check_config
 from swarmctl.config.model import Config
 
 
@@ -19,7 +19,7 @@ def problems(**sections: object) -> list[str]:
         "flight": {"altitude_step_m": 0.0},
     }
     config = Config.model_validate_json(json.dumps({**content, **sections}))
-    return [f"{'.'.join(map(str, problem.path))}: {problem.text}" for problem in judge(config)]
+    return [f"{'.'.join(map(str, problem.path))}: {problem.text}" for problem in check_config(config)]
 
 
 ONE_GOAL = {"count": 2, "goal": [4, 7]}

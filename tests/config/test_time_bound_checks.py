@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from swarmctl.config.checks import judge
+from swarmctl.config.checks import check_config
 from swarmctl.config.model import ConfigError, load
 
 AREA = "area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m: 50}\n"
@@ -23,7 +23,7 @@ def troubles(tmp_path: Path, planner: str, vehicles: str) -> list[str]:
     file = tmp_path / "swarm.yaml"
     file.write_text(f"{AREA}{THREATS}planner: {planner}\n{vehicles}")
     try:
-        load(file, judge)
+        load(file, check_config)
     except ConfigError as error:
         return [line.removeprefix(f"{file}:") for line in error.lines]
     return []

@@ -6,13 +6,11 @@ import json
 from typing import Any
 
 import pytest
+from wings_configs import winged
 
-from swarmctl.config.checks import judge
+from swarmctl.config.checks import check_config
 from swarmctl.config.model import Config
 from swarmctl.config.scenario import build
-
-AREA = {"origin_lat_deg": 46.0, "origin_lon_deg": 14.4, "rows": 12, "cols": 12, "cell_size_m": 50.0}
-
 
 CORNERS = [(45.9998, 14.3975), (45.9998, 14.4085), (46.0011, 14.4085), (46.0011, 14.3975)]
 TIGHT = {
@@ -20,18 +18,6 @@ TIGHT = {
     "preflight": {"fence": {"polygon": [{"lat_deg": lat, "lon_deg": lon} for lat, lon in CORNERS]}},
 }
 """A fence some 20 m around two rows of cells."""
-
-
-def winged(**sections: Any) -> Config:
-    """A fixed wing and a copter over 12 × 12 cells, unless `sections` say otherwise."""
-    content: dict[str, Any] = {
-        "area": AREA,
-        "threats": {"count": 5},
-        "flight": {"any_angle": True},
-        "simulate": {"count": 2, "autopilot": ["arduplane", "ardupilot"], "start_distance_m": 150.0},
-    }
-    content |= {key: content.get(key, {}) | value for key, value in sections.items()}
-    return Config.model_validate_json(json.dumps(content))
 
 
 def plane(**changes: Any) -> dict[str, Any]:
@@ -53,7 +39,7 @@ def real(*vehicles: dict[str, Any], **sections: Any) -> Config:
 
 
 def found(config: Config) -> list[tuple[str, str]]:
-    return [(".".join(map(str, problem.path)), problem.text) for problem in judge(config)]
+    return [(".".join(map(str, problem.path)), problem.text) for problem in check_config(config)]
 
 
 @pytest.mark.parametrize("autopilot", ["arduplane", "px4plane"])

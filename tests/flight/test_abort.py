@@ -3,29 +3,26 @@
 from __future__ import annotations
 
 import asyncio
-from dataclasses import dataclass, field, replace
-from itertools import combinations
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from agent_stories import Story, orders
+from companion_world import NAMES, STATION, Swarm
 from flights import Ui, fly, small
-from test_agent import Story, orders
-from test_companion import NAMES, STATION, Swarm
-from test_flight import interrupting
+from interruptions import interrupting
+from recall_stories import Looker, gathering
 from trouble import Trouble, chooses, play, suffer
 
-from sim_vehicle.fleet import Truth
 from swarmctl.agent.failsafes import low_battery
-from swarmctl.agent.failsafes.base import Ruling
+from swarmctl.agent.failsafes.base import ActiveRule
 from swarmctl.agent.state import Phase
 from swarmctl.agent.traffic.return_turns import LEAST_APART_M
 from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.transports.memory import MemoryBus
-from swarmctl.config.scenario import Scenario
 from swarmctl.core import events as ev
 from swarmctl.core.events import Order
-from swarmctl.core.geo import distance_m
 from swarmctl.core.messages import GiveOrder, OperatorAnswer, Request, VehicleAnswer
 from swarmctl.flight import app, operator_orders
 from swarmctl.flight.virtual_clock import run_virtual
@@ -85,14 +82,14 @@ def test_another_order_ends_the_waiting(order: Order, told: list[Order]) -> None
 
 
 def test_who_waits_with_a_low_battery_waits_no_more() -> None:
-    story = queued(rules=(Ruling(low_battery, low_battery.Params(seconds=0.0)),))
+    story = queued(rules=(ActiveRule(low_battery, low_battery.Params(seconds=0.0)),))
     assert waits(story, 101.0, battery_percent=20) == [RETURN]
     assert waits(story, 111.0, mode_role="return", battery_percent=20) == []
 
 
 def test_a_clock_that_was_set_back_makes_nobody_wait_for_ever() -> None:
     story = queued()
-    story.state = replace(story.state, turn_boot_s=9000.0)
+    story.state = replace(story.state, return_turn_boot_s=9000.0)
     assert waits(story, 1.0) == [RETURN]
 
 
@@ -107,29 +104,6 @@ def test_to_give_an_order_again_changes_nothing(order: Order) -> None:
 
 
 # --- whole swarms
-
-
-def gathering(**sections: object) -> Scenario:
-    """Three that fly to one place: from the 40th to the 50th second two may return at once, and the one
-    between them after that."""
-    return small(simulate={"count": 3, "ready_s": 3.0, "goal": [4, 7]}, **sections)
-
-
-@dataclass
-class Looker:
-    """Looks on: who returns from when, and how near two that return come to each other over ground."""
-
-    since_s: dict[int, float] = field(default_factory=dict)
-    least_m: float = float("inf")
-
-    def __call__(self, now: float, truth: Truth) -> None:
-        returning = []
-        for index, mode in enumerate(truth.mode):
-            if mode == "RTL" and truth.armed[index]:
-                self.since_s.setdefault(int(truth.sysid[index]), now)
-                returning.append((float(truth.lat_deg[index]), float(truth.lon_deg[index])))
-        near = (distance_m(one, other) for one, other in combinations(returning, 2))
-        self.least_m = min((self.least_m, *near))
 
 
 async def told_in_flight(tmp_path: Path, *commands: tuple[float, Request]) -> tuple[Report, Ui, list[Any]]:

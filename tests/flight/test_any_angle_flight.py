@@ -17,9 +17,9 @@ from swarmctl.agent.replan.decide import first_flight, first_problem, first_rout
 from swarmctl.agent.replan.route_to_mission import flown_for, pulled
 from swarmctl.agent.state import AgentState, Phase, begin
 from swarmctl.agent.step import RETRY_AFTER_S, step
-from swarmctl.bus.node.counters import Tally
+from swarmctl.bus.node.counters import NetworkCounters
 from swarmctl.config import model
-from swarmctl.config.checks import judge
+from swarmctl.config.checks import check_config
 from swarmctl.config.model import ConfigError
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.core import events as ev
@@ -138,7 +138,7 @@ def test_what_is_promised_at_take_off_is_of_the_track_by_what_was_believed_then(
     ledger = Ledger()
     ledger.vehicles[task.uav].prospect = Prospect(swap, belief, task.strength)
     states = {t.uav: begin(t, plain.prior) for t in plain.tasks}
-    networks = {t.uav: Tally() for t in plain.tasks}
+    networks = {t.uav: NetworkCounters() for t in plain.tasks}
     told = summary(
         plain, states, ledger, clock="virtual", wall_s=None, commands={}, networks=networks, looks={}
     )
@@ -300,7 +300,7 @@ def written(folder: Path, flight: str, radius: float, goal: str = "[5, 7]") -> P
 )
 def test_what_makes_no_sense_is_refused(tmp_path: Path, flight: str, radius: float, says: str) -> None:
     with pytest.raises(ConfigError) as caught:
-        model.load(written(tmp_path, flight, radius), judge)
+        model.load(written(tmp_path, flight, radius), check_config)
     assert [says in line for line in caught.value.lines] == [True], caught.value.lines
 
 
@@ -313,11 +313,11 @@ def test_a_route_whose_turns_do_not_fit_is_refused_before_anything_starts(tmp_pa
     with pytest.raises(
         ConfigError, match=r"turn_radius_m: plane cannot fly its first route: no track .* 399 m"
     ):
-        model.load(path, judge)
+        model.load(path, check_config)
 
 
 def test_a_vehicle_that_needs_room_gets_turns_it_can_fly(tmp_path: Path) -> None:
-    scenario = build(model.load(written(tmp_path, "{any_angle: true}", 80.0), judge))
+    scenario = build(model.load(written(tmp_path, "{any_angle: true}", 80.0), check_config))
     (task,) = scenario.tasks
     assert task.turn_radius_m == 80.0
     plan = first_flight(task, first_problem(task, scenario.prior), first_route(task, scenario.prior))

@@ -6,12 +6,13 @@ import asyncio
 import contextlib
 import datetime as dt
 import json
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 import typer
+from companion_world import NAMES, STATION, Swarm
 from flights import Ui, small
 
 from swarmctl.agent.state import ARRIVED, Phase
@@ -20,18 +21,16 @@ from swarmctl.bus.transports.base import Failure
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.cli.asking import Seals
 from swarmctl.cli.flying import conclude
-from swarmctl.config.scenario import Scenario
 from swarmctl.core.events import Order
 from swarmctl.core.messages import (
     GiveOrder,
     OperatorAnswer,
-    Request,
     SetWeights,
     VehicleAnswer,
     decode_answer,
 )
 from swarmctl.flight import app, companion, wiring
-from swarmctl.flight.director import Launch, Permission
+from swarmctl.flight.director import Permission
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.links.base import Identity
 from swarmctl.report.outcome import Report
@@ -40,48 +39,6 @@ from swarmctl.security.participant import load
 from swarmctl.station import client
 
 pytestmark = pytest.mark.virtual
-
-NAMES = {1: "uav1", 2: "uav2", 3: "uav3"}
-STATION = client.Station("small", BusEndpoint("127.0.0.1", 7447), agents=NAMES)
-
-
-@dataclass
-class Swarm:
-    """Companions over one bus, and what each of them shows."""
-
-    folder: Path
-    scenario: Scenario = field(default_factory=small)
-    bus: MemoryBus = field(default_factory=MemoryBus)
-    uis: dict[int, Ui] = field(default_factory=dict)
-    flights: dict[int, asyncio.Task[Report]] = field(default_factory=dict)
-
-    def start(self, uav: int, launch: Launch = "ordered") -> None:
-        folder = self.folder / f"uav{uav}"
-        folder.mkdir()
-        self.uis[uav] = Ui()
-        self.flights[uav] = asyncio.create_task(
-            companion.fly(
-                companion.only(self.scenario, uav),
-                folder,
-                self.uis[uav],
-                clock="virtual",
-                permission=lambda foreign: None,
-                launch=launch,
-                bus=self.bus,
-            )
-        )
-
-    def phase(self, uav: int) -> Phase:
-        (row,) = self.uis[uav].pictures[-1].rows
-        return row.phase
-
-    async def until(self, uav: int, *phases: Phase) -> None:
-        async with asyncio.timeout(300.0):
-            while not self.uis[uav].pictures or self.phase(uav) not in phases:  # noqa: ASYNC110
-                await asyncio.sleep(0.25)
-
-    async def give(self, command: Request) -> OperatorAnswer:
-        return await client.ask(self.bus, STATION, command)
 
 
 def outcomes(answer: OperatorAnswer) -> dict[str, str]:
@@ -178,7 +135,7 @@ NOT_OBEYED: list[tuple[str, dict[str, Any]]] = [
     ("it has failed", {"phase": Phase.FAILED}),
     ("it was let go", {"phase": Phase.RELEASED}),
     ("it is still under way, and lost", {"phase": Phase.LEAVING}),
-    ("it was not seen to follow", {"order_seen": False}),
+    ("it was not seen to follow", {"order_followed": False}),
     ("nobody ordered it", {"ordered": None}),
     ("it was ordered to hold", {"ordered": Order.HOLD}),
     ("it never took off", {"armed_seen": False}),

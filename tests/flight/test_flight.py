@@ -5,22 +5,21 @@ from __future__ import annotations
 import errno
 import json
 import random
-import signal
 from collections import Counter
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import pytest
 from flights import AREA, Ui, fly, small
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from interruptions import interrupting, silent
 from mcap.reader import make_reader
 from pymavlink import mavutil
 
 from swarmctl.config import model
-from swarmctl.config.checks import judge
+from swarmctl.config.checks import check_config
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.links.transports.base import Address
 from swarmctl.report import record
@@ -34,7 +33,7 @@ SHIPPED = Path(__file__).parents[2] / "configs" / "swarm.yaml"
 
 @pytest.fixture(scope="module")
 def shipped(tmp_path_factory: pytest.TempPathFactory) -> tuple[Scenario, Report, Path]:
-    scenario = build(model.load(SHIPPED, judge))
+    scenario = build(model.load(SHIPPED, check_config))
     folder = tmp_path_factory.mktemp("shipped")
     return scenario, fly(scenario, folder), folder
 
@@ -154,21 +153,6 @@ def test_another_seed_is_another_flight(tmp_path: Path) -> None:
     assert first.read_bytes() != second.read_bytes()
 
 
-def silent(
-    who: int, since_s: float, until_s: float = float("inf"), *, comes_back_as: Address = ("new", 1)
-) -> Any:
-    """One vehicle's link fails between two times, after which it speaks from another address."""
-
-    def carry(sysid: int, now: float) -> Address | None:
-        if sysid != who:
-            return ("simulated", sysid)
-        if now < since_s:
-            return ("simulated", sysid)
-        return None if now < until_s else comes_back_as
-
-    return carry
-
-
 def test_a_vehicle_that_falls_silent_is_shown_lost_and_taken_up_again(tmp_path: Path) -> None:
     ui = Ui()
     report = fly(small(), tmp_path, carry=silent(2, 25.0, 45.0), ui=ui)
@@ -201,19 +185,6 @@ def test_a_vehicle_that_never_answers_stops_all_before_anything_is_armed(tmp_pat
     assert "tried for 15 s" in line
     assert not any(s.vehicle.armed for s in report.states.values())
     assert all(s.route is None for s in report.states.values())
-
-
-def interrupting(*times_s: float) -> Any:
-    """Presses Ctrl-C at these times."""
-    due = list(times_s)
-
-    def carry(sysid: int, now: float) -> Address | None:
-        if due and now >= due[0]:
-            due.pop(0)
-            signal.raise_signal(signal.SIGINT)
-        return ("simulated", sysid)
-
-    return carry
 
 
 @pytest.mark.parametrize(

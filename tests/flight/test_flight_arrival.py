@@ -9,7 +9,7 @@ import pytest
 from flights import AREA, fly, small
 
 from swarmctl.config import model
-from swarmctl.config.checks import judge
+from swarmctl.config.checks import check_config
 from swarmctl.config.model import Config
 from swarmctl.report.flight_table import together
 
@@ -56,7 +56,7 @@ def test_where_speed_alone_is_not_enough_they_choose_their_ways_by_the_time_they
 
 
 def test_the_shipped_configuration_is_a_good_one() -> None:
-    shipped = model.load(Path(__file__).parents[2] / "configs" / "arrive.yaml", judge)
+    shipped = model.load(Path(__file__).parents[2] / "configs" / "arrive.yaml", check_config)
     assert shipped.arrival is not None
     assert shipped.arrival.mode == "simultaneous"
 
@@ -69,7 +69,7 @@ def test_each_by_itself_there_is_no_spread(tmp_path: Path) -> None:
 def problems(**sections: object) -> list[str]:
     content: dict[str, object] = {"area": AREA, "threats": {"count": 5}, "arrival": {"mode": "simultaneous"}}
     loaded = Config.model_validate_json(json.dumps({**content, **sections}))
-    return [f"{'.'.join(map(str, problem.path))}: {problem.text}" for problem in judge(loaded)]
+    return [f"{'.'.join(map(str, problem.path))}: {problem.text}" for problem in check_config(loaded)]
 
 
 def test_time_bounds_of_their_own_are_refused_beside_it() -> None:

@@ -12,7 +12,7 @@ from flights import Ui, fly, small
 from pymavlink import mavutil
 
 from swarmctl.config import model
-from swarmctl.config.checks import judge
+from swarmctl.config.checks import check_config
 from swarmctl.config.scenario import build
 
 pytestmark = pytest.mark.virtual
@@ -63,7 +63,7 @@ def test_a_swarm_arrives_whatever_its_autopilots_are(autopilot, expected, tmp_pa
 
 
 def test_the_shipped_mixed_swarm_arrives(tmp_path: Path) -> None:
-    scenario = build(model.load(MIXED, judge))
+    scenario = build(model.load(MIXED, check_config))
     report = fly(scenario, tmp_path)
     assert [s.outcome for s in report.states.values()] == ["arrived"] * 6
     summary = json.loads((tmp_path / "summary.json").read_text())

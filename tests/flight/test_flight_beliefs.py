@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from swarmctl.cli.main import cli
 from swarmctl.config import model
-from swarmctl.config.checks import judge
+from swarmctl.config.checks import check_config
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.report import record
 from swarmctl.report.outcome import Report
@@ -27,7 +27,7 @@ Flight = tuple[Scenario, Report, Path]
 
 @pytest.fixture(scope="module")
 def doubtful(tmp_path_factory: pytest.TempPathFactory) -> Flight:
-    shipped = model.load(DOUBT, judge)
+    shipped = model.load(DOUBT, check_config)
     assert shipped.simulate is not None
     three = shipped.simulate.model_copy(update={"count": 3})
     blinder = shipped.sensor.model_copy(update={"p_miss": 0.25})

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from drawn_flights import Drawn, draw
 from flights import Ui, fly, small
-from test_flight_separation import through_the_gap
+from gap_scenario import through_the_gap
 from trouble import Trouble, chooses, play
 from witness import Witness, findings
 

@@ -163,7 +163,7 @@ def test_what_people_do_is_in_the_evidence(tmp_path: Path) -> None:
         await asyncio.sleep(30.0)
         await client.ask(bus, station, SetWeights((1,), w=1.0))
         for data in (report, by_camera):
-            await bus.ask(keys.looks("small", 2), data, 5.0)
+            await bus.ask(keys.sensor_report("small", 2), data, 5.0)
         return await flight
 
     assert run_virtual(scene()).bug is None

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from failsafe_faults import outage, sagging
 from flights import Ui, fly, small
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from trouble import Trouble, chooses, play, suffer
@@ -19,12 +20,6 @@ pytestmark = pytest.mark.virtual
 
 def pair(**sections: object) -> Scenario:
     return small(simulate={"count": 2, "ready_s": 3.0}, **sections)
-
-
-def sagging(share: float) -> Trouble:
-    """The second vehicle has so much of its charge left, from the 30th second on."""
-    params = {"at_most": share, "sag_v": 0.0}
-    return Trouble(faults=[{"fault": "battery_sag", "params": params, "vehicles": [2], "at_s": 30.0}])
 
 
 def test_the_battery_runs_low_and_it_flies_home_while_the_other_flies_on(
@@ -119,10 +114,6 @@ def test_its_gps_comes_back_before_anything_happens_and_it_flies_on(
     report, ui = suffer(trouble, tmp_path, monkeypatch, scenario=pair())
     assert report.all_arrived
     assert "uav2: gps loss is over" in ui.said
-
-
-def outage(for_s: float) -> Trouble:
-    return Trouble(faults=[{"fault": "link_outage", "vehicles": [2], "at_s": 30.0, "for_s": for_s}])
 
 
 RETURNS = {"policy": {"lost_link": "return", "lost_link_after_s": 10}}

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from flights import AREA, Ui, fly, small
+from flights import Ui, fly, small
+from gap_scenario import through_the_gap
 
-from swarmctl.config.scenario import Scenario
 from swarmctl.flight.app import Manner
 from swarmctl.flight.runner import Runner
 from swarmctl.preflight.waivers import Waiver
@@ -155,23 +155,6 @@ def test_who_is_checked_for_long_before_it_is_armed_looks_again_at_who_is_in_the
     monkeypatch.setattr(Runner, "_check_launch", at_length)
     flown_after_waiting(tmp_path)
     assert record.replay(tmp_path / "run.mcap").difference == ""
-
-
-GAP = ([0, 3], [1, 3], [2, 3], [6, 3], [7, 3], [8, 3])
-"""Hostiles nobody knows of, with a gap between them half-way between the first routes of two copters."""
-
-
-def through_the_gap(**sections: Any) -> Scenario:
-    """Two copters at one height, 200 m apart, see the hostiles before them at one time, and both change to a
-    route through the gap."""
-    return small(
-        area={**AREA, "rows": 9},
-        simulate={"count": 2, "ready_s": 3.0},
-        flight={"altitude_m": 15.0, "altitude_step_m": 0.0},
-        threats={"count": len(GAP), "hostiles": GAP},
-        planner={"w": 0.9},
-        **sections,
-    )
 
 
 def drawn_together(folder: Path, **separation: Any) -> tuple[dict[str, Any], list[str]]:

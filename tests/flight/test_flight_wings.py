@@ -8,32 +8,21 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from flights import AREA, Ui, fly, small
+from flights import Ui, fly
+from interruptions import interrupting
 from pymavlink import mavutil
-from test_flight import interrupting
+from wings_flights import away_m, winged
 
 from swarmctl.agent.replan.approach import ROLL_OUT_M
 from swarmctl.config import model
-from swarmctl.config.checks import judge
+from swarmctl.config.checks import check_config
 from swarmctl.config.scenario import Scenario, build
-from swarmctl.core.geo import distance_m
-from swarmctl.core.mission import Waypoint
 from swarmctl.flight.simulator import scenario_json
-from swarmctl.report.outcome import Report
 
 pytestmark = pytest.mark.virtual
 
 WINGS = Path(__file__).parents[2] / "configs" / "wings.yaml"
 PLANE, COPTER = 1, 2
-
-
-def winged(**sections: Any) -> Scenario:
-    """A fixed wing and a copter over 12 × 12 cells."""
-    simulate = {"count": 2, "ready_s": 3.0, "autopilot": ["arduplane", "ardupilot"]}
-    simulate |= {"start_distance_m": 150.0} | sections.pop("simulate", {})
-    flight = {"altitude_m": 30.0, "any_angle": True} | sections.pop("flight", {})
-    area = {**AREA, "rows": 12, "cols": 12}
-    return small(area=area, simulate=simulate, flight=flight, **sections)
 
 
 def kinds(folder: Path, names: list[str]) -> list[int]:
@@ -49,17 +38,8 @@ def kinds(folder: Path, names: list[str]) -> list[int]:
     return found
 
 
-def away_m(report: Report, uav: int, place: Waypoint | tuple[float, float]) -> float:
-    """How far from a place it stands in the end."""
-    vehicle = report.states[uav].vehicle
-    assert vehicle.lat_deg is not None
-    assert vehicle.lon_deg is not None
-    there = (place.lat_deg, place.lon_deg) if isinstance(place, Waypoint) else place
-    return distance_m((vehicle.lat_deg, vehicle.lon_deg), there)
-
-
 def test_the_shipped_fixed_wings_and_copters_arrive_by_changed_missions(tmp_path: Path) -> None:
-    scenario = build(model.load(WINGS, judge))
+    scenario = build(model.load(WINGS, check_config))
     report = fly(scenario, tmp_path)
     assert report.trouble == ()
     assert [s.outcome for s in report.states.values()] == ["arrived"] * 5

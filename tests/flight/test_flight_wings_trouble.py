@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test_flight_failsafes import outage, sagging
-from test_flight_wings import away_m, winged
+from failsafe_faults import outage, sagging
 from trouble import Trouble, suffer
+from wings_flights import away_m, winged
 
 from swarmctl.agent.replan.approach import ROLL_OUT_M
 from swarmctl.config.scenario import Scenario

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
-from test_interop_fly import SWARMCTL, read_until
+from swarmctl_process import SWARMCTL, read_until
 
 pytestmark = pytest.mark.interop
 

@@ -15,23 +15,16 @@ from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from swarmctl_process import ROOT, SWARMCTL, read_until, run
 
 pytestmark = pytest.mark.interop
 
-ROOT = Path(__file__).parents[2]
 SHIPPED = ROOT / "configs" / "swarm.yaml"
-SWARMCTL = [sys.executable, "-c", "from swarmctl.cli.entry import main; main()"]
 SMALL = """\
 name: small
 area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m: 50}
 threats: {count: 5}
 """
-
-
-def run(*words: str | Path, cwd: Path, timeout_s: float = 90.0) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*SWARMCTL, *map(str, words)], cwd=cwd, timeout=timeout_s, capture_output=True, text=True, check=False
-    )
 
 
 @contextmanager
@@ -43,16 +36,6 @@ def started(*words: str | Path, cwd: Path) -> Iterator[subprocess.Popen[str]]:
             yield process
         finally:
             process.kill()
-
-
-def read_until(process: subprocess.Popen[str], text: str) -> list[str]:
-    assert process.stdout is not None
-    lines: list[str] = []
-    for line in process.stdout:
-        lines.append(line.rstrip())
-        if text in line:
-            return lines
-    raise AssertionError(f"it ended without saying {text!r}:\n" + "\n".join(lines))
 
 
 def free_port() -> int:

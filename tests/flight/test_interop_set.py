@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from test_interop_fly import ROOT, SWARMCTL, read_until
+from swarmctl_process import ROOT, SWARMCTL, read_until
 
 pytestmark = pytest.mark.interop
 

@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from namespaces import Ether, Process, ether, until
-from test_interop_fly import SWARMCTL, run
+from swarmctl_process import SWARMCTL, run
 
-from swarmctl.config.checks import judge
+from swarmctl.config.checks import check_config
 from swarmctl.config.model import load
 from swarmctl.config.scenario import build
 from swarmctl.core import events as ev
@@ -91,7 +91,7 @@ class Swarm:
 
     def beliefs(self, until_s: float = float("inf")) -> dict[str, Belief]:
         """What each agent that is left knew at a time [Unix s], or at its end, by its own record."""
-        prior = build(load(self.folder / "swarm.yaml", judge)).prior
+        prior = build(load(self.folder / "swarm.yaml", check_config)).prior
         return {name: prior.merge(_told(self._run(name), until_s)) for name in self.left}
 
     def _run(self, name: str) -> Path:

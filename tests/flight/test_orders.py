@@ -8,13 +8,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from agent_stories import Story, orders
 from flights import small
-from test_agent import Story, orders
 
 from swarmctl.agent.state import Phase
 from swarmctl.bus import directory, keys, operator_service
 from swarmctl.bus.endpoint import BusEndpoint
-from swarmctl.bus.operator_service import Asked, Desk, Tally, Unseal, unsealed
+from swarmctl.bus.operator_service import AgentCommand, OperatorService, CommandCounts, CommandSeal, NO_SEAL
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.core import events as ev
 from swarmctl.core.events import Order
@@ -247,23 +247,23 @@ class Ground:
     """The desk of one vehicle whose agent takes everything, unless it is slow."""
 
     def __init__(
-        self, bus: MemoryBus, *, slow: bool = False, closed: str = "", unseal: Unseal = unsealed
+        self, bus: MemoryBus, *, slow: bool = False, closed: str = "", unseal: CommandSeal = NO_SEAL
     ) -> None:
         self.said: list[str] = []
-        self.posted: list[Asked] = []
+        self.posted: list[AgentCommand] = []
         self.slow = slow
-        self.desk = Desk(
+        self.desk = OperatorService(
             bus,
             "test",
             self.said.append,
-            Tally(),
+            CommandCounts(),
             uav=2,
             closed=lambda command: closed if isinstance(command, GiveOrder) else "",
             unseal=unseal,
         )
         self.desk.join(2, "uav2", self._post)
 
-    def _post(self, event: Asked) -> None:
+    def _post(self, event: AgentCommand) -> None:
         self.posted.append(event)
         if not self.slow:
             assert event.command is not None
@@ -354,7 +354,7 @@ def test_who_asks_nonsense_all_the_time_keeps_no_operators_order_away() -> None:
                 answer = await client.ask(bus, STATION, GiveOrder((2,), "land"), Operators())
                 assert answer == TAKEN
         assert len(ground.posted) == 4
-        assert ground.desk._tally == Tally(passed_on=4, refused=garbage)
+        assert ground.desk._tally == CommandCounts(passed_on=4, refused=garbage)
         assert len(ground.said) <= operator_service.SAID_BURST + 1
 
     run_virtual(scene())
@@ -557,7 +557,7 @@ def test_where_agents_run_apart_each_is_asked_at_the_router_or_in_the_mesh() -> 
 @pytest.mark.usefixtures("nobody_flies")
 def test_a_flight_of_one_process_on_this_machine_comes_first() -> None:
     here = BusEndpoint("127.0.0.1", 4001)
-    with directory.listed("small", here):
+    with directory.registered("small", here):
         assert meant(APART) == client.Station("small", here)
-    with directory.listed("another", here):
+    with directory.registered("another", here):
         assert meant(APART).agents == VEHICLES

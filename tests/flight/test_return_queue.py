@@ -11,7 +11,8 @@ from typing import Any
 import msgspec
 import pytest
 from flights import small
-from test_abort import NAMES, Looker, Swarm, gathering
+from companion_world import NAMES, Swarm
+from recall_stories import Looker, gathering
 from trouble import Trouble, play
 
 from sim_vehicle.fleet import Truth

@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 from flights import Ui, fly, small
+from interruptions import interrupting, silent
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from rich.console import Console
-from test_flight import interrupting, silent
 from trouble import Trouble, chooses, play, suffer
 
 from sim_vehicle.fleet import Fleet

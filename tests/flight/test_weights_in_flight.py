@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from agent_stories import Story, orders
 from flights import Ui, small
 from mcap.reader import make_reader
 from rich.console import Console
-from test_agent import Story, orders
 
 from swarmctl.agent.state import Phase
 from swarmctl.bus.endpoint import BusEndpoint

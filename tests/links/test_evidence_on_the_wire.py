@@ -7,10 +7,10 @@ import os
 from pathlib import Path
 
 import pytest
+from forward_world import WATCHER, Watching
 from link_world import World, north, play, until
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_copter import Copter
-from test_forward import WATCHER, Watching
 
 from swarmctl.links.base import LaunchFailed
 from swarmctl.links.frontend import FrontEnd

@@ -7,6 +7,7 @@ import socket
 from typing import Any
 
 import pytest
+from forward_world import WATCHER, Watching
 from link_world import WIRE, World, play, until
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -17,25 +18,6 @@ from swarmctl.links.frontend import FrontEnd
 from swarmctl.links.transports.memory import MemoryWire
 from swarmctl.links.transports.udp import Udp
 from swarmctl.links.url import Endpoint, parse_url
-
-WATCHER = Endpoint("memory", "watcher")
-
-
-class Watching:
-    """What a program that is forwarded to gets, and a way for it to speak, on a memory wire."""
-
-    def __init__(self) -> None:
-        self.wire = MemoryWire()
-        self.wire.to_vehicles = lambda data, _address: self.frames.append(data)
-        self.frames: list[bytes] = []
-
-    def heard(self) -> list[Any]:
-        parser = mavlink.MAVLink(None)
-        return [m for frame in self.frames for m in parser.parse_buffer(frame)]
-
-    def say(self, message: Any) -> None:
-        station = mavlink.MAVLink(None, srcSystem=252, srcComponent=190)
-        self.wire.from_vehicle(bytes(message.pack(station)), "station")
 
 
 class Witness:

@@ -12,7 +12,7 @@ import pytest
 from flights import Ui, fly, small
 from link_world import play
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from test_signing_flight import WATCHER, SignedWorld, station
+from signed_world import WATCHER, SignedWorld, station
 
 from sim_vehicle.fleet import Fleet
 from swarmctl.flight import virtual_simulator

@@ -8,8 +8,8 @@ from functools import partial
 
 import pytest
 from flying_bench import HOME, Faults, FlyingBench
+from plane_flights import FIRST, FRAME, LOW_M, RADIUS_M, SECOND, here, landed, nearest_m, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from test_arduplane import FIRST, FRAME, LOW_M, RADIUS_M, SECOND, here, landed, nearest_m, plan
 
 from swarmctl.core.geo import distance_m
 from swarmctl.core.mission import FlightPlan, MissionItem

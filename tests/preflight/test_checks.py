@@ -2,46 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
-from itertools import pairwise
 from typing import Any
 
 import pytest
+from preflight_facts import FIT, FIX, FRAME, SQUARE, START, STATE, flight, place, plan
 
-from swarmctl.agent.traffic.separation.approach import Limits
-from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.config.preflight import Policy
-from swarmctl.core.geo import LocalFrame
 from swarmctl.core.mission import Approach, FlightPlan, Waypoint
-from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.events import Identity
 from swarmctl.mavlink.firmware import Firmware
 from swarmctl.mavlink.procedures.fence import fence_items
-from swarmctl.mavlink.telemetry.instruments import GpsFix, Instruments
+from swarmctl.mavlink.telemetry.instruments import Instruments
 from swarmctl.preflight.checks import CHECKS
-from swarmctl.preflight.facts import Facts, Finding, Other
-from swarmctl.preflight.policy import Intent, NoTable, Wanted, parameters_for
-
-FRAME = LocalFrame(46.0, 14.4)
-
-
-def place(east_m: float, north_m: float) -> tuple[float, float]:
-    return FRAME.to_geodetic(east_m, north_m)
-
-
-def plan(*points_m: tuple[float, float], up_m: float = 40.0) -> FlightPlan:
-    track = tuple(Waypoint(*place(*point), up_m) for point in points_m)
-    return FlightPlan(up_m, track, track[-1])
-
-
-def flight(*points_m: tuple[float, float], speed_m_s: float = 10.0, up_m: float = 40.0) -> Trajectory:
-    """Up in 16 s, along the points, down in 40 s."""
-    times_s, points = [0.0, 16.0], [(*points_m[0], 0.0), (*points_m[0], up_m)]
-    for a, b in pairwise(points_m):
-        times_s.append(times_s[-1] + math.dist(a, b) / speed_m_s)
-        points.append((*b, up_m))
-    return Trajectory((*times_s, times_s[-1] + 40.0), (*points, (*points_m[-1], 0.0)))
+from swarmctl.preflight.facts import PreflightFacts, Finding
+from swarmctl.preflight.policy import DeclaredBehaviour, NoParameterTable, RequiredParameter, parameters_for
 
 
 def landing(at_goal: tuple[float, float], at_home: tuple[float, float] | None = None) -> FlightPlan:
@@ -56,85 +31,30 @@ def landing(at_goal: tuple[float, float], at_home: tuple[float, float] | None = 
     return FlightPlan(20.0, track, track[-1], approach=approaches[0], home_approach=approaches[1])
 
 
-SQUARE = tuple(
-    place(*corner) for corner in ((-100.0, -100.0), (600.0, -100.0), (600.0, 600.0), (-100.0, 600.0))
-)
-START = place(-50.0, 0.0)
-STATE = VehicleState(
-    lat_deg=START[0],
-    lon_deg=START[1],
-    alt_rel_m=0.0,
-    ready=True,
-    battery_percent=80,
-    home_lat_deg=START[0],
-    home_lon_deg=START[1],
-)
-FIX = GpsFix(3, 9, 1.2)
-FIT = Facts(
-    name="uav1",
-    sysid=1,
-    identity=Identity(1, 3, 2, "ArduPilot 4.6.2", b"\x01".ljust(18)),
-    conflict="",
-    no_route="",
-    state=STATE,
-    age_s=0.4,
-    position_age_s=0.2,
-    status_age_s=0.9,
-    instruments=Instruments(FIX, 1.8e9, 10.0, position_every_s=0.25),
-    clock_offset_s=0.3,
-    clock_tolerance_s=2.0,
-    wanted=(Wanted("FENCE_ENABLE", "a fence", 1.0, (1.0,)),),
-    no_table="",
-    parameters={"FENCE_ENABLE": 1.0},
-    fence=SQUARE,
-    fence_items=fence_items(SQUARE),
-    fence_failure="",
-    rally_points=0,
-    ceiling_m=90.0,
-    plan=plan((0.0, 0.0), (400.0, 300.0)),
-    flight=flight((-50.0, 0.0), (0.0, 0.0), (400.0, 300.0)),
-    limits=Limits(10.0, 3.0),
-    altitude_m=40.0,
-    speed_m_s=10.0,
-    endurance_s=900.0,
-    reserve_percent=20.0,
-    frame=FRAME,
-    others=(
-        Other(
-            "uav2",
-            2,
-            45.0,
-            Identity(2, 3, 2, "", b"\x02".ljust(18)),
-            flight((-50.0, 0.0), (0.0, 0.0), (400.0, 300.0)),
-        ),
-    ),
-)
-
-
-def finding(name: str, facts: Facts) -> Finding:
+def finding(name: str, facts: PreflightFacts) -> Finding:
     (check,) = [c for c in CHECKS if name == c.NAME]
     return check.check(facts)
 
 
-def but(**changes: Any) -> Facts:
+def but(**changes: Any) -> PreflightFacts:
     return replace(FIT, **changes)
 
 
-def state(**changes: Any) -> Facts:
+def state(**changes: Any) -> PreflightFacts:
     return replace(FIT, state=replace(STATE, **changes))
 
 
-def gps(**changes: Any) -> Facts:
+def gps(**changes: Any) -> PreflightFacts:
     return replace(FIT, instruments=Instruments(replace(FIX, **changes), 1.8e9, 10.0))
 
 
-def low_at(low_v: float, *, told_v: float | None) -> Facts:
+def low_at(low_v: float, *, told_v: float | None) -> PreflightFacts:
     """An ArduPilot whose voltage counts as low at `low_v`."""
     parameters = {**FIT.parameters, "BATT_LOW_VOLT": low_v}
     return replace(FIT, parameters=parameters, state=replace(STATE, battery_v=told_v))
 
 
-def other(**changes: Any) -> Facts:
+def other(**changes: Any) -> PreflightFacts:
     return replace(FIT, others=(replace(FIT.others[0], **changes),))
 
 
@@ -145,7 +65,7 @@ def test_a_fit_vehicle_passes(check) -> None:
     assert found.cure == ""
 
 
-UNFIT: list[tuple[str, Facts, str]] = [
+UNFIT: list[tuple[str, PreflightFacts, str]] = [
     ("identity", but(identity=None), "has not said who it is"),
     ("identity", but(identity=replace(FIT.identity, sysid=9)), "system 9"),
     ("identity", but(identity=replace(FIT.identity, autopilot=8)), "system 1, ArduPilot"),
@@ -259,12 +179,12 @@ def test_routes_at_one_height_may_be_apart_over_ground_or_in_time() -> None:
 
 
 CURED = (
-    Wanted("FENCE_ENABLE", "a fence up to 90 m", 1.0, (1.0,)),
-    Wanted("FS_GCS_ENABLE", "policy.lost_link: return", 1.0, (1.0,)),
-    Wanted("FS_OPTIONS", "policy.lost_link: return", bit=1),
-    Wanted("AIRSPEED_MIN", "wings.min_speed_m_s: 11", least=0.0, most=11.0),
-    Wanted("AIRSPEED_CRUISE", "speed_m_s: 15", least=14.5, most=15.5),
-    Wanted("Q_ENABLE", "airframe: plane", values=(0.0,)),
+    RequiredParameter("FENCE_ENABLE", "a fence up to 90 m", 1.0, (1.0,)),
+    RequiredParameter("FS_GCS_ENABLE", "policy.lost_link: return", 1.0, (1.0,)),
+    RequiredParameter("FS_OPTIONS", "policy.lost_link: return", bit=1),
+    RequiredParameter("AIRSPEED_MIN", "wings.min_speed_m_s: 11", least=0.0, most=11.0),
+    RequiredParameter("AIRSPEED_CRUISE", "speed_m_s: 15", least=14.5, most=15.5),
+    RequiredParameter("Q_ENABLE", "airframe: plane", values=(0.0,)),
 )
 RIGHT = {
     "FENCE_ENABLE": 1.0,
@@ -302,8 +222,8 @@ def test_who_can_mend_a_parameter_is_said(wrong: dict[str, float | None], cure: 
 
 
 def test_what_to_do_about_a_firmware_that_nobody_knows_is_said() -> None:
-    intent = Intent(Policy(), gcs_sysid=255, altitude_m=40.0, ceiling_m=90.0)
-    with pytest.raises(NoTable) as nobody:
+    intent = DeclaredBehaviour(Policy(), gcs_sysid=255, altitude_m=40.0, ceiling_m=90.0)
+    with pytest.raises(NoParameterTable) as nobody:
         parameters_for(Firmware("PX4", (1, 17)), intent)
     found = finding("parameters", but(no_table=str(nobody.value)))
     assert found.found.startswith("no table for PX4 1.17; there is one for ArduCopter 4.5 to 4.7, ")
@@ -313,7 +233,7 @@ def test_what_to_do_about_a_firmware_that_nobody_knows_is_said() -> None:
 
 def test_what_a_firmware_has_and_does_not_tell_is_not_taken_as_lacking() -> None:
     """A PX4 answers nothing for a name that it lacks, as where the answer is lost."""
-    intent = Intent(Policy(lost_link="return"), gcs_sysid=255, altitude_m=40.0, ceiling_m=90.0)
+    intent = DeclaredBehaviour(Policy(lost_link="return"), gcs_sysid=255, altitude_m=40.0, ceiling_m=90.0)
     asked = parameters_for(Firmware("PX4", (1, 16)), intent)
     of_the_link = but(wanted=tuple(w for w in asked if "lost_link" in w.declared))
     told = {"NAV_DLL_ACT": 2.0, "COM_DL_LOSS_T": 10.0}

@@ -11,12 +11,12 @@ import pytest
 from flights import AREA
 
 from swarmctl.agent.replan.approach import Wings
-from swarmctl.config.checks import judge
+from swarmctl.config.checks import check_config
 from swarmctl.config.model import Config
 from swarmctl.config.preflight import Policy
 from swarmctl.mavlink.events import Identity
 from swarmctl.mavlink.firmware import Firmware, firmware_of
-from swarmctl.preflight.policy import Intent, NoTable, Wanted, parameters_for
+from swarmctl.preflight.policy import DeclaredBehaviour, NoParameterTable, RequiredParameter, parameters_for
 
 COPTER, PLANE, PX4 = Firmware("ArduCopter", (4, 6)), Firmware("ArduPlane", (4, 6)), Firmware("PX4", (1, 15))
 COPTER_47, PX4_PLANE = Firmware("ArduCopter", (4, 7)), Firmware("PX4 plane", (1, 15))
@@ -30,9 +30,9 @@ WINGS = Wings(
 )
 
 
-def wanted(firmware: Firmware, **policy: Any) -> dict[str, Wanted]:
+def wanted(firmware: Firmware, **policy: Any) -> dict[str, RequiredParameter]:
     wings = WINGS if firmware in (PLANE, PX4_PLANE) else None
-    intent = Intent(Policy(**policy), gcs_sysid=255, altitude_m=40.0, ceiling_m=90.0, wings=wings)
+    intent = DeclaredBehaviour(Policy(**policy), gcs_sysid=255, altitude_m=40.0, ceiling_m=90.0, wings=wings)
     intent = replace(intent, speed_m_s=18.0, turn_radius_m=50.0)
     return {w.name: w for w in parameters_for(firmware, intent)}
 
@@ -141,7 +141,7 @@ def test_values_that_say_what_is_declared(firmware, policy, name, good, bad) -> 
     [({"lost_link": "land"}, "NAV_DLL_ACT"), ({"low_battery": "land"}, "COM_LOW_BAT_ACT")],
 )
 def test_a_px4_plane_cannot_be_declared_to_land_wherever_it_is(policy: dict[str, str], name: str) -> None:
-    with pytest.raises(NoTable, match=f"{name} has no value for policy"):
+    with pytest.raises(NoParameterTable, match=f"{name} has no value for policy"):
         wanted(PX4_PLANE, **policy)
 
 
@@ -164,7 +164,7 @@ def test_names_follow_the_version() -> None:
     ],
 )
 def test_among_others_a_copter_is_not_ahead_of_what_they_reckon_with(name, as_it_comes, faster) -> None:
-    intent = Intent(
+    intent = DeclaredBehaviour(
         Policy(), gcs_sysid=255, altitude_m=40.0, ceiling_m=90.0, speed_m_s=10.0, among_others=True
     )
     (parameter,) = (w for w in parameters_for(COPTER, intent) if w.name == name)
@@ -196,12 +196,12 @@ def test_nothing_of_the_link_is_asked_where_losing_it_changes_nothing() -> None:
     ids=str,
 )
 def test_a_firmware_without_a_table_is_not_guessed(firmware) -> None:
-    with pytest.raises(NoTable, match=r"no table for .*; there is one for ArduCopter 4.5 to 4.7, "):
+    with pytest.raises(NoParameterTable, match=r"no table for .*; there is one for ArduCopter 4.5 to 4.7, "):
         wanted(firmware)
 
 
 def test_under_a_low_ceiling_it_returns_below_it() -> None:
-    low = Intent(Policy(), gcs_sysid=255, altitude_m=8.0, ceiling_m=12.0)
+    low = DeclaredBehaviour(Policy(), gcs_sysid=255, altitude_m=8.0, ceiling_m=12.0)
     for firmware, name, most in ((COPTER, "RTL_ALT", 1200.0), (PX4, "RTL_RETURN_ALT", 12.0)):
         (parameter,) = (w for w in parameters_for(firmware, low) if w.name == name)
         assert parameter.set_to == most
@@ -209,14 +209,14 @@ def test_under_a_low_ceiling_it_returns_below_it() -> None:
 
 
 def test_what_a_firmware_cannot_do_is_said() -> None:
-    with pytest.raises(NoTable, match=r"FENCE_ACTION has no value for policy.fence_breach: land"):
+    with pytest.raises(NoParameterTable, match=r"FENCE_ACTION has no value for policy.fence_breach: land"):
         wanted(PLANE, fence_breach="land")
 
 
 @pytest.mark.parametrize("firmware", [PLANE, PX4_PLANE], ids=str)
 def test_a_plane_that_is_planned_for_as_a_copter_has_no_table(firmware) -> None:
-    intent = Intent(Policy(), gcs_sysid=255, altitude_m=40.0, ceiling_m=90.0)
-    with pytest.raises(NoTable, match="planned for as what hovers"):
+    intent = DeclaredBehaviour(Policy(), gcs_sysid=255, altitude_m=40.0, ceiling_m=90.0)
+    with pytest.raises(NoParameterTable, match="planned for as what hovers"):
         parameters_for(firmware, intent)
 
 
@@ -253,6 +253,6 @@ def test_a_link_is_not_lost_between_two_heartbeats_of_a_fast_simulation(speedup,
         "simulate": {"count": 1, "speedup": speedup},
         "preflight": {"policy": {"lost_link": "return", "lost_link_after_s": after_s}},
     }
-    found = [problem.text for problem in judge(Config.model_validate_json(json.dumps(content)))]
+    found = [problem.text for problem in check_config(Config.model_validate_json(json.dumps(content)))]
     cure = " give at least 30, or a lower speedup, or lost_link: continue"
     assert [text.split(";")[1] for text in found] == [cure] * refused

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 from flights import Ui, fly, small
+from interruptions import interrupting
+from preflight_facts import FIT
 from rich.console import Console
-from test_checks import FIT
-from test_flight import interrupting
 from trouble import Trouble, play
 
 from swarmctl.config.scenario import Scenario

@@ -9,8 +9,8 @@ from flights import small
 
 from swarmctl.config.scenario import Scenario
 from swarmctl.mavlink.firmware import Firmware
-from swarmctl.preflight.intent import intent_of
-from swarmctl.preflight.policy import Wanted, parameters_for
+from swarmctl.preflight.declared import declared_behaviour
+from swarmctl.preflight.policy import RequiredParameter, parameters_for
 
 COPTERS = [
     (Firmware("ArduCopter", (4, 6)), "RTL_ALT", 100.0),
@@ -19,9 +19,9 @@ COPTERS = [
 ]
 
 
-def wanted(scenario: Scenario, firmware: Firmware, name: str) -> list[Wanted]:
+def wanted(scenario: Scenario, firmware: Firmware, name: str) -> list[RequiredParameter]:
     """Of each vehicle."""
-    parameters = (parameters_for(firmware, intent_of(scenario, spec)) for spec in scenario.specs)
+    parameters = (parameters_for(firmware, declared_behaviour(scenario, spec)) for spec in scenario.specs)
     return [next(w for w in of_one if w.name == name) for of_one in parameters]
 
 

@@ -11,21 +11,18 @@ import stat
 import subprocess
 import sys
 import tempfile
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
 from flights import small
-from operator_station import Station
+from station_threads import station_in_a_thread
 from typer.testing import CliRunner
 
 from swarmctl.bus import directory
 from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.transports.base import BusError
-from swarmctl.bus.transports.open import opened
+from swarmctl.bus.transports.open import open_bus
 from swarmctl.cli.main import cli
 from swarmctl.core import events as ev
 from swarmctl.core.threat import FiringStrength
@@ -42,19 +39,19 @@ HERE, THERE = BusEndpoint("127.0.0.1", 4001), BusEndpoint("127.0.0.1", 4002)
 
 
 def test_a_flight_is_found_by_its_name_as_long_as_it_lasts(nobody_flies: Path) -> None:
-    with directory.listed("one", HERE), directory.listed("two", THERE):
+    with directory.registered("one", HERE), directory.registered("two", THERE):
         assert client.find("two", None, None) == client.Station("two", THERE)
         assert stat.S_IMODE(nobody_flies.stat().st_mode) == 0o700
-    assert directory.flying() == []
+    assert directory.running_swarms() == []
 
 
 def test_the_only_flight_need_not_be_named(nobody_flies: Path) -> None:
-    with directory.listed("one", HERE):
+    with directory.registered("one", HERE):
         assert client.find(None, None, None) == client.Station("one", HERE)
 
 
 def test_of_several_flights_none_is_guessed(nobody_flies: Path) -> None:
-    with directory.listed("one", HERE), directory.listed("two", THERE):
+    with directory.registered("one", HERE), directory.registered("two", THERE):
         with pytest.raises(client.Unclear, match=r"one at tcp/127.0.0.1:4001 .*two at .*--swarm NAME"):
             client.find(None, None, None)
         with pytest.raises(BusError, match=r"no swarm three of this user flies .*; there is one, two"):
@@ -77,11 +74,11 @@ def test_what_a_killed_flight_left_is_known_for_that_and_removed(nobody_flies: P
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "listed\n"
-        (entry,) = directory.flying()
+        (entry,) = directory.running_swarms()
         assert (entry.swarm, entry.pid) == ("killed", process.pid)
         process.kill()
     assert len(list(nobody_flies.iterdir())) == 1
-    assert directory.flying() == []
+    assert directory.running_swarms() == []
     assert list(nobody_flies.iterdir()) == []
 
 
@@ -99,7 +96,7 @@ def test_what_a_flight_left_that_was_killed_before_it_was_listed_is_removed(nobo
     command = [sys.executable, "-c", KILLED_BEFORE_IT_WAS_LISTED]
     subprocess.run(command, env={**os.environ, "TMPDIR": str(nobody_flies.parent)}, check=False)
     assert [path.name[:8] for path in nobody_flies.iterdir()] == [".killed."]
-    assert directory.flying() == []
+    assert directory.running_swarms() == []
     assert list(nobody_flies.iterdir()) == []
 
 
@@ -111,18 +108,18 @@ def test_a_flight_that_is_about_to_be_listed_is_neither_removed_nor_found(
 
     def locks(file: Any, how: int) -> None:
         if how == fcntl.LOCK_EX and not looks:
-            looks.append(directory.flying())
+            looks.append(directory.running_swarms())
         lock(file, how)
 
     def renames(draft: Path, path: Path) -> Path:
-        looks.append(directory.flying())
+        looks.append(directory.running_swarms())
         return rename(draft, path)
 
     monkeypatch.setattr(fcntl, "flock", locks)
     monkeypatch.setattr(Path, "rename", renames)
-    with directory.listed("one", HERE):
+    with directory.registered("one", HERE):
         assert looks == [[], []]
-        assert [entry.swarm for entry in directory.flying()] == ["one"]
+        assert [entry.swarm for entry in directory.running_swarms()] == ["one"]
     assert list(nobody_flies.iterdir()) == []
 
 
@@ -133,7 +130,7 @@ def test_a_folder_that_can_not_be_written_to_is_said_and_nothing_is_left(
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(json, "dump", full)
-    with pytest.raises(BusError, match="No space left"), directory.listed("one", HERE):
+    with pytest.raises(BusError, match="No space left"), directory.registered("one", HERE):
         pass
     assert list(nobody_flies.iterdir()) == []
 
@@ -147,7 +144,7 @@ def test_a_name_that_nobody_could_find_is_refused(name: str) -> None:
 @pytest.mark.parametrize("name", ["a", "7", "a.b", "x" * 64])
 def test_a_swarm_of_any_other_name_is_found(name: str, nobody_flies: Path) -> None:
     assert small(name=name).config.name == name
-    with directory.listed(name, HERE):
+    with directory.registered(name, HERE):
         assert client.find(name, None, None) == client.Station(name, HERE)
 
 
@@ -155,7 +152,7 @@ def test_a_folder_that_others_can_write_to_is_not_believed(nobody_flies: Path) -
     nobody_flies.mkdir(mode=0o700)
     nobody_flies.chmod(0o777)
     with pytest.raises(BusError, match="nobody else can write to"):
-        directory.flying()
+        directory.running_swarms()
 
 
 def test_a_flight_that_cannot_be_listed_says_how_it_is_reached(nobody_flies: Path) -> None:
@@ -163,7 +160,7 @@ def test_a_flight_that_cannot_be_listed_says_how_it_is_reached(nobody_flies: Pat
     said: list[str] = []
 
     async def scene() -> None:
-        with opened("test", "tcp/127.0.0.1:0", said.append) as bus:
+        with open_bus("test", "tcp/127.0.0.1:0", said.append) as bus:
             assert bus.endpoint is not None
             assert f"--connect {bus.endpoint}" in said[0]
 
@@ -180,8 +177,8 @@ def test_who_listens_to_others_than_this_machine_says_so(
     said: list[str] = []
 
     async def scene() -> None:
-        with opened("test", listen, said.append) as bus:
-            found = [entry.endpoint for entry in directory.flying()]
+        with open_bus("test", listen, said.append) as bus:
+            found = [entry.endpoint for entry in directory.running_swarms()]
             assert found == ([bus.endpoint.reachable] if bus.endpoint is not None else [])
 
     asyncio.run(scene())
@@ -265,28 +262,6 @@ def test_where_no_swarm_flies_it_says_so(nobody_flies: Path) -> None:
     assert result.exit_code == 1
     assert "no swarm of this user flies on this machine; a flight takes commands in real" in result.stderr
     assert "--clock virtual" in result.stderr
-
-
-@contextmanager
-def station_in_a_thread() -> Iterator[Station]:
-    """A ground station that listens while the command line runs beside it."""
-    ready, over = threading.Event(), threading.Event()
-    made: list[Station] = []
-
-    async def scene() -> None:
-        with opened("test", "tcp/127.0.0.1:0", print) as bus:
-            made.append(Station(bus))
-            ready.set()
-            await asyncio.to_thread(over.wait)
-
-    thread = threading.Thread(target=asyncio.run, args=(scene(),))
-    thread.start()
-    try:
-        assert ready.wait(10.0)
-        yield made[0]
-    finally:
-        over.set()
-        thread.join()
 
 
 def test_a_command_is_given_and_answered(nobody_flies: Path) -> None:

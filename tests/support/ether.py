@@ -8,7 +8,7 @@ from itertools import count
 
 import numpy as np
 
-from swarmctl.bus.node.exchange import NodeOptions, Took
+from swarmctl.bus.node.exchange import NodeOptions, NodeOutput
 from swarmctl.bus.node.node import Node
 from swarmctl.core.belief import Belief
 from swarmctl.core.frames import Seal, StateShared
@@ -78,10 +78,10 @@ class Ether:
     def unix_s(self) -> float:
         return UNIX_S + self.now_s
 
-    def take(self, uav: Uav, took: Took) -> None:
-        self.said += [text for _, text in took.said]
-        uav.belief = uav.belief.merge(took.news)
-        for out in took.out:
+    def take(self, uav: Uav, output: NodeOutput) -> None:
+        self.said += [text for _, text in output.notices]
+        uav.belief = uav.belief.merge(output.news)
+        for out in output.messages:
             for to in out.to:
                 delay_s = self.carry(uav.uav, to, self.now_s)
                 if delay_s is not None:

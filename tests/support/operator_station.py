@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from swarmctl.bus.endpoint import BusEndpoint
-from swarmctl.bus.operator_service import Desk, Tally
+from swarmctl.bus.operator_service import OperatorService, CommandCounts
 from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.core import events as ev
@@ -21,9 +21,9 @@ class Station:
 
     def __init__(self, transport: Transport, *, slow: tuple[int, ...] = ()) -> None:
         self.said: list[str] = []
-        self.tally = Tally()
+        self.tally = CommandCounts()
         self.posted: list[tuple[int, ev.WeightsChanged]] = []
-        self.desk = Desk(transport, "test", self.said.append, self.tally)
+        self.desk = OperatorService(transport, "test", self.said.append, self.tally)
         for uav in (1, 2):
             self.desk.join(uav, f"uav{uav}", self._agent(uav, slow=uav in slow))
 

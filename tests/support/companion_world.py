@@ -1,0 +1,66 @@
+"""Companions, one agent each, on the virtual clock."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from flights import Ui, small
+
+from swarmctl.agent.state import Phase
+from swarmctl.bus.endpoint import BusEndpoint
+from swarmctl.bus.transports.memory import MemoryBus
+from swarmctl.config.scenario import Scenario
+from swarmctl.core.messages import (
+    OperatorAnswer,
+    Request,
+)
+from swarmctl.flight import companion
+from swarmctl.flight.director import Launch
+from swarmctl.report.outcome import Report
+from swarmctl.station import client
+
+NAMES = {1: "uav1", 2: "uav2", 3: "uav3"}
+
+
+STATION = client.Station("small", BusEndpoint("127.0.0.1", 7447), agents=NAMES)
+
+
+@dataclass
+class Swarm:
+    """Companions over one bus, and what each of them shows."""
+
+    folder: Path
+    scenario: Scenario = field(default_factory=small)
+    bus: MemoryBus = field(default_factory=MemoryBus)
+    uis: dict[int, Ui] = field(default_factory=dict)
+    flights: dict[int, asyncio.Task[Report]] = field(default_factory=dict)
+
+    def start(self, uav: int, launch: Launch = "ordered") -> None:
+        folder = self.folder / f"uav{uav}"
+        folder.mkdir()
+        self.uis[uav] = Ui()
+        self.flights[uav] = asyncio.create_task(
+            companion.fly(
+                companion.only(self.scenario, uav),
+                folder,
+                self.uis[uav],
+                clock="virtual",
+                permission=lambda foreign: None,
+                launch=launch,
+                bus=self.bus,
+            )
+        )
+
+    def phase(self, uav: int) -> Phase:
+        (row,) = self.uis[uav].pictures[-1].rows
+        return row.phase
+
+    async def until(self, uav: int, *phases: Phase) -> None:
+        async with asyncio.timeout(300.0):
+            while not self.uis[uav].pictures or self.phase(uav) not in phases:  # noqa: ASYNC110
+                await asyncio.sleep(0.25)
+
+    async def give(self, command: Request) -> OperatorAnswer:
+        return await client.ask(self.bus, STATION, command)

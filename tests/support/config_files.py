@@ -1,0 +1,32 @@
+"""A configuration that is valid, and the problems found in one that is not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from swarmctl.config import model, scenario
+from swarmctl.config.checks import check_config
+
+GOOD = """\
+name: test
+area: {origin_lat_deg: 46.0, origin_lon_deg: 14.0, rows: 20, cols: 20, cell_size_m: 50}
+threats:
+  count: 24
+  firing_strength: {direct: 0.6, first_neighbour: 0.3, second_neighbour: 0.1}
+planner: {name: dijkstra, w: 0.5}
+communication: {bus: memory, range: all}
+vehicles:
+  - {name: a, url: "udpin://:14550", sysid: 1, start: {lat_deg: 46.0, lon_deg: 13.99}, goal: [3, 19]}
+  - {name: b, url: "udpin://:14550", sysid: 2,start: {lat_deg: 46.001, lon_deg: 13.99}, goal: [[4, 9],[5, 9]]}
+"""
+
+
+def problems(text: str, tmp_path: Path) -> list[str]:
+    file = tmp_path / "swarm.yaml"
+    file.write_text(text)
+    try:
+        loaded = model.load(file, check_config)
+    except model.ConfigError as error:
+        return [line.removeprefix(str(file)) for line in error.lines]
+    scenario.build(loaded)
+    return []

@@ -1,0 +1,29 @@
+"""A station that a link is forwarded to."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from swarmctl.links.transports.memory import MemoryWire
+from swarmctl.links.url import Endpoint
+
+WATCHER = Endpoint("memory", "watcher")
+
+
+class Watching:
+    """What a program that is forwarded to gets, and a way for it to speak, on a memory wire."""
+
+    def __init__(self) -> None:
+        self.wire = MemoryWire()
+        self.wire.to_vehicles = lambda data, _address: self.frames.append(data)
+        self.frames: list[bytes] = []
+
+    def heard(self) -> list[Any]:
+        parser = mavlink.MAVLink(None)
+        return [m for frame in self.frames for m in parser.parse_buffer(frame)]
+
+    def say(self, message: Any) -> None:
+        station = mavlink.MAVLink(None, srcSystem=252, srcComponent=190)
+        self.wire.from_vehicle(bytes(message.pack(station)), "station")

@@ -1,0 +1,25 @@
+"""Two vehicles that meet at a gap."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from flights import AREA, small
+
+from swarmctl.config.scenario import Scenario
+
+GAP = ([0, 3], [1, 3], [2, 3], [6, 3], [7, 3], [8, 3])
+"""Hostiles nobody knows of, with a gap between them half-way between the first routes of two copters."""
+
+
+def through_the_gap(**sections: Any) -> Scenario:
+    """Two copters at one height, 200 m apart, see the hostiles before them at one time, and both change to a
+    route through the gap."""
+    return small(
+        area={**AREA, "rows": 9},
+        simulate={"count": 2, "ready_s": 3.0},
+        flight={"altitude_m": 15.0, "altitude_step_m": 0.0},
+        threats={"count": len(GAP), "hostiles": GAP},
+        planner={"w": 0.9},
+        **sections,
+    )

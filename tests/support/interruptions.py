@@ -1,0 +1,36 @@
+"""User interfaces that interrupt a flight."""
+
+from __future__ import annotations
+
+import signal
+from typing import Any
+
+from swarmctl.links.transports.base import Address
+
+
+def silent(
+    who: int, since_s: float, until_s: float = float("inf"), *, comes_back_as: Address = ("new", 1)
+) -> Any:
+    """One vehicle's link fails between two times, after which it speaks from another address."""
+
+    def carry(sysid: int, now: float) -> Address | None:
+        if sysid != who:
+            return ("simulated", sysid)
+        if now < since_s:
+            return ("simulated", sysid)
+        return None if now < until_s else comes_back_as
+
+    return carry
+
+
+def interrupting(*times_s: float) -> Any:
+    """Presses Ctrl-C at these times."""
+    due = list(times_s)
+
+    def carry(sysid: int, now: float) -> Address | None:
+        if due and now >= due[0]:
+            due.pop(0)
+            signal.raise_signal(signal.SIGINT)
+        return ("simulated", sysid)
+
+    return carry

@@ -1,0 +1,34 @@
+"""A station in a thread of its own."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from operator_station import Station
+
+from swarmctl.bus.transports.open import open_bus
+
+
+@contextmanager
+def station_in_a_thread() -> Iterator[Station]:
+    """A ground station that listens while the command line runs beside it."""
+    ready, over = threading.Event(), threading.Event()
+    made: list[Station] = []
+
+    async def scene() -> None:
+        with open_bus("test", "tcp/127.0.0.1:0", print) as bus:
+            made.append(Station(bus))
+            ready.set()
+            await asyncio.to_thread(over.wait)
+
+    thread = threading.Thread(target=asyncio.run, args=(scene(),))
+    thread.start()
+    try:
+        assert ready.wait(10.0)
+        yield made[0]
+    finally:
+        over.set()
+        thread.join()
