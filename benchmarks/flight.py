@@ -17,7 +17,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from swarmctl.config.checks import judge
+from swarmctl.config.checks import check_config
 from swarmctl.config.model import load
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.flight import app
@@ -25,7 +25,7 @@ from swarmctl.flight.app import Report
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.flight.wiring import Clock
 from swarmctl.planners import warm_up
-from swarmctl.report.live_rows import Picture
+from swarmctl.report.live_rows import SwarmView
 
 SHIPPED = Path(__file__).parent.parent / "configs" / "swarm.yaml"
 
@@ -35,7 +35,7 @@ class Quiet:
 
     def log(self, text: str) -> None: ...
 
-    def refresh(self, picture: Picture) -> None: ...
+    def refresh(self, picture: SwarmView) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Flight:
 
 def scenario(count: int) -> Scenario:
     """The shipped configuration with another number of vehicles."""
-    config = load(SHIPPED, judge)
+    config = load(SHIPPED, check_config)
     assert config.simulate is not None
     simulate = config.simulate.model_copy(update={"count": count})
     # A step of 5 m would take a hundred vehicles into the flight levels.
@@ -75,7 +75,7 @@ def virtual_flights(counts: tuple[int, ...]) -> Table:
         flight = fly(count, "virtual")
         a_vehicle = flight.wall_s / count
         base = base or a_vehicle
-        flown_s = flight.report.ledger.flown_s
+        flown_s = flight.report.statistics.flown_s
         table.add_row(
             str(count),
             str(flight.report.summary["arrived"]),

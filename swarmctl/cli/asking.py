@@ -19,7 +19,7 @@ from swarmctl.bus.transports.zenoh_config import Credentials
 from swarmctl.cli.calling import of_keys, roll_of
 from swarmctl.cli.console import EXPECTED, USAGE, err, fail, out
 from swarmctl.config import joining
-from swarmctl.config.roster import Roll
+from swarmctl.config.roster import Roster
 from swarmctl.core.messages import OperatorAnswer, Request, VehicleAnswer
 from swarmctl.security import requests
 from swarmctl.security.files import KeyringError
@@ -92,7 +92,7 @@ class Seals:
         return requests.open_answer(self.swarm, key, asked, data, partial(self.keyring.verify, uav))
 
 
-def station_of(swarm: str | None, known: Roll | None, connect: str | None) -> Station:
+def station_of(swarm: str | None, known: Roster | None, connect: str | None) -> Station:
     """The flight that is meant, as `operate.find` has it. Raises Unclear and BusError."""
     if known is None:
         return client.find(swarm, None, connect)

@@ -8,14 +8,14 @@ from pathlib import Path
 
 from swarmctl.cli.console import USAGE, fail
 from swarmctl.config import roster, yaml_lines
-from swarmctl.config.roster import Roll
+from swarmctl.config.roster import Roster
 
 
-def roll_of(path: Path) -> Roll:
+def roll_of(path: Path) -> Roster:
     """The swarm of a configuration; leaves with everything that is wrong with it where it is not clear."""
     try:
-        return roster.call(path)
-    except roster.NoRoll as error:
+        return roster.load_roster(path)
+    except roster.RosterError as error:
         fail(error.lines, USAGE)
 
 
@@ -23,7 +23,7 @@ def of_keys(config: Path, troubles: Iterable[str]) -> list[str]:
     """What is wrong with the folder that a configuration calls `communication.keys`, each with where it
     does."""
     # Only here: it loads the planners, which takes these commands longer than all they do.
-    from swarmctl.config.model import Problem, located  # noqa: PLC0415
+    from swarmctl.config.model import ConfigProblem, problem_lines  # noqa: PLC0415
 
     document = yaml_lines.parse(config.read_text(encoding="utf-8"))
-    return located(config, document, (Problem(("communication", "keys"), text) for text in troubles))
+    return problem_lines(config, document, (ConfigProblem(("communication", "keys"), text) for text in troubles))

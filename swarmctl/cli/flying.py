@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from swarmctl.cli.console import EXPECTED, INTERRUPTED, USAGE, err, fail, out, timed
-from swarmctl.config.links_checks import strangers_at
+from swarmctl.config.links_checks import forwarding_problem
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight import companion
 from swarmctl.flight.director import Permission, PreflightFailed
@@ -19,7 +19,7 @@ from swarmctl.flight.member import Member
 from swarmctl.links.url import parse_url
 from swarmctl.preflight.waivers import Waiver, parse_waivers
 from swarmctl.report import outputs
-from swarmctl.report.flight_table import flight_table, missed, unfriendly
+from swarmctl.report.flight_table import flight_table, missed_bounds, network_lines
 from swarmctl.report.outcome import Report
 from swarmctl.report.terminal import LiveTable, PlainLines, Terminal
 
@@ -82,7 +82,7 @@ def forwarded(scenario: Scenario, urls: Sequence[str]) -> Scenario:
             parse_url(url)
         except ValueError as error:
             fail([f"--forward: {error}"], USAGE)
-        if strangers := strangers_at(config.links, url):
+        if strangers := forwarding_problem(config.links, url):
             fail([f"--forward {strangers}"], USAGE)
     links = config.links.model_copy(update={"forward": (*config.links.forward, *urls)})
     return replace(scenario, config=config.model_copy(update={"links": links}))
@@ -98,14 +98,14 @@ def conclude(report: Report, scenario: Scenario, folder: Path) -> None:
         raise report.bug
     if report.ended in ("stopped", "abandoned"):
         raise typer.Exit(INTERRUPTED)
-    done = report.arrived + len(companion.called_back(report))
+    done = report.arrived + len(companion.ended_by_operator(report))
     if report.trouble or done < max(len(report.states), 1) or _late(report):
         raise typer.Exit(EXPECTED)
 
 
 def _late(report: Report) -> list[str]:
     """The vehicles that did not keep their time bounds; whom an operator has called back needs not."""
-    return [name for name in missed(report.summary) if name not in companion.called_back(report)]
+    return [name for name in missed_bounds(report.summary) if name not in companion.ended_by_operator(report)]
 
 
 def _tell(report: Report, folder: Path) -> None:
@@ -113,18 +113,18 @@ def _tell(report: Report, folder: Path) -> None:
         err.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
     if report.ended in ("ended", "stopped", "abandoned"):
         out.print(flight_table(report.summary))
-        for text in unfriendly(report.summary):
+        for text in network_lines(report.summary):
             out.print(text, style="yellow", highlight=False, markup=False, soft_wrap=True)
     if report.ended != "ended" or not report.all_arrived:
         if report.ended == "abandoned":
             out.print("left at once, without waiting for any vehicle:", style="yellow", highlight=False)
-        for text in report.left:
+        for text in report.final_states:
             out.print(text, highlight=False, markup=False, soft_wrap=True)
     if report.ended == "failed":
         out.print("nothing was flown to the end; see above", highlight=False)
     else:
         out.print(f"{report.arrived} of {len(report.states)} arrived", highlight=False)
-        if called_back := companion.called_back(report):
+        if called_back := companion.ended_by_operator(report):
             out.print(f"ended by the operator: {', '.join(called_back)}", highlight=False, soft_wrap=True)
         if late := _late(report):
             err.print(f"out of time: {', '.join(late)}", style="red", highlight=False, soft_wrap=True)

@@ -14,8 +14,8 @@ from swarmctl.bus.endpoint import parse_endpoint
 from swarmctl.bus.transports.access import OPERATOR, ROUTER, name_of
 from swarmctl.cli.calling import roll_of
 from swarmctl.cli.console import EXPECTED, USAGE, ConfigOption, fail, out, say
-from swarmctl.config.mesh import listeners
-from swarmctl.config.roster import Roll
+from swarmctl.config.mesh import mesh_endpoints
+from swarmctl.config.roster import Roster
 from swarmctl.security.files import KeyringError
 from swarmctl.security.issue import AUTHORITY, Made, make
 
@@ -68,7 +68,7 @@ def _what_to_copy(made: list[Made]) -> str:
     return f"Copy again, each {where}: {', '.join(new)}. {refusing}"
 
 
-def _hosts(known: Roll, names: list[str], given: list[str]) -> dict[str, list[str]]:
+def _hosts(known: Roster, names: list[str], given: list[str]) -> dict[str, list[str]]:
     """Where participants listen, by the configuration and as given. Raises ValueError."""
     hosts: dict[str, list[str]] = {name: [] for name in names}
     for name, host in _configured(known):
@@ -81,10 +81,10 @@ def _hosts(known: Roll, names: list[str], given: list[str]) -> dict[str, list[st
     return hosts
 
 
-def _configured(known: Roll) -> Iterator[tuple[str, str]]:
+def _configured(known: Roster) -> Iterator[tuple[str, str]]:
     if known.communication.router is not None:
         yield ROUTER, parse_endpoint(known.communication.router).host
-    for uav, endpoint in listeners(known.communication.mesh, known.names).items():
+    for uav, endpoint in mesh_endpoints(known.communication.mesh, known.names).items():
         yield name_of(uav), endpoint.host
 
 

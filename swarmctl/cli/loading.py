@@ -7,8 +7,8 @@ from pathlib import Path
 
 from swarmctl.cli.console import EXPECTED, USAGE, fail
 from swarmctl.config import yaml_lines
-from swarmctl.config.checks import judge
-from swarmctl.config.model import ConfigError, Problem, load, located
+from swarmctl.config.checks import check_config
+from swarmctl.config.model import ConfigError, ConfigProblem, load, problem_lines
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.preflight import host
 from swarmctl.security.files import KeyringError
@@ -18,7 +18,7 @@ from swarmctl.security.mavlink_key import read_mavlink_key
 def scenario_of(path: Path) -> Scenario:
     """What a configuration describes; leaves with everything that is wrong with it."""
     try:
-        return build(load(path, judge))
+        return build(load(path, check_config))
     except ConfigError as error:
         fail(error.lines, USAGE)
 
@@ -27,7 +27,7 @@ def require_fit(path: Path, scenario: Scenario, runs: Path, more: Iterable[str] 
     """Leaves with what would stop a flight of this configuration here and now, each with where in the file
     it comes from; `more` is what the caller has found besides."""
     document = yaml_lines.parse(path.read_text(encoding="utf-8"))
-    wrong_key = located(path, document, _signing_key(scenario))
+    wrong_key = problem_lines(path, document, _signing_key(scenario))
     lines = {
         vehicle.name: document.line_of(("vehicles", i)) for i, vehicle in enumerate(scenario.config.vehicles)
     }
@@ -39,9 +39,9 @@ def require_fit(path: Path, scenario: Scenario, runs: Path, more: Iterable[str] 
         fail(found, USAGE if wrong_key else EXPECTED)
 
 
-def _signing_key(scenario: Scenario) -> Iterator[Problem]:
+def _signing_key(scenario: Scenario) -> Iterator[ConfigProblem]:
     if (file := scenario.config.links.signing_key) is not None:
         try:
             read_mavlink_key(Path(file))
         except KeyringError as error:
-            yield Problem(("links", "signing_key"), str(error))
+            yield ConfigProblem(("links", "signing_key"), str(error))

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from swarmctl.bus import external_observations
-from swarmctl.bus.sensor_reports import BY_HAND, VERSION, Answer, Point, Report, schema
+from swarmctl.bus.sensor_reports import BY_HAND, VERSION, ReportAnswer, ReportedPoint, Report, report_schema
 from swarmctl.bus.transports.access import OPERATOR
 from swarmctl.bus.transports.base import BusError, Transport
 from swarmctl.bus.transports.zenoh_config import Credentials
@@ -19,8 +19,8 @@ from swarmctl.cli.asking import ConnectOption, FlyingConfigOption, SwarmOption, 
 from swarmctl.cli.calling import of_keys, roll_of
 from swarmctl.cli.console import EXPECTED, USAGE, fail, out, say
 from swarmctl.config import joining
-from swarmctl.config.mesh import listeners, vehicle_of
-from swarmctl.config.roster import Roll
+from swarmctl.config.mesh import mesh_endpoints, vehicle_of
+from swarmctl.config.roster import Roster
 from swarmctl.core.grid import Cell
 from swarmctl.core.messages import MAX_SYSTEM_ID
 from swarmctl.security.files import KeyringError
@@ -67,7 +67,7 @@ def observe(
     configs/detector.py for an example.
     """
     if show_schema:
-        out.print_json(json.dumps(schema()))
+        out.print_json(json.dumps(report_schema()))
         return
     known = None if config is None else roll_of(config)
     try:
@@ -118,14 +118,14 @@ def _cell(word: str) -> Cell:
     return int(row), int(col)
 
 
-def _point(word: str, occupied: bool) -> Point:
+def _point(word: str, occupied: bool) -> ReportedPoint:
     lat_deg, lon_deg = _pair(word, "--at", "46.0512,14.4071")
     if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0):
         raise Unclear(f"--at {word!r}: expected a latitude and a longitude [deg], such as 46.0512,14.4071")
-    return Point(lat_deg, lon_deg, occupied)
+    return ReportedPoint(lat_deg, lon_deg, occupied)
 
 
-def _vehicle(word: str, known: Roll | None) -> int:
+def _vehicle(word: str, known: Roster | None) -> int:
     """The system id. Raises ValueError."""
     if not word:
         raise Unclear("which vehicle is told? give --uav and its system id, or its name with --config")
@@ -139,13 +139,13 @@ def _vehicle(word: str, known: Roll | None) -> int:
 
 
 def _station(
-    swarm: str | None, known: Roll | None, connect: str | None, to: int
+    swarm: str | None, known: Roster | None, connect: str | None, to: int
 ) -> tuple[Station, Credentials | None]:
     """Where to report, and what is shown there. Raises BusError, KeyringError and ValueError."""
     station = station_of(swarm, known, connect)
     if known is None:
         return station, joining.certified(station.endpoint, None)
-    own = listeners(known.communication.mesh, known.names).get(to)
+    own = mesh_endpoints(known.communication.mesh, known.names).get(to)
     if own is not None and connect is None and station.agents:
         # In a mesh no node passes on what a sensor sees.
         station = replace(station, endpoint=own, others=())
@@ -154,16 +154,16 @@ def _station(
     return station, joining.certified(station.endpoint, keyring)
 
 
-async def _report(station: Station, credentials: Credentials | None, uav: int, report: Report) -> Answer:
+async def _report(station: Station, credentials: Credentials | None, uav: int, report: Report) -> ReportAnswer:
     """Raises BusError and NoAnswer."""
     with client.visited(station, credentials) as bus:
         return await told(bus, station, uav, report)
 
 
-async def told(bus: Transport, station: Station, uav: int, report: Report) -> Answer:
+async def told(bus: Transport, station: Station, uav: int, report: Report) -> ReportAnswer:
     """Report on a bus that is open, and hear the answer. Raises NoAnswer."""
     try:
-        answer = await external_observations.ask(bus, station.swarm, uav, report)
+        answer = await external_observations.send_report(bus, station.swarm, uav, report)
     except TimeoutError:
         raise NoAnswer(
             f"{station.swarm} at {station.endpoint} did not answer within {external_observations.TIMEOUT_S:g} s: whether it "

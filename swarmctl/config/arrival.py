@@ -9,7 +9,7 @@ from pydantic import Field
 from swarmctl.core.section import Section
 
 
-class Together(Section):
+class ArrivalSection(Section):
     """All are over their goals together, or one after the other; the slowest sets the time."""
 
     mode: Literal["simultaneous", "staggered"] = Field(

@@ -12,17 +12,17 @@ import numpy as np
 
 from swarmctl.agent.replan.decide import first_flight, first_problem, first_route
 from swarmctl.agent.state import Task
-from swarmctl.config.arrival_checks import judge_arrival
-from swarmctl.config.communication_checks import judge_communication
+from swarmctl.config.arrival_checks import check_arrival
+from swarmctl.config.communication_checks import check_communication
 from swarmctl.config.count import Binomial, Poisson, Uniform, Weights
-from swarmctl.config.links_checks import judge_links
-from swarmctl.config.model import Config, Problem
-from swarmctl.config.preflight_checks import judge_preflight
+from swarmctl.config.links_checks import check_links
+from swarmctl.config.model import Config, ConfigProblem
+from swarmctl.config.preflight_checks import check_preflight
 from swarmctl.config.scenario import Scenario, build
-from swarmctl.config.separation_checks import judge_separation
+from swarmctl.config.separation_checks import check_separation
 from swarmctl.config.specs import Spec, entry_of, grid_of, on_border, simulated_goals
-from swarmctl.config.time_bound_checks import judge_bounds, unmet_bound
-from swarmctl.config.wings_checks import judge_landings, judge_plane, judge_wings
+from swarmctl.config.time_bound_checks import check_time_bounds, unmet_time_bound
+from swarmctl.config.wings_checks import check_landings, check_plane, check_wings
 from swarmctl.config.yaml_lines import Path as KeyPath
 from swarmctl.core.geo import distance_m
 from swarmctl.core.grid import Cell, Grid
@@ -35,27 +35,27 @@ MIN_STARTS_APART_M = 1.0
 MIN_LANDING_APART_M = 3.0
 
 
-def judge(config: Config) -> Iterator[Problem]:
+def check_config(config: Config) -> Iterator[ConfigProblem]:
     """What is wrong across sections; how vehicles fly only where nothing else is wrong."""
     grid = grid_of(config)
     if grid.n_cells > MAX_CELLS:
         text = f"{grid.rows} × {grid.cols} are {grid.n_cells} cells, more than {MAX_CELLS}; make them larger"
-        yield Problem(("area",), text)
+        yield ConfigProblem(("area",), text)
         return
     problems = [*_judge_unused(config), *_judge_threats(config, grid), *_judge_vehicles(config, grid)]
-    problems += judge_communication(config)
-    problems += judge_links(config)
-    problems += judge_preflight(config)
-    problems += judge_wings(config)
+    problems += check_communication(config)
+    problems += check_links(config)
+    problems += check_preflight(config)
+    problems += check_wings(config)
     if config.simulate is None and not config.vehicles:
         text = "no vehicle: give `simulate: {count: 5}` or a list of vehicles"
-        problems.append(Problem(("vehicles",), text))
+        problems.append(ConfigProblem(("vehicles",), text))
     yield from problems
     if not problems:
         yield from _judge_flights(build(config))
 
 
-def _judge_flights(scenario: Scenario) -> Iterator[Problem]:
+def _judge_flights(scenario: Scenario) -> Iterator[ConfigProblem]:
     simulate = scenario.config.simulate
     n_simulated = simulate.count if simulate is not None else 0
     yield from _judge_apart(scenario)
@@ -64,26 +64,28 @@ def _judge_flights(scenario: Scenario) -> Iterator[Problem]:
         here: KeyPath = ("simulate",) if index < n_simulated else ("vehicles", index - n_simulated)
         yield from _judge_way_in(scenario, spec, here)
         yield from _judge_landing(scenario, task, (*here, "goal"))
-        yield from judge_plane(scenario, spec, task, here)
+        yield from check_plane(scenario, spec, task, here)
         if spec.altitude_m > MAX_ALTITUDE_M:
             text = f"{spec.name} would fly at {spec.altitude_m:g} m, above {MAX_ALTITUDE_M:g}; lower the step"
-            yield Problem(("flight", "altitude_step_m"), text)
+            yield ConfigProblem(("flight", "altitude_step_m"), text)
         try:
             route = first_route(task, scenario.prior)
         except BoundTooTight as error:
-            yield from unmet_bound(task, error.nearest, here)
+            yield from unmet_time_bound(task, error.nearest, here)
         except Unreachable as error:
             if (least := _least_that_opens(task, scenario)) is not None:
                 text = f"{task.name} cannot reach its goal: {task.max_exposure:g} closes every way"
-                yield Problem(("planner", "max_exposure"), f"{text}; the least that opens one is {least:g}")
+                yield ConfigProblem(
+                    ("planner", "max_exposure"), f"{text}; the least that opens one is {least:g}"
+                )
                 continue
             text = f"{task.name} cannot reach its goal: {error}; open a way in area.no_fly"
-            yield Problem((*here, "goal"), text)
+            yield ConfigProblem((*here, "goal"), text)
         else:
             routes[spec.sysid] = route
             yield from _judge_turns(scenario, task, route, (*here, "turn_radius_m"))
-    yield from judge_landings(scenario)
-    yield from judge_separation(scenario, routes)
+    yield from check_landings(scenario)
+    yield from check_separation(scenario, routes)
 
 
 def _least_that_opens(task: Task, scenario: Scenario) -> float | None:
@@ -105,36 +107,36 @@ def _least_that_opens(task: Task, scenario: Scenario) -> float | None:
     return None if index == levels.size else math.ceil(float(levels[index]) * 1e4) / 1e4
 
 
-def _judge_turns(scenario: Scenario, task: Task, route: Route, path: KeyPath) -> Iterator[Problem]:
+def _judge_turns(scenario: Scenario, task: Task, route: Route, path: KeyPath) -> Iterator[ConfigProblem]:
     if task.turn_radius_m == 0.0:
         return
     if task.any_angle is None:
         text = "turns are planned only where routes are pulled straight; set flight.any_angle: true"
-        yield Problem(path, text)
+        yield ConfigProblem(path, text)
         return
     side_m = max(scenario.grid.width_m, scenario.grid.height_m)
     if task.turn_radius_m > side_m:
-        yield Problem(path, f"{task.turn_radius_m:g} m is more than the area is long, {side_m:g} m")
+        yield ConfigProblem(path, f"{task.turn_radius_m:g} m is more than the area is long, {side_m:g} m")
         return
     try:
         first_flight(task, first_problem(task, scenario.prior), route)
     except Unreachable as error:
         text = f"{task.name} cannot fly its first route: {error}"
         cure = "give the area larger cells, or the vehicle another entry or goal"
-        yield Problem(path, f"{text}; {cure}{', or widen preflight.fence' if task.wings else ''}")
+        yield ConfigProblem(path, f"{text}; {cure}{', or widen preflight.fence' if task.wings else ''}")
 
 
-def _judge_apart(scenario: Scenario) -> Iterator[Problem]:
+def _judge_apart(scenario: Scenario) -> Iterator[ConfigProblem]:
     """On the ground their starts keep vehicles apart."""
     frame = scenario.grid.frame
     starts = sorted((frame.to_local(*spec.start), spec.name) for spec in scenario.specs)
     for (here, name), (there, other) in pairwise(starts):
         if math.dist(here, there) < MIN_STARTS_APART_M:
-            yield Problem(("vehicles",), f"{name} and {other} start at one spot; give each its own")
+            yield ConfigProblem(("vehicles",), f"{name} and {other} start at one spot; give each its own")
             break
 
 
-def _judge_way_in(scenario: Scenario, spec: Spec, here: KeyPath) -> Iterator[Problem]:
+def _judge_way_in(scenario: Scenario, spec: Spec, here: KeyPath) -> Iterator[ConfigProblem]:
     """A vehicle flies straight from its start to its entry; no route was planned for that."""
     grid = scenario.grid
     (east_m, north_m), (to_east_m, to_north_m) = grid.frame.to_local(*spec.start), grid.centre_m(spec.entry)
@@ -150,41 +152,43 @@ def _judge_way_in(scenario: Scenario, spec: Spec, here: KeyPath) -> Iterator[Pro
     key = (*here, "entry") if here[0] == "vehicles" else here
     if forbidden:
         text = f"{spec.name} would fly over {forbidden[0]} of area.no_fly on its way in to {spec.entry}"
-        yield Problem(key, f"{text}; give it another start or entry")
+        yield ConfigProblem(key, f"{text}; give it another start or entry")
     elif far and grid.cell_at(*spec.start) is None:
         text = f"{spec.name} would cross the area over {far[0]} on its straight way in to {spec.entry}"
-        yield Problem(key, f"{text}; give it an entry on its own side")
+        yield ConfigProblem(key, f"{text}; give it an entry on its own side")
 
 
-def _judge_landing(scenario: Scenario, task: Task, path: KeyPath) -> Iterator[Problem]:
+def _judge_landing(scenario: Scenario, task: Task, path: KeyPath) -> Iterator[ConfigProblem]:
     apart_m = scenario.grid.cell_size_m / (math.isqrt(max(task.landing_count - 1, 0)) + 1)
     if task.landing_count > 1 and apart_m < MIN_LANDING_APART_M:
         text = f"{task.landing_count} vehicles that share goals would land {apart_m:.1f} m apart in one cell"
-        yield Problem(path, f"{text}, less than {MIN_LANDING_APART_M:g} m; give them goals of their own")
+        yield ConfigProblem(
+            path, f"{text}, less than {MIN_LANDING_APART_M:g} m; give them goals of their own"
+        )
 
 
-def _judge_unused(config: Config) -> Iterator[Problem]:
+def _judge_unused(config: Config) -> Iterator[ConfigProblem]:
     """Keys that are given and would do nothing. (ψ always does something: the paper's routes stand beside the
     planner's own in `plan`.)"""
     planner, flight = config.planner, config.flight
     if "w" in planner.model_fields_set and not PLANNERS[planner.name].USES_W:
         users = " or ".join(name for name, other in PLANNERS.items() if other.USES_W)
         text = f"planner {planner.name} does not go by w; leave it away, or give planner.name: {users}"
-        yield Problem(("planner", "w"), text)
+        yield ConfigProblem(("planner", "w"), text)
     if "any_angle_exposure" in flight.model_fields_set and not flight.any_angle:
         text = "does nothing without flight.any_angle: true; give that too, or leave this away"
-        yield Problem(("flight", "any_angle_exposure"), text)
+        yield ConfigProblem(("flight", "any_angle_exposure"), text)
 
 
-def _judge_threats(config: Config, grid: Grid) -> Iterator[Problem]:
+def _judge_threats(config: Config, grid: Grid) -> Iterator[ConfigProblem]:
     key, most = _most_hostiles(config)
     if most > grid.n_cells:
         text = f"{most:g} hostiles do not fit into {grid.n_cells} cells, one a cell"
-        yield Problem(("threats", "count", *key), text)
+        yield ConfigProblem(("threats", "count", *key), text)
     if config.threats.hostiles != "random":
         yield from _outside(grid, config.threats.hostiles, ("threats", "hostiles"), "hostile")
         if len(set(config.threats.hostiles)) < len(config.threats.hostiles):
-            yield Problem(("threats", "hostiles"), "a cell is listed twice; a cell holds one hostile")
+            yield ConfigProblem(("threats", "hostiles"), "a cell is listed twice; a cell holds one hostile")
     yield from _outside(grid, config.area.no_fly, ("area", "no_fly"), "cell")
 
 
@@ -203,7 +207,7 @@ def _most_hostiles(config: Config) -> tuple[KeyPath, float]:
             return (), n
 
 
-def _judge_vehicles(config: Config, grid: Grid) -> Iterator[Problem]:
+def _judge_vehicles(config: Config, grid: Grid) -> Iterator[ConfigProblem]:
     if config.simulate is not None:
         yield from _judge_simulate(config, grid)
     no_fly = set(config.area.no_fly)
@@ -211,14 +215,14 @@ def _judge_vehicles(config: Config, grid: Grid) -> Iterator[Problem]:
         here: KeyPath = ("vehicles", i)
         yield from _outside(grid, vehicle.goal, (*here, "goal"), "goal")
         if no_fly.issuperset(vehicle.goal):
-            yield Problem((*here, "goal"), "every goal cell is in area.no_fly")
+            yield ConfigProblem((*here, "goal"), "every goal cell is in area.no_fly")
         yield from _judge_entry(config, grid, i)
-    yield from judge_bounds(config)
-    yield from judge_arrival(config)
+    yield from check_time_bounds(config)
+    yield from check_arrival(config)
     yield from _judge_identities(config)
 
 
-def _judge_simulate(config: Config, grid: Grid) -> Iterator[Problem]:
+def _judge_simulate(config: Config, grid: Grid) -> Iterator[ConfigProblem]:
     simulate = config.simulate
     assert simulate is not None
     if simulate.goal is not None:
@@ -229,47 +233,51 @@ def _judge_simulate(config: Config, grid: Grid) -> Iterator[Problem]:
         if no_fly.issuperset(goals):
             key = "goal" if simulate.goal is not None else "goal_side"
             text = f"uav{i + 1}: every goal cell, {list(goals)}, is in area.no_fly"
-            yield Problem(("simulate", key), text)
+            yield ConfigProblem(("simulate", key), text)
     if entry_of(config, grid, grid.frame.to_geodetic(-1.0, -1.0)) is None:
-        yield Problem(("area", "no_fly"), "the area cannot be entered: no border cell is left free")
+        yield ConfigProblem(("area", "no_fly"), "the area cannot be entered: no border cell is left free")
     if simulate.start_distance_m > config.flight.max_start_distance_m:
         text = (
             f"the area cannot be entered from {simulate.start_distance_m:g} m away, more than flight."
             f"max_start_distance_m = {config.flight.max_start_distance_m:g}"
         )
-        yield Problem(("simulate", "start_distance_m"), text)
+        yield ConfigProblem(("simulate", "start_distance_m"), text)
     endpoint = parse_url(simulate.url)
     if endpoint.kind not in ("udpin", "tcpin"):
-        yield Problem(
+        yield ConfigProblem(
             ("simulate", "url"), f"the ground station has to listen: udpin or tcpin, found {simulate.url!r}"
         )
     if simulate.speedup != 1.0 and config.vehicles:
         text = f"{simulate.speedup} beside vehicles in `vehicles`, which fly in real time; give 1"
-        yield Problem(("simulate", "speedup"), text)
+        yield ConfigProblem(("simulate", "speedup"), text)
 
 
-def _judge_entry(config: Config, grid: Grid, index: int) -> Iterator[Problem]:
+def _judge_entry(config: Config, grid: Grid, index: int) -> Iterator[ConfigProblem]:
     vehicle = config.vehicles[index]
     here: KeyPath = ("vehicles", index)
     start = (vehicle.start.lat_deg, vehicle.start.lon_deg)
     inside = grid.cell_at(*start)
     if inside is not None and inside in config.area.no_fly:
-        yield Problem((*here, "start"), f"it stands in cell {inside}, which is in area.no_fly")
+        yield ConfigProblem((*here, "start"), f"it stands in cell {inside}, which is in area.no_fly")
     if vehicle.entry is not None:
         where: KeyPath = (*here, "entry")
         if inside is not None:
-            yield Problem(where, f"it starts inside the area, in cell {inside}; leave entry away")
+            yield ConfigProblem(where, f"it starts inside the area, in cell {inside}; leave entry away")
             return
         if not grid.contains(vehicle.entry):
             yield from _outside(grid, [vehicle.entry], where, "entry", listed=False)
         elif not on_border(grid, vehicle.entry):
-            yield Problem(where, f"{vehicle.entry} is no border cell: it cannot be entered from outside")
+            yield ConfigProblem(
+                where, f"{vehicle.entry} is no border cell: it cannot be entered from outside"
+            )
         elif vehicle.entry in config.area.no_fly:
-            yield Problem(where, f"{vehicle.entry} is in area.no_fly")
+            yield ConfigProblem(where, f"{vehicle.entry} is in area.no_fly")
         return
     entry = entry_of(config, grid, start)
     if entry is None:
-        yield Problem((*here, "start"), "the area cannot be entered: its border is in area.no_fly all round")
+        yield ConfigProblem(
+            (*here, "start"), "the area cannot be entered: its border is in area.no_fly all round"
+        )
         return
     away_m = distance_m(start, grid.centre(entry))
     if inside is None and away_m > config.flight.max_start_distance_m:
@@ -277,10 +285,10 @@ def _judge_entry(config: Config, grid: Grid, index: int) -> Iterator[Problem]:
             f"the area cannot be entered from here: it is {away_m:.0f} m away, more than flight."
             f"max_start_distance_m = {config.flight.max_start_distance_m:g}; is the position right?"
         )
-        yield Problem((*here, "start"), text)
+        yield ConfigProblem((*here, "start"), text)
 
 
-def _judge_identities(config: Config) -> Iterator[Problem]:
+def _judge_identities(config: Config) -> Iterator[ConfigProblem]:
     """The second of two vehicles with one name or one system id is the one to change."""
     simulate = config.simulate
     url, count = (str(parse_url(simulate.url)), simulate.count) if simulate is not None else ("", 0)
@@ -292,19 +300,21 @@ def _judge_identities(config: Config) -> Iterator[Problem]:
             name, its_link = seen[vehicle.sysid]
             where = f"on the same link {vehicle.url}" if its_link == link else "in the same swarm"
             text = f"{vehicle.sysid} is {name}'s {where}; give each vehicle its own"
-            yield Problem(("vehicles", i, "sysid"), text)
+            yield ConfigProblem(("vehicles", i, "sysid"), text)
         if vehicle.name in {name for name, _ in seen.values()}:
-            yield Problem(("vehicles", i, "name"), f"{vehicle.name!r} is given twice; give each its own")
+            yield ConfigProblem(
+                ("vehicles", i, "name"), f"{vehicle.name!r} is given twice; give each its own"
+            )
         seen.setdefault(vehicle.sysid, (vehicle.name, link))
 
 
 def _outside(
     grid: Grid, cells: tuple[Cell, ...] | list[Cell], path: KeyPath, what: str, *, listed: bool = True
-) -> Iterator[Problem]:
+) -> Iterator[ConfigProblem]:
     for i, cell in enumerate(cells):
         if not grid.contains(cell):
             text = (
                 f"{what} {list(cell)} is outside the area: expected row 0..{grid.rows - 1} "
                 f"and column 0..{grid.cols - 1}"
             )
-            yield Problem((*path, i) if listed else path, text)
+            yield ConfigProblem((*path, i) if listed else path, text)

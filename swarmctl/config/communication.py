@@ -6,14 +6,14 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
-from swarmctl.bus.endpoint import NOBODY, parse_endpoint
+from swarmctl.bus.endpoint import NO_ENDPOINT, parse_endpoint
 from swarmctl.core.section import Section
 
 MAX_DELAY_S = 60.0
 
 
 def _listen(text: str) -> str:
-    if text != NOBODY:
+    if text != NO_ENDPOINT:
         parse_endpoint(text)
     return text
 
@@ -44,7 +44,7 @@ Uav = int | str
 """a system id, or a vehicle's name"""
 
 
-class Partition(Section):
+class PartitionSection(Section):
     """For a time, UAVs hear those of their own group only; who is in no group hears nobody. Of several at
     once, all have to let a message pass."""
 
@@ -62,7 +62,7 @@ class Partition(Section):
             raise ValueError("a group is empty; leave it away, or say who is in it")
 
 
-class Quiet(Section):
+class QuietSection(Section):
     """For a time, UAVs send nothing; they hear."""
 
     uavs: tuple[Uav, ...] = Field(min_length=1, description="their names or system ids")
@@ -134,8 +134,8 @@ class Communication(Section):
         description="what a UAV can send, to each receiver by itself; what would wait longer than 2 s is "
         "dropped; default: no limit [bytes/s]",
     )
-    partitions: tuple[Partition, ...] = Field((), description="times at which the swarm falls apart")
-    quiet: tuple[Quiet, ...] = Field((), description="times at which UAVs send nothing")
+    partitions: tuple[PartitionSection, ...] = Field((), description="times at which the swarm falls apart")
+    quiet: tuple[QuietSection, ...] = Field((), description="times at which UAVs send nothing")
     relay: bool = Field(
         False, description="whether UAVs pass on at once what they hear of others; where not all reach all"
     )

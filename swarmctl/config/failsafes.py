@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from swarmctl.agent.failsafes import ALWAYS, RULES, lost_link
-from swarmctl.agent.failsafes.base import Ruling
+from swarmctl.agent.failsafes import ALWAYS_ON, RULES, lost_link
+from swarmctl.agent.failsafes.base import ActiveRule
 from swarmctl.agent.failsafes.fence_ahead import Params as FenceAhead
 from swarmctl.agent.failsafes.gps_loss import Params as GpsLoss
 from swarmctl.agent.failsafes.lost_link import Params as LostLink
@@ -31,9 +31,9 @@ class Rules(Section):
     )
 
 
-def rulings(section: Rules, agreed: LostLink) -> tuple[Ruling, ...]:
+def rulings(section: Rules, agreed: LostLink) -> tuple[ActiveRule, ...]:
     """The rules that are on, those that nobody turns off first; `agreed` is what vehicles do that hear
     nothing."""
     chosen = ((rule, getattr(section, rule.NAME)) for rule in RULES)
-    always = (Ruling(lost_link, agreed) if ruling.rule is lost_link else ruling for ruling in ALWAYS)
-    return (*always, *(Ruling(rule, params) for rule, params in chosen if params is not None))
+    always = (ActiveRule(lost_link, agreed) if ruling.rule is lost_link else ruling for ruling in ALWAYS_ON)
+    return (*always, *(ActiveRule(rule, params) for rule, params in chosen if params is not None))

@@ -8,7 +8,7 @@ from swarmctl.config.model import Config
 from swarmctl.config.specs import Spec, wings_of
 from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Grid
-from swarmctl.core.plane import around, box
+from swarmctl.core.planar import bounding_box, padded_hull
 from swarmctl.mavlink.procedures.fence import MAX_VERTICES
 
 
@@ -20,9 +20,9 @@ def polygon_of(config: Config, grid: Grid, swarm: Sequence[Spec]) -> tuple[LatLo
         return tuple((corner.lat_deg, corner.lon_deg) for corner in fence.polygon)
     inside = [*grid.corners(), *(spec.start for spec in swarm)]
     points = [*(frame.to_local(*place) for place in inside), *_landing_room(config, grid, swarm)]
-    hull = around(points, fence.margin_m)
+    hull = padded_hull(points, fence.margin_m)
     if len(hull) > MAX_VERTICES:
-        hull = box(hull)
+        hull = bounding_box(hull)
     return tuple(frame.to_geodetic(*point) for point in hull)
 
 

@@ -11,7 +11,7 @@ from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
 from swarmctl.bus.transports import zenoh_config
 from swarmctl.bus.transports.zenoh_config import Configuration, Credentials
 from swarmctl.config.communication import Communication
-from swarmctl.config.mesh import listeners
+from swarmctl.config.mesh import mesh_endpoints
 from swarmctl.security.participant import Keyring, load
 
 
@@ -97,7 +97,7 @@ def certified(endpoint: BusEndpoint, keyring: Keyring | None) -> Credentials | N
 
 def _mesh(swarm: Swarm, names: Mapping[int, str]) -> dict[int, BusEndpoint]:
     try:
-        return listeners(swarm.communication.mesh, names)
+        return mesh_endpoints(swarm.communication.mesh, names)
     except ValueError as error:
         raise NoNetwork(f"communication.mesh: {error}") from None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
-from swarmctl.core.texts import meant_by
+from swarmctl.core.texts import resolve_vehicles
 
 
 def vehicle_of(word: int | str, names: Mapping[int, str]) -> int:
@@ -13,11 +13,11 @@ def vehicle_of(word: int | str, names: Mapping[int, str]) -> int:
 
     Raises ValueError where it means none of them, or two.
     """
-    (uav,) = meant_by([word], names)
+    (uav,) = resolve_vehicles([word], names)
     return uav
 
 
-def listeners(mesh: Mapping[str, str], names: Mapping[int, str]) -> dict[int, BusEndpoint]:
+def mesh_endpoints(mesh: Mapping[str, str], names: Mapping[int, str]) -> dict[int, BusEndpoint]:
     """Where each vehicle's agent listens, by system id.
 
     Raises ValueError where a word means no vehicle or two, a vehicle is given twice, or an endpoint is none.

@@ -24,16 +24,16 @@ from pydantic import (
 
 from swarmctl.bus.keys import SWARM_NAME
 from swarmctl.config import yaml_lines
-from swarmctl.config.arrival import Together
+from swarmctl.config.arrival import ArrivalSection
 from swarmctl.config.communication import Communication
 from swarmctl.config.count import Count
 from swarmctl.config.failsafes import Rules
 from swarmctl.config.links import Links
-from swarmctl.config.preflight import Preflight
-from swarmctl.config.separation import Separation
+from swarmctl.config.preflight import PreflightSection
+from swarmctl.config.separation import SeparationSection
 from swarmctl.config.vehicles import Simulate, Vehicle
-from swarmctl.config.wings import Wings
-from swarmctl.core.any_angle.corners import Counting
+from swarmctl.config.wings import WingsSection
+from swarmctl.core.any_angle.corners import ExposureMeasure
 from swarmctl.core.grid import Cell
 from swarmctl.core.inference.sensor import SensorModel
 from swarmctl.core.section import Section as _Section
@@ -119,7 +119,7 @@ class PlannerSection(_Section):
         return options
 
 
-class Flight(_Section):
+class FlightSection(_Section):
     """How vehicles fly, and what becomes of them."""
 
     altitude_m: float = Field(40.0, gt=2.0, le=1000.0, description="of the first vehicle, above home [m]")
@@ -129,8 +129,8 @@ class Flight(_Section):
         description="whether routes are pulled straight where neither length nor exposure gets worse, as "
         "any_angle_exposure counts it; false: the paper's lattice route is flown unchanged",
     )
-    any_angle_exposure: Counting = Field(
-        Counting.ENTERED,
+    any_angle_exposure: ExposureMeasure = Field(
+        ExposureMeasure.ENTERED,
         description="what must not get worse: entered (ΣP_s over the cells entered, as strikes are drawn, "
         "and P_s along the track) or integral (P_s along the track alone: pulls more, but enters more cells, "
         "so that ΣP_s may rise and the chance of getting through fall)",
@@ -158,19 +158,19 @@ class Config(_Section):
     sensor: Sensor = Sensor()
     planner: PlannerSection = PlannerSection()
     communication: Communication = Communication()
-    flight: Flight = Flight()
+    flight: FlightSection = FlightSection()
     links: Links = Links()
     rules: Rules = Rules()
-    preflight: Preflight = Preflight()
-    separation: Separation = Separation()
-    arrival: Together | None = None
-    wings: Wings = Wings()
+    preflight: PreflightSection = PreflightSection()
+    separation: SeparationSection = SeparationSection()
+    arrival: ArrivalSection | None = None
+    wings: WingsSection = WingsSection()
     simulate: Simulate | None = None
     vehicles: tuple[Vehicle, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class ConfigProblem:
     """One thing that is wrong; `path` leads to it in the file."""
 
     path: yaml_lines.Path
@@ -187,7 +187,7 @@ class ConfigError(Exception):
         self.lines = lines
 
 
-def load(path: Path, judge: Callable[[Config], Iterable[Problem]] = lambda _: ()) -> Config:
+def load(path: Path, judge: Callable[[Config], Iterable[ConfigProblem]] = lambda _: ()) -> Config:
     """Read and check a file; `judge` adds what it finds across sections. Raises ConfigError."""
     try:
         document = yaml_lines.parse(path.read_text(encoding="utf-8"))
@@ -201,17 +201,19 @@ def load(path: Path, judge: Callable[[Config], Iterable[Problem]] = lambda _: ()
         raise ConfigError([f"{path}:{error.line}: {error.text}"]) from error
     config, problems = _validate(_tupled(document.data), judge)
     if problems or config is None:
-        raise ConfigError(located(path, document, problems))
+        raise ConfigError(problem_lines(path, document, problems))
     return config
 
 
-def located(path: Path, document: yaml_lines.Document, problems: Iterable[Problem]) -> list[str]:
+def problem_lines(path: Path, document: yaml_lines.Document, problems: Iterable[ConfigProblem]) -> list[str]:
     """A line for each problem, with where in the file it is."""
     found = sorted((document.line_of(p.path), _dotted(p.path), p.text) for p in problems)
     return [f"{path}:{line}: {key}: {text}" for line, key, text in found]
 
 
-def _validate(data: Any, judge: Callable[[Config], Iterable[Problem]]) -> tuple[Config | None, list[Problem]]:
+def _validate(
+    data: Any, judge: Callable[[Config], Iterable[ConfigProblem]]
+) -> tuple[Config | None, list[ConfigProblem]]:
     try:
         config = Config.model_validate(data)
     except ValidationError as error:
@@ -221,8 +223,8 @@ def _validate(data: Any, judge: Callable[[Config], Iterable[Problem]]) -> tuple[
 
 
 def _judged_rest(
-    data: Any, wrong: list[yaml_lines.Path], judge: Callable[[Config], Iterable[Problem]]
-) -> Iterator[Problem]:
+    data: Any, wrong: list[yaml_lines.Path], judge: Callable[[Config], Iterable[ConfigProblem]]
+) -> Iterator[ConfigProblem]:
     """Judge what is left when the wrong values are taken out, so that one round of mending is enough."""
     if not isinstance(data, dict):
         return
@@ -242,31 +244,31 @@ def _judged_rest(
             path = ("vehicles", kept[path[1]], *path[2:])
         concerned = [path, problem.given] if problem.given else [path]
         if not any(_touches(key, w) for key in concerned for w in wrong):
-            yield Problem(path, problem.text)
+            yield ConfigProblem(path, problem.text)
 
 
-def _merged(problems: Iterable[Problem]) -> list[Problem]:
+def _merged(problems: Iterable[ConfigProblem]) -> list[ConfigProblem]:
     """One problem a key: a value that fits no member of a union is wrong once, not once a member."""
     texts: dict[yaml_lines.Path, list[str]] = {}
     for problem in problems:
         texts.setdefault(problem.path, []).append(problem.text)
-    return [Problem(path, "; or ".join(dict.fromkeys(several))) for path, several in texts.items()]
+    return [ConfigProblem(path, "; or ".join(dict.fromkeys(several))) for path, several in texts.items()]
 
 
-def _problem(error: dict[str, Any], data: Any) -> Problem:
+def _problem(error: dict[str, Any], data: Any) -> ConfigProblem:
     path = _in_file(tuple(error["loc"]), data, keep_last=error["type"] in ("missing", "extra_forbidden"))
     if error["type"] == "extra_forbidden":
-        return Problem(path, _unknown_key(tuple(error["loc"])))
+        return ConfigProblem(path, _unknown_key(tuple(error["loc"])))
     text = str(error["msg"]).removeprefix("Value error, ")
     if error["type"] == "missing":
-        return Problem(path, "is missing")
+        return ConfigProblem(path, "is missing")
     if error["type"] == "model_type":
         text = "expected a section: keys with their values"
         text += "; null turns the rule off" if path[:1] == ("rules",) else ""
     found = error.get("input")
     if isinstance(found, (str, int, float, bool)) and repr(found) not in text:
         text = f"{text}, found {found!r}"
-    return Problem(path, text[:1].lower() + text[1:])
+    return ConfigProblem(path, text[:1].lower() + text[1:])
 
 
 def _in_file(path: yaml_lines.Path, data: Any, *, keep_last: bool) -> yaml_lines.Path:

@@ -28,7 +28,7 @@ class Corner(Section):
     lon_deg: float = Field(ge=-180.0, le=180.0)
 
 
-class Fence(Section):
+class FenceSection(Section):
     """What all vehicles stay inside of; uploaded to each before it is armed."""
 
     margin_m: float = Field(
@@ -42,7 +42,7 @@ class Fence(Section):
     )
 
 
-class Preflight(Section):
+class PreflightSection(Section):
     """Checks without which nothing is armed; `swarmctl preflight` makes them alone."""
 
     policy: Policy = Policy()
@@ -57,7 +57,7 @@ class Preflight(Section):
     clock_tolerance_s: float = Field(
         2.0, gt=0.0, description="how far a vehicle's clock may be from the ground station's [s]"
     )
-    fence: Fence = Fence()
+    fence: FenceSection = FenceSection()
     set_parameters: bool = Field(
         False, description="whether what the policy asks for is written to the vehicles; false: compared only"
     )

@@ -4,33 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from swarmctl.config.model import Config, Problem
+from swarmctl.config.model import Config, ConfigProblem
 from swarmctl.config.yaml_lines import Path as KeyPath
-from swarmctl.core.plane import meeting_sides
+from swarmctl.core.planar import crossing_sides
 
 HERE: KeyPath = ("preflight",)
 HEARTBEATS = 3
 """so many may be lost before a link counts as lost; one goes out each second of real time"""
 
 
-def judge_preflight(config: Config) -> Iterator[Problem]:
+def check_preflight(config: Config) -> Iterator[ConfigProblem]:
     yield from _judge_fence(config)
     yield from _judge_lost_link(config)
 
 
-def _judge_fence(config: Config) -> Iterator[Problem]:
+def _judge_fence(config: Config) -> Iterator[ConfigProblem]:
     """Whether it has an inside. Autopilots take one that has none."""
     corners = config.preflight.fence.polygon
     if corners is None:
         return
-    sides = meeting_sides([(corner.lon_deg, corner.lat_deg) for corner in corners])
+    sides = crossing_sides([(corner.lon_deg, corner.lat_deg) for corner in corners])
     if sides is not None:
         text = f"the sides that begin at [{sides[0]}] and [{sides[1]}] meet, so that it has no certain inside"
         text += "; give the corners in their order around it, each once"
-        yield Problem((*HERE, "fence", "polygon", sides[1]), text)
+        yield ConfigProblem((*HERE, "fence", "polygon", sides[1]), text)
 
 
-def _judge_lost_link(config: Config) -> Iterator[Problem]:
+def _judge_lost_link(config: Config) -> Iterator[ConfigProblem]:
     """Whether simulated vehicles would take their link for lost between two heartbeats."""
     simulate, policy = config.simulate, config.preflight.policy
     if simulate is None or policy.lost_link == "continue":
@@ -41,4 +41,4 @@ def _judge_lost_link(config: Config) -> Iterator[Problem]:
             f"{policy.lost_link_after_s} s is less than {HEARTBEATS} heartbeats at simulate.speedup = "
             f"{simulate.speedup:g}; give at least {least_s:g}, or a lower speedup, or lost_link: continue"
         )
-        yield Problem((*HERE, "policy", "lost_link_after_s"), text, given=("simulate", "speedup"))
+        yield ConfigProblem((*HERE, "policy", "lost_link_after_s"), text, given=("simulate", "speedup"))

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from swarmctl.bus.radio import Partition, Quiet, RadioSettings
+from swarmctl.bus.radio import Partition, RadioSettings, RadioSilence
 from swarmctl.config.communication import Communication
-from swarmctl.core.texts import meant_by
+from swarmctl.core.texts import resolve_vehicles
 
 
-def settings_of(communication: Communication, names: Mapping[int, str]) -> RadioSettings:
+def radio_settings(communication: Communication, names: Mapping[int, str]) -> RadioSettings:
     """The radio between vehicles of these names (system id: name).
 
     Raises ValueError where a word of it means no vehicle, or two, and where its losses cannot be.
@@ -26,14 +26,15 @@ def settings_of(communication: Communication, names: Mapping[int, str]) -> Radio
         min_distance_m=c.min_distance_m,
         partitions=tuple(
             Partition(
-                tuple(frozenset(meant_by(group, names)) for group in p.groups),
+                tuple(frozenset(resolve_vehicles(group, names)) for group in p.groups),
                 p.from_s,
                 _unlimited(p.until_s),
             )
             for p in c.partitions
         ),
         quiet=tuple(
-            Quiet(frozenset(meant_by(q.uavs, names)), q.from_s, _unlimited(q.until_s)) for q in c.quiet
+            RadioSilence(frozenset(resolve_vehicles(q.uavs, names)), q.from_s, _unlimited(q.until_s))
+            for q in c.quiet
         ),
     )
 

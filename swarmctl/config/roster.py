@@ -17,13 +17,13 @@ from pydantic import BaseModel, ConfigDict, Field
 from swarmctl.bus.keys import SWARM_NAME
 from swarmctl.config import yaml_lines
 from swarmctl.config.communication import Communication
-from swarmctl.config.mesh import listeners
+from swarmctl.config.mesh import mesh_endpoints
 from swarmctl.core.grid import Grid
 from swarmctl.core.messages import MAX_SYSTEM_ID
 
 
 @dataclass(frozen=True, slots=True)
-class Roll:
+class Roster:
     """A swarm as those see it who do not fly it."""
 
     name: str
@@ -33,7 +33,7 @@ class Roll:
     grid: Grid
 
 
-class NoRoll(Exception):
+class RosterError(Exception):
     """What is wrong with a configuration; one line each, `file:line: key: what, what to do`."""
 
     def __init__(self, lines: list[str]) -> None:
@@ -41,7 +41,7 @@ class NoRoll(Exception):
         self.lines = lines
 
 
-def call(path: Path) -> Roll:
+def load_roster(path: Path) -> Roster:
     """Read it from a configuration.
 
     Where anything in it cannot be understood the whole is judged. Raises NoRoll, with all that is wrong.
@@ -83,7 +83,7 @@ class _Swarm(_Part):
     vehicles: tuple[_Vehicle, ...] = ()
 
 
-def _read(text: str) -> Roll:
+def _read(text: str) -> Roster:
     """Raises ValueError and TypeError."""
     data = yaml_lines.parse(text).data
     known = {key: data[key] for key in _Swarm.model_fields if key in data}
@@ -94,22 +94,22 @@ def _read(text: str) -> Roll:
     names = dict(who)
     if not names or len(names) < len(who) or len(set(names.values())) < len(who):
         raise ValueError("no vehicle, or two of one name or system id")
-    listeners(found.communication.mesh, names)
+    mesh_endpoints(found.communication.mesh, names)
     area = found.area
     grid = Grid(area.rows, area.cols, area.cell_size_m, area.origin_lat_deg, area.origin_lon_deg)
-    return Roll(found.name, found.communication, names, grid)
+    return Roster(found.name, found.communication, names, grid)
 
 
-def _judged(path: Path) -> Roll:
+def _judged(path: Path) -> Roster:
     """Raises NoRoll."""
     # What plans and flies takes a second to load, and is needed only to say what is wrong.
-    from swarmctl.config.checks import judge  # noqa: PLC0415
+    from swarmctl.config.checks import check_config  # noqa: PLC0415
     from swarmctl.config.model import ConfigError, load  # noqa: PLC0415
     from swarmctl.config.scenario import build  # noqa: PLC0415
 
     try:
-        scenario = build(load(path, judge))
+        scenario = build(load(path, check_config))
     except ConfigError as error:
-        raise NoRoll(error.lines) from None
+        raise RosterError(error.lines) from None
     names = {spec.sysid: spec.name for spec in scenario.swarm}
-    return Roll(scenario.config.name, scenario.config.communication, names, scenario.grid)
+    return Roster(scenario.config.name, scenario.config.communication, names, scenario.grid)

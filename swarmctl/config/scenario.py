@@ -9,35 +9,35 @@ from enum import IntEnum
 
 import numpy as np
 
-from swarmctl.agent.arrival.common_time import Meeting
+from swarmctl.agent.arrival.common_time import ArrivalGroup
 from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.failsafes.lost_link import Params as LostLink
-from swarmctl.agent.replan.approach import Wings
-from swarmctl.agent.replan.arrival_bounds import Arrival
+from swarmctl.agent.replan.landing_pattern import FixedWing
+from swarmctl.agent.replan.length_bounds import TimeBound
 from swarmctl.agent.state import Task
 from swarmctl.agent.traffic.separation.approach import Limits
-from swarmctl.agent.traffic.separation.watch import Separation
+from swarmctl.agent.traffic.separation.watch import SeparationRules
 from swarmctl.config import fence
 from swarmctl.config.count import Binomial, Poisson, Uniform, Weights
 from swarmctl.config.failsafes import rulings
 from swarmctl.config.model import Config
 from swarmctl.config.specs import Spec, grid_of, specs_of, wings_of
 from swarmctl.core.belief import Belief
-from swarmctl.core.events import Order
+from swarmctl.core.events import FlightOrder
 from swarmctl.core.exposure import prior_inner_exposure
 from swarmctl.core.geo import LatLon, distance_m
 from swarmctl.core.grid import Cell, Grid
-from swarmctl.core.inference.chance import Chance, chance_of_getting_through
+from swarmctl.core.inference.survival import ProbabilityEstimate, survival_probability
 from swarmctl.core.inference.hostiles import HostileCount
 from swarmctl.core.inference.sensor import SensorModel
 from swarmctl.core.threat import FiringStrength
 from swarmctl.planners import PLANNERS, method
 
-PAPERS = PLANNERS["dijkstra"]
+PAPER_PLANNER = PLANNERS["dijkstra"]
 """the paper's planner, beside which every other is shown"""
 
 
-class Purpose(IntEnum):
+class RandomStream(IntEnum):
     """What chance is drawn for."""
 
     SENSOR = 1
@@ -70,7 +70,7 @@ class Scenario:
             self, specs=tuple(self.specs[i] for i in here), tasks=tuple(self.tasks[i] for i in here)
         )
 
-    def wings(self, spec: Spec) -> Wings | None:
+    def wings(self, spec: Spec) -> FixedWing | None:
         """What a plan for a vehicle that is a fixed wing has to know of it; None for what hovers."""
         return wings_of(self.config, spec)
 
@@ -90,14 +90,16 @@ class Scenario:
         planner = self.config.planner
         return f"w = {planner.w:g}" if PLANNERS[planner.name].USES_W else planner.name
 
-    def generator(self, purpose: Purpose, uav: int) -> np.random.Generator:
+    def generator(self, purpose: RandomStream, uav: int) -> np.random.Generator:
         """A vehicle's own source of chance, spawned from the run's seed; the same again at each call."""
         return np.random.default_rng(np.random.SeedSequence(self.config.seed, spawn_key=(purpose, uav)))
 
-    def chance(self, uav: int, belief: Belief, strength: FiringStrength, cells: Sequence[Cell]) -> Chance:
+    def chance(
+        self, uav: int, belief: Belief, strength: FiringStrength, cells: Sequence[Cell]
+    ) -> ProbabilityEstimate:
         """The chance that a vehicle gets through on a route, by simulation over what is believed; equal
         questions get equal answers."""
-        return chance_of_getting_through(belief, strength, cells, self.generator(Purpose.CHANCE, uav))
+        return survival_probability(belief, strength, cells, self.generator(RandomStream.CHANCE, uav))
 
 
 def build(config: Config) -> Scenario:
@@ -176,29 +178,29 @@ def _tasks(
             turn_radius_m=spec.turn_radius_m,
             wings=wings_of(config, spec),
             # A vehicle given up comes down in any case: nobody is there to end a hold.
-            fallback=Order.LAND if config.flight.on_exit == "land" else Order.RETURN,
+            fallback=FlightOrder.LAND if config.flight.on_exit == "land" else FlightOrder.RETURN,
             rules=rulings(config.rules, agreed),
             separation=separation_of(config),
             meeting=_meeting(config, specs),
         )
 
 
-def _meeting(config: Config, specs: Sequence[Spec]) -> Meeting | None:
+def _meeting(config: Config, specs: Sequence[Spec]) -> ArrivalGroup | None:
     together = config.arrival
     if together is None:
         return None
     rank = {uav: i for i, uav in enumerate(sorted(spec.sysid for spec in specs))}
-    return Meeting(rank, together.spacing_s or 0.0, together.tolerance_s, together.slowest_m_s)
+    return ArrivalGroup(rank, together.spacing_s or 0.0, together.tolerance_s, together.slowest_m_s)
 
 
-def separation_of(config: Config) -> Separation:
+def separation_of(config: Config) -> SeparationRules:
     apart = config.separation
-    return Separation(Limits(apart.horizontal_m, apart.vertical_m), apart.look_ahead_s, apart.action)
+    return SeparationRules(Limits(apart.horizontal_m, apart.vertical_m), apart.look_ahead_s, apart.action)
 
 
-def _arrival(grid: Grid, spec: Spec) -> Arrival:
+def _arrival(grid: Grid, spec: Spec) -> TimeBound:
     approach_m = distance_m(spec.start, grid.centre(spec.entry))
-    return Arrival(spec.speed_m_s, spec.arrive_after_s, spec.arrive_within_s, approach_m)
+    return TimeBound(spec.speed_m_s, spec.arrive_after_s, spec.arrive_within_s, approach_m)
 
 
 def _sharing(specs: tuple[Spec, ...], index: int) -> list[int]:

@@ -9,7 +9,7 @@ from pydantic import Field
 from swarmctl.core.section import Section
 
 
-class Separation(Section):
+class SeparationSection(Section):
     """Two vehicles are too close when they are closer than both distances at one time."""
 
     horizontal_m: float = Field(10.0, gt=0.0, le=1000.0, description="between two vehicles, over ground [m]")

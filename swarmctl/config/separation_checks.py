@@ -7,20 +7,20 @@ from collections.abc import Iterator, Mapping
 from itertools import combinations
 
 from swarmctl.agent.replan.decide import first_flight, first_problem
-from swarmctl.agent.replan.flight_path import from_takeoff
+from swarmctl.agent.replan.copter_trajectory import from_takeoff
 from swarmctl.agent.state import Task
 from swarmctl.agent.traffic.separation import conflicts
 from swarmctl.agent.traffic.separation.approach import Limits
 from swarmctl.agent.traffic.separation.clash import SLACK_S
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.agent.traffic.separation.watch import HEIGHT_MARGIN
-from swarmctl.config.model import Problem
+from swarmctl.config.model import ConfigProblem
 from swarmctl.config.scenario import Scenario
 from swarmctl.config.specs import Spec
 from swarmctl.planners import Route, Unreachable
 
 
-def judge_separation(scenario: Scenario, routes: Mapping[int, Route]) -> Iterator[Problem]:
+def check_separation(scenario: Scenario, routes: Mapping[int, Route]) -> Iterator[ConfigProblem]:
     """Vehicles that share an altitude band (closer than `separation.vertical_m`) have time slots: their first
     routes, `routes` by system id, do not meet. A fixed wing shares every band. Who flies above or below
     another does so by more than the errors of their heights."""
@@ -48,7 +48,7 @@ def judge_separation(scenario: Scenario, routes: Mapping[int, Route]) -> Iterato
         return  # one cure mends most of them
 
 
-def _hardly_apart(scenario: Scenario) -> Iterator[Problem]:
+def _hardly_apart(scenario: Scenario) -> Iterator[ConfigProblem]:
     """The first two that keep `separation.vertical_m` in height, and so little more that errors of their
     heights make them too close wherever they cross: plans take them to be apart, but the watch does not."""
     vertical_m = scenario.config.separation.vertical_m
@@ -63,7 +63,7 @@ def _hardly_apart(scenario: Scenario) -> Iterator[Problem]:
                 f"{wanted_m:g} m or more, or a separation.vertical_m of "
                 f"{math.floor(100.0 * apart_m / HEIGHT_MARGIN) / 100.0:g} m or less"
             )
-            yield Problem(("flight", "altitude_step_m"), text)
+            yield ConfigProblem(("flight", "altitude_step_m"), text)
             return
 
 
@@ -84,7 +84,7 @@ def _flight(scenario: Scenario, spec: Spec, task: Task, route: Route) -> Traject
     return from_takeoff(task, plan, spec.start).later(spec.delay_s)
 
 
-def _problem(scenario: Scenario, one: Spec, other: Spec, near: str) -> Problem:
+def _problem(scenario: Scenario, one: Spec, other: Spec, near: str) -> ConfigProblem:
     limits = scenario.config.separation
     bands = f"less than separation.vertical_m = {limits.vertical_m:g} m apart"
     if "plane" in (one.airframe, other.airframe):
@@ -94,7 +94,7 @@ def _problem(scenario: Scenario, one: Spec, other: Spec, near: str) -> Problem:
         f"and their first routes meet: {near}, with {SLACK_S:g} s for what delays them; "
         f"give {_cure(one, other)}"
     )
-    return Problem(("flight", "altitude_step_m"), text)
+    return ConfigProblem(("flight", "altitude_step_m"), text)
 
 
 def _cure(one: Spec, other: Spec) -> str:

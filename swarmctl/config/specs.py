@@ -6,14 +6,14 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from swarmctl.agent.replan.approach import Wings
+from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.config.model import Config
 from swarmctl.config.vehicles import Autopilot, Side
 from swarmctl.core.geo import LatLon, distance_m
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.vehicle import Airframe
 
-PLANES = frozenset({"arduplane", "px4plane"})
+PLANE_AUTOPILOTS = frozenset({"arduplane", "px4plane"})
 """of the simulator's autopilots"""
 
 DEFAULT_SPEED_M_S = 10.0
@@ -79,7 +79,7 @@ def _simulated(config: Config, grid: Grid) -> Iterator[Spec]:
         start = _beside(grid, simulate.start_side, share, simulate.start_distance_m, simulate.count)
         entry = entry_of(config, grid, start)
         assert entry is not None
-        is_plane = simulated_autopilot(config, i) in PLANES
+        is_plane = simulated_autopilot(config, i) in PLANE_AUTOPILOTS
         yield Spec(
             name=f"uav{i + 1}",
             sysid=i + 1,
@@ -176,12 +176,12 @@ def _configured(config: Config, grid: Grid) -> Iterator[Spec]:
         )
 
 
-def wings_of(config: Config, spec: Spec) -> Wings | None:
+def wings_of(config: Config, spec: Spec) -> FixedWing | None:
     """None for what hovers."""
     if spec.airframe != "plane":
         return None
     w = config.wings
-    return Wings(
+    return FixedWing(
         loiter_radius_m=w.loiter_radius_m,
         final_height_m=w.final_height_m,
         glide_deg=w.glide_deg,

@@ -7,19 +7,18 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from swarmctl.agent.replan.arrival_bounds import CLIMB_M_S, before_takeoff
+from swarmctl.agent.replan.length_bounds import CLIMB_M_S, before_takeoff
 from swarmctl.agent.replan.time_bound import arrives_s
 from swarmctl.agent.state import Task
-from swarmctl.config.model import Config, Problem
+from swarmctl.config.model import Config, ConfigProblem
 from swarmctl.config.vehicles import Simulate, Vehicle
 from swarmctl.config.yaml_lines import Path as KeyPath
-from swarmctl.planners import PLANNERS, BadProblem, Method, Route, method
-from swarmctl.planners import Problem as Question
+from swarmctl.planners import PLANNERS, BadProblem, Method, Problem, Route, method
 
 TWO_CELLS = ((0, 0), (0, 1))
 
 
-def judge_bounds(config: Config) -> Iterator[Problem]:
+def check_time_bounds(config: Config) -> Iterator[ConfigProblem]:
     """Whether time bounds make sense, and whether the planner keeps them."""
     bounded: list[tuple[KeyPath, Simulate | Vehicle]] = [
         (("vehicles", i), vehicle) for i, vehicle in enumerate(config.vehicles)
@@ -34,22 +33,22 @@ def judge_bounds(config: Config) -> Iterator[Problem]:
             yield from _judge_keeping(config, (*here, "arrive_after_s"), _keeps_earliest)
         if (within_s is not None or after_s > 0.0) and section.speed_m_s is None:
             text = "is missing: say what it flies over ground [m/s], or its time bound means no length"
-            yield Problem((*here, "speed_m_s"), text)
+            yield ConfigProblem((*here, "speed_m_s"), text)
         if within_s is not None and after_s > within_s:
             text = f"{after_s:g} is later than arrive_within_s = {within_s:g}; a window ends after it begins"
-            yield Problem((*here, "arrive_after_s"), text)
+            yield ConfigProblem((*here, "arrive_after_s"), text)
 
 
-def _judge_keeping(config: Config, path: KeyPath, keeps: Callable[[Method], bool]) -> Iterator[Problem]:
+def _judge_keeping(config: Config, path: KeyPath, keeps: Callable[[Method], bool]) -> Iterator[ConfigProblem]:
     chosen = config.planner
     if keeps(method(chosen.name, PLANNERS[chosen.name], chosen.options)):
         return
     others = [name for name, planner in PLANNERS.items() if keeps(method(name, planner, {}))]
     text = f"planner {chosen.name} does not keep it; give planner.name: {' or '.join(others)}"
-    yield Problem(path, text, given=("planner", "name"))
+    yield ConfigProblem(path, text, given=("planner", "name"))
 
 
-def unmet_bound(task: Task, nearest: Route, here: KeyPath) -> Iterator[Problem]:
+def unmet_time_bound(task: Task, nearest: Route, here: KeyPath) -> Iterator[ConfigProblem]:
     """No route of the planner meets it; `nearest` is the one that misses it least."""
     arrival, underway = task.arrival, before_takeoff(task.arrival, task.altitude_m)
     takes_s = arrives_s(task, nearest.length_cells, nearest.cells)
@@ -61,11 +60,11 @@ def unmet_bound(task: Task, nearest: Route, here: KeyPath) -> Iterator[Problem]:
     if takes_s > arrival.within_s:
         needed_s = math.ceil(10.0 * takes_s) / 10.0
         text = f"{arrival.within_s:g} is too soon for {task.name}: the fastest route found takes "
-        yield Problem((*here, "arrive_within_s"), f"{text}{needed_s:.1f} s ({parts}); allow more")
+        yield ConfigProblem((*here, "arrive_within_s"), f"{text}{needed_s:.1f} s ({parts}); allow more")
     else:
         text = f"no route that {task.method.name} finds takes {task.name} {arrival} from its take-off to its "
         text += f"goal: the nearest takes {takes_s:.1f} s ({parts}); widen the window"
-        yield Problem((*here, "arrive_after_s"), text)
+        yield ConfigProblem((*here, "arrive_after_s"), text)
 
 
 def _keeps_latest(chosen: Method) -> bool:
@@ -82,9 +81,9 @@ def _keeps_earliest(chosen: Method) -> bool:
         return False
 
 
-def _two_cells(*, min_length_cells: float = 0.0, max_length_cells: float = math.inf) -> Question:
+def _two_cells(*, min_length_cells: float = 0.0, max_length_cells: float = math.inf) -> Problem:
     start, goal = TWO_CELLS
-    return Question(
+    return Problem(
         np.zeros((1, 2)),
         start,
         (goal,),

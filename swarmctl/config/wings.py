@@ -7,7 +7,7 @@ from pydantic import Field
 from swarmctl.core.section import Section
 
 
-class Wings(Section):
+class WingsSection(Section):
     """All fixed wings of the swarm; a vehicle's own `speed_m_s` and `turn_radius_m` go before."""
 
     speed_m_s: float = Field(15.0, gt=5.0, le=35.0, description="what simulated ones cruise at [m/s]")

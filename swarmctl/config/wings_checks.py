@@ -8,12 +8,12 @@ from itertools import combinations, pairwise
 
 from swarmctl.agent.replan.landing import goal_pattern, home_approach, home_pattern
 from swarmctl.agent.state import Task
-from swarmctl.config.model import Config, Problem
+from swarmctl.config.model import Config, ConfigProblem
 from swarmctl.config.scenario import Scenario
-from swarmctl.config.specs import PLANES, Spec, simulated_autopilot
+from swarmctl.config.specs import PLANE_AUTOPILOTS, Spec, simulated_autopilot
 from swarmctl.config.yaml_lines import Path as KeyPath
 from swarmctl.core.geo import distance_m
-from swarmctl.core.plane import Point, distance_to_track
+from swarmctl.core.planar import PlanarPoint, distance_to_track
 from swarmctl.planners import Unreachable
 
 ROLL_M = 40.0
@@ -23,36 +23,38 @@ CLIMB_SLOPE = 0.25
 """and climbs out at least so steeply"""
 
 
-def judge_wings(config: Config) -> Iterator[Problem]:
+def check_wings(config: Config) -> Iterator[ConfigProblem]:
     """What fixed wings need of other sections."""
     planes = list(_planes(config))
     if not planes:
         if "wings" in config.model_fields_set:
             text = "no vehicle is a fixed wing; leave it away, or say `airframe: plane` of those that are"
-            yield Problem(("wings",), text)
+            yield ConfigProblem(("wings",), text)
         return
     if not config.flight.any_angle:
         text = "fixed wings fly routes that are pulled straight, with room for their turns; give true"
-        yield Problem(("flight", "any_angle"), text, given=planes[0])
+        yield ConfigProblem(("flight", "any_angle"), text, given=planes[0])
     for here in planes:
         section = config.vehicles[here[1]] if here[0] == "vehicles" else config.simulate  # type: ignore[index]
         assert section is not None
         if section.arrive_within_s is not None or section.arrive_after_s > 0.0:
             text = "a fixed wing's time is not reckoned closely enough for bounds; leave it away"
             key = "arrive_within_s" if section.arrive_within_s is not None else "arrive_after_s"
-            yield Problem((*here, key), text)
+            yield ConfigProblem((*here, key), text)
         if section.link == "mavsdk":
-            yield Problem((*here, "link"), "fixed wings are flown by `direct` alone; give that")
+            yield ConfigProblem((*here, "link"), "fixed wings are flown by `direct` alone; give that")
 
 
 def _planes(config: Config) -> Iterator[KeyPath]:
     simulate = config.simulate
-    if simulate is not None and any(simulated_autopilot(config, i) in PLANES for i in range(simulate.count)):
+    if simulate is not None and any(
+        simulated_autopilot(config, i) in PLANE_AUTOPILOTS for i in range(simulate.count)
+    ):
         yield ("simulate",)
     yield from (("vehicles", i) for i, v in enumerate(config.vehicles) if v.airframe == "plane")
 
 
-def judge_plane(scenario: Scenario, spec: Spec, task: Task, here: KeyPath) -> Iterator[Problem]:
+def check_plane(scenario: Scenario, spec: Spec, task: Task, here: KeyPath) -> Iterator[ConfigProblem]:
     """Whether a fixed wing has room to take off and to land, and a place to land of its own."""
     wings = task.wings
     if wings is None:
@@ -65,23 +67,23 @@ def judge_plane(scenario: Scenario, spec: Spec, task: Task, here: KeyPath) -> It
             f"{spec.name} has {has_m:.0f} m to the centre of its entry, and takes up to {needs_m:.0f} m to "
             f"climb to {wings.takeoff_height_m:g} m; start it farther away, or lower wings.takeoff_height_m"
         )
-        yield Problem(key, text)
+        yield ConfigProblem(key, text)
     if spec.altitude_m < wings.final_height_m:
         text = f"{spec.name} would fly at {spec.altitude_m:g} m, below wings.final_height_m = "
-        yield Problem(
+        yield ConfigProblem(
             ("wings", "final_height_m"), f"{text}{wings.final_height_m:g} m; lower that, or fly higher"
         )
     sharing = [other.name for other in scenario.swarm if _shares(spec, other)]
     if sharing:
         text = f"{spec.name} would land on the way of {', '.join(sharing)}: its goals have to be its alone"
-        yield Problem((*here, "goal"), f"{text}; give them goals of their own")
+        yield ConfigProblem((*here, "goal"), f"{text}; give them goals of their own")
     try:
         home_approach(task)
     except Unreachable as error:
-        yield Problem(key, f"{spec.name}: {error}; widen preflight.fence, or move it")
+        yield ConfigProblem(key, f"{spec.name}: {error}; widen preflight.fence, or move it")
 
 
-def judge_landings(scenario: Scenario) -> Iterator[Problem]:
+def check_landings(scenario: Scenario) -> Iterator[ConfigProblem]:
     """No two fixed wings' landings meet, at whatever time they are flown: how long each circles is its own
     affair."""
     planes = [(spec, task) for spec, task in zip(scenario.specs, scenario.tasks, strict=True) if task.wings]
@@ -102,11 +104,11 @@ def judge_landings(scenario: Scenario) -> Iterator[Problem]:
                 f"separation.horizontal_m = {apart_m:g} m; move their {places} apart, or give "
                 "wings.landing_heading_deg"
             )
-            yield Problem(("separation", "horizontal_m"), text)
+            yield ConfigProblem(("separation", "horizontal_m"), text)
             return  # one cure mends most of them
 
 
-def _outlines(task: Task) -> Iterator[tuple[str, list[Point]]]:
+def _outlines(task: Task) -> Iterator[tuple[str, list[PlanarPoint]]]:
     try:
         home = home_pattern(task)
         goals = [goal_pattern(task, goal) for goal in task.goals]
@@ -117,12 +119,12 @@ def _outlines(task: Task) -> Iterator[tuple[str, list[Point]]]:
         yield "at home", home.outline()
 
 
-def _nearest_m(a: list[Point], b: list[Point]) -> float:
+def _nearest_m(a: list[PlanarPoint], b: list[PlanarPoint]) -> float:
     """Between two ways, looked at every few metres."""
     return min(distance_to_track(point, b) for point in _dense(a))
 
 
-def _dense(way: list[Point]) -> Iterator[Point]:
+def _dense(way: list[PlanarPoint]) -> Iterator[PlanarPoint]:
     for (e0, n0), (e1, n1) in pairwise(way):
         pieces = math.ceil(math.dist((e0, n0), (e1, n1)) / LOOK_EVERY_M) or 1
         yield from ((e0 + (e1 - e0) * k / pieces, n0 + (n1 - n0) * k / pieces) for k in range(pieces))

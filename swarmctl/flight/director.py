@@ -13,14 +13,14 @@ from functools import partial
 from typing import Literal, Protocol
 
 from swarmctl.agent.state import IN_FLIGHT, ON_GROUND, Phase
-from swarmctl.config.model import Flight
+from swarmctl.config.model import FlightSection
 from swarmctl.core import events as ev
 from swarmctl.core.geo import distance_m
 from swarmctl.flight.member import POLL_S, Member, names, until
-from swarmctl.flight.shutdown import CallingOff, Elsewhere
+from swarmctl.flight.shutdown import Shutdown, Elsewhere
 from swarmctl.flight.supervise import cancelled
 from swarmctl.links.base import LinkError
-from swarmctl.report.final_state import Seen, is_theirs, left_how
+from swarmctl.report.final_state import FlightEnd, is_released_in_air, describe_final_state
 
 START_TOLERANCE_M = 100.0
 """A vehicle that stands farther than this from its configured start is not the one that was planned for."""
@@ -68,7 +68,7 @@ class Director:
     def __init__(
         self,
         members: Sequence[Member],
-        flight: Flight,
+        flight: FlightSection,
         *,
         seconds_per_delay: float,
         say: Callable[[str], None],
@@ -97,7 +97,7 @@ class Director:
         if any(m.state.phase in IN_FLIGHT or m.state.phase is Phase.LAUNCHING for m in self._members):
             order = self._flight.on_exit
             return "hold, and leave them there" if order == "hold" else f"hold, then {order}"
-        let_go = any(is_theirs(m.state) for m in self._members)
+        let_go = any(is_released_in_air(m.state) for m in self._members)
         return "leave who was let go in the air" if let_go else "leave"
 
     async def fly(self) -> Literal["ended", "stopped"]:
@@ -114,14 +114,14 @@ class Director:
         if self._checks_only:
             await self._find_what_is_known()
         else:
-            await CallingOff(self._members, self._flight, self._say, self._elsewhere).leave()
+            await Shutdown(self._members, self._flight, self._say, self._elsewhere).leave()
         return "stopped"
 
     async def _find_what_is_known(self) -> None:
         """The checks of those that have answered, as they stand."""
         answered = [m for m in self._members if m.identity is not None]
         for member in answered:
-            member.hindrance = member.hindrance or "; ".join(member.waiting_for)
+            member.not_ready_because = member.not_ready_because or "; ".join(member.waiting_for)
         self._say(f"stopping; what is known of {names(answered) or 'nobody'} is looked at once more")
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(KNOWN_WITHIN_S):
@@ -140,7 +140,7 @@ class Director:
         async with asyncio.TaskGroup() as launches:
             for member in self._members:
                 launches.create_task(self._launch(member))
-        seen = Seen(self._members, self._flight.lost_timeout_s, self._say)
+        seen = FlightEnd(self._members, self._flight.lost_timeout_s, self._say)
         while not seen.all_over():  # noqa: ASYNC110 - silence wakes nobody
             await asyncio.sleep(POLL_S)
 
@@ -167,7 +167,7 @@ class Director:
             failures += failed.lines
         # Also who was ready, and has been taken over since.
         failures += [f"{m.name}: {m.state.outcome}" for m in ours if m.state.ended]
-        failures += [left_how(m) for m in ours if m.state.lost]
+        failures += [describe_final_state(m) for m in ours if m.state.lost]
         if failures:
             raise PreflightFailed(list(dict.fromkeys(failures)))
 
@@ -256,7 +256,7 @@ class Director:
                 outcomes[i] = None
             elif outcome is not None:
                 reasons = "; ".join(member.waiting_for)
-                member.hindrance = reasons or str(outcome).removeprefix(f"{member.name}: ")
+                member.not_ready_because = reasons or str(outcome).removeprefix(f"{member.name}: ")
         failures = [str(o) for o in outcomes if isinstance(o, Exception)]
         if failures:
             raise PreflightFailed(failures)
@@ -281,7 +281,7 @@ class Director:
         if member.state.ended:
             raise PreflightFailed([f"{member.name}: {member.state.outcome}"])
         if member.state.lost:
-            raise PreflightFailed([left_how(member)])
+            raise PreflightFailed([describe_final_state(member)])
 
     async def _prepare(self, member: Member) -> None:
         clock = asyncio.get_running_loop().time
@@ -299,7 +299,7 @@ class Director:
                 )
 
         await member.runner.link.prepare(self._flight.ready_timeout_s, waiting)
-        member.waiting_for, member.hindrance = (), ""
+        member.waiting_for, member.not_ready_because = (), ""
         where = member.runner.link.state()
         if where.lat_deg is None or where.lon_deg is None:
             raise PreflightFailed([f"{member.name}: it says it is ready but has told no position"])
@@ -321,9 +321,9 @@ class Director:
             await self._prepare_again(member)
         except (LinkError, PreflightFailed) as error:
             self._say(f"{error}; it stays on the ground")
-            member.runner.post(ev.OperatorCommand(ev.Order.HOLD))
+            member.runner.post(ev.OperatorCommand(ev.FlightOrder.HOLD))
             return
-        member.runner.post(ev.OperatorCommand(ev.Order.LAUNCH))
+        member.runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH))
 
     async def _stand_by(self, member: Member) -> None:
         """As long as it is on the ground, where an operator may keep it: ready for the order to launch."""

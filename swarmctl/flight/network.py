@@ -9,9 +9,9 @@ from swarmctl.bus.network import Network, RunClock
 from swarmctl.bus.node.exchange import NodeOptions
 from swarmctl.bus.radio import Radio
 from swarmctl.bus.transports.base import Transport
-from swarmctl.config.radio import settings_of
+from swarmctl.config.radio import radio_settings
 from swarmctl.config.scenario import Scenario
-from swarmctl.core.frames import Seal
+from swarmctl.core.frames import FrameCodec
 
 
 def options_of(scenario: Scenario) -> NodeOptions:
@@ -38,7 +38,7 @@ def network_of(
     scenario: Scenario,
     transport: Transport,
     clock: RunClock,
-    seal: Seal | None = None,
+    seal: FrameCodec | None = None,
     say: Callable[[int, str], None] = lambda _uav, _text: None,
 ) -> Network:
     """The network of a swarm, of which this process has some or all."""
@@ -49,7 +49,7 @@ def network_of(
         names,
         options_of(scenario),
         clock=clock,
-        radio=Radio(settings_of(scenario.config.communication, names), scenario.config.seed),
+        radio=Radio(radio_settings(scenario.config.communication, names), scenario.config.seed),
         seal=seal,
         seed=scenario.config.seed,
         say=say,

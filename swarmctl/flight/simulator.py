@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from swarmctl.config.scenario import Scenario
-from swarmctl.config.specs import PLANES, Spec, simulated_autopilot
+from swarmctl.config.specs import PLANE_AUTOPILOTS, Spec, simulated_autopilot
 from swarmctl.config.vehicles import Autopilot
 from swarmctl.flight.supervise import cancelled
 from swarmctl.mavlink.firmware import Firmware
-from swarmctl.preflight.intent import delivered
+from swarmctl.preflight.declared import simulated_parameters
 
 STOP_DEADLINE_S = 5.0
 BATTERY_MAH = 6600.0
@@ -73,7 +73,7 @@ def _autopilot(scenario: Scenario, index: int) -> dict[str, Any]:
     spec = scenario.swarm[index]
     autopilot = simulated_autopilot(scenario.config, index)
     body: dict[str, Any] = {"personality": "px4" if autopilot in ("px4", "px4plane") else "ardupilot"}
-    if autopilot in PLANES:
+    if autopilot in PLANE_AUTOPILOTS:
         # Put down along its first leg: it takes off straight on.
         body |= {"type": "plane", "heading_deg": _heading_deg(scenario, spec)}
     slowest_m_s = math.floor(scenario.config.wings.min_speed_m_s)
@@ -88,7 +88,7 @@ def _autopilot(scenario: Scenario, index: int) -> dict[str, Any]:
         case "px4plane":
             params = {"FW_AIRSPD_TRIM": spec.speed_m_s, "FW_AIRSPD_MIN": slowest_m_s, "FW_LND_ABORT": 0}
     # Set up by its owner for what the configuration declares, as a real vehicle is.
-    params |= delivered(scenario, spec, _FIRMWARE[autopilot])
+    params |= simulated_parameters(scenario, spec, _FIRMWARE[autopilot])
     return {**body, "params": params}
 
 

@@ -15,14 +15,14 @@ from typing import Any, Literal
 
 from swarmctl.bus import external_observations
 from swarmctl.bus.network import Network, RunClock
-from swarmctl.bus.operator_service import Desk
-from swarmctl.bus.sensor_reports import BY_HAND, Looked
+from swarmctl.bus.operator_service import OperatorService
+from swarmctl.bus.sensor_reports import BY_HAND, ReportedCells
 from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.memory import MemoryBus
-from swarmctl.bus.transports.open import opened
-from swarmctl.bus.transports.routes import SaidOnce
+from swarmctl.bus.transports.open import open_bus
+from swarmctl.bus.transports.routes import ReportOnce
 from swarmctl.config.links import Links
-from swarmctl.config.scenario import Purpose, Scenario
+from swarmctl.config.scenario import RandomStream, Scenario
 from swarmctl.config.specs import Spec
 from swarmctl.core import events as ev
 from swarmctl.flight import simulator
@@ -31,7 +31,7 @@ from swarmctl.flight.runner import Runner
 from swarmctl.flight.sensors import SOURCES
 from swarmctl.flight.sensors.external import External
 from swarmctl.flight.sensors.footprint import Footprint
-from swarmctl.flight.virtual_simulator import Carry, fleet_on
+from swarmctl.flight.virtual_simulator import AddressOf, fleet_on
 from swarmctl.links import LINKS
 from swarmctl.links.base import LinkError, Streaming
 from swarmctl.links.frontend import FrontEnd
@@ -51,26 +51,26 @@ OFFLOAD_CELLS = 100_000
 
 
 @dataclass(frozen=True, slots=True)
-class Parts:
+class FlightResources:
     """What the members of a flight are made on."""
 
     front_end: FrontEnd
     transport: Transport
-    played: asyncio.Task[None] | None
+    simulator_task: asyncio.Task[None] | None
     """plays the simulated vehicles; None where there are none"""
     evidence: Evidence
 
 
 @contextlib.asynccontextmanager
-async def parts_of(
+async def open_resources(
     scenario: Scenario,
     folder: Path,
     clock: Clock,
-    carry: Carry,
+    address_of: AddressOf,
     bus: Transport | None,
     say: Callable[[str], None],
     evidence: Evidence,
-) -> AsyncIterator[Parts]:
+) -> AsyncIterator[FlightResources]:
     """Open as long as this lasts. `bus` is one that is open already."""
     wire, began_ns = MemoryWire(), epoch_ns(clock)
     loop = asyncio.get_running_loop()
@@ -79,7 +79,7 @@ async def parts_of(
         return (began_ns + round(loop.time() * 1e9)) // 1000
 
     async with contextlib.AsyncExitStack() as stack:
-        played: asyncio.Task[None] | None = None
+        simulator_task: asyncio.Task[None] | None = None
         links = scenario.config.links
         pool = ThreadPoolExecutor(1, "timestamps") if clock == "real" else None
         if pool is not None:
@@ -99,13 +99,13 @@ async def parts_of(
             await front_end.forward(parse_url(watcher), commands=links.forward_commands)
         if any(spec.simulated for spec in scenario.specs):
             if clock == "virtual":
-                played = await stack.enter_async_context(fleet_on(wire, scenario, carry))
+                simulator_task = await stack.enter_async_context(fleet_on(wire, scenario, address_of))
             else:
                 # The port is ours before anybody sends to it, and a taken one is said before all else.
                 endpoint = parse_url(_simulated_url(scenario))
                 await front_end.open(endpoint)
                 url = f"{'udpout' if endpoint.kind == 'udpin' else 'tcpout'}://{_reachable(endpoint)}"
-                played = await stack.enter_async_context(simulator.running(scenario, url, folder))
+                simulator_task = await stack.enter_async_context(simulator.running(scenario, url, folder))
         if clock == "real":
             # The first time on a machine this compiles for some seconds: before anything listens to us.
             await asyncio.to_thread(warm_up)
@@ -113,8 +113,8 @@ async def parts_of(
             warm_up()
         communication = scenario.config.communication
         if bus is None and communication.bus == "zenoh" and clock == "real":
-            bus = stack.enter_context(opened(scenario.config.name, communication.listen, say, SaidOnce(say)))
-        yield Parts(front_end, bus or MemoryBus(SaidOnce(say)), played, evidence)
+            bus = stack.enter_context(open_bus(scenario.config.name, communication.listen, say, ReportOnce(say)))
+        yield FlightResources(front_end, bus or MemoryBus(ReportOnce(say)), simulator_task, evidence)
 
 
 def _tell_refused(front_end: FrontEnd, evidence: Evidence, say: Callable[[str], None]) -> None:
@@ -138,17 +138,17 @@ def _signing(links: Links, pool: Executor | None) -> Signing | None:
         raise LinkError(f"links.signing_key: {error}") from error
 
 
-def members_of(
+def build_members(
     scenario: Scenario,
     folder: Path,
-    parts: Parts,
+    resources: FlightResources,
     network: Network,
-    desk: Desk,
+    desk: OperatorService,
     observers: tuple[Any, ...],
     clock: Clock,
     run_clock: RunClock,
     say: Callable[[str], None],
-    reports: dict[int, external_observations.Tally],
+    reports: dict[int, external_observations.ReportCounts],
 ) -> Iterator[Member]:
     """The vehicles of this process, each with its link, its sensor and its agent.
 
@@ -163,7 +163,7 @@ def members_of(
             endpoint = Endpoint("memory", "fleet")
         inlet = _Inlet()
         link = LINKS[spec.link](
-            parts.front_end,
+            resources.front_end,
             endpoint,
             spec.sysid,
             name=spec.name,
@@ -183,9 +183,9 @@ def members_of(
         )
         inlet.runner = runner
         if source.external:
-            seen, heard = partial(_observed, parts.evidence, runner), partial(_say_of, say, spec.name)
-            reports[spec.sysid] = external_observations.Looks(
-                parts.transport,
+            seen, heard = partial(_observed, resources.evidence, runner), partial(_say_of, say, spec.name)
+            reports[spec.sysid] = external_observations.ReportReceiver(
+                resources.transport,
                 scenario.config.name,
                 spec.sysid,
                 scenario.grid,
@@ -193,12 +193,12 @@ def members_of(
                 seen,
                 heard,
                 tolerance_s=scenario.config.communication.clock_tolerance_s,
-            ).tally
+            ).counts
         yield Member(spec, runner)
 
 
 def _footprint(scenario: Scenario, spec: Spec) -> Footprint:
-    rng = scenario.generator(Purpose.SENSOR, spec.sysid)
+    rng = scenario.generator(RandomStream.SENSOR, spec.sysid)
     return Footprint(scenario.grid, scenario.hostiles, scenario.prior.sensor, rng)
 
 
@@ -206,9 +206,9 @@ def _say_of(say: Callable[[str], None], name: str, text: str) -> None:
     say(f"{name}: {text}")
 
 
-def _observed(evidence: Evidence, runner: Runner, cells: Looked, source: str) -> None:
+def _observed(evidence: Evidence, runner: Runner, cells: ReportedCells, source: str) -> None:
     told = f"{source or 'a payload'} reports {len(cells)} cells"
-    runner.tell(told)
+    runner.note(told)
     if source == BY_HAND:
         evidence.operator("observe", runner.state.task.name, cells=cells)
     else:

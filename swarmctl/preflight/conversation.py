@@ -11,11 +11,11 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Protocol
 
-from swarmctl.agent.replan.flight_path import from_takeoff
+from swarmctl.agent.replan.copter_trajectory import from_takeoff
 from swarmctl.agent.state import ON_GROUND, AgentState, Phase
 from swarmctl.agent.traffic.separation.approach import Limits
-from swarmctl.agent.traffic.separation.conflicts import Crossings, crossings
-from swarmctl.agent.traffic.separation.trajectory import Trajectory, to_its_landing
+from swarmctl.agent.traffic.separation.conflicts import CrossingCounts, count_crossings
+from swarmctl.agent.traffic.separation.trajectory import Trajectory, until_landing
 from swarmctl.config.scenario import Scenario
 from swarmctl.config.specs import Spec
 from swarmctl.core.mission import FlightPlan, MissionItem
@@ -24,9 +24,9 @@ from swarmctl.mavlink.firmware import firmware_of
 from swarmctl.mavlink.telemetry.instruments import Instruments
 from swarmctl.preflight.checks import CHECKS, parameters
 from swarmctl.preflight.checks import separation as apart_from_others
-from swarmctl.preflight.facts import Facts, Finding, Other
-from swarmctl.preflight.intent import intent_of
-from swarmctl.preflight.policy import NoTable, Wanted, parameters_for
+from swarmctl.preflight.declared import declared_behaviour
+from swarmctl.preflight.facts import Finding, OtherVehicle, PreflightFacts
+from swarmctl.preflight.policy import NoParameterTable, RequiredParameter, parameters_for
 from swarmctl.preflight.waivers import Waiver
 
 SIMULATED_ENDURANCE_S = 1400.0
@@ -37,7 +37,7 @@ LOOKS = 3
 """What fails may be a message that was lost; it is looked at so often before it is believed."""
 
 
-class Connected(Protocol):
+class ConnectedAgent(Protocol):
     """The link of a vehicle, and the state of its agent."""
 
     @property
@@ -49,22 +49,22 @@ class Connected(Protocol):
         """A second vehicle of the same system id, in words; empty where there is none."""
 
 
-class Subject(Protocol):
+class VehicleToCheck(Protocol):
     """A vehicle of this process."""
 
     @property
     def spec(self) -> Spec: ...
     @property
-    def runner(self) -> Connected: ...
+    def runner(self) -> ConnectedAgent: ...
     @property
     def identity(self) -> Identity | None: ...
     @property
-    def hindrance(self) -> str:
+    def not_ready_because(self) -> str:
         """What keeps it from being made ready, in words; empty where nothing does."""
 
 
 @dataclass(frozen=True, slots=True)
-class Checked:
+class CheckResult:
     """What one check found of one vehicle."""
 
     vehicle: str
@@ -111,16 +111,16 @@ class Preflight:
     def __init__(
         self,
         scenario: Scenario,
-        checked: dict[str, tuple[Checked, ...]],
+        checked: dict[str, tuple[CheckResult, ...]],
         waivers: Sequence[Waiver],
         *,
         unix_s_at_zero: float,
         speedup: float,
         free_clocks: bool,
         say: Callable[[str], None],
-        on_waived: Callable[[Checked], None] = lambda _: None,
+        on_waived: Callable[[CheckResult], None] = lambda _: None,
         sets_parameters: bool = True,
-        crossings: deque[Crossings] | None = None,
+        crossings: deque[CrossingCounts] | None = None,
     ) -> None:
         self._checked = checked
         self._crossings = crossings
@@ -140,7 +140,7 @@ class Preflight:
         self._flights: dict[str, Trajectory | None] = {}
         """of the vehicles of this process, as of the last look"""
 
-    async def set_up(self, subject: Subject) -> None:
+    async def set_up(self, subject: VehicleToCheck) -> None:
         """Parameters, where the configuration lets us, and the fence. What fails is said, and found again by
         the checks. Raises LinkError where the vehicle is not there."""
         if self._sets_parameters:
@@ -153,7 +153,7 @@ class Preflight:
         except (ParametersFailed, FenceFailed) as error:
             self._say(str(error))
 
-    async def _correct(self, subject: Subject) -> None:
+    async def _correct(self, subject: VehicleToCheck) -> None:
         wanted, _ = self._wanted(subject)
         link = subject.runner.link
         found = await link.read_parameters([w.name for w in wanted])
@@ -165,7 +165,9 @@ class Preflight:
                 f"{subject.spec.name}: set as preflight.policy declares: {changes} (they stay so afterwards)"
             )
 
-    async def failures(self, subjects: Sequence[Subject], everyone: Sequence[Subject]) -> list[str]:
+    async def failures(
+        self, subjects: Sequence[VehicleToCheck], everyone: Sequence[VehicleToCheck]
+    ) -> list[str]:
         """Check the subjects, of all vehicles of this process; a line for each check that fails and is not
         waived."""
         await self._look_until_believed(subjects, everyone)
@@ -176,13 +178,15 @@ class Preflight:
                 self._on_waived(found)
         return [str(found) for found in self._found(subjects) if not found.passes]
 
-    async def found_early(self, subject: Subject, everyone: Sequence[Subject]) -> list[str]:
+    async def found_early(self, subject: VehicleToCheck, everyone: Sequence[VehicleToCheck]) -> list[str]:
         """What fails of one vehicle while others are not ready; not what is judged by where those fly."""
         await self._look_until_believed([subject], everyone)
         early = [found for found in self._found([subject]) if found.check != apart_from_others.NAME]
         return [str(found) for found in early if not found.passes]
 
-    async def _look_until_believed(self, subjects: Sequence[Subject], everyone: Sequence[Subject]) -> None:
+    async def _look_until_believed(
+        self, subjects: Sequence[VehicleToCheck], everyone: Sequence[VehicleToCheck]
+    ) -> None:
         """Once, and again at those of whom something fails."""
         failing = list(subjects)
         for _ in range(LOOKS):
@@ -191,24 +195,24 @@ class Preflight:
             if not failing:
                 break
 
-    def _found(self, subjects: Sequence[Subject]) -> list[Checked]:
+    def _found(self, subjects: Sequence[VehicleToCheck]) -> list[CheckResult]:
         return [found for subject in subjects for found in self._checked[subject.spec.name]]
 
-    async def _look(self, subjects: Sequence[Subject], everyone: Sequence[Subject]) -> None:
+    async def _look(self, subjects: Sequence[VehicleToCheck], everyone: Sequence[VehicleToCheck]) -> None:
         asked = await asyncio.gather(*map(self._ask, subjects))
         # Who is in the air already is where it then was to be: its route begins where it took off.
         standing = ON_GROUND | {Phase.LAUNCHING}
         self._flights |= {s.spec.name: _flight(s) for s in everyone if s.runner.state.phase in standing}
         if self._crossings is not None:
-            known = (to_its_landing(flight) for flight in self._flights.values() if flight is not None)
-            self._crossings.append(crossings(dict(enumerate(known)), self._limits))
+            known = (until_landing(flight) for flight in self._flights.values() if flight is not None)
+            self._crossings.append(count_crossings(dict(enumerate(known)), self._limits))
         for subject, answers in zip(subjects, asked, strict=True):
             self._instruments[subject.spec.name] = answers.instruments
         for subject, answers in zip(subjects, asked, strict=True):
             facts = self._facts(subject, everyone, answers)
             self._checked[subject.spec.name] = tuple(self._checks(facts))
 
-    async def _ask(self, subject: Subject) -> _Answers:
+    async def _ask(self, subject: VehicleToCheck) -> _Answers:
         """What does not come is not known, and what is not known fails."""
         link, wanted = subject.runner.link, self._wanted(subject)[0]
         answers = _Answers()
@@ -229,14 +233,16 @@ class Preflight:
             self._say(str(error))
             return None
 
-    def _checks(self, facts: Facts) -> Iterable[Checked]:
+    def _checks(self, facts: PreflightFacts) -> Iterable[CheckResult]:
         for check in CHECKS:
             finding = check.check(facts)
             waived = check.WAIVABLE and any(w.covers(check.NAME, facts.name) for w in self._waivers)
             later = self._left_to_fly(facts) if check.NAME == parameters.NAME and not finding.ok else ""
-            yield Checked(facts.name, check.NAME, check.WAIVABLE, finding, waived and not finding.ok, later)
+            yield CheckResult(
+                facts.name, check.NAME, check.WAIVABLE, finding, waived and not finding.ok, later
+            )
 
-    def _left_to_fly(self, facts: Facts) -> str:
+    def _left_to_fly(self, facts: PreflightFacts) -> str:
         """What `fly` sets, where that mends all that is wrong."""
         wrong = _corrections(facts.wanted, facts.parameters)
         uncured = [w for w in facts.wanted if w.name not in wrong and not w.met_by(facts.parameters)]
@@ -246,14 +252,14 @@ class Preflight:
 
     def _facts(
         self,
-        subject: Subject,
-        everyone: Sequence[Subject],
+        subject: VehicleToCheck,
+        everyone: Sequence[VehicleToCheck],
         answers: _Answers,
-    ) -> Facts:
+    ) -> PreflightFacts:
         spec, runner, asked = subject.spec, subject.runner, self._scenario.config.preflight
         wanted, no_table = self._wanted(subject)
         ours, state = spec.simulated, runner.link.state()
-        return Facts(
+        return PreflightFacts(
             name=spec.name,
             sysid=spec.sysid,
             identity=subject.identity,
@@ -274,7 +280,7 @@ class Preflight:
             rally_points=answers.rally_points,
             ceiling_m=self._scenario.ceiling_m,
             plan=_plan(subject),
-            no_route=subject.hindrance or runner.state.outcome or runner.state.trouble,
+            no_route=subject.not_ready_because or runner.state.outcome or runner.state.trouble,
             flight=self._flights.get(spec.name),
             altitude_m=spec.altitude_m,
             speed_m_s=spec.speed_m_s,
@@ -286,11 +292,11 @@ class Preflight:
             airframe=spec.airframe,
         )
 
-    def _others(self, spec: Spec, everyone: Sequence[Subject]) -> Iterable[Other]:
+    def _others(self, spec: Spec, everyone: Sequence[VehicleToCheck]) -> Iterable[OtherVehicle]:
         identities = {subject.spec.name: subject.identity for subject in everyone}
         for other in self._scenario.swarm:
             if other.name != spec.name:
-                yield Other(
+                yield OtherVehicle(
                     other.name,
                     other.sysid,
                     other.altitude_m,
@@ -299,17 +305,17 @@ class Preflight:
                     other.airframe,
                 )
 
-    def _wanted(self, subject: Subject) -> tuple[tuple[Wanted, ...], str]:
+    def _wanted(self, subject: VehicleToCheck) -> tuple[tuple[RequiredParameter, ...], str]:
         """What its parameters may be; or why nobody knows."""
         if subject.identity is None:
             return (), "it has not said which firmware it runs"
         try:
             firmware = firmware_of(subject.identity)
-            return parameters_for(firmware, intent_of(self._scenario, subject.spec)), ""
-        except NoTable as error:
+            return parameters_for(firmware, declared_behaviour(self._scenario, subject.spec)), ""
+        except NoParameterTable as error:
             return (), str(error)
 
-    def _offset_s(self, subject: Subject, everyone: Sequence[Subject]) -> float | None:
+    def _offset_s(self, subject: VehicleToCheck, everyone: Sequence[VehicleToCheck]) -> float | None:
         own_s = self._against_own_s(subject)
         if own_s is None or not (self._free_clocks and _is_simulated(subject)):
             return own_s
@@ -318,7 +324,7 @@ class Preflight:
         told = [self._against_own_s(other) for other in everyone if other.spec.simulated]
         return own_s - statistics.median(offset_s for offset_s in told if offset_s is not None)
 
-    def _against_own_s(self, subject: Subject) -> float | None:
+    def _against_own_s(self, subject: VehicleToCheck) -> float | None:
         """A vehicle's clock less this machine's [s], which for simulated vehicles goes as fast as they do."""
         told = self._instruments.get(subject.spec.name)
         if told is None or told.unix_s is None or told.told_at_s is None:
@@ -327,7 +333,7 @@ class Preflight:
         return told.unix_s - (self._unix_s_at_zero + told.told_at_s * pace)
 
 
-def summary_of(checked: Mapping[str, Sequence[Checked]]) -> list[dict[str, Any]]:
+def summary_of(checked: Mapping[str, Sequence[CheckResult]]) -> list[dict[str, Any]]:
     """For `summary.json`: of each vehicle what was found, and what of it an operator has waived."""
     return [
         {
@@ -346,7 +352,7 @@ def summary_of(checked: Mapping[str, Sequence[Checked]]) -> list[dict[str, Any]]
 _WHICH_LIMITS = frozenset({"FENCE_ENABLE", "FENCE_TYPE"})
 
 
-async def _enforced(link: Link, wanted: Sequence[Wanted], told: Mapping[str, float]) -> str:
+async def _enforced(link: Link, wanted: Sequence[RequiredParameter], told: Mapping[str, float]) -> str:
     """Why the limits may not be in force that an ArduPilot's parameters name; empty where they are, now.
 
     Where those say another than is declared somebody has waived that, and decides what is in force.
@@ -361,7 +367,7 @@ async def _enforced(link: Link, wanted: Sequence[Wanted], told: Mapping[str, flo
     return ""
 
 
-def _corrections(wanted: Sequence[Wanted], found: Mapping[str, float]) -> dict[str, float]:
+def _corrections(wanted: Sequence[RequiredParameter], found: Mapping[str, float]) -> dict[str, float]:
     """What is to be set of the parameters that were found, by name."""
     return {
         w.name: value
@@ -376,7 +382,7 @@ def _changes(wrong: Mapping[str, float], found: Mapping[str, float]) -> str:
     return ", ".join(f"{name} {found[name]:g} → {value:g}" for name, value in wrong.items())
 
 
-def _is_simulated(subject: Subject) -> bool:
+def _is_simulated(subject: VehicleToCheck) -> bool:
     return subject.identity is not None and subject.identity.simulated
 
 
@@ -384,13 +390,13 @@ def _age_s(told_s: float | None) -> float:
     return math.inf if told_s is None else asyncio.get_running_loop().time() - told_s
 
 
-def _plan(subject: Subject) -> FlightPlan | None:
+def _plan(subject: VehicleToCheck) -> FlightPlan | None:
     """What is verified on the vehicle."""
     accepted = subject.runner.state.accepted
     return None if accepted is None or not subject.runner.link.items() else accepted.plan
 
 
-def _flight(subject: Subject) -> Trajectory | None:
+def _flight(subject: VehicleToCheck) -> Trajectory | None:
     plan, state = _plan(subject), subject.runner.link.state()
     if plan is None or state.lat_deg is None or state.lon_deg is None:
         return None

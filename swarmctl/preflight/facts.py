@@ -13,11 +13,11 @@ from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.core.vehicle import Airframe, VehicleState
 from swarmctl.mavlink.events import Identity
 from swarmctl.mavlink.telemetry.instruments import Instruments
-from swarmctl.preflight.policy import Wanted
+from swarmctl.preflight.policy import RequiredParameter
 
 
 @dataclass(frozen=True, slots=True)
-class Other:
+class OtherVehicle:
     """Another vehicle of the swarm; what is flown by another process is not known here."""
 
     name: str
@@ -29,7 +29,7 @@ class Other:
 
 
 @dataclass(frozen=True, slots=True)
-class Facts:
+class PreflightFacts:
     """None, and empty mappings: it has not told, or could not be asked."""
 
     name: str
@@ -49,7 +49,7 @@ class Facts:
     clock_offset_s: float | None
     """its clock before or behind the one it is to be in step with"""
     clock_tolerance_s: float
-    wanted: tuple[Wanted, ...]
+    wanted: tuple[RequiredParameter, ...]
     no_table: str
     """why nobody knows what is wanted of its parameters"""
     parameters: Mapping[str, float]
@@ -74,7 +74,7 @@ class Facts:
     reserve_percent: float
     frame: LocalFrame
     """metres east and north of the area's corner"""
-    others: tuple[Other, ...]
+    others: tuple[OtherVehicle, ...]
     limits: Limits
     """closer than which to another it is not to fly"""
     airframe: Airframe = "copter"
@@ -91,7 +91,7 @@ class Finding:
     cure: str = ""
 
 
-def no_route(facts: Facts, wanted: str) -> tuple[str, str, str]:
+def no_route(facts: PreflightFacts, wanted: str) -> tuple[str, str, str]:
     """Found, wanted and cure of a check that needs the first route, where there is none."""
     found = "no verified route is on it"
     if facts.no_route:
@@ -99,7 +99,7 @@ def no_route(facts: Facts, wanted: str) -> tuple[str, str, str]:
     return found, wanted, "upload its mission"
 
 
-YOUNG_S = 5.0
+MAX_AGE_S = 5.0
 """What is told every second and was told longer ago is not known."""
 
 
@@ -110,4 +110,4 @@ class Check(Protocol):
     WAIVABLE: bool
     """whether an operator may take it upon himself that it fails"""
 
-    def check(self, facts: Facts) -> Finding: ...
+    def check(self, facts: PreflightFacts) -> Finding: ...

@@ -9,13 +9,13 @@ from rich.table import Table
 from rich.text import Text
 
 from swarmctl.preflight.checks import CHECKS
-from swarmctl.preflight.conversation import Checked
+from swarmctl.preflight.conversation import CheckResult
 
 _PASSES, _WAIVED, _FAILS = Text("ok", "green"), Text("waived", "yellow"), Text("FAILS", "bold red")
 _LEFT_TO_FLY = Text("fly sets", "yellow")
 
 
-def overview(checked: Mapping[str, Sequence[Checked]]) -> Table:
+def overview(checked: Mapping[str, Sequence[CheckResult]]) -> Table:
     """A row a vehicle, a column a check."""
     grid = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
     grid.add_column("vehicle", no_wrap=True)
@@ -27,7 +27,7 @@ def overview(checked: Mapping[str, Sequence[Checked]]) -> Table:
     return grid
 
 
-def _verdict(found: Checked | None) -> Text:
+def _verdict(found: CheckResult | None) -> Text:
     if found is None:
         return _FAILS
     if found.waived:
@@ -37,7 +37,7 @@ def _verdict(found: Checked | None) -> Text:
     return _PASSES if found.finding.ok else _FAILS
 
 
-def failures(checked: Mapping[str, Sequence[Checked]]) -> Table:
+def failures(checked: Mapping[str, Sequence[CheckResult]]) -> Table:
     """What fails, also what is waived: found, wanted, what to do."""
     grid = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
     for title in ("vehicle", "check"):

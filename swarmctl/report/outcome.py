@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from swarmctl.agent.state import ARRIVED, AgentState
-from swarmctl.preflight.conversation import Checked
-from swarmctl.report.summary import Ledger
+from swarmctl.preflight.conversation import CheckResult
+from swarmctl.report.summary import FlightStatistics
 
 Ending = Literal["ended", "stopped", "abandoned", "failed"]
 
@@ -22,11 +22,11 @@ class Report:
     left: tuple[str, ...]
     """how each vehicle was left"""
     states: dict[int, AgentState]
-    ledger: Ledger
+    statistics: FlightStatistics
     summary: dict[str, Any]
     bug: Exception | None = None
     """what broke the flight and should not have been possible"""
-    checked: dict[str, tuple[Checked, ...]] = field(default_factory=dict)
+    checked: dict[str, tuple[CheckResult, ...]] = field(default_factory=dict)
     """what the preflight checks found of each vehicle, by its name"""
 
     @property

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from swarmctl.agent.replan.approach import pattern_of
-from swarmctl.agent.replan.arrival_bounds import AT_ANY_TIME
+from swarmctl.agent.replan.landing_pattern import pattern_from
+from swarmctl.agent.replan.length_bounds import UNBOUNDED
 from swarmctl.agent.replan.decide import first_flight, first_problem
-from swarmctl.agent.replan.time_bound import route_in_time
+from swarmctl.agent.replan.time_bound import route_within_bounds
 from swarmctl.agent.state import Task
-from swarmctl.config.scenario import PAPERS, Scenario
+from swarmctl.config.scenario import PAPER_PLANNER, Scenario
 from swarmctl.config.specs import Spec
 from swarmctl.core.any_angle.turns import rounded
 from swarmctl.core.belief import Belief
@@ -52,9 +52,9 @@ class FirstRoute:
 def first_routes(scenario: Scenario) -> dict[str, tuple[FirstRoute, ...]]:
     """All vehicles' routes before anything is observed, by what chose them: the paper's for each w of
     PLAN_WEIGHTS, and the configured ones, with which the vehicles would fly."""
-    papers = Method("dijkstra", PAPERS, PAPERS.Params())
+    papers = Method("dijkstra", PAPER_PLANNER, PAPER_PLANNER.Params())
     choices = {
-        w: tuple(replace(task, method=papers, arrival=AT_ANY_TIME, w=w) for task in scenario.tasks)
+        w: tuple(replace(task, method=papers, arrival=UNBOUNDED, w=w) for task in scenario.tasks)
         for w in PLAN_WEIGHTS
     }
     if PLANNERS[scenario.config.planner.name].USES_W:
@@ -68,7 +68,7 @@ def first_routes(scenario: Scenario) -> dict[str, tuple[FirstRoute, ...]]:
 
 def _first_route(task: Task, prior: Belief) -> FirstRoute:
     problem = first_problem(task, prior)
-    return FirstRoute(task, problem, route_in_time(task, problem))
+    return FirstRoute(task, problem, route_within_bounds(task, problem))
 
 
 def write_plans(folder: Path, scenario: Scenario, routes: dict[str, tuple[FirstRoute, ...]]) -> None:
@@ -110,7 +110,7 @@ def _track(spec: Spec, first: FirstRoute) -> list[LatLon]:
     flown, _ = rounded([frame.to_local(*point) for point in points[1:-1]], task.turn_radius_m)
     landing = []
     if plan.approach is not None:
-        pattern = pattern_of(plan.approach, frame)
+        pattern = pattern_from(plan.approach, frame)
         landing = [*pattern.circle(), pattern.final]
     return [points[0], *(frame.to_geodetic(*point) for point in (*flown, *landing)), points[-1]]
 
@@ -128,16 +128,16 @@ def _write_plan(path: Path, scenario: Scenario, spec: Spec, plan: FlightPlan) ->
 def _flown_picture(scenario: Scenario, report: Report) -> MapPicture:
     tracks = []
     for spec in scenario.specs:
-        ledger, state = report.ledger.vehicles[spec.sysid], report.states[spec.sysid]
-        planned = [PlannedTrack("first route", [spec.start, *ledger.planned])] if ledger.planned else []
+        statistics, state = report.statistics.vehicles[spec.sysid], report.states[spec.sysid]
+        planned = [PlannedTrack("first route", [spec.start, *statistics.planned])] if statistics.planned else []
         tracks.append(
             VehicleTrack(
                 name=spec.name,
                 start=spec.start,
                 goal_cells=spec.goals,
                 planned=planned,
-                flown=ledger.flown,
-                strikes=ledger.strikes,
+                flown=statistics.flown,
+                strikes=statistics.strikes,
                 is_lost=is_lost_in_air(state),
                 outcome="lost" if is_lost_in_air(state) else state.outcome or state.phase,
             )

@@ -16,20 +16,20 @@ from trouble import Trouble, suffer
 
 from swarmctl.agent.failsafes import low_battery, not_following
 from swarmctl.agent.failsafes.base import ActiveRule
-from swarmctl.agent.orders import place_of
-from swarmctl.agent.replan.approach import Wings
+from swarmctl.agent.orders import place_for_return
+from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.return_turns import turns_of
-from swarmctl.agent.traffic.returning import SETTLES_S, WAITS_FOR_S
+from swarmctl.agent.traffic.return_turns import schedule_for
+from swarmctl.agent.traffic.returning import MAX_RETURN_WAIT_S, SETTLES_S
 from swarmctl.config.model import FlightSection
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_AWAY, StateShared
-from swarmctl.core.messages import Place, VehicleAnswer
-from swarmctl.flight.shutdown import CallingOff
+from swarmctl.core.messages import VehicleAnswer, VehiclePosition
+from swarmctl.flight.shutdown import Shutdown
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.report import record
 
-HOLD, RETURN, LAND = ev.Order.HOLD, ev.Order.RETURN, ev.Order.LAND
+HOLD, RETURN, LAND = ev.FlightOrder.HOLD, ev.FlightOrder.RETURN, ev.FlightOrder.LAND
 LAT_DEG, LON_DEG = GRID.centre((4, 0))
 HOMES = {"home_lat_deg": LAT_DEG, "home_lon_deg": LON_DEG, "home_alt_amsl_m": AMSL_M - 30.0}
 RULES = (ActiveRule(low_battery, low_battery.Params(seconds=0.0)),)
@@ -156,7 +156,7 @@ def test_who_has_to_land_lands() -> None:
 def test_nor_for_ever() -> None:
     story = waiting()
     given = []
-    for _ in range(int(WAITS_FOR_S) + 1):
+    for _ in range(int(MAX_RETURN_WAIT_S) + 1):
         story.goes_home(3)
         given += orders(story.holds())
     assert given == [RETURN]
@@ -174,8 +174,8 @@ def test_of_several_whose_time_is_over_one_goes_after_the_other(
         story.goes_home(3)
         return RETURN in orders(story.holds())
 
-    assert next(s for s in range(int(WAITS_FOR_S) + 1) if returns()) == pytest.approx(
-        WAITS_FOR_S - before_s, abs=2.0
+    assert next(s for s in range(int(MAX_RETURN_WAIT_S) + 1) if returns()) == pytest.approx(
+        MAX_RETURN_WAIT_S - before_s, abs=2.0
     )
 
 
@@ -183,12 +183,12 @@ def test_one_that_falls_silent_on_its_way_counts_until_it_must_be_down() -> None
     story = waiting()
     # 10 s to react, 19 to climb to 60 m, 300 m at half its speed, 75 to come down.
     seconds = next(s for s in range(300) if orders(story.holds()) == [RETURN])
-    assert seconds == pytest.approx(WAITS_FOR_S, abs=2.0)
+    assert seconds == pytest.approx(MAX_RETURN_WAIT_S, abs=2.0)
 
 
 @pytest.mark.parametrize(("uav", "then"), [(1, [HOLD]), (3, [])])
 def test_of_two_that_begin_at_one_time_the_one_with_the_higher_system_id_holds_again(
-    uav: int, then: list[ev.Order]
+    uav: int, then: list[ev.FlightOrder]
 ) -> None:
     story = Low()
     assert orders(story.at(23)) == [RETURN]
@@ -202,7 +202,7 @@ def test_another_that_comes_and_goes_makes_it_wait_no_longer_than_once_in_all(on
     story = Low()
     (order,), given = orders(story.at(23)), []
     began_s = story.now
-    for second in range(4 * int(WAITS_FOR_S)):
+    for second in range(4 * int(MAX_RETURN_WAIT_S)):
         story(ev.OrderDone(order))
         story.now -= 1.0
         is_there = second % (2 * on_s) < on_s
@@ -213,13 +213,13 @@ def test_another_that_comes_and_goes_makes_it_wait_no_longer_than_once_in_all(on
             order = then
     assert given[0][0] is HOLD
     assert given[-1][0] is RETURN
-    assert given[-1][1] <= WAITS_FOR_S + 1.0
+    assert given[-1][1] <= MAX_RETURN_WAIT_S + 1.0
 
 
 def test_a_return_that_arises_later_may_wait_as_long_again() -> None:
     story = waiting()
     assert orders(story(ev.OperatorCommand(HOLD, 1))) == [HOLD]
-    story.now += WAITS_FOR_S
+    story.now += MAX_RETURN_WAIT_S
     story.goes_home(3)
     assert orders(story.holds(22)) == []
 
@@ -259,7 +259,7 @@ def test_an_operator_who_orders_otherwise_is_obeyed() -> None:
     assert [order for s in range(30) for order in orders(again.holds(22 - s // 10))] == []
 
 
-def called_back(story: Low, after_s: float = 120.0) -> tuple[list[ev.Order], VehicleAnswer]:
+def called_back(story: Low, after_s: float = 120.0) -> tuple[list[ev.FlightOrder], VehicleAnswer]:
     effects = story(ev.OperatorCommand(RETURN, 7, after_s))
     (answer,) = (e.answer for e in effects if isinstance(e, ev.Answer))
     return orders(effects), answer
@@ -309,7 +309,7 @@ def test_who_was_told_to_hold_with_so_low_a_battery_waits_for_no_turn_either() -
     story(ev.OperatorCommand(HOLD, 1))
     story(ev.OrderDone(HOLD))
     assert orders(story.holds(19)) == []
-    place = place_of(story.state)
+    place = place_for_return(story.state)
     assert place is not None
     assert place.is_returning
     assert called_back(story)[0] == [RETURN]
@@ -323,7 +323,7 @@ def test_the_others_take_their_turns_around_it() -> None:
     _, waits = called_back(other)
     assert urgent.place is not None
     assert waits.place is not None
-    begins_s = turns_of({4: urgent.place, 3: waits.place}).begins_s
+    begins_s = schedule_for({4: urgent.place, 3: waits.place}).begins_s
     assert begins_s[4] == 0.0
     assert begins_s[3] > 0.0
 
@@ -339,9 +339,11 @@ def test_a_clock_that_fell_back_keeps_it_waiting_no_longer() -> None:
 
 
 @pytest.mark.parametrize(("up_m", "given"), [(12.0, RETURN), (28.0, HOLD)])
-def test_a_fixed_wing_does_not_hold_in_circles_as_low_as_it_takes_off(up_m: float, given: ev.Order) -> None:
+def test_a_fixed_wing_does_not_hold_in_circles_as_low_as_it_takes_off(
+    up_m: float, given: ev.FlightOrder
+) -> None:
     story = Low()
-    wings = Wings(40.0, 30.0, 5.0, 12.0, takeoff_height_m=20.0, home=(LAT_DEG, LON_DEG))
+    wings = FixedWing(40.0, 30.0, 5.0, 12.0, takeoff_height_m=20.0, home=(LAT_DEG, LON_DEG))
     story.state = replace(story.state, task=replace(story.state.task, wings=wings))
     story.goes_home(3)
     assert orders(story.at(23, alt_rel_m=up_m)) == [given]
@@ -362,19 +364,19 @@ class Waits:
 class Nobody:
     """May go, for others are always on the way."""
 
-    def may_go(self, place: Place, now_s: float) -> bool:
+    def may_go(self, place: VehiclePosition, now_s: float) -> bool:
         return False
 
-    def may_land(self, place: Place, now_s: float) -> bool:
+    def may_land(self, place: VehiclePosition, now_s: float) -> bool:
         return False
 
 
 def test_who_waits_when_its_process_is_stopped_returns_no_later_than_its_battery_lets_it() -> None:
     story = waiting()
     member: Any = Waits(story)
-    called = CallingOff([member], FlightSection(), lambda _text: None, Nobody())
+    called = Shutdown([member], FlightSection(), lambda _text: None, Nobody())
 
-    async def scene() -> list[ev.Order]:
+    async def scene() -> list[ev.FlightOrder]:
         leaving = asyncio.create_task(called.leave())
         await asyncio.sleep(20.0)
         story.goes_home(3)

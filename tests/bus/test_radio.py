@@ -10,7 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swarmctl.bus.radio import MAX_WAIT_S, LossReason, Partition, RadioSilence, Radio, RadioSettings, gilbert_probabilities
+from swarmctl.bus.radio import (
+    MAX_WAIT_S,
+    LossReason,
+    Partition,
+    Radio,
+    RadioSettings,
+    RadioSilence,
+    gilbert_probabilities,
+)
 from swarmctl.config.communication import Communication
 from swarmctl.config.radio import radio_settings
 from swarmctl.core.geo import LatLon, distance_m
@@ -141,7 +149,11 @@ def test_a_message_that_comes_to_nothing_else_changes_no_later_ones_luck(also: R
     plain, other = Radio(RadioSettings(loss=0.3), 3), Radio(also, 3)
     other_found = [other.send(1, 2, 100, float(i)) for i in range(200)]
     for is_lost, found in zip(lost_of(plain, 200), other_found, strict=True):
-        assert is_lost == (found is LossReason.LOSS) or found in (LossReason.QUIET, LossReason.PARTITION, LossReason.BANDWIDTH)
+        assert is_lost == (found is LossReason.LOSS) or found in (
+            LossReason.QUIET,
+            LossReason.PARTITION,
+            LossReason.BANDWIDTH,
+        )
 
 
 @pytest.mark.parametrize("seed", [1, 2])

@@ -39,7 +39,10 @@ def test_a_mesh_may_name_vehicles_by_system_id(tmp_path: Path, monkeypatch: pyte
     file = tmp_path / "swarm.yaml"
     file.write_text(GOOD + MESH)
     monkeypatch.setattr(roster, "_judged", lambda _: pytest.fail("the whole was judged"))
-    assert roster.load_roster(file).communication.mesh == {"1": "tcp/10.0.0.1:7447", "uav2": "tcp/10.0.0.2:7447"}
+    assert roster.load_roster(file).communication.mesh == {
+        "1": "tcp/10.0.0.1:7447",
+        "uav2": "tcp/10.0.0.2:7447",
+    }
 
 
 def test_what_is_wrong_where_an_order_does_not_look_stops_none(tmp_path: Path) -> None:

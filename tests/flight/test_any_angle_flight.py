@@ -14,31 +14,31 @@ from flights import AREA, fly, small
 from mcap.reader import make_reader
 
 from swarmctl.agent.replan.decide import first_flight, first_problem, first_route
-from swarmctl.agent.replan.route_to_mission import flown_for, pulled
+from swarmctl.agent.replan.route_to_mission import flown_route, pulled_track
 from swarmctl.agent.state import AgentState, Phase, begin
 from swarmctl.agent.step import RETRY_AFTER_S, step
-from swarmctl.bus.node.counters import NetworkCounters
+from swarmctl.bus.node.exchange import NetworkCounters
 from swarmctl.config import model
 from swarmctl.config.checks import check_config
 from swarmctl.config.model import ConfigError
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.core import events as ev
-from swarmctl.core.any_angle.corners import Counting
+from swarmctl.core.any_angle.corners import ExposureMeasure
 from swarmctl.core.exposure import exposure_sum, length_cells
 from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Observation
-from swarmctl.core.route import flight_plan, landing_spot, thin
+from swarmctl.core.route import ends_and_turns, flight_plan, landing_spot
 from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.planners import Problem
 from swarmctl.report import outputs, record
-from swarmctl.report.summary import Ledger, Prospect, summary
+from swarmctl.report.summary import FlightStatistics, TakeoffPlan, summary
 
-BOTH = pytest.mark.parametrize("counting", list(Counting))
+BOTH = pytest.mark.parametrize("counting", list(ExposureMeasure))
 LARGER = {**AREA, "rows": 16, "cols": 16}
 ON = {"any_angle": True}
 
 
-def scenario(counting: Counting | None, seed: int = 3) -> Scenario:
+def scenario(counting: ExposureMeasure | None, seed: int = 3) -> Scenario:
     flight = {} if counting is None else {**ON, "any_angle_exposure": counting}
     return small(seed=seed, area=LARGER, threats={"count": 14}, flight=flight)
 
@@ -68,7 +68,7 @@ def lattice(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.virtual
 @BOTH
 def test_a_swarm_on_pulled_tracks_arrives_with_shorter_missions(
-    counting: Counting, lattice: Path, tmp_path: Path
+    counting: ExposureMeasure, lattice: Path, tmp_path: Path
 ) -> None:
     report = fly(scenario(counting), tmp_path)
     assert report.trouble == ()
@@ -77,9 +77,9 @@ def test_a_swarm_on_pulled_tracks_arrives_with_shorter_missions(
     n_straight = 0
     for mission in missions(tmp_path):
         track, cells = mission["track"], [tuple(cell) for cell in mission["cells"]]
-        assert len(track["corners"]) <= len(thin(cells))
+        assert len(track["corners"]) <= len(ends_and_turns(cells))
         assert mission["length_m"] <= length_cells(cells) * 50.0 + 1e-6
-        n_straight += len(track["corners"]) < len(thin(cells))
+        n_straight += len(track["corners"]) < len(ends_and_turns(cells))
     assert n_straight > 0
     verdict = record.replay(tmp_path / "run.mcap")
     assert verdict.difference == ""
@@ -101,8 +101,8 @@ def test_without_it_the_lattice_route_is_flown_unchanged(lattice: Path) -> None:
 
 @pytest.mark.parametrize("seed", range(1, 6))
 def test_a_first_track_is_no_worse_than_the_route_it_stands_for(seed: int) -> None:
-    for task in scenario(Counting.ENTERED, seed).tasks:
-        state = begin(task, scenario(Counting.ENTERED, seed).prior)
+    for task in scenario(ExposureMeasure.ENTERED, seed).tasks:
+        state = begin(task, scenario(ExposureMeasure.ENTERED, seed).prior)
         state, _ = step(state, ev.Ready(), 0.0)
         state, (swap,) = step(state, ev.Tick(), 1.0)
         assert isinstance(swap, ev.SwapMission)
@@ -115,18 +115,18 @@ def test_a_first_track_is_no_worse_than_the_route_it_stands_for(seed: int) -> No
 
 
 def test_a_route_that_must_not_be_too_short_is_not_pulled() -> None:
-    task = scenario(Counting.INTEGRAL).tasks[0]
+    task = scenario(ExposureMeasure.INTEGRAL).tasks[0]
     p_s = np.full((16, 16), 0.1)
     problem = Problem(p_s, (0, 0), ((1, 2),), 0.5, 0.1)
     route = task.method.plan(problem)
-    track = pulled(task, problem, route)
+    track = pulled_track(task, problem, route)
     assert track is not None
     assert track.corners == ((0, 0), (1, 2))
-    assert pulled(task, replace(problem, min_length_cells=2.3), route) is None
+    assert pulled_track(task, replace(problem, min_length_cells=2.3), route) is None
 
 
 def test_what_is_promised_at_take_off_is_of_the_track_by_what_was_believed_then() -> None:
-    plain = scenario(Counting.INTEGRAL)
+    plain = scenario(ExposureMeasure.INTEGRAL)
     task = plain.tasks[0]
     seen = Observation(9, 1, 0.0, tuple((12, col, (12, col) in plain.hostiles) for col in range(16)))
     belief = plain.prior.merge((seen,))
@@ -135,12 +135,12 @@ def test_what_is_promised_at_take_off_is_of_the_track_by_what_was_believed_then(
     assert isinstance(swap, ev.SwapMission)
     assert swap.track is not None
     assert swap.track.over != swap.cells
-    ledger = Ledger()
-    ledger.vehicles[task.uav].prospect = Prospect(swap, belief, task.strength)
+    statistics = FlightStatistics()
+    statistics.vehicles[task.uav].takeoff_plan = TakeoffPlan(swap, belief, task.strength)
     states = {t.uav: begin(t, plain.prior) for t in plain.tasks}
     networks = {t.uav: NetworkCounters() for t in plain.tasks}
     told = summary(
-        plain, states, ledger, clock="virtual", wall_s=None, commands={}, networks=networks, looks={}
+        plain, states, statistics, clock="virtual", wall_s=None, commands={}, networks=networks, looks={}
     )
     promised = told["vehicles"][0]["at_takeoff"]
     chances = [
@@ -159,8 +159,8 @@ def losing_turns(planner: str) -> set[tuple[Cell, ...]]:
     plain = small(area=LARGER, threats={"count": 14}, planner={"name": planner}, flight=ON)
     task = replace(plain.tasks[0], turn_radius_m=60.0)
     problem = Problem(0.9 * np.random.default_rng(0).random((16, 16)), (3, 0), ((3, 12),), 1.0, 0.1)
-    route = scenario(Counting.ENTERED).tasks[0].method.plan(problem)
-    return {flown_for(task, replace(problem, w=w), route).corners for w in (0.0, 1.0)}
+    route = scenario(ExposureMeasure.ENTERED).tasks[0].method.plan(problem)
+    return {flown_route(task, replace(problem, w=w), route).corners for w in (0.0, 1.0)}
 
 
 def test_w_decides_what_a_turn_may_cost_only_where_the_planner_goes_by_it() -> None:
@@ -176,17 +176,17 @@ class Flight:
     """A vehicle that flies a skew track over cells known to be clear."""
 
     def __init__(self) -> None:
-        plain = scenario(Counting.ENTERED)
+        plain = scenario(ExposureMeasure.ENTERED)
         task = replace(plain.tasks[0], entry=(0, 0), goals=((5, 14),))
         self.grid, self.now = task.grid, 0.0
         self.state: AgentState = begin(task, plain.prior)
         clear = tuple((row, col, False) for row in range(8) for col in range(16))
-        self.fold(ev.Heard((Observation(9, 1, 0.0, clear),)))
+        self.fold(ev.ObservationsReceived((Observation(9, 1, 0.0, clear),)))
         self.fold(ev.Ready())
         self.swap = self.tick()
         self.fold(ev.MissionAccepted(1))
-        self.fold(ev.OperatorCommand(ev.Order.LAUNCH))
-        self.fold(ev.OrderDone(ev.Order.LAUNCH))
+        self.fold(ev.OperatorCommand(ev.FlightOrder.LAUNCH))
+        self.fold(ev.OrderDone(ev.FlightOrder.LAUNCH))
 
     def fold(self, event: ev.Event) -> list[ev.Effect]:
         self.now += 1.0
@@ -212,7 +212,7 @@ class Flight:
         self.fold(ev.TelemetryReceived(vehicle))
 
     def hear(self, seq: int, *cells: tuple[int, int, bool]) -> None:
-        self.fold(ev.Heard((Observation(8, seq, self.now, cells),)))
+        self.fold(ev.ObservationsReceived((Observation(8, seq, self.now, cells),)))
 
 
 def test_news_elsewhere_changes_no_mission_wherever_on_the_track_it_is_heard() -> None:

@@ -16,6 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from interruptions import interrupting, silent
 from mcap.reader import make_reader
+from profiles import examples
 from pymavlink import mavutil
 
 from swarmctl.config import model
@@ -23,7 +24,7 @@ from swarmctl.config.checks import check_config
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.links.transports.base import Address
 from swarmctl.report import record
-from swarmctl.report.live_rows import Picture
+from swarmctl.report.live_rows import SwarmView
 from swarmctl.report.outcome import Report
 
 pytestmark = pytest.mark.virtual
@@ -155,7 +156,7 @@ def test_another_seed_is_another_flight(tmp_path: Path) -> None:
 
 def test_a_vehicle_that_falls_silent_is_shown_lost_and_taken_up_again(tmp_path: Path) -> None:
     ui = Ui()
-    report = fly(small(), tmp_path, carry=silent(2, 25.0, 45.0), ui=ui)
+    report = fly(small(), tmp_path, address_of=silent(2, 25.0, 45.0), ui=ui)
     assert [s.outcome for s in report.states.values()] == ["arrived"] * 3
     assert "uav2: link lost" in ui.said
     assert "uav2: heard again" in ui.said
@@ -168,16 +169,16 @@ def test_a_vehicle_that_falls_silent_is_shown_lost_and_taken_up_again(tmp_path: 
 
 def test_the_others_fly_on_without_a_vehicle_that_stays_silent(tmp_path: Path) -> None:
     scenario = small(flight={"lost_timeout_s": 40.0})
-    report = fly(scenario, tmp_path, carry=silent(2, 25.0))
+    report = fly(scenario, tmp_path, address_of=silent(2, 25.0))
     assert [report.states[n].outcome for n in (1, 3)] == ["arrived"] * 2
     assert report.states[2].lost
     assert not report.all_arrived
-    (line,) = (text for text in report.left if text.startswith("uav2"))
+    (line,) = (text for text in report.final_states if text.startswith("uav2"))
     assert "lost, last heard" in line
 
 
 def test_a_vehicle_that_never_answers_stops_all_before_anything_is_armed(tmp_path: Path) -> None:
-    report = fly(small(), tmp_path, carry=silent(2, 0.0))
+    report = fly(small(), tmp_path, address_of=silent(2, 0.0))
     assert report.ended == "failed"
     (line,) = report.trouble
     assert "uav2 (system 2" in line
@@ -196,31 +197,31 @@ def test_ctrl_c_holds_and_then_does_what_the_configuration_says(
 ) -> None:
     scenario = small(flight={"on_exit": on_exit, "on_exit_deadline_s": 200.0})
     ui = Ui()
-    report = fly(scenario, tmp_path, carry=interrupting(30.0), ui=ui)
+    report = fly(scenario, tmp_path, address_of=interrupting(30.0), ui=ui)
     assert report.ended == "stopped"
     assert {s.vehicle.mode for s in report.states.values()} == modes
     assert all(s.vehicle.armed is not landed for s in report.states.values())
-    assert len(report.left) == 3
-    for line in report.left:
+    assert len(report.final_states) == 3
+    for line in report.final_states:
         assert ("landed" in line) if landed else ("in the air" in line)
 
 
 def test_a_deadline_that_is_too_short_is_said_with_the_names(tmp_path: Path) -> None:
     ui = Ui()
-    report = fly(small(flight={"on_exit_deadline_s": 2.0}), tmp_path, carry=interrupting(40.0), ui=ui)
+    report = fly(small(flight={"on_exit_deadline_s": 2.0}), tmp_path, address_of=interrupting(40.0), ui=ui)
     assert report.ended == "stopped"
     assert "not within 2 s: uav1, uav2, uav3" in ui.said
-    assert all("in the air" in line and "RTL" in line for line in report.left)
+    assert all("in the air" in line and "RTL" in line for line in report.final_states)
 
 
 def test_ctrl_c_twice_leaves_at_once(tmp_path: Path) -> None:
-    report = fly(small(), tmp_path, carry=interrupting(30.0, 30.1))
+    report = fly(small(), tmp_path, address_of=interrupting(30.0, 30.1))
     assert report.ended == "abandoned"
-    assert len(report.left) == 3
+    assert len(report.final_states) == 3
 
 
 def test_before_the_launch_ctrl_c_leaves_everything_on_the_ground(tmp_path: Path) -> None:
-    report = fly(small(), tmp_path, carry=interrupting(3.0))
+    report = fly(small(), tmp_path, address_of=interrupting(3.0))
     assert report.ended == "stopped"
     assert not any(s.vehicle.armed for s in report.states.values())
 
@@ -255,7 +256,7 @@ def test_who_hears_whom_follows_the_communication_range(k: int | str, tmp_path: 
 def test_vehicles_take_off_one_after_the_other_where_told(tmp_path: Path) -> None:
     scenario = small(simulate={"count": 3, "ready_s": 3.0, "delay_step_s": 10.0})
     report = fly(scenario, tmp_path)
-    starts = [report.ledger.vehicles[n].took_off_s for n in (1, 2, 3)]
+    starts = [report.statistics.vehicles[n].took_off_s for n in (1, 2, 3)]
     assert all(s is not None for s in starts)
     gaps = [b - a for a, b in pairwise(starts)]  # type: ignore[operator]
     assert gaps == pytest.approx([10.0, 10.0], abs=1.5)
@@ -264,7 +265,9 @@ def test_vehicles_take_off_one_after_the_other_where_told(tmp_path: Path) -> Non
 @pytest.mark.parametrize("loss", [0.1, 0.3])
 def test_a_link_that_loses_frames_delays_the_swarm_but_does_not_stop_it(loss: float, tmp_path: Path) -> None:
     rng = random.Random(1)
-    report = fly(small(), tmp_path, carry=lambda sysid, _: None if rng.random() < loss else ("radio", sysid))
+    report = fly(
+        small(), tmp_path, address_of=lambda sysid, _: None if rng.random() < loss else ("radio", sysid)
+    )
     assert [s.outcome for s in report.states.values()] == ["arrived"] * 3
 
 
@@ -272,16 +275,16 @@ OUTAGES = st.lists(st.tuples(st.integers(1, 3), st.floats(10.0, 120.0), st.float
 
 
 @given(OUTAGES)
-@settings(max_examples=4, deadline=None, derandomize=True)
+@settings(max_examples=examples(4), deadline=None, derandomize=True)
 def test_whatever_links_fail_in_flight_every_vehicle_arrives_once_they_are_back(
     outages: list[tuple[int, float, float]],
 ) -> None:
-    def carry(sysid: int, now: float) -> Address | None:
+    def address_of(sysid: int, now: float) -> Address | None:
         out = any(who == sysid and since <= now < since + for_s for who, since, for_s in outages)
         return None if out else ("radio", sysid)
 
     with TemporaryDirectory() as folder:
-        report = fly(small(), Path(folder), carry=carry)
+        report = fly(small(), Path(folder), address_of=address_of)
     assert report.ended == "ended"
     assert [s.outcome for s in report.states.values()] == ["arrived"] * 3
 
@@ -293,7 +296,7 @@ class FaultyUi(Ui):
         super().__init__()
         self.error = error
 
-    def refresh(self, picture: Picture) -> None:
+    def refresh(self, picture: SwarmView) -> None:
         super().refresh(picture)
         if picture.flown_s > 20.0:
             raise self.error
@@ -303,8 +306,8 @@ def test_a_bug_in_flight_brings_every_vehicle_home_and_says_how_each_was_left(tm
     report = fly(small(), tmp_path, ui=FaultyUi(RuntimeError("a bug")), broken=True)
     assert isinstance(report.bug, ExceptionGroup)
     assert report.ended == "failed"
-    assert len(report.left) == 3
-    assert all("in the air" in line and "mode RTL" in line for line in report.left)
+    assert len(report.final_states) == 3
+    assert all("in the air" in line and "mode RTL" in line for line in report.final_states)
     assert json.loads((tmp_path / "summary.json").read_text())["ended"] == "failed"
 
 

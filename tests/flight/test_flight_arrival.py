@@ -11,7 +11,7 @@ from flights import AREA, fly, small
 from swarmctl.config import model
 from swarmctl.config.checks import check_config
 from swarmctl.config.model import Config
-from swarmctl.report.flight_table import together
+from swarmctl.report.flight_table import swarm_lines
 
 pytestmark = pytest.mark.virtual
 
@@ -25,7 +25,7 @@ def test_all_are_over_their_goals_at_one_time_although_ways_change(tmp_path: Pat
     arrival = json.loads((tmp_path / "summary.json").read_text())["arrival"]
     assert arrival["spread_s"] <= 2.0
     assert arrival["kept"] is True
-    assert f"spread at arrival: {arrival['spread_s']:.1f} s (3 s kept)" in together(report.summary)
+    assert f"spread at arrival: {arrival['spread_s']:.1f} s (3 s kept)" in swarm_lines(report.summary)
 
 
 def test_staggered_they_come_one_after_the_other(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from interruptions import interrupting
 from pymavlink import mavutil
 from wings_flights import away_m, winged
 
-from swarmctl.agent.replan.approach import ROLL_OUT_M
+from swarmctl.agent.replan.landing_pattern import ROLL_OUT_M
 from swarmctl.config import model
 from swarmctl.config.checks import check_config
 from swarmctl.config.scenario import Scenario, build
@@ -70,7 +70,7 @@ def test_a_fixed_wing_that_is_called_back_lands_at_home(
     autopilot: str, on_exit: str, mode: str, tmp_path: Path
 ) -> None:
     scenario = winged(flight={"on_exit": on_exit}, simulate={"autopilot": [autopilot, "ardupilot"]})
-    report = fly(scenario, tmp_path, carry=interrupting(25.0))
+    report = fly(scenario, tmp_path, address_of=interrupting(25.0))
     wing = report.states[1]
     assert report.ended == "stopped"
     assert (wing.vehicle.mode, wing.vehicle.armed) == (mode, False)
@@ -80,7 +80,7 @@ def test_a_fixed_wing_that_is_called_back_lands_at_home(
 @pytest.mark.parametrize(("autopilot", "mode"), [("arduplane", "GUIDED"), ("px4plane", "AUTO.LOITER")])
 def test_a_fixed_wing_that_holds_circles_on(autopilot: str, mode: str, tmp_path: Path) -> None:
     scenario = winged(flight={"on_exit": "hold"}, simulate={"autopilot": [autopilot, "ardupilot"]})
-    report = fly(scenario, tmp_path, carry=interrupting(30.0))
+    report = fly(scenario, tmp_path, address_of=interrupting(30.0))
     wing = report.states[1]
     assert (wing.vehicle.mode, wing.vehicle.armed) == (mode, True)
     assert wing.vehicle.ground_speed_m_s > 10.0

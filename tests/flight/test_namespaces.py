@@ -24,7 +24,7 @@ from swarmctl.config.model import load
 from swarmctl.config.scenario import build
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
-from swarmctl.core.observation import Observation, Told
+from swarmctl.core.observation import BeliefItem, Observation
 from swarmctl.report.record import EffectRecord, EventRecord
 
 pytestmark = pytest.mark.interop
@@ -99,7 +99,7 @@ class Swarm:
         return folder
 
 
-def _told(run: Path, until_s: float) -> Iterator[Told]:
+def _told(run: Path, until_s: float) -> Iterator[BeliefItem]:
     """What an agent saw, and heard of others."""
     with (run / "run.mcap").open("rb") as file:
         for _, channel, message in make_reader(file).iter_messages():
@@ -107,7 +107,7 @@ def _told(run: Path, until_s: float) -> Iterator[Told]:
                 continue
             if channel.topic.endswith("/event/Heard"):
                 event = msgspec.json.decode(message.data, type=EventRecord).event
-                assert isinstance(event, ev.Heard)
+                assert isinstance(event, ev.ObservationsReceived)
                 yield from event.told
             elif channel.topic.endswith("/effect/Publish"):
                 effect = msgspec.json.decode(message.data, type=EffectRecord).effect

@@ -15,7 +15,7 @@ from swarmctl.mavlink.firmware import Firmware
 from swarmctl.mavlink.procedures.fence import fence_items
 from swarmctl.mavlink.telemetry.instruments import Instruments
 from swarmctl.preflight.checks import CHECKS
-from swarmctl.preflight.facts import PreflightFacts, Finding
+from swarmctl.preflight.facts import Finding, PreflightFacts
 from swarmctl.preflight.policy import DeclaredBehaviour, NoParameterTable, RequiredParameter, parameters_for
 
 

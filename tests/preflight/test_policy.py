@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from flights import AREA
 
-from swarmctl.agent.replan.approach import Wings
+from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.config.checks import check_config
 from swarmctl.config.model import Config
 from swarmctl.config.preflight import Policy
@@ -20,7 +20,7 @@ from swarmctl.preflight.policy import DeclaredBehaviour, NoParameterTable, Requi
 
 COPTER, PLANE, PX4 = Firmware("ArduCopter", (4, 6)), Firmware("ArduPlane", (4, 6)), Firmware("PX4", (1, 15))
 COPTER_47, PX4_PLANE = Firmware("ArduCopter", (4, 7)), Firmware("PX4 plane", (1, 15))
-WINGS = Wings(
+WINGS = FixedWing(
     loiter_radius_m=60.0,
     final_height_m=20.0,
     glide_deg=6.0,

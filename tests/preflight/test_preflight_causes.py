@@ -13,14 +13,14 @@ from rich.console import Console
 from trouble import Trouble, play
 
 from swarmctl.config.scenario import Scenario
-from swarmctl.flight.app import ALL_IN_ONE
+from swarmctl.flight.app import DEFAULT_OPTIONS
 from swarmctl.preflight import report as tables
 from swarmctl.preflight.checks import battery, route
 from swarmctl.report.outcome import Report
 
 pytestmark = pytest.mark.virtual
 
-NEVER = replace(ALL_IN_ONE, launch="never")
+NEVER = replace(DEFAULT_OPTIONS, launch="never")
 
 
 def one(**sections: object) -> Scenario:
@@ -41,7 +41,7 @@ def test_what_fly_sets_is_no_failure_of_preflight_and_is_set_before_it_arms(
 ) -> None:
     play(Trouble(params={"FENCE_ENABLE": 0.0}), monkeypatch)
     scenario = one(preflight={"set_parameters": True})
-    report = fly(scenario, tmp_path / "preflight", manner=NEVER)
+    report = fly(scenario, tmp_path / "preflight", options=NEVER)
     assert report.trouble == ()
     text = shown(report)
     assert "`fly` sets: FENCE_ENABLE 0 → 1" in text
@@ -53,7 +53,7 @@ def test_what_fly_sets_is_no_failure_of_preflight_and_is_set_before_it_arms(
 
 def test_where_nobody_sets_them_they_fail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     play(Trouble(params={"FENCE_ENABLE": 0.0}), monkeypatch)
-    report = fly(one(), tmp_path, manner=NEVER)
+    report = fly(one(), tmp_path, options=NEVER)
     assert any("parameters: found FENCE_ENABLE 0" in text for text in report.trouble)
     assert "`fly` sets" not in shown(report)
 
@@ -85,7 +85,7 @@ def test_why_it_has_no_route_is_in_the_table(tmp_path: Path) -> None:
         simulate={"count": 1, "ready_s": 60.0}, flight={"altitude_m": 15.0, "ready_timeout_s": 8.0}
     )
     ui = Ui()
-    report = fly(scenario, tmp_path, ui=ui, manner=NEVER)
+    report = fly(scenario, tmp_path, ui=ui, options=NEVER)
     found = {c.check: c.finding.found for c in report.checked["uav1"] if not c.finding.ok}
     for check in ("battery", "route"):
         assert found[check].startswith("no verified route is on it: ")
@@ -108,7 +108,7 @@ def test_what_no_charge_can_mend_is_not_to_be_charged() -> None:
 
 def test_ctrl_c_tells_what_is_known(tmp_path: Path) -> None:
     scenario = small(simulate={"count": 1, "ready_s": 60.0})
-    report = fly(scenario, tmp_path, carry=interrupting(12.0), manner=NEVER)
+    report = fly(scenario, tmp_path, address_of=interrupting(12.0), options=NEVER)
     assert report.ended == "stopped"
     found = {c.check: c.finding for c in report.checked["uav1"]}
     assert found["identity"].ok

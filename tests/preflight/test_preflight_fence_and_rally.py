@@ -15,13 +15,13 @@ from trouble import OTHER_STATION, Trouble, play
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.vehicle.mission import Item
 from swarmctl.flight import virtual_simulator
-from swarmctl.flight.app import ALL_IN_ONE
+from swarmctl.flight.app import DEFAULT_OPTIONS
 from swarmctl.preflight.waivers import Waiver
 from swarmctl.report.outcome import Report
 
 pytestmark = pytest.mark.virtual
 
-NEVER = replace(ALL_IN_ONE, launch="never")
+NEVER = replace(DEFAULT_OPTIONS, launch="never")
 Deed = Callable[[Fleet], None]
 
 
@@ -74,7 +74,7 @@ def test_a_fence_whose_parameters_are_right_is_in_force_before_it_is_armed(
 ) -> None:
     seen: list[Fleet] = []
     play(Trouble(params=at_boot, deeds=[(0.3, deed), (0.4, seen.append)]), monkeypatch)
-    report = fly(small(simulate={"count": 1, "ready_s": 1.0}), tmp_path, manner=NEVER)
+    report = fly(small(simulate={"count": 1, "ready_s": 1.0}), tmp_path, options=NEVER)
     assert failing(report) == {}
     vehicle = seen[0].vehicles[0]
     assert vehicle.params["FENCE_TYPE"] == 5.0
@@ -112,8 +112,8 @@ def test_a_fence_that_its_owner_has_waived_is_left_as_it_is(
 ) -> None:
     seen: list[Fleet] = []
     play(Trouble(params={"FENCE_ENABLE": 0.0}, deeds=[(0.4, seen.append)]), monkeypatch)
-    manner = replace(NEVER, waivers=(Waiver("parameters"),))
-    report = fly(small(simulate={"count": 1, "ready_s": 1.0}), tmp_path, manner=manner)
+    options = replace(NEVER, waivers=(Waiver("parameters"),))
+    report = fly(small(simulate={"count": 1, "ready_s": 1.0}), tmp_path, options=options)
     assert set(failing(report)) == {("uav1", "parameters")}
     assert not seen[0].vehicles[0].fence_watch.enabled
 
@@ -138,8 +138,8 @@ def test_rally_points_keep_it_on_the_ground(
 
 def test_rally_points_may_be_waived(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     play(Trouble(deeds=[(0.3, puts_rally_points)]), monkeypatch)
-    manner, ui = replace(ALL_IN_ONE, waivers=(Waiver("rally", "uav2"),)), Ui()
-    report = fly(small(simulate={"count": 2, "ready_s": 1.0}), tmp_path, manner=manner, ui=ui)
+    options, ui = replace(DEFAULT_OPTIONS, waivers=(Waiver("rally", "uav2"),)), Ui()
+    report = fly(small(simulate={"count": 2, "ready_s": 1.0}), tmp_path, options=options, ui=ui)
     assert report.all_arrived
     assert any(said.startswith("uav2: rally is waived: found 2 rally points") for said in ui.said)
 
@@ -158,6 +158,6 @@ def test_who_does_not_tell_of_its_rally_points_may_have_some(
     monkeypatch.setattr(virtual_simulator, "Fleet", Dumb)
     swarm = {"count": 1, "ready_s": 1.0, "autopilot": autopilot}
     ui = Ui()
-    report = fly(small(simulate=swarm), tmp_path, manner=NEVER, ui=ui)
+    report = fly(small(simulate=swarm), tmp_path, options=NEVER, ui=ui)
     assert failing(report) == {("uav1", "rally"): "whether it has some is not known"}
     assert any("its rally points: asked 12 times for their number: no answer" in said for said in ui.said)

@@ -13,7 +13,7 @@ from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.events import Identity
 from swarmctl.mavlink.procedures.fence import fence_items
 from swarmctl.mavlink.telemetry.instruments import GpsFix, Instruments
-from swarmctl.preflight.facts import PreflightFacts, OtherVehicle
+from swarmctl.preflight.facts import OtherVehicle, PreflightFacts
 from swarmctl.preflight.policy import RequiredParameter
 
 FRAME = LocalFrame(46.0, 14.4)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from swarmctl.core.geo import distance_m
-from swarmctl.preflight.facts import YOUNG_S, Facts, Finding, no_route
+from swarmctl.preflight.facts import MAX_AGE_S, Finding, PreflightFacts, no_route
 
 NAME = "battery"
 WAIVABLE = True
 FULL_PERCENT = 100.0
 
 
-def check(facts: Facts) -> Finding:
+def check(facts: PreflightFacts) -> Finding:
     if facts.endurance_s is None:
         cure = "set preflight.endurance_s to what a full battery flies"
         return Finding(False, "nobody has said how long it flies", "preflight.endurance_s", cure)
@@ -20,7 +20,7 @@ def check(facts: Facts) -> Finding:
     needs = 100.0 * seconds / facts.endurance_s + facts.reserve_percent
     wanted = f"{needs:.0f} %: {seconds:.0f} s there and back, {facts.reserve_percent:g} % in reserve"
     percent = facts.state.battery_percent
-    if percent is not None and not facts.status_age_s <= YOUNG_S:
+    if percent is not None and not facts.status_age_s <= MAX_AGE_S:
         found = f"{percent} %, as told {facts.status_age_s:.0f} s ago"
         return Finding(False, found, wanted, "see why SYS_STATUS does not come any more")
     if percent is None:
@@ -38,12 +38,12 @@ EMPTY_SHARE = 2.5 / 4.2
 cells is low before it has come down by so much, from what it tells now as well"""
 
 
-def _is_low_in_time(facts: Facts) -> bool:
+def _is_low_in_time(facts: PreflightFacts) -> bool:
     low_v, told_v = facts.parameters.get(LOW_NAME), facts.state.battery_v
     return low_v is None or (told_v is not None and low_v >= EMPTY_SHARE * told_v)
 
 
-def _low_too_late(facts: Facts) -> tuple[str, str, str]:
+def _low_too_late(facts: PreflightFacts) -> tuple[str, str, str]:
     """Found, wanted and cure."""
     low, told_v = f"low at {facts.parameters[LOW_NAME]:g} V", facts.state.battery_v
     if told_v is None:
@@ -59,7 +59,7 @@ def _cure(needs_percent: float) -> str:
     return "no charge is enough: give it a shorter way, or correct preflight.endurance_s or reserve_percent"
 
 
-def flight_s(facts: Facts) -> float | None:
+def flight_s(facts: PreflightFacts) -> float | None:
     """Its first route from take-off to touch-down, and straight back from its end to where it stands [s]."""
     state = facts.state
     if facts.flight is None or facts.plan is None or state.lat_deg is None or state.lon_deg is None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from swarmctl.preflight.facts import Facts, Finding
+from swarmctl.preflight.facts import Finding, PreflightFacts
 
 NAME = "clock"
 WAIVABLE = True
 
 
-def check(facts: Facts) -> Finding:
+def check(facts: PreflightFacts) -> Finding:
     wanted = f"a clock within {facts.clock_tolerance_s:g} s"
     offset_s = facts.clock_offset_s
     if offset_s is None:

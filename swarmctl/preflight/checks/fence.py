@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from swarmctl.mavlink.procedures.fence import fence_differences, fence_items
-from swarmctl.preflight.facts import Facts, Finding
+from swarmctl.preflight.facts import Finding, PreflightFacts
 
 NAME = "fence"
 WAIVABLE = True
 
 
-def check(facts: Facts) -> Finding:
+def check(facts: PreflightFacts) -> Finding:
     wanted = f"the configuration's fence of {len(facts.fence)} corners, read back equal"
     if facts.fence_items is None:
         return Finding(False, "it could not be read", wanted, "look at its link")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from swarmctl.preflight.facts import Facts, Finding
+from swarmctl.preflight.facts import Finding, PreflightFacts
 
 NAME = "gps"
 WAIVABLE = True
@@ -12,7 +12,7 @@ SATELLITES = 6
 HDOP = 2.0
 
 
-def check(facts: Facts) -> Finding:
+def check(facts: PreflightFacts) -> Finding:
     wanted = f"a 3D fix, {SATELLITES} satellites or more, HDOP {HDOP:g} or less"
     gps = facts.instruments.gps if facts.instruments is not None else None
     if gps is None:

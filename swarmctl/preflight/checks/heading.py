@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from swarmctl.preflight.facts import Facts, Finding
+from swarmctl.preflight.facts import Finding, PreflightFacts
 
 NAME = "heading"
 WAIVABLE = True
@@ -12,7 +12,7 @@ MOST_DEG = 25.0
 """off its first leg"""
 
 
-def check(facts: Facts) -> Finding:
+def check(facts: PreflightFacts) -> Finding:
     if facts.airframe != "plane":
         return Finding(True, "it takes off on the spot", "no heading")
     state, plan = facts.state, facts.plan

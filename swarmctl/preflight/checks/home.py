@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from swarmctl.core.geo import distance_m
-from swarmctl.preflight.facts import Facts, Finding
+from swarmctl.preflight.facts import Finding, PreflightFacts
 
 NAME = "home"
 WAIVABLE = True
@@ -11,7 +11,7 @@ NEAR_M = 50.0
 """Home is set anew at arming; one that is far away is of another place or another receiver's."""
 
 
-def check(facts: Facts) -> Finding:
+def check(facts: PreflightFacts) -> Finding:
     wanted = f"a home within {NEAR_M:g} m of where it stands"
     state = facts.state
     if state.home_lat_deg is None or state.home_lon_deg is None:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from swarmctl.mavlink.firmware import airframe_of, firmware_of
-from swarmctl.preflight.facts import Facts, Finding
+from swarmctl.preflight.facts import Finding, PreflightFacts
 
 NAME = "identity"
 WAIVABLE = False
 
 
-def check(facts: Facts) -> Finding:
+def check(facts: PreflightFacts) -> Finding:
     wanted = f"system {facts.sysid}, ArduPilot or PX4, a {facts.airframe}"
     who = facts.identity
     if who is None:

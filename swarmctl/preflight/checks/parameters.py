@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from swarmctl.preflight.facts import Facts, Finding
-from swarmctl.preflight.policy import Wanted
+from swarmctl.preflight.facts import Finding, PreflightFacts
+from swarmctl.preflight.policy import RequiredParameter
 
 NAME = "parameters"
 WAIVABLE = True
@@ -15,7 +15,7 @@ _NOBODY_KNOWS = (
 )
 
 
-def check(facts: Facts) -> Finding:
+def check(facts: PreflightFacts) -> Finding:
     if facts.no_table:
         return Finding(False, facts.no_table, "parameters that say what `policy` declares", _NOBODY_KNOWS)
     wrong = [w for w in facts.wanted if not w.met_by(facts.parameters)]
@@ -29,7 +29,7 @@ def check(facts: Facts) -> Finding:
     )
 
 
-def _cure(facts: Facts, wrong: Sequence[Wanted]) -> str:
+def _cure(facts: PreflightFacts, wrong: Sequence[RequiredParameter]) -> str:
     """Who can mend it: its owner, this program, or who wrote the configuration."""
     silent = [w.name for w in wrong if w.name not in facts.parameters]
     told = [w for w in wrong if w.name in facts.parameters]
@@ -52,6 +52,6 @@ def _names(names: Sequence[str]) -> str:
     return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
 
 
-def _value(facts: Facts, wanted: Wanted) -> str:
+def _value(facts: PreflightFacts, wanted: RequiredParameter) -> str:
     value = facts.parameters.get(wanted.name)
     return "not told" if value is None else f"{value:g}"

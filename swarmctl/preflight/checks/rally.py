@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from swarmctl.preflight.facts import Facts, Finding
+from swarmctl.preflight.facts import Finding, PreflightFacts
 
 NAME = "rally"
 WAIVABLE = True
 
 
-def check(facts: Facts) -> Finding:
+def check(facts: PreflightFacts) -> Finding:
     wanted = "no rally points, to which it would return instead"
     if facts.rally_points is None:
         return Finding(False, "whether it has some is not known", wanted, "look at its link")

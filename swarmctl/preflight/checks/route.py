@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 
-from swarmctl.agent.replan.approach import pattern_of
+from swarmctl.agent.replan.landing_pattern import pattern_from
 from swarmctl.core.mission import FlightPlan
-from swarmctl.core.plane import Point, stays_inside
-from swarmctl.preflight.facts import Facts, Finding, no_route
+from swarmctl.core.planar import PlanarPoint, stays_inside
+from swarmctl.preflight.facts import Finding, PreflightFacts, no_route
 
 NAME = "route"
 WAIVABLE = True
 
 
-def check(facts: Facts) -> Finding:
+def check(facts: PreflightFacts) -> Finding:
     wanted = f"a route inside the fence and below {facts.ceiling_m:g} m"
     state, plan = facts.state, facts.plan
     if plan is None:
@@ -41,12 +41,12 @@ def check(facts: Facts) -> Finding:
     return Finding(True, f"{len(way) - 1} legs inside, up to {highest_m:g} m", wanted)
 
 
-def _landing_outside(facts: Facts, plan: FlightPlan, corners: Sequence[Point]) -> str:
+def _landing_outside(facts: PreflightFacts, plan: FlightPlan, corners: Sequence[PlanarPoint]) -> str:
     """Which approach of a fixed wing leaves the fence; empty where none does."""
     for where, there in (("at its goal", plan.approach), ("at home", plan.home_approach)):
         if there is None:
             continue
-        legs = pairwise(pattern_of(there, facts.frame).outline())
+        legs = pairwise(pattern_from(there, facts.frame).outline())
         if not all(stays_inside(corners, a, b) for a, b in legs if a != b):
             return where
     return ""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from swarmctl.agent.traffic.separation.approach import closest, intervals
-from swarmctl.preflight.facts import Facts, Finding, Other
+from swarmctl.preflight.facts import Finding, OtherVehicle, PreflightFacts
 
 NAME = "separation"
 WAIVABLE = True
 
 
-def check(facts: Facts) -> Finding:
+def check(facts: PreflightFacts) -> Finding:
     limits = facts.limits
     wanted = f"{limits.vertical_m:g} m of height or {limits.horizontal_m:g} m over ground from all others"
     near = [text for other in facts.others if (text := _too_near(facts, other))]
@@ -19,7 +19,7 @@ def check(facts: Facts) -> Finding:
     return Finding(True, f"apart from {len(facts.others)} others", wanted)
 
 
-def _too_near(facts: Facts, other: Other) -> str:
+def _too_near(facts: PreflightFacts, other: OtherVehicle) -> str:
     # What hovers goes up and down on the spot; a fixed wing does so on its way.
     hover = facts.airframe == other.airframe == "copter"
     if hover and abs(other.altitude_m - facts.altitude_m) >= facts.limits.vertical_m - 1e-9:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from swarmctl.preflight.facts import Facts, Finding
+from swarmctl.preflight.facts import Finding, PreflightFacts
 
 NAME = "telemetry"
 WAIVABLE = True
@@ -10,7 +10,7 @@ AT_LEAST_EVERY_S = 2.5
 """a position is forgotten 3 s after it came (`mavlink.telemetry`)"""
 
 
-def check(facts: Facts) -> Finding:
+def check(facts: PreflightFacts) -> Finding:
     wanted = f"a position every {AT_LEAST_EVERY_S:g} s or sooner"
     every_s = facts.instruments.position_every_s if facts.instruments is not None else None
     if every_s is None:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from swarmctl.mavlink.events import Identity
-from swarmctl.preflight.facts import Facts, Finding
+from swarmctl.preflight.facts import Finding, PreflightFacts
 
 NAME = "unique"
 WAIVABLE = False
 
 
-def check(facts: Facts) -> Finding:
+def check(facts: PreflightFacts) -> Finding:
     wanted = "one vehicle at one system id"
     if facts.conflict:
         return Finding(False, facts.conflict, wanted, "give each a system id of its own")
@@ -25,7 +25,7 @@ def check(facts: Facts) -> Finding:
     return Finding(True, f"system {facts.sysid} is its alone", wanted)
 
 
-def _same_board(facts: Facts, other: Identity | None) -> bool:
+def _same_board(facts: PreflightFacts, other: Identity | None) -> bool:
     """By AUTOPILOT_VERSION.uid2, in which zeros tell nothing."""
     mine = facts.identity
     if mine is None or other is None:

@@ -21,22 +21,24 @@ from collections.abc import Callable, Mapping
 
 from swarmctl.mavlink.firmware import Firmware
 from swarmctl.preflight.policy import ardupilot, px4
-from swarmctl.preflight.policy.intent import Intent
-from swarmctl.preflight.policy.wanted import NoTable, Version, Wanted
+from swarmctl.preflight.policy.behaviour import DeclaredBehaviour
+from swarmctl.preflight.policy.required import NoParameterTable, RequiredParameter, Version
 
-__all__ = ["Intent", "NoTable", "Wanted", "parameters_for"]
+__all__ = ["DeclaredBehaviour", "NoParameterTable", "RequiredParameter", "parameters_for"]
 
 
-def parameters_for(firmware: Firmware, intent: Intent) -> tuple[Wanted, ...]:
+def parameters_for(firmware: Firmware, intent: DeclaredBehaviour) -> tuple[RequiredParameter, ...]:
     """Raises NoTable."""
     since, until, table = _TABLES.get(firmware.name, ((0, 0), (0, 0), None))
     if table is None or not since <= firmware.version <= until:
         known = (f"{name} {a[0]}.{a[1]} to {b[0]}.{b[1]}" for name, (a, b, _) in _TABLES.items())
-        raise NoTable(f"no table for {firmware}; there is one for {', '.join(known)}")
+        raise NoParameterTable(f"no table for {firmware}; there is one for {', '.join(known)}")
     return table(intent, firmware.version)
 
 
-_TABLES: Mapping[str, tuple[Version, Version, Callable[[Intent, Version], tuple[Wanted, ...]]]] = {
+_TABLES: Mapping[
+    str, tuple[Version, Version, Callable[[DeclaredBehaviour, Version], tuple[RequiredParameter, ...]]]
+] = {
     "ArduCopter": ((4, 5), (4, 7), ardupilot.copter),
     "ArduPlane": ((4, 5), (4, 7), ardupilot.plane),
     "PX4": ((1, 14), (1, 16), px4.copter),

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
-from swarmctl.agent.replan.approach import Wings
+from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.preflight.policy import copter_flight
-from swarmctl.preflight.policy.intent import Intent, ceiling, cruise
-from swarmctl.preflight.policy.wanted import NoTable, Version, Wanted, above_zero, exactly, one
+from swarmctl.preflight.policy.behaviour import DeclaredBehaviour, ceiling, cruise
+from swarmctl.preflight.policy.required import (
+    NoParameterTable,
+    RequiredParameter,
+    Version,
+    above_zero,
+    exactly,
+    one,
+)
 
 
 def _gcs(version: Version) -> str:
@@ -21,14 +28,14 @@ _GOES_ON_IN_AUTO = 1  # bit of FS_OPTIONS
 _HEIGHT_AND_POLYGON = 5.0  # FENCE_TYPE; not the circle around home, which is nowhere declared
 
 
-def copter(intent: Intent, version: Version) -> tuple[Wanted, ...]:
+def copter(intent: DeclaredBehaviour, version: Version) -> tuple[RequiredParameter, ...]:
     policy = intent.policy
     return (
         one("FS_GCS_ENABLE", intent.lost_link, _COPTER_LOST_LINK, policy.lost_link),
         *(
             (
                 exactly("FS_GCS_TIMEOUT", intent.lost_link_after, policy.lost_link_after_s),
-                Wanted("FS_OPTIONS", intent.lost_link, bit=_GOES_ON_IN_AUTO),
+                RequiredParameter("FS_OPTIONS", intent.lost_link, bit=_GOES_ON_IN_AUTO),
                 exactly(_gcs(version), intent.lost_link, intent.gcs_sysid),
             )
             if policy.lost_link != "continue"
@@ -49,12 +56,12 @@ _LANDS = 1.0  # of FS_EKF_ACTION, and 3 from all modes; 2 holds a height by a pi
 _TRUSTS_UP_TO = 1.0  # of FS_EKF_THRESH, at most; with 0 nobody looks
 
 
-def _copter_lost() -> tuple[Wanted, ...]:
+def _copter_lost() -> tuple[RequiredParameter, ...]:
     """It lands where it does not know any more where it is."""
     declared = "a landing where it does not know where it is"
     return (
-        Wanted("FS_EKF_ACTION", declared, _LANDS, (_LANDS, 3.0)),
-        Wanted("FS_EKF_THRESH", declared, 0.8, least=0.1, most=_TRUSTS_UP_TO),
+        RequiredParameter("FS_EKF_ACTION", declared, _LANDS, (_LANDS, 3.0)),
+        RequiredParameter("FS_EKF_THRESH", declared, 0.8, least=0.1, most=_TRUSTS_UP_TO),
     )
 
 
@@ -65,10 +72,12 @@ _LANDS_ONCE_HOME = 1.0  # of RTL_AUTOLAND; with 0 and a landing in its mission i
 _PLANE_CRITICAL = (0.0, 1.0, 2.0)  # 3: Terminate, 5: Parachute; 4, 6 and 7 are of a quadplane, or of 4.7
 
 
-def plane(intent: Intent, version: Version) -> tuple[Wanted, ...]:
+def plane(intent: DeclaredBehaviour, version: Version) -> tuple[RequiredParameter, ...]:
     policy, wings = intent.policy, intent.wings
     if wings is None:
-        raise NoTable("it is a fixed wing and is planned for as what hovers; say `airframe: plane` of it")
+        raise NoParameterTable(
+            "it is a fixed wing and is planned for as what hovers; say `airframe: plane` of it"
+        )
     watched = policy.lost_link != "continue"
     return (
         exactly("FS_GCS_ENABL", intent.lost_link, 1.0 if watched else 0.0),
@@ -91,16 +100,16 @@ def plane(intent: Intent, version: Version) -> tuple[Wanted, ...]:
     )
 
 
-def _plane_circles(intent: Intent, wings: Wings) -> tuple[Wanted, ...]:
+def _plane_circles(intent: DeclaredBehaviour, wings: FixedWing) -> tuple[RequiredParameter, ...]:
     """It holds and returns in circles as wide as reckoned with, lands once it is home, and can fly slowly
     enough. The sign of a radius is the way round."""
     most_m, slowest_m_s = wings.loiter_radius_m, wings.min_speed_m_s
     radius = f"wings.loiter_radius_m: {most_m:g}"
     return (
-        Wanted("WP_LOITER_RAD", radius, most_m, least=-most_m, most=most_m),
-        Wanted("RTL_RADIUS", radius, 0.0, least=-most_m, most=most_m),
+        RequiredParameter("WP_LOITER_RAD", radius, most_m, least=-most_m, most=most_m),
+        RequiredParameter("RTL_RADIUS", radius, 0.0, least=-most_m, most=most_m),
         exactly("RTL_AUTOLAND", "a return that ends in a landing", _LANDS_ONCE_HOME),
-        Wanted(
+        RequiredParameter(
             "RTL_ALTITUDE",
             "a return at the height it flies at" if intent.among_others else intent.fence,
             _PRESENT_ALTITUDE,
@@ -109,11 +118,13 @@ def _plane_circles(intent: Intent, wings: Wings) -> tuple[Wanted, ...]:
             least=intent.altitude_m if intent.among_others else wings.final_height_m,
             most=intent.altitude_m if intent.among_others else intent.ceiling_m,
         ),
-        Wanted("AIRSPEED_MIN", f"wings.min_speed_m_s: {slowest_m_s:g}", least=0.0, most=slowest_m_s),
+        RequiredParameter(
+            "AIRSPEED_MIN", f"wings.min_speed_m_s: {slowest_m_s:g}", least=0.0, most=slowest_m_s
+        ),
     )
 
 
-def _plane_flight(intent: Intent) -> tuple[Wanted, ...]:
+def _plane_flight(intent: DeclaredBehaviour) -> tuple[RequiredParameter, ...]:
     """It cruises as fast and banks as far as its turns are reckoned with, and flies past a waypoint that it
     cannot hit. WP_RADIUS says nothing: each waypoint of ours has a radius of its own (param2).
 
@@ -123,16 +134,16 @@ def _plane_flight(intent: Intent) -> tuple[Wanted, ...]:
     return (
         *cruise(intent, "AIRSPEED_CRUISE", "ROLL_LIMIT_DEG"),
         exactly("WP_MAX_RADIUS", "no circling at a waypoint", 0.0),
-        Wanted("Q_ENABLE", "airframe: plane", values=(0.0,)),
+        RequiredParameter("Q_ENABLE", "airframe: plane", values=(0.0,)),
     )
 
 
-def _critical(intent: Intent, values: tuple[float, ...]) -> Wanted:
+def _critical(intent: DeclaredBehaviour, values: tuple[float, ...]) -> RequiredParameter:
     """Where the battery is still lower it does no more, returns or lands: no motor stops in the air."""
-    return Wanted("BATT_FS_CRT_ACT", intent.low_battery, 0.0, values)
+    return RequiredParameter("BATT_FS_CRT_ACT", intent.low_battery, 0.0, values)
 
 
-def _battery(intent: Intent) -> tuple[Wanted, ...]:
+def _battery(intent: DeclaredBehaviour) -> tuple[RequiredParameter, ...]:
     """There is a monitor, a voltage that counts as low, and a time after which it does, of which none is
     never: they depend on what is built in."""
     return tuple(
@@ -140,7 +151,7 @@ def _battery(intent: Intent) -> tuple[Wanted, ...]:
     )
 
 
-def _fence(intent: Intent) -> tuple[Wanted, ...]:
+def _fence(intent: DeclaredBehaviour) -> tuple[RequiredParameter, ...]:
     return (
         exactly("FENCE_ENABLE", intent.fence, 1.0),
         exactly("FENCE_TYPE", intent.fence, _HEIGHT_AND_POLYGON),

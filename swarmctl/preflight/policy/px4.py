@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from swarmctl.agent.replan.approach import Wings
+from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.replan.travel_time import CORNER_RADIUS_M
-from swarmctl.preflight.policy.intent import Intent, ceiling, cruise, cruises
-from swarmctl.preflight.policy.wanted import NoTable, Version, Wanted, exactly, one
+from swarmctl.preflight.policy.behaviour import DeclaredBehaviour, ceiling, cruise, cruises
+from swarmctl.preflight.policy.required import NoParameterTable, RequiredParameter, Version, exactly, one
 
 _LOST_LINK = {"return": (2.0,), "land": (3.0,), "hold": (1.0,), "continue": (0.0,)}
 _BATTERY = {"return": (3.0,), "land": (2.0,)}
@@ -21,18 +21,20 @@ _MOST_DELAY_S = 300.0  # of RTL_LAND_DELAY; with -1 it stays in the air over hom
 _CORNERS = f"corners that are turned within {CORNER_RADIUS_M:g} m"
 
 
-def copter(intent: Intent, version: Version) -> tuple[Wanted, ...]:
+def copter(intent: DeclaredBehaviour, version: Version) -> tuple[RequiredParameter, ...]:
     return (
         *_link(intent, version, _LOST_LINK),
         one("COM_LOW_BAT_ACT", intent.low_battery, _BATTERY, intent.policy.low_battery),
         one("GF_ACTION", intent.fence_breach, _FENCE, intent.policy.fence_breach),
         *_heights(intent),
         exactly("RTL_TYPE", "a return to where it took off", _STRAIGHT_HOME),
-        Wanted("RTL_LAND_DELAY", "a return that ends in a landing", 0.0, least=0.0, most=_MOST_DELAY_S),
+        RequiredParameter(
+            "RTL_LAND_DELAY", "a return that ends in a landing", 0.0, least=0.0, most=_MOST_DELAY_S
+        ),
         # As it comes it flies its mission at half the speed that is reckoned with where nobody says.
         cruises("MPC_XY_CRUISE", intent),
         # No waypoint of ours says another (param2).
-        Wanted("NAV_ACC_RAD", _CORNERS, CORNER_RADIUS_M, least=0.0, most=CORNER_RADIUS_M),
+        RequiredParameter("NAV_ACC_RAD", _CORNERS, CORNER_RADIUS_M, least=0.0, most=CORNER_RADIUS_M),
     )
 
 
@@ -46,10 +48,12 @@ _STEEPER_DEG = 0.5  # than the slope that is reckoned with, so that roundings do
 _ALTITUDE_OFF_M = 10.0  # NAV_FW_ALT_RAD as it comes
 
 
-def plane(intent: Intent, version: Version) -> tuple[Wanted, ...]:
+def plane(intent: DeclaredBehaviour, version: Version) -> tuple[RequiredParameter, ...]:
     policy, wings = intent.policy, intent.wings
     if wings is None:
-        raise NoTable("it is a fixed wing and is planned for as what hovers; say `airframe: plane` of it")
+        raise NoParameterTable(
+            "it is a fixed wing and is planned for as what hovers; say `airframe: plane` of it"
+        )
     return (
         *_link(intent, version, _PLANE_LOST_LINK),
         one("COM_LOW_BAT_ACT", intent.low_battery, {"return": (3.0,)}, policy.low_battery),
@@ -60,7 +64,7 @@ def plane(intent: Intent, version: Version) -> tuple[Wanted, ...]:
     )
 
 
-def _circles(intent: Intent, wings: Wings) -> tuple[Wanted, ...]:
+def _circles(intent: DeclaredBehaviour, wings: FixedWing) -> tuple[RequiredParameter, ...]:
     """It returns to the landing of its mission, holds in circles as wide as reckoned with, may come down that
     slope, climbs on its way and not in a circle at its first waypoint, and can fly slowly enough."""
     most_m, slowest_m_s = wings.loiter_radius_m, wings.min_speed_m_s
@@ -68,46 +72,52 @@ def _circles(intent: Intent, wings: Wings) -> tuple[Wanted, ...]:
     climbs_m = max(intent.altitude_m - wings.takeoff_height_m, _ALTITUDE_OFF_M)
     return (
         exactly("RTL_TYPE", "a return that ends in a landing", _TO_THE_MISSIONS_LANDING),
-        Wanted(
+        RequiredParameter(
             "NAV_LOITER_RAD",
             f"wings.loiter_radius_m: {most_m:g}",
             most_m,
             least=_LEAST_RADIUS_M,
             most=most_m,
         ),
-        Wanted(
+        RequiredParameter(
             "FW_LND_ANG",
             f"a landing as wings says, {steep_deg:.1f} degrees steep",
             float(math.ceil(steep_deg + _STEEPER_DEG)),
             least=steep_deg,
             most=90.0,
         ),
-        Wanted("FW_LND_ABORT", "a landing that needs no range finder", bit=_WITHOUT_TERRAIN),
-        Wanted("NAV_ACC_RAD", "no turn that is begun earlier", least=0.0, most=intent.turn_radius_m),
-        Wanted("NAV_FW_ALT_RAD", "a climb on its way", climbs_m, least=climbs_m, most=math.inf),
-        Wanted("FW_AIRSPD_MIN", f"wings.min_speed_m_s: {slowest_m_s:g}", least=0.0, most=slowest_m_s),
+        RequiredParameter("FW_LND_ABORT", "a landing that needs no range finder", bit=_WITHOUT_TERRAIN),
+        RequiredParameter(
+            "NAV_ACC_RAD", "no turn that is begun earlier", least=0.0, most=intent.turn_radius_m
+        ),
+        RequiredParameter("NAV_FW_ALT_RAD", "a climb on its way", climbs_m, least=climbs_m, most=math.inf),
+        RequiredParameter(
+            "FW_AIRSPD_MIN", f"wings.min_speed_m_s: {slowest_m_s:g}", least=0.0, most=slowest_m_s
+        ),
     )
 
 
-def _link(intent: Intent, version: Version, actions: Mapping[str, tuple[float, ...]]) -> tuple[Wanted, ...]:
+def _link(
+    intent: DeclaredBehaviour, version: Version, actions: Mapping[str, tuple[float, ...]]
+) -> tuple[RequiredParameter, ...]:
     policy = intent.policy
     watched = policy.lost_link != "continue"
     return (
         one("NAV_DLL_ACT", intent.lost_link, actions, policy.lost_link),
         *((exactly("COM_DL_LOSS_T", intent.lost_link_after, policy.lost_link_after_s),) if watched else ()),
         *(
-            (Wanted("COM_DLL_EXCEPT", intent.lost_link, bit=_MISSION_EXCEPTED),)
+            (RequiredParameter("COM_DLL_EXCEPT", intent.lost_link, bit=_MISSION_EXCEPTED),)
             if watched and version >= (1, 16)
             else ()
         ),
     )
 
 
-def _heights(intent: Intent) -> tuple[Wanted, ...]:
+def _heights(intent: DeclaredBehaviour) -> tuple[RequiredParameter, ...]:
     return (
         ceiling("GF_MAX_VER_DIST", intent),
         exactly("GF_MAX_HOR_DIST", intent.fence, 0.0),
-        Wanted(
+        RequiredParameter(
             "RTL_RETURN_ALT",
             intent.returns,
             min(_RETURNS_AT_M, intent.returns_at_most_m),

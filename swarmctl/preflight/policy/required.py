@@ -6,19 +6,19 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from swarmctl.mavlink.protocol.parameters import equal
+from swarmctl.mavlink.protocol.parameters import same_value
 
 Version = tuple[int, int]
 LEAST = 1e-6
 """that is not 0"""
 
 
-class NoTable(Exception):
+class NoParameterTable(Exception):
     """Nobody knows which parameters of this firmware say what is declared, or none can."""
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class RequiredParameter:
     """What one parameter may be: one of `values`, from `least` to `most`, or without the bit number `bit`."""
 
     name: str
@@ -36,7 +36,7 @@ class Wanted:
             return False
         if self.bit is not None:
             return value.is_integer() and not int(value) >> self.bit & 1
-        return any(equal(value, v) for v in self.values) or self.least <= value <= self.most
+        return any(same_value(value, v) for v in self.values) or self.least <= value <= self.most
 
     def met_by(self, told: Mapping[str, float]) -> bool:
         """`told`: what the vehicle has told, by name; what it lacks and what was lost are not told alike."""
@@ -58,16 +58,16 @@ class Wanted:
         return " or ".join(texts)
 
 
-def one(name: str, declared: str, values: Mapping[str, tuple[float, ...]], action: str) -> Wanted:
+def one(name: str, declared: str, values: Mapping[str, tuple[float, ...]], action: str) -> RequiredParameter:
     """An action by its numbers, of which the first is written."""
     if action not in values:
-        raise NoTable(f"{name} has no value for {declared}; it can {', '.join(values)}")
-    return Wanted(name, declared, values[action][0], values[action])
+        raise NoParameterTable(f"{name} has no value for {declared}; it can {', '.join(values)}")
+    return RequiredParameter(name, declared, values[action][0], values[action])
 
 
-def exactly(name: str, declared: str, value: float) -> Wanted:
-    return Wanted(name, declared, value, (value,))
+def exactly(name: str, declared: str, value: float) -> RequiredParameter:
+    return RequiredParameter(name, declared, value, (value,))
 
 
-def above_zero(name: str, declared: str) -> Wanted:
-    return Wanted(name, declared, least=LEAST, most=math.inf)
+def above_zero(name: str, declared: str) -> RequiredParameter:
+    return RequiredParameter(name, declared, least=LEAST, most=math.inf)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from swarmctl.agent.replan.approach import Wings
+from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.traffic.return_turns import CLIMBS_TO_M
 from swarmctl.config.preflight import Policy
-from swarmctl.preflight.policy.wanted import Wanted
+from swarmctl.preflight.policy.required import RequiredParameter
 
 
 @dataclass(frozen=True, slots=True)
-class Intent:
+class DeclaredBehaviour:
     """What the parameters of one vehicle are to say."""
 
     policy: Policy
@@ -22,7 +22,7 @@ class Intent:
     """it flies at, above home"""
     ceiling_m: float
     """above home"""
-    wings: Wings | None = None
+    wings: FixedWing | None = None
     """of what is planned for as a fixed wing"""
     speed_m_s: float = 15.0
     """it cruises so fast; a fixed wing through the air"""
@@ -62,25 +62,29 @@ class Intent:
         return f"a fence up to {self.ceiling_m:g} m"
 
 
-def ceiling(name: str, intent: Intent) -> Wanted:
+def ceiling(name: str, intent: DeclaredBehaviour) -> RequiredParameter:
     """High enough for the flight, and no higher than declared."""
-    return Wanted(name, intent.fence, intent.ceiling_m, least=intent.altitude_m, most=intent.ceiling_m)
+    return RequiredParameter(
+        name, intent.fence, intent.ceiling_m, least=intent.altitude_m, most=intent.ceiling_m
+    )
 
 
 _SPEED_OFF_M_S = 0.5
 _G_M_S2 = 9.81
 
 
-def cruise(intent: Intent, airspeed: str, bank_limit: str) -> tuple[Wanted, Wanted]:
+def cruise(
+    intent: DeclaredBehaviour, airspeed: str, bank_limit: str
+) -> tuple[RequiredParameter, RequiredParameter]:
     """By the names of these two: of [m/s] and of [deg]."""
     airspeed_wanted, radius_m = cruises(airspeed, intent), intent.turn_radius_m
     bank_deg = math.degrees(math.atan2(intent.speed_m_s**2, _G_M_S2 * radius_m))
     turns = f"turn_radius_m: {radius_m:g} at {airspeed_wanted.declared}"
-    return airspeed_wanted, Wanted(bank_limit, turns, least=bank_deg, most=90.0)
+    return airspeed_wanted, RequiredParameter(bank_limit, turns, least=bank_deg, most=90.0)
 
 
-def cruises(name: str, intent: Intent) -> Wanted:
+def cruises(name: str, intent: DeclaredBehaviour) -> RequiredParameter:
     """By the name of its speed [m/s], which its owner decides."""
     speed_m_s = intent.speed_m_s
     least, most = speed_m_s - _SPEED_OFF_M_S, speed_m_s + _SPEED_OFF_M_S
-    return Wanted(name, f"speed_m_s: {speed_m_s:g}", least=least, most=most)
+    return RequiredParameter(name, f"speed_m_s: {speed_m_s:g}", least=least, most=most)
