@@ -7,8 +7,9 @@ import pytest
 from agent_stories import GRID, Story, orders, publications
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
-from swarmctl.agent.failsafes import ALWAYS, low_battery
+from swarmctl.agent.failsafes import ALWAYS_ON, low_battery
 from swarmctl.agent.failsafes.base import ActiveRule
 from swarmctl.agent.state import AgentState, Phase
 from swarmctl.agent.step import MAX_FAILED_SWAPS, RETRY_AFTER_S
@@ -48,14 +49,14 @@ def test_one_that_boots_before_its_launch_is_made_ready_anew_and_not_let_go() ->
 def test_one_in_a_mode_of_somebody_elses_is_not_launched() -> None:
     story = waiting()
     story.over((4, 0), **BOOTED)
-    assert orders(story(ev.OperatorCommand(ev.Order.LAUNCH))) == []
+    assert orders(story(ev.OperatorCommand(ev.FlightOrder.LAUNCH))) == []
     assert story.state.phase is Phase.RELEASED
 
 
 def test_nothing_is_sent_to_a_vehicle_that_is_not_ready() -> None:
     story = Story()
     assert story.tick() == []
-    assert story(ev.OperatorCommand(ev.Order.LAUNCH)) == []
+    assert story(ev.OperatorCommand(ev.FlightOrder.LAUNCH)) == []
     assert story.state.phase is Phase.WAITING
 
 
@@ -66,8 +67,8 @@ def test_from_ready_to_launch() -> None:
     assert swap.cells[0] == (4, 0)
     assert swap.cells[-1] == (4, 8)
     assert swap.plan.takeoff_alt_m == 30.0
-    assert story(ev.OperatorCommand(ev.Order.LAUNCH)) == []
-    assert orders(story.accept()) == [ev.Order.LAUNCH]
+    assert story(ev.OperatorCommand(ev.FlightOrder.LAUNCH)) == []
+    assert orders(story.accept()) == [ev.FlightOrder.LAUNCH]
     assert story.state.phase is Phase.LAUNCHING
 
 
@@ -230,7 +231,7 @@ def test_a_vehicle_whose_mission_cannot_be_changed_comes_home() -> None:
         swap = story.swap()
         effects = story(ev.MissionFailed(swap.plan_id, "hold", "refused"))
         story.now += RETRY_AFTER_S
-    assert orders(effects) == [ev.Order.RETURN]
+    assert orders(effects) == [ev.FlightOrder.RETURN]
     story.over((4, 0), armed=False, landed=Landed.ON_GROUND)
     assert story.state.phase is Phase.FAILED
     assert "refused" in story.state.outcome
@@ -253,7 +254,7 @@ def test_a_vehicle_that_somebody_else_has_taken_over_is_let_go() -> None:
     assert story.state.phase is Phase.RELEASED
     assert "LOITER" in story.state.outcome
     assert story(ev.MissionFailed(swap.plan_id, "theirs", "its mode is LOITER")) == []
-    assert story(ev.OperatorCommand(ev.Order.HOLD)) == []
+    assert story(ev.OperatorCommand(ev.FlightOrder.HOLD)) == []
     story.hear((4, 5, True), seq=2)
     assert story.tick() == []
 
@@ -280,8 +281,8 @@ def test_held_by_another_station_it_is_let_go_but_not_for_a_late_heartbeat_of_it
     assert unsaid(story.over((4, 1), mode_role="hold")) == [ev.Release()]
 
 
-@pytest.mark.parametrize("order", [ev.Order.HOLD, ev.Order.RETURN, ev.Order.LAND])
-def test_a_pilot_who_takes_over_after_an_order_is_not_ordered_again(order: ev.Order) -> None:
+@pytest.mark.parametrize("order", [ev.FlightOrder.HOLD, ev.FlightOrder.RETURN, ev.FlightOrder.LAND])
+def test_a_pilot_who_takes_over_after_an_order_is_not_ordered_again(order: ev.FlightOrder) -> None:
     story = Story().flying()
     story(ev.OperatorCommand(order))
     story(ev.OrderFailed(order, "no answer"))
@@ -291,11 +292,11 @@ def test_a_pilot_who_takes_over_after_an_order_is_not_ordered_again(order: ev.Or
 
 def test_an_order_that_was_not_followed_is_given_again_after_a_while() -> None:
     story = Story().flying()
-    story(ev.OperatorCommand(ev.Order.LAND))
-    story(ev.OrderFailed(ev.Order.LAND, "refused"))
+    story(ev.OperatorCommand(ev.FlightOrder.LAND))
+    story(ev.OrderFailed(ev.FlightOrder.LAND, "refused"))
     assert orders(story.over((4, 1))) == []
     story.now += RETRY_AFTER_S
-    assert orders(story.over((4, 1))) == [ev.Order.LAND]
+    assert orders(story.over((4, 1))) == [ev.FlightOrder.LAND]
 
 
 def test_a_vehicle_that_somebody_arms_on_the_ground_is_not_launched() -> None:
@@ -304,20 +305,20 @@ def test_a_vehicle_that_somebody_arms_on_the_ground_is_not_launched() -> None:
     story.swap()
     story.accept()
     assert unsaid(story.over((4, 0), mode="LOITER", mode_role="other")) == [ev.Release()]
-    assert story(ev.OperatorCommand(ev.Order.LAUNCH)) == []
+    assert story(ev.OperatorCommand(ev.FlightOrder.LAUNCH)) == []
 
 
 def test_a_pilot_who_takes_over_during_the_launch_is_not_landed() -> None:
     story = Story().launching()
     assert unsaid(story.over((4, 0), mode="ALT_HOLD", mode_role="other")) == [ev.Release()]
-    assert story(ev.OrderFailed(ev.Order.LAUNCH, "its mode is ALT_HOLD")) == []
+    assert story(ev.OrderFailed(ev.FlightOrder.LAUNCH, "its mode is ALT_HOLD")) == []
 
 
-@pytest.mark.parametrize("order", [ev.Order.HOLD, ev.Order.RETURN])
-def test_a_launch_that_is_broken_off_goes_down_whatever_else_is_ordered(order: ev.Order) -> None:
+@pytest.mark.parametrize("order", [ev.FlightOrder.HOLD, ev.FlightOrder.RETURN])
+def test_a_launch_that_is_broken_off_goes_down_whatever_else_is_ordered(order: ev.FlightOrder) -> None:
     story = Story().launching()
-    assert orders(story(ev.OperatorCommand(order))) == [ev.Order.LAND]
-    assert story(ev.OperatorCommand(ev.Order.RETURN)) == []
+    assert orders(story(ev.OperatorCommand(order))) == [ev.FlightOrder.LAND]
+    assert story(ev.OperatorCommand(ev.FlightOrder.RETURN)) == []
     # The last heartbeat before said "disarmed"; the arm command was on its way.
     story.over((4, 0), armed=False)
     assert not story.state.ended
@@ -329,9 +330,9 @@ def test_a_launch_that_is_broken_off_goes_down_whatever_else_is_ordered(order: e
 def test_a_launch_broken_off_before_it_armed_ends_when_the_landing_mode_is_seen() -> None:
     story = Story().launching()
     story.over((4, 0), armed=False, mode_role="hold")
-    story(ev.OperatorCommand(ev.Order.HOLD))
+    story(ev.OperatorCommand(ev.FlightOrder.HOLD))
     story.over((4, 0), armed=False, mode_role="land")
-    story(ev.OrderDone(ev.Order.LAND))
+    story(ev.OrderDone(ev.FlightOrder.LAND))
     assert (story.state.phase, story.state.outcome) == (Phase.DONE, "launch broken off")
 
 
@@ -342,10 +343,10 @@ def test_a_vehicle_that_boots_on_the_ground_is_made_ready_again() -> None:
     story.accept()
     story(ev.Rebooted())
     assert story.state.phase is Phase.WAITING
-    assert story(ev.OperatorCommand(ev.Order.LAUNCH)) == []
+    assert story(ev.OperatorCommand(ev.FlightOrder.LAUNCH)) == []
     story(ev.Ready())
     story.swap()
-    assert orders(story.accept()) == [ev.Order.LAUNCH]
+    assert orders(story.accept()) == [ev.FlightOrder.LAUNCH]
 
 
 def test_where_no_way_leads_on_it_flies_the_plan_it_has() -> None:
@@ -366,7 +367,7 @@ def test_held_where_no_way_leads_on_it_comes_home() -> None:
     story(ev.MissionFailed(story.swap().plan_id, "hold", "no answer"))
     story.over((7, 1), mode_role="hold")
     story.now += RETRY_AFTER_S
-    assert orders(story.tick()) == [ev.Order.RETURN]
+    assert orders(story.tick()) == [ev.FlightOrder.RETURN]
 
 
 def test_it_has_not_arrived_if_it_came_down_beside_its_goal() -> None:
@@ -407,7 +408,7 @@ def test_called_off_when_it_is_all_but_down_at_its_goal_it_has_arrived(
 ) -> None:
     story = Story().flying()
     story.over((4, 8), alt_rel_m=up_m)
-    story(ev.OperatorCommand(ev.Order.HOLD))
+    story(ev.OperatorCommand(ev.FlightOrder.HOLD))
     story.over(cell, armed=False, landed=Landed.ON_GROUND)
     assert story.state.outcome.startswith(outcome)
     assert story.state.phase is (Phase.DONE if outcome == "arrived" else Phase.FAILED)
@@ -419,7 +420,7 @@ def test_called_back_it_says_where_it_is_down_if_that_is_not_at_home(cell: Cell,
     lat_deg, lon_deg = GRID.centre((4, 0))
     home = {"home_lat_deg": lat_deg, "home_lon_deg": lon_deg}
     story.over((4, 8), **home)  # it lands there
-    story(ev.OperatorCommand(ev.Order.RETURN))
+    story(ev.OperatorCommand(ev.FlightOrder.RETURN))
     story.over(cell, armed=False, landed=Landed.ON_GROUND, **home)
     assert story.state.outcome == f"return ordered; landed{where}"
 
@@ -443,7 +444,7 @@ def test_over_its_goal_and_stuck_in_hold_it_is_told_to_land_and_arrives() -> Non
     story.hear((4, 4, True))
     swap = story.swap()
     story.over((4, 8))
-    assert orders(story(ev.MissionFailed(swap.plan_id, "hold", "no answer"))) == [ev.Order.LAND]
+    assert orders(story(ev.MissionFailed(swap.plan_id, "hold", "no answer"))) == [ev.FlightOrder.LAND]
     story.over((4, 8), mode="LAND", mode_role="land")
     assert story.state.phase is Phase.LANDING
     story.over((4, 8), mode="LAND", armed=False)
@@ -454,34 +455,34 @@ def test_over_its_goal_and_stuck_in_hold_it_is_told_to_land_and_arrives() -> Non
 def test_an_order_that_a_lost_vehicle_did_not_get_is_given_again(seen: bool) -> None:
     story = Story().flying()
     story(ev.LinkLost(5.0))
-    story(ev.OperatorCommand(ev.Order.RETURN))
-    story(ev.OrderDone(ev.Order.RETURN) if seen else ev.OrderFailed(ev.Order.RETURN, "no answer"))
+    story(ev.OperatorCommand(ev.FlightOrder.RETURN))
+    story(ev.OrderDone(ev.FlightOrder.RETURN) if seen else ev.OrderFailed(ev.FlightOrder.RETURN, "no answer"))
     story(ev.LinkRestored())
     role = "return" if seen else "mission"
-    assert orders(story.over((4, 1), mode_role=role)) == ([] if seen else [ev.Order.RETURN])
+    assert orders(story.over((4, 1), mode_role=role)) == ([] if seen else [ev.FlightOrder.RETURN])
 
 
 @pytest.mark.parametrize(
-    ("armed", "expected", "phase"), [(False, [], Phase.FAILED), (True, [ev.Order.LAND], Phase.LEAVING)]
+    ("armed", "expected", "phase"), [(False, [], Phase.FAILED), (True, [ev.FlightOrder.LAND], Phase.LEAVING)]
 )
 def test_a_launch_that_failed_leaves_no_vehicle_alone_that_it_armed(
-    armed: bool, expected: list[ev.Order], phase: Phase
+    armed: bool, expected: list[ev.FlightOrder], phase: Phase
 ) -> None:
     story = Story().launching()
     story.over((4, 0), armed=armed)
-    assert orders(story(ev.OrderFailed(ev.Order.LAUNCH, "it did not climb"))) == expected
+    assert orders(story(ev.OrderFailed(ev.FlightOrder.LAUNCH, "it did not climb"))) == expected
     assert story.state.phase is phase
 
 
 def test_on_the_ground_an_order_to_leave_ends_it_without_a_command() -> None:
     story = Story()
     story(ev.Ready())
-    assert story(ev.OperatorCommand(ev.Order.RETURN)) == []
+    assert story(ev.OperatorCommand(ev.FlightOrder.RETURN)) == []
     assert (story.state.phase, story.state.outcome) == (Phase.DONE, "not launched")
 
 
-@pytest.mark.parametrize("order", [ev.Order.HOLD, ev.Order.RETURN, ev.Order.LAND])
-def test_an_order_in_flight_is_followed_and_ends_the_planning(order: ev.Order) -> None:
+@pytest.mark.parametrize("order", [ev.FlightOrder.HOLD, ev.FlightOrder.RETURN, ev.FlightOrder.LAND])
+def test_an_order_in_flight_is_followed_and_ends_the_planning(order: ev.FlightOrder) -> None:
     story = Story().flying()
     assert orders(story(ev.OperatorCommand(order))) == [order]
     story.hear((4, 4, True))
@@ -529,7 +530,7 @@ OBSERVED = st.lists(
 
 
 @given(OBSERVED, st.randoms(use_true_random=False))
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=examples(40), deadline=None, derandomize=True)
 def test_the_order_in_which_news_arrives_does_not_change_the_route(
     rows: list[tuple[int, int, int, int, bool]], random: object
 ) -> None:
@@ -566,14 +567,14 @@ def test_one_heartbeat_that_says_disarmed_in_the_air_ends_nothing() -> None:
 
 
 def test_rules_and_orders_go_on_while_no_position_comes() -> None:
-    story = Story(rules=(*ALWAYS, ActiveRule(low_battery, low_battery.Params()))).flying()
+    story = Story(rules=(*ALWAYS_ON, ActiveRule(low_battery, low_battery.Params()))).flying()
     flown_m, cell = story.state.flown_m, story.state.cell
     nowhere = {"lat_deg": None, "lon_deg": None, "alt_rel_m": None, "position_s": 0.0}
     given = [orders(story.over((7, 7), battery_percent=20, **nowhere)) for _ in range(6)]
-    assert [ev.Order.RETURN] in given
-    story(ev.OrderFailed(ev.Order.RETURN, "no answer"))
+    assert [ev.FlightOrder.RETURN] in given
+    story(ev.OrderFailed(ev.FlightOrder.RETURN, "no answer"))
     again = [orders(story.over((7, 7), mode_role="mission", **nowhere)) for _ in range(6)]
-    assert [ev.Order.RETURN] in again
+    assert [ev.FlightOrder.RETURN] in again
     assert (story.state.flown_m, story.state.cell) == (flown_m, cell)
 
 

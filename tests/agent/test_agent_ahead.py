@@ -9,7 +9,7 @@ import pytest
 from wings_configs import winged
 
 from swarmctl.agent.replan.decide import first_flight, first_problem, first_route
-from swarmctl.agent.replan.route_to_mission import still_ahead
+from swarmctl.agent.replan.route_to_mission import corners_ahead
 from swarmctl.agent.replan.splice import kept_cells
 from swarmctl.agent.replan.swap_times import SwapTimes
 from swarmctl.agent.state import AgentState, Phase, begin
@@ -68,5 +68,5 @@ def test_who_flies_no_route_keeps_nothing() -> None:
 )
 def test_it_flies_to_no_corner_behind_it_or_too_near_to_turn_at(east_m, corners, expected) -> None:
     position = GRID.frame.to_geodetic(east_m, 175.0)
-    assert list(still_ahead(WING, corners, position)) == expected
+    assert list(corners_ahead(WING, corners, position)) == expected
     assert math.isclose(WING.turn_radius_m, 40.0)

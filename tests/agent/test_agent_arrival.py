@@ -9,7 +9,7 @@ import pytest
 from agent_stories import GRID, Story, orders
 
 from swarmctl.agent.arrival import simultaneous
-from swarmctl.agent.arrival.common_time import Meeting
+from swarmctl.agent.arrival.common_time import ArrivalGroup
 from swarmctl.agent.arrival.simultaneous import UNKNOWN_M_S
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
@@ -21,7 +21,7 @@ class Meets(Story):
     """Vehicle 1 flies east along row 4, its goal cell begins at 400 m; vehicle 2 is to arrive with it."""
 
     def __init__(self, uav: int = 1, w: float = 0.5, **simultaneous: float) -> None:
-        super().__init__(uav=uav, w=w, meeting=Meeting({1: 0, 2: 1}, **simultaneous))
+        super().__init__(uav=uav, w=w, meeting=ArrivalGroup({1: 0, 2: 1}, **simultaneous))
         self.flying()
 
     def at(self, east_m: float, **changes: Any) -> list[ev.Effect]:

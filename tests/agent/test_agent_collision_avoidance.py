@@ -14,7 +14,7 @@ from swarmctl.agent.state import Phase
 from swarmctl.agent.step import wants_tick
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
-from swarmctl.report.separation import Closeness
+from swarmctl.report.separation import SeparationStatistics
 
 
 def heard(effects: list[ev.Effect]) -> tuple[int, ...]:
@@ -26,7 +26,7 @@ def test_the_higher_system_id_holds_and_says_why() -> None:
     story = Watching()
     story.crossing(1)
     effects = story.at(125.0)
-    assert orders(effects) == [ev.Order.HOLD]
+    assert orders(effects) == [ev.FlightOrder.HOLD]
     (said,) = told(effects)
     assert said.startswith("too close to vehicle 1 in ")
     assert said.endswith(" m in height; it gives way")
@@ -50,7 +50,7 @@ def test_the_lower_system_id_gives_way_to_one_that_does_not_say_that_it_hears_it
     story = Watching()
     story.crossing(3, hears=hears)
     effects = story.at(125.0)
-    assert orders(effects) == [ev.Order.HOLD]
+    assert orders(effects) == [ev.FlightOrder.HOLD]
     assert told(effects)[0].endswith("; it gives way, for that does not say that it hears it")
 
 
@@ -59,7 +59,7 @@ def test_it_gives_way_as_soon_as_the_other_says_no_more_that_it_hears_it() -> No
     story.crossing(3)
     assert orders(story.at(125.0)) == []
     story.other(3, MID_M[0], MID_M[1] - 95.0, (0.0, 10.0, 0.0), hears=())
-    assert orders(story.at(135.0)) == [ev.Order.HOLD]
+    assert orders(story.at(135.0)) == [ev.FlightOrder.HOLD]
 
 
 def test_it_tells_whom_it_hears_of_late() -> None:
@@ -95,7 +95,7 @@ def test_when_the_other_is_past_it_plans_anew_and_flies_on() -> None:
     story = Watching()
     story.crossing(1)
     story.at(125.0)
-    story(ev.OrderDone(ev.Order.HOLD))
+    story(ev.OrderDone(ev.FlightOrder.HOLD))
     still = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode": "GUIDED", "mode_role": "hold"}
     for second in range(30):
         story.other(1, MID_M[0], MID_M[1] - 90.0 + 10.0 * second, (0.0, 10.0, 0.0))
@@ -144,7 +144,7 @@ def test_who_is_on_the_ground_or_high_enough_is_no_danger(changes: dict[str, flo
 
 
 def test_the_least_distance_to_one_that_is_flown_elsewhere_is_known_too() -> None:
-    story, closeness = Watching(), Closeness()
+    story, closeness = Watching(), SeparationStatistics()
     for second in range(8):
         story.at(100.0 + 10.0 * second)
         closeness.moved(story.state, float(second), story.now)
@@ -159,7 +159,7 @@ def test_an_operator_who_orders_otherwise_is_obeyed() -> None:
     story = Watching()
     story.crossing(1)
     story.at(125.0)
-    assert orders(story(ev.OperatorCommand(ev.Order.RETURN))) == [ev.Order.RETURN]
+    assert orders(story(ev.OperatorCommand(ev.FlightOrder.RETURN))) == [ev.FlightOrder.RETURN]
     story.at(130.0, mode="RTL", mode_role="return")
     assert story.state.interrupted_plan is None
     assert story.state.phase is Phase.LEAVING
@@ -170,7 +170,7 @@ def test_the_lower_system_id_gives_way_to_one_that_cannot(phase: str) -> None:
     story = Watching()
     story.crossing(3, phase=phase)
     effects = story.at(125.0)
-    assert orders(effects) == [ev.Order.HOLD]
+    assert orders(effects) == [ev.FlightOrder.HOLD]
     assert told(effects)[0].endswith("; it gives way")
 
 
@@ -179,13 +179,13 @@ def test_also_where_the_other_could_when_the_alarm_was_raised() -> None:
     story.crossing(3)
     assert orders(story.at(125.0)) == []
     story.other(3, MID_M[0], MID_M[1] - 95.0, (0.0, 10.0, 0.0), phase="leaving")
-    assert orders(story.at(135.0)) == [ev.Order.HOLD]
+    assert orders(story.at(135.0)) == [ev.FlightOrder.HOLD]
 
 
 def test_who_returns_is_not_stopped_on_its_way() -> None:
     story = Watching()
-    story(ev.OperatorCommand(ev.Order.RETURN))
-    story(ev.OrderDone(ev.Order.RETURN))
+    story(ev.OperatorCommand(ev.FlightOrder.RETURN))
+    story(ev.OrderDone(ev.FlightOrder.RETURN))
     story.other(1, 200.0, MID_M[1], (0.0, 0.0, 0.0))
     effects = story.at(130.0, mode="RTL", mode_role="return")
     assert len(told(effects)) == 1
@@ -215,7 +215,7 @@ def test_who_has_held_for_long_flies_on_above_the_other() -> None:
     story = Watching()
     story.crossing(1)
     story.at(125.0)
-    story(ev.OrderDone(ev.Order.HOLD))
+    story(ev.OrderDone(ev.FlightOrder.HOLD))
     assert holds_for(story, 55) == []
     assert holds_for(story, 10) == ["it has held for 60 s: it flies on at 34 m, above the others"]
     assert story.swap().plan.landing.alt_rel_m == pytest.approx(33.6)
@@ -225,7 +225,7 @@ def test_where_no_height_is_clear_it_holds_on_and_says_so_again_and_again() -> N
     story = Watching(fence=Fence((), 36.0))
     story.crossing(1)
     story.at(125.0)
-    story(ev.OrderDone(ev.Order.HOLD))
+    story(ev.OrderDone(ev.FlightOrder.HOLD))
     assert holds_for(story, 130) == ["it has held for 60 s, and no height is clear: it holds on"] * 2
     assert story.state.interrupted_plan is not None
 
@@ -234,7 +234,7 @@ def test_who_holds_for_another_keeps_clear_of_where_that_fell_silent() -> None:
     story = Watching()
     story.crossing(1)
     story.at(125.0)
-    story(ev.OrderDone(ev.Order.HOLD))
+    story(ev.OrderDone(ev.FlightOrder.HOLD))
     still = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode": "GUIDED", "mode_role": "hold"}
     # It was told to hold over the crossing, is heard once more, and then nothing is.
     story.other(1, MID_M[0], MID_M[1], (0.0, 0.0, 0.0))
@@ -257,7 +257,7 @@ def test_of_two_that_hold_for_a_third_and_stand_too_near_each_other_the_lower_sy
     story = Watching()
     story.crossing(4, phase="landing")
     story.at(125.0)
-    story(ev.OrderDone(ev.Order.HOLD))
+    story(ev.OrderDone(ev.FlightOrder.HOLD))
     still = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode": "GUIDED", "mode_role": "hold"}
     said = []
     for _ in range(50):

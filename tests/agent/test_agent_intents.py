@@ -14,6 +14,7 @@ from agent_stories import GRID, Story, orders, publications
 from hypothesis import Phase as HypothesisPhase
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from traffic_stories import AMSL_M, MID_M, told
 
 from swarmctl.agent.failsafes.base import Fence
@@ -21,9 +22,9 @@ from swarmctl.agent.state import Phase
 from swarmctl.agent.step import wants_tick
 from swarmctl.agent.traffic.intents import AROUND_M, EVERY_S, KEPT_CLEAR_S, MAX_AGE_S, STANDS_S
 from swarmctl.agent.traffic.route_deconfliction import AGAIN_S
-from swarmctl.agent.traffic.separation.clash import SLACK_S, clashes
-from swarmctl.agent.traffic.separation.trajectory import to_its_landing
-from swarmctl.agent.traffic.separation.watch import Action, Separation
+from swarmctl.agent.traffic.separation.clash import SLACK_S, find_clashes
+from swarmctl.agent.traffic.separation.trajectory import until_landing
+from swarmctl.agent.traffic.separation.watch import AvoidanceAction, SeparationRules
 from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentPoint, IntentShared, StateShared
 from swarmctl.core.observation import Observation
@@ -38,8 +39,8 @@ def intents(effects: list[ev.Effect]) -> list[IntentShared]:
 class Flier(Story):
     """Vehicle 2, which flies east along row 4 at 10 m/s."""
 
-    def __init__(self, action: Action = "hold", **changes: Any) -> None:
-        super().__init__(**{"uav": 2, "separation": replace(Separation(), action=action), **changes})
+    def __init__(self, action: AvoidanceAction = "hold", **changes: Any) -> None:
+        super().__init__(**{"uav": 2, "separation": replace(SeparationRules(), action=action), **changes})
         self.flying()
         self.at(75.0)
 
@@ -98,7 +99,7 @@ def test_where_it_is_off_its_time_it_tells_so_at_once() -> None:
 
 def test_who_holds_tells_that_it_stays_and_that_it_does_not_change() -> None:
     story = Flier()
-    story(ev.OperatorCommand(ev.Order.HOLD))
+    story(ev.OperatorCommand(ev.FlightOrder.HOLD))
     (intent,) = intents(story.at(100.0, ground_speed_m_s=0.0, east_m_s=0.0, mode_role="hold"))
     assert [p.in_s for p in intent.points] == [0.0, STANDS_S]
     assert len({(p.lat_deg, p.lon_deg, p.alt_amsl_m) for p in intent.points}) == 1
@@ -107,7 +108,7 @@ def test_who_holds_tells_that_it_stays_and_that_it_does_not_change() -> None:
 
 def test_how_high_it_returns_nobody_knows_and_it_says_that() -> None:
     story = Flier()
-    story(ev.OperatorCommand(ev.Order.RETURN))
+    story(ev.OperatorCommand(ev.FlightOrder.RETURN))
     (intent,) = intents(story.at(130.0, mode="RTL", mode_role="return"))
     assert intent.points == ()
     other = Flier()
@@ -178,7 +179,7 @@ def test_where_no_height_is_free_it_keeps_the_plan_it_has_and_looks_again() -> N
 
 
 @pytest.mark.parametrize("action", ["hold", "none"])
-def test_where_the_old_plan_is_about_to_meet_one_as_well_it_holds(action: Action) -> None:
+def test_where_the_old_plan_is_about_to_meet_one_as_well_it_holds(action: AvoidanceAction) -> None:
     story = low(action=action)
     story.crossing(3, may_change=False)
     effects = changes_its_plan(story)
@@ -186,7 +187,7 @@ def test_where_the_old_plan_is_about_to_meet_one_as_well_it_holds(action: Action
     if action == "none":
         assert orders(effects) == []
         return
-    assert orders(effects) == [ev.Order.HOLD]
+    assert orders(effects) == [ev.FlightOrder.HOLD]
     assert told(effects)[-1].endswith(" at any height: it holds")
     assert [p.in_s for p in intents(effects)[0].points] == [0.0, STANDS_S]
     # Again when the other has passed.
@@ -218,7 +219,10 @@ def test_of_two_plans_that_meet_the_higher_system_id_gives_way_but_to_who_cannot
     effects = story.crossing(uav, may_change=may_change)
     assert bool(told(effects)) is gives_way
     assert heights(story.tick()) == ([pytest.approx(33.6)] if gives_way else [])
-    assert (story.state.deconfliction.predicted, story.state.deconfliction.by_height) == (gives_way, gives_way)
+    assert (story.state.deconfliction.predicted, story.state.deconfliction.by_height) == (
+        gives_way,
+        gives_way,
+    )
 
 
 @pytest.mark.parametrize(("may_change", "gives_way"), [(False, True), (True, False)])
@@ -261,7 +265,7 @@ class Swarm:
         for uav, (entry_row, goal_row) in enumerate(ways, start=1):
             self.stories[uav] = Story(uav=uav, entry=(entry_row, 0), goals=((goal_row, 8),), w=0.9)
             self.stories[uav].launching()
-            self.stories[uav](ev.OrderDone(ev.Order.LAUNCH))
+            self.stories[uav](ev.OrderDone(ev.FlightOrder.LAUNCH))
         self.starts = {uav: GRID.centre_m((row, 0)) for uav, (row, _) in enumerate(ways, start=1)}
         for uav in self.stories:
             self.position(uav)
@@ -325,7 +329,7 @@ class Swarm:
                         self.fold(uav, ev.Tick())
 
     def learns(self, uav: int, cell: tuple[int, int], seq: int) -> None:
-        self.fold(uav, ev.Heard((Observation(9, seq, 0.0, ((*cell, True),)),)))
+        self.fold(uav, ev.ObservationsReceived((Observation(9, seq, 0.0, ((*cell, True),)),)))
 
 
 rows = st.integers(0, 8)
@@ -344,7 +348,7 @@ ONE_LANDS_UNDER_ANOTHER = (
 
 @given(ways, news, st.floats(0.0, 1.0), st.floats(0.0, 3.0), st.floats(0.2, 4.0), st.integers(0, 2**32 - 1))
 @example(*ONE_LANDS_UNDER_ANOTHER)
-@settings(max_examples=40, deadline=None, phases=PHASES)
+@settings(max_examples=examples(40), deadline=None, phases=PHASES)
 def test_once_all_have_heard_all_no_two_plans_meet(
     ways: list[tuple[int, int]],
     news: list[tuple[int, tuple[int, int], float]],
@@ -369,9 +373,16 @@ def test_once_all_have_heard_all_no_two_plans_meet(
             continue
         # Who comes down through another's height is for the watch. Each has the other's times by its own
         # position, which is up to half a second old.
-        mine, theirs = to_its_landing(a.own_intent), {b.task.uav: to_its_landing(b.own_intent)}
-        meet = clashes(mine, theirs, a.task.separation.limits, SLACK_S - 0.6)
-        assert not meet, (a.phase, b.phase, a.predicted_conflicts, b.predicted_conflicts, a.deferred_for, b.deferred_for)
+        mine, theirs = until_landing(a.own_intent), {b.task.uav: until_landing(b.own_intent)}
+        meet = find_clashes(mine, theirs, a.task.separation.limits, SLACK_S - 0.6)
+        assert not meet, (
+            a.phase,
+            b.phase,
+            a.predicted_conflicts,
+            b.predicted_conflicts,
+            a.deferred_for,
+            b.deferred_for,
+        )
 
 
 # --- who tells no position any more

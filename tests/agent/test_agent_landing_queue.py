@@ -11,7 +11,7 @@ from agent_stories import GRID, Story, orders, publications
 from swarmctl.agent.failsafes import low_battery
 from swarmctl.agent.failsafes.base import ActiveRule
 from swarmctl.agent.state import Phase
-from swarmctl.agent.traffic.separation.watch import Separation
+from swarmctl.agent.traffic.separation.watch import SeparationRules
 from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentPoint, IntentShared, StateShared
 from swarmctl.core.vehicle import Landed
@@ -25,7 +25,7 @@ HOLDS: dict[str, Any] = {**STILL, "mode": "GUIDED", "mode_role": "hold"}
 
 
 def told(effects: list[ev.Effect]) -> list[str]:
-    return [effect.text for effect in effects if isinstance(effect, ev.Tell)]
+    return [effect.text for effect in effects if isinstance(effect, ev.NotifyOperator)]
 
 
 def swaps(effects: list[ev.Effect]) -> list[ev.SwapMission]:
@@ -72,8 +72,8 @@ class OverGoal(Story):
         """For one that stands below."""
         self.at(10.0)
         self.other(1, (0.0, 2.0, 22.0), (30.0, 2.0, 22.0))
-        assert orders(self.at(4.0)) == [ev.Order.HOLD]
-        self(ev.OrderDone(ev.Order.HOLD))
+        assert orders(self.at(4.0)) == [ev.FlightOrder.HOLD]
+        self(ev.OrderDone(ev.FlightOrder.HOLD))
         return self
 
 
@@ -83,7 +83,7 @@ def test_who_is_higher_waits_over_its_landing_place_for_who_passes_below() -> No
     assert story.state.phase is Phase.LANDING
     story.passing_below()
     effects = story.at(4.0)
-    assert orders(effects) == [ev.Order.HOLD]
+    assert orders(effects) == [ev.FlightOrder.HOLD]
     (text,) = told(effects)
     assert text.startswith("over its goal its way down meets that of vehicle 1 in ")
     assert text.endswith(": it waits above")
@@ -122,7 +122,7 @@ def test_nor_for_one_that_it_would_stand_in_the_way_of_all_the_same() -> None:
 @pytest.mark.parametrize(
     ("up_m", "changes"),
     [
-        (30.0, {"separation": replace(Separation(), action="none")}),
+        (30.0, {"separation": replace(SeparationRules(), action="none")}),
         (4.0, {"altitude_m": 4.0}),
     ],
 )
@@ -165,7 +165,7 @@ def test_over_that_place_it_comes_down_where_it_is() -> None:
     story = OverGoal().waiting()
     story.other(1, (0.0, 12.0, 0.2), (0.1, 12.0, 0.0))
     effects = [effect for _ in range(4) for effect in story.at(0.5, **HOLDS)]
-    assert orders(effects) == [ev.Order.LAND]
+    assert orders(effects) == [ev.FlightOrder.LAND]
     assert swaps(effects) == []
     assert story.state.phase is Phase.LANDING
 
@@ -202,11 +202,11 @@ def test_where_it_gets_no_mission_it_lands_where_it_stands() -> None:
     while story.state.pending is None:
         story.at(3.0, **HOLDS)
     plan_id = story.state.pending.plan_id
-    assert orders(story(ev.MissionFailed(plan_id, "old", "it lands just now"))) == [ev.Order.LAND]
+    assert orders(story(ev.MissionFailed(plan_id, "old", "it lands just now"))) == [ev.FlightOrder.LAND]
     assert story.state.phase is Phase.LANDING
 
 
-def low(story: OverGoal, *heights_m: float) -> list[ev.Order]:
+def low(story: OverGoal, *heights_m: float) -> list[ev.FlightOrder]:
     """What it is told while it comes down all the same, half a second each."""
     down = {"landed": Landed.LANDING, "ground_speed_m_s": 0.0, "east_m_s": 0.0}
     return [order for up_m in heights_m for order in orders(story.at(0.5, up_m, **down))]
@@ -215,21 +215,21 @@ def low(story: OverGoal, *heights_m: float) -> list[ev.Order]:
 def test_who_was_not_heard_to_wait_is_not_told_again_when_it_is_low_or_nobody_is_below() -> None:
     story = OverGoal()
     story.passing_below()
-    assert orders(story.at(4.0)) == [ev.Order.HOLD]
-    story(ev.OrderFailed(ev.Order.HOLD, "no answer"))
+    assert orders(story.at(4.0)) == [ev.FlightOrder.HOLD]
+    story(ev.OrderFailed(ev.FlightOrder.HOLD, "no answer"))
     story(ev.Intents(((1, 0.0, IntentShared(0)),)))
-    assert set(low(story, 28.0, 24.0, 20.0, 16.0, 12.0, 10.0, 9.0, 8.0)) == {ev.Order.LAND}
+    assert set(low(story, 28.0, 24.0, 20.0, 16.0, 12.0, 10.0, 9.0, 8.0)) == {ev.FlightOrder.LAND}
     assert story.state.interrupted_plan is None
 
 
 def test_who_is_heard_again_when_it_is_low_is_not_told_to_wait_there() -> None:
     story = OverGoal()
     story.passing_below()
-    assert orders(story.at(4.0)) == [ev.Order.HOLD]
+    assert orders(story.at(4.0)) == [ev.FlightOrder.HOLD]
     story(ev.LinkLost(6.0))
     low(story, 20.0, 15.0, 10.0)
     story(ev.LinkRestored())
-    assert set(low(story, 3.0, 2.0, 1.5)) == {ev.Order.LAND}
+    assert set(low(story, 3.0, 2.0, 1.5)) == {ev.FlightOrder.LAND}
 
 
 def test_on_a_battery_that_is_all_but_spent_it_waits_no_longer() -> None:
@@ -237,7 +237,7 @@ def test_on_a_battery_that_is_all_but_spent_it_waits_no_longer() -> None:
     story = OverGoal(rules=rules).waiting()
     assert orders(story.at(3.0, battery_percent=24.0, **HOLDS)) == []
     effects = [e for _ in range(3) for e in story.at(3.0, battery_percent=19.0, **HOLDS)]
-    assert orders(effects)[:1] == [ev.Order.LAND]
+    assert orders(effects)[:1] == [ev.FlightOrder.LAND]
     fresh = OverGoal(rules=rules)
     fresh.at(10.0, battery_percent=9.0)
     fresh.passing_below()
@@ -262,4 +262,4 @@ def test_who_tells_no_plan_is_taken_to_fly_straight_on() -> None:
     )
     story(ev.Neighbours(((1, passing),)))
     story.now -= 1.0
-    assert orders(story.at(4.0)) == [ev.Order.HOLD]
+    assert orders(story.at(4.0)) == [ev.FlightOrder.HOLD]

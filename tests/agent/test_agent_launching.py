@@ -10,11 +10,11 @@ from traffic_stories import AMSL_M, MID_M, told
 
 from swarmctl.agent.state import Phase
 from swarmctl.agent.traffic.intents import MAX_AGE_S
-from swarmctl.agent.traffic.launching import WAITS_FOR_S, in_the_way
+from swarmctl.agent.traffic.launching import MAX_LAUNCH_WAIT_S, launch_conflict
 from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentPoint, IntentShared
 
-LAUNCH = ev.Order.LAUNCH
+LAUNCH = ev.FlightOrder.LAUNCH
 GROUND = {
     "armed": False,
     "alt_rel_m": 0.0,
@@ -53,9 +53,9 @@ class Priority(Story):
 
     def put_off(self, *, was_armed: bool = False) -> list[ev.Effect]:
         """As the runner tells, who asks before it is armed and before it takes off."""
-        why = in_the_way(self.state)
+        why = launch_conflict(self.state)
         assert why
-        return self(ev.LaunchPutOff(why, was_armed))
+        return self(ev.LaunchPostponed(why, was_armed))
 
 
 def test_it_launches_where_it_would_meet_nobody() -> None:
@@ -105,7 +105,7 @@ def waits_in_vain(command: int | None) -> tuple[Priority, list[str]]:
     story.hovers()
     story.ordered(command)
     said = []
-    for _ in range(int(WAITS_FOR_S)):
+    for _ in range(int(MAX_LAUNCH_WAIT_S)):
         story.hovers()
         story.now -= 1.0
         effects = story.stands()
@@ -142,8 +142,8 @@ def test_one_that_boots_while_it_waits_is_not_launched_by_that_order(
     assert story.state.phase is phase
 
 
-@pytest.mark.parametrize("order", [ev.Order.HOLD, ev.Order.RETURN])
-def test_it_is_called_back_while_it_waits(order: ev.Order) -> None:
+@pytest.mark.parametrize("order", [ev.FlightOrder.HOLD, ev.FlightOrder.RETURN])
+def test_it_is_called_back_while_it_waits(order: ev.FlightOrder) -> None:
     story = Priority()
     story.hovers()
     story.ordered()
@@ -167,7 +167,7 @@ def about_to_take_off(command: int | None = 1) -> Priority:
     story = Priority()
     assert orders(story.ordered(command)) == [LAUNCH]
     story.stands()
-    assert in_the_way(story.state) == ""
+    assert launch_conflict(story.state) == ""
     story.hovers()
     return story
 
@@ -175,7 +175,7 @@ def about_to_take_off(command: int | None = 1) -> Priority:
 @pytest.mark.parametrize("command", [1, None], ids=["by an operator", "by its own process"])
 def test_who_comes_into_the_way_before_it_is_armed_is_waited_for(command: int | None) -> None:
     story = about_to_take_off(command)
-    assert in_the_way(story.state).startswith("its first route would meet that of vehicle 7 in ")
+    assert launch_conflict(story.state).startswith("its first route would meet that of vehicle 7 in ")
     effects = story.put_off()
     assert story.state.phase is Phase.STANDBY
     assert orders(effects) == []
@@ -201,7 +201,7 @@ def test_all_its_waiting_for_one_launch_is_bounded_once() -> None:
         else:
             story.other((0.0, *MID_M, 30.0), (60.0, *MID_M, 200.0))
             said = told(story.stands())
-    assert story.now - began_s == pytest.approx(WAITS_FOR_S, abs=15.0)
+    assert story.now - began_s == pytest.approx(MAX_LAUNCH_WAIT_S, abs=15.0)
     assert said[-1].startswith("not launched: its first route would meet that of vehicle 7 in ")
 
 
@@ -228,7 +228,7 @@ def test_two_that_were_ordered_at_one_moment_do_not_wait_for_each_other() -> Non
     story.ordered()
     path = tuple(IntentPoint(t, *GRID.frame.to_geodetic(*MID_M), AMSL_M) for t in (0.0, 120.0))
     story(ev.Intents(((7, 0.0, IntentShared(1, path, on_ground=True)),)))
-    assert in_the_way(story.state) == ""
+    assert launch_conflict(story.state) == ""
     later = Priority()
     later(ev.Intents(((7, 0.0, IntentShared(1, path, on_ground=True)),)))
     assert orders(later.ordered()) == []
@@ -260,17 +260,17 @@ def test_an_order_that_names_whom_not_to_wait_for_launches_it_past_that_one_and_
     (text,) = told(effects)[1:]
     assert text.startswith("its first route would meet that of vehicle 7 in ")
     assert text.endswith(": it launches all the same, as ordered")
-    assert in_the_way(story.state) == ""
+    assert launch_conflict(story.state) == ""
 
 
 def test_whom_not_to_wait_for_may_be_named_while_it_is_about_to_take_off() -> None:
     story = Priority()
     assert orders(story.ordered()) == [LAUNCH]
     story.hovers()
-    assert in_the_way(story.state)
+    assert launch_conflict(story.state)
     (note,) = (e.answer.note for e in story.ordered(2, past=(7,)) if isinstance(e, ev.Answer))
     assert note == "it is about to take off"
-    assert in_the_way(story.state) == ""
+    assert launch_conflict(story.state) == ""
 
 
 def test_and_past_nobody_else() -> None:
@@ -294,7 +294,7 @@ def test_an_order_that_is_repeated_while_it_waits_changes_nothing_and_is_told_fo
     (note,) = (e.answer.note for e in effects if isinstance(e, ev.Answer))
     assert "that of vehicle 7 in " in note
     left_s = float(note.partition("for ")[2].partition(" s at most")[0])
-    assert left_s == pytest.approx(WAITS_FOR_S - 60.0, abs=4.0)
+    assert left_s == pytest.approx(MAX_LAUNCH_WAIT_S - 60.0, abs=4.0)
 
 
 def test_an_order_for_one_launch_is_none_for_the_next() -> None:
@@ -311,4 +311,4 @@ def test_one_that_somebody_has_armed_meanwhile_is_brought_down() -> None:
     story.ordered()
     story.over((4, 0))
     effects = story(ev.OrderFailed(LAUNCH, "battery: found 40 %", nothing_sent=True))
-    assert orders(effects) == [ev.Order.LAND]
+    assert orders(effects) == [ev.FlightOrder.LAND]

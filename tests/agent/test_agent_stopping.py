@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 from agent_stories import GRID, Story, publications
 
-from swarmctl.agent.arrival.common_time import Meeting
-from swarmctl.agent.replan.flight_path import along, stopping
-from swarmctl.agent.replan.stopping import Stop
+from swarmctl.agent.arrival.common_time import ArrivalGroup
+from swarmctl.agent.replan.copter_trajectory import fly_along, fly_with_stop
+from swarmctl.agent.replan.stopping import BrakingStop
 from swarmctl.agent.step import RETRY_AFTER_S
-from swarmctl.agent.traffic.intents import intended
+from swarmctl.agent.traffic.intents import planned_flight
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentShared, StateShared
@@ -28,7 +28,7 @@ class Flies(Story):
     """East along row 4 at 10 m/s; `brakes_m_s2` None: as one that just turns."""
 
     def __init__(self, brakes_m_s2: float | None, **changes: Any) -> None:
-        super().__init__(**{"meeting": Meeting({1: 0, 2: 1}), **changes})
+        super().__init__(**{"meeting": ArrivalGroup({1: 0, 2: 1}), **changes})
         self.flying()
         self.brakes_m_s2 = brakes_m_s2
         self.at(75.0)
@@ -89,7 +89,7 @@ def later_s(*stories: Story) -> float:
     """By how much later the first is told to land than the second, now."""
     lands_s = []
     for story in stories:
-        path = intended(story.state)
+        path = planned_flight(story.state)
         assert path is not None
         lands_s.append(path.times_s[-1])
     return lands_s[0] - lands_s[1]
@@ -150,13 +150,15 @@ def test_who_holds_has_nothing_to_brake_for() -> None:
 
 def test_who_stops_only_behind_its_goal_has_nothing_to_lose() -> None:
     here, way = (0.0, 0.0, 30.0), [(60.0, 0.0), (60.0, 30.0)]
-    stop = Stop(on_s=8.0, on_m=80.0, speed_m_s=10.0, brakes_m_s2=2.5)
-    assert stopping(here, 30.0, way, 10.0, 10.0, stop) == along(here, 30.0, way, 10.0, 10.0)
+    stop = BrakingStop(on_s=8.0, on_m=80.0, speed_m_s=10.0, brakes_m_s2=2.5)
+    assert fly_with_stop(here, 30.0, way, 10.0, 10.0, stop) == fly_along(here, 30.0, way, 10.0, 10.0)
 
 
 def test_on_its_way_to_the_stop_it_is_told_to_turn_where_its_plan_does() -> None:
     here, way = (0.0, 0.0, 30.0), [(40.0, 0.0), (40.0, 400.0)]
-    path = stopping(here, 30.0, way, 10.0, 10.0, Stop(on_s=5.0, on_m=50.0, speed_m_s=10.0, brakes_m_s2=2.5))
+    path = fly_with_stop(
+        here, 30.0, way, 10.0, 10.0, BrakingStop(on_s=5.0, on_m=50.0, speed_m_s=10.0, brakes_m_s2=2.5)
+    )
     assert path.times_s[:4] == pytest.approx((0.0, 4.0, 5.0, 9.0))
     assert path.points[1:4] == ((40.0, 0.0, 30.0), (40.0, 10.0, 30.0), (40.0, 30.0, 30.0))
 
@@ -176,7 +178,9 @@ def test_what_brakes_is_known_by_its_firmware(
 )
 def test_a_corner_where_it_brakes_or_stops_is_passed_once(corner_m: float) -> None:
     here, way = (0.0, 0.0, 30.0), [(corner_m, 0.0), (corner_m, 400.0)]
-    path = stopping(here, 30.0, way, 10.0, 10.0, Stop(on_s=1.1, on_m=11.0, speed_m_s=10.0, brakes_m_s2=2.5))
+    path = fly_with_stop(
+        here, 30.0, way, 10.0, 10.0, BrakingStop(on_s=1.1, on_m=11.0, speed_m_s=10.0, brakes_m_s2=2.5)
+    )
     path = path.later(50_000.0)  # by the clock of a vehicle that has been on for long
     assert 5.1 in [pytest.approx(t - 50_000.0) for t in path.times_s]
     assert path.times_s[-1] > 50_045.0

@@ -12,7 +12,7 @@ from swarmctl.agent.replan.swap_times import MOST_S, PRIOR_S, SwapTimes
 from swarmctl.agent.state import Phase
 from swarmctl.agent.step import MAX_FAILED_SWAPS
 from swarmctl.core import events as ev
-from swarmctl.core.any_angle.corners import Counting
+from swarmctl.core.any_angle.corners import ExposureMeasure
 from swarmctl.core.geo import distance_m
 from swarmctl.core.threat import FiringStrength
 
@@ -114,7 +114,7 @@ def _place(east_m: float) -> tuple[float, float]:
 @pytest.mark.parametrize("is_ahead", [True, False])
 def test_a_corner_of_the_old_route_before_that_is_kept_and_one_behind_is_not(is_ahead: bool) -> None:
     story = Story(entry=(0, 0), goals=((4, 8),)).launching()
-    story(ev.OrderDone(ev.Order.LAUNCH))
+    story(ev.OrderDone(ev.FlightOrder.LAUNCH))
     assert story.state.route is not None
     cells = story.state.route.cells
     index, came, corner, goes = next(turn for turn in _turns(cells) if turn[1] != turn[3])
@@ -156,9 +156,12 @@ def test_before_it_could_be_on_another_route_it_is_at_its_goal_and_keeps_its_own
 
 def test_a_track_is_left_on_its_line_where_it_will_be() -> None:
     story = Story(
-        any_angle=Counting.INTEGRAL, entry=(0, 0), goals=((3, 8),), strength=FiringStrength(0.9, 0.002, 0.001)
+        any_angle=ExposureMeasure.INTEGRAL,
+        entry=(0, 0),
+        goals=((3, 8),),
+        strength=FiringStrength(0.9, 0.002, 0.001),
     ).launching()
-    story(ev.OrderDone(ev.Order.LAUNCH))
+    story(ev.OrderDone(ev.FlightOrder.LAUNCH))
     story.over((0, 0))
     flown = story.state.route
     assert flown is not None

@@ -58,8 +58,8 @@ def test_a_swap_that_ended_in_hold_goes_on_from_there() -> None:
 
 def test_a_return_that_was_refused_is_not_insisted_on_against_a_pilot_who_holds() -> None:
     story = Story().flying()
-    story(ev.OperatorCommand(ev.Order.RETURN))
-    story(ev.OrderFailed(ev.Order.RETURN, "DO_SET_MODE: TEMPORARILY_REJECTED"))
+    story(ev.OperatorCommand(ev.FlightOrder.RETURN))
+    story(ev.OrderFailed(ev.FlightOrder.RETURN, "DO_SET_MODE: TEMPORARILY_REJECTED"))
     effects = wait(story, 20, **HOLD)
     assert orders(effects) == []
     assert ev.Release() in effects
@@ -67,8 +67,8 @@ def test_a_return_that_was_refused_is_not_insisted_on_against_a_pilot_who_holds(
 
 def test_a_return_that_was_refused_is_ordered_again_while_it_flies_its_mission() -> None:
     story = Story().flying()
-    (first,) = (e for e in story(ev.OperatorCommand(ev.Order.RETURN)) if isinstance(e, ev.Command))
-    story(ev.OrderFailed(ev.Order.RETURN, "DO_SET_MODE: TEMPORARILY_REJECTED"))
+    (first,) = (e for e in story(ev.OperatorCommand(ev.FlightOrder.RETURN)) if isinstance(e, ev.Command))
+    story(ev.OrderFailed(ev.FlightOrder.RETURN, "DO_SET_MODE: TEMPORARILY_REJECTED"))
     again = [e for e in wait(story, 10) if isinstance(e, ev.Command)]
     assert first.by_person
     assert again
@@ -80,9 +80,11 @@ def test_a_hold_that_is_ordered_while_it_gives_way_stays_one(number: int | None)
     story = Watching()
     story.crossing(1)
     story.at(125.0)
-    story(ev.OrderDone(ev.Order.HOLD))
-    effects = story(ev.OperatorCommand(ev.Order.HOLD, number))
-    assert [e for e in effects if isinstance(e, ev.Command)] == [ev.Command(ev.Order.HOLD, by_person=True)]
+    story(ev.OrderDone(ev.FlightOrder.HOLD))
+    effects = story(ev.OperatorCommand(ev.FlightOrder.HOLD, number))
+    assert [e for e in effects if isinstance(e, ev.Command)] == [
+        ev.Command(ev.FlightOrder.HOLD, by_person=True)
+    ]
     flies_on: list[ev.Effect] = []
     for second in range(30):
         story.other(1, MID_M[0], MID_M[1] - 90.0 + 10.0 * second, (0.0, 10.0, 0.0))
@@ -96,14 +98,16 @@ def test_who_was_let_go_can_still_be_ordered_by_a_person_and_stays_let_go() -> N
     story = Story().flying()
     wait(story, 3, mode="LOITER", mode_role="other")
     assert story.state.phase is Phase.RELEASED
-    effects = story(ev.OperatorCommand(ev.Order.RETURN, 7))
-    assert [e for e in effects if isinstance(e, ev.Command)] == [ev.Command(ev.Order.RETURN, by_person=True)]
+    effects = story(ev.OperatorCommand(ev.FlightOrder.RETURN, 7))
+    assert [e for e in effects if isinstance(e, ev.Command)] == [
+        ev.Command(ev.FlightOrder.RETURN, by_person=True)
+    ]
     assert story.state.phase is Phase.RELEASED
-    (told,) = story(ev.OrderFailed(ev.Order.RETURN, "DO_SET_MODE: DENIED"))
-    assert isinstance(told, ev.Tell)
+    (told,) = story(ev.OrderFailed(ev.FlightOrder.RETURN, "DO_SET_MODE: DENIED"))
+    assert isinstance(told, ev.NotifyOperator)
     assert "DENIED" in told.text
     assert orders(wait(story, 10, mode="LOITER", mode_role="other")) == []
-    assert orders(story(ev.OperatorCommand(ev.Order.RETURN))) == [], "nor does the end of this process"
+    assert orders(story(ev.OperatorCommand(ev.FlightOrder.RETURN))) == [], "nor does the end of this process"
 
 
 def test_the_others_are_told_where_it_is_as_long_as_it_is_up() -> None:

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from agent_stories import GRID, Story, orders
 
-from swarmctl.agent.replan.arrival_bounds import Arrival
 from swarmctl.agent.replan.decide import first_route
+from swarmctl.agent.replan.length_bounds import TimeBound
 from swarmctl.agent.replan.swap_times import SwapTimes
-from swarmctl.agent.replan.time_bound import change_cells, is_no_worse, underway_to
+from swarmctl.agent.replan.time_bound import change_cells, is_no_worse, lead_in_to
 from swarmctl.agent.replan.travel_time import lost_s
 from swarmctl.agent.state import Phase
 from swarmctl.core import events as ev
-from swarmctl.core.any_angle.corners import Counting
+from swarmctl.core.any_angle.corners import ExposureMeasure
 from swarmctl.core.belief import Belief
 from swarmctl.core.exposure import length_cells
 from swarmctl.core.grid import Cell
@@ -56,7 +56,7 @@ IN_THE_WAY = ((0, 3, True), (0, 4, True), (0, 5, True))
 
 
 def story(within_s: float = math.inf, after_s: float = 0.0, **changes: Any) -> Story:
-    arrival = Arrival(10.0, after_s, within_s, approach_m=50.0)
+    arrival = TimeBound(10.0, after_s, within_s, approach_m=50.0)
     return Story(method=EITHER_END, arrival=arrival, entry=(0, 0), goals=((0, 8),), **changes)
 
 
@@ -64,7 +64,7 @@ def flying(at_s: float = 20.0, **bounds: float) -> Story:
     """Launched at 0 s by its own clock, over its entry cell at `at_s`."""
     told = story(**bounds).launching()
     told.over((0, 0), time_boot_s=100.0)
-    told(ev.OrderDone(ev.Order.LAUNCH))
+    told(ev.OrderDone(ev.FlightOrder.LAUNCH))
     told.over((0, 0), time_boot_s=100.0 + at_s)
     assert told.state.phase is Phase.FLYING
     return told
@@ -140,7 +140,7 @@ def test_a_change_that_costs_more_time_than_it_saves_is_not_made() -> None:
 def test_a_wall_on_its_way_is_left_even_if_that_makes_it_late() -> None:
     told = story(within_s=70.0, max_exposure=0.5).launching()
     told.over((0, 0), time_boot_s=100.0)
-    told(ev.OrderDone(ev.Order.LAUNCH))
+    told(ev.OrderDone(ev.FlightOrder.LAUNCH))
     told.over((0, 0), time_boot_s=129.0)
     told.hear((0, 4, True))
     swap = told.swap()
@@ -197,7 +197,7 @@ def test_between_two_centres_the_way_counts_from_the_vehicle_and_a_change_goes_b
     told = flying(within_s=120.0)
     lat_deg, lon_deg = GRID.frame.to_geodetic(45.0, 25.0)  # 20 m past the centre of (0, 0)
     told.over((0, 0), time_boot_s=130.0, lat_deg=lat_deg, lon_deg=lon_deg)
-    underway = underway_to(told.state, (0, 0), straight(8))
+    underway = lead_in_to(told.state, (0, 0), straight(8))
     assert underway.elapsed_s == pytest.approx(30.0)
     assert underway.lead_m == pytest.approx(-20.0, abs=0.01)
     braking_and_hold_m = 10.0 * (20.0 / 7.0 + 0.5)
@@ -258,10 +258,13 @@ def test_it_costs_who_brakes_for_it_more_although_it_never_stands(within_s: floa
 
 def test_a_track_that_is_worse_than_its_route_by_now_is_pulled_anew() -> None:
     told = Story(
-        any_angle=Counting.INTEGRAL, entry=(0, 0), goals=((3, 8),), strength=FiringStrength(0.9, 0.002, 0.001)
+        any_angle=ExposureMeasure.INTEGRAL,
+        entry=(0, 0),
+        goals=((3, 8),),
+        strength=FiringStrength(0.9, 0.002, 0.001),
     )
     told.launching()
-    told(ev.OrderDone(ev.Order.LAUNCH))
+    told(ev.OrderDone(ev.FlightOrder.LAUNCH))
     told.over((0, 0))
     flown = told.state.route
     assert flown is not None

@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 
 from swarmctl.agent.traffic.separation import conflicts
 from swarmctl.agent.traffic.separation.approach import Limits, closest, intervals, nearest
-from swarmctl.agent.traffic.separation.trajectory import Trajectory, onward
+from swarmctl.agent.traffic.separation.trajectory import Trajectory, extrapolate
 
 LIMITS = Limits(20.0, 5.0)
 
 
 def test_two_that_cross_at_right_angles_at_one_height() -> None:
-    east = onward((-100.0, 0.0, 40.0), (10.0, 0.0, 0.0), 0.0, 20.0)
-    north = onward((0.0, -100.0, 40.0), (0.0, 10.0, 0.0), 0.0, 20.0)
+    east = extrapolate((-100.0, 0.0, 40.0), (10.0, 0.0, 0.0), 0.0, 20.0)
+    north = extrapolate((0.0, -100.0, 40.0), (0.0, 10.0, 0.0), 0.0, 20.0)
     at = closest(east, north, LIMITS)
     assert at is not None
     assert (at.t_s, at.distance_m) == pytest.approx((10.0, 0.0))
@@ -29,8 +29,8 @@ def test_two_that_cross_at_right_angles_at_one_height() -> None:
 
 
 def test_one_that_climbs_through_the_height_of_another() -> None:
-    still = onward((0.0, 0.0, 40.0), (0.0, 0.0, 0.0), 0.0, 100.0)
-    climbs = onward((10.0, 0.0, 0.0), (0.0, 0.0, 2.5), 0.0, 100.0)
+    still = extrapolate((0.0, 0.0, 40.0), (0.0, 0.0, 0.0), 0.0, 100.0)
+    climbs = extrapolate((10.0, 0.0, 0.0), (0.0, 0.0, 2.5), 0.0, 100.0)
     at = closest(still, climbs, LIMITS)
     assert at is not None
     # At equal shares of both limits nothing is gained by coming nearer in height: 10 of 20 m, 2.5 of 5.
@@ -39,14 +39,16 @@ def test_one_that_climbs_through_the_height_of_another() -> None:
 
 
 def test_at_the_limits_they_are_not_too_close() -> None:
-    one = onward((0.0, 0.0, 40.0), (5.0, 0.0, 0.0), 0.0, 10.0)
-    assert intervals(one, onward((0.0, 20.0, 40.0), (5.0, 0.0, 0.0), 0.0, 10.0), LIMITS) == ()
-    assert intervals(one, onward((0.0, 0.0, 45.0), (5.0, 0.0, 0.0), 0.0, 10.0), LIMITS) == ()
-    assert intervals(one, onward((0.0, 19.9, 44.9), (5.0, 0.0, 0.0), 0.0, 10.0), LIMITS) == ((0.0, 10.0),)
+    one = extrapolate((0.0, 0.0, 40.0), (5.0, 0.0, 0.0), 0.0, 10.0)
+    assert intervals(one, extrapolate((0.0, 20.0, 40.0), (5.0, 0.0, 0.0), 0.0, 10.0), LIMITS) == ()
+    assert intervals(one, extrapolate((0.0, 0.0, 45.0), (5.0, 0.0, 0.0), 0.0, 10.0), LIMITS) == ()
+    assert intervals(one, extrapolate((0.0, 19.9, 44.9), (5.0, 0.0, 0.0), 0.0, 10.0), LIMITS) == (
+        (0.0, 10.0),
+    )
 
 
 def test_time_alone_separates() -> None:
-    one = onward((0.0, 0.0, 40.0), (10.0, 0.0, 0.0), 0.0, 10.0)
+    one = extrapolate((0.0, 0.0, 40.0), (10.0, 0.0, 0.0), 0.0, 10.0)
     assert intervals(one, one.later(2.1), LIMITS) == ()
     assert closest(one, one.later(10.5), LIMITS) is None
     assert intervals(one, one.later(1.9), LIMITS) == (pytest.approx((1.9, 10.0)),)

@@ -7,22 +7,25 @@ import math
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
-from swarmctl.agent.replan.arrival_bounds import (
+from swarmctl.agent.replan.length_bounds import (
     HALF_DIAGONAL_CELLS,
-    Arrival,
-    Underway,
-    Window,
+    LeadIn,
+    LengthBounds,
+    TimeBound,
     before_takeoff,
-    window,
+    length_bounds,
 )
 
 CELL_M = 50.0
-AT_10_M_S = Arrival(speed_m_s=10.0, within_s=120.0, approach_m=85.0)
+AT_10_M_S = TimeBound(speed_m_s=10.0, within_s=120.0, approach_m=85.0)
 
 
 def test_without_a_bound_every_length_is_good() -> None:
-    assert window(Arrival(), CELL_M, before_takeoff(Arrival(), 40.0)) == Window(0.0, math.inf)
+    assert length_bounds(TimeBound(), CELL_M, before_takeoff(TimeBound(), 40.0)) == LengthBounds(
+        0.0, math.inf
+    )
 
 
 def test_before_the_take_off_the_climb_and_the_way_to_the_entry_are_counted() -> None:
@@ -30,46 +33,46 @@ def test_before_the_take_off_the_climb_and_the_way_to_the_entry_are_counted() ->
     # 2 s, braking by 1.75 m/s² 20/7 s. Of 120 s that leaves 95.5 s less 1.5 and 4.857 s.
     on_ground = before_takeoff(AT_10_M_S, altitude_m=40.0)
     left_m = 955.0 - 15.0 - 10.0 * (2.0 + 20.0 / 7.0)
-    assert window(AT_10_M_S, CELL_M, on_ground) == Window(0.0, pytest.approx(left_m / CELL_M))
+    assert length_bounds(AT_10_M_S, CELL_M, on_ground) == LengthBounds(0.0, pytest.approx(left_m / CELL_M))
     assert on_ground.arrives_s(AT_10_M_S, left_m) == pytest.approx(120.0)
 
 
 def test_what_may_be_lost_is_not_counted_on_to_be_late_enough() -> None:
-    between = Arrival(10.0, 80.0, 120.0)
-    plain, losing = Underway(60.0, 0.0, 0.0), Underway(60.0, 0.0, 0.0, lost_s=5.0)
-    assert window(between, CELL_M, losing).min_cells == window(between, CELL_M, plain).min_cells
-    assert window(between, CELL_M, losing).max_cells == pytest.approx(11.0)
-    assert Window(4.0, 10.0).misses_by(3.0, 5.0) == pytest.approx(1.0)
-    assert Window(4.0, 10.0).misses_by(9.0, 1.5) == pytest.approx(0.5)
+    between = TimeBound(10.0, 80.0, 120.0)
+    plain, losing = LeadIn(60.0, 0.0, 0.0), LeadIn(60.0, 0.0, 0.0, lost_s=5.0)
+    assert length_bounds(between, CELL_M, losing).min_cells == length_bounds(between, CELL_M, plain).min_cells
+    assert length_bounds(between, CELL_M, losing).max_cells == pytest.approx(11.0)
+    assert LengthBounds(4.0, 10.0).misses_by(3.0, 5.0) == pytest.approx(1.0)
+    assert LengthBounds(4.0, 10.0).misses_by(9.0, 1.5) == pytest.approx(0.5)
 
 
 WAYS = [
-    ("over the centre of its cell", Underway(60.0, 0.0, 0.0), 12.0),
-    ("half a cell before it", Underway(60.0, 0.0, 25.0), 11.5),
-    ("half a cell past it", Underway(60.0, 0.0, -25.0), 12.5),
-    ("still climbing", Underway(5.0, 25.0, 85.0), 19.3),
-    ("above its altitude", Underway(60.0, -3.0, 0.0), 12.0),
-    ("late", Underway(130.0, 0.0, 0.0), 0.0),
+    ("over the centre of its cell", LeadIn(60.0, 0.0, 0.0), 12.0),
+    ("half a cell before it", LeadIn(60.0, 0.0, 25.0), 11.5),
+    ("half a cell past it", LeadIn(60.0, 0.0, -25.0), 12.5),
+    ("still climbing", LeadIn(5.0, 25.0, 85.0), 19.3),
+    ("above its altitude", LeadIn(60.0, -3.0, 0.0), 12.0),
+    ("late", LeadIn(130.0, 0.0, 0.0), 0.0),
 ]
 
 
 @pytest.mark.parametrize(("underway", "cells"), [way[1:] for way in WAYS], ids=[way[0] for way in WAYS])
 def test_in_flight_what_is_left_of_the_bound_is_what_is_left_of_the_length(
-    underway: Underway, cells: float
+    underway: LeadIn, cells: float
 ) -> None:
-    assert window(AT_10_M_S, CELL_M, underway) == Window(0.0, pytest.approx(cells))
+    assert length_bounds(AT_10_M_S, CELL_M, underway) == LengthBounds(0.0, pytest.approx(cells))
 
 
 def test_a_vehicle_is_over_its_goal_cell_before_its_centre_and_must_not_be_so_too_early() -> None:
-    between = Arrival(speed_m_s=10.0, after_s=80.0, within_s=120.0)
-    found = window(between, CELL_M, Underway(60.0, 0.0, 0.0))
-    assert found == Window(pytest.approx(4.0 + HALF_DIAGONAL_CELLS), pytest.approx(12.0))
+    between = TimeBound(speed_m_s=10.0, after_s=80.0, within_s=120.0)
+    found = length_bounds(between, CELL_M, LeadIn(60.0, 0.0, 0.0))
+    assert found == LengthBounds(pytest.approx(4.0 + HALF_DIAGONAL_CELLS), pytest.approx(12.0))
     # Once the early end has passed, only the late one is left.
-    assert window(between, CELL_M, Underway(90.0, 0.0, 0.0)) == Window(0.0, pytest.approx(6.0))
+    assert length_bounds(between, CELL_M, LeadIn(90.0, 0.0, 0.0)) == LengthBounds(0.0, pytest.approx(6.0))
 
 
 def test_a_window_shorter_than_a_cell_closes_but_never_turns_round() -> None:
-    found = window(Arrival(10.0, after_s=119.0, within_s=120.0), CELL_M, Underway(60.0, 0.0, 0.0))
+    found = length_bounds(TimeBound(10.0, after_s=119.0, within_s=120.0), CELL_M, LeadIn(60.0, 0.0, 0.0))
     assert found.min_cells == found.max_cells == pytest.approx(12.0)
 
 
@@ -78,13 +81,13 @@ MISSES = [(3.0, 1.0), (4.0, 0.0), (7.0, 0.0), (10.0, 0.0), (12.5, 2.5)]
 
 @pytest.mark.parametrize(("length", "missed"), MISSES)
 def test_how_far_a_length_is_out(length: float, missed: float) -> None:
-    assert Window(4.0, 10.0).misses_by(length) == pytest.approx(missed)
+    assert LengthBounds(4.0, 10.0).misses_by(length) == pytest.approx(missed)
 
 
 ends = st.floats(0.0, 500.0)
 
 
-@settings(derandomize=True, deadline=None, max_examples=200)
+@settings(derandomize=True, deadline=None, max_examples=examples(200))
 @given(
     after_s=ends,
     lasts_s=st.one_of(ends, st.just(math.inf)),
@@ -103,9 +106,9 @@ def test_a_window_is_always_a_question_and_what_is_kept_free_only_narrows_it(
     speed_m_s: float,
     spare: float,
 ) -> None:
-    arrival = Arrival(speed_m_s, after_s, after_s + lasts_s)
-    underway = Underway(elapsed_s, climb_m, lead_m)
-    found = window(arrival, CELL_M, underway)
+    arrival = TimeBound(speed_m_s, after_s, after_s + lasts_s)
+    underway = LeadIn(elapsed_s, climb_m, lead_m)
+    found = length_bounds(arrival, CELL_M, underway)
     assert 0.0 <= found.min_cells <= found.max_cells
     narrower = found.less(spare)
     assert found.min_cells == narrower.min_cells <= narrower.max_cells <= found.max_cells

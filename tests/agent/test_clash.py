@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swarmctl.agent.traffic.separation.approach import Limits, intervals
-from swarmctl.agent.traffic.separation.clash import LEVEL_M, clashes
-from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory, onward
+from swarmctl.agent.traffic.separation.clash import LEVEL_M, find_clashes
+from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory, extrapolate
 from swarmctl.agent.traffic.separation.watch import gives_way_to
 
 LIMITS = Limits(20.0, 5.0)
@@ -20,11 +20,11 @@ LIMITS = Limits(20.0, 5.0)
 
 def met(own: Trajectory, *others: Trajectory, slack_s: float = 2.0) -> list[int]:
     known = dict(enumerate(others, start=1))
-    return [clash.other for clash in clashes(own, known, LIMITS, slack_s)]
+    return [clash.other for clash in find_clashes(own, known, LIMITS, slack_s)]
 
 
-EAST = onward((-100.0, 0.0, 40.0), (10.0, 0.0, 0.0), 0.0, 20.0)
-NORTH = onward((0.0, -100.0, 40.0), (0.0, 10.0, 0.0), 0.0, 20.0)
+EAST = extrapolate((-100.0, 0.0, 40.0), (10.0, 0.0, 0.0), 0.0, 20.0)
+NORTH = extrapolate((0.0, -100.0, 40.0), (0.0, 10.0, 0.0), 0.0, 20.0)
 
 
 @pytest.mark.parametrize(("later_s", "is_met"), [(0.0, True), (4.7, True), (4.9, False), (-4.9, False)])
@@ -35,26 +35,26 @@ def test_who_crosses_behind_may_be_met_if_times_shift(later_s: float, is_met: bo
 
 
 def test_side_by_side_they_do_not_meet_however_times_shift() -> None:
-    beside = onward((-100.0, 21.0, 40.0), (10.0, 0.0, 0.0), 0.0, 20.0)
+    beside = extrapolate((-100.0, 21.0, 40.0), (10.0, 0.0, 0.0), 0.0, 20.0)
     assert met(EAST, beside) == []
-    assert met(EAST, onward((-100.0, 19.0, 40.0), (10.0, 0.0, 0.0), 0.0, 20.0)) == [1]
+    assert met(EAST, extrapolate((-100.0, 19.0, 40.0), (10.0, 0.0, 0.0), 0.0, 20.0)) == [1]
 
 
 def test_who_stands_is_where_it_is_at_any_time() -> None:
-    assert met(EAST, onward((0.0, 21.0, 40.0), (0.0, 0.0, 0.0), 0.0, 20.0)) == []
-    assert met(EAST, onward((0.0, 21.0, 40.0), (0.0, 0.0, 0.0), 30.0, 20.0)) == []
+    assert met(EAST, extrapolate((0.0, 21.0, 40.0), (0.0, 0.0, 0.0), 0.0, 20.0)) == []
+    assert met(EAST, extrapolate((0.0, 21.0, 40.0), (0.0, 0.0, 0.0), 30.0, 20.0)) == []
 
 
 def test_heights_kept_to_the_limit_are_kept() -> None:
-    assert met(EAST, onward((0.0, -100.0, 45.0), (0.0, 10.0, 0.0), 0.0, 20.0)) == []
-    assert met(EAST, onward((0.0, -100.0, 45.0 - LEVEL_M / 2), (0.0, 10.0, 0.0), 0.0, 20.0)) == []
-    assert met(EAST, onward((0.0, -100.0, 44.0), (0.0, 10.0, 0.0), 0.0, 20.0)) == [1]
+    assert met(EAST, extrapolate((0.0, -100.0, 45.0), (0.0, 10.0, 0.0), 0.0, 20.0)) == []
+    assert met(EAST, extrapolate((0.0, -100.0, 45.0 - LEVEL_M / 2), (0.0, 10.0, 0.0), 0.0, 20.0)) == []
+    assert met(EAST, extrapolate((0.0, -100.0, 44.0), (0.0, 10.0, 0.0), 0.0, 20.0)) == [1]
 
 
 def test_the_soonest_comes_first_and_says_when() -> None:
-    late = onward((80.0, -180.0, 40.0), (0.0, 10.0, 0.0), 0.0, 20.0)
+    late = extrapolate((80.0, -180.0, 40.0), (0.0, 10.0, 0.0), 0.0, 20.0)
     known = {1: late, 2: NORTH}
-    first, second = clashes(EAST, known, LIMITS)
+    first, second = find_clashes(EAST, known, LIMITS)
     assert (first.other, second.other) == (2, 1)
     assert 5.0 < first.at_s < 10.0 < second.at_s < 18.0
 
@@ -96,9 +96,9 @@ def test_who_is_out_of_the_others_bounds_needs_no_closer_look(
 
 
 def test_of_some_more_is_kept() -> None:
-    beside = onward((-100.0, 25.0, 40.0), (10.0, 0.0, 0.0), 0.0, 20.0)
-    assert clashes(EAST, {1: beside}, LIMITS, 2.0) == ()
-    (found,) = clashes(EAST, {1: beside}, LIMITS, 2.0, {1: Limits(30.0, 5.0)})
+    beside = extrapolate((-100.0, 25.0, 40.0), (10.0, 0.0, 0.0), 0.0, 20.0)
+    assert find_clashes(EAST, {1: beside}, LIMITS, 2.0) == ()
+    (found,) = find_clashes(EAST, {1: beside}, LIMITS, 2.0, {1: Limits(30.0, 5.0)})
     assert found.other == 1
 
 

@@ -8,18 +8,18 @@ import pytest
 from facts import Judged, at, facts
 
 from swarmctl.agent.failsafes import fence_ahead
-from swarmctl.agent.failsafes.base import Facts, Fence, Kind
+from swarmctl.agent.failsafes.base import DemandKind, FailsafeFacts, Fence
 
 FENCE = Fence(((-200.0, -200.0), (1200.0, -200.0), (1200.0, 200.0), (-200.0, 200.0)), 60.0)
 """around the route to the east"""
 
 
-def there(east_m: float, north_m: float, speed_m_s: float = 10.0, **changes: Any) -> Facts:
+def there(east_m: float, north_m: float, speed_m_s: float = 10.0, **changes: Any) -> FailsafeFacts:
     vehicle = at(east_m, north_m, ground_speed_m_s=speed_m_s)
     return facts(vehicle, **{"fence": FENCE, **changes})
 
 
-def blown_north(speed_m_s: float, **changes: Any) -> dict[int, Kind]:
+def blown_north(speed_m_s: float, **changes: Any) -> dict[int, DemandKind]:
     """What is demanded first at which distance from the fence [m], blown off its route."""
     rule, found = Judged(fence_ahead, off_route_m=15.0, seconds=2.0), {}
     for north_m in range(0, 230, 2):
@@ -33,7 +33,7 @@ def blown_north(speed_m_s: float, **changes: Any) -> dict[int, Kind]:
 def test_it_holds_while_it_can_still_stop_and_returns_from_outside(speed_m_s: float, stops_m: float) -> None:
     found = blown_north(speed_m_s)
     (holds_at, hold), (returns_at, back) = found.items()
-    assert (hold, back) == (Kind.HOLD, Kind.RETURN)
+    assert (hold, back) == (DemandKind.HOLD, DemandKind.RETURN)
     # Two positions in a row, which come every 2 m here.
     assert stops_m - 4.0 <= holds_at <= stops_m
     assert -4.0 <= returns_at <= 0.0
@@ -42,7 +42,7 @@ def test_it_holds_while_it_can_still_stop_and_returns_from_outside(speed_m_s: fl
 @pytest.mark.parametrize(("radius_m", "turns_m"), [(40.0, 70.0), (80.0, 110.0)])
 def test_what_cannot_stop_turns_for_home_as_long_as_it_has_room(radius_m: float, turns_m: float) -> None:
     ((returns_at, back),) = blown_north(15.0, turn_radius_m=radius_m).items()
-    assert back is Kind.RETURN
+    assert back is DemandKind.RETURN
     assert turns_m - 4.0 <= returns_at <= turns_m
 
 
@@ -82,7 +82,7 @@ def test_one_position_outside_is_believed_only_when_the_next_says_so_too() -> No
     assert rule(1.5, there(9000.0, 0.0)) is None
     demand = rule(1.75, there(9000.0, 0.0))
     assert demand is not None
-    assert demand.kind is Kind.RETURN
+    assert demand.kind is DemandKind.RETURN
     again = rule(3.0, there(9000.0, 0.0), position_s=1.75)
     assert again == demand
 
@@ -93,4 +93,4 @@ def test_of_two_positions_the_weaker_demand_is_followed() -> None:
     assert rule(0.25, there(500.0, 175.0)) is None
     demand = rule(0.5, there(500.0, 9000.0))
     assert demand is not None
-    assert demand.kind is Kind.HOLD
+    assert demand.kind is DemandKind.HOLD

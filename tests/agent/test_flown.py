@@ -10,13 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swarmctl.agent.traffic.separation.approach import Limits
-from swarmctl.agent.traffic.separation.flown import Flown
+from swarmctl.agent.traffic.separation.flown import FlownSeparation
 
 LIMITS = Limits(10.0, 3.0)
 
 
 def test_the_least_distance_lies_between_two_samples() -> None:
-    flown = Flown(LIMITS)
+    flown = FlownSeparation(LIMITS)
     for t in range(11):
         flown.saw(1, float(t), (-52.0 + 10.0 * t, 0.0, 40.0))
         flown.saw(2, t + 0.5, (0.0, 4.0, 46.0))
@@ -28,7 +28,7 @@ def test_the_least_distance_lies_between_two_samples() -> None:
 
 
 def test_how_long_two_were_too_close_is_counted_once() -> None:
-    flown = Flown(LIMITS)
+    flown = FlownSeparation(LIMITS)
     for t in range(21):
         flown.saw(1, 0.5 * t, (-50.0 + 5.0 * t, 0.0, 40.0))
         flown.saw(2, 0.5 * t + 0.2, (0.0, 0.0, 41.0))
@@ -36,7 +36,7 @@ def test_how_long_two_were_too_close_is_counted_once() -> None:
 
 
 def test_where_nothing_was_heard_for_long_nothing_is_made_up() -> None:
-    flown = Flown(LIMITS)
+    flown = FlownSeparation(LIMITS)
     for t in range(8):
         if t in (0, 1, 6, 7):
             flown.saw(1, float(t), (-30.0 + 10.0 * t, 0.0, 40.0))
@@ -48,7 +48,7 @@ def test_where_nothing_was_heard_for_long_nothing_is_made_up() -> None:
 @given(st.integers(0, 2**32 - 1))
 def test_no_pair_of_samples_was_nearer(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    flown, t = Flown(LIMITS), np.sort(rng.uniform(0.0, 20.0, 120))
+    flown, t = FlownSeparation(LIMITS), np.sort(rng.uniform(0.0, 20.0, 120))
     paths = rng.uniform(-60.0, 60.0, (4, 3)), rng.uniform(-6.0, 6.0, (4, 3))
     least_m = math.inf
     uavs = rng.integers(0, 4, t.size)

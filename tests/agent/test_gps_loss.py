@@ -8,7 +8,7 @@ import pytest
 from facts import Judged, at, facts
 
 from swarmctl.agent.failsafes import gps_loss
-from swarmctl.agent.failsafes.base import Facts, Kind
+from swarmctl.agent.failsafes.base import DemandKind, FailsafeFacts
 
 NO_FIX = at(0.0, 0.0, gps_ok=False)
 
@@ -19,7 +19,7 @@ def test_it_is_said_and_in_the_end_the_vehicle_lands() -> None:
     for second in range(22):
         demand = rule(float(second), facts(NO_FIX))
         kinds.append(None if demand is None else demand.kind)
-    assert kinds == [None] * 2 + [Kind.WARN] * 18 + [Kind.LAND] * 2
+    assert kinds == [None] * 2 + [DemandKind.WARN] * 18 + [DemandKind.LAND] * 2
 
 
 def test_a_fix_that_comes_back_in_time_ends_it_and_later_stops_no_landing() -> None:
@@ -31,7 +31,7 @@ def test_a_fix_that_comes_back_in_time_ends_it_and_later_stops_no_landing() -> N
         rule(float(second), facts(NO_FIX))
     demand = rule(37.0, facts(at(0.0, 0.0, gps_ok=True)))
     assert demand is not None
-    assert demand.kind is Kind.LAND
+    assert demand.kind is DemandKind.LAND
 
 
 def test_who_has_no_receiver_is_not_heard_or_stands_on_the_ground_loses_none() -> None:
@@ -42,9 +42,9 @@ def test_who_has_no_receiver_is_not_heard_or_stands_on_the_ground_loses_none() -
         assert rule(float(second), facts(NO_FIX, doing="ground")) is None
 
 
-def kinds_of(rule: Judged, known: Facts, seconds: range, **stamps: float) -> dict[int, Kind]:
+def kinds_of(rule: Judged, known: FailsafeFacts, seconds: range, **stamps: float) -> dict[int, DemandKind]:
     """What is demanded first at which second."""
-    found: dict[int, Kind] = {}
+    found: dict[int, DemandKind] = {}
     for second in seconds:
         demand = rule(float(second), known, **stamps)
         if demand is not None and demand.kind not in found.values():
@@ -60,16 +60,16 @@ def test_one_word_of_no_fix_is_not_many_because_nothing_else_is_told() -> None:
 def test_who_tells_no_position_any_more_lands_in_the_end(gps_ok: bool | None) -> None:
     blind = facts(at(0.0, 0.0, gps_ok=gps_ok, lat_deg=None, lon_deg=None))
     found = kinds_of(Judged(gps_loss), blind, range(40), position_s=0.0, status_s=0.0)
-    assert found == {2: Kind.WARN, 20: Kind.LAND}
+    assert found == {2: DemandKind.WARN, 20: DemandKind.LAND}
 
 
 def test_who_tells_no_position_and_has_a_fix_returns_and_lands_if_it_does_not() -> None:
     blind = facts(at(0.0, 0.0, gps_ok=True, lat_deg=None, lon_deg=None))
     found = kinds_of(Judged(gps_loss), blind, range(60), position_s=0.0)
-    assert found == {2: Kind.WARN, 20: Kind.RETURN, 40: Kind.LAND}
+    assert found == {2: DemandKind.WARN, 20: DemandKind.RETURN, 40: DemandKind.LAND}
     comes = facts(replace(blind.vehicle, mode="RTL", mode_role="return"), doing="return")
     found = kinds_of(Judged(gps_loss), comes, range(200), position_s=0.0)
-    assert Kind.LAND not in found.values()
+    assert DemandKind.LAND not in found.values()
 
 
 def test_a_position_that_comes_again_ends_it() -> None:

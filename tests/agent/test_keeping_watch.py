@@ -7,20 +7,28 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swarmctl.agent.traffic.separation.approach import Limits
-from swarmctl.agent.traffic.separation.trajectory import onward
-from swarmctl.agent.traffic.separation.watch import Alarm, Separation, clear_height_m, gives_way, watch
+from swarmctl.agent.traffic.separation.trajectory import extrapolate
+from swarmctl.agent.traffic.separation.watch import (
+    ProximityAlarm,
+    SeparationRules,
+    clear_height_m,
+    gives_way_by_id,
+    update_alarms,
+)
 
-RULES = Separation(Limits(10.0, 3.0), look_ahead_s=10.0)
+RULES = SeparationRules(Limits(10.0, 3.0), look_ahead_s=10.0)
 
 
-def head_on(apart_m: float, aside_m: float = 0.0) -> tuple[Alarm, ...]:
+def head_on(apart_m: float, aside_m: float = 0.0) -> tuple[ProximityAlarm, ...]:
     return step((), apart_m, aside_m, 0.0)
 
 
-def step(alarms: tuple[Alarm, ...], apart_m: float, aside_m: float, now_s: float) -> tuple[Alarm, ...]:
-    own = onward((0.0, 0.0, 40.0), (5.0, 0.0, 0.0), now_s, RULES.look_ahead_s)
-    other = onward((apart_m, aside_m, 40.0), (-5.0, 0.0, 0.0), now_s, RULES.look_ahead_s)
-    return watch(alarms, own, {7: other}, RULES, now_s)
+def step(
+    alarms: tuple[ProximityAlarm, ...], apart_m: float, aside_m: float, now_s: float
+) -> tuple[ProximityAlarm, ...]:
+    own = extrapolate((0.0, 0.0, 40.0), (5.0, 0.0, 0.0), now_s, RULES.look_ahead_s)
+    other = extrapolate((apart_m, aside_m, 40.0), (-5.0, 0.0, 0.0), now_s, RULES.look_ahead_s)
+    return update_alarms(alarms, own, {7: other}, RULES, now_s)
 
 
 def test_an_alarm_is_raised_when_limits_will_be_broken_within_the_time_looked_ahead() -> None:
@@ -48,15 +56,15 @@ def test_it_ends_only_when_they_keep_well_clear_for_some_time() -> None:
 
 def test_who_is_heard_no_more_is_let_go_after_a_while() -> None:
     alarms = head_on(50.0)
-    own = onward((0.0, 0.0, 40.0), (5.0, 0.0, 0.0), 1.0, 10.0)
-    alarms = watch(alarms, own, {}, RULES, 1.0)
+    own = extrapolate((0.0, 0.0, 40.0), (5.0, 0.0, 0.0), 1.0, 10.0)
+    alarms = update_alarms(alarms, own, {}, RULES, 1.0)
     assert len(alarms) == 1
-    assert watch(alarms, own, {}, RULES, 3.0) == ()
+    assert update_alarms(alarms, own, {}, RULES, 3.0) == ()
 
 
 @given(st.integers(1, 254), st.integers(1, 254))
 def test_of_two_exactly_one_gives_way(a: int, b: int) -> None:
-    assert a == b or gives_way(a, b) is not gives_way(b, a)
+    assert a == b or gives_way_by_id(a, b) is not gives_way_by_id(b, a)
 
 
 @given(st.floats(10.0, 100.0), st.lists(st.floats(0.0, 120.0), max_size=8))

@@ -11,23 +11,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swarmctl.agent.replan.approach import (
+from swarmctl.agent.replan.landing_pattern import (
+    FixedWing,
+    LandingPattern,
     NoApproach,
-    Pattern,
-    Point,
+    PlanarPoint,
     Pose,
-    Wings,
-    approach,
-    choose,
-    pattern,
-    pattern_of,
-    way_to_circle,
+    choose_pattern,
+    landing_pattern,
+    path_to_circle,
+    pattern_from,
+    planned_approach,
 )
 from swarmctl.core.geo import LocalFrame
-from swarmctl.core.plane import contains
+from swarmctl.core.planar import contains
 
 FRAME = LocalFrame(46.0, 14.4)
-WINGS = Wings(
+WINGS = FixedWing(
     loiter_radius_m=60.0,
     final_height_m=20.0,
     glide_deg=6.0,
@@ -40,12 +40,12 @@ COMES_EAST = Pose((0.0, 0.0), EAST)
 
 
 def chosen(
-    fence: Sequence[Point] = (),
-    under: Callable[[Sequence[Point]], float] = lambda way: 0.0,
-    wings: Wings = WINGS,
+    fence: Sequence[PlanarPoint] = (),
+    under: Callable[[Sequence[PlanarPoint]], float] = lambda way: 0.0,
+    wings: FixedWing = WINGS,
     comes: Pose = COMES_EAST,
-) -> Pattern:
-    return choose(
+) -> LandingPattern:
+    return choose_pattern(
         (0.0, 0.0),
         wings,
         comes=comes,
@@ -56,7 +56,7 @@ def chosen(
     )
 
 
-def box(west: float, south: float, east: float, north: float) -> list[Point]:
+def box(west: float, south: float, east: float, north: float) -> list[PlanarPoint]:
     return [(west, south), (east, south), (east, north), (west, north)]
 
 
@@ -68,7 +68,7 @@ def test_the_final_is_as_steep_as_asked_for_and_continues_the_circles_tangent(
     heading_rad: float, clockwise: bool, glide_deg: float, radius_m: float
 ) -> None:
     wings = replace(WINGS, glide_deg=glide_deg, loiter_radius_m=radius_m)
-    found = pattern((10.0, -20.0), heading_rad, wings, clockwise=clockwise)
+    found = landing_pattern((10.0, -20.0), heading_rad, wings, clockwise=clockwise)
     final_m = math.dist(found.final, found.touchdown)
     assert math.degrees(math.atan2(20.0, final_m)) == pytest.approx(glide_deg)
     assert all(math.dist(point, found.centre) == pytest.approx(radius_m) for point in found.circle())
@@ -83,8 +83,8 @@ def test_the_final_is_as_steep_as_asked_for_and_continues_the_circles_tangent(
 
 @given(headings, st.booleans())
 def test_what_a_plan_says_of_an_approach_is_all_there_is_to_it(heading_rad: float, clockwise: bool) -> None:
-    found = pattern((300.0, 400.0), heading_rad, WINGS, clockwise=clockwise)
-    again = pattern_of(approach(found, FRAME, 20.0), FRAME)
+    found = landing_pattern((300.0, 400.0), heading_rad, WINGS, clockwise=clockwise)
+    again = pattern_from(planned_approach(found, FRAME, 20.0), FRAME)
     assert again.radius_m == found.radius_m
     for mine, its in zip(again.outline(), found.outline(), strict=True):
         assert math.dist(mine, its) < 0.05
@@ -104,12 +104,12 @@ def test_no_leg_leaves_the_fence_whichever_way_it_comes(heading_rad: float) -> N
     fence = box(-420.0, -330.0, 180.0, 150.0)
     comes = Pose((0.0, 0.0), heading_rad)
     found = chosen(fence, comes=comes)
-    way = [*way_to_circle(comes, found, 40.0), *found.outline()]
+    way = [*path_to_circle(comes, found, 40.0), *found.outline()]
     assert all(contains(fence, point) for point in way)
 
 
 def test_of_all_that_are_inside_it_takes_the_least_exposed() -> None:
-    def east_is_seen(way: Sequence[Point]) -> float:
+    def east_is_seen(way: Sequence[PlanarPoint]) -> float:
         return sum(1.0 for east_m, _ in way if east_m > 100.0)
 
     found = chosen(box(-600.0, -600.0, 600.0, 600.0), east_is_seen)
@@ -127,8 +127,8 @@ def test_without_room_it_says_how_much_is_needed() -> None:
 def test_the_way_to_the_circle_turns_no_tighter_than_it_can_and_comes_there(
     heading_rad: float, east_m: float, north_m: float, turn_radius_m: float
 ) -> None:
-    there = pattern((0.0, 0.0), NORTH, WINGS, clockwise=True)
-    way = way_to_circle(Pose((east_m, north_m), heading_rad), there, turn_radius_m)
+    there = landing_pattern((0.0, 0.0), NORTH, WINGS, clockwise=True)
+    way = path_to_circle(Pose((east_m, north_m), heading_rad), there, turn_radius_m)
     assert math.dist(way[-1], there.centre) <= 60.0
     courses = [math.atan2(e1 - e0, n1 - n0) for (e0, n0), (e1, n1) in pairwise(way)]
     turns = [abs(math.remainder(b - a, math.tau)) for a, b in pairwise([heading_rad, *courses])]

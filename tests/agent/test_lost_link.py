@@ -8,7 +8,7 @@ import pytest
 from facts import Judged, at, facts
 
 from swarmctl.agent.failsafes import lost_link, taken_over
-from swarmctl.agent.failsafes.base import Kind
+from swarmctl.agent.failsafes.base import DemandKind
 
 
 @pytest.mark.parametrize(
@@ -23,7 +23,7 @@ from swarmctl.agent.failsafes.base import Kind
 def test_it_is_said_what_was_agreed_before_the_take_off(does: Any, said: str) -> None:
     demand = Judged(lost_link, does=does, after_s=10.0)(0.0, facts(lost=True))
     assert demand is not None
-    assert demand.kind is Kind.WARN
+    assert demand.kind is DemandKind.WARN
     assert demand.why.endswith(f"by preflight.policy.lost_link {said}")
 
 

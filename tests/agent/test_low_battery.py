@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from swarmctl.agent.failsafes import low_battery
-from swarmctl.agent.failsafes.base import STRENGTH, Kind
+from swarmctl.agent.failsafes.base import STRENGTH, DemandKind
 
 
 def test_below_the_first_limit_it_returns_and_below_the_second_it_lands() -> None:
@@ -18,7 +18,7 @@ def test_below_the_first_limit_it_returns_and_below_the_second_it_lands() -> Non
     for second, percent in enumerate([30, 26, 25, 24, 24, 24, 24, 9, 9, 9, 9]):
         demand = rule(float(second), facts(at(0.0, 0.0, battery_percent=percent)))
         kinds[second] = None if demand is None else demand.kind
-    assert [kinds[s] for s in (5, 6, 9, 10)] == [None, Kind.RETURN, Kind.RETURN, Kind.LAND]
+    assert [kinds[s] for s in (5, 6, 9, 10)] == [None, DemandKind.RETURN, DemandKind.RETURN, DemandKind.LAND]
 
 
 def test_a_dip_under_full_thrust_is_no_low_battery() -> None:
@@ -86,7 +86,7 @@ def test_its_return_may_wait_while_there_is_charge_for_that(
     rule = Judged(low_battery, return_percent=25.0, seconds=0.0, **params)
     demand = rule(0.0, facts(at(0.0, 0.0, battery_percent=percent)))
     assert demand is not None
-    assert (demand.kind, demand.urgent) == (Kind.RETURN, urgent)
+    assert (demand.kind, demand.urgent) == (DemandKind.RETURN, urgent)
 
 
 def test_what_is_urgent_stays_so() -> None:

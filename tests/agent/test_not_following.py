@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swarmctl.agent.failsafes import not_following
-from swarmctl.agent.failsafes.base import Kind, Way
-from swarmctl.core.plane import distance_to_track
+from swarmctl.agent.failsafes.base import ActiveRoute, DemandKind
+from swarmctl.core.planar import distance_to_track
 
 LIMITS = {"metres": 50.0, "seconds": 10.0}
 
@@ -25,7 +25,7 @@ def test_off_its_route_for_long_it_is_called_back() -> None:
     demand = rule(11.0, facts(at(200.0, 51.0)))
     assert demand is not None
     assert (demand.kind, demand.why) == (
-        Kind.RETURN,
+        DemandKind.RETURN,
         "51 m off its route, expected at most 50 m, for 10 s",
     )
 
@@ -43,7 +43,7 @@ def test_a_vehicle_that_stands_still_in_its_mission_does_not_follow_either() -> 
     assert rule(0.0, facts(stands)) is None
     demand = rule(10.0, facts(stands))
     assert demand is not None
-    assert (demand.kind, demand.why) == (Kind.WARN, "in mode AUTO, and has not moved for 10 s")
+    assert (demand.kind, demand.why) == (DemandKind.WARN, "in mode AUTO, and has not moved for 10 s")
     assert rule(11.0, facts(at(200.0, 0.0))) is None
 
 
@@ -62,7 +62,7 @@ def test_a_new_plan_begins_where_the_vehicle_is() -> None:
     assert way is not None
     for second in range(10, 60):
         there = facts(
-            at(200.0 - 2.0 * (second - 10), 200.0 - 4.0 * (second - 10)), way=Way(2, (way.points[0],))
+            at(200.0 - 2.0 * (second - 10), 200.0 - 4.0 * (second - 10)), way=ActiveRoute(2, (way.points[0],))
         )
         assert rule(float(second), there) is None
 

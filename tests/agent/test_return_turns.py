@@ -8,26 +8,31 @@ from math import hypot
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 from swarmctl.agent.traffic import return_turns
-from swarmctl.agent.traffic.return_turns import Caller, turns
+from swarmctl.agent.traffic.return_turns import ReturningVehicle, schedule_returns
 
 APART = {"horizontal_m": 10.0, "vertical_m": 3.0}
 
 
-def caller(uav: int, here: tuple[float, float], home: tuple[float, float], **changes: float) -> Caller:
+def caller(
+    uav: int, here: tuple[float, float], home: tuple[float, float], **changes: float
+) -> ReturningVehicle:
     values: dict[str, float] = {"alt_amsl_m": 340.0, "home_alt_amsl_m": 300.0, "speed_m_s": 10.0, **changes}
-    return Caller(uav, here, values["alt_amsl_m"], home, values["home_alt_amsl_m"], values["speed_m_s"])
+    return ReturningVehicle(
+        uav, here, values["alt_amsl_m"], home, values["home_alt_amsl_m"], values["speed_m_s"]
+    )
 
 
 def test_side_by_side_all_return_at_once() -> None:
-    plan = turns([caller(n, (500.0, 50.0 * n), (0.0, 50.0 * n)) for n in (1, 2, 3)], **APART)
+    plan = schedule_returns([caller(n, (500.0, 50.0 * n), (0.0, 50.0 * n)) for n in (1, 2, 3)], **APART)
     assert dict(plan.begins_s) == {1: 0.0, 2: 0.0, 3: 0.0}
     assert plan.not_apart == ()
 
 
 def test_to_one_home_they_come_one_after_the_other_the_nearest_first() -> None:
-    plan = turns([caller(n, (100.0 * n, 0.0), (0.0, 0.0)) for n in (3, 1, 2)], **APART)
+    plan = schedule_returns([caller(n, (100.0 * n, 0.0), (0.0, 0.0)) for n in (3, 1, 2)], **APART)
     assert list(plan.begins_s) == [1, 2, 3]
     begins = list(plan.begins_s.values())
     assert begins[0] == 0.0
@@ -36,7 +41,7 @@ def test_to_one_home_they_come_one_after_the_other_the_nearest_first() -> None:
 
 
 def test_ways_that_cross_are_flown_one_after_the_other() -> None:
-    plan = turns(
+    plan = schedule_returns(
         [caller(1, (200.0, 0.0), (0.0, 200.0)), caller(2, (200.0, 200.0), (0.0, 0.0))],
         **APART,
     )
@@ -45,7 +50,7 @@ def test_ways_that_cross_are_flown_one_after_the_other() -> None:
 
 def test_who_holds_on_anothers_way_leaves_before_it() -> None:
     """Though it has the longer way home."""
-    plan = turns(
+    plan = schedule_returns(
         [caller(1, (300.0, 0.0), (0.0, 0.0)), caller(2, (150.0, 0.0), (150.0, 400.0))],
         **APART,
     )
@@ -53,22 +58,24 @@ def test_who_holds_on_anothers_way_leaves_before_it() -> None:
 
 
 def test_who_returns_already_has_the_first_turn() -> None:
-    under_way = Caller(2, (400.0, 0.0), 340.0, (0.0, 0.0), 300.0, 10.0, is_returning=True)
-    plan = turns([caller(1, (100.0, 5.0), (0.0, 5.0)), under_way], **APART)
+    under_way = ReturningVehicle(2, (400.0, 0.0), 340.0, (0.0, 0.0), 300.0, 10.0, is_returning=True)
+    plan = schedule_returns([caller(1, (100.0, 5.0), (0.0, 5.0)), under_way], **APART)
     assert plan.begins_s[2] == 0.0
     assert plan.not_apart == ((2, 1),)
 
 
 def test_where_each_holds_on_the_others_way_it_is_said() -> None:
-    plan = turns([caller(1, (0.0, 0.0), (200.0, 0.0)), caller(2, (100.0, 0.0), (-100.0, 0.0))], **APART)
+    plan = schedule_returns(
+        [caller(1, (0.0, 0.0), (200.0, 0.0)), caller(2, (100.0, 0.0), (-100.0, 0.0))], **APART
+    )
     assert len(plan.not_apart) == 1
 
 
 def test_nobody_to_call_back_is_no_plan() -> None:
-    assert turns([], **APART) == return_turns.Turns({}, 0.0)
+    assert schedule_returns([], **APART) == return_turns.ReturnSchedule({}, 0.0)
 
 
-def flown(who: Caller, begins_s: float, t: float, pace: float) -> tuple[tuple[float, float], str]:
+def flown(who: ReturningVehicle, begins_s: float, t: float, pace: float) -> tuple[tuple[float, float], str]:
     """Where one is at a time, that leaves at once or late and flies as fast as `pace` in 0..1 says."""
     if t < begins_s:
         return who.here, "holds"
@@ -86,12 +93,12 @@ SWARMS = st.lists(st.tuples(PLACES, PLACES, st.floats(310.0, 370.0), st.floats(0
 
 
 @given(SWARMS)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 def test_no_two_meet_however_fast_each_is(
     swarm: list[tuple[tuple[float, float], tuple[float, float], float, float]],
 ) -> None:
     callers = [caller(n, here, home, alt_amsl_m=alt) for n, (here, home, alt, _) in enumerate(swarm, 1)]
-    plan = turns(callers, **APART)
+    plan = schedule_returns(callers, **APART)
     excused = {frozenset(pair) for pair in plan.not_apart}
     for (one, (*_, pace)), (other, (*_, others_pace)) in combinations(zip(callers, swarm, strict=True), 2):
         for step in range(int(plan.down_s) + 1):
@@ -112,6 +119,6 @@ def test_no_two_meet_however_fast_each_is(
 
 def test_twenty_vehicles_to_one_home_each_have_their_turn() -> None:
     ring = [caller(n, (30.0 * n, 7.0 * (n % 5)), (0.0, 0.0)) for n in range(1, 21)]
-    plan = turns(ring, **APART)
+    plan = schedule_returns(ring, **APART)
     assert len(plan.begins_s) == 20
     assert plan.down_s == pytest.approx(max(plan.begins_s.values()) + max(c.takes_s for c in ring), rel=0.5)

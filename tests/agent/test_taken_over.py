@@ -8,7 +8,7 @@ import pytest
 from facts import Judged, at, facts
 
 from swarmctl.agent.failsafes import taken_over
-from swarmctl.agent.failsafes.base import Activity, Kind
+from swarmctl.agent.failsafes.base import Activity, DemandKind
 from swarmctl.agent.failsafes.taken_over import BOOTS_S
 from swarmctl.core.vehicle import STALE_MODE_S
 
@@ -21,7 +21,7 @@ def test_a_mode_that_no_agent_ever_chooses_is_let_at_once() -> None:
     assert rule(0.0, facts()) is None
     demand = rule(0.1, facts(LOITER))
     assert demand is not None
-    assert (demand.kind, demand.why) == (Kind.LET_GO, "in mode LOITER, which nobody here has ordered")
+    assert (demand.kind, demand.why) == (DemandKind.LET_GO, "in mode LOITER, which nobody here has ordered")
 
 
 def test_a_mode_of_ours_may_be_an_old_heartbeat_for_a_moment() -> None:
@@ -73,7 +73,7 @@ OTHER = {"other_mission": True, "mission_total": 21}
 def test_who_puts_another_mission_on_it_has_taken_it(doing: Activity) -> None:
     demand = Judged(taken_over)(0.0, facts(at(0.0, 0.0, **OTHER), doing=doing))
     assert demand is not None
-    assert demand.kind is Kind.LET_GO
+    assert demand.kind is DemandKind.LET_GO
     assert demand.why == "another mission is on it, of 21 items, which nobody here has put there"
 
 
@@ -81,7 +81,7 @@ def test_on_the_ground_that_is_said_and_on_its_way_home_it_is_no_matter() -> Non
     ground = at(0.0, 0.0, mode="GUIDED", mode_role="hold", armed=False, **OTHER)
     demand = Judged(taken_over)(0.0, facts(ground, doing="ground", ours=frozenset({"hold"})))
     assert demand is not None
-    assert demand.kind is Kind.WARN
+    assert demand.kind is DemandKind.WARN
     home = facts(
         at(0.0, 0.0, mode="RTL", mode_role="return", **OTHER), doing="return", ours=frozenset({"return"})
     )

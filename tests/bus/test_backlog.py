@@ -10,6 +10,7 @@ import pytest
 from ether import state
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 from swarmctl.bus import network
 from swarmctl.bus.backlog import Backlog, QueuedMessage
@@ -18,8 +19,8 @@ from swarmctl.bus.node.decoding import DecodedFrame
 from swarmctl.bus.node.exchange import NodeOptions
 from swarmctl.bus.radio import LossReason
 from swarmctl.bus.transports.memory import MemoryBus
-from swarmctl.core.frames import Frame, IntentShared, Spoken, StateShared
-from swarmctl.core.observation import Observation, Told
+from swarmctl.core.frames import AgentMessage, Frame, IntentShared, StateShared
+from swarmctl.core.observation import BeliefItem, Observation
 from swarmctl.flight.virtual_clock import run_virtual
 
 ROOM_BYTES = 20_000
@@ -30,7 +31,7 @@ def observation(uav: int, seq: int, incarnation: int = 1) -> Observation:
 
 
 def said(sender: int, n: int, kind: type, to: tuple[int, ...]) -> QueuedMessage:
-    contents: dict[type, Spoken] = {
+    contents: dict[type, AgentMessage] = {
         Observation: observation(sender, n),
         StateShared: state(),
         IntentShared: IntentShared(1),
@@ -48,7 +49,7 @@ ANY = st.tuples(
 """sender, kind, to whom, and how many are heard before the next is said"""
 
 
-@settings(derandomize=True, deadline=None, max_examples=200)
+@settings(derandomize=True, deadline=None, max_examples=examples(200))
 @given(st.lists(ANY, min_size=40, max_size=150))
 def test_what_goes_is_the_oldest_but_never_the_newest_of_who_is_where(
     story: list[tuple[int, type, tuple[int, ...], int]],
@@ -72,7 +73,7 @@ def test_what_goes_is_the_oldest_but_never_the_newest_of_who_is_where(
     assert [backlog.popleft() for _ in range(len(backlog))] == waiting
 
 
-def known(told: list[Told]) -> set[int]:
+def known(told: list[BeliefItem]) -> set[int]:
     """The observations of vehicle 1, each by itself or in a checkpoint."""
     return {
         seq for one in told for seq in ([one.seq] if isinstance(one, Observation) else range(1, one.upto + 1))
@@ -90,7 +91,7 @@ def test_what_there_is_no_room_for_is_counted_said_and_learned_again(
     lines: list[tuple[int, str]] = []
 
     async def scene() -> None:
-        uavs, heard = (1, 2, 3), dict[int, list[Told]]()
+        uavs, heard = (1, 2, 3), dict[int, list[BeliefItem]]()
         with closing(MemoryBus()) as transport:
             options = NodeOptions(20, 20)
             swarm = Network(
@@ -106,8 +107,8 @@ def test_what_there_is_no_room_for_is_counted_said_and_learned_again(
                 for seq in range(1, 501):
                     swarm.publish(1, observation(1, seq, incarnations[1]))
                 await asyncio.sleep(0.1)
-                assert 300 < swarm.tally(2).lost[LossReason.OVERLOAD] < 500
-                assert swarm.tally(1).lost == {}
+                assert 300 < swarm.counters(2).lost[LossReason.OVERLOAD] < 500
+                assert swarm.counters(1).lost == {}
                 assert [text for uav, text in lines if uav == 2] == [
                     "more is said than this machine can hear; some is lost (said once, all is counted)"
                 ]

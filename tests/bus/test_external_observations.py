@@ -18,22 +18,23 @@ import pytest
 from flights import Ui, small
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 from swarmctl.bus import keys
 from swarmctl.bus.endpoint import BusEndpoint
-from swarmctl.bus.external_observations import BURST, PAUSE_S, PER_S, ReportReceiver, ReportCounts
+from swarmctl.bus.external_observations import BURST, PAUSE_S, PER_S, ReportCounts, ReportReceiver
 from swarmctl.bus.sensor_reports import (
     MAX_BYTES,
     OLDEST_S,
-    ReportAnswer,
     RejectedReport,
-    ReportedCells,
-    ReportedPoint,
     RejectReason,
     Report,
+    ReportAnswer,
+    ReportedCells,
+    ReportedPoint,
     decode_answer,
-    encode,
     decode_report,
+    encode,
     report_schema,
 )
 from swarmctl.bus.transports import zenoh_config
@@ -160,7 +161,11 @@ REFUSED: dict[str, tuple[bytes, RejectReason, str]] = {
         RejectReason.STALE,
         "seen 60.2 s ago, expected at most 60",
     ),
-    "milliseconds": (said(cells=ONE, unix_s=NOW_S * 1000.0), RejectReason.FUTURE, "s from now, expected at most 5"),
+    "milliseconds": (
+        said(cells=ONE, unix_s=NOW_S * 1000.0),
+        RejectReason.FUTURE,
+        "s from now, expected at most 5",
+    ),
     "from the future": (said(cells=ONE, unix_s=NOW_S + 5.2), RejectReason.FUTURE, "seen 5.2 s from now"),
     "a long name": (said(cells=ONE, source="x" * 33), RejectReason.MALFORMED, "length <= 32"),
     "a name that moves the cursor": (
@@ -217,7 +222,7 @@ almost = st.fixed_dictionaries(
 
 
 @given(st.binary(max_size=80) | almost.map(lambda content: json.dumps(content).encode()))
-@settings(max_examples=200, deadline=None, derandomize=True)
+@settings(max_examples=examples(200), deadline=None, derandomize=True)
 def test_whatever_the_bytes_they_are_a_report_or_refused(data: bytes) -> None:
     with suppress(RejectedReport):
         cells, source = decode_report(data, GRID, NOW_S)
@@ -234,7 +239,7 @@ def test_whatever_the_bytes_they_are_a_report_or_refused(data: bytes) -> None:
     st.booleans(),
     st.booleans(),
 )
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=examples(60), deadline=None, derandomize=True)
 def test_a_report_by_position_says_the_same_as_one_by_cell(
     cells: list[tuple[int, int]], occupied: bool, by_cell: bool
 ) -> None:
@@ -266,7 +271,7 @@ class Vehicle:
         self.posted: list[tuple[ReportedCells, str]] = []
         self.said: list[str] = []
         self._stirred = asyncio.Event()
-        self.looks = ReportReceiver(
+        self.receiver = ReportReceiver(
             transport,
             "test",
             3,
@@ -353,7 +358,7 @@ def test_who_asks_is_told_what_was_taken(both: Both) -> None:
             assert await answered(payload, said(cells=ONE, source="geiger")) == ReportAnswer(True, SEEN)
             assert vehicle.posted == [(SEEN, "geiger")]
             assert vehicle.said == []
-            assert vehicle.looks.tally == ReportCounts(1)
+            assert vehicle.receiver.counts == ReportCounts(1)
 
     asyncio.run(scene())
 
@@ -368,7 +373,7 @@ def test_who_asks_is_told_why_nothing_was_taken(both: Both) -> None:
                 assert not answer.taken
                 assert why in answer.why
             assert vehicle.posted == []
-            assert vehicle.looks.tally == ReportCounts(0, {"outside the area": 1, "oversize": 1})
+            assert vehicle.receiver.counts == ReportCounts(0, {"outside the area": 1, "oversize": 1})
             assert vehicle.said[0].startswith(
                 "a payload's report was refused (1 so far): outside the area: cell"
             )
@@ -383,9 +388,9 @@ def test_a_put_is_taken_or_counted(both: Both) -> None:
             await answered(payload, said(cells=ONE))  # both are there
             payload.put(KEY, said(cells=[[1, 1, False]], source="camera"))
             payload.put(KEY, b"nonsense")
-            await vehicle.until(lambda: bool(vehicle.looks.tally.refused))
+            await vehicle.until(lambda: bool(vehicle.receiver.counts.refused))
             assert vehicle.posted[1:] == [(((1, 1, False),), "camera")]
-            assert vehicle.looks.tally == ReportCounts(2, {"malformed": 1})
+            assert vehicle.receiver.counts == ReportCounts(2, {"malformed": 1})
 
     asyncio.run(scene())
 
@@ -408,7 +413,7 @@ def test_what_is_told_to_all_at_once_is_for_nobody(key: str, comes_in: bool) -> 
             payload.put(KEY, said(cells=ONE))
             await vehicle.until(lambda: len(vehicle.posted) == 2)
             assert vehicle.posted == [(SEEN, ""), (SEEN, "")]
-            assert vehicle.looks.tally == ReportCounts(2, {"wrong key": 2} if comes_in else {})
+            assert vehicle.receiver.counts == ReportCounts(2, {"wrong key": 2} if comes_in else {})
             assert [key in text for text in vehicle.said] == [True] * comes_in
 
     asyncio.run(scene())
@@ -423,7 +428,7 @@ def test_the_looks_of_another_vehicle_are_not_its_own(both: Both) -> None:
                 assert await payload.ask(key, said(cells=ONE), 5.0) == ()
                 payload.put(key, said(cells=ONE))
             await answered(payload, said(cells=ONE))
-            assert vehicle.looks.tally == ReportCounts(2)
+            assert vehicle.receiver.counts == ReportCounts(2)
 
     asyncio.run(scene())
 
@@ -446,7 +451,7 @@ def test_what_comes_faster_than_agents_can_use_is_refused_until_there_is_room() 
         assert [(await answered(bus, said(cells=ONE))).taken for _ in range(BURST + 1)] == [True] * BURST + [
             False
         ]
-        assert vehicle.looks.tally == ReportCounts(2 * BURST + 1, {"too fast": 3})
+        assert vehicle.receiver.counts == ReportCounts(2 * BURST + 1, {"too fast": 3})
 
     run_virtual(scene())
 
@@ -457,7 +462,7 @@ def test_nonsense_uses_up_the_room_too() -> None:
         vehicle = Vehicle(bus)
         for _ in range(BURST + 10):
             await answered(bus, b"nonsense")
-        assert vehicle.looks.tally == ReportCounts(0, {"malformed": BURST, "too fast": 10})
+        assert vehicle.receiver.counts == ReportCounts(0, {"malformed": BURST, "too fast": 10})
 
     run_virtual(scene())
 
@@ -574,7 +579,9 @@ def test_a_swarm_flies_by_what_payloads_report_and_by_nothing_else(tmp_path: Pat
 @pytest.mark.interop
 def test_the_example_reports_once_a_second() -> None:
     async def scene() -> None:
-        with ZenohBus(listen=BusEndpoint("127.0.0.1", 0), put_keys=(keys.sensor_report("test", "*"),)) as agent:
+        with ZenohBus(
+            listen=BusEndpoint("127.0.0.1", 0), put_keys=(keys.sensor_report("test", "*"),)
+        ) as agent:
             vehicle = Vehicle(agent, time.time)
             words = [sys.executable, str(ROOT / "configs" / "detector.py"), str(agent.endpoint), "test", "3"]
             example = await asyncio.create_subprocess_exec(*words)
@@ -584,6 +591,6 @@ def test_the_example_reports_once_a_second() -> None:
                 example.terminate()
                 await example.wait()
             assert vehicle.posted[0] == (((4, 7, True), (4, 8, False)), "detector")
-            assert vehicle.looks.tally.refused == {}
+            assert vehicle.receiver.counts.refused == {}
 
     asyncio.run(scene())

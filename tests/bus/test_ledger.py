@@ -8,15 +8,16 @@ import numpy as np
 from ether import COLS, ROWS, UNIX_S, state
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 from swarmctl.bus.node.decoding import frame_decoder
 from swarmctl.bus.node.exchange import NodeOptions, NodeOutput
 from swarmctl.bus.node.ledger import ReceptionTable
 from swarmctl.bus.node.node import Node
-from swarmctl.core.frames import Content, Frame, Relayed, Seal, SnapshotAsked, StateShared
+from swarmctl.core.frames import Content, Frame, FrameCodec, Relayed, SnapshotAsked, StateShared
 from swarmctl.core.observation import Observation
 
-SEAL = Seal("test")
+SEAL = FrameCodec("test")
 READ = frame_decoder(SEAL, ROWS, COLS)
 PAUSES_S = st.sampled_from((0.1, 0.1, 0.1, 3.0, 6.0, 11.0))
 ON = st.sampled_from((1, 1, 1, 1, 1, 0, 2, -1))
@@ -42,18 +43,18 @@ class Process:
 
     def hear(self, sender: int, frame: Frame, to: tuple[int, ...], now_s: float) -> dict[int, NodeOutput]:
         """What it comes to for each of them, under the key of `sender`."""
-        decoded, unix_s, took = READ(SEAL.close(frame)), UNIX_S + now_s, {}
+        decoded, unix_s, outputs = READ(SEAL.close(frame)), UNIX_S + now_s, {}
         if self.ledger is not None and sender in UAVS:
             hearers = self.ledger.hearers(to)
             takes = self.ledger.take(sender, frame.act, decoded, hearers, now_s, unix_s)
             seen = frame.content
             news = [seen] if isinstance(seen, Observation) else []
-            took = {uav: NodeOutput(news=news) for uav in self.ledger.uavs(takes)}
-            self.n_taken += len(took)
+            outputs = {uav: NodeOutput(news=news) for uav in self.ledger.uavs(takes)}
+            self.n_taken += len(outputs)
         for uav in to:
-            if uav not in took:
-                took[uav] = self.nodes[uav].hear(sender, frame.act, decoded, now_s, unix_s)
-        return took
+            if uav not in outputs:
+                outputs[uav] = self.nodes[uav].hear(sender, frame.act, decoded, now_s, unix_s)
+        return outputs
 
 
 class Senders:
@@ -77,7 +78,7 @@ class Senders:
         return Observation(uav, seq, 1.0, cells, incarnation)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 @given(st.data())
 def test_at_once_comes_to_the_same_as_one_by_one(data: st.DataObject) -> None:
     both, senders = (Process(at_once=True), Process(at_once=False)), Senders()
@@ -91,12 +92,12 @@ def test_at_once_comes_to_the_same_as_one_by_one(data: st.DataObject) -> None:
         message = said(data, senders) if i > 2 else plain(senders)
         sender = data.draw(st.sampled_from((message.sender,) * 9 + (2,)))
         to = data.draw(st.sampled_from((HEARERS, HEARERS, HEARERS, (7, 9), (8,))))
-        took = [process.hear(sender, message, to, senders.now_s) for process in both]
+        outputs = [process.hear(sender, message, to, senders.now_s) for process in both]
         for uav in HEARERS:
             nodes = [process.nodes[uav] for process in both]
             if uav in to:
-                assert took[0][uav] == took[1][uav]
-            assert nodes[0].tally == nodes[1].tally
+                assert outputs[0][uav] == outputs[1][uav]
+            assert nodes[0].counters == nodes[1].counters
             assert nodes[0].states() == nodes[1].states()
             assert nodes[0].next_deadline_s == nodes[1].next_deadline_s
         if data.draw(st.booleans()):
@@ -109,12 +110,12 @@ def test_at_once_comes_to_the_same_as_one_by_one(data: st.DataObject) -> None:
             process.nodes[uav].receive(1, question.act, SEAL.close(question), now_s, unix_s)
             for process in both
         ]
-        assert [out.data for out in answers[0].out] == [out.data for out in answers[1].out]
+        assert [out.data for out in answers[0].messages] == [out.data for out in answers[1].messages]
 
 
 def knows(both: tuple[Process, Process], uav: int, now_s: float) -> int:
     """The fingerprint of what this UAV knows, by what it says of itself in both."""
-    told = [process.nodes[uav].say(state(), now_s, UNIX_S + now_s).out[0] for process in both]
+    told = [process.nodes[uav].say(state(), now_s, UNIX_S + now_s).messages[0] for process in both]
     contents = [SEAL.open(out.data).content for out in told]
     assert told[0].to == told[1].to
     assert contents[0] == contents[1]

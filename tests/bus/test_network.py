@@ -19,13 +19,13 @@ from swarmctl.bus import keys, network
 from swarmctl.bus.network import Network, RunClock
 from swarmctl.bus.node.exchange import NodeOptions
 from swarmctl.bus.node.reach import recipients
-from swarmctl.bus.radio import LossReason, Partition, RadioSilence, Radio, RadioSettings
+from swarmctl.bus.radio import LossReason, Partition, Radio, RadioSettings, RadioSilence
 from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.bus.transports.zenoh import ZenohBus
-from swarmctl.core.frames import Frame, Seal, Why
+from swarmctl.core.frames import Frame, FrameCodec, RefusalReason
 from swarmctl.core.geo import distance_m
-from swarmctl.core.observation import Observation, Told
+from swarmctl.core.observation import BeliefItem, Observation
 from swarmctl.flight.virtual_clock import run_virtual
 
 OPTIONS = NodeOptions(20, 20)
@@ -59,11 +59,11 @@ class Swarm:
         clock = RunClock(1_800_000_000.0, speedup)
         model = None if radio is None else Radio(radio, 7)
         self.network = Network(transport, "test", uavs, options, clock=clock, radio=model)
-        self.told: dict[int, asyncio.Queue[Told]] = {uav: asyncio.Queue() for uav in uavs}
+        self.told: dict[int, asyncio.Queue[BeliefItem]] = {uav: asyncio.Queue() for uav in uavs}
         self.incarnations = {uav: self.network.join(uav, self._inbox(uav)) for uav in uavs}
 
-    def _inbox(self, uav: int) -> Callable[[tuple[Told, ...]], None]:
-        def put(told: tuple[Told, ...]) -> None:
+    def _inbox(self, uav: int) -> Callable[[tuple[BeliefItem, ...]], None]:
+        def put(told: tuple[BeliefItem, ...]) -> None:
             for item in told:
                 self.told[uav].put_nowait(item)
 
@@ -74,7 +74,7 @@ class Swarm:
         self.network.publish(uav, message)
         return message
 
-    async def next_of(self, uav: int) -> Told:
+    async def next_of(self, uav: int) -> BeliefItem:
         async with asyncio.timeout(5.0):
             return await self.told[uav].get()
 
@@ -87,8 +87,8 @@ def test_everyone_hears_what_one_says_and_itself_does_not(bus: Open) -> None:
                 said = swarm.says(1, 1)
                 assert [await swarm.next_of(2), await swarm.next_of(3)] == [said, said]
                 assert swarm.told[1].empty()
-                assert swarm.network.tally(1).sent["inform/observation"] == 2
-                assert swarm.network.tally(2).received >= 1
+                assert swarm.network.counters(1).sent["inform/observation"] == 2
+                assert swarm.network.counters(2).received >= 1
 
     asyncio.run(scene())
 
@@ -107,23 +107,23 @@ def test_messages_of_one_sender_arrive_in_order(bus: Open) -> None:
 @pytest.mark.parametrize(
     ("key", "why"),
     [
-        ("swarmctl/test/uav/3/inform/observation/2", Why.SOURCE),
-        ("swarmctl/test/uav/3/inform/state/1", Why.SOURCE),
-        ("swarmctl/test/uav/3/inform/observation/x", Why.SOURCE),
-        ("swarmctl/test/uav/3/observation", Why.SOURCE),
+        ("swarmctl/test/uav/3/inform/observation/2", RefusalReason.SOURCE),
+        ("swarmctl/test/uav/3/inform/state/1", RefusalReason.SOURCE),
+        ("swarmctl/test/uav/3/inform/observation/x", RefusalReason.SOURCE),
+        ("swarmctl/test/uav/3/observation", RefusalReason.SOURCE),
     ],
 )
-def test_what_comes_under_another_key_is_refused_and_counted(key: str, why: Why, bus: Open) -> None:
+def test_what_comes_under_another_key_is_refused_and_counted(key: str, why: RefusalReason, bus: Open) -> None:
     async def scene() -> None:
         with bus() as transport:
             swarm = Swarm(transport, 1, 2, 3)
             with closing(swarm.network):
                 observation = seen(1, 1)
-                data = Seal("test").close(Frame(1, 0, 1, 1_800_000_000.0, observation))
+                data = FrameCodec("test").close(Frame(1, 0, 1, 1_800_000_000.0, observation))
                 transport.put(key, data)
                 said = swarm.says(2, 1)
                 assert await swarm.next_of(3) == said
-                assert swarm.network.tally(3).refused == {why: 1}
+                assert swarm.network.counters(3).refused == {why: 1}
 
     asyncio.run(scene())
 
@@ -151,7 +151,7 @@ def test_an_exception_in_an_agent_does_not_end_the_network(bus: Open) -> None:
         with bus() as transport:
             swarm = Swarm(transport, 1, 2, 3)
 
-            def broken(_told: tuple[Told, ...]) -> None:
+            def broken(_told: tuple[BeliefItem, ...]) -> None:
                 raise RuntimeError("a bug")
 
             with closing(swarm.network):
@@ -167,7 +167,7 @@ def test_what_waits_for_an_agent_is_told_it_at_once() -> None:
         with closing(MemoryBus()) as transport:
             swarm = Swarm(transport, 1, 2, 3)
             with closing(swarm.network):
-                told: list[tuple[Told, ...]] = []
+                told: list[tuple[BeliefItem, ...]] = []
                 swarm.network.join(3, told.append)
                 said = [swarm.says(1, 1), swarm.says(2, 1), swarm.says(1, 2)]
                 await asyncio.sleep(0.0)
@@ -183,7 +183,7 @@ def test_who_joins_again_is_one_uav_and_knows_what_was_said_before() -> None:
             with closing(swarm.network):
                 for seq in range(1, 6):
                     await in_turn(swarm, seq)
-                told: list[Told] = []
+                told: list[BeliefItem] = []
                 swarm.incarnations[3] = swarm.network.join(3, told.extend)
                 for uav in (1, 2):
                     swarm.says(uav, 6)
@@ -193,7 +193,7 @@ def test_who_joins_again_is_one_uav_and_knows_what_was_said_before() -> None:
                 assert {(seen.observer, seen.seq) for seen in told if isinstance(seen, Observation)} >= {
                     (uav, seq) for uav in (1, 2) for seq in range(1, 7)
                 }
-                assert all(not swarm.network.tally(uav).refused for uav in (1, 2, 3))
+                assert all(not swarm.network.counters(uav).refused for uav in (1, 2, 3))
 
     run_virtual(scene())
 
@@ -270,7 +270,7 @@ def test_who_is_too_far_or_too_near_is_not_heard(metres: float, lost: LossReason
                 swarm.says(1, 1)
                 await asyncio.sleep(1.0)
                 assert swarm.told[2].empty() is (lost is not None)
-                assert swarm.network.tally(2).lost == ({} if lost is None else {lost: 1})
+                assert swarm.network.counters(2).lost == ({} if lost is None else {lost: 1})
 
     run_virtual(scene())
 
@@ -285,10 +285,10 @@ def test_what_was_lost_is_counted_by_what_lost_it() -> None:
                 for seq in range(1, 201):
                     swarm.says(1, seq)
                     await asyncio.sleep(0.1)
-                tally = swarm.network.tally(1)
-                assert tally.sent["inform/observation"] == 200
-                assert swarm.network.tally(2).received + tally.lost[LossReason.LOSS] == 200
-                assert 60 < tally.lost[LossReason.LOSS] < 140
+                counters = swarm.network.counters(1)
+                assert counters.sent["inform/observation"] == 200
+                assert swarm.network.counters(2).received + counters.lost[LossReason.LOSS] == 200
+                assert 60 < counters.lost[LossReason.LOSS] < 140
 
     run_virtual(scene())
 
@@ -321,7 +321,9 @@ def test_who_hears_all_that_is_said_asks_for_nothing() -> None:
             with closing(swarm.network):
                 for seq in range(1, 200):
                     await in_turn(swarm, seq)
-                asked = {uav: tally.snapshots_asked for uav, tally in swarm.network.tallies().items()}
+                asked = {
+                    uav: counters.snapshots_asked for uav, counters in swarm.network.all_counters().items()
+                }
                 # Each of the others once, when it was first heard.
                 assert asked == dict.fromkeys(range(1, 6), 4)
 

@@ -9,11 +9,12 @@ import pytest
 from ether import COLS, ROWS, UNIX_S, Ether, at_once
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 from swarmctl.bus.node.exchange import NodeOptions
 from swarmctl.bus.node.node import CHECKPOINT_EVERY
 from swarmctl.bus.node.replica import COMPACT_AFTER
-from swarmctl.core.frames import IntentPoint, IntentShared, Why
+from swarmctl.core.frames import IntentPoint, IntentShared, RefusalReason
 
 IDS = (1, 2, 3, 4, 5)
 HEALED_S = 40.0
@@ -78,7 +79,7 @@ acts = st.one_of(
 
 
 @given(st.lists(acts, max_size=30), st.sampled_from((None, 1, 2)), st.booleans())
-@settings(max_examples=60, deadline=None, phases=PHASES)
+@settings(max_examples=examples(60), deadline=None, phases=PHASES)
 def test_after_any_history_that_ends_connected_all_beliefs_are_equal(
     history: list[Act], k: int | None, relay: bool
 ) -> None:
@@ -89,11 +90,13 @@ def test_after_any_history_that_ends_connected_all_beliefs_are_equal(
     ether.run(HEALED_S * (1 if k is None else 3))
     assert ether.agree()
     # What was on its way when its sender was started again has been overtaken.
-    assert all(uav.node.tally.refused.keys() <= {Why.REPLAY} for uav in ether.uavs.values()), ether.said
+    assert all(uav.node.counters.refused.keys() <= {RefusalReason.REPLAY} for uav in ether.uavs.values()), (
+        ether.said
+    )
 
 
 @given(st.lists(acts, max_size=30))
-@settings(max_examples=30, deadline=None, phases=PHASES)
+@settings(max_examples=examples(30), deadline=None, phases=PHASES)
 def test_nobody_believes_what_nobody_saw(history: list[Act]) -> None:
     ether = Ether(IDS)
     seen: set[tuple[int, int, bool]] = set()
@@ -139,7 +142,7 @@ def test_who_joins_late_gets_everything_from_whom_it_hears_first() -> None:
     ether.uavs[3].start()
     ether.run(2.0)
     assert np.array_equal(ether.uavs[3].belief.looks, ether.uavs[1].belief.looks)
-    assert ether.uavs[2].node.tally.snapshots_served >= 1
+    assert ether.uavs[2].node.counters.snapshots_served >= 1
 
 
 def test_who_is_not_spoken_to_asks_also_after_it_has_agreed() -> None:
@@ -169,11 +172,11 @@ def test_however_long_a_swarm_flies_nobody_keeps_all_that_was_ever_said() -> Non
         assert len(list(uav.belief.told())) <= most
     # Nor does who comes late get it from any of them, but all there is to know.
     ether.carry = lambda sender, to, _now: None if {sender, to} & {1} else 0.01
-    sent_before = ether.uavs[2].node.tally.sent_bytes
+    sent_before = ether.uavs[2].node.counters.sent_bytes
     ether.uavs[3].start()
     ether.run(2.0)
     assert np.array_equal(ether.uavs[3].belief.looks, ether.uavs[2].belief.looks)
-    assert ether.uavs[2].node.tally.sent_bytes - sent_before < 200 * most
+    assert ether.uavs[2].node.counters.sent_bytes - sent_before < 200 * most
 
 
 def test_what_only_takes_less_room_is_nothing_to_decide_anew() -> None:
@@ -207,14 +210,14 @@ def test_without_sync_what_is_lost_stays_lost_as_in_the_paper() -> None:
     ether.uavs[1].observe((1, 1, True))
     ether.run(60.0)
     assert ether.uavs[2].belief.looks.sum() == 1
-    assert ether.uavs[2].node.tally.sent.keys() == {"inform/state"}
+    assert ether.uavs[2].node.counters.sent.keys() == {"inform/state"}
 
 
 def test_silence_is_silence() -> None:
     ether = Ether(IDS, NodeOptions(ROWS, COLS, k=0))
     ether.uavs[1].observe((0, 0, True))
     ether.run(30.0)
-    assert sum(u.node.tally.sent.total() for u in ether.uavs.values()) == 0
+    assert sum(u.node.counters.sent.total() for u in ether.uavs.values()) == 0
 
 
 def test_a_swarm_that_agrees_asks_nothing() -> None:
@@ -222,10 +225,10 @@ def test_a_swarm_that_agrees_asks_nothing() -> None:
     for uav in ether.uavs.values():
         uav.observe((uav.uav, 0, True))
     ether.run(20.0)
-    before = [u.node.tally.snapshots_asked for u in ether.uavs.values()]
+    before = [u.node.counters.snapshots_asked for u in ether.uavs.values()]
     ether.run(60.0)
     assert ether.agree()
-    assert [u.node.tally.snapshots_asked for u in ether.uavs.values()] == before
+    assert [u.node.counters.snapshots_asked for u in ether.uavs.values()] == before
 
 
 @pytest.mark.parametrize("relay", [False, True])
@@ -289,7 +292,7 @@ def test_an_intent_in_anothers_name_is_not_taken() -> None:
     ether = Ether((1, 2, 3))
     ether.run(2.0)
     speaker = ether.uavs[3]
-    (out,) = speaker.node.say(intent(5), ether.now_s, ether.unix_s).out
+    (out,) = speaker.node.say(intent(5), ether.now_s, ether.unix_s).messages
     ether.deliver(1, 2, out.act, out.data)
     assert known(ether, 2) == {}
-    assert ether.uavs[2].node.tally.refused[Why.SOURCE] == 1
+    assert ether.uavs[2].node.counters.refused[RefusalReason.SOURCE] == 1

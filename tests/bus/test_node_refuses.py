@@ -22,12 +22,12 @@ from swarmctl.core.frames import (
     VERSION,
     Content,
     Frame,
+    FrameCodec,
+    RefusalReason,
     Relayed,
-    Seal,
     Snapshot,
     SnapshotAsked,
     StateShared,
-    Why,
 )
 from swarmctl.core.observation import Checkpoint, Observation, checkpoint
 
@@ -45,7 +45,7 @@ def frame(
     return Frame(sender, incarnation, n, unix_s, content)
 
 
-SEAL = Seal("test")
+SEAL = FrameCodec("test")
 
 
 def padded(content: Content) -> bytes:
@@ -59,36 +59,41 @@ OTHERS_BOMB = checkpoint(None, [Observation(1, 1, 0.0, ((999, 999, True),), 1)],
 assert OTHERS_BOMB is not None
 EMPTY = Checkpoint(1, 1, 1, zlib.compress(b""), 0)
 
-WRONG: dict[str, tuple[int, str, bytes, Why]] = {
-    "empty": (1, "inform/state", b"", Why.MALFORMED),
-    "no MessagePack": (1, "inform/state", bytes((VERSION, 0)) + b"nonsense", Why.MALFORMED),
+WRONG: dict[str, tuple[int, str, bytes, RefusalReason]] = {
+    "empty": (1, "inform/state", b"", RefusalReason.MALFORMED),
+    "no MessagePack": (1, "inform/state", bytes((VERSION, 0)) + b"nonsense", RefusalReason.MALFORMED),
     "a later version": (
         1,
         "inform/state",
         bytes((VERSION + 1,)) + SEAL.close(frame(state()))[1:],
-        Why.VERSION,
+        RefusalReason.VERSION,
     ),
-    "too long": (1, "inform/state", bytes(MAX_FRAME_BYTES + 1), Why.OVERSIZE),
+    "too long": (1, "inform/state", bytes(MAX_FRAME_BYTES + 1), RefusalReason.OVERSIZE),
     "a place that is none": (
         1,
         "inform/state",
         SEAL.close(frame(state())).replace(msgspec.msgpack.encode(46.0), msgspec.msgpack.encode(460.0)),
-        Why.MALFORMED,
+        RefusalReason.MALFORMED,
     ),
-    "under another's key": (2, "inform/state", SEAL.close(frame(state())), Why.SOURCE),
-    "under another act": (1, "inform/observation", SEAL.close(frame(state())), Why.SOURCE),
+    "under another's key": (2, "inform/state", SEAL.close(frame(state())), RefusalReason.SOURCE),
+    "under another act": (1, "inform/observation", SEAL.close(frame(state())), RefusalReason.SOURCE),
     "what another saw, as its own": (
         1,
         "inform/observation",
         SEAL.close(frame(seen(observer=2))),
-        Why.SOURCE,
+        RefusalReason.SOURCE,
     ),
-    "a minute old": (1, "inform/state", SEAL.close(frame(state(), unix_s=UNIX_S - 61.0)), Why.REPLAY),
+    "a minute old": (
+        1,
+        "inform/state",
+        SEAL.close(frame(state(), unix_s=UNIX_S - 61.0)),
+        RefusalReason.REPLAY,
+    ),
     "one cell twice": (
         1,
         "inform/observation",
         SEAL.close(frame(seen(1, (1, 1, True), (1, 1, False)))),
-        Why.MALFORMED,
+        RefusalReason.MALFORMED,
     ),
     "a height that is none": (
         1,
@@ -96,23 +101,38 @@ WRONG: dict[str, tuple[int, str, bytes, Why]] = {
         SEAL.close(frame(state())).replace(
             msgspec.msgpack.encode(30.0), msgspec.msgpack.encode(float("nan"))
         ),
-        Why.MALFORMED,
+        RefusalReason.MALFORMED,
     ),
-    "what nobody could pass on": (1, "inform/observation", padded(seen()), Why.OVERSIZE),
-    "of another swarm's UAV": (9, "inform/state", SEAL.close(frame(state(), sender=9)), Why.STRANGER),
-    "from the future": (1, "inform/state", SEAL.close(frame(state(), unix_s=UNIX_S + 6.0)), Why.FUTURE),
+    "what nobody could pass on": (1, "inform/observation", padded(seen()), RefusalReason.OVERSIZE),
+    "of another swarm's UAV": (
+        9,
+        "inform/state",
+        SEAL.close(frame(state(), sender=9)),
+        RefusalReason.STRANGER,
+    ),
+    "from the future": (
+        1,
+        "inform/state",
+        SEAL.close(frame(state(), unix_s=UNIX_S + 6.0)),
+        RefusalReason.FUTURE,
+    ),
     "a cell outside": (
         1,
         "inform/observation",
         SEAL.close(frame(seen(1, (ROWS, 0, True)))),
-        Why.OUTSIDE,
+        RefusalReason.OUTSIDE,
     ),
-    "a checkpoint outside snapshots": (1, "inform/checkpoint", SEAL.close(frame(EMPTY)), Why.MALFORMED),
+    "a checkpoint outside snapshots": (
+        1,
+        "inform/checkpoint",
+        SEAL.close(frame(EMPTY)),
+        RefusalReason.MALFORMED,
+    ),
     "cells outside, in a snapshot's checkpoint": (
         1,
         "inform/snapshot",
         SEAL.close(frame(Snapshot((SEAL.close(frame(OTHERS_BOMB)),), True), n=2)),
-        Why.OUTSIDE,
+        RefusalReason.OUTSIDE,
     ),
     "a checkpoint that unpacks to gigabytes": (
         1,
@@ -120,29 +140,29 @@ WRONG: dict[str, tuple[int, str, bytes, Why]] = {
         SEAL.close(
             frame(Snapshot((SEAL.close(frame(Checkpoint(1, 1, 5, zlib.compress(bytes(10**7)), 0))),), True))
         ),
-        Why.OUTSIDE,
+        RefusalReason.OUTSIDE,
     ),
     "a question passed on": (
         1,
         "inform/relayed",
         SEAL.close(frame(Relayed((SEAL.close(frame(SnapshotAsked((), ()), sender=3)),)))),
-        Why.MALFORMED,
+        RefusalReason.MALFORMED,
     ),
     "a stranger's observation, passed on": (
         1,
         "inform/relayed",
         SEAL.close(frame(Relayed((SEAL.close(frame(seen(observer=9), sender=9)),)))),
-        Why.STRANGER,
+        RefusalReason.STRANGER,
     ),
 }
 
 
 def of(ether: Ether, uav: int) -> dict[str, int]:
-    return dict(ether.uavs[uav].node.tally.refused)
+    return dict(ether.uavs[uav].node.counters.refused)
 
 
 @pytest.mark.parametrize(("sender", "act", "data", "why"), WRONG.values(), ids=WRONG)
-def test_what_is_wrong_is_refused_and_counted(sender: int, act: str, data: bytes, why: Why) -> None:
+def test_what_is_wrong_is_refused_and_counted(sender: int, act: str, data: bytes, why: RefusalReason) -> None:
     ether = Ether((1, 2, 3, 4))
     before = ether.uavs[4].belief
     ether.deliver(sender, 4, act, data)
@@ -156,7 +176,7 @@ def test_a_message_that_comes_twice_is_a_replay() -> None:
     data = SEAL.close(frame(seen()))
     for _ in range(3):
         ether.deliver(1, 2, "inform/observation", data)
-    assert of(ether, 2) == {Why.REPLAY: 2}
+    assert of(ether, 2) == {RefusalReason.REPLAY: 2}
     assert ether.uavs[2].belief.looks.sum() == 1
 
 
@@ -164,7 +184,7 @@ def test_what_was_said_before_its_sender_was_started_again_is_a_replay() -> None
     ether = Ether((1, 2))
     ether.deliver(1, 2, "inform/state", SEAL.close(frame(state(), incarnation=5)))
     ether.deliver(1, 2, "inform/state", SEAL.close(frame(state(), n=7, incarnation=4)))
-    assert of(ether, 2) == {Why.REPLAY: 1}
+    assert of(ether, 2) == {RefusalReason.REPLAY: 1}
 
 
 def test_repeating_what_a_uav_said_does_not_use_up_what_it_may_say() -> None:
@@ -180,7 +200,7 @@ def test_a_flood_is_refused_and_over_when_it_is_over() -> None:
     ether = Ether((1, 2, 3))
     for n in range(MOST + 100):
         ether.deliver(1, 2, "inform/state", SEAL.close(frame(state(), n=n + 1, unix_s=UNIX_S + n * 1e-3)))
-    assert of(ether, 2) == {Why.TOO_FAST: 100}
+    assert of(ether, 2) == {RefusalReason.TOO_FAST: 100}
     ether.deliver(3, 2, "inform/observation", SEAL.close(frame(seen(observer=3), sender=3)))
     assert ether.uavs[2].belief.looks.sum() == 1  # whoever speaks in measure is heard meanwhile
 
@@ -190,16 +210,16 @@ def test_questions_are_answered_in_measure() -> None:
     ether.uavs[2].observe((0, 0, True))
     for n in range(100):
         ether.deliver(1, 2, "query-ref/snapshot", SEAL.close(frame(SnapshotAsked((), ()), n=n + 1)))
-    served = ether.uavs[2].node.tally.snapshots_served
+    served = ether.uavs[2].node.counters.snapshots_served
     assert 1 <= served < 100
-    assert of(ether, 2) == {Why.TOO_FAST: 100 - served}
+    assert of(ether, 2) == {RefusalReason.TOO_FAST: 100 - served}
 
 
 def test_one_name_with_two_contents_is_refused_and_the_first_stays() -> None:
     ether = Ether((1, 2))
     ether.deliver(1, 2, "inform/observation", SEAL.close(frame(seen(1, (0, 0, False)))))
     ether.deliver(1, 2, "inform/observation", SEAL.close(frame(seen(1, (0, 0, True)), n=2)))
-    assert of(ether, 2) == {Why.TWO_CONTENTS: 1}
+    assert of(ether, 2) == {RefusalReason.TWO_CONTENTS: 1}
     assert ether.uavs[2].belief.hits.sum() == 0
 
 
@@ -210,7 +230,7 @@ def test_one_who_tells_each_another_thing_is_found_out_by_both() -> None:
     ether.carry = lambda sender, _to, _now_s: None if sender == 1 else 0.01
     ether.run(30.0)
     for uav in (2, 3):
-        assert ether.uavs[uav].node.tally.flagged == {1: 1}
+        assert ether.uavs[uav].node.counters.flagged == {1: 1}
     assert "came with two different contents" in " ".join(ether.said)
 
 
@@ -221,8 +241,8 @@ def test_a_checkpoint_of_other_observations_than_came_is_refused_and_who_made_it
     other = checkpoint(None, [seen(1, (0, 0, True))], COLS, ROWS * COLS)
     assert other is not None
     ether.deliver(1, 2, "inform/relayed", SEAL.close(frame(Relayed((SEAL.close(frame(other)),)), n=2)))
-    assert of(ether, 2) == {Why.TWO_CONTENTS: 1}
-    assert ether.uavs[2].node.tally.flagged == {1: 1}
+    assert of(ether, 2) == {RefusalReason.TWO_CONTENTS: 1}
+    assert ether.uavs[2].node.counters.flagged == {1: 1}
     assert ether.uavs[2].belief.hits.sum() == 0
 
 
@@ -230,7 +250,7 @@ def test_a_second_process_under_its_own_name_is_refused_and_said() -> None:
     ether = Ether((1, 2))
     theirs = SEAL.close(frame(seen(7, (0, 0, True)), n=50))
     ether.deliver(2, 1, "inform/relayed", SEAL.close(frame(Relayed((theirs,)), sender=2, incarnation=2)))
-    assert of(ether, 1) == {Why.TWO_CONTENTS: 1}
+    assert of(ether, 1) == {RefusalReason.TWO_CONTENTS: 1}
     assert "another process flies vehicle 1" in ether.said[0]
 
 
@@ -238,11 +258,11 @@ def test_what_contradicts_ones_own_look_is_flagged_with_who_sent_it_and_believed
     ether = Ether((1, 2))
     ether.uavs[2].observe((3, 3, False), (3, 4, True))
     ether.deliver(1, 2, "inform/observation", SEAL.close(frame(seen(1, (3, 3, True), (3, 4, True)))))
-    assert dict(ether.uavs[2].node.tally.flagged) == {1: 1}
+    assert dict(ether.uavs[2].node.counters.flagged) == {1: 1}
     assert "vehicle 1 tells that (3, 3)" in ether.said[0]
     assert ether.uavs[2].belief.looks[3, 3] == 2
     told = ether.uavs[2].node.say(state(), ether.now_s, ether.unix_s)
-    content = SEAL.open(told.out[0].data).content
+    content = SEAL.open(told.messages[0].data).content
     assert isinstance(content, StateShared)
     assert content.flagged == (1,)  # whoever watches is told
 
@@ -274,37 +294,39 @@ def verify(sender: int, signature: bytes, data: bytes) -> bool:
     return True
 
 
-SIGNED = Seal("test", sign, verify)
+SIGNED = FrameCodec("test", sign, verify)
 
 
 def forged(sender: int, content: Content, by: int) -> bytes:
     """A frame in `sender`'s name with the signature of `by`."""
-    return Seal("test", lambda _sender, data: sign(by, data)).close(frame(content, sender=sender, n=500))
+    return FrameCodec("test", lambda _sender, data: sign(by, data)).close(
+        frame(content, sender=sender, n=500)
+    )
 
 
-FORGED: dict[str, tuple[str, bytes, Why]] = {
-    "not signed": ("inform/observation", SEAL.close(frame(seen())), Why.UNSIGNED),
-    "signed by another": ("inform/observation", forged(1, seen(), by=3), Why.SIGNATURE),
+FORGED: dict[str, tuple[str, bytes, RefusalReason]] = {
+    "not signed": ("inform/observation", SEAL.close(frame(seen())), RefusalReason.UNSIGNED),
+    "signed by another": ("inform/observation", forged(1, seen(), by=3), RefusalReason.SIGNATURE),
     "of another swarm": (
         "inform/observation",
-        Seal("other", sign, verify).close(frame(seen())),
-        Why.SIGNATURE,
+        FrameCodec("other", sign, verify).close(frame(seen())),
+        RefusalReason.SIGNATURE,
     ),
     "changed on its way": (
         "inform/observation",
         SIGNED.close(frame(seen(1, (1, 1, False)))).replace(b"\x01\x01\xc2", b"\x01\x01\xc3"),
-        Why.SIGNATURE,
+        RefusalReason.SIGNATURE,
     ),
     "another's observation invented by who passes it on": (
         "inform/relayed",
         SIGNED.close(frame(Relayed((forged(3, seen(observer=3), by=1),)))),
-        Why.SIGNATURE,
+        RefusalReason.SIGNATURE,
     ),
 }
 
 
 @pytest.mark.parametrize(("act", "data", "why"), FORGED.values(), ids=FORGED)
-def test_who_has_not_the_key_cannot_speak_for_a_uav(act: str, data: bytes, why: Why) -> None:
+def test_who_has_not_the_key_cannot_speak_for_a_uav(act: str, data: bytes, why: RefusalReason) -> None:
     ether = Ether((1, 2, 3), seal=SIGNED)
     before = ether.uavs[2].belief
     ether.deliver(1, 2, act, data)
@@ -320,7 +342,7 @@ def test_what_a_neighbour_passes_on_is_taken_by_its_observers_signature() -> Non
     ether.run(1.0)
     assert ether.agree()
     assert ether.uavs[3].belief.hits[2, 2] == 1
-    assert not any(uav.node.tally.refused for uav in ether.uavs.values())
+    assert not any(uav.node.counters.refused for uav in ether.uavs.values())
 
 
 def test_what_one_lies_about_is_only_what_it_saw() -> None:
@@ -334,8 +356,8 @@ def test_what_one_lies_about_is_only_what_it_saw() -> None:
         ether.deliver(3, 2, frame(content).act, forged(3, content, by=1))
     belief = ether.uavs[2].belief
     assert np.argwhere(belief.hits).tolist() == [[0, 0], [5, 5]]
-    assert of(ether, 2) == {Why.SIGNATURE: 3}
-    assert dict(ether.uavs[2].node.tally.flagged) == {1: 1}
+    assert of(ether, 2) == {RefusalReason.SIGNATURE: 3}
+    assert dict(ether.uavs[2].node.counters.flagged) == {1: 1}
 
 
 # --- what a UAV that has been taken over may try
@@ -359,20 +381,20 @@ def test_many_incarnations_of_a_liar_do_not_wash_away_what_was_seen() -> None:
     belief = ether.uavs[2].belief
     assert belief.hits[4, 4] >= 1
     assert (belief.looks >= belief.hits).all()
-    assert of(ether, 2)[Why.TOO_FAST] == 300 - MAX_INCARNATIONS
+    assert of(ether, 2)[RefusalReason.TOO_FAST] == 300 - MAX_INCARNATIONS
 
 
 def test_a_message_of_rubbish_is_not_read_to_its_end() -> None:
     ether = Ether((1, 2))
     ether.deliver(1, 2, "inform/relayed", relayed(*[b"x"] * 256, n=10))
-    assert of(ether, 2) == {Why.MALFORMED: MAX_WRONG}
+    assert of(ether, 2) == {RefusalReason.MALFORMED: MAX_WRONG}
 
 
 def test_a_lie_that_comes_first_is_flagged_once_the_truth_is_seen() -> None:
     ether = Ether((1, 2, 3))
     ether.deliver(1, 2, "inform/observation", SEAL.close(frame(seen(1, (3, 3, True)), n=50)))
     ether.uavs[2].observe((3, 3, False), (3, 4, False))
-    assert dict(ether.uavs[2].node.tally.flagged) == {1: 1}
+    assert dict(ether.uavs[2].node.counters.flagged) == {1: 1}
     assert "vehicle 1 tells that (3, 3) is occupied" in ether.said[0]
 
 
@@ -391,7 +413,12 @@ def test_gaps_and_incarnations_never_make_a_question_too_long_to_be_asked() -> N
             ]
             ether.deliver(2, 1, "inform/relayed", relayed(*frames, n=uav * 10 + incarnation, by=2))
     node = ether.uavs[1].node
-    out = [o for t in range(60) for o in node.tick(10.0 + t, UNIX_S + t).out if o.act == "query-ref/snapshot"]
+    out = [
+        o
+        for t in range(60)
+        for o in node.tick(10.0 + t, UNIX_S + t).messages
+        if o.act == "query-ref/snapshot"
+    ]
     assert out
     assert max(len(o.data) for o in out) <= MAX_FRAME_BYTES
 
@@ -406,7 +433,7 @@ def test_who_claims_to_have_more_and_never_tells_it_is_asked_ever_less() -> None
         answer = frame(Snapshot((), True), n=101 + 2 * second, unix_s=ether.unix_s)
         ether.deliver(1, 2, "inform/snapshot", SEAL.close(answer))
         ether.run(1.0)
-    assert ether.uavs[2].node.tally.sent["query-ref/snapshot"] <= 20
+    assert ether.uavs[2].node.counters.sent["query-ref/snapshot"] <= 20
 
 
 def test_an_old_state_of_another_that_is_passed_on_is_nothing_new() -> None:

@@ -34,7 +34,7 @@ def test_a_wildcard_is_refused_and_counted() -> None:
             for key in ("swarmctl/*/station/request/weights/operator", "swarmctl/test/**", "**"):
                 assert await bus.ask(key, encode(SetWeights(None, w=0.2)), 5.0) == ()
             assert station.posted == []
-            assert station.tally.refused == 1 + 2 + 2  # once at each key that is meant
+            assert station.counts.refused == 1 + 2 + 2  # once at each key that is meant
 
     asyncio.run(scene())
 
@@ -61,7 +61,7 @@ def test_from_outside_one_can_ask_under_one_key_and_nothing_else() -> None:
             # What came before on the same connection has been looked at when this is answered.
             assert len(await operator.ask(KEY, encode(SetWeights((1,), w=0.2)), 5.0)) == 1
             assert heard == ["swarmctl/test/uav/1/inform/state/2"] * 2
-            assert station.tally == CommandCounts(passed_on=1, refused=0)
+            assert station.counts == CommandCounts(passed_on=1, refused=0)
             # Its own it hears at once; of the swarm's nothing.
             assert "swarmctl/test/uav/1/inform/state/9" in overheard
             assert "swarmctl/test/uav/1/inform/state/2" not in overheard

@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from operator_station import ANYWHERE, KEY, Station, over_zenoh
+from profiles import examples
 
 from swarmctl.bus import keys, operator_service
 from swarmctl.bus.operator_service import CommandCounts
@@ -30,7 +31,7 @@ from swarmctl.core.messages import (
     decode_command,
     encode,
 )
-from swarmctl.core.texts import meant_by
+from swarmctl.core.texts import resolve_vehicles
 from swarmctl.core.threat import FiringStrength
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.station import client
@@ -94,7 +95,7 @@ def test_what_makes_no_sense_is_no_command(name: str) -> None:
     w=st.floats(0.0, 1.0),
     strengths=st.none() | st.just((0.7, 0.3, 0.1)),
 )
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=examples(40), deadline=None, derandomize=True)
 def test_a_command_survives_the_wire(
     uavs: tuple[int | str, ...] | None, w: float, strengths: tuple[float, float, float] | None
 ) -> None:
@@ -103,7 +104,7 @@ def test_a_command_survives_the_wire(
 
 
 @given(st.binary(max_size=60))
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=examples(150), deadline=None, derandomize=True)
 def test_whatever_arrives_at_the_desk_is_a_command_or_refused(data: bytes) -> None:
     with suppress(BadMessage):
         decode_command(b"\x01" + data)
@@ -157,7 +158,7 @@ def test_what_is_no_command_for_this_swarm_moves_nobody_is_counted_shown_and_ans
             for number, (payload, why) in enumerate((WRONG | FOREIGN).values(), start=1):
                 (answer,) = await operator.ask(KEY, payload, 5.0)
                 assert why in decode_answer(answer).refused
-                assert station.tally == CommandCounts(passed_on=0, refused=number)
+                assert station.counts == CommandCounts(passed_on=0, refused=number)
                 assert why in station.said[-1]
             assert station.posted == []
 
@@ -178,7 +179,7 @@ def test_a_flood_of_bytes_ends_at_the_door() -> None:
             station = Station(ground)
             with suppress(TimeoutError):
                 assert await operator.ask(KEY, bytes(4 * MAX_MESSAGE_BYTES), 1.0) == ()
-            assert station.tally == CommandCounts()
+            assert station.counts == CommandCounts()
             assert ground.endpoint is not None
             with ZenohBus(connect=ground.endpoint) as another:
                 assert len(await another.ask(KEY, encode(SetWeights((1,), w=0.2)), 5.0)) == 1
@@ -199,7 +200,7 @@ def test_commands_that_come_too_fast_are_refused_and_said_once_until_there_was_a
             refused = await give(30)
             assert refused[:8] == [""] * 8
             assert all("faster than 4 a second; nothing was changed" in why for why in refused[8:])
-            assert station.tally == CommandCounts(passed_on=8 * flood, refused=22 * flood)
+            assert station.counts == CommandCounts(passed_on=8 * flood, refused=22 * flood)
             assert len(station.posted) == 8 * flood
             assert len(station.said) == flood
             await asyncio.sleep(2.0)
@@ -218,7 +219,7 @@ def test_a_wildcard_that_comes_too_fast_is_not_even_said() -> None:
         served = bus._served[KEY]  # which matches no wildcards by itself
         for _ in range(99):
             served("**", b"", lambda _: pytest.fail("a wildcard was answered"))
-        assert station.tally.refused == 99
+        assert station.counts.refused == 99
         assert len(station.said) == operator_service.BURST + 1
 
     run_virtual(scene())
@@ -296,10 +297,10 @@ def test_a_vehicle_is_given_no_command_before_it_has_come_to_the_last() -> None:
         alone = await client.ask(bus, there, SetWeights((2,), w=0.3))
         assert "has come to the command before" in alone.refused
         assert [(uav, event.command) for uav, event in station.posted] == [(2, 1), (1, 2)]
-        assert station.tally == CommandCounts(passed_on=2, refused=1)
+        assert station.counts == CommandCounts(passed_on=2, refused=1)
 
         # Its answer comes after all: nobody waits for it, but it is free.
-        station.desk.answered(1, VehicleAnswer(2, "uav2", "taken", 5))
+        station.service.answered(1, VehicleAnswer(2, "uav2", "taken", 5))
         await client.ask(bus, there, SetWeights((2,), w=0.3))
         assert [(uav, event.command) for uav, event in station.posted] == [(2, 1), (1, 2), (2, 3)]
 
@@ -330,15 +331,15 @@ def test_a_vehicle_is_named_by_its_name_or_its_system_id() -> None:
 def test_a_name_or_system_id_means_one_vehicle(words: list[int | str], meant: list[int] | str) -> None:
     names = {3: "alpha", 5: "7", 9: "3x", 11: "9x"}
     if isinstance(meant, list):
-        assert meant_by(words, names) == meant
+        assert resolve_vehicles(words, names) == meant
     else:
         with pytest.raises(ValueError, match=re.escape(meant)):
-            meant_by(words, names)
+            resolve_vehicles(words, names)
 
 
 def test_a_word_that_is_the_name_of_one_and_the_system_id_of_another_is_not_guessed() -> None:
     with pytest.raises(ValueError, match=r"3 means two vehicles, 3 \(alpha\), 5 \(3\): say the one by"):
-        meant_by(["3"], {3: "alpha", 5: "3"})
+        resolve_vehicles(["3"], {3: "alpha", 5: "3"})
 
 
 def test_a_station_that_is_stuck_is_said_to_leave_it_open() -> None:

@@ -11,7 +11,7 @@ from typer.testing import CliRunner, Result
 
 from swarmctl.cli.main import cli
 from swarmctl.core import events as ev
-from swarmctl.core.events import Order
+from swarmctl.core.events import FlightOrder
 
 
 @pytest.fixture(autouse=True)
@@ -48,9 +48,9 @@ def test_where_nothing_flies_it_says_so() -> None:
 
 
 @pytest.mark.parametrize(
-    ("how", "order"), [("hold", Order.HOLD), ("return", Order.RETURN), ("land", Order.LAND)]
+    ("how", "order"), [("hold", FlightOrder.HOLD), ("return", FlightOrder.RETURN), ("land", FlightOrder.LAND)]
 )
-def test_all_are_told_and_what_each_says_is_printed(how: str, order: Order) -> None:
+def test_all_are_told_and_what_each_says_is_printed(how: str, order: FlightOrder) -> None:
     with station_in_a_thread() as station:
         result = abort(f"{how} --all")
     assert result.exit_code == 0

@@ -18,7 +18,7 @@ from typer.testing import CliRunner, Result
 
 from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
 from swarmctl.bus.external_observations import ReportReceiver
-from swarmctl.bus.sensor_reports import ReportedCells, Report, report_schema
+from swarmctl.bus.sensor_reports import Report, ReportedCells, report_schema
 from swarmctl.bus.transports import zenoh_config
 from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.memory import MemoryBus
@@ -62,7 +62,9 @@ def beside(bus_of: Callable[[ExitStack], Transport]) -> Iterator[list[tuple[Repo
 
     async def scene() -> None:
         with ExitStack() as stack:
-            ReportReceiver(bus_of(stack), "test", 3, GRID, lambda: 0.0, lambda *seen: taken.append(seen), print)
+            ReportReceiver(
+                bus_of(stack), "test", 3, GRID, lambda: 0.0, lambda *seen: taken.append(seen), print
+            )
             ready.set()
             await asyncio.to_thread(over.wait)
 
@@ -81,7 +83,9 @@ def flying() -> AbstractContextManager[list[tuple[ReportedCells, str]]]:
     return beside(lambda stack: stack.enter_context(open_bus("test", "tcp/127.0.0.1:0", print)))
 
 
-def through(router: Configuration, agent: Configuration) -> AbstractContextManager[list[tuple[ReportedCells, str]]]:
+def through(
+    router: Configuration, agent: Configuration
+) -> AbstractContextManager[list[tuple[ReportedCells, str]]]:
     """The agent of vehicle 3 is a process of its own, which a router connects."""
 
     def bus_of(stack: ExitStack) -> Transport:

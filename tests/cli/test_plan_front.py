@@ -16,10 +16,11 @@ from flights import AREA
 from flights import small as small_swarm
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 from swarmctl.agent.replan.decide import first_route
 from swarmctl.config.scenario import Scenario
-from swarmctl.core.inference.chance import Chance
+from swarmctl.core.inference.survival import ProbabilityEstimate
 from swarmctl.core.observation import Observation
 from swarmctl.planners import PLANNERS, Method, Route
 from swarmctl.planners.front import Front
@@ -161,7 +162,7 @@ def test_a_configured_route_off_the_front_has_its_chance_and_its_track(tmp_path:
     chance = vehicle["configured"]["chance_by_simulation"]
     assert vehicle["configured"]["index"] is None
     assert 0.0 < chance["estimate"] < chance["high_95"]
-    said_chance = Chance(chance["estimate"], chance["low_95"], chance["high_95"], 0)
+    said_chance = ProbabilityEstimate(chance["estimate"], chance["low_95"], chance["high_95"], 0)
     assert f" {said_chance} " in row
     assert " 0.000" not in said.split("time: from take-off")[0]
 
@@ -305,7 +306,7 @@ def test_the_weights_of_neighbouring_routes_meet(weights: list[float], said: lis
     assert [front.weights(found, i) for i in range(len(said))] == said
 
 
-@settings(derandomize=True, deadline=None, max_examples=80)
+@settings(derandomize=True, deadline=None, max_examples=examples(80))
 @given(st.lists(st.floats(1e-6, 1.0 - 1e-6), max_size=6, unique_by=lambda w: round(w, 7)))
 def test_no_two_weights_are_written_alike(weights: list[float]) -> None:
     found = front_that_changes_at(sorted(weights))

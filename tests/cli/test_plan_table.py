@@ -8,12 +8,12 @@ import pytest
 from flights import AREA, small
 from rich.table import Table
 
-from swarmctl.agent.replan.arrival_bounds import before_takeoff
+from swarmctl.agent.replan.length_bounds import before_takeoff
 from swarmctl.agent.state import Task, begin
 from swarmctl.agent.step import step
 from swarmctl.config.scenario import Scenario
 from swarmctl.core import events as ev
-from swarmctl.core.any_angle.corners import Counting
+from swarmctl.core.any_angle.corners import ExposureMeasure
 from swarmctl.report import outputs
 from swarmctl.report.figures import product_text
 from swarmctl.report.first_plans import plan_table
@@ -121,4 +121,4 @@ def test_a_product_is_written_as_0_only_where_it_is(value: float, text: str) -> 
 
 def test_what_must_not_get_worse_when_nobody_says_is_what_strikes_are_drawn_by() -> None:
     (task,) = small(flight={"any_angle": True}, simulate={"count": 1}).tasks
-    assert task.any_angle is Counting.ENTERED
+    assert task.any_angle is ExposureMeasure.ENTERED

@@ -10,18 +10,19 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
-from swarmctl.core.any_angle.corners import Counting, Unflyable, Weights
-from swarmctl.core.any_angle.pull import Track, index_abreast, may_join, pull_straight, still_holds
-from swarmctl.core.any_angle.track import WALL_MARGIN, Threat, centre, is_clear, passed
+from swarmctl.core.any_angle.corners import ExposureMeasure, Unflyable, Weights
+from swarmctl.core.any_angle.pull import Track, may_join, pull_straight, route_index_at, still_holds
+from swarmctl.core.any_angle.track import WALL_MARGIN, ThreatMap, centre, crossed_cells, is_clear
 from swarmctl.core.any_angle.turns import rounded, tangent
 from swarmctl.core.exposure import exposure_sum, length_cells, safety_factor
 from swarmctl.core.grid import Cell
-from swarmctl.core.route import thin
+from swarmctl.core.route import ends_and_turns
 from swarmctl.planners import PLANNERS, Problem, Unreachable
 
-QUICK = settings(max_examples=80, deadline=None, derandomize=True)
-BOTH = pytest.mark.parametrize("counting", list(Counting))
+QUICK = settings(max_examples=examples(80), deadline=None, derandomize=True)
+BOTH = pytest.mark.parametrize("counting", list(ExposureMeasure))
 DIJKSTRA = PLANNERS["dijkstra"]
 
 
@@ -32,8 +33,8 @@ class Case:
     w: float
 
     @property
-    def threat(self) -> Threat:
-        return Threat.of(self.p_s)
+    def threat(self) -> ThreatMap:
+        return ThreatMap.of(self.p_s)
 
 
 @st.composite
@@ -54,13 +55,13 @@ def cases(draw: st.DrawFn, largest: int = 16) -> Case:
     return Case(p_s, route.cells, w)
 
 
-def measures(threat: Threat, cells: list[Cell], counting: Counting) -> np.ndarray:
+def measures(threat: ThreatMap, cells: list[Cell], counting: ExposureMeasure) -> np.ndarray:
     """Length and exposures of the straight legs between cells, one leg after the other."""
     points = [centre(cell) for cell in cells]
-    under = passed(points)
+    under = crossed_cells(points)
     length = sum(math.dist(a, b) for a, b in itertools.pairwise(points))
     rows = [length, *threat.integral(under.cells, under.ways)]
-    if counting is Counting.ENTERED:
+    if counting is ExposureMeasure.ENTERED:
         rows += [*threat.entered(under.cells[1:])]
     return np.array(rows)
 
@@ -72,12 +73,12 @@ def indices(route: tuple[Cell, ...], track: Track) -> list[int]:
 @BOTH
 @given(case=cases())
 @QUICK
-def test_a_track_is_never_worse_than_its_route(counting: Counting, case: Case) -> None:
+def test_a_track_is_never_worse_than_its_route(counting: ExposureMeasure, case: Case) -> None:
     track = pull_straight(case.threat, case.route, counting)
     pulled = measures(case.threat, list(track.corners), counting)
     assert (pulled <= measures(case.threat, list(case.route), counting) + 1e-7).all()
     assert track.length_cells == pytest.approx(pulled[0])
-    if counting is Counting.ENTERED:
+    if counting is ExposureMeasure.ENTERED:
         assert track.exposure_sum <= exposure_sum(case.p_s, case.route) + 1e-7
         assert track.safety_factor >= safety_factor(case.p_s, case.route) - 1e-7
 
@@ -85,22 +86,26 @@ def test_a_track_is_never_worse_than_its_route(counting: Counting, case: Case) -
 @BOTH
 @given(case=cases())
 @QUICK
-def test_a_track_keeps_its_ends_clear_of_walls_and_has_no_more_items(counting: Counting, case: Case) -> None:
+def test_a_track_keeps_its_ends_clear_of_walls_and_has_no_more_items(
+    counting: ExposureMeasure, case: Case
+) -> None:
     track = pull_straight(case.threat, case.route, counting)
     assert (track.corners[0], track.corners[-1]) == (case.route[0], case.route[-1])
-    assert len(track.corners) <= len(thin(case.route))
+    assert len(track.corners) <= len(ends_and_turns(case.route))
     assert indices(case.route, track) == sorted(indices(case.route, track))
     assert not any(math.isinf(case.p_s[cell]) for cell in track.over[1:])
     for a, b in itertools.pairwise(track.corners):
         k, m = case.route.index(a), case.route.index(b)
-        if len(thin(case.route[k : m + 1])) > 2:  # no straight piece of the lattice route
+        if len(ends_and_turns(case.route[k : m + 1])) > 2:  # no straight piece of the lattice route
             assert is_clear(case.threat, (centre(a), centre(b)), WALL_MARGIN)
 
 
 @BOTH
 @given(case=cases(7))
 @QUICK
-def test_there_are_no_fewer_legs_and_of_as_many_none_are_shorter(counting: Counting, case: Case) -> None:
+def test_there_are_no_fewer_legs_and_of_as_many_none_are_shorter(
+    counting: ExposureMeasure, case: Case
+) -> None:
     route, threat = case.route, case.threat
     assume(len(route) <= 9)
 
@@ -127,9 +132,12 @@ def test_there_are_no_fewer_legs_and_of_as_many_none_are_shorter(counting: Count
 @BOTH
 @given(case=cases())
 @QUICK
-def test_a_track_that_was_pulled_is_pulled_no_further(counting: Counting, case: Case) -> None:
+def test_a_track_that_was_pulled_is_pulled_no_further(counting: ExposureMeasure, case: Case) -> None:
     once = pull_straight(case.threat, case.route, counting)
-    if all(len(thin(case.route[i : j + 1])) <= 2 for i, j in itertools.pairwise(indices(case.route, once))):
+    if all(
+        len(ends_and_turns(case.route[i : j + 1])) <= 2
+        for i, j in itertools.pairwise(indices(case.route, once))
+    ):
         again = pull_straight(case.threat, once.over, counting)  # the track is a lattice route itself
         assert len(again.corners) == len(once.corners)
 
@@ -137,30 +145,33 @@ def test_a_track_that_was_pulled_is_pulled_no_further(counting: Counting, case: 
 @pytest.mark.parametrize(
     ("counting", "corners"),
     [
-        (Counting.INTEGRAL, ((0, 0), (1, 2))),
-        (Counting.ENTERED, ((0, 0), (0, 1), (1, 2))),  # the straight line enters three cells, the route two
+        (ExposureMeasure.INTEGRAL, ((0, 0), (1, 2))),
+        (
+            ExposureMeasure.ENTERED,
+            ((0, 0), (0, 1), (1, 2)),
+        ),  # the straight line enters three cells, the route two
     ],
 )
-def test_a_knights_move_where_nothing_is_known(counting: Counting, corners: tuple[Cell, ...]) -> None:
-    threat = Threat.of(np.full((2, 3), 0.13))
+def test_a_knights_move_where_nothing_is_known(counting: ExposureMeasure, corners: tuple[Cell, ...]) -> None:
+    threat = ThreatMap.of(np.full((2, 3), 0.13))
     assert pull_straight(threat, [(0, 0), (0, 1), (1, 2)], counting).corners == corners
 
 
 @BOTH
-def test_a_knights_move_over_cells_known_to_be_clear(counting: Counting) -> None:
-    track = pull_straight(Threat.of(np.zeros((2, 3))), [(0, 0), (0, 1), (1, 2)], counting)
+def test_a_knights_move_over_cells_known_to_be_clear(counting: ExposureMeasure) -> None:
+    track = pull_straight(ThreatMap.of(np.zeros((2, 3))), [(0, 0), (0, 1), (1, 2)], counting)
     assert track == Track(
         ((0, 0), (1, 2)), ((0, 0), (0, 1), (1, 1), (1, 2)), (0, 1, 2, 2), math.sqrt(5), 0.0, 1.0
     )
 
 
 @BOTH
-def test_a_wall_beside_the_way_is_kept_clear_of(counting: Counting) -> None:
+def test_a_wall_beside_the_way_is_kept_clear_of(counting: ExposureMeasure) -> None:
     p_s = np.zeros((3, 5))
     p_s[1, 2] = math.inf
     route = ((0, 0), (0, 1), (0, 2), (0, 3), (1, 4))
-    assert pull_straight(Threat.of(np.zeros((3, 5))), route, counting).corners == ((0, 0), (1, 4))
-    track = pull_straight(Threat.of(p_s), route, counting)
+    assert pull_straight(ThreatMap.of(np.zeros((3, 5))), route, counting).corners == ((0, 0), (1, 4))
+    track = pull_straight(ThreatMap.of(p_s), route, counting)
     assert track.corners[0:1] + track.corners[-1:] == ((0, 0), (1, 4))
     assert (1, 2) not in track.over
     assert len(track.corners) == 3
@@ -168,7 +179,7 @@ def test_a_wall_beside_the_way_is_kept_clear_of(counting: Counting) -> None:
 
 @pytest.mark.parametrize("route", [[(1, 1)], [(1, 1), (1, 2)], [(1, 1), (1, 2), (1, 1)]])
 def test_routes_of_few_cells(route: list[Cell]) -> None:
-    track = pull_straight(Threat.of(np.full((3, 3), 0.1)), route, Counting.ENTERED)
+    track = pull_straight(ThreatMap.of(np.full((3, 3), 0.1)), route, ExposureMeasure.ENTERED)
     assert track.corners == tuple(route)
     assert track.over == tuple(route)
     assert track.exposure_sum == pytest.approx(0.1 * (len(route) - 1))
@@ -177,17 +188,17 @@ def test_routes_of_few_cells(route: list[Cell]) -> None:
 def test_a_start_where_nobody_may_fly_is_left() -> None:
     p_s = np.zeros((4, 4))
     p_s[0, 0] = math.inf
-    track = pull_straight(Threat.of(p_s), [(0, 0), (0, 1), (1, 2), (1, 3)], Counting.ENTERED)
+    track = pull_straight(ThreatMap.of(p_s), [(0, 0), (0, 1), (1, 2), (1, 3)], ExposureMeasure.ENTERED)
     assert track.corners == ((0, 0), (1, 3))
     assert track.exposure_sum == 0.0
 
 
 def test_a_long_route_is_pulled_as_well() -> None:
-    threat = Threat.of(np.zeros((200, 400)))
+    threat = ThreatMap.of(np.zeros((200, 400)))
     route = tuple((min(k // 2, 199), k) for k in range(400))
-    assert pull_straight(threat, route, Counting.ENTERED).corners == ((0, 0), (199, 399))
+    assert pull_straight(threat, route, ExposureMeasure.ENTERED).corners == ((0, 0), (199, 399))
     straight = tuple((0, k) for k in range(400))
-    assert pull_straight(Threat.of(np.full((1, 400), 0.1)), straight, Counting.ENTERED).corners == (
+    assert pull_straight(ThreatMap.of(np.full((1, 400), 0.1)), straight, ExposureMeasure.ENTERED).corners == (
         (0, 0),
         (0, 399),
     )
@@ -200,7 +211,7 @@ def test_a_long_route_is_pulled_as_well() -> None:
 @given(case=cases(), radius=st.sampled_from([0.0, 0.4]))
 @QUICK
 def test_every_cell_under_a_track_has_one_of_the_route_beside_it(
-    counting: Counting, case: Case, radius: float
+    counting: ExposureMeasure, case: Case, radius: float
 ) -> None:
     try:
         track = pull_straight(
@@ -212,21 +223,21 @@ def test_every_cell_under_a_track_has_one_of_the_route_beside_it(
     assert list(track.abreast) == sorted(track.abreast)
     assert (track.abreast[0], track.abreast[-1]) == (0, len(case.route) - 1)
     for cell, k in zip(track.over, track.abreast, strict=True):
-        assert index_abreast(track, cell, k) == k
+        assert route_index_at(track, cell, k) == k
         if radius == 0.0 and cell in track.corners:
             assert case.route[k] == cell
 
 
 def test_a_cell_that_is_not_under_a_track_has_none() -> None:
-    track = pull_straight(Threat.of(np.zeros((3, 3))), [(0, 0), (0, 1), (0, 2)], Counting.ENTERED)
-    assert index_abreast(track, (2, 2)) is None
+    track = pull_straight(ThreatMap.of(np.zeros((3, 3))), [(0, 0), (0, 1), (0, 2)], ExposureMeasure.ENTERED)
+    assert route_index_at(track, (2, 2)) is None
 
 
 # --- a vehicle under way
 
 FIELD = np.zeros((4, 9))
 ROUTE = (*tuple((0, k) for k in range(6)), (1, 6), (2, 7), (3, 8))
-TRACK = pull_straight(Threat.of(FIELD), ROUTE, Counting.ENTERED)
+TRACK = pull_straight(ThreatMap.of(FIELD), ROUTE, ExposureMeasure.ENTERED)
 assert TRACK.corners == ((0, 0), (3, 8))
 
 
@@ -247,11 +258,11 @@ def test_news_about_what_lies_ahead_ends_a_track(news: dict[Cell, float], over: 
     p_s = FIELD.copy()
     for cell, value in news.items():
         p_s[cell] = value
-    index = index_abreast(TRACK, over)
+    index = route_index_at(TRACK, over)
     assert index is not None
-    now, before = Threat.of(p_s), Threat.of(FIELD)
+    now, before = ThreatMap.of(p_s), ThreatMap.of(FIELD)
     verdict = still_holds(
-        now, before, Counting.ENTERED, ROUTE, TRACK, radius_cells=0.0, cell=over, index=index
+        now, before, ExposureMeasure.ENTERED, ROUTE, TRACK, radius_cells=0.0, cell=over, index=index
     )
     assert verdict is holds
 
@@ -259,7 +270,7 @@ def test_news_about_what_lies_ahead_ends_a_track(news: dict[Cell, float], over: 
 @BOTH
 @given(case=cases())
 @QUICK
-def test_without_news_a_track_holds_everywhere_on_it(counting: Counting, case: Case) -> None:
+def test_without_news_a_track_holds_everywhere_on_it(counting: ExposureMeasure, case: Case) -> None:
     track = pull_straight(case.threat, case.route, counting)
     for cell, index in zip(track.over, track.abreast, strict=True):
         assert still_holds(
@@ -285,7 +296,7 @@ def test_whether_a_vehicle_goes_back_to_the_centre_of_its_cell(
         p_s[wall] = math.inf
     if dear is not None:
         p_s[dear] = 0.5
-    assert may_join(Threat.of(p_s), position, (0, 0), (2, 1)) is joins
+    assert may_join(ThreatMap.of(p_s), position, (0, 0), (2, 1)) is joins
 
 
 # --- room to turn
@@ -299,7 +310,9 @@ def turns(track: Track) -> list[tuple[tuple[float, float], ...]]:
 @BOTH
 @given(case=cases(), radius=st.sampled_from([0.3, 0.8, 1.5, 4.0]))
 @QUICK
-def test_turns_are_as_wide_as_asked_and_clear_of_walls(counting: Counting, case: Case, radius: float) -> None:
+def test_turns_are_as_wide_as_asked_and_clear_of_walls(
+    counting: ExposureMeasure, case: Case, radius: float
+) -> None:
     try:
         track = pull_straight(
             case.threat, case.route, counting, radius_cells=radius, weights=Weights(case.w, 0.13)
@@ -312,7 +325,7 @@ def test_turns_are_as_wide_as_asked_and_clear_of_walls(counting: Counting, case:
         assert away <= math.dist(before, corner) * (1.0 if before == corners[0] else 0.5) + 1e-9
         assert away <= math.dist(corner, after) * (1.0 if after == corners[-1] else 0.5) + 1e-9
     flown, _ = rounded(corners, radius)
-    assert not any(math.isinf(case.p_s[cell]) for cell in passed(flown).cells[1:])
+    assert not any(math.isinf(case.p_s[cell]) for cell in crossed_cells(flown).cells[1:])
     length = sum(math.dist(a, b) for a, b in itertools.pairwise(flown))
     assert track.length_cells == pytest.approx(length)
     # Menger's curvature: three neighbouring points on a track lie on no tighter circle, but for the joints.
@@ -333,9 +346,9 @@ def test_a_zigzag_that_cannot_be_flown_is_flown_straight_even_if_that_is_worse()
     route = tuple((k % 2, k) for k in range(9))
     for cell in route:
         p_s[cell] = 0.1
-    threat = Threat.of(p_s)
-    assert len(pull_straight(threat, route, Counting.ENTERED, radius_cells=0.2).corners) == 9
-    wide = pull_straight(threat, route, Counting.ENTERED, radius_cells=3.0, weights=Weights(1.0, 0.1))
+    threat = ThreatMap.of(p_s)
+    assert len(pull_straight(threat, route, ExposureMeasure.ENTERED, radius_cells=0.2).corners) == 9
+    wide = pull_straight(threat, route, ExposureMeasure.ENTERED, radius_cells=3.0, weights=Weights(1.0, 0.1))
     assert len(wide.corners) < 9
     assert wide.exposure_sum > exposure_sum(p_s, route)
 
@@ -345,14 +358,14 @@ def test_what_cannot_be_flown_is_refused() -> None:
     route = ((0, 0), (0, 1), (0, 2), (1, 2), (2, 2))
     for cell in route:
         p_s[cell] = 0.1
-    threat = Threat.of(p_s)
-    assert pull_straight(threat, route, Counting.ENTERED, radius_cells=1.0).corners == (
+    threat = ThreatMap.of(p_s)
+    assert pull_straight(threat, route, ExposureMeasure.ENTERED, radius_cells=1.0).corners == (
         (0, 0),
         (0, 2),
         (2, 2),
     )
     with pytest.raises(Unflyable, match=r"5 cells from \(0, 0\) to \(2, 2\).*radius of 2.5 cells"):
-        pull_straight(threat, route, Counting.ENTERED, radius_cells=2.5)
+        pull_straight(threat, route, ExposureMeasure.ENTERED, radius_cells=2.5)
 
 
 def test_an_arc_that_would_cut_over_a_dear_cell_is_not_flown() -> None:
@@ -361,7 +374,9 @@ def test_an_arc_that_would_cut_over_a_dear_cell_is_not_flown() -> None:
     p_s[:, :] = 0.9
     for cell in route:
         p_s[cell] = 0.1
-    sharp = pull_straight(Threat.of(p_s), route, Counting.ENTERED, radius_cells=0.5)
+    sharp = pull_straight(ThreatMap.of(p_s), route, ExposureMeasure.ENTERED, radius_cells=0.5)
     assert sharp.exposure_sum == pytest.approx(1.2)
-    wide = pull_straight(Threat.of(p_s), route, Counting.ENTERED, radius_cells=5.0, weights=Weights(1.0, 0.1))
+    wide = pull_straight(
+        ThreatMap.of(p_s), route, ExposureMeasure.ENTERED, radius_cells=5.0, weights=Weights(1.0, 0.1)
+    )
     assert wide.exposure_sum > 1.2  # it has no choice, and says so

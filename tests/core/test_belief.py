@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 from swarmctl.core.belief import CLEAR, OCCUPIED, UNKNOWN, Belief
 from swarmctl.core.observation import Checkpoint, Observation, checkpoint
 
-QUICK = settings(max_examples=60, deadline=None, derandomize=True)
+QUICK = settings(max_examples=examples(60), deadline=None, derandomize=True)
 ROWS, COLS = 4, 5
 
 

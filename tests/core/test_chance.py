@@ -11,9 +11,9 @@ import pytest
 from swarmctl.core.belief import Belief
 from swarmctl.core.exposure import exposure, exposure_sum, safety_factor
 from swarmctl.core.grid import Cell
-from swarmctl.core.inference.chance import Chance, chance_among, chance_of_getting_through
 from swarmctl.core.inference.hostiles import HostileCount
 from swarmctl.core.inference.sensor import SensorModel
+from swarmctl.core.inference.survival import ProbabilityEstimate, survival_among, survival_probability
 from swarmctl.core.observation import Observation
 from swarmctl.core.threat import FiringStrength
 
@@ -49,7 +49,7 @@ def exactly(rows: int, cols: int, n: int, route: list[Cell], clear: set[Cell], h
 def test_the_straight_crossing_of_the_model() -> None:
     belief = Belief.prior(20, 20, 24)
     p_s = exposure(belief.occupancy(), STRENGTH)
-    chance = chance_of_getting_through(belief, STRENGTH, STRAIGHT, np.random.default_rng(1))
+    chance = survival_probability(belief, STRENGTH, STRAIGHT, np.random.default_rng(1))
     assert exposure_sum(p_s, STRAIGHT) == pytest.approx(2.5, abs=0.05)
     assert safety_factor(p_s, STRAIGHT) == pytest.approx(0.07, abs=0.005)
     assert chance.estimate == pytest.approx(0.13, abs=0.01)
@@ -63,7 +63,7 @@ def test_the_interval_holds_the_exact_value_as_often_as_it_says() -> None:
     )
     exact = exactly(20, 20, 24, STRAIGHT, set(around) - {(9, 4)}, {(9, 4)})
     chances = [
-        chance_of_getting_through(belief, STRENGTH, STRAIGHT, np.random.default_rng(seed), 1000)
+        survival_probability(belief, STRENGTH, STRAIGHT, np.random.default_rng(seed), 1000)
         for seed in range(300)
     ]
     covered = sum(c.low <= exact <= c.high for c in chances)
@@ -78,8 +78,7 @@ def test_a_chance_too_small_for_worlds_to_tell_is_within_its_interval_too() -> N
     belief, exact = Belief.prior(60, 60, 400), exactly(60, 60, 400, route, set(), set())
     assert exact < 1e-4
     chances = [
-        chance_of_getting_through(belief, STRENGTH, route, np.random.default_rng(seed), 1000)
-        for seed in range(50)
+        survival_probability(belief, STRENGTH, route, np.random.default_rng(seed), 1000) for seed in range(50)
     ]
     assert all(c.low <= exact <= c.high < 0.005 for c in chances)
 
@@ -91,7 +90,7 @@ def test_the_interval_holds_what_few_worlds_show(n_hostiles: int, n_worlds: int)
     belief, route = Belief.prior(1, 500, n_hostiles), [(0, col) for col in range(41)]
     exact = math.comb(500 - 42, n_hostiles) / math.comb(500, n_hostiles)
     chances = [
-        chance_of_getting_through(belief, never_miss, route, np.random.default_rng(seed), n_worlds)
+        survival_probability(belief, never_miss, route, np.random.default_rng(seed), n_worlds)
         for seed in range(200)
     ]
     covered = sum(c.low <= exact <= c.high for c in chances)
@@ -101,7 +100,7 @@ def test_the_interval_holds_what_few_worlds_show(n_hostiles: int, n_worlds: int)
 @pytest.mark.parametrize("n_worlds", [-1, 0, 1])
 def test_too_few_worlds_are_refused(n_worlds: int) -> None:
     with pytest.raises(ValueError, match=f"{n_worlds} worlds: expected 2 or more"):
-        chance_of_getting_through(
+        survival_probability(
             Belief.prior(5, 5, 2), STRENGTH, [(0, 0), (0, 1)], np.random.default_rng(0), n_worlds
         )
 
@@ -109,19 +108,19 @@ def test_too_few_worlds_are_refused(n_worlds: int) -> None:
 @pytest.mark.parametrize(
     ("chance", "text"),
     [
-        (Chance(0.134, 0.128, 0.141, 9), "0.134 (0.128–0.141)"),
-        (Chance(0.9, 0.9, 0.9, 9), "0.900 (certain)"),
-        (Chance(2.3e-5, 0.0, 1.1e-3, 9), "2.3e-05 (0.000–0.001)"),
-        (Chance(0.99995, 0.998, 1.0, 9), "0.99995 (0.998–1.000)"),
+        (ProbabilityEstimate(0.134, 0.128, 0.141, 9), "0.134 (0.128–0.141)"),
+        (ProbabilityEstimate(0.9, 0.9, 0.9, 9), "0.900 (certain)"),
+        (ProbabilityEstimate(2.3e-5, 0.0, 1.1e-3, 9), "2.3e-05 (0.000–0.001)"),
+        (ProbabilityEstimate(0.99995, 0.998, 1.0, 9), "0.99995 (0.998–1.000)"),
     ],
 )
-def test_a_chance_reads_as_it_is(chance: Chance, text: str) -> None:
+def test_a_chance_reads_as_it_is(chance: ProbabilityEstimate, text: str) -> None:
     assert str(chance) == text
 
 
 def test_the_interval_is_narrower_than_that_of_counting_who_gets_through() -> None:
     belief = Belief.prior(20, 20, 24)
-    chance = chance_of_getting_through(belief, STRENGTH, STRAIGHT, np.random.default_rng(1), 1000)
+    chance = survival_probability(belief, STRENGTH, STRAIGHT, np.random.default_rng(1), 1000)
     counting = 2 * 1.96 * math.sqrt(chance.estimate * (1.0 - chance.estimate) / 1000)
     assert chance.high - chance.low < 0.6 * counting
 
@@ -154,7 +153,7 @@ def test_worlds_are_drawn_from_the_posterior(count: HostileCount, sensor: Sensor
                 chance *= (1.0 - hit) ** int(belief.looks[cell] - belief.hits[cell])
             weight += chance
             survived += chance * math.prod(survival_of(h, BENT) for h in held)
-    estimate = chance_of_getting_through(belief, STRENGTH, BENT, np.random.default_rng(2), 200_000)
+    estimate = survival_probability(belief, STRENGTH, BENT, np.random.default_rng(2), 200_000)
     # the interval at 4 instead of 1.96 standard deviations
     assert abs(estimate.estimate - survived / weight) < 4.0 / 1.96 * (estimate.high - estimate.low) / 2.0
 
@@ -162,43 +161,43 @@ def test_worlds_are_drawn_from_the_posterior(count: HostileCount, sensor: Sensor
 def test_what_is_known_for_sure_needs_no_luck() -> None:
     everything = tuple((r, c, (r, c) in {(1, 2), (3, 3)}) for r in range(4) for c in range(4))
     belief = Belief.prior(4, 4, 2).merge([Observation(1, 1, 0.0, everything)])
-    chance = chance_of_getting_through(belief, STRENGTH, BENT, np.random.default_rng(3), 100)
+    chance = survival_probability(belief, STRENGTH, BENT, np.random.default_rng(3), 100)
     exact = survival_of((1, 2), BENT) * survival_of((3, 3), BENT)
     assert chance.estimate == pytest.approx(exact, rel=1e-12)
     assert chance.low == pytest.approx(chance.high, rel=1e-12)
-    assert chance_among({(1, 2), (3, 3)}, STRENGTH, BENT, (4, 4)) == pytest.approx(exact, rel=1e-12)
+    assert survival_among({(1, 2), (3, 3)}, STRENGTH, BENT, (4, 4)) == pytest.approx(exact, rel=1e-12)
 
 
 def test_a_shot_that_never_misses() -> None:
     sure = FiringStrength(1.0, 0.5, 0.0)
-    assert chance_among({(2, 1)}, sure, BENT, (4, 4)) == 0.0
+    assert survival_among({(2, 1)}, sure, BENT, (4, 4)) == 0.0
     belief = Belief.prior(4, 4, 16)
-    assert chance_of_getting_through(belief, sure, BENT, np.random.default_rng(4)).high == 0.0
+    assert survival_probability(belief, sure, BENT, np.random.default_rng(4)).high == 0.0
 
 
 @pytest.mark.parametrize("route", [[(0, 0)], [(3, 3), (3, 2)]], ids=["no step", "in a corner"])
 def test_short_routes(route: list[Cell]) -> None:
     belief = Belief.prior(4, 4, 2)
-    chance = chance_of_getting_through(belief, STRENGTH, route, np.random.default_rng(5), 50_000)
+    chance = survival_probability(belief, STRENGTH, route, np.random.default_rng(5), 50_000)
     assert chance.low <= exactly(4, 4, 2, route, set(), set()) <= chance.high
 
 
 def test_what_no_world_has_shown_may_happen_all_the_same() -> None:
     belief, route = Belief.prior(200, 200, 1), [(0, 0), (0, 1)]
-    chance = chance_of_getting_through(belief, STRENGTH, route, np.random.default_rng(8), 100)
+    chance = survival_probability(belief, STRENGTH, route, np.random.default_rng(8), 100)
     assert chance.estimate == 1.0
     assert chance.low <= exactly(200, 200, 1, route, set(), set()) < chance.high
 
 
 def test_without_hostiles_every_vehicle_gets_through() -> None:
-    chance = chance_of_getting_through(Belief.prior(4, 4, 0), STRENGTH, BENT, np.random.default_rng(6))
+    chance = survival_probability(Belief.prior(4, 4, 0), STRENGTH, BENT, np.random.default_rng(6))
     assert (chance.low, chance.estimate, chance.high) == (1.0, 1.0, 1.0)
-    assert chance_among(set(), STRENGTH, BENT, (4, 4)) == 1.0
+    assert survival_among(set(), STRENGTH, BENT, (4, 4)) == 1.0
 
 
 def test_equal_generators_give_equal_chances() -> None:
     belief = Belief.prior(20, 20, HostileCount.poisson(24.0, 400), ERRING)
     one, other = (
-        chance_of_getting_through(belief, STRENGTH, STRAIGHT, np.random.default_rng(7)) for _ in range(2)
+        survival_probability(belief, STRENGTH, STRAIGHT, np.random.default_rng(7)) for _ in range(2)
     )
     assert one == other

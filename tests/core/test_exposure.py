@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 from swarmctl.core.belief import Belief
 from swarmctl.core.exposure import exposure, exposure_sum, length_cells, prior_inner_exposure, safety_factor
@@ -42,7 +43,7 @@ def test_eq_3_after_nine_cells_of_the_model(cell: Cell, p_s: float) -> None:
     assert exposure(belief.occupancy(), STRENGTH)[cell] == pytest.approx(p_s, abs=5e-10)
 
 
-@settings(max_examples=30, deadline=None, derandomize=True)
+@settings(max_examples=examples(30), deadline=None, derandomize=True)
 @given(st.integers(1, 6), st.integers(1, 6), st.data())
 def test_it_is_the_sum_of_eq_1_over_all_hostiles(rows: int, cols: int, data: st.DataObject) -> None:
     all_cells = [(r, c) for r in range(rows) for c in range(cols)]

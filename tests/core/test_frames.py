@@ -15,27 +15,27 @@ from swarmctl.core.frames import (
     VERSION,
     Content,
     Frame,
-    Have,
+    FrameCodec,
+    HeldObservations,
     IntentPoint,
     IntentShared,
-    Refused,
+    MessageRefused,
+    RefusalReason,
     Relayed,
-    Seal,
     Snapshot,
     SnapshotAsked,
     StateShared,
-    Why,
 )
 from swarmctl.core.observation import Checkpoint, Observation
 
-SEAL = Seal("test")
+SEAL = FrameCodec("test")
 AT = (46.0, 14.5)
 SEEN = Observation(3, 7, 12.5, ((4, 7, True), (4, 8, False)), 2)
 STATE = StateShared(12.5, 46.0, 14.5, 40.0, "flying", 9, 1, last_seq=7, knows=2**40, mode="AUTO")
 INTENT = IntentShared(
     4, (IntentPoint(0.0, 46.0, 14.5, 340.0), IntentPoint(21.5, 46.001, 14.5, 340.0)), may_change=False
 )
-ASKED = SnapshotAsked((Have(1, 5, 64, 70, (72, 73), 11),), ((1, 1.5),))
+ASKED = SnapshotAsked((HeldObservations(1, 5, 64, 70, (72, 73), 11),), ((1, 1.5),))
 
 # As written by version 3: whoever changes one of them breaks every swarm that flies another build.
 GOLDEN: tuple[tuple[Content, str], ...] = (
@@ -146,9 +146,9 @@ def test_fields_that_a_later_version_adds_are_tolerated(row: tuple[Content, str]
 def test_a_missing_field_is_refused_by_name(field: str) -> None:
     body = msgspec.msgpack.decode(close(SEEN)[2:])
     del body[field]
-    with pytest.raises(Refused, match=field) as refused:
+    with pytest.raises(MessageRefused, match=field) as refused:
         SEAL.open(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
-    assert refused.value.why is Why.MALFORMED
+    assert refused.value.why is RefusalReason.MALFORMED
 
 
 @pytest.mark.parametrize(
@@ -165,7 +165,7 @@ def test_a_missing_field_is_refused_by_name(field: str) -> None:
 def test_a_value_that_makes_no_sense_is_refused(field: str, value: float) -> None:
     body = msgspec.msgpack.decode(close(SEEN)[2:])
     body[field] = value
-    with pytest.raises(Refused):
+    with pytest.raises(MessageRefused):
         SEAL.open(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
 
 
@@ -181,7 +181,7 @@ def test_where_it_goes_and_when_it_arrives_are_told_where_they_are_known() -> No
 def test_a_state_with_what_is_no_number_is_refused(field: str) -> None:
     body = msgspec.msgpack.decode(close(STATE)[2:])
     body["content"][field] = float("nan")
-    with pytest.raises(Refused, match="no number"):
+    with pytest.raises(MessageRefused, match="no number"):
         SEAL.open(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
 
 
@@ -200,9 +200,9 @@ def test_what_no_autopilot_tells_is_refused(content: Content, field: str, value:
     """Who reckons with it may find no number."""
     body = msgspec.msgpack.decode(close(content)[2:])
     body["content"][field] = value
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(MessageRefused) as refused:
         SEAL.open(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
-    assert refused.value.why is Why.MALFORMED
+    assert refused.value.why is RefusalReason.MALFORMED
 
 
 @pytest.mark.parametrize(
@@ -222,9 +222,9 @@ def test_what_no_autopilot_tells_is_refused(content: Content, field: str, value:
 def test_an_intent_that_is_no_flight_is_refused(points: list[list[float]]) -> None:
     body = msgspec.msgpack.decode(close(INTENT)[2:])
     body["content"]["points"] = points
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(MessageRefused) as refused:
         SEAL.open(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
-    assert refused.value.why is Why.MALFORMED
+    assert refused.value.why is RefusalReason.MALFORMED
 
 
 def test_the_longest_intent_is_short_enough_to_be_passed_on() -> None:
@@ -237,7 +237,7 @@ def test_no_bytes_raise_anything_else(data: bytes) -> None:
     for candidate in (data, bytes((VERSION, 0)) + data, bytes((VERSION, 1)) + data):
         try:
             SEAL.open(candidate)
-        except Refused:
+        except MessageRefused:
             continue
 
 
@@ -247,6 +247,6 @@ def test_bytes_that_change_on_their_way_raise_nothing_else(data: st.DataObject) 
     good[data.draw(st.integers(0, len(good) - 1))] ^= data.draw(st.integers(1, 255))
     try:
         frame = SEAL.open(bytes(good))
-    except Refused:
+    except MessageRefused:
         return
     assert isinstance(frame, Frame)

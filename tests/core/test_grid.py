@@ -3,12 +3,13 @@ import math
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 from swarmctl.core.geo import LatLon, distance_m
 from swarmctl.core.grid import Cell, Grid
 
 GRID = Grid(rows=6, cols=9, cell_size_m=50.0, origin_lat_deg=47.4, origin_lon_deg=8.5)
-QUICK = settings(max_examples=60, deadline=None, derandomize=True)
+QUICK = settings(max_examples=examples(60), deadline=None, derandomize=True)
 
 
 def at(east_m: float, north_m: float) -> LatLon:

@@ -11,14 +11,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from profiles import examples
 
-from swarmctl.core.belief import CLEAR, OCCUPIED, UNKNOWN, Belief, Log, Looked
+from swarmctl.core.belief import CLEAR, OCCUPIED, UNKNOWN, Belief, LookCounts, ObservationLog
 from swarmctl.core.inference.hostiles import HostileCount
-from swarmctl.core.inference.occupancy import Classes, bayes, eq4
+from swarmctl.core.inference.occupancy import CellClasses, bayes, eq4
 from swarmctl.core.inference.sensor import PERFECT, SensorModel
 from swarmctl.core.observation import Observation
 
-QUICK = settings(max_examples=60, deadline=None, derandomize=True)
+QUICK = settings(max_examples=examples(60), deadline=None, derandomize=True)
 ROWS, COLS = 2, 4
 ERRING = SensorModel(0.1, 0.02)
 
@@ -82,7 +83,7 @@ def test_on_twenty_by_twenty_cells_it_is_what_integers_give() -> None:
         without = coefficients({**groups, (looks, hits): groups[looks, hits] - 1})[n - 1]
         expected.append(float(Fraction(held * without, coefficients(groups)[n])))
     looks, hits = np.array(list(groups)).T
-    p = bayes(HostileCount.known(n), ERRING, Classes(looks, hits, np.array(list(groups.values()))))
+    p = bayes(HostileCount.known(n), ERRING, CellClasses(looks, hits, np.array(list(groups.values()))))
     np.testing.assert_allclose(p, expected, rtol=1e-12)
 
 
@@ -125,7 +126,7 @@ def test_eq_4_is_the_limit_of_both(n_hostiles: int, split: list[int]) -> None:
     n_clear, n_held = split
     parts = [((0, 0), 401 - n_clear - n_held), ((1, 0), n_clear), ((1, 1), n_held)]
     kept = [(looks, hits, n) for (looks, hits), n in parts if n]
-    classes = Classes(*(np.array(column, dtype=np.int64) for column in zip(*kept, strict=True)))
+    classes = CellClasses(*(np.array(column, dtype=np.int64) for column in zip(*kept, strict=True)))
     point = HostileCount.weighted({n_hostiles: 0.3})
     np.testing.assert_allclose(bayes(point, PERFECT, classes), eq4(n_hostiles, classes), rtol=1e-12, atol=0.0)
 
@@ -155,7 +156,7 @@ def test_an_unknown_number_with_the_perfect_sensor() -> None:
 def test_on_large_areas_independent_cells_stay_independent(p_cell: float) -> None:
     # Each cell held with probability p, independently: then no cell says anything about another.
     looks, hits = np.array([0, 1, 1, 3, 5, 8]), np.array([0, 0, 1, 1, 3, 0])
-    classes = Classes(looks, hits, np.array([30_000, 6000, 2000, 1500, 450, 50]))
+    classes = CellClasses(looks, hits, np.array([30_000, 6000, 2000, 1500, 450, 50]))
     odds = p_cell / (1.0 - p_cell) * 45.0**hits * (5.0 / 49.0) ** (looks - hits)
     p = bayes(HostileCount.binomial(40_000, p_cell), ERRING, classes)
     np.testing.assert_allclose(p, odds / (1.0 + odds), rtol=1e-9)
@@ -219,7 +220,9 @@ def test_on_large_areas_it_adds_up_and_is_calibrated(size: int, n_true: int, cou
     looks = np.where(rng.random(size * size) < 0.3, rng.integers(1, 8, size * size), 0).astype(np.int32)
     hits = rng.binomial(looks, np.where(truth, 0.9, 0.02)).astype(np.int32)
     shape = (size, size)
-    belief = Belief(count, ERRING, Looked(looks.reshape(shape), hits.reshape(shape)), 0, Log(), 0, {})
+    belief = Belief(
+        count, ERRING, LookCounts(looks.reshape(shape), hits.reshape(shape)), 0, ObservationLog(), 0, {}
+    )
     p = belief.occupancy().ravel()
     assert ((p >= 0.0) & (p <= 1.0)).all()
     if count.is_number:
@@ -234,10 +237,10 @@ def test_on_large_areas_it_adds_up_and_is_calibrated(size: int, n_true: int, cou
 def test_very_many_looks_break_nothing() -> None:
     looks, hits = np.array([[2000, 2000, 1000, 0]], np.int32), np.array([[0, 2000, 500, 0]], np.int32)
     for count in (HostileCount.known(2), HostileCount.uniform(0, 4)):
-        p = Belief(count, ERRING, Looked(looks, hits), 0, Log(), 0, {}).occupancy()
+        p = Belief(count, ERRING, LookCounts(looks, hits), 0, ObservationLog(), 0, {}).occupancy()
         # half of a thousand looks hit: that many false alarms are far less likely than that many misses
         np.testing.assert_allclose(p[0, :3], [0.0, 1.0, 1.0], atol=1e-12)
-    p = Belief(HostileCount.known(2), ERRING, Looked(looks, hits), 0, Log(), 0, {}).occupancy()
+    p = Belief(HostileCount.known(2), ERRING, LookCounts(looks, hits), 0, ObservationLog(), 0, {}).occupancy()
     assert p[0, 3] == pytest.approx(0.0, abs=1e-12)
 
 

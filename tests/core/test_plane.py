@@ -8,7 +8,14 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from swarmctl.core.plane import around, box, contains, convex_hull, meeting_sides, stays_inside
+from swarmctl.core.planar import (
+    bounding_box,
+    contains,
+    convex_hull,
+    crossing_sides,
+    padded_hull,
+    stays_inside,
+)
 
 COORDINATE = st.floats(-1000.0, 1000.0).map(lambda v: round(v, 2))
 POINT = st.tuples(COORDINATE, COORDINATE)
@@ -26,7 +33,7 @@ def between(a, b, share):
 @settings(deadline=None, derandomize=True)
 @given(st.lists(POINT, min_size=1, max_size=30), st.floats(1.0, 200.0), st.floats(0.0, 6.3))
 def test_every_point_is_inside_by_the_margin(points, margin_m, angle):
-    fence = around(points, margin_m)
+    fence = padded_hull(points, margin_m)
     # A centimetre is given away where corners are left out.
     reach_m = 0.98 * margin_m - 0.1
     for e, n in points:
@@ -36,9 +43,14 @@ def test_every_point_is_inside_by_the_margin(points, margin_m, angle):
 
 def test_a_row_of_points_has_a_fence_of_few_corners():
     row = [(0.0, 10.0 * i + 1e-6 * (i % 3)) for i in range(250)]
-    assert len(around(row, 50.0)) == 4
+    assert len(padded_hull(row, 50.0)) == 4
     assert convex_hull([*SQUARE, (50.0, 50.0), (50.0, 0.0)]) == SQUARE
-    assert box([(0.0, 5.0), (3.0, 1.0), (-1.0, 2.0)]) == ((-1.0, 1.0), (3.0, 1.0), (3.0, 5.0), (-1.0, 5.0))
+    assert bounding_box([(0.0, 5.0), (3.0, 1.0), (-1.0, 2.0)]) == (
+        (-1.0, 1.0),
+        (3.0, 1.0),
+        (3.0, 5.0),
+        (-1.0, 5.0),
+    )
 
 
 @pytest.mark.parametrize(
@@ -68,8 +80,8 @@ def test_of_a_leg_that_stays_inside_every_point_is(a, b, corners, share):
 
 def test_no_sides_of_a_simple_polygon_meet_whichever_way_round_it_goes():
     for polygon in (SQUARE, HORSESHOE):
-        assert meeting_sides(polygon) is None
-        assert meeting_sides(polygon[::-1]) is None
+        assert crossing_sides(polygon) is None
+        assert crossing_sides(polygon[::-1]) is None
 
 
 @settings(deadline=None, derandomize=True)
@@ -77,7 +89,7 @@ def test_no_sides_of_a_simple_polygon_meet_whichever_way_round_it_goes():
 def test_of_a_convex_polygon_no_sides_meet_until_two_corners_change_places(points, data):
     hull = list(convex_hull(points))
     assume(len(hull) >= 4)
-    assert meeting_sides(hull) is None
+    assert crossing_sides(hull) is None
     i = data.draw(st.integers(0, len(hull) - 2))
     hull[i], hull[i + 1] = hull[i + 1], hull[i]
-    assert meeting_sides(hull) is not None
+    assert crossing_sides(hull) is not None

@@ -5,14 +5,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 from swarmctl.core.geo import LatLon, distance_m
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.mission import FlightPlan, Waypoint
-from swarmctl.core.route import flight_plan, landing_spot, thin
+from swarmctl.core.route import ends_and_turns, flight_plan, landing_spot
 
 GRID = Grid(rows=8, cols=8, cell_size_m=50.0, origin_lat_deg=47.4, origin_lon_deg=8.5)
-QUICK = settings(max_examples=80, deadline=None, derandomize=True)
+QUICK = settings(max_examples=examples(80), deadline=None, derandomize=True)
 STEPS = [(r, c) for r in (-1, 0, 1) for c in (-1, 0, 1) if (r, c) != (0, 0)]
 HOME = (47.39, 8.49)
 
@@ -47,9 +48,9 @@ def tracks(plan: FlightPlan) -> list[Cell | None]:
 @given(st.tuples(st.integers(0, 9), st.integers(0, 9)), st.lists(st.sampled_from(STEPS), max_size=40))
 def test_thinning_keeps_the_cells_under_the_track(start: Cell, steps: list[Cell]) -> None:
     cells = walk(start, steps)
-    turns = thin(cells)
+    turns = ends_and_turns(cells)
     assert cells_under_track(turns) == tuple(cells)
-    assert thin(turns) == turns or len(turns) < len(cells)
+    assert ends_and_turns(turns) == turns or len(turns) < len(cells)
 
 
 @pytest.mark.parametrize(
@@ -63,7 +64,7 @@ def test_thinning_keeps_the_cells_under_the_track(start: Cell, steps: list[Cell]
     ],
 )
 def test_only_ends_and_turns_remain(cells: list[Cell], turns: list[Cell]) -> None:
-    assert thin(cells) == tuple(turns)
+    assert ends_and_turns(cells) == tuple(turns)
 
 
 @QUICK
@@ -153,7 +154,7 @@ def test_a_landing_place_that_is_not_there_is_refused(index: int, count: int) ->
     north=st.floats(0.001, 0.999),
     step=st.sampled_from([(1, 1), (1, -1), (-1, 1), (-1, -1)]),
 )
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=examples(100), deadline=None, derandomize=True)
 def test_a_cut_corner_leads_over_the_one_cell_that_was_asked_about(
     east: float, north: float, step: Cell
 ) -> None:

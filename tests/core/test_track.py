@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 from swarmctl.core.any_angle.legs import measure_legs
-from swarmctl.core.any_angle.track import WALL_MARGIN, Point, Threat, centre, is_clear, passed
+from swarmctl.core.any_angle.track import WALL_MARGIN, GridPoint, ThreatMap, centre, crossed_cells, is_clear
 from swarmctl.core.grid import Cell
 
-QUICK = settings(max_examples=150, deadline=None, derandomize=True)
+QUICK = settings(max_examples=examples(150), deadline=None, derandomize=True)
 INDEX = st.integers(0, 12)
 CELL = st.tuples(INDEX, INDEX)
 COORDINATE = st.floats(0.0, 12.999)
@@ -40,7 +41,7 @@ def exactly_passed(a: Cell, b: Cell) -> list[tuple[Cell, Fraction]]:
 @QUICK
 @given(CELL, CELL)
 def test_between_centres_the_cells_and_ways_are_exact(a: Cell, b: Cell) -> None:
-    under = passed((centre(a), centre(b)))
+    under = crossed_cells((centre(a), centre(b)))
     if a == b:
         assert under.cells == (a,)
         return
@@ -52,15 +53,15 @@ def test_between_centres_the_cells_and_ways_are_exact(a: Cell, b: Cell) -> None:
 
 @pytest.mark.parametrize("far", [9_999, 10_000])
 def test_corners_are_told_apart_on_the_longest_legs(far: int) -> None:
-    under = passed((centre((0, 0)), centre((far, far - 1))))
+    under = crossed_cells((centre((0, 0)), centre((far, far - 1))))
     crossings = {Fraction(2 * k + 1, 2 * n) for n in (far, far - 1) for k in range(n)}
     assert len(under.cells) == 1 + len(crossings)
 
 
 @QUICK
 @given(st.lists(st.tuples(COORDINATE, COORDINATE), min_size=1, max_size=4))
-def test_a_track_passes_over_the_cells_of_its_points_in_order(points: list[Point]) -> None:
-    under = passed(points)
+def test_a_track_passes_over_the_cells_of_its_points_in_order(points: list[GridPoint]) -> None:
+    under = crossed_cells(points)
     assert all(a != b for a, b in itertools.pairwise(under.cells))
     assert sum(under.ways) == pytest.approx(
         sum(itertools.starmap(math.dist, itertools.pairwise(points))), abs=1e-6
@@ -86,7 +87,7 @@ def test_a_track_passes_over_the_cells_of_its_points_in_order(points: list[Point
     ],
 )
 def test_a_corner_leads_into_the_diagonal_neighbour_alone(a: Cell, b: Cell, cells: list[Cell]) -> None:
-    assert passed((centre(a), centre(b))).cells == tuple(cells)
+    assert crossed_cells((centre(a), centre(b))).cells == tuple(cells)
 
 
 @st.composite
@@ -100,7 +101,7 @@ def fields(draw: st.DrawFn) -> np.ndarray:
 @QUICK
 @given(fields())
 def test_all_legs_at_once_are_each_leg_alone(p_s: np.ndarray) -> None:
-    threat = Threat.of(p_s)
+    threat = ThreatMap.of(p_s)
     cells = [(r, c) for r in range(p_s.shape[0]) for c in range(p_s.shape[1])]
     rng = np.random.default_rng(len(cells))
     pairs = [(cells[i], cells[j]) for i, j in rng.integers(0, len(cells), (30, 2)) if i != j]
@@ -108,7 +109,7 @@ def test_all_legs_at_once_are_each_leg_alone(p_s: np.ndarray) -> None:
     legs = measure_legs(threat, begins, ends)
     for k, (a, b) in enumerate(pairs):
         points = (centre(a), centre(b))
-        under = passed(points)
+        under = crossed_cells(points)
         alone = [math.dist(a, b), *threat.integral(under.cells, under.ways), *threat.entered(under.cells[1:])]
         assert legs.measures[:, k] == pytest.approx(alone, abs=1e-12)
         assert legs.clear[k] == is_clear(threat, points)
@@ -117,7 +118,7 @@ def test_all_legs_at_once_are_each_leg_alone(p_s: np.ndarray) -> None:
 @QUICK
 @given(fields(), st.integers(0, 2**32))
 def test_clear_is_away_from_every_wall(p_s: np.ndarray, seed: int) -> None:
-    threat = Threat.of(p_s)
+    threat = ThreatMap.of(p_s)
     rows, cols = p_s.shape
     a, b = np.random.default_rng(seed).random((2, 2)) * (cols, rows)
     begin = (math.floor(a[1]), math.floor(a[0]))
@@ -137,22 +138,22 @@ def test_clear_is_away_from_every_wall(p_s: np.ndarray, seed: int) -> None:
 def test_the_integral_is_that_of_many_samples() -> None:
     p_s = np.random.default_rng(5).random((7, 7))
     a, b = (0.3, 6.2), (6.7, 0.9)
-    under = passed((a, b))
+    under = crossed_cells((a, b))
     share = (np.arange(200_000) + 0.5) / 200_000
     x, y = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
     sampled = p_s[np.floor(y).astype(int), np.floor(x).astype(int)].mean() * math.dist(a, b)
-    assert Threat.of(p_s).integral(under.cells, under.ways)[0] == pytest.approx(sampled, rel=1e-4)
+    assert ThreatMap.of(p_s).integral(under.cells, under.ways)[0] == pytest.approx(sampled, rel=1e-4)
 
 
 def test_who_is_in_a_wall_may_leave_it() -> None:
     p_s = np.zeros((3, 3))
     p_s[0, 0] = p_s[2, 2] = math.inf
-    assert is_clear(Threat.of(p_s), (centre((0, 0)), centre((0, 2))))
-    assert not is_clear(Threat.of(p_s), (centre((0, 2)), centre((0, 0))))
+    assert is_clear(ThreatMap.of(p_s), (centre((0, 0)), centre((0, 2))))
+    assert not is_clear(ThreatMap.of(p_s), (centre((0, 2)), centre((0, 0))))
 
 
 def test_a_cell_above_the_maximum_exposure_is_a_wall() -> None:
     p_s = np.full((1, 3), 0.1)
     p_s[0, 1] = 0.3
-    assert is_clear(Threat.of(p_s), (centre((0, 0)), centre((0, 2))))
-    assert not is_clear(Threat.of(p_s, max_exposure=0.2), (centre((0, 0)), centre((0, 2))))
+    assert is_clear(ThreatMap.of(p_s), (centre((0, 0)), centre((0, 2))))
+    assert not is_clear(ThreatMap.of(p_s, max_exposure=0.2), (centre((0, 0)), centre((0, 2))))

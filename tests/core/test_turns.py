@@ -8,11 +8,12 @@ import math
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
-from swarmctl.core.any_angle.track import Point
+from swarmctl.core.any_angle.track import GridPoint
 from swarmctl.core.any_angle.turns import ARC_ERROR, arc, rounded, tangent
 
-QUICK = settings(max_examples=150, deadline=None, derandomize=True)
+QUICK = settings(max_examples=examples(150), deadline=None, derandomize=True)
 POINT = st.tuples(st.floats(-20.0, 20.0), st.floats(-20.0, 20.0))
 
 
@@ -26,14 +27,14 @@ POINT = st.tuples(st.floats(-20.0, 20.0), st.floats(-20.0, 20.0))
         ((0.5, 0.0), math.inf),  # back
     ],
 )
-def test_an_arc_begins_where_geometry_says(after: Point, away: float) -> None:
+def test_an_arc_begins_where_geometry_says(after: GridPoint, away: float) -> None:
     assert tangent((0.0, 0.0), (1.0, 0.0), after, 3.0) == pytest.approx(away)
 
 
 @QUICK
 @given(POINT, POINT, POINT, st.floats(0.1, 5.0))
 def test_an_arc_has_the_radius_and_touches_both_legs(
-    before: Point, corner: Point, after: Point, radius: float
+    before: GridPoint, corner: GridPoint, after: GridPoint, radius: float
 ) -> None:
     assume(math.dist(before, corner) > 0.5 and math.dist(corner, after) > 0.5)
     away = tangent(before, corner, after, radius)

@@ -22,17 +22,17 @@ from swarmctl.agent.traffic.return_turns import LEAST_APART_M
 from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.core import events as ev
-from swarmctl.core.events import Order
+from swarmctl.core.events import FlightOrder
 from swarmctl.core.messages import GiveOrder, OperatorAnswer, Request, VehicleAnswer
 from swarmctl.flight import app, operator_orders
 from swarmctl.flight.virtual_clock import run_virtual
-from swarmctl.report.live_rows import Picture
+from swarmctl.report.live_rows import SwarmView
 from swarmctl.report.outcome import Report
 from swarmctl.station import client, recall
 
 pytestmark = pytest.mark.virtual
 
-HOLD, RETURN, LAND = Order.HOLD, Order.RETURN, Order.LAND
+HOLD, RETURN, LAND = FlightOrder.HOLD, FlightOrder.RETURN, FlightOrder.LAND
 ONE_FLIES_ALL = client.Station("small", BusEndpoint("127.0.0.1", 7447))
 
 
@@ -53,7 +53,7 @@ def queued(**changes: Any) -> Story:
     return story
 
 
-def waits(story: Story, time_boot_s: float, **changes: Any) -> list[Order]:
+def waits(story: Story, time_boot_s: float, **changes: Any) -> list[FlightOrder]:
     held = {"mode": "GUIDED", "mode_role": "hold", **changes}
     return orders(story.over((4, 1), time_boot_s=time_boot_s, **held))
 
@@ -75,7 +75,7 @@ def test_a_later_turn_takes_the_place_of_the_first_and_none_begins_at_once() -> 
 
 
 @pytest.mark.parametrize(("order", "told"), [(HOLD, []), (LAND, [LAND])])
-def test_another_order_ends_the_waiting(order: Order, told: list[Order]) -> None:
+def test_another_order_ends_the_waiting(order: FlightOrder, told: list[FlightOrder]) -> None:
     story = queued()
     assert orders(story(ev.OperatorCommand(order, 2))) in (told, [HOLD])
     assert waits(story, 200.0, mode_role=order.value) == []
@@ -94,7 +94,7 @@ def test_a_clock_that_was_set_back_makes_nobody_wait_for_ever() -> None:
 
 
 @pytest.mark.parametrize("order", [HOLD, RETURN, LAND])
-def test_to_give_an_order_again_changes_nothing(order: Order) -> None:
+def test_to_give_an_order_again_changes_nothing(order: FlightOrder) -> None:
     story = Story().flying()
     story(ev.OperatorCommand(order, 1))
     story(ev.OrderDone(order))
@@ -210,7 +210,7 @@ def test_agents_apart_are_called_back_in_turns(tmp_path: Path, monkeypatch: pyte
 
 def test_ctrl_c_brings_them_home_in_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     trouble = Trouble(note=(looker := Looker()))
-    report, ui = suffer(trouble, tmp_path, monkeypatch, scenario=gathering(), carry=interrupting(45.0))
+    report, ui = suffer(trouble, tmp_path, monkeypatch, scenario=gathering(), address_of=interrupting(45.0))
     assert report.ended == "stopped"
     assert looker.least_m > LEAST_APART_M
     assert len(set(looker.since_s.values())) > 1
@@ -223,20 +223,20 @@ def test_when_the_deadline_comes_nobody_is_left_waiting_for_its_turn(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scenario = gathering(flight={"altitude_m": 15.0, "on_exit_deadline_s": 3.0})
-    report, ui = suffer(Trouble(), tmp_path, monkeypatch, scenario=scenario, carry=interrupting(45.0))
-    assert len(report.left) == 3
-    assert all("mode RTL" in line for line in report.left)
+    report, ui = suffer(Trouble(), tmp_path, monkeypatch, scenario=scenario, address_of=interrupting(45.0))
+    assert len(report.final_states) == 3
+    assert all("mode RTL" in line for line in report.final_states)
     assert any(text.endswith("to return now, whoever else is in the air") for text in ui.said)
 
 
 def test_ctrl_c_twice_sends_all_home_at_once_and_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    carry = interrupting(45.0, 45.5)
-    report, ui = suffer(Trouble(), tmp_path, monkeypatch, scenario=gathering(), carry=carry)
+    address_of = interrupting(45.0, 45.5)
+    report, ui = suffer(Trouble(), tmp_path, monkeypatch, scenario=gathering(), address_of=address_of)
     assert report.ended == "abandoned"
-    assert len(report.left) == 3
-    assert all("mode RTL" in line for line in report.left)
+    assert len(report.final_states) == 3
+    assert all("mode RTL" in line for line in report.final_states)
     assert "not waited for: uav1, uav2, uav3 to return, all at once" in ui.said
 
 
@@ -247,22 +247,22 @@ def test_ctrl_c_lands_who_holds_above_another_when_that_is_down(tmp_path: Path) 
         flight={"altitude_m": 15.0, "altitude_step_m": 6.0, "on_exit": "land", "on_exit_deadline_s": 200.0},
     )
     ui = Ui()
-    report = fly(scenario, tmp_path, carry=interrupting(66.0), ui=ui)
-    assert [line.partition("; ")[2] for line in report.left] == ["landed", "landed"]
+    report = fly(scenario, tmp_path, address_of=interrupting(66.0), ui=ui)
+    assert [line.partition("; ")[2] for line in report.final_states] == ["landed", "landed"]
     assert "to land when those under them are down: uav2" in ui.said
-    down_s = [report.ledger.vehicles[uav].last_s for uav in (1, 2)]
+    down_s = [report.statistics.vehicles[uav].last_s for uav in (1, 2)]
     assert down_s[1] - down_s[0] > 20.0  # it comes down from 21 m, of which the last 10 m take 20 s
 
 
 def test_ctrl_c_lands_at_once_who_hold_beside_each_other(tmp_path: Path) -> None:
     ui = Ui()
-    report = fly(small(flight={"on_exit": "land"}), tmp_path, carry=interrupting(30.0), ui=ui)
+    report = fly(small(flight={"on_exit": "land"}), tmp_path, address_of=interrupting(30.0), ui=ui)
     assert not any("when those under them" in line for line in ui.said)
-    assert all("landed" in line for line in report.left)
+    assert all("landed" in line for line in report.final_states)
 
 
 class Breaks(Ui):
-    def refresh(self, picture: Picture) -> None:
+    def refresh(self, picture: SwarmView) -> None:
         super().refresh(picture)
         if picture.flown_s > 40.0:
             raise RuntimeError("a bug")
@@ -281,7 +281,7 @@ def test_a_flight_that_breaks_brings_them_home_in_turns_too(
     assert looker.least_m > LEAST_APART_M
     # The process ends when the last is sent home.
     assert trouble.modes == {1: ["AUTO", "RTL"], 2: ["AUTO", "GUIDED"], 3: ["AUTO", "RTL"]}
-    assert all("mode RTL" in line for line in report.left)
+    assert all("mode RTL" in line for line in report.final_states)
 
 
 def test_a_vehicle_that_somebody_takes_while_it_waits_for_its_turn_is_let_be(
@@ -291,4 +291,4 @@ def test_a_vehicle_that_somebody_takes_while_it_waits_for_its_turn_is_let_be(
     play(trouble, monkeypatch)
     report = fly(gathering(), tmp_path, ui=Breaks(), broken=True)
     assert trouble.modes[2] == ["AUTO", "GUIDED", "LOITER"]
-    assert ["mode RTL" in line for line in report.left] == [True, False, True]
+    assert ["mode RTL" in line for line in report.final_states] == [True, False, True]

@@ -21,7 +21,7 @@ from swarmctl.bus.transports.base import Failure
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.cli.asking import Seals
 from swarmctl.cli.flying import conclude
-from swarmctl.core.events import Order
+from swarmctl.core.events import FlightOrder
 from swarmctl.core.messages import (
     GiveOrder,
     OperatorAnswer,
@@ -110,7 +110,7 @@ def returned(tmp_path_factory: pytest.TempPathFactory) -> Report:
 
 def code_of(report: Report, folder: Path) -> int:
     try:
-        conclude(report, companion.only(small(), 2), folder)
+        conclude(report, companion.scenario_for(small(), 2), folder)
     except typer.Exit as ended:
         return ended.exit_code
     return 0
@@ -137,7 +137,7 @@ NOT_OBEYED: list[tuple[str, dict[str, Any]]] = [
     ("it is still under way, and lost", {"phase": Phase.LEAVING}),
     ("it was not seen to follow", {"order_followed": False}),
     ("nobody ordered it", {"ordered": None}),
-    ("it was ordered to hold", {"ordered": Order.HOLD}),
+    ("it was ordered to hold", {"ordered": FlightOrder.HOLD}),
     ("it never took off", {"armed_seen": False}),
 ]
 
@@ -147,7 +147,7 @@ def test_all_else_that_does_not_arrive_has_failed(
     changes: dict[str, Any], returned: Report, tmp_path: Path
 ) -> None:
     report = replace(returned, states={2: replace(returned.states[2], **changes)})
-    assert companion.called_back(report) == []
+    assert companion.ended_by_operator(report) == []
     assert code_of(report, tmp_path) == 1
 
 
@@ -189,7 +189,7 @@ def test_with_keys_the_operator_is_obeyed_and_the_vehicles_own_answer_believed(t
         bus, ui = MemoryBus(), Ui()
         flight = asyncio.create_task(
             companion.fly(
-                companion.only(small(), 1),
+                companion.scenario_for(small(), 1),
                 folder,
                 ui,
                 clock="virtual",
@@ -243,7 +243,7 @@ def test_a_bug_in_handling_what_comes_is_said_and_ends_no_flight(
         scenario = small()
         permission: Permission = lambda foreign: None  # noqa: E731
         if alone:
-            one = companion.only(scenario, 1)
+            one = companion.scenario_for(scenario, 1)
             flying = companion.fly(
                 one, tmp_path, ui, clock="virtual", permission=permission, launch="when-ready"
             )
@@ -293,7 +293,7 @@ def test_a_simulated_vehicle_has_a_port_of_its_own_and_another_url_makes_it_no_l
     url: str, given: str | None, simulated: bool, reached_at: str
 ) -> None:
     whole = small(simulate={"count": 3, "url": url})
-    alone = companion.only(whole, 3, given)
+    alone = companion.scenario_for(whole, 3, given)
     (spec,) = alone.specs
     assert (spec.name, spec.simulated, spec.url) == ("uav3", simulated, reached_at)
     assert alone.swarm == whole.swarm

@@ -21,20 +21,20 @@ from swarmctl.core.vehicle import VehicleState
 from swarmctl.flight.director import Director, Launch, PreflightFailed
 from swarmctl.flight.member import Member
 from swarmctl.flight.network import network_of
-from swarmctl.flight.runner import NotAllowed, Runner
+from swarmctl.flight.runner import LaunchNotPermitted, Runner
 from swarmctl.flight.sensors.footprint import Footprint
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.links.base import (
     CommandFailed,
     Conflict,
     Identity,
+    LaunchBlockedError,
     LaunchFailed,
-    LaunchPutOff,
-    NobodyAnswers,
+    NoAnswer,
     NotReady,
-    Rebooted,
     StateChanged,
     UploadFailed,
+    VehicleRebooted,
 )
 from swarmctl.mavlink.protocol.outcome import Swapped
 
@@ -62,7 +62,7 @@ class StubLink:
             raise self.fails
 
     async def connect(self, timeout_s: float) -> Identity:
-        await self._do("connect", NobodyAnswers)
+        await self._do("connect", NoAnswer)
         return self.identity
 
     async def identify(self, timeout_s: float) -> Identity:
@@ -79,7 +79,7 @@ class StubLink:
 
     async def launch(self, in_the_way: Callable[[], str] = lambda: "") -> None:
         if why := in_the_way():
-            raise LaunchPutOff(f"put off: {why}", why=why, was_armed=False)
+            raise LaunchBlockedError(f"put off: {why}", why=why, was_armed=False)
         await self._do("launch", LaunchFailed)
 
     async def swap(self, plan: FlightPlan) -> Swapped:
@@ -252,17 +252,17 @@ def test_a_launch_that_nobody_allowed_is_a_bug_not_a_take_off() -> None:
             (),
         )
         runner.post(ev.Ready())
-        runner.post(ev.OperatorCommand(ev.Order.LAUNCH))
+        runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH))
         with pytest.raises(ExceptionGroup) as raised:
             await runner.run()
-        assert isinstance(raised.value.exceptions[0], NotAllowed)
+        assert isinstance(raised.value.exceptions[0], LaunchNotPermitted)
         return link
 
     assert "launch" not in run_virtual(scene()).calls
 
 
 TROUBLE: list[tuple[Exception, str]] = [
-    (NobodyAnswers("uav2: nobody answers", url="u", sysid=2, tried_s=1.0), "nobody answers"),
+    (NoAnswer("uav2: nobody answers", url="u", sysid=2, tried_s=1.0), "nobody answers"),
     (NotReady("uav2: not ready", reasons=("no GPS",)), "not ready"),
     (UploadFailed("uav2: not verified"), "not verified"),
 ]
@@ -322,7 +322,7 @@ def test_a_vehicle_that_boots_while_it_waits_for_its_turn_is_made_ready_again() 
     def boot_once(members: Sequence[Member]) -> bool:
         if not booted and members[0].state.phase == "flying":
             booted.append(True)
-            members[1].runner.on_link_event(Rebooted())
+            members[1].runner.on_link_event(VehicleRebooted())
         return all_launched(members)
 
     ground.fly(boot_once)
@@ -410,7 +410,7 @@ def test_a_vehicle_that_boots_before_its_launch_is_checked_anew() -> None:
     def boot_once(members: Sequence[Member]) -> bool:
         if not booted and members[0].state.phase == "flying":
             booted.append(True)
-            members[1].runner.on_link_event(Rebooted())
+            members[1].runner.on_link_event(VehicleRebooted())
             ground.clearance.verdicts = [["uav2: gps: ..."]]
         return bool(booted) and members[1].state.ended
 
@@ -427,7 +427,7 @@ def test_an_order_to_launch_waits_for_checks_that_are_under_way() -> None:
     def story(members: Sequence[Member]) -> bool:
         now = asyncio.get_running_loop().time()
         if not seen and members[0].state.phase == "standby":
-            members[0].runner.post(ev.OperatorCommand(ev.Order.LAUNCH, 1))
+            members[0].runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH, 1))
             seen.append((now, []))
         if seen and "launch" in ground.links[0].calls:
             seen.append((now, []))
@@ -465,9 +465,9 @@ def test_who_waits_for_an_order_is_launched_by_it_alone_and_made_ready_again_aft
         if phases == {"standby"} and len(moments) < 50:
             moments.append("ready")
             if len(moments) == 20:
-                members[1].runner.on_link_event(Rebooted())
+                members[1].runner.on_link_event(VehicleRebooted())
             if len(moments) == 50:
-                members[0].runner.post(ev.OperatorCommand(ev.Order.LAUNCH, 1))
+                members[0].runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH, 1))
         return members[0].state.phase == "flying"
 
     ground.fly(story)
@@ -495,7 +495,7 @@ def test_a_vehicle_that_waits_for_its_order_may_fall_silent_for_as_long_as_it_li
         waited.append(members[0].state.phase)
         if len(waited) == 300:
             members[0].runner.post(ev.LinkRestored())
-            members[0].runner.post(ev.OperatorCommand(ev.Order.LAUNCH, 1))
+            members[0].runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH, 1))
         return members[0].state.phase == "flying"
 
     ground.fly(story)
@@ -519,7 +519,7 @@ def test_what_was_checked_long_before_the_order_to_launch_is_checked_again(
         if state.phase == "standby":
             standby_s.append(now)
             if not ordered_s and now - standby_s[0] >= waits_s:
-                members[0].runner.post(ev.OperatorCommand(ev.Order.LAUNCH, 1))
+                members[0].runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH, 1))
                 ordered_s.append(now)
         trouble[:] = [state.trouble]
         return state.phase == "flying" or (bool(ordered_s) and now - ordered_s[0] > 20.0)
@@ -549,7 +549,7 @@ def test_who_comes_into_the_way_while_a_vehicle_is_checked_for_its_launch_is_wai
         if runner.state.phase == "standby" and not standby_s:
             standby_s.append(now)
         if standby_s and not ordered_s and now - standby_s[0] >= 45.0:
-            runner.post(ev.OperatorCommand(ev.Order.LAUNCH, 1))
+            runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH, 1))
             ordered_s.append(now)
         if ordered_s and 5.0 <= now - ordered_s[0] < 15.0:
             runner.post(ev.Intents(((7, 0.0, hovers),)))
@@ -574,7 +574,7 @@ def test_who_was_not_fit_when_it_was_ordered_to_launch_is_checked_again_by_the_n
         if state.phase == "standby":
             waits_s.append(now)
             if now - [waits_s[0], *ordered_s][-1] >= 40.0:  # what was checked is too old by then
-                members[0].runner.post(ev.OperatorCommand(ev.Order.LAUNCH, 1))
+                members[0].runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH, 1))
                 ordered_s.append(now)
         return state.phase == "flying" or state.ended
 
@@ -593,9 +593,9 @@ def test_one_that_boots_after_its_launch_was_forbidden_is_made_ready_again() -> 
         if state.phase == "standby":
             moments.append(now)
             if len(moments) == 400:
-                members[0].runner.post(ev.OperatorCommand(ev.Order.LAUNCH, 1))
+                members[0].runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH, 1))
             if len(moments) == 450:
-                members[0].runner.on_link_event(Rebooted())
+                members[0].runner.on_link_event(VehicleRebooted())
         return len(moments) == 600
 
     ground.fly(story)
@@ -625,9 +625,9 @@ def test_a_vehicle_that_boots_while_it_is_checked_again_is_not_launched() -> Non
             return members[0].state.ended or bool(begun_s and now - begun_s[0] > 20.0)
         if not begun_s:
             begun_s.append(now)
-            runner.post(ev.OperatorCommand(ev.Order.LAUNCH, 1))
+            runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH, 1))
         elif 5.0 < now - begun_s[0] < 6.0:
-            runner.on_link_event(Rebooted())
+            runner.on_link_event(VehicleRebooted())
         return members[0].state.ended
 
     ground.fly(story)

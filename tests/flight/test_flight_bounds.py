@@ -15,7 +15,7 @@ from swarmctl.agent.replan.decide import first_route
 from swarmctl.agent.replan.time_bound import arrives_s
 from swarmctl.cli import loading, main
 from swarmctl.config.scenario import Scenario
-from swarmctl.core.route import thin
+from swarmctl.core.route import ends_and_turns
 from swarmctl.planners import BoundTooTight
 from swarmctl.report import record
 
@@ -124,7 +124,7 @@ def test_the_tightest_bound_that_is_accepted_is_kept_around_many_corners(
         first_route(bounded(30.0).tasks[0], free.prior)
     nearest = refused.value.nearest
     tightest_s = math.ceil(10.0 * arrives_s(task, nearest.length_cells, nearest.cells)) / 10.0
-    assert len(thin(nearest.cells)) >= 7  # it does turn
+    assert len(ends_and_turns(nearest.cells)) >= 7  # it does turn
     ui = Ui()
     (vehicle,) = flown(bounded(tightest_s), tmp_path, ui)
     assert vehicle["arrival_bound_kept"] is True

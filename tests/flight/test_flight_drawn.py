@@ -12,16 +12,16 @@ from gap_scenario import through_the_gap
 from trouble import Trouble, chooses, play
 from witness import Witness, findings
 
-from swarmctl.agent.orders import Step, command, let_go
+from swarmctl.agent.orders import StepResult, command, release_vehicle
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
-from swarmctl.flight.app import Manner
+from swarmctl.flight.app import FlightOptions
 from swarmctl.mavlink.dialects.ardupilot import ArduPilot
 from swarmctl.preflight.waivers import Waiver
 
 pytestmark = pytest.mark.virtual
 
-WAIVED = Manner(waivers=(Waiver("separation"),))
+WAIVED = FlightOptions(waivers=(Waiver("separation"),))
 """In flight they are to keep apart all the same."""
 FILES = ("run.mcap", "evidence.jsonl", "summary.json", "uav1.tlog", "uav2.tlog")
 
@@ -32,7 +32,7 @@ def flown(drawn: Drawn, folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[s
     witness.attend()
     with monkeypatch.context() as patched:
         play(drawn.trouble, patched)
-        report = fly(drawn.scenario, folder, ui=Ui(), manner=WAIVED, bus=drawn.bus)
+        report = fly(drawn.scenario, folder, ui=Ui(), options=WAIVED, bus=drawn.bus)
     return findings(witness, report, folder)
 
 
@@ -63,7 +63,7 @@ def test_a_mission_that_is_written_over_the_one_being_flown_is_a_mixture(
         return Drawn(small(simulate={"count": 2, "ready_s": 3.0}), slow_wire(1))
 
     assert flown(plain(), tmp_path / "behind", monkeypatch) == []
-    monkeypatch.setattr(ArduPilot, "uploads_at_once", True)
+    monkeypatch.setattr(ArduPilot, "uploads_atomically", True)
     found = flown(plain(), tmp_path / "over", monkeypatch)
     assert any("1 flies what no plan was" in text for text in found)
 
@@ -71,9 +71,9 @@ def test_a_mission_that_is_written_over_the_one_being_flown_is_a_mixture(
 def test_an_order_to_a_vehicle_that_was_let_go_is_found(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fights(state: AgentState, why: str) -> Step:
-        state, released = let_go(state, why)
-        state, ordered = command(state, ev.Order.HOLD, by_person=True)
+    def fights(state: AgentState, why: str) -> StepResult:
+        state, released = release_vehicle(state, why)
+        state, ordered = command(state, ev.FlightOrder.HOLD, by_person=True)
         return state, [*released, *ordered]
 
     def taken_over() -> Drawn:

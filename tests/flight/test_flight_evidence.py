@@ -29,9 +29,9 @@ from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.flight import app
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.preflight.waivers import parse_waivers
-from swarmctl.report.evidence.book import FILE
-from swarmctl.report.evidence.chain import Checked, canonical, check, sha256
-from swarmctl.report.evidence.story import seen, told
+from swarmctl.report.evidence.book import FILE_NAME
+from swarmctl.report.evidence.chain import CheckedChain, canonical, check, sha256
+from swarmctl.report.evidence.story import event_entries, state_changes
 from swarmctl.report.outcome import Report
 from swarmctl.security.issue import make
 from swarmctl.station import client
@@ -47,8 +47,8 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def evidence(folder: Path) -> Checked:
-    with (folder / FILE).open("rb") as file:
+def evidence(folder: Path) -> CheckedChain:
+    with (folder / FILE_NAME).open("rb") as file:
         return check(file)
 
 
@@ -136,7 +136,7 @@ def test_arming_is_followed_by_its_acknowledgement_and_by_what_was_seen(flown: P
 @pytest.mark.virtual
 def test_equal_seeds_leave_equal_evidence(flown: Path, tmp_path: Path) -> None:
     fly(small(), tmp_path)
-    assert (tmp_path / FILE).read_bytes() == (flown / FILE).read_bytes()
+    assert (tmp_path / FILE_NAME).read_bytes() == (flown / FILE_NAME).read_bytes()
 
 
 @pytest.mark.virtual
@@ -157,7 +157,7 @@ def test_what_people_do_is_in_the_evidence(tmp_path: Path) -> None:
                 clock="virtual",
                 permission=lambda _: None,
                 bus=bus,
-                manner=replace(app.ALL_IN_ONE, waivers=waivers),
+                options=replace(app.DEFAULT_OPTIONS, waivers=waivers),
             )
         )
         await asyncio.sleep(30.0)
@@ -202,26 +202,26 @@ def test_with_keys_the_operator_signs_what_one_process_flew(besides: str, tmp_pa
 def test_what_a_vehicle_is_seen_to_do_is_told_change_by_change() -> None:
     before = VehicleState(mode="GUIDED", mission_seq=1)
     after = VehicleState(mode="AUTO", mission_seq=2, landed=Landed.IN_AIR, alt_rel_m=3.0)
-    assert [(what["changed"], what["from"], what["to"]) for _, what in seen(before, after)] == [
+    assert [(what["changed"], what["from"], what["to"]) for _, what in state_changes(before, after)] == [
         ("mode", "GUIDED", "AUTO"),
         ("landed", "UNDEFINED", "IN_AIR"),
         ("mission_seq", 1, 2),
     ]
-    assert seen(after, after) == []
+    assert state_changes(after, after) == []
 
 
 def test_what_an_operator_asks_is_told_with_the_answer() -> None:
     refused = ev.Answer(3, VehicleAnswer(1, "uav1", "refused", note="its link is lost"))
-    ((kind, what),) = told(ev.OperatorCommand(ev.Order.LAUNCH, 3), [refused])
+    ((kind, what),) = event_entries(ev.OperatorCommand(ev.FlightOrder.LAUNCH, 3), [refused])
     assert (kind, what) == (
         "operator",
         {"asks": "launch", "outcome": "refused", "note": "its link is lost"},
     )
     weights = ev.WeightsChanged(4, 0.2, FiringStrength(0.7, 0.3, 0.1))
-    ((_, what),) = told(weights, [])
+    ((_, what),) = event_entries(weights, [])
     assert what == {"asks": "weights", "w": 0.2, "firing_strength": (0.7, 0.3, 0.1)}
 
 
 def test_what_its_own_process_orders_is_a_decision_and_no_operator_s_action() -> None:
-    entries = told(ev.OperatorCommand(ev.Order.HOLD), [ev.Command(ev.Order.HOLD)])
+    entries = event_entries(ev.OperatorCommand(ev.FlightOrder.HOLD), [ev.Command(ev.FlightOrder.HOLD)])
     assert entries == [("note", {"decided": "hold"})]

@@ -15,7 +15,7 @@ from swarmctl.agent.traffic import landing_queue
 from swarmctl.agent.traffic.separation.clash import LEVEL_M
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.geo import distance_m
-from swarmctl.flight.app import Manner
+from swarmctl.flight.app import FlightOptions
 from swarmctl.preflight.waivers import Waiver
 from swarmctl.report import record
 from swarmctl.report.outcome import Report
@@ -86,7 +86,7 @@ def flown(scenario: Scenario, folder: Path, monkeypatch: pytest.MonkeyPatch) -> 
     apart, ui = Apart(scenario), Ui()
     with monkeypatch.context() as patched:
         play(Trouble(note=apart.look), patched)
-        report = fly(scenario, folder, ui=ui, manner=Manner(waivers=(Waiver("separation"),)))
+        report = fly(scenario, folder, ui=ui, options=FlightOptions(waivers=(Waiver("separation"),)))
     assert report.all_arrived, [state.outcome for state in report.states.values()]
     return report, apart, ui
 

@@ -13,11 +13,11 @@ import pytest
 from flights import Ui, fly, small
 from gap_scenario import through_the_gap
 
-from swarmctl.flight.app import Manner
+from swarmctl.flight.app import FlightOptions
 from swarmctl.flight.runner import Runner
 from swarmctl.preflight.waivers import Waiver
 from swarmctl.report import record
-from swarmctl.report.flight_table import together
+from swarmctl.report.flight_table import swarm_lines
 
 pytestmark = pytest.mark.virtual
 
@@ -27,7 +27,7 @@ def test_the_least_distance_flown_is_in_the_summary(tmp_path: Path) -> None:
     report = fly(scenario, tmp_path)
     separation = json.loads((tmp_path / "summary.json").read_text())["separation"]
     least = separation["least_distance"]
-    one, other = (report.ledger.vehicles[int(name[3:])] for name in least["vehicles"])
+    one, other = (report.statistics.vehicles[int(name[3:])] for name in least["vehicles"])
     # As far apart as the flown tracks, which are points every quarter of a second, and no farther.
     frame = scenario.grid.frame
     here, there = ([frame.to_local(*p) for p in v.flown] for v in (one, other))
@@ -35,7 +35,7 @@ def test_the_least_distance_flown_is_in_the_summary(tmp_path: Path) -> None:
     assert least["distance_m"] == pytest.approx(math.hypot(least["horizontal_m"], least["vertical_m"]))
     assert 4.0 < least["distance_m"] < 120.0
     assert separation["too_close"] == []
-    (line,) = (line for line in together(report.summary) if line.startswith("least distance flown: "))
+    (line,) = (line for line in swarm_lines(report.summary) if line.startswith("least distance flown: "))
     assert line.startswith(f"least distance flown: {least['distance_m']:.1f} m, ")
 
 
@@ -58,7 +58,7 @@ def meeting(folder: Path, action: str, **sections: Any) -> tuple[dict[str, Any],
     )
     ui = Ui()
     # Before the flight this is found out, and an operator has to say that he wants it.
-    report = fly(scenario, folder, ui=ui, manner=Manner(waivers=(Waiver("separation"),)))
+    report = fly(scenario, folder, ui=ui, options=FlightOptions(waivers=(Waiver("separation"),)))
     assert [state.outcome for state in report.states.values()] == ["arrived", "arrived"]
     return report.summary["separation"], ui.said
 
@@ -129,7 +129,7 @@ def flown_after_waiting(folder: Path, **simulate: float) -> None:
         threats={"count": 0},
     )
     ui = Ui()
-    report = fly(scenario, folder, ui=ui, manner=Manner(waivers=(Waiver("separation"),)))
+    report = fly(scenario, folder, ui=ui, options=FlightOptions(waivers=(Waiver("separation"),)))
     assert report.all_arrived
     (waits,) = (i for i, line in enumerate(ui.said) if "it waits on the ground" in line)
     assert ui.said[waits].startswith("uav2: its first route would meet that of vehicle 1 in ")
@@ -163,7 +163,7 @@ def drawn_together(folder: Path, **separation: Any) -> tuple[dict[str, Any], lis
     ui = Ui()
     report = fly(scenario, folder, ui=ui)
     assert [state.outcome for state in report.states.values()] == ["arrived", "arrived"]
-    lines = together(report.summary)
+    lines = swarm_lines(report.summary)
     return report.summary["separation"] | {"lines": lines}, ui.said
 
 
@@ -192,6 +192,6 @@ def test_first_routes_that_cross_are_counted_and_by_what_they_are_kept_apart(tmp
     scenario = small(simulate={"count": 2, "goal": [4, 7], "ready_s": 3.0}, threats={"count": 0})
     report = fly(scenario, tmp_path)
     assert report.summary["separation"]["first_routes"] == {"predicted": 1, "by_height": 1}
-    assert "first routes that cross over ground: 1 pairs, 1 of them kept apart by height" in together(
+    assert "first routes that cross over ground: 1 pairs, 1 of them kept apart by height" in swarm_lines(
         report.summary
     )

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from flights import fly, small
 
-from swarmctl.agent.orders import Step
+from swarmctl.agent.orders import StepResult
 from swarmctl.agent.state import AgentState, Phase
 from swarmctl.agent.step import step
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
@@ -32,7 +32,7 @@ class Told:
         self.was: dict[int, dict[float, tuple[float, float]]] = {}
         monkeypatch.setattr("swarmctl.flight.runner.step", self)
 
-    def __call__(self, state: AgentState, event: ev.Event, now: float) -> Step:
+    def __call__(self, state: AgentState, event: ev.Event, now: float) -> StepResult:
         after, effects = self._step(state, event, now)
         vehicle, uav = after.vehicle, after.task.uav
         if vehicle.lat_deg is not None and vehicle.lon_deg is not None:

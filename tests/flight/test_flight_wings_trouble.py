@@ -10,7 +10,7 @@ from failsafe_faults import outage, sagging
 from trouble import Trouble, suffer
 from wings_flights import away_m, winged
 
-from swarmctl.agent.replan.approach import ROLL_OUT_M
+from swarmctl.agent.replan.landing_pattern import ROLL_OUT_M
 from swarmctl.config.scenario import Scenario
 from swarmctl.report import record
 

@@ -14,10 +14,10 @@ from flights import small
 from swarmctl.agent.state import Phase
 from swarmctl.bus import directory, keys, operator_service
 from swarmctl.bus.endpoint import BusEndpoint
-from swarmctl.bus.operator_service import AgentCommand, OperatorService, CommandCounts, CommandSeal, NO_SEAL
+from swarmctl.bus.operator_service import NO_SEAL, AgentCommand, CommandCounts, CommandSeal, OperatorService
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.core import events as ev
-from swarmctl.core.events import Order
+from swarmctl.core.events import FlightOrder
 from swarmctl.core.messages import (
     BadMessage,
     GiveOrder,
@@ -28,7 +28,7 @@ from swarmctl.core.messages import (
     encode,
 )
 from swarmctl.flight.virtual_clock import run_virtual
-from swarmctl.report.answers import ordered
+from swarmctl.report.answers import order_line
 from swarmctl.station import client
 
 pytestmark = pytest.mark.virtual
@@ -74,7 +74,7 @@ def launching() -> Story:
 
 def breaking_off() -> Story:
     story = Story().launching()
-    story(ev.OperatorCommand(Order.HOLD))
+    story(ev.OperatorCommand(FlightOrder.HOLD))
     return story
 
 
@@ -96,13 +96,13 @@ def landing() -> Story:
 
 def holding() -> Story:
     story = flying()
-    story(ev.OperatorCommand(Order.HOLD, 1))
+    story(ev.OperatorCommand(FlightOrder.HOLD, 1))
     return story
 
 
 def leaving() -> Story:
     story = flying()
-    story(ev.OperatorCommand(Order.RETURN, 1))
+    story(ev.OperatorCommand(FlightOrder.RETURN, 1))
     return story
 
 
@@ -118,9 +118,9 @@ def done() -> Story:
     return story
 
 
-HOLD, RETURN, LAND, LAUNCH = Order.HOLD, Order.RETURN, Order.LAND, Order.LAUNCH
+HOLD, RETURN, LAND, LAUNCH = FlightOrder.HOLD, FlightOrder.RETURN, FlightOrder.LAND, FlightOrder.LAUNCH
 STAYS, DOWN = "stays on the ground", "launch is broken off: it lands"
-MATRIX: list[tuple[Callable[[], Story], Order, str, str, list[Order], Phase]] = [
+MATRIX: list[tuple[Callable[[], Story], FlightOrder, str, str, list[FlightOrder], Phase]] = [
     # state, order, answer, its note, what the vehicle is told, state then
     (waiting, LAUNCH, "refused", "not ready yet: waiting", [], Phase.WAITING),
     (uploading, LAUNCH, "refused", "not ready yet: uploading", [], Phase.UPLOADING),
@@ -159,7 +159,12 @@ MATRIX: list[tuple[Callable[[], Story], Order, str, str, list[Order], Phase]] = 
     ids=[f"{begun.__name__}-{order}" for begun, order, *_ in MATRIX],
 )
 def test_what_an_agent_makes_of_an_order(
-    begun: Callable[[], Story], order: Order, outcome: str, note: str, told: list[Order], phase: Phase
+    begun: Callable[[], Story],
+    order: FlightOrder,
+    outcome: str,
+    note: str,
+    told: list[FlightOrder],
+    phase: Phase,
 ) -> None:
     story = begun()
     effects = story(ev.OperatorCommand(order, 7))
@@ -174,7 +179,7 @@ def test_what_an_agent_makes_of_an_order(
 
 def test_what_its_own_process_orders_is_answered_to_nobody() -> None:
     for begun in (waiting, standby, flying, done):
-        for order in Order:
+        for order in FlightOrder:
             assert not [e for e in begun()(ev.OperatorCommand(order)) if isinstance(e, ev.Answer)]
 
 
@@ -464,7 +469,7 @@ def test_each_agent_answers_for_itself_and_none_keeps_the_others_waiting() -> No
     ]
     assert took_s == pytest.approx(client.TIMEOUT_S)
     assert client.has_failed(GiveOrder(None, "hold"), answer)
-    lines = [ordered("hold", vehicle) for vehicle in answer.vehicles]
+    lines = [order_line("hold", vehicle) for vehicle in answer.vehicles]
     assert lines[0].startswith("uav1: not ordered: no agent of it is in touch")
     assert lines[1] == "uav2: hold ordered"
     assert lines[2] == "uav3: unknown: its agent did not answer within 5 s"

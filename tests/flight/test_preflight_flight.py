@@ -12,7 +12,7 @@ from flights import Ui, fly, small
 
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight import app, virtual_simulator, wiring
-from swarmctl.flight.app import Manner
+from swarmctl.flight.app import FlightOptions
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.preflight.checks import CHECKS
 from swarmctl.preflight.waivers import Waiver
@@ -42,10 +42,10 @@ def afflict(monkeypatch: pytest.MonkeyPatch) -> Afflict:
 
 def checked(scenario: Scenario, folder: Path, *waivers: Waiver, ui: Ui | None = None) -> Report:
     """The checks alone."""
-    manner = Manner(launch="never", waivers=waivers)
+    options = FlightOptions(launch="never", waivers=waivers)
     folder.mkdir(exist_ok=True)
     flight = app.fly(
-        scenario, folder, ui or Ui(), clock="virtual", permission=lambda foreign: None, manner=manner
+        scenario, folder, ui or Ui(), clock="virtual", permission=lambda foreign: None, options=options
     )
     report = run_virtual(flight)
     if report.bug is not None:
@@ -154,10 +154,12 @@ def test_what_is_waived_flies_is_said_and_is_recorded(afflict: Afflict, tmp_path
     scenario, ui = small(preflight={"reserve_percent": 60}), Ui()
     refused = checked(scenario, tmp_path / "checks")
     assert failing(refused) == [("uav1", "battery")]
-    manner = Manner(waivers=(Waiver("battery", "uav1"),))
+    options = FlightOptions(waivers=(Waiver("battery", "uav1"),))
     (tmp_path / "flight").mkdir()
     report = run_virtual(
-        app.fly(scenario, tmp_path / "flight", ui, clock="virtual", permission=lambda _: None, manner=manner)
+        app.fly(
+            scenario, tmp_path / "flight", ui, clock="virtual", permission=lambda _: None, options=options
+        )
     )
     assert report.all_arrived
     (said,) = [text for text in ui.said if text.startswith("uav1: battery is waived: found 50 %")]

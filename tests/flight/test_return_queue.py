@@ -10,8 +10,8 @@ from typing import Any
 
 import msgspec
 import pytest
-from flights import small
 from companion_world import NAMES, Swarm
+from flights import small
 from recall_stories import Looker, gathering
 from trouble import Trouble, play
 
@@ -21,14 +21,14 @@ from swarmctl.agent.traffic.return_turns import LEAST_APART_M, SILENT_S
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.frames import StateShared
 from swarmctl.core.geo import LatLon
-from swarmctl.core.messages import Place
+from swarmctl.core.messages import VehiclePosition
 from swarmctl.flight import task_tree
-from swarmctl.flight.return_queue import SLOT_S, Turns
+from swarmctl.flight.return_queue import SLOT_S, ReturnQueue
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.report.outcome import Report
 
 HOME = (46.0, 14.4)
-OWN = Place(46.005, 14.4, 340.0, *HOME, 300.0, speed_m_s=10.0, keeps_m=(20.0, 5.0))
+OWN = VehiclePosition(46.005, 14.4, 340.0, *HOME, 300.0, speed_m_s=10.0, keeps_m=(20.0, 5.0))
 """556 m north of its home"""
 
 
@@ -44,7 +44,7 @@ class Peers:
 
     def __init__(self, uav: int = 2) -> None:
         self.told: dict[int, StateShared] = {}
-        self.turns = Turns(uav, lambda: self.told)
+        self.turns = ReturnQueue(uav, lambda: self.told)
 
     def may_go(self, now_s: float) -> bool:
         return self.turns.may_go(OWN, now_s)

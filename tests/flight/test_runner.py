@@ -46,13 +46,13 @@ class Slow:
     async def launch(self, in_the_way: Callable[[], str]) -> None:
         await self._do("launch")
 
-    async def hold(self, *, looks_first: bool) -> None:
+    async def hold(self, *, check_mode_first: bool) -> None:
         await self._do("hold")
 
-    async def return_home(self, *, looks_first: bool) -> None:
+    async def return_home(self, *, check_mode_first: bool) -> None:
         await self._do("return")
 
-    async def land(self, *, looks_first: bool) -> None:
+    async def land(self, *, check_mode_first: bool) -> None:
         await self._do("land")
 
     async def swap(self, plan: object) -> Swapped:
@@ -99,7 +99,7 @@ def flown(script: Script) -> Slow:
 
 
 def order(name: str) -> ev.OperatorCommand:
-    return ev.OperatorCommand(ev.Order(name))
+    return ev.OperatorCommand(ev.FlightOrder(name))
 
 
 def test_of_orders_that_come_at_one_moment_the_last_is_followed() -> None:

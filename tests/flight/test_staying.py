@@ -18,10 +18,10 @@ from trouble import Trouble, chooses, play, suffer
 
 from sim_vehicle.fleet import Fleet
 from swarmctl.config.scenario import Scenario
-from swarmctl.flight.app import Manner
+from swarmctl.flight.app import FlightOptions
 from swarmctl.report import outputs
 from swarmctl.report.flight_table import flight_table
-from swarmctl.report.live_rows import line, table
+from swarmctl.report.live_rows import live_table, plain_line
 from swarmctl.report.pictures import MapPicture
 
 pytestmark = pytest.mark.virtual
@@ -52,7 +52,7 @@ def test_who_was_let_go_in_the_air_is_not_left_to_its_failsafe(
     assert not report.states[2].vehicle.armed
     (staying,) = (text for text in ui.said if "uav2" in text and "heartbeat" in text)
     assert "Ctrl-C" in staying
-    (how,) = (text for text in report.left if text.startswith("uav2"))
+    (how,) = (text for text in report.final_states if text.startswith("uav2"))
     assert "in mode LAND" in how
     evidence = [json.loads(text) for text in (tmp_path / "evidence.jsonl").read_text().splitlines()]
     (down,) = (e for e in evidence if e["vehicle"] == "uav2" and e["what"].get("to") is False)
@@ -65,10 +65,10 @@ def test_ctrl_c_leaves_who_was_let_go_in_the_air_and_orders_it_nothing(
     trouble = taken((LANDS_AT_S, "LAND"))
     play(trouble, monkeypatch)
     ui = Ui()
-    report = fly(pair(), tmp_path, carry=interrupting(150.0), ui=ui)
+    report = fly(pair(), tmp_path, address_of=interrupting(150.0), ui=ui)
     assert report.ended == "stopped"
     assert trouble.modes[2] == ["AUTO", "GUIDED"]
-    (left,) = (text for text in report.left if text.startswith("uav2"))
+    (left,) = (text for text in report.final_states if text.startswith("uav2"))
     assert "in the air" in left
     assert "heartbeats" in left
     assert "failsafe" in left
@@ -86,22 +86,22 @@ def test_the_footer_says_what_ctrl_c_does(tmp_path: Path, monkeypatch: pytest.Mo
 def test_who_is_silent_is_lost_in_the_table_and_given_up_aloud(tmp_path: Path) -> None:
     ui = Ui()
     scenario = small(flight={"altitude_m": 15.0, "lost_timeout_s": 40.0})
-    report = fly(scenario, tmp_path, carry=silent(2, 25.0), ui=ui)
+    report = fly(scenario, tmp_path, address_of=silent(2, 25.0), ui=ui)
     (said,) = (text for text in ui.said if text.startswith("uav2: given up"))
     assert "40 s" in said
     assert "may still be in the air" in said
     (outcome,) = (v["outcome"] for v in report.summary["vehicles"] if v["name"] == "uav2")
     assert outcome.startswith("lost")
     assert "flying" not in list(flight_table(report.summary).columns[-1].cells)[1]
-    assert "lost" in next(text for text in report.left if text.startswith("uav2"))
+    assert "lost" in next(text for text in report.final_states if text.startswith("uav2"))
     (phase,) = (v["phase"] for v in report.summary["vehicles"] if v["name"] == "uav2")
     assert phase == "lost"
-    lines = [line(row) for picture in ui.pictures for row in picture.rows if row.name == "uav2"]
+    lines = [plain_line(row) for picture in ui.pictures for row in picture.rows if row.name == "uav2"]
     (at_first, *_), (*_, at_last) = (text for text in lines if "link lost" in text), lines
     assert at_first.startswith("uav2: lost, was flying AUTO, ")
     assert at_last.startswith("uav2: given up, was flying AUTO, ")
     console = Console(width=120, file=(page := io.StringIO()))
-    console.print(table(ui.pictures[-1], 120, 40))
+    console.print(live_table(ui.pictures[-1], 120, 40))
     (shown,) = (text for text in page.getvalue().splitlines() if text.split()[:1] == ["uav2"])
     assert "given up" in shown
     assert "flying" not in shown
@@ -113,7 +113,7 @@ def test_the_map_shows_where_a_lost_vehicle_was_last_heard(
     drawn: list[MapPicture] = []
     monkeypatch.setattr(outputs, "draw_map", lambda path, picture: drawn.append(picture))
     scenario = small(flight={"altitude_m": 15.0, "lost_timeout_s": 40.0})
-    fly(scenario, tmp_path, carry=silent(2, 25.0))
+    fly(scenario, tmp_path, address_of=silent(2, 25.0))
     assert [(track.outcome, track.is_lost) for track in drawn[0].tracks] == [
         ("arrived", False), ("lost", True), ("arrived", False),
     ]  # fmt: skip
@@ -145,13 +145,13 @@ def test_who_is_armed_by_somebody_else_before_the_launch_does_not_keep_the_other
     assert report.states[1].outcome == "arrived"
     assert (report.states[2].phase, report.states[2].armed_seen) == ("released", False)
     assert "uav2: standby → released (armed by somebody else, in mode GUIDED; let go)" in ui.said
-    assert any("compared but uav2, which somebody else has" in line for line in ui.said)
+    assert any("compared but uav2, which somebody else has" in plain_line for plain_line in ui.said)
 
 
 def test_checks_alone_do_not_pass_one_that_somebody_else_has_armed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     play(armed_early(), monkeypatch)
-    report = fly(pair(), tmp_path, manner=Manner(launch="never"))
+    report = fly(pair(), tmp_path, options=FlightOptions(launch="never"))
     assert report.ended == "failed"
-    assert any(line.startswith("uav2") and "armed" in line for line in report.trouble)
+    assert any(plain_line.startswith("uav2") and "armed" in plain_line for plain_line in report.trouble)

@@ -27,11 +27,11 @@ from swarmctl.flight import app
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.planners import PLANNERS, method
 from swarmctl.report import outputs, record
-from swarmctl.report.answers import told
-from swarmctl.report.live_rows import Picture, line, row, table
+from swarmctl.report.answers import weights_line
+from swarmctl.report.live_rows import SwarmView, live_table, plain_line, vehicle_row
 from swarmctl.report.outcome import Report
-from swarmctl.report.summary import MAX_WEIGHTS, Ledger
-from swarmctl.report.ui import Chatter, Steady
+from swarmctl.report.summary import MAX_WEIGHTS, FlightStatistics
+from swarmctl.report.ui import SafeUi, UiObserver
 from swarmctl.station import client
 
 STRONGER = FiringStrength(0.9, 0.8, 0.7)
@@ -150,7 +150,7 @@ def test_a_planner_that_does_not_go_by_w_is_no_place_to_change_it(name: str) -> 
         assert (answer.outcome, answer.note) == (
             "refused", f"its planner, {name}, does not go by w; give firing strengths alone",
         )  # fmt: skip
-        assert told(0.2, strength, answer) == f"uav1: not changed: {answer.note}"
+        assert weights_line(0.2, strength, answer) == f"uav1: not changed: {answer.note}"
         assert story.state == before
     assert answer_to(story(ev.WeightsChanged(4, strength=STRONGER)), 4).outcome == "taken"
 
@@ -178,8 +178,8 @@ def arrived(story: Story) -> None:
     [
         (lambda s: s.over((4, 8)), "landing", "landing"),
         (arrived, "done", "arrived"),
-        (lambda s: s(ev.OperatorCommand(ev.Order.HOLD)), "holding", "hold ordered"),
-        (lambda s: s(ev.OperatorCommand(ev.Order.RETURN)), "leaving", "return ordered"),
+        (lambda s: s(ev.OperatorCommand(ev.FlightOrder.HOLD)), "holding", "hold ordered"),
+        (lambda s: s(ev.OperatorCommand(ev.FlightOrder.RETURN)), "leaving", "return ordered"),
         (lambda s: s.over((4, 1), mode="LOITER", mode_role="other"), "released", "let go"),
     ],
     ids=["landing", "arrived", "holding", "returning", "taken over by a pilot"],
@@ -202,27 +202,27 @@ def test_a_vehicle_that_plans_no_more_ignores_it_and_says_why(
 
 def test_a_line_says_what_was_changed_and_from_which_plan_on() -> None:
     taken = VehicleAnswer(3, "uav3", "taken", 5)
-    assert told(0.2, None, taken) == "uav3: w = 0.2 from plan 5 on"
+    assert weights_line(0.2, None, taken) == "uav3: w = 0.2 from plan 5 on"
     strengths = "firing strengths 0.9, 0.8, 0.7"
-    assert told(None, STRONGER, taken) == f"uav3: {strengths} from plan 5 on"
-    assert told(0.2, STRONGER, taken) == f"uav3: w = 0.2 and {strengths} from plan 5 on"
+    assert weights_line(None, STRONGER, taken) == f"uav3: {strengths} from plan 5 on"
+    assert weights_line(0.2, STRONGER, taken) == f"uav3: w = 0.2 and {strengths} from plan 5 on"
     over = VehicleAnswer(3, "uav3", "over", note="it plans no more: done, arrived")
-    assert told(0.2, None, over) == "uav3: not changed: it plans no more: done, arrived"
+    assert weights_line(0.2, None, over) == "uav3: not changed: it plans no more: done, arrived"
 
 
 def test_a_vehicle_shows_its_weights_once_they_are_not_those_of_the_configuration() -> None:
     story = Story().flying()
-    assert ", w " not in line(row(story.state, 0.0))
+    assert ", w " not in plain_line(vehicle_row(story.state, 0.0))
     story(ev.WeightsChanged(1, w=0.2))
-    assert ", w 0.2" in line(row(story.state, 0.0))
+    assert ", w 0.2" in plain_line(vehicle_row(story.state, 0.0))
     story(ev.WeightsChanged(1, strength=STRONGER))
-    assert ", w 0.2; 0.9/0.8/0.7" in line(row(story.state, 0.0))
+    assert ", w 0.2; 0.9/0.8/0.7" in plain_line(vehicle_row(story.state, 0.0))
 
 
 def shown(story: Story) -> str:
     console = Console(width=100)
     with console.capture() as capture:
-        console.print(table(Picture("small", 1.0, None, [row(story.state, 0.0)]), 100, 30))
+        console.print(live_table(SwarmView("small", 1.0, None, [vehicle_row(story.state, 0.0)]), 100, 30))
     return capture.get()
 
 
@@ -242,31 +242,31 @@ def after(story: Story, event: ev.Event) -> tuple[Any, ...]:
 
 
 def test_a_change_that_changes_nothing_is_neither_announced_nor_kept() -> None:
-    story, ui, ledger = Story(w=0.5).flying(), Ui(), Ledger()
-    chatter = Chatter(Steady(ui), {1: "uav1"})
+    story, ui, statistics = Story(w=0.5).flying(), Ui(), FlightStatistics()
+    chatter = UiObserver(SafeUi(ui), {1: "uav1"})
     for w in (0.2, 0.2, 0.2, 0.5):
         told_of = after(story, ev.WeightsChanged(1, w=w))
         chatter.folded(*told_of)
-        ledger.folded(*told_of)
+        statistics.folded(*told_of)
     assert ui.said == ["uav1: w = 0.2 from plan 2 on", "uav1: w = 0.5 from plan 2 on"]
-    assert [w for _, _, w, _ in ledger.vehicles[1].weights] == [0.2, 0.5]
-    assert ledger.vehicles[1].weight_changes == 2
+    assert [w for _, _, w, _ in statistics.vehicles[1].weights] == [0.2, 0.5]
+    assert statistics.vehicles[1].weight_changes == 2
 
 
 def test_a_change_that_is_not_taken_is_announced() -> None:
     story, ui = Story().flying(), Ui()
     arrived(story)
-    Chatter(Steady(ui), {1: "uav1"}).folded(*after(story, ev.WeightsChanged(1, w=0.2)))
+    UiObserver(SafeUi(ui), {1: "uav1"}).folded(*after(story, ev.WeightsChanged(1, w=0.2)))
     assert ui.said == ["uav1: not changed: it plans no more: done, arrived"]
 
 
 def test_of_very_many_changes_the_last_are_kept_and_all_are_counted() -> None:
-    story, ledger = Story().flying(), Ledger()
+    story, statistics = Story().flying(), FlightStatistics()
     for n in range(MAX_WEIGHTS + 7):
-        ledger.folded(*after(story, ev.WeightsChanged(n, w=n / 1000)))
-    kept = ledger.vehicles[1].weights
+        statistics.folded(*after(story, ev.WeightsChanged(n, w=n / 1000)))
+    kept = statistics.vehicles[1].weights
     assert [w for _, _, w, _ in kept] == [n / 1000 for n in range(7, MAX_WEIGHTS + 7)]
-    assert ledger.vehicles[1].weight_changes == MAX_WEIGHTS + 7
+    assert statistics.vehicles[1].weight_changes == MAX_WEIGHTS + 7
 
 
 # --- a whole swarm

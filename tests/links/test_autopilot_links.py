@@ -12,7 +12,7 @@ from link_world import WIRE, north, play, until
 from sim_vehicle.faults.spec import parse_fault
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenarios import Scenario
-from swarmctl.links.base import AddressChanged, Conflict, Rebooted
+from swarmctl.links.base import AddressChanged, SystemIdConflict, VehicleRebooted
 from swarmctl.links.direct import DirectLink
 from swarmctl.links.frontend import FrontEnd
 from swarmctl.links.transports.memory import MemoryWire
@@ -77,7 +77,7 @@ def test_after_a_reboot_it_is_followed_to_its_new_port_and_asked_for_its_telemet
             old = world.port(0)
             world.raw.clear()
             world.fleet.inject(parse_fault("reboot:silence_s=1.5"), asyncio.get_running_loop().time())
-            await until(lambda: Rebooted() in world.events)
+            await until(lambda: VehicleRebooted() in world.events)
             new = world.port(0)
             assert new != old
             assert AddressChanged(f"{new[0]}:{new[1]}") in world.events
@@ -87,7 +87,7 @@ def test_after_a_reboot_it_is_followed_to_its_new_port_and_asked_for_its_telemet
             await link.prepare(60, lambda _: None)
             await link.upload(north(2))
             assert set(world.sent_to) == {new}
-            assert not any(isinstance(event, Conflict) for event in world.events)
+            assert not any(isinstance(event, SystemIdConflict) for event in world.events)
 
     play(story())
 
@@ -99,7 +99,7 @@ def test_messages_that_nobody_knows_make_no_vehicle_0():
             link = world.link()
             await link.connect(10)
             await asyncio.sleep(30)
-            assert world.front.heard_on(WIRE) == {1}
+            assert world.front.systems_on(WIRE) == {1}
             assert link.state().mode == "AUTO.LOITER"
 
     play(story())

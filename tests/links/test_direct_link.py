@@ -13,9 +13,9 @@ from scripted_copter import Copter
 
 from swarmctl.links.base import (
     AddressChanged,
-    Conflict,
     LaunchFailed,
     LinkError,
+    SystemIdConflict,
     TransportError,
 )
 from swarmctl.links.frontend import FrontEnd
@@ -34,7 +34,7 @@ def test_two_vehicles_with_one_system_id_are_a_conflict_and_the_second_is_not_he
                 await asyncio.sleep(0.1)
                 for frame in double.step(asyncio.get_running_loop().time()):
                     world.wire.from_vehicle(frame, "impostor")
-            assert world.events.count(Conflict("impostor")) == 1
+            assert world.events.count(SystemIdConflict("impostor")) == 1
             assert link.state().mode == "STABILIZE"
 
     play(story())
@@ -87,7 +87,7 @@ def test_a_companion_with_the_vehicles_system_id_moves_nothing():
                     world.wire.from_vehicle(frame, "companion")
             assert link.state().mode == "STABILIZE"
             assert link.age_s() > 5.0
-            assert not any(isinstance(e, AddressChanged | Conflict) for e in world.events)
+            assert not any(isinstance(e, AddressChanged | SystemIdConflict) for e in world.events)
 
     play(story())
 

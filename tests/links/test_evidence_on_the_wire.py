@@ -14,7 +14,7 @@ from scripted_copter import Copter
 
 from swarmctl.links.base import LaunchFailed
 from swarmctl.links.frontend import FrontEnd
-from swarmctl.report.evidence.book import FILE, Book
+from swarmctl.report.evidence.book import FILE_NAME, EvidenceFile
 from swarmctl.report.evidence.hooks import Evidence
 
 ARM, START = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_MISSION_START
@@ -26,7 +26,9 @@ class WrittenWorld(World):
     def __init__(self, folder: Path) -> None:
         super().__init__(Copter(1))
         loop = asyncio.get_running_loop()
-        self.book = Book(folder / FILE, {}, unix_s=loop.time, run_s=loop.time, say=self.said.append)
+        self.book = EvidenceFile(
+            folder / FILE_NAME, {}, unix_s=loop.time, run_s=loop.time, say=self.said.append
+        )
         self.watching = Watching()
         self.front = FrontEnd(
             wall_time_us=self._wall,

@@ -18,18 +18,18 @@ from swarmctl.links.base import (
     Busy,
     CommandFailed,
     FenceFailed,
-    Heard,
+    FirstHeartbeat,
+    LaunchBlockedError,
     LaunchFailed,
-    LaunchPutOff,
     LinkError,
-    Lost,
-    NobodyAnswers,
+    NoAnswer,
     NotReady,
     ProcedureDone,
-    Restored,
     SwapFailed,
     UnsupportedVehicle,
     UploadFailed,
+    VehicleLost,
+    VehicleRestored,
 )
 
 REAL = {"mavsdk"}
@@ -63,7 +63,7 @@ def test_a_whole_flight_with_a_swap(kind):
             assert 0.0 <= link.age_s() <= 1.1
             done = [e.name for e in world.events if isinstance(e, ProcedureDone)]
             assert done == ["identify", "prepare", "upload", "launch", "swap"]
-            assert isinstance(world.events[0], Heard)
+            assert isinstance(world.events[0], FirstHeartbeat)
 
     play(story(), real=kind != "direct")
 
@@ -93,7 +93,7 @@ def test_identify_asks_again_and_hears_that_another_vehicle_is_there_now(kind):
             again = await link.identify(5)
             assert not again.simulated
             world.silent = True
-            with pytest.raises(NobodyAnswers, match=r"AUTOPILOT_VERSION.*tried for 2 s"):
+            with pytest.raises(NoAnswer, match=r"AUTOPILOT_VERSION.*tried for 2 s"):
                 await link.identify(2)
 
     play(story(), real=kind != "direct")
@@ -118,7 +118,7 @@ def test_an_order_interrupts_identify(kind):
 def test_nobody_answers_says_who_where_how_long_and_what_is_there_instead(kind):
     async def story():
         async with World(Copter(3), Copter(4), kind=kind) as world:
-            with pytest.raises(NobodyAnswers) as caught:
+            with pytest.raises(NoAnswer) as caught:
                 await world.link(1).connect(3)
             for part in ("alpha", "system 1", "memory:test", "3 s", "heard there: system 3, 4"):
                 assert part in str(caught.value)
@@ -180,7 +180,7 @@ def test_a_launch_in_whose_way_somebody_is_arms_nothing(kind):
             await link.connect(10)
             await link.prepare(30, lambda _: None)
             await link.upload(north(3))
-            with pytest.raises(LaunchPutOff, match=r"alpha .* put off: vehicle 7") as caught:
+            with pytest.raises(LaunchBlockedError, match=r"alpha .* put off: vehicle 7") as caught:
                 await link.launch(lambda: "vehicle 7")
             assert (caught.value.why, caught.value.was_armed) == ("vehicle 7", False)
             assert not {command for command, _ in world.copters[1].commands} & {300, 400}
@@ -276,10 +276,10 @@ def test_a_lost_vehicle_is_reported_with_its_age_and_taken_up_again_from_another
             link = world.link()
             await link.connect(10)
             world.silent = True
-            await until(lambda: any(isinstance(e, Lost) for e in world.events))
+            await until(lambda: any(isinstance(e, VehicleLost) for e in world.events))
             assert link.age_s() == pytest.approx(5.0, abs=0.2)
             world.address[1], world.silent = "elsewhere", False
-            await until(lambda: any(isinstance(e, Restored) for e in world.events))
+            await until(lambda: any(isinstance(e, VehicleRestored) for e in world.events))
             assert AddressChanged("elsewhere") in world.events
             await link.hold()
 

@@ -11,7 +11,7 @@ import tty
 import pytest
 from scripted_copter import Copter, Script
 
-from swarmctl.links.base import AddressChanged, Conflict, NobodyAnswers, TransportError
+from swarmctl.links.base import AddressChanged, NoAnswer, SystemIdConflict, TransportError
 from swarmctl.links.direct import DirectLink
 from swarmctl.links.frontend import FrontEnd
 from swarmctl.links.url import Endpoint
@@ -133,7 +133,7 @@ def test_udp_reports_two_vehicles_with_one_system_id():
             async with playing(copter, a.send):
                 await alpha.connect(10)
                 async with playing(double, b.send):
-                    await until(lambda: any(isinstance(e, Conflict) for e in events))
+                    await until(lambda: any(isinstance(e, SystemIdConflict) for e in events))
             a.transport.close()
             b.transport.close()
 
@@ -214,7 +214,7 @@ def test_tcp_out_connects_when_the_vehicle_comes_up_and_again_when_it_was_cut():
         there = Endpoint("tcpout", HOST, port)
         async with front_end() as front:
             alpha = link(front, there)
-            with pytest.raises(NobodyAnswers, match=r"[Rr]efused|failed"):
+            with pytest.raises(NoAnswer, match=r"[Rr]efused|failed"):
                 await alpha.connect(0.1)
             server, writers = await serve_tcp(copter, port)
             async with playing(copter, lambda f: [w.write(f) for w in writers[-1:]]):

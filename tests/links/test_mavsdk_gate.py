@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.links.mavsdk_gate import Gate
+from swarmctl.links.mavsdk_gate import MavsdkGate
 
 ROOT = Path(__file__).parents[2]
 
@@ -26,7 +26,7 @@ def ack(number: int) -> mavlink.MAVLink_command_ack_message:
 
 
 def test_a_command_goes_out_once_and_only_as_it_was_asked_for():
-    gate = Gate()
+    gate = MavsdkGate()
     assert not gate.lets_out(HOLD)
     gate.permit(HOLD)
     assert not gate.lets_out(LAND)
@@ -38,7 +38,7 @@ def test_a_command_goes_out_once_and_only_as_it_was_asked_for():
 
 
 def test_a_number_rounded_on_the_wire_is_the_same_command():
-    gate = Gate()
+    gate = MavsdkGate()
     gate.permit(command(178, 1.0, 12.3))
     sent = command(178, 1.0, 12.3)
     sent.param2 = 12.300000190734863  # the float32 next to it
@@ -48,7 +48,7 @@ def test_a_number_rounded_on_the_wire_is_the_same_command():
 @pytest.mark.parametrize("code", [21196.0, 2989.0])
 @pytest.mark.parametrize("arm", [0.0, 1.0])
 def test_a_forced_arming_or_disarming_never_goes_out(arm, code):
-    gate = Gate()
+    gate = MavsdkGate()
     gate.permit(command(400, 1.0))
     assert not gate.lets_out(command(400, arm, code))
 
@@ -65,13 +65,13 @@ def test_a_forced_arming_or_disarming_never_goes_out(arm, code):
     ids=lambda message: message.get_type(),
 )
 def test_nothing_that_mavsdk_says_by_itself_goes_out(message):
-    gate = Gate()
+    gate = MavsdkGate()
     gate.transfer = True
     assert not gate.lets_out(message)
 
 
 def test_a_mission_passes_only_during_a_transfer():
-    gate = Gate()
+    gate = MavsdkGate()
     assert not gate.lets_out(COUNT)
     assert not gate.lets_in(REQUEST), "the answer is our own conversation's to give"
     gate.transfer = True
@@ -80,7 +80,7 @@ def test_a_mission_passes_only_during_a_transfer():
 
 
 def test_answers_come_in_only_to_what_mavsdk_was_asked_to_send():
-    gate = Gate()
+    gate = MavsdkGate()
     assert not gate.lets_in(ack(176))
     gate.permit(HOLD)
     assert gate.lets_in(ack(176))

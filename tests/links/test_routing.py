@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from swarmctl.links.routing import Route, Verdict
+from swarmctl.links.routing import AddressTracker, AddressVerdict
 
-OK, MOVED, DROPPED, CONFLICT = Verdict.ACCEPTED, Verdict.MOVED, Verdict.DROPPED, Verdict.CONFLICT
+OK, MOVED, DROPPED, CONFLICT = (
+    AddressVerdict.ACCEPTED,
+    AddressVerdict.MOVED,
+    AddressVerdict.DROPPED,
+    AddressVerdict.CONFLICT,
+)
 
 
 @pytest.mark.parametrize(
@@ -35,5 +40,5 @@ OK, MOVED, DROPPED, CONFLICT = Verdict.ACCEPTED, Verdict.MOVED, Verdict.DROPPED,
     ],
 )
 def test_story(story):
-    route = Route()
+    route = AddressTracker()
     assert [(sender, now, route.hear(sender, now)) for sender, now, _ in story] == story

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.links.signing import LAST_TIMESTAMP, RENEWED, RESERVED, TICKS_PER_S, Signing, ticks
@@ -66,7 +67,7 @@ def test_the_time_stamp_counts_10_microseconds_since_2015() -> None:
     assert ticks(0) == 0
 
 
-@settings(derandomize=True, deadline=None, max_examples=100)
+@settings(derandomize=True, deadline=None, max_examples=examples(100))
 @given(count=st.integers(1, 30), line=st.integers(0, 3), step=st.integers(0, 5))
 def test_pymavlink_believes_what_is_signed(count: int, line: int, step: int) -> None:
     ours, theirs, encoder = signing(first_link_id=7), peer(), Encoder()
@@ -166,7 +167,7 @@ def test_a_key_whose_stamps_are_used_up_is_said_at_the_start() -> None:
         Signing(KEY, store)
 
 
-@settings(derandomize=True, deadline=None, max_examples=200)
+@settings(derandomize=True, deadline=None, max_examples=examples(200))
 @given(
     runs=st.lists(
         st.tuples(st.integers(-100 * TICKS_PER_S, 100 * TICKS_PER_S), st.integers(1, 40), st.integers(0, 9)),

@@ -10,7 +10,7 @@ from link_world import north, play, until
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from signed_world import BEGAN_US, KEY, WATCHER, SignedWorld, station
 
-from swarmctl.links.base import Lost, NobodyAnswers
+from swarmctl.links.base import NoAnswer, VehicleLost
 from swarmctl.security.mavlink_key import TimestampFile
 
 
@@ -41,7 +41,7 @@ def test_a_whole_flight_under_a_key_that_pymavlink_verifies_both_ways(tmp_path: 
 def test_without_its_key_a_vehicle_answers_nothing(tmp_path: Path, key: bytes | None) -> None:
     async def story() -> None:
         async with SignedWorld(tmp_path, key=key) as world:
-            with pytest.raises(NobodyAnswers) as caught:
+            with pytest.raises(NoAnswer) as caught:
                 await world.link().connect(10)
             assert ("signed with another key" in str(caught.value)) == (key is not None)
             assert "signing" in str(caught.value)
@@ -53,7 +53,7 @@ def test_an_unsigned_vehicle_is_not_heard_and_it_is_said_why(tmp_path: Path) -> 
     async def story() -> None:
         async with SignedWorld(tmp_path) as world:
             world.give_key(bytes(32), 0)
-            with pytest.raises(NobodyAnswers) as caught:
+            with pytest.raises(NoAnswer) as caught:
                 await world.link().connect(10)
             text = str(caught.value)
             assert "it speaks, but unsigned (frames refused by links.signing_key: " in text
@@ -78,7 +78,7 @@ def test_a_forged_heartbeat_and_a_replayed_frame_change_nothing(tmp_path: Path) 
                 world.wire.from_vehicle(replayed, "fleet")
                 await asyncio.sleep(0.5)
             assert not link.state().armed
-            assert any(isinstance(event, Lost) for event in world.events)
+            assert any(isinstance(event, VehicleLost) for event in world.events)
             assert world.signing is not None
             assert world.signing.refused == {"unsigned": 20, "repeated or out of order": 20}
 

@@ -18,9 +18,9 @@ from sim_vehicle.fleet import Fleet
 from swarmctl.flight import virtual_simulator
 from swarmctl.flight.wiring import VIRTUAL_EPOCH_NS
 from swarmctl.links.base import FramesRefused
-from swarmctl.links.refusals import AGAIN_S, Refusals
+from swarmctl.links.refusals import REPEAT_S, Refusals
 from swarmctl.links.signing import AHEAD, LATE, OTHER_KEY, REPEATED, TICKS_PER_S, UNSIGNED, ticks
-from swarmctl.report.evidence.book import FILE
+from swarmctl.report.evidence.book import FILE_NAME
 from swarmctl.security.mavlink_key import TimestampFile
 
 KEY, OTHER = bytes(range(32)), bytes(31) + b"x"
@@ -83,7 +83,7 @@ def test_a_flight_says_what_it_refuses_when_it_happens_again_later_and_at_the_en
         r"frames refused by links\.signing_key: \d+ signed with another key, \d+ unsigned", end
     )
     assert all(int(n) > 61 for n in re.findall(r"\d+", end))
-    lines = [json.loads(line) for line in (tmp_path / "run" / FILE).read_text().splitlines()]
+    lines = [json.loads(line) for line in (tmp_path / "run" / FILE_NAME).read_text().splitlines()]
     noted = [(line["vehicle"], line["what"]["said"]) for line in lines if "are refused, " in str(line)]
     assert noted[0] == ("uav1", at_first[0].removeprefix("uav1: "))
     assert len(noted) == len(said)
@@ -100,9 +100,9 @@ def test_each_kind_of_each_vehicle_is_said_once_a_minute_with_its_number() -> No
             f"frames in its name are refused, {why} (1 so far, the last from here:1): "
         )
         assert of(2, why, 0.0)
-        assert of(1, why, AGAIN_S - 0.1) == of(2, why, 1.0) == ""
-        assert "(3 so far, " in of(1, why, AGAIN_S)
-        assert of(1, why, AGAIN_S + 1.0) == ""
+        assert of(1, why, REPEAT_S - 0.1) == of(2, why, 1.0) == ""
+        assert "(3 so far, " in of(1, why, REPEAT_S)
+        assert of(1, why, REPEAT_S + 1.0) == ""
     assert "the last of component 100 from here:1" in of(3, UNSIGNED, 0.0, component=100)
 
 
@@ -110,7 +110,7 @@ def test_strangers_names_do_not_fill_the_memory() -> None:
     refusals = Refusals()
     said = [refusals.of_stranger(sysid, UNSIGNED, f"far:{sysid}", 0.0) for sysid in range(1, 250)]
     assert [bool(text) for text in said] == [True] + [False] * 248
-    assert refusals.of_stranger(7, UNSIGNED, "far:7", AGAIN_S) == (
+    assert refusals.of_stranger(7, UNSIGNED, "far:7", REPEAT_S) == (
         "frames are refused, unsigned (250 so far, the last of system 7 at far:7)"
     )
 

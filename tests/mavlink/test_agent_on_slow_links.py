@@ -16,7 +16,7 @@ from swarmctl.core.belief import Belief
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.observation import Observation
-from swarmctl.core.plane import Point
+from swarmctl.core.planar import PlanarPoint
 from swarmctl.core.threat import FiringStrength
 from swarmctl.mavlink.events import ProcedureDone, StateChanged
 from swarmctl.mavlink.procedures import basic
@@ -54,7 +54,7 @@ class Flight:
         self.bench.delay_s = delay_s
         prior = Belief.prior(GRID.rows, GRID.cols, 12)
         self.state = begin(task(**changes), prior)
-        self.flown: list[Point] = []
+        self.flown: list[PlanarPoint] = []
         self.swaps: list[tuple[float, ev.SwapMission]] = []
         self.ended: list[ev.Event] = []
         self._seen = len(self.bench.events)
@@ -63,7 +63,7 @@ class Flight:
         self(ev.Ready())
         self.tick()
         assert self.bench.run(120.0, self._go_on_until(Phase.STANDBY))
-        self(ev.OperatorCommand(ev.Order.LAUNCH))
+        self(ev.OperatorCommand(ev.FlightOrder.LAUNCH))
         assert self.bench.run(60.0, self._go_on_until(Phase.FLYING))
 
     def __call__(self, event: ev.Event) -> None:
@@ -86,7 +86,7 @@ class Flight:
             job = partial(basic.swap, new=items, leaves_ahead=plan.leaves_ahead, from_hold=plan.from_hold)
             self.bench.begin("swap", job)
         elif isinstance(effect, ev.Command):
-            assert effect.order is ev.Order.LAUNCH, effect
+            assert effect.order is ev.FlightOrder.LAUNCH, effect
             self.bench.begin("launch", basic.launch)
 
     def _go_on(self) -> None:
@@ -105,7 +105,7 @@ class Flight:
         result = self.bench.session.result
         if done.name == "launch":
             assert done.failure is None
-            self(ev.OrderDone(ev.Order.LAUNCH))
+            self(ev.OrderDone(ev.FlightOrder.LAUNCH))
             return
         assert self._pending is not None
         plan_id = self._pending.plan_id
@@ -126,10 +126,12 @@ class Flight:
 
     def hears_of(self, *cells: Cell) -> None:
         self._seq += 1
-        self(ev.Heard((Observation(2, self._seq, 0.0, tuple((*cell, True) for cell in cells)),)))
+        self(
+            ev.ObservationsReceived((Observation(2, self._seq, 0.0, tuple((*cell, True) for cell in cells)),))
+        )
 
     @property
-    def place(self) -> Point:
+    def place(self) -> PlanarPoint:
         """Where the vehicle truly is (east, north) [m]."""
         return GRID.frame.to_local(*self.bench.vehicle.body.lat_lon_deg)
 
@@ -144,7 +146,7 @@ class Flight:
         assert self.bench.run(500.0, down), "it does not land"
 
 
-def most_back_m(flown: list[Point]) -> float:
+def most_back_m(flown: list[PlanarPoint]) -> float:
     """By how much a track from west to east comes back to the west at most [m]."""
     farthest_m, back_m = -math.inf, 0.0
     for east_m, _ in flown:

@@ -7,7 +7,7 @@ from flying_bench import ALT_M, Faults, FlyingBench, on_the_ground, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.vehicle import Landed
-from swarmctl.mavlink.events import Rebooted
+from swarmctl.mavlink.events import VehicleRebooted
 from swarmctl.mavlink.procedures import basic
 from swarmctl.mavlink.protocol.codec import Decoder, FrameSplitter
 
@@ -31,7 +31,7 @@ def test_nothing_is_known_before_it_was_asked_for_and_after_a_reboot_it_is_asked
     assert bench.run(5, lambda: bench.session.state.has_position)
     bench.run(20)
     bench.inject("reboot:silence_s=1.5")
-    assert bench.run(15, lambda: Rebooted() in bench.events), (
+    assert bench.run(15, lambda: VehicleRebooted() in bench.events), (
         "its clock tells, which is in what was asked for"
     )
     asked = len(bench.of("COMMAND_LONG"))

@@ -7,15 +7,15 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from vehicle_texts import ITEMS, PEER, ack, kinds
 
 from swarmctl.mavlink.protocol.command import Command
-from swarmctl.mavlink.protocol.conversation import IllegalEvent, State
+from swarmctl.mavlink.protocol.conversation import ConversationState, IllegalEvent
 from swarmctl.mavlink.protocol.mission_download import Download
 from swarmctl.mavlink.protocol.mission_upload import Upload
-from swarmctl.mavlink.protocol.wait import Ask, Look, Until, wait
+from swarmctl.mavlink.protocol.wait import RequestMessage, RequestUntil, WaitUntil, wait
 
 
 def test_until_sees_it_or_gives_up():
     seen = []
-    until = Until(lambda: bool(seen), 3.0)
+    until = WaitUntil(lambda: bool(seen), 3.0)
     until.start(10.0)
     assert (until.result, until.next_deadline) == (None, 13.0)
     seen.append(1)
@@ -32,7 +32,7 @@ def test_until_sees_it_or_gives_up():
 def test_look_asks_for_a_heartbeat_and_takes_none_for_new_that_came_before():
     beat = mavlink.MAVLink_heartbeat_message(2, 3, 81, 4, 3, 3)
     seen = [1]
-    look = Look(PEER, lambda: bool(seen), 2.5)
+    look = RequestUntil(PEER, lambda: bool(seen), 2.5)
     (request,) = look.start(10.0)
     assert (request.command, request.param1) == (512, 0.0)
     look.receive(ack(512, 0), 10.1)
@@ -42,14 +42,14 @@ def test_look_asks_for_a_heartbeat_and_takes_none_for_new_that_came_before():
     assert look.result is None
     assert (kinds(look.tick(11.0)), kinds(look.tick(12.0))) == (["COMMAND_LONG"], ["COMMAND_LONG"])
     assert (look.tick(12.5), look.result) == ([], False)
-    again = Look(PEER, lambda: True, 2.5)
+    again = RequestUntil(PEER, lambda: True, 2.5)
     again.start(0.0)
     again.receive(beat, 0.1)
     assert again.result is True
 
 
 def test_ask_repeats_every_second_until_the_message_comes():
-    ask = Ask(PEER, 148)
+    ask = RequestMessage(PEER, 148)
     assert [m.param1 for m in ask.start(0.0)] == [148.0]
     assert ask.tick(0.5) == []
     assert kinds(ask.tick(1.0)) == ["COMMAND_LONG"]
@@ -65,8 +65,8 @@ def test_ask_repeats_every_second_until_the_message_comes():
         Upload(PEER, ITEMS),
         Download(PEER),
         wait(1.0),
-        Ask(PEER, 148),
-        Look(PEER, bool, 1.0),
+        RequestMessage(PEER, 148),
+        RequestUntil(PEER, bool, 1.0),
     ],
 )
 def test_an_illegal_event_names_the_state_and_late_words_are_ignored(conversation):
@@ -77,7 +77,7 @@ def test_an_illegal_event_names_the_state_and_late_words_are_ignored(conversatio
     with pytest.raises(IllegalEvent, match=f"{name}: start while waiting"):
         conversation.start(0.0)
     conversation.cancel(0.1)
-    assert conversation.state is State.DONE
+    assert conversation.state is ConversationState.DONE
     assert conversation.receive(ack(300, 0), 0.2) == []
     assert conversation.tick(99.0) == []
     assert (conversation.result, conversation.next_deadline) == (None, None)

@@ -10,6 +10,7 @@ import pytest
 from flying_bench import HOME, FlyingBench, on_the_ground, plan
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.procedures import basic
@@ -191,7 +192,7 @@ def test_what_no_vehicle_would_keep_is_not_sent():
         fence_items([(LAT, LON + i / 1e4) for i in range(MAX_VERTICES + 1)])
 
 
-@settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=examples(25), deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(
     loss=st.floats(0.0, 0.4), seed=st.integers(0, 10_000), personality=st.sampled_from(["ardupilot", "px4"])
 )

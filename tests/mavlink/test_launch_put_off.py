@@ -12,7 +12,7 @@ from scripted_copter import Copter, Script
 
 from swarmctl.core.vehicle import Landed
 from swarmctl.mavlink.procedures import basic
-from swarmctl.mavlink.protocol.outcome import Done, PutOff
+from swarmctl.mavlink.protocol.outcome import Done, LaunchBlocked
 
 ARM, START = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_MISSION_START
 WHY = "its first route would meet that of vehicle 7 in 9 s"
@@ -42,14 +42,14 @@ def test_nobody_in_its_way_is_asked_for_before_it_is_armed_and_before_it_takes_o
 
 def test_somebody_in_its_way_before_it_is_armed_leaves_it_as_it_is() -> None:
     bench = Bench().prepared()
-    assert launched(bench, lambda: WHY) == PutOff(WHY)
+    assert launched(bench, lambda: WHY) == LaunchBlocked(WHY)
     assert given(bench) == []
 
 
 def test_somebody_in_its_way_before_it_takes_off_has_it_disarmed() -> None:
     bench = Bench().prepared()
     said: Iterator[str] = iter(["", WHY])
-    assert launched(bench, lambda: next(said)) == PutOff(WHY, was_armed=True)
+    assert launched(bench, lambda: next(said)) == LaunchBlocked(WHY, was_armed=True)
     assert given(bench) == [(ARM, 1.0), (ARM, 0.0)]
     assert not bench.copter.armed
 
@@ -60,7 +60,7 @@ def test_one_that_does_not_disarm_then_is_no_launch_that_is_put_off() -> None:
     bench.copter.arm = lambda p1, *rest: arms(p1, *rest) if p1 else 4  # type: ignore[method-assign]
     said: Iterator[str] = iter(["", WHY])
     result = launched(bench, lambda: next(said))
-    assert not isinstance(result, PutOff)
+    assert not isinstance(result, LaunchBlocked)
     assert result.failure is not None
     assert WHY in result.failure
     assert "does not disarm" in result.failure
@@ -81,7 +81,7 @@ def test_an_order_to_arm_that_was_not_answered_is_seen_through(lost: int) -> Non
 
     bench.copter.on_command_long = deaf_to_the_first  # type: ignore[method-assign]
     said: Iterator[str] = iter(["", WHY])
-    assert launched(bench, lambda: next(said)) == PutOff(WHY, was_armed=True)
+    assert launched(bench, lambda: next(said)) == LaunchBlocked(WHY, was_armed=True)
     assert not bench.copter.armed
 
 
@@ -98,7 +98,7 @@ def test_one_that_may_be_in_the_air_is_never_disarmed(
     assert bench.session.state.landed is landed
     assert given(bench) == [(ARM, 1.0), *([] if blocked else [(START, 0.0)])]
     assert bench.copter.armed
-    assert not isinstance(result, PutOff)
+    assert not isinstance(result, LaunchBlocked)
     assert result.failure is not None
     assert "does not take off" in result.failure
     assert ("does not disarm" in result.failure) == blocked

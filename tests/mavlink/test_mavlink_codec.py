@@ -6,11 +6,12 @@ from itertools import pairwise
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.protocol.codec import Decoder, Encoder, Frame, FrameSplitter
 
-MODEST = settings(max_examples=100, deadline=None, derandomize=True)
+MODEST = settings(max_examples=examples(100), deadline=None, derandomize=True)
 TEXT = st.binary(max_size=80).map(lambda b: b.replace(b"\xfd", b"I").replace(b"\xfe", b"n"))
 
 

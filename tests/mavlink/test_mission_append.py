@@ -39,7 +39,7 @@ def test_items_are_appended_each_announced_by_itself_whether_they_are_asked_for_
         assert append.result is None
         assert append.receive(mission_ack(0), 0.1) == []
     assert append.result.failure is None
-    assert append.result.answers_after_s == pytest.approx(0.1)
+    assert append.result.round_trip_s == pytest.approx(0.1)
 
 
 def test_of_many_items_eight_are_on_their_way():

@@ -64,8 +64,8 @@ def test_a_count_that_comes_late_makes_nobody_wait_long_for_an_item():
 def test_who_tells_them_in_order_is_asked_for_nothing_again():
     download, _asked = reading(3, in_order=True)
     download.receive(item(0), 4.0)
-    (farewell,) = download.tick(download.next_deadline)
-    assert (farewell.get_type(), farewell.type) == ("MISSION_ACK", 15)
+    (closing,) = download.tick(download.next_deadline)
+    assert (closing.get_type(), closing.type) == ("MISSION_ACK", 15)
     assert download.result.outcome is DownloadOutcome.BROKEN_OFF
 
 

@@ -101,7 +101,7 @@ def test_what_is_asked_for_again_after_an_answer_could_have_come_is_sent_again_a
 
 def test_a_last_item_that_is_on_its_way_when_it_comes_too_late_may_still_arrive():
     late = False
-    upload = Upload(PEER, ITEMS, too_late=lambda _answers_after_s: late)
+    upload = Upload(PEER, ITEMS, too_late=lambda _round_trip_s: late)
     upload.start(0.0)
     answers(upload, 0, 2.0)
     assert answers(upload, 2, 4.0) == [2]
@@ -109,13 +109,13 @@ def test_a_last_item_that_is_on_its_way_when_it_comes_too_late_may_still_arrive(
     late = True
     assert answers(upload, 2, 7.0) == []
     assert upload.result is None
-    (farewell,) = upload.receive(request(2), 7.5)
-    assert (farewell.get_type(), farewell.type) == ("MISSION_ACK", 15)
+    (closing,) = upload.receive(request(2), 7.5)
+    assert (closing.get_type(), closing.type) == ("MISSION_ACK", 15)
     assert upload.result.outcome is UploadOutcome.TOO_LATE
 
 
 def test_on_a_slow_link_a_last_item_may_take_as_long_as_an_answer_does():
-    upload = Upload(PEER, ITEMS, too_late=lambda _answers_after_s: late)
+    upload = Upload(PEER, ITEMS, too_late=lambda _round_trip_s: late)
     late = False
     upload.start(0.0)
     answers(upload, 0, 4.0)
@@ -154,8 +154,8 @@ def test_silence_ends_an_upload_after_six_seconds(asked, outcome):
     upload = started_upload(asked=asked)
     assert upload.next_deadline == pytest.approx(6.1)
     assert upload.tick(6.0) == []
-    (farewell,) = upload.tick(6.1)
-    assert (farewell.get_type(), farewell.type) == ("MISSION_ACK", 15)
+    (closing,) = upload.tick(6.1)
+    assert (closing.get_type(), closing.type) == ("MISSION_ACK", 15)
     assert upload.result.outcome is outcome
 
 

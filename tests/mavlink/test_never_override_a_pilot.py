@@ -264,7 +264,7 @@ def test_what_no_person_has_ordered_goes_out_only_after_a_look(job, mode):
     bench.run(3, lambda: bench.session.state is not heartbeats)
     bench.copter.mode = mode
     sent = len(bench.sent)
-    result = bench.do("order", partial(job, looks_first=True))
+    result = bench.do("order", partial(job, check_mode_first=True))
     assert bench.copter.mode == mode
     if job is not basic.hold or mode != GUIDED:
         assert orders(bench, sent) == []
@@ -276,7 +276,7 @@ def test_an_order_of_a_rule_that_interrupts_a_swap_may_find_the_hold_of_that_swa
     bench.take(bench.session.begin("swap", partial(basic.swap, new=bench.items(NEW)), bench.now))
     assert bench.run(20, lambda: bench.copter.mode == GUIDED)
     bench.take(bench.session.cancel(bench.now))
-    assert bench.do("return_home", partial(basic.return_home, looks_first=True)).failure is None
+    assert bench.do("return_home", partial(basic.return_home, check_mode_first=True)).failure is None
     assert bench.copter.mode_name == "RTL"
 
 

@@ -14,9 +14,9 @@ from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.dialects import dialect_for
 from swarmctl.mavlink.events import StateChanged
 from swarmctl.mavlink.protocol.codec import GCS_COMPID, GCS_SYSID, Decoder, FrameSplitter
-from swarmctl.mavlink.protocol.conversation import Peer
+from swarmctl.mavlink.protocol.conversation import MavlinkPeer
 from swarmctl.mavlink.protocol.mission_upload import Upload, UploadOutcome, item_message
-from swarmctl.mavlink.telemetry.mission_watch import LASTS_S, SETTLES_S, MissionWatch
+from swarmctl.mavlink.telemetry.mission_watch import OTHER_MISSION_LASTS_S, SETTLING_S, MissionWatch
 
 AUTOPILOTS = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 
@@ -24,7 +24,7 @@ AUTOPILOTS = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 def another_uploads(bench: FlyingBench, north: int) -> None:
     """By the protocol, as QGroundControl does, from another address."""
     items = bench.session.mission_items(plan(north=north, east=-0.002))
-    upload = Upload(Peer(1, own_sysid=200, own_compid=190), items)
+    upload = Upload(MavlinkPeer(1, own_sysid=200, own_compid=190), items)
     station = mavlink.MAVLink(None, srcSystem=200, srcComponent=190)
     decoder, queue = Decoder(), upload.start(bench.now)
     for _ in range(400):
@@ -107,7 +107,7 @@ SEVEN = tuple(MissionItem(16, 3, 460_000_000 + i, 145_000_000, 20.0) for i in ra
 
 
 def watching(autopilot: int = mavlink.MAV_AUTOPILOT_PX4) -> MissionWatch:
-    watch = MissionWatch(Peer(1), dialect_for(autopilot, mavlink.MAV_TYPE_QUADROTOR))
+    watch = MissionWatch(MavlinkPeer(1), dialect_for(autopilot, mavlink.MAV_TYPE_QUADROTOR))
     watch.own_procedure_ended(SEVEN, 0.0)
     return watch
 
@@ -115,39 +115,39 @@ def watching(autopilot: int = mavlink.MAV_AUTOPILOT_PX4) -> MissionWatch:
 @pytest.mark.parametrize("total", [0, 7])
 def test_as_many_as_expected_or_an_old_firmware_tell_of_no_other_mission(total: int) -> None:
     watch = watching()
-    assert not any(watch.is_another(current(total), float(second)) for second in range(60))
+    assert not any(watch.shows_other_mission(current(total), float(second)) for second in range(60))
 
 
 def test_one_message_or_an_old_one_after_our_own_transfer_is_not_believed() -> None:
     watch = watching()
-    assert not watch.is_another(current(9), 10.0)
-    assert not watch.is_another(current(7), 10.5)
-    assert not watch.is_another(current(9), 11.0)
+    assert not watch.shows_other_mission(current(9), 10.0)
+    assert not watch.shows_other_mission(current(7), 10.5)
+    assert not watch.shows_other_mission(current(9), 11.0)
     watch.own_procedure_ended(SEVEN, 11.2)
-    assert not watch.is_another(current(9), 11.2 + SETTLES_S - 0.1)
-    assert not watch.is_another(current(9), 14.0)
-    assert watch.is_another(current(9), 14.0 + LASTS_S)
+    assert not watch.shows_other_mission(current(9), 11.2 + SETTLING_S - 0.1)
+    assert not watch.shows_other_mission(current(9), 14.0)
+    assert watch.shows_other_mission(current(9), 14.0 + OTHER_MISSION_LASTS_S)
 
 
 def test_another_id_is_another_mission_and_one_such_message_is_not_believed() -> None:
     watch = watching()
-    for at_s, mission_id, is_another in ((3.0, 5, False), (60.0, 5, False), (61.0, 6, False)):
-        assert watch.is_another(current(7, mission_id), at_s) is is_another
-    assert not watch.is_another(current(7, 5), 61.5)
-    assert not watch.is_another(current(7, 6), 62.0)
-    assert watch.is_another(current(7, 6), 62.0 + LASTS_S)
+    for at_s, mission_id, shows_other_mission in ((3.0, 5, False), (60.0, 5, False), (61.0, 6, False)):
+        assert watch.shows_other_mission(current(7, mission_id), at_s) is shows_other_mission
+    assert not watch.shows_other_mission(current(7, 5), 61.5)
+    assert not watch.shows_other_mission(current(7, 6), 62.0)
+    assert watch.shows_other_mission(current(7, 6), 62.0 + OTHER_MISSION_LASTS_S)
 
 
 def test_an_order_of_ours_that_leaves_the_mission_as_it_is_leaves_its_id_too() -> None:
     """Somebody may change it meanwhile."""
     watch = watching()
-    assert not watch.is_another(current(7, 5), 3.0)
+    assert not watch.shows_other_mission(current(7, 5), 3.0)
     watch.own_procedure_ended(SEVEN, 10.0)
-    assert not watch.is_another(current(7, 6), 13.0)
-    assert watch.is_another(current(7, 6), 13.0 + LASTS_S)
+    assert not watch.shows_other_mission(current(7, 6), 13.0)
+    assert watch.shows_other_mission(current(7, 6), 13.0 + OTHER_MISSION_LASTS_S)
     watch.own_procedure_ended(SEVEN[:6], 20.0)
-    assert not watch.is_another(current(6, 9), 23.0)
-    assert not watch.is_another(current(6, 9), 23.0 + LASTS_S)
+    assert not watch.shows_other_mission(current(6, 9), 23.0)
+    assert not watch.shows_other_mission(current(6, 9), 23.0 + OTHER_MISSION_LASTS_S)
 
 
 def accepted(mission_id: int) -> mavlink.MAVLink_mission_ack_message:
@@ -162,13 +162,13 @@ def accepted(mission_id: int) -> mavlink.MAVLink_mission_ack_message:
 def test_ours_put_there_again_after_another_may_have_another_id(heard: tuple[int, ...]) -> None:
     """As when a swap goes back. What was read back is not quite what was sent, and an answer may be lost."""
     watch = watching()
-    assert not watch.is_another(current(7, 5), 3.0)
+    assert not watch.shows_other_mission(current(7, 5), 3.0)
     for mission_id in heard:
         watch.hear(accepted(mission_id))
     watch.own_procedure_ended(SEVEN, 10.0)
-    assert not any(watch.is_another(current(7, 8), 13.0 + second) for second in range(9))
-    assert not watch.is_another(current(7, 9), 23.0)
-    assert watch.is_another(current(7, 9), 23.0 + LASTS_S)
+    assert not any(watch.shows_other_mission(current(7, 8), 13.0 + second) for second in range(9))
+    assert not watch.shows_other_mission(current(7, 9), 23.0)
+    assert watch.shows_other_mission(current(7, 9), 23.0 + OTHER_MISSION_LASTS_S)
 
 
 def test_home_alone_is_not_asked_for() -> None:
@@ -221,6 +221,6 @@ def test_one_item_that_another_has_changed_is_found_in_its_turn() -> None:
     seq = len(bench.session.items) - 2
     item = replace(bench.session.items[seq], x=bench.session.items[seq].x + 9000)
     bench.another_sends(mavlink.MAVLink_mission_write_partial_list_message(1, 1, seq, seq))
-    bench.another_sends(item_message(Peer(1), seq, item))
+    bench.another_sends(item_message(MavlinkPeer(1), seq, item))
     assert bench.stored[seq].x == item.x
     assert bench.run(10.0 * len(bench.stored) + 5.0, lambda: bench.session.state.other_mission)

@@ -9,6 +9,7 @@ import pytest
 from flying_bench import FlyingBench, on_the_ground, plan
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.protocol.parameters import Parameter, encoded, read_parameters, set_parameters
@@ -110,7 +111,7 @@ def test_an_integer_parameter_of_px4_takes_no_fraction():
     assert bench.of("PARAM_SET") == []
 
 
-@settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=examples(25), deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(
     loss=st.floats(0.0, 0.5), seed=st.integers(0, 10_000), personality=st.sampled_from(["ardupilot", "px4"])
 )

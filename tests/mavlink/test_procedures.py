@@ -8,14 +8,18 @@ import pytest
 from bench import Bench, Faults, plan
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from scripted_copter import Script
 
-from swarmctl.mavlink.events import ProcedureDone, Rebooted
+from swarmctl.mavlink.events import ProcedureDone, VehicleRebooted
 from swarmctl.mavlink.procedures import basic
 
 OLD, NEW = plan(north=8), plan(north=6, east=0.002, alt=33.333)
 MODEST = settings(
-    max_examples=25, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.data_too_large]
+    max_examples=examples(25),
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.data_too_large],
 )
 
 
@@ -257,7 +261,7 @@ def test_after_a_reboot_the_streams_come_back_and_the_mission_is_in_doubt():
     bench.upload(OLD)
     bench.run(10)
     bench.copter.boot(bench.now)
-    assert bench.run(15, lambda: 33 in bench.copter.streams and Rebooted() in bench.events)
+    assert bench.run(15, lambda: 33 in bench.copter.streams and VehicleRebooted() in bench.events)
     assert bench.session.items == ()
     assert bench.run(15, lambda: set(bench.copter.streams) == {33, 1, 193, 245, 42, 242})
 

@@ -15,7 +15,7 @@ from swarmctl.core.geo import distance_m
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.mavlink.dialects import dialect_for
-from swarmctl.mavlink.dialects.plan import behind
+from swarmctl.mavlink.dialects.plan import append_items
 from swarmctl.mavlink.procedures import basic
 from swarmctl.mavlink.procedures.land import landing_items, nearest_landing
 from swarmctl.mavlink.procedures.speed import set_speed
@@ -76,10 +76,10 @@ def test_a_plan_for_what_hovers_is_no_mission() -> None:
 
 def test_jumps_of_what_is_put_behind_other_items_lead_where_they_led() -> None:
     items = PLANE.mission_items(FIRST)
-    longer = behind((*items[:3], items[2], items[2]), items, 1)
+    longer = append_items((*items[:3], items[2], items[2]), items, 1)
     jump = next(item for item in longer if item.command == mavlink.MAV_CMD_DO_JUMP)
     assert longer[int(jump.param1)] == items[AT_GOAL]
-    assert behind(items[:1], items, 1) == items
+    assert append_items(items[:1], items, 1) == items
 
 
 def test_what_it_reads_back_is_what_was_sent() -> None:
@@ -258,7 +258,7 @@ def test_told_to_land_while_it_lands_it_does_not_go_around_again() -> None:
 
 def test_what_landings_are_on_it_not_being_known_it_flies_to_the_one_it_knows() -> None:
     flown = in_flight()
-    flown.session._known().on_vehicle = ()
+    flown.session._known().verified_items = ()
     assert flown.do("land", basic.land).failure is None
     assert mavlink.MAV_CMD_DO_LAND_START in flown.commands
     assert landed(flown)
@@ -272,7 +272,7 @@ def test_what_may_arm_it_is_not_sent_to_one_that_has_disarmed_meanwhile() -> Non
     flown.run(400.0, lambda: not flown.vehicle.armed)
     flown.block_down = lambda message: message.get_type() == "EXTENDED_SYS_STATE"
     for known in (flown.session.items, ()):
-        flown.session._known().on_vehicle = known
+        flown.session._known().verified_items = known
         assert flown.do("land", basic.land).failure is not None
         assert not flown.vehicle.armed
 

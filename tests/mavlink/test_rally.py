@@ -7,6 +7,7 @@ from bench import Bench, Script
 from flying_bench import HOME, FlyingBench, on_the_ground
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.procedures.rally import RALLY, RallyPoints, count_rally_points
@@ -93,7 +94,7 @@ def test_while_another_station_puts_some_there_it_is_asked_again() -> None:
     assert counted(bench) == RallyPoints(1), "not atomic: the one that came stays"
 
 
-@settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=examples(25), deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(
     loss=st.floats(0.0, 0.5),
     seed=st.integers(0, 10_000),

@@ -11,16 +11,17 @@ import pytest
 from flying_bench import Faults, FlyingBench
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from way_bench import most_back_m, place, plan
 
-from swarmctl.core.plane import Point, distance_to_track
+from swarmctl.core.planar import PlanarPoint, distance_to_track
 from swarmctl.mavlink.procedures import basic
 
 BACK_M = {"px4": 8.0, "ardupilot": 60.0}
 """It comes round a corner. An ArduCopter that was told to turn there and is past it when the order comes,
 brakes and comes back to it, along the way that it came."""
 BESIDE_M = 8.0
-OLD: list[Point] = [(0.0, 60.0), (0.0, 120.0), (0.0, 900.0)]
+OLD: list[PlanarPoint] = [(0.0, 60.0), (0.0, 120.0), (0.0, 900.0)]
 
 wires = st.builds(
     Faults,
@@ -37,7 +38,11 @@ outages = st.lists(
 
 @pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 @settings(
-    deadline=None, derandomize=True, max_examples=12, suppress_health_check=list(HealthCheck), database=None
+    deadline=None,
+    derandomize=True,
+    max_examples=examples(12),
+    suppress_health_check=list(HealthCheck),
+    database=None,
 )
 @given(wire=wires, cuts=outages, delay_s=st.sampled_from([0.0, 0.2, 1.0]), leaves_m=st.floats(20.0, 400.0))
 def test_a_vehicle_is_on_one_of_both_ways_and_is_never_sent_back(

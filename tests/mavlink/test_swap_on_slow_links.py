@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from way_bench import most_back_m, place, plan
 
 from swarmctl.core.mission import FlightPlan
-from swarmctl.core.plane import Point, distance_to_leg, distance_to_track
+from swarmctl.core.planar import PlanarPoint, distance_to_leg, distance_to_track
 from swarmctl.mavlink.procedures import basic
 
 SET_CURRENT = int(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT)
@@ -24,7 +24,7 @@ TURNS_WITHIN_M = 8.0
 """it comes round a corner of 90 degrees"""
 
 
-def corners(east_m: float, *norths_m: float) -> list[Point]:
+def corners(east_m: float, *norths_m: float) -> list[PlanarPoint]:
     return [(east_m, north_m) for north_m in norths_m]
 
 
@@ -32,7 +32,7 @@ OLD = corners(0.0, 60.0, 120.0, 700.0)
 """straight on to the north, the second waypoint flown to first"""
 
 
-def progress_m(way: list[Point], at: Point, since_m: float) -> float:
+def progress_m(way: list[PlanarPoint], at: PlanarPoint, since_m: float) -> float:
     """How far along a way a place is, of what lies about `since_m`."""
     best, along_m = (math.inf, since_m), 0.0
     for a, b in pairwise(way):
@@ -45,7 +45,7 @@ def progress_m(way: list[Point], at: Point, since_m: float) -> float:
     return best[1]
 
 
-def swapped(bench: FlyingBench, new: FlightPlan, way: list[Point]) -> tuple[basic.Swapped, float]:
+def swapped(bench: FlyingBench, new: FlightPlan, way: list[PlanarPoint]) -> tuple[basic.Swapped, float]:
     """The swap, and by how much the vehicle came back at most along `way`, until it has landed [m]."""
     farthest_m, back_m = 0.0, 0.0
     result = None

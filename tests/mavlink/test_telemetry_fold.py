@@ -8,9 +8,17 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
 from swarmctl.core.vehicle import Landed
 from swarmctl.mavlink.dialects import Readiness, Unsupported, dialect_for
-from swarmctl.mavlink.events import Heard, Identity, Lost, Rebooted, Restored, StateChanged, Text
-from swarmctl.mavlink.protocol.conversation import IllegalEvent, Peer
-from swarmctl.mavlink.protocol.wait import Look, wait
+from swarmctl.mavlink.events import (
+    Heard,
+    Identity,
+    StateChanged,
+    StatusText,
+    VehicleLost,
+    VehicleRebooted,
+    VehicleRestored,
+)
+from swarmctl.mavlink.protocol.conversation import IllegalEvent, MavlinkPeer
+from swarmctl.mavlink.protocol.wait import RequestUntil, wait
 from swarmctl.mavlink.session import Session
 from swarmctl.mavlink.telemetry.presence import LinkState, Presence
 from swarmctl.mavlink.telemetry.streams import StreamKeeper
@@ -299,12 +307,12 @@ def test_presence_is_lost_after_five_seconds_and_comes_back():
     presence = Presence()
     assert (presence.state, presence.next_deadline) == (LinkState.NEVER_HEARD, None)
     assert presence.age_s(3.0) == float("inf")
-    assert presence.heard(10.0) is LinkState.NEVER_HEARD
+    assert presence.on_heartbeat(10.0) is LinkState.NEVER_HEARD
     assert presence.next_deadline == 15.0
     assert not presence.tick(14.9)
     assert presence.tick(15.0)
     assert not presence.tick(16.0)
-    assert presence.heard(20.0) is LinkState.LOST
+    assert presence.on_heartbeat(20.0) is LinkState.LOST
     assert presence.state is LinkState.ALIVE
 
 
@@ -315,21 +323,21 @@ def test_presence_is_lost_after_five_seconds_and_comes_back():
 )
 def test_only_the_autopilots_heartbeat_makes_a_vehicle(message):
     message.get_header().srcSystem = 1
-    session = Session(Peer(1))
+    session = Session(MavlinkPeer(1))
     assert session.receive(message, 0.0) == ([], [])
     assert session.link_state is LinkState.NEVER_HEARD
 
 
 def test_streams_are_asked_for_again_while_they_stay_away_and_ever_more_seldom():
-    keeper = StreamKeeper(Peer(1), {33: 4.0, 1: 1.0})
+    keeper = StreamKeeper(MavlinkPeer(1), {33: 4.0, 1: 1.0})
     assert keeper.tick(0.0) == []
     keeper.demand(0.0)
     first = keeper.tick(0.0)
     assert [(m.command, m.param1, m.param2) for m in first] == [(511, 33, 250_000), (511, 1, 1_000_000)]
-    keeper.saw(33, 2.0)
+    keeper.on_message(33, 2.0)
     times = []
     for now in range(1, 100):
-        keeper.saw(33, float(now))
+        keeper.on_message(33, float(now))
         times += [now for m in keeper.tick(float(now)) if m.param1 == 1]
     assert times == [3, 9, 21, 45, 75]
 
@@ -343,22 +351,22 @@ def told(session: Session, now: float, *messages) -> list:
 
 
 def test_a_session_reports_a_closed_list_of_events():
-    session = Session(Peer(1))
+    session = Session(MavlinkPeer(1))
     first = told(session, 0.0, heartbeat(0))
     assert first == [Heard(3, 2), StateChanged(session.state)]
-    assert told(session, 0.5, text("Init", 6)) == [Text(6, "Init")]
+    assert told(session, 0.5, text("Init", 6)) == [StatusText(6, "Init")]
     assert told(session, 1.0, position()) == [StateChanged(session.state)]
     assert session.next_deadline == 5.0
-    assert session.tick(5.0).events == [Lost(5.0)]
-    assert told(session, 9.0, heartbeat(0)) == [Restored(9.0), StateChanged(session.state)]
+    assert session.tick(5.0).events == [VehicleLost(5.0)]
+    assert told(session, 9.0, heartbeat(0)) == [VehicleRestored(9.0), StateChanged(session.state)]
 
 
 def test_the_first_state_after_a_silence_has_the_mode_of_the_heartbeat_that_ended_it():
-    session = Session(Peer(1))
+    session = Session(MavlinkPeer(1))
     told(session, 0.0, heartbeat(3, armed=True))
     session.tick(5.0)
     restored, changed = told(session, 9.0, heartbeat(5, armed=True))
-    assert restored == Restored(9.0)
+    assert restored == VehicleRestored(9.0)
     assert (changed.state.mode, changed.state.mode_role) == ("LOITER", "other")
 
 
@@ -369,9 +377,9 @@ def test_the_first_state_after_a_silence_has_the_mode_of_the_heartbeat_that_ende
 )
 def test_what_speaks_as_the_autopilots_component_and_is_none_neither_lands_nor_answers_for_it(stranger):
     """Companions are often set up with the vehicle's own system id and component 1."""
-    session = Session(Peer(1))
+    session = Session(MavlinkPeer(1))
     told(session, 0.0, heartbeat(3, armed=True))
-    looks = lambda ctx: (yield Look(ctx.peer, lambda: True, 5.0))  # noqa: E731
+    looks = lambda ctx: (yield RequestUntil(ctx.peer, lambda: True, 5.0))  # noqa: E731
     session.begin("look", looks, 0.5)
     assert told(session, 1.0, stranger) == []
     assert session.busy_with == "look"
@@ -380,7 +388,7 @@ def test_what_speaks_as_the_autopilots_component_and_is_none_neither_lands_nor_a
 
 
 def test_a_session_runs_one_procedure_at_a_time_and_none_before_it_knows_the_vehicle():
-    session = Session(Peer(1))
+    session = Session(MavlinkPeer(1))
 
     def endless(ctx):
         yield wait(1e9)
@@ -403,7 +411,7 @@ def test_a_session_runs_one_procedure_at_a_time_and_none_before_it_knows_the_veh
     ],
 )
 def test_only_our_simulators_mark_means_that_no_aircraft_is_there(uid2, simulated):
-    session = Session(Peer(1))
+    session = Session(MavlinkPeer(1))
     told(session, 0.0, heartbeat())
     version = M.MAVLink_autopilot_version_message(0, 0x040602FF, 0, 0, 0, b"", b"", b"", 0, 0, 0, list(uid2))
     identity = session.identity(version)
@@ -469,7 +477,7 @@ def system_time(boot_ms: int):
 
 def test_who_tells_no_position_any_more_is_still_told_of_once_a_second():
     """PX4 sends none without a valid one: battery, GPS and mode are judged by all the same."""
-    session = Session(Peer(1))
+    session = Session(MavlinkPeer(1))
     told(session, 0.0, heartbeat(3, armed=True), sys_status(), position())
     states = []
     for second in range(1, 61):
@@ -480,7 +488,7 @@ def test_who_tells_no_position_any_more_is_still_told_of_once_a_second():
 
 
 def test_where_it_was_is_soon_forgotten_and_known_again_with_the_next_position():
-    session = Session(Peer(1))
+    session = Session(MavlinkPeer(1))
     told(session, 0.0, heartbeat(), position())
     told(session, 2.0, heartbeat())
     assert session.state.has_position
@@ -494,7 +502,7 @@ def test_where_it_was_is_soon_forgotten_and_known_again_with_the_next_position()
 
 
 def test_its_clock_goes_on_without_a_position():
-    session = Session(Peer(1))
+    session = Session(MavlinkPeer(1))
     told(session, 0.0, heartbeat(), position(1000))
     told(session, 1.0, heartbeat(), system_time(2000))
     assert session.state.time_boot_s == 1.0  # as of the position
@@ -503,13 +511,13 @@ def test_its_clock_goes_on_without_a_position():
 
 
 def test_a_clock_that_is_told_without_a_position_shows_a_reboot_too():
-    session = Session(Peer(1))
+    session = Session(MavlinkPeer(1))
     told(session, 0.0, heartbeat(), position(60_000))
-    assert Rebooted() in told(session, 4.0, heartbeat(), system_time(3000))
+    assert VehicleRebooted() in told(session, 4.0, heartbeat(), system_time(3000))
 
 
 def test_a_state_says_when_what_it_is_made_of_was_told():
-    session = Session(Peer(1))
+    session = Session(MavlinkPeer(1))
     told(session, 1.0, heartbeat())
     told(session, 2.0, sys_status())
     told(session, 3.0, position())

@@ -10,7 +10,7 @@ from flying_bench import HOME
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.mission import MissionItem
 from swarmctl.core.vehicle import VehicleState
-from swarmctl.mavlink.procedures.swap.route_progress import WayAhead
+from swarmctl.mavlink.procedures.swap.route_progress import RouteProgress
 
 FRAME = LocalFrame(*HOME)
 
@@ -28,7 +28,7 @@ def item(east_m: float, north_m: float) -> MissionItem:
     return MissionItem(16, 3, round(lat_deg * 1e7), round(lon_deg * 1e7), 20.0)
 
 
-WAY = WayAhead(state(0.0, 0.0), (item(0.0, 100.0), item(100.0, 100.0), item(200.0, 100.0)))
+WAY = RouteProgress(state(0.0, 0.0), (item(0.0, 100.0), item(100.0, 100.0), item(200.0, 100.0)))
 
 PLACES = [
     ("where it was told of it", state(0.0, 0.0), 0, 0.0),
@@ -68,7 +68,7 @@ def test_it_is_late_once_it_is_past_where_the_new_way_leaves_the_flown_one(
     """Until then corners that both have are passed without harm."""
     flown = (item(0.0, 50.0), item(40.0, 50.0), item(40.0, 400.0))
     new = (item(0.0, 50.0), item(40.0, 50.0), item(40.0, 100.0), item(300.0, 100.0))
-    way = WayAhead(state(0.0, 0.0), new, flown)
+    way = RouteProgress(state(0.0, 0.0), new, flown)
     assert way.at(state(40.0, 90.0, north_m_s=10.0), later_s).is_late is is_late
     assert not way.at(state(0.0, 45.0, north_m_s=10.0), later_s).is_late
     assert way.at(state(40.0, 104.0, north_m_s=10.0)).is_late, "straight on"
@@ -76,11 +76,13 @@ def test_it_is_late_once_it_is_past_where_the_new_way_leaves_the_flown_one(
 
 def test_a_way_from_nowhere_begins_at_its_first_item() -> None:
     unknown = VehicleState()
-    assert WayAhead(unknown, (item(0.0, 100.0),)).at(state(0.0, 0.0)).item == 0
+    assert RouteProgress(unknown, (item(0.0, 100.0),)).at(state(0.0, 0.0)).item == 0
     assert WAY.at(unknown).item == 0
 
 
 def test_what_comes_behind_an_item_without_a_place_is_no_way() -> None:
     """A fixed wing's landing begins with one."""
-    way = WayAhead(state(0.0, 0.0), (item(0.0, 100.0), MissionItem(189, 3, 0, 0, 0.0), item(500.0, 500.0)))
+    way = RouteProgress(
+        state(0.0, 0.0), (item(0.0, 100.0), MissionItem(189, 3, 0, 0, 0.0), item(500.0, 500.0))
+    )
     assert way.at(state(0.0, 300.0)).item == 0

@@ -9,6 +9,7 @@ import pytest
 from brute_force import all_points, front_of, small_problems, three_arms
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 from swarmctl.planners import PLANNERS, BadProblem, BoundTooTight, Problem, constrained, method, time_bound
 from swarmctl.planners.constrained import Params
@@ -16,7 +17,7 @@ from swarmctl.planners.constrained import Params
 EXACT = Params(max_labels=0)
 
 
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=examples(300), deadline=None, derandomize=True)
 @given(problem=small_problems(), share=st.floats(0.0, 1.1), on_a_route=st.booleans())
 def test_nothing_within_the_bound_is_less_exposed_and_of_equals_none_is_shorter(
     problem: Problem, share: float, on_a_route: bool
@@ -35,7 +36,7 @@ def test_nothing_within_the_bound_is_less_exposed_and_of_equals_none_is_shorter(
     assert found.lower_bound == found.cost == found.exposure_sum
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=examples(100), deadline=None, derandomize=True)
 @given(problem=small_problems(), share=st.floats(0.0, 1.0), max_labels=st.integers(1, 30))
 def test_when_the_budget_is_spent_the_best_so_far_comes_with_what_is_proved(
     problem: Problem, share: float, max_labels: int

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from profiles import examples
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra as scipy_dijkstra
 
@@ -130,7 +131,7 @@ def test_no_path_whatever_is_cheaper_and_of_equals_none_is_shorter(shape: tuple[
             assert found.length_cells == pytest.approx(min(map(length_cells, equals)))
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=examples(40), deadline=None, derandomize=True)
 @given(st.integers(0, 10_000), st.sampled_from([0.0, 0.3, 1.0]))
 def test_many_goals_cost_what_the_best_single_one_costs(seed: int, w: float) -> None:
     rng = np.random.default_rng(seed)
@@ -141,7 +142,7 @@ def test_many_goals_cost_what_the_best_single_one_costs(seed: int, w: float) -> 
     np.testing.assert_allclose(together, np.minimum.reduce(single), rtol=1e-12)
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=examples(40), deadline=None, derandomize=True)
 @given(st.integers(0, 10_000), st.sampled_from([0.0, 0.5, 1.0]), st.sampled_from(["prior", "levels", "zero"]))
 def test_who_replans_on_the_way_with_nothing_new_flies_on(seed: int, w: float, kind: str) -> None:
     rng = np.random.default_rng(seed)

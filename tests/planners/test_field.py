@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from profiles import examples
 
 from swarmctl.core.exposure import exposure
 from swarmctl.core.threat import FiringStrength
@@ -36,7 +37,7 @@ def field_of(kind: str, shape: tuple[int, int], rng: np.random.Generator) -> NDA
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=examples(25), deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10_000), w=st.sampled_from([0.0, 0.5, 0.95, 1.0]))
 def test_no_neighbour_betters_a_cost_and_one_accounts_for_it(kind: str, seed: int, w: float) -> None:
     rng = np.random.default_rng(seed)

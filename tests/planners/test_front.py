@@ -10,6 +10,7 @@ from brute_force import Point, all_points, found_by_some_w, front_of, small_prob
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from profiles import examples
 
 from swarmctl.core.grid import Cell
 from swarmctl.planners import (
@@ -37,7 +38,7 @@ def same(found: list[Point], expected: list[Point]) -> bool:
     )
 
 
-@settings(max_examples=250, deadline=None, derandomize=True)
+@settings(max_examples=examples(250), deadline=None, derandomize=True)
 @given(small_problems())
 def test_it_is_what_no_way_beats_in_both(problem: Problem) -> None:
     points = all_points(problem)
@@ -131,7 +132,7 @@ def test_no_planner_beats_it_and_what_keeps_a_bound_lies_on_it(seed: int) -> Non
             assert any(here == pytest.approx(point, abs=1e-9) for point in points)
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=examples(60), deadline=None, derandomize=True)
 @given(seed=st.integers(0, 3), ends=st.tuples(st.floats(35.0, 70.0), st.floats(39.0, 70.0)))
 def test_within_bounds_it_is_the_part_between_them(seed: int, ends: tuple[float, float]) -> None:
     least, greatest = min(ends), max(ends)

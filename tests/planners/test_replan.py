@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from profiles import examples
 from scipy import ndimage
 
 from swarmctl.core.grid import Cell
@@ -76,7 +77,7 @@ def boxes(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("boxes")
 @pytest.mark.parametrize("walls", [0.0, 0.1])
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=examples(25), deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10_000), w=st.sampled_from([0.0, 0.3, 0.5, 0.9, 1.0]))
 def test_every_answer_is_that_of_a_fresh_search(walls: float, seed: int, w: float) -> None:
     rng = np.random.default_rng(seed)
@@ -126,7 +127,7 @@ VALUES = {
 
 @pytest.mark.usefixtures("boxes")
 @pytest.mark.parametrize("kind", VALUES)
-@settings(max_examples=30, deadline=None, derandomize=True)
+@settings(max_examples=examples(30), deadline=None, derandomize=True)
 @given(
     seed=st.integers(0, 100_000),
     w=st.sampled_from([0.0, 0.3, 0.9, 1.0]),
@@ -170,7 +171,7 @@ def test_arbitrary_changes_of_the_layers_are_taken_in() -> None:
 
 
 @pytest.mark.usefixtures("boxes")
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=examples(60), deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10_000), w=st.sampled_from([0.6, 0.95]))
 def test_gates_that_open_and_close_far_from_the_route_are_noticed(seed: int, w: float) -> None:
     rng = np.random.default_rng(seed)
@@ -198,7 +199,7 @@ def test_gates_that_open_and_close_far_from_the_route_are_noticed(seed: int, w: 
 
 @pytest.mark.usefixtures("boxes")
 @pytest.mark.parametrize("walls", [0.0, 0.05])
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=examples(40), deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10_000), w=st.sampled_from([0.5, 0.9, 1.0]))
 def test_a_whole_new_exposure_finds_out_itself_what_changed(walls: float, seed: int, w: float) -> None:
     rng = np.random.default_rng(seed)

@@ -8,6 +8,7 @@ import pytest
 from brute_force import TIE, small_problems, ways
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 from swarmctl.planners import Problem, Unreachable, dijkstra, survival
 from swarmctl.planners.survival import CERTAIN_LOSS
@@ -39,7 +40,7 @@ def test_on_random_fields_the_two_differ_in_a_few_per_cent_of_the_cases_and_neve
     assert 3 <= better <= 60
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=examples(150), deadline=None, derandomize=True)
 @given(small_problems(walls=False))
 def test_no_way_is_safer_and_where_all_are_lost_none_enters_fewer_certain_losses(problem: Problem) -> None:
     found = ways(problem.exposure.shape, problem.start, frozenset(problem.goals))
@@ -86,7 +87,7 @@ def test_round_a_certain_loss_however_long_the_way() -> None:
     assert route.cost < CERTAIN_LOSS
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=examples(40), deadline=None, derandomize=True)
 @given(small_problems(), st.floats(0.0, 1.0), st.floats(0.0, 2.0))
 def test_w_and_psi_do_not_matter(problem: Problem, w: float, psi: float) -> None:
     try:

@@ -9,6 +9,7 @@ from brute_force import all_points, found_by_some_w, small_problems, three_arms
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from profiles import examples
 
 from swarmctl.core.exposure import exposure
 from swarmctl.core.threat import FiringStrength
@@ -22,7 +23,7 @@ def misses_by(problem: Problem, length: float) -> float:
     return max(problem.min_length_cells - length, length - problem.max_length_cells, 0.0)
 
 
-@settings(max_examples=250, deadline=None, derandomize=True)
+@settings(max_examples=examples(250), deadline=None, derandomize=True)
 @given(
     problem=small_problems(),
     ends=st.tuples(st.floats(-0.2, 1.3), st.floats(-0.2, 1.3)),

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from profiles import examples
 
 from swarmctl.core.grid import Cell
 from swarmctl.planners import Problem, Unreachable
@@ -88,7 +89,7 @@ def walled_areas(draw: st.DrawFn) -> NDArray[np.float64]:
     return np.array(draw(st.lists(level, min_size=rows * cols, max_size=rows * cols))).reshape(rows, cols)
 
 
-@settings(max_examples=80, deadline=None, derandomize=True)
+@settings(max_examples=examples(80), deadline=None, derandomize=True)
 @given(p_s=walled_areas(), w=st.sampled_from([0.0, 0.5, 1.0]), data=st.data())
 def test_between_walls_the_way_is_the_best_of_those_that_are_open(
     p_s: NDArray[np.float64], w: float, data: st.DataObject

@@ -9,6 +9,7 @@ import pytest
 from brute_force import ways
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 from swarmctl.core.exposure import exposure_sum, length_cells
 from swarmctl.planners import BoundTooTight, Problem, constrained, window
@@ -64,7 +65,7 @@ def test_a_route_outside_the_window_measures_nothing() -> None:
     assert window.measure(asked, short, PARAMS) == math.inf
 
 
-@settings(derandomize=True, deadline=None, max_examples=30)
+@settings(derandomize=True, deadline=None, max_examples=examples(30))
 @given(seed=st.integers(0, 10_000), least=st.floats(2.0, 7.0))
 def test_it_finds_no_route_that_is_better_than_the_best_of_all(seed: int, least: float) -> None:
     """On areas so small that every way can be counted."""

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from typer.testing import CliRunner, Result
 
 from swarmctl.cli.main import cli
-from swarmctl.report.evidence.book import FILE, Book
+from swarmctl.report.evidence.book import FILE_NAME, EvidenceFile
 from swarmctl.report.evidence.chain import canonical, check, sha256
 from swarmctl.report.evidence.hooks import Evidence
 from swarmctl.security.evidence_keys import witness
@@ -34,9 +34,9 @@ class Run:
 
     def __init__(self, folder: Path) -> None:
         self.said: list[str] = []
-        self.file = folder / FILE
+        self.file = folder / FILE_NAME
         self.now_s = 0.0
-        self.book = Book(
+        self.book = EvidenceFile(
             self.file,
             {"run": "test", "program": "swarmctl 0", "configuration_sha256": "00"},
             unix_s=lambda: 1_700_000_000.0 + self.now_s,

@@ -7,6 +7,7 @@ import math
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 from swarmctl.report.evidence.chain import GENESIS, Chain, canonical, check, sha256
 
@@ -87,7 +88,7 @@ def test_an_empty_file_is_not_closed() -> None:
     assert check([]).closing is None
 
 
-@settings(derandomize=True, deadline=None, max_examples=300)
+@settings(derandomize=True, deadline=None, max_examples=examples(300))
 @given(data=st.data())
 def test_no_line_can_be_changed_taken_out_or_moved_unseen(data: st.DataObject) -> None:
     lines = written()
@@ -108,7 +109,7 @@ def test_no_line_can_be_changed_taken_out_or_moved_unseen(data: st.DataObject) -
     assert checked.fault is not None or checked.closing is None
 
 
-@settings(derandomize=True, deadline=None, max_examples=300)
+@settings(derandomize=True, deadline=None, max_examples=examples(300))
 @given(lines=st.lists(st.binary(max_size=80) | st.sampled_from([b"{}\n", b"[]\n", b"1\n", *written()])))
 def test_whatever_the_bytes_it_is_read_without_raising(lines: list[bytes]) -> None:
     checked = check(lines)

@@ -13,7 +13,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.report.evidence import book
-from swarmctl.report.evidence.book import FILE, Book
+from swarmctl.report.evidence.book import FILE_NAME, EvidenceFile
 from swarmctl.report.evidence.chain import check
 from swarmctl.report.evidence.hooks import Evidence
 
@@ -52,10 +52,12 @@ class Run:
 
     def __init__(self, folder: Path) -> None:
         self.said: list[str] = []
-        self.file = folder / FILE
+        self.file = folder / FILE_NAME
         loop = asyncio.get_running_loop()
         self.evidence = Evidence(
-            Book(self.file, {}, unix_s=loop.time, run_s=loop.time, say=self.said.append, in_thread=True),
+            EvidenceFile(
+                self.file, {}, unix_s=loop.time, run_s=loop.time, say=self.said.append, in_thread=True
+            ),
             {1: "alpha"},
         )
 

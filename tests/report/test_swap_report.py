@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from swarmctl.core import events as ev
-from swarmctl.report.swaps import Swaps, swap_lines
+from swarmctl.report.swaps import SwapStatistics, swap_lines
 
 
-def after(*events: ev.MissionAccepted | ev.MissionFailed) -> Swaps:
-    swaps = Swaps()
+def after(*events: ev.MissionAccepted | ev.MissionFailed) -> SwapStatistics:
+    swaps = SwapStatistics()
     for event in events:
         swaps.ended(event)
     return swaps
@@ -44,5 +44,5 @@ def test_below_the_table_each_that_stood_still_is_named() -> None:
 
 
 def test_where_no_mission_was_changed_nothing_is_said() -> None:
-    assert swap_lines([{"name": "uav1", "swaps": Swaps().summary()}]) == []
-    assert Swaps().summary()["took_s"] is None
+    assert swap_lines([{"name": "uav1", "swaps": SwapStatistics().summary()}]) == []
+    assert SwapStatistics().summary()["took_s"] is None

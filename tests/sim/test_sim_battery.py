@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 from sim_vehicle.physics.battery import AVIONICS_W, Batteries
 from sim_vehicle.physics.copter import TERMINAL_FALL_M_S
@@ -29,7 +30,7 @@ def test_endurance_is_energy_over_load() -> None:
     assert seconds == pytest.approx(energy_j / 165.0, rel=0.02)
 
 
-@settings(max_examples=20, derandomize=True, deadline=None)
+@settings(max_examples=examples(20), derandomize=True, deadline=None)
 @given(st.floats(20.0, 400.0), st.floats(300.0, 5000.0))
 def test_twice_the_load_is_less_than_half_the_endurance(load_w: float, capacity_mah: float) -> None:
     once, twice = endurance_s(load_w, capacity_mah), endurance_s(2 * load_w + AVIONICS_W, capacity_mah)
@@ -69,7 +70,7 @@ def test_a_sag_is_missing_from_the_voltage_and_not_from_the_charge() -> None:
     assert batteries.remaining[0] == pytest.approx(batteries.remaining[1], abs=1e-3)
 
 
-@settings(max_examples=30, derandomize=True, deadline=None)
+@settings(max_examples=examples(30), derandomize=True, deadline=None)
 @given(st.lists(st.floats(0.0, 2000.0), min_size=1, max_size=50), st.floats(1.0, 6000.0))
 def test_charge_is_never_won_and_nothing_leaves_its_range(loads_w: list[float], capacity_mah: float) -> None:
     batteries = Batteries(1)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scipy import stats
 
@@ -93,7 +94,7 @@ def test_burst_loss_loses_its_share_in_bursts_of_its_length() -> None:
     assert sum(runs) / len(frames) == pytest.approx(0.15, abs=5 * error)
 
 
-@settings(derandomize=True, deadline=None, max_examples=40)
+@settings(derandomize=True, deadline=None, max_examples=examples(40))
 @given(
     lengths=st.lists(st.integers(1, 280), max_size=40),
     seed=st.integers(0, 2**32),
@@ -114,7 +115,7 @@ def test_what_has_nothing_to_lose_loses_nothing_and_keeps_order(
     assert all(due_s >= i * gap_s for i, (_, due_s) in enumerate(arrived))
 
 
-@settings(derandomize=True, deadline=None, max_examples=60)
+@settings(derandomize=True, deadline=None, max_examples=examples(60))
 @given(name=st.sampled_from(WIRE), seed=st.integers(0, 2**32), gap_s=st.floats(0, 0.3))
 def test_any_wire_fault_lets_out_what_went_in_and_holds_nothing_for_ever(
     name: str, seed: int, gap_s: float

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 from sim_vehicle.scenarios import default_scenario
 from sim_vehicle.scenarios.checks import CHECKS, View
@@ -261,7 +262,7 @@ def test_every_check_says_what_it_is_about() -> None:
         assert check.name == name
 
 
-@settings(max_examples=60, derandomize=True, deadline=None)
+@settings(max_examples=examples(60), derandomize=True, deadline=None)
 @given(
     count=st.integers(0, N),
     places=st.lists(st.tuples(*[st.floats(-50, 50)] * 3), min_size=N, max_size=N),
@@ -309,7 +310,7 @@ def test_how_far_a_place_is_beyond_the_fence(
     assert outside_m(shapes, *place) == pytest.approx(beyond_m)
 
 
-@settings(max_examples=100, derandomize=True, deadline=None)
+@settings(max_examples=examples(100), derandomize=True, deadline=None)
 @given(east_m=st.floats(-30, 30), north_m=st.floats(-30, 30))
 def test_a_place_is_beyond_keeping_in_or_beyond_keeping_out_but_for_the_edge(
     east_m: float, north_m: float

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 from sim_vehicle.physics.motion import GRAVITY_M_S2
 from sim_vehicle.physics.wind import WindSettings
@@ -202,7 +203,7 @@ def test_disarmed_in_the_air_it_falls_and_armed_again_it_catches_itself() -> Non
 NUMBERS = st.floats(-1e6, 1e6)
 
 
-@settings(max_examples=25, derandomize=True, deadline=None)
+@settings(max_examples=examples(25), derandomize=True, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 5), NUMBERS, NUMBERS, NUMBERS), min_size=1, max_size=6))
 def test_whatever_it_is_told_its_state_stays_finite_and_within_limits(
     orders: list[tuple[int, float, float, float]],

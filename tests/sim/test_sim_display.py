@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from rich.console import Console
 from rich.text import Text
 from typer import Typer
@@ -24,7 +25,7 @@ from sim_vehicle.serving.options import FleetOptions, make_scenario
 from sim_vehicle.serving.pace import ByHand
 from sim_vehicle.serving.server import Server
 
-PROPERTY = settings(derandomize=True, deadline=None, max_examples=150)
+PROPERTY = settings(derandomize=True, deadline=None, max_examples=examples(150))
 WORDS = st.text(st.characters(min_codepoint=33, max_codepoint=126), min_size=1, max_size=30)
 
 

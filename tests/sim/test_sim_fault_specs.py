@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from pydantic import ValidationError
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -99,7 +100,7 @@ def test_the_dictionary_of_a_scenario_is_checked_alike() -> None:
         FaultSpec.model_validate({"fault": "dealy"})
 
 
-@settings(derandomize=True, deadline=None, max_examples=200)
+@settings(derandomize=True, deadline=None, max_examples=examples(200))
 @given(
     st.text(max_size=40)
     | st.from_regex(r"[a-z_]{1,12}:([a-z_]{1,8}=[-0-9a-z.+]{0,6},?){0,4}", fullmatch=True)
@@ -112,7 +113,7 @@ def test_no_text_is_an_error_of_another_kind(text: str) -> None:
     assert spec.fault in FAULTS
 
 
-@settings(derandomize=True, deadline=None, max_examples=50)
+@settings(derandomize=True, deadline=None, max_examples=examples(50))
 @given(
     name=st.sampled_from(sorted(FAULTS)),
     at_s=st.integers(0, 1000),
@@ -299,7 +300,7 @@ def test_a_failure_that_is_ended_before_it_begins_does_not_begin() -> None:
     assert ward.schedule.names(0) == ()
 
 
-@settings(derandomize=True, deadline=None, max_examples=200)
+@settings(derandomize=True, deadline=None, max_examples=examples(200))
 @given(*[st.floats(width=32) | st.integers(-1, 110).map(float)] * 3)
 def test_any_parameters_are_answered(unit: float, kind: float, instance: float) -> None:
     ward = Ward()

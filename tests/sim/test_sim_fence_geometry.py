@@ -5,6 +5,7 @@ import math
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from transfer_bench import CIRCLE, EXCLUDED, NOT_CIRCLE, POLYGON, RETURN_POINT
 
 from sim_vehicle.physics.geodesy import LocalFrame, metres_per_degree
@@ -129,7 +130,7 @@ def test_zones_that_forbid_a_place_can_be_disregarded() -> None:
     assert len(made.items) == 6
 
 
-@settings(derandomize=True, deadline=None, max_examples=80)
+@settings(derandomize=True, deadline=None, max_examples=examples(80))
 @given(
     st.lists(st.tuples(st.floats(50, 500), st.floats(0.15, 1.0)), min_size=3, max_size=12),
     st.floats(-600, 600),
@@ -158,7 +159,7 @@ def test_a_star_shaped_polygon_as_its_angles_say(
         assert (margin_m > 0) == inside
 
 
-@settings(derandomize=True, deadline=None, max_examples=60)
+@settings(derandomize=True, deadline=None, max_examples=examples(60))
 @given(st.floats(-80, 80), st.floats(-180, 180), st.floats(-2000, 2000), st.floats(-2000, 2000))
 def test_metres_per_degree_agree_with_the_projection(
     lat: float, lon: float, north_m: float, east_m: float

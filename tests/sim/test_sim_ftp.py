@@ -9,6 +9,7 @@ import pytest
 from files_client import FtpClient, Reply, Wire, pymavlink_ftp
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from pymavlink import mavftp
 
 from sim_vehicle.files import ftp_rules as ftp
@@ -57,7 +58,7 @@ def test_ardupilot_reads_as_much_as_was_asked_for_and_px4_a_full_message() -> No
 
 
 @BOTH
-@settings(derandomize=True, deadline=None, max_examples=40)
+@settings(derandomize=True, deadline=None, max_examples=examples(40))
 @given(content=st.binary(max_size=2000), reads=st.lists(st.tuples(st.integers(0, 2100), st.integers(1, 239))))
 def test_every_read_is_that_part_of_the_file(
     rules: FtpRules, content: bytes, reads: list[tuple[int, int]]
@@ -74,7 +75,7 @@ def test_every_read_is_that_part_of_the_file(
 
 
 @BOTH
-@settings(derandomize=True, deadline=None, max_examples=40)
+@settings(derandomize=True, deadline=None, max_examples=examples(40))
 @given(
     content=st.binary(max_size=3000),
     offset=st.integers(0, 3100),
@@ -187,7 +188,7 @@ def test_what_goes_wrong_has_the_autopilots_error(rules: FtpRules) -> None:
 
 
 @BOTH
-@settings(derandomize=True, deadline=None, max_examples=60)
+@settings(derandomize=True, deadline=None, max_examples=examples(60))
 @given(
     payloads=st.lists(st.binary(min_size=251, max_size=251), max_size=12),
     opcodes=st.lists(st.integers(0, 17)),
@@ -268,7 +269,7 @@ PATHS = st.sampled_from(
 STEPS = st.tuples(st.sampled_from(["make", "rmdir", "write", "remove", "rename", "truncate"]), PATHS, PATHS)
 
 
-@settings(derandomize=True, deadline=None, max_examples=150)
+@settings(derandomize=True, deadline=None, max_examples=examples(150))
 @given(steps=st.lists(STEPS, max_size=14))
 def test_whatever_is_done_to_the_files_every_entry_that_is_listed_can_be_opened(steps: list[Any]) -> None:
     tree = files()
@@ -301,7 +302,7 @@ def test_whatever_is_done_to_the_files_every_entry_that_is_listed_can_be_opened(
 
 
 @BOTH
-@settings(derandomize=True, deadline=None, max_examples=40)
+@settings(derandomize=True, deadline=None, max_examples=examples(40))
 @given(content=st.binary(min_size=1, max_size=900), fates=st.lists(st.sampled_from("rqd-"), max_size=60))
 def test_a_file_survives_the_way_there_and_back_over_a_bad_link(
     rules: FtpRules, content: bytes, fates: list[str]

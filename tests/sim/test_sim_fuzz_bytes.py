@@ -12,11 +12,12 @@ from fuzz_frames import odd_length, spoilt_frame
 from fuzz_values import random_message
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.faults import FAULTS
 
-MODEST = settings(max_examples=25, derandomize=True, deadline=None)
+MODEST = settings(max_examples=examples(25), derandomize=True, deadline=None)
 WIRES = (
     "packet_loss:rate=0.3",
     "burst_loss:rate=0.3",

@@ -6,6 +6,7 @@ import pytest
 from files_client import Wire
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.files import log_transfer
@@ -81,7 +82,7 @@ def test_without_logs_there_is_one_entry_that_says_so(rules: LogRules) -> None:
 
 
 @BOTH
-@settings(derandomize=True, deadline=None, max_examples=60)
+@settings(derandomize=True, deadline=None, max_examples=examples(60))
 @given(
     content=st.binary(max_size=1500),
     asked=st.lists(
@@ -192,7 +193,7 @@ STEPS = st.one_of(
 
 
 @BOTH
-@settings(derandomize=True, deadline=None, max_examples=80)
+@settings(derandomize=True, deadline=None, max_examples=examples(80))
 @given(steps=st.lists(STEPS, max_size=25))
 def test_nothing_that_is_asked_stops_the_vehicle(rules: LogRules, steps: list[Any]) -> None:
     vehicle = Vehicle(rules, bytes(3_000), bytes(100), b"", bytes_s=5_000, most_bytes_at_once=500)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from pymavlink import DFReader
 
 from sim_vehicle.files.logs.dataflash import DataFlashLog
@@ -277,7 +278,7 @@ ANGLES = st.floats(-math.pi, math.pi)
 
 
 @BOTH
-@settings(derandomize=True, deadline=None, max_examples=50)
+@settings(derandomize=True, deadline=None, max_examples=examples(50))
 @given(
     numbers=st.lists(st.floats(-1e4, 1e4) | st.just(math.nan), min_size=9, max_size=9),
     angles=st.tuples(ANGLES, ANGLES, ANGLES),
@@ -386,7 +387,7 @@ def test_a_log_that_is_erased_while_it_is_written_ends() -> None:
 
 
 @given(size=st.integers(1, 2000))
-@settings(derandomize=True, deadline=None, max_examples=50)
+@settings(derandomize=True, deadline=None, max_examples=examples(50))
 def test_the_logs_of_a_fleet_stay_within_bounds(size: int) -> None:
     limits = limits_for(size)
     assert size * limits.logs * limits.log_bytes <= FLEET_BYTES

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from px4_station import Px4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import Station, item, land, place_m, takeoff, waypoint
@@ -93,7 +94,7 @@ def test_a_plane_keeps_the_radii_of_a_waypoint_and_knows_no_spline() -> None:
     assert store_plane_item(Item(SPLINE)) == mavlink.MAV_MISSION_UNSUPPORTED
 
 
-@settings(derandomize=True, deadline=None, max_examples=150)
+@settings(derandomize=True, deadline=None, max_examples=examples(150))
 @given(
     st.integers(0, 3000),
     st.integers(0, 12),

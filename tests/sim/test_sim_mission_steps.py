@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from transfer_bench import IdlePilot
 
@@ -269,7 +270,7 @@ def change(event: str, mission: Mission, pilot: IdlePilot, new: list[Item], inde
             mission.put(mission.count, item)
 
 
-@settings(derandomize=True, deadline=None, max_examples=200)
+@settings(derandomize=True, deadline=None, max_examples=examples(200))
 @given(ITEMS, ITEMS, EVENTS, st.sampled_from([px4, ardupilot]), st.integers(0, 9))
 def test_no_order_of_events_breaks_a_mission(
     items: list[Item], others: list[Item], events: list[str], make: Any, index: int

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.links.url import Url, UrlError, parse_url
@@ -20,7 +21,7 @@ from sim_vehicle.serving.options import (
     read_param_file,
 )
 
-PROPERTY = settings(derandomize=True, deadline=None, max_examples=60)
+PROPERTY = settings(derandomize=True, deadline=None, max_examples=examples(60))
 
 
 @pytest.mark.parametrize(

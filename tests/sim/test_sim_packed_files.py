@@ -7,6 +7,7 @@ import pytest
 from files_client import FtpClient, pymavlink_ftp
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from pymavlink import mavftp
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -38,7 +39,7 @@ def made(parameters: dict[str, tuple[float, float]]) -> list[Parameter]:
     return [Parameter(name, value, default) for name, value, default in same]
 
 
-@settings(derandomize=True, deadline=None, max_examples=150)
+@settings(derandomize=True, deadline=None, max_examples=examples(150))
 @given(
     parameters=st.dictionaries(
         NAMES, VALUES.flatmap(lambda v: st.tuples(st.just(v), st.just(v) | st.just(type(v)(7)))), min_size=1
@@ -58,7 +59,7 @@ def test_pymavlink_reads_what_was_packed(parameters: dict[str, tuple[float, floa
         }
 
 
-@settings(derandomize=True, deadline=None, max_examples=60)
+@settings(derandomize=True, deadline=None, max_examples=examples(60))
 @given(
     parameters=st.dictionaries(NAMES, VALUES, min_size=1, max_size=30),
     start=st.integers(0, 29),
@@ -86,7 +87,7 @@ def test_a_query_that_makes_no_sense_is_refused(query: str) -> None:
         pack_parameters(FEW, query)
 
 
-@settings(derandomize=True, deadline=None, max_examples=200)
+@settings(derandomize=True, deadline=None, max_examples=examples(200))
 @given(content=st.binary(max_size=200), head=st.booleans())
 def test_any_upload_is_taken_or_refused(content: bytes, head: bool) -> None:
     if head:

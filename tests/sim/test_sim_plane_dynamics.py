@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 
 from sim_vehicle.physics.body import Body
 from sim_vehicle.physics.motion import GRAVITY_M_S2
@@ -259,7 +260,7 @@ def _limits_kept(world: World) -> None:
 NUMBERS = st.floats(-1e4, 1e4)
 
 
-@settings(max_examples=15, derandomize=True, deadline=None)
+@settings(max_examples=examples(15), derandomize=True, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 6), NUMBERS, NUMBERS, NUMBERS), min_size=1, max_size=6))
 def test_whatever_it_is_told_its_limits_are_kept(orders: list[tuple[int, float, float, float]]) -> None:
     world = bodies.world(planes=True, wind=WindSettings(7.0, 120.0, 2.0))

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from px4_station import (
     ACCEPTED,
     ALTITUDE,
@@ -362,7 +363,7 @@ def test_integers_travel_as_their_bytes() -> None:
     assert integer(value) == 1
 
 
-@settings(derandomize=True, deadline=None, max_examples=30)
+@settings(derandomize=True, deadline=None, max_examples=examples(30))
 @given(st.integers(-(2**31), 2**31 - 1))
 def test_every_integer_survives(number: int) -> None:
     station = Px4Station()
@@ -402,7 +403,7 @@ def test_the_list_begins_with_a_hash_that_changes_with_the_values() -> None:
     assert replies[0].param_value != values[0].param_value
 
 
-@settings(derandomize=True, deadline=None, max_examples=20)
+@settings(derandomize=True, deadline=None, max_examples=examples(20))
 @given(st.lists(st.floats(allow_nan=True, allow_infinity=True, width=32), min_size=7, max_size=7), st.data())
 def test_no_command_breaks_the_vehicle(params: list[float], data: st.DataObject) -> None:
     station = Px4Station()

@@ -2,12 +2,13 @@
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import scenario
 
 from sim_vehicle.fleet import Fleet
 
-MODEST = settings(max_examples=40, derandomize=True, deadline=None)
+MODEST = settings(max_examples=examples(40), derandomize=True, deadline=None)
 FLUSH = b"\0" * 300  # more than the longest frame: a length byte in garbage may claim what follows
 
 

@@ -12,6 +12,7 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.faults.spec import parse_fault
@@ -514,7 +515,7 @@ VALUES = st.recursive(
 )
 
 
-@settings(max_examples=200, derandomize=True, deadline=None)
+@settings(max_examples=examples(200), derandomize=True, deadline=None)
 @given(st.dictionaries(KEYS, VALUES, max_size=6))
 def test_whatever_a_file_says_it_is_a_scenario_or_an_error_with_lines(data: dict[str, Any]) -> None:
     text = yaml.safe_dump({"home": {"lat_deg": 46.0, "lon_deg": 14.5}, **data})

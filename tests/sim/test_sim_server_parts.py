@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from rich.console import Console
 
 from sim_vehicle.fleet import Fleet
@@ -22,7 +23,7 @@ from sim_vehicle.serving.options import FleetOptions, make_scenario
 from sim_vehicle.serving.pace import ByHand
 from sim_vehicle.serving.server import DATAGRAM_BYTES, Server, joined
 
-PROPERTY = settings(derandomize=True, deadline=None, max_examples=50)
+PROPERTY = settings(derandomize=True, deadline=None, max_examples=examples(50))
 FRAMES = st.lists(st.tuples(st.integers(0, 4), st.binary(min_size=1, max_size=300)), max_size=40)
 
 

@@ -3,6 +3,7 @@
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.wire.signing import Signing
@@ -45,7 +46,7 @@ def test_without_a_key_all_passes_as_it_is() -> None:
     assert not signing.active
 
 
-@settings(derandomize=True, deadline=None, max_examples=100)
+@settings(derandomize=True, deadline=None, max_examples=examples(100))
 @given(text=st.binary(min_size=1, max_size=50), severity=st.integers(0, 7), seq=st.integers(0, 255))
 def test_what_is_signed_is_believed_by_pymavlink(text: bytes, severity: int, seq: int) -> None:
     codec = station(None)
@@ -123,7 +124,7 @@ def test_a_forged_frame_does_not_move_the_clock_of_its_stream() -> None:
     assert signing.accepts(packed(attitude(), station()), 0.0)
 
 
-@settings(derandomize=True, deadline=None, max_examples=100)
+@settings(derandomize=True, deadline=None, max_examples=examples(100))
 @given(st.integers(0, 10_000), st.integers(1, 255))
 def test_no_changed_byte_goes_unnoticed(place: int, change: int) -> None:
     frame = bytearray(packed(attitude(), station()))

@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from transfer_bench import (
     CIRCLE,
@@ -92,7 +93,7 @@ def stored(bench: Bench) -> tuple[Any, ...]:
 
 
 @pytest.mark.parametrize("make", [ardupilot, px4], ids=["ardupilot", "px4"])
-@settings(derandomize=True, deadline=None, max_examples=60)
+@settings(derandomize=True, deadline=None, max_examples=examples(60))
 @given(script=events)
 def test_a_clean_upload_succeeds_after_anything(make: Any, script: list[Any]) -> None:
     bench: Bench = make()
@@ -103,7 +104,7 @@ def test_a_clean_upload_succeeds_after_anything(make: Any, script: list[Any]) ->
         assert len(bench.download(kind)) == len(items)
 
 
-@settings(derandomize=True, deadline=None, max_examples=100)
+@settings(derandomize=True, deadline=None, max_examples=examples(100))
 @given(script=events)
 def test_px4_never_stores_part_of_a_list(script: list[Any]) -> None:
     """Whatever is stored is empty or was announced and sent completely: its size was counted out."""
@@ -125,7 +126,7 @@ def test_px4_never_stores_part_of_a_list(script: list[Any]) -> None:
 
 
 @pytest.mark.parametrize("make", [ardupilot, px4], ids=["ardupilot", "px4"])
-@settings(derandomize=True, deadline=None, max_examples=60)
+@settings(derandomize=True, deadline=None, max_examples=examples(60))
 @given(lost=st.lists(st.booleans(), max_size=40))
 def test_an_upload_over_a_link_with_losses_ends_in_the_whole_mission(make: Any, lost: list[bool]) -> None:
     """A station that repeats the count until asked, and answers every request, gets there in the end."""

@@ -14,8 +14,8 @@ from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.core.messages import (
     GiveOrder,
     OperatorAnswer,
-    Place,
     VehicleAnswer,
+    VehiclePosition,
     decode_command,
     encode,
 )
@@ -27,16 +27,18 @@ from swarmctl.station.recall import ASKED_TIMES, UNTOLD_S
 STATION = Station("s", BusEndpoint("127.0.0.1", 7447), agents={1: "a", 2: "b"})
 
 
-def place(way_deg: float = 0.01) -> Place:
+def place(way_deg: float = 0.01) -> VehiclePosition:
     """That far east of its home."""
-    return Place(46.0, 14.0 + way_deg, 340.0, 46.0, 14.0, 300.0, speed_m_s=10.0, keeps_m=(20.0, 5.0))
+    return VehiclePosition(
+        46.0, 14.0 + way_deg, 340.0, 46.0, 14.0, 300.0, speed_m_s=10.0, keeps_m=(20.0, 5.0)
+    )
 
 
 @dataclass
 class Agents:
     """The network: agents that take each order, and what becomes of their answers."""
 
-    places: dict[int, Place | None]
+    places: dict[int, VehiclePosition | None]
     answers: Callable[[int, int], bool] = lambda _uav, _times: True
     """whether the answer to the n-th question of a vehicle comes"""
     in_touch: Callable[[int], bool] = lambda _uav: True
@@ -87,7 +89,7 @@ def test_nobody_is_under_way_while_one_that_did_not_answer_may_return() -> None:
 
 
 def test_who_is_down_before_that_goes_at_once() -> None:
-    above_home = Place(46.0, 14.0, 360.0, 46.0, 14.0, 300.0, speed_m_s=10.0, keeps_m=(20.0, 5.0))
+    above_home = VehiclePosition(46.0, 14.0, 360.0, 46.0, 14.0, 300.0, speed_m_s=10.0, keeps_m=(20.0, 5.0))
     agents = Agents({1: above_home, 2: None}, lambda uav, _: uav == 1)
     answers = called_back(agents)
     assert agents.last(1) == 0.0

@@ -10,11 +10,12 @@ import msgspec
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from profiles import examples
 from rich.console import Console
 
 from swarmctl.bus import keys
 from swarmctl.bus.transports.memory import MemoryBus
-from swarmctl.core.frames import UNSIGNED, VERSION, Frame, Seal, StateShared
+from swarmctl.core.frames import UNSIGNED, VERSION, Frame, FrameCodec, StateShared
 from swarmctl.core.grid import Grid
 from swarmctl.core.observation import Observation
 from swarmctl.flight.virtual_clock import run_virtual
@@ -24,7 +25,7 @@ pytestmark = pytest.mark.virtual
 
 GRID = Grid(8, 8, 50.0, 46.0, 14.4)
 NAMES = {1: "uav1", 2: "uav2", 3: "scout"}
-SEAL = Seal("test")
+SEAL = FrameCodec("test")
 UNIX_S = 1_800_000_000.0
 
 
@@ -39,7 +40,7 @@ def frame(content: Any, sender: int = 1, n: int = 1, incarnation: int = 1, unix_
 
 
 def board() -> Board:
-    return Board("test", NAMES, GRID, Seal("test"))
+    return Board("test", NAMES, GRID, FrameCodec("test"))
 
 
 def key(uav: int) -> str:
@@ -132,13 +133,13 @@ def test_what_is_no_vehicles_own_state_is_refused_and_counted(under: str, payloa
 
 
 def test_who_does_not_sign_is_not_shown_where_keys_are_used() -> None:
-    seen = Board("test", NAMES, GRID, Seal("test", None, lambda _uav, _signature, _data: False))
+    seen = Board("test", NAMES, GRID, FrameCodec("test", None, lambda _uav, _signature, _data: False))
     seen.take(key(1), frame(state()), 0.0, UNIX_S)
     assert (seen.refused, seen.any_heard) == (1, False)
 
 
 @given(st.binary(max_size=60))
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=examples(100), deadline=None, derandomize=True)
 def test_no_bytes_break_it(data: bytes) -> None:
     board().take(key(1), b"\x02\x00" + data, 0.0, UNIX_S)
 
@@ -201,7 +202,7 @@ SEEN = st.tuples(
 @example([(SANE | {"alt_rel_m": 1e308}, UNIX_S, 1, 1)])
 @example([(SANE | {"alt_rel_m": float("nan")}, UNIX_S, 1, 1)])
 @example([(SANE | {"late_s": float("inf"), "plan_id": 2**63 - 1}, UNIX_S, 1, 1)])
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=examples(300), deadline=None, derandomize=True)
 def test_no_state_ends_it_or_pushes_the_table_apart(
     told: list[tuple[dict[str, Any], float, int, int]],
 ) -> None:

@@ -79,19 +79,19 @@ class Story:
 
     def hear(self, *cells: tuple[int, int, bool], observer: int = 2, seq: int = 1) -> list[ev.Effect]:
         observation = Observation(observer, seq, self.now, cells)
-        return self(ev.Heard((observation,)))
+        return self(ev.ObservationsReceived((observation,)))
 
     def launching(self) -> Story:
         self(ev.Ready())
         self.swap()
         self.accept()
-        self(ev.OperatorCommand(ev.Order.LAUNCH))
+        self(ev.OperatorCommand(ev.FlightOrder.LAUNCH))
         assert self.state.phase is Phase.LAUNCHING
         return self
 
     def flying(self) -> Story:
         self.launching()
-        self(ev.OrderDone(ev.Order.LAUNCH))
+        self(ev.OrderDone(ev.FlightOrder.LAUNCH))
         self.over((4, 0))
         assert self.state.phase is Phase.FLYING
         return self
@@ -101,5 +101,5 @@ def publications(effects: list[ev.Effect]) -> list[object]:
     return [e.message for e in effects if isinstance(e, ev.Publish)]
 
 
-def orders(effects: list[ev.Effect]) -> list[ev.Order]:
+def orders(effects: list[ev.Effect]) -> list[ev.FlightOrder]:
     return [e.order for e in effects if isinstance(e, ev.Command)]

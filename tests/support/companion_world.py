@@ -43,7 +43,7 @@ class Swarm:
         self.uis[uav] = Ui()
         self.flights[uav] = asyncio.create_task(
             companion.fly(
-                companion.only(self.scenario, uav),
+                companion.scenario_for(self.scenario, uav),
                 folder,
                 self.uis[uav],
                 clock="virtual",

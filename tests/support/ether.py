@@ -11,7 +11,7 @@ import numpy as np
 from swarmctl.bus.node.exchange import NodeOptions, NodeOutput
 from swarmctl.bus.node.node import Node
 from swarmctl.core.belief import Belief
-from swarmctl.core.frames import Seal, StateShared
+from swarmctl.core.frames import FrameCodec, StateShared
 from swarmctl.core.observation import Observation
 
 UNIX_S = 1_800_000_000.0
@@ -61,11 +61,11 @@ class Ether:
     """Carries bytes between nodes by `carry`, in simulated time; every UAV tells its state once a second."""
 
     def __init__(
-        self, ids: Iterable[int], options: NodeOptions | None = None, seal: Seal | None = None
+        self, ids: Iterable[int], options: NodeOptions | None = None, seal: FrameCodec | None = None
     ) -> None:
         self.ids = tuple(ids)
         self.options = options or NodeOptions(ROWS, COLS)
-        self.seal = seal or Seal("test")
+        self.seal = seal or FrameCodec("test")
         self.incarnations = count(1)
         self.now_s = 0.0
         self.carry: Carry = at_once

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from swarmctl.agent.failsafes.base import Action, Facts, Rule, Way
+from swarmctl.agent.failsafes.base import ActiveRoute, Demand, FailsafeFacts, Rule
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.vehicle import Landed, VehicleState
 
@@ -29,11 +29,15 @@ def at(east_m: float, north_m: float, **changes: Any) -> VehicleState:
     return replace(flies, **changes)
 
 
-def facts(vehicle: VehicleState | None = None, **changes: Any) -> Facts:
+def facts(vehicle: VehicleState | None = None, **changes: Any) -> FailsafeFacts:
     """It flies its mission to the east, along the frame's axis."""
     points = tuple(FRAME.to_geodetic(east_m, 0.0) for east_m in (100.0, 1000.0))
-    known = Facts(
-        vehicle or at(0.0, 0.0), FRAME, doing="mission", ours=frozenset({"mission"}), way=Way(1, points)
+    known = FailsafeFacts(
+        vehicle or at(0.0, 0.0),
+        FRAME,
+        doing="mission",
+        ours=frozenset({"mission"}),
+        way=ActiveRoute(1, points),
     )
     return replace(known, **changes)
 
@@ -45,9 +49,9 @@ class Judged:
         self._rule, self._params = rule, rule.Params(**params)
         self._memory: Any = None
 
-    def __call__(self, now: float, known: Facts, **stamps: Any) -> Action | None:
+    def __call__(self, now: float, known: FailsafeFacts, **stamps: Any) -> Demand | None:
         """What it was told has just come in, unless `stamps` say otherwise."""
         young = {"heartbeat_s": now, "status_s": now, "position_s": now, **stamps}
         known = replace(known, vehicle=replace(known.vehicle, **young))
-        self._memory, demand = self._rule.judge(self._params, self._memory, known, now)
+        self._memory, demand = self._rule.evaluate(self._params, self._memory, known, now)
         return demand

@@ -10,11 +10,11 @@ from swarmctl.bus.transports.base import Transport
 from swarmctl.config.model import Config
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.flight import app
-from swarmctl.flight.app import ALL_IN_ONE, Manner
+from swarmctl.flight.app import DEFAULT_OPTIONS, FlightOptions
 from swarmctl.flight.virtual_clock import run_virtual
-from swarmctl.flight.virtual_simulator import Carry, undisturbed
+from swarmctl.flight.virtual_simulator import AddressOf, undisturbed
 from swarmctl.report import outputs
-from swarmctl.report.live_rows import Picture
+from swarmctl.report.live_rows import SwarmView
 from swarmctl.report.outcome import Report
 
 
@@ -24,7 +24,7 @@ class Ui:
 
     said: list[str] = field(default_factory=list)
     logged: list[str] = field(default_factory=list)
-    pictures: list[Picture] = field(default_factory=list)
+    pictures: list[SwarmView] = field(default_factory=list)
 
     def say(self, text: str) -> None:
         self.said.append(text)
@@ -32,7 +32,7 @@ class Ui:
     def log(self, text: str) -> None:
         self.logged.append(text)
 
-    def refresh(self, picture: Picture) -> None:
+    def refresh(self, picture: SwarmView) -> None:
         self.pictures.append(picture)
 
 
@@ -57,10 +57,10 @@ def fly(
     scenario: Scenario,
     folder: Path,
     *,
-    carry: Carry = undisturbed,
+    address_of: AddressOf = undisturbed,
     ui: Ui | None = None,
     broken: bool = False,
-    manner: Manner = ALL_IN_ONE,
+    options: FlightOptions = DEFAULT_OPTIONS,
     bus: Transport | None = None,
 ) -> Report:
     """Fly on the virtual clock and write the run folder; a bug is raised unless it is `broken` on purpose."""
@@ -71,9 +71,9 @@ def fly(
         ui or Ui(),
         clock="virtual",
         permission=lambda foreign: None,
-        carry=carry,
+        address_of=address_of,
         bus=bus,
-        manner=manner,
+        options=options,
     )
     report = run_virtual(flight)
     if report.bug is not None and not broken:

@@ -13,24 +13,24 @@ def silent(
 ) -> Any:
     """One vehicle's link fails between two times, after which it speaks from another address."""
 
-    def carry(sysid: int, now: float) -> Address | None:
+    def address_of(sysid: int, now: float) -> Address | None:
         if sysid != who:
             return ("simulated", sysid)
         if now < since_s:
             return ("simulated", sysid)
         return None if now < until_s else comes_back_as
 
-    return carry
+    return address_of
 
 
 def interrupting(*times_s: float) -> Any:
     """Presses Ctrl-C at these times."""
     due = list(times_s)
 
-    def carry(sysid: int, now: float) -> Address | None:
+    def address_of(sysid: int, now: float) -> Address | None:
         if due and now >= due[0]:
             due.pop(0)
             signal.raise_signal(signal.SIGINT)
         return ("simulated", sysid)
 
-    return carry
+    return address_of

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from swarmctl.bus.endpoint import BusEndpoint
-from swarmctl.bus.operator_service import OperatorService, CommandCounts
+from swarmctl.bus.operator_service import CommandCounts, OperatorService
 from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.core import events as ev
@@ -21,17 +21,17 @@ class Station:
 
     def __init__(self, transport: Transport, *, slow: tuple[int, ...] = ()) -> None:
         self.said: list[str] = []
-        self.tally = CommandCounts()
+        self.counts = CommandCounts()
         self.posted: list[tuple[int, ev.WeightsChanged]] = []
-        self.desk = OperatorService(transport, "test", self.said.append, self.tally)
+        self.service = OperatorService(transport, "test", self.said.append, self.counts)
         for uav in (1, 2):
-            self.desk.join(uav, f"uav{uav}", self._agent(uav, slow=uav in slow))
+            self.service.join(uav, f"uav{uav}", self._agent(uav, slow=uav in slow))
 
     def _agent(self, uav: int, *, slow: bool) -> Callable[[ev.WeightsChanged], None]:
         def post(event: ev.WeightsChanged) -> None:
             self.posted.append((uav, event))
             if not slow:
-                self.desk.answered(event.command, VehicleAnswer(uav, f"uav{uav}", "taken", 5))
+                self.service.answered(event.command, VehicleAnswer(uav, f"uav{uav}", "taken", 5))
 
         return post
 

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.mission import FlightPlan, Waypoint
-from swarmctl.mavlink.protocol.conversation import Peer
+from swarmctl.mavlink.protocol.conversation import MavlinkPeer
 from swarmctl.mavlink.session import Session
 from swarmctl.mavlink.telemetry.streams import Streaming
 
@@ -31,7 +31,7 @@ class ThinBench(FlyingBench):
 
     def __init__(self, personality: str, rate_bytes_s: float, streaming: Streaming | None = None) -> None:
         super().__init__(personality)
-        self.session = Session(Peer(1), streaming=streaming)
+        self.session = Session(MavlinkPeer(1), streaming=streaming)
         self.down: list[tuple[float, bytes]] = []
         """when it has got through, and what"""
         self.n_lost = 0

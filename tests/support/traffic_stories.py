@@ -14,4 +14,4 @@ MID_M = GRID.centre_m((4, 4))
 
 
 def told(effects: list[ev.Effect]) -> list[str]:
-    return [effect.text for effect in effects if isinstance(effect, ev.Tell)]
+    return [effect.text for effect in effects if isinstance(effect, ev.NotifyOperator)]

@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.fleet import Fleet, Truth
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight import virtual_simulator
-from swarmctl.flight.virtual_simulator import Carry, undisturbed
+from swarmctl.flight.virtual_simulator import AddressOf, undisturbed
 from swarmctl.report.outcome import Report
 
 OTHER_STATION = 200
@@ -89,7 +89,7 @@ def suffer(
     monkeypatch: pytest.MonkeyPatch,
     *,
     scenario: Scenario | None = None,
-    carry: Carry = undisturbed,
+    carry: AddressOf = undisturbed,
 ) -> tuple[Report, Ui]:
     """Fly with this trouble."""
     play(trouble, monkeypatch)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.mission import MissionItem
-from swarmctl.mavlink.protocol.conversation import Peer
+from swarmctl.mavlink.protocol.conversation import MavlinkPeer
 
-PEER = Peer(1)
+PEER = MavlinkPeer(1)
 ITEMS = tuple(MissionItem(16, 3, 460_000_000 + i, 145_000_000, 20.0 + i) for i in range(3))
 
 

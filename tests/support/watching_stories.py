@@ -7,7 +7,7 @@ from typing import Any
 
 from agent_stories import GRID, Story
 
-from swarmctl.agent.traffic.separation.watch import Action, Separation
+from swarmctl.agent.traffic.separation.watch import AvoidanceAction, SeparationRules
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
 
@@ -17,8 +17,8 @@ MID_M = GRID.centre_m((4, 4))
 class Watching(Story):
     """Vehicle 2 flies east along row 4 at 10 m/s; `other` tells of vehicle 1 or 3."""
 
-    def __init__(self, action: Action = "hold", uav: int = 2, **changes: Any) -> None:
-        super().__init__(uav=uav, separation=replace(Separation(), action=action), **changes)
+    def __init__(self, action: AvoidanceAction = "hold", uav: int = 2, **changes: Any) -> None:
+        super().__init__(uav=uav, separation=replace(SeparationRules(), action=action), **changes)
         self.flying()
         self.at(100.0)
 
@@ -43,4 +43,4 @@ class Watching(Story):
 
 
 def told(effects: list[ev.Effect]) -> list[str]:
-    return [effect.text for effect in effects if isinstance(effect, ev.Tell)]
+    return [effect.text for effect in effects if isinstance(effect, ev.NotifyOperator)]

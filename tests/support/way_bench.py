@@ -9,19 +9,19 @@ from flying_bench import HOME, FlyingBench
 
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.mission import FlightPlan, Waypoint
-from swarmctl.core.plane import Point
+from swarmctl.core.planar import PlanarPoint
 
 FRAME = LocalFrame(*HOME)
 ALT_M = 20.0
 
 
-def plan(*points: Point, leaves_ahead: bool = False) -> FlightPlan:
+def plan(*points: PlanarPoint, leaves_ahead: bool = False) -> FlightPlan:
     """By (east, north) of home [m]; it lands at the last."""
     track = tuple(Waypoint(*FRAME.to_geodetic(*point), ALT_M) for point in points)
     return FlightPlan(ALT_M, track, track[-1], leaves_ahead=leaves_ahead)
 
 
-def place(bench: FlyingBench) -> Point:
+def place(bench: FlyingBench) -> PlanarPoint:
     return FRAME.to_local(*bench.vehicle.body.lat_lon_deg)
 
 

@@ -14,8 +14,8 @@ from typing import Any, Self
 from swarmctl.core.mission import FlightPlan, Waypoint
 from swarmctl.mavlink.procedures import basic
 from swarmctl.mavlink.protocol.codec import Decoder, Encoder, FrameSplitter
-from swarmctl.mavlink.protocol.conversation import Peer
-from swarmctl.mavlink.session import Session, Step
+from swarmctl.mavlink.protocol.conversation import MavlinkPeer
+from swarmctl.mavlink.session import Session, SessionStep
 
 HOME = (46.049, 14.506)
 
@@ -39,7 +39,7 @@ class WireBench:
     STEP_S = 0.1
 
     def __init__(self, faults: Faults | None = None) -> None:
-        self.session = Session(Peer(1))
+        self.session = Session(MavlinkPeer(1))
         self.faults = faults or Faults()
         self.delay_s = 0.0
         """of everything, each way"""
@@ -92,7 +92,7 @@ class WireBench:
                 arrives_s = self.now + self.delay_s + rng.random() * f.max_delay_s
                 heapq.heappush(self._queue, (arrives_s, self._n, up, data))
 
-    def take(self, step: Step) -> None:
+    def take(self, step: SessionStep) -> None:
         """What one input to the session led to."""
         self.events += step.events
         for message in step.messages:

@@ -18,11 +18,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.fleet import Fleet, Truth
 from sim_vehicle.personalities.base import Behaviour
 from swarmctl.core.geo import LatLon, LocalFrame, distance_m
-from swarmctl.core.plane import distance_to_leg
+from swarmctl.core.planar import distance_to_leg
 from swarmctl.flight.wiring import VIRTUAL_EPOCH_NS
 from swarmctl.mavlink.dialects import Dialect, dialect_for
 from swarmctl.report import record
-from swarmctl.report.evidence.book import FILE
+from swarmctl.report.evidence.book import FILE_NAME
 from swarmctl.report.evidence.chain import check
 from swarmctl.report.outcome import Report
 
@@ -246,7 +246,7 @@ def _untrue(witness: Witness, report: Report) -> Iterator[str]:
     """How each was left, and what its outcome says."""
     truth = witness.truth
     assert truth is not None
-    left = dict(line.split(": ", 1) for line in report.left)
+    left = dict(line.split(": ", 1) for line in report.final_states)
     for index, task in enumerate(witness.drawn.scenario.tasks):
         state, said = report.states[task.uav], left[task.name]
         armed, height_m = bool(truth.armed[index]), float(truth.height_m[index])
@@ -271,7 +271,7 @@ def _records(folder: Path) -> Iterator[str]:
     verdict = record.replay(folder / "run.mcap")
     if verdict.difference:
         yield f"folded again: {verdict.difference}"
-    with (folder / FILE).open("rb") as file:
+    with (folder / FILE_NAME).open("rb") as file:
         checked = check(file)
     if checked.fault is not None or checked.closing is None:
         yield f"the evidence is not whole: {checked.fault}"

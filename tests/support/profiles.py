@@ -1,0 +1,21 @@
+"""How deep the tests look: `pytest` is the short run, `pytest --full` the deep one."""
+
+from __future__ import annotations
+
+import os
+
+VARIABLE = "SWARMCTL_TESTS"
+"""Environment variable that carries the choice to the workers of xdist: `full`, or not set."""
+SHORT_SHARE = 5
+"""A short run draws one in so many of the examples of a full run …"""
+SHORT_LEAST = 10
+"""… and at least so many."""
+
+
+def is_full() -> bool:
+    return os.environ.get(VARIABLE) == "full"
+
+
+def examples(n_full: int) -> int:
+    """Return the number of examples that hypothesis draws, of `n_full` in a full run."""
+    return n_full if is_full() else min(n_full, max(SHORT_LEAST, n_full // SHORT_SHARE))
