@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from swarmctl.agent.orders import Step
+from swarmctl.agent.orders import StepResult
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
-from swarmctl.core.observation import MAX_CELLS, Checkpoint, Observation, Told
+from swarmctl.core.observation import MAX_CELLS, BeliefItem, Checkpoint, Observation
 
 
-def observed(state: AgentState, event: ev.Observed, now: float) -> Step:
+def learn_from_sensor(state: AgentState, event: ev.Observed, now: float) -> StepResult:
     # DEVIATION: of what is known the paper's UAVs sense no more. Who sees the contrary of what it was told
     # says so: somebody errs, or lies.
-    against = state.belief.contrary(event.cells)
-    new = (*state.belief.unsettled(event.cells), *against)
+    against = state.belief.contradicted(event.cells)
+    new = (*state.belief.uncertain(event.cells), *against)
     effects: list[ev.Effect] = []
     for i in range(0, len(new), MAX_CELLS):
         seen = Observation(state.task.uav, state.next_seq, now, new[i : i + MAX_CELLS], state.incarnation)
@@ -23,7 +23,7 @@ def observed(state: AgentState, event: ev.Observed, now: float) -> Step:
     return state, effects
 
 
-def heard(state: AgentState, event: ev.Heard, _now: float) -> Step:
+def learn_from_others(state: AgentState, event: ev.ObservationsReceived, _now: float) -> StepResult:
     try:
         return _learn(state, event.told), []
     except ValueError:  # a cell outside the area, or one name with two contents: take what is good
@@ -36,7 +36,7 @@ def heard(state: AgentState, event: ev.Heard, _now: float) -> Step:
     return state, []
 
 
-def _learn(state: AgentState, told: tuple[Told, ...]) -> AgentState:
+def _learn(state: AgentState, told: tuple[BeliefItem, ...]) -> AgentState:
     belief = state.belief.merge(told)
     if belief is state.belief:
         return state

@@ -5,19 +5,19 @@ from __future__ import annotations
 from dataclasses import replace
 
 from swarmctl.agent.arrival.simultaneous import earliest_in_s
-from swarmctl.agent.orders import Step
+from swarmctl.agent.orders import StepResult
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.collision_avoidance import hears
-from swarmctl.agent.traffic.returning import home_of
+from swarmctl.agent.traffic.collision_avoidance import heard_neighbours
+from swarmctl.agent.traffic.returning import return_target
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_TEXT, StateShared
 
 SHARE_STATE_EVERY_S = 1.0
 
 
-def share_state(state: AgentState) -> Step:
+def share_state(state: AgentState) -> StepResult:
     """With each position, once a second; who tells none any more is where it was, so and so long ago."""
-    vehicle, there = state.vehicle, state.placed
+    vehicle, there = state.vehicle, state.last_position
     if there.lat_deg is None or there.lon_deg is None or there.alt_rel_m is None:
         return state, []
     # A vehicle's own clock falls back when it boots again.
@@ -41,8 +41,8 @@ def share_state(state: AgentState) -> Step:
         alt_amsl_m=there.alt_amsl_m,
         earliest_in_s=earliest_in_s(state),
         velocity_m_s=(there.east_m_s, there.north_m_s, there.climb_m_s),
-        hears=hears(state),
-        returns_to=home_of(state),
+        hears=heard_neighbours(state),
+        returns_to=return_target(state),
         age_s=max(vehicle.time_boot_s - there.time_boot_s, 0.0),
     )
     return replace(state, last_shared_s=vehicle.time_boot_s), [ev.Publish(message)]

@@ -11,17 +11,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmctl.agent.arrival.common_time import Meeting
-from swarmctl.agent.failsafes import ALWAYS
-from swarmctl.agent.failsafes.base import Action, Fence, Ruling
-from swarmctl.agent.replan.approach import Wings
-from swarmctl.agent.replan.arrival_bounds import AT_ANY_TIME, Arrival
+from swarmctl.agent.arrival.common_time import ArrivalGroup
+from swarmctl.agent.failsafes import ALWAYS_ON
+from swarmctl.agent.failsafes.base import ActiveRule, Demand, Fence
+from swarmctl.agent.replan.landing_pattern import FixedWing
+from swarmctl.agent.replan.length_bounds import UNBOUNDED, TimeBound
 from swarmctl.agent.replan.swap_times import SwapTimes
 from swarmctl.agent.traffic.separation.clash import Clash
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
-from swarmctl.agent.traffic.separation.watch import APART, Alarm, Heard, Intended, Separation
+from swarmctl.agent.traffic.separation.watch import (
+    DEFAULT_SEPARATION,
+    NeighbourIntent,
+    NeighbourReport,
+    ProximityAlarm,
+    SeparationRules,
+)
 from swarmctl.core import events as ev
-from swarmctl.core.any_angle.corners import Counting
+from swarmctl.core.any_angle.corners import ExposureMeasure
 from swarmctl.core.belief import Belief
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.threat import FiringStrength
@@ -81,7 +87,7 @@ class Task:
     altitude_m: float
     """flown at, above home [m]"""
     method: Method
-    arrival: Arrival = AT_ANY_TIME
+    arrival: TimeBound = UNBOUNDED
     """when it is to be over its goal"""
     max_exposure: float = math.inf
     """cells whose P_s exceeds this are not entered"""
@@ -89,25 +95,25 @@ class Task:
     landing_index: int = 0
     landing_count: int = 1
     """which of how many landing spots in the goal cell is this vehicle's"""
-    any_angle: Counting | None = None
+    any_angle: ExposureMeasure | None = None
     """whether its routes are pulled straight, and how exposure then counts; None: lattice routes are flown"""
     turn_radius_m: float = 0.0
     """it turns no tighter, where its routes are pulled straight; 0: it turns on the spot"""
-    wings: Wings | None = None
+    wings: FixedWing | None = None
     """of a fixed wing; None: it hovers"""
-    fallback: ev.Order = ev.Order.RETURN
+    fallback: ev.FlightOrder = ev.FlightOrder.RETURN
     """what it does when its mission cannot be changed any more: RETURN or LAND"""
-    rules: tuple[Ruling, ...] = ALWAYS
+    rules: tuple[ActiveRule, ...] = ALWAYS_ON
     """what may happen in flight, and what it does then"""
     fence: Fence | None = None
-    separation: Separation = APART
+    separation: SeparationRules = DEFAULT_SEPARATION
     """how far it keeps from the others"""
-    meeting: Meeting | None = None
+    arrival_group: ArrivalGroup | None = None
     """with whom it arrives; None: by itself"""
 
 
 @dataclass(frozen=True, slots=True)
-class Compared:
+class DeconflictionCounts:
     """How often its plans were found to meet another vehicle's, and what mended it."""
 
     predicted: int = 0
@@ -120,11 +126,11 @@ class Compared:
 
 
 @dataclass(frozen=True, slots=True)
-class LookedAt:
+class FlightComparison:
     """Two flights that were compared."""
 
     own: Trajectory
-    other: Intended
+    other: NeighbourIntent
     met: Clash | None
 
 
@@ -140,7 +146,7 @@ class AgentState:
     """firing strengths of the next plan (Eq. 1)"""
     phase: Phase = Phase.WAITING
     vehicle: VehicleState = field(default_factory=VehicleState)
-    placed: VehicleState = field(default_factory=VehicleState)
+    last_position: VehicleState = field(default_factory=VehicleState)
     """as it was when it last told where it is"""
     cell: Cell | None = None
     """the cell of the area it is over; None outside or unknown"""
@@ -157,16 +163,16 @@ class AgentState:
     """how long changing its mission took of late"""
     swapped_boot_s: float = -math.inf
     """when its mission was changed last, by its own clock"""
-    swap_begun_boot_s: float = -math.inf
+    swap_started_boot_s: float = -math.inf
     """when it was decided to change it, by the same"""
-    stopped_boot_s: float = -math.inf
+    braking_until_boot_s: float = -math.inf
     """until then it brakes to take up the plan it flies, if it does so at all, by the same"""
     dirty: bool = False
     because: tuple[ev.ObservationId, ...] = ()
     """observations merged since the last decision"""
     exposure: NDArray[np.float64] | None = None
     """P_s as of the last decision, (rows, cols)"""
-    held: NDArray[np.float64] | None = None
+    route_exposure: NDArray[np.float64] | None = None
     """P_s by which the route being flown was last found good, (rows, cols)"""
     retry_at_s: float = -math.inf
     failed_swaps: int = 0
@@ -174,32 +180,32 @@ class AgentState:
     launch_ordered: bool = False
     launch_is_operators: bool = False
     """an operator has ordered it, not its own process"""
-    launch_waits_boot_s: float | None = None
+    launch_wait_since_boot_s: float | None = None
     """since when it waits for others in the air to be out of the way of its first route, by its clock, also
     where it has been about to take off in between"""
-    launch_past: frozenset[int] = frozenset()
+    launch_ignored: frozenset[int] = frozenset()
     """others that it does not wait for then, as an operator has ordered"""
-    ordered: ev.Order | None = None
+    ordered: ev.FlightOrder | None = None
     """the last order it was given"""
-    order_seen: bool = False
+    order_followed: bool = False
     """and it was seen to follow it"""
-    ours_before: frozenset[str] = frozenset()
+    previous_own_roles: frozenset[str] = frozenset()
     """the roles of modes that were of its own choosing when it was given that"""
-    hold_is_ours: bool = False
+    hold_is_own: bool = False
     """who stands in hold between two plans does so because this agent, or a swap of its, has had it hold"""
-    turn_boot_s: float | None = None
+    return_turn_boot_s: float | None = None
     """it holds, and returns at this time of the vehicle's clock"""
-    turn_is_own: bool = False
+    returns_when_clear: bool = False
     """or as soon as its way home is clear: it has no turn among others that are called back"""
-    looked_homeward_s: float = -math.inf
+    return_checked_boot_s: float = -math.inf
     """when it was looked at last whether it is"""
-    returns_since_s: float | None = None
+    return_started_boot_s: float | None = None
     """when a return began that may still have to wait …"""
-    waits_until_s: float = -math.inf
+    return_deadline_boot_s: float = -math.inf
     """… and until when it may, which does not change however often it waits"""
-    homeward: Mapping[int, Heard] = field(default_factory=dict)
+    returning_neighbours: Mapping[int, NeighbourReport] = field(default_factory=dict)
     """others on the way home, as they told of themselves last"""
-    order_again_at_s: float = math.inf
+    repeat_order_at_s: float = math.inf
     """when to give an order again that it was not seen to follow"""
     launch_aborted: bool = False
     launched_boot_s: float | None = None
@@ -212,48 +218,48 @@ class AgentState:
     """when it will be over its goal, from its take-off, by its last decision; None while that is in time"""
     armed_seen: bool = False
     """its own launch has armed it"""
-    disarmed_s: float | None = None
+    disarmed_since_s: float | None = None
     """when the first of the heartbeats came that say it is not armed; None while it is"""
     orders_given: int = 0
     memories: tuple[Any, ...] = ()
     """what the rules of flight remember, in the order of `task.rules`"""
-    demands: tuple[Action | None, ...] = ()
+    demands: tuple[Demand | None, ...] = ()
     """what each of them demands now"""
-    neighbours: Mapping[int, Heard] = field(default_factory=dict)
+    neighbours: Mapping[int, NeighbourReport] = field(default_factory=dict)
     """others near it, as they told of themselves of late"""
-    alarms: tuple[Alarm, ...] = ()
+    alarms: tuple[ProximityAlarm, ...] = ()
     """others that will be too close"""
-    gave_way: ev.SwapMission | None = None
+    interrupted_plan: ev.SwapMission | None = None
     """the plan it left to hold until others are clear"""
-    gave_way_to: Mapping[int, Heard] = field(default_factory=dict)
+    gave_way_to: Mapping[int, NeighbourReport] = field(default_factory=dict)
     """for whom, as heard last: who falls silent may stand there still"""
-    raised_m: float = 0.0
+    height_offset_m: float = 0.0
     """by so much it flies higher than its altitude, to keep clear of others"""
     must_change: bool = False
     """its next plan is flown whatever it brings"""
-    intents: Mapping[int, Intended] = field(default_factory=dict)
+    intents: Mapping[int, NeighbourIntent] = field(default_factory=dict)
     """where others will be, as they have told of late"""
     own_intent: Trajectory | None = None
     """what it has told last of where it will be itself, by its own clock, up above the sea"""
-    intent_said_s: float = -math.inf
-    looked_at: Mapping[int, LookedAt] = field(default_factory=dict)
+    intent_sent_boot_s: float = -math.inf
+    comparisons: Mapping[int, FlightComparison] = field(default_factory=dict)
     """those, as compared with its own"""
-    foreseen: frozenset[int] = frozenset()
+    predicted_conflicts: frozenset[int] = frozenset()
     """others that the route being flown meets, and for which it is to give way"""
-    put_off: frozenset[int] = frozenset()
+    deferred_for: frozenset[int] = frozenset()
     """others for which a new plan was put off"""
-    compared: Compared = Compared()
-    go_on_boot_s: float = -math.inf
+    deconfliction: DeconflictionCounts = DeconflictionCounts()
+    resume_earliest_boot_s: float = -math.inf
     """who gave way does not fly on before, by the vehicle's clock"""
-    held_boot_s: float = math.inf
+    holding_since_boot_s: float = math.inf
     """since when it holds to give way"""
-    looked_below_s: float = -math.inf
+    descent_checked_boot_s: float = -math.inf
     """when who lands has looked last whether its way down is clear"""
-    others_due: Mapping[int, float] = field(default_factory=dict)
+    others_earliest_s: Mapping[int, float] = field(default_factory=dict)
     """when others can be over their goals at the earliest, by this vehicle's clock [s]"""
     due_s: float | None = None
     """when it is to be over its goal with them, by its own clock"""
-    slack_until_s: float | None = None
+    spare_time_due_s: float | None = None
     """what that was when it was found to be early, and planned to use the time; None: it was not"""
     speed_m_s: float | None = None
     """what it was told to fly, on its present plan; None: its own; 0: nobody knows"""
@@ -292,7 +298,7 @@ class AgentState:
     @property
     def height_m(self) -> float:
         """It flies so high above home."""
-        return self.task.altitude_m + self.raised_m
+        return self.task.altitude_m + self.height_offset_m
 
     @property
     def alarm(self) -> str:

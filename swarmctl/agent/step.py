@@ -9,32 +9,32 @@ from typing import Any
 
 import msgspec
 
-from swarmctl.agent.arrival.simultaneous import UNKNOWN_M_S, keep_pace, speed_failed
-from swarmctl.agent.failsafes.enforcement import ruled
-from swarmctl.agent.learning import heard, observed
+from swarmctl.agent.arrival.simultaneous import UNKNOWN_M_S, adjust_speed, speed_failed
+from swarmctl.agent.failsafes.enforcement import apply_failsafes
+from swarmctl.agent.learning import learn_from_others, learn_from_sensor
 from swarmctl.agent.orders import (
-    Step,
+    StepResult,
     command,
-    let_go,
-    operator,
+    handle_operator_command,
+    release_vehicle,
     weights_changed,
 )
-from swarmctl.agent.own_modes import ROLES, roles_of_ours
+from swarmctl.agent.own_modes import ROLE_OF_ORDER, own_mode_roles
 from swarmctl.agent.replan.decide import believed_exposure, decide
-from swarmctl.agent.replan.route_to_mission import index_abreast
-from swarmctl.agent.replan.splice import is_urgent, may_meet_walls
+from swarmctl.agent.replan.route_to_mission import route_index_at
+from swarmctl.agent.replan.splice import is_urgent, may_learn_of_walls
 from swarmctl.agent.replan.stopping import stopped_at
 from swarmctl.agent.replan.swap_times import SwapTimes
 from swarmctl.agent.sharing import share_state
 from swarmctl.agent.state import IN_FLIGHT, ON_GROUND, PLANNING, AgentState, Phase
-from swarmctl.agent.touchdown import disarmed_since, is_up, touched_down
-from swarmctl.agent.traffic.collision_avoidance import keep_apart
-from swarmctl.agent.traffic.intents import intents_heard, tell_intent
-from swarmctl.agent.traffic.landing_queue import lands_unheard, wait_above
-from swarmctl.agent.traffic.launching import launch_if_possible, launched, not_launched, put_off
-from swarmctl.agent.traffic.neighbours import neighbours_heard
-from swarmctl.agent.traffic.returning import take_turn
-from swarmctl.agent.traffic.route_deconfliction import compared, foresee
+from swarmctl.agent.touchdown import end_at_touchdown, may_be_armed, note_disarming
+from swarmctl.agent.traffic.collision_avoidance import avoid_collisions
+from swarmctl.agent.traffic.intents import receive_intents, share_intent
+from swarmctl.agent.traffic.landing_queue import land_unconfirmed, queue_for_landing
+from swarmctl.agent.traffic.launching import cancel_launch, launch_if_possible, launch_put_off, note_takeoff
+from swarmctl.agent.traffic.neighbours import receive_neighbours
+from swarmctl.agent.traffic.returning import update_return
+from swarmctl.agent.traffic.route_deconfliction import check_own_route, deconflict
 from swarmctl.core import events as ev
 from swarmctl.core.geo import distance_m
 from swarmctl.core.grid import Cell
@@ -45,7 +45,7 @@ RETRY_AFTER_S = 5.0
 MAX_FAILED_SWAPS = 3
 
 
-def step(state: AgentState, event: ev.Event, now: float) -> Step:
+def step(state: AgentState, event: ev.Event, now: float) -> StepResult:
     """Fold one event. `now` is the run's clock [s]."""
     return _HANDLERS[type(event)](state, event, now)
 
@@ -56,10 +56,10 @@ def wants_tick(state: AgentState, now: float) -> bool:
         state.dirty
         and state.phase in PLANNING
         and state.pending is None
-        and state.gave_way is None
+        and state.interrupted_plan is None
         and not state.lost
         and now >= state.retry_at_s
-        and (state.phase is not Phase.FLYING or state.vehicle.mode_role in {"", *roles_of_ours(state)})
+        and (state.phase is not Phase.FLYING or state.vehicle.mode_role in {"", *own_mode_roles(state)})
         and (not _is_taking_up(state) or _is_urgent(state))
     )
 
@@ -76,7 +76,7 @@ def _is_urgent(state: AgentState) -> bool:
     """It has nothing that it could fly on, or a wall close before it."""
     if state.must_change or state.route is None:
         return True
-    if not may_meet_walls(state):
+    if not may_learn_of_walls(state):
         return False
     return is_urgent(state, believed_exposure(state.task, state.belief, state.strength))
 
@@ -84,29 +84,31 @@ def _is_urgent(state: AgentState) -> bool:
 # --- the ground, the launch, and orders
 
 
-def _ready(state: AgentState, _event: ev.Ready, _now: float) -> Step:
+def _ready(state: AgentState, _event: ev.Ready, _now: float) -> StepResult:
     if state.phase is not Phase.WAITING:
         return state, []
     return replace(state, phase=Phase.UPLOADING, dirty=True), []
 
 
-def _rebooted(state: AgentState, _event: ev.Rebooted, _now: float) -> Step:
+def _rebooted(state: AgentState, _event: ev.Rebooted, _now: float) -> StepResult:
     if state.phase not in ON_GROUND:
         # Its clock began anew.
-        placed = replace(state.placed, time_boot_s=0.0)
-        return replace(state, placed=placed, trouble="it has rebooted"), []
-    if state.launch_waits_boot_s is not None and not state.launch_is_operators:
-        return not_launched(state, "it has rebooted while it waited")  # its process orders it once
+        placed = replace(state.last_position, time_boot_s=0.0)
+        return replace(state, last_position=placed, trouble="it has rebooted"), []
+    if state.launch_wait_since_boot_s is not None and not state.launch_is_operators:
+        return cancel_launch(state, "it has rebooted while it waited")  # its process orders it once
     # Readiness and mission are to be established again.
     state = replace(state, phase=Phase.WAITING, route=None, pending=None, launch_ordered=False)
-    return replace(state, launch_waits_boot_s=None, placed=VehicleState(), trouble="it has rebooted"), []
+    return replace(
+        state, launch_wait_since_boot_s=None, last_position=VehicleState(), trouble="it has rebooted"
+    ), []
 
 
-def _operator(state: AgentState, event: ev.OperatorCommand, now: float) -> Step:
-    state, effects = operator(state, event, now)
+def _operator(state: AgentState, event: ev.OperatorCommand, now: float) -> StepResult:
+    state, effects = handle_operator_command(state, event, now)
     state, begun = launch_if_possible(state)
-    waits = state.phase is Phase.STANDBY and state.launch_waits_boot_s is not None
-    if event.order is ev.Order.LAUNCH and waits:
+    waits = state.phase is Phase.STANDBY and state.launch_wait_since_boot_s is not None
+    if event.order is ev.FlightOrder.LAUNCH and waits:
         effects = [_noted(effect, state.trouble) for effect in effects]
     return state, [*begun, *effects]
 
@@ -119,39 +121,39 @@ def _noted(effect: ev.Effect, note: str) -> ev.Effect:
     return msgspec.structs.replace(effect, answer=answer)
 
 
-def _order_done(state: AgentState, event: ev.OrderDone, _now: float) -> Step:
+def _order_done(state: AgentState, event: ev.OrderDone, _now: float) -> StepResult:
     if event.order is not state.ordered:
         return state, []
-    state = replace(state, order_seen=True, order_again_at_s=math.inf)
+    state = replace(state, order_followed=True, repeat_order_at_s=math.inf)
     if state.phase is Phase.LAUNCHING:
-        return launched(state), []
+        return note_takeoff(state), []
     if state.launch_aborted and not state.vehicle.armed:
         return replace(state, phase=Phase.DONE), []
     return state, []
 
 
-def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> Step:
+def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> StepResult:
     if event.order is not state.ordered:
         return state, []
     if state.ended:
-        told = event.order in ROLES  # somebody's who tried after it was let go
-        return state, [ev.Tell(f"{event.order} failed: {event.reason}")] if told else []
+        told = event.order in ROLE_OF_ORDER  # somebody's who tried after it was let go
+        return state, [ev.NotifyOperator(f"{event.order} failed: {event.reason}")] if told else []
     state = replace(state, trouble=f"{event.order} failed: {event.reason}")
     if state.phase is not Phase.LAUNCHING:
         # The order stands: it is given again while the vehicle is still ours to order.
-        return replace(state, order_again_at_s=now + RETRY_AFTER_S), []
+        return replace(state, repeat_order_at_s=now + RETRY_AFTER_S), []
     if state.armed_seen or (state.lost and not event.nothing_sent):
         # Armed, as far as is known, and not seen to climb: it must not be left to itself.
-        return command(state, ev.Order.LAND, phase=Phase.LEAVING, given_up=True)
+        return command(state, ev.FlightOrder.LAND, phase=Phase.LEAVING, given_up=True)
     if event.nothing_sent:
-        return not_launched(state, event.reason)
+        return cancel_launch(state, event.reason)
     return replace(state, phase=Phase.FAILED, outcome=state.trouble), []
 
 
 # --- what the vehicle, its sensor and the others say
 
 
-def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> Step:
+def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> StepResult:
     vehicle = event.state
     state = _moved(state, vehicle) if vehicle.has_position else replace(state, vehicle=vehicle)
     launched_s = state.launched_boot_s
@@ -159,48 +161,48 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
     if is_launched and not (state.armed_seen and launched_s is not None):
         launched_s = vehicle.time_boot_s if launched_s is None else launched_s
         state = replace(state, armed_seen=True, launched_boot_s=launched_s)
-    state = disarmed_since(state)
-    if state.phase in IN_FLIGHT and state.armed_seen and not is_up(state):
+    state = note_disarming(state)
+    if state.phase in IN_FLIGHT and state.armed_seen and not may_be_armed(state):
         # The last it tells, and at once: its process may end with it.
-        return share_state(replace(touched_down(state), last_shared_s=-math.inf))
-    state, demanded = ruled(state, now)
+        return share_state(replace(end_at_touchdown(state), last_shared_s=-math.inf))
+    state, demanded = apply_failsafes(state, now)
     if state.ended:
         # Who is flown by somebody else is in the others' way all the same.
-        state, told = tell_intent(state)
-        state, shared = share_state(state) if is_up(state) else (state, [])
+        state, told = share_intent(state)
+        state, shared = share_state(state) if may_be_armed(state) else (state, [])
         return state, [*demanded, *told, *shared]
     state, begun = launch_if_possible(state)
     if state.phase is Phase.FLYING and state.cell in state.task.goals:
         state = replace(state, phase=Phase.LANDING, dirty=False, arrived_boot_s=vehicle.time_boot_s)
         state = _as_decided(state)
-        state = replace(state, intent_said_s=-math.inf)  # it gives way to nobody on its way any more
-    state, landed = lands_unheard(state)
+        state = replace(state, intent_sent_boot_s=-math.inf)  # it gives way to nobody on its way any more
+    state, landed = land_unconfirmed(state)
     if landed:
         return state, [*demanded, *landed]
-    if state.phase in IN_FLIGHT and now >= state.order_again_at_s and state.ordered is not None:
+    if state.phase in IN_FLIGHT and now >= state.repeat_order_at_s and state.ordered is not None:
         state, again = command(state, state.ordered)
         return state, [*demanded, *again]
-    state, turned = take_turn(state)
-    state, kept_apart = keep_apart(state)
-    state, waited = wait_above(state)
-    state, paced = keep_pace(state)
+    state, turned = update_return(state)
+    state, kept_apart = avoid_collisions(state)
+    state, waited = queue_for_landing(state)
+    state, paced = adjust_speed(state)
     state, intent = _tell_intent(state)
     state, shared = share_state(state)
     return state, [*demanded, *begun, *turned, *kept_apart, *waited, *paced, *intent, *shared]
 
 
-def _tell_intent(state: AgentState) -> Step:
+def _tell_intent(state: AgentState) -> StepResult:
     """Where it will be; and whether that meets anybody."""
-    state, told = tell_intent(state)
+    state, told = share_intent(state)
     if not told:
         return state, []
-    state, foreseen = foresee(state)
+    state, foreseen = check_own_route(state)
     return state, [*told, *foreseen]
 
 
-def _intents(state: AgentState, event: ev.Intents, now: float) -> Step:
-    state, _ = intents_heard(state, event, now)
-    return foresee(state)
+def _intents(state: AgentState, event: ev.Intents, now: float) -> StepResult:
+    state, _ = receive_intents(state, event, now)
+    return check_own_route(state)
 
 
 def _moved(state: AgentState, vehicle: VehicleState) -> AgentState:
@@ -211,12 +213,12 @@ def _moved(state: AgentState, vehicle: VehicleState) -> AgentState:
         flown_m += distance_m((before.lat_deg, before.lon_deg), (vehicle.lat_deg, vehicle.lon_deg))
     cell = grid.cell_at(vehicle.lat_deg, vehicle.lon_deg)
     entered = cell is not None and cell != state.cell and vehicle.armed
-    state = replace(state, vehicle=vehicle, placed=vehicle, cell=cell, flown_m=flown_m)
+    state = replace(state, vehicle=vehicle, last_position=vehicle, cell=cell, flown_m=flown_m)
     return _entered(state, cell) if entered and cell is not None else state
 
 
 def _entered(state: AgentState, cell: Cell) -> AgentState:
-    if state.route is not None and (index := index_abreast(state.route, cell, state.progress)) is not None:
+    if state.route is not None and (index := route_index_at(state.route, cell, state.progress)) is not None:
         state = replace(state, progress=index)
     if state.exposure is None:
         return state
@@ -233,32 +235,32 @@ def _entered(state: AgentState, cell: Cell) -> AgentState:
     )
 
 
-def _joined(state: AgentState, event: ev.Joined, _now: float) -> Step:
+def _joined(state: AgentState, event: ev.Joined, _now: float) -> StepResult:
     return replace(state, incarnation=event.incarnation), []
 
 
-def _link_lost(state: AgentState, _event: ev.LinkLost, now: float) -> Step:
-    state, demanded = ruled(replace(state, lost=True, last_shared_s=-math.inf), now)
+def _link_lost(state: AgentState, _event: ev.LinkLost, now: float) -> StepResult:
+    state, demanded = apply_failsafes(replace(state, lost=True, last_shared_s=-math.inf), now)
     state, shared = share_state(state) if state.phase in IN_FLIGHT else (state, [])
     return state, [*demanded, *shared]
 
 
-def _link_restored(state: AgentState, _event: ev.LinkRestored, now: float) -> Step:
+def _link_restored(state: AgentState, _event: ev.LinkRestored, now: float) -> StepResult:
     state = replace(state, lost=False)
-    if state.ordered in ROLES and not state.order_seen:
+    if state.ordered in ROLE_OF_ORDER and not state.order_followed:
         # What it was told while nobody could reach it still holds, if its next words show it is still ours.
-        return replace(state, order_again_at_s=now), []
+        return replace(state, repeat_order_at_s=now), []
     return state, []
 
 
 # --- deciding
 
 
-def _tick(state: AgentState, _event: ev.Tick, now: float) -> Step:
+def _tick(state: AgentState, _event: ev.Tick, now: float) -> StepResult:
     if not wants_tick(state, now):
         return state, []
     try:
-        state, effects = compared(state, decide(state), now)
+        state, effects = deconflict(state, decide(state), now)
     except Unreachable as error:
         return _no_way(replace(state, dirty=False, because=(), trouble=str(error)))
     keeps = state.route is not None and state.pending is None and not state.dirty
@@ -270,7 +272,7 @@ def _as_decided(state: AgentState) -> AgentState:
     return replace(state, trouble="") if state.trouble and state.trouble == state.swap_trouble else state
 
 
-def _no_way(state: AgentState) -> Step:
+def _no_way(state: AgentState) -> StepResult:
     """No route leads from where it is to its goal."""
     if state.phase in ON_GROUND:
         return replace(state, phase=Phase.FAILED, outcome=state.trouble), []
@@ -279,21 +281,21 @@ def _no_way(state: AgentState) -> Step:
     return command(state, state.task.fallback, phase=Phase.LEAVING, given_up=True)
 
 
-def _mission_accepted(state: AgentState, event: ev.MissionAccepted, _now: float) -> Step:
+def _mission_accepted(state: AgentState, event: ev.MissionAccepted, _now: float) -> StepResult:
     swap = state.pending
     if swap is None or swap.plan_id != event.plan_id:
         return state, []
     state = replace(state, accepted=swap, pending=None)
     if state.ended:
         return state, []
-    state = replace(state, route=swap, held=state.exposure, progress=0, failed_swaps=0, trouble="")
+    state = replace(state, route=swap, route_exposure=state.exposure, progress=0, failed_swaps=0, trouble="")
     # A change of mode on the way may have taken back what speed it was given.
     state = replace(state, speed_m_s=None if state.speed_m_s is None else UNKNOWN_M_S)
-    state = replace(state, hold_is_ours=False)
+    state = replace(state, hold_is_own=False)
     if state.phase in IN_FLIGHT:
         if event.took_s is not None:
             state = replace(state, swap_times=state.swap_times.measured(event.took_s, event.stood_still_s))
-        state = replace(state, stopped_boot_s=stopped_at(state))
+        state = replace(state, braking_until_boot_s=stopped_at(state))
         return replace(state, replans=state.replans + 1, swapped_boot_s=state.vehicle.time_boot_s), []
     if event.took_s is not None:
         state = replace(state, swap_times=SwapTimes.expecting(event.took_s))
@@ -302,7 +304,7 @@ def _mission_accepted(state: AgentState, event: ev.MissionAccepted, _now: float)
     return launch_if_possible(state)
 
 
-def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> Step:
+def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> StepResult:
     swap = state.pending
     if swap is None or swap.plan_id != event.plan_id:
         return state, []
@@ -315,11 +317,11 @@ def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> S
     if state.phase in ON_GROUND:
         return replace(state, phase=Phase.FAILED, outcome=event.reason), []
     if event.flying == "theirs" and state.phase in IN_FLIGHT:
-        return let_go(state, event.reason)
-    state = replace(state, hold_is_ours=event.flying == "hold")
+        return release_vehicle(state, event.reason)
+    state = replace(state, hold_is_own=event.flying == "hold")
     if state.phase is Phase.LANDING and (event.flying != "old" or swap.plan.from_hold):
         # Over its goal and standing still: there is nothing left to plan.
-        return command(state, ev.Order.LAND)
+        return command(state, ev.FlightOrder.LAND)
     if state.phase is Phase.LANDING:
         return _as_decided(state), []
     if state.phase is not Phase.FLYING:
@@ -336,20 +338,20 @@ def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> S
     ), []
 
 
-_HANDLERS: dict[type[Any], Callable[[AgentState, Any, float], Step]] = {
+_HANDLERS: dict[type[Any], Callable[[AgentState, Any, float], StepResult]] = {
     ev.Joined: _joined,
     ev.Ready: _ready,
     ev.TelemetryReceived: _telemetry,
-    ev.Observed: observed,
-    ev.Heard: heard,
-    ev.Neighbours: neighbours_heard,
+    ev.Observed: learn_from_sensor,
+    ev.ObservationsReceived: learn_from_others,
+    ev.Neighbours: receive_neighbours,
     ev.Intents: _intents,
     ev.SpeedFailed: speed_failed,
     ev.MissionAccepted: _mission_accepted,
     ev.MissionFailed: _mission_failed,
     ev.OrderDone: _order_done,
     ev.OrderFailed: _order_failed,
-    ev.LaunchPutOff: put_off,
+    ev.LaunchPostponed: launch_put_off,
     ev.LinkLost: _link_lost,
     ev.LinkRestored: _link_restored,
     ev.OperatorCommand: _operator,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from swarmctl.agent.replan.approach import ROLL_OUT_M
+from swarmctl.agent.replan.landing_pattern import ROLL_OUT_M
 from swarmctl.agent.state import ARRIVED, AgentState, Phase
-from swarmctl.core.events import Order
+from swarmctl.core.events import FlightOrder
 from swarmctl.core.geo import distance_m
 from swarmctl.core.vehicle import Landed
 
@@ -14,23 +14,23 @@ AT_HOME_M = 15.0
 """A copter comes down so near to where it was to."""
 
 
-def disarmed_since(state: AgentState) -> AgentState:
+def note_disarming(state: AgentState) -> AgentState:
     """With each heartbeat: when the first came of those that say it is not armed."""
-    since_s = state.vehicle.heartbeat_s if state.disarmed_s is None else state.disarmed_s
+    since_s = state.vehicle.heartbeat_s if state.disarmed_since_s is None else state.disarmed_since_s
     told_s = None if state.vehicle.armed else since_s
-    return state if told_s == state.disarmed_s else replace(state, disarmed_s=told_s)
+    return state if told_s == state.disarmed_since_s else replace(state, disarmed_since_s=told_s)
 
 
-def is_up(state: AgentState) -> bool:
+def may_be_armed(state: AgentState) -> bool:
     """Whether it is armed, as far as is known. One heartbeat that says otherwise may err, unless it says as
     well that it is on the ground."""
     vehicle = state.vehicle
-    said_once = state.disarmed_s is not None and vehicle.heartbeat_s == state.disarmed_s
+    said_once = state.disarmed_since_s is not None and vehicle.heartbeat_s == state.disarmed_since_s
     doubtful = state.armed_seen and vehicle.landed is not Landed.ON_GROUND and said_once
     return vehicle.armed or doubtful
 
 
-def touched_down(state: AgentState) -> AgentState:
+def end_at_touchdown(state: AgentState) -> AgentState:
     """It was armed by its launch and is disarmed now."""
     # Also who was all but down when it was told to hold.
     holds_over_goal = state.phase is Phase.HOLDING and state.arrived_boot_s is not None
@@ -53,7 +53,7 @@ def _away(state: AgentState) -> str:
     v = state.vehicle
     if v.lat_deg is None or v.lon_deg is None or v.home_lat_deg is None or v.home_lon_deg is None:
         return ""
-    if state.ordered is not Order.RETURN:
+    if state.ordered is not FlightOrder.RETURN:
         return ""
     away_m = distance_m((v.lat_deg, v.lon_deg), (v.home_lat_deg, v.home_lon_deg))
     at_home_m = AT_HOME_M if state.task.wings is None else ROLL_OUT_M

@@ -21,7 +21,7 @@ class Meets(Story):
     """Vehicle 1 flies east along row 4, its goal cell begins at 400 m; vehicle 2 is to arrive with it."""
 
     def __init__(self, uav: int = 1, w: float = 0.5, **simultaneous: float) -> None:
-        super().__init__(uav=uav, w=w, meeting=ArrivalGroup({1: 0, 2: 1}, **simultaneous))
+        super().__init__(uav=uav, w=w, arrival_group=ArrivalGroup({1: 0, 2: 1}, **simultaneous))
         self.flying()
 
     def at(self, east_m: float, **changes: Any) -> list[ev.Effect]:
@@ -183,4 +183,4 @@ def test_one_that_has_become_the_last_takes_its_own_best_way_again() -> None:
     story.other(10.0)
     story.at(62.0, time_boot_s=story.now + 10.0)
     story.at(64.0, time_boot_s=story.now + 20.0)
-    assert story.state.slack_until_s is None
+    assert story.state.spare_time_due_s is None

@@ -49,7 +49,7 @@ class Priority(Story):
         return self.other((0.0, *MID_M, 30.0), (120.0, *MID_M, 30.0))
 
     def ordered(self, command: int | None = 1, past: tuple[int, ...] = ()) -> list[ev.Effect]:
-        return self(ev.OperatorCommand(LAUNCH, command, past=past))
+        return self(ev.OperatorCommand(LAUNCH, command, ignore=past))
 
     def put_off(self, *, was_armed: bool = False) -> list[ev.Effect]:
         """As the runner tells, who asks before it is armed and before it takes off."""

@@ -28,7 +28,7 @@ class Flies(Story):
     """East along row 4 at 10 m/s; `brakes_m_s2` None: as one that just turns."""
 
     def __init__(self, brakes_m_s2: float | None, **changes: Any) -> None:
-        super().__init__(**{"meeting": ArrivalGroup({1: 0, 2: 1}), **changes})
+        super().__init__(**{"arrival_group": ArrivalGroup({1: 0, 2: 1}), **changes})
         self.flying()
         self.brakes_m_s2 = brakes_m_s2
         self.at(75.0)

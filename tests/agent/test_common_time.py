@@ -20,13 +20,13 @@ RANK = {1: 0, 4: 1, 9: 2}
 
 
 def test_all_are_due_when_the_slowest_can_be_there() -> None:
-    meeting, earliest_s = ArrivalGroup(RANK), {1: 60.0, 4: 95.0, 9: 80.0}
-    assert [due_s(meeting, uav, earliest_s) for uav in RANK] == [95.0, 95.0, 95.0]
+    group, earliest_s = ArrivalGroup(RANK), {1: 60.0, 4: 95.0, 9: 80.0}
+    assert [due_s(group, uav, earliest_s) for uav in RANK] == [95.0, 95.0, 95.0]
 
 
 def test_staggered_ones_are_due_one_after_the_other() -> None:
-    meeting, earliest_s = ArrivalGroup(RANK, spacing_s=10.0), {1: 60.0, 4: 95.0, 9: 80.0}
-    assert [due_s(meeting, uav, earliest_s) for uav in RANK] == [85.0, 95.0, 105.0]
+    group, earliest_s = ArrivalGroup(RANK, spacing_s=10.0), {1: 60.0, 4: 95.0, 9: 80.0}
+    assert [due_s(group, uav, earliest_s) for uav in RANK] == [85.0, 95.0, 105.0]
 
 
 times = st.floats(-50.0, 500.0)
@@ -36,15 +36,15 @@ times = st.floats(-50.0, 500.0)
 def test_nobody_is_due_before_it_can_be_there_and_somebody_just_then(
     earliest_s: dict[int, float], spacing_s: float
 ) -> None:
-    meeting = ArrivalGroup(RANK, spacing_s)
-    waits = [due_s(meeting, uav, earliest_s) - at_s for uav, at_s in earliest_s.items()]
+    group = ArrivalGroup(RANK, spacing_s)
+    waits = [due_s(group, uav, earliest_s) - at_s for uav, at_s in earliest_s.items()]
     assert min(waits) == pytest.approx(0.0, abs=1e-9)
 
 
 @given(times, times, times)
 def test_who_knows_more_of_them_is_never_due_earlier(a: float, b: float, c: float) -> None:
-    meeting = ArrivalGroup(RANK, 5.0)
-    assert agreed_arrival_s(meeting, {1: a, 4: b}) <= agreed_arrival_s(meeting, {1: a, 4: b, 9: c})
+    group = ArrivalGroup(RANK, 5.0)
+    assert agreed_arrival_s(group, {1: a, 4: b}) <= agreed_arrival_s(group, {1: a, 4: b, 9: c})
 
 
 @pytest.mark.parametrize(

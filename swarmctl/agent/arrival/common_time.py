@@ -14,7 +14,7 @@ HALVINGS = 14
 
 
 @dataclass(frozen=True, slots=True)
-class Meeting:
+class ArrivalGroup:
     """What a vehicle has to know of it beforehand."""
 
     rank: Mapping[int, int]
@@ -26,15 +26,15 @@ class Meeting:
     """nobody is slowed down below this"""
 
 
-def agreed_s(meeting: Meeting, earliest_s: Mapping[int, float]) -> float:
+def agreed_arrival_s(group: ArrivalGroup, earliest_s: Mapping[int, float]) -> float:
     """When the first of them is due, by who can be there when at the earliest [s]: the slowest sets it.
     Raises ValueError where nobody can."""
-    return max(at_s - meeting.rank[uav] * meeting.spacing_s for uav, at_s in earliest_s.items())
+    return max(at_s - group.rank[uav] * group.spacing_s for uav, at_s in earliest_s.items())
 
 
-def due_s(meeting: Meeting, uav: int, earliest_s: Mapping[int, float]) -> float:
+def due_s(group: ArrivalGroup, uav: int, earliest_s: Mapping[int, float]) -> float:
     """When `uav`, who is one of them, is due [s]: never before it can be there."""
-    return agreed_s(meeting, earliest_s) + meeting.rank[uav] * meeting.spacing_s
+    return agreed_arrival_s(group, earliest_s) + group.rank[uav] * group.spacing_s
 
 
 def least_m_s(most_m_s: float, slowest_m_s: float = 0.0) -> float:

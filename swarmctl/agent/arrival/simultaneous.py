@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from swarmctl.agent.arrival.common_time import Meeting, due_s, speed_for
-from swarmctl.agent.orders import Step
+from swarmctl.agent.arrival.common_time import ArrivalGroup, due_s, speed_for
+from swarmctl.agent.orders import StepResult
 from swarmctl.agent.replan import travel_time
-from swarmctl.agent.replan.arrival_bounds import CLIMB_M_S, LIFT_S
-from swarmctl.agent.replan.spare_time import slack_changed
-from swarmctl.agent.replan.stopping import Stop, past_stop, stop_ahead
-from swarmctl.agent.replan.wing_path import ROLL_S
+from swarmctl.agent.replan.length_bounds import CLIMB_M_S, LIFT_S
+from swarmctl.agent.replan.spare_time import update_spare_time
+from swarmctl.agent.replan.stopping import BrakingStop, after_stop, stop_ahead
+from swarmctl.agent.replan.wing_trajectory import ROLL_S
 from swarmctl.agent.state import ARRIVED, AgentState, Phase
 from swarmctl.agent.traffic.collision_avoidance import track_ahead
 from swarmctl.core import events as ev
@@ -33,41 +33,41 @@ WAITED_FOR = frozenset({Phase.STANDBY, Phase.LAUNCHING, Phase.FLYING})
 def earliest_in_s(state: AgentState) -> float | None:
     """In how many seconds it could be over its goal on its route at its full speed, or how long ago it was,
     negative; None where it is on no way there. What stands ready is taken to be launched now."""
-    if state.task.meeting is None:
+    if state.task.arrival_group is None:
         return None
     if state.arrived_boot_s is not None and (state.phase is Phase.LANDING or state.outcome == ARRIVED):
         return state.arrived_boot_s - state.vehicle.time_boot_s
-    way = _way_of(state) if state.phase in WAITED_FOR else None
+    way = _path_to_goal(state) if state.phase in WAITED_FOR else None
     return None if way is None else way.arrives_in_s(state.task.arrival.speed_m_s)
 
 
-def others_due(state: AgentState, told: Sequence[tuple[int, StateShared]]) -> AgentState:
+def note_arrival_times(state: AgentState, told: Sequence[tuple[int, StateShared]]) -> AgentState:
     """When others can be there, by this vehicle's clock. Whoever is on no way there is not waited for."""
-    if state.task.meeting is None:
+    if state.task.arrival_group is None:
         return state
     now_s = state.vehicle.time_boot_s
     due = {uav: now_s + other.earliest_in_s for uav, other in told if other.earliest_in_s is not None}
     gone = {uav for uav, other in told if other.earliest_in_s is None}
-    kept = {uav: at_s for uav, at_s in state.others_due.items() if uav not in gone}
-    return replace(state, others_due={**kept, **due})
+    kept = {uav: at_s for uav, at_s in state.others_earliest_s.items() if uav not in gone}
+    return replace(state, others_earliest_s={**kept, **due})
 
 
-def keep_pace(state: AgentState) -> Step:
+def adjust_speed(state: AgentState) -> StepResult:
     """With each position: another speed where that brings it nearer to when it is due."""
-    meeting, now_s = state.task.meeting, state.vehicle.time_boot_s
+    group, now_s = state.task.arrival_group, state.vehicle.time_boot_s
     is_under_way = state.phase is Phase.FLYING and state.route is not None and state.pending is None
-    if meeting is None or not is_under_way or state.vehicle.mode_role != "mission" or state.lost:
+    if group is None or not is_under_way or state.vehicle.mode_role != "mission" or state.lost:
         return state, []
     if 0.0 <= now_s - state.speed_given_s < EVERY_S:
         return state, []
     full_m_s = state.task.arrival.speed_m_s
-    way = _way_of(state)
+    way = _path_to_goal(state)
     if way is None or (soonest_s := way.arrives_in_s(full_m_s)) < NEAR_S:
         return state, []
-    known = {uav: at_s for uav, at_s in state.others_due.items() if uav in meeting.rank}
-    due = due_s(meeting, state.task.uav, {**known, state.task.uav: now_s + soonest_s})
-    state = slack_changed(state, due, now_s + soonest_s)
-    wanted_m_s = speed_for(way.arrives_in_s, due - now_s, full_m_s, _slowest_m_s(state, meeting))
+    known = {uav: at_s for uav, at_s in state.others_earliest_s.items() if uav in group.rank}
+    due = due_s(group, state.task.uav, {**known, state.task.uav: now_s + soonest_s})
+    state = update_spare_time(state, due, now_s + soonest_s)
+    wanted_m_s = speed_for(way.arrives_in_s, due - now_s, full_m_s, _slowest_m_s(state, group))
     flies_m_s = full_m_s if state.speed_m_s is None else state.speed_m_s
     if abs(wanted_m_s - flies_m_s) < WORTH_M_S:
         return replace(state, due_s=due), []
@@ -75,13 +75,13 @@ def keep_pace(state: AgentState) -> Step:
     return state, [ev.SetSpeed(wanted_m_s)]
 
 
-def speed_failed(state: AgentState, event: ev.SpeedFailed, _now: float) -> Step:
+def speed_failed(state: AgentState, event: ev.SpeedFailed, _now: float) -> StepResult:
     """It flies as before, whatever that is: it is tried again."""
     return replace(state, speed_m_s=UNKNOWN_M_S, trouble=event.reason), []
 
 
 @dataclass(frozen=True, slots=True)
-class _Way:
+class _PathToGoal:
     """What lies between a vehicle and its goal cell."""
 
     track: Sequence[tuple[float, float]]
@@ -91,7 +91,7 @@ class _Way:
     begins_m_s: float
     up_s: float
     """until it is at its height"""
-    stop: Stop | None = None
+    stop: BrakingStop | None = None
     """for a plan that it takes up"""
     turn_radius_m: float | None = None
     """of what flies at one speed all the way, and rounds its corners; None: it brakes there"""
@@ -101,7 +101,7 @@ class _Way:
             flown, _ = rounded(self.track, self.turn_radius_m)
             way_m = math.fsum(math.dist(a, b) for a, b in pairwise(flown))
             return self.up_s + max(way_m - self.rim_m, 0.0) / speed_m_s
-        stop_s, track, begins_m_s = past_stop(self.track, min(self.begins_m_s, speed_m_s), self.stop)
+        stop_s, track, begins_m_s = after_stop(self.track, min(self.begins_m_s, speed_m_s), self.stop)
         return (
             self.up_s
             + stop_s
@@ -109,26 +109,28 @@ class _Way:
         )
 
 
-def _way_of(state: AgentState) -> _Way | None:
+def _path_to_goal(state: AgentState) -> _PathToGoal | None:
     vehicle, swap = state.vehicle, state.pending or state.route
     if swap is None or vehicle.lat_deg is None or vehicle.lon_deg is None:
         return None
     grid = state.task.grid
     here = (*grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg), vehicle.alt_rel_m or 0.0)
-    points = [(*grid.frame.to_local(p.lat_deg, p.lon_deg), p.alt_rel_m) for p in swap.plan.way]
+    points = [(*grid.frame.to_local(p.lat_deg, p.lon_deg), p.alt_rel_m) for p in swap.plan.waypoints]
     track = [point[:2] for point in (here, *track_ahead(points, here))]
     wings, rim_m = state.task.wings, _rim_m(track, grid.cell_size_m)
     if wings is not None:  # which climbs on its way
         roll_s = 0.0 if vehicle.armed else ROLL_S
-        return _Way(track, rim_m, vehicle.ground_speed_m_s, roll_s, turn_radius_m=state.task.turn_radius_m)
+        return _PathToGoal(
+            track, rim_m, vehicle.ground_speed_m_s, roll_s, turn_radius_m=state.task.turn_radius_m
+        )
     up_s = max(state.height_m - here[2], 0.0) / CLIMB_M_S + (0.0 if vehicle.armed else LIFT_S)
-    return _Way(track, rim_m, vehicle.ground_speed_m_s, up_s, stop_ahead(state))
+    return _PathToGoal(track, rim_m, vehicle.ground_speed_m_s, up_s, stop_ahead(state))
 
 
-def _slowest_m_s(state: AgentState, meeting: Meeting) -> float:
+def _slowest_m_s(state: AgentState, group: ArrivalGroup) -> float:
     """As configured; what flies by its speed needs some in any case."""
     wings = state.task.wings
-    return meeting.slowest_m_s if wings is None else max(meeting.slowest_m_s, wings.min_speed_m_s)
+    return group.slowest_m_s if wings is None else max(group.slowest_m_s, wings.min_speed_m_s)
 
 
 def _rim_m(track: Sequence[tuple[float, float]], cell_size_m: float) -> float:

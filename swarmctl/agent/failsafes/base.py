@@ -11,7 +11,7 @@ from swarmctl.core.section import Section
 from swarmctl.core.vehicle import VehicleState
 
 
-class Kind(StrEnum):
+class DemandKind(StrEnum):
     """What a rule may demand, the weakest first."""
 
     WARN = "warn"
@@ -23,29 +23,29 @@ class Kind(StrEnum):
     """nothing more is commanded: somebody else flies it"""
 
 
-STRENGTH: dict[Kind, int] = {kind: rank for rank, kind in enumerate(Kind)}
+STRENGTH: dict[DemandKind, int] = {kind: rank for rank, kind in enumerate(DemandKind)}
 """The strongest demand is the one that is followed."""
 
-Doing = Literal["ground", "launch", "mission", "goal", "hold", "return", "land"]
+Activity = Literal["ground", "launch", "mission", "goal", "hold", "return", "land"]
 """What an agent has its vehicle do; `goal`: it comes down over its goal, as its mission says."""
 
-CALMEST: dict[Doing, Kind] = {
-    "mission": Kind.WARN,
-    "hold": Kind.HOLD,
-    "return": Kind.RETURN,
-    "goal": Kind.LAND,
-    "land": Kind.LAND,
+ACTIVITY_AS_DEMAND: dict[Activity, DemandKind] = {
+    "mission": DemandKind.WARN,
+    "hold": DemandKind.HOLD,
+    "return": DemandKind.RETURN,
+    "goal": DemandKind.LAND,
+    "land": DemandKind.LAND,
 }
 """What a vehicle in flight does already, as a demand: only a stronger one changes anything."""
 
-IN_FLIGHT = frozenset(CALMEST)
+IN_FLIGHT = frozenset(ACTIVITY_AS_DEMAND)
 
 
 @dataclass(frozen=True, slots=True)
-class Action:
+class Demand:
     """A demand."""
 
-    kind: Kind
+    kind: DemandKind
     why: str
     """for the operator: what was found, and what was expected"""
     urgent: bool = True
@@ -53,7 +53,7 @@ class Action:
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class ActiveRoute:
     """What a vehicle is to fly now."""
 
     plan_id: int
@@ -72,20 +72,20 @@ class Fence:
 
 
 @dataclass(frozen=True, slots=True)
-class Facts:
+class FailsafeFacts:
     """What rules go by."""
 
     vehicle: VehicleState
     frame: LocalFrame
     """a plane for lengths, in the area it flies in"""
-    doing: Doing = "ground"
+    doing: Activity = "ground"
     ours: frozenset[str] = frozenset()
     """roles of the modes that its agent itself may have put it in"""
     orders: int = 0
     """how many its agent has given it"""
     lost: bool = False
     """nothing is heard of it: all else here is old"""
-    way: Way | None = None
+    way: ActiveRoute | None = None
     """None while its mission is being changed, or where it flies none"""
     fence: Fence | None = None
     turn_radius_m: float = 0.0
@@ -113,26 +113,28 @@ class Rule(Protocol):
     @property
     def Params(self) -> type[Section]: ...  # noqa: N802
 
-    def judge(self, params: Any, memory: Any, facts: Facts, now: float, /) -> tuple[Any, Action | None]:
+    def evaluate(
+        self, params: Any, memory: Any, facts: FailsafeFacts, now: float, /
+    ) -> tuple[Any, Demand | None]:
         """(memory, demand) at `now` [s]; `memory` is None the first time, and the demand None where all is
         well. A demand stands for as long as it is repeated."""
 
 
 @dataclass(frozen=True, slots=True)
-class Ruling:
+class ActiveRule:
     """A rule with its parameters."""
 
     rule: Rule
     params: Section
 
 
-def held_for(since_s: float | None, holds: bool, now: float) -> float | None:
+def holds_since(since_s: float | None, holds: bool, now: float) -> float | None:
     """Since when something holds without a break [s]; None where it does not."""
     if not holds:
         return None
     return now if since_s is None else since_s
 
 
-def lasts(since_s: float | None, seconds: float, now: float) -> bool:
+def has_lasted(since_s: float | None, seconds: float, now: float) -> bool:
     """Whether what holds since `since_s` has held for `seconds`."""
     return since_s is not None and now - since_s >= seconds

@@ -12,13 +12,13 @@ from math import dist
 
 from pydantic import Field
 
-from swarmctl.agent.failsafes.base import STRENGTH, Action, Facts, Fence, Kind
-from swarmctl.core.plane import contains, distance_to_track
+from swarmctl.agent.failsafes.base import STRENGTH, Demand, DemandKind, FailsafeFacts, Fence
+from swarmctl.core.planar import contains, distance_to_track
 from swarmctl.core.section import Section
 
 NAME = "fence_ahead"
 
-Point = tuple[float, float]
+PlanePoint = tuple[float, float]
 BRAKES_M_S2 = 2.5
 """ArduCopter's WPNAV_ACCEL as it comes"""
 MOVED_M = 0.5
@@ -33,21 +33,21 @@ class Params(Section):
 
 
 @dataclass(frozen=True, slots=True)
-class Memory:
-    here: Point
+class FenceAheadMemory:
+    here: PlanePoint
     """where it was when it was last seen to have moved"""
-    course: Point | None = None
+    course: PlanePoint | None = None
     """(east, north) of length 1"""
     judged_s: float | None = None
     """when the position came that was judged last"""
-    found: Action | None = None
+    found: Demand | None = None
     """what that one alone demands"""
-    demanded: Action | None = None
+    demanded: Demand | None = None
 
 
-def judge(
-    params: Params, memory: Memory | None, facts: Facts, _now: float
-) -> tuple[Memory | None, Action | None]:
+def evaluate(
+    params: Params, memory: FenceAheadMemory | None, facts: FailsafeFacts, _now: float
+) -> tuple[FenceAheadMemory | None, Demand | None]:
     here, fence = facts.position_m, facts.fence
     if here is None or fence is None or not facts.in_flight or facts.lost:
         return None, None
@@ -57,40 +57,48 @@ def judge(
     before, memory = memory, _moved(memory, here)
     found = _found(params, memory, facts, fence, here)
     demand = None if before is None else _weaker(before.found, found)
-    return Memory(memory.here, memory.course, told_s, found, demand), demand
+    return FenceAheadMemory(memory.here, memory.course, told_s, found, demand), demand
 
 
-def _found(params: Params, memory: Memory, facts: Facts, fence: Fence, here: Point) -> Action | None:
+def _found(
+    params: Params, memory: FenceAheadMemory, facts: FailsafeFacts, fence: Fence, here: PlanePoint
+) -> Demand | None:
     """What this position alone demands."""
     if not contains(fence.corners_m, here):
-        return Action(Kind.RETURN, "outside the fence")
+        return Demand(DemandKind.RETURN, "outside the fence")
     if (high_m := facts.vehicle.alt_rel_m or 0.0) > fence.ceiling_m:
         found = f"{high_m:.0f} m above home, expected at most {fence.ceiling_m:.0f} m"
-        return Action(Kind.RETURN, f"outside the fence: {found}")
+        return Demand(DemandKind.RETURN, f"outside the fence: {found}")
     if facts.doing == "mission" and _leaves(params, memory, facts, fence.corners_m, here):
         # What cannot stop would circle over the fence: it turns for home.
-        does = Kind.RETURN if facts.turn_radius_m else Kind.HOLD
-        return Action(does, "off its route, and about to leave the fence")
+        does = DemandKind.RETURN if facts.turn_radius_m else DemandKind.HOLD
+        return Demand(does, "off its route, and about to leave the fence")
     return None
 
 
-def _weaker(a: Action | None, b: Action | None) -> Action | None:
+def _weaker(a: Demand | None, b: Demand | None) -> Demand | None:
     if a is None or b is None:
         return None
     return min((b, a), key=lambda action: STRENGTH[action.kind])
 
 
-def _moved(memory: Memory | None, here: Point) -> Memory:
+def _moved(memory: FenceAheadMemory | None, here: PlanePoint) -> FenceAheadMemory:
     if memory is None:
-        return Memory(here)
+        return FenceAheadMemory(here)
     metres = dist(memory.here, here)
     if metres < MOVED_M:
         return memory
     course = ((here[0] - memory.here[0]) / metres, (here[1] - memory.here[1]) / metres)
-    return Memory(here, course)
+    return FenceAheadMemory(here, course)
 
 
-def _leaves(params: Params, memory: Memory, facts: Facts, corners: tuple[Point, ...], here: Point) -> bool:
+def _leaves(
+    params: Params,
+    memory: FenceAheadMemory,
+    facts: FailsafeFacts,
+    corners: tuple[PlanePoint, ...],
+    here: PlanePoint,
+) -> bool:
     """Whether it would be outside before it stood, or had turned, off its route as it is."""
     if memory.course is None or facts.way is None:
         return False

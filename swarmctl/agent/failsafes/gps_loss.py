@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from pydantic import Field
 
-from swarmctl.agent.failsafes.base import Action, Facts, Kind, held_for
+from swarmctl.agent.failsafes.base import Demand, DemandKind, FailsafeFacts, holds_since
 from swarmctl.core.section import Section
 
 NAME = "gps_loss"
@@ -27,50 +27,54 @@ class Params(Section):
 
 
 @dataclass(frozen=True, slots=True)
-class Memory:
+class GpsLossMemory:
     since_s: float | None = None
     """the first SYS_STATUS of those that tell of no fix"""
     blind_since_s: float | None = None
     """it has been heard since without a position"""
-    landing: Action | None = None
+    landing: Demand | None = None
     """A fix that comes back stops no landing: it may go again."""
 
 
-def judge(params: Params, memory: Memory | None, facts: Facts, now: float) -> tuple[Memory, Action | None]:
-    memory, vehicle = memory or Memory(), facts.vehicle
+def evaluate(
+    params: Params, memory: GpsLossMemory | None, facts: FailsafeFacts, now: float
+) -> tuple[GpsLossMemory, Demand | None]:
+    memory, vehicle = memory or GpsLossMemory(), facts.vehicle
     if not facts.in_flight:
-        return Memory(), None
+        return GpsLossMemory(), None
     if facts.lost:
         # What was told before is old: neither count nor take back.
-        return Memory(landing=memory.landing), None
+        return GpsLossMemory(landing=memory.landing), None
     told_s = vehicle.status_s
-    since_s = None if told_s is None else held_for(memory.since_s, vehicle.gps_ok is False, told_s)
+    since_s = None if told_s is None else holds_since(memory.since_s, vehicle.gps_ok is False, told_s)
     # What lasts, lasts from one SYS_STATUS to a later one: an old one tells nothing new.
     no_fix_s = None if since_s is None or told_s is None else told_s - since_s
-    blind_since_s = held_for(memory.blind_since_s, not vehicle.has_position, now)
+    blind_since_s = holds_since(memory.blind_since_s, not vehicle.has_position, now)
     blind_s = None if blind_since_s is None else now - blind_since_s
     demand = memory.landing or _demand(params, facts, no_fix_s, blind_s)
-    landing = demand if demand is not None and demand.kind is Kind.LAND else None
-    return Memory(since_s, blind_since_s, landing), demand
+    landing = demand if demand is not None and demand.kind is DemandKind.LAND else None
+    return GpsLossMemory(since_s, blind_since_s, landing), demand
 
 
-def _demand(params: Params, facts: Facts, no_fix_s: float | None, blind_s: float | None) -> Action | None:
+def _demand(
+    params: Params, facts: FailsafeFacts, no_fix_s: float | None, blind_s: float | None
+) -> Demand | None:
     """For how long it has told of no fix, and of no position; None where it has not."""
     if no_fix_s is not None and no_fix_s >= params.land_s:
-        return Action(Kind.LAND, f"no GPS fix for {params.land_s:g} s, and it does nothing by itself")
+        return Demand(DemandKind.LAND, f"no GPS fix for {params.land_s:g} s, and it does nothing by itself")
     if blind_s is not None and blind_s >= params.land_s:
         return _down_or_home(params, facts, blind_s)
     if no_fix_s is not None and no_fix_s >= params.seconds:
-        return Action(Kind.WARN, "no GPS fix; what it does now is its autopilot's to decide")
+        return Demand(DemandKind.WARN, "no GPS fix; what it does now is its autopilot's to decide")
     if blind_s is not None and blind_s >= params.seconds:
-        return Action(Kind.WARN, "it tells no position any more")
+        return Demand(DemandKind.WARN, "it tells no position any more")
     return None
 
 
-def _down_or_home(params: Params, facts: Facts, blind_s: float) -> Action:
+def _down_or_home(params: Params, facts: FailsafeFacts, blind_s: float) -> Demand:
     text = f"no position for {params.land_s:g} s"
     if facts.vehicle.gps_ok is not True:
-        return Action(Kind.LAND, f"{text}, and it does nothing by itself")
+        return Demand(DemandKind.LAND, f"{text}, and it does nothing by itself")
     if blind_s >= 2.0 * params.land_s and facts.vehicle.mode_role != "return":
-        return Action(Kind.LAND, f"{text} and more, and it does not return")
-    return Action(Kind.RETURN, f"{text}, though its GPS has a fix: where it flies is not known here")
+        return Demand(DemandKind.LAND, f"{text} and more, and it does not return")
+    return Demand(DemandKind.RETURN, f"{text}, though its GPS has a fix: where it flies is not known here")

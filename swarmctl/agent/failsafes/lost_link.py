@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from swarmctl.agent.failsafes.base import Action, Facts, Kind
+from swarmctl.agent.failsafes.base import Demand, DemandKind, FailsafeFacts
 from swarmctl.core.section import Section
 from swarmctl.core.vehicle import ModeRole
 
@@ -38,7 +38,7 @@ class Params(Section):
     """without the ground station's heartbeat, by its own clock"""
 
 
-def judge(params: Params, _memory: None, facts: Facts, _now: float) -> tuple[None, Action | None]:
+def evaluate(params: Params, _memory: None, facts: FailsafeFacts, _now: float) -> tuple[None, Demand | None]:
     if not (facts.lost and facts.in_flight):
         return None, None
     vehicle = facts.vehicle
@@ -46,6 +46,7 @@ def judge(params: Params, _memory: None, facts: Facts, _now: float) -> tuple[Non
         does = _GOES_ON[vehicle.mode_role].format(vehicle.mode)
     else:
         does = _DOES[params.does].format(params.after_s)
-    return None, Action(
-        Kind.WARN, f"nothing is heard of it, and no order reaches it; by preflight.policy.lost_link {does}"
+    return None, Demand(
+        DemandKind.WARN,
+        f"nothing is heard of it, and no order reaches it; by preflight.policy.lost_link {does}",
     )

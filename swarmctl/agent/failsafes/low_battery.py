@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from pydantic import Field
 
-from swarmctl.agent.failsafes.base import STRENGTH, Action, Facts, Kind, held_for, lasts
+from swarmctl.agent.failsafes.base import STRENGTH, Demand, DemandKind, FailsafeFacts, has_lasted, holds_since
 from swarmctl.core.section import Section
 
 NAME = "low_battery"
@@ -39,30 +39,32 @@ class Params(Section):
 
 
 @dataclass(frozen=True, slots=True)
-class Memory:
+class LowBatteryMemory:
     return_since_s: float | None = None
     land_since_s: float | None = None
-    demanded: Action | None = None
+    demanded: Demand | None = None
     """What is spent does not come back in flight, whatever the voltage says later."""
 
 
-def judge(params: Params, memory: Memory | None, facts: Facts, _now: float) -> tuple[Memory, Action | None]:
-    memory = memory or Memory()
+def evaluate(
+    params: Params, memory: LowBatteryMemory | None, facts: FailsafeFacts, _now: float
+) -> tuple[LowBatteryMemory, Demand | None]:
+    memory = memory or LowBatteryMemory()
     percent, told_s = facts.vehicle.battery_percent, facts.vehicle.status_s
     if not facts.in_flight:
-        return Memory(), None
+        return LowBatteryMemory(), None
     if percent is None or told_s is None or facts.lost:
-        return Memory(demanded=memory.demanded), memory.demanded
+        return LowBatteryMemory(demanded=memory.demanded), memory.demanded
     # One word of it does not grow old and become many: it lasts from one SYS_STATUS to a later one.
-    return_since_s = held_for(memory.return_since_s, percent < params.return_percent, told_s)
-    land_since_s = held_for(memory.land_since_s, percent < params.land_percent, told_s)
+    return_since_s = holds_since(memory.return_since_s, percent < params.return_percent, told_s)
+    land_since_s = holds_since(memory.land_since_s, percent < params.land_percent, told_s)
     demanded = memory.demanded
-    if lasts(land_since_s, params.seconds, told_s):
-        demanded = _stronger(demanded, Kind.LAND, percent, params.land_percent)
-    elif lasts(return_since_s, params.seconds, told_s):
-        demanded = _stronger(demanded, Kind.RETURN, percent, params.return_percent)
+    if has_lasted(land_since_s, params.seconds, told_s):
+        demanded = _stronger(demanded, DemandKind.LAND, percent, params.land_percent)
+    elif has_lasted(return_since_s, params.seconds, told_s):
+        demanded = _stronger(demanded, DemandKind.RETURN, percent, params.return_percent)
         demanded = replace(demanded, urgent=demanded.urgent or percent < _waits_above_percent(params))
-    return Memory(return_since_s, land_since_s, demanded), demanded
+    return LowBatteryMemory(return_since_s, land_since_s, demanded), demanded
 
 
 def _waits_above_percent(params: Params) -> float:
@@ -70,8 +72,8 @@ def _waits_above_percent(params: Params) -> float:
     return max(params.return_percent - params.wait_percent, params.land_percent)
 
 
-def _stronger(demanded: Action | None, kind: Kind, percent: float, limit: float) -> Action:
+def _stronger(demanded: Demand | None, kind: DemandKind, percent: float, limit: float) -> Demand:
     if demanded is not None and STRENGTH[demanded.kind] >= STRENGTH[kind]:
         return demanded
     why = f"battery at {percent:g} %, less than the {limit:g} % of rules.low_battery"
-    return Action(kind, why, urgent=kind is Kind.LAND)
+    return Demand(kind, why, urgent=kind is DemandKind.LAND)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from swarmctl.agent.failsafes.base import Action, Facts, Kind, held_for, lasts
+from swarmctl.agent.failsafes.base import Demand, DemandKind, FailsafeFacts, has_lasted, holds_since
 from swarmctl.core.section import Section
 from swarmctl.core.vehicle import STALE_MODE_S
 
@@ -26,7 +26,7 @@ class Params(Section):
 
 
 @dataclass(frozen=True, slots=True)
-class Memory:
+class TakenOverMemory:
     foreign_since_s: float | None = None
     orders: int = 0
     said: str = ""
@@ -34,17 +34,19 @@ class Memory:
     """when it was first heard to say that; None: before this rule listened"""
 
 
-def judge(_params: Params, memory: Memory | None, facts: Facts, now: float) -> tuple[Memory, Action | None]:
-    vehicle, before = facts.vehicle, memory or Memory(said=facts.vehicle.status_text)
+def evaluate(
+    _params: Params, memory: TakenOverMemory | None, facts: FailsafeFacts, now: float
+) -> tuple[TakenOverMemory, Demand | None]:
+    vehicle, before = facts.vehicle, memory or TakenOverMemory(said=facts.vehicle.status_text)
     # What was foreign before an order may be what that order leads through.
     since_s = before.foreign_since_s if facts.orders == before.orders else None
     ours = vehicle.mode_role in {"", *facts.ours}
     new = vehicle.status_text != before.said
-    memory = Memory(
-        held_for(since_s, not ours, now), facts.orders, vehicle.status_text, now if new else before.said_s
+    memory = TakenOverMemory(
+        holds_since(since_s, not ours, now), facts.orders, vehicle.status_text, now if new else before.said_s
     )
     if facts.doing == "ground" and vehicle.armed:
-        return memory, Action(Kind.LET_GO, f"armed by somebody else, in mode {vehicle.mode}")
+        return memory, Demand(DemandKind.LET_GO, f"armed by somebody else, in mode {vehicle.mode}")
     if facts.lost:
         return memory, None
     if vehicle.other_mission and (demand := _other_mission(facts)) is not None:
@@ -52,20 +54,20 @@ def judge(_params: Params, memory: Memory | None, facts: Facts, now: float) -> t
     if ours:
         return memory, None
     # It may be a mode of ours from before: wait for the next.
-    if vehicle.mode_role in ("hold", "mission") and not lasts(memory.foreign_since_s, STALE_MODE_S, now):
+    if vehicle.mode_role in ("hold", "mission") and not has_lasted(memory.foreign_since_s, STALE_MODE_S, now):
         return memory, None
-    if facts.doing == "ground" and not lasts(memory.foreign_since_s, BOOTS_S, now):
+    if facts.doing == "ground" and not has_lasted(memory.foreign_since_s, BOOTS_S, now):
         return memory, None
     since_s = now if memory.foreign_since_s is None else memory.foreign_since_s
     recent = memory.said_s is not None and memory.said_s >= since_s - SAID_BEFORE_S
     words = f" (it says: {vehicle.status_text})" if recent else ""
-    return memory, Action(Kind.LET_GO, f"in mode {vehicle.mode}, which nobody here has ordered{words}")
+    return memory, Demand(DemandKind.LET_GO, f"in mode {vehicle.mode}, which nobody here has ordered{words}")
 
 
-def _other_mission(facts: Facts) -> Action | None:
+def _other_mission(facts: FailsafeFacts) -> Demand | None:
     n_items = facts.vehicle.mission_total or 0
     what = f"another mission is on it, of {n_items} items, which nobody here has put there"
     if facts.doing == "ground":
-        return Action(Kind.WARN, f"{what}: it is not launched with that")
+        return Demand(DemandKind.WARN, f"{what}: it is not launched with that")
     flies_it = facts.doing in ("launch", "mission", "goal") or facts.vehicle.mode_role == "mission"
-    return Action(Kind.LET_GO, what) if flies_it else None
+    return Demand(DemandKind.LET_GO, what) if flies_it else None

@@ -8,20 +8,25 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmctl.agent.replan.arrival_bounds import Underway, before_takeoff
-from swarmctl.agent.replan.route_to_mission import index_abreast, pulled, realised, track_holds
-from swarmctl.agent.replan.spare_time import with_slack
-from swarmctl.agent.replan.splice import Branch, branch_from, branch_from_track
+from swarmctl.agent.replan.length_bounds import LeadIn, before_takeoff
+from swarmctl.agent.replan.route_to_mission import (
+    is_track_still_good,
+    mission_for,
+    pulled_track,
+    route_index_at,
+)
+from swarmctl.agent.replan.spare_time import with_spare_time
+from swarmctl.agent.replan.splice import Splice, splice_on_route, splice_on_track
 from swarmctl.agent.replan.time_bound import (
     ahead_lost_s,
     bounds_of,
     change_cells,
+    entry_leg,
     is_no_worse,
     lateness_s,
-    onto,
-    route_in_time,
+    lead_in_to,
     route_lost_s,
-    underway_to,
+    route_within_bounds,
 )
 from swarmctl.agent.state import AgentState, Phase, Task
 from swarmctl.core import events as ev
@@ -43,31 +48,31 @@ def decide(state: AgentState) -> tuple[AgentState, list[ev.Effect]]:
 
 
 def _decide_from(
-    state: AgentState, p_s: NDArray[np.float64], here: Cell, off_track: Branch | None = None
+    state: AgentState, p_s: NDArray[np.float64], here: Cell, off_track: Splice | None = None
 ) -> tuple[AgentState, list[ev.Effect]]:
     """`here`: the cell of the route that is flown abreast of the vehicle; or, where it leaves a track that is
     no good any more (`off_track`), that where it does."""
-    task = with_slack(state, replace(state.task, altitude_m=state.height_m))
-    branch = branch_from(state, here, p_s) if off_track is None else off_track
-    start, begun = branch.kept[-1], onto(state, branch)
+    task = with_spare_time(state, replace(state.task, altitude_m=state.height_m))
+    branch = splice_on_route(state, here, p_s) if off_track is None else off_track
+    start, begun = branch.kept[-1], entry_leg(state, branch)
     if branch.leaves_ahead and start in task.goals and not state.must_change:
         # It is there before anything else could be flown.
-        return replace(state, exposure=p_s, held=p_s, dirty=False, because=()), []
+        return replace(state, exposure=p_s, route_exposure=p_s, dirty=False, because=()), []
     ahead = _cells_ahead(state, start)
-    underway = underway_to(state, start, ahead, branch)
+    underway = lead_in_to(state, start, ahead, branch)
     problem = _problem(task, p_s, start, state.w, underway)
     change = change_cells(state, start, underway, branch)
     try:
-        route = route_in_time(task, problem, change, begun)
+        route = route_within_bounds(task, problem, change, begun)
     except BoundTooTight as error:
         route = error.nearest  # a vehicle that is late is not stopped for it
     lost_s = 0.0 if ahead is None else ahead_lost_s(state, start, ahead, branch)
     keeps = ahead is not None and is_no_worse(task, problem, ahead, route, change, lost_s, begun)
-    holds = off_track is not None or not keeps or track_holds(state, p_s, here)
+    holds = off_track is not None or not keeps or is_track_still_good(state, p_s, here)
     keeps = keeps and holds and not state.must_change
     if not keeps and off_track is None and task.wings is None and _is_on_track(state):
         # So far the route was looked at from abreast of the vehicle; a new one leaves the track ahead of it.
-        branch, must = branch_from_track(state, p_s), state.must_change or not holds
+        branch, must = splice_on_track(state, p_s), state.must_change or not holds
         state = replace(state, searches=state.searches + 1, must_change=must)
         return _decide_from(state, p_s, branch.kept[-1], branch)
     length = length_cells(ahead) if ahead is not None and keeps else route.length_cells
@@ -77,14 +82,14 @@ def _decide_from(
         state, exposure=p_s, searches=state.searches + 1, dirty=False, planned=route, late_s=late_s
     )
     if keeps:
-        return replace(state, held=p_s, because=()), []
+        return replace(state, route_exposure=p_s, because=()), []
     route = _from_vehicle(task, problem, route, branch)
-    track, position = pulled(task, problem, route), _position(state)
+    track, position = pulled_track(task, problem, route), _position(state)
     flown = route if track is None else track
-    plan = realised(task, p_s, route, track, position, branch)
+    plan = mission_for(task, p_s, route, track, position, branch)
     if position is not None:
         begins = Waypoint(*position, state.height_m)
-        plan = replace(plan, begins=begins, from_hold=state.hold_is_ours)
+        plan = replace(plan, begins=begins, from_hold=state.hold_is_own)
     swap = ev.SwapMission(
         plan_id=state.next_plan_id,
         plan=plan,
@@ -97,11 +102,11 @@ def _decide_from(
         track=track,
     )
     state = replace(state, pending=swap, because=(), next_plan_id=state.next_plan_id + 1, must_change=False)
-    state = replace(state, swap_begun_boot_s=state.vehicle.time_boot_s)
+    state = replace(state, swap_started_boot_s=state.vehicle.time_boot_s)
     return state, [swap]
 
 
-def _from_vehicle(task: Task, problem: Problem, route: Route, branch: Branch) -> Route:
+def _from_vehicle(task: Task, problem: Problem, route: Route, branch: Splice) -> Route:
     """The route with what it has in common with the old one before it, and what all that adds up to."""
     if len(branch.kept) == 1:
         return route
@@ -122,7 +127,7 @@ def believed_exposure(task: Task, belief: Belief, strength: FiringStrength) -> N
 def first_route(task: Task, belief: Belief, w: float | None = None) -> Route:
     """The route from the entry cell, as planned before anything is flown. Raises Unreachable; BoundTooTight
     where no route meets the task's bound."""
-    return route_in_time(task, first_problem(task, belief, w))
+    return route_within_bounds(task, first_problem(task, belief, w))
 
 
 def first_problem(task: Task, belief: Belief, w: float | None = None) -> Problem:
@@ -135,10 +140,10 @@ def first_problem(task: Task, belief: Belief, w: float | None = None) -> Problem
 def first_flight(task: Task, problem: Problem, route: Route) -> FlightPlan:
     """The mission for a route from the entry cell that answers `first_problem`. Raises Unreachable where a
     vehicle that needs room to turn cannot fly it."""
-    return realised(task, problem.exposure, route, pulled(task, problem, route))
+    return mission_for(task, problem.exposure, route, pulled_track(task, problem, route))
 
 
-def _problem(task: Task, p_s: NDArray[np.float64], start: Cell, w: float, underway: Underway) -> Problem:
+def _problem(task: Task, p_s: NDArray[np.float64], start: Cell, w: float, underway: LeadIn) -> Problem:
     bounds = bounds_of(task, underway)
     return Problem(
         p_s,
@@ -160,7 +165,7 @@ def _planning_start(state: AgentState) -> Cell:
         return state.flown_cells[-1] if in_flight else state.task.entry
     if state.route is None:
         return cell
-    if (index := index_abreast(state.route, cell, state.progress)) is not None:
+    if (index := route_index_at(state.route, cell, state.progress)) is not None:
         return state.route.cells[index]
     if cell not in state.route.cells:
         between = state.route.cells[state.progress : state.progress + 2]

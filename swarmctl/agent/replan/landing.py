@@ -12,16 +12,22 @@ from functools import lru_cache
 
 import numpy as np
 
-from swarmctl.agent.replan.approach import NoApproach, Pattern, Pose, Wings, approach, choose
+from swarmctl.agent.replan.landing_pattern import (
+    FixedWing,
+    LandingPattern,
+    NoApproach,
+    Pose,
+    choose_pattern,
+    planned_approach,
+)
 from swarmctl.agent.state import Task
-from swarmctl.core.any_angle.track import Threat, is_clear, passed
+from swarmctl.core.any_angle.track import ThreatMap, crossed_cells, is_clear
 from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.mission import Approach
+from swarmctl.core.planar import PlanarPoint
 from swarmctl.core.route import landing_spot
 from swarmctl.planners.base import Unreachable
-
-Point = tuple[float, float]
 
 
 def goal_approach(task: Task, goal: Cell) -> Approach | None:
@@ -36,7 +42,7 @@ def home_approach(task: Task) -> Approach | None:
     return None if pattern is None else _as_planned(task, pattern)
 
 
-def goal_pattern(task: Task, goal: Cell) -> Pattern | None:
+def goal_pattern(task: Task, goal: Cell) -> LandingPattern | None:
     """As `goal_approach`, in metres."""
     if task.wings is None:
         return None
@@ -45,7 +51,7 @@ def goal_pattern(task: Task, goal: Cell) -> Pattern | None:
     return _pattern("at its goal", task, spot, Pose(there, _heading_rad(home, there)), is_flown_to=True)
 
 
-def home_pattern(task: Task) -> Pattern | None:
+def home_pattern(task: Task) -> LandingPattern | None:
     """As `home_approach`, in metres."""
     if task.wings is None:
         return None
@@ -54,7 +60,7 @@ def home_pattern(task: Task) -> Pattern | None:
     return _pattern("at home", task, task.wings.home, comes, is_flown_to=False)
 
 
-def _pattern(where: str, task: Task, touchdown: LatLon, comes: Pose, *, is_flown_to: bool) -> Pattern:
+def _pattern(where: str, task: Task, touchdown: LatLon, comes: Pose, *, is_flown_to: bool) -> LandingPattern:
     assert task.wings is not None
     corners_m = () if task.fence is None else task.fence.corners_m
     try:
@@ -67,20 +73,20 @@ def _pattern(where: str, task: Task, touchdown: LatLon, comes: Pose, *, is_flown
 
 @lru_cache(maxsize=1024)
 def _chosen(
-    wings: Wings,
+    wings: FixedWing,
     turn_radius_m: float,
     grid: Grid,
     no_fly: frozenset[Cell],
-    fence: tuple[Point, ...],
+    fence: tuple[PlanarPoint, ...],
     touchdown: LatLon,
     comes: Pose,
     is_flown_to: bool,
-) -> Pattern:
+) -> LandingPattern:
     p_s = np.ones((grid.rows, grid.cols))  # the fewer cells of the area the better
     for cell in no_fly:
         p_s[cell] = math.inf
-    threat = Threat.of(p_s)
-    return choose(
+    threat = ThreatMap.of(p_s)
+    return choose_pattern(
         grid.frame.to_local(*touchdown),
         wings,
         comes=comes,
@@ -91,19 +97,19 @@ def _chosen(
     )
 
 
-def _as_planned(task: Task, pattern: Pattern) -> Approach:
+def _as_planned(task: Task, pattern: LandingPattern) -> Approach:
     assert task.wings is not None
-    return approach(pattern, task.grid.frame, task.wings.final_height_m)
+    return planned_approach(pattern, task.grid.frame, task.wings.final_height_m)
 
 
-def _heading_rad(a: Point, b: Point) -> float:
+def _heading_rad(a: PlanarPoint, b: PlanarPoint) -> float:
     return math.atan2(b[0] - a[0], b[1] - a[1])
 
 
-def _exposure_under(threat: Threat, grid: Grid, way: Sequence[Point]) -> float:
+def _exposure_under(threat: ThreatMap, grid: Grid, way: Sequence[PlanarPoint]) -> float:
     """ΣP_s over the cells of the area under a way, each once; infinite where one may not be entered."""
     points = [(east / grid.cell_size_m, north / grid.cell_size_m) for east, north in way]
     if threat.blocked.any() and not is_clear(threat, points):
         return math.inf
-    cells = {cell for cell in passed(points).cells if grid.contains(cell)}
+    cells = {cell for cell in crossed_cells(points).cells if grid.contains(cell)}
     return math.fsum(float(threat.p_s[cell]) for cell in sorted(cells))

@@ -14,19 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl.agent.replan.landing import goal_approach, home_approach
-from swarmctl.agent.replan.splice import CHANGE_S, Branch
+from swarmctl.agent.replan.splice import CHANGE_S, Splice
 from swarmctl.agent.state import AgentState, Task
 from swarmctl.core import events as ev
 from swarmctl.core.any_angle import pull
 from swarmctl.core.any_angle.corners import Unflyable, Weights
 from swarmctl.core.any_angle.pull import Track, pull_straight
-from swarmctl.core.any_angle.track import Point, Threat
+from swarmctl.core.any_angle.track import GridPoint, ThreatMap
 from swarmctl.core.any_angle.turns import tangent
 from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Cell
 from swarmctl.core.mission import FlightPlan, Waypoint
-from swarmctl.core.plane import distance_to_leg
-from swarmctl.core.route import flight_plan, landing_spot, thin, track_plan
+from swarmctl.core.planar import distance_to_leg
+from swarmctl.core.route import ends_and_turns, flight_plan, landing_spot, track_plan
 from swarmctl.planners.base import Problem, Route, Unreachable
 
 BESIDE_M = 5.0
@@ -35,7 +35,7 @@ than it rounds others."""
 
 
 @dataclass(frozen=True, slots=True)
-class Flown:
+class FlownRoute:
     """What is flown for a route, and what that adds up to."""
 
     cells: tuple[Cell, ...]
@@ -51,25 +51,30 @@ class Flown:
     """a track; else the lattice route itself"""
 
 
-def flown_for(task: Task, problem: Problem, route: Route) -> Flown:
-    """What a vehicle flies for a route. Raises Unreachable as `pulled` does."""
-    track = pulled(task, problem, route)
+def flown_route(task: Task, problem: Problem, route: Route) -> FlownRoute:
+    """What a vehicle flies for a route. Raises Unreachable as `pulled_track` does."""
+    track = pulled_track(task, problem, route)
     if track is None:
-        return unpulled(route)
-    return Flown(
+        return lattice_route(route)
+    return FlownRoute(
         track.over, track.corners, track.length_cells, track.exposure_sum, track.safety_factor, is_pulled=True
     )
 
 
-def unpulled(route: Route) -> Flown:
+def lattice_route(route: Route) -> FlownRoute:
     """The lattice route itself."""
     cells = route.cells
-    return Flown(
-        cells, thin(cells), route.length_cells, route.exposure_sum, route.safety_factor, is_pulled=False
+    return FlownRoute(
+        cells,
+        ends_and_turns(cells),
+        route.length_cells,
+        route.exposure_sum,
+        route.safety_factor,
+        is_pulled=False,
     )
 
 
-def pulled(task: Task, problem: Problem, route: Route) -> Track | None:
+def pulled_track(task: Task, problem: Problem, route: Route) -> Track | None:
     """The track to fly for a route; None where the lattice route itself is flown. Raises Unreachable where
     no track has turns wide enough.
 
@@ -80,7 +85,7 @@ def pulled(task: Task, problem: Problem, route: Route) -> Track | None:
     if task.any_angle is None:
         return None
     radius_cells = task.turn_radius_m / task.grid.cell_size_m
-    threat = Threat.of(problem.exposure, problem.max_exposure)
+    threat = ThreatMap.of(problem.exposure, problem.max_exposure)
     goes_by_w = task.method.planner.USES_W
     weights = Weights(problem.w, problem.psi_per_cell) if goes_by_w else Weights(1.0, 0.0)
     try:
@@ -92,13 +97,13 @@ def pulled(task: Task, problem: Problem, route: Route) -> Track | None:
     return track
 
 
-def realised(
+def mission_for(
     task: Task,
     p_s: NDArray[np.float64],
     route: Route,
     track: Track | None,
     position: LatLon | None = None,
-    branch: Branch | None = None,
+    branch: Splice | None = None,
 ) -> FlightPlan:
     """The mission for a route or its track, begun from the entry or from where the vehicle flies; where it
     leaves the one that is flown ahead of the vehicle (`branch`), as that goes until there. Raises Unreachable
@@ -115,9 +120,9 @@ def realised(
         position = branch.passes[-1].lat_deg, branch.passes[-1].lon_deg
     passes = branch.passes if branch is not None else ()
     if track is not None:
-        threat = Threat.of(p_s, task.max_exposure)
+        threat = ThreatMap.of(p_s, task.max_exposure)
 
-        def may_join(point: Point, corner: Cell) -> bool:
+        def may_join(point: GridPoint, corner: Cell) -> bool:
             return pull.may_join(threat, point, cells[0], corner)
 
         plan = track_plan(
@@ -148,23 +153,23 @@ def realised(
     return replace(plan, track=(*passes, *plan.track), leaves_ahead=leaves_ahead)
 
 
-def _goes_straight(task: Task, branch: Branch, first: Waypoint) -> bool:
+def _goes_straight(task: Task, branch: Splice, first: Waypoint) -> bool:
     """Whether a vehicle may leave its track for `first` anywhere until the place where it is to do so."""
     if len(branch.passes) != 1:
         return False
     frame, (turns,) = task.grid.frame, branch.passes
     place, there = (frame.to_local(at.lat_deg, at.lon_deg) for at in (turns, first))
-    return distance_to_leg(place, branch.way[0], there) <= BESIDE_M
+    return distance_to_leg(place, branch.path[0], there) <= BESIDE_M
 
 
-def _along_lattice(task: Task, cells: Sequence[Cell], branch: Branch, landing: LatLon) -> FlightPlan:
+def _along_lattice(task: Task, cells: Sequence[Cell], branch: Splice, landing: LatLon) -> FlightPlan:
     """Over the centres ahead of a vehicle that flies along the first of these cells already."""
     if branch.is_first_behind:
-        corners = thin(cells)[1:]
+        corners = ends_and_turns(cells)[1:]
     elif branch.before is not None:
-        corners = thin((branch.before, *cells))[1:]
+        corners = ends_and_turns((branch.before, *cells))[1:]
     else:
-        corners = thin(cells)
+        corners = ends_and_turns(cells)
     plan = track_plan(task.grid, corners, altitude_m=task.altitude_m, landing_lat_lon=landing)
     return replace(plan, leaves_ahead=True)
 
@@ -172,7 +177,7 @@ def _along_lattice(task: Task, cells: Sequence[Cell], branch: Branch, landing: L
 def _with_wings(task: Task, corners: Sequence[Cell], landing: LatLon, position: LatLon | None) -> FlightPlan:
     """As a fixed wing flies it: it never goes back to a corner, and lands by an approach."""
     assert task.wings is not None
-    ahead = corners if position is None else still_ahead(task, corners, position)
+    ahead = corners if position is None else corners_ahead(task, corners, position)
     plan = track_plan(task.grid, ahead, altitude_m=task.altitude_m, landing_lat_lon=landing)
     return replace(
         plan,
@@ -183,7 +188,7 @@ def _with_wings(task: Task, corners: Sequence[Cell], landing: LatLon, position: 
     )
 
 
-def still_ahead(task: Task, corners: Sequence[Cell], position: LatLon) -> Sequence[Cell]:
+def corners_ahead(task: Task, corners: Sequence[Cell], position: LatLon) -> Sequence[Cell]:
     """The corners of a track that a fixed wing is on, without that which it is over or abreast of, and those
     that it is about to turn at: for what lies behind it, it would fly a circle."""
     grid = task.grid
@@ -200,21 +205,21 @@ def still_ahead(task: Task, corners: Sequence[Cell], position: LatLon) -> Sequen
     return corners[first:]
 
 
-def index_abreast(swap: ev.SwapMission, cell: Cell, since: int = 0) -> int | None:
+def route_index_at(swap: ev.SwapMission, cell: Cell, since: int = 0) -> int | None:
     """The index in `swap.cells` that stands for a cell it leads over; None where it does not lead."""
     if swap.track is not None:
-        return pull.index_abreast(swap.track, cell, since)
+        return pull.route_index_at(swap.track, cell, since)
     return swap.cells.index(cell) if cell in swap.cells else None
 
 
-def track_holds(state: AgentState, p_s: NDArray[np.float64], start: Cell) -> bool:
+def is_track_still_good(state: AgentState, p_s: NDArray[np.float64], start: Cell) -> bool:
     """Whether the track being flown still stands for its route, of which `start` is beside the vehicle."""
     task, swap = state.task, state.route
-    if swap is None or swap.track is None or task.any_angle is None or state.held is None:
+    if swap is None or swap.track is None or task.any_angle is None or state.route_exposure is None:
         return True
     return pull.still_holds(
-        Threat.of(p_s, task.max_exposure),
-        Threat.of(state.held, task.max_exposure),
+        ThreatMap.of(p_s, task.max_exposure),
+        ThreatMap.of(state.route_exposure, task.max_exposure),
         task.any_angle,
         swap.cells,
         swap.track,

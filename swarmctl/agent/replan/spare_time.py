@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from swarmctl.agent.arrival.common_time import least_m_s
-from swarmctl.agent.replan.arrival_bounds import Arrival
+from swarmctl.agent.replan.length_bounds import TimeBound
 from swarmctl.agent.state import AgentState, Phase, Task
 from swarmctl.planners import window
 from swarmctl.planners.base import Method
@@ -25,11 +25,16 @@ def is_early(due_s: float, soonest_s: float) -> bool:
     return due_s - soonest_s > EARLY_S
 
 
-def with_slack(state: AgentState, task: Task) -> Task:
+def with_spare_time(state: AgentState, task: Task) -> Task:
     """The task of a vehicle that is early: the least exposed way that brings it there when it is due, at a
     speed that it may fly. Its own task where it is not early, or arrives by itself."""
     vehicle, due_s = state.vehicle, state.due_s
-    if task.meeting is None or state.slack_until_s is None or due_s is None or task.wings is not None:
+    if (
+        task.arrival_group is None
+        or state.spare_time_due_s is None
+        or due_s is None
+        or task.wings is not None
+    ):
         return task
     if state.phase is not Phase.FLYING:
         return task
@@ -38,9 +43,9 @@ def with_slack(state: AgentState, task: Task) -> Task:
     left_s = due_s - vehicle.time_boot_s
     full_m_s = task.arrival.speed_m_s
     # What it flies at its slowest until it is due takes so long at its fastest.
-    least_s = left_s * least_m_s(full_m_s, task.meeting.slowest_m_s) / full_m_s
+    least_s = left_s * least_m_s(full_m_s, task.arrival_group.slowest_m_s) / full_m_s
     begun_s = vehicle.time_boot_s - state.launched_boot_s
-    arrival = Arrival(
+    arrival = TimeBound(
         full_m_s,
         after_s=begun_s + min(least_s, left_s - KEPT_S),
         within_s=begun_s + left_s - KEPT_S,
@@ -49,14 +54,14 @@ def with_slack(state: AgentState, task: Task) -> Task:
     return replace(task, arrival=arrival, method=LEAST_EXPOSED)
 
 
-def slack_changed(state: AgentState, due_s: float, soonest_s: float) -> AgentState:
+def update_spare_time(state: AgentState, due_s: float, soonest_s: float) -> AgentState:
     """With each look at the others: whether it is to plan anew, for it is early, or no more so."""
     wanted = due_s if is_early(due_s, soonest_s) else None
-    had = state.slack_until_s
+    had = state.spare_time_due_s
     if wanted is None:
         # The way it has taken for that is late enough: it keeps it as long as it is not the last.
         is_last = due_s - soonest_s <= LAST_S and had is not None
-        return replace(state, slack_until_s=None, dirty=True) if is_last else state
+        return replace(state, spare_time_due_s=None, dirty=True) if is_last else state
     if had is not None and math.isclose(had, wanted, abs_tol=EARLY_S):
         return state
-    return replace(state, slack_until_s=wanted, dirty=True)
+    return replace(state, spare_time_due_s=wanted, dirty=True)

@@ -14,13 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmctl.agent.replan.stopping import flies_on
+from swarmctl.agent.replan.stopping import distance_and_speed_after
 from swarmctl.agent.state import AgentState, Phase
 from swarmctl.agent.traffic.collision_avoidance import track_ahead
-from swarmctl.core.any_angle.track import passed as cells_passed
+from swarmctl.core.any_angle.track import crossed_cells as cells_passed
 from swarmctl.core.grid import Cell
 from swarmctl.core.mission import Waypoint
-from swarmctl.core.plane import Point, distance_to_leg, distance_to_track
+from swarmctl.core.planar import PlanarPoint, distance_to_leg, distance_to_track
 
 ON_ROUTE_M = 15.0
 """Farther beside its route a vehicle is not on it: it is blown off, or cuts a corner."""
@@ -37,7 +37,7 @@ TURN = math.tan(math.pi / 8.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Branch:
+class Splice:
     """The cells that a new route has in common with the one that is flown."""
 
     kept: tuple[Cell, ...]
@@ -48,7 +48,7 @@ class Branch:
     """of the old route, before the first of them"""
     is_first_behind: bool = False
     """it has passed the centre of the first of them"""
-    way: tuple[Point, ...] = ()
+    path: tuple[PlanarPoint, ...] = ()
     """from where it is over the centres ahead of it to the last but one (east, north) [m]"""
     lead_m: float = 0.0
     """of way to the centre of the last; or to where it leaves the track"""
@@ -56,31 +56,31 @@ class Branch:
     """of a vehicle on a track: its corners until there, and that place"""
 
 
-def branch_from(state: AgentState, start: Cell, p_s: NDArray[np.float64]) -> Branch:
+def splice_on_route(state: AgentState, start: Cell, p_s: NDArray[np.float64]) -> Splice:
     """Where a new route may leave the one that is flown, whose cell `start` is abreast of the vehicle."""
     task, swap = state.task, state.route
     if task.wings is not None:
-        return Branch(kept_cells(state, start))
+        return Splice(kept_cells(state, start))
     here = _place_on_route(state)
     if here is None or swap is None or start not in swap.cells:
-        return Branch((start,))
+        return Splice((start,))
     index, cells = swap.cells.index(start), swap.cells
     centre = task.grid.centre_m
     is_behind = _is_behind(state, here, index)
     first = index + 1 if is_behind else index
     if first >= len(cells):
-        return Branch((start,))
+        return Splice((start,))
     way, lead_m, least_m = [here], math.dist(here, centre(cells[first])), _flies_on_m(state)
     for last in range(first, len(cells)):
         if last > first:
             way.append(centre(cells[last - 1]))
             lead_m += math.dist(way[-1], centre(cells[last]))
         if _is_wall(state, p_s, cells[last]):
-            return Branch((start,))
+            return Splice((start,))
         if lead_m >= least_m:
             break
     before = cells[index - 1] if index > 0 else None
-    return Branch(cells[index : last + 1], True, before, is_behind, tuple(way), lead_m)
+    return Splice(cells[index : last + 1], True, before, is_behind, tuple(way), lead_m)
 
 
 def kept_cells(state: AgentState, start: Cell) -> tuple[Cell, ...]:
@@ -101,15 +101,15 @@ def kept_cells(state: AgentState, start: Cell) -> tuple[Cell, ...]:
     return ahead
 
 
-def branch_from_track(state: AgentState, p_s: NDArray[np.float64]) -> Branch:
+def splice_on_track(state: AgentState, p_s: NDArray[np.float64]) -> Splice:
     """Where a new route may leave the track that is flown: where the vehicle will be when it has it."""
     swap, vehicle, grid = state.route, state.vehicle, state.task.grid
     assert state.cell is not None
-    at_once = Branch((state.cell,))
+    at_once = Splice((state.cell,))
     if swap is None or vehicle.lat_deg is None or vehicle.lon_deg is None or vehicle.mode_role != "mission":
         return at_once
     here = grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg)
-    corners = [(*grid.frame.to_local(p.lat_deg, p.lon_deg), p.alt_rel_m) for p in swap.plan.way]
+    corners = [(*grid.frame.to_local(p.lat_deg, p.lon_deg), p.alt_rel_m) for p in swap.plan.waypoints]
     passed, lead_m, least_m = [here], 0.0, _flies_on_m(state)
     for east_m, north_m, _ in track_ahead(corners, (*here, 0.0)):
         leg_m = math.dist(passed[-1], (east_m, north_m))
@@ -124,7 +124,7 @@ def branch_from_track(state: AgentState, p_s: NDArray[np.float64]) -> Branch:
     if cell is None or lead_m < least_m or any(_is_wall(state, p_s, at) for at in over):
         return at_once
     passes = [Waypoint(*grid.frame.to_geodetic(*point), state.height_m) for point in passed[1:]]
-    return Branch((cell,), True, None, False, tuple(passed[:-1]), lead_m, tuple(passes))
+    return Splice((cell,), True, None, False, tuple(passed[:-1]), lead_m, tuple(passes))
 
 
 def is_urgent(state: AgentState, p_s: NDArray[np.float64]) -> bool:
@@ -136,12 +136,12 @@ def is_urgent(state: AgentState, p_s: NDArray[np.float64]) -> bool:
     return any(_is_wall(state, p_s, cell) for cell in near)
 
 
-def may_meet_walls(state: AgentState) -> bool:
+def may_learn_of_walls(state: AgentState) -> bool:
     """Whether what is learned can make walls."""
     return math.isfinite(state.task.max_exposure)
 
 
-def _place_on_route(state: AgentState) -> Point | None:
+def _place_on_route(state: AgentState) -> PlanarPoint | None:
     """Where a vehicle is (east, north) [m] that flies along its lattice route; None where it does not."""
     vehicle, swap, grid = state.vehicle, state.route, state.task.grid
     if state.phase is not Phase.FLYING or vehicle.mode_role != "mission" or swap is None:
@@ -153,7 +153,7 @@ def _place_on_route(state: AgentState) -> Point | None:
     return here if distance_to_track(here, near) <= ON_ROUTE_M else None
 
 
-def _is_behind(state: AgentState, here: Point, index: int) -> bool:
+def _is_behind(state: AgentState, here: PlanarPoint, index: int) -> bool:
     """Whether it is past the centre of a cell of its route, or over it."""
     assert state.route is not None
     vehicle, cells, centre = state.vehicle, state.route.cells, state.task.grid.centre_m
@@ -172,7 +172,7 @@ def _is_behind(state: AgentState, here: Point, index: int) -> bool:
 
 def _flies_on_m(state: AgentState) -> float:
     """How far it flies along its old plan before it has a new one."""
-    return flies_on(state, state.swap_times.expected_s)[0]
+    return distance_and_speed_after(state, state.swap_times.expected_s)[0]
 
 
 def _is_wall(state: AgentState, p_s: NDArray[np.float64], cell: Cell) -> bool:

@@ -14,7 +14,7 @@ from itertools import pairwise
 
 from swarmctl.agent.replan.travel_time import ACCELERATION_M_S2
 from swarmctl.agent.state import AgentState
-from swarmctl.core.plane import Point
+from swarmctl.core.planar import PlanarPoint
 
 STANDS_M_S = 1.0
 """Who is slower stops for nothing."""
@@ -24,7 +24,7 @@ CORNER_M = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class Stop:
+class BrakingStop:
     """On the way ahead of a vehicle."""
 
     on_s: float
@@ -53,33 +53,33 @@ class Stop:
         return self.in_s - math.sqrt(2.0 * max(self.in_m - way_m, 0.0) / self.brakes_m_s2)
 
 
-def flies_on(state: AgentState, seconds: float) -> tuple[float, float]:
+def distance_and_speed_after(state: AgentState, seconds: float) -> tuple[float, float]:
     """How far it flies in so long along its plan [m], speeding up, and how fast it is then."""
     told_m_s, speed_m_s = state.speed_m_s or state.task.arrival.speed_m_s, state.vehicle.ground_speed_m_s
     top_m_s = max(speed_m_s, min(told_m_s, speed_m_s + ACCELERATION_M_S2 * seconds))
     return 0.5 * (speed_m_s + top_m_s) * seconds, top_m_s
 
 
-def stop_for_new(state: AgentState) -> Stop | None:
+def stop_for_new(state: AgentState) -> BrakingStop | None:
     """Where it stops if it is given another plan now; None where it does not."""
     return _stop(state, state.swap_times.likely_s) if state.route is not None else None
 
 
-def stop_ahead(state: AgentState) -> Stop | None:
+def stop_ahead(state: AgentState) -> BrakingStop | None:
     """Where it stops for the plan that is on its way to it, or that it has just got; None: it does not."""
     now_s = state.vehicle.time_boot_s
     if state.pending is not None:
-        due_s = state.swap_begun_boot_s + state.swap_times.likely_s
+        due_s = state.swap_started_boot_s + state.swap_times.likely_s
         return _stop(state, max(due_s - now_s, 0.0)) if state.route is not None else None
-    return _stop(state, 0.0) if state.swapped_boot_s <= now_s < state.stopped_boot_s else None
+    return _stop(state, 0.0) if state.swapped_boot_s <= now_s < state.braking_until_boot_s else None
 
 
-def _stop(state: AgentState, on_s: float) -> Stop | None:
+def _stop(state: AgentState, on_s: float) -> BrakingStop | None:
     brakes_m_s2 = state.vehicle.brakes_m_s2
     if brakes_m_s2 is None:
         return None
-    on_m, speed_m_s = flies_on(state, on_s)
-    return Stop(on_s, on_m, speed_m_s, brakes_m_s2) if speed_m_s >= STANDS_M_S else None
+    on_m, speed_m_s = distance_and_speed_after(state, on_s)
+    return BrakingStop(on_s, on_m, speed_m_s, brakes_m_s2) if speed_m_s >= STANDS_M_S else None
 
 
 def stopped_at(state: AgentState) -> float:
@@ -88,7 +88,9 @@ def stopped_at(state: AgentState) -> float:
     return state.vehicle.time_boot_s + (0.0 if stop is None else stop.in_s)
 
 
-def cut(track: Sequence[Point], at_m: float) -> tuple[list[Point], list[Point]] | None:
+def split_track(
+    track: Sequence[PlanarPoint], at_m: float
+) -> tuple[list[PlanarPoint], list[PlanarPoint]] | None:
     """A track until so much of it is flown, and the rest, both with that place; None where it ends before.
     A corner nearer than CORNER_M behind that place is it."""
     left_m = at_m
@@ -102,11 +104,11 @@ def cut(track: Sequence[Point], at_m: float) -> tuple[list[Point], list[Point]] 
     return None
 
 
-def past_stop(
-    track: Sequence[Point], begins_m_s: float, stop: Stop | None
-) -> tuple[float, Sequence[Point], float]:
+def after_stop(
+    track: Sequence[PlanarPoint], begins_m_s: float, stop: BrakingStop | None
+) -> tuple[float, Sequence[PlanarPoint], float]:
     """What of a track is after the stop, when that is begun, and how fast; all of it where there is none."""
-    parts = None if stop is None else cut(track, stop.in_m)
+    parts = None if stop is None else split_track(track, stop.in_m)
     if stop is None or parts is None:
         return 0.0, track, begins_m_s
     return stop.in_s, parts[1], ANEW_M_S

@@ -6,14 +6,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from swarmctl.agent.replan.arrival_bounds import Underway, Window, before_takeoff, change_s, window
-from swarmctl.agent.replan.splice import Branch
+from swarmctl.agent.replan.length_bounds import LeadIn, LengthBounds, before_takeoff, change_s, length_bounds
+from swarmctl.agent.replan.splice import Splice
 from swarmctl.agent.replan.travel_time import lost_s
 from swarmctl.agent.state import AgentState, Phase, Task
 from swarmctl.core.exposure import length_cells
 from swarmctl.core.geo import distance_m
 from swarmctl.core.grid import Cell
-from swarmctl.core.plane import Point
+from swarmctl.core.planar import PlanarPoint
 from swarmctl.planners.base import BoundTooTight, Problem, Route, is_open
 
 BETTER_BY = 1e-9
@@ -26,32 +26,32 @@ HALF_CELL = 0.5
 """A vehicle is over its goal cell by so much before the centre, to which lengths are counted [cells]."""
 
 
-def bounds_of(task: Task, underway: Underway) -> Window:
+def bounds_of(task: Task, underway: LeadIn) -> LengthBounds:
     """What the task's time bound leaves for the length of a route."""
-    return window(task.arrival, task.grid.cell_size_m, underway)
+    return length_bounds(task.arrival, task.grid.cell_size_m, underway)
 
 
 @dataclass(frozen=True, slots=True)
-class Onto:
+class EntryLeg:
     """How a vehicle comes to where its new route begins."""
 
-    way: tuple[Point, ...] = ()
+    path: tuple[PlanarPoint, ...] = ()
     """from where it is to before that (east, north) [m]"""
     begins_m_s: float = 0.0
 
 
-FROM_A_STOP = Onto()
+FROM_A_STOP = EntryLeg()
 
 
-def onto(state: AgentState, branch: Branch) -> Onto:
+def entry_leg(state: AgentState, branch: Splice) -> EntryLeg:
     """How a vehicle comes onto a route that leaves its old one there, after the swap."""
     flies_on = state.swap_times.stop_s == 0.0 and state.vehicle.brakes_m_s2 is None
-    return Onto(branch.way, state.vehicle.ground_speed_m_s if branch.leaves_ahead and flies_on else 0.0)
+    return EntryLeg(branch.path, state.vehicle.ground_speed_m_s if branch.leaves_ahead and flies_on else 0.0)
 
 
-def underway_to(
-    state: AgentState, start: Cell, ahead: tuple[Cell, ...] | None, branch: Branch | None = None
-) -> Underway:
+def lead_in_to(
+    state: AgentState, start: Cell, ahead: tuple[Cell, ...] | None, branch: Splice | None = None
+) -> LeadIn:
     """How far a vehicle is that is to fly a route from `start`: counted along the route it flies, if that
     leads there (`branch`, `ahead`), else over the centre of `start`."""
     task, vehicle = state.task, state.vehicle
@@ -65,10 +65,10 @@ def underway_to(
         step_m = math.dist(ahead[0], ahead[1]) * grid.cell_size_m
         lead_m = distance_m(here, grid.centre(ahead[1])) - step_m
     elapsed_s = max(vehicle.time_boot_s - state.launched_boot_s, 0.0)
-    return Underway(elapsed_s, max(task.altitude_m - (vehicle.alt_rel_m or 0.0), 0.0), lead_m)
+    return LeadIn(elapsed_s, max(task.altitude_m - (vehicle.alt_rel_m or 0.0), 0.0), lead_m)
 
 
-def change_cells(state: AgentState, start: Cell, underway: Underway, branch: Branch | None = None) -> float:
+def change_cells(state: AgentState, start: Cell, underway: LeadIn, branch: Splice | None = None) -> float:
     """What it costs to change the mission now [cells]: the time for which that makes the vehicle stand, and
     the way back to the centre of the cell where the new route begins, if it does not lie ahead."""
     task, vehicle = state.task, state.vehicle
@@ -81,12 +81,12 @@ def change_cells(state: AgentState, start: Cell, underway: Underway, branch: Bra
     return (stands_s * task.arrival.speed_m_s + back_m) / task.grid.cell_size_m
 
 
-def route_lost_s(task: Task, cells: Sequence[Cell], begun: Onto = FROM_A_STOP) -> float:
+def route_lost_s(task: Task, cells: Sequence[Cell], begun: EntryLeg = FROM_A_STOP) -> float:
     """What a vehicle with a time bound loses on a route over these cells, and on its way there [s]; for one
     without, whose speed need not be known, nothing is reckoned. A track pulled straight from the route turns
     less, so that is early."""
     centres = [task.grid.centre_m(cell) for cell in cells]
-    return _lost_s(task, [*begun.way, *centres], begun.begins_m_s)
+    return _lost_s(task, [*begun.path, *centres], begun.begins_m_s)
 
 
 def arrives_s(task: Task, length: float, cells: Sequence[Cell]) -> float:
@@ -96,19 +96,19 @@ def arrives_s(task: Task, length: float, cells: Sequence[Cell]) -> float:
 
 
 def misses_by(
-    task: Task, bounds: Window, length: float, cells: Sequence[Cell], begun: Onto = FROM_A_STOP
+    task: Task, bounds: LengthBounds, length: float, cells: Sequence[Cell], begun: EntryLeg = FROM_A_STOP
 ) -> float:
     """How far outside its bounds a route is, `length` [cells] over these, with what is lost at its turns."""
     return bounds.misses_by(length, _in_cells(task, route_lost_s(task, cells, begun)))
 
 
 def ahead_lost_s(
-    state: AgentState, start: Cell, ahead: Sequence[Cell], branch: Branch | None = None
+    state: AgentState, start: Cell, ahead: Sequence[Cell], branch: Splice | None = None
 ) -> float:
     """The same for what remains of the route being flown, from where the vehicle is and as fast as it is."""
     task, vehicle = state.task, state.vehicle
     if branch is not None and branch.leaves_ahead:
-        return route_lost_s(task, ahead, Onto(branch.way, vehicle.ground_speed_m_s))
+        return route_lost_s(task, ahead, EntryLeg(branch.path, vehicle.ground_speed_m_s))
     if state.launched_boot_s is None or vehicle.lat_deg is None or vehicle.lon_deg is None:
         return route_lost_s(task, ahead)
     over = ahead[1:] if state.cell == start and len(ahead) > 1 else ahead
@@ -127,7 +127,9 @@ def _in_cells(task: Task, seconds: float) -> float:
     return seconds * task.arrival.speed_m_s / task.grid.cell_size_m
 
 
-def route_in_time(task: Task, problem: Problem, change: float = 0.0, begun: Onto = FROM_A_STOP) -> Route:
+def route_within_bounds(
+    task: Task, problem: Problem, change: float = 0.0, begun: EntryLeg = FROM_A_STOP
+) -> Route:
     """The best route that meets the bounds although it costs `change` [cells] to begin it, else one that
     meets them at least without. Raises Unreachable; BoundTooTight where none was found."""
     bounds = _bounds(problem)
@@ -142,10 +144,10 @@ def route_in_time(task: Task, problem: Problem, change: float = 0.0, begun: Onto
     return _with_turns(task, problem, bounds.max_cells, begun)
 
 
-def _with_turns(task: Task, problem: Problem, latest_cells: float, begun: Onto) -> Route:
+def _with_turns(task: Task, problem: Problem, latest_cells: float, begun: EntryLeg) -> Route:
     """A route that with what it loses at its turns is no longer than this. Planners bound length alone, so
     the bound is drawn in by what the route they find loses, until one fits; at last the shortest is tried."""
-    bounds = Window(problem.min_length_cells, latest_cells)
+    bounds = LengthBounds(problem.min_length_cells, latest_cells)
     greatest, seen = latest_cells, list[Route]()
     for tries in range(MAX_TRIES):
         if tries == MAX_TRIES - 1 or greatest < bounds.min_cells:
@@ -167,7 +169,7 @@ def _with_turns(task: Task, problem: Problem, latest_cells: float, begun: Onto) 
     raise BoundTooTight(text, nearest)
 
 
-def _misses_by(task: Task, bounds: Window, route: Route, begun: Onto) -> float:
+def _misses_by(task: Task, bounds: LengthBounds, route: Route, begun: EntryLeg) -> float:
     return misses_by(task, bounds, route.length_cells, route.cells, begun)
 
 
@@ -178,7 +180,7 @@ def is_no_worse(
     route: Route,
     change: float,
     lost_s: float = 0.0,
-    begun: Onto = FROM_A_STOP,
+    begun: EntryLeg = FROM_A_STOP,
 ) -> bool:
     """Whether a vehicle may as well fly on (`ahead`, where it loses `lost_s`) as change to a route, which
     costs `change` [cells]. Of two that miss the bounds that one is better that misses them less."""
@@ -193,7 +195,7 @@ def is_no_worse(
 
 
 def lateness_s(
-    state: AgentState, problem: Problem, underway: Underway, length: float, lost_s: float
+    state: AgentState, problem: Problem, underway: LeadIn, length: float, lost_s: float
 ) -> float | None:
     """When a vehicle is over its goal whose route, `length` cells long, does not meet its bound [s]; None
     where it does, or misses it by less than what is reckoned too much."""
@@ -209,5 +211,5 @@ def lateness_s(
     return underway.arrives_s(task.arrival, edge_m) - underway.lost_s
 
 
-def _bounds(problem: Problem) -> Window:
-    return Window(problem.min_length_cells, problem.max_length_cells)
+def _bounds(problem: Problem) -> LengthBounds:
+    return LengthBounds(problem.min_length_cells, problem.max_length_cells)

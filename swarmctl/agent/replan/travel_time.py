@@ -13,8 +13,7 @@ import math
 from collections.abc import Sequence
 from itertools import accumulate, pairwise
 
-Point = tuple[float, float]
-"""east, north [m]"""
+from swarmctl.core.planar import PlanarPoint
 
 ACCELERATION_M_S2 = 2.5
 """WPNAV_ACCEL"""
@@ -39,7 +38,7 @@ def brake_s(speed_m_s: float, brakes_m_s2: float = BRAKING_M_S2) -> float:
 
 
 def lost_s(
-    track: Sequence[Point], speed_m_s: float, *, begins_m_s: float = 0.0, ends_m: float = 0.0
+    track: Sequence[PlanarPoint], speed_m_s: float, *, begins_m_s: float = 0.0, ends_m: float = 0.0
 ) -> float:
     """By how much later a vehicle is `ends_m` before the end of a track, where it stops, than it would be at
     the end at `speed_m_s` all the way; 0 where it is not. It begins with `begins_m_s` to the next point."""
@@ -48,7 +47,7 @@ def lost_s(
 
 
 def arrives_s(
-    track: Sequence[Point], speed_m_s: float, *, begins_m_s: float = 0.0, ends_m: float = 0.0
+    track: Sequence[PlanarPoint], speed_m_s: float, *, begins_m_s: float = 0.0, ends_m: float = 0.0
 ) -> float:
     """When a vehicle is `ends_m` before the end of a track, where it stops [s]."""
     corners, times_s, last_m_s = _timed(track, speed_m_s, begins_m_s)
@@ -59,8 +58,8 @@ def arrives_s(
 
 
 def timed(
-    track: Sequence[Point], speed_m_s: float, *, begins_m_s: float = 0.0
-) -> tuple[list[Point], list[float]]:
+    track: Sequence[PlanarPoint], speed_m_s: float, *, begins_m_s: float = 0.0
+) -> tuple[list[PlanarPoint], list[float]]:
     """The corners of a track, both ends among them, and when each is passed, from its begin [s]; the vehicle
     begins with `begins_m_s` and stops at the end."""
     corners, times_s, _ = _timed(track, speed_m_s, begins_m_s)
@@ -68,8 +67,8 @@ def timed(
 
 
 def _timed(
-    track: Sequence[Point], speed_m_s: float, begins_m_s: float
-) -> tuple[list[Point], list[float], float]:
+    track: Sequence[PlanarPoint], speed_m_s: float, begins_m_s: float
+) -> tuple[list[PlanarPoint], list[float], float]:
     """And how fast the last leg is begun."""
     corners = _corners(track)
     legs_m = [math.dist(a, b) for a, b in pairwise(corners)]
@@ -89,16 +88,16 @@ def _timed(
     return corners, list(accumulate(each_s, initial=0.0)), passed_m_s[-2]
 
 
-def _corners(track: Sequence[Point]) -> list[Point]:
+def _corners(track: Sequence[PlanarPoint]) -> list[PlanarPoint]:
     """The ends of a track and where it turns."""
-    corners: list[Point] = list(track[:1])
+    corners: list[PlanarPoint] = list(track[:1])
     for here, after in pairwise(track[1:]):
         if here != corners[-1] and _turn_rad(corners[-1], here, after) > STRAIGHT_RAD:
             corners.append(here)
     return corners + [end for end in track[1:][-1:] if end != corners[-1]]
 
 
-def _turn_rad(before: Point, here: Point, after: Point) -> float:
+def _turn_rad(before: PlanarPoint, here: PlanarPoint, after: PlanarPoint) -> float:
     came = math.atan2(here[1] - before[1], here[0] - before[0])
     goes = math.atan2(after[1] - here[1], after[0] - here[0])
     return abs(math.remainder(goes - came, math.tau))

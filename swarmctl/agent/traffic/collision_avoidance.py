@@ -8,19 +8,26 @@ from dataclasses import replace
 
 import msgspec
 
-from swarmctl.agent.orders import Step, command
-from swarmctl.agent.replan.flight_path import at_height, levels_first, ways_of
+from swarmctl.agent.orders import StepResult, command
+from swarmctl.agent.replan.copter_trajectory import at_height, waypoints_of, with_level_off
 from swarmctl.agent.state import IN_FLIGHT, AgentState, Phase
 from swarmctl.agent.traffic.separation.approach import Limits, closest, intervals
 from swarmctl.agent.traffic.separation.clash import LEVEL_M
-from swarmctl.agent.traffic.separation.trajectory import Point, Trajectory, onward
-from swarmctl.agent.traffic.separation.watch import Alarm, Heard, clear_height_m, gives_way, watch, yields_to
+from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, extrapolate
+from swarmctl.agent.traffic.separation.watch import (
+    NeighbourReport,
+    ProximityAlarm,
+    clear_height_m,
+    gives_way_by_id,
+    gives_way_to,
+    update_alarms,
+)
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
-from swarmctl.core.plane import distance_to_leg
+from swarmctl.core.planar import distance_to_leg
 from swarmctl.core.vehicle import VehicleState
 
-FRESH_S = 5.0
+MAX_REPORT_AGE_S = 5.0
 """Where another was that has said nothing for longer, nobody knows."""
 SILENT_S = 180.0
 """But who gave way to it keeps clear of that place for so long."""
@@ -52,42 +59,50 @@ def is_near(state: AgentState, other: StateShared) -> bool:
     )
     speeds_m_s = vehicle.ground_speed_m_s + math.hypot(*other.velocity_m_s[:2]) + MARGIN_M_S
     return math.dist(here, there) < 2.0 * rules.limits.horizontal_m + speeds_m_s * (
-        rules.look_ahead_s + FRESH_S
+        rules.look_ahead_s + MAX_REPORT_AGE_S
     )
 
 
-def keep_apart(state: AgentState) -> Step:
+def avoid_collisions(state: AgentState) -> StepResult:
     """With each position: who will be too close, what is told of it, and what this vehicle does about it."""
-    if not (state.neighbours or state.alarms or state.gave_way):
+    if not (state.neighbours or state.alarms or state.interrupted_plan):
         return state, []
-    if state.gave_way is not None and state.phase not in (Phase.FLYING, Phase.LANDING):
-        state = released(state)  # it was ordered otherwise
+    if state.interrupted_plan is not None and state.phase not in (Phase.FLYING, Phase.LANDING):
+        state = end_give_way(state)  # it was ordered otherwise
     before = {alarm.other for alarm in state.alarms}
     own = own_trajectory(state)
     if own is None or state.phase not in IN_FLIGHT:
-        return replace(released(state), alarms=()), []
-    others = {uav: path for uav, heard in state.neighbours.items() if (path := predicted(state, heard))}
+        return replace(end_give_way(state), alarms=()), []
+    others = {uav: path for uav, heard in state.neighbours.items() if (path := predict(state, heard))}
     now_s = state.vehicle.time_boot_s
-    alarms = watch(state.alarms, own, others, state.task.separation, now_s)
+    alarms = update_alarms(state.alarms, own, others, state.task.separation, now_s)
     new = [alarm for alarm in alarms if alarm.other not in before]
     if alarms or state.alarms:
         state = replace(state, alarms=alarms, n_alarms=state.n_alarms + len(new))
-    told: list[ev.Effect] = [ev.Tell(f"{_in_words(alarm, now_s)}{_who(state, alarm)}") for alarm in new]
+    told: list[ev.Effect] = [
+        ev.NotifyOperator(f"{_in_words(alarm, now_s)}{_who(state, alarm)}") for alarm in new
+    ]
     done: list[ev.Effect] = []
-    if state.gave_way is not None and state.phase is Phase.LANDING:
+    if state.interrupted_plan is not None and state.phase is Phase.LANDING:
         pass  # `swarmctl.agent.traffic.landing_queue`
-    elif state.gave_way is not None:
+    elif state.interrupted_plan is not None:
         state, done = _go_on_if_clear(state, own, others)
     else:
-        before_it = [alarm for alarm in alarms if not gives_way(state.task.uav, alarm.other)]
+        before_it = [alarm for alarm in alarms if not gives_way_by_id(state.task.uav, alarm.other)]
         asked = [alarm for alarm in (*new, *before_it) if _is_to_give_way(state, alarm.other)]
         state, done = _give_way(state, asked, others)
     return state, [*told, *done]
 
 
-def released(state: AgentState) -> AgentState:
+def end_give_way(state: AgentState) -> AgentState:
     """It gives way to nobody any more."""
-    return replace(state, gave_way=None, gave_way_to={}, held_boot_s=math.inf, go_on_boot_s=-math.inf)
+    return replace(
+        state,
+        interrupted_plan=None,
+        gave_way_to={},
+        holding_since_boot_s=math.inf,
+        resume_earliest_boot_s=-math.inf,
+    )
 
 
 def _is_to_give_way(state: AgentState, other: int) -> bool:
@@ -95,36 +110,42 @@ def _is_to_give_way(state: AgentState, other: int) -> bool:
     or does not say that it hears this one."""
     heard = state.neighbours.get(other)
     may_too = heard is None or (heard.state.phase == Phase.FLYING and _hears(state, heard))
-    return yields_to((True, state.task.uav), (may_too, other))
+    return gives_way_to((True, state.task.uav), (may_too, other))
 
 
-def _hears(state: AgentState, other: Heard) -> bool:
+def _hears(state: AgentState, other: NeighbourReport) -> bool:
     """Whether another has said that it hears this vehicle. Messages may be lost on the way to it alone, and
     then it gives way to nobody."""
     return state.task.uav in other.state.hears
 
 
-def hears(state: AgentState) -> tuple[int, ...]:
+def heard_neighbours(state: AgentState) -> tuple[int, ...]:
     """Of whom near it something was heard of late."""
     now_s = state.vehicle.time_boot_s
-    return tuple(sorted(uav for uav, h in state.neighbours.items() if 0.0 <= now_s - h.at_s <= FRESH_S))
+    return tuple(
+        sorted(uav for uav, h in state.neighbours.items() if 0.0 <= now_s - h.at_s <= MAX_REPORT_AGE_S)
+    )
 
 
-def _give_way(state: AgentState, asked: Sequence[Alarm], others: dict[int, Trajectory]) -> Step:
+def _give_way(
+    state: AgentState, asked: Sequence[ProximityAlarm], others: dict[int, Trajectory]
+) -> StepResult:
     rules = state.task.separation
     if not may_give_way(state) or not asked:
         return state, []
     stays = _standing(state)
     blocked = (
-        {a.other for a in watch((), stays, others, rules, state.vehicle.time_boot_s)} if stays else set()
+        {a.other for a in update_alarms((), stays, others, rules, state.vehicle.time_boot_s)}
+        if stays
+        else set()
     )
     # What circles to hold would be all round its circle: it climbs.
     if rules.action == "hold" and not blocked and state.task.wings is None:
         # Its route is given again when all is clear: until then it flies none.
         now_s, n, heard = state.vehicle.time_boot_s, state.n_holds + 1, state.neighbours
         to = {alarm.other: heard[alarm.other] for alarm in asked if alarm.other in heard}
-        state = replace(state, gave_way_to=to, n_holds=n, held_boot_s=now_s)
-        return command(state, ev.Order.HOLD, gave_way=state.route, route=None)
+        state = replace(state, gave_way_to=to, n_holds=n, holding_since_boot_s=now_s)
+        return command(state, ev.FlightOrder.HOLD, interrupted_plan=state.route, route=None)
     return _climb(state, others), []
 
 
@@ -144,7 +165,7 @@ def _climb(state: AgentState, others: dict[int, Trajectory]) -> AgentState:
     height_m = clear_height_m(max(here_m, state.height_m), heights_m, state.task.separation.limits)
     if not state.height_m < height_m <= ceiling_m(state):
         return state
-    state = replace(state, raised_m=height_m - state.task.altitude_m, n_climbs=state.n_climbs + 1)
+    state = replace(state, height_offset_m=height_m - state.task.altitude_m, n_climbs=state.n_climbs + 1)
     return replace(state, dirty=True, must_change=True)
 
 
@@ -154,17 +175,17 @@ def ceiling_m(state: AgentState) -> float:
     return math.inf if fence is None else fence.ceiling_m - CEILING_MARGIN_M
 
 
-def _go_on_if_clear(state: AgentState, own: Trajectory, others: dict[int, Trajectory]) -> Step:
+def _go_on_if_clear(state: AgentState, own: Trajectory, others: dict[int, Trajectory]) -> StepResult:
     """The route is planned anew from where it holds."""
     now_s = state.vehicle.time_boot_s
     to = {uav: state.neighbours.get(uav, heard) for uav, heard in state.gave_way_to.items()}
     state = replace(state, gave_way_to=to)
-    if now_s < state.go_on_boot_s:
+    if now_s < state.resume_earliest_boot_s:
         return state, []
     waits = any(_is_to_give_way(state, alarm.other) for alarm in state.alarms)
     if not waits and _is_clear(state, own, others) and not _may_be_met(state):
         return _flies_on(state, "clear of the others: it flies on")
-    if now_s - state.held_boot_s < HOLDS_FOR_S:
+    if now_s - state.holding_since_boot_s < HOLDS_FOR_S:
         return state, []
     return _over_them(state, others)
 
@@ -203,51 +224,55 @@ def _may_be_met(state: AgentState) -> bool:
     """Whether its way leads by where somebody was whom it gave way to, and of whom nothing is heard any more:
     it may stand there."""
     own, limits = own_trajectory(state, SILENT_S), state.task.separation.limits
-    return own is not None and any(intervals(own, there, limits) for there in silent(state).values())
+    return own is not None and any(
+        intervals(own, there, limits) for there in silent_neighbours(state).values()
+    )
 
 
-def silent(state: AgentState) -> dict[int, Trajectory]:
+def silent_neighbours(state: AgentState) -> dict[int, Trajectory]:
     """Where those may stand that it gave way to and of whom nothing is heard any more."""
     now_s = state.vehicle.time_boot_s
     return {
-        uav: onward(_place(state, heard.state), (0.0, 0.0, 0.0), now_s, SILENT_S)
+        uav: extrapolate(_place(state, heard.state), (0.0, 0.0, 0.0), now_s, SILENT_S)
         for uav, heard in state.gave_way_to.items()
-        if FRESH_S < now_s - heard.at_s <= SILENT_S and heard.state.alt_rel_m >= AIRBORNE_M
+        if MAX_REPORT_AGE_S < now_s - heard.at_s <= SILENT_S and heard.state.alt_rel_m >= AIRBORNE_M
     }
 
 
-def _flies_on(state: AgentState, text: str) -> Step:
+def _flies_on(state: AgentState, text: str) -> StepResult:
     # Whether its new plan is clear as well is yet to be seen, where that was put off before.
-    told: list[ev.Effect] = [] if state.put_off else [ev.Tell(text)]
+    told: list[ev.Effect] = [] if state.deferred_for else [ev.NotifyOperator(text)]
     state = replace(
         state,
-        gave_way=None,
-        ordered=ev.Order.LAUNCH,
-        order_seen=True,
-        order_again_at_s=math.inf,
-        hold_is_ours=True,
+        interrupted_plan=None,
+        ordered=ev.FlightOrder.LAUNCH,
+        order_followed=True,
+        repeat_order_at_s=math.inf,
+        hold_is_own=True,
         dirty=True,
     )
     return state, told
 
 
-def _over_them(state: AgentState, others: dict[int, Trajectory]) -> Step:
+def _over_them(state: AgentState, others: dict[int, Trajectory]) -> StepResult:
     """It has held for long for others that stay in its way: it flies on above them, if that is clear."""
-    assert state.gave_way is not None
-    here, higher = here_of(state), _climb(state, others)
-    plan = at_height(state.gave_way.plan, higher.height_m)
+    assert state.interrupted_plan is not None
+    here, higher = position_of(state), _climb(state, others)
+    plan = at_height(state.interrupted_plan.plan, higher.height_m)
     if here is not None and state.task.wings is None:
-        way = [(*place, 0.0) for place in ways_of(state.task, plan)]
+        way = [(*place, 0.0) for place in waypoints_of(state.task, plan)]
         behind = len(way) - len(track_ahead(way, here))
-        plan = levels_first(state.task, replace(plan, track=plan.track[behind:]), here, 0.0)
-    higher = replace(higher, gave_way=msgspec.structs.replace(state.gave_way, plan=plan))
+        plan = with_level_off(state.task, replace(plan, track=plan.track[behind:]), here, 0.0)
+    higher = replace(higher, interrupted_plan=msgspec.structs.replace(state.interrupted_plan, plan=plan))
     own = own_trajectory(higher)
     text, now_s = f"it has held for {HOLDS_FOR_S:.0f} s", state.vehicle.time_boot_s
     clear = own is not None and _is_clear(higher, own, others) and not _may_be_met(higher)
     if higher.height_m > state.height_m and clear:
-        higher = replace(higher, held_boot_s=now_s, put_off=frozenset())
+        higher = replace(higher, holding_since_boot_s=now_s, deferred_for=frozenset())
         return _flies_on(higher, f"{text}: it flies on at {higher.height_m:.0f} m, above the others")
-    return replace(state, held_boot_s=now_s), [ev.Tell(f"{text}, and no height is clear: it holds on")]
+    return replace(state, holding_since_boot_s=now_s), [
+        ev.NotifyOperator(f"{text}, and no height is clear: it holds on")
+    ]
 
 
 # --- where all will be, in metres of the area's plane, up above this vehicle's home
@@ -257,21 +282,21 @@ def own_trajectory(state: AgentState, for_s: float | None = None) -> Trajectory 
     """Along its plan as fast as it is, or as it would be if it did not hold for others; straight on where it
     flies none. So far as is looked ahead, if `for_s` does not say otherwise."""
     vehicle, rules = state.vehicle, state.task.separation
-    here = here_of(state)
+    here = position_of(state)
     if here is None:
         return None
     now_s, for_s = vehicle.time_boot_s, rules.look_ahead_s if for_s is None else for_s
-    swap = state.gave_way or (state.route if state.pending is None else None)
+    swap = state.interrupted_plan or (state.route if state.pending is None else None)
     if swap is None or state.phase is not Phase.FLYING:
-        return onward(here, (vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s), now_s, for_s)
-    speed_m_s = state.task.arrival.speed_m_s if state.gave_way else max(vehicle.ground_speed_m_s, 0.5)
+        return extrapolate(here, (vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s), now_s, for_s)
+    speed_m_s = state.task.arrival.speed_m_s if state.interrupted_plan else max(vehicle.ground_speed_m_s, 0.5)
     frame = state.task.grid.frame
-    points = (*swap.plan.way, swap.plan.landing)
+    points = (*swap.plan.waypoints, swap.plan.landing)
     track = [(*frame.to_local(point.lat_deg, point.lon_deg), point.alt_rel_m) for point in points]
     return _along([here, *track_ahead(track, here)], speed_m_s, now_s, for_s)
 
 
-def here_of(state: AgentState) -> Point | None:
+def position_of(state: AgentState) -> LocalPoint | None:
     """Where it is; None where it has not told."""
     vehicle = state.vehicle
     if vehicle.lat_deg is None or vehicle.lon_deg is None or vehicle.alt_rel_m is None:
@@ -279,7 +304,7 @@ def here_of(state: AgentState) -> Point | None:
     return (*state.task.grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg), vehicle.alt_rel_m)
 
 
-def track_ahead(track: Sequence[Point], here: Point) -> Sequence[Point]:
+def track_ahead(track: Sequence[LocalPoint], here: LocalPoint) -> Sequence[LocalPoint]:
     """What of a track lies before a vehicle that flies along it: from the end of the leg it is nearest to."""
     best, nearest_m = 0, math.dist(track[0][:2], here[:2])
     for i in range(1, len(track)):
@@ -289,7 +314,7 @@ def track_ahead(track: Sequence[Point], here: Point) -> Sequence[Point]:
     return track[best:]
 
 
-def _along(points: Sequence[Point], speed_m_s: float, from_s: float, for_s: float) -> Trajectory:
+def _along(points: Sequence[LocalPoint], speed_m_s: float, from_s: float, for_s: float) -> Trajectory:
     """From point to point for so long, at the end standing."""
     times_s, passed = [from_s], [points[0]]
     for point in points[1:]:
@@ -311,30 +336,30 @@ def _along(points: Sequence[Point], speed_m_s: float, from_s: float, for_s: floa
 
 def _standing(state: AgentState) -> Trajectory | None:
     """Where it comes to a stop if it holds now, and stays."""
-    here, rules = here_of(state), state.task.separation
+    here, rules = position_of(state), state.task.separation
     if here is None:
         return None
     still = (0.0, 0.0, 0.0)
-    return onward(stopped(state, here), still, state.vehicle.time_boot_s, rules.look_ahead_s)
+    return extrapolate(stopping_point(state, here), still, state.vehicle.time_boot_s, rules.look_ahead_s)
 
 
-def stopped(state: AgentState, here: Point) -> Point:
+def stopping_point(state: AgentState, here: LocalPoint) -> LocalPoint:
     """Where it comes to a stop if it holds now."""
     vehicle = state.vehicle
     braking_s = vehicle.ground_speed_m_s / (2.0 * BRAKING_M_S2)
     return here[0] + vehicle.east_m_s * braking_s, here[1] + vehicle.north_m_s * braking_s, here[2]
 
 
-def predicted(state: AgentState, heard: Heard) -> Trajectory | None:
+def predict(state: AgentState, heard: NeighbourReport) -> Trajectory | None:
     """Straight on from where it said it was; None where it is in nobody's way or was not heard of late."""
     told, now_s = heard.state, state.vehicle.time_boot_s
-    if not 0.0 <= now_s - heard.at_s <= FRESH_S or told.alt_rel_m < AIRBORNE_M:
+    if not 0.0 <= now_s - heard.at_s <= MAX_REPORT_AGE_S or told.alt_rel_m < AIRBORNE_M:
         return None
     for_s = now_s - heard.at_s + state.task.separation.look_ahead_s
-    return onward(_place(state, told), told.velocity_m_s, heard.at_s, for_s)
+    return extrapolate(_place(state, told), told.velocity_m_s, heard.at_s, for_s)
 
 
-def _place(state: AgentState, told: StateShared) -> Point:
+def _place(state: AgentState, told: StateShared) -> LocalPoint:
     """Where it was when it told that."""
     east_m, north_m = state.task.grid.frame.to_local(told.lat_deg, told.lon_deg)
     return east_m, north_m, _up_m(state.vehicle, told)
@@ -352,7 +377,7 @@ def _up_m(vehicle: VehicleState, other: StateShared) -> float:
 _DEAF = ", for that does not say that it hears it"
 
 
-def _in_words(alarm: Alarm, now_s: float) -> str:
+def _in_words(alarm: ProximityAlarm, now_s: float) -> str:
     at = alarm.approach
     return (
         f"too close to vehicle {alarm.other} in {max(at.t_s - now_s, 0.0):.0f} s: {at.horizontal_m:.0f} m "
@@ -360,14 +385,14 @@ def _in_words(alarm: Alarm, now_s: float) -> str:
     )
 
 
-def _who(state: AgentState, alarm: Alarm) -> str:
+def _who(state: AgentState, alarm: ProximityAlarm) -> str:
     if state.task.separation.action == "none":
         return ""
     if not _is_to_give_way(state, alarm.other):
         return "; the other gives way"
-    if not (may_give_way(state) or state.gave_way):
+    if not (may_give_way(state) or state.interrupted_plan):
         return "; it cannot give way now"
     heard = state.neighbours.get(alarm.other)
     is_told = heard is None or heard.state.phase != Phase.FLYING or _hears(state, heard)
-    deaf = "" if is_told or gives_way(state.task.uav, alarm.other) else _DEAF
+    deaf = "" if is_told or gives_way_by_id(state.task.uav, alarm.other) else _DEAF
     return f"; it gives way{deaf}"

@@ -10,15 +10,21 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from swarmctl.agent.orders import Step
-from swarmctl.agent.replan import wing_path
-from swarmctl.agent.replan.arrival_bounds import LIFT_S
-from swarmctl.agent.replan.flight_path import climbing, down, height_of, stopping, ways_of
+from swarmctl.agent.orders import StepResult
+from swarmctl.agent.replan import wing_trajectory
+from swarmctl.agent.replan.copter_trajectory import (
+    climb_then_fly,
+    fly_with_stop,
+    height_of,
+    land_from,
+    waypoints_of,
+)
+from swarmctl.agent.replan.length_bounds import LIFT_S
 from swarmctl.agent.replan.stopping import stop_ahead, stop_for_new
 from swarmctl.agent.state import IN_FLIGHT, AgentState, Phase
-from swarmctl.agent.traffic.collision_avoidance import AIRBORNE_M, here_of, stopped, track_ahead
-from swarmctl.agent.traffic.separation.trajectory import Bounds, Point, Trajectory, to_its_landing
-from swarmctl.agent.traffic.separation.watch import Intended
+from swarmctl.agent.traffic.collision_avoidance import AIRBORNE_M, position_of, stopping_point, track_ahead
+from swarmctl.agent.traffic.separation.trajectory import Bounds, LocalPoint, Trajectory, until_landing
+from swarmctl.agent.traffic.separation.watch import NeighbourIntent
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_AHEAD_S, MAX_POINTS, IntentPoint, IntentShared
 from swarmctl.core.mission import FlightPlan
@@ -40,21 +46,21 @@ AT_HOME_M, AT_LANDING_M = 5.0, 2.0
 """so near over ground to where it took off, or lands, a vehicle climbs or comes down on the spot"""
 
 
-def tell_intent(state: AgentState) -> Step:
+def share_intent(state: AgentState) -> StepResult:
     """With each position: where it will be, if that is due."""
     now_s = state.vehicle.time_boot_s
     if state.ended and state.own_intent is None:
         return state, []
     if not (state.ended or state.phase in IN_FLIGHT or state.phase is Phase.LAUNCHING):
         return state, []
-    since_s = now_s - state.intent_said_s
+    since_s = now_s - state.intent_sent_boot_s
     is_due = not 0.0 <= since_s < EVERY_S or state.ended
     if not is_due and (since_s < SOONEST_S or not _is_elsewhere(state)):
         return state, []
-    return say(state, None if state.ended else intended(state))
+    return publish_intent(state, None if state.ended else planned_flight(state))
 
 
-def say(state: AgentState, flight: Trajectory | None) -> Step:
+def publish_intent(state: AgentState, flight: Trajectory | None) -> StepResult:
     """Tell the others that it flies so, or that nobody knows how."""
     swap, now_s = state.pending or state.route, state.vehicle.time_boot_s
     message = IntentShared(
@@ -64,14 +70,14 @@ def say(state: AgentState, flight: Trajectory | None) -> Step:
         around_m=(0.0, 0.0) if flight is None else _around_m(state),
         on_ground=state.phase is Phase.LAUNCHING,
     )
-    return replace(state, own_intent=flight, intent_said_s=now_s), [ev.Publish(message)]
+    return replace(state, own_intent=flight, intent_sent_boot_s=now_s), [ev.Publish(message)]
 
 
 def may_change(state: AgentState) -> bool:
     """Whether it could take another plan, or can when it is up; who holds to give way is where it is."""
     is_on_its_way = state.phase in (Phase.LAUNCHING, Phase.FLYING)
     knows = state.vehicle.has_position and not state.lost
-    return is_on_its_way and state.gave_way is None and knows
+    return is_on_its_way and state.interrupted_plan is None and knows
 
 
 def _points(state: AgentState, flight: Trajectory) -> tuple[IntentPoint, ...]:
@@ -86,9 +92,9 @@ def _points(state: AgentState, flight: Trajectory) -> tuple[IntentPoint, ...]:
 
 def _is_elsewhere(state: AgentState) -> bool:
     """Than it said it would be now."""
-    told, here = state.own_intent, above_sea(state)
+    told, here = state.own_intent, position_amsl(state)
     if told is None or here is None:
-        return told is None and intended(state) is not None
+        return told is None and planned_flight(state) is not None
     at = told.at(state.vehicle.time_boot_s)
     if at is None:
         return state.phase in IN_FLIGHT
@@ -100,21 +106,21 @@ def _is_elsewhere(state: AgentState) -> bool:
 # --- where it will be, by the vehicle's clock, in metres of the area's plane, up above the sea
 
 
-def above_sea(state: AgentState) -> Point | None:
+def position_amsl(state: AgentState) -> LocalPoint | None:
     """Where it is."""
-    here, height_m = here_of(state), state.vehicle.alt_amsl_m
+    here, height_m = position_of(state), state.vehicle.alt_amsl_m
     return None if here is None or height_m is None else (here[0], here[1], height_m)
 
 
-def intended(state: AgentState) -> Trajectory | None:
+def planned_flight(state: AgentState) -> Trajectory | None:
     """From now on; None where that is not known."""
-    here = here_of(state)
-    return _somewhere(state) if here is None else from_now(state, _ahead(state, here))
+    here = position_of(state)
+    return _somewhere(state) if here is None else to_shared_frame(state, _ahead(state, here))
 
 
 def _somewhere(state: AgentState) -> Trajectory | None:
     """Of who tells no position any more: about where it was, half as high, for it may come down."""
-    there, now_s = state.placed, state.vehicle.time_boot_s
+    there, now_s = state.last_position, state.vehicle.time_boot_s
     if there.lat_deg is None or there.lon_deg is None or there.alt_amsl_m is None or there.alt_rel_m is None:
         return None
     if not 0.0 <= now_s - there.time_boot_s <= KEPT_CLEAR_S:
@@ -126,31 +132,33 @@ def _somewhere(state: AgentState) -> Trajectory | None:
 
 def _around_m(state: AgentState) -> tuple[float, float]:
     """How far from what it tells it may be, over ground and in height."""
-    there = state.placed
+    there = state.last_position
     if state.vehicle.has_position or there.alt_rel_m is None:
         return 0.0, 0.0
     away_m = there.ground_speed_m_s * (state.vehicle.time_boot_s - there.time_boot_s)
     return min(away_m, AROUND_M), 0.5 * max(there.alt_rel_m, 0.0)
 
 
-def flight_of(state: AgentState, plan: FlightPlan) -> Trajectory | None:
+def flight_by_plan(state: AgentState, plan: FlightPlan) -> Trajectory | None:
     """If it takes up this plan now, in flight; None where it does not know where it is."""
-    here = here_of(state)
+    here = position_of(state)
     if here is None:
         return None
     task, vehicle = state.task, state.vehicle
     begins_m_s = vehicle.ground_speed_m_s if state.route is not None else 0.0
-    way = ways_of(task, plan)
+    way = waypoints_of(task, plan)
     if task.wings is not None:
-        return from_now(state, wing_path.in_flight(task, plan, here, way[:-1], task.arrival.speed_m_s))
+        return to_shared_frame(
+            state, wing_trajectory.in_flight(task, plan, here, way[:-1], task.arrival.speed_m_s)
+        )
     if _climbs_on_the_spot(state, here, plan):
-        return from_now(state, climbing(here, height_of(plan), way, task.arrival.speed_m_s))
+        return to_shared_frame(state, climb_then_fly(here, height_of(plan), way, task.arrival.speed_m_s))
     stop = stop_for_new(state)
-    flight = stopping(here, height_of(plan), way, task.arrival.speed_m_s, begins_m_s, stop)
-    return from_now(state, flight)
+    flight = fly_with_stop(here, height_of(plan), way, task.arrival.speed_m_s, begins_m_s, stop)
+    return to_shared_frame(state, flight)
 
 
-def from_now(state: AgentState, flight: Trajectory | None) -> Trajectory | None:
+def to_shared_frame(state: AgentState, flight: Trajectory | None) -> Trajectory | None:
     """A flight that is told from 0 s on and above home."""
     vehicle = state.vehicle
     if flight is None or vehicle.alt_amsl_m is None or vehicle.alt_rel_m is None:
@@ -160,7 +168,7 @@ def from_now(state: AgentState, flight: Trajectory | None) -> Trajectory | None:
     return Trajectory(tuple(t + vehicle.time_boot_s for t in flight.times_s), points)
 
 
-def _ahead(state: AgentState, here: Point) -> Trajectory | None:
+def _ahead(state: AgentState, here: LocalPoint) -> Trajectory | None:
     """From 0 s on and above home; None where that is not known."""
     task, swap = state.task, state.pending or state.route
     speed_m_s = state.speed_m_s or task.arrival.speed_m_s
@@ -169,50 +177,53 @@ def _ahead(state: AgentState, here: Point) -> Trajectory | None:
     match state.phase:
         case Phase.LAUNCHING if swap is not None:
             lift_s = LIFT_S if here[2] < AIRBORNE_M else 0.0
-            return climbing(here, height_of(swap.plan), ways_of(task, swap.plan), speed_m_s, lift_s)
-        case Phase.FLYING | Phase.LANDING if swap is not None and state.gave_way is None:
-            plan, way = swap.plan, ways_of(task, swap.plan)
-            if state.phase is Phase.LANDING and state.ordered is ev.Order.LAND:
-                return down([here], [0.0])
+            return climb_then_fly(
+                here, height_of(swap.plan), waypoints_of(task, swap.plan), speed_m_s, lift_s
+            )
+        case Phase.FLYING | Phase.LANDING if swap is not None and state.interrupted_plan is None:
+            plan, way = swap.plan, waypoints_of(task, swap.plan)
+            if state.phase is Phase.LANDING and state.ordered is ev.FlightOrder.LAND:
+                return land_from([here], [0.0])
             if state.phase is Phase.LANDING and _comes_down(here, way[-1], height_of(plan)):
-                return down([(*way[-1], here[2])], [0.0])
+                return land_from([(*way[-1], here[2])], [0.0])
             if _climbs_on_the_spot(state, here, plan):
-                return climbing(here, height_of(plan), way, speed_m_s)
+                return climb_then_fly(here, height_of(plan), way, speed_m_s)
             left = [point[:2] for point in track_ahead([(*place, 0.0) for place in way], here)]
             begins_m_s = state.vehicle.ground_speed_m_s
-            return stopping(here, height_of(plan), left, speed_m_s, begins_m_s, stop_ahead(state))
+            return fly_with_stop(here, height_of(plan), left, speed_m_s, begins_m_s, stop_ahead(state))
         case Phase.FLYING | Phase.LANDING | Phase.HOLDING:
-            stop = stopped(state, here)
+            stop = stopping_point(state, here)
             return Trajectory((0.0, STANDS_S), (stop, stop))
-        case Phase.LEAVING if state.ordered is ev.Order.LAND:
-            return down([here], [0.0])
+        case Phase.LEAVING if state.ordered is ev.FlightOrder.LAND:
+            return land_from([here], [0.0])
     # How high a firmware climbs before it returns is its own affair.
     return None
 
 
-def _comes_down(here: Point, place: tuple[float, float], height_m: float) -> bool:
+def _comes_down(here: LocalPoint, place: tuple[float, float], height_m: float) -> bool:
     """On the spot, at its landing place; also where wind moves it about there."""
     near_m = AT_HOME_M if here[2] < height_m - AIRBORNE_M else AT_LANDING_M
     return math.dist(here[:2], place) < near_m
 
 
-def _winged_ahead(state: AgentState, here: Point, speed_m_s: float) -> Trajectory | None:
+def _winged_ahead(state: AgentState, here: LocalPoint, speed_m_s: float) -> Trajectory | None:
     """Of a fixed wing; None where it circles, or returns."""
     task, swap, vehicle = state.task, state.pending or state.route, state.vehicle
-    if swap is None or state.gave_way is not None:
+    if swap is None or state.interrupted_plan is not None:
         return None
     if state.phase in (Phase.LAUNCHING, Phase.FLYING):
         left = [
-            point[:2] for point in track_ahead([(*at, 0.0) for at in ways_of(task, swap.plan)[:-1]], here)
+            point[:2]
+            for point in track_ahead([(*at, 0.0) for at in waypoints_of(task, swap.plan)[:-1]], here)
         ]
-        return wing_path.in_flight(task, swap.plan, here, left, speed_m_s)
+        return wing_trajectory.in_flight(task, swap.plan, here, left, speed_m_s)
     if state.phase is Phase.LANDING and vehicle.ground_speed_m_s > 0.0:
         heading_rad = math.atan2(vehicle.east_m_s, vehicle.north_m_s)
-        return wing_path.coming_down(task, swap.plan, here, heading_rad, speed_m_s)
+        return wing_trajectory.coming_down(task, swap.plan, here, heading_rad, speed_m_s)
     return None
 
 
-def _climbs_on_the_spot(state: AgentState, here: Point, plan: FlightPlan) -> bool:
+def _climbs_on_the_spot(state: AgentState, here: LocalPoint, plan: FlightPlan) -> bool:
     vehicle = state.vehicle
     if vehicle.home_lat_deg is None or vehicle.home_lon_deg is None or state.replans:
         return False
@@ -223,7 +234,7 @@ def _climbs_on_the_spot(state: AgentState, here: Point, plan: FlightPlan) -> boo
 # --- what others tell
 
 
-def intents_heard(state: AgentState, event: ev.Intents, _now: float) -> Step:
+def receive_intents(state: AgentState, event: ev.Intents, _now: float) -> StepResult:
     """Keep what others have told of late."""
     now_s = state.vehicle.time_boot_s
     kept = dict(state.intents)
@@ -233,10 +244,10 @@ def intents_heard(state: AgentState, event: ev.Intents, _now: float) -> Step:
         if flight is not None and uav != state.task.uav:
             # Heights keep routes apart, not landings: those are for the watch. But whoever lands already, or
             # is about to, gives way to nobody any more.
-            flight = to_its_landing(flight) if intent.may_change else flight
+            flight = until_landing(flight) if intent.may_change else flight
             said_s, (away_m, up_m) = now_s - age_s, intent.around_m
             vague = (min(away_m, AROUND_M), up_m)  # no more is told by who does not lie
-            kept[uav] = Intended(
+            kept[uav] = NeighbourIntent(
                 flight, Bounds.of(flight), intent.may_change, said_s, vague, intent.on_ground
             )
     fresh = {uav: known for uav, known in kept.items() if 0.0 <= now_s - known.said_s <= MAX_AGE_S}

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from swarmctl.core.frames import StateShared
 from swarmctl.core.geo import LocalFrame, distance_m
-from swarmctl.core.messages import Place
-from swarmctl.core.plane import distance_to_leg
+from swarmctl.core.messages import VehiclePosition
+from swarmctl.core.planar import distance_to_leg
 
-Point = tuple[float, float]
+PlanePoint = tuple[float, float]
 Floats = NDArray[np.float64]
 Steps = NDArray[np.int64]
 
@@ -47,13 +47,13 @@ LEAST_SPEED_M_S = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class Caller:
+class ReturningVehicle:
     """A vehicle that is to return."""
 
     uav: int
-    here: Point
+    here: PlanePoint
     alt_amsl_m: float
-    home: Point
+    home: PlanePoint
     home_alt_amsl_m: float
     speed_m_s: float
     """expected over ground"""
@@ -65,7 +65,7 @@ class Caller:
         return math.dist(self.here, self.home)
 
     @property
-    def direction(self) -> Point:
+    def direction(self) -> PlanePoint:
         """Of its way, as long as 1; any where it is at home."""
         if self.way_m == 0.0:
             return 1.0, 0.0
@@ -89,7 +89,7 @@ class Caller:
 
 
 @dataclass(frozen=True, slots=True)
-class Turns:
+class ReturnSchedule:
     """Who begins when."""
 
     begins_s: Mapping[int, float]
@@ -101,7 +101,9 @@ class Turns:
     heights keep them apart"""
 
 
-def turns(callers: Sequence[Caller], *, horizontal_m: float, vertical_m: float) -> Turns:
+def schedule_returns(
+    callers: Sequence[ReturningVehicle], *, horizontal_m: float, vertical_m: float
+) -> ReturnSchedule:
     """The turn of each, so that no two come nearer than `horizontal_m` over ground, unless one of them holds
     and the other is `vertical_m` above or below it."""
 
@@ -113,7 +115,7 @@ def turns(callers: Sequence[Caller], *, horizontal_m: float, vertical_m: float) 
     }
     not_apart = [(mover.uav, holder.uav) for mover in begins for holder in passes[mover]]
     in_the_way = {caller: len(passes[caller]) for caller in waiting}
-    passed_by: dict[Caller, list[Caller]] = {caller: [] for caller in waiting}
+    passed_by: dict[ReturningVehicle, list[ReturningVehicle]] = {caller: [] for caller in waiting}
     for mover in waiting:
         for holder in passes[mover]:
             passed_by[holder].append(mover)
@@ -128,21 +130,21 @@ def turns(callers: Sequence[Caller], *, horizontal_m: float, vertical_m: float) 
         from_step = max((begins[other] for other in passes[nearest] if other in begins), default=0)
         begins[nearest] = _first_turn(nearest, begins, from_step, horizontal_m)
     order = sorted(begins, key=lambda c: (begins[c], c.uav))
-    return Turns(
+    return ReturnSchedule(
         {c.uav: STEP_S * begins[c] for c in order},
         max((STEP_S * begins[c] + c.takes_s for c in order), default=0.0),
         tuple(not_apart),
     )
 
 
-def turns_of(places: Mapping[int, Place]) -> Turns:
+def schedule_for(places: Mapping[int, VehiclePosition]) -> ReturnSchedule:
     """The turns of vehicles, by system id, each of which tells where it is and what it keeps from others."""
     if not places:
-        return Turns({}, 0.0)
+        return ReturnSchedule({}, 0.0)
     first = next(iter(places.values()))
     frame = LocalFrame(first.lat_deg, first.lon_deg)
     callers = [
-        Caller(
+        ReturningVehicle(
             uav,
             frame.to_local(place.lat_deg, place.lon_deg),
             place.alt_amsl_m,
@@ -154,10 +156,12 @@ def turns_of(places: Mapping[int, Place]) -> Turns:
         for uav, place in places.items()
     ]
     keeps = [(LEAST_APART_M, LEAST_ABOVE_M), *(place.keeps_m for place in places.values())]
-    return turns(callers, horizontal_m=max(k[0] for k in keeps), vertical_m=max(k[1] for k in keeps))
+    return schedule_returns(
+        callers, horizontal_m=max(k[0] for k in keeps), vertical_m=max(k[1] for k in keeps)
+    )
 
 
-def can_be(place: Place) -> bool:
+def is_plausible(place: VehiclePosition) -> bool:
     """Whether turns can be reckoned with what a vehicle tells of itself; else it errs, or lies."""
     here, home = (place.lat_deg, place.lon_deg), (place.home_lat_deg, place.home_lon_deg)
     if not all(abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0 for lat_deg, lon_deg in (here, home)):
@@ -167,7 +171,7 @@ def can_be(place: Place) -> bool:
     return is_near and abs(up_m) <= MOST_UP_M and LEAST_SPEED_M_S <= place.speed_m_s < math.inf
 
 
-def place_told(state: StateShared, own: Place) -> Place | None:
+def place_from_state(state: StateShared, own: VehiclePosition) -> VehiclePosition | None:
     """Of one that is on the way home, or waits to be, by what it has told: as fast as this vehicle is, and
     keeping as much; from its ground, if it tells no height. None where it has told no home, or what cannot
     be."""
@@ -179,7 +183,7 @@ def place_told(state: StateShared, own: Place) -> Place | None:
         alt_amsl_m, ground_amsl_m = own.home_alt_amsl_m + state.alt_rel_m, own.home_alt_amsl_m
     else:
         alt_amsl_m, ground_amsl_m = state.alt_amsl_m, state.alt_amsl_m - state.alt_rel_m
-    return Place(
+    return VehiclePosition(
         state.lat_deg,
         state.lon_deg,
         alt_amsl_m,
@@ -191,27 +195,29 @@ def place_told(state: StateShared, own: Place) -> Place | None:
     )
 
 
-def is_on_its_way(place: Place, age_s: float) -> bool:
+def may_be_returning(place: VehiclePosition, age_s: float) -> bool:
     """Whether one that was on the way home when it was heard, so long ago, may be yet: while it is silent for
     no longer than that takes."""
-    return age_s <= max(SILENT_S, turns_of({0: place}).down_s)
+    return age_s <= max(SILENT_S, schedule_for({0: place}).down_s)
 
 
-def told(turns: Turns, names: Mapping[int, str]) -> str:
+def describe_schedule(schedule_returns: ReturnSchedule, names: Mapping[int, str]) -> str:
     """Who returns when, as a line."""
     groups: dict[float, list[str]] = {}
-    for uav, begins_s in turns.begins_s.items():
+    for uav, begins_s in schedule_returns.begins_s.items():
         groups.setdefault(begins_s, []).append(names[uav])
     when = [
         f"{', '.join(group)} {f'after {begins_s:g} s' if begins_s else 'at once'}"
         for begins_s, group in groups.items()
     ]
-    pairs = ", ".join(f"{names[one]} past {names[other]}" for one, other in turns.not_apart)
+    pairs = ", ".join(f"{names[one]} past {names[other]}" for one, other in schedule_returns.not_apart)
     only = f"; only their heights keep apart {pairs}" if pairs else ""
-    return f"{'; '.join(when)}; the last is down within {turns.down_s:.0f} s{only}"
+    return f"{'; '.join(when)}; the last is down within {schedule_returns.down_s:.0f} s{only}"
 
 
-def _first_turn(caller: Caller, begins: Mapping[Caller, int], from_step: int, horizontal_m: float) -> int:
+def _first_turn(
+    caller: ReturningVehicle, begins: Mapping[ReturningVehicle, int], from_step: int, horizontal_m: float
+) -> int:
     """In steps, not before `from_step`."""
     taken = set[int]()
     for other, begun in begins.items():
@@ -222,7 +228,9 @@ def _first_turn(caller: Caller, begins: Mapping[Caller, int], from_step: int, ho
     return step
 
 
-def _passes(mover: Caller, holder: Caller, horizontal_m: float, vertical_m: float) -> bool:
+def _passes(
+    mover: ReturningVehicle, holder: ReturningVehicle, horizontal_m: float, vertical_m: float
+) -> bool:
     """Whether one that returns comes too near to the place at which another holds."""
     if holder.alt_amsl_m >= mover.top_amsl_m + vertical_m:
         return False
@@ -233,7 +241,7 @@ def _passes(mover: Caller, holder: Caller, horizontal_m: float, vertical_m: floa
     return distance_to_leg(holder.here, mover.here, mover.home) < horizontal_m
 
 
-def _meetings(one: Caller, other: Caller, horizontal_m: float) -> Steps:
+def _meetings(one: ReturningVehicle, other: ReturningVehicle, horizontal_m: float) -> Steps:
     """By how many steps the other may not begin after the one, both being under way.
 
     On the other's straight way the places too near to a piece of the one's are a piece as well, because the
@@ -252,7 +260,7 @@ def _meetings(one: Caller, other: Caller, horizontal_m: float) -> Steps:
 
 
 def _near(
-    one: Caller, other: Caller, first_m: Floats, last_m: Floats, horizontal_m: float
+    one: ReturningVehicle, other: ReturningVehicle, first_m: Floats, last_m: Floats, horizontal_m: float
 ) -> tuple[Floats, Floats]:
     """From where to where along the other's way (steps,) it is too near to the one somewhere between
     `first_m` and `last_m` (steps,) along its own [m]; nowhere where the second is the less."""
@@ -282,7 +290,7 @@ def _near(
     return low_m, high_m
 
 
-def _reach(caller: Caller) -> tuple[Floats, Floats]:
+def _reach(caller: ReturningVehicle) -> tuple[Floats, Floats]:
     """From where to where on its way (steps,) it may be during each step of its return [m]."""
     begin_s = np.arange(0.0, caller.takes_s, STEP_S)
     slow_m = SLOWER * caller.speed_m_s * (begin_s - caller.departs_within_s)

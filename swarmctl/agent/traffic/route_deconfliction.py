@@ -15,30 +15,30 @@ from dataclasses import replace
 
 import msgspec
 
-from swarmctl.agent.orders import Step, command
-from swarmctl.agent.replan.flight_path import at_height, height_of, levels_first
-from swarmctl.agent.state import AgentState, LookedAt, Phase
+from swarmctl.agent.orders import StepResult, command
+from swarmctl.agent.replan.copter_trajectory import at_height, height_of, with_level_off
+from swarmctl.agent.state import AgentState, FlightComparison, Phase
 from swarmctl.agent.traffic.collision_avoidance import (
     AIRBORNE_M,
     ceiling_m,
-    here_of,
     least_share,
     may_give_way,
-    stopped,
+    position_of,
+    stopping_point,
 )
 from swarmctl.agent.traffic.intents import (
     MAX_AGE_S,
     STANDS_S,
-    above_sea,
-    flight_of,
-    intended,
+    flight_by_plan,
     may_change,
-    say,
+    planned_flight,
+    position_amsl,
+    publish_intent,
 )
 from swarmctl.agent.traffic.separation.approach import Limits
-from swarmctl.agent.traffic.separation.clash import SLACK_S, Clash, clashes, in_words
-from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory, to_its_landing
-from swarmctl.agent.traffic.separation.watch import HEIGHT_MARGIN, Intended, yields_to
+from swarmctl.agent.traffic.separation.clash import SLACK_S, Clash, describe_clashes, find_clashes
+from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory, until_landing
+from swarmctl.agent.traffic.separation.watch import HEIGHT_MARGIN, NeighbourIntent, gives_way_to
 from swarmctl.core import events as ev
 from swarmctl.core.mission import FlightPlan
 
@@ -53,42 +53,47 @@ BETTER_BY = 0.3
 MOST_HEIGHTS = 8
 
 
-def met_by(
+def clashes_of(
     state: AgentState, flight: Trajectory | None, instead_of: Trajectory | None = None
 ) -> tuple[Clash, ...]:
     """Whom a flight would meet, of those whose intents are known, the soonest first; `instead_of` that which
     the vehicle is on."""
-    return () if flight is None else _met_of(state, flight, known(state), instead_of)
+    return () if flight is None else _met_of(state, flight, known_intents(state), instead_of)
 
 
-def known(state: AgentState) -> dict[int, Intended]:
+def known_intents(state: AgentState) -> dict[int, NeighbourIntent]:
     """What others have told of late of where they will be."""
     now_s = state.vehicle.time_boot_s
     return {uav: told for uav, told in state.intents.items() if 0.0 <= now_s - told.said_s <= MAX_AGE_S}
 
 
 def _met_of(
-    state: AgentState, flight: Trajectory, others: Mapping[int, Intended], instead_of: Trajectory | None
+    state: AgentState,
+    flight: Trajectory,
+    others: Mapping[int, NeighbourIntent],
+    instead_of: Trajectory | None,
 ) -> tuple[Clash, ...]:
-    limits, flight = state.task.separation.limits, to_its_landing(flight)
+    limits, flight = state.task.separation.limits, until_landing(flight)
     near_s = flight.times_s[0] + (SLACK_S if instead_of is None else PARTS_WITHIN_S)
 
-    def parts(told: Intended) -> bool:
+    def parts(told: NeighbourIntent) -> bool:
         return _parts(flight, instead_of, told.flight, told.limits(limits))
 
-    found = clashing(flight, others, limits)
+    found = clashes_with(flight, others, limits)
     return tuple(clash for clash in found if clash.at_s > near_s or not parts(others[clash.other]))
 
 
-def clashing(flight: Trajectory, others: Mapping[int, Intended], limits: Limits) -> tuple[Clash, ...]:
+def clashes_with(
+    flight: Trajectory, others: Mapping[int, NeighbourIntent], limits: Limits
+) -> tuple[Clash, ...]:
     """Whom a flight may meet, the soonest first."""
     mine = Bounds.of(flight)
     near = {uav: told for uav, told in others.items() if mine.is_within(told.bounds, _reach(told, limits))}
     wider = {uav: told.limits(limits) for uav, told in near.items() if any(told.around_m)}
-    return clashes(flight, {uav: told.flight for uav, told in near.items()}, limits, wider=wider)
+    return find_clashes(flight, {uav: told.flight for uav, told in near.items()}, limits, wider=wider)
 
 
-def _reach(told: Intended, limits: Limits) -> tuple[float, float, float, float]:
+def _reach(told: NeighbourIntent, limits: Limits) -> tuple[float, float, float, float]:
     kept = told.limits(limits) if any(told.around_m) else limits
     return SLACK_S, kept.horizontal_m, kept.horizontal_m, kept.vertical_m
 
@@ -98,7 +103,7 @@ def _parts(flight: Trajectory, instead_of: Trajectory | None, other: Trajectory,
     limits, or at least not as near as they would else: no plan could do better."""
     begin_s = flight.times_s[0]
     after = flight.since(begin_s + PARTS_WITHIN_S)
-    if after is not None and clashes(after, {0: other}, limits):
+    if after is not None and find_clashes(after, {0: other}, limits):
         return False
     here, there = flight.at(begin_s), other.at(begin_s)
     least = least_share(flight, other, limits)
@@ -114,83 +119,90 @@ def _parts(flight: Trajectory, instead_of: Trajectory | None, other: Trajectory,
 # --- the plan being flown
 
 
-def foresee(state: AgentState) -> Step:
+def check_own_route(state: AgentState) -> StepResult:
     """Whom the flight that it has told meets; where it is to give way, it plans anew."""
-    if state.phase is not Phase.FLYING or state.own_intent is None or state.gave_way is not None:
-        return (replace(state, foreseen=frozenset(), looked_at={}) if state.foreseen else state), []
+    if state.phase is not Phase.FLYING or state.own_intent is None or state.interrupted_plan is not None:
+        return (
+            replace(state, predicted_conflicts=frozenset(), comparisons={})
+            if state.predicted_conflicts
+            else state
+        ), []
     state, met = _looked_at(state, state.own_intent)
     found = [clash for clash in met if _gives_way(state, clash.other)]
-    if not found and not state.foreseen:
+    if not found and not state.predicted_conflicts:
         return state, []
     others = frozenset(clash.other for clash in found)
-    new = [clash for clash in found if clash.other not in state.foreseen | state.put_off]
-    tally = state.compared
+    new = [clash for clash in found if clash.other not in state.predicted_conflicts | state.deferred_for]
+    tally = state.deconfliction
     tally = replace(
         tally,
         predicted=tally.predicted + len(new),
-        ceased=tally.ceased + len(state.foreseen - others - state.put_off),
+        ceased=tally.ceased + len(state.predicted_conflicts - others - state.deferred_for),
     )
-    state = replace(state, foreseen=others, compared=tally)
+    state = replace(state, predicted_conflicts=others, deconfliction=tally)
     if not others:
         return state, []
     state = replace(state, dirty=True, must_change=True)
-    text = f"its route meets {in_words(new, state.vehicle.time_boot_s)}; it gives way"
-    return state, [ev.Tell(text)] if new else []
+    text = f"its route meets {describe_clashes(new, state.vehicle.time_boot_s)}; it gives way"
+    return state, [ev.NotifyOperator(text)] if new else []
 
 
 def _looked_at(state: AgentState, own: Trajectory) -> tuple[AgentState, tuple[Clash, ...]]:
     """Whom its flight meets. Of a hundred a few have told something new: the others need not be compared
     again."""
-    before = {uav: at for uav, at in state.looked_at.items() if at.own is own}
-    told = known(state)
+    before = {uav: at for uav, at in state.comparisons.items() if at.own is own}
+    told = known_intents(state)
     new = {uav: it for uav, it in told.items() if uav not in before or before[uav].other is not it}
     met = {clash.other: clash for clash in _met_of(state, own, new, None)} if new else {}
-    after = {uav: LookedAt(own, it, met.get(uav)) if uav in new else before[uav] for uav, it in told.items()}
+    after = {
+        uav: FlightComparison(own, it, met.get(uav)) if uav in new else before[uav]
+        for uav, it in told.items()
+    }
     found = sorted((at.met for at in after.values() if at.met is not None), key=lambda c: (c.at_s, c.other))
-    return replace(state, looked_at=after), tuple(found)
+    return replace(state, comparisons=after), tuple(found)
 
 
 def _gives_way(state: AgentState, other: int) -> bool:
     told = state.intents[other]
-    return yields_to((may_change(state), state.task.uav), (told.may_change, other))
+    return gives_way_to((may_change(state), state.task.uav), (told.may_change, other))
 
 
 # --- a new plan
 
 
-def compared(before: AgentState, decided: Step, now: float) -> Step:
+def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResult:
     """What becomes of a decision: a new plan is told to the others and goes out if it meets nobody."""
     state, effects = decided
     swap = next((effect for effect in effects if isinstance(effect, ev.SwapMission)), None)
     if swap is None or state.phase is not Phase.FLYING:
         return decided
     swap = msgspec.structs.replace(swap, plan=_levelled(before, swap.plan))
-    flight = flight_of(before, swap.plan)
+    flight = flight_by_plan(before, swap.plan)
     if before.alarms and _leaves_its_height(before, swap.plan):
         return _taken(state, swap, flight)  # to climb was decided for what is near, which comes first
-    old = None if before.route is None else intended(before)
-    met = met_by(state, flight, old)
-    new = [clash for clash in met if clash.other not in before.foreseen | before.put_off]
-    tally = replace(before.compared, predicted=before.compared.predicted + len(new))
-    state = replace(state, compared=tally)
-    mended = before.foreseen - before.put_off
+    old = None if before.route is None else planned_flight(before)
+    met = clashes_of(state, flight, old)
+    new = [clash for clash in met if clash.other not in before.predicted_conflicts | before.deferred_for]
+    tally = replace(before.deconfliction, predicted=before.deconfliction.predicted + len(new))
+    state = replace(state, deconfliction=tally)
+    mended = before.predicted_conflicts - before.deferred_for
     if not met:
-        state = replace(state, compared=replace(tally, by_route=tally.by_route + len(mended)))
+        state = replace(state, deconfliction=replace(tally, by_route=tally.by_route + len(mended)))
         state, taken = _taken(state, swap, flight)
-        waited = before.route is None and before.put_off
-        return state, [ev.Tell("clear of the others: it flies on"), *taken] if waited else taken
+        waited = before.route is None and before.deferred_for
+        return state, [ev.NotifyOperator("clear of the others: it flies on"), *taken] if waited else taken
     for height_m in _heights_m(state, swap.plan):
         plan = _levelled(before, at_height(swap.plan, height_m))
-        flight = flight_of(before, plan)
-        if met_by(state, flight, old):
+        flight = flight_by_plan(before, plan)
+        if clashes_of(state, flight, old):
             continue
-        mended |= {clash.other for clash in met} - before.put_off
-        state = replace(state, compared=replace(tally, by_height=tally.by_height + len(mended)))
-        state = replace(state, raised_m=height_m - state.task.altitude_m)
-        whose = in_words(met, state.vehicle.time_boot_s)
+        mended |= {clash.other for clash in met} - before.deferred_for
+        state = replace(state, deconfliction=replace(tally, by_height=tally.by_height + len(mended)))
+        state = replace(state, height_offset_m=height_m - state.task.altitude_m)
+        whose = describe_clashes(met, state.vehicle.time_boot_s)
         text = f"its new route would meet {whose}: it flies at {height_m:.0f} m"
         state, told = _taken(state, msgspec.structs.replace(swap, plan=plan), flight)
-        return state, [ev.Tell(text), *told]
+        return state, [ev.NotifyOperator(text), *told]
     return _put_off(before, state, swap, met, now)
 
 
@@ -201,28 +213,34 @@ def _leaves_its_height(before: AgentState, plan: FlightPlan) -> bool:
 
 def _levelled(before: AgentState, plan: FlightPlan) -> FlightPlan:
     """A plan at another height than the one before comes to it soon."""
-    here, route = here_of(before), before.route
+    here, route = position_of(before), before.route
     if here is None or before.task.wings is not None:
         return plan
     if route is None:
-        return levels_first(before.task, plan, here, 0.0)  # it stands where it is until it flies it
+        return with_level_off(before.task, plan, here, 0.0)  # it stands where it is until it flies it
     if not _leaves_its_height(before, plan):
         return plan
-    return levels_first(before.task, plan, here, before.swap_times.expected_s)
+    return with_level_off(before.task, plan, here, before.swap_times.expected_s)
 
 
-def _taken(state: AgentState, swap: ev.SwapMission, flight: Trajectory | None) -> Step:
-    state = replace(state, pending=swap, foreseen=frozenset(), put_off=frozenset(), held_boot_s=math.inf)
-    state, told = say(state, flight)
+def _taken(state: AgentState, swap: ev.SwapMission, flight: Trajectory | None) -> StepResult:
+    state = replace(
+        state,
+        pending=swap,
+        predicted_conflicts=frozenset(),
+        deferred_for=frozenset(),
+        holding_since_boot_s=math.inf,
+    )
+    state, told = publish_intent(state, flight)
     return state, [swap, *told]
 
 
 def _put_off(
     before: AgentState, state: AgentState, swap: ev.SwapMission, met: tuple[Clash, ...], now: float
-) -> Step:
+) -> StepResult:
     """The plan is not taken up now: the vehicle flies on by the old one, or holds."""
     others = frozenset(clash.other for clash in met)
-    new = [clash for clash in met if clash.other not in before.put_off]
+    new = [clash for clash in met if clash.other not in before.deferred_for]
     state = replace(
         state,
         pending=None,
@@ -230,22 +248,22 @@ def _put_off(
         dirty=True,
         must_change=before.must_change,
         late_s=before.late_s,
-        put_off=before.put_off | others,
+        deferred_for=before.deferred_for | others,
     )
-    old = [clash for clash in met_by(state, intended(before)) if _gives_way(before, clash.other)]
+    old = [clash for clash in clashes_of(state, planned_flight(before)) if _gives_way(before, clash.other)]
     near_s = old[0].at_s - state.vehicle.time_boot_s if old else HOLDS_WITHIN_S
     again_s = AGAIN_SOON_S if near_s < 2.0 * PARTS_WITHIN_S else AGAIN_S
     state = replace(state, retry_at_s=now + again_s)
     holds = before.route is None or (near_s < HOLDS_WITHIN_S and _may_hold(before))
     does = "it holds" if holds else "it flies on by the old one"
-    waits = others | (before.foreseen if holds else frozenset())
+    waits = others | (before.predicted_conflicts if holds else frozenset())
     if holds or not old:
-        by_waiting = state.compared.by_waiting + len(waits - before.put_off)
-        state = replace(state, compared=replace(state.compared, by_waiting=by_waiting))
+        by_waiting = state.deconfliction.by_waiting + len(waits - before.deferred_for)
+        state = replace(state, deconfliction=replace(state.deconfliction, by_waiting=by_waiting))
     told: list[ev.Effect] = []
     if new:
-        whose = in_words(new, state.vehicle.time_boot_s)
-        told.append(ev.Tell(f"its new route would meet {whose} at any height: {does}"))
+        whose = describe_clashes(new, state.vehicle.time_boot_s)
+        told.append(ev.NotifyOperator(f"its new route would meet {whose} at any height: {does}"))
     if not holds:
         return state, told
     state, ordered = _hold(state, before.route or swap)
@@ -254,29 +272,29 @@ def _put_off(
 
 def _may_hold(state: AgentState) -> bool:
     """And stands in nobody's way there."""
-    task, here, now_s = state.task, above_sea(state), state.vehicle.time_boot_s
+    task, here, now_s = state.task, position_amsl(state), state.vehicle.time_boot_s
     if here is None or task.separation.action != "hold" or task.wings is not None or not may_give_way(state):
         return False
-    stop = stopped(state, here)
-    return not met_by(state, Trajectory((now_s, now_s + STANDS_S), (stop, stop)))
+    stop = stopping_point(state, here)
+    return not clashes_of(state, Trajectory((now_s, now_s + STANDS_S), (stop, stop)))
 
 
-def _hold(state: AgentState, swap: ev.SwapMission) -> Step:
+def _hold(state: AgentState, swap: ev.SwapMission) -> StepResult:
     """As who gives way to what is near; it looks again after a while."""
     now_s = state.vehicle.time_boot_s
     state, ordered = command(
         state,
-        ev.Order.HOLD,
-        gave_way=swap,
+        ev.FlightOrder.HOLD,
+        interrupted_plan=swap,
         route=None,
         dirty=False,
         retry_at_s=0.0,
-        n_holds=state.n_holds + (state.ordered is not ev.Order.HOLD),
-        go_on_boot_s=now_s + AGAIN_S,
-        held_boot_s=min(state.held_boot_s, now_s),
-        foreseen=frozenset(),
+        n_holds=state.n_holds + (state.ordered is not ev.FlightOrder.HOLD),
+        resume_earliest_boot_s=now_s + AGAIN_S,
+        holding_since_boot_s=min(state.holding_since_boot_s, now_s),
+        predicted_conflicts=frozenset(),
     )
-    state, told = say(state, intended(state))
+    state, told = publish_intent(state, planned_flight(state))
     return state, [*ordered, *told]
 
 

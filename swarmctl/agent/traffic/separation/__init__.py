@@ -1,37 +1,47 @@
-"""How far vehicles are from each other in space and time: planned, flown and about to be. Pure.
+"""Separation: the distance between vehicles in space and time, planned, flown and predicted. Pure.
 
 A conflict is two vehicles closer than `Limits.horizontal_m` and closer than `Limits.vertical_m` at one time:
-a cylinder about each, as air traffic control draws it. Points are (east, north, up) in metres, times seconds
-of one clock.
+a cylinder about each, as in air traffic control. Points are (east, north, up) [m], times are of one clock [s].
 
-trajectory: where a vehicle is at what time; approach: how near two come to each other, exactly; conflicts:
-who comes too near to whom, of many; clash: whether planned flights may meet that are not flown to the second;
-flown: the least distance of a flight as its telemetry comes in; watch:
-who is warned and who gives way in flight; meet: one arrival for many. Imports core.
+| module | content |
+|---|---|
+| `trajectory` | position of a vehicle over time |
+| `approach` | closest approach of two trajectories, exact |
+| `conflicts` | pairs in conflict among many trajectories |
+| `clash` | planned flights that conflict within a tolerance in time |
+| `flown` | least distance of a flight, from its telemetry |
+| `watch` | alarms in flight, and the priority rule |
+
+Imports core.
 """
 
 from swarmctl.agent.traffic.separation.approach import Approach, Limits, closest, intervals
-from swarmctl.agent.traffic.separation.conflicts import Conflict, Crossings, conflicts, crossings
+from swarmctl.agent.traffic.separation.conflicts import (
+    CrossingCounts,
+    PairConflict,
+    conflicts,
+    count_crossings,
+)
 from swarmctl.agent.traffic.separation.trajectory import (
-    Point,
+    LocalPoint,
     Trajectory,
-    lands_from_s,
-    onward,
-    to_its_landing,
+    extrapolate,
+    landing_start_s,
+    until_landing,
 )
 
 __all__ = [
     "Approach",
-    "Conflict",
-    "Crossings",
+    "CrossingCounts",
     "Limits",
-    "Point",
+    "LocalPoint",
+    "PairConflict",
     "Trajectory",
     "closest",
     "conflicts",
-    "crossings",
+    "count_crossings",
+    "extrapolate",
     "intervals",
-    "lands_from_s",
-    "onward",
-    "to_its_landing",
+    "landing_start_s",
+    "until_landing",
 ]

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from swarmctl.agent.traffic.separation.trajectory import Point, Segment, Trajectory
+from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Segment, Trajectory
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +40,8 @@ class _Relative:
 
     begin_s: float
     lasts_s: float
-    at: Point
-    velocity: Point
+    at: LocalPoint
+    velocity: LocalPoint
 
     def approach(self, tau_s: float) -> Approach:
         e, n, u = (x + v * tau_s for x, v in zip(self.at, self.velocity, strict=True))
@@ -115,13 +115,13 @@ def _relative(a: Segment, b: Segment) -> _Relative | None:
     return _Relative(begin_s, end_s - begin_s, at, _minus(va, vb))
 
 
-def _velocity(segment: Segment) -> Point:
+def _velocity(segment: Segment) -> LocalPoint:
     lasts_s = segment.end_s - segment.begin_s
     e, n, u = _minus(segment.b, segment.a)
     return e / lasts_s, n / lasts_s, u / lasts_s
 
 
-def _minus(a: Point, b: Point) -> Point:
+def _minus(a: LocalPoint, b: LocalPoint) -> LocalPoint:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from swarmctl.agent.traffic.separation.approach import Limits
 from swarmctl.agent.traffic.separation.trajectory import Segment, Trajectory
-from swarmctl.core.plane import contains, distance_to_leg
+from swarmctl.core.planar import contains, distance_to_leg
 
 SLACK_S = 2.0
 """By so much two vehicles may be off their times against each other: each a second, for then it says so."""
@@ -43,7 +43,7 @@ class Clash:
     """when the one is there, at the earliest"""
 
 
-def in_words(met: Sequence[Clash], now_s: float) -> str:
+def describe_clashes(met: Sequence[Clash], now_s: float) -> str:
     """Whose flights, and in how long."""
     near = [f"that of vehicle {clash.other} in {max(clash.at_s - now_s, 0.0):.0f} s" for clash in met]
     return " and ".join(near)
@@ -55,7 +55,7 @@ def _boxes_of(flight: Trajectory) -> Boxes:
     return np.hstack((low, np.column_stack((times[1:], np.maximum(points[:-1], points[1:])))))
 
 
-def clashes(
+def find_clashes(
     own: Trajectory,
     others: Mapping[int, Trajectory],
     limits: Limits,
@@ -74,7 +74,7 @@ def clashes(
         if not near:
             continue
         pieces = list(flight.segments())
-        at_s = (clash_at_s(mine[i], pieces[j], kept, slack_s) for i, j in near)
+        at_s = (first_clash_s(mine[i], pieces[j], kept, slack_s) for i, j in near)
         first_s = min((t for t in at_s if t is not None), default=None)
         if first_s is not None:
             found.append(Clash(uav, first_s))
@@ -89,7 +89,7 @@ def _near_pairs(mine: Boxes, theirs: Boxes, limits: Limits, slack_s: float) -> l
     return [(int(i), int(j)) for i, j in np.argwhere(near.all(axis=2))]
 
 
-def clash_at_s(a: Segment, b: Segment, limits: Limits, slack_s: float) -> float | None:
+def first_clash_s(a: Segment, b: Segment, limits: Limits, slack_s: float) -> float | None:
     """About when `a` may first be too close to `b`, each flying straight; None where it never is."""
     va, vb = _velocity(a), _velocity(b)
 

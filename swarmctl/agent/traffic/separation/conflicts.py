@@ -11,7 +11,7 @@ from swarmctl.agent.traffic.separation.trajectory import Segment, Trajectory
 
 
 @dataclass(frozen=True, slots=True)
-class Conflict:
+class PairConflict:
     """Two vehicles, `uav` the one of lower system id, that will be too close."""
 
     uav: int
@@ -22,7 +22,7 @@ class Conflict:
     closest: Approach
 
 
-def conflicts(flights: Mapping[int, Trajectory], limits: Limits) -> tuple[Conflict, ...]:
+def conflicts(flights: Mapping[int, Trajectory], limits: Limits) -> tuple[PairConflict, ...]:
     """All pairs that are too close at some time, the soonest first.
 
     A sweep over time and over the boxes that flights leave in the plane: only pairs that are near at one time
@@ -33,12 +33,12 @@ def conflicts(flights: Mapping[int, Trajectory], limits: Limits) -> tuple[Confli
         times = intervals(flights[uav], flights[other], limits)
         at = closest(flights[uav], flights[other], limits) if times else None
         if at is not None:
-            found.append(Conflict(uav, other, times[0][0], times[-1][1], at))
+            found.append(PairConflict(uav, other, times[0][0], times[-1][1], at))
     return tuple(sorted(found, key=lambda conflict: (conflict.begin_s, conflict.uav, conflict.other)))
 
 
 @dataclass(frozen=True, slots=True)
-class Crossings:
+class CrossingCounts:
     """Pairs of flights whose ways over ground meet at one time."""
 
     predicted: int
@@ -46,9 +46,9 @@ class Crossings:
     """of these, kept apart by their heights"""
 
 
-def crossings(flights: Mapping[int, Trajectory], limits: Limits) -> Crossings:
+def count_crossings(flights: Mapping[int, Trajectory], limits: Limits) -> CrossingCounts:
     over_ground = conflicts(flights, Limits(limits.horizontal_m, math.inf))
-    return Crossings(len(over_ground), len(over_ground) - len(conflicts(flights, limits)))
+    return CrossingCounts(len(over_ground), len(over_ground) - len(conflicts(flights, limits)))
 
 
 def _near_pairs(flights: Mapping[int, Trajectory], limits: Limits) -> set[tuple[int, int]]:

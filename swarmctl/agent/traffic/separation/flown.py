@@ -9,26 +9,26 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from swarmctl.agent.traffic.separation.approach import Approach, Limits, nearest, too_close
-from swarmctl.agent.traffic.separation.trajectory import Point, Segment
+from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Segment
 
 MAX_GAP_S = 3.0
 """Between samples farther apart nobody knows where a vehicle was."""
 
-Pair = tuple[int, int]
+VehiclePair = tuple[int, int]
 """system ids, the lower first"""
 
 
 @dataclass(slots=True)
 class _Track:
     last_s: float
-    here: Point
+    here: LocalPoint
     row: int
     segments: deque[Segment] = field(default_factory=deque)
     """the last ones"""
     lengths_m: deque[float] = field(default_factory=deque)
 
 
-class Flown:
+class FlownSeparation:
     """Straight from sample to sample; `nearest` is the least distance so far, and between whom."""
 
     def __init__(self, limits: Limits) -> None:
@@ -40,11 +40,11 @@ class Flown:
         self._reach_m = np.empty(0)
         """how far back from there the segments that are kept reach"""
         self.nearest: Approach | None = None
-        self.between: Pair | None = None
-        self.too_close_s: defaultdict[Pair, float] = defaultdict(float)
+        self.between: VehiclePair | None = None
+        self.too_close_s: defaultdict[VehiclePair, float] = defaultdict(float)
         """for how long pairs were closer than both limits"""
 
-    def saw(self, uav: int, t_s: float, here: Point) -> bool:
+    def saw(self, uav: int, t_s: float, here: LocalPoint) -> bool:
         """A vehicle is in the air here; whether two have never been nearer."""
         track = self._tracks.get(uav)
         if track is None:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
-Point = tuple[float, float, float]
+LocalPoint = tuple[float, float, float]
 """east, north, up [m]"""
 
 
@@ -18,10 +18,10 @@ class Segment:
 
     begin_s: float
     end_s: float
-    a: Point
-    b: Point
+    a: LocalPoint
+    b: LocalPoint
 
-    def at(self, t_s: float) -> Point:
+    def at(self, t_s: float) -> LocalPoint:
         """Where it is; `t_s` within its times."""
         share = (t_s - self.begin_s) / (self.end_s - self.begin_s)
         (ae, an, au), (be, bn, bu) = self.a, self.b
@@ -34,7 +34,7 @@ class Trajectory:
 
     times_s: tuple[float, ...]
     """rising"""
-    points: tuple[Point, ...]
+    points: tuple[LocalPoint, ...]
 
     def __post_init__(self) -> None:
         if len(self.times_s) != len(self.points):
@@ -48,7 +48,7 @@ class Trajectory:
         for (t0, t1), (a, b) in zip(pairwise(self.times_s), pairwise(self.points), strict=True):
             yield Segment(t0, t1, a, b)
 
-    def at(self, t_s: float) -> Point | None:
+    def at(self, t_s: float) -> LocalPoint | None:
         """Where it is; None before and after its flight."""
         if not self.times_s or not self.times_s[0] <= t_s <= self.times_s[-1]:
             return None
@@ -100,13 +100,13 @@ class Bounds:
         )
 
 
-def to_its_landing(flight: Trajectory) -> Trajectory:
+def until_landing(flight: Trajectory) -> Trajectory:
     """A flight until it begins to come down on the spot at its end; the whole of one that does so already."""
     n = _n_before_landing(flight)
     return flight if n < 2 else Trajectory(flight.times_s[:n], flight.points[:n])
 
 
-def lands_from_s(flight: Trajectory) -> float:
+def landing_start_s(flight: Trajectory) -> float:
     """When it begins to come down on the spot at its end; at its end, where it does not."""
     return flight.times_s[_n_before_landing(flight) - 1]
 
@@ -119,11 +119,11 @@ def _n_before_landing(flight: Trajectory) -> int:
     return n
 
 
-def _sinks_on_the_spot(a: Point, b: Point) -> bool:
+def _sinks_on_the_spot(a: LocalPoint, b: LocalPoint) -> bool:
     return b[2] < a[2] and math.dist(a[:2], b[:2]) < 1.0
 
 
-def onward(here: Point, velocity_m_s: Point, from_s: float, for_s: float) -> Trajectory:
+def extrapolate(here: LocalPoint, velocity_m_s: LocalPoint, from_s: float, for_s: float) -> Trajectory:
     """On from `here` at one velocity (east, north, up) [m/s] for so long."""
     e, n, u = (x + v * for_s for x, v in zip(here, velocity_m_s, strict=True))
     return Trajectory((from_s, from_s + for_s), (here, (e, n, u)))

@@ -10,9 +10,9 @@ from swarmctl.agent.traffic.separation.approach import Approach, Limits, closest
 from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory
 from swarmctl.core.frames import StateShared
 
-Action = Literal["hold", "climb", "none"]
+AvoidanceAction = Literal["hold", "climb", "none"]
 
-CLEAR_BY = 1.5
+CLEAR_FACTOR = 1.5
 """An alarm ends when nobody comes within so many times the limits …"""
 CLEAR_FOR_S = 2.0
 """… for so long."""
@@ -20,23 +20,23 @@ HEIGHT_MARGIN = 1.2
 """Who climbs keeps so many times the vertical limit: neither holds its height to the metre."""
 
 
-USUAL = Limits(10.0, 3.0)
+DEFAULT_LIMITS = Limits(10.0, 3.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Separation:
+class SeparationRules:
     """How far vehicles keep from each other, and what is done where they would not."""
 
-    limits: Limits = USUAL
+    limits: Limits = DEFAULT_LIMITS
     look_ahead_s: float = 10.0
-    action: Action = "hold"
+    action: AvoidanceAction = "hold"
 
 
-APART = Separation()
+DEFAULT_SEPARATION = SeparationRules()
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class NeighbourReport:
     """Another vehicle as it told of itself."""
 
     state: StateShared
@@ -45,7 +45,7 @@ class Heard:
 
 
 @dataclass(frozen=True, slots=True)
-class Intended:
+class NeighbourIntent:
     """The flight that another vehicle has told it is on or is about to begin."""
 
     flight: Trajectory
@@ -66,7 +66,7 @@ class Intended:
 
 
 @dataclass(frozen=True, slots=True)
-class Alarm:
+class ProximityAlarm:
     """Another vehicle that will be too close."""
 
     other: int
@@ -76,19 +76,19 @@ class Alarm:
     """since when that is predicted no more"""
 
 
-def watch(
-    alarms: Sequence[Alarm],
+def update_alarms(
+    alarms: Sequence[ProximityAlarm],
     own: Trajectory,
     others: Mapping[int, Trajectory],
-    rules: Separation,
+    rules: SeparationRules,
     now_s: float,
-) -> tuple[Alarm, ...]:
+) -> tuple[ProximityAlarm, ...]:
     """The alarms from now on, by system id. `others` are those heard of late, as they are predicted.
 
     One is raised at once, and ends with hysteresis: else it would come and go with every metre of error.
     """
     before = {alarm.other: alarm for alarm in alarms}
-    wide = Limits(CLEAR_BY * rules.limits.horizontal_m, CLEAR_BY * rules.limits.vertical_m)
+    wide = Limits(CLEAR_FACTOR * rules.limits.horizontal_m, CLEAR_FACTOR * rules.limits.vertical_m)
     after, mine = [], Bounds.of(own)
     for uav in sorted({*others, *before}):
         other, known = others.get(uav), before.get(uav)
@@ -96,11 +96,11 @@ def watch(
         if other is not None and _is_near(mine, other, limits) and intervals(own, other, limits):
             at = closest(own, other, rules.limits)
             assert at is not None
-            after.append(Alarm(uav, at))
+            after.append(ProximityAlarm(uav, at))
         elif known is not None:
             since_s = now_s if known.clear_since_s is None else known.clear_since_s
             if now_s - since_s < CLEAR_FOR_S:
-                after.append(Alarm(uav, known.approach, since_s))
+                after.append(ProximityAlarm(uav, known.approach, since_s))
     return tuple(after)
 
 
@@ -109,20 +109,20 @@ def _is_near(mine: Bounds, other: Trajectory, limits: Limits) -> bool:
     return mine.is_within(Bounds.of(other), reach)
 
 
-def gives_way(uav: int, other: int) -> bool:
+def gives_way_by_id(uav: int, other: int) -> bool:
     """Of two vehicles exactly one gives way, without a word: the one with the higher system id."""
     return uav > other
 
 
-Standing = tuple[bool, int]
+Priority = tuple[bool, int]
 """whether a vehicle may change its plan, and its system id"""
 
 
-def yields_to(one: Standing, other: Standing) -> bool:
+def gives_way_to(one: Priority, other: Priority) -> bool:
     """Of two vehicles whose plans meet exactly one gives way, if either can: who may change its plan to who
     may not, else the one with the higher system id. A system id is known to all, and no two have the same."""
     (may, uav), (may_too, than) = one, other
-    return may and (not may_too or gives_way(uav, than))
+    return may and (not may_too or gives_way_by_id(uav, than))
 
 
 def clear_height_m(height_m: float, others_m: Sequence[float], limits: Limits) -> float:

@@ -28,7 +28,7 @@ HALF_DIAGONAL_CELLS = math.sqrt(0.5)
 
 
 @dataclass(frozen=True, slots=True)
-class Arrival:
+class TimeBound:
     """When a vehicle is to be over its goal, and what turns that time into length."""
 
     speed_m_s: float = 10.0
@@ -50,11 +50,11 @@ class Arrival:
         return self.after_s > 0.0 or not math.isinf(self.within_s)
 
 
-AT_ANY_TIME = Arrival()
+UNBOUNDED = TimeBound()
 
 
 @dataclass(frozen=True, slots=True)
-class Underway:
+class LeadIn:
     """What is behind a vehicle, and what lies between it and the route that is planned."""
 
     elapsed_s: float
@@ -66,7 +66,7 @@ class Underway:
     lost_s: float = 0.0
     """what leaving the ground, and stopping where the route begins, cost on that way"""
 
-    def arrives_s(self, arrival: Arrival, length_m: float, lost_s: float = 0.0) -> float:
+    def arrives_s(self, arrival: TimeBound, length_m: float, lost_s: float = 0.0) -> float:
         """When it is over its goal with a route of this length, from its take-off; `lost_s` at its turns
         (`pace.lost_s`)."""
         climb_s = max(self.climb_m, 0.0) / CLIMB_M_S
@@ -75,7 +75,7 @@ class Underway:
 
 
 @dataclass(frozen=True, slots=True)
-class Window:
+class LengthBounds:
     """Bounds on the length of a route [cells]."""
 
     min_cells: float = 0.0
@@ -87,36 +87,36 @@ class Window:
         missed = max(self.min_cells - length_cells, length_cells + lost_cells - self.max_cells)
         return missed if missed > ROUNDING_CELLS else 0.0
 
-    def less(self, cells: float) -> Window:
+    def less(self, cells: float) -> LengthBounds:
         """With so much kept free at its late end, but never more than half of it."""
         kept = max(self.max_cells - cells, 0.5 * (self.min_cells + self.max_cells))
-        return Window(self.min_cells, min(kept, self.max_cells))
+        return LengthBounds(self.min_cells, min(kept, self.max_cells))
 
 
-def before_takeoff(arrival: Arrival, altitude_m: float) -> Underway:
+def before_takeoff(arrival: TimeBound, altitude_m: float) -> LeadIn:
     """A vehicle on the ground: it climbs first, then flies to its entry, where it may have to turn by any
     angle and is taken to stop."""
     approach = ((0.0, 0.0), (arrival.approach_m, 0.0))
     lost_s = LIFT_S + travel_time.lost_s(approach, arrival.speed_m_s)
-    return Underway(elapsed_s=0.0, climb_m=altitude_m, lead_m=arrival.approach_m, lost_s=lost_s)
+    return LeadIn(elapsed_s=0.0, climb_m=altitude_m, lead_m=arrival.approach_m, lost_s=lost_s)
 
 
-def change_s(arrival: Arrival, stop_s: float | None = None, brakes_m_s2: float | None = None) -> float:
+def change_s(arrival: TimeBound, stop_s: float | None = None, brakes_m_s2: float | None = None) -> float:
     """What changing the mission in flight costs before the new route is begun: for as long as that makes the
     vehicle stand (`SwapTimes.stop_s`), where that is known, and at least what it loses by braking for it."""
     brakes_s = 0.0 if brakes_m_s2 is None else travel_time.brake_s(arrival.speed_m_s, brakes_m_s2)
     return max(travel_time.brake_s(arrival.speed_m_s) + HOLD_S if stop_s is None else stop_s, brakes_s)
 
 
-def window(arrival: Arrival, cell_size_m: float, underway: Underway) -> Window:
+def length_bounds(arrival: TimeBound, cell_size_m: float, underway: LeadIn) -> LengthBounds:
     """What the bound leaves for the length of the route, if it loses no time at turns. Where nothing is left,
     both ends are 0. At the early end nothing is reckoned lost: it must hold however well a vehicle turns."""
     if not arrival.is_bounded:
-        return Window()
+        return LengthBounds()
     at_once_s = underway.arrives_s(arrival, 0.0)
     at_best_s = at_once_s - underway.lost_s
     cells_per_s = arrival.speed_m_s / cell_size_m
     latest = max((arrival.within_s - at_once_s) * cells_per_s, 0.0)
     earliest = (arrival.after_s - at_best_s) * cells_per_s + HALF_DIAGONAL_CELLS
     earliest = min(max(earliest, 0.0), latest) if arrival.after_s > 0.0 else 0.0
-    return Window(earliest, latest)
+    return LengthBounds(earliest, latest)

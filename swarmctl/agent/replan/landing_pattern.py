@@ -14,9 +14,7 @@ from itertools import pairwise
 
 from swarmctl.core.geo import LatLon, LocalFrame
 from swarmctl.core.mission import Approach, Waypoint
-from swarmctl.core.plane import stays_inside
-
-Point = tuple[float, float]
+from swarmctl.core.planar import PlanarPoint, stays_inside
 
 HEADINGS = 16
 """from how many sides a landing is looked for"""
@@ -35,7 +33,7 @@ class NoApproach(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Wings:
+class FixedWing:
     """What a plan for a fixed wing has to know of it."""
 
     loiter_radius_m: float
@@ -73,30 +71,30 @@ class Wings:
 class Pose:
     """Where it is, and where it flies to."""
 
-    point: Point
+    point: PlanarPoint
     heading_rad: float
 
 
 @dataclass(frozen=True, slots=True)
-class Pattern:
+class LandingPattern:
     """A landing, seen from above."""
 
-    centre: Point
+    centre: PlanarPoint
     radius_m: float
     """negative: counter-clockwise"""
-    leaves: Point
+    leaves: PlanarPoint
     """where the circle is left, along its tangent"""
-    final: Point
-    touchdown: Point
+    final: PlanarPoint
+    touchdown: PlanarPoint
     heading_rad: float
 
-    def circle(self) -> list[Point]:
+    def circle(self) -> list[PlanarPoint]:
         """Once around, from where it is left and back."""
         out = math.atan2(self.leaves[0] - self.centre[0], self.leaves[1] - self.centre[1])
         turn = math.copysign(math.tau / CIRCLE_POINTS, self.radius_m)
         return [_ahead(self.centre, out + k * turn, abs(self.radius_m)) for k in range(CIRCLE_POINTS + 1)]
 
-    def outline(self) -> list[Point]:
+    def outline(self) -> list[PlanarPoint]:
         """All that is flown over from the circle on, and what it may roll."""
         return [
             *self.circle(),
@@ -106,7 +104,9 @@ class Pattern:
         ]
 
 
-def pattern(touchdown: Point, heading_rad: float, wings: Wings, *, clockwise: bool) -> Pattern:
+def landing_pattern(
+    touchdown: PlanarPoint, heading_rad: float, wings: FixedWing, *, clockwise: bool
+) -> LandingPattern:
     """Land at `touchdown` flying into `heading_rad`, out of a circle on one side of the way."""
     radius_m = wings.loiter_radius_m
     final = _ahead(touchdown, heading_rad, -wings.final_m)
@@ -114,21 +114,21 @@ def pattern(touchdown: Point, heading_rad: float, wings: Wings, *, clockwise: bo
     leaves = _ahead(final, heading_rad, -radius_m)
     side_rad = math.pi / 2.0 if clockwise else -math.pi / 2.0
     centre = _ahead(leaves, heading_rad + side_rad, radius_m)
-    return Pattern(
+    return LandingPattern(
         centre, radius_m if clockwise else -radius_m, leaves, final, touchdown, heading_rad % math.tau
     )
 
 
-def choose(
-    touchdown: Point,
-    wings: Wings,
+def choose_pattern(
+    touchdown: PlanarPoint,
+    wings: FixedWing,
     *,
     comes: Pose,
     is_flown_to: bool,
     turn_radius_m: float,
-    fence: Sequence[Point],
-    exposure_under: Callable[[Sequence[Point]], float],
-) -> Pattern:
+    fence: Sequence[PlanarPoint],
+    exposure_under: Callable[[Sequence[PlanarPoint]], float],
+) -> LandingPattern:
     """The landing over the least threat whose every leg stays inside the fence; of equal ones that which
     turns least from where it `comes`. `is_flown_to`: it comes to the circle from there, which counts as well.
 
@@ -136,10 +136,10 @@ def choose(
     NoApproach.
     """
 
-    def cost(candidate: Pattern) -> float:
+    def cost(candidate: LandingPattern) -> float:
         way = candidate.outline()
         if is_flown_to:
-            way = [*way_to_circle(comes, candidate, turn_radius_m), *way]
+            way = [*path_to_circle(comes, candidate, turn_radius_m), *way]
         if fence and not all(stays_inside(fence, a, b) for a, b in pairwise(way) if a != b):
             return math.inf
         return exposure_under(way)
@@ -155,7 +155,7 @@ def choose(
     return next(one for total, one in found if total <= least + SAME)
 
 
-def _candidates(touchdown: Point, wings: Wings, along_rad: float) -> Iterator[Pattern]:
+def _candidates(touchdown: PlanarPoint, wings: FixedWing, along_rad: float) -> Iterator[LandingPattern]:
     """Those that turn least first."""
     headings = [along_rad]
     if wings.landing_heading_deg is not None:
@@ -165,10 +165,10 @@ def _candidates(touchdown: Point, wings: Wings, along_rad: float) -> Iterator[Pa
             headings += [along_rad + k * math.tau / HEADINGS, along_rad - k * math.tau / HEADINGS]
     for heading_rad in headings:
         for clockwise in (True, False):
-            yield pattern(touchdown, heading_rad, wings, clockwise=clockwise)
+            yield landing_pattern(touchdown, heading_rad, wings, clockwise=clockwise)
 
 
-def way_to_circle(comes: Pose, there: Pattern, turn_radius_m: float) -> list[Point]:
+def path_to_circle(comes: Pose, there: LandingPattern, turn_radius_m: float) -> list[PlanarPoint]:
     """About how it flies from where it comes to the circle: turning toward its middle until it is on it."""
     (east, north), heading = comes.point, comes.heading_rad
     most_rad = STEP_M / max(turn_radius_m, STEP_M)
@@ -184,10 +184,10 @@ def way_to_circle(comes: Pose, there: Pattern, turn_radius_m: float) -> list[Poi
     return way
 
 
-def approach(found: Pattern, frame: LocalFrame, height_m: float) -> Approach:
+def planned_approach(found: LandingPattern, frame: LocalFrame, height_m: float) -> Approach:
     """As a part of a plan; `height_m` above home is that of the final."""
 
-    def place(point: Point, up_m: float) -> Waypoint:
+    def place(point: PlanarPoint, up_m: float) -> Waypoint:
         return Waypoint(*frame.to_geodetic(*point), up_m)
 
     return Approach(
@@ -198,7 +198,7 @@ def approach(found: Pattern, frame: LocalFrame, height_m: float) -> Approach:
     )
 
 
-def pattern_of(there: Approach, frame: LocalFrame) -> Pattern:
+def pattern_from(there: Approach, frame: LocalFrame) -> LandingPattern:
     """A plan's approach, seen from above."""
     centre, final, touchdown = (
         frame.to_local(p.lat_deg, p.lon_deg) for p in (there.centre, there.final, there.touchdown)
@@ -206,8 +206,8 @@ def pattern_of(there: Approach, frame: LocalFrame) -> Pattern:
     heading_rad = math.atan2(touchdown[0] - final[0], touchdown[1] - final[1])
     side_rad = -math.pi / 2.0 if there.radius_m > 0.0 else math.pi / 2.0
     leaves = _ahead(centre, heading_rad + side_rad, abs(there.radius_m))
-    return Pattern(centre, there.radius_m, leaves, final, touchdown, heading_rad)
+    return LandingPattern(centre, there.radius_m, leaves, final, touchdown, heading_rad)
 
 
-def _ahead(point: Point, heading_rad: float, metres: float) -> Point:
+def _ahead(point: PlanarPoint, heading_rad: float, metres: float) -> PlanarPoint:
     return point[0] + metres * math.sin(heading_rad), point[1] + metres * math.cos(heading_rad)

@@ -9,14 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
-from swarmctl.agent.replan.approach import Pattern, Pose, pattern_of, way_to_circle
+from swarmctl.agent.replan.landing_pattern import LandingPattern, Pose, path_to_circle, pattern_from
 from swarmctl.agent.state import Task
-from swarmctl.agent.traffic.separation.trajectory import Point, Trajectory
+from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
 from swarmctl.core.any_angle.turns import rounded
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan
-
-Place = tuple[float, float]
+from swarmctl.core.planar import PlanarPoint
 
 ROLL_S = 4.0
 """from its arming until it leaves the ground"""
@@ -36,7 +35,7 @@ def from_takeoff(task: Task, plan: FlightPlan, start: LatLon) -> Trajectory:
 
 
 def in_flight(
-    task: Task, plan: FlightPlan, here: Point, left: Sequence[Place], speed_m_s: float
+    task: Task, plan: FlightPlan, here: LocalPoint, left: Sequence[PlanarPoint], speed_m_s: float
 ) -> Trajectory:
     """On from `here` over what is `left` of a plan's track, and down; from 0 s on."""
     flight = _Flight(here, speed_m_s)
@@ -45,7 +44,7 @@ def in_flight(
 
 
 def coming_down(
-    task: Task, plan: FlightPlan, here: Point, heading_rad: float, speed_m_s: float
+    task: Task, plan: FlightPlan, here: LocalPoint, heading_rad: float, speed_m_s: float
 ) -> Trajectory:
     """On from `here`, beyond its goal, by its approach; from 0 s on."""
     flight = _Flight(here, speed_m_s)
@@ -57,11 +56,11 @@ def height_of(plan: FlightPlan) -> float:
     return plan.landing.alt_rel_m
 
 
-def _places(task: Task, plan: FlightPlan) -> list[Place]:
+def _places(task: Task, plan: FlightPlan) -> list[PlanarPoint]:
     return [task.grid.frame.to_local(point.lat_deg, point.lon_deg) for point in plan.track]
 
 
-def _on_its_way(flight: _Flight, task: Task, plan: FlightPlan, track: list[Place]) -> None:
+def _on_its_way(flight: _Flight, task: Task, plan: FlightPlan, track: list[PlanarPoint]) -> None:
     flown, _ = rounded(_distinct(track), task.turn_radius_m)
     flight.over(flown[1:], height_of(plan))
     heading_rad = 0.0
@@ -74,8 +73,8 @@ def _on_its_way(flight: _Flight, task: Task, plan: FlightPlan, track: list[Place
 def _down(flight: _Flight, task: Task, plan: FlightPlan, heading_rad: float) -> None:
     if plan.approach is None:
         return
-    found, final_m = pattern_of(plan.approach, task.grid.frame), plan.approach.final.alt_rel_m
-    way = way_to_circle(Pose(flight.place, heading_rad), found, task.turn_radius_m)
+    found, final_m = pattern_from(plan.approach, task.grid.frame), plan.approach.final.alt_rel_m
+    way = path_to_circle(Pose(flight.place, heading_rad), found, task.turn_radius_m)
     flight.over(way[1:], final_m)
     around = _around(found, flight.place)
     while flight.up_m > final_m + 1.0:
@@ -86,22 +85,22 @@ def _down(flight: _Flight, task: Task, plan: FlightPlan, heading_rad: float) -> 
     flight.stay(ROLL_OUT_S)
 
 
-def _around(found: Pattern, place: Place) -> list[Place]:
+def _around(found: LandingPattern, place: PlanarPoint) -> list[PlanarPoint]:
     """Once around the circle, from the point of it that is nearest."""
     circle = found.circle()[:-1]
     nearest = min(range(len(circle)), key=lambda i: math.dist(circle[i], place))
     return [*circle[nearest:], *circle[:nearest]]
 
 
-def _to_exit(found: Pattern, around: list[Place]) -> list[Place]:
+def _to_exit(found: LandingPattern, around: list[PlanarPoint]) -> list[PlanarPoint]:
     """Along the circle until where it is left."""
     exit_at = min(range(len(around)), key=lambda i: math.dist(around[i], found.leaves))
     return [*around[:exit_at], found.leaves]
 
 
-def _distinct(track: Iterable[Place]) -> list[Place]:
+def _distinct(track: Iterable[PlanarPoint]) -> list[PlanarPoint]:
     """Without points that are passed at once again: they have no direction."""
-    kept: list[Place] = []
+    kept: list[PlanarPoint] = []
     for place in track:
         if not kept or math.dist(kept[-1], place) > 0.1:
             kept.append(place)
@@ -111,12 +110,12 @@ def _distinct(track: Iterable[Place]) -> list[Place]:
 class _Flight:
     """A trajectory in the making."""
 
-    def __init__(self, begin: Point, speed_m_s: float) -> None:
+    def __init__(self, begin: LocalPoint, speed_m_s: float) -> None:
         self._points, self._times_s = [begin], [0.0]
         self._speed_m_s = speed_m_s
 
     @property
-    def place(self) -> Place:
+    def place(self) -> PlanarPoint:
         return self._points[-1][:2]
 
     @property
@@ -127,7 +126,7 @@ class _Flight:
         self._points.append(self._points[-1])
         self._times_s.append(self._times_s[-1] + seconds)
 
-    def over(self, places: Iterable[Place], height_m: float) -> None:
+    def over(self, places: Iterable[PlanarPoint], height_m: float) -> None:
         """At its speed, climbing or sinking toward a height [m] as fast as it does."""
         for place in places:
             took_s = math.dist(self.place, place) / self._speed_m_s
@@ -135,11 +134,11 @@ class _Flight:
             change_m = min(max(height_m - self.up_m, -most_m), most_m)
             self._add(place, self.up_m + change_m, took_s)
 
-    def down_to(self, place: Place) -> None:
+    def down_to(self, place: PlanarPoint) -> None:
         """Down a straight slope to the ground."""
         self._add(place, 0.0, math.dist(self.place, place) / self._speed_m_s)
 
-    def _add(self, place: Place, up_m: float, took_s: float) -> None:
+    def _add(self, place: PlanarPoint, up_m: float, took_s: float) -> None:
         if took_s > 1e-6:
             self._points.append((*place, up_m))
             self._times_s.append(self._times_s[-1] + took_s)

@@ -7,16 +7,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
-from swarmctl.agent.replan import travel_time, wing_path
-from swarmctl.agent.replan.arrival_bounds import CLIMB_M_S, LIFT_S
-from swarmctl.agent.replan.stopping import ANEW_M_S, Stop, cut
+from swarmctl.agent.replan import travel_time, wing_trajectory
+from swarmctl.agent.replan.length_bounds import CLIMB_M_S, LIFT_S
+from swarmctl.agent.replan.stopping import ANEW_M_S, BrakingStop, split_track
 from swarmctl.agent.state import Task
-from swarmctl.agent.traffic.separation.trajectory import Point, Trajectory
+from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, Waypoint
-
-Place = tuple[float, float]
-"""east, north [m]"""
+from swarmctl.core.planar import PlanarPoint
 
 DESCENT_M_S = 1.5
 """at which a landing begins: ArduCopter's WPNAV_SPEED_DN as it comes"""
@@ -36,9 +34,9 @@ def from_takeoff(task: Task, plan: FlightPlan, start: LatLon) -> Trajectory:
     It climbs on the spot, flies to its first waypoint as to every other, and comes down at its landing spot.
     """
     if task.wings is not None:
-        return wing_path.from_takeoff(task, plan, start)
+        return wing_trajectory.from_takeoff(task, plan, start)
     here = (*task.grid.frame.to_local(*start), 0.0)
-    return climbing(here, height_of(plan), ways_of(task, plan), task.arrival.speed_m_s, LIFT_S)
+    return climb_then_fly(here, height_of(plan), waypoints_of(task, plan), task.arrival.speed_m_s, LIFT_S)
 
 
 def height_of(plan: FlightPlan) -> float:
@@ -56,12 +54,12 @@ def at_height(plan: FlightPlan, height_m: float) -> FlightPlan:
     )
 
 
-def levels_first(task: Task, plan: FlightPlan, here: Point, after_s: float) -> FlightPlan:
+def with_level_off(task: Task, plan: FlightPlan, here: LocalPoint, after_s: float) -> FlightPlan:
     """The same with a waypoint more where it is at its height, which it begins to come to in `after_s`.
 
     Between waypoints vehicles rise and sink evenly: to a far one it would come to its height only there.
     """
-    height_m, place = height_of(plan), ways_of(task, plan)[0]
+    height_m, place = height_of(plan), waypoints_of(task, plan)[0]
     rate_m_s = CLIMB_M_S if height_m > here[2] else DESCENT_M_S
     takes_s = abs(height_m - here[2]) / rate_m_s
     level_m, away_m = task.arrival.speed_m_s * (after_s + takes_s), math.dist(here[:2], place)
@@ -72,33 +70,38 @@ def levels_first(task: Task, plan: FlightPlan, here: Point, after_s: float) -> F
     return replace(plan, track=(level, *plan.track))
 
 
-def ways_of(task: Task, plan: FlightPlan) -> list[Place]:
+def waypoints_of(task: Task, plan: FlightPlan) -> list[PlanarPoint]:
     """The waypoints of a plan, and where it comes down."""
     frame = task.grid.frame
     return [frame.to_local(point.lat_deg, point.lon_deg) for point in (*plan.track, plan.landing)]
 
 
-def climbing(
-    here: Point, height_m: float, way: Sequence[Place], speed_m_s: float, lift_s: float = 0.0
+def climb_then_fly(
+    here: LocalPoint, height_m: float, way: Sequence[PlanarPoint], speed_m_s: float, lift_s: float = 0.0
 ) -> Trajectory:
     """From when it begins to climb on the spot, after `lift_s`, along a way at that height, and down."""
     up_s = lift_s + max(height_m - here[2], 0.0) / CLIMB_M_S
     there = (here[0], here[1], height_m)
     if up_s == 0.0:
-        return along(there, height_m, way, speed_m_s)
-    flight = along(there, height_m, way, speed_m_s).later(up_s)
+        return fly_along(there, height_m, way, speed_m_s)
+    flight = fly_along(there, height_m, way, speed_m_s).later(up_s)
     return Trajectory((0.0, *flight.times_s), (here, *flight.points))
 
 
-def stopping(
-    here: Point, height_m: float, way: Sequence[Place], speed_m_s: float, begins_m_s: float, stop: Stop | None
+def fly_with_stop(
+    here: LocalPoint,
+    height_m: float,
+    way: Sequence[PlanarPoint],
+    speed_m_s: float,
+    begins_m_s: float,
+    stop: BrakingStop | None,
 ) -> Trajectory:
-    """As `along`, for one that stops on its way and keeps its height until then; None: it does not stop."""
-    parts = None if stop is None else cut([here[:2], *way], stop.in_m)
+    """As `fly_along`, for one that stops on its way and keeps its height until then; None: it does not stop."""
+    parts = None if stop is None else split_track([here[:2], *way], stop.in_m)
     if stop is None or parts is None:
-        return along(here, height_m, way, speed_m_s, begins_m_s)
+        return fly_along(here, height_m, way, speed_m_s, begins_m_s)
     until, rest = parts
-    if (brakes := cut(until, stop.on_m)) is not None:
+    if (brakes := split_track(until, stop.on_m)) is not None:
         until = [*brakes[0], *brakes[1][1:]]
     points, times_s, way_m = [here], [0.0], 0.0
     for a, b in pairwise(until[:-1]):
@@ -106,12 +109,12 @@ def stopping(
         if times_s[-1] + APART_S < (at_s := stop.passed_s(way_m)) < stop.in_s - APART_S:
             points.append((*b, here[2]))
             times_s.append(at_s)
-    on = along((*rest[0], here[2]), height_m, rest[1:], speed_m_s, ANEW_M_S).later(stop.in_s)
+    on = fly_along((*rest[0], here[2]), height_m, rest[1:], speed_m_s, ANEW_M_S).later(stop.in_s)
     return Trajectory((*times_s, *on.times_s), (*points, *on.points))
 
 
-def along(
-    here: Point, height_m: float, way: Sequence[Place], speed_m_s: float, begins_m_s: float = 0.0
+def fly_along(
+    here: LocalPoint, height_m: float, way: Sequence[PlanarPoint], speed_m_s: float, begins_m_s: float = 0.0
 ) -> Trajectory:
     """In flight: on from `here`, at `begins_m_s`, along a way, which it comes to at `height_m`, and down."""
     corners, passed_s = travel_time.timed([here[:2], *way], speed_m_s, begins_m_s=begins_m_s)
@@ -127,10 +130,10 @@ def along(
     for corner, at_s in zip(corners[1:], passed_s[1:], strict=True):
         points.append((*corner, height_m))
         times_s.append(at_s + late_s)
-    return down(points, times_s)
+    return land_from(points, times_s)
 
 
-def down(points: Sequence[Point], times_s: Sequence[float]) -> Trajectory:
+def land_from(points: Sequence[LocalPoint], times_s: Sequence[float]) -> Trajectory:
     """A flight that ends with a landing on the spot, from its last point."""
     points, times_s = [*points], [*times_s]
     east_m, north_m, up_m = points[-1]
