@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 
 from swarmctl.core.inference import occupancy
 from swarmctl.core.inference.hostiles import HostileCount
-from swarmctl.core.inference.occupancy import Classes
+from swarmctl.core.inference.occupancy import CellClasses
 from swarmctl.core.inference.sensor import PERFECT, SensorModel
 from swarmctl.core.observation import (
     CELL,
+    BeliefItem,
+    CellCounts,
     Checkpoint,
-    Counts,
-    Named,
+    IndexedObservation,
     Observation,
     Source,
-    Told,
-    named,
+    indexed,
 )
 
 UNKNOWN = -1
@@ -30,7 +30,7 @@ OCCUPIED = 1
 ONCE = np.int32(1)
 
 
-class Log:
+class ObservationLog:
     """Observations in the order in which they were merged, each name once; it only grows.
 
     Beliefs that grew from one another share one, and each knows how much of it is its own: a merge copies
@@ -39,7 +39,7 @@ class Log:
 
     __slots__ = ("at", "items", "n_covered")
 
-    def __init__(self, items: Iterable[Named] = ()) -> None:
+    def __init__(self, items: Iterable[IndexedObservation] = ()) -> None:
         self.items = list(items)
         self.at = {item.name: where for where, item in enumerate(self.items)}
         """name -> where in the log"""
@@ -59,31 +59,31 @@ class Log:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Looked:
+class LookCounts:
     """How often each cell was looked at, and how often a hostile was seen there; (rows, cols) each."""
 
     looks: NDArray[np.int32]
     hits: NDArray[np.int32]
 
-    def copy(self) -> Looked:
+    def copy(self) -> LookCounts:
         """One that can be written to."""
-        return Looked(self.looks.copy(), self.hits.copy())
+        return LookCounts(self.looks.copy(), self.hits.copy())
 
-    def count(self, seen: Sequence[Named], sign: np.int32 = ONCE) -> None:
+    def count(self, seen: Sequence[IndexedObservation], sign: np.int32 = ONCE) -> None:
         """Cells may be named several times."""
         if seen:
             # With a plain int, or another type, `add.at` takes forty times as long.
             np.add.at(self.looks.ravel(), _joined(item.cells[0] for item in seen), sign)
             np.add.at(self.hits.ravel(), _joined(item.cells[1] for item in seen), sign)
 
-    def change(self, counts: Counts, sign: int) -> None:
+    def change(self, counts: CellCounts, sign: int) -> None:
         self.looks.ravel()[counts.cells] += sign * counts.looks
         self.hits.ravel()[counts.cells] += sign * counts.hits
 
-    def equals(self, other: Looked) -> bool:
+    def equals(self, other: LookCounts) -> bool:
         return np.array_equal(self.looks, other.looks) and np.array_equal(self.hits, other.hits)
 
-    def sealed(self) -> Looked:
+    def sealed(self) -> LookCounts:
         self.looks.flags.writeable = self.hits.flags.writeable = False
         return self
 
@@ -101,15 +101,15 @@ class Belief:
     """n_HA, as announced beforehand"""
     sensor: SensorModel
     """how reliable looks are taken to be"""
-    _base: Looked
+    _base: LookCounts
     """what the first `_counted` of the log and the checkpoints come to"""
     _counted: int
-    _log: Log
+    _log: ObservationLog
     _n: int
     """how much of the log is this belief's"""
     _checkpoints: Mapping[Source, Checkpoint]
     """what they stand for of each source counts by them, whether the log has it or not"""
-    _counted_all: Looked | None = None
+    _counted_all: LookCounts | None = None
     """what all of it comes to, once somebody has asked"""
 
     @classmethod
@@ -128,9 +128,17 @@ class Belief:
                 f"{count.greatest} hostiles in {rows} × {cols} cells: expected 0 to {rows * cols}, "
                 "at most one a cell"
             )
-        return cls(count, sensor, Looked(_read_only(rows, cols), _read_only(rows, cols)), 0, Log(), 0, {})
+        return cls(
+            count,
+            sensor,
+            LookCounts(_read_only(rows, cols), _read_only(rows, cols)),
+            0,
+            ObservationLog(),
+            0,
+            {},
+        )
 
-    def merge(self, told: Iterable[Told]) -> Belief:
+    def merge(self, told: Iterable[BeliefItem]) -> Belief:
         """The union with `told`; `self` where it brings nothing new.
 
         Raises ValueError, and takes none of it, where a cell lies outside the area or where one name
@@ -143,7 +151,7 @@ class Belief:
                 return belief._append([item for item in told if isinstance(item, Observation)])
         return self._append(told)
 
-    def _append(self, told: Iterable[Told]) -> Belief:
+    def _append(self, told: Iterable[BeliefItem]) -> Belief:
         log, n, checkpoints = self._log, self._n, self._checkpoints
         if n == 0 or n < len(log.items):
             log, base = self._held(), self._looked
@@ -155,7 +163,7 @@ class Belief:
         items, at, (rows, cols) = log.items, log.at, base.looks.shape
         for seen in told:
             assert isinstance(seen, Observation)
-            item = named(seen, rows, cols)
+            item = indexed(seen, rows, cols)
             stands = checkpoints.get(seen.source) if checkpoints else None
             if stands is None or seen.seq > stands.upto:
                 where = at.setdefault(item.name, len(items))
@@ -169,11 +177,11 @@ class Belief:
             return self
         return Belief(self.count, self.sensor, base, upto, log, len(items), checkpoints)
 
-    def _held(self) -> Log:
+    def _held(self) -> ObservationLog:
         """A log of its own, without what checkpoints stand for."""
         upto = {source: checkpoint.upto for source, checkpoint in self._checkpoints.items()}
         items = self._log.items[: self._n]
-        return Log(item for item in items if item.seen.seq > upto.get(item.seen.source, 0))
+        return ObservationLog(item for item in items if item.seen.seq > upto.get(item.seen.source, 0))
 
     def _advance(self, told: list[Checkpoint]) -> Belief:
         """What was counted one by one, or by an earlier checkpoint, is counted by a later one instead.
@@ -220,7 +228,7 @@ class Belief:
         return self._looked.hits
 
     @property
-    def _looked(self) -> Looked:
+    def _looked(self) -> LookCounts:
         if self._counted_all is None:
             looked = self._base
             if self._counted < self._n:
@@ -266,7 +274,7 @@ class Belief:
         p_occupied.ravel()[self._seen_cells] = self._p_occupied[which]
         return p_occupied
 
-    def unsettled(self, cells: Iterable[tuple[int, int, bool]]) -> tuple[tuple[int, int, bool], ...]:
+    def uncertain(self, cells: Iterable[tuple[int, int, bool]]) -> tuple[tuple[int, int, bool], ...]:
         """Those of a look's cells of which one more look can teach something.
 
         What the paper's sensor has seen need not be sensed again (section 3); where sensors err, every look
@@ -278,7 +286,7 @@ class Belief:
             if not self.sensor.settled(int(self.looks[r, c]), int(self.hits[r, c]))
         )
 
-    def contrary(self, cells: Iterable[tuple[int, int, bool]]) -> tuple[tuple[int, int, bool], ...]:
+    def contradicted(self, cells: Iterable[tuple[int, int, bool]]) -> tuple[tuple[int, int, bool], ...]:
         """Those of a look's cells of which the contrary was certain, by what others told."""
         return tuple(
             (r, c, occupied)
@@ -287,20 +295,20 @@ class Belief:
             and (hits == 0 if occupied else hits == looks)
         )
 
-    def seen_of(self, flat: NDArray[np.int64]) -> NDArray[np.int64]:
+    def looks_and_hits(self, flat: NDArray[np.int64]) -> NDArray[np.int64]:
         """(n, 2) looks and hits of cells given as row · cols + col"""
         return np.stack([self.looks.ravel()[flat], self.hits.ravel()[flat]], axis=1).astype(np.int64)
 
     @property
-    def classes(self) -> Classes:
+    def classes(self) -> CellClasses:
         """The cells of the area, by what was seen of them."""
         return self._classes[0]
 
-    def told(self) -> Iterator[Told]:
+    def items(self) -> Iterator[BeliefItem]:
         """Everything held, in order of observer, incarnation and sequence."""
-        items: list[Told] = [*self._checkpoints.values(), *(item.seen for item in self._held().items)]
+        items: list[BeliefItem] = [*self._checkpoints.values(), *(item.seen for item in self._held().items)]
 
-        def place(item: Told) -> tuple[Source, int]:
+        def place(item: BeliefItem) -> tuple[Source, int]:
             return item.source, 0 if isinstance(item, Checkpoint) else item.seq
 
         return iter(sorted(items, key=place))
@@ -321,15 +329,15 @@ class Belief:
         return np.flatnonzero(self.looks)
 
     @cached_property
-    def _classes(self) -> tuple[Classes, NDArray[np.int64]]:
+    def _classes(self) -> tuple[CellClasses, NDArray[np.int64]]:
         """The classes in order of looks and hits, and the class of each cell seen."""
-        pairs = self.seen_of(self._seen_cells)
+        pairs = self.looks_and_hits(self._seen_cells)
         packed = pairs[:, 0] << 32 | pairs[:, 1]
         kinds, which, n_cells = np.unique(packed, return_inverse=True, return_counts=True)
         n_unseen = self.looks.size - packed.size
         if n_unseen:
             kinds, n_cells, which = np.append(0, kinds), np.append(n_unseen, n_cells), which + 1
-        return Classes(kinds >> 32, kinds & 0xFFFFFFFF, n_cells.astype(np.int64)), which
+        return CellClasses(kinds >> 32, kinds & 0xFFFFFFFF, n_cells.astype(np.int64)), which
 
     @cached_property
     def _p_occupied(self) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ from scipy import ndimage
 from swarmctl.core.grid import Cell
 from swarmctl.core.threat import FiringStrength
 
-Way = Sequence[Cell] | NDArray[np.int64]
+RouteCells = Sequence[Cell] | NDArray[np.int64]
 """A route: its cells, or the same as an array (n, 2), which sums over one long route had better share."""
 
 
@@ -36,7 +36,7 @@ def prior_inner_exposure(rows: int, cols: int, n_hostiles: float, strength: Firi
     return n_hostiles / (rows * cols) * float(strength.kernel.sum())
 
 
-def length_cells(cells: Way) -> float:
+def length_cells(cells: RouteCells) -> float:
     """Length of a route [cells], √2 for a diagonal step.
 
     Raises ValueError where two cells in a row are no neighbours.
@@ -52,7 +52,7 @@ def length_cells(cells: Way) -> float:
     return len(steps) - n_diagonal + n_diagonal * math.sqrt(2.0)
 
 
-def exposure_sum(p_s: NDArray[np.float64], cells: Way) -> float:
+def exposure_sum(p_s: NDArray[np.float64], cells: RouteCells) -> float:
     """ΣP_s over a route, the start cell left out and the goal counted: the exposure part of Eq. 5.
 
     ERRATUM: the paper holds that the path of least ΣP_s has the greatest safety factor too. It need not:
@@ -61,7 +61,7 @@ def exposure_sum(p_s: NDArray[np.float64], cells: Way) -> float:
     return math.fsum(_entered(p_s, cells))
 
 
-def safety_factor(p_s: NDArray[np.float64], cells: Way) -> float:
+def safety_factor(p_s: NDArray[np.float64], cells: RouteCells) -> float:
     """∏(1 − P_s) over a route, the start cell left out and the goal counted; P_s is clipped to 1.
 
     ERRATUM: the paper takes this for the chance of getting through. Neighbouring cells are exposed to the
@@ -71,7 +71,7 @@ def safety_factor(p_s: NDArray[np.float64], cells: Way) -> float:
     return math.prod(1.0 - min(value, 1.0) for value in _entered(p_s, cells))
 
 
-def _entered(p_s: NDArray[np.float64], cells: Way) -> list[float]:
+def _entered(p_s: NDArray[np.float64], cells: RouteCells) -> list[float]:
     """P_s of the cells after the first, all at once: routes are long, and indexing one by one is slow."""
     rows, cols = np.asarray(cells, dtype=np.int64).reshape(-1, 2)[1:].T
     entered: list[float] = p_s[rows, cols].tolist()

@@ -52,7 +52,7 @@ Frames = Annotated[tuple[bytes, ...], msgspec.Meta(max_length=MAX_FRAMES)]
 Text = Annotated[str, msgspec.Meta(max_length=MAX_TEXT)]
 
 
-class Why(StrEnum):
+class RefusalReason(StrEnum):
     """Why a message was refused."""
 
     MALFORMED = "malformed"
@@ -71,10 +71,10 @@ class Why(StrEnum):
     TOO_FAST = "too fast"
 
 
-class Refused(ValueError):
+class MessageRefused(ValueError):
     """A message that is not taken; says why in a word, and what was found."""
 
-    def __init__(self, why: Why, text: str) -> None:
+    def __init__(self, why: RefusalReason, text: str) -> None:
         super().__init__(f"{why}: {text}")
         self.why = why
 
@@ -173,7 +173,7 @@ class IntentShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, ta
             before_s = point.in_s
 
 
-class Have(msgspec.Struct, frozen=True, array_like=True):
+class HeldObservations(msgspec.Struct, frozen=True, array_like=True):
     """What of one source is held."""
 
     observer: Id
@@ -191,7 +191,7 @@ class Have(msgspec.Struct, frozen=True, array_like=True):
 class SnapshotAsked(msgspec.Struct, frozen=True, tag="query-ref/snapshot"):
     """Everything held, by name."""
 
-    have: tuple[Have, ...]
+    have: tuple[HeldObservations, ...]
     states: tuple[tuple[Id, float], ...]
     """UAV -> the time of its last state held (unix) [s]"""
 
@@ -210,7 +210,7 @@ class Relayed(msgspec.Struct, frozen=True, tag="inform/relayed"):
 
 
 Content = Observation | Checkpoint | StateShared | IntentShared | SnapshotAsked | Snapshot | Relayed
-Spoken = Observation | StateShared | IntentShared
+AgentMessage = Observation | StateShared | IntentShared
 """what an agent says; all else is between its node and others'"""
 
 
@@ -260,7 +260,7 @@ _encoder = msgspec.msgpack.Encoder()
 _frames: msgspec.msgpack.Decoder[Frame] = msgspec.msgpack.Decoder(Frame)
 
 
-class Seal:
+class FrameCodec:
     """Frames to bytes and back. Without `verify` signatures are neither made nor looked at."""
 
     def __init__(self, swarm: str, sign: Sign | None = None, verify: Verify | None = None) -> None:
@@ -279,22 +279,32 @@ class Seal:
     def open(self, data: bytes) -> Frame:
         """Raises Refused; never anything else, whatever the bytes."""
         if len(data) > MAX_FRAME_BYTES:
-            raise Refused(Why.OVERSIZE, f"{len(data)} bytes, expected at most {MAX_FRAME_BYTES}")
+            raise MessageRefused(
+                RefusalReason.OVERSIZE, f"{len(data)} bytes, expected at most {MAX_FRAME_BYTES}"
+            )
         if len(data) < 2:
-            raise Refused(Why.MALFORMED, "expected a version, a flag and MessagePack")
+            raise MessageRefused(RefusalReason.MALFORMED, "expected a version, a flag and MessagePack")
         if data[0] != VERSION:
-            raise Refused(Why.VERSION, f"version {data[0]}, this program speaks version {VERSION}")
+            raise MessageRefused(
+                RefusalReason.VERSION, f"version {data[0]}, this program speaks version {VERSION}"
+            )
         start = 2 + SIGNATURE_BYTES if data[1] == SIGNED else 2
         body = data[start:]
         try:
             frame = _frames.decode(body)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-            raise Refused(Why.MALFORMED, f"not a message of version {VERSION}: {error}") from None
+            raise MessageRefused(
+                RefusalReason.MALFORMED, f"not a message of version {VERSION}: {error}"
+            ) from None
         if self._verify is not None:
             if data[1] != SIGNED:
-                raise Refused(Why.UNSIGNED, f"a message of vehicle {frame.sender} without a signature")
+                raise MessageRefused(
+                    RefusalReason.UNSIGNED, f"a message of vehicle {frame.sender} without a signature"
+                )
             if not self._verify(frame.sender, data[2:start], self._domain + body):
-                raise Refused(Why.SIGNATURE, f"a message that vehicle {frame.sender} did not sign")
+                raise MessageRefused(
+                    RefusalReason.SIGNATURE, f"a message that vehicle {frame.sender} did not sign"
+                )
         content = frame.content
         if isinstance(content, Observation | Checkpoint):
             self._check_source(frame, content)
@@ -304,4 +314,6 @@ class Seal:
     def _check_source(frame: Frame, told: Observation | Checkpoint) -> None:
         """Nobody speaks for another: what it tells it has seen itself."""
         if told.source != (frame.sender, frame.incarnation):
-            raise Refused(Why.SOURCE, f"vehicle {frame.sender} tells what {told.observer} saw as its own")
+            raise MessageRefused(
+                RefusalReason.SOURCE, f"vehicle {frame.sender} tells what {told.observer} saw as its own"
+            )

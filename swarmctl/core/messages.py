@@ -59,7 +59,7 @@ class GiveOrder(
     order: Literal["launch", "hold", "return", "land"]
     after_s: float = 0.0
     """of a return: the vehicle holds for so long first, because others return before it [s]"""
-    past: tuple[int | str, ...] = ()
+    ignore: tuple[int | str, ...] = msgspec.field(default=(), name="past")
     """of a launch: it waits for none of these, whatever they say of where they fly"""
 
     def __post_init__(self) -> None:
@@ -69,10 +69,10 @@ class GiveOrder(
             raise ValueError(f"after_s = {self.after_s:g}: expected 0 to {MAX_AFTER_S:g}")
         if self.after_s and self.order != "return":
             raise ValueError(f"after_s = {self.after_s:g} with {self.order}: expected with return alone")
-        if self.past:
-            _check_named(self.past)
+        if self.ignore:
+            _check_named(self.ignore)
             if self.order != "launch":
-                raise ValueError(f"past with {self.order}: expected with launch alone")
+                raise ValueError(f"ignore with {self.order}: expected with launch alone")
 
 
 Request = SetWeights | GiveOrder
@@ -91,10 +91,10 @@ def _check_named(uavs: tuple[int | str, ...]) -> None:
             raise ValueError(f"a vehicle's name of {len(uav)} characters: expected 1 to {MAX_NAME}")
 
 
-Outcome = Literal["taken", "refused", "over", "unconfirmed", "silent"]
+CommandOutcome = Literal["taken", "refused", "over", "unconfirmed", "silent"]
 
 
-class Place(msgspec.Struct, frozen=True):
+class VehiclePosition(msgspec.Struct, frozen=True):
     """Where a vehicle in flight is, for whoever calls many back."""
 
     lat_deg: float
@@ -114,14 +114,14 @@ class VehicleAnswer(msgspec.Struct, frozen=True):
 
     uav: int
     name: str
-    outcome: Outcome
+    outcome: CommandOutcome
     """refused: it could change nothing, or has not come to the command before; over: it plans no more, or its
     flight has ended; unconfirmed: it has the command and has not come to it yet; silent: nobody answers"""
     from_plan: int | None = None
     """the number of the first plan that is made with the new weights"""
     note: str = ""
     """why not, or what else is to be known"""
-    place: Place | None = None
+    place: VehiclePosition | None = None
     """None on the ground, and where it is not known"""
 
 

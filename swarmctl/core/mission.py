@@ -58,7 +58,7 @@ class FlightPlan:
     """the vehicle stands in its hold mode then, because its agent has had it hold"""
 
     @property
-    def way(self) -> tuple[Waypoint, ...]:
+    def waypoints(self) -> tuple[Waypoint, ...]:
         """All that is flown over, before it comes down."""
         return self.track if self.begins is None else (self.begins, *self.track)
 

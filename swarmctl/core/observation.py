@@ -65,7 +65,7 @@ class Observation(msgspec.Struct, frozen=True, gc=False, tag="inform/observation
 
 
 @dataclass(frozen=True, slots=True)
-class Counts:
+class CellCounts:
     """How often which cells were looked at, and how often a hostile was seen there; arrays of one length."""
 
     cells: NDArray[np.int64]
@@ -99,14 +99,14 @@ class Checkpoint(msgspec.Struct, frozen=True, gc=False, tag="inform/checkpoint")
             "those that came; expected one observer a system id: look for a second process that flies it"
         )
 
-    def counts(self, n_cells: int) -> Counts:
+    def counts(self, n_cells: int) -> CellCounts:
         """Raises ValueError where it is none for an area of so many cells."""
         return _unpacked(self.packed, n_cells)
 
 
-Told = Observation | Checkpoint
+BeliefItem = Observation | Checkpoint
 _encode = msgspec.msgpack.Encoder().encode
-Cells = tuple[bytes, bytes]
+CellBytes = tuple[bytes, bytes]
 """row · cols + col of the cells that were looked at, and of those that hold a hostile, as bytes of `CELL`:
 those of many observations are joined in a fraction of the time that arrays take"""
 CELL = np.dtype(np.int64)
@@ -148,21 +148,21 @@ def mark_of(seen: Observation) -> int:
     return int.from_bytes(blake2b(_encode(seen), digest_size=8).digest()) >> 1
 
 
-class Named(msgspec.Struct, frozen=True, gc=False):
+class IndexedObservation(msgspec.Struct, frozen=True, gc=False):
     """An observation as all beliefs of a process hold it."""
 
     seen: Observation
     name: tuple[int, int, int]
     """observer, incarnation, sequence number"""
-    cells: Cells
+    cells: CellBytes
 
 
-_named: dict[int, tuple[Named, int, int]] = {}
+_named: dict[int, tuple[IndexedObservation, int, int]] = {}
 """By identity, which a held observation keeps: to hash one takes longer than to work its cells out."""
 MAX_HELD = 16_384
 
 
-def named(seen: Observation, rows: int, cols: int) -> Named:
+def indexed(seen: Observation, rows: int, cols: int) -> IndexedObservation:
     """Made once for all UAVs of a process. Raises ValueError where a cell lies outside the area."""
     held = _named.get(id(seen))
     if held is not None and held[0].seen is seen and held[1] == rows and held[2] == cols:
@@ -177,13 +177,13 @@ def named(seen: Observation, rows: int, cols: int) -> Named:
     occupied = np.array([row * cols + col for row, col, here in seen.cells if here], dtype=CELL).tobytes()
     if len(_named) >= MAX_HELD:
         _named.clear()
-    made = Named(seen, (seen.observer, seen.incarnation, seen.seq), (looked, occupied))
+    made = IndexedObservation(seen, (seen.observer, seen.incarnation, seen.seq), (looked, occupied))
     _named[id(seen)] = made, rows, cols
     return made
 
 
 @lru_cache(maxsize=128)  # of a large area, half a megabyte each
-def _unpacked(packed: bytes, n_cells: int) -> Counts:
+def _unpacked(packed: bytes, n_cells: int) -> CellCounts:
     unpacker = zlib.decompressobj()
     try:
         # Never more than an area has: a few bytes can unpack to gigabytes.
@@ -198,7 +198,7 @@ def _unpacked(packed: bytes, n_cells: int) -> Counts:
         raise ValueError(f"a checkpoint with cells outside the area of {n_cells} cells, or named twice")
     if (hits > looks).any() or (looks < 1).any() or (looks > MAX_LOOKS).any():
         raise ValueError("a checkpoint whose looks and hits cannot be")
-    counts = Counts(cells, looks.astype(np.int32), hits.astype(np.int32))
+    counts = CellCounts(cells, looks.astype(np.int32), hits.astype(np.int32))
     for array in (counts.cells, counts.looks, counts.hits):
         array.flags.writeable = False
     return counts

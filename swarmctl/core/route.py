@@ -17,7 +17,7 @@ LANDING_SPACING_M = 12.0
 """Most that vehicles landing in one cell are set apart [m]."""
 
 
-def thin(cells: Sequence[Cell]) -> tuple[Cell, ...]:
+def ends_and_turns(cells: Sequence[Cell]) -> tuple[Cell, ...]:
     """The ends and the turns of a route over neighbouring cells: what lies straight between them is left out.
 
     The track from centre to centre covers the same cells as before.
@@ -49,12 +49,12 @@ def flight_plan(
     """
     if not cells:
         raise ValueError("a route without cells cannot be flown: expected at least the cell of its goal")
-    turns = thin(cells)
+    turns = ends_and_turns(cells)
     if position is not None and len(turns) > 1 and grid.cell_at(*position) == turns[0]:
         if _may_skip_first_centre(grid, turns, position):
             turns = turns[1:]
         elif may_clip(_clipped(grid, cells[0], cells[1], position)):
-            turns = thin(cells[1:])
+            turns = ends_and_turns(cells[1:])
     return _plan(grid, turns, altitude_m, landing_lat_lon)
 
 

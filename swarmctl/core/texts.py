@@ -22,7 +22,7 @@ def is_loopback(host: str) -> bool:
         return host == "localhost"
 
 
-def meant_by(words: Iterable[int | str], names: Mapping[int, str]) -> list[int]:
+def resolve_vehicles(words: Iterable[int | str], names: Mapping[int, str]) -> list[int]:
     """The system ids, each once, in the order of `names` (system id: name).
 
     Raises ValueError where a word means no vehicle, or two: one by its name, another by its system id.
@@ -33,19 +33,19 @@ def meant_by(words: Iterable[int | str], names: Mapping[int, str]) -> list[int]:
         vehicles = [uav for uav, name in names.items() if word in (str(uav), name)]
         if len(vehicles) > 1:
             raise ValueError(
-                f"{word} means two vehicles, {_said(f'{uav} ({names[uav]})' for uav in vehicles)}: "
+                f"{word} means two vehicles, {_listed(f'{uav} ({names[uav]})' for uav in vehicles)}: "
                 "say the one by its name, the other by its system id"
             )
         if not vehicles:
             unknown.append(word)
         found.update(vehicles)
     if unknown:
-        there = _said(f"{uav} ({name})" for uav, name in names.items())
-        raise ValueError(f"no vehicle has the system id or name {_said(unknown)}; there is {there}")
+        there = _listed(f"{uav} ({name})" for uav, name in names.items())
+        raise ValueError(f"no vehicle has the system id or name {_listed(unknown)}; there is {there}")
     return [uav for uav in names if uav in found]
 
 
-def _said(words: Iterable[str]) -> str:
+def _listed(words: Iterable[str]) -> str:
     all_of_them = list(words)
     more = len(all_of_them) - MAX_LISTED
     return ", ".join(all_of_them[:MAX_LISTED]) + (f" and {more} more" if more > 0 else "")

@@ -35,8 +35,8 @@ def test_order_repetition_and_grouping_do_not_matter(observations, random, n_rep
     for observation in shuffled:
         one_by_one = one_by_one.merge([observation])
     np.testing.assert_array_equal(one_by_one.known, at_once.known)
-    assert list(one_by_one.told()) == list(at_once.told())
-    assert set(at_once.told()) == set(observations)
+    assert list(one_by_one.items()) == list(at_once.items())
+    assert set(at_once.items()) == set(observations)
 
 
 @QUICK
@@ -44,10 +44,10 @@ def test_order_repetition_and_grouping_do_not_matter(observations, random, n_rep
 def test_merging_leaves_the_belief_it_came_from_alone(first, second) -> None:
     observers = {(o.observer, o.seq) for o in first}
     before = Belief.prior(ROWS, COLS, 6).merge(first)
-    known, held = before.known.copy(), list(before.told())
+    known, held = before.known.copy(), list(before.items())
     before.merge(o for o in second if (o.observer, o.seq) not in observers)
     np.testing.assert_array_equal(before.known, known)
-    assert list(before.told()) == held
+    assert list(before.items()) == held
 
 
 @QUICK

@@ -290,7 +290,7 @@ def test_a_look_teaches_as_long_as_a_cell_is_not_certain() -> None:
         SensorModel(0.0, 0.1): (cells[0], cells[2]),
     }
     for sensor, left in expected.items():
-        assert Belief.prior(3, 3, 2, sensor).merge(before).unsettled(cells) == left
+        assert Belief.prior(3, 3, 2, sensor).merge(before).uncertain(cells) == left
 
 
 @pytest.mark.parametrize("rates", [(0.5, 0.5), (1.0, 0.0), (-0.1, 0.1), (0.1, -0.1), (float("nan"), 0.0)])

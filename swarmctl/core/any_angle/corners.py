@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from swarmctl.core.any_angle.legs import ENTERED, INTEGRAL, N_MEASURES, Bools, Ints, measure_legs
-from swarmctl.core.any_angle.track import Floats, Passed, Threat, centre, is_clear, passed
+from swarmctl.core.any_angle.track import CrossedCells, Floats, ThreatMap, centre, crossed_cells, is_clear
 from swarmctl.core.any_angle.turns import arc
 
 SPAN = 32
@@ -23,7 +23,7 @@ ROUNDS = 50
 """How often a track is chosen again because an arc of the last was bad."""
 
 
-class Counting(StrEnum):
+class ExposureMeasure(StrEnum):
     """By what a straight leg must not be more exposed than the lattice route it replaces."""
 
     ENTERED = "entered"
@@ -36,17 +36,17 @@ class Counting(StrEnum):
     @property
     def rows(self) -> slice:
         """Of a table of measures (`swarmctl.core.any_angle.legs`), those that must not become worse."""
-        return slice(0, N_MEASURES if self is Counting.ENTERED else 3)
+        return slice(0, N_MEASURES if self is ExposureMeasure.ENTERED else 3)
 
-    def of(self, threat: Threat, under: Passed) -> Floats:
+    def of(self, threat: ThreatMap, under: CrossedCells) -> Floats:
         """Those of them that are exposures, of a track that begins in its first cell."""
         integral = threat.integral(under.cells, under.ways)
-        if self is Counting.INTEGRAL:
+        if self is ExposureMeasure.INTEGRAL:
             return integral
         return np.concatenate((integral, threat.entered(under.cells[1:])))
 
 
-Corner = tuple[int, int, int]
+TurnIndices = tuple[int, int, int]
 """indices of the cells before, at and after a turn"""
 
 
@@ -63,7 +63,7 @@ class Weights:
 
 
 def choose_corners(
-    threat: Threat, route: Ints, counting: Counting, radius_cells: float, weights: Weights
+    threat: ThreatMap, route: Ints, counting: ExposureMeasure, radius_cells: float, weights: Weights
 ) -> tuple[int, ...]:
     """Indices into `route`, (n, 2) rows and columns of neighbouring cells: both ends and where to turn.
 
@@ -86,11 +86,11 @@ def choose_corners(
 class _Search:
     """Chooses corners among the cells of one route."""
 
-    def __init__(self, threat: Threat, route: Ints, counting: Counting, radius: float) -> None:
+    def __init__(self, threat: ThreatMap, route: Ints, counting: ExposureMeasure, radius: float) -> None:
         self._threat, self._route, self._counting, self._radius = threat, route, counting, radius
         steps = measure_legs(threat, route[:-1], route[1:]).measures
         self._so_far = np.concatenate((np.zeros((N_MEASURES, 1)), np.cumsum(steps, axis=1)), axis=1)
-        self._forbidden: set[Corner] = set()
+        self._forbidden: set[TurnIndices] = set()
 
     def no_worse(self) -> tuple[int, ...] | None:
         """The fewest corners whose legs and arcs are all no worse than the lattice route, if any."""
@@ -122,13 +122,13 @@ class _Search:
             self._forbidden |= bad
         return None
 
-    def _is_good_arc(self, turn: Corner, *, strict: bool) -> bool:
+    def _is_good_arc(self, turn: TurnIndices, *, strict: bool) -> bool:
         before, corner, after = (centre((row, col)) for row, col in self._route[list(turn)].tolist())
         flown = arc(before, corner, after, self._radius)
         if not is_clear(self._threat, flown):
             return False
-        around = passed((flown[0], corner, flown[-1]))
-        inside = passed(flown)
+        around = crossed_cells((flown[0], corner, flown[-1]))
+        inside = crossed_cells(flown)
         if not strict:
             return True
         return bool(
@@ -168,7 +168,7 @@ class _Search:
             good = _no_worse(legs.measures[rows], replaced[rows])
             cost = length + 2.0 * len(self._route)  # one leg less outweighs every length
         else:
-            exposure = legs.measures[ENTERED if self._counting is Counting.ENTERED else INTEGRAL]
+            exposure = legs.measures[ENTERED if self._counting is ExposureMeasure.ENTERED else INTEGRAL]
             good = np.ones(len(first), dtype=bool)
             cost = (1.0 - weights.w) * weights.psi_per_cell * length + weights.w * exposure + TIES
         return np.where((length > 0.0) & (on_lattice | (legs.clear & good)), cost, np.inf)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmctl.core.any_angle.track import CORNER_WAY, WALL_MARGIN, Floats, Threat
+from swarmctl.core.any_angle.track import CORNER_WAY, WALL_MARGIN, Floats, ThreatMap
 
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
@@ -23,14 +23,14 @@ INTEGRAL, ENTERED = 1, 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Legs:
+class LegMeasures:
     measures: Floats
     """(N_MEASURES, n)"""
     clear: Bools
     """(n,): enters no wall and keeps WALL_MARGIN from the corners of all; the cell it begins in apart"""
 
 
-def measure_legs(threat: Threat, begins: Ints, ends: Ints) -> Legs:
+def measure_legs(threat: ThreatMap, begins: Ints, ends: Ints) -> LegMeasures:
     """Straight legs between cells; `begins` and `ends` are (n, 2) rows and columns, different in each leg."""
     delta = ends - begins
     order = np.argsort(-np.abs(delta).max(axis=1), kind="stable")
@@ -57,7 +57,7 @@ def measure_legs(threat: Threat, begins: Ints, ends: Ints) -> Legs:
     )
     is_clear = np.empty(n, dtype=bool)
     is_clear[order] = clear
-    return Legs(measures, is_clear)
+    return LegMeasures(measures, is_clear)
 
 
 class _Walk:
@@ -88,7 +88,7 @@ class _Walk:
         return rows, cols
 
 
-def _grazes(threat: Threat, walk: _Walk, k: int, m: int) -> Bools:
+def _grazes(threat: ThreatMap, walk: _Walk, k: int, m: int) -> Bools:
     """Whether between strips k and k + 1 a leg comes too near the corner of a wall."""
     major, minor = walk.major[:m], walk.minor[:m]
     crossing = minor * (2 * k + 1) + major

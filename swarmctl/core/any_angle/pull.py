@@ -2,9 +2,9 @@
 
 A lattice route turns in steps of 45°. A straight leg between two of its cells may take the place of the way
 between them where it is neither longer nor more exposed, so the whole is never worse than the lattice route
-in anything that is compared. How exposure is compared (`Counting`) matters: see `swarmctl.core.any_angle.track`.
+in anything that is compared. How exposure is compared (`ExposureMeasure`) matters: see `swarmctl.core.any_angle.track`.
 
-Of a fixed wing the turn onto the first leg is not planned here, nor its landing (`swarmctl.agent.replan.approach`).
+Of a fixed wing the turn onto the first leg is not planned here, nor its landing (`swarmctl.agent.replan.landing_pattern`).
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swarmctl.core.any_angle.corners import TIES, Counting, Weights, choose_corners
-from swarmctl.core.any_angle.track import Passed, Point, Threat, centre, is_clear, passed
+from swarmctl.core.any_angle.corners import TIES, ExposureMeasure, Weights, choose_corners
+from swarmctl.core.any_angle.track import CrossedCells, GridPoint, ThreatMap, centre, crossed_cells, is_clear
 from swarmctl.core.any_angle.turns import rounded
 from swarmctl.core.grid import Cell
 from swarmctl.core.route import CORNER_TOLERANCE
@@ -44,9 +44,9 @@ class Track:
 
 
 def pull_straight(
-    threat: Threat,
+    threat: ThreatMap,
     cells: Sequence[Cell],
-    counting: Counting,
+    counting: ExposureMeasure,
     *,
     radius_cells: float = 0.0,
     weights: Weights | None = None,
@@ -65,11 +65,11 @@ def pull_straight(
     return track(threat, cells, corners, radius_cells)
 
 
-def track(threat: Threat, cells: Sequence[Cell], corners: Sequence[int], radius_cells: float) -> Track:
+def track(threat: ThreatMap, cells: Sequence[Cell], corners: Sequence[int], radius_cells: float) -> Track:
     """The track over the cells with the indices `corners` of a route."""
     points = [centre(cells[k]) for k in corners]
     flown, leg_of = rounded(points, radius_cells)
-    under = passed(flown)
+    under = crossed_cells(flown)
     abreast = tuple(_abreast(cells, corners, under, leg_of)) if leg_of else (0,) * len(under.cells)
     exposure, hazard = threat.entered(under.cells[1:]).tolist()
     return Track(
@@ -82,7 +82,7 @@ def track(threat: Threat, cells: Sequence[Cell], corners: Sequence[int], radius_
     )
 
 
-def index_abreast(track: Track, cell: Cell, since: int = 0) -> int | None:
+def route_index_at(track: Track, cell: Cell, since: int = 0) -> int | None:
     """The index of the route's cell that stands for a cell under the track, at or after `since` if it passes
     there more than once; None where it does not pass."""
     found = [k for over, k in zip(track.over, track.abreast, strict=True) if over == cell]
@@ -90,9 +90,9 @@ def index_abreast(track: Track, cell: Cell, since: int = 0) -> int | None:
 
 
 def still_holds(
-    now: Threat,
-    before: Threat,
-    counting: Counting,
+    now: ThreatMap,
+    before: ThreatMap,
+    counting: ExposureMeasure,
     route: Sequence[Cell],
     track: Track,
     *,
@@ -107,34 +107,34 @@ def still_holds(
     it, so what is left may have been dearer on the track from the beginning: only more than that is news.
     """
     flown, _ = rounded([centre(corner) for corner in track.corners], radius_cells)
-    under = passed(flown)
+    under = crossed_cells(flown)
     here = next(
         (i for i, at in enumerate(under.cells) if at == cell and track.abreast[i] >= index),
         len(under.cells) - 1,
     )
-    walls = Threat(now.p_s, now.hazard, now.blocked & ~before.blocked)
+    walls = ThreatMap(now.p_s, now.hazard, now.blocked & ~before.blocked)
     if not is_clear(walls, flown[under.legs[here] :]):
         return False
-    ahead = passed([centre(at) for at in route[index:]])
+    ahead = crossed_cells([centre(at) for at in route[index:]])
     rest, lattice = _from(under, here), _from(ahead, 0)
     mine, its = counting.of(now, rest), counting.of(now, lattice)
     were = np.maximum(counting.of(before, rest) - counting.of(before, lattice), 0.0)
     return bool((mine <= its * (1.0 + WORSE_BY) + were + TIES).all())
 
 
-def _from(under: Passed, here: int) -> Passed:
+def _from(under: CrossedCells, here: int) -> CrossedCells:
     """What lies before a vehicle that leaves the cell with this index."""
-    return Passed(under.cells[here:], (0.0, *under.ways[here + 1 :]), under.legs[here:])
+    return CrossedCells(under.cells[here:], (0.0, *under.ways[here + 1 :]), under.legs[here:])
 
 
-def may_join(threat: Threat, position: Point, here: Cell, corner: Cell) -> bool:
+def may_join(threat: ThreatMap, position: GridPoint, here: Cell, corner: Cell) -> bool:
     """Whether a vehicle within cell `here` may fly straight to the next corner, not by its cell's centre."""
     # DEVIATION: as on a lattice route it cuts over other cells than planned where none of them is worse than
     # the worst of the planned ones beside it.
-    planned = passed((centre(here), centre(corner))).cells
+    planned = crossed_cells((centre(here), centre(corner))).cells
     if not is_clear(threat, (position, centre(corner)), CORNER_TOLERANCE):
         return False
-    for row, col in set(passed((position, centre(corner))).cells) - set(planned):
+    for row, col in set(crossed_cells((position, centre(corner))).cells) - set(planned):
         beside = [threat.p_s[r, c] for r, c in planned if max(abs(r - row), abs(c - col)) <= 1]
         if not beside or threat.p_s[row, col] > max(beside):
             return False
@@ -142,7 +142,7 @@ def may_join(threat: Threat, position: Point, here: Cell, corner: Cell) -> bool:
 
 
 def _abreast(
-    cells: Sequence[Cell], corners: Sequence[int], under: Passed, leg_of: Sequence[int]
+    cells: Sequence[Cell], corners: Sequence[int], under: CrossedCells, leg_of: Sequence[int]
 ) -> list[int]:
     """The nearest cell of the route for each under the track, never going back."""
     found: list[int] = []

@@ -27,10 +27,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl.core.grid import Cell
-from swarmctl.core.plane import distance_to_leg
+from swarmctl.core.planar import distance_to_leg
 
 Floats = NDArray[np.float64]
-Point = tuple[float, float]
+GridPoint = tuple[float, float]
 
 CORNER_WAY = 1e-9
 """Two grid lines crossed within so much way [cells] are crossed at their corner. Between centres of up to
@@ -44,12 +44,12 @@ NO_CHANCE = 1e-12
 """1 − P_s of a cell over which being hit is certain, so that its logarithm is a number."""
 
 
-def centre(cell: Cell) -> Point:
+def centre(cell: Cell) -> GridPoint:
     return cell[1] + 0.5, cell[0] + 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Passed:
+class CrossedCells:
     """The cells under a track in the order flown, each once a visit, with the way over each [cells]."""
 
     cells: tuple[Cell, ...]
@@ -58,7 +58,7 @@ class Passed:
     """on which leg of the track each was entered"""
 
 
-def passed(points: Sequence[Point]) -> Passed:
+def crossed_cells(points: Sequence[GridPoint]) -> CrossedCells:
     """What a track of straight legs passes over; a point on a grid line is north or east of it."""
     cells: list[Cell] = []
     ways: list[float] = []
@@ -73,11 +73,11 @@ def passed(points: Sequence[Point]) -> Passed:
                 legs.append(leg)
     if not cells and points:
         (x, y) = points[0]
-        return Passed(((math.floor(y), math.floor(x)),), (0.0,), (0,))
-    return Passed(tuple(cells), tuple(ways), tuple(legs))
+        return CrossedCells(((math.floor(y), math.floor(x)),), (0.0,), (0,))
+    return CrossedCells(tuple(cells), tuple(ways), tuple(legs))
 
 
-def _crossed(a: Point, b: Point) -> tuple[list[Cell], list[float]]:
+def _crossed(a: GridPoint, b: GridPoint) -> tuple[list[Cell], list[float]]:
     length = math.dist(a, b)
     if length == 0.0:
         return [], []
@@ -102,7 +102,7 @@ def _crossings(here: float, there: float) -> Floats:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Threat:
+class ThreatMap:
     """P_s as tracks are judged by it. Walls (infinite P_s) count nothing: to meet one is another matter."""
 
     p_s: Floats
@@ -113,7 +113,7 @@ class Threat:
     """(rows, cols): may not be entered"""
 
     @classmethod
-    def of(cls, p_s: Floats, max_exposure: float = math.inf) -> Threat:
+    def of(cls, p_s: Floats, max_exposure: float = math.inf) -> ThreatMap:
         """`p_s` (rows, cols), infinite where nobody may fly; nor where it exceeds `max_exposure`."""
         blocked = ~np.isfinite(p_s) | (p_s > max_exposure)
         finite = np.where(np.isfinite(p_s), p_s, 0.0)
@@ -135,18 +135,18 @@ def _indices(cells: Sequence[Cell]) -> tuple[NDArray[np.int64], NDArray[np.int64
     return array[:, 0], array[:, 1]
 
 
-def is_clear(threat: Threat, points: Sequence[Point], margin: float = WALL_MARGIN) -> bool:
+def is_clear(threat: ThreatMap, points: Sequence[GridPoint], margin: float = WALL_MARGIN) -> bool:
     """Whether a track enters no wall, nor comes within `margin` [cells] of the corner of one. The cell it
     begins in does not count: who is in a wall may leave it."""
     rows, cols = threat.blocked.shape
-    begin = passed(points).cells[0]
+    begin = crossed_cells(points).cells[0]
 
     def is_wall(row: int, col: int) -> bool:
         inside = 0 <= row < rows and 0 <= col < cols
         return inside and (row, col) != begin and bool(threat.blocked[row, col])
 
     for a, b in pairwise(points):
-        cells = passed((a, b)).cells
+        cells = crossed_cells((a, b)).cells
         if any(is_wall(*cell) for cell in cells):
             return False
         # What is that near the track is a corner of a cell under it.

@@ -9,13 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from swarmctl.core.any_angle.track import Point
+from swarmctl.core.any_angle.track import GridPoint
 
 ARC_ERROR = 0.005
 """How far the straight pieces that stand for an arc may be off it [cells]."""
 
 
-def tangent(before: Point, corner: Point, after: Point, radius: float) -> float:
+def tangent(before: GridPoint, corner: GridPoint, after: GridPoint, radius: float) -> float:
     """How far from a corner its arc begins and ends, in the unit of points and `radius`; infinite for a turn
     back."""
     (ix, iy), (ox, oy) = _vector(before, corner), _vector(corner, after)
@@ -27,7 +27,7 @@ def tangent(before: Point, corner: Point, after: Point, radius: float) -> float:
     return radius * abs(cross) / (lengths + dot) if lengths + dot > 1e-12 * lengths else math.inf
 
 
-def arc(before: Point, corner: Point, after: Point, radius: float) -> list[Point]:
+def arc(before: GridPoint, corner: GridPoint, after: GridPoint, radius: float) -> list[GridPoint]:
     """Points on the arc that rounds a corner, from where it leaves one leg to where it joins the next.
 
     `radius` in the unit of the points. A corner without a turn stays the one point that it is.
@@ -50,7 +50,7 @@ def arc(before: Point, corner: Point, after: Point, radius: float) -> list[Point
     return points
 
 
-def rounded(points: Sequence[Point], radius: float) -> tuple[list[Point], list[int]]:
+def rounded(points: Sequence[GridPoint], radius: float) -> tuple[list[GridPoint], list[int]]:
     """A track with arcs for corners, as points, and for each piece between two of them the leg it belongs to:
     the first half of an arc to the leg before the corner."""
     if len(points) < 2:
@@ -63,10 +63,10 @@ def rounded(points: Sequence[Point], radius: float) -> tuple[list[Point], list[i
     return [*flown, points[-1]], [*legs, len(points) - 2]
 
 
-def _vector(a: Point, b: Point) -> Point:
+def _vector(a: GridPoint, b: GridPoint) -> GridPoint:
     return b[0] - a[0], b[1] - a[1]
 
 
-def _unit(a: Point, b: Point) -> Point:
+def _unit(a: GridPoint, b: GridPoint) -> GridPoint:
     length = math.dist(a, b)
     return (b[0] - a[0]) / length, (b[1] - a[1]) / length

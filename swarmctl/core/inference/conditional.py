@@ -58,7 +58,7 @@ class _Window:
         return wide
 
 
-class Groups:
+class HostileGroups:
     """How many hostiles each group of alike cells holds, given how likely each total is.
 
     Parameters

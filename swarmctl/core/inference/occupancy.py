@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit, gammaln
 
-from swarmctl.core.inference.conditional import Groups
+from swarmctl.core.inference.conditional import HostileGroups
 from swarmctl.core.inference.hostiles import HostileCount
 from swarmctl.core.inference.sensor import SensorModel
 
@@ -25,7 +25,7 @@ SURE_SIGMA = 1.645
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Classes:
+class CellClasses:
     """Cells that are alike by what was seen of them."""
 
     looks: Ints
@@ -40,7 +40,7 @@ class Classes:
         return int(self.n_cells.sum())
 
 
-def eq4(n_hostiles: int, classes: Classes) -> Floats:
+def eq4(n_hostiles: int, classes: CellClasses) -> Floats:
     """p_O (k,) by Eq. 4: 1 where a hostile was seen, 0 where none was, (n_HA − n_V)/(n_C − v) elsewhere.
 
     For sensors that do not err, and a number of hostiles that is announced.
@@ -53,7 +53,7 @@ def eq4(n_hostiles: int, classes: Classes) -> Floats:
     return np.where(unseen, p_unseen, np.where(held, 1.0, 0.0))
 
 
-def bayes(count: HostileCount, sensor: SensorModel, classes: Classes) -> Floats:
+def bayes(count: HostileCount, sensor: SensorModel, classes: CellClasses) -> Floats:
     """p_O (k,), the posterior probability: hostiles lie anywhere with equal chance, one a cell at most, their
     number as `count` has it, and looks err as `sensor` does. Exact to rounding; Eq. 4 is its limit.
 
@@ -67,8 +67,8 @@ def bayes(count: HostileCount, sensor: SensorModel, classes: Classes) -> Floats:
 
 
 def posterior(
-    count: HostileCount, sensor: SensorModel, classes: Classes
-) -> tuple[NDArray[np.bool_], Groups | None]:
+    count: HostileCount, sensor: SensorModel, classes: CellClasses
+) -> tuple[NDArray[np.bool_], HostileGroups | None]:
     """Which classes are not certain (k,), and how many hostiles each of those holds: None where there is
     none.
 
@@ -91,10 +91,10 @@ def posterior(
     # Given n, each of the C(total, n) sets of cells is as likely as any other.
     log_sets = gammaln(total + 1) - gammaln(n + 1) - gammaln(total - n + 1)
     in_open = classes.n_cells[open_cells]
-    return open_cells, Groups(log_ratio[open_cells], in_open, n - n_sure, log_prior - log_sets)
+    return open_cells, HostileGroups(log_ratio[open_cells], in_open, n - n_sure, log_prior - log_sets)
 
 
-def announced_too_low(count: HostileCount, sensor: SensorModel, classes: Classes) -> bool:
+def announced_too_low(count: HostileCount, sensor: SensorModel, classes: CellClasses) -> bool:
     """Whether more hostiles were found than can be: for sure, or with 95 % where sensors err.
 
     Each cell is judged by its own looks alone, at the odds announced for a cell: a posterior under `count`

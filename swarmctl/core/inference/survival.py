@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from swarmctl.core.belief import Belief
 from swarmctl.core.grid import Cell
-from swarmctl.core.inference.occupancy import Classes, posterior
+from swarmctl.core.inference.occupancy import CellClasses, posterior
 from swarmctl.core.threat import FiringStrength
 
 WORLDS = 4096
@@ -29,7 +29,7 @@ thousands it is too narrow, and Wilson's is taken, which holds for any spread be
 
 
 @dataclass(frozen=True, slots=True)
-class Chance:
+class ProbabilityEstimate:
     """An estimated probability with its 95 % interval."""
 
     estimate: float
@@ -50,13 +50,13 @@ def _digits(chance: float) -> str:
     return f"{chance:.1e}" if chance < 0.001 else f"{chance:.5f}"
 
 
-def chance_of_getting_through(
+def survival_probability(
     belief: Belief,
     strength: FiringStrength,
     cells: Sequence[Cell],
     rng: np.random.Generator,
     n_worlds: int = WORLDS,
-) -> Chance:
+) -> ProbabilityEstimate:
     """The chance that a vehicle enters every cell of a route without being hit, as far as is believed.
 
     By simulation: `n_worlds` worlds drawn from the belief, each with its own hostiles. The start cell is not
@@ -71,11 +71,11 @@ def chance_of_getting_through(
         raise ValueError(f"{n_worlds} worlds: expected 2 or more")
     reached, entries = _in_reach(belief.looks.shape, cells)
     # Cells in reach that are alike in what was seen of them and in how they are passed are one kind.
-    alike = np.hstack([belief.seen_of(reached), entries])
+    alike = np.hstack([belief.looks_and_hits(reached), entries])
     kinds, n_cells = np.unique(alike, axis=0, return_counts=True)
     survival = _survival(strength, kinds[:, 2:])
     looks, hits = kinds[:, 0], kinds[:, 1]
-    worlds = _Worlds(belief, Classes(looks, hits, n_cells.astype(np.int64)))
+    worlds = _Worlds(belief, CellClasses(looks, hits, n_cells.astype(np.int64)))
     survived = np.full(n_worlds, np.prod(survival[worlds.sure] ** n_cells[worlds.sure]))
     for chance, hostiles in zip(survival[worlds.open], worlds.draw(rng, n_worlds).T, strict=True):
         survived *= chance**hostiles
@@ -83,7 +83,7 @@ def chance_of_getting_through(
     p_occupied = belief.occupancy().ravel()[reached]
     is_certain = bool(((p_occupied == 0.0) | (p_occupied == 1.0)).all())
     low, high = (mean, mean) if is_certain else _interval(survived, mean)
-    return Chance(mean, low, high, n_worlds)
+    return ProbabilityEstimate(mean, low, high, n_worlds)
 
 
 def _interval(survived: NDArray[np.float64], mean: float) -> tuple[float, float]:
@@ -103,7 +103,7 @@ def _interval(survived: NDArray[np.float64], mean: float) -> tuple[float, float]
     return max(low, 0.0), min(high, 1.0)
 
 
-def chance_among(
+def survival_among(
     hostiles: Iterable[Cell], strength: FiringStrength, cells: Sequence[Cell], shape: tuple[int, int]
 ) -> float:
     """The chance that a vehicle enters every cell of a route without being hit, where the hostiles are known:
@@ -116,14 +116,14 @@ def chance_among(
 class _Worlds:
     """Where hostiles may lie, as far as it concerns some kinds of cells."""
 
-    def __init__(self, belief: Belief, near: Classes) -> None:
+    def __init__(self, belief: Belief, near: CellClasses) -> None:
         everywhere = belief.classes
         n_near = np.zeros_like(everywhere.n_cells)
         for kind in range(near.n_cells.size):
             same = (everywhere.looks == near.looks[kind]) & (everywhere.hits == near.hits[kind])
             n_near[same] += near.n_cells[kind]
         far = everywhere.n_cells > n_near
-        both = Classes(
+        both = CellClasses(
             np.concatenate([near.looks, everywhere.looks[far]]),
             np.concatenate([near.hits, everywhere.hits[far]]),
             np.concatenate([near.n_cells, (everywhere.n_cells - n_near)[far]]),

@@ -9,10 +9,10 @@ from math import dist
 STRAIGHT_M = 0.01
 """Starts along one side are on a straight line but for rounding, and autopilots keep few corners."""
 
-Point = tuple[float, float]
+PlanarPoint = tuple[float, float]
 
 
-def distance_to_leg(point: Point, a: Point, b: Point) -> float:
+def distance_to_leg(point: PlanarPoint, a: PlanarPoint, b: PlanarPoint) -> float:
     """From a point to the nearest of the straight leg from a to b, in their unit."""
     (ax, ay), (bx, by) = a, b
     squared = (bx - ax) ** 2 + (by - ay) ** 2
@@ -21,32 +21,32 @@ def distance_to_leg(point: Point, a: Point, b: Point) -> float:
     return dist(point, (ax + share * (bx - ax), ay + share * (by - ay)))
 
 
-def distance_to_track(point: Point, track: Sequence[Point]) -> float:
+def distance_to_track(point: PlanarPoint, track: Sequence[PlanarPoint]) -> float:
     """From a point to the nearest of a track of one point or more."""
     legs = (distance_to_leg(point, a, b) for a, b in pairwise(track))
     return min(legs, default=dist(point, track[0]))
 
 
-def around(points: Sequence[Point], margin_m: float) -> tuple[Point, ...]:
+def padded_hull(points: Sequence[PlanarPoint], margin_m: float) -> tuple[PlanarPoint, ...]:
     """The convex polygon, counter-clockwise, that has every point at least `margin_m` inside."""
     m = margin_m
     return convex_hull([(e + de, n + dn) for e, n in points for de in (-m, m) for dn in (-m, m)])
 
 
-def convex_hull(points: Sequence[Point]) -> tuple[Point, ...]:
+def convex_hull(points: Sequence[PlanarPoint]) -> tuple[PlanarPoint, ...]:
     """Counter-clockwise, without points within STRAIGHT_M of its edges (Andrew's monotone chain)."""
     ordered = sorted(set(points))
     return (*_half(ordered)[:-1], *_half(ordered[::-1])[:-1])
 
 
-def box(points: Sequence[Point]) -> tuple[Point, ...]:
+def bounding_box(points: Sequence[PlanarPoint]) -> tuple[PlanarPoint, ...]:
     """The least rectangle along the axes around them, counter-clockwise."""
     (west, east), (south, north) = ((min(values), max(values)) for values in zip(*points, strict=True))
     return (west, south), (east, south), (east, north), (west, north)
 
 
-def _half(ordered: Sequence[Point]) -> list[Point]:
-    chain: list[Point] = []
+def _half(ordered: Sequence[PlanarPoint]) -> list[PlanarPoint]:
+    chain: list[PlanarPoint] = []
     for point in ordered:
         while len(chain) >= 2 and _turn(chain[-2], chain[-1], point) <= STRAIGHT_M * dist(chain[-2], point):
             chain.pop()
@@ -54,12 +54,12 @@ def _half(ordered: Sequence[Point]) -> list[Point]:
     return chain
 
 
-def _turn(a: Point, b: Point, c: Point) -> float:
+def _turn(a: PlanarPoint, b: PlanarPoint, c: PlanarPoint) -> float:
     """Positive where a, b, c turn to the left; twice the area between them."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
-def contains(polygon: Sequence[Point], point: Point) -> bool:
+def contains(polygon: Sequence[PlanarPoint], point: PlanarPoint) -> bool:
     """Whether a point is inside a simple polygon, convex or not."""
     e, n = point
     inside = False
@@ -69,14 +69,14 @@ def contains(polygon: Sequence[Point], point: Point) -> bool:
     return inside
 
 
-def stays_inside(polygon: Sequence[Point], a: Point, b: Point) -> bool:
+def stays_inside(polygon: Sequence[PlanarPoint], a: PlanarPoint, b: PlanarPoint) -> bool:
     """Whether the straight leg from a to b neither leaves a simple polygon nor touches it."""
     if not (contains(polygon, a) and contains(polygon, b)):
         return False
-    return not any(_meet(a, b, c, d) for c, d in _edges(polygon))
+    return not any(_intersect(a, b, c, d) for c, d in _edges(polygon))
 
 
-def meeting_sides(polygon: Sequence[Point]) -> tuple[int, int] | None:
+def crossing_sides(polygon: Sequence[PlanarPoint]) -> tuple[int, int] | None:
     """The first two sides of a polygon that have more in common than a corner, by the corners at which they
     begin; None where it is simple."""
     edges = _edges(polygon)
@@ -86,23 +86,23 @@ def meeting_sides(polygon: Sequence[Point]) -> tuple[int, int] | None:
                 return i, j
             if a == d and _folds_back(c, a, b):
                 return i, j
-            if b != c and a != d and _meet(a, b, c, d):
+            if b != c and a != d and _intersect(a, b, c, d):
                 return i, j
     return None
 
 
-def _folds_back(before: Point, corner: Point, after: Point) -> bool:
+def _folds_back(before: PlanarPoint, corner: PlanarPoint, after: PlanarPoint) -> bool:
     """Whether the way out of a corner lies on the way to it."""
     in_e, in_n = corner[0] - before[0], corner[1] - before[1]
     ahead = in_e * (after[0] - corner[0]) + in_n * (after[1] - corner[1])
     return _turn(before, corner, after) == 0.0 and ahead <= 0.0
 
 
-def _edges(polygon: Sequence[Point]) -> list[tuple[Point, Point]]:
+def _edges(polygon: Sequence[PlanarPoint]) -> list[tuple[PlanarPoint, PlanarPoint]]:
     return list(pairwise((*polygon, polygon[0])))
 
 
-def _meet(a: Point, b: Point, c: Point, d: Point) -> bool:
+def _intersect(a: PlanarPoint, b: PlanarPoint, c: PlanarPoint, d: PlanarPoint) -> bool:
     """Whether two segments have a point in common."""
     turns = (_turn(a, b, c), _turn(a, b, d), _turn(c, d, a), _turn(c, d, b))
     if turns[0] * turns[1] < 0 and turns[2] * turns[3] < 0:
@@ -111,5 +111,5 @@ def _meet(a: Point, b: Point, c: Point, d: Point) -> bool:
     return any(turn == 0.0 and _between(*three) for turn, three in touching)
 
 
-def _between(a: Point, b: Point, p: Point) -> bool:
+def _between(a: PlanarPoint, b: PlanarPoint, p: PlanarPoint) -> bool:
     return min(a[0], b[0]) <= p[0] <= max(a[0], b[0]) and min(a[1], b[1]) <= p[1] <= max(a[1], b[1])
