@@ -38,7 +38,7 @@ from swarmctl.links.frontend import FrontEnd
 from swarmctl.links.signing import Signing
 from swarmctl.links.transports.memory import MemoryWire
 from swarmctl.links.url import Endpoint, parse_url
-from swarmctl.planners import warm_up
+from swarmctl.planners import is_small, warm_up
 from swarmctl.report.evidence.hooks import Evidence
 from swarmctl.security.files import KeyringError
 from swarmctl.security.mavlink_key import TimestampFile, read_mavlink_key
@@ -106,11 +106,12 @@ async def open_resources(
                 await front_end.open(endpoint)
                 url = f"{'udpout' if endpoint.kind == 'udpin' else 'tcpout'}://{_reachable(endpoint)}"
                 simulator_task = await stack.enter_async_context(simulator.running(scenario, url, folder))
-        if clock == "real":
-            # The first time on a machine this compiles for some seconds: before anything listens to us.
-            await asyncio.to_thread(warm_up)
-        else:
-            warm_up()
+        if not is_small(scenario.grid.n_cells):
+            # Machine code takes a second to load: before anything listens to us.
+            if clock == "real":
+                await asyncio.to_thread(warm_up)
+            else:
+                warm_up()
         communication = scenario.config.communication
         if bus is None and communication.bus == "zenoh" and clock == "real":
             bus = stack.enter_context(open_bus(scenario.config.name, communication.listen, say, ReportOnce(say)))

@@ -1,4 +1,4 @@
-"""Planners: pure plug-ins that answer a `Problem` with a `Route`; of use without the rest of the package.
+"""Planners: pure plug-ins that answer a `Problem` with a `Route`, usable without the rest of the package.
 
     import numpy as np
     from swarmctl.planners import Problem, cost_to_go, pareto_front, plan
@@ -7,23 +7,26 @@
     problem = Problem(exposure, start=(100, 0), goals=((100, 299),), w=0.5, psi_per_cell=0.13)
     plan(problem)                                                  # Eq. 5: a Route of (row, col) cells
     plan(Problem(exposure, (100, 0), ((100, 299),), 0.5, 0.13, max_length_cells=310), "constrained")
-    pareto_front(problem)                                          # all of length against exposure
-    cost_to_go(exposure, [(100, 299)], w=0.5, psi_per_cell=0.13)   # for every start at once
+    pareto_front(problem)                                          # all trade-offs of length and exposure
+    cost_to_go(exposure, [(100, 299)], w=0.5, psi_per_cell=0.13)   # from every start at once
 
-Rows and columns are indices of plain arrays, lengths are in cells (√2 for a diagonal step), ψ is what a cell
-of length costs. A cell that must not be entered has an infinite exposure. `Replanner` plans again and again
-while the area becomes known. All of it holds no interpreter lock while it searches.
+Rows and columns are indices of plain arrays. Lengths are in cells, √2 for a diagonal step, and ψ is the cost
+of one cell of length. A cell of infinite exposure is a wall. `Replanner` plans again while the area becomes
+known.
+
+Small areas need no compiler. Large ones are searched by numba's machine code, without the interpreter lock;
+`warm_up` compiles it once (some 20 s) for this and all later processes. `kernels` has all searches.
 
 A planner is one module with a frozen dataclass `Params`, the constant `USES_W`, the functions
-`plan(problem, params)` and `measure(problem, cells, params)`, and one line in `PLANNERS`. Imports core, numpy
-and numba, and nothing that does I/O; all compiled code is in `kernels`.
+`plan(problem, params)` and `measure(problem, cells, params)`, and one line in `PLANNERS`. This room imports
+core, numpy, scipy and numba, and nothing that does I/O.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from swarmctl.planners import constrained, dijkstra, kernels, survival, time_bound
+from swarmctl.planners import constrained, dijkstra, survival, time_bound
 from swarmctl.planners.base import (
     BadProblem,
     BoundTooTight,
@@ -37,6 +40,8 @@ from swarmctl.planners.base import (
 )
 from swarmctl.planners.dijkstra import CostToGo, cost_to_go
 from swarmctl.planners.front import Front, pareto_front
+from swarmctl.planners.kernels import is_small
+from swarmctl.planners.kernels.warm_up import warm_up
 from swarmctl.planners.replan import Layers, Replanner
 
 PLANNERS: Mapping[str, Planner] = {
@@ -48,21 +53,14 @@ PLANNERS: Mapping[str, Planner] = {
 
 
 def plan(problem: Problem, planner: str = "dijkstra", **options: object) -> Route:
-    """The best route by the planner of this name and its options (the fields of its `Params`).
+    """Return the best route by the planner of this name; `options` are fields of its `Params`.
 
-    Raises Unreachable, and BoundTooTight where the bounds of the problem allow none; ValueError for a planner
-    or an option that is not there.
+    Raises Unreachable, and BoundTooTight if no route keeps the bounds of the problem. Raises ValueError for
+    an unknown planner or option.
     """
     if planner not in PLANNERS:
-        raise ValueError(f"no planner {planner!r}; there is {', '.join(sorted(PLANNERS))}")
+        raise ValueError(f"no planner {planner!r}; the planners are {', '.join(sorted(PLANNERS))}")
     return method(planner, PLANNERS[planner], options).plan(problem)
-
-
-def warm_up() -> None:
-    """Compiles all kernels or loads them from the cache: no vehicle shall wait for a compiler in flight."""
-    kernels.warm_up()
-    kernels.warm_up_bounds()
-    kernels.warm_up_labels()
 
 
 __all__ = [
@@ -80,6 +78,7 @@ __all__ = [
     "Searched",
     "Unreachable",
     "cost_to_go",
+    "is_small",
     "method",
     "pareto_front",
     "plan",

@@ -1,4 +1,4 @@
-"""What a planner is asked and what it answers."""
+"""The question to a planner, its answer, and its interface."""
 
 from __future__ import annotations
 
@@ -16,22 +16,21 @@ from numpy.typing import NDArray
 
 from swarmctl.core import exposure as measures
 from swarmctl.core.grid import Cell
-from swarmctl.planners import kernels
 
 LARGEST = 1e200
-"""of an exposure and of ψ: sums of these over any route are still numbers"""
+"""greatest exposure and ψ: sums of these over any route are still finite"""
 
 
 class BadProblem(ValueError):
-    """The question makes no sense."""
+    """A problem without a meaning, such as a negative exposure."""
 
 
 class Unreachable(ValueError):
-    """No way leads from the start to a goal."""
+    """No route leads from the start to a goal."""
 
 
 class BoundTooTight(Unreachable):
-    """Ways lead to a goal, but none within the bounds; `nearest` is the one that misses them least."""
+    """Routes lead to a goal, but none keeps the bounds; `nearest` misses them least."""
 
     def __init__(self, text: str, nearest: Route) -> None:
         super().__init__(text)
@@ -40,18 +39,18 @@ class BoundTooTight(Unreachable):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """Find the best way from `start` to one of `goals`. Raises BadProblem where that is no question.
+    """A search for the best route from `start` to one of `goals`. Raises BadProblem if it has no meaning.
 
-    `exposure` is P_s, shape (rows, cols), 0 or more; an infinite one is a wall that nobody may enter, nor
-    pass its corner diagonally; a start in a wall may be left in any direction. It is not copied if it is an
-    array of floats. `start` is a (row, col), `goals` one or several of them.
+    `exposure` is P_s, shape (rows, cols), 0 or more. An array of floats is not copied. A cell of infinite
+    exposure is a wall: no route enters it or passes its corner diagonally. A route that starts in a wall may
+    leave it in any direction. `start` is one (row, col); `goals` is one or several.
 
-    `w` is the distance anxiety in [0, 1]: 0 is the shortest route, 1 the least exposed one; `psi_per_cell` is
-    ψ, what one cell of way costs. Planners that do not go by Eq. 5 ignore the two.
+    `w` is the distance anxiety in [0, 1]: 0 is the shortest route, 1 the least exposed. `psi_per_cell` is ψ,
+    the cost of one cell of length. Planners that do not follow Eq. 5 ignore the two.
 
-    A cell whose P_s exceeds `max_exposure` is a wall too. `min_length_cells` and `max_length_cells` bound the
-    length of the route [cells], for planners that keep them: a time bound or an arrival window at the
-    vehicle's speed.
+    A cell of P_s above `max_exposure` is a wall too. `min_length_cells` and `max_length_cells` bound the
+    length of the route [cells], for planners that keep bounds. At the vehicle's speed they are a time bound
+    or an arrival window.
     """
 
     exposure: NDArray[np.float64]
@@ -78,28 +77,28 @@ class Problem:
         least = _number("least length", self.min_length_cells)
         if not 0.0 <= least <= _number("greatest length", self.max_length_cells):
             raise BadProblem(
-                f"a route of {self.min_length_cells} to {self.max_length_cells} cells: expected two lengths, "
-                "0 or more, the lesser first"
+                f"a route of {self.min_length_cells} to {self.max_length_cells} cells: expected two lengths "
+                "of 0 or more, the shorter first"
             )
 
     @property
     def passable(self) -> NDArray[np.float64]:
-        """P_s with everything that may not be entered made a wall; what a search runs on."""
+        """P_s for searches: cells above `max_exposure` are infinite too."""
         if math.isinf(self.max_exposure):
             return self.exposure
         return np.where(self.exposure > self.max_exposure, math.inf, self.exposure)
 
     def unreachable(self) -> Unreachable:
-        """The error of a search that found no way."""
+        """Return the error of a search that found no route."""
         walls = "walls of infinite exposure"
         if not math.isinf(self.max_exposure):
-            walls = f"cells whose exposure exceeds the maximum of {self.max_exposure:g}, or walls,"
-        return Unreachable(f"no way leads from {self.start} to a goal: {walls} lie between")
+            walls = f"walls, or cells above the maximum exposure of {self.max_exposure:g},"
+        return Unreachable(f"no route leads from {self.start} to a goal: {walls} lie between")
 
 
 @dataclass(frozen=True, slots=True)
 class Searched:
-    """A route that was looked at on the way to the answer."""
+    """A route that a planner found before its answer."""
 
     w: float
     length_cells: float
@@ -108,15 +107,14 @@ class Searched:
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """Neighbouring cells from the start to a goal, both included, and what they add up to.
+    """Neighbouring cells from the start to a goal, both included, and their sums.
 
-    `cost` is what the planner made least: for `dijkstra` the sum of Eq. 5 over the route. `length_cells`
-    counts √2 for a diagonal step. `exposure_sum` is ΣP_s and `safety_factor` ∏(1 − P_s), both without the
-    start cell; neither is the chance of getting through.
+    `cost` is the measure that the planner minimises: for `dijkstra` the sum of Eq. 5 over the route.
+    `length_cells` counts √2 for a diagonal step. `exposure_sum` is ΣP_s and `safety_factor` is ∏(1 − P_s),
+    both without the start cell; neither is the probability to survive.
 
-    Planners that search more than once leave in `searched` what each search found, in their order. Those that
-    prove that no route costs less than some cost leave that in `lower_bound`: `cost` is the least where the
-    two are equal.
+    `searched` has one entry a search, in order, if the planner searches more than once. `lower_bound` is a
+    cost below which the planner has proved no route to exist; if it equals `cost`, the route is optimal.
     """
 
     cells: tuple[Cell, ...]
@@ -129,48 +127,51 @@ class Route:
 
 
 class Planner(Protocol):
-    """What a module in `PLANNERS` has to offer."""
+    """The interface of a module in `PLANNERS`."""
 
     @property
     def USES_W(self) -> bool:  # noqa: N802 - a constant of a module
-        """Whether its routes depend on the problem's w."""
+        """True if the routes depend on the problem's w."""
 
     @property
     def Params(self) -> Any:  # noqa: N802 - it is a class, found in a module
-        """A frozen dataclass that can be made without arguments."""
+        """A frozen dataclass with a default for each field."""
 
     def plan(self, problem: Problem, params: Any, /) -> Route:
-        """The best route by this planner's measure. Raises Unreachable."""
+        """Return the best route by this planner's measure. Raises Unreachable."""
 
     def measure(self, problem: Problem, cells: Sequence[Cell], params: Any, /) -> float:
-        """What `plan` makes least, of any route from the start to a goal; infinite where that is no answer to
-        the problem (through a wall, out of bounds). A vehicle changes its mission only for a lesser one."""
+        """Return the measure that `plan` minimises, of any route from the start to a goal.
+
+        It is infinite if the route does not solve the problem (through a wall, out of bounds). A vehicle
+        changes its mission only for a route of lower measure.
+        """
 
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """A planner with its parameters: how a vehicle's routes are chosen."""
+    """A planner with its parameters, by which a vehicle chooses its routes."""
 
     name: str
     planner: Planner
     params: Any
 
     def plan(self, problem: Problem) -> Route:
-        """The best route. Raises Unreachable."""
+        """Return the best route. Raises Unreachable."""
         return self.planner.plan(problem, self.params)
 
     def measure(self, problem: Problem, cells: Sequence[Cell]) -> float:
-        """What `plan` makes least, of any route; infinite where it is no answer to the problem."""
+        """Return the measure that `plan` minimises; infinite if the route does not solve the problem."""
         return self.planner.measure(problem, cells, self.params)
 
 
 def method(name: str, planner: Planner, options: Mapping[str, object]) -> Method:
-    """A planner with the parameters that `options` name. Raises ValueError, saying what there is."""
+    """Return a planner with the parameters in `options`. Raises ValueError with the known options."""
     known = sorted(f.name for f in fields(planner.Params))
     for option in options:
         if option not in known:
-            there_is = f"there is {', '.join(known)}" if known else "it has none"
-            raise ValueError(f"planner {name} has no option {option!r}; {there_is}")
+            expected = f"its options are {', '.join(known)}" if known else "it has no options"
+            raise ValueError(f"planner {name} has no option {option!r}; {expected}")
     try:
         return Method(name, planner, msgspec.convert(dict(options), planner.Params))
     except msgspec.ValidationError as error:
@@ -178,13 +179,13 @@ def method(name: str, planner: Planner, options: Mapping[str, object]) -> Method
 
 
 def eq5_route(problem: Problem, cells: Sequence[Cell]) -> Route:
-    """A route with its cost by Eq. 5, summed over its edges."""
+    """Return a route with its cost by Eq. 5, summed over its edges."""
     return route_of(problem, cells, None)
 
 
 def route_of(problem: Problem, cells: Sequence[Cell], cost: float | None) -> Route:
-    """A route with what it adds up to; `cost` is its planner's own measure, None that of Eq. 5."""
-    # Once an array: what makes one of a thousand tuples keeps everybody else in the process waiting.
+    """Return a route with its sums; `cost` is its planner's measure, None for Eq. 5."""
+    # One array for all sums: to make one of a thousand tuples holds the interpreter lock.
     way = np.asarray(cells, dtype=np.int64)
     length, total = measures.length_cells(way), measures.exposure_sum(problem.exposure, way)
     if cost is None:
@@ -193,7 +194,7 @@ def route_of(problem: Problem, cells: Sequence[Cell], cost: float | None) -> Rou
 
 
 def eq5_cost(problem: Problem, cells: Sequence[Cell]) -> float:
-    """Σ C_mn over a route (Eq. 5)."""
+    """Return Σ C_mn over a route (Eq. 5)."""
     way = np.asarray(cells, dtype=np.int64)
     return _eq5(problem, measures.length_cells(way), measures.exposure_sum(problem.exposure, way))
 
@@ -204,8 +205,10 @@ def _eq5(problem: Problem, length: float, total: float) -> float:
 
 
 def is_open(problem: Problem, cells: Sequence[Cell]) -> bool:
-    """Whether a route over neighbouring cells enters no wall and passes none at its corner; who stands in
-    one may leave it in any direction."""
+    """Return whether a route over neighbouring cells enters no wall and passes no corner of one.
+
+    A route that starts in a wall may leave it in any direction.
+    """
     field, limit = problem.exposure, min(problem.max_exposure, sys.float_info.max)
     for here, there in pairwise(cells):
         touched = [there] if field[here] > limit else [there, (here[0], there[1]), (there[0], here[1])]
@@ -217,9 +220,9 @@ def is_open(problem: Problem, cells: Sequence[Cell]) -> bool:
 def checked_field(
     exposure: object, goals: object, w: float, psi_per_cell: float
 ) -> tuple[NDArray[np.float64], tuple[Cell, ...]]:
-    """P_s as an array of floats (rows, cols), the same one if it is one, and the goals as cells.
+    """Return P_s as an array of floats (rows, cols), copied only if it is none, and the goals as cells.
 
-    Raises BadProblem where Eq. 5 has no meaning.
+    Raises BadProblem if Eq. 5 has no meaning.
     """
     array = np.asarray(exposure)
     if array.dtype.kind not in "fiu":
@@ -227,12 +230,12 @@ def checked_field(
     array = array.astype(np.float64, copy=False)
     if array.ndim != 2 or array.size == 0:
         raise BadProblem(f"exposure of shape {array.shape}: expected (rows, cols), both at least 1")
-    n_bad, greatest = kernels.extent(array)
-    if n_bad or greatest > LARGEST:
-        bad = ~(array >= 0.0) if n_bad else np.isfinite(array) & (array > LARGEST)
-        row, col = (int(index) for index in np.argwhere(bad)[0])
-        expected = "0 or more" if n_bad else f"at most {LARGEST:g}, or infinite for a wall"
-        raise BadProblem(f"exposure of cell ({row}, {col}) is {array[row, col]}: expected {expected}")
+    is_sound = (array >= 0.0) & ((array <= LARGEST) | (array == math.inf))
+    if not is_sound.all():
+        row, col = (int(index) for index in np.argwhere(~is_sound)[0])
+        found = float(array[row, col])
+        expected = f"at most {LARGEST:g}, or infinite for a wall" if found >= 0.0 else "0 or more"
+        raise BadProblem(f"exposure of cell ({row}, {col}) is {found}: expected {expected}")
     if not 0.0 <= _number("distance anxiety w", w) <= 1.0:
         raise BadProblem(f"distance anxiety w = {w}: expected 0 (shortest route) to 1 (least exposed)")
     if not 0.0 <= _number("ψ per cell", psi_per_cell) <= LARGEST:
@@ -250,7 +253,7 @@ def _goals(goals: object, exposure: NDArray[np.float64]) -> tuple[Cell, ...]:
 
 
 def checked_cell(what: str, cell: object, exposure: NDArray[np.float64]) -> Cell:
-    """A (row, col) of whole numbers in the area. Raises BadProblem."""
+    """Return a cell of the area as (row, col). Raises BadProblem; `what` names the cell in the message."""
     try:
         row, col = (operator.index(part) for part in cell)  # type: ignore[attr-defined]
     except (TypeError, ValueError):

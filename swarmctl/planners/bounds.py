@@ -1,4 +1,4 @@
-"""Whether a route keeps the bounds on length of a problem, and the errors where none does."""
+"""The bounds of a problem on length: the check of a route, and the errors if no route keeps them."""
 
 from __future__ import annotations
 
@@ -12,28 +12,30 @@ from swarmctl.planners.base import BoundTooTight, Problem, Route
 
 
 def window(problem: Problem) -> tuple[float, float]:
-    """The least and the greatest length [cells], widened by what rounding may have taken off a bound: two
-    lattice lengths differ by more on any real area."""
+    """Return the least and the greatest length [cells], widened by the rounding of a bound.
+
+    Two lattice lengths differ by more than that on any real area.
+    """
     return problem.min_length_cells - kernels.LENGTH_TIE, problem.max_length_cells + kernels.LENGTH_TIE
 
 
 def keeps(problem: Problem, cells: Sequence[Cell]) -> bool:
-    """Whether a route is as long as the problem asks for."""
+    """Return whether the length of a route is within the bounds."""
     least, greatest = window(problem)
     return least <= measures.length_cells(cells) <= greatest
 
 
 def shortest_too_long(problem: Problem, shortest: Route) -> BoundTooTight:
-    """The error that not even the shortest route is short enough."""
+    """Return the error that the shortest route is too long."""
     return BoundTooTight(
         f"no route is at most {problem.max_length_cells:.2f} cells long: the shortest one takes "
-        f"{shortest.length_cells:.2f} cells; allow as much",
+        f"{shortest.length_cells:.2f} cells; raise the bound to that",
         shortest,
     )
 
 
 def none_between(problem: Problem, what: str, nearest: Route) -> BoundTooTight:
-    """The error that some routes are too short and the others too long; `what` says which were looked at."""
+    """Return the error that all routes are too short or too long; `what` names the routes considered."""
     asked = f"{problem.min_length_cells:.2f} or more cells"
     if not math.isinf(problem.max_length_cells):
         asked = f"{problem.min_length_cells:.2f} to {problem.max_length_cells:.2f} cells"

@@ -1,10 +1,13 @@
 """The least exposed route of all within a bound on length: a resource-constrained shortest path.
 
-No w need find it, for it may lie inside the convex hull of what w finds. First the bound is bracketed as in
-`time_bound`, which brings a route within it and a price of length λ at which every route costs at least what
-the field says, so that the least exposure is at least the field's cost − λ · bound (the Lagrangian bound).
-Then labels that this bound does not rule out are set from the start, the most promising first
-(`kernels.labels`).
+It may lie inside the convex hull of the routes that some w finds, so that no w finds it. The search has two
+steps:
+
+1. Bracket the bound as in `time_bound`. That gives a route within the bound, and a price of length λ. At that
+   price every route costs at least the field's cost. So the least exposure is at least the field's cost
+   − λ · bound (the Lagrangian bound).
+2. Set labels from the start, the most promising first, except those that this bound rules out
+   (`kernels.labels`).
 """
 
 from __future__ import annotations
@@ -20,7 +23,7 @@ from swarmctl.planners.base import BadProblem, Problem, Route, is_open, route_of
 from swarmctl.planners.envelope import Summed, Sweep
 
 ENOUGH = 0.02
-"""A gap between the bounds of this share is closed faster by labels than by one more search."""
+"""Labels close a gap between the bounds of this share faster than one more search does."""
 
 
 USES_W = False
@@ -28,10 +31,10 @@ USES_W = False
 
 @dataclass(frozen=True, slots=True)
 class Params:
-    """How long to search."""
+    """The effort of the search."""
 
     max_labels: int | None = 4_000_000
-    """labels made at most, some 50 bytes each; 0 or none: as many as it takes"""
+    """greatest number of labels, some 50 bytes each; 0 or none: no limit"""
 
     def __post_init__(self) -> None:
         if self.max_labels is not None and self.max_labels < 0:
@@ -39,19 +42,17 @@ class Params:
 
 
 def plan(problem: Problem, params: Params) -> Route:
-    """The least exposed route within the upper bound on length, of equals the shortest; w and ψ do not
-    matter.
+    """Return the least exposed route within the upper bound on length; of equals the shortest.
 
-    `cost` is ΣP_s, `lower_bound` equals it; when `max_labels` are spent the route is the best so far and its
-    bound may be less. Raises Unreachable, BoundTooTight with the shortest route, and BadProblem for a lower
-    bound on length.
+    w and ψ have no influence. `cost` is ΣP_s, and `lower_bound` equals it. If `max_labels` are spent, the
+    route is the best so far, and its `lower_bound` may be less. Raises Unreachable, BoundTooTight with the
+    shortest route, and BadProblem for a lower bound on length.
     """
     if problem.min_length_cells > 0.0:
-        # The least exposed of the routes longer than something would fly loops, and to find it is as hard as
-        # to find a longest path.
+        # The least exposed route above a length would fly loops; to find it is as hard as a longest path.
         raise BadProblem(
             f"a route of at least {problem.min_length_cells:g} cells: constrained keeps an upper bound only; "
-            "take time_bound for an arrival window, or fly slower"
+            "use time_bound for an arrival window, or fly slower"
         )
     if problem.start in problem.goals:
         return route_of(problem, (problem.start,), 0.0)
@@ -70,14 +71,14 @@ def plan(problem: Problem, params: Params) -> Route:
 
 
 def measure(problem: Problem, cells: Sequence[Cell], _params: Params) -> float:
-    """ΣP_s; infinite through a wall and where it does not keep the bounds on length."""
+    """Return ΣP_s; infinite through a wall or out of the bounds on length."""
     if not (is_open(problem, cells) and bounds.keeps(problem, cells)):
         return math.inf
     return measures.exposure_sum(problem.exposure, cells)
 
 
 def _label(sweep: Sweep, best: Summed, to_go: kernels.ToGo, params: Params) -> Route:
-    """What labels find that is less exposed than the best so far, or this one."""
+    """Return the least exposed route that labels find; the best so far if they find none."""
     problem = sweep.problem
     greatest = bounds.window(problem)[1]
     found = kernels.label_search(
@@ -96,7 +97,7 @@ def _label(sweep: Sweep, best: Summed, to_go: kernels.ToGo, params: Params) -> R
 
 
 def _route(sweep: Sweep, cells: tuple[Cell, ...]) -> Route:
-    """The route with nothing less exposed than it."""
+    """Return a route of which it is proved that none is less exposed."""
     exposure = measures.exposure_sum(sweep.problem.exposure, cells)
     route = route_of(sweep.problem, cells, exposure)
     return replace(route, searched=tuple(sweep.searched), lower_bound=exposure)

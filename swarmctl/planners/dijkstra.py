@@ -1,7 +1,7 @@
 """The paper's planner: the route of least Eq. 5, C_mn = (1 − w)·ψ·d_mn + w·P_s(n).
 
-A field of the cost that is still to come is spread backwards from the goals, and the route runs down it (the
-paper's hill climbing). One field serves every start.
+The field of the cost to go is spread backwards from the goals, and the route runs down the field (the paper's
+hill climbing). One field serves every start.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from swarmctl.planners.base import (
     eq5_route,
     is_open,
 )
+from swarmctl.planners.pool import Pool
 from swarmctl.planners.replan import Replanner
-from swarmctl.planners.shelf import Shelf
 
 USES_W = True
 
 
 @dataclass(frozen=True, slots=True)
 class Params:
-    """Nothing to choose: w and ψ are part of the problem."""
+    """No parameters: w and ψ are part of the problem."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,18 +41,18 @@ class CostToGo:
     """The least cost by Eq. 5 from every cell to the nearest goal."""
 
     cost: NDArray[np.float64]
-    """(rows, cols); infinite where no way leads to a goal"""
+    """(rows, cols); infinite if no route leads to a goal"""
     _field: kernels.Field
 
     def cells_from(self, start: Cell) -> tuple[Cell, ...]:
-        """The route from `start` to a goal, both included; any tail of it is the route from where it begins.
+        """Return the route from `start` to a goal, both included; each tail is the route from its first cell.
 
-        Raises BadProblem where the start is outside the area, Unreachable where no way leads to a goal.
+        Raises BadProblem if the start is outside the area, Unreachable if no route leads to a goal.
         """
         return self._field.run_down(self._checked(start))
 
     def paths_from(self, starts: Sequence[Cell]) -> list[NDArray[np.int64]]:
-        """The routes of a whole swarm at once: for each start the (row, col) of its cells, shape (n, 2).
+        """Return the routes of a whole swarm: for each start the (row, col) of its cells, shape (n, 2).
 
         Raises as `cells_from` does.
         """
@@ -61,17 +61,16 @@ class CostToGo:
     def _checked(self, start: Cell) -> Cell:
         cell = checked_cell("start", start, self.cost)
         if math.isinf(self.cost[cell]):
-            raise Unreachable(f"no way leads from {cell} to a goal: walls of infinite exposure lie between")
+            raise Unreachable(f"no route leads from {cell} to a goal: walls lie between")
         return cell
 
 
 def plan(problem: Problem, _params: Params) -> Route:
-    """The route of least cost by Eq. 5; among equals the shortest, and among these always the same.
+    """Return the route of least cost by Eq. 5; among equals the shortest, and among these always the same.
 
-    What was searched before for the same goals and weights is used again; whether it is or not, the answer is
-    the same.
+    Earlier searches for the same goals and weights are used again. They do not change the answer.
     """
-    exposure = kernels.compilable(problem.passable)
+    exposure = problem.passable
     search = _search_again if exposure.size >= LARGE else _search_all
     try:
         return eq5_route(problem, search(problem, exposure))
@@ -80,22 +79,24 @@ def plan(problem: Problem, _params: Params) -> Route:
 
 
 def measure(problem: Problem, cells: Sequence[Cell], _params: Params) -> float:
-    """Σ C_mn (Eq. 5); infinite through a wall."""
+    """Return Σ C_mn (Eq. 5); infinite through a wall."""
     return eq5_cost(problem, cells) if is_open(problem, cells) else math.inf
 
 
 LARGE = 100_000
-"""Areas of more cells are replanned in a box, which pays there."""
+"""Areas of at least this many cells are replanned in a box around the old route (`replan`)."""
 KEPT_CELLS = 8_000_000
-"""of large areas whose old fields are kept, some 40 bytes each"""
+"""greatest number of cells of such areas in memory, some 40 bytes each"""
 
-_fields: Shelf[kernels.Field] = Shelf()
-_replanners: Shelf[Replanner] = Shelf()
+_fields: Pool[kernels.Field] = Pool()
+_replanners: Pool[Replanner] = Pool()
 
 
 def _search_all(problem: Problem, exposure: NDArray[np.float64]) -> tuple[Cell, ...]:
-    """By a field of the whole area, the last one if it is of the same problem: vehicles with one goal and one
-    belief ask one after the other for the same."""
+    """Search the whole area, or run down the last field if it answers the problem.
+
+    Vehicles with one goal and one belief ask for the same field one after the other.
+    """
     asked = exposure, problem.goals, problem.w
     taken = _fields.take_all()
     field = taken[-1] if taken else None
@@ -110,7 +111,7 @@ def _search_all(problem: Problem, exposure: NDArray[np.float64]) -> tuple[Cell, 
 
 
 def _search_again(problem: Problem, exposure: NDArray[np.float64]) -> tuple[Cell, ...]:
-    """By what is known from the last time somebody asked for these goals at this weight."""
+    """Search around the old route, with the field of an earlier search for these goals and weights."""
     asked = exposure.shape, problem.goals, problem.w, problem.psi_per_cell
     taken = _replanners.take_all()
     planner = next((kept for kept in taken if kept.asked == asked), None)
@@ -128,7 +129,7 @@ def _search_again(problem: Problem, exposure: NDArray[np.float64]) -> tuple[Cell
 def cost_to_go(
     exposure: NDArray[np.float64], goals: Sequence[Cell], w: float, psi_per_cell: float
 ) -> CostToGo:
-    """The whole field for P_s of shape (rows, cols), for all vehicles with these goals. Raises BadProblem."""
+    """Return the whole field for P_s of shape (rows, cols), for all starts. Raises BadProblem."""
     array, cells = checked_field(exposure, goals, w, psi_per_cell)
     field = kernels.spread(array, cells, w, psi_per_cell)
     return CostToGo(field.cost(), field)

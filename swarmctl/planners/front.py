@@ -1,9 +1,9 @@
-"""The whole front of length against exposure: every route that no other beats in both.
+"""The Pareto front of length and exposure: every route that no other beats in both.
 
-The routes that some w finds are the corners of the front's convex hull (`envelope`). Between two neighbours
-of them all other routes lie in a triangle, on or above the line that joins the two and below and left of the
-corner opposite; labels find them there (`kernels.labels`), with the field of the search that showed the two
-to be neighbours as the bound (the two-phase method of Ulungu and Teghem 1995).
+The routes that some w finds are the corners of the front's convex hull (`envelope`). All other routes between
+two neighbours lie in a triangle: on or above the line that joins the two, below and left of the opposite
+corner. Labels find them there (`kernels.labels`). Their bound is the field that proved the two to be
+neighbours (the two-phase method of Ulungu and Teghem 1995).
 """
 
 from __future__ import annotations
@@ -16,35 +16,34 @@ from swarmctl.planners.base import BadProblem, Problem, Route, eq5_route
 from swarmctl.planners.envelope import Summed, Sweep
 
 MAX_LABELS = 20_000_000
-"""made at most where nothing else is said, over all triangles together; one takes 50 bytes"""
+"""default limit of labels over all triangles; a label takes 50 bytes"""
 
 
 @dataclass(frozen=True, slots=True)
 class Front:
     """Routes from short and exposed to long and safe.
 
-    Points that differ by rounding alone are one: lengths by less than LENGTH_TIE, or exposures by less than a
-    part REL_TIE at each step of the way.
+    Two points are one if they differ by rounding only: lengths by less than LENGTH_TIE, or exposures by a
+    share of less than REL_TIE at each step.
     """
 
     routes: tuple[Route, ...]
-    """one a point, by length; `cost` is Eq. 5 at the problem's w"""
+    """one route a point, by length; `cost` is Eq. 5 at the problem's w"""
     supported: tuple[bool, ...]
-    """whether some w > 0 finds it: a corner of the front's convex hull. A route on an edge of the hull is
-    none: at the only w at which it is the cheapest a shorter one costs the same, and is taken."""
+    """True for the routes that some w > 0 finds: the corners of the front's convex hull. A route on an edge
+    of the hull is no corner: at the only w at which it is the cheapest, a shorter route costs the same."""
     w_ranges: tuple[tuple[float, float] | None, ...]
-    """from which to which w in [0, 1] `dijkstra` gives it; None if at none. At the w where two ranges meet it
-    gives the shorter route; at w = 0 any of the shortest ones. Where ψ = 0, no w finds more than the two
-    ends."""
+    """the range of w in [0, 1] at which `dijkstra` gives the route; None if at no w. Where two ranges meet,
+    `dijkstra` gives the shorter route; at w = 0 any of the shortest. If ψ = 0, w finds the two ends only."""
     complete: bool
-    """False if the labels were spent: every supported route is here, and of the others some"""
+    """False if the labels were spent: all supported routes are here, but not all others"""
 
 
 def pareto_front(problem: Problem, *, max_labels: int | None = None) -> Front:
-    """All non-dominated points (length, ΣP_s) within the problem's bounds on length, with a route each.
+    """Return all non-dominated points (length, ΣP_s) within the bounds on length, with a route each.
 
-    `max_labels` is the budget (none: MAX_LABELS; 0: as many as it takes). Raises Unreachable, and
-    BoundTooTight where no point is within the bounds.
+    `max_labels` limits the labels (none: MAX_LABELS; 0: no limit). Raises Unreachable, and BoundTooTight if
+    no point is within the bounds.
     """
     budget = MAX_LABELS if max_labels is None else max_labels
     if budget < 0:
@@ -82,18 +81,18 @@ def pareto_front(problem: Problem, *, max_labels: int | None = None) -> Front:
 
 @dataclass(slots=True)
 class _Points:
-    """What was found so far."""
+    """The points found so far."""
 
     safest: Summed
     edges: list[tuple[Summed, Summed, float]] = field(default_factory=list)
-    """neighbours and the price of length where they cost the same"""
+    """neighbours and the price of length at which they cost the same"""
     inside: list[Summed] = field(default_factory=list)
     """routes that no w finds"""
     complete: bool = True
 
 
 def _front(sweep: Sweep, points: _Points) -> Front:
-    """The points within the bounds, by length."""
+    """Return the points within the bounds, by length."""
     problem = sweep.problem
     least, greatest = bounds.window(problem)
     ranges: dict[Summed, tuple[float, float]] = {}
@@ -117,7 +116,7 @@ def _front(sweep: Sweep, points: _Points) -> Front:
 def _w_range(
     problem: Problem, shortest: Summed, route: Summed, weights: tuple[float, float] | None
 ) -> tuple[float, float] | None:
-    """Between two weights; where ψ = 0 all prices of length between the ends fall on w = 0."""
+    """Return the range of w of a route; if ψ = 0, all prices of length between the ends fall on w = 0."""
     if problem.psi_per_cell == 0.0 and weights == (0.0, 0.0) and route != shortest:
         return None
     return weights

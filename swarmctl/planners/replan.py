@@ -1,14 +1,16 @@
-"""Planning again and again while an area becomes known: exact, and touching little.
+"""Exact replanning of a large area that becomes known cell by cell, by a search of a small part.
 
-An observation changes P_s a little everywhere, for the unseen share what is left of the hostiles, and a lot
-in a few cells. A vehicle's new route lies near its old one nearly always. So only a box around the old route
-is searched, with costs as they are now, and then it is proved that no way out of the box and back pays: to
-come to each cell of the box's rim costs so much, which the box knows, and from there to a goal at least so
-much, which an older field of the whole area knows, scaled by the least ratio of new to old costs and lowered
-where cells have become cheaper. Where that is no proof the box grows, and after some growing the whole area
-is searched, whose field is the next to be old.
+An observation changes P_s a little everywhere, because the cells not seen share the remaining hostiles, and
+much in a few cells. The new route is nearly always near the old one. A replan has these steps:
 
-What comes out is what a search of the whole area would find, to the last tie.
+1. Search a box around the old route, with the present costs.
+2. Prove that no route out of the box and back is cheaper. The box's field gives the cost to each cell of its
+   rim. An older field of the whole area gives a lower bound from there to a goal: scaled by the least ratio
+   of new to old costs, and lowered where cells have become cheaper.
+3. Without a proof the box grows. If the box is too large, the whole area is searched, which gives the next
+   older field.
+
+The result equals that of a search of the whole area, ties included.
 """
 
 from __future__ import annotations
@@ -23,29 +25,30 @@ from numpy.typing import NDArray
 from swarmctl.core.grid import Cell
 from swarmctl.planners.base import BadProblem, Unreachable, checked_cell, checked_field
 from swarmctl.planners.kernels import bounds
-from swarmctl.planners.kernels.field import Field, compilable, spread
+from swarmctl.planners.kernels.compilation import compiled
+from swarmctl.planners.kernels.large_field import LargeField, compilable, spread_large
 from swarmctl.planners.kernels.lattice import Floats
 
 FIRST_MARGIN = 12
-"""how far around the old route the box reaches at first [cells]"""
+"""first distance from the old route to the edge of the box [cells]"""
 LARGEST_BOX = 0.25
-"""of the area; beyond, the whole is searched, which no proof follows"""
+"""largest box, as a share of the area; beyond it the whole area is searched"""
 STRIDE = 997
-"""every so many cells one is asked how much all have drifted"""
+"""one of this many cells is sampled for the drift of all costs"""
 WHOLE = slice(None)
 MOST_LOST = 4096.0
-"""A label that falls to less than this part of itself keeps too few digits to be a bound."""
+"""A label divided by more than this keeps too few digits for a bound."""
 SURE = 1.0 + 1e-9
-"""by how much a way out of the box must cost more: rounding alone proves nothing"""
+"""ratio by which a route out of the box must be dearer; rounding alone is no proof"""
 
 
 @dataclass(slots=True, eq=False)
 class Layers:
     """P_s in two layers, `known + p_unseen · unseen`, each of shape (rows, cols).
 
-    That is Eq. 3 over Eq. 4: what is known of the cells seen, and the kernel's weight of the cells not seen,
-    which all have the same p_O. An infinite `known` is a wall. Who owns the layers changes them in place and
-    tells the `Replanner` which cells they were.
+    That is Eq. 3 over Eq. 4: the exposure to the cells seen, and the kernel's weight of the cells not seen,
+    which all have the same p_O. An infinite `known` is a wall. The owner of the layers changes them in place
+    and tells the `Replanner` the cells.
     """
 
     known: NDArray[np.float64]
@@ -54,28 +57,28 @@ class Layers:
 
     @classmethod
     def of(cls, exposure: Floats) -> Layers:
-        """All of it known."""
+        """Return layers of which all is known."""
         return cls(exposure, np.broadcast_to(0.0, exposure.shape), 0.0)
 
     def within(self, rows: slice, cols: slice, p_unseen: float | None = None) -> Floats:
-        """P_s of a part of the area."""
+        """Return P_s of a part of the area."""
         p = self.p_unseen if p_unseen is None else p_unseen
         return self.known[rows, cols] + p * self.unseen[rows, cols]
 
 
 class Replanner:
-    """Routes to one set of goals by Eq. 5, from any start, in an area that changes.
+    """Routes to one set of goals by Eq. 5, from any start, in a large area that changes.
 
         exposure = np.full((500, 500), 0.13)             # P_s, (rows, cols)
         replanner = Replanner(exposure, (250, 499), w=0.5, psi_per_cell=0.13)
         replanner.route((250, 0))                        # cells, both ends included
-        exposure[250, 200:203] = 0.6                     # something is learned …
+        exposure[250, 200:203] = 0.6                     # an observation
         replanner.changed([(250, 200), (250, 201), (250, 202)])
-        replanner.route((250, 100))                      # … and all but little of the work was done before
+        replanner.route((250, 100))                      # searches a small part of the area
 
     The routes are those of `dijkstra` without a maximum exposure, ties included. `exposure` is an array, or
-    `Layers` where all cells not seen have one p_O that drifts; either is kept, not copied: change it in place
-    and say where, or hand over another with `renew`. Raises BadProblem as a Problem does.
+    `Layers` if all cells not seen have one p_O that drifts. It is kept, not copied: change it in place and
+    call `changed`, or pass another one to `renew`. Raises BadProblem as a Problem does.
     """
 
     def __init__(
@@ -91,22 +94,22 @@ class Replanner:
         self._w = w
         self._psi = psi_per_cell
         whole, self.goals = checked_field(exposure.within(WHOLE, WHOLE), goals, w, psi_per_cell)
-        self._old = Field(*whole.shape)
+        self._old = LargeField(*whole.shape)
         self._margin = FIRST_MARGIN
         self._outdated = False
         self._begin_from(whole)
 
     @property
     def asked(self) -> tuple[tuple[int, ...], tuple[Cell, ...], float, float]:
-        """What it is for: shape, goals, w and ψ per cell."""
+        """Shape, goals, w and ψ per cell."""
         return self._now.known.shape, self.goals, self._w, self._psi
 
     def size(self) -> int:
-        """How many cells it keeps a field of."""
+        """Return the number of cells of its field."""
         return self._now.known.size
 
     def changed(self, cells: Iterable[Cell]) -> None:
-        """Say that P_s was changed at `cells`. That p_unseen has changed need not be said.
+        """Take in that P_s has changed at `cells`; a change of p_unseen needs no call.
 
         Raises BadProblem for a cell outside the area, NaN and negative exposures.
         """
@@ -118,11 +121,11 @@ class Replanner:
             if not exposure >= 0.0:
                 raise BadProblem(f"exposure of cell ({row}, {col}) is {exposure}: expected 0 or more")
             straight = self._w * exposure + field.step if math.isfinite(exposure) else math.inf
-            if straight < field.straight[m]:  # what is dearer only makes a lower bound lower still
+            if straight < field.straight[m]:  # for a dearer cell the old label is still a lower bound
                 self._lower(np.array([m]), np.array([straight]))
 
     def renew(self, exposure: NDArray[np.float64]) -> None:
-        """Take P_s of shape (rows, cols) from here on; what has changed is looked for in every cell.
+        """Use P_s of shape (rows, cols) from now on; every cell is compared with the old one.
 
         The array is kept, not copied. Raises BadProblem for another shape, NaN and negative numbers.
         """
@@ -134,7 +137,7 @@ class Replanner:
         exposure = compilable(exposure)
         self._now = Layers.of(exposure)
         self._p_unseen = 0.0
-        self._drift, cells, costs = bounds.compare(
+        self._drift, cells, costs = compiled(bounds.compare)(
             exposure, self._w, self._old.step, self._old.straight, STRIDE, exposure.size // 50 + 50
         )
         self._outdated = self._outdated or self._drift == 0.0
@@ -142,10 +145,10 @@ class Replanner:
             self._lower(cells, costs)
 
     def route(self, start: Cell) -> tuple[Cell, ...]:
-        """The route from `start` with all that was told, both ends included.
+        """Return the route from `start` after all changes, both ends included.
 
-        Raises Unreachable; BadProblem for a start outside the area, and where p_unseen is no chance or some
-        exposure none that may be.
+        Raises Unreachable. Raises BadProblem for a start outside the area, and for an invalid p_unseen or
+        exposure.
         """
         start = checked_cell("start", start, self._now.known)
         if not 0.0 <= self._now.p_unseen < math.inf:
@@ -167,18 +170,18 @@ class Replanner:
                 margin *= 2
         self._search_all()
         if math.isinf(self._old.cost_of(start)):
-            raise Unreachable(f"no way leads from {start} to a goal: walls of infinite exposure lie between")
+            raise Unreachable(f"no route leads from {start} to a goal: walls lie between")
         return self._old.run_down(start)
 
     def _lower(self, cells: NDArray[np.int64], costs: Floats) -> None:
-        """Takes in that a straight step into `cells` costs less than the old field makes of it."""
+        """Take in that a straight step into `cells` costs less than in the old field."""
         if self._outdated:
             return
         old, straight = self._old, np.minimum(costs / self._drift, self._old.straight[cells])
         with np.errstate(invalid="ignore"):
             label = old.label[cells] - (old.straight[cells] - straight)
         if not (old.label[cells] <= MOST_LOST * label).all():
-            # A wall has gone, or what was as good as one: beside it old bounds are nothing but rounding.
+            # A wall is gone, or a cell as dear as one: old labels next to it consist of rounding only.
             self._outdated = True
             return
         old.label[cells], old.straight[cells] = label, straight
@@ -189,25 +192,25 @@ class Replanner:
         self._begin_from(exposure)
 
     def _begin_from(self, exposure: Floats) -> None:
-        self._old = spread(exposure, self.goals, self._w, self._psi, into=self._old)
+        self._old = spread_large(exposure, self.goals, self._w, self._psi, into=self._old)
         self._p_unseen = self._now.p_unseen
         self._lowered: list[int] = []
-        """cells whose label was lowered, but not yet their neighbours'"""
+        """cells whose label was lowered, while their neighbours' labels were not yet"""
         self._outdated, self._drift = False, 1.0
         self.searched_cells = self._now.known.size
-        """how many cells the last route took"""
+        """number of cells searched for the last route"""
 
     def _guess(self, start: Cell) -> NDArray[np.int64]:
-        """Flat indices of a way that was good, after everything cheaper on the way to it is taken in."""
+        """Return flat indices of a good route by the old field, after cheaper cells near it are taken in."""
         old, m = self._old, self._old.index(start)
         waiting = np.unique(np.array(self._lowered, dtype=np.int64))
         self._lowered = old.lower(waiting, float(old.label[m]) * SURE).tolist()
         most = 4 * (old.rows + old.cols)
-        path, arrived = bounds.run_down_roughly(old.label, old.extra, old.width, old.goals, m, most)
+        path, arrived = compiled(bounds.run_down_roughly)(old.label, old.extra, old.width, old.goals, m, most)
         return path if arrived else path[:0]
 
     def _box(self, guess: NDArray[np.int64], margin: int) -> tuple[int, int, int, int]:
-        """(first row, end row, first column, end column) of the cells within `margin` of a way."""
+        """Return (first row, end row, first column, end column) of the cells within `margin` of a route."""
         rows, cols = guess // self._old.width - 1, guess % self._old.width - 1
         return (
             max(int(rows.min()) - margin, 0),
@@ -217,16 +220,16 @@ class Replanner:
         )
 
     def _within(self, box: tuple[int, int, int, int], start: Cell) -> tuple[Cell, ...]:
-        """The route in the box, if it is proved that none outside is as good; empty if not."""
+        """Return the route in the box if no route outside is proved to be as good; else an empty one."""
         top, bottom, left, right = box
         goals = [(r - top, c - left) for r, c in self.goals if top <= r < bottom and left <= c < right]
         exposure = self._now.within(slice(top, bottom), slice(left, right))
         checked_field(exposure, goals, self._w, self._psi)
-        field = spread(exposure, goals, self._w, self._psi)
+        field = spread_large(exposure, goals, self._w, self._psi)
         self.searched_cells = exposure.size
         inside = (start[0] - top, start[1] - left)
         cost, old = field.cost_of(inside), self._old
-        way_out = bounds.least_way_out(
+        way_out = compiled(bounds.least_way_out)(
             field.labels_from(inside), field.rows, field.cols,
             old.label, old.straight, old.width, top, left, old.rows,
             self._unsure(), self._rate(),
@@ -236,11 +239,11 @@ class Replanner:
         return tuple((r + top, c + left) for r, c in field.run_down(inside))
 
     def _unsure(self) -> float:
-        """The labels of the old field from here on are no lower bounds, but no true one is less."""
+        """Return the label from which on labels of the old field are no lower bounds; no true one is less."""
         return float(self._old.label[self._lowered].min()) if self._lowered else math.inf
 
     def _rate(self) -> float:
-        """No cell's cost has fallen below this share of what the old field takes it for."""
+        """Return a share of its old cost below which no cell's cost has fallen."""
         if self._now.p_unseen >= self._p_unseen:
             return self._drift
         # A cost s + w(K + pU) falls the most, relatively, where K = 0 and pU is the greatest there is.

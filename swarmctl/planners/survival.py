@@ -19,8 +19,8 @@ from swarmctl.planners import kernels
 from swarmctl.planners.base import Problem, Route, is_open, route_of
 
 CERTAIN_LOSS = 1e6
-"""What a cell of P_s ≥ 1 counts for instead of −ln(0) = ∞: more than the rest of any route can add up to, so
-that a route enters as few of them as there is a way to, and is still an answer. An infinite P_s is a wall."""
+"""Cost of a cell of P_s ≥ 1, instead of −ln(0) = ∞. It exceeds the sum over the rest of any route, so that a
+route enters as few such cells as possible. A cell of infinite P_s is a wall."""
 
 
 USES_W = False
@@ -28,13 +28,13 @@ USES_W = False
 
 @dataclass(frozen=True, slots=True)
 class Params:
-    """Nothing to choose."""
+    """No parameters."""
 
 
 def plan(problem: Problem, _params: Params) -> Route:
-    """The route of least Σ −ln(1 − P_s), which is its cost; among equals the shortest.
+    """Return the route of least Σ −ln(1 − P_s), which is its cost; among equals the shortest.
 
-    w and ψ do not matter, bounds on length are not kept. Raises Unreachable.
+    w, ψ and bounds on length have no influence. Raises Unreachable.
     """
     field = kernels.spread(_losses(problem.passable), problem.goals, 1.0, 0.0)
     if math.isinf(field.cost_of(problem.start)):
@@ -44,12 +44,12 @@ def plan(problem: Problem, _params: Params) -> Route:
 
 
 def measure(problem: Problem, cells: Sequence[Cell], _params: Params) -> float:
-    """Σ −ln(1 − P_s), with CERTAIN_LOSS for a cell of P_s ≥ 1; infinite through a wall."""
+    """Return Σ −ln(1 − P_s), with CERTAIN_LOSS for a cell of P_s ≥ 1; infinite through a wall."""
     return _sum(problem, cells) if is_open(problem, cells) else math.inf
 
 
 def _losses(exposure: NDArray[np.float64]) -> NDArray[np.float64]:
-    """−ln(1 − P_s) of each cell, as it is counted."""
+    """Return the cost of each cell: −ln(1 − P_s) or CERTAIN_LOSS."""
     losses = np.where(np.isinf(exposure), math.inf, CERTAIN_LOSS)
     survivable = exposure < 1.0
     losses[survivable] = -np.log1p(-exposure[survivable])

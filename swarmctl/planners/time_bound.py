@@ -1,10 +1,9 @@
-"""The paper's search under a time bound (Figure 7): among the routes over all w in [0, 1] that keep it, the
-one of least exposure, or of least distance.
+"""The paper's search under a time bound (Figure 7): the route of least exposure or distance over all w.
 
-The planner sees a bound on length, which at the vehicle's speed is one on time, or a window of lengths, which
-is one of arrival. The routes over all w are the corners of a lower envelope (`envelope` says which count);
-they get longer and less exposed from w = 0 to w = 1, so the answer is a neighbour of the bound, and each
-search says which w to try next. What was searched is in `Route.searched`.
+The planner sees a bound on length, or a window of lengths. At the vehicle's speed these are a time bound, or
+an arrival window. The routes over all w in [0, 1] are the corners of a lower envelope (`envelope`). They get
+longer and less exposed from w = 0 to w = 1, so the answer is a neighbour of the bound. Each search gives the
+next w to try; `Route.searched` lists them.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from swarmctl.planners.base import Problem, Route, is_open, route_of
 from swarmctl.planners.envelope import Summed, Sweep
 
 # DEVIATION: the paper searches "in the space of w" without saying how. A list of values of w would miss
-# routes that only values between them find; here no w is left out.
+# routes that only values between them find; this search leaves no w out.
 
 
 USES_W = False
@@ -29,15 +28,15 @@ USES_W = False
 
 @dataclass(frozen=True, slots=True)
 class Params:
-    """What is made least among the routes that keep the bounds."""
+    """The measure to minimise among the routes that keep the bounds."""
 
     minimise: Literal["exposure", "distance"] = "exposure"
 
 
 def plan(problem: Problem, params: Params) -> Route:
-    """The best route that keeps the bounds on length; `w` of the problem does not matter.
+    """Return the best route that keeps the bounds on length; the problem's `w` has no influence.
 
-    Raises Unreachable; BoundTooTight where no route over all w keeps the bounds.
+    Raises Unreachable, and BoundTooTight if no route over all w keeps the bounds.
     """
     if problem.start in problem.goals:
         return _checked(problem, params, [Summed((problem.start,), 0.0, 0.0)], Sweep(problem))
@@ -47,14 +46,14 @@ def plan(problem: Problem, params: Params) -> Route:
 
 
 def measure(problem: Problem, cells: Sequence[Cell], params: Params) -> float:
-    """ΣP_s, or the length [cells]; infinite through a wall and where it does not keep the bounds."""
+    """Return ΣP_s, or the length [cells]; infinite through a wall or out of the bounds."""
     if not (is_open(problem, cells) and bounds.keeps(problem, cells)):
         return math.inf
     return _sum(problem, cells, params)
 
 
 def _exposure_least(sweep: Sweep, _least: float, greatest: float) -> list[Summed]:
-    """The longest route within the upper bound, and the one beyond it."""
+    """Return the longest route within the upper bound, and the next beyond it."""
     if math.isinf(greatest):
         return [sweep.search(0.0)[0]]
     shortest, _ = sweep.search(math.inf)
@@ -65,7 +64,7 @@ def _exposure_least(sweep: Sweep, _least: float, greatest: float) -> list[Summed
 
 
 def _distance_least(sweep: Sweep, least: float, greatest: float) -> list[Summed]:
-    """The shortest route within the lower bound, and the one before it."""
+    """Return the shortest route within the lower bound, and the next before it."""
     shortest, _ = sweep.search(math.inf)
     if shortest.length_cells > greatest:
         return [shortest]
@@ -76,7 +75,7 @@ def _distance_least(sweep: Sweep, least: float, greatest: float) -> list[Summed]
 
 
 def _checked(problem: Problem, params: Params, candidates: list[Summed], sweep: Sweep) -> Route:
-    """Of the candidates the one that keeps the bounds; else the error with the one that misses them least."""
+    """Return the candidate that keeps the bounds; else raise the error with the nearest candidate."""
     least, greatest = bounds.window(problem)
 
     def missed_by(route: Summed) -> float:
@@ -89,7 +88,7 @@ def _checked(problem: Problem, params: Params, candidates: list[Summed], sweep: 
         return route
     if len(candidates) == 1 and best.length_cells > greatest:
         raise bounds.shortest_too_long(problem, route)
-    raise bounds.none_between(problem, "no route that a w finds", route)
+    raise bounds.none_between(problem, "no route that some w finds", route)
 
 
 def _sum(problem: Problem, cells: Sequence[Cell], params: Params) -> float:

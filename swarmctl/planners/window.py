@@ -1,10 +1,9 @@
-"""A route that takes its time: the least exposed within a window of lengths, if need be longer than any that
-a w finds.
+"""A long route for a vehicle that is early: the least exposed one found within a window of lengths.
 
-Within the upper bound the least exposed route is found as by `constrained`. Where that is too short, ways
-over one cell in between are tried, and over two: the best way there and the best way on, by Eq. 5 at a
-middling price of length. Of those that fit and cross themselves nowhere it is the least exposed; nobody
-proves that there is no better one, for the longest path is a hard problem. For vehicles that are early.
+First the least exposed route within the upper bound is found as by `constrained`. If that is too short,
+detours over one cell are tried, then over two. A detour is the best route to the cell and the best route on
+from it, by Eq. 5 at a medium price of length. The answer is the least exposed detour that fits and does not
+cross itself. It need not be optimal, because the longest path is a hard problem.
 """
 
 from __future__ import annotations
@@ -22,31 +21,31 @@ from swarmctl.planners.base import Problem, Route, is_open, route_of
 
 USES_W = False
 
-MOST_TRIED, PAIRS_OF = 400, 25
-"""cells in between, evenly over the area; and of those that are tried by twos"""
+N_DETOURS, N_PAIRED = 400, 25
+"""greatest numbers of detour cells, evenly over the area: alone, and in pairs"""
 
 
 @dataclass(frozen=True, slots=True)
 class Params:
-    """How long to search."""
+    """The effort of the search."""
 
     max_labels: int = 200_000
-    """as of `constrained`"""
+    """as in `constrained`"""
 
 
 def plan(problem: Problem, params: Params) -> Route:
-    """The least exposed route found within both bounds on length; w and ψ do not matter.
+    """Return the least exposed route found within both bounds on length; w and ψ have no influence.
 
-    Raises Unreachable; BoundTooTight with the route that misses the bounds least.
+    Raises Unreachable, and BoundTooTight with the route that misses the bounds least.
     """
     upper = replace(problem, min_length_cells=0.0)
     nearest = constrained.plan(upper, constrained.Params(max_labels=params.max_labels))
     if bounds.keeps(problem, nearest.cells):
         return nearest
-    between = _Between(problem)
-    for ways in (between.over_one, between.over_two):
+    detours = _Detours(problem)
+    for routes in (detours.over_one, detours.over_two):
         best: Route | None = None
-        for cells in ways():
+        for cells in routes():
             found = route_of(problem, cells, measures.exposure_sum(problem.exposure, cells))
             if bounds.keeps(problem, cells):
                 if best is None or (found.cost, found.length_cells) < (best.cost, best.length_cells):
@@ -55,19 +54,18 @@ def plan(problem: Problem, params: Params) -> Route:
                 nearest = found
         if best is not None:
             return best
-    raise bounds.none_between(problem, "no route over one or two cells in between", nearest)
+    raise bounds.none_between(problem, "no detour over one or two cells", nearest)
 
 
 def measure(problem: Problem, cells: Sequence[Cell], _params: Params) -> float:
-    """ΣP_s; infinite through a wall and where it does not keep the bounds on length."""
+    """Return ΣP_s; infinite through a wall or out of the bounds on length."""
     if not (is_open(problem, cells) and bounds.keeps(problem, cells)):
         return math.inf
     return measures.exposure_sum(problem.exposure, cells)
 
 
-class _Between:
-    """Ways from the start to a goal over cells in between, each the best there and the best on; those that
-    cross themselves nowhere."""
+class _Detours:
+    """Routes from the start to a goal over given cells that do not cross themselves."""
 
     def __init__(self, problem: Problem) -> None:
         self._problem, self._passable = problem, problem.passable
@@ -77,11 +75,11 @@ class _Between:
         self._back = self._to((problem.start,))
 
     def over_one(self) -> Iterator[tuple[Cell, ...]]:
-        for over in self._cells(MOST_TRIED):
+        for over in self._cells(N_DETOURS):
             yield from _simple((*reversed(self._back.run_down(over)), *self._on.run_down(over)[1:]))
 
     def over_two(self) -> Iterator[tuple[Cell, ...]]:
-        cells = list(self._cells(PAIRS_OF))
+        cells = list(self._cells(N_PAIRED))
         for second in cells:
             to_second, on = self._to((second,)), self._on.run_down(second)
             for first in cells:
@@ -93,7 +91,7 @@ class _Between:
         return kernels.spread(self._passable, goals, 0.5, self._price)
 
     def _cells(self, most: int) -> Iterator[Cell]:
-        """Evenly over the area, of those that lie between; both edges among them."""
+        """Yield at most `most` cells evenly over the area, with its edges, that a route can pass."""
         rows, cols = self._passable.shape
         n = math.isqrt(most)
         ends = {self._problem.start, *self._problem.goals}

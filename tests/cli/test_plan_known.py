@@ -76,7 +76,7 @@ def test_what_is_no_run_is_named(flown: Path, tmp_path: Path) -> None:
             "name: small",
             "name: small\nplanner: {max_exposure: 0.25}",
             1,
-            "uav1: with what is known no way leads from",
+            "uav1: with what is known no route leads from",
         ),
     ],
 )

@@ -99,23 +99,19 @@ def test_what_is_proved_grows_with_the_budget_until_it_is_the_cost(bound: float)
     assert max(gains) > 0.01  # what a sweep of w leaves lying
 
 
-def test_a_lower_bound_on_length_is_refused_with_who_keeps_one() -> None:
-    with pytest.raises(BadProblem, match=r"at least 3 cells: .* take time_bound for an arrival window"):
+def test_a_lower_bound_on_length_is_refused_with_the_planner_that_keeps_one() -> None:
+    with pytest.raises(BadProblem, match="time_bound"):
         constrained.plan(dataclasses.replace(rough(0), min_length_cells=3.0), EXACT)
 
 
-def test_a_bound_that_no_route_keeps_says_what_the_shortest_one_takes() -> None:
+def test_a_bound_that_no_route_keeps_is_an_error_with_the_shortest_route() -> None:
     bounded = dataclasses.replace(rough(0), max_length_cells=58.0)
-    with pytest.raises(
-        BoundTooTight, match=r"at most 58.00 cells long: the shortest one takes 59.00"
-    ) as caught:
+    with pytest.raises(BoundTooTight) as caught:
         constrained.plan(bounded, EXACT)
     assert caught.value.nearest.length_cells == 59.0
     assert constrained.measure(bounded, caught.value.nearest.cells, EXACT) == math.inf
 
 
 def test_a_budget_below_nothing_is_refused_where_the_configuration_is_read() -> None:
-    with pytest.raises(
-        ValueError, match="options of planner constrained: max_labels = -1: expected 0 or more"
-    ):
+    with pytest.raises(ValueError, match="max_labels"):
         method("constrained", PLANNERS["constrained"], {"max_labels": -1})

@@ -144,7 +144,7 @@ def test_many_goals_cost_what_the_best_single_one_costs(seed: int, w: float) -> 
 
 @settings(max_examples=examples(40), deadline=None, derandomize=True)
 @given(st.integers(0, 10_000), st.sampled_from([0.0, 0.5, 1.0]), st.sampled_from(["prior", "levels", "zero"]))
-def test_who_replans_on_the_way_with_nothing_new_flies_on(seed: int, w: float, kind: str) -> None:
+def test_a_replan_without_news_gives_the_rest_of_the_route(seed: int, w: float, kind: str) -> None:
     rng = np.random.default_rng(seed)
     p_s = {
         "prior": exposure(np.full((12, 15), 0.06), FiringStrength(0.6, 0.3, 0.1)),
@@ -169,7 +169,7 @@ def test_a_swarm_gets_the_routes_its_vehicles_would_get(kind: str) -> None:
     assert [tuple(map(tuple, path.tolist())) for path in paths] == [field.cells_from(s) for s in starts]
     assert [tuple(path[0]) for path in paths] == starts
     assert field.paths_from([]) == []
-    with pytest.raises(BadProblem, match=r"start \(30, 0\) is outside"):
+    with pytest.raises(BadProblem, match=r"\(30, 0\)"):
         field.paths_from([(0, 0), (30, 0)])
 
 

@@ -1,4 +1,4 @@
-"""What every planner in the registry has to keep, whatever it makes least."""
+"""Properties of every planner in the registry, whatever it minimises."""
 
 import dataclasses
 import math
@@ -90,7 +90,7 @@ def test_a_maximum_exposure_makes_walls(planner: Planner, problem: Problem, limi
     try:
         cells = solve(planner, dataclasses.replace(problem, exposure=walls)).cells
     except Unreachable:
-        with pytest.raises(Unreachable, match=f"cells whose exposure exceeds the maximum of {limit:g}"):
+        with pytest.raises(Unreachable):
             solve(planner, limited)
         return
     assert solve(planner, limited).cells == cells
@@ -160,7 +160,7 @@ def test_no_route_enters_a_wall_or_passes_the_corner_of_one(
 def test_where_walls_leave_no_way_it_says_so(planner: Planner, w: float) -> None:
     walled = np.zeros((3, 5))
     walled[:, 2] = math.inf
-    with pytest.raises(Unreachable, match=r"from \(0, 0\) to a goal"):
+    with pytest.raises(Unreachable):
         solve(planner, Problem(walled, (0, 0), ((0, 4),), w, 0.1))
     with pytest.raises(Unreachable):
         solve(planner, Problem(walled, (0, 0), ((1, 2),), w, 0.1))
@@ -179,48 +179,48 @@ NAN_FIELD[2, 3], NEGATIVE_FIELD[1, 4] = math.nan, -0.1
 
 
 @pytest.mark.parametrize(
-    ("change", "says"),
+    ("change", "found"),
     [
-        ({"exposure": NAN_FIELD}, r"exposure of cell \(2, 3\) is nan: expected 0 or more"),
-        ({"exposure": NEGATIVE_FIELD}, r"exposure of cell \(1, 4\) is -0.1: expected 0 or more"),
-        ({"exposure": FIELD[0]}, r"exposure of shape \(5,\): expected \(rows, cols\)"),
-        ({"exposure": FIELD[:0]}, r"exposure of shape \(0, 5\)"),
-        ({"start": (4, 0)}, r"start \(4, 0\) is outside the area: expected row 0..3 and column 0..4"),
-        ({"start": (0, -1)}, r"start \(0, -1\) is outside the area"),
-        ({"goals": ((0, 0), (0, 5))}, r"goal \(0, 5\) is outside the area"),
-        ({"goals": ()}, "no goal"),
-        ({"exposure": "many"}, "exposure of type <U4: expected an array of numbers"),
-        ({"exposure": FIELD.astype(complex)}, "exposure of type complex128"),
-        (
-            {"exposure": FIELD * 1e300},
-            r"exposure of cell \(0, 0\) is 1e\+299: expected at most 1e\+200, or inf",
-        ),
-        ({"start": (1.5, 0)}, r"start \(1.5, 0\): expected \(row, col\), two whole numbers"),
-        ({"start": (1, 0, 0)}, r"start \(1, 0, 0\): expected \(row, col\)"),
-        ({"start": 3}, r"start 3: expected \(row, col\)"),
-        ({"goals": ((1, 2), (0.5, 1))}, r"goal \(0.5, 1\): expected \(row, col\)"),
-        ({"goals": 7}, "goal 7: expected"),
-        ({"w": "0.5"}, "distance anxiety w is '0.5': expected a number"),
-        ({"max_length_cells": None}, "greatest length is None: expected a number"),
-        ({"psi_per_cell": True}, "ψ per cell is True: expected a number"),
-        ({"w": -0.1}, "distance anxiety w = -0.1: expected 0"),
-        ({"w": 1.1}, "distance anxiety w = 1.1"),
-        ({"w": math.nan}, "distance anxiety w = nan"),
-        ({"max_exposure": -0.5}, "maximum exposure -0.5: expected 0 or more"),
-        ({"max_exposure": math.nan}, "maximum exposure nan"),
-        ({"max_length_cells": -1.0}, "a route of 0.0 to -1.0 cells"),
-        ({"min_length_cells": 5.0, "max_length_cells": 4.0}, "a route of 5.0 to 4.0 cells: expected two"),
-        ({"min_length_cells": math.nan}, "a route of nan to inf cells"),
-        ({"psi_per_cell": -1.0}, "ψ = -1.0 per cell: expected a finite number"),
-        ({"psi_per_cell": math.inf}, "ψ = inf"),
-        ({"psi_per_cell": math.nan}, "ψ = nan"),
+        ({"exposure": NAN_FIELD}, "(2, 3)"),
+        ({"exposure": NEGATIVE_FIELD}, "(1, 4)"),
+        ({"exposure": FIELD[0]}, "(5,)"),
+        ({"exposure": FIELD[:0]}, "(0, 5)"),
+        ({"start": (4, 0)}, "(4, 0)"),
+        ({"start": (0, -1)}, "(0, -1)"),
+        ({"goals": ((0, 0), (0, 5))}, "(0, 5)"),
+        ({"goals": ()}, "goal"),
+        ({"exposure": "many"}, "<U4"),
+        ({"exposure": FIELD.astype(complex)}, "complex128"),
+        ({"exposure": FIELD * 1e300}, "1e+299"),
+        ({"start": (1.5, 0)}, "(1.5, 0)"),
+        ({"start": (1, 0, 0)}, "(1, 0, 0)"),
+        ({"start": 3}, "3"),
+        ({"goals": ((1, 2), (0.5, 1))}, "(0.5, 1)"),
+        ({"goals": 7}, "7"),
+        ({"w": "0.5"}, "'0.5'"),
+        ({"max_length_cells": None}, "None"),
+        ({"psi_per_cell": True}, "True"),
+        ({"w": -0.1}, "-0.1"),
+        ({"w": 1.1}, "1.1"),
+        ({"w": math.nan}, "nan"),
+        ({"max_exposure": -0.5}, "-0.5"),
+        ({"max_exposure": math.nan}, "nan"),
+        ({"max_length_cells": -1.0}, "-1.0"),
+        ({"min_length_cells": 5.0, "max_length_cells": 4.0}, "5.0"),
+        ({"min_length_cells": math.nan}, "nan"),
+        ({"psi_per_cell": -1.0}, "-1.0"),
+        ({"psi_per_cell": math.inf}, "inf"),
+        ({"psi_per_cell": math.nan}, "nan"),
     ],
 )
-def test_a_problem_that_makes_no_sense_is_refused(change: dict[str, object], says: str) -> None:
+def test_a_problem_without_a_meaning_is_refused_with_the_value_found(
+    change: dict[str, object], found: str
+) -> None:
     start: Cell = (0, 0)
     sound = Problem(FIELD, start, ((3, 4),), 0.5, 0.1)
-    with pytest.raises(BadProblem, match=says):
+    with pytest.raises(BadProblem) as caught:
         dataclasses.replace(sound, **change)
+    assert found in str(caught.value)
 
 
 def test_lists_arrays_and_a_single_goal_will_do() -> None:

@@ -30,19 +30,22 @@ def test_options_reach_the_planner() -> None:
 
 
 @pytest.mark.parametrize(
-    ("planner", "options", "says"),
+    ("planner", "options", "named"),
     [
-        ("astar", {}, "no planner 'astar'; there is constrained, dijkstra, survival, time_bound"),
-        ("dijkstra", {"w": 0.5}, "planner dijkstra has no option 'w'; it has none"),
-        ("time_bound", {"minimize": "distance"}, "has no option 'minimize'; there is minimise"),
-        ("time_bound", {"minimise": "time"}, "options of planner time_bound: invalid enum value 'time'"),
-        ("constrained", {"max_labels": -1}, "max_labels = -1: expected 0 or more"),
-        ("constrained", {"max_labels": "many"}, "options of planner constrained: expected `int | null`"),
+        ("astar", {}, ["astar", *PLANNERS]),
+        ("dijkstra", {"w": 0.5}, ["dijkstra", "w"]),
+        ("time_bound", {"minimize": "distance"}, ["time_bound", "minimize", "minimise"]),
+        ("time_bound", {"minimise": "time"}, ["time_bound", "time"]),
+        ("constrained", {"max_labels": -1}, ["constrained", "max_labels", "-1"]),
+        ("constrained", {"max_labels": "many"}, ["constrained", "max_labels", "int"]),
     ],
 )
-def test_what_there_is_not_is_said(planner: str, options: dict[str, object], says: str) -> None:
-    with pytest.raises(ValueError, match=says.replace("|", r"\|")):
+def test_an_unknown_planner_or_option_is_refused_with_the_known_ones(
+    planner: str, options: dict[str, object], named: list[str]
+) -> None:
+    with pytest.raises(ValueError) as caught:  # noqa: PT011 - the message is checked below
         plan(PROBLEM, planner, **options)
+    assert all(name in str(caught.value) for name in named)
 
 
 def example_of(documented: object) -> str:
@@ -92,7 +95,7 @@ def hurried() -> Iterator[None]:
 
 
 def in_threads(work: Callable[[int], list[bool]]) -> list[bool]:
-    """What four threads find at once; raises what any of them raises."""
+    """Return the answers of four threads at once; raise the error of any of them."""
     with ThreadPoolExecutor(4) as threads:
         return [answer for answers in threads.map(work, range(4)) for answer in answers]
 

@@ -237,52 +237,52 @@ def test_a_wall_in_all_but_name_that_goes_leaves_no_rounding_behind() -> None:
         agree(planner, known, start, 1.0, 0.1)
 
 
-def test_who_is_there_stays() -> None:
+def test_at_the_goal_the_route_is_one_cell() -> None:
     planner = Replanner(Layers(np.ones((3, 3)), np.ones((3, 3)), 0.1), ((1, 1),), 0.5, 0.1)
     assert planner.route((1, 1)) == ((1, 1),)
 
 
 def test_bad_layers_are_refused() -> None:
     known, unseen = np.zeros((3, 4)), np.ones((3, 4))
-    with pytest.raises(BadProblem, match=r"layers of shape \(3, 4\) and \(3, 3\): expected the same"):
+    with pytest.raises(BadProblem, match=r"\(3, 4\) .* \(3, 3\)"):
         Replanner(Layers(known, unseen[:, :3], 0.1), ((0, 0),), 0.5, 0.1)
-    with pytest.raises(BadProblem, match=r"exposure of cell \(0, 0\) is -1.0"):
+    with pytest.raises(BadProblem, match=r"\(0, 0\) is -1.0"):
         Replanner(Layers(known, -unseen, 1.0), ((0, 0),), 0.5, 0.1)
     with pytest.raises(BadProblem, match=r"w = 1\.5"):
         Replanner(Layers(known, unseen, 0.1), ((0, 0),), 1.5, 0.1)
     planner = Replanner(Layers(known, unseen, 0.1), ((0, 0),), 0.5, 0.1)
-    with pytest.raises(BadProblem, match=r"start \(3, 0\) is outside the area"):
+    with pytest.raises(BadProblem, match=r"\(3, 0\)"):
         planner.route((3, 0))
-    with pytest.raises(BadProblem, match=r"exposure of shape \(3, 5\): expected \(3, 4\), as before"):
+    with pytest.raises(BadProblem, match=r"\(3, 5\)"):
         planner.renew(np.zeros((3, 5)))
-    with pytest.raises(BadProblem, match=r"exposure of cell \(0, 0\) is -1.0"):
+    with pytest.raises(BadProblem, match=r"\(0, 0\) is -1.0"):
         planner.renew(np.full((3, 4), -1.0))
-    with pytest.raises(BadProblem, match=r"changed cell \(3, 0\) is outside the area"):
+    with pytest.raises(BadProblem, match=r"\(3, 0\)"):
         planner.changed([(3, 0)])
-    with pytest.raises(BadProblem, match=r"changed cell \(0.5, 0\): expected \(row, col\)"):
+    with pytest.raises(BadProblem, match=r"\(0.5, 0\)"):
         planner.changed([(0.5, 0)])  # type: ignore[list-item]
     known[1, 2] = math.nan
-    with pytest.raises(BadProblem, match=r"exposure of cell \(1, 2\) is nan: expected 0 or more"):
+    with pytest.raises(BadProblem, match=r"\(1, 2\)"):
         planner.changed([(1, 2)])
 
 
 @pytest.mark.parametrize("p_unseen", [math.nan, -1.0, -0.05, math.inf])
 @pytest.mark.parametrize("told", [True, False])
-def test_no_chance_is_no_p_unseen(p_unseen: float, told: bool) -> None:
+def test_an_invalid_p_unseen_is_refused(p_unseen: float, told: bool) -> None:
     layers = Layers(np.full((9, 9), 0.1), np.ones((9, 9)), 0.1)
     planner = Replanner(layers, ((4, 8),), 0.5, 0.1)
     layers.p_unseen = p_unseen
     if told:
         planner.changed([])
-    with pytest.raises(BadProblem, match=r"p_unseen is .*: expected a finite number, 0 or more"):
+    with pytest.raises(BadProblem, match="p_unseen"):
         planner.route((4, 0))
 
 
 @pytest.mark.usefixtures("boxes")
 @pytest.mark.parametrize("value", [-5.0, math.nan])
-def test_what_may_not_be_is_no_route_even_if_nobody_told(value: float) -> None:
+def test_an_invalid_exposure_gives_no_route_even_without_a_call_of_changed(value: float) -> None:
     layers = Layers(np.full((9, 60), 0.1), np.zeros((9, 60)), 0.0)
     planner = Replanner(layers, ((4, 59),), 0.5, 0.1)
     layers.known[4, 30] = value
-    with pytest.raises(BadProblem, match="expected 0 or more"):
+    with pytest.raises(BadProblem, match=r"\(\d+, \d+\)"):
         planner.route((4, 0))

@@ -1,14 +1,36 @@
-"""All compiled code of the planners.
+"""The searches behind all planners, for small areas and for large ones.
 
-The compiled functions release the interpreter lock and are cached on disk. They see flat arrays of the area
-with one cell of padding around it, so that every cell has eight neighbours and no bounds need checking; index
-(row + 1) * (cols + 2) + col + 1.
+A small area (at most SMALL_CELLS) is searched by scipy and numpy, and by kernels that the interpreter runs. A
+large one is searched by the same kernels as machine code (`compilation`). The results are equal bit for bit.
+
+Kernels are plain functions of flat arrays. The arrays have one cell of padding around the area, so that every
+cell has eight neighbours and no bounds need checking; the index is (row + 1) * (cols + 2) + col + 1.
 """
 
-from swarmctl.planners.kernels.bounds import warm_up_bounds
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from swarmctl.core.grid import Cell
 from swarmctl.planners.kernels.descent import LENGTH_TIE, REL_TIE
-from swarmctl.planners.kernels.field import Field, compilable, extent, spread, warm_up
-from swarmctl.planners.kernels.labels import Found, ToGo, label_search, warm_up_labels
+from swarmctl.planners.kernels.field import Field, is_small
+from swarmctl.planners.kernels.labels import Found, ToGo, label_search
+from swarmctl.planners.kernels.large_field import compilable, spread_large
+from swarmctl.planners.kernels.lattice import Floats
+from swarmctl.planners.kernels.small_field import SmallField
+
+
+def spread(
+    exposure: Floats, goals: Sequence[Cell], w: float, psi_per_cell: float, *, into: Field | None = None
+) -> Field:
+    """Return the field by Eq. 5 for P_s of shape (rows, cols); without checks.
+
+    `into` is an older field that is not needed any more: a large one of the same shape gives its memory.
+    """
+    if is_small(exposure.size):
+        return SmallField(exposure, goals, w, psi_per_cell)
+    return spread_large(exposure, goals, w, psi_per_cell, into=into)
+
 
 __all__ = [
     "LENGTH_TIE",
@@ -17,10 +39,7 @@ __all__ = [
     "Found",
     "ToGo",
     "compilable",
-    "extent",
+    "is_small",
     "label_search",
     "spread",
-    "warm_up",
-    "warm_up_bounds",
-    "warm_up_labels",
 ]

@@ -1,23 +1,21 @@
-"""What an older field of the whole area proves about a box in it."""
+"""Lower bounds from an older field of the whole area, for the search of a box in it."""
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from swarmctl.planners.kernels.descent import is_goal
 from swarmctl.planners.kernels.lattice import Floats, Ints, offsets_of
 
 
-@njit(nogil=True, cache=True)
 def compare(
     exposure: Floats, w: float, step: float, straight: Floats, stride: int, most: int
 ) -> tuple[float, Ints, Floats]:
-    """How the costs of now, from P_s of shape (rows, cols), stand to older ones.
+    """Compare the present costs, from P_s of shape (rows, cols), with the older ones in `straight`.
 
-    Returns a rate of at most 1, the cells whose cost has fallen below that share of `straight`, and what they
-    cost. The rate is the least of every `stride`-th cell, so that a drift all over is no news of each cell;
-    it is 0 where more than `most` cells have fallen.
+    Return a rate of at most 1, the cells whose cost has fallen below that share, and their costs. The rate is
+    the least of every `stride`-th cell, so that a drift of all cells is not a change of each. It is 0 if more
+    than `most` cells have fallen.
     """
     rows, cols = exposure.shape
     width = cols + 2
@@ -50,12 +48,13 @@ def compare(
     return rate, fallen[:size], costs[:size]
 
 
-@njit(nogil=True, cache=True)
 def run_down_roughly(
     label: Floats, extra: float, width: int, goals: Ints, m: int, most: int
 ) -> tuple[Ints, bool]:
-    """A way from m to one of the sorted `goals` over ever lesser labels, without regard to ties; whether it
-    got there."""
+    """Return a route from m to one of the sorted `goals` along falling labels, without regard to ties.
+
+    The second value is whether the route reaches a goal within `most` cells.
+    """
     offsets = offsets_of(width)
     path = np.empty(most, dtype=np.int64)
     for count in range(most):
@@ -75,7 +74,6 @@ def run_down_roughly(
     return path[:0], False
 
 
-@njit(nogil=True, cache=True)
 def least_way_out(
     come: Floats,
     rows: int,
@@ -89,11 +87,11 @@ def least_way_out(
     unsure: float,
     rate: float,
 ) -> float:
-    """A lower bound of the cost of every way from the start to a goal that leaves a box.
+    """Return a lower bound on the cost of every route from the start to a goal that leaves a box.
 
-    `come` is what it costs to come to each cell of the box, (rows, cols) padded and flat, with its corner at
-    cell (top, left) of the area; `label` and `old_straight` are the lower bounds over the whole area of
-    `area_rows` rows and width - 2 columns, sure below `unsure`, in the measure of costs divided by `rate`.
+    `come` is the cost to each cell of the box, (rows, cols) padded and flat. The corner of the box is cell
+    (top, left) of the area. `label` and `old_straight` are older labels and costs of the whole area, of
+    `area_rows` rows and width - 2 columns. Labels below `unsure`, times `rate`, are lower bounds.
     """
     best = np.inf
     box_width = cols + 2
@@ -110,11 +108,3 @@ def least_way_out(
             if come[here] < np.inf:
                 best = min(best, come[here] + to_go)
     return best
-
-
-def warm_up_bounds() -> None:
-    """Compiles what replanning needs beside the search itself."""
-    ones, padded, goals = np.ones((1, 1)), np.ones(9), np.array([4])
-    compare(ones, 0.5, 0.5, padded, 1, 1)
-    run_down_roughly(padded, 0.2, 3, goals, 4, 1)
-    least_way_out(padded, 1, 1, padded, padded, 3, 0, 0, 1, np.inf, 1.0)

@@ -1,35 +1,32 @@
-"""Puts right what is left of a field: a label-correcting search with a queue of buckets.
+"""A label-correcting search with a queue of buckets, which completes a field after the sweeps.
 
-Cells wait in buckets by their label, each `span` of it wide; the buckets are used in a circle. Few edges
-cost more than the circle is long; where they lead, cells wait on a pile of their own until it has come
-round. Where no edge is cheaper than a bucket is wide, a label in the current bucket is final whatever the
-order (Dial; Denardo and Fox), and each cell is served once; where edges of next to no cost make that
-impossible, a cell whose label is bettered is served again (as in Δ-stepping), generation by generation. A
-bucket is a pile of blocks from a common pool, so that memory follows the front of the search and not the
-area.
+Cells wait in buckets by their label. A bucket is `span` wide, and the buckets form a circle. A few edges cost
+more than the whole circle; the cells at their ends wait in a list of their own until the circle has reached
+them. If no edge is cheaper than `span`, a label in the current bucket is final in any order (Dial; Denardo
+and Fox), and each cell is processed once. Cheaper edges make that impossible; a cell whose label is improved
+is then processed again, generation by generation (as in Δ-stepping). A bucket is a stack of blocks from a
+common pool, so that memory follows the front of the search and not the area.
 
-The queue's arrays are local to one long function: handed to smaller ones, as arguments or as a tuple, they
-made the search three times slower.
+The queue's arrays are local to one long function. Passed to smaller functions, as arguments or as a tuple,
+they made the search three times slower.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from swarmctl.planners.kernels.lattice import Bytes, Floats, Int32s, Ints, offsets_of
 
 BLOCK = 256
 N_BUCKETS = 1024
 TYPICAL_SPANS = 24
-"""into so many a typical edge is divided, where the cheapest one is cheaper"""
+"""spans in a typical edge, if the cheapest edge is cheaper than that"""
 N_SAMPLES = 128
 MAX_KEY = np.int64(2**62)
 MOST_CELLS = 2**23
-"""of a way: so many times the dearest edge must be less than MAX_KEY spans"""
+"""greatest number of cells of a route: with the dearest edges it must cost less than MAX_KEY spans"""
 
 
-@njit(nogil=True, cache=True)
 def correct(
     label: Floats,
     straight: Floats,
@@ -42,19 +39,19 @@ def correct(
     waiting: Bytes,
     until: float = np.inf,
 ) -> Ints:
-    """Serves the neighbours of `seeds`, whose labels were bettered, and so on until no label can be bettered.
+    """Improve the neighbours of `seeds`, and their neighbours, until no label can be improved.
 
-    `least` and `greatest` bound the finite values of `straight`; `waiting` comes all zero. Stops where the
-    least label that waits is `until` or more, and returns which wait.
+    `least` and `greatest` bound the finite values of `straight`; `waiting` is all zero before and after. Stop
+    when the least waiting label is `until` or more, and return the cells that wait.
     """
     span = _span(straight, least, greatest)
     per_span = 1.0 / span
     n_buckets = min(int((greatest + extra) * per_span) + 3, N_BUCKETS)
-    top = np.full(n_buckets, -1, dtype=np.int64)  # of each bucket, the block that is being filled; -1: empty
-    fill = np.full(n_buckets, BLOCK, dtype=np.int64)  # of each bucket, how much of that block is
-    far = seeds.copy()  # those that wait for their time, in no order
+    top = np.full(n_buckets, -1, dtype=np.int64)  # a bucket's block to fill; -1: empty
+    fill = np.full(n_buckets, BLOCK, dtype=np.int64)  # number of cells in that block
+    far = seeds.copy()  # cells beyond the circle, in no order
     n_far, far_key = far.size, np.int64(0)
-    due = far[:0]  # those whose time has come near, by label
+    due = far[:0]  # cells of `far` that the circle has reached, by label
     pool, below, free = _more_blocks(np.empty(0, dtype=np.int32), np.empty(0, dtype=np.int64))
     n_free = free.size
     offsets = offsets_of(width)
@@ -93,7 +90,7 @@ def correct(
                         block = below[block]
                         filled = BLOCK
                 if waiting[n] == 0:
-                    continue  # it was served with this label already
+                    continue  # it was processed with this label already
                 waiting[n] = 0
                 along, across = label[n], label[n] + extra
                 for k in range(8):
@@ -101,7 +98,7 @@ def correct(
                     better = (along if k < 4 else across) + straight[m]
                     if better >= label[m]:
                         continue
-                    if walls and k >= 4:  # as in `squeezes`: m is no wall, its label would not be bettered
+                    if walls and k >= 4:  # as in `squeezes`; m is no wall, because its label improves
                         beside, other = n + offsets[k - 4], n + offsets[(k - 3) & 3]
                         if straight[beside] == np.inf or straight[other] == np.inf:
                             continue
@@ -148,10 +145,11 @@ def correct(
     return left[:kept]
 
 
-@njit(nogil=True, cache=True)
 def _span(straight: Floats, least: float, greatest: float) -> float:
-    """How wide a bucket is: as the cheapest edge, or as a part of a typical one, whichever is more. A few
-    very dear cells, walls in all but name, do not count."""
+    """Return the width of a bucket: the cheapest edge, or a part of a typical one, whichever is more.
+
+    The typical edge is a median, so that a few very dear cells do not matter.
+    """
     samples = straight[:: max(straight.size // N_SAMPLES, 1)]
     finite = samples[samples < np.inf]
     typical = np.median(finite) if finite.size > 0 else 0.0
@@ -161,9 +159,8 @@ def _span(straight: Floats, least: float, greatest: float) -> float:
     return span if span < np.inf else 1.0
 
 
-@njit(nogil=True, cache=True)
 def _more_blocks(pool: Int32s, below: Ints) -> tuple[Int32s, Ints, Ints]:
-    """The pool twice as large, the block under each, and which are free: the new ones, first in `free`."""
+    """Return the pool at twice its size, the block below each block, and the free blocks: the new ones."""
     n = below.size
     n_new = max(n, 64)
     free = np.zeros(n + n_new, dtype=np.int64)

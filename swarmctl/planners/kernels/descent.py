@@ -1,15 +1,14 @@
-"""The way down a field.
+"""The route down a field.
 
-From each cell the way goes on to the neighbour through which it is cheapest. Costs within REL_TIE of each
-other count as equal, for the order in which a sum is rounded shall move no route; among equals the shortest
-way is taken, then the first in the order of `offsets_of`. How long the ways of equal cost are is worked out
-only where there are any: over the cells that can be reached from there without loss.
+From each cell the route goes to the neighbour through which it is cheapest. Costs within REL_TIE of each
+other count as equal, so that the order of rounded additions moves no route. Among equals the shortest route
+is taken, then the first in the order of `offsets_of`. Lengths are computed only if routes cost the same: for
+the cells on the cheapest routes from there.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from swarmctl.planners.kernels.lattice import ROOT2, Floats, Ints, offered, offsets_of, squeezes
 
@@ -18,15 +17,15 @@ REL_TIE = 1e-12
 LENGTH_TIE = 1e-9
 """Lengths closer than this are equal [cells]; two that differ in steps differ by more on any real area."""
 UNKNOWN = np.inf
-"""in `length`: nobody asked yet"""
+"""in `length`: not computed yet"""
 ON_STACK = -1.0
-"""in `length`: being worked out, depth first; -2 minus its place among the cells: the other way"""
+"""in `length`: on the stack of `find_lengths`; `find_lengths_in_circles` writes -2 minus an index instead"""
 MANY_GOALS = 4
+"""With more goals no least length to the nearest goal is computed."""
 
 
-@njit(nogil=True, cache=True)
 def cost_of(label: Floats, step: float, extra: float, straight: Floats, offsets: Ints, m: int) -> float:
-    """The least cost from m, no goal, to a goal."""
+    """Return the least cost from m, which is no goal, to a goal."""
     best = np.inf
     for k in range(8):
         cost = label[m + offsets[k]] + (0.0 if k < 4 else extra)
@@ -35,11 +34,10 @@ def cost_of(label: Floats, step: float, extra: float, straight: Floats, offsets:
     return best + step
 
 
-@njit(nogil=True, cache=True)
 def costs(
     label: Floats, step: float, extra: float, straight: Floats, rows: int, cols: int, walls: bool
 ) -> Floats:
-    """The least cost from every cell, as if none were a goal: (rows, cols)."""
+    """Return the least cost from every cell, as if none were a goal: (rows, cols)."""
     width = cols + 2
     offsets = offsets_of(width)
     cost = np.empty((rows, cols))
@@ -54,7 +52,6 @@ def costs(
     return cost
 
 
-@njit(nogil=True, cache=True)
 def run_down(
     label: Floats,
     step: float,
@@ -66,18 +63,18 @@ def run_down(
     starts: Ints,
     length: Floats,
 ) -> tuple[Ints, Ints, Floats]:
-    """Flat indices from each start, whose cost is finite, to one of the sorted `goals`: all ways one after
-    the other, where each ends, and `length` with what had to be found out.
+    """Return the routes from all starts of finite cost to the sorted `goals`, one after the other.
 
-    Where several ways cost the same and `length` (or nothing, of size 0) does not know them, it hopes for one
-    as short as the lattice allows, which is the shortest if it is there; where that hope fails it goes back
-    to where it began to hope and finds out.
+    The second value is the end of each route in the first; the third is `length` with the lengths computed
+    here (size 0 if none are known). If several routes cost the same and their lengths are unknown, the search
+    assumes that one is as short as the lattice allows, which is then the shortest. If that fails, it goes
+    back to the cell of the assumption and computes the lengths.
     """
     offsets = offsets_of(width)
     offers = np.empty(8)
     path = np.empty(512 * starts.size, dtype=np.int64)
     ends = np.empty(starts.size, dtype=np.int64)
-    passed = np.zeros(label.size if starts.size > 1 else 0, dtype=np.int32)  # where in `path`, plus 1
+    passed = np.zeros(label.size if starts.size > 1 else 0, dtype=np.int32)  # index in `path`, plus 1
     count = 0
     for way in range(starts.size):
         m, hoped_since = starts[way], -1
@@ -85,7 +82,7 @@ def run_down(
         count += 1
         begin = count
         while not is_goal(goals, m):
-            if starts.size > 1 and hoped_since < 0 and passed[m] > 0:  # the rest is an earlier way's
+            if starts.size > 1 and hoped_since < 0 and passed[m] > 0:  # the rest is that of an earlier route
                 first = passed[m]
                 end = ends[np.searchsorted(ends[:way], first, side="right")]
                 while count + end - first >= path.size:
@@ -131,7 +128,6 @@ def run_down(
     return path[:count], ends, length
 
 
-@njit(nogil=True, cache=True)
 def _with_lengths_from(
     label: Floats,
     step: float,
@@ -142,7 +138,7 @@ def _with_lengths_from(
     m: int,
     length: Floats,
 ) -> Floats:
-    """`length`, or a new one if it has no size, that knows m and all cells on the cheapest ways from m."""
+    """Return `length`, new if of size 0, with the lengths of all cells on the cheapest routes from m."""
     if length.size == 0:
         length = np.full(label.size, UNKNOWN)
     if not find_lengths(label, step, extra, straight, width, goals, m, length):
@@ -150,7 +146,6 @@ def _with_lengths_from(
     return length
 
 
-@njit(nogil=True, cache=True)
 def _shortest(
     offers: Floats,
     bound: float,
@@ -161,8 +156,11 @@ def _shortest(
     length: Floats,
     hoping: bool,
 ) -> tuple[int, bool]:
-    """The neighbour of m on the shortest way of those that cost no more than `bound`, by `length` or, hoping,
-    by how short ways can be; and whether no such way is as short as hoped."""
+    """Return the neighbour of m on the shortest route among those that cost no more than `bound`.
+
+    Lengths are from `length` or, if `hoping`, the least that the lattice allows. The second value is true if
+    no route is as short as that.
+    """
     best, best_length = -1, np.inf
     for k in range(8):
         if offers[k] <= bound:
@@ -173,9 +171,8 @@ def _shortest(
     return best, hoping and best_length > _least_length(goals, width, m) + LENGTH_TIE
 
 
-@njit(nogil=True, cache=True)
 def _least_length(goals: Ints, width: int, m: int) -> float:
-    """How short a way from m to the nearest goal can be on the lattice; of many goals, 0."""
+    """Return a lower bound on the length of a route from m to the nearest goal; 0 for many goals."""
     if goals.size > MANY_GOALS:
         return 0.0
     least = np.inf
@@ -185,7 +182,6 @@ def _least_length(goals: Ints, width: int, m: int) -> float:
     return least
 
 
-@njit(nogil=True, cache=True)
 def is_goal(goals: Ints, m: int) -> bool:
     if goals.size == 1:
         return bool(goals[0] == m)
@@ -193,7 +189,6 @@ def is_goal(goals: Ints, m: int) -> bool:
     return bool(place < goals.size and goals[place] == m)
 
 
-@njit(nogil=True, cache=True)
 def find_lengths(
     label: Floats,
     step: float,
@@ -204,14 +199,16 @@ def find_lengths(
     start: int,
     length: Floats,
 ) -> bool:
-    """Writes into `length` how long the shortest of the cheapest ways is, from `start` and from every cell on
-    any of them. Depth first; gives up where free steps lead in a circle."""
+    """Write the lengths of the shortest among the cheapest routes, for `start` and all cells on these.
+
+    The search is depth first. Return false if free steps lead in a circle; `length` is then unfinished.
+    """
     offsets = offsets_of(width)
     stack = np.empty(1024, dtype=np.int64)
-    ways, to_look = np.empty(1024, dtype=np.int64), np.empty(1024, dtype=np.int64)  # bits, one a direction
+    ways, to_look = np.empty(1024, dtype=np.int64), np.empty(1024, dtype=np.int64)  # a bit for each direction
     size, m = 0, start
     while True:
-        if length[m] == UNKNOWN:  # come to a new cell
+        if length[m] == UNKNOWN:  # a new cell
             if size == stack.size:
                 stack = np.concatenate((stack, stack))
                 ways = np.concatenate((ways, ways))
@@ -244,11 +241,10 @@ def find_lengths(
         m = here
 
 
-@njit(nogil=True, cache=True)
 def _ways(
     label: Floats, step: float, extra: float, straight: Floats, offsets: Ints, goals: Ints, m: int
 ) -> int:
-    """Which directions lead on from m without loss, a bit each; none from a goal."""
+    """Return the directions of the cheapest routes from m, a bit each; 0 at a goal."""
     if is_goal(goals, m):
         return 0
     bound = cost_of(label, step, extra, straight, offsets, m) * (1.0 + REL_TIE)
@@ -260,7 +256,6 @@ def _ways(
     return ways
 
 
-@njit(nogil=True, cache=True)
 def find_lengths_in_circles(
     label: Floats,
     step: float,
@@ -271,14 +266,16 @@ def find_lengths_in_circles(
     start: int,
     length: Floats,
 ) -> None:
-    """As `find_lengths`, also where steps are free: Dijkstra's algorithm over the edges that lose nothing. No
-    edge is shorter than a bucket is wide, nor longer than two."""
+    """As `find_lengths`, also if free steps lead in a circle.
+
+    Dijkstra's algorithm over the edges of cheapest routes, with buckets one cell of length wide.
+    """
     offsets = offsets_of(width)
     cells, ways, size = _without_loss(label, step, extra, straight, width, goals, start, length)
     least = np.full(size, np.inf)
     seeds = np.empty(size, dtype=np.int64)
     n_seeds = 0
-    for place in range(size):  # the cells next to those whose length is known
+    for place in range(size):  # the cells next to known lengths
         m = cells[place]
         best = 0.0 if is_goal(goals, m) else np.inf
         for k in range(8):
@@ -291,7 +288,7 @@ def find_lengths_in_circles(
             n_seeds += 1
     seeds = seeds[:n_seeds]
     seeds = seeds[np.argsort(least[seeds])]
-    piles = np.empty((3, 256), dtype=np.int64)  # places, by whole cells of length in a circle
+    piles = np.empty((3, 256), dtype=np.int64)  # indices into `cells`, by whole cells of length in a circle
     heights = np.zeros(3, dtype=np.int64)
     joined, key = 0, np.int64(0)
     while joined < n_seeds or heights.sum() > 0:
@@ -310,7 +307,7 @@ def find_lengths_in_circles(
             length[n] = known
             for k in range(8):
                 m = n + offsets[k]
-                if length[m] >= 0.0:  # known, or of no interest
+                if length[m] >= 0.0:  # known, or on no cheapest route
                     continue
                 other = int(-length[m]) - 2
                 longer = known + (1.0 if k < 4 else ROOT2)
@@ -322,9 +319,8 @@ def find_lengths_in_circles(
         key += 1
 
 
-@njit(nogil=True, cache=True)
 def _on_top(piles: Ints, heights: Ints, pile: int, place: int) -> Ints:
-    """Puts a place on a pile; returns the piles, larger where they had to be."""
+    """Add an index to a stack; return the stacks, enlarged if necessary."""
     if heights[pile] == piles.shape[1]:
         larger = np.empty((3, 2 * piles.shape[1]), dtype=np.int64)
         larger[:, : piles.shape[1]] = piles
@@ -334,7 +330,6 @@ def _on_top(piles: Ints, heights: Ints, pile: int, place: int) -> Ints:
     return piles
 
 
-@njit(nogil=True, cache=True)
 def _without_loss(
     label: Floats,
     step: float,
@@ -345,8 +340,10 @@ def _without_loss(
     start: int,
     length: Floats,
 ) -> tuple[Ints, Ints, int]:
-    """The cells on the cheapest ways from `start` whose length is not known, and which directions lead on
-    from each (`_ways`)."""
+    """Return the cells of unknown length on the cheapest routes from `start`, with the directions of `_ways`.
+
+    The third value is their number.
+    """
     offsets = offsets_of(width)
     cells = np.empty(256, dtype=np.int64)
     ways = np.empty(256, dtype=np.int64)

@@ -1,10 +1,10 @@
 """Label setting: routes by two sums at once, length and exposure.
 
-A label is a way from the start to a cell with its length and its exposure. It lives while no other label of
-its cell is at most as long and at most as exposed, and while it can still lead to something: three fields of
-what is to come (the least length, the least exposure, the least exposure + price · length) say what it adds
-up to at least. Labels are extended in the order of the third sum, so the ones that come out at a goal are
-final, and what is still in the queue says how good the rest can be.
+A label is a route from the start to a cell with its length and its exposure. It is kept while no other label
+of its cell dominates it: at most as long and at most as exposed. It is also dropped if it cannot lead to a
+useful route. Three fields give lower bounds for the rest of a route: the least length, the least exposure,
+and the least exposure + price · length. Labels are extended in the order of the third sum. So a label that
+reaches a goal is final, and the queue bounds all routes that are not found yet.
 """
 
 from __future__ import annotations
@@ -13,22 +13,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from swarmctl.core.grid import Cell
+from swarmctl.planners.kernels.compilation import compiled
 from swarmctl.planners.kernels.descent import LENGTH_TIE, REL_TIE
-from swarmctl.planners.kernels.field import Field, spread
+from swarmctl.planners.kernels.field import Field, is_small
 from swarmctl.planners.kernels.lattice import ROOT2, Floats, Ints, offsets_of, pop_least, push, squeezes
 
 KEY_TIE = 1e-13
-"""What promises to be better by less than this, relatively, is not."""
+"""A route must be better by more than this share to count."""
 FIRST_POOL = 1 << 12
+"""number of labels in the first memory, which grows"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ToGo:
-    """What is to come from each cell, at least: padded flat arrays, 0 in a wall (only a start can be one)."""
+    """Lower bounds for the route from each cell to a goal: padded flat arrays, 0 in walls."""
 
     length: Floats
     exposure: Floats
@@ -38,28 +39,28 @@ class ToGo:
 
     @classmethod
     def of(cls, shortest: Field, safest: Field | None, cheapest: Field, price: float) -> ToGo:
-        """From fields at w = 0 with ψ = 1, at w = 1 (none: taken as 0), and at w = 1/2 with ψ = price."""
+        """Return the bounds from fields at w = 0 (ψ = 1), at w = 1 (none: 0) and at w = 1/2 (ψ = price)."""
         length = _to_go(shortest)
         exposure = np.zeros_like(length) if safest is None else _to_go(safest)
         return cls(length, exposure, 2.0 * _to_go(cheapest), price)
 
 
 def _to_go(field: Field) -> Floats:
-    """`Field.cost`, padded and flat, without looking at the neighbours."""
+    """Return `Field.cost`, padded and flat, from the labels alone."""
     entering = field.straight - field.step
     return np.subtract(field.label, entering, out=np.zeros(entering.size), where=np.isfinite(entering))
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What a label search brought."""
+    """The result of a label search."""
 
     ways: tuple[tuple[Cell, ...], ...]
-    """in the order in which they were found; each from the start to a goal, none of them dominated"""
+    """routes from the start to a goal in the order found; none dominates another"""
     least_open: float
-    """exposure + price · length of any way not in `ways` that was asked for is at least this; infinite if
-    there is none"""
+    """lower bound on exposure + price · length of the routes not found; infinite if all were found"""
     labels: int
+    """number of labels made"""
 
 
 def label_search(
@@ -73,10 +74,10 @@ def label_search(
     whole: bool,
     max_labels: int = 0,
 ) -> Found:
-    """Ways no longer than `longest_cells` and less exposed than `below`, for P_s of shape (rows, cols).
+    """Return routes no longer than `longest_cells` and less exposed than `below`; `exposure` is P_s.
 
-    `whole`: every one that no other dominates; else ever less exposed ones, the last of them the least
-    exposed of all. With `max_labels` (0: as many as it takes) the search ends when so many were made.
+    With `whole` these are all that no other dominates; else less and less exposed ones, the last of them the
+    least exposed of all. `max_labels` limits the number of labels (0: no limit).
     """
     rows, cols = exposure.shape
     width = cols + 2
@@ -86,7 +87,8 @@ def label_search(
     for row, col in goals:
         is_goal[(row + 1) * width + col + 1] = True
     first = (start[0] + 1) * width + start[1] + 1
-    ends, cell, parent, least_open = _search(
+    search = set_labels if is_small(exposure.size) else compiled(set_labels)
+    ends, cell, parent, least_open = search(
         enter.reshape(-1), width, first, is_goal, to_go.length, to_go.exposure, to_go.priced, to_go.price,
         longest_cells, below, whole, max_labels,
     )  # fmt: skip
@@ -102,16 +104,7 @@ def label_search(
     return Found(tuple(ways), float(least_open), len(cell))
 
 
-def warm_up_labels() -> None:
-    """Compiles the kernel or loads it from the cache."""
-    exposure = np.zeros((2, 2))
-    shortest, cheapest = (spread(exposure, [(1, 1)], w, 1.0) for w in (0.0, 0.5))
-    to_go = ToGo.of(shortest, None, cheapest, 1.0)
-    label_search(exposure, (0, 0), [(1, 1)], to_go, longest_cells=3.0, below=1.0, whole=False)
-
-
-@njit(nogil=True, cache=True)
-def _search(
+def set_labels(
     enter: Floats,
     width: int,
     first: int,
@@ -125,7 +118,7 @@ def _search(
     whole: bool,
     max_labels: int,
 ) -> tuple[Ints, NDArray[np.int32], NDArray[np.int32], float]:
-    """Labels at the goals in the order found, cell and parent of every label, least key that is open."""
+    """Return the labels at goals in the order found, cells and parents of all, and the least open key."""
     offsets = offsets_of(width)
     head = np.full(
         enter.size, -1, dtype=np.int32
@@ -206,7 +199,6 @@ def _search(
     return ends[:n_ends], cell[:count], parent[:count], np.inf
 
 
-@njit(nogil=True, cache=True)
 def _enters(
     head: NDArray[np.int32],
     after: NDArray[np.int32],
@@ -216,7 +208,7 @@ def _enters(
     length: float,
     exposure: float,
 ) -> bool:
-    """Whether no label of cell n dominates these sums; if so, those that they dominate die."""
+    """Return whether no label of cell n dominates these sums; then drop the labels that these dominate."""
     before = -1
     label = head[n]
     longer = length + LENGTH_TIE
@@ -238,9 +230,8 @@ def _enters(
     return True
 
 
-@njit(nogil=True, cache=True)
 def _is_above(stairs: Floats, n_stairs: int, length: float, exposure: float) -> bool:
-    """Whether something found is at most as long and at most as exposed."""
+    """Return whether a route found is at most as long and at most as exposed."""
     low, high = 0, n_stairs  # the first step that is longer
     while low < high:
         middle = (low + high) >> 1
@@ -251,9 +242,8 @@ def _is_above(stairs: Floats, n_stairs: int, length: float, exposure: float) -> 
     return bool(low > 0 and stairs[low - 1, 1] <= exposure * (1.0 + REL_TIE))
 
 
-@njit(nogil=True, cache=True)
 def _insert(stairs: Floats, n_stairs: int, length: float, exposure: float) -> int:
-    """Puts a step between the shorter and the longer ones; their number after that."""
+    """Insert a step between the shorter and the longer ones; return the number of steps."""
     slot = n_stairs
     while slot > 0 and stairs[slot - 1, 0] > length:
         stairs[slot] = stairs[slot - 1]
@@ -263,9 +253,8 @@ def _insert(stairs: Floats, n_stairs: int, length: float, exposure: float) -> in
     return n_stairs + 1
 
 
-@njit(nogil=True, cache=True)
 def _highest_corner(stairs: Floats, n_stairs: int, price: float, longest: float) -> float:
-    """The greatest exposure + price · length that a way between the steps can have."""
+    """Return the greatest exposure + price · length of a route between the steps."""
     highest = stairs[n_stairs - 1, 1] + price * longest
     for step in range(n_stairs - 1):
         highest = max(highest, stairs[step, 1] + price * stairs[step + 1, 0])

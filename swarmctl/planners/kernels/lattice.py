@@ -1,11 +1,10 @@
-"""The 8-connected lattice as compiled code sees it, and a heap."""
+"""The 8-connected lattice of flat padded arrays, and a heap."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
@@ -16,34 +15,30 @@ Bytes = NDArray[np.uint8]
 ROOT2 = math.sqrt(2.0)
 
 
-@njit(nogil=True, cache=True)
 def offsets_of(width: int) -> Ints:
-    """OFFSETS: the straight steps E, N, W, S, then the diagonal ones NE, NW, SW, SE."""
+    """Return the index offsets of the steps E, N, W, S, then of the diagonal ones NE, NW, SW, SE."""
     return np.array([1, width, -1, -width, width + 1, width - 1, -width - 1, -width + 1])
 
 
-@njit(nogil=True, cache=True)
 def squeezes(enter: Floats, offsets: Ints, m: int, k: int) -> bool:
-    """Whether the diagonal step from m in direction k (4 to 7) leads past the corner of a wall."""
-    # DEVIATION: the paper's lattice has every diagonal edge. A vehicle of finite size that flies one passes
-    # over the corner of both cells beside it, so it is no way where either is a wall. Who stands in a wall
-    # may leave it all the same, in any direction: getting out comes first.
+    """Return whether the diagonal step from m in direction k (4 to 7) passes the corner of a wall."""
+    # DEVIATION: the paper's lattice has every diagonal edge. A vehicle of finite size on such an edge passes
+    # over the corners of both cells beside it, so the edge is closed if either is a wall. A vehicle in a wall
+    # may leave it in any direction, because getting out comes first.
     beside, other = m + offsets[k - 4], m + offsets[(k - 3) & 3]
     return bool(enter[m] != np.inf and (enter[beside] == np.inf or enter[other] == np.inf))
 
 
-@njit(nogil=True, cache=True)
 def offered(label: Floats, extra: float, width: int, m: int) -> float:
-    """The least that any neighbour of m offers, `extra` more across; where there are no walls."""
+    """Return the least label of the neighbours of m, with `extra` for diagonal ones; without walls."""
     near = min(label[m - 1], label[m + 1], label[m - width], label[m + width])
     low = min(label[m - width - 1], label[m - width + 1])
     high = min(label[m + width - 1], label[m + width + 1])
     return float(min(near, min(low, high) + extra))
 
 
-@njit(nogil=True, cache=True)
 def push(cells: Ints, keys: Floats, size: int, cell: int, key: float) -> tuple[Ints, Floats, int]:
-    """Adds to a binary heap, least key first, which grows where it must."""
+    """Add to a binary heap, least key first; return it, enlarged if necessary, with its new size."""
     if size == cells.size:
         cells = np.concatenate((cells, np.empty(size, dtype=np.int64)))
         keys = np.concatenate((keys, np.empty(size)))
@@ -57,9 +52,8 @@ def push(cells: Ints, keys: Floats, size: int, cell: int, key: float) -> tuple[I
     return cells, keys, size + 1
 
 
-@njit(nogil=True, cache=True)
 def pop_least(cells: Ints, keys: Floats, size: int) -> int:
-    """Takes the least out of the heap; returns how many are left."""
+    """Remove the least key from the heap; return the new size."""
     size -= 1
     cell, key = cells[size], keys[size]
     slot = 0

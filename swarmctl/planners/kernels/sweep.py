@@ -1,41 +1,25 @@
-"""A first guess of the whole field, nearly always right nearly everywhere, at a fraction of a search's price.
+"""A first estimate of the whole field, right nearly everywhere, in a fraction of a search's time.
 
-A route is monotone most of the way: it gains rows, or columns, without giving one back. All such routes are
-found by carrying labels outward from the goals once by columns and once by rows, each column (row) served
-from the one before and then along itself, up and down. That is a few additions a cell, in the order of
-memory, with no queue and no branch to guess wrong. What is left, routes that turn back, `buckets` puts
-right.
+Most of a route is monotone: it gains rows, or columns, and never turns back. Sweeps find all such routes.
+They carry labels outward from the goals, once by columns and once by rows. Each column (row) takes labels
+from the one before, and then along itself in both directions. That takes a few additions a cell in the order
+of memory, without a queue and with predictable branches. `buckets` corrects the rest, routes that turn back.
 
-Where there are walls, diagonal steps past their corners are left out as in `squeezes`; asking for it costs a
-quarter of the time, so there are two loops each.
+Diagonal steps past the corners of walls are excluded as in `squeezes`. That check takes a quarter of the
+time, so areas without walls have loops of their own.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from swarmctl.planners.kernels.lattice import Floats, Ints, offered
 
 
-@njit(nogil=True, cache=True)
-def extent(exposure: Floats) -> tuple[int, float]:
-    """How many values are NaN or negative, and the greatest finite one."""
-    n_bad, greatest = 0, 0.0
-    rows, cols = exposure.shape
-    for row in range(rows):
-        for col in range(cols):
-            p_s = exposure[row, col]
-            n_bad += not p_s >= 0.0
-            greatest = max(greatest, p_s if p_s < np.inf else 0.0)
-    return n_bad, greatest
-
-
-@njit(nogil=True, cache=True)
 def prepare(exposure: Floats, w: float, step: float, straight: Floats) -> tuple[float, float, bool]:
-    """Writes what a straight step into each cell costs, (rows, cols) into the padded flat `straight`.
+    """Write the cost of a straight step into each cell of (rows, cols) into the padded flat `straight`.
 
-    Returns the least and the greatest finite of them, and whether there are walls.
+    Return the least and the greatest finite cost, and whether there are walls.
     """
     rows, cols = exposure.shape
     width = cols + 2
@@ -57,9 +41,8 @@ def prepare(exposure: Floats, w: float, step: float, straight: Floats) -> tuple[
     return least, greatest, n_walls > 0
 
 
-@njit(nogil=True, cache=True)
 def is_prepared(exposure: Floats, w: float, step: float, straight: Floats) -> bool:
-    """Whether `straight` is what `prepare` would write."""
+    """Return whether `prepare` would write this `straight`."""
     rows, cols = exposure.shape
     for row in range(rows):
         base = (row + 1) * (cols + 2) + 1
@@ -70,7 +53,6 @@ def is_prepared(exposure: Floats, w: float, step: float, straight: Floats) -> bo
     return True
 
 
-@njit(nogil=True, cache=True)
 def sweep_columns(
     label: Floats,
     straight: Floats,
@@ -82,7 +64,7 @@ def sweep_columns(
     end: int,
     way: int,
 ) -> None:
-    """Carries labels from column to column, `first` up to `end` in the direction `way` (1 or -1)."""
+    """Carry labels from column to column, `first` up to `end` in the direction `way` (1 or -1)."""
     for col in range(first, end, way):
         before = col - way
         lower, middle = label[before], label[width + before]
@@ -109,7 +91,6 @@ def sweep_columns(
             label[here] = carried
 
 
-@njit(nogil=True, cache=True)
 def sweep_rows(
     label: Floats,
     straight: Floats,
@@ -121,7 +102,7 @@ def sweep_rows(
     end: int,
     way: int,
 ) -> None:
-    """Carries labels from row to row, `first` up to `end` in the direction `way` (1 or -1)."""
+    """Carry labels from row to row, `first` up to `end` in the direction `way` (1 or -1)."""
     for row in range(first, end, way):
         base = row * width
         before = base - way * width
@@ -147,9 +128,8 @@ def sweep_rows(
             label[here] = carried
 
 
-@njit(nogil=True, cache=True)
 def improvable(label: Floats, straight: Floats, extra: float, walls: bool, rows: int, cols: int) -> Ints:
-    """The cells whose label any neighbour betters, with the better label put in."""
+    """Return the cells whose label a neighbour improves, after writing the improved labels."""
     width = cols + 2
     counts = np.zeros(rows + 1, dtype=np.int64)
     for row in range(1, rows + 1):
@@ -183,9 +163,8 @@ def improvable(label: Floats, straight: Floats, extra: float, walls: bool, rows:
     return found
 
 
-@njit(nogil=True, cache=True)
 def _offered_past_walls(label: Floats, straight: Floats, extra: float, width: int, here: int) -> float:
-    """As `offered`, where diagonal steps may be closed."""
+    """As `offered`, with walls."""
     west, east = straight[here - 1], straight[here + 1]
     south, north = straight[here - width], straight[here + width]
     low = min(_past(label[here - width - 1], west, south), _past(label[here - width + 1], east, south))
@@ -194,7 +173,6 @@ def _offered_past_walls(label: Floats, straight: Floats, extra: float, width: in
     return float(min(near, min(low, high) + extra))
 
 
-@njit(nogil=True, cache=True)
 def _past(label: float, beside: float, other: float) -> float:
-    """The label of a diagonal neighbour, which serves nobody past the corner of a wall."""
+    """Return the label of a diagonal neighbour; infinite past the corner of a wall."""
     return label if beside < np.inf and other < np.inf else np.inf

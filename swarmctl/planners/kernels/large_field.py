@@ -1,0 +1,131 @@
+"""The field of a large area by compiled kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from swarmctl.core.grid import Cell
+from swarmctl.planners.kernels import buckets, descent, sweep
+from swarmctl.planners.kernels.compilation import compiled
+from swarmctl.planners.kernels.field import Field
+from swarmctl.planners.kernels.lattice import Bytes, Floats, Ints, offsets_of
+
+NONE = np.empty(0)
+
+
+class LargeField(Field):
+    """A field whose memory can be used for another search."""
+
+    def __init__(self, rows: int, cols: int) -> None:
+        super().__init__(rows, cols)
+        size = (rows + 2) * (cols + 2)
+        self.w = 0.0
+        self.step = 0.0
+        self.straight = np.empty(size)
+        self.label = np.empty(size)
+        self.goals = np.empty(0, dtype=np.int64)
+        self.least, self.greatest, self.walls = 0.0, 0.0, False
+        """least and greatest finite cost of a straight step, and True if there are walls"""
+        self._lengths: list[Floats] = []
+        """lengths of routes known so far. `run_down_all` takes them out while it works, because threads may
+        share a field."""
+        self._waiting: Bytes = np.zeros(size, dtype=np.uint8)
+
+    def cost(self) -> Floats:
+        cost = compiled(descent.costs)(
+            self.label, self.step, self.extra, self.straight, self.rows, self.cols, self.walls
+        )
+        cost[self.goals // self.width - 1, self.goals % self.width - 1] = 0.0
+        cost.flags.writeable = False
+        return cost
+
+    def cost_of(self, cell: Cell) -> float:
+        m = self.index(cell)
+        if descent.is_goal(self.goals, m):
+            return 0.0
+        offsets = offsets_of(self.width)
+        return compiled(descent.cost_of)(self.label, self.step, self.extra, self.straight, offsets, m)
+
+    def run_down_all(self, starts: Sequence[Cell]) -> list[Ints]:
+        if not starts:
+            return []
+        try:
+            length = self._lengths.pop()
+        except IndexError:
+            length = NONE
+        path, ends, length = compiled(descent.run_down)(
+            self.label, self.step, self.extra, self.straight, self.walls, self.width, self.goals,
+            np.array([self.index(start) for start in starts], dtype=np.int64), length,
+        )  # fmt: skip
+        self._lengths[:] = [length]
+        return np.split(np.stack(np.divmod(path, self.width), axis=1) - 1, ends[:-1])
+
+    def search(self, exposure: Floats, goals: Sequence[Cell], w: float, psi_per_cell: float) -> None:
+        """Become the field for P_s of shape (rows, cols); without checks."""
+        seeds = self._ask(exposure, goals, w, psi_per_cell)
+        prepare = compiled(sweep.prepare)
+        self.least, self.greatest, self.walls = prepare(exposure, w, self.step, self.straight)
+        self._lengths.clear()
+        self.label.fill(np.inf)
+        self.label[self.goals] = seeds
+        self._settle(self.label, self.goals)
+
+    def labels_from(self, start: Cell) -> Floats:
+        """Return the cost of the route to each cell from `start`, which is no wall: padded and flat."""
+        labels = np.full(self.label.size, np.inf)
+        m = self.index(start)
+        labels[m] = 0.0
+        self._settle(labels, np.array([m]))
+        return labels
+
+    def lower(self, cells: Ints, until: float) -> Ints:
+        """Pass on the lowered labels of `cells`, least first, up to `until`; return the cells that remain."""
+        return self._correct(self.label, cells, until)
+
+    def _is_of(self, exposure: Floats) -> bool:
+        return compiled(sweep.is_prepared)(compilable(exposure), self.w, self.step, self.straight)
+
+    def _settle(self, label: Floats, seeds: Ints) -> None:
+        """Spread labels from `seeds`, the only finite ones, until no neighbour improves any."""
+        rows, cols, width, extra = self.rows, self.cols, self.width, self.extra
+        by_columns, by_rows = compiled(sweep.sweep_columns), compiled(sweep.sweep_rows)
+        # Outward from the seeds; between two seeds the sweeps cross.
+        seed_rows, seed_cols = seeds // width, seeds % width
+        for first, end, way in ((int(seed_cols.min()), cols + 1, 1), (int(seed_cols.max()), 0, -1)):
+            by_columns(label, self.straight, extra, self.walls, width, rows, first, end, way)
+        for first, end, way in ((int(seed_rows.min()), rows + 1, 1), (int(seed_rows.max()), 0, -1)):
+            by_rows(label, self.straight, extra, self.walls, width, cols, first, end, way)
+        improved = compiled(sweep.improvable)(label, self.straight, extra, self.walls, rows, cols)
+        self._correct(label, improved, np.inf)
+
+    def _correct(self, label: Floats, seeds: Ints, until: float) -> Ints:
+        return compiled(buckets.correct)(
+            label, self.straight, self.extra, self.width, seeds,
+            self.least, self.greatest, self.walls, self._waiting, until,
+        )  # fmt: skip
+
+
+def spread_large(
+    exposure: Floats,
+    goals: Sequence[Cell],
+    w: float,
+    psi_per_cell: float,
+    *,
+    into: Field | None = None,
+) -> LargeField:
+    """Return the field by Eq. 5 for P_s of shape (rows, cols), by compiled kernels; without checks.
+
+    `into` is an older field of the same shape that is not needed any more; its memory is used again.
+    """
+    rows, cols = exposure.shape
+    if not isinstance(into, LargeField) or (into.rows, into.cols) != (rows, cols):
+        into = LargeField(rows, cols)
+    into.search(compilable(exposure), goals, w, psi_per_cell)
+    return into
+
+
+def compilable(exposure: Floats) -> Floats:
+    """Return the array, or a copy of the kind that kernels are compiled for: contiguous and writeable."""
+    return np.require(exposure, dtype=np.float64, requirements=["C", "W"])

@@ -1,0 +1,154 @@
+"""The field of a small area by scipy and numpy, which needs no compiler."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from swarmctl.core.grid import Cell
+from swarmctl.planners.kernels.descent import LENGTH_TIE, REL_TIE
+from swarmctl.planners.kernels.field import Field
+from swarmctl.planners.kernels.lattice import ROOT2, Floats, Int32s, Ints, offsets_of
+
+LENGTHS = np.array([1.0] * 4 + [ROOT2] * 4)
+
+
+class SmallField(Field):
+    """An immutable field."""
+
+    def __init__(self, exposure: Floats, goals: Sequence[Cell], w: float, psi_per_cell: float) -> None:
+        super().__init__(*exposure.shape)
+        seeds = self._ask(exposure, goals, w, psi_per_cell)
+        self.straight = self._straight(exposure)
+        self._graph = _graph(self.rows, self.cols)
+        walls = np.isinf(self.straight[self._graph.beside])
+        self._closed: NDArray[np.bool_] = walls | walls[:, [1, 2, 3, 0]]
+        """(cells, 4): True for a diagonal step past the corner of a wall"""
+        self.label = self._labels(seeds)
+
+    def cost(self) -> Floats:
+        cost = self._costs.reshape(self.rows, self.cols).copy()
+        cost[self.goals // self.width - 1, self.goals % self.width - 1] = 0.0
+        cost.flags.writeable = False
+        return cost
+
+    def cost_of(self, cell: Cell) -> float:
+        if self.index(cell) in self.goals:
+            return 0.0
+        return float(self._costs[cell[0] * self.cols + cell[1]])
+
+    def run_down_all(self, starts: Sequence[Cell]) -> list[Ints]:
+        goals = set(self.goals.tolist())
+        onward = self._onward
+        paths = []
+        for start in starts:
+            path = [self.index(start)]
+            while path[-1] not in goals:
+                path.append(onward[path[-1]])
+            paths.append(np.stack(np.divmod(path, self.width), axis=1) - 1)
+        return paths
+
+    def _is_of(self, exposure: Floats) -> bool:
+        return np.array_equal(self.straight, self._straight(exposure))
+
+    def _straight(self, exposure: Floats) -> Floats:
+        straight = np.full((self.rows + 2, self.width), np.inf)
+        with np.errstate(invalid="ignore"):  # 0 · ∞ where w = 0
+            straight[1:-1, 1:-1] = np.where(np.isinf(exposure), np.inf, self.w * exposure + self.step)
+        return straight.reshape(-1)
+
+    def _labels(self, seeds: Floats) -> Floats:
+        """Return the least labels that follow from those of the goals.
+
+        Each cell has two nodes, so that sums are rounded in the order of the fixed point. Straight steps
+        start at the label, diagonal steps at the label + `extra`. The last node is the source for the goals.
+        """
+        size = self.straight.size
+        into = self.straight[self._graph.neighbours]
+        across = np.full((len(into), 1), self.extra)
+        diagonal = np.where(self._closed, np.inf, into[:, 4:])
+        costs = np.concatenate((np.hstack((into[:, :4], across)), diagonal), axis=None)
+        edges = (
+            np.concatenate((costs, seeds)),
+            np.concatenate((self._graph.heads, self.goals), dtype=np.int32),
+            np.append(self._graph.first, np.int32(costs.size + seeds.size)),
+        )
+        source = np.array([2 * size])
+        found: Floats = dijkstra(csr_array(edges, shape=(2 * size + 1, 2 * size + 1)), indices=source)
+        return found[0, :size]
+
+    @functools.cached_property
+    def _offers(self) -> Floats:
+        """Cost from each cell through each neighbour, without the straight step: (cells, 8)."""
+        offers = self.label[self._graph.neighbours]
+        offers[:, 4:] += self.extra
+        leaves_wall = np.isinf(self.straight[self._graph.cells])
+        offers[:, 4:][self._closed & ~leaves_wall[:, np.newaxis]] = np.inf
+        return offers
+
+    @functools.cached_property
+    def _costs(self) -> Floats:
+        """Least cost from each cell, as if none were a goal."""
+        costs: Floats = self._offers.min(axis=1) + self.step
+        return costs
+
+    @functools.cached_property
+    def _onward(self) -> list[int]:
+        """Next cell on the route from each cell, by the rule of `descent`."""
+        cells, neighbours = self._graph.cells, self._graph.neighbours
+        offers, bound = self._offers + self.step, self._costs * (1.0 + REL_TIE)
+        is_open = (offers <= bound[:, np.newaxis]) & np.isfinite(offers)
+        is_open[np.isin(cells, self.goals)] = False
+        best = is_open.argmax(axis=1)
+        if (np.count_nonzero(is_open, axis=1) > 1).any():
+            to_go = np.where(is_open, self._lengths(is_open)[neighbours] + LENGTHS, np.inf)
+            least = np.full(len(cells), np.inf)
+            for k in range(8):
+                shorter = to_go[:, k] < least - LENGTH_TIE
+                best[shorter], least[shorter] = k, to_go[shorter, k]
+        onward = np.zeros(self.label.size, dtype=np.int64)
+        onward[cells] = neighbours[np.arange(len(cells)), best]
+        return onward.tolist()
+
+    def _lengths(self, is_open: NDArray[np.bool_]) -> Floats:
+        """Return the length of the shortest among the cheapest routes from each cell."""
+        cell, k = np.nonzero(is_open)
+        ends = self._graph.neighbours[cell, k], self._graph.cells[cell]
+        shape = (self.label.size, self.label.size)
+        graph = coo_array((LENGTHS[k], ends), shape=shape).tocsr()
+        lengths: Floats = dijkstra(graph, indices=self.goals, min_only=True)
+        return lengths
+
+
+class _Graph(NamedTuple):
+    """The lattice of an area's shape; cells are flat padded indices."""
+
+    cells: Ints
+    neighbours: Ints
+    """(cells, 8), in the order of `offsets_of`"""
+    beside: Ints
+    """(cells, 4): the neighbours at straight steps"""
+    heads: Int32s
+    """end of each edge in `SmallField._labels`, except the edges of the source"""
+    first: Int32s
+    """first edge of each node"""
+
+
+@functools.lru_cache(maxsize=16)
+def _graph(rows: int, cols: int) -> _Graph:
+    width = cols + 2
+    size = (rows + 2) * width
+    cells = (np.arange(1, rows + 1)[:, np.newaxis] * width + np.arange(1, cols + 1)).reshape(-1)
+    neighbours = cells[:, np.newaxis] + offsets_of(width)
+    heads = np.concatenate(
+        (np.column_stack((neighbours[:, :4], size + cells)), neighbours[:, 4:]), axis=None, dtype=np.int32
+    )
+    n_edges = np.zeros(2 * size + 1, dtype=np.int32)
+    n_edges[1 + cells], n_edges[1 + size + cells] = 5, 4
+    return _Graph(cells, neighbours, neighbours[:, :4], heads, np.cumsum(n_edges, dtype=np.int32))

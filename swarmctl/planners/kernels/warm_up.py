@@ -1,0 +1,54 @@
+"""Compilation of all kernels before a flight, so that no vehicle waits for a compiler in the air."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from swarmctl.planners.kernels import bounds, buckets, descent, labels, lattice, sweep
+from swarmctl.planners.kernels.compilation import compiled
+
+
+def warm_up(report: Callable[[int, int], None] = lambda _done, _total: None) -> None:
+    """Compile all kernels, or load them from numba's cache.
+
+    `report` receives the number of kernels done and of all kernels, before each kernel and at the end.
+    """
+    calls = list(_calls())
+    for done, (kernel, arguments) in enumerate(calls):
+        report(done, len(calls))
+        compiled(kernel)(*arguments)
+    report(len(calls), len(calls))
+
+
+def _calls() -> Iterator[tuple[Callable[..., object], tuple[Any, ...]]]:
+    """Yield each kernel with arguments of the right types, for an area of one cell.
+
+    A kernel comes after those that it calls, so that each step is short.
+    """
+    exposure, label, length = np.zeros((1, 1)), np.full(9, math.inf), np.full(9, math.inf)
+    straight, waiting = label.copy(), np.zeros(9, dtype=np.uint8)
+    label[4], straight[4], width, goal, cells = 0.0, 0.5, 3, 4, np.array([4])
+    offsets, area = lattice.offsets_of(width), (1, 1)
+    yield lattice.offsets_of, (width,)
+    yield sweep.prepare, (exposure, 0.5, 0.5, straight)
+    yield sweep.is_prepared, (exposure, 0.5, 0.5, straight)
+    yield sweep.sweep_columns, (label, straight, 0.2, False, width, 1, 1, 2, 1)
+    yield sweep.sweep_rows, (label, straight, 0.2, False, width, 1, 1, 2, 1)
+    yield sweep.improvable, (label, straight, 0.2, False, *area)
+    yield buckets.correct, (label, straight, 0.2, width, cells, 0.5, 0.5, False, waiting, math.inf)
+    field = (label, 0.5, 0.2, straight)
+    yield descent.cost_of, (*field, offsets, goal)
+    yield descent.costs, (*field, *area, False)
+    yield descent.find_lengths, (*field, width, cells, goal, length)
+    length.fill(math.inf)
+    yield descent.find_lengths_in_circles, (*field, width, cells, goal, length)
+    yield descent.run_down, (*field, False, width, cells, cells, np.empty(0))
+    yield bounds.compare, (exposure, 0.5, 0.5, straight, 1, 1)
+    yield bounds.run_down_roughly, (label, 0.2, width, cells, goal, 1)
+    yield bounds.least_way_out, (label, *area, label, straight, width, 0, 0, 1, math.inf, 1.0)
+    goals = np.ones(9, dtype=np.bool_)
+    yield labels.set_labels, (straight, width, goal, goals, label, label, label, 1.0, 3.0, 1.0, False, 0)

@@ -1,0 +1,35 @@
+"""A pool of objects that searches keep for the next search, shared by threads."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterable
+from typing import Generic, TypeVar
+
+T = TypeVar("T")
+
+
+class Pool(Generic[T]):
+    """Objects that one thread at a time uses: it takes them out and puts them back afterwards.
+
+    Each step is one operation of a list, which the interpreter does not interrupt.
+    """
+
+    def __init__(self) -> None:
+        self._objects: list[T] = []
+
+    def take_all(self) -> list[T]:
+        """Return all objects that no other thread has taken, the oldest first."""
+        taken: list[T] = []
+        while True:
+            try:
+                taken.append(self._objects.pop(0))
+            except IndexError:
+                return taken
+
+    def put(self, objects: Iterable[T], size: Callable[[T], int], most: int) -> None:
+        """Put objects back, the oldest first; drop the oldest while all together are larger than `most`."""
+        self._objects.extend(list(objects))
+        while sum(map(size, kept := self._objects.copy())) > most and len(kept) > 1:
+            with contextlib.suppress(IndexError):
+                self._objects.pop(0)

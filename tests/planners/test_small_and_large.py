@@ -1,0 +1,183 @@
+"""Small areas, searched without compiled code, have the same answers as large ones: bit for bit."""
+
+import contextlib
+import inspect
+import math
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from profiles import examples
+
+from swarmctl.planners import (
+    PLANNERS,
+    BoundTooTight,
+    Front,
+    Problem,
+    Replanner,
+    Route,
+    Unreachable,
+    cost_to_go,
+    dijkstra,
+    pareto_front,
+    plan,
+    warm_up,
+    window,
+)
+from swarmctl.planners.kernels import bounds, buckets, descent, field, labels, lattice, spread, sweep
+from swarmctl.planners.kernels.compilation import compiled
+from swarmctl.planners.kernels.large_field import LargeField
+from swarmctl.planners.kernels.small_field import SmallField
+from swarmctl.planners.pool import Pool
+
+FEW = settings(max_examples=examples(100), deadline=None, derandomize=True)
+LEVELS = {
+    "any": tuple(np.random.default_rng(1).random(40).tolist()),
+    "ties": (0.1, 0.2, 0.3),
+    "zero": (0.0,),
+    "walls": (0.1, 0.2, 0.3, math.inf),
+    "free between walls": (0.0, 0.0, math.inf),
+    "extreme": (1e-300, 1e-20, 0.1, 1e17, 1e200),
+}
+
+
+@st.composite
+def problems(draw: st.DrawFn) -> Problem:
+    rows, cols = draw(st.sampled_from([(1, 1), (1, 9), (7, 1), (2, 5), (6, 7), (14, 16)]))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    exposure = rng.choice(LEVELS[draw(st.sampled_from(sorted(LEVELS)))], (rows, cols))
+    cells = [
+        (int(rng.integers(rows)), int(rng.integers(cols))) for _ in range(draw(st.sampled_from([2, 2, 3, 7])))
+    ]
+    shortest = max(rows, cols) * draw(st.floats(0.5, 2.0))
+    return Problem(
+        exposure,
+        start=cells[0],
+        goals=tuple(cells[1:]),
+        w=draw(st.sampled_from([0.0, 0.5, 1.0, 0.3])),
+        psi_per_cell=draw(st.sampled_from([0.0, 0.132, 1.0])),
+        max_length_cells=draw(st.sampled_from([math.inf, shortest])),
+    )
+
+
+@contextlib.contextmanager
+def areas_up_to(n_cells: int) -> Iterator[None]:
+    """Areas of at most this size are small ones, and nothing is kept from searches before."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(field, "SMALL_CELLS", n_cells)
+        patch.setattr(dijkstra, "_fields", Pool())
+        yield
+
+
+@FEW
+@given(problem=problems())
+def test_the_fields_are_equal_and_so_is_every_route(problem: Problem) -> None:
+    asked = problem.exposure, problem.goals, problem.w, problem.psi_per_cell
+    small = spread(*asked)
+    with areas_up_to(0):
+        large = spread(*asked)
+    assert isinstance(small, SmallField)
+    assert isinstance(large, LargeField)
+    assert small.label.tobytes() == large.label.tobytes()
+    assert small.cost().tobytes() == large.cost().tobytes()
+    assert small.answers(*asked)
+    assert large.answers(*asked)
+    cells = list(np.ndindex(*problem.exposure.shape))
+    assert [small.cost_of(cell) for cell in cells] == [large.cost_of(cell) for cell in cells]
+    starts = [cell for cell in cells if math.isfinite(small.cost_of(cell))]
+    for of_small, of_large in zip(small.run_down_all(starts), large.run_down_all(starts), strict=True):
+        np.testing.assert_array_equal(of_small, of_large)
+    for start in starts[:5]:
+        assert small.run_down(start) == large.run_down(start)
+
+
+def by(name: str) -> Callable[[Problem], Route]:
+    return lambda problem: plan(problem, name)
+
+
+SEARCHES: dict[str, Callable[[Problem], Route | Front]] = {
+    **{name: by(name) for name in PLANNERS},
+    "window": lambda problem: window.plan(problem, window.Params()),
+    "front": pareto_front,
+}
+
+
+def answer(search: Callable[[Problem], Route | Front], problem: Problem) -> object:
+    """Return the result of a search, or its error with what that holds."""
+    try:
+        return search(problem)
+    except BoundTooTight as error:
+        return type(error), error.nearest
+    except Unreachable as error:
+        return type(error)
+
+
+def content(answered: object) -> object:
+    return (
+        tuple(getattr(answered, name) for name in Front.__slots__)
+        if isinstance(answered, Front)
+        else answered
+    )
+
+
+@pytest.mark.parametrize("search", SEARCHES.values(), ids=SEARCHES.keys())
+@FEW
+@given(problem=problems())
+def test_every_planner_finds_the_same(search: Callable[[Problem], Route | Front], problem: Problem) -> None:
+    small = answer(search, problem)
+    with areas_up_to(0):
+        large = answer(search, problem)
+    assert content(small) == content(large)
+
+
+def test_a_small_area_is_planned_without_a_compiler() -> None:
+    program = """
+import sys
+import numpy as np
+from swarmctl.planners import PLANNERS, Problem, cost_to_go, pareto_front, plan, window
+area = np.random.default_rng(1).random((50, 50))
+problem = Problem(area, (25, 0), ((25, 49),), 0.5, 0.1, max_length_cells=60.0)
+found = [plan(problem, name) for name in PLANNERS] + [window.plan(problem, window.Params())]
+cost_to_go(area, [(25, 49)], 0.5, 0.1).cells_from((0, 0))
+pareto_front(problem)
+print(len(found), [name for name in ("numba", "llvmlite") if name in sys.modules])
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout == f"{len(PLANNERS) + 1} []\n"
+
+
+def machine_code() -> dict[str, int]:
+    """How many versions of each kernel are compiled in this process."""
+    modules = (bounds, buckets, descent, labels, lattice, sweep)
+    return {
+        f"{module.__name__}.{name}": len(compiled(kernel).signatures)  # type: ignore[attr-defined]
+        for module in modules
+        for name, kernel in inspect.getmembers(module, inspect.isfunction)
+        if kernel.__module__ == module.__name__ and kernel is not labels.label_search
+    }
+
+
+def test_once_warmed_up_a_large_area_waits_for_no_compiler() -> None:
+    reports: list[tuple[int, int]] = []
+    warm_up(lambda done, total: reports.append((done, total)))
+    assert [done for done, _ in reports] == list(range(len(reports)))
+    assert {total for _, total in reports} == {len(reports) - 1}
+    before = machine_code()
+    rng = np.random.default_rng(2)
+    with areas_up_to(0):
+        for walls in (0.0, 0.1):
+            area = np.where(rng.random((20, 30)) < walls, math.inf, rng.choice([0.1, 0.2, 0.7], (20, 30)))
+            area[10, 0] = area[10, 29] = 0.1
+            problem = Problem(area, (10, 0), ((10, 29), (0, 29)), 0.5, 0.13, max_length_cells=35.0)
+            for search in SEARCHES.values():
+                answer(search, problem)
+            cost_to_go(area, [(10, 29)], 1.0, 0.13).paths_from([(10, 0), (10, 1)])
+            replanner = Replanner(area, [(10, 29)], 0.5, 0.13)
+            replanner.route((10, 0))
+            replanner.renew(area * 0.9)
+            replanner.route((10, 1))
+    assert machine_code() == before
