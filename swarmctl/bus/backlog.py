@@ -1,7 +1,8 @@
-"""What UAVs of a process have said to others of it and nobody has heard yet: so much of it and no more. Pure.
+"""Bounded queue of messages between UAVs of a process. Pure.
 
-A machine that cannot keep up would else remember all that is said until its memory is full. What was seen
-and goes is asked for again; where somebody is and will be is not: the newest that each told of that stays.
+Without a bound, a machine that cannot keep up would queue messages until its memory is full. Dropped
+observations are requested again; positions and intents are not. Therefore the newest state and the newest
+intent of each sender stay.
 """
 
 from __future__ import annotations
@@ -9,75 +10,80 @@ from __future__ import annotations
 from collections import deque
 from typing import NamedTuple
 
-from swarmctl.bus.node.decoding import Reading
+from swarmctl.bus.node.decoding import DecodedFrame
 from swarmctl.core.frames import IntentShared, StateShared
 
-ROOM_BYTES = 32_000_000
-WEIGHS_BYTES = 1_000
-"""a message, beside its frame"""
+MAX_QUEUE_BYTES = 32_000_000
+OVERHEAD_BYTES = 1_000
+"""memory of a message beside its frame"""
 
 
-class Said(NamedTuple):
+class QueuedMessage(NamedTuple):
     sender: int
     act: str
-    reading: Reading
+    decoded: DecodedFrame
     to: tuple[int, ...]
     """UAVs of this process"""
 
     @property
-    def weighs_bytes(self) -> int:
-        return len(self.reading.data) + WEIGHS_BYTES
+    def n_bytes(self) -> int:
+        return len(self.decoded.data) + OVERHEAD_BYTES
 
 
 class Backlog:
-    """In the order in which it was said."""
+    """Messages in the order of sending."""
 
-    def __init__(self, room_bytes: int = ROOM_BYTES) -> None:
-        self._least_room_bytes = self._room_bytes = room_bytes
-        self._weighs_bytes = 0
-        self._waiting: deque[Said] = deque()
+    def __init__(self, max_bytes: int = MAX_QUEUE_BYTES) -> None:
+        self._min_limit_bytes = self._limit_bytes = max_bytes
+        self._n_bytes = 0
+        self._waiting: deque[QueuedMessage] = deque()
 
     def __len__(self) -> int:
         return len(self._waiting)
 
-    def append(self, said: Said) -> list[Said]:
-        """Returns what goes for it, where there is no more room: the older half of what waits, but for the
-        newest state and the newest intent of each sender to each."""
-        self._waiting.append(said)
-        self._weighs_bytes += said.weighs_bytes
-        return self._make_room() if self._weighs_bytes > self._room_bytes else []
+    def append(self, message: QueuedMessage) -> list[QueuedMessage]:
+        """Append a message; return the messages dropped for it.
 
-    def popleft(self) -> Said:
-        """The oldest. Raises IndexError where nothing waits."""
-        said = self._waiting.popleft()
-        self._weighs_bytes -= said.weighs_bytes
-        return said
+        Above the limit the older half is dropped, but for the newest state and intent of each sender to each
+        receiver.
+        """
+        self._waiting.append(message)
+        self._n_bytes += message.n_bytes
+        return self._drop_old() if self._n_bytes > self._limit_bytes else []
 
-    def _make_room(self) -> list[Said]:
-        told: dict[tuple[int, type], set[int]] = {}
-        stays: deque[Said] = deque()
-        goes, newest_bytes, weighs_bytes = [], 0, 0
-        for said in reversed(self._waiting):
-            is_newest = _is_newest(said, told)
-            if is_newest or weighs_bytes + said.weighs_bytes <= self._room_bytes // 2:
-                stays.appendleft(said)
-                weighs_bytes += said.weighs_bytes
-                newest_bytes += said.weighs_bytes * is_newest
+    def popleft(self) -> QueuedMessage:
+        """Remove and return the oldest message. Raises IndexError if there is none."""
+        message = self._waiting.popleft()
+        self._n_bytes -= message.n_bytes
+        return message
+
+    def _drop_old(self) -> list[QueuedMessage]:
+        newer_to: dict[tuple[int, type], set[int]] = {}
+        kept: deque[QueuedMessage] = deque()
+        dropped, newest_bytes, n_bytes = [], 0, 0
+        for message in reversed(self._waiting):
+            is_newest = _is_newest(message, newer_to)
+            if is_newest or n_bytes + message.n_bytes <= self._limit_bytes // 2:
+                kept.appendleft(message)
+                n_bytes += message.n_bytes
+                newest_bytes += message.n_bytes * is_newest
             else:
-                goes.append(said)
-        self._waiting, self._weighs_bytes = stays, weighs_bytes
-        # A quarter is free now at least: not every message of a very large swarm looks through all of it.
-        self._room_bytes = max(self._least_room_bytes, 4 * newest_bytes)
-        return goes
+                dropped.append(message)
+        self._waiting, self._n_bytes = kept, n_bytes
+        # At least a quarter is free now, so that a very large swarm does not search the queue at each message.
+        self._limit_bytes = max(self._min_limit_bytes, 4 * newest_bytes)
+        return dropped
 
 
-def _is_newest(said: Said, told: dict[tuple[int, type], set[int]]) -> bool:
-    """Whether to somebody it is the newest state, or the newest intent, of its sender. `told`: to whom newer
-    ones go, by sender and kind; gets this one's."""
-    content = said.reading.frame.content
+def _is_newest(message: QueuedMessage, newer_to: dict[tuple[int, type], set[int]]) -> bool:
+    """Return whether a message is its sender's newest state or intent for at least one receiver.
+
+    `newer_to` has the receivers of newer ones, by sender and kind; this message's receivers are added to it.
+    """
+    content = message.decoded.frame.content
     if not isinstance(content, StateShared | IntentShared):
         return False
-    newer = told.setdefault((said.sender, type(content)), set())
-    is_newest = not newer.issuperset(said.to)
-    newer.update(said.to)
+    newer = newer_to.setdefault((message.sender, type(content)), set())
+    is_newest = not newer.issuperset(message.to)
+    newer.update(message.to)
     return is_newest

@@ -22,7 +22,7 @@ from swarmctl.bus.transports.base import BusError
 
 
 @dataclass(frozen=True, slots=True)
-class Listed:
+class RunningSwarm:
     """A swarm that flies now."""
 
     swarm: str
@@ -31,7 +31,7 @@ class Listed:
 
 
 @contextlib.contextmanager
-def listed(swarm: str, endpoint: BusEndpoint) -> Iterator[None]:
+def registered(swarm: str, endpoint: BusEndpoint) -> Iterator[None]:
     """Be found as long as this lasts. Raises BusError."""
     entry = {"swarm": swarm, "endpoint": str(endpoint), "pid": os.getpid()}
     with contextlib.ExitStack() as held:
@@ -49,7 +49,7 @@ def listed(swarm: str, endpoint: BusEndpoint) -> Iterator[None]:
         yield
 
 
-def flying() -> list[Listed]:
+def running_swarms() -> list[RunningSwarm]:
     """Every swarm that can be found, by name. Raises BusError."""
     try:
         found = [(path, _read(path)) for path in sorted(_folder().glob("*.json"))]
@@ -77,14 +77,14 @@ def _unusable(error: OSError) -> BusError:
     return BusError(f"{error.filename or 'the folder of swarms'}: {error.strerror or error}")
 
 
-def _read(path: Path) -> Listed | None:
+def _read(path: Path) -> RunningSwarm | None:
     try:
         with path.open(encoding="utf-8") as file:
             try:
                 fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
             except BlockingIOError:
                 content = json.load(file)
-                return Listed(content["swarm"], parse_endpoint(content["endpoint"]), content["pid"])
+                return RunningSwarm(content["swarm"], parse_endpoint(content["endpoint"]), content["pid"])
             path.unlink()
     except (FileNotFoundError, ValueError, KeyError, TypeError):
         pass  # it ended meanwhile, or is none of ours

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from swarmctl.core import texts
 
 PROTOCOLS = ("tcp", "tls", "quic")
-CERTIFIED = ("tls", "quic")
+CERTIFICATE_PROTOCOLS = ("tls", "quic")
 """the protocols over which both sides show certificates"""
-NOBODY = "none"
+NO_ENDPOINT = "none"
 """instead of an endpoint to listen at: nobody outside this process reaches the bus"""
 _FORM = re.compile(
     r"(?P<protocol>tcp|tls|quic)/"
@@ -34,7 +34,7 @@ class BusEndpoint:
     @property
     def is_certified(self) -> bool:
         """Whether both sides show certificates."""
-        return self.protocol in CERTIFIED
+        return self.protocol in CERTIFICATE_PROTOCOLS
 
     @property
     def reachable(self) -> BusEndpoint:

@@ -14,8 +14,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from swarmctl.bus import keys, sensor_reports
-from swarmctl.bus.rate import Pace
-from swarmctl.bus.sensor_reports import Answer, BadReport, Looked, Reason, Report
+from swarmctl.bus.rate import TokenBucket
+from swarmctl.bus.sensor_reports import RejectedReport, RejectReason, Report, ReportAnswer, ReportedCells
 from swarmctl.bus.transports.base import MAX_QUESTION_BYTES, Reply, Transport
 from swarmctl.core.grid import Grid
 from swarmctl.core.texts import printable
@@ -31,7 +31,7 @@ TIMEOUT_S = 3.0
 
 
 @dataclass(slots=True)
-class Tally:
+class ReportCounts:
     """How many reports came."""
 
     taken: int = 0
@@ -39,7 +39,7 @@ class Tally:
     """by reason"""
 
 
-class Looks:
+class ReportReceiver:
     """One vehicle's inlet, open from its making until the transport is closed.
 
     `clock` is the wall clock [s since 1970], by which reports may not be too old or of the future; `post`
@@ -53,20 +53,20 @@ class Looks:
         uav: int,
         grid: Grid,
         clock: Callable[[], float],
-        post: Callable[[Looked, str], None],
+        post: Callable[[ReportedCells, str], None],
         say: Callable[[str], None],
         *,
         tolerance_s: float = sensor_reports.CLOCK_TOLERANCE_S,
     ) -> None:
-        self.tally = Tally()
-        self._key = keys.looks(swarm, uav)
+        self.counts = ReportCounts()
+        self._key = keys.sensor_report(swarm, uav)
         self._grid = grid
         self._clock = clock
         self._post = post
         self._say = say
         self._tolerance_s = tolerance_s
-        self._pace = Pace(PER_S, BURST)
-        self._refused_at_s: dict[Reason, float] = {}
+        self._pace = TokenBucket(PER_S, BURST)
+        self._refused_at_s: dict[RejectReason, float] = {}
         transport.subscribe(self._key, self._put)
         transport.serve(self._key, self._asked)
 
@@ -78,30 +78,32 @@ class Looks:
         if key == self._key:
             reply(sensor_reports.encode(answer))
 
-    def _take(self, key: str, payload: bytes | None) -> Answer:
+    def _take(self, key: str, payload: bytes | None) -> ReportAnswer:
         """A payload that was too long to be read is None."""
         now_s = asyncio.get_running_loop().time()
         try:
             cells, source = self._read(key, payload, now_s)
-        except BadReport as bad:
+        except RejectedReport as bad:
             return self._refuse(bad, now_s)
-        self.tally.taken += 1
+        self.counts.taken += 1
         self._post(cells, source)
-        return Answer(taken=True, cells=cells)
+        return ReportAnswer(taken=True, cells=cells)
 
-    def _read(self, key: str, payload: bytes | None, now_s: float) -> tuple[Looked, str]:
+    def _read(self, key: str, payload: bytes | None, now_s: float) -> tuple[ReportedCells, str]:
         """Raises BadReport."""
-        if not self._pace.takes(now_s):
-            raise BadReport(Reason.TOO_FAST, f"expected at most {PER_S:g} reports a second")
+        if not self._pace.try_take(now_s):
+            raise RejectedReport(RejectReason.TOO_FAST, f"expected at most {PER_S:g} reports a second")
         if key != self._key:
             # A wildcard means many vehicles at once: what one payload sees is not what all see.
-            raise BadReport(Reason.KEY, f"{key[:200]}, expected {self._key}")
+            raise RejectedReport(RejectReason.KEY, f"{key[:200]}, expected {self._key}")
         if payload is None:
-            raise BadReport(Reason.OVERSIZE, f"more than {MAX_QUESTION_BYTES} bytes: send several reports")
-        return sensor_reports.read(payload, self._grid, self._clock(), self._tolerance_s)
+            raise RejectedReport(
+                RejectReason.OVERSIZE, f"more than {MAX_QUESTION_BYTES} bytes: send several reports"
+            )
+        return sensor_reports.decode_report(payload, self._grid, self._clock(), self._tolerance_s)
 
-    def _refuse(self, bad: BadReport, now_s: float) -> Answer:
-        reason, refused = bad.reason, self.tally.refused
+    def _refuse(self, bad: RejectedReport, now_s: float) -> ReportAnswer:
+        reason, refused = bad.reason, self.counts.refused
         refused[reason.value] = refused.get(reason.value, 0) + 1
         # It may quote the sender, and is shown on a terminal.
         why = printable(str(bad)[:MAX_WHY])
@@ -109,13 +111,13 @@ class Looks:
         self._refused_at_s[reason] = now_s
         if before_s is None or now_s - before_s > PAUSE_S:
             self._say(f"a payload's report was refused ({sum(refused.values())} so far): {why}")
-        return Answer(taken=False, why=why)
+        return ReportAnswer(taken=False, why=why)
 
 
-async def ask(bus: Transport, swarm: str, uav: int, report: Report) -> Answer | None:
+async def send_report(bus: Transport, swarm: str, uav: int, report: Report) -> ReportAnswer | None:
     """Report, and hear what became of it; None where nobody takes reports for this vehicle.
 
     Raises TimeoutError, and ValueError where the answer cannot be understood.
     """
-    answers = await bus.ask(keys.looks(swarm, uav), sensor_reports.encode(report), TIMEOUT_S)
+    answers = await bus.ask(keys.sensor_report(swarm, uav), sensor_reports.encode(report), TIMEOUT_S)
     return sensor_reports.decode_answer(answers[0]) if answers else None

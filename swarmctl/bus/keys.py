@@ -39,7 +39,7 @@ KINDS: tuple[Kind, ...] = ("weights", "order")
 
 
 @lru_cache(maxsize=65_536)
-def told(swarm: str, to: int, act: str, sender: int) -> str:
+def uav_message(swarm: str, to: int, act: str, sender: int) -> str:
     """The key under which UAV `sender` says `act` (`inform/state`) to UAV `to`."""
     return f"{ROOT}/{swarm}/uav/{to}/{act}/{sender}"
 
@@ -65,12 +65,12 @@ def request(swarm: str, kind: Kind, uav: int | None = None) -> str:
     return f"{ROOT}/{swarm}/{whom}/request/{kind}/operator"
 
 
-def looks(swarm: str, uav: int | Literal["*"]) -> str:
+def sensor_report(swarm: str, uav: int | Literal["*"]) -> str:
     """Where a payload tells the agent of its vehicle what it sees; `*`: of any vehicle, for access lists."""
     return f"{ROOT}/{swarm}/uav/{uav}/inform/look/sensor"
 
 
-def origin_of(key: str) -> tuple[int, str] | None:
+def sender_of(key: str) -> tuple[int, str] | None:
     """(sender, `inform/state`) of a key by which a UAV says something; None where it names no UAV.
 
     A put on a wildcard key reaches every inbox and passes a router's deny rules: such a key is nobody's.

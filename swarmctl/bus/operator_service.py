@@ -15,7 +15,7 @@ from functools import partial
 from typing import Protocol
 
 from swarmctl.bus import keys
-from swarmctl.bus.rate import Pace
+from swarmctl.bus.rate import TokenBucket
 from swarmctl.bus.transports.base import MAX_QUESTION_BYTES, Reply, Transport
 from swarmctl.core import events as ev
 from swarmctl.core.messages import (
@@ -28,7 +28,7 @@ from swarmctl.core.messages import (
     decode_command,
     encode,
 )
-from swarmctl.core.texts import meant_by, printable
+from swarmctl.core.texts import printable, resolve_vehicles
 
 ANSWER_WITHIN_S = 3.0
 """An agent in the middle of a long search answers when it is through."""
@@ -52,7 +52,7 @@ BEFORE = "the command before this one yet; give this one again later"
 
 
 @dataclass(slots=True)
-class Tally:
+class CommandCounts:
     """How many commands came."""
 
     passed_on: int = 0
@@ -72,27 +72,27 @@ class _Open:
 class _Gate:
     """How fast commands may come."""
 
-    pace: Pace = field(default_factory=lambda: Pace(PER_S, BURST))
+    pace: TokenBucket = field(default_factory=lambda: TokenBucket(PER_S, BURST))
     said: bool = False
     """that they come too fast, since the last pause"""
 
 
-Asked = ev.WeightsChanged | ev.OperatorCommand
-Closed = Callable[[Request], str]
+AgentCommand = ev.WeightsChanged | ev.OperatorCommand
+RefusalCheck = Callable[[Request], str]
 """why a command is not taken now; empty if it is"""
-Turns = Callable[[Sequence[int]], Mapping[int, float]]
+ReturnDelays = Callable[[Sequence[int]], Mapping[int, float]]
 """how long each of these vehicles, called back at once, waits for its turn to return [s]"""
 
 
-def open_to_all(_command: Request) -> str:
+def accept_all(_command: Request) -> str:
     return ""
 
 
-def at_once(_uavs: Sequence[int]) -> Mapping[int, float]:
+def no_delays(_uavs: Sequence[int]) -> Mapping[int, float]:
     return {}
 
 
-class Unseal(Protocol):
+class CommandSeal(Protocol):
     """Tells who gives a command, and shows who answers it."""
 
     def open(self, key: str, payload: bytes) -> bytes:
@@ -110,11 +110,11 @@ class _Unsealed:
         return answer
 
 
-unsealed: Unseal = _Unsealed()
+NO_SEAL: CommandSeal = _Unsealed()
 """Nobody is asked who it is."""
 
 
-class Desk:
+class OperatorService:
     """One a process; its agents `join`, and report with `answered`.
 
     It serves the keys of vehicle `uav`, or those of the station where one process flies the whole swarm.
@@ -126,32 +126,32 @@ class Desk:
         transport: Transport,
         swarm: str,
         say: Callable[[str], None],
-        tally: Tally,
+        counts: CommandCounts,
         *,
         uav: int | None = None,
-        closed: Closed = open_to_all,
-        turns: Turns = at_once,
-        unseal: Unseal = unsealed,
+        closed: RefusalCheck = accept_all,
+        turns: ReturnDelays = no_delays,
+        unseal: CommandSeal = NO_SEAL,
     ) -> None:
-        self._tally = tally
+        self._counts = counts
         self._keys = {keys.request(swarm, kind, uav): kind for kind in keys.KINDS}
         self._closed = closed
         self._turns = turns
         self._unseal = unseal
         self._say = say
-        self._agents: dict[int, tuple[str, Callable[[Asked], None]]] = {}
+        self._agents: dict[int, tuple[str, Callable[[AgentCommand], None]]] = {}
         self._open: dict[int, _Open] = {}
         self._busy: dict[int, int] = {}
         """by vehicle: the weights that it has not come to yet, perhaps long after its answer was due"""
         # Each key for itself: no flood of weights keeps an order to hold away.
         self._gates = {key: _Gate() for key in self._keys}
         self._wild = _Gate()
-        self._opened = {key: Pace(OPENED_PER_S, OPENED_BURST) for key in self._keys}
-        self._said_of_strangers = Pace(SAID_PER_S, SAID_BURST)
+        self._opened = {key: TokenBucket(OPENED_PER_S, OPENED_BURST) for key in self._keys}
+        self._said_of_strangers = TokenBucket(SAID_PER_S, SAID_BURST)
         for key in self._keys:
             transport.serve(key, self._asked)
 
-    def join(self, uav: int, name: str, post: Callable[[Asked], None]) -> None:
+    def join(self, uav: int, name: str, post: Callable[[AgentCommand], None]) -> None:
         """`post` hands an event to the agent, which answers with an effect."""
         self._agents[uav] = (name, post)
 
@@ -173,14 +173,14 @@ class Desk:
             if self._in_pace(self._wild, now_s):
                 self._refuse(f"asked under the key {key}, not {' or '.join(self._keys)}", None)
             return
-        if not self._opened[key].takes(now_s):
-            self._tally.refused += 1
+        if not self._opened[key].try_take(now_s):
+            self._counts.refused += 1
             return
         reply = self._sealed(key, payload, reply)
         try:
             opened = self._open_seal(key, payload)
         except BadMessage as error:
-            self._refuse(str(error), reply, aloud=self._said_of_strangers.takes(now_s))
+            self._refuse(str(error), reply, aloud=self._said_of_strangers.try_take(now_s))
             return
         # Only now: nobody else uses up the operator's pace.
         if self._in_pace(self._gates[key], now_s):
@@ -228,8 +228,8 @@ class Desk:
     def _pass_on(
         self, command: Request, uavs: list[int], past: tuple[int, ...], busy: Set[int], reply: Reply
     ) -> None:
-        self._tally.passed_on += 1
-        number = self._tally.passed_on
+        self._counts.passed_on += 1
+        number = self._counts.passed_on
         self._open[number] = _Open(uavs, reply, {u: self._too_busy(u) for u in uavs if u in busy})
         asyncio.get_running_loop().call_later(ANSWER_WITHIN_S, partial(self._close, number))
         returns = isinstance(command, GiveOrder) and command.order == "return"
@@ -244,29 +244,29 @@ class Desk:
         if command.uavs is None:
             return list(self._agents)
         try:
-            return meant_by(command.uavs, {uav: name for uav, (name, _) in self._agents.items()})
+            return resolve_vehicles(command.uavs, {uav: name for uav, (name, _) in self._agents.items()})
         except ValueError as error:
             raise ValueError(f"nothing was changed: {error}") from None
 
     def _past(self, command: Request) -> tuple[int, ...]:
         """The system ids of those that a launch does not wait for. Raises ValueError for a name that is not
         known here, as all are only where one process flies the whole swarm."""
-        words = command.past if isinstance(command, GiveOrder) else ()
+        words = command.ignore if isinstance(command, GiveOrder) else ()
         ids = tuple(word for word in words if isinstance(word, int))
         if len(ids) == len(words):
             return ids
         try:
-            return tuple(meant_by(words, {uav: name for uav, (name, _) in self._agents.items()}))
+            return tuple(resolve_vehicles(words, {uav: name for uav, (name, _) in self._agents.items()}))
         except ValueError as error:
             raise ValueError(f"nothing was changed: {error}") from None
 
     def _in_pace(self, gate: _Gate, now_s: float) -> bool:
         """What comes too fast is counted, and said once until there was a pause."""
-        if gate.pace.rested(now_s):
+        if gate.pace.is_full(now_s):
             gate.said = False
-        if gate.pace.takes(now_s):
+        if gate.pace.try_take(now_s):
             return True
-        self._tally.refused += 1
+        self._counts.refused += 1
         if not gate.said:
             self._say(f"operators' commands come faster than {PER_S:g} a second: what is too much is refused")
         gate.said = True
@@ -288,18 +288,18 @@ class Desk:
         return VehicleAnswer(uav, self._agents[uav][0], "refused", note=f"it has not come to {BEFORE}")
 
     def _refuse(self, why: str, reply: Reply | None, *, aloud: bool = True) -> None:
-        self._tally.refused += 1
+        self._counts.refused += 1
         # It may quote the sender, and is shown on a terminal.
         why = printable(why[:MAX_WHY])
         if aloud:
-            self._say(f"an operator's command was refused ({self._tally.refused} so far): {why}")
+            self._say(f"an operator's command was refused ({self._counts.refused} so far): {why}")
         if reply is not None:
             reply(encode(OperatorAnswer(refused=why)))
 
 
-def _event(number: int, command: Request, turn_s: float, past: tuple[int, ...]) -> Asked:
+def _event(number: int, command: Request, turn_s: float, past: tuple[int, ...]) -> AgentCommand:
     match command:
         case SetWeights():
             return ev.WeightsChanged(number, command.w, command.strength)
         case GiveOrder(order=order, after_s=after_s):
-            return ev.OperatorCommand(ev.Order(order), number, max(after_s, turn_s), past)
+            return ev.OperatorCommand(ev.FlightOrder(order), number, max(after_s, turn_s), past)

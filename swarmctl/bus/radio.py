@@ -1,6 +1,6 @@
 """What a radio does to messages: who hears whom, what is lost, and when the rest arrives. Pure.
 
-A model above every transport, in simulated time. The sender asks `Radio.send`, the receiver `Radio.hears`.
+A model above every transport, in simulated time. The sender asks `Radio.send`, the receiver `Radio.can_hear`.
 Chance is drawn for each ordered pair of UAVs by itself: what the n-th message from one to the other meets
 follows from the seed and n, whatever else is sent or lost, and be the UAVs in one process or in many.
 """
@@ -24,7 +24,7 @@ _DRAWN_AHEAD = 32
 """messages; numpy draws many at little more than the cost of one"""
 
 
-class Lost(StrEnum):
+class LossReason(StrEnum):
     """Why a message does not arrive."""
 
     QUIET = "quiet"
@@ -59,7 +59,7 @@ class Partition:
 
 
 @dataclass(frozen=True, slots=True)
-class Quiet:
+class RadioSilence:
     """From `from_s` until before `until_s`, these UAVs send nothing."""
 
     uavs: frozenset[int]
@@ -70,7 +70,7 @@ class Quiet:
         return sender in self.uavs and self.from_s <= now_s < self.until_s
 
 
-def gilbert(loss: float, burst: float | None) -> tuple[float, float]:
+def gilbert_probabilities(loss: float, burst: float | None) -> tuple[float, float]:
     """(p_enter, p_stay): the chance that a message is lost after one that came through, and after a lost one.
 
     Gilbert's two-state model, in whose bad state everything is lost. The bad state is left with chance
@@ -113,10 +113,10 @@ class RadioSettings:
     max_distance_m: float = math.inf
     min_distance_m: float = 0.0
     partitions: tuple[Partition, ...] = ()
-    quiet: tuple[Quiet, ...] = ()
+    quiet: tuple[RadioSilence, ...] = ()
 
     def __post_init__(self) -> None:
-        gilbert(self.loss, self.loss_burst)
+        gilbert_probabilities(self.loss, self.loss_burst)
 
 
 def _fates(rng: np.random.Generator, settings: RadioSettings) -> Iterator[tuple[bool, float]]:
@@ -124,7 +124,7 @@ def _fates(rng: np.random.Generator, settings: RadioSettings) -> Iterator[tuple[
 
     Two draws a message, whether or not both are used: losses stay the same where a jitter is added.
     """
-    p_enter, p_stay = gilbert(settings.loss, settings.loss_burst)
+    p_enter, p_stay = gilbert_probabilities(settings.loss, settings.loss_burst)
     p_lost = settings.loss  # nobody knows what came before the first
     while True:
         draws = iter(rng.random(2 * _DRAWN_AHEAD).tolist())
@@ -146,7 +146,7 @@ class Radio:
         self._fates: dict[tuple[int, int], Iterator[tuple[bool, float]]] = {}
         self._free_at_s: dict[int, float] = {}
 
-    def send(self, sender: int, to: int, n_bytes: int, now_s: float) -> float | Lost:
+    def send(self, sender: int, to: int, n_bytes: int, now_s: float) -> float | LossReason:
         """When a message arrives that is sent now, or why it does not; both in seconds since the start.
 
         Partitions and quiet times count at sending. What is lost on the way has kept the transmitter busy all
@@ -156,15 +156,15 @@ class Radio:
         # Drawn first, so that a message that comes to nothing else changes no later one's luck.
         is_lost, jitter_s = self._fate(sender, to) if self._draws else (False, 0.0)
         if any(quiet.silences(sender, now_s) for quiet in settings.quiet):
-            return Lost.QUIET
+            return LossReason.QUIET
         sent_s = self._transmit(sender, n_bytes, now_s)
         if sent_s is None:
-            return Lost.BANDWIDTH
+            return LossReason.BANDWIDTH
         if not all(partition.allows(sender, to, now_s) for partition in settings.partitions):
-            return Lost.PARTITION
-        return Lost.LOSS if is_lost else sent_s + settings.delay_s + jitter_s
+            return LossReason.PARTITION
+        return LossReason.LOSS if is_lost else sent_s + settings.delay_s + jitter_s
 
-    def hears(self, me: LatLon | None, other: LatLon | None) -> Lost | None:
+    def can_hear(self, me: LatLon | None, other: LatLon | None) -> LossReason | None:
         """Why UAVs at these places do not hear each other; None if they do, just at a limit as well.
 
         A UAV whose place nobody knows is heard: its first message may be what tells it.
@@ -176,8 +176,8 @@ class Radio:
             return None
         apart_m = distance_m(me, other)
         if apart_m > settings.max_distance_m:
-            return Lost.TOO_FAR
-        return Lost.TOO_NEAR if apart_m < settings.min_distance_m else None
+            return LossReason.TOO_FAR
+        return LossReason.TOO_NEAR if apart_m < settings.min_distance_m else None
 
     def _fate(self, sender: int, to: int) -> tuple[bool, float]:
         fates = self._fates.get((sender, to))

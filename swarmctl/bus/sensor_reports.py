@@ -42,11 +42,11 @@ OLDEST_S = 60.0
 CLOCK_TOLERANCE_S = 5.0
 """how far ahead a payload's clock may be"""
 
-Looked = tuple[tuple[int, int, bool], ...]
+ReportedCells = tuple[tuple[int, int, bool], ...]
 """(row, col, occupied) of each cell"""
 
 
-class Reason(StrEnum):
+class RejectReason(StrEnum):
     """Why a report was refused, in a word."""
 
     MALFORMED = "malformed"
@@ -60,15 +60,15 @@ class Reason(StrEnum):
     TOO_FAST = "too fast"
 
 
-class BadReport(ValueError):
+class RejectedReport(ValueError):
     """A report that is not taken; says why in a word, what was found and what was expected."""
 
-    def __init__(self, reason: Reason, text: str) -> None:
+    def __init__(self, reason: RejectReason, text: str) -> None:
         super().__init__(f"{reason}: {text}")
         self.reason = reason
 
 
-class Point(msgspec.Struct, frozen=True):
+class ReportedPoint(msgspec.Struct, frozen=True):
     """A place that was looked at."""
 
     lat_deg: Annotated[float, msgspec.Meta(ge=-90.0, le=90.0)]
@@ -85,16 +85,16 @@ class Report(msgspec.Struct, frozen=True, omit_defaults=True):
     version: Annotated[Literal[1], msgspec.Meta(description="of this schema")]
     cells: Annotated[tuple[tuple[int, int, bool], ...], _Several] | None = None
     """(row, col, occupied)"""
-    points: Annotated[tuple[Point, ...], _Several] | None = None
+    points: Annotated[tuple[ReportedPoint, ...], _Several] | None = None
     unix_s: float | None = None
     source: Annotated[str, msgspec.Meta(max_length=MAX_SOURCE)] = ""
 
 
-class Answer(msgspec.Struct, frozen=True, omit_defaults=True):
+class ReportAnswer(msgspec.Struct, frozen=True, omit_defaults=True):
     """What became of a report, for who asked."""
 
     taken: bool
-    cells: Looked = ()
+    cells: ReportedCells = ()
     """what was taken"""
     why: str = ""
     """why nothing was"""
@@ -106,22 +106,22 @@ class _Versioned(msgspec.Struct):
 
 _versions = msgspec.json.Decoder(_Versioned)
 _reports = msgspec.json.Decoder(Report)
-_answers = msgspec.json.Decoder(Answer)
+_answers = msgspec.json.Decoder(ReportAnswer)
 _encoder = msgspec.json.Encoder()
 
 
-def schema() -> dict[str, Any]:
+def report_schema() -> dict[str, Any]:
     """The JSON schema of reports."""
     either = [{"required": ["cells"]}, {"required": ["points"]}]
     dialect = "https://json-schema.org/draft/2020-12/schema"
     return {"$schema": dialect, **msgspec.json.schema(Report), "oneOf": either}
 
 
-def encode(content: Report | Answer) -> bytes:
+def encode(content: Report | ReportAnswer) -> bytes:
     return _encoder.encode(content)
 
 
-def decode_answer(data: bytes) -> Answer:
+def decode_answer(data: bytes) -> ReportAnswer:
     """What is said to a report. Raises ValueError; never anything else, whatever the bytes."""
     try:
         return _answers.decode(data)
@@ -129,17 +129,17 @@ def decode_answer(data: bytes) -> Answer:
         raise ValueError(f"no answer to a report: {error}") from None
 
 
-def read(
+def decode_report(
     data: bytes, grid: Grid, now_unix_s: float, tolerance_s: float = CLOCK_TOLERANCE_S
-) -> tuple[Looked, str]:
+) -> tuple[ReportedCells, str]:
     """The cells of a report, and its source. Raises BadReport; never anything else, whatever the bytes."""
     if len(data) > MAX_BYTES:
-        raise BadReport(
-            Reason.OVERSIZE, f"{len(data)} bytes, expected at most {MAX_BYTES}: send several reports"
+        raise RejectedReport(
+            RejectReason.OVERSIZE, f"{len(data)} bytes, expected at most {MAX_BYTES}: send several reports"
         )
     report = _decoded(data)
     if not report.source.isprintable():
-        raise BadReport(Reason.MALFORMED, "`source` has characters that cannot be printed")
+        raise RejectedReport(RejectReason.MALFORMED, "`source` has characters that cannot be printed")
     if report.unix_s is not None:
         _check_time(now_unix_s - report.unix_s, tolerance_s)
     if report.cells is not None and report.points is None:
@@ -147,61 +147,64 @@ def read(
     if report.points is not None and report.cells is None:
         return _located(report.points, grid), report.source
     found = "neither" if report.cells is None else "both"
-    raise BadReport(Reason.MALFORMED, f"expected `cells` or `points`, found {found}")
+    raise RejectedReport(RejectReason.MALFORMED, f"expected `cells` or `points`, found {found}")
 
 
 def _decoded(data: bytes) -> Report:
     try:
         version = _versions.decode(data).version
         if version != VERSION:
-            raise BadReport(Reason.VERSION, f"expected version {VERSION}, found {str(version)[:20]}")
+            raise RejectedReport(
+                RejectReason.VERSION, f"expected version {VERSION}, found {str(version)[:20]}"
+            )
         return _reports.decode(data)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise BadReport(
-            Reason.MALFORMED, f"{error}; `swarmctl observe --schema` prints what is expected"
+        raise RejectedReport(
+            RejectReason.MALFORMED, f"{error}; `swarmctl observe --schema` prints what is expected"
         ) from None
 
 
 def _check_time(age_s: float, tolerance_s: float) -> None:
     if age_s > OLDEST_S:
-        raise BadReport(
-            Reason.STALE,
+        raise RejectedReport(
+            RejectReason.STALE,
             f"seen {age_s:.1f} s ago, expected at most {OLDEST_S:g}: is the payload's clock right?",
         )
     if age_s < -tolerance_s:
-        raise BadReport(
-            Reason.FUTURE,
+        raise RejectedReport(
+            RejectReason.FUTURE,
             f"seen {-age_s:.1f} s from now, expected at most {tolerance_s:g}: is the payload's clock right?",
         )
 
 
-def _checked(cells: Looked, grid: Grid) -> Looked:
+def _checked(cells: ReportedCells, grid: Grid) -> ReportedCells:
     seen: set[Cell] = set()
     for row, col, _ in cells:
         if not grid.contains((row, col)):
-            raise BadReport(
-                Reason.OUTSIDE,
+            raise RejectedReport(
+                RejectReason.OUTSIDE,
                 f"cell [{str(row)[:20]}, {str(col)[:20]}]: expected row 0 to {grid.rows - 1} and col 0 to "
                 f"{grid.cols - 1}",
             )
         if (row, col) in seen:
-            raise BadReport(Reason.TWICE, f"cell [{row}, {col}]: a report is one look")
+            raise RejectedReport(RejectReason.TWICE, f"cell [{row}, {col}]: a report is one look")
         seen.add((row, col))
     return cells
 
 
-def _located(points: tuple[Point, ...], grid: Grid) -> Looked:
+def _located(points: tuple[ReportedPoint, ...], grid: Grid) -> ReportedCells:
     """The cells in which the points lie, each once."""
     seen: dict[Cell, bool] = {}
     for point in points:
         cell = grid.cell_at(point.lat_deg, point.lon_deg)
         if cell is None:
-            raise BadReport(
-                Reason.OUTSIDE, f"point {point.lat_deg:.7f}, {point.lon_deg:.7f} lies in no cell of the area"
+            raise RejectedReport(
+                RejectReason.OUTSIDE,
+                f"point {point.lat_deg:.7f}, {point.lon_deg:.7f} lies in no cell of the area",
             )
         if seen.setdefault(cell, point.occupied) != point.occupied:
-            raise BadReport(
-                Reason.TWICE,
+            raise RejectedReport(
+                RejectReason.TWICE,
                 f"cell [{cell[0]}, {cell[1]}] has points that are occupied and points that are clear: a cell "
                 "is clear if no part of it is held",
             )

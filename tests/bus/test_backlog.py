@@ -69,7 +69,7 @@ def test_what_goes_is_the_oldest_but_never_the_newest_of_who_is_where(
         for _ in range(min(heard, len(waiting))):
             assert backlog.popleft() is waiting.pop(0)
         # Three senders' newest of two kinds to two are 12 messages; else there is room for 18.
-        assert sum(one.weighs_bytes for one in waiting) <= max(ROOM_BYTES, 4 * 12 * 1_100)
+        assert sum(one.n_bytes for one in waiting) <= max(ROOM_BYTES, 4 * 12 * 1_100)
     assert [backlog.popleft() for _ in range(len(backlog))] == waiting
 
 
@@ -109,9 +109,7 @@ def test_what_there_is_no_room_for_is_counted_said_and_learned_again(
                 await asyncio.sleep(0.1)
                 assert 300 < swarm.counters(2).lost[LossReason.OVERLOAD] < 500
                 assert swarm.counters(1).lost == {}
-                assert [text for uav, text in lines if uav == 2] == [
-                    "more is said than this machine can hear; some is lost (said once, all is counted)"
-                ]
+                assert ["[bus-overload]" in text for uav, text in lines if uav == 2] == [True]
                 assert swarm.states(2)[3].lat_deg == swarm.states(1)[3].lat_deg == 46.5
                 for _ in range(30):
                     for uav in uavs:

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from swarmctl.bus import keys, network
 from swarmctl.bus.network import Network, RunClock
 from swarmctl.bus.node.exchange import NodeOptions
-from swarmctl.bus.node.reach import recipients
+from swarmctl.bus.node.reception import nearest_uavs
 from swarmctl.bus.radio import LossReason, Partition, Radio, RadioSettings, RadioSilence
 from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.memory import MemoryBus
@@ -360,7 +360,7 @@ UNKNOWN = (math.nan, math.nan)
 def reached(places: Places, silent: set[int], k: int | None) -> tuple[int, ...]:
     uavs = np.array(sorted(places), np.int64)
     lat_deg, lon_deg = np.array([places[uav] for uav in uavs.tolist()]).reshape(-1, 2).T
-    return recipients(HERE, uavs, (lat_deg, lon_deg), np.isin(uavs, [*silent]), k)
+    return nearest_uavs(HERE, uavs, (lat_deg, lon_deg), np.isin(uavs, [*silent]), k)
 
 
 @pytest.mark.parametrize(

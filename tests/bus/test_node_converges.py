@@ -169,7 +169,7 @@ def test_however_long_a_swarm_flies_nobody_keeps_all_that_was_ever_said() -> Non
     most = 3 * (COMPACT_AFTER + 2 * CHECKPOINT_EVERY)
     for uav in ether.uavs.values():
         assert uav.belief.looks.sum() == 3 * 2 * n
-        assert len(list(uav.belief.told())) <= most
+        assert len(list(uav.belief.items())) <= most
     # Nor does who comes late get it from any of them, but all there is to know.
     ether.carry = lambda sender, to, _now: None if {sender, to} & {1} else 0.01
     sent_before = ether.uavs[2].node.counters.sent_bytes
@@ -187,7 +187,7 @@ def test_what_only_takes_less_room_is_nothing_to_decide_anew() -> None:
         before = ether.uavs[2].belief
         ether.run(0.1)
         assert ether.uavs[2].belief is before
-    assert len(list(before.told())) < 2 * COMPACT_AFTER
+    assert len(list(before.items())) < 2 * COMPACT_AFTER
 
 
 def test_groups_that_were_apart_for_long_find_each_other_again_though_each_is_enough_for_itself() -> None:

@@ -55,7 +55,7 @@ def test_a_radio_of_which_nothing_is_said_does_nothing() -> None:
     radio = Radio(RadioSettings(), seed=1)
     assert radio.is_transparent
     assert radio.send(1, 2, 10**9, 7.25) == 7.25
-    assert radio.hears((46.0, 14.0), (-46.0, -14.0)) is None
+    assert radio.can_hear((46.0, 14.0), (-46.0, -14.0)) is None
 
 
 @pytest.mark.parametrize(
@@ -270,7 +270,7 @@ def test_partitions_are_symmetric(
 @given(st.one_of(PLACES, NEAR), st.one_of(PLACES, NEAR))
 def test_distance_is_symmetric(a: LatLon, b: LatLon) -> None:
     radio = Radio(RadioSettings(min_distance_m=300.0, max_distance_m=700.0), 1)
-    assert radio.hears(a, b) == radio.hears(b, a)
+    assert radio.can_hear(a, b) == radio.can_hear(b, a)
 
 
 # On the equator a degree of longitude is 111 319.49 m.
@@ -281,21 +281,21 @@ def test_distance_is_symmetric(a: LatLon, b: LatLon) -> None:
 )  # fmt: skip
 def test_uavs_hear_each_other_neither_too_near_nor_too_far(lon_deg: float, found: LossReason | None) -> None:
     radio = Radio(RadioSettings(min_distance_m=100.0, max_distance_m=500.0), 1)
-    assert radio.hears((0.0, 0.0), (0.0, lon_deg)) is found
+    assert radio.can_hear((0.0, 0.0), (0.0, lon_deg)) is found
 
 
 def test_uavs_just_at_a_limit_hear_each_other() -> None:
     here, there = (46.0, 14.0), (46.001, 14.002)
     apart_m = distance_m(here, there)
     for settings in (RadioSettings(min_distance_m=apart_m), RadioSettings(max_distance_m=apart_m)):
-        assert Radio(settings, 1).hears(here, there) is None
+        assert Radio(settings, 1).can_hear(here, there) is None
 
 
 def test_whose_place_nobody_knows_is_heard() -> None:
     radio = Radio(RadioSettings(min_distance_m=100.0, max_distance_m=500.0), 1)
-    assert radio.hears(None, (0.0, 0.0)) is None
-    assert radio.hears((0.0, 0.0), None) is None
-    assert radio.hears(None, None) is None
+    assert radio.can_hear(None, (0.0, 0.0)) is None
+    assert radio.can_hear((0.0, 0.0), None) is None
+    assert radio.can_hear(None, None) is None
 
 
 NAMES = {1: "alpha", 2: "beta", 7: "gamma"}

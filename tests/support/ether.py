@@ -47,7 +47,7 @@ class Uav:
     def observe(self, *cells: tuple[int, int, bool]) -> Observation:
         self.seq += 1
         seen = Observation(self.uav, self.seq, self.ether.now_s, cells, self.node.incarnation)
-        against = frozenset((row, col) for row, col, _ in self.belief.contrary(cells))
+        against = frozenset((row, col) for row, col, _ in self.belief.contradicted(cells))
         self.belief = self.belief.merge((seen,))
         self.ether.take(self, self.node.say(seen, self.ether.now_s, self.ether.unix_s, against))
         return seen

@@ -1,4 +1,4 @@
-"""One UAV's part in the network, pure: what it holds, asks for, passes on and refuses.
+"""One UAV's part in the network, pure: the observations it holds, its requests, what it relays and refuses.
 
 Begin with `node`.
 """

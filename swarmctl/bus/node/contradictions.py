@@ -1,6 +1,7 @@
-"""Who tells the contrary of what a UAV saw itself: a liar, or a sensor that errs. Pure.
+"""Observations of other UAVs that contradict a UAV's own: a forged report, or a sensor error. Pure.
 
-What is told is believed all the same, for who is right? Only sensors taken for perfect contradict each other.
+Beliefs merge contradicting observations all the same, because neither side is known to be right. Only
+sensors that are configured as perfect contradict each other.
 """
 
 from __future__ import annotations
@@ -8,73 +9,76 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Set
 
-from swarmctl.bus.node.decoding import Reading
-from swarmctl.bus.node.ledger import Column
+from swarmctl.bus.node.decoding import DecodedFrame
+from swarmctl.bus.node.reception import ReceptionColumn
 from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Checkpoint, Observation
 
-Said = tuple[str, str]
+Notice = tuple[str, str]
 """(topic, text)"""
 
 
-class Doubts:
-    """One UAV's. Counts cells in `flagged`, by who told of them."""
+class Contradictions:
+    """The contradictions that one UAV finds; counts cells in `flagged`, by the UAV that reported them."""
 
     def __init__(
-        self, uav: int, column: Column, rows: int, cols: int, *, perfect: bool, flagged: Counter[int]
+        self, uav: int, column: ReceptionColumn, rows: int, cols: int, *, perfect: bool, flagged: Counter[int]
     ) -> None:
         self._uav = uav
         self._place = column.place
-        self._sightings = column.ledger.sightings
+        self._sightings = column.table.sightings
         self._cols = cols
         self._n_cells = rows * cols
         self._perfect = perfect
         self._flagged = flagged
 
-    def saw(self, seen: Observation) -> None:
-        """Its own sensor did."""
+    def record_own(self, seen: Observation) -> None:
+        """Record an observation of the UAV's own sensor."""
         if not self._perfect:
             return
         for row, col, occupied in seen.cells:
-            self._sightings.saw(self._place, row * self._cols + col, occupied=occupied)
+            self._sightings.record(self._place, row * self._cols + col, occupied=occupied)
 
-    def has_none_of(self, reading: Reading) -> bool:
-        """Whether there is nothing to say of an observation."""
-        if not self._sightings.are_of(self._place):
+    def has_none(self, decoded: DecodedFrame) -> bool:
+        """Return whether an observation contradicts none of the UAV's own."""
+        if not self._sightings.has_any(self._place):
             return True
-        return not self._sightings.against(reading.clear, reading.occupied) >> self._place & 1
+        return not self._sightings.conflicting_places(decoded.clear, decoded.occupied) >> self._place & 1
 
-    def of(self, reading: Reading) -> Iterator[Said]:
-        """What there is to say of something that has just been told."""
-        return self._against(reading, None)
+    def find(self, decoded: DecodedFrame) -> Iterator[Notice]:
+        """Yield a notice if a new frame contradicts the UAV's own observations."""
+        return self._find(decoded, None)
 
-    def of_earlier(self, readings: Iterable[Reading], cells: Iterable[Cell]) -> Iterator[Said]:
-        """The same of what had been told before, now that these cells were seen otherwise."""
+    def find_earlier(self, frames: Iterable[DecodedFrame], cells: Iterable[Cell]) -> Iterator[Notice]:
+        """Yield notices for earlier frames that contradict the UAV's new observation of `cells`."""
         concerned = {row * self._cols + col for row, col in cells}
-        for reading in readings:
-            yield from self._against(reading, concerned)
+        for decoded in frames:
+            yield from self._find(decoded, concerned)
 
-    def _against(self, reading: Reading, concerned: set[int] | None) -> Iterator[Said]:
-        observer = reading.frame.sender
-        if observer == self._uav or not self._sightings.are_of(self._place):
+    def _find(self, decoded: DecodedFrame, concerned: set[int] | None) -> Iterator[Notice]:
+        observer = decoded.frame.sender
+        if observer == self._uav or not self._sightings.has_any(self._place):
             return
-        clear, occupied = self._told_by(reading)
-        against = self._sightings.otherwise(self._place, clear, occupied)
+        clear, occupied = self._cells_of(decoded)
+        conflicting = self._sightings.conflicting_cells(self._place, clear, occupied)
         if concerned is not None:
-            against &= concerned
-        if against:
-            self._flagged[observer] += len(against)
-            cell = min(against)
+            conflicting &= concerned
+        if conflicting:
+            self._flagged[observer] += len(conflicting)
+            cell = min(conflicting)
             row, col = divmod(cell, self._cols)
             what = "occupied" if cell in occupied else "clear"
-            text = f"vehicle {observer} tells that ({row}, {col}) is {what}, which was seen otherwise here"
+            text = (
+                f"vehicle {observer} reports cell ({row}, {col}) as {what}, which contradicts this vehicle's "
+                "own observation; both are kept"
+            )
             yield f"flagged {observer}", text
 
-    def _told_by(self, reading: Reading) -> tuple[Set[int], Set[int]]:
-        """(clear, occupied)"""
-        told = reading.frame.content
-        if not isinstance(told, Checkpoint):
-            return reading.clear, reading.occupied
-        counts = told.counts(self._n_cells)
+    def _cells_of(self, decoded: DecodedFrame) -> tuple[Set[int], Set[int]]:
+        """Return (clear, occupied)."""
+        content = decoded.frame.content
+        if not isinstance(content, Checkpoint):
+            return decoded.clear, decoded.occupied
+        counts = content.counts(self._n_cells)
         is_occupied = counts.hits > 0
         return set(counts.cells[~is_occupied].tolist()), set(counts.cells[is_occupied].tolist())

@@ -1,4 +1,4 @@
-"""A frame as every node of a process reads it: once, however many of them it goes to. Pure."""
+"""Decoding of frames, once a process however many of its nodes receive them. Pure."""
 
 from __future__ import annotations
 
@@ -8,72 +8,86 @@ from functools import lru_cache
 
 import msgspec
 
-from swarmctl.core.frames import MAX_INNER_BYTES, Frame, IntentShared, Refused, Seal, StateShared, Why
-from swarmctl.core.observation import Checkpoint, Observation, Source, mark_of, named
+from swarmctl.core.frames import (
+    MAX_INNER_BYTES,
+    Frame,
+    FrameCodec,
+    IntentShared,
+    MessageRefused,
+    RefusalReason,
+    StateShared,
+)
+from swarmctl.core.observation import Checkpoint, Observation, Source, indexed, mark_of
 
 CACHED = 16_384
 CACHED_BYTES = 1024
-"""Longer frames are read by each who gets them: what strangers send must not fill the memory."""
+"""Longest frame that is cached; each receiver decodes longer ones itself. Forged frames must not fill the
+memory."""
 
 
-class Reading(msgspec.Struct, frozen=True, gc=False):
-    """A frame that is well formed, signed where it has to be, and of this area."""
+class DecodedFrame(msgspec.Struct, frozen=True, gc=False):
+    """A frame that is well formed, signed where the swarm requires it, and within this area."""
 
     frame: Frame
     act: str
     """act/kind"""
     data: bytes
     source: Source
-    """whose, if it tells what was seen"""
+    """observer and incarnation, if the frame reports observations"""
     seq: int = 0
-    """of an observation, as are the fields below; 0 for all else"""
+    """number of an observation; 0 in all other frames, as in the fields below"""
     clear: frozenset[int] = frozenset()
-    """row · cols + col of the cells that were seen so"""
+    """row · cols + col of the cells observed clear"""
     occupied: frozenset[int] = frozenset()
     mark: int = 0
-    """tells it from all others, and from another content under its name"""
+    """hash of the observation's name and content"""
 
 
-Read = Callable[[bytes], Reading]
+DecodeFrame = Callable[[bytes], DecodedFrame]
 """Raises Refused."""
 
 
-def reader(seal: Seal, rows: int, cols: int) -> Read:
-    """Reads frames about an area of so many cells."""
+def frame_decoder(codec: FrameCodec, rows: int, cols: int) -> DecodeFrame:
+    """Return a caching decoder of frames about an area of rows × cols cells."""
 
-    def read(data: bytes) -> Reading:
-        frame = seal.open(data)
-        passed_on = isinstance(frame.content, Observation | Checkpoint | StateShared | IntentShared)
-        if passed_on and len(data) > MAX_INNER_BYTES:
-            raise Refused(Why.OVERSIZE, f"{len(data)} bytes, which nobody could pass on")
+    def decode(data: bytes) -> DecodedFrame:
+        frame = codec.open(data)
+        is_relayed = isinstance(frame.content, Observation | Checkpoint | StateShared | IntentShared)
+        if is_relayed and len(data) > MAX_INNER_BYTES:
+            raise MessageRefused(
+                RefusalReason.OVERSIZE,
+                f"{len(data)} bytes; a frame of more than {MAX_INNER_BYTES} cannot be relayed",
+            )
         source, content = (frame.sender, frame.incarnation), frame.content
         if isinstance(content, Observation):
-            _check_once(content)
-            with _outside():
-                named(content, rows, cols)
+            _check_cells_once(content)
+            with _refuse_outside():
+                indexed(content, rows, cols)
             clear, occupied = (
                 frozenset(row * cols + col for row, col, is_so in content.cells if is_so == wanted)
                 for wanted in (False, True)
             )
             mark = mark_of(content)
-            return Reading(frame, frame.act, data, source, content.seq, clear, occupied, mark)
+            return DecodedFrame(frame, frame.act, data, source, content.seq, clear, occupied, mark)
         if isinstance(content, Checkpoint):
-            with _outside():
+            with _refuse_outside():
                 content.counts(rows * cols)
-        return Reading(frame, frame.act, data, source)
+        return DecodedFrame(frame, frame.act, data, source)
 
-    cached = lru_cache(maxsize=CACHED)(read)
-    return lambda data: cached(data) if len(data) <= CACHED_BYTES else read(data)
+    cached = lru_cache(maxsize=CACHED)(decode)
+    return lambda data: cached(data) if len(data) <= CACHED_BYTES else decode(data)
 
 
 @contextlib.contextmanager
-def _outside() -> Iterator[None]:
+def _refuse_outside() -> Iterator[None]:
     try:
         yield
     except ValueError as error:
-        raise Refused(Why.OUTSIDE, str(error)) from None
+        raise MessageRefused(RefusalReason.OUTSIDE, str(error)) from None
 
 
-def _check_once(seen: Observation) -> None:
+def _check_cells_once(seen: Observation) -> None:
     if len({(row, col) for row, col, _ in seen.cells}) < len(seen.cells):
-        raise Refused(Why.MALFORMED, f"observation {seen.seq} of vehicle {seen.observer}: a cell seen twice")
+        raise MessageRefused(
+            RefusalReason.MALFORMED, f"observation {seen.seq} of vehicle {seen.observer} lists a cell twice"
+        )

@@ -1,46 +1,70 @@
-"""What goes into a node and comes out of it: its options, messages to be sent, what came of one."""
+"""Input and output of a node: its options, outgoing messages, the result of a step, and its counters."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import Counter
+from dataclasses import dataclass, field
 
 import msgspec
 
-from swarmctl.core.observation import Told
+from swarmctl.core.observation import BeliefItem
 
 
 @dataclass(frozen=True, slots=True)
 class NodeOptions:
-    """What all nodes of a swarm have in common."""
+    """Options that all nodes of a swarm share."""
 
     rows: int
     cols: int
     k: int | None = None
-    """how many UAVs, the nearest, are spoken to; None: all"""
+    """number of nearest UAVs that each UAV sends to; None: all"""
     relay: bool = False
     sync_every_s: float = 3.0
-    """0: nobody is ever asked for what was missed"""
+    """period of requests for missed observations; 0: none are sent"""
     round_trip_s: float = 0.0
-    """what the model's delays make of a question and its answer"""
+    """delay of a request and its answer in the radio model"""
     clock_tolerance_s: float = 5.0
     perfect_sensors: bool = True
-    """two looks that differ contradict each other"""
+    """two observations of a cell that differ contradict each other"""
 
 
 @dataclass(frozen=True, slots=True)
-class Out:
-    """A message to be sent."""
+class OutgoingMessage:
+    """A message and its receivers."""
 
     to: tuple[int, ...]
     act: str
     data: bytes
 
 
-class Took(msgspec.Struct):
-    """What came of a message or of time. A Struct, for one is made of every message."""
+class NodeOutput(msgspec.Struct):
+    """Result of a message or of a tick. A Struct, because each message makes one."""
 
-    out: list[Out] = []
-    news: list[Told] = []
-    """for the agent"""
-    said: list[tuple[str, str]] = []
-    """(topic, text): of each topic a few are shown"""
+    messages: list[OutgoingMessage] = []
+    news: list[BeliefItem] = []
+    """observations that are new to the agent"""
+    notices: list[tuple[str, str]] = []
+    """(topic, text): the network shows the first few of each topic"""
+
+
+@dataclass(slots=True)
+class NetworkCounters:
+    """Statistics of one UAV's communication."""
+
+    sent: Counter[str] = field(default_factory=Counter)
+    """messages by act/kind, each receiver counted"""
+    sent_bytes: int = 0
+    received: int = 0
+    """accepted frames"""
+    relayed: int = 0
+    """observations of other UAVs that were relayed at once"""
+    snapshots_asked: int = 0
+    snapshots_served: int = 0
+    lost: Counter[str] = field(default_factory=Counter)
+    """messages that the radio model dropped, sent or received, by cause"""
+    refused: Counter[str] = field(default_factory=Counter)
+    """by reason"""
+    refused_from: Counter[int] = field(default_factory=Counter)
+    """by sender"""
+    flagged: Counter[int] = field(default_factory=Counter)
+    """cells that another UAV reported and this UAV observed otherwise, by that UAV"""

@@ -1,8 +1,9 @@
-"""One UAV's part in the swarm's network, as a machine: frames and time in, frames out. Pure.
+"""One UAV's part in the swarm's network, as a state machine: frames and time in, frames out. Pure.
 
-It numbers and keeps what its agent sees, takes from others what is theirs to tell, and sees to it that what
-is known to one ends up known to all: it asks a peer for what it lacks when that peer is first heard or heard
-again, when a number is missing, and every few seconds one neighbour whose knowledge differs.
+The node numbers and stores its agent's observations, checks the messages of other UAVs, and replicates all
+observations to all UAVs. It asks a peer for missing observations when the peer is received for the first
+time or after a silence, when a sequence number is missing, and every few seconds one neighbour whose
+knowledge differs.
 """
 
 from __future__ import annotations
@@ -12,402 +13,429 @@ from collections.abc import Callable, Iterable
 import msgspec
 import numpy as np
 
-from swarmctl.bus.node.admission import check_age, check_source, check_time, is_stale
-from swarmctl.bus.node.contradictions import Doubts
-from swarmctl.bus.node.counters import Tally
-from swarmctl.bus.node.decoding import Read, Reading, reader
-from swarmctl.bus.node.exchange import NodeOptions, Took
-from swarmctl.bus.node.ledger import Column, Ledger
-from swarmctl.bus.node.peer import A_CHECKPOINT, A_FRAME, ASK_AGAIN_S, QUESTIONS_PER_S, Peer, told_since
+from swarmctl.bus.node.contradictions import Contradictions
+from swarmctl.bus.node.decoding import DecodedFrame, DecodeFrame, frame_decoder
+from swarmctl.bus.node.exchange import NetworkCounters, NodeOptions, NodeOutput
+from swarmctl.bus.node.peer import (
+    ASK_AGAIN_S,
+    QUESTIONS_PER_S,
+    WORK_PER_CHECKPOINT,
+    WORK_PER_FRAME,
+    PeerRecord,
+    check_age,
+    check_source,
+    check_time,
+    is_stale,
+    states_since,
+)
 from swarmctl.bus.node.questions import Questions
-from swarmctl.bus.node.replica import COMPACT_AFTER, Kept, Replica
-from swarmctl.bus.node.sender import Voice, in_parts
+from swarmctl.bus.node.replica import COMPACT_AFTER, Replica, SourceRecord
+from swarmctl.bus.node.sender import Sender, split_frames
+from swarmctl.bus.node.reception import ReceptionColumn, ReceptionTable
 from swarmctl.core.frames import (
+    AgentMessage,
     Content,
+    FrameCodec,
     IntentShared,
-    Refused,
+    MessageRefused,
+    RefusalReason,
     Relayed,
-    Seal,
     Snapshot,
     SnapshotAsked,
-    Spoken,
     StateShared,
-    Why,
 )
 from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Cell
-from swarmctl.core.observation import Checkpoint, Observation, Source, Told, checkpoint
+from swarmctl.core.observation import BeliefItem, Checkpoint, Observation, Source, checkpoint
 
 CHECKPOINT_EVERY = 64
 """own observations"""
-UNHURRIED = 8
-"""checkpoints of what it knows already that an agent is told at once"""
+DEFERRED_AT_ONCE = 8
+"""checkpoints without new observations that the agent receives at a tick"""
 MAX_WRONG = 8
-"""frames inside of a message; the rest of it is not looked at"""
+"""refused frames inside of a message, after which the rest of it is skipped"""
 
 
-Hears = Callable[[LatLon | None, LatLon | None], str | None]
-"""(here, where the sender is) -> why it is not heard; None where it is"""
+CanHear = Callable[[LatLon | None, LatLon | None], str | None]
+"""(own position, sender's position) -> cause of loss; None if the message is received"""
 
 
 class Node:
-    """One UAV's. `now_s` is the run's clock in simulated seconds, `unix_s` the wall clock's stamp."""
+    """The node of one UAV. `now_s` is the run's clock in simulated seconds, `unix_s` the wall clock."""
 
     def __init__(
         self,
         uav: int,
         others: Iterable[int],
         options: NodeOptions,
-        seal: Seal,
+        codec: FrameCodec,
         incarnation: int,
         rng: np.random.Generator,
-        hears: Hears | None = None,
-        read: Read | None = None,
-        ledger: Ledger | None = None,
+        can_hear: CanHear | None = None,
+        decode: DecodeFrame | None = None,
+        table: ReceptionTable | None = None,
     ) -> None:
         self.uav = uav
         self.incarnation = incarnation
-        self._tally = Tally()
-        self._voice = Voice(uav, incarnation, seal, self._tally)
+        self._counters = NetworkCounters()
+        self._sender = Sender(uav, incarnation, codec, self._counters)
         self._options = options
-        self._read = read or reader(seal, options.rows, options.cols)
+        self._decode = decode or frame_decoder(codec, options.rows, options.cols)
         self._self = (uav, incarnation)
         others = set(others) - {uav}
-        ledger = ledger or Ledger((uav, *others), options)
-        self._column = column = Column(ledger, uav)
-        self._peers = {other: Peer(column, ledger.place(other)) for other in sorted(others)}
+        table = table or ReceptionTable((uav, *others), options)
+        self._column = column = ReceptionColumn(table, uav)
+        self._peers = {other: PeerRecord(column, table.place(other)) for other in sorted(others)}
         self._replica = Replica(column)
-        self._doubts = Doubts(
+        self._contradictions = Contradictions(
             uav,
             column,
             options.rows,
             options.cols,
             perfect=options.perfect_sensors,
-            flagged=self._tally.flagged,
+            flagged=self._counters.flagged,
         )
-        self._spread = 0
-        """what the last of its checkpoints that was sent to others stands for"""
-        self._said_since_bytes = 0
-        """in observations"""
-        self._unhurried: dict[Source, Checkpoint] = {}
-        """of what the agent knows: they only save room, and are told it a few at a time"""
+        self._last_sent_upto = 0
+        """last observation in the newest checkpoint that was sent to others"""
+        self._sent_since_bytes = 0
+        """bytes of observations sent after it"""
+        self._deferred: dict[Source, Checkpoint] = {}
+        """checkpoints without new observations: they only save memory, so the agent gets a few at a time"""
         self._questions = Questions(options, rng)
         self._rng = rng
-        self._hears = hears
+        self._can_hear = can_hear
 
     @property
-    def tally(self) -> Tally:
-        self._tally.received += self._column.taken()
-        return self._tally
+    def counters(self) -> NetworkCounters:
+        self._counters.received += self._column.pop_n_taken()
+        return self._counters
 
     def states(self) -> dict[int, StateShared]:
-        """The newest that each of the others has told of itself."""
+        """Return the newest known state of each other UAV."""
         return {uav: peer.state for uav, peer in self._peers.items() if peer.state is not None}
 
     def intents(self) -> dict[int, tuple[IntentShared, float]]:
-        """The newest that each of the others has told of where it will be, and when it said so (unix) [s]."""
+        """Return the newest intent of each other UAV, and its unix time [s]."""
         peers = self._peers.items()
         return {uav: (peer.intent, peer.intent_unix_s) for uav, peer in peers if peer.intent is not None}
 
-    def moved(self, at: LatLon) -> None:
-        """Where it is, oftener than it tells others."""
-        self._voice.at = at
+    def moved(self, position: LatLon) -> None:
+        """Update the UAV's position between two state messages."""
+        self._sender.position = position
 
-    # --- what the agent says
+    # --- messages of the agent
 
     def say(
-        self, message: Spoken, now_s: float, unix_s: float, against: frozenset[Cell] = frozenset()
-    ) -> Took:
-        """`against` are the cells that were seen otherwise than others had told."""
-        took = Took()
+        self, message: AgentMessage, now_s: float, unix_s: float, against: frozenset[Cell] = frozenset()
+    ) -> NodeOutput:
+        """Send a message of the agent.
+
+        `against` are the cells of an observation that contradict earlier reports of other UAVs.
+        """
+        output = NodeOutput()
         if isinstance(message, Observation):
-            to = self._reach(now_s)
-            data = self._send(took, message, to, unix_s)
-            self._said_since_bytes += len(data)
-            self._keep(message, data)
-            self._doubts.saw(message)
+            to = self._receivers(now_s)
+            data = self._send(output, message, to, unix_s)
+            self._sent_since_bytes += len(data)
+            self._store_own(message, data)
+            self._contradictions.record_own(message)
             if against:
-                took.said += self._doubts.of_earlier(self._replica.readings(), against)
+                output.notices += self._contradictions.find_earlier(self._replica.frames(), against)
             if (message.seq + self.uav) % CHECKPOINT_EVERY == 0:  # not all of a swarm at once
-                self._make_checkpoint(took, to, unix_s)
+                self._make_checkpoint(output, to, unix_s)
         elif isinstance(message, IntentShared):
-            self._send(took, message, self._reach(now_s), unix_s)
+            self._send(output, message, self._receivers(now_s), unix_s)
         else:
-            self._voice.at = message.lat_deg, message.lon_deg
+            self._sender.position = message.lat_deg, message.lon_deg
             state = msgspec.structs.replace(
                 message,
                 last_seq=self._replica.of(self._self).latest,
                 knows=self._column.fingerprint,
-                refused=self._tally.refused.total(),
-                flagged=tuple(sorted(self._tally.flagged)),
+                refused=self._counters.refused.total(),
+                flagged=tuple(sorted(self._counters.flagged)),
             )
-            reach = self._reach(now_s)
-            self._send(took, state, (*reach, *self._lost_one(reach, now_s)), unix_s)
-        return took
+            receivers = self._receivers(now_s)
+            self._send(output, state, (*receivers, *self._one_silent(receivers, now_s)), unix_s)
+        return output
 
-    def _lost_one(self, reach: tuple[int, ...], now_s: float) -> tuple[int, ...]:
-        """One of those of whom nothing is heard, beyond its range.
+    def _one_silent(self, receivers: tuple[int, ...], now_s: float) -> tuple[int, ...]:
+        """Return one silent UAV beyond the communication range, chosen at random.
 
-        Groups that were apart for long would stay so for ever if each had enough others to speak to.
+        Two groups that were separated for long would otherwise never merge, if each has enough neighbours.
         """
-        if not reach or self._options.sync_every_s == 0.0 or len(reach) == len(self._peers):
+        if not receivers or self._options.sync_every_s == 0.0 or len(receivers) == len(self._peers):
             return ()
         silent = self._column.silent(now_s)
-        lost = [
-            u for u, p in self._peers.items() if u not in reach and (p.told_state is None or silent[p.row])
+        unheard = [
+            u for u, p in self._peers.items() if u not in receivers and (p.state_frame is None or silent[p.row])
         ]
-        return (lost[int(self._rng.integers(len(lost)))],) if lost else ()
+        return (unheard[int(self._rng.integers(len(unheard)))],) if unheard else ()
 
-    def _keep(self, own: Told, data: bytes) -> None:
-        self._replica.take(self._replica.of(self._self), own, self._read(data))
+    def _store_own(self, own: BeliefItem, data: bytes) -> None:
+        self._replica.take(self._replica.of(self._self), own, self._decode(data))
 
-    def _make_checkpoint(self, took: Took, to: tuple[int, ...], unix_s: float) -> None:
-        """For who asks; now and then for all, who would keep every observation for ever else."""
-        kept, o = self._replica.of(self._self), self._options
-        contents = (reading.frame.content for reading in kept.after(0))
+    def _make_checkpoint(self, output: NodeOutput, to: tuple[int, ...], unix_s: float) -> None:
+        """Make a checkpoint for requests; from time to time send it, so that others can drop single frames."""
+        record, o = self._replica.of(self._self), self._options
+        contents = (decoded.frame.content for decoded in record.after(0))
         seen = [content for content in contents if isinstance(content, Observation)]
-        made = checkpoint(kept.checkpoint, seen, o.cols, o.rows * o.cols)
+        made = checkpoint(record.checkpoint, seen, o.cols, o.rows * o.cols)
         if made is None:
             return
-        data = self._voice.frame(made, unix_s)
-        self._keep(made, data)
-        # Where nobody asks for what was missed, nobody is to get it this way either.
-        is_worth_it = len(data) <= self._said_since_bytes or made.upto >= self._spread + COMPACT_AFTER
-        if is_worth_it and self._questions.are_asked:
-            self._spread, self._said_since_bytes = made.upto, 0
-            self._unhurried[made.source] = made
-            self._send(took, Relayed((data,)), to, unix_s)
+        data = self._sender.frame(made, unix_s)
+        self._store_own(made, data)
+        # Without requests for missed observations, a checkpoint must not deliver them either.
+        is_worth_it = len(data) <= self._sent_since_bytes or made.upto >= self._last_sent_upto + COMPACT_AFTER
+        if is_worth_it and self._questions.are_enabled:
+            self._last_sent_upto, self._sent_since_bytes = made.upto, 0
+            self._deferred[made.source] = made
+            self._send(output, Relayed((data,)), to, unix_s)
 
-    # --- what others say
+    # --- messages of other UAVs
 
-    def receive(self, sender: int, act: str, data: bytes, now_s: float, unix_s: float) -> Took:
-        """A message from `sender`, by the key it came under."""
+    def receive(self, sender: int, act: str, data: bytes, now_s: float, unix_s: float) -> NodeOutput:
+        """Handle a message under the key of `sender`."""
         try:
-            self._peer(sender).weigh(len(data), now_s)
-            reading = self._read(data)
-        except Refused as refused:
-            took = Took()
-            self._refused(took, refused, sender)
-            return took
-        return self.hear(sender, act, reading, now_s, unix_s)
+            self._peer(sender).add_bytes(len(data), now_s)
+            decoded = self._decode(data)
+        except MessageRefused as refused:
+            output = NodeOutput()
+            self._note_refusal(output, refused, sender)
+            return output
+        return self.hear(sender, act, decoded, now_s, unix_s)
 
-    def hear(self, sender: int, act: str, reading: Reading, now_s: float, unix_s: float) -> Took:
-        """The same once it has been read, and weighed where anybody could have sent it."""
-        took = Took()
+    def hear(self, sender: int, act: str, decoded: DecodedFrame, now_s: float, unix_s: float) -> NodeOutput:
+        """Handle a decoded message, whose bytes were counted if it came from outside of the process."""
+        output = NodeOutput()
         try:
-            if self._hears is not None and (lost := self._hears(self._voice.at, reading.frame.at)):
-                self._tally.lost[lost] += 1
-                return took
+            if self._can_hear is not None and (cause := self._can_hear(self._sender.position, decoded.frame.at)):
+                self._counters.lost[cause] += 1
+                return output
             peer = self._peer(sender)
-            self._admit(peer, sender, act, reading, now_s, unix_s)
-            self._handle(took, peer, reading, now_s, unix_s)
-            self._ask(took, now_s, unix_s)
-        except Refused as refused:
-            self._refused(took, refused, sender)
+            self._admit(peer, sender, act, decoded, now_s, unix_s)
+            self._handle(output, peer, decoded, now_s, unix_s)
+            self._send_requests(output, now_s, unix_s)
+        except MessageRefused as refused:
+            self._note_refusal(output, refused, sender)
         else:
-            self._tally.received += 1
-        return took
+            self._counters.received += 1
+        return output
 
-    def _refused(self, took: Took, refused: Refused, sender: int) -> None:
+    def _note_refusal(self, output: NodeOutput, refused: MessageRefused, sender: int) -> None:
         self.refuse(refused.why, sender)
-        took.said.append((refused.why, f"from vehicle {sender}: {refused}"))
+        output.notices.append((refused.why, f"from vehicle {sender}: {refused}"))
 
-    def _peer(self, uav: int) -> Peer:
-        """Raises Refused where there is none."""
+    def _peer(self, uav: int) -> PeerRecord:
+        """Return the record of another UAV. Raises MessageRefused if there is none."""
         peer = self._peers.get(uav)
         if peer is None:
-            raise Refused(Why.STRANGER, f"vehicle {uav} is not of this swarm")
+            raise MessageRefused(RefusalReason.STRANGER, f"vehicle {uav} does not belong to this swarm")
         return peer
 
-    def refuse(self, why: Why, sender: int | None) -> None:
-        self._tally.refused[why] += 1
+    def refuse(self, why: RefusalReason, sender: int | None) -> None:
+        self._counters.refused[why] += 1
         if sender in self._peers:
-            self._tally.refused_from[sender] += 1
+            self._counters.refused_from[sender] += 1
 
     def _admit(
-        self, peer: Peer, sender: int, act: str, reading: Reading, now_s: float, unix_s: float
+        self, peer: PeerRecord, sender: int, act: str, decoded: DecodedFrame, now_s: float, unix_s: float
     ) -> None:
-        """Raises Refused unless this is `sender`'s, and a message that has not come before."""
-        frame = reading.frame
-        check_source(reading, sender, act)
+        """Raise MessageRefused for a forged, stale or repeated message, or above the rate limit."""
+        frame = decoded.frame
+        check_source(decoded, sender, act)
         check_time(frame, unix_s, self._options)
         check_age(frame, unix_s, self._options)
         if peer.admit(frame, now_s):
-            self._ask_soon(sender, now_s)
+            self._schedule_request(sender, now_s)
 
-    def _handle(self, took: Took, peer: Peer, reading: Reading, now_s: float, unix_s: float) -> None:
-        sender = reading.frame.sender
-        match reading.frame.content:
+    def _handle(
+        self, output: NodeOutput, peer: PeerRecord, decoded: DecodedFrame, now_s: float, unix_s: float
+    ) -> None:
+        sender = decoded.frame.sender
+        match decoded.frame.content:
             case Observation() as seen:
-                kept = peer.keeps(self._replica.of(reading.source))
-                if self._take(took, kept, seen, reading):
-                    self._relay(took, [reading.data], sender, now_s, unix_s)
-                if kept.upto < seen.seq:
-                    self._lacks(sender, now_s)
+                record = peer.attach(self._replica.of(decoded.source))
+                if self._take(output, record, seen, decoded):
+                    self._relay(output, [decoded.data], sender, now_s, unix_s)
+                if record.upto < seen.seq:
+                    self._request_missing(sender, now_s)
             case StateShared() as state:
-                self._told(peer, reading, state, now_s)
+                self._handle_state(peer, decoded, state, now_s)
             case IntentShared() as intent:
-                peer.intends(reading.frame, intent, reading.data)
+                peer.update_intent(decoded.frame, intent, decoded.data)
             case SnapshotAsked() as asked:
-                self._answer(took, sender, asked, now_s, unix_s)
+                self._answer(output, sender, asked, now_s, unix_s)
             case Snapshot(frames=frames, last=last):
-                self._forwarded(took, frames, sender, now_s, unix_s)
-                if took.news:
+                self._take_all_relayed(output, frames, sender, now_s, unix_s)
+                if output.news:
                     peer.ask_again_s = ASK_AGAIN_S
                 if last:
                     self._questions.answered(sender)
             case Relayed(frames=frames):
-                fresh = self._forwarded(took, frames, sender, now_s, unix_s)
-                self._relay(took, fresh, sender, now_s, unix_s)
+                fresh = self._take_all_relayed(output, frames, sender, now_s, unix_s)
+                self._relay(output, fresh, sender, now_s, unix_s)
             case _:
-                raise Refused(Why.MALFORMED, f"{reading.act} comes inside of other messages only")
+                raise MessageRefused(
+                    RefusalReason.MALFORMED, f"{decoded.act} is valid inside of other messages only"
+                )
 
-    def _told(self, peer: Peer, reading: Reading, state: StateShared, now_s: float) -> None:
-        """By itself, where it is and how much it knows."""
-        peer.told(reading, now_s)
-        if peer.kept is None:
-            peer.keeps(self._replica.of(reading.source))
-        if peer.said(state, now_s):
-            self._ask_soon(reading.frame.sender, now_s)
+    def _handle_state(
+        self, peer: PeerRecord, decoded: DecodedFrame, state: StateShared, now_s: float
+    ) -> None:
+        """Store a state received from its own UAV, and compare the knowledge that it reports."""
+        peer.update_state(decoded, now_s)
+        if peer.record is None:
+            peer.attach(self._replica.of(decoded.source))
+        if peer.update_knowledge(state, now_s):
+            self._schedule_request(decoded.frame.sender, now_s)
 
-    def _take(self, took: Took, kept: Kept, told: Told, reading: Reading) -> bool:
-        """Whether it was new."""
-        if reading.source == self._self:
-            if isinstance(told, Observation) and told.seq > kept.latest:
-                raise Refused(
-                    Why.TWO_CONTENTS, f"another process flies vehicle {self.uav}: {told.two_contents}"
+    def _take(
+        self, output: NodeOutput, record: SourceRecord, item: BeliefItem, decoded: DecodedFrame
+    ) -> bool:
+        """Store an observation or checkpoint; return whether it is new."""
+        if decoded.source == self._self:
+            if isinstance(item, Observation) and item.seq > record.latest:
+                raise MessageRefused(
+                    RefusalReason.TWO_CONTENTS,
+                    f"another process flies vehicle {self.uav}: {item.two_contents}",
                 )
             return False
-        was_upto = kept.upto
+        was_upto = record.upto
         try:
-            if not self._replica.take(kept, told, reading):
+            if not self._replica.take(record, item, decoded):
                 return False
-        except Refused:
-            self._tally.flagged[told.observer] = max(self._tally.flagged[told.observer], 1)
+        except MessageRefused:
+            self._counters.flagged[item.observer] = max(self._counters.flagged[item.observer], 1)
             raise
-        if isinstance(told, Checkpoint) and told.upto <= was_upto and self._questions.are_asked:
-            self._unhurried[told.source] = told
+        if isinstance(item, Checkpoint) and item.upto <= was_upto and self._questions.are_enabled:
+            self._deferred[item.source] = item
             return True
-        took.said += self._doubts.of(reading)
-        took.news.append(told)
+        output.notices += self._contradictions.find(decoded)
+        output.news.append(item)
         return True
 
-    def _forwarded(
-        self, took: Took, frames: Iterable[bytes], sender: int, now_s: float, unix_s: float
+    def _take_all_relayed(
+        self, output: NodeOutput, frames: Iterable[bytes], sender: int, now_s: float, unix_s: float
     ) -> list[bytes]:
-        """Frames of others; returns those that were new. A few that are wrong do not spoil the others."""
+        """Handle relayed frames; return the new ones. Refused frames do not affect the others."""
         fresh, wrong, peer = [], 0, self._peers[sender]
         for data in frames:
             try:
-                reading = self._read(data)
-                peer.work(A_FRAME if reading.seq else A_CHECKPOINT, now_s)
-                if self._forwarded_one(took, reading, now_s, unix_s):
+                decoded = self._decode(data)
+                peer.add_work(WORK_PER_FRAME if decoded.seq else WORK_PER_CHECKPOINT, now_s)
+                if self._take_relayed(output, decoded, now_s, unix_s):
                     fresh.append(data)
-            except Refused as refused:
+            except MessageRefused as refused:
                 wrong += 1
                 self.refuse(refused.why, sender)
-                took.said.append((refused.why, f"passed on by vehicle {sender}: {refused}"))
-                if wrong == MAX_WRONG or refused.why is Why.TOO_FAST:
+                output.notices.append((refused.why, f"relayed by vehicle {sender}: {refused}"))
+                if wrong == MAX_WRONG or refused.why is RefusalReason.TOO_FAST:
                     break
         return fresh
 
-    def _forwarded_one(self, took: Took, reading: Reading, now_s: float, unix_s: float) -> bool:
-        """Whether it was something new that was seen."""
-        frame = reading.frame
+    def _take_relayed(self, output: NodeOutput, decoded: DecodedFrame, now_s: float, unix_s: float) -> bool:
+        """Handle a relayed frame; return whether it has a new observation."""
+        frame = decoded.frame
         check_time(frame, unix_s, self._options)
         peer = None if frame.sender == self.uav else self._peer(frame.sender)
         seen = frame.content
-        if isinstance(seen, Observation) and peer is not None and self._doubts.has_none_of(reading):
-            kept = self._replica.of(reading.source)
-            if kept.is_next(reading):  # as nearly all are, of thousands
-                self._replica.append(kept, reading)
-                took.news.append(seen)
+        if isinstance(seen, Observation) and peer is not None and self._contradictions.has_none(decoded):
+            record = self._replica.of(decoded.source)
+            if record.is_next(decoded):  # nearly always
+                self._replica.append(record, decoded)
+                output.news.append(seen)
                 return True
         match seen:
             case StateShared():
                 if peer is not None and not is_stale(frame, unix_s, self._options):
-                    peer.told(reading, now_s)
+                    peer.update_state(decoded, now_s)
                 return False
             case IntentShared() as intent:
                 if peer is not None and not is_stale(frame, unix_s, self._options):
-                    peer.intends(frame, intent, reading.data)
+                    peer.update_intent(frame, intent, decoded.data)
                 return False
-            case Observation() | Checkpoint() as told:
-                return self._take(took, self._replica.of(reading.source), told, reading)
-        raise Refused(Why.MALFORMED, f"{reading.act} is not passed on")
+            case Observation() | Checkpoint() as item:
+                return self._take(output, self._replica.of(decoded.source), item, decoded)
+        raise MessageRefused(RefusalReason.MALFORMED, f"{decoded.act} is not valid inside of another message")
 
-    def _relay(self, took: Took, frames: list[bytes], heard_from: int, now_s: float, unix_s: float) -> None:
+    def _relay(
+        self, output: NodeOutput, frames: list[bytes], received_from: int, now_s: float, unix_s: float
+    ) -> None:
         if not self._options.relay or not frames:
             return
-        observers = {self._read(data).frame.sender for data in frames}
-        to = tuple(u for u in self._reach(now_s) if u != heard_from and observers != {u})
+        observers = {self._decode(data).frame.sender for data in frames}
+        to = tuple(u for u in self._receivers(now_s) if u != received_from and observers != {u})
         if to:
-            self._tally.relayed += len(frames)
-            for part in in_parts(frames):
-                self._send(took, Relayed(part), to, unix_s)
+            self._counters.relayed += len(frames)
+            for part in split_frames(frames):
+                self._send(output, Relayed(part), to, unix_s)
 
-    # --- what was missed
+    # --- requests for missed observations
 
-    def _ask_soon(self, peer: int, now_s: float) -> None:
-        self._questions.soon(peer, now_s, self._peers[peer].ask_after_s)
+    def _schedule_request(self, peer: int, now_s: float) -> None:
+        self._questions.schedule(peer, now_s, self._peers[peer].ask_after_s)
 
-    def _lacks(self, peer: int, now_s: float) -> None:
-        """Something that this peer has."""
-        self._peers[peer].has_more()
-        self._ask_soon(peer, now_s)
+    def _request_missing(self, peer: int, now_s: float) -> None:
+        """Schedule a request for observations that only this peer holds."""
+        self._peers[peer].mark_ahead()
+        self._schedule_request(peer, now_s)
 
-    def tick(self, now_s: float, unix_s: float) -> Took:
-        took = Took()
+    def tick(self, now_s: float, unix_s: float) -> NodeOutput:
+        output = NodeOutput()
         if self._questions.tick(now_s):
-            for source in [*self._unhurried][:UNHURRIED]:
-                took.news.append(self._unhurried.pop(source))
-            reach = self._reach(now_s)
-            heard = [u for u in reach if self._peers[u].state is not None]
-            neighbours = [u for u in heard if not self._agrees(u, now_s)] if heard else list(reach)
+            for source in [*self._deferred][:DEFERRED_AT_ONCE]:
+                output.news.append(self._deferred.pop(source))
+            receivers = self._receivers(now_s)
+            known = [u for u in receivers if self._peers[u].state is not None]
+            neighbours = [u for u in known if not self._agrees(u, now_s)] if known else list(receivers)
             if neighbours:
-                self._ask_soon(neighbours[int(self._rng.integers(len(neighbours)))], now_s)
-        self._ask(took, now_s, unix_s)
-        return took
+                self._schedule_request(neighbours[int(self._rng.integers(len(neighbours)))], now_s)
+        self._send_requests(output, now_s, unix_s)
+        return output
 
     @property
     def next_deadline_s(self) -> float:
-        """When to `tick` at the latest."""
+        """Latest time of the next `tick`."""
         return self._questions.next_deadline_s
 
     def _agrees(self, peer: int, now_s: float) -> bool:
         return self._peers[peer].agrees(now_s)
 
-    def _ask(self, took: Took, now_s: float, unix_s: float) -> None:
+    def _send_requests(self, output: NodeOutput, now_s: float, unix_s: float) -> None:
         for peer in self._questions.due(now_s):
             if not self._agrees(peer, now_s):
-                told = ((u, p.told_state) for u, p in self._peers.items())
-                states = tuple((u, state.frame.unix_s) for u, state in told if state is not None)
-                self._send(took, SnapshotAsked(self._replica.digest(), states), (peer,), unix_s)
-                self._tally.snapshots_asked += 1
+                item = ((u, p.state_frame) for u, p in self._peers.items())
+                states = tuple((u, state.frame.unix_s) for u, state in item if state is not None)
+                self._send(output, SnapshotAsked(self._replica.digest(), states), (peer,), unix_s)
+                self._counters.snapshots_asked += 1
                 self._questions.asked(peer, now_s)
                 self._peers[peer].asked(now_s)
 
-    def _answer(self, took: Took, asker: int, asked: SnapshotAsked, now_s: float, unix_s: float) -> None:
+    def _answer(
+        self, output: NodeOutput, asker: int, asked: SnapshotAsked, now_s: float, unix_s: float
+    ) -> None:
         if not self._peers[asker].may_ask(now_s):
-            raise Refused(Why.TOO_FAST, f"vehicle {asker} asks more than {QUESTIONS_PER_S:g} times a second")
+            raise MessageRefused(
+                RefusalReason.TOO_FAST, f"vehicle {asker} sends more than {QUESTIONS_PER_S:g} requests a second"
+            )
         frames = list(self._replica.missing(asked.have))
-        frames += told_since(
+        frames += states_since(
             (p for uav, p in self._peers.items() if uav != asker), dict(asked.states), unix_s
         )
-        parts = list(in_parts(frames))
+        parts = list(split_frames(frames))
         for i, part in enumerate(parts):
-            self._send(took, Snapshot(part, i == len(parts) - 1), (asker,), unix_s)
-        self._tally.snapshots_served += 1
+            self._send(output, Snapshot(part, i == len(parts) - 1), (asker,), unix_s)
+        self._counters.snapshots_served += 1
         if self._replica.lacks(asked.have):
-            self._lacks(asker, now_s)
+            self._request_missing(asker, now_s)
 
-    # --- out
+    # --- output
 
-    def _reach(self, now_s: float) -> tuple[int, ...]:
-        """Whom it speaks to."""
-        return self._column.nearest(self._voice.at, self._options.k, now_s)
+    def _receivers(self, now_s: float) -> tuple[int, ...]:
+        """Return the UAVs in communication range."""
+        return self._column.nearest(self._sender.position, self._options.k, now_s)
 
-    def _send(self, took: Took, content: Content, to: tuple[int, ...], unix_s: float) -> bytes:
-        out = self._voice.says(content, to, unix_s)
-        took.out.append(out)
+    def _send(self, output: NodeOutput, content: Content, to: tuple[int, ...], unix_s: float) -> bytes:
+        out = self._sender.message(content, to, unix_s)
+        output.messages.append(out)
         return out.data

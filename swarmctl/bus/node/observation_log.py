@@ -1,7 +1,7 @@
 """Observations of one source, in order: one list for all UAVs of a process that hold the same. Pure.
 
-A hundred UAVs that each kept a table of what they hold of each other would have ten thousand of them, and
-every message would go through a hundred places of memory that were last used long ago.
+Separate lists for a hundred UAVs would be ten thousand, and each message would touch a hundred cold places
+of memory.
 """
 
 from __future__ import annotations
@@ -10,53 +10,54 @@ import itertools
 from collections.abc import Iterable, Sequence
 from weakref import WeakValueDictionary
 
-from swarmctl.bus.node.decoding import Reading
+from swarmctl.bus.node.decoding import DecodedFrame
 from swarmctl.core.observation import Source
 
 _numbers = itertools.count(1)
 
 
-class Shelf:
-    """What follows observation `base` without a gap. It only grows; each who uses it knows up to where."""
+class ObservationLog:
+    """The observations after `base` without a gap. It only grows; each user keeps its own end of it."""
 
-    __slots__ = ("__weakref__", "_readings", "base", "number")
+    __slots__ = ("__weakref__", "_frames", "base", "number")
 
-    def __init__(self, base: int, readings: Iterable[Reading] = ()) -> None:
+    def __init__(self, base: int, frames: Iterable[DecodedFrame] = ()) -> None:
         self.base = base
         self.number = next(_numbers)
-        """tells it from all others of the process"""
-        self._readings = list(readings)
+        """unique in the process"""
+        self._frames = list(frames)
 
-    def takes(self, reading: Reading) -> bool:
-        """Whether it stands here now; no if another stands in its place."""
-        at = reading.seq - self.base - 1
-        if at == len(self._readings):
-            self._readings.append(reading)
-        return self._readings[at] is reading or self._readings[at].data == reading.data
+    def accepts(self, decoded: DecodedFrame) -> bool:
+        """Append an observation if it is next; return whether the log holds it in its place now."""
+        at = decoded.seq - self.base - 1
+        if at == len(self._frames):
+            self._frames.append(decoded)
+        return self._frames[at] is decoded or self._frames[at].data == decoded.data
 
-    def otherwise(self, reading: Reading) -> Shelf:
-        """One of its own, on which this stands where another stands here."""
-        return Shelf(self.base, (*self.between(0, reading.seq - 1), reading))
+    def fork(self, decoded: DecodedFrame) -> ObservationLog:
+        """Return a copy with this observation in the place where this log holds another."""
+        return ObservationLog(self.base, (*self.between(0, decoded.seq - 1), decoded))
 
-    def between(self, after: int, upto: int) -> Sequence[Reading]:
-        """Of these sequence numbers, without the first."""
-        return self._readings[max(after - self.base, 0) : upto - self.base]
+    def between(self, after: int, upto: int) -> Sequence[DecodedFrame]:
+        """Return the observations with these sequence numbers, `after` excluded."""
+        return self._frames[max(after - self.base, 0) : upto - self.base]
 
 
-class Shelves:
-    """Of all sources, as long as anybody uses them."""
+class ObservationLogs:
+    """The shared logs of all sources, each as long as a UAV uses it."""
 
     def __init__(self) -> None:
-        self._shelves: WeakValueDictionary[tuple[Source, int], Shelf] = WeakValueDictionary()
-        self._numbered: WeakValueDictionary[int, Shelf] = WeakValueDictionary()
+        self._logs: WeakValueDictionary[tuple[Source, int], ObservationLog] = WeakValueDictionary()
+        self._by_number: WeakValueDictionary[int, ObservationLog] = WeakValueDictionary()
 
-    def at(self, source: Source, base: int) -> Shelf:
-        shelf = self._shelves.get((source, base))
-        if shelf is None:
-            shelf = self._shelves[source, base] = Shelf(base)
-            self._numbered[shelf.number] = shelf
-        return shelf
+    def at(self, source: Source, base: int) -> ObservationLog:
+        """Return the shared log of a source after `base`, a new one if there is none."""
+        log = self._logs.get((source, base))
+        if log is None:
+            log = self._logs[source, base] = ObservationLog(base)
+            self._by_number[log.number] = log
+        return log
 
-    def numbered(self, number: int) -> Shelf | None:
-        """None for one that stands apart because contents differ."""
-        return self._numbered.get(number)
+    def by_number(self, number: int) -> ObservationLog | None:
+        """Return a shared log; None for a fork, whose contents differ."""
+        return self._by_number.get(number)

@@ -1,48 +1,54 @@
-"""How the UAVs of a process saw each cell themselves, by sensors that are taken for perfect. Pure."""
+"""Each cell as the UAVs of a process observed it with their own sensors, which count as perfect. Pure."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
 
-class Sightings:
-    """Each UAV has a place, a bit of each cell's number: what one tells is compared with what all saw."""
+class OwnSightings:
+    """A bit mask of UAVs for each cell: one reported cell is compared with all UAVs' sightings at once."""
 
     def __init__(self) -> None:
         self._clear: dict[int, int] = {}
         self._occupied: dict[int, int] = {}
         self._places = 0
-        """of who has seen anything, bit by bit"""
+        """bit mask of the UAVs that have observed anything"""
 
-    def saw(self, place: int, cell: int, *, occupied: bool) -> None:
+    def record(self, place: int, cell: int, *, occupied: bool) -> None:
         now, before = (self._occupied, self._clear) if occupied else (self._clear, self._occupied)
         now[cell] = now.get(cell, 0) | 1 << place
         self._places |= 1 << place
         if cell in before:
             before[cell] &= ~(1 << place)
 
-    def are_of(self, place: int) -> bool:
-        """Whether the UAV in this place has seen anything."""
+    def has_any(self, place: int) -> bool:
+        """Return whether the UAV in this place has observed anything."""
         return bool(self._places >> place & 1)
 
     def forget(self, place: int) -> None:
-        if not self.are_of(place):
+        if not self.has_any(place):
             return
-        for seen in (self._clear, self._occupied):
-            for cell in seen:
-                seen[cell] &= ~(1 << place)
+        for observers in (self._clear, self._occupied):
+            for cell in observers:
+                observers[cell] &= ~(1 << place)
         self._places ^= 1 << place
 
-    def against(self, clear: Iterable[int], occupied: Iterable[int]) -> int:
-        """Bit i: the UAV in place i saw one of these cells otherwise."""
+    def conflicting_places(self, clear: Iterable[int], occupied: Iterable[int]) -> int:
+        """Return a bit mask. Bit i: the UAV in place i observed one of these cells otherwise."""
         places = 0
-        for told, seen in ((clear, self._occupied), (occupied, self._clear)):
-            if seen:
-                for cell in told:
-                    places |= seen.get(cell, 0)
+        for cells, contrary in ((clear, self._occupied), (occupied, self._clear)):
+            if contrary:
+                for cell in cells:
+                    places |= contrary.get(cell, 0)
         return places
 
-    def otherwise(self, place: int, clear: Iterable[int], occupied: Iterable[int]) -> set[int]:
-        """Those of the cells that the UAV in this place saw otherwise."""
+    def conflicting_cells(self, place: int, clear: Iterable[int], occupied: Iterable[int]) -> set[int]:
+        """Return the cells that the UAV in this place observed otherwise."""
         pairs = ((clear, self._occupied), (occupied, self._clear))
-        return {cell for told, seen in pairs if seen for cell in told if seen.get(cell, 0) >> place & 1}
+        return {
+            cell
+            for cells, contrary in pairs
+            if contrary
+            for cell in cells
+            if contrary.get(cell, 0) >> place & 1
+        }

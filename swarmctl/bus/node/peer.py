@@ -1,4 +1,4 @@
-"""What a UAV knows of another, and what of it it takes. Pure."""
+"""The state that a UAV keeps of another, and its checks of that UAV's messages. Pure."""
 
 from __future__ import annotations
 
@@ -7,66 +7,112 @@ from collections.abc import Iterable, Mapping
 
 import msgspec
 
-from swarmctl.bus.node.decoding import Reading
-from swarmctl.bus.node.ledger import A_MESSAGE, MAX_WORK, SILENT_AFTER_S, STALE_S, WITHIN_S, Column
-from swarmctl.bus.node.replica import Apart, Kept
-from swarmctl.bus.rate import Pace
-from swarmctl.core.frames import Frame, IntentShared, Refused, StateShared, Why
+from swarmctl.bus.node.decoding import DecodedFrame
+from swarmctl.bus.node.exchange import NodeOptions
+from swarmctl.bus.node.reception import (
+    MAX_WORK_PER_PERIOD,
+    RATE_PERIOD_S,
+    SILENT_AFTER_S,
+    STALE_S,
+    WORK_PER_MESSAGE,
+    ReceptionColumn,
+)
+from swarmctl.bus.node.replica import DetachedColumn, SourceRecord
+from swarmctl.bus.rate import TokenBucket
+from swarmctl.core.frames import Frame, IntentShared, MessageRefused, RefusalReason, StateShared
 
 MAX_BYTES = 8_000_000
-"""of it in `WITHIN_S`"""
-A_FRAME, A_CHECKPOINT = 1, 20
-"""the work of each, frames inside of messages counted apart"""
+"""per sender in `RATE_PERIOD_S`"""
+WORK_PER_FRAME, WORK_PER_CHECKPOINT = 1, 20
+"""frames inside of messages, counted in addition to the message"""
 ASK_AGAIN_S = 1.0
 MAX_ASK_AGAIN_S = 8.0
-"""after answers that brought nothing"""
+"""after answers without anything new"""
 QUESTIONS_PER_S, QUESTIONS_BURST = 4.0, 16
 WINDOW = 1024
-"""a message that comes later than so many of its sender's is taken for a replay"""
+"""a message that arrives later than so many of its sender's counts as a replay"""
 IN_WINDOW = (1 << WINDOW) - 1
 MAX_CLOCK_S = 1.0
-"""newer by less, a state is not passed on"""
+"""a state that is newer by less is not relayed"""
 
 
-class Peer(msgspec.Struct, gc=False):
-    """What is known of another UAV. Of what holds no cycles the garbage collector need not know."""
+def check_source(decoded: DecodedFrame, sender: int, act: str) -> None:
+    """Raise Refused if the frame's sender or act differs from its key."""
+    frame = decoded.frame
+    if frame.sender != sender or decoded.act != act:
+        raise MessageRefused(
+            RefusalReason.SOURCE,
+            f"a frame {decoded.act} of vehicle {frame.sender} under the key of {act} of {sender}",
+        )
 
-    column: Column
+
+def check_time(frame: Frame, unix_s: float, options: NodeOptions) -> None:
+    """Raise Refused if the frame's time lies in the future."""
+    ahead_s = frame.unix_s - unix_s
+    if ahead_s > options.clock_tolerance_s:
+        raise MessageRefused(
+            RefusalReason.FUTURE,
+            f"the clock of vehicle {frame.sender} is {ahead_s:.1f} s ahead of this machine's "
+            f"(limit {options.clock_tolerance_s:g} s)",
+        )
+
+
+def check_age(frame: Frame, unix_s: float, options: NodeOptions) -> None:
+    """Raise Refused if the frame is stale."""
+    if is_stale(frame, unix_s, options):
+        age_s = unix_s - frame.unix_s
+        raise MessageRefused(
+            RefusalReason.REPLAY, f"the message is {age_s:.0f} s old by the clock of vehicle {frame.sender}"
+        )
+
+
+def is_stale(frame: Frame, unix_s: float, options: NodeOptions) -> bool:
+    return unix_s - frame.unix_s > STALE_S + options.round_trip_s
+
+
+class PeerRecord(msgspec.Struct, gc=False):
+    """The known state of another UAV. It holds no cycles, so the garbage collector can skip it."""
+
+    column: ReceptionColumn
     row: int
-    """where in `column`"""
+    """index in `column`"""
     intent: IntentShared | None = None
     intent_unix_s: float = -math.inf
     intent_frame: bytes = b""
     missing: int = 0
-    """bit i: message `missing_at` - i has not come. A hundred times a hundred sets took a gigabyte."""
+    """bit i: message `missing_at` - i has not arrived. Sets took 1 GB for a hundred UAVs."""
     missing_at: int = 0
-    weighed: int = 0
-    """bytes"""
-    weighed_until_s: float = -math.inf
+    n_bytes: int = 0
+    """received in the present period"""
+    bytes_period_end_s: float = -math.inf
     ask_after_s: float = -math.inf
-    """when it may be asked again"""
+    """earliest time of the next request to it"""
     ask_again_s: float = ASK_AGAIN_S
-    questions: Pace | None = None
-    kept: Kept | None = None
-    """what is held of what it observes, as it was started last; None until it is first needed"""
+    questions: TokenBucket | None = None
+    record: SourceRecord | None = None
+    """observations of its present incarnation; None until first needed"""
 
     def admit(self, frame: Frame, now_s: float) -> bool:
-        """Whether it is heard for the first time, or again after long.
+        """Accept a message; return whether it is the first one, or the first after a silence.
 
-        Raises Refused for a message that has come before, or that comes faster than any UAV speaks.
+        Raises Refused for a repeated message, or one that exceeds the rate limit.
         """
         n, column, row = frame.n, self.column, self.row
         if frame.incarnation != column.incarnation[row]:
             if frame.incarnation < column.incarnation[row]:
-                raise Refused(Why.REPLAY, f"of before vehicle {frame.sender} was started again")
+                raise MessageRefused(
+                    RefusalReason.REPLAY, f"message {n} is from before vehicle {frame.sender} was restarted"
+                )
             self._begin(frame.incarnation)
         ahead = n - column.newest[row]
         if ahead <= 0 and (ahead <= -WINDOW or not self._missing() >> -ahead & 1):
-            raise Refused(Why.REPLAY, f"message {n} of vehicle {frame.sender} has come before")
-        # After all else: what somebody repeats must not use up what its sender may say.
-        self.work(A_MESSAGE, now_s)
+            raise MessageRefused(
+                RefusalReason.REPLAY, f"message {n} of vehicle {frame.sender} was received before"
+            )
+        # After all other checks: replayed messages must not use up the sender's rate.
+        self.add_work(WORK_PER_MESSAGE, now_s)
         if ahead > 1:
-            # Those between are missing, and of far beyond all of before.
+            # The messages between are missing; after a long gap, all in the window.
             between = (1 << min(ahead, WINDOW)) - 2
             self.missing = (self._missing() << min(ahead, WINDOW) | between) & IN_WINDOW
             self.missing_at = n
@@ -78,70 +124,75 @@ class Peer(msgspec.Struct, gc=False):
         return was_silent
 
     def _begin(self, incarnation: int) -> None:
-        """It was started, or started again."""
+        """Reset the record for a new incarnation."""
         column, row = self.column, self.row
         column.incarnation[row], column.newest[row], column.heard_s[row] = incarnation, 0, -math.inf
         self.missing = self.missing_at = 0
-        if self.kept is not None:
-            self.kept.stand_at(Apart())
-            self.kept = None
+        if self.record is not None:
+            self.record.attach(DetachedColumn())
+            self.record = None
 
     def _missing(self) -> int:
-        """Brought up to the newest message: nothing is missing between."""
+        """Return `missing` relative to the newest message; none between is missing."""
         ahead = self.column.newest[self.row] - self.missing_at
         self.missing_at += ahead
         self.missing = self.missing << min(ahead, WINDOW) & IN_WINDOW if self.missing else 0
         return self.missing
 
-    def keeps(self, kept: Kept) -> Kept:
-        """What is held of what it observes, as it was started last."""
-        if self.kept is not kept:
-            kept.stand_at(self.column, self.row)
-            self.kept = kept
-        return kept
+    def attach(self, record: SourceRecord) -> SourceRecord:
+        """Make `record` that of its present incarnation, and return it."""
+        if self.record is not record:
+            record.attach(self.column, self.row)
+            self.record = record
+        return record
 
-    def work(self, units: int, now_s: float) -> None:
-        """Raises Refused where it makes more than any UAV should."""
+    def add_work(self, units: int, now_s: float) -> None:
+        """Count work that its messages cause. Raises Refused above the limit."""
         column, row = self.column, self.row
-        if now_s >= column.worked_until_s[row]:
-            column.worked_until_s[row], column.worked[row] = now_s + WITHIN_S, 0
-        column.worked[row] += units
-        if column.worked[row] > MAX_WORK:
-            raise Refused(Why.TOO_FAST, f"more than {MAX_WORK} steps of work in {WITHIN_S:g} s")
+        if now_s >= column.work_period_end_s[row]:
+            column.work_period_end_s[row], column.work[row] = now_s + RATE_PERIOD_S, 0
+        column.work[row] += units
+        if column.work[row] > MAX_WORK_PER_PERIOD:
+            raise MessageRefused(
+                RefusalReason.TOO_FAST,
+                f"its messages cause more than {MAX_WORK_PER_PERIOD} steps of work in {RATE_PERIOD_S:g} s",
+            )
 
-    def weigh(self, n_bytes: int, now_s: float) -> None:
-        """Before anything is read. Raises Refused where it is more than any UAV says."""
-        if now_s >= self.weighed_until_s:
-            self.weighed_until_s, self.weighed = now_s + WITHIN_S, 0
-        self.weighed += n_bytes
-        if self.weighed > MAX_BYTES:
-            raise Refused(Why.TOO_FAST, f"more than {MAX_BYTES} bytes in {WITHIN_S:g} s")
+    def add_bytes(self, n_bytes: int, now_s: float) -> None:
+        """Count received bytes, before any are decoded. Raises Refused above the limit."""
+        if now_s >= self.bytes_period_end_s:
+            self.bytes_period_end_s, self.n_bytes = now_s + RATE_PERIOD_S, 0
+        self.n_bytes += n_bytes
+        if self.n_bytes > MAX_BYTES:
+            raise MessageRefused(
+                RefusalReason.TOO_FAST, f"more than {MAX_BYTES} bytes in {RATE_PERIOD_S:g} s"
+            )
 
     def asked(self, now_s: float) -> None:
-        """It is not asked again at once, and the later the less its answers bring."""
+        """Record a request to it; the delay until the next doubles while answers bring nothing new."""
         self.ask_after_s = now_s + self.ask_again_s
         self.ask_again_s = min(2.0 * self.ask_again_s, MAX_ASK_AGAIN_S)
 
     def may_ask(self, now_s: float) -> bool:
-        """Whether one more question of its is answered."""
+        """Return whether its next request is within the rate limit."""
         if self.questions is None:
-            self.questions = Pace(QUESTIONS_PER_S, QUESTIONS_BURST)
-        return self.questions.takes(now_s)
+            self.questions = TokenBucket(QUESTIONS_PER_S, QUESTIONS_BURST)
+        return self.questions.try_take(now_s)
 
-    def told(self, reading: Reading, now_s: float) -> None:
-        """Its state, by itself or by others; an older one than is known is passed over."""
-        frame, column, row = reading.frame, self.column, self.row
+    def update_state(self, decoded: DecodedFrame, now_s: float) -> None:
+        """Store its state, received directly or relayed, unless a newer one is known."""
+        frame, column, row = decoded.frame, self.column, self.row
         known = column.state[row]
         is_newer = frame.incarnation >= column.incarnation[row] and (
             known is None or frame.unix_s > known.frame.unix_s
         )
         if is_newer and isinstance(frame.content, StateShared):
-            column.told(reading, frame.content, row, now_s)
+            column.set_state(decoded, frame.content, row, now_s)
 
-    def said(self, state: StateShared, now_s: float) -> bool:
-        """The same by itself, with how much it knows; whether it has seen more than is held here."""
+    def update_knowledge(self, state: StateShared, now_s: float) -> bool:
+        """Compare its own report of what it holds; return whether it has observed more than is held here."""
         column, row = self.column, self.row
-        column.said_s[row] = now_s
+        column.own_state_s[row] = now_s
         if column.has_held(state.knows):
             column.agreed_s[row] = now_s
         has_more = column.upto[row] < state.last_seq
@@ -149,47 +200,46 @@ class Peer(msgspec.Struct, gc=False):
             column.agreed_s[row] = -math.inf
         return has_more
 
-    def has_more(self) -> None:
-        """Than is known here, whatever it said last."""
-        self.column.said_s[self.row] = self.column.agreed_s[self.row] = -math.inf
+    def mark_ahead(self) -> None:
+        """Record that it holds observations that are missing here, whatever its last state said."""
+        self.column.own_state_s[self.row] = self.column.agreed_s[self.row] = -math.inf
 
     @property
-    def told_state(self) -> Reading | None:
-        """How it told the newest state that is known, itself or by others."""
+    def state_frame(self) -> DecodedFrame | None:
+        """Frame of its newest known state, received directly or relayed."""
         return self.column.state[self.row]
 
     @property
     def state(self) -> StateShared | None:
-        """The newest that is known."""
-        told = self.told_state
-        return None if told is None else told.frame.content  # type: ignore[return-value]
+        """Newest known state."""
+        decoded = self.state_frame
+        return None if decoded is None else decoded.frame.content  # type: ignore[return-value]
 
-    def intends(self, frame: Frame, intent: IntentShared, data: bytes) -> None:
-        """The same of where it will be."""
+    def update_intent(self, frame: Frame, intent: IntentShared, data: bytes) -> None:
+        """Store its intended trajectory, unless a newer one is known."""
         if frame.incarnation >= self.column.incarnation[self.row] and frame.unix_s > self.intent_unix_s:
             self.intent, self.intent_unix_s, self.intent_frame = intent, frame.unix_s, data
 
     def agrees(self, now_s: float) -> bool:
-        """Whether it knows nothing that is not known here, by what it said itself of late.
+        """Return whether it holds nothing that is missing here, by its own recent reports.
 
-        Who is spoken to need not speak to who does: what it said long ago tells nothing.
+        Communication may be one-way: an old report says nothing.
         """
         column, row, state = self.column, self.row, self.state
         if now_s - column.agreed_s[row] <= SILENT_AFTER_S:
             return True
-        if state is None or now_s - column.said_s[row] > SILENT_AFTER_S:
+        if state is None or now_s - column.own_state_s[row] > SILENT_AFTER_S:
             return False
         return column.has_held(state.knows)
 
 
-def told_since(peers: Iterable[Peer], known: Mapping[int, float], unix_s: float) -> list[bytes]:
-    """The frames of the states that are newer than those `known`, told at those times (unix) [s], and of the
-    intents that their senders have told of late."""
+def states_since(peers: Iterable[PeerRecord], known: Mapping[int, float], unix_s: float) -> list[bytes]:
+    """Return the frames of states newer than `known` (UAV: unix time [s]), and those of recent intents."""
     newer = [
-        (peer, told)
+        (peer, decoded)
         for peer in peers
-        if (told := peer.told_state) is not None
-        and told.frame.unix_s > known.get(told.frame.sender, -math.inf) + MAX_CLOCK_S
+        if (decoded := peer.state_frame) is not None
+        and decoded.frame.unix_s > known.get(decoded.frame.sender, -math.inf) + MAX_CLOCK_S
     ]
-    frames = [told.data for _, told in newer]
+    frames = [decoded.data for _, decoded in newer]
     return frames + [p.intent_frame for p, _ in newer if unix_s - p.intent_unix_s <= STALE_S]

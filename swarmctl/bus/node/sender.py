@@ -1,44 +1,44 @@
-"""What a UAV says, as messages: numbered, sealed and counted. Pure."""
+"""Outgoing messages of a UAV: numbered, sealed and counted. Pure."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-from swarmctl.bus.node.counters import Tally
-from swarmctl.bus.node.exchange import Out
-from swarmctl.core.frames import MAX_FRAMES, MAX_INNER_BYTES, Content, Frame, Seal, StateShared, act_of
+from swarmctl.bus.node.exchange import NetworkCounters, OutgoingMessage
+from swarmctl.core.frames import MAX_FRAMES, MAX_INNER_BYTES, Content, Frame, FrameCodec, StateShared, act_of
 from swarmctl.core.geo import LatLon
 
 
-class Voice:
-    """One UAV's."""
+class Sender:
+    """The sender of one UAV."""
 
-    def __init__(self, uav: int, incarnation: int, seal: Seal, tally: Tally) -> None:
-        self.at: LatLon | None = None
-        """where it is"""
+    def __init__(self, uav: int, incarnation: int, codec: FrameCodec, counters: NetworkCounters) -> None:
+        self.position: LatLon | None = None
         self._uav = uav
         self._incarnation = incarnation
-        self._seal = seal
-        self._tally = tally
+        self._codec = codec
+        self._counters = counters
         self._n = 0
 
-    def says(self, content: Content, to: tuple[int, ...], unix_s: float) -> Out:
+    def message(self, content: Content, to: tuple[int, ...], unix_s: float) -> OutgoingMessage:
+        """Return the next message, counted as sent to each receiver."""
         data = self.frame(content, unix_s)
         act = act_of(content)
-        self._tally.sent[act] += len(to)
-        self._tally.sent_bytes += len(data) * len(to)
-        return Out(to, act, data)
+        self._counters.sent[act] += len(to)
+        self._counters.sent_bytes += len(data) * len(to)
+        return OutgoingMessage(to, act, data)
 
     def frame(self, content: Content, unix_s: float) -> bytes:
-        """Its next, to nobody yet."""
+        """Return the next sealed frame without a receiver."""
         self._n += 1
-        lat_deg, lon_deg = (None, None) if self.at is None or isinstance(content, StateShared) else self.at
+        has_own_position = isinstance(content, StateShared)
+        lat_deg, lon_deg = (None, None) if has_own_position or self.position is None else self.position
         frame = Frame(self._uav, self._incarnation, self._n, unix_s, content, lat_deg, lon_deg)
-        return self._seal.close(frame)
+        return self._codec.close(frame)
 
 
-def in_parts(frames: list[bytes]) -> Iterator[tuple[bytes, ...]]:
-    """As many in each as fit into a message; one empty part where there are none."""
+def split_frames(frames: list[bytes]) -> Iterator[tuple[bytes, ...]]:
+    """Yield the frames in parts that fit into a message each; one empty part where there are none."""
     part: list[bytes] = []
     size = 0
     for frame in frames:

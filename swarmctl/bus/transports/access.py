@@ -37,7 +37,7 @@ class Rule:
     keys: tuple[str, ...]
 
 
-def door(ask_keys: Sequence[str], put_keys: Sequence[str]) -> dict[str, Any]:
+def operator_endpoint_rules(ask_keys: Sequence[str], put_keys: Sequence[str]) -> dict[str, Any]:
     """Of a process with the whole swarm inside: from outside one may ask and put under these keys.
 
     Nothing but the answers goes out.
@@ -51,7 +51,7 @@ def door(ask_keys: Sequence[str], put_keys: Sequence[str]) -> dict[str, Any]:
     return _access_control([(None, rules)])
 
 
-def star(swarm: str, uavs: Sequence[int], *, certified: bool) -> dict[str, Any]:
+def router_rules(swarm: str, uavs: Sequence[int], *, certified: bool) -> dict[str, Any]:
     """Of a router whose clients are the vehicles and operators of one swarm."""
     grants: list[tuple[str | None, list[Rule]]] = [
         (name_of(uav), _of_a_vehicle(swarm, uav, uavs)) for uav in uavs
@@ -62,14 +62,14 @@ def star(swarm: str, uavs: Sequence[int], *, certified: bool) -> dict[str, Any]:
     return _access_control([(None, _united(rule for _, rules in grants for rule in rules))])
 
 
-def mesh(swarm: str, uavs: Sequence[int], *, certified: bool) -> dict[str, Any]:
+def mesh_node_rules(swarm: str, uavs: Sequence[int], *, certified: bool) -> dict[str, Any]:
     """Of a node among nodes that pass on for each other: only the swarm's certificates, only its keys.
 
     A neighbour sends what others have said, so the link does not tell who that was; the receiver tells by
     the message's signature. A payload's looks have none, and so no node passes them on: they come in from
     the vehicle's own certificate or an operator's, and reach that vehicle's agent only at its own node.
     """
-    root, every_look = f"{keys.ROOT}/{swarm}", tuple(keys.looks(swarm, uav) for uav in uavs)
+    root, every_look = f"{keys.ROOT}/{swarm}", tuple(keys.sensor_report(swarm, uav) for uav in uavs)
     said = [f"{root}/uav/*/*/*/{uav}" for uav in uavs]
     passed_on = (*said, f"{root}/uav/*/request/*/{OPERATOR}", f"{root}/station/**")
     shared = [
@@ -82,14 +82,14 @@ def mesh(swarm: str, uavs: Sequence[int], *, certified: bool) -> dict[str, Any]:
 
     if not certified:
         return _access_control([(None, with_looks(every_look))])
-    vehicles = [(name_of(uav), with_looks((keys.looks(swarm, uav),))) for uav in uavs]
+    vehicles = [(name_of(uav), with_looks((keys.sensor_report(swarm, uav),))) for uav in uavs]
     return _access_control([*vehicles, (OPERATOR, with_looks(every_look)), (ROUTER, shared)])
 
 
 def _of_a_vehicle(swarm: str, uav: int, uavs: Sequence[int]) -> list[Rule]:
     root = f"{keys.ROOT}/{swarm}"
     says = tuple(f"{root}/uav/{to}/*/*/{uav}" for to in uavs if to != uav)
-    look = keys.looks(swarm, uav)
+    look = keys.sensor_report(swarm, uav)
     inbox = (keys.inbox(swarm, uav),)
     return [
         Rule((IN,), ("put",), (*says, f"{root}/station/*/*/{uav}", look)),
@@ -102,7 +102,7 @@ def _of_a_vehicle(swarm: str, uav: int, uavs: Sequence[int]) -> list[Rule]:
 
 
 def _of_an_operator(swarm: str, uavs: Sequence[int]) -> list[Rule]:
-    looks = tuple(keys.looks(swarm, uav) for uav in uavs)
+    looks = tuple(keys.sensor_report(swarm, uav) for uav in uavs)
     requests = tuple(keys.request(swarm, kind, uav) for uav in uavs for kind in keys.KINDS)
     station = (f"{keys.ROOT}/{swarm}/station/**",)
     return [

@@ -20,7 +20,7 @@ TURN_S = 0.02
 served whatever comes"""
 
 
-class Inlet:
+class Inbox:
     """Queues of so much room each, by number: of several that wait, the first is delivered first.
 
     Each queue has its share of a turn, and one delivery at least: none keeps the others waiting for ever.

@@ -8,7 +8,7 @@ Ends = tuple[str, str]
 """where a link begins and where it ends"""
 
 
-class Links:
+class LinkSet:
     """Told of by several threads at once."""
 
     def __init__(self) -> None:

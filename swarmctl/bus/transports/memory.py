@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 
 from swarmctl.bus.transports.base import MAX_MESSAGE_BYTES, MAX_QUESTION_BYTES, Failure, Receive, Serve
-from swarmctl.bus.transports.routes import Routes, report_to_loop
+from swarmctl.bus.transports.routes import Subscriptions, report_to_loop
 
 
 class MemoryBus:
@@ -16,7 +16,7 @@ class MemoryBus:
         self.too_long = 0
         self.failed = 0
         self._on_failure = on_failure
-        self._routes = Routes()
+        self._routes = Subscriptions()
         self._served: dict[str, Serve] = {}
 
     def put(self, key: str, payload: bytes) -> None:

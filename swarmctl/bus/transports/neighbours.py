@@ -10,7 +10,7 @@ Hear = Callable[[str], Callable[[], None]]
 """begins to hear what is put under a key; what it returns ends that"""
 
 
-class Neighbours:
+class MeshNeighbours:
     """Of one session. Every node hears under `NODES/ID`, where ID is its session's, and under
     `NODES/ID/missed` for each other to which it has a link and no routes, and cannot help that."""
 

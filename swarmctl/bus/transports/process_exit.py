@@ -16,7 +16,7 @@ from typing import NoReturn
 _started: list[threading.Thread] = []
 
 
-def start(name: str, run: Callable[[], None]) -> threading.Thread:
+def start_thread(name: str, run: Callable[[], None]) -> threading.Thread:
     """A thread that may be inside Zenoh when the process ends."""
     _started[:] = [thread for thread in _started if thread.is_alive()]
     thread = threading.Thread(target=run, name=name, daemon=True)
@@ -25,14 +25,14 @@ def start(name: str, run: Callable[[], None]) -> threading.Thread:
     return thread
 
 
-def is_held_up() -> bool:
+def has_blocked_thread() -> bool:
     """Whether such a thread is still at it."""
     return any(thread.is_alive() for thread in _started)
 
 
-def leave(code: int) -> NoReturn:
+def exit_process(code: int) -> NoReturn:
     """End the process with `code`: as usual, or at once where a thread is inside Zenoh."""
-    if not is_held_up():
+    if not has_blocked_thread():
         sys.exit(code)
     for stream in (sys.stdout, sys.stderr):
         stream.flush()

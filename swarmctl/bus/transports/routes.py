@@ -15,7 +15,7 @@ MAX_SAID = 32
 """different texts about receivers' bugs: senders may make them differ"""
 
 
-class Routes:
+class Subscriptions:
     """Subscriptions to a single key, to `PREFIX/**`, or to `**`."""
 
     def __init__(self) -> None:
@@ -53,7 +53,7 @@ def report_to_loop(key: str, error: Exception) -> None:
     )
 
 
-class SaidOnce:
+class ReportOnce:
     """A `Failure` for flights, which it does not end: what a receiver raised, in one line, each text once."""
 
     def __init__(self, say: Callable[[str], None]) -> None:

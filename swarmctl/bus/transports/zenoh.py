@@ -26,11 +26,11 @@ from swarmctl.bus.transports.base import (
     Receive,
     Serve,
 )
-from swarmctl.bus.transports.inbox import Delivery, Inlet
-from swarmctl.bus.transports.links import Links
-from swarmctl.bus.transports.neighbours import Neighbours
+from swarmctl.bus.transports.inbox import Delivery, Inbox
+from swarmctl.bus.transports.links import LinkSet
+from swarmctl.bus.transports.neighbours import MeshNeighbours
 from swarmctl.bus.transports.renewal import Renewal
-from swarmctl.bus.transports.routes import Routes, report_to_loop
+from swarmctl.bus.transports.routes import Subscriptions, report_to_loop
 from swarmctl.bus.transports.zenoh_config import Configuration
 
 QUESTIONS = 32
@@ -82,7 +82,7 @@ class ZenohBus:
             configuration = (
                 zenoh_config.visitor(connect)
                 if connect is not None
-                else zenoh_config.alone(listen, open_keys, put_keys)
+                else zenoh_config.standalone(listen, open_keys, put_keys)
             )
         self.too_long = 0
         self.trouble = ""
@@ -92,10 +92,10 @@ class ZenohBus:
         self._configuration = configuration
         self._on_link = on_link
         self._loop = asyncio.get_running_loop()
-        self._routes = Routes()
-        self._inlet = Inlet(self._loop, ROOMS, on_failure)
+        self._routes = Subscriptions()
+        self._inlet = Inbox(self._loop, ROOMS, on_failure)
         self._unsent = 0
-        self._links = Links()
+        self._links = LinkSet()
         """of the present session"""
         self._closed = threading.Event()
         self._session: zenoh.Session | None = None
@@ -106,11 +106,11 @@ class ZenohBus:
         self._keeper: threading.Thread | None = None
         self._is_opening = False
         self._renewal = Renewal()
-        self._neighbours: Neighbours | None = None
+        self._neighbours: MeshNeighbours | None = None
         if not configuration.is_patient:
             self._open_now()
         if configuration.is_patient or configuration.nodes:
-            self._keeper = process_exit.start("zenoh-open", self._keep_open)
+            self._keeper = process_exit.start_thread("zenoh-open", self._keep_open)
 
     def __enter__(self) -> ZenohBus:
         return self
@@ -192,7 +192,7 @@ class ZenohBus:
                 query.drop()  # type: ignore[no-untyped-call]
 
         if self._replying is None:
-            self._replying = process_exit.start("zenoh-reply", self._reply_all)
+            self._replying = process_exit.start_thread("zenoh-reply", self._reply_all)
         self._declare(lambda session: session.declare_queryable(key, Callback(asked, indirect=False)))
 
     async def ask(self, key: str, payload: bytes, timeout_s: float) -> tuple[bytes, ...]:
@@ -275,7 +275,7 @@ class ZenohBus:
             if self._closed.is_set():
                 return  # and who closes the bus closes its session
             with self._declaring:
-                self._session, self._links = None, Links()
+                self._session, self._links = None, LinkSet()
             closing = _closing(session)
             if self._configuration.nodes:
                 # Others may never find routes to who is back before they have taken leave of it.
@@ -309,20 +309,20 @@ class ZenohBus:
             if is_lost:
                 return
 
-    def _is_to_be_renewed(self, session: zenoh.Session, neighbours: Neighbours, now_s: float) -> bool:
+    def _is_to_be_renewed(self, session: zenoh.Session, neighbours: MeshNeighbours, now_s: float) -> bool:
         with contextlib.suppress(zenoh.ZError):  # where the session is being closed
             self._links.listed((link.src, link.dst) for link in session.info.links())
             return neighbours.look(self._renewal, [str(zid) for zid in session.info.routers_zid()], now_s)
         return False
 
     def _opened(self, session: zenoh.Session) -> None:
-        links = Links()
+        links = LinkSet()
         self._links = links
         changed = partial(self._link_changed, links)
         session.info.declare_link_events_listener(Callback(changed, indirect=False), history=True)
         if nodes := self._configuration.nodes:
             own_id, hear, is_heard = str(session.zid()), partial(_hear, session), partial(_is_heard, session)
-            self._neighbours = Neighbours(nodes, own_id, hear, is_heard)
+            self._neighbours = MeshNeighbours(nodes, own_id, hear, is_heard)
         with self._declaring:
             self._session = session
             for declare in self._declarations:
@@ -334,7 +334,7 @@ class ZenohBus:
             if self._session is not None:
                 declare(self._session)
 
-    def _link_changed(self, links: Links, event: zenoh.LinkEvent) -> None:
+    def _link_changed(self, links: LinkSet, event: zenoh.LinkEvent) -> None:
         # Of several threads at once, and perhaps of a session that has been given up.
         has_come = event.kind == zenoh.SampleKind.PUT
         links.changed((event.link.src, event.link.dst), has_come=has_come)
@@ -366,7 +366,7 @@ def _closing(session: zenoh.Session) -> threading.Thread:
         with contextlib.suppress(zenoh.ZError):
             session.close()  # type: ignore[no-untyped-call]
 
-    return process_exit.start("zenoh-close", close)
+    return process_exit.start_thread("zenoh-close", close)
 
 
 def _hear(session: zenoh.Session, key: str) -> Callable[[], None]:

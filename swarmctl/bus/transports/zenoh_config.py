@@ -2,7 +2,7 @@
 
 | place | mode | listens | connects |
 |---|---|---|---|
-| `alone`: a process with the whole swarm inside | peer | at its door, if it has one | – |
+| `standalone`: a process with the whole swarm inside | peer | at its door, if it has one | – |
 | `visitor`: who comes to a door or router for a moment | client | – | at once, or it fails |
 | `client`: a vehicle's companion or a ground station | client | – | to the router, now or later |
 | `router` | router | for clients | – |
@@ -101,13 +101,13 @@ class Configuration:
         return f"Zenoh cannot open a session: {error}; `communication: {{bus: memory}}` needs none"
 
 
-def alone(
+def standalone(
     door: BusEndpoint | None = None, ask_keys: Sequence[str] = (), put_keys: Sequence[str] = ()
 ) -> Configuration:
     """Neither listens nor connects; through a door others may ask and put under these keys."""
     values = _common("peer", listen=door)
     if door is not None:
-        values["access_control"] = access.door(ask_keys, put_keys)
+        values["access_control"] = access.operator_endpoint_rules(ask_keys, put_keys)
     return Configuration(values, listen=door)
 
 
@@ -131,7 +131,7 @@ def router(
 ) -> Configuration:
     """What a swarm's clients connect to."""
     values = _common("router", listen=listen, credentials=credentials)
-    values["access_control"] = access.star(swarm, uavs, certified=credentials is not None)
+    values["access_control"] = access.router_rules(swarm, uavs, certified=credentials is not None)
     return Configuration(values, listen=listen, has_others=True)
 
 
@@ -151,7 +151,7 @@ def mesh_node(
     values = _common("router", listen=listen, connect=neighbours, credentials=credentials)
     # Without an end: Zenoh tries in the background.
     values |= {"connect/timeout_ms": -1, "connect/exit_on_failure": False}
-    values["access_control"] = access.mesh(swarm, uavs, certified=credentials is not None)
+    values["access_control"] = access.mesh_node_rules(swarm, uavs, certified=credentials is not None)
     nodes = f"{keys.ROOT}/{swarm}/node"
     return Configuration(values, listen=listen, connect=tuple(neighbours), has_others=True, nodes=nodes)
 

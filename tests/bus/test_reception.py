@@ -12,7 +12,7 @@ from profiles import examples
 
 from swarmctl.bus.node.decoding import frame_decoder
 from swarmctl.bus.node.exchange import NodeOptions, NodeOutput
-from swarmctl.bus.node.ledger import ReceptionTable
+from swarmctl.bus.node.reception import ReceptionTable
 from swarmctl.bus.node.node import Node
 from swarmctl.core.frames import Content, Frame, FrameCodec, Relayed, SnapshotAsked, StateShared
 from swarmctl.core.observation import Observation
@@ -31,9 +31,9 @@ class Process:
 
     def __init__(self, *, at_once: bool) -> None:
         options = NodeOptions(ROWS, COLS)
-        self.ledger = ReceptionTable(UAVS, options) if at_once else None
+        self.table = ReceptionTable(UAVS, options) if at_once else None
         self.nodes = {
-            uav: Node(uav, UAVS, options, SEAL, 1, np.random.default_rng(uav), ledger=self.ledger)
+            uav: Node(uav, UAVS, options, SEAL, 1, np.random.default_rng(uav), table=self.table)
             for uav in HEARERS
         }
         for uav in (8, 9):
@@ -44,12 +44,12 @@ class Process:
     def hear(self, sender: int, frame: Frame, to: tuple[int, ...], now_s: float) -> dict[int, NodeOutput]:
         """What it comes to for each of them, under the key of `sender`."""
         decoded, unix_s, outputs = READ(SEAL.close(frame)), UNIX_S + now_s, {}
-        if self.ledger is not None and sender in UAVS:
-            hearers = self.ledger.hearers(to)
-            takes = self.ledger.take(sender, frame.act, decoded, hearers, now_s, unix_s)
+        if self.table is not None and sender in UAVS:
+            receivers = self.table.mask(to)
+            takes = self.table.take(sender, frame.act, decoded, receivers, now_s, unix_s)
             seen = frame.content
             news = [seen] if isinstance(seen, Observation) else []
-            outputs = {uav: NodeOutput(news=news) for uav in self.ledger.uavs(takes)}
+            outputs = {uav: NodeOutput(news=news) for uav in self.table.uavs(takes)}
             self.n_taken += len(outputs)
         for uav in to:
             if uav not in outputs:

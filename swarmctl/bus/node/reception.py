@@ -1,0 +1,319 @@
+"""Reception state of all UAVs of a process as tables: a message to a hundred UAVs is one step. Pure.
+
+A hundred UAVs in one process that observe five times a second receive fifty thousand observations a second.
+Nearly all of them are the sender's next message with its next observation, and need no answer. The numbers
+that decide this are tables here: one row for each UAV that sends, one place in it for each UAV that
+receives. `ReceptionTable.take` checks and updates a whole row at once. Each node reads and writes the same
+numbers one by one, through its `ReceptionColumn`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmctl.bus.node.decoding import DecodedFrame
+from swarmctl.bus.node.exchange import NodeOptions
+from swarmctl.bus.node.observation_log import ObservationLogs
+from swarmctl.bus.node.own_sightings import OwnSightings
+from swarmctl.core.frames import Frame, StateShared
+from swarmctl.core.geo import LatLon, distances_m
+from swarmctl.core.observation import Observation
+
+STALE_S = 60.0
+"""Older messages, and older relayed states, are refused: they may be replays."""
+SILENT_AFTER_S = 5.0
+"""a UAV that is received again after so long is asked for missed observations"""
+ALIVE_S = 20.0
+"""a UAV without any news for longer, direct or relayed, ranks last among the receivers"""
+WORK_PER_MESSAGE = 5
+MAX_WORK_PER_PERIOD, RATE_PERIOD_S = 10_000, 10.0
+"""Limit on the work that one sender causes at one receiver in a period; more is refused."""
+N_FINGERPRINTS = 2048
+"""earlier fingerprints that are kept: while all UAVs send, no two hold exactly the same"""
+EMPTY_FINGERPRINT = 0
+"""fingerprint of an empty set of observations"""
+
+T = TypeVar("T")
+
+
+class IndexedValues(Protocol[T]):
+    """Values by place."""
+
+    def __getitem__(self, place: int, /) -> T: ...
+
+    def __setitem__(self, place: int, number: T, /) -> None: ...
+
+
+ReceiverMask = NDArray[np.bool_]
+"""(places,) a set of UAVs"""
+
+
+class ReceptionTable:
+    """The tables of the UAVs `uavs`, in this process and elsewhere; all nodes of the process share them."""
+
+    def __init__(self, uavs: Iterable[int], options: NodeOptions) -> None:
+        self.system_ids = np.array(sorted(set(uavs)), np.int64)
+        """by place"""
+        self._places = {uav: place for place, uav in enumerate(self.system_ids.tolist())}
+        self._clock_tolerance_s = options.clock_tolerance_s
+        self.logs = ObservationLogs()
+        self.sightings = OwnSightings()
+        n = len(self._places)
+        # (sender, receiver): see the fields of `ReceptionColumn`
+        self.newest = np.zeros((n, n), np.int64)
+        self.incarnation = np.full((n, n), -1, np.int64)
+        self.heard_s = np.full((n, n), -np.inf)
+        self.work = np.zeros((n, n), np.int64)
+        self.work_period_end_s = np.full((n, n), -np.inf)
+        self.upto = np.zeros((n, n), np.int64)
+        self.in_order = np.zeros((n, n), np.bool_)
+        self.log_number = np.zeros((n, n), np.int64)
+        self.state = np.full((n, n), None, object)
+        self.failed = np.zeros((n, n), np.bool_)
+        self.lat_deg = np.full((n, n), np.nan)
+        self.lon_deg = np.full((n, n), np.nan)
+        self.state_s = np.full((n, n), -np.inf)
+        self.own_state_s = np.full((n, n), -np.inf)
+        self.agreed_s = np.full((n, n), -np.inf)
+        # (receiver,)
+        self.fingerprint = np.zeros(n, np.int64)
+        self.fingerprints = np.zeros((n, N_FINGERPRINTS), np.int64)
+        self.n_fingerprints = np.zeros(n, np.int64)
+        self.n_taken = np.zeros(n, np.int64)
+
+    def place(self, uav: int) -> int:
+        """Return the index of a UAV's row and column."""
+        return self._places[uav]
+
+    def mask(self, uavs: Iterable[int]) -> ReceiverMask:
+        """Return the mask of a set of UAVs."""
+        mask = np.zeros(len(self._places), np.bool_)
+        mask[[self._places[uav] for uav in uavs]] = True
+        return mask
+
+    def uavs(self, mask: ReceiverMask) -> list[int]:
+        """Return the system ids of a mask in ascending order."""
+        uavs: list[int] = self.system_ids[mask].tolist()
+        return uavs
+
+    def take(
+        self,
+        sender: int,
+        act: str,
+        decoded: DecodedFrame,
+        receivers: ReceiverMask,
+        now_s: float,
+        unix_s: float,
+    ) -> ReceiverMask:
+        """Deliver a message to the receivers that need no further action; return the mask of those.
+
+        For them the message is their next observation, or a state without consequences. The remaining
+        receivers were not touched; pass the message to `Node.hear` for each of them. Both paths give the same
+        result. `receivers` does not include the sender.
+        """
+        frame, content = decoded.frame, decoded.frame.content
+        is_its_own = frame.sender == sender and decoded.act == act
+        is_in_time = -self._clock_tolerance_s <= unix_s - frame.unix_s <= STALE_S
+        if not (is_its_own and is_in_time and isinstance(content, Observation | StateShared)):
+            return np.zeros_like(receivers)
+        row = self._places[sender]
+        takes = self._is_next(row, frame, receivers, now_s)
+        if isinstance(content, Observation):
+            takes &= self.upto[row] == content.seq - 1
+            takes[_bits(self.sightings.conflicting_places(decoded.clear, decoded.occupied))] = False
+            self._append_to_logs(decoded, takes, self.log_number[row])
+            self.upto[row] += takes
+            self._toggle_mark(takes, decoded.mark)
+        else:
+            takes &= self.upto[row] >= content.last_seq
+            takes &= self._is_newer(row, frame.unix_s)
+            self.state[row, takes] = decoded
+            self.failed[row, takes] = content.phase == "failed"
+            self.lat_deg[row, takes], self.lon_deg[row, takes] = content.lat_deg, content.lon_deg
+            self.state_s[row, takes] = self.own_state_s[row, takes] = now_s
+            self.agreed_s[row, takes & self._has_held(content.knows)] = now_s
+        self.newest[row] += takes
+        self.work[row] += WORK_PER_MESSAGE * takes
+        self.heard_s[row, takes] = now_s
+        self.n_taken += takes
+        return takes
+
+    def _is_next(self, row: int, frame: Frame, receivers: ReceiverMask, now_s: float) -> ReceiverMask:
+        """Return the receivers for which the message is the next one and no observation is missing."""
+        return np.asarray(
+            receivers
+            & self.in_order[row]
+            & (self.newest[row] == frame.n - 1)
+            & (self.incarnation[row] == frame.incarnation)
+            & (now_s - self.heard_s[row] <= SILENT_AFTER_S)
+            & (now_s < self.work_period_end_s[row])
+            & (self.work[row] <= MAX_WORK_PER_PERIOD - WORK_PER_MESSAGE)
+        )
+
+    def _is_newer(self, row: int, unix_s: float) -> ReceiverMask:
+        """Return the receivers whose known state of the sender is older, by the sender's clock."""
+        states: list[DecodedFrame | None] = self.state[row].tolist()
+        return np.array([state is None or state.frame.unix_s < unix_s for state in states], np.bool_)
+
+    def _has_held(self, fingerprint: int) -> ReceiverMask:
+        holds: ReceiverMask = (self.fingerprint == fingerprint) | (fingerprint == EMPTY_FINGERPRINT)
+        if not holds.all():
+            holds |= np.any(self.fingerprints == fingerprint, axis=1)
+        return holds
+
+    def _append_to_logs(self, decoded: DecodedFrame, takes: ReceiverMask, numbers: NDArray[np.int64]) -> None:
+        """Append to the receivers' logs, nearly always one; `takes` loses those whose log holds another."""
+        remaining = takes.copy()
+        while remaining.any():
+            number = numbers[remaining.argmax()]
+            remaining &= numbers != number
+            log = self.logs.by_number(int(number))
+            if log is None or not log.accepts(decoded):
+                takes &= numbers != number
+
+    def _toggle_mark(self, receivers: ReceiverMask, mark: int) -> None:
+        self.fingerprint[receivers] ^= mark
+        self.fingerprints[receivers, self.n_fingerprints[receivers] % N_FINGERPRINTS] = self.fingerprint[
+            receivers
+        ]
+        self.n_fingerprints += receivers
+
+
+def _bits(bits: int) -> list[int]:
+    return [place for place in range(bits.bit_length()) if bits >> place & 1] if bits else []
+
+
+class ReceptionColumn:
+    """The reception state of one UAV, by place of the sender: a readable and writable view of the tables."""
+
+    def __init__(self, table: ReceptionTable, uav: int) -> None:
+        """Reset the column to that of a UAV that has received nothing."""
+        self.table = table
+        self.place = at = table.place(uav)
+        for counts in (table.newest, table.work, table.upto, table.in_order, table.log_number):
+            counts[:, at] = 0
+        table.incarnation[:, at] = -1
+        for times in (
+            table.heard_s,
+            table.work_period_end_s,
+            table.state_s,
+            table.own_state_s,
+            table.agreed_s,
+        ):
+            times[:, at] = -np.inf
+        table.state[:, at] = None
+        table.lat_deg[:, at] = table.lon_deg[:, at] = np.nan
+        table.failed[:, at] = False
+        table.fingerprint[at] = table.n_fingerprints[at] = table.n_taken[at] = 0
+        table.fingerprints[at] = 0
+        table.sightings.forget(at)
+        self.newest: IndexedValues[int] = _values(table.newest[:, at])
+        """number of the sender's newest message"""
+        self.incarnation: IndexedValues[int] = _values(table.incarnation[:, at])
+        """the sender's incarnation when last received; -1: never"""
+        self.heard_s: IndexedValues[float] = _values(table.heard_s[:, at])
+        """time of the sender's last direct message"""
+        self.work: IndexedValues[int] = _values(table.work[:, at])
+        """work that the sender's messages caused in this period"""
+        self.work_period_end_s: IndexedValues[float] = _values(table.work_period_end_s[:, at])
+        self.upto: IndexedValues[int] = _values(table.upto[:, at])
+        """all observations of the sender's present incarnation are held up to this number"""
+        self.in_order: IndexedValues[bool] = _values(table.in_order[:, at])
+        """whether the log below holds all of them, and no observation beyond a gap is held"""
+        self.log_number: IndexedValues[int] = _values(table.log_number[:, at])
+        self.state: IndexedValues[DecodedFrame | None] = table.state[:, at]
+        """newest known state, received directly or relayed"""
+        self.lat_deg: IndexedValues[float] = _values(table.lat_deg[:, at])
+        self.lon_deg: IndexedValues[float] = _values(table.lon_deg[:, at])
+        """position in that state; NaN: unknown"""
+        self.failed: IndexedValues[bool] = _values(table.failed[:, at])
+        """whether that state says that the vehicle no longer flies"""
+        self.state_s: IndexedValues[float] = _values(table.state_s[:, at])
+        """reception time of that state"""
+        self.own_state_s: IndexedValues[float] = _values(table.own_state_s[:, at])
+        """reception time of the last state from the sender itself; -inf once it is known to hold more"""
+        self.agreed_s: IndexedValues[float] = _values(table.agreed_s[:, at])
+        """last time when the sender reported to hold no observation that is missing here"""
+        self._fingerprint: IndexedValues[int] = _values(table.fingerprint[at : at + 1])
+        self._fingerprints: IndexedValues[int] = _values(table.fingerprints[at])
+        self._n_fingerprints: IndexedValues[int] = _values(table.n_fingerprints[at : at + 1])
+
+    @property
+    def fingerprint(self) -> int:
+        """Hash of the set of observations held, however they are stored; 63 bits."""
+        return self._fingerprint[0]
+
+    def toggle_mark(self, mark: int) -> None:
+        """Add the mark of a new observation to the fingerprint, or remove it."""
+        self._fingerprint[0] ^= mark
+        self._fingerprints[self._n_fingerprints[0] % N_FINGERPRINTS] = self._fingerprint[0]
+        self._n_fingerprints[0] += 1
+
+    def has_held(self, fingerprint: int) -> bool:
+        """Return whether exactly this set was held recently; its holder then has nothing new."""
+        if fingerprint in (EMPTY_FINGERPRINT, self._fingerprint[0]):
+            return True
+        return bool((self.table.fingerprints[self.place] == fingerprint).any())
+
+    def set_state(self, decoded: DecodedFrame, state: StateShared, place: int, now_s: float) -> None:
+        """Store a sender's state, received directly or relayed."""
+        self.state[place], self.failed[place] = decoded, state.phase == "failed"
+        self.lat_deg[place], self.lon_deg[place] = state.lat_deg, state.lon_deg
+        self.state_s[place] = now_s
+
+    def silent(self, now_s: float) -> ReceiverMask:
+        """Return the UAVs whose state is known but older than `ALIVE_S`."""
+        table, at = self.table, self.place
+        last_s = np.maximum(table.heard_s[:, at], table.state_s[:, at])
+        silent: ReceiverMask = (table.state_s[:, at] > -np.inf) & (now_s - last_s > ALIVE_S)
+        return silent
+
+    def nearest(self, position: LatLon | None, k: int | None, now_s: float) -> tuple[int, ...]:
+        """Return the `k` UAVs nearest to `position`, without those that reported the phase `failed`."""
+        table, at = self.table, self.place
+        flies = ~table.failed[:, at]
+        flies[at] = False
+        silent = self.silent(now_s)
+        positions = table.lat_deg[flies, at], table.lon_deg[flies, at]
+        return nearest_uavs(position, table.system_ids[flies], positions, silent[flies], k)
+
+    def pop_n_taken(self) -> int:
+        """Return the number of messages that the table has delivered since the last call."""
+        n = int(self.table.n_taken[self.place])
+        self.table.n_taken[self.place] = 0
+        return n
+
+
+def _values(table: NDArray[Any]) -> Any:
+    """Return a view of the same memory for access to single values.
+
+    Three times as fast as the array, and its values are Python's own numbers.
+    """
+    return memoryview(table)  # type: ignore[arg-type]
+
+
+def nearest_uavs(
+    position: LatLon | None,
+    uavs: NDArray[np.int64],
+    positions: tuple[NDArray[np.float64], NDArray[np.float64]],
+    silent: NDArray[np.bool_],
+    k: int | None,
+) -> tuple[int, ...]:
+    """Return the `k` nearest of `uavs` by last known position, nearest first; all of them for None.
+
+    This is the communication range of the paper, a number of UAVs. `uavs` ascend; `positions` are latitudes
+    and longitudes [deg], NaN where unknown. UAVs without a known position rank behind those with one, and
+    silent UAVs behind both.
+    """
+    if k is None or k >= uavs.size:
+        return tuple(uavs.tolist())
+    metres = np.full(uavs.size, np.inf)
+    if position is not None:
+        known = np.flatnonzero(~np.isnan(positions[0]))
+        metres[known] = distances_m(position, positions[0][known], positions[1][known])
+    order = np.lexsort((uavs, metres, silent))
+    return tuple(uavs[order[:k]].tolist())
