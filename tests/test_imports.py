@@ -91,7 +91,7 @@ PURE = {
     "swarmctl.config.arrival_checks", "swarmctl.config.checks", "swarmctl.config.communication_checks",
     "swarmctl.config.fence", "swarmctl.config.links_checks", "swarmctl.config.preflight_checks",
     "swarmctl.config.radio", "swarmctl.config.scenario", "swarmctl.config.separation_checks",
-    "swarmctl.config.specs", "swarmctl.config.time_bound_checks", "swarmctl.config.wings_checks",
+    "swarmctl.config.specs", "swarmctl.config.wings_checks",
     "swarmctl.links.mavsdk_conversations", "swarmctl.links.mavsdk_gate", "swarmctl.links.refusals",
     "swarmctl.links.routing", "swarmctl.links.url",
     "swarmctl.flight.sensors",

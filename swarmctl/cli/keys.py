@@ -14,7 +14,7 @@ from swarmctl.bus.endpoint import parse_endpoint
 from swarmctl.bus.transports.access import OPERATOR, ROUTER, name_of
 from swarmctl.cli.calling import roll_of
 from swarmctl.cli.console import EXPECTED, USAGE, ConfigOption, fail, out, say
-from swarmctl.config.mesh import mesh_endpoints
+from swarmctl.config.communication import mesh_endpoints
 from swarmctl.config.roster import Roster
 from swarmctl.security.files import KeyringError
 from swarmctl.security.issue import AUTHORITY, Made, make

@@ -19,7 +19,7 @@ from swarmctl.cli.asking import ConnectOption, FlyingConfigOption, SwarmOption, 
 from swarmctl.cli.calling import of_keys, roll_of
 from swarmctl.cli.console import EXPECTED, USAGE, fail, out, say
 from swarmctl.config import joining
-from swarmctl.config.mesh import mesh_endpoints, vehicle_of
+from swarmctl.config.communication import mesh_endpoints, vehicle_of
 from swarmctl.config.roster import Roster
 from swarmctl.core.grid import Cell
 from swarmctl.core.messages import MAX_SYSTEM_ID

@@ -1,8 +1,9 @@
 """Configuration: YAML to a frozen `Scenario`, with errors that name file, line and key.
 
-`model` has the whole schema and `load`; a file a section (`vehicles`, `communication`, `separation`, …), its checks
-beside it (`…_checks`); `checks` calls them all; `scenario` builds what is flown; `roster` reads only the vehicles and
-endpoints of a swarm; `joining` turns `communication` into a network to join.
+`model` has the whole schema and `load`. Each section has a file (`vehicles`, `communication`, …), with its
+checks beside it (`…_checks`); `checks` calls them all. `scenario` builds the flight. `roster` reads only the
+vehicles and endpoints of a swarm. `joining` turns `communication` into the configuration of a network.
+`examples` are the shipped configurations, and the starter that `swarmctl init` writes.
 Imports agent, bus, core, links.url, planners, preflight.fence and security. Rooms above agent read it; agent,
 mavlink and core never do.
 Begin with `model` and `scenario`.

@@ -1,4 +1,4 @@
-"""When the vehicles arrive, seen together: the section `arrival` of a configuration."""
+"""The section `arrival` of a configuration: arrival of all vehicles at one time, or one after the other."""
 
 from __future__ import annotations
 
@@ -10,22 +10,30 @@ from swarmctl.core.section import Section
 
 
 class ArrivalSection(Section):
-    """All are over their goals together, or one after the other; the slowest sets the time."""
+    """Arrival of all vehicles at their goals at one time, or in a row. The slowest vehicle sets the time."""
 
     mode: Literal["simultaneous", "staggered"] = Field(
-        description="simultaneous: all at one time; staggered: by their system ids, spacing_s apart"
+        description="simultaneous: all arrive at one time. staggered: they arrive in the order of their "
+        "system ids, spacing_s apart."
     )
     spacing_s: float | None = Field(
-        None, gt=0.0, le=600.0, description="from one arrival to the next, with staggered [s]"
+        None,
+        gt=0.0,
+        le=600.0,
+        description="Time between two arrivals [s]. Required with staggered, refused with simultaneous.",
     )
-    tolerance_s: float = Field(3.0, gt=0.0, description="how far off the agreed time an arrival may be [s]")
-
+    tolerance_s: float = Field(
+        3.0, gt=0.0, description="Greatest deviation of an arrival from the agreed time [s]."
+    )
     slowest_m_s: float = Field(
-        0.0, ge=0.0, description="no vehicle is slowed down below this, a fifth of its speed, or 1 m/s [m/s]"
+        0.0,
+        ge=0.0,
+        description="Lowest speed over ground that a vehicle is slowed down to [m/s]. It is never less than "
+        "1 m/s, or a fifth of the vehicle's speed.",
     )
 
     def model_post_init(self, _context: object) -> None:
         if self.mode == "staggered" and self.spacing_s is None:
-            raise ValueError("staggered arrivals need spacing_s, the seconds from one to the next")
+            raise ValueError("mode staggered needs spacing_s, the seconds between two arrivals; add it")
         if self.mode == "simultaneous" and self.spacing_s is not None:
-            raise ValueError("spacing_s is for mode staggered; give that, or leave it away")
+            raise ValueError("spacing_s belongs to mode staggered; change the mode, or remove spacing_s")

@@ -1,19 +1,30 @@
-"""Whether vehicles can arrive together as a configuration says. Pure."""
+"""Checks of arrival times: common arrivals (`arrival`) and time bounds (`arrive_within_s`, …). Pure."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator
 
+import numpy as np
+
+from swarmctl.agent.replan.length_bounds import CLIMB_M_S, before_takeoff
+from swarmctl.agent.replan.time_bound import arrives_s
+from swarmctl.agent.state import Task
 from swarmctl.config.model import Config, ConfigProblem
+from swarmctl.config.vehicles import Simulate, Vehicle
+from swarmctl.config.yaml_lines import Path as KeyPath
+from swarmctl.planners import PLANNERS, BadProblem, Method, Problem, Route, method
+
+TWO_CELLS = ((0, 0), (0, 1))
 
 
 def check_arrival(config: Config) -> Iterator[ConfigProblem]:
-    """Each vehicle's speed has to be known, and its time is the swarm's: no bound of its own beside it."""
+    """Yield vehicles without a speed, or with a time bound beside the common arrival."""
     if config.arrival is None:
         return
     for i, vehicle in enumerate(config.vehicles):
         if vehicle.speed_m_s is None:
-            text = "is missing: with `arrival`, say what it flies over ground at its fastest [m/s]"
+            text = "is missing: `arrival` needs the vehicle's greatest speed over ground [m/s]; add it"
             yield ConfigProblem(("vehicles", i, "speed_m_s"), text)
     sections = [(("vehicles", i), vehicle) for i, vehicle in enumerate(config.vehicles)]
     bounded = [(here, section.arrive_within_s, section.arrive_after_s) for here, section in sections]
@@ -23,5 +34,81 @@ def check_arrival(config: Config) -> Iterator[ConfigProblem]:
     for here, within_s, after_s in bounded:
         for key, given in (("arrive_within_s", within_s is not None), ("arrive_after_s", after_s > 0.0)):
             if given:
-                text = "the vehicles agree on their time by `arrival`; leave this away, or `arrival`"
+                text = "`arrival` sets the arrival time of all vehicles; remove this key, or `arrival`"
                 yield ConfigProblem((*here, key), text)
+
+
+def check_time_bounds(config: Config) -> Iterator[ConfigProblem]:
+    """Yield time bounds that contradict each other, lack a speed, or that the planner ignores."""
+    bounded: list[tuple[KeyPath, Simulate | Vehicle]] = [
+        (("vehicles", i), vehicle) for i, vehicle in enumerate(config.vehicles)
+    ]
+    if config.simulate is not None:
+        bounded.insert(0, (("simulate",), config.simulate))
+    for here, section in bounded:
+        after_s, within_s = section.arrive_after_s, section.arrive_within_s
+        if within_s is not None:
+            yield from _check_keeping(config, (*here, "arrive_within_s"), _keeps_latest)
+        if after_s > 0.0:
+            yield from _check_keeping(config, (*here, "arrive_after_s"), _keeps_earliest)
+        if (within_s is not None or after_s > 0.0) and section.speed_m_s is None:
+            text = "is missing: a time bound needs the vehicle's speed over ground [m/s]; add it"
+            yield ConfigProblem((*here, "speed_m_s"), text)
+        if within_s is not None and after_s > within_s:
+            text = f"{after_s:g} is later than arrive_within_s = {within_s:g}; lower it, or raise that"
+            yield ConfigProblem((*here, "arrive_after_s"), text)
+
+
+def _check_keeping(config: Config, path: KeyPath, keeps: Callable[[Method], bool]) -> Iterator[ConfigProblem]:
+    chosen = config.planner
+    if keeps(method(chosen.name, PLANNERS[chosen.name], chosen.options)):
+        return
+    others = [name for name, planner in PLANNERS.items() if keeps(method(name, planner, {}))]
+    text = f"planner {chosen.name} does not keep this bound; set planner.name: {' or '.join(others)}"
+    yield ConfigProblem(path, text, depends_on=("planner", "name"))
+
+
+def unmet_time_bound(task: Task, nearest: Route, here: KeyPath) -> Iterator[ConfigProblem]:
+    """Yield the problem of a bound that no route meets; `nearest` is the route that misses it least."""
+    arrival, underway = task.arrival, before_takeoff(task.arrival, task.altitude_m)
+    takes_s = arrives_s(task, nearest.length_cells, nearest.cells)
+    climb_s, lead_s = task.altitude_m / CLIMB_M_S, underway.lead_m / arrival.speed_m_s
+    through_s = nearest.length_cells * task.grid.cell_size_m / arrival.speed_m_s
+    lost_s = takes_s - climb_s - lead_s - through_s
+    parts = f"{climb_s:.1f} s to climb, {lead_s:.1f} s to the area, {through_s:.1f} s through it and "
+    parts += f"{lost_s:.1f} s for speeding up and turns"
+    if takes_s > arrival.within_s:
+        needed_s = math.ceil(10.0 * takes_s) / 10.0
+        text = f"{arrival.within_s:g} s is too short for {task.name}: the fastest route found takes "
+        yield ConfigProblem((*here, "arrive_within_s"), f"{text}{needed_s:.1f} s ({parts}); raise the bound")
+    else:
+        text = f"no route that {task.method.name} finds takes {task.name} {arrival} from its take-off to its "
+        text += f"goal: the nearest takes {takes_s:.1f} s ({parts}); widen the window"
+        yield ConfigProblem((*here, "arrive_after_s"), text)
+
+
+def _keeps_latest(chosen: Method) -> bool:
+    """Return whether the planner rejects routes that are too long."""
+    return math.isinf(chosen.measure(_two_cells(max_length_cells=0.5), TWO_CELLS))
+
+
+def _keeps_earliest(chosen: Method) -> bool:
+    """Return whether the planner accepts a lower bound, and rejects routes that are too short."""
+    try:
+        chosen.plan(_two_cells(min_length_cells=0.5))
+        return math.isinf(chosen.measure(_two_cells(min_length_cells=2.0), TWO_CELLS))
+    except BadProblem:
+        return False
+
+
+def _two_cells(*, min_length_cells: float = 0.0, max_length_cells: float = math.inf) -> Problem:
+    start, goal = TWO_CELLS
+    return Problem(
+        np.zeros((1, 2)),
+        start,
+        (goal,),
+        w=0.5,
+        psi_per_cell=1.0,
+        min_length_cells=min_length_cells,
+        max_length_cells=max_length_cells,
+    )

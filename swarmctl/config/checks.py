@@ -1,4 +1,4 @@
-"""What is wrong with a configuration across its sections, before anything starts. Pure."""
+"""Checks of a configuration across its sections, before anything starts. Pure."""
 
 from __future__ import annotations
 
@@ -12,16 +12,15 @@ import numpy as np
 
 from swarmctl.agent.replan.decide import first_flight, first_problem, first_route
 from swarmctl.agent.state import Task
-from swarmctl.config.arrival_checks import check_arrival
+from swarmctl.config.arrival_checks import check_arrival, check_time_bounds, unmet_time_bound
 from swarmctl.config.communication_checks import check_communication
-from swarmctl.config.count import Binomial, Poisson, Uniform, Weights
 from swarmctl.config.links_checks import check_links
 from swarmctl.config.model import Config, ConfigProblem
 from swarmctl.config.preflight_checks import check_preflight
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.config.separation_checks import check_separation
 from swarmctl.config.specs import Spec, entry_of, grid_of, on_border, simulated_goals
-from swarmctl.config.time_bound_checks import check_time_bounds, unmet_time_bound
+from swarmctl.config.threats import Binomial, Poisson, Uniform, Weights
 from swarmctl.config.wings_checks import check_landings, check_plane, check_wings
 from swarmctl.config.yaml_lines import Path as KeyPath
 from swarmctl.core.geo import distance_m
@@ -31,65 +30,67 @@ from swarmctl.planners import PLANNERS, BoundTooTight, Route, Unreachable
 
 MAX_ALTITUDE_M = 1000.0
 MAX_CELLS = 4_000_000
-MIN_STARTS_APART_M = 1.0
-MIN_LANDING_APART_M = 3.0
+MIN_START_DISTANCE_M = 1.0
+MIN_LANDING_DISTANCE_M = 3.0
 
 
 def check_config(config: Config) -> Iterator[ConfigProblem]:
-    """What is wrong across sections; how vehicles fly only where nothing else is wrong."""
+    """Yield problems across sections; problems of the flights only if there are no others."""
     grid = grid_of(config)
     if grid.n_cells > MAX_CELLS:
-        text = f"{grid.rows} × {grid.cols} are {grid.n_cells} cells, more than {MAX_CELLS}; make them larger"
+        text = f"{grid.rows} × {grid.cols} are {grid.n_cells} cells, more than {MAX_CELLS}; use larger cells"
         yield ConfigProblem(("area",), text)
         return
-    problems = [*_judge_unused(config), *_judge_threats(config, grid), *_judge_vehicles(config, grid)]
+    problems = [*_check_unused(config), *_check_threats(config, grid), *_check_vehicles(config, grid)]
     problems += check_communication(config)
     problems += check_links(config)
     problems += check_preflight(config)
     problems += check_wings(config)
     if config.simulate is None and not config.vehicles:
-        text = "no vehicle: give `simulate: {count: 5}` or a list of vehicles"
+        text = "there is no vehicle; add `simulate: {count: 5}`, or a list of vehicles"
         problems.append(ConfigProblem(("vehicles",), text))
     yield from problems
     if not problems:
-        yield from _judge_flights(build(config))
+        yield from _check_flights(build(config))
 
 
-def _judge_flights(scenario: Scenario) -> Iterator[ConfigProblem]:
+def _check_flights(scenario: Scenario) -> Iterator[ConfigProblem]:
     simulate = scenario.config.simulate
     n_simulated = simulate.count if simulate is not None else 0
-    yield from _judge_apart(scenario)
+    yield from _check_starts(scenario)
     routes: dict[int, Route] = {}
     for index, (spec, task) in enumerate(zip(scenario.specs, scenario.tasks, strict=True)):
         here: KeyPath = ("simulate",) if index < n_simulated else ("vehicles", index - n_simulated)
-        yield from _judge_way_in(scenario, spec, here)
-        yield from _judge_landing(scenario, task, (*here, "goal"))
+        yield from _check_approach(scenario, spec, here)
+        yield from _check_landing(scenario, task, (*here, "goal"))
         yield from check_plane(scenario, spec, task, here)
         if spec.altitude_m > MAX_ALTITUDE_M:
-            text = f"{spec.name} would fly at {spec.altitude_m:g} m, above {MAX_ALTITUDE_M:g}; lower the step"
+            text = (
+                f"{spec.name} would fly at {spec.altitude_m:g} m, above {MAX_ALTITUDE_M:g} m; lower the step"
+            )
             yield ConfigProblem(("flight", "altitude_step_m"), text)
         try:
             route = first_route(task, scenario.prior)
         except BoundTooTight as error:
             yield from unmet_time_bound(task, error.nearest, here)
         except Unreachable as error:
-            if (least := _least_that_opens(task, scenario)) is not None:
-                text = f"{task.name} cannot reach its goal: {task.max_exposure:g} closes every way"
+            if (least := _least_max_exposure(task, scenario)) is not None:
+                text = f"{task.name} cannot reach its goal: {task.max_exposure:g} excludes every route"
                 yield ConfigProblem(
-                    ("planner", "max_exposure"), f"{text}; the least that opens one is {least:g}"
+                    ("planner", "max_exposure"), f"{text}; the least value with a route is {least:g}"
                 )
                 continue
-            text = f"{task.name} cannot reach its goal: {error}; open a way in area.no_fly"
+            text = f"{task.name} cannot reach its goal: {error}; open a passage in area.no_fly"
             yield ConfigProblem((*here, "goal"), text)
         else:
             routes[spec.sysid] = route
-            yield from _judge_turns(scenario, task, route, (*here, "turn_radius_m"))
+            yield from _check_turns(scenario, task, route, (*here, "turn_radius_m"))
     yield from check_landings(scenario)
     yield from check_separation(scenario, routes)
 
 
-def _least_that_opens(task: Task, scenario: Scenario) -> float | None:
-    """The least maximum exposure with which a vehicle has a way; None if none is to blame."""
+def _least_max_exposure(task: Task, scenario: Scenario) -> float | None:
+    """Return the least maximum exposure with a route; None if no value gives one."""
     exposure = first_problem(task, scenario.prior).exposure
     levels = np.unique(exposure[np.isfinite(exposure) & (exposure > task.max_exposure)])
 
@@ -103,41 +104,43 @@ def _least_that_opens(task: Task, scenario: Scenario) -> float | None:
         return True
 
     index = bisect_left(levels, True, key=lambda level: is_open(float(level)))
-    # Rounded up, so that what is read opens a way.
+    # Rounded up, so that the printed value gives a route.
     return None if index == levels.size else math.ceil(float(levels[index]) * 1e4) / 1e4
 
 
-def _judge_turns(scenario: Scenario, task: Task, route: Route, path: KeyPath) -> Iterator[ConfigProblem]:
+def _check_turns(scenario: Scenario, task: Task, route: Route, path: KeyPath) -> Iterator[ConfigProblem]:
     if task.turn_radius_m == 0.0:
         return
     if task.any_angle is None:
-        text = "turns are planned only where routes are pulled straight; set flight.any_angle: true"
+        text = "turns are planned on straightened routes only; set flight.any_angle: true"
         yield ConfigProblem(path, text)
         return
     side_m = max(scenario.grid.width_m, scenario.grid.height_m)
     if task.turn_radius_m > side_m:
-        yield ConfigProblem(path, f"{task.turn_radius_m:g} m is more than the area is long, {side_m:g} m")
+        text = f"{task.turn_radius_m:g} m is more than the longest side of the area, {side_m:g} m; lower it"
+        yield ConfigProblem(path, text)
         return
     try:
         first_flight(task, first_problem(task, scenario.prior), route)
     except Unreachable as error:
         text = f"{task.name} cannot fly its first route: {error}"
-        cure = "give the area larger cells, or the vehicle another entry or goal"
+        cure = "use larger cells, or another entry or goal"
         yield ConfigProblem(path, f"{text}; {cure}{', or widen preflight.fence' if task.wings else ''}")
 
 
-def _judge_apart(scenario: Scenario) -> Iterator[ConfigProblem]:
-    """On the ground their starts keep vehicles apart."""
+def _check_starts(scenario: Scenario) -> Iterator[ConfigProblem]:
+    """Yield the first two vehicles with starts at one position."""
     frame = scenario.grid.frame
     starts = sorted((frame.to_local(*spec.start), spec.name) for spec in scenario.specs)
     for (here, name), (there, other) in pairwise(starts):
-        if math.dist(here, there) < MIN_STARTS_APART_M:
-            yield ConfigProblem(("vehicles",), f"{name} and {other} start at one spot; give each its own")
+        if math.dist(here, there) < MIN_START_DISTANCE_M:
+            text = f"{name} and {other} start at one position; give each its own"
+            yield ConfigProblem(("vehicles",), text)
             break
 
 
-def _judge_way_in(scenario: Scenario, spec: Spec, here: KeyPath) -> Iterator[ConfigProblem]:
-    """A vehicle flies straight from its start to its entry; no route was planned for that."""
+def _check_approach(scenario: Scenario, spec: Spec, here: KeyPath) -> Iterator[ConfigProblem]:
+    """Yield cells that the straight flight from the start to the entry must not cross."""
     grid = scenario.grid
     (east_m, north_m), (to_east_m, to_north_m) = grid.frame.to_local(*spec.start), grid.centre_m(spec.entry)
     n = 1 + math.ceil(20 * math.hypot(to_east_m - east_m, to_north_m - north_m) / grid.cell_size_m)
@@ -151,49 +154,51 @@ def _judge_way_in(scenario: Scenario, spec: Spec, here: KeyPath) -> Iterator[Con
     far = sorted(c for c in over if max(abs(c[0] - spec.entry[0]), abs(c[1] - spec.entry[1])) > 1)
     key = (*here, "entry") if here[0] == "vehicles" else here
     if forbidden:
-        text = f"{spec.name} would fly over {forbidden[0]} of area.no_fly on its way in to {spec.entry}"
+        text = f"{spec.name} would fly over {forbidden[0]} of area.no_fly from its start to {spec.entry}"
         yield ConfigProblem(key, f"{text}; give it another start or entry")
     elif far and grid.cell_at(*spec.start) is None:
-        text = f"{spec.name} would cross the area over {far[0]} on its straight way in to {spec.entry}"
-        yield ConfigProblem(key, f"{text}; give it an entry on its own side")
+        text = f"{spec.name} would cross the area over {far[0]} from its start straight to {spec.entry}"
+        yield ConfigProblem(key, f"{text}; give it an entry on the side of its start")
 
 
-def _judge_landing(scenario: Scenario, task: Task, path: KeyPath) -> Iterator[ConfigProblem]:
+def _check_landing(scenario: Scenario, task: Task, path: KeyPath) -> Iterator[ConfigProblem]:
     apart_m = scenario.grid.cell_size_m / (math.isqrt(max(task.landing_count - 1, 0)) + 1)
-    if task.landing_count > 1 and apart_m < MIN_LANDING_APART_M:
-        text = f"{task.landing_count} vehicles that share goals would land {apart_m:.1f} m apart in one cell"
+    if task.landing_count > 1 and apart_m < MIN_LANDING_DISTANCE_M:
+        text = f"{task.landing_count} vehicles with common goals would land {apart_m:.1f} m apart in one cell"
         yield ConfigProblem(
-            path, f"{text}, less than {MIN_LANDING_APART_M:g} m; give them goals of their own"
+            path, f"{text}, less than {MIN_LANDING_DISTANCE_M:g} m; give them goals of their own"
         )
 
 
-def _judge_unused(config: Config) -> Iterator[ConfigProblem]:
-    """Keys that are given and would do nothing. (ψ always does something: the paper's routes stand beside the
-    planner's own in `plan`.)"""
+def _check_unused(config: Config) -> Iterator[ConfigProblem]:
+    """Yield given keys without effect.
+
+    psi_per_cell always has one: `plan` shows the paper's routes beside the planner's own.
+    """
     planner, flight = config.planner, config.flight
     if "w" in planner.model_fields_set and not PLANNERS[planner.name].USES_W:
         users = " or ".join(name for name, other in PLANNERS.items() if other.USES_W)
-        text = f"planner {planner.name} does not go by w; leave it away, or give planner.name: {users}"
+        text = f"planner {planner.name} does not use w; remove it, or set planner.name: {users}"
         yield ConfigProblem(("planner", "w"), text)
     if "any_angle_exposure" in flight.model_fields_set and not flight.any_angle:
-        text = "does nothing without flight.any_angle: true; give that too, or leave this away"
+        text = "has no effect without flight.any_angle: true; set that, or remove this key"
         yield ConfigProblem(("flight", "any_angle_exposure"), text)
 
 
-def _judge_threats(config: Config, grid: Grid) -> Iterator[ConfigProblem]:
+def _check_threats(config: Config, grid: Grid) -> Iterator[ConfigProblem]:
     key, most = _most_hostiles(config)
     if most > grid.n_cells:
-        text = f"{most:g} hostiles do not fit into {grid.n_cells} cells, one a cell"
+        text = f"{most:g} hostiles do not fit into {grid.n_cells} cells, one in each; lower it"
         yield ConfigProblem(("threats", "count", *key), text)
     if config.threats.hostiles != "random":
         yield from _outside(grid, config.threats.hostiles, ("threats", "hostiles"), "hostile")
         if len(set(config.threats.hostiles)) < len(config.threats.hostiles):
-            yield ConfigProblem(("threats", "hostiles"), "a cell is listed twice; a cell holds one hostile")
+            yield ConfigProblem(("threats", "hostiles"), "a cell is listed twice; list each cell once")
     yield from _outside(grid, config.area.no_fly, ("area", "no_fly"), "cell")
 
 
 def _most_hostiles(config: Config) -> tuple[KeyPath, float]:
-    """The greatest number that is announced, the mean where there is no greatest; and which key says so."""
+    """Return the key of the greatest announced number, and the number; the mean if there is no greatest."""
     match config.threats.count:
         case Poisson(mean=mean):
             return ("mean",), mean
@@ -207,22 +212,22 @@ def _most_hostiles(config: Config) -> tuple[KeyPath, float]:
             return (), n
 
 
-def _judge_vehicles(config: Config, grid: Grid) -> Iterator[ConfigProblem]:
+def _check_vehicles(config: Config, grid: Grid) -> Iterator[ConfigProblem]:
     if config.simulate is not None:
-        yield from _judge_simulate(config, grid)
+        yield from _check_simulate(config, grid)
     no_fly = set(config.area.no_fly)
     for i, vehicle in enumerate(config.vehicles):
         here: KeyPath = ("vehicles", i)
         yield from _outside(grid, vehicle.goal, (*here, "goal"), "goal")
         if no_fly.issuperset(vehicle.goal):
-            yield ConfigProblem((*here, "goal"), "every goal cell is in area.no_fly")
-        yield from _judge_entry(config, grid, i)
+            yield ConfigProblem((*here, "goal"), "every goal cell is in area.no_fly; give another goal")
+        yield from _check_entry(config, grid, i)
     yield from check_time_bounds(config)
     yield from check_arrival(config)
-    yield from _judge_identities(config)
+    yield from _check_identities(config)
 
 
-def _judge_simulate(config: Config, grid: Grid) -> Iterator[ConfigProblem]:
+def _check_simulate(config: Config, grid: Grid) -> Iterator[ConfigProblem]:
     simulate = config.simulate
     assert simulate is not None
     if simulate.goal is not None:
@@ -232,78 +237,80 @@ def _judge_simulate(config: Config, grid: Grid) -> Iterator[ConfigProblem]:
         goals = simulated_goals(config, grid, i)
         if no_fly.issuperset(goals):
             key = "goal" if simulate.goal is not None else "goal_side"
-            text = f"uav{i + 1}: every goal cell, {list(goals)}, is in area.no_fly"
+            text = f"uav{i + 1}: every goal cell, {list(goals)}, is in area.no_fly; give another goal"
             yield ConfigProblem(("simulate", key), text)
     if entry_of(config, grid, grid.frame.to_geodetic(-1.0, -1.0)) is None:
-        yield ConfigProblem(("area", "no_fly"), "the area cannot be entered: no border cell is left free")
+        text = "every border cell is in area.no_fly, so no vehicle can enter the area; leave one free"
+        yield ConfigProblem(("area", "no_fly"), text)
     if simulate.start_distance_m > config.flight.max_start_distance_m:
         text = (
-            f"the area cannot be entered from {simulate.start_distance_m:g} m away, more than flight."
-            f"max_start_distance_m = {config.flight.max_start_distance_m:g}"
+            f"{simulate.start_distance_m:g} m is more than flight.max_start_distance_m = "
+            f"{config.flight.max_start_distance_m:g} m; lower it"
         )
         yield ConfigProblem(("simulate", "start_distance_m"), text)
     endpoint = parse_url(simulate.url)
     if endpoint.kind not in ("udpin", "tcpin"):
         yield ConfigProblem(
-            ("simulate", "url"), f"the ground station has to listen: udpin or tcpin, found {simulate.url!r}"
+            ("simulate", "url"), f"the ground station listens here; give udpin or tcpin, not {simulate.url!r}"
         )
     if simulate.speedup != 1.0 and config.vehicles:
-        text = f"{simulate.speedup} beside vehicles in `vehicles`, which fly in real time; give 1"
+        text = f"{simulate.speedup:g} is impossible beside `vehicles`, which fly in real time; set it to 1"
         yield ConfigProblem(("simulate", "speedup"), text)
 
 
-def _judge_entry(config: Config, grid: Grid, index: int) -> Iterator[ConfigProblem]:
+def _check_entry(config: Config, grid: Grid, index: int) -> Iterator[ConfigProblem]:
     vehicle = config.vehicles[index]
     here: KeyPath = ("vehicles", index)
     start = (vehicle.start.lat_deg, vehicle.start.lon_deg)
     inside = grid.cell_at(*start)
     if inside is not None and inside in config.area.no_fly:
-        yield ConfigProblem((*here, "start"), f"it stands in cell {inside}, which is in area.no_fly")
+        text = f"the start is in cell {inside} of area.no_fly; move it"
+        yield ConfigProblem((*here, "start"), text)
     if vehicle.entry is not None:
         where: KeyPath = (*here, "entry")
         if inside is not None:
-            yield ConfigProblem(where, f"it starts inside the area, in cell {inside}; leave entry away")
+            text = f"the start is inside the area, in cell {inside}, so there is no entry; remove this key"
+            yield ConfigProblem(where, text)
             return
         if not grid.contains(vehicle.entry):
             yield from _outside(grid, [vehicle.entry], where, "entry", listed=False)
         elif not on_border(grid, vehicle.entry):
             yield ConfigProblem(
-                where, f"{vehicle.entry} is no border cell: it cannot be entered from outside"
+                where, f"{vehicle.entry} is not on the border of the area; give a border cell"
             )
         elif vehicle.entry in config.area.no_fly:
-            yield ConfigProblem(where, f"{vehicle.entry} is in area.no_fly")
+            yield ConfigProblem(where, f"{vehicle.entry} is in area.no_fly; give another border cell")
         return
     entry = entry_of(config, grid, start)
     if entry is None:
-        yield ConfigProblem(
-            (*here, "start"), "the area cannot be entered: its border is in area.no_fly all round"
-        )
+        text = "every border cell is in area.no_fly, so the vehicle cannot enter the area; leave one free"
+        yield ConfigProblem((*here, "start"), text)
         return
     away_m = distance_m(start, grid.centre(entry))
     if inside is None and away_m > config.flight.max_start_distance_m:
         text = (
-            f"the area cannot be entered from here: it is {away_m:.0f} m away, more than flight."
-            f"max_start_distance_m = {config.flight.max_start_distance_m:g}; is the position right?"
+            f"the start is {away_m:.0f} m from its entry cell, more than flight.max_start_distance_m = "
+            f"{config.flight.max_start_distance_m:g} m; correct the position, or raise that"
         )
         yield ConfigProblem((*here, "start"), text)
 
 
-def _judge_identities(config: Config) -> Iterator[ConfigProblem]:
-    """The second of two vehicles with one name or one system id is the one to change."""
+def _check_identities(config: Config) -> Iterator[ConfigProblem]:
+    """Yield the second of two vehicles with one name or one system id."""
     simulate = config.simulate
     url, count = (str(parse_url(simulate.url)), simulate.count) if simulate is not None else ("", 0)
-    # sysid -> (name, link); the bus and the beliefs know a UAV by its system id, whatever link it is on.
+    # sysid -> (name, link); the bus and the beliefs identify a UAV by its system id, on any link.
     seen = {n: (f"uav{n}", url) for n in range(1, count + 1)}
     for i, vehicle in enumerate(config.vehicles):
         link = str(parse_url(vehicle.url))
         if vehicle.sysid in seen:
             name, its_link = seen[vehicle.sysid]
             where = f"on the same link {vehicle.url}" if its_link == link else "in the same swarm"
-            text = f"{vehicle.sysid} is {name}'s {where}; give each vehicle its own"
+            text = f"{vehicle.sysid} belongs to {name} {where}; give each vehicle its own system id"
             yield ConfigProblem(("vehicles", i, "sysid"), text)
         if vehicle.name in {name for name, _ in seen.values()}:
             yield ConfigProblem(
-                ("vehicles", i, "name"), f"{vehicle.name!r} is given twice; give each its own"
+                ("vehicles", i, "name"), f"{vehicle.name!r} is given twice; give each vehicle its own name"
             )
         seen.setdefault(vehicle.sysid, (vehicle.name, link))
 

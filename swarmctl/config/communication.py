@@ -1,161 +1,217 @@
-"""Who hears whom, over what, and who belongs: the section `communication` of a configuration."""
+"""The section `communication` of a configuration: transport, endpoints, and the model of the radio."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
-from swarmctl.bus.endpoint import NO_ENDPOINT, parse_endpoint
+from swarmctl.bus.endpoint import NO_ENDPOINT, BusEndpoint, parse_endpoint
 from swarmctl.core.section import Section
+from swarmctl.core.texts import resolve_vehicles
 
 MAX_DELAY_S = 60.0
 
 
-def _listen(text: str) -> str:
+def _listen_endpoint(text: str) -> str:
     if text != NO_ENDPOINT:
         parse_endpoint(text)
     return text
 
 
-def _endpoint(text: str) -> str:
+def _connect_endpoint(text: str) -> str:
     endpoint = parse_endpoint(text)
     if endpoint.port == 0:
-        raise ValueError(f"{text!r}: others have to find it; give it a port")
+        raise ValueError(f"{text!r}: other machines connect to this endpoint; give it a port above 0")
     if endpoint.reachable != endpoint:
-        raise ValueError(f"{text!r}: others have to find it; give the address or name of the machine")
+        raise ValueError(
+            f"{text!r}: other machines connect to this endpoint; give the machine's address or name"
+        )
     return text
 
 
-def _worded(value: Any) -> Any:
-    """System ids as words, beside names: YAML reads `3: tcp/...` as a number."""
+def _keys_as_text(value: Any) -> Any:
+    """Return the mapping with system ids as text, beside names: YAML reads `3: tcp/...` as a number."""
     if not isinstance(value, dict):
         return value
     return {str(key) if type(key) is int else key: endpoint for key, endpoint in value.items()}
 
 
-def _in_order(from_s: float, until_s: float | None) -> None:
+def _require_order(from_s: float, until_s: float | None) -> None:
     if until_s is not None and until_s <= from_s:
-        raise ValueError(f"until_s {until_s:g} is not after from_s {from_s:g}; a time ends after it begins")
+        raise ValueError(f"until_s {until_s:g} is not after from_s {from_s:g}; give a later until_s")
 
 
-Endpoint = Annotated[str, AfterValidator(_endpoint)]
-Uav = int | str
+Endpoint = Annotated[str, AfterValidator(_connect_endpoint)]
+VehicleRef = int | str
 """a system id, or a vehicle's name"""
 
 
 class PartitionSection(Section):
-    """For a time, UAVs hear those of their own group only; who is in no group hears nobody. Of several at
-    once, all have to let a message pass."""
+    """A time in which UAVs hear only UAVs of their own group.
+
+    A UAV in no group hears no other. Of partitions at one time, all have to let a message pass.
+    """
 
     from_s: float = Field(
-        ge=0.0, description="what is sent from here on, in simulated seconds since the start [s]"
+        ge=0.0, description="Begin, in simulated seconds since the start, by the time of sending [s]."
     )
-    until_s: float | None = Field(None, gt=0.0, description="and before this; default: to the end [s]")
-    groups: tuple[tuple[Uav, ...], ...] = Field(
-        min_length=1, description="names or system ids of those who still hear each other"
+    until_s: float | None = Field(
+        None,
+        gt=0.0,
+        description="End, in simulated seconds since the start [s]. Default: the end of the flight.",
+    )
+    groups: tuple[tuple[VehicleRef, ...], ...] = Field(
+        min_length=1, description="Groups of UAVs, by name or system id. UAVs of one group hear each other."
     )
 
     def model_post_init(self, _context: object) -> None:
-        _in_order(self.from_s, self.until_s)
+        _require_order(self.from_s, self.until_s)
         if not all(self.groups):
-            raise ValueError("a group is empty; leave it away, or say who is in it")
+            raise ValueError("a group is empty; remove it, or list its UAVs")
 
 
 class QuietSection(Section):
-    """For a time, UAVs send nothing; they hear."""
+    """A time in which UAVs send nothing. They still hear."""
 
-    uavs: tuple[Uav, ...] = Field(min_length=1, description="their names or system ids")
-    from_s: float = Field(0.0, ge=0.0, description="from here on, in simulated seconds since the start [s]")
-    until_s: float | None = Field(None, gt=0.0, description="and before this; default: to the end [s]")
+    uavs: tuple[VehicleRef, ...] = Field(min_length=1, description="The silent UAVs, by name or system id.")
+    from_s: float = Field(0.0, ge=0.0, description="Begin, in simulated seconds since the start [s].")
+    until_s: float | None = Field(
+        None,
+        gt=0.0,
+        description="End, in simulated seconds since the start [s]. Default: the end of the flight.",
+    )
 
     def model_post_init(self, _context: object) -> None:
-        _in_order(self.from_s, self.until_s)
+        _require_order(self.from_s, self.until_s)
 
 
 class Communication(Section):
-    """Who hears whom, and over what. What limits the reach is a model in simulated time, the same over every
-    transport; it comes on top of what the real network does."""
+    """How UAVs exchange messages: the transport, its endpoints, and a model of the radio.
 
-    bus: Literal["zenoh", "memory"] = "zenoh"
-    listen: Annotated[str, AfterValidator(_listen)] = Field(
+    The model limits the reach in simulated time, over every transport alike. It adds to the delays and
+    losses of the real network.
+    """
+
+    bus: Literal["zenoh", "memory"] = Field(
+        "zenoh", description="Transport: zenoh, or memory (within one process, without a network)."
+    )
+    listen: Annotated[str, AfterValidator(_listen_endpoint)] = Field(
         "tcp/127.0.0.1:0",
-        description="where operators and sensors reach a flight on the bus zenoh: tcp/HOST:PORT, or none; "
-        "port 0: any free one",
+        description="Endpoint of a flight for operators and sensors, with bus zenoh: tcp/HOST:PORT, or none. "
+        "Port 0 takes any free port.",
     )
     router: Endpoint | None = Field(
         None,
-        description="star: where `swarmctl router` listens and every `swarmctl agent` connects: "
-        "tcp/HOST:PORT, tls/HOST:PORT or quic/HOST:PORT",
+        description="Star: endpoint of `swarmctl router`, to which every `swarmctl agent` connects: "
+        "tcp/HOST:PORT, tls/HOST:PORT or quic/HOST:PORT. Default: no router.",
     )
-    mesh: Annotated[dict[str, Endpoint], BeforeValidator(_worded)] = Field(
+    mesh: Annotated[dict[str, Endpoint], BeforeValidator(_keys_as_text)] = Field(
         {},
-        description="ad-hoc mesh, instead of a router: where each `swarmctl agent` listens, by its vehicle's "
-        "name or system id; of each two the one of the higher system id connects",
+        description="Ad-hoc mesh, instead of a router: the endpoint of each vehicle's `swarmctl agent`, by "
+        "name or system id. Of each pair the agent with the higher system id connects.",
     )
     keys: str | None = Field(
         None,
-        description="folder that `swarmctl keys` made: mutual TLS and signed messages, with router or mesh, "
-        "and signed evidence; default: neither",
+        description="Folder made by `swarmctl keys`: mutual TLS and signed messages with router or mesh, and "
+        "signed evidence. Default: no keys.",
     )
     clock_tolerance_s: float = Field(
         5.0,
         gt=0.0,
-        description="how far ahead another machine's clock may be; later messages are refused [s]",
+        description="Greatest lead of another machine's clock [s]. Messages from further ahead are refused.",
     )
     range: Literal["all"] | Annotated[int, Field(ge=0)] = Field(
-        "all", description="how many UAVs, the nearest alive ones by last known position, a UAV can send to"
+        "all",
+        description="Number of UAVs that a UAV sends to: the nearest live ones by last known position, "
+        "or all.",
     )
     max_distance_m: float | None = Field(
         None,
         gt=0.0,
-        description="radio range: farther apart, UAVs do not hear each other; default: no limit [m]",
+        description="Radio range [m]: UAVs farther apart do not hear each other. Default: no limit.",
     )
     min_distance_m: float = Field(
         0.0,
         ge=0.0,
-        description="the paper's minimum distance for information exchange: two UAVs that are nearer to each "
-        "other than this do not exchange [m]",
+        description="Minimum distance for information exchange, from the paper [m]: UAVs nearer to each "
+        "other do not exchange messages.",
     )
-    delay_s: float = Field(0.0, ge=0.0, le=MAX_DELAY_S, description="from sending to hearing [s]")
+    delay_s: float = Field(
+        0.0, ge=0.0, le=MAX_DELAY_S, description="Time from sending to receiving a message [s]."
+    )
     jitter_s: float = Field(
-        0.0, ge=0.0, le=MAX_DELAY_S, description="up to so much more, drawn for each message; may reorder [s]"
+        0.0,
+        ge=0.0,
+        le=MAX_DELAY_S,
+        description="Greatest additional delay, drawn for each message [s]. Messages may change order.",
     )
-    loss: float = Field(0.0, ge=0.0, lt=1.0, description="share of messages that are lost")
+    loss: float = Field(0.0, ge=0.0, lt=1.0, description="Share of messages that are lost, 0 to 1.")
     loss_burst: float | None = Field(
         None,
         ge=1.0,
-        description="how many messages in a row are lost on average (Gilbert's model), at least "
-        "loss / (1 - loss); default: each is drawn for itself",
+        description="Mean number of messages lost in a row (Gilbert's model), at least loss / (1 - loss). "
+        "Default: each loss is independent.",
     )
     bandwidth_bytes_s: float | None = Field(
         None,
         gt=0.0,
-        description="what a UAV can send, to each receiver by itself; what would wait longer than 2 s is "
-        "dropped; default: no limit [bytes/s]",
+        description="Send rate of a UAV to each receiver [bytes/s]. A message that would wait longer than "
+        "2 s is dropped. Default: no limit.",
     )
-    partitions: tuple[PartitionSection, ...] = Field((), description="times at which the swarm falls apart")
-    quiet: tuple[QuietSection, ...] = Field((), description="times at which UAVs send nothing")
+    partitions: tuple[PartitionSection, ...] = Field(
+        (), description="Times at which the swarm splits into groups. Default: none."
+    )
+    quiet: tuple[QuietSection, ...] = Field(
+        (), description="Times at which UAVs send nothing. Default: none."
+    )
     relay: bool = Field(
-        False, description="whether UAVs pass on at once what they hear of others; where not all reach all"
+        False,
+        description="Each UAV forwards observations of others at once. Useful where some UAVs cannot reach "
+        "each other.",
     )
     sync_every_s: float = Field(
         3.0,
         ge=0.0,
-        description="how often a UAV compares what it knows with a neighbour; 0: never, and nothing lost is "
-        "asked for, as in the paper [s]",
+        description="Period at which a UAV compares its knowledge with a neighbour's and requests what it "
+        "lacks [s]. 0: never, as in the paper; lost messages stay lost.",
     )
     penalty_per_m: float = Field(
-        0.0, ge=0.0, description="cost of communicating a metre flown; reported only"
+        0.0, ge=0.0, description="Communication cost of a metre flown [1/m]. It is only reported."
     )
 
     def model_post_init(self, _context: object) -> None:
         if self.router is not None and self.mesh:
-            raise ValueError("router makes a star and mesh does without; give one of them")
+            raise ValueError("router (a star) and mesh exclude each other; remove one of them")
         if self.max_distance_m is not None and self.min_distance_m >= self.max_distance_m:
             raise ValueError(
-                f"min_distance_m {self.min_distance_m:g} leaves nothing below max_distance_m "
-                f"{self.max_distance_m:g}"
+                f"min_distance_m {self.min_distance_m:g} is not below max_distance_m "
+                f"{self.max_distance_m:g}, so no two UAVs hear each other; lower min_distance_m"
             )
         if self.loss_burst is not None and self.loss == 0.0:
-            raise ValueError("loss_burst says how losses cluster; give loss too")
+            raise ValueError("loss_burst has no effect without loss; set loss above 0, or remove loss_burst")
+
+
+def vehicle_of(word: int | str, names: Mapping[int, str]) -> int:
+    """Return the system id of the vehicle that `word` names; `names` are the swarm's, by system id.
+
+    Raises ValueError if `word` matches no vehicle, or two.
+    """
+    (uav,) = resolve_vehicles([word], names)
+    return uav
+
+
+def mesh_endpoints(mesh: Mapping[str, str], names: Mapping[int, str]) -> dict[int, BusEndpoint]:
+    """Return the endpoint of each vehicle's agent, by system id.
+
+    Raises ValueError if a key matches no vehicle or two, if a vehicle has two endpoints, or if an endpoint
+    is malformed.
+    """
+    found: dict[int, BusEndpoint] = {}
+    for word, endpoint in mesh.items():
+        uav = vehicle_of(word, names)
+        if uav in found:
+            raise ValueError(f"{names[uav]} is given twice; give each vehicle one endpoint")
+        found[uav] = parse_endpoint(endpoint)
+    return found

@@ -1,4 +1,4 @@
-"""The section `rules` of a configuration: one key a rule."""
+"""The section `rules` of a configuration: one key for each failsafe rule."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from swarmctl.core.section import Section
 
 
 class Rules(Section):
-    """What becomes of a vehicle in flight when something is not as it should be; null turns a rule off."""
+    """Failsafe rules of each vehicle in flight. null turns a rule off."""
 
     low_battery: LowBattery | None = Field(
-        LowBattery(), description="the charge runs out: it returns, or lands"
+        LowBattery(), description="Low battery: the vehicle returns, or lands where it is."
     )
     fence_ahead: FenceAhead | None = Field(
-        FenceAhead(), description="off its route it is about to leave the fence: it holds; outside it returns"
+        FenceAhead(),
+        description="Fence ahead: a vehicle off its route holds before the fence. Outside it returns.",
     )
     not_following: NotFollowing | None = Field(
-        NotFollowing(), description="it says that it flies its mission, and does not"
+        NotFollowing(), description="Vehicle in its mission mode that does not follow the mission."
     )
     gps_loss: GpsLoss | None = Field(
-        GpsLoss(), description="it has no GPS fix: that is said, and in the end it lands"
+        GpsLoss(), description="Loss of the GPS fix: the program reports it, and lands the vehicle later."
     )
 
 
-def rulings(section: Rules, agreed: LostLink) -> tuple[ActiveRule, ...]:
-    """The rules that are on, those that nobody turns off first; `agreed` is what vehicles do that hear
-    nothing."""
+def active_rules(section: Rules, declared: LostLink) -> tuple[ActiveRule, ...]:
+    """Return the active rules, permanent ones first; `declared` is the vehicles' reaction to a lost link."""
     chosen = ((rule, getattr(section, rule.NAME)) for rule in RULES)
-    always = (ActiveRule(lost_link, agreed) if ruling.rule is lost_link else ruling for ruling in ALWAYS_ON)
+    always = (ActiveRule(lost_link, declared) if active.rule is lost_link else active for active in ALWAYS_ON)
     return (*always, *(ActiveRule(rule, params) for rule, params in chosen if params is not None))

@@ -1,4 +1,4 @@
-"""The fence that a configuration asks for. Pure."""
+"""The fence of a configuration: its polygon and its ceiling. Pure."""
 
 from __future__ import annotations
 
@@ -13,8 +13,11 @@ from swarmctl.mavlink.procedures.fence import MAX_VERTICES
 
 
 def polygon_of(config: Config, grid: Grid, swarm: Sequence[Spec]) -> tuple[LatLon, ...]:
-    """Its corners [deg], in order: those given, or the area with every start of the swarm and a margin;
-    around the starts and goals of fixed wings it has room for their landings."""
+    """Return the fence's corners [deg], in order.
+
+    By default the fence surrounds the area and all starts, with a margin. Around the starts and goals of
+    fixed wings it has room for their landings.
+    """
     fence, frame = config.preflight.fence, grid.frame
     if fence.polygon is not None:
         return tuple((corner.lat_deg, corner.lon_deg) for corner in fence.polygon)
@@ -27,7 +30,7 @@ def polygon_of(config: Config, grid: Grid, swarm: Sequence[Spec]) -> tuple[LatLo
 
 
 def _landing_room(config: Config, grid: Grid, swarm: Sequence[Spec]) -> list[tuple[float, float]]:
-    """Corners of what fixed wings need around their starts and goals (east, north) [m]."""
+    """Return corners of the room that fixed wings need at their starts and goals (east, north) [m]."""
     room = []
     for spec in swarm:
         wings = wings_of(config, spec)
@@ -40,7 +43,7 @@ def _landing_room(config: Config, grid: Grid, swarm: Sequence[Spec]) -> list[tup
 
 
 def ceiling_m(config: Config, swarm: Sequence[Spec]) -> float:
-    """How high a vehicle may fly, above home [m]."""
+    """Return the greatest allowed height above home [m]."""
     fence = config.preflight.fence
     if fence.max_altitude_m is not None:
         return fence.max_altitude_m

@@ -1,4 +1,4 @@
-"""How a process joins its swarm's network, by the section `communication` of a configuration."""
+"""The network of a process, by the section `communication`: client of a router, or node of a mesh."""
 
 from __future__ import annotations
 
@@ -10,13 +10,12 @@ from typing import Protocol
 from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
 from swarmctl.bus.transports import zenoh_config
 from swarmctl.bus.transports.zenoh_config import Configuration, Credentials
-from swarmctl.config.communication import Communication
-from swarmctl.config.mesh import mesh_endpoints
+from swarmctl.config.communication import Communication, mesh_endpoints
 from swarmctl.security.participant import Keyring, load
 
 
 class Swarm(Protocol):
-    """What is asked of a configuration here: one that is flown, or a `Roll`."""
+    """A `Config`, or a `Roster`."""
 
     @property
     def name(self) -> str: ...
@@ -26,11 +25,11 @@ class Swarm(Protocol):
 
 
 class NoNetwork(ValueError):
-    """The configuration does not say how; the text says what to add."""
+    """The configuration lacks an endpoint or keys; the text says what to add."""
 
 
 def keyring_of(swarm: Swarm, name: str, now: dt.datetime) -> Keyring | None:
-    """The keys of `uav3` or `operator`; None where communication.keys is not set. Raises KeyringError."""
+    """Return the keys of `uav3` or `operator`; None without communication.keys. Raises KeyringError."""
     folder = swarm.communication.keys
     return None if folder is None else load(Path(folder), name, now)
 
@@ -38,20 +37,19 @@ def keyring_of(swarm: Swarm, name: str, now: dt.datetime) -> Keyring | None:
 def as_agent(
     swarm: Swarm, uav: int, names: Mapping[int, str], connect: str | None, keyring: Keyring | None
 ) -> Configuration:
-    """For the agent of vehicle `uav` of `names` (system id: name); `connect` is a router instead of the
-    configuration's.
+    """Return the network of the agent of vehicle `uav`; `names` are the swarm's vehicles, by system id.
 
-    Raises NoNetwork.
+    `connect` replaces the configuration's router. Raises NoNetwork.
     """
     if (router := _router(swarm, connect)) is not None:
         return zenoh_config.client(router, certified(router, keyring))
     mesh = _mesh(swarm, names)
     if not mesh:
-        raise NoNetwork("`communication` has neither router nor mesh, so agents do not find each other")
+        raise NoNetwork("`communication` has neither router nor mesh, so agents cannot connect; add one")
     if uav not in mesh:
-        raise NoNetwork(f"communication.mesh does not say where {names[uav]} listens: add it")
+        raise NoNetwork(f"communication.mesh has no endpoint for {names[uav]}; add it")
     here = mesh[uav]
-    # One of each two connects: with two links between two nodes, the end of one may go unnoticed.
+    # One node of each pair connects: with two links between two nodes, the loss of one may go unnoticed.
     others = [endpoint for other, endpoint in mesh.items() if other < uav]
     return zenoh_config.mesh_node(here, others, swarm.name, [*names], certified(here, keyring))
 
@@ -59,7 +57,7 @@ def as_agent(
 def as_watcher(
     swarm: Swarm, names: Mapping[int, str], connect: str | None, keyring: Keyring | None
 ) -> Configuration:
-    """For a ground station that stays: of a mesh it is a node that listens to this machine only.
+    """Return the network of a ground station; in a mesh it is a node that only this machine reaches.
 
     Raises NoNetwork.
     """
@@ -67,27 +65,26 @@ def as_watcher(
         return zenoh_config.client(router, certified(router, keyring))
     nodes = [*_mesh(swarm, names).values()]
     if not nodes:
-        raise NoNetwork("`communication` has neither router nor mesh: there is nothing to watch at")
+        raise NoNetwork("`communication` has neither router nor mesh to connect to; add one")
     here = BusEndpoint("127.0.0.1", 0, nodes[0].protocol)
     return zenoh_config.mesh_node(here, nodes, swarm.name, [*names], certified(here, keyring))
 
 
 def not_reached(network: Configuration) -> str:
-    """What to look at where nobody of a network is reached.
+    """Return advice for a network of which no endpoint answers.
 
-    Zenoh says the same ("Timeout!") of a machine that is not there and of one that refuses our certificate,
-    or shows one that we refuse.
+    Zenoh reports the same ("Timeout!") for an absent machine and for a certificate that one side refuses.
     """
     if not any(endpoint.is_certified for endpoint in network.connect):
-        return "does anybody run there, and does a firewall let us through?"
+        return "check that the program runs there, and that no firewall blocks the port"
     return (
-        "does anybody run there, does a firewall let us through, and are its keys and ours of one authority? "
-        "ca.pem has to be the same on both machines: copy the folders of one run of `swarmctl keys` to all"
+        "check that the program runs there, that no firewall blocks the port, and that both machines have the "
+        "same ca.pem (copy the folders of one run of `swarmctl keys` to all machines)"
     )
 
 
 def certified(endpoint: BusEndpoint, keyring: Keyring | None) -> Credentials | None:
-    """What is shown at an endpoint; nothing over plain TCP. Raises NoNetwork where it is missing."""
+    """Return the credentials for an endpoint; None for plain TCP. Raises NoNetwork without keys."""
     if not endpoint.is_certified:
         return None
     if keyring is None:

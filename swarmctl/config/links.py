@@ -1,4 +1,4 @@
-"""Who else sees the vehicles' traffic, and who may speak to them: the section `links` of a configuration."""
+"""The section `links` of a configuration: forwarding, signing, and message rates of all MAVLink links."""
 
 from __future__ import annotations
 
@@ -19,40 +19,40 @@ MavlinkUrl = Annotated[str, AfterValidator(_url)]
 
 
 class Links(Section):
-    """What is common to the links of all vehicles."""
+    """Settings that the MAVLink links of all vehicles share."""
 
     forward: tuple[MavlinkUrl, ...] = Field(
         (),
-        description="MAVLink URLs to which everything heard from vehicles and sent to them goes unaltered, "
-        "for QGroundControl or Mission Planner to watch, such as udpout:127.0.0.1:14550",
+        description="MAVLink URLs that receive a copy of all traffic from and to the vehicles, unaltered: "
+        "for QGroundControl or Mission Planner, such as udpout:127.0.0.1:14550. Default: none.",
     )
     signing_key: str | None = Field(
         None,
-        description="file with the vehicles' key of MAVLink signing, as seen from where the commands run: 64 "
-        "hexadecimal digits, base64 as in Mission Planner, or `passphrase: WORDS`; what is not signed with "
-        "it is refused. Default: nothing is signed",
+        description="File with the MAVLink signing key of the vehicles, relative to the folder of the "
+        "command: 64 hexadecimal digits, base64 as in Mission Planner, or `passphrase: WORDS`. Messages "
+        "without its signature are refused. Default: no signing.",
     )
     signing_link_id: int = Field(
         0,
         ge=0,
         le=255,
-        description="of the first link in signatures, the next has the next; stations that speak to one "
-        "vehicle with one key at once need different ones",
+        description="Link id of the first link in signatures; each further link has the next number. "
+        "Stations that share a vehicle and a key need different ids.",
     )
     position_hz: float | None = Field(
         None,
         ge=2.0,
         le=10.0,
-        description="positions a second that each vehicle is asked for, and the rest of what it tells in "
-        "proportion. Default: 4 (ArduPilot) or 5 (PX4); 2 for radios that several vehicles share",
+        description="Requested position rate of each vehicle [Hz]; its other messages scale with it. "
+        "Default: 4 (ArduPilot) or 5 (PX4). Use 2 for a radio that several vehicles share.",
     )
     stop_other_streams: bool = Field(
         False,
-        description="whether a vehicle is told, until it boots anew, to end what it streams over its link "
-        "for people's instruments and nobody here looks at (attitude …); who watches misses it",
+        description="Stop the messages that this program does not read (attitude, …), until the vehicle "
+        "boots again. A program that watches the link misses them.",
     )
     forward_commands: bool = Field(
         False,
-        description="whether what such a program sends reaches the vehicles; it is in the evidence as "
-        "another station's",
+        description="Pass messages of the programs in `forward` on to the vehicles. The evidence marks them "
+        "as another station's.",
     )

@@ -1,4 +1,4 @@
-"""What is wrong with the section `links` beside the vehicles of a configuration. Pure."""
+"""Checks of the section `links` against the vehicles of a configuration. Pure."""
 
 from __future__ import annotations
 
@@ -11,24 +11,25 @@ from swarmctl.links.url import parse_url
 
 
 def check_links(config: Config) -> Iterator[ConfigProblem]:
-    # Nobody gives the built-in simulator the key: in `scenario.json` it would lie in the run's folder, and
-    # over the link it goes in clear. One that is started by hand, and was given it, is listed as a vehicle.
+    """Yield unusable signing keys, and places where forwarding is impossible or unsafe."""
+    # The built-in simulator never has the key: in `scenario.json` it would lie in the run folder, and over
+    # the link it would go in clear. A simulator started by hand with the key is a vehicle with a URL.
     if config.links.signing_key is not None and config.simulate is not None:
         text = (
-            "vehicles of `simulate` have no key, so that nothing they say would be heard; leave it away, or "
-            "list vehicles that have it: also a simulator that you have started and given the key"
+            "vehicles of `simulate` have no signing key, so all their messages would be refused; remove this "
+            "key, or list vehicles that have it (also a simulator that you start with the key)"
         )
         yield ConfigProblem(("links", "signing_key"), text)
     vehicles = {parse_url(vehicle.url) for vehicle in config.vehicles}
     for i, url in enumerate(config.links.forward):
         if parse_url(url) in vehicles:
-            text = f"{url} is where vehicles are; give the program that watches a place of its own"
+            text = f"{url} is the URL of a vehicle; give the watching program an endpoint of its own"
             yield ConfigProblem(("links", "forward", i), text)
         if text := forwarding_problem(config.links, url):
             yield ConfigProblem(("links", "forward", i), text)
 
 
 def forwarding_problem(links: Links, url: str) -> str:
-    """Why traffic may not be forwarded to this URL: strangers could order vehicles; empty where it may."""
+    """Return why forwarding to this URL is unsafe: strangers could command vehicles. Empty if it is safe."""
     signed = links.signing_key is not None
     return open_to_strangers(parse_url(url), signed=signed) if links.forward_commands else ""

@@ -1,8 +1,8 @@
-"""The configuration: what a YAML file may say, and every error in it at once.
+"""The schema of a configuration, and the loader that reports all errors of a file at once.
 
-Keys carry their units. `load` reads a file into a frozen `Config`; `ConfigError` lists what is wrong with
-file, line and cure. What the values mean together (a goal inside the area, a start that can enter it) is
-judged by `swarmctl.config.checks`, whose problems are reported the same way.
+Keys carry their units. `load` reads a YAML file into a frozen `Config`; `ConfigError` lists each error with
+file, line and cure. `swarmctl.config.checks` checks values against each other (a goal inside the area, a
+start near it); `load` reports its problems in the same form.
 """
 
 from __future__ import annotations
@@ -11,221 +11,156 @@ import difflib
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    Field,
-    ValidationError,
-    ValidationInfo,
-    field_validator,
-)
+from pydantic import BaseModel, Field, ValidationError
 
 from swarmctl.bus.keys import SWARM_NAME
 from swarmctl.config import yaml_lines
 from swarmctl.config.arrival import ArrivalSection
 from swarmctl.config.communication import Communication
-from swarmctl.config.count import Count
 from swarmctl.config.failsafes import Rules
+from swarmctl.config.flight import FlightSection
 from swarmctl.config.links import Links
+from swarmctl.config.planner import PlannerSection
 from swarmctl.config.preflight import PreflightSection
 from swarmctl.config.separation import SeparationSection
+from swarmctl.config.threats import Threats
 from swarmctl.config.vehicles import Simulate, Vehicle
 from swarmctl.config.wings import WingsSection
-from swarmctl.core.any_angle.corners import ExposureMeasure
 from swarmctl.core.grid import Cell
 from swarmctl.core.inference.sensor import SensorModel
-from swarmctl.core.section import Section as _Section
-from swarmctl.core.threat import FiringStrength
-from swarmctl.planners import PLANNERS, method
+from swarmctl.core.section import Section
 
 
-def _planner(name: str) -> str:
-    if name not in PLANNERS:
-        raise ValueError(f"no planner of this name; there is {', '.join(sorted(PLANNERS))}")
-    return name
+class Area(Section):
+    """The area with its threats, a grid of square cells."""
 
-
-class Area(_Section):
-    """The square cells over which threats hide."""
-
-    origin_lat_deg: float = Field(ge=-89.0, le=89.0, description="latitude of the south-west corner [deg]")
-    origin_lon_deg: float = Field(ge=-180.0, le=180.0, description="longitude of the south-west corner [deg]")
-    rows: int = Field(ge=1, le=10_000, description="cells from south to north; row 0 is the southernmost")
-    cols: int = Field(ge=1, le=10_000, description="cells from west to east")
-    cell_size_m: float = Field(gt=0.0, description="side of a cell [m]")
-    no_fly: tuple[Cell, ...] = Field((), description="cells [row, col] that no route may enter")
-
-
-class Strength(_Section):
-    """Eq. 1: the chance that a hostile hits a vehicle, by where the vehicle is."""
-
-    direct: float = Field(description="over the hostile's own cell")
-    first_neighbour: float = Field(description="over one of the 4 nearest cells")
-    second_neighbour: float = Field(description="over one of the 4 diagonal cells")
-
-    def model_post_init(self, _context: object) -> None:
-        FiringStrength(self.direct, self.first_neighbour, self.second_neighbour)
-
-
-class Threats(_Section):
-    """What hides in the area. `hostiles` is the truth: only the simulated sensor and the simulator see it."""
-
-    count: Count = Field(
-        description="how many hostiles the UAVs are told there are (n_HA): a number, or a prior over it"
+    origin_lat_deg: float = Field(
+        ge=-89.0, le=89.0, description="Latitude of the south-west corner, WGS 84 [deg]."
     )
-    firing_strength: Strength = Strength(direct=0.6, first_neighbour=0.3, second_neighbour=0.1)
-    hostiles: Literal["random"] | tuple[Cell, ...] = Field(
-        "random", description="true cells [row, col], or random: as many as `count` says, drawn from the seed"
+    origin_lon_deg: float = Field(
+        ge=-180.0, le=180.0, description="Longitude of the south-west corner, WGS 84 [deg]."
     )
+    rows: int = Field(
+        ge=1, le=10_000, description="Number of cells from south to north. Row 0 is the southernmost."
+    )
+    cols: int = Field(
+        ge=1, le=10_000, description="Number of cells from west to east. Column 0 is the westernmost."
+    )
+    cell_size_m: float = Field(gt=0.0, description="Side of a cell [m].")
+    no_fly: tuple[Cell, ...] = Field((), description="Cells [row, col] that no route enters. Default: none.")
 
 
-class Sensor(_Section):
-    """What one look at a cell gets wrong. Beliefs reckon with it, and simulated sensors err by it."""
+class Sensor(Section):
+    """Observations and their errors. Simulated sensors make these errors, and beliefs account for them."""
 
     source: Literal["simulated", "external", "both"] = Field(
         "both",
-        description="of looks: simulated (the 3 × 3 cells below a vehicle), external (only what payloads "
-        "report over the bus, and people by `swarmctl observe`), or both",
+        description="Source of observations: simulated (the 3 × 3 cells below a vehicle), external (reports "
+        "of payloads over the bus, and of operators by `swarmctl observe`), or both.",
     )
-    p_miss: float = Field(0.0, ge=0.0, lt=1.0, description="chance that a hostile is not seen")
+    p_miss: float = Field(
+        0.0, ge=0.0, lt=1.0, description="Probability that one observation misses a hostile."
+    )
     p_false_alarm: float = Field(
-        0.0, ge=0.0, lt=1.0, description="chance that one is seen where there is none"
+        0.0, ge=0.0, lt=1.0, description="Probability that one observation reports a hostile in a free cell."
     )
 
     def model_post_init(self, _context: object) -> None:
         SensorModel(self.p_miss, self.p_false_alarm)
 
 
-class PlannerSection(_Section):
-    """How routes are chosen."""
-
-    name: Annotated[str, AfterValidator(_planner)] = "dijkstra"
-    w: float = Field(0.5, ge=0.0, le=1.0, description="0: the shortest route, 1: the least exposed (Eq. 5)")
-    psi_per_cell: float | None = Field(
-        None, gt=0.0, description="what a cell's length costs; default: the prior P_s of an inner cell"
-    )
-    max_exposure: float | None = Field(
-        None, gt=0.0, description="cells whose P_s exceeds this are not entered; default: none is too exposed"
-    )
-    options: dict[str, Any] = Field({}, description="what else the planner lets one choose, by its name")
-
-    @field_validator("options")
-    @classmethod
-    def _known_to_the_planner(cls, options: dict[str, Any], info: ValidationInfo) -> dict[str, Any]:
-        if (name := info.data.get("name")) is not None:
-            method(name, PLANNERS[name], options)
-        return options
-
-
-class FlightSection(_Section):
-    """How vehicles fly, and what becomes of them."""
-
-    altitude_m: float = Field(40.0, gt=2.0, le=1000.0, description="of the first vehicle, above home [m]")
-    altitude_step_m: float = Field(5.0, ge=0.0, description="each next vehicle flies this much higher [m]")
-    any_angle: bool = Field(
-        False,
-        description="whether routes are pulled straight where neither length nor exposure gets worse, as "
-        "any_angle_exposure counts it; false: the paper's lattice route is flown unchanged",
-    )
-    any_angle_exposure: ExposureMeasure = Field(
-        ExposureMeasure.ENTERED,
-        description="what must not get worse: entered (ΣP_s over the cells entered, as strikes are drawn, "
-        "and P_s along the track) or integral (P_s along the track alone: pulls more, but enters more cells, "
-        "so that ΣP_s may rise and the chance of getting through fall)",
-        strict=False,
-    )
-    on_exit: Literal["hold", "return", "land"] = Field("return", description="on Ctrl-C, after holding")
-    on_exit_deadline_s: float = Field(
-        300.0, gt=0.0, description="wall time given to it, until the last has landed [s]"
-    )
-    connect_timeout_s: float = Field(15.0, gt=0.0, description="for the first heartbeat [s]")
-    ready_timeout_s: float = Field(120.0, gt=0.0, description="for a vehicle to become ready to arm [s]")
-    lost_timeout_s: float = Field(
-        60.0, gt=0.0, description="of silence after which the run goes on without [s]"
-    )
-    max_start_distance_m: float = Field(5000.0, gt=0.0, description="from a start to the area [m]")
-
-
-class Config(_Section):
+class Config(Section):
     """A swarm and its flight."""
 
-    name: str = Field("swarm", pattern=SWARM_NAME, description="names the run folder and the bus")
-    seed: int = Field(0, ge=0, description="of everything drawn by chance")
-    area: Area
-    threats: Threats
-    sensor: Sensor = Sensor()
-    planner: PlannerSection = PlannerSection()
-    communication: Communication = Communication()
-    flight: FlightSection = FlightSection()
-    links: Links = Links()
-    rules: Rules = Rules()
-    preflight: PreflightSection = PreflightSection()
-    separation: SeparationSection = SeparationSection()
-    arrival: ArrivalSection | None = None
-    wings: WingsSection = WingsSection()
-    simulate: Simulate | None = None
-    vehicles: tuple[Vehicle, ...] = ()
+    name: str = Field(
+        "swarm", pattern=SWARM_NAME, description="Name of the swarm on the bus and in the run folder."
+    )
+    seed: int = Field(0, ge=0, description="Seed of all random draws. Equal seeds give equal draws.")
+    area: Area = Field(description="The area with its threats, a grid of square cells.")
+    threats: Threats = Field(description="The hostiles in the area.")
+    sensor: Sensor = Field(Sensor(), description="Observations and their errors.")
+    planner: PlannerSection = Field(PlannerSection(), description="The choice of routes.")
+    communication: Communication = Field(
+        Communication(), description="Transport, endpoints and radio model of the UAVs' messages."
+    )
+    flight: FlightSection = Field(
+        FlightSection(), description="Altitudes, tracks and timeouts of the flight, and its end on Ctrl-C."
+    )
+    links: Links = Field(Links(), description="Settings that the MAVLink links of all vehicles share.")
+    rules: Rules = Field(Rules(), description="Failsafe rules of each vehicle in flight.")
+    preflight: PreflightSection = Field(
+        PreflightSection(), description="Checks that every vehicle passes before it is armed."
+    )
+    separation: SeparationSection = Field(
+        SeparationSection(), description="The least distance between two vehicles."
+    )
+    arrival: ArrivalSection | None = Field(
+        None, description="Arrival of all vehicles at one time, or in a row. Default: each on its own."
+    )
+    wings: WingsSection = Field(WingsSection(), description="Performance of all fixed wings.")
+    simulate: Simulate | None = Field(None, description="Simulated vehicles. Default: none.")
+    vehicles: tuple[Vehicle, ...] = Field((), description="Vehicles by MAVLink URL. Default: none.")
 
 
 @dataclass(frozen=True, slots=True)
 class ConfigProblem:
-    """One thing that is wrong; `path` leads to it in the file."""
+    """One error of a configuration: its place in the file, and what to do."""
 
     path: yaml_lines.Path
     text: str
-    given: yaml_lines.Path = ()
-    """another value that it comes of: where that is wrong, nobody knows whether this is"""
+    depends_on: yaml_lines.Path = ()
+    """the path of another value that the problem depends on; if that value is wrong, this problem is not
+    reported"""
 
 
 class ConfigError(Exception):
-    """What is wrong with a configuration; one line each, `file:line: key: what, what to do`."""
+    """All errors of a configuration; `lines` has one for each: `file:line: key: error; cure`."""
 
     def __init__(self, lines: list[str]) -> None:
         super().__init__("\n".join(lines))
         self.lines = lines
 
 
-def load(path: Path, judge: Callable[[Config], Iterable[ConfigProblem]] = lambda _: ()) -> Config:
-    """Read and check a file; `judge` adds what it finds across sections. Raises ConfigError."""
+Check = Callable[[Config], Iterable[ConfigProblem]]
+
+
+def load(path: Path, check: Check = lambda _: ()) -> Config:
+    """Return the configuration of a file; `check` finds problems across sections. Raises ConfigError."""
     try:
         document = yaml_lines.parse(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise ConfigError([f"{path}: there is no such file; --config names a YAML file"]) from None
+        raise ConfigError([f"{path}: the file does not exist; give --config a YAML file"]) from None
     except IsADirectoryError:
-        raise ConfigError([f"{path}: is a folder; --config names a YAML file in it"]) from None
+        raise ConfigError([f"{path}: this is a folder; give --config a YAML file"]) from None
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError([f"{path}: cannot be read: {error}"]) from error
+        raise ConfigError([f"{path}: the file cannot be read: {error}"]) from error
     except yaml_lines.YamlError as error:
         raise ConfigError([f"{path}:{error.line}: {error.text}"]) from error
-    config, problems = _validate(_tupled(document.data), judge)
+    config, problems = _validate(_tupled(document.data), check)
     if problems or config is None:
         raise ConfigError(problem_lines(path, document, problems))
     return config
 
 
 def problem_lines(path: Path, document: yaml_lines.Document, problems: Iterable[ConfigProblem]) -> list[str]:
-    """A line for each problem, with where in the file it is."""
+    """Return a line for each problem, with file, line and key, in the order of the file."""
     found = sorted((document.line_of(p.path), _dotted(p.path), p.text) for p in problems)
     return [f"{path}:{line}: {key}: {text}" for line, key, text in found]
 
 
-def _validate(
-    data: Any, judge: Callable[[Config], Iterable[ConfigProblem]]
-) -> tuple[Config | None, list[ConfigProblem]]:
+def _validate(data: Any, check: Check) -> tuple[Config | None, list[ConfigProblem]]:
     try:
         config = Config.model_validate(data)
     except ValidationError as error:
         problems = _merged(_problem(dict(e), data) for e in error.errors(include_url=False))
-        return None, problems + list(_judged_rest(data, [p.path for p in problems], judge))
-    return config, list(judge(config))
+        return None, problems + list(_check_rest(data, [p.path for p in problems], check))
+    return config, list(check(config))
 
 
-def _judged_rest(
-    data: Any, wrong: list[yaml_lines.Path], judge: Callable[[Config], Iterable[ConfigProblem]]
-) -> Iterator[ConfigProblem]:
-    """Judge what is left when the wrong values are taken out, so that one round of mending is enough."""
+def _check_rest(data: Any, wrong: list[yaml_lines.Path], check: Check) -> Iterator[ConfigProblem]:
+    """Check the remaining values without the wrong ones, so that one reading reports all problems."""
     if not isinstance(data, dict):
         return
     vehicles = data.get("vehicles")
@@ -238,17 +173,17 @@ def _judged_rest(
         config = Config.model_validate(rest)
     except ValidationError:
         return
-    for problem in judge(config):
+    for problem in check(config):
         path = problem.path
         if len(path) > 1 and path[0] == "vehicles" and isinstance(path[1], int):
             path = ("vehicles", kept[path[1]], *path[2:])
-        concerned = [path, problem.given] if problem.given else [path]
+        concerned = [path, problem.depends_on] if problem.depends_on else [path]
         if not any(_touches(key, w) for key in concerned for w in wrong):
             yield ConfigProblem(path, problem.text)
 
 
 def _merged(problems: Iterable[ConfigProblem]) -> list[ConfigProblem]:
-    """One problem a key: a value that fits no member of a union is wrong once, not once a member."""
+    """Return one problem for each key: a value that fits no member of a union is one error."""
     texts: dict[yaml_lines.Path, list[str]] = {}
     for problem in problems:
         texts.setdefault(problem.path, []).append(problem.text)
@@ -263,8 +198,8 @@ def _problem(error: dict[str, Any], data: Any) -> ConfigProblem:
     if error["type"] == "missing":
         return ConfigProblem(path, "is missing")
     if error["type"] == "model_type":
-        text = "expected a section: keys with their values"
-        text += "; null turns the rule off" if path[:1] == ("rules",) else ""
+        text = "expected a section, keys with values"
+        text += "; to turn the rule off, write null" if path[:1] == ("rules",) else ""
     found = error.get("input")
     if isinstance(found, (str, int, float, bool)) and repr(found) not in text:
         text = f"{text}, found {found!r}"
@@ -272,7 +207,7 @@ def _problem(error: dict[str, Any], data: Any) -> ConfigProblem:
 
 
 def _in_file(path: yaml_lines.Path, data: Any, *, keep_last: bool) -> yaml_lines.Path:
-    """The path without what no file has: pydantic names the member of a union it tried, too."""
+    """Return the path without parts that the file lacks: pydantic inserts names of union members."""
     there: list[str | int] = []
     for i, part in enumerate(path):
         if isinstance(data, dict):
@@ -294,11 +229,11 @@ def _unknown_key(path: yaml_lines.Path) -> str:
         fields = models[0].model_fields if models else {}
         if isinstance(part, str) and part in fields:
             models = list(_models_in(fields[part].annotation))
-        elif isinstance(part, str):  # the member of a union that was tried
+        elif isinstance(part, str):  # the name of a union member
             models = [m for m in models if m.__name__.lower() == part]
     known = sorted(models[0].model_fields) if models else []
     close = difflib.get_close_matches(str(path[-1]), known, n=1)
-    hint = f"did you mean {close[0]!r}?" if close else f"there is {', '.join(known)}"
+    hint = f"did you mean {close[0]!r}?" if close else f"the keys here are {', '.join(known)}"
     return f"unknown key; {hint}"
 
 
@@ -310,7 +245,7 @@ def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def _tupled(data: Any) -> Any:
-    """YAML knows lists only; types are checked strictly, so that `yes` is no number and "20" neither."""
+    """Return `data` with tuples for lists: validation is strict, and YAML has lists only."""
     if isinstance(data, dict):
         return {key: _tupled(value) for key, value in data.items()}
     return tuple(map(_tupled, data)) if isinstance(data, list) else data

@@ -1,4 +1,4 @@
-"""What has to be true of every vehicle before it is armed."""
+"""The section `preflight` of a configuration: conditions for arming."""
 
 from __future__ import annotations
 
@@ -10,54 +10,78 @@ from swarmctl.core.section import Section
 
 
 class Policy(Section):
-    """What a vehicle does by itself; its own parameters must say the same, or it is not armed."""
+    """A vehicle's reactions by its own autopilot. Its parameters must say the same, or it is not armed."""
 
     lost_link: Literal["return", "land", "hold", "continue"] = Field(
         "continue",
-        description="when the ground station's heartbeats stay away; continue: its mission, to the end",
+        description="Reaction to missing heartbeats of the ground station. continue: the vehicle flies its "
+        "mission to the end.",
     )
     lost_link_after_s: int = Field(
-        10, ge=5, le=120, description="without a heartbeat, by the vehicle's clock [s]; not with continue"
+        10,
+        ge=5,
+        le=120,
+        description="Time without a heartbeat until that reaction, by the vehicle's clock [s]. It has no "
+        "effect with continue.",
     )
-    low_battery: Literal["return", "land"] = "return"
-    fence_breach: Literal["return", "land", "hold"] = "return"
+    low_battery: Literal["return", "land"] = Field("return", description="Reaction to a low battery.")
+    fence_breach: Literal["return", "land", "hold"] = Field(
+        "return", description="Reaction to a breach of the fence."
+    )
 
 
 class Corner(Section):
-    lat_deg: float = Field(ge=-89.0, le=89.0)
-    lon_deg: float = Field(ge=-180.0, le=180.0)
+    """A corner of the fence."""
+
+    lat_deg: float = Field(ge=-89.0, le=89.0, description="Latitude of the corner, WGS 84 [deg].")
+    lon_deg: float = Field(ge=-180.0, le=180.0, description="Longitude of the corner, WGS 84 [deg].")
 
 
 class FenceSection(Section):
-    """What all vehicles stay inside of; uploaded to each before it is armed."""
+    """The fence around all vehicles. It is uploaded to each vehicle before arming."""
 
     margin_m: float = Field(
-        50.0, gt=0.0, le=5000.0, description="around the area and the starts, where no polygon is given [m]"
+        50.0,
+        gt=0.0,
+        le=5000.0,
+        description="Distance of the fence from the area and the starts [m]. It has no effect with polygon.",
     )
     max_altitude_m: float | None = Field(
-        None, gt=2.0, le=5000.0, description="above home [m]; default: the highest vehicle's, and margin_m"
+        None,
+        gt=2.0,
+        le=5000.0,
+        description="Ceiling above home [m]. Default: the highest vehicle's altitude and margin_m.",
     )
     polygon: tuple[Corner, ...] | None = Field(
-        None, min_length=3, max_length=60, description="its corners in order; default: as margin_m says"
+        None,
+        min_length=3,
+        max_length=60,
+        description="Corners of the fence, in order. Default: around the area and the starts, by margin_m.",
     )
 
 
 class PreflightSection(Section):
-    """Checks without which nothing is armed; `swarmctl preflight` makes them alone."""
+    """Checks that every vehicle passes before it is armed. `swarmctl preflight` makes them without arming."""
 
-    policy: Policy = Policy()
+    policy: Policy = Field(Policy(), description="Declared failsafe reactions of the autopilots.")
     reserve_percent: float = Field(
-        20.0, ge=0.0, lt=100.0, description="of the battery left after the route and the way back"
+        20.0,
+        ge=0.0,
+        lt=100.0,
+        description="Battery charge that remains after the route and the way back [%].",
     )
     endurance_s: float | None = Field(
         None,
         gt=0.0,
-        description="what a full battery flies [s]; vehicles of the built-in simulator have one of their own",
+        description="Flight time of a full battery [s]. Default: unknown, so that real vehicles fail the "
+        "check `battery`; vehicles of the built-in simulator have a known endurance.",
     )
     clock_tolerance_s: float = Field(
-        2.0, gt=0.0, description="how far a vehicle's clock may be from the ground station's [s]"
+        2.0, gt=0.0, description="Greatest difference of a vehicle's clock from the ground station's [s]."
     )
-    fence: FenceSection = FenceSection()
+    fence: FenceSection = Field(FenceSection(), description="The fence around all vehicles.")
     set_parameters: bool = Field(
-        False, description="whether what the policy asks for is written to the vehicles; false: compared only"
+        False,
+        description="Write the parameters of the policy to the vehicles, where they stay. false: only "
+        "compare them.",
     )

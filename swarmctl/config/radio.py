@@ -1,4 +1,4 @@
-"""From the section `communication` of a configuration to what the radio model takes. Pure."""
+"""The radio model of the section `communication`, as the bus takes it. Pure."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from swarmctl.core.texts import resolve_vehicles
 
 
 def radio_settings(communication: Communication, names: Mapping[int, str]) -> RadioSettings:
-    """The radio between vehicles of these names (system id: name).
+    """Return the radio between vehicles of these names (system id: name).
 
-    Raises ValueError where a word of it means no vehicle, or two, and where its losses cannot be.
+    Raises ValueError if a word matches no vehicle or two, or if the losses contradict each other.
     """
     c = communication
     return RadioSettings(
@@ -21,23 +21,23 @@ def radio_settings(communication: Communication, names: Mapping[int, str]) -> Ra
         jitter_s=c.jitter_s,
         loss=c.loss,
         loss_burst=c.loss_burst,
-        bandwidth_bytes_s=_unlimited(c.bandwidth_bytes_s),
-        max_distance_m=_unlimited(c.max_distance_m),
+        bandwidth_bytes_s=_or_infinite(c.bandwidth_bytes_s),
+        max_distance_m=_or_infinite(c.max_distance_m),
         min_distance_m=c.min_distance_m,
         partitions=tuple(
             Partition(
                 tuple(frozenset(resolve_vehicles(group, names)) for group in p.groups),
                 p.from_s,
-                _unlimited(p.until_s),
+                _or_infinite(p.until_s),
             )
             for p in c.partitions
         ),
         quiet=tuple(
-            RadioSilence(frozenset(resolve_vehicles(q.uavs, names)), q.from_s, _unlimited(q.until_s))
+            RadioSilence(frozenset(resolve_vehicles(q.uavs, names)), q.from_s, _or_infinite(q.until_s))
             for q in c.quiet
         ),
     )
 
 
-def _unlimited(value: float | None) -> float:
+def _or_infinite(value: float | None) -> float:
     return math.inf if value is None else value

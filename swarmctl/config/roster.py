@@ -1,7 +1,7 @@
-"""As much of a configuration as it takes to speak to its vehicles: who they are, and how they are reached.
+"""The roster of a swarm: the part of a configuration that orders need, its vehicles and its network.
 
-An order to an aircraft in flight does not wait for planners to be loaded and routes to be planned, and what
-is wrong in a section that it does not need does not stop it. What flies is judged whole (`swarmctl.config.checks`).
+An order to a vehicle in flight waits for no planner to load and no route to be planned. Errors in sections
+that it does not need do not stop it. A flight checks the whole configuration (`swarmctl.config.checks`).
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from swarmctl.core.messages import MAX_SYSTEM_ID
 
 @dataclass(frozen=True, slots=True)
 class Roster:
-    """A swarm as those see it who do not fly it."""
+    """The vehicles and the network of a swarm, for commands that do not fly it."""
 
     name: str
     communication: Communication
     names: Mapping[int, str]
-    """all vehicles, by system id"""
+    """names of all vehicles, by system id"""
     grid: Grid
 
 
 class RosterError(Exception):
-    """What is wrong with a configuration; one line each, `file:line: key: what, what to do`."""
+    """All errors of a configuration; `lines` has one for each: `file:line: key: error; cure`."""
 
     def __init__(self, lines: list[str]) -> None:
         super().__init__("\n".join(lines))
@@ -42,18 +42,19 @@ class RosterError(Exception):
 
 
 def load_roster(path: Path) -> Roster:
-    """Read it from a configuration.
+    """Return the roster of a configuration file.
 
-    Where anything in it cannot be understood the whole is judged. Raises NoRoll, with all that is wrong.
+    If the roster's part has an error, the whole configuration is checked. Raises
+    RosterError with all its errors.
     """
     try:
         return _read(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, TypeError):  # pydantic's and YAML's errors are ValueErrors
-        return _judged(path)
+        return _check_whole(path)
 
 
 class _Part(BaseModel):
-    """Other keys are for those who fly."""
+    """A part of a section; other keys are ignored."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False, strict=True)
 
@@ -84,25 +85,25 @@ class _Swarm(_Part):
 
 
 def _read(text: str) -> Roster:
-    """Raises ValueError and TypeError."""
+    """Return the roster of a YAML text. Raises ValueError and TypeError."""
     data = yaml_lines.parse(text).data
     known = {key: data[key] for key in _Swarm.model_fields if key in data}
-    # By way of JSON, which like YAML has lists alone where Python has tuples.
+    # Through JSON, because it has lists for tuples, as YAML has.
     found = _Swarm.model_validate_json(json.dumps(known))
     count = found.simulate.count if found.simulate is not None else 0
-    who = [(n, f"uav{n}") for n in range(1, count + 1)] + [(v.sysid, v.name) for v in found.vehicles]
-    names = dict(who)
-    if not names or len(names) < len(who) or len(set(names.values())) < len(who):
-        raise ValueError("no vehicle, or two of one name or system id")
+    pairs = [(n, f"uav{n}") for n in range(1, count + 1)] + [(v.sysid, v.name) for v in found.vehicles]
+    names = dict(pairs)
+    if not names or len(names) < len(pairs) or len(set(names.values())) < len(pairs):
+        raise ValueError("no vehicle, or two vehicles with one name or system id")
     mesh_endpoints(found.communication.mesh, names)
     area = found.area
     grid = Grid(area.rows, area.cols, area.cell_size_m, area.origin_lat_deg, area.origin_lon_deg)
     return Roster(found.name, found.communication, names, grid)
 
 
-def _judged(path: Path) -> Roster:
-    """Raises NoRoll."""
-    # What plans and flies takes a second to load, and is needed only to say what is wrong.
+def _check_whole(path: Path) -> Roster:
+    """Return the roster by way of the whole configuration. Raises RosterError."""
+    # The modules that plan and fly take a second to load; only the error report needs them.
     from swarmctl.config.checks import check_config  # noqa: PLC0415
     from swarmctl.config.model import ConfigError, load  # noqa: PLC0415
     from swarmctl.config.scenario import build  # noqa: PLC0415

@@ -1,4 +1,4 @@
-"""From a `Config` to what is flown: the grid, the truth, and one `Task` a vehicle. Pure."""
+"""The scenario of a configuration: the grid, the true hostiles, and one `Task` for each vehicle. Pure."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ from swarmctl.agent.state import Task
 from swarmctl.agent.traffic.separation.approach import Limits
 from swarmctl.agent.traffic.separation.watch import SeparationRules
 from swarmctl.config import fence
-from swarmctl.config.count import Binomial, Poisson, Uniform, Weights
-from swarmctl.config.failsafes import rulings
+from swarmctl.config.failsafes import active_rules
 from swarmctl.config.model import Config
 from swarmctl.config.specs import Spec, grid_of, specs_of, wings_of
+from swarmctl.config.threats import Binomial, Poisson, Uniform, Weights
 from swarmctl.core.belief import Belief
 from swarmctl.core.events import FlightOrder
 from swarmctl.core.exposure import prior_inner_exposure
 from swarmctl.core.geo import LatLon, distance_m
 from swarmctl.core.grid import Cell, Grid
-from swarmctl.core.inference.survival import ProbabilityEstimate, survival_probability
 from swarmctl.core.inference.hostiles import HostileCount
 from swarmctl.core.inference.sensor import SensorModel
+from swarmctl.core.inference.survival import ProbabilityEstimate, survival_probability
 from swarmctl.core.threat import FiringStrength
 from swarmctl.planners import PLANNERS, method
 
 PAPER_PLANNER = PLANNERS["dijkstra"]
-"""the paper's planner, beside which every other is shown"""
+"""the paper's planner, the reference for every other"""
 
 
 class RandomStream(IntEnum):
-    """What chance is drawn for."""
+    """Uses of random numbers; each has a stream of its own."""
 
     SENSOR = 1
     CHANCE = 2
@@ -46,71 +46,76 @@ class RandomStream(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """Everything a run needs to know before it starts."""
+    """All data of a run before its start."""
 
     config: Config
     grid: Grid
     strength: FiringStrength
     hostiles: frozenset[Cell]
-    """the truth"""
+    """the true cells of the hostiles"""
     psi_per_cell: float
     specs: tuple[Spec, ...]
     """the vehicles that this process flies"""
     tasks: tuple[Task, ...]
-    """theirs, in the same order"""
+    """the tasks of `specs`, in the same order"""
     prior: Belief
-    """what every vehicle believes before it takes off"""
+    """the belief of every vehicle before take-off"""
     swarm: tuple[Spec, ...]
     """all vehicles, wherever their agents run"""
 
     def only(self, uav: int) -> Scenario:
-        """The same scenario, of which this process flies one vehicle."""
+        """Return the same scenario for a process that flies one vehicle."""
         here = [i for i, spec in enumerate(self.specs) if spec.sysid == uav]
         return replace(
             self, specs=tuple(self.specs[i] for i in here), tasks=tuple(self.tasks[i] for i in here)
         )
 
     def wings(self, spec: Spec) -> FixedWing | None:
-        """What a plan for a vehicle that is a fixed wing has to know of it; None for what hovers."""
+        """Return the performance of a fixed wing; None for a copter."""
         return wings_of(self.config, spec)
 
     @property
     def fence_polygon(self) -> tuple[LatLon, ...]:
-        """Corners of the fence [deg], in order."""
+        """Return the corners of the fence [deg], in order."""
         return fence.polygon_of(self.config, self.grid, self.swarm)
 
     @property
     def ceiling_m(self) -> float:
-        """The greatest height a vehicle may fly at, above home [m]."""
+        """Return the greatest allowed height above home [m]."""
         return fence.ceiling_m(self.config, self.swarm)
 
     @property
     def chosen_by(self) -> str:
-        """What chooses the routes: w, where it is the paper's planner, or the name of another."""
+        """Return the label of the chosen routes: `w = …` for planners that use w, or the planner's name."""
         planner = self.config.planner
         return f"w = {planner.w:g}" if PLANNERS[planner.name].USES_W else planner.name
 
     def generator(self, purpose: RandomStream, uav: int) -> np.random.Generator:
-        """A vehicle's own source of chance, spawned from the run's seed; the same again at each call."""
+        """Return a vehicle's random generator, spawned from the run's seed; each call returns it anew."""
         return np.random.default_rng(np.random.SeedSequence(self.config.seed, spawn_key=(purpose, uav)))
 
-    def chance(
+    def survival_probability(
         self, uav: int, belief: Belief, strength: FiringStrength, cells: Sequence[Cell]
     ) -> ProbabilityEstimate:
-        """The chance that a vehicle gets through on a route, by simulation over what is believed; equal
-        questions get equal answers."""
+        """Return the survival probability on a route, by simulation over the belief.
+
+        Equal arguments give equal results.
+        """
         return survival_probability(belief, strength, cells, self.generator(RandomStream.CHANCE, uav))
 
 
 def build(config: Config) -> Scenario:
-    """For a configuration that `judge` finds nothing wrong with. Raises Unreachable, naming the vehicle."""
+    """Return the scenario of a configuration without problems (`checks.check_config`).
+
+    Raises Unreachable, naming the vehicle.
+    """
     grid = grid_of(config)
     s = config.threats.firing_strength
     strength = FiringStrength(s.direct, s.first_neighbour, s.second_neighbour)
     specs = specs_of(config, grid)
     count = count_of(config)
     psi = config.planner.psi_per_cell or (
-        # Without any threat every ψ gives the same routes.
+        # Without threats every ψ gives the same routes.
         prior_inner_exposure(grid.rows, grid.cols, count.mean, strength) or 1.0
     )
     tasks = tuple(_tasks(config, grid, strength, psi, specs))
@@ -123,7 +128,7 @@ def build(config: Config) -> Scenario:
 
 
 def count_of(config: Config) -> HostileCount:
-    """How many hostiles the UAVs are told there are."""
+    """Return the announced number of hostiles."""
     match config.threats.count:
         case Poisson(mean=mean):
             return HostileCount.poisson(mean, config.area.rows * config.area.cols)
@@ -153,10 +158,10 @@ def _tasks(
     chosen = method(planner.name, PLANNERS[planner.name], planner.options)
     no_fly = frozenset(config.area.no_fly)
     policy = config.preflight.policy
-    agreed = LostLink(does=policy.lost_link, after_s=float(policy.lost_link_after_s))
+    declared = LostLink(does=policy.lost_link, after_s=float(policy.lost_link_after_s))
     for index, spec in enumerate(specs):
-        # DEVIATION: the paper's UAVs may share a place in the air and on the ground. Ours fly at altitudes of
-        # their own (`Spec.altitude_m`) and land apart.
+        # DEVIATION: the paper's UAVs may share a position in the air and on the ground. These vehicles fly
+        # at different altitudes (`Spec.altitude_m`) and land at different spots.
         sharing = _sharing(specs, index)
         yield Task(
             uav=spec.sysid,
@@ -177,25 +182,26 @@ def _tasks(
             any_angle=config.flight.any_angle_exposure if config.flight.any_angle else None,
             turn_radius_m=spec.turn_radius_m,
             wings=wings_of(config, spec),
-            # A vehicle given up comes down in any case: nobody is there to end a hold.
+            # An abandoned vehicle has to come down: no agent is left to end a hold.
             fallback=FlightOrder.LAND if config.flight.on_exit == "land" else FlightOrder.RETURN,
-            rules=rulings(config.rules, agreed),
+            rules=active_rules(config.rules, declared),
             separation=separation_of(config),
-            meeting=_meeting(config, specs),
+            arrival_group=_arrival_group(config, specs),
         )
 
 
-def _meeting(config: Config, specs: Sequence[Spec]) -> ArrivalGroup | None:
-    together = config.arrival
-    if together is None:
+def _arrival_group(config: Config, specs: Sequence[Spec]) -> ArrivalGroup | None:
+    section = config.arrival
+    if section is None:
         return None
     rank = {uav: i for i, uav in enumerate(sorted(spec.sysid for spec in specs))}
-    return ArrivalGroup(rank, together.spacing_s or 0.0, together.tolerance_s, together.slowest_m_s)
+    return ArrivalGroup(rank, section.spacing_s or 0.0, section.tolerance_s, section.slowest_m_s)
 
 
 def separation_of(config: Config) -> SeparationRules:
-    apart = config.separation
-    return SeparationRules(Limits(apart.horizontal_m, apart.vertical_m), apart.look_ahead_s, apart.action)
+    """Return the separation rules of the agents."""
+    s = config.separation
+    return SeparationRules(Limits(s.horizontal_m, s.vertical_m), s.look_ahead_s, s.action)
 
 
 def _arrival(grid: Grid, spec: Spec) -> TimeBound:
@@ -204,8 +210,10 @@ def _arrival(grid: Grid, spec: Spec) -> TimeBound:
 
 
 def _sharing(specs: tuple[Spec, ...], index: int) -> list[int]:
-    """Which vehicles have goals in common with this one, directly or by way of others: each needs a landing
-    spot that none of them has."""
+    """Return the vehicles that share goals with this one, directly or through others.
+
+    Each of them needs a landing spot of its own.
+    """
     group = {index}
     goals = set(specs[index].goals)
     while more := {i for i, s in enumerate(specs) if i not in group and goals & set(s.goals)}:

@@ -1,4 +1,4 @@
-"""How far vehicles keep from each other: the section `separation` of a configuration."""
+"""The section `separation` of a configuration: the distance that vehicles keep from each other."""
 
 from __future__ import annotations
 
@@ -10,21 +10,26 @@ from swarmctl.core.section import Section
 
 
 class SeparationSection(Section):
-    """Two vehicles are too close when they are closer than both distances at one time."""
+    """The least distance between two vehicles. They are too close if both distances are less at one time."""
 
-    horizontal_m: float = Field(10.0, gt=0.0, le=1000.0, description="between two vehicles, over ground [m]")
+    horizontal_m: float = Field(
+        10.0, gt=0.0, le=1000.0, description="Least distance between two vehicles over ground [m]."
+    )
     vertical_m: float = Field(
         3.0,
         gt=0.0,
         le=500.0,
-        description="between two vehicles, in height [m]; who is to be kept apart by height flies 1.2 times "
-        "as much above or below, because heights are not held to the metre",
+        description="Least distance between two vehicles in height [m]. Altitudes that separate vehicles "
+        "differ by 1.2 times as much, because vehicles do not hold their height to the metre.",
     )
     look_ahead_s: float = Field(
-        10.0, gt=0.0, le=120.0, description="in flight others are watched for so long ahead [s]"
+        10.0,
+        gt=0.0,
+        le=120.0,
+        description="Prediction time of the conflict check in flight [s].",
     )
     action: Literal["hold", "climb", "none"] = Field(
         "hold",
-        description="of the vehicle with the higher system id, when two are about to be too close: hold "
-        "until they are clear (climb where it would stand in the way), climb, or none but the alarm",
+        description="Reaction of the vehicle with the higher system id to a predicted conflict. hold: it "
+        "holds until the way is clear, or climbs if it would hold in the other's way. none: only the alarm.",
     )

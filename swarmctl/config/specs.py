@@ -1,4 +1,4 @@
-"""The vehicles of a configuration: how each is reached, where it starts and where it goes. Pure."""
+"""The vehicles of a configuration, simulated and by URL, with all defaults resolved. Pure."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.vehicle import Airframe
 
 PLANE_AUTOPILOTS = frozenset({"arduplane", "px4plane"})
-"""of the simulator's autopilots"""
+"""the simulator's autopilots of fixed wings"""
 
 DEFAULT_SPEED_M_S = 10.0
-"""what a vehicle is taken to fly where nobody says: ArduCopter's WPNAV_SPEED as it comes"""
+"""assumed speed of a vehicle without `speed_m_s`: ArduCopter's default of WPNAV_SPEED"""
 
 
 @dataclass(frozen=True, slots=True)
 class Spec:
-    """One vehicle: how it is reached and where it goes."""
+    """One vehicle: its link, its start, its goals and its speed."""
 
     name: str
     sysid: int
@@ -37,7 +37,7 @@ class Spec:
     speed_m_s: float = DEFAULT_SPEED_M_S
     arrive_after_s: float = 0.0
     arrive_within_s: float = math.inf
-    """infinite where it may take as long as it likes"""
+    """infinite without a time bound"""
     turn_radius_m: float = 0.0
     airframe: Airframe = "copter"
 
@@ -48,16 +48,21 @@ def specs_of(config: Config, grid: Grid) -> tuple[Spec, ...]:
 
 
 def grid_of(config: Config) -> Grid:
+    """Return the grid of the area."""
     a = config.area
     return Grid(a.rows, a.cols, a.cell_size_m, a.origin_lat_deg, a.origin_lon_deg)
 
 
 def on_border(grid: Grid, cell: Cell) -> bool:
+    """Return whether a cell is on the border of the grid."""
     return cell[0] in (0, grid.rows - 1) or cell[1] in (0, grid.cols - 1)
 
 
 def entry_of(config: Config, grid: Grid, start: LatLon) -> Cell | None:
-    """Where a vehicle comes in that starts here: its own cell, or the nearest border cell it may fly."""
+    """Return the entry cell for a start: the start's own cell, or the nearest border cell outside no_fly.
+
+    None if no border cell is free.
+    """
     inside = grid.cell_at(*start)
     if inside is not None:
         return inside
@@ -100,7 +105,7 @@ def _simulated(config: Config, grid: Grid) -> Iterator[Spec]:
 
 
 def simulated_autopilot(config: Config, index: int) -> Autopilot:
-    """What the simulated vehicle `index` speaks like."""
+    """Return the autopilot of the simulated vehicle `index`."""
     simulate = config.simulate
     assert simulate is not None
     chosen = simulate.autopilot
@@ -111,6 +116,7 @@ def simulated_autopilot(config: Config, index: int) -> Autopilot:
 
 
 def simulated_goals(config: Config, grid: Grid, index: int) -> tuple[Cell, ...]:
+    """Return the goal cells of the simulated vehicle `index`."""
     simulate = config.simulate
     assert simulate is not None
     share = (index + 0.5) / simulate.count
@@ -118,8 +124,10 @@ def simulated_goals(config: Config, grid: Grid, index: int) -> tuple[Cell, ...]:
 
 
 def _beside(grid: Grid, side: Side, share: float, away_m: float, crowded: int) -> LatLon:
-    """A point `away_m` outside a side at `share` of its length, opposite the middle of a cell if that has
-    room for all."""
+    """Return the position `away_m` outside a side, at `share` of its length.
+
+    It is opposite the centre of a cell if the side has a cell for each of the `crowded` vehicles.
+    """
     east_m, north_m = share * grid.width_m, share * grid.height_m
     if crowded <= (grid.rows if side in ("west", "east") else grid.cols):
         east_m, north_m = grid.centre_m(_border_cell(grid, side, share))
@@ -177,7 +185,7 @@ def _configured(config: Config, grid: Grid) -> Iterator[Spec]:
 
 
 def wings_of(config: Config, spec: Spec) -> FixedWing | None:
-    """None for what hovers."""
+    """Return the performance of a fixed wing; None for a copter."""
     if spec.airframe != "plane":
         return None
     w = config.wings

@@ -1,4 +1,4 @@
-"""The vehicles of a configuration: simulated, or reached by a URL."""
+"""The sections `simulate` and `vehicles` of a configuration."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from swarmctl.core.vehicle import Airframe
 
 
 def _cells(value: Any) -> Any:
-    """One cell, or a list of cells."""
+    """Return one cell, or a list of cells, as a tuple of cells; any other value unchanged."""
     is_cell = isinstance(value, (list, tuple)) and len(value) == 2 and all(type(v) is int for v in value)
     if is_cell:
         value = (value,)
@@ -27,72 +27,98 @@ Side = Literal["north", "east", "south", "west"]
 LinkName = Literal["direct", "mavsdk"]
 Autopilot = Literal["ardupilot", "px4", "arduplane", "px4plane"]
 
+ARRIVE_WITHIN = "Time bound: latest arrival over the goal, from the vehicle's take-off [s]. Default: none."
+ARRIVE_AFTER = "Arrival window: earliest arrival over the goal, from the vehicle's take-off [s]."
+
 
 class Simulate(Section):
-    """Vehicles in software, started and stopped with the flight, spread along a side of the area."""
+    """Simulated vehicles along one side of the area. They start and stop with the flight."""
 
-    count: int = Field(ge=1, le=250)
-    speedup: float = Field(1.0, ge=1.0, le=100.0, description="simulated seconds in a real one")
+    count: int = Field(ge=1, le=250, description="Number of simulated vehicles, named uav1, uav2, ….")
+    speedup: float = Field(1.0, ge=1.0, le=100.0, description="Simulated seconds in a second of real time.")
     autopilot: Autopilot | Literal["mixed"] | Annotated[tuple[Autopilot, ...], Field(min_length=1)] = Field(
         "ardupilot",
-        description="which one they speak like, arduplane and px4plane being fixed wings; a list: by turns; "
-        "mixed: ardupilot and px4 by turns",
+        description="Autopilot of the vehicles; arduplane and px4plane are fixed wings. A list is assigned "
+        "in turn; mixed is [ardupilot, px4].",
     )
     url: MavlinkUrl = Field(
-        "udpin://127.0.0.1:0", description="where the ground station listens for them; port 0: any free one"
+        "udpin://127.0.0.1:0",
+        description="MAVLink URL at which the ground station listens for them. Port 0 takes any free port.",
     )
-    home_alt_amsl_m: float = Field(300.0, ge=-400.0, le=8000.0, description="of the ground [m]")
+    home_alt_amsl_m: float = Field(
+        300.0, ge=-400.0, le=8000.0, description="Height of the ground above mean sea level [m]."
+    )
     link: LinkName = Field(
-        "direct", description="who speaks to them: direct (this program) or mavsdk (real time only)"
+        "direct", description="Link: direct (this program), or mavsdk (MAVSDK, in real time only)."
     )
-    ready_s: float = Field(5.0, ge=0.0, description="from boot to a position estimate [s]; real ones take 41")
-    speed_m_s: float = Field(10.0, gt=0.5, le=35.0, description="over ground [m/s]")
-    start_side: Side = "west"
-    start_distance_m: float = Field(60.0, gt=0.0, description="from the area [m]")
-    goal_side: Side = "east"
-    goal: Cells | None = Field(None, description="a cell or a zone for all; default: across, on goal_side")
-    delay_step_s: float = Field(0.0, ge=0.0, description="each next vehicle starts this much later [s]")
-    arrive_within_s: float | None = Field(
-        None, gt=0.0, description="time bound: over its goal at most this long after its take-off [s]"
+    ready_s: float = Field(
+        5.0,
+        ge=0.0,
+        description="Time from boot to a position estimate [s]. Real vehicles take about 41 s.",
     )
-    arrive_after_s: float = Field(
-        0.0, ge=0.0, description="arrival window: and not earlier than this after its take-off [s]"
+    speed_m_s: float = Field(10.0, gt=0.5, le=35.0, description="Cruise speed of copters over ground [m/s].")
+    start_side: Side = Field("west", description="Side of the area along which the vehicles start.")
+    start_distance_m: float = Field(60.0, gt=0.0, description="Distance of the starts from the area [m].")
+    goal_side: Side = Field("east", description="Side of the area with the goals, a cell for each vehicle.")
+    goal: Cells | None = Field(
+        None,
+        description="Goal of all vehicles: a cell [row, col], or a list of cells (a target zone). Default: "
+        "cells on goal_side.",
     )
+    delay_step_s: float = Field(
+        0.0, ge=0.0, description="Launch delay of each vehicle after the previous one [s]."
+    )
+    arrive_within_s: float | None = Field(None, gt=0.0, description=ARRIVE_WITHIN)
+    arrive_after_s: float = Field(0.0, ge=0.0, description=ARRIVE_AFTER)
 
 
 class Start(Section):
-    lat_deg: float = Field(ge=-90.0, le=90.0)
-    lon_deg: float = Field(ge=-180.0, le=180.0)
+    """Position of a vehicle before take-off."""
+
+    lat_deg: float = Field(ge=-90.0, le=90.0, description="Latitude, WGS 84 [deg].")
+    lon_deg: float = Field(ge=-180.0, le=180.0, description="Longitude, WGS 84 [deg].")
 
 
 class Vehicle(Section):
-    """A vehicle reached by its MAVLink URL."""
+    """A vehicle with a MAVLink URL."""
 
-    name: str = Field(pattern=r"^[A-Za-z0-9_.-]{1,32}$")
-    url: MavlinkUrl
-    sysid: int = Field(ge=1, le=254)
-    link: LinkName = Field(
-        "direct", description="who speaks to it: direct (this program) or mavsdk (MAVSDK's stack, optional)"
+    name: str = Field(
+        pattern=r"^[A-Za-z0-9_.-]{1,32}$",
+        description="Name of the vehicle in commands and reports: letters, digits and `_.-`.",
     )
-    start: Start = Field(description="where it stands; usually outside the area")
-    goal: Cells = Field(description="a cell [row, col], or a list of cells: its target zone")
-    entry: Cell | None = Field(None, description="border cell by which it enters; default: the nearest")
-    altitude_m: float | None = Field(None, gt=2.0, le=1000.0, description="above home [m]; default: flight's")
-    delay_s: float = Field(0.0, ge=0.0, description="after the others [s]")
+    url: MavlinkUrl = Field(
+        description="MAVLink URL of the vehicle: udpin://HOST:PORT, udpout://HOST:PORT, tcpin://HOST:PORT, "
+        "tcpout://HOST:PORT or serial:///dev/ttyUSB0:57600. Several vehicles may share one."
+    )
+    sysid: int = Field(ge=1, le=254, description="MAVLink system id of the vehicle.")
+    link: LinkName = Field("direct", description="Link: direct (this program), or mavsdk (MAVSDK, optional).")
+    start: Start = Field(description="Position before take-off, usually outside the area.")
+    goal: Cells = Field(description="Goal: a cell [row, col], or a list of cells (a target zone).")
+    entry: Cell | None = Field(
+        None, description="Border cell [row, col] through which the vehicle enters. Default: the nearest."
+    )
+    altitude_m: float | None = Field(
+        None,
+        gt=2.0,
+        le=1000.0,
+        description="Flight altitude above home [m]. Default: by flight.altitude_m and altitude_step_m.",
+    )
+    delay_s: float = Field(0.0, ge=0.0, description="Launch delay [s].")
     airframe: Airframe = Field(
-        "copter", description="what it is; one that tells that it is another is not flown"
+        "copter", description="Kind of vehicle. A vehicle that reports another kind fails preflight."
     )
     turn_radius_m: float = Field(
         0.0,
         ge=0.0,
-        description="of its turns, with flight.any_angle; 0: on the spot, a plane's as wings says [m]",
+        description="Turn radius, with flight.any_angle [m]. 0: a copter turns on the spot, a plane by "
+        "wings.turn_radius_m.",
     )
     speed_m_s: float | None = Field(
-        None, gt=0.5, le=35.0, description="what it flies over ground [m/s]; needed with a time bound"
+        None,
+        gt=0.5,
+        le=35.0,
+        description="Speed over ground; a plane's airspeed [m/s]. Required with a time bound or `arrival`. "
+        "Default: 10 m/s (a plane: wings.speed_m_s).",
     )
-    arrive_within_s: float | None = Field(
-        None, gt=0.0, description="time bound: over its goal at most this long after its take-off [s]"
-    )
-    arrive_after_s: float = Field(
-        0.0, ge=0.0, description="arrival window: and not earlier than this after its take-off [s]"
-    )
+    arrive_within_s: float | None = Field(None, gt=0.0, description=ARRIVE_WITHIN)
+    arrive_after_s: float = Field(0.0, ge=0.0, description=ARRIVE_AFTER)

@@ -1,4 +1,4 @@
-"""What plans for fixed wings reckon with: the section `wings` of a configuration."""
+"""The section `wings` of a configuration: performance of fixed wings."""
 
 from __future__ import annotations
 
@@ -8,41 +8,54 @@ from swarmctl.core.section import Section
 
 
 class WingsSection(Section):
-    """All fixed wings of the swarm; a vehicle's own `speed_m_s` and `turn_radius_m` go before."""
+    """Performance of all fixed wings. A vehicle's own `speed_m_s` and `turn_radius_m` override it."""
 
-    speed_m_s: float = Field(15.0, gt=5.0, le=35.0, description="what simulated ones cruise at [m/s]")
-    min_speed_m_s: float = Field(
-        11.0, gt=3.0, le=35.0, description="no slower are they told to fly, for arrivals together [m/s]"
+    speed_m_s: float = Field(
+        15.0, gt=5.0, le=35.0, description="Cruise airspeed of simulated fixed wings [m/s]."
     )
-    turn_radius_m: float = Field(40.0, gt=0.0, le=1000.0, description="of their turns [m]")
+    min_speed_m_s: float = Field(
+        11.0,
+        gt=3.0,
+        le=35.0,
+        description="Lowest speed that a fixed wing is commanded, for arrivals at one time [m/s].",
+    )
+    turn_radius_m: float = Field(40.0, gt=0.0, le=1000.0, description="Radius of turns on the route [m].")
     loiter_radius_m: float = Field(
         60.0,
         gt=0.0,
         le=1000.0,
-        description="of the circles in which they hold and lose height, as their own parameters say [m]",
+        description="Radius of the circles in which fixed wings hold and descend, as their own parameters "
+        "say [m].",
     )
     takeoff_height_m: float = Field(
-        20.0, gt=5.0, le=200.0, description="above home, up to which they climb straight on from their start"
+        20.0,
+        gt=5.0,
+        le=200.0,
+        description="Height above home up to which fixed wings climb straight ahead after take-off [m].",
     )
     final_height_m: float = Field(
-        20.0, gt=5.0, le=200.0, description="above home, from which they come down a straight slope to land"
+        20.0,
+        gt=5.0,
+        le=200.0,
+        description="Height above home at which the straight final approach begins [m].",
     )
-    glide_deg: float = Field(6.0, ge=2.0, le=12.0, description="of that slope [deg]")
+    glide_deg: float = Field(6.0, ge=2.0, le=12.0, description="Slope of the final approach [deg].")
     landing_heading_deg: float | None = Field(
         None,
         ge=0.0,
         lt=360.0,
-        description="into which they land, clockwise from north [deg], as into the wind; default: for each "
-        "that on which it comes over the fewest cells of the area, and of such the way it flies in any case",
+        description="Heading of all landings, clockwise from north [deg], such as into the wind. Default: "
+        "for each landing the heading over the fewest cells of the area, and of those the nearest to its "
+        "course.",
     )
 
     def model_post_init(self, _context: object) -> None:
         if self.min_speed_m_s > self.speed_m_s:
             raise ValueError(
-                f"min_speed_m_s {self.min_speed_m_s:g} is more than speed_m_s {self.speed_m_s:g}; give less"
+                f"min_speed_m_s {self.min_speed_m_s:g} is more than speed_m_s {self.speed_m_s:g}; lower it"
             )
         if self.loiter_radius_m < self.turn_radius_m:
             raise ValueError(
                 f"loiter_radius_m {self.loiter_radius_m:g} is less than turn_radius_m "
-                f"{self.turn_radius_m:g}, tighter than which they do not turn; give as much"
+                f"{self.turn_radius_m:g}, the tightest turn; raise it to turn_radius_m or more"
             )

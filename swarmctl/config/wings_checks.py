@@ -1,4 +1,4 @@
-"""Whether fixed wings can fly as a configuration says. Pure."""
+"""Checks of fixed wings: room to take off and to land, and options that they cannot fly. Pure."""
 
 from __future__ import annotations
 
@@ -17,32 +17,32 @@ from swarmctl.core.planar import PlanarPoint, distance_to_track
 from swarmctl.planners import Unreachable
 
 ROLL_M = 40.0
-"""it rolls at its take-off, at most"""
-LOOK_EVERY_M = 5.0
+"""longest take-off roll"""
+SAMPLE_EVERY_M = 5.0
 CLIMB_SLOPE = 0.25
-"""and climbs out at least so steeply"""
+"""least slope of the climb after take-off, height over distance"""
 
 
 def check_wings(config: Config) -> Iterator[ConfigProblem]:
-    """What fixed wings need of other sections."""
+    """Yield settings of other sections that fixed wings cannot fly with."""
     planes = list(_planes(config))
     if not planes:
         if "wings" in config.model_fields_set:
-            text = "no vehicle is a fixed wing; leave it away, or say `airframe: plane` of those that are"
+            text = "no vehicle is a fixed wing; remove this section, or set `airframe: plane` on a vehicle"
             yield ConfigProblem(("wings",), text)
         return
     if not config.flight.any_angle:
-        text = "fixed wings fly routes that are pulled straight, with room for their turns; give true"
-        yield ConfigProblem(("flight", "any_angle"), text, given=planes[0])
+        text = "fixed wings need straightened routes, with room for their turns; set it to true"
+        yield ConfigProblem(("flight", "any_angle"), text, depends_on=planes[0])
     for here in planes:
         section = config.vehicles[here[1]] if here[0] == "vehicles" else config.simulate  # type: ignore[index]
         assert section is not None
         if section.arrive_within_s is not None or section.arrive_after_s > 0.0:
-            text = "a fixed wing's time is not reckoned closely enough for bounds; leave it away"
+            text = "flight times of fixed wings are not precise enough for a time bound; remove it"
             key = "arrive_within_s" if section.arrive_within_s is not None else "arrive_after_s"
             yield ConfigProblem((*here, key), text)
         if section.link == "mavsdk":
-            yield ConfigProblem((*here, "link"), "fixed wings are flown by `direct` alone; give that")
+            yield ConfigProblem((*here, "link"), "fixed wings need the link `direct`; set link: direct")
 
 
 def _planes(config: Config) -> Iterator[KeyPath]:
@@ -55,7 +55,7 @@ def _planes(config: Config) -> Iterator[KeyPath]:
 
 
 def check_plane(scenario: Scenario, spec: Spec, task: Task, here: KeyPath) -> Iterator[ConfigProblem]:
-    """Whether a fixed wing has room to take off and to land, and a place to land of its own."""
+    """Yield a lack of room of one fixed wing: to climb out, to descend, to land at its goal and at home."""
     wings = task.wings
     if wings is None:
         return
@@ -64,28 +64,28 @@ def check_plane(scenario: Scenario, spec: Spec, task: Task, here: KeyPath) -> It
     has_m = distance_m(spec.start, scenario.grid.centre(spec.entry))
     if has_m < needs_m:
         text = (
-            f"{spec.name} has {has_m:.0f} m to the centre of its entry, and takes up to {needs_m:.0f} m to "
-            f"climb to {wings.takeoff_height_m:g} m; start it farther away, or lower wings.takeoff_height_m"
+            f"{spec.name} starts {has_m:.0f} m from the centre of its entry cell, but needs up to "
+            f"{needs_m:.0f} m to climb to {wings.takeoff_height_m:g} m; move its start farther away, or lower "
+            "wings.takeoff_height_m"
         )
         yield ConfigProblem(key, text)
     if spec.altitude_m < wings.final_height_m:
         text = f"{spec.name} would fly at {spec.altitude_m:g} m, below wings.final_height_m = "
         yield ConfigProblem(
-            ("wings", "final_height_m"), f"{text}{wings.final_height_m:g} m; lower that, or fly higher"
+            ("wings", "final_height_m"), f"{text}{wings.final_height_m:g} m; lower it, or fly higher"
         )
     sharing = [other.name for other in scenario.swarm if _shares(spec, other)]
     if sharing:
-        text = f"{spec.name} would land on the way of {', '.join(sharing)}: its goals have to be its alone"
-        yield ConfigProblem((*here, "goal"), f"{text}; give them goals of their own")
+        text = f"{spec.name} shares a goal with {', '.join(sharing)} and would land in its way; a fixed wing"
+        yield ConfigProblem((*here, "goal"), f"{text} needs goals of its own: give each vehicle another")
     try:
         home_approach(task)
     except Unreachable as error:
-        yield ConfigProblem(key, f"{spec.name}: {error}; widen preflight.fence, or move it")
+        yield ConfigProblem(key, f"{spec.name}: {error}; widen preflight.fence, or move the start")
 
 
 def check_landings(scenario: Scenario) -> Iterator[ConfigProblem]:
-    """No two fixed wings' landings meet, at whatever time they are flown: how long each circles is its own
-    affair."""
+    """Yield the first two fixed wings whose landings meet, at any time: the time in the circle is unknown."""
     planes = [(spec, task) for spec, task in zip(scenario.specs, scenario.tasks, strict=True) if task.wings]
     apart_m = scenario.config.separation.horizontal_m
     known = [(spec, list(_outlines(task))) for spec, task in planes]
@@ -105,7 +105,7 @@ def check_landings(scenario: Scenario) -> Iterator[ConfigProblem]:
                 "wings.landing_heading_deg"
             )
             yield ConfigProblem(("separation", "horizontal_m"), text)
-            return  # one cure mends most of them
+            return  # one change cures most of them
 
 
 def _outlines(task: Task) -> Iterator[tuple[str, list[PlanarPoint]]]:
@@ -113,20 +113,20 @@ def _outlines(task: Task) -> Iterator[tuple[str, list[PlanarPoint]]]:
         home = home_pattern(task)
         goals = [goal_pattern(task, goal) for goal in task.goals]
     except Unreachable:
-        return  # which is said elsewhere
+        return  # another check reports it
     yield from (("at their goals", goal.outline()) for goal in goals if goal is not None)
     if home is not None:
         yield "at home", home.outline()
 
 
 def _nearest_m(a: list[PlanarPoint], b: list[PlanarPoint]) -> float:
-    """Between two ways, looked at every few metres."""
+    """Return the least distance between two tracks, sampled every few metres [m]."""
     return min(distance_to_track(point, b) for point in _dense(a))
 
 
 def _dense(way: list[PlanarPoint]) -> Iterator[PlanarPoint]:
     for (e0, n0), (e1, n1) in pairwise(way):
-        pieces = math.ceil(math.dist((e0, n0), (e1, n1)) / LOOK_EVERY_M) or 1
+        pieces = math.ceil(math.dist((e0, n0), (e1, n1)) / SAMPLE_EVERY_M) or 1
         yield from ((e0 + (e1 - e0) * k / pieces, n0 + (n1 - n0) * k / pieces) for k in range(pieces))
     yield way[-1]
 

@@ -1,4 +1,4 @@
-"""YAML that remembers on which line each key stands."""
+"""A YAML parser that keeps the line of each key."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Path = tuple[str | int, ...]
 
 
 class YamlError(ValueError):
-    """Not YAML, or a key given twice; `line` counts from 1."""
+    """Malformed YAML, or a repeated key; `line` counts from 1."""
 
     def __init__(self, line: int, text: str) -> None:
         super().__init__(text)
@@ -21,11 +21,13 @@ class YamlError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Document:
+    """The data of a file, and the line of each path."""
+
     data: Any
     lines: dict[Path, int]
 
     def line_of(self, path: Path) -> int:
-        """The line of the deepest part of `path` that the file has."""
+        """Return the line of the deepest part of `path` that the file has."""
         for length in range(len(path), 0, -1):
             if path[:length] in self.lines:
                 return self.lines[path[:length]]
@@ -33,22 +35,22 @@ class Document:
 
 
 def parse(text: str) -> Document:
-    """Raises YamlError."""
+    """Return the document of a YAML text. Raises YamlError."""
     loader = None
     try:
         loader = yaml.SafeLoader(text)
         node = loader.get_single_node()
         if node is None:
-            raise YamlError(1, "the file is empty; start from `configs/swarm.yaml`")
+            raise YamlError(1, "the file is empty; `swarmctl init FILE` writes a starter configuration")
         lines: dict[Path, int] = {}
         _walk(node, (), lines)
         return Document(loader.construct_document(node), lines)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = mark.line + 1 if mark is not None else 1
-        raise YamlError(line, f"this is not YAML: {error.problem or error.context}") from error
+        raise YamlError(line, f"the YAML is malformed: {error.problem or error.context}") from error
     except yaml.YAMLError as error:
-        raise YamlError(1, f"this is not YAML: {str(error).splitlines()[0]}") from error
+        raise YamlError(1, f"the YAML is malformed: {str(error).splitlines()[0]}") from error
     finally:
         if loader is not None:
             loader.dispose()

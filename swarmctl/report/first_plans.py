@@ -6,7 +6,7 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from swarmctl.agent.replan.route_to_mission import flown_for
+from swarmctl.agent.replan.route_to_mission import flown_route
 from swarmctl.config.scenario import Scenario
 from swarmctl.planners import Unreachable
 from swarmctl.report.figures import product_text
@@ -35,12 +35,12 @@ def plan_table(scenario: Scenario, routes: dict[str, tuple[FirstRoute, ...]]) ->
 def _numbers(scenario: Scenario, first: FirstRoute) -> tuple[str, str, str, str]:
     task = first.task
     try:
-        flown = flown_for(task, first.problem, first.route)
+        flown = flown_route(task, first.problem, first.route)
     except Unreachable:
         return "–", "–", "–", f"has no turns of {task.turn_radius_m:g} m"
     return (
         f"{flown.length_cells * scenario.grid.cell_size_m:.0f}",
         f"{flown.exposure_sum:.3f}",
         product_text(flown.safety_factor),
-        str(scenario.chance(task.uav, scenario.prior, task.strength, flown.cells)),
+        str(scenario.survival_probability(task.uav, scenario.prior, task.strength, flown.cells)),
     )

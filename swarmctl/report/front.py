@@ -19,16 +19,16 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from swarmctl.agent.replan.arrival_bounds import before_takeoff
 from swarmctl.agent.replan.decide import first_problem
-from swarmctl.agent.replan.route_to_mission import Flown, flown_for, unpulled
-from swarmctl.agent.replan.time_bound import arrives_s, bounds_of, misses_by, route_in_time
+from swarmctl.agent.replan.length_bounds import before_takeoff
+from swarmctl.agent.replan.route_to_mission import FlownRoute, flown_route, lattice_route
+from swarmctl.agent.replan.time_bound import arrives_s, bounds_of, misses_by, route_within_bounds
 from swarmctl.agent.state import Task
 from swarmctl.config.scenario import Scenario
 from swarmctl.config.specs import Spec
 from swarmctl.core.any_angle.turns import rounded
 from swarmctl.core.geo import LatLon
-from swarmctl.core.inference.chance import Chance
+from swarmctl.core.inference.survival import ProbabilityEstimate
 from swarmctl.planners import Problem, Route, Unreachable
 from swarmctl.planners.front import Front, pareto_front
 from swarmctl.report.figures import product_text
@@ -38,7 +38,7 @@ ROWS = 12
 """of a front in the table, and lines of it on the map"""
 PANELS_A_SHEET = 6
 SAME = 1e-9
-WHAT_IS_WHAT = (
+EXPLANATION = (
     "time: from take-off to goal. ΣP_s is a sum of chances and ∏(1 − P_s) takes cells as independent: the "
     "chance of getting through is the one by simulation over what is believed at take-off, with its 95 % "
     "interval."
@@ -56,11 +56,11 @@ class Offer:
     """A route, and what is flown for it."""
 
     route: Route
-    flown: Flown
+    flown: FlownRoute
     """the route itself where the vehicle could not fly it"""
     is_flyable: bool
     """False if no track for it has turns as wide as the vehicle needs"""
-    chance: Chance
+    chance: ProbabilityEstimate
     """of getting through with what is flown"""
 
 
@@ -86,14 +86,14 @@ class VehicleFront:
     def name(self) -> str:
         return self.spec.name
 
-    def length_m(self, flown: Flown) -> float:
+    def length_m(self, flown: FlownRoute) -> float:
         return flown.length_cells * self.task.grid.cell_size_m
 
-    def arrives_s(self, flown: Flown) -> float:
+    def arrives_s(self, flown: FlownRoute) -> float:
         """With what its turns cost, as the vehicle reckons."""
         return arrives_s(self.task, flown.length_cells, flown.corners)
 
-    def is_in_time(self, flown: Flown) -> bool:
+    def is_in_time(self, flown: FlownRoute) -> bool:
         """By the rule of its planner."""
         bounds = bounds_of(self.task, before_takeoff(self.task.arrival, self.task.altitude_m))
         return misses_by(self.task, bounds, flown.length_cells, flown.corners) == 0.0
@@ -115,7 +115,7 @@ def _front(scenario: Scenario, index: int, spec: Spec, max_labels: int | None) -
     problem = first_problem(task, scenario.prior)
     unbounded = replace(problem, min_length_cells=0.0, max_length_cells=math.inf)
     front = pareto_front(unbounded, max_labels=max_labels)
-    chosen = _offer(scenario, task, problem, route_in_time(task, problem))
+    chosen = _offer(scenario, task, problem, route_within_bounds(task, problem))
     at = next((i for i, route in enumerate(front.routes) if _equals(route, chosen.route)), None)
     # Of routes that are one point of the front, the configured one is flown.
     offers = tuple(
@@ -127,10 +127,10 @@ def _front(scenario: Scenario, index: int, spec: Spec, max_labels: int | None) -
 
 def _offer(scenario: Scenario, task: Task, problem: Problem, route: Route) -> Offer:
     try:
-        flown, is_flyable = flown_for(task, problem, route), True
+        flown, is_flyable = flown_route(task, problem, route), True
     except Unreachable:
-        flown, is_flyable = unpulled(route), False
-    chance = scenario.chance(task.uav, scenario.prior, task.strength, flown.cells)
+        flown, is_flyable = lattice_route(route), False
+    chance = scenario.survival_probability(task.uav, scenario.prior, task.strength, flown.cells)
     return Offer(route, flown, is_flyable, chance)
 
 

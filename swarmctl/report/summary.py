@@ -16,28 +16,28 @@ from numpy.typing import NDArray
 
 from swarmctl import __version__
 from swarmctl.agent.state import ARRIVED, IN_FLIGHT, AgentState
-from swarmctl.agent.traffic.separation.conflicts import Crossings
-from swarmctl.bus.node.counters import Tally
+from swarmctl.agent.traffic.separation.conflicts import CrossingCounts
+from swarmctl.bus.node.exchange import NetworkCounters
 from swarmctl.config.scenario import Scenario
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
-from swarmctl.core.frames import Spoken
+from swarmctl.core.frames import AgentMessage
 from swarmctl.core.geo import LatLon
-from swarmctl.core.inference.chance import chance_among
+from swarmctl.core.inference.survival import survival_among
 from swarmctl.core.observation import Observation
 from swarmctl.core.threat import FiringStrength
 from swarmctl.planners import Route
 from swarmctl.report.arrival import Arrivals
-from swarmctl.report.final_state import ended_how, standing
-from swarmctl.report.separation import Closeness
-from swarmctl.report.swaps import Swaps
+from swarmctl.report.final_state import describe_outcome, final_phase
+from swarmctl.report.separation import SeparationStatistics
+from swarmctl.report.swaps import SwapStatistics
 
 MAX_WEIGHTS = 500
 """changes of weights that are kept of a vehicle: the last"""
 
 
 @dataclass(frozen=True, slots=True)
-class Prospect:
+class TakeoffPlan:
     """A route, and what was believed when it was taken."""
 
     route: ev.SwapMission
@@ -46,7 +46,7 @@ class Prospect:
 
 
 @dataclass(slots=True)
-class VehicleLedger:
+class VehicleStatistics:
     """What one vehicle did, beyond what its agent's state says."""
 
     planned: list[LatLon] = field(default_factory=list)
@@ -56,7 +56,7 @@ class VehicleLedger:
     took_off_s: float | None = None
     last_s: float | None = None
     """by the vehicle's own clock"""
-    prospect: Prospect | None = None
+    takeoff_plan: TakeoffPlan | None = None
     """of the route it took off with"""
     weights: deque[tuple[float | None, int, float, FiringStrength]] = field(
         default_factory=lambda: deque(maxlen=MAX_WEIGHTS)
@@ -64,7 +64,7 @@ class VehicleLedger:
     """the last changes: its flight time then, the first plan made with them, what they were from then on"""
     weight_changes: int = 0
     """all of them"""
-    swaps: Swaps = field(default_factory=Swaps)
+    swaps: SwapStatistics = field(default_factory=SwapStatistics)
 
     @property
     def flight_time_s(self) -> float | None:
@@ -72,12 +72,12 @@ class VehicleLedger:
         return None if self.took_off_s is None or self.last_s is None else self.last_s - self.took_off_s
 
 
-class Ledger:
+class FlightStatistics:
     """Follows every agent; latencies are in seconds of the run's clock."""
 
     def __init__(self) -> None:
-        self.vehicles: defaultdict[int, VehicleLedger] = defaultdict(VehicleLedger)
-        self.closeness = Closeness()
+        self.vehicles: defaultdict[int, VehicleStatistics] = defaultdict(VehicleStatistics)
+        self.separation = SeparationStatistics()
         self.arrivals = Arrivals()
         self._observed_s: dict[ev.ObservationId, float] = {}
         self._believed_s: dict[ev.ObservationId, float] = {}
@@ -92,11 +92,11 @@ class Ledger:
         match event:
             case ev.TelemetryReceived():
                 self._moved(vehicle, before, after)
-                self.closeness.moved(after, vehicle.flight_time_s, now)
+                self.separation.moved(after, vehicle.flight_time_s, now)
                 self.arrivals.moved(after, now)
             case ev.Neighbours(states):
-                self.closeness.heard(after, states, vehicle.flight_time_s, now)
-            case ev.Heard(told) if after.belief is not before.belief:
+                self.separation.heard(after, states, vehicle.flight_time_s, now)
+            case ev.ObservationsReceived(told) if after.belief is not before.belief:
                 self._believed_s.update(((*o.source, o.seq), now) for o in told if isinstance(o, Observation))
             case ev.MissionAccepted() if before.pending is not None and after.pending is None:
                 self._accepted(vehicle, before.pending, now)
@@ -117,13 +117,13 @@ class Ledger:
                 observation = effect.message
                 self._observed_s[*observation.source, observation.seq] = now
 
-    def sent(self, uav: int, message: Spoken, recipients: int, now: float) -> None:
+    def sent(self, uav: int, message: AgentMessage, recipients: int, now: float) -> None:
         pass
 
-    def said(self, uav: int, text: str, now: float, *, aloud: bool) -> None:
+    def noted(self, uav: int, text: str, now: float, *, to_operator: bool) -> None:
         pass
 
-    def _moved(self, vehicle: VehicleLedger, before: AgentState, after: AgentState) -> None:
+    def _moved(self, vehicle: VehicleStatistics, before: AgentState, after: AgentState) -> None:
         state = after.vehicle
         if state.lat_deg is None or state.lon_deg is None or not (state.armed or before.vehicle.armed):
             return
@@ -133,10 +133,10 @@ class Ledger:
         if vehicle.took_off_s is None:
             vehicle.took_off_s = state.time_boot_s
             if after.route is not None:
-                vehicle.prospect = Prospect(after.route, after.belief, after.strength)
+                vehicle.takeoff_plan = TakeoffPlan(after.route, after.belief, after.strength)
         vehicle.last_s = state.time_boot_s
 
-    def _accepted(self, vehicle: VehicleLedger, swap: ev.SwapMission, now: float) -> None:
+    def _accepted(self, vehicle: VehicleStatistics, swap: ev.SwapMission, now: float) -> None:
         if not vehicle.planned:
             vehicle.planned = [(p.lat_deg, p.lon_deg) for p in (*swap.plan.track, swap.plan.landing)]
         for observation in swap.because:
@@ -169,14 +169,14 @@ def _quantiles(
 def summary(
     scenario: Scenario,
     states: dict[int, AgentState],
-    ledger: Ledger,
+    statistics: FlightStatistics,
     *,
     clock: str,
     wall_s: float | None,
     commands: dict[str, int],
-    networks: Mapping[int, Tally],
+    networks: Mapping[int, NetworkCounters],
     looks: Mapping[int, dict[str, Any]],
-    crossings: Crossings | None = None,
+    crossings: CrossingCounts | None = None,
 ) -> dict[str, Any]:
     """The content of `summary.json`.
 
@@ -200,12 +200,12 @@ def summary(
         },
         "psi_per_cell": scenario.psi_per_cell,
         "latency_clock": "simulated seconds" if clock == "virtual" else "wall seconds",
-        "latency": ledger.latencies(),
-        "separation": ledger.closeness.summary(states, crossings),
-        "arrival": ledger.arrivals.summary(states, _simulated_seconds(scenario, clock)),
+        "latency": statistics.latencies(),
+        "separation": statistics.separation.summary(states, crossings),
+        "arrival": statistics.arrivals.summary(states, _simulated_seconds(scenario, clock)),
         "operator_commands": commands,
         "vehicles": [
-            _vehicle(scenario, states[t.uav], ledger, networks[t.uav]) | {"looks": looks.get(t.uav)}
+            _vehicle(scenario, states[t.uav], statistics, networks[t.uav]) | {"looks": looks.get(t.uav)}
             for t in scenario.tasks
         ],
         "configuration": scenario.config.model_dump(mode="json"),
@@ -231,25 +231,25 @@ def _belief_of_all(scenario: Scenario, states: dict[int, AgentState]) -> Belief:
     """Of two contents under one name, the first counts."""
     together = scenario.prior
     for state in states.values():
-        for told in state.belief.told():
+        for told in state.belief.items():
             with contextlib.suppress(ValueError):
                 together = together.merge((told,))
     return together
 
 
-def _vehicle(scenario: Scenario, state: AgentState, ledger: Ledger, network: Tally) -> dict[str, Any]:
-    task, mine = state.task, ledger.vehicles[state.task.uav]
+def _vehicle(scenario: Scenario, state: AgentState, statistics: FlightStatistics, network: NetworkCounters) -> dict[str, Any]:
+    task, mine = state.task, statistics.vehicles[state.task.uav]
     own = state.belief.n_cells_from(task.uav)
     return {
         "name": task.name,
         "sysid": task.uav,
-        "outcome": ended_how(state),
+        "outcome": describe_outcome(state),
         "trouble": state.trouble,
-        "phase": standing(state),
+        "phase": final_phase(state),
         "flight_time_s": mine.flight_time_s,
         **arrival_of(state),
         "flown_m": state.flown_m,
-        "at_takeoff": None if mine.prospect is None else _prospect(scenario, task.uav, mine.prospect),
+        "at_takeoff": None if mine.takeoff_plan is None else _takeoff_plan(scenario, task.uav, mine.takeoff_plan),
         "chance_among_true_hostiles": _chance_among_true(scenario, state),
         "exposure_sum_at_decisions": state.flown_exposure,
         "safety_factor_at_decisions": state.flown_safety,
@@ -268,7 +268,7 @@ def _vehicle(scenario: Scenario, state: AgentState, ledger: Ledger, network: Tal
         "messages_sent": network.sent.total(),
         "network": _network(network),
         "communication_penalty": scenario.config.communication.penalty_per_m * state.flown_m,
-        "latency": ledger.latencies(task.uav),
+        "latency": statistics.latencies(task.uav),
         "cells_own": own,
         "cells_heard": state.belief.n_observed - own,
         "hostiles_known": state.belief.n_found,
@@ -276,9 +276,9 @@ def _vehicle(scenario: Scenario, state: AgentState, ledger: Ledger, network: Tal
     }
 
 
-def _network(tally: Tally) -> dict[str, Any]:
+def _network(tally: NetworkCounters) -> dict[str, Any]:
     """What became of a vehicle's messages; every recipient of one counts."""
-    values = {name: getattr(tally, name) for name in Tally.__slots__}
+    values = {name: getattr(tally, name) for name in NetworkCounters.__slots__}
     return {
         name: value if isinstance(value, int) else {str(k): n for k, n in sorted(value.items())}
         for name, value in values.items()
@@ -299,11 +299,11 @@ def arrival_of(state: AgentState) -> dict[str, Any]:
     }
 
 
-def _prospect(scenario: Scenario, uav: int, prospect: Prospect) -> dict[str, Any]:
+def _takeoff_plan(scenario: Scenario, uav: int, takeoff_plan: TakeoffPlan) -> dict[str, Any]:
     """What the route it took off with promised, by what was believed then: three numbers that differ."""
-    route = prospect.route
+    route = takeoff_plan.route
     entered = route.cells if route.track is None else route.track.over
-    chance = scenario.chance(uav, prospect.belief, prospect.strength, entered)
+    chance = scenario.survival_probability(uav, takeoff_plan.belief, takeoff_plan.strength, entered)
     return {
         "length_m": route.length_m,
         "exposure_sum": route.exposure_sum,
@@ -322,7 +322,7 @@ def _chance_among_true(scenario: Scenario, state: AgentState) -> float | None:
     if not state.flown_cells:
         return None
     shape = (scenario.grid.rows, scenario.grid.cols)
-    return chance_among(scenario.hostiles, scenario.strength, state.flown_cells, shape)
+    return survival_among(scenario.hostiles, scenario.strength, state.flown_cells, shape)
 
 
 def _plan(route: Route) -> dict[str, Any]:

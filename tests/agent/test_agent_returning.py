@@ -19,9 +19,9 @@ from swarmctl.agent.failsafes.base import ActiveRule
 from swarmctl.agent.orders import place_for_return
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.return_turns import schedule_for
+from swarmctl.agent.traffic.return_schedule import schedule_for
 from swarmctl.agent.traffic.returning import MAX_RETURN_WAIT_S, SETTLES_S
-from swarmctl.config.model import FlightSection
+from swarmctl.config.flight import FlightSection
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_AWAY, StateShared
 from swarmctl.core.messages import VehicleAnswer, VehiclePosition
@@ -364,7 +364,7 @@ class Waits:
 class Nobody:
     """May go, for others are always on the way."""
 
-    def may_go(self, place: VehiclePosition, now_s: float) -> bool:
+    def may_return(self, place: VehiclePosition, now_s: float) -> bool:
         return False
 
     def may_land(self, place: VehiclePosition, now_s: float) -> bool:

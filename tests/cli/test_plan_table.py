@@ -48,7 +48,7 @@ def test_each_row_tells_what_an_agent_with_that_w_would_fly(flight: dict[str, ob
             swap = first_mission(replace(task, w=w), scenario)
             entered = swap.cells if swap.track is None else swap.track.over
             n_pulled += entered != swap.cells
-            chance = scenario.chance(task.uav, scenario.prior, task.strength, entered)
+            chance = scenario.survival_probability(task.uav, scenario.prior, task.strength, entered)
             _, *row = next(said)
             assert row == [
                 f"{w:g}",

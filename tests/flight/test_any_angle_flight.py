@@ -144,7 +144,7 @@ def test_what_is_promised_at_take_off_is_of_the_track_by_what_was_believed_then(
     )
     promised = told["vehicles"][0]["at_takeoff"]
     chances = [
-        plain.chance(task.uav, held, task.strength, cells).estimate
+        plain.survival_probability(task.uav, held, task.strength, cells).estimate
         for held in (belief, plain.prior)
         for cells in (swap.track.over, swap.cells)
     ]

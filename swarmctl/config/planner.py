@@ -1,0 +1,48 @@
+"""The section `planner` of a configuration."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator
+
+from swarmctl.core.section import Section
+from swarmctl.planners import PLANNERS, method
+
+
+def _planner(name: str) -> str:
+    if name not in PLANNERS:
+        raise ValueError(f"unknown planner; the planners are {', '.join(sorted(PLANNERS))}")
+    return name
+
+
+class PlannerSection(Section):
+    """The choice of routes."""
+
+    name: Annotated[str, AfterValidator(_planner)] = Field(
+        "dijkstra", description=f"Planner: {', '.join(PLANNERS)}."
+    )
+    w: float = Field(
+        0.5,
+        ge=0.0,
+        le=1.0,
+        description="Weight of exposure against length (Eq. 5). 0: the shortest route; 1: the least exposed.",
+    )
+    psi_per_cell: float | None = Field(
+        None,
+        gt=0.0,
+        description="Cost of one cell length (Eq. 5). Default: the prior exposure P_s of an inner cell.",
+    )
+    max_exposure: float | None = Field(
+        None, gt=0.0, description="Greatest exposure P_s of a cell on a route. Default: no limit."
+    )
+    options: dict[str, Any] = Field(
+        {}, description="Further options of the planner, by name. Default: those of the planner."
+    )
+
+    @field_validator("options")
+    @classmethod
+    def _known_to_the_planner(cls, options: dict[str, Any], info: ValidationInfo) -> dict[str, Any]:
+        if (name := info.data.get("name")) is not None:
+            method(name, PLANNERS[name], options)
+        return options
