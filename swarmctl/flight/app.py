@@ -1,4 +1,4 @@
-"""The composition root: a `Scenario` becomes resources, the resources one task tree, the tree one flight."""
+"""The composition root: a `Scenario` becomes resources and members, and these one task tree."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.separation.conflicts import CrossingCounts
 from swarmctl.bus import external_observations
 from swarmctl.bus.network import Network, RunClock
-from swarmctl.bus.node import counters as bus_tally
-from swarmctl.bus.operator_service import CommandCounts, CommandSeal, NO_SEAL
+from swarmctl.bus.node.exchange import NetworkCounters
+from swarmctl.bus.operator_service import NO_SEAL, CommandCounts, CommandSeal
 from swarmctl.bus.transports.base import BusError, Transport
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.events import FlightOrder
@@ -27,42 +27,49 @@ from swarmctl.flight.director import Director, Launch, Permission, PreflightFail
 from swarmctl.flight.live_table import show
 from swarmctl.flight.member import Member
 from swarmctl.flight.network import network_of, speedup_of
-from swarmctl.flight.operator_orders import order_desk
+from swarmctl.flight.operator_orders import operator_service_for
 from swarmctl.flight.return_queue import ReturnQueue
 from swarmctl.flight.runner import Observer
 from swarmctl.flight.task_tree import run_tasks
 from swarmctl.flight.virtual_simulator import AddressOf, undisturbed
-from swarmctl.flight.wiring import Clock, FlightResources, epoch_ns, build_members, open_resources, with_free_port
+from swarmctl.flight.wiring import (
+    Clock,
+    FlightResources,
+    build_members,
+    epoch_ns,
+    open_resources,
+    with_free_port,
+)
 from swarmctl.links.base import LinkError
 from swarmctl.preflight.conversation import CheckResult, Preflight, summary_of
 from swarmctl.preflight.waivers import Waiver
-from swarmctl.report.evidence.book import Signer
+from swarmctl.report.evidence.file import Signer
 from swarmctl.report.evidence.hooks import Evidence
 from swarmctl.report.final_state import describe_final_state
 from swarmctl.report.outcome import Ending, Report
 from swarmctl.report.record import Recorder
 from swarmctl.report.summary import FlightStatistics, summary
-from swarmctl.report.ui import UiObserver, SafeUi, Ui
+from swarmctl.report.ui import SafeUi, Ui, UiObserver
 
 EXPECTED = (PreflightFailed, simulator.SimulatorFailed, LinkError, BusError)
 
 
 @dataclass(frozen=True, slots=True)
 class FlightOptions:
-    """How a process flies the vehicles it has."""
+    """How a process flies its vehicles."""
 
     launch: Launch = "when-ready"
-    desk_of: int | None = None
-    """the vehicle whose operator's desk it keeps; None: the station's, for all vehicles"""
+    operator_service_of: int | None = None
+    """the vehicle whose operator service this process offers; None: the station's, for all vehicles"""
     orders_closed: Callable[[Sequence[Member]], str] | None = None
-    """why operators' orders are not taken now; empty if they are. None: one process flies all, and takes
-    those of its own machine"""
+    """the reason why operators' orders are refused now; empty: they are taken. None: one process flies all
+    vehicles and takes the orders of its own machine"""
     unseal: CommandSeal = NO_SEAL
     """opens operators' commands"""
     seal: FrameCodec | None = None
-    """signs what its UAVs say, and opens what others say; None: nobody signs"""
+    """signs the messages of this process's vehicles and verifies the others'; None: messages are unsigned"""
     signer: Signer | None = None
-    """signs the evidence when the run ends; None: nobody does"""
+    """signs the evidence when the run ends; None: the evidence stays unsigned"""
     waivers: tuple[Waiver, ...] = ()
     """preflight checks that an operator lets fail"""
 
@@ -81,9 +88,10 @@ async def fly(
     bus: Transport | None = None,
     options: FlightOptions = DEFAULT_OPTIONS,
 ) -> Report:
-    """Fly the scenario; leaves `run.mcap` and the tlogs in `folder`. The rest is for `outputs` to write.
+    """Fly the scenario and return how it ended; write `run.mcap`, the evidence and the tlogs to `folder`.
 
-    `bus` is one that is open already; else the configuration's, or one in memory on a virtual clock.
+    `outputs` writes the other files. `bus` is an open transport; None opens the configured one, or one in
+    memory on a virtual clock.
     """
     if clock == "real":
         scenario = with_free_port(scenario)
@@ -97,10 +105,10 @@ async def fly(
         ):
             observers = (recorder, run.statistics, UiObserver(run.ui, run.names), evidence)
             network = opened.enter_context(contextlib.closing(_network(run, resources, observers)))
-            _gather(run, resources, network, observers)
+            _build_members(run, resources, network, observers)
             director = _director(run, _recorded(permission, evidence), evidence, network)
-            await _conducted(run, director, network, resources)
-    except Exception as error:  # noqa: BLE001 - whatever it was, the vehicles are accounted for
+            await _run_flight(run, director, network, resources)
+    except Exception as error:  # noqa: BLE001 - the report accounts for the vehicles after any error
         run.failed(error)
     finally:
         recorder.close()
@@ -111,7 +119,7 @@ async def fly(
 
 @dataclass(slots=True)
 class _Run:
-    """One flight from its resources to its report."""
+    """The state of one flight, from its resources to its report."""
 
     scenario: Scenario
     folder: Path
@@ -127,7 +135,7 @@ class _Run:
     failures: list[BaseException] = field(default_factory=list)
     bug: Exception | None = None
     commands: CommandCounts = field(default_factory=CommandCounts)
-    tallies: dict[int, bus_tally.NetworkCounters] = field(default_factory=dict)
+    tallies: dict[int, NetworkCounters] = field(default_factory=dict)
     reports: dict[int, external_observations.ReportCounts] = field(default_factory=dict)
     checked: dict[str, tuple[CheckResult, ...]] = field(default_factory=dict)
     crossings: deque[CrossingCounts] = field(default_factory=partial(deque, maxlen=1))
@@ -137,7 +145,7 @@ class _Run:
 
     @property
     def names(self) -> dict[int, str]:
-        """By system id."""
+        """The vehicles' names by system id."""
         return {task.uav: task.name for task in self.scenario.tasks}
 
     def failed(self, error: Exception) -> None:
@@ -151,13 +159,14 @@ class _Run:
     def report(self) -> Report:
         states = {m.spec.sysid: m.state for m in self.members}
         gone = any(isinstance(leaf, simulator.SimulatorFailed) for leaf in self.failures)
-        left = tuple(
+        final_states = tuple(
             f"{m.name}: gone with the simulator" if gone and m.spec.simulated else describe_final_state(m)
             for m in self.members
         )
         content = self._summary(states) if states else {}
+        trouble = tuple(self.trouble)
         return Report(
-            self.ended, tuple(self.trouble), left, states, self.statistics, content, self.bug, self.checked
+            self.ended, trouble, final_states, states, self.statistics, content, self.bug, self.checked
         )
 
     def _summary(self, states: dict[int, AgentState]) -> dict[str, Any]:
@@ -180,26 +189,28 @@ def _network(run: _Run, resources: FlightResources, observers: Sequence[Observer
     return network_of(run.scenario, resources.transport, run.run_clock, run.options.seal, refused)
 
 
-def _gather(run: _Run, resources: FlightResources, network: Network, observers: tuple[Observer, ...]) -> None:
-    """The members of the flight, and the desk at which they are ordered."""
-    desk = order_desk(
+def _build_members(
+    run: _Run, resources: FlightResources, network: Network, observers: tuple[Observer, ...]
+) -> None:
+    """Build the members of the flight and the operator service that orders them."""
+    operator_service = operator_service_for(
         run.scenario,
         resources.transport,
         run.ui,
         run.commands,
         run.members,
-        uav=run.options.desk_of,
+        uav=run.options.operator_service_of,
         closed_by=run.options.orders_closed,
         unseal=run.options.unseal,
     )
-    # All of them or none: what has no link cannot be summed up.
+    # All members or none: the summary needs the link of each.
     run.members += list(
         build_members(
             run.scenario,
             run.folder,
             resources,
             network,
-            desk,
+            operator_service,
             observers,
             run.clock,
             run.run_clock,
@@ -231,26 +242,28 @@ def _director(run: _Run, permission: Permission, evidence: Evidence, network: Ne
         permission=permission,
         clearance=clearance,
         launch=run.options.launch,
-        elsewhere=_elsewhere(run, network),
+        return_queue=_return_queue(run, network),
     )
 
 
-def _elsewhere(run: _Run, network: Network) -> ReturnQueue | None:
-    """Where this process flies one vehicle of a swarm: it knows of the others what they tell."""
-    uav = run.options.desk_of
+def _return_queue(run: _Run, network: Network) -> ReturnQueue | None:
+    """Return the queue of a vehicle whose swarm other processes fly; None: this process flies them all."""
+    uav = run.options.operator_service_of
     return None if uav is None else ReturnQueue(uav, partial(network.states, uav))
 
 
-async def _conducted(run: _Run, director: Director, network: Network, resources: FlightResources) -> None:
-    """The flight, and what becomes of vehicles when it breaks or is left at once."""
+async def _run_flight(run: _Run, director: Director, network: Network, resources: FlightResources) -> None:
+    """Run the task tree; send airborne vehicles home or down when it fails or is abandoned."""
     flight, say = run.scenario.config.flight, run.ui.say
     order = FlightOrder(flight.on_exit)
     shown = partial(show, run.members, run.statistics, run.ui, run.scenario, director, network)
     try:
-        run.ended = await run_tasks(director, run.members, resources.simulator_task, run.ui, shown, resources.evidence)
+        run.ended = await run_tasks(
+            director, run.members, resources.simulator_task, run.ui, shown, resources.evidence
+        )
     except Exception:
         await emergency.in_turns(
-            "the flight is broken",
+            "the flight has failed",
             _reachable(run.members, resources.simulator_task),
             order,
             say,
@@ -259,11 +272,12 @@ async def _conducted(run: _Run, director: Director, network: Network, resources:
         )
         raise
     if run.ended == "abandoned":
-        await emergency.at_once("not waited for", _reachable(run.members, resources.simulator_task), order, say)
+        reachable = _reachable(run.members, resources.simulator_task)
+        await emergency.at_once("the operator leaves at once", reachable, order, say)
 
 
 def _recorded(permission: Permission, evidence: Evidence) -> Permission:
-    """The permission, which an operator has given, and evidence of it."""
+    """Return a permission that also records the operator's answer as evidence."""
 
     def permit(foreign: Sequence[Member]) -> None:
         permission(foreign)
@@ -279,18 +293,21 @@ def _waived(evidence: Evidence, checked: CheckResult) -> None:
 
 
 def _refused(observers: Sequence[Observer], uav: int, text: str) -> None:
-    """What a vehicle's network would not take, and who tells what it saw otherwise."""
+    """Record a message that a vehicle's network refused, or a sender that contradicts its observations."""
     now = asyncio.get_running_loop().time()
     for observer in observers:
         observer.noted(uav, text, now, to_operator=False)
 
 
 def _reachable(members: Sequence[Member], simulator_task: asyncio.Task[None] | None) -> list[Member]:
-    """Those that have not gone with the simulator."""
-    return [m for m in members if not (m.spec.simulated and simulator_task is not None and simulator_task.done())]
+    """Return the members that have not gone with the simulator."""
+    return [
+        m for m in members if not (m.spec.simulated and simulator_task is not None and simulator_task.done())
+    ]
 
 
 def _leaves(error: BaseException) -> Iterator[BaseException]:
+    """Yield the single exceptions of a group."""
     if isinstance(error, BaseExceptionGroup):
         for part in error.exceptions:
             yield from _leaves(part)

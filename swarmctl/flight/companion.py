@@ -1,4 +1,4 @@
-"""One agent a machine: flies one vehicle of a configuration, with the others' agents elsewhere."""
+"""One agent on its own machine: it flies one vehicle of a swarm; other machines fly the others."""
 
 from __future__ import annotations
 
@@ -10,85 +10,86 @@ from dataclasses import replace
 from pathlib import Path
 
 from swarmctl.agent.state import ARRIVED, AgentState, Phase
-from swarmctl.bus.operator_service import unsealed
+from swarmctl.bus.operator_service import NO_SEAL
 from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.memory import MemoryBus
-from swarmctl.bus.transports.routes import SaidOnce
+from swarmctl.bus.transports.routes import ReportOnce
 from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.bus.transports.zenoh_config import Configuration
 from swarmctl.config import joining
 from swarmctl.config.scenario import Scenario
-from swarmctl.core.events import Order
-from swarmctl.core.frames import Seal
+from swarmctl.core.events import FlightOrder
+from swarmctl.core.frames import FrameCodec
 from swarmctl.flight import app
-from swarmctl.flight.app import Manner
+from swarmctl.flight.app import FlightOptions
 from swarmctl.flight.director import Launch, Permission
 from swarmctl.flight.member import Member
 from swarmctl.flight.supervise import cancelled
-from swarmctl.flight.virtual_simulator import Carry, undisturbed
+from swarmctl.flight.virtual_simulator import AddressOf, undisturbed
 from swarmctl.flight.wiring import Clock
 from swarmctl.links.url import parse_url
 from swarmctl.preflight.waivers import Waiver
 from swarmctl.report.outcome import Report
-from swarmctl.report.ui import Steady, Ui
+from swarmctl.report.ui import SafeUi, Ui
 from swarmctl.security.evidence_keys import Witness
 from swarmctl.security.participant import Keyring
 from swarmctl.security.requests import Opener, seal_answer
 
 FIRST_LINK_S = 3.0
-"""A network that is not there by then is said to be missing."""
-LOOKED_AT_EVERY_S = 0.5
+"""time without a network until the operator is told"""
+POLL_S = 0.5
+REACHED = "the swarm's network is reached [network-reached]"
 
 
-def only(scenario: Scenario, uav: int, url: str | None = None) -> Scenario:
-    """The scenario, of which this process flies one vehicle, at `url` if that is not its configuration's.
+def scenario_for(scenario: Scenario, uav: int, url: str | None = None) -> Scenario:
+    """Return the scenario for one vehicle, at `url` if given, else at its configured address.
 
-    All else (altitude, landing spot, seeds, what its sensor sees) is as if one process flew them all.
+    Altitude, landing spot, seeds and sensor are the same as when one process flies all vehicles.
     """
     alone = scenario.only(uav)
     (spec,) = alone.specs
     if url is not None:
         spec = replace(spec, url=url, simulated=False)
     elif spec.simulated:
-        # A simulator of its own, beside those of other agents that may run on this machine.
+        # A simulator of its own: other agents on this machine may have theirs.
         spec = replace(spec, url=str(replace(parse_url(spec.url), port=0)))
     return replace(alone, specs=(spec,))
 
 
 def orders_closed(members: Sequence[Member], *, has_keys: bool) -> str:
-    """Why operators' orders are not taken; empty if they are.
+    """Return why operators' orders are refused; empty: they are taken.
 
-    Without keys nobody knows who gives an order, and whoever reaches the network could launch an aircraft, or
-    drop one: then only vehicles that the built-in simulator plays take any.
+    Without keys the sender of an order is unknown: anyone on the network could launch an aircraft or land it.
+    Therefore only vehicles of the built-in simulator take orders then.
     """
     real = [m.name for m in members if m.identity is None or not m.identity.simulated]
     if has_keys or not real:
         return ""
     return (
-        f"{', '.join(real)} is not played by the built-in simulator, and nobody could tell who gives an "
-        "order: make keys with `swarmctl keys` and set communication.keys"
+        f"{', '.join(real)} is not simulated, and orders without keys have no proven sender: make keys with "
+        "`swarmctl keys` and set communication.keys [orders-need-keys]"
     )
 
 
-def called_back(report: Report) -> list[str]:
-    """The vehicles whose flight an operator's order has ended, and that were seen to follow it.
+def ended_by_operator(report: Report) -> list[str]:
+    """Return the names of the vehicles that ended their flight by following an operator's order.
 
-    An order of their own process is none (it is how a run that is stopped ends), and who was given up, let go
-    or disarmed on its way has failed, whatever it was ordered.
+    A stopped run has no such vehicles: there the process itself gives the order. A vehicle that was given up,
+    released or disarmed on its way has failed, whatever its order was.
     """
     if report.ended != "ended":
         return []
-    return [state.task.name for state in report.states.values() if _obeyed(state)]
+    return [state.task.name for state in report.states.values() if _followed_order(state)]
 
 
-def _obeyed(state: AgentState) -> bool:
+def _followed_order(state: AgentState) -> bool:
     flown = state.armed_seen or state.launch_aborted
     return (
         state.phase is Phase.DONE
         and state.outcome != ARRIVED
         and flown
-        and state.ordered in (Order.RETURN, Order.LAND)
-        and state.order_seen
+        and state.ordered in (FlightOrder.RETURN, FlightOrder.LAND)
+        and state.order_followed
     )
 
 
@@ -103,38 +104,45 @@ async def fly(
     network: Configuration | None = None,
     bus: Transport | None = None,
     keyring: Keyring | None = None,
-    carry: Carry = undisturbed,
+    address_of: AddressOf = undisturbed,
     waivers: tuple[Waiver, ...] = (),
 ) -> Report:
-    """Fly what `only` has left, over `network`, over a bus that is open already, or in touch with nobody.
+    """Fly the vehicle of `scenario_for` over `network`, or over an open `bus`, or without any network.
 
-    A network that is not there yet, or ends, stops nothing. Raises BusError where it can never be opened.
+    The flight goes on while the network is missing. Raises BusError where it can never be opened.
     """
     (spec,) = scenario.specs
-    manner = Manner(
+    options = FlightOptions(
         launch,
         spec.sysid,
         lambda members: orders_closed(members, has_keys=keyring is not None),
-        seal=None if keyring is None else Seal(scenario.config.name, keyring.sign, keyring.verify),
-        unseal=unsealed if keyring is None else _Unseal(scenario, keyring),
+        seal=None if keyring is None else FrameCodec(scenario.config.name, keyring.sign, keyring.verify),
+        unseal=NO_SEAL if keyring is None else _Unseal(scenario, keyring),
         signer=None if keyring is None else Witness(keyring.name, keyring.signer),
         waivers=waivers,
     )
 
     async def flight(bus: Transport) -> Report:
         report = await app.fly(
-            scenario, folder, ui, clock=clock, permission=permission, carry=carry, bus=bus, manner=manner
+            scenario,
+            folder,
+            ui,
+            clock=clock,
+            permission=permission,
+            address_of=address_of,
+            bus=bus,
+            options=options,
         )
         if report.summary:
-            report.summary["ended_by_operator"] = called_back(report)
+            report.summary["ended_by_operator"] = ended_by_operator(report)
         return report
 
-    face = Steady(ui)
-    failed = SaidOnce(face.say)
+    ui = SafeUi(ui)
+    failed = ReportOnce(ui.say)
     if network is None:
         return await flight(bus or MemoryBus(failed))
     with ZenohBus(network, on_failure=failed) as zenoh:
-        watch = asyncio.create_task(_say_links(zenoh, network, face))
+        watch = asyncio.create_task(_say_links(zenoh, network, ui))
         try:
             return await flight(zenoh)
         finally:
@@ -142,7 +150,7 @@ async def fly(
 
 
 class _Unseal:
-    """Takes what the operator has signed, from now on, and signs what the vehicle answers."""
+    """Accepts requests that the operator has signed since now, and signs the vehicle's answers."""
 
     def __init__(self, scenario: Scenario, keyring: Keyring) -> None:
         tolerance_s = scenario.config.communication.clock_tolerance_s
@@ -158,22 +166,22 @@ class _Unseal:
 
 
 async def _say_links(bus: ZenohBus, network: Configuration, ui: Ui) -> None:
-    """Say once when the network goes, or is not there from the start, and when it comes."""
-    there = None
+    """Report each time the network is reached or lost, and after FIRST_LINK_S if it is missing."""
+    connected = None
     with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(FIRST_LINK_S):
-            while not bus.connected:  # noqa: ASYNC110 - it comes and goes on threads of Zenoh's
-                await asyncio.sleep(LOOKED_AT_EVERY_S)
+            while not bus.connected:  # noqa: ASYNC110 - it changes on threads of Zenoh's
+                await asyncio.sleep(POLL_S)
     while True:
-        if bus.connected is not there:
-            there = bus.connected
-            ui.say("in touch with the swarm's network" if there else _missing(bus, network))
-        await asyncio.sleep(LOOKED_AT_EVERY_S)
+        if bus.connected is not connected:
+            connected = bus.connected
+            ui.say(REACHED if connected else _missing(bus, network))
+        await asyncio.sleep(POLL_S)
 
 
 def _missing(bus: ZenohBus, network: Configuration) -> str:
     where = f": {bus.trouble}" if bus.trouble else ""
     return (
-        f"nobody of the swarm's network is reached{where}; flying by what is known here until it is "
-        f"({joining.not_reached(network)})"
+        f"the swarm's network is not reached{where}; the vehicle flies by its own observations until it is "
+        f"({joining.not_reached(network)}) [network-missing]"
     )

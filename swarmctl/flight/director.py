@@ -104,7 +104,7 @@ class Director:
         return "end, with released vehicles in the air" if released else "end"
 
     async def fly(self) -> Literal["ended", "stopped"]:
-        """Run the flight from the first heartbeat to the last landing. Raises PreflightFailed before arming."""
+        """Run the flight from first heartbeat to last landing. Raises PreflightFailed before arming."""
         flight = asyncio.create_task(self._fly())
         stop = asyncio.create_task(self.stop.wait())
         try:

@@ -1,4 +1,4 @@
-"""Nobody decides for the vehicles any more: they are told to leave the air."""
+"""Emergency return or landing, after the agents have crashed or the operator leaves at once."""
 
 from __future__ import annotations
 
@@ -7,53 +7,55 @@ import contextlib
 from collections.abc import Callable, Sequence
 
 from swarmctl.agent.state import Phase
-from swarmctl.core.events import Order
+from swarmctl.core.events import FlightOrder
 from swarmctl.flight.member import Member, names
-from swarmctl.flight.shutdown import turns_to_return
+from swarmctl.flight.shutdown import return_delays_s
 from swarmctl.links.base import LinkError
 
-TRIED_S = 10.0
-"""for so long each order is tried"""
+ORDER_TIMEOUT_S = 10.0
 
 
-async def at_once(why: str, members: Sequence[Member], order: Order, say: Callable[[str], None]) -> None:
-    """An operator waits no longer for anything."""
+async def at_once(
+    why: str, members: Sequence[Member], order: FlightOrder, say: Callable[[str], None]
+) -> None:
+    """Order all armed vehicles at the same time, because the operator waits no longer."""
     armed = _to_bring(members)
     if armed:
-        say(f"{why}: {names(armed)} to {order}, all at once")
-        await asyncio.gather(*(_tell(member, order, looks_first=False) for member in armed))
+        say(f"{why}: {order} ordered of {names(armed)} at the same time [emergency]")
+        await asyncio.gather(*(_tell(member, order, check_mode_first=False) for member in armed))
 
 
 async def in_turns(
     why: str,
     members: Sequence[Member],
-    order: Order,
+    order: FlightOrder,
     say: Callable[[str], None],
     *,
     within_s: float,
     speedup: float,
 ) -> None:
-    """Their agents are gone, and nobody has ordered this: who is somebody else's is let be.
+    """Order armed vehicles whose agents have crashed; released vehicles are left alone.
 
-    Who returns waits in hold for its turn, so that no two meet, for `within_s` at most. `speedup`: seconds of
-    the vehicles' in one of ours.
+    Returning vehicles hold until their turn, at most `within_s`, so that no two meet. `speedup` is vehicle
+    seconds in one second of the loop. No operator has ordered this, so each order first checks that the
+    vehicle's mode is one of swarmctl's.
     """
     armed = _to_bring(members)
     if not armed:
         return
-    called = [member.spec.sysid for member in armed] if order is Order.RETURN else []
-    say(f"{why}: {names(armed)} to {order}{', in turns' if len(called) > 1 else ''}")
-    turns = turns_to_return(armed, say, called)
+    called = [member.spec.sysid for member in armed] if order is FlightOrder.RETURN else []
+    say(f"{why}: {order} ordered of {names(armed)}{', in turns' if len(called) > 1 else ''} [emergency]")
+    turns = return_delays_s(armed, say, called)
 
     async def bring(member: Member) -> None:
         after_s = min(turns.get(member.spec.sysid, 0.0) / speedup, within_s)
         if after_s > 0.0:
             began_s = _now_s()
-            holds = await _tell(member, Order.HOLD, looks_first=True)
+            holds = await _tell(member, FlightOrder.HOLD, check_mode_first=True)
             await asyncio.sleep(max(began_s + after_s - _now_s(), 0.0))
             if holds and member.runner.link.state().mode_role != "hold":
-                return  # somebody has chosen another mode meanwhile
-        await _tell(member, order, looks_first=True)
+                return  # a pilot or another station has chosen another mode meanwhile
+        await _tell(member, order, check_mode_first=True)
 
     await asyncio.gather(*map(bring, armed))
 
@@ -62,13 +64,13 @@ def _to_bring(members: Sequence[Member]) -> list[Member]:
     return [m for m in members if m.state.vehicle.armed and m.state.phase is not Phase.RELEASED]
 
 
-async def _tell(member: Member, order: Order, *, looks_first: bool) -> bool:
-    """Whether it was seen to follow."""
+async def _tell(member: Member, order: FlightOrder, *, check_mode_first: bool) -> bool:
+    """Order a vehicle and return whether telemetry showed that it follows."""
     link = member.runner.link
-    action = {Order.HOLD: link.hold, Order.LAND: link.land}.get(order, link.return_home)
+    action = {FlightOrder.HOLD: link.hold, FlightOrder.LAND: link.land}.get(order, link.return_home)
     with contextlib.suppress(LinkError, TimeoutError):
-        async with asyncio.timeout(TRIED_S):
-            await action(looks_first=looks_first)
+        async with asyncio.timeout(ORDER_TIMEOUT_S):
+            await action(check_mode_first=check_mode_first)
             return True
     return False
 

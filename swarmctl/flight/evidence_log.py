@@ -1,4 +1,4 @@
-"""The evidence of one run: when it is kept, what its first entry says, and who signs its last."""
+"""The evidence of one run: its first entry and the signer of its last."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from swarmctl import __version__
 from swarmctl.bus.transports.access import OPERATOR
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight.wiring import Clock, epoch_ns
-from swarmctl.report.evidence.book import FILE, Book
 from swarmctl.report.evidence.chain import FORMAT, sha256
+from swarmctl.report.evidence.file import FILE_NAME, EvidenceFile
 from swarmctl.report.evidence.hooks import Evidence
 from swarmctl.security.evidence_keys import Witness, witness
 
 
 def begin(scenario: Scenario, folder: Path, clock: Clock, say: Callable[[str], None]) -> Evidence:
-    """Open the book of a run in its folder, in a running loop. Raises OSError."""
+    """Open the evidence file of a run in its folder, in a running loop. Raises OSError."""
     loop = asyncio.get_running_loop()
     began_s, epoch_s = loop.time(), epoch_ns(clock) / 1e9
     config = scenario.config
@@ -29,8 +29,8 @@ def begin(scenario: Scenario, folder: Path, clock: Clock, say: Callable[[str], N
         "clock": clock,
         "vehicles": {spec.name: spec.sysid for spec in scenario.specs},
     }
-    book = Book(
-        folder / FILE,
+    book = EvidenceFile(
+        folder / FILE_NAME,
         opened,
         unix_s=lambda: epoch_s + loop.time(),
         run_s=lambda: loop.time() - began_s,

@@ -1,18 +1,19 @@
-"""Python's collector of garbage, which holds up every link while it works."""
+"""Tuning of Python's garbage collector, which holds up every link while it works."""
 
 from __future__ import annotations
 
 import gc
 
 YOUNG, OLDER, OLDEST = 10_000, 20, 1_000
-"""How many new objects, and how many collections of the generation before, make one of each generation."""
+"""collection thresholds of the three generations: new objects, then collections of the younger generation"""
 
 
-def settle() -> None:
-    """Before a flight: what is loaded stays and is passed over, and full collections become rare.
+def tune_collector() -> None:
+    """Exclude the objects loaded so far from collections, and make full collections rare.
 
-    They take time by what is held, which grows with all that a swarm has seen (50 ms for a hundred UAVs after
-    ten seconds). Hardly anything of it is garbage: what an agent drops goes at once, by its last reference.
+    Call it before a flight.
+    A full collection takes 50 ms for a hundred UAVs after ten seconds, and longer with every observation
+    held. Hardly any of these objects is garbage: an agent's dropped objects go with their last reference.
     """
     gc.collect()
     gc.freeze()

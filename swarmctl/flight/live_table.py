@@ -1,4 +1,4 @@
-"""What is shown of a flight, a few times a second."""
+"""The loop that refreshes the user interface during a flight."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from swarmctl.bus.network import Network
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight.director import Director
 from swarmctl.flight.member import Member
-from swarmctl.report.live_rows import Picture, row
-from swarmctl.report.summary import Ledger
+from swarmctl.report.live_rows import SwarmView, vehicle_row
+from swarmctl.report.summary import FlightStatistics
 from swarmctl.report.ui import Ui
 
 REFRESH_S = 0.25
@@ -19,13 +19,13 @@ REFRESH_S = 0.25
 
 async def show(
     members: Sequence[Member],
-    ledger: Ledger,
+    statistics: FlightStatistics,
     ui: Ui,
     scenario: Scenario,
     director: Director,
     network: Network,
 ) -> None:
-    """Until cancelled."""
+    """Refresh the user interface several times a second until cancelled, and once more at the end."""
     marks: list[tuple[float, float]] = []
 
     def refresh() -> None:
@@ -34,21 +34,21 @@ async def show(
         marks = [*marks[-20:], (time.monotonic(), max(clocks, default=0.0))]
         (t0, v0), (t1, v1) = marks[0], marks[-1]
         rows = [
-            row(
+            vehicle_row(
                 m.state,
                 m.runner.link.age_s(),
                 "; ".join(m.waiting_for),
-                network.tally(m.spec.sysid).refused.total(),
+                network.counters(m.spec.sysid).refused.total(),
                 lost_timeout_s=scenario.config.flight.lost_timeout_s,
             )
             for m in members
         ]
         speed = (v1 - v0) / (t1 - t0) if t1 > t0 and v0 > 0.0 else None
-        ui.refresh(Picture(scenario.config.name, ledger.flown_s, speed, rows, director.on_ctrl_c))
+        ui.refresh(SwarmView(scenario.config.name, statistics.flown_s, speed, rows, director.on_ctrl_c))
 
     try:
         while True:
             refresh()
             await asyncio.sleep(REFRESH_S)
     finally:
-        refresh()  # the last picture is of the end
+        refresh()

@@ -1,4 +1,4 @@
-"""A vehicle of the swarm while it is flown."""
+"""One vehicle of a flight: its configuration, its runner and its identity."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ POLL_S = 0.1
 
 @dataclass(slots=True)
 class Member:
-    """What leads it, what is configured of it, and what was found."""
+    """One vehicle of this process."""
 
     spec: Spec
     runner: Runner
     identity: Identity | None = None
     waiting_for: tuple[str, ...] = ()
-    hindrance: str = ""
-    """what kept it from being made ready, in words"""
+    not_ready_because: str = ""
+    """the reason why it could not be made ready"""
 
     @property
     def state(self) -> AgentState:
@@ -34,6 +34,7 @@ class Member:
         return self.spec.name
 
     def silent_for(self, limit_s: float) -> bool:
+        """Return whether the vehicle is lost and was last heard more than `limit_s` ago."""
         return self.state.lost and self.runner.link.age_s() > limit_s
 
 
@@ -42,6 +43,7 @@ def names(members: Sequence[Member]) -> str:
 
 
 async def until(condition: Callable[[Member], bool], members: Sequence[Member]) -> None:
-    # Looked at a few times a second: silence, unlike a change of phase, wakes nobody.
+    """Wait until the condition holds for every member."""
+    # Polled: silence, unlike a change of phase, raises no event.
     while not all(condition(m) for m in members):  # noqa: ASYNC110
         await asyncio.sleep(POLL_S)

@@ -1,4 +1,4 @@
-"""From a scenario to its network: the model of the radio, what nodes go by, who is in the swarm."""
+"""The network of a scenario: the radio model, the options of its nodes, the members of the swarm."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def options_of(scenario: Scenario) -> NodeOptions:
 
 
 def speedup_of(scenario: Scenario, clock: Literal["real", "virtual"]) -> float:
-    """Simulated seconds in one of the loop's."""
+    """Return the simulated seconds in one second of the loop."""
     simulate = scenario.config.simulate
     return simulate.speedup if simulate is not None and clock == "real" else 1.0
 
@@ -41,7 +41,7 @@ def network_of(
     seal: FrameCodec | None = None,
     say: Callable[[int, str], None] = lambda _uav, _text: None,
 ) -> Network:
-    """The network of a swarm, of which this process has some or all."""
+    """Return the network of a swarm, of which this process flies some vehicles or all."""
     names = {spec.sysid: spec.name for spec in scenario.swarm}
     return Network(
         transport,
@@ -50,7 +50,7 @@ def network_of(
         options_of(scenario),
         clock=clock,
         radio=Radio(radio_settings(scenario.config.communication, names), scenario.config.seed),
-        seal=seal,
+        codec=seal,
         seed=scenario.config.seed,
         say=say,
     )

@@ -1,34 +1,35 @@
-"""Who may order what of the vehicles of this process, and where orders come in."""
+"""The operator service of a flight, and the conditions under which it takes orders."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from swarmctl.bus.endpoint import NOBODY, parse_endpoint
-from swarmctl.bus.operator_service import Desk, Tally, Unseal
+from swarmctl.bus.endpoint import NO_ENDPOINT, parse_endpoint
+from swarmctl.bus.operator_service import CommandCounts, CommandSeal, OperatorService
 from swarmctl.bus.transports.base import Transport
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.messages import GiveOrder, Request
 from swarmctl.flight.member import Member
-from swarmctl.flight.shutdown import turns_to_return
+from swarmctl.flight.shutdown import return_delays_s
 from swarmctl.report.ui import Ui
 
 
-def order_desk(
+def operator_service_for(
     scenario: Scenario,
     transport: Transport,
     ui: Ui,
-    commands: Tally,
+    commands: CommandCounts,
     members: Sequence[Member],
     *,
     uav: int | None,
     closed_by: Callable[[Sequence[Member]], str] | None,
-    unseal: Unseal,
-) -> Desk:
-    """Of the vehicle `uav`, or of the station for all; `members` may be filled later.
+    unseal: CommandSeal,
+) -> OperatorService:
+    """Return the service of the vehicle `uav`, or the station's for all vehicles (None).
 
-    `closed_by` says why orders are not taken now; None: one process flies all.
+    `members` may be filled later. `closed_by` returns the reason why orders are refused now; None: one
+    process flies all vehicles, and `orders_closed` decides.
     """
 
     def closed(command: Request) -> str:
@@ -38,32 +39,34 @@ def order_desk(
             return closed_by(members)
         return orders_closed(scenario, members, command)
 
-    return Desk(
+    return OperatorService(
         transport,
         scenario.config.name,
         ui.say,
         commands,
         uav=uav,
-        closed=closed,
-        turns=partial(turns_to_return, members, ui.say),
-        unseal=unseal,
+        refusal=closed,
+        delays=partial(return_delays_s, members, ui.say),
+        seal=unseal,
     )
 
 
 def orders_closed(scenario: Scenario, members: Sequence[Member], order: GiveOrder) -> str:
-    """Why one process that flies all does not take an order; empty if it does.
+    """Return why a process that flies all vehicles refuses an order; empty: it takes the order.
 
-    Nobody is asked who it is. So nobody launches an aircraft, and others than this machine order it nothing.
+    Orders to this process are not signed. Therefore no order launches a real vehicle, and real vehicles take
+    orders from this machine only.
     """
     real = [m.name for m in members if m.identity is None or not m.identity.simulated]
     listen = scenario.config.communication.listen
     if not real:
         return ""
     if order.order == "launch":
-        return f"{', '.join(real)} is not played by the built-in simulator: only `swarmctl fly` launches it"
-    if listen == NOBODY or parse_endpoint(listen).is_loopback:
+        return f"{', '.join(real)} is not simulated: only `swarmctl fly` launches it [launch-by-fly-only]"
+    if listen == NO_ENDPOINT or parse_endpoint(listen).is_loopback:
         return ""
     return (
-        f"{', '.join(real)} is not played by the built-in simulator, and others than this machine reach "
-        f"{listen}: set communication.listen to tcp/127.0.0.1:0, or fly with `swarmctl agent` and keys"
+        f"{', '.join(real)} is not simulated, and other machines reach {listen}, where orders need no key: "
+        "set communication.listen to tcp/127.0.0.1:0, or fly with `swarmctl agent` and keys "
+        "[orders-need-keys]"
     )

@@ -1,6 +1,6 @@
-"""The I/O shell of one agent: what the link, the sensor and the bus report goes in, effects come out.
+"""The I/O shell of one agent: reports of link, sensor and bus go in as events, effects come out.
 
-The runner alone performs effects, and feeds how they ended back as events. It decides nothing.
+The runner alone performs effects, and feeds their outcomes back as events. It decides nothing.
 """
 
 from __future__ import annotations
@@ -14,44 +14,44 @@ from typing import Any, Protocol
 
 from swarmctl.agent.state import ON_GROUND, AgentState, Task, begin
 from swarmctl.agent.step import step, wants_tick
-from swarmctl.agent.traffic.launching import in_the_way
-from swarmctl.agent.traffic.neighbours import concerns
+from swarmctl.agent.traffic.launching import launch_conflict
+from swarmctl.agent.traffic.neighbours import is_relevant
 from swarmctl.bus.network import Network
-from swarmctl.bus.operator_service import Desk
+from swarmctl.bus.operator_service import OperatorService
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
-from swarmctl.core.frames import IntentShared, Spoken, StateShared
-from swarmctl.core.observation import Told
+from swarmctl.core.frames import AgentMessage, IntentShared, StateShared
+from swarmctl.core.observation import BeliefItem
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.flight.supervise import Backoff, retrying
 from swarmctl.links.base import (
     AddressChanged,
-    Conflict,
+    FirstHeartbeat,
     FramesRefused,
-    Heard,
     Identity,
-    LaunchPutOff,
+    LaunchBlockedError,
     Link,
     LinkError,
     LinkEvent,
-    Lost,
     ProcedureDone,
-    Rebooted,
-    Restored,
     StateChanged,
+    StatusText,
     SwapFailed,
-    Text,
+    SystemIdConflict,
     UploadFailed,
+    VehicleLost,
+    VehicleRebooted,
+    VehicleRestored,
 )
 
 UPLOADS = Backoff(attempts=3, first_s=2.0)
 IDENTIFY_TIMEOUT_S = 15.0
 LOOK_EVERY_S = 0.5
-"""for others, by the vehicle's clock"""
+"""time between two looks at neighbours, by the vehicle's clock"""
 CLEARANCE_TIMEOUT_S = 30.0
-"""given to preflight checks that are still under way when the launch is ordered"""
+"""time for preflight checks that are still under way when the launch is ordered"""
 CLEARANCE_LASTS_S = 30.0
-"""Batteries fall, and other stations change fences: what was found longer ago is looked at again."""
+"""age at which checks are repeated before a launch: batteries drain, other stations change fences"""
 
 
 class Sensor(Protocol):
@@ -59,23 +59,24 @@ class Sensor(Protocol):
 
 
 class Observer(Protocol):
-    """Whoever wants to know what happens: recorder, summary."""
+    """A follower of the flight, such as the recorder, the summary or the user interface."""
 
     def folded(
         self, before: AgentState, event: ev.Event, after: AgentState, effects: list[ev.Effect], now: float
     ) -> None: ...
 
-    def sent(self, uav: int, message: Spoken, recipients: int, now: float) -> None: ...
+    def sent(self, uav: int, message: AgentMessage, recipients: int, now: float) -> None: ...
 
-    def said(self, uav: int, text: str, now: float, *, aloud: bool) -> None: ...
+    def noted(self, uav: int, text: str, now: float, *, to_operator: bool) -> None:
+        """Take a line about a vehicle; `to_operator`: worth an operator's attention."""
 
 
-class NotAllowed(RuntimeError):
-    """A launch nobody allowed reached the runner: a bug, and the last barrier before a real aircraft arms."""
+class LaunchNotPermitted(RuntimeError):
+    """A launch without permission reached the runner: a bug, stopped by the last barrier before arming."""
 
 
 class Runner:
-    """One vehicle, from its mission on the ground to its landing. Use `run` as a task of its own."""
+    """The runner of one vehicle, from its mission on the ground to its landing. Run `run` as a task."""
 
     def __init__(
         self,
@@ -86,42 +87,42 @@ class Runner:
         network: Network,
         observers: tuple[Observer, ...],
         *,
-        desk: Desk | None = None,
+        operator_service: OperatorService | None = None,
         offload: bool = False,
     ) -> None:
         self.state = begin(task, prior)
         self.link = link
         self.armable: Identity | None = None
-        """whom permission was given to arm; nobody else is launched at this address"""
+        """the vehicle that may be armed; no other is launched at this address"""
         self.cleared = asyncio.Event()
-        """its preflight checks are passed, since its last boot; until then its launch waits"""
+        """set when preflight checks have passed since the last boot; the launch waits for it"""
         self.check_again: Callable[[], Awaitable[Sequence[str]]] | None = None
-        """goes through its preflight checks once more: a line for each that forbids to arm it"""
+        """repeats the preflight checks and returns a line for each that forbids arming"""
         self._cleared_s = -math.inf
         self.conflict = ""
-        """another sender uses its system id"""
+        """a line about another sender that uses its system id; empty: there is none"""
         self._sensor = sensor
         self._network = network
         self._observers = observers
-        self._desk = desk
+        self._operator_service = operator_service
         self._offload = offload
         self._inbox: deque[ev.Event] = deque()
         self._wake = asyncio.Event()
         self._job: asyncio.Task[None] | None = None
         self._ending: set[asyncio.Task[None]] = set()
-        """earlier ones, cancelled; the job waits for their ends"""
+        """earlier jobs that were cancelled; the next job waits for their end"""
         self._looked_s = -math.inf
         self._seen: dict[int, StateShared] = {}
         self._intents: dict[int, IntentShared] = {}
-        """of others, as they were handed over"""
-        self._told: list[Told] = []
-        """heard of others and not folded yet"""
+        """other vehicles' last intents that were posted as events"""
+        self._told: list[BeliefItem] = []
+        """received and not folded yet"""
         self.post(ev.Joined(network.join(task.uav, self._hear)))
-        if desk is not None:
-            desk.join(task.uav, task.name, self.post)
+        if operator_service is not None:
+            operator_service.join(task.uav, task.name, self.post)
 
     def clear(self) -> None:
-        """Its preflight checks are passed, now."""
+        """Note that the preflight checks have passed now."""
         self._cleared_s = asyncio.get_running_loop().time()
         self.cleared.set()
 
@@ -131,16 +132,16 @@ class Runner:
         return self.cleared.is_set() and age_s <= CLEARANCE_LASTS_S
 
     def post(self, event: ev.Event) -> None:
-        """Hand over an event; it is folded in its turn."""
+        """Queue an event; `run` folds it in its turn."""
         self._inbox.append(event)
         self._wake.set()
 
-    def _hear(self, told: tuple[Told, ...]) -> None:
+    def _hear(self, told: tuple[BeliefItem, ...]) -> None:
         self._told += told
         self._wake.set()
 
     def on_link_event(self, event: LinkEvent) -> None:
-        """What the link reports, as events of the agent. Called from the receive path: only appends."""
+        """Turn a link's report into events. Called from the receive path, so it only appends."""
         match event:
             case StateChanged(state):
                 if state.lat_deg is not None and state.lon_deg is not None:
@@ -149,38 +150,38 @@ class Runner:
                 self._look_around(state.time_boot_s)
                 if cells := self._sensor.look(state):
                     self.post(ev.Observed(cells))
-            case Lost(age_s):
+            case VehicleLost(age_s):
                 self.post(ev.LinkLost(age_s))
-            case Restored():
+            case VehicleRestored():
                 self.post(ev.LinkRestored())
-            case Rebooted():
+            case VehicleRebooted():
                 self.cleared.clear()
                 self.post(ev.Rebooted())
-                self.tell("it has rebooted", aloud=True)
-            case Conflict(address):
+                self.note("rebooted; it is made ready again [rebooted]", to_operator=True)
+            case SystemIdConflict(address):
                 self.conflict = f"another sender, at {address}, uses its system id {self.state.task.uav}"
-                self.tell(f"{self.conflict}; its frames are dropped", aloud=True)
+                self.note(f"{self.conflict}; its frames are dropped", to_operator=True)
             case FramesRefused(text):
-                self.tell(text, aloud=True)
+                self.note(text, to_operator=True)
             case AddressChanged(address):
-                self.tell(f"speaks from {address} now", aloud=True)
-            case Text(_, text):
-                self.tell(text)
+                self.note(f"speaks from {address} now", to_operator=True)
+            case StatusText(_, text):
+                self.note(text)
             case ProcedureDone(name, failure, stood_still_s):
                 stood = "" if stood_still_s is None else f"; stood still for {stood_still_s:.1f} s"
-                self.tell(f"{name}: {failure or 'done'}{stood}")
-            case Heard():
-                self.tell("first heartbeat")
+                self.note(f"{name}: {failure or 'done'}{stood}")
+            case FirstHeartbeat():
+                self.note("first heartbeat")
 
     def _look_around(self, boot_s: float) -> None:
-        """What others near it have told since."""
+        """Post new states and intents of neighbours."""
         if 0.0 <= boot_s - self._looked_s < LOOK_EVERY_S:
             return
         self._looked_s = boot_s
         told = self._network.states(self.state.task.uav)
         new = {uav: state for uav, state in told.items() if state is not self._seen.get(uav)}
         self._seen = told
-        if near := tuple((uav, state) for uav, state in new.items() if concerns(self.state, uav, state)):
+        if near := tuple((uav, state) for uav, state in new.items() if is_relevant(self.state, uav, state)):
             self.post(ev.Neighbours(near))
         intents = self._network.intents(self.state.task.uav)
         changed = [uav for uav, (intent, _) in intents.items() if intent is not self._intents.get(uav)]
@@ -189,16 +190,16 @@ class Runner:
             self.post(ev.Intents(tuple((uav, intents[uav][1], intents[uav][0]) for uav in changed)))
 
     async def run(self) -> None:
-        """Fold events until cancelled. The jobs it starts end with it."""
+        """Fold events until cancelled; jobs end with it."""
         async with asyncio.TaskGroup() as jobs:
             while True:
                 await self._wake.wait()
                 self._wake.clear()
                 while self._inbox or self._told:
                     if self._told:
-                        # All that was heard meanwhile is one event: a union costs what one observation does.
+                        # One event for all observations received meanwhile: a union costs no more than one.
                         told, self._told = tuple(self._told), []
-                        await self._fold(ev.Heard(told), jobs)
+                        await self._fold(ev.ObservationsReceived(told), jobs)
                     if self._inbox:
                         await self._fold(self._inbox.popleft(), jobs)
                 if wants_tick(self.state, asyncio.get_running_loop().time()):
@@ -227,21 +228,21 @@ class Runner:
             case ev.SwapMission():
                 self._start(partial(self._swap, effect), jobs)
             case ev.Command(order, by_person):
-                self._start(partial(self._order, order, looks_first=not by_person), jobs)
+                self._start(partial(self._order, order, check_mode_first=not by_person), jobs)
             case ev.SetSpeed(speed_m_s):
                 self._start(partial(self._set_speed, speed_m_s), jobs)
             case ev.Release():
                 self._end_job()
-            case ev.Tell(text):
-                self.tell(text, aloud=True)
+            case ev.NotifyOperator(text):
+                self.note(text, to_operator=True)
             case ev.Answer(command, answer):
-                if self._desk is not None:
-                    self._desk.answered(command, answer)
+                if self._operator_service is not None:
+                    self._operator_service.answered(command, answer)
 
     def _start(self, work: Callable[[], Awaitable[None]], jobs: asyncio.TaskGroup) -> None:
-        """One job at a time: what runs is cancelled at once, and has ended before the next begins.
+        """Start a job, one at a time: cancel the running job now and begin when it has ended.
 
-        At once, and by who starts the next: a job that is itself replaced before its first step does nothing.
+        The cancellation is not left to the job: a job that is replaced before its first step does nothing.
         """
         self._end_job()
         before = frozenset(self._ending)
@@ -254,7 +255,7 @@ class Runner:
         self._job = jobs.create_task(job())
 
     def _end_job(self) -> None:
-        """Cancelled once: how it ends may itself take time."""
+        """Cancel the running job once; its end may take time."""
         self._ending = {job for job in self._ending if not job.done()}
         if self._job is not None and not self._job.done():
             self._job.cancel()
@@ -287,27 +288,27 @@ class Runner:
         except LinkError as error:
             self.post(ev.SpeedFailed(str(error)))
 
-    async def _order(self, order: ev.Order, *, looks_first: bool) -> None:
-        if order is ev.Order.LAUNCH and (why := await self._forbidden()):
+    async def _order(self, order: ev.FlightOrder, *, check_mode_first: bool) -> None:
+        if order is ev.FlightOrder.LAUNCH and (why := await self._forbidden()):
             self.post(ev.OrderFailed(order, why, nothing_sent=True))
             return
-        actions: dict[ev.Order, Callable[[], Coroutine[Any, Any, None]]] = {
-            ev.Order.LAUNCH: partial(self.link.launch, lambda: in_the_way(self.state)),
-            ev.Order.HOLD: partial(self.link.hold, looks_first=looks_first),
-            ev.Order.RETURN: partial(self.link.return_home, looks_first=looks_first),
-            ev.Order.LAND: partial(self.link.land, looks_first=looks_first),
+        actions: dict[ev.FlightOrder, Callable[[], Coroutine[Any, Any, None]]] = {
+            ev.FlightOrder.LAUNCH: partial(self.link.launch, lambda: launch_conflict(self.state)),
+            ev.FlightOrder.HOLD: partial(self.link.hold, check_mode_first=check_mode_first),
+            ev.FlightOrder.RETURN: partial(self.link.return_home, check_mode_first=check_mode_first),
+            ev.FlightOrder.LAND: partial(self.link.land, check_mode_first=check_mode_first),
         }
         try:
             await actions[order]()
-        except LaunchPutOff as error:
-            self.post(ev.LaunchPutOff(error.why, error.was_armed))
+        except LaunchBlockedError as error:
+            self.post(ev.LaunchPostponed(error.why, error.was_armed))
         except LinkError as error:
             self.post(ev.OrderFailed(order, str(error)))
         else:
             self.post(ev.OrderDone(order))
 
     async def _forbidden(self) -> str:
-        """Why it is not to be armed now; empty where it is. Nothing of a launch is sent before that."""
+        """Return why the vehicle must not be armed now; empty: it may. A launch sends nothing before this."""
         try:
             await self._check_launch()
         except LinkError as error:
@@ -315,41 +316,41 @@ class Runner:
         return ""
 
     async def _check_launch(self) -> None:
-        """Raises LinkError where it may not be armed now."""
+        """Raise LinkError where the vehicle must not be armed now."""
         if self.armable is None:
-            raise NotAllowed(f"{self.state.task.name}: launch without permission to arm")
+            raise LaunchNotPermitted(f"{self.state.task.name}: launch without permission to arm")
         try:
             async with asyncio.timeout(CLEARANCE_TIMEOUT_S):
                 await self.cleared.wait()
         except TimeoutError:
-            text = "its preflight checks are not passed, see what they say; not launched"
+            text = "not launched: its preflight checks have not passed; see their messages [not-cleared]"
             raise LinkError(f"{self.state.task.name}: {text}") from None
         if not self.is_freshly_cleared:
             await self._clear_again()
         found = await self.link.identify(IDENTIFY_TIMEOUT_S)
         if found != self.armable:
             raise LinkError(
-                f"{self.state.task.name}: another vehicle answers than the one that may be armed: "
-                f"expected {_identity(self.armable)}, found {_identity(found)}"
+                f"{self.state.task.name}: not launched: another vehicle answers than the one that may be "
+                f"armed: expected {_identity(self.armable)}, found {_identity(found)} [other-vehicle]"
             )
 
     async def _clear_again(self) -> None:
-        """Raises LinkError where it is not fit any more."""
+        """Repeat the preflight checks. Raises LinkError where one fails now."""
         name = self.state.task.name
         if self.check_again is None:
-            raise LinkError(f"{name}: its checks are too old, and nobody does them again; not launched")
+            raise LinkError(f"{name}: not launched: its checks are too old and cannot be repeated")
         failures = await self.check_again()
         if failures:
             raise LinkError("; ".join(failures))
         if not self.cleared.is_set():
-            raise LinkError(f"{name}: it has rebooted while it was checked; not launched")
+            raise LinkError(f"{name}: not launched: it rebooted during its checks [rebooted]")
         self.clear()
 
-    def tell(self, text: str, *, aloud: bool = False) -> None:
-        """Whoever follows this vehicle is told."""
+    def note(self, text: str, *, to_operator: bool = False) -> None:
+        """Pass a line about this vehicle to all observers."""
         now = asyncio.get_running_loop().time()
         for observer in self._observers:
-            observer.said(self.state.task.uav, text, now, aloud=aloud)
+            observer.noted(self.state.task.uav, text, now, to_operator=to_operator)
 
 
 def _identity(identity: Identity) -> str:

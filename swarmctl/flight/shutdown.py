@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from swarmctl.agent.orders import place_for_return
 from swarmctl.agent.state import IN_FLIGHT, Phase
-from swarmctl.agent.traffic.return_schedule import LEAST_APART_M, describe_schedule, schedule_for
+from swarmctl.agent.traffic.return_schedule import MIN_HORIZONTAL_M, describe_schedule, schedule_for
 from swarmctl.config.flight import FlightSection
 from swarmctl.core import events as ev
 from swarmctl.core.geo import distance_m
@@ -177,7 +177,7 @@ def _under(member: Member, flying: Sequence[Member]) -> list[Member]:
         there = place_for_return(other.state)
         if other is member or other.state.ended or there is None:
             continue
-        apart_m = max(LEAST_APART_M, place.keeps_m[0], there.keeps_m[0])
+        apart_m = max(MIN_HORIZONTAL_M, place.keeps_m[0], there.keeps_m[0])
         lower = (there.alt_amsl_m, other.spec.sysid) < (place.alt_amsl_m, member.spec.sysid)
         if lower and distance_m(here, (there.lat_deg, there.lon_deg)) < apart_m:
             found.append(other)
@@ -191,7 +191,7 @@ def return_delays_s(
     called = [m for m in members if m.spec.sysid in uavs or m.state.phase is Phase.LEAVING]
     places = {m.spec.sysid: place_for_return(m.state) for m in called}
     turns = schedule_for({uav: place for uav, place in places.items() if place is not None})
-    if any(turns.begins_s.values()) or turns.not_apart:
+    if any(turns.begins_s.values()) or turns.height_only:
         say(f"returning: {describe_schedule(turns, {m.spec.sysid: m.name for m in called})}")
     # Vehicles without a known position return when all others are down.
     return {uav: turns.begins_s.get(uav, turns.down_s) for uav in uavs}

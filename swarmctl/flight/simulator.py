@@ -1,4 +1,4 @@
-"""The simulator beside a flight: a process of its own that knows nothing of ours but a file and a port."""
+"""The simulator process beside a flight; it shares nothing with the flight but a file and a port."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from swarmctl.preflight.declared import simulated_parameters
 
 STOP_DEADLINE_S = 5.0
 BATTERY_MAH = 6600.0
-"""of simulated ArduCopters: as long a flight as the simulator's PX4 has, for swarms stacked hundreds of
+"""capacity of simulated ArduCopters: the flight time of the simulator's PX4, for swarms stacked hundreds of
 metres high"""
 _FIRMWARE: dict[Autopilot, Firmware] = {
     "ardupilot": Firmware("ArduCopter", (4, 6)),
@@ -29,19 +29,19 @@ _FIRMWARE: dict[Autopilot, Firmware] = {
     "px4": Firmware("PX4", (1, 15)),
     "px4plane": Firmware("PX4 plane", (1, 15)),
 }
-"""what the simulator's autopilots are, by their names in configurations"""
+"""the simulator's autopilots by their names in configurations"""
 
 
 class SimulatorFailed(Exception):
-    """The simulator did not stay up; the text is what it said last."""
+    """The simulator ended early; the text holds its last lines."""
 
 
 def scenario_json(scenario: Scenario) -> dict[str, Any]:
-    """What the simulator has to know: who stands where, and the truth about the threats."""
+    """Return the simulator's scenario: vehicles with their positions, and the true threats."""
     simulate = scenario.config.simulate
     assert simulate is not None
     grid, strength = scenario.grid, scenario.strength
-    # Where one flies elsewhere, or a port was chosen since, its entry in the swarm says otherwise.
+    # `swarm` lists a vehicle as configured; `specs` knows whether this process flies it, and its chosen port.
     here = {spec.sysid for spec in scenario.specs if spec.simulated}
     return {
         "seed": scenario.config.seed,
@@ -69,12 +69,12 @@ def scenario_json(scenario: Scenario) -> dict[str, Any]:
 
 
 def _autopilot(scenario: Scenario, index: int) -> dict[str, Any]:
-    """What the vehicle `index` of the swarm is, and speaks like, and its parameters, its speed in them."""
+    """Return airframe, autopilot and parameters of the vehicle `index` of the swarm."""
     spec = scenario.swarm[index]
     autopilot = simulated_autopilot(scenario.config, index)
     body: dict[str, Any] = {"personality": "px4" if autopilot in ("px4", "px4plane") else "ardupilot"}
     if autopilot in PLANE_AUTOPILOTS:
-        # Put down along its first leg: it takes off straight on.
+        # Placed along its first leg: it takes off straight ahead.
         body |= {"type": "plane", "heading_deg": _heading_deg(scenario, spec)}
     slowest_m_s = math.floor(scenario.config.wings.min_speed_m_s)
     match autopilot:
@@ -87,7 +87,7 @@ def _autopilot(scenario: Scenario, index: int) -> dict[str, Any]:
             params |= {"BATT_CAPACITY": BATTERY_MAH}
         case "px4plane":
             params = {"FW_AIRSPD_TRIM": spec.speed_m_s, "FW_AIRSPD_MIN": slowest_m_s, "FW_LND_ABORT": 0}
-    # Set up by its owner for what the configuration declares, as a real vehicle is.
+    # An owner sets up a real vehicle for the configuration, too.
     params |= simulated_parameters(scenario, spec, _FIRMWARE[autopilot])
     return {**body, "params": params}
 
@@ -99,7 +99,7 @@ def _heading_deg(scenario: Scenario, spec: Spec) -> float:
 
 @contextlib.asynccontextmanager
 async def running(scenario: Scenario, url: str, folder: Path) -> AsyncIterator[asyncio.Task[None]]:
-    """A simulator process that sends to `url`; yields a task that raises SimulatorFailed if it ends early."""
+    """Run a simulator process that sends to `url`; yield a task that raises SimulatorFailed if it ends."""
     simulate = scenario.config.simulate
     assert simulate is not None
     file, log = folder / "scenario.json", folder / "simulator.log"
@@ -110,7 +110,7 @@ async def running(scenario: Scenario, url: str, folder: Path) -> AsyncIterator[a
         "--ready-s", str(simulate.ready_s), "--parent-pid", str(os.getpid()),
     ]  # fmt: skip
     with log.open("wb") as output:
-        # A session of its own: Ctrl-C is for the ground station, which still needs its vehicles then.
+        # A session of its own: the ground station still needs its vehicles after Ctrl-C.
         process = await asyncio.create_subprocess_exec(
             *command, stdin=asyncio.subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True
         )
@@ -125,8 +125,8 @@ async def running(scenario: Scenario, url: str, folder: Path) -> AsyncIterator[a
 async def _watch(process: asyncio.subprocess.Process, log: Path) -> None:
     code = await process.wait()
     how = f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"
-    said = log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
-    last = f"; its last words: {' / '.join(said[-3:])}" if code > 0 and said else ""
+    lines = log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
+    last = f"; its last lines: {' / '.join(lines[-3:])}" if code > 0 and lines else ""
     raise SimulatorFailed(f"the simulator {how}{last}")
 
 

@@ -1,4 +1,4 @@
-"""When to try again (a policy as a pure function, and the loop that follows it), and how tasks are ended."""
+"""Retries (a policy as a pure function, and the loop that follows it), and the end of tasks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Backoff:
-    """Wait `first_s`, then `factor` times as long each time, at most `most_s`; `attempts` tries in all."""
+    """Waits between tries: `first_s`, then `factor` times longer each, at most `most_s`; `attempts` tries."""
 
     attempts: int
     first_s: float
@@ -20,7 +20,7 @@ class Backoff:
     most_s: float = 60.0
 
     def delay_s(self, failed: int) -> float | None:
-        """How long to wait after the `failed`-th failure (from 1) [s]; None: give up."""
+        """Return the wait after the `failed`-th failure (from 1) [s]; None: give up."""
         if failed >= self.attempts:
             return None
         return min(self.first_s * self.factor ** (failed - 1), self.most_s)
@@ -31,7 +31,7 @@ async def retrying(
     policy: Backoff,
     retry_on: type[Exception] | tuple[type[Exception], ...],
 ) -> T:
-    """The first success; the last failure where the policy gives up. Other exceptions pass through."""
+    """Return the first success; raise the last failure when the policy gives up. Others pass through."""
     failed = 0
     while True:
         try:

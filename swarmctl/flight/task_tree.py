@@ -1,4 +1,4 @@
-"""All that runs while vehicles fly: their agents, the director, who plays them, what is shown, signals."""
+"""The tasks of a flight: agents, director, simulator, display, and the signal handlers."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from swarmctl.report.evidence.hooks import Evidence
 from swarmctl.report.ui import Ui
 
 
-async def conduct(
+async def run_tasks(
     director: Director,
     members: Sequence[Member],
-    played: asyncio.Task[None] | None,
+    simulator_task: asyncio.Task[None] | None,
     ui: Ui,
     show: Callable[[], Coroutine[Any, Any, None]],
     evidence: Evidence,
 ) -> Literal["ended", "stopped", "abandoned"]:
-    """Everything that runs during a flight, under one task group; ends when the director does."""
+    """Run all tasks of a flight in one group until the director ends; return how it ended."""
     abandoned = False
     async with asyncio.TaskGroup() as tasks:
         helpers = [tasks.create_task(m.runner.run()) for m in members]
         helpers.append(tasks.create_task(show()))
         helpers.append(tasks.create_task(_any_bug()))
-        if played is not None:
-            helpers.append(tasks.create_task(_until_it_fails(played, members, ui)))
+        if simulator_task is not None:
+            helpers.append(tasks.create_task(_until_it_fails(simulator_task, members, ui)))
         flight = asyncio.create_task(director.fly())
 
         def interrupted() -> None:
@@ -57,7 +57,7 @@ async def conduct(
 
 
 async def _any_bug() -> None:
-    """Raises what a callback raised: asyncio would log it and go on, but a bug stops everything."""
+    """Raise the exception of a callback: asyncio would log it and go on, but a bug stops everything."""
     loop = asyncio.get_running_loop()
     bug: asyncio.Future[None] = loop.create_future()
 
@@ -73,9 +73,9 @@ async def _any_bug() -> None:
         loop.set_exception_handler(None)
 
 
-async def _until_it_fails(played: asyncio.Task[None], members: Sequence[Member], ui: Ui) -> None:
+async def _until_it_fails(simulator_task: asyncio.Task[None], members: Sequence[Member], ui: Ui) -> None:
     try:
-        await asyncio.shield(played)
+        await asyncio.shield(simulator_task)
     except simulator.SimulatorFailed as error:
         if all(m.spec.simulated for m in members):
             raise
@@ -84,13 +84,13 @@ async def _until_it_fails(played: asyncio.Task[None], members: Sequence[Member],
 
 @contextlib.contextmanager
 def _signals(interrupted: Callable[[], None]) -> Iterator[None]:
-    """Ctrl-C and a polite kill ask for an orderly end; a second one for leaving at once."""
+    """Call `interrupted` on SIGINT, SIGTERM and SIGHUP: the first asks for an orderly end, the next exits."""
     loop = asyncio.get_running_loop()
     wanted = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     try:
         for number in wanted:
             loop.add_signal_handler(number, interrupted)
-    except (ValueError, RuntimeError):  # not the main thread: whoever runs us there has other means
+    except (ValueError, RuntimeError):  # not the main thread, which alone takes signals
         yield
         return
     try:

@@ -1,7 +1,7 @@
-"""An event loop whose clock is virtual: a wait takes no time, it only moves the clock on.
+"""An event loop with a virtual clock: a wait takes no time and only advances the clock.
 
-Everything above it (agents, links, conversations) asks the running loop for the time and for its timers, so
-the same code flies in real time and, on this loop, as fast as the machine computes, and equally every time.
+Agents, links and conversations ask the running loop for time and timers. The same code therefore flies in
+real time or, on this loop, as fast as the machine computes, with the same result every time.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ T = TypeVar("T")
 
 
 class Stalled(RuntimeError):
-    """Every task waits for something that nobody will ever do: on a virtual clock that is a bug."""
+    """Every task waits and no timer is left: on a virtual clock that is a bug."""
 
 
 class _Selector(selectors.DefaultSelector):
-    """Instead of waiting for `timeout` seconds, moves the loop's clock on by them."""
+    """A selector that advances the loop's clock by `timeout` seconds instead of waiting."""
 
     loop: VirtualTimeLoop
 
@@ -34,7 +34,7 @@ class _Selector(selectors.DefaultSelector):
 
 
 class VirtualTimeLoop(asyncio.SelectorEventLoop):
-    """`time()` starts at 0 and moves only when every task waits."""
+    """An event loop whose `time()` starts at 0 and advances only when every task waits."""
 
     def __init__(self) -> None:
         selector = _Selector()
@@ -50,6 +50,6 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
 
 
 def run_virtual(main: Coroutine[Any, Any, T]) -> T:
-    """`asyncio.run` on a virtual clock."""
+    """Run a coroutine like `asyncio.run`, on a virtual clock."""
     with asyncio.Runner(loop_factory=VirtualTimeLoop) as runner:
         return runner.run(main)

@@ -1,6 +1,6 @@
 """The simulator inside the ground station's own loop, for runs on the virtual clock.
 
-The only place where both packages meet other than on the wire; even here they exchange nothing but bytes.
+Only here the two packages meet other than on the wire, and even here they exchange nothing but bytes.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from swarmctl.links.transports.memory import MemoryWire
 
 STEP_S = 0.05
 
-Carry = Callable[[int, float], Address | None]
-"""(sysid, now) -> the address a vehicle speaks from, or None while nothing gets through to it or from it"""
+AddressOf = Callable[[int, float], Address | None]
+"""(sysid, now) -> the sender address of a vehicle, or None while its link is cut"""
 
 
 def undisturbed(sysid: int, _now: float) -> Address | None:
@@ -29,9 +29,9 @@ def undisturbed(sysid: int, _now: float) -> Address | None:
 
 @contextlib.asynccontextmanager
 async def fleet_on(
-    wire: MemoryWire, scenario: Scenario, carry: Carry = undisturbed
+    wire: MemoryWire, scenario: Scenario, address_of: AddressOf = undisturbed
 ) -> AsyncIterator[asyncio.Task[None]]:
-    """A fleet that flies on `wire` in the running loop's time; yields the task that moves it."""
+    """Fly a fleet on `wire` in the running loop's time; yield the task that moves it."""
     simulate = scenario.config.simulate
     assert simulate is not None
     fleet = Fleet(FleetScenario.model_validate(scenario_json(scenario)), ready_s=simulate.ready_s)
@@ -42,13 +42,13 @@ async def fleet_on(
     def send(frames: list[tuple[int, bytes]]) -> None:
         for index, data in frames:
             sysid = fleet.sysids[index]
-            address = carry(sysid, loop.time())
+            address = address_of(sysid, loop.time())
             if address is not None:
                 sysid_at[address] = sysid
                 wire.from_vehicle(data, address)
 
     def receive(data: bytes, address: Address) -> None:
-        if carry(sysid_at[address], loop.time()) == address:
+        if address_of(sysid_at[address], loop.time()) == address:
             send(fleet.receive(data, loop.time(), peer=address))
 
     async def move() -> None:

@@ -1,4 +1,4 @@
-"""What of a flight does I/O: front end, bus, who plays simulated vehicles; and its members on them."""
+"""The wiring of a flight: its I/O (front end, bus, simulator) and the members built on it."""
 
 from __future__ import annotations
 
@@ -45,19 +45,19 @@ from swarmctl.security.mavlink_key import TimestampFile, read_mavlink_key
 
 Clock = Literal["real", "virtual"]
 VIRTUAL_EPOCH_NS = 1_767_225_600 * 10**9
-"""Virtual runs happen at the beginning of 2026, so that equal runs leave equal files."""
+"""start time of virtual runs, the beginning of 2026: equal runs leave equal files"""
 OFFLOAD_CELLS = 100_000
-"""Areas of more cells are searched in a thread, so that the loop serves the links meanwhile."""
+"""number of cells above which an area is searched in a thread, while the loop serves the links"""
 
 
 @dataclass(frozen=True, slots=True)
 class FlightResources:
-    """What the members of a flight are made on."""
+    """The open resources on which the members of a flight are built."""
 
     front_end: FrontEnd
     transport: Transport
     simulator_task: asyncio.Task[None] | None
-    """plays the simulated vehicles; None where there are none"""
+    """runs the simulated vehicles; None: there are none"""
     evidence: Evidence
 
 
@@ -71,7 +71,7 @@ async def open_resources(
     say: Callable[[str], None],
     evidence: Evidence,
 ) -> AsyncIterator[FlightResources]:
-    """Open as long as this lasts. `bus` is one that is open already."""
+    """Open the resources of a flight, and close them at its end. `bus`: an open transport to use."""
     wire, began_ns = MemoryWire(), epoch_ns(clock)
     loop = asyncio.get_running_loop()
 
@@ -83,7 +83,7 @@ async def open_resources(
         links = scenario.config.links
         pool = ThreadPoolExecutor(1, "timestamps") if clock == "real" else None
         if pool is not None:
-            # Not waited for: a disk that hangs must not keep the reports back.
+            # Without waiting: a disk that hangs must not delay the reports.
             stack.callback(pool.shutdown, wait=False)
         front_end = await stack.enter_async_context(
             FrontEnd(
@@ -101,20 +101,22 @@ async def open_resources(
             if clock == "virtual":
                 simulator_task = await stack.enter_async_context(fleet_on(wire, scenario, address_of))
             else:
-                # The port is ours before anybody sends to it, and a taken one is said before all else.
+                # The port is open before the simulator sends, and a port in use is reported first.
                 endpoint = parse_url(_simulated_url(scenario))
                 await front_end.open(endpoint)
                 url = f"{'udpout' if endpoint.kind == 'udpin' else 'tcpout'}://{_reachable(endpoint)}"
                 simulator_task = await stack.enter_async_context(simulator.running(scenario, url, folder))
         if not is_small(scenario.grid.n_cells):
-            # Machine code takes a second to load: before anything listens to us.
+            # Loading machine code takes a second, so it precedes the first heartbeat.
             if clock == "real":
                 await asyncio.to_thread(warm_up)
             else:
                 warm_up()
         communication = scenario.config.communication
         if bus is None and communication.bus == "zenoh" and clock == "real":
-            bus = stack.enter_context(open_bus(scenario.config.name, communication.listen, say, ReportOnce(say)))
+            bus = stack.enter_context(
+                open_bus(scenario.config.name, communication.listen, say, ReportOnce(say))
+            )
         yield FlightResources(front_end, bus or MemoryBus(ReportOnce(say)), simulator_task, evidence)
 
 
@@ -129,7 +131,10 @@ def _tell(evidence: Evidence, say: Callable[[str], None], text: str) -> None:
 
 
 def _signing(links: Links, pool: Executor | None) -> Signing | None:
-    """`pool` waits for the disk. Raises LinkError where the key or its time stamps cannot be used."""
+    """Return the MAVLink signing of the links, or None. `pool` does the disk writes.
+
+    Raises LinkError where the key or its time stamps cannot be used.
+    """
     if links.signing_key is None:
         return None
     file = Path(links.signing_key)
@@ -144,16 +149,16 @@ def build_members(
     folder: Path,
     resources: FlightResources,
     network: Network,
-    desk: OperatorService,
+    operator_service: OperatorService,
     observers: tuple[Any, ...],
     clock: Clock,
     run_clock: RunClock,
     say: Callable[[str], None],
     reports: dict[int, external_observations.ReportCounts],
 ) -> Iterator[Member]:
-    """The vehicles of this process, each with its link, its sensor and its agent.
+    """Build the vehicles of this process, each with its link, its sensor and its agent.
 
-    `reports` gets the tally of each inlet that is opened for payloads' reports, by system id.
+    `reports` receives the counters of each receiver of payload reports, by system id.
     """
     source = SOURCES[scenario.config.sensor.source]
     links = scenario.config.links
@@ -162,13 +167,13 @@ def build_members(
         endpoint = parse_url(spec.url)
         if spec.simulated and clock == "virtual":
             endpoint = Endpoint("memory", "fleet")
-        inlet = _Inlet()
+        relay = _EventRelay()
         link = LINKS[spec.link](
             resources.front_end,
             endpoint,
             spec.sysid,
             name=spec.name,
-            on_event=inlet,
+            on_event=relay,
             tlog=folder / f"{spec.name}.tlog",
             streaming=streaming,
         )
@@ -179,10 +184,10 @@ def build_members(
             _footprint(scenario, spec) if source.simulated else External(),
             network,
             observers,
-            desk=desk,
+            operator_service=operator_service,
             offload=clock == "real" and scenario.grid.n_cells > OFFLOAD_CELLS,
         )
-        inlet.runner = runner
+        relay.runner = runner
         if source.external:
             seen, heard = partial(_observed, resources.evidence, runner), partial(_say_of, say, spec.name)
             reports[spec.sysid] = external_observations.ReportReceiver(
@@ -208,17 +213,17 @@ def _say_of(say: Callable[[str], None], name: str, text: str) -> None:
 
 
 def _observed(evidence: Evidence, runner: Runner, cells: ReportedCells, source: str) -> None:
-    told = f"{source or 'a payload'} reports {len(cells)} cells"
-    runner.note(told)
+    text = f"{source or 'a payload'} reports {len(cells)} cells"
+    runner.note(text)
     if source == BY_HAND:
         evidence.operator("observe", runner.state.task.name, cells=cells)
     else:
-        evidence.remark(told, runner.state.task.name)
+        evidence.remark(text, runner.state.task.name)
     runner.post(ev.Observed(cells))
 
 
-class _Inlet:
-    """A link needs somebody to report to before the runner that owns it exists."""
+class _EventRelay:
+    """The event handler of a link, which is built before the runner that owns it."""
 
     runner: Runner
 
@@ -227,7 +232,7 @@ class _Inlet:
 
 
 def epoch_ns(clock: Clock) -> int:
-    """The wall time at which the loop's clock showed zero."""
+    """Return the wall time at which the loop's clock showed zero."""
     if clock == "virtual":
         return VIRTUAL_EPOCH_NS
     return time.time_ns() - round(asyncio.get_running_loop().time() * 1e9)
@@ -239,7 +244,7 @@ def _reachable(endpoint: Endpoint) -> str:
 
 
 def with_free_port(scenario: Scenario) -> Scenario:
-    """Port 0 means any free one: the simulator has to be told which."""
+    """Replace port 0 of simulated vehicles by a free port, which the simulator has to know."""
     if not any(spec.simulated for spec in scenario.specs):
         return scenario
     endpoint = parse_url(_simulated_url(scenario))
@@ -255,5 +260,5 @@ def with_free_port(scenario: Scenario) -> Scenario:
 
 
 def _simulated_url(scenario: Scenario) -> str:
-    """Where all simulated vehicles are listened for."""
+    """Return the address at which all simulated vehicles are received."""
     return next(spec.url for spec in scenario.specs if spec.simulated)

@@ -1,4 +1,4 @@
-"""What vehicles made of an operator's commands, as lines."""
+"""Vehicles' answers to an operator's commands, as lines."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from swarmctl.core.messages import VehicleAnswer
 from swarmctl.core.threat import FiringStrength
 
 
-def ordered(order: str, answer: VehicleAnswer) -> str:
-    """What a vehicle made of an order, as a line."""
+def order_line(order: str, answer: VehicleAnswer) -> str:
+    """Return a vehicle's answer to an order as a line."""
     how = {"taken": f"{order} ordered", "unconfirmed": "unknown"}.get(answer.outcome, "not ordered")
     return f"{answer.name}: {how}" + (f": {answer.note}" if answer.note else "")
 
 
-def told(w: float | None, strength: FiringStrength | None, answer: VehicleAnswer) -> str:
-    """What a vehicle made of new weights, as a line."""
+def weights_line(w: float | None, strength: FiringStrength | None, answer: VehicleAnswer) -> str:
+    """Return a vehicle's answer to new weights as a line."""
     if answer.outcome != "taken":
         how = "unknown" if answer.outcome == "unconfirmed" else "not changed"
         return f"{answer.name}: {how}: {answer.note}"

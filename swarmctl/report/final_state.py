@@ -1,4 +1,4 @@
-"""Whether a vehicle may still be in the air when its flight is over, and how each was left, in words."""
+"""The final state of each vehicle in words, and the end of a flight."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from swarmctl.agent.state import AgentState, Phase
-from swarmctl.agent.touchdown import is_up
+from swarmctl.agent.touchdown import may_be_armed
 from swarmctl.core.vehicle import Landed, VehicleState
 
-ON_ITS_OWN = "our heartbeats to it end, and its own failsafe may act on that"
+HEARTBEATS_END = "heartbeats to it end now, which may trigger its GCS failsafe"
 
 
 class Link(Protocol):
-    """What is heard of a vehicle."""
+    """The received state of a vehicle and its age."""
 
     def state(self) -> VehicleState: ...
     def age_s(self) -> float: ...
@@ -37,58 +37,58 @@ class Vehicle(Protocol):
     def silent_for(self, limit_s: float) -> bool: ...
 
 
-def is_theirs(state: AgentState) -> bool:
-    """Its flight is over for us, and it may be in the air: somebody else flies it."""
-    return state.ended and is_up(state)
+def is_released_in_air(state: AgentState) -> bool:
+    """Return whether a pilot or another station flies the vehicle, and it may be in the air."""
+    return state.ended and may_be_armed(state)
 
 
 def _is_over(state: AgentState) -> bool:
-    """Its flight is, and it is down."""
-    return state.ended and not is_up(state)
+    """Return whether the vehicle has ended its flight and is down."""
+    return state.ended and not may_be_armed(state)
 
 
 def is_lost_in_air(state: AgentState) -> bool:
-    """Nothing is heard of it any more, and when it was it was up, as far as is known."""
-    return state.lost and is_up(state)
+    """Return whether the vehicle is lost and was in the air when it was last heard, as far as is known."""
+    return state.lost and may_be_armed(state)
 
 
-def standing(state: AgentState) -> str:
-    """Its phase, or that it is lost: what it did when it was heard last it need not do now."""
+def final_phase(state: AgentState) -> str:
+    """Return the vehicle's phase, or "lost": a lost vehicle may have left its last known phase."""
     return "lost" if is_lost_in_air(state) and not state.ended else str(state.phase)
 
 
-def ended_how(state: AgentState) -> str:
-    """Its outcome; where it was let go with the mode it has shown last, where it is lost with that."""
-    said = state.outcome or str(state.phase)
+def describe_outcome(state: AgentState) -> str:
+    """Return the vehicle's outcome, with its last mode if it was released, and "lost" if it is lost."""
+    outcome = state.outcome or str(state.phase)
     mode = state.vehicle.mode or "unknown"
-    if state.phase is Phase.RELEASED and f"in mode {mode}," not in said:
-        said = f"{said}; last in mode {mode}"
+    if state.phase is Phase.RELEASED and f"in mode {mode}," not in outcome:
+        outcome = f"{outcome}; last in mode {mode}"
     if not state.lost or _is_over(state):
-        return said
-    return f"lost; {said}" if state.outcome else f"lost in mode {mode}"
+        return outcome
+    return f"lost; {outcome}" if state.outcome else f"lost in mode {mode}"
 
 
-def left_how(member: Vehicle) -> str:
-    """How a vehicle was left, for whoever has to fetch it."""
+def describe_final_state(member: Vehicle) -> str:
+    """Return the final state of a vehicle as a line, for its recovery."""
     state, vehicle = member.state, member.runner.link.state()
     age_s = member.runner.link.age_s()
     if age_s == math.inf:
         return f"{member.name}: never heard"
     if state.lost and not _is_over(state):
-        where = _height(vehicle) if is_up(state) else "on the ground, disarmed"
+        where = _height(vehicle) if may_be_armed(state) else "on the ground, disarmed"
         text = f"{member.name}: lost, last heard {age_s:.0f} s ago in mode {vehicle.mode or '?'}, {where}"
-        return f"{text}: it may still be in the air" if is_up(state) else text
+        return f"{text}: it may still be in the air" if may_be_armed(state) else text
     if state.ended and not vehicle.armed and state.outcome:
-        return f"{member.name}: {ended_how(state)}{_down(state)}"
+        return f"{member.name}: {describe_outcome(state)}{_down(state)}"
     if not vehicle.armed:
         return f"{member.name}: on the ground, disarmed"
     how = state.outcome or state.trouble or str(state.phase)
-    if state.phase in (Phase.HOLDING, Phase.LEAVING) and not state.order_seen:
-        how = f"{how}, not seen to follow"
+    if state.phase in (Phase.HOLDING, Phase.LEAVING) and not state.order_followed:
+        how = f"{how}, not confirmed by telemetry"
     mode = vehicle.mode or "?"
     if vehicle.landed is Landed.ON_GROUND:
         return f"{member.name}: armed on the ground, mode {mode} ({how})"
-    return f"{member.name}: in the air, {_height(vehicle)}, mode {mode} ({how}); {ON_ITS_OWN}"
+    return f"{member.name}: in the air, {_height(vehicle)}, mode {mode} ({how}); {HEARTBEATS_END}"
 
 
 def _down(state: AgentState) -> str:
@@ -99,22 +99,24 @@ def _height(vehicle: VehicleState) -> str:
     return "at unknown height" if vehicle.alt_rel_m is None else f"{vehicle.alt_rel_m:.0f} m above home"
 
 
-class Seen:
-    """Looks at the vehicles of a flight that have launched: says once what keeps it from its end, and of each
-    when it is given up."""
+class FlightEnd:
+    """The end of a flight: the condition for it, and one line about each vehicle that delays it."""
 
     def __init__(self, members: Sequence[Vehicle], lost_timeout_s: float, say: Callable[[str], None]) -> None:
         self._members = members
         self._lost_timeout_s = lost_timeout_s
         self._say = say
         self._given_up: set[str] = set()
-        self._stays_for: list[str] = []
+        self._waits_for: list[str] = []
 
-    def all_over(self) -> bool:
-        """No vehicle is ours to fly any more, and none that somebody else has is in the air, as far as is
-        heard: who flies it needs our heartbeat, which its failsafe goes by, and the link."""
+    def reached(self) -> bool:
+        """Return whether every vehicle has ended its flight and is down, or is given up.
+
+        A released vehicle in the air delays the end: its failsafe goes by the heartbeats of this station, and
+        its pilot may watch it over the forwarded link.
+        """
         flown: list[str] = []
-        theirs: list[str] = []
+        released: list[str] = []
         for member in self._members:
             if _is_over(member.state):
                 continue
@@ -122,15 +124,15 @@ class Seen:
                 self._give_up(member)
                 continue
             self._given_up.discard(member.name)
-            (theirs if member.state.ended else flown).append(member.name)
-        if not flown and theirs and theirs != self._stays_for:
-            self._stays_for = theirs
+            (released if member.state.ended else flown).append(member.name)
+        if not flown and released and released != self._waits_for:
+            self._waits_for = released
             self._say(
-                f"all else is over; {', '.join(theirs)}: in somebody else's hands and armed, so link, "
-                "heartbeats and record go on, without orders, until it has landed and is disarmed (Ctrl-C "
-                "ends them)"
+                f"{', '.join(released)}: flown by a pilot or another station; link, heartbeats and record "
+                "go on, without orders, until it has landed and disarmed; Ctrl-C ends them "
+                "[waiting-for-released]"
             )
-        return not flown and not theirs
+        return not flown and not released
 
     def _give_up(self, member: Vehicle) -> None:
         if member.name in self._given_up:
@@ -138,7 +140,7 @@ class Seen:
         self._given_up.add(member.name)
         vehicle = member.runner.link.state()
         self._say(
-            f"{member.name}: given up, nothing heard of it for {self._lost_timeout_s:g} s "
+            f"{member.name}: given up after {self._lost_timeout_s:g} s without telemetry "
             f"(flight.lost_timeout_s); last in mode {vehicle.mode or '?'}, {_height(vehicle)}; it may still "
-            "be in the air"
+            "be in the air [given-up]"
         )

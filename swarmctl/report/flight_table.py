@@ -8,7 +8,7 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from swarmctl.core.inference.chance import Chance
+from swarmctl.core.inference.survival import ProbabilityEstimate
 from swarmctl.report.figures import product_text
 from swarmctl.report.swaps import swap_lines
 
@@ -16,7 +16,7 @@ from swarmctl.report.swaps import swap_lines
 def flight_table(summary: dict[str, Any]) -> Table:
     """What became of each vehicle."""
     grid = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
-    grid.caption, grid.caption_justify = "\n".join(together(summary)), "left"
+    grid.caption, grid.caption_justify = "\n".join(swarm_lines(summary)), "left"
     grid.add_column("vehicle", no_wrap=True)
     titles = (
         "flown\n[m]", "time\n[s]", "ΣP_s", "∏\n(1−P_s)", "chance at take-off,\nsimulated, 95 %",
@@ -47,7 +47,7 @@ def flight_table(summary: dict[str, Any]) -> Table:
     return grid
 
 
-def together(summary: dict[str, Any]) -> list[str]:
+def swarm_lines(summary: dict[str, Any]) -> list[str]:
     """What is to be said of the vehicles together, as lines."""
     separation, arrival, lines = summary["separation"], summary["arrival"], swap_lines(summary["vehicles"])
     if arrival is not None and arrival["spread_s"] is not None:
@@ -90,12 +90,12 @@ def _over_goal(v: dict[str, Any]) -> Text:
     return Text(f"{arrived} / {bound}", style="" if v["arrival_bound_kept"] else "red")
 
 
-def missed(summary: dict[str, Any]) -> list[str]:
+def missed_bounds(summary: dict[str, Any]) -> list[str]:
     """The vehicles that did not keep their time bounds."""
     return [v["name"] for v in summary["vehicles"] if v["arrival_bound_kept"] is False]
 
 
-def unfriendly(summary: dict[str, Any]) -> list[str]:
+def network_lines(summary: dict[str, Any]) -> list[str]:
     """A line for each vehicle that did not take all it was told, or was told the contrary of what it saw."""
     names = {str(v["sysid"]): v["name"] for v in summary["vehicles"]}
     lines = []
@@ -118,4 +118,4 @@ def _chance(at_takeoff: dict[str, Any] | None) -> str:
     if at_takeoff is None:
         return "–"
     chance = at_takeoff["chance_by_simulation"]
-    return str(Chance(chance["estimate"], chance["low_95"], chance["high_95"], chance["worlds"]))
+    return str(ProbabilityEstimate(chance["estimate"], chance["low_95"], chance["high_95"], chance["worlds"]))

@@ -1,7 +1,7 @@
 """Messages in Foxglove's own schemas, and the layout that shows them. Pure.
 
-Names and fields: https://docs.foxglove.dev/docs/visualization/message-schemas (Log, LocationFix, GeoJSON). Only the
-fields that are written stand in the schemas here.
+Names and fields: https://docs.foxglove.dev/docs/visualization/message-schemas (Log, LocationFix, GeoJSON). Only
+the fields that are written stand in the schemas here.
 """
 
 from __future__ import annotations

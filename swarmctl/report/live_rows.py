@@ -37,7 +37,7 @@ COLOURS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class VehicleRow:
     """One vehicle."""
 
     name: str
@@ -60,7 +60,7 @@ class Row:
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class SwarmView:
     """The whole swarm at one moment."""
 
     name: str
@@ -68,17 +68,17 @@ class Picture:
     """by the vehicles' clocks"""
     speed: float | None
     """vehicle seconds in a second of the wall clock; None before it is known"""
-    rows: Sequence[Row]
+    rows: Sequence[VehicleRow]
     on_ctrl_c: str = "hold, then return"
 
 
-def row(
+def vehicle_row(
     state: AgentState, age_s: float, note: str = "", refused: int = 0, *, lost_timeout_s: float = math.inf
-) -> Row:
+) -> VehicleRow:
     """`age_s`: since the last heartbeat; infinite before the first. `refused`: messages of the network.
     `lost_timeout_s`: after this a vehicle that is not heard is waited for no more."""
     own = state.belief.n_cells_from(state.task.uav)
-    return Row(
+    return VehicleRow(
         name=state.task.name,
         phase=state.phase,
         mode=state.vehicle.mode,
@@ -121,14 +121,14 @@ def _link(state: AgentState, age_s: float) -> str:
     return "ok" if age_s < SILENT_S else f"{age_s:.0f} s ago"
 
 
-def table(picture: Picture, width: int, height: int) -> Group:
+def live_table(view: SwarmView, width: int, height: int) -> Group:
     """The live table, for a terminal of `width` columns and `height` lines.
 
     Where not all vehicles fit, those that have ended make room first.
     """
-    speed = "" if picture.speed is None else f" · {picture.speed:.1f}× real time"
+    speed = "" if view.speed is None else f" · {view.speed:.1f}× real time"
     head = Text.assemble(
-        (picture.name, "bold"), f"  flown {_minutes(picture.flown_s)}{speed} · Ctrl-C: {picture.on_ctrl_c}"
+        (view.name, "bold"), f"  flown {_minutes(view.flown_s)}{speed} · Ctrl-C: {view.on_ctrl_c}"
     )
     grid = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=0, header_style="bold")
     columns = [
@@ -136,14 +136,14 @@ def table(picture: Picture, width: int, height: int) -> Group:
         ("cells\nown+heard", "right"), ("hostiles\nknown", "right"), ("replans", "right"),
         ("strikes", "right"), ("link", "left"),
     ]  # fmt: skip
-    reweighted = any(r.weights for r in picture.rows)
+    reweighted = any(r.weights for r in view.rows)
     if reweighted:
         columns.append(("new w", "left"))
     for title, justify in columns:
         grid.add_column(title, justify=justify, no_wrap=True)  # type: ignore[arg-type]
     room = max(height - OTHER_LINES, 1)
-    ranked = sorted(picture.rows, key=lambda r: r.phase in ENDED)
-    shown = picture.rows if len(picture.rows) <= room else ranked[: room - 1]
+    ranked = sorted(view.rows, key=lambda r: r.phase in ENDED)
+    shown = view.rows if len(view.rows) <= room else ranked[: room - 1]
     for r in shown:
         grid.add_row(
             r.name,
@@ -158,7 +158,7 @@ def table(picture: Picture, width: int, height: int) -> Group:
             Text(r.link, style="" if r.link == "ok" else "red"),
             *([Text(r.weights, style="yellow")] if reweighted else []),
         )
-    hidden = len(picture.rows) - len(shown)
+    hidden = len(view.rows) - len(shown)
     notes = [Text(f"and {hidden} more", style="bright_black")] if hidden else []
     notes += [Text(f"{r.name}: {r.note}", style="yellow") for r in shown if r.note not in ("", ARRIVED)]
     return Group(head, grid, *notes)
@@ -175,7 +175,7 @@ def _minutes(seconds: float) -> str:
     return f"{int(seconds) // 60}:{int(seconds) % 60:02d}"
 
 
-def line(row: Row) -> str:
+def plain_line(row: VehicleRow) -> str:
     """One vehicle as a plain line, for where there is no terminal."""
     battery = "?" if row.battery_percent is None else f"{row.battery_percent} %"
     phase = f"{row.unheard}, was {row.phase}" if row.unheard else row.phase

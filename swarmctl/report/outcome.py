@@ -1,4 +1,4 @@
-"""How a flight ended: the result that the composition root returns and every report is written from."""
+"""The result of a flight, which the composition root returns and every report is written from."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ Ending = Literal["ended", "stopped", "abandoned", "failed"]
 
 @dataclass(slots=True)
 class Report:
-    """How a flight ended."""
+    """The result of one flight."""
 
     ended: Ending
     trouble: tuple[str, ...]
-    """what went wrong before or beside the flight"""
-    left: tuple[str, ...]
-    """how each vehicle was left"""
+    """lines about failures before or beside the flight"""
+    final_states: tuple[str, ...]
+    """a line for each vehicle"""
     states: dict[int, AgentState]
     statistics: FlightStatistics
     summary: dict[str, Any]
     bug: Exception | None = None
-    """what broke the flight and should not have been possible"""
+    """an exception that only a bug can cause"""
     checked: dict[str, tuple[CheckResult, ...]] = field(default_factory=dict)
-    """what the preflight checks found of each vehicle, by its name"""
+    """the findings of the preflight checks, by vehicle name"""
 
     @property
     def arrived(self) -> int:

@@ -1,4 +1,4 @@
-"""What a run leaves behind for people: summary, mission files and the map."""
+"""The files of a run for people: summary, mission files and the map."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from swarmctl.agent.replan.decide import first_flight, first_problem
 from swarmctl.agent.replan.landing_pattern import pattern_from
 from swarmctl.agent.replan.length_bounds import UNBOUNDED
-from swarmctl.agent.replan.decide import first_flight, first_problem
 from swarmctl.agent.replan.time_bound import route_within_bounds
 from swarmctl.agent.state import Task
 from swarmctl.config.scenario import PAPER_PLANNER, Scenario
@@ -29,7 +29,7 @@ PLAN_WEIGHTS = (0.0, 0.5, 1.0)
 
 
 def write_run(folder: Path, scenario: Scenario, report: Report) -> None:
-    """`summary.json`, one `.plan` a vehicle that held a mission, and `map.png`."""
+    """Write `summary.json`, a `.plan` for each vehicle that held a mission, and `map.png`."""
     _write_json(folder / "summary.json", {**report.summary, "ended": report.ended, "trouble": report.trouble})
     for spec in scenario.specs:
         accepted = report.states[spec.sysid].accepted
@@ -43,15 +43,17 @@ class FirstRoute:
     """A vehicle's route before anything is observed."""
 
     task: Task
-    """the vehicle's, with the planner, w and bound by which this route was chosen"""
+    """the vehicle's task, with the planner, w and time bound by which this route was chosen"""
     problem: Problem
-    """what its planner was asked"""
+    """the planner's input"""
     route: Route
 
 
 def first_routes(scenario: Scenario) -> dict[str, tuple[FirstRoute, ...]]:
-    """All vehicles' routes before anything is observed, by what chose them: the paper's for each w of
-    PLAN_WEIGHTS, and the configured ones, with which the vehicles would fly."""
+    """Return all vehicles' routes before any observation, by a label of the planner and w that chose them.
+
+    These are the paper's routes for each w of PLAN_WEIGHTS, and the configured routes.
+    """
     papers = Method("dijkstra", PAPER_PLANNER, PAPER_PLANNER.Params())
     choices = {
         w: tuple(replace(task, method=papers, arrival=UNBOUNDED, w=w) for task in scenario.tasks)
@@ -72,7 +74,7 @@ def _first_route(task: Task, prior: Belief) -> FirstRoute:
 
 
 def write_plans(folder: Path, scenario: Scenario, routes: dict[str, tuple[FirstRoute, ...]]) -> None:
-    """The `.plan` files for the configured choice, and the map of all routes."""
+    """Write the `.plan` files of the configured routes, and the map of all routes."""
     for spec, first in zip(scenario.specs, routes[scenario.chosen_by], strict=True):
         plan = first_flight(first.task, first.problem, first.route)
         _write_plan(folder / f"{spec.name}.plan", scenario, spec, plan)
@@ -101,7 +103,7 @@ def _track(spec: Spec, first: FirstRoute) -> list[LatLon]:
     task, route = first.task, first.route
     try:
         plan = first_flight(task, first.problem, route)
-    except Unreachable:  # too tight for this vehicle: what it would have to fly if it could
+    except Unreachable:  # too tight for this vehicle: draw the route itself
         return [spec.start, *map(task.grid.centre, route.cells)]
     points = [spec.start, *_points(plan)]
     if task.turn_radius_m == 0.0:
@@ -128,16 +130,16 @@ def _write_plan(path: Path, scenario: Scenario, spec: Spec, plan: FlightPlan) ->
 def _flown_picture(scenario: Scenario, report: Report) -> MapPicture:
     tracks = []
     for spec in scenario.specs:
-        statistics, state = report.statistics.vehicles[spec.sysid], report.states[spec.sysid]
-        planned = [PlannedTrack("first route", [spec.start, *statistics.planned])] if statistics.planned else []
+        flight, state = report.statistics.vehicles[spec.sysid], report.states[spec.sysid]
+        planned = [PlannedTrack("first route", [spec.start, *flight.planned])] if flight.planned else []
         tracks.append(
             VehicleTrack(
                 name=spec.name,
                 start=spec.start,
                 goal_cells=spec.goals,
                 planned=planned,
-                flown=statistics.flown,
-                strikes=statistics.strikes,
+                flown=flight.flown,
+                strikes=flight.strikes,
                 is_lost=is_lost_in_air(state),
                 outcome="lost" if is_lost_in_air(state) else state.outcome or state.phase,
             )

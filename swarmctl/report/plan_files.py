@@ -1,4 +1,4 @@
-"""A flight plan as a QGroundControl `.plan` file (JSON), which Mission Planner reads too."""
+"""Flight plans as QGroundControl `.plan` files (JSON), which Mission Planner reads, too."""
 
 from __future__ import annotations
 
@@ -14,16 +14,17 @@ QUADROTOR, FIXED_WING = 2, 1
 """MAV_TYPE"""
 Params = tuple[float, float, float, float | None]
 NONE_GIVEN: Params = (0, 0, 0, None)
-Step = tuple[int, Waypoint, Params]
+PlanItem = tuple[int, Waypoint, Params]
+"""MAV_CMD, position, the four parameters"""
 FRAME_GLOBAL_RELATIVE_ALT = 3
 ALTITUDE_RELATIVE = 1
 """QGroundControl's AltitudeMode"""
 
 
 def plan_json(plan: FlightPlan, home: LatLon, home_alt_amsl_m: float, speed_m_s: float) -> str:
-    """The text of a `.plan` file; `home` is where the vehicle takes off."""
+    """Return the text of a `.plan` file; `home` is the take-off position."""
     down = Waypoint(plan.landing.lat_deg, plan.landing.lon_deg, 0.0)
-    steps: list[Step] = [
+    steps: list[PlanItem] = [
         (NAV_TAKEOFF, Waypoint(*home, plan.takeoff_alt_m), NONE_GIVEN),
         *((NAV_WAYPOINT, point, NONE_GIVEN) for point in plan.track),
         *([(NAV_LAND, down, NONE_GIVEN)] if plan.approach is None else _landing(plan.approach)),
@@ -48,12 +49,12 @@ def plan_json(plan: FlightPlan, home: LatLon, home_alt_amsl_m: float, speed_m_s:
     return json.dumps(content, indent=2) + "\n"
 
 
-def _landing(there: Approach) -> Iterator[Step]:
-    """Of a fixed wing."""
-    yield DO_LAND_START, there.centre, NONE_GIVEN
-    yield NAV_LOITER_TO_ALT, there.centre, (1, there.radius_m, 0, 1)
-    yield NAV_WAYPOINT, there.final, NONE_GIVEN
-    yield NAV_LAND, there.touchdown, NONE_GIVEN
+def _landing(approach: Approach) -> Iterator[PlanItem]:
+    """Yield the landing items of a fixed wing."""
+    yield DO_LAND_START, approach.centre, NONE_GIVEN
+    yield NAV_LOITER_TO_ALT, approach.centre, (1, approach.radius_m, 0, 1)
+    yield NAV_WAYPOINT, approach.final, NONE_GIVEN
+    yield NAV_LAND, approach.touchdown, NONE_GIVEN
 
 
 def _item(number: int, command: int, point: Waypoint, params: Params) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Planning with what an earlier run has seen."""
+"""A prior from an earlier run: planning with its observations."""
 
 from __future__ import annotations
 
@@ -15,38 +15,48 @@ from swarmctl.report import record
 SAME_PLACE_M = 0.01
 
 
-class NotKnown(ValueError):
-    """A run that tells nothing about this area; one line, saying why."""
+class PriorRunError(ValueError):
+    """A run that cannot serve as a prior for this area; one line gives the reason."""
 
 
-def with_known(scenario: Scenario, run: Path) -> tuple[Scenario, list[str]]:
-    """The scenario with all that the vehicles of a run saw merged into its belief, and what a person should
-    know of it. Raises NotKnown."""
+def with_prior_run(scenario: Scenario, run: Path) -> tuple[Scenario, list[str]]:
+    """Return the scenario with a run's observations merged into its prior, and lines about that.
+
+    Raises PriorRunError.
+    """
     try:
-        config, observations = record.seen(run)
+        config, observations = record.recorded_observations(run)
     except record.RecordError as error:
-        raise NotKnown(f"--known {error}") from error
+        raise PriorRunError(f"--known {error}") from error
     flown = build(config)
     if elsewhere := list(_elsewhere(flown, scenario)):
-        raise NotKnown(f"--known {run}: it was flown over another area: {', '.join(elsewhere)}")
+        raise PriorRunError(f"--known {run}: flown over another area: {', '.join(elsewhere)} [other-area]")
     prior = scenario.prior.merge(observations)
-    said = [f"known: {prior.n_observed} cells, {prior.n_found} hostiles in them, from {run}"]
+    lines = [f"prior: {prior.n_observed} cells with {prior.n_found} hostiles, from {run}"]
     if flown.hostiles != scenario.hostiles:
-        said.append("the hostiles lay elsewhere in that run (another seed, or another list of them)")
+        lines.append(
+            "that run had its hostiles in other cells (another seed, or another list) [other-hostiles]"
+        )
     if flown.prior.sensor != scenario.prior.sensor:
-        said.append("its sensors were configured otherwise; what it saw is read as by those of this one")
+        lines.append(
+            "that run had another sensor model; its observations are read with this configuration's "
+            "[other-sensor]"
+        )
     if prior.announced_too_low:
-        said.append(f"more hostiles were found than announced ({prior.count}): threats.count is too low")
-    return replace(scenario, prior=prior), said
+        lines.append(
+            f"more hostiles were found than announced ({prior.count}): threats.count is too low "
+            "[count-too-low]"
+        )
+    return replace(scenario, prior=prior), lines
 
 
-def without_a_way(scenario: Scenario) -> Iterator[str]:
-    """The vehicles for which what is known leaves no route, and why."""
+def vehicles_without_route(scenario: Scenario) -> Iterator[str]:
+    """Yield a line for each vehicle that has no route with this prior."""
     for task in scenario.tasks:
         try:
             first_route(task, scenario.prior)
         except Unreachable as error:
-            yield f"{task.name}: with what is known {error}"
+            yield f"{task.name}: with this prior {error}"
 
 
 def _elsewhere(flown: Scenario, planned: Scenario) -> Iterator[str]:

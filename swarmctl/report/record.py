@@ -28,7 +28,7 @@ from swarmctl.agent.step import step
 from swarmctl.config.model import Config
 from swarmctl.config.scenario import build
 from swarmctl.core import events as ev
-from swarmctl.core.frames import Spoken
+from swarmctl.core.frames import AgentMessage
 from swarmctl.core.observation import Observation
 
 FORMAT = 2
@@ -71,7 +71,7 @@ class EffectRecord(msgspec.Struct, frozen=True):
 class BusRecord(msgspec.Struct, frozen=True):
     now_s: float
     recipients: int
-    message: Spoken
+    message: AgentMessage
 
 
 class TextRecord(msgspec.Struct, frozen=True):
@@ -112,16 +112,16 @@ class Recorder:
         self, before: AgentState, event: ev.Event, after: AgentState, effects: list[ev.Effect], now: float
     ) -> None:
         uav = after.task.uav
-        self._write(uav, f"event/{type(event).__name__}", EventRecord(now, event), now)
+        self._write(uav, f"event/{type(event).__struct_config__.tag}", EventRecord(now, event), now)
         for effect in effects:
-            self._write(uav, f"effect/{type(effect).__name__}", EffectRecord(now, effect), now)
+            self._write(uav, f"effect/{type(effect).__struct_config__.tag}", EffectRecord(now, effect), now)
         if isinstance(event, ev.TelemetryReceived) and event.state.has_position:
             self._location(uav, event, now)
 
-    def sent(self, uav: int, message: Spoken, recipients: int, now: float) -> None:
+    def sent(self, uav: int, message: AgentMessage, recipients: int, now: float) -> None:
         self._write(uav, f"bus/{type(message).__name__}", BusRecord(now, recipients, message), now)
 
-    def said(self, uav: int, text: str, now: float, *, aloud: bool) -> None:
+    def noted(self, uav: int, text: str, now: float, *, to_operator: bool) -> None:
         self._write(uav, "text", TextRecord(now, text), now)
 
     def _location(self, uav: int, event: ev.TelemetryReceived, now: float) -> None:
@@ -237,15 +237,15 @@ def replay(path: Path) -> Verdict:
     return Verdict(events, effects, "", content.is_cut)
 
 
-def seen(run: Path) -> tuple[Config, list[Observation]]:
+def recorded_observations(run: Path) -> tuple[Config, list[Observation]]:
     """The configuration of a recorded run and what all its vehicles saw. Raises RecordError."""
-    content = _read(of(run))
+    content = _read(record_path(run))
     effects = (record.effect for _, record in content.rows if isinstance(record, EffectRecord))
     messages = (effect.message for effect in effects if isinstance(effect, ev.Publish))
     return content.config, [m for m in messages if isinstance(m, Observation)]
 
 
-def of(run: Path) -> Path:
+def record_path(run: Path) -> Path:
     """The record of a run, given as its folder or as the file."""
     return run / "run.mcap" if run.is_dir() else run
 

@@ -1,4 +1,4 @@
-"""The least distance between vehicles in the air, for the summary."""
+"""Separation between vehicles in the air, as statistics for the summary."""
 
 from __future__ import annotations
 
@@ -6,28 +6,30 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from swarmctl.agent.state import AgentState, Compared
+from swarmctl.agent.state import AgentState, DeconflictionCounts
 from swarmctl.agent.traffic.collision_avoidance import AIRBORNE_M
-from swarmctl.agent.traffic.separation.conflicts import Crossings
-from swarmctl.agent.traffic.separation.flown import Flown
-from swarmctl.agent.traffic.separation.trajectory import Point
+from swarmctl.agent.traffic.separation.conflicts import CrossingCounts
+from swarmctl.agent.traffic.separation.flown import FlownSeparation
+from swarmctl.agent.traffic.separation.trajectory import LocalPoint
 from swarmctl.core.frames import StateShared
 from swarmctl.core.vehicle import Landed, VehicleState
 
 
-class Closeness:
-    """Follows all vehicles that are heard of here; times are by the vehicles' own clocks, from take-off."""
+class SeparationStatistics:
+    """Distances between all vehicles known to this process; times by their own clocks, from take-off."""
 
     def __init__(self) -> None:
-        self._flown: Flown | None = None
+        self._flown: FlownSeparation | None = None
         self._at_flight_s: float | None = None
         self._here: set[int] = set()
-        """whose telemetry comes to this process"""
+        """system ids of the vehicles that this process flies"""
 
     def moved(self, after: AgentState, flight_time_s: float | None, now: float) -> None:
-        """A vehicle of this process has told where it is."""
+        """Take the position of a vehicle of this process."""
         self._here.add(after.task.uav)
-        if (here := _in_the_air(after)) is not None and self._of(after).saw(after.task.uav, now, here):
+        if (here := _in_the_air(after)) is not None and self._of(after).add_position(
+            after.task.uav, now, here
+        ):
             self._at_flight_s = flight_time_s
 
     def heard(
@@ -37,22 +39,24 @@ class Closeness:
         flight_time_s: float | None,
         now: float,
     ) -> None:
-        """One of this process has heard of others near it, who may be flown elsewhere."""
+        """Take the positions of neighbours, which other processes may fly."""
         for uav, told in states:
             if uav in self._here or told.alt_rel_m < AIRBORNE_M or told.age_s > 0.0:
                 continue
             east_m, north_m = after.task.grid.frame.to_local(told.lat_deg, told.lon_deg)
             height_m = told.alt_rel_m if told.alt_amsl_m is None else told.alt_amsl_m
-            if self._of(after).saw(uav, now, (east_m, north_m, height_m)):
+            if self._of(after).add_position(uav, now, (east_m, north_m, height_m)):
                 self._at_flight_s = flight_time_s
 
-    def _of(self, after: AgentState) -> Flown:
+    def _of(self, after: AgentState) -> FlownSeparation:
         if self._flown is None:
-            self._flown = Flown(after.task.separation.limits)
+            self._flown = FlownSeparation(after.task.separation.limits)
         return self._flown
 
-    def summary(self, states: Mapping[int, AgentState], crossings: Crossings | None = None) -> dict[str, Any]:
-        """`least_distance` is None where there were never two in the air at once that are heard of here."""
+    def summary(
+        self, states: Mapping[int, AgentState], crossings: CrossingCounts | None = None
+    ) -> dict[str, Any]:
+        """Return the section of `summary.json`; `least_distance` is None where two never flew at once."""
         flown, names = self._flown, _Names({uav: state.task.name for uav, state in states.items()})
         too_close = {} if flown is None else flown.too_close_s
         return {
@@ -82,21 +86,21 @@ class Closeness:
 
 
 def _plans(states: Mapping[int, AgentState]) -> dict[str, int]:
-    """How often plans were predicted to meet, each counted by who was to give way, and what became of it."""
-    names = Compared.__slots__
-    added = {name: sum(getattr(state.compared, name) for state in states.values()) for name in names}
+    """Return predicted conflicts of plans and their resolutions, counted at the vehicle that gives way."""
+    names = DeconflictionCounts.__slots__
+    added = {name: sum(getattr(state.deconfliction, name) for state in states.values()) for name in names}
     resolved = sum(n for name, n in added.items() if name != "predicted")
     return added | {"unresolved": added["predicted"] - resolved}
 
 
 class _Names(dict[int, str]):
-    """Of vehicles; who is flown elsewhere goes by its system id."""
+    """Vehicle names; a vehicle of another process is named by its system id."""
 
     def __missing__(self, uav: int) -> str:
         return f"vehicle {uav}"
 
 
-def _in_the_air(state: AgentState) -> Point | None:
+def _in_the_air(state: AgentState) -> LocalPoint | None:
     vehicle = state.vehicle
     if not is_airborne(vehicle) or vehicle.lat_deg is None or vehicle.lon_deg is None:
         return None

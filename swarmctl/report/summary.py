@@ -1,4 +1,4 @@
-"""What a run came to: an `Observer` that adds up, and the `summary.json` it writes."""
+"""Statistics of a run, collected by an `Observer`, and the content of `summary.json`."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ from swarmctl.report.separation import SeparationStatistics
 from swarmctl.report.swaps import SwapStatistics
 
 MAX_WEIGHTS = 500
-"""changes of weights that are kept of a vehicle: the last"""
+"""number of a vehicle's last weight changes that are kept"""
 
 
 @dataclass(frozen=True, slots=True)
 class TakeoffPlan:
-    """A route, and what was believed when it was taken."""
+    """The route at take-off, with the belief and the firing strengths of that moment."""
 
     route: ev.SwapMission
     belief: Belief
@@ -47,7 +47,7 @@ class TakeoffPlan:
 
 @dataclass(slots=True)
 class VehicleStatistics:
-    """What one vehicle did, beyond what its agent's state says."""
+    """Statistics of one vehicle that its agent's state does not hold."""
 
     planned: list[LatLon] = field(default_factory=list)
     """the first route"""
@@ -57,23 +57,23 @@ class VehicleStatistics:
     last_s: float | None = None
     """by the vehicle's own clock"""
     takeoff_plan: TakeoffPlan | None = None
-    """of the route it took off with"""
+
     weights: deque[tuple[float | None, int, float, FiringStrength]] = field(
         default_factory=lambda: deque(maxlen=MAX_WEIGHTS)
     )
-    """the last changes: its flight time then, the first plan made with them, what they were from then on"""
+    """the last changes: flight time [s], first plan made with them, w, firing strengths"""
     weight_changes: int = 0
-    """all of them"""
+    """number of all changes"""
     swaps: SwapStatistics = field(default_factory=SwapStatistics)
 
     @property
     def flight_time_s(self) -> float | None:
-        """From take-off to now, or to the landing."""
+        """The time from take-off to now or to the landing."""
         return None if self.took_off_s is None or self.last_s is None else self.last_s - self.took_off_s
 
 
 class FlightStatistics:
-    """Follows every agent; latencies are in seconds of the run's clock."""
+    """Statistics of all vehicles; latencies are in seconds of the run's clock."""
 
     def __init__(self) -> None:
         self.vehicles: defaultdict[int, VehicleStatistics] = defaultdict(VehicleStatistics)
@@ -81,9 +81,9 @@ class FlightStatistics:
         self.arrivals = Arrivals()
         self._observed_s: dict[ev.ObservationId, float] = {}
         self._believed_s: dict[ev.ObservationId, float] = {}
-        """by the last peer"""
+        """time at which the last peer merged it"""
         self._flown_s: dict[ev.ObservationId, float] = {}
-        """when the last mission changed because of it was accepted"""
+        """time at which the last vehicle accepted a mission that was changed because of it"""
 
     def folded(
         self, before: AgentState, event: ev.Event, after: AgentState, effects: list[ev.Effect], now: float
@@ -144,11 +144,11 @@ class FlightStatistics:
 
     @property
     def flown_s(self) -> float:
-        """The longest flight so far."""
+        """The longest flight time so far."""
         return max((v.flight_time_s or 0.0 for v in self.vehicles.values()), default=0.0)
 
     def latencies(self, observer: int | None = None) -> dict[str, Any]:
-        """From an observation, of one vehicle or of all, to what it brought about [s]."""
+        """Return quantiles of the times from an observation, of one vehicle or all, to its effects [s]."""
         observed_s = {o: t for o, t in self._observed_s.items() if observer in (None, o[0])}
         return {
             "observation_to_last_peers_belief_s": _quantiles(observed_s, self._believed_s),
@@ -178,10 +178,10 @@ def summary(
     looks: Mapping[int, dict[str, Any]],
     crossings: CrossingCounts | None = None,
 ) -> dict[str, Any]:
-    """The content of `summary.json`.
+    """Return the content of `summary.json`.
 
-    `networks` and `looks` are what became of messages and of payloads' reports, by system id; who takes no
-    reports is not in `looks`. `crossings`: of first routes, as preflight found them; None where it did not.
+    `networks` and `looks` count messages and payload reports by system id; a vehicle that takes no reports is
+    not in `looks`. `crossings`: of first routes, from preflight; None where it did not look for any.
     """
     together = _belief_of_all(scenario, states)
     return {
@@ -217,18 +217,18 @@ def summary(
 
 
 def _simulated_seconds(scenario: Scenario, clock: str) -> float:
-    """In one of the run's clock."""
+    """Return the simulated seconds in one second of the run's clock."""
     simulate = scenario.config.simulate
     return simulate.speedup if clock == "real" and simulate is not None else 1.0
 
 
 def known_to_any(scenario: Scenario, states: dict[int, AgentState]) -> NDArray[np.int8]:
-    """What all vehicles together knew."""
+    """Return the cells known to any vehicle."""
     return _belief_of_all(scenario, states).known
 
 
 def _belief_of_all(scenario: Scenario, states: dict[int, AgentState]) -> Belief:
-    """Of two contents under one name, the first counts."""
+    """Return the merged beliefs of all vehicles; of two items under one id the first counts."""
     together = scenario.prior
     for state in states.values():
         for told in state.belief.items():
@@ -237,7 +237,9 @@ def _belief_of_all(scenario: Scenario, states: dict[int, AgentState]) -> Belief:
     return together
 
 
-def _vehicle(scenario: Scenario, state: AgentState, statistics: FlightStatistics, network: NetworkCounters) -> dict[str, Any]:
+def _vehicle(
+    scenario: Scenario, state: AgentState, statistics: FlightStatistics, network: NetworkCounters
+) -> dict[str, Any]:
     task, mine = state.task, statistics.vehicles[state.task.uav]
     own = state.belief.n_cells_from(task.uav)
     return {
@@ -249,7 +251,9 @@ def _vehicle(scenario: Scenario, state: AgentState, statistics: FlightStatistics
         "flight_time_s": mine.flight_time_s,
         **arrival_of(state),
         "flown_m": state.flown_m,
-        "at_takeoff": None if mine.takeoff_plan is None else _takeoff_plan(scenario, task.uav, mine.takeoff_plan),
+        "at_takeoff": None
+        if mine.takeoff_plan is None
+        else _takeoff_plan(scenario, task.uav, mine.takeoff_plan),
         "chance_among_true_hostiles": _chance_among_true(scenario, state),
         "exposure_sum_at_decisions": state.flown_exposure,
         "safety_factor_at_decisions": state.flown_safety,
@@ -277,7 +281,7 @@ def _vehicle(scenario: Scenario, state: AgentState, statistics: FlightStatistics
 
 
 def _network(tally: NetworkCounters) -> dict[str, Any]:
-    """What became of a vehicle's messages; every recipient of one counts."""
+    """Return the counters of a vehicle's messages; a message counts once for each recipient."""
     values = {name: getattr(tally, name) for name in NetworkCounters.__slots__}
     return {
         name: value if isinstance(value, int) else {str(k): n for k, n in sorted(value.items())}
@@ -286,7 +290,7 @@ def _network(tally: NetworkCounters) -> dict[str, Any]:
 
 
 def arrival_of(state: AgentState) -> dict[str, Any]:
-    """The bound and how it was met; times from the take-off, by the vehicle's own clock."""
+    """Return the arrival time, its bound and whether it was kept; times from take-off, vehicle's clock."""
     arrival, arrived_s = state.task.arrival, None
     if state.arrived_boot_s is not None and state.launched_boot_s is not None:
         arrived_s = state.arrived_boot_s - state.launched_boot_s
@@ -300,7 +304,7 @@ def arrival_of(state: AgentState) -> dict[str, Any]:
 
 
 def _takeoff_plan(scenario: Scenario, uav: int, takeoff_plan: TakeoffPlan) -> dict[str, Any]:
-    """What the route it took off with promised, by what was believed then: three numbers that differ."""
+    """Return length, exposure and chance of the route at take-off, by the belief of that moment."""
     route = takeoff_plan.route
     entered = route.cells if route.track is None else route.track.over
     chance = scenario.survival_probability(uav, takeoff_plan.belief, takeoff_plan.strength, entered)
@@ -318,7 +322,7 @@ def _takeoff_plan(scenario: Scenario, uav: int, takeoff_plan: TakeoffPlan) -> di
 
 
 def _chance_among_true(scenario: Scenario, state: AgentState) -> float | None:
-    """Of surviving the cells it entered, by where the hostiles truly are: exact; the strikes are one draw."""
+    """Return the exact chance of surviving the entered cells among the true hostiles; None: no flight."""
     if not state.flown_cells:
         return None
     shape = (scenario.grid.rows, scenario.grid.cols)
@@ -326,7 +330,7 @@ def _chance_among_true(scenario: Scenario, state: AgentState) -> float | None:
 
 
 def _plan(route: Route) -> dict[str, Any]:
-    """What the planner looked at for its last answer, and how good it has proven that to be."""
+    """Return the cost of the last plan, its proven lower bound and the planner's effort."""
     return {
         "cost": _finite(route.cost),
         "lower_bound": None if route.lower_bound is None else _finite(route.lower_bound),
@@ -335,14 +339,14 @@ def _plan(route: Route) -> dict[str, Any]:
 
 
 def _finite(number: float) -> float | None:
-    """JSON has no infinity."""
+    """Return the number, or None for infinity, which JSON lacks."""
     return number if math.isfinite(number) else None
 
 
 def _weights(
     flight_time_s: float | None, from_plan: int, w: float, strength: FiringStrength
 ) -> dict[str, Any]:
-    """What it planned with, from a plan on; `flight_time_s` is None before its take-off."""
+    """Return the weights from a plan on; `flight_time_s` is None before take-off."""
     return {
         "flight_time_s": flight_time_s,
         "from_plan": from_plan,

@@ -1,33 +1,41 @@
-"""How the changes of missions in flight went, for the summary and for people."""
+"""Mission changes in flight, as statistics for the summary and as lines."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from swarmctl.core import events as ev
 
+MAX_FAILURES = 20
+"""number of failed changes of a vehicle whose reasons are kept: the last"""
+LISTED = 5
+"""number of failed changes that are listed below the table"""
+
 
 @dataclass(slots=True)
-class Swaps:
-    """Of one vehicle; times by its own clock."""
+class SwapStatistics:
+    """Mission changes of one vehicle; times by its own clock."""
 
     changed: int = 0
     failed: int = 0
+    failures: list[dict[str, Any]] = field(default_factory=list)
+    """plan number and reason of the last failed changes"""
     stood: int = 0
-    """of all, for which it held or stood still"""
+    """number of changes for which the vehicle held or stood still"""
     stood_still_s: float = 0.0
     longest_s: float = 0.0
     took_s: tuple[float, ...] = ()
-    """until it flew the new plan, of those that did"""
+    """times until the vehicle flew the new plan"""
 
     def ended(self, event: ev.MissionAccepted | ev.MissionFailed) -> None:
-        """One in flight."""
+        """Count a change that has ended in flight."""
         if isinstance(event, ev.MissionFailed):
             self.failed += 1
+            self.failures = [*self.failures, {"plan": event.plan_id, "reason": event.reason}][-MAX_FAILURES:]
         else:
             self.changed += 1
             self.took_s += () if event.took_s is None else (event.took_s,)
@@ -36,7 +44,7 @@ class Swaps:
         self.longest_s = max(self.longest_s, event.stood_still_s)
 
     def summary(self) -> dict[str, Any]:
-        """For `summary.json`."""
+        """Return the section of `summary.json`."""
         took_s = None
         if self.took_s:
             p50, top = np.quantile(self.took_s, (0.5, 1.0))
@@ -44,6 +52,7 @@ class Swaps:
         return {
             "changed": self.changed,
             "failed": self.failed,
+            "failures": self.failures,
             "stood_still": self.stood,
             "stood_still_s": self.stood_still_s,
             "longest_stood_still_s": self.longest_s,
@@ -52,21 +61,27 @@ class Swaps:
 
 
 def swap_lines(vehicles: Sequence[dict[str, Any]]) -> list[str]:
-    """What is to be said of it below the table: all together, and who stood still."""
-    all_of = [(v["name"], v["swaps"]) for v in vehicles]
-    tried = sum(swaps["changed"] + swaps["failed"] for _, swaps in all_of)
+    """Return the lines below the table: number of changes, each failure, each vehicle that stood still."""
+    by_name = [(v["name"], v["swaps"]) for v in vehicles]
+    tried = sum(swaps["changed"] + swaps["failed"] for _, swaps in by_name)
     if not tried:
         return []
-    failed = sum(swaps["failed"] for _, swaps in all_of)
-    stood = [(name, swaps) for name, swaps in all_of if swaps["stood_still"]]
-    text = f"{tried} changes of missions in flight" + (f", {failed} failed" if failed else "")
-    if not stood:
-        return [f"{text}: no vehicle stood still for one"]
-    return [
-        f"{text}; stood still for them:",
-        *(
-            f"  {name}: {swaps['stood_still_s']:.1f} s in {swaps['stood_still']} of "
-            f"{swaps['changed'] + swaps['failed']}, {swaps['longest_stood_still_s']:.1f} s at most"
-            for name, swaps in stood
-        ),
+    failed = sum(swaps["failed"] for _, swaps in by_name)
+    stood = [(name, swaps) for name, swaps in by_name if swaps["stood_still"]]
+    failures = [(name, failure) for name, swaps in by_name for failure in swaps["failures"]]
+    lines = [
+        f"mission changes in flight: {tried}, {failed or 'none'} failed"
+        + ("" if stood else "; no vehicle stood still for one")
     ]
+    lines += [
+        f"  {name}, plan {failure['plan']}, failed: {failure['reason'].removeprefix(f'{name}: ')}"
+        for name, failure in failures[:LISTED]
+    ]
+    if failed > LISTED:
+        lines.append(f"  and {failed - LISTED} more: swaps.failures in summary.json")
+    lines += [
+        f"  {name} stood still for {swaps['stood_still']} of {swaps['changed'] + swaps['failed']}: "
+        f"{swaps['stood_still_s']:.1f} s in all, {swaps['longest_stood_still_s']:.1f} s at most"
+        for name, swaps in stood
+    ]
+    return lines

@@ -1,4 +1,4 @@
-"""The two faces of a flight: a live table on a terminal, plain lines elsewhere."""
+"""The two user interfaces of a flight: a live table on a terminal, plain lines elsewhere."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from rich.live import Live
 from rich.text import Text
 
 from swarmctl.agent.state import Phase
-from swarmctl.report.live_rows import Picture, line, table
+from swarmctl.report.live_rows import SwarmView, live_table, plain_line
 from swarmctl.report.ui import Ui
 
 LINE_EVERY_S = 30.0
 MESSAGE_FOR_S = 20.0
-"""how long a message stays, in seconds flown"""
+"""time that a message stays below the table [s of flight time]"""
 
 
 class Terminal(Ui, Protocol):
     def shown(self) -> contextlib.AbstractContextManager[None]:
-        """While the flight lasts."""
+        """Show the user interface while the context is open."""
 
 
 class LiveTable:
-    """One table that changes in place, the last message below it; with `verbose`, a log above it."""
+    """A table that changes in place, with the last message below it; with `verbose`, a log above it."""
 
     def __init__(self, console: Console, *, verbose: bool) -> None:
         self._live = Live(console=console, auto_refresh=False)
         self._verbose = verbose
         self._message = ""
         self._said_s = 0.0
-        self._picture: Picture | None = None
+        self._view: SwarmView | None = None
 
     @contextlib.contextmanager
     def shown(self) -> Iterator[None]:
@@ -43,7 +43,7 @@ class LiveTable:
 
     def say(self, text: str) -> None:
         self._message = text
-        self._said_s = self._picture.flown_s if self._picture is not None else 0.0
+        self._said_s = self._view.flown_s if self._view is not None else 0.0
         self.log(text)
         self._draw()
 
@@ -51,9 +51,9 @@ class LiveTable:
         if self._verbose:
             self._live.console.print(Text(text, style="bright_black"))
 
-    def refresh(self, picture: Picture) -> None:
-        self._picture = picture
-        if picture.flown_s - self._said_s > MESSAGE_FOR_S:
+    def refresh(self, view: SwarmView) -> None:
+        self._view = view
+        if view.flown_s - self._said_s > MESSAGE_FOR_S:
             self._message = ""
         self._draw()
 
@@ -61,15 +61,15 @@ class LiveTable:
         message = Text(self._message, style="bright_black")
         size = self._live.console.size
         body = (
-            Group(table(self._picture, size.width, size.height), message)
-            if self._picture is not None
+            Group(live_table(self._view, size.width, size.height), message)
+            if self._view is not None
             else message
         )
         self._live.update(body, refresh=True)
 
 
 class PlainLines:
-    """For logs and pipes: a line where something changed, and one a vehicle now and then."""
+    """Lines for logs and pipes: one for each change of a phase, and one a vehicle every LINE_EVERY_S."""
 
     def __init__(self, console: Console, *, verbose: bool) -> None:
         self._console = console
@@ -88,13 +88,13 @@ class PlainLines:
         if self._verbose:
             self.say(text)
 
-    def refresh(self, picture: Picture) -> None:
-        due = picture.flown_s >= self._next_s
+    def refresh(self, view: SwarmView) -> None:
+        due = view.flown_s >= self._next_s
         if due:
-            self._next_s = picture.flown_s + LINE_EVERY_S
-            speed = "" if picture.speed is None else f", {picture.speed:.1f} times real time"
-            self.say(f"flown {picture.flown_s:.0f} s{speed}")
-        for row in picture.rows:
+            self._next_s = view.flown_s + LINE_EVERY_S
+            speed = "" if view.speed is None else f", {view.speed:.1f} times real time"
+            self.say(f"flown {view.flown_s:.0f} s{speed}")
+        for row in view.rows:
             if due or self._phases.get(row.name, row.phase) is not row.phase:
-                self.say("  " * due + line(row))
+                self.say("  " * due + plain_line(row))
             self._phases[row.name] = row.phase

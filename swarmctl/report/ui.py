@@ -1,4 +1,4 @@
-"""Where a flight is shown: what a face offers, one that cannot break the flight, and who feeds it."""
+"""The user interface of a flight: its protocol, a wrapper that cannot break the flight, and its observer."""
 
 from __future__ import annotations
 
@@ -7,26 +7,26 @@ from typing import Any, Protocol
 
 from swarmctl.agent.state import AgentState, Phase
 from swarmctl.core import events as ev
-from swarmctl.core.frames import Spoken
+from swarmctl.core.frames import AgentMessage
 from swarmctl.core.messages import VehicleAnswer
-from swarmctl.report.answers import ordered, told
-from swarmctl.report.live_rows import Picture
+from swarmctl.report.answers import order_line, weights_line
+from swarmctl.report.live_rows import SwarmView
 
 
 class Ui(Protocol):
-    """Where a flight is shown."""
+    """The user interface of a flight."""
 
     def say(self, text: str) -> None:
-        """Something a person should read."""
+        """Show a line to the operator."""
 
     def log(self, text: str) -> None:
-        """Something for who asked for all of it."""
+        """Show a line if the operator asked for all of them (`--verbose`)."""
 
-    def refresh(self, picture: Picture) -> None: ...
+    def refresh(self, view: SwarmView) -> None: ...
 
 
-class Steady:
-    """A face that may break (a closed pipe, a full disk) without taking the flight with it."""
+class SafeUi:
+    """A wrapper of a user interface that may break (closed pipe, full disk) without ending the flight."""
 
     def __init__(self, ui: Ui) -> None:
         self._ui: Ui | None = ui
@@ -37,8 +37,8 @@ class Steady:
     def log(self, text: str) -> None:
         self._show("log", text)
 
-    def refresh(self, picture: Picture) -> None:
-        self._show("refresh", picture)
+    def refresh(self, view: SwarmView) -> None:
+        self._show("refresh", view)
 
     def _show(self, how: str, what: Any) -> None:
         if self._ui is None:
@@ -50,8 +50,8 @@ class Steady:
 
 
 @dataclass(slots=True)
-class Chatter:
-    """Passes on what vehicles say to whoever asked for it."""
+class UiObserver:
+    """An observer that shows vehicles' messages and changes of state to the operator."""
 
     ui: Ui
     names: dict[int, str]
@@ -66,7 +66,7 @@ class Chatter:
         if after.late and not before.late:
             self.ui.say(f"{after.task.name}: {after.late}")
         if after.lost is not before.lost:
-            self.ui.say(f"{after.task.name}: " + ("link lost" if after.lost else "heard again"))
+            self.ui.say(f"{after.task.name}: " + ("link lost" if after.lost else "link restored"))
         for effect in effects:
             if isinstance(effect, ev.Answer):
                 self._answered(event, effect.answer, (after.w, after.strength) != (before.w, before.strength))
@@ -74,13 +74,13 @@ class Chatter:
     def _answered(self, event: ev.Event, answer: VehicleAnswer, changed: bool) -> None:
         match event:
             case ev.OperatorCommand(order=order):
-                self.ui.say(ordered(order, answer))
-            # What changes nothing is its operator's to know.
+                self.ui.say(order_line(order, answer))
+            # A command without an effect concerns only its sender.
             case ev.WeightsChanged(w=w, strength=strength) if changed or answer.outcome != "taken":
-                self.ui.say(told(w, strength, answer))
+                self.ui.say(weights_line(w, strength, answer))
 
-    def sent(self, uav: int, message: Spoken, recipients: int, now: float) -> None:
+    def sent(self, uav: int, message: AgentMessage, recipients: int, now: float) -> None:
         pass
 
-    def said(self, uav: int, text: str, now: float, *, aloud: bool) -> None:
-        (self.ui.say if aloud else self.ui.log)(f"{self.names[uav]}: {text}")
+    def noted(self, uav: int, text: str, now: float, *, to_operator: bool) -> None:
+        (self.ui.say if to_operator else self.ui.log)(f"{self.names[uav]}: {text}")

@@ -1,7 +1,7 @@
-"""Sensors: what a vehicle sees where it is. Plug-ins that know the truth or a payload; they import core.
+"""Sensors: the observations that a vehicle makes at its position. Plug-ins; they import core.
 
-`footprint` is the paper's, simulated; `external` is for vehicles whose payload reports over the bus.
-`SOURCES` says which of both a vehicle has, by `sensor.source` of the configuration.
+`footprint` simulates the paper's sensor and knows the true threats. `external` is for vehicles whose payload
+reports over the bus. `SOURCES` maps `sensor.source` of the configuration to the sensors in use.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Where a vehicle's looks come from."""
+    """The origin of a vehicle's observations."""
 
     simulated: bool
-    """its footprint is simulated"""
+    """the footprint is simulated"""
     external: bool
     """payloads may report"""
 

@@ -1,4 +1,4 @@
-"""A vehicle with a payload of its own: what it sees comes over the bus (`swarmctl.bus.external_observations`)."""
+"""A vehicle with a payload of its own, which reports over the bus (`swarmctl.bus.external_observations`)."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from swarmctl.core.vehicle import VehicleState
 
 
 class External:
-    """Simulates nothing: wherever the vehicle is, there is nothing to see but what its payload reports."""
+    """A sensor that simulates nothing: the payload's reports are the only observations."""
 
     def look(self, vehicle: VehicleState) -> tuple[tuple[int, int, bool], ...]:
-        """Always empty."""
+        """Return no observations."""
         return ()

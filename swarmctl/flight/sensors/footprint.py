@@ -1,6 +1,6 @@
 """The paper's sensor: the 3×3 cells around the vehicle; perfect, or with misses and false alarms.
 
-It owns the true positions of the threats: they never reach an agent or a planner.
+It owns the true positions of the threats, which never reach an agent or a planner.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ SEES_ABOVE_M = 2.0
 
 
 class Footprint:
-    """One vehicle's sensor; it looks once each time the vehicle comes over a cell, in the area or beside it.
+    """One vehicle's sensor. It observes once when the vehicle enters a cell, inside or beside the area.
 
-    Staying over a cell brings no further look: it would err as the first did, and looks are taken to err
-    independently.
+    It does not observe again over the same cell: the model takes errors as independent, and a repeated
+    observation would err as the first did.
     """
 
     def __init__(
@@ -34,8 +34,10 @@ class Footprint:
         self._last: Cell | None = None
 
     def look(self, vehicle: VehicleState) -> tuple[tuple[int, int, bool], ...]:
-        """(row, col, occupied) of the cells in sight; empty on the ground, far outside, or while over the
-        same cell as before."""
+        """Return (row, col, occupied) of the cells in sight.
+
+        Empty on the ground, far outside, or while the vehicle is over the same cell as before.
+        """
         if vehicle.lat_deg is None or vehicle.lon_deg is None or not vehicle.armed:
             return ()
         if vehicle.landed is Landed.ON_GROUND or (vehicle.alt_rel_m or 0.0) < SEES_ABOVE_M:

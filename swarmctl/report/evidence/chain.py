@@ -1,4 +1,4 @@
-"""The chain of entries: how a line is written, and what is wrong with a file of them. Pure."""
+"""The chain of entries: writing a line, and checking a file. Pure."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ Entry = Mapping[str, Any]
 
 
 def canonical(value: Any) -> bytes:
-    """JSON in one form only: keys sorted, no spaces, ASCII.
+    """Return canonical JSON: keys sorted, no spaces, ASCII.
 
-    Numbers that JSON lacks, which MAVLink uses for "leave it as it is", become words.
+    Numbers that JSON lacks become words; MAVLink uses NaN for "leave it unchanged".
     """
     return json.dumps(_plain(value), sort_keys=True, separators=(",", ":"), allow_nan=False).encode()
 
@@ -45,16 +45,16 @@ def sha256(data: bytes) -> str:
 
 
 class Chain:
-    """Where a chain stands; gives one line after the other."""
+    """A chain being written, line by line."""
 
     def __init__(self) -> None:
         self.n = 0
-        """entries so far"""
+        """number of entries so far"""
         self.last = GENESIS
         """the hash of the last entry"""
 
     def link(self, kind: Kind, vehicle: str | None, what: Entry, *, unix_s: float, run_s: float) -> bytes:
-        """The next line, with its line end."""
+        """Return the next line, with its line end."""
         entry = {
             "n": self.n,
             "unix_s": round(unix_s, 6),
@@ -72,7 +72,7 @@ class Chain:
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
+class ChainFault:
     """The first line where a chain is broken."""
 
     line: int
@@ -82,28 +82,28 @@ class Fault:
 
 
 @dataclass(frozen=True, slots=True)
-class Checked:
-    """What a file of entries holds."""
+class CheckedChain:
+    """The result of checking a file of entries."""
 
     entries: tuple[Entry, ...]
-    """those before the fault, or all"""
-    fault: Fault | None
+    """the entries before the fault, or all"""
+    fault: ChainFault | None
     last: str
     """the hash of the last good entry"""
 
     @property
     def opened(self) -> Entry:
-        """What the first entry says of the run; empty where it is missing."""
+        """The description of the run in the first entry; empty where it is missing."""
         return self.entries[0]["what"] if self.entries else {}
 
     @property
     def closing(self) -> Entry | None:
-        """What the closing entry says; None: the process died, or lines were cut off."""
+        """The content of the closing entry; None: the process died, or lines were cut off."""
         whole = self.fault is None and self.entries and self.entries[-1]["kind"] == "closed"
         return self.entries[-1]["what"] if whole else None
 
 
-def check(lines: Iterable[bytes]) -> Checked:
+def check(lines: Iterable[bytes]) -> CheckedChain:
     """Follow a chain to its end or to its first fault; never raises, whatever the bytes."""
     entries: list[Entry] = []
     last = GENESIS
@@ -113,14 +113,14 @@ def check(lines: Iterable[bytes]) -> Checked:
             fault = _out_of_place(entry, entries, last)
         if entry is None or fault is not None:
             found, expected = fault or ("", "")
-            return Checked(tuple(entries), Fault(len(entries) + 1, found, expected), last)
+            return CheckedChain(tuple(entries), ChainFault(len(entries) + 1, found, expected), last)
         entries.append(entry)
         last = entry["hash"]
-    return Checked(tuple(entries), None, last)
+    return CheckedChain(tuple(entries), None, last)
 
 
 _Wrong = tuple[str, str]
-"""what was found, what was expected"""
+"""found, expected"""
 
 
 def _read(line: bytes) -> tuple[Entry | None, _Wrong | None]:
@@ -162,5 +162,5 @@ def _out_of_place(entry: Entry, before: list[Entry], last: str) -> _Wrong | None
 
 
 def sealed(entries: int, last: str) -> bytes:
-    """What the signature in a closing entry covers: the number of entries before it and the last's hash."""
+    """Return the bytes that a closing entry's signature covers: the number of entries and the last hash."""
     return b"swarmctl evidence\0" + canonical({"entries": entries, "previous": last})

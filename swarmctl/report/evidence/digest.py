@@ -1,4 +1,4 @@
-"""What a chain of entries tells: commands by vehicle, how they were answered, what was seen of them. Pure."""
+"""A digest of a chain: commands by vehicle, their acknowledgements and their observed effects. Pure."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _ITEMS = "MISSION_ITEM_INT"
 _UPLOADS = (_ITEMS, "MISSION_COUNT", "MISSION_WRITE_PARTIAL_LIST", "MISSION_CLEAR_ALL")
 _PARAMETERS = ("PARAM_SET", "PARAM_REQUEST_READ")
 _NOTHING_YET = ""
-"""the mode of a vehicle that has not told one"""
+"""the mode of a vehicle before its first heartbeat"""
 _DISARMED = "armed False"
 _SHOWS = {
     "COMPONENT_ARM_DISARM": "armed",
@@ -27,16 +27,16 @@ _SHOWS = {
     "DO_SET_MISSION_CURRENT": "mission_seq",
     "MISSION_SET_CURRENT": "mission_seq",
 }
-"""what of a vehicle's state shows that a command was followed"""
+"""the part of a vehicle's state that shows that a command was followed"""
 _ANSWERED = frozenset({_ITEMS, "MISSION_CLEAR_ALL", *_PARAMETERS})
-"""messages that a vehicle acknowledges, beside its commands"""
+"""messages that a vehicle acknowledges, beside commands"""
 _NO_REFUSAL = frozenset({"ACCEPTED", "IN_PROGRESS", "PARAM_VALUE", "INVALID_SEQUENCE"})
-"""ArduPilot says the last of these to a repeated mission item, and goes on"""
+"""ArduPilot answers INVALID_SEQUENCE to a repeated mission item, and goes on"""
 
 
 @dataclass(slots=True)
-class Row:
-    """One command of one vehicle."""
+class CommandRow:
+    """The digest of one command to one vehicle."""
 
     vehicle: str
     command: str
@@ -45,9 +45,9 @@ class Row:
     unanswered: int = 0
     seen: Counter[str] = field(default_factory=Counter)
     goes_on: bool = False
-    """it was the items of a transfer, of which more lines may follow"""
+    """the last line held items of a transfer, and more lines of it may follow"""
     by_others: int = 0
-    """of those sent, by another station"""
+    """number of those sent by another station"""
 
     @property
     def refused(self) -> int:
@@ -56,20 +56,20 @@ class Row:
 
 @dataclass(slots=True)
 class Digest:
-    rows: list[Row] = field(default_factory=list)
+    rows: list[CommandRow] = field(default_factory=list)
     unasked: dict[str, Counter[str]] = field(default_factory=dict)
-    """by vehicle: modes and arming that no command here had asked for"""
+    """changes of mode and arming that no command here had asked for, by vehicle"""
     landed: Counter[str] = field(default_factory=Counter)
-    """by vehicle: how often it disarmed by itself on the ground"""
+    """number of times the vehicle disarmed by itself on the ground, by vehicle"""
     people: list[Entry] = field(default_factory=list)
     """waivers and operators' actions"""
 
 
 def digest(entries: Iterable[Entry]) -> Digest:
-    """Fold the entries of a good chain, in their order."""
+    """Return the digest of the entries of an unbroken chain."""
     found = Digest()
-    rows: dict[tuple[str, str], Row] = {}
-    asked: dict[tuple[str, str], Row] = {}
+    rows: dict[tuple[str, str], CommandRow] = {}
+    asked: dict[tuple[str, str], CommandRow] = {}
     """by (vehicle, part of its state): the command that may change it next"""
     on_ground: dict[str, bool] = {}
     for entry in entries:
@@ -90,10 +90,13 @@ def digest(entries: Iterable[Entry]) -> Digest:
 
 
 def _sent(
-    rows: dict[tuple[str, str], Row], asked: dict[tuple[str, str], Row], vehicle: str, what: Entry
+    rows: dict[tuple[str, str], CommandRow],
+    asked: dict[tuple[str, str], CommandRow],
+    vehicle: str,
+    what: Entry,
 ) -> None:
     name = str(what.get("command", what.get("message", "?")))
-    row = rows.setdefault((vehicle, name), Row(vehicle, name))
+    row = rows.setdefault((vehicle, name), CommandRow(vehicle, name))
     items = rows.get((vehicle, _ITEMS))
     if name in BEGINS and items is not None:
         items.goes_on = False
@@ -107,7 +110,7 @@ def _sent(
         asked[vehicle, _SHOWS[name]] = row
 
 
-def _answered(rows: dict[tuple[str, str], Row], vehicle: str, what: Entry) -> None:
+def _answered(rows: dict[tuple[str, str], CommandRow], vehicle: str, what: Entry) -> None:
     answer = str(what.get("result", what.get("message", "?")))
     message = what.get("message")
     names = {"MISSION_ACK": _UPLOADS, "PARAM_VALUE": _PARAMETERS}.get(
@@ -121,7 +124,7 @@ def _answered(rows: dict[tuple[str, str], Row], vehicle: str, what: Entry) -> No
 
 
 def _touched_down(found: Digest, on_ground: dict[str, bool], vehicle: str, what: dict[str, Any]) -> None:
-    """A vehicle that disarms where it has landed does as it should; which it tells first is chance."""
+    """Take a disarming after a landing off the unasked changes; telemetry may report either first."""
     part, to = what.get("changed"), what.get("to")
     if part == "landed":
         on_ground[vehicle] = to == Landed.ON_GROUND.name
@@ -132,7 +135,9 @@ def _touched_down(found: Digest, on_ground: dict[str, bool], vehicle: str, what:
             del found.unasked[vehicle]
 
 
-def _seen(asked: dict[tuple[str, str], Row], found: Digest, vehicle: str, what: dict[str, Any]) -> None:
+def _seen(
+    asked: dict[tuple[str, str], CommandRow], found: Digest, vehicle: str, what: dict[str, Any]
+) -> None:
     part = str(what.get("changed"))
     text = f"{part} {what.get('to')}"
     row = asked.pop((vehicle, part), None)

@@ -1,4 +1,4 @@
-"""The disk below the file: what is written is made to outlive a loss of power, and nobody waits for it."""
+"""Syncs of a file to the disk, so that its content survives a loss of power."""
 
 from __future__ import annotations
 
@@ -9,20 +9,23 @@ from concurrent.futures import Future, ThreadPoolExecutor
 
 
 class Disk:
-    """Syncs one open file. One sync at a time; what is asked for meanwhile is one more after it."""
+    """Syncs of one open file, one at a time; requests during a sync become one more sync after it."""
 
     def __init__(self, fileno: int, failed: Callable[[OSError], None], *, in_thread: bool) -> None:
-        """`in_thread`: in one of its own; then all this is called, and calls `failed`, in a running loop."""
+        """`in_thread`: sync in a thread of its own; then call all methods in a running loop.
+
+        `failed` is called with an error, in that loop too.
+        """
         self._fileno = fileno
         self._failed = failed
         self._pool = ThreadPoolExecutor(1, "evidence") if in_thread else None
         self._running: Future[None] | None = None
         self._told: asyncio.Future[None] | None = None
-        """as `_running`, for who waits for it in the loop"""
+        """the running sync as a future of the loop"""
         self._again = False
 
     def sync(self) -> None:
-        """Begin to sync all that was written; without a thread of its own, do it."""
+        """Begin to sync all that was written; without a thread, wait for it."""
         if self._pool is None:
             self._sync_here()
         elif self._told is None:
@@ -31,16 +34,16 @@ class Disk:
             self._again = True
 
     async def idle(self) -> None:
-        """Until every sync that was asked for is done."""
+        """Wait until every requested sync is done."""
         while self._told is not None:
             await asyncio.wait((self._told,))
 
     def close(self) -> None:
-        """Wait for what is under way, sync the rest. The file is closed after this, not before."""
+        """Wait for the running sync and sync the rest. Close the file after this, not before."""
         if self._pool is not None:
             self._pool.shutdown()
             self._pool = None
-            # The loop may be told of it too late.
+            # The loop's callback may come too late.
             if self._running is not None and isinstance(error := self._running.exception(), OSError):
                 self._failed(error)
         self._sync_here()
@@ -55,7 +58,7 @@ class Disk:
         self._told = None
         error = None if told.cancelled() else told.exception()
         if self._pool is None:
-            return  # `close` has seen to it
+            return  # `close` handles it
         if isinstance(error, OSError):
             self._failed(error)
         elif error is not None:

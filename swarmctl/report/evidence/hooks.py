@@ -1,4 +1,4 @@
-"""Who writes into the book: the wire, the agents, and people's actions."""
+"""The writers of evidence: the wire, the agents, and people's actions."""
 
 from __future__ import annotations
 
@@ -7,40 +7,41 @@ from typing import Any
 
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
-from swarmctl.core.frames import Spoken
+from swarmctl.core.frames import AgentMessage
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.protocol.codec import Message
-from swarmctl.report.evidence.book import Book, Signer
-from swarmctl.report.evidence.story import seen, told
+from swarmctl.report.evidence.file import EvidenceFile, Signer
+from swarmctl.report.evidence.story import event_entries, state_changes
 from swarmctl.report.evidence.traffic import ITEMS, KEEP_ALIVE, Traffic, arms
-from swarmctl.report.evidence.transfer import Said
+from swarmctl.report.evidence.transfer import NewEntry
 
 
 class Evidence:
     """Fits the front end's `Witness` and the runners' `Observer`; one a run."""
 
-    def __init__(self, book: Book, names: Mapping[int, str]) -> None:
+    def __init__(self, book: EvidenceFile, names: Mapping[int, str]) -> None:
         self._book = book
         self._names = names
         self._traffic: dict[tuple[int, str], Traffic] = {}
-        """by vehicle and by who speaks to it; empty: we"""
-        self._on_the_way: set[tuple[int, str]] = set()
-        """of those, where items or answers to them have gone since that was told"""
+        """by vehicle and sending station; empty: this one"""
+        self._in_transfer: set[tuple[int, str]] = set()
+        """vehicles and stations with items, or answers to them, that no entry holds yet"""
         self._states: dict[int, VehicleState] = {}
 
     # The wire
 
     def to_vehicle(self, sysid: int, message: Message, by: str = "") -> bool:
-        """Called before a message leaves, for the vehicle `sysid` (0: all of them); whether it may leave.
+        """Record a message to the vehicle `sysid` (0: all) and return whether it may be sent.
 
-        Only what would arm a vehicle and cannot be recorded may not. `by` names another station.
+        A message that arms a vehicle and cannot be recorded must not be sent; all others may. `by` names
+        another station.
         """
         if message.get_type() in KEEP_ALIVE:
             if not by:
                 self._items_so_far()
             return True
         if message.get_type() in ITEMS:
-            self._on_the_way.add((sysid, by))
+            self._in_transfer.add((sysid, by))
         is_arming = arms(message)
         recorded = True
         for kind, what in self._traffic_of(sysid, by).sent(message):
@@ -52,14 +53,14 @@ class Evidence:
         own = self._traffic_of(sysid, "")
         self._write(sysid, own.heard(message))
         if message.get_type() == "MISSION_ACK":
-            self._on_the_way.add((sysid, ""))
+            self._in_transfer.add((sysid, ""))
         if message.get_type() == "HEARTBEAT":
             for (other, _), traffic in self._traffic.items():
                 if other == sysid:
                     traffic.byte_wise = own.byte_wise
 
     async def settled(self) -> str:
-        """Wait until all this is on the disk; why it is not, empty if it is."""
+        """Wait until all entries are on the disk; return the reason if they are not, else an empty text."""
         return await self._book.settled()
 
     # The agents
@@ -69,29 +70,29 @@ class Evidence:
     ) -> None:
         uav = after.task.uav
         if isinstance(event, ev.TelemetryReceived):
-            self._write(uav, seen(self._states.get(uav, VehicleState()), event.state))
+            self._write(uav, state_changes(self._states.get(uav, VehicleState()), event.state))
             self._states[uav] = event.state
-        self._write(uav, told(event, effects))
+        self._write(uav, event_entries(event, effects))
 
-    def sent(self, uav: int, message: Spoken, recipients: int, now: float) -> None:
+    def sent(self, uav: int, message: AgentMessage, recipients: int, now: float) -> None:
         pass
 
-    def said(self, uav: int, text: str, now: float, *, aloud: bool) -> None:
-        if aloud:
+    def noted(self, uav: int, text: str, now: float, *, to_operator: bool) -> None:
+        if to_operator:
             self._book.add("note", {"said": text}, self._name(uav))
 
     # People
 
     def waived(self, vehicle: str | None, check: str, because: str = "") -> None:
-        """An operator lets a flight go on against a check."""
+        """Record that an operator lets a preflight check fail."""
         self._book.add("waiver", {"check": check, "because": because}, vehicle)
 
     def operator(self, action: str, vehicle: str | None = None, **more: Any) -> None:
-        """Something a person did at this program."""
+        """Record an action of a person."""
         self._book.add("operator", {"asks": action, **more}, vehicle)
 
     def remark(self, text: str, vehicle: str | None = None) -> None:
-        """What else is to be known of this run."""
+        """Record a note about this run."""
         self._book.add("note", {"said": text}, vehicle)
 
     def close(self, signer: Signer | None = None) -> None:
@@ -106,13 +107,13 @@ class Evidence:
         return self._book.trouble
 
     def _items_so_far(self) -> None:
-        """Of what is on its way; with every heartbeat of ours, so that a process that dies leaves it."""
-        for sysid, by in sorted(self._on_the_way):
+        """Write entries of running transfers, at each heartbeat, so that a crash does not lose them."""
+        for sysid, by in sorted(self._in_transfer):
             said = self._traffic_of(sysid, by).so_far()
             self._write(sysid, [(kind, {**what, "by": by} if by else what) for kind, what in said])
-        self._on_the_way.clear()
+        self._in_transfer.clear()
 
-    def _write(self, sysid: int, entries: list[Said]) -> None:
+    def _write(self, sysid: int, entries: list[NewEntry]) -> None:
         for kind, what in entries:
             self._book.add(kind, what, self._name(sysid))
 

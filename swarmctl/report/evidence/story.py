@@ -1,4 +1,4 @@
-"""From an agent's events and effects to entries: what its vehicle was seen to do, what people asked. Pure."""
+"""Entries from an agent's events and effects: observed effects, operators' requests, decisions. Pure."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from swarmctl.core import events as ev
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.report.evidence.chain import canonical, sha256
-from swarmctl.report.evidence.transfer import Said
+from swarmctl.report.evidence.transfer import NewEntry
 
 EFFECTS = ("mode", "armed", "landed", "mission_seq")
-"""what of a vehicle's state shows that a command was followed, or that somebody else acts"""
+"""the parts of a vehicle's state that show a followed command, or another station's action"""
 
 
-def seen(before: VehicleState, after: VehicleState) -> list[Said]:
-    """One entry for each change."""
+def state_changes(before: VehicleState, after: VehicleState) -> list[NewEntry]:
+    """Return an entry for each change."""
     changes = {name: (getattr(before, name), getattr(after, name)) for name in EFFECTS}
     return [
         ("effect", {"changed": name, "from": _word(old), "to": _word(new)})
@@ -25,9 +25,9 @@ def seen(before: VehicleState, after: VehicleState) -> list[Said]:
     ]
 
 
-def told(event: ev.Event, effects: list[ev.Effect]) -> list[Said]:
-    """What an operator asked and was answered, what the agent decided, and how jobs ended."""
-    said: list[Said] = [*_asked(event, effects), *_ended(event)]
+def event_entries(event: ev.Event, effects: list[ev.Effect]) -> list[NewEntry]:
+    """Return entries for operators' requests and answers, the agent's decisions and the ends of jobs."""
+    said: list[NewEntry] = [*_asked(event, effects), *_ended(event)]
     for effect in effects:
         match effect:
             case ev.Command(order):
@@ -40,14 +40,14 @@ def told(event: ev.Event, effects: list[ev.Effect]) -> list[Said]:
 
 
 def _plan(plan: FlightPlan) -> dict[str, Any]:
-    """How many waypoints it has before it comes down, and its hash: what is about to be sent."""
+    """Return the number of waypoints before the landing, and the hash of the plan."""
     return {"waypoints": len(plan.track), "sha256": sha256(canonical(asdict(plan)))}
 
 
-def _asked(event: ev.Event, effects: list[ev.Effect]) -> list[Said]:
+def _asked(event: ev.Event, effects: list[ev.Effect]) -> list[NewEntry]:
     what: dict[str, Any]
     match event:
-        case ev.OperatorCommand(order=order, command=int(), past=past):
+        case ev.OperatorCommand(order=order, command=int(), ignore=past):
             what = {"asks": str(order), **({"past": past} if past else {})}
         case ev.WeightsChanged(w=w, strength=strength):
             what = {"asks": "weights", "w": w, "firing_strength": strength and astuple(strength)}
@@ -58,7 +58,7 @@ def _asked(event: ev.Event, effects: list[ev.Effect]) -> list[Said]:
     return [("operator", {**what, **outcome})]
 
 
-def _ended(event: ev.Event) -> list[Said]:
+def _ended(event: ev.Event) -> list[NewEntry]:
     match event:
         case ev.MissionAccepted(plan_id):
             return [("note", {"ended": "mission", "plan": plan_id})]
@@ -68,7 +68,7 @@ def _ended(event: ev.Event) -> list[Said]:
             return [("note", {"ended": str(order)})]
         case ev.OrderFailed(order, reason):
             return [("note", {"failed": str(order), "why": reason})]
-        case ev.LaunchPutOff(reason):
+        case ev.LaunchPostponed(reason):
             return [("note", {"put off": "launch", "why": reason})]
         case ev.LinkLost(age_s):
             return [("note", {"link": "lost", "age_s": round(age_s, 3)})]

@@ -1,9 +1,10 @@
-"""From the MAVLink messages of one vehicle to entries: commands and acknowledgements. Pure.
+"""Entries from the MAVLink messages of one vehicle: commands and acknowledgements. Pure.
 
-Everything sent is a command, but for what only keeps a link alive. The items of a mission, a fence or rally
-points make one entry with their number and hash when their transfer ends, and one of what has gone by then
-whenever that is asked for (`so_far`). Partial lists that follow each other, each for one item, are one
-transfer: the first of them is an entry, and their acknowledgements are counted with the items.
+- Every message sent is a command, except those that only keep a link alive.
+- The items of a mission, a fence or rally points make one entry, with their number and hash, at the end of
+  their transfer, and one for the items so far at each call of `so_far`.
+- Partial lists that follow each other, each for one item, are one transfer. The first of them is an entry;
+  their acknowledgements are counted with the items.
 """
 
 from __future__ import annotations
@@ -13,17 +14,17 @@ from typing import Any
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.command import name_of
 from swarmctl.mavlink.protocol.parameters import BYTE_WISE, decoded
-from swarmctl.report.evidence.transfer import BEGINS, PARTIAL, Said, Transfer
+from swarmctl.report.evidence.transfer import BEGINS, PARTIAL, NewEntry, Transfer
 
 KEEP_ALIVE = frozenset({"HEARTBEAT", "PING", "SYSTEM_TIME", "TIMESYNC"})
-"""messages that ask nothing of a vehicle"""
+"""messages that ask a vehicle for nothing"""
 ITEMS = frozenset({"MISSION_ITEM_INT", "MISSION_ITEM"})
 _REQUESTS = frozenset({"MISSION_REQUEST_INT", "MISSION_REQUEST"})
 _TO_WHOM = frozenset({"target_system", "target_component", "mavpackettype"})
 
 
 def arms(message: Message) -> bool:
-    """It asks a vehicle to arm; PX4 also arms to start a mission."""
+    """Return whether a message asks a vehicle to arm; PX4 also arms to start a mission."""
     if message.get_type() not in ("COMMAND_LONG", "COMMAND_INT"):
         return False
     command = name_of("MAV_CMD", int(message.command))
@@ -31,17 +32,17 @@ def arms(message: Message) -> bool:
 
 
 class Traffic:
-    """One vehicle's messages, in the order of the wire."""
+    """One vehicle's messages in the order of the wire."""
 
     def __init__(self) -> None:
         self._upload: Transfer | None = None
         self._download: Transfer | None = None
         self.byte_wise = False
-        """it sends integer parameters as their bytes, by its last heartbeat"""
+        """the vehicle sends integer parameters as bytes, by its last heartbeat"""
         self._asked: set[str] = set()
-        """names of the parameters that were set or asked for, and not answered yet"""
+        """names of the parameters that were set or requested, and not answered yet"""
 
-    def sent(self, message: Message) -> list[Said]:
+    def sent(self, message: Message) -> list[NewEntry]:
         kind = message.get_type()
         if kind in KEEP_ALIVE or kind in _REQUESTS:
             return []
@@ -58,7 +59,7 @@ class Traffic:
             ("command", {**self._content(message), **self._read_back(kind)}),
         ]
 
-    def heard(self, message: Message) -> list[Said]:
+    def heard(self, message: Message) -> list[NewEntry]:
         match message.get_type():
             case "HEARTBEAT":
                 self.byte_wise = int(message.autopilot) in BYTE_WISE
@@ -71,7 +72,7 @@ class Traffic:
                 if (appended := self._appended(message)) is not None:
                     appended.answers[content["result"]] += 1
                     return []
-                # ArduPilot's word for a repeated item, in the middle of a transfer that goes on.
+                # ArduPilot answers so to a repeated item, and the transfer goes on.
                 ended = [] if content["result"] == "INVALID_SEQUENCE" else self.so_far()
                 return [*ended, ("acknowledgement", content)]
             case "MISSION_ITEM_INT" | "MISSION_ITEM" if self._download is not None:
@@ -89,16 +90,16 @@ class Traffic:
             content["param_value"] = decoded(message, byte_wise=True).value
         return content
 
-    def so_far(self) -> list[Said]:
-        """All items of an upload up to now, and what was answered to them, unless that is told already."""
+    def so_far(self) -> list[NewEntry]:
+        """Return entries for the items of an upload so far and their answers, unless already returned."""
         return [] if self._upload is None else self._upload.so_far()
 
-    def _before(self, kind: str, message: Message) -> list[Said]:
-        """What a message says of transfers: that one ends, or begins."""
-        said: list[Said] = []
+    def _before(self, kind: str, message: Message) -> list[NewEntry]:
+        """Return the entries of a transfer that this message ends, and begin the one that it announces."""
+        entries: list[NewEntry] = []
         if kind in BEGINS or kind == "MISSION_ACK" or self._is_partial:
-            said = self.so_far()
-        if self._is_partial and kind != "MISSION_REQUEST_LIST":  # which may ask in between how far it got
+            entries = self.so_far()
+        if self._is_partial and kind != "MISSION_REQUEST_LIST":  # a read-back during the transfer
             self._upload = None
         if kind == "MISSION_COUNT":
             self._upload = Transfer(int(message.mission_type), int(message.count))
@@ -109,20 +110,20 @@ class Traffic:
             self._download = Transfer(int(message.mission_type))
         elif kind in ("PARAM_SET", "PARAM_REQUEST_READ"):
             self._asked.add(_name(message))
-        return said
+        return entries
 
     @property
     def _is_partial(self) -> bool:
         return self._upload is not None and self._upload.is_partial
 
     def _appended(self, message: Message) -> Transfer | None:
-        """The partial lists on their way, where the message belongs to them."""
+        """Return the running transfer of partial lists, if the message belongs to it."""
         upload = self._upload
         belongs = upload is not None and upload.is_partial and upload.mission_type == message.mission_type
         return upload if belongs else None
 
     def _read_back(self, kind: str) -> dict[str, Any]:
-        """With the acknowledgement that ends a download: what it brought."""
+        """Return the content of a download, for the acknowledgement that ends it."""
         if kind != "MISSION_ACK" or self._download is None:
             return {}
         transfer, self._download = self._download, None
@@ -132,7 +133,7 @@ class Traffic:
 def _content(message: Message) -> dict[str, Any]:
     kind = message.get_type()
     content = {"message": kind, **{k: _text(v) for k, v in message.to_dict().items() if k not in _TO_WHOM}}
-    # A key that is sent is a secret; that one was sent is not.
+    # The key itself is a secret; the fact that one was sent is not.
     content.pop("secret_key", None)
     if kind in ("COMMAND_LONG", "COMMAND_INT"):
         content["command"] = name_of("MAV_CMD", int(message.command))

@@ -1,4 +1,4 @@
-"""The items of a mission, a fence or rally points on their way, as one entry. Pure."""
+"""A running transfer of a mission, a fence or rally points, as one entry. Pure."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ PARTIAL = "MISSION_WRITE_PARTIAL_LIST"
 BEGINS = frozenset({"MISSION_COUNT", PARTIAL})
 """the messages that announce items"""
 
-Said = tuple[Kind, dict[str, Any]]
+NewEntry = tuple[Kind, dict[str, Any]]
 
 
 @dataclass(slots=True)
 class Transfer:
-    """By number; what comes twice counts once."""
+    """The items of a transfer by number; a repeated item counts once."""
 
     mission_type: int
     """MAV_MISSION_TYPE"""
     count: int | None = None
-    """by MISSION_COUNT"""
+    """number of items by MISSION_COUNT"""
     items: dict[int, tuple[Any, ...]] = field(default_factory=dict)
     announced: set[int] = field(default_factory=set)
-    """the numbers that partial lists have announced"""
+    """numbers announced by partial lists"""
     answers: Counter[str] = field(default_factory=Counter)
-    """results that were acknowledged to partial lists, and are not told yet"""
-    is_told: bool = False
-    """with the items as they are now"""
+    """results of partial lists that no entry holds yet"""
+    is_recorded: bool = False
+    """an entry holds the items as they are now"""
 
     @property
     def is_partial(self) -> bool:
@@ -40,14 +40,14 @@ class Transfer:
 
     def take(self, message: Message) -> None:
         seq, fields = int(message.seq), _fields(message)
-        self.is_told = self.is_told and self.items.get(seq) == fields
+        self.is_recorded = self.is_recorded and self.items.get(seq) == fields
         self.items[seq] = fields
 
     def announce(self, message: Message) -> None:
         self.announced.update(range(int(message.start_index), int(message.end_index) + 1))
 
     def content(self) -> dict[str, Any]:
-        """How many of how many there are, from which number on, and their hash."""
+        """Return the first number, the number of items, the number announced, and the hash."""
         first = {"first": min(self.items)} if self.is_partial and self.items else {}
         return {
             **first,
@@ -57,17 +57,17 @@ class Transfer:
             "sha256": _hash(self.items),
         }
 
-    def so_far(self) -> list[Said]:
-        """All items up to now, and what was answered to partial lists since; unless that is told already."""
-        said: list[Said] = []
-        if self.items and not self.is_told:
-            self.is_told = True
-            said.append(("command", {"message": "MISSION_ITEM_INT", **self.content()}))
+    def so_far(self) -> list[NewEntry]:
+        """Return entries for the items so far and for answers to partial lists, unless already returned."""
+        entries: list[NewEntry] = []
+        if self.items and not self.is_recorded:
+            self.is_recorded = True
+            entries.append(("command", {"message": "MISSION_ITEM_INT", **self.content()}))
         for result, times in self.answers.items():
             answer = {"message": "MISSION_ACK", "mission_type": self._type, "result": result, "times": times}
-            said.append(("acknowledgement", answer))
+            entries.append(("acknowledgement", answer))
         self.answers.clear()
-        return said
+        return entries
 
     @property
     def _type(self) -> str:
@@ -75,11 +75,11 @@ class Transfer:
 
 
 def _fields(message: Message) -> tuple[Any, ...]:
-    """What of a mission item the hash covers."""
+    """Return the fields of a mission item that the hash covers."""
     m = message
     return (m.frame, m.command, m.autocontinue, m.param1, m.param2, m.param3, m.param4, m.x, m.y, m.z)
 
 
 def _hash(items: Mapping[int, tuple[Any, ...]]) -> str:
-    """SHA-256 over the canonical list of [number, fields] in the order of their numbers."""
+    """Return the SHA-256 of the canonical list of [number, fields] in the order of the numbers."""
     return sha256(canonical([[seq, list(items[seq])] for seq in sorted(items)]))

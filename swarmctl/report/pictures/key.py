@@ -28,15 +28,15 @@ from swarmctl.report.pictures.style import (
 
 MAX_KEY_VEHICLES = 30
 
-Row = Callable[[Axes, float, float], None]
+KeyRow = Callable[[Axes, float, float], None]
 """draws one line of the key at (x, y) [in]"""
 
 
-def no_row(_axes: Axes, _x: float, _y: float) -> None:
+def blank_row(_axes: Axes, _x: float, _y: float) -> None:
     """An empty line."""
 
 
-def vehicle_rows(picture: MapPicture) -> list[Row]:
+def vehicle_rows(picture: MapPicture) -> list[KeyRow]:
     rows = [_vehicle_row(index, track) for index, track in enumerate(picture.tracks)]
     if len(rows) <= MAX_KEY_VEHICLES:
         return rows
@@ -44,8 +44,8 @@ def vehicle_rows(picture: MapPicture) -> list[Row]:
     return [*rows[: MAX_KEY_VEHICLES - 1], lambda axes, x, y: _text(axes, x, y, f"and {n_more} more")]
 
 
-def line_rows(picture: MapPicture) -> list[Row]:
-    rows: list[Row] = []
+def line_rows(picture: MapPicture) -> list[KeyRow]:
+    rows: list[KeyRow] = []
     if flown := [track for track in picture.tracks if len(track.flown)]:
         rows.append(_line_row("flown", {"lw": 2.2}))
         if not all(track.is_lost for track in flown):
@@ -61,7 +61,7 @@ def line_rows(picture: MapPicture) -> list[Row]:
     return rows
 
 
-def cell_rows(picture: MapPicture) -> list[Row]:
+def cell_rows(picture: MapPicture) -> list[KeyRow]:
     """Only the kinds of cell that are on this map."""
     hostile, first, second = shading(picture)
     occupied, unseen = picture.known == OCCUPIED, picture.known == UNKNOWN
@@ -87,7 +87,7 @@ def _text(axes: Axes, x: float, y: float, text: str) -> None:
     axes.text(x + 0.42, y, text, fontsize=8.5, color=INK, va="center")
 
 
-def _vehicle_row(index: int, track: VehicleTrack) -> Row:
+def _vehicle_row(index: int, track: VehicleTrack) -> KeyRow:
     text = f"{track.name}   {track.outcome}" if track.outcome else track.name
 
     def draw(axes: Axes, x: float, y: float) -> None:
@@ -98,7 +98,7 @@ def _vehicle_row(index: int, track: VehicleTrack) -> Row:
     return draw
 
 
-def _line_row(text: str, style: dict[str, Any]) -> Row:
+def _line_row(text: str, style: dict[str, Any]) -> KeyRow:
     def draw(axes: Axes, x: float, y: float) -> None:
         axes.plot([x, x + 0.3], [y, y], color=INK, **style)
         _text(axes, x, y, text)
@@ -106,7 +106,7 @@ def _line_row(text: str, style: dict[str, Any]) -> Row:
     return draw
 
 
-def _point_row(text: str, marker: str, style: dict[str, Any]) -> Row:
+def _point_row(text: str, marker: str, style: dict[str, Any]) -> KeyRow:
     def draw(axes: Axes, x: float, y: float) -> None:
         axes.plot(x + 0.15, y, marker, **{"mfc": INK, **style})
         _text(axes, x, y, text)
@@ -114,7 +114,7 @@ def _point_row(text: str, marker: str, style: dict[str, Any]) -> Row:
     return draw
 
 
-def _cell_row(text: str, style: dict[str, Any], *, hatch: str = "") -> Row:
+def _cell_row(text: str, style: dict[str, Any], *, hatch: str = "") -> KeyRow:
     def draw(axes: Axes, x: float, y: float) -> None:
         left, top, side = x + 0.07, y - 0.08, 0.16
         look = {"facecolor": SEEN, "edgecolor": GRID_LINE, "lw": 0.8, **style}

@@ -11,7 +11,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from swarmctl.report.pictures.chart import draw_area, draw_scales, draw_tracks
-from swarmctl.report.pictures.key import Row, cell_rows, draw_north_and_scale, line_rows, no_row, vehicle_rows
+from swarmctl.report.pictures.key import (
+    KeyRow,
+    blank_row,
+    cell_rows,
+    draw_north_and_scale,
+    line_rows,
+    vehicle_rows,
+)
 from swarmctl.report.pictures.scene import MapPicture, view_of
 from swarmctl.report.pictures.style import INK, OUTSIDE, QUIET
 
@@ -68,15 +75,15 @@ def figure_of(picture: MapPicture) -> Figure:
     return sheet.figure
 
 
-def _divided(picture: MapPicture, map_high_in: float) -> tuple[Sequence[Row], Sequence[Row]]:
+def _divided(picture: MapPicture, map_high_in: float) -> tuple[Sequence[KeyRow], Sequence[KeyRow]]:
     """What of the key stands beside the map, and what below: the vehicles, where they make it too long."""
-    vehicles, marks = vehicle_rows(picture), [*line_rows(picture), no_row, *cell_rows(picture)]
+    vehicles, marks = vehicle_rows(picture), [*line_rows(picture), blank_row, *cell_rows(picture)]
     if (len(vehicles) + 1 + len(marks)) * ROW_IN + FOOT_IN <= map_high_in:
-        return [*vehicles, no_row, *marks], []
+        return [*vehicles, blank_row, *marks], []
     return marks, vehicles
 
 
-def _draw_rows(key: Axes, rows: Sequence[Row], left_in: float) -> None:
+def _draw_rows(key: Axes, rows: Sequence[KeyRow], left_in: float) -> None:
     for index, draw_row in enumerate(rows):
         draw_row(key, left_in, (index + 0.5) * ROW_IN)
 

@@ -1,4 +1,4 @@
-"""The file of a run's evidence: each entry is the operating system's before what it tells of happens."""
+"""The file of a run's evidence. An entry is with the operating system before its command is sent."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from typing import Protocol
 from swarmctl.report.evidence.chain import Chain, Entry, Kind, sealed
 from swarmctl.report.evidence.disk import Disk
 
-FILE = "evidence.jsonl"
+FILE_NAME = "evidence.jsonl"
 SETTLES_S = 10.0
-"""A disk that takes longer than this is not waited for any more."""
+"""longest wait for the disk"""
 
 
 class Signer(Protocol):
     @property
     def name(self) -> str:
-        """Whose key it is."""
+        """The owner of the key."""
 
     @property
     def public_key(self) -> str:
-        """In base64."""
+        """The public key in base64."""
 
     def sign(self, data: bytes) -> str:
-        """Ed25519, in base64."""
+        """Return the Ed25519 signature in base64."""
 
 
-class Book:
-    """Appends to one file until `close`. A disk that is full ends it, is said, and does not raise."""
+class EvidenceFile:
+    """An append-only file. A full disk ends it with a line to the operator and raises nothing."""
 
     def __init__(
         self,
@@ -41,12 +41,12 @@ class Book:
         say: Callable[[str], None],
         in_thread: bool = False,
     ) -> None:
-        """`opened` says what run this is. Raises OSError where the file cannot be begun.
+        """Create the file; `opened` describes the run. Raises OSError where it cannot be created.
 
-        `in_thread`: the disk is waited for in a thread, which needs a running loop.
+        `in_thread`: a thread waits for the disk, which needs a running loop.
         """
         self.trouble = ""
-        """why it ends early"""
+        """the reason why it ends early"""
         self._path = path
         self._unix_s, self._run_s, self._say = unix_s, run_s, say
         self._chain = Chain()
@@ -59,7 +59,7 @@ class Book:
         return self._file.closed
 
     def add(self, kind: Kind, what: Entry, vehicle: str | None = None, *, durable: bool = False) -> bool:
-        """Whether it is written; `durable`: it will soon outlive a loss of power, too."""
+        """Append an entry and return whether it is written; `durable`: sync it to the disk soon."""
         if self.trouble or self._file.closed:
             return False
         line = self._chain.link(kind, vehicle, what, unix_s=self._unix_s(), run_s=self._run_s())
@@ -73,7 +73,7 @@ class Book:
         return not self.trouble
 
     async def settled(self) -> str:
-        """Wait until what was written would outlive a loss of power; why it does not, empty if it does."""
+        """Wait until all entries are on the disk; return the reason if they are not, else an empty text."""
         if self.trouble or self._file.closed:
             return self.trouble or f"{self._path}: the evidence is closed"
         self._disk.sync()
@@ -87,12 +87,12 @@ class Book:
     def _write(self, line: bytes) -> None:
         written = self._file.write(line)
         if written != len(line):
-            raise OSError(f"{written} of {len(line)} bytes were taken; is the disk full?")
+            raise OSError(f"{written} of {len(line)} bytes written; is the disk full?")
 
     def _end(self, error: OSError) -> None:
         if not self.trouble:
             self.trouble = f"{self._path}: the evidence ends here: {error.strerror or error}"
-            self._say(f"{self.trouble}; no vehicle is armed any more")
+            self._say(f"{self.trouble}; no further vehicle is armed [evidence-ended]")
 
     def close(self, signer: Signer | None = None) -> None:
         """Write the closing entry, signed where there is a key. Idempotent."""
