@@ -16,15 +16,15 @@ from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.events import (
-    Heard,
+    FirstHeartbeat,
     Identity,
-    Lost,
     ProcedureDone,
-    Rebooted,
-    Restored,
     SessionEvent,
     StateChanged,
-    Text,
+    StatusText,
+    VehicleLost,
+    VehicleRebooted,
+    VehicleRestored,
 )
 from swarmctl.mavlink.protocol.outcome import Swapped
 from swarmctl.mavlink.telemetry.instruments import Instruments
@@ -35,36 +35,36 @@ __all__ = [
     "Busy",
     "ChannelEvent",
     "CommandFailed",
-    "Conflict",
     "FenceFailed",
-    "Flying",
+    "FirstHeartbeat",
+    "FlyingAfterFailure",
     "FramesRefused",
-    "Heard",
     "Identity",
     "Instruments",
+    "LaunchBlockedError",
     "LaunchFailed",
-    "LaunchPutOff",
     "Link",
     "LinkError",
     "LinkEvent",
-    "Lost",
-    "NobodyAnswers",
+    "NoAnswer",
     "NotReady",
     "ParametersFailed",
     "PrepareFailed",
     "ProcedureDone",
-    "Rebooted",
-    "Restored",
     "StateChanged",
+    "StatusText",
     "Streaming",
     "SwapFailed",
-    "Text",
+    "SystemIdConflict",
     "TransportError",
     "UnsupportedVehicle",
     "UploadFailed",
+    "VehicleLost",
+    "VehicleRebooted",
+    "VehicleRestored",
 ]
 
-Flying = Literal["old", "hold", "theirs", "unknown"]
+FlyingAfterFailure = Literal["old", "hold", "theirs", "unknown"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,7 @@ class AddressChanged:
 
 
 @dataclass(frozen=True, slots=True)
-class Conflict:
+class SystemIdConflict:
     """Two senders use this system id at once; the second one's frames are dropped."""
 
     address: str
@@ -90,7 +90,7 @@ class FramesRefused:
     """why, how many, and what that means"""
 
 
-ChannelEvent = AddressChanged | Conflict | FramesRefused
+ChannelEvent = AddressChanged | SystemIdConflict | FramesRefused
 """what the front end tells of a vehicle"""
 LinkEvent = SessionEvent | ChannelEvent
 
@@ -103,7 +103,7 @@ class TransportError(LinkError):
     """A port that is taken, a device that is missing, an address that cannot be reached."""
 
 
-class NobodyAnswers(LinkError):
+class NoAnswer(LinkError):
     """No heartbeat of this system id came."""
 
     def __init__(self, text: str, *, url: str, sysid: int, tried_s: float) -> None:
@@ -145,7 +145,7 @@ class LaunchFailed(LinkError):
     """It did not arm, start or leave the ground."""
 
 
-class LaunchPutOff(LaunchFailed):
+class LaunchBlockedError(LaunchFailed):
     """Somebody came into its way before it took off; it is not armed."""
 
     def __init__(self, text: str, *, why: str, was_armed: bool) -> None:
@@ -164,7 +164,7 @@ class SwapFailed(LinkError):
     """
 
     def __init__(
-        self, text: str, *, flying: Flying, stood_still_s: float = 0.0, is_late: bool = False
+        self, text: str, *, flying: FlyingAfterFailure, stood_still_s: float = 0.0, is_late: bool = False
     ) -> None:
         super().__init__(text)
         self.flying = flying
@@ -186,12 +186,12 @@ class Link(Protocol):
     """One vehicle. Times are those of the running loop [s]."""
 
     async def connect(self, timeout_s: float) -> Identity:
-        """Hear its heartbeat and `identify` it. Raises NobodyAnswers, UnsupportedVehicle."""
+        """Hear its heartbeat and `identify` it. Raises NoAnswer, UnsupportedVehicle."""
 
     async def identify(self, timeout_s: float) -> Identity:
         """Ask a vehicle that is connected who it is, also again: an address may have changed hands.
 
-        Nothing else is sent to it. Raises NobodyAnswers.
+        Nothing else is sent to it. Raises NoAnswer.
         """
 
     async def prepare(self, timeout_s: float, on_waiting: Callable[[tuple[str, ...]], None]) -> None:
@@ -245,21 +245,21 @@ class Link(Protocol):
         Nothing is commanded any more once somebody else has chosen a mode.
         """
 
-    async def hold(self, *, looks_first: bool = False) -> None:
+    async def hold(self, *, check_mode_first: bool = False) -> None:
         """Stand still in the air. Raises CommandFailed.
 
         As `return_home` and `land`: sent at once whatever its mode, and again only while nobody else has
-        chosen one since. `looks_first`: also the first time; for whatever no person has ordered just now.
+        chosen one since. `check_mode_first`: also the first time; for whatever no person has ordered just now.
         """
 
     async def set_speed(self, speed_m_s: float) -> None:
         """Another speed over ground for its mission, which it flies, until that is changed [m/s]. Raises
         CommandFailed; nothing is sent where somebody else has chosen another mode."""
 
-    async def return_home(self, *, looks_first: bool = False) -> None:
+    async def return_home(self, *, check_mode_first: bool = False) -> None:
         """Return to launch. Raises CommandFailed."""
 
-    async def land(self, *, looks_first: bool = False) -> None:
+    async def land(self, *, check_mode_first: bool = False) -> None:
         """Land where it is. Raises CommandFailed."""
 
     def state(self) -> VehicleState:

@@ -15,14 +15,14 @@ from swarmctl.links.base import (
     Busy,
     CommandFailed,
     FenceFailed,
-    Heard,
+    FirstHeartbeat,
     Identity,
     Instruments,
+    LaunchBlockedError,
     LaunchFailed,
-    LaunchPutOff,
     LinkError,
     LinkEvent,
-    NobodyAnswers,
+    NoAnswer,
     NotReady,
     ParametersFailed,
     PrepareFailed,
@@ -37,11 +37,11 @@ from swarmctl.mavlink.procedures import basic, fence, rally, speed
 from swarmctl.mavlink.procedures.basic import Done, Swapped, Uploaded
 from swarmctl.mavlink.protocol import parameters
 from swarmctl.mavlink.protocol.codec import Message
-from swarmctl.mavlink.protocol.conversation import Peer
+from swarmctl.mavlink.protocol.conversation import MavlinkPeer
 from swarmctl.mavlink.protocol.mission_download import DownloadOutcome, DownloadResult
-from swarmctl.mavlink.protocol.outcome import PutOff
+from swarmctl.mavlink.protocol.outcome import LaunchBlocked
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
-from swarmctl.mavlink.session import Session, Step
+from swarmctl.mavlink.session import Session, SessionStep
 from swarmctl.mavlink.telemetry import instruments
 from swarmctl.mavlink.telemetry.streams import Streaming
 
@@ -73,7 +73,9 @@ class DirectLink:
         self._on_event = on_event
         self._tlog = tlog
         self._session = Session(
-            Peer(sysid, own_sysid=front_end.sysid, own_compid=front_end.compid), lost_after_s, streaming
+            MavlinkPeer(sysid, own_sysid=front_end.sysid, own_compid=front_end.compid),
+            lost_after_s,
+            streaming,
         )
         self._channel: Channel | None = None
         self._heard = asyncio.Event()
@@ -193,9 +195,9 @@ class DirectLink:
         if why_not := await self._front_end.why_not_arm():
             raise LaunchFailed(f"{self._who}: not armed: {why_not}")
         done: Done = await self._perform("launch", partial(basic.launch, in_the_way=in_the_way))
-        if isinstance(done, PutOff):
+        if isinstance(done, LaunchBlocked):
             why = done.failure or ""
-            raise LaunchPutOff(f"{self._who}: put off: {why}", why=why, was_armed=done.was_armed)
+            raise LaunchBlockedError(f"{self._who}: put off: {why}", why=why, was_armed=done.was_armed)
         if done.failure:
             raise LaunchFailed(f"{self._who}: {done.failure}")
 
@@ -219,19 +221,19 @@ class DirectLink:
             raise SwapFailed(text, flying=flying, stood_still_s=done.stood_still_s, is_late=done.is_late)
         return done
 
-    async def hold(self, *, looks_first: bool = False) -> None:
-        await self._must("hold", partial(basic.hold, looks_first=looks_first))
+    async def hold(self, *, check_mode_first: bool = False) -> None:
+        await self._must("hold", partial(basic.hold, check_mode_first=check_mode_first))
 
     async def set_speed(self, speed_m_s: float) -> None:
         done: Done = await self._perform("set_speed", partial(speed.set_speed, speed_m_s=speed_m_s))
         if done.failure:
             raise CommandFailed(f"{self._who}: set_speed: {done.failure}")
 
-    async def return_home(self, *, looks_first: bool = False) -> None:
-        await self._must("return_home", partial(basic.return_home, looks_first=looks_first))
+    async def return_home(self, *, check_mode_first: bool = False) -> None:
+        await self._must("return_home", partial(basic.return_home, check_mode_first=check_mode_first))
 
-    async def land(self, *, looks_first: bool = False) -> None:
-        await self._must("land", partial(basic.land, looks_first=looks_first))
+    async def land(self, *, check_mode_first: bool = False) -> None:
+        await self._must("land", partial(basic.land, check_mode_first=check_mode_first))
 
     def close(self) -> None:
         """Idempotent; the front end does so when it closes."""
@@ -320,12 +322,12 @@ class DirectLink:
         self._timer = None
         self._take(self._session.tick(self._now()))
 
-    def _take(self, step: Step) -> None:
+    def _take(self, step: SessionStep) -> None:
         if self._channel is not None:
             self._channel.send(step.messages)
         self._arm_timer()
         for event in step.events:
-            if isinstance(event, Heard):
+            if isinstance(event, FirstHeartbeat):
                 self._heard.set()
             elif isinstance(event, ProcedureDone) and self._waiter is not None:
                 waiter, self._waiter = self._waiter, None
@@ -368,7 +370,7 @@ class DirectLink:
         if not self._heard.is_set() or self._session.unsupported:
             raise LinkError(f"{self._who}: not connected; connect first")
 
-    def _nobody_answers(self, tried_s: float) -> NobodyAnswers:
+    def _nobody_answers(self, tried_s: float) -> NoAnswer:
         if self._heard.is_set():
             problem = "its heartbeats come, but it does not say who it is (AUTOPILOT_VERSION)"
             check = "does the link carry our requests back to it (one-way link, wrong port, signing)?"
@@ -378,13 +380,13 @@ class DirectLink:
             if refused := self._front_end.refused_on(self.endpoint, self.sysid):
                 problem = f"it speaks, but {_REFUSED.get(refused, f'it is refused: {refused}')}"
                 check = _KEYS.get(refused, "do its clock and this machine's agree?")
-            others = sorted(self._front_end.heard_on(self.endpoint) - {self.sysid})
+            others = sorted(self._front_end.systems_on(self.endpoint) - {self.sysid})
             if others and not refused:
                 check = f"heard there: system {', '.join(map(str, others))}; is the system id right?"
         trouble = self._front_end.trouble_on(self.endpoint)
         because = f" ({trouble})" if trouble else ""
         text = f"{self._who}: {problem}{because}; tried for {tried_s:g} s; {check}"
-        return NobodyAnswers(text, url=str(self.endpoint), sysid=self.sysid, tried_s=tried_s)
+        return NoAnswer(text, url=str(self.endpoint), sysid=self.sysid, tried_s=tried_s)
 
     def _not_ready(self, tried_s: float) -> NotReady:
         reasons = self._session.state.not_ready or ("it does not say why",)

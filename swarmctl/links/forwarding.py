@@ -22,7 +22,7 @@ OnFrame = Callable[[Frame, str], None]
 """a frame of another station, and who that is, for people"""
 
 
-class Target:
+class ForwardTarget:
     """One endpoint that is watched from: everybody there gets everything."""
 
     def __init__(self, endpoint: Endpoint, transport: Transport, on_frame: OnFrame | None) -> None:
@@ -60,13 +60,13 @@ class Forwarder:
     """All targets of one front end."""
 
     def __init__(self) -> None:
-        self._targets: list[Target] = []
+        self._targets: list[ForwardTarget] = []
 
     @property
     def endpoints(self) -> tuple[Endpoint, ...]:
         return tuple(target.endpoint for target in self._targets)
 
-    async def add(self, target: Target) -> None:
+    async def add(self, target: ForwardTarget) -> None:
         """Raises TransportError."""
         await target.open()
         self._targets.append(target)

@@ -16,15 +16,15 @@ from typing import Protocol, Self
 from swarmctl.links.base import (
     AddressChanged,
     ChannelEvent,
-    Conflict,
     FramesRefused,
     LinkError,
+    SystemIdConflict,
     TransportError,
 )
-from swarmctl.links.forwarding import Forwarder, Target, open_to_strangers, refuse_loops
+from swarmctl.links.forwarding import Forwarder, ForwardTarget, open_to_strangers, refuse_loops
 from swarmctl.links.refusals import Refusals
-from swarmctl.links.routing import Route, Verdict
-from swarmctl.links.signing import LATE, Guard, Signing
+from swarmctl.links.routing import AddressTracker, AddressVerdict
+from swarmctl.links.signing import LATE, Signing, SigningGuard
 from swarmctl.links.tlog import TlogWriter
 from swarmctl.links.transports.base import Address, Transport
 from swarmctl.links.transports.memory import Memory, MemoryWire
@@ -50,7 +50,7 @@ _STREAMS_LIMIT = 1024
 """addresses on one endpoint whose half frames are remembered"""
 
 
-class Witness(Protocol):
+class EvidenceRecorder(Protocol):
     """Whoever keeps the evidence: sees every message that is for a vehicle or from one.
 
     Here, because nothing reaches a vehicle but through `_Line.send`.
@@ -78,7 +78,7 @@ class Channel:
         tlog: TlogWriter | None,
         wanted: Set[int],
     ) -> None:
-        self.route = Route()
+        self.route = AddressTracker()
         self.sysid = sysid
         self.wanted = wanted
         self.on_message = on_message
@@ -116,8 +116,8 @@ class _Shared:
     encoder: Encoder
     decoder: Decoder
     forwarder: Forwarder
-    guard: Guard
-    witness: Witness | None
+    guard: SigningGuard
+    witness: EvidenceRecorder | None
     say: Callable[[str], None]
 
 
@@ -217,12 +217,12 @@ class _Line:
                 channel.log(frame.data)
             return
         verdict = channel.route.hear(address, now)
-        if verdict is Verdict.DROPPED:
+        if verdict is AddressVerdict.DROPPED:
             return
-        if verdict is Verdict.MOVED:
+        if verdict is AddressVerdict.MOVED:
             channel.on_event(AddressChanged(_text(address)))
-        elif verdict is Verdict.CONFLICT:
-            channel.on_event(Conflict(_text(channel.route.rival)))
+        elif verdict is AddressVerdict.CONFLICT:
+            channel.on_event(SystemIdConflict(_text(channel.route.rival)))
         channel.log(frame.data)
         if frame.msgid in channel.wanted:
             message = self._shared.decoder.decode(frame)
@@ -245,7 +245,7 @@ class FrontEnd:
         *,
         wall_time_us: Callable[[], int],
         memory: Mapping[str, MemoryWire] | None = None,
-        witness: Witness | None = None,
+        witness: EvidenceRecorder | None = None,
         signing: Signing | None = None,
         say: Callable[[str], None] = lambda _text: None,
         sysid: int = GCS_SYSID,
@@ -255,7 +255,7 @@ class FrontEnd:
         self.compid = compid
         self._wall_time_us = wall_time_us
         self._memory = memory or {}
-        guard = Guard(signing, wall_time_us)
+        guard = SigningGuard(signing, wall_time_us)
         self._shared = _Shared(Encoder(sysid, compid), Decoder(), Forwarder(), guard, witness, say)
         self._lines: dict[Endpoint, _Line] = {}
         self._opening = asyncio.Lock()
@@ -299,7 +299,7 @@ class FrontEnd:
         if commands and (why := open_to_strangers(endpoint, signed=signed)):
             raise LinkError(f"forward {why}")
         on_frame = self._from_station if commands else None
-        await self._shared.forwarder.add(Target(endpoint, self._transport(endpoint), on_frame))
+        await self._shared.forwarder.add(ForwardTarget(endpoint, self._transport(endpoint), on_frame))
 
     def _from_station(self, frame: Frame, where: str) -> None:
         if why := self._shared.guard.why_not(frame.data):
@@ -350,7 +350,7 @@ class FrontEnd:
         channel = line.channels[sysid] = Channel(line, sysid, on_message, on_event, writer, wanted)
         return channel
 
-    def heard_on(self, endpoint: Endpoint) -> frozenset[int]:
+    def systems_on(self, endpoint: Endpoint) -> frozenset[int]:
         """The system ids of all autopilots that were heard there."""
         return frozenset(self._lines[endpoint].heard) if endpoint in self._lines else frozenset()
 

@@ -26,14 +26,14 @@ from swarmctl.core.mission import MissionItem
 from swarmctl.links.base import Identity, LinkError
 from swarmctl.links.direct import DirectLink
 from swarmctl.links.frontend import FrontEnd
-from swarmctl.links.mavsdk_conversations import Said, handed_over
-from swarmctl.links.mavsdk_gate import Gate
+from swarmctl.links.mavsdk_conversations import TransferEnd, with_mavsdk
+from swarmctl.links.mavsdk_gate import MavsdkGate
 from swarmctl.mavlink.protocol.codec import Decoder, FrameSplitter, Message
 from swarmctl.mavlink.protocol.command import Command
-from swarmctl.mavlink.protocol.conversation import Peer
+from swarmctl.mavlink.protocol.conversation import MavlinkPeer
 from swarmctl.mavlink.protocol.mission_upload import MISSION
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
-from swarmctl.mavlink.session import Session, Step
+from swarmctl.mavlink.session import Session, SessionStep
 from swarmctl.mavlink.telemetry.streams import Streaming
 
 _REPEATS = 4
@@ -48,13 +48,13 @@ _CLOCKS_APART_S = 1.0
 _LOOK_UP_AFTER_S = 0.1
 
 
-class Station:
+class MavsdkStation:
     """The one `Mavsdk` object of a front end, from the first link on it to the last."""
 
     def __init__(self, front_end: FrontEnd) -> None:
         self._loop = asyncio.get_running_loop()
         self._looking = False
-        self._vehicles: dict[int, Aboard] = {}
+        self._vehicles: dict[int, MavsdkVehicle] = {}
         self._plugins: dict[int, tuple[Any, Any]] = {}
         """by system id, as long as MAVSDK: one pair a vehicle, or their transfers would mix"""
         self._splitter, self._decoder = FrameSplitter(), Decoder()
@@ -71,7 +71,7 @@ class Station:
         self._mavsdk.subscribe_raw_bytes_to_be_sent(partial(self._later, self._drained))
         self._mavsdk.subscribe_on_new_system(lambda _: self._later(self._found), None)
 
-    def join(self, vehicle: Aboard) -> None:
+    def join(self, vehicle: MavsdkVehicle) -> None:
         """Raises LinkError where another vehicle has its system id: MAVSDK knows them by nothing else."""
         if vehicle.sysid in self._vehicles:
             raise LinkError(
@@ -80,7 +80,7 @@ class Station:
             )
         self._vehicles[vehicle.sysid] = vehicle
 
-    def leave(self, vehicle: Aboard) -> bool:
+    def leave(self, vehicle: MavsdkVehicle) -> bool:
         """Idempotent; returns whether it was the last one, and MAVSDK is gone."""
         if self._vehicles.get(vehicle.sysid) is vehicle:
             del self._vehicles[vehicle.sysid]
@@ -144,16 +144,16 @@ class Station:
         self._vehicles.clear()
 
 
-_STATIONS: WeakKeyDictionary[FrontEnd, Station] = WeakKeyDictionary()
+_STATIONS: WeakKeyDictionary[FrontEnd, MavsdkStation] = WeakKeyDictionary()
 
 
-class Aboard:
+class MavsdkVehicle:
     """One vehicle as MAVSDK has it. Fits `Adapter`: one transfer at a time, whoever asks."""
 
-    def __init__(self, station: Station, sysid: int, send: Callable[[list[Message]], None]) -> None:
+    def __init__(self, station: MavsdkStation, sysid: int, send: Callable[[list[Message]], None]) -> None:
         self.sysid = sysid
         self.send = send
-        self.gate = Gate()
+        self.gate = MavsdkGate()
         self.known = asyncio.Event()
         """MAVSDK has heard of it"""
         self._station = station
@@ -204,11 +204,11 @@ class Aboard:
         self.gate.revoke(message)
         self._acks.pop(int(message.command), None)
 
-    def upload(self, items: Sequence[MissionItem], current: int, then: Callable[[Said], None]) -> None:
+    def upload(self, items: Sequence[MissionItem], current: int, then: Callable[[TransferEnd], None]) -> None:
         raw = [_raw_item(seq, item, seq == current) for seq, item in enumerate(items)]
         self._transfer(lambda by, ended: by.upload_mission_async(raw, ended), then)
 
-    def download(self, then: Callable[[Said], None]) -> None:
+    def download(self, then: Callable[[TransferEnd], None]) -> None:
         self._transfer(lambda by, ended: by.download_mission_async(ended), then)
 
     def cancel_transfer(self) -> None:
@@ -221,7 +221,7 @@ class Aboard:
                 except MissionRawError:
                     continue
 
-    def _transfer(self, begin: Callable[[Any, Any], None], then: Callable[[Said], None]) -> None:
+    def _transfer(self, begin: Callable[[Any, Any], None], then: Callable[[TransferEnd], None]) -> None:
         def start() -> None:
             if self._raw is None:
                 return
@@ -251,7 +251,7 @@ class Aboard:
 class _WakingSession(Session):
     """Whose procedure also goes on when something else than a message or a deadline lets it."""
 
-    def wake(self, now: float) -> Step:
+    def wake(self, now: float) -> SessionStep:
         if self._driver is not None:
             self._driver.next_deadline = now
         return self.tick(now)
@@ -274,9 +274,9 @@ class MavsdkLink(DirectLink):
         **kwargs: Any,
     ) -> None:
         super().__init__(front_end, *args, lost_after_s=lost_after_s, **kwargs)
-        peer = Peer(self.sysid, own_sysid=front_end.sysid, own_compid=front_end.compid)
+        peer = MavlinkPeer(self.sysid, own_sysid=front_end.sysid, own_compid=front_end.compid)
         self._session = _WakingSession(peer, lost_after_s, streaming)
-        self._aboard: Aboard | None = None
+        self._aboard: MavsdkVehicle | None = None
 
     async def connect(self, timeout_s: float) -> Identity:
         identity = await super().connect(timeout_s)
@@ -313,9 +313,9 @@ class MavsdkLink(DirectLink):
                 )
             station = _STATIONS.get(self._front_end)
             if station is None:
-                station = _STATIONS[self._front_end] = Station(self._front_end)
+                station = _STATIONS[self._front_end] = MavsdkStation(self._front_end)
                 self._front_end.at_close(self._close_station)
-            aboard = Aboard(station, self.sysid, self._send)
+            aboard = MavsdkVehicle(station, self.sysid, self._send)
             station.join(aboard)
             self._aboard = aboard
         await super()._attach()
@@ -325,7 +325,7 @@ class MavsdkLink(DirectLink):
 
         def by_mavsdk(context: Context) -> Procedure[Any]:
             assert aboard is not None
-            return handed_over(procedure(context), aboard, self._wake, self._now)
+            return with_mavsdk(procedure(context), aboard, self._wake, self._now)
 
         return await super()._perform(name, procedure if aboard is None else by_mavsdk)
 

@@ -18,11 +18,11 @@ from swarmctl.mavlink.protocol.mission_upload import MISSION, Upload, UploadOutc
 from swarmctl.mavlink.protocol.procedure import Procedure
 
 R = TypeVar("R")
-Said = tuple[str, tuple[MissionItem, ...]]
+TransferEnd = tuple[str, tuple[MissionItem, ...]]
 """MAVSDK's MissionRawResult by name, and the items of a download"""
 
 
-class Adapter(Protocol):
+class MavsdkAdapter(Protocol):
     """MAVSDK for one vehicle. Each call returns at once; `then` is called in a later turn of the loop."""
 
     def command(self, message: Message, then: Callable[[Message], None]) -> None:
@@ -31,9 +31,11 @@ class Adapter(Protocol):
     def give_up(self, message: Message) -> None:
         """Nobody waits for this command any more, and none of it may be sent."""
 
-    def upload(self, items: Sequence[MissionItem], current: int, then: Callable[[Said], None]) -> None: ...
+    def upload(
+        self, items: Sequence[MissionItem], current: int, then: Callable[[TransferEnd], None]
+    ) -> None: ...
 
-    def download(self, then: Callable[[Said], None]) -> None: ...
+    def download(self, then: Callable[[TransferEnd], None]) -> None: ...
 
     def cancel_transfer(self) -> None: ...
 
@@ -41,7 +43,7 @@ class Adapter(Protocol):
 class ByMavsdk(Conversation[R]):
     """`on_end` is called when MAVSDK has answered; whoever drives the procedure has to look then."""
 
-    def __init__(self, adapter: Adapter, on_end: Callable[[], None]) -> None:
+    def __init__(self, adapter: MavsdkAdapter, on_end: Callable[[], None]) -> None:
         super().__init__()
         self._adapter = adapter
         self._on_end = on_end
@@ -51,7 +53,7 @@ class CommandByMavsdk(ByMavsdk[CommandResult]):
     """`own` keeps the deadlines and says what an answer means; MAVSDK sends, and hears the answer."""
 
     def __init__(
-        self, own: Command, adapter: Adapter, on_end: Callable[[], None], clock: Callable[[], float]
+        self, own: Command, adapter: MavsdkAdapter, on_end: Callable[[], None], clock: Callable[[], float]
     ) -> None:
         super().__init__(adapter, on_end)
         self._own = own
@@ -79,7 +81,7 @@ class CommandByMavsdk(ByMavsdk[CommandResult]):
         self._own.tick(now)
         return self._follow()
 
-    def _farewell(self, now: float) -> list[Message]:
+    def _closing_messages(self, now: float) -> list[Message]:
         self._adapter.give_up(self._message)
         return []
 
@@ -96,7 +98,7 @@ class _Transfer(ByMavsdk[R]):
 
     limit_s = 60.0
 
-    def _start_transfer(self, then: Callable[[Said], None]) -> None:
+    def _start_transfer(self, then: Callable[[TransferEnd], None]) -> None:
         raise NotImplementedError
 
     def _result_of(self, name: str, items: tuple[MissionItem, ...]) -> R:
@@ -107,7 +109,7 @@ class _Transfer(ByMavsdk[R]):
         self._start_transfer(self._ended)
         return []
 
-    def _ended(self, said: Said) -> None:
+    def _ended(self, said: TransferEnd) -> None:
         if self._is_running("an end"):
             self._finish(self._result_of(*said))
             self._on_end()
@@ -120,7 +122,7 @@ class _Transfer(ByMavsdk[R]):
         self._finish(self._result_of("TIMEOUT", ()))
         return []
 
-    def _farewell(self, now: float) -> list[Message]:
+    def _closing_messages(self, now: float) -> list[Message]:
         self._adapter.cancel_transfer()
         return []
 
@@ -144,12 +146,12 @@ _UPLOADED: dict[str, UploadOutcome] = {
 class UploadByMavsdk(_Transfer[UploadResult]):
     """MissionRaw.upload_mission."""
 
-    def __init__(self, own: Upload, adapter: Adapter, on_end: Callable[[], None]) -> None:
+    def __init__(self, own: Upload, adapter: MavsdkAdapter, on_end: Callable[[], None]) -> None:
         super().__init__(adapter, on_end)
         self._own = own
         self.limit_s = 20.0 + 2.0 * len(own.items)
 
-    def _start_transfer(self, then: Callable[[Said], None]) -> None:
+    def _start_transfer(self, then: Callable[[TransferEnd], None]) -> None:
         # MAVSDK sends only what has exactly one current item; on the ground the first is, anyway.
         self._adapter.upload(self._own.items, self._own.current or 0, then)
 
@@ -164,7 +166,7 @@ class DownloadByMavsdk(_Transfer[DownloadResult]):
     # A mission of 200 items with every fifth message lost, both ways.
     limit_s = 300.0
 
-    def _start_transfer(self, then: Callable[[Said], None]) -> None:
+    def _start_transfer(self, then: Callable[[TransferEnd], None]) -> None:
         self._adapter.download(then)
 
     def _result_of(self, name: str, items: tuple[MissionItem, ...]) -> DownloadResult:
@@ -177,8 +179,8 @@ class DownloadByMavsdk(_Transfer[DownloadResult]):
         return DownloadResult(outcome, items, f"read-back {outcome.value}: MAVSDK says {name}")
 
 
-def handed_over(
-    procedure: Procedure[R], adapter: Adapter, on_end: Callable[[], None], clock: Callable[[], float]
+def with_mavsdk(
+    procedure: Procedure[R], adapter: MavsdkAdapter, on_end: Callable[[], None], clock: Callable[[], float]
 ) -> Procedure[R]:
     """`procedure`, whose commands, and uploads and downloads of whole missions, are MAVSDK's to hold.
 
@@ -200,7 +202,7 @@ def handed_over(
 
 
 def _by_mavsdk(
-    own: Conversation[Any], adapter: Adapter, on_end: Callable[[], None], clock: Callable[[], float]
+    own: Conversation[Any], adapter: MavsdkAdapter, on_end: Callable[[], None], clock: Callable[[], float]
 ) -> Conversation[Any]:
     match own:
         case Command():

@@ -22,7 +22,7 @@ _TRANSFER_IN = (
 )
 
 
-class Gate:
+class MavsdkGate:
     """Of one vehicle. `transfer` is whether MAVSDK moves a mission at the moment."""
 
     def __init__(self) -> None:

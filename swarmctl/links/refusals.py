@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from swarmctl.links.signing import AHEAD, LATE, OTHER_KEY, REPEATED, UNSIGNED
 from swarmctl.mavlink.telemetry.presence import AUTOPILOT_COMPID
 
-AGAIN_S = 60.0
+REPEAT_S = 60.0
 MEANS = {
     UNSIGNED: "somebody without the key speaks in its name, or it has lost its key",
     OTHER_KEY: "somebody with another key speaks in its name, or it was given another",
@@ -50,7 +50,7 @@ class Refusals:
             self._kinds[whose, why] = _Kind(1, now_s)
             return 1
         kind.n += 1
-        if now_s - kind.said_s < AGAIN_S:
+        if now_s - kind.said_s < REPEAT_S:
             return 0
         kind.said_s = now_s
         return kind.n

@@ -11,7 +11,7 @@ SILENT_S = 2.0
 """after this long without a word from its address, a vehicle may speak from another one"""
 
 
-class Verdict(Enum):
+class AddressVerdict(Enum):
     ACCEPTED = "accepted"
     MOVED = "moved"
     """accepted, and the vehicle is at this address from now on"""
@@ -21,7 +21,7 @@ class Verdict(Enum):
     """accepted, and it is certain now that `rival` uses the same system id"""
 
 
-class Route:
+class AddressTracker:
     """The address of one system id on one endpoint.
 
     Over UDP a rebooted vehicle comes back from another port, and two vehicles may have been given the same
@@ -35,19 +35,19 @@ class Route:
         self._rival_heard = -inf
         self._reported: set[Address] = set()
 
-    def hear(self, address: Address, now: float) -> Verdict:
+    def hear(self, address: Address, now: float) -> AddressVerdict:
         """A frame of this system id came from `address`."""
         if address == self.address:
             self._heard = now
             if self._rival_heard > now - SILENT_S and self.rival not in self._reported:
                 self._reported.add(self.rival)
-                return Verdict.CONFLICT
-            return Verdict.ACCEPTED
+                return AddressVerdict.CONFLICT
+            return AddressVerdict.ACCEPTED
         if self.address is None or now - self._heard >= SILENT_S:
             first = self.address is None
             self.address, self.rival = address, None
             self._heard, self._rival_heard = now, -inf
             self._reported.clear()
-            return Verdict.ACCEPTED if first else Verdict.MOVED
+            return AddressVerdict.ACCEPTED if first else AddressVerdict.MOVED
         self.rival, self._rival_heard = address, now
-        return Verdict.DROPPED
+        return AddressVerdict.DROPPED

@@ -29,9 +29,9 @@ RESERVED = 60 * TICKS_PER_S
 """how far ahead of what was used the store is when it is written"""
 RENEWED = 30 * TICKS_PER_S
 """how much of that is left when it is written anew: so long may a disk take, and nobody waits for it"""
-WAITS_S = 1.0
+DISK_WAIT_S = 1.0
 """for a disk, once, where nothing is left: at the start, and after a stamp from a clock that is ahead"""
-MOST_AHEAD = 24 * 3600 * TICKS_PER_S
+MAX_AHEAD = 24 * 3600 * TICKS_PER_S
 """how far ahead of our time a stamp may be. MAVLink sets no limit, so one frame that is stamped with the end
 of time would leave everybody who follows it nothing to sign with."""
 UNSIGNED = "unsigned"
@@ -47,7 +47,7 @@ _SIGNED = 0x01
 _SIGNATURE_BYTES = 13
 
 
-class Store(Protocol):
+class TimestampStore(Protocol):
     """What outlives the process."""
 
     def load(self) -> int:
@@ -63,7 +63,7 @@ class Pool(Protocol):
     def submit(self, keep: Callable[[int], None], timestamp: int, /) -> Future[None]: ...
 
 
-class Here:
+class SameThreadPool:
     """No thread: done, or failed, at once."""
 
     def submit(self, keep: Callable[[int], None], timestamp: int, /) -> Future[None]:
@@ -88,7 +88,9 @@ class Signing:
     cannot be, `trouble` says why.
     """
 
-    def __init__(self, key: bytes, store: Store, first_link_id: int = 0, pool: Pool | None = None) -> None:
+    def __init__(
+        self, key: bytes, store: TimestampStore, first_link_id: int = 0, pool: Pool | None = None
+    ) -> None:
         """Raises OSError and ValueError where the store cannot be used.
 
         `pool` writes the store while nobody waits; without one it is written at once.
@@ -101,14 +103,14 @@ class Signing:
         """why the time stamps are not kept any more"""
         self._key = key
         self._store = store
-        self._pool: Pool = pool or Here()
+        self._pool: Pool = pool or SameThreadPool()
         self._writing: tuple[Future[None], int] | None = None
         """the store's next stamp, under way"""
         self._is_late = False
         """it was waited for in vain"""
         self._first_link_id = first_link_id
         self._last = self._began = store.load()
-        if self._last > LAST_TIMESTAMP - MOST_AHEAD:
+        if self._last > LAST_TIMESTAMP - MAX_AHEAD:
             raise ValueError(
                 "the time stamps under this key are used up: make a new one, for the vehicles too"
             )
@@ -143,7 +145,7 @@ class Signing:
         timestamp = int.from_bytes(frame[-12:-6], "little")
         last = self._streams.get(stream)
         # What was used before this run counts as our time: a clock may have been ahead, and gone back.
-        if timestamp > max(clock, self._began) + MOST_AHEAD:
+        if timestamp > max(clock, self._began) + MAX_AHEAD:
             return AHEAD
         if last is None and timestamp + NEW_STREAM_AGE < max(self._last, clock):
             return LATE
@@ -158,7 +160,7 @@ class Signing:
         # What is under way may be of before the clock jumped: then it is not enough.
         for _ in range(2):
             if self._last >= self._reserved and not self._is_late:
-                self._write(WAITS_S)
+                self._write(DISK_WAIT_S)
 
     def _write(self, wait_s: float) -> None:
         """Begin to, if nothing is under way, and see for so long [s] what became of it."""
@@ -182,7 +184,7 @@ class Signing:
             raise error
 
 
-class Guard:
+class SigningGuard:
     """The signing of one front end, at the time of its clock; without any all passes as it is."""
 
     def __init__(self, signing: Signing | None, wall_time_us: Callable[[], int]) -> None:

@@ -31,7 +31,7 @@ class Identity:
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class FirstHeartbeat:
     """The first heartbeat of the vehicle's autopilot."""
 
     autopilot: int
@@ -46,26 +46,26 @@ class StateChanged:
 
 
 @dataclass(frozen=True, slots=True)
-class Lost:
+class VehicleLost:
     """No heartbeat for longer than the limit."""
 
     age_s: float
 
 
 @dataclass(frozen=True, slots=True)
-class Restored:
+class VehicleRestored:
     """It is heard again after it was lost."""
 
     silent_s: float
 
 
 @dataclass(frozen=True, slots=True)
-class Rebooted:
+class VehicleRebooted:
     """Its clock went back: whatever was set on it may be gone."""
 
 
 @dataclass(frozen=True, slots=True)
-class Text:
+class StatusText:
     """A STATUSTEXT."""
 
     severity: int
@@ -83,4 +83,12 @@ class ProcedureDone:
     """of a swap: for how long the vehicle held or stood still in the air for it, by its own clock"""
 
 
-SessionEvent = Heard | StateChanged | Lost | Restored | Rebooted | Text | ProcedureDone
+SessionEvent = (
+    FirstHeartbeat
+    | StateChanged
+    | VehicleLost
+    | VehicleRestored
+    | VehicleRebooted
+    | StatusText
+    | ProcedureDone
+)

@@ -11,19 +11,19 @@ from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.dialects import Dialect, Unsupported, dialect_for
 from swarmctl.mavlink.events import (
-    Heard,
+    FirstHeartbeat,
     Identity,
-    Lost,
     ProcedureDone,
-    Rebooted,
-    Restored,
     SessionEvent,
     StateChanged,
-    Text,
+    StatusText,
+    VehicleLost,
+    VehicleRebooted,
+    VehicleRestored,
 )
 from swarmctl.mavlink.procedures.basic import Done, Swapped
 from swarmctl.mavlink.protocol.codec import Message
-from swarmctl.mavlink.protocol.conversation import IllegalEvent, Peer
+from swarmctl.mavlink.protocol.conversation import IllegalEvent, MavlinkPeer
 from swarmctl.mavlink.protocol.procedure import Context, Driver, Procedure
 from swarmctl.mavlink.telemetry.mission_watch import MissionWatch
 from swarmctl.mavlink.telemetry.presence import LinkState, Presence, is_vehicle_heartbeat
@@ -56,7 +56,7 @@ WANTED = frozenset(
 """ids of the messages a session looks at; everything else need not be decoded"""
 
 
-class Step(NamedTuple):
+class SessionStep(NamedTuple):
     """What one input led to."""
 
     messages: list[Message]
@@ -66,7 +66,9 @@ class Step(NamedTuple):
 class Session:
     """One vehicle. Every input returns the messages to send and what there is to report."""
 
-    def __init__(self, peer: Peer, lost_after_s: float = 5.0, streaming: Streaming | None = None) -> None:
+    def __init__(
+        self, peer: MavlinkPeer, lost_after_s: float = 5.0, streaming: Streaming | None = None
+    ) -> None:
         self.peer = peer
         self.unsupported: str | None = None
         """why this vehicle cannot be flown, once its heartbeat has told what it is"""
@@ -76,9 +78,9 @@ class Session:
         self._streaming = streaming or Streaming()
         self._context: Context | None = None
         self._streams: StreamKeeper | None = None
-        self._heard: Heard | None = None
+        self._heartbeat: FirstHeartbeat | None = None
         self._mission: MissionWatch | None = None
-        self._has_another = False
+        self._other_mission = False
         """somebody else has put a mission on it"""
         self._driver: Driver[Any] | None = None
         self._procedure_name = ""
@@ -100,7 +102,7 @@ class Session:
 
     @property
     def items(self) -> tuple[MissionItem, ...]:
-        return () if self._context is None else self._context.on_vehicle
+        return () if self._context is None else self._context.verified_items
 
     @property
     def busy_with(self) -> str | None:
@@ -109,14 +111,14 @@ class Session:
     @property
     def autopilot(self) -> int:
         """MAV_AUTOPILOT, by its last heartbeat. Raises IllegalEvent before the first."""
-        if self._heard is None:
+        if self._heartbeat is None:
             raise IllegalEvent("autopilot before the first heartbeat")
-        return self._heard.autopilot
+        return self._heartbeat.autopilot
 
     @property
     def dialect(self) -> Dialect:
         """Raises IllegalEvent before the first heartbeat."""
-        return self._known().dialect
+        return self._require_context().dialect
 
     def mission_items(self, plan: FlightPlan) -> tuple[MissionItem, ...]:
         """The plan as this vehicle's mission. Raises ValueError for one that cannot be flown."""
@@ -127,12 +129,16 @@ class Session:
 
     def identity(self, version: Message) -> Identity:
         """Who it is, by its heartbeat and this AUTOPILOT_VERSION."""
-        if self._heard is None:
+        if self._heartbeat is None:
             raise IllegalEvent("identity before the first heartbeat")
         number = int(version.flight_sw_version)
         firmware = f"{self.dialect.name} {number >> 24}.{number >> 16 & 0xFF}.{number >> 8 & 0xFF}"
         return Identity(
-            self.peer.sysid, self._heard.autopilot, self._heard.vehicle_type, firmware, bytes(version.uid2)
+            self.peer.sysid,
+            self._heartbeat.autopilot,
+            self._heartbeat.vehicle_type,
+            firmware,
+            bytes(version.uid2),
         )
 
     @property
@@ -143,8 +149,8 @@ class Session:
 
     # What happens
 
-    def receive(self, message: Message, now: float) -> Step:
-        step = Step([], [])
+    def receive(self, message: Message, now: float) -> SessionStep:
+        step = SessionStep([], [])
         if (message.get_srcSystem(), message.get_srcComponent()) != (self.peer.sysid, self.peer.compid):
             return step
         is_heartbeat = message.get_type() == "HEARTBEAT"
@@ -153,7 +159,7 @@ class Session:
         silent_s = self._on_heartbeat(message, now, step) if is_heartbeat else None
         if self._context is None:
             if silent_s is not None:
-                step.events.append(Restored(silent_s))
+                step.events.append(VehicleRestored(silent_s))
             return step
         self._fold(self._context, message, now, step, silent_s)
         if self._driver is not None:
@@ -161,10 +167,10 @@ class Session:
             self._report_end(step)
         return step
 
-    def tick(self, now: float) -> Step:
-        step = Step([], [])
+    def tick(self, now: float) -> SessionStep:
+        step = SessionStep([], [])
         if self._presence.tick(now):
-            step.events.append(Lost(self._presence.age_s(now)))
+            step.events.append(VehicleLost(self._presence.age_s(now)))
         if self._streams is not None:
             step.messages.extend(self._streams.tick(now))
         if self._driver is not None:
@@ -174,54 +180,54 @@ class Session:
             step.messages.extend(self._mission.tick(self.state.mission_seq, now))
         return step
 
-    def begin(self, name: str, procedure: Callable[[Context], Procedure[Any]], now: float) -> Step:
+    def begin(self, name: str, procedure: Callable[[Context], Procedure[Any]], now: float) -> SessionStep:
         """Start a procedure. Raises IllegalEvent while another runs or before the first heartbeat."""
         if self._driver is not None:
             raise IllegalEvent(f"{name} while {self._procedure_name} runs")
-        context = self._known()
+        context = self._require_context()
         self._procedure_name = name
         self._driver = Driver(procedure(context), context)
-        step = Step(self._driver.start(now), [])
+        step = SessionStep(self._driver.start(now), [])
         self._report_end(step)
         return step
 
-    def cancel(self, now: float) -> Step:
+    def cancel(self, now: float) -> SessionStep:
         """Stop the running procedure, if any, telling the vehicle where it has to know."""
-        step = Step([], [])
+        step = SessionStep([], [])
         if self._driver is not None:
             step.messages.extend(self._driver.cancel(now))
             self._driver = None
-            self._known().interrupted = True
+            self._require_context().interrupted = True
             self._own_procedure_ended(now)
             step.events.append(ProcedureDone(self._procedure_name, "cancelled"))
         return step
 
-    def keep_streams(self, now: float) -> Step:
+    def keep_streams(self, now: float) -> SessionStep:
         """Ask for telemetry from now on, again whenever it stays away."""
-        self._known()
+        self._require_context()
         if self._streams is not None and self._streams.next_deadline is None:
             self._streams.demand(now)
-            return Step(self._streams.tick(now), [])
-        return Step([], [])
+            return SessionStep(self._streams.tick(now), [])
+        return SessionStep([], [])
 
-    def _on_heartbeat(self, message: Message, now: float, step: Step) -> float | None:
+    def _on_heartbeat(self, message: Message, now: float, step: SessionStep) -> float | None:
         """How long it had been lost, if it was [s]."""
         silent_s = self._presence.age_s(now)
-        before = self._presence.heard(now)
-        heard = Heard(int(message.autopilot), int(message.type))
+        before = self._presence.on_heartbeat(now)
+        heartbeat = FirstHeartbeat(int(message.autopilot), int(message.type))
         if before is LinkState.NEVER_HEARD:
-            step.events.append(heard)
-            self._get_to_know(heard)
-        self._heard = heard
+            step.events.append(heartbeat)
+            self._identify(heartbeat)
+        self._heartbeat = heartbeat
         if before is not LinkState.LOST:
             return None
         if self._streams is not None and self._streams.next_deadline is not None:
             self._streams.demand(now + AFTER_SILENCE_S)
         return silent_s
 
-    def _get_to_know(self, heard: Heard) -> None:
+    def _identify(self, heartbeat: FirstHeartbeat) -> None:
         try:
-            dialect = dialect_for(heard.autopilot, heard.vehicle_type)
+            dialect = dialect_for(heartbeat.autopilot, heartbeat.vehicle_type)
         except Unsupported as error:
             self.unsupported = str(error)
             return
@@ -232,63 +238,63 @@ class Session:
         self._mission = MissionWatch(self.peer, dialect)
 
     def _fold(
-        self, context: Context, message: Message, now: float, step: Step, silent_s: float | None
+        self, context: Context, message: Message, now: float, step: SessionStep, silent_s: float | None
     ) -> None:
         telemetry = context.telemetry
         texts, reboots = telemetry.n_texts, telemetry.reboots
         context.now = now
         snapshot = telemetry.receive(message, now) | self._watch_mission(context, message, now)
-        step.events.extend(Text(severity, text) for severity, text in telemetry.texts_since(texts))
+        step.events.extend(StatusText(severity, text) for severity, text in telemetry.texts_since(texts))
         if telemetry.reboots != reboots:
-            step.events.append(Rebooted())
-            context.on_vehicle, self._has_another = (), False
+            step.events.append(VehicleRebooted())
+            context.verified_items, self._other_mission = (), False
             self._own_procedure_ended(now)
             if self._streams is not None and self._streams.next_deadline is not None:
                 self._streams.demand(now)
                 step.messages.extend(self._streams.tick(now))
         if self._streams is not None:
-            self._streams.saw(message.get_msgId(), now)
+            self._streams.on_message(message.get_msgId(), now)
         if silent_s is not None:
             # Whoever hears of it decides by the state that follows: it must be that of this heartbeat.
-            step.events.append(Restored(silent_s))
+            step.events.append(VehicleRestored(silent_s))
         if snapshot or silent_s is not None:
             step.events.append(StateChanged(telemetry.state))
 
     def _watch_mission(self, context: Context, message: Message, now: float) -> bool:
         """Whether it is seen now that another mission is on it, or that it is ours again."""
         assert self._mission is not None
-        if context.on_vehicle and self._has_another:
-            return self._tell_another(context, False)
+        if context.verified_items and self._other_mission:
+            return self._report_other_mission(context, False)
         if self._driver is not None:
-            self._mission.hear(message)
+            self._mission.receive_own_transfer(message)
             return False
-        if not self._mission.is_another(message, now):
+        if not self._mission.shows_other_mission(message, now):
             return False
-        context.on_vehicle = ()
+        context.verified_items = ()
         self._own_procedure_ended(now)
-        return self._tell_another(context, True)
+        return self._report_other_mission(context, True)
 
     def _own_procedure_ended(self, now: float) -> None:
         assert self._mission is not None
-        self._mission.own_procedure_ended(self._known().on_vehicle, now)
+        self._mission.own_procedure_ended(self._require_context().verified_items, now)
 
-    def _tell_another(self, context: Context, is_so: bool) -> bool:
-        self._has_another = is_so
+    def _report_other_mission(self, context: Context, is_so: bool) -> bool:
+        self._other_mission = is_so
         context.telemetry.holds_another_mission(is_so)
         return True
 
-    def _report_end(self, step: Step) -> None:
+    def _report_end(self, step: SessionStep) -> None:
         if self._driver is None or self._driver.result is None:
             return
-        self._own_procedure_ended(self._known().now)
+        self._own_procedure_ended(self._require_context().now)
         self.result = self._driver.result
         self._driver = None
-        self._known().interrupted = False
+        self._require_context().interrupted = False
         failure = self.result.failure if isinstance(self.result, Done) else None
-        stood_s = self.result.stood_still_s if isinstance(self.result, Swapped) else None
-        step.events.append(ProcedureDone(self._procedure_name, failure, stood_s))
+        stood_still_s = self.result.stood_still_s if isinstance(self.result, Swapped) else None
+        step.events.append(ProcedureDone(self._procedure_name, failure, stood_still_s))
 
-    def _known(self) -> Context:
+    def _require_context(self) -> Context:
         if self._context is None:
             raise IllegalEvent(f"system {self.peer.sysid} is unknown: no usable heartbeat heard yet")
         return self._context

@@ -20,7 +20,7 @@ from swarmctl.flight.wiring import VIRTUAL_EPOCH_NS
 from swarmctl.links.base import FramesRefused
 from swarmctl.links.refusals import REPEAT_S, Refusals
 from swarmctl.links.signing import AHEAD, LATE, OTHER_KEY, REPEATED, TICKS_PER_S, UNSIGNED, ticks
-from swarmctl.report.evidence.book import FILE_NAME
+from swarmctl.report.evidence.file import FILE_NAME
 from swarmctl.security.mavlink_key import TimestampFile
 
 KEY, OTHER = bytes(range(32)), bytes(31) + b"x"

@@ -51,7 +51,7 @@ def test_the_text_of_a_boot_is_no_message_and_no_vehicle():
     text = [piece for piece in data if piece[:1] != b"\xfd"]
     assert len(text) == 9
     assert b"".join(text).startswith(b"\n\nInit ArduCopter")
-    assert {type(e).__name__ for e in bench.events[events:]} <= {"Rebooted", "StateChanged", "Text"}
+    assert {type(e).__name__ for e in bench.events[events:]} <= {"VehicleRebooted", "StateChanged", "StatusText"}
     stream = FrameSplitter().feed(b"".join(data))  # as over a serial line
     assert len(stream) == len(data) - len(text)
     assert {frame.sysid for frame in stream} == {1}

@@ -6,7 +6,7 @@ import pytest
 from flying_bench import Faults, FlyingBench, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.base import Behaviour
+from sim_vehicle.vehicle.behaviour import Behaviour
 from swarmctl.mavlink.procedures import basic
 
 OLD, NEW = plan(north=8), plan(north=5, east=0.001)

@@ -9,7 +9,7 @@ from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
 from swarmctl.core.vehicle import Landed
 from swarmctl.mavlink.dialects import Readiness, Unsupported, dialect_for
 from swarmctl.mavlink.events import (
-    Heard,
+    FirstHeartbeat,
     Identity,
     StateChanged,
     StatusText,
@@ -353,7 +353,7 @@ def told(session: Session, now: float, *messages) -> list:
 def test_a_session_reports_a_closed_list_of_events():
     session = Session(MavlinkPeer(1))
     first = told(session, 0.0, heartbeat(0))
-    assert first == [Heard(3, 2), StateChanged(session.state)]
+    assert first == [FirstHeartbeat(3, 2), StateChanged(session.state)]
     assert told(session, 0.5, text("Init", 6)) == [StatusText(6, "Init")]
     assert told(session, 1.0, position()) == [StateChanged(session.state)]
     assert session.next_deadline == 5.0

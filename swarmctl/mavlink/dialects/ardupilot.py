@@ -13,9 +13,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.mavlink.dialects.base import Readiness
-from swarmctl.mavlink.dialects.plan import LAND, TAKEOFF, WAYPOINT, differences, item_at, track_to_land
+from swarmctl.mavlink.dialects.plan import LAND, TAKEOFF, WAYPOINT, copter_track, differences, item_at
 from swarmctl.mavlink.protocol.command import Command, CommandResult
-from swarmctl.mavlink.protocol.conversation import Conversation, Peer
+from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
 
 RELATIVE = int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT)
 HOME = MissionItem(WAYPOINT, int(mavlink.MAV_FRAME_GLOBAL), 0, 0, 0.0)
@@ -72,9 +72,9 @@ class ArduPilot:
     uncounted_items = 1
     upload_timeout_s = 9.0
     """it gives a transfer up after 8 s without an item"""
-    uploads_at_once = False
+    uploads_atomically = False
     brakes_m_s2: float | None = None
-    tells_single_items = True
+    serves_single_items = True
     lands_at_nearest = True
     may_lack_rally = True
     start_mission: tuple[int, tuple[float, ...]] = (int(mavlink.MAV_CMD_MISSION_START), ())
@@ -107,7 +107,7 @@ class ArduPilot:
             sent, found, first, lambda seq, a, b: a.command == b.command if seq == 0 else self._same(a, b)
         )
 
-    def set_current(self, peer: Peer, seq: int, attempt: int) -> Conversation[CommandResult]:
+    def set_current(self, peer: MavlinkPeer, seq: int, attempt: int) -> Conversation[CommandResult]:
         return Command(peer, mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, float(seq), confirmation=attempt)
 
     def _same(self, sent: MissionItem, found: MissionItem) -> bool:
@@ -138,7 +138,7 @@ class ArduCopter(ArduPilot):
 
     def mission_items(self, plan: FlightPlan, start: LatLon | None = None) -> tuple[MissionItem, ...]:
         """Home placeholder, take-off where it stands, waypoints, landing."""
-        track = track_to_land(plan)
+        track = copter_track(plan)
         takeoff = MissionItem(TAKEOFF, RELATIVE, 0, 0, plan.takeoff_alt_m)
         waypoints = (item_at(WAYPOINT, RELATIVE, point, point.alt_rel_m) for point in track)
         return (HOME, takeoff, *waypoints, item_at(LAND, RELATIVE, plan.landing, 0.0))

@@ -18,8 +18,8 @@ from swarmctl.mavlink.dialects.plan import (
     LOITER_TO_ALT,
     TAKEOFF,
     WAYPOINT,
-    approaches,
     item_at,
+    plane_approaches,
 )
 
 CLIMB_PITCH_DEG = 15.0
@@ -54,7 +54,7 @@ class ArduPlane(ArduPilot):
         The last is flown only when it returns: RTL looks for the DO_LAND_START that is nearest to home. As
         each landing begins with one, an order to land leads to that which is nearest to the vehicle.
         """
-        at_goal, at_home = approaches(plan)
+        at_goal, at_home = plane_approaches(plan)
         # It climbs straight on whatever the place says (`Plane::do_takeoff`).
         takeoff = MissionItem(TAKEOFF, RELATIVE, 0, 0, plan.takeoff_alt_m, param1=CLIMB_PITCH_DEG)
         return (

@@ -9,7 +9,7 @@ from typing import Protocol
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.mavlink.protocol.command import CommandResult
-from swarmctl.mavlink.protocol.conversation import Conversation, Peer
+from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
 
 
 class Unsupported(Exception):
@@ -93,7 +93,7 @@ class Dialect(Protocol):
         """How long after the last message of a broken upload the vehicle has surely given it up."""
 
     @property
-    def uploads_at_once(self) -> bool:
+    def uploads_atomically(self) -> bool:
         """A new mission takes the old one's place when it is complete; else item by item, and the flight
         follows at once."""
 
@@ -103,7 +103,7 @@ class Dialect(Protocol):
         turns to that at once."""
 
     @property
-    def tells_single_items(self) -> bool:
+    def serves_single_items(self) -> bool:
         """Items of its mission to whoever asks, outside of a transfer too."""
 
     @property
@@ -132,5 +132,5 @@ class Dialect(Protocol):
         `first`: the place of the first of them in the vehicle's list.
         """
 
-    def set_current(self, peer: Peer, seq: int, attempt: int) -> Conversation[CommandResult]:
+    def set_current(self, peer: MavlinkPeer, seq: int, attempt: int) -> Conversation[CommandResult]:
         """One try (`attempt` 0 is the first) to make an item the one that is flown."""

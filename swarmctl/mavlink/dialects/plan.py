@@ -20,7 +20,7 @@ LOITER_TO_ALT = int(mavlink.MAV_CMD_NAV_LOITER_TO_ALT)
 JUMP = int(mavlink.MAV_CMD_DO_JUMP)
 
 
-def track_to_land(plan: FlightPlan) -> tuple[Waypoint, ...]:
+def copter_track(plan: FlightPlan) -> tuple[Waypoint, ...]:
     """The waypoints of a plan; the last is at the altitude from which it comes down.
 
     NAV_LAND flies to its place at the altitude the vehicle has, so a waypoint sets that altitude where the
@@ -35,7 +35,7 @@ def track_to_land(plan: FlightPlan) -> tuple[Waypoint, ...]:
     return track
 
 
-def approaches(plan: FlightPlan) -> tuple[Approach, Approach]:
+def plane_approaches(plan: FlightPlan) -> tuple[Approach, Approach]:
     """Of a fixed wing's plan those to its goal and to where it took off. Raises ValueError for a plan that
     cannot be flown."""
     if plan.approach is None or plan.home_approach is None:
@@ -56,7 +56,9 @@ def item_at(command: int, frame: int, point: Waypoint, alt_m: float) -> MissionI
     return MissionItem(command, frame, round(point.lat_deg * 1e7), round(point.lon_deg * 1e7), alt_m)
 
 
-def behind(flown: Sequence[MissionItem], items: Sequence[MissionItem], first: int) -> tuple[MissionItem, ...]:
+def append_items(
+    flown: Sequence[MissionItem], items: Sequence[MissionItem], first: int
+) -> tuple[MissionItem, ...]:
     """A list of `flown`, and behind it those of another list from `first` on, whose jumps lead where they led
     to there."""
     shift = len(flown) - first

@@ -14,9 +14,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
 from swarmctl.mavlink.dialects.base import Readiness
-from swarmctl.mavlink.dialects.plan import LAND, TAKEOFF, WAYPOINT, differences, item_at, track_to_land
+from swarmctl.mavlink.dialects.plan import LAND, TAKEOFF, WAYPOINT, copter_track, differences, item_at
 from swarmctl.mavlink.protocol.command import CommandResult
-from swarmctl.mavlink.protocol.conversation import Conversation, Peer
+from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
 from swarmctl.mavlink.protocol.mission_current import SetCurrent
 
 _AUTO = 4
@@ -82,8 +82,8 @@ class Px4:
     uncounted_items = 0
     upload_timeout_s = 6.0
     """it gives a transfer up after 5 s without an item, without a word of the protocol"""
-    uploads_at_once = True
-    tells_single_items = False
+    uploads_atomically = True
+    serves_single_items = False
     """it complains to all who listen"""
 
     @property
@@ -115,7 +115,7 @@ class Px4:
         """Everything is kept as sent, but for frames, which are read back by their `_INT` numbers."""
         return differences(sent, found, first, lambda _seq, a, b: _same(a, b))
 
-    def set_current(self, peer: Peer, seq: int, attempt: int) -> Conversation[CommandResult]:
+    def set_current(self, peer: MavlinkPeer, seq: int, attempt: int) -> Conversation[CommandResult]:
         """By message: MAV_CMD_DO_SET_MISSION_CURRENT is unsupported."""
         return SetCurrent(peer, seq)
 
@@ -137,7 +137,7 @@ class Px4Copter(Px4):
         None says a heading (param4): with 0 it would fly its whole mission facing north, and would not be at
         a waypoint before it does (`MissionBlock::is_mission_item_reached_or_completed`).
         """
-        track = track_to_land(plan)
+        track = copter_track(plan)
         if start is None:
             raise ValueError("take-off: expected the place where the vehicle stands, which it has not told")
         up = Waypoint(*start, plan.takeoff_alt_m)

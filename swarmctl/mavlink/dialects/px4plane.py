@@ -18,8 +18,8 @@ from swarmctl.mavlink.dialects.plan import (
     LOITER_TO_ALT,
     TAKEOFF,
     WAYPOINT,
-    approaches,
     item_at,
+    plane_approaches,
 )
 from swarmctl.mavlink.dialects.px4 import RELATIVE, Px4
 
@@ -54,7 +54,7 @@ class Px4Plane(Px4):
         mode it is not disarmed (`MissionBase::advance_mission`, `Commander::handleAutoDisarm`): from home's
         landing a jump leads to the last item, a landing, with which one that stands is done at once.
         """
-        at_goal, at_home = approaches(plan)
+        at_goal, at_home = plane_approaches(plan)
         # It climbs out along the line to the take-off's place.
         toward = plan.track[0]
         takeoff = item_at(TAKEOFF, RELATIVE, toward, plan.takeoff_alt_m)
@@ -85,7 +85,7 @@ def _flown(plan: FlightPlan) -> Iterator[Waypoint]:
 
 def _beyond(plan: FlightPlan) -> Waypoint:
     """The last waypoint, moved on along its leg."""
-    goal, way = plan.track[-1], plan.way
+    goal, way = plan.track[-1], plan.waypoints
     if len(way) < 2:
         return goal
     frame = LocalFrame(goal.lat_deg, goal.lon_deg)

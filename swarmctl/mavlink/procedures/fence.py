@@ -14,8 +14,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.procedures.basic import Done
-from swarmctl.mavlink.procedures.guarded import accepted, command
-from swarmctl.mavlink.procedures.verified_upload import UPLOAD_TRIES, read_back, verified
+from swarmctl.mavlink.procedures.guarded import command, send_acknowledged
+from swarmctl.mavlink.procedures.verified_upload import UPLOAD_TRIES, read_back, upload_verified
 from swarmctl.mavlink.protocol.mission_download import DownloadResult
 from swarmctl.mavlink.protocol.mission_upload import Upload
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
@@ -71,8 +71,8 @@ def put_fence(ctx: Context, items: tuple[MissionItem, ...]) -> Procedure[Done]:
     def differences(found: tuple[MissionItem, ...]) -> tuple[str, ...]:
         return fence_differences(items, found)
 
-    placed = yield from verified(ctx, upload, differences, UPLOAD_TRIES)
-    return Done(placed.failure)
+    uploaded = yield from upload_verified(ctx, upload, differences, UPLOAD_TRIES)
+    return Done(uploaded.failure)
 
 
 def enforce_fence(ctx: Context) -> Procedure[Done]:
@@ -84,7 +84,7 @@ def enforce_fence(ctx: Context) -> Procedure[Done]:
     """
     if ctx.state.armed:
         return Done("it is armed; its fence is enabled on the ground, disarmed")
-    return Done((yield from accepted(ctx, command(ctx, mavlink.MAV_CMD_DO_FENCE_ENABLE, (1.0,)))))
+    return Done((yield from send_acknowledged(ctx, command(ctx, mavlink.MAV_CMD_DO_FENCE_ENABLE, (1.0,)))))
 
 
 def read_fence(ctx: Context) -> Procedure[DownloadResult]:

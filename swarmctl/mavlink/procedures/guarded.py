@@ -14,7 +14,7 @@ from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.protocol.command import Command, CommandOutcome, CommandResult
 from swarmctl.mavlink.protocol.conversation import Conversation
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
-from swarmctl.mavlink.protocol.wait import Look, wait
+from swarmctl.mavlink.protocol.wait import RequestUntil, wait
 
 HEARTBEAT_WAIT_S = 5.0
 """a heartbeat a second and one for every request, and several may be lost"""
@@ -23,59 +23,59 @@ TRIES = 5
 """of a command that is not answered"""
 WARNING = int(mavlink.MAV_SEVERITY_WARNING)
 
-Seen = Callable[[VehicleState], bool]
-Order = Callable[[int], Conversation[CommandResult]]
+StateCondition = Callable[[VehicleState], bool]
+CommandFactory = Callable[[int], Conversation[CommandResult]]
 """One try to have something done; called with how often it was tried before."""
 
 
-class HandsOff(Exception):
+class NotInControl(Exception):
     """The vehicle is not as this procedure left it, or does not say: nothing more may be commanded."""
 
 
-class Theirs(HandsOff):
+class TakenOver(NotInControl):
     """A heartbeat shows a mode, or an arming, that somebody else has chosen."""
 
 
-def in_modes(modes: Set[str], *, armed: bool | None = None) -> Seen:
+def in_modes(modes: Set[str], *, armed: bool | None = None) -> StateCondition:
     """Its mode is one of `modes`, and it is armed or disarmed where that is said."""
     return lambda s: s.mode in modes and armed in (None, s.armed)
 
 
-def foreign(state: VehicleState) -> str:
+def describe_takeover(state: VehicleState) -> str:
     """For people: what the vehicle does that was not asked of it."""
     arming = "armed" if state.armed else "disarmed"
     return f"its mode is {state.mode}, {arming}: set by its pilot, its failsafe or another station"
 
 
-def look(ctx: Context, expected: Seen) -> Procedure[None]:
-    """See in a heartbeat younger than this call that the vehicle is as `expected`. Raises HandsOff."""
-    if not (yield Look(ctx.peer, lambda: True, HEARTBEAT_WAIT_S)):
-        raise HandsOff(f"no heartbeat for {HEARTBEAT_WAIT_S:g} s that would tell who flies it")
+def confirm_state(ctx: Context, expected: StateCondition) -> Procedure[None]:
+    """See in a heartbeat younger than this call that the vehicle is as `expected`. Raises NotInControl."""
+    if not (yield RequestUntil(ctx.peer, lambda: True, HEARTBEAT_WAIT_S)):
+        raise NotInControl(f"no heartbeat for {HEARTBEAT_WAIT_S:g} s that would tell who flies it")
     if not expected(ctx.state):
-        raise Theirs(foreign(ctx.state))
+        raise TakenOver(describe_takeover(ctx.state))
 
 
-def command(ctx: Context, number: int, params: Sequence[float] = ()) -> Order:
+def command(ctx: Context, number: int, params: Sequence[float] = ()) -> CommandFactory:
     """A MAV_CMD as an order."""
     return lambda attempt: Command(ctx.peer, number, *params, confirmation=attempt)
 
 
 def set_mode(
-    ctx: Context, mode: str, before: Seen, *, armed: bool | None = None, at_once: bool = False
+    ctx: Context, mode: str, before: StateCondition, *, armed: bool | None = None, at_once: bool = False
 ) -> Procedure[str | None]:
-    """`guarded` for a change of mode; nothing is sent where it is in `mode` already."""
+    """`send_guarded` for a change of mode; nothing is sent where it is in `mode` already."""
     order = command(ctx, mavlink.MAV_CMD_DO_SET_MODE, ctx.dialect.mode_params(mode))
     after = in_modes({mode}, armed=armed)
-    return (yield from guarded(ctx, order, before, after, skip_if_done=True, at_once=at_once))
+    return (yield from send_guarded(ctx, order, before, after, skip_if_done=True, at_once=at_once))
 
 
-def guarded(
+def send_guarded(
     ctx: Context,
-    order: Order,
-    before: Seen,
-    after: Seen,
+    order: CommandFactory,
+    before: StateCondition,
+    after: StateCondition,
     *,
-    seen: Seen | None = None,
+    seen: StateCondition | None = None,
     wait_s: float = HEARTBEAT_WAIT_S,
     skip_if_done: bool = False,
     at_once: bool = False,
@@ -85,7 +85,7 @@ def guarded(
     It goes out, and out again while unanswered, only where a new heartbeat shows the vehicle as `before`.
     `after` is how the command leaves it, `seen` what is waited for in the end (default: `after`).
     `skip_if_done`: where it is as `after` already nothing is sent. `at_once`: the first time it goes out
-    unseen. Raises HandsOff where a heartbeat shows neither `before` nor `after`, or none comes.
+    unseen. Raises NotInControl where a heartbeat shows neither `before` nor `after`, or none comes.
     """
     texts_before = ctx.telemetry.n_texts
     ours = _either(before, after)
@@ -94,7 +94,7 @@ def guarded(
     for attempt in range(TRIES):
         if attempt or not at_once:
             sent_or_needless = attempt > 0 or skip_if_done
-            yield from look(ctx, ours if sent_or_needless else before)
+            yield from confirm_state(ctx, ours if sent_or_needless else before)
             done = sent_or_needless and after(ctx.state)
             if done:
                 break
@@ -111,13 +111,15 @@ def guarded(
     return _failure(ctx, result, texts_before)
 
 
-def accepted(ctx: Context, order: Order, before: Seen | None = None) -> Procedure[str | None]:
+def send_acknowledged(
+    ctx: Context, order: CommandFactory, before: StateCondition | None = None
+) -> Procedure[str | None]:
     """Give an order of which only its acknowledgement tells; returns the failure. Where `before` is given, it
-    goes out only while a new heartbeat shows the vehicle so, as of `guarded`. Raises HandsOff."""
+    goes out only while a new heartbeat shows the vehicle so, as of `send_guarded`. Raises NotInControl."""
     failure: str | None = "not tried"
     for attempt in range(TRIES):
         if before is not None:
-            yield from look(ctx, before)
+            yield from confirm_state(ctx, before)
         result: CommandResult = yield order(attempt)
         failure = None if result.outcome is CommandOutcome.ACCEPTED else result.text
         if result.final:
@@ -125,16 +127,16 @@ def accepted(ctx: Context, order: Order, before: Seen | None = None) -> Procedur
     return failure
 
 
-def _see(ctx: Context, ours: Seen, seen: Seen, wait_s: float) -> Procedure[bool]:
-    yield Look(ctx.peer, lambda: seen(ctx.state) or not ours(ctx.state), wait_s)
+def _see(ctx: Context, ours: StateCondition, seen: StateCondition, wait_s: float) -> Procedure[bool]:
+    yield RequestUntil(ctx.peer, lambda: seen(ctx.state) or not ours(ctx.state), wait_s)
     if seen(ctx.state):
         return True
     if not ours(ctx.state):
-        raise Theirs(foreign(ctx.state))
+        raise TakenOver(describe_takeover(ctx.state))
     return False
 
 
-def _either(one: Seen, other: Seen) -> Seen:
+def _either(one: StateCondition, other: StateCondition) -> StateCondition:
     return lambda s: one(s) or other(s)
 
 

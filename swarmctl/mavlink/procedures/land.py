@@ -11,20 +11,29 @@ from swarmctl.core.geo import distance_m
 from swarmctl.core.mission import MissionItem
 from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.mavlink.dialects.plan import JUMP, LAND, LAND_START, LOITER_TO_ALT
-from swarmctl.mavlink.procedures.guarded import HandsOff, Seen, command, guarded, in_modes, set_mode
+from swarmctl.mavlink.procedures.guarded import (
+    NotInControl,
+    StateCondition,
+    command,
+    in_modes,
+    send_guarded,
+    set_mode,
+)
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 
 
-def land_by_mission(ctx: Context, land_command: int, *, looks_first: bool = False) -> Procedure[str | None]:
+def land_by_mission(
+    ctx: Context, land_command: int, *, check_mode_first: bool = False
+) -> Procedure[str | None]:
     """Have it fly to its nearest landing and land there, unless it does so; returns the failure.
 
     On the ground it is disarmed, for a landing begins with a flight to it.
     """
     dialect = ctx.dialect
-    may_hold = {dialect.hold_mode} if ctx.interrupted or not looks_first else set()
+    may_hold = {dialect.hold_mode} if ctx.interrupted or not check_mode_first else set()
     modes = {dialect.mission_mode, dialect.return_mode, ctx.state.mode} | may_hold
     ours = in_modes(modes)
-    items = landing_items(ctx.on_vehicle)
+    items = landing_items(ctx.verified_items)
 
     def lands(state: VehicleState) -> bool:
         return state.mode == dialect.mission_mode and (not items or state.mission_seq in items)
@@ -32,30 +41,36 @@ def land_by_mission(ctx: Context, land_command: int, *, looks_first: bool = Fals
     try:
         if ctx.state.landed is Landed.ON_GROUND:
             disarm = command(ctx, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0.0,))
-            return (yield from guarded(ctx, disarm, ours, lambda s: not s.armed, skip_if_done=True))
+            return (yield from send_guarded(ctx, disarm, ours, lambda s: not s.armed, skip_if_done=True))
         if items and lands(ctx.state):
             return None  # told once more, it would go around again
         if dialect.lands_at_nearest:
             order = command(ctx, land_command)
-            return (yield from guarded(ctx, order, ours, lands, at_once=not looks_first))
-        begins = nearest_landing(ctx.on_vehicle, ctx.state)
+            return (yield from send_guarded(ctx, order, ours, lands, at_once=not check_mode_first))
+        begins = nearest_landing(ctx.verified_items, ctx.state)
         if begins is not None:
-            return (yield from _from_item(ctx, begins, in_modes(modes, armed=True), looks_first=looks_first))
+            return (
+                yield from _from_item(
+                    ctx, begins, in_modes(modes, armed=True), check_mode_first=check_mode_first
+                )
+            )
         # That may arm it: never unseen.
         flies = in_modes(modes, armed=True)
-        return (yield from guarded(ctx, command(ctx, land_command), flies, lands))
-    except HandsOff as why:
+        return (yield from send_guarded(ctx, command(ctx, land_command), flies, lands))
+    except NotInControl as why:
         return str(why)
 
 
-def _from_item(ctx: Context, seq: int, ours: Seen, *, looks_first: bool) -> Procedure[str | None]:
+def _from_item(
+    ctx: Context, seq: int, ours: StateCondition, *, check_mode_first: bool
+) -> Procedure[str | None]:
     """Have it fly its mission from an item on."""
-    failure = yield from guarded(
+    failure = yield from send_guarded(
         ctx,
         lambda attempt: ctx.dialect.set_current(ctx.peer, seq, attempt),
         ours,
         lambda s: ours(s) and s.mission_seq == seq,
-        at_once=not looks_first,
+        at_once=not check_mode_first,
     )
     return failure or (yield from set_mode(ctx, ctx.dialect.mission_mode, ours, armed=True))
 
@@ -71,7 +86,7 @@ def landing_items(items: tuple[MissionItem, ...]) -> frozenset[int]:
     return frozenset(found)
 
 
-def is_out_of_turn(items: tuple[MissionItem, ...], seq: int) -> bool:
+def is_other_landing(items: tuple[MissionItem, ...], seq: int) -> bool:
     """Whether an item belongs to a landing and is not what the waypoints of the list lead to: the circle to
     which its jump leads."""
     leads_to = next((int(item.param1) for item in items if item.command == JUMP), None)

@@ -7,16 +7,23 @@ from collections.abc import Callable
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.vehicle import Landed, VehicleState
-from swarmctl.mavlink.procedures.guarded import HandsOff, Order, command, guarded, in_modes, set_mode
-from swarmctl.mavlink.procedures.set_current import make_current
+from swarmctl.mavlink.procedures.guarded import (
+    CommandFactory,
+    NotInControl,
+    command,
+    in_modes,
+    send_guarded,
+    set_mode,
+)
+from swarmctl.mavlink.procedures.set_current import ensure_current_item
 from swarmctl.mavlink.protocol.command import CommandResult
 from swarmctl.mavlink.protocol.conversation import Conversation
-from swarmctl.mavlink.protocol.outcome import Done, PutOff
+from swarmctl.mavlink.protocol.outcome import Done, LaunchBlocked
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 
 CLIMB_WAIT_S = 20.0
 """until it has left the ground"""
-InTheWay = Callable[[], str]
+BlockedBy = Callable[[], str]
 """Who is in the way of the take-off just now, in words; empty where nobody is."""
 
 
@@ -24,12 +31,12 @@ class _Blocked(Exception):
     """Somebody is in the way; nothing was sent."""
 
 
-def launch(ctx: Context, in_the_way: InTheWay = lambda: "") -> Procedure[Done]:
+def launch(ctx: Context, in_the_way: BlockedBy = lambda: "") -> Procedure[Done]:
     """Arm and start the mission that is on the vehicle; done when it leaves the ground.
 
     `in_the_way` is asked right before it is armed and right before it takes off.
     """
-    if not ctx.on_vehicle:
+    if not ctx.verified_items:
         return Done("no verified mission is on the vehicle; upload one first")
     if ctx.state.armed:
         return Done(f"it is armed already, in {ctx.state.mode}; nothing was sent")
@@ -38,13 +45,13 @@ def launch(ctx: Context, in_the_way: InTheWay = lambda: "") -> Procedure[Done]:
             return Done(failure)
         return (yield from _take_off(ctx, in_the_way))
     except _Blocked as why:
-        return PutOff(str(why))
-    except HandsOff as why:
+        return LaunchBlocked(str(why))
+    except NotInControl as why:
         return Done(str(why))
 
 
-def _armed(ctx: Context, in_the_way: InTheWay) -> Procedure[str | None]:
-    """At the beginning of its mission, in its hold mode. Raises HandsOff, and _Blocked before it arms it."""
+def _armed(ctx: Context, in_the_way: BlockedBy) -> Procedure[str | None]:
+    """At the beginning of its mission, in its hold mode. Raises NotInControl, and _Blocked before it arms it."""
     hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
     # After a landing it stands there in its mission mode.
     stands = in_modes({hold, mission}, armed=False)
@@ -53,25 +60,25 @@ def _armed(ctx: Context, in_the_way: InTheWay) -> Procedure[str | None]:
         return failure
     holds = in_modes({hold}, armed=False)
     if ctx.dialect.first_seq is not None:
-        failure = yield from make_current(ctx, ctx.dialect.first_seq, holds)
+        failure = yield from ensure_current_item(ctx, ctx.dialect.first_seq, holds)
         if failure:
             return f"it does not begin its mission at the beginning: {failure}"
     arm = command(ctx, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (1.0,))
     # An order to arm that is not answered may have been taken: it is seen through.
     arm = _unless(in_the_way, arm, tries=1)
-    failure = yield from guarded(ctx, arm, holds, in_modes({hold}, armed=True))
+    failure = yield from send_guarded(ctx, arm, holds, in_modes({hold}, armed=True))
     return f"it does not arm: {failure}" if failure else None
 
 
-def _take_off(ctx: Context, in_the_way: InTheWay) -> Procedure[Done]:
-    """Of one that is armed. Raises HandsOff."""
+def _take_off(ctx: Context, in_the_way: BlockedBy) -> Procedure[Done]:
+    """Of one that is armed. Raises NotInControl."""
     hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
     ground_m = ctx.state.alt_rel_m or 0.0
     started = in_modes({mission}, armed=True)
     start = _unless(in_the_way, command(ctx, *ctx.dialect.start_mission))
     blocked = ""
     try:
-        failure = yield from guarded(
+        failure = yield from send_guarded(
             ctx,
             start,
             in_modes({hold}, armed=True),
@@ -87,13 +94,13 @@ def _take_off(ctx: Context, in_the_way: InTheWay) -> Procedure[Done]:
         # Armed, on the ground and not going anywhere: an ordinary disarm, which a flying vehicle refuses.
         still, stands = (in_modes({hold, mission}, armed=armed) for armed in (True, False))
         disarm = command(ctx, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0.0,))
-        yield from guarded(ctx, disarm, still, stands, skip_if_done=True)
+        yield from send_guarded(ctx, disarm, still, stands, skip_if_done=True)
     if blocked and not ctx.state.armed:
-        return PutOff(blocked, was_armed=True)
+        return LaunchBlocked(blocked, was_armed=True)
     return Done(f"it does not take off: {failure}" + ("; and it does not disarm" if blocked else ""))
 
 
-def _unless(in_the_way: InTheWay, order: Order, tries: int | None = None) -> Order:
+def _unless(in_the_way: BlockedBy, order: CommandFactory, tries: int | None = None) -> CommandFactory:
     """An order that is not given while somebody is in the way: none of its first `tries`; None: never.
     Raises _Blocked."""
 

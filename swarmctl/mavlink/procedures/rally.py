@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.command import name_of
-from swarmctl.mavlink.protocol.conversation import Conversation, Peer
+from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 
 RALLY = int(mavlink.MAV_MISSION_TYPE_RALLY)
@@ -35,7 +35,7 @@ class CountRallyPoints(Conversation[RallyPoints]):
     REPEAT_S = 1.0
     TRIES = 12
 
-    def __init__(self, peer: Peer, *, may_lack: bool) -> None:
+    def __init__(self, peer: MavlinkPeer, *, may_lack: bool) -> None:
         super().__init__()
         self._peer = peer
         self._may_lack = may_lack
@@ -59,7 +59,7 @@ class CountRallyPoints(Conversation[RallyPoints]):
             return []
         if kind == "MISSION_COUNT":
             self._finish(RallyPoints(int(message.count)))
-            return self._farewell(now)
+            return self._closing_messages(now)
         if self._may_lack and message.type == mavlink.MAV_MISSION_UNSUPPORTED:
             self._finish(RallyPoints(0))
             return []
@@ -71,9 +71,9 @@ class CountRallyPoints(Conversation[RallyPoints]):
         if self._tries < self.TRIES:
             return self._ask(now)
         self._finish(RallyPoints(None, f"asked {self._tries} times for their number: {self._last_word}"))
-        return self._farewell(now)
+        return self._closing_messages(now)
 
-    def _farewell(self, now: float) -> list[Message]:
+    def _closing_messages(self, now: float) -> list[Message]:
         """PX4 would wait for the items to be asked for."""
         to = (self._peer.sysid, self._peer.compid)
         code = mavlink.MAV_MISSION_OPERATION_CANCELLED

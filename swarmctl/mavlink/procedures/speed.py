@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.mavlink.procedures.guarded import HandsOff, accepted, command, in_modes
+from swarmctl.mavlink.procedures.guarded import NotInControl, command, in_modes, send_acknowledged
 from swarmctl.mavlink.protocol.outcome import Done
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 
@@ -19,6 +19,6 @@ def set_speed(ctx: Context, speed_m_s: float) -> Procedure[Done]:
     params = float(ctx.dialect.speed_type), speed_m_s, NO_CHANGE
     order = command(ctx, mavlink.MAV_CMD_DO_CHANGE_SPEED, params)
     try:
-        return Done((yield from accepted(ctx, order, flies)))
-    except HandsOff as why:
+        return Done((yield from send_acknowledged(ctx, order, flies)))
+    except NotInControl as why:
         return Done(str(why))

@@ -13,7 +13,7 @@ from enum import Enum
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.protocol.codec import Message
-from swarmctl.mavlink.protocol.conversation import Conversation, Peer, State
+from swarmctl.mavlink.protocol.conversation import Conversation, ConversationState, MavlinkPeer
 
 
 class CommandOutcome(Enum):
@@ -41,7 +41,7 @@ class CommandResult:
         return self.outcome in (CommandOutcome.ACCEPTED, CommandOutcome.NO_ANSWER)
 
 
-def command_long(peer: Peer, command: int, params: Sequence[float], confirmation: int = 0) -> Message:
+def command_long(peer: MavlinkPeer, command: int, params: Sequence[float], confirmation: int = 0) -> Message:
     """COMMAND_LONG with missing parameters 0. Raises ValueError for a forced arming or disarming."""
     p = (*params, *(0.0,) * (7 - len(params)))
     _refuse_force(command, p)
@@ -75,7 +75,7 @@ class Command(Conversation[CommandResult]):
     """how long one IN_PROGRESS keeps us waiting"""
     IN_PROGRESS_LIMIT = 6
 
-    def __init__(self, peer: Peer, command: int, *params: float, confirmation: int = 0) -> None:
+    def __init__(self, peer: MavlinkPeer, command: int, *params: float, confirmation: int = 0) -> None:
         super().__init__()
         self._peer = peer
         self._command = command
@@ -100,8 +100,8 @@ class Command(Conversation[CommandResult]):
             self._end(CommandOutcome.ACCEPTED)
         elif code == mavlink.MAV_RESULT_IN_PROGRESS and self._in_progress < self.IN_PROGRESS_LIMIT:
             self._in_progress += 1
-            if self.state is State.WAITING:
-                self._enter(State.EXCHANGING)
+            if self.state is ConversationState.WAITING:
+                self._enter(ConversationState.EXCHANGING)
             self.next_deadline = now + self.IN_PROGRESS_S
         elif code == mavlink.MAV_RESULT_TEMPORARILY_REJECTED:
             # Not at once: the next try would hear the same.

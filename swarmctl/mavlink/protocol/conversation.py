@@ -16,18 +16,18 @@ from swarmctl.mavlink.protocol.codec import GCS_COMPID, GCS_SYSID, Message
 R = TypeVar("R")
 
 
-class State(Enum):
+class ConversationState(Enum):
     NEW = "new"
     WAITING = "waiting for the first answer"
     EXCHANGING = "exchanging"
     DONE = "done"
 
 
-TRANSITIONS: dict[State, frozenset[State]] = {
-    State.NEW: frozenset({State.WAITING, State.DONE}),
-    State.WAITING: frozenset({State.EXCHANGING, State.DONE}),
-    State.EXCHANGING: frozenset({State.DONE}),
-    State.DONE: frozenset(),
+TRANSITIONS: dict[ConversationState, frozenset[ConversationState]] = {
+    ConversationState.NEW: frozenset({ConversationState.WAITING, ConversationState.DONE}),
+    ConversationState.WAITING: frozenset({ConversationState.EXCHANGING, ConversationState.DONE}),
+    ConversationState.EXCHANGING: frozenset({ConversationState.DONE}),
+    ConversationState.DONE: frozenset(),
 }
 
 
@@ -36,7 +36,7 @@ class IllegalEvent(RuntimeError):
 
 
 @dataclass(frozen=True, slots=True)
-class Peer:
+class MavlinkPeer:
     """The vehicle a conversation is held with, and who holds it."""
 
     sysid: int
@@ -58,14 +58,14 @@ class Conversation(ABC, Generic[R]):
     """
 
     def __init__(self) -> None:
-        self.state = State.NEW
+        self.state = ConversationState.NEW
         self.result: R | None = None
         self.next_deadline: float | None = None
 
     def start(self, now: float) -> list[Message]:
-        if self.state is not State.NEW:
+        if self.state is not ConversationState.NEW:
             raise IllegalEvent(f"{type(self).__name__}: start while {self.state.value}")
-        self._enter(State.WAITING)
+        self._enter(ConversationState.WAITING)
         return self._begin(now)
 
     def receive(self, message: Message, now: float) -> list[Message]:
@@ -80,10 +80,10 @@ class Conversation(ABC, Generic[R]):
         """Stop; returns what the vehicle has to be told of it. `result` stays None."""
         if not self._is_running("cancel"):
             return []
-        farewell = self._farewell(now)
-        self._enter(State.DONE)
+        closing = self._closing_messages(now)
+        self._enter(ConversationState.DONE)
         self.next_deadline = None
-        return farewell
+        return closing
 
     @abstractmethod
     def _begin(self, now: float) -> list[Message]: ...
@@ -94,20 +94,20 @@ class Conversation(ABC, Generic[R]):
     @abstractmethod
     def _on_deadline(self, now: float) -> list[Message]: ...
 
-    def _farewell(self, now: float) -> list[Message]:
+    def _closing_messages(self, now: float) -> list[Message]:
         return []
 
     def _is_running(self, event: str) -> bool:
-        if self.state is State.NEW:
+        if self.state is ConversationState.NEW:
             raise IllegalEvent(f"{type(self).__name__}: {event} while {self.state.value}; start it first")
-        return self.state is not State.DONE
+        return self.state is not ConversationState.DONE
 
-    def _enter(self, state: State) -> None:
+    def _enter(self, state: ConversationState) -> None:
         if state not in TRANSITIONS[self.state]:
             raise IllegalEvent(f"{type(self).__name__}: {state.value} does not follow {self.state.value}")
         self.state = state
 
     def _finish(self, result: R) -> None:
-        self._enter(State.DONE)
+        self._enter(ConversationState.DONE)
         self.result = result
         self.next_deadline = None

@@ -24,7 +24,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.command import name_of
-from swarmctl.mavlink.protocol.conversation import Conversation, Peer, State
+from swarmctl.mavlink.protocol.conversation import Conversation, ConversationState, MavlinkPeer
 from swarmctl.mavlink.protocol.mission_upload import MISSION, WINDOW, item_message
 
 
@@ -33,7 +33,7 @@ class AppendResult:
     """`failure` is None when every item was acknowledged; only reading back tells what is there."""
 
     failure: str | None
-    answers_after_s: float = 0.0
+    round_trip_s: float = 0.0
     """from a message to its answer, over this link [s]"""
     is_late: bool = False
     """it was broken off as of no use any more"""
@@ -49,71 +49,71 @@ class Append(Conversation[AppendResult]):
 
     QUIET_S = 0.5
     """Where nothing comes for so long, or half as long again as answers take, it is asked what it holds."""
-    MOST_QUIET_S = 4.0
+    MAX_QUIET_S = 4.0
     STUCK_LIMIT_S = 30.0
     """without one item more"""
-    SILENCE_S = 5.0
+    NO_ANSWER_S = 5.0
     """who has answered nothing by then is not reached"""
-    MOST_COPIES = 3
+    MAX_COPIES = 3
     """of what is sent: one more after each loss"""
-    BURSTS = 2
+    MAX_BURSTS = 2
     """after so many without effect it does not know partial lists"""
 
     def __init__(
         self,
-        peer: Peer,
+        peer: MavlinkPeer,
         count: int,
         items: Sequence[MissionItem],
-        too_late: Callable[[float], bool] = lambda _answers_after_s: False,
+        too_late: Callable[[float], bool] = lambda _round_trip_s: False,
     ) -> None:
         super().__init__()
         self._too_late = too_late
         self._peer = peer
-        self._count = count
+        self._n_before = count
         self._items = tuple(items)
-        self._stored = 0
+        self._n_stored = 0
         """so many are taken to be there"""
-        self._most = 0
+        self._n_stored_max = 0
         """were so at any time"""
-        self._sent = 0
+        self._n_sent = 0
         """so many were sent"""
         self._copies = 1
-        self._asked: set[int] = set()
+        self._requested: set[int] = set()
         """for which it has asked since they were sent"""
         self._last_nack = ""
-        self._asks_what_it_holds = False
-        self._questions = 0
+        self._awaits_count = False
+        self._n_count_requests = 0
         """what it holds, asked and not answered"""
-        self._bursts = 0
+        self._n_bursts = 0
         self._quiet_s = self.QUIET_S
         self._burst_s: float | None = None
         """when what is not answered yet was sent"""
-        self._answers_after_s = 0.0
-        self._stuck_s = self._silent_s = 0.0
+        self._round_trip_s = 0.0
+        self._stuck_s = self._no_answer_s = 0.0
 
     def _begin(self, now: float) -> list[Message]:
-        self._stuck_s, self._silent_s = now + self.STUCK_LIMIT_S, now + self.SILENCE_S
+        self._stuck_s, self._no_answer_s = now + self.STUCK_LIMIT_S, now + self.NO_ANSWER_S
         return self._burst(now)
 
     def _burst(self, now: float) -> list[Message]:
         """What is not there yet, from the first such item on."""
-        if self._bursts:
-            self._copies = min(self._copies + 1, self.MOST_COPIES)
-        self._bursts += 1
-        self._sent, self._asked, self._last_nack = self._stored, set(), ""
-        self._asks_what_it_holds, self._burst_s = False, now
+        if self._n_bursts:
+            self._copies = min(self._copies + 1, self.MAX_COPIES)
+        self._n_bursts += 1
+        self._n_sent, self._requested, self._last_nack = self._n_stored, set(), ""
+        self._awaits_count, self._burst_s = False, now
         return self._more(now)
 
     def _more(self, now: float) -> list[Message]:
-        if self._too_late(self._answers_after_s):
-            return self._end(f"{self._stored} of {len(self._items)} items in time", is_late=True)
+        if self._too_late(self._round_trip_s):
+            return self._end(f"{self._n_stored} of {len(self._items)} items in time", is_late=True)
         self.next_deadline = min(now + self._quiet_s, self._stuck_s)
         window = WINDOW if self._copies == 1 else 2 * WINDOW // self._copies
-        first, self._sent = self._sent, min(max(self._stored + window, self._sent), len(self._items))
+        first, self._n_sent = self._n_sent, min(max(self._n_stored + window, self._n_sent), len(self._items))
         to = (self._peer.sysid, self._peer.compid)
         messages: list[Message] = []
-        for index in range(first, self._sent):
-            seq = self._count + index
+        for index in range(first, self._n_sent):
+            seq = self._n_before + index
             announced = mavlink.MAVLink_mission_write_partial_list_message(*to, seq, seq, MISSION)
             item = item_message(self._peer, seq, self._items[index])
             messages += [*[announced] * self._copies, *[item] * self._copies]
@@ -129,46 +129,46 @@ class Append(Conversation[AppendResult]):
             return self._on_ack(int(message.type), now)
         if kind == "MISSION_COUNT":
             return self._on_count(int(message.count), now)
-        return self._on_request(int(message.seq) - self._count, now)
+        return self._on_request(int(message.seq) - self._n_before, now)
 
-    def _heard(self, now: float) -> None:
+    def _on_answer(self, now: float) -> None:
         """It has answered what was sent."""
-        if self.state is State.WAITING:
-            self._enter(State.EXCHANGING)
+        if self.state is ConversationState.WAITING:
+            self._enter(ConversationState.EXCHANGING)
         if self._burst_s is not None:
-            self._answers_after_s, self._burst_s = now - self._burst_s, None
-            self._quiet_s = max(self.QUIET_S, 1.5 * self._answers_after_s)
+            self._round_trip_s, self._burst_s = now - self._burst_s, None
+            self._quiet_s = max(self.QUIET_S, 1.5 * self._round_trip_s)
         self.next_deadline = min(now + self._quiet_s, self._stuck_s)
 
-    def _has(self, stored: int, now: float) -> None:
-        if stored > self._most:
-            self._most, self._stuck_s = stored, now + self.STUCK_LIMIT_S
-        self._stored = stored
+    def _set_stored(self, stored: int, now: float) -> None:
+        if stored > self._n_stored_max:
+            self._n_stored_max, self._stuck_s = stored, now + self.STUCK_LIMIT_S
+        self._n_stored = stored
 
     def _on_request(self, index: int, now: float) -> list[Message]:
-        if not 0 <= index < self._sent:
+        if not 0 <= index < self._n_sent:
             return []
-        self._heard(now)
-        if index not in self._asked and not self._has_refused:
-            self._asked.add(index)
+        self._on_answer(now)
+        if index not in self._requested and not self._has_refused:
+            self._requested.add(index)
             return []  # it is on its way
-        return [item_message(self._peer, self._count + index, self._items[index])]
+        return [item_message(self._peer, self._n_before + index, self._items[index])]
 
     def _on_ack(self, code: int, now: float) -> list[Message]:
         if code == mavlink.MAV_MISSION_ACCEPTED:
-            if self._stored >= self._sent:
+            if self._n_stored >= self._n_sent:
                 return []  # of an earlier transfer
-            self._heard(now)
-            self._has(self._stored + 1, now)
-            if self._stored == len(self._items):
+            self._on_answer(now)
+            self._set_stored(self._n_stored + 1, now)
+            if self._n_stored == len(self._items):
                 # Of doubles that overtake each other both may be acknowledged.
-                return self._end(None) if self._copies == 1 else self._ask_what_it_holds()
+                return self._end(None) if self._copies == 1 else self._request_count()
             return [] if self._has_refused else self._more(now)
-        if code == mavlink.MAV_MISSION_DENIED and self._questions:
+        if code == mavlink.MAV_MISSION_DENIED and self._n_count_requests:
             # It was still expecting an item; what was sent since may answer an earlier question.
-            self._questions -= 1
-            self._heard(now)
-            return self._burst(now) if self._asks_what_it_holds else []
+            self._n_count_requests -= 1
+            self._on_answer(now)
+            return self._burst(now) if self._awaits_count else []
         name = name_of("MAV_MISSION_RESULT", code).removeprefix("MAV_MISSION_")
         if code in (mavlink.MAV_MISSION_ERROR, mavlink.MAV_MISSION_INVALID_SEQUENCE):
             # Also its answer to what comes twice, in this transfer or late of the one before.
@@ -177,44 +177,44 @@ class Append(Conversation[AppendResult]):
             pass  # the end of an earlier transfer, or of one whose item was lost: it is asked what it holds
         elif code == mavlink.MAV_MISSION_DENIED:
             # Perhaps of what was asked before this began, and was overtaken: it is asked what it holds.
-            if self.state is not State.WAITING:
+            if self.state is not ConversationState.WAITING:
                 self._last_nack = name
         else:
-            return self._end(f"{name} after {self._stored} of {len(self._items)} items")
+            return self._end(f"{name} after {self._n_stored} of {len(self._items)} items")
         return []
 
     def _on_count(self, count: int, now: float) -> list[Message]:
-        self._questions = max(self._questions - 1, 0)
-        if not self._asks_what_it_holds:
+        self._n_count_requests = max(self._n_count_requests - 1, 0)
+        if not self._awaits_count:
             return []
-        self._heard(now)
-        stored = count - self._count
+        self._on_answer(now)
+        stored = count - self._n_before
         if not 0 <= stored <= len(self._items):
             # Fewer are another's; more may be late copies of what was sent before.
-            why = f"it holds {count} items where {self._count} were known"
+            why = f"it holds {count} items where {self._n_before} were known"
             return self._end(why, is_foreign=stored < 0)
-        self._has(stored, now)
+        self._set_stored(stored, now)
         if stored == len(self._items):
             return self._end(None)
-        if stored == 0 and self._bursts >= self.BURSTS:
-            return self._end(f"it does not take partial lists{self._said}")
+        if stored == 0 and self._n_bursts >= self.MAX_BURSTS:
+            return self._end(f"it does not take partial lists{self._last_nack_text}")
         return self._burst(now)
 
     def _on_deadline(self, now: float) -> list[Message]:
-        if self.state is State.WAITING and now >= self._silent_s:
-            return self._end(f"no answer within {self.SILENCE_S:g} s")
+        if self.state is ConversationState.WAITING and now >= self._no_answer_s:
+            return self._end(f"no answer within {self.NO_ANSWER_S:g} s")
         if now >= self._stuck_s:
-            how_far = f"{self._stored} of {len(self._items)} items, none more for {self.STUCK_LIMIT_S:g} s"
-            return self._end(how_far + self._said)
-        self._quiet_s = min(2.0 * self._quiet_s, self.MOST_QUIET_S)
+            how_far = f"{self._n_stored} of {len(self._items)} items, none more for {self.STUCK_LIMIT_S:g} s"
+            return self._end(how_far + self._last_nack_text)
+        self._quiet_s = min(2.0 * self._quiet_s, self.MAX_QUIET_S)
         self.next_deadline = min(now + self._quiet_s, self._stuck_s)
-        if self.state is State.WAITING:
-            self.next_deadline = min(self.next_deadline, self._silent_s)
-        return self._ask_what_it_holds()
+        if self.state is ConversationState.WAITING:
+            self.next_deadline = min(self.next_deadline, self._no_answer_s)
+        return self._request_count()
 
-    def _ask_what_it_holds(self) -> list[Message]:
-        self._asks_what_it_holds = True
-        self._questions += self._copies
+    def _request_count(self) -> list[Message]:
+        self._awaits_count = True
+        self._n_count_requests += self._copies
         to = (self._peer.sysid, self._peer.compid)
         return [mavlink.MAVLink_mission_request_list_message(*to, mission_type=MISSION)] * self._copies
 
@@ -224,10 +224,10 @@ class Append(Conversation[AppendResult]):
         return bool(self._last_nack) and self._copies == 1
 
     @property
-    def _said(self) -> str:
+    def _last_nack_text(self) -> str:
         return f", last {self._last_nack}" if self._last_nack else ""
 
     def _end(self, why: str | None, *, is_late: bool = False, is_foreign: bool = False) -> list[Message]:
         failure = None if why is None else f"the new route was not written behind the old one: {why}"
-        self._finish(AppendResult(failure, self._answers_after_s, is_late, is_foreign))
+        self._finish(AppendResult(failure, self._round_trip_s, is_late, is_foreign))
         return []

@@ -6,7 +6,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.command import CommandOutcome, CommandResult
-from swarmctl.mavlink.protocol.conversation import Conversation, Peer
+from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
 
 
 class SetCurrent(Conversation[CommandResult]):
@@ -18,7 +18,7 @@ class SetCurrent(Conversation[CommandResult]):
 
     ANSWER_S = 1.0
 
-    def __init__(self, peer: Peer, seq: int) -> None:
+    def __init__(self, peer: MavlinkPeer, seq: int) -> None:
         super().__init__()
         self._peer = peer
         self._seq = seq

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.command import name_of
-from swarmctl.mavlink.protocol.conversation import Conversation, Peer, State
+from swarmctl.mavlink.protocol.conversation import Conversation, ConversationState, MavlinkPeer
 from swarmctl.mavlink.protocol.mission_upload import MISSION
 
 
@@ -42,14 +42,14 @@ class Download(Conversation[DownloadResult]):
     So each is asked for by `copies` of the question, which go one after the other.
     """
 
-    REPEAT_S, MOST_REPEAT_S = 1.0, 4.0
+    REPEAT_S, MAX_REPEAT_S = 1.0, 4.0
     TRIES = 12
     """Where 30 % of all messages are lost, six times in a row a question or its answer is, for half of all
     lists of 50 items."""
 
     def __init__(
         self,
-        peer: Peer,
+        peer: MavlinkPeer,
         mission_type: int = MISSION,
         first: int = 0,
         window: int = 1,
@@ -60,9 +60,9 @@ class Download(Conversation[DownloadResult]):
         super().__init__()
         self._peer = peer
         self._type = mission_type
-        self._first = self._next = self._asked = first
+        self._first = self._next = self._requested_to = first
         self._window, self._copies, self._in_order = window, copies, in_order
-        self._repeat_s, self._began_s = self.REPEAT_S, 0.0
+        self._repeat_s, self._begin_s = self.REPEAT_S, 0.0
         self._count = 0
         self._items: dict[int, MissionItem] = {}
         self._tries = 0
@@ -76,23 +76,23 @@ class Download(Conversation[DownloadResult]):
         return self._first
 
     def _begin(self, now: float) -> list[Message]:
-        self._began_s = now
+        self._begin_s = now
         return self._ask(now)
 
     def _ask(self, now: float) -> list[Message]:
         self._tries += 1
         self.next_deadline = now + self._repeat_s
         to = (self._peer.sysid, self._peer.compid)
-        if self.state is State.WAITING:
+        if self.state is ConversationState.WAITING:
             return [mavlink.MAVLink_mission_request_list_message(*to, mission_type=self._type)]
-        self._asked = self._next
+        self._requested_to = self._next
         return self._ask_for_items()
 
     def _ask_for_items(self) -> list[Message]:
         """Those within the window that have neither come nor been asked for."""
         end = min(self._next + self._window, self._count)
-        wanted = [seq for seq in range(self._asked, end) if seq not in self._items]
-        self._asked = max(self._asked, end)
+        wanted = [seq for seq in range(self._requested_to, end) if seq not in self._items]
+        self._requested_to = max(self._requested_to, end)
         to = (self._peer.sysid, self._peer.compid)
         return [
             mavlink.MAVLink_mission_request_int_message(*to, seq, mission_type=self._type)
@@ -106,14 +106,14 @@ class Download(Conversation[DownloadResult]):
             return []
         if message.mission_type != self._type or not self._peer.is_for_us(message):
             return []
-        if kind == "MISSION_COUNT" and self.state is State.WAITING:
-            self._enter(State.EXCHANGING)
+        if kind == "MISSION_COUNT" and self.state is ConversationState.WAITING:
+            self._enter(ConversationState.EXCHANGING)
             self._count = int(message.count)
             if self._window > 1:  # of one by one an answer that is late is cheaper than one that is lost
-                answers_after_s = now - self._began_s  # or less, where questions were lost
-                self._repeat_s = min(max(self.REPEAT_S, 1.5 * answers_after_s), self.MOST_REPEAT_S)
+                round_trip_s = now - self._begin_s  # or less, where questions were lost
+                self._repeat_s = min(max(self.REPEAT_S, 1.5 * round_trip_s), self.MAX_REPEAT_S)
             return self._proceed(now)
-        if kind == "MISSION_ITEM_INT" and self._next <= message.seq < self._asked:
+        if kind == "MISSION_ITEM_INT" and self._next <= message.seq < self._requested_to:
             self._items[int(message.seq)] = item_of(message)
             while self._next in self._items:
                 self._next += 1
@@ -137,30 +137,30 @@ class Download(Conversation[DownloadResult]):
             mavlink.MAV_MISSION_ACCEPTED,
             mavlink.MAV_MISSION_OPERATION_CANCELLED,
             mavlink.MAV_MISSION_INVALID_SEQUENCE,
-            *([mavlink.MAV_MISSION_ERROR] if self.state is State.WAITING else []),
+            *([mavlink.MAV_MISSION_ERROR] if self.state is ConversationState.WAITING else []),
         )
         if code not in stale:
             name = name_of("MAV_MISSION_RESULT", code).removeprefix("MAV_MISSION_")
             self._end(DownloadOutcome.REFUSED, name)
 
     def _on_deadline(self, now: float) -> list[Message]:
-        past_asking = self.state is State.EXCHANGING and self._in_order and self._window > 1
-        if self._tries < self.TRIES and not past_asking:
+        may_not_repeat = self.state is ConversationState.EXCHANGING and self._in_order and self._window > 1
+        if self._tries < self.TRIES and not may_not_repeat:
             return self._ask(now)
-        farewell = self._farewell(now)
-        if self.state is State.WAITING:
+        closing = self._closing_messages(now)
+        if self.state is ConversationState.WAITING:
             self._end(DownloadOutcome.NO_ANSWER, f"asked {self._tries} times for the number of items")
         else:
             times = "once" if self._tries == 1 else f"{self._tries} times"
             self._end(DownloadOutcome.BROKEN_OFF, f"asked {times} for item {self._next}")
-        return farewell
+        return closing
 
     def _end(self, outcome: DownloadOutcome, reason: str) -> None:
         complete = outcome is DownloadOutcome.COMPLETE
         items = tuple(self._items[seq] for seq in sorted(self._items)) if complete else ()
         self._finish(DownloadResult(outcome, items, f"read-back {outcome.value}: {reason}"))
 
-    def _farewell(self, now: float) -> list[Message]:
+    def _closing_messages(self, now: float) -> list[Message]:
         return [self._ack(mavlink.MAV_MISSION_OPERATION_CANCELLED)]
 
     def _ack(self, code: int) -> Message:

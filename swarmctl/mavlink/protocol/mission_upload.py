@@ -22,7 +22,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.command import name_of
-from swarmctl.mavlink.protocol.conversation import Conversation, Peer, State
+from swarmctl.mavlink.protocol.conversation import Conversation, ConversationState, MavlinkPeer
 
 MISSION = int(mavlink.MAV_MISSION_TYPE_MISSION)
 
@@ -66,7 +66,7 @@ class Upload(Conversation[UploadResult]):
     """
 
     OVERDUE = 1.25
-    OVERDUE_MOST_S = 2.5
+    MAX_OVERDUE_S = 2.5
     """Times as long as an answer takes, and no longer, since how long that is is known once items were taken:
     then what was sent is taken for lost, and from then on each goes twice."""
     REPEAT_S = 1.0
@@ -80,12 +80,12 @@ class Upload(Conversation[UploadResult]):
 
     def __init__(
         self,
-        peer: Peer,
+        peer: MavlinkPeer,
         items: Sequence[MissionItem],
         mission_type: int = MISSION,
         current: int | None = None,
         flown: int | None = None,
-        too_late: Callable[[float], bool] = lambda _answers_after_s: False,
+        too_late: Callable[[float], bool] = lambda _round_trip_s: False,
     ) -> None:
         super().__init__()
         self._too_late = too_late
@@ -93,25 +93,25 @@ class Upload(Conversation[UploadResult]):
         self._current, self._flown = current, flown
         self._type = mission_type
         self._items = tuple(items)
-        self._furthest = -1
+        self._max_requested = -1
         """the item that it has got to in asking"""
-        self._wanted = 0
+        self._last_requested = 0
         """what it asked for last"""
-        self._next = 0
+        self._next_to_send = 0
         """the one to send after those on their way"""
         self._sent_s: dict[int, float] = {}
         """when each was sent last"""
-        self._asked: set[int] = set()
+        self._requested: set[int] = set()
         """for which it has asked since they were sent"""
-        self._again: set[int] = set()
+        self._resent: set[int] = set()
         """those sent more than once: nobody knows which of them was answered"""
-        self._answers_after_s = 0.0
+        self._round_trip_s = 0.0
         """from a message to its answer, over this link: no less than that"""
         self._is_lossy = False
         self._repeated_s = 0.0
         """when an item was sent once more by itself"""
         self._last_nack = ""
-        self._began_s = self._idle_at = self._stuck_at = 0.0
+        self._begin_s = self._idle_at = self._stuck_at = 0.0
 
     @property
     def items(self) -> tuple[MissionItem, ...]:
@@ -130,7 +130,7 @@ class Upload(Conversation[UploadResult]):
         return self._flown
 
     def _begin(self, now: float) -> list[Message]:
-        self._began_s = now
+        self._begin_s = now
         self._idle_at = now + self.FIRST_LIMIT_S
         self._stuck_at = now + self.STUCK_LIMIT_S
         return self._announce(now)
@@ -157,47 +157,47 @@ class Upload(Conversation[UploadResult]):
     def _on_request(self, seq: int, now: float) -> list[Message]:
         if seq >= len(self._items):
             return []  # from an earlier, longer transfer
-        if self.state is State.WAITING:
+        if self.state is ConversationState.WAITING:
             if seq != 0:
                 # It still asks for an earlier transfer: what we sent now would land in that one.
                 return []
-            self._enter(State.EXCHANGING)
-            self._answers_after_s = now - self._began_s
+            self._enter(ConversationState.EXCHANGING)
+            self._round_trip_s = now - self._begin_s
         self._idle_at = now + self.IDLE_LIMIT_S
-        if seq > self._furthest:
-            self._got_to(seq, now)
+        if seq > self._max_requested:
+            self._advance_to(seq, now)
         self.next_deadline = min(self._idle_at, self._stuck_at)
-        if seq == len(self._items) - 1 and self._too_late(self._answers_after_s):
-            return self._keep_back(seq, now)
+        if seq == len(self._items) - 1 and self._too_late(self._round_trip_s):
+            return self._withhold_last(seq, now)
         return self._answer(seq, now)
 
-    def _keep_back(self, last: int, now: float) -> list[Message]:
+    def _withhold_last(self, last: int, now: float) -> list[Message]:
         """The last item; where it is on its way, it is seen whether it arrives."""
-        answered_s = self.OVERDUE * self._answers_after_s
+        answered_s = self.OVERDUE * self._round_trip_s
         if last in self._sent_s and now - max(self._sent_s[last], self._repeated_s) < answered_s:
             return []
         self._end(UploadOutcome.TOO_LATE, "the last item was kept back")
-        return self._farewell(now)
+        return self._closing_messages(now)
 
-    def _got_to(self, seq: int, now: float) -> None:
-        self._furthest = seq
+    def _advance_to(self, seq: int, now: float) -> None:
+        self._max_requested = seq
         self._stuck_at = now + self.STUCK_LIMIT_S
-        if seq - 1 in self._sent_s and seq - 1 not in self._again:
-            self._answers_after_s = min(self._answers_after_s, now - self._sent_s[seq - 1])
+        if seq - 1 in self._sent_s and seq - 1 not in self._resent:
+            self._round_trip_s = min(self._round_trip_s, now - self._sent_s[seq - 1])
 
     def _answer(self, seq: int, now: float) -> list[Message]:
         """What it asks for, unless that is on its way, and of the items behind it those that are not."""
-        if self._is_missing(seq, now):
+        if self._is_overdue(seq, now):
             self._is_lossy = self._is_lossy or seq in self._sent_s
-            self._next = seq  # and what was sent behind it was not taken
-            self._asked.clear()
-        self._asked.add(seq)
-        self._wanted = seq
+            self._next_to_send = seq  # and what was sent behind it was not taken
+            self._requested.clear()
+        self._requested.add(seq)
+        self._last_requested = seq
         last = len(self._items) - 1
         end = len(self._items) if seq == last else min(seq + WINDOW, last)
-        numbers = range(max(seq, self._next), end)
-        self._next = max(self._next, end)
-        self._again.update(number for number in numbers if number in self._sent_s)
+        numbers = range(max(seq, self._next_to_send), end)
+        self._next_to_send = max(self._next_to_send, end)
+        self._resent.update(number for number in numbers if number in self._sent_s)
         self._sent_s |= dict.fromkeys(numbers, now)
         # ArduPilot gives up 8 s after the last item that it took, PX4 after 5: there is time for few tries.
         copies = 2 if self._is_lossy else 1
@@ -208,12 +208,12 @@ class Upload(Conversation[UploadResult]):
     def _item(self, seq: int) -> Message:
         return item_message(self._peer, seq, self._items[seq], self._type, current=seq == self._current)
 
-    def _is_missing(self, seq: int, now: float) -> bool:
+    def _is_overdue(self, seq: int, now: float) -> bool:
         if seq not in self._sent_s:
             return True
         # For what went along it asks once when the one before has come; for one before that it begins anew.
-        asks_again = seq in self._asked or seq < self._wanted
-        overdue_s = min(self.OVERDUE * self._answers_after_s, self.OVERDUE_MOST_S)
+        asks_again = seq in self._requested or seq < self._last_requested
+        overdue_s = min(self.OVERDUE * self._round_trip_s, self.MAX_OVERDUE_S)
         return asks_again and now - self._sent_s[seq] >= overdue_s
 
     @property
@@ -233,10 +233,10 @@ class Upload(Conversation[UploadResult]):
             # transfer, or late in the one before. PX4's to an announcement that came twice, or for good. Who
             # means more stops asking.
             self._last_nack = name
-            if self._is_all_sent and now - max(self._sent_s.values()) >= 0.9 * self._answers_after_s:
+            if self._is_all_sent and now - max(self._sent_s.values()) >= 0.9 * self._round_trip_s:
                 self._end(UploadOutcome.UNCONFIRMED, name)
         elif code == mavlink.MAV_MISSION_OPERATION_CANCELLED:
-            if self.state is State.EXCHANGING:  # else the end of an earlier transfer
+            if self.state is ConversationState.EXCHANGING:  # else the end of an earlier transfer
                 self._end(UploadOutcome.CANCELLED, name)
         elif code == mavlink.MAV_MISSION_DENIED:
             self._end(UploadOutcome.DENIED, name)
@@ -245,22 +245,22 @@ class Upload(Conversation[UploadResult]):
 
     def _on_deadline(self, now: float) -> list[Message]:
         if now < self._idle_at and now < self._stuck_at:
-            return self._announce(now) if self.state is State.WAITING else []
-        farewell = self._farewell(now)
-        if self.state is State.WAITING:
+            return self._announce(now) if self.state is ConversationState.WAITING else []
+        closing = self._closing_messages(now)
+        if self.state is ConversationState.WAITING:
             self._end(UploadOutcome.NO_ANSWER, "it did not ask for the first item")
         elif not self._is_all_sent:
-            self._end(UploadOutcome.INCOMPLETE, f"it did not get past item {self._furthest}")
+            self._end(UploadOutcome.INCOMPLETE, f"it did not get past item {self._max_requested}")
         else:
             self._end(UploadOutcome.UNCONFIRMED, "no acknowledgement after the last item")
-        return farewell
+        return closing
 
     def _end(self, outcome: UploadOutcome, reason: str) -> None:
         nack = f", earlier {self._last_nack}" if self._last_nack and outcome is not outcome.ACCEPTED else ""
         text = f"upload {outcome.value}: {reason}{nack}"
         self._finish(UploadResult(outcome, text, is_lossy=self._is_lossy))
 
-    def _farewell(self, now: float) -> list[Message]:
+    def _closing_messages(self, now: float) -> list[Message]:
         return [
             mavlink.MAVLink_mission_ack_message(
                 self._peer.sysid, self._peer.compid, mavlink.MAV_MISSION_OPERATION_CANCELLED, self._type
@@ -269,7 +269,7 @@ class Upload(Conversation[UploadResult]):
 
 
 def item_message(
-    peer: Peer, seq: int, item: MissionItem, mission_type: int = MISSION, *, current: bool = False
+    peer: MavlinkPeer, seq: int, item: MissionItem, mission_type: int = MISSION, *, current: bool = False
 ) -> Message:
     """MISSION_ITEM_INT, the answer to both kinds of request."""
     return mavlink.MAVLink_mission_item_int_message(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-Flying = Literal["new", "old", "hold", "theirs", "unknown"]
+FlyingAfterSwap = Literal["new", "old", "hold", "theirs", "unknown"]
 """theirs: what somebody else wants, who has chosen another mode"""
 
 
@@ -17,7 +17,7 @@ class Done:
 
 
 @dataclass(frozen=True, slots=True)
-class PutOff(Done):
+class LaunchBlocked(Done):
     """A launch that has not left the ground, for somebody came into its way; the vehicle is not armed."""
 
     was_armed: bool = False
@@ -36,7 +36,7 @@ class Uploaded(Done):
 class Swapped(Done):
     """How a swap ended, and what the vehicle flies now."""
 
-    flying: Flying = "unknown"
+    flying: FlyingAfterSwap = "unknown"
     stood_still_s: float = 0.0
     """for how long it held or stood still in the air meanwhile, by its own clock"""
     took_s: float | None = None

@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.procedures.basic import Done
 from swarmctl.mavlink.protocol.codec import Message
-from swarmctl.mavlink.protocol.conversation import Conversation, Peer, State
+from swarmctl.mavlink.protocol.conversation import Conversation, ConversationState, MavlinkPeer
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 
 BYTE_WISE = frozenset({int(mavlink.MAV_AUTOPILOT_PX4)})
@@ -77,12 +77,12 @@ def encoded(parameter: Parameter, *, byte_wise: bool) -> float:
     return field
 
 
-def equal(a: float, b: float) -> bool:
+def same_value(a: float, b: float) -> bool:
     """But for what a 32-bit float cannot keep."""
     return math.isclose(a, b, rel_tol=1e-6, abs_tol=1e-6)
 
 
-class _Asking(Conversation[dict[str, Parameter]]):
+class _ParameterExchange(Conversation[dict[str, Parameter]]):
     """Bones of both: some names at once under way, each asked about until it is settled or given up.
 
     ArduPilot queues about twenty requests and drops the others.
@@ -90,36 +90,36 @@ class _Asking(Conversation[dict[str, Parameter]]):
 
     REPEAT_S = 1.0
     TRIES = 10
-    AT_ONCE = 10
+    MAX_PENDING = 10
 
-    def __init__(self, peer: Peer, names: Iterable[str], *, byte_wise: bool) -> None:
+    def __init__(self, peer: MavlinkPeer, names: Iterable[str], *, byte_wise: bool) -> None:
         super().__init__()
         self._peer = peer
         self._byte_wise = byte_wise
         self._waiting = list(dict.fromkeys(names))
         self._tries: dict[str, int] = {}
         """of those under way"""
-        self._told: dict[str, Parameter] = {}
+        self._values: dict[str, Parameter] = {}
 
-    def _question(self, name: str) -> Message:
+    def _request(self, name: str) -> Message:
         raise NotImplementedError
 
     def _settles(self, name: str, parameter: Parameter) -> bool:
         raise NotImplementedError
 
     def _begin(self, now: float) -> list[Message]:
-        self._enter(State.EXCHANGING)
+        self._enter(ConversationState.EXCHANGING)
         return self._proceed(now)
 
     def _proceed(self, now: float) -> list[Message]:
-        room = self.AT_ONCE - len(self._tries)
+        room = self.MAX_PENDING - len(self._tries)
         begun, self._waiting = self._waiting[:room], self._waiting[room:]
         self._tries.update(dict.fromkeys(begun, 1))
         if not self._tries:
-            self._finish(self._told)
+            self._finish(self._values)
             return []
         self.next_deadline = now + self.REPEAT_S
-        return [self._question(name) for name in begun]
+        return [self._request(name) for name in begun]
 
     def _on_message(self, message: Message, now: float) -> list[Message]:
         if message.get_type() != "PARAM_VALUE":
@@ -127,8 +127,8 @@ class _Asking(Conversation[dict[str, Parameter]]):
         name = str(message.param_id).rstrip("\0")
         if name not in self._tries:
             return []
-        self._told[name] = decoded(message, byte_wise=self._byte_wise)
-        if not self._settles(name, self._told[name]):
+        self._values[name] = decoded(message, byte_wise=self._byte_wise)
+        if not self._settles(name, self._values[name]):
             return []
         del self._tries[name]
         return self._proceed(now)
@@ -136,14 +136,14 @@ class _Asking(Conversation[dict[str, Parameter]]):
     def _on_deadline(self, now: float) -> list[Message]:
         again = [name for name, tries in self._tries.items() if tries < self.TRIES]
         self._tries = {name: self._tries[name] + 1 for name in again}
-        questions = [self._question(name) for name in again]
+        questions = [self._request(name) for name in again]
         return questions + self._proceed(now)
 
 
-class ReadParameters(_Asking):
+class ReadParameters(_ParameterExchange):
     """The values of some names; one that never comes is missing from the result."""
 
-    def _question(self, name: str) -> Message:
+    def _request(self, name: str) -> Message:
         return mavlink.MAVLink_param_request_read_message(
             self._peer.sysid, self._peer.compid, name.encode(), -1
         )
@@ -152,19 +152,19 @@ class ReadParameters(_Asking):
         return True
 
 
-class WriteParameters(_Asking):
+class WriteParameters(_ParameterExchange):
     """Set values and hear them back; the result is what the vehicle said last of each.
 
     PX4 drops a value of another type than the parameter's without an answer, so that the type has to be read
     first. Raises ValueError as `encoded` does.
     """
 
-    def __init__(self, peer: Peer, wanted: Mapping[str, Parameter], *, byte_wise: bool) -> None:
+    def __init__(self, peer: MavlinkPeer, wanted: Mapping[str, Parameter], *, byte_wise: bool) -> None:
         super().__init__(peer, wanted, byte_wise=byte_wise)
         self._wanted = dict(wanted)
         self._fields = {name: encoded(p, byte_wise=byte_wise) for name, p in wanted.items()}
 
-    def _question(self, name: str) -> Message:
+    def _request(self, name: str) -> Message:
         kind = self._wanted[name].kind
         return mavlink.MAVLink_param_set_message(
             self._peer.sysid, self._peer.compid, name.encode(), self._fields[name], kind
@@ -172,18 +172,18 @@ class WriteParameters(_Asking):
 
     def _settles(self, name: str, parameter: Parameter) -> bool:
         # Another value may be the late answer to a question before.
-        return equal(parameter.value, self._wanted[name].value)
+        return same_value(parameter.value, self._wanted[name].value)
 
 
 def read_parameters(
     ctx: Context, names: Iterable[str], *, byte_wise: bool
 ) -> Procedure[dict[str, Parameter]]:
     """Those of the names that the vehicle knows."""
-    told: dict[str, Parameter] = yield ReadParameters(ctx.peer, names, byte_wise=byte_wise)
-    return told
+    current: dict[str, Parameter] = yield ReadParameters(ctx.peer, names, byte_wise=byte_wise)
+    return current
 
 
-def _armed(ctx: Context) -> Done | None:
+def _refusal_if_armed(ctx: Context) -> Done | None:
     """Why nothing is set; None where it stands disarmed."""
     why = "it is armed; its parameters are changed on the ground, disarmed"
     return Done(why) if ctx.state.armed else None
@@ -191,29 +191,29 @@ def _armed(ctx: Context) -> Done | None:
 
 def set_parameters(ctx: Context, wanted: Mapping[str, float], *, byte_wise: bool) -> Procedure[Done]:
     """Change what is not as wanted, on a vehicle that stands disarmed, and hear it back."""
-    if armed := _armed(ctx):
+    if armed := _refusal_if_armed(ctx):
         return armed
-    told = yield from read_parameters(ctx, wanted, byte_wise=byte_wise)
-    if armed := _armed(ctx):  # somebody else may have done so meanwhile
+    current = yield from read_parameters(ctx, wanted, byte_wise=byte_wise)
+    if armed := _refusal_if_armed(ctx):  # somebody else may have done so meanwhile
         return armed
-    unknown = [name for name in wanted if name not in told]
+    unknown = [name for name in wanted if name not in current]
     if unknown:
         return Done(f"it told no {', '.join(unknown)}; nothing was set")
     wrong = {
-        name: Parameter(value, told[name].kind)
+        name: Parameter(value, current[name].kind)
         for name, value in wanted.items()
-        if not equal(value, told[name].value)
+        if not same_value(value, current[name].value)
     }
     try:
         writing = WriteParameters(ctx.peer, wrong, byte_wise=byte_wise)
     except ValueError as error:
         return Done(f"nothing was set: {error}")
-    heard: dict[str, Parameter] = yield writing
+    written: dict[str, Parameter] = yield writing
     refused = [
-        f"{name} is {heard[name].value:g} instead of {parameter.value:g}"
-        if name in heard
+        f"{name} is {written[name].value:g} instead of {parameter.value:g}"
+        if name in written
         else f"{name} was not heard back"
         for name, parameter in wrong.items()
-        if name not in heard or not equal(heard[name].value, parameter.value)
+        if name not in written or not same_value(written[name].value, parameter.value)
     ]
     return Done("; ".join(refused) or None)

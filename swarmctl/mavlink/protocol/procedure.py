@@ -14,7 +14,7 @@ from swarmctl.core.mission import MissionItem
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.dialects import Dialect
 from swarmctl.mavlink.protocol.codec import Message
-from swarmctl.mavlink.protocol.conversation import Conversation, Peer, State
+from swarmctl.mavlink.protocol.conversation import Conversation, ConversationState, MavlinkPeer
 from swarmctl.mavlink.telemetry.vehicle_state import Telemetry
 
 R = TypeVar("R")
@@ -25,14 +25,14 @@ Procedure = Generator[Conversation[Any], Any, R]
 class Context:
     """What the procedures of one vehicle know and share; written by them and by the session only."""
 
-    peer: Peer
+    peer: MavlinkPeer
     dialect: Dialect
     telemetry: Telemetry
     now: float = 0.0
-    on_vehicle: tuple[MissionItem, ...] = field(default=())
+    verified_items: tuple[MissionItem, ...] = field(default=())
     """the mission last verified on the vehicle; empty if none or in doubt"""
-    flown_from: int = 0
-    """where in `on_vehicle` the plan that it flies begins: what is before was flown earlier"""
+    plan_first_seq: int = 0
+    """where in `verified_items` the plan that it flies begins: what is before was flown earlier"""
     interrupted: bool = False
     """the procedure before the running one did not end: the vehicle may follow its last command only now"""
 
@@ -56,7 +56,7 @@ class Driver(Conversation[R]):
         self._current: Conversation[Any] | None = None
 
     def _begin(self, now: float) -> list[Message]:
-        self._enter(State.EXCHANGING)
+        self._enter(ConversationState.EXCHANGING)
         return self._advance(None, now)
 
     def _on_message(self, message: Message, now: float) -> list[Message]:
@@ -67,7 +67,7 @@ class Driver(Conversation[R]):
         assert self._current is not None
         return self._after(self._current.tick(now), now)
 
-    def _farewell(self, now: float) -> list[Message]:
+    def _closing_messages(self, now: float) -> list[Message]:
         assert self._current is not None
         messages = self._current.cancel(now)
         self._procedure.close()

@@ -8,10 +8,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.command import command_long
-from swarmctl.mavlink.protocol.conversation import Conversation, Peer
+from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
 
 
-class Until(Conversation[bool]):
+class WaitUntil(Conversation[bool]):
     """See it happen: True as soon as `seen()` holds after any message, False after `timeout_s`.
 
     `seen` reads the vehicle's state, which the session updates before it passes the message on.
@@ -39,12 +39,12 @@ class Until(Conversation[bool]):
         return []
 
 
-def wait(seconds: float) -> Until:
+def wait(seconds: float) -> WaitUntil:
     """Let time pass."""
-    return Until(lambda: False, seconds)
+    return WaitUntil(lambda: False, seconds)
 
 
-class Look(Conversation[bool]):
+class RequestUntil(Conversation[bool]):
     """Ask for a message: True as soon as one has come since and `seen()` holds, False after `timeout_s`.
 
     Usually for a heartbeat, for mode and arming are told by no other. ArduPilot sends one for
@@ -56,7 +56,7 @@ class Look(Conversation[bool]):
 
     def __init__(
         self,
-        peer: Peer,
+        peer: MavlinkPeer,
         seen: Callable[[], bool],
         timeout_s: float,
         message_id: int = mavlink.MAVLINK_MSG_ID_HEARTBEAT,
@@ -90,7 +90,7 @@ class Look(Conversation[bool]):
         return [self._request]
 
 
-class Ask(Conversation[Message]):
+class RequestMessage(Conversation[Message]):
     """Ask for one message (MAV_CMD_REQUEST_MESSAGE) again and again until it comes.
 
     It has no time limit of its own: whoever waits for it has.
@@ -98,7 +98,7 @@ class Ask(Conversation[Message]):
 
     REPEAT_S = 1.0
 
-    def __init__(self, peer: Peer, message_id: int) -> None:
+    def __init__(self, peer: MavlinkPeer, message_id: int) -> None:
         super().__init__()
         self._message_id = message_id
         self._request = command_long(peer, mavlink.MAV_CMD_REQUEST_MESSAGE, (float(message_id),))

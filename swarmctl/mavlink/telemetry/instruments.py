@@ -12,11 +12,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.command import command_long
-from swarmctl.mavlink.protocol.conversation import Conversation, Peer, State
+from swarmctl.mavlink.protocol.conversation import Conversation, ConversationState, MavlinkPeer
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
-from swarmctl.mavlink.protocol.wait import Until
+from swarmctl.mavlink.protocol.wait import WaitUntil
 
-ASKED = (
+REQUESTED_IDS = (
     int(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT),
     int(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME),
     int(mavlink.MAVLINK_MSG_ID_HOME_POSITION),
@@ -52,7 +52,7 @@ class Instruments:
     """how long it takes from one of its positions to the next [s]"""
 
 
-class Collect(Conversation[dict[int, tuple[Message, float]]]):
+class CollectMessages(Conversation[dict[int, tuple[Message, float]]]):
     """Ask for some messages (MAV_CMD_REQUEST_MESSAGE), each again until it comes or the time is up.
 
     The result is message id -> (message, when it came); what never came is missing.
@@ -61,7 +61,7 @@ class Collect(Conversation[dict[int, tuple[Message, float]]]):
     REPEAT_S = 1.0
     TRIES = 5
 
-    def __init__(self, peer: Peer, ids: tuple[int, ...]) -> None:
+    def __init__(self, peer: MavlinkPeer, ids: tuple[int, ...]) -> None:
         super().__init__()
         self._peer = peer
         self._ids = ids
@@ -69,7 +69,7 @@ class Collect(Conversation[dict[int, tuple[Message, float]]]):
         self._tries = 0
 
     def _begin(self, now: float) -> list[Message]:
-        self._enter(State.EXCHANGING)
+        self._enter(ConversationState.EXCHANGING)
         return self._ask(now)
 
     def _ask(self, now: float) -> list[Message]:
@@ -97,11 +97,11 @@ class Collect(Conversation[dict[int, tuple[Message, float]]]):
 
 def read_instruments(ctx: Context) -> Procedure[Instruments]:
     """All that can be had within some seconds."""
-    came: dict[int, tuple[Message, float]] = yield Collect(ctx.peer, ASKED)
+    came: dict[int, tuple[Message, float]] = yield CollectMessages(ctx.peer, REQUESTED_IDS)
     gps = came.get(int(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT))
     clock = came.get(int(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME))
     fix = None if gps is None else _fix(gps[0])
-    yield Until(lambda: ctx.telemetry.position_every_s(ctx.now) is not None, POSITIONS_WAIT_S)
+    yield WaitUntil(lambda: ctx.telemetry.position_every_s(ctx.now) is not None, POSITIONS_WAIT_S)
     every_s = ctx.telemetry.position_every_s(ctx.now)
     if clock is None or clock[0].time_unix_usec == 0:
         return Instruments(fix, None, None, every_s)

@@ -52,7 +52,7 @@ class Presence:
     def next_deadline(self) -> float | None:
         return self._last + self._lost_after_s if self.state is LinkState.ALIVE else None
 
-    def heard(self, now: float) -> LinkState:
+    def on_heartbeat(self, now: float) -> LinkState:
         """A heartbeat came; returns the state before it."""
         before, self.state, self._last = self.state, LinkState.ALIVE, now
         return before

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.command import command_long
-from swarmctl.mavlink.protocol.conversation import Peer
+from swarmctl.mavlink.protocol.conversation import MavlinkPeer
 
 _PATIENCE_S = 3.0
 _PATIENCE_LIMIT_S = 30.0
@@ -53,7 +53,9 @@ class StreamKeeper:
     A message that never comes is asked for ever more seldom, some firmwares do not have it.
     """
 
-    def __init__(self, peer: Peer, rates_hz: Mapping[int, float], *, stops_others: bool = False) -> None:
+    def __init__(
+        self, peer: MavlinkPeer, rates_hz: Mapping[int, float], *, stops_others: bool = False
+    ) -> None:
         self._peer = peer
         self._rates_hz = rates_hz
         self._due: dict[int, float] = {}
@@ -78,14 +80,14 @@ class StreamKeeper:
             self._patience_s[msgid] = _PATIENCE_S
         self._stopped.clear()
 
-    def saw(self, msgid: int, now: float) -> None:
+    def on_message(self, msgid: int, now: float) -> None:
         if msgid in self._due:
             self._patience_s[msgid] = _PATIENCE_S
             self._due[msgid] = now + max(_PATIENCE_S, 3.0 / self._rates_hz[msgid])
         elif self._stops_others and self._due and msgid in NEEDLESS:
-            self._saw_needless(msgid, now)
+            self._on_needless(msgid, now)
 
-    def _saw_needless(self, msgid: int, now: float) -> None:
+    def _on_needless(self, msgid: int, now: float) -> None:
         came_s, self._came_s[msgid] = self._came_s.get(msgid), now
         if came_s is None or now - came_s > _STREAMS_WITHIN_S or msgid in self._to_stop:
             return

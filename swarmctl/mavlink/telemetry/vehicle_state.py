@@ -32,13 +32,13 @@ is silent of it."""
 POSITIONS_COUNTED, FEWEST_POSITIONS = 10, 3
 SNAPSHOT_S = 0.9
 """after a snapshot: without a position, the next heartbeat or SYS_STATUS makes one"""
-LEAST_ALT_M, MOST_ALT_M = -1000.0, 20_000.0
+MIN_ALT_M, MAX_ALT_M = -1000.0, 20_000.0
 """above the sea or home; what is told beyond cannot be"""
 TEXTS_KEPT = 256
 
 _COMPLAINTS = ("PreArm: ", "Arm: ", "Preflight Fail: ")
 _COMPLAINTS_KEPT = 3
-_SNAPSHOTS_TOO = ("HEARTBEAT", "SYS_STATUS")
+_SNAPSHOT_SOURCES = ("HEARTBEAT", "SYS_STATUS")
 _READINESS_SOURCES = ("HEARTBEAT", "SYS_STATUS", "EKF_STATUS_REPORT", "STATUSTEXT")
 
 
@@ -61,8 +61,8 @@ class Telemetry:
         self._state = VehicleState(brakes_m_s2=dialect.brakes_m_s2)
         self._changes: dict[str, Any] = {}
         self._now = 0.0
-        self._clock_heard_s: float | None = None
-        self._clock_told_s = 0.0
+        self._clock_received_s: float | None = None
+        self._clock_reported_s = 0.0
         self._clock_before_s = 0.0
         """what it had counted when its clock began anew last"""
         self._snapshot_s = -math.inf
@@ -110,8 +110,8 @@ class Telemetry:
         self._missing.discard(message.get_msgId())
         snapshot = fold(message)
         if was_missing or message.get_type() in _READINESS_SOURCES:
-            self._judge_readiness()
-        if not snapshot and message.get_type() in _SNAPSHOTS_TOO:
+            self._update_readiness()
+        if not snapshot and message.get_type() in _SNAPSHOT_SOURCES:
             snapshot = now - self._snapshot_s >= SNAPSHOT_S
         if snapshot:
             self._snapshot_s = now
@@ -124,8 +124,8 @@ class Telemetry:
     @property
     def position_age_s(self) -> float:
         """How long before the last that was heard of it its last position came; 0 where none has."""
-        told_s = self.state.position_s
-        return 0.0 if told_s is None else self._now - told_s
+        reported_s = self.state.position_s
+        return 0.0 if reported_s is None else self._now - reported_s
 
     def position_every_s(self, now: float) -> float | None:
         """How long it takes from one of its last positions to the next on the average [s]; None where hardly
@@ -142,26 +142,30 @@ class Telemetry:
         self.heartbeats += 1
         mode = self._dialect.mode_name(int(message.custom_mode))
         armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
-        news = mode != self.state.mode or armed != self.state.armed
+        is_changed = mode != self.state.mode or armed != self.state.armed
         self._changes |= {"mode": mode, "mode_role": self._roles.get(mode, "other"), "armed": armed}
         self._changes["heartbeat_s"] = self._now
         self._forget_old_position()
-        return news
+        return is_changed
 
     def _forget_old_position(self) -> None:
         """An old place is no place: nobody is to look, fly or return by it."""
-        if self._is_blind:
-            self._changes |= _NOWHERE
+        if self._position_is_old:
+            self._changes |= _NO_POSITION
 
     @property
-    def _is_blind(self) -> bool:
-        told_s = self.state.position_s
-        return told_s is None or self._now - told_s > POSITION_KEPT_S
+    def _position_is_old(self) -> bool:
+        reported_s = self.state.position_s
+        return reported_s is None or self._now - reported_s > POSITION_KEPT_S
 
     def _system_time(self, message: Message) -> bool:
         """Its clock goes on while it tells no position; else positions carry it."""
         time_boot_s = self._clock_s(message)
-        if not self._notice_reboot(time_boot_s) and self._is_blind and time_boot_s > self.state.time_boot_s:
+        if (
+            not self._notice_reboot(time_boot_s)
+            and self._position_is_old
+            and time_boot_s > self.state.time_boot_s
+        ):
             self._changes["time_boot_s"] = time_boot_s
         return False
 
@@ -170,8 +174,8 @@ class Telemetry:
         if self._notice_reboot(time_boot_s) or time_boot_s < self.state.time_boot_s:
             return False
         self._count_standing(time_boot_s)
-        place = _place(message)
-        if place is not _NOWHERE:
+        place = _position_fields(message)
+        if place is not _NO_POSITION:
             self._changes["position_s"] = self._now
             self._positions_s.append(self._now)
         self._changes |= place
@@ -195,28 +199,32 @@ class Telemetry:
 
     def _clock_s(self, message: Message) -> float:
         """Since its boot, also where its clock began anew: when that is due, and not a moment else."""
-        told_s = float(message.time_boot_ms) / 1000.0 + self._clock_before_s
-        if self._clock_before_s and told_s - self._clock_told_s > CLOCK_BEGINS_ANEW_S / 2.0:
-            return told_s - CLOCK_BEGINS_ANEW_S  # of before, and overtaken
-        if self._clock_heard_s is not None:
-            ran_s = told_s + CLOCK_BEGINS_ANEW_S - self._clock_told_s
-            if abs(ran_s - (self._now - self._clock_heard_s)) <= REBOOT_S:
+        reported_s = float(message.time_boot_ms) / 1000.0 + self._clock_before_s
+        if self._clock_before_s and reported_s - self._clock_reported_s > CLOCK_BEGINS_ANEW_S / 2.0:
+            return reported_s - CLOCK_BEGINS_ANEW_S  # of before, and overtaken
+        if self._clock_received_s is not None:
+            ran_s = reported_s + CLOCK_BEGINS_ANEW_S - self._clock_reported_s
+            if abs(ran_s - (self._now - self._clock_received_s)) <= REBOOT_S:
                 self._clock_before_s += CLOCK_BEGINS_ANEW_S
-                return told_s + CLOCK_BEGINS_ANEW_S
-        return told_s
+                return reported_s + CLOCK_BEGINS_ANEW_S
+        return reported_s
 
     def _notice_reboot(self, time_boot_s: float) -> bool:
-        began_anew_s = self._clock_told_s // CLOCK_BEGINS_ANEW_S * CLOCK_BEGINS_ANEW_S
-        heard_s, self._clock_heard_s, self._clock_told_s = self._clock_heard_s, self._now, time_boot_s
+        began_anew_s = self._clock_reported_s // CLOCK_BEGINS_ANEW_S * CLOCK_BEGINS_ANEW_S
+        received_s, self._clock_received_s, self._clock_reported_s = (
+            self._clock_received_s,
+            self._now,
+            time_boot_s,
+        )
         went_back = time_boot_s < self.state.time_boot_s - REBOOT_S
         ran_s = time_boot_s - began_anew_s  # below 0: of before, and overtaken
-        is_younger = heard_s is not None and 0.0 <= ran_s < self._now - heard_s - YOUNGER_S
+        is_younger = received_s is not None and 0.0 <= ran_s < self._now - received_s - YOUNGER_S
         if not (went_back or is_younger):
             return False
         # Keep what is said by heartbeats, which come unasked; the rest is of a life before.
         last = self.state
         time_boot_s -= self._clock_before_s
-        self._clock_before_s, self._clock_told_s = 0.0, time_boot_s
+        self._clock_before_s, self._clock_reported_s = 0.0, time_boot_s
         self._state = VehicleState(
             time_boot_s=time_boot_s,
             mode=last.mode,
@@ -278,7 +286,7 @@ class Telemetry:
         return False
 
     def _home_position(self, message: Message) -> bool:
-        if not _can_be(message.latitude, message.longitude, message.altitude):
+        if not _is_possible(message.latitude, message.longitude, message.altitude):
             return False
         self._changes |= {
             "home_lat_deg": message.latitude / 1e7,
@@ -310,7 +318,7 @@ class Telemetry:
         # A running count: the greatest one heard is right, whatever was lost or came late.
         self._changes["strikes"] = max(self.state.strikes, count)
 
-    def _judge_readiness(self) -> None:
+    def _update_readiness(self) -> None:
         mode = self._changes.get("mode", self._state.mode)
         readiness = Readiness(mode, self._prearm_ok, self._ekf_flags, self._complaints)
         reasons = self._dialect.not_ready(readiness)
@@ -320,17 +328,17 @@ class Telemetry:
         self._changes |= {"ready": not reasons, "not_ready": reasons}
 
 
-_NOWHERE: Mapping[str, float | None] = MappingProxyType(
+_NO_POSITION: Mapping[str, float | None] = MappingProxyType(
     dict.fromkeys(("lat_deg", "lon_deg", "alt_rel_m", "alt_amsl_m"))
 )
 
 
-def _place(message: Message) -> Mapping[str, float | None]:
+def _position_fields(message: Message) -> Mapping[str, float | None]:
     """Where a GLOBAL_POSITION_INT says it is."""
     # Without a position estimate the fields are sent, as zeros.
     known = message.lat != 0 or message.lon != 0
-    if not known or not _can_be(message.lat, message.lon, message.alt, message.relative_alt):
-        return _NOWHERE
+    if not known or not _is_possible(message.lat, message.lon, message.alt, message.relative_alt):
+        return _NO_POSITION
     return {
         "lat_deg": message.lat / 1e7,
         "lon_deg": message.lon / 1e7,
@@ -339,7 +347,7 @@ def _place(message: Message) -> Mapping[str, float | None]:
     }
 
 
-def _can_be(lat_e7: int, lon_e7: int, *heights_mm: int) -> bool:
+def _is_possible(lat_e7: int, lon_e7: int, *heights_mm: int) -> bool:
     """Whether there is such a place, and something may fly there."""
     on_earth = abs(lat_e7) <= 900_000_000 and abs(lon_e7) <= 1_800_000_000
-    return on_earth and all(LEAST_ALT_M <= mm / 1000.0 <= MOST_ALT_M for mm in heights_mm)
+    return on_earth and all(MIN_ALT_M <= mm / 1000.0 <= MAX_ALT_M for mm in heights_mm)

@@ -12,63 +12,70 @@ from functools import partial
 
 from swarmctl.core.mission import MissionItem
 from swarmctl.core.vehicle import Landed, VehicleState
-from swarmctl.mavlink.procedures.guarded import Theirs, guarded, in_modes, look
-from swarmctl.mavlink.procedures.swap.in_hold import swap_in_place
-from swarmctl.mavlink.procedures.swap.route_progress import CORNER_S, ON_M, Ahead
-from swarmctl.mavlink.procedures.swap.steps import BLIND, MOST_ITEMS, PAST, Flown, Way, see_it_fly
+from swarmctl.mavlink.procedures.guarded import TakenOver, confirm_state, in_modes, send_guarded
+from swarmctl.mavlink.procedures.swap.in_hold import swap_in_hold
+from swarmctl.mavlink.procedures.swap.route_progress import CORNER_S, SAME_PLACE_M, RoutePosition
+from swarmctl.mavlink.procedures.swap.steps import (
+    MAX_ITEMS,
+    PAST_SPLIT,
+    POSITION_UNKNOWN,
+    OldPlan,
+    SwapPlan,
+    confirm_flying,
+)
 from swarmctl.mavlink.procedures.verified_upload import read_back
 from swarmctl.mavlink.protocol.mission_append import Append, AppendResult
 from swarmctl.mavlink.protocol.mission_download import DownloadOutcome
 from swarmctl.mavlink.protocol.outcome import Swapped
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
-from swarmctl.mavlink.protocol.wait import Until
+from swarmctl.mavlink.protocol.wait import WaitUntil
 from swarmctl.mavlink.telemetry.vehicle_state import STILL_M_S
 
 MOMENT_S = 10.0
 """for so long it is waited for a moment that is not beside a corner"""
 
 
-def swap_behind(ctx: Context, way: Way) -> Procedure[Swapped]:
-    """Write behind the old route, read back, take it over; where that fails, `swap_in_place`.
+def swap_append(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
+    """Write behind the old route, read back, take it over; where that fails, `swap_in_hold`.
 
-    Raises HandsOff.
+    Raises NotInControl.
     """
     mission = in_modes({ctx.dialect.mission_mode}, armed=True)
-    old, kept = Flown.by(ctx), ctx.on_vehicle
-    tail = way.items[ctx.dialect.first_waypoint_seq :]
-    if not kept or not mission(ctx.state) or len(kept) + len(tail) > MOST_ITEMS:
-        return (yield from swap_in_place(ctx, way, old))
+    old, kept = OldPlan.of(ctx), ctx.verified_items
+    tail = plan.items[ctx.dialect.first_waypoint_seq :]
+    if not kept or not mission(ctx.state) or len(kept) + len(tail) > MAX_ITEMS:
+        return (yield from swap_in_hold(ctx, plan, old))
     # From here on it holds more than is known.
-    ctx.on_vehicle = ()
-    is_past = partial(way.is_past, ctx)
+    ctx.verified_items = ()
+    is_past = partial(plan.is_past_split, ctx)
     appended: AppendResult = yield Append(ctx.peer, len(kept), tail, is_past)
     if appended.is_foreign:
-        raise Theirs(f"another station has changed its mission: {appended.failure}")
+        raise TakenOver(f"another station has changed its mission: {appended.failure}")
     found, failure = yield from _read_back(ctx, len(kept), tail, appended)
     if appended.is_late:
-        yield from look(ctx, mission)
+        yield from confirm_state(ctx, mission)
         # What was not read is not known: the next plan is written anew.
-        ctx.on_vehicle = () if failure else kept + found
-        return Swapped(PAST, "old", is_late=True)
+        ctx.verified_items = () if failure else kept + found
+        return Swapped(PAST_SPLIT, "old", is_late=True)
     if not failure:
         # An order goes by what was told as long ago as it takes to be answered.
-        later_s = appended.answers_after_s
-        yield Until(lambda: _is_clear(ctx, way, later_s), MOMENT_S)
-        late, blind = is_past(appended.answers_after_s), way.is_blind(ctx)
+        later_s = appended.round_trip_s
+        yield WaitUntil(lambda: _is_clear(ctx, plan, later_s), MOMENT_S)
+        late, blind = is_past(appended.round_trip_s), plan.lacks_position(ctx)
         if late or blind or ctx.state.landed is Landed.LANDING:
             # Who comes down may have been told so by somebody else.
-            yield from look(ctx, mission)
-            ctx.on_vehicle = kept + found
-            why = PAST if late else BLIND if blind else "it lands just now"
+            yield from confirm_state(ctx, mission)
+            ctx.verified_items = kept + found
+            why = PAST_SPLIT if late else POSITION_UNKNOWN if blind else "it lands just now"
             return Swapped(why, "old", is_late=late)
-        failure = yield from _taken_over(ctx, len(kept), tail, lambda: way.first(ctx, later_s))
+        failure = yield from _taken_over(ctx, len(kept), tail, lambda: plan.next_waypoint(ctx, later_s))
     if not failure:
-        way.is_taken_over(ctx)
-        ctx.on_vehicle, ctx.flown_from = kept + found, len(kept)
-        failure = yield from see_it_fly(ctx, len(kept))
+        plan.mark_taken_over(ctx)
+        ctx.verified_items, ctx.plan_first_seq = kept + found, len(kept)
+        failure = yield from confirm_flying(ctx, len(kept))
     if not failure:
         return Swapped(None, "new")
-    done = yield from swap_in_place(ctx, way, old)
+    done = yield from swap_in_hold(ctx, plan, old)
     return done if done.failure is None else Swapped(f"{failure}; {done.failure}", done.flying)
 
 
@@ -85,21 +92,21 @@ def _read_back(
     return read.items, f"read back behind the old route: {gaps[0]}" if gaps else None
 
 
-def _is_clear(ctx: Context, way: Way, later_s: float) -> bool:
+def _is_clear(ctx: Context, plan: SwapPlan, later_s: float) -> bool:
     """Whether it is known which corner of the new route lies ahead when an order arrives."""
-    if way.is_blind(ctx):
+    if plan.lacks_position(ctx):
         return False
-    if not way.leaves_ahead or ctx.state.ground_speed_m_s < STILL_M_S:
+    if not plan.leaves_ahead or ctx.state.ground_speed_m_s < STILL_M_S:
         return True
-    at = way.at(ctx, later_s)
+    at = plan.position(ctx, later_s)
     return at.is_late or (at.corner_s > CORNER_S and not _passes_it_braking(ctx, at))
 
 
-def _passes_it_braking(ctx: Context, at: Ahead) -> bool:
+def _passes_it_braking(ctx: Context, at: RoutePosition) -> bool:
     """Whether it would have to fly back to the item ahead; to that at which the new route leaves the old one
     it may, rather than leave that unflown."""
     brakes_m_s2 = ctx.dialect.brakes_m_s2
-    leaves_there = at.item_m + at.past_m > -ON_M
+    leaves_there = at.item_m + at.past_split_m > -SAME_PLACE_M
     if brakes_m_s2 is None or leaves_there:
         return False
     return at.item_m < ctx.state.ground_speed_m_s**2 / (2.0 * brakes_m_s2)
@@ -116,7 +123,7 @@ def _taken_over(
         return mission(state) and seq is not None and begin <= seq < begin + len(tail)
 
     return (
-        yield from guarded(
+        yield from send_guarded(
             ctx, lambda attempt: ctx.dialect.set_current(ctx.peer, begin + first(), attempt), mission, follows
         )
     )

@@ -5,93 +5,97 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from swarmctl.core.mission import MissionItem
-from swarmctl.mavlink.procedures.guarded import in_modes, look, set_mode
-from swarmctl.mavlink.procedures.set_current import jump_to
+from swarmctl.mavlink.procedures.guarded import confirm_state, in_modes, set_mode
+from swarmctl.mavlink.procedures.set_current import set_current_item
 from swarmctl.mavlink.procedures.swap.steps import (
-    BLIND,
-    NOT_ON_IT,
-    PAST,
-    Flown,
-    Way,
-    have_it_hold,
-    held,
-    see_it_fly,
+    NOT_ON_OLD_MISSION,
+    PAST_SPLIT,
+    POSITION_UNKNOWN,
+    OldPlan,
+    SwapPlan,
+    confirm_flying,
+    end_in_hold,
+    enter_hold,
 )
-from swarmctl.mavlink.procedures.verified_upload import put
+from swarmctl.mavlink.procedures.verified_upload import upload_mission
 from swarmctl.mavlink.protocol.outcome import Swapped
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 
-STANDS_LIMIT_S = 120.0
+HOLD_LIMIT_S = 120.0
 """It holds on a battery that was counted on for the flight: after so long nothing more is begun, and whoever
 plans decides what to do instead."""
 
 
-def swap_in_place(ctx: Context, way: Way, old: Flown) -> Procedure[Swapped]:
-    """Hold, upload, read back, set the current item, fly; or go back to the old mission the same way.
+def swap_in_hold(ctx: Context, plan: SwapPlan, old: OldPlan) -> Procedure[Swapped]:
+    """Hold, upload, read back, set the current item, fly; or go back to the old mission the same plan.
 
-    Raises HandsOff.
+    Raises NotInControl.
     """
     hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
-    failure = yield from have_it_hold(ctx, way)
+    failure = yield from enter_hold(ctx, plan)
     if failure:
-        yield from look(ctx, in_modes({mission}, armed=True))
+        yield from confirm_state(ctx, in_modes({mission}, armed=True))
         return Swapped(f"it does not hold: {failure}", "old" if old.items else "unknown")
-    first, until_s = ctx.dialect.first_waypoint_seq, ctx.state.time_boot_s + STANDS_LIMIT_S
+    first, until_s = ctx.dialect.first_waypoint_seq, ctx.state.time_boot_s + HOLD_LIMIT_S
 
     def is_over() -> bool:
         return ctx.state.time_boot_s > until_s
 
-    is_late = bool(old.items) and way.is_past(ctx, 0.0)
-    failure = PAST if is_late else BLIND
-    if not (is_late or way.is_blind(ctx)):
-        failure = yield from _fly_from_hold(ctx, way, way.items, lambda: first + way.first(ctx), is_over)
+    is_late = bool(old.items) and plan.is_past_split(ctx, 0.0)
+    failure = PAST_SPLIT if is_late else POSITION_UNKNOWN
+    if not (is_late or plan.lacks_position(ctx)):
+        failure = yield from _fly_from_hold(
+            ctx, plan, plan.items, lambda: first + plan.next_waypoint(ctx), is_over
+        )
     if not failure:
-        way.is_taken_over(ctx)
+        plan.mark_taken_over(ctx)
         return Swapped(None, "new")
     if is_over():
-        failure = f"{failure}; it has held for more than {STANDS_LIMIT_S:g} s"
+        failure = f"{failure}; it has held for more than {HOLD_LIMIT_S:g} s"
     elif old.items:
-        second = yield from _fly_back(ctx, way, old, is_over)
+        second = yield from _fly_back(ctx, plan, old, is_over)
         if not second:
             return Swapped(failure, "old", is_late=is_late)
         failure = f"{failure}; back to the old mission: {second}"
-    yield from look(ctx, in_modes({hold}, armed=True))
+    yield from confirm_state(ctx, in_modes({hold}, armed=True))
     return Swapped(failure, "hold")
 
 
-def _fly_back(ctx: Context, way: Way, old: Flown, is_over: Callable[[], bool]) -> Procedure[str | None]:
+def _fly_back(
+    ctx: Context, plan: SwapPlan, old: OldPlan, is_over: Callable[[], bool]
+) -> Procedure[str | None]:
     """To the old mission, where it is still on its way; returns why not."""
-    seq = old.item(ctx)
+    seq = old.next_item(ctx)
     if seq is None:
-        return NOT_ON_IT
-    return (yield from _fly_from_hold(ctx, way, old.items, lambda: seq, is_over))
+        return NOT_ON_OLD_MISSION
+    return (yield from _fly_from_hold(ctx, plan, old.items, lambda: seq, is_over))
 
 
 def _fly_from_hold(
     ctx: Context,
-    way: Way,
+    plan: SwapPlan,
     items: tuple[MissionItem, ...],
     item: Callable[[], int],
     is_over: Callable[[], bool],
 ) -> Procedure[str | None]:
     """Upload to a vehicle that holds, and see it fly the mission from an item on, found when it is there.
 
-    Where that fails it holds again. Raises HandsOff where somebody else has it.
+    Where that fails it holds again. Raises NotInControl where somebody else has it.
     """
     hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
     holds = in_modes({hold}, armed=True)
-    yield from look(ctx, holds)
-    placed = yield from put(ctx, items, is_over=is_over)
-    if placed.failure:
-        return placed.failure
+    yield from confirm_state(ctx, holds)
+    uploaded = yield from upload_mission(ctx, items, is_over=is_over)
+    if uploaded.failure:
+        return uploaded.failure
     seq = item()
-    failure = yield from jump_to(ctx, seq, holds)
+    failure = yield from set_current_item(ctx, seq, holds)
     if failure:
         return failure
-    way.holds = False
+    plan.holds = False
     failure = yield from set_mode(ctx, mission, holds, armed=True)
     if not failure:
-        failure = yield from see_it_fly(ctx, seq)
+        failure = yield from confirm_flying(ctx, seq)
     if failure:
-        yield from held(ctx, way, failure)
+        yield from end_in_hold(ctx, plan, failure)
     return failure

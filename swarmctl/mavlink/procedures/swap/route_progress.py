@@ -13,38 +13,38 @@ from itertools import accumulate, pairwise, takewhile
 
 from swarmctl.core.geo import LatLon, LocalFrame
 from swarmctl.core.mission import MissionItem
-from swarmctl.core.plane import Point, distance_to_leg, distance_to_track
+from swarmctl.core.planar import PlanarPoint, distance_to_leg, distance_to_track
 from swarmctl.core.vehicle import VehicleState
 
 CORNER_S = 0.75
 """So near to a corner nobody knows whether it is passed when an order arrives: it is waited for."""
-BESIDE_M = 12.0
+MAX_CROSS_TRACK_M = 12.0
 """So far beside the new route a vehicle is not on it any more."""
-ON_M = 1.0
+SAME_PLACE_M = 1.0
 """so near to the old route a corner of the new one is on it"""
 
 
 @dataclass(frozen=True, slots=True)
-class Ahead:
+class RoutePosition:
     """Where a vehicle is on a route."""
 
     item: int
     """the next to fly to, as an index of the route"""
-    beside_m: float
+    cross_track_m: float
     """from the route"""
     corner_s: float
     """until it passes that item, or since it passed the one before, whichever is nearer"""
-    past_m: float = -math.inf
+    past_split_m: float = -math.inf
     """where the route leaves the one that is flown; negative before"""
     item_m: float = math.inf
     """along the route to that item"""
 
     @property
     def is_late(self) -> bool:
-        return self.past_m > 0.0 or self.beside_m > BESIDE_M
+        return self.past_split_m > 0.0 or self.cross_track_m > MAX_CROSS_TRACK_M
 
 
-class WayAhead:
+class RouteProgress:
     """A route (items with places) as it lies before a vehicle that was at `begin` when it was told of it.
 
     `flown`: what it flies meanwhile, from its current item on, where that is known.
@@ -57,30 +57,32 @@ class WayAhead:
         self._frame = None if here is None else LocalFrame(*here)
         self._points = self._places(items)
         legs_m = [math.dist(a, b) for a, b in pairwise(self._points)]
-        self._passed_m = [0.0, *accumulate(legs_m)]
+        self._along_m = [0.0, *accumulate(legs_m)]
         """on the way to each point"""
         self._n_common = self._in_common(self._places(flown))
-        self._leaves_m = self._passed_m[self._n_common] if self._n_common else math.inf
+        self._split_m = self._along_m[self._n_common] if self._n_common else math.inf
 
-    def _places(self, items: Sequence[MissionItem]) -> list[Point]:
+    def _places(self, items: Sequence[MissionItem]) -> list[PlanarPoint]:
         """From where it was [m]: (east, north)."""
         if self._frame is None:
             return []
         places = ((i.x / 1e7, i.y / 1e7) for i in takewhile(lambda i: i.x or i.y, items))
         return [(0.0, 0.0), *(self._frame.to_local(*place) for place in places)]
 
-    def _in_common(self, flown: Sequence[Point]) -> int:
+    def _in_common(self, flown: Sequence[PlanarPoint]) -> int:
         """How many corners, from the first on, both routes have; 0 where nobody knows."""
         if len(flown) < 2:
             return 0
-        return sum(1 for _ in takewhile(lambda p: distance_to_track(p, flown) <= ON_M, self._points[1:]))
+        return sum(
+            1 for _ in takewhile(lambda p: distance_to_track(p, flown) <= SAME_PLACE_M, self._points[1:])
+        )
 
-    def at(self, state: VehicleState, later_s: float = 0.0) -> Ahead:
+    def at(self, state: VehicleState, later_s: float = 0.0) -> RoutePosition:
         """Where the vehicle is `later_s` after it told `state`, as fast along the route as it was then; at
         the first item where it has not told."""
         here = _place(state)
         if self._frame is None or here is None or not self.is_known:
-            return Ahead(0, 0.0, math.inf)
+            return RoutePosition(0, 0.0, math.inf)
         place = self._frame.to_local(*here)
         legs = [distance_to_leg(place, a, b) for a, b in pairwise(self._points)]
         # At a corner it is on both legs, and that corner is still to be passed.
@@ -91,34 +93,40 @@ class WayAhead:
         # Straight on past a corner it is as far on the way as if it had turned.
         on_m = max((place[0] - ax) * east + (place[1] - ay) * north, 0.0)
         on_m += max(state.east_m_s * east + state.north_m_s * north, 0.0) * later_s
-        return self._ahead(self._passed_m[leg] + on_m, legs[leg], max(state.ground_speed_m_s, 0.1))
+        return self._position(self._along_m[leg] + on_m, legs[leg], max(state.ground_speed_m_s, 0.1))
 
     @property
     def is_known(self) -> bool:
         """It has told where it was when this began."""
         return len(self._points) >= 2
 
-    def begins_over(self, item: MissionItem) -> bool:
+    def first_leg_passes(self, item: MissionItem) -> bool:
         """Whether its first leg leads over the place of an item."""
         places = self._places((item,))[1:]
-        return self.is_known and bool(places) and distance_to_leg(places[0], *self._points[:2]) <= ON_M
+        return (
+            self.is_known and bool(places) and distance_to_leg(places[0], *self._points[:2]) <= SAME_PLACE_M
+        )
 
-    def is_on_leg_to(self, item: int, state: VehicleState) -> bool:
+    def is_near_leg_to(self, item: int, state: VehicleState) -> bool:
         """Whether it flies beside the leg that leads to an item of the route, or to its last place."""
         here, item = _place(state), min(item, len(self._points) - 2)
         if self._frame is None or here is None or item < 0:
             return False
-        return distance_to_leg(self._frame.to_local(*here), *self._points[item : item + 2]) <= BESIDE_M
+        return (
+            distance_to_leg(self._frame.to_local(*here), *self._points[item : item + 2]) <= MAX_CROSS_TRACK_M
+        )
 
-    def _ahead(self, way_m: float, beside_m: float, speed_m_s: float) -> Ahead:
-        ends_m = self._passed_m[1:]
-        item = min(sum(end_m < way_m - 0.01 for end_m in ends_m), len(ends_m) - 1)
-        if way_m > self._leaves_m:
+    def _position(self, along_m: float, cross_track_m: float, speed_m_s: float) -> RoutePosition:
+        ends_m = self._along_m[1:]
+        item = min(sum(end_m < along_m - 0.01 for end_m in ends_m), len(ends_m) - 1)
+        if along_m > self._split_m:
             # It has flown on along the other route: the way back there is known, the one across is not.
             item = min(item, self._n_common - 1)
-        passed_m = way_m - self._passed_m[item] if item else math.inf
-        corner_m = min(abs(ends_m[item] - way_m), passed_m)
-        return Ahead(item, beside_m, corner_m / speed_m_s, way_m - self._leaves_m, ends_m[item] - way_m)
+        since_corner_m = along_m - self._along_m[item] if item else math.inf
+        corner_m = min(abs(ends_m[item] - along_m), since_corner_m)
+        return RoutePosition(
+            item, cross_track_m, corner_m / speed_m_s, along_m - self._split_m, ends_m[item] - along_m
+        )
 
 
 def _place(state: VehicleState) -> LatLon | None:

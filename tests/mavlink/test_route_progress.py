@@ -41,14 +41,14 @@ PLACES = [
 
 
 @pytest.mark.parametrize(
-    ("at", "item_ahead", "beside_m"), [p[1:] for p in PLACES], ids=[p[0] for p in PLACES]
+    ("at", "item_ahead", "cross_track_m"), [p[1:] for p in PLACES], ids=[p[0] for p in PLACES]
 )
 def test_what_lies_ahead_is_the_end_of_the_leg_it_is_on(
-    at: VehicleState, item_ahead: int, beside_m: float
+    at: VehicleState, item_ahead: int, cross_track_m: float
 ) -> None:
     found = WAY.at(at)
     assert found.item == item_ahead
-    assert found.beside_m == pytest.approx(beside_m, abs=0.1)
+    assert found.cross_track_m == pytest.approx(cross_track_m, abs=0.1)
     assert not found.is_late
 
 
