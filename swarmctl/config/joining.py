@@ -78,8 +78,8 @@ def not_reached(network: Configuration) -> str:
     if not any(endpoint.is_certified for endpoint in network.connect):
         return "check that the program runs there, and that no firewall blocks the port"
     return (
-        "check that the program runs there, that no firewall blocks the port, and that both machines have the "
-        "same ca.pem (copy the folders of one run of `swarmctl keys` to all machines)"
+        "check that the program runs there, that no firewall blocks the port, and that both machines have "
+        "the same ca.pem (copy the folders of one run of `swarmctl keys` to all machines)"
     )
 
 

@@ -16,8 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from swarmctl.bus.keys import SWARM_NAME
 from swarmctl.config import yaml_lines
-from swarmctl.config.communication import Communication
-from swarmctl.config.mesh import mesh_endpoints
+from swarmctl.config.communication import Communication, mesh_endpoints
 from swarmctl.core.grid import Grid
 from swarmctl.core.messages import MAX_SYSTEM_ID
 

@@ -63,9 +63,9 @@ def _hardly_apart(scenario: Scenario) -> Iterator[ConfigProblem]:
         if vertical_m - 1e-9 <= apart_m < wanted_m - 1e-9:
             text = (
                 f"{one.name} and {other.name} would fly at {one.altitude_m:g} and {other.altitude_m:g} m, "
-                f"hardly more than separation.vertical_m = {vertical_m:g} m apart: vehicles do not hold their "
-                f"height to the metre, so each crossing would raise an alarm; give them altitudes that differ "
-                f"by {wanted_m:g} m or more, or set separation.vertical_m to "
+                f"hardly more than separation.vertical_m = {vertical_m:g} m apart: vehicles do not hold "
+                f"their height to the metre, so each crossing would raise an alarm; give them altitudes that "
+                f"differ by {wanted_m:g} m or more, or set separation.vertical_m to "
                 f"{math.floor(100.0 * apart_m / HEIGHT_MARGIN) / 100.0:g} m or less"
             )
             yield ConfigProblem(("flight", "altitude_step_m"), text)

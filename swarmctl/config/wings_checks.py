@@ -65,8 +65,8 @@ def check_plane(scenario: Scenario, spec: Spec, task: Task, here: KeyPath) -> It
     if has_m < needs_m:
         text = (
             f"{spec.name} starts {has_m:.0f} m from the centre of its entry cell, but needs up to "
-            f"{needs_m:.0f} m to climb to {wings.takeoff_height_m:g} m; move its start farther away, or lower "
-            "wings.takeoff_height_m"
+            f"{needs_m:.0f} m to climb to {wings.takeoff_height_m:g} m; move its start farther away, or "
+            "lower wings.takeoff_height_m"
         )
         yield ConfigProblem(key, text)
     if spec.altitude_m < wings.final_height_m:

@@ -1,10 +1,11 @@
-"""What is wrong with the section `links`, said with file, line and cure before anything starts."""
+"""Errors in the section `links` are reported at their keys, before anything starts."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
+from config_files import assert_problems
 from typer.testing import CliRunner
 
 from swarmctl.cli.main import cli
@@ -49,44 +50,43 @@ def troubles(file: Path) -> list[str]:
         ("", SIMULATED),
     ],
 )
-def test_nothing_is_said_where_nothing_is_wrong(tmp_path: Path, links: str, vehicles: str) -> None:
+def test_a_correct_section_has_no_problems(tmp_path: Path, links: str, vehicles: str) -> None:
     assert troubles(written(tmp_path, links, vehicles)) == []
 
 
 @pytest.mark.parametrize(
-    ("links", "vehicles", "said"),
+    ("links", "vehicles", "expected"),
     [
-        ('forward: ["udpout:127.0.0.1"]', SIMULATED, "forward[0]: 'udpout:127.0.0.1' is no link URL"),
-        ("signing_key: some.key", SIMULATED, "signing_key: vehicles of `simulate` have no key"),
-        ("position_hz: 1", ALPHA, "position_hz: input should be greater than or equal to 2"),
-        ("signing_link_id: 256", ALPHA, "signing_link_id: input should be less than or equal to 255"),
-        ('forward: ["udpin:127.0.0.1:14999"]', ALPHA, "forward[0]: udpin:127.0.0.1:14999 is where vehicles"),
+        ('forward: ["udpout:127.0.0.1"]', SIMULATED, ("forward[0]", "'udpout:127.0.0.1'")),
+        ("signing_key: some.key", SIMULATED, ("signing_key", "`simulate`")),
+        ("position_hz: 1", ALPHA, ("position_hz", "2", "1")),
+        ("signing_link_id: 256", ALPHA, ("signing_link_id", "255", "256")),
+        ('forward: ["udpin:127.0.0.1:14999"]', ALPHA, ("forward[0]", "udpin:127.0.0.1:14999")),
         (
             'forward: ["udpout:10.0.0.5:14550"], forward_commands: true',
             SIMULATED,
-            "forward[0]: udpout://10.0.0.5:14550: who is at that address, or speaks as it, is not known, and "
-            "with links.forward_commands could order the vehicles; send to 127.0.0.1, or set",
+            ("forward[0]", "udpout://10.0.0.5:14550", "links.forward_commands", "127.0.0.1"),
         ),
         (
             'forward: ["tcpout:ground.local:5760"], forward_commands: true',
             SIMULATED,
-            "forward[0]: tcpout://ground.local:5760: who is at that address",
+            ("forward[0]", "tcpout://ground.local:5760", "links.forward_commands"),
         ),
         (
             'forward: ["udpin:0.0.0.0:14551"], forward_commands: true',
             ALPHA,
-            "forward[0]: udpin://0.0.0.0:14551: others than this machine reach it, and with links."
-            "forward_commands every one of them could order the vehicles; listen at 127.0.0.1, or set",
+            ("forward[0]", "udpin://0.0.0.0:14551", "links.forward_commands", "127.0.0.1"),
         ),
-        ("forwards: []", SIMULATED, "forwards: unknown key; did you mean 'forward'?"),
+        ("forwards: []", SIMULATED, ("forwards", "'forward'")),
     ],
 )
-def test_what_is_wrong_is_said_with_its_cure(tmp_path: Path, links: str, vehicles: str, said: str) -> None:
-    (found,) = troubles(written(tmp_path, links, vehicles))
-    assert found.startswith(said)
+def test_an_error_is_reported_at_its_key(
+    tmp_path: Path, links: str, vehicles: str, expected: tuple[str, ...]
+) -> None:
+    assert_problems(troubles(written(tmp_path, links, vehicles)), [expected])
 
 
-def test_check_looks_at_the_signing_key(tmp_path: Path) -> None:
+def test_check_reads_the_signing_key(tmp_path: Path) -> None:
     key = tmp_path / "some.key"
     file = written(tmp_path, f"signing_key: {key}", ALPHA)
 
@@ -96,43 +96,40 @@ def test_check_looks_at_the_signing_key(tmp_path: Path) -> None:
 
     code, said = check()
     assert code == 2
-    assert f"{file}:4: links.signing_key: {key}: the signing key cannot be read: No such file" in said
-    assert "hexadecimal" not in said
+    assert f"{file}:4: links.signing_key: {key}: " in said
     key.write_text("passphrase: correct horse\n")
     key.chmod(0o644)
-    assert f"{key} can be read by others" in check()[1]
+    code, said = check()
+    assert code == 2
+    assert f"{file}:4: links.signing_key: {key}" in said
     key.chmod(0o600)
     assert check()[0] == 0
 
 
-def test_the_signing_key_is_looked_for_where_the_command_runs(
+def test_the_path_of_the_signing_key_is_relative_to_the_folder_of_the_command(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (elsewhere := tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(elsewhere)
     file = written(tmp_path, "signing_key: some.key", ALPHA)
     words = ["check", "--config", str(file), "--out", str(tmp_path / "runs")]
-    said = CliRunner().invoke(cli, words).output
     tried = elsewhere / "some.key"
-    assert f"links.signing_key: {tried}: the signing key cannot be read: No such file" in said
-    assert "from where the command runs" in said
+    assert f"links.signing_key: {tried}: " in CliRunner().invoke(cli, words).output
     tried.write_text("passphrase: correct horse\n")
     tried.chmod(0o600)
     assert CliRunner().invoke(cli, words).exit_code == 0
 
 
-def test_a_bad_url_to_forward_to_is_a_matter_of_usage(tmp_path: Path) -> None:
+def test_a_malformed_url_of_forward_exits_with_2(tmp_path: Path) -> None:
     file = written(tmp_path, "", SIMULATED)
     result = CliRunner().invoke(cli, ["fly", "--config", str(file), "--forward", "14550"])
     assert result.exit_code == 2
-    assert "--forward: '14550' is no link URL" in result.output
+    assert "--forward: '14550'" in result.output
 
 
 @pytest.mark.parametrize("command", [["fly"], ["agent", "--uav", "uav1"]])
-def test_whom_the_command_line_would_let_strangers_order_is_not_flown(
-    tmp_path: Path, command: list[str]
-) -> None:
+def test_the_command_line_cannot_forward_commands_of_strangers(tmp_path: Path, command: list[str]) -> None:
     file = written(tmp_path, "forward_commands: true", SIMULATED)
     result = CliRunner().invoke(cli, [*command, "--config", str(file), "--forward", "tcpin:0.0.0.0:5760"])
     assert result.exit_code == 2
-    assert "--forward tcpin://0.0.0.0:5760: others than this machine reach it" in result.output
+    assert "--forward tcpin://0.0.0.0:5760: " in result.output

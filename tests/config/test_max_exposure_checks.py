@@ -1,4 +1,4 @@
-"""A maximum exposure that leaves no way is to blame, by name, with the cure."""
+"""A maximum exposure that excludes every route is reported with the least value that does not."""
 
 from __future__ import annotations
 
@@ -7,26 +7,31 @@ from pathlib import Path
 import pytest
 from cli_runner import SHIPPED, swarmctl
 
+from swarmctl.cli.console import OK, USAGE
 
-def checked(limit: float, folder: Path, area: str = "") -> str:
+
+def checked(limit: float, folder: Path, area: str = "") -> tuple[int, str]:
     config = folder / "limited.yaml"
     text = SHIPPED.read_text().replace("  name: dijkstra", f"  name: dijkstra\n  max_exposure: {limit}")
     config.write_text(text.replace("  cell_size_m: 50", f"  cell_size_m: 50\n{area}"))
-    return swarmctl("check", "--config", config, "--out", folder / "runs").output
+    result = swarmctl("check", "--config", config, "--out", folder / "runs")
+    return result.exit_code, result.output
 
 
-def test_what_closes_every_way_is_named_with_the_least_that_opens_one(tmp_path: Path) -> None:
-    # Edges of the prior have P_s 0.102 (the model): less leaves no way from side to side.
-    said = checked(0.1, tmp_path)
-    assert "planner.max_exposure: uav3 cannot reach its goal: 0.1 closes every way" in said
-    assert "the least that opens one is 0.1021" in said
-    assert "no_fly" not in said
-    assert "good." in checked(0.1021, tmp_path)
+def test_the_least_value_with_a_route_is_reported_and_has_one(tmp_path: Path) -> None:
+    # Border cells of the prior have P_s 0.102 (the model): less excludes every route across the area.
+    code, output = checked(0.1, tmp_path)
+    assert code == USAGE
+    assert "planner.max_exposure: uav3 " in output
+    assert " 0.1021" in output
+    assert "area.no_fly" not in output
+    assert checked(0.1021, tmp_path)[0] == OK
 
 
 @pytest.mark.parametrize("limit", [0.1, 0.5])
-def test_where_no_fly_cells_close_it_they_are_to_blame(limit: float, tmp_path: Path) -> None:
+def test_cells_of_no_fly_that_exclude_every_route_are_reported(limit: float, tmp_path: Path) -> None:
     wall = ", ".join(f"[{row}, 10]" for row in range(20))
-    said = checked(limit, tmp_path, f"  no_fly: [{wall}]")
-    assert "open a way in area.no_fly" in said
-    assert "max_exposure:" not in said
+    code, output = checked(limit, tmp_path, f"  no_fly: [{wall}]")
+    assert code == USAGE
+    assert "area.no_fly" in output
+    assert "max_exposure:" not in output

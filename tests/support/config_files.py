@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from swarmctl.config import model, scenario
@@ -30,3 +31,12 @@ def problems(text: str, tmp_path: Path) -> list[str]:
         return [line.removeprefix(str(file)) for line in error.lines]
     scenario.build(loaded)
     return []
+
+
+def assert_problems(found: Sequence[str], expected: Sequence[Sequence[str]]) -> None:
+    """Each line of `found` begins with its place (`:line: key`), and has the values and names that follow."""
+    assert len(found) == len(expected), found
+    for line, (place, *values) in zip(found, expected, strict=True):
+        assert line.startswith(f"{place}: "), line
+        for value in values:
+            assert value in line.removeprefix(place), (value, line)
