@@ -30,9 +30,9 @@ from swarmctl.bus.transports import zenoh_config
 from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.bus.transports.zenoh import ZenohBus
-from swarmctl.core.frames import Frame, Seal
+from swarmctl.core.frames import Frame, FrameCodec
 from swarmctl.core.observation import Observation
-from swarmctl.flight.gc_tuning import settle
+from swarmctl.flight.gc_tuning import tune_collector
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.station import router
 
@@ -40,18 +40,18 @@ from swarmctl.station import router
 
 
 def in_one_process(
-    n: int, k: int | None, rate_per_s: float, seconds: float, seal: Seal | None = None
+    n: int, k: int | None, rate_per_s: float, seconds: float, seal: FrameCodec | None = None
 ) -> list[str]:
     async def run() -> list[str]:
         options = NodeOptions(ROWS, COLS, k=k)
-        network = Network(MemoryBus(), SWARM, range(1, n + 1), options, clock=clock(), seal=seal)
+        network = Network(MemoryBus(), SWARM, range(1, n + 1), options, clock=clock(), codec=seal)
         heard = Heard()
         agents = [Agent(network, uav, heard) for uav in range(1, n + 1)]
         begin_s = asyncio.get_running_loop().time() + 1.5
         flights = asyncio.gather(*(agent.fly(rate_per_s, begin_s, seconds) for agent in agents))
         await asyncio.sleep(1.4)
         # As `fly` and `agent` do before they fly.
-        settle()
+        tune_collector()
         await asyncio.sleep(begin_s - asyncio.get_running_loop().time())
         cpu_s, wall_s = time.process_time(), time.monotonic()
         await flights
@@ -93,7 +93,7 @@ async def member(there: str, uav: int, n: int, rate_per_s: float, seconds: float
         network = Network(transport, SWARM, range(1, n + 1), NodeOptions(ROWS, COLS), clock=clock())
         heard = Heard()
         agent = Agent(network, uav, heard)
-        settle()
+        tune_collector()
         while not bus.connected:  # noqa: ASYNC110 - nobody tells, and it is not measured
             await asyncio.sleep(0.05)
         print("ready", flush=True)
@@ -237,7 +237,7 @@ async def fly_an_hour(n: int, minutes: Sequence[int]) -> None:
     options = NodeOptions(ROWS, COLS, perfect_sensors=False)
     network = Network(MemoryBus(), SWARM, range(1, n + 1), options, clock=RunClock(1.8e9))
     agents = [Agent(network, uav, Heard(), ROWS, ERRING) for uav in range(1, n + 1)]
-    settle()
+    tune_collector()
     for second in range(60 * minutes[-1]):
         for agent in agents:
             agent.look()
@@ -277,15 +277,15 @@ def signatures(quick: bool) -> Iterator[Table]:
             return False
         return True
 
-    signed, plain = Seal(SWARM, lambda sender, data: keys[sender].sign(data), verify), Seal(SWARM)
+    signed, plain = FrameCodec(SWARM, lambda sender, data: keys[sender].sign(data), verify), FrameCodec(SWARM)
     cells = tuple((50 + i, 50 + j, False) for i in range(3) for j in range(3))
     frame = Frame(1, 1, 1, 1.8e9, Observation(1, 1, 0.0, cells, 1), 46.0, 14.0)
     made = table("a frame of one observation, one core", "", "bytes", "close [µs]", "open [µs]")
     for name, seal in (("without signature", plain), ("Ed25519", signed)):
-        data = seal.close(frame)
+        data = seal.encode(frame)
         costs = (
-            per_call_us(lambda seal=seal: seal.close(frame)),
-            per_call_us(lambda seal=seal, data=data: seal.open(data)),
+            per_call_us(lambda seal=seal: seal.encode(frame)),
+            per_call_us(lambda seal=seal, data=data: seal.decode(data)),
         )
         made.add_row(name, str(len(data)), *(f"{cost:.0f}" for cost in costs))
     yield made

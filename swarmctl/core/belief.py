@@ -1,4 +1,4 @@
-"""What a vehicle knows of the hostiles: a set of observations, and the occupancy it implies."""
+"""The belief of a vehicle about the hostiles: a set of observations, and the occupancy that follows from it."""
 
 from __future__ import annotations
 
@@ -33,50 +33,51 @@ ONCE = np.int32(1)
 class ObservationLog:
     """Observations in the order in which they were merged, each name once; it only grows.
 
-    Beliefs that grew from one another share one, and each knows how much of it is its own: a merge copies
-    nothing. Who merges into a belief whose log has grown beyond it begins a log of its own.
+    Beliefs that grew from one another share one log, and each knows the length of its own part. So a merge
+    copies nothing, except a merge into an older belief: its log has newer entries already, and is copied.
     """
 
     __slots__ = ("at", "items", "n_covered")
 
     def __init__(self, items: Iterable[IndexedObservation] = ()) -> None:
         self.items = list(items)
-        self.at = {item.name: where for where, item in enumerate(self.items)}
-        """name -> where in the log"""
+        self.at = {item.name: index for index, item in enumerate(self.items)}
+        """name -> index in `items`"""
         self.n_covered = 0
-        """about how many a checkpoint stands for by now; they go when they are the greater part"""
+        """observations, about, that a checkpoint stands for; they are dropped when they are the greater part"""
 
     def of(self, source: Source, after: int, upto: int, n: int) -> list[int]:
-        """Where, in the first `n`, the observations of these sequence numbers are, without the first."""
+        """Return the indices, below `n`, of a source's observations with after < sequence number ≤ upto."""
         if upto - after < n:
-            places = [self.at.get((*source, seq), n) for seq in range(after + 1, upto + 1)]
-            return [where for where in places if where < n]
+            found = [self.at.get((*source, seq), n) for seq in range(after + 1, upto + 1)]
+            return [index for index in found if index < n]
         return [
-            where
-            for where, item in enumerate(self.items[:n])
+            index
+            for index, item in enumerate(self.items[:n])
             if item.seen.source == source and after < item.seen.seq <= upto
         ]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LookCounts:
-    """How often each cell was looked at, and how often a hostile was seen there; (rows, cols) each."""
+    """Looks at each cell, and looks that showed a hostile; (rows, cols) each."""
 
     looks: NDArray[np.int32]
     hits: NDArray[np.int32]
 
     def copy(self) -> LookCounts:
-        """One that can be written to."""
+        """Return a writeable copy."""
         return LookCounts(self.looks.copy(), self.hits.copy())
 
     def count(self, seen: Sequence[IndexedObservation], sign: np.int32 = ONCE) -> None:
-        """Cells may be named several times."""
+        """Add observations, or subtract them with `sign` −1; a cell may occur several times."""
         if seen:
-            # With a plain int, or another type, `add.at` takes forty times as long.
+            # `add.at` takes forty times as long with a plain int or another type.
             np.add.at(self.looks.ravel(), _joined(item.cells[0] for item in seen), sign)
             np.add.at(self.hits.ravel(), _joined(item.cells[1] for item in seen), sign)
 
     def change(self, counts: CellCounts, sign: int) -> None:
+        """Add the counts of a checkpoint, or subtract them with `sign` −1."""
         self.looks.ravel()[counts.cells] += sign * counts.looks
         self.hits.ravel()[counts.cells] += sign * counts.hits
 
@@ -84,41 +85,42 @@ class LookCounts:
         return np.array_equal(self.looks, other.looks) and np.array_equal(self.hits, other.hits)
 
     def sealed(self) -> LookCounts:
+        """Return these counts, read-only from now on."""
         self.looks.flags.writeable = self.hits.flags.writeable = False
         return self
 
 
-@dataclass(eq=False)  # not frozen, which would make a merge half as dear again
+@dataclass(eq=False)  # a frozen class would make a merge 50 % slower
 class Belief:
     """An immutable set of observations of an area of (rows, cols) cells in which hostiles hide.
 
-    Merging is set union, so it does not matter in which order observations come, how often, or whether a
-    checkpoint stands for many of them: all that is believed follows from how often each cell was looked at
-    and how often a hostile was seen there.
+    Merging is set union. The order of observations does not matter, nor their repetition, nor whether a
+    checkpoint stands for many of them. The occupancy follows from two numbers for each cell: its looks, and
+    the looks that showed a hostile.
     """
 
     count: HostileCount
     """n_HA, as announced beforehand"""
     sensor: SensorModel
-    """how reliable looks are taken to be"""
+    """assumed error rates of the sensors"""
     _base: LookCounts
-    """what the first `_counted` of the log and the checkpoints come to"""
+    """counts of the checkpoints and of the first `_counted` observations of the log"""
     _counted: int
     _log: ObservationLog
     _n: int
-    """how much of the log is this belief's"""
+    """number of the log's observations that belong to this belief"""
     _checkpoints: Mapping[Source, Checkpoint]
-    """what they stand for of each source counts by them, whether the log has it or not"""
+    """checkpoint of each source; it counts instead of the observations that it stands for"""
     _counted_all: LookCounts | None = None
-    """what all of it comes to, once somebody has asked"""
+    """counts of everything, once they were asked for"""
 
     @classmethod
     def prior(
         cls, rows: int, cols: int, hostiles: int | HostileCount, sensor: SensorModel = PERFECT
     ) -> Belief:
-        """Nothing observed yet; the paper's belief for a number of hostiles and a perfect sensor.
+        """Return the belief before any observation; with a number and a perfect sensor it is the paper's.
 
-        Raises ValueError for an area or a number of hostiles that cannot be.
+        Raises ValueError for an area without cells or for more hostiles than cells.
         """
         if rows < 1 or cols < 1:
             raise ValueError(f"an area of {rows} × {cols} cells: expected at least 1 × 1")
@@ -138,60 +140,60 @@ class Belief:
             {},
         )
 
-    def merge(self, told: Iterable[BeliefItem]) -> Belief:
-        """The union with `told`; `self` where it brings nothing new.
+    def merge(self, new: Iterable[BeliefItem]) -> Belief:
+        """Return the union with `new`; `self` if `new` adds nothing.
 
-        Raises ValueError, and takes none of it, where a cell lies outside the area or where one name
-        (observer, incarnation, seq) comes with two contents.
+        Raises ValueError, and merges nothing, if a cell lies outside the area or if one name (observer,
+        incarnation, seq) comes with two contents.
         """
-        told = tuple(told)
-        for item in told:
+        new = tuple(new)
+        for item in new:
             if isinstance(item, Checkpoint):
-                belief = self._advance([item for item in told if isinstance(item, Checkpoint)])
-                return belief._append([item for item in told if isinstance(item, Observation)])
-        return self._append(told)
+                belief = self._advance([item for item in new if isinstance(item, Checkpoint)])
+                return belief._append([item for item in new if isinstance(item, Observation)])
+        return self._append(new)
 
-    def _append(self, told: Iterable[BeliefItem]) -> Belief:
+    def _append(self, new: Iterable[BeliefItem]) -> Belief:
         log, n, checkpoints = self._log, self._n, self._checkpoints
         if n == 0 or n < len(log.items):
-            log, base = self._held(), self._looked
+            log, base = self._own_log(), self._looked
             n = upto = len(log.items)
         elif self._counted_all is not None:
             base, upto = self._counted_all, n
         else:
             base, upto = self._base, self._counted
         items, at, (rows, cols) = log.items, log.at, base.looks.shape
-        for seen in told:
+        for seen in new:
             assert isinstance(seen, Observation)
             item = indexed(seen, rows, cols)
             stands = checkpoints.get(seen.source) if checkpoints else None
             if stands is None or seen.seq > stands.upto:
-                where = at.setdefault(item.name, len(items))
+                index = at.setdefault(item.name, len(items))
             else:
-                where = at.get(item.name, -1)
-            if where == len(items):
+                index = at.get(item.name, -1)
+            if index == len(items):
                 items.append(item)
-            elif where >= 0 and items[where] is not item and items[where].seen != seen:
+            elif index >= 0 and items[index] is not item and items[index].seen != seen:
                 raise ValueError(seen.two_contents)
         if len(items) == n:
             return self
         return Belief(self.count, self.sensor, base, upto, log, len(items), checkpoints)
 
-    def _held(self) -> ObservationLog:
-        """A log of its own, without what checkpoints stand for."""
+    def _own_log(self) -> ObservationLog:
+        """Return a log of this belief alone, without the observations that checkpoints stand for."""
         upto = {source: checkpoint.upto for source, checkpoint in self._checkpoints.items()}
         items = self._log.items[: self._n]
         return ObservationLog(item for item in items if item.seen.seq > upto.get(item.seen.source, 0))
 
-    def _advance(self, told: list[Checkpoint]) -> Belief:
-        """What was counted one by one, or by an earlier checkpoint, is counted by a later one instead.
+    def _advance(self, new: list[Checkpoint]) -> Belief:
+        """Count checkpoints instead of the observations and earlier checkpoints that they stand for.
 
-        Where that makes no difference to what is believed, it is this belief that takes less room from then
-        on: nobody has anything to decide anew.
+        If the counts stay equal, this belief itself is compacted and returned, so that the agent has no
+        reason to plan again.
         """
         checkpoints = dict(self._checkpoints)
         looked, size, n_covered = self._looked.copy(), self._base.looks.size, 0
-        for to in told:
+        for to in new:
             before = checkpoints.get(to.source)
             if before is not None and to.upto <= before.upto:
                 continue
@@ -199,7 +201,7 @@ class Belief:
             covered = self._log.of(to.source, after, to.upto, self._n)
             n_covered += len(covered)
             looked.change(to.counts(size), 1)
-            looked.count([self._log.items[where] for where in covered], -ONCE)
+            looked.count([self._log.items[index] for index in covered], -ONCE)
             if before is not None:
                 looked.change(before.counts(size), -1)
             checkpoints[to.source] = to
@@ -213,18 +215,18 @@ class Belief:
         belief._counted_all = looked
         belief._log.n_covered += n_covered
         if 2 * belief._log.n_covered > belief._n:
-            belief._log = belief._held()
+            belief._log = belief._own_log()
             belief._counted = belief._n = len(belief._log.items)
         return belief
 
     @property
     def looks(self) -> NDArray[np.int32]:
-        """(rows, cols) how often each cell was looked at; read-only"""
+        """(rows, cols) looks at each cell; read-only"""
         return self._looked.looks
 
     @property
     def hits(self) -> NDArray[np.int32]:
-        """(rows, cols) how many of these looks showed a hostile; read-only"""
+        """(rows, cols) looks at each cell that showed a hostile; read-only"""
         return self._looked.hits
 
     @property
@@ -244,19 +246,21 @@ class Belief:
 
     @cached_property
     def n_found(self) -> int:
-        """n_V, hostiles found so far: cells that were looked at and hold one more likely than not"""
+        """n_V, hostiles found so far: cells with a look and with p_O > 0.5"""
         classes, _ = self._classes
         return int(classes.n_cells[(classes.looks > 0) & (self._p_occupied > 0.5)].sum())
 
     @cached_property
     def announced_too_low(self) -> bool:
-        """More hostiles were found than can be, by what was announced; with 95 % where sensors err."""
+        """Whether more hostiles were found than announced; with 95 % confidence for sensors that err."""
         return occupancy.announced_too_low(self.count, self.sensor, self._classes[0])
 
     @cached_property
     def known(self) -> NDArray[np.int8]:
-        """(rows, cols) of UNKNOWN, CLEAR or OCCUPIED, for pictures: a cell that was looked at is taken for
-        what it is more likely than not; read-only"""
+        """(rows, cols) of UNKNOWN, CLEAR or OCCUPIED, for pictures; read-only.
+
+        A cell with a look is OCCUPIED if p_O > 0.5, else CLEAR.
+        """
         _, which = self._classes
         known = np.full(self.looks.shape, UNKNOWN, dtype=np.int8)
         known.ravel()[self._seen_cells] = np.where(self._p_occupied > 0.5, OCCUPIED, CLEAR)[which]
@@ -264,7 +268,7 @@ class Belief:
         return known
 
     def occupancy(self) -> NDArray[np.float64]:
-        """p_O, the probability that a hostile holds a cell, shape (rows, cols), in [0, 1].
+        """Return p_O, the probability that a hostile holds a cell, shape (rows, cols), in [0, 1].
 
         Eq. 4 for the paper's belief, else its generalisation (`swarmctl.core.inference.occupancy.bayes`).
         """
@@ -275,9 +279,9 @@ class Belief:
         return p_occupied
 
     def uncertain(self, cells: Iterable[tuple[int, int, bool]]) -> tuple[tuple[int, int, bool], ...]:
-        """Those of a look's cells of which one more look can teach something.
+        """Return the cells of a look that are not certain yet, so that the look adds information.
 
-        What the paper's sensor has seen need not be sensed again (section 3); where sensors err, every look
+        With the paper's sensor one look makes a cell certain (section 3). With sensors that err, every look
         counts until a cell is certain.
         """
         return tuple(
@@ -287,7 +291,7 @@ class Belief:
         )
 
     def contradicted(self, cells: Iterable[tuple[int, int, bool]]) -> tuple[tuple[int, int, bool], ...]:
-        """Those of a look's cells of which the contrary was certain, by what others told."""
+        """Return the cells of a look whose contrary was certain from the observations of others."""
         return tuple(
             (r, c, occupied)
             for r, c, occupied in cells
@@ -296,31 +300,34 @@ class Belief:
         )
 
     def looks_and_hits(self, flat: NDArray[np.int64]) -> NDArray[np.int64]:
-        """(n, 2) looks and hits of cells given as row · cols + col"""
+        """Return (n, 2) looks and hits of cells given as row · cols + col."""
         return np.stack([self.looks.ravel()[flat], self.hits.ravel()[flat]], axis=1).astype(np.int64)
 
     @property
     def classes(self) -> CellClasses:
-        """The cells of the area, by what was seen of them."""
+        """The classes of the area's cells, by looks and hits."""
         return self._classes[0]
 
     def items(self) -> Iterator[BeliefItem]:
-        """Everything held, in order of observer, incarnation and sequence."""
-        items: list[BeliefItem] = [*self._checkpoints.values(), *(item.seen for item in self._held().items)]
+        """Return all checkpoints and observations, in order of observer, incarnation and sequence."""
+        items: list[BeliefItem] = [
+            *self._checkpoints.values(),
+            *(item.seen for item in self._own_log().items),
+        ]
 
-        def place(item: BeliefItem) -> tuple[Source, int]:
+        def sort_key(item: BeliefItem) -> tuple[Source, int]:
             return item.source, 0 if isinstance(item, Checkpoint) else item.seq
 
-        return iter(sorted(items, key=place))
+        return iter(sorted(items, key=sort_key))
 
     def n_cells_from(self, observer: int) -> int:
-        """How many different cells this observer has told of."""
+        """Return the number of different cells that this observer has reported."""
         cells: set[int] = set()
-        for item in self._held().items:
+        for item in self._own_log().items:
             if item.seen.observer == observer:
                 cells.update(_joined((item.cells[0],)).tolist())
-        for (whose, _), checkpoint in self._checkpoints.items():
-            if whose == observer:
+        for (of_observer, _), checkpoint in self._checkpoints.items():
+            if of_observer == observer:
                 cells.update(checkpoint.counts(self.looks.size).cells.tolist())
         return len(cells)
 
@@ -330,7 +337,7 @@ class Belief:
 
     @cached_property
     def _classes(self) -> tuple[CellClasses, NDArray[np.int64]]:
-        """The classes in order of looks and hits, and the class of each cell seen."""
+        """The classes in order of looks and hits, and the class of each cell with a look."""
         pairs = self.looks_and_hits(self._seen_cells)
         packed = pairs[:, 0] << 32 | pairs[:, 1]
         kinds, which, n_cells = np.unique(packed, return_inverse=True, return_counts=True)
@@ -341,7 +348,7 @@ class Belief:
 
     @cached_property
     def _p_occupied(self) -> NDArray[np.float64]:
-        """p_O of each class"""
+        """p_O of each class."""
         classes, _ = self._classes
         if self.sensor.is_perfect and self.count.is_number:
             return occupancy.eq4(self.count.greatest, classes)

@@ -1,4 +1,4 @@
-"""The threat over each cell (Eq. 2 and 3) and what a route through it adds up to."""
+"""The exposure of each cell (Eq. 2 and 3), and the measures of a route."""
 
 from __future__ import annotations
 
@@ -13,66 +13,66 @@ from swarmctl.core.grid import Cell
 from swarmctl.core.threat import FiringStrength
 
 RouteCells = Sequence[Cell] | NDArray[np.int64]
-"""A route: its cells, or the same as an array (n, 2), which sums over one long route had better share."""
+"""A route: its cells, or the same as an array (n, 2), which saves conversions for several sums over one route."""
 
 
 def exposure(p_occupied: NDArray[np.float64], strength: FiringStrength) -> NDArray[np.float64]:
-    """P_s over every cell, shape (rows, cols): Eq. 3, and Eq. 2 where p_O is 0 or 1 everywhere.
+    """Return P_s of every cell, shape (rows, cols): Eq. 3, and Eq. 2 if p_O is 0 or 1 everywhere.
 
-    A threat outside the area does not exist, so cells on the border have fewer neighbours and a lower P_s.
+    There are no threats outside the area, so cells on the border have fewer neighbours and a lower P_s.
 
-    ERRATUM: the paper calls this a probability. It is a sum over threats and may exceed 1: nine occupied
+    ERRATUM: the paper calls P_s a probability. It is a sum over threats and may exceed 1: nine occupied
     cells at 0.9/0.5/0.3 give 4.1.
     """
-    # Eq. 3; the kernel is symmetric, so correlation and convolution are one.
+    # Eq. 3; the kernel is symmetric, so correlation equals convolution.
     return ndimage.correlate(p_occupied, strength.kernel, output=np.float64, mode="constant", cval=0.0)
 
 
 def prior_inner_exposure(rows: int, cols: int, n_hostiles: float, strength: FiringStrength) -> float:
-    """P_s of a cell away from the border before anything was observed.
+    """Return P_s of a cell away from the border before the first observation.
 
-    This is the default ψ per cell: one cell of way then weighs as much as one cell of unknown threat.
+    This is the default ψ per cell: a cell of length then costs as much as a cell of unknown threat.
     """
     return n_hostiles / (rows * cols) * float(strength.kernel.sum())
 
 
 def length_cells(cells: RouteCells) -> float:
-    """Length of a route [cells], √2 for a diagonal step.
+    """Return the length of a route [cells], √2 for a diagonal step.
 
-    Raises ValueError where two cells in a row are no neighbours.
+    Raises ValueError if two consecutive cells are no neighbours.
     """
-    way = np.asarray(cells, dtype=np.int64).reshape(-1, 2)
-    steps = np.abs(np.diff(way, axis=0))
+    route = np.asarray(cells, dtype=np.int64).reshape(-1, 2)
+    steps = np.abs(np.diff(route, axis=0))
     diagonal = steps[:, 0] * steps[:, 1]
     if (wrong := np.flatnonzero(steps.sum(axis=1) != 1 + diagonal)).size or diagonal.max(initial=0) > 1:
         here = int(wrong[0]) if wrong.size else int(np.argmax(diagonal))
-        wrong_step = " to ".join(str(tuple(cell)) for cell in way[here : here + 2].tolist())
+        wrong_step = " to ".join(str(tuple(cell)) for cell in route[here : here + 2].tolist())
         raise ValueError(f"{wrong_step} is no step between neighbouring cells")
     n_diagonal = int(diagonal.sum())
     return len(steps) - n_diagonal + n_diagonal * math.sqrt(2.0)
 
 
 def exposure_sum(p_s: NDArray[np.float64], cells: RouteCells) -> float:
-    """ΣP_s over a route, the start cell left out and the goal counted: the exposure part of Eq. 5.
+    """Return ΣP_s over a route without its start cell and with its goal: the exposure part of Eq. 5.
 
-    ERRATUM: the paper holds that the path of least ΣP_s has the greatest safety factor too. It need not:
-    one cell of 0.50 has the smaller sum, two cells of 0.26 the better chance.
+    ERRATUM: the paper says that the path of least ΣP_s has the greatest safety factor too. That is not always
+    so: one cell of 0.50 has the smaller sum, but two cells of 0.26 have the greater safety factor.
     """
     return math.fsum(_entered(p_s, cells))
 
 
 def safety_factor(p_s: NDArray[np.float64], cells: RouteCells) -> float:
-    """∏(1 − P_s) over a route, the start cell left out and the goal counted; P_s is clipped to 1.
+    """Return ∏(1 − P_s) over a route without its start cell and with its goal; P_s is clipped to 1.
 
-    ERRATUM: the paper takes this for the chance of getting through. Neighbouring cells are exposed to the
-    same unknown hostile, so they are not independent and the true survival differs (about 0.13 where this
-    says 0.07, on a straight crossing of 20 × 20 cells with 24 hostiles at 0.6/0.3/0.1).
+    ERRATUM: the paper takes this for the survival probability. Neighbouring cells are exposed to the same
+    unknown hostile, so they are not independent and the true survival differs. On a straight crossing of
+    20 × 20 cells with 24 hostiles at 0.6/0.3/0.1 the survival is about 0.13 and this factor 0.07.
     """
     return math.prod(1.0 - min(value, 1.0) for value in _entered(p_s, cells))
 
 
 def _entered(p_s: NDArray[np.float64], cells: RouteCells) -> list[float]:
-    """P_s of the cells after the first, all at once: routes are long, and indexing one by one is slow."""
+    """Return P_s of the cells after the first, by one array access: routes are long, single accesses slow."""
     rows, cols = np.asarray(cells, dtype=np.int64).reshape(-1, 2)[1:].T
     entered: list[float] = p_s[rows, cols].tolist()
     return entered

@@ -1,18 +1,18 @@
-"""What UAVs tell each other, typed as the acts of FIPA's agent communication language, and its bytes.
+"""Messages between UAVs, typed as the acts of FIPA's agent communication language, and their bytes.
 
-| act/kind | content | says |
+| act/kind | content | meaning |
 |---|---|---|
-| `inform/observation` | Observation | what the sender has just seen |
-| `inform/state` | StateShared | where it is, what it does, what it knows, whom it hears; once a second |
-| `inform/intent` | IntentShared | where it will be at what time; when that changes, and every few seconds |
-| `query-ref/snapshot` | SnapshotAsked | which observations it holds: tell me the others |
-| `inform/snapshot` | Snapshot | the answer: frames of their observers, word for word |
-| `inform/relayed` | Relayed | frames of others, passed on at once; or a checkpoint of the sender's |
-| `inform/checkpoint` | Checkpoint | in snapshots: stands for all an observer saw up to one observation |
+| `inform/observation` | Observation | cells that the sender has just seen |
+| `inform/state` | StateShared | position, phase, counts of its knowledge, UAVs it hears; once a second |
+| `inform/intent` | IntentShared | future positions with times; after each change, and every few seconds |
+| `query-ref/snapshot` | SnapshotAsked | names of all observations that the sender holds; asks for the others |
+| `inform/snapshot` | Snapshot | the answer: frames of the observers, byte for byte |
+| `inform/relayed` | Relayed | new frames of others, passed on at once; or a checkpoint of the sender |
+| `inform/checkpoint` | Checkpoint | in snapshots: stands for all observations of an observer up to one |
 
-A frame is the byte VERSION, a byte that says whether it is signed, then 64 bytes of Ed25519 signature if it
-is, then a MessagePack map. What is signed is the swarm's name and the map. Fields that a later version adds
-are tolerated; another version, a missing field or a value that makes no sense is refused.
+A frame is the byte VERSION, a byte that says whether it is signed, 64 bytes of Ed25519 signature if it is, and
+a MessagePack map. The signature covers the swarm's name and the map. Fields that a later version adds are
+ignored; another version, a missing field or an invalid value is refused.
 """
 
 from __future__ import annotations
@@ -31,29 +31,29 @@ VERSION = 3
 UNSIGNED, SIGNED = 0, 1
 SIGNATURE_BYTES = 64
 MAX_FRAME_BYTES = 49_152
-"""longer ones are cut into several, or refused"""
+"""longest frame; a longer answer is split into several frames, a longer received frame is refused"""
 MAX_INNER_BYTES = MAX_FRAME_BYTES - 8192
-"""of what is passed on inside of another message"""
+"""longest total of the frames inside of another message"""
 MAX_TEXT = 200
 
 MAX_POINTS = 256
-"""of an intent: of what is longer the begin is told"""
+"""most points of an intent; only the first points of a longer flight are sent"""
 MAX_AHEAD_S = 14_400.0
-"""so far ahead an intent may tell"""
+"""latest time of a point in an intent [s]"""
 MAX_AWAY = 1e7
-"""No height, distance [m] or speed [m/s] that is told is greater: autopilots tell none above 2.2e6. What is
-reckoned with stays a number."""
+"""Greatest height, distance [m] or speed [m/s] in a message. Autopilots report none above 2.2e6, and sums of
+such numbers stay finite."""
 MAX_HEARD = 254
-"""as many as there are system ids"""
+"""number of system ids"""
 MAX_FRAMES = 256
-"""inside of one message"""
+"""most frames inside of one message"""
 
 Frames = Annotated[tuple[bytes, ...], msgspec.Meta(max_length=MAX_FRAMES)]
 Text = Annotated[str, msgspec.Meta(max_length=MAX_TEXT)]
 
 
 class RefusalReason(StrEnum):
-    """Why a message was refused."""
+    """Reasons to refuse a message."""
 
     MALFORMED = "malformed"
     OVERSIZE = "oversize"
@@ -72,7 +72,7 @@ class RefusalReason(StrEnum):
 
 
 class MessageRefused(ValueError):
-    """A message that is not taken; says why in a word, and what was found."""
+    """A refused message: `why` has the reason, the text what was found."""
 
     def __init__(self, why: RefusalReason, text: str) -> None:
         super().__init__(f"{why}: {text}")
@@ -81,14 +81,14 @@ class MessageRefused(ValueError):
 
 def _check_place(lat_deg: float, lon_deg: float) -> None:
     if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0):
-        raise ValueError(f"a UAV at ({lat_deg}, {lon_deg}): expected degrees")
+        raise ValueError(f"position ({lat_deg}, {lon_deg}): expected degrees")
 
 
 class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag="inform/state"):
-    """Where a UAV is, what it is doing and how much it knows, about once a second of its own time."""
+    """Position, phase and knowledge of a UAV, about once a second of its own time."""
 
     time_s: float
-    """by the vehicle's clock since boot [s]"""
+    """vehicle's clock since boot [s]"""
     lat_deg: float
     lon_deg: float
     alt_rel_m: float
@@ -96,9 +96,9 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
     n_observed: int
     n_found: int
     last_seq: int = 0
-    """its last own observation"""
+    """sequence number of its last own observation"""
     knows: int = 0
-    """a hash over the names of all it holds"""
+    """hash over the names of all observations that it holds"""
     mode: Text = ""
     plan_id: int = 0
     replans: int = 0
@@ -106,20 +106,20 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
     outcome: Text = ""
     trouble: Text = ""
     refused: int = 0
-    """messages it did not take"""
+    """number of messages that it refused"""
     flagged: tuple[int, ...] = ()
-    """UAVs that told the contrary of what it saw itself"""
+    """UAVs whose observations contradict its own"""
     alt_amsl_m: float | None = None
     velocity_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """east, north, up"""
     earliest_in_s: float | None = None
-    """until it could be over its goal; negative: since it was; where a swarm arrives together"""
+    """for simultaneous arrival: least time until it is over its goal [s]; negative: time since it arrived"""
     hears: Annotated[tuple[Id, ...], msgspec.Meta(max_length=MAX_HEARD)] = ()
-    """of the UAVs near it, those it has heard of late: they know by it that they are heard"""
+    """UAVs near it that it has heard recently; each of them learns from this that it is heard"""
     returns_to: tuple[float, float] | None = None
-    """where it goes down: of who is on the way home, or holds until its turn to be [deg]"""
+    """landing spot of a UAV that returns, or that holds until its turn to return [deg]"""
     age_s: float = 0.0
-    """how old its place, height and velocity are, where it tells none any more"""
+    """age of position, height and velocity, if the vehicle has stopped sending them [s]"""
 
     def __post_init__(self) -> None:
         _check_place(self.lat_deg, self.lon_deg)
@@ -129,34 +129,34 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
         own = (self.time_s, self.alt_rel_m, *self.velocity_m_s)
         numbers = (*own, self.age_s, *(x for x in maybe if x is not None))
         if not all(map(math.isfinite, numbers)) or self.age_s < 0.0:
-            raise ValueError("a time, a height, a speed or an age that is no number, or below 0")
+            raise ValueError("a time, height, speed or age that is no number, or an age below 0 s")
         if max(map(abs, (self.alt_rel_m, self.alt_amsl_m or 0.0, *self.velocity_m_s))) > MAX_AWAY:
             raise ValueError(f"a height or a speed of more than {MAX_AWAY:g}")
 
 
 class IntentPoint(msgspec.Struct, frozen=True, array_like=True, gc=False):
-    """Where a UAV will be."""
+    """A future position of a UAV."""
 
     in_s: float
-    """from when its frame was said (`Frame.unix_s`), in seconds of the vehicles' time"""
+    """time from when its frame was sent (`Frame.unix_s`), in seconds of the vehicles' time"""
     lat_deg: float
     lon_deg: float
     alt_amsl_m: float
 
 
 class IntentShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag="inform/intent"):
-    """The flight that a UAV is on or is about to begin: straight from point to point."""
+    """The present or next flight of a UAV: straight from point to point."""
 
     plan_id: int
-    """of its plan, as in its state; 0: it flies none"""
+    """number of its plan, as in its state; 0: it flies none"""
     points: Annotated[tuple[IntentPoint, ...], msgspec.Meta(max_length=MAX_POINTS)] = ()
-    """times rising; none: where it flies is not known"""
+    """points with rising times; none: the flight is unknown"""
     may_change: bool = True
-    """it could give way: it flies a mission of ours that may be changed"""
+    """ability to give way: it flies a mission of its agent that may be changed"""
     around_m: tuple[float, float] = (0.0, 0.0)
-    """it is somewhere within this of these points, over ground and in height"""
+    """greatest distance of the UAV from these points, over ground and in height [m]"""
     on_ground: bool = False
-    """it is about to take off"""
+    """the UAV is on the ground and about to take off"""
 
     def __post_init__(self) -> None:
         if not all(0.0 <= m <= MAX_AWAY for m in self.around_m):
@@ -166,7 +166,7 @@ class IntentShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, ta
             _check_place(point.lat_deg, point.lon_deg)
             if not (abs(point.alt_amsl_m) <= MAX_AWAY and 0.0 <= point.in_s <= MAX_AHEAD_S):
                 raise ValueError(
-                    f"a height that is no number or above {MAX_AWAY:g}, or a time that is not ahead"
+                    f"a height that is no number or above {MAX_AWAY:g}, or a time outside 0 to {MAX_AHEAD_S:g} s"
                 )
             if point.in_s <= before_s:
                 raise ValueError("times that do not rise: expected each after the one before")
@@ -174,26 +174,26 @@ class IntentShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, ta
 
 
 class HeldObservations(msgspec.Struct, frozen=True, array_like=True):
-    """What of one source is held."""
+    """The observations of one source that a UAV holds."""
 
     observer: Id
     incarnation: Incarnation
     checkpoint: int
-    """what the checkpoint held stands for; 0: there is none"""
+    """last observation that the held checkpoint stands for; 0: no checkpoint"""
     upto: int
-    """everything up to here"""
+    """last observation up to which all are held"""
     beyond: tuple[Seq, ...] = ()
-    """and of what came later, these"""
+    """observations held after that one"""
     mark: int = 0
-    """of all of them (`swarmctl.core.observation.mark_of`)"""
+    """combined mark of all of them (`swarmctl.core.observation.mark_of`)"""
 
 
 class SnapshotAsked(msgspec.Struct, frozen=True, tag="query-ref/snapshot"):
-    """Everything held, by name."""
+    """The names of all observations that the sender holds; asks for the others."""
 
     have: tuple[HeldObservations, ...]
     states: tuple[tuple[Id, float], ...]
-    """UAV -> the time of its last state held (unix) [s]"""
+    """(UAV, time of its last state that the sender holds (unix) [s])"""
 
 
 class Snapshot(msgspec.Struct, frozen=True, tag="inform/snapshot"):
@@ -204,29 +204,29 @@ class Snapshot(msgspec.Struct, frozen=True, tag="inform/snapshot"):
 
 
 class Relayed(msgspec.Struct, frozen=True, tag="inform/relayed"):
-    """Frames of others that were new to the sender, or a checkpoint of its own."""
+    """Frames of others that are new to the sender, or a checkpoint of its own."""
 
     frames: Frames
 
 
 Content = Observation | Checkpoint | StateShared | IntentShared | SnapshotAsked | Snapshot | Relayed
 AgentMessage = Observation | StateShared | IntentShared
-"""what an agent says; all else is between its node and others'"""
+"""a message of an agent; the other contents are exchanged between nodes"""
 
 
 class Frame(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
-    """A message with whom it comes from; the same bytes to whomever it goes."""
+    """A message with its sender; all receivers get the same bytes."""
 
     sender: Id
     incarnation: Incarnation
     n: Seq
-    """counts the messages of this sender's incarnation"""
+    """running number of the messages of this sender's incarnation"""
     unix_s: float
-    """when it was said"""
+    """time of sending (unix) [s]"""
     content: Content
     lat_deg: float | None = None
     lon_deg: float | None = None
-    """where it was said, unless the content tells"""
+    """position of the sender [deg], unless the content has it"""
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.unix_s):
@@ -243,7 +243,7 @@ class Frame(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
 
     @property
     def act(self) -> str:
-        """act/kind, as in its key"""
+        """act/kind, as in its key."""
         return act_of(self.content)
 
 
@@ -252,32 +252,32 @@ def act_of(content: Content) -> str:
 
 
 Sign = Callable[[int, bytes], bytes | None]
-"""(sender, what is signed) -> signature; None where nobody signs"""
+"""(sender, signed bytes) -> signature; None without a key"""
 Verify = Callable[[int, bytes, bytes], bool]
-"""(sender, signature, what is signed) -> whether it is that sender's"""
+"""(sender, signature, signed bytes) -> whether the signature is that sender's"""
 
 _encoder = msgspec.msgpack.Encoder()
 _frames: msgspec.msgpack.Decoder[Frame] = msgspec.msgpack.Decoder(Frame)
 
 
 class FrameCodec:
-    """Frames to bytes and back. Without `verify` signatures are neither made nor looked at."""
+    """Frames to bytes and back. Without `sign` frames are unsigned; without `verify` signatures are ignored."""
 
     def __init__(self, swarm: str, sign: Sign | None = None, verify: Verify | None = None) -> None:
         self._domain = b"swarmctl\0" + swarm.encode() + b"\0"
         self._sign = sign
         self._verify = verify
 
-    def close(self, frame: Frame) -> bytes:
-        """The bytes of a frame of this process's own."""
+    def encode(self, frame: Frame) -> bytes:
+        """Return the bytes of a frame of this process."""
         body = _encoder.encode(frame)
         signature = None if self._sign is None else self._sign(frame.sender, self._domain + body)
         if signature is None:
             return bytes((VERSION, UNSIGNED)) + body
         return bytes((VERSION, SIGNED)) + signature + body
 
-    def open(self, data: bytes) -> Frame:
-        """Raises Refused; never anything else, whatever the bytes."""
+    def decode(self, data: bytes) -> Frame:
+        """Return the frame in `data`. Raises MessageRefused for invalid bytes, and no other exception."""
         if len(data) > MAX_FRAME_BYTES:
             raise MessageRefused(
                 RefusalReason.OVERSIZE, f"{len(data)} bytes, expected at most {MAX_FRAME_BYTES}"
@@ -312,7 +312,7 @@ class FrameCodec:
 
     @staticmethod
     def _check_source(frame: Frame, told: Observation | Checkpoint) -> None:
-        """Nobody speaks for another: what it tells it has seen itself."""
+        """Refuse observations of another observer than the sender."""
         if told.source != (frame.sender, frame.incarnation):
             raise MessageRefused(
                 RefusalReason.SOURCE, f"vehicle {frame.sender} tells what {told.observer} saw as its own"

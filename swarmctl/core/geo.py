@@ -1,4 +1,4 @@
-"""Geodesy: degrees on WGS-84 to metres on a local plane and back, and distances on the ellipsoid."""
+"""Geodesy: from degrees on WGS-84 to metres on a local plane and back, and distances on the ellipsoid."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _ELLIPSOID = Geod(ellps="WGS84")
 
 @lru_cache(maxsize=64)
 def _projection(lat_deg: float, lon_deg: float) -> Transformer:
-    # A Transformer may be used from several threads, a bare Proj is not promised to be.
+    # pyproj documents a Transformer as safe in several threads, but not a bare Proj.
     return Transformer.from_pipeline(
         "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad "
         f"+step +proj=aeqd +lat_0={lat_deg!r} +lon_0={lon_deg!r} +ellps=WGS84 +units=m"
@@ -28,10 +28,10 @@ def _projection(lat_deg: float, lon_deg: float) -> Transformer:
 
 @dataclass(frozen=True, slots=True)
 class LocalFrame:
-    """A plane touching the ellipsoid at (lat_deg, lon_deg), axes east and north.
+    """A plane that touches the ellipsoid at (lat_deg, lon_deg), with axes east and north.
 
-    The azimuthal equidistant projection: distance and direction from the origin are exact, and 50 km away
-    from it a metre is still a metre to about 10 parts in a million.
+    The projection is azimuthal equidistant: distance and direction from the origin are exact. At 50 km from
+    the origin the scale is wrong by about 10 parts in a million.
     """
 
     lat_deg: float
@@ -51,7 +51,7 @@ class LocalFrame:
     def to_local(
         self, lat_deg: float | Floats, lon_deg: float | Floats
     ) -> tuple[float | Floats, float | Floats]:
-        """(east, north) [m] of points in degrees; what cannot be projected comes out as inf or nan."""
+        """Return (east, north) [m] of points in degrees; inf or nan for points that cannot be projected."""
         east_m, north_m = _projection(self.lat_deg, self.lon_deg).transform(lon_deg, lat_deg)
         return east_m, north_m
 
@@ -62,7 +62,7 @@ class LocalFrame:
     def to_geodetic(
         self, east_m: float | Floats, north_m: float | Floats
     ) -> tuple[float | Floats, float | Floats]:
-        """(latitude, longitude) [deg] of points in metres east and north of the origin."""
+        """Return (latitude, longitude) [deg] of points in metres east and north of the origin."""
         lon_deg, lat_deg = _projection(self.lat_deg, self.lon_deg).transform(
             east_m, north_m, direction="INVERSE"
         )
@@ -70,13 +70,13 @@ class LocalFrame:
 
 
 def distance_m(a: LatLon, b: LatLon) -> float:
-    """Length of the geodesic from `a` to `b` [m]."""
+    """Return the length of the geodesic from `a` to `b` [m]."""
     _, _, metres = _ELLIPSOID.inv(a[1], a[0], b[1], b[0])
     return float(metres)
 
 
 def distances_m(a: LatLon, lat_deg: Floats, lon_deg: Floats) -> Floats:
-    """The same to many points; shapes of `lat_deg`."""
+    """Return the lengths of the geodesics from `a` to many points [m], in the shape of `lat_deg`."""
     lat, lon = np.full_like(lat_deg, a[0]), np.full_like(lon_deg, a[1])
     _, _, metres = _ELLIPSOID.inv(lon, lat, lon_deg, lat_deg)
     return np.asarray(metres, dtype=np.float64)

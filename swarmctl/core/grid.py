@@ -13,7 +13,7 @@ Cell = tuple[int, int]
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """`rows` × `cols` cells of `cell_size_m`; the origin is the south-west corner of cell (0, 0)."""
+    """An area of `rows` × `cols` cells of `cell_size_m`; the origin is the south-west corner of cell (0, 0)."""
 
     rows: int
     cols: int
@@ -30,7 +30,7 @@ class Grid:
 
     @property
     def frame(self) -> LocalFrame:
-        """Metres east and north of the south-west corner."""
+        """The plane with its origin at the south-west corner."""
         return LocalFrame(self.origin_lat_deg, self.origin_lon_deg)
 
     @property
@@ -49,18 +49,18 @@ class Grid:
         return 0 <= cell[0] < self.rows and 0 <= cell[1] < self.cols
 
     def cell_at(self, lat_deg: float, lon_deg: float) -> Cell | None:
-        """The cell over which a point lies, None outside the area. South and west edges belong to a cell."""
+        """Return the cell of a point, None outside the area. South and west edges belong to a cell."""
         east_m, north_m = self.frame.to_local(lat_deg, lon_deg)
         if not (0.0 <= east_m < self.width_m and 0.0 <= north_m < self.height_m):
             return None
         return self._clamped(east_m, north_m)
 
     def nearest_cell(self, lat_deg: float, lon_deg: float) -> Cell:
-        """The cell nearest to a point, inside the area or out of it."""
+        """Return the cell nearest to a point, inside the area or outside it."""
         return self._clamped(*self._finite_local(lat_deg, lon_deg))
 
     def nearest_border_cell(self, lat_deg: float, lon_deg: float) -> Cell:
-        """The cell on the rim of the area that is nearest to a point, inside the area or out of it."""
+        """Return the cell on the border of the area nearest to a point, inside the area or outside it."""
         east_m, north_m = self._finite_local(lat_deg, lon_deg)
         row, col = self._clamped(east_m, north_m)
         last_row, last_col = self.rows - 1, self.cols - 1
@@ -75,12 +75,12 @@ class Grid:
         return border_cell
 
     def centre(self, cell: Cell) -> LatLon:
-        """(latitude, longitude) [deg] of the middle of a cell."""
+        """Return (latitude, longitude) [deg] of the centre of a cell."""
         east_m, north_m = self.centre_m(cell)
         return self.frame.to_geodetic(east_m, north_m)
 
     def centre_m(self, cell: Cell) -> tuple[float, float]:
-        """(east, north) [m] of the middle of a cell in `frame`."""
+        """Return (east, north) [m] of the centre of a cell in `frame`."""
         if not self.contains(cell):
             raise ValueError(
                 f"cell {cell} is outside the area: expected row 0..{self.rows - 1} "
@@ -89,7 +89,7 @@ class Grid:
         return (cell[1] + 0.5) * self.cell_size_m, (cell[0] + 0.5) * self.cell_size_m
 
     def corners(self) -> tuple[LatLon, LatLon, LatLon, LatLon]:
-        """The SW, SE, NE and NW corner of the area, each (latitude, longitude) [deg]."""
+        """Return the SW, SE, NE and NW corner of the area, each (latitude, longitude) [deg]."""
         to_geodetic = self.frame.to_geodetic
         return (
             to_geodetic(0.0, 0.0),

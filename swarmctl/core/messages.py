@@ -1,8 +1,8 @@
-"""What an operator tells agents, what they answer, and its bytes on the bus.
+"""Operator commands to agents and their answers, and the bytes of both on the bus.
 
-A message is one version byte and a MessagePack map (msgspec); another version, a missing field or a value
-that makes no sense is refused. A field that a later version adds is ignored by an earlier one, with one
-exception: a command that says more than its receiver knows is refused, because half of it was not ordered.
+A message is one version byte and a MessagePack map (msgspec). Another version, a missing field or an invalid
+value is refused. An earlier version ignores the fields that a later one adds, with one exception: a command
+with an unknown field is refused, because a part of a command is not what the operator has ordered.
 """
 
 from __future__ import annotations
@@ -15,25 +15,25 @@ from swarmctl.core.threat import FiringStrength
 
 VERSION = 1
 MAX_SYSTEM_ID = 254
-"""MAVLink's; 255 is a ground station's by custom"""
+"""greatest system id of a vehicle; 255 is a ground station's by convention"""
 MAX_AFTER_S = 7200.0
-"""for which a vehicle may wait for its turn to return [s]"""
+"""longest wait of a vehicle for its turn to return [s]"""
 MAX_NAME = 32
-"""characters of a vehicle's name"""
+"""longest name of a vehicle [characters]"""
 
 
 # --- between an operator and the swarm
 
 
 class SetWeights(msgspec.Struct, frozen=True, tag="set_weights", forbid_unknown_fields=True):
-    """An operator's command: other weights from the next plan on. Raises ValueError if it makes no sense."""
+    """An operator's command: other weights from the next plan on. Raises ValueError if it is invalid."""
 
     uavs: tuple[int | str, ...] | None
     """system ids or names; None: all of the swarm"""
     w: float | None = None
-    """distance anxiety in [0, 1]; None leaves it as it is"""
+    """distance anxiety in [0, 1]; None: no change"""
     firing_strength: tuple[float, float, float] | None = None
-    """direct, first and second neighbour (Eq. 1); None leaves them as they are"""
+    """direct, first and second neighbour (Eq. 1); None: no change"""
 
     def __post_init__(self) -> None:
         if self.uavs is not None:
@@ -52,15 +52,15 @@ class SetWeights(msgspec.Struct, frozen=True, tag="set_weights", forbid_unknown_
 class GiveOrder(
     msgspec.Struct, frozen=True, omit_defaults=True, tag="give_order", forbid_unknown_fields=True
 ):
-    """An operator's command: what vehicles are to do now. Raises ValueError if it makes no sense."""
+    """An operator's command: launch, hold, return or land now. Raises ValueError if it is invalid."""
 
     uavs: tuple[int | str, ...] | None
     """system ids or names; None: all of the swarm"""
     order: Literal["launch", "hold", "return", "land"]
     after_s: float = 0.0
-    """of a return: the vehicle holds for so long first, because others return before it [s]"""
+    """with return: time for which the vehicle holds first, while others return before it [s]"""
     ignore: tuple[int | str, ...] = msgspec.field(default=(), name="past")
-    """of a launch: it waits for none of these, whatever they say of where they fly"""
+    """with launch: vehicles whose announced flights the launch does not wait for"""
 
     def __post_init__(self) -> None:
         if self.uavs is not None:
@@ -76,7 +76,7 @@ class GiveOrder(
 
 
 Request = SetWeights | GiveOrder
-"""what an operator may ask of agents"""
+"""a command of an operator to agents"""
 
 
 def _check_named(uavs: tuple[int | str, ...]) -> None:
@@ -95,7 +95,7 @@ CommandOutcome = Literal["taken", "refused", "over", "unconfirmed", "silent"]
 
 
 class VehiclePosition(msgspec.Struct, frozen=True):
-    """Where a vehicle in flight is, for whoever calls many back."""
+    """The position of a vehicle in flight; a recall of several vehicles computes their order from it."""
 
     lat_deg: float
     lon_deg: float
@@ -105,37 +105,37 @@ class VehiclePosition(msgspec.Struct, frozen=True):
     home_alt_amsl_m: float
     speed_m_s: float
     keeps_m: tuple[float, float]
-    """what it has to keep from others over ground, and in height"""
+    """least distance to others over ground, and in height [m]"""
     is_returning: bool = False
 
 
 class VehicleAnswer(msgspec.Struct, frozen=True):
-    """What a vehicle made of a command."""
+    """The answer of one vehicle to a command."""
 
     uav: int
     name: str
     outcome: CommandOutcome
-    """refused: it could change nothing, or has not come to the command before; over: it plans no more, or its
-    flight has ended; unconfirmed: it has the command and has not come to it yet; silent: nobody answers"""
+    """refused: the command had no effect; over: the vehicle plans no more, or its flight has ended;
+    unconfirmed: the agent has the command but has not answered in time; silent: no agent answers"""
     from_plan: int | None = None
-    """the number of the first plan that is made with the new weights"""
+    """number of the first plan with the new weights"""
     note: str = ""
-    """why not, or what else is to be known"""
+    """reason of a refusal, or a remark"""
     place: VehiclePosition | None = None
-    """None on the ground, and where it is not known"""
+    """None on the ground, and if the position is unknown"""
 
 
 class OperatorAnswer(msgspec.Struct, frozen=True, tag="operator_answer"):
-    """What became of an operator's command."""
+    """The answer to an operator's command."""
 
     vehicles: tuple[VehicleAnswer, ...] = ()
-    """those that were named, in the order of the swarm"""
+    """answers of the named vehicles, in the order of the swarm"""
     refused: str = ""
-    """why the whole command was refused, with nothing done; empty if it was not"""
+    """reason why the whole command was refused without any effect; empty if it was not"""
 
 
 class BadMessage(ValueError):
-    """Bytes from the bus that are no message of ours; says what was found."""
+    """Bytes from the bus that are no valid message; its text says what was found."""
 
 
 T = TypeVar("T")
@@ -149,12 +149,12 @@ def encode(message: Request | OperatorAnswer) -> bytes:
 
 
 def decode_command(data: bytes) -> Request:
-    """What an operator says. Raises BadMessage; never anything else, whatever the bytes."""
+    """Decode an operator's command. Raises BadMessage for invalid bytes, and no other exception."""
     return _decode(data, _commands)
 
 
 def decode_answer(data: bytes) -> OperatorAnswer:
-    """What an operator is answered. Raises BadMessage; never anything else, whatever the bytes."""
+    """Decode an answer to an operator. Raises BadMessage for invalid bytes, and no other exception."""
     return _decode(data, _answers)
 
 

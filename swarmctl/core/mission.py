@@ -1,7 +1,7 @@
-"""What a vehicle is asked to fly, free of any autopilot's habits.
+"""Flight plans that are the same for every autopilot, and the mission items on the wire.
 
-A `FlightPlan` is what an agent decides; the autopilot dialects in `swarmctl.mavlink` turn it into the
-`MissionItem`s of one firmware (home placeholder, frames, which sequence number comes first).
+An agent decides on a `FlightPlan`. The autopilot dialects in `swarmctl.mavlink` turn it into the `MissionItem`s
+of one firmware (home placeholder, frames, first sequence number).
 """
 
 from __future__ import annotations
@@ -21,13 +21,16 @@ class Waypoint:
 
 @dataclass(frozen=True, slots=True)
 class Approach:
-    """How a fixed wing comes down: round a circle to the height of `final`, out of the circle straight on to
-    `final`, and from there down a straight slope to `touchdown`."""
+    """The landing of a fixed wing.
+
+    The vehicle descends in a circle to the height of `final`, leaves the circle straight to `final`, and
+    descends from there on a straight slope to `touchdown`.
+    """
 
     centre: Waypoint
-    """of the circle; its altitude is that of `final`"""
+    """centre of the circle, at the altitude of `final`"""
     radius_m: float
-    """negative: it is flown counter-clockwise"""
+    """radius of the circle [m]; negative: counter-clockwise"""
     final: Waypoint
     touchdown: Waypoint
 
@@ -36,30 +39,30 @@ class Approach:
 class FlightPlan:
     """Take off where the vehicle stands, fly `track` in order, land at `landing`.
 
-    `landing.alt_rel_m` is the altitude from which the vehicle comes down. A plan for a vehicle that flies
-    already still has its take-off, because some firmwares refuse a mission without one; it is then started
-    at the first waypoint.
+    `landing.alt_rel_m` is the altitude at which the descent begins. A plan for a vehicle in flight has a
+    take-off too, because some firmwares refuse a mission without one; the mission then starts at the first
+    waypoint.
     """
 
     takeoff_alt_m: float
     track: tuple[Waypoint, ...]
     landing: Waypoint
     turn_radius_m: float = 0.0
-    """it turns off before a waypoint, on an arc that touches both legs; 0: over it"""
+    """radius of the arc that touches both legs of a waypoint [m]; 0: the vehicle turns over the waypoint"""
     approach: Approach | None = None
-    """to `landing`, of a fixed wing; None: it comes down on the spot"""
+    """landing of a fixed wing at `landing`; None: vertical descent"""
     home_approach: Approach | None = None
-    """to where it took off, for when it returns"""
+    """landing of a fixed wing at its place of take-off, for a return"""
     begins: Waypoint | None = None
-    """where the vehicle is when it is made, in flight"""
+    """position of the vehicle at the time of planning, in flight"""
     leaves_ahead: bool = False
-    """`track` begins as the plan goes that is flown then, and leaves that farther on"""
+    """`track` begins with a part of the plan that is flown now, and leaves it farther on"""
     from_hold: bool = False
-    """the vehicle stands in its hold mode then, because its agent has had it hold"""
+    """at the time of planning the vehicle is in its hold mode, on its agent's order"""
 
     @property
     def waypoints(self) -> tuple[Waypoint, ...]:
-        """All that is flown over, before it comes down."""
+        """All points of the flight before the descent, with the position at the time of planning."""
         return self.track if self.begins is None else (self.begins, *self.track)
 
 
@@ -67,7 +70,7 @@ class FlightPlan:
 class MissionItem:
     """One MISSION_ITEM_INT without its address: positions in degrees × 1e7 as on the wire.
 
-    A parameter that is no number leaves something to the vehicle; items are equal that both do.
+    A parameter that is NaN leaves a value to the vehicle. Two items with the same NaN parameters are equal.
     """
 
     command: int
@@ -89,5 +92,5 @@ class MissionItem:
     def __post_init__(self) -> None:
         for name in ("param1", "param2", "param3", "param4"):
             if math.isnan(getattr(self, name)):
-                # Equal to itself alone: so it is always the same one.
+                # NaN equals only the same object inside a tuple comparison, so every item has the same one.
                 object.__setattr__(self, name, math.nan)

@@ -1,7 +1,7 @@
-"""What vehicles tell of the area: observations, each with a name, and checkpoints that stand for many.
+"""Observations of the area, each with a name, and checkpoints that stand for many of them.
 
-An observer numbers its observations from 1 on. It begins again when its program is started again, under a
-greater incarnation number, so that (observer, incarnation, seq) never names two.
+An observer numbers its observations from 1 on. After a restart its program numbers again from 1, under a
+greater incarnation number, so that (observer, incarnation, seq) never names two observations.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 Source = tuple[int, int]
 """(observer, incarnation)"""
 MAX_CELLS = 512
-"""of one observation"""
+"""most cells of one observation"""
 MAX_PACKED_BYTES = 40_000
-"""of a checkpoint; an observer that has seen more than fits tells its observations one by one"""
+"""longest checkpoint; an observer with more sends its observations one by one"""
 MAX_LOOKS = 65_535
-"""at a cell, in a checkpoint: all UAVs and their incarnations together stay within 32 bits"""
+"""most looks at a cell in a checkpoint: the sums over all UAVs and incarnations stay within 32 bits"""
 
 Id = Annotated[int, msgspec.Meta(ge=1, le=254)]
 Incarnation = Annotated[int, msgspec.Meta(ge=0, lt=2**62)]
@@ -34,18 +34,18 @@ Index = Annotated[int, msgspec.Meta(ge=0, lt=2**31)]
 
 
 class Observation(msgspec.Struct, frozen=True, gc=False, tag="inform/observation"):
-    """Cells that one vehicle saw at one moment."""
+    """The cells that one vehicle saw at one moment."""
 
     observer: Id
-    """system id of the vehicle that saw it"""
+    """system id of the vehicle"""
     seq: Seq
-    """counts this observer's observations"""
+    """running number of the observer's observations"""
     time_s: float
-    """by the observer's run clock [s]"""
+    """observer's run clock [s]"""
     cells: Annotated[tuple[tuple[Index, Index, bool], ...], msgspec.Meta(max_length=MAX_CELLS)]
     """(row, col, occupied), each cell once"""
     incarnation: Incarnation = 0
-    """greater each time the observer's program is started"""
+    """number that grows with each start of the observer's program"""
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.time_s):
@@ -57,7 +57,7 @@ class Observation(msgspec.Struct, frozen=True, gc=False, tag="inform/observation
 
     @property
     def two_contents(self) -> str:
-        """What to say where its name came with another content before."""
+        """The error text for a name that came with another content before."""
         return (
             f"observation {self.seq} of vehicle {self.observer} came with two different contents; expected "
             "one observer a system id: look for a second process that flies this vehicle"
@@ -66,7 +66,7 @@ class Observation(msgspec.Struct, frozen=True, gc=False, tag="inform/observation
 
 @dataclass(frozen=True, slots=True)
 class CellCounts:
-    """How often which cells were looked at, and how often a hostile was seen there; arrays of one length."""
+    """Looks at some cells, and looks that showed a hostile; arrays of one length."""
 
     cells: NDArray[np.int64]
     """row · cols + col, ascending"""
@@ -75,17 +75,16 @@ class CellCounts:
 
 
 class Checkpoint(msgspec.Struct, frozen=True, gc=False, tag="inform/checkpoint"):
-    """Stands for all observations of one source up to one: memory and snapshots stay small for ever."""
+    """Counts that stand for all observations of one source up to one, so that memory and snapshots stay small."""
 
     observer: Id
     incarnation: Incarnation
     upto: Seq
-    """the last observation it stands for"""
+    """last observation that it stands for"""
     packed: Annotated[bytes, msgspec.Meta(max_length=MAX_PACKED_BYTES)]
     """zlib over three arrays of u32, little-endian: steps between the cells, looks, hits"""
     mark: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
-    """the `mark_of` all observations it stands for, combined by exclusive or: who holds them can tell whether
-    they are the same"""
+    """`mark_of` all its observations, combined by exclusive or: a holder of them can check that they are equal"""
 
     @property
     def source(self) -> Source:
@@ -93,31 +92,31 @@ class Checkpoint(msgspec.Struct, frozen=True, gc=False, tag="inform/checkpoint")
 
     @property
     def two_contents(self) -> str:
-        """What to say where it stands for other observations than have come."""
+        """The error text for a checkpoint that does not match the observations received before."""
         return (
             f"a checkpoint of vehicle {self.observer} stands for other observations up to {self.upto} than "
             "those that came; expected one observer a system id: look for a second process that flies it"
         )
 
     def counts(self, n_cells: int) -> CellCounts:
-        """Raises ValueError where it is none for an area of so many cells."""
+        """Return the counts. Raises ValueError if they do not fit an area of `n_cells`."""
         return _unpacked(self.packed, n_cells)
 
 
 BeliefItem = Observation | Checkpoint
 _encode = msgspec.msgpack.Encoder().encode
 CellBytes = tuple[bytes, bytes]
-"""row · cols + col of the cells that were looked at, and of those that hold a hostile, as bytes of `CELL`:
-those of many observations are joined in a fraction of the time that arrays take"""
+"""row · cols + col of the cells with a look, and of those with a hostile, as bytes of `CELL`; bytes of many
+observations are joined much faster than arrays"""
 CELL = np.dtype(np.int64)
 
 
 def checkpoint(
     before: Checkpoint | None, later: Iterable[Observation], cols: int, n_cells: int
 ) -> Checkpoint | None:
-    """One that stands for `before` and for `later`, which follow it without a gap and are not empty.
+    """Return a checkpoint for `before` and `later`; None if it is longer than a message may be.
 
-    None where it would not fit into a message.
+    The observations `later` are one or more and follow `before` without a gap.
     """
     ordered = sorted(later, key=lambda seen: seen.seq)
     looked = [(row * cols + col, 1, int(occupied)) for seen in ordered for row, col, occupied in seen.cells]
@@ -144,12 +143,12 @@ def checkpoint(
 
 
 def mark_of(seen: Observation) -> int:
-    """63 bits that differ where name or content do."""
+    """Return a hash of 63 bits over name and content."""
     return int.from_bytes(blake2b(_encode(seen), digest_size=8).digest()) >> 1
 
 
 class IndexedObservation(msgspec.Struct, frozen=True, gc=False):
-    """An observation as all beliefs of a process hold it."""
+    """An observation with its name and cell indices; all beliefs of a process share it."""
 
     seen: Observation
     name: tuple[int, int, int]
@@ -157,14 +156,18 @@ class IndexedObservation(msgspec.Struct, frozen=True, gc=False):
     cells: CellBytes
 
 
-_named: dict[int, tuple[IndexedObservation, int, int]] = {}
-"""By identity, which a held observation keeps: to hash one takes longer than to work its cells out."""
-MAX_HELD = 16_384
+_indexed: dict[int, tuple[IndexedObservation, int, int]] = {}
+"""Cache by `id` of the observation, which the entry keeps alive; hashing an observation would be slower than
+indexing its cells."""
+MAX_CACHED = 16_384
 
 
 def indexed(seen: Observation, rows: int, cols: int) -> IndexedObservation:
-    """Made once for all UAVs of a process. Raises ValueError where a cell lies outside the area."""
-    held = _named.get(id(seen))
+    """Return the indexed observation, one for all UAVs of a process.
+
+    Raises ValueError if a cell lies outside the area.
+    """
+    held = _indexed.get(id(seen))
     if held is not None and held[0].seen is seen and held[1] == rows and held[2] == cols:
         return held[0]
     for row, col, _ in seen.cells:
@@ -175,18 +178,18 @@ def indexed(seen: Observation, rows: int, cols: int) -> IndexedObservation:
             )
     looked = np.array([row * cols + col for row, col, _ in seen.cells], dtype=CELL).tobytes()
     occupied = np.array([row * cols + col for row, col, here in seen.cells if here], dtype=CELL).tobytes()
-    if len(_named) >= MAX_HELD:
-        _named.clear()
+    if len(_indexed) >= MAX_CACHED:
+        _indexed.clear()
     made = IndexedObservation(seen, (seen.observer, seen.incarnation, seen.seq), (looked, occupied))
-    _named[id(seen)] = made, rows, cols
+    _indexed[id(seen)] = made, rows, cols
     return made
 
 
-@lru_cache(maxsize=128)  # of a large area, half a megabyte each
+@lru_cache(maxsize=128)  # half a megabyte each for a large area
 def _unpacked(packed: bytes, n_cells: int) -> CellCounts:
     unpacker = zlib.decompressobj()
     try:
-        # Never more than an area has: a few bytes can unpack to gigabytes.
+        # The limit is the size of the area, because a few bytes can unpack to gigabytes.
         raw = unpacker.decompress(packed, 12 * n_cells + 1)
     except zlib.error as error:
         raise ValueError(f"a checkpoint that cannot be unpacked: {error}") from None
@@ -197,7 +200,7 @@ def _unpacked(packed: bytes, n_cells: int) -> CellCounts:
     if cells.size and (cells[-1] >= n_cells or (steps[1:] == 0).any()):
         raise ValueError(f"a checkpoint with cells outside the area of {n_cells} cells, or named twice")
     if (hits > looks).any() or (looks < 1).any() or (looks > MAX_LOOKS).any():
-        raise ValueError("a checkpoint whose looks and hits cannot be")
+        raise ValueError("a checkpoint with impossible counts: expected 1 ≤ looks ≤ 65535 and hits ≤ looks")
     counts = CellCounts(cells, looks.astype(np.int32), hits.astype(np.int32))
     for array in (counts.cells, counts.looks, counts.hits):
         array.flags.writeable = False

@@ -1,4 +1,4 @@
-"""Polygons and straight legs on a local plane: points are (east, north) [m]. Pure."""
+"""Polygons and straight legs on a local plane. Pure."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ from itertools import pairwise
 from math import dist
 
 STRAIGHT_M = 0.01
-"""Starts along one side are on a straight line but for rounding, and autopilots keep few corners."""
+"""Distance from an edge [m] below which a point is no corner of a hull. Vehicles that start along one side
+stand on a straight line but for rounding, and autopilots store few corners."""
 
 PlanarPoint = tuple[float, float]
+"""(east, north) [m]"""
 
 
 def distance_to_leg(point: PlanarPoint, a: PlanarPoint, b: PlanarPoint) -> float:
-    """From a point to the nearest of the straight leg from a to b, in their unit."""
+    """Return the distance from a point to the straight leg from a to b, in their unit."""
     (ax, ay), (bx, by) = a, b
     squared = (bx - ax) ** 2 + (by - ay) ** 2
     share = ((point[0] - ax) * (bx - ax) + (point[1] - ay) * (by - ay)) / squared if squared else 0.0
@@ -22,25 +24,28 @@ def distance_to_leg(point: PlanarPoint, a: PlanarPoint, b: PlanarPoint) -> float
 
 
 def distance_to_track(point: PlanarPoint, track: Sequence[PlanarPoint]) -> float:
-    """From a point to the nearest of a track of one point or more."""
+    """Return the distance from a point to a track of one point or more, in their unit."""
     legs = (distance_to_leg(point, a, b) for a, b in pairwise(track))
     return min(legs, default=dist(point, track[0]))
 
 
 def padded_hull(points: Sequence[PlanarPoint], margin_m: float) -> tuple[PlanarPoint, ...]:
-    """The convex polygon, counter-clockwise, that has every point at least `margin_m` inside."""
+    """Return the convex polygon, counter-clockwise, that holds every point at least `margin_m` inside."""
     m = margin_m
     return convex_hull([(e + de, n + dn) for e, n in points for de in (-m, m) for dn in (-m, m)])
 
 
 def convex_hull(points: Sequence[PlanarPoint]) -> tuple[PlanarPoint, ...]:
-    """Counter-clockwise, without points within STRAIGHT_M of its edges (Andrew's monotone chain)."""
+    """Return the convex hull, counter-clockwise, by Andrew's monotone chain.
+
+    Points within STRAIGHT_M of an edge are left out.
+    """
     ordered = sorted(set(points))
     return (*_half(ordered)[:-1], *_half(ordered[::-1])[:-1])
 
 
 def bounding_box(points: Sequence[PlanarPoint]) -> tuple[PlanarPoint, ...]:
-    """The least rectangle along the axes around them, counter-clockwise."""
+    """Return the least rectangle along the axes around the points, counter-clockwise."""
     (west, east), (south, north) = ((min(values), max(values)) for values in zip(*points, strict=True))
     return (west, south), (east, south), (east, north), (west, north)
 
@@ -55,12 +60,12 @@ def _half(ordered: Sequence[PlanarPoint]) -> list[PlanarPoint]:
 
 
 def _turn(a: PlanarPoint, b: PlanarPoint, c: PlanarPoint) -> float:
-    """Positive where a, b, c turn to the left; twice the area between them."""
+    """Return twice the signed area of a, b, c: positive if they turn to the left."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def contains(polygon: Sequence[PlanarPoint], point: PlanarPoint) -> bool:
-    """Whether a point is inside a simple polygon, convex or not."""
+    """Return whether a point is inside a simple polygon, convex or not."""
     e, n = point
     inside = False
     for (e1, n1), (e2, n2) in _edges(polygon):
@@ -70,15 +75,17 @@ def contains(polygon: Sequence[PlanarPoint], point: PlanarPoint) -> bool:
 
 
 def stays_inside(polygon: Sequence[PlanarPoint], a: PlanarPoint, b: PlanarPoint) -> bool:
-    """Whether the straight leg from a to b neither leaves a simple polygon nor touches it."""
+    """Return whether the straight leg from a to b neither leaves a simple polygon nor touches its border."""
     if not (contains(polygon, a) and contains(polygon, b)):
         return False
     return not any(_intersect(a, b, c, d) for c, d in _edges(polygon))
 
 
 def crossing_sides(polygon: Sequence[PlanarPoint]) -> tuple[int, int] | None:
-    """The first two sides of a polygon that have more in common than a corner, by the corners at which they
-    begin; None where it is simple."""
+    """Return the first two sides of a polygon that share more than a corner; None for a simple polygon.
+
+    A side is given by the index of the corner at which it begins.
+    """
     edges = _edges(polygon)
     for i, (a, b) in enumerate(edges):
         for j, (c, d) in enumerate(edges[i + 1 :], i + 1):
@@ -92,7 +99,7 @@ def crossing_sides(polygon: Sequence[PlanarPoint]) -> tuple[int, int] | None:
 
 
 def _folds_back(before: PlanarPoint, corner: PlanarPoint, after: PlanarPoint) -> bool:
-    """Whether the way out of a corner lies on the way to it."""
+    """Return whether the leg out of a corner lies on the leg into it."""
     in_e, in_n = corner[0] - before[0], corner[1] - before[1]
     ahead = in_e * (after[0] - corner[0]) + in_n * (after[1] - corner[1])
     return _turn(before, corner, after) == 0.0 and ahead <= 0.0
@@ -103,7 +110,7 @@ def _edges(polygon: Sequence[PlanarPoint]) -> list[tuple[PlanarPoint, PlanarPoin
 
 
 def _intersect(a: PlanarPoint, b: PlanarPoint, c: PlanarPoint, d: PlanarPoint) -> bool:
-    """Whether two segments have a point in common."""
+    """Return whether two segments share a point."""
     turns = (_turn(a, b, c), _turn(a, b, d), _turn(c, d, a), _turn(c, d, b))
     if turns[0] * turns[1] < 0 and turns[2] * turns[3] < 0:
         return True

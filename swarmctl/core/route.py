@@ -1,4 +1,4 @@
-"""From a route over cells to points on the ground that a vehicle can fly."""
+"""Flight plans for routes over cells: waypoints and landing spots on the ground."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.mission import FlightPlan, Waypoint
 
 CORNER_TOLERANCE = 0.02
-"""How far from the shared corner of two diagonal cells a leg may pass [cells]. Between centres it meets the
-corner exactly; a vehicle that follows such a leg is off it by about this much anyhow."""
+"""Distance at which a leg may pass the shared corner of two diagonal cells [cells]. Between centres a leg meets
+the corner exactly; a vehicle that follows such a leg has an error of about this size."""
 
 LANDING_SPACING_M = 12.0
-"""Most that vehicles landing in one cell are set apart [m]."""
+"""Greatest distance between the landing spots in one cell [m]."""
 
 
 def ends_and_turns(cells: Sequence[Cell]) -> tuple[Cell, ...]:
-    """The ends and the turns of a route over neighbouring cells: what lies straight between them is left out.
+    """Return the ends and the turns of a route over neighbouring cells.
 
-    The track from centre to centre covers the same cells as before.
+    The track from centre to centre covers the same cells as the route.
     """
     if len(cells) < 3:
         return tuple(cells)
@@ -41,11 +41,11 @@ def flight_plan(
     position: LatLon | None = None,
     may_clip: Callable[[Cell], bool] = lambda _: False,
 ) -> FlightPlan:
-    """The plan to fly a route over neighbouring cells and land.
+    """Return the plan to fly a route over neighbouring cells and land.
 
-    Waypoints are the centres of the turns. A vehicle whose `position` is already within cells[0] does not
-    go back to the centre of that cell, unless the way from where it is would lead over a cell that is not on
-    the route and that `may_clip` does not allow.
+    Waypoints are the centres of the turns. A vehicle whose `position` is within cells[0] does not fly back to
+    the centre of that cell. The exception: its direct leg would enter a cell that is not on the route and
+    that `may_clip` does not allow.
     """
     if not cells:
         raise ValueError("a route without cells cannot be flown: expected at least the cell of its goal")
@@ -67,10 +67,10 @@ def track_plan(
     position: LatLon | None = None,
     may_join: Callable[[tuple[float, float], Cell], bool] = lambda _point, _corner: False,
 ) -> FlightPlan:
-    """The plan to fly straight from corner to corner, which are cells, and land.
+    """Return the plan to fly straight from corner to corner, which are cells, and land.
 
-    A vehicle whose `position` is already within corners[0] does not go back to the centre of that cell if
-    `may_join` allows it to fly straight from its place, in cells (x, y), to the next corner.
+    A vehicle whose `position` is within corners[0] does not fly back to the centre of that cell if `may_join`
+    allows the straight leg from its position (x, y) [cells] to the next corner.
     """
     if not corners:
         raise ValueError("a track without corners cannot be flown: expected at least the cell of its goal")
@@ -87,10 +87,10 @@ def _plan(grid: Grid, corners: Sequence[Cell], altitude_m: float, landing_lat_lo
 
 
 def landing_spot(grid: Grid, cell: Cell, index: int, count: int) -> LatLon:
-    """Where the vehicle `index` of `count` that share a goal cell comes down.
+    """Return the landing spot of vehicle `index` of the `count` vehicles that share a goal cell.
 
-    Distinct points inside the cell, on a square lattice about its centre, as far apart as fits and at most
-    LANDING_SPACING_M.
+    The spots are distinct points inside the cell, on a square lattice about its centre. They are as far apart
+    as the cell allows, and at most LANDING_SPACING_M.
     """
     if not 0 <= index < count:
         raise ValueError(f"landing place {index} of {count}: expected 0 to {count - 1}")
@@ -111,24 +111,27 @@ def _step(here: Cell, there: Cell) -> Cell:
 def _may_skip_first_centre(grid: Grid, turns: Sequence[Cell], position: LatLon) -> bool:
     (row, col), (next_row, next_col) = turns[0], turns[1]
     if row == next_row or col == next_col:
-        return True  # both ends lie in one straight row of cells, and so does everything between them
-    # A diagonal leg converges on the line of centres, so it passes the first shared corner at its widest.
+        return True  # both ends lie in one straight row of cells, and so does the leg between them
+    # A diagonal leg converges on the line of centres, so it is farthest from it at the first shared corner.
     leg, across = _leg(grid, turns[0], turns[1], position)
     return abs(across) <= CORNER_TOLERANCE * leg
 
 
 def _clipped(grid: Grid, here: Cell, there: Cell, position: LatLon) -> Cell:
-    """The cell beside the shared corner that the way from `position` to the diagonal neighbour leads over."""
+    """Return the cell beside the shared corner that the leg from `position` to the diagonal neighbour enters."""
     _, across = _leg(grid, here, there, position)
     d_row, d_col = _step(here, there)
-    # Corner to the left of the leg: it passes on the corner's right, which is east of it when flying north.
+    # Corner to the left of the leg: the leg passes on the corner's right, which is east on a flight north.
     passes_beside_column = (across > 0.0) == (d_row * d_col > 0)
     return (here[0], there[1]) if passes_beside_column else (there[0], here[1])
 
 
 def _leg(grid: Grid, here: Cell, there: Cell, position: LatLon) -> tuple[float, float]:
-    """Length of the leg from `position` to the centre of `there` [cells], and the cross product leg × corner:
-    positive where the corner that `here` shares with its diagonal neighbour lies to the left of the leg."""
+    """Return the length of the leg from `position` to the centre of `there` [cells], and leg × corner.
+
+    The cross product is positive if the corner that `here` shares with its diagonal neighbour lies to the
+    left of the leg.
+    """
     (row, col), (next_row, next_col) = here, there
     x, y = (metres / grid.cell_size_m for metres in grid.frame.to_local(*position))
     corner_x = col + 1.0 if next_col > col else float(col)

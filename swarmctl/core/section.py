@@ -1,4 +1,4 @@
-"""What every section of a configuration has in common."""
+"""The base class of every section of a configuration."""
 
 from __future__ import annotations
 
@@ -6,6 +6,6 @@ from pydantic import BaseModel, ConfigDict
 
 
 class Section(BaseModel):
-    """Unknown keys, infinities and values of another type than asked for are errors."""
+    """A frozen model that refuses unknown keys, infinities and values of another type."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)

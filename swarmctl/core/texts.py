@@ -15,7 +15,7 @@ def printable(text: str) -> str:
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether only this machine reaches `host`. No name but localhost is resolved."""
+    """Return whether only this machine reaches `host`. The only name that is resolved is localhost."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -23,9 +23,9 @@ def is_loopback(host: str) -> bool:
 
 
 def resolve_vehicles(words: Iterable[int | str], names: Mapping[int, str]) -> list[int]:
-    """The system ids, each once, in the order of `names` (system id: name).
+    """Return the system ids that `words` name, each once, in the order of `names` (system id: name).
 
-    Raises ValueError where a word means no vehicle, or two: one by its name, another by its system id.
+    Raises ValueError if a word names no vehicle, or two: one by its name, another by its system id.
     """
     found: set[int] = set()
     unknown: list[str] = []
@@ -40,12 +40,12 @@ def resolve_vehicles(words: Iterable[int | str], names: Mapping[int, str]) -> li
             unknown.append(word)
         found.update(vehicles)
     if unknown:
-        there = _listed(f"{uav} ({name})" for uav, name in names.items())
-        raise ValueError(f"no vehicle has the system id or name {_listed(unknown)}; there is {there}")
+        known = _listed(f"{uav} ({name})" for uav, name in names.items())
+        raise ValueError(f"no vehicle has the system id or name {_listed(unknown)}; there is {known}")
     return [uav for uav in names if uav in found]
 
 
 def _listed(words: Iterable[str]) -> str:
-    all_of_them = list(words)
-    more = len(all_of_them) - MAX_LISTED
-    return ", ".join(all_of_them[:MAX_LISTED]) + (f" and {more} more" if more > 0 else "")
+    listed = list(words)
+    more = len(listed) - MAX_LISTED
+    return ", ".join(listed[:MAX_LISTED]) + (f" and {more} more" if more > 0 else "")

@@ -1,4 +1,4 @@
-"""How well a hostile shoots, Eq. 1."""
+"""The firing strength of a hostile, Eq. 1."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True)
 class FiringStrength:
-    """Chance that a hostile hits a vehicle entering its own cell, one of the 4 next to it, or the 4 diagonal.
+    """Probabilities that a hostile hits a vehicle that enters its cell, one of the 4 next to it or the 4 diagonal.
 
     Raises ValueError unless 0 ≤ second_neighbour < first_neighbour < direct ≤ 1.
     """

@@ -1,4 +1,4 @@
-"""What the ground station knows of one vehicle, as last told by its telemetry."""
+"""The state of one vehicle, as its last telemetry reported it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Airframe = Literal["copter", "plane"]
 ModeRole = Literal["", "hold", "mission", "return", "land", "other"]
 
 STALE_MODE_S = 2.0
-"""a mode that was left may show for so long in a heartbeat that was overtaken on its way"""
+"""time for which a delayed heartbeat may still report the mode before the present one [s]"""
 
 
 class Landed(IntEnum):
@@ -25,10 +25,10 @@ class Landed(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class VehicleState:
-    """One snapshot; None means the vehicle has not said it yet."""
+    """One snapshot; None where the vehicle has not reported a value yet."""
 
     time_boot_s: float = 0.0
-    """the vehicle's own clock since boot [s]; simulated seconds where the vehicle is simulated"""
+    """the vehicle's clock since boot [s]; simulated seconds for a simulated vehicle"""
     lat_deg: float | None = None
     lon_deg: float | None = None
     alt_rel_m: float | None = None
@@ -37,52 +37,52 @@ class VehicleState:
     ground_speed_m_s: float = 0.0
     east_m_s: float = 0.0
     north_m_s: float = 0.0
-    """over ground, which need not be where it heads"""
+    """velocity over ground, in a direction that may differ from the heading"""
     climb_m_s: float = 0.0
     """upwards positive [m/s]"""
     heading_deg: float | None = None
     mode: str = ""
-    """the firmware's own name of the mode, e.g. AUTO"""
+    """the firmware's name of the mode, such as AUTO"""
     mode_role: ModeRole = ""
-    """what its mode is for, whatever the firmware calls it; "" until it has told"""
+    """the purpose of the mode, equal for all firmwares; "" before the first heartbeat"""
     armed: bool = False
     landed: Landed = Landed.UNDEFINED
     ready: bool = False
-    """it would arm now and fly a mission: pre-arm checks and position estimate"""
+    """readiness to arm and fly a mission now: pre-arm checks pass and the position estimate is good"""
     not_ready: tuple[str, ...] = ()
-    """why not, in the vehicle's words where it has said so"""
+    """reasons against that, in the vehicle's words where it has sent them"""
     battery_percent: int | None = None
     battery_v: float | None = None
     gps_ok: bool | None = None
-    """it has a receiver, and that has a fix; None where it has none"""
+    """fix of the receiver; None for a vehicle without a receiver"""
     mission_seq: int | None = None
     mission_total: int | None = None
     brakes_m_s2: float | None = None
-    """how hard it brakes, down to a stop, before it takes up another plan in flight; None: it just turns"""
+    """deceleration [m/s²] to a stop before the vehicle starts another plan in flight; None: it turns at once"""
     other_mission: bool = False
-    """somebody else has put another mission on it than was verified there"""
+    """the mission on the vehicle differs from the verified one: another station has uploaded it"""
     home_lat_deg: float | None = None
     home_lon_deg: float | None = None
     home_alt_amsl_m: float | None = None
     strikes: int = 0
-    """strikes the vehicle has reported (simulated vehicles do)"""
+    """strikes that the vehicle has reported; only simulated vehicles report them"""
     status_text: str = ""
-    """its last STATUSTEXT of severity WARNING or worse"""
+    """last STATUSTEXT of severity WARNING or worse"""
     heartbeat_s: float | None = None
-    """when its last heartbeat came, by our clock [s]: what mode and arming are as of"""
+    """arrival of the last heartbeat by the ground station's clock [s]: the age of mode and arming"""
     status_s: float | None = None
-    """when its last SYS_STATUS came, by our clock [s]: what battery, GPS and readiness are as of"""
+    """arrival of the last SYS_STATUS by the same clock [s]: the age of battery, GPS and readiness"""
     position_s: float | None = None
-    """when it last told where it is, by our clock [s]"""
+    """arrival of the last position by the same clock [s]"""
 
     @property
     def takeoff_lat_lon(self) -> tuple[float, float] | None:
-        """Where it takes off, or did (home is set when it is armed) [deg]; None where it has not told."""
+        """The place of take-off [deg]: home once the vehicle is armed, its position before; None if unknown."""
         if self.armed and self.home_lat_deg is not None and self.home_lon_deg is not None:
             return self.home_lat_deg, self.home_lon_deg
         return None if self.lat_deg is None or self.lon_deg is None else (self.lat_deg, self.lon_deg)
 
     @property
     def has_position(self) -> bool:
-        """It knows where it is, and has told so of late."""
+        """Whether latitude, longitude and height are known."""
         return self.lat_deg is not None and self.lon_deg is not None and self.alt_rel_m is not None

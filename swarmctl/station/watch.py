@@ -16,7 +16,7 @@ from rich.text import Text
 from swarmctl.agent.state import ARRIVED
 from swarmctl.bus import keys
 from swarmctl.bus.transports.base import Transport
-from swarmctl.core.frames import Frame, Refused, Seal, StateShared
+from swarmctl.core.frames import Frame, MessageRefused, FrameCodec, StateShared
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.texts import printable
 from swarmctl.report.live_rows import COLOURS
@@ -86,7 +86,7 @@ class View:
 class Board:
     """Keeps the newest that each vehicle has told. Pure: time is an argument."""
 
-    def __init__(self, swarm: str, names: Mapping[int, str], grid: Grid, seal: Seal) -> None:
+    def __init__(self, swarm: str, names: Mapping[int, str], grid: Grid, seal: FrameCodec) -> None:
         self.refused = 0
         self._swarm = swarm
         self._names = names
@@ -100,8 +100,8 @@ class Board:
         `now_s` is by any clock that goes evenly, `unix_s` by the wall's.
         """
         try:
-            frame = self._seal.open(payload)
-        except Refused:
+            frame = self._seal.decode(payload)
+        except MessageRefused:
             self.refused += 1
             return
         state = frame.content

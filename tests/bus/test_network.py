@@ -119,7 +119,7 @@ def test_what_comes_under_another_key_is_refused_and_counted(key: str, why: Refu
             swarm = Swarm(transport, 1, 2, 3)
             with closing(swarm.network):
                 observation = seen(1, 1)
-                data = FrameCodec("test").close(Frame(1, 0, 1, 1_800_000_000.0, observation))
+                data = FrameCodec("test").encode(Frame(1, 0, 1, 1_800_000_000.0, observation))
                 transport.put(key, data)
                 said = swarm.says(2, 1)
                 assert await swarm.next_of(3) == said

@@ -50,7 +50,7 @@ SEAL = FrameCodec("test")
 
 def padded(content: Content) -> bytes:
     """A frame that is just not too long, with a field that no version has."""
-    body = msgspec.msgpack.decode(SEAL.close(frame(content))[2:])
+    body = msgspec.msgpack.decode(SEAL.encode(frame(content))[2:])
     body["later"] = bytes(MAX_FRAME_BYTES - 1000)
     return bytes((VERSION, 0)) + msgspec.msgpack.encode(body)
 
@@ -65,40 +65,40 @@ WRONG: dict[str, tuple[int, str, bytes, RefusalReason]] = {
     "a later version": (
         1,
         "inform/state",
-        bytes((VERSION + 1,)) + SEAL.close(frame(state()))[1:],
+        bytes((VERSION + 1,)) + SEAL.encode(frame(state()))[1:],
         RefusalReason.VERSION,
     ),
     "too long": (1, "inform/state", bytes(MAX_FRAME_BYTES + 1), RefusalReason.OVERSIZE),
     "a place that is none": (
         1,
         "inform/state",
-        SEAL.close(frame(state())).replace(msgspec.msgpack.encode(46.0), msgspec.msgpack.encode(460.0)),
+        SEAL.encode(frame(state())).replace(msgspec.msgpack.encode(46.0), msgspec.msgpack.encode(460.0)),
         RefusalReason.MALFORMED,
     ),
-    "under another's key": (2, "inform/state", SEAL.close(frame(state())), RefusalReason.SOURCE),
-    "under another act": (1, "inform/observation", SEAL.close(frame(state())), RefusalReason.SOURCE),
+    "under another's key": (2, "inform/state", SEAL.encode(frame(state())), RefusalReason.SOURCE),
+    "under another act": (1, "inform/observation", SEAL.encode(frame(state())), RefusalReason.SOURCE),
     "what another saw, as its own": (
         1,
         "inform/observation",
-        SEAL.close(frame(seen(observer=2))),
+        SEAL.encode(frame(seen(observer=2))),
         RefusalReason.SOURCE,
     ),
     "a minute old": (
         1,
         "inform/state",
-        SEAL.close(frame(state(), unix_s=UNIX_S - 61.0)),
+        SEAL.encode(frame(state(), unix_s=UNIX_S - 61.0)),
         RefusalReason.REPLAY,
     ),
     "one cell twice": (
         1,
         "inform/observation",
-        SEAL.close(frame(seen(1, (1, 1, True), (1, 1, False)))),
+        SEAL.encode(frame(seen(1, (1, 1, True), (1, 1, False)))),
         RefusalReason.MALFORMED,
     ),
     "a height that is none": (
         1,
         "inform/state",
-        SEAL.close(frame(state())).replace(
+        SEAL.encode(frame(state())).replace(
             msgspec.msgpack.encode(30.0), msgspec.msgpack.encode(float("nan"))
         ),
         RefusalReason.MALFORMED,
@@ -107,51 +107,51 @@ WRONG: dict[str, tuple[int, str, bytes, RefusalReason]] = {
     "of another swarm's UAV": (
         9,
         "inform/state",
-        SEAL.close(frame(state(), sender=9)),
+        SEAL.encode(frame(state(), sender=9)),
         RefusalReason.STRANGER,
     ),
     "from the future": (
         1,
         "inform/state",
-        SEAL.close(frame(state(), unix_s=UNIX_S + 6.0)),
+        SEAL.encode(frame(state(), unix_s=UNIX_S + 6.0)),
         RefusalReason.FUTURE,
     ),
     "a cell outside": (
         1,
         "inform/observation",
-        SEAL.close(frame(seen(1, (ROWS, 0, True)))),
+        SEAL.encode(frame(seen(1, (ROWS, 0, True)))),
         RefusalReason.OUTSIDE,
     ),
     "a checkpoint outside snapshots": (
         1,
         "inform/checkpoint",
-        SEAL.close(frame(EMPTY)),
+        SEAL.encode(frame(EMPTY)),
         RefusalReason.MALFORMED,
     ),
     "cells outside, in a snapshot's checkpoint": (
         1,
         "inform/snapshot",
-        SEAL.close(frame(Snapshot((SEAL.close(frame(OTHERS_BOMB)),), True), n=2)),
+        SEAL.encode(frame(Snapshot((SEAL.encode(frame(OTHERS_BOMB)),), True), n=2)),
         RefusalReason.OUTSIDE,
     ),
     "a checkpoint that unpacks to gigabytes": (
         1,
         "inform/snapshot",
-        SEAL.close(
-            frame(Snapshot((SEAL.close(frame(Checkpoint(1, 1, 5, zlib.compress(bytes(10**7)), 0))),), True))
+        SEAL.encode(
+            frame(Snapshot((SEAL.encode(frame(Checkpoint(1, 1, 5, zlib.compress(bytes(10**7)), 0))),), True))
         ),
         RefusalReason.OUTSIDE,
     ),
     "a question passed on": (
         1,
         "inform/relayed",
-        SEAL.close(frame(Relayed((SEAL.close(frame(SnapshotAsked((), ()), sender=3)),)))),
+        SEAL.encode(frame(Relayed((SEAL.encode(frame(SnapshotAsked((), ()), sender=3)),)))),
         RefusalReason.MALFORMED,
     ),
     "a stranger's observation, passed on": (
         1,
         "inform/relayed",
-        SEAL.close(frame(Relayed((SEAL.close(frame(seen(observer=9), sender=9)),)))),
+        SEAL.encode(frame(Relayed((SEAL.encode(frame(seen(observer=9), sender=9)),)))),
         RefusalReason.STRANGER,
     ),
 }
@@ -173,7 +173,7 @@ def test_what_is_wrong_is_refused_and_counted(sender: int, act: str, data: bytes
 
 def test_a_message_that_comes_twice_is_a_replay() -> None:
     ether = Ether((1, 2))
-    data = SEAL.close(frame(seen()))
+    data = SEAL.encode(frame(seen()))
     for _ in range(3):
         ether.deliver(1, 2, "inform/observation", data)
     assert of(ether, 2) == {RefusalReason.REPLAY: 2}
@@ -182,26 +182,26 @@ def test_a_message_that_comes_twice_is_a_replay() -> None:
 
 def test_what_was_said_before_its_sender_was_started_again_is_a_replay() -> None:
     ether = Ether((1, 2))
-    ether.deliver(1, 2, "inform/state", SEAL.close(frame(state(), incarnation=5)))
-    ether.deliver(1, 2, "inform/state", SEAL.close(frame(state(), n=7, incarnation=4)))
+    ether.deliver(1, 2, "inform/state", SEAL.encode(frame(state(), incarnation=5)))
+    ether.deliver(1, 2, "inform/state", SEAL.encode(frame(state(), n=7, incarnation=4)))
     assert of(ether, 2) == {RefusalReason.REPLAY: 1}
 
 
 def test_repeating_what_a_uav_said_does_not_use_up_what_it_may_say() -> None:
     ether = Ether((1, 2))
-    data = SEAL.close(frame(seen()))
+    data = SEAL.encode(frame(seen()))
     for _ in range(MOST + 10):
         ether.deliver(1, 2, "inform/observation", data)
-    ether.deliver(1, 2, "inform/observation", SEAL.close(frame(seen(2, (2, 2, False)), n=2)))
+    ether.deliver(1, 2, "inform/observation", SEAL.encode(frame(seen(2, (2, 2, False)), n=2)))
     assert ether.uavs[2].belief.looks[2, 2] == 1
 
 
 def test_a_flood_is_refused_and_over_when_it_is_over() -> None:
     ether = Ether((1, 2, 3))
     for n in range(MOST + 100):
-        ether.deliver(1, 2, "inform/state", SEAL.close(frame(state(), n=n + 1, unix_s=UNIX_S + n * 1e-3)))
+        ether.deliver(1, 2, "inform/state", SEAL.encode(frame(state(), n=n + 1, unix_s=UNIX_S + n * 1e-3)))
     assert of(ether, 2) == {RefusalReason.TOO_FAST: 100}
-    ether.deliver(3, 2, "inform/observation", SEAL.close(frame(seen(observer=3), sender=3)))
+    ether.deliver(3, 2, "inform/observation", SEAL.encode(frame(seen(observer=3), sender=3)))
     assert ether.uavs[2].belief.looks.sum() == 1  # whoever speaks in measure is heard meanwhile
 
 
@@ -209,7 +209,7 @@ def test_questions_are_answered_in_measure() -> None:
     ether = Ether((1, 2), NodeOptions(ROWS, COLS, sync_every_s=0.0))
     ether.uavs[2].observe((0, 0, True))
     for n in range(100):
-        ether.deliver(1, 2, "query-ref/snapshot", SEAL.close(frame(SnapshotAsked((), ()), n=n + 1)))
+        ether.deliver(1, 2, "query-ref/snapshot", SEAL.encode(frame(SnapshotAsked((), ()), n=n + 1)))
     served = ether.uavs[2].node.counters.snapshots_served
     assert 1 <= served < 100
     assert of(ether, 2) == {RefusalReason.TOO_FAST: 100 - served}
@@ -217,8 +217,8 @@ def test_questions_are_answered_in_measure() -> None:
 
 def test_one_name_with_two_contents_is_refused_and_the_first_stays() -> None:
     ether = Ether((1, 2))
-    ether.deliver(1, 2, "inform/observation", SEAL.close(frame(seen(1, (0, 0, False)))))
-    ether.deliver(1, 2, "inform/observation", SEAL.close(frame(seen(1, (0, 0, True)), n=2)))
+    ether.deliver(1, 2, "inform/observation", SEAL.encode(frame(seen(1, (0, 0, False)))))
+    ether.deliver(1, 2, "inform/observation", SEAL.encode(frame(seen(1, (0, 0, True)), n=2)))
     assert of(ether, 2) == {RefusalReason.TWO_CONTENTS: 1}
     assert ether.uavs[2].belief.hits.sum() == 0
 
@@ -226,7 +226,7 @@ def test_one_name_with_two_contents_is_refused_and_the_first_stays() -> None:
 def test_one_who_tells_each_another_thing_is_found_out_by_both() -> None:
     ether = Ether((1, 2, 3))
     for to, occupied in ((2, False), (3, True)):
-        ether.deliver(1, to, "inform/observation", SEAL.close(frame(seen(1, (0, 0, occupied)))))
+        ether.deliver(1, to, "inform/observation", SEAL.encode(frame(seen(1, (0, 0, occupied)))))
     ether.carry = lambda sender, _to, _now_s: None if sender == 1 else 0.01
     ether.run(30.0)
     for uav in (2, 3):
@@ -237,10 +237,10 @@ def test_one_who_tells_each_another_thing_is_found_out_by_both() -> None:
 def test_a_checkpoint_of_other_observations_than_came_is_refused_and_who_made_it_flagged() -> None:
     ether = Ether((1, 2))
     told = seen(1, (0, 0, False))
-    ether.deliver(1, 2, "inform/observation", SEAL.close(frame(told)))
+    ether.deliver(1, 2, "inform/observation", SEAL.encode(frame(told)))
     other = checkpoint(None, [seen(1, (0, 0, True))], COLS, ROWS * COLS)
     assert other is not None
-    ether.deliver(1, 2, "inform/relayed", SEAL.close(frame(Relayed((SEAL.close(frame(other)),)), n=2)))
+    ether.deliver(1, 2, "inform/relayed", SEAL.encode(frame(Relayed((SEAL.encode(frame(other)),)), n=2)))
     assert of(ether, 2) == {RefusalReason.TWO_CONTENTS: 1}
     assert ether.uavs[2].node.counters.flagged == {1: 1}
     assert ether.uavs[2].belief.hits.sum() == 0
@@ -248,8 +248,8 @@ def test_a_checkpoint_of_other_observations_than_came_is_refused_and_who_made_it
 
 def test_a_second_process_under_its_own_name_is_refused_and_said() -> None:
     ether = Ether((1, 2))
-    theirs = SEAL.close(frame(seen(7, (0, 0, True)), n=50))
-    ether.deliver(2, 1, "inform/relayed", SEAL.close(frame(Relayed((theirs,)), sender=2, incarnation=2)))
+    theirs = SEAL.encode(frame(seen(7, (0, 0, True)), n=50))
+    ether.deliver(2, 1, "inform/relayed", SEAL.encode(frame(Relayed((theirs,)), sender=2, incarnation=2)))
     assert of(ether, 1) == {RefusalReason.TWO_CONTENTS: 1}
     assert "another process flies vehicle 1" in ether.said[0]
 
@@ -257,12 +257,12 @@ def test_a_second_process_under_its_own_name_is_refused_and_said() -> None:
 def test_what_contradicts_ones_own_look_is_flagged_with_who_sent_it_and_believed_as_before() -> None:
     ether = Ether((1, 2))
     ether.uavs[2].observe((3, 3, False), (3, 4, True))
-    ether.deliver(1, 2, "inform/observation", SEAL.close(frame(seen(1, (3, 3, True), (3, 4, True)))))
+    ether.deliver(1, 2, "inform/observation", SEAL.encode(frame(seen(1, (3, 3, True), (3, 4, True)))))
     assert dict(ether.uavs[2].node.counters.flagged) == {1: 1}
     assert all(part in ether.said[0] for part in ("vehicle 1", "(3, 3)", "occupied"))
     assert ether.uavs[2].belief.looks[3, 3] == 2
     told = ether.uavs[2].node.say(state(), ether.now_s, ether.unix_s)
-    content = SEAL.open(told.messages[0].data).content
+    content = SEAL.decode(told.messages[0].data).content
     assert isinstance(content, StateShared)
     assert content.flagged == (1,)  # whoever watches is told
 
@@ -299,27 +299,27 @@ SIGNED = FrameCodec("test", sign, verify)
 
 def forged(sender: int, content: Content, by: int) -> bytes:
     """A frame in `sender`'s name with the signature of `by`."""
-    return FrameCodec("test", lambda _sender, data: sign(by, data)).close(
+    return FrameCodec("test", lambda _sender, data: sign(by, data)).encode(
         frame(content, sender=sender, n=500)
     )
 
 
 FORGED: dict[str, tuple[str, bytes, RefusalReason]] = {
-    "not signed": ("inform/observation", SEAL.close(frame(seen())), RefusalReason.UNSIGNED),
+    "not signed": ("inform/observation", SEAL.encode(frame(seen())), RefusalReason.UNSIGNED),
     "signed by another": ("inform/observation", forged(1, seen(), by=3), RefusalReason.SIGNATURE),
     "of another swarm": (
         "inform/observation",
-        FrameCodec("other", sign, verify).close(frame(seen())),
+        FrameCodec("other", sign, verify).encode(frame(seen())),
         RefusalReason.SIGNATURE,
     ),
     "changed on its way": (
         "inform/observation",
-        SIGNED.close(frame(seen(1, (1, 1, False)))).replace(b"\x01\x01\xc2", b"\x01\x01\xc3"),
+        SIGNED.encode(frame(seen(1, (1, 1, False)))).replace(b"\x01\x01\xc2", b"\x01\x01\xc3"),
         RefusalReason.SIGNATURE,
     ),
     "another's observation invented by who passes it on": (
         "inform/relayed",
-        SIGNED.close(frame(Relayed((forged(3, seen(observer=3), by=1),)))),
+        SIGNED.encode(frame(Relayed((forged(3, seen(observer=3), by=1),)))),
         RefusalReason.SIGNATURE,
     ),
 }
@@ -364,7 +364,7 @@ def test_what_one_lies_about_is_only_what_it_saw() -> None:
 
 
 def relayed(*frames: bytes, n: int, by: int = 1) -> bytes:
-    return SEAL.close(frame(Relayed(frames), sender=by, n=n))
+    return SEAL.encode(frame(Relayed(frames), sender=by, n=n))
 
 
 def test_many_incarnations_of_a_liar_do_not_wash_away_what_was_seen() -> None:
@@ -376,8 +376,8 @@ def test_many_incarnations_of_a_liar_do_not_wash_away_what_was_seen() -> None:
         made = checkpoint(None, most, COLS, ROWS * COLS)
         assert made is not None
         looks = zlib.compress(np.array([4 * COLS + 4, 65_535, 65_535], "<u4").tobytes())
-        told = SEAL.close(frame(Checkpoint(1, i + 1, 1, looks, 0), incarnation=i + 1))
-        ether.deliver(1, 2, "inform/relayed", SEAL.close(frame(Relayed((told,)), n=i + 10, incarnation=1)))
+        told = SEAL.encode(frame(Checkpoint(1, i + 1, 1, looks, 0), incarnation=i + 1))
+        ether.deliver(1, 2, "inform/relayed", SEAL.encode(frame(Relayed((told,)), n=i + 10, incarnation=1)))
     belief = ether.uavs[2].belief
     assert belief.hits[4, 4] >= 1
     assert (belief.looks >= belief.hits).all()
@@ -392,7 +392,7 @@ def test_a_message_of_rubbish_is_not_read_to_its_end() -> None:
 
 def test_a_lie_that_comes_first_is_flagged_once_the_truth_is_seen() -> None:
     ether = Ether((1, 2, 3))
-    ether.deliver(1, 2, "inform/observation", SEAL.close(frame(seen(1, (3, 3, True)), n=50)))
+    ether.deliver(1, 2, "inform/observation", SEAL.encode(frame(seen(1, (3, 3, True)), n=50)))
     ether.uavs[2].observe((3, 3, False), (3, 4, False))
     assert dict(ether.uavs[2].node.counters.flagged) == {1: 1}
     assert all(part in ether.said[0] for part in ("vehicle 1", "(3, 3)", "occupied"))
@@ -404,7 +404,7 @@ def test_gaps_and_incarnations_never_make_a_question_too_long_to_be_asked() -> N
     for uav in ids[1:]:
         for incarnation in range(1, MAX_INCARNATIONS + 1):
             frames = [
-                SEAL.close(
+                SEAL.encode(
                     frame(
                         seen(seq, observer=uav, incarnation=incarnation), sender=uav, incarnation=incarnation
                     )
@@ -429,19 +429,19 @@ def test_who_claims_to_have_more_and_never_tells_it_is_asked_ever_less() -> None
     for second in range(100):
         claim = msgspec.structs.replace(state(), last_seq=2**50, knows=second)
         claimed = frame(claim, n=100 + 2 * second, unix_s=ether.unix_s)
-        ether.deliver(1, 2, "inform/state", SEAL.close(claimed))
+        ether.deliver(1, 2, "inform/state", SEAL.encode(claimed))
         answer = frame(Snapshot((), True), n=101 + 2 * second, unix_s=ether.unix_s)
-        ether.deliver(1, 2, "inform/snapshot", SEAL.close(answer))
+        ether.deliver(1, 2, "inform/snapshot", SEAL.encode(answer))
         ether.run(1.0)
     assert ether.uavs[2].node.counters.sent["query-ref/snapshot"] <= 20
 
 
 def test_an_old_state_of_another_that_is_passed_on_is_nothing_new() -> None:
     ether = Ether((1, 2, 3))
-    old = SEAL.close(frame(state(46.5), sender=3, n=1, unix_s=UNIX_S - 3600.0))
+    old = SEAL.encode(frame(state(46.5), sender=3, n=1, unix_s=UNIX_S - 3600.0))
     ether.deliver(1, 2, "inform/relayed", relayed(old, n=10))
     # Who asks is told of no state that it could not trust itself.
-    ether.deliver(1, 2, "query-ref/snapshot", SEAL.close(frame(SnapshotAsked((), ()), n=11)))
-    answer = SEAL.open(ether.on_the_way[-1][-1]).content
+    ether.deliver(1, 2, "query-ref/snapshot", SEAL.encode(frame(SnapshotAsked((), ()), n=11)))
+    answer = SEAL.decode(ether.on_the_way[-1][-1]).content
     assert isinstance(answer, Snapshot)
     assert answer.frames == ()

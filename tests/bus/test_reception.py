@@ -43,7 +43,7 @@ class Process:
 
     def hear(self, sender: int, frame: Frame, to: tuple[int, ...], now_s: float) -> dict[int, NodeOutput]:
         """What it comes to for each of them, under the key of `sender`."""
-        decoded, unix_s, outputs = READ(SEAL.close(frame)), UNIX_S + now_s, {}
+        decoded, unix_s, outputs = READ(SEAL.encode(frame)), UNIX_S + now_s, {}
         if self.table is not None and sender in UAVS:
             receivers = self.table.mask(to)
             takes = self.table.take(sender, frame.act, decoded, receivers, now_s, unix_s)
@@ -107,7 +107,7 @@ def test_at_once_comes_to_the_same_as_one_by_one(data: st.DataObject) -> None:
         knows(both, uav, now_s)
         question = Frame(1, 3, 1, unix_s, SnapshotAsked((), ()))
         answers = [
-            process.nodes[uav].receive(1, question.act, SEAL.close(question), now_s, unix_s)
+            process.nodes[uav].receive(1, question.act, SEAL.encode(question), now_s, unix_s)
             for process in both
         ]
         assert [out.data for out in answers[0].messages] == [out.data for out in answers[1].messages]
@@ -116,7 +116,7 @@ def test_at_once_comes_to_the_same_as_one_by_one(data: st.DataObject) -> None:
 def knows(both: tuple[Process, Process], uav: int, now_s: float) -> int:
     """The fingerprint of what this UAV knows, by what it says of itself in both."""
     told = [process.nodes[uav].say(state(), now_s, UNIX_S + now_s).messages[0] for process in both]
-    contents = [SEAL.open(out.data).content for out in told]
+    contents = [SEAL.decode(out.data).content for out in told]
     assert told[0].to == told[1].to
     assert contents[0] == contents[1]
     assert isinstance(contents[0], StateShared)
@@ -153,6 +153,6 @@ def said(data: st.DataObject, senders: Senders) -> Frame:
             )
             return senders.frame(uav, incarnation, told, on)
         case "passed on":
-            inner = SEAL.close(Frame(1, 1, 1, UNIX_S, senders.seen(1, 1, on_seq, False)))
+            inner = SEAL.encode(Frame(1, 1, 1, UNIX_S, senders.seen(1, 1, on_seq, False)))
             return senders.frame(2, 1, Relayed((inner,)), on)
     return senders.frame(uav, incarnation, senders.seen(uav, incarnation, on_seq, False), on)

@@ -107,7 +107,7 @@ GOLDEN: tuple[tuple[Content, str], ...] = (
 
 def close(content: Content) -> bytes:
     lat_deg, lon_deg = (None, None) if isinstance(content, StateShared) else AT
-    return SEAL.close(Frame(3, 2, 9, 1_800_000_000.25, content, lat_deg, lon_deg))
+    return SEAL.encode(Frame(3, 2, 9, 1_800_000_000.25, content, lat_deg, lon_deg))
 
 
 def named(row: tuple[Content, str]) -> str:
@@ -118,7 +118,7 @@ def named(row: tuple[Content, str]) -> str:
 def test_the_bytes_are_those_that_other_builds_write_and_read(row: tuple[Content, str]) -> None:
     content, written = row
     assert close(content).hex() == written
-    assert SEAL.open(bytes.fromhex(written)).content == content
+    assert SEAL.decode(bytes.fromhex(written)).content == content
 
 
 def test_every_kind_of_content_has_golden_bytes_and_stands_in_the_table() -> None:
@@ -139,7 +139,7 @@ def test_fields_that_a_later_version_adds_are_tolerated(row: tuple[Content, str]
     body = msgspec.msgpack.decode(bytes.fromhex(written)[2:])
     body["later"] = {"new": [1, 2]}
     body["content"]["later"] = "new"
-    assert SEAL.open(bytes((VERSION, 0)) + msgspec.msgpack.encode(body)).content == content
+    assert SEAL.decode(bytes((VERSION, 0)) + msgspec.msgpack.encode(body)).content == content
 
 
 @pytest.mark.parametrize("field", ["sender", "incarnation", "n", "unix_s", "content"])
@@ -147,7 +147,7 @@ def test_a_missing_field_is_refused_by_name(field: str) -> None:
     body = msgspec.msgpack.decode(close(SEEN)[2:])
     del body[field]
     with pytest.raises(MessageRefused, match=field) as refused:
-        SEAL.open(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
+        SEAL.decode(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
     assert refused.value.why is RefusalReason.MALFORMED
 
 
@@ -166,7 +166,7 @@ def test_a_value_that_makes_no_sense_is_refused(field: str, value: float) -> Non
     body = msgspec.msgpack.decode(close(SEEN)[2:])
     body[field] = value
     with pytest.raises(MessageRefused):
-        SEAL.open(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
+        SEAL.decode(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
 
 
 MOVING = {"alt_amsl_m": 340.0, "velocity_m_s": (3.0, -4.0, 0.5), "earliest_in_s": 21.5}
@@ -174,7 +174,7 @@ MOVING = {"alt_amsl_m": 340.0, "velocity_m_s": (3.0, -4.0, 0.5), "earliest_in_s"
 
 def test_where_it_goes_and_when_it_arrives_are_told_where_they_are_known() -> None:
     moving = msgspec.structs.replace(STATE, **MOVING)
-    assert SEAL.open(close(moving)).content == moving
+    assert SEAL.decode(close(moving)).content == moving
 
 
 @pytest.mark.parametrize("field", ["alt_amsl_m", "earliest_in_s"])
@@ -182,7 +182,7 @@ def test_a_state_with_what_is_no_number_is_refused(field: str) -> None:
     body = msgspec.msgpack.decode(close(STATE)[2:])
     body["content"][field] = float("nan")
     with pytest.raises(MessageRefused, match="no number"):
-        SEAL.open(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
+        SEAL.decode(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
 
 
 @pytest.mark.parametrize(
@@ -201,7 +201,7 @@ def test_what_no_autopilot_tells_is_refused(content: Content, field: str, value:
     body = msgspec.msgpack.decode(close(content)[2:])
     body["content"][field] = value
     with pytest.raises(MessageRefused) as refused:
-        SEAL.open(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
+        SEAL.decode(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
     assert refused.value.why is RefusalReason.MALFORMED
 
 
@@ -223,7 +223,7 @@ def test_an_intent_that_is_no_flight_is_refused(points: list[list[float]]) -> No
     body = msgspec.msgpack.decode(close(INTENT)[2:])
     body["content"]["points"] = points
     with pytest.raises(MessageRefused) as refused:
-        SEAL.open(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
+        SEAL.decode(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
     assert refused.value.why is RefusalReason.MALFORMED
 
 
@@ -236,7 +236,7 @@ def test_the_longest_intent_is_short_enough_to_be_passed_on() -> None:
 def test_no_bytes_raise_anything_else(data: bytes) -> None:
     for candidate in (data, bytes((VERSION, 0)) + data, bytes((VERSION, 1)) + data):
         try:
-            SEAL.open(candidate)
+            SEAL.decode(candidate)
         except MessageRefused:
             continue
 
@@ -246,7 +246,7 @@ def test_bytes_that_change_on_their_way_raise_nothing_else(data: st.DataObject) 
     good = bytearray(close(data.draw(st.sampled_from([content for content, _ in GOLDEN]))))
     good[data.draw(st.integers(0, len(good) - 1))] ^= data.draw(st.integers(1, 255))
     try:
-        frame = SEAL.open(bytes(good))
+        frame = SEAL.decode(bytes(good))
     except MessageRefused:
         return
     assert isinstance(frame, Frame)

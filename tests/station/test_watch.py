@@ -36,7 +36,7 @@ def state(cell: tuple[int, int] = (4, 3), **changes: Any) -> StateShared:
 
 
 def frame(content: Any, sender: int = 1, n: int = 1, incarnation: int = 1, unix_s: float = UNIX_S) -> bytes:
-    return SEAL.close(Frame(sender, incarnation, n, unix_s, content))
+    return SEAL.encode(Frame(sender, incarnation, n, unix_s, content))
 
 
 def board() -> Board:

@@ -51,7 +51,7 @@ def frame_decoder(codec: FrameCodec, rows: int, cols: int) -> DecodeFrame:
     """Return a caching decoder of frames about an area of rows × cols cells."""
 
     def decode(data: bytes) -> DecodedFrame:
-        frame = codec.open(data)
+        frame = codec.decode(data)
         is_relayed = isinstance(frame.content, Observation | Checkpoint | StateShared | IntentShared)
         if is_relayed and len(data) > MAX_INNER_BYTES:
             raise MessageRefused(

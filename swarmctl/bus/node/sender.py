@@ -34,7 +34,7 @@ class Sender:
         has_own_position = isinstance(content, StateShared)
         lat_deg, lon_deg = (None, None) if has_own_position or self.position is None else self.position
         frame = Frame(self._uav, self._incarnation, self._n, unix_s, content, lat_deg, lon_deg)
-        return self._codec.close(frame)
+        return self._codec.encode(frame)
 
 
 def split_frames(frames: list[bytes]) -> Iterator[tuple[bytes, ...]]:
