@@ -1,8 +1,16 @@
 """The decisions of one vehicle, pure: `step(state, event, now) -> (state, effects)`.
 
-`step` has one handler an event and names the parts in the order in which they act; `state` has what an agent knows and
-does. `replan` chooses routes, `traffic` keeps vehicles apart, `arrival` brings them to the goal together, `failsafes`
-has one file a rule. New information only marks the plan dirty; the next `Tick` plans once with all of it.
-Imports core and planners.
-Begin with `step`.
+`step` has one handler for each event and calls the parts in the order in which they act. `state` holds what
+an agent knows and does. New information only marks the plan dirty; the next `Tick` plans once with all of it.
+
+| part | decision |
+|---|---|
+| `replan/` | route, and when a new mission pays |
+| `traffic/` | distance from other vehicles: launch, route, landing, return |
+| `arrival/` | simultaneous arrival |
+| `failsafes/` | one file for each rule |
+| `orders`, `own_modes` | operators' orders; modes that the agent chose itself |
+| `learning`, `sharing`, `touchdown` | belief; broadcast state; end of the flight |
+
+Imports core and planners. Begin with `step`.
 """

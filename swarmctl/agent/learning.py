@@ -1,4 +1,4 @@
-"""What a vehicle's own sensor sees and what the others tell of what theirs saw: the belief. Pure."""
+"""Belief updates from the vehicle's own sensor and from other vehicles' observations. Pure."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from swarmctl.core.observation import MAX_CELLS, BeliefItem, Checkpoint, Observa
 
 
 def learn_from_sensor(state: AgentState, event: ev.Observed, now: float) -> StepResult:
-    # DEVIATION: of what is known the paper's UAVs sense no more. Who sees the contrary of what it was told
-    # says so: somebody errs, or lies.
+    # DEVIATION: the paper's UAVs do not sense known cells again. Here a vehicle that sees the contrary of a
+    # received observation publishes it: one of the two sensors errs, or a sender lies.
     against = state.belief.contradicted(event.cells)
     new = (*state.belief.uncertain(event.cells), *against)
     effects: list[ev.Effect] = []
@@ -26,7 +26,7 @@ def learn_from_sensor(state: AgentState, event: ev.Observed, now: float) -> Step
 def learn_from_others(state: AgentState, event: ev.ObservationsReceived, _now: float) -> StepResult:
     try:
         return _learn(state, event.told), []
-    except ValueError:  # a cell outside the area, or one name with two contents: take what is good
+    except ValueError:  # a cell outside the area, or one name with two contents: merge the valid ones singly
         pass
     for told in event.told:
         try:

@@ -1,4 +1,7 @@
-"""What an operator or its own process tells a vehicle to do, and what an operator is answered."""
+"""Orders of an operator or of the own process, and the answers to the operator. Pure.
+
+Notes of answers end in a code where other programs or the handbook refer to them.
+"""
 
 from __future__ import annotations
 
@@ -16,18 +19,18 @@ from swarmctl.core.messages import CommandOutcome, VehicleAnswer, VehiclePositio
 
 StepResult = tuple[AgentState, list[ev.Effect]]
 TOUCHING_DOWN_M = 2.0
-"""above home: it touches down before it follows another order"""
+"""Height above home below which a descending vehicle touches down before it follows another order."""
 
 
 def handle_operator_command(state: AgentState, event: ev.OperatorCommand, _now: float) -> StepResult:
-    """An order of an operator, who is answered, or of this process, which is not."""
+    """Follow an order. An operator gets an answer, the own process does not."""
     remote = event.command is not None
     outcome, note = _order_answer(state, event)
     effects: list[ev.Effect] = []
     place = place_for_return(state)
     if (outcome == "taken" or not remote) and not _is_let_land(state, event):
         if event.after_s and urgent_return_reason(state):
-            event = msgspec.structs.replace(event, after_s=0.0)  # the others take their turns around it
+            event = msgspec.structs.replace(event, after_s=0.0)  # the others' return times are set around it
         state, effects = _ordered(state, event, remote=remote)
     if event.command is not None:
         answer = VehicleAnswer(state.task.uav, state.task.name, outcome, note=note, place=place)
@@ -36,7 +39,7 @@ def handle_operator_command(state: AgentState, event: ev.OperatorCommand, _now: 
 
 
 def place_for_return(state: AgentState) -> VehiclePosition | None:
-    """Where it flies, and what its return needs to know; None where that is not known, or not in flight."""
+    """Return position, home and speed for the schedule of returns; None if unknown or not in flight."""
     v = state.vehicle
     if state.phase not in IN_FLIGHT or v.lat_deg is None or v.lon_deg is None or v.alt_amsl_m is None:
         return None
@@ -51,88 +54,88 @@ def place_for_return(state: AgentState) -> VehiclePosition | None:
         v.home_lon_deg,
         v.home_alt_amsl_m,
         speed_m_s=state.task.arrival.speed_m_s,
-        # Who circles to hold is anywhere on its circle.
+        # A fixed wing in hold may be anywhere on its circle.
         keeps_m=(limits.horizontal_m + 2.0 * holding_radius_m(state.task), limits.vertical_m),
-        # Whoever calls it back: it is on its way for that, or holds as it was told.
+        # True for any cause of the return, and for an urgent failsafe that has not been followed yet.
         is_returning=_follows(state, ev.FlightOrder.RETURN)
         or (bool(urgent_return_reason(state)) and state.ordered is not ev.FlightOrder.LAND),
     )
 
 
 def holding_radius_m(task: Task) -> float:
-    """The radius of the circles in which it holds; 0 for what hovers."""
+    """Return the radius of its holding circle; 0 for a copter."""
     return 0.0 if task.wings is None else task.wings.loiter_radius_m
 
 
 def _follows(state: AgentState, order: ev.FlightOrder) -> bool:
-    """It was given this order in flight, and does so until it is told otherwise."""
+    """Return whether the vehicle follows this order in flight, and not only for a while."""
     for_a_while = state.return_turn_boot_s is not None or state.interrupted_plan is not None
     return state.phase in IN_FLIGHT and state.ordered is order and state.order_followed and not for_a_while
 
 
 def urgent_return_reason(state: AgentState) -> str:
-    """Why a rule demands a return that waits for nobody; empty where none does."""
+    """Return the reason of a failsafe that demands a return without waiting; "" if there is none."""
     return _demanded(state, DemandKind.RETURN)
 
 
 def _demanded(state: AgentState, kind: DemandKind) -> str:
-    urgent = (d.why for d in state.demands if d is not None and d.kind is kind and d.urgent)
+    urgent = (d.reason for d in state.demands if d is not None and d.kind is kind and d.urgent)
     return next(urgent, "")
 
 
 def _is_let_land(state: AgentState, event: ev.OperatorCommand) -> bool:
-    """It comes down because a rule demands that, and is not stopped to be sent home with the others."""
+    """Return whether a failsafe has it land, so that a recall does not stop the landing."""
     called_back = event.order is ev.FlightOrder.RETURN and (event.after_s > 0.0 or event.command is None)
     return called_back and state.ordered is ev.FlightOrder.LAND and bool(_demanded(state, DemandKind.LAND))
 
 
 def _is_theirs(state: AgentState) -> bool:
-    """It was let go in flight, and may be in the air still."""
+    """Return whether it was released in flight and may still be in the air."""
     return state.phase is Phase.RELEASED and state.vehicle.armed
 
 
 def _order_answer(state: AgentState, event: ev.OperatorCommand) -> tuple[CommandOutcome, str]:
-    """What an operator is answered, and why."""
+    """Return the outcome of an order and its reason."""
     order = event.order
     if _is_theirs(state) and event.command is not None and order is not ev.FlightOrder.LAUNCH:
-        return "taken", "somebody else flies it; it is told so once, and let go again"
+        return "taken", "released to another operator; the order is sent once [sent-once]"
     if state.ended:
         return "over", f"its flight is over: {state.phase}" + (f", {state.outcome}" if state.outcome else "")
     if state.launch_aborted:
-        return "refused", "its launch is being broken off: it lands"
+        return "refused", "its launch is being aborted; lands [launch-aborted]"
     if order is ev.FlightOrder.LAUNCH:
         return _launch_answer(state)
     if state.phase in ON_GROUND:
-        return "taken", "it stays on the ground until it is ordered to launch"
+        return "taken", "stays on the ground until it is ordered to launch [stays-on-ground]"
     if state.phase is Phase.LAUNCHING:
-        return "taken", "its launch is broken off: it lands"
+        return "taken", "aborts its launch and lands [launch-aborted]"
     if _follows(state, order):
-        return "taken", "it does so already"
+        return "taken", "does so already [already-done]"
     if _is_let_land(state, event):
-        return "refused", f"it lands: {_demanded(state, DemandKind.LAND)}"
-    notes = ["its link is lost; it is told when it is heard again"] if state.lost else []
-    if order is ev.FlightOrder.HOLD and state.returns_when_clear:  # by a rule, which demands it once
-        notes += [f"it returns no more, for which it waited: {state.outcome}"]
+        return "refused", f"lands by a failsafe: {_demanded(state, DemandKind.LAND)} [failsafe-landing]"
+    notes = ["its link is lost; the order is sent when the link is back [link-lost]"] if state.lost else []
+    if order is ev.FlightOrder.HOLD and state.returns_when_clear:  # a failsafe demands the return only once
+        notes += [f"cancels the return that it waited for: {state.outcome} [return-cancelled]"]
     if event.after_s and urgent_return_reason(state):
-        notes.append(f"it waits for no turn: {urgent_return_reason(state)}")
+        notes.append(f"returns at once: {urgent_return_reason(state)} [urgent-return]")
     elif event.after_s:
-        notes.append(f"it holds for {event.after_s:g} s first, for others to return")
+        notes.append(f"holds for {event.after_s:g} s first, while others return [return-queue]")
     return "taken", "; ".join(notes)
 
 
 def _launch_answer(state: AgentState) -> tuple[CommandOutcome, str]:
     if state.phase in (Phase.HOLDING, Phase.LEAVING):
-        return "refused", f"{state.outcome or state.phase}: it does not take up its route again"
+        return "refused", f"{state.outcome or state.phase}; does not resume its route [not-resumed]"
     if state.phase is Phase.LAUNCHING:
-        return "taken", "it is about to take off"
+        return "taken", "is about to take off [launching]"
     if state.phase not in ON_GROUND:
-        return "taken", "it has launched already"
-    # An aircraft must not arm at some later time, when whoever ordered it has turned away.
+        return "taken", "has launched already [launched-already]"
+    # An aircraft must not arm at some later time, when its operator has turned away.
     if state.lost:
-        return "refused", "its link is lost"
+        return "refused", "its link is lost [link-lost]"
     if state.phase is not Phase.STANDBY:
-        return "refused", f"it is not ready yet: {state.trouble or state.phase}"
-    return "taken", "" if state.pending is None else "as soon as its new plan is on it"
+        return "refused", f"is not ready yet: {state.trouble or state.phase} [not-ready]"
+    return "taken", "" if state.pending is None else "launches as soon as its new plan is uploaded"
 
 
 def _ordered(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> StepResult:
@@ -145,7 +148,7 @@ def _ordered(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> S
         if state.phase is Phase.LAUNCHING and event.ignore:
             return replace(state, launch_ignored=state.launch_ignored | frozenset(event.ignore)), []
         if state.phase not in ON_GROUND or (state.ordered in ROLE_OF_ORDER and not remote):
-            return state, []  # it has launched, or an operator keeps it on the ground
+            return state, []  # launched already, or kept on the ground by an operator
         past = frozenset(event.ignore)
         return replace(state, launch_ordered=True, launch_is_operators=remote, launch_ignored=past), []
     if state.phase in ON_GROUND and remote:
@@ -155,8 +158,8 @@ def _ordered(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> S
     if state.phase in ON_GROUND:
         return replace(state, phase=Phase.DONE, outcome="not launched", pending=None), []
     if state.phase is Phase.LAUNCHING:
-        # On the ground or just above it, armed or about to be: the way out of both is down.
-        changes: dict[str, Any] = {"launch_aborted": True, "outcome": "launch broken off"}
+        # On the ground or just above it, armed or about to be: in both cases it has to land.
+        changes: dict[str, Any] = {"launch_aborted": True, "outcome": "launch aborted"}
         return command(state, ev.FlightOrder.LAND, by_person=True, phase=Phase.LEAVING, **changes)
     changes = {
         "dirty": False,
@@ -165,12 +168,12 @@ def _ordered(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> S
         "interrupted_plan": None,
     }
     if (state.vehicle.alt_rel_m or 0.0) > TOUCHING_DOWN_M:
-        changes["arrived_boot_s"] = None  # it is over its goal, and does not come down there
+        changes["arrived_boot_s"] = None  # over its goal, and does not land there
     changes |= {"outcome": f"{order} ordered", "return_started_boot_s": None}
     if not event.after_s:
         phase = Phase.HOLDING if order is ev.FlightOrder.HOLD else Phase.LEAVING
         return command(state, order, by_person=True, **(changes | {"phase": phase}))
-    # It returns in its turn, and holds until then.
+    # A recall with a turn: hold until then.
     changes |= {"phase": Phase.HOLDING, "return_turn_boot_s": state.vehicle.time_boot_s + event.after_s}
     if state.phase is Phase.HOLDING and state.ordered is ev.FlightOrder.HOLD:
         return replace(state, **changes), []
@@ -178,23 +181,23 @@ def _ordered(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> S
 
 
 def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) -> StepResult:
-    """The paper's sliders. A plan under way is not called back: the next one has the new weights."""
+    """Take new weights (the paper's sliders) for the next plan; a plan being uploaded stays."""
     if state.phase in PLANS_NO_MORE:
-        why = f"it plans no more: {state.phase}" + (f", {state.outcome}" if state.outcome else "")
+        why = f"plans no more: {state.phase}" + (f", {state.outcome}" if state.outcome else "") + " [no-plan]"
         over = VehicleAnswer(state.task.uav, state.task.name, "over", note=why)
         return state, [ev.Answer(event.command, over)]
     method = state.task.method
     if event.w is not None and not method.planner.USES_W:
-        why = f"its planner, {method.name}, does not go by w; give firing strengths alone"
+        why = f"planner {method.name} does not use w; give firing strengths alone [w-unused]"
         refused = VehicleAnswer(state.task.uav, state.task.name, "refused", note=why)
         return state, [ev.Answer(event.command, refused)]
     w = state.w if event.w is None else event.w
     strength = state.strength if event.strength is None else event.strength
     changed = (w, strength) != (state.w, state.strength)
     state = replace(state, w=w, strength=strength, dirty=state.dirty or changed)
-    note = "its link is lost; it plans when it is heard again" if state.lost else ""
+    note = "its link is lost; plans when the link is back [link-lost]" if state.lost else ""
     if not changed:
-        note = "it has these already, and does not plan again for them"
+        note = "has these weights already; does not plan again [unchanged]"
     taken = VehicleAnswer(state.task.uav, state.task.name, "taken", state.next_plan_id, note)
     return state, [ev.Answer(event.command, taken)]
 
@@ -202,9 +205,9 @@ def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) ->
 def command(
     state: AgentState, order: ev.FlightOrder, *, by_person: bool = False, **changes: Any
 ) -> StepResult:
-    """Give an order, which ends a swap that is under way; `changes` go with it.
+    """Give the vehicle an order, which cancels a mission change in progress. `changes` are further fields.
 
-    `by_person`: one has ordered it just now, and it goes out whatever the vehicle does.
+    `by_person`: a person has ordered it just now; the order is sent whatever the vehicle does.
     """
     before = own_mode_roles(state)
     state = replace(state, **{"pending": None, **changes})
@@ -220,7 +223,7 @@ def command(
 
 
 def release_vehicle(state: AgentState, why: str) -> StepResult:
-    """Somebody else has the vehicle."""
-    return replace(state, phase=Phase.RELEASED, pending=None, dirty=False, outcome=f"{why}; let go"), [
+    """Release the vehicle to another operator: the agent commands nothing more."""
+    return replace(state, phase=Phase.RELEASED, pending=None, dirty=False, outcome=f"{why}; released"), [
         ev.Release()
     ]

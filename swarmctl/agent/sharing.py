@@ -1,4 +1,4 @@
-"""What a vehicle tells the others of where it is and what it does. Pure."""
+"""The state that a vehicle broadcasts to the others. Pure."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ SHARE_STATE_EVERY_S = 1.0
 
 
 def share_state(state: AgentState) -> StepResult:
-    """With each position, once a second; who tells none any more is where it was, so and so long ago."""
+    """Publish the vehicle's state once a second. Without a new position it sends the last one and its age."""
     vehicle, there = state.vehicle, state.last_position
     if there.lat_deg is None or there.lon_deg is None or there.alt_rel_m is None:
         return state, []
-    # A vehicle's own clock falls back when it boots again.
+    # The vehicle's clock falls back on a reboot.
     elapsed_s = vehicle.time_boot_s - state.last_shared_s
     if 0.0 <= elapsed_s < SHARE_STATE_EVERY_S:
         return state, []

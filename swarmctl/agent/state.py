@@ -1,4 +1,4 @@
-"""What an agent has to do and what it knows."""
+"""Task and state of an agent."""
 
 from __future__ import annotations
 
@@ -35,28 +35,28 @@ from swarmctl.core.vehicle import VehicleState
 from swarmctl.planners.base import Method, Route
 
 ARRIVED = "arrived"
-"""the outcome of a flight that did what it was for"""
+"""outcome of a flight that landed at its goal"""
 
 
 class Phase(StrEnum):
-    """Where a vehicle is in its flight."""
+    """Phase of a flight."""
 
     WAITING = "waiting"
     """not ready yet"""
     UPLOADING = "uploading"
-    """ready; its first mission is planned or on its way"""
+    """ready; the first mission is being planned or uploaded"""
     STANDBY = "standby"
     """on the ground with a verified mission"""
     LAUNCHING = "launching"
     FLYING = "flying"
     LANDING = "landing"
-    """over its goal, coming down"""
+    """over its goal, descending or in the landing queue"""
     HOLDING = "holding"
-    """by order"""
+    """by order, or waiting for its return"""
     LEAVING = "leaving"
     """returning or landing by order"""
     RELEASED = "released"
-    """a pilot, a failsafe or another station has taken it over: it is not fought for"""
+    """taken over by a pilot, a failsafe or another station; the agent commands nothing more"""
     DONE = "done"
     FAILED = "failed"
 
@@ -70,10 +70,10 @@ PLANNING = frozenset({Phase.UPLOADING, Phase.STANDBY, Phase.FLYING})
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What one vehicle has to do and by which rules; constant during a run.
+    """Task of one vehicle and its rules; constant during a run.
 
-    `strength` and `w` are those it begins with: an operator may change an agent's own (`AgentState`), as with
-    the paper's sliders. ψ stays as it is, whatever the weights become.
+    `strength` and `w` are initial values: an operator may change the agent's own (`AgentState`), as with the
+    paper's sliders. ψ does not change with them.
     """
 
     uav: int
@@ -85,49 +85,49 @@ class Task:
     entry: Cell
     goals: tuple[Cell, ...]
     altitude_m: float
-    """flown at, above home [m]"""
+    """cruise altitude above home [m]"""
     method: Method
     arrival: TimeBound = UNBOUNDED
-    """when it is to be over its goal"""
+    """time bound for the arrival over its goal"""
     max_exposure: float = math.inf
     """cells whose P_s exceeds this are not entered"""
     no_fly: frozenset[Cell] = frozenset()
     landing_index: int = 0
     landing_count: int = 1
-    """which of how many landing spots in the goal cell is this vehicle's"""
+    """this vehicle's landing spot in the goal cell, and the number of spots"""
     any_angle: ExposureMeasure | None = None
     """whether its routes are pulled straight, and how exposure then counts; None: lattice routes are flown"""
     turn_radius_m: float = 0.0
-    """it turns no tighter, where its routes are pulled straight; 0: it turns on the spot"""
+    """least turn radius on routes that are pulled straight; 0: turns on the spot"""
     wings: FixedWing | None = None
-    """of a fixed wing; None: it hovers"""
+    """parameters of a fixed wing; None: a copter"""
     fallback: ev.FlightOrder = ev.FlightOrder.RETURN
-    """what it does when its mission cannot be changed any more: RETURN or LAND"""
+    """order after its mission can no longer be changed: RETURN or LAND"""
     rules: tuple[ActiveRule, ...] = ALWAYS_ON
-    """what may happen in flight, and what it does then"""
+    """failsafe rules with their parameters"""
     fence: Fence | None = None
     separation: SeparationRules = DEFAULT_SEPARATION
-    """how far it keeps from the others"""
+    """distances kept from other vehicles, and the evasive action"""
     arrival_group: ArrivalGroup | None = None
     """with whom it arrives; None: by itself"""
 
 
 @dataclass(frozen=True, slots=True)
 class DeconflictionCounts:
-    """How often its plans were found to meet another vehicle's, and what mended it."""
+    """Number of conflicts predicted between plans, by resolution."""
 
     predicted: int = 0
     by_height: int = 0
     by_route: int = 0
     by_waiting: int = 0
-    """the plan before was kept, or the vehicle held"""
+    """kept the previous plan, or held"""
     ceased: int = 0
-    """the other changed its plan, or times have shifted"""
+    """the other vehicle changed its plan, or times shifted"""
 
 
 @dataclass(frozen=True, slots=True)
 class FlightComparison:
-    """Two flights that were compared."""
+    """Own and another vehicle's flight, and the clash found between them."""
 
     own: Trajectory
     other: NeighbourIntent
@@ -136,7 +136,11 @@ class FlightComparison:
 
 @dataclass(frozen=True, slots=True)
 class AgentState:
-    """Everything an agent knows; replaced, never changed, by `step`."""
+    """Everything an agent knows; `step` replaces it and never changes it in place.
+
+    Names in `_boot_s` are times of the vehicle's own clock; `repeat_order_at_s` and `retry_at_s` are of the
+    run's.
+    """
 
     task: Task
     belief: Belief
@@ -147,172 +151,171 @@ class AgentState:
     phase: Phase = Phase.WAITING
     vehicle: VehicleState = field(default_factory=VehicleState)
     last_position: VehicleState = field(default_factory=VehicleState)
-    """as it was when it last told where it is"""
+    """telemetry of the last message with a position"""
     cell: Cell | None = None
-    """the cell of the area it is over; None outside or unknown"""
+    """cell below the vehicle; None outside the area or unknown"""
     lost: bool = False
     route: ev.SwapMission | None = None
-    """the plan the vehicle flies, or will once it is launched"""
+    """plan being flown, or to be flown after the launch"""
     accepted: ev.SwapMission | None = None
-    """the last plan that was verified on the vehicle, flown or not"""
+    """last plan verified on the vehicle, flown or not"""
     progress: int = 0
-    """index in `route.cells` of the cell it was last seen over"""
+    """index in `route.cells` of the last cell entered"""
     pending: ev.SwapMission | None = None
-    """the plan on its way to the vehicle"""
+    """plan being uploaded"""
     swap_times: SwapTimes = field(default_factory=SwapTimes)
-    """how long changing its mission took of late"""
+    """recent durations of mission changes"""
     swapped_boot_s: float = -math.inf
-    """when its mission was changed last, by its own clock"""
+    """time of the last mission change"""
     swap_started_boot_s: float = -math.inf
-    """when it was decided to change it, by the same"""
+    """time at which the last mission change was decided"""
     braking_until_boot_s: float = -math.inf
-    """until then it brakes to take up the plan it flies, if it does so at all, by the same"""
+    """end of the braking that the mission change causes, if any"""
     dirty: bool = False
     because: tuple[ev.ObservationId, ...] = ()
     """observations merged since the last decision"""
     exposure: NDArray[np.float64] | None = None
     """P_s as of the last decision, (rows, cols)"""
     route_exposure: NDArray[np.float64] | None = None
-    """P_s by which the route being flown was last found good, (rows, cols)"""
+    """P_s at the last decision to keep or take the route being flown, (rows, cols)"""
     retry_at_s: float = -math.inf
     failed_swaps: int = 0
-    """in a row"""
+    """consecutive"""
     launch_ordered: bool = False
     launch_is_operators: bool = False
-    """an operator has ordered it, not its own process"""
+    """ordered by an operator, not by its own process"""
     launch_wait_since_boot_s: float | None = None
-    """since when it waits for others in the air to be out of the way of its first route, by its clock, also
-    where it has been about to take off in between"""
+    """start of the wait for a clear first route; a launch attempt in between does not reset it"""
     launch_ignored: frozenset[int] = frozenset()
-    """others that it does not wait for then, as an operator has ordered"""
+    """vehicles that the launch does not wait for, by an operator's order"""
     ordered: ev.FlightOrder | None = None
-    """the last order it was given"""
+    """last order given to the vehicle"""
     order_followed: bool = False
-    """and it was seen to follow it"""
+    """the vehicle's mode showed that it follows the order"""
     previous_own_roles: frozenset[str] = frozenset()
-    """the roles of modes that were of its own choosing when it was given that"""
+    """own mode roles at the time of the order"""
     hold_is_own: bool = False
-    """who stands in hold between two plans does so because this agent, or a swap of its, has had it hold"""
+    """the hold between two plans was set by this agent or by its swap"""
     return_turn_boot_s: float | None = None
-    """it holds, and returns at this time of the vehicle's clock"""
+    """holding; latest start of the return"""
     returns_when_clear: bool = False
-    """or as soon as its way home is clear: it has no turn among others that are called back"""
+    """the return may start earlier, as soon as its path is clear; False: at its turn in a recall"""
     return_checked_boot_s: float = -math.inf
-    """when it was looked at last whether it is"""
+    """last check whether the return path is clear"""
     return_started_boot_s: float | None = None
-    """when a return began that may still have to wait …"""
+    """start of a return that may still have to hold again"""
     return_deadline_boot_s: float = -math.inf
-    """… and until when it may, which does not change however often it waits"""
+    """end of all waiting for that return; fixed when the return is first demanded"""
     returning_neighbours: Mapping[int, NeighbourReport] = field(default_factory=dict)
-    """others on the way home, as they told of themselves last"""
+    """last states of other vehicles that return or wait to return"""
     repeat_order_at_s: float = math.inf
-    """when to give an order again that it was not seen to follow"""
+    """time to repeat an order that the vehicle does not follow"""
     launch_aborted: bool = False
     launched_boot_s: float | None = None
-    """when it was first seen armed, by the vehicle's own clock; its time bound counts from here"""
+    """first seen armed; start of its time bound"""
     arrived_boot_s: float | None = None
-    """when it was first seen over its goal"""
+    """first seen over its goal"""
     planned: Route | None = None
-    """what the planner answered last, whether it was flown or not"""
+    """last answer of the planner, flown or not"""
     late_s: float | None = None
-    """when it will be over its goal, from its take-off, by its last decision; None while that is in time"""
+    """predicted arrival after take-off [s], by the last decision; None while within the bound"""
     armed_seen: bool = False
-    """its own launch has armed it"""
+    """armed by its own launch"""
     disarmed_since_s: float | None = None
-    """when the first of the heartbeats came that say it is not armed; None while it is"""
+    """time of the first heartbeat that reports it disarmed; None while armed"""
     orders_given: int = 0
     memories: tuple[Any, ...] = ()
-    """what the rules of flight remember, in the order of `task.rules`"""
+    """memory of each failsafe rule, in the order of `task.rules`"""
     demands: tuple[Demand | None, ...] = ()
-    """what each of them demands now"""
+    """current demand of each failsafe rule"""
     neighbours: Mapping[int, NeighbourReport] = field(default_factory=dict)
-    """others near it, as they told of themselves of late"""
+    """recent states of vehicles nearby"""
     alarms: tuple[ProximityAlarm, ...] = ()
-    """others that will be too close"""
+    """vehicles predicted to come too close"""
     interrupted_plan: ev.SwapMission | None = None
-    """the plan it left to hold until others are clear"""
+    """plan left to hold for other vehicles; None: not giving way"""
     gave_way_to: Mapping[int, NeighbourReport] = field(default_factory=dict)
-    """for whom, as heard last: who falls silent may stand there still"""
+    """last states of the vehicles it gives way to; a silent one may still stand there"""
     height_offset_m: float = 0.0
-    """by so much it flies higher than its altitude, to keep clear of others"""
+    """height above the task's altitude, to stay clear of others"""
     must_change: bool = False
-    """its next plan is flown whatever it brings"""
+    """the next plan is flown even if it is no better"""
     intents: Mapping[int, NeighbourIntent] = field(default_factory=dict)
-    """where others will be, as they have told of late"""
+    """recent intents of other vehicles"""
     own_intent: Trajectory | None = None
-    """what it has told last of where it will be itself, by its own clock, up above the sea"""
+    """last intent sent; times of its own clock, heights above the sea"""
     intent_sent_boot_s: float = -math.inf
     comparisons: Mapping[int, FlightComparison] = field(default_factory=dict)
-    """those, as compared with its own"""
+    """comparisons of others' intents with its own"""
     predicted_conflicts: frozenset[int] = frozenset()
-    """others that the route being flown meets, and for which it is to give way"""
+    """vehicles in conflict with the route being flown, for which it has to give way"""
     deferred_for: frozenset[int] = frozenset()
-    """others for which a new plan was put off"""
+    """vehicles for which a new plan was deferred"""
     deconfliction: DeconflictionCounts = DeconflictionCounts()
     resume_earliest_boot_s: float = -math.inf
-    """who gave way does not fly on before, by the vehicle's clock"""
+    """earliest end of a hold that gives way"""
     holding_since_boot_s: float = math.inf
-    """since when it holds to give way"""
+    """start of the hold that gives way, or of its last report"""
     descent_checked_boot_s: float = -math.inf
-    """when who lands has looked last whether its way down is clear"""
+    """last check whether the descent is clear"""
     others_earliest_s: Mapping[int, float] = field(default_factory=dict)
-    """when others can be over their goals at the earliest, by this vehicle's clock [s]"""
+    """earliest arrivals of others over their goals, by this vehicle's clock"""
     due_s: float | None = None
-    """when it is to be over its goal with them, by its own clock"""
+    """common arrival time"""
     spare_time_due_s: float | None = None
-    """what that was when it was found to be early, and planned to use the time; None: it was not"""
+    """common arrival time for which spare time was planned; None: none was planned"""
     speed_m_s: float | None = None
-    """what it was told to fly, on its present plan; None: its own; 0: nobody knows"""
+    """commanded speed on the present plan; None: the vehicle's own; 0: unknown"""
     speed_given_s: float = -math.inf
     n_alarms: int = 0
     n_holds: int = 0
     n_climbs: int = 0
-    """to give way"""
+    """evasive climbs"""
     incarnation: int = 0
-    """of its program, as its observations are named"""
+    """incarnation of its program, part of its observations' names"""
     next_seq: int = 1
     next_plan_id: int = 1
     last_shared_s: float = -math.inf
     searches: int = 0
     replans: int = 0
-    """missions changed in flight"""
+    """mission changes in flight"""
     flown_m: float = 0.0
     flown_cells: tuple[Cell, ...] = ()
     flown_exposure: float = 0.0
-    """ΣP_s over the cells entered after the first, each as believed when it was decided to enter it"""
+    """ΣP_s over the cells entered after the first, with the belief of the decision to enter each"""
     flown_safety: float = 1.0
-    """∏(1 − P_s) over the same"""
+    """∏(1 − P_s) over the same cells"""
     no_fly_entered: int = 0
-    """times it came over a cell that no route may enter"""
+    """entries into cells that no route may enter"""
     refused: int = 0
-    """observations of others that cannot be"""
+    """impossible observations received"""
     given_up: bool = False
-    """it is coming down because its mission could not be flown"""
+    """returning or landing because its mission could not be flown"""
     outcome: str = ""
-    """how it ended, in words; empty before"""
+    """end of the flight, as text; empty before"""
     trouble: str = ""
-    """what went wrong last, in words"""
+    """last trouble, as text"""
     swap_trouble: str = ""
-    """why its mission could not be changed last, in words"""
+    """reason of the last failed mission change, as text"""
 
     @property
     def height_m(self) -> float:
-        """It flies so high above home."""
+        """Height of its flight above home."""
         return self.task.altitude_m + self.height_offset_m
 
     @property
     def alarm(self) -> str:
-        """Whom it is about to come too close to, in words; empty where nobody."""
+        """Active proximity alarms as text; empty without any."""
         others = ", ".join(str(alarm.other) for alarm in self.alarms)
-        return f"too close to vehicle {others}" if others else ""
+        return f"about to be too close to vehicle {others}" if others else ""
 
     @property
     def late(self) -> str:
-        """Why it will not arrive in time, in words; empty as long as it will."""
+        """Predicted violation of the time bound as text; empty while it is met."""
         arrival = self.task.arrival
         if self.late_s is None:
             return ""
-        # Rounded away from the bound, so that it never seems kept.
+        # Rounded away from the bound, so that a violated bound never looks met.
         away = math.ceil if self.late_s > arrival.within_s else math.floor
         rounding = 1e-6 if self.late_s > arrival.within_s else -1e-6
         over_s = away(10.0 * self.late_s - rounding) / 10.0

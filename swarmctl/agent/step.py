@@ -1,4 +1,4 @@
-"""The fold: one handler an event."""
+"""The fold over events: one handler for each."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from swarmctl.agent.touchdown import end_at_touchdown, may_be_armed, note_disarm
 from swarmctl.agent.traffic.collision_avoidance import avoid_collisions
 from swarmctl.agent.traffic.intents import receive_intents, share_intent
 from swarmctl.agent.traffic.landing_queue import land_unconfirmed, queue_for_landing
-from swarmctl.agent.traffic.launching import cancel_launch, launch_if_possible, launch_put_off, note_takeoff
+from swarmctl.agent.traffic.launching import cancel_launch, launch_if_possible, note_takeoff, postpone_launch
 from swarmctl.agent.traffic.neighbours import receive_neighbours
 from swarmctl.agent.traffic.returning import update_return
 from swarmctl.agent.traffic.route_deconfliction import check_own_route, deconflict
@@ -51,7 +51,7 @@ def step(state: AgentState, event: ev.Event, now: float) -> StepResult:
 
 
 def wants_tick(state: AgentState, now: float) -> bool:
-    """There is something to decide and nothing in the way of deciding it."""
+    """Return whether a plan is to be decided now and nothing prevents it."""
     return (
         state.dirty
         and state.phase in PLANNING
@@ -65,15 +65,17 @@ def wants_tick(state: AgentState, now: float) -> bool:
 
 
 def _is_taking_up(state: AgentState) -> bool:
-    """Whether it has only just got its plan: it gets no other within the time that one took. What is learned
-    meanwhile is in the next."""
+    """Return whether it got its plan only just now.
+
+    The next plan comes no earlier than a mission change takes. It includes all that is learned meanwhile.
+    """
     if state.phase is not Phase.FLYING:
         return False
     return 0.0 <= state.vehicle.time_boot_s - state.swapped_boot_s < state.swap_times.expected_s
 
 
 def _is_urgent(state: AgentState) -> bool:
-    """It has nothing that it could fly on, or a wall close before it."""
+    """Return whether it has no plan to fly on with, or a wall close ahead."""
     if state.must_change or state.route is None:
         return True
     if not may_learn_of_walls(state):
@@ -92,7 +94,7 @@ def _ready(state: AgentState, _event: ev.Ready, _now: float) -> StepResult:
 
 def _rebooted(state: AgentState, _event: ev.Rebooted, _now: float) -> StepResult:
     if state.phase not in ON_GROUND:
-        # Its clock began anew.
+        # The vehicle's clock restarted at 0.
         placed = replace(state.last_position, time_boot_s=0.0)
         return replace(state, last_position=placed, trouble="it has rebooted"), []
     if state.launch_wait_since_boot_s is not None and not state.launch_is_operators:
@@ -114,7 +116,7 @@ def _operator(state: AgentState, event: ev.OperatorCommand, now: float) -> StepR
 
 
 def _noted(effect: ev.Effect, note: str) -> ev.Effect:
-    """With a word to whom it answers."""
+    """Return an answer with a note added, other effects unchanged."""
     if not isinstance(effect, ev.Answer) or effect.answer.outcome != "taken":
         return effect
     answer = msgspec.structs.replace(effect.answer, note=note)
@@ -136,21 +138,21 @@ def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> StepR
     if event.order is not state.ordered:
         return state, []
     if state.ended:
-        told = event.order in ROLE_OF_ORDER  # somebody's who tried after it was let go
+        told = event.order in ROLE_OF_ORDER  # an operator tried it after the release
         return state, [ev.NotifyOperator(f"{event.order} failed: {event.reason}")] if told else []
     state = replace(state, trouble=f"{event.order} failed: {event.reason}")
     if state.phase is not Phase.LAUNCHING:
-        # The order stands: it is given again while the vehicle is still ours to order.
+        # The order is repeated while the agent still commands the vehicle.
         return replace(state, repeat_order_at_s=now + RETRY_AFTER_S), []
     if state.armed_seen or (state.lost and not event.nothing_sent):
-        # Armed, as far as is known, and not seen to climb: it must not be left to itself.
+        # Armed, as far as is known, and not climbing: it must not be left uncontrolled.
         return command(state, ev.FlightOrder.LAND, phase=Phase.LEAVING, given_up=True)
     if event.nothing_sent:
         return cancel_launch(state, event.reason)
     return replace(state, phase=Phase.FAILED, outcome=state.trouble), []
 
 
-# --- what the vehicle, its sensor and the others say
+# --- telemetry and messages of other vehicles
 
 
 def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> StepResult:
@@ -163,11 +165,11 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
         state = replace(state, armed_seen=True, launched_boot_s=launched_s)
     state = note_disarming(state)
     if state.phase in IN_FLIGHT and state.armed_seen and not may_be_armed(state):
-        # The last it tells, and at once: its process may end with it.
+        # The last state is sent at once: the process may end with it.
         return share_state(replace(end_at_touchdown(state), last_shared_s=-math.inf))
     state, demanded = apply_failsafes(state, now)
     if state.ended:
-        # Who is flown by somebody else is in the others' way all the same.
+        # A released vehicle in the air still matters to the others.
         state, told = share_intent(state)
         state, shared = share_state(state) if may_be_armed(state) else (state, [])
         return state, [*demanded, *told, *shared]
@@ -175,7 +177,9 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
     if state.phase is Phase.FLYING and state.cell in state.task.goals:
         state = replace(state, phase=Phase.LANDING, dirty=False, arrived_boot_s=vehicle.time_boot_s)
         state = _as_decided(state)
-        state = replace(state, intent_sent_boot_s=-math.inf)  # it gives way to nobody on its way any more
+        state = replace(
+            state, intent_sent_boot_s=-math.inf
+        )  # from here on it has priority over vehicles en route
     state, landed = land_unconfirmed(state)
     if landed:
         return state, [*demanded, *landed]
@@ -192,7 +196,7 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
 
 
 def _tell_intent(state: AgentState) -> StepResult:
-    """Where it will be; and whether that meets anybody."""
+    """Send the intent when it is due, and check it for conflicts."""
     state, told = share_intent(state)
     if not told:
         return state, []
@@ -225,7 +229,7 @@ def _entered(state: AgentState, cell: Cell) -> AgentState:
     first, p_s = not state.flown_cells, float(state.exposure[cell])
     state = replace(state, flown_cells=(*state.flown_cells, cell))
     if first:
-        return state  # the start cell is not counted, as in a planned route
+        return state  # a planned route does not count its start cell either
     if math.isinf(p_s):
         return replace(state, no_fly_entered=state.no_fly_entered + 1)
     return replace(
@@ -248,7 +252,7 @@ def _link_lost(state: AgentState, _event: ev.LinkLost, now: float) -> StepResult
 def _link_restored(state: AgentState, _event: ev.LinkRestored, now: float) -> StepResult:
     state = replace(state, lost=False)
     if state.ordered in ROLE_OF_ORDER and not state.order_followed:
-        # What it was told while nobody could reach it still holds, if its next words show it is still ours.
+        # An order given during the loss is sent now, unless the next telemetry shows another operator's mode.
         return replace(state, repeat_order_at_s=now), []
     return state, []
 
@@ -268,16 +272,16 @@ def _tick(state: AgentState, _event: ev.Tick, now: float) -> StepResult:
 
 
 def _as_decided(state: AgentState) -> AgentState:
-    """It flies what it is to fly: that its mission could not be changed matters no more."""
+    """Clear the trouble of a failed mission change: the vehicle flies what it has to fly."""
     return replace(state, trouble="") if state.trouble and state.trouble == state.swap_trouble else state
 
 
 def _no_way(state: AgentState) -> StepResult:
-    """No route leads from where it is to its goal."""
+    """Act on the lack of any route from its cell to a goal."""
     if state.phase in ON_GROUND:
         return replace(state, phase=Phase.FAILED, outcome=state.trouble), []
     if state.route is not None:
-        return state, []  # it flies on as planned, which is better than anything known
+        return state, []  # the present plan is still the best known
     return command(state, state.task.fallback, phase=Phase.LEAVING, given_up=True)
 
 
@@ -289,7 +293,7 @@ def _mission_accepted(state: AgentState, event: ev.MissionAccepted, _now: float)
     if state.ended:
         return state, []
     state = replace(state, route=swap, route_exposure=state.exposure, progress=0, failed_swaps=0, trouble="")
-    # A change of mode on the way may have taken back what speed it was given.
+    # A mode change during the swap may have reset the commanded speed.
     state = replace(state, speed_m_s=None if state.speed_m_s is None else UNKNOWN_M_S)
     state = replace(state, hold_is_own=False)
     if state.phase in IN_FLIGHT:
@@ -311,7 +315,7 @@ def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> S
     failed = state.failed_swaps + (not event.is_late)
     state = replace(state, pending=None, failed_swaps=failed)
     state = replace(state, trouble=event.reason, swap_trouble=event.reason)
-    state = replace(state, speed_m_s=UNKNOWN_M_S)  # whether it has changed its mode on the way, nobody knows
+    state = replace(state, speed_m_s=UNKNOWN_M_S)  # a mode change during the swap may have reset it
     if event.is_late:
         state = replace(state, swap_times=state.swap_times.too_late())
     if state.phase in ON_GROUND:
@@ -320,7 +324,7 @@ def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> S
         return release_vehicle(state, event.reason)
     state = replace(state, hold_is_own=event.flying == "hold")
     if state.phase is Phase.LANDING and (event.flying != "old" or swap.plan.from_hold):
-        # Over its goal and standing still: there is nothing left to plan.
+        # Over its goal and standing still: land.
         return command(state, ev.FlightOrder.LAND)
     if state.phase is Phase.LANDING:
         return _as_decided(state), []
@@ -328,7 +332,7 @@ def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> S
         return state, []
     if state.failed_swaps >= MAX_FAILED_SWAPS:
         return command(state, state.task.fallback, phase=Phase.LEAVING, given_up=True)
-    # Decide again with all that is known by then. Unless it flies the old plan, any plan is better than none.
+    # Decide again with all that is known by then. Without the old plan, any plan is better than none.
     return replace(
         state,
         dirty=True,
@@ -351,7 +355,7 @@ _HANDLERS: dict[type[Any], Callable[[AgentState, Any, float], StepResult]] = {
     ev.MissionFailed: _mission_failed,
     ev.OrderDone: _order_done,
     ev.OrderFailed: _order_failed,
-    ev.LaunchPostponed: launch_put_off,
+    ev.LaunchPostponed: postpone_launch,
     ev.LinkLost: _link_lost,
     ev.LinkRestored: _link_restored,
     ev.OperatorCommand: _operator,

@@ -1,4 +1,4 @@
-"""Whether a vehicle is up, as far as its heartbeats tell, and what its flight was when it is down. Pure."""
+"""End of a flight: armed or not, by heartbeats, and the outcome after touchdown. Pure."""
 
 from __future__ import annotations
 
@@ -11,19 +11,22 @@ from swarmctl.core.geo import distance_m
 from swarmctl.core.vehicle import Landed
 
 AT_HOME_M = 15.0
-"""A copter comes down so near to where it was to."""
+"""Distance from its target within which a copter touches down."""
 
 
 def note_disarming(state: AgentState) -> AgentState:
-    """With each heartbeat: when the first came of those that say it is not armed."""
+    """Record the first of the consecutive heartbeats that report the vehicle as disarmed."""
     since_s = state.vehicle.heartbeat_s if state.disarmed_since_s is None else state.disarmed_since_s
     told_s = None if state.vehicle.armed else since_s
     return state if told_s == state.disarmed_since_s else replace(state, disarmed_since_s=told_s)
 
 
 def may_be_armed(state: AgentState) -> bool:
-    """Whether it is armed, as far as is known. One heartbeat that says otherwise may err, unless it says as
-    well that it is on the ground."""
+    """Return whether the vehicle is armed, as far as is known.
+
+    A single heartbeat that reports it disarmed may be wrong, unless the vehicle also reports to be on the
+    ground.
+    """
     vehicle = state.vehicle
     said_once = state.disarmed_since_s is not None and vehicle.heartbeat_s == state.disarmed_since_s
     doubtful = state.armed_seen and vehicle.landed is not Landed.ON_GROUND and said_once
@@ -31,8 +34,8 @@ def may_be_armed(state: AgentState) -> bool:
 
 
 def end_at_touchdown(state: AgentState) -> AgentState:
-    """It was armed by its launch and is disarmed now."""
-    # Also who was all but down when it was told to hold.
+    """Return the state with the outcome of the flight, after its own launch armed it and it is disarmed."""
+    # A hold that was ordered just above the ground does not prevent the touchdown.
     holds_over_goal = state.phase is Phase.HOLDING and state.arrived_boot_s is not None
     comes_down = state.phase is Phase.LANDING or holds_over_goal
     if comes_down and (state.cell in state.task.goals or _rolled_out(state)):
@@ -49,7 +52,7 @@ def end_at_touchdown(state: AgentState) -> AgentState:
 
 
 def _away(state: AgentState) -> str:
-    """How far from home, of who was to return and is not there: it may have been down before it could."""
+    """Return the distance from home as text, if the vehicle was to return and landed elsewhere, else ""."""
     v = state.vehicle
     if v.lat_deg is None or v.lon_deg is None or v.home_lat_deg is None or v.home_lon_deg is None:
         return ""
@@ -61,7 +64,7 @@ def _away(state: AgentState) -> str:
 
 
 def _rolled_out(state: AgentState) -> bool:
-    """Whether a fixed wing stands where it was to land, or has rolled to."""
+    """Return whether a fixed wing stands within its roll-out distance of the planned touchdown."""
     vehicle, swap = state.vehicle, state.route
     if swap is None or swap.plan.approach is None or vehicle.lat_deg is None or vehicle.lon_deg is None:
         return False

@@ -1,8 +1,8 @@
-"""What may happen to a vehicle in flight, and what its agent does then: one rule a file. Pure.
+"""Failsafe rules in flight: one rule a file. Pure.
 
-A rule is a module with `NAME`, its `Params`, and `evaluate(params, memory, facts, now)`, which says what it
-demands, if anything. Of several demands the strongest is followed (`base.STRENGTH`). A new rule is a file, a
-line here, and its key in `config_rules`. Imports core.
+A rule is a module with `NAME`, its `Params`, and `evaluate(params, memory, facts, now)`, which returns its
+memory and its demand, if any. The agent follows the strongest demand (`base.STRENGTH`). A new rule is a file,
+a line in `RULES`, and its key in `swarmctl.config.failsafes`. Imports core.
 """
 
 from __future__ import annotations
@@ -46,25 +46,25 @@ ALWAYS_ON: tuple[ActiveRule, ...] = (
     ActiveRule(taken_over, taken_over.Params()),
     ActiveRule(lost_link, lost_link.Params()),
 )
-"""What no configuration turns off."""
+"""Rules that no configuration turns off."""
 
 RULES: tuple[Rule, ...] = (low_battery, fence_ahead, not_following, gps_loss)
-"""What a configuration may set, by name, and turn off."""
+"""Rules that a configuration sets by name, or turns off."""
 
 
 def evaluate(
-    rulings: tuple[ActiveRule, ...], memories: tuple[Any, ...], facts: FailsafeFacts, now: float
+    rules: tuple[ActiveRule, ...], memories: tuple[Any, ...], facts: FailsafeFacts, now: float
 ) -> tuple[tuple[Any, ...], tuple[Demand | None, ...]]:
-    """What each rule remembers, and what each demands, in their order. `memories` is what this returned the
-    last time; empty the first time."""
-    judged = [
-        ruling.rule.evaluate(ruling.params, memory, facts, now)
-        for ruling, memory in zip(rulings, memories or (None,) * len(rulings), strict=True)
+    """Return the memories and the demands of all rules, in order. `memories`: the last result, at first
+    empty."""
+    results = [
+        active.rule.evaluate(active.params, memory, facts, now)
+        for active, memory in zip(rules, memories or (None,) * len(rules), strict=True)
     ]
-    return tuple(memory for memory, _ in judged), tuple(action for _, action in judged)
+    return tuple(memory for memory, _ in results), tuple(demand for _, demand in results)
 
 
-def strongest(actions: tuple[Demand | None, ...]) -> Demand | None:
-    """Of equal ones the first."""
-    there = [action for action in actions if action is not None]
-    return max(there, key=lambda action: STRENGTH[action.kind], default=None)
+def strongest(demands: tuple[Demand | None, ...]) -> Demand | None:
+    """Return the strongest demand, of equal ones the first; None without any."""
+    present = [demand for demand in demands if demand is not None]
+    return max(present, key=lambda demand: STRENGTH[demand.kind], default=None)

@@ -1,4 +1,4 @@
-"""What a rule is: what it is told, what it may demand, and which of several demands wins."""
+"""Interface of a failsafe rule: its input, its demands, and their order of strength."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from swarmctl.core.vehicle import VehicleState
 
 
 class DemandKind(StrEnum):
-    """What a rule may demand, the weakest first."""
+    """Kinds of demands, the weakest first."""
 
     WARN = "warn"
-    """the operator is told, and nothing is done"""
+    """message to the operator alone"""
     HOLD = "hold"
     RETURN = "return"
     LAND = "land"
     LET_GO = "let_go"
-    """nothing more is commanded: somebody else flies it"""
+    """release: another operator flies the vehicle, and the agent commands nothing more"""
 
 
 STRENGTH: dict[DemandKind, int] = {kind: rank for rank, kind in enumerate(DemandKind)}
-"""The strongest demand is the one that is followed."""
+"""Rank of each demand; the agent follows the strongest."""
 
 Activity = Literal["ground", "launch", "mission", "goal", "hold", "return", "land"]
-"""What an agent has its vehicle do; `goal`: it comes down over its goal, as its mission says."""
+"""Current activity of a vehicle; `goal`: landing at its goal by its mission."""
 
 ACTIVITY_AS_DEMAND: dict[Activity, DemandKind] = {
     "mission": DemandKind.WARN,
@@ -36,60 +36,60 @@ ACTIVITY_AS_DEMAND: dict[Activity, DemandKind] = {
     "goal": DemandKind.LAND,
     "land": DemandKind.LAND,
 }
-"""What a vehicle in flight does already, as a demand: only a stronger one changes anything."""
+"""Demand that each activity in flight already fulfils; only a stronger one changes anything."""
 
 IN_FLIGHT = frozenset(ACTIVITY_AS_DEMAND)
 
 
 @dataclass(frozen=True, slots=True)
 class Demand:
-    """A demand."""
+    """A rule's demand."""
 
     kind: DemandKind
-    why: str
-    """for the operator: what was found, and what was expected"""
+    reason: str
+    """text for the operator: found and expected values"""
     urgent: bool = True
-    """it waits for nobody; a return that is not holds until the way home is clear of others'"""
+    """without waiting; a return that is not urgent holds until its path is clear"""
 
 
 @dataclass(frozen=True, slots=True)
 class ActiveRoute:
-    """What a vehicle is to fly now."""
+    """Route that a vehicle has to fly now."""
 
     plan_id: int
     points: tuple[LatLon, ...]
-    """its waypoints and its landing spot, in order"""
+    """waypoints and landing spot, in order"""
 
 
 @dataclass(frozen=True, slots=True)
 class Fence:
-    """What a vehicle has to stay inside of."""
+    """Fence of a vehicle."""
 
     corners_m: tuple[tuple[float, float], ...]
-    """(east, north) in the area's plane [m], in order"""
+    """(east, north) in the area's local frame [m], in order"""
     ceiling_m: float
     """above home"""
 
 
 @dataclass(frozen=True, slots=True)
 class FailsafeFacts:
-    """What rules go by."""
+    """Input of the rules."""
 
     vehicle: VehicleState
     frame: LocalFrame
-    """a plane for lengths, in the area it flies in"""
+    """local frame of the area, for lengths"""
     doing: Activity = "ground"
-    ours: frozenset[str] = frozenset()
-    """roles of the modes that its agent itself may have put it in"""
+    own_roles: frozenset[str] = frozenset()
+    """roles of the modes that its agent may have set"""
     orders: int = 0
-    """how many its agent has given it"""
+    """number of orders given by its agent"""
     lost: bool = False
-    """nothing is heard of it: all else here is old"""
-    way: ActiveRoute | None = None
-    """None while its mission is being changed, or where it flies none"""
+    """link lost; all other fields are old"""
+    route: ActiveRoute | None = None
+    """None during a mission change, or without a mission"""
     fence: Fence | None = None
     turn_radius_m: float = 0.0
-    """of what cannot stop; 0: it hovers"""
+    """turn radius of a fixed wing; 0: a copter"""
 
     @property
     def in_flight(self) -> bool:
@@ -105,7 +105,7 @@ class FailsafeFacts:
 
 
 class Rule(Protocol):
-    """A module. It keeps nothing: what it has to remember it returns, and is given again."""
+    """A module without state: it returns its memory and gets it back at the next call."""
 
     @property
     def NAME(self) -> str: ...  # noqa: N802
@@ -116,8 +116,10 @@ class Rule(Protocol):
     def evaluate(
         self, params: Any, memory: Any, facts: FailsafeFacts, now: float, /
     ) -> tuple[Any, Demand | None]:
-        """(memory, demand) at `now` [s]; `memory` is None the first time, and the demand None where all is
-        well. A demand stands for as long as it is repeated."""
+        """Return (memory, demand) at `now` [s]. `memory` is None at first; the demand is None if all is well.
+
+        A demand stands as long as it is repeated.
+        """
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,12 +131,12 @@ class ActiveRule:
 
 
 def holds_since(since_s: float | None, holds: bool, now: float) -> float | None:
-    """Since when something holds without a break [s]; None where it does not."""
+    """Return since when a condition holds without a break [s]; None if it does not hold."""
     if not holds:
         return None
     return now if since_s is None else since_s
 
 
 def has_lasted(since_s: float | None, seconds: float, now: float) -> bool:
-    """Whether what holds since `since_s` has held for `seconds`."""
+    """Return whether a condition that holds since `since_s` has lasted for `seconds`."""
     return since_s is not None and now - since_s >= seconds

@@ -1,4 +1,7 @@
-"""What the rules of flight demand of an agent, and how it follows."""
+"""Enforcement of the failsafe rules' demands. Pure.
+
+Messages to the operator end in the rule's code, such as `[low-battery]`.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from swarmctl.agent import failsafes
-from swarmctl.agent.failsafes.base import ActiveRoute, Activity, Demand, DemandKind, FailsafeFacts
+from swarmctl.agent.failsafes.base import ActiveRoute, ActiveRule, Activity, Demand, DemandKind, FailsafeFacts
 from swarmctl.agent.orders import StepResult, command, release_vehicle
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.state import AgentState, Phase
@@ -19,18 +22,18 @@ _DOING: dict[Phase, Activity] = {
     Phase.LANDING: "goal",
     Phase.HOLDING: "hold",
 }
-_WAITS = ": it holds until its way home is clear of the others'"
-_SAID = {
-    DemandKind.HOLD: "it holds",
-    DemandKind.RETURN: "it returns",
-    DemandKind.LAND: "it lands where it is",
+_WAITS = "; holds until its return path is clear"
+_REACTIONS = {
+    DemandKind.HOLD: "holds",
+    DemandKind.RETURN: "returns",
+    DemandKind.LAND: "lands where it is",
 }
 
 
 def apply_failsafes(state: AgentState, now: float) -> StepResult:
-    """Judge every rule by what is known now, and follow the strongest demand that was not made before.
+    """Evaluate all rules, and follow the strongest new demand.
 
-    What is demanded on and on is followed once: an operator who orders otherwise afterwards is obeyed.
+    A lasting demand is followed once, so that an operator can order otherwise afterwards.
     """
     if state.ended:
         return state, []
@@ -43,17 +46,17 @@ def apply_failsafes(state: AgentState, now: float) -> StepResult:
     )
     strongest = failsafes.strongest(arisen)
     if strongest is not None and strongest.kind is DemandKind.LET_GO:
-        return release_vehicle(state, strongest.why)
+        return release_vehicle(state, strongest.reason)
     effects: list[ev.Effect] = [
-        ev.NotifyOperator(f"{ruling.rule.NAME.replace('_', ' ')} is over")
-        for ruling, was, demand in zip(state.task.rules, before, demands, strict=True)
+        ev.NotifyOperator(f"{active.rule.NAME.replace('_', ' ')} has ended {_code(active)}")
+        for active, was, demand in zip(state.task.rules, before, demands, strict=True)
         if was is not None and was.kind is DemandKind.WARN and demand is None
     ]
     followed = _follow(state, strongest) if strongest is not None and _changes(state, strongest) else None
-    for demand in arisen:
+    for active, demand in zip(state.task.rules, arisen, strict=True):
         if demand is not None:
-            does = "" if followed is None else _says(followed[0], demand)
-            effects.append(ev.NotifyOperator(demand.why + (does if demand is strongest else "")))
+            reaction = _reaction(followed[0], demand) if followed and demand is strongest else ""
+            effects.append(ev.NotifyOperator(f"{demand.reason}{reaction} {_code(active)}"))
     if followed is None:
         return state, effects
     state, ordered = followed
@@ -61,13 +64,17 @@ def apply_failsafes(state: AgentState, now: float) -> StepResult:
 
 
 def _is_new(state: AgentState, was: Demand | None, demand: Demand) -> bool:
-    """Also where it has waited for its turn, and may not any longer."""
+    """Return whether a demand is new: none before, another kind, or now urgent while the vehicle waits."""
     presses = was is not None and demand.urgent and not was.urgent and state.return_turn_boot_s is not None
     return was is None or was.kind is not demand.kind or presses
 
 
-def _says(after: AgentState, demand: Demand) -> str:
-    return _WAITS if after.returns_when_clear else f": {_SAID[demand.kind]}"
+def _reaction(after: AgentState, demand: Demand) -> str:
+    return _WAITS if after.returns_when_clear else f"; {_REACTIONS[demand.kind]}"
+
+
+def _code(active: ActiveRule) -> str:
+    return f"[{active.rule.NAME.replace('_', '-')}]"
 
 
 def failsafe_facts(state: AgentState) -> FailsafeFacts:
@@ -75,10 +82,10 @@ def failsafe_facts(state: AgentState) -> FailsafeFacts:
         vehicle=state.vehicle,
         frame=state.task.grid.frame,
         doing=_doing(state),
-        ours=own_mode_roles(state),
+        own_roles=own_mode_roles(state),
         orders=state.orders_given,
         lost=state.lost,
-        way=_way(state),
+        route=_active_route(state),
         fence=state.task.fence,
         turn_radius_m=0.0 if state.task.wings is None else state.task.turn_radius_m,
     )
@@ -90,7 +97,7 @@ def _doing(state: AgentState) -> Activity:
     return _DOING.get(state.phase, "ground")
 
 
-def _way(state: AgentState) -> ActiveRoute | None:
+def _active_route(state: AgentState) -> ActiveRoute | None:
     swap = state.route
     if state.phase is not Phase.FLYING or swap is None or state.pending is not None:
         return None
@@ -99,7 +106,7 @@ def _way(state: AgentState) -> ActiveRoute | None:
 
 
 def _changes(state: AgentState, demand: Demand) -> bool:
-    """Whether it is stronger than what the vehicle does already."""
+    """Return whether a demand is stronger than the current activity."""
     does = failsafes.ACTIVITY_AS_DEMAND.get(_doing(state))
     return does is not None and failsafes.STRENGTH[demand.kind] > failsafes.STRENGTH[does]
 
@@ -110,10 +117,10 @@ def _follow(state: AgentState, demand: Demand) -> StepResult:
     changes: dict[str, Any] = {
         "dirty": False,
         "interrupted_plan": None,
-        # Whom no operator has called back has failed, however well it lands.
+        # A return or landing without an operator's order counts as a failed flight.
         "given_up": state.given_up or down,
-        "outcome": demand.why,
-        "trouble": demand.why,
+        "outcome": demand.reason,
+        "trouble": demand.reason,
     }
     if order is ev.FlightOrder.RETURN and not demand.urgent:
         until_s = state.vehicle.time_boot_s + MAX_RETURN_WAIT_S

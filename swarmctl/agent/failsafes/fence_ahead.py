@@ -1,8 +1,14 @@
-"""A vehicle that has left its route and is about to leave the fence.
+"""Fence ahead: a vehicle off its route is about to leave the fence.
 
-Routes are inside the fence, leg by leg, before they are flown: who is on its route turns or stops in time,
-however near the fence is. Who is not holds while it can still stop. Outside it returns. One position may be
-wrong: what is done is the weaker of what two in a row demand.
+Routes are inside the fence, leg by leg, so a vehicle on its route turns or stops in time.
+
+| position | demand |
+|---|---|
+| on its route | none |
+| off its route, would cross the fence while stopping | hold; a fixed wing returns, as it cannot stop |
+| outside the fence | return |
+
+A single position may be wrong: the demand is the weaker of two consecutive ones.
 """
 
 from __future__ import annotations
@@ -13,35 +19,34 @@ from math import dist
 from pydantic import Field
 
 from swarmctl.agent.failsafes.base import STRENGTH, Demand, DemandKind, FailsafeFacts, Fence
-from swarmctl.core.planar import contains, distance_to_track
+from swarmctl.core.planar import PlanarPoint, contains, distance_to_track
 from swarmctl.core.section import Section
 
 NAME = "fence_ahead"
 
-PlanePoint = tuple[float, float]
 BRAKES_M_S2 = 2.5
-"""ArduCopter's WPNAV_ACCEL as it comes"""
+"""Default of ArduCopter's WPNAV_ACCEL."""
 MOVED_M = 0.5
-"""Less tells no direction."""
+"""Least movement that gives a course."""
 
 
 class Params(Section):
-    """When it is too near."""
+    """Limits of the rule."""
 
-    off_route_m: float = Field(15.0, gt=0.0, description="nearer to its route it follows that [m]")
-    seconds: float = Field(2.0, gt=0.0, description="from the order until it brakes [s]")
+    off_route_m: float = Field(15.0, gt=0.0, description="distance within which it is on its route [m]")
+    seconds: float = Field(2.0, gt=0.0, description="time from the order until it brakes [s]")
 
 
 @dataclass(frozen=True, slots=True)
 class FenceAheadMemory:
-    here: PlanePoint
-    """where it was when it was last seen to have moved"""
-    course: PlanePoint | None = None
-    """(east, north) of length 1"""
-    judged_s: float | None = None
-    """when the position came that was judged last"""
+    here: PlanarPoint
+    """position after the last movement"""
+    course: PlanarPoint | None = None
+    """(east, north), unit vector"""
+    evaluated_s: float | None = None
+    """time of the last evaluated position"""
     found: Demand | None = None
-    """what that one alone demands"""
+    """demand of that position alone"""
     demanded: Demand | None = None
 
 
@@ -52,7 +57,7 @@ def evaluate(
     if here is None or fence is None or not facts.in_flight or facts.lost:
         return None, None
     told_s = facts.vehicle.position_s
-    if memory is not None and memory.judged_s == told_s:
+    if memory is not None and memory.evaluated_s == told_s:
         return memory, memory.demanded
     before, memory = memory, _moved(memory, here)
     found = _found(params, memory, facts, fence, here)
@@ -61,18 +66,18 @@ def evaluate(
 
 
 def _found(
-    params: Params, memory: FenceAheadMemory, facts: FailsafeFacts, fence: Fence, here: PlanePoint
+    params: Params, memory: FenceAheadMemory, facts: FailsafeFacts, fence: Fence, here: PlanarPoint
 ) -> Demand | None:
-    """What this position alone demands."""
+    """Return the demand of this position alone."""
     if not contains(fence.corners_m, here):
         return Demand(DemandKind.RETURN, "outside the fence")
     if (high_m := facts.vehicle.alt_rel_m or 0.0) > fence.ceiling_m:
-        found = f"{high_m:.0f} m above home, expected at most {fence.ceiling_m:.0f} m"
+        found = f"{high_m:.0f} m above home (limit {fence.ceiling_m:.0f} m)"
         return Demand(DemandKind.RETURN, f"outside the fence: {found}")
     if facts.doing == "mission" and _leaves(params, memory, facts, fence.corners_m, here):
-        # What cannot stop would circle over the fence: it turns for home.
+        # A fixed wing in hold would circle across the fence, so it returns.
         does = DemandKind.RETURN if facts.turn_radius_m else DemandKind.HOLD
-        return Demand(does, "off its route, and about to leave the fence")
+        return Demand(does, "off its route and about to leave the fence")
     return None
 
 
@@ -82,7 +87,7 @@ def _weaker(a: Demand | None, b: Demand | None) -> Demand | None:
     return min((b, a), key=lambda action: STRENGTH[action.kind])
 
 
-def _moved(memory: FenceAheadMemory | None, here: PlanePoint) -> FenceAheadMemory:
+def _moved(memory: FenceAheadMemory | None, here: PlanarPoint) -> FenceAheadMemory:
     if memory is None:
         return FenceAheadMemory(here)
     metres = dist(memory.here, here)
@@ -96,13 +101,13 @@ def _leaves(
     params: Params,
     memory: FenceAheadMemory,
     facts: FailsafeFacts,
-    corners: tuple[PlanePoint, ...],
-    here: PlanePoint,
+    corners: tuple[PlanarPoint, ...],
+    here: PlanarPoint,
 ) -> bool:
-    """Whether it would be outside before it stood, or had turned, off its route as it is."""
-    if memory.course is None or facts.way is None:
+    """Return whether it is off its route and would be outside the fence before it has stopped or turned."""
+    if memory.course is None or facts.route is None:
         return False
-    track = tuple(facts.frame.to_local(*point) for point in facts.way.points)
+    track = tuple(facts.frame.to_local(*point) for point in facts.route.points)
     if distance_to_track(here, track) <= params.off_route_m:
         return False
     speed = facts.vehicle.ground_speed_m_s

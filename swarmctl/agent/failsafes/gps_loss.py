@@ -1,10 +1,12 @@
-"""A vehicle without a GPS fix soon no longer knows where it is.
+"""GPS loss: a vehicle without a GPS fix, or without a position in its telemetry.
 
-Its autopilot knows first, and mostly acts by itself; it is then let go (`taken_over`). Until then the
-operator is told. Without a position it can neither hold nor fly home: if it does nothing by itself, it lands.
+The autopilot notices first and mostly acts by itself; the vehicle is then released (`taken_over`).
 
-One that tells no position any more may know it all the same, as long as its receiver has a fix: nobody here
-sees where it flies, so it returns, and lands where it does not follow that.
+| condition | after `seconds` | after `land_s` | after twice `land_s` |
+|---|---|---|---|
+| no fix | warning | landing: without a position it can neither hold nor return | |
+| no position, GPS has no fix | warning | landing | |
+| no position, GPS has a fix | warning | return: it may know its position | landing, unless it returns |
 """
 
 from __future__ import annotations
@@ -20,20 +22,20 @@ NAME = "gps_loss"
 
 
 class Params(Section):
-    """By the health of its GPS, as SYS_STATUS tells it once a second, and the age of its position."""
+    """Limits for GPS health (SYS_STATUS, once a second) and for the age of the position."""
 
-    seconds: float = Field(2.0, ge=0.0, description="without a fix or a position until it is said [s]")
-    land_s: float = Field(20.0, gt=0.0, description="until it lands, if it does nothing by itself [s]")
+    seconds: float = Field(2.0, ge=0.0, description="time without a fix or a position until the warning [s]")
+    land_s: float = Field(20.0, gt=0.0, description="time until it lands, if it does nothing by itself [s]")
 
 
 @dataclass(frozen=True, slots=True)
 class GpsLossMemory:
     since_s: float | None = None
-    """the first SYS_STATUS of those that tell of no fix"""
+    """time of the first SYS_STATUS without a fix"""
     blind_since_s: float | None = None
-    """it has been heard since without a position"""
+    """time of the first telemetry without a position"""
     landing: Demand | None = None
-    """A fix that comes back stops no landing: it may go again."""
+    """landing once demanded; a fix that comes back does not stop it, because it may go again"""
 
 
 def evaluate(
@@ -43,11 +45,11 @@ def evaluate(
     if not facts.in_flight:
         return GpsLossMemory(), None
     if facts.lost:
-        # What was told before is old: neither count nor take back.
+        # The last telemetry is old: neither count nor withdraw.
         return GpsLossMemory(landing=memory.landing), None
     told_s = vehicle.status_s
     since_s = None if told_s is None else holds_since(memory.since_s, vehicle.gps_ok is False, told_s)
-    # What lasts, lasts from one SYS_STATUS to a later one: an old one tells nothing new.
+    # Durations count from one SYS_STATUS to a later one: an old one holds nothing new.
     no_fix_s = None if since_s is None or told_s is None else told_s - since_s
     blind_since_s = holds_since(memory.blind_since_s, not vehicle.has_position, now)
     blind_s = None if blind_since_s is None else now - blind_since_s
@@ -59,22 +61,24 @@ def evaluate(
 def _demand(
     params: Params, facts: FailsafeFacts, no_fix_s: float | None, blind_s: float | None
 ) -> Demand | None:
-    """For how long it has told of no fix, and of no position; None where it has not."""
+    """Return the demand for these durations without a fix and without a position; None: with one."""
     if no_fix_s is not None and no_fix_s >= params.land_s:
-        return Demand(DemandKind.LAND, f"no GPS fix for {params.land_s:g} s, and it does nothing by itself")
+        return Demand(
+            DemandKind.LAND, f"no GPS fix for {params.land_s:g} s, and its autopilot does not react"
+        )
     if blind_s is not None and blind_s >= params.land_s:
         return _down_or_home(params, facts, blind_s)
     if no_fix_s is not None and no_fix_s >= params.seconds:
-        return Demand(DemandKind.WARN, "no GPS fix; what it does now is its autopilot's to decide")
+        return Demand(DemandKind.WARN, "no GPS fix; its autopilot decides on the reaction")
     if blind_s is not None and blind_s >= params.seconds:
-        return Demand(DemandKind.WARN, "it tells no position any more")
+        return Demand(DemandKind.WARN, "its telemetry has no position any more")
     return None
 
 
 def _down_or_home(params: Params, facts: FailsafeFacts, blind_s: float) -> Demand:
     text = f"no position for {params.land_s:g} s"
     if facts.vehicle.gps_ok is not True:
-        return Demand(DemandKind.LAND, f"{text}, and it does nothing by itself")
+        return Demand(DemandKind.LAND, f"{text}, and its autopilot does not react")
     if blind_s >= 2.0 * params.land_s and facts.vehicle.mode_role != "return":
         return Demand(DemandKind.LAND, f"{text} and more, and it does not return")
-    return Demand(DemandKind.RETURN, f"{text}, though its GPS has a fix: where it flies is not known here")
+    return Demand(DemandKind.RETURN, f"{text}, although its GPS has a fix")

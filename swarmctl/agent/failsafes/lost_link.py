@@ -1,7 +1,7 @@
-"""Nothing is heard of a vehicle, and nothing that it is sent arrives.
+"""Lost link: no telemetry arrives from a vehicle, and no order reaches it.
 
-What it does then was decided and set on it before the take-off (`preflight.policy`); the ground station can
-only say so. If it has begun to when it is heard again it is let go (`taken_over`): a failsafe is not fought.
+Its reaction was set on the vehicle before the take-off (`preflight.policy`); the ground station can only
+announce it. A vehicle that is heard again after its failsafe began is released (`taken_over`).
 """
 
 from __future__ import annotations
@@ -14,28 +14,28 @@ from swarmctl.core.vehicle import ModeRole
 
 NAME = "lost_link"
 
-_DOES = {
-    "hold": "after {:g} s it holds",
-    "return": "after {:g} s it returns",
-    "land": "after {:g} s it lands where it is",
+_REACTIONS = {
+    "hold": "holds after {:g} s",
+    "return": "returns after {:g} s",
+    "land": "lands where it is after {:g} s",
 }
-_GOES_ON: dict[ModeRole, str] = {
-    "mission": "it flies its mission to the end",
-    "hold": "it holds on in mode {}",
-    "return": "it goes on home in mode {}",
-    "land": "it goes on down in mode {}",
-    "other": "it stays in mode {}",
-    "": "it goes on with what it does",
+_CONTINUES: dict[ModeRole, str] = {
+    "mission": "flies its mission to the end",
+    "hold": "keeps holding in mode {}",
+    "return": "continues its return in mode {}",
+    "land": "continues its landing in mode {}",
+    "other": "stays in mode {}",
+    "": "continues as before",
 }
-"""By what the mode is for in which it was heard last."""
+"""By the role of the last mode heard."""
 
 
 class Params(Section):
-    """The policy that its parameters were checked against."""
+    """Policy that the vehicle's parameters were checked against."""
 
     does: Literal["return", "land", "hold", "continue"] = "continue"
     after_s: float = 10.0
-    """without the ground station's heartbeat, by its own clock"""
+    """time without the ground station's heartbeat, by the vehicle's clock"""
 
 
 def evaluate(params: Params, _memory: None, facts: FailsafeFacts, _now: float) -> tuple[None, Demand | None]:
@@ -43,10 +43,10 @@ def evaluate(params: Params, _memory: None, facts: FailsafeFacts, _now: float) -
         return None, None
     vehicle = facts.vehicle
     if params.does in ("continue", vehicle.mode_role):
-        does = _GOES_ON[vehicle.mode_role].format(vehicle.mode)
+        does = _CONTINUES[vehicle.mode_role].format(vehicle.mode)
     else:
-        does = _DOES[params.does].format(params.after_s)
+        does = _REACTIONS[params.does].format(params.after_s)
     return None, Demand(
         DemandKind.WARN,
-        f"nothing is heard of it, and no order reaches it; by preflight.policy.lost_link {does}",
+        f"no telemetry arrives and no order gets through; by preflight.policy.lost_link it {does}",
     )

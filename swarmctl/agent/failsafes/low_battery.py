@@ -1,4 +1,11 @@
-"""The charge runs out: back while it lasts, down before it is gone."""
+"""Low battery: return while the charge suffices, land before it is used up.
+
+| charge | demand |
+|---|---|
+| below `return_percent` | return; may wait for a clear path |
+| `wait_percent` lower still | return without waiting |
+| below `land_percent` | landing |
+"""
 
 from __future__ import annotations
 
@@ -13,7 +20,7 @@ NAME = "low_battery"
 
 
 class Params(Section):
-    """Of the charge left, as the vehicle tells it."""
+    """Limits of the remaining charge, as the vehicle reports it."""
 
     return_percent: float = Field(25.0, ge=0.0, le=100.0, description="below this it returns [%]; 0: never")
     land_percent: float = Field(
@@ -23,11 +30,11 @@ class Params(Section):
         5.0,
         ge=0.0,
         le=100.0,
-        description="so much of it, below `return_percent`, it may spend in hold until its way home is clear "
-        "of others' [%]; 0: it never waits",
+        description="charge below `return_percent` that it may spend in hold until its return path is clear "
+        "[%]; 0: it never waits",
     )
     seconds: float = Field(
-        3.0, ge=0.0, description="so long it has to be below: full thrust makes it sag [s]"
+        3.0, ge=0.0, description="time below a limit until it counts: full thrust makes the voltage sag [s]"
     )
 
     def model_post_init(self, _context: object) -> None:
@@ -43,7 +50,7 @@ class LowBatteryMemory:
     return_since_s: float | None = None
     land_since_s: float | None = None
     demanded: Demand | None = None
-    """What is spent does not come back in flight, whatever the voltage says later."""
+    """kept for the rest of the flight: a voltage that recovers does not bring charge back"""
 
 
 def evaluate(
@@ -55,7 +62,7 @@ def evaluate(
         return LowBatteryMemory(), None
     if percent is None or told_s is None or facts.lost:
         return LowBatteryMemory(demanded=memory.demanded), memory.demanded
-    # One word of it does not grow old and become many: it lasts from one SYS_STATUS to a later one.
+    # A condition lasts from one SYS_STATUS to a later one; a single old one does not count twice.
     return_since_s = holds_since(memory.return_since_s, percent < params.return_percent, told_s)
     land_since_s = holds_since(memory.land_since_s, percent < params.land_percent, told_s)
     demanded = memory.demanded
@@ -68,12 +75,12 @@ def evaluate(
 
 
 def _waits_above_percent(params: Params) -> float:
-    """Of the charge: above this a return may wait."""
+    """Return the charge above which a return may wait."""
     return max(params.return_percent - params.wait_percent, params.land_percent)
 
 
 def _stronger(demanded: Demand | None, kind: DemandKind, percent: float, limit: float) -> Demand:
     if demanded is not None and STRENGTH[demanded.kind] >= STRENGTH[kind]:
         return demanded
-    why = f"battery at {percent:g} %, less than the {limit:g} % of rules.low_battery"
-    return Demand(kind, why, urgent=kind is DemandKind.LAND)
+    reason = f"battery at {percent:g} %, below the {limit:g} % of rules.low_battery"
+    return Demand(kind, reason, urgent=kind is DemandKind.LAND)

@@ -1,4 +1,4 @@
-"""A vehicle that says it flies its mission, and does not: blown away, broken, or stuck."""
+"""Not following: a vehicle reports to fly its mission but is off its route or does not move."""
 
 from __future__ import annotations
 
@@ -8,29 +8,28 @@ from typing import Literal
 from pydantic import Field
 
 from swarmctl.agent.failsafes.base import Demand, DemandKind, FailsafeFacts, has_lasted, holds_since
-from swarmctl.core.planar import distance_to_track
+from swarmctl.core.planar import PlanarPoint, distance_to_track
 from swarmctl.core.section import Section
 
 NAME = "not_following"
 
-PlanePoint = tuple[float, float]
 STANDS_M_S = 0.5
 STANDS_CLIMB_M_S = 0.2
 
 
 class Params(Section):
-    """When it has left its route, and what becomes of it."""
+    """Limits of the rule and its demand."""
 
-    metres: float = Field(60.0, gt=0.0, description="so far off its route [m]")
-    seconds: float = Field(15.0, gt=0.0, description="for so long; or so long without moving [s]")
-    action: Literal["warn", "hold", "return", "land"] = Field("return", description="what becomes of it")
+    metres: float = Field(60.0, gt=0.0, description="distance from its route [m]")
+    seconds: float = Field(15.0, gt=0.0, description="time off its route, or without moving [s]")
+    action: Literal["warn", "hold", "return", "land"] = Field("return", description="reaction")
 
 
 @dataclass(frozen=True, slots=True)
 class NotFollowingMemory:
     plan_id: int
-    track_m: tuple[PlanePoint, ...]
-    """from where it was when this plan became its own (east, north) [m]"""
+    track_m: tuple[PlanarPoint, ...]
+    """(east, north) [m], from its position when this plan was taken up"""
     off_since_s: float | None = None
     still_since_s: float | None = None
     demanded: Demand | None = None
@@ -39,16 +38,16 @@ class NotFollowingMemory:
 def evaluate(
     params: Params, memory: NotFollowingMemory | None, facts: FailsafeFacts, now: float
 ) -> tuple[NotFollowingMemory | None, Demand | None]:
-    here, way = facts.position_m, facts.way
+    here, route = facts.position_m, facts.route
     if facts.doing != "mission":
         return None, None
-    if way is None or here is None or facts.lost:
-        # Until all is known again nothing is counted, and nothing taken back.
+    if route is None or here is None or facts.lost:
+        # Without data: neither count nor withdraw.
         kept = None if memory is None else memory.demanded
         return memory and NotFollowingMemory(memory.plan_id, memory.track_m, demanded=kept), kept
-    if memory is None or memory.plan_id != way.plan_id:
-        track = (here, *(facts.frame.to_local(*point) for point in way.points))
-        memory = NotFollowingMemory(way.plan_id, track)
+    if memory is None or memory.plan_id != route.plan_id:
+        track = (here, *(facts.frame.to_local(*point) for point in route.points))
+        memory = NotFollowingMemory(route.plan_id, track)
     away_m = distance_to_track(here, memory.track_m)
     still = facts.vehicle.ground_speed_m_s < STANDS_M_S and abs(facts.vehicle.climb_m_s) < STANDS_CLIMB_M_S
     off_since_s = holds_since(memory.off_since_s, away_m > params.metres, now)
@@ -57,11 +56,11 @@ def evaluate(
     if off_since_s is None and still_since_s is None:
         demanded = None
     elif demanded is None and has_lasted(off_since_s, params.seconds, now):
-        found = f"{away_m:.0f} m off its route, expected at most {params.metres:g} m"
-        demanded = Demand(DemandKind(params.action), f"{found}, for {params.seconds:g} s")
+        found = f"{away_m:.0f} m off its route (limit {params.metres:g} m)"
+        demanded = Demand(DemandKind(params.action), f"{found} for {params.seconds:g} s")
     elif demanded is None and has_lasted(still_since_s, params.seconds, now):
         mode = facts.vehicle.mode
         demanded = Demand(
-            DemandKind(params.action), f"in mode {mode}, and has not moved for {params.seconds:g} s"
+            DemandKind(params.action), f"in mode {mode}, without moving for {params.seconds:g} s"
         )
-    return NotFollowingMemory(way.plan_id, memory.track_m, off_since_s, still_since_s, demanded), demanded
+    return NotFollowingMemory(route.plan_id, memory.track_m, off_since_s, still_since_s, demanded), demanded

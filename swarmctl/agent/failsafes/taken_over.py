@@ -1,7 +1,8 @@
-"""Somebody else flies the vehicle: a pilot by radio control, another ground station, or its own failsafe.
+"""Taken over: a pilot by radio control, another ground station, or its own failsafe flies the vehicle.
 
-A heartbeat tells the mode and not who chose it. Any mode that this agent has not chosen is somebody's will,
-and is not fought. So is who puts another mission on it.
+A heartbeat reports the mode but not its author. A mode that this agent did not choose is another operator's
+will: the vehicle is released. The same holds for a mission that another station uploads and the vehicle
+flies.
 """
 
 from __future__ import annotations
@@ -15,14 +16,14 @@ from swarmctl.core.vehicle import STALE_MODE_S
 NAME = "taken_over"
 
 BOOTS_S = 10.0
-"""A vehicle on the ground that boots shows the mode it boots in before its clock tells of it: not armed it
-harms nobody, and where it is to be launched all the same it is let go."""
-SAID_BEFORE_S = 1.5
-"""What the vehicle has said may be the reason of a mode that its heartbeat shows so much later, or before."""
+"""Time allowed on the ground in a foreign mode: a rebooting vehicle shows its boot mode before its clock
+shows the reboot. A launch order in that time releases it."""
+TEXT_BEFORE_S = 1.5
+"""Time by which a status text may precede the mode that it explains."""
 
 
 class Params(Section):
-    """There is nothing to choose: who takes over is let."""
+    """No parameters."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,43 +32,48 @@ class TakenOverMemory:
     orders: int = 0
     said: str = ""
     said_s: float | None = None
-    """when it was first heard to say that; None: before this rule listened"""
+    """time of that text; None: before the first evaluation"""
 
 
 def evaluate(
     _params: Params, memory: TakenOverMemory | None, facts: FailsafeFacts, now: float
 ) -> tuple[TakenOverMemory, Demand | None]:
     vehicle, before = facts.vehicle, memory or TakenOverMemory(said=facts.vehicle.status_text)
-    # What was foreign before an order may be what that order leads through.
+    # A mode foreign before an order may be an intermediate one of that order.
     since_s = before.foreign_since_s if facts.orders == before.orders else None
-    ours = vehicle.mode_role in {"", *facts.ours}
+    is_own = vehicle.mode_role in {"", *facts.own_roles}
     new = vehicle.status_text != before.said
     memory = TakenOverMemory(
-        holds_since(since_s, not ours, now), facts.orders, vehicle.status_text, now if new else before.said_s
+        holds_since(since_s, not is_own, now),
+        facts.orders,
+        vehicle.status_text,
+        now if new else before.said_s,
     )
     if facts.doing == "ground" and vehicle.armed:
-        return memory, Demand(DemandKind.LET_GO, f"armed by somebody else, in mode {vehicle.mode}")
+        return memory, Demand(DemandKind.LET_GO, f"armed by another operator, in mode {vehicle.mode}")
     if facts.lost:
         return memory, None
     if vehicle.other_mission and (demand := _other_mission(facts)) is not None:
         return memory, demand
-    if ours:
+    if is_own:
         return memory, None
-    # It may be a mode of ours from before: wait for the next.
+    # It may be a previous own mode: wait for the next heartbeat.
     if vehicle.mode_role in ("hold", "mission") and not has_lasted(memory.foreign_since_s, STALE_MODE_S, now):
         return memory, None
     if facts.doing == "ground" and not has_lasted(memory.foreign_since_s, BOOTS_S, now):
         return memory, None
     since_s = now if memory.foreign_since_s is None else memory.foreign_since_s
-    recent = memory.said_s is not None and memory.said_s >= since_s - SAID_BEFORE_S
-    words = f" (it says: {vehicle.status_text})" if recent else ""
-    return memory, Demand(DemandKind.LET_GO, f"in mode {vehicle.mode}, which nobody here has ordered{words}")
+    recent = memory.said_s is not None and memory.said_s >= since_s - TEXT_BEFORE_S
+    text = f" (vehicle reports: {vehicle.status_text})" if recent else ""
+    return memory, Demand(
+        DemandKind.LET_GO, f"in mode {vehicle.mode}, which this program has not ordered{text}"
+    )
 
 
 def _other_mission(facts: FailsafeFacts) -> Demand | None:
     n_items = facts.vehicle.mission_total or 0
-    what = f"another mission is on it, of {n_items} items, which nobody here has put there"
+    what = f"another mission with {n_items} items is on the vehicle; this program has not uploaded it"
     if facts.doing == "ground":
-        return Demand(DemandKind.WARN, f"{what}: it is not launched with that")
+        return Demand(DemandKind.WARN, f"{what}, and does not launch it with that")
     flies_it = facts.doing in ("launch", "mission", "goal") or facts.vehicle.mode_role == "mission"
     return Demand(DemandKind.LET_GO, what) if flies_it else None

@@ -1,4 +1,17 @@
-"""Watching the others in flight: the alarm, and giving way without leaving the mission for good."""
+"""Collision avoidance: alarms by positions, and giving way without abandoning the mission. Pure.
+
+An alarm means: within `look_ahead_s` (10 s) the vehicle and another come closer than both separation limits,
+if both fly on as they do. Exactly one of the two gives way.
+
+| the other vehicle | gives way |
+|---|---|
+| flies its mission and acknowledges hearing this one | the vehicle with the higher system id |
+| cannot change its plan: lands, returns, holds by order, is released | this one |
+| does not acknowledge hearing this one | this one, so possibly both |
+
+The evasive action is a hold, or a climb if the hold itself would be too close or the vehicle is a fixed wing.
+A copter that holds resumes its route when the route is clear; after 60 s it tries to pass above the others.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +25,7 @@ from swarmctl.agent.orders import StepResult, command
 from swarmctl.agent.replan.copter_trajectory import at_height, waypoints_of, with_level_off
 from swarmctl.agent.state import IN_FLIGHT, AgentState, Phase
 from swarmctl.agent.traffic.separation.approach import Limits, closest, intervals
-from swarmctl.agent.traffic.separation.clash import LEVEL_M
+from swarmctl.agent.traffic.separation.clash import HEIGHT_TOLERANCE_M
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, extrapolate
 from swarmctl.agent.traffic.separation.watch import (
     NeighbourReport,
@@ -28,27 +41,27 @@ from swarmctl.core.planar import distance_to_leg
 from swarmctl.core.vehicle import VehicleState
 
 MAX_REPORT_AGE_S = 5.0
-"""Where another was that has said nothing for longer, nobody knows."""
+"""Oldest state of another vehicle that is used to predict its position."""
 SILENT_S = 180.0
-"""But who gave way to it keeps clear of that place for so long."""
+"""Time for which a vehicle that gave way stays clear of the last position of a silent one."""
 AIRBORNE_M = 1.0
-"""above home: lower vehicles are in nobody's way"""
+"""Height above home below which a vehicle counts as on the ground."""
 MARGIN_M_S = 5.0
-"""by so much two may become faster"""
-GOES_ON_AFTER_S = (0.0, 2.0, 4.0, 6.0)
-"""Who is told to go on does so within some seconds: all that time the way has to be clear."""
+"""Increase of the closing speed allowed for while selecting nearby vehicles."""
+RESUME_AFTER_S = (0.0, 2.0, 4.0, 6.0)
+"""Delays after which the resumed route has to be clear: a vehicle takes some seconds to follow the order."""
 HOLDS_FOR_S = 60.0
-"""Who holds for others that stay in its way looks for another height after this, and again and again."""
+"""Interval at which a vehicle that holds looks for another height."""
 CEILING_MARGIN_M = 3.0
-"""so far below the fence's it stays"""
-MOST_LEVEL = 1.0 / 3.0
-"""of the limit in height"""
+"""Distance kept below the fence's ceiling."""
+MAX_LEVEL_SHARE = 1.0 / 3.0
+"""Largest tolerance in height, as a share of the vertical limit."""
 BRAKING_M_S2 = 1.75
-"""at which a copter stops (`swarmctl.agent.replan.travel_time`)"""
+"""Deceleration of a copter (`swarmctl.agent.replan.travel_time`)"""
 
 
 def is_near(state: AgentState, other: StateShared) -> bool:
-    """Whether another is so near that it could come too close within the time looked ahead."""
+    """Return whether another vehicle is near enough to come too close within the look-ahead time."""
     vehicle, rules = state.vehicle, state.task.separation
     if vehicle.lat_deg is None or vehicle.lon_deg is None:
         return False
@@ -64,11 +77,11 @@ def is_near(state: AgentState, other: StateShared) -> bool:
 
 
 def avoid_collisions(state: AgentState) -> StepResult:
-    """With each position: who will be too close, what is told of it, and what this vehicle does about it."""
+    """Update the alarms, tell the operator of new ones, and give way or resume. Called for each position."""
     if not (state.neighbours or state.alarms or state.interrupted_plan):
         return state, []
     if state.interrupted_plan is not None and state.phase not in (Phase.FLYING, Phase.LANDING):
-        state = end_give_way(state)  # it was ordered otherwise
+        state = end_give_way(state)  # another order came in between
     before = {alarm.other for alarm in state.alarms}
     own = own_trajectory(state)
     if own is None or state.phase not in IN_FLIGHT:
@@ -80,22 +93,22 @@ def avoid_collisions(state: AgentState) -> StepResult:
     if alarms or state.alarms:
         state = replace(state, alarms=alarms, n_alarms=state.n_alarms + len(new))
     told: list[ev.Effect] = [
-        ev.NotifyOperator(f"{_in_words(alarm, now_s)}{_who(state, alarm)}") for alarm in new
+        ev.NotifyOperator(f"{_alarm_text(alarm, now_s)}{_reaction(state, alarm)}") for alarm in new
     ]
     done: list[ev.Effect] = []
     if state.interrupted_plan is not None and state.phase is Phase.LANDING:
         pass  # `swarmctl.agent.traffic.landing_queue`
     elif state.interrupted_plan is not None:
-        state, done = _go_on_if_clear(state, own, others)
+        state, done = _resume_if_clear(state, own, others)
     else:
         before_it = [alarm for alarm in alarms if not gives_way_by_id(state.task.uav, alarm.other)]
-        asked = [alarm for alarm in (*new, *before_it) if _is_to_give_way(state, alarm.other)]
+        asked = [alarm for alarm in (*new, *before_it) if _has_to_give_way(state, alarm.other)]
         state, done = _give_way(state, asked, others)
     return state, [*told, *done]
 
 
 def end_give_way(state: AgentState) -> AgentState:
-    """It gives way to nobody any more."""
+    """Return the state in which the vehicle no longer gives way."""
     return replace(
         state,
         interrupted_plan=None,
@@ -105,22 +118,21 @@ def end_give_way(state: AgentState) -> AgentState:
     )
 
 
-def _is_to_give_way(state: AgentState, other: int) -> bool:
-    """Also to one with a higher system id that cannot: it lands, returns, holds by order, is somebody else's,
-    or does not say that it hears this one."""
+def _has_to_give_way(state: AgentState, other: int) -> bool:
+    """Return whether this vehicle gives way to another, by the table of the module."""
     heard = state.neighbours.get(other)
     may_too = heard is None or (heard.state.phase == Phase.FLYING and _hears(state, heard))
     return gives_way_to((True, state.task.uav), (may_too, other))
 
 
 def _hears(state: AgentState, other: NeighbourReport) -> bool:
-    """Whether another has said that it hears this vehicle. Messages may be lost on the way to it alone, and
-    then it gives way to nobody."""
+    """Return whether another vehicle acknowledges hearing this one. Without hearing it, it cannot give
+    way."""
     return state.task.uav in other.state.hears
 
 
 def heard_neighbours(state: AgentState) -> tuple[int, ...]:
-    """Of whom near it something was heard of late."""
+    """Return the system ids of the nearby vehicles heard recently."""
     now_s = state.vehicle.time_boot_s
     return tuple(
         sorted(uav for uav, h in state.neighbours.items() if 0.0 <= now_s - h.at_s <= MAX_REPORT_AGE_S)
@@ -139,9 +151,9 @@ def _give_way(
         if stays
         else set()
     )
-    # What circles to hold would be all round its circle: it climbs.
+    # A fixed wing would circle in hold, so it climbs.
     if rules.action == "hold" and not blocked and state.task.wings is None:
-        # Its route is given again when all is clear: until then it flies none.
+        # The route is planned again when it is clear; until then the vehicle has none.
         now_s, n, heard = state.vehicle.time_boot_s, state.n_holds + 1, state.neighbours
         to = {alarm.other: heard[alarm.other] for alarm in asked if alarm.other in heard}
         state = replace(state, gave_way_to=to, n_holds=n, holding_since_boot_s=now_s)
@@ -150,7 +162,7 @@ def _give_way(
 
 
 def may_give_way(state: AgentState) -> bool:
-    """Whether the vehicle may leave its mission for a while: it flies it, and is up."""
+    """Return whether the vehicle can interrupt its mission: it is flying it, at cruise height."""
     vehicle, task = state.vehicle, state.task
     if state.task.separation.action == "none" or state.phase is not Phase.FLYING or state.route is None:
         return False
@@ -159,7 +171,7 @@ def may_give_way(state: AgentState) -> bool:
 
 
 def _climb(state: AgentState, others: dict[int, Trajectory]) -> AgentState:
-    """Its next plan, which is made at once, is flown clear of the heights of all who are near."""
+    """Have the next plan, decided at once, flown at a height clear of all vehicles nearby."""
     now_s, here_m = state.vehicle.time_boot_s, state.vehicle.alt_rel_m or 0.0
     heights_m = [at[2] for path in others.values() if (at := path.at(now_s)) is not None]
     height_m = clear_height_m(max(here_m, state.height_m), heights_m, state.task.separation.limits)
@@ -170,38 +182,40 @@ def _climb(state: AgentState, others: dict[int, Trajectory]) -> AgentState:
 
 
 def ceiling_m(state: AgentState) -> float:
-    """Above home; it climbs no higher to keep clear of others."""
+    """Return the greatest height above home for an evasive climb."""
     fence = state.task.fence
     return math.inf if fence is None else fence.ceiling_m - CEILING_MARGIN_M
 
 
-def _go_on_if_clear(state: AgentState, own: Trajectory, others: dict[int, Trajectory]) -> StepResult:
-    """The route is planned anew from where it holds."""
+def _resume_if_clear(state: AgentState, own: Trajectory, others: dict[int, Trajectory]) -> StepResult:
+    """Resume the route, planned again from here, if it is clear; else hold on or try another height."""
     now_s = state.vehicle.time_boot_s
     to = {uav: state.neighbours.get(uav, heard) for uav, heard in state.gave_way_to.items()}
     state = replace(state, gave_way_to=to)
     if now_s < state.resume_earliest_boot_s:
         return state, []
-    waits = any(_is_to_give_way(state, alarm.other) for alarm in state.alarms)
-    if not waits and _is_clear(state, own, others) and not _may_be_met(state):
-        return _flies_on(state, "clear of the others: it flies on")
+    waits = any(_has_to_give_way(state, alarm.other) for alarm in state.alarms)
+    if not waits and _is_clear(state, own, others) and not _passes_silent(state):
+        return _resume(state, "clear of other vehicles; resumes its route [resumes]")
     if now_s - state.holding_since_boot_s < HOLDS_FOR_S:
         return state, []
-    return _over_them(state, others)
+    return _resume_above(state, others)
 
 
 def _is_clear(state: AgentState, own: Trajectory, others: dict[int, Trajectory]) -> bool:
     limits = state.task.separation.limits
-    starts = [own.later(seconds) for seconds in GOES_ON_AFTER_S]
+    starts = [own.later(seconds) for seconds in RESUME_AFTER_S]
     return not any(
-        intervals(path, other, limits) and (_is_to_give_way(state, uav) or not _parts(path, other, limits))
+        intervals(path, other, limits)
+        and (_has_to_give_way(state, uav) or not _separate(path, other, limits))
         for path in starts
         for uav, other in others.items()
     )
 
 
-def _parts(path: Trajectory, other: Trajectory, limits: Limits) -> bool:
-    """Whether two that stand too near each other already come no nearer. Else both would wait for ever."""
+def _separate(path: Trajectory, other: Trajectory, limits: Limits) -> bool:
+    """Return whether two vehicles that are too close already get no closer. Both would otherwise hold for
+    ever."""
     here, there = path.at(path.times_s[0]), other.at(path.times_s[0])
     at = closest(path, other, limits)
     if at is None or here is None or there is None:
@@ -209,20 +223,21 @@ def _parts(path: Trajectory, other: Trajectory, limits: Limits) -> bool:
     beside = math.dist(here[:2], there[:2]) / limits.horizontal_m
     above = abs(here[2] - there[2]) / limits.vertical_m
     now = max(beside, above)
-    # Heights are told and held to within so much; places go by where both say they are.
-    slack = min(LEVEL_M / limits.vertical_m, MOST_LEVEL) if above >= beside else 1e-6
-    return now < 1.0 + slack and limits.share(at.horizontal_m, at.vertical_m) >= min(now, 1.0) - slack
+    # Heights are reported and held with this tolerance; positions over ground count as reported.
+    tolerance = min(HEIGHT_TOLERANCE_M / limits.vertical_m, MAX_LEVEL_SHARE) if above >= beside else 1e-6
+    least = limits.share(at.horizontal_m, at.vertical_m)
+    return now < 1.0 + tolerance and least >= min(now, 1.0) - tolerance
 
 
 def least_share(flight: Trajectory, other: Trajectory, limits: Limits) -> float | None:
-    """Of the limits, that two keep if both are in time."""
+    """Return the least share of the limits that two flights keep, if both are on time; None without
+    overlap."""
     at = closest(flight, other, limits)
     return None if at is None else limits.share(at.horizontal_m, at.vertical_m)
 
 
-def _may_be_met(state: AgentState) -> bool:
-    """Whether its way leads by where somebody was whom it gave way to, and of whom nothing is heard any more:
-    it may stand there."""
+def _passes_silent(state: AgentState) -> bool:
+    """Return whether its route passes the last position of a silent vehicle that it gave way to."""
     own, limits = own_trajectory(state, SILENT_S), state.task.separation.limits
     return own is not None and any(
         intervals(own, there, limits) for there in silent_neighbours(state).values()
@@ -230,7 +245,7 @@ def _may_be_met(state: AgentState) -> bool:
 
 
 def silent_neighbours(state: AgentState) -> dict[int, Trajectory]:
-    """Where those may stand that it gave way to and of whom nothing is heard any more."""
+    """Return the last positions of silent vehicles that it gave way to, as trajectories standing still."""
     now_s = state.vehicle.time_boot_s
     return {
         uav: extrapolate(_place(state, heard.state), (0.0, 0.0, 0.0), now_s, SILENT_S)
@@ -239,8 +254,8 @@ def silent_neighbours(state: AgentState) -> dict[int, Trajectory]:
     }
 
 
-def _flies_on(state: AgentState, text: str) -> StepResult:
-    # Whether its new plan is clear as well is yet to be seen, where that was put off before.
+def _resume(state: AgentState, text: str) -> StepResult:
+    # After a deferred plan, `route_deconfliction` reports when the new plan is clear.
     told: list[ev.Effect] = [] if state.deferred_for else [ev.NotifyOperator(text)]
     state = replace(
         state,
@@ -254,8 +269,8 @@ def _flies_on(state: AgentState, text: str) -> StepResult:
     return state, told
 
 
-def _over_them(state: AgentState, others: dict[int, Trajectory]) -> StepResult:
-    """It has held for long for others that stay in its way: it flies on above them, if that is clear."""
+def _resume_above(state: AgentState, others: dict[int, Trajectory]) -> StepResult:
+    """Resume above the vehicles that stay in its way, if that is clear; hold on otherwise."""
     assert state.interrupted_plan is not None
     here, higher = position_of(state), _climb(state, others)
     plan = at_height(state.interrupted_plan.plan, higher.height_m)
@@ -265,22 +280,26 @@ def _over_them(state: AgentState, others: dict[int, Trajectory]) -> StepResult:
         plan = with_level_off(state.task, replace(plan, track=plan.track[behind:]), here, 0.0)
     higher = replace(higher, interrupted_plan=msgspec.structs.replace(state.interrupted_plan, plan=plan))
     own = own_trajectory(higher)
-    text, now_s = f"it has held for {HOLDS_FOR_S:.0f} s", state.vehicle.time_boot_s
-    clear = own is not None and _is_clear(higher, own, others) and not _may_be_met(higher)
+    text, now_s = f"has held for {HOLDS_FOR_S:.0f} s", state.vehicle.time_boot_s
+    clear = own is not None and _is_clear(higher, own, others) and not _passes_silent(higher)
     if higher.height_m > state.height_m and clear:
         higher = replace(higher, holding_since_boot_s=now_s, deferred_for=frozenset())
-        return _flies_on(higher, f"{text}: it flies on at {higher.height_m:.0f} m, above the others")
+        height = f"{higher.height_m:.0f} m, above the other vehicles"
+        return _resume(higher, f"{text}; resumes its route at {height} [resumes-higher]")
     return replace(state, holding_since_boot_s=now_s), [
-        ev.NotifyOperator(f"{text}, and no height is clear: it holds on")
+        ev.NotifyOperator(f"{text}; no height is clear; continues to hold [keeps-holding]")
     ]
 
 
-# --- where all will be, in metres of the area's plane, up above this vehicle's home
+# --- trajectories in the area's local frame [m], heights above this vehicle's home
 
 
 def own_trajectory(state: AgentState, for_s: float | None = None) -> Trajectory | None:
-    """Along its plan as fast as it is, or as it would be if it did not hold for others; straight on where it
-    flies none. So far as is looked ahead, if `for_s` does not say otherwise."""
+    """Return the own trajectory for the next `for_s` seconds (default: the look-ahead time).
+
+    It follows the plan at the present speed, or at cruise speed while the vehicle gives way. Without a plan
+    it continues straight on.
+    """
     vehicle, rules = state.vehicle, state.task.separation
     here = position_of(state)
     if here is None:
@@ -297,7 +316,7 @@ def own_trajectory(state: AgentState, for_s: float | None = None) -> Trajectory 
 
 
 def position_of(state: AgentState) -> LocalPoint | None:
-    """Where it is; None where it has not told."""
+    """Return its position; None without one in the last telemetry."""
     vehicle = state.vehicle
     if vehicle.lat_deg is None or vehicle.lon_deg is None or vehicle.alt_rel_m is None:
         return None
@@ -305,17 +324,17 @@ def position_of(state: AgentState) -> LocalPoint | None:
 
 
 def track_ahead(track: Sequence[LocalPoint], here: LocalPoint) -> Sequence[LocalPoint]:
-    """What of a track lies before a vehicle that flies along it: from the end of the leg it is nearest to."""
+    """Return the rest of a track ahead of a vehicle on it: from the end of the nearest leg."""
     best, nearest_m = 0, math.dist(track[0][:2], here[:2])
     for i in range(1, len(track)):
         away_m = distance_to_leg(here[:2], track[i - 1][:2], track[i][:2])
-        if away_m < nearest_m - 1e-6:  # else it is at a corner, which is still to be passed
+        if away_m < nearest_m - 1e-6:  # of two equally near legs the first, so a corner is still ahead
             best, nearest_m = i, away_m
     return track[best:]
 
 
 def _along(points: Sequence[LocalPoint], speed_m_s: float, from_s: float, for_s: float) -> Trajectory:
-    """From point to point for so long, at the end standing."""
+    """Return the trajectory from point to point for `for_s` seconds; it stands still at the last point."""
     times_s, passed = [from_s], [points[0]]
     for point in points[1:]:
         takes_s = math.dist(passed[-1][:2], point[:2]) / speed_m_s
@@ -335,7 +354,7 @@ def _along(points: Sequence[LocalPoint], speed_m_s: float, from_s: float, for_s:
 
 
 def _standing(state: AgentState) -> Trajectory | None:
-    """Where it comes to a stop if it holds now, and stays."""
+    """Return the trajectory of a hold from now on: standing at its stopping point."""
     here, rules = position_of(state), state.task.separation
     if here is None:
         return None
@@ -344,14 +363,15 @@ def _standing(state: AgentState) -> Trajectory | None:
 
 
 def stopping_point(state: AgentState, here: LocalPoint) -> LocalPoint:
-    """Where it comes to a stop if it holds now."""
+    """Return where the vehicle comes to a stop if it holds now."""
     vehicle = state.vehicle
     braking_s = vehicle.ground_speed_m_s / (2.0 * BRAKING_M_S2)
     return here[0] + vehicle.east_m_s * braking_s, here[1] + vehicle.north_m_s * braking_s, here[2]
 
 
 def predict(state: AgentState, heard: NeighbourReport) -> Trajectory | None:
-    """Straight on from where it said it was; None where it is in nobody's way or was not heard of late."""
+    """Return another vehicle's extrapolated trajectory; None if it is on the ground or its state is too
+    old."""
     told, now_s = heard.state, state.vehicle.time_boot_s
     if not 0.0 <= now_s - heard.at_s <= MAX_REPORT_AGE_S or told.alt_rel_m < AIRBORNE_M:
         return None
@@ -360,39 +380,38 @@ def predict(state: AgentState, heard: NeighbourReport) -> Trajectory | None:
 
 
 def _place(state: AgentState, told: StateShared) -> LocalPoint:
-    """Where it was when it told that."""
+    """Return the position in another vehicle's state."""
     east_m, north_m = state.task.grid.frame.to_local(told.lat_deg, told.lon_deg)
     return east_m, north_m, _up_m(state.vehicle, told)
 
 
 def _up_m(vehicle: VehicleState, other: StateShared) -> float:
-    """The height of another above this vehicle's home, which may lie higher than the other's."""
+    """Return the height of another vehicle above this vehicle's home; the two homes may differ in height."""
     if vehicle.alt_amsl_m is None or vehicle.alt_rel_m is None or other.alt_amsl_m is None:
         return other.alt_rel_m
     return other.alt_amsl_m - vehicle.alt_amsl_m + vehicle.alt_rel_m
 
 
-# --- for the operator
-
-_DEAF = ", for that does not say that it hears it"
+# --- messages to the operator
 
 
-def _in_words(alarm: ProximityAlarm, now_s: float) -> str:
+def _alarm_text(alarm: ProximityAlarm, now_s: float) -> str:
     at = alarm.approach
     return (
-        f"too close to vehicle {alarm.other} in {max(at.t_s - now_s, 0.0):.0f} s: {at.horizontal_m:.0f} m "
-        f"over ground and {at.vertical_m:.1f} m in height"
+        f"will be too close to vehicle {alarm.other} in {max(at.t_s - now_s, 0.0):.0f} s "
+        f"({at.horizontal_m:.0f} m horizontally, {at.vertical_m:.1f} m vertically)"
     )
 
 
-def _who(state: AgentState, alarm: ProximityAlarm) -> str:
+def _reaction(state: AgentState, alarm: ProximityAlarm) -> str:
     if state.task.separation.action == "none":
-        return ""
-    if not _is_to_give_way(state, alarm.other):
-        return "; the other gives way"
+        return " [alarm]"
+    if not _has_to_give_way(state, alarm.other):
+        return f"; vehicle {alarm.other} gives way [alarm-other-yields]"
     if not (may_give_way(state) or state.interrupted_plan):
-        return "; it cannot give way now"
+        return "; cannot give way now [alarm-cannot-yield]"
     heard = state.neighbours.get(alarm.other)
-    is_told = heard is None or heard.state.phase != Phase.FLYING or _hears(state, heard)
-    deaf = "" if is_told or gives_way_by_id(state.task.uav, alarm.other) else _DEAF
-    return f"; it gives way{deaf}"
+    acknowledges = heard is None or heard.state.phase != Phase.FLYING or _hears(state, heard)
+    if acknowledges or gives_way_by_id(state.task.uav, alarm.other):
+        return "; gives way [alarm-yields]"
+    return f"; gives way: vehicle {alarm.other} does not acknowledge hearing this vehicle [alarm-not-heard]"

@@ -1,8 +1,12 @@
-"""Telling the others where it will be, and keeping what they tell: the flights that plans are compared by.
+"""Intents: the trajectory that each vehicle broadcasts, and the trajectories received from others. Pure.
 
-An intent is told when a plan is taken up, when the vehicle is no more where it said it would be, and every
-few seconds: who joins late, or has lost one, knows it soon. Of whom none is known, or an old one, there is
-still the watch on where it flies now (`swarmctl.agent.traffic.collision_avoidance`).
+| sent | time |
+|---|---|
+| a plan is taken up | at once |
+| the vehicle is off its announced position | at most once a second |
+| otherwise | every 5 s, for late joiners and after losses |
+
+Without a recent intent of a vehicle, `collision_avoidance` still watches its position.
 """
 
 from __future__ import annotations
@@ -30,24 +34,24 @@ from swarmctl.core.frames import MAX_AHEAD_S, MAX_POINTS, IntentPoint, IntentSha
 from swarmctl.core.mission import FlightPlan
 
 EVERY_S = 5.0
-"""An intent is told again after this …"""
-SOONEST_S = 1.0
-"""… or where the vehicle is elsewhere, no oftener than this."""
+"""Interval between intents without news."""
+MIN_INTERVAL_S = 1.0
+"""Least interval while the vehicle is off its announced position."""
 DRIFT_S, DRIFT_M = 1.0, 3.0
-"""It is elsewhere where it is off by more than it flies in so long, and by more than this."""
+"""Off its position: by more than the distance flown in this time, and by more than this distance."""
 MAX_AGE_S = 20.0
-"""What was told before that is not reckoned with: four have been lost, or its sender."""
+"""Oldest intent in use: four in a row are lost by then, or their sender is."""
 STANDS_S = 30.0
-"""Who holds is told to stay for so long."""
-KEPT_CLEAR_S, AROUND_M = 180.0, 60.0
-"""For so long who tells no position any more is told to be near where it was, and so near at most: it soon
-stops, comes down or turns for home."""
+"""Duration of the announced hold."""
+LAST_POSITION_S, MAX_UNCERTAINTY_M = 180.0, 60.0
+"""Without a position, the time for which the last one is announced, and its greatest uncertainty: the vehicle
+soon stops, lands or returns."""
 AT_HOME_M, AT_LANDING_M = 5.0, 2.0
-"""so near over ground to where it took off, or lands, a vehicle climbs or comes down on the spot"""
+"""Horizontal distances within which a vehicle climbs vertically after take-off, or descends vertically."""
 
 
 def share_intent(state: AgentState) -> StepResult:
-    """With each position: where it will be, if that is due."""
+    """Send the own intent if it is due. Called for each position."""
     now_s = state.vehicle.time_boot_s
     if state.ended and state.own_intent is None:
         return state, []
@@ -55,26 +59,27 @@ def share_intent(state: AgentState) -> StepResult:
         return state, []
     since_s = now_s - state.intent_sent_boot_s
     is_due = not 0.0 <= since_s < EVERY_S or state.ended
-    if not is_due and (since_s < SOONEST_S or not _is_elsewhere(state)):
+    if not is_due and (since_s < MIN_INTERVAL_S or not _is_off_intent(state)):
         return state, []
     return publish_intent(state, None if state.ended else planned_flight(state))
 
 
 def publish_intent(state: AgentState, flight: Trajectory | None) -> StepResult:
-    """Tell the others that it flies so, or that nobody knows how."""
+    """Broadcast `flight` as the own intent; None withdraws it."""
     swap, now_s = state.pending or state.route, state.vehicle.time_boot_s
     message = IntentShared(
         plan_id=0 if swap is None or flight is None else swap.plan_id,
         points=() if flight is None else _points(state, flight),
         may_change=may_change(state),
-        around_m=(0.0, 0.0) if flight is None else _around_m(state),
+        around_m=(0.0, 0.0) if flight is None else _uncertainty_m(state),
         on_ground=state.phase is Phase.LAUNCHING,
     )
     return replace(state, own_intent=flight, intent_sent_boot_s=now_s), [ev.Publish(message)]
 
 
 def may_change(state: AgentState) -> bool:
-    """Whether it could take another plan, or can when it is up; who holds to give way is where it is."""
+    """Return whether the vehicle can take another plan, now or after take-off; not while it holds to give
+    way."""
     is_on_its_way = state.phase in (Phase.LAUNCHING, Phase.FLYING)
     knows = state.vehicle.has_position and not state.lost
     return is_on_its_way and state.interrupted_plan is None and knows
@@ -90,8 +95,8 @@ def _points(state: AgentState, flight: Trajectory) -> tuple[IntentPoint, ...]:
     )
 
 
-def _is_elsewhere(state: AgentState) -> bool:
-    """Than it said it would be now."""
+def _is_off_intent(state: AgentState) -> bool:
+    """Return whether the vehicle is off the position that its last intent announced for now."""
     told, here = state.own_intent, position_amsl(state)
     if told is None or here is None:
         return told is None and planned_flight(state) is not None
@@ -103,44 +108,49 @@ def _is_elsewhere(state: AgentState) -> bool:
     return math.dist(at[:2], here[:2]) > may_m or abs(at[2] - here[2]) > limits.vertical_m
 
 
-# --- where it will be, by the vehicle's clock, in metres of the area's plane, up above the sea
+# --- own trajectories: times of the vehicle's clock, local frame of the area [m], heights above the sea
 
 
 def position_amsl(state: AgentState) -> LocalPoint | None:
-    """Where it is."""
+    """Return its position with the height above the sea; None if unknown."""
     here, height_m = position_of(state), state.vehicle.alt_amsl_m
     return None if here is None or height_m is None else (here[0], here[1], height_m)
 
 
 def planned_flight(state: AgentState) -> Trajectory | None:
-    """From now on; None where that is not known."""
+    """Return the own trajectory from now on; None if unknown."""
     here = position_of(state)
-    return _somewhere(state) if here is None else to_shared_frame(state, _ahead(state, here))
+    return (
+        _stand_at_last_position(state)
+        if here is None
+        else to_shared_frame(state, _phase_trajectory(state, here))
+    )
 
 
-def _somewhere(state: AgentState) -> Trajectory | None:
-    """Of who tells no position any more: about where it was, half as high, for it may come down."""
+def _stand_at_last_position(state: AgentState) -> Trajectory | None:
+    """Return a stand at its last position for a vehicle without one, at half the height: it may be
+    landing."""
     there, now_s = state.last_position, state.vehicle.time_boot_s
     if there.lat_deg is None or there.lon_deg is None or there.alt_amsl_m is None or there.alt_rel_m is None:
         return None
-    if not 0.0 <= now_s - there.time_boot_s <= KEPT_CLEAR_S:
+    if not 0.0 <= now_s - there.time_boot_s <= LAST_POSITION_S:
         return None
     place = state.task.grid.frame.to_local(there.lat_deg, there.lon_deg)
     up_m = there.alt_amsl_m - 0.5 * max(there.alt_rel_m, 0.0)
     return Trajectory((now_s, now_s + STANDS_S), ((*place, up_m), (*place, up_m)))
 
 
-def _around_m(state: AgentState) -> tuple[float, float]:
-    """How far from what it tells it may be, over ground and in height."""
+def _uncertainty_m(state: AgentState) -> tuple[float, float]:
+    """Return the uncertainty of the announced position, horizontal and vertical [m]."""
     there = state.last_position
     if state.vehicle.has_position or there.alt_rel_m is None:
         return 0.0, 0.0
     away_m = there.ground_speed_m_s * (state.vehicle.time_boot_s - there.time_boot_s)
-    return min(away_m, AROUND_M), 0.5 * max(there.alt_rel_m, 0.0)
+    return min(away_m, MAX_UNCERTAINTY_M), 0.5 * max(there.alt_rel_m, 0.0)
 
 
 def flight_by_plan(state: AgentState, plan: FlightPlan) -> Trajectory | None:
-    """If it takes up this plan now, in flight; None where it does not know where it is."""
+    """Return the trajectory in case it takes up `plan` now, in flight; None without a position."""
     here = position_of(state)
     if here is None:
         return None
@@ -159,7 +169,8 @@ def flight_by_plan(state: AgentState, plan: FlightPlan) -> Trajectory | None:
 
 
 def to_shared_frame(state: AgentState, flight: Trajectory | None) -> Trajectory | None:
-    """A flight that is told from 0 s on and above home."""
+    """Return a flight shifted from 0 s and heights above home to the vehicle's clock and heights above the
+    sea."""
     vehicle = state.vehicle
     if flight is None or vehicle.alt_amsl_m is None or vehicle.alt_rel_m is None:
         return None
@@ -168,12 +179,12 @@ def to_shared_frame(state: AgentState, flight: Trajectory | None) -> Trajectory 
     return Trajectory(tuple(t + vehicle.time_boot_s for t in flight.times_s), points)
 
 
-def _ahead(state: AgentState, here: LocalPoint) -> Trajectory | None:
-    """From 0 s on and above home; None where that is not known."""
+def _phase_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
+    """Return the trajectory of the present phase from 0 s on, heights above home; None if unknown."""
     task, swap = state.task, state.pending or state.route
     speed_m_s = state.speed_m_s or task.arrival.speed_m_s
     if task.wings is not None:
-        return _winged_ahead(state, here, speed_m_s)
+        return _fixed_wing_trajectory(state, here, speed_m_s)
     match state.phase:
         case Phase.LAUNCHING if swap is not None:
             lift_s = LIFT_S if here[2] < AIRBORNE_M else 0.0
@@ -184,7 +195,7 @@ def _ahead(state: AgentState, here: LocalPoint) -> Trajectory | None:
             plan, way = swap.plan, waypoints_of(task, swap.plan)
             if state.phase is Phase.LANDING and state.ordered is ev.FlightOrder.LAND:
                 return land_from([here], [0.0])
-            if state.phase is Phase.LANDING and _comes_down(here, way[-1], height_of(plan)):
+            if state.phase is Phase.LANDING and _descends_here(here, way[-1], height_of(plan)):
                 return land_from([(*way[-1], here[2])], [0.0])
             if _climbs_on_the_spot(state, here, plan):
                 return climb_then_fly(here, height_of(plan), way, speed_m_s)
@@ -196,18 +207,18 @@ def _ahead(state: AgentState, here: LocalPoint) -> Trajectory | None:
             return Trajectory((0.0, STANDS_S), (stop, stop))
         case Phase.LEAVING if state.ordered is ev.FlightOrder.LAND:
             return land_from([here], [0.0])
-    # How high a firmware climbs before it returns is its own affair.
+    # A return is not predicted: the height to which a firmware climbs first is its own parameter.
     return None
 
 
-def _comes_down(here: LocalPoint, place: tuple[float, float], height_m: float) -> bool:
-    """On the spot, at its landing place; also where wind moves it about there."""
+def _descends_here(here: LocalPoint, place: tuple[float, float], height_m: float) -> bool:
+    """Return whether it descends vertically at its landing spot; wind may move it about there."""
     near_m = AT_HOME_M if here[2] < height_m - AIRBORNE_M else AT_LANDING_M
     return math.dist(here[:2], place) < near_m
 
 
-def _winged_ahead(state: AgentState, here: LocalPoint, speed_m_s: float) -> Trajectory | None:
-    """Of a fixed wing; None where it circles, or returns."""
+def _fixed_wing_trajectory(state: AgentState, here: LocalPoint, speed_m_s: float) -> Trajectory | None:
+    """Return the trajectory of a fixed wing; None while it circles or returns."""
     task, swap, vehicle = state.task, state.pending or state.route, state.vehicle
     if swap is None or state.interrupted_plan is not None:
         return None
@@ -231,30 +242,31 @@ def _climbs_on_the_spot(state: AgentState, here: LocalPoint, plan: FlightPlan) -
     return math.dist(here[:2], home) < AT_HOME_M and here[2] < height_of(plan) - AIRBORNE_M
 
 
-# --- what others tell
+# --- intents received
 
 
 def receive_intents(state: AgentState, event: ev.Intents, _now: float) -> StepResult:
-    """Keep what others have told of late."""
+    """Store the recent intents of other vehicles."""
     now_s = state.vehicle.time_boot_s
     kept = dict(state.intents)
     for uav, age_s, intent in event.told:
-        flight = _flight_told(state, intent, now_s - age_s)
+        flight = _received_flight(state, intent, now_s - age_s)
         kept.pop(uav, None)
         if flight is not None and uav != state.task.uav:
-            # Heights keep routes apart, not landings: those are for the watch. But whoever lands already, or
-            # is about to, gives way to nobody any more.
+            # Heights separate routes but not landings, so a landing that can still change is left to
+            # collision avoidance. A vehicle that lands already, or is about to, has priority: its landing
+            # counts.
             flight = until_landing(flight) if intent.may_change else flight
             said_s, (away_m, up_m) = now_s - age_s, intent.around_m
-            vague = (min(away_m, AROUND_M), up_m)  # no more is told by who does not lie
+            uncertainty = (min(away_m, MAX_UNCERTAINTY_M), up_m)  # an honest sender announces no more
             kept[uav] = NeighbourIntent(
-                flight, Bounds.of(flight), intent.may_change, said_s, vague, intent.on_ground
+                flight, Bounds.of(flight), intent.may_change, said_s, uncertainty, intent.on_ground
             )
     fresh = {uav: known for uav, known in kept.items() if 0.0 <= now_s - known.said_s <= MAX_AGE_S}
     return replace(state, intents=fresh), []
 
 
-def _flight_told(state: AgentState, intent: IntentShared, said_s: float) -> Trajectory | None:
+def _received_flight(state: AgentState, intent: IntentShared, said_s: float) -> Trajectory | None:
     if len(intent.points) < 2:
         return None
     frame = state.task.grid.frame
@@ -262,5 +274,5 @@ def _flight_told(state: AgentState, intent: IntentShared, said_s: float) -> Traj
     points = tuple((*place, p.alt_amsl_m) for place, p in zip(places, intent.points, strict=True))
     try:
         return Trajectory(tuple(said_s + p.in_s for p in intent.points), points)
-    except ValueError:  # too far from the area to be in its plane, or of times too near to tell apart
+    except ValueError:  # too far away for the local frame, or times that do not increase
         return None

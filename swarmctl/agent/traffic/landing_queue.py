@@ -1,9 +1,17 @@
-"""Over its goal: who would come down on somebody that cannot give way any more waits above. Pure.
+"""Landing queue: a copter whose descent would meet another vehicle hovers above its landing spot until the
+way down is clear. Pure.
 
-Those that fly to one goal come over one cell at heights of their own, but a landing leads down through the
-heights of all below. Who is still on its way there gives way to it (`swarmctl.agent.traffic.route_deconfliction`); who is over
-the goal as well gives way to nobody. Of two such the higher one waits, over its own landing place, until its
-way down is clear. Nobody waits for one that is above it, so no two wait for each other.
+Vehicles with one goal arrive at different heights, but a landing descends through the heights of all below.
+
+| the other vehicle | priority |
+|---|---|
+| en route to the goal | this one lands; the other gives way (`route_deconfliction`) |
+| over the goal, lower | the other; this one waits |
+| over the goal, higher | this one lands; the other waits |
+| over the goal, same height within 1 m | the lower system id; the other one waits |
+
+No vehicle waits for a higher one, so no two wait for each other. An urgent failsafe, a lost link and a height
+below 5 m end the waiting. A fixed wing does not wait: it cannot hover.
 """
 
 from __future__ import annotations
@@ -33,7 +41,7 @@ from swarmctl.agent.traffic.intents import (
     publish_intent,
     to_shared_frame,
 )
-from swarmctl.agent.traffic.route_deconfliction import PARTS_WITHIN_S, clashes_with, known_intents
+from swarmctl.agent.traffic.route_deconfliction import SEPARATES_WITHIN_S, clashes_with, known_intents
 from swarmctl.agent.traffic.separation.clash import Clash, describe_clashes
 from swarmctl.agent.traffic.separation.trajectory import Bounds, LocalPoint, Trajectory, landing_start_s
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent
@@ -44,42 +52,47 @@ from swarmctl.core.vehicle import Landed
 
 LOOKS_EVERY_S = 0.2
 WAITS_WITHIN_S = 15.0
-"""For what would meet it later it does not wait yet: that may still change."""
-LEAST_WAIT_S = 3.0
-"""Until then it stands, and what it has told is heard."""
+"""Conflicts later than this do not cause a wait yet: they may still change."""
+MIN_WAIT_S = 3.0
+"""Shortest wait; by then the vehicle stands and the others have its intent."""
 CLEAR_FOR_S = 20.0
-"""So long its way down has to be clear before it comes down again …"""
+"""Time for which the descent has to be clear before the vehicle lands."""
 STARTS_AFTER_S = (0.0, 2.0, 4.0)
-"""… also where the order takes some seconds."""
+"""Delays of the descent that are checked: a vehicle takes some seconds to follow the order."""
 AT_PLACE_M = 1.0
-"""so near over ground to its landing place it may come down where it is"""
-LEAST_M = 5.0
-"""above home: who is lower comes down"""
+"""Horizontal distance from the landing spot within which the vehicle lands where it is."""
+MIN_HEIGHT_M = 5.0
+"""Height above home below which a vehicle lands in any case."""
 STOPS_BEFORE_S = 3.0
-"""So long before it begins to come down it is told to stop: near its landing place, and not lower yet."""
+"""Time before the descent at which the hold is ordered: near the landing spot, and not lower yet."""
 SAME_HEIGHT_M = 1.0
-"""Of two that are no farther apart than this in height neither is the higher one for both."""
-SAYS_AGAIN_S = 60.0
+"""Difference in height below which the system id decides."""
+REPORTS_AGAIN_S = 60.0
+"""Interval of reports to the operator while waiting."""
 
 
 def queue_for_landing(state: AgentState) -> StepResult:
-    """With each position of what lands at its goal: it stops for who is below, or comes down again."""
+    """Hold for a vehicle below, or land when the descent is clear. Called for each position over the goal."""
     if state.phase is not Phase.LANDING or state.task.wings is not None or state.lost:
         return state, []
-    if state.interrupted_plan is not None and _is_pressed(state):
-        return _lands_here(state, "it waits above no longer, and lands where it is")
+    if state.interrupted_plan is not None and _is_urgent(state):
+        return _land_here(
+            state, "an urgent failsafe ends the wait above its landing spot; lands [landing-urgent]"
+        )
     now_s, here = state.vehicle.time_boot_s, position_amsl(state)
     if here is None or 0.0 <= now_s - state.descent_checked_boot_s < LOOKS_EVERY_S:
         return state, []
     state = replace(state, descent_checked_boot_s=now_s)
     if state.interrupted_plan is not None:
-        return _goes_down_if_clear(state, here)
-    return _waits_if_met(state, here) if _may_wait(state) else (state, [])
+        return _land_if_clear(state, here)
+    return _wait_if_conflicting(state, here) if _may_wait(state) else (state, [])
 
 
 def land_unconfirmed(state: AgentState) -> StepResult:
-    """Who was told to wait and has not been seen to do so is not told again where that is of no use any more:
-    it is low by now, or its way down is clear."""
+    """Order the landing if the vehicle never confirmed the hold and the hold is of no use any more.
+
+    That is below the least height for waiting, or with a clear descent.
+    """
     if (
         state.phase is not Phase.LANDING
         or state.interrupted_plan is None
@@ -90,37 +103,40 @@ def land_unconfirmed(state: AgentState) -> StepResult:
     here, up_m = position_amsl(state), state.vehicle.alt_rel_m
     if here is None or up_m is None:
         return state, []
-    is_low = up_m < LEAST_M
+    is_low = up_m < MIN_HEIGHT_M
     waits = state.vehicle.time_boot_s < state.resume_earliest_boot_s or bool(
-        _met_below(state, _below(state, here))
+        _descent_conflicts(state, _below(state, here))
     )
     if waits and not is_low:
         return state, []
-    return _lands_here(state, "it has not been heard to wait above, and need not any more: it comes down")
+    why = "is too low to wait" if is_low else "has a clear descent"
+    return _land_here(
+        state, f"did not confirm the hold above its landing spot and {why}; lands [landing-unconfirmed]"
+    )
 
 
-def _lands_here(state: AgentState, text: str) -> StepResult:
+def _land_here(state: AgentState, text: str) -> StepResult:
     state, ordered = command(replace(end_give_way(state), route=state.interrupted_plan), ev.FlightOrder.LAND)
     state, told = publish_intent(state, planned_flight(state))
     return state, [ev.NotifyOperator(text), *ordered, *told]
 
 
-def _is_pressed(state: AgentState) -> bool:
-    """Whether a rule wants it down, or home, without waiting."""
+def _is_urgent(state: AgentState) -> bool:
+    """Return whether a failsafe demands a return or a landing without waiting."""
     demands = (demand for demand in state.demands if demand is not None and demand.urgent)
     return any(STRENGTH[demand.kind] >= STRENGTH[DemandKind.RETURN] for demand in demands)
 
 
 def _may_wait(state: AgentState) -> bool:
     vehicle, action = state.vehicle, state.task.separation.action
-    if action == "none" or state.route is None or state.pending is not None or _is_pressed(state):
+    if action == "none" or state.route is None or state.pending is not None or _is_urgent(state):
         return False
     follows = state.order_followed or state.ordered in (None, ev.FlightOrder.LAUNCH)
     is_ours = follows and vehicle.mode_role in own_mode_roles(state)
-    return is_ours and vehicle.armed and vehicle.alt_rel_m is not None and vehicle.alt_rel_m >= LEAST_M
+    return is_ours and vehicle.armed and vehicle.alt_rel_m is not None and vehicle.alt_rel_m >= MIN_HEIGHT_M
 
 
-def _waits_if_met(state: AgentState, here: LocalPoint) -> StepResult:
+def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
     assert state.route is not None
     flight, now_s = planned_flight(state), state.vehicle.time_boot_s
     if flight is None:
@@ -128,37 +144,39 @@ def _waits_if_met(state: AgentState, here: LocalPoint) -> StepResult:
     others = _others(state)
     below = {uav: told for uav, told in others.items() if _waits_for(state, here, uav, told)}
     lands_s = landing_start_s(flight)
-    # Where it is level yet is its own: for what meets it on its way down it stops there.
+    # Until shortly before the descent only conflicts of the level flight count: for a conflict of the descent
+    # the vehicle stops later, near its landing spot.
     until_s = lands_s if lands_s > now_s + STOPS_BEFORE_S else math.inf
     met = [
         clash
         for clash in clashes_with(flight, below, state.task.separation.limits)
-        if clash.at_s < min(until_s, now_s + _waits_within_s(below[clash.other]))
+        if clash.at_s < min(until_s, now_s + _conflict_horizon_s(below[clash.other]))
     ]
-    if not met or _is_in_the_way(state, here, others):
+    if not met or _hold_would_block(state, here, others):
         return state, []
-    tally, n = state.deconfliction, len(met)
-    tally = replace(tally, predicted=tally.predicted + n, by_waiting=tally.by_waiting + n)
+    counts, n = state.deconfliction, len(met)
+    counts = replace(counts, predicted=counts.predicted + n, by_waiting=counts.by_waiting + n)
     state, ordered = command(
-        replace(state, n_holds=state.n_holds + 1, deconfliction=tally),
+        replace(state, n_holds=state.n_holds + 1, deconfliction=counts),
         ev.FlightOrder.HOLD,
         interrupted_plan=state.route,
         gave_way_to={at.other: heard for at in met if (heard := state.neighbours.get(at.other)) is not None},
         holding_since_boot_s=now_s,
-        resume_earliest_boot_s=now_s + LEAST_WAIT_S,
+        resume_earliest_boot_s=now_s + MIN_WAIT_S,
     )
     state, told = publish_intent(state, planned_flight(state))
-    text = f"over its goal its way down meets {describe_clashes(met, now_s)}: it waits above"
-    return state, [ev.NotifyOperator(text), *ordered, *told]
+    text = f"its descent would conflict with {describe_clashes(met, now_s)}; holds above its landing spot"
+    return state, [ev.NotifyOperator(f"{text} [landing-queue]"), *ordered, *told]
 
 
-def _waits_within_s(told: NeighbourIntent) -> float:
-    """Who may still give way has the time to."""
-    return PARTS_WITHIN_S if told.may_change else WAITS_WITHIN_S
+def _conflict_horizon_s(told: NeighbourIntent) -> float:
+    """Return how soon a conflict has to be; later, a vehicle that can change its plan still gives way."""
+    return SEPARATES_WITHIN_S if told.may_change else WAITS_WITHIN_S
 
 
 def _others(state: AgentState) -> dict[int, NeighbourIntent]:
-    """All that it hears of: by their plans, else as they fly now; and who may stand where it fell silent."""
+    """Return the trajectories of all others: intents, else extrapolated positions, and those of silent
+    vehicles."""
     told, vehicle = known_intents(state), state.vehicle
     home_m = (vehicle.alt_amsl_m or 0.0) - (vehicle.alt_rel_m or 0.0)
     paths = silent_neighbours(state)
@@ -183,55 +201,57 @@ def _height_now_m(state: AgentState, told: NeighbourIntent) -> float:
 
 
 def _waits_for(state: AgentState, here: LocalPoint, uav: int, told: NeighbourIntent) -> bool:
-    """The higher one for the lower; at one height the one with the higher system id."""
+    """Return whether this vehicle waits for another: it is higher, or at the same height has the higher
+    id."""
     above_m = here[2] - _height_now_m(state, told)
     return above_m > SAME_HEIGHT_M or (above_m >= -SAME_HEIGHT_M and state.task.uav > uav)
 
 
-def _is_in_the_way(state: AgentState, here: LocalPoint, others: Mapping[int, NeighbourIntent]) -> bool:
-    """Of somebody who could not give way, where it would stop."""
+def _hold_would_block(state: AgentState, here: LocalPoint, others: Mapping[int, NeighbourIntent]) -> bool:
+    """Return whether the hold itself would block a vehicle that cannot give way."""
     limits, now_s = state.task.separation.limits, state.vehicle.time_boot_s
     east_m, north_m, up_m = stopping_point(state, here)
     stop = (east_m, north_m, up_m + min(state.vehicle.climb_m_s, 0.0))
     stands = Trajectory((now_s, now_s + STANDS_S), (stop, stop))
-    # Who is above waits for it.
+    # Vehicles above wait for this one.
     near = {
         uav: told
         for uav, told in others.items()
         if _height_now_m(state, told) - stop[2] < limits.vertical_m + SAME_HEIGHT_M
     }
     met = clashes_with(stands, near, limits)
-    return any(not near[at.other].may_change or at.at_s < now_s + PARTS_WITHIN_S for at in met)
+    return any(not near[at.other].may_change or at.at_s < now_s + SEPARATES_WITHIN_S for at in met)
 
 
-# --- down again
+# --- end of the wait
 
 
-def _goes_down_if_clear(state: AgentState, here: LocalPoint) -> StepResult:
+def _land_if_clear(state: AgentState, here: LocalPoint) -> StepResult:
     now_s = state.vehicle.time_boot_s
-    # Its mission is not changed while it says that it lands, as it may for a while after it has stopped.
+    # The mission is not changed while the vehicle reports to be landing; it may do so for a while after a
+    # stop.
     stands = state.order_followed and state.vehicle.landed is not Landed.LANDING
     if not stands or state.interrupted_plan is None or now_s < state.resume_earliest_boot_s:
         return state, []
     to = {uav: state.neighbours.get(uav, heard) for uav, heard in state.gave_way_to.items()}
-    # Who comes down itself, and falls silent, is down.
+    # A landing vehicle that falls silent has landed.
     to = {uav: heard for uav, heard in to.items() if heard.state.phase != Phase.LANDING}
     state = replace(state, gave_way_to=to)
-    met = _met_below(state, _below(state, here))
+    met = _descent_conflicts(state, _below(state, here))
     if not met:
-        state, ordered = _goes_down(state)
+        state, ordered = _land(state)
         state, told = publish_intent(state, planned_flight(state))
-        return state, [ev.NotifyOperator("clear below: it comes down"), *ordered, *told]
-    if now_s - state.holding_since_boot_s < SAYS_AGAIN_S:
+        return state, [ev.NotifyOperator("its descent is clear; lands [descent-clear]"), *ordered, *told]
+    if now_s - state.holding_since_boot_s < REPORTS_AGAIN_S:
         return state, []
-    text = f"it has waited over its goal for {SAYS_AGAIN_S:.0f} s, and its way down meets "
+    text = f"has held above its landing spot for {REPORTS_AGAIN_S:.0f} s; its descent conflicts with "
     return replace(state, holding_since_boot_s=now_s), [
-        ev.NotifyOperator(f"{text}{describe_clashes(met, now_s)}: it waits on")
+        ev.NotifyOperator(f"{text}{describe_clashes(met, now_s)}; continues to hold [landing-queue-long]")
     ]
 
 
-def _met_below(state: AgentState, below: Mapping[int, NeighbourIntent]) -> tuple[Clash, ...]:
-    """Whom it would meet if it came down now, or a little later."""
+def _descent_conflicts(state: AgentState, below: Mapping[int, NeighbourIntent]) -> tuple[Clash, ...]:
+    """Return the conflicts of a descent that starts now or a little later."""
     place_here, flight = position_of(state), None
     if place_here is not None:
         place, up_m = _landing_place(state), place_here[2]
@@ -257,8 +277,8 @@ def _landing_place(state: AgentState) -> PlanarPoint:
     return waypoints_of(state.task, state.interrupted_plan.plan)[-1]
 
 
-def _goes_down(state: AgentState) -> StepResult:
-    """Over its landing place on the spot; from elsewhere over the goal by a mission that leads there."""
+def _land(state: AgentState) -> StepResult:
+    """Order the landing at its landing spot; from elsewhere upload a mission that leads there."""
     swap, here, place = state.interrupted_plan, position_of(state), _landing_place(state)
     assert swap is not None
     assert here is not None

@@ -1,7 +1,12 @@
-"""The launch: who would meet somebody in the air on its first route waits for that on the ground. Pure.
+"""Launch: a vehicle waits on the ground while its first route conflicts with a vehicle in the air. Pure.
 
-The way is looked at when the launch is ordered, and again right before it is armed and right before it takes
-off, because the checks of what it is and whether it is fit come in between and take their time.
+The first route is checked three times, because preflight checks between them take time.
+
+| check | conflict found |
+|---|---|
+| when the launch is ordered | waits up to 180 s, then the launch is cancelled |
+| before arming | waits on, within the same 180 s |
+| before take-off | disarms; the order is used up and the launch is cancelled |
 """
 
 from __future__ import annotations
@@ -22,55 +27,58 @@ from swarmctl.agent.traffic.separation.watch import NeighbourIntent
 from swarmctl.core import events as ev
 
 MAX_LAUNCH_WAIT_S = 180.0
-"""Then it is not launched."""
+"""Longest wait on the ground; then the launch is cancelled."""
 STARTS_AFTER_S = (-2.0, 0.0, 2.0, 4.0)
-"""To arm takes some seconds, and to climb some less or more than reckoned: all that time the way has to be
-clear, or it would have to give way as soon as it is up."""
+"""Start times checked, relative to now: arming takes some seconds, and the climb may be faster or slower."""
 
 
 def launch_if_possible(state: AgentState) -> StepResult:
-    """With each order to launch, each plan and, while it waits, each word of the vehicle."""
+    """Launch, or wait for a clear route. Called for each order to launch, each plan and each telemetry
+    message."""
     if not (state.phase is Phase.STANDBY and state.launch_ordered and state.pending is None):
         return state, []
     if state.vehicle.mode_role not in {"", *own_mode_roles(state)}:
-        # Somebody has it, or it boots: neither is launched.
-        return release_vehicle(state, f"in mode {state.vehicle.mode}, which nobody here has ordered")
+        # Another operator has the vehicle, or it is booting.
+        return release_vehicle(state, f"in mode {state.vehicle.mode}, which this program has not ordered")
     if met := _met(state, _waited_for(state)):
-        return _waits(state, _in_words(state, met))
+        return _waits(state, _conflict_text(state, met))
     told: list[ev.Effect] = []
     if state.launch_wait_since_boot_s is not None:
-        told.append(ev.NotifyOperator("clear of the others: it launches"))
-    if state.launch_ignored and (past := _met(state, known_intents(state))):
-        told.append(ev.NotifyOperator(f"{_in_words(state, past)}: it launches all the same, as ordered"))
+        told.append(ev.NotifyOperator("its first route is clear; launches [launch-clear]"))
+    if state.launch_ignored and (ignored := _met(state, known_intents(state))):
+        told.append(
+            ev.NotifyOperator(
+                f"{_conflict_text(state, ignored)}; launches anyway, as ordered [launch-ignores]"
+            )
+        )
     state, ordered = command(state, ev.FlightOrder.LAUNCH, phase=Phase.LAUNCHING, trouble="")
     return state, [*told, *ordered]
 
 
 def launch_conflict(state: AgentState) -> str:
-    """Who is, in words, now that it is about to be armed or to take off; empty where nobody is.
+    """Return the conflicts of the first route as text, right before arming or take-off; "" if it is clear.
 
-    Who is about to take off itself is let be: both were ordered at one moment, and if each waited for the
-    other neither would fly.
+    Vehicles that are about to take off themselves are left out. Two that were ordered at one moment would
+    otherwise wait for each other.
     """
     others = {uav: told for uav, told in _waited_for(state).items() if not told.on_ground}
     met = _met(state, others)
-    return _in_words(state, met) if met else ""
+    return _conflict_text(state, met) if met else ""
 
 
-def launch_put_off(state: AgentState, event: ev.LaunchPostponed, _now: float) -> StepResult:
-    """It stands on the ground, not armed, and waits as before. One order arms it once: what was armed is not
-    armed again by itself."""
+def postpone_launch(state: AgentState, event: ev.LaunchPostponed, _now: float) -> StepResult:
+    """Wait on the ground again; cancel the launch if the vehicle had been armed: one order arms it once."""
     if state.phase is not Phase.LAUNCHING or state.ordered is not ev.FlightOrder.LAUNCH:
         return state, []
     if event.was_armed:
-        return cancel_launch(state, f"{event.reason}; it is disarmed again")
+        return cancel_launch(state, f"{event.reason}; disarmed again")
     state, unsaid = _stands_by(state)
     state, waits = _waits(state, event.reason, again=True)
     return state, [*unsaid, *waits]
 
 
 def note_takeoff(state: AgentState) -> AgentState:
-    """It is in the air, which the others are to know at once."""
+    """Return the state in the air; its intent is sent at once."""
     return replace(
         state,
         phase=Phase.FLYING,
@@ -81,29 +89,29 @@ def note_takeoff(state: AgentState) -> AgentState:
 
 
 def cancel_launch(state: AgentState, why: str) -> StepResult:
-    """It is not armed. Who was ordered by an operator stands by for another order."""
+    """Cancel the launch. After an operator's order the vehicle stands by, otherwise its flight has failed."""
     state, unsaid = _stands_by(state)
     state = replace(
         state, launch_ordered=False, launch_wait_since_boot_s=None, trouble=f"not launched: {why}"
     )
     if not state.launch_is_operators:
         return replace(state, phase=Phase.FAILED, outcome=state.trouble), unsaid
-    return state, [*unsaid, ev.NotifyOperator(f"{state.trouble}; it stands by for another order")]
+    return state, [*unsaid, ev.NotifyOperator(f"{state.trouble}; stands by for another order [not-launched]")]
 
 
 def _stands_by(state: AgentState) -> StepResult:
-    """The others, if they were told of its flight, hear that there is none."""
+    """Return to standby, and withdraw an intent that was sent."""
     state = replace(state, phase=Phase.STANDBY, armed_seen=False, launched_boot_s=None)
     return (state, []) if state.own_intent is None else publish_intent(state, None)
 
 
 def _waited_for(state: AgentState) -> dict[int, NeighbourIntent]:
-    """What those have told of late of where they will be for whom it would wait."""
+    """Return the recent intents of the vehicles that the launch waits for."""
     return {uav: told for uav, told in known_intents(state).items() if uav not in state.launch_ignored}
 
 
 def _met(state: AgentState, others: Mapping[int, NeighbourIntent]) -> tuple[Clash, ...]:
-    """Whom of them its first route would meet, if it took off now or a little later."""
+    """Return the conflicts of its first route with `others`, for a take-off now or a little later."""
     start, route = state.vehicle.takeoff_lat_lon, state.route
     if start is None or route is None or not others:
         return ()
@@ -114,27 +122,27 @@ def _met(state: AgentState, others: Mapping[int, NeighbourIntent]) -> tuple[Clas
     return next((met for s in STARTS_AFTER_S if (met := clashes_with(flight.later(s), others, limits))), ())
 
 
-def _in_words(state: AgentState, met: tuple[Clash, ...]) -> str:
-    return f"its first route would meet {describe_clashes(met, state.vehicle.time_boot_s)}"
+def _conflict_text(state: AgentState, met: tuple[Clash, ...]) -> str:
+    return f"its first route would conflict with {describe_clashes(met, state.vehicle.time_boot_s)}"
 
 
 def _waits(state: AgentState, why: str, *, again: bool = False) -> StepResult:
-    """All its waiting for one launch is one time, however often it was about to take off in between."""
+    """Wait on the ground. Attempts in between do not restart the waiting time of one launch."""
     now_s, since_s = state.vehicle.time_boot_s, state.launch_wait_since_boot_s
     begins = since_s is None or now_s < since_s
     since_s = now_s if since_s is None or begins else since_s
     left_s = MAX_LAUNCH_WAIT_S - (now_s - since_s)
     if left_s <= 0.0:
-        return cancel_launch(state, f"{why}, and has for {MAX_LAUNCH_WAIT_S:.0f} s{_how_not_to_wait(state)}")
-    text = f"{why}: it waits on the ground, for {left_s:.0f} s at most{_how_not_to_wait(state)}"
+        return cancel_launch(state, f"{why}, for {MAX_LAUNCH_WAIT_S:.0f} s already{_ignore_hint(state)}")
+    text = f"{why}; waits on the ground for {left_s:.0f} s at most{_ignore_hint(state)} [launch-waits]"
     state = replace(state, launch_wait_since_boot_s=since_s, trouble=text)
     return state, [ev.NotifyOperator(text)] if begins or again else []
 
 
-def _how_not_to_wait(state: AgentState) -> str:
-    """For the operator who has ordered it."""
+def _ignore_hint(state: AgentState) -> str:
+    """Return the command that launches without waiting, for an operator who ordered the launch."""
     met = _met(state, _waited_for(state)) if state.launch_is_operators else ()
-    past = " ".join(
-        f"--past {uav}" for uav in sorted({*state.launch_ignored, *(clash.other for clash in met)})
+    ignore = " ".join(
+        f"--ignore {uav}" for uav in sorted({*state.launch_ignored, *(clash.other for clash in met)})
     )
-    return f" (`order launch --uav {state.task.uav} {past}` does not wait)" if met else ""
+    return f" (`order launch --uav {state.task.uav} {ignore}` does not wait)" if met else ""

@@ -1,4 +1,4 @@
-"""What others tell of themselves: which of it a vehicle has to know, and where it keeps it."""
+"""States that other vehicles broadcast: relevance and storage. Pure."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from swarmctl.core.frames import StateShared
 
 
 def is_relevant(state: AgentState, uav: int, other: StateShared) -> bool:
-    """Whether what another tells is to be known: it is near, on the way home, or to arrive with this one."""
+    """Return whether a state matters: nearby, returning, or arriving at the same time."""
     on_its_way = other.returns_to is not None or uav in state.returning_neighbours
     return on_its_way or state.task.arrival_group is not None or is_near(state, other)
 

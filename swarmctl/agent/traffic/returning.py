@@ -1,8 +1,14 @@
-"""A return that may wait: it begins when the way home is clear of all who are on theirs. Pure.
+"""Return queue: a vehicle that returns by a failsafe holds until its path home is clear. Pure.
 
-Who is on the way home, and who holds until its turn, tells so in its state. Of several that wait the one with
-the lowest system id is first. Two that begin before either has heard of the other both see it within a second
-or two, while they still climb: of these the one with the higher system id holds again.
+Vehicles broadcast whether they are returning or holding for their turn.
+
+| situation | first |
+|---|---|
+| one returns, one waits | the returning vehicle |
+| both wait | the lower system id |
+| both started before either heard of the other | the lower system id; within 5 s the other holds again |
+| urgent return (battery lower still) | at once; the others are scheduled around it |
+| waited for 120 s | returns in any case, the lower system ids up to 60 s earlier, 10 s apart |
 """
 
 from __future__ import annotations
@@ -17,35 +23,39 @@ import msgspec
 from swarmctl.agent.failsafes import lost_link
 from swarmctl.agent.orders import StepResult, command, place_for_return, urgent_return_reason
 from swarmctl.agent.state import IN_FLIGHT, AgentState, Phase
-from swarmctl.agent.traffic.return_turns import may_be_returning, place_from_state, schedule_for
+from swarmctl.agent.traffic.return_schedule import may_be_returning, place_from_state, schedule_for
 from swarmctl.agent.traffic.separation.watch import NeighbourReport
 from swarmctl.core import events as ev
 from swarmctl.core.geo import LatLon
 from swarmctl.core.messages import MAX_AFTER_S
 
 MAX_RETURN_WAIT_S = 120.0
-"""Then it returns, whoever else does; also where it has begun in between."""
-ONE_BY_ONE_S, MOST_ONE_BY_ONE = 10.0, 6
-"""Of several whose time is over by then the lower system ids go that much before it, one after the other."""
+"""Longest wait for a clear path; a start in between does not extend it."""
+STAGGER_S, MAX_STAGGERED = 10.0, 6
+"""Vehicles at the end of their wait start one after the other: each this much earlier than the next system
+id, for at most this many."""
 LOOKS_EVERY_S = 1.0
 SETTLES_S = 5.0
-"""For so long after its begin it still gives way to another that has begun."""
-CLIMBED = 0.9
-"""of its altitude: who is so high takes off no more"""
-WAITS_TOO_S = 5.0
-"""Who was not heard for so long is not waited for, unless it was on its way."""
+"""Time after the start of a return in which it still gives way to a simultaneous start."""
+CLIMBED_SHARE = 0.9
+"""Share of the cruise altitude above which a fixed wing has finished its take-off."""
+MAX_WAITING_AGE_S = 5.0
+"""A waiting vehicle that was silent for longer is not waited for. A returning one is, see
+`may_be_returning`."""
 
 NOT_WAITING: dict[str, Any] = {
     "return_turn_boot_s": None,
     "returns_when_clear": False,
     "return_started_boot_s": None,
-    "last_shared_s": -math.inf,  # the others are to know of it at once
+    "last_shared_s": -math.inf,  # the state is sent at once
 }
 
 
 def return_target(state: AgentState) -> LatLon | None:
-    """Where it is on its way to, or waits to be; also where that is somebody else's doing. None where it is
-    not, or its home is not known."""
+    """Return the home that the vehicle returns to or waits to return to, also after a release.
+
+    None if it does neither, or if its home is unknown.
+    """
     vehicle = state.vehicle
     if vehicle.home_lat_deg is None or vehicle.home_lon_deg is None:
         return None
@@ -57,17 +67,17 @@ def return_target(state: AgentState) -> LatLon | None:
         case Phase.RELEASED:
             returns = vehicle.armed and vehicle.mode_role == "return"
         case _:
-            returns = state.lost and state.phase in IN_FLIGHT and _goes_home_unheard(state)
+            returns = state.lost and state.phase in IN_FLIGHT and _returns_on_lost_link(state)
     return (vehicle.home_lat_deg, vehicle.home_lon_deg) if returns else None
 
 
-def _goes_home_unheard(state: AgentState) -> bool:
-    """Whether it returns by itself where it hears nothing, as its parameters were checked for."""
+def _returns_on_lost_link(state: AgentState) -> bool:
+    """Return whether its parameters make it return by itself when the link is lost."""
     return any(isinstance(r.params, lost_link.Params) and r.params.does == "return" for r in state.task.rules)
 
 
 def note_returning(state: AgentState, states: Mapping[int, NeighbourReport]) -> AgentState:
-    """Keep what was heard last of those that are on the way home."""
+    """Store the last states of vehicles that return or wait to return."""
     now_s = state.vehicle.time_boot_s
     known = {**state.returning_neighbours, **states}
     kept = {
@@ -79,8 +89,10 @@ def note_returning(state: AgentState, states: Mapping[int, NeighbourReport]) -> 
 
 
 def wait_to_return(state: AgentState, until_s: float, **changes: Any) -> StepResult | None:
-    """Have it hold until its way home is clear, `changes` with it, but not after `until_s`; None where it
-    is, or it cannot hold."""
+    """Hold until the return path is clear, at most until `until_s`; `changes` are further fields.
+
+    None if the path is clear already, or if the vehicle cannot hold.
+    """
     if _takes_off(state) or is_return_path_clear(state):
         return None
     changes |= NOT_WAITING | {
@@ -94,15 +106,15 @@ def wait_to_return(state: AgentState, until_s: float, **changes: Any) -> StepRes
 
 
 def _takes_off(state: AgentState) -> bool:
-    """A fixed wing, which would hold in circles as low as it is."""
+    """Return whether this is a fixed wing still climbing after take-off: it would hold in circles too low."""
     wings, up_m = state.task.wings, state.vehicle.alt_rel_m
     if wings is None or up_m is None:
         return False
-    return up_m < min(wings.takeoff_height_m, CLIMBED * state.task.altitude_m)
+    return up_m < min(wings.takeoff_height_m, CLIMBED_SHARE * state.task.altitude_m)
 
 
 def return_started(state: AgentState, until_s: float) -> dict[str, Any]:
-    """What changes with the begin of a return that could have waited, until then at most."""
+    """Return the changed fields at the start of a return that may still wait until `until_s`."""
     return NOT_WAITING | {
         "return_started_boot_s": state.vehicle.time_boot_s,
         "return_deadline_boot_s": until_s,
@@ -110,7 +122,7 @@ def return_started(state: AgentState, until_s: float) -> dict[str, Any]:
 
 
 def update_return(state: AgentState) -> StepResult:
-    """With each position: the return that it has waited for, or the hold of who has to wait after all."""
+    """Start a return that waited, or hold again one that has just started. Called for each position."""
     if state.phase is Phase.HOLDING and state.return_turn_boot_s is not None:
         return _waits(state, state.return_turn_boot_s)
     if state.phase is Phase.LEAVING and state.return_started_boot_s is not None:
@@ -121,32 +133,34 @@ def update_return(state: AgentState) -> StepResult:
 def _waits(state: AgentState, return_turn_boot_s: float) -> StepResult:
     now_s = state.vehicle.time_boot_s
     most_s = MAX_RETURN_WAIT_S if state.returns_when_clear else MAX_AFTER_S
-    # A clock that was set back tells no turn any more.
+    # After a reboot of the vehicle its clock no longer fits the time of the turn.
     if not 0.0 < return_turn_boot_s - now_s <= most_s:
         return command(state, ev.FlightOrder.RETURN, phase=Phase.LEAVING, **NOT_WAITING)
     if not state.returns_when_clear or 0.0 <= now_s - state.return_checked_boot_s < LOOKS_EVERY_S:
         return state, []
-    if return_turn_boot_s - now_s <= ONE_BY_ONE_S * min(_n_that_wait_longer(state), MOST_ONE_BY_ONE):
+    if return_turn_boot_s - now_s <= STAGGER_S * min(_n_behind_in_queue(state), MAX_STAGGERED):
         return command(state, ev.FlightOrder.RETURN, phase=Phase.LEAVING, **NOT_WAITING)
     if not (urgent_return_reason(state) or is_return_path_clear(state)):
         return replace(state, return_checked_boot_s=now_s), []
     state, ordered = command(
         state, ev.FlightOrder.RETURN, phase=Phase.LEAVING, **return_started(state, return_turn_boot_s)
     )
-    return state, [ev.NotifyOperator("its way home is clear: it returns"), *ordered]
+    return state, [ev.NotifyOperator("its return path is clear; returns [return-clear]"), *ordered]
 
 
-def _n_that_wait_longer(state: AgentState) -> int:
-    """Those that wait, too, and have a higher system id."""
+def _n_behind_in_queue(state: AgentState) -> int:
+    """Return the number of waiting vehicles with a higher system id."""
     now_s = state.vehicle.time_boot_s
     return sum(
-        uav > state.task.uav and heard.state.phase == Phase.HOLDING and now_s - heard.at_s <= WAITS_TOO_S
+        uav > state.task.uav
+        and heard.state.phase == Phase.HOLDING
+        and now_s - heard.at_s <= MAX_WAITING_AGE_S
         for uav, heard in state.returning_neighbours.items()
     )
 
 
 def _settles(state: AgentState, since_s: float) -> StepResult:
-    """Of two that have begun at one time the one with the higher system id holds again."""
+    """Hold again if a vehicle with a lower system id started its return at the same time."""
     now_s = state.vehicle.time_boot_s
     if not 0.0 <= now_s - since_s < SETTLES_S or now_s >= state.return_deadline_boot_s:
         return replace(state, return_started_boot_s=None), []
@@ -156,7 +170,9 @@ def _settles(state: AgentState, since_s: float) -> StepResult:
     held = wait_to_return(replace(state, returning_neighbours=lower), state.return_deadline_boot_s)
     if held is None:
         return state, []
-    text = "another has begun its way home at the same time: it holds until that is past"
+    text = (
+        "another vehicle started its return at the same time; holds until its path is clear [return-yields]"
+    )
     return replace(held[0], returning_neighbours=state.returning_neighbours), [
         ev.NotifyOperator(text),
         *held[1],
@@ -164,8 +180,10 @@ def _settles(state: AgentState, since_s: float) -> StepResult:
 
 
 def is_return_path_clear(state: AgentState) -> bool:
-    """Whether its way home meets nobody's who is on the way home, or waits and is before it. Nobody waits
-    who does not know where it is."""
+    """Return whether its return path is clear of vehicles that return or are first in the queue.
+
+    True without a position: a vehicle that does not know where it is does not wait.
+    """
     own, now_s = place_for_return(state), state.vehicle.time_boot_s
     if own is None:
         return True
@@ -176,7 +194,7 @@ def is_return_path_clear(state: AgentState) -> bool:
         if place is None:
             continue
         waits = heard.state.phase == Phase.HOLDING
-        first = waits and uav < state.task.uav and now_s - heard.at_s <= WAITS_TOO_S
+        first = waits and uav < state.task.uav and now_s - heard.at_s <= MAX_WAITING_AGE_S
         if first or (not waits and may_be_returning(place, now_s - heard.at_s)):
             before[uav] = place
     return not before or schedule_for({**before, state.task.uav: own}).begins_s[state.task.uav] == 0.0

@@ -1,10 +1,17 @@
-"""No two plans that meet: a new one is compared with what the others have told before it goes out.
+"""Route deconfliction: no two vehicles fly plans that conflict. Pure.
 
-Who takes up a new plan gives way to all whose flights it knows: it flies it at another height, or keeps the
-plan it has, or holds. So two plans meet only where both were taken up before either was heard of (or times
-have shifted). Both then know the same two flights, and of any two exactly one gives way, without a word:
-who cannot change its plan has the way, else who has the lower system id (`swarmctl.agent.traffic.separation.watch`). It
-plans anew, and what it finds it compares with all again. Nothing is proposed, so there is nothing to accept.
+A new plan is compared with the intents of all other vehicles before it is uploaded.
+
+| the new plan | action |
+|---|---|
+| conflicts with none | is taken |
+| conflicts, but not at another height | is taken at the lowest such height |
+| conflicts at every height | is deferred: the vehicle keeps its plan, or holds if a conflict is near |
+
+Two plans can still conflict if both were taken before either was heard, or if times have shifted. Both
+vehicles then know the same two flights and apply the same rule, without a message: a vehicle that cannot
+change its plan has priority, otherwise the lower system id (`separation.watch.gives_way_to`). The other one
+plans again, and compares its new plan with all intents as above.
 """
 
 from __future__ import annotations
@@ -36,57 +43,61 @@ from swarmctl.agent.traffic.intents import (
     publish_intent,
 )
 from swarmctl.agent.traffic.separation.approach import Limits
-from swarmctl.agent.traffic.separation.clash import SLACK_S, Clash, describe_clashes, find_clashes
+from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S, Clash, describe_clashes, find_clashes
 from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory, until_landing
 from swarmctl.agent.traffic.separation.watch import HEIGHT_MARGIN, NeighbourIntent, gives_way_to
 from swarmctl.core import events as ev
 from swarmctl.core.mission import FlightPlan
 
 AGAIN_S, AGAIN_SOON_S = 5.0, 1.0
-"""After this a plan that was put off is looked at again; and where the one before meets somebody soon."""
+"""Time until a deferred plan is tried again: usually, and with a conflict of the present plan soon."""
 HOLDS_WITHIN_S = 20.0
-"""Who finds no way to give way flies on until it would meet the other within this, and holds then."""
-PARTS_WITHIN_S = 6.0
-"""So soon two that are near each other are apart: to climb, or to turn, takes so long."""
+"""A vehicle without a plan that avoids the conflict flies on until the conflict is this near; then it
+holds."""
+SEPARATES_WITHIN_S = 6.0
+"""Time within which two close vehicles have to separate; a climb or a turn takes this long."""
 BETTER_BY = 0.3
-"""of the limits: by so much a plan that comes too near has to be better than the one before"""
-MOST_HEIGHTS = 8
+"""Share of the limits by which a plan that comes too close has to be better than the present one."""
+MAX_HEIGHTS = 8
+"""Number of heights tried."""
 
 
 def clashes_of(
     state: AgentState, flight: Trajectory | None, instead_of: Trajectory | None = None
 ) -> tuple[Clash, ...]:
-    """Whom a flight would meet, of those whose intents are known, the soonest first; `instead_of` that which
-    the vehicle is on."""
-    return () if flight is None else _met_of(state, flight, known_intents(state), instead_of)
+    """Return the clashes of a flight with all known intents, soonest first.
+
+    `instead_of`: the flight of the present plan, for comparison.
+    """
+    return () if flight is None else _clashes_with_known(state, flight, known_intents(state), instead_of)
 
 
 def known_intents(state: AgentState) -> dict[int, NeighbourIntent]:
-    """What others have told of late of where they will be."""
+    """Return the recent intents of other vehicles by system id."""
     now_s = state.vehicle.time_boot_s
     return {uav: told for uav, told in state.intents.items() if 0.0 <= now_s - told.said_s <= MAX_AGE_S}
 
 
-def _met_of(
+def _clashes_with_known(
     state: AgentState,
     flight: Trajectory,
     others: Mapping[int, NeighbourIntent],
     instead_of: Trajectory | None,
 ) -> tuple[Clash, ...]:
     limits, flight = state.task.separation.limits, until_landing(flight)
-    near_s = flight.times_s[0] + (SLACK_S if instead_of is None else PARTS_WITHIN_S)
+    near_s = flight.times_s[0] + (TIME_TOLERANCE_S if instead_of is None else SEPARATES_WITHIN_S)
 
-    def parts(told: NeighbourIntent) -> bool:
-        return _parts(flight, instead_of, told.flight, told.limits(limits))
+    def separates(told: NeighbourIntent) -> bool:
+        return _separates(flight, instead_of, told.flight, told.limits(limits))
 
     found = clashes_with(flight, others, limits)
-    return tuple(clash for clash in found if clash.at_s > near_s or not parts(others[clash.other]))
+    return tuple(clash for clash in found if clash.at_s > near_s or not separates(others[clash.other]))
 
 
 def clashes_with(
     flight: Trajectory, others: Mapping[int, NeighbourIntent], limits: Limits
 ) -> tuple[Clash, ...]:
-    """Whom a flight may meet, the soonest first."""
+    """Return the clashes of a flight with others' intents, soonest first."""
     mine = Bounds.of(flight)
     near = {uav: told for uav, told in others.items() if mine.is_within(told.bounds, _reach(told, limits))}
     wider = {uav: told.limits(limits) for uav, told in near.items() if any(told.around_m)}
@@ -95,14 +106,17 @@ def clashes_with(
 
 def _reach(told: NeighbourIntent, limits: Limits) -> tuple[float, float, float, float]:
     kept = told.limits(limits) if any(told.around_m) else limits
-    return SLACK_S, kept.horizontal_m, kept.horizontal_m, kept.vertical_m
+    return TIME_TOLERANCE_S, kept.horizontal_m, kept.horizontal_m, kept.vertical_m
 
 
-def _parts(flight: Trajectory, instead_of: Trajectory | None, other: Trajectory, limits: Limits) -> bool:
-    """Whether two that are near each other as it is part soon, and come no nearer than that, or than the
-    limits, or at least not as near as they would else: no plan could do better."""
+def _separates(flight: Trajectory, instead_of: Trajectory | None, other: Trajectory, limits: Limits) -> bool:
+    """Return whether two vehicles that are close now separate as well as any plan allows.
+
+    They have to be apart after `SEPARATES_WITHIN_S`. Until then one of these has to hold: they get no closer
+    than now, no closer than the limits, or clearly less close than on the present plan.
+    """
     begin_s = flight.times_s[0]
-    after = flight.since(begin_s + PARTS_WITHIN_S)
+    after = flight.since(begin_s + SEPARATES_WITHIN_S)
     if after is not None and find_clashes(after, {0: other}, limits):
         return False
     here, there = flight.at(begin_s), other.at(begin_s)
@@ -116,44 +130,43 @@ def _parts(flight: Trajectory, instead_of: Trajectory | None, other: Trajectory,
     return else_least is not None and least >= else_least + BETTER_BY
 
 
-# --- the plan being flown
+# --- conflicts of the plan being flown
 
 
 def check_own_route(state: AgentState) -> StepResult:
-    """Whom the flight that it has told meets; where it is to give way, it plans anew."""
+    """Compare the own intent with all others; plan again if this vehicle has to give way."""
     if state.phase is not Phase.FLYING or state.own_intent is None or state.interrupted_plan is not None:
         return (
             replace(state, predicted_conflicts=frozenset(), comparisons={})
             if state.predicted_conflicts
             else state
         ), []
-    state, met = _looked_at(state, state.own_intent)
+    state, met = _update_comparisons(state, state.own_intent)
     found = [clash for clash in met if _gives_way(state, clash.other)]
     if not found and not state.predicted_conflicts:
         return state, []
     others = frozenset(clash.other for clash in found)
     new = [clash for clash in found if clash.other not in state.predicted_conflicts | state.deferred_for]
-    tally = state.deconfliction
-    tally = replace(
-        tally,
-        predicted=tally.predicted + len(new),
-        ceased=tally.ceased + len(state.predicted_conflicts - others - state.deferred_for),
+    counts = state.deconfliction
+    counts = replace(
+        counts,
+        predicted=counts.predicted + len(new),
+        ceased=counts.ceased + len(state.predicted_conflicts - others - state.deferred_for),
     )
-    state = replace(state, predicted_conflicts=others, deconfliction=tally)
+    state = replace(state, predicted_conflicts=others, deconfliction=counts)
     if not others:
         return state, []
     state = replace(state, dirty=True, must_change=True)
-    text = f"its route meets {describe_clashes(new, state.vehicle.time_boot_s)}; it gives way"
-    return state, [ev.NotifyOperator(text)] if new else []
+    text = f"its route conflicts with {describe_clashes(new, state.vehicle.time_boot_s)}; gives way"
+    return state, [ev.NotifyOperator(f"{text} [route-conflict]")] if new else []
 
 
-def _looked_at(state: AgentState, own: Trajectory) -> tuple[AgentState, tuple[Clash, ...]]:
-    """Whom its flight meets. Of a hundred a few have told something new: the others need not be compared
-    again."""
+def _update_comparisons(state: AgentState, own: Trajectory) -> tuple[AgentState, tuple[Clash, ...]]:
+    """Return the clashes of the own flight. Only intents that changed are compared again."""
     before = {uav: at for uav, at in state.comparisons.items() if at.own is own}
     told = known_intents(state)
     new = {uav: it for uav, it in told.items() if uav not in before or before[uav].other is not it}
-    met = {clash.other: clash for clash in _met_of(state, own, new, None)} if new else {}
+    met = {clash.other: clash for clash in _clashes_with_known(state, own, new, None)} if new else {}
     after = {
         uav: FlightComparison(own, it, met.get(uav)) if uav in new else before[uav]
         for uav, it in told.items()
@@ -167,63 +180,71 @@ def _gives_way(state: AgentState, other: int) -> bool:
     return gives_way_to((may_change(state), state.task.uav), (told.may_change, other))
 
 
-# --- a new plan
+# --- conflicts of a new plan
 
 
 def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResult:
-    """What becomes of a decision: a new plan is told to the others and goes out if it meets nobody."""
+    """Take, change or defer the new plan of a decision, by the table of the module.
+
+    A plan that is taken is broadcast as the own intent and uploaded.
+    """
     state, effects = decided
     swap = next((effect for effect in effects if isinstance(effect, ev.SwapMission)), None)
     if swap is None or state.phase is not Phase.FLYING:
         return decided
-    swap = msgspec.structs.replace(swap, plan=_levelled(before, swap.plan))
+    swap = msgspec.structs.replace(swap, plan=_with_early_height(before, swap.plan))
     flight = flight_by_plan(before, swap.plan)
-    if before.alarms and _leaves_its_height(before, swap.plan):
-        return _taken(state, swap, flight)  # to climb was decided for what is near, which comes first
+    if before.alarms and _changes_height(before, swap.plan):
+        return _take(state, swap, flight)  # an evasive climb comes first
     old = None if before.route is None else planned_flight(before)
     met = clashes_of(state, flight, old)
     new = [clash for clash in met if clash.other not in before.predicted_conflicts | before.deferred_for]
-    tally = replace(before.deconfliction, predicted=before.deconfliction.predicted + len(new))
-    state = replace(state, deconfliction=tally)
-    mended = before.predicted_conflicts - before.deferred_for
+    counts = replace(before.deconfliction, predicted=before.deconfliction.predicted + len(new))
+    state = replace(state, deconfliction=counts)
+    resolved = before.predicted_conflicts - before.deferred_for
     if not met:
-        state = replace(state, deconfliction=replace(tally, by_route=tally.by_route + len(mended)))
-        state, taken = _taken(state, swap, flight)
+        state = replace(state, deconfliction=replace(counts, by_route=counts.by_route + len(resolved)))
+        state, taken = _take(state, swap, flight)
         waited = before.route is None and before.deferred_for
-        return state, [ev.NotifyOperator("clear of the others: it flies on"), *taken] if waited else taken
+        return state, [
+            ev.NotifyOperator("clear of other vehicles; resumes its route [resumes]"),
+            *taken,
+        ] if waited else taken
     for height_m in _heights_m(state, swap.plan):
-        plan = _levelled(before, at_height(swap.plan, height_m))
+        plan = _with_early_height(before, at_height(swap.plan, height_m))
         flight = flight_by_plan(before, plan)
         if clashes_of(state, flight, old):
             continue
-        mended |= {clash.other for clash in met} - before.deferred_for
-        state = replace(state, deconfliction=replace(tally, by_height=tally.by_height + len(mended)))
+        resolved |= {clash.other for clash in met} - before.deferred_for
+        state = replace(state, deconfliction=replace(counts, by_height=counts.by_height + len(resolved)))
         state = replace(state, height_offset_m=height_m - state.task.altitude_m)
-        whose = describe_clashes(met, state.vehicle.time_boot_s)
-        text = f"its new route would meet {whose}: it flies at {height_m:.0f} m"
-        state, told = _taken(state, msgspec.structs.replace(swap, plan=plan), flight)
+        others_text = describe_clashes(met, state.vehicle.time_boot_s)
+        text = (
+            f"its new route would conflict with {others_text}; flies it at {height_m:.0f} m [height-change]"
+        )
+        state, told = _take(state, msgspec.structs.replace(swap, plan=plan), flight)
         return state, [ev.NotifyOperator(text), *told]
-    return _put_off(before, state, swap, met, now)
+    return _defer(before, state, swap, met, now)
 
 
-def _leaves_its_height(before: AgentState, plan: FlightPlan) -> bool:
+def _changes_height(before: AgentState, plan: FlightPlan) -> bool:
     route = before.route
     return route is not None and abs(height_of(plan) - height_of(route.plan)) >= AIRBORNE_M
 
 
-def _levelled(before: AgentState, plan: FlightPlan) -> FlightPlan:
-    """A plan at another height than the one before comes to it soon."""
+def _with_early_height(before: AgentState, plan: FlightPlan) -> FlightPlan:
+    """Return a plan others_text height, if it differs from the present one, is reached early."""
     here, route = position_of(before), before.route
     if here is None or before.task.wings is not None:
         return plan
     if route is None:
-        return with_level_off(before.task, plan, here, 0.0)  # it stands where it is until it flies it
-    if not _leaves_its_height(before, plan):
+        return with_level_off(before.task, plan, here, 0.0)  # it stands still until the upload is done
+    if not _changes_height(before, plan):
         return plan
     return with_level_off(before.task, plan, here, before.swap_times.expected_s)
 
 
-def _taken(state: AgentState, swap: ev.SwapMission, flight: Trajectory | None) -> StepResult:
+def _take(state: AgentState, swap: ev.SwapMission, flight: Trajectory | None) -> StepResult:
     state = replace(
         state,
         pending=swap,
@@ -235,10 +256,10 @@ def _taken(state: AgentState, swap: ev.SwapMission, flight: Trajectory | None) -
     return state, [swap, *told]
 
 
-def _put_off(
+def _defer(
     before: AgentState, state: AgentState, swap: ev.SwapMission, met: tuple[Clash, ...], now: float
 ) -> StepResult:
-    """The plan is not taken up now: the vehicle flies on by the old one, or holds."""
+    """Defer a plan: the vehicle keeps the present one, or holds."""
     others = frozenset(clash.other for clash in met)
     new = [clash for clash in met if clash.other not in before.deferred_for]
     state = replace(
@@ -252,18 +273,20 @@ def _put_off(
     )
     old = [clash for clash in clashes_of(state, planned_flight(before)) if _gives_way(before, clash.other)]
     near_s = old[0].at_s - state.vehicle.time_boot_s if old else HOLDS_WITHIN_S
-    again_s = AGAIN_SOON_S if near_s < 2.0 * PARTS_WITHIN_S else AGAIN_S
+    again_s = AGAIN_SOON_S if near_s < 2.0 * SEPARATES_WITHIN_S else AGAIN_S
     state = replace(state, retry_at_s=now + again_s)
     holds = before.route is None or (near_s < HOLDS_WITHIN_S and _may_hold(before))
-    does = "it holds" if holds else "it flies on by the old one"
+    does = "holds [plan-deferred-hold]" if holds else "keeps the present route [plan-deferred]"
     waits = others | (before.predicted_conflicts if holds else frozenset())
     if holds or not old:
         by_waiting = state.deconfliction.by_waiting + len(waits - before.deferred_for)
         state = replace(state, deconfliction=replace(state.deconfliction, by_waiting=by_waiting))
     told: list[ev.Effect] = []
     if new:
-        whose = describe_clashes(new, state.vehicle.time_boot_s)
-        told.append(ev.NotifyOperator(f"its new route would meet {whose} at any height: {does}"))
+        others_text = describe_clashes(new, state.vehicle.time_boot_s)
+        told.append(
+            ev.NotifyOperator(f"its new route would conflict with {others_text} at every height; {does}")
+        )
     if not holds:
         return state, told
     state, ordered = _hold(state, before.route or swap)
@@ -271,7 +294,7 @@ def _put_off(
 
 
 def _may_hold(state: AgentState) -> bool:
-    """And stands in nobody's way there."""
+    """Return whether the vehicle can hold, and its hold would not conflict with others."""
     task, here, now_s = state.task, position_amsl(state), state.vehicle.time_boot_s
     if here is None or task.separation.action != "hold" or task.wings is not None or not may_give_way(state):
         return False
@@ -280,7 +303,7 @@ def _may_hold(state: AgentState) -> bool:
 
 
 def _hold(state: AgentState, swap: ev.SwapMission) -> StepResult:
-    """As who gives way to what is near; it looks again after a while."""
+    """Hold as in collision avoidance; the plan is tried again after a while."""
     now_s = state.vehicle.time_boot_s
     state, ordered = command(
         state,
@@ -298,11 +321,11 @@ def _hold(state: AgentState, swap: ev.SwapMission) -> StepResult:
     return state, [*ordered, *told]
 
 
-# --- heights
+# --- other heights
 
 
 def _heights_m(state: AgentState, plan: FlightPlan) -> list[float]:
-    """Other heights above home to try, the lowest first: its own, and just above the others'."""
+    """Return the heights above home to try, lowest first: the task's, and just above each other vehicle."""
     task, vehicle = state.task, state.vehicle
     flown_m = height_of(plan)
     if vehicle.alt_amsl_m is None or vehicle.alt_rel_m is None:
@@ -316,4 +339,4 @@ def _heights_m(state: AgentState, plan: FlightPlan) -> list[float]:
     wanted = {task.altitude_m, flown_m + keeps_m, *(top_m + keeps_m for top_m in tops_m)}
     most_m = ceiling_m(state)
     allowed = sorted(h for h in wanted if task.altitude_m <= h <= most_m and abs(h - flown_m) > 0.1)
-    return allowed[:MOST_HEIGHTS]
+    return allowed[:MAX_HEIGHTS]

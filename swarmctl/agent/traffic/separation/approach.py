@@ -1,4 +1,4 @@
-"""How near two flights come to each other, exactly: between two points in time both fly straight."""
+"""Closest approach of two flights, exact: both are straight between two points in time."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ class Limits:
     vertical_m: float
 
     def share(self, horizontal_m: float, vertical_m: float) -> float:
-        """How much of the limits two keep: less than 1 where they are too close."""
+        """Return the share of the limits that a distance keeps; less than 1: too close."""
         return max(horizontal_m / self.horizontal_m, vertical_m / self.vertical_m)
 
 
 @dataclass(frozen=True, slots=True)
 class Approach:
-    """Two vehicles at one time."""
+    """Distances of two vehicles at one time."""
 
     t_s: float
     horizontal_m: float
@@ -36,7 +36,7 @@ class Approach:
 
 @dataclass(frozen=True, slots=True)
 class _Relative:
-    """One seen from the other while both fly straight: from `begin_s` for `lasts_s`."""
+    """Relative motion while both fly straight: from `begin_s` for `lasts_s`."""
 
     begin_s: float
     lasts_s: float
@@ -48,20 +48,20 @@ class _Relative:
         return Approach(self.begin_s + tau_s, math.hypot(e, n), abs(u))
 
     def squared(self) -> tuple[float, float, float]:
-        """(a, b, c) of the squared horizontal distance a·τ² + b·τ + c."""
+        """Return (a, b, c) of the squared horizontal distance a·τ² + b·τ + c."""
         (e, n, _), (ve, vn, _) = self.at, self.velocity
         return ve * ve + vn * vn, 2.0 * (e * ve + n * vn), e * e + n * n
 
 
 def closest(a: Trajectory, b: Trajectory, limits: Limits) -> Approach | None:
-    """Where the two keep least of the limits (`Limits.share`), the first of equals; None where they are never
-    in the air at once."""
+    """Return the approach with the least share of the limits, the first of equals; None without common
+    time."""
     found = [_closest(part, limits) for part in _together(a, b)]
     return min(found, key=lambda at: (limits.share(at.horizontal_m, at.vertical_m), at.t_s), default=None)
 
 
 def nearest(a: Segment, b: Segment) -> Approach | None:
-    """Where the two are nearest in a straight line; None where they have no time in common."""
+    """Return the approach with the least straight-line distance; None without common time."""
     part = _relative(a, b)
     if part is None:
         return None
@@ -73,7 +73,7 @@ def nearest(a: Segment, b: Segment) -> Approach | None:
 
 
 def intervals(a: Trajectory, b: Trajectory, limits: Limits) -> tuple[tuple[float, float], ...]:
-    """When the two are too close: (from, until) [s], in order, those that touch made one."""
+    """Return the times when the two are too close: (from, until) [s], in order, touching ones joined."""
     merged: list[tuple[float, float]] = []
     for part in _together(a, b):
         found = _too_close(part, limits)
@@ -87,13 +87,13 @@ def intervals(a: Trajectory, b: Trajectory, limits: Limits) -> tuple[tuple[float
 
 
 def too_close(a: Segment, b: Segment, limits: Limits) -> tuple[float, float] | None:
-    """When the two are too close: (from, until) [s]; None where they never are."""
+    """Return the time when the two are too close: (from, until) [s]; None if they never are."""
     part = _relative(a, b)
     return None if part is None else _too_close(part, limits)
 
 
 def _together(a: Trajectory, b: Trajectory) -> Iterator[_Relative]:
-    """The times both are in the air, cut where either turns."""
+    """Yield the relative motion over the common time, cut where either turns."""
     mine, theirs = list(a.segments()), list(b.segments())
     i = j = 0
     while i < len(mine) and j < len(theirs):
@@ -126,8 +126,11 @@ def _minus(a: LocalPoint, b: LocalPoint) -> LocalPoint:
 
 
 def _closest(part: _Relative, limits: Limits) -> Approach:
-    """Of the greater of two convex shares the least is at an end, at the least of either, or where they
-    cross."""
+    """Return the approach with the least share.
+
+    The share is the greater of two convex functions: its least value is at an end, at the least value of
+    either, or where they cross.
+    """
     a2, b1, c = part.squared()
     u, vu = part.at[2], part.velocity[2]
     h2, v2 = limits.horizontal_m**2, limits.vertical_m**2
@@ -159,12 +162,12 @@ def _too_close(part: _Relative, limits: Limits) -> tuple[float, float] | None:
 
 
 def _roots(a: float, b: float, c: float) -> list[float]:
-    """Of a·τ² + b·τ + c, real ones."""
+    """Return the real roots of a·τ² + b·τ + c."""
     if a == 0.0:
         return [-c / b] if b != 0.0 else []
     discriminant = b * b - 4.0 * a * c
     if discriminant < 0.0:
         return []
-    # The root of the greater size first: the other would be a difference of nearly equal numbers.
+    # The larger root first: the other one would be a difference of nearly equal numbers.
     q = -0.5 * (b + math.copysign(math.sqrt(discriminant), b))
     return [q / a, c / q] if q != 0.0 else [0.0]

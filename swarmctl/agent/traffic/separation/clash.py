@@ -1,9 +1,8 @@
-"""Whether flights may meet that are not flown to the second: planned ones, compared before they are flown.
+"""Clashes: conflicts between planned flights, with a tolerance in time.
 
-Two flights clash where the vehicles would be too close if they were up to `slack_s` off their times against
-each other: where `a` at some time and `b` at another, no more than that from it, are closer than both limits.
-While both fly straight, those pairs of times are a convex set, and the places of the one seen from the other
-as well: a polygon, whose distance from nought is exact.
+Two flights clash if `a` at some time and `b` at another, at most `tolerance_s` apart, are closer than both
+limits. While both fly straight, those pairs of times form a convex polygon. The relative positions do so as
+well, so their distance from the origin is exact.
 """
 
 from __future__ import annotations
@@ -21,31 +20,32 @@ from swarmctl.agent.traffic.separation.approach import Limits
 from swarmctl.agent.traffic.separation.trajectory import Segment, Trajectory
 from swarmctl.core.planar import contains, distance_to_leg
 
-SLACK_S = 2.0
-"""By so much two vehicles may be off their times against each other: each a second, for then it says so."""
-LEVEL_M = 0.3
-"""Heights are held and told to about this: two that plan to keep the vertical limit keep it."""
+TIME_TOLERANCE_S = 2.0
+"""Deviation of two vehicles' times from each other: one second each; with more a vehicle sends a new
+intent."""
+HEIGHT_TOLERANCE_M = 0.3
+"""Accuracy of held and reported heights: plans at exactly the vertical limit do not clash."""
 
 Boxes = NDArray[np.float64]
-"""(segments, 8): from when, where east, north and up each piece of a flight is, and until when and where"""
+"""(segments, 8): least time [s], east, north and up [m] of each segment, then the greatest"""
 _Times = tuple[float, float]
-"""of the one, and of the other"""
-_AROUND = tuple((math.cos(k * math.tau / 8), math.sin(k * math.tau / 8)) for k in range(8))
-"""directions"""
+"""time of the one and of the other vehicle"""
+_DIRECTIONS = tuple((math.cos(k * math.tau / 8), math.sin(k * math.tau / 8)) for k in range(8))
+"""eight unit vectors"""
 
 
 @dataclass(frozen=True, slots=True)
 class Clash:
-    """A flight that another may meet."""
+    """A clash with another vehicle's flight."""
 
     other: int
     at_s: float
-    """when the one is there, at the earliest"""
+    """earliest time at which the own vehicle is too close"""
 
 
 def describe_clashes(met: Sequence[Clash], now_s: float) -> str:
-    """Whose flights, and in how long."""
-    near = [f"that of vehicle {clash.other} in {max(clash.at_s - now_s, 0.0):.0f} s" for clash in met]
+    """Return the other vehicles and the times until the clashes as text."""
+    near = [f"vehicle {clash.other} in {max(clash.at_s - now_s, 0.0):.0f} s" for clash in met]
     return " and ".join(near)
 
 
@@ -59,38 +59,40 @@ def find_clashes(
     own: Trajectory,
     others: Mapping[int, Trajectory],
     limits: Limits,
-    slack_s: float = SLACK_S,
+    tolerance_s: float = TIME_TOLERANCE_S,
     wider: Mapping[int, Limits] = MappingProxyType({}),
 ) -> tuple[Clash, ...]:
-    """Whom a flight may meet of others, by system id; the soonest first. `wider` are the limits of those from
-    which more is to be kept."""
+    """Return the clashes of a flight with others (by system id), soonest first.
+
+    `wider`: larger limits for some of the others.
+    """
     if not others:
         return ()
     mine, boxes = list(own.segments()), _boxes_of(own)
     found = []
     for uav, flight in others.items():
         kept = wider.get(uav, limits)
-        near = _near_pairs(boxes, _boxes_of(flight), kept, slack_s)
+        near = _near_pairs(boxes, _boxes_of(flight), kept, tolerance_s)
         if not near:
             continue
         pieces = list(flight.segments())
-        at_s = (first_clash_s(mine[i], pieces[j], kept, slack_s) for i, j in near)
+        at_s = (first_clash_s(mine[i], pieces[j], kept, tolerance_s) for i, j in near)
         first_s = min((t for t in at_s if t is not None), default=None)
         if first_s is not None:
             found.append(Clash(uav, first_s))
     return tuple(sorted(found, key=lambda clash: (clash.at_s, clash.other)))
 
 
-def _near_pairs(mine: Boxes, theirs: Boxes, limits: Limits, slack_s: float) -> list[tuple[int, int]]:
-    """The pieces whose boxes are no farther apart than the limits."""
-    reach = np.array((slack_s, limits.horizontal_m, limits.horizontal_m, limits.vertical_m))
+def _near_pairs(mine: Boxes, theirs: Boxes, limits: Limits, tolerance_s: float) -> list[tuple[int, int]]:
+    """Return the pairs of segments whose boxes are within the limits of each other."""
+    reach = np.array((tolerance_s, limits.horizontal_m, limits.horizontal_m, limits.vertical_m))
     one, other = mine[:, None], theirs[None]
     near = (one[..., :4] - reach <= other[..., 4:]) & (other[..., :4] - reach <= one[..., 4:])
     return [(int(i), int(j)) for i, j in np.argwhere(near.all(axis=2))]
 
 
-def first_clash_s(a: Segment, b: Segment, limits: Limits, slack_s: float) -> float | None:
-    """About when `a` may first be too close to `b`, each flying straight; None where it never is."""
+def first_clash_s(a: Segment, b: Segment, limits: Limits, tolerance_s: float) -> float | None:
+    """Return about when `a` is first too close to `b`, both flying straight; None if it never is."""
     va, vb = _velocity(a), _velocity(b)
 
     def apart(times: _Times, axis: int) -> float:
@@ -98,11 +100,11 @@ def first_clash_s(a: Segment, b: Segment, limits: Limits, slack_s: float) -> flo
         mine = a.a[axis] + (t - a.begin_s) * va[axis]
         return mine - b.a[axis] - (u - b.begin_s) * vb[axis]
 
-    near_m = limits.vertical_m - LEVEL_M
+    near_m = limits.vertical_m - HEIGHT_TOLERANCE_M
     ends = ((a.begin_s, b.begin_s), (a.end_s, b.begin_s), (a.end_s, b.end_s), (a.begin_s, b.end_s))
     times: Sequence[_Times] = ends
-    times = _clip(times, [slack_s - t + u for t, u in times])
-    times = _clip(times, [slack_s + t - u for t, u in times])
+    times = _clip(times, [tolerance_s - t + u for t, u in times])
+    times = _clip(times, [tolerance_s + t - u for t, u in times])
     times = _clip(times, [near_m - apart(pair, 2) for pair in times])
     times = _clip(times, [near_m + apart(pair, 2) for pair in times])
     if not times:
@@ -110,8 +112,8 @@ def first_clash_s(a: Segment, b: Segment, limits: Limits, slack_s: float) -> flo
     seen = [(apart(pair, 0), apart(pair, 1)) for pair in times]
     if _distance_m(seen) >= limits.horizontal_m:
         return None
-    # Of the times the places are within an octagon about the circle: at most 8 % of its radius early.
-    for east, north in _AROUND:
+    # The times when the position is within an octagon around the circle: early by at most 8 % of its radius.
+    for east, north in _DIRECTIONS:
         at = [limits.horizontal_m - east * apart(pair, 0) - north * apart(pair, 1) for pair in times]
         times = _clip(times, at) or times
     return min(t for t, _ in times)
@@ -124,7 +126,7 @@ def _velocity(segment: Segment) -> tuple[float, float, float]:
 
 
 def _clip(corners: Sequence[_Times], inside: Sequence[float]) -> list[_Times]:
-    """What of a convex polygon lies where a linear function, given at its corners, is not negative."""
+    """Return the part of a convex polygon where a linear function, given at its corners, is not negative."""
     kept: list[_Times] = []
     for i, corner in enumerate(corners):
         before, value, last = corners[i - 1], inside[i], inside[i - 1]
@@ -139,7 +141,7 @@ def _clip(corners: Sequence[_Times], inside: Sequence[float]) -> list[_Times]:
 
 
 def _distance_m(polygon: Sequence[tuple[float, float]]) -> float:
-    """From nought to a convex polygon, which may be flat."""
+    """Return the distance from the origin to a convex polygon, which may be flat."""
     if len(polygon) > 2 and contains(polygon, (0.0, 0.0)):
         return 0.0
     return min(distance_to_leg((0.0, 0.0), a, b) for a, b in pairwise((*polygon, polygon[0])))

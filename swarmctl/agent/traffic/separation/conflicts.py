@@ -1,4 +1,4 @@
-"""Who comes too near to whom, of many flights."""
+"""Pairs in conflict among many flights."""
 
 from __future__ import annotations
 
@@ -12,21 +12,20 @@ from swarmctl.agent.traffic.separation.trajectory import Segment, Trajectory
 
 @dataclass(frozen=True, slots=True)
 class PairConflict:
-    """Two vehicles, `uav` the one of lower system id, that will be too close."""
+    """Two vehicles that will be too close; `uav` has the lower system id."""
 
     uav: int
     other: int
     begin_s: float
     end_s: float
-    """of the last time they are"""
+    """end of the last conflict of the pair"""
     closest: Approach
 
 
 def conflicts(flights: Mapping[int, Trajectory], limits: Limits) -> tuple[PairConflict, ...]:
-    """All pairs that are too close at some time, the soonest first.
+    """Return all pairs in conflict at some time, soonest first.
 
-    A sweep over time and over the boxes that flights leave in the plane: only pairs that are near at one time
-    are looked at closely.
+    A sweep over time and bounding boxes selects the pairs that are near at one time; only those are computed.
     """
     found = []
     for uav, other in sorted(_near_pairs(flights, limits)):
@@ -39,11 +38,11 @@ def conflicts(flights: Mapping[int, Trajectory], limits: Limits) -> tuple[PairCo
 
 @dataclass(frozen=True, slots=True)
 class CrossingCounts:
-    """Pairs of flights whose ways over ground meet at one time."""
+    """Number of pairs of flights that cross over ground at one time."""
 
     predicted: int
     by_height: int
-    """of these, kept apart by their heights"""
+    """pairs separated by height alone"""
 
 
 def count_crossings(flights: Mapping[int, Trajectory], limits: Limits) -> CrossingCounts:
@@ -52,7 +51,7 @@ def count_crossings(flights: Mapping[int, Trajectory], limits: Limits) -> Crossi
 
 
 def _near_pairs(flights: Mapping[int, Trajectory], limits: Limits) -> set[tuple[int, int]]:
-    """Pairs with two segments at one time whose boxes are no farther apart than the limits."""
+    """Return the pairs with segments at one time whose boxes are within the limits of each other."""
     segments = [(segment, uav) for uav, flight in flights.items() for segment in flight.segments()]
     segments.sort(key=lambda item: (item[0].begin_s, item[1]))
     pairs: set[tuple[int, int]] = set()

@@ -1,4 +1,4 @@
-"""The least distance between any two vehicles in the air, as their telemetry comes in."""
+"""Least distance between any two vehicles in the air, updated with each position."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from swarmctl.agent.traffic.separation.approach import Approach, Limits, nearest
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Segment
 
 MAX_GAP_S = 3.0
-"""Between samples farther apart nobody knows where a vehicle was."""
+"""Samples farther apart are not connected."""
 
 VehiclePair = tuple[int, int]
 """system ids, the lower first"""
@@ -29,23 +29,23 @@ class _Track:
 
 
 class FlownSeparation:
-    """Straight from sample to sample; `nearest` is the least distance so far, and between whom."""
+    """Least distance so far (`nearest`) and its pair (`between`); flights are straight between samples."""
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
         self._tracks: dict[int, _Track] = {}
         self._uavs: list[int] = []
-        """by row"""
+        """system id of each row"""
         self._here = np.empty((0, 3))
         self._reach_m = np.empty(0)
-        """how far back from there the segments that are kept reach"""
+        """length of the stored segments behind each position"""
         self.nearest: Approach | None = None
         self.between: VehiclePair | None = None
         self.too_close_s: defaultdict[VehiclePair, float] = defaultdict(float)
-        """for how long pairs were closer than both limits"""
+        """time below both limits, by pair"""
 
-    def saw(self, uav: int, t_s: float, here: LocalPoint) -> bool:
-        """A vehicle is in the air here; whether two have never been nearer."""
+    def add_position(self, uav: int, t_s: float, here: LocalPoint) -> bool:
+        """Add the position of a vehicle in the air; return whether the least distance has decreased."""
         track = self._tracks.get(uav)
         if track is None:
             track = self._tracks[uav] = _Track(t_s, here, len(self._uavs))
@@ -72,7 +72,7 @@ class FlownSeparation:
         self._reach_m[track.row] = math.fsum(track.lengths_m)
 
     def _within_reach(self, row: int, length_m: float) -> list[int]:
-        """Whose segments may be as near as what is looked for."""
+        """Return the vehicles whose segments may be closer than the least distance or the limits."""
         limits = self._limits
         least_m = math.inf if self.nearest is None else self.nearest.distance_m
         near_m = max(least_m, math.hypot(limits.horizontal_m, limits.vertical_m)) + length_m
@@ -81,7 +81,7 @@ class FlownSeparation:
         return [self._uavs[i] for i in rows if i != row]
 
     def _compare(self, uav: int, other: int, segment: Segment) -> bool:
-        """With the kept segments of another that share time with this one; each two are compared once."""
+        """Compare with another's stored segments that share time with this one; each pair of them once."""
         pair, is_nearer = (min(uav, other), max(uav, other)), False
         for theirs in self._tracks[other].segments:
             if theirs.end_s <= segment.begin_s:

@@ -1,4 +1,4 @@
-"""Where a vehicle is at what time: straight from point to point, each with its time."""
+"""Trajectories: straight segments between points with times."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LocalPoint = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """At one velocity from `a` at `begin_s` to `b` at `end_s`."""
+    """Flight at constant velocity from `a` at `begin_s` to `b` at `end_s`."""
 
     begin_s: float
     end_s: float
@@ -22,7 +22,7 @@ class Segment:
     b: LocalPoint
 
     def at(self, t_s: float) -> LocalPoint:
-        """Where it is; `t_s` within its times."""
+        """Return the position at `t_s`, a time within the segment."""
         share = (t_s - self.begin_s) / (self.end_s - self.begin_s)
         (ae, an, au), (be, bn, bu) = self.a, self.b
         return ae + share * (be - ae), an + share * (bn - an), au + share * (bu - au)
@@ -30,26 +30,26 @@ class Segment:
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    """A vehicle in the air from `times_s[0]` to `times_s[-1]`; before and after it is in nobody's way."""
+    """A vehicle's flight from `times_s[0]` to `times_s[-1]`; before and after it conflicts with none."""
 
     times_s: tuple[float, ...]
-    """rising"""
+    """strictly increasing"""
     points: tuple[LocalPoint, ...]
 
     def __post_init__(self) -> None:
         if len(self.times_s) != len(self.points):
             raise ValueError(f"{len(self.times_s)} times for {len(self.points)} points, expected as many")
         if not all(map(math.isfinite, (*self.times_s, *(x for point in self.points for x in point)))):
-            raise ValueError("a time or a place that is no number: expected seconds and metres")
+            raise ValueError("a time or a coordinate is not finite: expected seconds and metres")
         if any(after <= before for before, after in pairwise(self.times_s)):
-            raise ValueError("times that do not rise: expected each after the one before")
+            raise ValueError("times do not increase: expected each after the one before")
 
     def segments(self) -> Iterator[Segment]:
         for (t0, t1), (a, b) in zip(pairwise(self.times_s), pairwise(self.points), strict=True):
             yield Segment(t0, t1, a, b)
 
     def at(self, t_s: float) -> LocalPoint | None:
-        """Where it is; None before and after its flight."""
+        """Return the position; None before and after the flight."""
         if not self.times_s or not self.times_s[0] <= t_s <= self.times_s[-1]:
             return None
         if t_s == self.times_s[-1]:
@@ -58,7 +58,7 @@ class Trajectory:
         return Segment(self.times_s[i - 1], self.times_s[i], self.points[i - 1], self.points[i]).at(t_s)
 
     def since(self, t_s: float) -> Trajectory | None:
-        """What of it is after a time; None where it is over by then."""
+        """Return the part after a time; None if the flight is over by then."""
         at = self.at(t_s)
         if at is None:
             return self if self.times_s and t_s < self.times_s[0] else None
@@ -66,13 +66,13 @@ class Trajectory:
         return Trajectory((t_s, *self.times_s[i:]), (at, *self.points[i:]))
 
     def later(self, seconds: float) -> Trajectory:
-        """The same flight so much later."""
+        """Return the same flight, shifted in time."""
         return Trajectory(tuple(t + seconds for t in self.times_s), self.points)
 
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """What a flight stays within, in time and in each direction."""
+    """Bounding box of a flight in time and space."""
 
     least: tuple[float, float, float, float]
     """time, east, north, up [s, m]"""
@@ -87,8 +87,7 @@ class Bounds:
         )
 
     def is_within(self, other: Bounds, reach: tuple[float, float, float, float]) -> bool:
-        """Whether some place of the one is no farther than this from one of the other. Who is not needs no
-        closer look."""
+        """Return whether two boxes are within `reach` of each other: a cheap first test."""
         (t0, e0, n0, u0), (t1, e1, n1, u1) = self.least, self.most
         (s0, f0, m0, v0), (s1, f1, m1, v1) = other.least, other.most
         t, e, n, u = reach
@@ -101,18 +100,18 @@ class Bounds:
 
 
 def until_landing(flight: Trajectory) -> Trajectory:
-    """A flight until it begins to come down on the spot at its end; the whole of one that does so already."""
+    """Return the flight up to its final vertical descent; all of it if that has begun already."""
     n = _n_before_landing(flight)
     return flight if n < 2 else Trajectory(flight.times_s[:n], flight.points[:n])
 
 
 def landing_start_s(flight: Trajectory) -> float:
-    """When it begins to come down on the spot at its end; at its end, where it does not."""
+    """Return the start of the final vertical descent; the end of the flight if there is none."""
     return flight.times_s[_n_before_landing(flight) - 1]
 
 
 def _n_before_landing(flight: Trajectory) -> int:
-    """Of its points."""
+    """Return the number of points before the final vertical descent."""
     n = len(flight.points)
     while n > 1 and _sinks_on_the_spot(flight.points[n - 2], flight.points[n - 1]):
         n -= 1
@@ -124,6 +123,6 @@ def _sinks_on_the_spot(a: LocalPoint, b: LocalPoint) -> bool:
 
 
 def extrapolate(here: LocalPoint, velocity_m_s: LocalPoint, from_s: float, for_s: float) -> Trajectory:
-    """On from `here` at one velocity (east, north, up) [m/s] for so long."""
+    """Return the straight flight from `here` at a velocity (east, north, up) [m/s] for `for_s` seconds."""
     e, n, u = (x + v * for_s for x, v in zip(here, velocity_m_s, strict=True))
     return Trajectory((from_s, from_s + for_s), (here, (e, n, u)))

@@ -1,4 +1,4 @@
-"""Who is about to come too near to whom in flight, and who of them gives way."""
+"""Proximity alarms in flight, data on other vehicles, and the rule of priority."""
 
 from __future__ import annotations
 
@@ -13,19 +13,18 @@ from swarmctl.core.frames import StateShared
 AvoidanceAction = Literal["hold", "climb", "none"]
 
 CLEAR_FACTOR = 1.5
-"""An alarm ends when nobody comes within so many times the limits …"""
+"""An alarm ends when the other vehicle stays outside this multiple of the limits …"""
 CLEAR_FOR_S = 2.0
-"""… for so long."""
+"""… for this time."""
 HEIGHT_MARGIN = 1.2
-"""Who climbs keeps so many times the vertical limit: neither holds its height to the metre."""
-
+"""Multiple of the vertical limit kept by an evasive climb: heights are not held to the metre."""
 
 DEFAULT_LIMITS = Limits(10.0, 3.0)
 
 
 @dataclass(frozen=True, slots=True)
 class SeparationRules:
-    """How far vehicles keep from each other, and what is done where they would not."""
+    """Separation limits of the vehicles, and the evasive action."""
 
     limits: Limits = DEFAULT_LIMITS
     look_ahead_s: float = 10.0
@@ -37,43 +36,43 @@ DEFAULT_SEPARATION = SeparationRules()
 
 @dataclass(frozen=True, slots=True)
 class NeighbourReport:
-    """Another vehicle as it told of itself."""
+    """Last state received from another vehicle."""
 
     state: StateShared
     at_s: float
-    """by the clock of the vehicle that heard it"""
+    """time by the receiver's vehicle clock"""
 
 
 @dataclass(frozen=True, slots=True)
 class NeighbourIntent:
-    """The flight that another vehicle has told it is on or is about to begin."""
+    """Last intent received from another vehicle: the flight it is on or about to start."""
 
     flight: Trajectory
-    """by the clock and in the plane of the vehicle that heard it, up above the sea"""
+    """times of the receiver's vehicle clock, local frame of the area, heights above the sea"""
     bounds: Bounds
     may_change: bool
-    """it could give way"""
+    """able to give way"""
     said_s: float
     around_m: tuple[float, float] = (0.0, 0.0)
-    """it is somewhere within this of that flight, over ground and in height"""
+    """uncertainty of the flight, horizontal and vertical [m]"""
     on_ground: bool = False
-    """it is about to take off"""
+    """about to take off"""
 
     def limits(self, limits: Limits) -> Limits:
-        """What is to be kept from that flight, so that `limits` are kept from the vehicle."""
+        """Return `limits` enlarged by the uncertainty of the flight."""
         horizontal_m, vertical_m = self.around_m
         return Limits(limits.horizontal_m + horizontal_m, limits.vertical_m + vertical_m)
 
 
 @dataclass(frozen=True, slots=True)
 class ProximityAlarm:
-    """Another vehicle that will be too close."""
+    """A vehicle predicted to be too close."""
 
     other: int
     approach: Approach
-    """as last predicted, by the vehicle's own clock"""
+    """last prediction, by the vehicle's own clock"""
     clear_since_s: float | None = None
-    """since when that is predicted no more"""
+    """time since which it is no longer predicted"""
 
 
 def update_alarms(
@@ -83,9 +82,10 @@ def update_alarms(
     rules: SeparationRules,
     now_s: float,
 ) -> tuple[ProximityAlarm, ...]:
-    """The alarms from now on, by system id. `others` are those heard of late, as they are predicted.
+    """Return the alarms from now on, by system id. `others`: predicted trajectories of vehicles heard
+    recently.
 
-    One is raised at once, and ends with hysteresis: else it would come and go with every metre of error.
+    An alarm is raised at once and ends with hysteresis, so that position errors do not toggle it.
     """
     before = {alarm.other: alarm for alarm in alarms}
     wide = Limits(CLEAR_FACTOR * rules.limits.horizontal_m, CLEAR_FACTOR * rules.limits.vertical_m)
@@ -110,23 +110,31 @@ def _is_near(mine: Bounds, other: Trajectory, limits: Limits) -> bool:
 
 
 def gives_way_by_id(uav: int, other: int) -> bool:
-    """Of two vehicles exactly one gives way, without a word: the one with the higher system id."""
+    """Return whether `uav` gives way to `other` by system id: the higher one does."""
     return uav > other
 
 
 Priority = tuple[bool, int]
-"""whether a vehicle may change its plan, and its system id"""
+"""(able to change its plan, system id)"""
 
 
 def gives_way_to(one: Priority, other: Priority) -> bool:
-    """Of two vehicles whose plans meet exactly one gives way, if either can: who may change its plan to who
-    may not, else the one with the higher system id. A system id is known to all, and no two have the same."""
+    """Return whether the one gives way to the other. If either can change its plan, exactly one of the two
+    does.
+
+    | able to change: one, other | gives way |
+    |---|---|
+    | yes, no | the one |
+    | no, yes | the other |
+    | yes, yes | the higher system id |
+    | no, no | neither |
+    """
     (may, uav), (may_too, than) = one, other
     return may and (not may_too or gives_way_by_id(uav, than))
 
 
 def clear_height_m(height_m: float, others_m: Sequence[float], limits: Limits) -> float:
-    """The lowest height at or above `height_m` that keeps clear of others' heights [m]."""
+    """Return the lowest height at or above `height_m` that is clear of others' heights [m]."""
     keeps_m = HEIGHT_MARGIN * limits.vertical_m
     for other_m in sorted(others_m):
         if abs(other_m - height_m) < keeps_m:

@@ -1,11 +1,11 @@
-"""When each of many vehicles that are called back begins its return, so that no two meet. Pure.
+"""Schedule of returns: start times for recalled vehicles, so that no two conflict. Pure.
 
-A vehicle holds where it is, at its own height, until its turn; then it climbs, flies straight home and comes
-down there. How high it climbs is a parameter of its firmware, and how fast it flies is not known exactly: it
-is taken to be anywhere that a fast and a slow return allow, and vehicles that move are kept apart over ground
-at whatever height they are.
+A vehicle holds at its position and height until its start; then it climbs, flies straight home and lands
+there. The climb is a parameter of its firmware and the speed is uncertain, so the vehicle may be anywhere
+between a fast and a slow return. Vehicles that move are therefore separated over ground, whatever their
+heights.
 
-Points are (east, north) [m] in one plane, heights above the sea [m], times from the moment of the call [s].
+Points are (east, north) [m] in one plane, heights above the sea [m], times from the moment of the recall [s].
 """
 
 from __future__ import annotations
@@ -20,130 +20,131 @@ from numpy.typing import NDArray
 from swarmctl.core.frames import StateShared
 from swarmctl.core.geo import LocalFrame, distance_m
 from swarmctl.core.messages import VehiclePosition
-from swarmctl.core.planar import distance_to_leg
+from swarmctl.core.planar import PlanarPoint, distance_to_leg
 
-PlanePoint = tuple[float, float]
 Floats = NDArray[np.float64]
 Steps = NDArray[np.int64]
 
-LEAST_APART_M, LEAST_ABOVE_M = 20.0, 5.0
-"""What vehicles that return keep over ground and in height, where they need not keep more."""
+MIN_HORIZONTAL_M, MIN_VERTICAL_M = 20.0, 5.0
+"""Least horizontal and vertical separation of returning vehicles."""
 STEP_S = 2.0
-"""Turns begin at multiples of this."""
+"""Resolution of the start times."""
 FASTER, SLOWER = 1.25, 0.5
-"""by which the speed over ground may differ from the expected: wind, and parameters of the return"""
+"""Factors on the expected ground speed: wind, and parameters of the return."""
 REACTS_WITHIN_S = 10.0
 CLIMBS_TO_M = 60.0
-"""above home, at most; PX4's RTL_RETURN_ALT as it comes, more than ArduCopter's RTL_ALT"""
+"""Greatest return height above home: PX4's default RTL_RETURN_ALT, more than ArduCopter's RTL_ALT."""
 CLIMB_M_S = 1.5
 SILENT_S = 10.0
-"""Who is not heard for so long waits no more, and is taken to be on its way if it was."""
+"""Shortest silence after which a returning vehicle may count as landed."""
 SINK_M_S = 0.8
-"""from that height to the ground on the average, a wait above home included"""
-MOST_AWAY_M, MOST_UP_M = 100_000.0, 10_000.0
-"""Who tells of a longer way home, or of a greater height above it, is not waited for: it errs, or lies."""
-LEAST_SPEED_M_S = 0.1
-"""as nobody flies who tells of less"""
+"""Average descent from the return height to the ground, including a wait above home."""
+MAX_DISTANCE_M, MAX_HEIGHT_M = 100_000.0, 10_000.0
+"""Longer distances and greater heights above home are implausible: the sender errs or lies."""
+MIN_SPEED_M_S = 0.1
+"""Slower announced speeds are implausible."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReturningVehicle:
-    """A vehicle that is to return."""
+    """A recalled vehicle."""
 
     uav: int
-    here: PlanePoint
+    here: PlanarPoint
     alt_amsl_m: float
-    home: PlanePoint
+    home: PlanarPoint
     home_alt_amsl_m: float
     speed_m_s: float
-    """expected over ground"""
+    """expected ground speed"""
     is_returning: bool = False
-    """it is on its way already, and has no turn to wait for"""
+    """on its way already; it is not scheduled"""
 
     @property
     def way_m(self) -> float:
         return math.dist(self.here, self.home)
 
     @property
-    def direction(self) -> PlanePoint:
-        """Of its way, as long as 1; any where it is at home."""
+    def direction(self) -> PlanarPoint:
+        """Unit vector towards home; arbitrary at home."""
         if self.way_m == 0.0:
             return 1.0, 0.0
         return (self.home[0] - self.here[0]) / self.way_m, (self.home[1] - self.here[1]) / self.way_m
 
     @property
     def top_amsl_m(self) -> float:
-        """As high as it may climb."""
+        """Greatest possible height during the return."""
         return max(self.alt_amsl_m, self.home_alt_amsl_m + CLIMBS_TO_M)
 
     @property
     def departs_within_s(self) -> float:
-        """Until the slowest has left its place."""
+        """Longest time until it leaves its position."""
         return REACTS_WITHIN_S + (self.top_amsl_m - self.alt_amsl_m) / CLIMB_M_S
 
     @property
     def takes_s(self) -> float:
-        """Until the slowest is down."""
+        """Longest time until it has landed."""
         sinks_m = self.top_amsl_m - self.home_alt_amsl_m
         return self.departs_within_s + self.way_m / (SLOWER * self.speed_m_s) + sinks_m / SINK_M_S
 
 
 @dataclass(frozen=True, slots=True)
 class ReturnSchedule:
-    """Who begins when."""
+    """Start times of returns."""
 
     begins_s: Mapping[int, float]
-    """by system id, in the order of the turns"""
+    """start by system id, in order of time"""
     down_s: float
-    """when the slowest is down"""
-    not_apart: tuple[tuple[int, int], ...] = ()
-    """pairs of which the first passes the second's place while that holds: no order avoids it, and only their
-    heights keep them apart"""
+    """latest landing"""
+    height_only: tuple[tuple[int, int], ...] = ()
+    """pairs in which the first passes over or under the second while that holds: no order avoids it, and only
+    their heights separate them"""
 
 
 def schedule_returns(
-    callers: Sequence[ReturningVehicle], *, horizontal_m: float, vertical_m: float
+    vehicles: Sequence[ReturningVehicle], *, horizontal_m: float, vertical_m: float
 ) -> ReturnSchedule:
-    """The turn of each, so that no two come nearer than `horizontal_m` over ground, unless one of them holds
-    and the other is `vertical_m` above or below it."""
+    """Return start times with which no two vehicles come closer than `horizontal_m` over ground.
 
-    begins = {caller: 0 for caller in callers if caller.is_returning}
-    waiting = sorted((c for c in callers if not c.is_returning), key=lambda c: (c.way_m, c.uav))
+    Exception: one of them holds and the other passes at least `vertical_m` above or below it.
+    """
+
+    begins = {vehicle: 0 for vehicle in vehicles if vehicle.is_returning}
+    waiting = sorted((c for c in vehicles if not c.is_returning), key=lambda c: (c.way_m, c.uav))
     passes = {
         mover: [h for h in waiting if h is not mover and _passes(mover, h, horizontal_m, vertical_m)]
         for mover in (*begins, *waiting)
     }
-    not_apart = [(mover.uav, holder.uav) for mover in begins for holder in passes[mover]]
-    in_the_way = {caller: len(passes[caller]) for caller in waiting}
-    passed_by: dict[ReturningVehicle, list[ReturningVehicle]] = {caller: [] for caller in waiting}
+    height_only = [(mover.uav, holder.uav) for mover in begins for holder in passes[mover]]
+    in_the_way = {vehicle: len(passes[vehicle]) for vehicle in waiting}
+    passed_by: dict[ReturningVehicle, list[ReturningVehicle]] = {vehicle: [] for vehicle in waiting}
     for mover in waiting:
         for holder in passes[mover]:
             passed_by[holder].append(mover)
     while in_the_way:
         nearest = min(in_the_way, key=in_the_way.__getitem__)
-        not_apart += [(nearest.uav, holder.uav) for holder in passes[nearest] if holder in in_the_way]
+        height_only += [(nearest.uav, holder.uav) for holder in passes[nearest] if holder in in_the_way]
         del in_the_way[nearest]
         for mover in passed_by[nearest]:
             if mover in in_the_way:
                 in_the_way[mover] -= 1
-        # Whom it passes must have left.
+        # The vehicles that it passes must have left.
         from_step = max((begins[other] for other in passes[nearest] if other in begins), default=0)
         begins[nearest] = _first_turn(nearest, begins, from_step, horizontal_m)
     order = sorted(begins, key=lambda c: (begins[c], c.uav))
     return ReturnSchedule(
         {c.uav: STEP_S * begins[c] for c in order},
         max((STEP_S * begins[c] + c.takes_s for c in order), default=0.0),
-        tuple(not_apart),
+        tuple(height_only),
     )
 
 
 def schedule_for(places: Mapping[int, VehiclePosition]) -> ReturnSchedule:
-    """The turns of vehicles, by system id, each of which tells where it is and what it keeps from others."""
+    """Return the schedule for vehicles by system id, from their announced positions and separations."""
     if not places:
         return ReturnSchedule({}, 0.0)
     first = next(iter(places.values()))
     frame = LocalFrame(first.lat_deg, first.lon_deg)
-    callers = [
+    vehicles = [
         ReturningVehicle(
             uav,
             frame.to_local(place.lat_deg, place.lon_deg),
@@ -155,29 +156,33 @@ def schedule_for(places: Mapping[int, VehiclePosition]) -> ReturnSchedule:
         )
         for uav, place in places.items()
     ]
-    keeps = [(LEAST_APART_M, LEAST_ABOVE_M), *(place.keeps_m for place in places.values())]
+    keeps = [(MIN_HORIZONTAL_M, MIN_VERTICAL_M), *(place.keeps_m for place in places.values())]
     return schedule_returns(
-        callers, horizontal_m=max(k[0] for k in keeps), vertical_m=max(k[1] for k in keeps)
+        vehicles, horizontal_m=max(k[0] for k in keeps), vertical_m=max(k[1] for k in keeps)
     )
 
 
 def is_plausible(place: VehiclePosition) -> bool:
-    """Whether turns can be reckoned with what a vehicle tells of itself; else it errs, or lies."""
+    """Return whether an announced position can be scheduled; otherwise the sender errs or lies."""
     here, home = (place.lat_deg, place.lon_deg), (place.home_lat_deg, place.home_lon_deg)
     if not all(abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0 for lat_deg, lon_deg in (here, home)):
         return False
-    is_near = distance_m(here, home) <= MOST_AWAY_M and all(0.0 <= m <= MOST_AWAY_M for m in place.keeps_m)
+    is_near = distance_m(here, home) <= MAX_DISTANCE_M and all(
+        0.0 <= m <= MAX_DISTANCE_M for m in place.keeps_m
+    )
     up_m = place.alt_amsl_m - place.home_alt_amsl_m
-    return is_near and abs(up_m) <= MOST_UP_M and LEAST_SPEED_M_S <= place.speed_m_s < math.inf
+    return is_near and abs(up_m) <= MAX_HEIGHT_M and MIN_SPEED_M_S <= place.speed_m_s < math.inf
 
 
 def place_from_state(state: StateShared, own: VehiclePosition) -> VehiclePosition | None:
-    """Of one that is on the way home, or waits to be, by what it has told: as fast as this vehicle is, and
-    keeping as much; from its ground, if it tells no height. None where it has told no home, or what cannot
-    be."""
-    if state.returns_to is None or abs(state.alt_rel_m) > MOST_UP_M:
+    """Return the position of a vehicle that returns or waits to return, from its broadcast state.
+
+    Speed and separation are taken from `own`, and so is the height of home if the state has no height above
+    the sea. None if the state names no home, or if it is implausible.
+    """
+    if state.returns_to is None or abs(state.alt_rel_m) > MAX_HEIGHT_M:
         return None
-    if distance_m((state.lat_deg, state.lon_deg), state.returns_to) > MOST_AWAY_M:
+    if distance_m((state.lat_deg, state.lon_deg), state.returns_to) > MAX_DISTANCE_M:
         return None
     if state.alt_amsl_m is None:
         alt_amsl_m, ground_amsl_m = own.home_alt_amsl_m + state.alt_rel_m, own.home_alt_amsl_m
@@ -196,32 +201,31 @@ def place_from_state(state: StateShared, own: VehiclePosition) -> VehiclePositio
 
 
 def may_be_returning(place: VehiclePosition, age_s: float) -> bool:
-    """Whether one that was on the way home when it was heard, so long ago, may be yet: while it is silent for
-    no longer than that takes."""
+    """Return whether a vehicle that was returning `age_s` ago may still be: the return may take that long."""
     return age_s <= max(SILENT_S, schedule_for({0: place}).down_s)
 
 
-def describe_schedule(schedule_returns: ReturnSchedule, names: Mapping[int, str]) -> str:
-    """Who returns when, as a line."""
+def describe_schedule(schedule: ReturnSchedule, names: Mapping[int, str]) -> str:
+    """Return the schedule as one line of text."""
     groups: dict[float, list[str]] = {}
-    for uav, begins_s in schedule_returns.begins_s.items():
+    for uav, begins_s in schedule.begins_s.items():
         groups.setdefault(begins_s, []).append(names[uav])
     when = [
         f"{', '.join(group)} {f'after {begins_s:g} s' if begins_s else 'at once'}"
         for begins_s, group in groups.items()
     ]
-    pairs = ", ".join(f"{names[one]} past {names[other]}" for one, other in schedule_returns.not_apart)
-    only = f"; only their heights keep apart {pairs}" if pairs else ""
-    return f"{'; '.join(when)}; the last is down within {schedule_returns.down_s:.0f} s{only}"
+    pairs = ", ".join(f"{names[one]} passing {names[other]}" for one, other in schedule.height_only)
+    only = f"; separated by height alone: {pairs}" if pairs else ""
+    return f"{'; '.join(when)}; all have landed within {schedule.down_s:.0f} s{only}"
 
 
 def _first_turn(
-    caller: ReturningVehicle, begins: Mapping[ReturningVehicle, int], from_step: int, horizontal_m: float
+    vehicle: ReturningVehicle, begins: Mapping[ReturningVehicle, int], from_step: int, horizontal_m: float
 ) -> int:
-    """In steps, not before `from_step`."""
+    """Return the first free start [steps], not before `from_step`."""
     taken = set[int]()
     for other, begun in begins.items():
-        taken.update((_meetings(other, caller, horizontal_m) + begun).tolist())
+        taken.update((_meetings(other, vehicle, horizontal_m) + begun).tolist())
     step = from_step
     while step in taken:
         step += 1
@@ -231,7 +235,7 @@ def _first_turn(
 def _passes(
     mover: ReturningVehicle, holder: ReturningVehicle, horizontal_m: float, vertical_m: float
 ) -> bool:
-    """Whether one that returns comes too near to the place at which another holds."""
+    """Return whether a returning vehicle passes too close to the position of a holding one."""
     if holder.alt_amsl_m >= mover.top_amsl_m + vertical_m:
         return False
     if math.dist(mover.home, holder.here) < horizontal_m:
@@ -242,10 +246,10 @@ def _passes(
 
 
 def _meetings(one: ReturningVehicle, other: ReturningVehicle, horizontal_m: float) -> Steps:
-    """By how many steps the other may not begin after the one, both being under way.
+    """Return the lags [steps] of the other's start after the one's at which both would conflict under way.
 
-    On the other's straight way the places too near to a piece of the one's are a piece as well, because the
-    places of both that are near each other are a convex set.
+    The pairs of positions that are too close form a convex set. The part of the other's straight path too
+    close to a piece of the one's is therefore a single piece.
     """
     low_m, high_m = _near(one, other, *_reach(one), horizontal_m)
     first_m, last_m = _reach(other)
@@ -262,11 +266,14 @@ def _meetings(one: ReturningVehicle, other: ReturningVehicle, horizontal_m: floa
 def _near(
     one: ReturningVehicle, other: ReturningVehicle, first_m: Floats, last_m: Floats, horizontal_m: float
 ) -> tuple[Floats, Floats]:
-    """From where to where along the other's way (steps,) it is too near to the one somewhere between
-    `first_m` and `last_m` (steps,) along its own [m]; nowhere where the second is the less."""
+    """Return the piece of the other's path, from and to (steps,) [m], too close to a piece of the one's path.
+
+    The piece of the one's path reaches from `first_m` to `last_m` (steps,). Empty where "to" is less than
+    "from".
+    """
     (ue, un), (ve, vn) = one.direction, other.direction
     east_m, north_m = one.here[0] - other.here[0], one.here[1] - other.here[1]
-    # Seen along the other's way: `ahead` and `aside` of the one's begin, and of a metre of its way.
+    # In the frame along the other's path: the one's start (ahead, aside) and its unit vector (along, across).
     ahead, aside = east_m * ve + north_m * vn, north_m * ve - east_m * vn
     along, across = ue * ve + un * vn, un * ve - ue * vn
     if abs(across) < 1e-9:
@@ -290,9 +297,10 @@ def _near(
     return low_m, high_m
 
 
-def _reach(caller: ReturningVehicle) -> tuple[Floats, Floats]:
-    """From where to where on its way (steps,) it may be during each step of its return [m]."""
-    begin_s = np.arange(0.0, caller.takes_s, STEP_S)
-    slow_m = SLOWER * caller.speed_m_s * (begin_s - caller.departs_within_s)
-    fast_m = FASTER * caller.speed_m_s * (begin_s + STEP_S)
-    return np.clip(slow_m, 0.0, caller.way_m), np.clip(fast_m, 0.0, caller.way_m)
+def _reach(vehicle: ReturningVehicle) -> tuple[Floats, Floats]:
+    """Return the piece of its path, from and to (steps,) [m], that it may be on in each step of its
+    return."""
+    begin_s = np.arange(0.0, vehicle.takes_s, STEP_S)
+    slow_m = SLOWER * vehicle.speed_m_s * (begin_s - vehicle.departs_within_s)
+    fast_m = FASTER * vehicle.speed_m_s * (begin_s + STEP_S)
+    return np.clip(slow_m, 0.0, vehicle.way_m), np.clip(fast_m, 0.0, vehicle.way_m)
