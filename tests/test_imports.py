@@ -41,7 +41,7 @@ ALONE: dict[str, set[str]] = {
 # Rooms of the simulator, held together as loosely.
 SIMULATOR: dict[str, set[str]] = {
     "sim_vehicle.physics": set(),
-    "sim_vehicle.wire": {"physics", "epoch", "personalities.base"},
+    "sim_vehicle.wire": {"physics", "epoch"},
     "sim_vehicle.files": {"physics", "wire", "epoch", "vehicle.mission"},
     "sim_vehicle.vehicle": {"physics", "wire", "files", "personalities.base", "faults", "epoch"},
     "sim_vehicle.faults": {"vehicle.injected_faults", "wire", "ranges", "epoch"},
@@ -92,8 +92,7 @@ PURE = {
     "swarmctl.config.fence", "swarmctl.config.links_checks", "swarmctl.config.preflight_checks",
     "swarmctl.config.radio", "swarmctl.config.scenario", "swarmctl.config.separation_checks",
     "swarmctl.config.specs", "swarmctl.config.wings_checks",
-    "swarmctl.links.mavsdk_conversations", "swarmctl.links.mavsdk_gate", "swarmctl.links.refusals",
-    "swarmctl.links.routing", "swarmctl.links.url",
+    "swarmctl.links.mavsdk_conversations", "swarmctl.links.url",
     "swarmctl.flight.sensors",
     "swarmctl.preflight.checks", "swarmctl.preflight.policy", "swarmctl.preflight.facts",
     "swarmctl.preflight.declared", "swarmctl.preflight.waivers",

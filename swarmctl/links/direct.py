@@ -31,7 +31,8 @@ from swarmctl.links.base import (
     UnsupportedVehicle,
     UploadFailed,
 )
-from swarmctl.links.frontend import Channel, FrontEnd
+from swarmctl.links.frontend import FrontEnd
+from swarmctl.links.line import Channel
 from swarmctl.links.url import Endpoint
 from swarmctl.mavlink.procedures import basic, fence, rally, speed
 from swarmctl.mavlink.procedures.basic import Done, Swapped, Uploaded

@@ -26,8 +26,7 @@ from swarmctl.core.mission import MissionItem
 from swarmctl.links.base import Identity, LinkError
 from swarmctl.links.direct import DirectLink
 from swarmctl.links.frontend import FrontEnd
-from swarmctl.links.mavsdk_conversations import TransferEnd, with_mavsdk
-from swarmctl.links.mavsdk_gate import MavsdkGate
+from swarmctl.links.mavsdk_conversations import MavsdkGate, TransferEnd, with_mavsdk
 from swarmctl.mavlink.protocol.codec import Decoder, FrameSplitter, Message
 from swarmctl.mavlink.protocol.command import Command
 from swarmctl.mavlink.protocol.conversation import MavlinkPeer

@@ -14,7 +14,7 @@ from scripted_copter import Copter
 
 from swarmctl.links.base import LaunchFailed
 from swarmctl.links.frontend import FrontEnd
-from swarmctl.report.evidence.file import EvidenceFile, FILE_NAME
+from swarmctl.report.evidence.file import FILE_NAME, EvidenceFile
 from swarmctl.report.evidence.hooks import Evidence
 
 ARM, START = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_MISSION_START

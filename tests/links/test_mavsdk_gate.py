@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.links.mavsdk_gate import MavsdkGate
+from swarmctl.links.mavsdk_conversations import MavsdkGate
 
 ROOT = Path(__file__).parents[2]
 

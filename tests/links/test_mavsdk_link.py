@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import sys
 
 import pytest
 from link_world import World, asked_of, flying, north, play, until
@@ -147,17 +146,5 @@ def test_nothing_but_who_it_is_is_asked_of_a_vehicle_that_is_only_connected():
             await world.link().connect(5)
             await asyncio.sleep(2)
             assert asked_of(world) == {("COMMAND_LONG", 148.0)}
-
-    play(story(), real=True)
-
-
-def test_who_has_no_mavsdk_is_told_what_to_install(monkeypatch):
-    monkeypatch.setitem(sys.modules, "mavsdk", None)
-    monkeypatch.delitem(sys.modules, "swarmctl.links.mavsdk", raising=False)
-
-    async def story():
-        async with world_of(Copter(1)) as world:
-            with pytest.raises(LinkError, match=r"needs the package mavsdk: pip install .*`link: direct`"):
-                world.link()
 
     play(story(), real=True)

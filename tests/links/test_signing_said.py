@@ -18,8 +18,17 @@ from sim_vehicle.fleet import Fleet
 from swarmctl.flight import virtual_simulator
 from swarmctl.flight.wiring import VIRTUAL_EPOCH_NS
 from swarmctl.links.base import FramesRefused
-from swarmctl.links.refusals import REPEAT_S, Refusals
-from swarmctl.links.signing import AHEAD, LATE, OTHER_KEY, REPEATED, TICKS_PER_S, UNSIGNED, ticks
+from swarmctl.links.signing import (
+    AHEAD,
+    LATE,
+    OTHER_KEY,
+    REPEAT_S,
+    REPEATED,
+    TICKS_PER_S,
+    UNSIGNED,
+    Refusals,
+    ticks,
+)
 from swarmctl.report.evidence.file import FILE_NAME
 from swarmctl.security.mavlink_key import TimestampFile
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from swarmctl.links.routing import AddressTracker, AddressVerdict
+from swarmctl.links.line import AddressTracker, AddressVerdict
 
 OK, MOVED, DROPPED, CONFLICT = (
     AddressVerdict.ACCEPTED,
