@@ -10,7 +10,7 @@ import numpy.typing as npt
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.epoch import EPSILON_S
-from sim_vehicle.faults.schedule import Patient, Schedule
+from sim_vehicle.faults.schedule import Schedule, VehicleAccess
 from sim_vehicle.faults.spec import FaultSpec
 from sim_vehicle.files.logs.recorder import limits_for
 from sim_vehicle.files.logs.sampling import samples
@@ -23,8 +23,8 @@ from sim_vehicle.physics.wind import WindSettings
 from sim_vehicle.physics.world import World
 from sim_vehicle.scenarios import Scenario
 from sim_vehicle.vehicle.autopilot import Autopilot
-from sim_vehicle.vehicle.fault_effects import Harm
-from sim_vehicle.vehicle.injected_faults import Afflictions
+from sim_vehicle.vehicle.fault_effects import FaultEffectWriter
+from sim_vehicle.vehicle.injected_faults import InjectedFaults
 from sim_vehicle.vehicle.receivers import COMPONENT
 from sim_vehicle.wire.encode import Encoder
 from sim_vehicle.wire.outbox import Frames, Outbox
@@ -106,9 +106,9 @@ class Fleet:
                     rng=generators[index],
                     status=self.status,
                     streams=self._streams,
-                    outlet=self._outbox,
-                    afflictions=Afflictions(
-                        generators[index].spawn(1)[0], Harm(self.world, self.status, index)
+                    output=self._outbox,
+                    injected_faults=InjectedFaults(
+                        generators[index].spawn(1)[0], FaultEffectWriter(self.world, self.status, index)
                     ),
                     replace_faults=partial(self._replace_faults, index),
                     log_limits=limits_for(len(specs)),
@@ -122,7 +122,7 @@ class Fleet:
         self._alarm_s = np.zeros(len(specs))
         self._wires = Wires([vehicle.signing for vehicle in self.vehicles], self.links, trusted_links)
         self._ready: Frames = []  # what has got through before somebody took it
-        self._schedule = Schedule(scenario.faults, self.sysids, self._patient, scenario.seed)
+        self._schedule = Schedule(scenario.faults, self.sysids, self._access, scenario.seed)
         self._threats: Threats | None = None
         if area is not None and scenario.firing_strength is not None:
             self.status.threatened[:] = bool(scenario.hostiles)
@@ -135,7 +135,7 @@ class Fleet:
         self.counters = Counters()
         for vehicle, spec in zip(self.vehicles, specs, strict=True):
             for name in spec.params:
-                vehicle.simulate(name)
+                vehicle.update_parameter_faults(name)
 
     def boots(self) -> tuple[int, ...]:
         """How often each vehicle has booted."""
@@ -179,7 +179,7 @@ class Fleet:
         for vehicle in addressed:
             if reach is not None and vehicle.index not in reach:
                 continue
-            if not self._wires.takes(vehicle.index, message, now):
+            if not self._wires.put_incoming(vehicle.index, message, now):
                 self._hand_over(vehicle, message, now)
 
     def _hand_over(self, vehicle: Autopilot, message: Any, now: float) -> None:
@@ -245,7 +245,7 @@ class Fleet:
             tick_s = self._next_tick * TICK_S
             self._arrive(tick_s)
             self._tick(tick_s)
-            if not self._wires.plain:
+            if not self._wires.unimpaired:
                 self._collect(tick_s)
             self._next_tick += 1
         self._arrive(now)
@@ -281,9 +281,11 @@ class Fleet:
 
     # -- what goes wrong ---------------------------------------------------------------------------------
 
-    def _patient(self, index: int) -> Patient:
+    def _access(self, index: int) -> VehicleAccess:
         vehicle = self.vehicles[index]
-        return Patient(partial(self._wires.channel, index), vehicle.afflictions, partial(self._reboot, index))
+        return VehicleAccess(
+            partial(self._wires.channel, index), vehicle.injected_faults, partial(self._reboot, index)
+        )
 
     def _reboot(self, index: int, now: float, silence_s: float) -> None:
         self.vehicles[index].reboot(now, silence_s)
@@ -306,7 +308,7 @@ class Fleet:
 
     def _take(self, now: float) -> Frames:
         """What arrives at ground stations by `now` [s]."""
-        if self._wires.plain and not self._ready:
+        if self._wires.unimpaired and not self._ready:
             return self._outbox.take()
         self._arrive(now)
         self._collect(now)
@@ -322,7 +324,7 @@ class Fleet:
         for index in np.flatnonzero((cells != self._cells) & (cells != OUTSIDE)).tolist():
             vehicle, cell = self.vehicles[index], int(cells[index])
             for hostile in self._threats.fire(cell, vehicle.rng):
-                vehicle.struck(self._threats.row_col(cell), hostile, now)
+                vehicle.record_strike(self._threats.row_col(cell), hostile, now)
         self._cells = cells
 
 

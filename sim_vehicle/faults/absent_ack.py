@@ -2,16 +2,16 @@
 
 from pydantic import Field
 
-from sim_vehicle.faults.base import End, Fault, FaultParams, Share, Target
-from sim_vehicle.vehicle.injected_faults import Effect
+from sim_vehicle.faults.base import EndFault, Fault, FaultParams, FaultTarget, Share
+from sim_vehicle.vehicle.injected_faults import FaultEffect
 
 
 class Params(FaultParams):
     rate: Share = Field(default=1.0, description="share of the acknowledgements that does not come")
 
 
-def begin(target: Target, params: Params, now: float) -> End:
-    return target.afflict(Effect(ack_loss=params.rate), now)
+def begin(target: FaultTarget, params: Params, now: float) -> EndFault:
+    return target.apply(FaultEffect(ack_loss=params.rate), now)
 
 
 FAULT = Fault("absent_ack", "COMMAND_ACK and MISSION_ACK do not come", Params, begin)

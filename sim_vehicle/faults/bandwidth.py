@@ -5,8 +5,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from sim_vehicle.faults.base import DIRECTION, End, Fault, FaultParams, Target, Way
-from sim_vehicle.wire.channel import Passed
+from sim_vehicle.faults.base import DIRECTION, EndFault, Fault, FaultParams, FaultTarget, LinkDirections
+from sim_vehicle.wire.channel import TimedFrames
 
 
 class Params(FaultParams):
@@ -16,7 +16,7 @@ class Params(FaultParams):
     buffer_bytes: Annotated[int, Field(ge=300)] = Field(
         default=2048, description="bytes that may wait; what finds it full is lost"
     )
-    direction: Way = DIRECTION
+    direction: LinkDirections = DIRECTION
 
 
 class Bandwidth:
@@ -28,7 +28,7 @@ class Bandwidth:
         self._rate_bytes_s, self._buffer_bytes = rate_bytes_s, buffer_bytes
         self._free_s = 0.0
 
-    def __call__(self, frame: bytes, due_s: float) -> Passed:
+    def __call__(self, frame: bytes, due_s: float) -> TimedFrames:
         start_s = max(self._free_s, due_s)
         waiting_bytes = (start_s - due_s) * self._rate_bytes_s
         if waiting_bytes + len(frame) > self._buffer_bytes:
@@ -37,7 +37,7 @@ class Bandwidth:
         return [(frame, self._free_s)]
 
 
-def begin(target: Target, params: Params, _now: float) -> End:
+def begin(target: FaultTarget, params: Params, _now: float) -> EndFault:
     def stage(_rng: np.random.Generator) -> Bandwidth:
         return Bandwidth(params.rate_bytes_s, params.buffer_bytes)
 

@@ -7,11 +7,11 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from sim_vehicle.vehicle.injected_faults import Afflictions, Effect
+from sim_vehicle.vehicle.injected_faults import FaultEffect, InjectedFaults
 from sim_vehicle.wire.channel import Channel, Direction, Stage
 
-End = Callable[[float], None]  # called with the time of the end [s]
-Way = Literal["both", "to_vehicle", "from_vehicle"]
+EndFault = Callable[[float], None]  # called with the time of the end [s]
+LinkDirections = Literal["both", "to_vehicle", "from_vehicle"]
 Share = Annotated[float, Field(ge=0, le=1)]
 DIRECTION: Any = Field(default="both", description="which direction it is in")
 
@@ -23,7 +23,7 @@ class FaultParams(BaseModel):
 
 
 @dataclass(frozen=True, slots=True)
-class Target:
+class FaultTarget:
     """One vehicle as a fault sees it.
 
     channel: its wire, made when it is first asked for.
@@ -34,12 +34,12 @@ class Target:
     """
 
     channel: Callable[[], Channel]
-    afflictions: Afflictions
+    injected_faults: InjectedFaults
     generator: Callable[[], np.random.Generator]
     reboot: Callable[[float, float], None]
     every_tick: Callable[[Callable[[float], None]], Callable[[], None]]
 
-    def disturb(self, way: Way, make_stage: Callable[[np.random.Generator], Stage]) -> End:
+    def disturb(self, way: LinkDirections, make_stage: Callable[[np.random.Generator], Stage]) -> EndFault:
         """Put a stage of its own into each direction that `way` names; returns what takes them out."""
         channel = self.channel()
         removals = [
@@ -54,12 +54,12 @@ class Target:
 
         return end
 
-    def afflict(self, effect: Effect, now: float) -> End:
+    def apply(self, effect: FaultEffect, now: float) -> EndFault:
         """Have an effect on the vehicle itself from `now` [s]; returns what ends it."""
-        return self.afflictions.begin(effect, now)
+        return self.injected_faults.begin(effect, now)
 
 
-Begin = Callable[[Target, Any, float], End]
+BeginFault = Callable[[FaultTarget, Any, float], EndFault]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,4 +69,4 @@ class Fault:
     name: str
     summary: str  # one line
     params: type[FaultParams]
-    begin: Begin
+    begin: BeginFault

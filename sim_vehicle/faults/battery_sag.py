@@ -4,8 +4,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from sim_vehicle.faults.base import End, Fault, FaultParams, Share, Target
-from sim_vehicle.vehicle.injected_faults import Effect
+from sim_vehicle.faults.base import EndFault, Fault, FaultParams, FaultTarget, Share
+from sim_vehicle.vehicle.injected_faults import FaultEffect
 
 
 class Params(FaultParams):
@@ -13,8 +13,8 @@ class Params(FaultParams):
     at_most: Share = Field(default=1.0, description="share of the full charge that is left at most")
 
 
-def begin(target: Target, params: Params, now: float) -> End:
-    return target.afflict(Effect(battery_sag_v=params.sag_v, battery_at_most=params.at_most), now)
+def begin(target: FaultTarget, params: Params, now: float) -> EndFault:
+    return target.apply(FaultEffect(battery_sag_v=params.sag_v, battery_at_most=params.at_most), now)
 
 
 FAULT = Fault("battery_sag", "the battery's voltage drops, or its charge", Params, begin)

@@ -5,8 +5,16 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from sim_vehicle.faults.base import DIRECTION, End, Fault, FaultParams, Share, Target, Way
-from sim_vehicle.wire.channel import Passed
+from sim_vehicle.faults.base import (
+    DIRECTION,
+    EndFault,
+    Fault,
+    FaultParams,
+    FaultTarget,
+    LinkDirections,
+    Share,
+)
+from sim_vehicle.wire.channel import TimedFrames
 
 
 class Params(FaultParams):
@@ -16,7 +24,7 @@ class Params(FaultParams):
     )
     bad_loss: Share = Field(default=1.0, description="share that is lost during a bad spell")
     good_loss: Share = Field(default=0.0, description="share that is lost between bad spells")
-    direction: Way = DIRECTION
+    direction: LinkDirections = DIRECTION
 
     @model_validator(mode="after")
     def _there_is_such_a_chain(self) -> Self:
@@ -60,14 +68,14 @@ class BurstLoss:
         self._turn = (params.enter_bad, params.leave_bad)
         self._bad = bool(rng.random() < params.bad_share)
 
-    def __call__(self, frame: bytes, due_s: float) -> Passed:
+    def __call__(self, frame: bytes, due_s: float) -> TimedFrames:
         lost = self._rng.random() < self._loss[self._bad]
         if self._rng.random() < self._turn[self._bad]:
             self._bad = not self._bad
         return [] if lost else [(frame, due_s)]
 
 
-def begin(target: Target, params: Params, _now: float) -> End:
+def begin(target: FaultTarget, params: Params, _now: float) -> EndFault:
     return target.disturb(params.direction, lambda rng: BurstLoss(params, rng))
 
 

@@ -4,8 +4,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from sim_vehicle.faults.base import End, Fault, FaultParams, Target
-from sim_vehicle.vehicle.injected_faults import Effect
+from sim_vehicle.faults.base import EndFault, Fault, FaultParams, FaultTarget
+from sim_vehicle.vehicle.injected_faults import FaultEffect
 
 
 class Params(FaultParams):
@@ -15,8 +15,8 @@ class Params(FaultParams):
     )
 
 
-def begin(target: Target, params: Params, now: float) -> End:
-    return target.afflict(Effect(clock_drift_ppm=params.drift_ppm), now)
+def begin(target: FaultTarget, params: Params, now: float) -> EndFault:
+    return target.apply(FaultEffect(clock_drift_ppm=params.drift_ppm), now)
 
 
 FAULT = Fault("clock_drift", "time since boot, TIMESYNC and SYSTEM_TIME drift away", Params, begin)

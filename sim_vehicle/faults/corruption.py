@@ -5,15 +5,23 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from sim_vehicle.faults.base import DIRECTION, End, Fault, FaultParams, Share, Target, Way
-from sim_vehicle.wire.channel import Passed
+from sim_vehicle.faults.base import (
+    DIRECTION,
+    EndFault,
+    Fault,
+    FaultParams,
+    FaultTarget,
+    LinkDirections,
+    Share,
+)
+from sim_vehicle.wire.channel import TimedFrames
 
 
 class Params(FaultParams):
     rate: Share = Field(default=0.1, description="share of the frames that is spoilt")
     # The checksum of MAVLink notices any three flipped bits for certain, of more nearly all.
     bits: Annotated[int, Field(ge=1, le=64)] = Field(default=3, description="most bits that flip in a frame")
-    direction: Way = DIRECTION
+    direction: LinkDirections = DIRECTION
 
 
 class Corruption:
@@ -24,7 +32,7 @@ class Corruption:
     def __init__(self, rate: float, bits: int, rng: np.random.Generator) -> None:
         self._rate, self._bits, self._rng = rate, bits, rng
 
-    def __call__(self, frame: bytes, due_s: float) -> Passed:
+    def __call__(self, frame: bytes, due_s: float) -> TimedFrames:
         if not frame or self._rng.random() >= self._rate:
             return [(frame, due_s)]
         flips = min(int(self._rng.integers(1, self._bits + 1)), 8 * len(frame))
@@ -34,7 +42,7 @@ class Corruption:
         return [(bytes(spoilt), due_s)]
 
 
-def begin(target: Target, params: Params, _now: float) -> End:
+def begin(target: FaultTarget, params: Params, _now: float) -> EndFault:
     return target.disturb(params.direction, lambda rng: Corruption(params.rate, params.bits, rng))
 
 

@@ -6,8 +6,8 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from sim_vehicle.faults.base import DIRECTION, End, Fault, FaultParams, Target, Way
-from sim_vehicle.wire.channel import Passed
+from sim_vehicle.faults.base import DIRECTION, EndFault, Fault, FaultParams, FaultTarget, LinkDirections
+from sim_vehicle.wire.channel import TimedFrames
 
 Seconds = Annotated[float, Field(ge=0, le=60)]
 
@@ -15,7 +15,7 @@ Seconds = Annotated[float, Field(ge=0, le=60)]
 class Params(FaultParams):
     delay_s: Seconds = Field(default=0.5, description="mean delay each way")
     jitter_s: Seconds = Field(default=0.0, description="the delay varies by as much either way")
-    direction: Way = DIRECTION
+    direction: LinkDirections = DIRECTION
 
     @model_validator(mode="after")
     def _no_time_travel(self) -> Self:
@@ -33,13 +33,13 @@ class Delay:
         self._delay_s, self._jitter_s, self._rng = delay_s, jitter_s, rng
         self._last_due_s = -math.inf
 
-    def __call__(self, frame: bytes, due_s: float) -> Passed:
+    def __call__(self, frame: bytes, due_s: float) -> TimedFrames:
         held_s = self._delay_s + self._jitter_s * self._rng.uniform(-1.0, 1.0)
         self._last_due_s = max(due_s + held_s, self._last_due_s)
         return [(frame, self._last_due_s)]
 
 
-def begin(target: Target, params: Params, _now: float) -> End:
+def begin(target: FaultTarget, params: Params, _now: float) -> EndFault:
     return target.disturb(params.direction, lambda rng: Delay(params.delay_s, params.jitter_s, rng))
 
 

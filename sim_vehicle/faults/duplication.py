@@ -5,8 +5,16 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from sim_vehicle.faults.base import DIRECTION, End, Fault, FaultParams, Share, Target, Way
-from sim_vehicle.wire.channel import Passed
+from sim_vehicle.faults.base import (
+    DIRECTION,
+    EndFault,
+    Fault,
+    FaultParams,
+    FaultTarget,
+    LinkDirections,
+    Share,
+)
+from sim_vehicle.wire.channel import TimedFrames
 
 
 class Params(FaultParams):
@@ -14,7 +22,7 @@ class Params(FaultParams):
     gap_s: Annotated[float, Field(ge=0, le=60)] = Field(
         default=0.0, description="time from a frame to its copy; others may come between"
     )
-    direction: Way = DIRECTION
+    direction: LinkDirections = DIRECTION
 
 
 class Duplication:
@@ -24,12 +32,12 @@ class Duplication:
         self._rate, self._gap_s, self._rng = rate, gap_s, rng
         self.in_order = gap_s == 0
 
-    def __call__(self, frame: bytes, due_s: float) -> Passed:
+    def __call__(self, frame: bytes, due_s: float) -> TimedFrames:
         copies = [(frame, due_s + self._gap_s)] if self._rng.random() < self._rate else []
         return [(frame, due_s), *copies]
 
 
-def begin(target: Target, params: Params, _now: float) -> End:
+def begin(target: FaultTarget, params: Params, _now: float) -> EndFault:
     return target.disturb(params.direction, lambda rng: Duplication(params.rate, params.gap_s, rng))
 
 

@@ -4,8 +4,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from sim_vehicle.faults.base import End, Fault, FaultParams, Target
-from sim_vehicle.vehicle.injected_faults import Effect
+from sim_vehicle.faults.base import EndFault, Fault, FaultParams, FaultTarget
+from sim_vehicle.vehicle.injected_faults import FaultEffect
 
 Offset = Annotated[float, Field(ge=-1e6, le=1e6)]
 
@@ -19,22 +19,22 @@ class Params(FaultParams):
     )
 
 
-def begin(target: Target, params: Params, now: float) -> End:
-    def effect(share: float) -> Effect:
-        return Effect(
+def begin(target: FaultTarget, params: Params, now: float) -> EndFault:
+    def effect(share: float) -> FaultEffect:
+        return FaultEffect(
             gps_offset_m=(params.east_m * share, params.north_m * share, params.up_m * share),
         )
 
     if params.ramp_s == 0:
-        return target.afflict(effect(1.0), now)
+        return target.apply(effect(1.0), now)
 
-    end_present = target.afflict(effect(0.0), now)
+    end_present = target.apply(effect(0.0), now)
 
     def grow(tick_s: float) -> None:
         nonlocal end_present
         end_present(tick_s)
         share = min((tick_s - now) / params.ramp_s, 1.0)
-        end_present = target.afflict(effect(share), tick_s)
+        end_present = target.apply(effect(share), tick_s)
         if share == 1.0:
             stop_growing()
 

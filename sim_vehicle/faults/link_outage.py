@@ -1,7 +1,7 @@
 """Nothing gets through."""
 
-from sim_vehicle.faults.base import End, Fault, FaultParams, Target
-from sim_vehicle.wire.channel import Passed
+from sim_vehicle.faults.base import EndFault, Fault, FaultParams, FaultTarget
+from sim_vehicle.wire.channel import TimedFrames
 
 
 class Params(FaultParams):
@@ -13,11 +13,11 @@ class Silence:
 
     in_order = True
 
-    def __call__(self, frame: bytes, due_s: float) -> Passed:
+    def __call__(self, frame: bytes, due_s: float) -> TimedFrames:
         return []
 
 
-def begin(target: Target, _params: Params, _now: float) -> End:
+def begin(target: FaultTarget, _params: Params, _now: float) -> EndFault:
     return target.disturb("both", lambda _rng: Silence())
 
 

@@ -6,8 +6,8 @@ from typing import Annotated
 from pydantic import Field
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.faults.base import End, Fault, FaultParams, Target
-from sim_vehicle.vehicle.injected_faults import Effect, MissionRefusal
+from sim_vehicle.faults.base import EndFault, Fault, FaultParams, FaultTarget
+from sim_vehicle.vehicle.injected_faults import FaultEffect, MissionRefusal
 
 
 class Result(Enum):
@@ -34,9 +34,9 @@ class Params(FaultParams):
     )
 
 
-def begin(target: Target, params: Params, now: float) -> End:
+def begin(target: FaultTarget, params: Params, now: float) -> EndFault:
     refusal = MissionRefusal(params.result.number, params.at_item)
-    return target.afflict(Effect(mission_refusal=refusal), now)
+    return target.apply(FaultEffect(mission_refusal=refusal), now)
 
 
 FAULT = Fault("mission_refused", "mission uploads are refused", Params, begin)

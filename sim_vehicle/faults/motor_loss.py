@@ -4,16 +4,16 @@ from typing import Annotated
 
 from pydantic import Field
 
-from sim_vehicle.faults.base import End, Fault, FaultParams, Target
-from sim_vehicle.vehicle.injected_faults import Effect
+from sim_vehicle.faults.base import EndFault, Fault, FaultParams, FaultTarget
+from sim_vehicle.vehicle.injected_faults import FaultEffect
 
 
 class Params(FaultParams):
     motors: Annotated[int, Field(ge=1, le=4)] = Field(default=1, description="how many motors stop")
 
 
-def begin(target: Target, params: Params, now: float) -> End:
-    return target.afflict(Effect(motors_lost=params.motors), now)
+def begin(target: FaultTarget, params: Params, now: float) -> EndFault:
+    return target.apply(FaultEffect(motors_lost=params.motors), now)
 
 
 FAULT = Fault(

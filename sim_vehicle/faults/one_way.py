@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from sim_vehicle.faults.base import End, Fault, FaultParams, Target
+from sim_vehicle.faults.base import EndFault, Fault, FaultParams, FaultTarget
 from sim_vehicle.faults.link_outage import Silence
 
 
@@ -14,7 +14,7 @@ class Params(FaultParams):
     )
 
 
-def begin(target: Target, params: Params, _now: float) -> End:
+def begin(target: FaultTarget, params: Params, _now: float) -> EndFault:
     return target.disturb(params.dead, lambda _rng: Silence())
 
 

@@ -3,13 +3,21 @@
 import numpy as np
 from pydantic import Field
 
-from sim_vehicle.faults.base import DIRECTION, End, Fault, FaultParams, Share, Target, Way
-from sim_vehicle.wire.channel import Passed
+from sim_vehicle.faults.base import (
+    DIRECTION,
+    EndFault,
+    Fault,
+    FaultParams,
+    FaultTarget,
+    LinkDirections,
+    Share,
+)
+from sim_vehicle.wire.channel import TimedFrames
 
 
 class Params(FaultParams):
     rate: Share = Field(default=0.1, description="share of the frames that is lost")
-    direction: Way = DIRECTION
+    direction: LinkDirections = DIRECTION
 
 
 class Loss:
@@ -20,11 +28,11 @@ class Loss:
     def __init__(self, rate: float, rng: np.random.Generator) -> None:
         self._rate, self._rng = rate, rng
 
-    def __call__(self, frame: bytes, due_s: float) -> Passed:
+    def __call__(self, frame: bytes, due_s: float) -> TimedFrames:
         return [] if self._rng.random() < self._rate else [(frame, due_s)]
 
 
-def begin(target: Target, params: Params, _now: float) -> End:
+def begin(target: FaultTarget, params: Params, _now: float) -> EndFault:
     return target.disturb(params.direction, lambda rng: Loss(params.rate, rng))
 
 

@@ -1,15 +1,15 @@
 """The pilot's remote control is not heard."""
 
-from sim_vehicle.faults.base import End, Fault, FaultParams, Target
-from sim_vehicle.vehicle.injected_faults import Effect
+from sim_vehicle.faults.base import EndFault, Fault, FaultParams, FaultTarget
+from sim_vehicle.vehicle.injected_faults import FaultEffect
 
 
 class Params(FaultParams):
     pass
 
 
-def begin(target: Target, _params: Params, now: float) -> End:
-    return target.afflict(Effect(rc_lost=True), now)
+def begin(target: FaultTarget, _params: Params, now: float) -> EndFault:
+    return target.apply(FaultEffect(rc_lost=True), now)
 
 
 FAULT = Fault("rc_loss", "the remote control is lost", Params, begin)

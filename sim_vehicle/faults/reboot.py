@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from sim_vehicle.faults.base import End, Fault, FaultParams, Target
+from sim_vehicle.faults.base import EndFault, Fault, FaultParams, FaultTarget
 
 
 class Params(FaultParams):
@@ -13,7 +13,7 @@ class Params(FaultParams):
     )
 
 
-def begin(target: Target, params: Params, now: float) -> End:
+def begin(target: FaultTarget, params: Params, now: float) -> EndFault:
     target.reboot(now, params.silence_s)
     return lambda _now: None
 

@@ -5,8 +5,16 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from sim_vehicle.faults.base import DIRECTION, End, Fault, FaultParams, Share, Target, Way
-from sim_vehicle.wire.channel import Passed
+from sim_vehicle.faults.base import (
+    DIRECTION,
+    EndFault,
+    Fault,
+    FaultParams,
+    FaultTarget,
+    LinkDirections,
+    Share,
+)
+from sim_vehicle.wire.channel import TimedFrames
 
 
 class Params(FaultParams):
@@ -14,7 +22,7 @@ class Params(FaultParams):
     hold_s: Annotated[float, Field(gt=0, le=60)] = Field(
         default=0.2, description="longest time that a frame is held back"
     )
-    direction: Way = DIRECTION
+    direction: LinkDirections = DIRECTION
 
 
 class Reordering:
@@ -25,12 +33,12 @@ class Reordering:
     def __init__(self, rate: float, hold_s: float, rng: np.random.Generator) -> None:
         self._rate, self._hold_s, self._rng = rate, hold_s, rng
 
-    def __call__(self, frame: bytes, due_s: float) -> Passed:
+    def __call__(self, frame: bytes, due_s: float) -> TimedFrames:
         held = self._rng.random() < self._rate
         return [(frame, due_s + (self._hold_s * self._rng.random() if held else 0.0))]
 
 
-def begin(target: Target, params: Params, _now: float) -> End:
+def begin(target: FaultTarget, params: Params, _now: float) -> EndFault:
     return target.disturb(params.direction, lambda rng: Reordering(params.rate, params.hold_s, rng))
 
 

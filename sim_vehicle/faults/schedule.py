@@ -12,32 +12,32 @@ import numpy as np
 
 from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.faults import FAULTS
-from sim_vehicle.faults.base import End, Target
+from sim_vehicle.faults.base import EndFault, FaultTarget
 from sim_vehicle.faults.spec import FaultError, FaultSpec
 from sim_vehicle.ranges import ranges
-from sim_vehicle.vehicle.injected_faults import Afflictions
+from sim_vehicle.vehicle.injected_faults import InjectedFaults
 from sim_vehicle.wire.channel import Channel
 
 RANDOMNESS = 0xFA17  # keeps the faults' randomness apart from that of the vehicles
 
 
 @dataclass(frozen=True, slots=True)
-class Patient:
+class VehicleAccess:
     """What the fleet gives of a vehicle: its channel (made on demand), its afflictions, and its reboot."""
 
     channel: Callable[[], Channel]
-    afflictions: Afflictions
+    injected_faults: InjectedFaults
     reboot: Callable[[float, float], None]
 
 
 @dataclass(slots=True)
-class _Course:
+class _PlannedFault:
     """One fault on one vehicle, from its planning to its end."""
 
     index: int
     spec: FaultSpec
     over: bool = False
-    stop: End | None = None  # while it runs
+    stop: EndFault | None = None  # while it runs
 
     @property
     def runs(self) -> bool:
@@ -65,15 +65,15 @@ class Schedule:
         self,
         specs: Sequence[FaultSpec],
         sysids: Sequence[int],
-        patient: Callable[[int], Patient],
+        access: Callable[[int], VehicleAccess],
         seed: int,
     ) -> None:
-        self._sysids, self._patient, self._seed = tuple(sysids), patient, seed
+        self._sysids, self._access, self._seed = tuple(sysids), access, seed
         self._events: list[tuple[float, int, Callable[[float], None]]] = []
         self._order = itertools.count()
-        self._courses: list[_Course] = []
+        self._planned: list[_PlannedFault] = []
         self._generators_made: Counter[int] = Counter()
-        self._replaceable: dict[tuple[int, Hashable], list[_Course]] = {}
+        self._replaceable: dict[tuple[int, Hashable], list[_PlannedFault]] = {}
         self._tickers: dict[int, Callable[[float], None]] = {}
         for spec in specs:
             self._plan(spec, self._indices(spec), spec.at_s)
@@ -100,17 +100,17 @@ class Schedule:
 
     def replace(self, index: int, key: Hashable, specs: Sequence[FaultSpec], now: float) -> None:
         """End what was begun on one vehicle under this key, and begin these instead (none: all is well)."""
-        for course in self._replaceable.pop((index, key), ()):
-            course.end(now)
+        for fault in self._replaceable.pop((index, key), ()):
+            fault.end(now)
         if specs:
             self._replaceable[index, key] = [
-                course for spec in specs for course in self._plan(spec, [index], now + spec.at_s)
+                fault for spec in specs for fault in self._plan(spec, [index], now + spec.at_s)
             ]
         self.tick(now)
 
     def names(self, index: int) -> tuple[str, ...]:
         """What is wrong with a vehicle now."""
-        return tuple(course.spec.fault for course in self._courses if course.index == index and course.runs)
+        return tuple(fault.spec.fault for fault in self._planned if fault.index == index and fault.runs)
 
     def _indices(self, spec: FaultSpec) -> list[int]:
         if spec.vehicles is None:
@@ -121,32 +121,32 @@ class Schedule:
             raise FaultError(f"fault {spec.fault}: there is no vehicle {missing[0]}; system ids here: {here}")
         return [index for index, sysid in enumerate(self._sysids) if sysid in spec.vehicles]
 
-    def _plan(self, spec: FaultSpec, indices: Sequence[int], at_s: float) -> list[_Course]:
+    def _plan(self, spec: FaultSpec, indices: Sequence[int], at_s: float) -> list[_PlannedFault]:
         """Set the times of one fault on some vehicles."""
-        courses = [_Course(index, spec) for index in indices]
-        for course in courses:
-            self._at(at_s, partial(self._begin, course))
+        planned = [_PlannedFault(index, spec) for index in indices]
+        for fault in planned:
+            self._at(at_s, partial(self._begin, fault))
             if spec.for_s is not None:
-                self._at(at_s + spec.for_s, course.end)
-        return courses
+                self._at(at_s + spec.for_s, fault.end)
+        return planned
 
     def _at(self, time_s: float, act: Callable[[float], None]) -> None:
         heapq.heappush(self._events, (time_s, next(self._order), act))
 
-    def _begin(self, course: _Course, now: float) -> None:
-        if course.over:
+    def _begin(self, fault: _PlannedFault, now: float) -> None:
+        if fault.over:
             return
-        self._courses = [other for other in self._courses if not other.over] + [course]
-        fault = FAULTS[course.spec.fault]
-        course.stop = fault.begin(self._target(course.index), course.spec.parameters(), now)
+        self._planned = [other for other in self._planned if not other.over] + [fault]
+        kind = FAULTS[fault.spec.fault]
+        fault.stop = kind.begin(self._target(fault.index), fault.spec.parameters(), now)
 
-    def _target(self, index: int) -> Target:
-        patient = self._patient(index)
-        return Target(
-            patient.channel,
-            patient.afflictions,
+    def _target(self, index: int) -> FaultTarget:
+        access = self._access(index)
+        return FaultTarget(
+            access.channel,
+            access.injected_faults,
             lambda: self._generator(index),
-            patient.reboot,
+            access.reboot,
             self._every_tick,
         )
 

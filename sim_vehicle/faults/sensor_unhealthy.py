@@ -5,8 +5,8 @@ from enum import Enum
 from pydantic import Field
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.faults.base import End, Fault, FaultParams, Target
-from sim_vehicle.vehicle.injected_faults import Effect
+from sim_vehicle.faults.base import EndFault, Fault, FaultParams, FaultTarget
+from sim_vehicle.vehicle.injected_faults import FaultEffect
 
 
 class Sensor(Enum):
@@ -42,8 +42,8 @@ class Params(FaultParams):
     sensor: Sensor = Field(default=Sensor.MAG, description="which one")
 
 
-def begin(target: Target, params: Params, now: float) -> End:
-    return target.afflict(Effect(unhealthy_sensors=BITS[params.sensor]), now)
+def begin(target: FaultTarget, params: Params, now: float) -> EndFault:
+    return target.apply(FaultEffect(unhealthy_sensors=BITS[params.sensor]), now)
 
 
 FAULT = Fault("sensor_unhealthy", "a sensor's health bit goes, and with it readiness to arm", Params, begin)

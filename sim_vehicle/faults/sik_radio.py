@@ -12,11 +12,11 @@ import numpy as np
 from pydantic import Field, model_validator
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.faults.base import End, Fault, FaultParams, Share, Target
+from sim_vehicle.faults.base import EndFault, Fault, FaultParams, FaultTarget, Share
 from sim_vehicle.faults.burst_loss import BurstLoss
 from sim_vehicle.faults.burst_loss import Params as BurstParams
 from sim_vehicle.faults.corruption import Corruption
-from sim_vehicle.wire.channel import Channel, Direction, Passed
+from sim_vehicle.wire.channel import Channel, Direction, TimedFrames
 
 RADIO_SYSTEM, RADIO_COMPONENT = ord("3"), ord("D")
 PACKET_OVERHEAD_BYTES = 16  # preamble, synchronisation, header, trailer and checksum in the air
@@ -78,7 +78,7 @@ class Radio:
         self.other: Radio | None = None
         self.lost = 0  # of the frames it sent
 
-    def __call__(self, frame: bytes, due_s: float) -> Passed:
+    def __call__(self, frame: bytes, due_s: float) -> TimedFrames:
         self._empty_buffer(due_s)
         if is_heartbeat(frame):
             self._report(due_s)
@@ -134,7 +134,7 @@ def is_heartbeat(frame: bytes) -> bool:
     return frame[:1] == b"\xfe" and frame[5:6] == b"\0"
 
 
-def begin(target: Target, params: Params, _now: float) -> End:
+def begin(target: FaultTarget, params: Params, _now: float) -> EndFault:
     channel, air = target.channel(), _Air()
     ground = Radio(params, air, channel, Direction.TO_VEHICLE, target.generator())
     vehicle = Radio(params, air, channel, Direction.FROM_VEHICLE, target.generator())

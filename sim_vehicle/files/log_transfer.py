@@ -64,13 +64,13 @@ class LogTransfer:
         erase: Callable[[], None],
         rules: LogRules,
         send: Callable[[Any], None],
-        say: Callable[[int, str], None],
+        send_text: Callable[[int, str], None],
         armed: Callable[[], bool],
         bytes_s: float = BYTES_S,
         most_bytes_at_once: float = MOST_BYTES_AT_ONCE,
     ) -> None:
         self._logs, self._erase, self._rules = logs, erase, rules
-        self._send, self._say, self._armed = send, say, armed
+        self._send, self._send_text, self._armed = send, send_text, armed
         self._pacer = Pacer(bytes_s, most_bytes_at_once)
         self._transfers: dict[tuple[int, int], _Transfer] = {}
         self._listed: dict[tuple[int, int], None] = {}  # who has asked for the list, in order
@@ -95,7 +95,7 @@ class LogTransfer:
         if self._rules.refused_armed and self._armed():
             if not self._warned:
                 self._warned = True
-                self._say(mavlink.MAV_SEVERITY_ERROR, self._rules.refused_armed)
+                self._send_text(mavlink.MAV_SEVERITY_ERROR, self._rules.refused_armed)
             return
         self._warned = False
         peer = (message.get_srcSystem(), message.get_srcComponent())
@@ -125,7 +125,7 @@ class LogTransfer:
         if not (self._rules.one_at_a_time and self._transfers):
             return False
         if peer not in self._transfers:  # who is being served may ask again without being told
-            self._say(mavlink.MAV_SEVERITY_INFO, "Log download in progress")
+            self._send_text(mavlink.MAV_SEVERITY_INFO, "Log download in progress")
         return True
 
     def _request_list(self, message: Any, peer: tuple[int, int]) -> None:

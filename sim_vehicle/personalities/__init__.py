@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from sim_vehicle.personalities.ardupilot import ARDUPILOT
-from sim_vehicle.personalities.base import Behaviour, Mode, Personality
+from sim_vehicle.personalities.base import Personality
 from sim_vehicle.personalities.px4 import PX4
 
 PERSONALITIES: dict[str, Mapping[str, Personality]] = {"ardupilot": ARDUPILOT, "px4": PX4}
@@ -14,4 +14,4 @@ def personality_of(name: str, kind: str) -> Personality:
     return PERSONALITIES[name][kind]
 
 
-__all__ = ["PERSONALITIES", "Behaviour", "Mode", "Personality", "personality_of"]
+__all__ = ["PERSONALITIES", "Personality", "personality_of"]

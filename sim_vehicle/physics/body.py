@@ -2,7 +2,7 @@
 
 import math
 
-from sim_vehicle.physics.motion import YAW_RATE_RAD_S, Order
+from sim_vehicle.physics.motion import YAW_RATE_RAD_S, MotionOrder
 from sim_vehicle.physics.world import World
 
 SHORTEST_LEG_M = 2.0  # along which a copter faces
@@ -143,13 +143,13 @@ class Body:
         i, motion = self._index, self._motion
         motion.armed[i] = armed and not motion.crashed[i]
         if not armed:
-            motion.order[i] = Order.FALL if self.airborne else Order.GROUNDED
-        elif self.airborne and motion.order[i] == Order.FALL:
+            motion.order[i] = MotionOrder.FALL if self.airborne else MotionOrder.GROUNDED
+        elif self.airborne and motion.order[i] == MotionOrder.FALL:
             self.stop()
 
     def rest(self) -> None:
         """Idle on the ground."""
-        self._motion.order[self._index] = Order.GROUNDED
+        self._motion.order[self._index] = MotionOrder.GROUNDED
 
     def fly_to(self, east_m: float, north_m: float, up_m: float, pass_speed_m_s: float = 0.0) -> None:
         """Fly the straight leg from the target flown until now (if that was reached) or from here.
@@ -159,13 +159,15 @@ class Body:
         i, motion = self._index, self._motion
         if not _sound(east_m, north_m, up_m):
             return
-        continues = bool(motion.reached[i]) and motion.order[i] == Order.POSITION and motion.circle_m[i] == 0
+        continues = (
+            bool(motion.reached[i]) and motion.order[i] == MotionOrder.POSITION and motion.circle_m[i] == 0
+        )
         start = motion.target if continues else motion.estimate
         self._set_leg(float(start[0, i]), float(start[1, i]), east_m, north_m)
         motion.target[:, i] = (east_m, north_m, up_m)
         motion.pass_speed_m_s[i] = pass_speed_m_s
         motion.circle_m[i] = 0.0
-        self._begin(Order.POSITION)
+        self._begin(MotionOrder.POSITION)
 
     def loiter(self, east_m: float, north_m: float, up_m: float, radius_m: float | None = None) -> None:
         """Circle around a place, clockwise if the radius [m] is positive; None or 0: the usual one."""
@@ -176,7 +178,7 @@ class Body:
             radius_m = float(motion.loiter_radius_m[i])
         motion.circle_m[i] = math.copysign(max(abs(radius_m), 1.0), radius_m)
         motion.target[:, i] = (east_m, north_m, up_m)
-        self._begin(Order.POSITION)
+        self._begin(MotionOrder.POSITION)
 
     def land_at(self, east_m: float, north_m: float) -> None:
         """A plane's landing: down a straight slope from here to touch the ground at a place."""
@@ -188,7 +190,7 @@ class Body:
         motion.target[:, i] = (east_m, north_m, self.ground_amsl_m)
         motion.slope[i] = (up_m - self.ground_amsl_m) / max(float(motion.leg_length_m[i]), 1.0)
         motion.circle_m[i] = 0.0
-        self._begin(Order.GLIDE)
+        self._begin(MotionOrder.GLIDE)
 
     def stop(self) -> None:
         """Brake and hold the place and altitude where that ends; a plane circles here."""
@@ -224,10 +226,10 @@ class Body:
         if speed > 0:
             self._set_leg(here[0], here[1], here[0] + east / speed, here[1] + north / speed)
         motion.circle_m[i] = 0.0
-        self._begin(Order.VELOCITY)
+        self._begin(MotionOrder.VELOCITY)
         self._turn(yaw_rad, yaw_rate_rad_s)
 
-    def lean(
+    def tilt(
         self,
         acceleration_m_s2: tuple[float, float],
         climb_m_s: float,
@@ -239,17 +241,17 @@ class Body:
         i, motion = self._index, self._motion
         if not _sound(*acceleration_m_s2, climb_m_s):
             return
-        motion.wanted_lean[:, i] = acceleration_m_s2
+        motion.wanted_tilt[:, i] = acceleration_m_s2
         motion.rate_m_s[i] = max(-float(motion.descent_m_s[i]), min(climb_m_s, float(motion.climb_m_s[i])))
         motion.target[:, i] = self.position_m
         motion.circle_m[i] = 0.0
-        self._begin(Order.LEAN)
+        self._begin(MotionOrder.TILT)
         self._turn(yaw_rad, yaw_rate_rad_s)
 
     def move_vertically(self, rate_m_s: float) -> None:
         """Climb (positive) or sink at a rate over the target's place; a plane along its leg or circle."""
         if _sound(rate_m_s):
-            self._motion.order[self._index] = Order.RATE
+            self._motion.order[self._index] = MotionOrder.RATE
             self._motion.rate_m_s[self._index] = rate_m_s
 
     def face(self, heading_rad: float | None, rate_rad_s: float | None = None) -> None:
@@ -262,7 +264,7 @@ class Body:
             motion.wanted_heading_rad[i] = heading_rad
             if rate_rad_s is not None and rate_rad_s > 0:
                 motion.yaw_rate_limit_rad_s[i] = rate_rad_s
-        elif motion.order[i] == Order.POSITION and not motion.reached[i]:
+        elif motion.order[i] == MotionOrder.POSITION and not motion.reached[i]:
             self._face_along()
 
     def limit(
@@ -341,7 +343,7 @@ class Body:
     def _begin(self, order: int) -> None:
         self._motion.order[self._index] = order
         self._motion.reached[self._index] = False
-        if order == Order.POSITION and not self._motion.faces[self._index]:
+        if order == MotionOrder.POSITION and not self._motion.faces[self._index]:
             self._face_along()
 
     def _set_leg(self, start_east_m: float, start_north_m: float, east_m: float, north_m: float) -> None:

@@ -9,14 +9,23 @@ it along. Its autopilot makes up for the wind it knows; a gust it feels first.
 import numpy as np
 
 from sim_vehicle.physics.geodesy import Floats
-from sim_vehicle.physics.motion import GRAVITY_M_S2, TURN_RAD, Bools, Ints, Motion, Order, Selection, wrapped
+from sim_vehicle.physics.motion import (
+    GRAVITY_M_S2,
+    TURN_RAD,
+    Bools,
+    Ints,
+    Motion,
+    MotionOrder,
+    Selection,
+    wrapped,
+)
 
 TERMINAL_FALL_M_S = 15.0
 BRAKING_SHARE = 0.7  # of the acceleration limit is planned for braking, the rest corrects the path
 POSITION_GAIN_HZ = 2.0  # speed per metre close to a stopping point, where the square root would chatter
 DRAG_PER_M = 0.016  # deceleration by the air per square of the airspeed
-LEAN_LIMIT_M_S2 = GRAVITY_M_S2 * np.tan(np.deg2rad(40.0))
-LEAN_TIME_S = 0.15  # in which the attitude follows
+TILT_LIMIT_M_S2 = GRAVITY_M_S2 * np.tan(np.deg2rad(40.0))
+TILT_TIME_S = 0.15  # in which the attitude follows
 SPIN_RAD_S = TURN_RAD  # with one motor lost
 SPINNING_LIMIT_M_S2 = 0.5
 LIMPING_SINK_M_S2 = 0.3 * GRAVITY_M_S2  # two motors of four lift that much less than the weight
@@ -28,7 +37,7 @@ IDLE_W = 16.0
 def fly(m: Motion, i: Selection, dt_s: float) -> None:
     """Velocities and attitudes of the copters `i` after `dt_s` [s]."""
     order = m.acting[i]
-    thrusts = m.airborne[i] & (order != Order.FALL)
+    thrusts = m.airborne[i] & (order != MotionOrder.FALL)
     climb_error_m = m.target[2][i] - m.estimate[2][i]
     pushes = _horizontal_acceleration(m, i, order, climb_error_m, dt_s) * thrusts
     air = m.velocity[:2, i] - m.wind.now[:, i]
@@ -36,21 +45,21 @@ def fly(m: Motion, i: Selection, dt_s: float) -> None:
     drag = air * (airspeed * DRAG_PER_M)
     known_air = m.velocity[:2, i] - m.wind.known[:, i]
     known_drag = known_air * (np.hypot(known_air[0], known_air[1]) * DRAG_PER_M)
-    lean = (pushes + known_drag) * thrusts
-    leans = order == Order.LEAN
-    if np.count_nonzero(leans):
-        np.copyto(lean, m.wanted_lean[:, i], where=leans & thrusts)
-    size = np.hypot(lean[0], lean[1])
-    if size.max(initial=0.0) > LEAN_LIMIT_M_S2:
-        lean *= np.minimum(1.0, LEAN_LIMIT_M_S2 / np.maximum(size, 1e-9))
-    change = (lean - drag) * (dt_s * m.airborne[i])
+    tilt = (pushes + known_drag) * thrusts
+    tilts = order == MotionOrder.TILT
+    if np.count_nonzero(tilts):
+        np.copyto(tilt, m.wanted_tilt[:, i], where=tilts & thrusts)
+    size = np.hypot(tilt[0], tilt[1])
+    if size.max(initial=0.0) > TILT_LIMIT_M_S2:
+        tilt *= np.minimum(1.0, TILT_LIMIT_M_S2 / np.maximum(size, 1e-9))
+    change = (tilt - drag) * (dt_s * m.airborne[i])
     climb = _climb(m, i, order, climb_error_m, dt_s)
     lift = (GRAVITY_M_S2 + (climb - m.velocity[2][i]) / dt_s) * thrusts
     m.velocity[:2, i] += change
     m.velocity[2][i] = climb
     m.airspeed_m_s[i] = airspeed * m.airborne[i]
-    m.thrust[i] = np.sqrt(lean[0] ** 2 + lean[1] ** 2 + lift**2) / GRAVITY_M_S2
-    _turn(m, i, lean, lift, dt_s)
+    m.thrust[i] = np.sqrt(tilt[0] ** 2 + tilt[1] ** 2 + lift**2) / GRAVITY_M_S2
+    _turn(m, i, tilt, lift, dt_s)
 
 
 def _horizontal_acceleration(
@@ -58,7 +67,7 @@ def _horizontal_acceleration(
 ) -> Floats:
     """(2, n) [m/s2] toward the velocity that is wanted, within the limit."""
     wanted = _pursuit(m, i, order, climb_error_m)
-    moves = order == Order.VELOCITY
+    moves = order == MotionOrder.VELOCITY
     if np.count_nonzero(moves):
         np.copyto(wanted, m.wanted_velocity[:, i], where=moves)
     wanted -= m.estimate_velocity[:2, i]
@@ -87,7 +96,7 @@ def _pursuit(m: Motion, i: Selection, order: Ints, climb_error_m: Floats) -> Flo
     # Both axes arrive together, so that a leg is a straight line in space.
     climb_limit = np.where(climb_error_m > 0, m.climb_m_s[i], m.descent_m_s[i])
     climb_time = np.abs(climb_error_m) / np.maximum(climb_limit, 0.1)
-    coupled = (order == Order.POSITION) & (climb_time > 1.0)
+    coupled = (order == MotionOrder.POSITION) & (climb_time > 1.0)
     if np.count_nonzero(coupled):
         speed = np.where(coupled, np.minimum(speed, distance / np.maximum(climb_time, 1e-9)), speed)
     course *= speed / np.maximum(np.hypot(course[0], course[1]), 1e-9)
@@ -102,16 +111,16 @@ def _climb(m: Motion, i: Selection, order: Ints, error_m: Floats, dt_s: float) -
     size = np.abs(error_m)
     wanted = np.minimum(np.sqrt((2 * BRAKING_SHARE) * limit * size), POSITION_GAIN_HZ * size)
     wanted = np.where(error_m > 0, np.minimum(wanted, m.climb_m_s[i]), -np.minimum(wanted, m.descent_m_s[i]))
-    wanted = np.where(order == Order.POSITION, wanted, m.acting_rate_m_s[i])
+    wanted = np.where(order == MotionOrder.POSITION, wanted, m.acting_rate_m_s[i])
     step = limit * dt_s
     change = np.minimum(np.maximum(wanted - m.velocity[2][i], -step), step)
-    falls = order == Order.FALL
+    falls = order == MotionOrder.FALL
     if np.count_nonzero(falls):
         change = np.where(falls, -GRAVITY_M_S2 * dt_s, change)
     return np.asarray(np.maximum(m.velocity[2][i] + change, -TERMINAL_FALL_M_S) * m.airborne[i])
 
 
-def _turn(m: Motion, i: Selection, lean: Floats, lift: Floats, dt_s: float) -> None:
+def _turn(m: Motion, i: Selection, tilt: Floats, lift: Floats, dt_s: float) -> None:
     """Yaw toward the wanted heading; roll and pitch put the thrust where it is needed."""
     yaw = m.attitude[2][i]
     airborne = m.airborne[i]
@@ -122,11 +131,11 @@ def _turn(m: Motion, i: Selection, lean: Floats, lift: Floats, dt_s: float) -> N
     if m.any_motor_lost:
         yaw_rate = np.where((m.motors_lost[i] > 0) & airborne, SPIN_RAD_S, yaw_rate)
     sin, cos = np.sin(yaw), np.cos(yaw)
-    forward = lean[0] * sin + lean[1] * cos
-    right = lean[0] * cos - lean[1] * sin
+    forward = tilt[0] * sin + tilt[1] * cos
+    right = tilt[0] * cos - tilt[1] * sin
     up = np.maximum(lift, 1e-3)
-    roll_rate = (np.arctan2(right, np.hypot(forward, up)) - m.attitude[0][i]) * (airborne / LEAN_TIME_S)
-    pitch_rate = (-np.arctan2(forward, up) - m.attitude[1][i]) * (airborne / LEAN_TIME_S)
+    roll_rate = (np.arctan2(right, np.hypot(forward, up)) - m.attitude[0][i]) * (airborne / TILT_TIME_S)
+    pitch_rate = (-np.arctan2(forward, up) - m.attitude[1][i]) * (airborne / TILT_TIME_S)
     m.attitude_rate[0][i], m.attitude_rate[1][i], m.attitude_rate[2][i] = roll_rate, pitch_rate, yaw_rate
     m.attitude[0][i] += roll_rate * dt_s
     m.attitude[1][i] += pitch_rate * dt_s
@@ -149,7 +158,9 @@ def throttle(m: Motion, i: Selection) -> Floats:
 
 def lifts_off(m: Motion) -> Bools:
     """Copters on the ground that are told to climb and can, (n,)."""
-    up = (m.order == Order.POSITION) & (m.target[2] > m.ground_m + 0.1)
-    up |= ((m.order == Order.RATE) | (m.order == Order.VELOCITY) | (m.order == Order.LEAN)) & (m.rate_m_s > 0)
+    up = (m.order == MotionOrder.POSITION) & (m.target[2] > m.ground_m + 0.1)
+    up |= (
+        (m.order == MotionOrder.RATE) | (m.order == MotionOrder.VELOCITY) | (m.order == MotionOrder.TILT)
+    ) & (m.rate_m_s > 0)
     fit = ~(m.crashed | m.exhausted | m.planes | m.airborne) & (m.motors_lost == 0)
     return np.asarray(up & m.armed & fit)

@@ -8,7 +8,7 @@ import numpy as np
 
 from sim_vehicle.physics import copter, plane
 from sim_vehicle.physics.geodesy import Floats
-from sim_vehicle.physics.motion import GRAVITY_M_S2, Bools, Motion, Order, Selection
+from sim_vehicle.physics.motion import GRAVITY_M_S2, Bools, Motion, MotionOrder, Selection
 from sim_vehicle.physics.wind import Wind, WindSettings
 
 CRASH_M_S = 5.0  # a harder contact breaks the airframe
@@ -76,12 +76,17 @@ class Dynamics(Motion):
         if not (self.any_motor_lost or np.count_nonzero(self.exhausted)):
             self.acting, self.acting_rate_m_s = self.order, self.rate_m_s
             return
-        steered = self.airborne & ~self.planes & (self.order != Order.GROUNDED) & (self.order != Order.FALL)
+        steered = (
+            self.airborne
+            & ~self.planes
+            & (self.order != MotionOrder.GROUNDED)
+            & (self.order != MotionOrder.FALL)
+        )
         sinks = steered & (self.motors_lost == 1)
         self.acting, self.acting_rate_m_s = self.order.copy(), self.rate_m_s.copy()
-        self.acting[sinks] = Order.RATE
+        self.acting[sinks] = MotionOrder.RATE
         self.acting_rate_m_s[sinks] = -LIMPING_SINK_M_S
-        self.acting[steered & (self.exhausted | (self.motors_lost > 1))] = Order.FALL
+        self.acting[steered & (self.exhausted | (self.motors_lost > 1))] = MotionOrder.FALL
 
     def _lift_off(self) -> None:
         lifts = copter.lifts_off(self)
@@ -105,7 +110,7 @@ class Dynamics(Motion):
         self.airspeed_m_s[touches & ~self.planes] = 0.0
         self.thrust[touches & ~self.planes] = 0.0
         # It stays down until it is told to fly again, whatever took it down.
-        self.order[touches & ~self.planes] = Order.GROUNDED
+        self.order[touches & ~self.planes] = MotionOrder.GROUNDED
 
     def _note_reached(self) -> None:
         error = self.target - self.estimate

@@ -1,6 +1,7 @@
 """Geodetic coordinates to local metres and back, for whole arrays at once."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -8,6 +9,15 @@ from pyproj import Proj
 
 Floats = npt.NDArray[np.float64]
 _RADIUS_M, _ECCENTRICITY_SQUARED = 6_378_137.0, 6.694379990141e-3  # WGS84
+
+
+@dataclass(frozen=True, slots=True)
+class GeodeticPosition:
+    """Latitude, longitude [deg], altitude above mean sea level [m]."""
+
+    lat_deg: float
+    lon_deg: float
+    alt_amsl_m: float
 
 
 def metres_per_degree(lat_deg: float) -> tuple[float, float]:

@@ -20,7 +20,7 @@ YAW_RATE_RAD_S = np.deg2rad(90.0)
 TURN_RAD = 2.0 * np.pi
 
 
-class Order:
+class MotionOrder:
     """What a vehicle is told to do; plain numbers, as arrays compare with an enum's members slowly."""
 
     GROUNDED = 0  # motors off or idling, on the ground
@@ -29,7 +29,7 @@ class Order:
     VELOCITY = 3  # move at a velocity; a plane flies in its direction
     GLIDE = 4  # a plane: down along the leg, to touch the ground at the target
     FALL = 5  # no thrust
-    LEAN = 6  # a copter: accelerate as a lean does, climb at a rate
+    TILT = 6  # a copter: accelerate as a lean does, climb at a rate
 
 
 class Motion:
@@ -75,7 +75,7 @@ class Motion:
 
     def _begin_orders(self, n: int) -> None:
         self.armed: Bools = np.zeros(n, dtype=bool)
-        self.order = np.full(n, Order.GROUNDED, dtype=np.int64)
+        self.order = np.full(n, MotionOrder.GROUNDED, dtype=np.int64)
         self.target = self.position.copy()
         self.target_m = self.target.T
         self.leg_start = self.position[:2].copy()
@@ -88,7 +88,7 @@ class Motion:
         self.reached: Bools = np.zeros(n, dtype=bool)  # latched until the next target
         self.rate_m_s = np.zeros(n)  # for Order.RATE, VELOCITY and LEAN, up positive
         self.wanted_velocity = np.zeros((2, n))  # for Order.VELOCITY
-        self.wanted_lean = np.zeros((2, n))  # for Order.LEAN: the acceleration of its thrust
+        self.wanted_tilt = np.zeros((2, n))  # for Order.LEAN: the acceleration of its thrust
         self.wanted_heading_rad = np.zeros(n)
         self.wanted_yaw_rate_rad_s = np.zeros(n)  # by which that heading goes round
         self.faces: Bools = np.zeros(n, dtype=bool)  # a heading it was told, not along the leg

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_vehicle.physics.geodesy import Floats
-from sim_vehicle.physics.motion import GRAVITY_M_S2, Bools, Ints, Motion, Order, Selection, wrapped
+from sim_vehicle.physics.motion import GRAVITY_M_S2, Bools, Ints, Motion, MotionOrder, Selection, wrapped
 
 LOOKAHEAD_S = 2.5  # of flight, over which it closes in on a leg
 CIRCLE_LOOKAHEAD_S = 1.5
@@ -33,7 +33,7 @@ MASS_KG, EFFICIENCY, FULL_W = 2.0, 0.5, 300.0
 
 
 @dataclass(slots=True)
-class _Now:
+class _PlaneState:
     """What a step of the planes `i` starts from, each (n,)."""
 
     order: Ints
@@ -77,7 +77,7 @@ def lifts_off(m: Motion) -> Bools:
 def rolls(m: Motion) -> Bools:
     """Planes on the ground that move or are about to, (n,)."""
     moving = (m.velocity[0] != 0) | (m.velocity[1] != 0)
-    return np.asarray(m.planes & ~m.airborne & (moving | (m.armed & (m.order != Order.GROUNDED))))
+    return np.asarray(m.planes & ~m.airborne & (moving | (m.armed & (m.order != MotionOrder.GROUNDED))))
 
 
 def load_w(m: Motion, i: Selection) -> Floats:
@@ -85,17 +85,17 @@ def load_w(m: Motion, i: Selection) -> Floats:
     return np.asarray(m.thrust[i] * FULL_W)
 
 
-def _look(m: Motion, i: Selection) -> _Now:
+def _look(m: Motion, i: Selection) -> _PlaneState:
     order = m.acting[i]
     powered = m.armed[i] & ~(m.exhausted[i] | m.crashed[i]) & (m.motors_lost[i] == 0)
-    powered &= (order != Order.FALL) & (order != Order.GROUNDED)
+    powered &= (order != MotionOrder.FALL) & (order != MotionOrder.GROUNDED)
     yaw = m.attitude[2][i]
-    return _Now(
+    return _PlaneState(
         order=order,
         airborne=m.airborne[i],
         powered=powered,
         starts=powered & _wants_up(m, i, order),
-        sinks=((order == Order.RATE) & (m.acting_rate_m_s[i] < 0)) | (order == Order.GLIDE),
+        sinks=((order == MotionOrder.RATE) & (m.acting_rate_m_s[i] < 0)) | (order == MotionOrder.GLIDE),
         height_m=m.position[2][i] - m.ground_m[i],
         sin=np.sin(yaw),
         cos=np.cos(yaw),
@@ -103,20 +103,24 @@ def _look(m: Motion, i: Selection) -> _Now:
 
 
 def _wants_up(m: Motion, i: Selection, order: Ints) -> Bools:
-    up = (order == Order.POSITION) & (m.target[2][i] > m.ground_m[i] + 0.1)
-    return np.asarray(up | (((order == Order.RATE) | (order == Order.VELOCITY)) & (m.acting_rate_m_s[i] > 0)))
+    up = (order == MotionOrder.POSITION) & (m.target[2][i] > m.ground_m[i] + 0.1)
+    return np.asarray(
+        up | (((order == MotionOrder.RATE) | (order == MotionOrder.VELOCITY)) & (m.acting_rate_m_s[i] > 0))
+    )
 
 
-def _bank(m: Motion, i: Selection, now: _Now, dt_s: float) -> Floats:
+def _bank(m: Motion, i: Selection, now: _PlaneState, dt_s: float) -> Floats:
     """Bank after the step, (n,) [rad], right wing down positive, toward the course along leg or circle."""
     air = np.maximum(m.airspeed_m_s[i], SLOWEST_M_S)
     course, turn = _course(m, i, now, air)
     crosswind = m.wind.known[0][i] * np.cos(course) - m.wind.known[1][i] * np.sin(course)
     heading = course - np.arcsin(np.maximum(np.minimum(crosswind / air, 1.0), -1.0))
     turn = turn + HEADING_GAIN_HZ * wrapped(heading - m.attitude[2][i])
-    climbs_out = (now.order == Order.POSITION) & (now.height_m < CLIMB_OUT_M)
+    climbs_out = (now.order == MotionOrder.POSITION) & (now.height_m < CLIMB_OUT_M)
     climbs_out &= m.target[2][i] > m.estimate[2][i] + CLIMB_OUT_BELOW_M
-    level = climbs_out | ((now.sinks | ~now.powered) & (now.height_m < FLARE_M)) | (now.order == Order.FALL)
+    level = (
+        climbs_out | ((now.sinks | ~now.powered) & (now.height_m < FLARE_M)) | (now.order == MotionOrder.FALL)
+    )
     limit = m.bank_limit_rad[i] * ~level
     wanted = np.minimum(np.maximum(np.arctan(air * turn / GRAVITY_M_S2), -limit), limit)
     bank = m.attitude[0][i]
@@ -124,13 +128,13 @@ def _bank(m: Motion, i: Selection, now: _Now, dt_s: float) -> Floats:
     return np.asarray((bank + rate * dt_s) * now.airborne)
 
 
-def _course(m: Motion, i: Selection, now: _Now, air: Floats) -> tuple[Floats, Floats]:
+def _course(m: Motion, i: Selection, now: _PlaneState, air: Floats) -> tuple[Floats, Floats]:
     """The course over the ground to steer [rad], and the rate at which that turns by itself [rad/s], (n,)."""
     here = m.estimate[:2, i]
     gone = here - m.leg_start[:, i]
     leg = m.leg_direction[:, i]
     aside = gone[0] * leg[1] - gone[1] * leg[0]  # to the right of the leg
-    aside *= now.order != Order.VELOCITY  # which is a direction only
+    aside *= now.order != MotionOrder.VELOCITY  # which is a direction only
     course = m.leg_heading_rad[i] - np.arctan(aside / (LOOKAHEAD_S * air))
     circle = m.circle_m[i]
     circles = circle != 0
@@ -147,7 +151,7 @@ def _course(m: Motion, i: Selection, now: _Now, air: Floats) -> tuple[Floats, Fl
     return course, side * near * np.hypot(over[0], over[1]) / radius
 
 
-def _airspeed(m: Motion, i: Selection, now: _Now, dt_s: float) -> Floats:
+def _airspeed(m: Motion, i: Selection, now: _PlaneState, dt_s: float) -> Floats:
     """Airspeed after the step, (n,) [m/s]; a gust changes it at once."""
     air = m.airspeed_m_s[i] - (m.wind.change[0][i] * now.sin + m.wind.change[1][i] * now.cos)
     lowest, stall = m.airspeed_min_m_s[i], m.stall_m_s[i]
@@ -168,11 +172,11 @@ def _airspeed(m: Motion, i: Selection, now: _Now, dt_s: float) -> Floats:
     return np.asarray(air)
 
 
-def _climb(m: Motion, i: Selection, now: _Now, air: Floats, bank: Floats, dt_s: float) -> Floats:
+def _climb(m: Motion, i: Selection, now: _PlaneState, air: Floats, bank: Floats, dt_s: float) -> Floats:
     """Vertical speed after the step, (n,) [m/s]."""
     error = m.target[2][i] - m.estimate[2][i]
-    wanted = np.where(now.order == Order.POSITION, CLIMB_GAIN_HZ * error, m.acting_rate_m_s[i])
-    glides = now.order == Order.GLIDE
+    wanted = np.where(now.order == MotionOrder.POSITION, CLIMB_GAIN_HZ * error, m.acting_rate_m_s[i])
+    glides = now.order == MotionOrder.GLIDE
     if np.count_nonzero(glides):
         wanted = np.where(glides, _down_the_slope(m, i), wanted)
     highest = m.climb_m_s[i]
@@ -205,7 +209,7 @@ def _down_the_slope(m: Motion, i: Selection) -> Floats:
     return np.asarray(-slope * (over[0] * leg[0] + over[1] * leg[1]) - CLIMB_GAIN_HZ * above)
 
 
-def _roll(m: Motion, i: Selection, now: _Now, dt_s: float) -> Floats:
+def _roll(m: Motion, i: Selection, now: _PlaneState, dt_s: float) -> Floats:
     """Speed along the ground after the step, (n,) [m/s], of those that are on it."""
     along = m.velocity[0][i] * now.sin + m.velocity[1][i] * now.cos
     change = np.where(now.starts, START_M_S2, -BRAKE_M_S2) * dt_s
@@ -220,7 +224,7 @@ def _turn(m: Motion, i: Selection, bank: Floats, pitch: Floats, yaw_rate: Floats
     m.attitude[2][i] = wrapped(m.attitude[2][i] + yaw_rate * dt_s)
 
 
-def _advance(m: Motion, i: Selection, now: _Now, air: Floats, climb: Floats, rolling: Floats) -> None:
+def _advance(m: Motion, i: Selection, now: _PlaneState, air: Floats, climb: Floats, rolling: Floats) -> None:
     yaw = m.attitude[2][i]
     level = np.where(now.airborne, np.sqrt(np.maximum(air * air - climb * climb, 0.0)), rolling)
     m.velocity[0][i] = level * np.sin(yaw) + m.wind.now[0][i] * now.airborne
@@ -229,7 +233,7 @@ def _advance(m: Motion, i: Selection, now: _Now, air: Floats, climb: Floats, rol
     m.airspeed_m_s[i] = air
 
 
-def _work(m: Motion, i: Selection, now: _Now, air: Floats, climb: Floats, bank: Floats) -> None:
+def _work(m: Motion, i: Selection, now: _PlaneState, air: Floats, climb: Floats, bank: Floats) -> None:
     """Power against drag, which grows with the lift of a turn, and for the climb."""
     drag = air / (GLIDE_RATIO * np.cos(bank) ** 2)
     share = (drag + climb) * (MASS_KG * GRAVITY_M_S2 / (EFFICIENCY * FULL_W))

@@ -5,9 +5,10 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities import Behaviour, personality_of
+from sim_vehicle.personalities import personality_of
 from sim_vehicle.scenarios.model import VehicleSpec
 from sim_vehicle.scenarios.plan import Leg
+from sim_vehicle.vehicle.behaviour import Behaviour
 
 MOST_STEPS = 200_000  # through a mission's jumps; one that takes more has no end
 REPEATED_S = 1.0  # a frame with the same sequence number within this time is the same frame
@@ -27,7 +28,7 @@ class MissionProgress:
         self._last = spec.item_of(flown[-1]) if flown else -1
         self._returns = bool(flown) and spec.mission[flown[-1]].returns
         self._lands_before = any(spec.mission[i].lands for i in flown[:-1])
-        self._tells_state = personality.tells_mission_state
+        self._tells_state = personality.reports_mission_state
         self._mode = personality.mode_of(Behaviour.MISSION).number
         self._rounds = 0 if self._tells_state or not flown else _arrivals(spec.mission, flown[-1])
         self._last_seen = self._flown = False

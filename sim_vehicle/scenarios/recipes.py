@@ -3,7 +3,6 @@
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.personalities import Personality, personality_of
-from sim_vehicle.personalities.base import Behaviour
 from sim_vehicle.scenarios.model import VehicleSpec
 from sim_vehicle.scenarios.plan import PlanWriter, number
 from sim_vehicle.scenarios.steps import Step
@@ -17,6 +16,7 @@ from sim_vehicle.station.exchanges import (
     SetParameter,
     Upload,
 )
+from sim_vehicle.vehicle.behaviour import Behaviour
 
 NAN = float("nan")
 PATIENCE = 0.5  # of a step's time that may pass until the vehicle is ready to be armed

@@ -1,19 +1,16 @@
 """Arming and disarming: reasons against it, home, motors, and disarming by itself."""
 
 import math
-from typing import TYPE_CHECKING
 
 from sim_vehicle.epoch import EPSILON_S
-from sim_vehicle.personalities.base import Behaviour
-
-if TYPE_CHECKING:
-    from sim_vehicle.vehicle.autopilot import Autopilot
+from sim_vehicle.personalities.base import Vehicle
+from sim_vehicle.vehicle.behaviour import Behaviour
 
 
 class Arming:
     """Whether the motors of one vehicle may turn."""
 
-    def __init__(self, vehicle: "Autopilot") -> None:
+    def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self._armed_at_s = 0.0
         self._flown = self._was_airborne = False
@@ -40,44 +37,44 @@ class Arming:
         if self.armed:
             return True
         if vehicle.body.crashed:  # broken, whatever a ground station wants
-            vehicle.tell("arm_refused", reason="Crashed")
+            vehicle.announce("arm_refused", reason="Crashed")
             return False
         in_mission = vehicle.mode.behaviour is Behaviour.MISSION
         if not (self._may_be_forced(now) if force else self._may_arm(in_mission=in_mission, now=now)):
             return False
-        if vehicle.landmarks.home is not None and not vehicle.landmarks.home_locked:
-            vehicle.landmarks.set_home(vehicle.here(), now)
+        if vehicle.home_and_rally.home is not None and not vehicle.home_and_rally.home_locked:
+            vehicle.home_and_rally.set_home(vehicle.here(), now)
         self._armed_at_s, self._flown = now, False
         self._was_airborne = vehicle.body.airborne
         self._taken_off_at_s = math.nan
-        vehicle.flight.cleared_for_takeoff = in_mission and vehicle.tuning.mission_takes_off
+        vehicle.flight.cleared_for_takeoff = in_mission and vehicle.flight_parameters.mission_takes_off
         vehicle.body.arm(True)
-        vehicle.tell(text)
+        vehicle.announce(text)
         vehicle.flight.begin_takeoff()
         return True
 
     def _may_be_forced(self, now: float) -> bool:
-        reasons = self._vehicle.personality.mandatory(self._vehicle, now)
+        reasons = self._vehicle.personality.mandatory_refusals(self._vehicle, now)
         for reason in reasons:
-            self._vehicle.tell("arm_refused", reason=reason)
+            self._vehicle.announce("arm_refused", reason=reason)
         return not reasons
 
     def _may_arm(self, *, in_mission: bool, now: float) -> bool:
         vehicle = self._vehicle
         reasons = vehicle.personality.refusals(vehicle, now)
-        armable = vehicle.mode.armable or (in_mission and vehicle.tuning.mission_mode_armable)
+        armable = vehicle.mode.armable or (in_mission and vehicle.flight_parameters.mission_mode_armable)
         if not armable:
-            reasons = [*reasons, *vehicle.voice.wording("not_armable", mode=vehicle.mode.name)]
+            reasons = [*reasons, *vehicle.sender.texts_for("not_armable", mode=vehicle.mode.name)]
         for reason in reasons:
-            vehicle.tell("arm_refused", reason=reason)
+            vehicle.announce("arm_refused", reason=reason)
         if reasons:
-            vehicle.tell("arm_denied")
+            vehicle.announce("arm_denied")
         return not reasons and armable
 
     def disarm(self, *, force: bool) -> bool:
         """Stop the motors on demand: in the air only if forced, and then the vehicle falls."""
         if self._vehicle.body.airborne and self.armed and not force:
-            self._vehicle.tell("disarm_refused")
+            self._vehicle.announce("disarm_refused")
             return False
         if self.armed:
             self.stop()
@@ -93,7 +90,7 @@ class Arming:
         counter = vehicle.personality.flight_counter
         if counter is not None:
             vehicle.params.keep(counter, vehicle.params[counter] + 1)
-        vehicle.tell(text)
+        vehicle.announce(text)
         vehicle.modes.disarmed()
 
     def update(self, now: float) -> float:
@@ -106,12 +103,12 @@ class Arming:
             self._was_airborne = airborne
             if airborne:
                 self._taken_off_at_s = now
-            vehicle.tell("taken_off" if airborne else "touched_down")
+            vehicle.announce("taken_off" if airborne else "touched_down")
         self._flown = self._flown or airborne
         if airborne:
             return math.inf
-        tuning = vehicle.tuning
-        delay_s = tuning.disarm_landed_s if self._flown else tuning.disarm_unflown_s
+        flight_parameters = vehicle.flight_parameters
+        delay_s = flight_parameters.disarm_landed_s if self._flown else flight_parameters.disarm_unflown_s
         due_s = max(self._armed_at_s, vehicle.flight.ground_since_s) + delay_s
         if self._flown and vehicle.flies_mission and vehicle.personality.lands_amid_mission:
             return math.inf

@@ -4,14 +4,12 @@ The lean accelerates the vehicle, and what its thrust is above or below hovering
 """
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.physics.motion import GRAVITY_M_S2
-
-if TYPE_CHECKING:
-    from sim_vehicle.vehicle.autopilot import Autopilot
 
 HOVER_THRUST = 0.5
 RATES = (
@@ -23,10 +21,10 @@ STEEPEST_RAD = math.radians(60.0)
 LONGEST_S = 0.5  # for so long at most the rates before are taken to have been in force
 
 
-class Lean:
+class AttitudeSetpoints:
     """SET_ATTITUDE_TARGET of one vehicle."""
 
-    def __init__(self, vehicle: "Autopilot") -> None:
+    def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self._angles_rad: tuple[float, float] | None = None  # roll and pitch that rates have led to
         self._rates_rad_s = (0.0, 0.0)
@@ -64,9 +62,9 @@ class Lean:
 
     def _apply(self, roll: float, pitch: float, yaw: float, thrust: float, yaw_rate: float | None) -> None:
         """Fly with these angles [rad]; with a yaw rate [rad/s], the yaw is only the present one."""
-        tuning, body = self._vehicle.tuning, self._vehicle.body
+        flight_parameters, body = self._vehicle.flight_parameters, self._vehicle.body
         spare = min(max(thrust, 0.0), 1.0) - HOVER_THRUST if math.isfinite(thrust) else 0.0
-        climb_m_s = 2 * spare * (tuning.climb_m_s if spare > 0 else tuning.descent_m_s)
+        climb_m_s = 2 * spare * (flight_parameters.climb_m_s if spare > 0 else flight_parameters.descent_m_s)
         # The thrust's direction, with what it lifts equal to the weight.
         steepness = max(math.cos(roll) * math.cos(pitch), math.cos(STEEPEST_RAD) ** 2)
         forward = -GRAVITY_M_S2 * math.sin(pitch) * math.cos(roll) / steepness
@@ -80,7 +78,7 @@ class Lean:
             moved = (velocity_m_s[0] + east, velocity_m_s[1] + north, climb_m_s)
             body.move(moved, yaw_rad=yaw_rad, yaw_rate_rad_s=yaw_rate)
             return
-        body.lean((east, north), climb_m_s, yaw_rad=yaw_rad, yaw_rate_rad_s=yaw_rate)
+        body.tilt((east, north), climb_m_s, yaw_rad=yaw_rad, yaw_rate_rad_s=yaw_rate)
 
 
 def _angles_rad(q: Any) -> tuple[float, float, float]:

@@ -6,7 +6,7 @@ its row of the fleet's `Status`, from which telemetry is made for all vehicles a
 """
 
 import math
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -15,25 +15,28 @@ from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.faults.failure_command import Replace
 from sim_vehicle.faults.sim_parameters import faults_of
 from sim_vehicle.files.logs.recorder import LogLimits
-from sim_vehicle.personalities.base import Behaviour, Mode, Personality, Tuning
+from sim_vehicle.personalities.base import Personality
 from sim_vehicle.physics.body import Body
-from sim_vehicle.physics.place import Place
+from sim_vehicle.physics.geodesy import GeodeticPosition
 from sim_vehicle.vehicle.arming import Arming
+from sim_vehicle.vehicle.behaviour import Behaviour, Mode
 from sim_vehicle.vehicle.failsafe import Failsafes
 from sim_vehicle.vehicle.fence import Fence
 from sim_vehicle.vehicle.fence_watch import FenceWatch
 from sim_vehicle.vehicle.flight import Flight
-from sim_vehicle.vehicle.home_and_rally import Landmarks
-from sim_vehicle.vehicle.injected_faults import Afflictions
+from sim_vehicle.vehicle.flight_parameters import FlightParameters
+from sim_vehicle.vehicle.home_and_rally import HomeAndRally
+from sim_vehicle.vehicle.injected_faults import InjectedFaults
+from sim_vehicle.vehicle.interface import MessageOutput
 from sim_vehicle.vehicle.jobs import Jobs
 from sim_vehicle.vehicle.mission import Mission, MissionState
 from sim_vehicle.vehicle.modes import Modes
-from sim_vehicle.vehicle.one_shot_messages import SINGLES
+from sim_vehicle.vehicle.one_shot_messages import ONE_SHOT_MESSAGES
 from sim_vehicle.vehicle.params import Parameters
 from sim_vehicle.vehicle.publish import publish
 from sim_vehicle.vehicle.readiness import Readiness
 from sim_vehicle.vehicle.receivers import RECEIVERS
-from sim_vehicle.vehicle.sender import Voice
+from sim_vehicle.vehicle.sender import Sender
 from sim_vehicle.vehicle.setpoints import Setpoints
 from sim_vehicle.wire.signing import Signing
 from sim_vehicle.wire.status import Status
@@ -45,22 +48,6 @@ PHASES = 5  # of a second, in which vehicles begin to stream after a boot
 IDLE_LOOK_S = 1.0  # every vehicle looks around so often, whatever it waits for
 BUSY_LOOK_S = 0.1
 SEEN_AHEAD = 3  # navigation commands: one of them that is changed has the current one begun anew
-
-
-class Outlet(Protocol):
-    """Where a vehicle's messages go: the fleet's encoder and link."""
-
-    def message(self, vehicle: int, message: Any) -> None:
-        """Pack and send."""
-        ...
-
-    def raw(self, vehicle: int, data: bytes) -> None:
-        """Send bytes that are no MAVLink (boot text)."""
-        ...
-
-    def stream_now(self, vehicle: int, message_id: int, now: float) -> bool:
-        """Send one of STREAMS; False if the vehicle has nothing to say there yet."""
-        ...
 
 
 class Autopilot:
@@ -80,6 +67,10 @@ class Autopilot:
     log_limits: how much of its flights it records.
     """
 
+    now: float
+    failsafes: Failsafes
+    fence_watch: FenceWatch
+
     def __init__(
         self,
         index: int,
@@ -92,23 +83,27 @@ class Autopilot:
         rng: np.random.Generator,
         status: Status,
         streams: Streams,
-        outlet: Outlet,
-        afflictions: Afflictions,
+        output: MessageOutput,
+        injected_faults: InjectedFaults,
         replace_faults: Replace,
         log_limits: LogLimits,
     ) -> None:
-        self.afflictions, self.replace_faults, self.signing = afflictions, replace_faults, Signing()
+        self.injected_faults, self.replace_faults, self.signing = injected_faults, replace_faults, Signing()
         self.index, self.sysid, self.body, self.personality, self.rng = index, sysid, body, personality, rng
-        self.status, self._outlet = status, outlet
-        self.rates = Rates(streams, index, personality)
-        self.voice = Voice(
-            personality,
-            afflictions,
-            send=lambda message: outlet.message(index, message),
+        self.status, self._output = status, output
+        self.rates = Rates(streams, index, personality.default_rates_hz, personality.unsupported_messages)
+        self.sender = Sender(
+            personality.texts,
+            injected_faults,
+            send=lambda message: output.message(index, message),
             clock=lambda: self.now,
             record=self._record_text,
         )
-        self.send, self.say, self.tell = self.voice.send, self.voice.say, self.voice.tell
+        self.send, self.send_text, self.announce = (
+            self.sender.send,
+            self.sender.send_text,
+            self.sender.announce,
+        )
         body.set_gps_fix(personality.gps_fix_type)
         self.params = Parameters(
             personality.parameters,
@@ -117,20 +112,20 @@ class Autopilot:
             read_only=personality.read_only_parameters,
             byte_wise=personality.parameters_byte_wise,
         )
-        self.tuning: Tuning = personality.tuning(self.params)
-        self.singles = {**SINGLES, **personality.singles}
-        self.fence, self.landmarks = Fence(), Landmarks(self)
+        self.flight_parameters: FlightParameters = personality.flight_parameters(self.params)
+        self.one_shot_messages = {**ONE_SHOT_MESSAGES, **personality.one_shot_messages}
+        self.fence, self.home_and_rally = Fence(), HomeAndRally(self)
         make = personality.mission
-        self.mission = Mission(home=self.landmarks.home_item) if make is None else make(self)
+        self.mission = Mission(home=self.home_and_rally.home_item) if make is None else make(self)
         self.modes = Modes(self)
         self.flight = Flight(
             body,
             self.mission,
-            tuning=lambda: self.tuning,
-            home=lambda: self.landmarks.home_or_here,
-            return_place=self.landmarks.return_place,
+            flight_parameters=lambda: self.flight_parameters,
+            home=lambda: self.home_and_rally.home_or_here,
+            return_place=self.home_and_rally.return_place,
             ceiling_amsl_m=lambda: self.fence_watch.ceiling_amsl_m,
-            tell=self.tell,
+            announce=self.announce,
             send=self.send,
             disarm=self._landed,
             taken_off=self.modes.taken_off,
@@ -138,12 +133,12 @@ class Autopilot:
             return_by_mission=lambda: self.personality.return_by_mission(self),
             remote_lost=lambda: self.failsafes.rc,
             mission_over=self.modes.mission_over,
-            set_home=lambda place: self.landmarks.set_home(place, self.now, locked=True),
+            set_home=lambda place: self.home_and_rally.set_home(place, self.now, locked=True),
         )
         self.arming = Arming(self)
         self.fence_watch = FenceWatch(self)
         self.transfer = personality.transfer(self)
-        self.jobs = Jobs(self.voice.acknowledge)
+        self.jobs = Jobs(self.sender.acknowledge)
         self.setpoints = Setpoints(self)
         self.storage = personality.storage(self, log_limits)
         self._ready_s = ready_s
@@ -163,7 +158,7 @@ class Autopilot:
         """Everything that does not survive a reboot; parameters and the mission do."""
         self.readiness = Readiness(now, self._ready_s)
         self.modes.reset(now)
-        self.landmarks.reset()
+        self.home_and_rally.reset()
         self.failsafes = Failsafes(self)
         self.fence_watch = FenceWatch(self)
         self._switch_read = False
@@ -172,7 +167,7 @@ class Autopilot:
         self.params.reboot()
         self.storage.reboot(now)
         self.signing.reboot()
-        self.voice.reset()
+        self.sender.reset()
         self.jobs.reset()
         self.setpoints.reset()
         self.mission.reboot()
@@ -184,19 +179,19 @@ class Autopilot:
     def _record_text(self, now: float, severity: int, text: str) -> None:
         self.storage.text(now, severity, text)
 
-    def tell_refusals(self, how: str, now: float) -> None:
+    def announce_refusals(self, how: str, now: float) -> None:
         """Say every reason against arming: `how` is prearm or arm_refused."""
         for reason in self.personality.refusals(self, now):
-            self.tell(how, reason=reason)
+            self.announce(how, reason=reason)
 
     def send_now(self, message_id: int, now: float, parameter: float = 0.0) -> bool:
         """Send one message on request; False if it is unknown or has nothing to say yet."""
         if self.rates.can(message_id):
             self.publish(now)
-            return self._outlet.stream_now(self.index, message_id, now)
-        if message_id not in self.singles:
+            return self._output.stream_now(self.index, message_id, now)
+        if message_id not in self.one_shot_messages:
             return False
-        made = self.singles[message_id](self, parameter)
+        made = self.one_shot_messages[message_id](self, parameter)
         for message in made:
             self.send(message)
         return bool(made)
@@ -209,13 +204,15 @@ class Autopilot:
 
     def receive(self, message: Any, now: float) -> None:
         """Take one message that is for this vehicle or for all."""
-        if not self.booted or (self.tuning.gcs_only and message.get_srcSystem() != self.tuning.gcs_sysid):
+        if not self.booted or (
+            self.flight_parameters.gcs_only and message.get_srcSystem() != self.flight_parameters.gcs_sysid
+        ):
             return
         kind = message.get_type()
         if kind == "HEARTBEAT":
-            self._hear(message, now)
+            self._receive_heartbeat(message, now)
             return
-        if not self.personality.hears(self.sysid, message):
+        if not self.personality.is_addressed(self.sysid, message):
             return
         self.now = now
         if self.transfer.handles(kind):
@@ -230,10 +227,10 @@ class Autopilot:
         self.alarm_s = now
         self.publish(now)
 
-    def _hear(self, heartbeat: Any, now: float) -> None:
+    def _receive_heartbeat(self, heartbeat: Any, now: float) -> None:
         sysid = heartbeat.get_srcSystem()
-        if heartbeat.type == mavlink.MAV_TYPE_GCS or sysid == self.tuning.gcs_sysid:
-            self.failsafes.heard_ground_station(sysid, now)
+        if heartbeat.type == mavlink.MAV_TYPE_GCS or sysid == self.flight_parameters.gcs_sysid:
+            self.failsafes.note_ground_station(sysid, now)
 
     def set_parameter(self, name: str, value: float) -> None:
         """Set a known parameter as if a ground station had; KeyError for another name."""
@@ -241,17 +238,20 @@ class Autopilot:
         self.parameter_changed(name)
 
     def parameter_changed(self, name: str) -> None:
-        self.retune()
-        self.simulate(name)
+        self.update_flight_parameters()
+        self.update_parameter_faults(name)
         self.storage.parameter(self.now, name)
 
-    def retune(self) -> None:
+    def update_flight_parameters(self) -> None:
         """A parameter has changed."""
-        before, self.tuning = self.tuning, self.personality.tuning(self.params)
-        self.flight.retune(before)
+        before, self.flight_parameters = (
+            self.flight_parameters,
+            self.personality.flight_parameters(self.params),
+        )
+        self.flight.parameters_changed(before)
         self.fence_watch.parameters_changed()
 
-    def simulate(self, name: str) -> None:
+    def update_parameter_faults(self, name: str) -> None:
         """A parameter has changed that may make something fail."""
         found = faults_of(name, self.params.__getitem__)
         if found is not None:
@@ -273,13 +273,13 @@ class Autopilot:
                 return
             self._boot(now)
         self._note_readiness(now)
-        self.voice.send_late(now)
+        self.sender.send_late(now)
         failsafe_s = self.failsafes.update(now)
         self.flight.run(now)
         self._end_setpoint(now)
         touchdown_m_s = self.body.take_touchdown_m_s()
         if touchdown_m_s > 0:
-            self.tell("touchdown", speed=touchdown_m_s)
+            self.announce("touchdown", speed=touchdown_m_s)
         if self.body.crashed and self.armed:
             self.arming.stop("crashed")
         self.fence_watch.update(now)
@@ -301,23 +301,23 @@ class Autopilot:
             self._setpoint_deadline_s(),
             self.transfer.next_deadline_s,
             self.storage.next_s(now),
-            self.voice.next_s,
+            self.sender.next_s,
             now + BUSY_LOOK_S if self.fence_watch.active or self.params.listing else math.inf,
         )
         self.publish(now)
 
     def _setpoint_deadline_s(self) -> float:
-        timeout_s = self.tuning.setpoint_timeout_s
+        timeout_s = self.flight_parameters.setpoint_timeout_s
         if self.mode.setpoints_only:
-            return self.setpoints.heard_s + timeout_s if self.flight.flying else math.inf
+            return self.setpoints.last_received_s + timeout_s if self.flight.flying else math.inf
         return self.setpoints.deadline_s(timeout_s)
 
     def _end_setpoint(self, now: float) -> None:
         if now + EPSILON_S >= self._setpoint_deadline_s():
             self.setpoints.reset()
             if self.mode.setpoints_only:
-                self.tell("setpoints_lost")
-                self.failsafes.act(self.tuning.setpoint_action, now, at_once=True)
+                self.announce("setpoints_lost")
+                self.failsafes.act(self.flight_parameters.setpoint_action, now, at_once=True)
             elif self.mode.behaviour is Behaviour.GUIDED and self.flight.flying:
                 self.body.stop()
 
@@ -335,7 +335,7 @@ class Autopilot:
         self.booted = True
         self._forget(now)
         for text in self.personality.boot_text:
-            self._outlet.raw(self.index, text)
+            self._output.raw(self.index, text)
         self.rates.boot(now, now + self._phase_s)
 
     def _note_readiness(self, now: float) -> None:
@@ -343,19 +343,19 @@ class Autopilot:
             self._switch_read = True
             if self.readiness.ready_s > 0:
                 self.modes.mode_switch_read()
-        self.landmarks.note_readiness(now)
+        self.home_and_rally.note_readiness(now)
         if not self.armed and now >= self._next_prearm_s:
             self._next_prearm_s += PREARM_TEXT_S
-            self.tell_refusals("prearm", now)
+            self.announce_refusals("prearm", now)
 
-    def struck(self, over: tuple[int, int], by: tuple[int, int], now: float) -> None:
+    def record_strike(self, over: tuple[int, int], by: tuple[int, int], now: float) -> None:
         """A hostile hit the vehicle; it flies on."""
         self.now = now
         self.strikes += 1
         self.status.strikes[self.index] = self.strikes
         self.storage.strike(now, over, by)
         text = f"STRIKE {self.strikes} over {over[0]},{over[1]} from {by[0]},{by[1]}"
-        self.say(mavlink.MAV_SEVERITY_WARNING, text)
+        self.send_text(mavlink.MAV_SEVERITY_WARNING, text)
 
     # -- position ------------------------------------------------------------------------------------
 
@@ -363,8 +363,8 @@ class Autopilot:
         """Whether it has a position estimate it may navigate by."""
         return self.readiness.position(now) and self.body.position_ok
 
-    def here(self) -> Place:
-        return Place(*self.body.lat_lon_deg, self.body.alt_amsl_m)
+    def here(self) -> GeodeticPosition:
+        return GeodeticPosition(*self.body.lat_lon_deg, self.body.alt_amsl_m)
 
     # -- arming and mode ---------------------------------------------------------------------------------
 
@@ -411,7 +411,7 @@ class Autopilot:
         if index > 0 and index not in self.mission.coming(SEEN_AHEAD):
             return
         restarted = self.mission.restart_current(self.flight.pilot)
-        self.tell("mission_changed" if restarted else "mission_change_failed")
+        self.announce("mission_changed" if restarted else "mission_change_failed")
 
     @property
     def flies_mission(self) -> bool:

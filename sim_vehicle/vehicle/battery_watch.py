@@ -7,12 +7,9 @@ it reboots; another follows the battery, and once armed does nothing about what 
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-from sim_vehicle.personalities.base import FailsafeAction, Tuning
-
-if TYPE_CHECKING:
-    from sim_vehicle.vehicle.autopilot import Autopilot
+from sim_vehicle.personalities.base import Vehicle
+from sim_vehicle.vehicle.flight_parameters import FailsafeAction, FlightParameters
 
 LEVELS = 3
 
@@ -28,18 +25,18 @@ class _Stage:
 class BatteryWatch:
     """`update` is called whenever the vehicle decides."""
 
-    def __init__(self, vehicle: "Autopilot") -> None:
+    def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self.level = 0
         self._level_at_arming = 0
         self._low_since_s = [math.inf] * LEVELS
-        self._tuning: Tuning | None = None  # that the stages were made of
+        self._flight_parameters: FlightParameters | None = None  # that the stages were made of
         self._stages: tuple[_Stage, ...] = ()
 
     @property
     def failing(self) -> int:
         """1 low, 2 critical; a warning alone is 0."""
-        warns = self._vehicle.tuning.battery_warning_share is not None
+        warns = self._vehicle.flight_parameters.battery_warning_share is not None
         return max(self.level - warns, 0)
 
     def update(self, now: float) -> FailsafeAction:
@@ -47,9 +44,9 @@ class BatteryWatch:
         vehicle = self._vehicle
         if vehicle.personality.battery_latches and not vehicle.armed:
             return FailsafeAction.NOTHING
-        if vehicle.tuning is not self._tuning:
-            self._tuning = vehicle.tuning
-            self._stages = _stages(vehicle.tuning)
+        if vehicle.flight_parameters is not self._flight_parameters:
+            self._flight_parameters = vehicle.flight_parameters
+            self._stages = _stages(vehicle.flight_parameters)
         found, before = self._find(now), self.level
         if not vehicle.armed:
             self.level = self._level_at_arming = found
@@ -57,12 +54,12 @@ class BatteryWatch:
         if self.level <= before:
             return FailsafeAction.NOTHING
         stage, body = self._stages[found - 1], vehicle.body
-        vehicle.tell(stage.text, volts=body.voltage_v, used_mah=body.used_mah)
+        vehicle.announce(stage.text, volts=body.voltage_v, used_mah=body.used_mah)
         return stage.action if found > self._level_at_arming else FailsafeAction.WARN
 
     def _find(self, now: float) -> int:
         """The worst level that holds now; a voltage has to be low for a while."""
-        body, delay_s = self._vehicle.body, self._vehicle.tuning.battery_delay_s
+        body, delay_s = self._vehicle.body, self._vehicle.flight_parameters.battery_delay_s
         voltage_v, share = body.voltage_v, body.battery_remaining
         found = 0
         for index, stage in enumerate(self._stages):
@@ -75,16 +72,24 @@ class BatteryWatch:
         return found
 
 
-def _stages(tuning: Tuning) -> tuple[_Stage, ...]:
+def _stages(flight_parameters: FlightParameters) -> tuple[_Stage, ...]:
     stages = (
-        _Stage("battery_low", tuning.battery_low_v, tuning.battery_low_share, tuning.battery_low_action),
+        _Stage(
+            "battery_low",
+            flight_parameters.battery_low_v,
+            flight_parameters.battery_low_share,
+            flight_parameters.battery_low_action,
+        ),
         _Stage(
             "battery_critical",
-            tuning.battery_critical_v,
-            tuning.battery_critical_share,
-            tuning.battery_critical_action,
+            flight_parameters.battery_critical_v,
+            flight_parameters.battery_critical_share,
+            flight_parameters.battery_critical_action,
         ),
     )
-    if tuning.battery_warning_share is None:
+    if flight_parameters.battery_warning_share is None:
         return stages
-    return (_Stage("battery_warning", 0.0, tuning.battery_warning_share, FailsafeAction.WARN), *stages)
+    return (
+        _Stage("battery_warning", 0.0, flight_parameters.battery_warning_share, FailsafeAction.WARN),
+        *stages,
+    )

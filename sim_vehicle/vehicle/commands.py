@@ -6,19 +6,15 @@ table.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.base import Behaviour
-from sim_vehicle.physics.place import Place
+from sim_vehicle.personalities.base import Vehicle
+from sim_vehicle.physics.geodesy import GeodeticPosition
+from sim_vehicle.vehicle.behaviour import Behaviour
+from sim_vehicle.vehicle.command import MAX_ALTITUDE_M, Command
 from sim_vehicle.vehicle.numbers import finite, whole
 
-if TYPE_CHECKING:
-    from sim_vehicle.vehicle.autopilot import Autopilot
-
-MAX_ALTITUDE_M = 83_000.0
 FORCE = 21_196  # param2 of arm and disarm: skip the checks
 FRAMES_WITH_ALTITUDE = frozenset(
     {
@@ -40,53 +36,13 @@ CALIBRATION_S = 3.0
 LONGEST_INTERVAL_US = 2**31 - 1
 
 
-@dataclass(frozen=True, slots=True)
-class Command:
-    """One command, whichever message it came in; place in degrees, z [m] or parameter 7."""
-
-    command: int
-    param1: float
-    param2: float
-    param3: float
-    param4: float
-    lat_deg: float
-    lon_deg: float
-    z: float
-    frame: int
-    as_int: bool
-    sender: tuple[int, int]  # system and component id
-
-    @classmethod
-    def from_message(cls, message: Any) -> "Command":
-        as_int = message.get_type() == "COMMAND_INT"
-        return cls(
-            command=message.command,
-            param1=message.param1,
-            param2=message.param2,
-            param3=message.param3,
-            param4=message.param4,
-            lat_deg=message.x * 1e-7 if as_int else message.param5,
-            lon_deg=message.y * 1e-7 if as_int else message.param6,
-            z=message.z if as_int else message.param7,
-            frame=message.frame if as_int else mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
-            as_int=as_int,
-            sender=(message.get_srcSystem(), message.get_srcComponent()),
-        )
-
-    def place(self) -> tuple[float, float] | None:
-        """Latitude and longitude [deg] if they name a place on earth."""
-        if not (abs(self.lat_deg) <= 90 and abs(self.lon_deg) <= 180 and abs(self.z) < MAX_ALTITUDE_M):
-            return None
-        return (self.lat_deg, self.lon_deg) if self.lat_deg or self.lon_deg else None
-
-
-def execute(vehicle: "Autopilot", command: Command, now: float) -> int:
+def execute(vehicle: Vehicle, command: Command, now: float) -> int:
     """Carry out `command`; MAV_RESULT."""
     handler = vehicle.personality.commands.get(command.command) or HANDLERS.get(command.command)
     return UNSUPPORTED if handler is None else handler(vehicle, command, now)
 
 
-def arm_disarm(vehicle: "Autopilot", command: Command, now: float) -> int:
+def arm_disarm(vehicle: Vehicle, command: Command, now: float) -> int:
     force = whole(command.param2) == FORCE
     if command.param1 == 1:
         return ACCEPTED if vehicle.arm(now, force=force) else vehicle.personality.arm_refused
@@ -95,14 +51,14 @@ def arm_disarm(vehicle: "Autopilot", command: Command, now: float) -> int:
     return UNSUPPORTED
 
 
-def do_set_mode(vehicle: "Autopilot", command: Command, now: float) -> int:
+def do_set_mode(vehicle: Vehicle, command: Command, now: float) -> int:
     if not whole(command.param1) & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
         return DENIED
     return ACCEPTED if vehicle.modes.set(whole(command.param2), now) else FAILED
 
 
-def change_to(behaviour: Behaviour) -> Callable[["Autopilot", Command, float], int]:
-    def handler(vehicle: "Autopilot", _command: Command, now: float) -> int:
+def change_to(behaviour: Behaviour) -> Callable[[Vehicle, Command, float], int]:
+    def handler(vehicle: Vehicle, _command: Command, now: float) -> int:
         if vehicle.personality.find_mode(behaviour) is None:
             return UNSUPPORTED
         return ACCEPTED if vehicle.modes.set_behaviour(behaviour, now) else FAILED
@@ -110,7 +66,7 @@ def change_to(behaviour: Behaviour) -> Callable[["Autopilot", Command, float], i
     return handler
 
 
-def takeoff(vehicle: "Autopilot", command: Command, _now: float) -> int:
+def takeoff(vehicle: Vehicle, command: Command, _now: float) -> int:
     """In a guided mode, to a height above home."""
     if vehicle.mode.behaviour is not Behaviour.GUIDED or not abs(command.z) < MAX_ALTITUDE_M:
         return FAILED
@@ -118,7 +74,7 @@ def takeoff(vehicle: "Autopilot", command: Command, _now: float) -> int:
     return ACCEPTED if vehicle.flight.takeoff_to(up_m) else FAILED
 
 
-def mission_start(vehicle: "Autopilot", command: Command, now: float) -> int:
+def mission_start(vehicle: Vehicle, command: Command, now: float) -> int:
     """Sets AUTO; on an armed vehicle it clears the take-off, on a disarmed one nothing flies.
 
     A first or last item (param1, param2) is not supported.
@@ -133,7 +89,7 @@ def mission_start(vehicle: "Autopilot", command: Command, now: float) -> int:
     return ACCEPTED
 
 
-def reposition(vehicle: "Autopilot", command: Command, now: float) -> int:
+def reposition(vehicle: Vehicle, command: Command, now: float) -> int:
     if not command.as_int:
         return UNSUPPORTED
     place = command.place()
@@ -155,7 +111,7 @@ def reposition(vehicle: "Autopilot", command: Command, now: float) -> int:
         return FAILED
     if vehicle.body.plane:
         turns = -1.0 if command.param4 and math.isfinite(command.param4) else 1.0
-        radius_m = finite(command.param3) or vehicle.tuning.loiter_radius_m
+        radius_m = finite(command.param3) or vehicle.flight_parameters.loiter_radius_m
         vehicle.flight.limit(loiter_radius_m=math.copysign(radius_m, turns))
         if command.param1 > 0:
             vehicle.flight.change_speed(mavlink.SPEED_TYPE_AIRSPEED, command.param1)
@@ -163,11 +119,11 @@ def reposition(vehicle: "Autopilot", command: Command, now: float) -> int:
     return ACCEPTED
 
 
-def change_speed(vehicle: "Autopilot", command: Command, _now: float) -> int:
+def change_speed(vehicle: Vehicle, command: Command, _now: float) -> int:
     return ACCEPTED if vehicle.flight.change_speed(whole(command.param1), command.param2) else FAILED
 
 
-def set_mission_current(vehicle: "Autopilot", command: Command, _now: float) -> int:
+def set_mission_current(vehicle: Vehicle, command: Command, _now: float) -> int:
     index = whole(command.param1)
     if index < -1:
         return DENIED
@@ -178,7 +134,7 @@ def set_mission_current(vehicle: "Autopilot", command: Command, _now: float) -> 
     return ACCEPTED if vehicle.set_current(index) else DENIED
 
 
-def pause_continue(vehicle: "Autopilot", command: Command, _now: float) -> int:
+def pause_continue(vehicle: Vehicle, command: Command, _now: float) -> int:
     if command.param1 == 0:
         return ACCEPTED if vehicle.flight.pause() else FAILED
     if command.param1 == 1:
@@ -186,7 +142,7 @@ def pause_continue(vehicle: "Autopilot", command: Command, _now: float) -> int:
     return DENIED
 
 
-def set_message_interval(vehicle: "Autopilot", command: Command, now: float) -> int:
+def set_message_interval(vehicle: Vehicle, command: Command, now: float) -> int:
     message_id = whole(command.param1)
     if not vehicle.rates.can(message_id):
         return DENIED
@@ -198,24 +154,24 @@ def set_message_interval(vehicle: "Autopilot", command: Command, now: float) -> 
     return ACCEPTED
 
 
-def get_message_interval(vehicle: "Autopilot", command: Command, _now: float) -> int:
+def get_message_interval(vehicle: Vehicle, command: Command, _now: float) -> int:
     message_id = whole(command.param1)
     if not 0 <= message_id <= 0xFFFF:
         return DENIED
     interval_us = _interval_us(vehicle, message_id)
     # 0 says that the message does not exist here, -1 that it does not stream.
-    known = vehicle.rates.can(message_id) or message_id in vehicle.singles
+    known = vehicle.rates.can(message_id) or message_id in vehicle.one_shot_messages
     vehicle.send(mavlink.MAVLink_message_interval_message(message_id, interval_us if known else 0))
     return ACCEPTED
 
 
-def _interval_us(vehicle: "Autopilot", message_id: int) -> int:
+def _interval_us(vehicle: Vehicle, message_id: int) -> int:
     """As MESSAGE_INTERVAL has it: -1 where the message does not stream."""
     interval_s = vehicle.rates.interval_s(message_id)
     return -1 if interval_s is None else round(min(interval_s * 1e6, LONGEST_INTERVAL_US))
 
 
-def request_message(vehicle: "Autopilot", command: Command, now: float) -> int:
+def request_message(vehicle: Vehicle, command: Command, now: float) -> int:
     message_id = whole(command.param1)
     if message_id == mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL:
         wanted = whole(command.param2)
@@ -225,30 +181,30 @@ def request_message(vehicle: "Autopilot", command: Command, now: float) -> int:
     return ACCEPTED if vehicle.send_now(message_id, now, command.param2) else FAILED
 
 
-def request_capabilities(vehicle: "Autopilot", _command: Command, now: float) -> int:
+def request_capabilities(vehicle: Vehicle, _command: Command, now: float) -> int:
     return ACCEPTED if vehicle.send_now(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION, now) else FAILED
 
 
-def get_home(vehicle: "Autopilot", _command: Command, now: float) -> int:
+def get_home(vehicle: Vehicle, _command: Command, now: float) -> int:
     return ACCEPTED if vehicle.send_now(mavlink.MAVLINK_MSG_ID_HOME_POSITION, now) else FAILED
 
 
-def set_home(vehicle: "Autopilot", command: Command, now: float) -> int:
+def set_home(vehicle: Vehicle, command: Command, now: float) -> int:
     if not vehicle.position_known(now):
         return FAILED
     if command.param1 == 1:
-        vehicle.landmarks.set_home(vehicle.here(), now, locked=True)
+        vehicle.home_and_rally.set_home(vehicle.here(), now, locked=True)
         return ACCEPTED
     place = command.place()
     if place is None or command.frame not in FRAMES_WITH_ALTITUDE:
         return DENIED
     # COMMAND_LONG carries no frame: its altitude is above mean sea level here.
     up_m = vehicle.flight.altitude_amsl_m(command.frame, command.z) if command.as_int else command.z
-    vehicle.landmarks.set_home(Place(*place, up_m), now, locked=True)
+    vehicle.home_and_rally.set_home(GeodeticPosition(*place, up_m), now, locked=True)
     return ACCEPTED
 
 
-def reboot(vehicle: "Autopilot", command: Command, _now: float) -> int:
+def reboot(vehicle: Vehicle, command: Command, _now: float) -> int:
     if command.param1 not in (1, 3):
         return UNSUPPORTED
     if vehicle.armed:
@@ -257,7 +213,7 @@ def reboot(vehicle: "Autopilot", command: Command, _now: float) -> int:
     return ACCEPTED
 
 
-def condition_yaw(vehicle: "Autopilot", command: Command, _now: float) -> int:
+def condition_yaw(vehicle: Vehicle, command: Command, _now: float) -> int:
     if vehicle.mode.behaviour not in (Behaviour.GUIDED, Behaviour.MISSION, Behaviour.HOLD):
         return FAILED
     if not (math.isfinite(command.param1) and abs(command.param1) <= 360):
@@ -271,29 +227,29 @@ def condition_yaw(vehicle: "Autopilot", command: Command, _now: float) -> int:
     return ACCEPTED if turned else FAILED
 
 
-def fence_enable(vehicle: "Autopilot", command: Command, _now: float) -> int:
+def fence_enable(vehicle: Vehicle, command: Command, _now: float) -> int:
     """Overrides the parameter until the next boot, without changing it."""
     if command.param1 not in (0, 1):
         return FAILED
-    vehicle.fence_watch.turn(on=command.param1 == 1)
+    vehicle.fence_watch.set_enabled(on=command.param1 == 1)
     return ACCEPTED
 
 
-def terminate(vehicle: "Autopilot", command: Command, _now: float) -> int:
+def terminate(vehicle: Vehicle, command: Command, _now: float) -> int:
     if command.param1 <= 0.5:
         return DENIED
     vehicle.disarm(force=True)
     return ACCEPTED
 
 
-def run_prearm_checks(vehicle: "Autopilot", _command: Command, now: float) -> int:
+def run_prearm_checks(vehicle: Vehicle, _command: Command, now: float) -> int:
     if vehicle.armed:
         return TEMPORARILY_REJECTED
-    vehicle.tell_refusals("prearm", now)
+    vehicle.announce_refusals("prearm", now)
     return ACCEPTED
 
 
-def calibrate(vehicle: "Autopilot", command: Command, now: float) -> int:
+def calibrate(vehicle: Vehicle, command: Command, now: float) -> int:
     """Gyroscopes, level and pressure take a few seconds on the ground, and may be cancelled meanwhile."""
     wanted = (command.param1, command.param2, command.param3, command.param4, command.lat_deg)
     if not any(value > 0 for value in wanted if math.isfinite(value)):
@@ -303,12 +259,12 @@ def calibrate(vehicle: "Autopilot", command: Command, now: float) -> int:
     return IN_PROGRESS if vehicle.jobs.begin(command, CALIBRATION_S, now) else TEMPORARILY_REJECTED
 
 
-def storage(_vehicle: "Autopilot", command: Command, _now: float) -> int:
+def storage(_vehicle: Vehicle, command: Command, _now: float) -> int:
     """Parameters are kept as they are set: there is nothing to write, and read again."""
     return ACCEPTED if command.param1 in (0, 1) else FAILED
 
 
-HANDLERS: dict[int, Callable[["Autopilot", Command, float], int]] = {
+HANDLERS: dict[int, Callable[[Vehicle, Command, float], int]] = {
     mavlink.MAV_CMD_COMPONENT_ARM_DISARM: arm_disarm,
     mavlink.MAV_CMD_DO_SET_MODE: do_set_mode,
     mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: change_to(Behaviour.RETURN),

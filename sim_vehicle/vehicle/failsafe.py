@@ -1,22 +1,20 @@
 """What a vehicle watches by itself and what it does then: ground station, battery, RC, position, fence.
 
-Which limits apply and what follows is the personality's `Tuning`; how it is said, its `texts`. The battery,
+Which limits apply and what follows is the personality's `FlightParameters`; how it is said, its `texts`. The battery,
 the remote control and the fence are watched in files of their own.
 """
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.epoch import EPSILON_S
-from sim_vehicle.personalities.base import Behaviour, FailsafeAction, Mode
+from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.vehicle.battery_watch import BatteryWatch
+from sim_vehicle.vehicle.behaviour import Behaviour, Mode
+from sim_vehicle.vehicle.flight_parameters import FailsafeAction
 from sim_vehicle.vehicle.remote_watch import LONG, SHORT, RemoteWatch
-
-if TYPE_CHECKING:
-    from sim_vehicle.vehicle.autopilot import Autopilot
 
 LOOK_S = 0.1
 _BEHAVIOURS = {
@@ -35,11 +33,11 @@ _GRAVE = {Behaviour.LAND: 2, Behaviour.SINK: 2, Behaviour.MISSION: 2}  # of what
 class Failsafes:
     """Latches of one vehicle; `update` is called whenever it decides."""
 
-    def __init__(self, vehicle: "Autopilot") -> None:
+    def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self.gcs = self.position = False
         self._battery, self._remote = BatteryWatch(vehicle), RemoteWatch(vehicle)
-        self._gcs_heard_s: float | None = None
+        self._gcs_heartbeat_s: float | None = None
         self._waiting: tuple[FailsafeAction, float] | None = None  # what follows a hold, and when [s]
 
     @property
@@ -62,10 +60,10 @@ class Failsafes:
         """MAV_BATTERY_CHARGE_STATE."""
         return int(mavlink.MAV_BATTERY_CHARGE_STATE_OK) + self._battery.level
 
-    def heard_ground_station(self, sysid: int, now: float) -> None:
-        wanted = self._vehicle.tuning.gcs_sysid
+    def note_ground_station(self, sysid: int, now: float) -> None:
+        wanted = self._vehicle.flight_parameters.gcs_sysid
         if wanted is None or sysid == wanted:
-            self._gcs_heard_s = now
+            self._gcs_heartbeat_s = now
 
     def update(self, now: float) -> float:
         """Look at everything; when to look again at the latest [s]."""
@@ -74,16 +72,16 @@ class Failsafes:
         self._watch_rc(now)
         self._watch_position(now)
         self._go_on(now)
-        tuning = self._vehicle.tuning
+        flight_parameters = self._vehicle.flight_parameters
         due_s = self._remote.next_s if self._waiting is None else min(self._waiting[1], self._remote.next_s)
-        if self._gcs_heard_s is None or self.gcs or math.isinf(tuning.gcs_timeout_s):
+        if self._gcs_heartbeat_s is None or self.gcs or math.isinf(flight_parameters.gcs_timeout_s):
             return due_s
-        return min(due_s, self._gcs_heard_s + tuning.gcs_timeout_s + LOOK_S)
+        return min(due_s, self._gcs_heartbeat_s + flight_parameters.gcs_timeout_s + LOOK_S)
 
     @property
     def gcs_missing(self) -> bool:
         """Whether no ground station was ever heard where one is watched."""
-        return self._gcs_heard_s is None and not math.isinf(self._vehicle.tuning.gcs_timeout_s)
+        return self._gcs_heartbeat_s is None and not math.isinf(self._vehicle.flight_parameters.gcs_timeout_s)
 
     def act(self, action: FailsafeAction, now: float, *, at_once: bool = False) -> None:
         """Carry out what a failsafe or a fence asks for, if the vehicle is in the air.
@@ -93,7 +91,7 @@ class Failsafes:
         another mode instead; `at_once` leaves that out.
         """
         vehicle = self._vehicle
-        delay_s = vehicle.tuning.failsafe_delay_s
+        delay_s = vehicle.flight_parameters.failsafe_delay_s
         delayed = action in (FailsafeAction.RETURN, FailsafeAction.LAND) and not at_once and delay_s > 0
         if action is FailsafeAction.NOTHING:
             return
@@ -104,10 +102,10 @@ class Failsafes:
             return
         if delayed and self._waiting is None and vehicle.position_known(now) and not self._comes_down(action):
             self._waiting = (action, now + delay_s)
-            vehicle.tell("failsafe_waits", seconds=round(delay_s))
+            vehicle.announce("failsafe_waits", seconds=round(delay_s))
             vehicle.modes.by_itself(Behaviour.HOLD)
             return
-        vehicle.tell("failsafe")
+        vehicle.announce("failsafe")
         if action is not FailsafeAction.WARN:
             self._waiting = None
             self._carry_out(action, now)
@@ -131,7 +129,7 @@ class Failsafes:
         vehicle = self._vehicle
         number = vehicle.personality.failsafe_modes.get(action)
         if action is FailsafeAction.TERMINATE:
-            vehicle.tell("terminated")
+            vehicle.announce("terminated")
             if number is not None:
                 vehicle.modes.enter(number)
         if action in (FailsafeAction.TERMINATE, FailsafeAction.DISARM):
@@ -170,16 +168,16 @@ class Failsafes:
     def _go_to_return_point(self) -> None:
         """The fence's, else home, at the altitude that belongs to it."""
         vehicle = self._vehicle
-        place_deg = vehicle.fence.return_point_deg or vehicle.landmarks.home_deg
-        up_m = vehicle.flight.home().alt_amsl_m + vehicle.tuning.fence_return_height_m
+        place_deg = vehicle.fence.return_point_deg or vehicle.home_and_rally.home_deg
+        up_m = vehicle.flight.home().alt_amsl_m + vehicle.flight_parameters.fence_return_height_m
         vehicle.flight.guided_go(*place_deg, up_m)
 
     def gcs_late(self, now: float) -> bool:
         """Whether the ground station has been silent for too long."""
-        tuning = self._vehicle.tuning
-        if self._gcs_heard_s is None:
-            return self.gcs_missing and tuning.gcs_missed_unheard
-        return now - self._gcs_heard_s > tuning.gcs_timeout_s
+        flight_parameters = self._vehicle.flight_parameters
+        if self._gcs_heartbeat_s is None:
+            return self.gcs_missing and flight_parameters.gcs_missed_unheard
+        return now - self._gcs_heartbeat_s > flight_parameters.gcs_timeout_s
 
     def _lost(
         self, link: str, normal: FailsafeAction, otherwise: Mapping[int, FailsafeAction], now: float
@@ -189,45 +187,49 @@ class Failsafes:
         mode, flying = vehicle.mode, vehicle.flight.flying
         action = otherwise.get(mode.number, normal) if flying else normal
         if action is not FailsafeAction.NOTHING or normal is FailsafeAction.NOTHING:
-            vehicle.tell(f"{link}_lost")
+            vehicle.announce(f"{link}_lost")
         elif mode.behaviour is Behaviour.MISSION:
-            vehicle.tell(f"{link}_ignored_in_mission")
+            vehicle.announce(f"{link}_ignored_in_mission")
         else:
-            vehicle.tell(f"{link}_ignored")
+            vehicle.announce(f"{link}_ignored")
         self.act(self._unless_landing(action), now)
-        vehicle.tell(f"{link}_stays" if vehicle.mode is mode else f"{link}_acted", mode=vehicle.mode.name)
+        vehicle.announce(f"{link}_stays" if vehicle.mode is mode else f"{link}_acted", mode=vehicle.mode.name)
 
     def _watch_gcs(self, now: float) -> None:
-        vehicle, tuning = self._vehicle, self._vehicle.tuning
+        vehicle, flight_parameters = self._vehicle, self._vehicle.flight_parameters
         late = self.gcs_late(now)
         if late and not self.gcs and vehicle.armed:
             self.gcs = True
-            self._lost("gcs", tuning.gcs_action, tuning.gcs_action_in, now)
+            self._lost("gcs", flight_parameters.gcs_action, flight_parameters.gcs_action_in, now)
         elif self.gcs and not late:
             self.gcs = False
-            vehicle.tell("gcs_back")
+            vehicle.announce("gcs_back")
 
     def _watch_rc(self, now: float) -> None:
-        vehicle, tuning, before = self._vehicle, self._vehicle.tuning, self._vehicle.mode.number
+        vehicle, flight_parameters, before = (
+            self._vehicle,
+            self._vehicle.flight_parameters,
+            self._vehicle.mode.number,
+        )
         stage = self._remote.update(now)
         if stage == LONG:
-            self._lost(stage, tuning.rc_action, tuning.rc_action_in, now)
-        elif stage == SHORT and tuning.rc_short_action is not None:
-            self._lost(stage, tuning.rc_short_action, tuning.rc_short_action_in, now)
+            self._lost(stage, flight_parameters.rc_action, flight_parameters.rc_action_in, now)
+        elif stage == SHORT and flight_parameters.rc_short_action is not None:
+            self._lost(stage, flight_parameters.rc_short_action, flight_parameters.rc_short_action_in, now)
             self._remote.acted(before, vehicle.mode.number)
 
     def _watch_position(self, now: float) -> None:
-        vehicle, tuning = self._vehicle, self._vehicle.tuning
-        watched = tuning.position_watched and vehicle.readiness.position(now)
+        vehicle, flight_parameters = self._vehicle, self._vehicle.flight_parameters
+        watched = flight_parameters.position_watched and vehicle.readiness.position(now)
         lost = watched and not vehicle.body.position_ok
         if lost and not self.position and vehicle.armed:
             self.position = True
-            vehicle.tell("position_lost")
-            action = tuning.position_lost_action
+            vehicle.announce("position_lost")
+            action = flight_parameters.position_lost_action
             if action is FailsafeAction.HOLD_ALTITUDE and self.rc:
                 action = FailsafeAction.LAND
-            if vehicle.mode.needs_position or tuning.position_lost_everywhere:
+            if vehicle.mode.needs_position or flight_parameters.position_lost_everywhere:
                 self.act(action, now, at_once=True)
         elif self.position and not lost:
             self.position = False
-            vehicle.tell("position_back")
+            vehicle.announce("position_back")

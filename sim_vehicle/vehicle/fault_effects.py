@@ -1,27 +1,27 @@
 """Carries the afflictions of one vehicle into the arrays of the fleet that physics and telemetry read."""
 
 from sim_vehicle.physics.world import World
-from sim_vehicle.vehicle.injected_faults import Afflictions
+from sim_vehicle.vehicle.injected_faults import InjectedFaults
 from sim_vehicle.wire.status import Status
 
 
-class Harm:
+class FaultEffectWriter:
     """One vehicle's columns that faults write: to be called with its afflictions after each change."""
 
     def __init__(self, world: World, status: Status, index: int) -> None:
         self._world, self._status, self._index = world, status, index
         self._at_most, self._taken_mah = 1.0, 0.0
 
-    def __call__(self, afflictions: Afflictions, now: float) -> None:
+    def __call__(self, injected_faults: InjectedFaults, now: float) -> None:
         world, status, i = self._world, self._status, self._index
-        world.gps.lost[i] = afflictions.gps_lost
-        world.gps.offset_m[i] = afflictions.gps_offset_m
-        world.batteries.sag_v[i] = afflictions.battery_sag_v
-        world.dynamics.motors_lost[i] = afflictions.motors_lost
-        status.clock_offset_s[i] = afflictions.clock_offset_s(now)
+        world.gps.lost[i] = injected_faults.gps_lost
+        world.gps.offset_m[i] = injected_faults.gps_offset_m
+        world.batteries.sag_v[i] = injected_faults.battery_sag_v
+        world.dynamics.motors_lost[i] = injected_faults.motors_lost
+        status.clock_offset_s[i] = injected_faults.clock_offset_s(now)
         status.clock_since_s[i] = now
-        status.clock_drift[i] = afflictions.clock_drift_ppm * 1e-6
-        self._take_charge(afflictions.battery_at_most)
+        status.clock_drift[i] = injected_faults.clock_drift_ppm * 1e-6
+        self._take_charge(injected_faults.battery_at_most)
         world.events[i] = True  # wakes the autopilot
 
     def _take_charge(self, at_most: float) -> None:

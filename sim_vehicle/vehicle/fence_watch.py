@@ -5,15 +5,12 @@ some 20 m farther out. What is still breached stays on record, also while nothin
 """
 
 import math
-from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.base import FailsafeAction
+from sim_vehicle.personalities.base import Vehicle
+from sim_vehicle.vehicle.flight_parameters import FailsafeAction
 from sim_vehicle.vehicle.rally import distance_m
-
-if TYPE_CHECKING:
-    from sim_vehicle.vehicle.autopilot import Autopilot
 
 ALTITUDE_MAX, CIRCLE, POLYGON, ALTITUDE_MIN = "altitude_max", "circle", "polygon", "altitude_min"
 NAMES = {ALTITUDE_MAX: "Max Alt", CIRCLE: "Circle", POLYGON: "Polygon", ALTITUDE_MIN: "Min Alt"}
@@ -37,39 +34,39 @@ def names_of(breaches: frozenset[str]) -> str:
 class FenceWatch:
     """Breaches of one vehicle (altitude_max, circle, polygon, altitude_min), their count and last time."""
 
-    def __init__(self, vehicle: "Autopilot") -> None:
+    def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self.switch: bool | None = None  # MAV_CMD_DO_FENCE_ENABLE overrides the parameter until that changes
         self.breached: frozenset[str] = frozenset()
         self.count = 0
         self.last_s = 0.0
-        self._parameter = vehicle.tuning.fence_enabled
-        self._taken_up = self._configured()
+        self._parameter = vehicle.flight_parameters.fence_enabled
+        self._latched_limits = self._configured()
         self._above_floor = False
-        self._again_m: dict[str, float] = {}  # a breached limit -> how far beyond is a breach anew
+        self._next_breach_m: dict[str, float] = {}  # a breached limit -> how far beyond is a breach anew
         self._recovers_until_s = -math.inf
 
     @property
     def enabled(self) -> bool:
-        return self._vehicle.tuning.fence_enabled if self.switch is None else self.switch
+        return self._vehicle.flight_parameters.fence_enabled if self.switch is None else self.switch
 
     def parameters_changed(self) -> None:
-        if self._vehicle.tuning.fence_enabled != self._parameter:
-            self._parameter, self.switch = self._vehicle.tuning.fence_enabled, None
-            self._taken_up = self._configured()
+        if self._vehicle.flight_parameters.fence_enabled != self._parameter:
+            self._parameter, self.switch = self._vehicle.flight_parameters.fence_enabled, None
+            self._latched_limits = self._configured()
 
-    def turn(self, *, on: bool) -> None:
+    def set_enabled(self, *, on: bool) -> None:
         """By a command, which goes before the parameter until that changes."""
         self.switch = on
-        self._taken_up = self._taken_up | self._configured() if on else frozenset()
+        self._latched_limits = self._latched_limits | self._configured() if on else frozenset()
 
     def _configured(self) -> frozenset[str]:
         """Which limits the parameters say, the floor aside."""
-        tuning = self._vehicle.tuning
+        flight_parameters = self._vehicle.flight_parameters
         says = {
-            ALTITUDE_MAX: math.isfinite(tuning.fence_max_height_m),
-            CIRCLE: math.isfinite(tuning.fence_radius_m),
-            POLYGON: tuning.fence_polygons,
+            ALTITUDE_MAX: math.isfinite(flight_parameters.fence_max_height_m),
+            CIRCLE: math.isfinite(flight_parameters.fence_radius_m),
+            POLYGON: flight_parameters.fence_polygons,
         }
         return frozenset(which for which, is_so in says.items() if is_so)
 
@@ -82,22 +79,22 @@ class FenceWatch:
     @property
     def has_limits(self) -> bool:
         """Whether there is anything to stay inside or outside of."""
-        tuning = self._vehicle.tuning
+        flight_parameters = self._vehicle.flight_parameters
         return (
-            math.isfinite(tuning.fence_max_height_m)
-            or math.isfinite(tuning.fence_radius_m)
-            or math.isfinite(tuning.fence_min_height_m)
-            or (tuning.fence_polygons and bool(self._vehicle.fence.zones))
+            math.isfinite(flight_parameters.fence_max_height_m)
+            or math.isfinite(flight_parameters.fence_radius_m)
+            or math.isfinite(flight_parameters.fence_min_height_m)
+            or (flight_parameters.fence_polygons and bool(self._vehicle.fence.zones))
         )
 
     @property
     def ceiling_amsl_m(self) -> float:
         """The highest that a vehicle flies by itself [m above mean sea level]."""
-        tuning = self._vehicle.tuning
+        flight_parameters = self._vehicle.flight_parameters
         if not self.enabled:
             return math.inf
-        above_home_m = tuning.fence_max_height_m - tuning.fence_margin_m
-        return self._vehicle.landmarks.home_or_here.alt_amsl_m + above_home_m
+        above_home_m = flight_parameters.fence_max_height_m - flight_parameters.fence_margin_m
+        return self._vehicle.home_and_rally.home_or_here.alt_amsl_m + above_home_m
 
     @property
     def kind(self) -> int:
@@ -117,7 +114,7 @@ class FenceWatch:
         """A ground station has changed the mode: what is breached does not act for a while."""
         if self.breached:
             self._recovers_until_s = now + RECOVERY_S
-            self._vehicle.tell("fence_recovery")
+            self._vehicle.announce("fence_recovery")
 
     def update(self, now: float) -> None:
         """Look where the vehicle is; call it some ten times a second while `active`."""
@@ -125,48 +122,54 @@ class FenceWatch:
         before = self.breached
         if not (self.enabled and self.has_limits):
             self.breached, self._above_floor = frozenset(), False
-            self._again_m.clear()
+            self._next_breach_m.clear()
             return
         self._note_floor()
         found = self._here_m()
         self.breached = frozenset(found)
         new = frozenset(
-            which for which, beyond_m in found.items() if beyond_m >= self._again_m.get(which, -math.inf)
+            which
+            for which, beyond_m in found.items()
+            if beyond_m >= self._next_breach_m.get(which, -math.inf)
         )
-        self._again_m = {
-            which: beyond_m + self._farther_m(which) if which in new else self._again_m[which]
+        self._next_breach_m = {
+            which: beyond_m + self._farther_m(which) if which in new else self._next_breach_m[which]
             for which, beyond_m in found.items()
         }
         if new:
             self._record({which: found[which] for which in new}, before, now)
         elif before and not found and vehicle.flight.flying:
-            vehicle.tell("fence_cleared")
+            vehicle.announce("fence_cleared")
 
     def _note_floor(self) -> None:
         """The minimum altitude counts from when the vehicle has been well above it until it lands."""
-        vehicle, tuning = self._vehicle, self._vehicle.tuning
+        vehicle, flight_parameters = self._vehicle, self._vehicle.flight_parameters
         if vehicle.flight.landing_now or not vehicle.flight.flying:
             self._above_floor = False
-        elif vehicle.landmarks.height_above_home_m >= tuning.fence_min_height_m + tuning.fence_margin_m:
+        elif (
+            vehicle.home_and_rally.height_above_home_m
+            >= flight_parameters.fence_min_height_m + flight_parameters.fence_margin_m
+        ):
             self._above_floor = True
 
     def _here_m(self) -> dict[str, float]:
         vehicle = self._vehicle
-        return self._beyond_m(*vehicle.body.lat_lon_deg, vehicle.landmarks.height_above_home_m)
+        return self._beyond_m(*vehicle.body.lat_lon_deg, vehicle.home_and_rally.height_above_home_m)
 
     def _beyond_m(self, lat_deg: float, lon_deg: float, height_m: float) -> dict[str, float]:
         """By how much a place is beyond each limit that it is beyond [m]."""
-        vehicle, tuning = self._vehicle, self._vehicle.tuning
+        vehicle, flight_parameters = self._vehicle, self._vehicle.flight_parameters
         beyond_m = {
-            ALTITUDE_MAX: height_m - tuning.fence_max_height_m,
-            CIRCLE: distance_m(vehicle.landmarks.home_deg, (lat_deg, lon_deg)) - tuning.fence_radius_m,
+            ALTITUDE_MAX: height_m - flight_parameters.fence_max_height_m,
+            CIRCLE: distance_m(vehicle.home_and_rally.home_deg, (lat_deg, lon_deg))
+            - flight_parameters.fence_radius_m,
         }
         if self._above_floor:
-            beyond_m[ALTITUDE_MIN] = tuning.fence_min_height_m - height_m
-        if tuning.fence_polygons and vehicle.fence.breaches(lat_deg, lon_deg):
+            beyond_m[ALTITUDE_MIN] = flight_parameters.fence_min_height_m - height_m
+        if flight_parameters.fence_polygons and vehicle.fence.breaches(lat_deg, lon_deg):
             beyond_m[POLYGON] = 0.0
         if vehicle.personality.fence_limits_latch:
-            counts = self._taken_up | {ALTITUDE_MIN}
+            counts = self._latched_limits | {ALTITUDE_MIN}
             beyond_m = {which: by_m for which, by_m in beyond_m.items() if which in counts}
         return {which: by_m for which, by_m in beyond_m.items() if by_m >= 0}
 
@@ -183,9 +186,12 @@ class FenceWatch:
             self.last_s = now
         if not vehicle.flight.flying or now < self._recovers_until_s:
             return
-        vehicle.tell("fence_breached", names=names_of(frozenset(new)))
+        vehicle.announce("fence_breached", names=names_of(frozenset(new)))
         for which in sorted(new):
-            vehicle.tell(f"fence_{which}")
-        action, given_up = vehicle.tuning.fence_action, max(new.values()) > vehicle.tuning.fence_give_up_m
+            vehicle.announce(f"fence_{which}")
+        action, given_up = (
+            vehicle.flight_parameters.fence_action,
+            max(new.values()) > vehicle.flight_parameters.fence_give_up_m,
+        )
         acts = action not in (FailsafeAction.NOTHING, FailsafeAction.WARN)
         vehicle.failsafes.act(FailsafeAction.LAND if acts and given_up else action, now)

@@ -6,13 +6,13 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.base import Behaviour, Mode, Tuning
 from sim_vehicle.physics.body import Body
-from sim_vehicle.physics.place import Place
+from sim_vehicle.physics.geodesy import GeodeticPosition
+from sim_vehicle.vehicle.behaviour import Behaviour, Mode
+from sim_vehicle.vehicle.flight_parameters import FlightParameters
 from sim_vehicle.vehicle.manoeuvres import Landing, Manoeuvre, Return, Takeoff
 from sim_vehicle.vehicle.mission import Item, Mission
-from sim_vehicle.vehicle.mission_pilot import MissionPilot
-from sim_vehicle.vehicle.mission_return import ReturnByMission
+from sim_vehicle.vehicle.mission_pilot import MissionPilot, ReturnByMission
 
 LANDED_AFTER_S = 1.0  # on the ground for so long counts as landed
 DROP_M_S = 8.0
@@ -23,7 +23,7 @@ LOOK_S = 0.1  # between two looks of whoever is busy
 
 
 class Flight:
-    """Steers one body by mode and mission; reports by `tell`, `send`, `disarm` and `taken_off`.
+    """Steers one body by mode and mission; reports by `announce`, `send`, `disarm` and `taken_off`.
 
     `start_landing`: have the mission land it; False where it says no way. `return_by_mission`: what of it is
     flown to return, and above which altitude; None where none is.
@@ -34,24 +34,24 @@ class Flight:
         body: Body,
         mission: Mission,
         *,
-        tuning: Callable[[], Tuning],
-        home: Callable[[], Place],
-        return_place: Callable[[], Place],
+        flight_parameters: Callable[[], FlightParameters],
+        home: Callable[[], GeodeticPosition],
+        return_place: Callable[[], GeodeticPosition],
         ceiling_amsl_m: Callable[[], float],
-        tell: Callable[..., None],
+        announce: Callable[..., None],
         send: Callable[[Any], None],
         disarm: Callable[[], None],
         taken_off: Callable[[], None],
         start_landing: Callable[[], bool],
         return_by_mission: Callable[[], tuple[Sequence[Item], float] | None],
         remote_lost: Callable[[], bool],
-        set_home: Callable[[Place], None],
+        set_home: Callable[[GeodeticPosition], None],
         mission_over: Callable[[], None],
     ) -> None:
         self.body, self.mission, self.home, self.return_place = body, mission, home, return_place
         self.ceiling_amsl_m = ceiling_amsl_m
-        self._tuning = tuning
-        self.tell, self.send, self.disarm, self.set_home = tell, send, disarm, set_home
+        self._flight_parameters = flight_parameters
+        self.announce, self.send, self.disarm, self.set_home = announce, send, disarm, set_home
         self._taken_off = taken_off
         self.start_landing, self._return_by_mission = start_landing, return_by_mission
         self.remote_lost = remote_lost
@@ -63,15 +63,15 @@ class Flight:
         self.taking_off = False
         self.takeoff_amsl_m: float | None = None  # asked for; None: the height the tuning says
         self._ground_since_s = -math.inf
-        self._machine: Manoeuvre | None = None
+        self._manoeuvre: Manoeuvre | None = None
         self.guided_target_m: tuple[float, float, float] | None = None
         self._in_force: dict[str, float] = {}  # limits set in flight, by the name of what they replace
 
     # -- facts -------------------------------------------------------------------------------------------
 
     @property
-    def tuning(self) -> Tuning:
-        return self._tuning()
+    def flight_parameters(self) -> FlightParameters:
+        return self._flight_parameters()
 
     @property
     def armed(self) -> bool:
@@ -90,16 +90,16 @@ class Flight:
 
     def landing_speed_m_s(self) -> float:
         above_home_m = self.body.alt_amsl_m - self.home().alt_amsl_m
-        tuning = self.tuning
-        slow_m, slowing_m = tuning.landing_slow_below_m, tuning.landing_slowing_below_m
+        flight_parameters = self.flight_parameters
+        slow_m, slowing_m = flight_parameters.landing_slow_below_m, flight_parameters.landing_slowing_below_m
         if above_home_m < slow_m:
-            return tuning.landing_speed_m_s
+            return flight_parameters.landing_speed_m_s
         if above_home_m < slowing_m:
             share = (above_home_m - slow_m) / (slowing_m - slow_m)
-            return tuning.landing_speed_m_s + share * (
-                tuning.landing_speed_high_m_s - tuning.landing_speed_m_s
+            return flight_parameters.landing_speed_m_s + share * (
+                flight_parameters.landing_speed_high_m_s - flight_parameters.landing_speed_m_s
             )
-        return tuning.landing_speed_high_m_s
+        return flight_parameters.landing_speed_high_m_s
 
     def limit(self, **limits: float) -> None:
         """Put limits (as of `Body.limit`) in force until the mode changes, in place of the parameters'."""
@@ -111,9 +111,9 @@ class Flight:
         self._in_force.pop("speed_m_s", None)
         self.apply_limits()
 
-    def retune(self, before: Tuning) -> None:
+    def parameters_changed(self, before: FlightParameters) -> None:
         """Parameters have changed: a limit set in flight gives way only to a change of its own."""
-        now = self.tuning
+        now = self.flight_parameters
         self._in_force = {
             name: value
             for name, value in self._in_force.items()
@@ -123,34 +123,34 @@ class Flight:
 
     def apply_limits(self) -> None:
         """Set the airframe's limits: the parameters', and over them what was set in flight."""
-        tuning = self.tuning
+        flight_parameters = self.flight_parameters
         self.body.limit(
-            speed_m_s=tuning.speed_m_s,
-            climb_m_s=tuning.climb_m_s,
-            descent_m_s=tuning.descent_m_s,
-            acceleration_m_s2=tuning.acceleration_m_s2,
-            vertical_acceleration_m_s2=tuning.vertical_acceleration_m_s2,
-            radius_m=tuning.waypoint_radius_m,
-            yaw_rate_deg_s=tuning.yaw_rate_deg_s,
+            speed_m_s=flight_parameters.speed_m_s,
+            climb_m_s=flight_parameters.climb_m_s,
+            descent_m_s=flight_parameters.descent_m_s,
+            acceleration_m_s2=flight_parameters.acceleration_m_s2,
+            vertical_acceleration_m_s2=flight_parameters.vertical_acceleration_m_s2,
+            radius_m=flight_parameters.waypoint_radius_m,
+            yaw_rate_deg_s=flight_parameters.yaw_rate_deg_s,
         )
         if self.body.plane:
             self.body.limit(
-                airspeed_min_m_s=tuning.airspeed_min_m_s,
-                airspeed_max_m_s=tuning.airspeed_max_m_s,
-                loiter_radius_m=tuning.loiter_radius_m,
-                bank_limit_deg=tuning.bank_limit_deg,
-                stall_m_s=tuning.stall_m_s,
+                airspeed_min_m_s=flight_parameters.airspeed_min_m_s,
+                airspeed_max_m_s=flight_parameters.airspeed_max_m_s,
+                loiter_radius_m=flight_parameters.loiter_radius_m,
+                bank_limit_deg=flight_parameters.bank_limit_deg,
+                stall_m_s=flight_parameters.stall_m_s,
             )
         self.body.limit(**self._in_force)
-        self.body.set_wind(tuning.wind_m_s, tuning.wind_from_deg)
-        self.body.set_battery(capacity_mah=tuning.capacity_mah, full_v=tuning.full_v)
+        self.body.set_wind(flight_parameters.wind_m_s, flight_parameters.wind_from_deg)
+        self.body.set_battery(capacity_mah=flight_parameters.capacity_mah, full_v=flight_parameters.full_v)
 
     def next_look_s(self, now: float) -> float:
         """When to run again at the latest [s], if nothing happens to the body before."""
         if self.behaviour is Behaviour.MISSION:
             busy = self.pilot.busy or self.mission.waiting or not self.flying
         else:
-            busy = self.armed and self._machine is not None
+            busy = self.armed and self._manoeuvre is not None
         settling = not self.body.airborne and not self.landed(now)
         return now + LOOK_S if busy or settling else math.inf
 
@@ -163,20 +163,20 @@ class Flight:
         if self.behaviour is Behaviour.MISSION and mode.behaviour is not Behaviour.MISSION:
             self.mission.stop()
         self.behaviour = mode.behaviour
-        self._machine, self.guided_target_m = None, None
+        self._manoeuvre, self.guided_target_m = None, None
         self.pilot.forget()
         self.taking_off = False
         self._in_force.clear()
         self.apply_limits()
         self.body.face(None)
         if mode.behaviour is Behaviour.MISSION:
-            self.mission.start_or_resume(self.pilot, restart=self.tuning.mission_restarts)
+            self.mission.start_or_resume(self.pilot, restart=self.flight_parameters.mission_restarts)
         elif self.flying:
             self.body.stop()
             if mode.behaviour is Behaviour.LAND:
-                self._machine = Landing(self, None)
+                self._manoeuvre = Landing(self, None)
             elif mode.behaviour is Behaviour.RETURN:
-                self._machine = Return(self) if by_mission is None else ReturnByMission(self, *by_mission)
+                self._manoeuvre = Return(self) if by_mission is None else ReturnByMission(self, *by_mission)
             elif mode.behaviour is Behaviour.CRUISE:
                 self._cruise()
         self.begin_takeoff()
@@ -186,7 +186,7 @@ class Flight:
         if self.behaviour is not Behaviour.TAKEOFF:
             self.takeoff_amsl_m = None
         elif self.armed:
-            least_m = self.home().alt_amsl_m + self.tuning.takeoff_height_m
+            least_m = self.home().alt_amsl_m + self.flight_parameters.takeoff_height_m
             wanted_m = least_m if self.takeoff_amsl_m is None else max(self.takeoff_amsl_m, least_m)
             self.climb_to(max(wanted_m, self.body.alt_amsl_m))
 
@@ -200,29 +200,29 @@ class Flight:
             self.mission.update(self.pilot, now)
         elif self.armed:
             self._run_alone(now)
-        by_mission = isinstance(self._machine, ReturnByMission) and self._machine.lands
+        by_mission = isinstance(self._manoeuvre, ReturnByMission) and self._manoeuvre.lands
         self.landing_now = self.behaviour is Behaviour.LAND or self.pilot.landing or by_mission
 
     def _run_alone(self, now: float) -> None:
         if self.behaviour in (Behaviour.SINK, Behaviour.DROP):
             self._sink()
         elif self.behaviour in (Behaviour.LAND, Behaviour.RETURN):
-            done = self._machine.update(now) if self._machine is not None else self.landed(now)
+            done = self._manoeuvre.update(now) if self._manoeuvre is not None else self.landed(now)
             if done:
                 self.disarm()
-        elif self.behaviour is Behaviour.TAKEOFF and self._machine is not None:
-            if self._machine.update(now):
-                self._machine, self.taking_off = None, False
+        elif self.behaviour is Behaviour.TAKEOFF and self._manoeuvre is not None:
+            if self._manoeuvre.update(now):
+                self._manoeuvre, self.taking_off = None, False
                 self._taken_off()
-        elif self._machine is not None and not self.taking_off:
-            if self._machine.update(now):
-                self._machine = None
+        elif self._manoeuvre is not None and not self.taking_off:
+            if self._manoeuvre.update(now):
+                self._manoeuvre = None
         elif self.taking_off and self.body.airborne and self.body.reached:
-            self.taking_off, self._machine = False, None
+            self.taking_off, self._manoeuvre = False, None
 
     def _cruise(self) -> None:
         """Straight on; the throttle stick reads its minimum."""
-        speed_m_s, heading_rad = self.tuning.airspeed_min_m_s, self.body.heading_rad
+        speed_m_s, heading_rad = self.flight_parameters.airspeed_min_m_s, self.body.heading_rad
         self.limit(speed_m_s=speed_m_s)
         self.body.move((speed_m_s * math.sin(heading_rad), speed_m_s * math.cos(heading_rad), 0.0))
 
@@ -231,7 +231,7 @@ class Flight:
             self.body.rest()
             return
         self.limit(vertical_acceleration_m_s2=PILOT_ACCELERATION_M_S2)
-        sinks_m_s = self.tuning.pilot_descent_m_s if self.behaviour is Behaviour.SINK else DROP_M_S
+        sinks_m_s = self.flight_parameters.pilot_descent_m_s if self.behaviour is Behaviour.SINK else DROP_M_S
         self.body.move_vertically(-sinks_m_s)
 
     # -- guided ------------------------------------------------------------------------------------------
@@ -254,19 +254,19 @@ class Flight:
     def climb_to(self, up_m: float) -> None:
         """Climb to an altitude above mean sea level, from the ground or in the air."""
         self.cleared_for_takeoff = self.taking_off = True
-        if self.tuning.takeoff_speed_m_s is not None:
-            self.limit(climb_m_s=self.tuning.takeoff_speed_m_s)
-        self._machine = Takeoff(self, up_m)
+        if self.flight_parameters.takeoff_speed_m_s is not None:
+            self.limit(climb_m_s=self.flight_parameters.takeoff_speed_m_s)
+        self._manoeuvre = Takeoff(self, up_m)
 
     def fly(self, manoeuvre: Manoeuvre) -> None:
         """Begin something a mode that holds or is guided does on demand."""
-        self._machine = manoeuvre
+        self._manoeuvre = manoeuvre
 
     def guided_go(self, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> None:
         """Fly to a place, if in the air; on the ground nothing happens."""
         self.taking_off = False
         if self.flying:
-            self._machine = None
+            self._manoeuvre = None
             self.go((*self.body.locate(lat_deg, lon_deg), alt_amsl_m))
 
     def pause(self) -> bool:

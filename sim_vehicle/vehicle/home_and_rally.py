@@ -1,30 +1,26 @@
 """Where one vehicle counts from and returns to: home, the origin of its local coordinates, rally points."""
 
-from typing import TYPE_CHECKING
-
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.physics.place import Place
+from sim_vehicle.personalities.base import Vehicle
+from sim_vehicle.physics.geodesy import GeodeticPosition
 from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.rally import Rally
 
-if TYPE_CHECKING:
-    from sim_vehicle.vehicle.autopilot import Autopilot
 
-
-class Landmarks:
+class HomeAndRally:
     """Home and origin, which a boot forgets, and the rally points, which it does not."""
 
-    def __init__(self, vehicle: "Autopilot") -> None:
+    def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self.rally = Rally()
         self.reset()
 
     def reset(self) -> None:
         """Forget what does not survive a reboot."""
-        self.home: Place | None = None
+        self.home: GeodeticPosition | None = None
         self.home_locked = False  # somebody said where it is, so that arming must not
-        self.origin: Place | None = None
+        self.origin: GeodeticPosition | None = None
         self.origin_m = (0.0, 0.0, 0.0)  # east, north, up in the fleet's frame
 
     def note_readiness(self, now: float) -> None:
@@ -36,20 +32,20 @@ class Landmarks:
         if self.home is None and (vehicle.position_known(now) if late else vehicle.readiness.home(now)):
             self.set_home(vehicle.here(), now)
 
-    def set_origin(self, place: Place, now: float) -> None:
+    def set_origin(self, place: GeodeticPosition, now: float) -> None:
         """Where local coordinates are counted from."""
         vehicle = self._vehicle
         self.origin = place
         self.origin_m = (*vehicle.body.locate(place.lat_deg, place.lon_deg), place.alt_amsl_m)
-        vehicle.tell("origin_set")
+        vehicle.announce("origin_set")
         vehicle.send_now(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, now)
 
-    def set_home(self, place: Place, now: float, *, locked: bool = False) -> None:
+    def set_home(self, place: GeodeticPosition, now: float, *, locked: bool = False) -> None:
         self.home, self.home_locked = place, self.home_locked or locked
         self._vehicle.send_now(mavlink.MAVLINK_MSG_ID_HOME_POSITION, now)
 
     @property
-    def home_or_here(self) -> Place:
+    def home_or_here(self) -> GeodeticPosition:
         """Home, or where the vehicle is while there is none."""
         return self.home or self._vehicle.here()
 
@@ -65,7 +61,7 @@ class Landmarks:
 
     def home_item(self) -> Item:
         """Home as the item 0 of a mission."""
-        home = self.home or Place(0.0, 0.0, 0.0)
+        home = self.home or GeodeticPosition(0.0, 0.0, 0.0)
         return Item(
             mavlink.MAV_CMD_NAV_WAYPOINT,
             x=round(home.lat_deg * 1e7),
@@ -73,15 +69,15 @@ class Landmarks:
             z=round(home.alt_amsl_m, 2),
         )
 
-    def return_place(self) -> Place:
+    def return_place(self) -> GeodeticPosition:
         """The nearest rally point, or home."""
         vehicle, home = self._vehicle, self.home_or_here
         point = self.rally.nearest(
             vehicle.body.lat_lon_deg,
             (home.lat_deg, home.lon_deg),
-            limit_m=vehicle.tuning.rally_limit_m,
-            include_home=vehicle.tuning.rally_includes_home,
+            limit_m=vehicle.flight_parameters.rally_limit_m,
+            include_home=vehicle.flight_parameters.rally_includes_home,
         )
         if point is None or point.place_deg is None:
             return home
-        return Place(*point.place_deg, vehicle.flight.altitude_amsl_m(point.frame, point.z))
+        return GeodeticPosition(*point.place_deg, vehicle.flight.altitude_amsl_m(point.frame, point.z))

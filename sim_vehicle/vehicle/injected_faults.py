@@ -23,7 +23,7 @@ class MissionRefusal:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Effect:
+class FaultEffect:
     """What one fault does; nothing by default."""
 
     gps_lost: bool = False
@@ -40,8 +40,8 @@ class Effect:
     clock_drift_ppm: float = 0.0
 
 
-class Afflictions:
-    """All effects on one vehicle together, as attributes of the names of `Effect`.
+class InjectedFaults:
+    """All effects on one vehicle together, as attributes of the names of `FaultEffect`.
 
     Offsets, sags, losses of motors and drifts add up; of delays and shares the worst counts; of answers the
     one that came last. `changed(afflictions, now)` is called after each change.
@@ -50,17 +50,17 @@ class Afflictions:
     def __init__(
         self,
         rng: np.random.Generator,
-        changed: Callable[["Afflictions", float], None] = lambda _afflictions, _now: None,
+        changed: Callable[["InjectedFaults", float], None] = lambda _faults, _now: None,
     ) -> None:
         self._rng = rng
         self._changed = changed
-        self._effects: dict[int, Effect] = {}
+        self._effects: dict[int, FaultEffect] = {}
         self._begun = 0
         self._clock_offset_s = 0.0
         self._clock_since_s = 0.0
         self._combine()
 
-    def begin(self, effect: Effect, now: float) -> Callable[[float], None]:
+    def begin(self, effect: FaultEffect, now: float) -> Callable[[float], None]:
         """Add an effect at `now` [s]; returns what ends it, to be called with the time of that [s]."""
         key = self._begun
         self._begun += 1
@@ -75,7 +75,7 @@ class Afflictions:
         """By how much the vehicle's clock is ahead at `now` [s]; what it has drifted away stays."""
         return self._clock_offset_s + (now - self._clock_since_s) * self.clock_drift_ppm * 1e-6
 
-    def _set(self, key: int, effect: Effect | None, now: float) -> None:
+    def _set(self, key: int, effect: FaultEffect | None, now: float) -> None:
         self._clock_offset_s = self.clock_offset_s(now)
         self._clock_since_s = now
         if effect is None:

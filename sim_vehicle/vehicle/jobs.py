@@ -2,12 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-if TYPE_CHECKING:
-    from sim_vehicle.vehicle.commands import Command
+from sim_vehicle.vehicle.command import Command
 
 REPORT_S = 0.5
 ACCEPTED = int(mavlink.MAV_RESULT_ACCEPTED)
@@ -34,7 +33,7 @@ class Jobs:
     def reset(self) -> None:
         self._job = None
 
-    def begin(self, command: "Command", duration_s: float, now: float) -> bool:
+    def begin(self, command: Command, duration_s: float, now: float) -> bool:
         """Start it, unless one is under way. The caller acknowledges the beginning itself."""
         if self._job is not None:
             return False

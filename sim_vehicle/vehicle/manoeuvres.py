@@ -4,12 +4,11 @@ Each is begun by its constructor and asked by `update(now)` whether it is done.
 """
 
 import math
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
-from sim_vehicle.personalities.base import Behaviour, RallyAltitude
-
-if TYPE_CHECKING:
-    from sim_vehicle.vehicle.flight import Flight
+from sim_vehicle.vehicle.behaviour import Behaviour
+from sim_vehicle.vehicle.flight_parameters import RallyAltitude
+from sim_vehicle.vehicle.interface import FlightControl
 
 NEAR_M = 1.0
 TAKEOFF_NEAR_M = 0.3
@@ -32,7 +31,7 @@ class Landing:
     """
 
     def __init__(
-        self, flight: "Flight", place_deg: tuple[float, float] | None, *, circles: bool = False
+        self, flight: FlightControl, place_deg: tuple[float, float] | None, *, circles: bool = False
     ) -> None:
         self._flight = flight
         self._descends = place_deg is None
@@ -63,15 +62,15 @@ class Return:
     Or, where the tuning names a height at which it ends, go there and stay (`ModeRTL::run`).
     """
 
-    def __init__(self, flight: "Flight") -> None:
+    def __init__(self, flight: FlightControl) -> None:
         self._flight = flight
-        body, tuning = flight.body, flight.tuning
+        body, flight_parameters = flight.body, flight.flight_parameters
         self._place = flight.return_place()
         east_m, north_m, up_m = body.position_m
         self._up_m = self._travel_m(up_m)
-        flight.limit(speed_m_s=tuning.return_speed_m_s)
-        if body.plane and tuning.return_loiter_radius_m:
-            flight.limit(loiter_radius_m=tuning.return_loiter_radius_m)
+        flight.limit(speed_m_s=flight_parameters.return_speed_m_s)
+        if body.plane and flight_parameters.return_loiter_radius_m:
+            flight.limit(loiter_radius_m=flight_parameters.return_loiter_radius_m)
         self._hovers = False
         self._flies_home = body.plane  # which climbs on its way
         if body.plane:
@@ -82,35 +81,38 @@ class Return:
         self._landing: Landing | None = None
         self._stays = False
         # The mission's hands bring it home, and the mission goes on from there.
-        self._mission_lands = flight.behaviour is Behaviour.RETURN and tuning.return_lands in (1, 2)
+        self._mission_lands = flight.behaviour is Behaviour.RETURN and flight_parameters.return_lands in (
+            1,
+            2,
+        )
 
     def _travel_m(self, up_m: float) -> float:
         """Altitude of the way there from `up_m` [m above mean sea level]."""
-        home, tuning = self._flight.home(), self._flight.tuning
+        home, flight_parameters = self._flight.home(), self._flight.flight_parameters
         place_m = self._place.alt_amsl_m
-        if self._place == home or tuning.rally_altitude is RallyAltitude.GROUND:
+        if self._place == home or flight_parameters.rally_altitude is RallyAltitude.GROUND:
             wanted_m = place_m + self._height_m()
-        elif tuning.rally_altitude is RallyAltitude.EXACT:
+        elif flight_parameters.rally_altitude is RallyAltitude.EXACT:
             return place_m
         else:
             wanted_m = max(place_m, home.alt_amsl_m + self._height_m())
-        if tuning.return_under_fence:
+        if flight_parameters.return_under_fence:
             wanted_m = min(wanted_m, self._flight.ceiling_amsl_m())
-        return wanted_m if tuning.return_descends else max(up_m, wanted_m)
+        return wanted_m if flight_parameters.return_descends else max(up_m, wanted_m)
 
     def _height_m(self) -> float:
         """Above the place it returns to, for the way there."""
-        body, tuning = self._flight.body, self._flight.tuning
-        if tuning.return_height_at is None:
-            return tuning.return_height_m
+        body, flight_parameters = self._flight.body, self._flight.flight_parameters
+        if flight_parameters.return_height_at is None:
+            return flight_parameters.return_height_m
         east_m, north_m, up_m = body.position_m
         there_m = body.locate(self._place.lat_deg, self._place.lon_deg)
         distance_m = math.dist((east_m, north_m), there_m)
-        return tuning.return_height_at(distance_m, up_m - self._place.alt_amsl_m)
+        return flight_parameters.return_height_at(distance_m, up_m - self._place.alt_amsl_m)
 
     def _descend(self) -> bool:
         """Go down to where it waits, if that is below; whether it has to."""
-        hover_m = self._flight.tuning.return_hover_height_m
+        hover_m = self._flight.flight_parameters.return_hover_height_m
         self._hovers = True
         if hover_m is None or self._flight.body.alt_amsl_m <= self._place.alt_amsl_m + hover_m + NEAR_M:
             return False
@@ -120,7 +122,7 @@ class Return:
 
     def _end(self) -> None:
         flight = self._flight
-        ends_m = flight.tuning.return_ends_m
+        ends_m = flight.flight_parameters.return_ends_m
         if ends_m is None or flight.remote_lost():
             self._landing = Landing(flight, None)
             return
@@ -134,7 +136,7 @@ class Return:
 
     def update(self, now: float) -> bool:
         flight = self._flight
-        if self._mission_lands and (flight.tuning.return_lands == 2 or flight.body.reached):
+        if self._mission_lands and (flight.flight_parameters.return_lands == 2 or flight.body.reached):
             self._mission_lands = False
             if flight.start_landing():
                 return False  # the mode has changed
@@ -148,7 +150,7 @@ class Return:
         elif flight.body.reached:
             if self._flies_home:
                 if self._hovers or not self._descend():
-                    self._land_at_s = now + flight.tuning.return_wait_s
+                    self._land_at_s = now + flight.flight_parameters.return_wait_s
             else:
                 self._fly_home()
                 self._flies_home = True
@@ -158,7 +160,7 @@ class Return:
 class Takeoff:
     """Climb from the ground to an altitude [m above mean sea level] over the start."""
 
-    def __init__(self, flight: "Flight", up_m: float) -> None:
+    def __init__(self, flight: FlightControl, up_m: float) -> None:
         self._flight = flight
         east_m, north_m, _ = flight.body.position_m
         self._up_m = up_m
@@ -183,7 +185,7 @@ class CircleToAltitude:
 
     def __init__(
         self,
-        flight: "Flight",
+        flight: FlightControl,
         centre_m: tuple[float, float, float],
         radius_m: float,
         next_m: tuple[float, float] | None,
@@ -194,7 +196,7 @@ class CircleToAltitude:
         # A place inside the circle is never ahead.
         inside = next_m is not None and math.dist(next_m, centre_m[:2]) <= INSIDE_SHARE * abs(radius_m)
         self._next_m = None if inside else next_m
-        self._comes = flight.tuning.circles_first
+        self._comes = flight.flight_parameters.circles_first
         up_m = flight.body.alt_amsl_m if self._comes else centre_m[2]
         flight.body.loiter(*centre_m[:2], up_m, radius_m)
 
@@ -232,7 +234,7 @@ class Circling:
     POINTS_A_TURN = 16
 
     def __init__(
-        self, flight: "Flight", centre_m: tuple[float, float, float], radius_m: float, turns: float
+        self, flight: FlightControl, centre_m: tuple[float, float, float], radius_m: float, turns: float
     ) -> None:
         self._flight, self._centre_m, self._radius_m = flight, centre_m, radius_m
         east_m, north_m, _ = flight.body.position_m
@@ -242,7 +244,7 @@ class Circling:
         self._flown_rad = 0.0
         self._seen_rad: float | None = None
         if flight.body.plane:
-            flight.body.loiter(*centre_m, radius_m or flight.tuning.loiter_radius_m)
+            flight.body.loiter(*centre_m, radius_m or flight.flight_parameters.loiter_radius_m)
         else:
             self._fly_to_point()
 

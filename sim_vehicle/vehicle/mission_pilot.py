@@ -1,19 +1,17 @@
 """Flies mission items: where each takes the vehicle, when it is done, and what commands on the way do."""
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.physics.place import Place
+from sim_vehicle.physics.geodesy import GeodeticPosition
+from sim_vehicle.vehicle.interface import FlightControl
 from sim_vehicle.vehicle.manoeuvres import CircleToAltitude, Circling, Landing, Manoeuvre, Return
 from sim_vehicle.vehicle.mission import LANDINGS, TAKEOFFS, Item
 from sim_vehicle.vehicle.numbers import finite, whole
 
-if TYPE_CHECKING:
-    from sim_vehicle.vehicle.flight import Flight
-
-Point = tuple[float, float, float]
+LocalPoint = tuple[float, float, float]
 AHEAD_M = 50_000.0  # a leg that lasts until the altitude is reached
 NOWHERE_M = 0.1  # nearer than this a place says no direction
 CLEARS_BY_M = 10.0  # so far above the altitude of its take-off a plane aims that climbs straight on
@@ -49,11 +47,11 @@ SHORT_NAMES = {
 class MissionPilot:
     """The mission's hands on one vehicle (`mission.Pilot`)."""
 
-    def __init__(self, flight: "Flight") -> None:
+    def __init__(self, flight: FlightControl) -> None:
         self._flight = flight
-        self._machine: Manoeuvre | None = None
+        self._manoeuvre: Manoeuvre | None = None
         self._wait_until_s: float | None = None
-        self._target_m: Point = (0.0, 0.0, 0.0)
+        self._target_m: LocalPoint = (0.0, 0.0, 0.0)
         self._wanted_heading_rad: float | None = None
         self._under_way = False
         self._after_braking_m_s: float | None = None  # the leg begins then, and passes its end so fast
@@ -69,15 +67,15 @@ class MissionPilot:
     def busy(self) -> bool:
         """Whether time alone, or a manoeuvre, moves the mission on."""
         waits = self._wait_until_s is not None or self._after_braking_m_s is not None
-        return self._machine is not None or waits
+        return self._manoeuvre is not None or waits
 
     @property
     def landing(self) -> bool:
-        return isinstance(self._machine, Landing)
+        return isinstance(self._manoeuvre, Landing)
 
     def forget(self) -> None:
         """Another mode has taken over."""
-        self._machine, self._wait_until_s, self._wanted_heading_rad = None, None, None
+        self._manoeuvre, self._wait_until_s, self._wanted_heading_rad = None, None, None
         self._under_way, self._after_braking_m_s = False, None
 
     # -- navigation commands -----------------------------------------------------------------------------
@@ -92,21 +90,21 @@ class MissionPilot:
             return
         if item.command in LANDINGS:
             # A plane that has not come along a line to land on circles down.
-            self._machine = Landing(flight, item.place_deg, circles=flight.mission.begins_anew)
+            self._manoeuvre = Landing(flight, item.place_deg, circles=flight.mission.begins_anew)
         elif item.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
-            self._machine = Return(flight)
+            self._manoeuvre = Return(flight)
         elif item.command == mavlink.MAV_CMD_NAV_LOITER_TURNS:
-            radius_m = item.param3 or flight.tuning.loiter_radius_m
-            self._machine = Circling(flight, self._target_m, finite(radius_m), finite(item.param1))
+            radius_m = item.param3 or flight.flight_parameters.loiter_radius_m
+            self._manoeuvre = Circling(flight, self._target_m, finite(radius_m), finite(item.param1))
         elif item.command == mavlink.MAV_CMD_NAV_DELAY:
             flight.body.stop()
         elif item.command == mavlink.MAV_CMD_NAV_LOITER_TO_ALT and flight.body.plane:
-            self._machine = circle_to_altitude(flight, item, following)
+            self._manoeuvre = circle_to_altitude(flight, item, following)
         else:
             self._following = following
             flight.body.limit(radius_m=self._radius_m(item))
             self._under_way = not flight.taking_off
-            if broken_off and self._under_way and flight.tuning.begins_legs_at_rest:
+            if broken_off and self._under_way and flight.flight_parameters.begins_legs_at_rest:
                 self._after_braking_m_s = self._pass_speed_m_s(item, following)
                 flight.body.stop()
                 return
@@ -114,12 +112,12 @@ class MissionPilot:
 
     def _radius_m(self, item: Item) -> float:
         """How near to an item's place is there; a plane may be told so by the item itself."""
-        tuning = self._flight.tuning
-        told_m = finite(item.param2) if item.command == mavlink.MAV_CMD_NAV_WAYPOINT else 0.0
-        tells = self._flight.body.plane and tuning.waypoints_say_radius and told_m > 0.0
-        return told_m if tells else tuning.waypoint_radius_m
+        flight_parameters = self._flight.flight_parameters
+        item_radius_m = finite(item.param2) if item.command == mavlink.MAV_CMD_NAV_WAYPOINT else 0.0
+        tells = self._flight.body.plane and flight_parameters.waypoints_say_radius and item_radius_m > 0.0
+        return item_radius_m if tells else flight_parameters.waypoint_radius_m
 
-    def _goal_m(self, item: Item) -> Point:
+    def _goal_m(self, item: Item) -> LocalPoint:
         flight = self._flight
         east_m, north_m, up_m = flight.body.position_m
         if item.command in TAKEOFFS:
@@ -133,7 +131,7 @@ class MissionPilot:
 
     @property
     def _takes_off_along(self) -> bool:
-        return self._flight.body.plane and self._flight.tuning.takeoff_along
+        return self._flight.body.plane and self._flight.flight_parameters.takeoff_along
 
     def _takeoff_toward(self, item: Item) -> tuple[float, float]:
         """East, north of a place far off: beyond that of the take-off, or where it heads if that is here."""
@@ -152,7 +150,7 @@ class MissionPilot:
         if self._flight.body.plane:  # which circles only where it is told to, or has nowhere else to go
             through = through and following is not None
             through = through or item.command == mavlink.MAV_CMD_NAV_CONTINUE_AND_CHANGE_ALT
-            return self._flight.tuning.speed_m_s if through else 0.0
+            return self._flight.flight_parameters.speed_m_s if through else 0.0
         if not through or following is None or following.command not in THROUGH:
             return 0.0
         target_m, here_m, next_m = (
@@ -173,8 +171,8 @@ class MissionPilot:
             return self._takeoff_done()
         if item.command in LANDINGS or item.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
             return self._landing_done(item, now)
-        if self._machine is not None:
-            return self._machine.update(now)
+        if self._manoeuvre is not None:
+            return self._manoeuvre.update(now)
         if self._brakes():
             return False
         done = self._waypoint_done(item, now)
@@ -194,13 +192,13 @@ class MissionPilot:
 
     def _takeoff_done(self) -> bool:
         flight = self._flight
-        cleared = flight.cleared_for_takeoff or flight.tuning.mission_takes_off
+        cleared = flight.cleared_for_takeoff or flight.flight_parameters.mission_takes_off
         if not (flight.armed and cleared):
             return False
         if self._takes_off_along:
             if not flight.body.airborne:
                 east_m, north_m, up_m = self._target_m
-                flight.go((east_m, north_m, up_m + CLEARS_BY_M), flight.tuning.speed_m_s)
+                flight.go((east_m, north_m, up_m + CLEARS_BY_M), flight.flight_parameters.speed_m_s)
                 return False
             return flight.body.alt_amsl_m >= self._target_m[2]
         if not flight.body.airborne:
@@ -210,7 +208,7 @@ class MissionPilot:
 
     def _landing_done(self, item: Item, now: float) -> bool:
         flight = self._flight
-        done = self._machine.update(now) if self._machine is not None else flight.landed(now)
+        done = self._manoeuvre.update(now) if self._manoeuvre is not None else flight.landed(now)
         if item.command in LANDINGS and flight.mission.stays_landed:
             return False
         if done and flight.armed and flight.mission.disarms_on_landing:
@@ -229,11 +227,16 @@ class MissionPilot:
         elif flight.body.airborne:
             reached = flight.body.reached
         else:  # an unarmed vehicle does not move, but its mission does
-            reached = math.dist(self._target_m, flight.body.position_m) <= flight.tuning.waypoint_radius_m
+            reached = (
+                math.dist(self._target_m, flight.body.position_m)
+                <= flight.flight_parameters.waypoint_radius_m
+            )
         if not reached or item.command == mavlink.MAV_CMD_NAV_LOITER_UNLIM:
             return False
         if self._is_too_high_or_low(item):
-            self._machine = circle_to_altitude(flight, item, self._following, flight.tuning.waypoint_height_m)
+            self._manoeuvre = circle_to_altitude(
+                flight, item, self._following, flight.flight_parameters.waypoint_height_m
+            )
             return False
         if self._wait_until_s is None:
             self._wait_until_s = now + (finite(item.param1) if item.command in WAITS else 0.0)
@@ -244,7 +247,7 @@ class MissionPilot:
         flight = self._flight
         off_m = abs(flight.body.alt_amsl_m - self._target_m[2])
         through = item.command in THROUGH and flight.body.plane and flight.body.airborne
-        return through and off_m > flight.tuning.waypoint_height_m
+        return through and off_m > flight.flight_parameters.waypoint_height_m
 
     # -- commands on the way -----------------------------------------------------------------------------
 
@@ -259,9 +262,9 @@ class MissionPilot:
                 self._wanted_heading_rad = flight.faced_rad
         elif item.command == mavlink.MAV_CMD_DO_SET_HOME:
             if item.param1 == 1 or item.place_deg is None:
-                flight.set_home(Place(*flight.body.lat_lon_deg, flight.body.alt_amsl_m))
+                flight.set_home(GeodeticPosition(*flight.body.lat_lon_deg, flight.body.alt_amsl_m))
             else:
-                flight.set_home(Place(*item.place_deg, flight.altitude_amsl_m(item.frame, item.z)))
+                flight.set_home(GeodeticPosition(*item.place_deg, flight.altitude_amsl_m(item.frame, item.z)))
 
     def condition_met(self, item: Item) -> bool:
         body = self._flight.body
@@ -277,17 +280,17 @@ class MissionPilot:
 
     def mission_item_started(self, index: int, item: Item) -> None:
         name = SHORT_NAMES.get(item.command, str(item.command))
-        self._flight.tell("item_started", index=index, name=name)
+        self._flight.announce("item_started", index=index, name=name)
 
     def mission_item_reached(self, index: int, item: Item) -> None:
         self._flight.send(mavlink.MAVLink_mission_item_reached_message(index))
         if item.command in REPORTED:
-            self._flight.tell("item_reached", index=index)
+            self._flight.announce("item_reached", index=index)
 
     def mission_ended(self) -> None:
         flight = self._flight
         self.forget()
-        flight.tell("mission_ended" if flight.flying else "mission_ended_landed")
+        flight.announce("mission_ended" if flight.flying else "mission_ended_landed")
         if flight.flying:
             flight.body.stop()
         elif flight.armed:
@@ -297,29 +300,68 @@ class MissionPilot:
     def no_mission(self) -> None:
         flight = self._flight
         self.forget()
-        flight.tell("no_mission" if flight.flying else "no_mission_landed")
+        flight.announce("no_mission" if flight.flying else "no_mission_landed")
         if flight.flying:
             flight.body.stop()
         flight.mission_over()
 
 
-def target_of(flight: "Flight", item: Item) -> Point:
+def target_of(flight: FlightControl, item: Item) -> LocalPoint:
     """Where an item is: east, north, up above mean sea level [m]; what it does not say is the present."""
     body = flight.body
     east_m, north_m, up_m = body.position_m
-    keeps_altitude = item.z == 0 and (item.place_deg is None or flight.tuning.zero_keeps_altitude)
+    keeps_altitude = item.z == 0 and (item.place_deg is None or flight.flight_parameters.zero_keeps_altitude)
     if item.place_deg is not None:
         east_m, north_m = body.locate(*item.place_deg)
     return east_m, north_m, up_m if keeps_altitude else flight.altitude_amsl_m(item.frame, item.z)
 
 
 def circle_to_altitude(
-    flight: "Flight", item: Item, following: Item | None, near_m: float | None = None
+    flight: FlightControl, item: Item, following: Item | None, near_m: float | None = None
 ) -> CircleToAltitude:
     """The circle of an item, left toward the following one where it says so; within `near_m` always."""
-    aligned = flight.tuning.loiter_leaves_aligned or item.param1 == 1 or near_m is not None
+    aligned = flight.flight_parameters.loiter_leaves_aligned or item.param1 == 1 or near_m is not None
     place_deg = following.place_deg if following is not None and aligned else None
     next_m = None if place_deg is None else flight.body.locate(*place_deg)
-    told_m = finite(item.param2) if item.command == mavlink.MAV_CMD_NAV_LOITER_TO_ALT else 0.0
-    radius_m = told_m or flight.tuning.loiter_radius_m
+    item_radius_m = finite(item.param2) if item.command == mavlink.MAV_CMD_NAV_LOITER_TO_ALT else 0.0
+    radius_m = item_radius_m or flight.flight_parameters.loiter_radius_m
     return CircleToAltitude(flight, target_of(flight, item), radius_m, next_m, near_m)
+
+
+class ReturnByMission:
+    """Climb where it is, if it is below an altitude; then fly items one after another, and land by the last.
+
+    Each has a place; they are flown to without a stop, but for circles in which a plane changes its altitude.
+    """
+
+    def __init__(self, flight: FlightControl, items: Sequence[Item], least_amsl_m: float) -> None:
+        self._flight = flight
+        self._left = list(items)
+        self._manoeuvre: Manoeuvre | None = None
+        if flight.body.alt_amsl_m < least_amsl_m:
+            east_m, north_m, _ = flight.body.position_m
+            flight.body.loiter(east_m, north_m, least_amsl_m)
+        else:
+            self._go_on()
+
+    @property
+    def lands(self) -> bool:
+        """It comes down already."""
+        return isinstance(self._manoeuvre, Landing)
+
+    def _go_on(self) -> None:
+        flight, item = self._flight, self._left.pop(0)
+        if item.command in LANDINGS:
+            self._manoeuvre = Landing(flight, item.place_deg)
+        elif item.command == mavlink.MAV_CMD_NAV_LOITER_TO_ALT:
+            self._manoeuvre = circle_to_altitude(flight, item, self._left[0] if self._left else None)
+        else:
+            self._manoeuvre = None
+            flight.body.fly_to(*target_of(flight, item), flight.flight_parameters.speed_m_s)
+
+    def update(self, now: float) -> bool:
+        done = self._flight.body.reached if self._manoeuvre is None else self._manoeuvre.update(now)
+        if not done or self.lands or not self._left:
+            return done
+        self._go_on()
+        return False

@@ -1,19 +1,15 @@
 """Flight modes of one vehicle: which it is in, who may change it, and what follows a manoeuvre by itself."""
 
-from typing import TYPE_CHECKING
-
 from sim_vehicle.epoch import EPSILON_S
-from sim_vehicle.personalities.base import Behaviour, Mode
+from sim_vehicle.personalities.base import Vehicle
+from sim_vehicle.vehicle.behaviour import Behaviour, Mode
 from sim_vehicle.vehicle.injected_faults import ModeStuck
-
-if TYPE_CHECKING:
-    from sim_vehicle.vehicle.autopilot import Autopilot
 
 
 class Modes:
     """The mode of one vehicle and the rules of changing it."""
 
-    def __init__(self, vehicle: "Autopilot") -> None:
+    def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self.reset(0.0)
 
@@ -33,16 +29,16 @@ class Modes:
     def set(self, number: int, now: float) -> bool:
         """Change mode by its wire number, if it may be entered now."""
         vehicle = self._vehicle
-        if vehicle.afflictions.mode_stuck is not None:
-            return vehicle.afflictions.mode_stuck is ModeStuck.ACCEPTED
+        if vehicle.injected_faults.mode_stuck is not None:
+            return vehicle.injected_faults.mode_stuck is ModeStuck.ACCEPTED
         mode = vehicle.personality.modes.get(number)
         if mode is None or not mode.selectable:
-            vehicle.tell("no_such_mode", number=number)
+            vehicle.announce("no_such_mode", number=number)
             return False
         if mode is self.mode:
             return True
         if self.mode.terminates:
-            vehicle.tell("mode_terminated", mode=mode.name)
+            vehicle.announce("mode_terminated", mode=mode.name)
             return False
         if vehicle.armed and not self._may_enter(mode, now):
             return False
@@ -54,16 +50,16 @@ class Modes:
         """Whether an armed vehicle may; it says why not."""
         vehicle = self._vehicle
         if mode.needs_position and not vehicle.position_known(now):
-            lacks = "mode_needs_position"
+            unsupported_messages = "mode_needs_position"
         elif mode.setpoints_only and not vehicle.setpoints.streaming(now):
-            lacks = "mode_needs_setpoints"
-        elif mode.needs_pilot and vehicle.tuning.pilot_missing:
-            lacks = "mode_needs_pilot"
+            unsupported_messages = "mode_needs_setpoints"
+        elif mode.needs_pilot and vehicle.flight_parameters.pilot_missing:
+            unsupported_messages = "mode_needs_pilot"
         elif mode.behaviour is Behaviour.MISSION and not self._mission_may_start(now):
-            lacks = "mode_needs_mission"
+            unsupported_messages = "mode_needs_mission"
         else:
             return True
-        vehicle.tell(lacks, mode=mode.name)
+        vehicle.announce(unsupported_messages, mode=mode.name)
         return False
 
     def _mission_may_start(self, now: float) -> bool:
@@ -72,7 +68,7 @@ class Modes:
             return False
         on_ground = vehicle.personality.home_item and not vehicle.body.airborne
         if on_ground and not vehicle.mission.starts_with_takeoff():
-            vehicle.tell("mission_without_takeoff")
+            vehicle.announce("mission_without_takeoff")
             return False
         return True
 
@@ -104,7 +100,7 @@ class Modes:
         vehicle, mission = self._vehicle, self._vehicle.mission
         flown_by_hand = mode.behaviour in (Behaviour.DROP, Behaviour.CRUISE)
         if mission.stays_landed and mission.in_landing and flown_by_hand and not vehicle.armed:
-            vehicle.tell("mission_reset")
+            vehicle.announce("mission_reset")
             mission.reset()
 
     def mode_switch_read(self) -> None:
@@ -123,7 +119,7 @@ class Modes:
     def taken_off(self) -> None:
         """The climb after a take-off is done."""
         vehicle = self._vehicle
-        then = vehicle.tuning.after_takeoff
+        then = vehicle.flight_parameters.after_takeoff
         if then is None:
             return
         if then is Behaviour.MISSION and not self.mission_ready(vehicle.now):

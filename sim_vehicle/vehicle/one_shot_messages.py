@@ -3,18 +3,15 @@
 Each is a function of the vehicle and the request's second parameter, and returns the messages to send.
 """
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-if TYPE_CHECKING:
-    from sim_vehicle.vehicle.autopilot import Autopilot
-
-Single = Callable[["Autopilot", float], Sequence[Any]]
+from sim_vehicle.personalities.base import OneShotMessage, Vehicle
 
 
-def autopilot_version(vehicle: "Autopilot", _parameter: float) -> Sequence[Any]:
+def autopilot_version(vehicle: Vehicle, _parameter: float) -> Sequence[Any]:
     """uid2 begins with `sim_vehicle` and ends with the system id: no real aircraft is behind this vehicle."""
     uid2 = list(b"sim_vehicle".ljust(17, b"\0") + bytes([vehicle.sysid]))
     nothing = [0] * 8
@@ -37,6 +34,6 @@ def autopilot_version(vehicle: "Autopilot", _parameter: float) -> Sequence[Any]:
     ]
 
 
-SINGLES: dict[int, Single] = {
+ONE_SHOT_MESSAGES: dict[int, OneShotMessage] = {
     mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: autopilot_version,
 }

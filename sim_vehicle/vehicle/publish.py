@@ -1,13 +1,9 @@
 """One vehicle's row of the fleet's status: what it knows about itself, as telemetry will tell it."""
 
-from typing import TYPE_CHECKING
-
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.base import Behaviour
-
-if TYPE_CHECKING:
-    from sim_vehicle.vehicle.autopilot import Autopilot
+from sim_vehicle.personalities.base import Vehicle
+from sim_vehicle.vehicle.behaviour import Behaviour
 
 ALWAYS_SET = int(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
 GEOFENCE = int(mavlink.MAV_SYS_STATUS_GEOFENCE)
@@ -23,7 +19,7 @@ SENSORS = int(
 )
 
 
-def publish(vehicle: "Autopilot", now: float) -> None:
+def publish(vehicle: Vehicle, now: float) -> None:
     """Write everything that may have changed."""
     status, i = vehicle.status, vehicle.index
     status.booted[i] = vehicle.booted
@@ -34,7 +30,7 @@ def publish(vehicle: "Autopilot", now: float) -> None:
     _health(vehicle, now)
     _places(vehicle)
     _mission(vehicle)
-    status.has_place[i], status.has_setpoint[i] = vehicle.personality.aims(vehicle)
+    status.has_place[i], status.has_setpoint[i] = vehicle.personality.targets(vehicle)
     watch = vehicle.fence_watch
     status.fence_status[i] = bool(watch.breached)
     status.fence_breaches[i] = watch.count
@@ -43,7 +39,7 @@ def publish(vehicle: "Autopilot", now: float) -> None:
     status.battery_state[i] = vehicle.failsafes.battery_state
 
 
-def _heartbeat(vehicle: "Autopilot") -> None:
+def _heartbeat(vehicle: Vehicle) -> None:
     status, i, personality, mode = vehicle.status, vehicle.index, vehicle.personality, vehicle.mode
     status.autopilot[i] = personality.autopilot
     status.vehicle_type[i] = personality.vehicle_type
@@ -67,7 +63,7 @@ def _heartbeat(vehicle: "Autopilot") -> None:
     status.landed_state[i] = _landed_state(vehicle)
 
 
-def _landed_state(vehicle: "Autopilot") -> int:
+def _landed_state(vehicle: Vehicle) -> int:
     if not vehicle.body.airborne:
         return int(mavlink.MAV_LANDED_STATE_ON_GROUND)
     if vehicle.flight.taking_off:
@@ -77,7 +73,7 @@ def _landed_state(vehicle: "Autopilot") -> int:
     return int(mavlink.MAV_LANDED_STATE_IN_AIR)
 
 
-def _health(vehicle: "Autopilot", now: float) -> None:
+def _health(vehicle: Vehicle, now: float) -> None:
     present = health = SENSORS
     if not (vehicle.readiness.gps_fix(now) and vehicle.body.gps_fix):
         health &= ~mavlink.MAV_SYS_STATUS_SENSOR_GPS
@@ -87,7 +83,7 @@ def _health(vehicle: "Autopilot", now: float) -> None:
         health &= ~mavlink.MAV_SYS_STATUS_AHRS
     if not vehicle.armed and vehicle.personality.refusals(vehicle, now):
         health &= ~mavlink.MAV_SYS_STATUS_PREARM_CHECK
-    unhealthy = vehicle.afflictions.unhealthy_sensors
+    unhealthy = vehicle.injected_faults.unhealthy_sensors
     enabled = SENSORS | unhealthy
     present |= unhealthy
     watch, i = vehicle.fence_watch, vehicle.index
@@ -99,26 +95,26 @@ def _health(vehicle: "Autopilot", now: float) -> None:
     vehicle.status.health[i] = health & ~unhealthy
 
 
-def _places(vehicle: "Autopilot") -> None:
+def _places(vehicle: Vehicle) -> None:
     status, i = vehicle.status, vehicle.index
     status.home_is_local[i] = vehicle.personality.home_is_local
-    home, origin = vehicle.landmarks.home, vehicle.landmarks.origin
+    home, origin = vehicle.home_and_rally.home, vehicle.home_and_rally.origin
     status.has_home[i] = home is not None
     if home is not None:
         status.home_e7[i] = round(home.lat_deg * 1e7), round(home.lon_deg * 1e7)
         status.home_amsl_m[i] = home.alt_amsl_m
     status.has_origin[i] = origin is not None
     if origin is not None:
-        status.origin_m[i] = vehicle.landmarks.origin_m
+        status.origin_m[i] = vehicle.home_and_rally.origin_m
         status.origin_e7[i] = round(origin.lat_deg * 1e7), round(origin.lon_deg * 1e7)
 
 
-def _mission(vehicle: "Autopilot") -> None:
+def _mission(vehicle: Vehicle) -> None:
     status, i, mission, personality = vehicle.status, vehicle.index, vehicle.mission, vehicle.personality
     status.mission_seq[i] = mission.index
     total = mission.count - 1 if personality.home_item else mission.count
     status.mission_total[i] = total if total > 0 else personality.empty_mission_total
     status.mission_ids[i] = vehicle.transfer.ids
-    if personality.tells_mission_state:
+    if personality.reports_mission_state:
         status.mission_state[i] = mission.reported_state
         status.mission_mode[i] = 1 if vehicle.mode.behaviour is Behaviour.MISSION else 2

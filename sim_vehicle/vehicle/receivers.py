@@ -1,54 +1,53 @@
 """What a vehicle does with each kind of message that no machine of its own (transfer, storage) takes."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.physics.place import Place
+from sim_vehicle.personalities.base import Vehicle
+from sim_vehicle.physics.geodesy import GeodeticPosition
 from sim_vehicle.vehicle import commands
-
-if TYPE_CHECKING:
-    from sim_vehicle.vehicle.autopilot import Autopilot
+from sim_vehicle.vehicle.command import Command
 
 COMPONENT = int(mavlink.MAV_COMP_ID_AUTOPILOT1)
 
 
-def _on_command(vehicle: "Autopilot", message: Any, now: float) -> None:
-    command = commands.Command.from_message(message)
+def _on_command(vehicle: Vehicle, message: Any, now: float) -> None:
+    command = Command.from_message(message)
     result = commands.execute(vehicle, command, now)
-    vehicle.voice.acknowledge(command.command, result, 0, command.sender)
+    vehicle.sender.acknowledge(command.command, result, 0, command.sender)
     if vehicle.reboot_after_reply:
         vehicle.reboot_after_reply = False
         vehicle.reboot(now)
 
 
-def _on_cancel(vehicle: "Autopilot", message: Any, _now: float) -> None:
+def _on_cancel(vehicle: Vehicle, message: Any, _now: float) -> None:
     vehicle.jobs.cancel(message)
 
 
-def _on_set_mode(vehicle: "Autopilot", message: Any, now: float) -> None:
+def _on_set_mode(vehicle: Vehicle, message: Any, now: float) -> None:
     accepted = message.base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED and vehicle.modes.set(
         message.custom_mode, now
     )
     if vehicle.personality.acknowledges_set_mode:
         result = mavlink.MAV_RESULT_ACCEPTED if accepted else mavlink.MAV_RESULT_TEMPORARILY_REJECTED
         sender = (message.get_srcSystem(), message.get_srcComponent())
-        vehicle.voice.acknowledge(mavlink.MAV_CMD_DO_SET_MODE, result, 0, sender)
+        vehicle.sender.acknowledge(mavlink.MAV_CMD_DO_SET_MODE, result, 0, sender)
 
 
-def _on_parameter(vehicle: "Autopilot", message: Any, now: float) -> None:
+def _on_parameter(vehicle: Vehicle, message: Any, now: float) -> None:
     name = vehicle.params.receive(message, vehicle.send, now)
     if name is not None:
         vehicle.parameter_changed(name)
 
 
-def _on_setup_signing(vehicle: "Autopilot", message: Any, now: float) -> None:
-    if vehicle.personality.signs and not vehicle.signing.set_up(message, now, armed=vehicle.armed):
-        vehicle.tell("signing_refused")
+def _on_setup_signing(vehicle: Vehicle, message: Any, now: float) -> None:
+    if vehicle.personality.supports_signing and not vehicle.signing.set_up(message, now, armed=vehicle.armed):
+        vehicle.announce("signing_refused")
 
 
-def _on_data_stream(vehicle: "Autopilot", message: Any, now: float) -> None:
+def _on_data_stream(vehicle: Vehicle, message: Any, now: float) -> None:
     rate_hz = message.req_message_rate if message.start_stop else 0
     wanted = message.req_stream_id
     for stream, message_ids in vehicle.personality.streams.items():
@@ -57,41 +56,41 @@ def _on_data_stream(vehicle: "Autopilot", message: Any, now: float) -> None:
                 vehicle.rates.set(message_id, 1.0 / rate_hz if rate_hz else 0.0, now)
 
 
-def _on_timesync(vehicle: "Autopilot", message: Any, now: float) -> None:
+def _on_timesync(vehicle: Vehicle, message: Any, now: float) -> None:
     if message.tc1 == 0:
         clock_ns = round((now - vehicle.readiness.boot_s + vehicle.clock_ahead_s(now)) * 1e9)
         vehicle.send(mavlink.MAVLink_timesync_message(clock_ns, message.ts1))
 
 
-def _on_ping(vehicle: "Autopilot", message: Any, _now: float) -> None:
+def _on_ping(vehicle: Vehicle, message: Any, _now: float) -> None:
     asked = message.target_system == message.target_component == 0
     if asked and vehicle.personality.answers_ping:
         sender = (message.get_srcSystem(), message.get_srcComponent())
         vehicle.send(mavlink.MAVLink_ping_message(message.time_usec, message.seq, *sender))
 
 
-def _on_set_current(vehicle: "Autopilot", message: Any, now: float) -> None:
+def _on_set_current(vehicle: Vehicle, message: Any, now: float) -> None:
     if vehicle.set_current(message.seq):
         vehicle.send_now(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT, now)
 
 
-def _on_set_origin(vehicle: "Autopilot", message: Any, now: float) -> None:
+def _on_set_origin(vehicle: Vehicle, message: Any, now: float) -> None:
     lat_deg, lon_deg = message.latitude * 1e-7, message.longitude * 1e-7
     moves = vehicle.personality.origin_moves
     if moves and message.target_system != vehicle.sysid:
         vehicle.send_now(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, now)
         return
-    if abs(lat_deg) <= 90 and abs(lon_deg) <= 180 and (vehicle.landmarks.origin is None or moves):
-        vehicle.landmarks.set_origin(Place(lat_deg, lon_deg, message.altitude * 1e-3), now)
+    if abs(lat_deg) <= 90 and abs(lon_deg) <= 180 and (vehicle.home_and_rally.origin is None or moves):
+        vehicle.home_and_rally.set_origin(GeodeticPosition(lat_deg, lon_deg, message.altitude * 1e-3), now)
     elif moves:
         vehicle.send_now(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, now)
 
 
-def _on_setpoint(vehicle: "Autopilot", message: Any, now: float) -> None:
+def _on_setpoint(vehicle: Vehicle, message: Any, now: float) -> None:
     vehicle.setpoints.receive(message, now)
 
 
-RECEIVERS: dict[str, Callable[["Autopilot", Any, float], None]] = {
+RECEIVERS: dict[str, Callable[[Vehicle, Any, float], None]] = {
     "COMMAND_LONG": _on_command,
     "COMMAND_INT": _on_command,
     "COMMAND_CANCEL": _on_cancel,

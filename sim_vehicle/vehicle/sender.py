@@ -2,32 +2,31 @@
 
 import heapq
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.epoch import EPSILON_S
-from sim_vehicle.personalities.base import Personality
-from sim_vehicle.vehicle.injected_faults import Afflictions
+from sim_vehicle.vehicle.injected_faults import InjectedFaults
 
 TEXT_BYTES = 50  # of one STATUSTEXT
 ACKNOWLEDGEMENTS = frozenset({mavlink.MAVLINK_MSG_ID_COMMAND_ACK, mavlink.MAVLINK_MSG_ID_MISSION_ACK})
 
 
-class Voice:
+class Sender:
     """Sends messages by `send`; `clock` is the vehicle's present time [s], `record` takes every text."""
 
     def __init__(
         self,
-        personality: Personality,
-        afflictions: Afflictions,
+        texts: Mapping[str, tuple[int, str]],
+        injected_faults: InjectedFaults,
         *,
         send: Callable[[Any], None],
         clock: Callable[[], float],
         record: Callable[[float, int, str], None],
     ) -> None:
-        self._personality, self._afflictions = personality, afflictions
+        self._texts, self._injected_faults = texts, injected_faults
         self._send, self._clock, self._record = send, clock, record
         # Acknowledgements that a fault holds back: until when, their number, themselves; a heap.
         self._late: list[tuple[float, int, Any]] = []
@@ -46,16 +45,16 @@ class Voice:
     def send(self, message: Any) -> None:
         """Send one message to whoever is there; faults may hold or lose an acknowledgement."""
         if message.get_msgId() in ACKNOWLEDGEMENTS:
-            if self._afflictions.loses_ack():
+            if self._injected_faults.loses_ack():
                 return
-            if self._afflictions.ack_delay_s > 0:
-                due_s = self._clock() + self._afflictions.ack_delay_s
+            if self._injected_faults.ack_delay_s > 0:
+                due_s = self._clock() + self._injected_faults.ack_delay_s
                 heapq.heappush(self._late, (due_s, self._held_back, message))
                 self._held_back += 1
                 return
         self._send(message)
 
-    def say(self, severity: int, text: str) -> None:
+    def send_text(self, severity: int, text: str) -> None:
         """STATUSTEXT; a long one in several, which a ground station puts together by their id."""
         self._record(self._clock(), severity, text)
         data = text.encode()
@@ -67,17 +66,17 @@ class Voice:
             part = data[start : start + TEXT_BYTES]
             self.send(mavlink.MAVLink_statustext_message(severity, part, self._text_id, chunk))
 
-    def tell(self, what: str, **facts: Any) -> None:
+    def announce(self, event: str, **values: Any) -> None:
         """Say something in the personality's words, if it says anything about it."""
-        if what in self._personality.texts:
-            severity, template = self._personality.texts[what]
-            self.say(severity, template.format(**facts))
+        if event in self._texts:
+            severity, template = self._texts[event]
+            self.send_text(severity, template.format(**values))
 
-    def wording(self, what: str, **facts: Any) -> list[str]:
+    def texts_for(self, event: str, **values: Any) -> list[str]:
         """The personality's words for something, to be said with something else; empty if it has none."""
-        if what not in self._personality.texts:
+        if event not in self._texts:
             return []
-        return [self._personality.texts[what][1].format(**facts)]
+        return [self._texts[event][1].format(**values)]
 
     def acknowledge(self, command: int, result: int, progress: int, sender: tuple[int, int]) -> None:
         """COMMAND_ACK."""

@@ -6,16 +6,14 @@ come.
 """
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.base import Behaviour
-from sim_vehicle.vehicle.attitude_setpoints import Lean
+from sim_vehicle.personalities.base import Vehicle
+from sim_vehicle.vehicle.attitude_setpoints import AttitudeSetpoints
+from sim_vehicle.vehicle.behaviour import Behaviour
 from sim_vehicle.vehicle.commands import FRAMES_WITH_ALTITUDE
-
-if TYPE_CHECKING:
-    from sim_vehicle.vehicle.autopilot import Autopilot
 
 IGNORE_POSITION, IGNORE_VELOCITY, IGNORE_ACCELERATION = 0x0007, 0x0038, 0x01C0
 IGNORE_YAW, IGNORE_YAW_RATE = 0x0400, 0x0800
@@ -51,45 +49,45 @@ def _usable(message: Any) -> bool:
 class Setpoints:
     """The latest set-point of one vehicle, and when it came."""
 
-    def __init__(self, vehicle: "Autopilot") -> None:
+    def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
-        self._heard_s = NEVER_S
+        self._last_received_s = NEVER_S
         self._expires = False  # the one in force ends when no other follows
-        self._lean = Lean(vehicle)
+        self._attitude = AttitudeSetpoints(vehicle)
 
     def reset(self) -> None:
         """Forget it: the mode changed or the vehicle rebooted."""
         self._expires = False
-        self._lean.reset()
+        self._attitude.reset()
 
     def streaming(self, now: float) -> bool:
         """Whether one came so recently that a mode that lives on them may be entered."""
-        return now - self._heard_s < self._vehicle.tuning.setpoint_timeout_s
+        return now - self._last_received_s < self._vehicle.flight_parameters.setpoint_timeout_s
 
     def deadline_s(self, timeout_s: float) -> float:
         """When the one in force ends, if none follows; inf if it holds for ever."""
-        return self._heard_s + timeout_s if self._expires else math.inf
+        return self._last_received_s + timeout_s if self._expires else math.inf
 
     @property
-    def heard_s(self) -> float:
-        return self._heard_s
+    def last_received_s(self) -> float:
+        return self._last_received_s
 
     def receive(self, message: Any, now: float) -> None:
         """Take one set-point message at `now` [s]."""
         if not _usable(message):
             return
-        since_s = now - self._heard_s
-        self._heard_s = now
+        since_s = now - self._last_received_s
+        self._last_received_s = now
         vehicle = self._vehicle
         # Only a mode made for set-points takes off by one.
         ready = vehicle.armed if vehicle.mode.setpoints_only else vehicle.flight.flying
         if vehicle.mode.behaviour is not Behaviour.GUIDED or not ready:
             return
         if message.get_type() == "SET_ATTITUDE_TARGET":
-            if self._lean.to_attitude(message, since_s):
+            if self._attitude.to_attitude(message, since_s):
                 self._expires, vehicle.flight.taking_off = True, False
             return
-        self._lean.reset()
+        self._attitude.reset()
         if not message.type_mask & IGNORE_POSITION:
             self._position(message)
         elif not message.type_mask & IGNORE_VELOCITY:
@@ -124,7 +122,7 @@ class Setpoints:
         if frame in BODY_FRAMES:
             x, y = self._turned(x, y)
         if frame == mavlink.MAV_FRAME_LOCAL_NED:
-            east_m, north_m, up_m = self._vehicle.landmarks.origin_m
+            east_m, north_m, up_m = self._vehicle.home_and_rally.origin_m
         else:
             east_m, north_m, up_m = body.position_m
         return east_m + y, north_m + x, up_m - z
@@ -155,7 +153,7 @@ class Setpoints:
         if message.coordinate_frame in BODY_FRAMES:
             north, east = self._turned(north, east)
         body = self._vehicle.body
-        lasts_s = since_s if since_s < self._vehicle.tuning.setpoint_timeout_s else 0.0
+        lasts_s = since_s if since_s < self._vehicle.flight_parameters.setpoint_timeout_s else 0.0
         velocity_m_s = body.velocity_m_s
         climb_m_s = velocity_m_s[2] - down * lasts_s
         if body.plane:
@@ -164,7 +162,7 @@ class Setpoints:
             return
         self._expires, self._vehicle.flight.taking_off = True, False
         yaw_rad, rate_rad_s = self._turning(message)
-        body.lean((east, north), climb_m_s, yaw_rad=yaw_rad, yaw_rate_rad_s=rate_rad_s)
+        body.tilt((east, north), climb_m_s, yaw_rad=yaw_rad, yaw_rate_rad_s=rate_rad_s)
 
     def _turning(self, message: Any) -> tuple[float | None, float | None]:
         """The yaw from north [rad] and the yaw rate [rad/s] it asks for."""

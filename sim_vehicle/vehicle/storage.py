@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from sim_vehicle.epoch import EPOCH_US
 from sim_vehicle.files.filesystem import FileSystem
@@ -11,24 +11,22 @@ from sim_vehicle.files.ftp_rules import FtpRules
 from sim_vehicle.files.log_transfer import LogRules, LogTransfer
 from sim_vehicle.files.logs.record import Failsafe, FlightLog, LogFacts, LogWhen, Sample
 from sim_vehicle.files.logs.recorder import FlightRecorder, LogLimits
-from sim_vehicle.physics.place import Place
+from sim_vehicle.personalities.base import Vehicle
+from sim_vehicle.physics.geodesy import GeodeticPosition
 from sim_vehicle.vehicle.mission import MissionState
-
-if TYPE_CHECKING:
-    from sim_vehicle.vehicle.autopilot import Autopilot
 
 SEND_EVERY_S = 0.1  # while a transfer is under way
 WATCHED = (Failsafe.RADIO, Failsafe.BATTERY, Failsafe.GROUND_STATION, Failsafe.FENCE, Failsafe.POSITION)
 
 
-class _Seen(NamedTuple):
+class _LoggedState(NamedTuple):
     """What a log tells when it changes."""
 
     armed: bool = False
     mode: int = -1
     airborne: bool = False
-    origin: Place | None = None
-    home: Place | None = None
+    origin: GeodeticPosition | None = None
+    home: GeodeticPosition | None = None
     mission_item: int | None = None
     failed: tuple[bool, ...] = (False,) * len(WATCHED)
 
@@ -47,7 +45,7 @@ class Storage:
 
     def __init__(
         self,
-        vehicle: "Autopilot",
+        vehicle: Vehicle,
         *,
         new_log: Callable[[], FlightLog],
         files: Callable[[FlightRecorder], FileSystem],
@@ -63,10 +61,10 @@ class Storage:
             erase=self.recorder.erase,
             rules=log_rules,
             send=vehicle.send,
-            say=vehicle.say,
+            send_text=vehicle.send_text,
             armed=lambda: vehicle.armed,
         )
-        self._seen = _Seen()
+        self._seen = _LoggedState()
         self._flown = False  # it was armed and disarmed since the boot
 
     # -- serving -----------------------------------------------------------------------------------------
@@ -108,7 +106,7 @@ class Storage:
         if seen != self._seen:
             log = self.recorder.event(now)
             if log is not None:
-                self._tell_changes(log, now, seen)
+                self._log_changes(log, now, seen)
             self._flown = self._flown or (self._seen.armed and not seen.armed)
             self._seen = seen
         if not self._wanted():
@@ -120,7 +118,7 @@ class Storage:
 
     def _wanted(self) -> bool:
         vehicle = self._vehicle
-        when = vehicle.tuning.logs
+        when = vehicle.flight_parameters.logs
         if when is LogWhen.NEVER or not (vehicle.booted and self.recorder.enabled):
             return False
         return vehicle.armed or when is LogWhen.ALWAYS or (when is LogWhen.FROM_BOOT and not self._flown)
@@ -162,9 +160,9 @@ class Storage:
                 mode=vehicle.mode.number,
             ),
         )
-        self._seen = _Seen(mode=vehicle.mode.number, airborne=vehicle.body.airborne)
+        self._seen = _LoggedState(mode=vehicle.mode.number, airborne=vehicle.body.airborne)
 
-    def _tell_changes(self, log: FlightLog, now: float, seen: _Seen) -> None:
+    def _log_changes(self, log: FlightLog, now: float, seen: _LoggedState) -> None:
         before, mission = self._seen, self._vehicle.mission
         if seen.origin is not None and seen.origin != before.origin:
             log.origin(now, *_numbers(seen.origin))
@@ -184,18 +182,18 @@ class Storage:
             log.command(now, item, mission.count, mission.item(item))
 
 
-def _numbers(place: Place) -> tuple[float, float, float]:
+def _numbers(place: GeodeticPosition) -> tuple[float, float, float]:
     return place.lat_deg, place.lon_deg, place.alt_amsl_m
 
 
-def _look(vehicle: "Autopilot") -> _Seen:
+def _look(vehicle: Vehicle) -> _LoggedState:
     failsafes, mission = vehicle.failsafes, vehicle.mission
-    return _Seen(
+    return _LoggedState(
         vehicle.armed,
         vehicle.mode.number,
         vehicle.body.airborne,
-        vehicle.landmarks.origin,
-        vehicle.landmarks.home,
+        vehicle.home_and_rally.origin,
+        vehicle.home_and_rally.home,
         mission.index if mission.state is MissionState.ACTIVE else None,
         (
             failsafes.rc,

@@ -19,7 +19,7 @@ class Direction(Enum):
     FROM_VEHICLE = "from_vehicle"
 
 
-Passed = list[tuple[bytes, float]]
+TimedFrames = list[tuple[bytes, float]]
 
 
 class Stage(Protocol):
@@ -33,7 +33,7 @@ class Stage(Protocol):
     @property
     def in_order(self) -> bool: ...
 
-    def __call__(self, frame: bytes, due_s: float) -> Passed: ...
+    def __call__(self, frame: bytes, due_s: float) -> TimedFrames: ...
 
 
 class _Lane:
@@ -64,7 +64,7 @@ class Channel:
     def put(self, direction: Direction, frame: bytes, now: float) -> None:
         """Send one frame at `now` [s]."""
         lane = self._lanes[direction]
-        passing: Passed = [(frame, now)]
+        passing: TimedFrames = [(frame, now)]
         for stage in lane.stages:
             passing = [left for entered in passing for left in stage(*entered)]
         # A stage that has ended must not let later frames overtake those it still holds.
@@ -78,7 +78,7 @@ class Channel:
         """Let a frame arrive at `due_s` [s] that no stage has seen (a radio's own)."""
         heapq.heappush(self._lanes[direction].under_way, (due_s, next(self._order), frame))
 
-    def take(self, direction: Direction, now: float) -> Passed:
+    def take(self, direction: Direction, now: float) -> TimedFrames:
         """What has arrived by `now` [s], in order of arrival, each with the time of its arrival."""
         under_way = self._lanes[direction].under_way
         arrived = []

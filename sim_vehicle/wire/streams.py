@@ -4,14 +4,13 @@ Streams run on the simulation's tick, so nothing is sent more often than once a 
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 
 import numpy as np
 import numpy.typing as npt
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.epoch import EPSILON_S
-from sim_vehicle.personalities.base import Personality
 from sim_vehicle.wire.telemetry import STREAMS
 
 IDS = tuple(STREAMS)
@@ -71,14 +70,20 @@ class Streams:
 class Rates:
     """One vehicle's intervals: what its autopilot can send at a rate, and what flows without being asked."""
 
-    def __init__(self, streams: Streams, vehicle: int, personality: Personality) -> None:
-        self._streams, self._vehicle, self._personality = streams, vehicle, personality
-        self._usual_hz = {**personality.default_rates_hz, HEARTBEAT: HEARTBEAT_HZ}
+    def __init__(
+        self,
+        streams: Streams,
+        vehicle: int,
+        default_rates_hz: Mapping[int, float],
+        unsupported: Collection[int],
+    ) -> None:
+        self._streams, self._vehicle, self._unsupported = streams, vehicle, unsupported
+        self._usual_hz = {**default_rates_hz, HEARTBEAT: HEARTBEAT_HZ}
         self._strikes_settled = False  # they have begun since the boot, or somebody has said how often
 
     def can(self, message_id: int) -> bool:
         """Whether this autopilot can send a message at a rate."""
-        return message_id in STREAMS and message_id not in self._personality.lacks
+        return message_id in STREAMS and message_id not in self._unsupported
 
     def set(self, message_id: int, interval_s: float, now: float) -> None:
         """KeyError for a message that cannot be streamed. Whoever wants telemetry also hears of strikes."""

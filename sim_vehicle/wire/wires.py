@@ -29,7 +29,7 @@ class Wires:
         self._parsers: dict[int, Parser] = {}
 
     @property
-    def plain(self) -> bool:
+    def unimpaired(self) -> bool:
         """Nobody signs and nothing is spoilt: frames may go as they are."""
         return not (self._signing or self._channels)
 
@@ -66,7 +66,7 @@ class Wires:
                 channel.put(Direction.FROM_VEHICLE, signed, now)
         return through
 
-    def takes(self, index: int, message: Any, now: float) -> bool:
+    def put_incoming(self, index: int, message: Any, now: float) -> bool:
         """Put a message onto the spoilt wire to a vehicle; False if the wire is sound."""
         channel = self._channels.get(index)
         if channel is not None:

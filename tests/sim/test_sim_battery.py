@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples
 
-from sim_vehicle.physics.battery import AVIONICS_W, Batteries
 from sim_vehicle.physics.copter import TERMINAL_FALL_M_S
 from sim_vehicle.physics.wind import WindSettings
+from sim_vehicle.physics.world import AVIONICS_W, Batteries
 
 
 def endurance_s(load_w: float, capacity_mah: float = 3300.0) -> float:

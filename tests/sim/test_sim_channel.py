@@ -13,9 +13,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scipy import stats
 
 from sim_vehicle.faults import FAULTS
-from sim_vehicle.faults.schedule import Patient, Schedule
+from sim_vehicle.faults.schedule import Schedule, VehicleAccess
 from sim_vehicle.faults.spec import parse_fault
-from sim_vehicle.vehicle.injected_faults import Afflictions
+from sim_vehicle.vehicle.injected_faults import InjectedFaults
 from sim_vehicle.wire.channel import Channel, Direction
 
 UP, DOWN = Direction.TO_VEHICLE, Direction.FROM_VEHICLE
@@ -30,8 +30,8 @@ class Wire:
 
     def __init__(self, *texts: str, seed: int = 1) -> None:
         self.channel = Channel()
-        afflictions = Afflictions(np.random.default_rng(0))
-        patient = Patient(lambda: self.channel, afflictions, lambda _now, _silence_s: None)
+        injected_faults = InjectedFaults(np.random.default_rng(0))
+        patient = VehicleAccess(lambda: self.channel, injected_faults, lambda _now, _silence_s: None)
         self.schedule = Schedule([parse_fault(text) for text in texts], [1], lambda _: patient, seed)
         self.schedule.tick(0.0)
 

@@ -12,10 +12,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.faults import FAULTS
 from sim_vehicle.faults.failure_command import inject_failure
-from sim_vehicle.faults.schedule import Patient, Schedule
+from sim_vehicle.faults.schedule import Schedule, VehicleAccess
 from sim_vehicle.faults.sim_parameters import faults_of
 from sim_vehicle.faults.spec import FaultError, FaultSpec, describe, help_text, parse_fault
-from sim_vehicle.vehicle.injected_faults import Afflictions, ModeStuck
+from sim_vehicle.vehicle.injected_faults import InjectedFaults, ModeStuck
 from sim_vehicle.wire.channel import Channel
 
 
@@ -23,16 +23,16 @@ class Ward:
     """Some vehicles that faults can act on."""
 
     def __init__(self, *texts: str, sysids: tuple[int, ...] = (1, 2, 3)) -> None:
-        self.afflictions = [Afflictions(np.random.default_rng(i)) for i in range(len(sysids))]
+        self.injected_faults = [InjectedFaults(np.random.default_rng(i)) for i in range(len(sysids))]
         self.channels = [Channel() for _ in sysids]
         self.reboots: list[tuple[int, float, float]] = []
         specs = [parse_fault(text) for text in texts]
         self.schedule = Schedule(specs, sysids, self._patient, seed=3)
 
-    def _patient(self, index: int) -> Patient:
-        return Patient(
+    def _patient(self, index: int) -> VehicleAccess:
+        return VehicleAccess(
             lambda: self.channels[index],
-            self.afflictions[index],
+            self.injected_faults[index],
             lambda now, silence_s: self.reboots.append((index, now, silence_s)),
         )
 
@@ -150,7 +150,7 @@ def test_faults_begin_and_end_at_their_times_on_their_vehicles() -> None:
     seen = {}
     for now in (0.0, 9.95, 10.0, 12.0, 15.0):
         ward.schedule.tick(now)
-        seen[now] = [(a.gps_lost, a.battery_sag_v) for a in ward.afflictions]
+        seen[now] = [(a.gps_lost, a.battery_sag_v) for a in ward.injected_faults]
     assert seen[9.95] == [(False, 0.0)] * 3
     assert seen[10.0] == [(False, 0.0), (True, 0.0), (False, 0.0)]
     assert seen[12.0] == [(False, 2.0), (True, 2.0), (False, 2.0)]
@@ -162,12 +162,12 @@ def test_a_fault_is_over_when_both_of_its_kind_are() -> None:
         "gps_loss:at=0,for=10", "gps_loss:at=5,for=10", "battery_sag:sag_v=0.1", "battery_sag:sag_v=0.2,for=9"
     )
     ward.schedule.tick(6.0)
-    assert ward.afflictions[0].battery_sag_v == pytest.approx(0.3)
+    assert ward.injected_faults[0].battery_sag_v == pytest.approx(0.3)
     ward.schedule.tick(12.0)
-    assert ward.afflictions[0].gps_lost
-    assert ward.afflictions[0].battery_sag_v == 0.1
+    assert ward.injected_faults[0].gps_lost
+    assert ward.injected_faults[0].battery_sag_v == 0.1
     ward.schedule.tick(15.0)
-    assert not ward.afflictions[0].gps_lost
+    assert not ward.injected_faults[0].gps_lost
 
 
 def test_a_fault_of_a_vehicle_that_is_not_there_is_refused() -> None:
@@ -178,17 +178,17 @@ def test_a_fault_of_a_vehicle_that_is_not_there_is_refused() -> None:
 def test_a_system_id_that_occurs_on_two_links_means_both() -> None:
     ward = Ward("gps_loss:sysid=2", sysids=(1, 2, 1, 2))
     ward.schedule.tick(0.0)
-    assert [a.gps_lost for a in ward.afflictions] == [False, True, False, True]
+    assert [a.gps_lost for a in ward.injected_faults] == [False, True, False, True]
 
 
 def test_an_injected_fault_begins_at_once_and_lasts_as_long_as_it_says() -> None:
     ward = Ward()
     ward.schedule.tick(20.0)
     ward.schedule.inject(parse_fault("stuck_mode:answer=refused,for=5,sysid=1"), 20.0)
-    assert ward.afflictions[0].mode_stuck is ModeStuck.REFUSED
+    assert ward.injected_faults[0].mode_stuck is ModeStuck.REFUSED
     assert ward.schedule.names(0) == ("stuck_mode",)
     ward.schedule.tick(25.0)
-    assert ward.afflictions[0].mode_stuck is None
+    assert ward.injected_faults[0].mode_stuck is None
 
 
 def test_a_ramp_grows_to_its_offset_and_leaves_nothing_behind() -> None:
@@ -196,28 +196,28 @@ def test_a_ramp_grows_to_its_offset_and_leaves_nothing_behind() -> None:
     offsets = []
     for tick in range(400):
         ward.schedule.tick(tick * 0.05)
-        offsets.append(ward.afflictions[1].gps_offset_m[1])
+        offsets.append(ward.injected_faults[1].gps_offset_m[1])
     assert offsets[100] == pytest.approx(25.0)
     assert offsets[200:] == [50.0] * 200
     assert np.all(np.diff(offsets) >= 0)
     ward.schedule.tick(20.0)
-    assert ward.afflictions[1].gps_offset_m == (0.0, 0.0, 0.0)
+    assert ward.injected_faults[1].gps_offset_m == (0.0, 0.0, 0.0)
 
 
 def test_a_clock_drifts_and_keeps_what_it_has_drifted() -> None:
     ward = Ward("clock_drift:drift_ppm=2000,at=100,for=50")
     for now in (0.0, 100.0):
         ward.schedule.tick(now)
-        assert ward.afflictions[0].clock_offset_s(now) == 0.0
-    assert ward.afflictions[0].clock_offset_s(125.0) == pytest.approx(0.05)
+        assert ward.injected_faults[0].clock_offset_s(now) == 0.0
+    assert ward.injected_faults[0].clock_offset_s(125.0) == pytest.approx(0.05)
     ward.schedule.tick(150.0)
-    assert ward.afflictions[0].clock_offset_s(1000.0) == pytest.approx(0.1)
+    assert ward.injected_faults[0].clock_offset_s(1000.0) == pytest.approx(0.1)
 
 
 def test_acknowledgements_are_lost_at_their_share() -> None:
     ward = Ward("absent_ack:rate=0.5,sysid=1", "absent_ack:sysid=2")
     ward.schedule.tick(0.0)
-    lost = [sum(a.loses_ack() for _ in range(1000)) for a in ward.afflictions]
+    lost = [sum(a.loses_ack() for _ in range(1000)) for a in ward.injected_faults]
     assert 400 < lost[0] < 600
     assert lost[1:] == [1000, 0]
 
@@ -245,14 +245,14 @@ def test_a_failure_begins_changes_and_ends() -> None:
     ward = Ward()
     gps = mavlink.FAILURE_UNIT_SENSOR_GPS
     assert inject(ward, gps, OFF) == ACCEPTED
-    assert ward.afflictions[0].gps_lost
-    assert not ward.afflictions[1].gps_lost
+    assert ward.injected_faults[0].gps_lost
+    assert not ward.injected_faults[1].gps_lost
     assert inject(ward, gps, WRONG) == ACCEPTED
-    assert not ward.afflictions[0].gps_lost
-    assert ward.afflictions[0].gps_offset_m == (100.0, 0.0, 0.0)
+    assert not ward.injected_faults[0].gps_lost
+    assert ward.injected_faults[0].gps_offset_m == (100.0, 0.0, 0.0)
     assert inject(ward, gps, OK) == ACCEPTED
     assert ward.schedule.names(0) == ()
-    assert ward.afflictions[0].gps_offset_m == (0.0, 0.0, 0.0)
+    assert ward.injected_faults[0].gps_offset_m == (0.0, 0.0, 0.0)
 
 
 def test_motors_fail_one_by_one_or_all() -> None:
@@ -261,7 +261,7 @@ def test_motors_fail_one_by_one_or_all() -> None:
     lost = []
     for kind, instance in ((OFF, 2), (OFF, 2), (OFF, 3), (OK, 2), (OFF, 0), (OK, 0)):
         assert inject(ward, motor, kind, instance) == ACCEPTED
-        lost.append(ward.afflictions[0].motors_lost)
+        lost.append(ward.injected_faults[0].motors_lost)
     assert lost == [1, 1, 2, 1, 4, 0]
     assert inject(ward, motor, OFF, 9) == UNSUPPORTED
 
@@ -278,7 +278,7 @@ def test_motors_fail_one_by_one_or_all() -> None:
 def test_a_sensor_that_fails_is_unhealthy(unit: int, kind: int, bit: int) -> None:
     ward = Ward()
     assert inject(ward, unit, kind) == ACCEPTED
-    assert ward.afflictions[0].unhealthy_sensors == bit
+    assert ward.injected_faults[0].unhealthy_sensors == bit
 
 
 def test_a_link_switched_off_comes_back_since_nobody_could_call_it_back() -> None:

@@ -32,7 +32,7 @@ class Vehicle:
             erase=self.logs.clear,
             rules=rules,
             send=self.sent.append,
-            say=lambda _severity, text: self.texts.append(text),
+            send_text=lambda _severity, text: self.texts.append(text),
             armed=lambda: self.armed,
             **pace,
         )

@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from trouble import OTHER_STATION, Trouble
 
 from sim_vehicle.fleet import Fleet
-from sim_vehicle.personalities.base import Behaviour
+from sim_vehicle.vehicle.behaviour import Behaviour
 from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.config.scenario import Scenario

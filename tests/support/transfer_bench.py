@@ -104,7 +104,7 @@ class Bench:
         self.calls.append(("guided", item.z, altitude_only))
         return self.pilot.armed
 
-    def say(self, _severity: int, text: str) -> None:
+    def send_text(self, _severity: int, text: str) -> None:
         self.texts.append(text)
 
     def send(self, message: Any, peer: tuple[int, int] = GCS) -> list[Any]:
@@ -186,15 +186,19 @@ def ardupilot() -> Bench:
             bench.mission,
             store_ardupilot,
             650,
-            say=bench.say,
+            send_text=bench.send_text,
             changed=lambda index: bench.calls.append(("changed", index)),
             flying=lambda: False,
         )
         return ArduPilotTransfer(
-            {MISSION: mission, FENCE: FenceStore(bench.fence, say=bench.say), RALLY: RallyStore(bench.rally)},
+            {
+                MISSION: mission,
+                FENCE: FenceStore(bench.fence, send_text=bench.send_text),
+                RALLY: RallyStore(bench.rally),
+            },
             store_item=store_ardupilot,
             send=bench.take,
-            say=bench.say,
+            send_text=bench.send_text,
             stored=lambda kind, total: bench.calls.append(("stored", kind, total)),
             guided=bench.go,
             refusal=lambda: bench.refusal,
@@ -215,7 +219,7 @@ def px4() -> Bench:
             store_item=store_px4,
             max_items=65_534,
             send=bench.take,
-            say=bench.say,
+            send_text=bench.send_text,
             replace=lambda items, current: mission.replace(bench.pilot, items, current),
             set_current=lambda index: bench.calls.append(("current", index)),
             changed=lambda kind: bench.calls.append(("changed", kind)),

@@ -3,23 +3,21 @@
 import math
 from dataclasses import replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.ardupilot import messages, parameters, tuning
+from sim_vehicle.personalities.ardupilot import flight_parameters, messages, parameters
 from sim_vehicle.personalities.ardupilot.commands import PLANE_COMMANDS, start_landing
 from sim_vehicle.personalities.ardupilot.items import store_item, store_plane_item
 from sim_vehicle.personalities.ardupilot.modes import COPTER_MODES, PLANE_MODES
 from sim_vehicle.personalities.ardupilot.storage import storage
-from sim_vehicle.personalities.base import Behaviour, FailsafeAction, Personality
+from sim_vehicle.personalities.base import Personality, Vehicle
+from sim_vehicle.vehicle.behaviour import Behaviour
+from sim_vehicle.vehicle.flight_parameters import FailsafeAction
 from sim_vehicle.vehicle.mission import Item, Mission
 from sim_vehicle.vehicle.transfer import ArduPilotTransfer
 from sim_vehicle.vehicle.transfer.stores import FenceStore, MissionStore, RallyStore
 from sim_vehicle.wire.telemetry.px4 import CURRENT_EVENT_SEQUENCE, CURRENT_MODE, TIME_ESTIMATE_TO_TARGET
-
-if TYPE_CHECKING:
-    from sim_vehicle.vehicle.autopilot import Autopilot
 
 _STREAMS = {
     mavlink.MAV_DATA_STREAM_RAW_SENSORS: (
@@ -56,7 +54,7 @@ _STREAMS = {
 }
 
 # Of the messages that a fleet can stream these are PX4's.
-_LACKS = frozenset(
+_UNSUPPORTED = frozenset(
     {
         mavlink.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS,
         mavlink.MAVLINK_MSG_ID_ALTITUDE,
@@ -116,36 +114,36 @@ _TEXTS = {
 }
 
 
-def _mission(vehicle: "Autopilot") -> Mission:
-    return Mission(home=vehicle.landmarks.home_item, stays_landed=vehicle.body.plane)
+def _mission(vehicle: Vehicle) -> Mission:
+    return Mission(home=vehicle.home_and_rally.home_item, stays_landed=vehicle.body.plane)
 
 
-def _transfer(vehicle: "Autopilot") -> ArduPilotTransfer:
+def _transfer(vehicle: Vehicle) -> ArduPilotTransfer:
     personality = vehicle.personality
     mission = MissionStore(
         vehicle.mission,
         personality.store_item,
         personality.max_mission_items,
-        say=vehicle.say,
+        send_text=vehicle.send_text,
         changed=vehicle.mission_changed,
         flying=lambda: vehicle.flies_mission,
     )
     return ArduPilotTransfer(
         {
             mavlink.MAV_MISSION_TYPE_MISSION: mission,
-            mavlink.MAV_MISSION_TYPE_FENCE: FenceStore(vehicle.fence, say=vehicle.say),
-            mavlink.MAV_MISSION_TYPE_RALLY: RallyStore(vehicle.landmarks.rally),
+            mavlink.MAV_MISSION_TYPE_FENCE: FenceStore(vehicle.fence, send_text=vehicle.send_text),
+            mavlink.MAV_MISSION_TYPE_RALLY: RallyStore(vehicle.home_and_rally.rally),
         },
         store_item=personality.store_item,
         send=vehicle.send,
-        say=vehicle.say,
+        send_text=vehicle.send_text,
         stored=lambda kind, total: vehicle.params.keep(parameters.TOTALS[kind], total),
         guided=lambda item, altitude_only: _go(vehicle, item, altitude_only=altitude_only),
-        refusal=lambda: vehicle.afflictions.mission_refusal,
+        refusal=lambda: vehicle.injected_faults.mission_refusal,
     )
 
 
-def _go(vehicle: "Autopilot", item: Item, *, altitude_only: bool) -> bool:
+def _go(vehicle: Vehicle, item: Item, *, altitude_only: bool) -> bool:
     """The mission item with `current` 2: fly there, in GUIDED."""
     if vehicle.mode.behaviour is not Behaviour.GUIDED or not vehicle.flight.flying:
         return False
@@ -168,32 +166,32 @@ _UNHEALTHY = {
 }
 
 
-def _mandatory(vehicle: "Autopilot", now: float) -> list[str]:
+def _mandatory_refusals(vehicle: Vehicle, now: float) -> list[str]:
     """What a copter does not even arm without if that is forced."""
-    tuning = vehicle.tuning
+    flight_parameters = vehicle.flight_parameters
     if vehicle.position_known(now):
         return []
     if vehicle.mode.needs_position:
         return ["Need Position Estimate"]
-    around = math.isfinite(tuning.fence_radius_m) or tuning.fence_polygons
+    around = math.isfinite(flight_parameters.fence_radius_m) or flight_parameters.fence_polygons
     return ["Fence enabled, need position estimate"] if vehicle.fence_watch.enabled and around else []
 
 
-def _refusals(vehicle: "Autopilot", now: float) -> list[str]:
+def _refusals(vehicle: Vehicle, now: float) -> list[str]:
     """Why it would not arm now, apart from the mode being armable at all."""
-    mandatory = vehicle.personality.mandatory(vehicle, now)
-    if mandatory:
-        return mandatory
+    mandatory_refusals = vehicle.personality.mandatory_refusals(vehicle, now)
+    if mandatory_refusals:
+        return mandatory_refusals
     if vehicle.mode.needs_position and not vehicle.position_known(now):
         return ["Need Position Estimate"]
-    if vehicle.tuning.arming_checks and not vehicle.readiness.home(now):
+    if vehicle.flight_parameters.arming_checks and not vehicle.readiness.home(now):
         return ["AHRS: waiting for home"]
     outside = vehicle.fence_watch.refusal()
     if outside is not None:
         return [outside]
-    if not vehicle.tuning.arming_checks:
+    if not vehicle.flight_parameters.arming_checks:
         return []
-    unhealthy = vehicle.afflictions.unhealthy_sensors
+    unhealthy = vehicle.injected_faults.unhealthy_sensors
     reasons = [text for bit, text in _UNHEALTHY.items() if unhealthy & bit]
     if vehicle.failsafes.rc:
         reasons.append("Radio failsafe on")
@@ -204,14 +202,17 @@ def _refusals(vehicle: "Autopilot", now: float) -> list[str]:
     return reasons + _battery_refusals(vehicle)
 
 
-def _battery_refusals(vehicle: "Autopilot") -> list[str]:
+def _battery_refusals(vehicle: Vehicle) -> list[str]:
     """The first limit that the battery is below now; else that it has been below one since the boot."""
-    tuning, body = vehicle.tuning, vehicle.body
+    flight_parameters, body = vehicle.flight_parameters, vehicle.body
     limits = (
-        (body.voltage_v < tuning.battery_low_v, "Battery 1 low voltage failsafe"),
-        (body.battery_remaining < tuning.battery_low_share, "Battery 1 low capacity failsafe"),
-        (body.voltage_v < tuning.battery_critical_v, "Battery 1 critical voltage failsafe"),
-        (body.battery_remaining < tuning.battery_critical_share, "Battery 1 critical capacity failsafe"),
+        (body.voltage_v < flight_parameters.battery_low_v, "Battery 1 low voltage failsafe"),
+        (body.battery_remaining < flight_parameters.battery_low_share, "Battery 1 low capacity failsafe"),
+        (body.voltage_v < flight_parameters.battery_critical_v, "Battery 1 critical voltage failsafe"),
+        (
+            body.battery_remaining < flight_parameters.battery_critical_share,
+            "Battery 1 critical capacity failsafe",
+        ),
         (vehicle.failsafes.battery > 0, "Battery failsafe"),
     )
     return [text for below, text in limits if below][:1]
@@ -266,29 +267,29 @@ _COPTER = Personality(
     read_only_parameters=parameters.READ_ONLY,
     parameters_byte_wise=False,
     system_id_parameter="SYSID_THISMAV",
-    tuning=tuning.copter_tuning,
+    flight_parameters=flight_parameters.copter_flight_parameters,
     commands=MappingProxyType({}),
     arm_refused=mavlink.MAV_RESULT_FAILED,
     disarm_refused=mavlink.MAV_RESULT_FAILED,
-    hears=lambda _sysid, _message: True,
-    aims=messages.copter_aims,
+    is_addressed=lambda _sysid, _message: True,
+    targets=messages.copter_targets,
     parameter_bits=MappingProxyType(parameters.BITS),
     acknowledges_set_mode=False,
     home_item=True,
     empty_mission_total=0,
-    tells_mission_state=True,
+    reports_mission_state=True,
     texts=MappingProxyType(_TEXTS),
     streams=MappingProxyType(_STREAMS),
     default_rates_hz=MappingProxyType(_DEFAULT_RATES_HZ),
-    lacks=_LACKS,
-    singles=MappingProxyType({}),
+    unsupported_messages=_UNSUPPORTED,
+    one_shot_messages=MappingProxyType({}),
     store_item=store_item,
     max_mission_items=650,
     mission=_mission,
     transfer=_transfer,
     refusals=_refusals,
-    mandatory=_mandatory,
-    signs=True,
+    mandatory_refusals=_mandatory_refusals,
+    supports_signing=True,
     failsafe_disarms=True,
     battery_latches=True,
     fence_limits_latch=True,
@@ -306,14 +307,16 @@ _PLANE = replace(
     boot_text=(b"\n\nInit ArduPlane V4.6.2 (sim_vehicle)", *_COPTER.boot_text[1:]),
     banner=("ArduPlane V4.6.2 (sim_vehicle)",),
     parameters=MappingProxyType(parameters.PLANE),
-    aims=messages.plane_aims,
-    tuning=tuning.plane_tuning,
+    targets=messages.plane_targets,
+    flight_parameters=flight_parameters.plane_flight_parameters,
     commands=PLANE_COMMANDS,
     store_item=store_plane_item,
     failsafe_disarms=False,
-    failsafe_modes=MappingProxyType({FailsafeAction.GLIDE: tuning.FBWA, FailsafeAction.LEVEL: tuning.FBWB}),
+    failsafe_modes=MappingProxyType(
+        {FailsafeAction.GLIDE: flight_parameters.FBWA, FailsafeAction.LEVEL: flight_parameters.FBWB}
+    ),
     start_landing=start_landing,
-    mandatory=lambda _vehicle, _now: [],
+    mandatory_refusals=lambda _vehicle, _now: [],
     mission_ends_in=Behaviour.RETURN,
     texts=MappingProxyType({k: v for k, v in _TEXTS.items() if k not in _COPTER_ONLY} | _PLANE_TEXTS),
 )

@@ -1,21 +1,18 @@
 """What only ArduPlane answers to commands."""
 
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.base import Behaviour, CommandHandler
+from sim_vehicle.personalities.base import CommandHandler, Vehicle
+from sim_vehicle.vehicle.behaviour import Behaviour
+from sim_vehicle.vehicle.command import Command
 from sim_vehicle.vehicle.commands import ACCEPTED, FAILED
 from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.rally import distance_m
 
-if TYPE_CHECKING:
-    from sim_vehicle.vehicle.autopilot import Autopilot
-    from sim_vehicle.vehicle.commands import Command
 
-
-def start_landing(vehicle: "Autopilot", now: float) -> bool:
+def start_landing(vehicle: Vehicle, now: float) -> bool:
     """AUTO from the nearest landing sequence of the mission on, whatever MIS_RESTART says."""
 
     def away_m(item: Item) -> float:
@@ -25,9 +22,9 @@ def start_landing(vehicle: "Autopilot", now: float) -> bool:
 
     index = vehicle.mission.land_start(away_m) if vehicle.position_known(now) else None
     if index is None or not vehicle.set_current(index):
-        vehicle.tell("no_landing_sequence")
+        vehicle.announce("no_landing_sequence")
         return False
-    vehicle.tell("landing_sequence")
+    vehicle.announce("landing_sequence")
     landing = vehicle.mission.index
     if not vehicle.modes.set_behaviour(Behaviour.MISSION, now):
         return False
@@ -36,11 +33,11 @@ def start_landing(vehicle: "Autopilot", now: float) -> bool:
     return True
 
 
-def land_start(vehicle: "Autopilot", _command: "Command", now: float) -> int:
+def land_start(vehicle: Vehicle, _command: Command, now: float) -> int:
     return ACCEPTED if start_landing(vehicle, now) else FAILED
 
 
-def takeoff(_vehicle: "Autopilot", _command: "Command", _now: float) -> int:
+def takeoff(_vehicle: Vehicle, _command: Command, _now: float) -> int:
     """Only a plane with rotors has it; others take off in the mode of that name, or by mission."""
     return FAILED
 

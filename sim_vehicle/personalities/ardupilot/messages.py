@@ -1,16 +1,12 @@
-"""Of which targets ArduCopter and ArduPlane tell, globally and locally (`Personality.aims`)."""
+"""Of which targets ArduCopter and ArduPlane tell, globally and locally (`Personality.targets`)."""
 
-from typing import TYPE_CHECKING
-
-from sim_vehicle.personalities.base import Behaviour
-
-if TYPE_CHECKING:
-    from sim_vehicle.vehicle.autopilot import Autopilot
+from sim_vehicle.personalities.base import Vehicle
+from sim_vehicle.vehicle.behaviour import Behaviour
 
 PLANE_MANUAL = 0
 
 
-def copter_aims(vehicle: "Autopilot") -> tuple[bool, bool]:
+def copter_targets(vehicle: Vehicle) -> tuple[bool, bool]:
     """A place where the mode navigates to one; locally GUIDED tells its target, of whatever kind."""
     flight, behaviour = vehicle.flight, vehicle.mode.behaviour
     if behaviour is Behaviour.GUIDED:
@@ -19,6 +15,6 @@ def copter_aims(vehicle: "Autopilot") -> tuple[bool, bool]:
     return not flight.taking_off and behaviour in (Behaviour.MISSION, Behaviour.RETURN), False
 
 
-def plane_aims(vehicle: "Autopilot") -> tuple[bool, bool]:
+def plane_targets(vehicle: Vehicle) -> tuple[bool, bool]:
     """The next waypoint, whatever the mode makes of it; a plane without rotors has no local target."""
     return vehicle.mode.number != PLANE_MANUAL, False

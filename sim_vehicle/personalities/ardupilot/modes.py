@@ -2,7 +2,7 @@
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.base import Behaviour, Mode
+from sim_vehicle.vehicle.behaviour import Behaviour, Mode
 
 _STABILIZED = mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED | mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
 _GUIDED = _STABILIZED | mavlink.MAV_MODE_FLAG_GUIDED_ENABLED

@@ -1,7 +1,7 @@
 """ArduPilot's logs and files: DataFlash, packed parameters and missions."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -11,19 +11,17 @@ from sim_vehicle.files.logs.recorder import LogLimits
 from sim_vehicle.files.packed_files import Parameter, UploadedMission
 from sim_vehicle.files.vehicle_files import ardupilot_files
 from sim_vehicle.personalities.ardupilot.parameters import TOTALS
+from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.storage import Storage
 from sim_vehicle.vehicle.transfer.ardupilot import ArduPilotTransfer
 from sim_vehicle.vehicle.transfer.stores import Store
 from sim_vehicle.vehicle.transfer.wire import MISSION, item_from_message, item_message
 
-if TYPE_CHECKING:
-    from sim_vehicle.vehicle.autopilot import Autopilot
-
 _NOBODY = (0, 0)
 
 
-def storage(vehicle: "Autopilot", limits: LogLimits) -> Storage:
+def storage(vehicle: Vehicle, limits: LogLimits) -> Storage:
     """The storage of one vehicle."""
     transfer = vehicle.transfer
     assert isinstance(transfer, ArduPilotTransfer)
@@ -39,7 +37,7 @@ def storage(vehicle: "Autopilot", limits: LogLimits) -> Storage:
             vehicle.set_parameter(name, value)
 
     def set_items(kind: int, upload: UploadedMission) -> bool:
-        if vehicle.afflictions.mission_refusal is not None:
+        if vehicle.injected_faults.mission_refusal is not None:
             return False
         taken = _take(stores[kind], upload, may_update=kind == MISSION)
         params.keep(TOTALS[kind], stores[kind].total)
@@ -63,9 +61,9 @@ def storage(vehicle: "Autopilot", limits: LogLimits) -> Storage:
     )
 
 
-def _banner(vehicle: "Autopilot") -> None:
+def _banner(vehicle: Vehicle) -> None:
     for text in vehicle.personality.banner:
-        vehicle.say(mavlink.MAV_SEVERITY_INFO, text)
+        vehicle.send_text(mavlink.MAV_SEVERITY_INFO, text)
 
 
 def _items(store: Store, kind: int) -> Iterator[Any]:

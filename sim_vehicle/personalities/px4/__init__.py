@@ -3,41 +3,39 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.base import Behaviour, FailsafeAction, Personality
-from sim_vehicle.personalities.px4 import parameters, storage, tuning
-from sim_vehicle.personalities.px4.addressing import hears
+from sim_vehicle.personalities.base import Personality, Vehicle
+from sim_vehicle.personalities.px4 import flight_parameters, parameters, storage
+from sim_vehicle.personalities.px4.addressing import is_addressed
 from sim_vehicle.personalities.px4.commands import COMMANDS
 from sim_vehicle.personalities.px4.items import store_item
-from sim_vehicle.personalities.px4.messages import DEFAULT_RATES_HZ, SINGLES, aims
+from sim_vehicle.personalities.px4.messages import DEFAULT_RATES_HZ, ONE_SHOT_MESSAGES, targets
 from sim_vehicle.personalities.px4.mission_landing import return_by_mission
 from sim_vehicle.personalities.px4.modes import HOLD, MODES, TERMINATION
 from sim_vehicle.personalities.px4.readiness import feasible, refusals
 from sim_vehicle.personalities.px4.texts import TEXTS
+from sim_vehicle.vehicle.behaviour import Behaviour
+from sim_vehicle.vehicle.flight_parameters import FailsafeAction
 from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.mission_px4 import Px4Mission
 from sim_vehicle.vehicle.transfer.px4 import Px4Transfer
-
-if TYPE_CHECKING:
-    from sim_vehicle.vehicle.autopilot import Autopilot
 
 MAX_MISSION_ITEMS = 6000
 MISSION_CHECK_S = 0.7
 READY_S = 37.0
 
 
-def _mission(vehicle: "Autopilot") -> Px4Mission:
+def _mission(vehicle: Vehicle) -> Px4Mission:
     def go_home() -> None:
-        vehicle.tell("returning")
+        vehicle.announce("returning")
         vehicle.modes.by_itself(Behaviour.RETURN)
 
     return Px4Mission(feasible=lambda items: feasible(vehicle, items), go_home=go_home)
 
 
-def _transfer(vehicle: "Autopilot") -> Px4Transfer:
+def _transfer(vehicle: Vehicle) -> Px4Transfer:
     mission = vehicle.mission
     assert isinstance(mission, Px4Mission)
 
@@ -51,30 +49,32 @@ def _transfer(vehicle: "Autopilot") -> Px4Transfer:
     return Px4Transfer(
         mission,
         vehicle.fence,
-        vehicle.landmarks.rally,
+        vehicle.home_and_rally.rally,
         sysid=vehicle.sysid,
         store_item=store_item,
         max_items=MAX_MISSION_ITEMS,
         send=vehicle.send,
-        say=vehicle.say,
+        send_text=vehicle.send_text,
         replace=take,
         set_current=set_current,
         changed=lambda kind: _drop_violated(vehicle) if kind == mavlink.MAV_MISSION_TYPE_FENCE else None,
-        refusal=lambda: vehicle.afflictions.mission_refusal,
+        refusal=lambda: vehicle.injected_faults.mission_refusal,
     )
 
 
-def _drop_violated(vehicle: "Autopilot") -> None:
+def _drop_violated(vehicle: Vehicle) -> None:
     """Parts of a new fence that home, or a vehicle in the air, already violates are kept but not obeyed."""
-    if vehicle.landmarks.home is not None and vehicle.fence.discard_violated(*vehicle.landmarks.home_deg):
-        vehicle.tell("fence_without_home")
-    watched = vehicle.flight.flying and vehicle.tuning.fence_enabled
+    if vehicle.home_and_rally.home is not None and vehicle.fence.discard_violated(
+        *vehicle.home_and_rally.home_deg
+    ):
+        vehicle.announce("fence_without_home")
+    watched = vehicle.flight.flying and vehicle.flight_parameters.fence_enabled
     if watched and vehicle.fence.discard_violated(*vehicle.body.lat_lon_deg):
-        vehicle.tell("fence_without_vehicle")
+        vehicle.announce("fence_without_vehicle")
 
 
 # Of the messages that a fleet can stream these are ArduPilot's.
-_LACKS = frozenset(
+_UNSUPPORTED = frozenset(
     {
         mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
         mavlink.MAVLINK_MSG_ID_FENCE_STATUS,
@@ -109,21 +109,21 @@ _COPTER = Personality(
     read_only_parameters=frozenset({"MAV_SYS_ID"}),
     parameters_byte_wise=True,
     system_id_parameter="MAV_SYS_ID",
-    tuning=tuning.copter_tuning,
+    flight_parameters=flight_parameters.copter_flight_parameters,
     commands=COMMANDS,
     arm_refused=mavlink.MAV_RESULT_TEMPORARILY_REJECTED,
     disarm_refused=mavlink.MAV_RESULT_TEMPORARILY_REJECTED,
-    hears=hears,
-    aims=aims,
+    is_addressed=is_addressed,
+    targets=targets,
     acknowledges_set_mode=True,
     home_item=False,
     empty_mission_total=65_535,
-    tells_mission_state=False,
+    reports_mission_state=False,
     texts=MappingProxyType(TEXTS),
     streams=MappingProxyType({}),
     default_rates_hz=MappingProxyType(DEFAULT_RATES_HZ),
-    lacks=_LACKS,
-    singles=MappingProxyType(SINGLES | storage.SINGLES),
+    unsupported_messages=_UNSUPPORTED,
+    one_shot_messages=MappingProxyType(ONE_SHOT_MESSAGES | storage.ONE_SHOT_MESSAGES),
     store_item=store_item,
     max_mission_items=MAX_MISSION_ITEMS,
     transfer=_transfer,
@@ -154,7 +154,7 @@ _PLANE = replace(
     vehicle_type=mavlink.MAV_TYPE_FIXED_WING,
     plane=True,
     parameters=MappingProxyType(parameters.PLANE),
-    tuning=tuning.plane_tuning,
+    flight_parameters=flight_parameters.plane_flight_parameters,
     return_by_mission=return_by_mission,
 )
 

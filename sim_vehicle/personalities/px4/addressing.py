@@ -21,7 +21,7 @@ _TO_ALL_SYSTEMS = frozenset(
 )
 
 
-def hears(sysid: int, message: Any) -> bool:
+def is_addressed(sysid: int, message: Any) -> bool:
     """Whether a vehicle takes a message that is to its system or to all.
 
     Missions, whose protocol has an answer to a stranger, look for themselves; the rest is for anybody.

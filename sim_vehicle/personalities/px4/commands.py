@@ -7,22 +7,18 @@ TEMPORARILY_REJECTED, with a text.
 import math
 from dataclasses import replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.faults import failure_command as failures
-from sim_vehicle.personalities.base import CommandHandler
+from sim_vehicle.personalities.base import CommandHandler, Vehicle
 from sim_vehicle.personalities.px4 import messages, modes
 from sim_vehicle.personalities.px4.mission_landing import mission_landing
 from sim_vehicle.personalities.px4.orbit import Orbit
-from sim_vehicle.physics.place import Place
+from sim_vehicle.physics.geodesy import GeodeticPosition
 from sim_vehicle.vehicle import commands as common
+from sim_vehicle.vehicle.command import MAX_ALTITUDE_M, Command
 from sim_vehicle.vehicle.numbers import whole
-
-if TYPE_CHECKING:
-    from sim_vehicle.vehicle.autopilot import Autopilot
-    from sim_vehicle.vehicle.commands import Command
 
 ACCEPTED, DENIED = int(mavlink.MAV_RESULT_ACCEPTED), int(mavlink.MAV_RESULT_DENIED)
 FAILED, UNSUPPORTED = int(mavlink.MAV_RESULT_FAILED), int(mavlink.MAV_RESULT_UNSUPPORTED)
@@ -35,11 +31,11 @@ CALIBRATIONS = ("gyro", "mag", "baro", "rc", "accel")  # by parameter
 TURNED_BY_HAND = frozenset({"mag", "accel"})
 
 
-def _change(vehicle: "Autopilot", number: int, now: float) -> int:
+def _change(vehicle: Vehicle, number: int, now: float) -> int:
     return ACCEPTED if vehicle.modes.set(number, now) else TEMPORARILY_REJECTED
 
 
-def set_mode(vehicle: "Autopilot", command: "Command", now: float) -> int:
+def set_mode(vehicle: Vehicle, command: Command, now: float) -> int:
     """param1: base_mode, param2: main mode, param3: sub mode; an unknown main mode is taken for none."""
     base_mode, main, sub = (whole(value) & 0xFF for value in (command.param1, command.param2, command.param3))
     number = _wanted_mode(base_mode, main, sub)
@@ -65,7 +61,7 @@ def _wanted_mode(base_mode: int, main: int, sub: int) -> int | None:
     return None
 
 
-def set_standard_mode(vehicle: "Autopilot", command: "Command", now: float) -> int:
+def set_standard_mode(vehicle: Vehicle, command: Command, now: float) -> int:
     standard = whole(command.param1)
     for mode in modes.MODES.values():
         if mode.standard == standard > 0 and mode.selectable:
@@ -73,7 +69,7 @@ def set_standard_mode(vehicle: "Autopilot", command: "Command", now: float) -> i
     return FAILED
 
 
-def arm_disarm(vehicle: "Autopilot", command: "Command", now: float) -> int:
+def arm_disarm(vehicle: Vehicle, command: Command, now: float) -> int:
     """A forced arming from outside is checked like any other; a forced disarming is not."""
     action = round(command.param1) if math.isfinite(command.param1) else -1
     if action == 1:
@@ -84,51 +80,51 @@ def arm_disarm(vehicle: "Autopilot", command: "Command", now: float) -> int:
     return UNSUPPORTED
 
 
-def takeoff(vehicle: "Autopilot", command: "Command", now: float) -> int:
+def takeoff(vehicle: Vehicle, command: Command, now: float) -> int:
     """Mode TAKEOFF, to param7 above mean sea level; no number, or too low: to MIS_TAKEOFF_ALT above home."""
     if not vehicle.modes.set(modes.TAKEOFF, now):
         return TEMPORARILY_REJECTED
     aim_m = command.z if math.isfinite(command.z) else None
-    least_m = vehicle.flight.home().alt_amsl_m + vehicle.tuning.takeoff_height_m
+    least_m = vehicle.flight.home().alt_amsl_m + vehicle.flight_parameters.takeoff_height_m
     if aim_m is not None and aim_m < least_m - 0.1:
-        vehicle.tell("takeoff_raised", height=vehicle.tuning.takeoff_height_m)
+        vehicle.announce("takeoff_raised", height=vehicle.flight_parameters.takeoff_height_m)
     vehicle.flight.takeoff_amsl_m = aim_m
     vehicle.flight.begin_takeoff()
     return ACCEPTED
 
 
-def land(vehicle: "Autopilot", _command: "Command", now: float) -> int:
+def land(vehicle: Vehicle, _command: Command, now: float) -> int:
     if not vehicle.modes.set(modes.LAND, now):
         return TEMPORARILY_REJECTED
-    vehicle.tell("landing")
+    vehicle.announce("landing")
     return ACCEPTED
 
 
-def return_to_launch(vehicle: "Autopilot", _command: "Command", now: float) -> int:
+def return_to_launch(vehicle: Vehicle, _command: Command, now: float) -> int:
     if not vehicle.modes.set(modes.RETURN, now):
         return TEMPORARILY_REJECTED
-    vehicle.tell("returning")
+    vehicle.announce("returning")
     return ACCEPTED
 
 
-def mission_start(vehicle: "Autopilot", command: "Command", now: float) -> int:
+def mission_start(vehicle: Vehicle, command: Command, now: float) -> int:
     """Mission mode, armed: it takes off by itself. param1: the first item, -1 the current one."""
     if not vehicle.modes.mission_ready(now):
-        vehicle.tell("no_mission_to_start")
+        vehicle.announce("no_mission_to_start")
         return DENIED
     if not (math.isfinite(command.param1) and -1 <= command.param1 < vehicle.mission.count):
         return DENIED
     if not vehicle.modes.set(modes.MISSION, now):
         return TEMPORARILY_REJECTED
     if not vehicle.arming.arm(now, force=False, text="armed_by_mission"):
-        vehicle.tell("mode_needs_mission", mode=modes.MODES[modes.MISSION].name)
+        vehicle.announce("mode_needs_mission", mode=modes.MODES[modes.MISSION].name)
         return TEMPORARILY_REJECTED
     if command.param1 >= 0:
         vehicle.set_current(whole(command.param1))
     return ACCEPTED
 
 
-def land_start(vehicle: "Autopilot", command: "Command", now: float) -> int:
+def land_start(vehicle: Vehicle, command: Command, now: float) -> int:
     """Starts the mission where its landing begins, which arms as any start does; accepted in any case."""
     landing = mission_landing(vehicle.mission.items)
     if landing is not None:
@@ -136,7 +132,7 @@ def land_start(vehicle: "Autopilot", command: "Command", now: float) -> int:
     return ACCEPTED
 
 
-def reposition(vehicle: "Autopilot", command: "Command", now: float) -> int:
+def reposition(vehicle: Vehicle, command: Command, now: float) -> int:
     """Hold, and there: in whatever frame, the altitude is above mean sea level. What is no number stays."""
     if whole(command.param2) != mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE:
         return UNSUPPORTED
@@ -145,10 +141,10 @@ def reposition(vehicle: "Autopilot", command: "Command", now: float) -> int:
     here = vehicle.here()
     placed = math.isfinite(command.lat_deg) and math.isfinite(command.lon_deg)
     lat_deg, lon_deg = (command.lat_deg, command.lon_deg) if placed else (here.lat_deg, here.lon_deg)
-    if abs(lat_deg) > 90 or abs(lon_deg) > 180 or abs(command.z) >= common.MAX_ALTITUDE_M:
+    if abs(lat_deg) > 90 or abs(lon_deg) > 180 or abs(command.z) >= MAX_ALTITUDE_M:
         return ACCEPTED  # the commander has answered before the navigator looks at the numbers
     up_m = command.z if math.isfinite(command.z) else here.alt_amsl_m
-    _go(vehicle, Place(lat_deg, lon_deg, up_m))
+    _go(vehicle, GeodeticPosition(lat_deg, lon_deg, up_m))
     if command.param1 > 0:
         vehicle.flight.change_speed(mavlink.SPEED_TYPE_GROUNDSPEED, command.param1)
     if math.isfinite(command.param4) and vehicle.flight.flying and not vehicle.body.plane:
@@ -156,35 +152,35 @@ def reposition(vehicle: "Autopilot", command: "Command", now: float) -> int:
     return ACCEPTED
 
 
-def _go(vehicle: "Autopilot", place: Place) -> None:
+def _go(vehicle: Vehicle, place: GeodeticPosition) -> None:
     height_m = place.alt_amsl_m - vehicle.flight.home().alt_amsl_m
     if vehicle.fence_watch.enabled and vehicle.fence_watch.find(place.lat_deg, place.lon_deg, height_m):
-        vehicle.tell("reposition_outside_fence")
+        vehicle.announce("reposition_outside_fence")
         return
     vehicle.flight.guided_go(place.lat_deg, place.lon_deg, place.alt_amsl_m)
 
 
-def change_altitude(vehicle: "Autopilot", command: "Command", now: float) -> int:
+def change_altitude(vehicle: Vehicle, command: Command, now: float) -> int:
     """param1: altitude above mean sea level, held where the vehicle is."""
     if not vehicle.modes.set(modes.HOLD, now):
         return TEMPORARILY_REJECTED
     if math.isfinite(command.param1):
         here = vehicle.here()
-        _go(vehicle, Place(here.lat_deg, here.lon_deg, command.param1))
+        _go(vehicle, GeodeticPosition(here.lat_deg, here.lon_deg, command.param1))
     return ACCEPTED
 
 
-def change_speed(vehicle: "Autopilot", command: "Command", _now: float) -> int:
+def change_speed(vehicle: Vehicle, command: Command, _now: float) -> int:
     """Of whatever kind the speed is said to be, it is the cruising speed; none restores it."""
     if not vehicle.flight.change_speed(mavlink.SPEED_TYPE_GROUNDSPEED, command.param2):
         vehicle.flight.restore_speed()
     return ACCEPTED
 
 
-def orbit(vehicle: "Autopilot", command: "Command", now: float) -> int:
+def orbit(vehicle: Vehicle, command: Command, now: float) -> int:
     """Circle a place, a plane in Hold. param1: radius [m], left about if negative; param2: speed [m/s]."""
     if not vehicle.flight.flying or not vehicle.position_known(now):
-        vehicle.tell("orbit_refused")
+        vehicle.announce("orbit_refused")
         return TEMPORARILY_REJECTED
     here = vehicle.here()
     placed = math.isfinite(command.lat_deg) and math.isfinite(command.lon_deg)
@@ -201,7 +197,7 @@ def orbit(vehicle: "Autopilot", command: "Command", now: float) -> int:
     return ACCEPTED
 
 
-def set_home(vehicle: "Autopilot", command: "Command", now: float) -> int:
+def set_home(vehicle: Vehicle, command: Command, now: float) -> int:
     if vehicle.params["COM_HOME_EN"] != 1:
         return DENIED
     here = command.param1 > 0.5
@@ -211,16 +207,16 @@ def set_home(vehicle: "Autopilot", command: "Command", now: float) -> int:
     if not vehicle.position_known(now):
         return TEMPORARILY_REJECTED
     if here:
-        vehicle.landmarks.set_home(vehicle.here(), now, locked=True)
+        vehicle.home_and_rally.set_home(vehicle.here(), now, locked=True)
         return ACCEPTED
     place = command.place()
     if place is None:
         return DENIED
-    vehicle.landmarks.set_home(Place(*place, command.z), now, locked=True)
+    vehicle.home_and_rally.set_home(GeodeticPosition(*place, command.z), now, locked=True)
     return ACCEPTED
 
 
-def terminate(vehicle: "Autopilot", command: "Command", _now: float) -> int:
+def terminate(vehicle: Vehicle, command: Command, _now: float) -> int:
     if not (command.param1 > 0.5 and vehicle.armed):
         return DENIED
     vehicle.modes.enter(modes.TERMINATION)
@@ -228,7 +224,7 @@ def terminate(vehicle: "Autopilot", command: "Command", _now: float) -> int:
     return ACCEPTED
 
 
-def reboot(vehicle: "Autopilot", command: "Command", _now: float) -> int:
+def reboot(vehicle: Vehicle, command: Command, _now: float) -> int:
     """0 nothing, 1 reboot, 3 stay in the bootloader (which comes back as well); refused while armed."""
     if command.param1 == 0:
         return ACCEPTED
@@ -238,7 +234,7 @@ def reboot(vehicle: "Autopilot", command: "Command", _now: float) -> int:
     return ACCEPTED
 
 
-def calibrate(vehicle: "Autopilot", command: "Command", _now: float) -> int:
+def calibrate(vehicle: Vehicle, command: Command, _now: float) -> int:
     """Says how it goes in texts. What needs the vehicle turned by hand fails: here nobody turns it."""
     if vehicle.armed:
         return TEMPORARILY_REJECTED
@@ -247,13 +243,13 @@ def calibrate(vehicle: "Autopilot", command: "Command", _now: float) -> int:
     if whole(command.lat_deg) == 2:
         chosen.append("level")
     for name in chosen[:1]:
-        vehicle.say(mavlink.MAV_SEVERITY_INFO, f"[cal] calibration started: 2 {name}")
+        vehicle.send_text(mavlink.MAV_SEVERITY_INFO, f"[cal] calibration started: 2 {name}")
         done = "failed: timeout" if name in TURNED_BY_HAND else f"done: {name}"
-        vehicle.say(mavlink.MAV_SEVERITY_INFO, f"[cal] calibration {done}")
+        vehicle.send_text(mavlink.MAV_SEVERITY_INFO, f"[cal] calibration {done}")
     return ACCEPTED
 
 
-def storage(vehicle: "Autopilot", command: "Command", _now: float) -> int:
+def storage(vehicle: Vehicle, command: Command, _now: float) -> int:
     """0 read, 1 write (nothing to do: what is set is kept); 2 and 4: back to the defaults."""
     if vehicle.armed:
         return TEMPORARILY_REJECTED
@@ -263,32 +259,32 @@ def storage(vehicle: "Autopilot", command: "Command", _now: float) -> int:
     if action in (2, 4):
         for name, value in vehicle.params.defaults.items():
             vehicle.params.set(name, value)
-        vehicle.retune()
+        vehicle.update_flight_parameters()
     return ACCEPTED
 
 
-def run_prearm_checks(vehicle: "Autopilot", _command: "Command", now: float) -> int:
-    vehicle.tell_refusals("prearm_check", now)
+def run_prearm_checks(vehicle: Vehicle, _command: Command, now: float) -> int:
+    vehicle.announce_refusals("prearm_check", now)
     return ACCEPTED
 
 
-def set_message_interval(vehicle: "Autopilot", command: "Command", now: float) -> int:
+def set_message_interval(vehicle: Vehicle, command: Command, now: float) -> int:
     return FAILED if common.set_message_interval(vehicle, command, now) != ACCEPTED else ACCEPTED
 
 
-def request_message(vehicle: "Autopilot", command: "Command", now: float) -> int:
+def request_message(vehicle: Vehicle, command: Command, now: float) -> int:
     return DENIED if common.request_message(vehicle, command, now) != ACCEPTED else ACCEPTED
 
 
-def get_home(vehicle: "Autopilot", command: "Command", now: float) -> int:
+def get_home(vehicle: Vehicle, command: Command, now: float) -> int:
     return DENIED if common.get_home(vehicle, command, now) != ACCEPTED else ACCEPTED
 
 
-def flight_information(vehicle: "Autopilot", _command: "Command", now: float) -> int:
+def flight_information(vehicle: Vehicle, _command: Command, now: float) -> int:
     return ACCEPTED if vehicle.send_now(mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION, now) else DENIED
 
 
-def inject_failure(vehicle: "Autopilot", command: "Command", now: float) -> int:
+def inject_failure(vehicle: Vehicle, command: Command, now: float) -> int:
     """Only where SYS_FAILURE_EN allows it."""
     if vehicle.params["SYS_FAILURE_EN"] != 1:
         return DENIED
@@ -297,7 +293,7 @@ def inject_failure(vehicle: "Autopilot", command: "Command", now: float) -> int:
     )
 
 
-def actuator_test(vehicle: "Autopilot", command: "Command", _now: float) -> int:
+def actuator_test(vehicle: Vehicle, command: Command, _now: float) -> int:
     """Motors and servos have nothing to show; what counts is when it is allowed."""
     if vehicle.armed or vehicle.params["COM_MOT_TEST_EN"] != 1:
         return DENIED
@@ -305,16 +301,16 @@ def actuator_test(vehicle: "Autopilot", command: "Command", _now: float) -> int:
     return ACCEPTED if 1 <= output <= 12 or 33 <= output <= 40 or output >= 1000 else UNSUPPORTED
 
 
-def _accept(_vehicle: "Autopilot", _command: "Command", _now: float) -> int:
+def _accept(_vehicle: Vehicle, _command: Command, _now: float) -> int:
     return ACCEPTED
 
 
-def _unsupported(_vehicle: "Autopilot", _command: "Command", _now: float) -> int:
+def _unsupported(_vehicle: Vehicle, _command: Command, _now: float) -> int:
     return UNSUPPORTED
 
 
-def _high_latency(vehicle: "Autopilot", _command: "Command", _now: float) -> int:
-    vehicle.tell("no_high_latency")
+def _high_latency(vehicle: Vehicle, _command: Command, _now: float) -> int:
+    vehicle.announce("no_high_latency")
     return FAILED
 
 
@@ -335,7 +331,7 @@ _TAKEN = (
 )
 
 
-def protocol_version(vehicle: "Autopilot", _command: "Command", now: float) -> int:
+def protocol_version(vehicle: Vehicle, _command: Command, now: float) -> int:
     return ACCEPTED if vehicle.send_now(messages.PROTOCOL_VERSION.message_id, now) else DENIED
 
 

@@ -1,17 +1,15 @@
 """What PX4 sends without being asked, and what it answers to a request for a message."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.base import Behaviour, Mode
+from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.personalities.px4 import modes
+from sim_vehicle.vehicle.behaviour import Behaviour, Mode
 from sim_vehicle.wire.encode import DefinedMessage, Layout
-
-if TYPE_CHECKING:
-    from sim_vehicle.vehicle.autopilot import Autopilot
 
 AVAILABLE_MODES, TIME_ESTIMATE_TO_TARGET, CURRENT_EVENT_SEQUENCE, CURRENT_MODE = 435, 380, 411, 436
 ADVANCED, NOT_SELECTABLE = 1, 2  # MAV_MODE_PROPERTY
@@ -81,7 +79,7 @@ PROTOCOL_VERSION = Layout(
 )
 
 
-def aims(vehicle: "Autopilot") -> tuple[bool, bool]:
+def targets(vehicle: Vehicle) -> tuple[bool, bool]:
     """A place where the navigator flies to one; locally also what an offboard computer has set."""
     mode = vehicle.mode
     steered = mode.behaviour is not Behaviour.DROP and not mode.needs_pilot
@@ -103,7 +101,7 @@ def _available_mode(index: int, total: int, mode: Mode) -> DefinedMessage:
     )
 
 
-def available_modes(vehicle: "Autopilot", parameter: float) -> Sequence[Any]:
+def available_modes(vehicle: Vehicle, parameter: float) -> Sequence[Any]:
     """Every mode (parameter 0), or the one with this index, counted from 1."""
     every = list(vehicle.personality.modes.values())
     made = [_available_mode(index, len(every), mode) for index, mode in enumerate(every, start=1)]
@@ -112,12 +110,12 @@ def available_modes(vehicle: "Autopilot", parameter: float) -> Sequence[Any]:
     return made[int(parameter) - 1 : int(parameter)] if 1 <= parameter <= len(made) else []
 
 
-def protocol_version(_vehicle: "Autopilot", _parameter: float) -> Sequence[Any]:
+def protocol_version(_vehicle: Vehicle, _parameter: float) -> Sequence[Any]:
     """MAVLink 2.0, and 1.0 is understood as well."""
     return [DefinedMessage(PROTOCOL_VERSION, version=200, min_version=100, max_version=200)]
 
 
-SINGLES = {
+ONE_SHOT_MESSAGES = {
     AVAILABLE_MODES: available_modes,
     PROTOCOL_VERSION.message_id: protocol_version,
 }

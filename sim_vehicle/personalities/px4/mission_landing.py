@@ -6,17 +6,14 @@ alone. RTL_TYPE says whether a return goes there.
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.base import Behaviour
+from sim_vehicle.personalities.base import Vehicle
+from sim_vehicle.vehicle.behaviour import Behaviour
 from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.numbers import finite
 from sim_vehicle.vehicle.rally import distance_m
-
-if TYPE_CHECKING:
-    from sim_vehicle.vehicle.autopilot import Autopilot
 
 LANDINGS = frozenset({mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_VTOL_LAND})
 HOME_OR_RALLY, LANDING_OR_RALLY, BY_MISSION, CLOSEST = 0, 1, 2, 3  # RTL_TYPE
@@ -32,7 +29,7 @@ def mission_landing(items: Sequence[Item]) -> tuple[int, int] | None:
     return next(starts, ends), ends
 
 
-def return_by_mission(vehicle: "Autopilot") -> tuple[Sequence[Item], float] | None:
+def return_by_mission(vehicle: Vehicle) -> tuple[Sequence[Item], float] | None:
     """Of the mission what a return flies, and the altitude above mean sea level to climb to before [m]."""
     mission, kind = vehicle.mission, int(vehicle.params["RTL_TYPE"])
     landing = mission_landing(mission.items) if mission.flyable else None
@@ -46,27 +43,27 @@ def return_by_mission(vehicle: "Autopilot") -> tuple[Sequence[Item], float] | No
         if _is_elsewhere_nearer(vehicle, mission.items[ends], kind):
             return None
         ground_m = vehicle.flight.altitude_amsl_m(mission.items[ends].frame, mission.items[ends].z)
-        least_amsl_m = ground_m + vehicle.tuning.return_height_m
+        least_amsl_m = ground_m + vehicle.flight_parameters.return_height_m
     flown = [item for item in mission.items[begins : ends + 1] if item.place_deg is not None]
     return (flown, least_amsl_m) if flown and flown[-1] is mission.items[ends] else None
 
 
-def _flies(vehicle: "Autopilot") -> bool:
+def _flies(vehicle: Vehicle) -> bool:
     return vehicle.flight.behaviour is Behaviour.MISSION
 
 
-def _is_elsewhere_nearer(vehicle: "Autopilot", land: Item, kind: int) -> bool:
+def _is_elsewhere_nearer(vehicle: Vehicle, land: Item, kind: int) -> bool:
     """Whether a rally point, or home where that counts, is nearer than where its mission lands."""
     here_deg = vehicle.body.lat_lon_deg
-    places = [point.place_deg for point in vehicle.landmarks.rally.items]
+    places = [point.place_deg for point in vehicle.home_and_rally.rally.items]
     if kind == CLOSEST:
-        places.append(vehicle.landmarks.home_deg)
+        places.append(vehicle.home_and_rally.home_deg)
     others_m = [distance_m(here_deg, place_deg) for place_deg in places if place_deg is not None]
     away_m = distance_m(here_deg, land.place_deg or (0.0, 0.0))
     return away_m + (TO_BE_CLOSER_M if kind == CLOSEST else 0.0) >= min(others_m, default=math.inf)
 
 
-def _is_landing(vehicle: "Autopilot", begins: int, ends: int) -> bool:
+def _is_landing(vehicle: Vehicle, begins: int, ends: int) -> bool:
     """Whether it lands by its mission already: past the first place of its landing, or circling there."""
     mission = vehicle.mission
     if not _flies(vehicle) or not begins < mission.index <= ends:
@@ -76,6 +73,6 @@ def _is_landing(vehicle: "Autopilot", begins: int, ends: int) -> bool:
     item = mission.items[first]
     if mission.index > first or item.command != mavlink.MAV_CMD_NAV_LOITER_TO_ALT:
         return mission.index > first
-    radius_m = abs(finite(item.param2) or vehicle.tuning.loiter_radius_m)
+    radius_m = abs(finite(item.param2) or vehicle.flight_parameters.loiter_radius_m)
     away_m = distance_m(vehicle.body.lat_lon_deg, item.place_deg or (0.0, 0.0))
-    return away_m <= radius_m + vehicle.tuning.waypoint_radius_m
+    return away_m <= radius_m + vehicle.flight_parameters.waypoint_radius_m

@@ -6,7 +6,7 @@ chosen on the ground, but neither armed in nor entered in the air while there is
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.base import Behaviour, Mode
+from sim_vehicle.vehicle.behaviour import Behaviour, Mode
 
 MAIN_MANUAL, MAIN_ALTITUDE, MAIN_POSITION, MAIN_AUTO = 1, 2, 3, 4
 MAIN_ACRO, MAIN_OFFBOARD, MAIN_STABILIZED, MAIN_TERMINATION = 5, 6, 7, 10

@@ -1,10 +1,8 @@
 """A circle around a place, flown by a multicopter that faces the middle."""
 
 import math
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from sim_vehicle.physics.body import Body
+from sim_vehicle.physics.body import Body
 
 CORRECTION_PER_S = 0.5  # of a distance from the circle
 CENTRIPETAL_M_S2 = 2.0  # what the airframe holds on a circle, which limits the speed on a narrow one
@@ -18,7 +16,7 @@ class Orbit:
     """
 
     def __init__(
-        self, body: "Body", centre_m: tuple[float, float], up_m: float, radius_m: float, speed_m_s: float
+        self, body: Body, centre_m: tuple[float, float], up_m: float, radius_m: float, speed_m_s: float
     ) -> None:
         self._body, self._centre_m, self._up_m = body, centre_m, up_m
         self._radius_m = min(max(abs(radius_m), NARROWEST_M), WIDEST_M)

@@ -1,6 +1,6 @@
 """Parameters of PX4 1.15, multicopter and fixed wing in simulation: names, units, types and defaults.
 
-An int is an INT32 and a float a REAL32 on the wire. `tuning` makes of them what a vehicle flies by.
+An int is an INT32 and a float a REAL32 on the wire. `flight_parameters` makes of them what a vehicle flies by.
 """
 
 # Nothing acts by these: they are read by ground stations before they let anybody fly.

@@ -1,17 +1,14 @@
 """Why a PX4 would not arm, and whether it has a mission that it would fly."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.base import Behaviour
+from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.personalities.px4 import wing_missions
+from sim_vehicle.vehicle.behaviour import Behaviour
 from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.rally import distance_m
-
-if TYPE_CHECKING:
-    from sim_vehicle.vehicle.autopilot import Autopilot
 
 _TAKEOFFS = frozenset({mavlink.MAV_CMD_NAV_TAKEOFF, mavlink.MAV_CMD_NAV_VTOL_TAKEOFF})
 _LANDINGS = frozenset({mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_VTOL_LAND})
@@ -38,12 +35,12 @@ _UNHEALTHY = {
 }
 
 
-def refusals(vehicle: "Autopilot", now: float) -> list[str]:
+def refusals(vehicle: Vehicle, now: float) -> list[str]:
     """Everything that speaks against arming in the present mode, in PX4's words."""
     return [*_estimate(vehicle, now), *_mode(vehicle, now), *_system(vehicle)]
 
 
-def _estimate(vehicle: "Autopilot", now: float) -> list[str]:
+def _estimate(vehicle: Vehicle, now: float) -> list[str]:
     if vehicle.params["COM_ARM_WO_GPS"] == 0 and not (
         vehicle.readiness.gps_fix(now) and vehicle.body.gps_fix
     ):
@@ -55,11 +52,11 @@ def _estimate(vehicle: "Autopilot", now: float) -> list[str]:
     return ["No valid global position estimate"]
 
 
-def _mode(vehicle: "Autopilot", now: float) -> list[str]:
+def _mode(vehicle: Vehicle, now: float) -> list[str]:
     mode = vehicle.mode
     if not mode.armable:
         return ["Mode not suitable for takeoff"]
-    if mode.needs_pilot and vehicle.tuning.pilot_missing:
+    if mode.needs_pilot and vehicle.flight_parameters.pilot_missing:
         return ["No manual control input"]
     if mode.setpoints_only and not vehicle.setpoints.streaming(now):
         return ["No offboard signal"]
@@ -68,29 +65,29 @@ def _mode(vehicle: "Autopilot", now: float) -> list[str]:
     return []
 
 
-def _battery(vehicle: "Autopilot") -> list[str]:
+def _battery(vehicle: Vehicle) -> list[str]:
     """A battery below COM_ARM_BAT_MIN, or in its place one at the critical level or worse."""
-    share, tuning = vehicle.body.battery_remaining, vehicle.tuning
+    share, flight_parameters = vehicle.body.battery_remaining, vehicle.flight_parameters
     least_share = vehicle.params["COM_ARM_BAT_MIN"]
-    if share >= (least_share if least_share >= 0 else tuning.battery_low_share):
+    if share >= (least_share if least_share >= 0 else flight_parameters.battery_low_share):
         return []
-    if share < tuning.battery_critical_share:
+    if share < flight_parameters.battery_critical_share:
         return ["Emergency battery level"]
-    return ["Critical battery" if share < tuning.battery_low_share else "Low battery"]
+    return ["Critical battery" if share < flight_parameters.battery_low_share else "Low battery"]
 
 
-def _system(vehicle: "Autopilot") -> list[str]:
+def _system(vehicle: Vehicle) -> list[str]:
     reasons = []
     if vehicle.failsafes.gcs_missing:
         reasons.append("No connection to the ground control station")
     reasons += _battery(vehicle)
     if vehicle.params["COM_ARM_MIS_REQ"] == 1 and vehicle.mission.empty:
         reasons.append("No valid mission")
-    unhealthy = vehicle.afflictions.unhealthy_sensors
+    unhealthy = vehicle.injected_faults.unhealthy_sensors
     return reasons + [reason for bit, reason in _UNHEALTHY.items() if unhealthy & bit]
 
 
-def feasible(vehicle: "Autopilot", items: Sequence[Item]) -> bool:
+def feasible(vehicle: Vehicle, items: Sequence[Item]) -> bool:
     """Whether a mission would be flown; why not is said in a text."""
     refusal = _far(vehicle, items)
     if refusal is None and vehicle.body.plane:
@@ -100,11 +97,11 @@ def feasible(vehicle: "Autopilot", items: Sequence[Item]) -> bool:
         refusal = wing_missions.refusal(items, home_m, vehicle.params["FW_LND_ANG"])
     refusal = refusal or _takeoff(items) or _infeasible(items, int(vehicle.params["MIS_TKO_LAND_REQ"]))
     if refusal is not None:
-        vehicle.say(mavlink.MAV_SEVERITY_CRITICAL, refusal)
+        vehicle.send_text(mavlink.MAV_SEVERITY_CRITICAL, refusal)
     return refusal is None and bool(items)
 
 
-def _far(vehicle: "Autopilot", items: Sequence[Item]) -> str | None:
+def _far(vehicle: Vehicle, items: Sequence[Item]) -> str | None:
     """Why the first place of a mission is too far from where the vehicle is; 0, 0 is in the Atlantic."""
     limit_m = vehicle.params["MIS_DIST_1WP"]
     first = next((item for item in items if item.command in _PLACED), None)
@@ -114,7 +111,7 @@ def _far(vehicle: "Autopilot", items: Sequence[Item]) -> str | None:
     return f"First waypoint too far away: {int(far_m)}m, {int(limit_m)} max" if far_m >= limit_m else None
 
 
-def _outside(vehicle: "Autopilot", items: Sequence[Item]) -> str | None:
+def _outside(vehicle: Vehicle, items: Sequence[Item]) -> str | None:
     """Which place of a mission is outside of the fence, whatever a breach would lead to.
 
     Asked of fixed wings alone: of multicopters it was not observed whether they are refused such a mission.

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from sim_vehicle.files import ftp_rules, log_transfer
 from sim_vehicle.files.component_metadata import (
@@ -16,14 +16,12 @@ from sim_vehicle.files.component_metadata import (
 from sim_vehicle.files.logs.recorder import LogLimits
 from sim_vehicle.files.logs.ulog import UlogLog
 from sim_vehicle.files.vehicle_files import px4_files
+from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.personalities.px4 import parameters
 from sim_vehicle.vehicle.storage import Storage
 
-if TYPE_CHECKING:
-    from sim_vehicle.vehicle.autopilot import Autopilot
 
-
-def storage(vehicle: "Autopilot", limits: LogLimits) -> Storage:
+def storage(vehicle: Vehicle, limits: LogLimits) -> Storage:
     """The storage of one vehicle."""
     return Storage(
         vehicle,
@@ -35,7 +33,7 @@ def storage(vehicle: "Autopilot", limits: LogLimits) -> Storage:
     )
 
 
-def _metadata_of(vehicle: "Autopilot") -> ComponentMetadata:
+def _metadata_of(vehicle: Vehicle) -> ComponentMetadata:
     personality = vehicle.personality
     return _metadata(personality.plane, personality.flight_sw_version, personality.capabilities)
 
@@ -49,8 +47,8 @@ def _metadata(plane: bool, flight_sw_version: int, capabilities: int) -> Compone
     return ComponentMetadata(Component("PX4", "sim_vehicle", version, capabilities), described)
 
 
-def _message(message_id: int) -> Callable[["Autopilot", float], Sequence[Any]]:
-    def made(vehicle: "Autopilot", _parameter: float) -> Sequence[Any]:
+def _message(message_id: int) -> Callable[[Vehicle, float], Sequence[Any]]:
+    def made(vehicle: Vehicle, _parameter: float) -> Sequence[Any]:
         boot_ms = round((vehicle.now - vehicle.readiness.boot_s) * 1000)
         message = _metadata_of(vehicle).message(message_id, boot_ms)
         return [] if message is None else [message]
@@ -58,7 +56,7 @@ def _message(message_id: int) -> Callable[["Autopilot", float], Sequence[Any]]:
     return made
 
 
-SINGLES = {
+ONE_SHOT_MESSAGES = {
     message_id: _message(message_id)
     for message_id in (COMPONENT_METADATA, COMPONENT_INFORMATION, COMPONENT_INFORMATION_BASIC)
 }

@@ -18,7 +18,7 @@ from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.transfer.stores import Store
 from sim_vehicle.vehicle.transfer.wire import (
     MISSION,
-    Peer,
+    MissionPeer,
     ack_message,
     count_message,
     item_from_message,
@@ -34,23 +34,23 @@ ERROR = int(mavlink.MAV_MISSION_ERROR)
 DENIED = int(mavlink.MAV_MISSION_DENIED)
 
 Send = Callable[[Any], None]
-Say = Callable[[int, str], None]
+SendText = Callable[[int, str], None]
 
 
 @dataclass
 class _Upload:
-    peer: Peer
+    peer: MissionPeer
     next: int
     last: int
-    heard_s: float
-    asked_s: float
+    last_received_s: float
+    requested_s: float
 
 
 class _Server:
     """Uploads to and downloads from one store."""
 
-    def __init__(self, kind: int, store: Store, *, send: Send, say: Say) -> None:
-        self._kind, self._store, self._send, self._say = kind, store, send, say
+    def __init__(self, kind: int, store: Store, *, send: Send, send_text: SendText) -> None:
+        self._kind, self._store, self._send, self._send_text = kind, store, send, send_text
         self._upload: _Upload | None = None
 
     @property
@@ -58,7 +58,7 @@ class _Server:
         upload = self._upload
         if upload is None:
             return math.inf
-        return min(upload.asked_s + REQUEST_AGAIN_S, upload.heard_s + ABANDON_AFTER_S)
+        return min(upload.requested_s + REQUEST_AGAIN_S, upload.last_received_s + ABANDON_AFTER_S)
 
     @property
     def total(self) -> int:
@@ -68,18 +68,18 @@ class _Server:
         upload = self._upload
         if upload is None:
             return
-        if now - upload.heard_s >= ABANDON_AFTER_S - EPSILON_S:
-            self._say(mavlink.MAV_SEVERITY_WARNING, f"{self._store.name} upload timeout")
+        if now - upload.last_received_s >= ABANDON_AFTER_S - EPSILON_S:
+            self._send_text(mavlink.MAV_SEVERITY_WARNING, f"{self._store.name} upload timeout")
             self._give_up(upload.peer, int(mavlink.MAV_MISSION_OPERATION_CANCELLED))
-        elif now - upload.asked_s >= REQUEST_AGAIN_S - EPSILON_S:
-            self._ask(upload, now)
+        elif now - upload.requested_s >= REQUEST_AGAIN_S - EPSILON_S:
+            self._request_item(upload, now)
 
     def reset(self) -> None:
         if self._upload is not None:
             self._upload = None
             self._store.abandon()
 
-    def count(self, message: Any, peer: Peer, now: float) -> None:
+    def count(self, message: Any, peer: MissionPeer, now: float) -> None:
         if self._upload is not None:
             if self._upload.peer != peer:
                 self.acknowledge(peer, DENIED)
@@ -89,7 +89,7 @@ class _Server:
             self._upload = None
             self.acknowledge(peer, int(mavlink.MAV_MISSION_NO_SPACE))
             text = f"Only {self._store.max_items} items are supported"
-            self._say(mavlink.MAV_SEVERITY_WARNING, text)
+            self._send_text(mavlink.MAV_SEVERITY_WARNING, text)
             return
         self._upload = None
         self._store.begin(message.count)
@@ -98,19 +98,19 @@ class _Server:
         else:
             self._begin(peer, 0, message.count - 1, now)
 
-    def write_partial(self, message: Any, peer: Peer, now: float) -> None:
+    def write_partial(self, message: Any, peer: MissionPeer, now: float) -> None:
         if self._upload is not None and self._upload.peer != peer:
             self.acknowledge(peer, DENIED)
             return
         first, last = message.start_index, message.end_index
         if not 0 <= first <= last <= self._store.count:
-            self._say(mavlink.MAV_SEVERITY_WARNING, "Flight plan update rejected")
+            self._send_text(mavlink.MAV_SEVERITY_WARNING, "Flight plan update rejected")
             self.acknowledge(peer, ERROR)
             return
         self._store.begin_update()
         self._begin(peer, first, last, now)
 
-    def item(self, message: Any, peer: Peer, now: float, refusal: int | None = None) -> None:
+    def item(self, message: Any, peer: MissionPeer, now: float, refusal: int | None = None) -> None:
         upload = self._upload
         if upload is None:
             self.acknowledge(peer, ERROR)
@@ -131,25 +131,25 @@ class _Server:
         if result != ACCEPTED:
             self._give_up(upload.peer, result)
             return
-        upload.heard_s = now
+        upload.last_received_s = now
         upload.next += 1
         if upload.next <= upload.last:
-            self._ask(upload, now)
+            self._request_item(upload, now)
         else:
             self._upload = None
             self.acknowledge(upload.peer, self._store.complete())
 
-    def clear(self, peer: Peer) -> None:
+    def clear(self, peer: MissionPeer) -> None:
         cleared = self._upload is None and self._store.clear()
         self.acknowledge(peer, ACCEPTED if cleared else ERROR)
 
-    def request_list(self, peer: Peer) -> None:
+    def request_list(self, peer: MissionPeer) -> None:
         if self._upload is not None:
             self.acknowledge(peer, DENIED)
         else:
             self._send(count_message(peer, self._store.count, self._kind))
 
-    def request(self, message: Any, peer: Peer) -> None:
+    def request(self, message: Any, peer: MissionPeer) -> None:
         if self._upload is not None:
             self.acknowledge(peer, DENIED)
             return
@@ -165,18 +165,18 @@ class _Server:
             self._send(count_message(peer, self._store.count, self._kind))
         self.acknowledge(peer, found)
 
-    def acknowledge(self, peer: Peer, result: int) -> None:
+    def acknowledge(self, peer: MissionPeer, result: int) -> None:
         self._send(ack_message(peer, result, self._kind))
 
-    def _begin(self, peer: Peer, first: int, last: int, now: float) -> None:
-        self._upload = _Upload(peer, first, last, heard_s=now, asked_s=now)
-        self._ask(self._upload, now)
+    def _begin(self, peer: MissionPeer, first: int, last: int, now: float) -> None:
+        self._upload = _Upload(peer, first, last, last_received_s=now, requested_s=now)
+        self._request_item(self._upload, now)
 
-    def _ask(self, upload: _Upload, now: float) -> None:
-        upload.asked_s = now
+    def _request_item(self, upload: _Upload, now: float) -> None:
+        upload.requested_s = now
         self._send(mavlink.MAVLink_mission_request_message(*upload.peer, upload.next, self._kind))
 
-    def _give_up(self, peer: Peer, result: int) -> None:
+    def _give_up(self, peer: MissionPeer, result: int) -> None:
         self._upload = None
         self._store.abandon()
         self.acknowledge(peer, result)
@@ -203,7 +203,7 @@ class ArduPilotTransfer:
         *,
         store_item: Callable[[Item], Item | int],
         send: Send,
-        say: Say,
+        send_text: SendText,
         stored: Callable[[int, int], None] = lambda _kind, _total: None,
         guided: Callable[[Item, bool], bool] = lambda _item, _altitude_only: False,
         refusal: Callable[[], MissionRefusal | None] = lambda: None,
@@ -211,8 +211,10 @@ class ArduPilotTransfer:
         self._send, self._guided, self._refusal, self._store_item = send, guided, refusal, store_item
         self.stores = stores
         self._stored = stored
-        self._servers = {kind: _Server(kind, store, send=send, say=say) for kind, store in stores.items()}
-        self._handlers: dict[str, Callable[[_Server, Any, Peer, float], None]] = {
+        self._servers = {
+            kind: _Server(kind, store, send=send, send_text=send_text) for kind, store in stores.items()
+        }
+        self._handlers: dict[str, Callable[[_Server, Any, MissionPeer, float], None]] = {
             "MISSION_COUNT": self._count,
             "MISSION_ITEM_INT": self._item,
             "MISSION_ITEM": self._item,
@@ -258,14 +260,14 @@ class ArduPilotTransfer:
         for server in self._servers.values():
             server.reset()
 
-    def _count(self, server: _Server, message: Any, peer: Peer, now: float) -> None:
+    def _count(self, server: _Server, message: Any, peer: MissionPeer, now: float) -> None:
         refusal = self._refusal()
         if refusal is not None and refusal.at_item is None:
             server.acknowledge(peer, refusal.result)
         else:
             server.count(message, peer, now)
 
-    def _item(self, server: _Server, message: Any, peer: Peer, now: float) -> None:
+    def _item(self, server: _Server, message: Any, peer: MissionPeer, now: float) -> None:
         if message.mission_type == MISSION and message.current in (GUIDED, ALTITUDE):
             server.acknowledge(peer, self._go(message))
             return

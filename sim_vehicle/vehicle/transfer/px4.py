@@ -25,7 +25,7 @@ from sim_vehicle.vehicle.transfer.wire import (
     FENCE,
     MISSION,
     RALLY,
-    Peer,
+    MissionPeer,
     ack_message,
     count_message,
     item_from_message,
@@ -91,14 +91,14 @@ class Px4Transfer:
         store_item: Callable[[Item], Item | int],
         max_items: int,
         send: Callable[[Any], None],
-        say: Callable[[int, str], None],
+        send_text: Callable[[int, str], None],
         replace: Callable[[list[Item], int], None],
         set_current: Callable[[int], None],
         changed: Callable[[int], None] = lambda _kind: None,
         refusal: Callable[[], MissionRefusal | None] = lambda: None,
     ) -> None:
         self._mission, self._fence, self._rally = mission, fence, rally
-        self._sysid, self._store_item, self._send, self._say = sysid, store_item, send, say
+        self._sysid, self._store_item, self._send, self._send_text = sysid, store_item, send, send_text
         self._replace, self._set_current, self._changed, self._refusal = (
             replace,
             set_current,
@@ -107,7 +107,7 @@ class Px4Transfer:
         )
         self._max_items = {MISSION: max_items, FENCE: MAX_FENCE_POINTS, RALLY: MAX_RALLY_POINTS}
         self._ids = {MISSION: 0, FENCE: 0, RALLY: 0}
-        self._handlers: dict[str, Callable[[Any, Peer, float], None]] = {
+        self._handlers: dict[str, Callable[[Any, MissionPeer, float], None]] = {
             "MISSION_COUNT": self._count,
             "MISSION_ITEM_INT": self._item,
             "MISSION_ITEM": self._item,
@@ -124,13 +124,13 @@ class Px4Transfer:
         """The vehicle rebooted: a transfer under way is forgotten, what is stored stays."""
         self._state = _State.IDLE
         self._as_int = False
-        self._partner: Peer = (0, 0)
+        self._partner: MissionPeer = (0, 0)
         self._kind = MISSION
         self._seq = self._announced = 0
         self._new: list[Item] = []
         self._new_id = 0
         self._new_current = -1
-        self._heard_s = self._asked_s = 0.0
+        self._last_received_s = self._requested_s = 0.0
 
     @property
     def ids(self) -> tuple[int, int, int]:
@@ -142,8 +142,8 @@ class Px4Transfer:
         """When `tick` has something to do [s]; inf where nothing is under way."""
         if self._state is _State.IDLE:
             return math.inf
-        again_s = self._asked_s + REQUEST_AGAIN_S if self._state is _State.GETTING else math.inf
-        return min(again_s, self._heard_s + TIMEOUT_S)
+        again_s = self._requested_s + REQUEST_AGAIN_S if self._state is _State.GETTING else math.inf
+        return min(again_s, self._last_received_s + TIMEOUT_S)
 
     def handles(self, message_type: str) -> bool:
         return message_type in self._handlers or message_type == "MISSION_WRITE_PARTIAL_LIST"
@@ -162,28 +162,28 @@ class Px4Transfer:
         """Ask again or give up, by the time `now` [s]."""
         if self._state is _State.IDLE:
             return
-        if now - self._heard_s >= TIMEOUT_S - EPSILON_S:
-            self._say(CRITICAL, "Operation timeout")
+        if now - self._last_received_s >= TIMEOUT_S - EPSILON_S:
+            self._send_text(CRITICAL, "Operation timeout")
             self._state = _State.IDLE
-        elif self._state is _State.GETTING and now - self._asked_s >= REQUEST_AGAIN_S - EPSILON_S:
-            self._ask(now)
+        elif self._state is _State.GETTING and now - self._requested_s >= REQUEST_AGAIN_S - EPSILON_S:
+            self._request_item(now)
 
     # -- upload ------------------------------------------------------------------------------------------
 
-    def _count(self, message: Any, peer: Peer, now: float) -> None:
+    def _count(self, message: Any, peer: MissionPeer, now: float) -> None:
         if self._state is _State.SENDING:
-            self._say(CRITICAL, "WPM: IGN MISSION_COUNT: Busy")
+            self._send_text(CRITICAL, "WPM: IGN MISSION_COUNT: Busy")
             self._acknowledge(peer, ERROR)
             return
         if self._state is _State.GETTING:
-            self._heard_s = now
+            self._last_received_s = now
             if peer != self._partner:
                 self._acknowledge(peer, ERROR)
             elif self._seq > 0:
-                self._say(CRITICAL, "WPM: REJ. CMD: Busy")
+                self._send_text(CRITICAL, "WPM: REJ. CMD: Busy")
                 self._acknowledge(peer, ERROR)
             else:
-                self._ask(now)  # its first request seems lost; the old count stays
+                self._request_item(now)  # its first request seems lost; the old count stays
             return
         self._partner, self._kind = peer, message.mission_type
         refusal = self._refusal()
@@ -195,13 +195,13 @@ class Px4Transfer:
             self._empty(self._kind)
             self._acknowledge(peer, ACCEPTED)
         else:
-            self._state, self._heard_s = _State.GETTING, now
+            self._state, self._last_received_s = _State.GETTING, now
             self._seq, self._announced = 0, message.count
             self._new, self._new_id, self._new_current = [], 0, -1
-            self._ask(now)
+            self._request_item(now)
 
-    def _ask(self, now: float) -> None:
-        self._asked_s = now
+    def _request_item(self, now: float) -> None:
+        self._requested_s = now
         request = (
             mavlink.MAVLink_mission_request_int_message
             if self._as_int
@@ -209,23 +209,23 @@ class Px4Transfer:
         )
         self._send(request(*self._partner, self._seq, self._kind))
 
-    def _item(self, message: Any, peer: Peer, now: float) -> None:
+    def _item(self, message: Any, peer: MissionPeer, now: float) -> None:
         self._as_int = message.get_type() == "MISSION_ITEM_INT"
         if peer != self._partner:
-            self._say(CRITICAL, "REJ. MIS ITEM: partner id mismatch")
+            self._send_text(CRITICAL, "REJ. MIS ITEM: partner id mismatch")
         elif message.mission_type != self._kind:
             self._acknowledge(peer, ERROR)
         elif self._state is _State.SENDING:
-            self._say(CRITICAL, "IGN MISSION_ITEM: Busy")
+            self._send_text(CRITICAL, "IGN MISSION_ITEM: Busy")
             self._acknowledge(peer, ERROR)
         elif self._state is _State.IDLE:
             if self._seq == message.seq + 1:  # the last one again: its acknowledgement seems lost
                 self._acknowledge(peer, ACCEPTED, self._new_id)
             else:
-                self._say(CRITICAL, "IGN MISSION_ITEM: No transfer")
+                self._send_text(CRITICAL, "IGN MISSION_ITEM: No transfer")
                 self._acknowledge(peer, ERROR)
         else:
-            self._heard_s = now
+            self._last_received_s = now
             if message.seq == self._seq:
                 self._take(message, now)
 
@@ -233,7 +233,7 @@ class Px4Transfer:
         kept = self._kept(message)
         if not isinstance(kept, Item):
             if kept != ERROR:
-                self._say(CRITICAL, "IGN MISSION_ITEM: Invalid item")
+                self._send_text(CRITICAL, "IGN MISSION_ITEM: Invalid item")
             self._state = _State.IDLE
             self._acknowledge(self._partner, kept)
             return
@@ -243,7 +243,7 @@ class Px4Transfer:
             self._new_current = message.seq
         self._seq += 1
         if self._seq < self._announced:
-            self._ask(now)
+            self._request_item(now)
             return
         self._state = _State.IDLE
         if self._new_id != self._ids[self._kind]:
@@ -282,9 +282,9 @@ class Px4Transfer:
             self._ids[kind] = 0
             self._store(kind, [], 0)
 
-    def _clear(self, message: Any, peer: Peer, _now: float) -> None:
+    def _clear(self, message: Any, peer: MissionPeer, _now: float) -> None:
         if self._state is not _State.IDLE:
-            self._say(CRITICAL, "WPM: IGN CLEAR CMD: Busy")
+            self._send_text(CRITICAL, "WPM: IGN CLEAR CMD: Busy")
             return
         self._kind = message.mission_type
         for kind in (MISSION, FENCE, RALLY) if self._kind == ALL else (self._kind,):
@@ -298,25 +298,25 @@ class Px4Transfer:
             return tuple(self._mission.items)
         return {FENCE: self._fence.items, RALLY: self._rally.items}.get(self._kind, ())
 
-    def _request_list(self, message: Any, peer: Peer, now: float) -> None:
+    def _request_list(self, message: Any, peer: MissionPeer, now: float) -> None:
         all_sent = self._state is _State.SENDING and self._seq == len(self._items())
         again = peer == self._partner and message.mission_type == self._kind
         if not (self._state is _State.IDLE or all_sent or (self._state is _State.SENDING and again)):
-            self._say(mavlink.MAV_SEVERITY_INFO, "Mission download request ignored, already active")
+            self._send_text(mavlink.MAV_SEVERITY_INFO, "Mission download request ignored, already active")
             return
-        self._state, self._heard_s = _State.SENDING, now
+        self._state, self._last_received_s = _State.SENDING, now
         self._kind, self._partner = message.mission_type, peer
         self._seq, self._announced = 0, len(self._items())
         self._send(count_message(peer, self._announced, self._kind, self._ids.get(self._kind, 0)))
 
-    def _request(self, message: Any, peer: Peer, now: float) -> None:
+    def _request(self, message: Any, peer: MissionPeer, now: float) -> None:
         self._as_int = message.get_type() == "MISSION_REQUEST_INT"
         if peer != self._partner:
-            self._say(CRITICAL, "WPM: REJ. CMD: partner id mismatch")
+            self._send_text(CRITICAL, "WPM: REJ. CMD: partner id mismatch")
         elif self._state is _State.GETTING:
-            self._say(CRITICAL, "WPM: REJ. CMD: Busy")
+            self._send_text(CRITICAL, "WPM: REJ. CMD: Busy")
         elif self._state is _State.SENDING and message.mission_type == self._kind:
-            self._heard_s = now
+            self._last_received_s = now
             self._answer(message.seq)
 
     def _answer(self, seq: int) -> None:
@@ -327,7 +327,7 @@ class Px4Transfer:
         if not expected or seq >= len(items):
             self._state = _State.IDLE
             self._acknowledge(self._partner, ERROR)
-            self._say(CRITICAL, "WPM: REJ. CMD: Req. WP was unexpected")
+            self._send_text(CRITICAL, "WPM: REJ. CMD: Req. WP was unexpected")
             return
         item = items[seq]
         autocontinue = int(item.autocontinue) if self._kind != FENCE else 0
@@ -343,27 +343,27 @@ class Px4Transfer:
             )
         )
 
-    def _ack(self, message: Any, peer: Peer, now: float) -> None:
+    def _ack(self, message: Any, peer: MissionPeer, now: float) -> None:
         if peer != self._partner:
-            self._say(CRITICAL, "REJ. WP CMD: partner id mismatch")
+            self._send_text(CRITICAL, "REJ. WP CMD: partner id mismatch")
         elif self._state is _State.SENDING and message.mission_type == self._kind:
             self._state = _State.IDLE
         elif self._state is _State.GETTING:
             if message.type == mavlink.MAV_MISSION_UNSUPPORTED:  # the kind of item that was asked for
                 self._as_int = not self._as_int
-                self._ask(now)
+                self._request_item(now)
             elif message.type == mavlink.MAV_MISSION_OPERATION_CANCELLED:
                 self._state = _State.IDLE
 
-    def _current(self, message: Any, _peer: Peer, _now: float) -> None:
+    def _current(self, message: Any, _peer: MissionPeer, _now: float) -> None:
         if self._state is not _State.IDLE:
-            self._say(CRITICAL, "WPM: IGN WP CURR CMD: Busy")
+            self._send_text(CRITICAL, "WPM: IGN WP CURR CMD: Busy")
         elif message.seq >= self._mission.count:
-            self._say(CRITICAL, "WPM: WP CURR CMD: Not in list")
+            self._send_text(CRITICAL, "WPM: WP CURR CMD: Not in list")
         else:
             self._set_current(message.seq)
 
-    def _acknowledge(self, peer: Peer, result: int, opaque_id: int = 0) -> None:
+    def _acknowledge(self, peer: MissionPeer, result: int, opaque_id: int = 0) -> None:
         self._send(ack_message(peer, result, self._kind, opaque_id))
 
 

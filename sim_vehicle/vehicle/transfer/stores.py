@@ -79,12 +79,12 @@ class MissionStore:
         store_item: Callable[[Item], Item | int],
         max_items: int,
         *,
-        say: Callable[[int, str], None],
+        send_text: Callable[[int, str], None],
         changed: Callable[[int], None],
         flying: Callable[[], bool],
     ) -> None:
         self._mission, self._store_item, self.max_items = mission, store_item, max_items
-        self._say, self._changed, self._flying = say, changed, flying
+        self._send_text, self._changed, self._flying = send_text, changed, flying
 
     @property
     def count(self) -> int:
@@ -117,7 +117,7 @@ class MissionStore:
         return ACCEPTED
 
     def complete(self) -> int:
-        self._say(mavlink.MAV_SEVERITY_INFO, "Flight plan received")
+        self._send_text(mavlink.MAV_SEVERITY_INFO, "Flight plan received")
         return ACCEPTED
 
     def abandon(self) -> None:
@@ -139,8 +139,8 @@ class FenceStore:
     name, autocontinue = "Fence", 0
     max_items = FENCE_STORAGE // 8
 
-    def __init__(self, fence: Fence, *, say: Callable[[int, str], None]) -> None:
-        self._fence, self._say = fence, say
+    def __init__(self, fence: Fence, *, send_text: Callable[[int, str], None]) -> None:
+        self._fence, self._send_text = fence, send_text
         self._new: list[Item | None] = []
 
     @property
@@ -178,11 +178,11 @@ class FenceStore:
         self._new = []
         problem = _fence_problem(items)
         if problem is not None:
-            self._say(*problem)
-            self._say(WARNING, "Fence validation failed")
+            self._send_text(*problem)
+            self._send_text(WARNING, "Fence validation failed")
             return ERROR
         if _fence_storage(items) > FENCE_STORAGE:
-            self._say(WARNING, "Fence exceeds storage size")
+            self._send_text(WARNING, "Fence exceeds storage size")
             return ERROR
         self._fence.replace(items)
         return ACCEPTED

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.vehicle.mission import Item
 
-Peer = tuple[int, int]  # system and component id of a ground station
+MissionPeer = tuple[int, int]  # system and component id of a ground station
 
 MISSION = int(mavlink.MAV_MISSION_TYPE_MISSION)
 FENCE = int(mavlink.MAV_MISSION_TYPE_FENCE)
@@ -49,18 +49,18 @@ class _MissionCount(mavlink.MAVLink_mission_count_message):  # type: ignore[misc
         return bytes(self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1))
 
 
-def peer_of(message: Any) -> Peer:
+def peer_of(message: Any) -> MissionPeer:
     return message.get_srcSystem(), message.get_srcComponent()
 
 
-def ack_message(peer: Peer, result: int, kind: int, opaque_id: int = 0) -> Any:
+def ack_message(peer: MissionPeer, result: int, kind: int, opaque_id: int = 0) -> Any:
     """MISSION_ACK with a MAV_MISSION_RESULT."""
     message = _MissionAck(*peer, result, kind)
     message.opaque_id = opaque_id
     return message
 
 
-def count_message(peer: Peer, count: int, kind: int, opaque_id: int = 0) -> Any:
+def count_message(peer: MissionPeer, count: int, kind: int, opaque_id: int = 0) -> Any:
     """MISSION_COUNT."""
     message = _MissionCount(*peer, count, kind)
     message.opaque_id = opaque_id
@@ -93,7 +93,14 @@ def item_from_message(message: Any) -> Item | None:
 
 
 def item_message(
-    peer: Peer, seq: int, item: Item, kind: int, *, as_int: bool, current: bool = False, autocontinue: int = 1
+    peer: MissionPeer,
+    seq: int,
+    item: Item,
+    kind: int,
+    *,
+    as_int: bool,
+    current: bool = False,
+    autocontinue: int = 1,
 ) -> Any:
     """MISSION_ITEM_INT, or the legacy MISSION_ITEM, to a ground station."""
     head = (*peer, seq, item.frame, item.command, int(current), autocontinue)

@@ -4,7 +4,7 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.physics.geodesy import Floats
-from sim_vehicle.physics.motion import Bools, Order
+from sim_vehicle.physics.motion import Bools, MotionOrder
 from sim_vehicle.wire.telemetry.view import Columns, Ints, View
 
 EKF_NO_POSITION = (
@@ -142,14 +142,14 @@ def _flying(v: View) -> Bools:
 def has_global_target(v: View) -> Bools:
     """ArduCopter only while it goes to the place of its mode, PX4 in the air; ArduPlane always has one."""
     dynamics, i, px4 = v.world.dynamics, v.i, _is_px4(v)
-    goes = px4 | (dynamics.order[i] == Order.POSITION)
+    goes = px4 | (dynamics.order[i] == MotionOrder.POSITION)
     return np.asarray(v.status.has_place[i] & ((dynamics.planes[i] & ~px4) | (goes & _flying(v))))
 
 
 def has_local_target(v: View) -> Bools:
     """None while it is told how to lean; PX4's only in the air."""
     status, i = v.status, v.i
-    controlled = (_flying(v) | ~_is_px4(v)) & (v.world.dynamics.order[i] != Order.LEAN)
+    controlled = (_flying(v) | ~_is_px4(v)) & (v.world.dynamics.order[i] != MotionOrder.TILT)
     return np.asarray(status.has_setpoint[i] & status.has_origin[i] & controlled)
 
 
@@ -190,11 +190,11 @@ def _local_mask(v: View, px4: Bools, moves: Bools) -> Ints:
     """POSITION_TARGET_TYPEMASK of a position, or of the velocity that it has been told and `moves` by."""
     status, dynamics, i = v.status, v.world.dynamics, v.i
     order = dynamics.order[i]
-    mask = np.where(moves, IGNORE_XYZ, np.where(order == Order.RATE, IGNORE_Z, 0))
+    mask = np.where(moves, IGNORE_XYZ, np.where(order == MotionOrder.RATE, IGNORE_Z, 0))
     mask[dynamics.planes[i]] = IGNORE_BUT_POSITION
     if not px4.all():
         climbs = status.landed_state[i] == mavlink.MAV_LANDED_STATE_TAKEOFF
-        goes = climbs | (status.has_place[i] & (order == Order.POSITION) & _flying(v))
+        goes = climbs | (status.has_place[i] & (order == MotionOrder.POSITION) & _flying(v))
         mask = np.where(px4, mask, np.where(goes, IGNORE_BUT_POSITION, IGNORE_XYZ | IGNORE_YAW))
     return mask
 
@@ -205,7 +205,7 @@ def position_target_local_ned(v: View) -> Columns:
     What does not count ArduPilot leaves at 0; PX4 has no number there.
     """
     dynamics, i, px4 = v.world.dynamics, v.i, _is_px4(v)
-    moves = (dynamics.order[i] == Order.VELOCITY) & ~dynamics.planes[i]
+    moves = (dynamics.order[i] == MotionOrder.VELOCITY) & ~dynamics.planes[i]
     mask, told = _local_mask(v, px4, moves), _set_points(v, px4)
     place = _ned(dynamics.target[:, i] - v.status.origin_m[i].T)
     ignored = mask & PLACE_BITS != 0

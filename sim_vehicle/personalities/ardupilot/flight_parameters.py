@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 
 from sim_vehicle.files.logs.record import LogWhen
-from sim_vehicle.personalities.base import FailsafeAction, RallyAltitude, Tuning
+from sim_vehicle.vehicle.flight_parameters import FailsafeAction, FlightParameters, RallyAltitude
 from sim_vehicle.vehicle.params import Parameters
 
 SLOWEST_M_S, FASTEST_M_S = 0.1, 50.0
@@ -132,7 +132,7 @@ def _going_on(options: int, *modes: tuple[int, Sequence[int]]) -> dict[int, Fail
     return {number: FailsafeAction.NOTHING for bit, numbers in modes if options & bit for number in numbers}
 
 
-def copter_tuning(params: Parameters) -> Tuning:
+def copter_flight_parameters(params: Parameters) -> FlightParameters:
     """ArduCopter's parameters -> what it flies by."""
     options = int(params["AUTO_OPTIONS"])
     fence = int(params["FENCE_TYPE"])
@@ -140,7 +140,7 @@ def copter_tuning(params: Parameters) -> Tuning:
     gcs = _LINK_ACTIONS.get(int(params["FS_GCS_ENABLE"]), FailsafeAction.RETURN)
     radio = _THROTTLE_ACTIONS.get(int(params["FS_THR_ENABLE"]), FailsafeAction.LAND)
     goes_on, ekf = int(params["FS_OPTIONS"]), int(params["FS_EKF_ACTION"])
-    return Tuning(
+    return FlightParameters(
         speed_m_s=_m_s(params, "WPNAV_SPEED"),
         climb_m_s=_m_s(params, "WPNAV_SPEED_UP"),
         descent_m_s=_m_s(params, "WPNAV_SPEED_DN"),
@@ -217,7 +217,7 @@ def _fence_return_m(params: Parameters) -> float:
     return params["RTL_ALTITUDE"] if lowest_m >= highest_m else (lowest_m + highest_m) / 2
 
 
-def plane_tuning(params: Parameters) -> Tuning:
+def plane_flight_parameters(params: Parameters) -> FlightParameters:
     """ArduPlane's parameters -> what it flies by."""
     fence = int(params["FENCE_TYPE"])
     watched = params["FS_GCS_ENABL"] != 0
@@ -226,7 +226,7 @@ def plane_tuning(params: Parameters) -> Tuning:
     long_returns = dict.fromkeys(_LONG_RETURNS, FailsafeAction.RETURN) if params["FS_LONG_ACTN"] == 0 else {}
     short = int(params["FS_SHORT_ACTN"])
     short_never = (*_SHORT_NEVER, _AUTO, _GUIDED, _LOITER) if short == 0 else _SHORT_NEVER
-    return Tuning(
+    return FlightParameters(
         speed_m_s=params["AIRSPEED_CRUISE"],
         climb_m_s=max(params["TECS_CLMB_MAX"], SLOWEST_M_S),
         descent_m_s=max(params["TECS_SINK_MAX"], SLOWEST_M_S),

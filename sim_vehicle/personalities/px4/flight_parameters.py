@@ -4,8 +4,9 @@ import math
 from collections.abc import Callable
 
 from sim_vehicle.files.logs.record import LogWhen
-from sim_vehicle.personalities.base import Behaviour, FailsafeAction, Tuning
 from sim_vehicle.personalities.px4 import modes
+from sim_vehicle.vehicle.behaviour import Behaviour
+from sim_vehicle.vehicle.flight_parameters import FailsafeAction, FlightParameters
 from sim_vehicle.vehicle.params import Parameters
 
 SLOWEST_M_S = 0.1
@@ -161,11 +162,11 @@ def _return_height(params: Parameters) -> Callable[[float, float], float] | None
     return height_m if cone_deg > 0 else None
 
 
-def copter_tuning(params: Parameters) -> Tuning:
+def copter_flight_parameters(params: Parameters) -> FlightParameters:
     """The multicopter's parameters -> what it flies by."""
     cruise_m_s = _at_least(min(params["MPC_XY_CRUISE"], params["MPC_XY_VEL_MAX"]))
     descent_m_s = _at_least(min(params["MPC_Z_V_AUTO_DN"], params["MPC_Z_VEL_MAX_DN"]))
-    return Tuning(
+    return FlightParameters(
         **_common(params),  # type: ignore[arg-type]
         speed_m_s=cruise_m_s,
         climb_m_s=_at_least(min(params["MPC_Z_V_AUTO_UP"], params["MPC_Z_VEL_MAX_UP"])),
@@ -190,12 +191,12 @@ def _switch_m(params: Parameters) -> float:
     return float(max(params["NAV_ACC_RAD"], params["NPFG_SW_DST_MLT"] * error_bound_m))
 
 
-def plane_tuning(params: Parameters) -> Tuning:
+def plane_flight_parameters(params: Parameters) -> FlightParameters:
     """The fixed wing's parameters -> what it flies by."""
     sink_m_s = _at_least(params["FW_T_SINK_R_SP"])
     landing_m_s = params["FW_LND_AIRSPD"] if params["FW_LND_AIRSPD"] > 0 else params["FW_AIRSPD_MIN"]
     glide_m_s = _at_least(landing_m_s * math.tan(math.radians(params["FW_LND_ANG"])))
-    return Tuning(
+    return FlightParameters(
         **_common(params) | {"waypoint_radius_m": _switch_m(params)},  # type: ignore[arg-type]
         waypoints_say_radius=False,
         waypoint_height_m=params["NAV_FW_ALT_RAD"],

@@ -1,0 +1,237 @@
+"""Narrow protocols through which the parts of one vehicle use each other without importing each other.
+
+`personalities.base.Vehicle` composes them into the whole vehicle.
+"""
+
+from typing import Any, Protocol
+
+from sim_vehicle.physics.body import Body
+from sim_vehicle.physics.geodesy import GeodeticPosition
+from sim_vehicle.vehicle.behaviour import Behaviour, Mode
+from sim_vehicle.vehicle.flight_parameters import FailsafeAction, FlightParameters
+from sim_vehicle.vehicle.mission import Item, Mission
+from sim_vehicle.vehicle.rally import Rally
+
+
+class MessageOutput(Protocol):
+    """The fleet's encoder and link, which take a vehicle's messages."""
+
+    def message(self, vehicle: int, message: Any) -> None:
+        """Pack and send one message."""
+
+    def raw(self, vehicle: int, data: bytes) -> None:
+        """Send bytes that are no MAVLink (boot text)."""
+
+    def stream_now(self, vehicle: int, message_id: int, now: float) -> bool:
+        """Send one of STREAMS; False if the vehicle has no data for it yet."""
+        ...
+
+
+class ModeControl(Protocol):
+    """The flight mode and its changes (`modes.Modes`)."""
+
+    mission_checked_s: float
+
+    @property
+    def mode(self) -> Mode: ...
+
+    def set(self, number: int, now: float) -> bool: ...
+
+    def set_behaviour(self, behaviour: Behaviour, now: float) -> bool: ...
+
+    def by_itself(self, behaviour: Behaviour) -> None: ...
+
+    def enter(self, number: int) -> None: ...
+
+    def mission_ready(self, now: float) -> bool: ...
+
+    def disarmed(self) -> None: ...
+
+
+class ArmingControl(Protocol):
+    """Arming and disarming (`arming.Arming`)."""
+
+    @property
+    def armed_since_s(self) -> float: ...
+
+    @property
+    def flying_since_s(self) -> float: ...
+
+    def arm(self, now: float, *, force: bool, text: str = ...) -> bool: ...
+
+    def stop(self, text: str = ...) -> None: ...
+
+
+class FailsafeControl(Protocol):
+    """The latched failsafes (`failsafe.Failsafes`)."""
+
+    @property
+    def gcs(self) -> bool: ...
+
+    @property
+    def rc(self) -> bool: ...
+
+    @property
+    def position(self) -> bool: ...
+
+    @property
+    def battery(self) -> int: ...
+
+    @property
+    def any(self) -> bool: ...
+
+    @property
+    def battery_state(self) -> int: ...
+
+    @property
+    def gcs_missing(self) -> bool: ...
+
+    def gcs_late(self, now: float) -> bool: ...
+
+    def act(self, action: FailsafeAction, now: float, *, at_once: bool = ...) -> None: ...
+
+
+class FenceControl(Protocol):
+    """The geofence in force (`fence_watch.FenceWatch`)."""
+
+    @property
+    def enabled(self) -> bool: ...
+
+    @property
+    def has_limits(self) -> bool: ...
+
+    @property
+    def breached(self) -> frozenset[str]: ...
+
+    @property
+    def count(self) -> int: ...
+
+    @property
+    def last_s(self) -> float: ...
+
+    @property
+    def kind(self) -> int: ...
+
+    def find(self, lat_deg: float, lon_deg: float, height_m: float) -> frozenset[str]: ...
+
+    def refusal(self) -> str | None: ...
+
+    def pilot_took_over(self, now: float) -> None: ...
+
+    def set_enabled(self, *, on: bool) -> None: ...
+
+
+class ReferencePlaces(Protocol):
+    """Home, origin and rally points (`home_and_rally.HomeAndRally`)."""
+
+    @property
+    def home(self) -> GeodeticPosition | None: ...
+
+    @property
+    def home_locked(self) -> bool: ...
+
+    @property
+    def home_deg(self) -> tuple[float, float]: ...
+
+    @property
+    def home_or_here(self) -> GeodeticPosition: ...
+
+    @property
+    def height_above_home_m(self) -> float: ...
+
+    @property
+    def origin(self) -> GeodeticPosition | None: ...
+
+    @property
+    def origin_m(self) -> tuple[float, float, float]: ...
+
+    @property
+    def rally(self) -> Rally: ...
+
+    def home_item(self) -> Item: ...
+
+    def set_home(self, position: GeodeticPosition, now: float, *, locked: bool = ...) -> None: ...
+
+    def set_origin(self, position: GeodeticPosition, now: float) -> None: ...
+
+
+class SetpointControl(Protocol):
+    """Set-points from outside (`setpoints.Setpoints`)."""
+
+    def reset(self) -> None: ...
+
+    def streaming(self, now: float) -> bool: ...
+
+    def receive(self, message: Any, now: float) -> None: ...
+
+
+class MissionIds(Protocol):
+    """The vehicle's side of the mission protocol, as far as telemetry reports it."""
+
+    @property
+    def ids(self) -> tuple[int, int, int]: ...
+
+
+class FlightControl(Protocol):
+    """Steering as manoeuvres and missions use it (`flight.Flight`)."""
+
+    guided_target_m: tuple[float, float, float] | None
+    taking_off: bool
+
+    @property
+    def body(self) -> Body: ...
+
+    @property
+    def mission(self) -> Mission: ...
+
+    @property
+    def flight_parameters(self) -> FlightParameters: ...
+
+    @property
+    def behaviour(self) -> Behaviour: ...
+
+    @property
+    def armed(self) -> bool: ...
+
+    @property
+    def flying(self) -> bool: ...
+
+    @property
+    def cleared_for_takeoff(self) -> bool: ...
+
+    @property
+    def faced_rad(self) -> float: ...
+
+    def landed(self, now: float) -> bool: ...
+
+    def landing_speed_m_s(self) -> float: ...
+
+    def home(self) -> GeodeticPosition: ...
+
+    def return_place(self) -> GeodeticPosition: ...
+
+    def ceiling_amsl_m(self) -> float: ...
+
+    def altitude_amsl_m(self, frame: int, z_m: float) -> float: ...
+
+    def remote_lost(self) -> bool: ...
+
+    def go(self, target_m: tuple[float, float, float], pass_speed_m_s: float = ...) -> None: ...
+
+    def turn(self, angle_deg: float, rate_deg_s: float, *, direction: int, relative: bool) -> bool: ...
+
+    def change_speed(self, kind: int, speed_m_s: float) -> bool: ...
+
+    def limit(self, **limits: float) -> None: ...
+
+    def start_landing(self) -> bool: ...
+
+    def disarm(self) -> None: ...
+
+    def set_home(self, position: GeodeticPosition) -> None: ...
+
+    def mission_over(self) -> None: ...
+
+    def announce(self, event: str, **values: Any) -> None: ...
+
+    def send(self, message: Any) -> None: ...
