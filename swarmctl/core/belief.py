@@ -1,4 +1,4 @@
-"""The belief of a vehicle about the hostiles: a set of observations, and the occupancy that follows from it."""
+"""The belief of a vehicle about the hostiles: a set of observations, and the occupancy it implies."""
 
 from __future__ import annotations
 
@@ -44,7 +44,8 @@ class ObservationLog:
         self.at = {item.name: index for index, item in enumerate(self.items)}
         """name -> index in `items`"""
         self.n_covered = 0
-        """observations, about, that a checkpoint stands for; they are dropped when they are the greater part"""
+        """observations, about, that a checkpoint stands for; they are dropped when they are the greater
+        part"""
 
     def of(self, source: Source, after: int, upto: int, n: int) -> list[int]:
         """Return the indices, below `n`, of a source's observations with after < sequence number ≤ upto."""
@@ -252,7 +253,7 @@ class Belief:
 
     @cached_property
     def announced_too_low(self) -> bool:
-        """Whether more hostiles were found than announced; with 95 % confidence for sensors that err."""
+        """True if more hostiles were found than announced; with 95 % confidence for sensors that err."""
         return occupancy.announced_too_low(self.count, self.sensor, self._classes[0])
 
     @cached_property

@@ -1,6 +1,7 @@
-"""The closed lists of what can happen to an agent (events) and what it can ask for (effects).
+"""The closed lists of an agent's inputs (events) and outputs (effects).
 
-Both are plain data, so that a run is recorded as it happened and folded again by `swarmctl replay`.
+Both are plain data, so that `swarmctl replay` can fold the events of a recorded run again. A tag that differs
+from the class name is the name in records.
 """
 
 from __future__ import annotations
@@ -20,11 +21,11 @@ from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import VehicleState
 
 ObservationId = tuple[int, int, int]
-"""(observer, incarnation, seq); a checkpoint goes by the last observation it stands for"""
+"""(observer, incarnation, seq); of a checkpoint: the last observation that it stands for"""
 
 
 class FlightOrder(StrEnum):
-    """What a vehicle can be told to do besides flying a mission."""
+    """Orders to a vehicle besides its mission."""
 
     LAUNCH = "launch"
     HOLD = "hold"
@@ -33,7 +34,7 @@ class FlightOrder(StrEnum):
 
 
 PlanLeft = Literal["old", "hold", "theirs", "unknown"]
-"""Which plan a vehicle is left with after a swap that failed."""
+"""The plan of a vehicle after a failed swap: the old one, hold mode, another station's, or unknown."""
 
 
 class _Record(msgspec.Struct, frozen=True, tag=True):
@@ -44,14 +45,14 @@ class _Record(msgspec.Struct, frozen=True, tag=True):
 
 
 class Joined(_Record, frozen=True):
-    """It is on the swarm's network."""
+    """The agent has joined the swarm's network."""
 
     incarnation: int
-    """greater each time its program is started; names its observations"""
+    """number that grows with each start of the program; a part of its observations' names"""
 
 
 class Ready(_Record, frozen=True):
-    """The vehicle answers, is the one it should be, and would arm now."""
+    """The vehicle answers, has the expected identity, and would arm now."""
 
 
 class TelemetryReceived(_Record, frozen=True):
@@ -65,41 +66,43 @@ class Observed(_Record, frozen=True):
 
 
 class ObservationsReceived(_Record, frozen=True, tag="Heard"):
-    """What others saw and was not known here."""
+    """Observations of others that are new to this agent."""
 
     told: tuple[BeliefItem, ...]
 
 
 class Neighbours(_Record, frozen=True):
-    """What others near it have told of themselves since the last time: (UAV, its state)."""
+    """States that neighbours have sent since the last such event: (UAV, its state)."""
 
     states: tuple[tuple[int, StateShared], ...]
 
 
 class Intents(_Record, frozen=True):
-    """What others have told of where they will be: (UAV, how long ago that was said [s], its intent)."""
+    """Intents that others have sent: (UAV, age of the message [s], its intent)."""
 
     told: tuple[tuple[int, float, IntentShared], ...]
 
 
 class MissionAccepted(_Record, frozen=True):
-    """The vehicle holds plan `plan_id`, read back and compared; in flight it flies it."""
+    """The vehicle has plan `plan_id`, read back and compared; in flight it flies this plan."""
 
     plan_id: int
     took_s: float | None = None
-    """in flight: from when it was begun to change its mission until it flew this one, by its clock; on the
-    ground: how long that will take, by how long the upload took"""
+    """in flight: measured duration of the swap; on the ground: expected duration, from that of the upload
+    [s]"""
     stood_still_s: float = 0.0
-    """for how long it held or stood still for that"""
+    """time for which the vehicle held or stood still for the swap [s]"""
 
 
 class MissionFailed(_Record, frozen=True):
+    """The vehicle has not taken plan `plan_id`."""
+
     plan_id: int
     flying: PlanLeft
     reason: str
     stood_still_s: float = 0.0
     is_late: bool = False
-    """the vehicle was past where the plan leaves the old one when it could have been taken over"""
+    """the plan was ready only after the vehicle had passed the splice point"""
 
 
 class OrderDone(_Record, frozen=True):
@@ -110,15 +113,15 @@ class OrderFailed(_Record, frozen=True):
     order: FlightOrder
     reason: str
     nothing_sent: bool = False
-    """what has to be looked at before a launch forbade it"""
+    """a check before the launch failed, and no command was sent"""
 
 
 class LaunchPostponed(_Record, frozen=True, tag="LaunchPutOff"):
-    """Before it took off somebody came into its way; it is not armed."""
+    """Another vehicle came in the way before the take-off; the vehicle is not armed."""
 
     reason: str
     was_armed: bool = False
-    """and has been disarmed again"""
+    """the vehicle was armed, and is disarmed again"""
 
 
 class SpeedFailed(_Record, frozen=True):
@@ -136,28 +139,29 @@ class LinkRestored(_Record, frozen=True):
 class OperatorCommand(_Record, frozen=True):
     order: FlightOrder
     command: int | None = None
-    """the operator desk's running number, which the `Answer` repeats; None: its own process orders this"""
+    """running number of the operator service, which the `Answer` repeats; None: an order of the own
+    process"""
     after_s: float = 0.0
-    """of a return: it holds for so long first, by the vehicle's clock, because others return before it"""
+    """with return: time for which the vehicle holds first, by its clock, while others return [s]"""
     ignore: tuple[int, ...] = msgspec.field(default=(), name="past")
-    """of a launch: it waits for none of these"""
+    """with launch: vehicles that the launch does not wait for"""
 
 
 class WeightsChanged(_Record, frozen=True):
-    """An operator wants other weights from the next plan on; None leaves one as it is."""
+    """An operator's new weights, from the next plan on; None: no change."""
 
     command: int
-    """the operator desk's running number, which the `Answer` repeats"""
+    """running number of the operator service, which the `Answer` repeats"""
     w: float | None = None
     strength: FiringStrength | None = None
 
 
 class Rebooted(_Record, frozen=True):
-    """Its clock went back: what was set on it may be gone."""
+    """The vehicle's clock went back, so its settings may be lost."""
 
 
 class Tick(_Record, frozen=True):
-    """Everything that had arrived has been handed over: decide now."""
+    """All events that had arrived are handed over: decide now."""
 
 
 Event = (
@@ -186,9 +190,11 @@ Event = (
 
 
 class Publish(_Record, frozen=True):
+    """Send a message to the swarm."""
+
     message: AgentMessage
     against: tuple[Cell, ...] = ()
-    """the cells it saw otherwise than others had told"""
+    """cells whose observation contradicts those of others"""
 
 
 class SwapMission(_Record, frozen=True):
@@ -197,43 +203,45 @@ class SwapMission(_Record, frozen=True):
     plan_id: int
     plan: FlightPlan
     cells: tuple[Cell, ...]
-    """the lattice route behind the plan"""
+    """lattice route of the plan"""
     because: tuple[ObservationId, ...]
-    """the observations merged since the last decision"""
+    """observations merged since the last decision"""
     cost: float
     exposure_sum: float
     safety_factor: float
     length_m: float
     track: Track | None = None
-    """what is flown instead of the lattice route, where routes are pulled straight; exposure_sum,
-    safety_factor and length_m are then the track's, `cost` the route's"""
+    """straight track that is flown instead of the lattice route; exposure_sum, safety_factor and length_m are
+    then the track's, `cost` is the route's"""
 
 
 class Command(_Record, frozen=True):
+    """Send an order to the vehicle."""
+
     order: FlightOrder
     by_person: bool = False
-    """just now: it goes out unseen"""
+    """an operator has just ordered it, so it is sent even if no telemetry arrives"""
 
 
 class SetSpeed(_Record, frozen=True):
-    """Fly the mission so fast over ground."""
+    """Set the ground speed of the mission."""
 
     speed_m_s: float
 
 
 class Release(_Record, frozen=True):
-    """Stop whatever is being done to the vehicle: somebody else has it."""
+    """Stop all conversations with the vehicle: a pilot, a failsafe or another station has taken it over."""
 
 
 class Answer(_Record, frozen=True):
-    """What became of an operator's command, for whoever gave it."""
+    """The answer to an operator's command."""
 
     command: int
     answer: VehicleAnswer
 
 
 class NotifyOperator(_Record, frozen=True, tag="Tell"):
-    """The operator has to know this of the vehicle."""
+    """A text about the vehicle for the operator."""
 
     text: str
 

@@ -13,7 +13,8 @@ from swarmctl.core.grid import Cell
 from swarmctl.core.threat import FiringStrength
 
 RouteCells = Sequence[Cell] | NDArray[np.int64]
-"""A route: its cells, or the same as an array (n, 2), which saves conversions for several sums over one route."""
+"""A route: its cells, or the same as an array (n, 2), which saves conversions for several sums over one
+route."""
 
 
 def exposure(p_occupied: NDArray[np.float64], strength: FiringStrength) -> NDArray[np.float64]:

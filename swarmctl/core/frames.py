@@ -5,13 +5,13 @@
 | `inform/observation` | Observation | cells that the sender has just seen |
 | `inform/state` | StateShared | position, phase, counts of its knowledge, UAVs it hears; once a second |
 | `inform/intent` | IntentShared | future positions with times; after each change, and every few seconds |
-| `query-ref/snapshot` | SnapshotAsked | names of all observations that the sender holds; asks for the others |
+| `query-ref/snapshot` | SnapshotAsked | names of all held observations; asks for the others |
 | `inform/snapshot` | Snapshot | the answer: frames of the observers, byte for byte |
 | `inform/relayed` | Relayed | new frames of others, passed on at once; or a checkpoint of the sender |
 | `inform/checkpoint` | Checkpoint | in snapshots: stands for all observations of an observer up to one |
 
-A frame is the byte VERSION, a byte that says whether it is signed, 64 bytes of Ed25519 signature if it is, and
-a MessagePack map. The signature covers the swarm's name and the map. Fields that a later version adds are
+A frame is the byte VERSION, a byte that says whether it is signed, 64 bytes of Ed25519 signature if it is,
+and a MessagePack map. The signature covers the swarm's name and the map. Fields that a later version adds are
 ignored; another version, a missing field or an invalid value is refused.
 """
 
@@ -166,7 +166,8 @@ class IntentShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, ta
             _check_place(point.lat_deg, point.lon_deg)
             if not (abs(point.alt_amsl_m) <= MAX_AWAY and 0.0 <= point.in_s <= MAX_AHEAD_S):
                 raise ValueError(
-                    f"a height that is no number or above {MAX_AWAY:g}, or a time outside 0 to {MAX_AHEAD_S:g} s"
+                    f"a height that is no number or above {MAX_AWAY:g}, "
+                    f"or a time outside 0 to {MAX_AHEAD_S:g} s"
                 )
             if point.in_s <= before_s:
                 raise ValueError("times that do not rise: expected each after the one before")
@@ -261,7 +262,8 @@ _frames: msgspec.msgpack.Decoder[Frame] = msgspec.msgpack.Decoder(Frame)
 
 
 class FrameCodec:
-    """Frames to bytes and back. Without `sign` frames are unsigned; without `verify` signatures are ignored."""
+    """Frames to bytes and back. Without `sign` frames are unsigned; without `verify` signatures are
+    ignored."""
 
     def __init__(self, swarm: str, sign: Sign | None = None, verify: Verify | None = None) -> None:
         self._domain = b"swarmctl\0" + swarm.encode() + b"\0"

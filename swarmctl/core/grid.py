@@ -13,7 +13,7 @@ Cell = tuple[int, int]
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """An area of `rows` × `cols` cells of `cell_size_m`; the origin is the south-west corner of cell (0, 0)."""
+    """`rows` × `cols` cells of `cell_size_m`; the origin is the south-west corner of cell (0, 0)."""
 
     rows: int
     cols: int

@@ -1,7 +1,7 @@
 """Flight plans that are the same for every autopilot, and the mission items on the wire.
 
-An agent decides on a `FlightPlan`. The autopilot dialects in `swarmctl.mavlink` turn it into the `MissionItem`s
-of one firmware (home placeholder, frames, first sequence number).
+An agent decides on a `FlightPlan`. The autopilot dialects in `swarmctl.mavlink` turn it into the
+`MissionItem`s of one firmware (home placeholder, frames, first sequence number).
 """
 
 from __future__ import annotations

@@ -75,7 +75,7 @@ class CellCounts:
 
 
 class Checkpoint(msgspec.Struct, frozen=True, gc=False, tag="inform/checkpoint"):
-    """Counts that stand for all observations of one source up to one, so that memory and snapshots stay small."""
+    """Counts that stand for all observations of one source up to one; memory and snapshots stay small."""
 
     observer: Id
     incarnation: Incarnation
@@ -84,7 +84,8 @@ class Checkpoint(msgspec.Struct, frozen=True, gc=False, tag="inform/checkpoint")
     packed: Annotated[bytes, msgspec.Meta(max_length=MAX_PACKED_BYTES)]
     """zlib over three arrays of u32, little-endian: steps between the cells, looks, hits"""
     mark: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
-    """`mark_of` all its observations, combined by exclusive or: a holder of them can check that they are equal"""
+    """`mark_of` all its observations, combined by exclusive or: a holder of them can check that they are
+    equal"""
 
     @property
     def source(self) -> Source:

@@ -10,8 +10,8 @@ from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.mission import FlightPlan, Waypoint
 
 CORNER_TOLERANCE = 0.02
-"""Distance at which a leg may pass the shared corner of two diagonal cells [cells]. Between centres a leg meets
-the corner exactly; a vehicle that follows such a leg has an error of about this size."""
+"""Distance at which a leg may pass the shared corner of two diagonal cells [cells]. Between centres a leg
+meets the corner exactly; a vehicle that follows such a leg has an error of about this size."""
 
 LANDING_SPACING_M = 12.0
 """Greatest distance between the landing spots in one cell [m]."""
@@ -118,7 +118,7 @@ def _may_skip_first_centre(grid: Grid, turns: Sequence[Cell], position: LatLon) 
 
 
 def _clipped(grid: Grid, here: Cell, there: Cell, position: LatLon) -> Cell:
-    """Return the cell beside the shared corner that the leg from `position` to the diagonal neighbour enters."""
+    """Return the cell beside the shared corner that the leg to the diagonal neighbour enters."""
     _, across = _leg(grid, here, there, position)
     d_row, d_col = _step(here, there)
     # Corner to the left of the leg: the leg passes on the corner's right, which is east on a flight north.

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True)
 class FiringStrength:
-    """Probabilities that a hostile hits a vehicle that enters its cell, one of the 4 next to it or the 4 diagonal.
+    """Hit probabilities for a vehicle that enters a hostile's cell, one of the 4 next to it or the 4
+    diagonal.
 
     Raises ValueError unless 0 ≤ second_neighbour < first_neighbour < direct ≤ 1.
     """

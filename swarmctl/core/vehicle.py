@@ -58,7 +58,7 @@ class VehicleState:
     mission_seq: int | None = None
     mission_total: int | None = None
     brakes_m_s2: float | None = None
-    """deceleration [m/s²] to a stop before the vehicle starts another plan in flight; None: it turns at once"""
+    """deceleration to a stop before it starts another plan in flight [m/s²]; None: it turns at once"""
     other_mission: bool = False
     """the mission on the vehicle differs from the verified one: another station has uploaded it"""
     home_lat_deg: float | None = None
@@ -77,12 +77,12 @@ class VehicleState:
 
     @property
     def takeoff_lat_lon(self) -> tuple[float, float] | None:
-        """The place of take-off [deg]: home once the vehicle is armed, its position before; None if unknown."""
+        """Place of take-off [deg]: home once the vehicle is armed, its position before; None if unknown."""
         if self.armed and self.home_lat_deg is not None and self.home_lon_deg is not None:
             return self.home_lat_deg, self.home_lon_deg
         return None if self.lat_deg is None or self.lon_deg is None else (self.lat_deg, self.lon_deg)
 
     @property
     def has_position(self) -> bool:
-        """Whether latitude, longitude and height are known."""
+        """True if latitude, longitude and height are known."""
         return self.lat_deg is not None and self.lon_deg is not None and self.alt_rel_m is not None

@@ -60,7 +60,7 @@ def measures(threat: ThreatMap, cells: list[Cell], counting: ExposureMeasure) ->
     points = [centre(cell) for cell in cells]
     under = crossed_cells(points)
     length = sum(math.dist(a, b) for a, b in itertools.pairwise(points))
-    rows = [length, *threat.integral(under.cells, under.ways)]
+    rows = [length, *threat.integral(under.cells, under.lengths)]
     if counting is ExposureMeasure.ENTERED:
         rows += [*threat.entered(under.cells[1:])]
     return np.array(rows)

@@ -48,7 +48,7 @@ def test_between_centres_the_cells_and_ways_are_exact(a: Cell, b: Cell) -> None:
     exact = exactly_passed(a, b)
     assert under.cells == tuple(cell for cell, _ in exact)
     length = math.dist(a, b)
-    assert under.ways == pytest.approx([float(share) * length for _, share in exact], abs=1e-12)
+    assert under.lengths == pytest.approx([float(share) * length for _, share in exact], abs=1e-12)
 
 
 @pytest.mark.parametrize("far", [9_999, 10_000])
@@ -63,7 +63,7 @@ def test_corners_are_told_apart_on_the_longest_legs(far: int) -> None:
 def test_a_track_passes_over_the_cells_of_its_points_in_order(points: list[GridPoint]) -> None:
     under = crossed_cells(points)
     assert all(a != b for a, b in itertools.pairwise(under.cells))
-    assert sum(under.ways) == pytest.approx(
+    assert sum(under.lengths) == pytest.approx(
         sum(itertools.starmap(math.dist, itertools.pairwise(points))), abs=1e-6
     )
     for here, there in itertools.pairwise(under.cells):
@@ -110,7 +110,11 @@ def test_all_legs_at_once_are_each_leg_alone(p_s: np.ndarray) -> None:
     for k, (a, b) in enumerate(pairs):
         points = (centre(a), centre(b))
         under = crossed_cells(points)
-        alone = [math.dist(a, b), *threat.integral(under.cells, under.ways), *threat.entered(under.cells[1:])]
+        alone = [
+            math.dist(a, b),
+            *threat.integral(under.cells, under.lengths),
+            *threat.entered(under.cells[1:]),
+        ]
         assert legs.measures[:, k] == pytest.approx(alone, abs=1e-12)
         assert legs.clear[k] == is_clear(threat, points)
 
@@ -142,7 +146,7 @@ def test_the_integral_is_that_of_many_samples() -> None:
     share = (np.arange(200_000) + 0.5) / 200_000
     x, y = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
     sampled = p_s[np.floor(y).astype(int), np.floor(x).astype(int)].mean() * math.dist(a, b)
-    assert ThreatMap.of(p_s).integral(under.cells, under.ways)[0] == pytest.approx(sampled, rel=1e-4)
+    assert ThreatMap.of(p_s).integral(under.cells, under.lengths)[0] == pytest.approx(sampled, rel=1e-4)
 
 
 def test_who_is_in_a_wall_may_leave_it() -> None:

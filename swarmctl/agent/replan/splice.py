@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from swarmctl.agent.replan.stopping import distance_and_speed_after
 from swarmctl.agent.state import AgentState, Phase
 from swarmctl.agent.traffic.collision_avoidance import track_ahead
-from swarmctl.core.any_angle.track import crossed_cells as cells_passed
+from swarmctl.core.any_angle.track import crossed_cells
 from swarmctl.core.grid import Cell
 from swarmctl.core.mission import Waypoint
 from swarmctl.core.planar import PlanarPoint, distance_to_leg, distance_to_track
@@ -120,7 +120,7 @@ def splice_on_track(state: AgentState, p_s: NDArray[np.float64]) -> Splice:
             break
     cell = grid.cell_at(*grid.frame.to_geodetic(*passed[-1]))
     size_m = grid.cell_size_m
-    over = cells_passed([(e / size_m, n / size_m) for e, n in passed]).cells[1:]
+    over = crossed_cells([(e / size_m, n / size_m) for e, n in passed]).cells[1:]
     if cell is None or lead_m < least_m or any(_is_wall(state, p_s, at) for at in over):
         return at_once
     passes = [Waypoint(*grid.frame.to_geodetic(*point), state.height_m) for point in passed[1:]]

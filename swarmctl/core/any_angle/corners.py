@@ -1,4 +1,4 @@
-"""Which cells of a lattice route a track turns at: a search over all straight legs between them."""
+"""The choice of a track's corners among the cells of a lattice route: a search over all straight legs."""
 
 from __future__ import annotations
 
@@ -13,34 +13,34 @@ from swarmctl.core.any_angle.track import CrossedCells, Floats, ThreatMap, centr
 from swarmctl.core.any_angle.turns import arc
 
 SPAN = 32
-"""Legs over more steps of a route than this are looked for only between corners that shorter ones leave.
-A route of no more steps gets the fewest legs there are."""
+"""Longest leg of the first search [steps of the route]. Longer legs are searched only between corners that
+shorter legs leave. For a route of no more steps the number of legs is minimal."""
 
 TIES = 1e-9
 """Share by which rounding may make equal sums differ."""
 
 ROUNDS = 50
-"""How often a track is chosen again because an arc of the last was bad."""
+"""Greatest number of searches; a search is repeated if an arc of its track is bad."""
 
 
 class ExposureMeasure(StrEnum):
-    """By what a straight leg must not be more exposed than the lattice route it replaces."""
+    """The measures by which a straight leg must not be more exposed than the lattice route it replaces."""
 
     ENTERED = "entered"
-    """by each: ΣP_s and ∏(1 − P_s) over the cells entered, and ∫P_s ds and ∫−ln(1 − P_s) ds along the way.
-    Strikes are drawn each time a cell is entered, and a skew leg enters more of them than diagonal steps do,
-    so this never adds strikes; it pulls little where nothing is known"""
+    """ΣP_s and ∏(1 − P_s) over the cells entered, and ∫P_s ds and ∫−ln(1 − P_s) ds along the leg. Strikes are
+    drawn each time a cell is entered, and a skew leg enters more cells than diagonal steps do. So this
+    measure never adds strikes, but it straightens little before anything is observed"""
     INTEGRAL = "integral"
-    """by ∫P_s ds and ∫−ln(1 − P_s) ds alone: pulls most, and enters about a quarter more cells"""
+    """∫P_s ds and ∫−ln(1 − P_s) ds alone; straightens most, and enters about a quarter more cells"""
 
     @property
     def rows(self) -> slice:
-        """Of a table of measures (`swarmctl.core.any_angle.legs`), those that must not become worse."""
+        """Rows of a table of measures (`swarmctl.core.any_angle.legs`) that must not become worse."""
         return slice(0, N_MEASURES if self is ExposureMeasure.ENTERED else 3)
 
     def of(self, threat: ThreatMap, under: CrossedCells) -> Floats:
-        """Those of them that are exposures, of a track that begins in its first cell."""
-        integral = threat.integral(under.cells, under.ways)
+        """Return the exposures among these measures for a track that begins in its first cell."""
+        integral = threat.integral(under.cells, under.lengths)
         if self is ExposureMeasure.INTEGRAL:
             return integral
         return np.concatenate((integral, threat.entered(under.cells[1:])))
@@ -51,26 +51,27 @@ TurnIndices = tuple[int, int, int]
 
 
 class Unflyable(ValueError):
-    """No track over the cells of a route has turns as wide as the vehicle needs."""
+    """An error: no track over the cells of a route has turns as wide as the vehicle needs."""
 
 
 @dataclass(frozen=True, slots=True)
 class Weights:
-    """Eq. 5, by which an unavoidable loss is kept small."""
+    """The weights of Eq. 5, which keeps an unavoidable loss small."""
 
     w: float
     psi_per_cell: float
 
 
 def choose_corners(
-    threat: ThreatMap, route: Ints, counting: ExposureMeasure, radius_cells: float, weights: Weights
+    threat: ThreatMap, route: Ints, measure: ExposureMeasure, radius_cells: float, weights: Weights
 ) -> tuple[int, ...]:
-    """Indices into `route`, (n, 2) rows and columns of neighbouring cells: both ends and where to turn.
+    """Return the corners of a track, both ends included, as indices into `route`.
 
-    The fewest corners whose legs and arcs are no worse than the route; where turns need room and there are
-    none such, those that cost least by `weights`. Raises Unflyable.
+    `route` is (n, 2) rows and columns of neighbouring cells. The result has the fewest corners whose legs and
+    arcs are no worse than the route. If turns need room and no such corners exist, it is the choice of least
+    cost by `weights`. Raises Unflyable.
     """
-    search = _Search(threat, route, counting, radius_cells)
+    search = _Search(threat, route, measure, radius_cells)
     corners = search.no_worse()
     if corners is None:
         corners = search.least_bad(weights)
@@ -84,24 +85,24 @@ def choose_corners(
 
 
 class _Search:
-    """Chooses corners among the cells of one route."""
+    """The search for corners among the cells of one route."""
 
-    def __init__(self, threat: ThreatMap, route: Ints, counting: ExposureMeasure, radius: float) -> None:
-        self._threat, self._route, self._counting, self._radius = threat, route, counting, radius
+    def __init__(self, threat: ThreatMap, route: Ints, measure: ExposureMeasure, radius: float) -> None:
+        self._threat, self._route, self._measure, self._radius = threat, route, measure, radius
         steps = measure_legs(threat, route[:-1], route[1:]).measures
         self._so_far = np.concatenate((np.zeros((N_MEASURES, 1)), np.cumsum(steps, axis=1)), axis=1)
         self._forbidden: set[TurnIndices] = set()
 
     def no_worse(self) -> tuple[int, ...] | None:
-        """The fewest corners whose legs and arcs are all no worse than the lattice route, if any."""
+        """Return the fewest corners whose legs and arcs are no worse than the route; None without any."""
         corners = self._with_good_arcs(None)
         if corners is None or self._radius > 0.0:
             return corners
-        # On a long route not all legs were looked at; the lattice route's own are good too.
+        # On a long route not all legs were searched; the legs of the lattice route are good too.
         return min(corners, self._turns(), key=len)
 
     def least_bad(self, weights: Weights) -> tuple[int, ...] | None:
-        """The corners whose legs cost least by Eq. 5, worse than the lattice route or not."""
+        """Return the corners whose legs cost least by Eq. 5, even if they are worse than the route."""
         self._forbidden.clear()
         return self._with_good_arcs(weights)
 
@@ -131,9 +132,7 @@ class _Search:
         inside = crossed_cells(flown)
         if not strict:
             return True
-        return bool(
-            _no_worse(self._counting.of(self._threat, inside), self._counting.of(self._threat, around))
-        )
+        return bool(_no_worse(self._measure.of(self._threat, inside), self._measure.of(self._threat, around)))
 
     def _corners(self, weights: Weights | None) -> tuple[int, ...] | None:
         nodes = np.arange(len(self._route))
@@ -146,7 +145,7 @@ class _Search:
             nodes = chosen
 
     def _costs(self, nodes: Ints, weights: Weights | None) -> Floats:
-        """(nodes, span): of the legs from each node to the next ones, infinite where there may be none."""
+        """Return (nodes, span) costs of the legs from each node to the next ones; infinite if forbidden."""
         n = len(nodes)
         span = min(SPAN, n - 1)
         begins, ahead = (index.ravel() for index in np.indices((n, span)))
@@ -161,24 +160,26 @@ class _Search:
         legs = measure_legs(self._threat, self._route[first], self._route[last])
         length = legs.measures[0]
         replaced = self._so_far[:, last] - self._so_far[:, first]
-        # No other way of that length leads there. The planner has vouched for this one.
+        # Such a leg lies on the lattice route, and the planner has chosen that route.
         on_lattice = replaced[0] <= length * (1.0 + TIES)
         if weights is None:
-            rows = self._counting.rows
+            rows = self._measure.rows
             good = _no_worse(legs.measures[rows], replaced[rows])
-            cost = length + 2.0 * len(self._route)  # one leg less outweighs every length
+            cost = length + 2.0 * len(self._route)  # one leg less outweighs any length
         else:
-            exposure = legs.measures[ENTERED if self._counting is ExposureMeasure.ENTERED else INTEGRAL]
+            exposure = legs.measures[ENTERED if self._measure is ExposureMeasure.ENTERED else INTEGRAL]
             good = np.ones(len(first), dtype=bool)
             cost = (1.0 - weights.w) * weights.psi_per_cell * length + weights.w * exposure + TIES
         return np.where((length > 0.0) & (on_lattice | (legs.clear & good)), cost, np.inf)
 
     def _best(self, nodes: Ints, costs: Floats) -> Ints | None:
-        """The cheapest chain of legs from the first node to the last: a shortest path over legs, because
-        whether a leg may be flown depends on the one before it."""
+        """Return the cheapest chain of legs from the first node to the last; None without any.
+
+        It is a shortest path over legs, not over nodes, because a leg must fit the one before it.
+        """
         n, span = costs.shape
         total = np.full((n, span), np.inf)
-        """[j, s]: of the best chain to node j whose last leg comes from node j − s − 1"""
+        """[j, s]: cost of the best chain to node j with a last leg from node j − s − 1"""
         leg_before = np.zeros((n, span), dtype=np.int64)
         for i in range(n - 1):
             reach = np.arange(min(span, n - 1 - i))
@@ -199,7 +200,7 @@ class _Search:
         return nodes[chosen[::-1]]
 
     def _may_turn(self, nodes: Ints, i: int, span: int, reach: int) -> Bools:
-        """(span, reach): whether a leg that comes from node i − 1 − row may go on to node i + 1 + column."""
+        """Return (span, reach): whether a leg from node i − 1 − row may go on to node i + 1 + column."""
         if self._radius == 0.0:
             return np.ones((span, reach), dtype=bool)
         before, after = np.maximum(i - 1 - np.arange(span), 0), i + 1 + np.arange(reach)
@@ -208,7 +209,7 @@ class _Search:
         cross = np.outer(come[:, 0], go[:, 1]) - np.outer(come[:, 1], go[:, 0])
         dot = come @ go.T
         come_m, go_m = np.hypot(*come.T), np.hypot(*go.T)
-        # Only the ends of the track may be taken up by one arc alone.
+        # An arc may take a whole leg only at the ends of the track; elsewhere two arcs share a leg.
         room = np.minimum.outer(
             come_m * np.where(before == 0, 1.0, 0.5), go_m * np.where(after == len(nodes) - 1, 1.0, 0.5)
         )
@@ -222,5 +223,5 @@ class _Search:
 
 
 def _no_worse(measures: Floats, others: Floats) -> Any:
-    """Whether in no row one is worse: of one or of many."""
+    """Return whether no row of `measures` is worse than that of `others`; for one leg or for many."""
     return (measures <= others * (1.0 + TIES) + TIES).all(axis=0)

@@ -1,6 +1,6 @@
-"""Every straight leg between the cells of a route at once: how long, how exposed, whether clear of walls.
+"""Length, exposure and clearance of many straight legs between the cells of a route at once.
 
-Legs run from centre to centre, so where they cross grid lines and corners is decided in integers.
+Legs run from centre to centre, so their crossings of grid lines and corners are computed in integers.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmctl.core.any_angle.track import CORNER_WAY, WALL_MARGIN, Floats, ThreatMap
+from swarmctl.core.any_angle.track import CORNER_LENGTH, WALL_MARGIN, Floats, ThreatMap
 
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
@@ -19,19 +19,22 @@ N_MEASURES = 5
 """rows of a table of measures: length [cells]; ∫P_s ds and ∫−ln(1 − P_s) ds; ΣP_s and Σ−ln(1 − P_s) over the
 cells entered after the first"""
 INTEGRAL, ENTERED = 1, 3
-"""the rows of ∫P_s ds and of ΣP_s"""
+"""row numbers of ∫P_s ds and of ΣP_s"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LegMeasures:
+    """Measures of n legs."""
+
     measures: Floats
     """(N_MEASURES, n)"""
     clear: Bools
-    """(n,): enters no wall and keeps WALL_MARGIN from the corners of all; the cell it begins in apart"""
+    """(n,): the leg enters no wall and keeps WALL_MARGIN from the corners of walls; its first cell is
+    exempt"""
 
 
 def measure_legs(threat: ThreatMap, begins: Ints, ends: Ints) -> LegMeasures:
-    """Straight legs between cells; `begins` and `ends` are (n, 2) rows and columns, different in each leg."""
+    """Return the measures of straight legs; `begins` ≠ `ends` are (n, 2) rows and columns of cells."""
     delta = ends - begins
     order = np.argsort(-np.abs(delta).max(axis=1), kind="stable")
     walk = _Walk(begins[order], delta[order])
@@ -39,7 +42,7 @@ def measure_legs(threat: ThreatMap, begins: Ints, ends: Ints) -> LegMeasures:
     fields = np.stack([threat.p_s, threat.hazard])
     integral, entered, clear = np.zeros((2, n)), np.zeros((2, n)), np.ones(n, dtype=bool)
     for k in range(int(walk.major[0]) + 1 if n else 0):
-        # Along its longer axis a leg crosses a strip of cells a step, and in it one cell or two.
+        # In each step along its longer axis a leg crosses a strip of cells, and in it one cell or two.
         m = int(np.count_nonzero(walk.major >= k))
         low, high, q_in, q_out = walk.strip(k, m)
         two = q_out > q_in
@@ -61,7 +64,7 @@ def measure_legs(threat: ThreatMap, begins: Ints, ends: Ints) -> LegMeasures:
 
 
 class _Walk:
-    """Legs in steps along their longer axes: after k steps a leg is k · minor / major cells aside."""
+    """Legs in steps along their longer axes: after k steps a leg is k · minor / major cells to the side."""
 
     def __init__(self, begins: Ints, delta: Ints) -> None:
         steps = np.abs(delta)
@@ -71,8 +74,10 @@ class _Walk:
         self._by_row = steps[:, 0] >= steps[:, 1]
 
     def strip(self, k: int, m: int) -> tuple[Floats, Floats, Ints, Ints]:
-        """Of the first m legs: from where to where [steps] they are in strip k, and how many cells aside they
-        enter and leave it. A corner is left for the cell diagonally behind it."""
+        """Return, for the first m legs, the begin and end of strip k [steps], and the entry and exit cells.
+
+        Cells are counted to the side of the begin. A leg over a corner goes on in the diagonal cell.
+        """
         major, minor = self.major[:m], self.minor[:m]
         low = np.full(m, max(k - 0.5, 0.0))
         high = np.minimum(k + 0.5, major)
@@ -81,7 +86,7 @@ class _Walk:
         return low, high, q_in, q_out
 
     def cells(self, k: int, aside: Ints, legs: Ints) -> tuple[Ints, Ints]:
-        """Rows and columns of `legs` after k steps and `aside` cells to the side."""
+        """Return rows and columns of `legs` after k steps and `aside` cells to the side."""
         begins, sign, along_row = self._begins[legs], self._sign[legs], self._by_row[legs]
         rows = begins[:, 0] + sign[:, 0] * np.where(along_row, k, aside)
         cols = begins[:, 1] + sign[:, 1] * np.where(along_row, aside, k)
@@ -89,12 +94,12 @@ class _Walk:
 
 
 def _grazes(threat: ThreatMap, walk: _Walk, k: int, m: int) -> Bools:
-    """Whether between strips k and k + 1 a leg comes too near the corner of a wall."""
+    """Return whether each leg comes too near the corner of a wall between strips k and k + 1."""
     major, minor = walk.major[:m], walk.minor[:m]
     crossing = minor * (2 * k + 1) + major
     corner = (crossing + major) // (2 * np.maximum(major, 1))
     off = np.abs(crossing - corner * 2 * major) / (2.0 * np.maximum(walk.length[:m], 1.0))
-    near = np.flatnonzero((off <= WALL_MARGIN + CORNER_WAY) & (k < major))
+    near = np.flatnonzero((off <= WALL_MARGIN + CORNER_LENGTH) & (k < major))
     met = np.zeros(m, dtype=bool)
     for strip in (k, k + 1):
         for aside in (corner[near] - 1, corner[near]):

@@ -1,10 +1,12 @@
-"""Pulling a lattice route straight, and making its turns wide enough for a vehicle that needs room for them.
+"""Straightening of lattice routes, with turns as wide as the vehicle needs.
 
-A lattice route turns in steps of 45°. A straight leg between two of its cells may take the place of the way
-between them where it is neither longer nor more exposed, so the whole is never worse than the lattice route
-in anything that is compared. How exposure is compared (`ExposureMeasure`) matters: see `swarmctl.core.any_angle.track`.
+A lattice route turns in steps of 45°. A straight leg may replace the part of the route between two of its
+cells if it is neither longer nor more exposed. So the track is never worse than the lattice route in any
+measure that is compared. The choice of the exposure measure (`ExposureMeasure`) matters: see
+`swarmctl.core.any_angle.track`.
 
-Of a fixed wing the turn onto the first leg is not planned here, nor its landing (`swarmctl.agent.replan.landing_pattern`).
+The turn of a fixed wing onto its first leg is not planned here. Its landing is planned in
+`swarmctl.agent.replan.landing_pattern`.
 """
 
 from __future__ import annotations
@@ -22,20 +24,20 @@ from swarmctl.core.grid import Cell
 from swarmctl.core.route import CORNER_TOLERANCE
 
 WORSE_BY = 0.05
-"""A track is given up where what is left of it has become more exposed than its route by this share of what
-is left of the route: less is not worth stopping a vehicle for."""
+"""Share by which the rest of a track may become more exposed than the rest of its route. A smaller difference
+is not worth stopping a vehicle for."""
 
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """What is flown instead of a lattice route."""
+    """A straightened route."""
 
     corners: tuple[Cell, ...]
-    """both ends and where it turns, all cells of the route in its order"""
+    """both ends and the turns, all of them cells of the route, in its order"""
     over: tuple[Cell, ...]
-    """the cells under it, in the order flown"""
+    """cells under the track, in the order flown"""
     abreast: tuple[int, ...]
-    """for each of them the index of the route's cell that stands for it"""
+    """for each cell under the track the index of the nearest cell of the route"""
     length_cells: float
     exposure_sum: float
     """ΣP_s over the cells entered after the first"""
@@ -46,27 +48,27 @@ class Track:
 def pull_straight(
     threat: ThreatMap,
     cells: Sequence[Cell],
-    counting: ExposureMeasure,
+    measure: ExposureMeasure,
     *,
     radius_cells: float = 0.0,
     weights: Weights | None = None,
 ) -> Track:
-    """The straight legs to fly for a route over neighbouring cells: the fewest, of those the shortest.
+    """Return the track for a route over neighbouring cells: the fewest straight legs, of these the shortest.
 
-    Where turns need `radius_cells` [cells], each is an arc inside its corner and takes at most half of a leg
-    between two turns. If no choice of legs that are no worse leaves that room, the legs may be worse, as
-    little as can be by `weights` (Eq. 5; by exposure alone without): such a vehicle cannot fly the lattice
-    route either. Walls are kept clear in any case. Raises Unflyable.
+    With a turn radius of `radius_cells` [cells] each turn is an arc inside its corner, which takes at most
+    half of a leg between two turns. If no legs without loss leave that room, the legs may be worse. The loss
+    is then the least by `weights` (Eq. 5), or by exposure alone without `weights`; such a vehicle cannot fly
+    the lattice route either. The track keeps clear of walls in any case. Raises Unflyable.
     """
     if len(cells) < 3:
         return track(threat, cells, tuple(range(len(cells))), radius_cells)
     route = np.array(cells, dtype=np.int64)
-    corners = choose_corners(threat, route, counting, radius_cells, weights or Weights(1.0, 0.0))
+    corners = choose_corners(threat, route, measure, radius_cells, weights or Weights(1.0, 0.0))
     return track(threat, cells, corners, radius_cells)
 
 
 def track(threat: ThreatMap, cells: Sequence[Cell], corners: Sequence[int], radius_cells: float) -> Track:
-    """The track over the cells with the indices `corners` of a route."""
+    """Return the track with its corners at the cells with the indices `corners` of a route."""
     points = [centre(cells[k]) for k in corners]
     flown, leg_of = rounded(points, radius_cells)
     under = crossed_cells(flown)
@@ -76,15 +78,17 @@ def track(threat: ThreatMap, cells: Sequence[Cell], corners: Sequence[int], radi
         tuple(cells[k] for k in corners),
         under.cells,
         abreast,
-        math.fsum(under.ways),
+        math.fsum(under.lengths),
         exposure,
         math.exp(-hazard),
     )
 
 
 def route_index_at(track: Track, cell: Cell, since: int = 0) -> int | None:
-    """The index of the route's cell that stands for a cell under the track, at or after `since` if it passes
-    there more than once; None where it does not pass."""
+    """Return the index of the route's cell nearest to a cell under the track; None if it is not under it.
+
+    If the track passes the cell more than once, the index is at or after `since`.
+    """
     found = [k for over, k in zip(track.over, track.abreast, strict=True) if over == cell]
     return next((k for k in found if k >= since), found[-1] if found else None)
 
@@ -92,7 +96,7 @@ def route_index_at(track: Track, cell: Cell, since: int = 0) -> int | None:
 def still_holds(
     now: ThreatMap,
     before: ThreatMap,
-    counting: ExposureMeasure,
+    measure: ExposureMeasure,
     route: Sequence[Cell],
     track: Track,
     *,
@@ -100,11 +104,12 @@ def still_holds(
     cell: Cell,
     index: int,
 ) -> bool:
-    """Whether what is left of a track is as good as what is left of its route, now that more is known.
+    """Return whether the rest of a track is as good as the rest of its route by the present threat, `now`.
 
-    The vehicle is over `cell` of the track, for which `route[index]` stands; `before` is the threat by which
-    the track was last found good. Along a leg the one may have its dear part behind it and the other before
-    it, so what is left may have been dearer on the track from the beginning: only more than that is news.
+    The vehicle is over `cell` of the track, and `route[index]` is the nearest cell of the route. `before` is
+    the threat by which the track was last found good. The rest of the track may have been more exposed by
+    `before` already, if the exposed part of a leg lay behind on the route and ahead on the track. So only an
+    increase over that difference counts.
     """
     flown, _ = rounded([centre(corner) for corner in track.corners], radius_cells)
     under = crossed_cells(flown)
@@ -117,20 +122,20 @@ def still_holds(
         return False
     ahead = crossed_cells([centre(at) for at in route[index:]])
     rest, lattice = _from(under, here), _from(ahead, 0)
-    mine, its = counting.of(now, rest), counting.of(now, lattice)
-    were = np.maximum(counting.of(before, rest) - counting.of(before, lattice), 0.0)
+    mine, its = measure.of(now, rest), measure.of(now, lattice)
+    were = np.maximum(measure.of(before, rest) - measure.of(before, lattice), 0.0)
     return bool((mine <= its * (1.0 + WORSE_BY) + were + TIES).all())
 
 
 def _from(under: CrossedCells, here: int) -> CrossedCells:
-    """What lies before a vehicle that leaves the cell with this index."""
-    return CrossedCells(under.cells[here:], (0.0, *under.ways[here + 1 :]), under.legs[here:])
+    """Return the cells ahead of a vehicle that leaves the cell with this index."""
+    return CrossedCells(under.cells[here:], (0.0, *under.lengths[here + 1 :]), under.legs[here:])
 
 
 def may_join(threat: ThreatMap, position: GridPoint, here: Cell, corner: Cell) -> bool:
-    """Whether a vehicle within cell `here` may fly straight to the next corner, not by its cell's centre."""
-    # DEVIATION: as on a lattice route it cuts over other cells than planned where none of them is worse than
-    # the worst of the planned ones beside it.
+    """Return whether a vehicle within cell `here` may fly straight to the next corner."""
+    # DEVIATION: as on a lattice route, the vehicle may enter unplanned cells if none of them is worse than
+    # the worst of the planned cells beside it.
     planned = crossed_cells((centre(here), centre(corner))).cells
     if not is_clear(threat, (position, centre(corner)), CORNER_TOLERANCE):
         return False
@@ -144,7 +149,7 @@ def may_join(threat: ThreatMap, position: GridPoint, here: Cell, corner: Cell) -
 def _abreast(
     cells: Sequence[Cell], corners: Sequence[int], under: CrossedCells, leg_of: Sequence[int]
 ) -> list[int]:
-    """The nearest cell of the route for each under the track, never going back."""
+    """Return the index of the nearest cell of the route for each cell under the track, never decreasing."""
     found: list[int] = []
     for (row, col), piece in zip(under.cells, under.legs, strict=True):
         first = max(found[-1] if found else 0, corners[leg_of[piece]])

@@ -1,4 +1,4 @@
-"""Straight tracks over the cells: what they pass over, how far, and how exposed that is.
+"""Straight tracks over the cells: the cells crossed, the length over each, and the exposure.
 
 Points are (x, y) in cells from the south-west corner of cell (0, 0), so the centre of cell (row, col) is
 (col + 0.5, row + 0.5).
@@ -6,14 +6,14 @@ Points are (x, y) in cells from the south-west corner of cell (0, 0), so the cen
 Two measures of exposure, because Eq. 5 has none for a track between cells:
 
 entered
-    ΣP_s over the cells a track enters, as Eq. 5 counts a route and as strikes are drawn: once each time a
-    cell is entered, however short the way through it. A track through the corner of two cells enters only the
-    diagonal one, as a diagonal step does. A straight track at a skew angle enters more cells than the lattice
-    route beside it.
+    ΣP_s over the cells that a track enters, as Eq. 5 counts a route and as strikes are drawn. A cell counts
+    once each time it is entered, however short the crossing. A track through the corner of two cells enters
+    only the diagonal one, as a diagonal step does. A straight track at a skew angle enters more cells than
+    the lattice route beside it.
 integral
-    ∫ P_s ds along the track [cells], which counts the way and not the number of cells.
+    ∫ P_s ds along the track [cells], which counts the length and not the number of cells.
 
-On one lattice route the two differ: a diagonal step enters one cell in √2 cells of way.
+The two differ on a lattice route too: a diagonal step enters one cell over a length of √2 cells.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ from swarmctl.core.planar import distance_to_leg
 Floats = NDArray[np.float64]
 GridPoint = tuple[float, float]
 
-CORNER_WAY = 1e-9
-"""Two grid lines crossed within so much way [cells] are crossed at their corner. Between centres of up to
-10 000 cells the crossings are either one or 5e-5 cells apart."""
+CORNER_LENGTH = 1e-9
+"""Two grid lines crossed within this length [cells] are crossed at their corner. On legs between centres up
+to 10 000 cells apart two crossings are equal or at least 5e-5 cells apart."""
 
 WALL_MARGIN = 0.1
-"""How far a track keeps from the corner of a wall [cells]: for the vehicle's error of position and of
-following. Between the centres of neighbouring cells there is no other way to come near a wall."""
+"""Least distance of a track from the corner of a wall [cells], for errors of position and of following.
+Between the centres of neighbouring cells a track comes near a wall only at a corner."""
 
 NO_CHANCE = 1e-12
-"""1 − P_s of a cell over which being hit is certain, so that its logarithm is a number."""
+"""Value for 1 − P_s of a cell with a certain hit, so that its logarithm is finite."""
 
 
 def centre(cell: Cell) -> GridPoint:
@@ -50,31 +50,31 @@ def centre(cell: Cell) -> GridPoint:
 
 @dataclass(frozen=True, slots=True)
 class CrossedCells:
-    """The cells under a track in the order flown, each once a visit, with the way over each [cells]."""
+    """The cells under a track in the order flown, once for each visit, with the length over each [cells]."""
 
     cells: tuple[Cell, ...]
-    ways: tuple[float, ...]
+    lengths: tuple[float, ...]
     legs: tuple[int, ...]
-    """on which leg of the track each was entered"""
+    """index of the leg on which each cell was entered"""
 
 
 def crossed_cells(points: Sequence[GridPoint]) -> CrossedCells:
-    """What a track of straight legs passes over; a point on a grid line is north or east of it."""
+    """Return the cells that straight legs cross; a point on a grid line is north or east of it."""
     cells: list[Cell] = []
-    ways: list[float] = []
+    lengths: list[float] = []
     legs: list[int] = []
     for leg, (a, b) in enumerate(pairwise(points)):
-        for cell, way in zip(*_crossed(a, b), strict=True):
+        for cell, length in zip(*_crossed(a, b), strict=True):
             if cells and cells[-1] == cell:
-                ways[-1] += way
+                lengths[-1] += length
             else:
                 cells.append(cell)
-                ways.append(way)
+                lengths.append(length)
                 legs.append(leg)
     if not cells and points:
         (x, y) = points[0]
         return CrossedCells(((math.floor(y), math.floor(x)),), (0.0,), (0,))
-    return CrossedCells(tuple(cells), tuple(ways), tuple(legs))
+    return CrossedCells(tuple(cells), tuple(lengths), tuple(legs))
 
 
 def _crossed(a: GridPoint, b: GridPoint) -> tuple[list[Cell], list[float]]:
@@ -84,16 +84,16 @@ def _crossed(a: GridPoint, b: GridPoint) -> tuple[list[Cell], list[float]]:
     shares = np.concatenate(([0.0, 1.0], _crossings(a[0], b[0]), _crossings(a[1], b[1])))
     shares.sort()
     # Crossings at one corner become one: the piece between them has no length.
-    pieces = np.flatnonzero(np.diff(shares) * length > CORNER_WAY)
+    pieces = np.flatnonzero(np.diff(shares) * length > CORNER_LENGTH)
     middle = (shares[pieces] + shares[pieces + 1]) / 2.0
     cols = np.floor(a[0] + middle * (b[0] - a[0])).astype(int)
     rows = np.floor(a[1] + middle * (b[1] - a[1])).astype(int)
-    ways = (shares[pieces + 1] - shares[pieces]) * length
-    return list(zip(rows.tolist(), cols.tolist(), strict=True)), ways.tolist()
+    lengths = (shares[pieces + 1] - shares[pieces]) * length
+    return list(zip(rows.tolist(), cols.tolist(), strict=True)), lengths.tolist()
 
 
 def _crossings(here: float, there: float) -> Floats:
-    """Where between two coordinates the grid lines lie, as shares of the way."""
+    """Return the grid lines between two coordinates, as shares of the distance."""
     if here == there:
         return np.empty(0)
     low, high = min(here, there), max(here, there)
@@ -103,31 +103,31 @@ def _crossings(here: float, there: float) -> Floats:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ThreatMap:
-    """P_s as tracks are judged by it. Walls (infinite P_s) count nothing: to meet one is another matter."""
+    """P_s in the forms that measures of tracks need. Walls (infinite P_s) count as 0 here: see `is_clear`."""
 
     p_s: Floats
     """(rows, cols), finite"""
     hazard: Floats
-    """−ln(1 − P_s), (rows, cols), finite: its sum is that of the safety factor"""
+    """−ln(1 − P_s), (rows, cols), finite; its sum over a route is −ln of the safety factor"""
     blocked: NDArray[np.bool_]
-    """(rows, cols): may not be entered"""
+    """(rows, cols): cells that may not be entered"""
 
     @classmethod
     def of(cls, p_s: Floats, max_exposure: float = math.inf) -> ThreatMap:
-        """`p_s` (rows, cols), infinite where nobody may fly; nor where it exceeds `max_exposure`."""
+        """Return the map for `p_s` (rows, cols); infinite cells and cells above `max_exposure` are walls."""
         blocked = ~np.isfinite(p_s) | (p_s > max_exposure)
         finite = np.where(np.isfinite(p_s), p_s, 0.0)
         return cls(finite, -np.log(np.maximum(1.0 - finite, NO_CHANCE)), blocked)
 
     def entered(self, cells: Sequence[Cell]) -> Floats:
-        """(2,): ΣP_s and Σ −ln(1 − P_s) over cells, each of which is entered."""
+        """Return (2,): ΣP_s and Σ −ln(1 − P_s) over cells that are entered."""
         rows, cols = _indices(cells)
         return np.array([self.p_s[rows, cols].sum(), self.hazard[rows, cols].sum()])
 
-    def integral(self, cells: Sequence[Cell], ways: Sequence[float]) -> Floats:
-        """(2,): ∫ P_s ds and ∫ −ln(1 − P_s) ds over cells and the way over each [cells]."""
+    def integral(self, cells: Sequence[Cell], lengths: Sequence[float]) -> Floats:
+        """Return (2,): ∫ P_s ds and ∫ −ln(1 − P_s) ds over cells and the length over each [cells]."""
         rows, cols = _indices(cells)
-        return np.array([self.p_s[rows, cols] @ ways, self.hazard[rows, cols] @ ways])
+        return np.array([self.p_s[rows, cols] @ lengths, self.hazard[rows, cols] @ lengths])
 
 
 def _indices(cells: Sequence[Cell]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -136,8 +136,10 @@ def _indices(cells: Sequence[Cell]) -> tuple[NDArray[np.int64], NDArray[np.int64
 
 
 def is_clear(threat: ThreatMap, points: Sequence[GridPoint], margin: float = WALL_MARGIN) -> bool:
-    """Whether a track enters no wall, nor comes within `margin` [cells] of the corner of one. The cell it
-    begins in does not count: who is in a wall may leave it."""
+    """Return whether a track enters no wall and keeps `margin` [cells] from the corners of walls.
+
+    The first cell does not count, so that a vehicle in a wall may leave it.
+    """
     rows, cols = threat.blocked.shape
     begin = crossed_cells(points).cells[0]
 
@@ -149,12 +151,12 @@ def is_clear(threat: ThreatMap, points: Sequence[GridPoint], margin: float = WAL
         cells = crossed_cells((a, b)).cells
         if any(is_wall(*cell) for cell in cells):
             return False
-        # What is that near the track is a corner of a cell under it.
+        # A corner within the margin is a corner of a cell under the track.
         for y, x in {(row + up, col + right) for row, col in cells for up in (0, 1) for right in (0, 1)}:
             around = ((y - 1, x - 1), (y - 1, x), (y, x - 1), (y, x))
             if (
                 any(is_wall(*cell) for cell in around)
-                and distance_to_leg((x, y), a, b) <= margin + CORNER_WAY
+                and distance_to_leg((x, y), a, b) <= margin + CORNER_LENGTH
             ):
                 return False
     return True

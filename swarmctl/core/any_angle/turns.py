@@ -1,7 +1,7 @@
 """Turns of a vehicle that cannot turn on the spot: arcs that touch both legs of a corner (fillets).
 
-Such a vehicle turns off before it is over a corner, so that it comes out of the arc on the next leg. With a
-turn by the angle θ the arc of radius r begins and ends r · tan(θ/2) from the corner.
+Such a vehicle turns before the corner, so that the arc ends on the next leg. For a turn by the angle θ the
+arc of radius r begins and ends r · tan(θ/2) from the corner.
 """
 
 from __future__ import annotations
@@ -12,25 +12,27 @@ from collections.abc import Sequence
 from swarmctl.core.any_angle.track import GridPoint
 
 ARC_ERROR = 0.005
-"""How far the straight pieces that stand for an arc may be off it [cells]."""
+"""Greatest distance between an arc and the straight pieces that approximate it [cells]."""
 
 
 def tangent(before: GridPoint, corner: GridPoint, after: GridPoint, radius: float) -> float:
-    """How far from a corner its arc begins and ends, in the unit of points and `radius`; infinite for a turn
-    back."""
+    """Return the distance between a corner and the ends of its arc, in the unit of points and `radius`.
+
+    The distance is infinite for a turn by 180°.
+    """
     (ix, iy), (ox, oy) = _vector(before, corner), _vector(corner, after)
     cross, dot = ix * oy - iy * ox, ix * ox + iy * oy
-    lengths = math.hypot(ix, iy) * math.hypot(ox, oy)
+    product = math.hypot(ix, iy) * math.hypot(ox, oy)
     if cross == 0.0 and (dot > 0.0 or radius == 0.0):
         return 0.0
     # tan(θ/2) = sin θ / (1 + cos θ)
-    return radius * abs(cross) / (lengths + dot) if lengths + dot > 1e-12 * lengths else math.inf
+    return radius * abs(cross) / (product + dot) if product + dot > 1e-12 * product else math.inf
 
 
 def arc(before: GridPoint, corner: GridPoint, after: GridPoint, radius: float) -> list[GridPoint]:
-    """Points on the arc that rounds a corner, from where it leaves one leg to where it joins the next.
+    """Return points on the arc of a corner, from its end on the first leg to its end on the next.
 
-    `radius` in the unit of the points. A corner without a turn stays the one point that it is.
+    `radius` is in the unit of the points. A corner without a turn stays one point.
     """
     away = tangent(before, corner, after, radius)
     if away == 0.0:
@@ -40,7 +42,7 @@ def arc(before: GridPoint, corner: GridPoint, after: GridPoint, radius: float) -
     begin_x, begin_y = corner[0] - away * ix, corner[1] - away * iy
     centre_x, centre_y = begin_x - left * radius * iy, begin_y + left * radius * ix
     turn = math.atan2(ix * oy - iy * ox, ix * ox + iy * oy)
-    # The middle of a chord over the angle δ is r (1 − cos δ/2) off its arc.
+    # The middle of a chord over the angle δ is r (1 − cos δ/2) from its arc.
     n = max(1, math.ceil(abs(turn) / (2.0 * math.acos(max(1.0 - ARC_ERROR / radius, 0.0)))))
     points = []
     for k in range(n + 1):
@@ -51,8 +53,10 @@ def arc(before: GridPoint, corner: GridPoint, after: GridPoint, radius: float) -
 
 
 def rounded(points: Sequence[GridPoint], radius: float) -> tuple[list[GridPoint], list[int]]:
-    """A track with arcs for corners, as points, and for each piece between two of them the leg it belongs to:
-    the first half of an arc to the leg before the corner."""
+    """Return the points of a track with arcs for corners, and for each piece between two points its leg.
+
+    The first half of an arc belongs to the leg before the corner.
+    """
     if len(points) < 2:
         return list(points), []
     flown, legs = [points[0]], []

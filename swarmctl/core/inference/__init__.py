@@ -1,1 +1,1 @@
-"""Bayes beyond Eq. 4: an uncertain number of hostiles, sensors that err, chances of getting through."""
+"""Bayes beyond Eq. 4: an uncertain number of hostiles, sensors that err, survival probabilities."""

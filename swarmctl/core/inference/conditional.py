@@ -1,16 +1,16 @@
-"""Independent cells conditioned on how many of them are held in all: the conditional Bernoulli distribution.
+"""The conditional Bernoulli distribution: independent cells, conditioned on the number of hostiles in all.
 
-Hostiles lie without replacement, every set S of |S| = n cells as likely as any other, and what was seen of a
-cell multiplies its odds by a ratio λ: P(S) ∝ ∏_{i in S} λ_i. Cells of one λ are exchangeable, so the number
-of hostiles in each group of them says everything, and groups are few whatever the area.
+Hostiles lie without replacement, and every set S of |S| = n cells is equally likely a priori. The looks at a
+cell multiply its odds by a ratio λ: P(S) ∝ ∏_{i in S} λ_i. Cells of one λ are exchangeable, so the number of
+hostiles in each group of such cells is sufficient. There are few groups, however large the area.
 
 Method (Chen and Liu, "Statistical applications of the Poisson-binomial and conditional Bernoulli
-distributions", 1997): conditioned on the total, cells are the same independent cells whatever common factor
-e^t their odds are given. With the t that makes the total the expected one, the numbers of the groups are
-binomial, their sum is built by convolving them (forward), and the total is conditioned on going back
-(backward). All terms are positive, so that nothing cancels, and near the total nothing underflows; of each
-distribution the tails below TAIL are left out. A total that is itself uncertain is split into stretches that
-have a t each; a saddle point bound says which totals matter at all.
+distributions", 1997): the conditional distribution does not change if all odds are multiplied by a common
+factor e^t. With the t that makes the given total the expected one, the numbers of the groups are binomial.
+Their sum is built by convolution (forward pass), then conditioned on the total (backward pass). All terms are
+positive, so nothing cancels, and near the total nothing underflows. The tails of each distribution below TAIL
+are left out. An uncertain total is split into stretches with one t each; a saddle point bound selects the
+totals that matter.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 TAIL = 1e-40
-"""what is left out of a distribution, as a share of its largest term"""
+"""threshold for terms that are left out of a distribution, as a share of its largest term"""
 NEGLIGIBLE = 60.0
 """totals less likely than the likeliest by e to this power are left out"""
 REACH_SIGMA = 6.0
-"""how far from its middle a stretch of totals goes [standard deviations]: tails keep their precision there"""
+"""half width of a stretch of totals [standard deviations]; tails keep their precision within it"""
 KNOT_SIGMA = 3.0
-"""from one knot of the saddle point bound to the next [standard deviations]"""
+"""distance between knots of the saddle point bound [standard deviations]"""
 MAX_KNOTS = 257
 STEPS = 32
-"""bisections for t, which need not be exact"""
+"""number of bisections for t, which need not be exact"""
 
 
 @dataclass(frozen=True, slots=True)
 class _Window:
-    """Values at lo, lo + 1, ...; zero elsewhere."""
+    """A sequence with values at lo, lo + 1, ... and zero elsewhere."""
 
     lo: int
     values: Floats
@@ -50,7 +50,7 @@ class _Window:
         return self.lo + self.values.size
 
     def spread(self, lo: int, end: int) -> Floats:
-        """The values at lo .. end − 1, which may leave some out."""
+        """Return the values at lo .. end − 1."""
         wide = np.zeros(end - lo)
         first, last = max(lo, self.lo), min(end, self.end)
         if first < last:
@@ -59,19 +59,19 @@ class _Window:
 
 
 class HostileGroups:
-    """How many hostiles each group of alike cells holds, given how likely each total is.
+    """The numbers of hostiles in groups of alike cells, given the weight of each total.
 
     Parameters
     ----------
     log_ratio: (g,) finite, log λ of the cells of each group.
-    n_cells: (g,) cells in each, at least 1.
-    totals: (k,) ascending, from 0 to the number of cells: how many hostiles there may be in all.
-    log_weight: (k,) log of the weight of *one* set of so many cells, up to a common constant.
+    n_cells: (g,) cells in each group, at least 1.
+    totals: (k,) ascending, from 0 to the number of cells: possible numbers of hostiles in all.
+    log_weight: (k,) log of the weight of *one* set with that number of cells, up to a common constant.
     """
 
     def __init__(self, log_ratio: Floats, n_cells: Ints, totals: Ints, log_weight: Floats) -> None:
         self.n_groups = int(n_cells.size)
-        kept = _that_matter(log_ratio, n_cells, totals, log_weight)
+        kept = _relevant_totals(log_ratio, n_cells, totals, log_weight)
         self._stretches = [
             _Stretch(log_ratio, n_cells, t, totals[part], log_weight[part])
             for t, part in _stretches(log_ratio, n_cells, totals, kept)
@@ -81,7 +81,7 @@ class HostileGroups:
         self._weight = weight / weight.sum()
 
     def means(self) -> Floats:
-        """(g,) expected number of hostiles in each group."""
+        """Return (g,) expected numbers of hostiles in each group."""
         parts = zip(self._weight.tolist(), self._stretches, strict=True)
         means = np.zeros(self.n_groups)
         for weight, stretch in parts:
@@ -89,14 +89,14 @@ class HostileGroups:
         return means
 
     def draw(self, rng: np.random.Generator, size: int, n_groups: int) -> Ints:
-        """(size, n_groups) numbers of hostiles in the first `n_groups` groups, independent draws."""
+        """Return (size, n_groups) independent draws of the numbers in the first `n_groups` groups."""
         shares = rng.multinomial(size, self._weight).tolist()
         parts = zip(shares, self._stretches, strict=True)
         return np.concatenate([stretch.draw(rng, n, n_groups) for n, stretch in parts if n])
 
 
 class _Stretch:
-    """Totals near each other, under one t."""
+    """Adjacent totals that share one t."""
 
     def __init__(self, log_ratio: Floats, n_cells: Ints, t: float, totals: Ints, log_weight: Floats) -> None:
         odds = np.clip(log_ratio + t, -700.0, 700.0)
@@ -145,7 +145,7 @@ class _Stretch:
         return numbers
 
     def _draw_group(self, rng: np.random.Generator, g: int, left: Ints) -> Ints:
-        """Of `left` hostiles in the groups up to g, those in g."""
+        """Return draws of the number in group g, given `left` hostiles in the groups up to g."""
         before, group = self._forward[g], self._groups[g]
         possible, which = np.unique(left, return_inverse=True)
         rest = possible[:, None] - np.arange(group.lo, group.end)[None, :] - before.lo
@@ -157,9 +157,9 @@ class _Stretch:
 
 
 def _binomial(n: int, log_odds: float) -> _Window:
-    """Binomial probabilities without their tails; by ratios of neighbours, outwards from the likeliest."""
+    """Return binomial probabilities without tails, by ratios of neighbours, outwards from the likeliest."""
     p, q = float(expit(log_odds)), float(expit(-log_odds))
-    # Bernstein: a tail of e^-l lies no farther than this from the mean.
+    # Bernstein's inequality: a tail of e^-l begins no farther than this from the mean.
     log_tail = -math.log(TAIL) + 5.0
     reach = log_tail / 3.0 + math.sqrt(log_tail**2 / 9.0 + 2.0 * log_tail * n * p * q)
     lo, hi = max(0, math.floor(n * p - reach)), min(n, math.ceil(n * p + reach))
@@ -183,7 +183,7 @@ def _trimmed(window: _Window) -> _Window:
 
 
 def _tilt(log_ratio: Floats, n_cells: Ints, expected: Floats) -> Floats:
-    """t at which the groups hold `expected` hostiles in all, which lies inside 0 .. number of cells."""
+    """Return t at which the groups hold `expected` hostiles in all; it is inside 0 .. number of cells."""
     margin = math.log(2.0 * float(n_cells.sum())) + 1.0
     low = np.full(expected.shape, -float(log_ratio.max()) - margin)
     high = np.full(expected.shape, -float(log_ratio.min()) + margin)
@@ -198,17 +198,17 @@ def _inside(expected: Floats, n_cells: Ints) -> Floats:
     return np.clip(expected, 0.5, float(n_cells.sum()) - 0.5)
 
 
-def _that_matter(log_ratio: Floats, n_cells: Ints, totals: Ints, log_weight: Floats) -> Ints:
-    """Indices of the totals that are not negligible; never leaves out one that matters.
+def _relevant_totals(log_ratio: Floats, n_cells: Ints, totals: Ints, log_weight: Floats) -> Ints:
+    """Return the indices of the totals that are not negligible, and possibly of some that are.
 
     e_J(λ), the weight of all sets of J cells, is less than e^U(J), U(J) = min over t of Σ m log(1 + λ e^t) −
-    J t, and less by no more than some powers of J. U is concave: between knots a chord lies below it,
-    tangents above.
+    J t, and less by no more than some powers of J. U is concave: between knots its chord is a lower bound,
+    its tangents are upper bounds.
     """
     if totals.size <= 2:
         return np.arange(totals.size)
     cells = float(n_cells.sum())
-    # Even steps of the angle are even shares of the standard deviation of a binomial, 2 √cells an angle of 1.
+    # Equal steps of the angle are equal shares of a binomial's standard deviation; an angle of 1 is 2 √cells.
     first, last = np.arcsin(np.sqrt(np.array([totals[0], totals[-1]]) / cells)).tolist()
     n_knots = min(2 + math.ceil((last - first) * 2.0 * math.sqrt(cells) / KNOT_SIGMA), MAX_KNOTS)
     at = np.unique(_inside(cells * np.sin(np.linspace(first, last, n_knots)) ** 2, n_cells))
@@ -222,7 +222,7 @@ def _that_matter(log_ratio: Floats, n_cells: Ints, totals: Ints, log_weight: Flo
 
 
 def _stretches(log_ratio: Floats, n_cells: Ints, totals: Ints, kept: Ints) -> list[tuple[float, Ints]]:
-    """(t, indices of totals) for stretches that one t serves."""
+    """Return (t, indices of totals) of each stretch."""
     stretches: list[tuple[float, Ints]] = []
     while kept.size:
         first = totals[kept[:1]].astype(np.float64)

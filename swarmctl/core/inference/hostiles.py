@@ -1,4 +1,4 @@
-"""How many hostiles there are, as announced beforehand: n_HA as a number, or as a prior over it."""
+"""The announced number of hostiles, n_HA: a number, or a prior over it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import gammaln, xlog1py, xlogy
 
 LOG_RANGE = 745.0
-"""numbers less likely than the likeliest by e to this power, the range of a double, count as impossible"""
+"""Numbers less likely than the likeliest by e to this power count as impossible: the range of a double."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -18,7 +18,7 @@ class HostileCount:
     """A prior over n_HA. Raises ValueError unless numbers are 0 or more, ascending, of finite weight."""
 
     n: NDArray[np.int64]
-    """(k,) the numbers that are possible, ascending"""
+    """(k,) possible numbers, ascending"""
     log_weight: NDArray[np.float64]
     """(k,) logarithm of the weight of each, up to a common constant"""
 
@@ -32,31 +32,31 @@ class HostileCount:
 
     @classmethod
     def known(cls, n: int) -> HostileCount:
-        """The paper's n_HA, announced as a number."""
+        """Return the paper's n_HA, announced as a number."""
         return cls(np.array([n], dtype=np.int64), np.zeros(1))
 
     @classmethod
     def uniform(cls, least: int, greatest: int) -> HostileCount:
-        """Every number from `least` to `greatest` is as likely as any other."""
+        """Return the uniform distribution from `least` to `greatest`."""
         n = np.arange(least, greatest + 1, dtype=np.int64)
         return cls(n, np.zeros(n.size))
 
     @classmethod
     def poisson(cls, mean: float, n_cells: int) -> HostileCount:
-        """Poisson, cut off where the cells are full."""
+        """Return the Poisson distribution, cut off at the number of cells."""
         n = np.arange(n_cells + 1, dtype=np.int64)
         return cls._of_possible(n, xlogy(n, mean) - gammaln(n + 1))
 
     @classmethod
     def binomial(cls, trials: int, p: float) -> HostileCount:
-        """Each of `trials` hostiles is there with probability p, independently of the others."""
+        """Return the binomial distribution: each of `trials` hostiles exists with probability p."""
         n = np.arange(trials + 1, dtype=np.int64)
         log_ways = gammaln(trials + 1) - gammaln(n + 1) - gammaln(trials - n + 1)
         return cls._of_possible(n, log_ways + xlogy(n, p) + xlog1py(trials - n, -p))
 
     @classmethod
     def weighted(cls, weights: Mapping[int, float]) -> HostileCount:
-        """Number of hostiles -> its weight; weights need not add up to 1, those of 0 are left out."""
+        """Return the distribution with these weights by number; they need not add up to 1."""
         n = np.array(sorted(weights), dtype=np.int64)
         with np.errstate(divide="ignore", invalid="ignore"):
             return cls._of_possible(n, np.log([weights[int(k)] for k in n]))
@@ -80,7 +80,7 @@ class HostileCount:
 
     @property
     def pmf(self) -> NDArray[np.float64]:
-        """(k,) the probability of each number"""
+        """(k,) probability of each number."""
         weight = np.exp(self.log_weight - self.log_weight.max())
         return np.asarray(weight / weight.sum())
 
@@ -89,12 +89,12 @@ class HostileCount:
         return float(self.pmf @ self.n)
 
     def __str__(self) -> str:
-        """The number, or the range it is in with 95 %."""
+        """Return the number, or its 95 % range."""
         if self.is_number:
             return str(self.least)
         low, high = self.n[np.searchsorted(np.cumsum(self.pmf), (0.025, 0.975)).clip(max=self.n.size - 1)]
         return f"{low} to {high} (95 %)"
 
     def draw(self, rng: np.random.Generator) -> int:
-        """A number by its probability; draws nothing where there is only one."""
+        """Return a random number by its probability; `rng` is not used if only one is possible."""
         return self.least if self.is_number else int(rng.choice(self.n, p=self.pmf))

@@ -1,7 +1,7 @@
 """The probability that a hostile holds a cell, given all looks: the paper's Eq. 4, and Bayes beyond it.
 
-Cells that were looked at equally often with equally many hits are alike: a class. Every function here takes
-the classes of a whole area; the same class may come in several parts.
+Cells with equal numbers of looks and hits form a class. Every function here takes the classes of a whole
+area; a class may come in several parts.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 SURE_SIGMA = 1.645
-"""how far above what was announced the number found must lie: one-sided 95 % of a normal distribution"""
+"""least excess of the found over the announced number: one-sided 95 % of a normal distribution"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CellClasses:
-    """Cells that are alike by what was seen of them."""
+    """Classes of cells with equal looks and hits."""
 
     looks: Ints
     """(k,) looks at each cell of a class"""
     hits: Ints
-    """(k,) of which this many showed a hostile"""
+    """(k,) looks that showed a hostile"""
     n_cells: Ints
-    """(k,) cells in it, at least 1"""
+    """(k,) cells in the class, at least 1"""
 
     @property
     def total(self) -> int:
@@ -41,9 +41,9 @@ class CellClasses:
 
 
 def eq4(n_hostiles: int, classes: CellClasses) -> Floats:
-    """p_O (k,) by Eq. 4: 1 where a hostile was seen, 0 where none was, (n_HA − n_V)/(n_C − v) elsewhere.
+    """Return p_O (k,) by Eq. 4: 1 for a seen hostile, 0 for a seen clear cell, else (n_HA − n_V)/(n_C − v).
 
-    For sensors that do not err, and a number of hostiles that is announced.
+    For sensors that do not err, and an announced number of hostiles.
     """
     unseen, held = classes.looks == 0, classes.hits > 0
     left = int(classes.n_cells[unseen].sum())  # n_C - v
@@ -54,10 +54,11 @@ def eq4(n_hostiles: int, classes: CellClasses) -> Floats:
 
 
 def bayes(count: HostileCount, sensor: SensorModel, classes: CellClasses) -> Floats:
-    """p_O (k,), the posterior probability: hostiles lie anywhere with equal chance, one a cell at most, their
-    number as `count` has it, and looks err as `sensor` does. Exact to rounding; Eq. 4 is its limit.
+    """Return the posterior probability p_O (k,), exact to rounding; Eq. 4 is its limit.
 
-    Every look informs every cell: what is less likely to hide where it was looked for is likelier elsewhere.
+    Every placement of hostiles is equally likely, with at most one in a cell. Their number is distributed as
+    `count`, and looks err as `sensor` does. Every look informs every cell: hostiles that are less likely in
+    the cells looked at are likelier elsewhere.
     """
     open_cells, groups = posterior(count, sensor, classes)
     p = np.where(sensor.log_ratio(classes.looks, classes.hits) > 0.0, 1.0, 0.0)
@@ -69,11 +70,10 @@ def bayes(count: HostileCount, sensor: SensorModel, classes: CellClasses) -> Flo
 def posterior(
     count: HostileCount, sensor: SensorModel, classes: CellClasses
 ) -> tuple[NDArray[np.bool_], HostileGroups | None]:
-    """Which classes are not certain (k,), and how many hostiles each of those holds: None where there is
-    none.
+    """Return the mask (k,) of the uncertain classes, and the numbers of hostiles in them; None without any.
 
-    Where more hostiles are sure than can be, or fewer cells are left than hostiles must be, the nearest
-    number that fits is taken, as Eq. 4 is clamped to [0, 1].
+    If the certain hostiles are more than possible, or the uncertain cells fewer than the hostiles left, the
+    nearest possible number is taken, as Eq. 4 is clamped to [0, 1].
     """
     log_ratio = sensor.log_ratio(classes.looks, classes.hits)
     open_cells = np.isfinite(log_ratio)
@@ -88,20 +88,20 @@ def posterior(
         n = np.array([min(max(count.least, n_sure), n_sure + left)])
         log_prior = np.zeros(1)
     total = classes.total
-    # Given n, each of the C(total, n) sets of cells is as likely as any other.
+    # For a given n all C(total, n) sets of cells are equally likely.
     log_sets = gammaln(total + 1) - gammaln(n + 1) - gammaln(total - n + 1)
     in_open = classes.n_cells[open_cells]
     return open_cells, HostileGroups(log_ratio[open_cells], in_open, n - n_sure, log_prior - log_sets)
 
 
 def announced_too_low(count: HostileCount, sensor: SensorModel, classes: CellClasses) -> bool:
-    """Whether more hostiles were found than can be: for sure, or with 95 % where sensors err.
+    """Return whether more hostiles were found than announced; with 95 % confidence for sensors that err.
 
-    Each cell is judged by its own looks alone, at the odds announced for a cell: a posterior under `count`
-    could never hold more hostiles than `count` allows.
+    Each cell counts by its own looks alone, at the odds announced for a cell. A posterior under `count` would
+    not do, because it never holds more hostiles than `count` allows.
     """
     log_ratio = sensor.log_ratio(classes.looks, classes.hits)
-    # Half a hostile and half a clear cell more, so that an announcement of none, or of all, can be wrong too.
+    # Half a hostile and half a clear cell are added, so that an announcement of none or of all can be wrong.
     prior = (count.mean + 0.5) / (classes.total + 1.0)
     seen = classes.looks > 0
     log_odds = log_ratio[seen] + np.log(prior) - np.log1p(-prior)

@@ -1,4 +1,4 @@
-"""What a sensor gets wrong, and what its looks at a cell say about it."""
+"""The error rates of a sensor, and the evidence of its looks at a cell."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from scipy.special import xlogy
 
 @dataclass(frozen=True, slots=True)
 class SensorModel:
-    """Rates of error of one look at one cell; looks err independently of each other.
+    """The error rates of one look at one cell; looks err independently.
 
-    Raises ValueError unless both are in [0, 1) and their sum is below 1: at 1 a look says nothing, above it
-    the contrary.
+    Raises ValueError unless both are in [0, 1) and their sum is below 1. At 1 a look carries no information;
+    above 1 it means the contrary.
     """
 
     p_miss: float = 0.0
-    """chance that a hostile is not seen"""
+    """probability that a look at a hostile shows none"""
     p_false_alarm: float = 0.0
-    """chance that one is seen where there is none"""
+    """probability that a look at a clear cell shows a hostile"""
 
     def __post_init__(self) -> None:
         if not (self.p_miss >= 0.0 and self.p_false_alarm >= 0.0 and self.p_miss + self.p_false_alarm < 1.0):
@@ -31,21 +31,23 @@ class SensorModel:
 
     @property
     def is_perfect(self) -> bool:
-        """The paper's sensor: one look settles a cell."""
+        """True for the paper's sensor: one look makes a cell certain."""
         return self.p_miss == 0.0 and self.p_false_alarm == 0.0
 
     def settled(self, looks: int, hits: int) -> bool:
-        """Whether what is known of a cell is certain, so that another look would add nothing."""
+        """Return whether a cell is certain, so that another look would add nothing."""
         return (self.p_miss == 0.0 and looks > hits) or (self.p_false_alarm == 0.0 and hits > 0)
 
     def log_ratio(self, looks: NDArray[np.integer], hits: NDArray[np.integer]) -> NDArray[np.float64]:
-        """log of P(these looks | occupied) / P(these looks | clear), for cells looked at `looks` times of
-        which `hits` showed a hostile: 0 for cells not looked at, ±∞ where it is certain.
+        """Return log of P(these looks | occupied) / P(these looks | clear).
 
-        DEVIATION: the paper's perfect sensors never contradict each other. Where some do, occupied wins.
+        `hits` of the `looks` at a cell showed a hostile. The result is 0 for cells without a look, and ±∞ for
+        certain cells.
+
+        DEVIATION: the paper's perfect sensors never contradict each other. If some do, occupied wins.
         """
         misses = looks - hits
-        with np.errstate(invalid="ignore"):  # ∞ − ∞ where looks contradict each other that cannot
+        with np.errstate(invalid="ignore"):  # ∞ − ∞ for contradictory looks of a perfect sensor
             ratio = (
                 xlogy(hits, 1.0 - self.p_miss)
                 + xlogy(misses, self.p_miss)

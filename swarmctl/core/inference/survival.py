@@ -1,9 +1,8 @@
-"""The true chance of getting through, beside ΣP_s and ∏(1 − P_s), which are not it.
+"""The true survival probability of a route, which neither ΣP_s nor ∏(1 − P_s) is.
 
-A vehicle is shot at once for each cell it enters, by each hostile in reach, with Eq. 1's chance and
-independently: given where the hostiles lie, it gets through with ∏(1 − fs). Where they lie is not known, and
-the same hostile threatens several cells of a route; so worlds are drawn from the belief, and what a vehicle
-survives in each of them is averaged.
+For each cell that a vehicle enters, each hostile in reach shoots once, independently, with the probability of
+Eq. 1. For known hostiles the vehicle survives with ∏(1 − fs). But their cells are unknown, and one hostile
+threatens several cells of a route. So worlds are drawn from the belief, and the survival in them is averaged.
 """
 
 from __future__ import annotations
@@ -24,8 +23,8 @@ WORLDS = 4096
 Z_95 = 1.959964
 """two-sided 95 % of a normal distribution"""
 ENOUGH = 100.0
-"""of worlds that count, n·mean²/mean of squares, for the normal interval: where the average rests on a few of
-thousands it is too narrow, and Wilson's is taken, which holds for any spread between 0 and 1"""
+"""Least effective number of worlds, n·mean²/mean of squares, for the normal interval. If the average rests on
+a few worlds of thousands, that interval is too narrow; Wilson's holds for any spread between 0 and 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +43,7 @@ class ProbabilityEstimate:
 
 
 def _digits(chance: float) -> str:
-    """Three decimals, or more where they would be all 0 or 1."""
+    """Return three decimals, or more if they would round to 0 or 1."""
     if chance in (0.0, 1.0) or 0.001 <= chance <= 0.999:
         return f"{chance:.3f}"
     return f"{chance:.1e}" if chance < 0.001 else f"{chance:.5f}"
@@ -57,20 +56,20 @@ def survival_probability(
     rng: np.random.Generator,
     n_worlds: int = WORLDS,
 ) -> ProbabilityEstimate:
-    """The chance that a vehicle enters every cell of a route without being hit, as far as is believed.
+    """Return the probability, by belief, that a vehicle enters every cell of a route without being hit.
 
-    By simulation: `n_worlds` worlds drawn from the belief, each with its own hostiles. The start cell is not
-    counted, the goal is; a cell entered twice counts twice.
+    `n_worlds` worlds are drawn from the belief, each with its own hostiles. The start cell does not count,
+    the goal does; a cell entered twice counts twice.
 
-    The shots are not drawn: given the hostiles, the chance to survive them is a product, and its average over
-    worlds has the same mean as the share of vehicles that get through and a smaller variance (Rao-Blackwell).
-    The interval is the normal one of that average; Wilson's where few worlds count; none where all is known.
-    Raises ValueError for fewer than 2 worlds.
+    The shots are not drawn. For given hostiles the survival is a product, and its average over the worlds has
+    the same mean as the share of surviving vehicles and a smaller variance (Rao-Blackwell). The interval is
+    the normal one of that average, Wilson's if few worlds count, and a point if every cell in reach is
+    certain. Raises ValueError for fewer than 2 worlds.
     """
     if n_worlds < 2:
         raise ValueError(f"{n_worlds} worlds: expected 2 or more")
     reached, entries = _in_reach(belief.looks.shape, cells)
-    # Cells in reach that are alike in what was seen of them and in how they are passed are one kind.
+    # Cells in reach with equal looks and hits and with equal entries are one kind.
     alike = np.hstack([belief.looks_and_hits(reached), entries])
     kinds, n_cells = np.unique(alike, axis=0, return_counts=True)
     survival = _survival(strength, kinds[:, 2:])
@@ -87,11 +86,11 @@ def survival_probability(
 
 
 def _interval(survived: NDArray[np.float64], mean: float) -> tuple[float, float]:
-    """95 % of the mean of values in [0, 1]."""
+    """Return the 95 % interval of the mean of values in [0, 1]."""
     n = survived.size
     half = Z_95 * float(survived.std(ddof=1)) / math.sqrt(n)
     low, high = mean - half, mean + half
-    # What is rare may be to get through or not to.
+    # The rare outcome may be the survival or the loss.
     least = min(mean, 1.0 - mean)
     rare = survived if mean <= 0.5 else 1.0 - survived
     squares = float(np.mean(rare**2))
@@ -106,15 +105,17 @@ def _interval(survived: NDArray[np.float64], mean: float) -> tuple[float, float]
 def survival_among(
     hostiles: Iterable[Cell], strength: FiringStrength, cells: Sequence[Cell], shape: tuple[int, int]
 ) -> float:
-    """The chance that a vehicle enters every cell of a route without being hit, where the hostiles are known:
-    exactly, ∏(1 − fs). The start cell is not counted, the goal is."""
+    """Return the exact probability, ∏(1 − fs), that a vehicle survives a route among known hostiles.
+
+    The start cell does not count, the goal does.
+    """
     reached, entries = _in_reach(shape, cells)
     held = np.isin(reached, [row * shape[1] + col for row, col in hostiles])
     return float(np.prod(_survival(strength, entries[held])))
 
 
 class _Worlds:
-    """Where hostiles may lie, as far as it concerns some kinds of cells."""
+    """The possible numbers of hostiles in some kinds of cells."""
 
     def __init__(self, belief: Belief, near: CellClasses) -> None:
         everywhere = belief.classes
@@ -130,12 +131,12 @@ class _Worlds:
         )
         is_open, self._groups = posterior(belief.count, belief.sensor, both)
         self.open = is_open[: near.n_cells.size]
-        """(k,) kinds that may hold hostiles or not"""
+        """(k,) kinds of which it is uncertain whether they hold hostiles"""
         self.sure = ~self.open & (near.hits > 0) & (belief.sensor.log_ratio(near.looks, near.hits) > 0.0)
-        """(k,) kinds all of whose cells are held"""
+        """(k,) kinds whose cells all hold a hostile"""
 
     def draw(self, rng: np.random.Generator, n_worlds: int) -> NDArray[np.int64]:
-        """(worlds, open kinds) hostiles in the cells of each; which of these cells hold them is all one."""
+        """Return (worlds, open kinds) numbers of hostiles in the cells of each kind."""
         n_open = int(np.count_nonzero(self.open))
         if self._groups is None or n_open == 0:
             return np.zeros((n_worlds, n_open), dtype=np.int64)
@@ -143,8 +144,11 @@ class _Worlds:
 
 
 def _in_reach(shape: tuple[int, ...], cells: Sequence[Cell]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Cells from which a vehicle on a route is shot at, (m,) as row · cols + col, and (m, 3) how often it
-    enters that cell itself, one of its nearest neighbours and one of its diagonal ones."""
+    """Return the cells from which a vehicle on a route is shot at, and its entries into their reach.
+
+    (m,) cells as row · cols + col; (m, 3) entries into the cell itself, its nearest and its diagonal
+    neighbours.
+    """
     rows, cols = shape
     entered = np.array(cells[1:], dtype=np.int64).reshape(-1, 1, 2)
     around = entered + np.array([(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1)])
@@ -156,6 +160,6 @@ def _in_reach(shape: tuple[int, ...], cells: Sequence[Cell]) -> tuple[NDArray[np
 
 
 def _survival(strength: FiringStrength, entries: NDArray[np.int64]) -> NDArray[np.float64]:
-    """(k,) chance to survive one hostile that is passed with these `entries` (k, 3)."""
+    """Return (k,) probabilities to survive one hostile that is passed with these `entries` (k, 3)."""
     fs = np.array([strength.direct, strength.first_neighbour, strength.second_neighbour])
     return np.asarray(np.prod((1.0 - fs) ** entries, axis=1))
