@@ -70,7 +70,7 @@ class Backlog:
             else:
                 dropped.append(message)
         self._waiting, self._n_bytes = kept, n_bytes
-        # At least a quarter is free now, so that a very large swarm does not search the queue at each message.
+        # At least a quarter is free now: a very large swarm does not search the queue at each message.
         self._limit_bytes = max(self._min_limit_bytes, 4 * newest_bytes)
         return dropped
 

@@ -1,7 +1,7 @@
-"""Which swarms of this machine and user fly now, and where each listens: how one is found by its name.
+"""Directory of the swarms that this user flies on this machine now: finds a flight by its swarm's name.
 
-A file a flight, in a folder that is the user's own. The flight holds a lock on it, so that what a killed one
-left behind is known for that and removed.
+Each flight has a file in a folder of its user, and holds a lock on it. A file without a lock is a stale
+record of a killed flight: readers ignore it, and the next flight that starts removes it.
 """
 
 from __future__ import annotations
@@ -28,29 +28,32 @@ class RunningSwarm:
     swarm: str
     endpoint: BusEndpoint
     pid: int
+    started_unix_s: float
 
 
 @contextlib.contextmanager
 def registered(swarm: str, endpoint: BusEndpoint) -> Iterator[None]:
-    """Be found as long as this lasts. Raises BusError."""
+    """List a flight in the directory while the context lasts. Raises BusError."""
     entry = {"swarm": swarm, "endpoint": str(endpoint), "pid": os.getpid()}
-    with contextlib.ExitStack() as held:
+    with contextlib.ExitStack() as stack:
         try:
-            path = _folder() / f"{swarm}.{os.getpid()}.json"
+            folder = _folder()
+            _remove_stale(folder)
+            path = folder / f"{swarm}.{os.getpid()}.json"
             draft = path.with_name(f".{path.name}")
-            file = held.enter_context(_locked(draft))
-            held.callback(draft.unlink, missing_ok=True)
+            file = stack.enter_context(_locked(draft))
+            stack.callback(draft.unlink, missing_ok=True)
             json.dump(entry, file)
             file.flush()
             draft.rename(path)
-            held.callback(path.unlink, missing_ok=True)
+            stack.callback(path.unlink, missing_ok=True)
         except OSError as error:
             raise _unusable(error) from error
         yield
 
 
 def running_swarms() -> list[RunningSwarm]:
-    """Every swarm that can be found, by name. Raises BusError."""
+    """Return the swarms that fly now, by name. Raises BusError."""
     try:
         found = [(path, _read(path)) for path in sorted(_folder().glob("*.json"))]
     except OSError as error:
@@ -59,7 +62,7 @@ def running_swarms() -> list[RunningSwarm]:
 
 
 def _locked(draft: Path) -> TextIO:
-    """A new file, locked before it gets its name: unlocked, it is taken for what a killed flight left.
+    """Open and lock a new file before it gets its name: without a lock it would count as stale.
 
     Raises OSError.
     """
@@ -70,34 +73,52 @@ def _locked(draft: Path) -> TextIO:
             if os.fstat(file.fileno()).st_nlink:
                 opened.pop_all()
                 return file
-            # Taken for left behind, and removed, before the lock was had: once more.
+            # Another flight removed it as stale before it was locked.
 
 
 def _unusable(error: OSError) -> BusError:
-    return BusError(f"{error.filename or 'the folder of swarms'}: {error.strerror or error}")
+    return BusError(f"{error.filename or 'the folder of running swarms'}: {error.strerror or error}")
 
 
 def _read(path: Path) -> RunningSwarm | None:
+    """Return the record in a file; None for a stale or foreign file, or one removed meanwhile."""
     try:
         with path.open(encoding="utf-8") as file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-            except BlockingIOError:
-                content = json.load(file)
-                return RunningSwarm(content["swarm"], parse_endpoint(content["endpoint"]), content["pid"])
-            path.unlink()
+            if _is_stale(file):
+                return None
+            content, started_s = json.load(file), os.fstat(file.fileno()).st_mtime
+            endpoint = parse_endpoint(content["endpoint"])
+            return RunningSwarm(content["swarm"], endpoint, content["pid"], started_s)
     except (FileNotFoundError, ValueError, KeyError, TypeError):
-        pass  # it ended meanwhile, or is none of ours
-    return None
+        return None
+
+
+def _remove_stale(folder: Path) -> None:
+    for path in folder.glob("*.json"):
+        with contextlib.suppress(FileNotFoundError), path.open(encoding="utf-8") as file:
+            if _is_stale(file):
+                path.unlink()
+
+
+def _is_stale(file: TextIO) -> bool:
+    """Return whether no flight holds the lock."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
 
 
 def _folder() -> Path:
-    """Made if it is not there. Raises OSError where it is somebody else's: a lie there would be believed."""
-    # Not below XDG_RUNTIME_DIR: a flight under cron or sudo, and the shell beside it, have different ones.
+    """Return the directory's folder, made if missing.
+
+    Raises OSError if another user can write to it: a forged record would redirect commands.
+    """
+    # Not below XDG_RUNTIME_DIR: it differs between a shell and a flight under cron or sudo.
     folder = Path(tempfile.gettempdir()) / f"swarmctl-{os.getuid()}"
     with contextlib.suppress(FileExistsError):
         folder.mkdir(mode=0o700)
     found = folder.lstat()
     if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o022:
-        raise OSError(0, "must be a folder of this user's that nobody else can write to", str(folder))
+        raise OSError(0, "expected a folder of this user that no other user can write to", str(folder))
     return folder

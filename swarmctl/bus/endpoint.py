@@ -1,4 +1,4 @@
-"""Where a bus is listened for or joined, as Zenoh writes it: `tcp/HOST:PORT`, `tls/...` or `quic/...`."""
+"""Endpoints of the bus, as Zenoh writes them: `tcp/HOST:PORT`, `tls/...` or `quic/...`."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from swarmctl.core import texts
 
 PROTOCOLS = ("tcp", "tls", "quic")
 CERTIFICATE_PROTOCOLS = ("tls", "quic")
-"""the protocols over which both sides show certificates"""
+"""protocols with certificates on both sides"""
 NO_ENDPOINT = "none"
-"""instead of an endpoint to listen at: nobody outside this process reaches the bus"""
+"""in place of an endpoint to listen at: the bus is not reachable from outside of the process"""
 _FORM = re.compile(
     r"(?P<protocol>tcp|tls|quic)/"
     r"(?:\[(?P<v6>[0-9A-Fa-f:.]+)\]|(?P<host>[A-Za-z0-9_.-]+)):(?P<port>[0-9]{1,5})"
@@ -20,7 +20,7 @@ _FORM = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class BusEndpoint:
-    """An address on the network; port 0 is any free one."""
+    """An address on the network; port 0 stands for any free one."""
 
     host: str
     port: int
@@ -28,17 +28,17 @@ class BusEndpoint:
 
     @property
     def is_loopback(self) -> bool:
-        """Whether only this machine reaches it."""
+        """Whether only this machine can reach it."""
         return texts.is_loopback(self.host)
 
     @property
     def is_certified(self) -> bool:
-        """Whether both sides show certificates."""
+        """Whether its protocol uses certificates on both sides."""
         return self.protocol in CERTIFICATE_PROTOCOLS
 
     @property
     def reachable(self) -> BusEndpoint:
-        """Where somebody on this machine finds who listens here."""
+        """The endpoint to connect to from this machine."""
         return replace(self, host={"0.0.0.0": "127.0.0.1", "::": "::1"}.get(self.host, self.host))
 
     def __str__(self) -> str:
@@ -47,11 +47,11 @@ class BusEndpoint:
 
 
 def parse_endpoint(text: str) -> BusEndpoint:
-    """Raises ValueError, saying what is expected."""
+    """Return the endpoint that a text describes. Raises ValueError with the expected form."""
     found = _FORM.fullmatch(text)
     if found is None or int(found["port"]) > 65535:
         raise ValueError(
-            f"{text!r} is no endpoint of the bus: expected tcp/HOST:PORT, as tcp/127.0.0.1:7447; with "
-            "certificates tls/HOST:PORT or quic/HOST:PORT"
+            f"{text!r} is not an endpoint of the bus: expected tcp/HOST:PORT, such as tcp/127.0.0.1:7447; "
+            "with certificates tls/HOST:PORT or quic/HOST:PORT"
         )
     return BusEndpoint(found["v6"] or found["host"], int(found["port"]), found["protocol"])

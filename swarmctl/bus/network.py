@@ -19,8 +19,8 @@ from swarmctl.bus import keys
 from swarmctl.bus.backlog import Backlog, QueuedMessage
 from swarmctl.bus.node.decoding import frame_decoder
 from swarmctl.bus.node.exchange import NetworkCounters, NodeOptions, NodeOutput, OutgoingMessage
-from swarmctl.bus.node.reception import ReceptionTable
 from swarmctl.bus.node.node import Node
+from swarmctl.bus.node.reception import ReceptionTable
 from swarmctl.bus.radio import LossReason, Radio
 from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.inbox import TURN_S
@@ -133,7 +133,15 @@ class Network:
         rng = np.random.default_rng(np.random.SeedSequence(self._seed, spawn_key=(4, uav)))
         can_hear = None if self._radio is None else self._radio.can_hear
         node = Node(
-            uav, self._uavs, self._options, self._codec, incarnation, rng, can_hear, self._decode, self._receptions
+            uav,
+            self._uavs,
+            self._options,
+            self._codec,
+            incarnation,
+            rng,
+            can_hear,
+            self._decode,
+            self._receptions,
         )
         if (before := self._members.get(uav)) is not None and before.timer is not None:
             before.timer.cancel()

@@ -1,8 +1,8 @@
-"""What a radio does to messages: who hears whom, what is lost, and when the rest arrives. Pure.
+"""Radio model: range, loss, delay and bandwidth of messages between UAVs. Pure.
 
-A model above every transport, in simulated time. The sender asks `Radio.send`, the receiver `Radio.can_hear`.
-Chance is drawn for each ordered pair of UAVs by itself: what the n-th message from one to the other meets
-follows from the seed and n, whatever else is sent or lost, and be the UAVs in one process or in many.
+The model works above every transport, in simulated time. The sender calls `Radio.send`, the receiver
+`Radio.can_hear`. Each ordered pair of UAVs has its own random stream: the fate of the n-th message from one
+to the other follows from the seed and n alone, in one process or in many.
 """
 
 from __future__ import annotations
@@ -17,35 +17,35 @@ import numpy as np
 from swarmctl.core.geo import LatLon, distance_m
 
 MAX_WAIT_S = 2.0
-"""What would wait longer for its sender's transmitter is out of date, and dropped."""
+"""Messages that would wait longer for the transmitter are dropped as out of date."""
 STREAM = 3
-"""first part of the pairs' spawn keys: keeps them apart from whatever else is spawned from the run's seed"""
+"""first part of the pairs' spawn keys, which separates them from other streams of the run's seed"""
 _DRAWN_AHEAD = 32
 """messages; numpy draws many at little more than the cost of one"""
 
 
 class LossReason(StrEnum):
-    """Why a message does not arrive."""
+    """Cause of a lost message."""
 
     QUIET = "quiet"
-    """its sender sends nothing at that time"""
+    """radio silence of the sender"""
     PARTITION = "partition"
-    """its receiver is in another part of the swarm"""
+    """the receiver is in another part of the swarm"""
     LOSS = "loss"
-    """by chance"""
+    """random loss"""
     BANDWIDTH = "bandwidth"
-    """its sender has too much to send"""
+    """the sender's transmitter is overloaded"""
     TOO_FAR = "too_far"
     TOO_NEAR = "too_near"
     OVERLOAD = "overload"
-    """no model: more is said than the receivers' machine can hear"""
+    """not from the model: the receivers' machine is too slow for the messages"""
 
 
 @dataclass(frozen=True, slots=True)
 class Partition:
-    """From `from_s` until before `until_s`, UAVs reach those of their own group only.
+    """A split of the swarm from `from_s` until before `until_s`: UAVs reach those of their own group only.
 
-    Who is in no group reaches nobody and is reached by nobody.
+    A UAV outside of all groups is isolated.
     """
 
     groups: tuple[frozenset[int], ...]
@@ -60,7 +60,7 @@ class Partition:
 
 @dataclass(frozen=True, slots=True)
 class RadioSilence:
-    """From `from_s` until before `until_s`, these UAVs send nothing."""
+    """Radio silence of UAVs from `from_s` until before `until_s`."""
 
     uavs: frozenset[int]
     from_s: float = 0.0
@@ -71,45 +71,46 @@ class RadioSilence:
 
 
 def gilbert_probabilities(loss: float, burst: float | None) -> tuple[float, float]:
-    """(p_enter, p_stay): the chance that a message is lost after one that came through, and after a lost one.
+    """Return (p_enter, p_stay), the probabilities of a loss after a received and after a lost message.
 
-    Gilbert's two-state model, in whose bad state everything is lost. The bad state is left with chance
-    p_exit = 1 / `burst` at each message, so it lasts `burst` messages on average; in the long run a share
-    p_enter / (p_enter + p_exit) of all messages falls into it, and that this is `loss` makes
-    p_enter = p_exit · loss / (1 − loss). p_stay = 1 − p_exit. Without `burst` both are `loss`: each message
-    is drawn for itself, and bursts have 1 / (1 − loss) messages on average.
+    Gilbert's two-state model: in the bad state every message is lost. Each message leaves the bad state with
+    probability p_exit = 1 / `burst`, so a burst has `burst` messages on average. In the long run a share
+    p_enter / (p_enter + p_exit) of all messages is lost. This share is `loss` for
+    p_enter = p_exit · loss / (1 − loss); p_stay = 1 − p_exit. Without `burst` both are `loss`: messages are
+    independent, and bursts have 1 / (1 − loss) messages on average.
 
-    Raises ValueError where there is no such model: between two bursts at least one message comes through, so
-    bursts shorter than loss / (1 − loss) cannot make up the share.
+    Raises ValueError if no such model exists: at least one message is received between two bursts, so bursts
+    shorter than loss / (1 − loss) cannot reach the share.
     """
     if not 0.0 <= loss < 1.0:
-        raise ValueError(f"a share of {loss:g} cannot be lost; give a number from 0 to below 1")
+        raise ValueError(f"loss of {loss:g}: expected a share from 0 to below 1")
     if burst is None:
         return loss, loss
     shortest = max(1.0, loss / (1.0 - loss))
     if burst < shortest * (1.0 - 1e-9):
-        text = f"{burst:g} in a row cannot make up {loss:g} of all: between two bursts one comes through"
-        # Rounded up, so that what is read can be given; but not for the last bit of the division.
+        # Rounded up, so that the number shown is valid; but not for the last bit of the division.
+        least = math.ceil(100.0 * shortest - 1e-6) / 100.0
         raise ValueError(
-            f"{text}; give at least {math.ceil(100.0 * shortest - 1e-6) / 100.0:g}, or less loss"
+            f"bursts of {burst:g} messages cannot lose a share of {loss:g}: at least one message is received "
+            f"between two bursts; give at least {least:g}, or less loss"
         )
     return min(1.0, loss / (1.0 - loss) / burst), 1.0 - 1.0 / burst
 
 
 @dataclass(frozen=True, slots=True)
 class RadioSettings:
-    """What the radio is like; UAVs are system ids. As it stands it does nothing to messages.
+    """Settings of the radio model; UAVs are system ids. The defaults deliver every message at once.
 
-    Raises ValueError where `loss` and `loss_burst` cannot be together.
+    Raises ValueError if `loss` and `loss_burst` are incompatible.
     """
 
     delay_s: float = 0.0
     jitter_s: float = 0.0
     loss: float = 0.0
     loss_burst: float | None = None
-    """messages lost in a row, on average; None: each is drawn for itself"""
+    """mean number of messages lost in a row; None: losses are independent"""
     bandwidth_bytes_s: float = math.inf
-    """of each UAV's transmitter"""
+    """per transmitter"""
     max_distance_m: float = math.inf
     min_distance_m: float = 0.0
     partitions: tuple[Partition, ...] = ()
@@ -120,12 +121,12 @@ class RadioSettings:
 
 
 def _fates(rng: np.random.Generator, settings: RadioSettings) -> Iterator[tuple[bool, float]]:
-    """For each message of a pair in turn, whether it is lost and how much later it comes [s].
+    """Yield for each message of a pair whether it is lost, and its jitter [s].
 
-    Two draws a message, whether or not both are used: losses stay the same where a jitter is added.
+    Each message takes two draws, used or not: the same messages are lost with jitter as without.
     """
     p_enter, p_stay = gilbert_probabilities(settings.loss, settings.loss_burst)
-    p_lost = settings.loss  # nobody knows what came before the first
+    p_lost = settings.loss  # stationary, as the state before the first message is unknown
     while True:
         draws = iter(rng.random(2 * _DRAWN_AHEAD).tolist())
         for lost_draw, jitter_draw in zip(draws, draws, strict=True):
@@ -135,11 +136,11 @@ def _fates(rng: np.random.Generator, settings: RadioSettings) -> Iterator[tuple[
 
 
 class Radio:
-    """What becomes of each message, in the order in which they are sent."""
+    """The fates of messages, in the order of sending."""
 
     def __init__(self, settings: RadioSettings, seed: int) -> None:
         self.is_transparent = settings == RadioSettings()
-        """whether everything arrives at once, and nobody needs to ask"""
+        """whether every message arrives at once"""
         self._settings = settings
         self._seed = seed
         self._draws = settings.loss > 0.0 or settings.jitter_s > 0.0
@@ -147,13 +148,13 @@ class Radio:
         self._free_at_s: dict[int, float] = {}
 
     def send(self, sender: int, to: int, n_bytes: int, now_s: float) -> float | LossReason:
-        """When a message arrives that is sent now, or why it does not; both in seconds since the start.
+        """Return the time of arrival of a message sent now, or the cause of its loss; [s] since the start.
 
-        Partitions and quiet times count at sending. What is lost on the way has kept the transmitter busy all
-        the same, as the sender does not know.
+        Partitions and radio silence count at the time of sending. A lost message occupies the transmitter
+        all the same.
         """
         settings = self._settings
-        # Drawn first, so that a message that comes to nothing else changes no later one's luck.
+        # Drawn first, so that other causes of loss do not change the fates of later messages.
         is_lost, jitter_s = self._fate(sender, to) if self._draws else (False, 0.0)
         if any(quiet.silences(sender, now_s) for quiet in settings.quiet):
             return LossReason.QUIET
@@ -165,9 +166,9 @@ class Radio:
         return LossReason.LOSS if is_lost else sent_s + settings.delay_s + jitter_s
 
     def can_hear(self, me: LatLon | None, other: LatLon | None) -> LossReason | None:
-        """Why UAVs at these places do not hear each other; None if they do, just at a limit as well.
+        """Return why UAVs at these positions do not hear each other; None if they do, limits included.
 
-        A UAV whose place nobody knows is heard: its first message may be what tells it.
+        A UAV with an unknown position is heard: its first message may report the position.
         """
         settings = self._settings
         if settings.min_distance_m == 0.0 and settings.max_distance_m == math.inf:
@@ -188,9 +189,9 @@ class Radio:
         return next(fates)
 
     def _transmit(self, sender: int, n_bytes: int, now_s: float) -> float | None:
-        """When a message has left its sender, after all that it sent before; None if it waited too long.
+        """Return the end of a message's transmission, after all earlier ones; None above `MAX_WAIT_S`.
 
-        A message to several is sent to each by itself.
+        A message to several receivers is sent to each of them separately.
         """
         bandwidth_bytes_s = self._settings.bandwidth_bytes_s
         if bandwidth_bytes_s == math.inf:

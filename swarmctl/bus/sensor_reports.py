@@ -1,22 +1,22 @@
-"""What a payload reports to its vehicle's agent, as JSON: which cells of the area a hostile holds.
+"""Reports of a payload to its vehicle's agent, as JSON: cells of the area with and without a hostile.
 
-A report is one look, of these fields:
+A report is one observation, of these fields:
 
-| field | type | means |
+| field | type | meaning |
 |---|---|---|
-| `version` | 1 | of this table |
-| `cells` | list of [row, col, occupied] | what was seen; row 0 is the southernmost, col 0 the westernmost |
-| `points` | list of {lat_deg, lon_deg, occupied} | instead of `cells`: the same by position, WGS-84 [deg] |
-| `unix_s` | number, may be left away | when it was seen, by the payload's clock [s] |
-| `source` | text, may be left away | the payload's name, for logs; up to 32 printable characters |
+| `version` | 1 | version of this table |
+| `cells` | list of [row, col, occupied] | observed cells; row 0 is the southernmost, col 0 the westernmost |
+| `points` | list of {lat_deg, lon_deg, occupied} | instead of `cells`: positions, WGS-84 [deg] |
+| `unix_s` | number, optional | time of the observation, by the payload's clock [s] |
+| `source` | text, optional | the payload's name, for logs; up to 32 printable characters |
 
-`occupied` is true where a hostile holds the cell and false where none does: a cell of which nothing is known
-is left away. Points in one cell count once, and must agree. Fields that a later version adds are ignored.
+`occupied` is true if a hostile holds the cell, and false if none does; unobserved cells are left out. Points
+in one cell count once, and must agree. Fields of later versions are ignored.
 
-Each report counts as one more look, which errs independently of all others with `sensor.p_miss` and
-`sensor.p_false_alarm`: what was seen on one way past a cell is reported once, not once a picture.
+Each report counts as one more observation, with independent errors `sensor.p_miss` and
+`sensor.p_false_alarm`. A payload therefore reports a cell once a pass, not once a picture.
 
-A report is taken or refused as a whole. Who asks instead of putting is told so:
+A report is accepted or refused as a whole. A payload that asks instead of putting gets an answer:
 `{"taken": true, "cells": [[4,7,true]]}` or `{"taken": false, "why": "..."}`.
 """
 
@@ -31,23 +31,23 @@ from swarmctl.core.grid import Cell, Grid
 
 VERSION: Final = 1
 MAX_BYTES = 16_384
-"""of a report; some 1400 cells"""
+"""of a report; about 1400 cells"""
 MAX_CELLS = 4096
 MAX_SOURCE = 32
 """characters"""
 BY_HAND = "operator"
-"""the source where a person reports, by `swarmctl observe`"""
+"""source of a person's reports by `swarmctl observe`"""
 OLDEST_S = 60.0
-"""what was seen longer ago may have moved, and its sender's clock may be wrong"""
+"""limit on the age: the hostile may have moved, or the payload's clock may be wrong"""
 CLOCK_TOLERANCE_S = 5.0
-"""how far ahead a payload's clock may be"""
+"""limit on the lead of a payload's clock"""
 
 ReportedCells = tuple[tuple[int, int, bool], ...]
 """(row, col, occupied) of each cell"""
 
 
 class RejectReason(StrEnum):
-    """Why a report was refused, in a word."""
+    """Reason for a refusal."""
 
     MALFORMED = "malformed"
     OVERSIZE = "oversize"
@@ -61,7 +61,7 @@ class RejectReason(StrEnum):
 
 
 class RejectedReport(ValueError):
-    """A report that is not taken; says why in a word, what was found and what was expected."""
+    """A refused report; the text has the reason, the value found and the expectation."""
 
     def __init__(self, reason: RejectReason, text: str) -> None:
         super().__init__(f"{reason}: {text}")
@@ -69,49 +69,49 @@ class RejectedReport(ValueError):
 
 
 class ReportedPoint(msgspec.Struct, frozen=True):
-    """A place that was looked at."""
+    """An observed position."""
 
     lat_deg: Annotated[float, msgspec.Meta(ge=-90.0, le=90.0)]
     lon_deg: Annotated[float, msgspec.Meta(ge=-180.0, le=180.0)]
     occupied: bool
 
 
-_Several = msgspec.Meta(min_length=1, max_length=MAX_CELLS)
+_OneOrMore = msgspec.Meta(min_length=1, max_length=MAX_CELLS)
 
 
 class Report(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One look of a payload."""
+    """One observation of a payload."""
 
     version: Annotated[Literal[1], msgspec.Meta(description="of this schema")]
-    cells: Annotated[tuple[tuple[int, int, bool], ...], _Several] | None = None
+    cells: Annotated[tuple[tuple[int, int, bool], ...], _OneOrMore] | None = None
     """(row, col, occupied)"""
-    points: Annotated[tuple[ReportedPoint, ...], _Several] | None = None
+    points: Annotated[tuple[ReportedPoint, ...], _OneOrMore] | None = None
     unix_s: float | None = None
     source: Annotated[str, msgspec.Meta(max_length=MAX_SOURCE)] = ""
 
 
 class ReportAnswer(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What became of a report, for who asked."""
+    """Answer to a report."""
 
     taken: bool
     cells: ReportedCells = ()
-    """what was taken"""
+    """accepted cells"""
     why: str = ""
-    """why nothing was"""
+    """reason for a refusal"""
 
 
 class _Versioned(msgspec.Struct):
     version: int
 
 
-_versions = msgspec.json.Decoder(_Versioned)
-_reports = msgspec.json.Decoder(Report)
-_answers = msgspec.json.Decoder(ReportAnswer)
+_version_decoder = msgspec.json.Decoder(_Versioned)
+_report_decoder = msgspec.json.Decoder(Report)
+_answer_decoder = msgspec.json.Decoder(ReportAnswer)
 _encoder = msgspec.json.Encoder()
 
 
 def report_schema() -> dict[str, Any]:
-    """The JSON schema of reports."""
+    """Return the JSON schema of reports."""
     either = [{"required": ["cells"]}, {"required": ["points"]}]
     dialect = "https://json-schema.org/draft/2020-12/schema"
     return {"$schema": dialect, **msgspec.json.schema(Report), "oneOf": either}
@@ -122,45 +122,48 @@ def encode(content: Report | ReportAnswer) -> bytes:
 
 
 def decode_answer(data: bytes) -> ReportAnswer:
-    """What is said to a report. Raises ValueError; never anything else, whatever the bytes."""
+    """Return the answer to a report. Raises ValueError, and no other exception, whatever the bytes."""
     try:
-        return _answers.decode(data)
+        return _answer_decoder.decode(data)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise ValueError(f"no answer to a report: {error}") from None
+        raise ValueError(f"expected an answer to a report: {error}") from None
 
 
 def decode_report(
     data: bytes, grid: Grid, now_unix_s: float, tolerance_s: float = CLOCK_TOLERANCE_S
 ) -> tuple[ReportedCells, str]:
-    """The cells of a report, and its source. Raises BadReport; never anything else, whatever the bytes."""
+    """Return the cells of a report, and its source.
+
+    Raises RejectedReport, and no other exception, whatever the bytes.
+    """
     if len(data) > MAX_BYTES:
         raise RejectedReport(
             RejectReason.OVERSIZE, f"{len(data)} bytes, expected at most {MAX_BYTES}: send several reports"
         )
-    report = _decoded(data)
+    report = _decode_json(data)
     if not report.source.isprintable():
-        raise RejectedReport(RejectReason.MALFORMED, "`source` has characters that cannot be printed")
+        raise RejectedReport(RejectReason.MALFORMED, "`source` has unprintable characters")
     if report.unix_s is not None:
         _check_time(now_unix_s - report.unix_s, tolerance_s)
     if report.cells is not None and report.points is None:
-        return _checked(report.cells, grid), report.source
+        return _check_cells(report.cells, grid), report.source
     if report.points is not None and report.cells is None:
-        return _located(report.points, grid), report.source
+        return _cells_of_points(report.points, grid), report.source
     found = "neither" if report.cells is None else "both"
     raise RejectedReport(RejectReason.MALFORMED, f"expected `cells` or `points`, found {found}")
 
 
-def _decoded(data: bytes) -> Report:
+def _decode_json(data: bytes) -> Report:
     try:
-        version = _versions.decode(data).version
+        version = _version_decoder.decode(data).version
         if version != VERSION:
             raise RejectedReport(
                 RejectReason.VERSION, f"expected version {VERSION}, found {str(version)[:20]}"
             )
-        return _reports.decode(data)
+        return _report_decoder.decode(data)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise RejectedReport(
-            RejectReason.MALFORMED, f"{error}; `swarmctl observe --schema` prints what is expected"
+            RejectReason.MALFORMED, f"{error}; `swarmctl observe --schema` prints the schema"
         ) from None
 
 
@@ -168,17 +171,18 @@ def _check_time(age_s: float, tolerance_s: float) -> None:
     if age_s > OLDEST_S:
         raise RejectedReport(
             RejectReason.STALE,
-            f"seen {age_s:.1f} s ago, expected at most {OLDEST_S:g}: is the payload's clock right?",
+            f"the observation is {age_s:.1f} s old (limit {OLDEST_S:g} s); check the payload's clock",
         )
     if age_s < -tolerance_s:
         raise RejectedReport(
             RejectReason.FUTURE,
-            f"seen {-age_s:.1f} s from now, expected at most {tolerance_s:g}: is the payload's clock right?",
+            f"the observation is {-age_s:.1f} s in the future (limit {tolerance_s:g} s); check the payload's "
+            "clock",
         )
 
 
-def _checked(cells: ReportedCells, grid: Grid) -> ReportedCells:
-    seen: set[Cell] = set()
+def _check_cells(cells: ReportedCells, grid: Grid) -> ReportedCells:
+    observed: set[Cell] = set()
     for row, col, _ in cells:
         if not grid.contains((row, col)):
             raise RejectedReport(
@@ -186,15 +190,15 @@ def _checked(cells: ReportedCells, grid: Grid) -> ReportedCells:
                 f"cell [{str(row)[:20]}, {str(col)[:20]}]: expected row 0 to {grid.rows - 1} and col 0 to "
                 f"{grid.cols - 1}",
             )
-        if (row, col) in seen:
-            raise RejectedReport(RejectReason.TWICE, f"cell [{row}, {col}]: a report is one look")
-        seen.add((row, col))
+        if (row, col) in observed:
+            raise RejectedReport(RejectReason.TWICE, f"cell [{row}, {col}]: a report is one observation")
+        observed.add((row, col))
     return cells
 
 
-def _located(points: tuple[ReportedPoint, ...], grid: Grid) -> ReportedCells:
-    """The cells in which the points lie, each once."""
-    seen: dict[Cell, bool] = {}
+def _cells_of_points(points: tuple[ReportedPoint, ...], grid: Grid) -> ReportedCells:
+    """Return the cells of the points, each once."""
+    observed: dict[Cell, bool] = {}
     for point in points:
         cell = grid.cell_at(point.lat_deg, point.lon_deg)
         if cell is None:
@@ -202,10 +206,10 @@ def _located(points: tuple[ReportedPoint, ...], grid: Grid) -> ReportedCells:
                 RejectReason.OUTSIDE,
                 f"point {point.lat_deg:.7f}, {point.lon_deg:.7f} lies in no cell of the area",
             )
-        if seen.setdefault(cell, point.occupied) != point.occupied:
+        if observed.setdefault(cell, point.occupied) != point.occupied:
             raise RejectedReport(
                 RejectReason.TWICE,
-                f"cell [{cell[0]}, {cell[1]}] has points that are occupied and points that are clear: a cell "
-                "is clear if no part of it is held",
+                f"cell [{cell[0]}, {cell[1]}] has occupied and clear points: a cell is clear if all of it is "
+                "clear",
             )
-    return tuple((row, col, occupied) for (row, col), occupied in seen.items())
+    return tuple((row, col, occupied) for (row, col), occupied in observed.items())

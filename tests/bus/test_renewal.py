@@ -8,12 +8,12 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swarmctl.bus.transports.links import LinkSet
-from swarmctl.bus.transports.neighbours import MeshNeighbours
+from swarmctl.bus.transports.renewal import LinkSet
+from swarmctl.bus.transports.renewal import MeshNeighbours
 from swarmctl.bus.transports.renewal import (
     EARLIEST_S,
     LATEST_S,
-    MOST_DOUBLINGS,
+    MAX_DOUBLINGS,
     WHOLE_AFTER_S,
     Renewal,
     patience_s,
@@ -69,7 +69,7 @@ def test_what_cannot_be_mended_is_tried_ever_more_rarely_and_anew_after_all_was_
     times_s = [s for s in range(1000) if renewal.is_due(SOON, {"2": True}, float(s), is_missed=True)]
     waits_s = [later - before for before, later in pairwise(times_s)]
     assert waits_s == sorted(waits_s)
-    assert waits_s[-1] >= EARLIEST_S * 2**MOST_DOUBLINGS
+    assert waits_s[-1] >= EARLIEST_S * 2**MAX_DOUBLINGS
     for now_s in (1000.0, 1000.0 + WHOLE_AFTER_S):
         assert not renewal.is_due(SOON, {"2": True}, now_s, is_missed=False)
     assert not renewal.is_due(SOON, {"2": True}, 1020.0, is_missed=True)
@@ -108,16 +108,16 @@ def test_who_is_missed_in_vain_hears_of_it_until_there_are_routes() -> None:
     renewal_1, renewal_2 = Renewal(), Renewal()
     one = MeshNeighbours("nodes", SOON, hears(told_2), told_1.__contains__)
     two = MeshNeighbours("nodes", LATE, nowhere, told_2.__contains__)
-    assert not one.look(renewal_1, [LATE], 100.0)
-    assert one.look(renewal_1, [LATE], 100.0 + EARLIEST_S)
-    assert not two.look(renewal_2, [SOON], 102.0)
+    assert not one.has_to_renew(renewal_1, [LATE], 100.0)
+    assert one.has_to_renew(renewal_1, [LATE], 100.0 + EARLIEST_S)
+    assert not two.has_to_renew(renewal_2, [SOON], 102.0)
     assert told_2 == {f"nodes/{SOON}"}
-    assert not one.look(renewal_1, [LATE], 103.0)
+    assert not one.has_to_renew(renewal_1, [LATE], 103.0)
     assert told_2 == {f"nodes/{SOON}", f"nodes/{LATE}/missed"}
-    assert not two.look(renewal_2, [SOON], 103.0)
-    assert two.look(renewal_2, [SOON], 103.0 + LATEST_S)
+    assert not two.has_to_renew(renewal_2, [SOON], 103.0)
+    assert two.has_to_renew(renewal_2, [SOON], 103.0 + LATEST_S)
     told_1.add(f"nodes/{LATE}")
-    assert not one.look(renewal_1, [LATE], 108.0)
+    assert not one.has_to_renew(renewal_1, [LATE], 108.0)
     assert told_2 == {f"nodes/{SOON}"}
 
 

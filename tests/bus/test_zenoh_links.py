@@ -81,7 +81,7 @@ def test_a_router_that_comes_late_is_killed_and_returns_is_found_each_time(
                     router.kill()
                     await until(lambda: one.links + two.links + operator.links == 0, "the end is noticed")
                     heard.clear()
-                    await asyncio.sleep(2 * zenoh.LOOK_EVERY_S if lost_after_s == 0.0 else 0.0)
+                    await asyncio.sleep(2 * zenoh.CHECK_EVERY_S if lost_after_s == 0.0 else 0.0)
             finally:
                 router.kill()
             assert b"lost" not in heard
@@ -288,7 +288,7 @@ async def main():
             await asked
 
 asyncio.run(main())
-process_exit.leave(0)
+process_exit.exit_process(0)
 """
 STATES = ("connecting", "connected", "router dead", "router frozen", "router frozen long")
 

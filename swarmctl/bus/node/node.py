@@ -29,9 +29,9 @@ from swarmctl.bus.node.peer import (
     states_since,
 )
 from swarmctl.bus.node.questions import Questions
+from swarmctl.bus.node.reception import ReceptionColumn, ReceptionTable
 from swarmctl.bus.node.replica import COMPACT_AFTER, Replica, SourceRecord
 from swarmctl.bus.node.sender import Sender, split_frames
-from swarmctl.bus.node.reception import ReceptionColumn, ReceptionTable
 from swarmctl.core.frames import (
     AgentMessage,
     Content,
@@ -167,7 +167,9 @@ class Node:
             return ()
         silent = self._column.silent(now_s)
         unheard = [
-            u for u, p in self._peers.items() if u not in receivers and (p.state_frame is None or silent[p.row])
+            u
+            for u, p in self._peers.items()
+            if u not in receivers and (p.state_frame is None or silent[p.row])
         ]
         return (unheard[int(self._rng.integers(len(unheard)))],) if unheard else ()
 
@@ -175,7 +177,7 @@ class Node:
         self._replica.take(self._replica.of(self._self), own, self._decode(data))
 
     def _make_checkpoint(self, output: NodeOutput, to: tuple[int, ...], unix_s: float) -> None:
-        """Make a checkpoint for requests; from time to time send it, so that others can drop single frames."""
+        """Make a checkpoint for requests; sometimes send it, so that others can drop single frames."""
         record, o = self._replica.of(self._self), self._options
         contents = (decoded.frame.content for decoded in record.after(0))
         seen = [content for content in contents if isinstance(content, Observation)]
@@ -208,7 +210,9 @@ class Node:
         """Handle a decoded message, whose bytes were counted if it came from outside of the process."""
         output = NodeOutput()
         try:
-            if self._can_hear is not None and (cause := self._can_hear(self._sender.position, decoded.frame.at)):
+            if self._can_hear is not None and (
+                cause := self._can_hear(self._sender.position, decoded.frame.at)
+            ):
                 self._counters.lost[cause] += 1
                 return output
             peer = self._peer(sender)
@@ -416,7 +420,8 @@ class Node:
     ) -> None:
         if not self._peers[asker].may_ask(now_s):
             raise MessageRefused(
-                RefusalReason.TOO_FAST, f"vehicle {asker} sends more than {QUESTIONS_PER_S:g} requests a second"
+                RefusalReason.TOO_FAST,
+                f"vehicle {asker} sends more than {QUESTIONS_PER_S:g} requests a second",
             )
         frames = list(self._replica.missing(asked.have))
         frames += states_since(

@@ -1,1 +1,1 @@
-"""Transports of the bus: memory, Zenoh with its configuration and access lists, and their repair."""
+"""Transports of the bus: memory, and Zenoh with its configuration, access lists and session renewal."""

@@ -1,12 +1,12 @@
-"""Who may send what to whom, as Zenoh's access control: pure data from the swarm's name and system ids.
+"""Zenoh access control of the swarm's participants: pure data from the swarm's name and system ids.
 
-Everything is denied that no rule allows, for a rule that denies is passed by a put on a wildcard key.
-Receivers are written out one by one for the same reason: a key such as `uav/*/inform/state/3` is within no
-rule. (`uav/1/*/*/3` is within one, and reaches the one receiver that it names, who refuses it.)
+The rules only allow; all else is denied. A deny rule would not stop a put on a wildcard key. Receivers are
+listed one by one for the same reason: a key such as `uav/*/inform/state/3` is within no rule.
+(`uav/1/*/*/3` is within one, and reaches the one receiver that it names, which refuses it.)
 
 A subject is a certificate's common name: `uav3` (the vehicle's companion, and a payload on it), `operator`
-(the ground station and who gives commands), `router`. Without certificates everybody may do what each of them
-may.
+(ground station and operators' commands), `router`. Without certificates every process has the rights of all
+subjects.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from swarmctl.bus import keys
 OPERATOR = "operator"
 ROUTER = "router"
 IN, OUT = "ingress", "egress"
-"""as seen from whoever holds the list: what comes from a link, what goes out by it"""
+"""direction as seen from the process with the list: received from a link, sent over it"""
 
 
 def name_of(uav: int) -> str:
-    """The common name of a vehicle's certificate."""
+    """Return the common name of a vehicle's certificate."""
     return f"uav{uav}"
 
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """These kinds of message may pass in these directions under these keys."""
+    """Permission of kinds of message in these directions under these keys."""
 
     flows: tuple[str, ...]
     messages: tuple[str, ...]
@@ -38,9 +38,9 @@ class Rule:
 
 
 def operator_endpoint_rules(ask_keys: Sequence[str], put_keys: Sequence[str]) -> dict[str, Any]:
-    """Of a process with the whole swarm inside: from outside one may ask and put under these keys.
+    """Return the rules of a process with the whole swarm: others may ask and put under these keys.
 
-    Nothing but the answers goes out.
+    Only answers go out.
     """
     rules = [
         Rule((IN,), ("query",), tuple(ask_keys)),
@@ -52,85 +52,85 @@ def operator_endpoint_rules(ask_keys: Sequence[str], put_keys: Sequence[str]) ->
 
 
 def router_rules(swarm: str, uavs: Sequence[int], *, certified: bool) -> dict[str, Any]:
-    """Of a router whose clients are the vehicles and operators of one swarm."""
+    """Return the rules of a router whose clients are the vehicles and operators of one swarm."""
     grants: list[tuple[str | None, list[Rule]]] = [
-        (name_of(uav), _of_a_vehicle(swarm, uav, uavs)) for uav in uavs
+        (name_of(uav), _vehicle_rules(swarm, uav, uavs)) for uav in uavs
     ]
-    grants.append((OPERATOR, _of_an_operator(swarm, uavs)))
+    grants.append((OPERATOR, _operator_rules(swarm, uavs)))
     if certified:
         return _access_control(grants)
-    return _access_control([(None, _united(rule for _, rules in grants for rule in rules))])
+    return _access_control([(None, _merged(rule for _, rules in grants for rule in rules))])
 
 
 def mesh_node_rules(swarm: str, uavs: Sequence[int], *, certified: bool) -> dict[str, Any]:
-    """Of a node among nodes that pass on for each other: only the swarm's certificates, only its keys.
+    """Return the rules of a mesh node, whose neighbours relay: only the swarm's certificates and keys.
 
-    A neighbour sends what others have said, so the link does not tell who that was; the receiver tells by
-    the message's signature. A payload's looks have none, and so no node passes them on: they come in from
-    the vehicle's own certificate or an operator's, and reach that vehicle's agent only at its own node.
+    A neighbour relays messages of others, so a link does not authenticate their sender; the receiver checks
+    the message's signature. A payload's reports have no signature, so nodes do not relay them: they need the
+    certificate of the vehicle or of an operator, and reach the vehicle's agent only at its own node.
     """
-    root, every_look = f"{keys.ROOT}/{swarm}", tuple(keys.sensor_report(swarm, uav) for uav in uavs)
-    said = [f"{root}/uav/*/*/*/{uav}" for uav in uavs]
-    passed_on = (*said, f"{root}/uav/*/request/*/{OPERATOR}", f"{root}/station/**")
+    root, all_reports = f"{keys.ROOT}/{swarm}", tuple(keys.sensor_report(swarm, uav) for uav in uavs)
+    from_uavs = [f"{root}/uav/*/*/*/{uav}" for uav in uavs]
+    relayed = (*from_uavs, f"{root}/uav/*/request/*/{OPERATOR}", f"{root}/station/**")
     shared = [
         Rule((IN, OUT), ("declare_subscriber", "declare_queryable"), (f"{root}/**",)),
-        Rule((IN, OUT), ("put", "query", "reply"), passed_on),
+        Rule((IN, OUT), ("put", "query", "reply"), relayed),
     ]
 
-    def with_looks(looks: tuple[str, ...]) -> list[Rule]:
-        return [*shared, Rule((IN,), ("put", "query"), looks), Rule((OUT,), ("reply",), looks)]
+    def with_reports(reports: tuple[str, ...]) -> list[Rule]:
+        return [*shared, Rule((IN,), ("put", "query"), reports), Rule((OUT,), ("reply",), reports)]
 
     if not certified:
-        return _access_control([(None, with_looks(every_look))])
-    vehicles = [(name_of(uav), with_looks((keys.sensor_report(swarm, uav),))) for uav in uavs]
-    return _access_control([*vehicles, (OPERATOR, with_looks(every_look)), (ROUTER, shared)])
+        return _access_control([(None, with_reports(all_reports))])
+    vehicles = [(name_of(uav), with_reports((keys.sensor_report(swarm, uav),))) for uav in uavs]
+    return _access_control([*vehicles, (OPERATOR, with_reports(all_reports)), (ROUTER, shared)])
 
 
-def _of_a_vehicle(swarm: str, uav: int, uavs: Sequence[int]) -> list[Rule]:
+def _vehicle_rules(swarm: str, uav: int, uavs: Sequence[int]) -> list[Rule]:
     root = f"{keys.ROOT}/{swarm}"
-    says = tuple(f"{root}/uav/{to}/*/*/{uav}" for to in uavs if to != uav)
-    look = keys.sensor_report(swarm, uav)
+    own_messages = tuple(f"{root}/uav/{to}/*/*/{uav}" for to in uavs if to != uav)
+    report = keys.sensor_report(swarm, uav)
     inbox = (keys.inbox(swarm, uav),)
     return [
-        Rule((IN,), ("put",), (*says, f"{root}/station/*/*/{uav}", look)),
+        Rule((IN,), ("put",), (*own_messages, f"{root}/station/*/*/{uav}", report)),
         Rule((IN,), ("declare_subscriber", "declare_queryable", "reply"), inbox),
         Rule((OUT,), ("put", "query"), inbox),
-        # Its payload, which has the vehicle's certificate, asks and is answered.
-        Rule((IN,), ("query",), (look,)),
-        Rule((OUT,), ("reply", "declare_queryable", "declare_subscriber"), (look,)),
+        # Its payload has the vehicle's certificate, and gets answers to its reports.
+        Rule((IN,), ("query",), (report,)),
+        Rule((OUT,), ("reply", "declare_queryable", "declare_subscriber"), (report,)),
     ]
 
 
-def _of_an_operator(swarm: str, uavs: Sequence[int]) -> list[Rule]:
-    looks = tuple(keys.sensor_report(swarm, uav) for uav in uavs)
+def _operator_rules(swarm: str, uavs: Sequence[int]) -> list[Rule]:
+    reports = tuple(keys.sensor_report(swarm, uav) for uav in uavs)
     requests = tuple(keys.request(swarm, kind, uav) for uav in uavs for kind in keys.KINDS)
     station = (f"{keys.ROOT}/{swarm}/station/**",)
     return [
-        Rule((IN,), ("query",), requests + looks),
-        Rule((OUT,), ("reply", "declare_queryable"), requests + looks),
-        Rule((IN,), ("put",), looks),
-        Rule((OUT,), ("declare_subscriber",), looks),
+        Rule((IN,), ("query",), requests + reports),
+        Rule((OUT,), ("reply", "declare_queryable"), requests + reports),
+        Rule((IN,), ("put",), reports),
+        Rule((OUT,), ("declare_subscriber",), reports),
         Rule((IN,), ("declare_subscriber",), station),
         Rule((OUT,), ("put",), station),
     ]
 
 
-def _united(rules: Iterable[Rule]) -> list[Rule]:
-    """The same with one rule for each direction and kinds of message."""
-    united: dict[tuple[tuple[str, ...], tuple[str, ...]], dict[str, None]] = {}
+def _merged(rules: Iterable[Rule]) -> list[Rule]:
+    """Merge rules: one for each direction and kinds of message."""
+    merged: dict[tuple[tuple[str, ...], tuple[str, ...]], dict[str, None]] = {}
     for rule in rules:
-        united.setdefault((rule.flows, rule.messages), {}).update(dict.fromkeys(rule.keys))
-    return [Rule(flows, messages, tuple(named)) for (flows, messages), named in united.items()]
+        merged.setdefault((rule.flows, rule.messages), {}).update(dict.fromkeys(rule.keys))
+    return [Rule(flows, messages, tuple(named)) for (flows, messages), named in merged.items()]
 
 
 def _access_control(grants: Sequence[tuple[str | None, list[Rule]]]) -> dict[str, Any]:
-    """Zenoh's `access_control`; the subject None is anybody."""
+    """Return Zenoh's `access_control`; the subject None matches every process."""
     rules, subjects, policies = [], [], []
-    for name, granted in grants:
-        who = name or "anybody"
+    for name, allowed in grants:
+        subject = name or "anybody"
         ids = []
-        for number, rule in enumerate(rule for rule in granted if rule.keys):
-            ids.append(f"{who}-{number}")
+        for number, rule in enumerate(rule for rule in allowed if rule.keys):
+            ids.append(f"{subject}-{number}")
             rules.append(
                 {
                     "id": ids[-1],
@@ -140,8 +140,8 @@ def _access_control(grants: Sequence[tuple[str | None, list[Rule]]]) -> dict[str
                     "key_exprs": list(rule.keys),
                 }
             )
-        subjects.append({"id": who} if name is None else {"id": who, "cert_common_names": [name]})
-        policies.append({"rules": ids, "subjects": [who]})
+        subjects.append({"id": subject} if name is None else {"id": subject, "cert_common_names": [name]})
+        policies.append({"rules": ids, "subjects": [subject]})
     return {
         "enabled": True,
         "default_permission": "deny",

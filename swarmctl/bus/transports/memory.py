@@ -1,4 +1,4 @@
-"""A bus inside one event loop: for virtual time and tests. Delivers in the order of sending."""
+"""A bus inside one event loop, for virtual time and tests. Delivers in the order of sending."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from swarmctl.bus.transports.routes import Subscriptions, report_to_loop
 
 
 class MemoryBus:
-    """Keys are matched as Zenoh does for the expressions in use."""
+    """A transport without sockets; keys match as in Zenoh for the expressions in use."""
 
     def __init__(self, on_failure: Failure = report_to_loop) -> None:
         self.dropped = 0
@@ -46,8 +46,8 @@ class MemoryBus:
         def served() -> None:
             try:
                 self._served[key](key, payload if len(payload) <= MAX_QUESTION_BYTES else None, reply)
-            except Exception as error:  # noqa: BLE001 - whatever a receiver raises is its own bug
-                self._has_failed(key, error)
+            except Exception as error:  # noqa: BLE001 - an exception of a receiver is its own bug
+                self._report_failure(key, error)
 
         loop.call_soon(served)
         async with asyncio.timeout(timeout_s):
@@ -60,9 +60,9 @@ class MemoryBus:
     def _deliver(self, receive: Receive, key: str, payload: bytes) -> None:
         try:
             receive(key, payload)
-        except Exception as error:  # noqa: BLE001 - whatever a receiver raises is its own bug
-            self._has_failed(key, error)
+        except Exception as error:  # noqa: BLE001 - an exception of a receiver is its own bug
+            self._report_failure(key, error)
 
-    def _has_failed(self, key: str, error: Exception) -> None:
+    def _report_failure(self, key: str, error: Exception) -> None:
         self.failed += 1
         self._on_failure(key, error)

@@ -1,4 +1,4 @@
-"""The bus of a flight, open to its operator and to its vehicles' payloads."""
+"""Opens the bus of a flight to its operator and to its vehicles' payloads."""
 
 from __future__ import annotations
 
@@ -17,32 +17,33 @@ from swarmctl.bus.transports.zenoh_config import standalone
 def open_bus(
     swarm: str, listen: str, say: Callable[[str], None], on_failure: Failure = report_to_loop
 ) -> Iterator[ZenohBus]:
-    """A session that operators reach at `listen`, if only with commands for `swarm`, and payloads with looks.
+    """Open a session at `listen` that accepts operators' commands and payloads' reports for `swarm` only.
 
-    Raises BusError.
+    The flight is registered in the directory of running swarms. Raises BusError.
     """
     if listen == NO_ENDPOINT:
         with ZenohBus(on_failure=on_failure) as bus:
             yield bus
         return
     with contextlib.ExitStack() as stack:
-        door = parse_endpoint(listen)
-        if door.is_certified:
-            raise BusError(f"communication.listen: {door}: a flight in one process listens at tcp/HOST:PORT")
-        asked = tuple(keys.request(swarm, kind) for kind in keys.KINDS)
-        looks = keys.sensor_report(swarm, "*")
-        bus = stack.enter_context(
-            ZenohBus(standalone(door, (*asked, looks), (looks,)), on_failure=on_failure)
-        )
+        endpoint = parse_endpoint(listen)
+        if endpoint.is_certified:
+            raise BusError(
+                f"communication.listen: {endpoint}: a flight in one process listens at tcp/HOST:PORT"
+            )
+        requests = tuple(keys.request(swarm, kind) for kind in keys.KINDS)
+        reports = keys.sensor_report(swarm, "*")
+        configuration = standalone(endpoint, (*requests, reports), (reports,))
+        bus = stack.enter_context(ZenohBus(configuration, on_failure=on_failure))
         assert bus.endpoint is not None
         here = bus.endpoint.reachable
         try:
             stack.enter_context(directory.registered(swarm, here))
         except BusError as error:
-            say(f"`swarmctl set` finds this swarm with --connect {here} only: {error}")
-        if not door.is_loopback:
+            say(f"operators' commands find this swarm with --connect {here} only: {error} [not-registered]")
+        if not endpoint.is_loopback:
             say(
-                f"whoever reaches {bus.endpoint} can change this swarm's weights and report for its sensors: "
-                "nobody asks who it is"
+                f"{bus.endpoint} is open to other machines without authentication: they can change this "
+                "swarm's weights, give it orders and report for its sensors [open-endpoint]"
             )
         yield bus

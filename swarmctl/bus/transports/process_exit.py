@@ -1,8 +1,7 @@
-"""Ending a process whose bus cannot end: a thread of ours may be inside Zenoh for seconds, or for ever.
+"""Process exit while a thread is blocked inside Zenoh, for seconds or for ever.
 
-Such a thread is a daemon and keeps no process alive; but where it comes back while the interpreter is being
-taken down, Python ends it in the middle of foreign frames, and the process dies of SIGABRT instead of with
-its code.
+Such a thread is a daemon, so it does not keep the process alive. But if it returns while the interpreter
+shuts down, Python ends it inside of foreign frames, and the process dies of SIGABRT.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ _started: list[threading.Thread] = []
 
 
 def start_thread(name: str, run: Callable[[], None]) -> threading.Thread:
-    """A thread that may be inside Zenoh when the process ends."""
+    """Start a thread that may be inside Zenoh when the process ends."""
     _started[:] = [thread for thread in _started if thread.is_alive()]
     thread = threading.Thread(target=run, name=name, daemon=True)
     _started.append(thread)
@@ -26,12 +25,12 @@ def start_thread(name: str, run: Callable[[], None]) -> threading.Thread:
 
 
 def has_blocked_thread() -> bool:
-    """Whether such a thread is still at it."""
+    """Return whether such a thread is alive."""
     return any(thread.is_alive() for thread in _started)
 
 
 def exit_process(code: int) -> NoReturn:
-    """End the process with `code`: as usual, or at once where a thread is inside Zenoh."""
+    """End the process with `code`: as usual, or at once if a thread is inside Zenoh."""
     if not has_blocked_thread():
         sys.exit(code)
     for stream in (sys.stdout, sys.stderr):

@@ -1,4 +1,4 @@
-"""Which of a process's own subscriptions a key reaches, and who is told of a receiver's bug."""
+"""Subscriptions of a process by key, and reports of their receivers' bugs."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from swarmctl.bus.transports.base import Receive
 from swarmctl.core.texts import printable
 
 EVERYTHING = "**"
-MAX_SAID = 32
-"""different texts about receivers' bugs: senders may make them differ"""
+MAX_TEXTS = 32
+"""different texts about receivers' bugs; senders may influence them"""
 
 
 class Subscriptions:
@@ -23,17 +23,17 @@ class Subscriptions:
         self._by_prefix: dict[str, list[Receive]] = {}
 
     def add(self, key_expression: str, receive: Receive) -> None:
-        """Raises ValueError where the expression is of another form."""
+        """Add a subscription. Raises ValueError for an expression of another form."""
         if key_expression == EVERYTHING or key_expression.endswith("/**"):
             stem, table = key_expression.removesuffix(EVERYTHING), self._by_prefix
         else:
             stem, table = key_expression, self._by_key
         if "*" in stem or "$" in stem:
-            raise ValueError(f"expected a key, or one that ends in /**, found {key_expression!r}")
+            raise ValueError(f"expected a key, or a prefix with /**, found {key_expression!r}")
         table.setdefault(stem, []).append(receive)
 
     def reached_by(self, key: str) -> Iterator[Receive]:
-        """A lookup for each part of the key, however many subscriptions there are."""
+        """Yield the receivers of a key; takes a lookup for each part of the key."""
         yield from self._by_key.get(key, ())
         yield from self._by_prefix.get("", ())
         end = key.find("/")
@@ -47,27 +47,27 @@ class Subscriptions:
 
 
 def report_to_loop(key: str, error: Exception) -> None:
-    """Where nobody else is told of a receiver's bug: the loop's exception handler, which logs it."""
+    """Report a receiver's bug to the loop's exception handler, which logs it."""
     asyncio.get_running_loop().call_exception_handler(
         {"message": f"a receiver of the bus failed at {key[:200]}", "exception": error}
     )
 
 
 class ReportOnce:
-    """A `Failure` for flights, which it does not end: what a receiver raised, in one line, each text once."""
+    """A `Failure` for flights: shows a receiver's exception in one line, each text once."""
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say = say
         self._said: set[str] = set()
 
     def __call__(self, key: str, error: Exception) -> None:
-        if len(self._said) >= MAX_SAID:
+        if len(self._said) >= MAX_TEXTS:
             return
         *_, frame = traceback.extract_tb(error.__traceback__) or [None]
         where = "" if frame is None else f" in {frame.name}, {Path(frame.filename).name}:{frame.lineno}"
-        text = f"a bug in handling what came by the bus{where}: {type(error).__name__}: {error}"
-        # It may quote the sender, and is shown on a terminal.
+        text = f"a bug in handling a message of the bus{where}: {type(error).__name__}: {error}"
+        # It may quote the sender, and goes to a terminal.
         text = printable(text[:400])
         if text not in self._said:
             self._said.add(text)
-            self._say(f"{text} (under {printable(key[:100])}; said once, all are counted)")
+            self._say(f"{text} (key {printable(key[:100])}; shown once) [receiver-bug]")
