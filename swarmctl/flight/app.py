@@ -41,7 +41,8 @@ from swarmctl.flight.wiring import (
     with_free_port,
 )
 from swarmctl.links.base import LinkError
-from swarmctl.preflight.conversation import CheckResult, Preflight, summary_of
+from swarmctl.preflight.conversation import Preflight
+from swarmctl.preflight.results import CheckResult, summary_of
 from swarmctl.preflight.waivers import Waiver
 from swarmctl.report.evidence.file import Signer
 from swarmctl.report.evidence.hooks import Evidence

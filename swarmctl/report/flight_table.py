@@ -4,51 +4,49 @@ from __future__ import annotations
 
 from typing import Any
 
-from rich import box
-from rich.table import Table
 from rich.text import Text
 
 from swarmctl.core.inference.survival import ProbabilityEstimate
-from swarmctl.report.figures import product_text
 from swarmctl.report.swaps import swap_lines
+from swarmctl.report.tables import Column, FittedTable, estimate_texts, product_text
+
+OUTCOME_WIDTH = 16
+BOUND = Column("over goal /\nbound [s]")
 
 
-def flight_table(summary: dict[str, Any]) -> Table:
-    """What became of each vehicle."""
-    grid = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
-    grid.caption, grid.caption_justify = "\n".join(swarm_lines(summary)), "left"
-    grid.add_column("vehicle", no_wrap=True)
-    titles = (
-        "flown\n[m]", "time\n[s]", "ΣP_s", "∏\n(1−P_s)", "chance at take-off,\nsimulated, 95 %",
-        "by true\nhostiles", "strikes", "re-\nplans", "sent",
-    )  # fmt: skip
+def flight_table(summary: dict[str, Any]) -> FittedTable:
+    """Return the flight of each vehicle as a row; lines about the swarm stand below."""
     vehicles = summary["vehicles"]
     bounded = any(v["arrival_bound_kept"] is not None for v in vehicles)
-    for title in titles[:2] + ("over goal /\nbound [s]",) * bounded + titles[2:]:
-        grid.add_column(Text(title), justify="right", no_wrap=True)
-    grid.add_column("outcome", min_width=7)
+    columns = (
+        Column("vehicle", "left"), Column("flown\n[m]"), Column("time\n[s]"), *[BOUND] * bounded,
+        Column("ΣP_s", rank=3), Column("∏\n(1−P_s)", rank=4), Column("chance at\ntake-off"),
+        Column("95 %\ninterval", rank=6), Column("by true\nhostiles", rank=2), Column("strikes"),
+        Column("replans", rank=1), Column("sent", rank=5), Column("outcome", "left", wraps_at=OUTCOME_WIDTH),
+    )  # fmt: skip
+    table = FittedTable(columns, caption=swarm_lines(summary), elsewhere="summary.json")
     for v in vehicles:
         time_s = "–" if v["flight_time_s"] is None else f"{v['flight_time_s']:.0f}"
         true_chance = v["chance_among_true_hostiles"]
-        grid.add_row(
+        table.add_row(
             v["name"],
             f"{v['flown_m']:.0f}",
             time_s,
             *([_over_goal(v)] if bounded else []),
             f"{v['exposure_sum_at_decisions']:.3f}",
             product_text(v["safety_factor_at_decisions"]),
-            _chance(v["at_takeoff"]),
+            *_chance(v["at_takeoff"]),
             "–" if true_chance is None else f"{true_chance:.3f}",
             str(v["strikes"]),
             str(v["replans"]),
             str(v["messages_sent"]),
-            Text(v["outcome"]),
+            v["outcome"],
         )
-    return grid
+    return table
 
 
 def swarm_lines(summary: dict[str, Any]) -> list[str]:
-    """What is to be said of the vehicles together, as lines."""
+    """Return lines about mission changes, arrival and separation of the swarm."""
     separation, arrival, lines = summary["separation"], summary["arrival"], swap_lines(summary["vehicles"])
     if arrival is not None and arrival["spread_s"] is not None:
         how = "kept" if arrival["kept"] else "not kept"
@@ -56,31 +54,33 @@ def swarm_lines(summary: dict[str, Any]) -> list[str]:
     if (least := separation["least_distance"]) is not None:
         one, other = least["vehicles"]
         when = "" if least["at_flight_s"] is None else f", {least['at_flight_s']:.0f} s after take-off"
-        text = f"least distance flown: {least['distance_m']:.1f} m, {one} and {other} "
+        text = f"least distance in the air: {least['distance_m']:.1f} m, {one} and {other} "
         over, high = least["horizontal_m"], least["vertical_m"]
-        lines.append(f"{text}({over:.1f} m over ground, {high:.1f} m in height{when})")
+        lines.append(f"{text}({over:.1f} m horizontal, {high:.1f} m vertical{when})")
     for pair in separation["too_close"]:
-        lines.append(f"too close for {pair['seconds']:.1f} s: {' and '.join(pair['vehicles'])}")
+        lines.append(f"{' and '.join(pair['vehicles'])} were too close for {pair['seconds']:.1f} s")
     first, plans = separation["first_routes"], separation["plans_in_flight"]
     if first is not None and first["predicted"]:
         lines.append(
-            f"first routes that cross over ground: {first['predicted']} pairs, {first['by_height']} of them "
-            "kept apart by height"
+            f"first routes that cross: {first['predicted']} pairs, {first['by_height']} of them separated "
+            "by height"
         )
     if plans["predicted"]:
         lines.append(
-            f"{plans['predicted']} conflicts of plans predicted in flight, resolved: {plans['by_height']} "
-            f"by height, {plans['by_route']} by route, {plans['by_waiting']} by waiting, {plans['ceased']} "
-            f"by the other; {plans['unresolved']} not"
+            f"plan conflicts predicted in flight: {plans['predicted']}; resolved by height "
+            f"{plans['by_height']}, by route {plans['by_route']}, by waiting {plans['by_waiting']}, by the "
+            f"other vehicle {plans['ceased']}; unresolved {plans['unresolved']}"
         )
     if separation["alarms"]:
-        given = f"way was given {separation['held']} times by holding, {separation['climbed']} by climbing"
-        lines.append(f"{separation['alarms']} alarms of vehicles about to be too close; {given}")
+        lines.append(
+            f"separation alarms: {separation['alarms']}; given way by holding {separation['held']} times, by "
+            f"climbing {separation['climbed']} times"
+        )
     return lines
 
 
 def _over_goal(v: dict[str, Any]) -> Text:
-    """When a vehicle was over its goal, and when it was to be; red where it was not."""
+    """Return a vehicle's arrival time and its bound, red where the bound was not kept."""
     if v["arrival_bound_kept"] is None:
         return Text("–")
     after_s, within_s, arrived_s = v["arrive_after_s"], v["arrive_within_s"], v["arrived_s"]
@@ -91,12 +91,12 @@ def _over_goal(v: dict[str, Any]) -> Text:
 
 
 def missed_bounds(summary: dict[str, Any]) -> list[str]:
-    """The vehicles that did not keep their time bounds."""
+    """Return the names of the vehicles that did not keep their time bounds."""
     return [v["name"] for v in summary["vehicles"] if v["arrival_bound_kept"] is False]
 
 
 def network_lines(summary: dict[str, Any]) -> list[str]:
-    """A line for each vehicle that did not take all it was told, or was told the contrary of what it saw."""
+    """Return a line for each vehicle that refused messages, or whose observations others contradicted."""
     names = {str(v["sysid"]): v["name"] for v in summary["vehicles"]}
     lines = []
     for v in summary["vehicles"]:
@@ -106,16 +106,17 @@ def network_lines(summary: dict[str, Any]) -> list[str]:
             by_reason = ", ".join(f"{why} {n}" for why, n in refused.items())
             parts.append(f"refused {sum(refused.values())} messages ({by_reason})")
         for uav, n in flagged.items():
-            parts.append(
-                f"was told by {names.get(uav, f'vehicle {uav}')} the contrary of what it saw in {n} cells"
-            )
+            parts.append(f"has observations of {n} cells that {names.get(uav, f'vehicle {uav}')} contradicts")
         if parts:
             lines.append(f"{v['name']} {' and '.join(parts)}")
     return lines
 
 
-def _chance(at_takeoff: dict[str, Any] | None) -> str:
+def _chance(at_takeoff: dict[str, Any] | None) -> tuple[str, str]:
+    """Return the chance at take-off and its interval."""
     if at_takeoff is None:
-        return "–"
+        return "–", ""
     chance = at_takeoff["chance_by_simulation"]
-    return str(ProbabilityEstimate(chance["estimate"], chance["low_95"], chance["high_95"], chance["worlds"]))
+    return estimate_texts(
+        ProbabilityEstimate(chance["estimate"], chance["low_95"], chance["high_95"], chance["worlds"])
+    )

@@ -1,7 +1,7 @@
-"""What length buys: each vehicle's Pareto front of length against exposure, for an operator to choose from.
+"""Pareto fronts of length against exposure, one a vehicle, for an operator to choose from.
 
-`fronts` searches; `front_table` and `write_fronts` show: a table for the terminal, `front.json` with every
-route, `front.png`.
+`fronts` searches. `front_table` and `write_fronts` show the result: a table for the terminal, `front.json`
+with every route, and `front.png`.
 """
 
 from __future__ import annotations
@@ -15,9 +15,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich import box
-from rich.table import Table
-from rich.text import Text
 
 from swarmctl.agent.replan.decide import first_problem
 from swarmctl.agent.replan.length_bounds import before_takeoff
@@ -31,42 +28,40 @@ from swarmctl.core.geo import LatLon
 from swarmctl.core.inference.survival import ProbabilityEstimate
 from swarmctl.planners import Problem, Route, Unreachable
 from swarmctl.planners.front import Front, pareto_front
-from swarmctl.report.figures import product_text
 from swarmctl.report.pictures import FrontBound, FrontPanel, FrontPoint, draw_fronts
+from swarmctl.report.tables import Column, FittedTable, estimate_texts, product_text
 
 ROWS = 12
-"""of a front in the table, and lines of it on the map"""
+"""number of routes of a front in the table and on the map"""
 PANELS_A_SHEET = 6
 SAME = 1e-9
 EXPLANATION = (
-    "time: from take-off to goal. ΣP_s is a sum of chances and ∏(1 − P_s) takes cells as independent: the "
-    "chance of getting through is the one by simulation over what is believed at take-off, with its 95 % "
-    "interval."
+    "time: from take-off to goal. for w: the weights w with which the paper's planner finds the route; –: "
+    "none does, only a search with a bound. ΣP_s is a sum of chances, and ∏(1 − P_s) takes cells as "
+    "independent; the chance of survival is the simulated one, by the belief at take-off."
 )
-
-
 PULLED = (
-    "Routes are pulled straight: each row tells what is flown for a route of the front, and may beat another "
-    "in both."
+    "Routes are pulled straight. Each row shows the flown track of a route of the front, so a row may beat "
+    "another in length and in exposure."
 )
 
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """A route, and what is flown for it."""
+    """A route of the front and the track that is flown for it."""
 
     route: Route
     flown: FlownRoute
-    """the route itself where the vehicle could not fly it"""
+    """the track; the route itself where the vehicle cannot fly it"""
     is_flyable: bool
     """False if no track for it has turns as wide as the vehicle needs"""
     chance: ProbabilityEstimate
-    """of getting through with what is flown"""
+    """chance of surviving the track"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VehicleFront:
-    """One vehicle's front at take-off, and what the configuration makes of it."""
+    """One vehicle's front at take-off, and its configured route."""
 
     spec: Spec
     task: Task
@@ -74,13 +69,13 @@ class VehicleFront:
     """P_s (rows, cols) at take-off"""
     front: Front
     offers: tuple[Offer, ...]
-    """one a route of the front"""
+    """the routes of the front by length"""
     chosen: Offer
     chosen_by: str
     chosen_index: int | None
-    """on the front; None where the configured planner minds something else than the two"""
+    """index on the front; None where the configured planner minimises something else than the two"""
     shown: tuple[int, ...]
-    """those worth a row"""
+    """indices of the routes that are worth a row"""
 
     @property
     def name(self) -> str:
@@ -90,11 +85,11 @@ class VehicleFront:
         return flown.length_cells * self.task.grid.cell_size_m
 
     def arrives_s(self, flown: FlownRoute) -> float:
-        """With what its turns cost, as the vehicle reckons."""
+        """Return the arrival time after take-off, with the time of its turns [s]."""
         return arrives_s(self.task, flown.length_cells, flown.corners)
 
     def is_in_time(self, flown: FlownRoute) -> bool:
-        """By the rule of its planner."""
+        """Return whether the track keeps the time bound, by the rule of the planner."""
         bounds = bounds_of(self.task, before_takeoff(self.task.arrival, self.task.altitude_m))
         return misses_by(self.task, bounds, flown.length_cells, flown.corners) == 0.0
 
@@ -102,7 +97,7 @@ class VehicleFront:
 def fronts(
     scenario: Scenario, names: Sequence[str] = (), max_labels: int | None = None
 ) -> tuple[VehicleFront, ...]:
-    """The fronts of the vehicles named, or of all, over all lengths: a time bound is shown, not applied.
+    """Return the fronts of the named vehicles, or of all; time bounds are shown, not applied.
 
     `max_labels` as for `pareto_front`. Raises Unreachable.
     """
@@ -117,7 +112,7 @@ def _front(scenario: Scenario, index: int, spec: Spec, max_labels: int | None) -
     front = pareto_front(unbounded, max_labels=max_labels)
     chosen = _offer(scenario, task, problem, route_within_bounds(task, problem))
     at = next((i for i, route in enumerate(front.routes) if _equals(route, chosen.route)), None)
-    # Of routes that are one point of the front, the configured one is flown.
+    # Where several routes are one point of the front, it stands for the configured one.
     offers = tuple(
         chosen if i == at else _offer(scenario, task, problem, route) for i, route in enumerate(front.routes)
     )
@@ -141,9 +136,11 @@ def _equals(one: Route, other: Route) -> bool:
 
 
 def _knees(front: Front, always: int | None) -> tuple[int, ...]:
-    """At most ROWS of a front: its ends, the configured one, then those that some w finds, then the others;
-    of each what bends most first (Douglas and Peucker's order: always the point farthest from the line
-    through those already there)."""
+    """Return at most ROWS indices: the ends, the configured route, then those that some w finds, then others.
+
+    Within each group the most bent points come first, as in Douglas and Peucker's algorithm: always the point
+    farthest from the line through the points chosen so far.
+    """
     n = len(front.routes)
     points = np.array([(route.length_cells, route.exposure_sum) for route in front.routes])
     points = (points - points.min(axis=0)) / np.maximum(np.ptp(points, axis=0), SAME)
@@ -162,43 +159,45 @@ def _knees(front: Front, always: int | None) -> tuple[int, ...]:
 # --- the table
 
 
-def front_table(found: Sequence[VehicleFront]) -> Table:
-    """The routes worth knowing of each vehicle."""
-    grid = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
-    grid.add_column("vehicle", no_wrap=True)
-    for title in (Text("length [m]"), Text("time [s]"), "ΣP_s", "∏(1−P_s)", "chance (95 %)"):
-        grid.add_column(title, justify="right", no_wrap=True)
-    grid.add_column("for w", no_wrap=True)
-    grid.add_column("", no_wrap=True)
+COLUMNS = (
+    Column("vehicle", "left"), Column("length\n[m]"), Column("time\n[s]"), Column("ΣP_s"),
+    Column("∏(1−P_s)", rank=2), Column("chance by\nsimulation"), Column("95 %\ninterval", rank=3),
+    Column("for w", "left", rank=1), Column("", "left", wraps_at=16),
+)  # fmt: skip
+
+
+def front_table(found: Sequence[VehicleFront]) -> FittedTable:
+    """Return the routes of each vehicle that are worth a row."""
+    table = FittedTable(COLUMNS, elsewhere="front.json")
     for vehicle in found:
         for row, index in enumerate(vehicle.shown):
-            _add_row(grid, vehicle, index, first=row == 0)
+            _add_row(table, vehicle, index, first=row == 0)
         if vehicle.chosen_index is None:
-            _add_numbers(grid, "", vehicle, vehicle.chosen, "not on the front", _mark(vehicle), "bold")
-        grid.add_section()
-    return grid
+            _add_numbers(table, "", vehicle, vehicle.chosen, "not on the front", _mark(vehicle), "bold")
+        table.end_section()
+    return table
 
 
-def _add_row(grid: Table, vehicle: VehicleFront, index: int, *, first: bool) -> None:
+def _add_row(table: FittedTable, vehicle: VehicleFront, index: int, *, first: bool) -> None:
     offer = vehicle.offers[index]
     is_chosen = index == vehicle.chosen_index
     mark = _mark(vehicle) if is_chosen else _fault(vehicle, offer)
     style = "bold" if is_chosen else "bright_black" if mark else ""
     name = vehicle.name if first else ""
-    _add_numbers(grid, name, vehicle, offer, weights(vehicle.front, index), mark, style)
+    _add_numbers(table, name, vehicle, offer, weights(vehicle.front, index), mark, style)
 
 
 def _add_numbers(
-    grid: Table, name: str, vehicle: VehicleFront, offer: Offer, w: str, mark: str, style: str
+    table: FittedTable, name: str, vehicle: VehicleFront, offer: Offer, w: str, mark: str, style: str
 ) -> None:
     flown = offer.flown
-    grid.add_row(
+    table.add_row(
         name,
         f"{vehicle.length_m(flown):.0f}",
         f"{vehicle.arrives_s(flown):.1f}",
         f"{flown.exposure_sum:.3f}",
         product_text(flown.safety_factor),
-        str(offer.chance),
+        *estimate_texts(offer.chance),
         w,
         mark,
         style=style,
@@ -211,18 +210,20 @@ def _mark(vehicle: VehicleFront) -> str:
 
 
 def _fault(vehicle: VehicleFront, offer: Offer) -> str:
-    """Why a vehicle would not fly this."""
+    """Return the reason why the vehicle would not fly this route; empty: it would."""
     if not offer.is_flyable:
-        return "turns too tight for it"
-    return "" if vehicle.is_in_time(offer.flown) else "out of its time bound"
+        return "turns too tight"
+    return "" if vehicle.is_in_time(offer.flown) else "outside its time bound"
 
 
 def weights(front: Front, index: int) -> str:
-    """For which w the planner of the paper gives a route, with as many digits as tell the w apart at which
-    routes change."""
+    """Return the range of w for which the paper's planner gives a route.
+
+    It has as many digits as are needed to tell apart the w at which routes change.
+    """
     w_range = front.w_ranges[index]
     if not front.supported[index] or w_range is None:
-        return "none: constrained only"
+        return "–"
     ends = {0.0, 1.0} | {w for weights in front.w_ranges if weights is not None for w in weights}
     low, high = w_range
     if high - low < SAME:
@@ -231,24 +232,28 @@ def weights(front: Front, index: int) -> str:
 
 
 def _weight(w: float, ends: set[float]) -> str:
-    """Off by less than a quarter of the way to the next of `ends`, so that no two are written alike and none
-    that is not 0 or 1 is written as these."""
+    """Return w with an error below a quarter of the distance to the next of `ends`.
+
+    So no two ends are written alike, and only 0 and 1 are written as these.
+    """
     spare = min(abs(w - other) for other in ends if abs(w - other) >= SAME) / 4.0
     texts = (f"{w:.{digits}g}" for digits in range(2, 18))
     return next(text for text in texts if abs(float(text) - w) <= spare)
 
 
 def left_out(found: Sequence[VehicleFront]) -> list[str]:
-    """What the table does not show, in words."""
+    """Return lines about routes that the table does not show."""
     lines = []
     for vehicle in found:
         hidden = len(vehicle.front.routes) - len(vehicle.shown)
         if hidden > 0:
-            lines.append(f"{vehicle.name}: {hidden} more of its {len(vehicle.front.routes)} in front.json")
+            lines.append(
+                f"{vehicle.name}: {hidden} more of its {len(vehicle.front.routes)} routes: front.json"
+            )
         if not vehicle.front.complete:
             lines.append(
-                f"{vehicle.name}: the search was cut off, so there may be more between these routes; "
-                "give a greater --max-labels"
+                f"{vehicle.name}: the search has reached its limit, so more routes may lie between these; "
+                "raise --max-labels"
             )
     if any(offer.flown.is_pulled for vehicle in found for offer in vehicle.offers):
         lines.append(PULLED)
@@ -259,7 +264,7 @@ def left_out(found: Sequence[VehicleFront]) -> list[str]:
 
 
 def write_fronts(folder: Path, scenario: Scenario, found: Sequence[VehicleFront]) -> None:
-    """`front.json` and `front.png`, with `front-2.png` and so on for more vehicles than fit on a sheet."""
+    """Write `front.json` and `front.png`, and `front-2.png` … for more vehicles than fit on a sheet."""
     content = {
         "name": scenario.config.name,
         "planner": scenario.config.planner.model_dump(mode="json"),
@@ -271,7 +276,7 @@ def write_fronts(folder: Path, scenario: Scenario, found: Sequence[VehicleFront]
         sheet = 1 + first // PANELS_A_SHEET
         name = "front.png" if sheet == 1 else f"front-{sheet}.png"
         panels = [panel_of(vehicle) for vehicle in found[first : first + PANELS_A_SHEET]]
-        title = f"{scenario.config.name}: what length buys"
+        title = f"{scenario.config.name}: length against exposure"
         draw_fronts(folder / name, scenario.grid, panels, title, _subtitle(scenario, found))
 
 
@@ -296,7 +301,7 @@ def _vehicle(vehicle: VehicleFront) -> dict[str, Any]:
 
 
 def _numbers(vehicle: VehicleFront, offer: Offer) -> dict[str, Any]:
-    """Of what is flown; and from which route that was pulled, if it was."""
+    """Return the numbers of the flown track, and of the route from which it was pulled, if it was."""
     flown, route, chance = offer.flown, offer.route, offer.chance
     pulled_from = {
         "length_m": route.length_cells * vehicle.task.grid.cell_size_m,
@@ -328,7 +333,7 @@ def _subtitle(scenario: Scenario, found: Sequence[VehicleFront]) -> str:
 
 
 def panel_of(vehicle: VehicleFront) -> FrontPanel:
-    """What is drawn of a vehicle's front."""
+    """Return the drawing of a vehicle's front."""
     front, arrival, chosen = vehicle.front, vehicle.task.arrival, vehicle.chosen
     n, n_hull = len(front.routes), sum(front.supported)
     about = f"{n} route{'s' if n != 1 else ''}, {n_hull} on the hull"
@@ -336,7 +341,7 @@ def panel_of(vehicle: VehicleFront) -> FrontPanel:
     ends = ((arrival.after_s, "not before"), (arrival.within_s, "within"))
     return FrontPanel(
         name=vehicle.name,
-        about=about if front.complete else f"{about}; cut off, there may be more",
+        about=about if front.complete else f"{about}; search limit reached",
         points=[
             FrontPoint(
                 vehicle.length_m(offer.flown),
@@ -363,7 +368,7 @@ def panel_of(vehicle: VehicleFront) -> FrontPanel:
 
 
 def _track(vehicle: VehicleFront, offer: Offer) -> list[LatLon]:
-    """From the start over the corners, whose turns are drawn as they are flown."""
+    """Return the line from the start over the corners, with turns as they are flown."""
     grid, radius_m = vehicle.task.grid, vehicle.task.turn_radius_m
     points = [grid.frame.to_local(*grid.centre(cell)) for cell in offer.flown.corners]
     if offer.is_flyable and radius_m > 0.0:

@@ -1,4 +1,4 @@
-"""What a person sees while the swarm flies: one row a vehicle, as data and as a Rich table. No printing."""
+"""The live view of a flight: one row a vehicle, as data, as a Rich table and as plain lines."""
 
 from __future__ import annotations
 
@@ -6,21 +6,28 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rich import box
 from rich.console import Group
-from rich.table import Table
 from rich.text import Text
 
 from swarmctl.agent.state import ARRIVED, ENDED, AgentState, Phase
 from swarmctl.report.final_state import is_lost_in_air
+from swarmctl.report.tables import Column, FittedTable
 
 OTHER_LINES = 9
-"""of the screen that are not vehicles"""
+"""lines of the screen beside the vehicles' rows"""
 SILENT_S = 3.0
-"""without a heartbeat, before the link says so"""
+"""age of the last heartbeat from which the link column shows it"""
 BAR = 10
 WIDE = 92
-"""columns from which the bar fits"""
+"""columns of the terminal from which the bar fits"""
+OK, NOT_YET = "ok", "–"
+"""link texts of a vehicle that is heard, and of one before its first heartbeat"""
+COLUMNS = (
+    Column("vehicle", "left"), Column("phase", "left"), Column("mode", "left"), Column("batt."),
+    Column("route", "left"), Column("cells\nown+heard", rank=4), Column("hostiles\nknown", rank=2),
+    Column("replans", rank=3), Column("strikes"), Column("link", "left"),
+)  # fmt: skip
+NEW_WEIGHTS = Column("new w", "left", rank=1)
 COLOURS = {
     Phase.WAITING: "yellow",
     Phase.UPLOADING: "cyan",
@@ -38,14 +45,14 @@ COLOURS = {
 
 @dataclass(frozen=True, slots=True)
 class VehicleRow:
-    """One vehicle."""
+    """The live view of one vehicle."""
 
     name: str
     phase: Phase
     mode: str
     battery_percent: int | None
     progress: float
-    """share of its present route that is behind it, 0..1"""
+    """share of its present route that it has flown, 0..1"""
     cells_own: int
     cells_heard: int
     hostiles_known: int
@@ -54,20 +61,20 @@ class VehicleRow:
     link: str
     note: str
     weights: str = ""
-    """w, and the firing strengths if they are not those it began with; empty where nothing was changed"""
+    """w, and the firing strengths, if an operator has changed them; empty: unchanged"""
     unheard: str = ""
-    """`lost` or `given up` where nothing is heard of it in the air: phase and mode are those it had last"""
+    """`lost` or `given up` for a vehicle that is silent in the air: phase and mode are its last known"""
 
 
 @dataclass(frozen=True, slots=True)
 class SwarmView:
-    """The whole swarm at one moment."""
+    """The live view of the whole swarm."""
 
     name: str
     flown_s: float
-    """by the vehicles' clocks"""
+    """flight time by the vehicles' clocks"""
     speed: float | None
-    """vehicle seconds in a second of the wall clock; None before it is known"""
+    """vehicle seconds in one second of the wall clock; None before it is known"""
     rows: Sequence[VehicleRow]
     on_ctrl_c: str = "hold, then return"
 
@@ -75,8 +82,11 @@ class SwarmView:
 def vehicle_row(
     state: AgentState, age_s: float, note: str = "", refused: int = 0, *, lost_timeout_s: float = math.inf
 ) -> VehicleRow:
-    """`age_s`: since the last heartbeat; infinite before the first. `refused`: messages of the network.
-    `lost_timeout_s`: after this a vehicle that is not heard is waited for no more."""
+    """Return the live view of one vehicle.
+
+    `age_s`: time since the last heartbeat, infinite before the first. `refused`: number of network messages
+    that the vehicle refused. `lost_timeout_s`: age from which a silent vehicle is given up.
+    """
     own = state.belief.n_cells_from(state.task.uav)
     return VehicleRow(
         name=state.task.name,
@@ -114,38 +124,29 @@ def _progress(state: AgentState) -> float:
 
 
 def _link(state: AgentState, age_s: float) -> str:
-    if age_s == float("inf"):
-        return "never heard"
+    if age_s == math.inf:
+        return NOT_YET
     if state.lost:
         return f"lost {age_s:.0f} s"
-    return "ok" if age_s < SILENT_S else f"{age_s:.0f} s ago"
+    return OK if age_s < SILENT_S else f"{age_s:.0f} s ago"
 
 
 def live_table(view: SwarmView, width: int, height: int) -> Group:
-    """The live table, for a terminal of `width` columns and `height` lines.
+    """Return the live table for a terminal of `width` columns and `height` lines.
 
-    Where not all vehicles fit, those that have ended make room first.
+    Where not all vehicles fit, those that have ended are hidden first.
     """
     speed = "" if view.speed is None else f" · {view.speed:.1f}× real time"
     head = Text.assemble(
         (view.name, "bold"), f"  flown {_minutes(view.flown_s)}{speed} · Ctrl-C: {view.on_ctrl_c}"
     )
-    grid = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=0, header_style="bold")
-    columns = [
-        ("vehicle", "left"), ("phase", "left"), ("mode", "left"), ("batt", "right"), ("route", "left"),
-        ("cells\nown+heard", "right"), ("hostiles\nknown", "right"), ("replans", "right"),
-        ("strikes", "right"), ("link", "left"),
-    ]  # fmt: skip
     reweighted = any(r.weights for r in view.rows)
-    if reweighted:
-        columns.append(("new w", "left"))
-    for title, justify in columns:
-        grid.add_column(title, justify=justify, no_wrap=True)  # type: ignore[arg-type]
+    table = FittedTable((*COLUMNS, *[NEW_WEIGHTS] * reweighted))
     room = max(height - OTHER_LINES, 1)
     ranked = sorted(view.rows, key=lambda r: r.phase in ENDED)
     shown = view.rows if len(view.rows) <= room else ranked[: room - 1]
     for r in shown:
-        grid.add_row(
+        table.add_row(
             r.name,
             Text(r.unheard, style="red") if r.unheard else Text(r.phase, style=COLOURS[r.phase]),
             r.mode,
@@ -155,13 +156,13 @@ def live_table(view: SwarmView, width: int, height: int) -> Group:
             str(r.hostiles_known),
             str(r.replans),
             Text(str(r.strikes), style="red" if r.strikes else ""),
-            Text(r.link, style="" if r.link == "ok" else "red"),
+            Text(r.link, style="" if r.link in (OK, NOT_YET) else "red"),
             *([Text(r.weights, style="yellow")] if reweighted else []),
         )
     hidden = len(view.rows) - len(shown)
     notes = [Text(f"and {hidden} more", style="bright_black")] if hidden else []
     notes += [Text(f"{r.name}: {r.note}", style="yellow") for r in shown if r.note not in ("", ARRIVED)]
-    return Group(head, grid, *notes)
+    return Group(head, table.at(width), *notes)
 
 
 def _bar(share: float, length: int) -> Text:
@@ -176,7 +177,7 @@ def _minutes(seconds: float) -> str:
 
 
 def plain_line(row: VehicleRow) -> str:
-    """One vehicle as a plain line, for where there is no terminal."""
+    """Return one vehicle as a plain line, for output without a terminal."""
     battery = "?" if row.battery_percent is None else f"{row.battery_percent} %"
     phase = f"{row.unheard}, was {row.phase}" if row.unheard else row.phase
     text = (

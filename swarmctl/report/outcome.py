@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from swarmctl.agent.state import ARRIVED, AgentState
-from swarmctl.preflight.conversation import CheckResult
+from swarmctl.preflight.results import CheckResult
 from swarmctl.report.summary import FlightStatistics
 
 Ending = Literal["ended", "stopped", "abandoned", "failed"]

@@ -1,4 +1,4 @@
-"""The record of a run, and the same fold again over it.
+"""The record of a run, and its replay through the agents' fold.
 
 `run.mcap` holds every event, effect and bus message as JSON with its schema, so that Foxglove and any other
 reader of MCAP opens it without this program. Two runs on the virtual clock write the same bytes.
@@ -9,7 +9,7 @@ from __future__ import annotations
 import inspect
 import json
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from io import SEEK_END, BytesIO
 from pathlib import Path
@@ -33,7 +33,7 @@ from swarmctl.core.observation import Observation
 
 FORMAT = 2
 CHUNK_BYTES = 1 << 16
-"""What a crash may cost; a run that is cut off keeps all chunks before."""
+"""amount of data that a crash may cost; all earlier chunks stay readable"""
 
 _RECORD = struct.Struct("<BQ")
 """opcode and length, before each record of an MCAP file"""
@@ -84,7 +84,7 @@ class Recorder:
 
     def __init__(self, path: Path, config: Config, names: dict[int, str], epoch_ns: int) -> None:
         self.trouble = ""
-        """why it ends early: a disk that is full costs the record, not the flight"""
+        """the reason why it ends early: a full disk costs the record, not the flight"""
         self._path = path
         self._file = path.open("wb")
         self._writer = Writer(self._file, chunk_size=CHUNK_BYTES)
@@ -178,14 +178,14 @@ class Recorder:
 
 
 def object_schema(struct: type[msgspec.Struct]) -> dict[str, Any]:
-    """The JSON schema with `type: object` at its top, as readers of MCAP want it, instead of a reference."""
+    """Return the JSON schema with `type: object` at its top, as readers of MCAP need it."""
     (reference,), components = msgspec.json.schema_components((struct,), ref_template="#/$defs/{name}")
     top: dict[str, Any] = components.pop(reference["$ref"].rsplit("/", 1)[-1])
     return {name: _dedented(part) for name, part in {**top, "$defs": components}.items()}
 
 
 def _dedented(schema: Any) -> Any:
-    """Docstrings become descriptions, which Python strips of their indentation from 3.13 on only."""
+    """Return a schema with dedented descriptions; Python dedents docstrings only from 3.13 on."""
     if isinstance(schema, dict):
         return {name: _dedented(part) for name, part in schema.items()}
     if isinstance(schema, list):
@@ -194,24 +194,28 @@ def _dedented(schema: Any) -> Any:
 
 
 class RecordError(Exception):
-    """A record that cannot be read; the text says which file and what is wrong with it."""
+    """A record that cannot be read; the text holds the file and the fault."""
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What folding a record again showed."""
+    """The result of a replay."""
 
     events: int
     effects: int
     difference: str
-    """where the first difference is; empty if there is none"""
+    """the first difference; empty: there is none"""
     is_cut: bool = False
-    """the record has no end: its process died; all that is whole was folded"""
+    """the record has no end, because its process died; its complete part was replayed"""
 
 
-def replay(path: Path) -> Verdict:
-    """Fold the recorded events of every agent again and compare effects. Raises RecordError."""
+def replay(path: Path, prepare: Callable[[Config], None] = lambda _: None) -> Verdict:
+    """Replay the recorded events of every agent and compare the effects. Raises RecordError.
+
+    `prepare` is called with the recorded configuration before the first event.
+    """
     content = _read(path)
+    prepare(content.config)
     scenario = build(content.config)
     states = {task.name: begin(task, scenario.prior) for task in scenario.tasks}
     expected: dict[str, list[ev.Effect]] = {name: [] for name in states}
@@ -238,7 +242,7 @@ def replay(path: Path) -> Verdict:
 
 
 def recorded_observations(run: Path) -> tuple[Config, list[Observation]]:
-    """The configuration of a recorded run and what all its vehicles saw. Raises RecordError."""
+    """Return the configuration of a recorded run and its vehicles' observations. Raises RecordError."""
     content = _read(record_path(run))
     effects = (record.effect for _, record in content.rows if isinstance(record, EffectRecord))
     messages = (effect.message for effect in effects if isinstance(effect, ev.Publish))
@@ -246,7 +250,7 @@ def recorded_observations(run: Path) -> tuple[Config, list[Observation]]:
 
 
 def record_path(run: Path) -> Path:
-    """The record of a run, given as its folder or as the file."""
+    """Return the record of a run, given as its folder or as the file."""
     return run / "run.mcap" if run.is_dir() else run
 
 
@@ -255,33 +259,33 @@ class _Content:
     config: Config
     rows: list[tuple[str, EventRecord | EffectRecord]]
     is_cut: bool
-    """it has no end: whoever wrote it died"""
+    """the record has no end, because its process died"""
 
 
 def _read(path: Path) -> _Content:
-    """All that is whole. Raises RecordError."""
+    """Return the complete part of a record. Raises RecordError."""
     try:
         with path.open("rb") as file:
             end, is_cut = _whole(file)
             file.seek(0)
             metadata, rows = _parsed(BytesIO(file.read(end)))
         if metadata.get("format") != str(FORMAT):
-            raise RecordError(f"{path}: no record of this program, or of another version of it")
+            raise RecordError(f"{path}: not a record of this version of swarmctl [other-format]")
         return _Content(Config.model_validate_json(metadata["config"]), list(_records(rows)), is_cut)
     except FileNotFoundError:
         raise RecordError(
-            f"{path}: there is no record; give the folder of a run, which has a run.mcap"
+            f"{path}: not found; give the folder of a run, which holds run.mcap [no-record]"
         ) from None
     except (OSError, McapError, ValueError, struct.error, msgspec.DecodeError) as error:
-        reason = str(error) or f"it ends too early or is damaged ({type(error).__name__})"
-        raise RecordError(f"{path}: cannot be read as a record: {reason}") from error
+        reason = str(error) or f"ends early or is damaged ({type(error).__name__})"
+        raise RecordError(f"{path}: cannot be read as a record: {reason} [damaged]") from error
 
 
 def _whole(file: BinaryIO) -> tuple[int, bool]:
-    """Where the last record that is there whole ends [bytes], and whether the file is cut after it.
+    """Return the end of the last complete record [bytes], and whether the file is cut after it.
 
-    MCAP's form: a magic number, then records of an opcode (1 byte), a length (8 bytes) and so many bytes, the
-    last of them the footer.
+    An MCAP file is a magic number and records of opcode (1 byte), length (8 bytes) and content; the last
+    record is the footer.
     """
     size, at = file.seek(0, SEEK_END), len(MCAP0_MAGIC)
     while at + _RECORD.size <= size:
@@ -296,7 +300,7 @@ def _whole(file: BinaryIO) -> tuple[int, bool]:
 
 
 def _parsed(file: BinaryIO) -> tuple[dict[str, str], list[tuple[int, str, bytes]]]:
-    """This program's metadata; number, topic and content of each message."""
+    """Return this program's metadata, and number, topic and content of each message."""
     metadata: dict[str, str] = {}
     topics: dict[int, str] = {}
     rows: list[tuple[int, str, bytes]] = []

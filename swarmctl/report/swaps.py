@@ -71,7 +71,7 @@ def swap_lines(vehicles: Sequence[dict[str, Any]]) -> list[str]:
     failures = [(name, failure) for name, swaps in by_name for failure in swaps["failures"]]
     lines = [
         f"mission changes in flight: {tried}, {failed or 'none'} failed"
-        + ("" if stood else "; no vehicle stood still for one")
+        + ("" if stood else "; no vehicle stood still")
     ]
     lines += [
         f"  {name}, plan {failure['plan']}, failed: {failure['reason'].removeprefix(f'{name}: ')}"

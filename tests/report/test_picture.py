@@ -69,7 +69,7 @@ def test_cells_are_shaded_as_in_figure_8(tmp_path: Path) -> None:
     assert (found == found[0, 0]).all()
     assert is_grey(not_found[0, 0])
     assert (not_found == not_found[0, 0]).all()
-    assert found[0, 0, 0] < not_found[0, 0, 0]  # what was not found is drawn fainter
+    assert found[0, 0, 0] < not_found[0, 0, 0]  # hostiles that were not found are drawn fainter
     assert (pixels((12, 5)) == 255).all()  # white: seen, no threat
     for first_neighbour in ((14, 5), (16, 5), (15, 4), (15, 6)):
         rows_of_pixels = pixels(first_neighbour)
@@ -81,7 +81,7 @@ def test_cells_are_shaded_as_in_figure_8(tmp_path: Path) -> None:
         assert np.ptp(columns_of_pixels[0, :, 0]) > 0
 
 
-def test_what_nobody_saw_is_tinted(tmp_path: Path) -> None:
+def test_unobserved_cells_are_tinted(tmp_path: Path) -> None:
     shown = picture()
     draw_map(tmp_path / "map.png", shown)
     unseen = cell_pixels(tmp_path / "map.png", shown, (12, 12))
@@ -89,7 +89,7 @@ def test_what_nobody_saw_is_tinted(tmp_path: Path) -> None:
     assert not (unseen == 255).all()
 
 
-def test_without_the_truth_only_what_was_found_is_shaded(tmp_path: Path) -> None:
+def test_without_the_truth_only_found_hostiles_are_shaded(tmp_path: Path) -> None:
     shown = picture(hostiles=None)
     draw_map(tmp_path / "map.png", shown)
     assert is_grey(cell_pixels(tmp_path / "map.png", shown, (15, 5))[0, 0])
@@ -113,11 +113,21 @@ def texts_of(axes: Axes) -> list[Text]:
     return [text for text in axes.texts if text.get_text()]
 
 
+def legend_of(shown: MapPicture) -> list[str]:
+    return [text.get_text() for key in figure_of(shown).axes[1:] for text in texts_of(key)]
+
+
+LONG = "failed: the mission is not accepted after 3 attempts [upload-failed]; returned and landed at home"
+
+
+@pytest.mark.parametrize("outcome", ["landed, 1 strike", LONG])
 @pytest.mark.parametrize(("n_vehicles", "rows", "cols"), SIZES)
-def test_the_key_lies_outside_the_map_and_nothing_in_it_overlaps_or_is_cut_off(
-    n_vehicles: int, rows: int, cols: int
+def test_the_legend_lies_outside_the_map_and_nothing_in_it_overlaps_or_is_cut_off(
+    n_vehicles: int, rows: int, cols: int, outcome: str
 ) -> None:
-    figure = figure_of(picture(n_vehicles, rows, cols))
+    shown = picture(n_vehicles, rows, cols)
+    tracks = [dataclasses.replace(track, outcome=outcome) for track in shown.tracks]
+    figure = figure_of(dataclasses.replace(shown, tracks=tracks))
     figure.draw_without_rendering()
     chart, *keys = figure.axes
     map_box = chart.get_window_extent()
@@ -132,25 +142,35 @@ def test_the_key_lies_outside_the_map_and_nothing_in_it_overlaps_or_is_cut_off(
         assert not any(box.overlaps(other) for other in boxes[:index])
 
 
-def test_the_key_names_every_vehicle_and_only_what_is_on_the_map() -> None:
-    def said(shown: MapPicture) -> set[str]:
-        return {text.get_text() for key in figure_of(shown).axes[1:] for text in texts_of(key)}
-
-    everything = said(picture())
+def test_the_legend_names_every_vehicle_and_only_the_marks_on_the_map() -> None:
+    everything = set(legend_of(picture()))
     assert {"uav1   landed, 1 strike", "uav2   landed, 1 strike", "strike (2)", "first route"} <= everything
     assert {"hostile, found (1)", "hostile, not found (1)", "never seen (200 cells)"} <= everything
-    bare = said(picture(n_vehicles=0, hostiles=frozenset(), known=np.zeros((20, 20), dtype=np.int8)))
+    bare = legend_of(picture(n_vehicles=0, hostiles=frozenset(), known=np.zeros((20, 20), dtype=np.int8)))
     assert not [words for words in bare if "hostile" in words or "strike" in words or "never" in words]
-    assert "and 11 more" in said(picture(n_vehicles=40))
+    assert "and 11 more" in legend_of(picture(n_vehicles=40))
 
 
-def test_a_cell_wrongly_taken_for_a_hostile_is_outlined_and_in_the_key() -> None:
+@pytest.mark.parametrize("n_vehicles", [1, 5, 20])
+def test_a_long_outcome_stands_whole_in_the_legend(n_vehicles: int) -> None:
+    shown = picture(n_vehicles)
+    tracks = [dataclasses.replace(track, outcome=LONG) for track in shown.tracks]
+    words = " ".join(legend_of(dataclasses.replace(shown, tracks=tracks))).split()
+    assert " ".join(words).count(LONG) == n_vehicles
+
+
+def test_the_legend_explains_line_widths_where_they_differ() -> None:
+    assert any("widths" in text for text in legend_of(picture(2)))
+    assert not any("widths" in text for text in legend_of(picture(1)))
+
+
+def test_a_cell_wrongly_taken_for_a_hostile_is_outlined_and_in_the_legend() -> None:
     shown = picture()
     known = shown.known.copy()
     known[3, 3] = OCCUPIED
     mistaken = figure_of(dataclasses.replace(shown, known=known))
-    said = {text.get_text() for key in mistaken.axes[1:] for text in texts_of(key)}
-    assert {"hostile, found (1)", "hostile, not found (1)", "false alarm believed (1)"} <= said
+    legend = {text.get_text() for key in mistaken.axes[1:] for text in texts_of(key)}
+    assert {"hostile, found (1)", "hostile, not found (1)", "false alarm believed (1)"} <= legend
     assert len(mistaken.axes[0].patches) == len(figure_of(shown).axes[0].patches) + 1
 
 
@@ -163,7 +183,7 @@ def test_the_flown_track_runs_over_the_cells_it_covered(tmp_path: Path) -> None:
     assert not (edge == (0, 0x72, 0xB2)).all(axis=-1).any()
 
 
-def test_of_a_lost_vehicle_the_end_of_its_track_is_where_it_was_last_heard() -> None:
+def test_a_lost_vehicles_track_ends_with_a_mark_of_its_own() -> None:
     shown = picture(n_vehicles=2)
 
     def drawn(*lost: bool) -> tuple[set[str], list[bool]]:
@@ -173,14 +193,14 @@ def test_of_a_lost_vehicle_the_end_of_its_track_is_where_it_was_last_heard() -> 
         ]
         chart, *keys = figure_of(dataclasses.replace(shown, tracks=tracks)).axes
         ends = [line for line in chart.lines if line.get_marker() == "s"]
-        said = {text.get_text() for key in keys for text in texts_of(key)}
-        return said & {"where it ended", "last heard here"}, [
+        legend = {text.get_text() for key in keys for text in texts_of(key)}
+        return legend & {"end of flight", "last known position"}, [
             line.get_markerfacecolor() == "white" for line in ends
         ]
 
-    assert drawn(False, False) == ({"where it ended"}, [False, False])
-    assert drawn(False, True) == ({"where it ended", "last heard here"}, [False, True])
-    assert drawn(True, True) == ({"last heard here"}, [True, True])
+    assert drawn(False, False) == ({"end of flight"}, [False, False])
+    assert drawn(False, True) == ({"end of flight", "last known position"}, [False, True])
+    assert drawn(True, True) == ({"last known position"}, [True, True])
 
 
 def test_vehicles_that_start_in_one_place_keep_their_numbers_apart() -> None:

@@ -1,4 +1,4 @@
-"""Pictures as PNG: the map of a run, shaded as in the paper's Figure 8, and the fronts of routes."""
+"""Pictures as PNG: the map of a run, shaded as in the paper's Figure 8, and Pareto fronts of routes."""
 
 from __future__ import annotations
 

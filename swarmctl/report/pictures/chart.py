@@ -28,15 +28,16 @@ from swarmctl.report.pictures.style import (
     VEIL,
     colour_of,
     draw_badge,
+    flown_widths,
     planned_styles,
 )
 
 Ends = tuple[tuple[float, float], tuple[float, float]]
-"""of a line, in columns east and rows north"""
+"""the ends of a line, in columns east and rows north"""
 
 
 def draw_area(axes: Axes, picture: MapPicture, points_per_m: float) -> None:
-    """The cells, shaded as in Figure 8 and tinted where nobody ever looked, and the goals."""
+    """Draw the cells, shaded as in Figure 8 and tinted where no vehicle observed them, and the goals."""
     grid = picture.grid
     hostile, first, second = shading(picture)
     missed = hostile & (picture.known != OCCUPIED)
@@ -88,10 +89,8 @@ def _rgb(colour: str) -> tuple[int, int, int]:
 
 
 def draw_tracks(axes: Axes, picture: MapPicture, points_per_m: float) -> None:
-    """Planned and flown lines, strikes, and where each vehicle started and ended."""
-    grid, styles = picture.grid, planned_styles(picture)
-    # The first is the widest: where several flew the same way, each still shows beside the next.
-    widths = np.linspace(min(1.5 + 0.5 * len(picture.tracks), 3.9), 1.6, len(picture.tracks)).tolist()
+    """Draw planned and flown lines, strikes, and the start and end of each vehicle."""
+    grid, styles, widths = picture.grid, planned_styles(picture), flown_widths(len(picture.tracks))
     for index, track in enumerate(picture.tracks):
         colour = colour_of(index)
         for planned in track.planned:
@@ -112,10 +111,10 @@ def draw_tracks(axes: Axes, picture: MapPicture, points_per_m: float) -> None:
 
 
 def _apart(points: Points, least: float) -> Points:
-    """The points (n, 2), pushed away from each other until they lie about `least` apart."""
-    turns = 2.4 * np.arange(len(points))
-    # Points in the same place are told apart by a little, each in its own direction.
-    moved = points + 1e-3 * least * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    """Return the points (n, 2), pushed away from each other until they lie about `least` apart."""
+    angles = 2.4 * np.arange(len(points))
+    # Points in the same place get a small offset, each in its own direction.
+    moved = points + 1e-3 * least * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     for _ in range(100):
         between = moved[:, None] - moved[None, :]
         gap = np.hypot(between[..., 0], between[..., 1]) + np.eye(len(points)) * least
@@ -127,7 +126,7 @@ def _apart(points: Points, least: float) -> Points:
 
 
 def draw_scales(axes: Axes, grid: Grid) -> None:
-    """Metres from the corner at the left and below, numbers of cells at the right and above."""
+    """Draw metres from the corner at the left and below, numbers of cells at the right and above."""
     axes.set_xlabel("metres east of the area's south-west corner", fontsize=8.5, color=QUIET)
     axes.set_ylabel("metres north", fontsize=8.5, color=QUIET)
     axes.tick_params(labelsize=8, colors=QUIET, length=3)

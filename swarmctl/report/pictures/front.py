@@ -1,6 +1,6 @@
-"""The Pareto front of each vehicle's routes, and where they lead: a row a vehicle, chart and small map.
+"""The Pareto fronts of the vehicles' routes: for each vehicle a chart and a small map of the routes.
 
-Colours run along the front from the shortest route to the least exposed, alike in the chart and on the map.
+Colours run along the front from the shortest route to the least exposed, in the chart and on the map.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ ALONG = LinearSegmentedColormap.from_list("along the front", ("#D55E00", "#A0568
 EXPOSED = LinearSegmentedColormap.from_list("exposure", ("#FFFFFF", "#AEB9C6"))
 LATE = FORBIDDEN
 HALO = withStroke(linewidth=2.5, foreground="white")
-"""around what is written where points may lie"""
+"""outline of labels that may lie over points"""
 
 HEAD_IN, KEY_IN, ROW_HEAD_IN, ROW_FOOT_IN = 0.74, 0.34, 0.58, 0.52
 CHART_WIDE_IN, MAP_WIDE_IN, GAP_IN = 4.45, 3.1, 0.45
 RIGHT_IN = LEFT_IN + CHART_WIDE_IN + GAP_IN + MAP_WIDE_IN
 FLAT = 1e-9
-"""share of the greatest exposure by which rounding alone may part them"""
+"""share of the greatest exposure below which differences are rounding"""
 ALONE_HIGH_IN, SHARED_HIGH_IN = 3.6, 2.15
 """height of a chart that has the sheet to itself, and of one among others"""
 WIDEST_PT, NARROWEST_PT, WIDEST_CELLS = 5.0, 1.2, 0.6
-"""of the lines on the map: the first is the widest, so that each still shows beside the next"""
+"""widths of the lines on the map: the least exposed route's is the widest and lies lowest"""
 
 CHOSEN_DASHES = (0, (3, 1.5))
-"""on the map, of a configured route that is none of the front's"""
+"""dashes on the map of a configured route that is not on the front"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class FrontPoint:
     supported: bool
     """on the convex hull: some w finds it"""
     track: Sequence[LatLon] | None = None
-    """where it leads; None where it is left off the map"""
+    """its line on the map; None: it is left off the map"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ class FrontBound:
     length_m: float
     text: str
     is_latest: bool
-    """what is longer is too long; else what is shorter is too short"""
+    """True: longer routes arrive too late; False: shorter routes arrive too early"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,24 +82,24 @@ class FrontPanel:
     start: LatLon
     goal_cells: Sequence[Cell]
     before_s: float
-    """from the take-off to where the length begins to count"""
+    """time from the take-off to the point from which the length counts"""
     speed_m_s: float
     chosen: tuple[float, float] | None = None
-    """(length [m], ΣP_s) of what the configuration chooses"""
+    """(length [m], ΣP_s) of the configured route"""
     chosen_by: str = ""
     chosen_track: Sequence[LatLon] | None = None
-    """where that leads, if it is none of `points`"""
+    """its line on the map, if it is none of `points`"""
     bounds: Sequence[FrontBound] = ()
 
 
 def draw_fronts(path: Path, grid: Grid, panels: Sequence[FrontPanel], title: str, subtitle: str) -> None:
-    """Writes the PNG, 1440 pixels wide; equal fronts give equal bytes. Raises OSError."""
+    """Write the PNG, 1440 pixels wide; equal fronts give equal bytes. Raises OSError."""
     figure = front_figure(grid, panels, title, subtitle)
     figure.savefig(path, dpi=DPI, format="png", metadata={"Software": None})
 
 
 def front_figure(grid: Grid, panels: Sequence[FrontPanel], title: str, subtitle: str) -> Figure:
-    """First the axes of the key, then of each vehicle its chart (and the seconds above it) and its map."""
+    """Return the figure: the axes of the legend, then of each vehicle its chart, its seconds and its map."""
     high_in = ALONE_HIGH_IN if len(panels) == 1 else SHARED_HIGH_IN
     row_in = ROW_HEAD_IN + high_in + ROW_FOOT_IN
     sheet = Sheet(HEAD_IN + KEY_IN + len(panels) * row_in + 0.06)
@@ -116,7 +116,7 @@ def front_figure(grid: Grid, panels: Sequence[FrontPanel], title: str, subtitle:
 
 
 def colours(n: int) -> list[str]:
-    """Along a front of n points, by length."""
+    """Return the colours along a front of n points, by length."""
     return [to_hex(ALONG(k / max(n - 1, 1))) for k in range(n)]
 
 
@@ -153,7 +153,7 @@ def _set_limits(axes: Axes, panel: FrontPanel, length_m: ArrayLike, exposure: Ar
         lengths, exposures = np.append(lengths, panel.chosen[0]), np.append(exposures, panel.chosen[1])
     shown = [bound.length_m for bound in panel.bounds if 0.0 < bound.length_m < 1.6 * lengths.max()]
     lengths = np.append(lengths, shown)
-    if exposures.max() - exposures.min() <= FLAT * exposures.max():  # of which no axis can be made
+    if exposures.max() - exposures.min() <= FLAT * exposures.max():  # too flat for an axis
         exposures = np.append(exposures, 0.0 if exposures.max() > 0.0 else 1.0)
     for set_limits, values in ((axes.set_xlim, lengths), (axes.set_ylim, exposures)):
         low, high = float(values.min()), float(values.max())
@@ -162,7 +162,7 @@ def _set_limits(axes: Axes, panel: FrontPanel, length_m: ArrayLike, exposure: Ar
 
 
 def _label_chosen(axes: Axes, chosen: tuple[float, float], text: str) -> None:
-    """Above and to the right of it; below and to the left where there is no room. No front comes there."""
+    """Write the label above and to the right, or below and to the left: a front leaves both free."""
     low, high = axes.get_xlim()
     is_right = chosen[0] > low + 0.7 * (high - low)
     offset = (-9, -1) if is_right else (9, 1)
@@ -173,7 +173,7 @@ def _label_chosen(axes: Axes, chosen: tuple[float, float], text: str) -> None:
 
 
 def _draw_bounds(axes: Axes, panel: FrontPanel) -> None:
-    """What is too long for the time bound, or too short for the window, is tinted."""
+    """Tint the lengths outside the time bound."""
     low, high = axes.get_xlim()
     for bound in panel.bounds:
         if not low < bound.length_m < high:
@@ -235,7 +235,10 @@ def _draw_map(sheet: Sheet, grid: Grid, panel: FrontPanel, top_in: float, high_i
         finite, origin="lower", extent=extent, interpolation="nearest", aspect="auto", zorder=1.2, **shades
     )
     _draw_tracks(axes, grid, panel, grid.cell_size_m * 72.0 * inch_per_m)
-    axes.set_xlabel(f"grey: P_s, up to {finite.max():.3g}", fontsize=8, color=QUIET, labelpad=4)
+    label = f"grey: P_s, up to {finite.max():.3g}"
+    if sum(point.track is not None for point in panel.points) > 1:
+        label = f"{label} · widest line: least exposed"
+    axes.set_xlabel(label, fontsize=8, color=QUIET, labelpad=4)
 
 
 def _draw_tracks(axes: Axes, grid: Grid, panel: FrontPanel, cell_pt: float) -> None:
@@ -249,7 +252,7 @@ def _draw_tracks(axes: Axes, grid: Grid, panel: FrontPanel, cell_pt: float) -> N
         axes.plot(*line.T, color=INK, lw=1.6, ls=CHOSEN_DASHES, zorder=7, path_effects=[HALO])
     widest = max(min(WIDEST_PT, WIDEST_CELLS * cell_pt), 1.8 * NARROWEST_PT)
     widths = np.linspace(widest, NARROWEST_PT, len(drawn))
-    # The least exposed lies lowest and widest: it strays farthest, and is seen where others leave it.
+    # The least exposed route is the longest: it lies lowest and widest, and shows where others leave it.
     for (colour, track), width in zip(reversed(drawn), widths, strict=True):
         line = local_m(grid, track)
         axes.plot(*line.T, color=colour, lw=float(width), solid_joinstyle="round", zorder=6)
@@ -257,7 +260,7 @@ def _draw_tracks(axes: Axes, grid: Grid, panel: FrontPanel, cell_pt: float) -> N
 
 
 def _draw_key(axes: Axes, panels: Sequence[FrontPanel]) -> None:
-    """One line: what the marks mean."""
+    """Draw the legend in one line."""
     x, y = 0.0, 0.17
     n_inside = sum(not point.supported for panel in panels for point in panel.points)
     marks = [("on the hull: some w finds it", 5.5, QUIET, QUIET, 1.1)]

@@ -1,8 +1,9 @@
-"""The key beside the map: what its marks mean, where north is and how long a metre."""
+"""The legend beside the map: its marks, the north arrow and the scale bar."""
 
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Callable
 from typing import Any
 
@@ -23,36 +24,47 @@ from swarmctl.report.pictures.style import (
     VEIL,
     colour_of,
     draw_badge,
+    flown_widths,
     planned_styles,
 )
 
 MAX_KEY_VEHICLES = 30
+ROW_CHARS = 29
+"""characters that fit in one row"""
 
 KeyRow = Callable[[Axes, float, float], None]
-"""draws one line of the key at (x, y) [in]"""
+"""a function that draws one row of the legend at (x, y) [in]"""
 
 
 def blank_row(_axes: Axes, _x: float, _y: float) -> None:
-    """An empty line."""
+    """Draw nothing: an empty row."""
 
 
-def vehicle_rows(picture: MapPicture) -> list[KeyRow]:
-    rows = [_vehicle_row(index, track) for index, track in enumerate(picture.tracks)]
-    if len(rows) <= MAX_KEY_VEHICLES:
-        return rows
-    n_more = len(rows) - MAX_KEY_VEHICLES + 1
-    return [*rows[: MAX_KEY_VEHICLES - 1], lambda axes, x, y: _text(axes, x, y, f"and {n_more} more")]
+def vehicle_rows(picture: MapPicture) -> list[list[KeyRow]]:
+    """Return the rows of each vehicle; a long outcome takes several."""
+    widths = flown_widths(len(picture.tracks))
+    shown = picture.tracks
+    if len(picture.tracks) > MAX_KEY_VEHICLES:
+        shown = picture.tracks[: MAX_KEY_VEHICLES - 1]
+    blocks = [_vehicle_block(index, track, widths[index]) for index, track in enumerate(shown)]
+    if n_more := len(picture.tracks) - len(shown):
+        blocks.append([_text_row(f"and {n_more} more")])
+    return blocks
 
 
 def line_rows(picture: MapPicture) -> list[KeyRow]:
     rows: list[KeyRow] = []
     if flown := [track for track in picture.tracks if len(track.flown)]:
         rows.append(_line_row("flown", {"lw": 2.2}))
+        if len(flown) > 1:
+            rows += [
+                _text_row(text) for text in ("(widths differ so that lines", "that overlap stay visible)")
+            ]
         if not all(track.is_lost for track in flown):
-            rows.append(_point_row("where it ended", "s", {"ms": 6.5, "mec": "white"}))
+            rows.append(_point_row("end of flight", "s", {"ms": 6.5, "mec": "white"}))
         if any(track.is_lost for track in flown):
             style = {"ms": 6.5, "mfc": "white", "mec": INK, "mew": 0.9}
-            rows.append(_point_row("last heard here", "s", style))
+            rows.append(_point_row("last known position", "s", style))
     rows += [_line_row(label, style) for label, style in planned_styles(picture).items()]
     n_strikes = sum(len(track.strikes) for track in picture.tracks)
     if n_strikes:
@@ -62,7 +74,7 @@ def line_rows(picture: MapPicture) -> list[KeyRow]:
 
 
 def cell_rows(picture: MapPicture) -> list[KeyRow]:
-    """Only the kinds of cell that are on this map."""
+    """Return rows for the kinds of cell that are on this map."""
     hostile, first, second = shading(picture)
     occupied, unseen = picture.known == OCCUPIED, picture.known == UNKNOWN
     n_found, n_missed = int((hostile & occupied).sum()), int((hostile & ~occupied).sum())
@@ -87,15 +99,20 @@ def _text(axes: Axes, x: float, y: float, text: str) -> None:
     axes.text(x + 0.42, y, text, fontsize=8.5, color=INK, va="center")
 
 
-def _vehicle_row(index: int, track: VehicleTrack) -> KeyRow:
-    text = f"{track.name}   {track.outcome}" if track.outcome else track.name
+def _vehicle_block(index: int, track: VehicleTrack, width: float) -> list[KeyRow]:
+    """Return the rows of a vehicle; the first has its line, in the width of the map."""
+    first, *more = textwrap.wrap(f"{track.name}   {track.outcome}", ROW_CHARS)
 
     def draw(axes: Axes, x: float, y: float) -> None:
-        axes.plot([x, x + 0.3], [y, y], color=colour_of(index), lw=2.2)
+        axes.plot([x, x + 0.3], [y, y], color=colour_of(index), lw=width)
         draw_badge(axes, x + 0.15, y, index)
-        _text(axes, x, y, text if len(text) <= 29 else text[:28] + "…")
+        _text(axes, x, y, first)
 
-    return draw
+    return [draw, *map(_text_row, more)]
+
+
+def _text_row(text: str) -> KeyRow:
+    return lambda axes, x, y: _text(axes, x, y, text)
 
 
 def _line_row(text: str, style: dict[str, Any]) -> KeyRow:
@@ -133,7 +150,7 @@ def _cell_row(text: str, style: dict[str, Any], *, hatch: str = "") -> KeyRow:
 
 
 def draw_north_and_scale(axes: Axes, bottom_in: float, inch_per_m: float) -> None:
-    """In inches of the key, at its foot."""
+    """Draw the north arrow and the scale bar at the foot of the legend."""
     y = bottom_in - 0.06
     arrow = {"arrowstyle": "-|>", "color": INK, "lw": 1.2, "shrinkB": 0}
     axes.annotate("", (0.12, y - 0.42), (0.12, y), arrowprops=arrow)

@@ -1,4 +1,4 @@
-"""What a map shows, and where that lies in metres."""
+"""The content of a map, and its positions in metres."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Points = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class PlannedTrack:
-    """One planned line of a vehicle; equal labels are drawn and explained alike, e.g. "w = 0.5"."""
+    """One planned line of a vehicle; lines with equal labels, e.g. "w = 0.5", share a style."""
 
     label: str
     points: Sequence[LatLon]
@@ -27,7 +27,7 @@ class PlannedTrack:
 
 @dataclass(frozen=True, slots=True)
 class VehicleTrack:
-    """Where one vehicle was to fly, where it flew and how it ended; all positions (latitude, longitude)."""
+    """Planned and flown lines and the outcome of one vehicle; positions are (latitude, longitude)."""
 
     name: str
     start: LatLon
@@ -35,20 +35,20 @@ class VehicleTrack:
     planned: Sequence[PlannedTrack] = ()
     flown: Sequence[LatLon] = ()
     strikes: Sequence[LatLon] = ()
-    """where it was hit"""
+    """positions at which it was hit"""
     is_lost: bool = False
-    """`flown` ends where it was last heard, and nobody knows where it is"""
+    """`flown` ends at its last known position"""
     outcome: str = ""
-    """a few words for the key, e.g. "landed, 2 strikes" """
+    """its outcome for the legend, e.g. "landed, 2 strikes" """
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapPicture:
-    """All that is drawn."""
+    """The content of a map."""
 
     grid: Grid
     hostiles: frozenset[Cell] | None
-    """the truth, None where nobody knows it (real flights): then the hostiles found are shaded"""
+    """the true hostiles; None on real flights, where the hostiles found are shaded"""
     known: NDArray[np.int8]
     """(rows, cols) of `swarmctl.core.belief`, at the end"""
     tracks: Sequence[VehicleTrack]
@@ -59,13 +59,13 @@ class MapPicture:
 
 
 def local_m(grid: Grid, points: Sequence[LatLon]) -> Points:
-    """(n, 2) metres east and north of the south-west corner"""
+    """Return points as (n, 2) metres east and north of the south-west corner."""
     lat_lon = np.asarray(points, dtype=np.float64).reshape(-1, 2)
     return np.stack(grid.frame.to_local(lat_lon[:, 0], lat_lon[:, 1]), axis=1)
 
 
 def view_of(picture: MapPicture) -> tuple[float, float, float, float]:
-    """West, south, east, north [m]: the area and what happens around it, as long as the area stays large."""
+    """Return west, south, east, north of the view [m]: the area and, within limits, the tracks around it."""
     grid = picture.grid
     planned = [p for t in picture.tracks for line in t.planned for p in line.points]
     around = [*planned, *(p for t in picture.tracks for p in (t.start, *t.flown))]
@@ -81,7 +81,7 @@ def view_of(picture: MapPicture) -> tuple[float, float, float, float]:
 
 
 def shading(picture: MapPicture) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
-    """Cells that are a hostile's, N1 of one, N2 of one; the graver shade where a cell is several."""
+    """Return masks of hostile cells, their N1 and their N2 cells; each cell is in the gravest class only."""
     hostile = np.zeros(picture.known.shape, dtype=bool)
     if picture.hostiles is None:
         hostile = picture.known == OCCUPIED

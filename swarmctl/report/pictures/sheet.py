@@ -1,4 +1,4 @@
-"""The picture as a whole: where the map and its key stand on the sheet, and the file."""
+"""The sheet: the layout of the map and its legend, and the file."""
 
 from __future__ import annotations
 
@@ -25,34 +25,35 @@ from swarmctl.report.pictures.style import INK, OUTSIDE, QUIET
 DPI = 160
 WIDTH_IN = 9.0
 MAP_WIDTH_IN, MAP_HEIGHT_IN = 5.55, 7.5
-"""the most that a map may take"""
+"""greatest size of a map"""
 KEY_WIDTH_IN = 2.35
 LEFT_IN, TOP_IN, BOTTOM_IN, GAP_IN = 0.62, 0.86, 0.58, 0.36
 ROW_IN = 0.205
 FOOT_IN = 0.8
 """height of the north arrow and the scale bar with the space above them"""
 BELOW_COLUMNS = 2
-"""of the vehicles' key, where it is too long to stand beside the map"""
+"""columns of the vehicles' legend where it is too long to stand beside the map"""
 
 
 def draw_map(path: Path, picture: MapPicture) -> None:
-    """Writes the PNG, 1440 pixels wide; equal pictures give equal bytes. Raises ValueError, OSError."""
+    """Write the PNG, 1440 pixels wide; equal pictures give equal bytes. Raises ValueError, OSError."""
     shape = (picture.grid.rows, picture.grid.cols)
     if picture.known.shape != shape:
         raise ValueError(f"known cells of shape {picture.known.shape} for an area of {shape} cells")
     figure = figure_of(picture)
-    # Without Software the bytes would not survive an update of matplotlib's version number.
+    # Without `Software`, the bytes do not depend on matplotlib's version number.
     figure.savefig(path, dpi=DPI, format="png", metadata={"Software": None})
 
 
 def figure_of(picture: MapPicture) -> Figure:
-    """The map's axes first, then those of the key beside it and below it; no key ever lies on the map."""
+    """Return the figure: first the axes of the map, then of the legend beside it and below it."""
     west, south, east, north = view_of(picture)
     inch_per_m = min(MAP_WIDTH_IN / (east - west), MAP_HEIGHT_IN / (north - south))
     map_wide_in, map_high_in = (east - west) * inch_per_m, (north - south) * inch_per_m
     beside, below = _divided(picture, map_high_in)
     beside_in = max(len(beside) * ROW_IN + FOOT_IN, map_high_in)
-    below_in = -(-len(below) // BELOW_COLUMNS) * ROW_IN
+    columns = _columns(below)
+    below_in = max(map(len, columns)) * ROW_IN
     sheet = Sheet(TOP_IN + max(beside_in, map_high_in + BOTTOM_IN + below_in) + 0.15)
 
     axes = sheet.axes_at(LEFT_IN, TOP_IN, map_wide_in, map_high_in)
@@ -66,21 +67,32 @@ def figure_of(picture: MapPicture) -> Figure:
     draw_north_and_scale(key, beside_in, inch_per_m)
     if below:
         key = sheet.key_at(LEFT_IN, TOP_IN + map_high_in + BOTTOM_IN, MAP_WIDTH_IN, below_in)
-        n_rows = -(-len(below) // BELOW_COLUMNS)
-        for column in range(BELOW_COLUMNS):
-            rows = below[column * n_rows : (column + 1) * n_rows]
-            _draw_rows(key, rows, column * MAP_WIDTH_IN / BELOW_COLUMNS)
+        for index, rows in enumerate(columns):
+            _draw_rows(key, rows, index * MAP_WIDTH_IN / BELOW_COLUMNS)
     sheet.write(0.12, picture.title, fontsize=14, fontweight="bold", color=INK)
     sheet.write(0.42, picture.subtitle, fontsize=9.5, color=QUIET)
     return sheet.figure
 
 
-def _divided(picture: MapPicture, map_high_in: float) -> tuple[Sequence[KeyRow], Sequence[KeyRow]]:
-    """What of the key stands beside the map, and what below: the vehicles, where they make it too long."""
-    vehicles, marks = vehicle_rows(picture), [*line_rows(picture), blank_row, *cell_rows(picture)]
+def _divided(picture: MapPicture, map_high_in: float) -> tuple[Sequence[KeyRow], list[list[KeyRow]]]:
+    """Return the legend's rows beside the map and below it: the vehicles', where they are too many."""
+    blocks, marks = vehicle_rows(picture), [*line_rows(picture), blank_row, *cell_rows(picture)]
+    vehicles = [row for block in blocks for row in block]
     if (len(vehicles) + 1 + len(marks)) * ROW_IN + FOOT_IN <= map_high_in:
         return [*vehicles, blank_row, *marks], []
-    return marks, vehicles
+    return marks, blocks
+
+
+def _columns(blocks: list[list[KeyRow]]) -> list[list[KeyRow]]:
+    """Divide blocks of rows into BELOW_COLUMNS columns of about equal length."""
+    n_rows = -(-sum(map(len, blocks)) // BELOW_COLUMNS)
+    columns: list[list[KeyRow]] = [[] for _ in range(BELOW_COLUMNS)]
+    index = 0
+    for block in blocks:
+        if len(columns[index]) >= n_rows:
+            index += 1
+        columns[index] += block
+    return columns
 
 
 def _draw_rows(key: Axes, rows: Sequence[KeyRow], left_in: float) -> None:
@@ -89,7 +101,7 @@ def _draw_rows(key: Axes, rows: Sequence[KeyRow], left_in: float) -> None:
 
 
 class Sheet:
-    """A figure addressed in inches from its upper left corner."""
+    """A figure with coordinates in inches from its upper left corner."""
 
     def __init__(self, high_in: float) -> None:
         self._high_in = high_in
@@ -103,7 +115,7 @@ class Sheet:
         )
 
     def key_at(self, left_in: float, top_in: float, wide_in: float, high_in: float) -> Axes:
-        """Axes without a frame whose coordinates are inches."""
+        """Return axes without a frame, with coordinates in inches."""
         axes = self.axes_at(left_in, top_in, wide_in, high_in)
         axes.set(xlim=(0.0, wide_in), ylim=(high_in, 0.0))
         axes.set_axis_off()
