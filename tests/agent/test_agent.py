@@ -38,7 +38,7 @@ def waiting() -> Story:
     return story
 
 
-def test_one_that_boots_before_its_launch_is_made_ready_anew_and_not_let_go() -> None:
+def test_a_vehicle_that_reboots_before_its_launch_is_prepared_again() -> None:
     story = waiting()
     assert orders(story.over((4, 0), **BOOTED)) == []
     assert story.state.phase is Phase.STANDBY
@@ -46,7 +46,7 @@ def test_one_that_boots_before_its_launch_is_made_ready_anew_and_not_let_go() ->
     assert story.state.phase is Phase.WAITING
 
 
-def test_one_in_a_mode_of_somebody_elses_is_not_launched() -> None:
+def test_a_vehicle_in_a_foreign_mode_is_not_launched() -> None:
     story = waiting()
     story.over((4, 0), **BOOTED)
     assert orders(story(ev.OperatorCommand(ev.FlightOrder.LAUNCH))) == []
@@ -72,7 +72,7 @@ def test_from_ready_to_launch() -> None:
     assert story.state.phase is Phase.LAUNCHING
 
 
-def test_what_it_sees_first_it_tells_the_others_once() -> None:
+def test_a_first_sighting_is_published_once() -> None:
     story = Story().flying()
     effects = story(ev.Observed(((4, 0, False), (4, 1, True))))
     (message,) = publications(effects)
@@ -82,7 +82,7 @@ def test_what_it_sees_first_it_tells_the_others_once() -> None:
     assert story(ev.Observed(((4, 0, False), (4, 1, True)))) == []
 
 
-def test_what_it_has_heard_of_it_does_not_tell_again() -> None:
+def test_a_received_observation_is_not_published_again() -> None:
     story = Story().flying()
     story.hear((4, 1, True))
     (message,) = publications(story(ev.Observed(((4, 1, True), (5, 1, False)))))
@@ -91,7 +91,7 @@ def test_what_it_has_heard_of_it_does_not_tell_again() -> None:
 
 
 @pytest.mark.parametrize("told", [True, False])
-def test_what_it_sees_otherwise_than_it_was_told_it_tells_and_says_so(told: bool) -> None:
+def test_a_contradicting_sighting_is_published_as_one(told: bool) -> None:
     story = Story().flying()
     story.hear((4, 1, told), (5, 1, False))
     look = ev.Observed(((4, 1, not told), (5, 1, False)))
@@ -103,7 +103,7 @@ def test_what_it_sees_otherwise_than_it_was_told_it_tells_and_says_so(told: bool
     assert story.state.belief.occupancy()[4, 1] == 1.0
 
 
-def test_a_hostile_ahead_changes_the_mission_and_says_because_of_what() -> None:
+def test_a_hostile_ahead_changes_the_mission_and_names_the_observation() -> None:
     story = Story().flying()
     assert story.state.route is not None
     assert (4, 4) in story.state.route.cells
@@ -115,14 +115,14 @@ def test_a_hostile_ahead_changes_the_mission_and_says_because_of_what() -> None:
     assert story.state.replans == 1
 
 
-def test_news_that_changes_nothing_ahead_swaps_no_mission() -> None:
+def test_news_without_effect_ahead_changes_no_mission() -> None:
     story = Story().flying()
     story.hear((0, 8, False))
     assert story.tick() == []
     assert not story.state.dirty
 
 
-def test_news_during_a_swap_waits_for_its_end_and_then_counts() -> None:
+def test_news_during_a_mission_change_counts_after_it() -> None:
     story = Story().flying()
     story.hear((4, 4, True))
     first = story.swap()
@@ -145,7 +145,7 @@ def test_replanning_starts_from_where_the_vehicle_is() -> None:
     assert story.swap().cells[0] == (4, 3)
 
 
-def test_a_leg_that_clips_a_cell_beside_the_route_is_no_reason_to_swap() -> None:
+def test_a_leg_through_a_neighbouring_cell_changes_no_mission() -> None:
     story = Story(goals=((8, 8),)).flying()
     assert story.state.route is not None
     diagonal = next(i for i in range(8) if story.state.route.cells[i + 1][0] > story.state.route.cells[i][0])
@@ -157,7 +157,7 @@ def test_a_leg_that_clips_a_cell_beside_the_route_is_no_reason_to_swap() -> None
     assert story.tick() == []
 
 
-def test_a_failed_swap_that_left_the_old_plan_is_tried_again_later() -> None:
+def test_a_failed_mission_change_that_left_the_old_plan_is_retried() -> None:
     story = Story().flying()
     story.hear((4, 4, True))
     swap = story.swap()
@@ -171,7 +171,7 @@ def test_a_failed_swap_that_left_the_old_plan_is_tried_again_later() -> None:
 PAST = "mission not changed, it flies its old mission: it has flown past"
 
 
-def test_a_failed_swap_is_no_trouble_any_more_once_the_old_plan_is_found_to_be_right() -> None:
+def test_trouble_of_a_failed_mission_change_ends_when_the_old_plan_is_confirmed() -> None:
     story = Story().flying()
     story.hear((4, 4, True))
     story(ev.MissionFailed(story.swap().plan_id, "old", PAST, is_late=True))
@@ -182,7 +182,7 @@ def test_a_failed_swap_is_no_trouble_any_more_once_the_old_plan_is_found_to_be_r
     assert story.state.trouble == ""
 
 
-def test_a_failed_swap_is_no_trouble_any_more_over_the_goal() -> None:
+def test_trouble_of_a_failed_mission_change_ends_over_the_goal() -> None:
     story = Story().flying()
     story.hear((4, 4, True))
     story(ev.MissionFailed(story.swap().plan_id, "old", PAST))
@@ -192,7 +192,7 @@ def test_a_failed_swap_is_no_trouble_any_more_over_the_goal() -> None:
     assert (story.state.phase, story.state.trouble) == (Phase.LANDING, "")
 
 
-def test_a_swap_that_fails_over_the_goal_is_no_trouble() -> None:
+def test_a_mission_change_that_fails_over_the_goal_is_no_trouble() -> None:
     story = Story().flying()
     story.hear((4, 4, True))
     swap = story.swap()
@@ -201,7 +201,7 @@ def test_a_swap_that_fails_over_the_goal_is_no_trouble() -> None:
     assert (story.state.phase, story.state.trouble) == (Phase.LANDING, "")
 
 
-def test_other_trouble_is_kept_when_nothing_is_to_be_changed() -> None:
+def test_other_trouble_stays_without_a_mission_change() -> None:
     story = Story().flying()
     story.hear((4, 4, True))
     story(ev.MissionFailed(story.swap().plan_id, "old", PAST, is_late=True))
@@ -224,7 +224,7 @@ def test_a_vehicle_left_in_hold_gets_a_plan_even_if_nothing_is_new() -> None:
     assert story.swap().cells[-1] == before.cells[-1]
 
 
-def test_a_vehicle_whose_mission_cannot_be_changed_comes_home() -> None:
+def test_a_vehicle_whose_mission_cannot_be_changed_returns() -> None:
     story = Story().flying()
     for seq in range(1, MAX_FAILED_SWAPS + 1):
         story.hear((4, 1 + seq, True), seq=seq)
@@ -237,7 +237,7 @@ def test_a_vehicle_whose_mission_cannot_be_changed_comes_home() -> None:
     assert "refused" in story.state.outcome
 
 
-def test_a_lost_vehicle_gets_no_mission_until_it_is_heard_again() -> None:
+def test_a_lost_vehicle_gets_no_mission_until_its_link_is_back() -> None:
     story = Story().flying()
     story(ev.LinkLost(5.0))
     story.hear((4, 4, True))
@@ -246,7 +246,7 @@ def test_a_lost_vehicle_gets_no_mission_until_it_is_heard_again() -> None:
     assert (4, 4) not in story.swap().cells
 
 
-def test_a_vehicle_that_somebody_else_has_taken_over_is_let_go() -> None:
+def test_a_vehicle_taken_over_is_released() -> None:
     story = Story().flying()
     story.hear((4, 4, True))
     swap = story.swap()
@@ -260,18 +260,18 @@ def test_a_vehicle_that_somebody_else_has_taken_over_is_let_go() -> None:
 
 
 @pytest.mark.parametrize("role", ["return", "land"])
-def test_a_failsafe_that_brings_it_home_is_not_fought(role: str) -> None:
+def test_a_failsafe_return_is_not_overridden(role: str) -> None:
     story = Story().flying()
     assert unsaid(story.over((4, 1), mode_role=role)) == [ev.Release()]
 
 
-def test_without_a_position_a_takeover_is_seen_too() -> None:
+def test_a_takeover_is_detected_without_a_position() -> None:
     story = Story().flying()
     lost_gps = VehicleState(mode="LAND", mode_role="land", armed=True)
     assert unsaid(story(ev.TelemetryReceived(lost_gps))) == [ev.Release()]
 
 
-def test_held_by_another_station_it_is_let_go_but_not_for_a_late_heartbeat_of_its_own_swap() -> None:
+def test_a_foreign_hold_releases_it_but_a_late_heartbeat_of_its_own_swap_does_not() -> None:
     story = Story().flying()
     story.over((4, 1), mode_role="hold")
     story.over((4, 1), mode_role="mission")
@@ -290,7 +290,7 @@ def test_a_pilot_who_takes_over_after_an_order_is_not_ordered_again(order: ev.Fl
     assert unsaid(story.over((4, 1), mode="LOITER", mode_role="other")) == [ev.Release()]
 
 
-def test_an_order_that_was_not_followed_is_given_again_after_a_while() -> None:
+def test_an_order_not_followed_is_repeated() -> None:
     story = Story().flying()
     story(ev.OperatorCommand(ev.FlightOrder.LAND))
     story(ev.OrderFailed(ev.FlightOrder.LAND, "refused"))
@@ -299,7 +299,7 @@ def test_an_order_that_was_not_followed_is_given_again_after_a_while() -> None:
     assert orders(story.over((4, 1))) == [ev.FlightOrder.LAND]
 
 
-def test_a_vehicle_that_somebody_arms_on_the_ground_is_not_launched() -> None:
+def test_a_vehicle_armed_by_another_operator_is_not_launched() -> None:
     story = Story()
     story(ev.Ready())
     story.swap()
@@ -315,7 +315,7 @@ def test_a_pilot_who_takes_over_during_the_launch_is_not_landed() -> None:
 
 
 @pytest.mark.parametrize("order", [ev.FlightOrder.HOLD, ev.FlightOrder.RETURN])
-def test_a_launch_that_is_broken_off_goes_down_whatever_else_is_ordered(order: ev.FlightOrder) -> None:
+def test_an_aborted_launch_lands_whatever_is_ordered_afterwards(order: ev.FlightOrder) -> None:
     story = Story().launching()
     assert orders(story(ev.OperatorCommand(order))) == [ev.FlightOrder.LAND]
     assert story(ev.OperatorCommand(ev.FlightOrder.RETURN)) == []
@@ -324,19 +324,19 @@ def test_a_launch_that_is_broken_off_goes_down_whatever_else_is_ordered(order: e
     assert not story.state.ended
     story.over((4, 0), armed=True, mode_role="land")
     story.over((4, 0), armed=False, mode_role="land")
-    assert (story.state.phase, story.state.outcome) == (Phase.DONE, "launch broken off; landed")
+    assert (story.state.phase, story.state.outcome) == (Phase.DONE, "launch aborted; landed")
 
 
-def test_a_launch_broken_off_before_it_armed_ends_when_the_landing_mode_is_seen() -> None:
+def test_a_launch_aborted_before_arming_ends_with_the_landing_mode() -> None:
     story = Story().launching()
     story.over((4, 0), armed=False, mode_role="hold")
     story(ev.OperatorCommand(ev.FlightOrder.HOLD))
     story.over((4, 0), armed=False, mode_role="land")
     story(ev.OrderDone(ev.FlightOrder.LAND))
-    assert (story.state.phase, story.state.outcome) == (Phase.DONE, "launch broken off")
+    assert (story.state.phase, story.state.outcome) == (Phase.DONE, "launch aborted")
 
 
-def test_a_vehicle_that_boots_on_the_ground_is_made_ready_again() -> None:
+def test_a_vehicle_that_reboots_on_the_ground_is_prepared_again() -> None:
     story = Story()
     story(ev.Ready())
     story.swap()
@@ -349,7 +349,7 @@ def test_a_vehicle_that_boots_on_the_ground_is_made_ready_again() -> None:
     assert orders(story.accept()) == [ev.FlightOrder.LAUNCH]
 
 
-def test_where_no_way_leads_on_it_flies_the_plan_it_has() -> None:
+def test_without_a_route_it_keeps_its_plan() -> None:
     wall = frozenset((row, col) for row in range(6, 9) for col in range(3) if (row, col) != (7, 1))
     story = Story(no_fly=wall).flying()
     before = story.state.route
@@ -357,10 +357,10 @@ def test_where_no_way_leads_on_it_flies_the_plan_it_has() -> None:
     story.hear((0, 8, False))
     assert story.tick() == []
     assert story.state.route is before
-    assert "no way" in story.state.trouble
+    assert "(7, 1)" in story.state.trouble
 
 
-def test_held_where_no_way_leads_on_it_comes_home() -> None:
+def test_in_hold_without_a_route_it_returns() -> None:
     wall = frozenset((row, col) for row in range(6, 9) for col in range(3) if (row, col) != (7, 1))
     story = Story(no_fly=wall).flying()
     story.hear((4, 4, True))
@@ -370,7 +370,7 @@ def test_held_where_no_way_leads_on_it_comes_home() -> None:
     assert orders(story.tick()) == [ev.FlightOrder.RETURN]
 
 
-def test_it_has_not_arrived_if_it_came_down_beside_its_goal() -> None:
+def test_a_landing_beside_the_goal_is_no_arrival() -> None:
     story = Story().flying()
     story.over((4, 8))
     story.over((5, 8), armed=False)
@@ -378,7 +378,7 @@ def test_it_has_not_arrived_if_it_came_down_beside_its_goal() -> None:
     assert "(5, 8)" in story.state.outcome
 
 
-def test_the_start_is_not_counted_and_forbidden_cells_are_counted_apart() -> None:
+def test_the_start_cell_is_not_counted_and_forbidden_cells_are_counted_separately() -> None:
     story = Story(no_fly=frozenset({(0, 0)})).flying()
     assert story.state.flown_exposure == 0.0
     story.over((0, 0))
@@ -386,7 +386,7 @@ def test_the_start_is_not_counted_and_forbidden_cells_are_counted_apart() -> Non
     assert story.state.flown_exposure == 0.0
 
 
-def test_it_arrives_when_it_is_down_at_its_goal() -> None:
+def test_a_landing_at_the_goal_is_an_arrival() -> None:
     story = Story().flying()
     for col in range(1, 9):
         story.over((4, col))
@@ -403,9 +403,7 @@ def test_it_arrives_when_it_is_down_at_its_goal() -> None:
         (30.0, (4, 8), "disarmed in cell (4, 8), short of its goal"),
     ],
 )
-def test_called_off_when_it_is_all_but_down_at_its_goal_it_has_arrived(
-    up_m: float, cell: Cell, outcome: str
-) -> None:
+def test_an_order_just_above_the_goal_still_ends_in_an_arrival(up_m: float, cell: Cell, outcome: str) -> None:
     story = Story().flying()
     story.over((4, 8), alt_rel_m=up_m)
     story(ev.OperatorCommand(ev.FlightOrder.HOLD))
@@ -415,7 +413,7 @@ def test_called_off_when_it_is_all_but_down_at_its_goal_it_has_arrived(
 
 
 @pytest.mark.parametrize(("cell", "where"), [((4, 0), ""), ((4, 8), " 400 m from home")])
-def test_called_back_it_says_where_it_is_down_if_that_is_not_at_home(cell: Cell, where: str) -> None:
+def test_a_recalled_vehicle_reports_a_landing_away_from_home(cell: Cell, where: str) -> None:
     story = Story().flying()
     lat_deg, lon_deg = GRID.centre((4, 0))
     home = {"home_lat_deg": lat_deg, "home_lon_deg": lon_deg}
@@ -425,21 +423,21 @@ def test_called_back_it_says_where_it_is_down_if_that_is_not_at_home(cell: Cell,
     assert story.state.outcome == f"return ordered; landed{where}"
 
 
-def test_over_its_goal_it_is_not_sent_elsewhere() -> None:
+def test_over_its_goal_it_gets_no_other_route() -> None:
     story = Story().flying()
     story.over((4, 8))
     story.hear((4, 8, True))
     assert story.tick() == []
 
 
-def test_down_short_of_its_goal_it_has_failed_and_says_where() -> None:
+def test_a_landing_short_of_the_goal_is_a_failure_with_its_place() -> None:
     story = Story().flying()
     story.over((4, 3), armed=False, landed=Landed.ON_GROUND)
     assert story.state.phase is Phase.FAILED
     assert "(4, 3)" in story.state.outcome
 
 
-def test_over_its_goal_and_stuck_in_hold_it_is_told_to_land_and_arrives() -> None:
+def test_over_its_goal_in_hold_it_is_ordered_to_land() -> None:
     story = Story().flying()
     story.hear((4, 4, True))
     swap = story.swap()
@@ -452,7 +450,7 @@ def test_over_its_goal_and_stuck_in_hold_it_is_told_to_land_and_arrives() -> Non
 
 
 @pytest.mark.parametrize("seen", [True, False])
-def test_an_order_that_a_lost_vehicle_did_not_get_is_given_again(seen: bool) -> None:
+def test_an_order_missed_during_a_lost_link_is_repeated(seen: bool) -> None:
     story = Story().flying()
     story(ev.LinkLost(5.0))
     story(ev.OperatorCommand(ev.FlightOrder.RETURN))
@@ -465,7 +463,7 @@ def test_an_order_that_a_lost_vehicle_did_not_get_is_given_again(seen: bool) -> 
 @pytest.mark.parametrize(
     ("armed", "expected", "phase"), [(False, [], Phase.FAILED), (True, [ev.FlightOrder.LAND], Phase.LEAVING)]
 )
-def test_a_launch_that_failed_leaves_no_vehicle_alone_that_it_armed(
+def test_a_failed_launch_lands_a_vehicle_that_it_armed(
     armed: bool, expected: list[ev.FlightOrder], phase: Phase
 ) -> None:
     story = Story().launching()
@@ -506,7 +504,7 @@ def test_its_state_is_shared_about_once_a_second_of_its_own_time() -> None:
     assert shared == 5
 
 
-def test_flown_exposure_is_what_was_believed_when_each_cell_was_chosen() -> None:
+def test_flown_exposure_uses_the_belief_at_the_choice_of_each_cell() -> None:
     story = Story().flying()
     assert story.state.exposure is not None
     before = story.state.flown_exposure
@@ -552,7 +550,7 @@ def test_the_order_in_which_news_arrives_does_not_change_the_route(
     assert ends[0].route.cells == ends[1].route.cells
 
 
-def test_one_heartbeat_that_says_disarmed_in_the_air_ends_nothing() -> None:
+def test_a_single_disarmed_heartbeat_in_the_air_ends_nothing() -> None:
     story = Story().flying()
     up = {"armed": False, "landed": Landed.IN_AIR}
     story.over((4, 1), **up)
@@ -566,7 +564,7 @@ def test_one_heartbeat_that_says_disarmed_in_the_air_ends_nothing() -> None:
     assert story.state.outcome.startswith("disarmed in cell (4, 2), short of its goal")
 
 
-def test_rules_and_orders_go_on_while_no_position_comes() -> None:
+def test_failsafes_and_orders_work_without_a_position() -> None:
     story = Story(rules=(*ALWAYS_ON, ActiveRule(low_battery, low_battery.Params()))).flying()
     flown_m, cell = story.state.flown_m, story.state.cell
     nowhere = {"lat_deg": None, "lon_deg": None, "alt_rel_m": None, "position_s": 0.0}
@@ -578,7 +576,7 @@ def test_rules_and_orders_go_on_while_no_position_comes() -> None:
     assert (story.state.flown_m, story.state.cell) == (flown_m, cell)
 
 
-def test_an_old_position_that_is_told_again_is_no_way_flown_and_shared_with_nobody() -> None:
+def test_a_repeated_position_adds_no_distance_and_is_not_shared() -> None:
     story = Story().flying()
     story.over((4, 1))
     flown_m, cells, boot_s = story.state.flown_m, story.state.flown_cells, story.state.vehicle.time_boot_s

@@ -1,4 +1,4 @@
-"""What an agent does about others that come too close, told as stories."""
+"""Collision avoidance of one agent, as stories."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from agent_stories import orders, publications
+from agent_stories import codes, orders, publications
 from watching_stories import MID_M, Watching, told
 
 from swarmctl.agent.failsafes.base import Fence
@@ -22,39 +22,38 @@ def heard(effects: list[ev.Effect]) -> tuple[int, ...]:
     return state.hears
 
 
-def test_the_higher_system_id_holds_and_says_why() -> None:
+def test_the_higher_system_id_holds_and_reports_it() -> None:
     story = Watching()
     story.crossing(1)
     effects = story.at(125.0)
     assert orders(effects) == [ev.FlightOrder.HOLD]
-    (said,) = told(effects)
-    assert said.startswith("too close to vehicle 1 in ")
-    assert said.endswith(" m in height; it gives way")
+    assert codes(effects) == ["alarm-yields"]
+    assert "vehicle 1" in told(effects)[0]
     assert story.state.phase is Phase.FLYING
     assert not wants_tick(replace(story.state, dirty=True), story.now)
 
 
-def test_the_lower_system_id_flies_on_and_says_so() -> None:
+def test_the_lower_system_id_continues_and_reports_it() -> None:
     story = Watching()
     story.crossing(3)
     effects = story.at(125.0)
     assert orders(effects) == []
-    assert told(effects)[0].endswith("; the other gives way")
+    assert codes(effects) == ["alarm-other-yields"]
 
 
 @pytest.mark.parametrize("hears", [(), (1, 4)])
-def test_the_lower_system_id_gives_way_to_one_that_does_not_say_that_it_hears_it(
+def test_the_lower_system_id_gives_way_to_a_vehicle_that_does_not_acknowledge_hearing_it(
     hears: tuple[int, ...],
 ) -> None:
-    """What that does not hear it cannot give way to: of two that hear each other one alone does."""
+    """A vehicle that does not hear another one cannot give way to it."""
     story = Watching()
     story.crossing(3, hears=hears)
     effects = story.at(125.0)
     assert orders(effects) == [ev.FlightOrder.HOLD]
-    assert told(effects)[0].endswith("; it gives way, for that does not say that it hears it")
+    assert codes(effects) == ["alarm-not-heard"]
 
 
-def test_it_gives_way_as_soon_as_the_other_says_no_more_that_it_hears_it() -> None:
+def test_it_gives_way_as_soon_as_the_acknowledgement_ends() -> None:
     story = Watching()
     story.crossing(3)
     assert orders(story.at(125.0)) == []
@@ -62,7 +61,7 @@ def test_it_gives_way_as_soon_as_the_other_says_no_more_that_it_hears_it() -> No
     assert orders(story.at(135.0)) == [ev.FlightOrder.HOLD]
 
 
-def test_it_tells_whom_it_hears_of_late() -> None:
+def test_its_state_lists_the_vehicles_heard_recently() -> None:
     story = Watching()
     story.crossing(1)
     story.other(3, MID_M[0], MID_M[1] + 60.0, (10.0, 0.0, 0.0))
@@ -75,7 +74,7 @@ def test_it_tells_whom_it_hears_of_late() -> None:
     assert heard(story.at(113.0)) == (3,), "of 1 nothing was heard for longer than a state is trusted"
 
 
-def test_it_says_so_once() -> None:
+def test_an_alarm_is_reported_once() -> None:
     story = Watching()
     story.crossing(3)
     assert told(story.at(125.0)) != []
@@ -83,7 +82,7 @@ def test_it_says_so_once() -> None:
     assert told(story.at(130.0)) == []
 
 
-def test_with_no_action_there_is_the_alarm_alone() -> None:
+def test_action_none_only_reports_the_alarm() -> None:
     story = Watching(action="none")
     story.crossing(1)
     effects = story.at(125.0)
@@ -91,7 +90,7 @@ def test_with_no_action_there_is_the_alarm_alone() -> None:
     assert len(told(effects)) == 1
 
 
-def test_when_the_other_is_past_it_plans_anew_and_flies_on() -> None:
+def test_it_plans_again_and_resumes_after_the_other_has_passed() -> None:
     story = Watching()
     story.crossing(1)
     story.at(125.0)
@@ -103,7 +102,7 @@ def test_when_the_other_is_past_it_plans_anew_and_flies_on() -> None:
         if told(effects):
             break
         assert orders(effects) == []
-    assert told(effects) == ["clear of the others: it flies on"]
+    assert codes(effects) == ["resumes"]
     assert 3 <= second <= 12  # about when it crosses; 85 m are left to there
     assert story.swap().plan.track
     story.accept()
@@ -112,7 +111,7 @@ def test_when_the_other_is_past_it_plans_anew_and_flies_on() -> None:
     assert story.state.ended is False
 
 
-def test_where_holding_would_leave_it_in_the_way_it_climbs() -> None:
+def test_it_climbs_if_a_hold_would_be_too_close() -> None:
     story = Watching()
     story.other(1, 230.0, MID_M[1], (-10.0, 0.0, 0.0))  # head-on
     effects = story.at(125.0)
@@ -121,7 +120,7 @@ def test_where_holding_would_leave_it_in_the_way_it_climbs() -> None:
     assert swap.plan.track[-1].alt_rel_m == pytest.approx(33.6)
 
 
-def test_climbing_it_passes_clear_of_all_who_are_near() -> None:
+def test_a_climb_clears_all_vehicles_nearby() -> None:
     story = Watching(action="climb")
     story.other(3, 150.0, MID_M[1] + 15.0, (10.0, 0.0, 0.0), alt_rel_m=34.0)
     story.crossing(1)
@@ -129,7 +128,7 @@ def test_climbing_it_passes_clear_of_all_who_are_near() -> None:
     assert story.swap().plan.track[-1].alt_rel_m == pytest.approx(37.6)
 
 
-def test_heights_are_compared_above_the_sea_where_both_tell_them() -> None:
+def test_heights_are_compared_above_the_sea() -> None:
     for amsl_m, alarmed in ((330.0, True), (336.0, False)):
         story = Watching()
         story.crossing(1, alt_amsl_m=amsl_m)
@@ -137,13 +136,13 @@ def test_heights_are_compared_above_the_sea_where_both_tell_them() -> None:
 
 
 @pytest.mark.parametrize("changes", [{"alt_rel_m": 0.2}, {"alt_rel_m": 34.0}])
-def test_who_is_on_the_ground_or_high_enough_is_no_danger(changes: dict[str, float]) -> None:
+def test_a_vehicle_on_the_ground_or_high_enough_raises_no_alarm(changes: dict[str, float]) -> None:
     story = Watching()
     story.crossing(1, **changes)
     assert told(story.at(125.0)) == []
 
 
-def test_the_least_distance_to_one_that_is_flown_elsewhere_is_known_too() -> None:
+def test_the_least_distance_includes_vehicles_of_other_processes() -> None:
     story, closeness = Watching(), SeparationStatistics()
     for second in range(8):
         story.at(100.0 + 10.0 * second)
@@ -155,7 +154,7 @@ def test_the_least_distance_to_one_that_is_flown_elsewhere_is_known_too() -> Non
     assert (least["horizontal_m"], least["vertical_m"]) == pytest.approx((5.0, 8.0), abs=0.01)
 
 
-def test_an_operator_who_orders_otherwise_is_obeyed() -> None:
+def test_an_operators_order_takes_precedence() -> None:
     story = Watching()
     story.crossing(1)
     story.at(125.0)
@@ -166,15 +165,15 @@ def test_an_operator_who_orders_otherwise_is_obeyed() -> None:
 
 
 @pytest.mark.parametrize("phase", ["landing", "leaving", "holding", "released"])
-def test_the_lower_system_id_gives_way_to_one_that_cannot(phase: str) -> None:
+def test_the_lower_system_id_gives_way_to_a_vehicle_that_cannot(phase: str) -> None:
     story = Watching()
     story.crossing(3, phase=phase)
     effects = story.at(125.0)
     assert orders(effects) == [ev.FlightOrder.HOLD]
-    assert told(effects)[0].endswith("; it gives way")
+    assert codes(effects) == ["alarm-yields"]
 
 
-def test_also_where_the_other_could_when_the_alarm_was_raised() -> None:
+def test_it_gives_way_if_the_other_loses_the_ability_after_the_alarm() -> None:
     story = Watching()
     story.crossing(3)
     assert orders(story.at(125.0)) == []
@@ -182,7 +181,7 @@ def test_also_where_the_other_could_when_the_alarm_was_raised() -> None:
     assert orders(story.at(135.0)) == [ev.FlightOrder.HOLD]
 
 
-def test_who_returns_is_not_stopped_on_its_way() -> None:
+def test_a_returning_vehicle_is_not_stopped() -> None:
     story = Watching()
     story(ev.OperatorCommand(ev.FlightOrder.RETURN))
     story(ev.OrderDone(ev.FlightOrder.RETURN))
@@ -193,7 +192,7 @@ def test_who_returns_is_not_stopped_on_its_way() -> None:
     assert story.state.phase is Phase.LEAVING
 
 
-def test_it_climbs_no_higher_than_its_fence_lets_it() -> None:
+def test_an_evasive_climb_respects_the_ceiling() -> None:
     story = Watching(action="climb", fence=Fence((), 36.0))
     story.crossing(1)
     story.at(125.0)
@@ -201,48 +200,49 @@ def test_it_climbs_no_higher_than_its_fence_lets_it() -> None:
     assert story.state.height_offset_m == 0.0
 
 
-def holds_for(story: Watching, seconds: int, **standing: Any) -> list[str]:
-    """What is said while vehicle 1 stands in the way of vehicle 2, which holds 25 m before it."""
+def codes_while_holding(story: Watching, seconds: int, **standing: Any) -> list[str]:
+    """Return the codes of the messages while vehicle 1 blocks the route of vehicle 2, which holds 25 m
+    away."""
     said = []
     still = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode": "GUIDED", "mode_role": "hold"}
     for _ in range(seconds):
         story.other(1, 185.0, MID_M[1], (0.0, 0.0, 0.0), **standing)
-        said += told(story.at(160.0, **still))
+        said += codes(story.at(160.0, **still))
     return said
 
 
-def test_who_has_held_for_long_flies_on_above_the_other() -> None:
+def test_after_a_long_hold_it_resumes_above_the_other() -> None:
     story = Watching()
     story.crossing(1)
     story.at(125.0)
     story(ev.OrderDone(ev.FlightOrder.HOLD))
-    assert holds_for(story, 55) == []
-    assert holds_for(story, 10) == ["it has held for 60 s: it flies on at 34 m, above the others"]
+    assert codes_while_holding(story, 55) == []
+    assert codes_while_holding(story, 10) == ["resumes-higher"]
     assert story.swap().plan.landing.alt_rel_m == pytest.approx(33.6)
 
 
-def test_where_no_height_is_clear_it_holds_on_and_says_so_again_and_again() -> None:
+def test_without_a_clear_height_it_holds_on_and_reports_repeatedly() -> None:
     story = Watching(fence=Fence((), 36.0))
     story.crossing(1)
     story.at(125.0)
     story(ev.OrderDone(ev.FlightOrder.HOLD))
-    assert holds_for(story, 130) == ["it has held for 60 s, and no height is clear: it holds on"] * 2
+    assert codes_while_holding(story, 130) == ["keeps-holding"] * 2
     assert story.state.interrupted_plan is not None
 
 
-def test_who_holds_for_another_keeps_clear_of_where_that_fell_silent() -> None:
+def test_a_holding_vehicle_stays_clear_of_a_silent_one() -> None:
     story = Watching()
     story.crossing(1)
     story.at(125.0)
     story(ev.OrderDone(ev.FlightOrder.HOLD))
     still = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode": "GUIDED", "mode_role": "hold"}
-    # It was told to hold over the crossing, is heard once more, and then nothing is.
+    # Vehicle 1 holds over the crossing, is heard once more, and then falls silent.
     story.other(1, MID_M[0], MID_M[1], (0.0, 0.0, 0.0))
     said = [told(story.at(140.0, **still)) for _ in range(50)]
     assert not any(said)
-    later = [text for _ in range(150) for text in told(story.at(140.0, **still))]
-    assert any("it has held for 60 s" in text for text in later)
-    assert story.state.interrupted_plan is None, "it flies on, above that place or after three minutes"
+    later = [code for _ in range(150) for code in codes(story.at(140.0, **still))]
+    assert {"keeps-holding", "resumes-higher"} & set(later)
+    assert story.state.interrupted_plan is None, "resumes above that place, or after three minutes"
 
 
 @pytest.mark.parametrize(
@@ -250,10 +250,10 @@ def test_who_holds_for_another_keeps_clear_of_where_that_fell_silent() -> None:
     [(3, 134.0, 3.0, 32.9, True), (1, 134.0, 3.0, 32.9, False), (3, 146.0, 0.0, 30.0, False)],
     ids=["beside", "of a lower id", "ahead"],
 )
-def test_of_two_that_hold_for_a_third_and_stand_too_near_each_other_the_lower_system_id_goes_on(
+def test_of_two_holding_too_close_the_lower_system_id_resumes(
     uav: int, east_m: float, north_m: float, up_m: float, goes_on: bool
 ) -> None:
-    """Where its way leads apart: it flies east."""
+    """The route leads east, away from the one beside."""
     story = Watching()
     story.crossing(4, phase="landing")
     story.at(125.0)
@@ -261,8 +261,8 @@ def test_of_two_that_hold_for_a_third_and_stand_too_near_each_other_the_lower_sy
     still = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode": "GUIDED", "mode_role": "hold"}
     said = []
     for _ in range(50):
-        story.other(4, MID_M[0], MID_M[1], (0.0, 0.0, 0.0), alt_rel_m=0.0)  # it is down
+        story.other(4, MID_M[0], MID_M[1], (0.0, 0.0, 0.0), alt_rel_m=0.0)  # landed
         place = (east_m, MID_M[1] + north_m)
-        story.other(uav, *place, (0.0, 0.0, 0.0), alt_rel_m=up_m)  # it holds as well
-        said += told(story.at(140.0, **still))
-    assert ("clear of the others: it flies on" in said) is goes_on
+        story.other(uav, *place, (0.0, 0.0, 0.0), alt_rel_m=up_m)  # holds as well
+        said += codes(story.at(140.0, **still))
+    assert ("resumes" in said) is goes_on

@@ -1,4 +1,4 @@
-"""What agents tell of where they will be, and what becomes of plans that meet, told as stories."""
+"""Intents of agents, and the deconfliction of plans, as stories."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from agent_stories import GRID, Story, orders, publications
+from agent_stories import GRID, Story, codes, orders, publications
 from hypothesis import Phase as HypothesisPhase
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -20,9 +20,9 @@ from traffic_stories import AMSL_M, MID_M, told
 from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.state import Phase
 from swarmctl.agent.step import wants_tick
-from swarmctl.agent.traffic.intents import AROUND_M, EVERY_S, KEPT_CLEAR_S, MAX_AGE_S, STANDS_S
+from swarmctl.agent.traffic.intents import EVERY_S, LAST_POSITION_S, MAX_AGE_S, MAX_UNCERTAINTY_M, STANDS_S
 from swarmctl.agent.traffic.route_deconfliction import AGAIN_S
-from swarmctl.agent.traffic.separation.clash import SLACK_S, find_clashes
+from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S, find_clashes
 from swarmctl.agent.traffic.separation.trajectory import until_landing
 from swarmctl.agent.traffic.separation.watch import AvoidanceAction, SeparationRules
 from swarmctl.core import events as ev
@@ -37,7 +37,7 @@ def intents(effects: list[ev.Effect]) -> list[IntentShared]:
 
 
 class Flier(Story):
-    """Vehicle 2, which flies east along row 4 at 10 m/s."""
+    """Vehicle 2, flying east along row 4 at 10 m/s."""
 
     def __init__(self, action: AvoidanceAction = "hold", **changes: Any) -> None:
         super().__init__(**{"uav": 2, "separation": replace(SeparationRules(), action=action), **changes})
@@ -52,22 +52,22 @@ class Flier(Story):
     def other(
         self, uav: int, *points: tuple[float, float, float], age_s: float = 0.0, **changes: Any
     ) -> list[ev.Effect]:
-        """Vehicle `uav` has told that it will be at (seconds from then, east, north), at the same height."""
+        """Receive an intent of vehicle `uav`: points (seconds from then, east, north), at the same height."""
         up_m = changes.pop("up_m", 0.0)
         path = tuple(IntentPoint(t, *GRID.frame.to_geodetic(e, n), AMSL_M + up_m) for t, e, n in points)
         return self(ev.Intents(((uav, age_s, IntentShared(1, path, **changes)),)))
 
     def crossing(self, uav: int, **changes: Any) -> list[ev.Effect]:
-        """From the south over the middle of the area, when vehicle 2 is there."""
+        """Receive an intent that crosses the middle of the area from the south when vehicle 2 is there."""
         in_s = (MID_M[0] - 75.0) / 10.0 + 1.0
         south, north = MID_M[1] - 10.0 * in_s, MID_M[1] + 100.0
         return self.other(uav, (0.0, MID_M[0], south), (in_s + 10.0, MID_M[0], north), **changes)
 
 
-# --- telling
+# --- sending
 
 
-def test_in_flight_it_tells_where_it_will_be_until_it_is_down() -> None:
+def test_an_intent_in_flight_reaches_to_the_landing() -> None:
     (intent,) = intents(Flier().effects)
     first, *_, last = intent.points
     assert first.in_s == 0.0
@@ -80,7 +80,7 @@ def test_in_flight_it_tells_where_it_will_be_until_it_is_down() -> None:
     assert (intent.plan_id, intent.may_change) == (1, True)
 
 
-def test_it_tells_it_again_after_a_while_and_not_before() -> None:
+def test_an_intent_is_repeated_at_its_interval() -> None:
     story = Flier()
     since_s, east_m = 0.0, 75.0
     while since_s < EVERY_S - 1.5:
@@ -90,14 +90,14 @@ def test_it_tells_it_again_after_a_while_and_not_before() -> None:
     assert intents(story.effects) or intents(story.at(east_m + 20.0))
 
 
-def test_where_it_is_off_its_time_it_tells_so_at_once() -> None:
+def test_a_vehicle_off_its_time_sends_a_new_intent() -> None:
     story = Flier()
     assert intents(story.at(81.0)) == []
     (intent,) = intents(story.at(81.0))  # it was to be at 95 m
     assert GRID.frame.to_local(intent.points[0].lat_deg, intent.points[0].lon_deg)[0] == pytest.approx(81.0)
 
 
-def test_who_holds_tells_that_it_stays_and_that_it_does_not_change() -> None:
+def test_the_intent_of_a_hold_is_fixed() -> None:
     story = Flier()
     story(ev.OperatorCommand(ev.FlightOrder.HOLD))
     (intent,) = intents(story.at(100.0, ground_speed_m_s=0.0, east_m_s=0.0, mode_role="hold"))
@@ -106,7 +106,7 @@ def test_who_holds_tells_that_it_stays_and_that_it_does_not_change() -> None:
     assert not intent.may_change
 
 
-def test_how_high_it_returns_nobody_knows_and_it_says_that() -> None:
+def test_a_return_withdraws_the_intent() -> None:
     story = Flier()
     story(ev.OperatorCommand(ev.FlightOrder.RETURN))
     (intent,) = intents(story.at(130.0, mode="RTL", mode_role="return"))
@@ -122,7 +122,7 @@ def test_how_high_it_returns_nobody_knows_and_it_says_that() -> None:
 
 
 def changes_its_plan(story: Flier) -> list[ev.Effect]:
-    """It learns of a hostile ahead on its row."""
+    """Report a hostile ahead on its row, and decide."""
     story.hear((4, 6, True), observer=9)
     return story.tick()
 
@@ -131,7 +131,7 @@ def heights(effects: list[ev.Effect]) -> list[float]:
     return [e.plan.landing.alt_rel_m for e in effects if isinstance(e, ev.SwapMission)]
 
 
-def test_a_new_plan_that_meets_nobody_goes_out_and_is_told() -> None:
+def test_a_new_plan_without_conflict_is_uploaded_and_announced() -> None:
     story = Flier()
     story.other(1, (0.0, 0.0, 0.0), (60.0, 400.0, 0.0))
     effects = changes_its_plan(story)
@@ -142,32 +142,32 @@ def test_a_new_plan_that_meets_nobody_goes_out_and_is_told() -> None:
 
 
 @pytest.mark.parametrize("uav", [1, 3])
-def test_a_new_plan_gives_way_to_whoever_has_told_its_own_before(uav: int) -> None:
-    """Also to a higher system id: that has its plan already."""
+def test_a_new_plan_gives_way_to_earlier_plans(uav: int) -> None:
+    """Also to a higher system id, which has its plan already."""
     story = Flier()
     story.crossing(uav)
     effects = changes_its_plan(story)
     assert heights(effects) == [pytest.approx(33.6)]
-    assert f"that of vehicle {uav} in " in told(effects)[0]
-    assert told(effects)[0].endswith(": it flies at 34 m")
+    assert codes(effects) == ["height-change"]
+    assert f"vehicle {uav} " in told(effects)[0]
     assert (story.state.deconfliction.predicted, story.state.deconfliction.by_height) == (1, 1)
     assert {round(p.alt_amsl_m, 1) for p in intents(effects)[0].points[1:-2]} == {AMSL_M + 3.6}
 
 
 def low(**changes: Any) -> Flier:
-    """It may not climb above 33 m."""
+    """Return a vehicle that may not climb above 33 m."""
     return Flier(fence=Fence((), 36.0), **changes)
 
 
-def test_where_no_height_is_free_it_keeps_the_plan_it_has_and_looks_again() -> None:
+def test_without_a_free_height_a_new_plan_is_deferred() -> None:
     story = low()
-    # Its own row is free; whoever goes round the hostile meets one of these.
+    # Its own row is free; a route around the hostile conflicts with one of these.
     for uav, north_m in ((1, MID_M[1] + 100.0), (3, MID_M[1] - 100.0)):
         story.other(uav, (0.0, MID_M[0] + 50.0, north_m), (90.0, MID_M[0] + 55.0, north_m))
     before = story.state.route
     effects = changes_its_plan(story)
     assert heights(effects) == []
-    assert told(effects)[0].endswith(" at any height: it flies on by the old one")
+    assert codes(effects) == ["plan-deferred"]
     assert story.state.route is before
     assert story.state.pending is None
     assert story.state.deconfliction.by_waiting == story.state.deconfliction.predicted >= 1
@@ -179,7 +179,7 @@ def test_where_no_height_is_free_it_keeps_the_plan_it_has_and_looks_again() -> N
 
 
 @pytest.mark.parametrize("action", ["hold", "none"])
-def test_where_the_old_plan_is_about_to_meet_one_as_well_it_holds(action: AvoidanceAction) -> None:
+def test_it_holds_if_the_present_plan_conflicts_soon_as_well(action: AvoidanceAction) -> None:
     story = low(action=action)
     story.crossing(3, may_change=False)
     effects = changes_its_plan(story)
@@ -188,7 +188,7 @@ def test_where_the_old_plan_is_about_to_meet_one_as_well_it_holds(action: Avoida
         assert orders(effects) == []
         return
     assert orders(effects) == [ev.FlightOrder.HOLD]
-    assert told(effects)[-1].endswith(" at any height: it holds")
+    assert codes(effects)[-1] == "plan-deferred-hold"
     assert [p.in_s for p in intents(effects)[0].points] == [0.0, STANDS_S]
     # Again when the other has passed.
     story.other(3, (0.0, 0.0, 0.0), (60.0, 400.0, 0.0))
@@ -197,22 +197,22 @@ def test_where_the_old_plan_is_about_to_meet_one_as_well_it_holds(action: Avoida
         story.at(100.0, **still)
     swap = story.swap()
     assert swap.plan.landing.alt_rel_m == 30.0
-    assert told(story.effects) == ["clear of the others: it flies on"]
+    assert codes(story.effects) == ["resumes"]
 
 
-def test_an_old_intent_is_not_reckoned_with() -> None:
+def test_an_old_intent_is_ignored() -> None:
     story = Flier()
     story.crossing(1, age_s=MAX_AGE_S + 1.0)
     assert heights(changes_its_plan(story)) == [30.0]
 
 
-# --- plans that crossed on their way
+# --- plans taken before the other's intent arrived
 
 
 @pytest.mark.parametrize(
     ("uav", "may_change", "gives_way"), [(1, True, True), (3, True, False), (3, False, True)]
 )
-def test_of_two_plans_that_meet_the_higher_system_id_gives_way_but_to_who_cannot_change(
+def test_of_two_plans_in_conflict_the_higher_system_id_gives_way_unless_the_other_cannot_change(
     uav: int, may_change: bool, gives_way: bool
 ) -> None:
     story = Flier()
@@ -226,18 +226,18 @@ def test_of_two_plans_that_meet_the_higher_system_id_gives_way_but_to_who_cannot
 
 
 @pytest.mark.parametrize(("may_change", "gives_way"), [(False, True), (True, False)])
-def test_it_keeps_clear_of_how_one_comes_down_that_lands_already(may_change: bool, gives_way: bool) -> None:
-    """Of who is still on its way there the height is known, and when it comes down is not."""
+def test_a_landing_already_begun_has_priority(may_change: bool, gives_way: bool) -> None:
+    """For a vehicle en route the height is known, the time of its descent is not."""
     story, (east_m, north_m) = Flier(), (MID_M[0], MID_M[1] + 5.0)
     place = GRID.frame.to_geodetic(east_m, north_m)
     in_s = (east_m - 75.0) / 10.0
     down = [(0.0, 8.0), (in_s - 4.0, 8.0), (in_s + 1.0, 0.0), (in_s + 30.0, -30.0)]
     points = tuple(IntentPoint(t, *place, AMSL_M + up_m) for t, up_m in down)
     effects = story(ev.Intents(((1, 0.0, IntentShared(1, points, may_change=may_change)),)))
-    assert any("its route meets that of vehicle 1" in text for text in told(effects)) is gives_way
+    assert ("route-conflict" in codes(effects)) is gives_way
 
 
-def test_it_is_said_and_counted_once_until_it_is_over() -> None:
+def test_a_conflict_is_reported_and_counted_once() -> None:
     story = low()
     south = MID_M[1] - 300.0
     for _ in range(3):
@@ -249,11 +249,11 @@ def test_it_is_said_and_counted_once_until_it_is_over() -> None:
     assert story.state.predicted_conflicts == frozenset()
 
 
-# --- many of them
+# --- several agents
 
 
 class Swarm:
-    """Two or three vehicles at one height that fly what they intend, in a network that delays and loses."""
+    """Two or three vehicles at one height that fly their intents, in a network with delay and loss."""
 
     def __init__(self, ways: list[tuple[int, int]]) -> None:
         self.now_s, self.order = 100.0, count()
@@ -349,7 +349,7 @@ ONE_LANDS_UNDER_ANOTHER = (
 @given(ways, news, st.floats(0.0, 1.0), st.floats(0.0, 3.0), st.floats(0.2, 4.0), st.integers(0, 2**32 - 1))
 @example(*ONE_LANDS_UNDER_ANOTHER)
 @settings(max_examples=examples(40), deadline=None, phases=PHASES)
-def test_once_all_have_heard_all_no_two_plans_meet(
+def test_no_two_plans_conflict_after_all_intents_have_arrived(
     ways: list[tuple[int, int]],
     news: list[tuple[int, tuple[int, int], float]],
     loss: float,
@@ -357,7 +357,7 @@ def test_once_all_have_heard_all_no_two_plans_meet(
     swap_s: float,
     seed: int,
 ) -> None:
-    """However intents were lost and late before; and who gives way is one of two."""
+    """Whatever intents were lost or late before."""
     rng = np.random.default_rng(seed)
     swarm = Swarm(ways)
     swarm.swap_s = lambda: swap_s * rng.random()
@@ -371,10 +371,10 @@ def test_once_all_have_heard_all_no_two_plans_meet(
         a, b = one.state, other.state
         if Phase.FLYING not in (a.phase, b.phase) or a.own_intent is None or b.own_intent is None:
             continue
-        # Who comes down through another's height is for the watch. Each has the other's times by its own
-        # position, which is up to half a second old.
+        # Descents through another's height are left to collision avoidance. Each vehicle knows the other's
+        # times by its own position, which is up to half a second old.
         mine, theirs = until_landing(a.own_intent), {b.task.uav: until_landing(b.own_intent)}
-        meet = find_clashes(mine, theirs, a.task.separation.limits, SLACK_S - 0.6)
+        meet = find_clashes(mine, theirs, a.task.separation.limits, TIME_TOLERANCE_S - 0.6)
         assert not meet, (
             a.phase,
             b.phase,
@@ -385,7 +385,7 @@ def test_once_all_have_heard_all_no_two_plans_meet(
         )
 
 
-# --- who tells no position any more
+# --- vehicles without a position
 
 
 NOWHERE: dict[str, Any] = {"lat_deg": None, "lon_deg": None, "alt_rel_m": None, "alt_amsl_m": None}
@@ -396,12 +396,12 @@ def states(effects: list[ev.Effect]) -> list[StateShared]:
 
 
 def blind(seconds: int) -> tuple[Flier, list[ev.Effect]]:
-    """Vehicle 2 was last seen at 75 m on its row; what it tells since."""
+    """Return vehicle 2, last seen at 75 m on its row, and its effects since."""
     story = Flier()
     return story, [effect for _ in range(seconds) for effect in story.at(75.0, **NOWHERE)]
 
 
-def test_who_is_blind_tells_where_it_was_and_how_long_ago_that_is() -> None:
+def test_a_vehicle_without_a_position_shares_its_last_one_and_its_age() -> None:
     _, effects = blind(5)
     assert [state.age_s for state in states(effects)] == [1.0, 2.0, 3.0, 4.0, 5.0]
     at = states(effects)[-1]
@@ -409,7 +409,7 @@ def test_who_is_blind_tells_where_it_was_and_how_long_ago_that_is() -> None:
     assert (at.alt_rel_m, at.velocity_m_s) == (30.0, (10.0, 0.0, 0.0))
 
 
-def test_and_that_it_is_somewhere_around_there_at_any_height_below() -> None:
+def test_the_intent_without_a_position_has_an_uncertainty() -> None:
     story, effects = blind(8)
     intent = intents(effects)[-1]
     assert [GRID.frame.to_local(p.lat_deg, p.lon_deg)[0] for p in intent.points] == pytest.approx(
@@ -417,27 +417,27 @@ def test_and_that_it_is_somewhere_around_there_at_any_height_below() -> None:
     )
     assert {p.alt_amsl_m for p in intent.points} == {AMSL_M - 15.0}
     age_s = story.state.intent_sent_boot_s - story.state.last_position.time_boot_s
-    assert intent.around_m == (pytest.approx(min(10.0 * age_s, AROUND_M)), 15.0)
+    assert intent.around_m == (pytest.approx(min(10.0 * age_s, MAX_UNCERTAINTY_M)), 15.0)
     assert not intent.may_change
 
 
-def test_after_a_time_nobody_knows_where_it_is() -> None:
-    _, effects = blind(int(KEPT_CLEAR_S) + 10)
+def test_the_last_position_expires() -> None:
+    _, effects = blind(int(LAST_POSITION_S) + 10)
     assert intents(effects)[-1].points == ()
     assert intents(effects)[-3].points != ()
 
 
-def test_one_whose_link_is_lost_tells_once_where_it_was() -> None:
+def test_a_lost_link_shares_the_last_position_once() -> None:
     story = Flier()
     (state,) = states(story(ev.LinkLost(4.0)))
     assert GRID.frame.to_local(state.lat_deg, state.lon_deg)[0] == pytest.approx(75.0, abs=0.01)
 
 
 @pytest.mark.parametrize(("away_m", "around_m", "height_m"), [(50.0, 60.0, 33.6), (50.0, 20.0, 30.0)])
-def test_a_new_plan_keeps_clear_of_all_places_where_a_blind_one_may_be(
+def test_a_new_plan_respects_the_uncertainty_of_a_lost_position(
     away_m: float, around_m: float, height_m: float
 ) -> None:
-    """It is told to be half as high as it was, and anywhere below that."""
+    """Its intent has half the last height, and an uncertainty down to the ground."""
     story = Flier()
     there = (200.0, MID_M[1] - away_m)
     vague = {"up_m": -15.0, "around_m": (around_m, 15.0), "may_change": False}
@@ -446,7 +446,7 @@ def test_a_new_plan_keeps_clear_of_all_places_where_a_blind_one_may_be(
     assert height == pytest.approx(height_m)
 
 
-def test_nobody_keeps_clear_of_more_around_a_flight_than_honest_ones_tell() -> None:
+def test_an_exaggerated_uncertainty_is_limited() -> None:
     story = Flier()
     story.other(1, (0.0, 75.0, MID_M[1] + 300.0), (60.0, 500.0, MID_M[1] + 300.0), around_m=(1e6, 0.0))
     story.at(85.0)

@@ -1,4 +1,4 @@
-"""What a copter over its goal does about others there, told as stories."""
+"""Landing queue: a copter over its goal, as stories."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from agent_stories import GRID, Story, orders, publications
+from agent_stories import GRID, Story, codes, orders, publications
 
 from swarmctl.agent.failsafes import low_battery
 from swarmctl.agent.failsafes.base import ActiveRule
@@ -19,7 +19,7 @@ from swarmctl.core.vehicle import Landed
 HOME_AMSL_M = 300.0
 GOAL = (4, 8)
 PLACE_M = GRID.centre_m(GOAL)
-"""where vehicle 2, which lands alone in its cell, comes down"""
+"""landing spot of vehicle 2, alone in its cell"""
 STILL: dict[str, Any] = {"ground_speed_m_s": 0.0, "east_m_s": 0.0}
 HOLDS: dict[str, Any] = {**STILL, "mode": "GUIDED", "mode_role": "hold"}
 
@@ -33,22 +33,22 @@ def swaps(effects: list[ev.Effect]) -> list[ev.SwapMission]:
 
 
 class OverGoal(Story):
-    """Vehicle 2 comes to its goal at 30 m."""
+    """Vehicle 2, arriving at its goal at 30 m."""
 
     def __init__(self, **changes: Any) -> None:
         super().__init__(**{"uav": 2, **changes})
         self.flying()
 
     def at(self, before_m: float, up_m: float = 30.0, **changes: Any) -> list[ev.Effect]:
-        """So far before its landing place, at 2 m/s, a second later."""
+        """Report its position `before_m` before its landing spot, at 2 m/s, a second later."""
         lat_deg, lon_deg = GRID.frame.to_geodetic(PLACE_M[0] - before_m, PLACE_M[1])
         here = {"lat_deg": lat_deg, "lon_deg": lon_deg, "ground_speed_m_s": 2.0, "east_m_s": 2.0}
         here |= {"alt_rel_m": up_m, "alt_amsl_m": HOME_AMSL_M + up_m}
         return self.over(GOAL, **{**here, **changes})
 
     def other(self, uav: int, *points: tuple[float, float, float], **changes: Any) -> list[ev.Effect]:
-        """Vehicle `uav`, which is over the goal, too, tells that it will be at (seconds from now, metres east
-        of that landing place, height above home)."""
+        """Receive an intent of vehicle `uav`, also over the goal: points (seconds from now, metres east of
+        the landing spot, height above home)."""
         path = tuple(
             IntentPoint(t, *GRID.frame.to_geodetic(PLACE_M[0] + east_m, PLACE_M[1]), HOME_AMSL_M + up_m)
             for t, east_m, up_m in points
@@ -59,7 +59,7 @@ class OverGoal(Story):
         return effects
 
     def passing_below(self, uav: int = 1, in_s: float = 6.0, up_m: float = 22.0, **changes: Any) -> None:
-        """By the landing place, and on to its own beside it."""
+        """Receive an intent that passes the landing spot and lands beside it."""
         points = (
             (0.0, -5.0 * in_s, up_m),
             (in_s, 0.0, up_m),
@@ -69,7 +69,7 @@ class OverGoal(Story):
         self.other(uav, *points, **changes)
 
     def waiting(self) -> OverGoal:
-        """For one that stands below."""
+        """Hold for a vehicle that stands below."""
         self.at(10.0)
         self.other(1, (0.0, 2.0, 22.0), (30.0, 2.0, 22.0))
         assert orders(self.at(4.0)) == [ev.FlightOrder.HOLD]
@@ -77,22 +77,21 @@ class OverGoal(Story):
         return self
 
 
-def test_who_is_higher_waits_over_its_landing_place_for_who_passes_below() -> None:
+def test_the_higher_vehicle_waits_over_its_landing_spot() -> None:
     story = OverGoal()
     story.at(10.0)
     assert story.state.phase is Phase.LANDING
     story.passing_below()
     effects = story.at(4.0)
     assert orders(effects) == [ev.FlightOrder.HOLD]
-    (text,) = told(effects)
-    assert text.startswith("over its goal its way down meets that of vehicle 1 in ")
-    assert text.endswith(": it waits above")
+    assert codes(effects) == ["landing-queue"]
+    assert "vehicle 1 " in told(effects)[0]
     (intent,) = (message for message in publications(effects) if isinstance(message, IntentShared))
     assert {round(point.alt_amsl_m, 1) for point in intent.points} == {HOME_AMSL_M + 30.0}
     assert (story.state.deconfliction.predicted, story.state.deconfliction.by_waiting) == (1, 1)
 
 
-def test_it_is_told_at_once_that_it_lands_for_then_it_gives_way_to_nobody_on_its_way() -> None:
+def test_a_landing_is_announced_at_once_as_fixed() -> None:
     (intent,) = (m for m in publications(OverGoal().at(10.0)) if isinstance(m, IntentShared))
     assert not intent.may_change
 
@@ -100,19 +99,19 @@ def test_it_is_told_at_once_that_it_lands_for_then_it_gives_way_to_nobody_on_its
 @pytest.mark.parametrize(
     ("what", "changes"),
     [
-        ("who is above", {"up_m": 38.0}),
-        ("who is past by then", {"in_s": 1.0, "up_m": 15.0}),
-        ("who still has the time to give way", {"may_change": True, "in_s": 12.0, "up_m": 18.0}),
+        ("above", {"up_m": 38.0}),
+        ("past by then", {"in_s": 1.0, "up_m": 15.0}),
+        ("time to give way", {"may_change": True, "in_s": 12.0, "up_m": 18.0}),
     ],
 )
-def test_it_waits_for_nobody_else(what: str, changes: dict[str, Any]) -> None:
+def test_vehicles_not_in_the_descent_are_not_waited_for(what: str, changes: dict[str, Any]) -> None:
     story = OverGoal()
     story.at(10.0)
     story.passing_below(**changes)
     assert orders(story.at(4.0)) == [], what
 
 
-def test_nor_for_one_that_it_would_stand_in_the_way_of_all_the_same() -> None:
+def test_it_does_not_wait_where_the_hold_would_block_the_other() -> None:
     story = OverGoal()
     story.at(10.0)
     story.passing_below(up_m=29.0)
@@ -126,7 +125,7 @@ def test_nor_for_one_that_it_would_stand_in_the_way_of_all_the_same() -> None:
         (4.0, {"altitude_m": 4.0}),
     ],
 )
-def test_it_does_not_wait_where_it_may_not_or_is_all_but_down(up_m: float, changes: dict[str, Any]) -> None:
+def test_it_does_not_wait_without_permission_or_near_the_ground(up_m: float, changes: dict[str, Any]) -> None:
     story = OverGoal(**changes)
     story.at(10.0, up_m)
     story.passing_below(up_m=max(up_m - 8.0, 0.5), in_s=3.0)
@@ -134,7 +133,7 @@ def test_it_does_not_wait_where_it_may_not_or_is_all_but_down(up_m: float, chang
 
 
 @pytest.mark.parametrize(("uav", "waits"), [(1, True), (3, False)])
-def test_of_two_at_one_height_the_one_with_the_higher_system_id_waits(uav: int, waits: bool) -> None:
+def test_at_one_height_the_higher_system_id_waits(uav: int, waits: bool) -> None:
     story = OverGoal()
     story.at(30.0)
     story.other(uav, (0.0, 6.0, 30.0), (30.0, 6.0, 30.0))
@@ -142,13 +141,13 @@ def test_of_two_at_one_height_the_one_with_the_higher_system_id_waits(uav: int, 
     assert bool(orders(effects)) is waits
 
 
-def test_when_the_way_down_is_clear_it_comes_down_on_its_landing_place() -> None:
+def test_with_a_clear_descent_it_lands_on_its_spot() -> None:
     story = OverGoal().waiting()
     for _ in range(3):
         assert orders(story.at(3.0, **HOLDS)) == []
     story.other(1, (0.0, 12.0, 20.0), (50.0, 12.0, 0.0))
     effects = story.at(3.0, **HOLDS)
-    assert told(effects) == ["clear below: it comes down"]
+    assert codes(effects) == ["descent-clear"]
     (swap,) = swaps(effects)
     assert swap.plan.track == ()
     assert swap.plan.landing.alt_rel_m == pytest.approx(30.0)
@@ -161,7 +160,7 @@ def test_when_the_way_down_is_clear_it_comes_down_on_its_landing_place() -> None
     assert (story.state.phase, story.state.outcome) == (Phase.DONE, "arrived")
 
 
-def test_over_that_place_it_comes_down_where_it_is() -> None:
+def test_over_its_landing_spot_it_lands_where_it_is() -> None:
     story = OverGoal().waiting()
     story.other(1, (0.0, 12.0, 0.2), (0.1, 12.0, 0.0))
     effects = [effect for _ in range(4) for effect in story.at(0.5, **HOLDS)]
@@ -170,25 +169,22 @@ def test_over_that_place_it_comes_down_where_it_is() -> None:
     assert story.state.phase is Phase.LANDING
 
 
-def test_who_has_landed_and_tells_nothing_more_is_not_waited_for() -> None:
+def test_a_landed_silent_vehicle_is_not_waited_for() -> None:
     story = OverGoal().waiting()
     story(ev.Intents(((1, 0.0, IntentShared(0)),)))
-    said = [text for _ in range(4) for text in told(story.at(0.5, **HOLDS))]
-    assert said == ["clear below: it comes down"]
+    said = [code for _ in range(4) for code in codes(story.at(0.5, **HOLDS))]
+    assert said == ["descent-clear"]
 
 
-def test_it_says_again_and_again_for_whom_it_waits() -> None:
+def test_a_long_wait_is_reported_repeatedly() -> None:
     story, said = OverGoal().waiting(), []
     for _ in range(130):
         story.other(1, (0.0, 2.0, 20.0), (30.0, 2.0, 20.0))
-        said += told(story.at(3.0, **HOLDS))
-    assert len(said) == 2
-    assert said[0].startswith(
-        "it has waited over its goal for 60 s, and its way down meets that of vehicle 1 "
-    )
+        said += codes(story.at(3.0, **HOLDS))
+    assert said == ["landing-queue-long"] * 2
 
 
-def test_while_it_still_says_that_it_lands_its_mission_is_not_changed() -> None:
+def test_its_mission_is_not_changed_while_it_reports_to_land() -> None:
     story = OverGoal().waiting()
     story.other(1, (0.0, 12.0, 0.2), (0.1, 12.0, 0.0))
     for _ in range(5):
@@ -196,7 +192,7 @@ def test_while_it_still_says_that_it_lands_its_mission_is_not_changed() -> None:
     assert len(swaps(story.at(3.0, **HOLDS))) == 1
 
 
-def test_where_it_gets_no_mission_it_lands_where_it_stands() -> None:
+def test_without_a_mission_it_lands_where_it_stands() -> None:
     story = OverGoal().waiting()
     story(ev.Intents(((1, 0.0, IntentShared(0)),)))
     while story.state.pending is None:
@@ -207,12 +203,12 @@ def test_where_it_gets_no_mission_it_lands_where_it_stands() -> None:
 
 
 def low(story: OverGoal, *heights_m: float) -> list[ev.FlightOrder]:
-    """What it is told while it comes down all the same, half a second each."""
+    """Return the orders while it descends all the same, half a second each."""
     down = {"landed": Landed.LANDING, "ground_speed_m_s": 0.0, "east_m_s": 0.0}
     return [order for up_m in heights_m for order in orders(story.at(0.5, up_m, **down))]
 
 
-def test_who_was_not_heard_to_wait_is_not_told_again_when_it_is_low_or_nobody_is_below() -> None:
+def test_an_unconfirmed_hold_is_not_repeated_when_useless() -> None:
     story = OverGoal()
     story.passing_below()
     assert orders(story.at(4.0)) == [ev.FlightOrder.HOLD]
@@ -222,7 +218,7 @@ def test_who_was_not_heard_to_wait_is_not_told_again_when_it_is_low_or_nobody_is
     assert story.state.interrupted_plan is None
 
 
-def test_who_is_heard_again_when_it_is_low_is_not_told_to_wait_there() -> None:
+def test_a_low_vehicle_is_not_ordered_to_wait_after_a_lost_link() -> None:
     story = OverGoal()
     story.passing_below()
     assert orders(story.at(4.0)) == [ev.FlightOrder.HOLD]
@@ -232,7 +228,7 @@ def test_who_is_heard_again_when_it_is_low_is_not_told_to_wait_there() -> None:
     assert set(low(story, 3.0, 2.0, 1.5)) == {ev.FlightOrder.LAND}
 
 
-def test_on_a_battery_that_is_all_but_spent_it_waits_no_longer() -> None:
+def test_a_low_battery_ends_the_wait_above_the_landing_spot() -> None:
     rules = (ActiveRule(low_battery, low_battery.Params(seconds=0.0)),)
     story = OverGoal(rules=rules).waiting()
     assert orders(story.at(3.0, battery_percent=24.0, **HOLDS)) == []
@@ -244,7 +240,7 @@ def test_on_a_battery_that_is_all_but_spent_it_waits_no_longer() -> None:
     assert orders(fresh.at(4.0, battery_percent=9.0)) == []
 
 
-def test_who_tells_no_plan_is_taken_to_fly_straight_on() -> None:
+def test_a_vehicle_without_an_intent_is_extrapolated() -> None:
     story = OverGoal()
     story.at(10.0)
     lat_deg, lon_deg = GRID.frame.to_geodetic(PLACE_M[0], PLACE_M[1] - 40.0)

@@ -1,4 +1,4 @@
-"""A return because of a low battery while others are on the way home, told as stories."""
+"""Return queue: a return by low battery while other vehicles return, as stories."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from agent_stories import GRID, Story, orders, publications
+from agent_stories import GRID, Story, codes, orders, publications
 from recall_stories import gathering
 from traffic_stories import AMSL_M, told
 from trouble import Trouble, suffer
@@ -33,11 +33,10 @@ HOLD, RETURN, LAND = ev.FlightOrder.HOLD, ev.FlightOrder.RETURN, ev.FlightOrder.
 LAT_DEG, LON_DEG = GRID.centre((4, 0))
 HOMES = {"home_lat_deg": LAT_DEG, "home_lon_deg": LON_DEG, "home_alt_amsl_m": AMSL_M - 30.0}
 RULES = (ActiveRule(low_battery, low_battery.Params(seconds=0.0)),)
-LOW = "battery at {} %, less than the 25 % of rules.low_battery"
 
 
 class Low(Story):
-    """Vehicle 2 flies east along row 4, 200 m from where it took off; `goes_home` tells of another."""
+    """Vehicle 2, flying east along row 4, 200 m from its take-off; `goes_home` reports another vehicle."""
 
     def __init__(self, **changes: Any) -> None:
         super().__init__(**{"uav": 2, "rules": RULES, **changes})
@@ -55,7 +54,8 @@ class Low(Story):
         return self.at(percent, mode="RTL", mode_role="return")
 
     def goes_home(self, uav: int, *, col: int = 6, row: int = 4, **changes: Any) -> None:
-        """Along row 4 to where vehicle 2 took off, unless `changes` say otherwise."""
+        """Receive the state of a vehicle that returns along row 4 to the take-off of vehicle 2, with
+        `changes`."""
         lat_deg, lon_deg = GRID.centre((row, col))
         state: dict[str, Any] = {"time_s": self.now, "lat_deg": lat_deg, "lon_deg": lon_deg, "n_found": 0}
         state |= {"alt_rel_m": 34.0, "alt_amsl_m": AMSL_M + 4.0, "phase": "leaving", "n_observed": 0}
@@ -69,23 +69,24 @@ def shared(effects: list[ev.Effect]) -> StateShared:
     return state
 
 
-def test_where_nobody_is_on_the_way_home_it_returns_at_once_and_tells_where_to() -> None:
+def test_without_other_returns_it_returns_at_once_and_announces_its_home() -> None:
     story = Low()
     effects = story.at(23)
     assert orders(effects) == [RETURN]
-    assert told(effects) == [LOW.format(23) + ": it returns"]
+    assert codes(effects) == ["low-battery"]
+    assert "23 %" in told(effects)[0]
     assert (shared(effects).phase, shared(effects).returns_to) == ("leaving", (LAT_DEG, LON_DEG))
 
 
 @pytest.mark.parametrize("phase", ["leaving", "released"])
-def test_it_holds_while_another_is_on_the_way_that_it_would_take_and_goes_when_that_is_down(
+def test_it_holds_while_another_is_on_its_return_path_and_returns_after_that_has_landed(
     phase: str,
 ) -> None:
     story = Low()
     story.goes_home(3, phase=phase)
     effects = story.at(23)
     assert orders(effects) == [HOLD]
-    assert told(effects) == [LOW.format(23) + ": it holds until its way home is clear of the others'"]
+    assert codes(effects) == ["low-battery"]
     assert (shared(effects).phase, shared(effects).returns_to) == ("holding", (LAT_DEG, LON_DEG))
     story(ev.OrderDone(HOLD))
     for col in (5, 4, 3, 2, 1):
@@ -94,13 +95,13 @@ def test_it_holds_while_another_is_on_the_way_that_it_would_take_and_goes_when_t
     story.goes_home(3, col=0, phase="done", returns_to=None)
     effects = story.holds()
     assert orders(effects) == [RETURN]
-    assert told(effects) == ["its way home is clear: it returns"]
+    assert codes(effects) == ["return-clear"]
     assert shared(effects).phase == "leaving"
     assert orders(story.returns()) == []
-    assert story.state.outcome == LOW.format(23)
+    assert "23 %" in story.state.outcome
 
 
-def test_who_goes_home_elsewhere_is_not_waited_for() -> None:
+def test_a_return_elsewhere_is_not_waited_for() -> None:
     story = Low()
     story.goes_home(3, row=8, returns_to=GRID.centre((8, 8)))
     assert orders(story.at(23)) == [RETURN]
@@ -111,14 +112,14 @@ def test_who_goes_home_elsewhere_is_not_waited_for() -> None:
     [{"alt_rel_m": MAX_AWAY}, {"alt_rel_m": -MAX_AWAY}, {"returns_to": (LAT_DEG, LON_DEG - 2.0)}],
     ids=["above the air", "under the ground", "155 km away"],
 )
-def test_who_tells_what_cannot_be_is_not_waited_for(told: dict[str, Any]) -> None:
+def test_an_implausible_state_is_not_waited_for(told: dict[str, Any]) -> None:
     story = Low()
     story.goes_home(3, **told)
     assert orders(story.at(23)) == [RETURN]
 
 
 @pytest.mark.parametrize(("uav", "first"), [(1, True), (3, False)])
-def test_of_two_that_wait_the_one_with_the_lower_system_id_is_first(uav: int, *, first: bool) -> None:
+def test_of_two_waiting_the_lower_system_id_is_first(uav: int, *, first: bool) -> None:
     story = Low()
     story.goes_home(uav, phase="holding")
     assert orders(story.at(23)) == [HOLD if first else RETURN]
@@ -132,7 +133,7 @@ def waiting(percent: int = 23) -> Low:
     return story
 
 
-def test_it_waits_no_longer_than_its_battery_lets_it() -> None:
+def test_a_lower_battery_ends_the_wait() -> None:
     story = waiting()
     for percent in (22, 21, 20):
         story.goes_home(3)
@@ -142,18 +143,18 @@ def test_it_waits_no_longer_than_its_battery_lets_it() -> None:
     assert orders(story.returns(18)) == []
 
 
-def test_who_is_below_that_already_goes_at_once() -> None:
+def test_below_the_waiting_charge_it_returns_at_once() -> None:
     story = Low()
     story.goes_home(3)
     assert orders(story.at(19)) == [RETURN]
 
 
-def test_who_has_to_land_lands() -> None:
+def test_below_the_landing_charge_it_lands() -> None:
     story = waiting()
     assert orders(story.holds(9)) == [LAND]
 
 
-def test_nor_for_ever() -> None:
+def test_the_wait_is_bounded() -> None:
     story = waiting()
     given = []
     for _ in range(int(MAX_RETURN_WAIT_S) + 1):
@@ -163,9 +164,7 @@ def test_nor_for_ever() -> None:
 
 
 @pytest.mark.parametrize(("higher", "before_s"), [((), 0.0), ((4,), 10.0), ((4, 5), 20.0)])
-def test_of_several_whose_time_is_over_one_goes_after_the_other(
-    higher: tuple[int, ...], before_s: float
-) -> None:
+def test_waits_that_end_together_are_staggered(higher: tuple[int, ...], before_s: float) -> None:
     story = waiting()
 
     def returns() -> bool:
@@ -179,7 +178,7 @@ def test_of_several_whose_time_is_over_one_goes_after_the_other(
     )
 
 
-def test_one_that_falls_silent_on_its_way_counts_until_it_must_be_down() -> None:
+def test_a_silent_returning_vehicle_counts_until_it_must_have_landed() -> None:
     story = waiting()
     # 10 s to react, 19 to climb to 60 m, 300 m at half its speed, 75 to come down.
     seconds = next(s for s in range(300) if orders(story.holds()) == [RETURN])
@@ -187,7 +186,7 @@ def test_one_that_falls_silent_on_its_way_counts_until_it_must_be_down() -> None
 
 
 @pytest.mark.parametrize(("uav", "then"), [(1, [HOLD]), (3, [])])
-def test_of_two_that_begin_at_one_time_the_one_with_the_higher_system_id_holds_again(
+def test_of_two_simultaneous_starts_the_higher_system_id_holds_again(
     uav: int, then: list[ev.FlightOrder]
 ) -> None:
     story = Low()
@@ -198,7 +197,7 @@ def test_of_two_that_begin_at_one_time_the_one_with_the_higher_system_id_holds_a
 
 
 @pytest.mark.parametrize("on_s", [2, 6], ids=["it settles in between", "it is well on its way in between"])
-def test_another_that_comes_and_goes_makes_it_wait_no_longer_than_once_in_all(on_s: int) -> None:
+def test_interruptions_do_not_extend_the_longest_wait(on_s: int) -> None:
     story = Low()
     (order,), given = orders(story.at(23)), []
     began_s = story.now
@@ -216,7 +215,7 @@ def test_another_that_comes_and_goes_makes_it_wait_no_longer_than_once_in_all(on
     assert given[-1][1] <= MAX_RETURN_WAIT_S + 1.0
 
 
-def test_a_return_that_arises_later_may_wait_as_long_again() -> None:
+def test_a_later_return_has_its_own_wait() -> None:
     story = waiting()
     assert orders(story(ev.OperatorCommand(HOLD, 1))) == [HOLD]
     story.now += MAX_RETURN_WAIT_S
@@ -224,7 +223,7 @@ def test_a_return_that_arises_later_may_wait_as_long_again() -> None:
     assert orders(story.holds(22)) == []
 
 
-def test_who_may_wait_no_longer_by_then_goes_on() -> None:
+def test_after_its_longest_wait_a_started_return_continues() -> None:
     story = Low()
     assert orders(story.at(20)) == [RETURN]
     story(ev.OrderDone(RETURN))
@@ -233,7 +232,7 @@ def test_who_may_wait_no_longer_by_then_goes_on() -> None:
     assert orders(story.returns(19)) == []
 
 
-def test_once_it_is_well_on_its_way_it_is_not_stopped() -> None:
+def test_a_return_under_way_is_not_stopped() -> None:
     story = Low()
     assert orders(story.at(23)) == [RETURN]
     story(ev.OrderDone(RETURN))
@@ -242,19 +241,20 @@ def test_once_it_is_well_on_its_way_it_is_not_stopped() -> None:
     assert orders(story.returns()) == []
 
 
-def test_other_demands_to_return_wait_for_nobody() -> None:
+def test_urgent_demands_return_without_waiting() -> None:
     story = Low(rules=(ActiveRule(not_following, not_following.Params(seconds=3.0)),))
     story.goes_home(3)
     given = [order for _ in range(6) for order in orders(story.at(60))]
     assert given == [RETURN]
 
 
-def test_an_operator_who_orders_otherwise_is_obeyed() -> None:
+def test_an_operators_order_takes_precedence() -> None:
     story = waiting()
     assert orders(story(ev.OperatorCommand(RETURN, 1))) == [RETURN]
     again = waiting()
     (answer,) = (e.answer for e in again(ev.OperatorCommand(HOLD, 1)) if isinstance(e, ev.Answer))
-    assert answer.note == f"it returns no more, for which it waited: {LOW.format(23)}"
+    assert answer.note.endswith("[return-cancelled]")
+    assert "23 %" in answer.note
     again.goes_home(3, phase="done", returns_to=None)
     assert [order for s in range(30) for order in orders(again.holds(22 - s // 10))] == []
 
@@ -266,7 +266,7 @@ def called_back(story: Low, after_s: float = 120.0) -> tuple[list[ev.FlightOrder
 
 
 @pytest.mark.parametrize("percent", [19, 23], ids=["urgent", "not urgent"])
-def test_a_recall_that_overtakes_an_urgent_return_does_not_make_it_wait_its_turn(percent: int) -> None:
+def test_a_recall_does_not_delay_an_urgent_return(percent: int) -> None:
     story = Low()
     assert orders(story.at(percent)) == [RETURN]
     given, answer = called_back(story)
@@ -276,34 +276,34 @@ def test_a_recall_that_overtakes_an_urgent_return_does_not_make_it_wait_its_turn
         assert (given, answer.place.is_returning) == ([HOLD], False)
         return
     assert (given, answer.place.is_returning) == ([RETURN], True)
-    assert answer.note == f"it waits for no turn: {LOW.format(19)}"
+    assert answer.note.endswith("[urgent-return]")
+    assert "19 %" in answer.note
     assert orders(story.returns(19)) == []
     assert shared(story.effects).phase == "leaving"
 
 
 @pytest.mark.parametrize(("command", "after_s"), [(7, 120.0), (None, 0.0), (None, 30.0)])
-def test_who_lands_since_its_battery_is_all_but_empty_is_not_sent_home_with_the_others(
-    command: int | None, after_s: float
-) -> None:
+def test_a_recall_does_not_stop_a_landing_by_low_battery(command: int | None, after_s: float) -> None:
     story = Low()
     assert orders(story.at(9)) == [LAND]
     effects = story(ev.OperatorCommand(RETURN, command, after_s))
     assert orders(effects) == []
     for answer in (e.answer for e in effects if isinstance(e, ev.Answer)):
         assert answer.outcome == "refused"
-        assert answer.note.startswith("it lands: battery at 9 %")
+        assert answer.note.endswith("[failsafe-landing]")
+        assert "9 %" in answer.note
     assert orders(story.at(8, mode="LAND", mode_role="land")) == []
-    assert orders(story(ev.OperatorCommand(HOLD, 8))) == [HOLD], "who orders that is obeyed"
+    assert orders(story(ev.OperatorCommand(HOLD, 8))) == [HOLD], "an explicit order is obeyed"
 
 
-def test_who_lands_by_an_order_is_called_back_without_waiting_when_its_battery_is_low() -> None:
+def test_a_recall_of_an_ordered_landing_with_low_battery_starts_at_once() -> None:
     story = Low()
     story(ev.OperatorCommand(LAND, 1))
     story.at(19, mode="LAND", mode_role="land")
     assert called_back(story)[0] == [RETURN]
 
 
-def test_who_was_told_to_hold_with_so_low_a_battery_waits_for_no_turn_either() -> None:
+def test_a_recall_of_an_ordered_hold_with_low_battery_starts_at_once() -> None:
     story = Low()
     story.at(19)
     story(ev.OperatorCommand(HOLD, 1))
@@ -315,7 +315,7 @@ def test_who_was_told_to_hold_with_so_low_a_battery_waits_for_no_turn_either() -
     assert called_back(story)[0] == [RETURN]
 
 
-def test_the_others_take_their_turns_around_it() -> None:
+def test_the_schedule_respects_an_urgent_return() -> None:
     story, other = Low(uav=4), Low(uav=3)
     story.at(19)
     other.at(60)
@@ -328,7 +328,7 @@ def test_the_others_take_their_turns_around_it() -> None:
     assert begins_s[3] > 0.0
 
 
-def test_a_clock_that_fell_back_keeps_it_waiting_no_longer() -> None:
+def test_a_reboot_ends_the_wait() -> None:
     story = waiting()
     story.now += 60.0
     story.goes_home(3)
@@ -339,9 +339,7 @@ def test_a_clock_that_fell_back_keeps_it_waiting_no_longer() -> None:
 
 
 @pytest.mark.parametrize(("up_m", "given"), [(12.0, RETURN), (28.0, HOLD)])
-def test_a_fixed_wing_does_not_hold_in_circles_as_low_as_it_takes_off(
-    up_m: float, given: ev.FlightOrder
-) -> None:
+def test_a_fixed_wing_does_not_hold_during_its_take_off(up_m: float, given: ev.FlightOrder) -> None:
     story = Low()
     wings = FixedWing(40.0, 30.0, 5.0, 12.0, takeoff_height_m=20.0, home=(LAT_DEG, LON_DEG))
     story.state = replace(story.state, task=replace(story.state.task, wings=wings))
@@ -371,7 +369,7 @@ class Nobody:
         return False
 
 
-def test_who_waits_when_its_process_is_stopped_returns_no_later_than_its_battery_lets_it() -> None:
+def test_a_shutdown_keeps_the_return_time_of_a_waiting_vehicle() -> None:
     story = waiting()
     member: Any = Waits(story)
     called = Shutdown([member], FlightSection(), lambda _text: None, Nobody())
@@ -388,7 +386,7 @@ def test_who_waits_when_its_process_is_stopped_returns_no_later_than_its_battery
 
 
 @pytest.mark.virtual
-def test_three_whose_batteries_run_low_at_one_time_come_home_one_after_the_other(
+def test_three_low_batteries_at_once_return_one_after_the_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sag = {"fault": "battery_sag", "params": {"at_most": 0.24, "sag_v": 0.0}, "at_s": 44.0}

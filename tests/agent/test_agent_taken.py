@@ -27,7 +27,7 @@ def wait(story: Story, seconds: int, **vehicle: object) -> list[ev.Effect]:
     return effects
 
 
-def test_a_swap_that_found_somebody_else_there_lets_the_vehicle_go() -> None:
+def test_a_mission_change_that_finds_another_operator_releases_the_vehicle() -> None:
     story, swap = swapping()
     assert ev.Release() in story(ev.MissionFailed(swap.plan_id, "theirs", "its mode is GUIDED"))
     assert story.state.phase is Phase.RELEASED
@@ -35,7 +35,7 @@ def test_a_swap_that_found_somebody_else_there_lets_the_vehicle_go() -> None:
     assert not [e for e in wait(story, 10, **HOLD) if isinstance(e, ev.SwapMission | ev.Command)]
 
 
-def test_a_failsafe_that_holds_after_a_swap_that_was_cut_off_is_not_fought() -> None:
+def test_a_failsafe_hold_after_an_interrupted_mission_change_is_not_overridden() -> None:
     story, swap = swapping()
     story(ev.LinkLost(5.0))
     story(ev.MissionFailed(swap.plan_id, "unknown", "no heartbeat for 5 s that would tell who flies it"))
@@ -46,7 +46,7 @@ def test_a_failsafe_that_holds_after_a_swap_that_was_cut_off_is_not_fought() -> 
     assert not [e for e in effects if isinstance(e, ev.SwapMission)]
 
 
-def test_a_swap_that_ended_in_hold_goes_on_from_there() -> None:
+def test_a_mission_change_that_ended_in_hold_is_resumed() -> None:
     story, swap = swapping()
     story(ev.MissionFailed(swap.plan_id, "hold", "the new mission is not on it"))
     (again,) = (e for e in wait(story, 12, **HOLD) if isinstance(e, ev.SwapMission))
@@ -56,7 +56,7 @@ def test_a_swap_that_ended_in_hold_goes_on_from_there() -> None:
     assert ev.Release() in wait(story, 10, **HOLD), "it flies again, and somebody has it hold"
 
 
-def test_a_return_that_was_refused_is_not_insisted_on_against_a_pilot_who_holds() -> None:
+def test_a_refused_return_is_not_repeated_against_a_pilots_hold() -> None:
     story = Story().flying()
     story(ev.OperatorCommand(ev.FlightOrder.RETURN))
     story(ev.OrderFailed(ev.FlightOrder.RETURN, "DO_SET_MODE: TEMPORARILY_REJECTED"))
@@ -65,7 +65,7 @@ def test_a_return_that_was_refused_is_not_insisted_on_against_a_pilot_who_holds(
     assert ev.Release() in effects
 
 
-def test_a_return_that_was_refused_is_ordered_again_while_it_flies_its_mission() -> None:
+def test_a_refused_return_is_repeated_while_it_flies_its_mission() -> None:
     story = Story().flying()
     (first,) = (e for e in story(ev.OperatorCommand(ev.FlightOrder.RETURN)) if isinstance(e, ev.Command))
     story(ev.OrderFailed(ev.FlightOrder.RETURN, "DO_SET_MODE: TEMPORARILY_REJECTED"))
@@ -76,7 +76,7 @@ def test_a_return_that_was_refused_is_ordered_again_while_it_flies_its_mission()
 
 
 @pytest.mark.parametrize("number", [1, None], ids=["operator", "this process"])
-def test_a_hold_that_is_ordered_while_it_gives_way_stays_one(number: int | None) -> None:
+def test_a_hold_ordered_while_it_gives_way_lasts(number: int | None) -> None:
     story = Watching()
     story.crossing(1)
     story.at(125.0)
@@ -94,7 +94,7 @@ def test_a_hold_that_is_ordered_while_it_gives_way_stays_one(number: int | None)
     assert flies_on == []
 
 
-def test_who_was_let_go_can_still_be_ordered_by_a_person_and_stays_let_go() -> None:
+def test_a_released_vehicle_takes_a_persons_order_and_stays_released() -> None:
     story = Story().flying()
     wait(story, 3, mode="LOITER", mode_role="other")
     assert story.state.phase is Phase.RELEASED
@@ -110,7 +110,7 @@ def test_who_was_let_go_can_still_be_ordered_by_a_person_and_stays_let_go() -> N
     assert orders(story(ev.OperatorCommand(ev.FlightOrder.RETURN))) == [], "nor does the end of this process"
 
 
-def test_the_others_are_told_where_it_is_as_long_as_it_is_up() -> None:
+def test_a_released_vehicle_shares_its_position_while_it_is_armed() -> None:
     story = Story().flying()
     story.over((4, 1), mode="LOITER", mode_role="other")
     assert story.state.phase is Phase.RELEASED

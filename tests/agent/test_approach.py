@@ -1,4 +1,4 @@
-"""How near flights come to each other: numbers by hand, and against sampling."""
+"""Closest approach of flights: numbers by hand, and against sampling."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ def test_two_that_cross_at_right_angles_at_one_height() -> None:
     at = closest(east, north, LIMITS)
     assert at is not None
     assert (at.t_s, at.distance_m) == pytest.approx((10.0, 0.0))
-    # Each is x from the middle, so √2·x apart: 20 m at x = 14.14 m.
+    # Each is at x from the middle, so their distance is √2·x: 20 m at x = 14.14 m.
     ((begin_s, end_s),) = intervals(east, north, LIMITS)
     assert (begin_s, end_s) == pytest.approx((10.0 - math.sqrt(2.0), 10.0 + math.sqrt(2.0)))
 
 
-def test_one_that_climbs_through_the_height_of_another() -> None:
+def test_a_climb_through_the_height_of_another() -> None:
     still = extrapolate((0.0, 0.0, 40.0), (0.0, 0.0, 0.0), 0.0, 100.0)
     climbs = extrapolate((10.0, 0.0, 0.0), (0.0, 0.0, 2.5), 0.0, 100.0)
     at = closest(still, climbs, LIMITS)
     assert at is not None
-    # At equal shares of both limits nothing is gained by coming nearer in height: 10 of 20 m, 2.5 of 5.
+    # At equal shares of both limits a smaller height difference changes nothing: 10 of 20 m, 2.5 of 5.
     assert (at.horizontal_m, at.vertical_m, at.t_s) == pytest.approx((10.0, 2.5, 15.0))
     assert intervals(still, climbs, LIMITS) == (pytest.approx((14.0, 18.0)),)
 
@@ -58,7 +58,7 @@ def test_time_alone_separates() -> None:
     ("times_s", "points"),
     [((0.0,), ()), ((1.0, 1.0), ((0.0,) * 3,) * 2), ((0.0, math.nan), ((0.0,) * 3,) * 2)],
 )
-def test_what_is_no_flight_is_refused(
+def test_an_invalid_trajectory_is_refused(
     times_s: tuple[float, ...], points: tuple[tuple[float, ...], ...]
 ) -> None:
     with pytest.raises(ValueError, match="expected"):
@@ -66,7 +66,7 @@ def test_what_is_no_flight_is_refused(
 
 
 def sampled(a: Trajectory, b: Trajectory) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times both are in the air, and how far apart they are then."""
+    """Return the times when both are in the air, and their distances."""
     begin_s, end_s = max(a.times_s[0], b.times_s[0]), min(a.times_s[-1], b.times_s[-1])
     t = np.linspace(begin_s, end_s, 300) if begin_s <= end_s else np.empty(0)
     both = [(p, q) for x in t if (p := a.at(x)) is not None and (q := b.at(x)) is not None]
@@ -98,7 +98,7 @@ def test_samples_are_too_close_within_the_intervals_and_not_outside(a: Trajector
 
 
 @given(st.lists(flights(), min_size=2, max_size=6))
-def test_the_sweep_finds_the_pairs_that_looking_at_all_finds(swarm: list[Trajectory]) -> None:
+def test_the_sweep_finds_the_same_pairs_as_brute_force(swarm: list[Trajectory]) -> None:
     numbered = dict(enumerate(swarm, start=1))
     found = conflicts(numbered, LIMITS)
     every = {

@@ -1,4 +1,4 @@
-"""A vehicle about to leave the fence."""
+"""Failsafe: fence ahead."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def there(east_m: float, north_m: float, speed_m_s: float = 10.0, **changes: Any
 
 
 def blown_north(speed_m_s: float, **changes: Any) -> dict[int, DemandKind]:
-    """What is demanded first at which distance from the fence [m], blown off its route."""
+    """Return the distance from the fence [m] at which each demand first appears, blown off its route."""
     rule, found = Judged(fence_ahead, off_route_m=15.0, seconds=2.0), {}
     for north_m in range(0, 230, 2):
         demand = rule(float(north_m), there(500.0, float(north_m), speed_m_s, **changes))
@@ -30,53 +30,57 @@ def blown_north(speed_m_s: float, **changes: Any) -> dict[int, DemandKind]:
 
 
 @pytest.mark.parametrize(("speed_m_s", "stops_m"), [(5.0, 15.0), (10.0, 40.0), (15.0, 75.0)])
-def test_it_holds_while_it_can_still_stop_and_returns_from_outside(speed_m_s: float, stops_m: float) -> None:
+def test_it_holds_inside_the_fence_and_returns_from_outside(speed_m_s: float, stops_m: float) -> None:
     found = blown_north(speed_m_s)
     (holds_at, hold), (returns_at, back) = found.items()
     assert (hold, back) == (DemandKind.HOLD, DemandKind.RETURN)
-    # Two positions in a row, which come every 2 m here.
+    # Two consecutive positions, 2 m apart.
     assert stops_m - 4.0 <= holds_at <= stops_m
     assert -4.0 <= returns_at <= 0.0
 
 
 @pytest.mark.parametrize(("radius_m", "turns_m"), [(40.0, 70.0), (80.0, 110.0)])
-def test_what_cannot_stop_turns_for_home_as_long_as_it_has_room(radius_m: float, turns_m: float) -> None:
+def test_a_fixed_wing_returns_while_it_has_room_to_turn(radius_m: float, turns_m: float) -> None:
     ((returns_at, back),) = blown_north(15.0, turn_radius_m=radius_m).items()
     assert back is DemandKind.RETURN
     assert turns_m - 4.0 <= returns_at <= turns_m
 
 
-def test_on_its_route_no_fence_is_too_near() -> None:
+def test_on_its_route_it_may_fly_near_the_fence() -> None:
     rule = Judged(fence_ahead)
     near = Fence(((-10.0, -20.0), (1005.0, -20.0), (1005.0, 20.0), (-10.0, 20.0)), 60.0)
     for east_m in range(0, 1000, 5):
         assert rule(float(east_m), there(float(east_m), 5.0, 20.0, fence=near)) is None
 
 
-def test_along_the_fence_it_may_fly_on() -> None:
+def test_flight_along_the_fence_is_allowed() -> None:
     rule = Judged(fence_ahead)
     for east_m in range(0, 1000, 5):
         assert rule(float(east_m), there(float(east_m), 195.0)) is None
 
 
-def test_too_high_is_outside_too() -> None:
+def test_above_the_ceiling_is_outside() -> None:
     rule, high = Judged(fence_ahead), facts(at(0.0, 0.0, alt_rel_m=61.0), fence=FENCE)
     rule(0.0, high)
     demand = rule(0.25, high)
     assert demand is not None
-    assert demand.why == "outside the fence: 61 m above home, expected at most 60 m"
+    assert demand.kind is DemandKind.RETURN
+    assert "61 m" in demand.reason
+    assert "60 m" in demand.reason
 
 
 @pytest.mark.parametrize("changes", [{"fence": None}, {"lost": True}, {"doing": "ground"}])
-def test_without_a_fence_on_the_ground_and_unheard_there_is_none_ahead(changes: dict[str, Any]) -> None:
+def test_the_rule_is_silent_without_a_fence_on_the_ground_or_with_a_lost_link(
+    changes: dict[str, Any],
+) -> None:
     assert blown_north(10.0, **changes) == {}
 
 
-def test_one_position_outside_is_believed_only_when_the_next_says_so_too() -> None:
+def test_a_position_outside_counts_only_with_the_next_one() -> None:
     rule = Judged(fence_ahead)
     assert rule(0.0, there(0.0, 0.0)) is None
     assert rule(0.25, there(9000.0, 0.0)) is None
-    # Other messages come meanwhile, and the position is still the same one.
+    # Other messages arrive meanwhile; the position is still the same.
     assert rule(1.0, there(9000.0, 0.0), position_s=0.25) is None
     assert rule(1.25, there(2.0, 0.0)) is None
     assert rule(1.5, there(9000.0, 0.0)) is None

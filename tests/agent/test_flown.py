@@ -1,4 +1,4 @@
-"""The least distance of a flight, from samples that come in any order of vehicles."""
+"""Least distance of a flight, from samples in any order of vehicles."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ LIMITS = Limits(10.0, 3.0)
 def test_the_least_distance_lies_between_two_samples() -> None:
     flown = FlownSeparation(LIMITS)
     for t in range(11):
-        flown.saw(1, float(t), (-52.0 + 10.0 * t, 0.0, 40.0))
-        flown.saw(2, t + 0.5, (0.0, 4.0, 46.0))
+        flown.add_position(1, float(t), (-52.0 + 10.0 * t, 0.0, 40.0))
+        flown.add_position(2, t + 0.5, (0.0, 4.0, 46.0))
     assert flown.nearest is not None
     assert flown.between == (1, 2)
     assert flown.nearest.t_s == pytest.approx(5.2)
@@ -27,20 +27,20 @@ def test_the_least_distance_lies_between_two_samples() -> None:
     assert flown.too_close_s == {}
 
 
-def test_how_long_two_were_too_close_is_counted_once() -> None:
+def test_time_below_the_limits_is_counted_once() -> None:
     flown = FlownSeparation(LIMITS)
     for t in range(21):
-        flown.saw(1, 0.5 * t, (-50.0 + 5.0 * t, 0.0, 40.0))
-        flown.saw(2, 0.5 * t + 0.2, (0.0, 0.0, 41.0))
+        flown.add_position(1, 0.5 * t, (-50.0 + 5.0 * t, 0.0, 40.0))
+        flown.add_position(2, 0.5 * t + 0.2, (0.0, 0.0, 41.0))
     assert flown.too_close_s == {(1, 2): pytest.approx(2.0)}  # 20 m at 10 m/s
 
 
-def test_where_nothing_was_heard_for_long_nothing_is_made_up() -> None:
+def test_gaps_in_the_samples_are_not_interpolated() -> None:
     flown = FlownSeparation(LIMITS)
     for t in range(8):
         if t in (0, 1, 6, 7):
-            flown.saw(1, float(t), (-30.0 + 10.0 * t, 0.0, 40.0))
-        flown.saw(2, float(t), (0.0, 0.0, 40.0))
+            flown.add_position(1, float(t), (-30.0 + 10.0 * t, 0.0, 40.0))
+        flown.add_position(2, float(t), (0.0, 0.0, 40.0))
     assert flown.nearest is not None
     assert flown.nearest.distance_m == pytest.approx(20.0)
 
@@ -53,7 +53,7 @@ def test_no_pair_of_samples_was_nearer(seed: int) -> None:
     least_m = math.inf
     uavs = rng.integers(0, 4, t.size)
     for when, uav in zip(t, uavs, strict=True):
-        flown.saw(int(uav) + 1, float(when), tuple(paths[0][uav] + paths[1][uav] * when))
+        flown.add_position(int(uav) + 1, float(when), tuple(paths[0][uav] + paths[1][uav] * when))
     spans = {u: (t[uavs == u].min(), t[uavs == u].max()) for u in set(uavs.tolist())}
     gaps = {u: np.diff(t[uavs == u]).max(initial=0.0) for u in spans}
     if max(gaps.values()) > 3.0:

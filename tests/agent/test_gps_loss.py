@@ -1,4 +1,4 @@
-"""A vehicle without a GPS fix."""
+"""Failsafe: GPS loss."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from swarmctl.agent.failsafes.base import DemandKind, FailsafeFacts
 NO_FIX = at(0.0, 0.0, gps_ok=False)
 
 
-def test_it_is_said_and_in_the_end_the_vehicle_lands() -> None:
+def test_gps_loss_warns_and_then_lands() -> None:
     rule = Judged(gps_loss, seconds=2.0, land_s=20.0)
     kinds = []
     for second in range(22):
@@ -22,7 +22,7 @@ def test_it_is_said_and_in_the_end_the_vehicle_lands() -> None:
     assert kinds == [None] * 2 + [DemandKind.WARN] * 18 + [DemandKind.LAND] * 2
 
 
-def test_a_fix_that_comes_back_in_time_ends_it_and_later_stops_no_landing() -> None:
+def test_a_recovered_fix_ends_the_warning_but_not_the_landing() -> None:
     rule = Judged(gps_loss, seconds=2.0, land_s=20.0)
     for second in range(15):
         rule(float(second), facts(NO_FIX))
@@ -34,7 +34,7 @@ def test_a_fix_that_comes_back_in_time_ends_it_and_later_stops_no_landing() -> N
     assert demand.kind is DemandKind.LAND
 
 
-def test_who_has_no_receiver_is_not_heard_or_stands_on_the_ground_loses_none() -> None:
+def test_the_rule_is_silent_without_a_receiver_on_the_ground_or_with_a_lost_link() -> None:
     rule = Judged(gps_loss, seconds=0.0, land_s=1.0)
     for second in range(10):
         assert rule(float(second), facts(at(0.0, 0.0, gps_ok=None))) is None
@@ -43,7 +43,7 @@ def test_who_has_no_receiver_is_not_heard_or_stands_on_the_ground_loses_none() -
 
 
 def kinds_of(rule: Judged, known: FailsafeFacts, seconds: range, **stamps: float) -> dict[int, DemandKind]:
-    """What is demanded first at which second."""
+    """Return the second at which each demand first appears."""
     found: dict[int, DemandKind] = {}
     for second in seconds:
         demand = rule(float(second), known, **stamps)
@@ -52,18 +52,18 @@ def kinds_of(rule: Judged, known: FailsafeFacts, seconds: range, **stamps: float
     return found
 
 
-def test_one_word_of_no_fix_is_not_many_because_nothing_else_is_told() -> None:
+def test_one_report_without_a_fix_counts_once() -> None:
     assert kinds_of(Judged(gps_loss), facts(NO_FIX), range(60), status_s=0.0) == {}
 
 
 @pytest.mark.parametrize("gps_ok", [False, None])
-def test_who_tells_no_position_any_more_lands_in_the_end(gps_ok: bool | None) -> None:
+def test_a_vehicle_without_a_position_lands(gps_ok: bool | None) -> None:
     blind = facts(at(0.0, 0.0, gps_ok=gps_ok, lat_deg=None, lon_deg=None))
     found = kinds_of(Judged(gps_loss), blind, range(40), position_s=0.0, status_s=0.0)
     assert found == {2: DemandKind.WARN, 20: DemandKind.LAND}
 
 
-def test_who_tells_no_position_and_has_a_fix_returns_and_lands_if_it_does_not() -> None:
+def test_a_vehicle_with_a_fix_but_no_position_returns_or_else_lands() -> None:
     blind = facts(at(0.0, 0.0, gps_ok=True, lat_deg=None, lon_deg=None))
     found = kinds_of(Judged(gps_loss), blind, range(60), position_s=0.0)
     assert found == {2: DemandKind.WARN, 20: DemandKind.RETURN, 40: DemandKind.LAND}
@@ -72,16 +72,16 @@ def test_who_tells_no_position_and_has_a_fix_returns_and_lands_if_it_does_not() 
     assert DemandKind.LAND not in found.values()
 
 
-def test_a_position_that_comes_again_ends_it() -> None:
+def test_a_recovered_position_ends_the_warning() -> None:
     rule, blind = Judged(gps_loss), facts(at(0.0, 0.0, gps_ok=True, lat_deg=None, lon_deg=None))
     rule(0.0, blind)
     demand = rule(10.0, blind)
     assert demand is not None
-    assert demand.why == "it tells no position any more"
+    assert demand.kind is DemandKind.WARN
     assert rule(11.0, facts(at(0.0, 0.0, gps_ok=True))) is None
 
 
-def test_who_was_not_heard_at_all_was_not_heard_without_a_position() -> None:
+def test_a_lost_link_does_not_count_as_a_missing_position() -> None:
     rule, blind = Judged(gps_loss), facts(at(0.0, 0.0, gps_ok=True, lat_deg=None, lon_deg=None))
     rule(0.0, facts(at(0.0, 0.0)))
     assert rule(5.0, facts(at(0.0, 0.0), lost=True)) is None

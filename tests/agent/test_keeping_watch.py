@@ -1,4 +1,4 @@
-"""Alarms between vehicles in flight: raised at once, ended with hysteresis, one of two gives way."""
+"""Proximity alarms: raised at once, ended with hysteresis; exactly one of two vehicles gives way."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def step(
     return update_alarms(alarms, own, {7: other}, RULES, now_s)
 
 
-def test_an_alarm_is_raised_when_limits_will_be_broken_within_the_time_looked_ahead() -> None:
+def test_an_alarm_is_raised_for_a_violation_within_the_look_ahead_time() -> None:
     assert head_on(115.0) == ()
     (alarm,) = head_on(105.0)
     assert (alarm.other, alarm.clear_since_s) == (7, None)
@@ -40,21 +40,21 @@ def test_an_alarm_is_raised_when_limits_will_be_broken_within_the_time_looked_ah
     assert head_on(50.0, aside_m=10.5) == ()
 
 
-def test_it_ends_only_when_they_keep_well_clear_for_some_time() -> None:
+def test_an_alarm_ends_with_hysteresis() -> None:
     alarms = head_on(50.0, aside_m=9.0)
     alarms = step(alarms, 45.0, 12.0, 1.0)
     assert alarms[0].clear_since_s is None  # outside the limits, but not by much
     alarms = step(alarms, 40.0, 16.0, 2.0)
     assert alarms[0].clear_since_s == 2.0
     alarms = step(alarms, 35.0, 14.0, 3.0)
-    assert alarms[0].clear_since_s is None  # again: it counts anew
+    assert alarms[0].clear_since_s is None  # counts from 0 again
     for now_s in (4.0, 5.0):
         alarms = step(alarms, 30.0, 16.0, now_s)
         assert len(alarms) == 1
     assert step(alarms, 30.0, 16.0, 6.0) == ()
 
 
-def test_who_is_heard_no_more_is_let_go_after_a_while() -> None:
+def test_an_alarm_for_a_silent_vehicle_ends() -> None:
     alarms = head_on(50.0)
     own = extrapolate((0.0, 0.0, 40.0), (5.0, 0.0, 0.0), 1.0, 10.0)
     alarms = update_alarms(alarms, own, {}, RULES, 1.0)
@@ -68,7 +68,7 @@ def test_of_two_exactly_one_gives_way(a: int, b: int) -> None:
 
 
 @given(st.floats(10.0, 100.0), st.lists(st.floats(0.0, 120.0), max_size=8))
-def test_the_height_climbed_to_is_clear_of_all(height_m: float, others_m: list[float]) -> None:
+def test_the_evasive_height_is_clear_of_all(height_m: float, others_m: list[float]) -> None:
     found_m = clear_height_m(height_m, others_m, RULES.limits)
     assert found_m >= height_m
     assert all(abs(found_m - other_m) >= RULES.limits.vertical_m for other_m in others_m)

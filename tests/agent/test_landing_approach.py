@@ -48,7 +48,7 @@ def chosen(
     return choose_pattern(
         (0.0, 0.0),
         wings,
-        comes=comes,
+        from_pose=comes,
         is_flown_to=True,
         turn_radius_m=40.0,
         fence=fence,
@@ -103,7 +103,7 @@ def test_it_lands_into_the_heading_that_is_asked_for() -> None:
 def test_no_leg_leaves_the_fence_whichever_way_it_comes(heading_rad: float) -> None:
     fence = box(-420.0, -330.0, 180.0, 150.0)
     comes = Pose((0.0, 0.0), heading_rad)
-    found = chosen(fence, comes=comes)
+    found = chosen(fence, from_pose=comes)
     way = [*path_to_circle(comes, found, 40.0), *found.outline()]
     assert all(contains(fence, point) for point in way)
 

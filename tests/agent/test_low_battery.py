@@ -1,4 +1,4 @@
-"""The charge runs out."""
+"""Failsafe: low battery."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_a_dip_under_full_thrust_is_no_low_battery() -> None:
         assert rule(float(second), facts(at(0.0, 0.0, battery_percent=percent))) is None
 
 
-def test_one_low_charge_is_not_many_because_nothing_else_is_told() -> None:
+def test_one_report_of_a_low_charge_counts_once() -> None:
     rule = Judged(low_battery, return_percent=25.0, seconds=3.0)
     low = facts(at(0.0, 0.0, battery_percent=5))
     for quarters in range(240):
@@ -37,15 +37,15 @@ def test_one_low_charge_is_not_many_because_nothing_else_is_told() -> None:
     assert demand is not None
 
 
-def test_what_is_spent_does_not_come_back() -> None:
+def test_a_demand_survives_a_recovering_charge() -> None:
     rule = Judged(low_battery, return_percent=25.0, seconds=0.0)
     demand = rule(0.0, facts(at(0.0, 0.0, battery_percent=20)))
     assert demand is not None
-    assert demand.why == "battery at 20 %, less than the 25 % of rules.low_battery"
+    assert {"20", "25", "rules.low_battery"} <= set(demand.reason.split())
     assert rule(1.0, facts(at(0.0, 0.0, battery_percent=60))) == demand
 
 
-def test_on_the_ground_it_is_no_matter() -> None:
+def test_on_the_ground_the_rule_is_silent() -> None:
     rule = Judged(low_battery, seconds=0.0)
     assert rule(0.0, facts(at(0.0, 0.0, battery_percent=1), doing="ground")) is None
 
@@ -55,13 +55,13 @@ def test_a_limit_of_0_never_acts() -> None:
     assert rule(0.0, facts(at(0.0, 0.0, battery_percent=0))) is None
 
 
-def test_to_land_before_it_returns_is_refused() -> None:
-    with pytest.raises(ValidationError, match="it would land before it could return"):
+def test_a_landing_charge_above_the_return_charge_is_refused() -> None:
+    with pytest.raises(ValidationError, match=r"land_percent 20 .* return_percent 10"):
         low_battery.Params(return_percent=10.0, land_percent=20.0)
 
 
 @given(st.lists(st.one_of(st.none(), st.integers(0, 100)), max_size=40))
-def test_its_demand_never_weakens(charges: list[int | None]) -> None:
+def test_the_demand_never_weakens(charges: list[int | None]) -> None:
     rule, rank = Judged(low_battery, seconds=2.0), -1
     for second, percent in enumerate(charges):
         demand = rule(float(second), facts(at(0.0, 0.0, battery_percent=percent)))
@@ -80,7 +80,7 @@ def test_its_demand_never_weakens(charges: list[int | None]) -> None:
         ({"wait_percent": 50.0, "land_percent": 0.0}, 1, False),
     ],
 )
-def test_its_return_may_wait_while_there_is_charge_for_that(
+def test_a_return_may_wait_above_the_waiting_charge(
     params: dict[str, float], percent: int, *, urgent: bool
 ) -> None:
     rule = Judged(low_battery, return_percent=25.0, seconds=0.0, **params)
@@ -89,7 +89,7 @@ def test_its_return_may_wait_while_there_is_charge_for_that(
     assert (demand.kind, demand.urgent) == (DemandKind.RETURN, urgent)
 
 
-def test_what_is_urgent_stays_so() -> None:
+def test_an_urgent_demand_stays_urgent() -> None:
     rule = Judged(low_battery, return_percent=25.0, seconds=0.0)
     for second, percent in enumerate((24, 19, 24)):
         demand = rule(float(second), facts(at(0.0, 0.0, battery_percent=percent)))

@@ -1,4 +1,4 @@
-"""A vehicle that does not do what it says."""
+"""Failsafe: not following the route."""
 
 from __future__ import annotations
 
@@ -17,38 +17,38 @@ from swarmctl.core.planar import distance_to_track
 LIMITS = {"metres": 50.0, "seconds": 10.0}
 
 
-def test_off_its_route_for_long_it_is_called_back() -> None:
+def test_a_vehicle_off_its_route_returns() -> None:
     rule = Judged(not_following, **LIMITS)
     assert rule(0.0, facts()) is None
     for second in range(1, 11):
         assert rule(float(second), facts(at(200.0, 51.0))) is None
     demand = rule(11.0, facts(at(200.0, 51.0)))
     assert demand is not None
-    assert (demand.kind, demand.why) == (
-        DemandKind.RETURN,
-        "51 m off its route, expected at most 50 m, for 10 s",
-    )
+    assert demand.kind is DemandKind.RETURN
+    assert all(value in demand.reason for value in ("51 m", "50 m", "10 s"))
 
 
-def test_a_gust_is_not_enough() -> None:
+def test_a_gust_raises_no_demand() -> None:
     rule = Judged(not_following, **LIMITS)
     for second in range(60):
         north_m = 80.0 if second % 8 else 0.0
         assert rule(float(second), facts(at(200.0, north_m))) is None
 
 
-def test_a_vehicle_that_stands_still_in_its_mission_does_not_follow_either() -> None:
+def test_a_vehicle_that_stands_still_in_its_mission_is_reported() -> None:
     rule = Judged(not_following, **LIMITS, action="warn")
     stands = at(200.0, 0.0, ground_speed_m_s=0.1)
     assert rule(0.0, facts(stands)) is None
     demand = rule(10.0, facts(stands))
     assert demand is not None
-    assert (demand.kind, demand.why) == (DemandKind.WARN, "in mode AUTO, and has not moved for 10 s")
+    assert demand.kind is DemandKind.WARN
+    assert "AUTO" in demand.reason
+    assert "10 s" in demand.reason
     assert rule(11.0, facts(at(200.0, 0.0))) is None
 
 
-@pytest.mark.parametrize("changes", [{"doing": "hold"}, {"way": None}, {"lost": True}])
-def test_who_flies_no_mission_or_is_not_heard_leaves_none(changes: dict[str, object]) -> None:
+@pytest.mark.parametrize("changes", [{"doing": "hold"}, {"route": None}, {"lost": True}])
+def test_the_rule_is_silent_without_a_mission_or_link(changes: dict[str, object]) -> None:
     rule = Judged(not_following, **LIMITS)
     for second in range(60):
         assert rule(float(second), facts(at(0.0, 900.0, ground_speed_m_s=0.0), **changes)) is None
@@ -58,11 +58,12 @@ def test_a_new_plan_begins_where_the_vehicle_is() -> None:
     rule = Judged(not_following, **LIMITS)
     for second in range(10):
         rule(float(second), facts(at(200.0, 200.0)))
-    way = facts().way
-    assert way is not None
+    route = facts().route
+    assert route is not None
     for second in range(10, 60):
         there = facts(
-            at(200.0 - 2.0 * (second - 10), 200.0 - 4.0 * (second - 10)), way=ActiveRoute(2, (way.points[0],))
+            at(200.0 - 2.0 * (second - 10), 200.0 - 4.0 * (second - 10)),
+            route=ActiveRoute(2, (route.points[0],)),
         )
         assert rule(float(second), there) is None
 

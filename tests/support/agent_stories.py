@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 from swarmctl.agent.state import Phase, Task, begin
@@ -95,6 +96,12 @@ class Story:
         self.over((4, 0))
         assert self.state.phase is Phase.FLYING
         return self
+
+
+def codes(effects: list[ev.Effect]) -> list[str]:
+    """Return the codes of the messages to the operator; "" for a message without one."""
+    found = (re.search(r"\[([a-z-]+)\]$", e.text) for e in effects if isinstance(e, ev.NotifyOperator))
+    return [match[1] if match else "" for match in found]
 
 
 def publications(effects: list[ev.Effect]) -> list[object]:

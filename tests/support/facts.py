@@ -36,8 +36,8 @@ def facts(vehicle: VehicleState | None = None, **changes: Any) -> FailsafeFacts:
         vehicle or at(0.0, 0.0),
         FRAME,
         doing="mission",
-        ours=frozenset({"mission"}),
-        way=ActiveRoute(1, points),
+        own_roles=frozenset({"mission"}),
+        route=ActiveRoute(1, points),
     )
     return replace(known, **changes)
 

@@ -1,4 +1,4 @@
-"""Turns of vehicles that are called back."""
+"""Schedule of returns."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples
 
-from swarmctl.agent.traffic import return_turns
-from swarmctl.agent.traffic.return_turns import ReturningVehicle, schedule_returns
+from swarmctl.agent.traffic import return_schedule
+from swarmctl.agent.traffic.return_schedule import ReturningVehicle, schedule_returns
 
 APART = {"horizontal_m": 10.0, "vertical_m": 3.0}
 
 
-def caller(
+def vehicle(
     uav: int, here: tuple[float, float], home: tuple[float, float], **changes: float
 ) -> ReturningVehicle:
     values: dict[str, float] = {"alt_amsl_m": 340.0, "home_alt_amsl_m": 300.0, "speed_m_s": 10.0, **changes}
@@ -25,14 +25,14 @@ def caller(
     )
 
 
-def test_side_by_side_all_return_at_once() -> None:
-    plan = schedule_returns([caller(n, (500.0, 50.0 * n), (0.0, 50.0 * n)) for n in (1, 2, 3)], **APART)
+def test_parallel_returns_start_at_once() -> None:
+    plan = schedule_returns([vehicle(n, (500.0, 50.0 * n), (0.0, 50.0 * n)) for n in (1, 2, 3)], **APART)
     assert dict(plan.begins_s) == {1: 0.0, 2: 0.0, 3: 0.0}
-    assert plan.not_apart == ()
+    assert plan.height_only == ()
 
 
-def test_to_one_home_they_come_one_after_the_other_the_nearest_first() -> None:
-    plan = schedule_returns([caller(n, (100.0 * n, 0.0), (0.0, 0.0)) for n in (3, 1, 2)], **APART)
+def test_returns_to_one_home_start_one_after_the_other_nearest_first() -> None:
+    plan = schedule_returns([vehicle(n, (100.0 * n, 0.0), (0.0, 0.0)) for n in (3, 1, 2)], **APART)
     assert list(plan.begins_s) == [1, 2, 3]
     begins = list(plan.begins_s.values())
     assert begins[0] == 0.0
@@ -40,51 +40,53 @@ def test_to_one_home_they_come_one_after_the_other_the_nearest_first() -> None:
     assert plan.down_s > begins[2]
 
 
-def test_ways_that_cross_are_flown_one_after_the_other() -> None:
+def test_crossing_returns_start_one_after_the_other() -> None:
     plan = schedule_returns(
-        [caller(1, (200.0, 0.0), (0.0, 200.0)), caller(2, (200.0, 200.0), (0.0, 0.0))],
+        [vehicle(1, (200.0, 0.0), (0.0, 200.0)), vehicle(2, (200.0, 200.0), (0.0, 0.0))],
         **APART,
     )
     assert sorted(plan.begins_s.values())[1] > 0.0
 
 
-def test_who_holds_on_anothers_way_leaves_before_it() -> None:
-    """Though it has the longer way home."""
+def test_a_vehicle_holding_on_anothers_path_leaves_first() -> None:
+    """Even with the longer way home."""
     plan = schedule_returns(
-        [caller(1, (300.0, 0.0), (0.0, 0.0)), caller(2, (150.0, 0.0), (150.0, 400.0))],
+        [vehicle(1, (300.0, 0.0), (0.0, 0.0)), vehicle(2, (150.0, 0.0), (150.0, 400.0))],
         **APART,
     )
     assert list(plan.begins_s) == [2, 1]
 
 
-def test_who_returns_already_has_the_first_turn() -> None:
+def test_a_returning_vehicle_is_first() -> None:
     under_way = ReturningVehicle(2, (400.0, 0.0), 340.0, (0.0, 0.0), 300.0, 10.0, is_returning=True)
-    plan = schedule_returns([caller(1, (100.0, 5.0), (0.0, 5.0)), under_way], **APART)
+    plan = schedule_returns([vehicle(1, (100.0, 5.0), (0.0, 5.0)), under_way], **APART)
     assert plan.begins_s[2] == 0.0
-    assert plan.not_apart == ((2, 1),)
+    assert plan.height_only == ((2, 1),)
 
 
-def test_where_each_holds_on_the_others_way_it_is_said() -> None:
+def test_pairs_separated_by_height_alone_are_reported() -> None:
     plan = schedule_returns(
-        [caller(1, (0.0, 0.0), (200.0, 0.0)), caller(2, (100.0, 0.0), (-100.0, 0.0))], **APART
+        [vehicle(1, (0.0, 0.0), (200.0, 0.0)), vehicle(2, (100.0, 0.0), (-100.0, 0.0))], **APART
     )
-    assert len(plan.not_apart) == 1
+    assert len(plan.height_only) == 1
 
 
-def test_nobody_to_call_back_is_no_plan() -> None:
-    assert schedule_returns([], **APART) == return_turns.ReturnSchedule({}, 0.0)
+def test_no_vehicles_give_an_empty_schedule() -> None:
+    assert schedule_returns([], **APART) == return_schedule.ReturnSchedule({}, 0.0)
 
 
-def flown(who: ReturningVehicle, begins_s: float, t: float, pace: float) -> tuple[tuple[float, float], str]:
-    """Where one is at a time, that leaves at once or late and flies as fast as `pace` in 0..1 says."""
+def flown(flier: ReturningVehicle, begins_s: float, t: float, pace: float) -> tuple[tuple[float, float], str]:
+    """Return position and activity at a time; `pace` in 0..1 sets reaction and speed."""
     if t < begins_s:
-        return who.here, "holds"
-    departs_s = begins_s + (1.0 - pace) * who.departs_within_s
-    speed = who.speed_m_s * (return_turns.SLOWER + pace * (return_turns.FASTER - return_turns.SLOWER))
-    share = min(max(t - departs_s, 0.0) * speed / max(who.way_m, 1e-9), 1.0)
-    if t > begins_s + who.takes_s:
-        return who.home, "down"
-    east, north = (a + share * (b - a) for a, b in zip(who.here, who.home, strict=True))
+        return flier.here, "holds"
+    departs_s = begins_s + (1.0 - pace) * flier.departs_within_s
+    speed = flier.speed_m_s * (
+        return_schedule.SLOWER + pace * (return_schedule.FASTER - return_schedule.SLOWER)
+    )
+    share = min(max(t - departs_s, 0.0) * speed / max(flier.way_m, 1e-9), 1.0)
+    if t > begins_s + flier.takes_s:
+        return flier.home, "down"
+    east, north = (a + share * (b - a) for a, b in zip(flier.here, flier.home, strict=True))
     return (east, north), "moves"
 
 
@@ -94,13 +96,13 @@ SWARMS = st.lists(st.tuples(PLACES, PLACES, st.floats(310.0, 370.0), st.floats(0
 
 @given(SWARMS)
 @settings(max_examples=examples(60), deadline=None)
-def test_no_two_meet_however_fast_each_is(
+def test_no_two_vehicles_conflict_at_any_speed(
     swarm: list[tuple[tuple[float, float], tuple[float, float], float, float]],
 ) -> None:
-    callers = [caller(n, here, home, alt_amsl_m=alt) for n, (here, home, alt, _) in enumerate(swarm, 1)]
-    plan = schedule_returns(callers, **APART)
-    excused = {frozenset(pair) for pair in plan.not_apart}
-    for (one, (*_, pace)), (other, (*_, others_pace)) in combinations(zip(callers, swarm, strict=True), 2):
+    vehicles = [vehicle(n, here, home, alt_amsl_m=alt) for n, (here, home, alt, _) in enumerate(swarm, 1)]
+    plan = schedule_returns(vehicles, **APART)
+    excused = {frozenset(pair) for pair in plan.height_only}
+    for (one, (*_, pace)), (other, (*_, others_pace)) in combinations(zip(vehicles, swarm, strict=True), 2):
         for step in range(int(plan.down_s) + 1):
             a, does = flown(one, plan.begins_s[one.uav], step, pace)
             b, others = flown(other, plan.begins_s[other.uav], step, others_pace)
@@ -117,8 +119,8 @@ def test_no_two_meet_however_fast_each_is(
                 )
 
 
-def test_twenty_vehicles_to_one_home_each_have_their_turn() -> None:
-    ring = [caller(n, (30.0 * n, 7.0 * (n % 5)), (0.0, 0.0)) for n in range(1, 21)]
+def test_twenty_vehicles_to_one_home_are_all_scheduled() -> None:
+    ring = [vehicle(n, (30.0 * n, 7.0 * (n % 5)), (0.0, 0.0)) for n in range(1, 21)]
     plan = schedule_returns(ring, **APART)
     assert len(plan.begins_s) == 20
     assert plan.down_s == pytest.approx(max(plan.begins_s.values()) + max(c.takes_s for c in ring), rel=0.5)
