@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from swarmctl.cli.console import EXPECTED, USAGE, fail
+from swarmctl.cli import machine_code
+from swarmctl.cli.console import EXPECTED, USAGE, err, fail
 from swarmctl.config import yaml_lines
 from swarmctl.config.checks import check_config
-from swarmctl.config.model import ConfigError, ConfigProblem, load, problem_lines
+from swarmctl.config.model import Config, ConfigError, ConfigProblem, load, problem_lines
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.preflight import host
 from swarmctl.security.files import KeyringError
@@ -18,9 +19,15 @@ from swarmctl.security.mavlink_key import read_mavlink_key
 def scenario_of(path: Path) -> Scenario:
     """What a configuration describes; leaves with everything that is wrong with it."""
     try:
-        return build(load(path, check_config))
+        return build(load(path, _checked))
     except ConfigError as error:
         fail(error.lines, USAGE)
+
+
+def _checked(config: Config) -> Iterable[ConfigProblem]:
+    """Check a configuration across its sections; routes over a large area are planned by machine code."""
+    machine_code.prepare(config.area.rows * config.area.cols, err)
+    return check_config(config)
 
 
 def require_fit(path: Path, scenario: Scenario, runs: Path, more: Iterable[str] = ()) -> None:

@@ -52,6 +52,10 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
         "Make a folder of keys for each vehicle, the operator and the router, to be copied to their "
         "machines.",
     ),
+    "warm-up": (
+        "warm_up",
+        "Compile the planners for large areas, once on a machine; small areas need no compiler.",
+    ),
     "replay": ("replay", "Fold the recorded events of a run again and say whether the same was decided."),
     "audit": ("audit", "Check the evidence of a run, line by line, and show what happened."),
     "schema": ("schema", "Print the JSON schema of configurations, for editors."),

@@ -7,9 +7,14 @@ interpreter lock. This module alone uses numba, and imports it at the first call
 from __future__ import annotations
 
 import functools
+import hashlib
+import sys
 from collections.abc import Callable
+from pathlib import Path
 from types import FunctionType
 from typing import Any, ParamSpec, TypeVar
+
+from swarmctl.planners.kernels.lattice import offsets_of
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -34,6 +39,18 @@ def compiled(kernel: Callable[P, R]) -> Callable[P, R]:
     return _dispatcher(kernel)  # type: ignore[no-any-return]
 
 
-def cache_folder(kernel: Callable[..., object]) -> str | None:
-    """Return the folder in which numba stores the kernel; None if no folder is writable."""
-    return _dispatcher(kernel).stats.cache_path  # type: ignore[no-any-return]
+def cache() -> tuple[Path, str] | None:
+    """Return the folder in which numba stores kernels, and a key of this machine and version of the kernels.
+
+    None if no folder is writable; numba then compiles again in each process.
+    """
+    import numba  # noqa: PLC0415
+    from numba.core.registry import cpu_target  # noqa: PLC0415
+
+    folder = _dispatcher(offsets_of).stats.cache_path
+    if folder is None:
+        return None
+    stamps = sorted((file.name, file.stat().st_mtime_ns) for file in Path(__file__).parent.glob("*.py"))
+    machine = cpu_target.target_context.codegen().magic_tuple()
+    text = repr((numba.__version__, sys.version_info[:3], machine, stamps))
+    return Path(folder), hashlib.sha256(text.encode()).hexdigest()[:16]

@@ -1,0 +1,98 @@
+"""Machine code of the planners for large areas, compiled once in a process of its own."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from swarmctl.planners import is_small
+from swarmctl.planners.kernels.compilation import cache
+
+TEXT = "compiling the planners for large areas, once on this machine"
+COMPILER = (
+    sys.executable,
+    "-c",
+    "from swarmctl.planners import warm_up; warm_up(lambda done, total: print(done, total, flush=True))",
+)
+"""A process that prints the number of kernels done and of all kernels, a line each time."""
+
+
+class CompilerError(Exception):
+    """The compiling process has failed."""
+
+
+def prepare(n_cells: int, console: Console) -> None:
+    """Have the planners compiled if an area of this size needs it, and say so on the console.
+
+    If the compiling process fails, or machine code cannot be stored, this process compiles later by itself.
+    """
+    if is_small(n_cells) or is_ready():
+        return
+    if cache() is None:
+        _print(console, f"{TEXT}: no folder can be written to store it; set NUMBA_CACHE_DIR")
+        return
+    try:
+        compile_all(console)
+    except CompilerError as error:
+        _print(console, str(error))
+
+
+def is_ready() -> bool:
+    """Return whether the machine code is stored for this machine and this version of the planners."""
+    mark = _mark()
+    return mark is not None and mark.exists()
+
+
+def compile_all(console: Console, compiler: Sequence[str] = COMPILER) -> float:
+    """Compile in another process and show its progress; return the duration [s]. Raises CompilerError."""
+    began_s = time.monotonic()
+    with subprocess.Popen(compiler, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            _show(_progress(process), console)
+        except BaseException:
+            process.kill()
+            raise
+    if process.returncode != 0:
+        raise CompilerError(f"the compiling process ended with exit code {process.returncode}; see above")
+    if (mark := _mark()) is not None:
+        mark.touch()
+    return time.monotonic() - began_s
+
+
+def _mark() -> Path | None:
+    """Return the file that exists once all machine code is stored; None if no folder is writable."""
+    if (place := cache()) is None:
+        return None
+    folder, key = place
+    return folder / f"swarmctl-{key}.ready"
+
+
+def _progress(process: subprocess.Popen[str]) -> Iterator[tuple[int, int]]:
+    assert process.stdout is not None
+    for text in process.stdout:
+        done, total = map(int, text.split())
+        yield done, total
+
+
+def _show(progress: Iterator[tuple[int, int]], console: Console) -> None:
+    """Show a bar on a terminal, a line for each kernel elsewhere."""
+    if not console.is_terminal:
+        _print(console, TEXT)
+        for done, total in progress:
+            _print(console, f"compiled: {done} of {total} kernels")
+        return
+    columns = TextColumn(TEXT), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task(TEXT, total=None)
+        for done, total in progress:
+            bar.update(task, completed=done, total=total)
+
+
+def _print(console: Console, text: str) -> None:
+    console.print(text, highlight=False, markup=False, soft_wrap=True)

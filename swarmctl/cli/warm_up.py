@@ -1,0 +1,28 @@
+"""`swarmctl warm-up`: the planners compiled before the first flight over a large area."""
+
+from __future__ import annotations
+
+import typer
+
+from swarmctl.cli import machine_code
+from swarmctl.cli.console import EXPECTED, fail, out, say
+from swarmctl.planners.kernels.compilation import cache
+
+
+def register(cli: typer.Typer) -> None:
+    cli.command("warm-up")(warm_up)
+
+
+def warm_up() -> None:
+    """Compile the planners for large areas, once on a machine; small areas need no compiler."""
+    if (place := cache()) is None:
+        fail(["no folder can be written to store machine code; set NUMBA_CACHE_DIR to one"], EXPECTED)
+    folder, _ = place
+    if machine_code.is_ready():
+        say(f"ready already: {folder}")
+        return
+    try:
+        took_s = machine_code.compile_all(out)
+    except machine_code.CompilerError as error:
+        fail([str(error)], EXPECTED)
+    say(f"compiled in {took_s:.0f} s: {folder}")

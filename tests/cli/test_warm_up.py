@@ -1,0 +1,116 @@
+"""Machine code for large areas: compiled in a process of its own, and not needed for small ones."""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from cli_runner import SHIPPED
+from rich.console import Console
+from swarmctl_process import SWARMCTL
+
+from swarmctl.cli import machine_code
+
+SMALL, LARGE = 400, 10**6
+
+
+def console(*, terminal: bool = False) -> Console:
+    return Console(file=io.StringIO(), force_terminal=terminal, width=140)
+
+
+def printed(on: Console) -> str:
+    assert isinstance(on.file, io.StringIO)
+    return on.file.getvalue()
+
+
+def compiler(program: str) -> list[str]:
+    """A process in place of the compiler."""
+    return [sys.executable, "-c", program]
+
+
+THREE_STEPS = compiler("for done in range(4): print(done, 3, flush=True)")
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder for machine code."""
+    monkeypatch.setattr(machine_code, "cache", lambda: (tmp_path, "key"))
+    return tmp_path
+
+
+@pytest.mark.usefixtures("cache")
+def test_a_small_area_needs_no_machine_code() -> None:
+    on = console()
+    machine_code.prepare(SMALL, on)
+    assert printed(on) == ""
+    assert not machine_code.is_ready()
+
+
+def test_each_step_is_a_line_and_the_second_time_nothing_is_compiled(
+    cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    on = console()
+    monkeypatch.setattr(machine_code.compile_all, "__defaults__", (THREE_STEPS,))
+    machine_code.prepare(LARGE, on)
+    assert [f"{done} of 3" in printed(on) for done in range(4)] == [True] * 4
+    assert machine_code.is_ready()
+    monkeypatch.setattr(machine_code.compile_all, "__defaults__", (compiler("raise SystemExit(1)"),))
+    again = console()
+    machine_code.prepare(LARGE, again)
+    assert printed(again) == ""
+    monkeypatch.setattr(machine_code, "cache", lambda: (cache, "another machine"))
+    assert not machine_code.is_ready()
+
+
+@pytest.mark.usefixtures("cache")
+def test_on_a_terminal_it_is_a_bar() -> None:
+    on = console(terminal=True)
+    machine_code.compile_all(on, THREE_STEPS)
+    assert "3/3" in printed(on)
+    assert "\x1b" in printed(on)
+
+
+@pytest.mark.usefixtures("cache")
+def test_a_compiler_that_fails_is_an_error_and_leaves_nothing_ready() -> None:
+    with pytest.raises(machine_code.CompilerError, match="7"):
+        machine_code.compile_all(console(), compiler("print(0, 2); raise SystemExit(7)"))
+    assert not machine_code.is_ready()
+
+
+def test_without_a_folder_for_machine_code_the_process_compiles_by_itself(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(machine_code, "cache", lambda: None)
+    on = console()
+    machine_code.prepare(LARGE, on)
+    assert "NUMBA_CACHE_DIR" in printed(on)
+
+
+def test_warm_up_names_the_folder_and_does_its_work_once() -> None:
+    first, second = (
+        subprocess.run([*SWARMCTL, "warm-up"], check=False, capture_output=True, text=True, timeout=300)
+        for _ in range(2)
+    )
+    assert (first.returncode, second.returncode) == (0, 0), first.stderr + second.stderr
+    folder = Path(second.stdout.strip().split(": ")[1])
+    assert folder.is_dir()
+    assert str(folder) in first.stdout
+    assert len(second.stdout.splitlines()) == 1
+
+
+@pytest.mark.virtual
+def test_the_shipped_flight_loads_no_compiler(tmp_path: Path) -> None:
+    words = ["fly", "--clock", "virtual", "--config", str(SHIPPED), "--out", str(tmp_path)]
+    program = (
+        "import sys\nfrom swarmctl.cli.main import cli\n"
+        f"try: cli({words!r})\nexcept SystemExit as ended: assert not ended.code\n"
+        "print([name for name in ('numba', 'llvmlite') if name in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], check=False, capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "[]"
