@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from swarmctl.cli.console import EXPECTED, USAGE, fail, out, say
+from swarmctl.cli import machine_code
+from swarmctl.cli.console import EXPECTED, USAGE, err, fail, out, say
 from swarmctl.report import record
 
 
@@ -20,7 +21,10 @@ def replay(
 ) -> None:
     """Fold the recorded events of a run again and say whether the same was decided."""
     try:
-        verdict = record.replay(record.of(run))
+        verdict = record.replay(
+            record.record_path(run),
+            lambda config: machine_code.prepare(config.area.rows * config.area.cols, err),
+        )
     except record.RecordError as error:
         fail([str(error)], USAGE)
     if verdict.is_cut:
