@@ -1,4 +1,4 @@
-"""What the parameters of each vehicle are to say, and what simulated ones come with. Pure."""
+"""The declared behaviour of each vehicle, and the parameters of simulated vehicles. Pure."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from swarmctl.preflight.policy import DeclaredBehaviour, NoParameterTable, param
 
 
 def declared_behaviour(scenario: Scenario, spec: Spec) -> DeclaredBehaviour:
+    """Return the behaviour that the configuration declares for one vehicle."""
     policy = scenario.config.preflight.policy
     return DeclaredBehaviour(
         policy,
@@ -23,17 +24,17 @@ def declared_behaviour(scenario: Scenario, spec: Spec) -> DeclaredBehaviour:
     )
 
 
-_SIMULATED = {"BATT_LOW_VOLT": 10.5}  # of three cells
+_SIMULATED = {"BATT_LOW_VOLT": 10.5}  # of a battery with three cells
 
 
 def simulated_parameters(scenario: Scenario, spec: Spec, firmware: Firmware) -> dict[str, float]:
-    """What a vehicle of the built-in simulator is set up with, as its owner sets up a real one.
+    """Return the parameters of a simulated vehicle, set as the owner of a real one sets them.
 
-    Nothing where its firmware has no such action: its checks will say so.
+    Empty if the firmware cannot behave as declared: the checks report it.
     """
     try:
-        wanted = parameters_for(firmware, declared_behaviour(scenario, spec))
+        required = parameters_for(firmware, declared_behaviour(scenario, spec))
     except NoParameterTable:
         return {}
-    by_its_owner = {w.name: _SIMULATED[w.name] for w in wanted if w.name in _SIMULATED}
-    return by_its_owner | {w.name: w.set_to for w in wanted if w.set_to is not None}
+    by_hand = {r.name: _SIMULATED[r.name] for r in required if r.name in _SIMULATED}
+    return by_hand | {r.name: r.set_to for r in required if r.set_to is not None}

@@ -1,4 +1,4 @@
-"""What a check is told of one vehicle, and what it answers. Frozen, pure."""
+"""The facts of one vehicle that the checks read, and a check's finding. Pure."""
 
 from __future__ import annotations
 
@@ -18,56 +18,57 @@ from swarmctl.preflight.policy import RequiredParameter
 
 @dataclass(frozen=True, slots=True)
 class OtherVehicle:
-    """Another vehicle of the swarm; what is flown by another process is not known here."""
+    """Another vehicle of the swarm. A vehicle of another process has no identity and no trajectory here."""
 
     name: str
     sysid: int
     altitude_m: float
     identity: Identity | None
-    flight: Trajectory | None
+    trajectory: Trajectory | None
     airframe: Airframe = "copter"
 
 
 @dataclass(frozen=True, slots=True)
 class PreflightFacts:
-    """None, and empty mappings: it has not told, or could not be asked."""
+    """The facts of one vehicle. None and empty mappings: not reported, or no answer to the request."""
 
     name: str
     sysid: int
-    """as configured"""
+    """configured system id"""
     identity: Identity | None
     conflict: str
-    """another sender uses its system id: where"""
+    """another sender with its system id, as text; empty without one"""
     state: VehicleState
     age_s: float
-    """since its last heartbeat"""
+    """time since its last heartbeat"""
     position_age_s: float
-    """since it told where it is last; infinite where it never has"""
+    """time since its last position; infinite before the first"""
     status_age_s: float
-    """since its last SYS_STATUS: charge, and whether it would arm; infinite where none was heard"""
+    """time since its last SYS_STATUS (charge, readiness to arm); infinite before the first"""
     instruments: Instruments | None
     clock_offset_s: float | None
-    """its clock before or behind the one it is to be in step with"""
+    """its clock less the reference clock"""
     clock_tolerance_s: float
-    wanted: tuple[RequiredParameter, ...]
+    required_parameters: tuple[RequiredParameter, ...]
     no_table: str
-    """why nobody knows what is wanted of its parameters"""
+    """why the required parameters are unknown; empty if they are known"""
     parameters: Mapping[str, float]
+    """reported values, by name"""
     fence: tuple[LatLon, ...]
-    """wanted"""
+    """configured corners"""
     fence_items: tuple[MissionItem, ...] | None
-    """found"""
+    """items read back"""
     fence_failure: str
-    """why an ArduPilot whose parameters name the limits as declared may not keep to them; empty: it does"""
+    """why an ArduPilot may not keep to the fence that its parameters name; empty: it does"""
     rally_points: int | None
-    """so many"""
+    """number of rally points on the vehicle"""
     ceiling_m: float
     plan: FlightPlan | None
-    """its first route, verified on the vehicle"""
-    no_route: str
-    """what kept it from getting one, in words"""
-    flight: Trajectory | None
-    """where it is at what time on that route, from the launch of the first vehicle"""
+    """first route, verified on the vehicle"""
+    no_route_because: str
+    """why the vehicle has no route, as text"""
+    trajectory: Trajectory | None
+    """positions over time on that route; times count from the first launch"""
     altitude_m: float
     speed_m_s: float
     endurance_s: float | None
@@ -76,14 +77,14 @@ class PreflightFacts:
     """metres east and north of the area's corner"""
     others: tuple[OtherVehicle, ...]
     limits: Limits
-    """closer than which to another it is not to fly"""
+    """least distances from another vehicle"""
     airframe: Airframe = "copter"
-    """as configured"""
+    """configured kind of vehicle"""
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """For people: what was found, what is wanted, and what to do where that differs."""
+    """The outcome of a check, for operators: the found value, the wanted value, and what to do."""
 
     ok: bool
     found: str
@@ -91,16 +92,16 @@ class Finding:
     cure: str = ""
 
 
-def no_route(facts: PreflightFacts, wanted: str) -> tuple[str, str, str]:
-    """Found, wanted and cure of a check that needs the first route, where there is none."""
-    found = "no verified route is on it"
-    if facts.no_route:
-        return f"{found}: {facts.no_route}", wanted, "mend that first"
+def without_route(facts: PreflightFacts, wanted: str) -> tuple[str, str, str]:
+    """Return found, wanted and cure of a check that needs the first route, if the vehicle has none."""
+    found = "no verified route on the vehicle"
+    if facts.no_route_because:
+        return f"{found}: {facts.no_route_because}", wanted, "correct that first"
     return found, wanted, "upload its mission"
 
 
 MAX_AGE_S = 5.0
-"""What is told every second and was told longer ago is not known."""
+"""age from which a value that is sent every second counts as unknown"""
 
 
 class Check(Protocol):
@@ -108,6 +109,6 @@ class Check(Protocol):
 
     NAME: str
     WAIVABLE: bool
-    """whether an operator may take it upon himself that it fails"""
+    """whether an operator may waive a failure"""
 
     def check(self, facts: PreflightFacts) -> Finding: ...

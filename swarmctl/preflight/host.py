@@ -1,4 +1,4 @@
-"""What can be found wrong with a configuration on this machine without starting anything."""
+"""Checks of this computer: ports, devices, hosts and folders that a configuration needs. Starts nothing."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from swarmctl.links.url import Endpoint, parse_url
 
 
 def troubles(scenario: Scenario, runs: Path) -> Iterator[str]:
-    """One line for each thing that would stop a flight."""
+    """Yield a line for each problem that would stop a flight."""
     endpoints: dict[Endpoint, str] = {}
     for spec in scenario.specs:
         endpoints.setdefault(parse_url(spec.url), spec.name)
-    # All are held at once: 0.0.0.0 and 127.0.0.1 with one port exclude each other too.
+    # All ports are held at once: 0.0.0.0 and 127.0.0.1 with one port exclude each other too.
     with contextlib.ExitStack() as held:
         for endpoint, name in endpoints.items():
             yield from _endpoint_trouble(endpoint, name, held)
@@ -31,7 +31,7 @@ def troubles(scenario: Scenario, runs: Path) -> Iterator[str]:
 def _endpoint_trouble(endpoint: Endpoint, name: str, held: contextlib.ExitStack) -> Iterator[str]:
     if endpoint.kind == "serial":
         if not Path(endpoint.host).exists():
-            yield f"{name}: {endpoint}: there is no device {endpoint.host}; is the radio plugged in?"
+            yield f"{name}: {endpoint}: there is no device {endpoint.host}; plug the radio in"
     elif endpoint.listens:
         kind = socket.SOCK_DGRAM if endpoint.kind == "udpin" else socket.SOCK_STREAM
         family = socket.AF_INET6 if ":" in endpoint.host else socket.AF_INET
@@ -46,7 +46,7 @@ def _endpoint_trouble(endpoint: Endpoint, name: str, held: contextlib.ExitStack)
         try:
             socket.getaddrinfo(endpoint.host, endpoint.port)
         except OSError as error:
-            yield f"{name}: {endpoint}: the host is unknown: {error.strerror or error}"
+            yield f"{name}: {endpoint}: the host is unknown ({error.strerror or error}); correct it"
 
 
 def _listen_trouble(communication: Communication, held: contextlib.ExitStack) -> Iterator[str]:
@@ -57,8 +57,8 @@ def _listen_trouble(communication: Communication, held: contextlib.ExitStack) ->
     try:
         probe.bind((endpoint.host, endpoint.port))
     except OSError as error:
-        taken = f"port {endpoint.port} is taken; stop who has it, or give another: 0 is any free one"
-        cure = f"{error.strerror or error}; is it an address of this machine?"
+        taken = f"port {endpoint.port} is in use; stop that program, or give another port: 0 is any free one"
+        cure = f"{error.strerror or error}; give an address of this machine"
         yield f"communication.listen: {endpoint}: {taken if error.errno == errno.EADDRINUSE else cure}"
 
 
@@ -70,11 +70,11 @@ def _stream_socket(host: str) -> socket.socket:
 
 def _cure(endpoint: Endpoint, error: OSError) -> str:
     if error.errno == errno.EADDRINUSE:
-        return f"port {endpoint.port} is taken; stop the other ground station, or choose another port"
-    return f"cannot be listened at: {error.strerror or error}; is it an address of this machine?"
+        return f"port {endpoint.port} is in use; stop the other ground station, or give another port"
+    return f"cannot listen here: {error.strerror or error}; give an address of this machine"
 
 
 def _folder_trouble(runs: Path) -> Iterator[str]:
     there = next(folder for folder in (runs, *runs.absolute().parents) if folder.exists())
     if not (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):
-        yield f"the run folder {runs} cannot be made or written to ({there}); choose another with --out"
+        yield f"the run folder {runs} cannot be created or written ({there}); give another by --out"

@@ -1,4 +1,4 @@
-"""Preflight checks as tables for people."""
+"""Tables of the results of preflight."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from rich.table import Table
 from rich.text import Text
 
 from swarmctl.preflight.checks import CHECKS
-from swarmctl.preflight.conversation import CheckResult
+from swarmctl.preflight.results import CheckResult
 
 _PASSES, _WAIVED, _FAILS = Text("ok", "green"), Text("waived", "yellow"), Text("FAILS", "bold red")
-_LEFT_TO_FLY = Text("fly sets", "yellow")
+_SET_BY_FLY = Text("fly sets", "yellow")
 
 
 def overview(checked: Mapping[str, Sequence[CheckResult]]) -> Table:
-    """A row a vehicle, a column a check."""
+    """Return a table with a row for each vehicle and a column for each check."""
     grid = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
     grid.add_column("vehicle", no_wrap=True)
     for check in CHECKS:
@@ -32,13 +32,13 @@ def _verdict(found: CheckResult | None) -> Text:
         return _FAILS
     if found.waived:
         return _WAIVED
-    if found.left_to_fly:
-        return _LEFT_TO_FLY
+    if found.set_by_fly:
+        return _SET_BY_FLY
     return _PASSES if found.finding.ok else _FAILS
 
 
 def failures(checked: Mapping[str, Sequence[CheckResult]]) -> Table:
-    """What fails, also what is waived: found, wanted, what to do."""
+    """Return a table of all failures, waived ones too: found, wanted, what to do."""
     grid = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
     for title in ("vehicle", "check"):
         grid.add_column(title, no_wrap=True)
@@ -48,7 +48,7 @@ def failures(checked: Mapping[str, Sequence[CheckResult]]) -> Table:
         for found in findings:
             if not found.finding.ok:
                 finding = found.finding
-                cure = "waived by the operator" if found.waived else found.left_to_fly or finding.cure
+                cure = "waived by the operator" if found.waived else found.set_by_fly or finding.cure
                 grid.add_row(
                     *(Text(t) for t in (found.vehicle, found.check, finding.found, finding.wanted, cure))
                 )

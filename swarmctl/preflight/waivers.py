@@ -1,4 +1,4 @@
-"""What an operator takes upon himself, by the name of a check. Pure."""
+"""Waivers: failures that an operator accepts, by the name of the check. Pure."""
 
 from __future__ import annotations
 
@@ -10,27 +10,32 @@ from swarmctl.preflight.checks import CHECKS
 
 @dataclass(frozen=True, slots=True)
 class Waiver:
+    """An accepted failure of one check."""
+
     check: str
     vehicle: str | None = None
-    """None: of every vehicle"""
+    """None: every vehicle"""
 
     def covers(self, check: str, vehicle: str) -> bool:
         return self.check == check and self.vehicle in (None, vehicle)
 
 
 def parse_waivers(texts: Iterable[str], vehicles: Collection[str]) -> tuple[Waiver, ...]:
-    """Of `CHECK` or `CHECK:VEHICLE` each. Raises ValueError, for one that may not be waived too."""
-    return tuple(_parsed(text, vehicles) for text in texts)
+    """Return the waivers of texts `CHECK` or `CHECK:VEHICLE`.
+
+    Raises ValueError for an unknown check or vehicle, and for a check that may not be waived.
+    """
+    return tuple(_parse_waiver(text, vehicles) for text in texts)
 
 
-def _parsed(text: str, vehicles: Collection[str]) -> Waiver:
-    name, colon, vehicle = text.partition(":")
-    may = {check.NAME: check.WAIVABLE for check in CHECKS}
-    waivable = ", ".join(check for check, so in may.items() if so)
-    if name not in may:
-        raise ValueError(f"{text}: there is no check {name!r}; there is {', '.join(may)}")
-    if not may[name]:
-        raise ValueError(f"{text}: {name} may not be waived; {waivable} may")
+def _parse_waiver(text: str, vehicles: Collection[str]) -> Waiver:
+    check, colon, vehicle = text.partition(":")
+    is_waivable = {module.NAME: module.WAIVABLE for module in CHECKS}
+    waivable = ", ".join(name for name, may in is_waivable.items() if may)
+    if check not in is_waivable:
+        raise ValueError(f"{text}: unknown check {check!r}; the checks are {', '.join(is_waivable)}")
+    if not is_waivable[check]:
+        raise ValueError(f"{text}: {check} may not be waived; these may: {waivable}")
     if colon and vehicle not in vehicles:
-        raise ValueError(f"{text}: there is no vehicle {vehicle!r}; there is {', '.join(vehicles)}")
-    return Waiver(name, vehicle if colon else None)
+        raise ValueError(f"{text}: unknown vehicle {vehicle!r}; the vehicles are {', '.join(vehicles)}")
+    return Waiver(check, vehicle if colon else None)

@@ -1,4 +1,4 @@
-"""Vehicles of a swarm return at the heights they fly at, which keep them apart when all return at once."""
+"""Vehicles of a swarm return at their flight altitudes, which keep them apart in a common return."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ COPTERS = [
 
 
 def wanted(scenario: Scenario, firmware: Firmware, name: str) -> list[RequiredParameter]:
-    """Of each vehicle."""
+    """Return the parameter `name` of each vehicle."""
     parameters = (parameters_for(firmware, declared_behaviour(scenario, spec)) for spec in scenario.specs)
     return [next(w for w in of_one if w.name == name) for of_one in parameters]
 
@@ -39,7 +39,7 @@ def test_no_copter_of_a_swarm_climbs_above_its_own_height_to_return(
         assert its.set_to <= height_m * per_m
 
 
-def test_nor_does_one_whose_agent_has_a_process_of_its_own() -> None:
+def test_a_copter_with_an_agent_of_its_own_returns_at_its_own_height_too() -> None:
     swarm = small(flight={"altitude_m": 20.0, "altitude_step_m": 5.0})
     (its,) = wanted(swarm.only(swarm.specs[1].sysid), COPTERS[0][0], "RTL_ALT")
     assert its.accepts(2500.0)
@@ -47,14 +47,14 @@ def test_nor_does_one_whose_agent_has_a_process_of_its_own() -> None:
 
 
 @pytest.mark.parametrize(("firmware", "name", "per_m"), COPTERS, ids=["ArduCopter", "of 4.7", "PX4"])
-def test_one_that_flies_alone_may(firmware: Firmware, name: str, per_m: float) -> None:
+def test_a_copter_that_flies_alone_may_return_at_60_m(firmware: Firmware, name: str, per_m: float) -> None:
     (its,) = wanted(small(simulate={"count": 1}), firmware, name)
     assert its.accepts(60.0 * per_m)
     assert not its.accepts(61.0 * per_m)
 
 
-def test_a_plane_of_a_swarm_returns_at_the_height_it_is_at_or_at_its_own() -> None:
-    """ArduPlane flies at RTL_ALTITUDE whether it has to climb or to come down for it."""
+def test_a_plane_of_a_swarm_returns_at_its_present_height_or_at_its_own() -> None:
+    """ArduPlane climbs or descends to RTL_ALTITUDE."""
     scenario = small(
         simulate={"count": 2, "autopilot": "arduplane"},
         flight={"altitude_m": 40.0, "altitude_step_m": 10.0, "any_angle": True},

@@ -1,6 +1,6 @@
-"""What has to be so of a vehicle that is armed: one module a check, with a line in `CHECKS`.
+"""The checks that a vehicle passes before it is armed: one module each, with a line in `CHECKS`.
 
-A check has `NAME`, `WAIVABLE` and `check(facts) -> Finding`. What is not known is not so.
+A check has `NAME`, `WAIVABLE` and `check(facts) -> Finding`. It fails if its facts are unknown.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Its clock is in step, so that what is recorded and signed can be put in order."""
+"""Check `clock`: the clock agrees with its reference, so that recorded and signed messages can be ordered."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ def check(facts: PreflightFacts) -> Finding:
     wanted = f"a clock within {facts.clock_tolerance_s:g} s"
     offset_s = facts.clock_offset_s
     if offset_s is None:
-        return Finding(False, "it tells no time of day", wanted, "wait for its first satellites")
-    in_step = abs(offset_s) <= facts.clock_tolerance_s
+        return Finding(False, "no time of day in SYSTEM_TIME", wanted, "wait for its first satellites")
+    agrees = abs(offset_s) <= facts.clock_tolerance_s
     cure = (
-        "set this machine's clock by NTP; a vehicle takes its time from satellites, and one in software has "
-        "its own (preflight.clock_tolerance_s)"
+        "set this machine's clock by NTP; a vehicle takes its time from satellites, a simulated one has its "
+        "own (preflight.clock_tolerance_s)"
     )
-    return Finding(in_step, f"{offset_s:+.1f} s", wanted, "" if in_step else cure)
+    return Finding(agrees, f"{offset_s:+.1f} s", wanted, "" if agrees else cure)

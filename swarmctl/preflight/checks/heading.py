@@ -1,4 +1,4 @@
-"""A fixed wing stands along its first leg: it takes off straight on."""
+"""Check `heading`: a fixed wing points along its first leg, because it takes off straight ahead."""
 
 from __future__ import annotations
 
@@ -8,24 +8,26 @@ from swarmctl.preflight.facts import Finding, PreflightFacts
 
 NAME = "heading"
 WAIVABLE = True
-MOST_DEG = 25.0
-"""off its first leg"""
+MAX_OFF_DEG = 25.0
+"""greatest angle between the heading and the first leg"""
 
 
 def check(facts: PreflightFacts) -> Finding:
     if facts.airframe != "plane":
-        return Finding(True, "it takes off on the spot", "no heading")
+        return Finding(True, "a copter, which takes off on the spot", "any heading")
     state, plan = facts.state, facts.plan
     if plan is None or state.lat_deg is None or state.lon_deg is None:
-        return Finding(False, "no verified route is on it", "along its first leg", "upload its mission")
+        return Finding(
+            False, "no verified route on the vehicle", "a heading along its first leg", "upload its mission"
+        )
     (e0, n0), (e1, n1) = (
         facts.frame.to_local(state.lat_deg, state.lon_deg),
         facts.frame.to_local(plan.track[0].lat_deg, plan.track[0].lon_deg),
     )
     leg_deg = math.degrees(math.atan2(e1 - e0, n1 - n0)) % 360.0
-    wanted = f"{leg_deg:.0f} degrees, along its first leg, within {MOST_DEG:g}"
+    wanted = f"{leg_deg:.0f} degrees, along its first leg, within {MAX_OFF_DEG:g}"
     if state.heading_deg is None:
-        return Finding(False, "it does not tell how it stands", wanted, "look at its compass")
+        return Finding(False, "no heading in its messages", wanted, "check its compass")
     off_deg = abs((state.heading_deg - leg_deg + 180.0) % 360.0 - 180.0)
-    cure = "" if off_deg <= MOST_DEG else "turn it into its first leg"
-    return Finding(off_deg <= MOST_DEG, f"{state.heading_deg:.0f} degrees", wanted, cure)
+    cure = "" if off_deg <= MAX_OFF_DEG else "turn it into its first leg"
+    return Finding(off_deg <= MAX_OFF_DEG, f"{state.heading_deg:.0f} degrees", wanted, cure)

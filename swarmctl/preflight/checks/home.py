@@ -1,4 +1,4 @@
-"""It knows where to return to, and that is here."""
+"""Check `home`: the home position is set, and near the vehicle."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from swarmctl.preflight.facts import Finding, PreflightFacts
 NAME = "home"
 WAIVABLE = True
 NEAR_M = 50.0
-"""Home is set anew at arming; one that is far away is of another place or another receiver's."""
+"""Arming sets home anew; a distant home is from another place, or from another receiver."""
 
 
 def check(facts: PreflightFacts) -> Finding:
-    wanted = f"a home within {NEAR_M:g} m of where it stands"
+    wanted = f"a home within {NEAR_M:g} m of the vehicle"
     state = facts.state
     if state.home_lat_deg is None or state.home_lon_deg is None:
-        return Finding(False, "it has none, or does not tell", wanted, "wait for its first position")
+        return Finding(False, "no HOME_POSITION", wanted, "wait for its first position")
     if state.lat_deg is None or state.lon_deg is None:
-        return Finding(False, "where it stands is not known", wanted, "wait for its first position")
+        return Finding(False, "no position of the vehicle", wanted, "wait for its first position")
     away_m = distance_m((state.home_lat_deg, state.home_lon_deg), (state.lat_deg, state.lon_deg))
     near = away_m <= NEAR_M
-    return Finding(near, f"home {away_m:.0f} m away", wanted, "" if near else "set home where it stands")
+    return Finding(near, f"home {away_m:.0f} m away", wanted, "" if near else "set home at the vehicle")

@@ -1,4 +1,4 @@
-"""It is the vehicle that was asked for: system id, a firmware and type that can be flown."""
+"""Check `identity`: the configured system id, a supported firmware, and the configured airframe."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ WAIVABLE = False
 
 def check(facts: PreflightFacts) -> Finding:
     wanted = f"system {facts.sysid}, ArduPilot or PX4, a {facts.airframe}"
-    who = facts.identity
-    if who is None:
-        return Finding(False, "it has not said who it is", wanted, "see why AUTOPILOT_VERSION does not come")
-    airframe = airframe_of(who)
-    found = f"system {who.sysid}, {who.firmware}, a {airframe}"
+    identity = facts.identity
+    if identity is None:
+        return Finding(False, "no identity", wanted, "find out why AUTOPILOT_VERSION does not arrive")
+    airframe = airframe_of(identity)
+    found = f"system {identity.sysid}, {identity.firmware}, a {airframe}"
     if airframe != facts.airframe:
-        return Finding(False, found, wanted, f"say `airframe: {airframe}` of it: it is planned for otherwise")
-    known = who.sysid == facts.sysid and bool(firmware_of(who).name)
-    return Finding(known, found, wanted, "" if known else "correct url or sysid, or take the vehicle out")
+        cure = f"set `airframe: {airframe}` on this vehicle: its plans are for a {facts.airframe}"
+        return Finding(False, found, wanted, cure)
+    known = identity.sysid == facts.sysid and bool(firmware_of(identity).name)
+    return Finding(known, found, wanted, "" if known else "correct url or sysid, or remove the vehicle")

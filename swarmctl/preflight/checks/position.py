@@ -1,6 +1,8 @@
-"""It knows where it is, would arm, and is heard."""
+"""Check `position`: a live link, a position estimate, and readiness to arm."""
 
 from __future__ import annotations
+
+import math
 
 from swarmctl.preflight.facts import MAX_AGE_S, Finding, PreflightFacts
 
@@ -9,17 +11,19 @@ WAIVABLE = False
 
 
 def check(facts: PreflightFacts) -> Finding:
-    wanted = f"a position estimate, pre-arm checks passed, heard within {MAX_AGE_S:g} s"
+    wanted = f"a position estimate, pre-arm checks passed, messages within {MAX_AGE_S:g} s"
     state = facts.state
     if not facts.age_s <= MAX_AGE_S:
-        found = f"last heard {facts.age_s:.0f} s ago" if facts.age_s < float("inf") else "never heard"
-        return Finding(False, found, wanted, "look at its link")
+        found = "no heartbeat"
+        found += f" for {facts.age_s:.0f} s" if facts.age_s < math.inf else " since the start"
+        return Finding(False, found, wanted, "check its link")
     if not state.has_position or not facts.position_age_s <= MAX_AGE_S:
-        return Finding(False, "it tells no position", wanted, "wait under open sky; look at its estimator")
+        cure = "wait under open sky; check its estimator"
+        return Finding(False, "no recent position in GLOBAL_POSITION_INT", wanted, cure)
     if not facts.status_age_s <= MAX_AGE_S:
-        found = "whether it would arm was told too long ago, or never"
-        return Finding(False, found, wanted, "see why SYS_STATUS does not come any more")
+        found = f"no SYS_STATUS within {MAX_AGE_S:g} s, so its readiness to arm is unknown"
+        return Finding(False, found, wanted, "find out why SYS_STATUS stopped")
     if not state.ready:
-        reasons = "; ".join(state.not_ready) or "it does not say why"
-        return Finding(False, f"not ready to arm: {reasons}", wanted, "clear what it says")
+        reasons = "; ".join(state.not_ready) or "it reports no reason"
+        return Finding(False, f"not ready to arm: {reasons}", wanted, "clear the reported reasons")
     return Finding(True, f"{state.lat_deg:.6f}, {state.lon_deg:.6f}, ready to arm", wanted)

@@ -1,4 +1,4 @@
-"""It has no rally points: it returns to where it took off, as is reckoned with."""
+"""Check `rally`: no rally points, because plans assume a return to the take-off position."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ WAIVABLE = True
 
 
 def check(facts: PreflightFacts) -> Finding:
-    wanted = "no rally points, to which it would return instead"
+    wanted = "no rally points, because it would return to one"
     if facts.rally_points is None:
-        return Finding(False, "whether it has some is not known", wanted, "look at its link")
+        return Finding(False, "no answer to the request for rally points", wanted, "check its link")
     if facts.rally_points:
-        cure = "clear them there, with the program that put them there"
+        cure = "clear them with the program that set them"
         return Finding(False, f"{facts.rally_points} rally points", wanted, cure)
     return Finding(True, "none", wanted)

@@ -1,4 +1,4 @@
-"""Its first route is on it and stays inside the fence, leg by leg."""
+"""Check `route`: the first route is on the vehicle, and every leg stays inside the fence."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from itertools import pairwise
 from swarmctl.agent.replan.landing_pattern import pattern_from
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.planar import PlanarPoint, stays_inside
-from swarmctl.preflight.facts import Finding, PreflightFacts, no_route
+from swarmctl.preflight.facts import Finding, PreflightFacts, without_route
 
 NAME = "route"
 WAIVABLE = True
@@ -18,9 +18,9 @@ def check(facts: PreflightFacts) -> Finding:
     wanted = f"a route inside the fence and below {facts.ceiling_m:g} m"
     state, plan = facts.state, facts.plan
     if plan is None:
-        return Finding(False, *no_route(facts, wanted))
+        return Finding(False, *without_route(facts, wanted))
     if state.lat_deg is None or state.lon_deg is None:
-        return Finding(False, "where it stands is not known", wanted, "wait for its first position")
+        return Finding(False, "no position of the vehicle", wanted, "wait for its first position")
     local = facts.frame.to_local
     corners = [local(*place) for place in facts.fence]
     points = [(p.lat_deg, p.lon_deg) for p in (*plan.track, plan.landing)]
@@ -37,12 +37,12 @@ def check(facts: PreflightFacts) -> Finding:
     highest_m = max(plan.takeoff_alt_m, *(p.alt_rel_m for p in (*plan.track, plan.landing)))
     if highest_m > facts.ceiling_m:
         cure = "raise preflight.fence.max_altitude_m, or fly lower"
-        return Finding(False, f"it climbs to {highest_m:g} m", wanted, cure)
+        return Finding(False, f"the route climbs to {highest_m:g} m", wanted, cure)
     return Finding(True, f"{len(way) - 1} legs inside, up to {highest_m:g} m", wanted)
 
 
 def _landing_outside(facts: PreflightFacts, plan: FlightPlan, corners: Sequence[PlanarPoint]) -> str:
-    """Which approach of a fixed wing leaves the fence; empty where none does."""
+    """Return the place of a fixed wing's approach that leaves the fence; empty if none does."""
     for where, there in (("at its goal", plan.approach), ("at home", plan.home_approach)):
         if there is None:
             continue

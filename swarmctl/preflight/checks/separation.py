@@ -1,4 +1,4 @@
-"""Its first route is apart from those of the others: in height, or at every time over ground."""
+"""Check `separation`: the first route keeps apart from all others, in height or at all times over ground."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ def check(facts: PreflightFacts) -> Finding:
 
 
 def _too_near(facts: PreflightFacts, other: OtherVehicle) -> str:
-    # What hovers goes up and down on the spot; a fixed wing does so on its way.
+    # A copter climbs and descends on the spot, a fixed wing on its route.
     hover = facts.airframe == other.airframe == "copter"
     if hover and abs(other.altitude_m - facts.altitude_m) >= facts.limits.vertical_m - 1e-9:
         return ""
-    if facts.flight is None or other.flight is None:
-        what = f"{other.name} flies at {other.altitude_m:g} m too" if hover else f"{other.name} flies too"
-        return f"{what}, and where is not known here"
-    at = closest(facts.flight, other.flight, facts.limits)
-    if at is None or not intervals(facts.flight, other.flight, facts.limits):
+    if facts.trajectory is None or other.trajectory is None:
+        height = f", also at {other.altitude_m:g} m" if hover else ""
+        return f"no known route of {other.name if other.trajectory is None else facts.name}{height}"
+    at = closest(facts.trajectory, other.trajectory, facts.limits)
+    if at is None or not intervals(facts.trajectory, other.trajectory, facts.limits):
         return ""
     return f"{at.horizontal_m:.0f} m over ground from {other.name} after {at.t_s:.0f} s"

@@ -1,4 +1,4 @@
-"""Nobody else is at its system id, and no two vehicles are the same autopilot."""
+"""Check `unique`: no other sender has the system id, and no two vehicles are one autopilot."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ WAIVABLE = False
 def check(facts: PreflightFacts) -> Finding:
     wanted = "one vehicle at one system id"
     if facts.conflict:
-        return Finding(False, facts.conflict, wanted, "give each a system id of its own")
+        return Finding(False, facts.conflict, wanted, "give each vehicle its own system id")
     same_id = [other.name for other in facts.others if other.sysid == facts.sysid]
     if same_id:
         return Finding(
-            False, f"system {facts.sysid}, as {', '.join(same_id)}", wanted, "give each its own sysid"
+            False, f"system {facts.sysid}, as {', '.join(same_id)}", wanted, "give each vehicle its own sysid"
         )
     twins = [other.name for other in facts.others if _same_board(facts, other.identity)]
     if twins:
-        cure = "two urls lead to one vehicle: correct one"
+        cure = "two URLs lead to one vehicle; correct one of them"
         return Finding(False, f"the same autopilot as {', '.join(twins)}, by its uid", wanted, cure)
-    return Finding(True, f"system {facts.sysid} is its alone", wanted)
+    return Finding(True, f"system {facts.sysid}, no other vehicle", wanted)
 
 
 def _same_board(facts: PreflightFacts, other: Identity | None) -> bool:
-    """By AUTOPILOT_VERSION.uid2, in which zeros tell nothing."""
+    """Return whether two identities are one board, by AUTOPILOT_VERSION.uid2; all zeros mean unknown."""
     mine = facts.identity
     if mine is None or other is None:
         return False
@@ -34,6 +34,9 @@ def _same_board(facts: PreflightFacts, other: Identity | None) -> bool:
 
 
 def _names_a_kind(uid2: bytes) -> bool:
-    """PX4's Linux boards, VOXL 2 or a Raspberry Pi, tell a text (BOARD_OVERRIDE_UUID) that all of their kind
-    tell, behind the two bytes of the processor's architecture."""
+    """Return whether a uid names a kind of board, not one board.
+
+    PX4's Linux boards (VOXL 2, Raspberry Pi) report a text of their kind (BOARD_OVERRIDE_UUID) behind two
+    bytes of the processor's architecture.
+    """
     return uid2[2:].isalnum()

@@ -1,4 +1,4 @@
-"""Which parameters of which firmware say what a configuration's policy declares. Pure.
+"""Parameters of each firmware for the behaviour that a configuration declares. Pure.
 
 Names, values and bits by the parameter lists of ArduCopter and ArduPlane 4.5 to 4.7
 (https://ardupilot.org/copter/docs/parameters.html, https://ardupilot.org/plane/docs/parameters.html) and of
@@ -7,12 +7,11 @@ ArduCopter/events.cpp, mode_rtl.cpp, ekf_check.cpp, AC_WPNav.cpp, AC_Fence.cpp, 
 commander/failsafe/failsafe.cpp.
 ArduPlane's RTL_ALTITUDE, AIRSPEED_CRUISE, AIRSPEED_MIN and ROLL_LIMIT_DEG have these names from 4.5 on
 (before: ALT_HOLD_RTL, TRIM_ARSPD_CM, ARSPD_FBW_MIN, LIM_ROLL_CD; ArduPlane/Parameters.cpp converts them).
-Who flies a firmware that no table is for, an older or a later one, does not know what it does when its link
-is lost.
+The behaviour of older and later versions at a lost link is unknown, so they have no table.
 
-What a vehicle does without a remote control is not declared. ArduCopter does not arm without one while
-FS_THR_ENABLE watches for it ("RC not found"); PX4 takes one that is missing at arming as not meant to be
-there (NAV_RCL_ACT), and is never flown in OFFBOARD (COM_OBL_RC_ACT).
+Reactions to a lost remote control are not declared. ArduCopter does not arm without one while FS_THR_ENABLE
+watches for it ("RC not found"). PX4 regards a remote control that is missing at arming as not intended
+(NAV_RCL_ACT), and is never flown in OFFBOARD (COM_OBL_RC_ACT).
 """
 
 from __future__ import annotations
@@ -27,13 +26,13 @@ from swarmctl.preflight.policy.required import NoParameterTable, RequiredParamet
 __all__ = ["DeclaredBehaviour", "NoParameterTable", "RequiredParameter", "parameters_for"]
 
 
-def parameters_for(firmware: Firmware, intent: DeclaredBehaviour) -> tuple[RequiredParameter, ...]:
-    """Raises NoTable."""
+def parameters_for(firmware: Firmware, behaviour: DeclaredBehaviour) -> tuple[RequiredParameter, ...]:
+    """Return the required parameters of a vehicle. Raises NoParameterTable."""
     since, until, table = _TABLES.get(firmware.name, ((0, 0), (0, 0), None))
     if table is None or not since <= firmware.version <= until:
         known = (f"{name} {a[0]}.{a[1]} to {b[0]}.{b[1]}" for name, (a, b, _) in _TABLES.items())
-        raise NoParameterTable(f"no table for {firmware}; there is one for {', '.join(known)}")
-    return table(intent, firmware.version)
+        raise NoParameterTable(f"no parameter table for {firmware}; supported are {', '.join(known)}")
+    return table(behaviour, firmware.version)
 
 
 _TABLES: Mapping[
@@ -44,4 +43,4 @@ _TABLES: Mapping[
     "PX4": ((1, 14), (1, 16), px4.copter),
     "PX4 plane": ((1, 14), (1, 16), px4.plane),
 }
-"""from which version to which; what a later one has renamed nobody knows"""
+"""first and last version, and table, by firmware; later versions may have renamed parameters"""

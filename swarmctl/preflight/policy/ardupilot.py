@@ -1,17 +1,17 @@
-"""The tables of ArduCopter and ArduPlane, but for how a copter flies. Pure."""
+"""Parameter tables of ArduCopter and ArduPlane; `copter_flight` has the flight of a copter. Pure."""
 
 from __future__ import annotations
 
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.preflight.policy import copter_flight
-from swarmctl.preflight.policy.behaviour import DeclaredBehaviour, ceiling, cruise
+from swarmctl.preflight.policy.behaviour import DeclaredBehaviour, ceiling, cruise_and_bank
 from swarmctl.preflight.policy.required import (
     NoParameterTable,
     RequiredParameter,
     Version,
     above_zero,
     exactly,
-    one,
+    one_of,
 )
 
 
@@ -19,46 +19,46 @@ def _gcs(version: Version) -> str:
     return "MAV_GCS_SYSID" if version >= (4, 7) else "SYSID_MYGCS"
 
 
-# 1 and 3, 2 and 3: also by the way it came (SmartRTL).
+# The second value of a return is SmartRTL, back along the flown track.
 _COPTER_LOST_LINK = {"return": (1.0, 3.0), "land": (5.0,), "hold": (7.0,), "continue": (0.0,)}
 _COPTER_BATTERY = {"return": (2.0, 3.0), "land": (1.0,)}
 _COPTER_CRITICAL = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 7.0)  # 5: Terminate
 _COPTER_FENCE = {"return": (1.0, 3.0), "land": (2.0,), "hold": (4.0,)}
 _GOES_ON_IN_AUTO = 1  # bit of FS_OPTIONS
-_HEIGHT_AND_POLYGON = 5.0  # FENCE_TYPE; not the circle around home, which is nowhere declared
+_HEIGHT_AND_POLYGON = 5.0  # FENCE_TYPE; without the circle around home, which no configuration declares
 
 
-def copter(intent: DeclaredBehaviour, version: Version) -> tuple[RequiredParameter, ...]:
-    policy = intent.policy
+def copter(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredParameter, ...]:
+    policy = behaviour.policy
     return (
-        one("FS_GCS_ENABLE", intent.lost_link, _COPTER_LOST_LINK, policy.lost_link),
+        one_of("FS_GCS_ENABLE", behaviour.lost_link, _COPTER_LOST_LINK, policy.lost_link),
         *(
             (
-                exactly("FS_GCS_TIMEOUT", intent.lost_link_after, policy.lost_link_after_s),
-                RequiredParameter("FS_OPTIONS", intent.lost_link, bit=_GOES_ON_IN_AUTO),
-                exactly(_gcs(version), intent.lost_link, intent.gcs_sysid),
+                exactly("FS_GCS_TIMEOUT", behaviour.lost_link_after, policy.lost_link_after_s),
+                RequiredParameter("FS_OPTIONS", behaviour.lost_link, bit=_GOES_ON_IN_AUTO),
+                exactly(_gcs(version), behaviour.lost_link, behaviour.gcs_sysid),
             )
             if policy.lost_link != "continue"
             else ()
         ),
-        one("BATT_FS_LOW_ACT", intent.low_battery, _COPTER_BATTERY, policy.low_battery),
-        _critical(intent, _COPTER_CRITICAL),
-        *_battery(intent),
-        *_fence(intent),
-        one("FENCE_ACTION", intent.fence_breach, _COPTER_FENCE, policy.fence_breach),
-        *_copter_lost(),
-        *copter_flight.returns(intent, version),
-        *copter_flight.flight(intent, version),
+        one_of("BATT_FS_LOW_ACT", behaviour.low_battery, _COPTER_BATTERY, policy.low_battery),
+        _critical(behaviour, _COPTER_CRITICAL),
+        *_battery(behaviour),
+        *_fence(behaviour),
+        one_of("FENCE_ACTION", behaviour.fence_breach, _COPTER_FENCE, policy.fence_breach),
+        *_copter_position_loss(),
+        *copter_flight.returns(behaviour, version),
+        *copter_flight.flight(behaviour, version),
     )
 
 
-_LANDS = 1.0  # of FS_EKF_ACTION, and 3 from all modes; 2 holds a height by a pilot's stick, 0 only tells
-_TRUSTS_UP_TO = 1.0  # of FS_EKF_THRESH, at most; with 0 nobody looks
+_LANDS = 1.0  # of FS_EKF_ACTION, and 3 from all modes; 2: altitude hold for a pilot; 0: only a report
+_TRUSTS_UP_TO = 1.0  # greatest FS_EKF_THRESH; 0 turns the check off
 
 
-def _copter_lost() -> tuple[RequiredParameter, ...]:
-    """It lands where it does not know any more where it is."""
-    declared = "a landing where it does not know where it is"
+def _copter_position_loss() -> tuple[RequiredParameter, ...]:
+    """Return the parameters of a landing after the loss of the position estimate."""
+    declared = "a landing without a position estimate"
     return (
         RequiredParameter("FS_EKF_ACTION", declared, _LANDS, (_LANDS, 3.0)),
         RequiredParameter("FS_EKF_THRESH", declared, 0.8, least=0.1, most=_TRUSTS_UP_TO),
@@ -66,43 +66,46 @@ def _copter_lost() -> tuple[RequiredParameter, ...]:
 
 
 _PRESENT_ALTITUDE = -1.0  # of RTL_ALTITUDE
-_LANDS_ONCE_HOME = 1.0  # of RTL_AUTOLAND; with 0 and a landing in its mission it does not arm
+_LANDS_ONCE_HOME = 1.0  # of RTL_AUTOLAND; with 0 and a landing in its mission a plane does not arm
 
 
-_PLANE_CRITICAL = (0.0, 1.0, 2.0)  # 3: Terminate, 5: Parachute; 4, 6 and 7 are of a quadplane, or of 4.7
+_PLANE_CRITICAL = (0.0, 1.0, 2.0)  # 3: Terminate, 5: Parachute; 4, 6 and 7 need a quadplane, or 4.7
 
 
-def plane(intent: DeclaredBehaviour, version: Version) -> tuple[RequiredParameter, ...]:
-    policy, wings = intent.policy, intent.wings
+def plane(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredParameter, ...]:
+    policy, wings = behaviour.policy, behaviour.wings
     if wings is None:
-        raise NoParameterTable(
-            "it is a fixed wing and is planned for as what hovers; say `airframe: plane` of it"
-        )
+        raise NoParameterTable("it is a fixed wing, but configured as a copter; set `airframe: plane`")
     watched = policy.lost_link != "continue"
     return (
-        exactly("FS_GCS_ENABL", intent.lost_link, 1.0 if watched else 0.0),
+        exactly("FS_GCS_ENABL", behaviour.lost_link, 1.0 if watched else 0.0),
         *(
             (
-                one("FS_LONG_ACTN", intent.lost_link, {"return": (1.0,)}, policy.lost_link),
-                exactly("FS_LONG_TIMEOUT", intent.lost_link_after, policy.lost_link_after_s),
-                exactly(_gcs(version), intent.lost_link, intent.gcs_sysid),
+                one_of("FS_LONG_ACTN", behaviour.lost_link, {"return": (1.0,)}, policy.lost_link),
+                exactly("FS_LONG_TIMEOUT", behaviour.lost_link_after, policy.lost_link_after_s),
+                exactly(_gcs(version), behaviour.lost_link, behaviour.gcs_sysid),
             )
             if watched
             else ()
         ),
-        one("BATT_FS_LOW_ACT", intent.low_battery, {"return": (1.0,), "land": (2.0,)}, policy.low_battery),
-        _critical(intent, _PLANE_CRITICAL),
-        *_battery(intent),
-        *_fence(intent),
-        one("FENCE_ACTION", intent.fence_breach, {"return": (1.0,)}, policy.fence_breach),
-        *_plane_circles(intent, wings),
-        *_plane_flight(intent),
+        one_of(
+            "BATT_FS_LOW_ACT", behaviour.low_battery, {"return": (1.0,), "land": (2.0,)}, policy.low_battery
+        ),
+        _critical(behaviour, _PLANE_CRITICAL),
+        *_battery(behaviour),
+        *_fence(behaviour),
+        one_of("FENCE_ACTION", behaviour.fence_breach, {"return": (1.0,)}, policy.fence_breach),
+        *_plane_circles(behaviour, wings),
+        *_plane_flight(behaviour),
     )
 
 
-def _plane_circles(intent: DeclaredBehaviour, wings: FixedWing) -> tuple[RequiredParameter, ...]:
-    """It holds and returns in circles as wide as reckoned with, lands once it is home, and can fly slowly
-    enough. The sign of a radius is the way round."""
+def _plane_circles(behaviour: DeclaredBehaviour, wings: FixedWing) -> tuple[RequiredParameter, ...]:
+    """Return the parameters of circles, of the return, and of the least speed.
+
+    Circles are no wider than plans assume; the sign of a radius is the direction. The return ends in a
+    landing.
+    """
     most_m, slowest_m_s = wings.loiter_radius_m, wings.min_speed_m_s
     radius = f"wings.loiter_radius_m: {most_m:g}"
     return (
@@ -111,12 +114,12 @@ def _plane_circles(intent: DeclaredBehaviour, wings: FixedWing) -> tuple[Require
         exactly("RTL_AUTOLAND", "a return that ends in a landing", _LANDS_ONCE_HOME),
         RequiredParameter(
             "RTL_ALTITUDE",
-            "a return at the height it flies at" if intent.among_others else intent.fence,
+            "a return at the height it flies at" if behaviour.among_others else behaviour.fence,
             _PRESENT_ALTITUDE,
             (_PRESENT_ALTITUDE,),
-            # It comes down for this, too.
-            least=intent.altitude_m if intent.among_others else wings.final_height_m,
-            most=intent.altitude_m if intent.among_others else intent.ceiling_m,
+            # ArduPlane also descends to this altitude.
+            least=behaviour.altitude_m if behaviour.among_others else wings.final_height_m,
+            most=behaviour.altitude_m if behaviour.among_others else behaviour.ceiling_m,
         ),
         RequiredParameter(
             "AIRSPEED_MIN", f"wings.min_speed_m_s: {slowest_m_s:g}", least=0.0, most=slowest_m_s
@@ -124,36 +127,35 @@ def _plane_circles(intent: DeclaredBehaviour, wings: FixedWing) -> tuple[Require
     )
 
 
-def _plane_flight(intent: DeclaredBehaviour) -> tuple[RequiredParameter, ...]:
-    """It cruises as fast and banks as far as its turns are reckoned with, and flies past a waypoint that it
-    cannot hit. WP_RADIUS says nothing: each waypoint of ours has a radius of its own (param2).
+def _plane_flight(behaviour: DeclaredBehaviour) -> tuple[RequiredParameter, ...]:
+    """Return the parameters of cruise and turns, of missed waypoints, and of quadplanes.
 
-    A quadplane says that it is a fixed wing where Q_MAV_TYPE is 0 (`QuadPlane::get_mav_type`), and takes off,
-    lands and holds in another way. How fast it is flown its owner decides.
+    WP_RADIUS has no effect: each uploaded waypoint has its own radius (param2). A quadplane reports a fixed
+    wing if Q_MAV_TYPE is 0 (`QuadPlane::get_mav_type`), but takes off, lands and holds differently.
     """
     return (
-        *cruise(intent, "AIRSPEED_CRUISE", "ROLL_LIMIT_DEG"),
+        *cruise_and_bank(behaviour, "AIRSPEED_CRUISE", "ROLL_LIMIT_DEG"),
         exactly("WP_MAX_RADIUS", "no circling at a waypoint", 0.0),
         RequiredParameter("Q_ENABLE", "airframe: plane", values=(0.0,)),
     )
 
 
-def _critical(intent: DeclaredBehaviour, values: tuple[float, ...]) -> RequiredParameter:
-    """Where the battery is still lower it does no more, returns or lands: no motor stops in the air."""
-    return RequiredParameter("BATT_FS_CRT_ACT", intent.low_battery, 0.0, values)
+def _critical(behaviour: DeclaredBehaviour, values: tuple[float, ...]) -> RequiredParameter:
+    """Return the parameter of a critical battery: no action, a return or a landing, but no motor stop."""
+    return RequiredParameter("BATT_FS_CRT_ACT", behaviour.low_battery, 0.0, values)
 
 
-def _battery(intent: DeclaredBehaviour) -> tuple[RequiredParameter, ...]:
-    """There is a monitor, a voltage that counts as low, and a time after which it does, of which none is
-    never: they depend on what is built in."""
+def _battery(behaviour: DeclaredBehaviour) -> tuple[RequiredParameter, ...]:
+    """Return the parameters of the battery monitor, which depend on the vehicle: each has to be above 0."""
     return tuple(
-        above_zero(name, intent.low_battery) for name in ("BATT_MONITOR", "BATT_LOW_VOLT", "BATT_LOW_TIMER")
+        above_zero(name, behaviour.low_battery)
+        for name in ("BATT_MONITOR", "BATT_LOW_VOLT", "BATT_LOW_TIMER")
     )
 
 
-def _fence(intent: DeclaredBehaviour) -> tuple[RequiredParameter, ...]:
+def _fence(behaviour: DeclaredBehaviour) -> tuple[RequiredParameter, ...]:
     return (
-        exactly("FENCE_ENABLE", intent.fence, 1.0),
-        exactly("FENCE_TYPE", intent.fence, _HEIGHT_AND_POLYGON),
-        ceiling("FENCE_ALT_MAX", intent),
+        exactly("FENCE_ENABLE", behaviour.fence, 1.0),
+        exactly("FENCE_TYPE", behaviour.fence, _HEIGHT_AND_POLYGON),
+        ceiling("FENCE_ALT_MAX", behaviour),
     )

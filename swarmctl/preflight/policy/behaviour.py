@@ -1,4 +1,4 @@
-"""What the parameters of one vehicle are to say, whichever its firmware. Pure."""
+"""The declared behaviour of one vehicle, for every firmware. Pure."""
 
 from __future__ import annotations
 
@@ -6,30 +6,30 @@ import math
 from dataclasses import dataclass
 
 from swarmctl.agent.replan.landing_pattern import FixedWing
-from swarmctl.agent.traffic.return_turns import CLIMBS_TO_M
+from swarmctl.agent.traffic.return_schedule import CLIMBS_TO_M
 from swarmctl.config.preflight import Policy
 from swarmctl.preflight.policy.required import RequiredParameter
 
 
 @dataclass(frozen=True, slots=True)
 class DeclaredBehaviour:
-    """What the parameters of one vehicle are to say."""
+    """The declared behaviour of one vehicle: failsafes, heights, speeds and turns."""
 
     policy: Policy
     gcs_sysid: int
-    """whose heartbeats it is to listen for"""
+    """system id of the ground station whose heartbeats the vehicle watches"""
     altitude_m: float
-    """it flies at, above home"""
+    """flight altitude above home"""
     ceiling_m: float
-    """above home"""
+    """greatest allowed height above home"""
     wings: FixedWing | None = None
-    """of what is planned for as a fixed wing"""
+    """performance of a fixed wing; None for a copter"""
     speed_m_s: float = 15.0
-    """it cruises so fast; a fixed wing through the air"""
+    """cruise speed over ground; a fixed wing's airspeed"""
     turn_radius_m: float = 40.0
-    """of a fixed wing"""
+    """turn radius of a fixed wing"""
     among_others: bool = False
-    """it is one of a swarm, in which each flies at a height of its own"""
+    """the vehicle belongs to a swarm in which each flies at a height of its own"""
 
     @property
     def lost_link(self) -> str:
@@ -49,8 +49,11 @@ class DeclaredBehaviour:
 
     @property
     def returns_at_most_m(self) -> float:
-        """Above home, unless it is higher already: turns are reckoned so, no fence is breached by it, and
-        vehicles that all return by themselves at once do not climb to one height."""
+        """Return the greatest height above home of a return that begins lower [m].
+
+        The return schedule assumes it, it is below the fence's ceiling, and vehicles that return at one time
+        do not climb to one height.
+        """
         return min(CLIMBS_TO_M, self.ceiling_m, self.altitude_m if self.among_others else math.inf)
 
     @property
@@ -62,10 +65,10 @@ class DeclaredBehaviour:
         return f"a fence up to {self.ceiling_m:g} m"
 
 
-def ceiling(name: str, intent: DeclaredBehaviour) -> RequiredParameter:
-    """High enough for the flight, and no higher than declared."""
+def ceiling(name: str, behaviour: DeclaredBehaviour) -> RequiredParameter:
+    """Return the parameter of the ceiling: from the flight altitude up to the declared ceiling."""
     return RequiredParameter(
-        name, intent.fence, intent.ceiling_m, least=intent.altitude_m, most=intent.ceiling_m
+        name, behaviour.fence, behaviour.ceiling_m, least=behaviour.altitude_m, most=behaviour.ceiling_m
     )
 
 
@@ -73,18 +76,18 @@ _SPEED_OFF_M_S = 0.5
 _G_M_S2 = 9.81
 
 
-def cruise(
-    intent: DeclaredBehaviour, airspeed: str, bank_limit: str
+def cruise_and_bank(
+    behaviour: DeclaredBehaviour, airspeed: str, bank_limit: str
 ) -> tuple[RequiredParameter, RequiredParameter]:
-    """By the names of these two: of [m/s] and of [deg]."""
-    airspeed_wanted, radius_m = cruises(airspeed, intent), intent.turn_radius_m
-    bank_deg = math.degrees(math.atan2(intent.speed_m_s**2, _G_M_S2 * radius_m))
-    turns = f"turn_radius_m: {radius_m:g} at {airspeed_wanted.declared}"
-    return airspeed_wanted, RequiredParameter(bank_limit, turns, least=bank_deg, most=90.0)
+    """Return the parameters of a fixed wing's airspeed [m/s] and bank limit [deg], by their names."""
+    speed, radius_m = cruise_speed(airspeed, behaviour), behaviour.turn_radius_m
+    bank_deg = math.degrees(math.atan2(behaviour.speed_m_s**2, _G_M_S2 * radius_m))
+    turns = f"turn_radius_m: {radius_m:g} at {speed.declared}"
+    return speed, RequiredParameter(bank_limit, turns, least=bank_deg, most=90.0)
 
 
-def cruises(name: str, intent: DeclaredBehaviour) -> RequiredParameter:
-    """By the name of its speed [m/s], which its owner decides."""
-    speed_m_s = intent.speed_m_s
+def cruise_speed(name: str, behaviour: DeclaredBehaviour) -> RequiredParameter:
+    """Return the parameter of the cruise speed [m/s], by its name. Only the owner sets it."""
+    speed_m_s = behaviour.speed_m_s
     least, most = speed_m_s - _SPEED_OFF_M_S, speed_m_s + _SPEED_OFF_M_S
     return RequiredParameter(name, f"speed_m_s: {speed_m_s:g}", least=least, most=most)

@@ -1,4 +1,4 @@
-"""What one parameter may be. Pure."""
+"""Required parameters: the accepted values of one parameter, and its correction. Pure."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from swarmctl.mavlink.protocol.parameters import same_value
 
 Version = tuple[int, int]
 LEAST = 1e-6
-"""that is not 0"""
+"""least value above 0"""
 
 
 class NoParameterTable(Exception):
-    """Nobody knows which parameters of this firmware say what is declared, or none can."""
+    """The firmware's parameters for the declared behaviour are unknown, or the firmware cannot behave so."""
 
 
 @dataclass(frozen=True, slots=True)
 class RequiredParameter:
-    """What one parameter may be: one of `values`, from `least` to `most`, or without the bit number `bit`."""
+    """A parameter and its accepted values: `values`, `least` to `most`, or any value without bit `bit`."""
 
     name: str
     declared: str
-    """what it stands for"""
+    """the declared behaviour that needs it, as text"""
     set_to: float | None = None
-    """what is written where it is another, the bit aside; None: a person sets it"""
+    """value to write in place of another; None: only the owner sets it. Without effect if `bit` is given"""
     values: tuple[float, ...] = ()
     least: float = math.nan
     most: float = math.nan
@@ -38,12 +38,15 @@ class RequiredParameter:
             return value.is_integer() and not int(value) >> self.bit & 1
         return any(same_value(value, v) for v in self.values) or self.least <= value <= self.most
 
-    def met_by(self, told: Mapping[str, float]) -> bool:
-        """`told`: what the vehicle has told, by name; what it lacks and what was lost are not told alike."""
-        return self.name in told and self.accepts(told[self.name])
+    def met_by(self, reported: Mapping[str, float]) -> bool:
+        """Return whether the reported value is accepted.
+
+        A parameter that the vehicle lacks and one whose message was lost are both missing in `reported`.
+        """
+        return self.name in reported and self.accepts(reported[self.name])
 
     def corrected(self, value: float) -> float | None:
-        """What to write in the place of `value`, which is not accepted; None: nothing."""
+        """Return the value to write in place of `value`, which is not accepted; None: write nothing."""
         if self.bit is None:
             return self.set_to
         return float(int(value) & ~(1 << self.bit)) if math.isfinite(value) else None
@@ -58,16 +61,20 @@ class RequiredParameter:
         return " or ".join(texts)
 
 
-def one(name: str, declared: str, values: Mapping[str, tuple[float, ...]], action: str) -> RequiredParameter:
-    """An action by its numbers, of which the first is written."""
+def one_of(
+    name: str, declared: str, values: Mapping[str, tuple[float, ...]], action: str
+) -> RequiredParameter:
+    """Return the parameter of an action; the first of its values is written. Raises NoParameterTable."""
     if action not in values:
-        raise NoParameterTable(f"{name} has no value for {declared}; it can {', '.join(values)}")
+        raise NoParameterTable(f"{name} has no value for {declared}; it has values for {', '.join(values)}")
     return RequiredParameter(name, declared, values[action][0], values[action])
 
 
 def exactly(name: str, declared: str, value: float) -> RequiredParameter:
+    """Return a parameter with one accepted value."""
     return RequiredParameter(name, declared, value, (value,))
 
 
 def above_zero(name: str, declared: str) -> RequiredParameter:
+    """Return a parameter that accepts every value above 0."""
     return RequiredParameter(name, declared, least=LEAST, most=math.inf)

@@ -1,0 +1,254 @@
+"""The collector of facts: asks vehicles over their links, and combines the answers with the configuration."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import statistics
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Protocol
+
+from swarmctl.agent.replan.copter_trajectory import from_takeoff
+from swarmctl.agent.state import ON_GROUND, AgentState, Phase
+from swarmctl.agent.traffic.separation.approach import Limits
+from swarmctl.agent.traffic.separation.trajectory import Trajectory
+from swarmctl.config.scenario import Scenario
+from swarmctl.config.specs import Spec
+from swarmctl.core.mission import FlightPlan, MissionItem
+from swarmctl.links.base import FenceFailed, Identity, Link, LinkError
+from swarmctl.mavlink.firmware import firmware_of
+from swarmctl.mavlink.telemetry.instruments import Instruments
+from swarmctl.preflight.declared import declared_behaviour
+from swarmctl.preflight.facts import OtherVehicle, PreflightFacts
+from swarmctl.preflight.policy import NoParameterTable, RequiredParameter, parameters_for
+
+SIMULATED_ENDURANCE_S = 1400.0
+"""6600 mAh at 11.4 V last 1513 s at the 179 W of hovering and electronics; turns and climbs take more"""
+
+
+class ConnectedAgent(Protocol):
+    """The link of a vehicle, and the state of its agent."""
+
+    @property
+    def link(self) -> Link: ...
+    @property
+    def state(self) -> AgentState: ...
+    @property
+    def conflict(self) -> str:
+        """A second vehicle with the same system id, as text; empty without one."""
+
+
+class VehicleToCheck(Protocol):
+    """A vehicle of this process."""
+
+    @property
+    def spec(self) -> Spec: ...
+    @property
+    def runner(self) -> ConnectedAgent: ...
+    @property
+    def identity(self) -> Identity | None: ...
+    @property
+    def not_ready_because(self) -> str:
+        """The reason why the vehicle cannot be made ready, as text; empty without one."""
+
+
+@dataclass(slots=True)
+class _Answers:
+    """The answers of one vehicle; defaults stand for answers that did not come."""
+
+    instruments: Instruments = field(default_factory=partial(Instruments, None, None, None))
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    fence_failure: str = ""
+    rally_points: int | None = None
+    fence: tuple[MissionItem, ...] | None = None
+
+
+class FactCollector:
+    """The collector of the facts of one run, which keeps the last trajectory and clock of every vehicle.
+
+    `unix_s_at_zero`: wall time when the clock of the running loop showed 0. `speedup`: simulated seconds in a
+    second of that clock. `free_clocks`: simulated vehicles have a date of their own, not this machine's.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        *,
+        unix_s_at_zero: float,
+        speedup: float,
+        free_clocks: bool,
+        say: Callable[[str], None],
+    ) -> None:
+        self._scenario = scenario
+        self._unix_s_at_zero = unix_s_at_zero
+        self._speedup = speedup
+        self._free_clocks = free_clocks
+        self._say = say
+        self.fence_polygon = scenario.fence_polygon
+        separation = scenario.config.separation
+        self.limits = Limits(separation.horizontal_m, separation.vertical_m)
+        self.trajectories: dict[str, Trajectory | None] = {}
+        """first routes of the vehicles of this process, as of the last collection; None: unknown"""
+        self._instruments: dict[str, Instruments] = {}
+
+    async def collect(
+        self, vehicles: Sequence[VehicleToCheck], everyone: Sequence[VehicleToCheck]
+    ) -> list[PreflightFacts]:
+        """Return the facts of `vehicles`, which are some of `everyone`, all vehicles of this process."""
+        answers_of = await asyncio.gather(*map(self._ask, vehicles))
+        # A vehicle in the air keeps its last trajectory: its route begins at its take-off position.
+        standing = ON_GROUND | {Phase.LAUNCHING}
+        self.trajectories |= {
+            v.spec.name: _trajectory(v) for v in everyone if v.runner.state.phase in standing
+        }
+        for vehicle, answers in zip(vehicles, answers_of, strict=True):
+            self._instruments[vehicle.spec.name] = answers.instruments
+        return [self._facts(v, everyone, a) for v, a in zip(vehicles, answers_of, strict=True)]
+
+    def required_parameters(self, vehicle: VehicleToCheck) -> tuple[tuple[RequiredParameter, ...], str]:
+        """Return the parameters that the policy requires; or none, and the reason why they are unknown."""
+        if vehicle.identity is None:
+            return (), "unknown firmware: AUTOPILOT_VERSION has not arrived"
+        try:
+            firmware = firmware_of(vehicle.identity)
+            return parameters_for(firmware, declared_behaviour(self._scenario, vehicle.spec)), ""
+        except NoParameterTable as error:
+            return (), str(error)
+
+    async def _ask(self, vehicle: VehicleToCheck) -> _Answers:
+        """Return a vehicle's answers, up to the first that does not come."""
+        link, required = vehicle.runner.link, self.required_parameters(vehicle)[0]
+        answers = _Answers()
+        try:
+            answers.instruments = await link.read_instruments()
+            answers.parameters = await link.read_parameters([r.name for r in required])
+            answers.fence_failure = await _enforce_fence(link, required, answers.parameters)
+            answers.rally_points = await self._count_rally_points(link)
+            answers.fence = await link.read_fence()
+        except LinkError as error:
+            self._say(str(error))
+        return answers
+
+    async def _count_rally_points(self, link: Link) -> int | None:
+        try:
+            return await link.count_rally_points()
+        except LinkError as error:
+            self._say(str(error))
+            return None
+
+    def _facts(
+        self, vehicle: VehicleToCheck, everyone: Sequence[VehicleToCheck], answers: _Answers
+    ) -> PreflightFacts:
+        spec, runner, section = vehicle.spec, vehicle.runner, self._scenario.config.preflight
+        required, no_table = self.required_parameters(vehicle)
+        state = runner.link.state()
+        return PreflightFacts(
+            name=spec.name,
+            sysid=spec.sysid,
+            identity=vehicle.identity,
+            conflict=runner.conflict,
+            state=state,
+            age_s=runner.link.age_s(),
+            position_age_s=_age_s(state.position_s),
+            status_age_s=_age_s(state.status_s),
+            instruments=answers.instruments,
+            clock_offset_s=self._clock_offset_s(vehicle, everyone),
+            clock_tolerance_s=section.clock_tolerance_s * (self._speedup if spec.simulated else 1.0),
+            required_parameters=required,
+            no_table=no_table,
+            parameters=answers.parameters,
+            fence=self.fence_polygon,
+            fence_items=answers.fence,
+            fence_failure=answers.fence_failure,
+            rally_points=answers.rally_points,
+            ceiling_m=self._scenario.ceiling_m,
+            plan=_verified_plan(vehicle),
+            no_route_because=vehicle.not_ready_because or runner.state.outcome or runner.state.trouble,
+            trajectory=self.trajectories.get(spec.name),
+            altitude_m=spec.altitude_m,
+            speed_m_s=spec.speed_m_s,
+            endurance_s=section.endurance_s or (SIMULATED_ENDURANCE_S if _is_simulated(vehicle) else None),
+            reserve_percent=section.reserve_percent,
+            frame=self._scenario.grid.frame,
+            others=tuple(self._others(spec, everyone)),
+            limits=self.limits,
+            airframe=spec.airframe,
+        )
+
+    def _others(self, spec: Spec, everyone: Sequence[VehicleToCheck]) -> Iterable[OtherVehicle]:
+        identities = {vehicle.spec.name: vehicle.identity for vehicle in everyone}
+        for other in self._scenario.swarm:
+            if other.name != spec.name:
+                yield OtherVehicle(
+                    other.name,
+                    other.sysid,
+                    other.altitude_m,
+                    identities.get(other.name),
+                    self.trajectories.get(other.name),
+                    other.airframe,
+                )
+
+    def _clock_offset_s(self, vehicle: VehicleToCheck, everyone: Sequence[VehicleToCheck]) -> float | None:
+        """Return a vehicle's clock less its reference [s]; None if the vehicle reports no time.
+
+        The reference is this machine's clock. With `free_clocks` it is the median of the simulated vehicles.
+        """
+        offset_s = self._offset_from_machine_s(vehicle)
+        if offset_s is None or not (self._free_clocks and _is_simulated(vehicle)):
+            return offset_s
+        if not vehicle.spec.simulated:
+            return 0.0  # a simulator that another program runs has a date without reference
+        offsets_s = [self._offset_from_machine_s(other) for other in everyone if other.spec.simulated]
+        return offset_s - statistics.median(other_s for other_s in offsets_s if other_s is not None)
+
+    def _offset_from_machine_s(self, vehicle: VehicleToCheck) -> float | None:
+        """Return a vehicle's clock less this machine's [s]; both run at the speed of a simulated vehicle."""
+        instruments = self._instruments.get(vehicle.spec.name)
+        if instruments is None or instruments.unix_s is None or instruments.told_at_s is None:
+            return None
+        speedup = self._speedup if vehicle.spec.simulated else 1.0
+        return instruments.unix_s - (self._unix_s_at_zero + instruments.told_at_s * speedup)
+
+
+_FENCE_SELECTION = frozenset({"FENCE_ENABLE", "FENCE_TYPE"})
+
+
+async def _enforce_fence(
+    link: Link, required: Sequence[RequiredParameter], parameters: Mapping[str, float]
+) -> str:
+    """Order an ArduPilot to keep to the fence that its parameters name; return why it may not, or empty.
+
+    A vehicle with other parameters than declared flies by a waiver: its operator decides about the fence.
+    """
+    selection = [r for r in required if r.name in _FENCE_SELECTION]
+    if not selection or not all(r.met_by(parameters) for r in selection):
+        return ""
+    try:
+        await link.enforce_fence()
+    except FenceFailed as error:
+        return str(error)
+    return ""
+
+
+def _is_simulated(vehicle: VehicleToCheck) -> bool:
+    return vehicle.identity is not None and vehicle.identity.simulated
+
+
+def _age_s(reported_s: float | None) -> float:
+    return math.inf if reported_s is None else asyncio.get_running_loop().time() - reported_s
+
+
+def _verified_plan(vehicle: VehicleToCheck) -> FlightPlan | None:
+    """Return the plan that is verified on the vehicle; None without one."""
+    accepted = vehicle.runner.state.accepted
+    return None if accepted is None or not vehicle.runner.link.items() else accepted.plan
+
+
+def _trajectory(vehicle: VehicleToCheck) -> Trajectory | None:
+    plan, state = _verified_plan(vehicle), vehicle.runner.link.state()
+    if plan is None or state.lat_deg is None or state.lon_deg is None:
+        return None
+    trajectory = from_takeoff(vehicle.runner.state.task, plan, (state.lat_deg, state.lon_deg))
+    return trajectory.later(vehicle.spec.delay_s)
