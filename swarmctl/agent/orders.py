@@ -135,7 +135,7 @@ def _launch_answer(state: AgentState) -> tuple[CommandOutcome, str]:
         return "refused", "its link is lost [link-lost]"
     if state.phase is not Phase.STANDBY:
         return "refused", f"is not ready yet: {state.trouble or state.phase} [not-ready]"
-    return "taken", "" if state.pending is None else "launches as soon as its new plan is uploaded"
+    return "taken", "" if state.pending is None else "launches after its new plan is uploaded [after-upload]"
 
 
 def _ordered(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> StepResult:

@@ -18,7 +18,7 @@ from trouble import Trouble, chooses, play, suffer
 from swarmctl.agent.failsafes import low_battery
 from swarmctl.agent.failsafes.base import ActiveRule
 from swarmctl.agent.state import Phase
-from swarmctl.agent.traffic.return_turns import LEAST_APART_M
+from swarmctl.agent.traffic.return_schedule import MIN_HORIZONTAL_M
 from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.core import events as ev
@@ -58,7 +58,7 @@ def waits(story: Story, time_boot_s: float, **changes: Any) -> list[FlightOrder]
     return orders(story.over((4, 1), time_boot_s=time_boot_s, **held))
 
 
-def test_it_holds_until_its_turn_and_then_returns() -> None:
+def test_a_vehicle_holds_until_its_turn_and_then_returns() -> None:
     story = queued()
     assert "holds for 10 s first" in answer_of(story(ev.OperatorCommand(RETURN, 2, after_s=10.0))).note
     assert waits(story, 109.9) == []
@@ -67,7 +67,7 @@ def test_it_holds_until_its_turn_and_then_returns() -> None:
     assert (story.state.phase, story.state.outcome) == (Phase.LEAVING, "return ordered")
 
 
-def test_a_later_turn_takes_the_place_of_the_first_and_none_begins_at_once() -> None:
+def test_a_later_turn_replaces_the_first_and_an_order_without_a_turn_begins_at_once() -> None:
     story = queued()
     assert orders(story(ev.OperatorCommand(RETURN, 2, after_s=30.0))) == []
     assert waits(story, 120.0) == []
@@ -75,32 +75,33 @@ def test_a_later_turn_takes_the_place_of_the_first_and_none_begins_at_once() -> 
 
 
 @pytest.mark.parametrize(("order", "told"), [(HOLD, []), (LAND, [LAND])])
-def test_another_order_ends_the_waiting(order: FlightOrder, told: list[FlightOrder]) -> None:
+def test_another_order_ends_the_wait(order: FlightOrder, told: list[FlightOrder]) -> None:
     story = queued()
     assert orders(story(ev.OperatorCommand(order, 2))) in (told, [HOLD])
     assert waits(story, 200.0, mode_role=order.value) == []
 
 
-def test_who_waits_with_a_low_battery_waits_no_more() -> None:
+def test_a_low_battery_ends_the_wait() -> None:
     story = queued(rules=(ActiveRule(low_battery, low_battery.Params(seconds=0.0)),))
     assert waits(story, 101.0, battery_percent=20) == [RETURN]
     assert waits(story, 111.0, mode_role="return", battery_percent=20) == []
 
 
-def test_a_clock_that_was_set_back_makes_nobody_wait_for_ever() -> None:
+def test_a_vehicle_clock_that_is_set_back_ends_the_wait() -> None:
     story = queued()
     story.state = replace(story.state, return_turn_boot_s=9000.0)
     assert waits(story, 1.0) == [RETURN]
 
 
 @pytest.mark.parametrize("order", [HOLD, RETURN, LAND])
-def test_to_give_an_order_again_changes_nothing(order: FlightOrder) -> None:
+def test_a_repeated_order_changes_nothing(order: FlightOrder) -> None:
     story = Story().flying()
     story(ev.OperatorCommand(order, 1))
     story(ev.OrderDone(order))
     effects = story(ev.OperatorCommand(order, 2))
     assert orders(effects) == []
-    assert (answer_of(effects).outcome, answer_of(effects).note) == ("taken", "it does so already")
+    assert answer_of(effects).outcome == "taken"
+    assert answer_of(effects).note.endswith("[already-done]")
 
 
 # --- whole swarms
@@ -122,7 +123,7 @@ def outcomes(answer: OperatorAnswer) -> list[str]:
     return [vehicle.outcome for vehicle in answer.vehicles]
 
 
-def test_a_swarm_in_one_process_is_called_back_in_turns(
+def test_a_swarm_in_one_process_returns_in_turns(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     looker = Looker()
@@ -130,14 +131,14 @@ def test_a_swarm_in_one_process_is_called_back_in_turns(
     back = GiveOrder(None, "return")
     report, ui, answers = run_virtual(told_in_flight(tmp_path, (45.0, back), (60.0, back)))
     assert [outcomes(answer) for answer in answers] == [["taken"] * 3] * 2
-    assert "it does so already" in [vehicle.note for vehicle in answers[1].vehicles]
+    assert any(vehicle.note.endswith("[already-done]") for vehicle in answers[1].vehicles)
     assert len(set(looker.since_s.values())) > 1
-    assert looker.least_m > LEAST_APART_M
+    assert looker.least_m > MIN_HORIZONTAL_M
     assert [state.outcome for state in report.states.values()] == ["return ordered; landed"] * 3
     assert any(text.startswith("returning: ") and "at once" in text for text in ui.said)
 
 
-def test_one_of_them_lands_and_the_others_fly_on(tmp_path: Path) -> None:
+def test_one_vehicle_lands_by_order_and_the_others_fly_on(tmp_path: Path) -> None:
     land = GiveOrder(("uav2",), "land")
     report, _, (answer,) = run_virtual(told_in_flight(tmp_path, (35.0, land)))
     assert outcomes(answer) == ["taken"]
@@ -148,10 +149,10 @@ def test_one_of_them_lands_and_the_others_fly_on(tmp_path: Path) -> None:
     ]
 
 
-def test_called_back_before_the_launch_they_stay_on_the_ground_until_it_is_ordered(tmp_path: Path) -> None:
+def test_vehicles_recalled_before_the_launch_stay_on_the_ground_until_a_launch_is_ordered(tmp_path: Path) -> None:
     back, launch = GiveOrder(None, "return"), GiveOrder(None, "launch")
     report, _, answers = run_virtual(told_in_flight(tmp_path, (3.0, back), (60.0, launch)))
-    assert "stays on the ground" in answers[0].vehicles[0].note
+    assert "[stays-on-ground]" in answers[0].vehicles[0].note
     assert outcomes(answers[1]) == ["taken"] * 3
     assert report.all_arrived
 
@@ -173,7 +174,7 @@ class Known:
         ("land", "tcp/0.0.0.0:7447", "others than this machine reach tcp/0.0.0.0:7447"),
     ],
 )
-def test_who_could_be_anybody_launches_no_aircraft_and_from_elsewhere_orders_it_nothing(
+def test_unsigned_orders_launch_no_aircraft_and_come_from_this_machine_only(
     order: Any, listen: str, refused: str
 ) -> None:
     scenario = small(communication={"bus": "memory", "listen": listen})
@@ -183,7 +184,7 @@ def test_who_could_be_anybody_launches_no_aircraft_and_from_elsewhere_orders_it_
     assert bool(found) is bool(refused)
 
 
-def test_agents_apart_are_called_back_in_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_agents_in_several_processes_return_in_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     looker = Looker()
     play(Trouble(note=looker), monkeypatch)
 
@@ -202,24 +203,24 @@ def test_agents_apart_are_called_back_in_turns(tmp_path: Path, monkeypatch: pyte
 
     (first, second), reports = run_virtual(scene())
     assert outcomes(first) == outcomes(second) == ["taken"] * 3
-    assert "it does so already" in [vehicle.note for vehicle in second.vehicles]
+    assert any(vehicle.note.endswith("[already-done]") for vehicle in second.vehicles)
     assert len({round(at_s) for at_s in looker.since_s.values()}) > 1
     states = [state for report in reports for state in report.states.values()]
     assert [state.outcome for state in states] == ["return ordered; landed"] * 3
 
 
-def test_ctrl_c_brings_them_home_in_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_returns_the_vehicles_in_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     trouble = Trouble(note=(looker := Looker()))
     report, ui = suffer(trouble, tmp_path, monkeypatch, scenario=gathering(), address_of=interrupting(45.0))
     assert report.ended == "stopped"
-    assert looker.least_m > LEAST_APART_M
+    assert looker.least_m > MIN_HORIZONTAL_M
     assert len(set(looker.since_s.values())) > 1
     (told,) = (text for text in ui.said if text.startswith("returning: "))
-    assert "the last is down within" in told
+    assert "all have landed within" in told
     assert not any(state.vehicle.armed for state in report.states.values())
 
 
-def test_when_the_deadline_comes_nobody_is_left_waiting_for_its_turn(
+def test_at_the_deadline_all_waiting_vehicles_return(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scenario = gathering(flight={"altitude_m": 15.0, "on_exit_deadline_s": 3.0})
@@ -229,7 +230,7 @@ def test_when_the_deadline_comes_nobody_is_left_waiting_for_its_turn(
     assert any(text.endswith("to return now, whoever else is in the air") for text in ui.said)
 
 
-def test_ctrl_c_twice_sends_all_home_at_once_and_says_so(
+def test_ctrl_c_twice_returns_all_vehicles_at_the_same_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     address_of = interrupting(45.0, 45.5)
@@ -240,7 +241,7 @@ def test_ctrl_c_twice_sends_all_home_at_once_and_says_so(
     assert "not waited for: uav1, uav2, uav3 to return, all at once" in ui.said
 
 
-def test_ctrl_c_lands_who_holds_above_another_when_that_is_down(tmp_path: Path) -> None:
+def test_ctrl_c_lands_a_vehicle_above_another_when_the_lower_one_is_down(tmp_path: Path) -> None:
     scenario = small(
         simulate={"count": 2, "goal": [4, 7], "ready_s": 3.0},
         threats={"count": 0},
@@ -254,7 +255,7 @@ def test_ctrl_c_lands_who_holds_above_another_when_that_is_down(tmp_path: Path) 
     assert down_s[1] - down_s[0] > 20.0  # it comes down from 21 m, of which the last 10 m take 20 s
 
 
-def test_ctrl_c_lands_at_once_who_hold_beside_each_other(tmp_path: Path) -> None:
+def test_ctrl_c_lands_vehicles_beside_each_other_at_once(tmp_path: Path) -> None:
     ui = Ui()
     report = fly(small(flight={"on_exit": "land"}), tmp_path, address_of=interrupting(30.0), ui=ui)
     assert not any("when those under them" in line for line in ui.said)
@@ -268,7 +269,7 @@ class Breaks(Ui):
             raise RuntimeError("a bug")
 
 
-def test_a_flight_that_breaks_brings_them_home_in_turns_too(
+def test_a_failed_flight_returns_the_vehicles_in_turns(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     trouble = Trouble(note=(looker := Looker()))
@@ -278,13 +279,13 @@ def test_a_flight_that_breaks_brings_them_home_in_turns_too(
     assert isinstance(report.bug, ExceptionGroup)
     assert "the flight is broken: uav1, uav2, uav3 to return, in turns" in ui.said
     assert any(text.startswith("returning: uav1, uav3 at once; uav2 after") for text in ui.said)
-    assert looker.least_m > LEAST_APART_M
+    assert looker.least_m > MIN_HORIZONTAL_M
     # The process ends when the last is sent home.
     assert trouble.modes == {1: ["AUTO", "RTL"], 2: ["AUTO", "GUIDED"], 3: ["AUTO", "RTL"]}
     assert all("mode RTL" in line for line in report.final_states)
 
 
-def test_a_vehicle_that_somebody_takes_while_it_waits_for_its_turn_is_let_be(
+def test_an_emergency_leaves_a_vehicle_alone_that_a_pilot_takes_over(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     trouble = Trouble(deeds=[(60.0, chooses(2, "LOITER"))])

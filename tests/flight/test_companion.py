@@ -45,7 +45,7 @@ def outcomes(answer: OperatorAnswer) -> dict[str, str]:
     return {vehicle.name: vehicle.outcome for vehicle in answer.vehicles}
 
 
-def test_three_agents_are_launched_held_and_called_back_by_their_operator(tmp_path: Path) -> None:
+def test_an_operator_launches_holds_and_recalls_three_agents(tmp_path: Path) -> None:
     async def scene() -> dict[int, Report]:
         swarm = Swarm(tmp_path)
         for uav in NAMES:
@@ -116,7 +116,7 @@ def code_of(report: Report, folder: Path) -> int:
     return 0
 
 
-def test_an_order_that_was_obeyed_is_no_failure_and_the_summary_says_whose_it_was(
+def test_a_followed_order_is_no_failure_and_stands_in_the_summary(
     returned: Report, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert returned.states[2].outcome == "return ordered; landed"
@@ -125,7 +125,7 @@ def test_an_order_that_was_obeyed_is_no_failure_and_the_summary_says_whose_it_wa
     assert json.loads((tmp_path / "summary.json").read_text())["ended_by_operator"] == ["uav2"]
 
 
-def test_a_time_bound_binds_nobody_who_was_called_back(returned: Report, tmp_path: Path) -> None:
+def test_a_recalled_vehicle_is_not_held_to_its_time_bound(returned: Report, tmp_path: Path) -> None:
     (vehicle,) = returned.summary["vehicles"]
     late = {**returned.summary, "vehicles": [vehicle | {"arrival_bound_kept": False, "arrive_within_s": 9.0}]}
     assert code_of(replace(returned, summary=late), tmp_path) == 0
@@ -143,7 +143,7 @@ NOT_OBEYED: list[tuple[str, dict[str, Any]]] = [
 
 
 @pytest.mark.parametrize("changes", [row[1] for row in NOT_OBEYED], ids=[row[0] for row in NOT_OBEYED])
-def test_all_else_that_does_not_arrive_has_failed(
+def test_a_vehicle_that_neither_arrives_nor_follows_an_order_has_failed(
     changes: dict[str, Any], returned: Report, tmp_path: Path
 ) -> None:
     report = replace(returned, states={2: replace(returned.states[2], **changes)})
@@ -151,12 +151,12 @@ def test_all_else_that_does_not_arrive_has_failed(
     assert code_of(report, tmp_path) == 1
 
 
-def test_who_was_stopped_or_had_trouble_has_not_only_obeyed(returned: Report, tmp_path: Path) -> None:
+def test_a_stopped_flight_or_trouble_changes_the_exit_code(returned: Report, tmp_path: Path) -> None:
     assert code_of(replace(returned, ended="stopped"), tmp_path) == 130
     assert code_of(replace(returned, trouble=("the disk is full",)), tmp_path) == 1
 
 
-def test_an_agent_by_itself_flies_what_it_would_fly_in_one_process(tmp_path: Path) -> None:
+def test_an_agent_alone_flies_the_same_task_as_in_one_process(tmp_path: Path) -> None:
     async def scene() -> Report:
         swarm = Swarm(tmp_path)
         swarm.start(2, "when-ready")
@@ -172,7 +172,7 @@ def test_an_agent_by_itself_flies_what_it_would_fly_in_one_process(tmp_path: Pat
     assert vehicle["cells_own"] > 0
 
 
-def test_with_keys_the_operator_is_obeyed_and_the_vehicles_own_answer_believed(tmp_path: Path) -> None:
+def test_with_keys_only_the_operators_orders_and_the_vehicles_own_answers_count(tmp_path: Path) -> None:
     now = dt.datetime.now(dt.UTC)
     make(tmp_path / "keys", ["uav1", "uav2", "operator"], 5, now)
     keyring = {name: load(tmp_path / "keys", name, now) for name in ("uav1", "uav2", "operator")}
@@ -220,7 +220,7 @@ def test_with_keys_the_operator_is_obeyed_and_the_vehicles_own_answer_believed(t
 
 
 @pytest.mark.parametrize("alone", [True, False], ids=["one vehicle", "all in one process"])
-def test_a_bug_in_handling_what_comes_is_said_and_ends_no_flight(
+def test_a_bug_in_a_message_handler_is_reported_and_ends_no_flight(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, alone: bool
 ) -> None:
     buses: list[MemoryBus] = []
@@ -266,13 +266,13 @@ def test_a_bug_in_handling_what_comes_is_said_and_ends_no_flight(
     assert "test_companion.py:" in said
 
 
-def test_an_operator_keeps_a_vehicle_on_the_ground_and_launches_it_later(tmp_path: Path) -> None:
+def test_an_operator_holds_a_vehicle_on_the_ground_and_launches_it_later(tmp_path: Path) -> None:
     async def scene() -> Report:
         swarm = Swarm(tmp_path, small(simulate={"count": 3, "ready_s": 3.0, "delay_step_s": 60.0}))
         swarm.start(2, "when-ready")
         await swarm.until(2, Phase.STANDBY)
         held = await swarm.give(GiveOrder((2,), "hold"))
-        assert "stays on the ground" in held.vehicles[0].note
+        assert "[stays-on-ground]" in held.vehicles[0].note
         await asyncio.sleep(120.0)
         assert swarm.phase(2) is Phase.STANDBY
         assert outcomes(await swarm.give(GiveOrder((2,), "launch"))) == {"uav2": "taken"}
@@ -289,7 +289,7 @@ def test_an_operator_keeps_a_vehicle_on_the_ground_and_launches_it_later(tmp_pat
         ("udpin://127.0.0.1:0", "serial:///dev/ttyACM0:57600", False, "serial:///dev/ttyACM0:57600"),
     ],
 )
-def test_a_simulated_vehicle_has_a_port_of_its_own_and_another_url_makes_it_no_longer_simulated(
+def test_a_simulated_vehicle_gets_its_own_port_and_a_given_url_makes_it_a_real_one(
     url: str, given: str | None, simulated: bool, reached_at: str
 ) -> None:
     whole = small(simulate={"count": 3, "url": url})

@@ -12,7 +12,7 @@ from trouble import Trouble, play
 
 from sim_vehicle.fleet import Truth
 from swarmctl.agent.traffic import landing_queue
-from swarmctl.agent.traffic.separation.clash import LEVEL_M
+from swarmctl.agent.traffic.separation.clash import HEIGHT_TOLERANCE_M
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.geo import distance_m
 from swarmctl.flight.app import FlightOptions
@@ -39,7 +39,7 @@ class Apart:
             here, there = ((float(truth.lat_deg[k]), float(truth.lon_deg[k])) for k in (i, j))
             vertical_m = abs(float(truth.alt_amsl_m[i] - truth.alt_amsl_m[j]))
             near = distance_m(here, there) < self.limits.horizontal_m
-            if near and vertical_m < self.limits.vertical_m - LEVEL_M:
+            if near and vertical_m < self.limits.vertical_m - HEIGHT_TOLERANCE_M:
                 self.too_close.setdefault((self.tasks[i].uav, self.tasks[j].uav), []).append(now)
 
 
@@ -95,14 +95,14 @@ SWARMS = [two, three, six]
 
 
 @pytest.mark.parametrize("swarm", SWARMS)
-def test_all_that_come_to_one_goal_at_one_time_land_apart(
+def test_vehicles_that_arrive_at_one_goal_together_land_apart(
     swarm: Callable[[], Scenario], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     report, apart, ui = flown(swarm(), tmp_path, monkeypatch)
     assert apart.too_close == {}
-    waits = [line for line in ui.said if line.endswith(": it waits above")]
+    waits = [line for line in ui.said if line.endswith("[landing-queue]")]
     assert waits
-    goes_on = [line for line in ui.said if line.endswith(": clear below: it comes down")]
+    goes_on = [line for line in ui.said if line.endswith("[descent-clear]")]
     assert len(goes_on) >= len(waits)
     assert report.summary["separation"]["plans_in_flight"]["by_waiting"] >= len(waits)
     assert record.replay(tmp_path / "run.mcap").difference == ""

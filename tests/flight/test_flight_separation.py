@@ -6,11 +6,12 @@ import asyncio
 import importlib
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
-from flights import Ui, fly, small
+from flights import Ui, coded, fly, small
 from gap_scenario import through_the_gap
 
 from swarmctl.flight.app import FlightOptions
@@ -20,6 +21,8 @@ from swarmctl.report import record
 from swarmctl.report.flight_table import swarm_lines
 
 pytestmark = pytest.mark.virtual
+
+CONFLICTS = r"\[(route-conflict|height-change|plan-deferred)"
 
 
 def test_the_least_distance_flown_is_in_the_summary(tmp_path: Path) -> None:
@@ -70,10 +73,10 @@ def test_without_an_action_both_are_warned_and_come_too_close(tmp_path: Path) ->
     assert least["horizontal_m"] < 10.0
     assert least["vertical_m"] < 3.0
     assert separation["too_close"][0]["seconds"] > 1.0
-    assert {line.partition(" in ")[0] for line in said if "too close" in line} == {
-        "uav1: too close to vehicle 2",
-        "uav2: too close to vehicle 1",
-    }
+    assert all("vehicle 2" in line for line in coded(said, "uav1", "alarm"))
+    assert all("vehicle 1" in line for line in coded(said, "uav2", "alarm"))
+    assert coded(said, "uav1", "alarm")
+    assert coded(said, "uav2", "alarm")
     assert separation["held"] == separation["climbed"] == 0
 
 
@@ -83,9 +86,8 @@ def test_the_higher_system_id_holds_until_the_other_is_past_and_flies_on(tmp_pat
     assert separation["too_close"] == []
     assert separation["least_distance"]["distance_m"] > 10.0
     assert separation["held"] >= 1
-    gave = [i for i, line in enumerate(said) if line.startswith("uav2: too close") and "it gives way" in line]
-    went_on = said.index("uav2: clear of the others: it flies on")
-    assert gave[0] < went_on
+    (yields, *_), (resumes, *_) = coded(said, "uav2", "alarm-yields"), coded(said, "uav2", "resumes")
+    assert said.index(yields) < said.index(resumes)
 
 
 @pytest.mark.usefixtures("uncompared")
@@ -94,8 +96,8 @@ def test_the_lower_system_id_holds_where_the_other_does_not_hear_it(tmp_path: Pa
     separation, said = meeting(tmp_path, "hold", communication=mute)
     assert separation["too_close"] == []
     assert separation["held"] >= 1
-    assert not any("too close" in line for line in said if line.startswith("uav2: "))
-    assert any("it gives way, for that does not" in line for line in said if line.startswith("uav1: "))
+    assert not any("[alarm" in line for line in said if line.startswith("uav2: "))
+    assert coded(said, "uav1", "alarm-not-heard")
 
 
 @pytest.mark.usefixtures("uncompared")
@@ -111,13 +113,13 @@ def test_two_that_would_meet_on_their_first_routes_are_kept_apart_before_there_i
 ) -> None:
     separation, said = meeting(tmp_path, "hold")
     assert separation["too_close"] == []
-    assert separation["held"] == sum("it waits above" in line for line in said)  # over the goal
+    assert separation["held"] == sum("[landing-queue]" in line for line in said)  # over the goal
     assert separation["climbed"] == 0
     assert separation["first_routes"] == {"predicted": 1, "by_height": 0}
     assert separation["plans_in_flight"]["by_height"] >= 1
     assert separation["plans_in_flight"]["unresolved"] == 0
-    assert not any(" meet" in line for line in said if line.startswith("uav1: "))
-    assert any("that of vehicle 1 in " in line for line in said if line.startswith("uav2: "))
+    assert not any("vehicle 2 in " in line for line in said if line.startswith("uav1: "))
+    assert any("vehicle 1 in " in line for line in said if line.startswith("uav2: "))
 
 
 def flown_after_waiting(folder: Path, **simulate: float) -> None:
@@ -131,9 +133,9 @@ def flown_after_waiting(folder: Path, **simulate: float) -> None:
     ui = Ui()
     report = fly(scenario, folder, ui=ui, options=FlightOptions(waivers=(Waiver("separation"),)))
     assert report.all_arrived
-    (waits,) = (i for i, line in enumerate(ui.said) if "it waits on the ground" in line)
-    assert ui.said[waits].startswith("uav2: its first route would meet that of vehicle 1 in ")
-    assert "uav2: clear of the others: it launches" in ui.said[waits:]
+    (waits,), (launches,) = coded(ui.said, "uav2", "launch-waits"), coded(ui.said, "uav2", "launch-clear")
+    assert "vehicle 1 in " in waits
+    assert ui.said.index(waits) < ui.said.index(launches)
     separation = report.summary["separation"]
     assert separation["plans_in_flight"]["predicted"] == 0
     assert separation["too_close"] == []
@@ -184,8 +186,8 @@ def test_of_two_whose_new_routes_meet_one_flies_its_own_at_another_height(tmp_pa
     assert plans["unresolved"] == 0
     assert any("conflicts of plans predicted in flight, resolved: " in line for line in separation["lines"])
     # Both had changed before either knew: of the two it is the one with the higher system id.
-    assert [line for line in said if line.startswith("uav2: its ") and " meet" in line]
-    assert not [line for line in said if line.startswith("uav1: its ") and " meet" in line]
+    assert coded(said, "uav2", "route-conflict") or coded(said, "uav2", "height-change")
+    assert not [line for line in said if line.startswith("uav1: ") and re.search(CONFLICTS, line)]
 
 
 def test_first_routes_that_cross_are_counted_and_by_what_they_are_kept_apart(tmp_path: Path) -> None:

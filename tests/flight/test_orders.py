@@ -119,36 +119,36 @@ def done() -> Story:
 
 
 HOLD, RETURN, LAND, LAUNCH = FlightOrder.HOLD, FlightOrder.RETURN, FlightOrder.LAND, FlightOrder.LAUNCH
-STAYS, DOWN = "stays on the ground", "launch is broken off: it lands"
+STAYS, DOWN = "[stays-on-ground]", "[launch-aborted]"
 MATRIX: list[tuple[Callable[[], Story], FlightOrder, str, str, list[FlightOrder], Phase]] = [
     # state, order, answer, its note, what the vehicle is told, state then
-    (waiting, LAUNCH, "refused", "not ready yet: waiting", [], Phase.WAITING),
-    (uploading, LAUNCH, "refused", "not ready yet: uploading", [], Phase.UPLOADING),
+    (waiting, LAUNCH, "refused", "waiting [not-ready]", [], Phase.WAITING),
+    (uploading, LAUNCH, "refused", "uploading [not-ready]", [], Phase.UPLOADING),
     (standby, LAUNCH, "taken", "", [LAUNCH], Phase.LAUNCHING),
-    (replanning, LAUNCH, "taken", "as soon as its new plan is on it", [], Phase.STANDBY),
-    (lost_on_the_ground, LAUNCH, "refused", "link is lost", [], Phase.STANDBY),
-    (launching, LAUNCH, "taken", "about to take off", [], Phase.LAUNCHING),
-    (breaking_off, LAUNCH, "refused", "being broken off", [], Phase.LEAVING),
-    (flying, LAUNCH, "taken", "launched already", [], Phase.FLYING),
-    (landing, LAUNCH, "taken", "launched already", [], Phase.LANDING),
-    (holding, LAUNCH, "refused", "hold ordered: it does not take up its route again", [], Phase.HOLDING),
-    (leaving, LAUNCH, "refused", "return ordered: it does not", [], Phase.LEAVING),
-    (released, LAUNCH, "over", "released, in mode LOITER", [], Phase.RELEASED),
-    (done, LAUNCH, "over", "its flight is over: done, arrived", [], Phase.DONE),
+    (replanning, LAUNCH, "taken", "[after-upload]", [], Phase.STANDBY),
+    (lost_on_the_ground, LAUNCH, "refused", "[link-lost]", [], Phase.STANDBY),
+    (launching, LAUNCH, "taken", "[launching]", [], Phase.LAUNCHING),
+    (breaking_off, LAUNCH, "refused", "[launch-aborted]", [], Phase.LEAVING),
+    (flying, LAUNCH, "taken", "[launched-already]", [], Phase.FLYING),
+    (landing, LAUNCH, "taken", "[launched-already]", [], Phase.LANDING),
+    (holding, LAUNCH, "refused", "[not-resumed]", [], Phase.HOLDING),
+    (leaving, LAUNCH, "refused", "[not-resumed]", [], Phase.LEAVING),
+    (released, LAUNCH, "over", "LOITER", [], Phase.RELEASED),
+    (done, LAUNCH, "over", "done, arrived", [], Phase.DONE),
     (waiting, HOLD, "taken", STAYS, [], Phase.WAITING),
     (uploading, RETURN, "taken", STAYS, [], Phase.UPLOADING),
     (standby, LAND, "taken", STAYS, [], Phase.STANDBY),
     (launching, HOLD, "taken", DOWN, [LAND], Phase.LEAVING),
     (launching, RETURN, "taken", DOWN, [LAND], Phase.LEAVING),
-    (breaking_off, HOLD, "refused", "being broken off: it lands", [], Phase.LEAVING),
+    (breaking_off, HOLD, "refused", "[launch-aborted]", [], Phase.LEAVING),
     (flying, HOLD, "taken", "", [HOLD], Phase.HOLDING),
     (flying, RETURN, "taken", "", [RETURN], Phase.LEAVING),
     (flying, LAND, "taken", "", [LAND], Phase.LEAVING),
-    (lost, HOLD, "taken", "told when it is heard again", [HOLD], Phase.HOLDING),
+    (lost, HOLD, "taken", "[link-lost]", [HOLD], Phase.HOLDING),
     (landing, HOLD, "taken", "", [HOLD], Phase.HOLDING),
     (holding, RETURN, "taken", "", [RETURN], Phase.LEAVING),
     (leaving, HOLD, "taken", "", [HOLD], Phase.HOLDING),
-    (released, LAND, "taken", "somebody else flies it; it is told so once", [LAND], Phase.RELEASED),
+    (released, LAND, "taken", "[sent-once]", [LAND], Phase.RELEASED),
     (done, HOLD, "over", "done, arrived", [], Phase.DONE),
 ]
 
@@ -158,7 +158,7 @@ MATRIX: list[tuple[Callable[[], Story], FlightOrder, str, str, list[FlightOrder]
     MATRIX,
     ids=[f"{begun.__name__}-{order}" for begun, order, *_ in MATRIX],
 )
-def test_what_an_agent_makes_of_an_order(
+def test_an_agent_answers_an_order_by_its_phase(
     begun: Callable[[], Story],
     order: FlightOrder,
     outcome: str,
@@ -177,13 +177,13 @@ def test_what_an_agent_makes_of_an_order(
     assert story.state.phase is phase
 
 
-def test_what_its_own_process_orders_is_answered_to_nobody() -> None:
+def test_orders_of_its_own_process_get_no_answer() -> None:
     for begun in (waiting, standby, flying, done):
         for order in FlightOrder:
             assert not [e for e in begun()(ev.OperatorCommand(order)) if isinstance(e, ev.Answer)]
 
 
-def test_what_an_operator_keeps_on_the_ground_its_own_process_does_not_launch() -> None:
+def test_its_own_process_does_not_launch_a_vehicle_that_an_operator_holds() -> None:
     story = standby()
     story(ev.OperatorCommand(HOLD, 1))
     assert story(ev.OperatorCommand(LAUNCH)) == []
@@ -191,7 +191,7 @@ def test_what_an_operator_keeps_on_the_ground_its_own_process_does_not_launch() 
     assert orders(story(ev.OperatorCommand(LAUNCH, 2))) == [LAUNCH]
 
 
-def test_a_launch_that_waits_for_a_plan_is_called_back() -> None:
+def test_a_hold_cancels_a_launch_that_waits_for_a_plan() -> None:
     story = replanning()
     story(ev.OperatorCommand(LAUNCH, 1))
     story(ev.OperatorCommand(HOLD, 2))
@@ -199,7 +199,7 @@ def test_a_launch_that_waits_for_a_plan_is_called_back() -> None:
     assert story.state.phase is Phase.STANDBY
 
 
-def test_a_launch_that_waits_for_a_plan_is_forgotten_by_a_boot() -> None:
+def test_a_reboot_cancels_a_launch_that_waits_for_a_plan() -> None:
     """Nobody stands there any more when it is ready again."""
     story = replanning()
     story(ev.OperatorCommand(LAUNCH, 1))
@@ -209,7 +209,7 @@ def test_a_launch_that_waits_for_a_plan_is_forgotten_by_a_boot() -> None:
     assert orders(story.accept()) == []
 
 
-def test_an_order_given_while_its_link_was_lost_is_given_when_it_is_heard() -> None:
+def test_an_order_during_a_lost_link_is_sent_when_the_link_is_restored() -> None:
     story = lost()
     story(ev.OperatorCommand(LAND, 1))
     story(ev.OrderFailed(LAND, "no answer"))
@@ -263,8 +263,8 @@ class Ground:
             self.said.append,
             CommandCounts(),
             uav=2,
-            closed=lambda command: closed if isinstance(command, GiveOrder) else "",
-            unseal=unseal,
+            refusal=lambda command: closed if isinstance(command, GiveOrder) else "",
+            seal=unseal,
         )
         self.desk.join(2, "uav2", self._post)
 
@@ -302,7 +302,7 @@ def test_orders_and_weights_have_keys_of_their_own() -> None:
     run_virtual(scene())
 
 
-def test_an_order_waits_for_no_weights() -> None:
+def test_orders_do_not_wait_for_weights() -> None:
     """Neither for an agent that has not come to new ones, nor for a flood of them."""
 
     async def scene() -> None:
@@ -320,7 +320,7 @@ def test_an_order_waits_for_no_weights() -> None:
     run_virtual(scene())
 
 
-def test_where_orders_are_not_taken_it_is_said_why_and_weights_are() -> None:
+def test_a_service_closed_for_orders_gives_the_reason_and_takes_weights() -> None:
     async def scene() -> None:
         bus = MemoryBus()
         ground = Ground(bus, closed="make keys first")
@@ -331,7 +331,7 @@ def test_where_orders_are_not_taken_it_is_said_why_and_weights_are() -> None:
     run_virtual(scene())
 
 
-def test_who_cannot_show_who_it_is_orders_nothing() -> None:
+def test_an_unsigned_order_is_refused() -> None:
     async def scene() -> None:
         bus = MemoryBus()
         ground = Ground(bus, unseal=Guarded())
@@ -345,7 +345,7 @@ def test_who_cannot_show_who_it_is_orders_nothing() -> None:
     run_virtual(scene())
 
 
-def test_who_asks_nonsense_all_the_time_keeps_no_operators_order_away() -> None:
+def test_a_flood_of_unsigned_requests_does_not_delay_the_operators_orders() -> None:
     """Neither its order nor its answer; and what nobody could open is not said each time."""
 
     async def scene() -> None:
@@ -365,7 +365,7 @@ def test_who_asks_nonsense_all_the_time_keeps_no_operators_order_away() -> None:
     run_virtual(scene())
 
 
-def test_more_nonsense_than_can_be_opened_is_neither_opened_nor_answered_and_counted() -> None:
+def test_requests_beyond_the_rate_limit_are_counted_and_not_answered() -> None:
     async def scene() -> None:
         bus, answers = MemoryBus(), []
         ground = Ground(bus, unseal=Guarded())
@@ -377,7 +377,7 @@ def test_more_nonsense_than_can_be_opened_is_neither_opened_nor_answered_and_cou
     run_virtual(scene())
 
 
-def test_without_keys_the_pace_is_everybodys() -> None:
+def test_without_keys_the_rate_limit_is_shared_by_all_senders() -> None:
     async def scene() -> None:
         bus, answers = MemoryBus(), []
         ground = Ground(bus)
@@ -417,7 +417,7 @@ def by_uav3(key: str, payload: bytes) -> bytes:
 
 
 @pytest.mark.parametrize("other", [forged, of_another_question, by_uav3])
-def test_only_what_the_vehicle_asked_has_signed_is_its_answer(
+def test_only_an_answer_signed_by_the_asked_vehicle_counts(
     other: Callable[[str, bytes], bytes],
 ) -> None:
     async def scene(*, is_there: bool) -> VehicleAnswer:
@@ -488,32 +488,32 @@ def test_a_vehicle_that_is_not_of_the_swarm_is_asked_nothing() -> None:
 
 
 @pytest.mark.parametrize("word", ["uav4", "4"])
-def test_whom_a_launch_does_not_wait_for_is_told_the_agent_by_system_id(word: str) -> None:
+def test_the_vehicle_to_ignore_is_sent_by_system_id(word: str) -> None:
     async def scene() -> None:
         bus = MemoryBus()
         ground = Ground(bus)
-        await client.ask(bus, STATION, GiveOrder((2,), "launch", past=(word,)))
-        assert ground.posted == [ev.OperatorCommand(LAUNCH, 1, past=(4,))]
+        await client.ask(bus, STATION, GiveOrder((2,), "launch", ignore=(word,)))
+        assert ground.posted == [ev.OperatorCommand(LAUNCH, 1, ignore=(4,))]
         with pytest.raises(client.Unclear, match="no vehicle has the system id or name uav9"):
-            await client.ask(bus, STATION, GiveOrder((2,), "launch", past=("uav9",)))
+            await client.ask(bus, STATION, GiveOrder((2,), "launch", ignore=("uav9",)))
         # An agent knows no names but its own.
         assert (
             "nothing was changed"
-            in (await asked(bus, ORDER, GiveOrder(None, "launch", past=("uav4",)))).refused
+            in (await asked(bus, ORDER, GiveOrder(None, "launch", ignore=("uav4",)))).refused
         )
         assert len(ground.posted) == 1
 
     run_virtual(scene())
 
 
-def test_an_order_that_names_nobody_to_launch_past_is_understood_by_earlier_versions() -> None:
+def test_an_order_that_ignores_no_vehicle_is_readable_by_earlier_versions() -> None:
     assert b"past" not in encode(GiveOrder((2,), "launch"))
     for order in ("hold", "return", "land"):
         with pytest.raises(ValueError, match="expected with launch alone"):
-            GiveOrder((2,), order, past=(4,))  # type: ignore[arg-type]
+            GiveOrder((2,), order, ignore=(4,))  # type: ignore[arg-type]
 
 
-def test_an_agent_that_answers_for_another_is_not_believed() -> None:
+def test_an_answer_for_another_vehicle_does_not_count() -> None:
     async def scene() -> OperatorAnswer:
         bus = MemoryBus()
         reply_of_another = encode(OperatorAnswer((VehicleAnswer(9, "uav9", "taken"),)))
@@ -525,7 +525,7 @@ def test_an_agent_that_answers_for_another_is_not_believed() -> None:
 
 
 @pytest.mark.parametrize("order", ["takeoff", "", None, 3])
-def test_what_is_no_order_is_refused(order: object) -> None:
+def test_an_unknown_order_is_refused(order: object) -> None:
     async def scene() -> None:
         bus = MemoryBus()
         ground = Ground(bus)
@@ -553,7 +553,7 @@ def meant(communication: dict[str, object], connect: str | None = None) -> clien
 
 
 @pytest.mark.usefixtures("nobody_flies")
-def test_where_agents_run_apart_each_is_asked_at_the_router_or_in_the_mesh() -> None:
+def test_agents_in_several_processes_are_asked_at_the_router_or_in_the_mesh() -> None:
     assert meant(APART) == client.Station("small", ROUTER, agents=VEHICLES)
     assert meant(MESHED) == client.Station("small", ROUTER, (OTHER,), VEHICLES)
     assert meant(APART, "tcp/10.0.0.2:7447") == client.Station("small", OTHER, agents=VEHICLES)

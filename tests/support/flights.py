@@ -39,6 +39,11 @@ class Ui:
 AREA = {"origin_lat_deg": 46.0, "origin_lon_deg": 14.4, "rows": 8, "cols": 8, "cell_size_m": 50.0}
 
 
+def coded(lines: list[str], vehicle: str, code: str) -> list[str]:
+    """Return the messages of a vehicle that end in a code."""
+    return [line for line in lines if line.startswith(f"{vehicle}:") and line.endswith(f"[{code}]")]
+
+
 def small(**sections: object) -> Scenario:
     """Three copters over 8 × 8 cells with 5 hostiles, unless `sections` say otherwise."""
     content: dict[str, object] = {

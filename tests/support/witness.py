@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -16,14 +17,14 @@ from mcap.reader import make_reader
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.fleet import Fleet, Truth
-from sim_vehicle.personalities.base import Behaviour
+from sim_vehicle.vehicle.behaviour import Behaviour
 from swarmctl.core.geo import LatLon, LocalFrame, distance_m
 from swarmctl.core.planar import distance_to_leg
 from swarmctl.flight.wiring import VIRTUAL_EPOCH_NS
 from swarmctl.mavlink.dialects import Dialect, dialect_for
 from swarmctl.report import record
-from swarmctl.report.evidence.book import FILE_NAME
 from swarmctl.report.evidence.chain import check
+from swarmctl.report.evidence.file import FILE_NAME
 from swarmctl.report.outcome import Report
 
 LIMIT_S = 1500.0
@@ -236,7 +237,7 @@ def _unwarned(witness: Witness, folder: Path) -> Iterator[str]:
         texts = [
             text.now_s
             for text in _log(folder, [f"/uav{uav}/text" for uav in pair], record.TextRecord)
-            if "too close" in text.text or " meet" in text.text
+            if re.search(r"\[(alarm|route-conflict|height-change|plan-deferred|landing-queue)", text.text)
         ]
         if not any(at_s[0] - WARNED_S <= said_s <= at_s[0] + CLOSE_FOR_S for said_s in texts):
             yield f"{at_s[0]:.1f} s: {pair} are too close, and nobody says so"
