@@ -43,12 +43,13 @@ SHOWN_PER_S, SHOWN_BURST = 0.1, 4
 """limits on messages about invalid seals"""
 TOO_FAST = encode(
     OperatorAnswer(
-        refused=f"more than {PER_S:g} commands a second; nothing was changed, repeat the command later"
+        refused=f"more than {PER_S:g} commands a second; nothing was changed, repeat the command later "
+        "[commands-too-fast]"
     )
 )
 KINDS: dict[type[Request], keys.Kind] = {SetWeights: "weights", GiveOrder: "order"}
 """key of each command"""
-BUSY = "has not handled its previous weights yet; nothing was changed, repeat the command later"
+BUSY = "has not handled its previous weights yet; nothing was changed, repeat the command later [vehicle-busy]"
 
 
 @dataclass(slots=True)
@@ -287,7 +288,7 @@ class OperatorService:
         waiting.reply(encode(OperatorAnswer(vehicles=tuple(answers))))
 
     def _unconfirmed(self, uav: int) -> VehicleAnswer:
-        note = f"received the command, and has not handled it within {ANSWER_WITHIN_S:g} s"
+        note = f"received the command, and has not handled it within {ANSWER_WITHIN_S:g} s [not-handled-yet]"
         return VehicleAnswer(uav, self._agents[uav][0], "unconfirmed", note=note)
 
     def _busy_answer(self, uav: int) -> VehicleAnswer:

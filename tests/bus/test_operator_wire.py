@@ -76,13 +76,13 @@ FOREIGN: dict[str, tuple[bytes, str]] = {
         packed(uavs=list(range(10, 100)), w=0.5),
         "name 10, 11, 12, 13, 14, 15, 16, 17, 18, 19 and 80 more; there is 1 (uav1)",
     ),
-    "too long to be read": (packed(uavs=[1], w=0.5) + bytes(MAX_QUESTION_BYTES), "more than 16384 bytes"),
+    "too long to be read": (packed(uavs=[1], w=0.5) + bytes(MAX_QUESTION_BYTES), "16384 bytes"),
 }
 """what the desk alone can refuse"""
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_what_makes_no_sense_is_no_command(name: str) -> None:
+def test_nonsense_is_refused_as_a_command(name: str) -> None:
     payload, why = WRONG[name]
     with pytest.raises(BadMessage) as refused:
         decode_command(payload)
@@ -105,14 +105,14 @@ def test_a_command_survives_the_wire(
 
 @given(st.binary(max_size=60))
 @settings(max_examples=examples(150), deadline=None, derandomize=True)
-def test_whatever_arrives_at_the_desk_is_a_command_or_refused(data: bytes) -> None:
+def test_any_bytes_are_a_command_or_refused(data: bytes) -> None:
     with suppress(BadMessage):
         decode_command(b"\x01" + data)
     with suppress(BadMessage):
         decode_answer(b"\x01" + data)
 
 
-def test_an_answer_of_a_later_version_is_understood_as_far_as_it_is_known() -> None:
+def test_unknown_fields_of_an_answer_are_ignored() -> None:
     later = {"type": "operator_answer", "refused": "no", "vehicles": [], "more": 1}
     assert decode_answer(b"\x01" + msgspec.msgpack.encode(later)) == OperatorAnswer(refused="no")
 
@@ -147,7 +147,7 @@ def test_a_command_reaches_the_vehicles_it_names_and_their_answers_come_back(bot
     asyncio.run(scene())
 
 
-def test_what_is_no_command_for_this_swarm_moves_nobody_is_counted_shown_and_answered(
+def test_an_invalid_command_reaches_no_vehicle_and_is_counted_shown_and_answered(
     both: Both, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(operator_service, "BURST", 99)
@@ -171,7 +171,7 @@ def test_the_largest_command_that_makes_sense_is_read() -> None:
     assert len(encode(SetWeights(names, 0.5, (0.7, 0.3, 0.1)))) <= MAX_QUESTION_BYTES
 
 
-def test_a_flood_of_bytes_ends_at_the_door() -> None:
+def test_an_oversized_question_never_reaches_the_service() -> None:
     """Zenoh drops what is larger than its listener allows; the operator hears of it as of silence."""
 
     async def scene() -> None:
@@ -187,7 +187,7 @@ def test_a_flood_of_bytes_ends_at_the_door() -> None:
     asyncio.run(scene())
 
 
-def test_commands_that_come_too_fast_are_refused_and_said_once_until_there_was_a_pause() -> None:
+def test_commands_above_the_rate_limit_are_refused_and_reported_once_until_a_pause() -> None:
     async def scene() -> None:
         bus = MemoryBus()
         station = Station(bus)
@@ -199,7 +199,7 @@ def test_commands_that_come_too_fast_are_refused_and_said_once_until_there_was_a
         for flood in (1, 2):
             refused = await give(30)
             assert refused[:8] == [""] * 8
-            assert all("faster than 4 a second; nothing was changed" in why for why in refused[8:])
+            assert all("[commands-too-fast]" in why for why in refused[8:])
             assert station.counts == CommandCounts(passed_on=8 * flood, refused=22 * flood)
             assert len(station.posted) == 8 * flood
             assert len(station.said) == flood
@@ -212,7 +212,7 @@ def test_commands_that_come_too_fast_are_refused_and_said_once_until_there_was_a
     run_virtual(scene())
 
 
-def test_a_wildcard_that_comes_too_fast_is_not_even_said() -> None:
+def test_wildcards_above_the_rate_limit_are_not_reported() -> None:
     async def scene() -> None:
         bus = MemoryBus()
         station = Station(bus)
@@ -225,7 +225,7 @@ def test_a_wildcard_that_comes_too_fast_is_not_even_said() -> None:
     run_virtual(scene())
 
 
-def test_questions_displace_nothing_that_vehicles_tell_each_other() -> None:
+def test_questions_displace_no_messages_between_vehicles() -> None:
     """None is served before the loop turns: what is too much by then is let go, its asker told nothing."""
 
     async def scene() -> None:
@@ -244,7 +244,7 @@ def test_questions_displace_nothing_that_vehicles_tell_each_other() -> None:
     asyncio.run(scene())
 
 
-def test_what_is_shown_of_a_command_cannot_steer_a_terminal() -> None:
+def test_the_text_about_a_refused_command_has_no_control_characters() -> None:
     async def scene() -> None:
         bus = MemoryBus()
         station = Station(bus)
@@ -256,7 +256,7 @@ def test_what_is_shown_of_a_command_cannot_steer_a_terminal() -> None:
     asyncio.run(scene())
 
 
-def test_nobody_answers_for_another_swarm(both: Both) -> None:
+def test_a_command_for_another_swarm_gets_no_answer(both: Both) -> None:
     async def scene() -> None:
         with both() as (ground, operator):
             station = Station(ground)
@@ -267,7 +267,7 @@ def test_nobody_answers_for_another_swarm(both: Both) -> None:
     asyncio.run(scene())
 
 
-def test_a_vehicle_that_is_busy_is_not_waited_for() -> None:
+def test_a_busy_vehicle_is_unconfirmed_after_the_time_out() -> None:
     async def scene() -> tuple[OperatorAnswer, float]:
         bus = MemoryBus()
         Station(bus, slow=(2,))
@@ -277,12 +277,12 @@ def test_a_vehicle_that_is_busy_is_not_waited_for() -> None:
 
     answer, took_s = run_virtual(scene())
     assert [v.outcome for v in answer.vehicles] == ["taken", "unconfirmed"]
-    assert "has not come to it within 3 s" in answer.vehicles[1].note
+    assert "[not-handled-yet]" in answer.vehicles[1].note
     assert took_s == pytest.approx(3.0)
     assert client.has_failed(SetWeights(None, w=0.2), answer)
 
 
-def test_a_vehicle_is_given_no_command_before_it_has_come_to_the_last() -> None:
+def test_a_vehicle_gets_no_new_weights_before_it_has_handled_the_last() -> None:
     async def scene() -> None:
         bus, there = MemoryBus(), client.Station("test", ANYWHERE)
         station = Station(bus, slow=(2,))
@@ -291,11 +291,11 @@ def test_a_vehicle_is_given_no_command_before_it_has_come_to_the_last() -> None:
 
         both_named = await client.ask(bus, there, SetWeights(None, w=0.3))
         assert [(v.uav, v.outcome) for v in both_named.vehicles] == [(1, "taken"), (2, "refused")]
-        assert "has not come to the command before" in both_named.vehicles[1].note
+        assert "[vehicle-busy]" in both_named.vehicles[1].note
         assert client.has_failed(SetWeights(None, w=0.3), both_named)
 
         alone = await client.ask(bus, there, SetWeights((2,), w=0.3))
-        assert "has come to the command before" in alone.refused
+        assert "[vehicle-busy]" in alone.refused
         assert [(uav, event.command) for uav, event in station.posted] == [(2, 1), (1, 2)]
         assert station.counts == CommandCounts(passed_on=2, refused=1)
 
@@ -323,9 +323,9 @@ def test_a_vehicle_is_named_by_its_name_or_its_system_id() -> None:
     ("words", "meant"),
     [
         (["alpha"], [3]), (["3"], [3]), ([3], [3]), (["7"], [5]), (["5"], [5]), (["9", "alpha", 3], [3, 9]),
-        (["03"], "no vehicle has the system id or name 03; there is 3 (alpha), 5 (7), 9 (3x), 11 (9x)"),
-        (["Alpha"], "no vehicle has"),
-        ([""], "no vehicle has"),
+        (["03"], "3 (alpha), 5 (7), 9 (3x), 11 (9x)"),
+        (["Alpha"], "Alpha"),
+        ([""], "3 (alpha)"),
     ],
 )  # fmt: skip
 def test_a_name_or_system_id_means_one_vehicle(words: list[int | str], meant: list[int] | str) -> None:
@@ -337,16 +337,16 @@ def test_a_name_or_system_id_means_one_vehicle(words: list[int | str], meant: li
             resolve_vehicles(words, names)
 
 
-def test_a_word_that_is_the_name_of_one_and_the_system_id_of_another_is_not_guessed() -> None:
-    with pytest.raises(ValueError, match=r"3 means two vehicles, 3 \(alpha\), 5 \(3\): say the one by"):
+def test_a_name_that_is_also_another_vehicles_system_id_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"3 \(alpha\), 5 \(3\)"):
         resolve_vehicles(["3"], {3: "alpha", 5: "3"})
 
 
-def test_a_station_that_is_stuck_is_said_to_leave_it_open() -> None:
+def test_a_station_without_an_answer_leaves_the_outcome_unknown() -> None:
     async def scene() -> None:
         bus = MemoryBus()
         bus.serve(KEY, lambda key, payload, reply: None)
         await client.ask(bus, client.Station("test", ANYWHERE), SetWeights((1,), w=0.2))
 
-    with pytest.raises(client.NoAnswer, match="whether it took the command is not known"):
+    with pytest.raises(client.NoAnswer, match="no-answer"):
         run_virtual(scene())

@@ -190,10 +190,10 @@ def test_gilberts_chances_have_the_share_and_the_burst_asked_for(loss: float, bu
 
 
 def test_bursts_that_cannot_be_say_what_could() -> None:
-    with pytest.raises(ValueError, match=r"1 in a row cannot make up 0\.9 of all.*; give at least 9, or"):
+    with pytest.raises(ValueError, match=r"0\.9\b.*\b9\b"):
         RadioSettings(loss=0.9, loss_burst=1.0)
     assert RadioSettings(loss=0.9, loss_burst=9.0).loss_burst == 9.0
-    with pytest.raises(ValueError, match="from 0 to below 1"):
+    with pytest.raises(ValueError, match=r"\b0 .*\b1"):
         RadioSettings(loss=1.0)
 
 

@@ -133,6 +133,12 @@ def test_a_link_whose_end_is_not_told_is_missing_in_two_lists() -> None:
     assert not links
 
 
+def test_a_link_that_is_reported_twice_is_one_change() -> None:
+    links = LinkSet()
+    assert [links.changed(("a", "b"), has_come=True) for _ in range(2)] == [True, False]
+    assert [links.changed(("a", "b"), has_come=False) for _ in range(2)] == [True, False]
+
+
 def test_a_link_that_has_just_come_may_be_missing_in_a_list() -> None:
     links = LinkSet()
     links.listed([])

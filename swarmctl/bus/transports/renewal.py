@@ -9,6 +9,7 @@ asks the neighbour to renew its own.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Collection, Iterable, Mapping
 
 LinkEnds = tuple[str, str]
@@ -27,9 +28,14 @@ MISSED = ""
 
 
 class LinkSet:
-    """The links of a session. Zenoh's events leave out how some of them end; several threads report them."""
+    """The links of a session, from events of several threads.
+
+    Zenoh leaves out the end of some links. It reports a link twice that comes up while its events are
+    subscribed to with history.
+    """
 
     def __init__(self) -> None:
+        self._lock = threading.Lock()
         self._known: set[LinkEnds] = set()
         self._doubted: set[LinkEnds] = set()
         self._alone_since_s: float | None = None
@@ -37,18 +43,24 @@ class LinkSet:
     def __len__(self) -> int:
         return len(self._known)
 
-    def changed(self, ends: LinkEnds, *, has_come: bool) -> None:
-        (self._known.add if has_come else self._known.discard)(ends)
+    def changed(self, ends: LinkEnds, *, has_come: bool) -> bool:
+        """Record an event; return False if it repeats what is known."""
+        with self._lock:
+            if (ends in self._known) == has_come:
+                return False
+            (self._known.add if has_come else self._known.discard)(ends)
+            return True
 
     def listed(self, listed: Iterable[LinkEnds]) -> None:
         """Compare with a full list; a link that is missing in two lists in a row has ended.
 
         A single list may miss a link that has just come up.
         """
-        missing = self._known.copy()
-        missing.difference_update(listed)
-        self._known.difference_update(missing & self._doubted)
-        self._doubted = missing
+        there = set(listed)
+        with self._lock:
+            missing = self._known - there
+            self._known -= missing & self._doubted
+            self._doubted = missing
 
     def alone_s(self, now_s: float) -> float:
         """Return the time since the first call without any link [s]."""

@@ -340,8 +340,8 @@ class ZenohBus:
     def _link_changed(self, links: LinkSet, event: zenoh.LinkEvent) -> None:
         # Called by several threads at once, and perhaps for a session that has been replaced.
         has_come = event.kind == zenoh.SampleKind.PUT
-        links.changed((event.link.src, event.link.dst), has_come=has_come)
-        if self._on_link is not None:
+        is_change = links.changed((event.link.src, event.link.dst), has_come=has_come)
+        if is_change and self._on_link is not None:
             report = partial(self._on_link, event.link.dst, event.link.auth_identifier, has_come)
             self._inbox.take(OWN_QUEUE, "", report)
 
