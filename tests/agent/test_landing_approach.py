@@ -103,7 +103,7 @@ def test_it_lands_into_the_heading_that_is_asked_for() -> None:
 def test_no_leg_leaves_the_fence_whichever_way_it_comes(heading_rad: float) -> None:
     fence = box(-420.0, -330.0, 180.0, 150.0)
     comes = Pose((0.0, 0.0), heading_rad)
-    found = chosen(fence, from_pose=comes)
+    found = chosen(fence, comes=comes)
     way = [*path_to_circle(comes, found, 40.0), *found.outline()]
     assert all(contains(fence, point) for point in way)
 

@@ -1,1 +1,1 @@
-"""Arriving together: one time for all, and the speed or route that meets it."""
+"""Simultaneous arrival: one arrival time for all vehicles, and the speed or route of each that meets it."""

@@ -1,4 +1,4 @@
-"""One arrival for many: what all know makes all agree, without a word of negotiation."""
+"""The common arrival time: each agent computes it from the same numbers, so that no negotiation is needed."""
 
 from __future__ import annotations
 
@@ -6,47 +6,53 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 LEAST_SHARE = 0.2
-"""of its speed, below which a vehicle is not slowed down"""
+"""least speed of a vehicle that waits for others, as a share of its full speed"""
 LEAST_M_S = 1.0
-"""nor below this: what is slower cannot be told from one that stands, and is sent home for that"""
+"""least speed of such a vehicle [m/s]; the failsafe against vehicles that stand still would act on a slower
+one"""
 HALVINGS = 14
-"""to within a millimetre a second"""
+"""number of bisections for a speed, to within 1 mm/s"""
 
 
 @dataclass(frozen=True, slots=True)
 class ArrivalGroup:
-    """What a vehicle has to know of it beforehand."""
+    """The vehicles that arrive together, and the rules of their arrival."""
 
     rank: Mapping[int, int]
-    """system id -> which it is in the order of arrivals, from 0"""
+    """system id -> position in the order of arrivals, from 0"""
     spacing_s: float = 0.0
-    """from one arrival to the next; 0: all at once"""
+    """time between consecutive arrivals [s]; 0: all at once"""
     tolerance_s: float = 3.0
+    """greatest difference from the planned arrival times that the report accepts [s]"""
     slowest_m_s: float = 0.0
-    """nobody is slowed down below this"""
+    """least speed of a vehicle that waits for others [m/s]"""
 
 
 def agreed_arrival_s(group: ArrivalGroup, earliest_s: Mapping[int, float]) -> float:
-    """When the first of them is due, by who can be there when at the earliest [s]: the slowest sets it.
-    Raises ValueError where nobody can."""
+    """Return the arrival time of the first vehicle [s], from the earliest possible times of all.
+
+    The slowest vehicle sets it. Raises ValueError without any vehicle.
+    """
     return max(at_s - group.rank[uav] * group.spacing_s for uav, at_s in earliest_s.items())
 
 
 def due_s(group: ArrivalGroup, uav: int, earliest_s: Mapping[int, float]) -> float:
-    """When `uav`, who is one of them, is due [s]: never before it can be there."""
+    """Return the arrival time of `uav`, a vehicle of the group [s]; it is never before its earliest one."""
     return agreed_arrival_s(group, earliest_s) + group.rank[uav] * group.spacing_s
 
 
 def least_m_s(most_m_s: float, slowest_m_s: float = 0.0) -> float:
-    """The least speed that a vehicle is given: LEAST_SHARE of its own, or more where it needs more."""
+    """Return the least speed for a vehicle [m/s]: LEAST_SHARE of its full speed, or a higher limit."""
     return min(max(LEAST_SHARE * most_m_s, slowest_m_s, LEAST_M_S), most_m_s)
 
 
 def speed_for(
     arrives_s: Callable[[float], float], due_s: float, most_m_s: float, slowest_m_s: float = 0.0
 ) -> float:
-    """The speed at which a vehicle arrives when it is due, `arrives_s(speed)` falling with speed [m/s];
-    between `least_m_s` and `most_m_s`, where it cannot be met."""
+    """Return the speed [m/s] at which a vehicle arrives at `due_s`; `arrives_s(speed)` falls with speed.
+
+    If no speed between `least_m_s` and `most_m_s` meets the time, it is the nearer one of the two.
+    """
     low, high = least_m_s(most_m_s, slowest_m_s), most_m_s
     if arrives_s(high) >= due_s:
         return high

@@ -1,4 +1,5 @@
-"""Arriving together: when a vehicle can be there, which it tells, and how fast it flies to be there then."""
+"""Simultaneous arrival of one vehicle: its earliest arrival for the others, and the speed for the common
+time."""
 
 from __future__ import annotations
 
@@ -19,20 +20,25 @@ from swarmctl.agent.traffic.collision_avoidance import track_ahead
 from swarmctl.core import events as ev
 from swarmctl.core.any_angle.turns import rounded
 from swarmctl.core.frames import StateShared
+from swarmctl.core.planar import PlanarPoint
 
 EVERY_S = 2.0
-"""no oftener is a vehicle given another speed …"""
+"""least time between two speed changes [s]"""
 WORTH_M_S = 0.2
-"""… and only where it differs by so much"""
+"""least speed change that is sent [m/s]"""
 NEAR_S = 4.0
-"""so near to its goal it is left alone: it brakes there in any case"""
+"""time before the goal from which the speed stays [s]: the vehicle brakes there in any case"""
 UNKNOWN_M_S = 0.0
+"""mark for an unknown speed, after a failed change"""
 WAITED_FOR = frozenset({Phase.STANDBY, Phase.LAUNCHING, Phase.FLYING})
 
 
 def earliest_in_s(state: AgentState) -> float | None:
-    """In how many seconds it could be over its goal on its route at its full speed, or how long ago it was,
-    negative; None where it is on no way there. What stands ready is taken to be launched now."""
+    """Return the least time until the vehicle is over its goal, on its route at full speed [s].
+
+    The time is negative after the arrival, and None for a vehicle that does not fly to its goal. A vehicle on
+    standby counts as launched now.
+    """
     if state.task.arrival_group is None:
         return None
     if state.arrived_boot_s is not None and (state.phase is Phase.LANDING or state.outcome == ARRIVED):
@@ -42,7 +48,8 @@ def earliest_in_s(state: AgentState) -> float | None:
 
 
 def note_arrival_times(state: AgentState, told: Sequence[tuple[int, StateShared]]) -> AgentState:
-    """When others can be there, by this vehicle's clock. Whoever is on no way there is not waited for."""
+    """Note the earliest arrivals of others, by this vehicle's clock; forget those that do not fly to a
+    goal."""
     if state.task.arrival_group is None:
         return state
     now_s = state.vehicle.time_boot_s
@@ -53,7 +60,7 @@ def note_arrival_times(state: AgentState, told: Sequence[tuple[int, StateShared]
 
 
 def adjust_speed(state: AgentState) -> StepResult:
-    """With each position: another speed where that brings it nearer to when it is due."""
+    """Set another speed if the vehicle would otherwise miss its arrival time; called for each position."""
     group, now_s = state.task.arrival_group, state.vehicle.time_boot_s
     is_under_way = state.phase is Phase.FLYING and state.route is not None and state.pending is None
     if group is None or not is_under_way or state.vehicle.mode_role != "mission" or state.lost:
@@ -76,27 +83,29 @@ def adjust_speed(state: AgentState) -> StepResult:
 
 
 def speed_failed(state: AgentState, event: ev.SpeedFailed, _now: float) -> StepResult:
-    """It flies as before, whatever that is: it is tried again."""
+    """Note that the speed is unknown, so that it is set again."""
     return replace(state, speed_m_s=UNKNOWN_M_S, trouble=event.reason), []
 
 
 @dataclass(frozen=True, slots=True)
 class _PathToGoal:
-    """What lies between a vehicle and its goal cell."""
+    """The flight from a vehicle to its goal cell."""
 
-    track: Sequence[tuple[float, float]]
-    """from where it is (east, north) [m]"""
+    track: Sequence[PlanarPoint]
+    """points from the vehicle on"""
     rim_m: float
-    """so far before the end it is over its goal"""
+    """distance from the edge of the goal cell to the end of the track [m]"""
     begins_m_s: float
+    """present speed [m/s]"""
     up_s: float
-    """until it is at its height"""
+    """time until the vehicle is at its height [s]"""
     stop: BrakingStop | None = None
-    """for a plan that it takes up"""
+    """stop before the start of a new plan"""
     turn_radius_m: float | None = None
-    """of what flies at one speed all the way, and rounds its corners; None: it brakes there"""
+    """turn radius of a fixed wing, which flies at one speed [m]; None for a vehicle that brakes at corners"""
 
     def arrives_in_s(self, speed_m_s: float) -> float:
+        """Return the time until the vehicle is over its goal cell, if it flies at this speed [s]."""
         if self.turn_radius_m is not None:
             flown, _ = rounded(self.track, self.turn_radius_m)
             way_m = math.fsum(math.dist(a, b) for a, b in pairwise(flown))
@@ -118,23 +127,22 @@ def _path_to_goal(state: AgentState) -> _PathToGoal | None:
     points = [(*grid.frame.to_local(p.lat_deg, p.lon_deg), p.alt_rel_m) for p in swap.plan.waypoints]
     track = [point[:2] for point in (here, *track_ahead(points, here))]
     wings, rim_m = state.task.wings, _rim_m(track, grid.cell_size_m)
-    if wings is not None:  # which climbs on its way
+    speed_m_s = vehicle.ground_speed_m_s
+    if wings is not None:  # a fixed wing climbs along its route
         roll_s = 0.0 if vehicle.armed else ROLL_S
-        return _PathToGoal(
-            track, rim_m, vehicle.ground_speed_m_s, roll_s, turn_radius_m=state.task.turn_radius_m
-        )
+        return _PathToGoal(track, rim_m, speed_m_s, roll_s, turn_radius_m=state.task.turn_radius_m)
     up_s = max(state.height_m - here[2], 0.0) / CLIMB_M_S + (0.0 if vehicle.armed else LIFT_S)
-    return _PathToGoal(track, rim_m, vehicle.ground_speed_m_s, up_s, stop_ahead(state))
+    return _PathToGoal(track, rim_m, speed_m_s, up_s, stop_ahead(state))
 
 
 def _slowest_m_s(state: AgentState, group: ArrivalGroup) -> float:
-    """As configured; what flies by its speed needs some in any case."""
+    """Return the configured least speed, or that of the fixed wing if it is higher [m/s]."""
     wings = state.task.wings
     return group.slowest_m_s if wings is None else max(group.slowest_m_s, wings.min_speed_m_s)
 
 
-def _rim_m(track: Sequence[tuple[float, float]], cell_size_m: float) -> float:
-    """How far before the centre of its goal cell a vehicle comes over it, by the direction it comes from."""
+def _rim_m(track: Sequence[PlanarPoint], cell_size_m: float) -> float:
+    """Return the length of the last leg inside the goal cell [m], by the direction of the leg."""
     if len(track) < 2:
         return 0.0
     (e0, n0), (e1, n1) = track[-2:]

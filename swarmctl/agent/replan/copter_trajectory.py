@@ -1,4 +1,7 @@
-"""From a plan to where its vehicle is at what time: the trajectory by which vehicles are kept apart. Pure."""
+"""The predicted trajectory of a flight plan, which collision avoidance compares with others. Pure.
+
+A fixed wing's is in `wing_trajectory`.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from itertools import pairwise
 
 from swarmctl.agent.replan import travel_time, wing_trajectory
 from swarmctl.agent.replan.length_bounds import CLIMB_M_S, LIFT_S
-from swarmctl.agent.replan.stopping import ANEW_M_S, BrakingStop, split_track
+from swarmctl.agent.replan.stopping import RESTART_M_S, BrakingStop, split_track
 from swarmctl.agent.state import Task
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
 from swarmctl.core.geo import LatLon
@@ -17,21 +20,21 @@ from swarmctl.core.mission import FlightPlan, Waypoint
 from swarmctl.core.planar import PlanarPoint
 
 DESCENT_M_S = 1.5
-"""at which a landing begins: ArduCopter's WPNAV_SPEED_DN as it comes"""
+"""descent rate down to LOW_M [m/s]: the default of ArduCopter's WPNAV_SPEED_DN"""
 LAND_M_S = 0.5
-"""and goes on from LOW_M above home: LAND_SPEED"""
+"""descent rate below LOW_M [m/s]: the default of LAND_SPEED"""
 LEVEL_S = 0.4
-"""What is climbed in less is level."""
-APART_S = 1e-3
-"""Two points of a flight that are nearer in time are one."""
+"""longest change of height that counts as level flight [s]"""
+SAME_TIME_S = 1e-3
+"""difference in time below which two points of a flight are one [s]"""
 LOW_M = 10.0
-"""LAND_ALT_LOW"""
+"""height above home at which the descent slows down [m]: the default of LAND_ALT_LOW"""
 
 
 def from_takeoff(task: Task, plan: FlightPlan, start: LatLon) -> Trajectory:
-    """A whole flight, from when it is armed at `start` to its touch-down; up is above home [m].
+    """Return the trajectory of a whole flight, from arming at `start` to the touchdown; up is above home [m].
 
-    It climbs on the spot, flies to its first waypoint as to every other, and comes down at its landing spot.
+    The copter climbs vertically, flies to its waypoints, and descends vertically at its landing spot.
     """
     if task.wings is not None:
         return wing_trajectory.from_takeoff(task, plan, start)
@@ -40,12 +43,12 @@ def from_takeoff(task: Task, plan: FlightPlan, start: LatLon) -> Trajectory:
 
 
 def height_of(plan: FlightPlan) -> float:
-    """The height above home at which a plan is flown [m]."""
+    """Return the height above home at which a plan is flown [m]."""
     return plan.landing.alt_rel_m
 
 
 def at_height(plan: FlightPlan, height_m: float) -> FlightPlan:
-    """The same over ground, `height_m` above home."""
+    """Return the plan with the same ground track, `height_m` above home."""
     return replace(
         plan,
         takeoff_alt_m=height_m if plan.approach is None else plan.takeoff_alt_m,
@@ -55,9 +58,10 @@ def at_height(plan: FlightPlan, height_m: float) -> FlightPlan:
 
 
 def with_level_off(task: Task, plan: FlightPlan, here: LocalPoint, after_s: float) -> FlightPlan:
-    """The same with a waypoint more where it is at its height, which it begins to come to in `after_s`.
+    """Return the plan with one more waypoint, at the place where the vehicle reaches the plan's height.
 
-    Between waypoints vehicles rise and sink evenly: to a far one it would come to its height only there.
+    The vehicle begins the climb or descent in `after_s`. Between waypoints vehicles climb evenly, so without
+    the waypoint the vehicle would reach the height only at a far first waypoint.
     """
     height_m, place = height_of(plan), waypoints_of(task, plan)[0]
     rate_m_s = CLIMB_M_S if height_m > here[2] else DESCENT_M_S
@@ -71,60 +75,64 @@ def with_level_off(task: Task, plan: FlightPlan, here: LocalPoint, after_s: floa
 
 
 def waypoints_of(task: Task, plan: FlightPlan) -> list[PlanarPoint]:
-    """The waypoints of a plan, and where it comes down."""
+    """Return the waypoints of a plan, and its landing spot."""
     frame = task.grid.frame
     return [frame.to_local(point.lat_deg, point.lon_deg) for point in (*plan.track, plan.landing)]
 
 
 def climb_then_fly(
-    here: LocalPoint, height_m: float, way: Sequence[PlanarPoint], speed_m_s: float, lift_s: float = 0.0
+    here: LocalPoint, height_m: float, path: Sequence[PlanarPoint], speed_m_s: float, lift_s: float = 0.0
 ) -> Trajectory:
-    """From when it begins to climb on the spot, after `lift_s`, along a way at that height, and down."""
+    """Return the trajectory of a vertical climb after `lift_s`, a flight along `path`, and a landing."""
     up_s = lift_s + max(height_m - here[2], 0.0) / CLIMB_M_S
     there = (here[0], here[1], height_m)
     if up_s == 0.0:
-        return fly_along(there, height_m, way, speed_m_s)
-    flight = fly_along(there, height_m, way, speed_m_s).later(up_s)
+        return fly_along(there, height_m, path, speed_m_s)
+    flight = fly_along(there, height_m, path, speed_m_s).later(up_s)
     return Trajectory((0.0, *flight.times_s), (here, *flight.points))
 
 
 def fly_with_stop(
     here: LocalPoint,
     height_m: float,
-    way: Sequence[PlanarPoint],
+    path: Sequence[PlanarPoint],
     speed_m_s: float,
     begins_m_s: float,
     stop: BrakingStop | None,
 ) -> Trajectory:
-    """As `fly_along`, for one that stops on its way and keeps its height until then; None: it does not stop."""
-    parts = None if stop is None else split_track([here[:2], *way], stop.in_m)
+    """Return the trajectory of `fly_along` with a stop, before which the copter keeps its height.
+
+    Without a stop (None) the result is that of `fly_along`.
+    """
+    parts = None if stop is None else split_track([here[:2], *path], stop.in_m)
     if stop is None or parts is None:
-        return fly_along(here, height_m, way, speed_m_s, begins_m_s)
+        return fly_along(here, height_m, path, speed_m_s, begins_m_s)
     until, rest = parts
     if (brakes := split_track(until, stop.on_m)) is not None:
         until = [*brakes[0], *brakes[1][1:]]
     points, times_s, way_m = [here], [0.0], 0.0
     for a, b in pairwise(until[:-1]):
         way_m += math.dist(a, b)
-        if times_s[-1] + APART_S < (at_s := stop.passed_s(way_m)) < stop.in_s - APART_S:
+        if times_s[-1] + SAME_TIME_S < (at_s := stop.passed_s(way_m)) < stop.in_s - SAME_TIME_S:
             points.append((*b, here[2]))
             times_s.append(at_s)
-    on = fly_along((*rest[0], here[2]), height_m, rest[1:], speed_m_s, ANEW_M_S).later(stop.in_s)
+    on = fly_along((*rest[0], here[2]), height_m, rest[1:], speed_m_s, RESTART_M_S).later(stop.in_s)
     return Trajectory((*times_s, *on.times_s), (*points, *on.points))
 
 
 def fly_along(
-    here: LocalPoint, height_m: float, way: Sequence[PlanarPoint], speed_m_s: float, begins_m_s: float = 0.0
+    here: LocalPoint, height_m: float, path: Sequence[PlanarPoint], speed_m_s: float, begins_m_s: float = 0.0
 ) -> Trajectory:
-    """In flight: on from `here`, at `begins_m_s`, along a way, which it comes to at `height_m`, and down."""
-    corners, passed_s = travel_time.timed([here[:2], *way], speed_m_s, begins_m_s=begins_m_s)
-    if len(corners) > 1 and way[0] not in corners[:2] and way[0] != here[:2]:
-        # Straight on, but it is level from there.
-        share = min(math.dist(here[:2], way[0]) / math.dist(here[:2], corners[1]), 0.99)
-        corners.insert(1, way[0])
+    """Return the trajectory from `here`, with speed `begins_m_s`, along `path` at `height_m`, and a
+    landing."""
+    corners, passed_s = travel_time.timed([here[:2], *path], speed_m_s, begins_m_s=begins_m_s)
+    if len(corners) > 1 and path[0] not in corners[:2] and path[0] != here[:2]:
+        # This point is on a straight line, but the flight is level from it on.
+        share = min(math.dist(here[:2], path[0]) / math.dist(here[:2], corners[1]), 0.99)
+        corners.insert(1, path[0])
         passed_s.insert(1, share * passed_s[1])
     points, times_s = [here], [0.0]
-    # As steeply as it can, where that takes longer than the way.
+    # A climb that takes longer than the first leg delays all later points.
     rate_m_s = CLIMB_M_S if height_m > here[2] else DESCENT_M_S
     late_s = max(abs(height_m - here[2]) / rate_m_s - passed_s[1], 0.0) if len(corners) > 1 else 0.0
     for corner, at_s in zip(corners[1:], passed_s[1:], strict=True):
@@ -134,13 +142,13 @@ def fly_along(
 
 
 def land_from(points: Sequence[LocalPoint], times_s: Sequence[float]) -> Trajectory:
-    """A flight that ends with a landing on the spot, from its last point."""
+    """Return the trajectory through these points with a vertical landing from the last of them."""
     points, times_s = [*points], [*times_s]
     east_m, north_m, up_m = points[-1]
     if up_m > LOW_M:
         points.append((east_m, north_m, LOW_M))
         times_s.append(times_s[-1] + (up_m - LOW_M) / DESCENT_M_S)
-    # Who is down already is there for a moment yet.
+    # A vehicle on the ground keeps its place for a moment, so that the trajectory has a duration.
     points.append((east_m, north_m, min(up_m, 0.0)))
     times_s.append(times_s[-1] + max(min(up_m, LOW_M), LOW_M / 100.0) / LAND_M_S)
     return Trajectory(tuple(times_s), tuple(points))

@@ -1,4 +1,4 @@
-"""Which route, and whether it is worth changing the mission for it."""
+"""The choice of a route, and of whether it is worth a change of the mission."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from swarmctl.agent.replan.time_bound import (
     ahead_lost_s,
     bounds_of,
     change_cells,
-    entry_leg,
     is_no_worse,
+    joining_leg,
     lateness_s,
     lead_in_to,
     route_lost_s,
@@ -42,7 +42,7 @@ _STEPS = {(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1)}
 
 
 def decide(state: AgentState) -> tuple[AgentState, list[ev.Effect]]:
-    """Plan with all that is known; change the mission if that brings something."""
+    """Plan a route from all that is known; change the mission if the new route is better."""
     p_s = believed_exposure(state.task, state.belief, state.strength)
     return _decide_from(state, p_s, _planning_start(state))
 
@@ -50,43 +50,45 @@ def decide(state: AgentState) -> tuple[AgentState, list[ev.Effect]]:
 def _decide_from(
     state: AgentState, p_s: NDArray[np.float64], here: Cell, off_track: Splice | None = None
 ) -> tuple[AgentState, list[ev.Effect]]:
-    """`here`: the cell of the route that is flown abreast of the vehicle; or, where it leaves a track that is
-    no good any more (`off_track`), that where it does."""
+    """Plan a route from `here`, the cell of the present route beside the vehicle.
+
+    With `off_track`, the splice at which the vehicle leaves a track, `here` is the cell of the splice point.
+    """
     task = with_spare_time(state, replace(state.task, altitude_m=state.height_m))
-    branch = splice_on_route(state, here, p_s) if off_track is None else off_track
-    start, begun = branch.kept[-1], entry_leg(state, branch)
-    if branch.leaves_ahead and start in task.goals and not state.must_change:
-        # It is there before anything else could be flown.
+    splice = splice_on_route(state, here, p_s) if off_track is None else off_track
+    start, joining = splice.kept[-1], joining_leg(state, splice)
+    if splice.leaves_ahead and start in task.goals and not state.must_change:
+        # The vehicle is at its goal before it could have another mission.
         return replace(state, exposure=p_s, route_exposure=p_s, dirty=False, because=()), []
     ahead = _cells_ahead(state, start)
-    underway = lead_in_to(state, start, ahead, branch)
-    problem = _problem(task, p_s, start, state.w, underway)
-    change = change_cells(state, start, underway, branch)
+    lead_in = lead_in_to(state, start, ahead, splice)
+    problem = _problem(task, p_s, start, state.w, lead_in)
+    change = change_cells(state, start, lead_in, splice)
     try:
-        route = route_within_bounds(task, problem, change, begun)
+        route = route_within_bounds(task, problem, change, joining)
     except BoundTooTight as error:
-        route = error.nearest  # a vehicle that is late is not stopped for it
-    lost_s = 0.0 if ahead is None else ahead_lost_s(state, start, ahead, branch)
-    keeps = ahead is not None and is_no_worse(task, problem, ahead, route, change, lost_s, begun)
+        route = error.nearest  # a late vehicle flies on by the best route there is
+    lost_s = 0.0 if ahead is None else ahead_lost_s(state, start, ahead, splice)
+    keeps = ahead is not None and is_no_worse(task, problem, ahead, route, change, lost_s, joining)
     holds = off_track is not None or not keeps or is_track_still_good(state, p_s, here)
     keeps = keeps and holds and not state.must_change
     if not keeps and off_track is None and task.wings is None and _is_on_track(state):
-        # So far the route was looked at from abreast of the vehicle; a new one leaves the track ahead of it.
-        branch, must = splice_on_track(state, p_s), state.must_change or not holds
+        # This search began beside the vehicle, but a new route leaves the track at a splice point ahead.
+        splice, must = splice_on_track(state, p_s), state.must_change or not holds
         state = replace(state, searches=state.searches + 1, must_change=must)
-        return _decide_from(state, p_s, branch.kept[-1], branch)
+        return _decide_from(state, p_s, splice.kept[-1], splice)
     length = length_cells(ahead) if ahead is not None and keeps else route.length_cells
-    lost_s = lost_s if keeps else route_lost_s(task, route.cells, begun)
-    late_s = lateness_s(state, problem, underway, length, lost_s) if state.task.arrival.is_bounded else None
+    lost_s = lost_s if keeps else route_lost_s(task, route.cells, joining)
+    late_s = lateness_s(state, problem, lead_in, length, lost_s) if state.task.arrival.is_bounded else None
     state = replace(
         state, exposure=p_s, searches=state.searches + 1, dirty=False, planned=route, late_s=late_s
     )
     if keeps:
         return replace(state, route_exposure=p_s, because=()), []
-    route = _from_vehicle(task, problem, route, branch)
+    route = _from_vehicle(task, problem, route, splice)
     track, position = pulled_track(task, problem, route), _position(state)
     flown = route if track is None else track
-    plan = mission_for(task, p_s, route, track, position, branch)
+    plan = mission_for(task, p_s, route, track, position, splice)
     if position is not None:
         begins = Waypoint(*position, state.height_m)
         plan = replace(plan, begins=begins, from_hold=state.hold_is_own)
@@ -106,18 +108,19 @@ def _decide_from(
     return state, [swap]
 
 
-def _from_vehicle(task: Task, problem: Problem, route: Route, branch: Splice) -> Route:
-    """The route with what it has in common with the old one before it, and what all that adds up to."""
-    if len(branch.kept) == 1:
+def _from_vehicle(task: Task, problem: Problem, route: Route, splice: Splice) -> Route:
+    """Return the route with the cells of the old route before the splice point, and the measures of the
+    whole."""
+    if len(splice.kept) == 1:
         return route
-    cells = (*branch.kept[:-1], *route.cells)
+    cells = (*splice.kept[:-1], *route.cells)
     whole = replace(problem, start=cells[0], min_length_cells=0.0, max_length_cells=math.inf)
     cost = task.method.measure(whole, cells)
     return route_of(whole, cells, cost if math.isfinite(cost) else route.cost)
 
 
 def believed_exposure(task: Task, belief: Belief, strength: FiringStrength) -> NDArray[np.float64]:
-    """P_s (rows, cols), Eq. 3 over Eq. 4; infinite where flying is forbidden."""
+    """Return P_s (rows, cols), Eq. 3 over Eq. 4; infinite for no-fly cells."""
     p_s = exposure(belief.occupancy(), strength)
     for cell in task.no_fly:
         p_s[cell] = math.inf
@@ -125,26 +128,30 @@ def believed_exposure(task: Task, belief: Belief, strength: FiringStrength) -> N
 
 
 def first_route(task: Task, belief: Belief, w: float | None = None) -> Route:
-    """The route from the entry cell, as planned before anything is flown. Raises Unreachable; BoundTooTight
-    where no route meets the task's bound."""
+    """Return the route from the entry cell, as planned before the flight.
+
+    Raises Unreachable, or BoundTooTight if no route meets the task's time bound.
+    """
     return route_within_bounds(task, first_problem(task, belief, w))
 
 
 def first_problem(task: Task, belief: Belief, w: float | None = None) -> Problem:
-    """What a planner is asked before anything is flown."""
+    """Return the planning problem before the flight."""
     p_s = believed_exposure(task, belief, task.strength)
-    underway = before_takeoff(task.arrival, task.altitude_m)
-    return _problem(task, p_s, task.entry, task.w if w is None else w, underway)
+    lead_in = before_takeoff(task.arrival, task.altitude_m)
+    return _problem(task, p_s, task.entry, task.w if w is None else w, lead_in)
 
 
 def first_flight(task: Task, problem: Problem, route: Route) -> FlightPlan:
-    """The mission for a route from the entry cell that answers `first_problem`. Raises Unreachable where a
-    vehicle that needs room to turn cannot fly it."""
+    """Return the mission for a route from the entry cell that solves `first_problem`.
+
+    Raises Unreachable if the vehicle needs more room to turn than the route has.
+    """
     return mission_for(task, problem.exposure, route, pulled_track(task, problem, route))
 
 
-def _problem(task: Task, p_s: NDArray[np.float64], start: Cell, w: float, underway: LeadIn) -> Problem:
-    bounds = bounds_of(task, underway)
+def _problem(task: Task, p_s: NDArray[np.float64], start: Cell, w: float, lead_in: LeadIn) -> Problem:
+    bounds = bounds_of(task, lead_in)
     return Problem(
         p_s,
         start,
@@ -158,7 +165,7 @@ def _problem(task: Task, p_s: NDArray[np.float64], start: Cell, w: float, underw
 
 
 def _planning_start(state: AgentState) -> Cell:
-    """The cell it is over; the entry before it is in the area; the next one where it only cuts a corner."""
+    """Return the cell under the vehicle: the entry cell before the area, the next cell at a cut corner."""
     cell = state.cell
     if cell is None:
         in_flight = state.phase is Phase.FLYING and state.flown_cells
@@ -175,14 +182,14 @@ def _planning_start(state: AgentState) -> Cell:
 
 
 def _cells_ahead(state: AgentState, start: Cell) -> tuple[Cell, ...] | None:
-    """What remains of the route being flown, from `start`; None if it does not lead there."""
+    """Return the rest of the present route from `start`; None if the route does not contain it."""
     if state.route is None or start not in state.route.cells:
         return None
     return state.route.cells[state.route.cells.index(start) :]
 
 
 def _is_on_track(state: AgentState) -> bool:
-    """Whether the vehicle is over a track that stands for its route."""
+    """Return whether the vehicle is over the straightened track of its route."""
     swap, cell = state.route, state.cell
     return swap is not None and swap.track is not None and cell in swap.track.over
 

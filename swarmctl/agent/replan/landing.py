@@ -1,7 +1,7 @@
-"""Where and from where a fixed wing lands: at its goal, and at home. Pure.
+"""The two landings of a fixed wing: at its goal and at home. Pure.
 
-Each place has one approach for the whole flight, whatever is learned: so it is known beforehand that no two
-vehicles' meet.
+Each place has one approach for the whole flight, independent of new observations. So a check before the
+flight can show that the approaches of different vehicles do not meet.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ from swarmctl.planners.base import Unreachable
 
 
 def goal_approach(task: Task, goal: Cell) -> Approach | None:
-    """The landing at a goal; None for what hovers. Raises Unreachable."""
+    """Return the landing at a goal; None for a copter. Raises Unreachable."""
     pattern = goal_pattern(task, goal)
     return None if pattern is None else _as_planned(task, pattern)
 
 
 def home_approach(task: Task) -> Approach | None:
-    """The landing where it took off, for when it returns; None for what hovers. Raises Unreachable."""
+    """Return the landing at the place of take-off, for a return; None for a copter. Raises Unreachable."""
     pattern = home_pattern(task)
     return None if pattern is None else _as_planned(task, pattern)
 
 
 def goal_pattern(task: Task, goal: Cell) -> LandingPattern | None:
-    """As `goal_approach`, in metres."""
+    """Return the pattern of `goal_approach`, in metres."""
     if task.wings is None:
         return None
     spot = landing_spot(task.grid, goal, task.landing_index, task.landing_count)
@@ -52,20 +52,29 @@ def goal_pattern(task: Task, goal: Cell) -> LandingPattern | None:
 
 
 def home_pattern(task: Task) -> LandingPattern | None:
-    """As `home_approach`, in metres."""
+    """Return the pattern of `home_approach`, in metres."""
     if task.wings is None:
         return None
     home = task.grid.frame.to_local(*task.wings.home)
-    comes = Pose(home, _heading_rad(home, task.grid.centre_m(task.entry)))
-    return _pattern("at home", task, task.wings.home, comes, is_flown_to=False)
+    from_pose = Pose(home, _heading_rad(home, task.grid.centre_m(task.entry)))
+    return _pattern("at home", task, task.wings.home, from_pose, is_flown_to=False)
 
 
-def _pattern(where: str, task: Task, touchdown: LatLon, comes: Pose, *, is_flown_to: bool) -> LandingPattern:
+def _pattern(
+    where: str, task: Task, touchdown: LatLon, from_pose: Pose, *, is_flown_to: bool
+) -> LandingPattern:
     assert task.wings is not None
     corners_m = () if task.fence is None else task.fence.corners_m
     try:
         return _chosen(
-            task.wings, task.turn_radius_m, task.grid, task.no_fly, corners_m, touchdown, comes, is_flown_to
+            task.wings,
+            task.turn_radius_m,
+            task.grid,
+            task.no_fly,
+            corners_m,
+            touchdown,
+            from_pose,
+            is_flown_to,
         )
     except NoApproach as error:
         raise Unreachable(f"{where} {error}") from error
@@ -79,7 +88,7 @@ def _chosen(
     no_fly: frozenset[Cell],
     fence: tuple[PlanarPoint, ...],
     touchdown: LatLon,
-    comes: Pose,
+    from_pose: Pose,
     is_flown_to: bool,
 ) -> LandingPattern:
     p_s = np.ones((grid.rows, grid.cols))  # the fewer cells of the area the better
@@ -89,11 +98,11 @@ def _chosen(
     return choose_pattern(
         grid.frame.to_local(*touchdown),
         wings,
-        comes=comes,
+        from_pose=from_pose,
         is_flown_to=is_flown_to,
         turn_radius_m=turn_radius_m,
         fence=fence,
-        exposure_under=lambda way: _exposure_under(threat, grid, way),
+        exposure_under=lambda path: _exposure_under(threat, grid, path),
     )
 
 
@@ -106,9 +115,9 @@ def _heading_rad(a: PlanarPoint, b: PlanarPoint) -> float:
     return math.atan2(b[0] - a[0], b[1] - a[1])
 
 
-def _exposure_under(threat: ThreatMap, grid: Grid, way: Sequence[PlanarPoint]) -> float:
-    """ΣP_s over the cells of the area under a way, each once; infinite where one may not be entered."""
-    points = [(east / grid.cell_size_m, north / grid.cell_size_m) for east, north in way]
+def _exposure_under(threat: ThreatMap, grid: Grid, path: Sequence[PlanarPoint]) -> float:
+    """Return ΣP_s over the cells of the area under a path, each once; infinite if one may not be entered."""
+    points = [(east / grid.cell_size_m, north / grid.cell_size_m) for east, north in path]
     if threat.blocked.any() and not is_clear(threat, points):
         return math.inf
     cells = {cell for cell in crossed_cells(points).cells if grid.contains(cell)}

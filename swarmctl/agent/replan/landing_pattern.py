@@ -1,8 +1,8 @@
-"""How a fixed wing comes to its landing: a circle to lose height in, and a straight final. Pure.
+"""The landing pattern of a fixed wing: a circle to lose height, and a straight final. Pure.
 
-The pattern is the one that ground stations of fixed wings draw: down to the height of the final in a circle
-(MAV_CMD_NAV_LOITER_TO_ALT), out of it along its tangent, and down a straight slope (MAV_CMD_NAV_LAND). Points
-are (east, north) [m] in the area's plane, headings clockwise from north [rad].
+It is the pattern that ground stations of fixed wings draw. The vehicle descends in a circle to the height of
+the final (MAV_CMD_NAV_LOITER_TO_ALT), leaves the circle along its tangent, and descends on a straight slope
+(MAV_CMD_NAV_LAND). Points are in the area's plane, headings are clockwise from north [rad].
 """
 
 from __future__ import annotations
@@ -17,59 +17,59 @@ from swarmctl.core.mission import Approach, Waypoint
 from swarmctl.core.planar import PlanarPoint, stays_inside
 
 HEADINGS = 16
-"""from how many sides a landing is looked for"""
+"""number of landing directions that are compared"""
 ROLL_OUT_M = 60.0
-"""so far it may roll, or float, beyond its touch-down"""
+"""greatest roll-out, or float, beyond the touchdown [m]"""
 CIRCLE_POINTS = 16
 STEP_M = 10.0
-"""between two points of the way to the circle"""
+"""distance between two points of the path to the circle [m]"""
 MAX_STEPS = 400
-SAME = 1e-9
-"""less exposure than this is none"""
+EXPOSURE_TIE = 1e-9
+"""difference in exposure that counts as none"""
 
 
 class NoApproach(ValueError):
-    """From no side there is room to land."""
+    """An error: no landing direction has enough room."""
 
 
 @dataclass(frozen=True, slots=True)
 class FixedWing:
-    """What a plan for a fixed wing has to know of it."""
+    """The properties of a fixed wing that plans depend on."""
 
     loiter_radius_m: float
-    """of the circles it holds in, and loses its height in"""
+    """radius of its holding circles and of the descent circle [m]"""
     final_height_m: float
-    """above home, at which its last slope begins"""
+    """height above home at which the final begins [m]"""
     glide_deg: float
-    """that slope is so steep"""
+    """slope of the final [deg]"""
     min_speed_m_s: float
-    """it is not told to fly slower"""
+    """least speed that is ordered [m/s]"""
     takeoff_height_m: float
-    """above home: it flies straight on until it is up there"""
+    """height above home up to which it flies straight on after take-off [m]"""
     home: LatLon
-    """where it takes off, and lands when it returns"""
+    """place of take-off, and of the landing after a return"""
     landing_heading_deg: float | None = None
-    """into which it lands, clockwise from north; None: where it comes over the fewest cells of the area"""
+    """landing heading, clockwise from north; None: the one over the fewest cells of the area"""
 
     @property
     def final_m(self) -> float:
-        """From where its last slope begins to the touch-down, over ground."""
+        """Length of the final over ground [m]."""
         return self.final_height_m / math.tan(math.radians(self.glide_deg))
 
     @property
     def glide_from_circle_deg(self) -> float:
-        """How steep its way down is where it glides from where it leaves the circle on."""
+        """Slope of a straight glide from the exit of the circle to the touchdown [deg]."""
         return math.degrees(math.atan(self.final_height_m / (self.final_m + self.loiter_radius_m)))
 
     @property
     def reach_m(self) -> float:
-        """No part of its pattern is farther from the touch-down; ways around the circle included."""
+        """Greatest distance of any part of the pattern from the touchdown [m]."""
         return self.final_m + 4.0 * self.loiter_radius_m + ROLL_OUT_M
 
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Where it is, and where it flies to."""
+    """A position and a heading."""
 
     point: PlanarPoint
     heading_rad: float
@@ -77,43 +77,43 @@ class Pose:
 
 @dataclass(frozen=True, slots=True)
 class LandingPattern:
-    """A landing, seen from above."""
+    """A landing seen from above."""
 
     centre: PlanarPoint
     radius_m: float
-    """negative: counter-clockwise"""
+    """radius of the circle [m]; negative: counter-clockwise"""
     leaves: PlanarPoint
-    """where the circle is left, along its tangent"""
+    """exit of the circle, along its tangent"""
     final: PlanarPoint
     touchdown: PlanarPoint
     heading_rad: float
 
     def circle(self) -> list[PlanarPoint]:
-        """Once around, from where it is left and back."""
+        """Return points once around the circle, from its exit to its exit."""
         out = math.atan2(self.leaves[0] - self.centre[0], self.leaves[1] - self.centre[1])
         turn = math.copysign(math.tau / CIRCLE_POINTS, self.radius_m)
-        return [_ahead(self.centre, out + k * turn, abs(self.radius_m)) for k in range(CIRCLE_POINTS + 1)]
+        return [_offset(self.centre, out + k * turn, abs(self.radius_m)) for k in range(CIRCLE_POINTS + 1)]
 
     def outline(self) -> list[PlanarPoint]:
-        """All that is flown over from the circle on, and what it may roll."""
+        """Return the points of the flight from the circle on, with the roll-out."""
         return [
             *self.circle(),
             self.final,
             self.touchdown,
-            _ahead(self.touchdown, self.heading_rad, ROLL_OUT_M),
+            _offset(self.touchdown, self.heading_rad, ROLL_OUT_M),
         ]
 
 
 def landing_pattern(
     touchdown: PlanarPoint, heading_rad: float, wings: FixedWing, *, clockwise: bool
 ) -> LandingPattern:
-    """Land at `touchdown` flying into `heading_rad`, out of a circle on one side of the way."""
+    """Return the pattern with this touchdown and landing heading, and its circle on one side of the final."""
     radius_m = wings.loiter_radius_m
-    final = _ahead(touchdown, heading_rad, -wings.final_m)
-    # As far again as its radius to come out of the bank, and onto the line.
-    leaves = _ahead(final, heading_rad, -radius_m)
+    final = _offset(touchdown, heading_rad, -wings.final_m)
+    # One radius more, to level the wings and to settle on the line.
+    leaves = _offset(final, heading_rad, -radius_m)
     side_rad = math.pi / 2.0 if clockwise else -math.pi / 2.0
-    centre = _ahead(leaves, heading_rad + side_rad, radius_m)
+    centre = _offset(leaves, heading_rad + side_rad, radius_m)
     return LandingPattern(
         centre, radius_m if clockwise else -radius_m, leaves, final, touchdown, heading_rad % math.tau
     )
@@ -123,28 +123,28 @@ def choose_pattern(
     touchdown: PlanarPoint,
     wings: FixedWing,
     *,
-    comes: Pose,
+    from_pose: Pose,
     is_flown_to: bool,
     turn_radius_m: float,
     fence: Sequence[PlanarPoint],
     exposure_under: Callable[[Sequence[PlanarPoint]], float],
 ) -> LandingPattern:
-    """The landing over the least threat whose every leg stays inside the fence; of equal ones that which
-    turns least from where it `comes`. `is_flown_to`: it comes to the circle from there, which counts as well.
+    """Return the pattern over the least exposure whose legs all stay inside the fence.
 
-    `exposure_under`: of the cells under a way; infinite where one of them may not be entered. Raises
-    NoApproach.
+    Of equal patterns it is the one that turns least from `from_pose`. With `is_flown_to` the path from there
+    to the circle counts too. `exposure_under(path)` is the exposure of the cells under a path, infinite if
+    one of them may not be entered. Raises NoApproach.
     """
 
     def cost(candidate: LandingPattern) -> float:
-        way = candidate.outline()
+        path = candidate.outline()
         if is_flown_to:
-            way = [*path_to_circle(comes, candidate, turn_radius_m), *way]
-        if fence and not all(stays_inside(fence, a, b) for a, b in pairwise(way) if a != b):
+            path = [*path_to_circle(from_pose, candidate, turn_radius_m), *path]
+        if fence and not all(stays_inside(fence, a, b) for a, b in pairwise(path) if a != b):
             return math.inf
-        return exposure_under(way)
+        return exposure_under(path)
 
-    candidates = _candidates(touchdown, wings, comes.heading_rad)
+    candidates = _candidates(touchdown, wings, from_pose.heading_rad)
     found = [(cost(candidate), candidate) for candidate in candidates]
     least = min(total for total, _ in found)
     if math.isinf(least):
@@ -152,11 +152,11 @@ def choose_pattern(
             f"there is no room to land: a final of {wings.final_m:.0f} m and a circle of "
             f"{wings.loiter_radius_m:g} m would leave the fence, or come over no_fly, from every side"
         )
-    return next(one for total, one in found if total <= least + SAME)
+    return next(one for total, one in found if total <= least + EXPOSURE_TIE)
 
 
 def _candidates(touchdown: PlanarPoint, wings: FixedWing, along_rad: float) -> Iterator[LandingPattern]:
-    """Those that turn least first."""
+    """Yield the possible patterns, in order of the turn that they need."""
     headings = [along_rad]
     if wings.landing_heading_deg is not None:
         headings = [math.radians(wings.landing_heading_deg)]
@@ -168,24 +168,24 @@ def _candidates(touchdown: PlanarPoint, wings: FixedWing, along_rad: float) -> I
             yield landing_pattern(touchdown, heading_rad, wings, clockwise=clockwise)
 
 
-def path_to_circle(comes: Pose, there: LandingPattern, turn_radius_m: float) -> list[PlanarPoint]:
-    """About how it flies from where it comes to the circle: turning toward its middle until it is on it."""
-    (east, north), heading = comes.point, comes.heading_rad
+def path_to_circle(from_pose: Pose, pattern: LandingPattern, turn_radius_m: float) -> list[PlanarPoint]:
+    """Return the approximate path to the circle: a turn towards its centre until the vehicle is on it."""
+    (east, north), heading = from_pose.point, from_pose.heading_rad
     most_rad = STEP_M / max(turn_radius_m, STEP_M)
-    way = [comes.point]
+    path = [from_pose.point]
     for _ in range(MAX_STEPS):
-        if math.dist((east, north), there.centre) <= abs(there.radius_m):
+        if math.dist((east, north), pattern.centre) <= abs(pattern.radius_m):
             break
-        wanted = math.atan2(there.centre[0] - east, there.centre[1] - north)
+        wanted = math.atan2(pattern.centre[0] - east, pattern.centre[1] - north)
         turn = math.remainder(wanted - heading, math.tau)
         heading += min(max(turn, -most_rad), most_rad)
-        east, north = _ahead((east, north), heading, STEP_M)
-        way.append((east, north))
-    return way
+        east, north = _offset((east, north), heading, STEP_M)
+        path.append((east, north))
+    return path
 
 
 def planned_approach(found: LandingPattern, frame: LocalFrame, height_m: float) -> Approach:
-    """As a part of a plan; `height_m` above home is that of the final."""
+    """Return the pattern as a part of a plan; `height_m` is the height of the final above home."""
 
     def place(point: PlanarPoint, up_m: float) -> Waypoint:
         return Waypoint(*frame.to_geodetic(*point), up_m)
@@ -198,16 +198,16 @@ def planned_approach(found: LandingPattern, frame: LocalFrame, height_m: float) 
     )
 
 
-def pattern_from(there: Approach, frame: LocalFrame) -> LandingPattern:
-    """A plan's approach, seen from above."""
+def pattern_from(pattern: Approach, frame: LocalFrame) -> LandingPattern:
+    """Return the pattern of a plan's approach."""
     centre, final, touchdown = (
-        frame.to_local(p.lat_deg, p.lon_deg) for p in (there.centre, there.final, there.touchdown)
+        frame.to_local(p.lat_deg, p.lon_deg) for p in (pattern.centre, pattern.final, pattern.touchdown)
     )
     heading_rad = math.atan2(touchdown[0] - final[0], touchdown[1] - final[1])
-    side_rad = -math.pi / 2.0 if there.radius_m > 0.0 else math.pi / 2.0
-    leaves = _ahead(centre, heading_rad + side_rad, abs(there.radius_m))
-    return LandingPattern(centre, there.radius_m, leaves, final, touchdown, heading_rad)
+    side_rad = -math.pi / 2.0 if pattern.radius_m > 0.0 else math.pi / 2.0
+    leaves = _offset(centre, heading_rad + side_rad, abs(pattern.radius_m))
+    return LandingPattern(centre, pattern.radius_m, leaves, final, touchdown, heading_rad)
 
 
-def _ahead(point: PlanarPoint, heading_rad: float, metres: float) -> PlanarPoint:
+def _offset(point: PlanarPoint, heading_rad: float, metres: float) -> PlanarPoint:
     return point[0] + metres * math.sin(heading_rad), point[1] + metres * math.cos(heading_rad)

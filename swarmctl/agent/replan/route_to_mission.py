@@ -1,7 +1,7 @@
-"""From a lattice route to what is flown for it: the route itself, or a track pulled straight from it.
+"""From a lattice route to the mission: the route itself, or a straightened track in its place.
 
-The route stays the plan: it is what a planner measures and what a new one is compared with. A track stands
-for it as long as it is no worse.
+The planner measures the lattice route, and a new route is compared with it. A track replaces it only as long
+as the track is no worse.
 """
 
 from __future__ import annotations
@@ -30,29 +30,29 @@ from swarmctl.core.route import ends_and_turns, flight_plan, landing_spot, track
 from swarmctl.planners.base import Problem, Route, Unreachable
 
 BESIDE_M = 5.0
-"""So near to the straight way to its next corner a vehicle needs no corner more: it is no farther off there
-than it rounds others."""
+"""Distance from the straight leg to the next corner within which a splice point needs no waypoint [m]. It is
+no more than the error at other corners."""
 
 
 @dataclass(frozen=True, slots=True)
 class FlownRoute:
-    """What is flown for a route, and what that adds up to."""
+    """The flown form of a route, and its measures."""
 
     cells: tuple[Cell, ...]
-    """passed over, in this order"""
+    """cells under it, in the order flown"""
     corners: tuple[Cell, ...]
-    """both ends and where it turns"""
+    """both ends and the turns"""
     length_cells: float
     exposure_sum: float
     """ΣP_s over the cells entered after the first"""
     safety_factor: float
     """∏(1 − P_s) over the same"""
     is_pulled: bool
-    """a track; else the lattice route itself"""
+    """it is a straightened track; else the lattice route itself"""
 
 
 def flown_route(task: Task, problem: Problem, route: Route) -> FlownRoute:
-    """What a vehicle flies for a route. Raises Unreachable as `pulled_track` does."""
+    """Return the flown form of a route. Raises Unreachable as `pulled_track` does."""
     track = pulled_track(task, problem, route)
     if track is None:
         return lattice_route(route)
@@ -62,7 +62,7 @@ def flown_route(task: Task, problem: Problem, route: Route) -> FlownRoute:
 
 
 def lattice_route(route: Route) -> FlownRoute:
-    """The lattice route itself."""
+    """Return the lattice route itself in flown form."""
     cells = route.cells
     return FlownRoute(
         cells,
@@ -75,12 +75,11 @@ def lattice_route(route: Route) -> FlownRoute:
 
 
 def pulled_track(task: Task, problem: Problem, route: Route) -> Track | None:
-    """The track to fly for a route; None where the lattice route itself is flown. Raises Unreachable where
-    no track has turns wide enough.
+    """Return the straightened track of a route; None if the lattice route itself is flown.
 
-    Where turns that wide cannot be had without loss, the loss is kept small by Eq. 5 for a planner that goes
-    by w, and by exposure alone for the others: no track is longer than its route, so bounds on the time are
-    kept.
+    If turns as wide as needed cost something, the loss is kept small: by Eq. 5 for a planner that uses w, by
+    exposure alone for the others. No track is longer than its route, so time bounds are kept. Raises
+    Unreachable if no track has turns wide enough.
     """
     if task.any_angle is None:
         return None
@@ -93,7 +92,7 @@ def pulled_track(task: Task, problem: Problem, route: Route) -> Track | None:
     except Unflyable as error:
         raise Unreachable(f"{error}; the vehicle needs {task.turn_radius_m:g} m") from error
     if radius_cells == 0.0 and track.length_cells < problem.min_length_cells:
-        return None  # it would be there too early
+        return None  # the vehicle would arrive too early
     return track
 
 
@@ -103,22 +102,24 @@ def mission_for(
     route: Route,
     track: Track | None,
     position: LatLon | None = None,
-    branch: Splice | None = None,
+    splice: Splice | None = None,
 ) -> FlightPlan:
-    """The mission for a route or its track, begun from the entry or from where the vehicle flies; where it
-    leaves the one that is flown ahead of the vehicle (`branch`), as that goes until there. Raises Unreachable
-    where a fixed wing has no room to land."""
+    """Return the mission for a route or its track, from the entry cell or from the vehicle in flight.
+
+    With a `splice` ahead of the vehicle the mission follows the present one up to the splice point. Raises
+    Unreachable if a fixed wing has no room to land.
+    """
     cells = route.cells
     landing = landing_spot(task.grid, cells[-1], task.landing_index, task.landing_count)
     if task.wings is not None:
         flown = _with_wings(task, cells if track is None else track.corners, landing, position)
-        return replace(flown, leaves_ahead=branch is not None and len(branch.kept) > 1)
-    leaves_ahead = branch is not None and branch.leaves_ahead
-    if branch is not None and leaves_ahead and track is None and not branch.passes:
-        return _along_lattice(task, cells, branch, landing)
-    if branch is not None and leaves_ahead:
-        position = branch.passes[-1].lat_deg, branch.passes[-1].lon_deg
-    passes = branch.passes if branch is not None else ()
+        return replace(flown, leaves_ahead=splice is not None and len(splice.kept) > 1)
+    leaves_ahead = splice is not None and splice.leaves_ahead
+    if splice is not None and leaves_ahead and track is None and not splice.lead_waypoints:
+        return _along_lattice(task, cells, splice, landing)
+    if splice is not None and leaves_ahead:
+        position = splice.lead_waypoints[-1].lat_deg, splice.lead_waypoints[-1].lon_deg
+    lead_waypoints = splice.lead_waypoints if splice is not None else ()
     if track is not None:
         threat = ThreatMap.of(p_s, task.max_exposure)
 
@@ -133,13 +134,13 @@ def mission_for(
             position=position,
             may_join=may_join,
         )
-        if branch is not None and _goes_straight(task, branch, plan.track[0]):
-            passes = ()
-        return replace(plan, track=(*passes, *plan.track), leaves_ahead=leaves_ahead)
+        if splice is not None and _goes_straight(task, splice, plan.track[0]):
+            lead_waypoints = ()
+        return replace(plan, track=(*lead_waypoints, *plan.track), leaves_ahead=leaves_ahead)
 
     def may_clip(cell: Cell) -> bool:
-        # DEVIATION: a vehicle past the centre of its cell would fly back to it to turn off diagonally. It
-        # cuts the corner instead where the cell it passes over is no worse than the two it flies between.
+        # DEVIATION: a vehicle past the centre of its cell would fly back to it for a diagonal turn. It cuts the
+        # corner instead if the cell under the shortcut is no worse than the two cells of the step.
         return math.isfinite(p_s[cell]) and bool(p_s[cell] <= max(p_s[cells[0]], p_s[cells[1]]))
 
     plan = flight_plan(
@@ -150,24 +151,24 @@ def mission_for(
         position=position,
         may_clip=may_clip,
     )
-    return replace(plan, track=(*passes, *plan.track), leaves_ahead=leaves_ahead)
+    return replace(plan, track=(*lead_waypoints, *plan.track), leaves_ahead=leaves_ahead)
 
 
-def _goes_straight(task: Task, branch: Splice, first: Waypoint) -> bool:
-    """Whether a vehicle may leave its track for `first` anywhere until the place where it is to do so."""
-    if len(branch.passes) != 1:
+def _goes_straight(task: Task, splice: Splice, first: Waypoint) -> bool:
+    """Return whether the vehicle may leave its track for `first` at any place before the splice point."""
+    if len(splice.lead_waypoints) != 1:
         return False
-    frame, (turns,) = task.grid.frame, branch.passes
+    frame, (turns,) = task.grid.frame, splice.lead_waypoints
     place, there = (frame.to_local(at.lat_deg, at.lon_deg) for at in (turns, first))
-    return distance_to_leg(place, branch.path[0], there) <= BESIDE_M
+    return distance_to_leg(place, splice.path[0], there) <= BESIDE_M
 
 
-def _along_lattice(task: Task, cells: Sequence[Cell], branch: Splice, landing: LatLon) -> FlightPlan:
-    """Over the centres ahead of a vehicle that flies along the first of these cells already."""
-    if branch.is_first_behind:
+def _along_lattice(task: Task, cells: Sequence[Cell], splice: Splice, landing: LatLon) -> FlightPlan:
+    """Return the mission over the centres ahead of a vehicle that is already on the first of these cells."""
+    if splice.is_first_passed:
         corners = ends_and_turns(cells)[1:]
-    elif branch.before is not None:
-        corners = ends_and_turns((branch.before, *cells))[1:]
+    elif splice.previous is not None:
+        corners = ends_and_turns((splice.previous, *cells))[1:]
     else:
         corners = ends_and_turns(cells)
     plan = track_plan(task.grid, corners, altitude_m=task.altitude_m, landing_lat_lon=landing)
@@ -175,7 +176,7 @@ def _along_lattice(task: Task, cells: Sequence[Cell], branch: Splice, landing: L
 
 
 def _with_wings(task: Task, corners: Sequence[Cell], landing: LatLon, position: LatLon | None) -> FlightPlan:
-    """As a fixed wing flies it: it never goes back to a corner, and lands by an approach."""
+    """Return the mission of a fixed wing: it never flies back to a corner, and lands by an approach."""
     assert task.wings is not None
     ahead = corners if position is None else corners_ahead(task, corners, position)
     plan = track_plan(task.grid, ahead, altitude_m=task.altitude_m, landing_lat_lon=landing)
@@ -189,8 +190,11 @@ def _with_wings(task: Task, corners: Sequence[Cell], landing: LatLon, position: 
 
 
 def corners_ahead(task: Task, corners: Sequence[Cell], position: LatLon) -> Sequence[Cell]:
-    """The corners of a track that a fixed wing is on, without that which it is over or abreast of, and those
-    that it is about to turn at: for what lies behind it, it would fly a circle."""
+    """Return the corners of a track that are still ahead of a fixed wing.
+
+    The corner under or beside the vehicle is left out, and so are corners that it turns at soon. For a corner
+    behind it the vehicle would fly a circle.
+    """
     grid = task.grid
     over, here = grid.cell_at(*position), grid.frame.to_local(*position)
     soon_m = 0.5 * CHANGE_S * task.arrival.speed_m_s
@@ -206,14 +210,16 @@ def corners_ahead(task: Task, corners: Sequence[Cell], position: LatLon) -> Sequ
 
 
 def route_index_at(swap: ev.SwapMission, cell: Cell, since: int = 0) -> int | None:
-    """The index in `swap.cells` that stands for a cell it leads over; None where it does not lead."""
+    """Return the index in `swap.cells` of the cell nearest to a cell that is flown over; None for other
+    cells."""
     if swap.track is not None:
         return pull.route_index_at(swap.track, cell, since)
     return swap.cells.index(cell) if cell in swap.cells else None
 
 
 def is_track_still_good(state: AgentState, p_s: NDArray[np.float64], start: Cell) -> bool:
-    """Whether the track being flown still stands for its route, of which `start` is beside the vehicle."""
+    """Return whether the present track is still as good as its route, whose cell `start` is beside the
+    vehicle."""
     task, swap = state.task, state.route
     if swap is None or swap.track is None or task.any_angle is None or state.route_exposure is None:
         return True

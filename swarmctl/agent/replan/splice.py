@@ -1,9 +1,9 @@
-"""Where a new plan leaves the one that is flown: ahead of where the vehicle will be when the swap is done.
+"""The splice point, at which a new route leaves the present one, ahead of the vehicle at the end of the swap.
 
-Until then it flies on as before. So a new route keeps the old one's cells up to a centre that it will not
-have reached by then, by how long its own last swaps took and how fast it is. It never has to go back, nor
-cuts to what lies behind it. Only where the old way leads into a wall before that, it is left at once; not
-by a fixed wing, which cannot turn on the spot, nor wait for its mission. Pure.
+During the swap the vehicle flies on. So a new route keeps the cells of the old one up to a centre that the
+vehicle does not reach before the end of the swap. That follows from its speed and from the durations of its
+last swaps. The vehicle never has to fly back. If the old route leads into a wall before the splice point, the
+vehicle leaves it at once. A fixed wing never does so: it can neither turn on the spot nor wait. Pure.
 """
 
 from __future__ import annotations
@@ -23,41 +23,42 @@ from swarmctl.core.mission import Waypoint
 from swarmctl.core.planar import PlanarPoint, distance_to_leg, distance_to_track
 
 ON_ROUTE_M = 15.0
-"""Farther beside its route a vehicle is not on it: it is blown off, or cuts a corner."""
-OVER_M = 1.0
-MOVES_M_S = 0.5
+"""Greatest distance of a vehicle on its route [m]; farther off it is blown away or cuts a corner."""
+OVERHEAD_M = 1.0
+"""Greatest distance of a vehicle that is over a centre [m]."""
+MOVING_M_S = 0.5
+"""Least speed that shows a direction of flight [m/s]."""
 URGENT_CELLS = 3
-"""A wall so near on its way is flown round at once."""
-
-
+"""Number of cells ahead within which a wall needs a new plan at once."""
 CHANGE_S = 2.0
-"""for so long, at least, a fixed wing flies on along its old plan while the new one is put on it"""
-TURN = math.tan(math.pi / 8.0)
-"""So many radii before a turn by 45 degrees it turns off; routes turn by more only where they have room."""
+"""Least time for which a fixed wing flies on by its old plan during a swap [s]."""
+TURN_OFF_RADII = math.tan(math.pi / 8.0)
+"""Distance before a turn by 45° at which a fixed wing turns off [radii]; routes turn by more only with
+room."""
 
 
 @dataclass(frozen=True, slots=True)
 class Splice:
-    """The cells that a new route has in common with the one that is flown."""
+    """The part that a new route has in common with the present one."""
 
     kept: tuple[Cell, ...]
-    """from the one abreast of the vehicle on; in the last of them the new one may turn off"""
+    """common cells from the one beside the vehicle on; the new route may turn off in the last"""
     leaves_ahead: bool = False
-    """it flies these on its old plan; else it leaves that at once"""
-    before: Cell | None = None
-    """of the old route, before the first of them"""
-    is_first_behind: bool = False
-    """it has passed the centre of the first of them"""
+    """the vehicle flies these cells by its old plan; else it leaves that plan at once"""
+    previous: Cell | None = None
+    """cell of the old route before the first of them"""
+    is_first_passed: bool = False
+    """the vehicle has passed the centre of the first of them"""
     path: tuple[PlanarPoint, ...] = ()
-    """from where it is over the centres ahead of it to the last but one (east, north) [m]"""
+    """points from the vehicle over the centres ahead to the last but one"""
     lead_m: float = 0.0
-    """of way to the centre of the last; or to where it leaves the track"""
-    passes: tuple[Waypoint, ...] = ()
-    """of a vehicle on a track: its corners until there, and that place"""
+    """length of the path to the centre of the last cell, or to the splice point on a track [m]"""
+    lead_waypoints: tuple[Waypoint, ...] = ()
+    """on a track: its corners before the splice point, and that point"""
 
 
 def splice_on_route(state: AgentState, start: Cell, p_s: NDArray[np.float64]) -> Splice:
-    """Where a new route may leave the one that is flown, whose cell `start` is abreast of the vehicle."""
+    """Return the splice for a new route from the present one, whose cell `start` is beside the vehicle."""
     task, swap = state.task, state.route
     if task.wings is not None:
         return Splice(kept_cells(state, start))
@@ -66,26 +67,28 @@ def splice_on_route(state: AgentState, start: Cell, p_s: NDArray[np.float64]) ->
         return Splice((start,))
     index, cells = swap.cells.index(start), swap.cells
     centre = task.grid.centre_m
-    is_behind = _is_behind(state, here, index)
-    first = index + 1 if is_behind else index
+    is_passed = _is_centre_passed(state, here, index)
+    first = index + 1 if is_passed else index
     if first >= len(cells):
         return Splice((start,))
-    way, lead_m, least_m = [here], math.dist(here, centre(cells[first])), _flies_on_m(state)
+    path, lead_m, least_m = [here], math.dist(here, centre(cells[first])), _flies_on_m(state)
     for last in range(first, len(cells)):
         if last > first:
-            way.append(centre(cells[last - 1]))
-            lead_m += math.dist(way[-1], centre(cells[last]))
+            path.append(centre(cells[last - 1]))
+            lead_m += math.dist(path[-1], centre(cells[last]))
         if _is_wall(state, p_s, cells[last]):
             return Splice((start,))
         if lead_m >= least_m:
             break
     before = cells[index - 1] if index > 0 else None
-    return Splice(cells[index : last + 1], True, before, is_behind, tuple(way), lead_m)
+    return Splice(cells[index : last + 1], True, before, is_passed, tuple(path), lead_m)
 
 
 def kept_cells(state: AgentState, start: Cell) -> tuple[Cell, ...]:
-    """Of the route that a fixed wing flies, the cells from `start` on that a new one begins with as well: it
-    needs room for its turn. In the last of them it may turn off. `start` alone where no route is flown."""
+    """Return the cells of a fixed wing's route, from `start` on, that a new route keeps as room for the turn.
+
+    The new route may turn off in the last of them. Without a present route the result is `start` alone.
+    """
     task, swap, vehicle = state.task, state.route, state.vehicle
     if state.phase is not Phase.FLYING or swap is None or start not in swap.cells:
         return (start,)
@@ -94,7 +97,7 @@ def kept_cells(state: AgentState, start: Cell) -> tuple[Cell, ...]:
     here = task.grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg)
     ahead = swap.cells[swap.cells.index(start) :]
     change_s = max(CHANGE_S, state.swap_times.expected_s)
-    least_m = TURN * task.turn_radius_m + change_s * task.arrival.speed_m_s
+    least_m = TURN_OFF_RADII * task.turn_radius_m + change_s * task.arrival.speed_m_s
     for last in range(1, len(ahead)):
         if math.dist(here, task.grid.centre_m(ahead[last])) >= least_m:
             return ahead[: last + 1]
@@ -102,7 +105,8 @@ def kept_cells(state: AgentState, start: Cell) -> tuple[Cell, ...]:
 
 
 def splice_on_track(state: AgentState, p_s: NDArray[np.float64]) -> Splice:
-    """Where a new route may leave the track that is flown: where the vehicle will be when it has it."""
+    """Return the splice for a new route from the present track: the vehicle's place at the end of the
+    swap."""
     swap, vehicle, grid = state.route, state.vehicle, state.task.grid
     assert state.cell is not None
     at_once = Splice((state.cell,))
@@ -123,12 +127,12 @@ def splice_on_track(state: AgentState, p_s: NDArray[np.float64]) -> Splice:
     over = crossed_cells([(e / size_m, n / size_m) for e, n in passed]).cells[1:]
     if cell is None or lead_m < least_m or any(_is_wall(state, p_s, at) for at in over):
         return at_once
-    passes = [Waypoint(*grid.frame.to_geodetic(*point), state.height_m) for point in passed[1:]]
-    return Splice((cell,), True, None, False, tuple(passed[:-1]), lead_m, tuple(passes))
+    lead_waypoints = [Waypoint(*grid.frame.to_geodetic(*point), state.height_m) for point in passed[1:]]
+    return Splice((cell,), True, None, False, tuple(passed[:-1]), lead_m, tuple(lead_waypoints))
 
 
 def is_urgent(state: AgentState, p_s: NDArray[np.float64]) -> bool:
-    """Whether a wall has come up close before the vehicle: it is given another plan at once."""
+    """Return whether there is a wall close ahead of the vehicle, so that it needs another plan at once."""
     swap = state.route
     if swap is None:
         return True
@@ -137,12 +141,12 @@ def is_urgent(state: AgentState, p_s: NDArray[np.float64]) -> bool:
 
 
 def may_learn_of_walls(state: AgentState) -> bool:
-    """Whether what is learned can make walls."""
+    """Return whether new observations can turn cells into walls."""
     return math.isfinite(state.task.max_exposure)
 
 
 def _place_on_route(state: AgentState) -> PlanarPoint | None:
-    """Where a vehicle is (east, north) [m] that flies along its lattice route; None where it does not."""
+    """Return the position of a vehicle that flies along its lattice route; None for others."""
     vehicle, swap, grid = state.vehicle, state.route, state.task.grid
     if state.phase is not Phase.FLYING or vehicle.mode_role != "mission" or swap is None:
         return None
@@ -153,17 +157,17 @@ def _place_on_route(state: AgentState) -> PlanarPoint | None:
     return here if distance_to_track(here, near) <= ON_ROUTE_M else None
 
 
-def _is_behind(state: AgentState, here: PlanarPoint, index: int) -> bool:
-    """Whether it is past the centre of a cell of its route, or over it."""
+def _is_centre_passed(state: AgentState, here: PlanarPoint, index: int) -> bool:
+    """Return whether the vehicle is over or past the centre of a cell of its route."""
     assert state.route is not None
     vehicle, cells, centre = state.vehicle, state.route.cells, state.task.grid.centre_m
     at = centre(cells[index])
     east_m, north_m = here[0] - at[0], here[1] - at[1]
-    if math.hypot(east_m, north_m) <= OVER_M:
+    if math.hypot(east_m, north_m) <= OVERHEAD_M:
         return True
-    if vehicle.ground_speed_m_s >= MOVES_M_S:
+    if vehicle.ground_speed_m_s >= MOVING_M_S:
         return east_m * vehicle.east_m_s + north_m * vehicle.north_m_s >= 0.0
-    # It stands: it is past it where it is nearer to the leg behind than to the one before.
+    # A vehicle at rest is past the centre if it is nearer to the leg after it than to the leg before it.
     if index + 1 == len(cells):
         return False
     after = distance_to_leg(here, at, centre(cells[index + 1]))
@@ -171,7 +175,7 @@ def _is_behind(state: AgentState, here: PlanarPoint, index: int) -> bool:
 
 
 def _flies_on_m(state: AgentState) -> float:
-    """How far it flies along its old plan before it has a new one."""
+    """Return the distance that the vehicle flies by its old plan before it has a new one [m]."""
     return distance_and_speed_after(state, state.swap_times.expected_s)[0]
 
 

@@ -1,8 +1,8 @@
-"""What taking up another plan costs a vehicle that brakes for it, and where on its way that is. Pure.
+"""The stop of a vehicle that brakes for a new plan: its time, its place and its cost. Pure.
 
-A copter of ArduPilot that is told to fly to another item brakes down to a stop first, wherever that item is
-(`VehicleState.brakes_m_s2`). Until then it flies on along its old plan; from there it speeds up again. At v,
-braking by b, it is v / 2b later than who flies on, and as much again for speeding up: some 4 s at 10 m/s.
+An ArduPilot copter that is sent to another mission item brakes to a stop first, wherever that item is
+(`VehicleState.brakes_m_s2`). Until then it flies by its old plan; from there it speeds up again. At speed v
+and deceleration b, braking costs v / 2b, and speeding up as much again: about 4 s at 10 m/s.
 """
 
 from __future__ import annotations
@@ -16,57 +16,60 @@ from swarmctl.agent.replan.travel_time import ACCELERATION_M_S2
 from swarmctl.agent.state import AgentState
 from swarmctl.core.planar import PlanarPoint
 
-STANDS_M_S = 1.0
-"""Who is slower stops for nothing."""
-ANEW_M_S = 0.1
-"""From where it has stopped it flies straight on: it does not swerve as from a corner."""
+STANDING_M_S = 1.0
+"""Greatest speed of a vehicle that needs no stop [m/s]."""
+RESTART_M_S = 0.1
+"""Begin speed after a stop [m/s]: above 0, because the vehicle does not swerve there as at a corner."""
 CORNER_M = 0.01
+"""Distance behind a stop within which a corner counts as the stop [m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class BrakingStop:
-    """On the way ahead of a vehicle."""
+    """A stop on the track ahead of a vehicle."""
 
     on_s: float
-    """so long it flies on before it brakes …"""
+    """time until it brakes [s]"""
     on_m: float
-    """… and so far"""
+    """distance until it brakes [m]"""
     speed_m_s: float
-    """from which it brakes …"""
+    """speed at which it begins to brake [m/s]"""
     brakes_m_s2: float
-    """… so hard"""
+    """deceleration [m/s²]"""
 
     @property
     def in_s(self) -> float:
-        """until it stops"""
+        """Time until it stops [s]."""
         return self.on_s + self.speed_m_s / self.brakes_m_s2
 
     @property
     def in_m(self) -> float:
-        """of way until then"""
+        """Distance until it stops [m]."""
         return self.on_m + self.speed_m_s**2 / (2.0 * self.brakes_m_s2)
 
     def passed_s(self, way_m: float) -> float:
-        """When so much of that is flown: at one speed until it brakes."""
+        """Return the time at which `way_m` of that distance is flown [s]; the speed is constant before
+        braking."""
         if way_m <= self.on_m:
             return self.on_s * way_m / self.on_m if self.on_m > 0.0 else 0.0
         return self.in_s - math.sqrt(2.0 * max(self.in_m - way_m, 0.0) / self.brakes_m_s2)
 
 
 def distance_and_speed_after(state: AgentState, seconds: float) -> tuple[float, float]:
-    """How far it flies in so long along its plan [m], speeding up, and how fast it is then."""
+    """Return the distance flown after `seconds` by the plan, with speeding up [m], and the speed then
+    [m/s]."""
     told_m_s, speed_m_s = state.speed_m_s or state.task.arrival.speed_m_s, state.vehicle.ground_speed_m_s
     top_m_s = max(speed_m_s, min(told_m_s, speed_m_s + ACCELERATION_M_S2 * seconds))
     return 0.5 * (speed_m_s + top_m_s) * seconds, top_m_s
 
 
 def stop_for_new(state: AgentState) -> BrakingStop | None:
-    """Where it stops if it is given another plan now; None where it does not."""
+    """Return the stop for a plan that is sent now; None without one."""
     return _stop(state, state.swap_times.likely_s) if state.route is not None else None
 
 
 def stop_ahead(state: AgentState) -> BrakingStop | None:
-    """Where it stops for the plan that is on its way to it, or that it has just got; None: it does not."""
+    """Return the stop for the pending plan, or for the one just accepted; None without one."""
     now_s = state.vehicle.time_boot_s
     if state.pending is not None:
         due_s = state.swap_started_boot_s + state.swap_times.likely_s
@@ -79,11 +82,11 @@ def _stop(state: AgentState, on_s: float) -> BrakingStop | None:
     if brakes_m_s2 is None:
         return None
     on_m, speed_m_s = distance_and_speed_after(state, on_s)
-    return BrakingStop(on_s, on_m, speed_m_s, brakes_m_s2) if speed_m_s >= STANDS_M_S else None
+    return BrakingStop(on_s, on_m, speed_m_s, brakes_m_s2) if speed_m_s >= STANDING_M_S else None
 
 
 def stopped_at(state: AgentState) -> float:
-    """When one that begins to take up its plan now has braked for it, by its clock; now if it does not."""
+    """Return the end of braking, by the vehicle's clock, if it starts its plan now; now without a stop."""
     stop = _stop(state, 0.0)
     return state.vehicle.time_boot_s + (0.0 if stop is None else stop.in_s)
 
@@ -91,8 +94,10 @@ def stopped_at(state: AgentState) -> float:
 def split_track(
     track: Sequence[PlanarPoint], at_m: float
 ) -> tuple[list[PlanarPoint], list[PlanarPoint]] | None:
-    """A track until so much of it is flown, and the rest, both with that place; None where it ends before.
-    A corner nearer than CORNER_M behind that place is it."""
+    """Return a track up to `at_m`, and the rest of it, both with that place; None if the track is shorter.
+
+    A corner nearer than CORNER_M behind that place counts as the place.
+    """
     left_m = at_m
     for i, (a, b) in enumerate(pairwise(track), start=1):
         leg_m = math.dist(a, b)
@@ -107,8 +112,9 @@ def split_track(
 def after_stop(
     track: Sequence[PlanarPoint], begins_m_s: float, stop: BrakingStop | None
 ) -> tuple[float, Sequence[PlanarPoint], float]:
-    """What of a track is after the stop, when that is begun, and how fast; all of it where there is none."""
+    """Return the time of the stop, the track after it and the begin speed there; the whole track without a
+    stop."""
     parts = None if stop is None else split_track(track, stop.in_m)
     if stop is None or parts is None:
         return 0.0, track, begins_m_s
-    return stop.in_s, parts[1], ANEW_M_S
+    return stop.in_s, parts[1], RESTART_M_S

@@ -1,4 +1,4 @@
-"""Which route meets a time bound, whether the one being flown still does, and what to say where none does."""
+"""Routes within a time bound: the search for one, the check of the present one, and its lateness."""
 
 from __future__ import annotations
 
@@ -17,50 +17,56 @@ from swarmctl.core.planar import PlanarPoint
 from swarmctl.planners.base import BoundTooTight, Problem, Route, is_open
 
 BETTER_BY = 1e-9
-"""A new route must beat the one being flown by this share of its cost: rounding alone swaps no mission."""
+"""Share of cost by which a new route must beat the present one, so that rounding alone causes no swap."""
 
 MAX_TRIES = 5
-"""searches for a route that meets its bound with its turns, of which the last is for the shortest"""
+"""Number of searches for a route that meets its bound with its turns; the last is for the shortest route."""
 
 HALF_CELL = 0.5
-"""A vehicle is over its goal cell by so much before the centre, to which lengths are counted [cells]."""
+"""Distance from the edge of the goal cell to its centre, to which lengths count [cells]."""
 
 
-def bounds_of(task: Task, underway: LeadIn) -> LengthBounds:
-    """What the task's time bound leaves for the length of a route."""
-    return length_bounds(task.arrival, task.grid.cell_size_m, underway)
+def bounds_of(task: Task, lead_in: LeadIn) -> LengthBounds:
+    """Return the bounds that the task's time bound leaves for the length of a route."""
+    return length_bounds(task.arrival, task.grid.cell_size_m, lead_in)
 
 
 @dataclass(frozen=True, slots=True)
-class EntryLeg:
-    """How a vehicle comes to where its new route begins."""
+class JoiningLeg:
+    """The flight of a vehicle to the begin of its new route."""
 
     path: tuple[PlanarPoint, ...] = ()
-    """from where it is to before that (east, north) [m]"""
+    """points from the vehicle to before the begin of the route"""
     begins_m_s: float = 0.0
+    """speed at the first point [m/s]"""
 
 
-FROM_A_STOP = EntryLeg()
+FROM_A_STOP = JoiningLeg()
 
 
-def entry_leg(state: AgentState, branch: Splice) -> EntryLeg:
-    """How a vehicle comes onto a route that leaves its old one there, after the swap."""
+def joining_leg(state: AgentState, splice: Splice) -> JoiningLeg:
+    """Return the flight to a new route at the splice point, after the swap."""
     flies_on = state.swap_times.stop_s == 0.0 and state.vehicle.brakes_m_s2 is None
-    return EntryLeg(branch.path, state.vehicle.ground_speed_m_s if branch.leaves_ahead and flies_on else 0.0)
+    return JoiningLeg(
+        splice.path, state.vehicle.ground_speed_m_s if splice.leaves_ahead and flies_on else 0.0
+    )
 
 
 def lead_in_to(
-    state: AgentState, start: Cell, ahead: tuple[Cell, ...] | None, branch: Splice | None = None
+    state: AgentState, start: Cell, ahead: tuple[Cell, ...] | None, splice: Splice | None = None
 ) -> LeadIn:
-    """How far a vehicle is that is to fly a route from `start`: counted along the route it flies, if that
-    leads there (`branch`, `ahead`), else over the centre of `start`."""
+    """Return the lead-in of a vehicle to a route from `start`.
+
+    It is counted along the present route if that leads there (`splice`, `ahead`), else straight to the centre
+    of `start`.
+    """
     task, vehicle = state.task, state.vehicle
     if state.launched_boot_s is None or vehicle.lat_deg is None or vehicle.lon_deg is None:
         return before_takeoff(task.arrival, task.altitude_m)
     grid, here = task.grid, (vehicle.lat_deg, vehicle.lon_deg)
     lead_m = distance_m(here, grid.centre(start))
-    if branch is not None and branch.leaves_ahead:
-        lead_m = branch.lead_m
+    if splice is not None and splice.leaves_ahead:
+        lead_m = splice.lead_m
     elif ahead is not None and len(ahead) > 1 and state.cell == start:
         step_m = math.dist(ahead[0], ahead[1]) * grid.cell_size_m
         lead_m = distance_m(here, grid.centre(ahead[1])) - step_m
@@ -68,47 +74,58 @@ def lead_in_to(
     return LeadIn(elapsed_s, max(task.altitude_m - (vehicle.alt_rel_m or 0.0), 0.0), lead_m)
 
 
-def change_cells(state: AgentState, start: Cell, underway: LeadIn, branch: Splice | None = None) -> float:
-    """What it costs to change the mission now [cells]: the time for which that makes the vehicle stand, and
-    the way back to the centre of the cell where the new route begins, if it does not lie ahead."""
+def change_cells(state: AgentState, start: Cell, lead_in: LeadIn, splice: Splice | None = None) -> float:
+    """Return the cost of a swap now [cells]: the standstill, and a way back to the begin of the new route.
+
+    There is no way back if the new route begins ahead of the vehicle.
+    """
     task, vehicle = state.task, state.vehicle
     if state.phase is not Phase.FLYING or vehicle.lat_deg is None or vehicle.lon_deg is None:
         return 0.0
     back_m = 0.0
-    if branch is None or not branch.leaves_ahead:
-        back_m = distance_m((vehicle.lat_deg, vehicle.lon_deg), task.grid.centre(start)) - underway.lead_m
+    if splice is None or not splice.leaves_ahead:
+        back_m = distance_m((vehicle.lat_deg, vehicle.lon_deg), task.grid.centre(start)) - lead_in.lead_m
     stands_s = change_s(task.arrival, state.swap_times.stop_s, vehicle.brakes_m_s2)
     return (stands_s * task.arrival.speed_m_s + back_m) / task.grid.cell_size_m
 
 
-def route_lost_s(task: Task, cells: Sequence[Cell], begun: EntryLeg = FROM_A_STOP) -> float:
-    """What a vehicle with a time bound loses on a route over these cells, and on its way there [s]; for one
-    without, whose speed need not be known, nothing is reckoned. A track pulled straight from the route turns
-    less, so that is early."""
+def route_lost_s(task: Task, cells: Sequence[Cell], joining: JoiningLeg = FROM_A_STOP) -> float:
+    """Return the time that a vehicle loses at turns on a route over these cells and on the flight to it [s].
+
+    The result is 0 for a vehicle without a latest arrival. A straightened track turns less than its route, so
+    the vehicle on it is earlier.
+    """
     centres = [task.grid.centre_m(cell) for cell in cells]
-    return _lost_s(task, [*begun.path, *centres], begun.begins_m_s)
+    return _lost_s(task, [*joining.path, *centres], joining.begins_m_s)
 
 
 def arrives_s(task: Task, length: float, cells: Sequence[Cell]) -> float:
-    """When a vehicle on the ground will be over its goal, `length` [cells] over these, from its take-off."""
-    underway = before_takeoff(task.arrival, task.altitude_m)
-    return underway.arrives_s(task.arrival, length * task.grid.cell_size_m, route_lost_s(task, cells))
+    """Return the arrival time of a vehicle on the ground, from its take-off [s].
+
+    Its route is `length` [cells] long, over `cells`.
+    """
+    lead_in = before_takeoff(task.arrival, task.altitude_m)
+    return lead_in.arrives_s(task.arrival, length * task.grid.cell_size_m, route_lost_s(task, cells))
 
 
 def misses_by(
-    task: Task, bounds: LengthBounds, length: float, cells: Sequence[Cell], begun: EntryLeg = FROM_A_STOP
+    task: Task, bounds: LengthBounds, length: float, cells: Sequence[Cell], joining: JoiningLeg = FROM_A_STOP
 ) -> float:
-    """How far outside its bounds a route is, `length` [cells] over these, with what is lost at its turns."""
-    return bounds.misses_by(length, _in_cells(task, route_lost_s(task, cells, begun)))
+    """Return the distance of a route from its bounds [cells], with the time lost at its turns.
+
+    The route is `length` [cells] long, over `cells`.
+    """
+    return bounds.misses_by(length, _in_cells(task, route_lost_s(task, cells, joining)))
 
 
 def ahead_lost_s(
-    state: AgentState, start: Cell, ahead: Sequence[Cell], branch: Splice | None = None
+    state: AgentState, start: Cell, ahead: Sequence[Cell], splice: Splice | None = None
 ) -> float:
-    """The same for what remains of the route being flown, from where the vehicle is and as fast as it is."""
+    """Return the time lost at turns on the rest of the present route, from the vehicle's place and speed
+    [s]."""
     task, vehicle = state.task, state.vehicle
-    if branch is not None and branch.leaves_ahead:
-        return route_lost_s(task, ahead, EntryLeg(branch.path, vehicle.ground_speed_m_s))
+    if splice is not None and splice.leaves_ahead:
+        return route_lost_s(task, ahead, JoiningLeg(splice.path, vehicle.ground_speed_m_s))
     if state.launched_boot_s is None or vehicle.lat_deg is None or vehicle.lon_deg is None:
         return route_lost_s(task, ahead)
     over = ahead[1:] if state.cell == start and len(ahead) > 1 else ahead
@@ -128,25 +145,31 @@ def _in_cells(task: Task, seconds: float) -> float:
 
 
 def route_within_bounds(
-    task: Task, problem: Problem, change: float = 0.0, begun: EntryLeg = FROM_A_STOP
+    task: Task, problem: Problem, change: float = 0.0, joining: JoiningLeg = FROM_A_STOP
 ) -> Route:
-    """The best route that meets the bounds although it costs `change` [cells] to begin it, else one that
-    meets them at least without. Raises Unreachable; BoundTooTight where none was found."""
+    """Return the best route that meets the bounds in spite of the cost `change` [cells] of the swap.
+
+    If there is none, the result is a route that meets the bounds without that cost. Raises Unreachable, or
+    BoundTooTight if no route was found.
+    """
     bounds = _bounds(problem)
     if math.isinf(bounds.max_cells):
         return task.method.plan(problem)
     if change > 0.0:
         try:
-            return _with_turns(task, problem, bounds.less(change).max_cells, begun)
+            return _with_turns(task, problem, bounds.less(change).max_cells, joining)
         except BoundTooTight as error:
-            if _misses_by(task, bounds, error.nearest, begun) == 0.0:
+            if _misses_by(task, bounds, error.nearest, joining) == 0.0:
                 return error.nearest
-    return _with_turns(task, problem, bounds.max_cells, begun)
+    return _with_turns(task, problem, bounds.max_cells, joining)
 
 
-def _with_turns(task: Task, problem: Problem, latest_cells: float, begun: EntryLeg) -> Route:
-    """A route that with what it loses at its turns is no longer than this. Planners bound length alone, so
-    the bound is drawn in by what the route they find loses, until one fits; at last the shortest is tried."""
+def _with_turns(task: Task, problem: Problem, latest_cells: float, joining: JoiningLeg) -> Route:
+    """Return a route that is no longer than `latest_cells` with the time lost at its turns.
+
+    Planners bound the length alone. So the bound is tightened by the loss of each route found until a route
+    fits; the last try is the shortest route. Raises BoundTooTight.
+    """
     bounds = LengthBounds(problem.min_length_cells, latest_cells)
     greatest, seen = latest_cells, list[Route]()
     for tries in range(MAX_TRIES):
@@ -156,21 +179,21 @@ def _with_turns(task: Task, problem: Problem, latest_cells: float, begun: EntryL
             route = task.method.plan(replace(problem, max_length_cells=greatest))
         except BoundTooTight as error:
             route, greatest = error.nearest, bounds.min_cells
-        if _misses_by(task, bounds, route, begun) == 0.0:
+        if _misses_by(task, bounds, route, joining) == 0.0:
             return route
         seen.append(route)
         if greatest == bounds.min_cells:
             break
-        greatest = latest_cells - _in_cells(task, route_lost_s(task, route.cells, begun))
-    nearest = min(seen, key=lambda route: _misses_by(task, bounds, route, begun))
-    lost = _in_cells(task, route_lost_s(task, nearest.cells, begun))
-    text = f"no route is at most {latest_cells:.2f} cells long with what it loses at its turns: the nearest "
-    text += f"one takes {nearest.length_cells:.2f} and loses {lost:.2f}; allow as much"
+        greatest = latest_cells - _in_cells(task, route_lost_s(task, route.cells, joining))
+    nearest = min(seen, key=lambda route: _misses_by(task, bounds, route, joining))
+    lost = _in_cells(task, route_lost_s(task, nearest.cells, joining))
+    text = f"no route, with the loss at its turns, is at most {latest_cells:.2f} cells long: the nearest one "
+    text += f"has {nearest.length_cells:.2f} cells and loses {lost:.2f}; allow a later arrival or a higher speed"
     raise BoundTooTight(text, nearest)
 
 
-def _misses_by(task: Task, bounds: LengthBounds, route: Route, begun: EntryLeg) -> float:
-    return misses_by(task, bounds, route.length_cells, route.cells, begun)
+def _misses_by(task: Task, bounds: LengthBounds, route: Route, joining: JoiningLeg) -> float:
+    return misses_by(task, bounds, route.length_cells, route.cells, joining)
 
 
 def is_no_worse(
@@ -180,35 +203,41 @@ def is_no_worse(
     route: Route,
     change: float,
     lost_s: float = 0.0,
-    begun: EntryLeg = FROM_A_STOP,
+    joining: JoiningLeg = FROM_A_STOP,
 ) -> bool:
-    """Whether a vehicle may as well fly on (`ahead`, where it loses `lost_s`) as change to a route, which
-    costs `change` [cells]. Of two that miss the bounds that one is better that misses them less."""
+    """Return whether the rest of the present route is as good as a new route.
+
+    The present route, `ahead`, loses `lost_s` at turns; the change to the new one costs `change` [cells]. If
+    either misses the bounds, the route that misses them by less is better.
+    """
     if not is_open(problem, ahead):
         return False
     bounds = _bounds(problem)
     misses = bounds.misses_by(length_cells(ahead), _in_cells(task, lost_s))
-    would_miss = _misses_by(task, bounds.less(change), route, begun)
+    would_miss = _misses_by(task, bounds.less(change), route, joining)
     if misses > 0.0 or would_miss > 0.0:
         return misses <= would_miss
     return task.method.measure(problem, ahead) <= route.cost * (1.0 + BETTER_BY)
 
 
 def lateness_s(
-    state: AgentState, problem: Problem, underway: LeadIn, length: float, lost_s: float
+    state: AgentState, problem: Problem, lead_in: LeadIn, length: float, lost_s: float
 ) -> float | None:
-    """When a vehicle is over its goal whose route, `length` cells long, does not meet its bound [s]; None
-    where it does, or misses it by less than what is reckoned too much."""
+    """Return the arrival time of a vehicle whose route misses its bound [s]; None if it meets the bound.
+
+    The route is `length` [cells] long. A miss of half a cell or less counts as met, because the losses are
+    estimated high.
+    """
     task = state.task
     if _bounds(problem).misses_by(length, _in_cells(task, lost_s)) <= HALF_CELL:
         return None
     length_m = length * task.grid.cell_size_m
-    slow_s = underway.arrives_s(task.arrival, length_m, lost_s)
+    slow_s = lead_in.arrives_s(task.arrival, length_m, lost_s)
     if slow_s > task.arrival.within_s:
         return slow_s
-    # Too early: however well it turns, and at the edge of its goal cell.
+    # The early bound counts from the edge of the goal cell, without any loss at turns.
     edge_m = length_m - HALF_CELL * task.grid.cell_size_m
-    return underway.arrives_s(task.arrival, edge_m) - underway.lost_s
+    return lead_in.arrives_s(task.arrival, edge_m) - lead_in.lost_s
 
 
 def _bounds(problem: Problem) -> LengthBounds:

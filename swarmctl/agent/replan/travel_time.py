@@ -1,10 +1,17 @@
-"""How much longer a vehicle is under way than its length at its speed: it brakes before a turn and speeds up
-again. Pure.
+"""The travel time of a copter on a track, with braking before turns and speeding up after them. Pure.
 
-The numbers are ArduCopter's parameters as they come, by which `sim_vehicle` flies. At 10 m/s between long
-legs that loses 1.1 s at a turn by 45°, 3.3 s at 90° and 4.1 s at 135°; 1.7, 3.7 and 4.8 s are reckoned here,
-for a vehicle is to be early rather than late. At 5 m/s it loses 0.1, 1.3 and 1.8 s, at 20 m/s 4.8, 8.0 and
-9.0 s; between short legs up to a stop.
+The numbers are the defaults of ArduCopter's parameters, which `sim_vehicle` uses too. Time lost at a turn
+between long legs, in flight and as estimated here at 10 m/s (high, so that a vehicle is early rather than
+late):
+
+| speed | 45° | 90° | 135° |
+|---|---|---|---|
+| 5 m/s | 0.1 s | 1.3 s | 1.8 s |
+| 10 m/s | 1.1 s | 3.3 s | 4.1 s |
+| 10 m/s, estimated | 1.7 s | 3.7 s | 4.8 s |
+| 20 m/s | 4.8 s | 8.0 s | 9.0 s |
+
+Between short legs the loss is up to that of a stop.
 """
 
 from __future__ import annotations
@@ -18,30 +25,34 @@ from swarmctl.core.planar import PlanarPoint
 ACCELERATION_M_S2 = 2.5
 """WPNAV_ACCEL"""
 BRAKING_M_S2 = 1.75
-"""of which so much is planned for braking"""
+"""the part of it that is planned for braking"""
 CORNER_RADIUS_M = 2.0
-"""WPNAV_RADIUS: so near to a corner it turns off"""
+"""WPNAV_RADIUS: distance from a corner at which the vehicle turns off"""
 CORNER_SHARE = 0.75
-"""Of the speed at which a corner could be rounded within that radius so much is kept: the old direction has
-to be left too."""
+"""Share of the speed at which a corner could be rounded within that radius; the vehicle is slower, because it
+has to leave its old direction too."""
 SETTLE_S = 0.8
-"""more at each turn, until the next leg is followed"""
+"""additional time at each turn until the vehicle follows the next leg"""
 SHORT_S = 4.5
-"""Before and after a leg of fewer seconds at speed a vehicle swerves, which costs up to a stop."""
+"""Duration of a leg at full speed below which the vehicle swerves at both ends; that costs up to a stop
+[s]."""
 STRAIGHT_RAD = 0.1
-"""What turns less is straight on."""
+"""Greatest turn that counts as straight [rad]."""
 
 
 def brake_s(speed_m_s: float, brakes_m_s2: float = BRAKING_M_S2) -> float:
-    """What braking to a stop costs over flying the same way at speed."""
+    """Return the time that braking to a stop costs over the same distance at full speed [s]."""
     return speed_m_s / (2.0 * brakes_m_s2)
 
 
 def lost_s(
     track: Sequence[PlanarPoint], speed_m_s: float, *, begins_m_s: float = 0.0, ends_m: float = 0.0
 ) -> float:
-    """By how much later a vehicle is `ends_m` before the end of a track, where it stops, than it would be at
-    the end at `speed_m_s` all the way; 0 where it is not. It begins with `begins_m_s` to the next point."""
+    """Return the time that braking and turns cost on a track at whose end the vehicle stops [s]; at least 0.
+
+    It is the time up to `ends_m` before the end, minus the time for the whole track at `speed_m_s`. The
+    vehicle begins with `begins_m_s`.
+    """
     at_speed_s = math.fsum(math.dist(a, b) for a, b in pairwise(_corners(track))) / speed_m_s
     return max(arrives_s(track, speed_m_s, begins_m_s=begins_m_s, ends_m=ends_m) - at_speed_s, 0.0)
 
@@ -49,7 +60,7 @@ def lost_s(
 def arrives_s(
     track: Sequence[PlanarPoint], speed_m_s: float, *, begins_m_s: float = 0.0, ends_m: float = 0.0
 ) -> float:
-    """When a vehicle is `ends_m` before the end of a track, where it stops [s]."""
+    """Return the time until a vehicle is `ends_m` before the end of a track, where it stops [s]."""
     corners, times_s, last_m_s = _timed(track, speed_m_s, begins_m_s)
     if len(corners) < 2:
         return 0.0
@@ -60,8 +71,10 @@ def arrives_s(
 def timed(
     track: Sequence[PlanarPoint], speed_m_s: float, *, begins_m_s: float = 0.0
 ) -> tuple[list[PlanarPoint], list[float]]:
-    """The corners of a track, both ends among them, and when each is passed, from its begin [s]; the vehicle
-    begins with `begins_m_s` and stops at the end."""
+    """Return the corners of a track with both ends, and the time at each from the begin [s].
+
+    The vehicle begins with `begins_m_s` and stops at the end.
+    """
     corners, times_s, _ = _timed(track, speed_m_s, begins_m_s)
     return corners, times_s
 
@@ -69,7 +82,7 @@ def timed(
 def _timed(
     track: Sequence[PlanarPoint], speed_m_s: float, begins_m_s: float
 ) -> tuple[list[PlanarPoint], list[float], float]:
-    """And how fast the last leg is begun."""
+    """Return the corners, the time at each [s], and the speed at the begin of the last leg [m/s]."""
     corners = _corners(track)
     legs_m = [math.dist(a, b) for a, b in pairwise(corners)]
     if not legs_m:
@@ -89,7 +102,7 @@ def _timed(
 
 
 def _corners(track: Sequence[PlanarPoint]) -> list[PlanarPoint]:
-    """The ends of a track and where it turns."""
+    """Return the ends and the turns of a track."""
     corners: list[PlanarPoint] = list(track[:1])
     for here, after in pairwise(track[1:]):
         if here != corners[-1] and _turn_rad(corners[-1], here, after) > STRAIGHT_RAD:
@@ -104,14 +117,14 @@ def _turn_rad(before: PlanarPoint, here: PlanarPoint, after: PlanarPoint) -> flo
 
 
 def _corner_m_s(turn_rad: float, speed_m_s: float) -> float:
-    """The speed through a corner that is rounded within the radius."""
+    """Return the speed through a corner that is rounded within the radius [m/s]."""
     widening = 1.0 / max(math.cos(turn_rad / 2.0), 1e-6) - 1.0
     rounded_m_s = math.sqrt(ACCELERATION_M_S2 * CORNER_RADIUS_M / max(widening, 1e-9))
     return min(CORNER_SHARE * rounded_m_s, speed_m_s)
 
 
 def _make_flyable(passed_m_s: list[float], legs_m: Sequence[float]) -> None:
-    """Lessen the speeds at corners to those that legs are long enough for, in place."""
+    """Reduce the speeds at corners, in place, to those that the lengths of the legs allow."""
     for i in range(len(legs_m) - 1, 0, -1):
         passed_m_s[i] = min(passed_m_s[i], math.sqrt(passed_m_s[i + 1] ** 2 + 2 * BRAKING_M_S2 * legs_m[i]))
     for i, leg_m in enumerate(legs_m):
@@ -120,7 +133,7 @@ def _make_flyable(passed_m_s: list[float], legs_m: Sequence[float]) -> None:
 
 
 def _leg_s(begin_m_s: float, end_m_s: float, leg_m: float, speed_m_s: float) -> float:
-    """Speeding up, at speed if the leg is long enough, and braking."""
+    """Return the time for a leg: speeding up, full speed if the leg is long enough, and braking [s]."""
     top_m_s = _top_m_s(begin_m_s, end_m_s, leg_m, speed_m_s)
     up_m = (top_m_s**2 - begin_m_s**2) / (2 * ACCELERATION_M_S2)
     down_m = (top_m_s**2 - end_m_s**2) / (2 * BRAKING_M_S2)
@@ -135,7 +148,7 @@ def _top_m_s(begin_m_s: float, end_m_s: float, leg_m: float, speed_m_s: float) -
 
 
 def _last_s(begin_m_s: float, leg_m: float, last_m: float, speed_m_s: float) -> float:
-    """What the last metres of the leg that ends in a stop take, at least."""
+    """Return the least time for the last metres of a leg that ends in a stop [s]."""
     if last_m <= 0.0:
         return 0.0
     top_m_s = _top_m_s(begin_m_s, 0.0, leg_m, speed_m_s)

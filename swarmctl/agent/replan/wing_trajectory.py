@@ -1,7 +1,7 @@
-"""Where a fixed wing is when: it rolls, climbs straight on, rounds corners and lands by its approach. Pure.
+"""The predicted trajectory of a fixed wing: roll, straight climb, rounded corners and approach. Pure.
 
-It flies at one speed all the way. How steeply it climbs and sinks is its own affair: the rates here lie
-between what its parameters allow at most and what it needs at least.
+The speed is constant. The autopilot chooses the climb and sink rates; the rates here lie between the greatest
+that its parameters allow and the least that it needs.
 """
 
 from __future__ import annotations
@@ -18,15 +18,16 @@ from swarmctl.core.mission import FlightPlan
 from swarmctl.core.planar import PlanarPoint
 
 ROLL_S = 4.0
-"""from its arming until it leaves the ground"""
+"""time from arming to leaving the ground [s]"""
 CLIMB_M_S, SINK_M_S = 3.0, 3.0
-"""TECS_CLMB_MAX is 5 m/s as it comes, TECS_SINK_MIN 2 and TECS_SINK_MAX 5"""
+"""assumed rates [m/s]; the defaults are 5 for TECS_CLMB_MAX, 2 for TECS_SINK_MIN and 5 for TECS_SINK_MAX"""
 ROLL_OUT_S = 8.0
-"""on the ground after its landing"""
+"""time on the ground after the touchdown [s]"""
 
 
 def from_takeoff(task: Task, plan: FlightPlan, start: LatLon) -> Trajectory:
-    """A whole flight, from when it is armed at `start` to its standstill; up is above home [m]."""
+    """Return the trajectory of a whole flight, from arming at `start` to the standstill; up is above home
+    [m]."""
     begin = task.grid.frame.to_local(*start)
     flight = _Flight((*begin, 0.0), task.arrival.speed_m_s)
     flight.stay(ROLL_S)
@@ -37,7 +38,7 @@ def from_takeoff(task: Task, plan: FlightPlan, start: LatLon) -> Trajectory:
 def in_flight(
     task: Task, plan: FlightPlan, here: LocalPoint, left: Sequence[PlanarPoint], speed_m_s: float
 ) -> Trajectory:
-    """On from `here` over what is `left` of a plan's track, and down; from 0 s on."""
+    """Return the trajectory from `here` at 0 s along the rest of a plan's track (`left`), and the landing."""
     flight = _Flight(here, speed_m_s)
     _on_its_way(flight, task, plan, [here[:2], *left])
     return flight.trajectory()
@@ -46,7 +47,7 @@ def in_flight(
 def coming_down(
     task: Task, plan: FlightPlan, here: LocalPoint, heading_rad: float, speed_m_s: float
 ) -> Trajectory:
-    """On from `here`, beyond its goal, by its approach; from 0 s on."""
+    """Return the trajectory of the approach from `here`, beyond the goal, at 0 s."""
     flight = _Flight(here, speed_m_s)
     _down(flight, task, plan, heading_rad)
     return flight.trajectory()
@@ -86,20 +87,20 @@ def _down(flight: _Flight, task: Task, plan: FlightPlan, heading_rad: float) -> 
 
 
 def _around(found: LandingPattern, place: PlanarPoint) -> list[PlanarPoint]:
-    """Once around the circle, from the point of it that is nearest."""
+    """Return points once around the circle, from its nearest point on."""
     circle = found.circle()[:-1]
     nearest = min(range(len(circle)), key=lambda i: math.dist(circle[i], place))
     return [*circle[nearest:], *circle[:nearest]]
 
 
 def _to_exit(found: LandingPattern, around: list[PlanarPoint]) -> list[PlanarPoint]:
-    """Along the circle until where it is left."""
+    """Return the points of the circle up to its exit."""
     exit_at = min(range(len(around)), key=lambda i: math.dist(around[i], found.leaves))
     return [*around[:exit_at], found.leaves]
 
 
 def _distinct(track: Iterable[PlanarPoint]) -> list[PlanarPoint]:
-    """Without points that are passed at once again: they have no direction."""
+    """Return the track without points within 0.1 m of the one before, which would have no direction."""
     kept: list[PlanarPoint] = []
     for place in track:
         if not kept or math.dist(kept[-1], place) > 0.1:
@@ -108,7 +109,7 @@ def _distinct(track: Iterable[PlanarPoint]) -> list[PlanarPoint]:
 
 
 class _Flight:
-    """A trajectory in the making."""
+    """A builder of a trajectory, leg by leg."""
 
     def __init__(self, begin: LocalPoint, speed_m_s: float) -> None:
         self._points, self._times_s = [begin], [0.0]
@@ -127,7 +128,7 @@ class _Flight:
         self._times_s.append(self._times_s[-1] + seconds)
 
     def over(self, places: Iterable[PlanarPoint], height_m: float) -> None:
-        """At its speed, climbing or sinking toward a height [m] as fast as it does."""
+        """Add legs to these places, with a climb or descent towards a height [m]."""
         for place in places:
             took_s = math.dist(self.place, place) / self._speed_m_s
             most_m = (CLIMB_M_S if height_m > self.up_m else SINK_M_S) * took_s
@@ -135,7 +136,7 @@ class _Flight:
             self._add(place, self.up_m + change_m, took_s)
 
     def down_to(self, place: PlanarPoint) -> None:
-        """Down a straight slope to the ground."""
+        """Add a straight slope to the ground."""
         self._add(place, 0.0, math.dist(self.place, place) / self._speed_m_s)
 
     def _add(self, place: PlanarPoint, up_m: float, took_s: float) -> None:
