@@ -375,7 +375,7 @@ def test_a_shutdown_keeps_the_return_time_of_a_waiting_vehicle() -> None:
     called = Shutdown([member], FlightSection(), lambda _text: None, Nobody())
 
     async def scene() -> list[ev.FlightOrder]:
-        leaving = asyncio.create_task(called.leave())
+        leaving = asyncio.create_task(called.run())
         await asyncio.sleep(20.0)
         story.goes_home(3)
         given = orders(story.holds(19))

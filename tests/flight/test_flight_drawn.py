@@ -37,7 +37,7 @@ def flown(drawn: Drawn, folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[s
 
 
 @pytest.mark.parametrize("seed", range(103, 111))
-def test_whatever_happens(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_drawn_flight_breaks_a_rule(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn = draw(seed)
     assert flown(drawn, tmp_path, monkeypatch) == [], drawn.story
 
@@ -56,7 +56,7 @@ def slow_wire(uav: int) -> Trouble:
     return Trouble(faults=[{"fault": "delay", "params": {"delay_s": 0.3}, "vehicles": [uav], "at_s": 10.0}])
 
 
-def test_a_mission_that_is_written_over_the_one_being_flown_is_a_mixture(
+def test_a_mission_written_over_the_flown_one_is_found_as_a_mixture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def plain() -> Drawn:
@@ -68,9 +68,7 @@ def test_a_mission_that_is_written_over_the_one_being_flown_is_a_mixture(
     assert any("1 flies what no plan was" in text for text in found)
 
 
-def test_an_order_to_a_vehicle_that_was_let_go_is_found(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_order_to_a_released_vehicle_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fights(state: AgentState, why: str) -> StepResult:
         state, released = release_vehicle(state, why)
         state, ordered = command(state, ev.FlightOrder.HOLD, by_person=True)
@@ -83,20 +81,24 @@ def test_an_order_to_a_vehicle_that_was_let_go_is_found(
         return Drawn(small(simulate={"count": 2, "ready_s": 3.0}), trouble, excused={1})
 
     assert flown(taken_over(), tmp_path / "let go", monkeypatch) == []
-    monkeypatch.setattr(importlib.import_module("swarmctl.agent.failsafes.enforcement"), "let_go", fights)
+    monkeypatch.setattr(
+        importlib.import_module("swarmctl.agent.failsafes.enforcement"), "release_vehicle", fights
+    )
     found = flown(taken_over(), tmp_path / "fought", monkeypatch)
     assert found
     assert all("1 was let go at" in text for text in found)
 
 
-def test_two_that_meet_without_a_word_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_vehicles_too_close_without_a_warning_are_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def drawn_together() -> Drawn:
         return Drawn(through_the_gap(), Trouble())
 
     assert flown(drawn_together(), tmp_path / "apart", monkeypatch) == []
     step = importlib.import_module("swarmctl.agent.step")
-    monkeypatch.setattr(step, "compared", lambda _before, decided, _now: decided)
-    monkeypatch.setattr(step, "foresee", lambda state: (state, []))
-    monkeypatch.setattr(step, "keep_apart", lambda state: (state, []))
+    monkeypatch.setattr(step, "deconflict", lambda _before, decided, _now: decided)
+    monkeypatch.setattr(step, "check_own_route", lambda state: (state, []))
+    monkeypatch.setattr(step, "avoid_collisions", lambda state: (state, []))
     found = flown(drawn_together(), tmp_path / "together", monkeypatch)
     assert any("(1, 2) are too close, and nobody says so" in text for text in found)

@@ -1,4 +1,4 @@
-"""Keeping apart, in whole flights on the virtual clock."""
+"""Separation in whole flights on the virtual clock."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_the_least_distance_flown_is_in_the_summary(tmp_path: Path) -> None:
     scenario = small()
     report = fly(scenario, tmp_path)
     separation = json.loads((tmp_path / "summary.json").read_text())["separation"]
-    least = separation["least_distance"]
+    least, lines = separation["least_distance"], swarm_lines(report.summary)
     one, other = (report.statistics.vehicles[int(name[3:])] for name in least["vehicles"])
     # As far apart as the flown tracks, which are points every quarter of a second, and no farther.
     frame = scenario.grid.frame
@@ -38,16 +38,15 @@ def test_the_least_distance_flown_is_in_the_summary(tmp_path: Path) -> None:
     assert least["distance_m"] == pytest.approx(math.hypot(least["horizontal_m"], least["vertical_m"]))
     assert 4.0 < least["distance_m"] < 120.0
     assert separation["too_close"] == []
-    (line,) = (line for line in swarm_lines(report.summary) if line.startswith("least distance flown: "))
-    assert line.startswith(f"least distance flown: {least['distance_m']:.1f} m, ")
+    assert any(f"{least['distance_m']:.1f} m, {' and '.join(least['vehicles'])}" in line for line in lines)
 
 
 @pytest.fixture
 def uncompared(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nobody compares its plans with the others': there is the watch alone."""
     step = importlib.import_module("swarmctl.agent.step")
-    monkeypatch.setattr(step, "compared", lambda _before, decided, _now: decided)
-    monkeypatch.setattr(step, "foresee", lambda state: (state, []))
+    monkeypatch.setattr(step, "deconflict", lambda _before, decided, _now: decided)
+    monkeypatch.setattr(step, "check_own_route", lambda state: (state, []))
 
 
 def meeting(folder: Path, action: str, **sections: Any) -> tuple[dict[str, Any], list[str]]:
@@ -67,7 +66,7 @@ def meeting(folder: Path, action: str, **sections: Any) -> tuple[dict[str, Any],
 
 
 @pytest.mark.usefixtures("uncompared")
-def test_without_an_action_both_are_warned_and_come_too_close(tmp_path: Path) -> None:
+def test_without_an_action_both_vehicles_alarm_and_come_too_close(tmp_path: Path) -> None:
     separation, said = meeting(tmp_path, "none")
     least = separation["least_distance"]
     assert least["horizontal_m"] < 10.0
@@ -81,7 +80,7 @@ def test_without_an_action_both_are_warned_and_come_too_close(tmp_path: Path) ->
 
 
 @pytest.mark.usefixtures("uncompared")
-def test_the_higher_system_id_holds_until_the_other_is_past_and_flies_on(tmp_path: Path) -> None:
+def test_the_higher_system_id_holds_until_the_other_has_passed(tmp_path: Path) -> None:
     separation, said = meeting(tmp_path, "hold")
     assert separation["too_close"] == []
     assert separation["least_distance"]["distance_m"] > 10.0
@@ -91,7 +90,7 @@ def test_the_higher_system_id_holds_until_the_other_is_past_and_flies_on(tmp_pat
 
 
 @pytest.mark.usefixtures("uncompared")
-def test_the_lower_system_id_holds_where_the_other_does_not_hear_it(tmp_path: Path) -> None:
+def test_the_lower_system_id_holds_if_the_other_does_not_hear_it(tmp_path: Path) -> None:
     mute = {"bus": "memory", "quiet": [{"from_s": 0.0, "uavs": [1]}]}
     separation, said = meeting(tmp_path, "hold", communication=mute)
     assert separation["too_close"] == []
@@ -101,14 +100,14 @@ def test_the_lower_system_id_holds_where_the_other_does_not_hear_it(tmp_path: Pa
 
 
 @pytest.mark.usefixtures("uncompared")
-def test_or_it_climbs_and_both_fly_on(tmp_path: Path) -> None:
+def test_a_vehicle_that_gives_way_may_climb_instead(tmp_path: Path) -> None:
     separation, _ = meeting(tmp_path, "climb")
     assert separation["too_close"] == []
     assert separation["least_distance"]["vertical_m"] > 3.0
     assert (separation["held"], separation["climbed"]) == (0, 1)
 
 
-def test_two_that_would_meet_on_their_first_routes_are_kept_apart_before_there_is_an_alarm(
+def test_first_routes_that_would_meet_are_separated_before_any_alarm(
     tmp_path: Path,
 ) -> None:
     separation, said = meeting(tmp_path, "hold")
@@ -141,11 +140,11 @@ def flown_after_waiting(folder: Path, **simulate: float) -> None:
     assert separation["too_close"] == []
 
 
-def test_who_is_launched_a_little_later_waits_on_the_ground_until_its_route_is_clear(tmp_path: Path) -> None:
+def test_a_later_launch_waits_on_the_ground_until_its_route_is_clear(tmp_path: Path) -> None:
     flown_after_waiting(tmp_path, delay_step_s=3.0)
 
 
-def test_who_is_checked_for_long_before_it_is_armed_looks_again_at_who_is_in_the_air_by_then(
+def test_a_launch_after_long_checks_compares_its_route_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     check = Runner._check_launch
@@ -170,13 +169,13 @@ def drawn_together(folder: Path, **separation: Any) -> tuple[dict[str, Any], lis
 
 
 @pytest.mark.usefixtures("uncompared")
-def test_new_routes_that_are_not_compared_lead_two_into_each_other(tmp_path: Path) -> None:
+def test_new_routes_without_comparison_lead_vehicles_into_each_other(tmp_path: Path) -> None:
     separation, _ = drawn_together(tmp_path)
     assert separation["least_distance"]["distance_m"] < 5.0
     assert separation["too_close"][0]["seconds"] > 5.0
 
 
-def test_of_two_whose_new_routes_meet_one_flies_its_own_at_another_height(tmp_path: Path) -> None:
+def test_one_of_two_meeting_routes_is_flown_at_another_height(tmp_path: Path) -> None:
     separation, said = drawn_together(tmp_path)
     assert separation["too_close"] == []
     assert separation["least_distance"]["vertical_m"] > 3.0
@@ -184,16 +183,14 @@ def test_of_two_whose_new_routes_meet_one_flies_its_own_at_another_height(tmp_pa
     assert plans["predicted"] >= 1
     assert plans["by_height"] >= 1
     assert plans["unresolved"] == 0
-    assert any("conflicts of plans predicted in flight, resolved: " in line for line in separation["lines"])
+    assert any(f": {plans['predicted']}; " in line for line in separation["lines"])
     # Both had changed before either knew: of the two it is the one with the higher system id.
     assert coded(said, "uav2", "route-conflict") or coded(said, "uav2", "height-change")
     assert not [line for line in said if line.startswith("uav1: ") and re.search(CONFLICTS, line)]
 
 
-def test_first_routes_that_cross_are_counted_and_by_what_they_are_kept_apart(tmp_path: Path) -> None:
+def test_crossings_of_first_routes_are_counted_with_their_separation(tmp_path: Path) -> None:
     scenario = small(simulate={"count": 2, "goal": [4, 7], "ready_s": 3.0}, threats={"count": 0})
     report = fly(scenario, tmp_path)
     assert report.summary["separation"]["first_routes"] == {"predicted": 1, "by_height": 1}
-    assert "first routes that cross over ground: 1 pairs, 1 of them kept apart by height" in swarm_lines(
-        report.summary
-    )
+    assert any("1 pairs, 1 of them" in line for line in swarm_lines(report.summary))
