@@ -66,9 +66,7 @@ def test_the_shipped_fixed_wings_and_copters_arrive_by_changed_missions(tmp_path
         ("px4plane", "land", "AUTO.MISSION"),
     ],
 )
-def test_a_fixed_wing_that_is_called_back_lands_at_home(
-    autopilot: str, on_exit: str, mode: str, tmp_path: Path
-) -> None:
+def test_a_recalled_fixed_wing_lands_at_home(autopilot: str, on_exit: str, mode: str, tmp_path: Path) -> None:
     scenario = winged(flight={"on_exit": on_exit}, simulate={"autopilot": [autopilot, "ardupilot"]})
     report = fly(scenario, tmp_path, address_of=interrupting(25.0))
     wing = report.states[1]
@@ -78,7 +76,7 @@ def test_a_fixed_wing_that_is_called_back_lands_at_home(
 
 
 @pytest.mark.parametrize(("autopilot", "mode"), [("arduplane", "GUIDED"), ("px4plane", "AUTO.LOITER")])
-def test_a_fixed_wing_that_holds_circles_on(autopilot: str, mode: str, tmp_path: Path) -> None:
+def test_a_holding_fixed_wing_circles(autopilot: str, mode: str, tmp_path: Path) -> None:
     scenario = winged(flight={"on_exit": "hold"}, simulate={"autopilot": [autopilot, "ardupilot"]})
     report = fly(scenario, tmp_path, address_of=interrupting(30.0))
     wing = report.states[1]
@@ -122,13 +120,11 @@ def test_a_px4_whose_return_does_not_end_at_its_landing_stays_on_the_ground(
     report = fly(winged(simulate={"autopilot": ["px4plane", "ardupilot"]}), tmp_path)
     assert not any(state.armed_seen for state in report.states.values())
     (text,) = report.trouble
-    assert text.startswith("uav1: parameters: found RTL_TYPE 0; wanted RTL_TYPE 1 (a return that ends in")
+    assert text.startswith("uav1: parameters: found RTL_TYPE 0; wanted RTL_TYPE 1 ")
 
 
 @pytest.mark.parametrize("autopilot", ["arduplane", "px4plane"])
-def test_what_is_planned_for_as_a_copter_and_is_a_fixed_wing_stays_on_the_ground(
-    autopilot: str, tmp_path: Path
-) -> None:
+def test_a_fixed_wing_configured_as_a_copter_stays_on_the_ground(autopilot: str, tmp_path: Path) -> None:
     scenario = winged(simulate={"autopilot": [autopilot, "ardupilot"]})
     wing = replace(scenario.specs[0], airframe="copter")
     copter = replace(scenario.tasks[0], wings=None, turn_radius_m=0.0)
@@ -145,9 +141,7 @@ def test_what_is_planned_for_as_a_copter_and_is_a_fixed_wing_stays_on_the_ground
 
 
 @pytest.mark.parametrize("autopilot", ["arduplane", "px4plane"])
-def test_fixed_wings_arrive_together_and_none_is_told_to_fly_too_slowly(
-    autopilot: str, tmp_path: Path
-) -> None:
+def test_fixed_wings_arrive_together_above_their_minimum_speed(autopilot: str, tmp_path: Path) -> None:
     scenario = winged(
         simulate={"autopilot": autopilot, "count": 3},
         arrival={"mode": "simultaneous", "tolerance_s": 3.0},

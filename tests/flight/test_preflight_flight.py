@@ -1,4 +1,4 @@
-"""Swarms that are checked before they fly: what keeps them on the ground, and what an operator may waive."""
+"""Preflight checks of whole swarms, and their waivers."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Afflict = Callable[..., None]
 
 @pytest.fixture
 def afflict(monkeypatch: pytest.MonkeyPatch) -> Afflict:
-    """Has the simulator play other vehicles than a flight asks for: `faults`, and parameters by system id."""
+    """Return a function that gives the simulator `faults`, and parameters by system id."""
     made = virtual_simulator.scenario_json
 
     def afflict(*faults: str, params: dict[int, dict[str, float]] | None = None) -> None:
@@ -41,7 +41,7 @@ def afflict(monkeypatch: pytest.MonkeyPatch) -> Afflict:
 
 
 def checked(scenario: Scenario, folder: Path, *waivers: Waiver, ui: Ui | None = None) -> Report:
-    """The checks alone."""
+    """Run the checks without a launch."""
     options = FlightOptions(launch="never", waivers=waivers)
     folder.mkdir(exist_ok=True)
     flight = app.fly(
@@ -95,23 +95,23 @@ def test_parameters_against_the_policy_are_found_by_their_names(
     assert all(part in text for part in said)
 
 
-def test_what_the_policy_declares_is_what_the_parameters_are_compared_with(tmp_path: Path) -> None:
+def test_parameters_are_compared_with_the_declared_policy(tmp_path: Path) -> None:
     policy = {"lost_link": "land", "lost_link_after_s": 20, "low_battery": "land", "fence_breach": "hold"}
     report = checked(small(preflight={"policy": policy}), tmp_path)
     assert failing(report) == [], "simulated vehicles come set up as declared"
 
 
-def test_parameters_are_set_only_where_the_configuration_says_so(afflict: Afflict, tmp_path: Path) -> None:
+def test_parameters_are_set_only_if_configured(afflict: Afflict, tmp_path: Path) -> None:
     afflict(params={1: {"FENCE_ENABLE": 0, "FENCE_ACTION": 0}, 2: {"FENCE_TYPE": 7}})
     ui = Ui()
     report = fly(small(preflight={"set_parameters": True}), tmp_path, ui=ui)
     assert report.all_arrived
     (said,) = [text for text in ui.said if text.startswith("uav1: set as")]
-    assert said.endswith("FENCE_ENABLE 0 → 1, FENCE_ACTION 0 → 1 (they stay so afterwards)")
+    assert said.endswith("FENCE_ENABLE 0 → 1, FENCE_ACTION 0 → 1")
 
 
 @pytest.mark.parametrize("enabled", [0, 1])
-def test_ardupilot_has_its_fence_enabled_after_its_limits_were_chosen(
+def test_ardupilots_fence_is_enabled_after_its_limits_are_set(
     enabled: int, afflict: Afflict, tmp_path: Path
 ) -> None:
     # It takes up which limits count when FENCE_ENABLE changes, or by command (`AC_Fence::update`, `enable`).
@@ -127,13 +127,13 @@ def test_ardupilot_has_its_fence_enabled_after_its_limits_were_chosen(
     assert names.index("DO_FENCE_ENABLE") > names.index("FENCE_TYPE")
 
 
-def test_the_checks_alone_set_no_parameter(afflict: Afflict, tmp_path: Path) -> None:
+def test_preflight_without_launch_sets_no_parameter(afflict: Afflict, tmp_path: Path) -> None:
     afflict(params={1: {"FENCE_ENABLE": 0}})
     report = checked(small(preflight={"set_parameters": True}), tmp_path)
     assert failing(report) == [("uav1", "parameters")]
 
 
-def test_two_failures_of_two_vehicles_are_one_report_and_nothing_is_armed(
+def test_failures_of_two_vehicles_are_one_report_and_no_vehicle_is_armed(
     afflict: Afflict, tmp_path: Path
 ) -> None:
     afflict("battery_sag:sag_v=0,at_most=0.2,sysid=1", params={3: {"FENCE_ENABLE": 0}})
@@ -149,7 +149,9 @@ def test_two_failures_of_two_vehicles_are_one_report_and_nothing_is_armed(
     ]
 
 
-def test_what_is_waived_flies_is_said_and_is_recorded(afflict: Afflict, tmp_path: Path) -> None:
+def test_a_waived_check_is_reported_recorded_and_does_not_stop_the_flight(
+    afflict: Afflict, tmp_path: Path
+) -> None:
     afflict("battery_sag:sag_v=0,at_most=0.5,sysid=1")
     scenario, ui = small(preflight={"reserve_percent": 60}), Ui()
     refused = checked(scenario, tmp_path / "checks")
@@ -188,14 +190,13 @@ def test_a_vehicle_without_satellites_is_found(afflict: Afflict, tmp_path: Path)
     assert {name for name, _ in failing(report)} == {"uav1"}
 
 
-def test_a_vehicle_that_does_not_become_ready_is_said_with_what_fails_elsewhere(
+def test_a_vehicle_that_does_not_become_ready_is_reported_with_failures_of_others(
     afflict: Afflict, tmp_path: Path
 ) -> None:
     afflict("sensor_unhealthy:sensor=mag,sysid=1", params={3: {"FENCE_ENABLE": 0}})
     ui = Ui()
     report = checked(small(flight={"ready_timeout_s": 20.0, "altitude_m": 15.0}), tmp_path, ui=ui)
-    (early,) = (text for text in ui.said if text.startswith("uav3: parameters: found FENCE_ENABLE 0"))
-    assert early.endswith("; the others are waited for")
+    assert any(text.startswith("uav3: parameters: ") and "FENCE_ENABLE 0" in text for text in ui.said)
     uav1 = {("uav1", "position"), ("uav1", "battery"), ("uav1", "route")}
     assert set(failing(report)) == {*uav1, ("uav3", "parameters")}
     assert report.trouble[0].startswith("uav1 (system 1 at memory:fleet): not ready to arm after 20 s")
@@ -211,20 +212,18 @@ def test_a_vehicle_that_refuses_the_fence_is_not_armed(afflict: Afflict, tmp_pat
 
 
 @pytest.mark.autopilots("2 fence use")
-def test_a_route_out_of_a_fence_of_its_own_is_found_leg_by_leg(tmp_path: Path) -> None:
+def test_a_route_that_leaves_a_configured_fence_is_found(tmp_path: Path) -> None:
     scenario = small()
     to_geodetic = scenario.grid.frame.to_geodetic
     corners = [to_geodetic(*c) for c in ((-100, -100), (300, -100), (300, 500), (-100, 500))]
     polygon = [{"lat_deg": lat, "lon_deg": lon} for lat, lon in corners]
     report = checked(small(preflight={"fence": {"polygon": polygon}}), tmp_path)
     assert failing(report) == [(f"uav{n}", "route") for n in (1, 2, 3)]
-    assert "leaves the fence" in report.trouble[0]
+    assert report.trouble[0].startswith("uav1: route: found leg ")
 
 
-def test_a_charge_that_was_told_long_ago_is_not_known(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """It sends SYS_STATUS until it holds its mission, and then no more, asked or not."""
+def test_an_old_battery_message_does_not_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The vehicle sends SYS_STATUS until it holds its mission, and then no more, requested or not."""
 
     def without(frames: list[tuple[int, bytes]]) -> list[tuple[int, bytes]]:
         told = [(i, f) for i, f in frames if f[5:6] != b"\x02" or f[7:10] != b"\x01\0\0"]
@@ -246,4 +245,4 @@ def test_a_charge_that_was_told_long_ago_is_not_known(
     assert holds
     assert failing(report) == [("uav2", "position"), ("uav2", "battery")]
     (finding,) = (c.finding for c in report.checked["uav2"] if c.check == "battery")
-    assert "%, as told " in finding.found
+    assert "SYS_STATUS" in finding.cure
